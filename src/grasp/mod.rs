@@ -1,0 +1,1 @@
+//! The force with which a gripper may lift the object without slip or damage.

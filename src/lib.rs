@@ -1,0 +1,29 @@
+//! gprop gives every Gaussian of a 3D Gaussian Splatting scene a material and its physical properties, without
+//! training, and uses them: mass per part, a dynamic simulation, and the force with which a gripper may hold the object.
+//!
+//! Data moves to the right only; [`pipeline`] alone knows all the stages:
+//!
+//! ```text
+//!  scene/        segment/        query/          vote/           parts/        simulate/      grasp/
+//!  PLY, cameras, SAM parts in    LMM names each  depth-tested    3D parts:     MPM on the     F_min, F_max,
+//!  images     -> each view    -> part's       -> projection,  -> volume,    -> Gaussians   -> F*, gripper
+//!  (Scene)       (Segmentation)  material        frequency       thickness,    (Frames)       (GraspReport)
+//!                                (Answers)       (MaterialField) mass (Parts)
+//!                                                                                     report/
+//! ```
+//!
+//! The method follows *GaussianProperty: Integrating Physical Properties to 3D Gaussians with LMMs* (Xu et al., 2024).
+
+pub mod camera;
+pub mod exit;
+pub mod grasp;
+pub mod materials;
+pub mod parts;
+pub mod progress;
+pub mod query;
+pub mod scene;
+pub mod segment;
+pub mod setup;
+pub mod simulate;
+pub mod units;
+pub mod vote;

@@ -1,0 +1,87 @@
+//! What each part is made of: a sheet and a prompt for a large multimodal model, its answers checked and recorded.
+
+use serde::{Deserialize, Serialize};
+
+use crate::units::{Range, ShoreHardness};
+
+/// What is known of one part of one view. A line of `answers.jsonl`.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct PartAnswer {
+    pub view: String,
+    /// Id of the part in the view's label map.
+    pub part: u16,
+    #[serde(flatten)]
+    pub outcome: Outcome,
+}
+
+/// An answer or why there is none.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(tag = "status", rename_all = "snake_case")]
+pub enum Outcome {
+    Answered(Answer),
+    Failed(Failure),
+}
+
+/// A part's material and properties, validated against the schema and the library.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Answer {
+    pub caption: String,
+    pub family: String,
+    /// Name of a row of the library.
+    pub material: String,
+    pub density_kg_m3: Range,
+    pub youngs_modulus_pa: Range,
+    pub poisson_ratio: Range,
+    pub yield_strength_pa: Range,
+    pub hardness: Option<ShoreHardness>,
+    pub friction_rubber: Range,
+    pub form: Form,
+    /// 0 to 1, the model's own.
+    pub confidence: f64,
+    pub matched: Match,
+    /// What was corrected or doubted on the way, in words.
+    pub flags: Vec<String>,
+}
+
+/// Whether a part is material through and through.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[serde(tag = "form", rename_all = "snake_case")]
+pub enum Form {
+    Solid,
+    /// A wall around a void or around another part.
+    Shell {
+        wall_thickness_m: Range,
+    },
+}
+
+/// How a recording was found.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[serde(tag = "matched", rename_all = "snake_case")]
+pub enum Match {
+    /// Asked just now.
+    Live,
+    /// By its key.
+    Exact,
+    /// By view and mask overlap.
+    Mask { iou: f64 },
+}
+
+/// Why a part has no answer.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(tag = "failure", rename_all = "snake_case")]
+pub enum Failure {
+    /// The model would not answer.
+    Refused { message: String },
+    /// What came back is no answer, also after asking once more.
+    Invalid { message: String },
+    /// It names a material that the library does not have.
+    UnknownMaterial { material: String },
+    /// The endpoint could not be reached or kept failing.
+    Endpoint { message: String },
+}
+
+/// The answers of all parts of all views, by view in the order of the views, then by part id.
+#[derive(Debug, Clone, PartialEq, Default)]
+pub struct Answers {
+    pub parts: Vec<PartAnswer>,
+}

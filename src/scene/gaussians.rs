@@ -1,0 +1,81 @@
+//! The Gaussians as structure of arrays, stored exactly as a 3DGS PLY stores them, read through accessors.
+
+use nalgebra::{Matrix3, Point3, Quaternion, UnitQuaternion, Vector3};
+
+/// A cloud of 3D Gaussians. The arrays hold what the PLY held: log scale, logit opacity, unnormalised quaternion
+/// (w x y z), spherical harmonics channel-major. Use the accessors for values that mean something.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub struct Gaussians {
+    /// Centres in the world frame, scene units.
+    pub positions: Vec<[f32; 3]>,
+    /// Natural logarithm of the standard deviations along the Gaussian's own axes, scene units.
+    pub log_scales: Vec<[f32; 3]>,
+    /// Quaternion w x y z that turns the Gaussian's own axes into the world's; not normalised.
+    pub rotations: Vec<[f32; 4]>,
+    /// Opacity before the logistic function.
+    pub opacity_logits: Vec<f32>,
+    /// The constant SH coefficient of red, green, blue.
+    pub sh_dc: Vec<[f32; 3]>,
+    /// Degree of the spherical harmonics, 0 to 3.
+    pub sh_degree: u8,
+    /// The other SH coefficients, `3 * sh_rest_per_channel()` a Gaussian: all of red, then green, then blue.
+    pub sh_rest: Vec<f32>,
+    /// Properties of the file that gprop does not know, in file order, kept for writing back.
+    pub extra: Vec<ExtraProperty>,
+}
+
+/// A vertex property gprop carries along without reading it.
+#[derive(Debug, Clone, PartialEq)]
+pub struct ExtraProperty {
+    pub name: String,
+    pub values: Vec<f32>,
+}
+
+impl Gaussians {
+    pub fn len(&self) -> usize {
+        self.positions.len()
+    }
+
+    pub fn is_empty(&self) -> bool {
+        self.positions.is_empty()
+    }
+
+    /// SH coefficients per channel beyond the constant one: 0, 3, 8 or 15.
+    pub fn sh_rest_per_channel(&self) -> usize {
+        let bands = usize::from(self.sh_degree) + 1;
+        bands * bands - 1
+    }
+
+    /// The SH coefficients of Gaussian `i` beyond the constant one, channel-major.
+    pub fn sh_rest_of(&self, i: usize) -> &[f32] {
+        let n = 3 * self.sh_rest_per_channel();
+        &self.sh_rest[i * n..(i + 1) * n]
+    }
+
+    /// Centre of Gaussian `i`, world frame, scene units.
+    pub fn center(&self, i: usize) -> Point3<f64> {
+        Point3::from(self.positions[i].map(f64::from))
+    }
+
+    /// Opacity of Gaussian `i`, 0 to 1.
+    pub fn opacity(&self, i: usize) -> f64 {
+        1.0 / (1.0 + (-f64::from(self.opacity_logits[i])).exp())
+    }
+
+    /// Standard deviations of Gaussian `i` along its own axes, scene units.
+    pub fn scale(&self, i: usize) -> Vector3<f64> {
+        Vector3::from(self.log_scales[i].map(|s| f64::from(s).exp()))
+    }
+
+    /// Rotation of Gaussian `i` from its own axes to the world's; identity where the stored quaternion is zero.
+    pub fn rotation(&self, i: usize) -> UnitQuaternion<f64> {
+        let [w, x, y, z] = self.rotations[i].map(f64::from);
+        UnitQuaternion::try_new(Quaternion::new(w, x, y, z), 1e-12).unwrap_or_else(UnitQuaternion::identity)
+    }
+
+    /// Covariance of Gaussian `i` in the world frame: R diag(s)^2 R^T, scene units squared.
+    pub fn covariance(&self, i: usize) -> Matrix3<f64> {
+        let axes = self.rotation(i).to_rotation_matrix() * Matrix3::from_diagonal(&self.scale(i));
+        axes * axes.transpose()
+    }
+}

@@ -1,0 +1,1 @@
+//! What gprop needs beside itself: ONNX Runtime and SAM, found or fetched, always checked.

@@ -1,0 +1,126 @@
+//! SI everywhere: m, kg, s, Pa, N; angles in radians. Ranges, estimates, Shore hardness, metric scale: the one place
+//! for the conventions that numbers follow.
+
+use serde::{Deserialize, Serialize};
+
+/// Gravitational acceleration in m/s^2, the value the paper's force equations use.
+pub const GRAVITY_M_S2: f64 = 9.8;
+
+/// What a library or an answer knows of a property: it lies between `low` and `high` (SI). Written as `[low, high]`.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[serde(from = "[f64; 2]", into = "[f64; 2]")]
+pub struct Range {
+    pub low: f64,
+    pub high: f64,
+}
+
+impl Range {
+    /// The range between `low` and `high`.
+    pub const fn new(low: f64, high: f64) -> Self {
+        Self { low, high }
+    }
+
+    /// A range of one value.
+    pub const fn exactly(value: f64) -> Self {
+        Self::new(value, value)
+    }
+
+    /// The arithmetic middle: the value to use where one number is needed.
+    pub fn mid(self) -> f64 {
+        0.5 * (self.low + self.high)
+    }
+
+    /// The smallest range that holds both.
+    pub fn hull(self, other: Self) -> Self {
+        Self::new(self.low.min(other.low), self.high.max(other.high))
+    }
+
+    /// This range cut to what lies within `bounds`; the nearest bound where nothing does.
+    pub fn clipped(self, bounds: Self) -> Self {
+        Self::new(self.low.clamp(bounds.low, bounds.high), self.high.clamp(bounds.low, bounds.high))
+    }
+
+    /// Both ends finite and in order.
+    pub fn is_valid(self) -> bool {
+        self.low.is_finite() && self.high.is_finite() && self.low <= self.high
+    }
+}
+
+impl From<[f64; 2]> for Range {
+    fn from([low, high]: [f64; 2]) -> Self {
+        Self { low, high }
+    }
+}
+
+impl From<Range> for [f64; 2] {
+    fn from(range: Range) -> Self {
+        [range.low, range.high]
+    }
+}
+
+/// A number that gprop derived, with the bounds it is sure of: `low <= mid <= high` (SI).
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+pub struct Estimate {
+    pub low: f64,
+    pub mid: f64,
+    pub high: f64,
+}
+
+impl Estimate {
+    /// An estimate from its three values.
+    pub const fn new(low: f64, mid: f64, high: f64) -> Self {
+        Self { low, mid, high }
+    }
+
+    /// An estimate without spread.
+    pub const fn exactly(value: f64) -> Self {
+        Self::new(value, value, value)
+    }
+
+    /// Sum of two estimates whose errors may go the same way: bounds add.
+    pub fn plus(self, other: Self) -> Self {
+        Self::new(self.low + other.low, self.mid + other.mid, self.high + other.high)
+    }
+
+    /// The estimate times a positive factor.
+    pub fn scaled(self, factor: f64) -> Self {
+        Self::new(self.low * factor, self.mid * factor, self.high * factor)
+    }
+}
+
+impl From<Range> for Estimate {
+    fn from(range: Range) -> Self {
+        Self::new(range.low, range.mid(), range.high)
+    }
+}
+
+/// The durometer a Shore hardness was read on (ASTM D2240). The scales are not comparable as numbers.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Serialize, Deserialize)]
+pub enum ShoreScale {
+    A,
+    D,
+}
+
+/// Shore hardness: a range on one of the two scales, each 0 to 100.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+pub struct ShoreHardness {
+    pub scale: ShoreScale,
+    pub range: Range,
+}
+
+/// How many metres one scene unit is, and who says so.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct MetricScale {
+    pub meters_per_unit: f64,
+    pub source: ScaleSource,
+}
+
+/// Where a metric scale came from.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum ScaleSource {
+    /// The data set's convention: its scenes are in metres.
+    Metric,
+    /// The user gave the factor.
+    Factor,
+}

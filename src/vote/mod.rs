@@ -1,0 +1,41 @@
+//! From part maps to a material for every Gaussian: splat rasteriser, depth test, tally.
+
+use serde::{Deserialize, Serialize};
+
+use crate::materials::Law;
+use crate::query::Form;
+use crate::units::{Range, ShoreHardness};
+
+/// What the vote decided for every Gaussian.
+#[derive(Debug, Clone, PartialEq)]
+pub struct MaterialField {
+    /// The labels that a Gaussian may have; `labels[i].id == i`.
+    pub labels: Vec<FieldLabel>,
+    /// Per Gaussian: index into `labels`.
+    pub part_label: Vec<u32>,
+    /// Per Gaussian: share of its votes that its label won, 0 to 1; 0 where it was never seen.
+    pub confidence: Vec<f32>,
+    /// Per Gaussian: votes for the winning label.
+    pub votes: Vec<f32>,
+    /// Per Gaussian: views that see it. 0 means the label came from the nearest seen ones.
+    pub views: Vec<u16>,
+}
+
+/// One part of the object in 3D, as the views agree on it: a material with its properties.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct FieldLabel {
+    pub id: u32,
+    pub caption: String,
+    /// Name of the library row.
+    pub material: String,
+    pub family: String,
+    pub density_kg_m3: Range,
+    pub youngs_modulus_pa: Range,
+    pub poisson_ratio: Range,
+    /// Strength that limits a grasp.
+    pub yield_strength_pa: Range,
+    pub hardness: Option<ShoreHardness>,
+    pub friction_rubber: Range,
+    pub form: Form,
+    pub law: Law,
+}

@@ -1,0 +1,25 @@
+//! One binary; a module per concern. A new test goes where its concern lives.
+
+// Fixtures and helpers shared by the modules.
+mod support;
+
+// Reading what lies on disk: PLY, cameras, photos, and everything that can be wrong with them.
+mod scene;
+// Finding, fetching and checking ONNX Runtime and SAM.
+mod setup;
+// SAM's masks against the reference generator; label maps.
+mod segment;
+// The material library.
+mod materials;
+// Sheets, prompts, answers, recordings, servers.
+mod query;
+// Rasteriser, depth test, vote.
+mod vote;
+// Volume, thickness, mass against closed forms and ground truth.
+mod parts;
+// The Material Point Method against closed forms.
+mod simulate;
+// Grasp forces against hand-computed cases.
+mod grasp;
+// The whole program: runs, reruns, kills, bad input, exit codes.
+mod run;
