@@ -5,10 +5,13 @@
 //! columns. [`MaterialLibrary`] reads them, [`check`](check::check) tests them, [`cli`] prints them.
 
 pub mod bibliography;
+pub mod check;
+pub mod cli;
 
 mod library;
 mod names;
 mod read;
+pub mod stats;
 
 use serde::{Deserialize, Serialize};
 
