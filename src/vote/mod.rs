@@ -1,5 +1,7 @@
 //! From part maps to a material for every Gaussian: splat rasteriser, depth test, tally.
 
+pub mod raster;
+
 use serde::{Deserialize, Serialize};
 
 use crate::materials::Law;
