@@ -119,7 +119,7 @@ fn exp(x: f32) -> f32 {
     let r = (x - n * LN2_HIGH) - n * LN2_LOW;
     let tail = 1.0 / 6.0 + r * (1.0 / 24.0 + r * (1.0 / 120.0 + r * (1.0 / 720.0)));
     let series = 1.0 + r * (1.0 + r * (0.5 + r * tail));
-    let power = f32::from_bits((rounded.to_bits() as i32 - ROUND.to_bits() as i32 + 127 << 23) as u32);
+    let power = f32::from_bits(((rounded.to_bits() as i32 - ROUND.to_bits() as i32 + 127) << 23) as u32);
     series * power
 }
 
