@@ -4,6 +4,10 @@
 mod reference;
 // Clouds and cameras built in code.
 mod build;
+// The scenes with ground truth.
+mod scenes;
 
-// Projection, blending, depth, labels.
+// Projection, blending, depth, labels on built clouds.
 mod raster;
+// Photos and depths of the scenes.
+mod photos;
