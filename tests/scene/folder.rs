@@ -51,7 +51,7 @@ impl MadeUp {
 
 #[track_caller]
 fn assert_message(outcome: Result<Scene, SceneError>, needles: &[&str]) {
-    let message = outcome.err().expect("the scene was accepted").to_string();
+    let message = outcome.expect_err("the scene was accepted").to_string();
     for needle in needles {
         assert!(message.contains(needle), "`{needle}` is not in: {message}");
     }

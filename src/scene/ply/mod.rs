@@ -2,9 +2,9 @@
 //! 0 to 3, with or without normals, with properties that gprop does not know.
 //!
 //! Reading goes in this order:
-//! 1. [`header`]: ply-rs reads the header; what it would swallow or choke on is checked before.
-//! 2. [`layout`]: which property goes where, and whether this is a splat at all.
-//! 3. [`binary`] or [`ascii`]: the body, straight into the structure of arrays, after the count that the header claims
+//! 1. `header`: ply-rs reads the header; what it would swallow or choke on is checked before.
+//! 2. `layout`: which property goes where, and whether this is a splat at all.
+//! 3. `binary` or `ascii`: the body, straight into the structure of arrays, after the count that the header claims
 //!    has been checked against the bytes that are there. Memory is bounded by the file's own size, whatever it claims.
 //! 4. Gaussians with values that no renderer could draw are dropped and counted.
 
