@@ -37,6 +37,8 @@ pub struct Scene {
     pub views: Vec<View>,
     /// `None` where nobody says how long a scene unit is.
     pub scale: Option<MetricScale>,
+    /// Every file that was read, apart from the photos.
+    pub files: Vec<PathBuf>,
     /// What the user should know: counted, never fatal.
     pub warnings: Vec<String>,
 }
@@ -72,6 +74,7 @@ pub fn load(folder: &Path, options: &Options) -> Result<Scene, SceneError> {
         gaussians,
         views,
         scale: options.scale.metric_scale(),
+        files: vec![splat, cameras],
         warnings: warnings.into_iter().chain(prefixed).collect(),
     })
 }
