@@ -21,7 +21,7 @@ pub use blend::{ALPHA_MAX, LANES, Sink, TRANSMITTANCE_MIN, TileRect};
 use color::ColorSink;
 use labels::LabelSink;
 use project::Projector;
-pub use project::{ALPHA_MIN, LOW_PASS_PX2, Splat};
+pub use project::{ALPHA_MIN, LOW_PASS_PX2, SURFACE_DEVIATIONS, Splat};
 pub use sh::{SH_C0, color as sh_color};
 pub use tiles::TILE;
 use tiles::Tiles;
@@ -68,10 +68,10 @@ pub struct Render {
     pub rgb: Vec<[f32; 3]>,
     /// Share of the pixel's light that comes from Gaussians, 0 to 1.
     pub alpha: Vec<f32>,
-    /// Mean planar depth of that light in scene units; infinite where there is none.
+    /// Mean planar depth of the surfaces that light comes from, in scene units; infinite where there is none.
     pub expected_depth: Vec<f32>,
-    /// Planar depth in scene units from nearer than which half of the pixel's light comes; infinite where alpha stays
-    /// under one half.
+    /// Planar depth, in scene units, of the surface at which half of the pixel's light is reached; infinite where alpha
+    /// stays under one half.
     pub median_depth: Vec<f32>,
 }
 
