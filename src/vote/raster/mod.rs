@@ -132,14 +132,41 @@ pub fn visit<S: Sink>(
     options: &RenderOptions,
     new_sink: impl Fn(TileRect) -> S + Sync,
 ) -> Vec<(TileRect, S)> {
-    let (width, height) = size(camera);
-    let splats = Projector::new(camera, options.near, options.antialiased).splats(gaussians);
-    blend::blend(&Tiles::new(width, height, splats), width, height, new_sink)
+    Projected::new(gaussians, camera, options).visit(new_sink)
 }
 
 /// The splats of all Gaussians in the picture, in the order of the Gaussians.
 pub fn project(gaussians: &Gaussians, camera: &Camera, options: &RenderOptions) -> Vec<Splat> {
     Projector::new(camera, options.near, options.antialiased).splats(gaussians)
+}
+
+/// The cloud as one camera sees it, ready to be blended as often as wanted.
+pub struct Projected {
+    width: usize,
+    height: usize,
+    tiles: Tiles,
+}
+
+impl Projected {
+    pub fn new(gaussians: &Gaussians, camera: &Camera, options: &RenderOptions) -> Self {
+        let (width, height) = size(camera);
+        Self { width, height, tiles: Tiles::new(width, height, project(gaussians, camera, options)) }
+    }
+
+    /// Width and height of the picture.
+    pub fn size(&self) -> (usize, usize) {
+        (self.width, self.height)
+    }
+
+    /// The splats in the picture, front to back.
+    pub fn splats(&self) -> &[Splat] {
+        &self.tiles.splats
+    }
+
+    /// As [`visit`].
+    pub fn visit<S: Sink>(&self, new_sink: impl Fn(TileRect) -> S + Sync) -> Vec<(TileRect, S)> {
+        blend::blend(&self.tiles, self.width, self.height, new_sink)
+    }
 }
 
 /// Pairs of a pixel's place within its tile and within a picture of the given width.

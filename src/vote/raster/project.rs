@@ -47,6 +47,14 @@ pub struct Splat {
     pub depth_deviation: f32,
 }
 
+impl Splat {
+    /// Planar depth of its surface on the ray through `pixel` (px), scene units.
+    pub fn surface_at(&self, pixel: [f32; 2]) -> f32 {
+        let [dx, dy] = [pixel[0] - self.center[0], pixel[1] - self.center[1]];
+        self.surface_depth + self.depth_slope[0] * dx + self.depth_slope[1] * dy
+    }
+}
+
 /// A camera with what every projection needs of it.
 pub(super) struct Projector<'a> {
     camera: &'a Camera,

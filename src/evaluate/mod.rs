@@ -1,0 +1,3 @@
+//! The measures of the paper's evaluation.
+
+pub mod segmentation;
