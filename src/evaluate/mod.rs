@@ -1,3 +1,4 @@
-//! How good results are, against ground truth or a reference.
+//! Measuring what gprop makes, with the measures that the field reports.
 
 pub mod masks;
+pub mod segmentation;
