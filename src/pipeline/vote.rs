@@ -26,13 +26,10 @@ impl Pipeline {
         let answers = self.answers()?;
         let field = vote(gaussians, &views, answers, &self.library, &self.options.vote, self.progress)?;
 
-        let columns = field_ply::columns(&field, &self.library);
-        self.work.write_with(Artifact::Field, |out| ply::write(out, gaussians, &columns.properties))?;
+        self.work.write_with(Artifact::Field, |out| ply::write(out, gaussians, &field_ply::columns(&field)))?;
         self.work.write_json(Artifact::Labels, &field.labels)?;
-        self.work.write_json(Artifact::Materials, &columns.materials)?;
-        let warnings = field.warnings.clone();
-        // The field as the stages after this one read it on a rerun: from disk, where nothing is lost.
-        let _ = self.field.set(field);
+        self.work.write_json(Artifact::Materials, &field_ply::materials(&field.labels, &self.library))?;
+        let warnings = field.warnings;
         Ok(Done::writing([Artifact::Field, Artifact::Labels, Artifact::Materials]).warning(warnings))
     }
 
@@ -42,7 +39,8 @@ impl Pipeline {
             let path = self.work.path(Artifact::Field);
             let labels = self.work.read_json(Artifact::Labels)?;
             let loaded = ply::read(&path)?;
-            field_ply::field(&loaded.gaussians, labels).with_context(|| format!("{path:?}"))
+            field_ply::read(&loaded.gaussians.extra, labels)
+                .with_context(|| format!("{path:?} does not hold what gprop wrote; run again with --from vote"))
         })
     }
 }

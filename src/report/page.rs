@@ -93,7 +93,7 @@ fn part_row(part: &Part, labels: &[FieldLabel]) -> Value {
     let range = |estimate: Estimate, factor: f64| interval(estimate, factor);
     context! {
         id => part.id,
-        color => palette::css(part.id),
+        color => css(palette::color(part.id)),
         caption => &part.caption,
         material => &part.material,
         family => &part.family,
@@ -119,6 +119,12 @@ fn part_row(part: &Part, labels: &[FieldLabel]) -> Value {
             format!("{} Shore {scale}", interval(hardness.range.into(), 1.0))
         }),
     }
+}
+
+/// A colour as CSS writes it.
+fn css(color: [f32; 3]) -> String {
+    let [r, g, b] = color.map(|channel| (255.0 * channel).round() as u8);
+    format!("#{r:02x}{g:02x}{b:02x}")
 }
 
 fn grasp(grasp: &GraspReport) -> Value {

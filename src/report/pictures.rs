@@ -10,7 +10,7 @@ use crate::scene::gaussians::Gaussians;
 use crate::scene::{Photo, View};
 use crate::segment::LabelMap;
 use crate::vote::raster::{Colors, RenderOptions, render};
-use crate::vote::{MaterialField, palette};
+use crate::vote::{MaterialField, field_ply, palette};
 
 /// JPEG quality at which edges of parts still look sharp.
 const QUALITY: u8 = 85;
@@ -63,16 +63,15 @@ fn tinted(photo: &Photo, map: &LabelMap) -> RgbImage {
     picture
 }
 
-/// The splat from the view's camera, each Gaussian in the colour of its part, shaded by its own brightness.
+/// The splat from the view's camera, each Gaussian in the colour of its part.
 fn material_map(view: &View, gaussians: &Gaussians, field: &MaterialField) -> RgbImage {
-    let colors: Vec<[f32; 3]> =
-        field.part_label.iter().map(|&label| palette::color(label).map(|c| f32::from(c) / 255.0)).collect();
+    let colors = field_ply::label_colors(field);
     let options = RenderOptions { colors: Colors::Fixed(&colors), ..RenderOptions::default() };
     image::DynamicImage::ImageRgba8(render(gaussians, &view.camera, &options).to_image([1.0; 3])).into_rgb8()
 }
 
-fn mix(Rgb(under): Rgb<u8>, over: [u8; 3]) -> Rgb<u8> {
-    Rgb(std::array::from_fn(|c| (f32::from(under[c]) * (1.0 - TINT) + f32::from(over[c]) * TINT).round() as u8))
+fn mix(Rgb(under): Rgb<u8>, over: [f32; 3]) -> Rgb<u8> {
+    Rgb(std::array::from_fn(|c| (f32::from(under[c]) * (1.0 - TINT) + 255.0 * over[c] * TINT).round() as u8))
 }
 
 fn jpeg(picture: &RgbImage) -> Result<Vec<u8>> {
