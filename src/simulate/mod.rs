@@ -1,1 +1,4 @@
 //! The Material Point Method on the Gaussians.
+
+pub mod boundary;
+pub mod mpm;
