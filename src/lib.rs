@@ -15,6 +15,7 @@
 //! The method follows *GaussianProperty: Integrating Physical Properties to 3D Gaussians with LMMs* (Xu et al., 2024).
 
 pub mod camera;
+pub mod config;
 pub mod exit;
 pub mod grasp;
 pub mod materials;
@@ -27,3 +28,4 @@ pub mod setup;
 pub mod simulate;
 pub mod units;
 pub mod vote;
+pub mod workdir;
