@@ -76,6 +76,17 @@ impl<L: Lanes> Mat3<L> {
         out
     }
 
+    /// `self` where `mask` holds, exactly `other` elsewhere.
+    #[inline(always)]
+    pub fn or_else(mut self, mask: L::Mask, other: &Self) -> Self {
+        for r in 0..3 {
+            for c in 0..3 {
+                self.0[r][c] = L::select(mask, self.0[r][c], other.0[r][c]);
+            }
+        }
+        self
+    }
+
     /// `self * other^T`, where that is known to be symmetric.
     #[inline(always)]
     pub fn times_transposed_symmetric(&self, other: &Self) -> Sym3<L> {

@@ -7,7 +7,7 @@ use crate::simulate::mpm::lanes::Lanes;
 use crate::simulate::mpm::matrix::{Mat3, Sym3};
 
 #[inline(always)]
-pub fn stress<L: Lanes>(point: &Point<L>) -> Sym3<L> {
+pub(super) fn stress<L: Lanes>(point: &Point<L>) -> Sym3<L> {
     let f = &point.elastic;
     let r = rotation(f);
     let mut strain = Mat3(f.0);

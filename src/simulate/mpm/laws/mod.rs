@@ -6,10 +6,12 @@
 //! | --- | --- |
 //! | [`Law::FixedCorotated`] | none |
 //! | [`Law::VonMises`] | radius of the yield surface: Frobenius norm of the deviatoric Kirchhoff stress at yield, Pa |
+//! | [`Law::DruckerPrager`] | alpha, the slope of the yield cone |
 
+pub mod drucker_prager;
 mod fixed_corotated;
 mod hencky;
-mod von_mises;
+pub mod von_mises;
 
 use super::lanes::{Lanes, Row};
 use super::matrix::{Mat3, Sym3};
@@ -25,6 +27,8 @@ pub enum Law {
         /// Growth of the yield radius per plastic strain, as a multiple of 2 mu. 0: perfectly plastic.
         hardening: f32,
     },
+    /// Sand: Hencky elasticity without tension, with Drucker-Prager yield.
+    DruckerPrager,
 }
 
 impl Law {
@@ -53,12 +57,16 @@ pub fn stress<L: Lanes>(pack: &mut Pack, laws: &[Law], _dt_s: f32) -> Sym3<L> {
     };
     match laws[pack.law as usize] {
         Law::FixedCorotated => fixed_corotated::stress(&point),
-        Law::VonMises { hardening } => {
-            let (stress, elastic) = von_mises::stress(point, hardening);
-            if let Some(elastic) = elastic {
-                elastic.store(&mut pack.elastic);
-            }
-            stress
-        }
+        Law::VonMises { hardening } => returned(von_mises::stress(point, hardening), &mut pack.elastic),
+        Law::DruckerPrager => returned(drucker_prager::stress(point), &mut pack.elastic),
     }
+}
+
+/// The stress; keeps the deformation that a return map gave back.
+#[inline(always)]
+fn returned<L: Lanes>((stress, mapped): (Sym3<L>, Option<Mat3<L>>), elastic: &mut [Row; 9]) -> Sym3<L> {
+    if let Some(mapped) = mapped {
+        mapped.store(elastic);
+    }
+    stress
 }

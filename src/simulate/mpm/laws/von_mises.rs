@@ -7,9 +7,14 @@ use super::hencky::{Strain, norm};
 use crate::simulate::mpm::lanes::Lanes;
 use crate::simulate::mpm::matrix::{Mat3, Sym3};
 
+/// The yield radius of a yield stress in uniaxial tension, both Pa: |dev(tau)| = sqrt(2/3) sigma_y.
+pub fn yield_radius(yield_stress_pa: f64) -> f64 {
+    (2.0_f64 / 3.0).sqrt() * yield_stress_pa
+}
+
 /// The stress, and the elastic deformation where any particle yielded.
 #[inline(always)]
-pub fn stress<L: Lanes>(point: Point<L>, hardening: f32) -> (Sym3<L>, Option<Mat3<L>>) {
+pub(super) fn stress<L: Lanes>(point: Point<L>, hardening: f32) -> (Sym3<L>, Option<Mat3<L>>) {
     let Point { elastic, mu, lambda, state } = point;
     let strain = Strain::of(&elastic);
     let deviator = strain.deviator();
@@ -30,13 +35,6 @@ pub fn stress<L: Lanes>(point: Point<L>, hardening: f32) -> (Sym3<L>, Option<Mat
         eps[i] = eps[i] - share * deviator[i];
     }
     (yield_radius + two_mu * L::splat(hardening) * plastic).store(state);
-    // Exactly the old deformation where nothing yields.
-    let returned = strain.replaced(eps, &elastic);
-    let mut elastic = elastic;
-    for i in 0..3 {
-        for j in 0..3 {
-            elastic.0[i][j] = L::select(yields, returned.0[i][j], elastic.0[i][j]);
-        }
-    }
+    let elastic = strain.replaced(eps, &elastic).or_else(yields, &elastic);
     (strain.stress(eps, mu, lambda), Some(elastic))
 }
