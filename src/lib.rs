@@ -16,7 +16,7 @@
 
 pub mod camera;
 pub mod config;
-pub mod exit;
+//LOCAL pub mod exit;
 pub mod grasp;
 pub mod materials;
 pub mod parts;

@@ -22,6 +22,8 @@ pub struct FrameSummary {
     /// World frame.
     pub center_of_mass_m: [f64; 3],
     pub kinetic_energy_j: f64,
+    /// Where the object is but for a few strays: lowest and highest corner, world frame, scene units.
+    pub bounds: [[f64; 3]; 2],
 }
 
 /// What a run has to show so far.

@@ -11,6 +11,7 @@ use super::checkpoint::FrameSummary;
 use super::mpm::particles::Particle;
 use super::sh_rotation;
 use crate::scene::gaussians::Gaussians;
+use crate::scene::robust_bounds;
 
 /// One moment of the simulation.
 #[derive(Debug, Clone, PartialEq)]
@@ -30,8 +31,8 @@ pub struct ToWorld {
     pub meters_per_unit: f64,
 }
 
-/// Centre of mass and kinetic energy of all particles at `t_s`.
-pub fn summary(particles: &[Particle], to_world: ToWorld, t_s: f64) -> FrameSummary {
+/// Centre of mass and kinetic energy of all particles at `t_s`, and the bounds of their `gaussians`.
+pub fn summary(particles: &[Particle], gaussians: &Gaussians, to_world: ToWorld, t_s: f64) -> FrameSummary {
     let (mut mass, mut moment, mut energy) = (0.0, Vector3::zeros(), 0.0);
     for p in particles {
         let m = f64::from(p.mass_kg);
@@ -39,7 +40,13 @@ pub fn summary(particles: &[Particle], to_world: ToWorld, t_s: f64) -> FrameSumm
         moment += m * Vector3::from(p.position_m.map(f64::from));
         energy += 0.5 * m * Vector3::from(p.velocity_m_s.map(f64::from)).norm_squared();
     }
-    FrameSummary { t_s, center_of_mass_m: (moment / mass + to_world.origin_m).into(), kinetic_energy_j: energy }
+    let bounds = robust_bounds(gaussians);
+    FrameSummary {
+        t_s,
+        center_of_mass_m: (moment / mass + to_world.origin_m).into(),
+        kinetic_energy_j: energy,
+        bounds: [bounds.min.into(), bounds.max.into()],
+    }
 }
 
 /// The Gaussians as `particles` (the first of them, one a Gaussian) carried and deformed them.

@@ -8,6 +8,7 @@
 //! 4. [`mpm`] in substeps of [`time_step`], frame by frame;
 //! 5. [`frames`]: the Gaussians moved, turned and stretched; a [`checkpoint`] with each.
 
+pub mod animation;
 pub mod boundary;
 pub mod checkpoint;
 mod error;
@@ -20,7 +21,7 @@ pub mod scenario;
 mod sh_rotation;
 pub mod time_step;
 
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
 
 use crate::progress::Progress;
 use crate::scene::gaussians::Gaussians;
@@ -54,7 +55,7 @@ pub struct Input<'a> {
 }
 
 /// What came out, but for the frames. Written as `simulation.json`.
-#[derive(Debug, Clone, PartialEq, Serialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct SimulationReport {
     pub particles: usize,
     /// Of these, those that fill the inside.
@@ -77,8 +78,27 @@ pub struct SimulationReport {
     pub warnings: Vec<String>,
 }
 
+impl SimulationReport {
+    /// All places the object passes: lowest and highest corner, world frame, scene units.
+    pub fn bounds(&self) -> [[f64; 3]; 2] {
+        let mut hull = [[f64::INFINITY; 3], [f64::NEG_INFINITY; 3]];
+        for frame in &self.frames {
+            for a in 0..3 {
+                hull[0][a] = hull[0][a].min(frame.bounds[0][a]);
+                hull[1][a] = hull[1][a].max(frame.bounds[1][a]);
+            }
+        }
+        hull
+    }
+
+    /// Longest side of the object in its first pose, scene units.
+    pub fn longest_side(&self) -> f64 {
+        self.frames.first().map_or(1.0, |f| (0..3).map(|a| f.bounds[1][a] - f.bounds[0][a]).fold(0.0, f64::max))
+    }
+}
+
 /// The bound on the substep: dt <= cfl * spacing / (wave speed + speed).
-#[derive(Debug, Clone, PartialEq, Serialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct StepReport {
     pub cfl: f64,
     /// Whose pressure waves are the fastest.
@@ -131,8 +151,8 @@ pub fn simulate(
                 failure.into_error(index, input.materials[label].name.clone(), to_world)
             })?;
         }
-        state.record.frames.push(frames::summary(&state.particles, to_world, time_of(index)));
         let gaussians = frames::deformed(input.gaussians, &state.particles, to_world);
+        state.record.frames.push(frames::summary(&state.particles, &gaussians, to_world, time_of(index)));
         let frame = Frame { index, summary: state.record.frames[index], gaussians };
         on_frame(&frame, &state).map_err(SimulateError::Frame)?;
         bar.inc(1);
