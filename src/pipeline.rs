@@ -14,6 +14,7 @@ mod segment;
 mod simulate;
 mod vote;
 
+use std::borrow::Cow;
 use std::cell::OnceCell;
 use std::path::{Path, PathBuf};
 use std::time::Instant;
@@ -23,7 +24,7 @@ use serde::{Deserialize, Serialize};
 use tracing::info;
 
 use crate::materials::MaterialLibrary;
-use crate::parts::{Interior, Parts};
+use crate::parts::PartsResult;
 use crate::progress::Progress;
 use crate::query::Answers;
 use crate::scene::{Scene, View};
@@ -100,14 +101,13 @@ pub struct Pipeline {
     plan: Plan,
     progress: Progress,
     record: RunRecord,
-    library: MaterialLibrary,
+    library: Cow<'static, MaterialLibrary>,
     scene: Scene,
     views: Vec<View>,
     segmentation: OnceCell<Segmentation>,
     answers: OnceCell<Answers>,
     field: OnceCell<MaterialField>,
-    parts: OnceCell<Parts>,
-    interior: OnceCell<Interior>,
+    parts: OnceCell<PartsResult>,
 }
 
 /// What a stage says of itself when it is done.
@@ -143,7 +143,6 @@ impl Pipeline {
             answers: OnceCell::new(),
             field: OnceCell::new(),
             parts: OnceCell::new(),
-            interior: OnceCell::new(),
         })
     }
 
@@ -171,7 +170,8 @@ impl Pipeline {
 
     /// Does a stage unless what an earlier run left of it is still good.
     fn step(&mut self, stage: Stage, key: String, work: fn(&Self, &str) -> Result<Done>) -> Result<()> {
-        let may_reuse = self.plan.from.is_none_or(|from| stage < from);
+        let asks_anew = stage == Stage::Query && self.asks_anew();
+        let may_reuse = self.plan.from.is_none_or(|from| stage < from) && !asks_anew;
         if let Some(good) = self.record.still_good(stage, &key, &self.work).filter(|_| may_reuse) {
             info!(?stage, "still good");
             let record = StageRecord { reused: true, ..good.clone() };
@@ -195,6 +195,11 @@ impl Pipeline {
         };
         info!(?stage, seconds = record.seconds, "done");
         Ok(self.record.put(record, &self.work)?)
+    }
+
+    /// Tells the user what must not be missed; progress may be hidden, this is not.
+    fn say(&self, message: &str) {
+        eprintln!("{message}");
     }
 
     /// A hash that begins with the digests of the stages that `stage` reads from.

@@ -8,6 +8,7 @@ pub mod bibliography;
 
 mod library;
 mod names;
+mod options;
 mod read;
 
 use serde::{Deserialize, Serialize};
@@ -16,6 +17,7 @@ use crate::units::{Range, ShoreHardness, ShoreScale};
 
 pub use library::MaterialLibrary;
 pub use names::fold;
+pub use options::Options;
 pub use read::LibraryError;
 
 /// One material of the library.
