@@ -17,6 +17,15 @@ pub struct Intrinsics {
     pub distortion: Distortion,
 }
 
+impl Intrinsics {
+    /// The intrinsics of the same picture resized to `width` x `height` pixels. Distortion is on normalised coordinates and
+    /// stays.
+    pub fn resized(&self, width: u32, height: u32) -> Self {
+        let (sx, sy) = (f64::from(width) / f64::from(self.width), f64::from(height) / f64::from(self.height));
+        Self { width, height, fx: self.fx * sx, fy: self.fy * sy, cx: self.cx * sx, cy: self.cy * sy, ..*self }
+    }
+}
+
 /// Brown-Conrady lens distortion in OpenCV's convention (`k1 k2 p1 p2 k3`), on normalised image coordinates.
 #[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
 pub struct Distortion {
