@@ -46,8 +46,7 @@ pub struct ForceMax {
 /// The greatest force of one finger that neither crushes nor bends the part. Yield is named where both are equal.
 pub fn f_max(bearing: &Bearing) -> ForceMax {
     let crush = bearing.area_m2 * bearing.strength_pa;
-    let bend =
-        0.5 * bearing.area_m2 * bearing.youngs_modulus_pa * bearing.thickness_m * bearing.max_curvature_1_m;
+    let bend = 0.5 * bearing.area_m2 * bearing.youngs_modulus_pa * bearing.thickness_m * bearing.max_curvature_1_m;
     if bend < crush {
         ForceMax { newtons: bend, limit: Limit::Bending }
     } else {

@@ -103,9 +103,9 @@ pub fn grasp(
     let label = labels.iter().find(|l| l.id == part.id).ok_or(GraspError::NoLabel { part: part.id })?;
     let inputs = Inputs {
         mass_kg: parts.object.mass_kg,
-        friction: label.friction_rubber.into(),
-        strength_pa: label.yield_strength_pa.into(),
-        youngs_modulus_pa: label.youngs_modulus_pa.into(),
+        friction: label.friction_rubber,
+        strength_pa: label.yield_strength_pa,
+        youngs_modulus_pa: label.youngs_modulus_pa,
         thickness_m: part.thickness_m,
         contact_area_m2: gripper.finger_area_m2,
         max_curvature_1_m: options.max_curvature,

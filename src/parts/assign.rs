@@ -6,37 +6,51 @@
 use super::grid::Grid;
 use super::seam;
 use super::splat_cells::splat;
-use super::surface::{NONE, Surface};
+use super::surface::{NONE, Surface, distance_to};
 use crate::scene::gaussians::Gaussians;
 
 /// A surface cell with less summed opacity than this is unseen from any Gaussian: it takes its label from within.
 const WEIGHT_MIN: f32 = 0.05;
 
-/// The label of every inside cell; [`NONE`] outside.
+/// The object's inside, cut into parts.
+pub struct Labelled {
+    pub grid: Grid,
+    pub surface: Surface,
+    /// Per cell: its label; [`NONE`] outside.
+    pub label: Vec<u32>,
+    /// Per surface cell: whether Gaussians lie on it. Nobody saw the others.
+    pub seen: Vec<bool>,
+}
+
+impl Labelled {
+    /// Whether two neighbouring cells are inside and of different parts.
+    pub fn is_seam(&self, a: usize, b: usize) -> bool {
+        self.label[a] != NONE && self.label[b] != NONE && self.label[a] != self.label[b]
+    }
+}
+
+/// Gives every cell within `surface` a label below `label_count`. `labels` are the Gaussians'.
 pub fn assign(
     gaussians: &Gaussians,
     kept: &[bool],
     labels: &[u32],
     label_count: usize,
-    grid: &Grid,
-    surface: &Surface,
-) -> Vec<u32> {
-    let mut label = vec![NONE; grid.len()];
-    let seen = surface_labels(gaussians, kept, labels, label_count, grid, surface);
-    let labelled: Vec<usize> = (0..seen.len()).filter(|&s| seen[s] != NONE).collect();
+    grid: Grid,
+    surface: Surface,
+) -> Labelled {
+    let on_surface = surface_labels(gaussians, kept, labels, label_count, &grid, &surface);
+    let seen: Vec<bool> = on_surface.iter().map(|l| *l != NONE).collect();
+    let labelled: Vec<usize> = (0..seen.len()).filter(|&s| seen[s]).collect();
     let cells: Vec<u32> = labelled.iter().map(|&s| surface.cells[s]).collect();
     let points: Vec<_> = labelled.iter().map(|&s| surface.points[s]).collect();
     let inside: Vec<bool> = surface.nearest.iter().map(|n| *n != NONE).collect();
-    let (_, nearest) = super::surface::distance_to(grid, &inside, &cells, &points);
-    for (i, n) in nearest.iter().enumerate().filter(|(_, n)| **n != NONE) {
-        label[i] = seen[labelled[*n as usize]];
-    }
+    let (_, nearest) = distance_to(&grid, &inside, &cells, &points);
+    let of_nearest = |n: &u32| if *n == NONE { NONE } else { on_surface[labelled[*n as usize]] };
+    let mut label: Vec<u32> = nearest.iter().map(of_nearest).collect();
     let mut fixed = vec![false; grid.len()];
-    for &cell in &cells {
-        fixed[cell as usize] = true;
-    }
+    cells.iter().for_each(|&cell| fixed[cell as usize] = true);
     seam::shorten(grid.dims, &mut label, &fixed, label_count);
-    label
+    Labelled { grid, surface, label, seen }
 }
 
 /// Per surface cell the label that the Gaussians there agree on; [`NONE`] where there are none.

@@ -12,8 +12,10 @@ use crate::scene::gaussians::Gaussians;
 const DIRECTIONS: usize = 250;
 /// A Gaussian fainter than this bounds nothing.
 const OPACITY_MIN: f64 = 0.1;
+/// Share of the Gaussians that may lie beyond the bound in any direction: a few always stray.
+const STRAYS: f64 = 0.003;
 
-/// Half spaces that hold every Gaussian's centre.
+/// Half spaces that hold the Gaussians' centres, but for a few strays.
 pub struct ConvexBound {
     planes: Vec<(Vector3<f64>, f64)>,
 }
@@ -23,8 +25,13 @@ impl ConvexBound {
     pub fn of(gaussians: &Gaussians, kept: &[bool]) -> Self {
         let solid = |&i: &usize| kept[i] && gaussians.opacity(i) >= OPACITY_MIN;
         let centers: Vec<Point3<f64>> = (0..gaussians.len()).filter(solid).map(|i| gaussians.center(i)).collect();
+        if centers.is_empty() {
+            return Self { planes: Vec::new() };
+        }
         let planes = directions().into_par_iter().map(|n| {
-            let reach = centers.iter().map(|c| n.dot(&c.coords)).fold(f64::NEG_INFINITY, f64::max);
+            let mut reach: Vec<f64> = centers.iter().map(|c| n.dot(&c.coords)).collect();
+            let within = reach.len() - 1 - (reach.len() as f64 * STRAYS) as usize;
+            let reach = *reach.select_nth_unstable_by(within, f64::total_cmp).1;
             (n, reach)
         });
         Self { planes: planes.collect() }
