@@ -15,8 +15,9 @@ mod simulate;
 mod vote;
 
 use std::borrow::Cow;
-use std::cell::OnceCell;
+
 use std::path::{Path, PathBuf};
+use std::sync::OnceLock;
 use std::time::Instant;
 
 use anyhow::Result;
@@ -49,16 +50,8 @@ pub enum Stage {
 
 impl Stage {
     /// All stages in order.
-    pub const ALL: [Self; 8] = [
-        Self::Scene,
-        Self::Segment,
-        Self::Query,
-        Self::Vote,
-        Self::Parts,
-        Self::Simulate,
-        Self::Grasp,
-        Self::Report,
-    ];
+    pub const ALL: [Self; 8] =
+        [Self::Scene, Self::Segment, Self::Query, Self::Vote, Self::Parts, Self::Simulate, Self::Grasp, Self::Report];
 }
 
 /// The options of all stages.
@@ -104,10 +97,10 @@ pub struct Pipeline {
     library: Cow<'static, MaterialLibrary>,
     scene: Scene,
     views: Vec<View>,
-    segmentation: OnceCell<Segmentation>,
-    answers: OnceCell<Answers>,
-    field: OnceCell<MaterialField>,
-    parts: OnceCell<PartsResult>,
+    segmentation: OnceLock<Segmentation>,
+    answers: OnceLock<Answers>,
+    field: OnceLock<MaterialField>,
+    parts: OnceLock<PartsResult>,
 }
 
 /// What a stage says of itself when it is done.
@@ -139,28 +132,59 @@ impl Pipeline {
             library,
             scene,
             views,
-            segmentation: OnceCell::new(),
-            answers: OnceCell::new(),
-            field: OnceCell::new(),
-            parts: OnceCell::new(),
+            segmentation: OnceLock::new(),
+            answers: OnceLock::new(),
+            field: OnceLock::new(),
+            parts: OnceLock::new(),
         })
     }
 
     /// Runs the stages up to the last one of the plan.
     pub fn run(&mut self) -> Result<()> {
-        for stage in Stage::ALL.into_iter().filter(|stage| *stage <= self.plan.to) {
-            match stage {
-                Stage::Scene => self.step(stage, self.scene_key()?, Self::do_scene)?,
-                Stage::Segment => self.step(stage, self.segment_key()?, Self::do_segment)?,
-                Stage::Query => self.step(stage, self.query_key()?, Self::do_query)?,
-                Stage::Vote => self.step(stage, self.vote_key(), Self::do_vote)?,
-                Stage::Parts => self.step(stage, self.parts_key(), Self::do_parts)?,
-                Stage::Simulate => self.step(stage, self.simulate_key(), Self::do_simulate)?,
-                Stage::Grasp => self.step(stage, self.grasp_key(), Self::do_grasp)?,
-                Stage::Report => self.step(stage, self.report_key(), Self::do_report)?,
-            }
+        let last = self.plan.to;
+        for stage in Stage::ALL.into_iter().filter(|stage| *stage <= last) {
+            self.step(stage)?;
         }
         Ok(())
+    }
+
+    /// Hash of everything a stage depends on; the stages before it must be done.
+    fn key(&self, stage: Stage) -> Result<String> {
+        Ok(match stage {
+            Stage::Scene => self.scene_key()?,
+            Stage::Segment => self.segment_key()?,
+            Stage::Query => self.query_key()?,
+            Stage::Vote => self.vote_key(),
+            Stage::Parts => self.parts_key(),
+            Stage::Simulate => self.simulate_key(),
+            Stage::Grasp => self.grasp_key(),
+            Stage::Report => self.report_key(),
+        })
+    }
+
+    fn work_on(&self, stage: Stage, key: &str) -> Result<Done> {
+        match stage {
+            Stage::Scene => self.do_scene(),
+            Stage::Segment => self.do_segment(),
+            Stage::Query => self.do_query(),
+            Stage::Vote => self.do_vote(),
+            Stage::Parts => self.do_parts(),
+            Stage::Simulate => self.do_simulate(key),
+            Stage::Grasp => self.do_grasp(),
+            Stage::Report => self.do_report(),
+        }
+    }
+
+    /// Stages that an earlier run left as this one would: from the first that is not, none is.
+    pub fn reusable(&self) -> Result<Vec<Stage>> {
+        let mut found = Vec::new();
+        for stage in Stage::ALL {
+            if self.must_redo(stage) || self.record.still_good(stage, &self.key(stage)?, &self.work).is_none() {
+                break;
+            }
+            found.push(stage);
+        }
+        Ok(found)
     }
 
     /// The work folder.
@@ -169,17 +193,17 @@ impl Pipeline {
     }
 
     /// Does a stage unless what an earlier run left of it is still good.
-    fn step(&mut self, stage: Stage, key: String, work: fn(&Self, &str) -> Result<Done>) -> Result<()> {
-        let asks_anew = stage == Stage::Query && self.asks_anew();
-        let may_reuse = self.plan.from.is_none_or(|from| stage < from) && !asks_anew;
-        if let Some(good) = self.record.still_good(stage, &key, &self.work).filter(|_| may_reuse) {
+    fn step(&mut self, stage: Stage) -> Result<()> {
+        let key = self.key(stage)?;
+        let good = self.record.still_good(stage, &key, &self.work).filter(|_| !self.must_redo(stage));
+        if let Some(good) = good {
             info!(?stage, "still good");
             let record = StageRecord { reused: true, ..good.clone() };
             return Ok(self.record.put(record, &self.work)?);
         }
         self.record.forget(stage, &self.work)?;
         let start = Instant::now();
-        let done = work(self, &key)?;
+        let done = self.work_on(stage, &key)?;
         let size = |path: PathBuf| -> Result<_> {
             let length = std::fs::metadata(self.work.root().join(&path))?.len();
             Ok((path, length))
@@ -195,6 +219,11 @@ impl Pipeline {
         };
         info!(?stage, seconds = record.seconds, "done");
         Ok(self.record.put(record, &self.work)?)
+    }
+
+    /// Whether the user wants a stage done again whatever was left of it.
+    fn must_redo(&self, stage: Stage) -> bool {
+        self.plan.from.is_some_and(|from| from <= stage) || (stage == Stage::Query && self.asks_anew())
     }
 
     /// Tells the user what must not be missed; progress may be hidden, this is not.
@@ -215,7 +244,11 @@ impl Pipeline {
 impl Done {
     /// A stage that wrote `outputs` and found nothing to warn of.
     fn writing<'a>(outputs: impl IntoIterator<Item = Artifact<'a>>) -> Self {
-        Self { outputs: outputs.into_iter().map(|artifact| artifact.path()).collect(), warnings: Vec::new(), digest: None }
+        Self {
+            outputs: outputs.into_iter().map(|artifact| artifact.path()).collect(),
+            warnings: Vec::new(),
+            digest: None,
+        }
     }
 
     fn warning(self, warnings: Vec<String>) -> Self {
@@ -224,7 +257,7 @@ impl Done {
 }
 
 /// The value in `cell`, made by `make` at the first need.
-fn get_or_load<T>(cell: &OnceCell<T>, make: impl FnOnce() -> Result<T>) -> Result<&T> {
+fn get_or_load<T>(cell: &OnceLock<T>, make: impl FnOnce() -> Result<T>) -> Result<&T> {
     if cell.get().is_none() {
         let _ = cell.set(make()?);
     }

@@ -2,7 +2,9 @@
 
 use anyhow::Result;
 
+use crate::grasp::gripper::GripperProfile;
 use crate::grasp::{self, GraspReport};
+use crate::parts::PartsError;
 use crate::workdir::Artifact;
 
 use super::{Done, Pipeline, Stage};
@@ -12,9 +14,13 @@ impl Pipeline {
         self.key_after(Stage::Grasp, &[Stage::Vote, Stage::Parts]).with_json(&self.options.grasp).hex()
     }
 
-    pub(super) fn do_grasp(&self, _key: &str) -> Result<Done> {
-        let gripper = grasp::gripper::GripperProfile::named_or_file(&self.options.grasp.gripper)?;
-        let report = grasp::grasp(self.parts()?, &self.field()?.labels, &gripper, &self.options.grasp)?;
+    pub(super) fn do_grasp(&self) -> Result<Done> {
+        let gripper = GripperProfile::load(&self.options.grasp.gripper)?;
+        let Some(parts) = self.metric_parts()? else {
+            self.work.write_json(Artifact::Grasp, &None::<GraspReport>)?;
+            return Ok(Done::writing([Artifact::Grasp]).warning(vec![PartsError::ScaleUnknown.to_string()]));
+        };
+        let report = grasp::grasp(&parts, &self.field()?.labels, &gripper, &self.options.grasp)?;
         self.work.write_json(Artifact::Grasp, &report)?;
         Ok(Done::writing([Artifact::Grasp]).warning(report.warnings))
     }

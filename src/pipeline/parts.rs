@@ -25,14 +25,13 @@ impl Pipeline {
         self.key_after(Stage::Parts, &[Stage::Scene, Stage::Vote]).with_json(&self.options.parts).hex()
     }
 
-    pub(super) fn do_parts(&self, _key: &str) -> Result<Done> {
+    pub(super) fn do_parts(&self) -> Result<Done> {
         let result = self.parts()?;
         let mut warnings = result.warnings.clone();
         match result.metric() {
             Ok(parts) => self.work.write_json(Artifact::Parts, parts)?,
             Err(error) => {
-                let file =
-                    UnscaledFile { scale: error.to_string(), object: None, parts: [], shapes: &result.shapes };
+                let file = UnscaledFile { scale: error.to_string(), object: None, parts: [], shapes: &result.shapes };
                 self.work.write_json(Artifact::Parts, &file)?;
                 warnings.push(error.to_string());
             }

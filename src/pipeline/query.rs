@@ -9,6 +9,7 @@ use anyhow::{Context, Result};
 use crate::query::client::{ApiKey, Client};
 use crate::query::cost::PriceTable;
 use crate::query::exchange::{self, Imported};
+use crate::query::question::Questions;
 use crate::query::recorded::Recordings;
 use crate::query::{AnswerSource, Answers, Outcome, Plan, Prompts, Queries, ViewInput};
 use crate::scene::Photo;
@@ -35,14 +36,14 @@ impl Pipeline {
         Ok(hasher.hex())
     }
 
-    pub(super) fn do_query(&self, _key: &str) -> Result<Done> {
+    pub(super) fn do_query(&self) -> Result<Done> {
         let (photos, prompts) = (self.photos()?, self.prompts()?);
         let queries = self.queries(&photos, &prompts)?;
         for part in &queries.parts {
             self.work.write(Artifact::Sheet(&part.view, part.part), &part.jpeg)?;
         }
         let recordings = self.recordings()?;
-        let client = Client::new(&self.options.query, ApiKey::from_env())?;
+        let client = Client::new(&self.options.query, ApiKey::from_environment()?)?;
         let prices = self.prices()?;
         let price = self.options.query.lmm_model.as_deref().and_then(|model| prices.price(model));
         let asker = client.as_ref().map(|client| client as &dyn crate::query::asker::Asker);
@@ -62,7 +63,7 @@ impl Pipeline {
     }
 
     /// The answers of all parts.
-    pub(super) fn answers(&self) -> Result<&Answers> {
+    pub fn answers(&self) -> Result<&Answers> {
         get_or_load(&self.answers, || {
             let text = String::from_utf8(self.work.read(Artifact::Answers)?).context("answers.jsonl is no text")?;
             Answers::from_jsonl(&text).with_context(|| format!("{:?}", self.work.path(Artifact::Answers)))
@@ -77,16 +78,17 @@ impl Pipeline {
     }
 
     /// Checks the answers in a folder that [`Self::export_queries`] wrote, and records the good ones.
-    pub fn import_answers(&self, folder: &Path) -> Result<Imported> {
-        let prompts = self.prompts()?;
-        Ok(exchange::import(folder, &prompts, &self.library, &self.recordings()?)?)
+    pub fn import_answers(&self, folder: &Path, model: Option<&str>) -> Result<Imported> {
+        let (options, prompts) = (&self.options.query, self.prompts()?);
+        let questions = Questions::new(&prompts, &self.library, options.guidance, options.context)?;
+        Ok(exchange::import(folder, model, &questions, &self.library, &self.recordings()?)?)
     }
 
     /// What a query would send, and what it would cost.
     pub fn query_plan(&self) -> Result<Plan> {
         let (photos, prompts) = (self.photos()?, self.prompts()?);
         let queries = self.queries(&photos, &prompts)?;
-        let client = Client::new(&self.options.query, ApiKey::from_env())?;
+        let client = Client::new(&self.options.query, ApiKey::from_environment()?)?;
         let prices = self.prices()?;
         let price = self.options.query.lmm_model.as_deref().and_then(|model| prices.price(model));
         let answerer = client.as_ref().map(|client| crate::query::asker::Asker::answerer(client));

@@ -4,6 +4,7 @@ use anyhow::Result;
 use rayon::prelude::*;
 
 use crate::report::{self, AnswerCounts, Pictures, Report, SceneSummary, StageTime, ViewPictures, Warning};
+use crate::vote::MaterialField;
 use crate::workdir::Artifact;
 
 use super::{Done, Pipeline, Stage};
@@ -13,7 +14,7 @@ impl Pipeline {
         self.key_after(Stage::Report, &Stage::ALL[..Stage::ALL.len() - 1]).hex()
     }
 
-    pub(super) fn do_report(&self, _key: &str) -> Result<Done> {
+    pub(super) fn do_report(&self) -> Result<Done> {
         let report = self.report()?;
         let segmentation = self.segmentation()?;
         let views = self.views.par_iter().zip(&segmentation.views);
@@ -47,8 +48,9 @@ impl Pipeline {
                 .map(|stage| StageTime { name: name(stage.name), seconds: stage.seconds, reused: stage.reused })
                 .collect(),
             answers: AnswerCounts::of(self.answers()?),
-            parts: self.parts()?.clone(),
+            parts: self.metric_parts()?,
             labels: field.labels.clone(),
+            gaussians_per_label: gaussians_per_label(field),
             simulation: self.simulation()?,
             grasp: self.grasp()?,
             warnings: before
@@ -59,4 +61,10 @@ impl Pipeline {
                 .collect(),
         })
     }
+}
+
+fn gaussians_per_label(field: &MaterialField) -> Vec<usize> {
+    let mut counts = vec![0; field.labels.len()];
+    field.part_label.iter().for_each(|&label| counts[label as usize] += 1);
+    counts
 }

@@ -43,13 +43,13 @@ impl Pipeline {
         Ok(hasher.hex())
     }
 
-    pub(super) fn do_scene(&self, _key: &str) -> Result<Done> {
-        let entry = |view: &'_ crate::scene::View| ViewEntry {
+    pub(super) fn do_scene(&self) -> Result<Done> {
+        let views = self.views.iter().map(|view| ViewEntry {
             name: &view.name,
             image: view.image.strip_prefix(&self.folder).unwrap_or(&view.image),
             camera: &view.camera,
-        };
-        let file = ViewsFile { scale: self.scene.scale.as_ref(), views: self.views.iter().map(entry).collect() };
+        });
+        let file = ViewsFile { scale: self.scene.scale.as_ref(), views: views.collect() };
         self.work.write_json(Artifact::Views, &file)?;
         Ok(Done::writing([Artifact::Views]).warning(self.scene.warnings.clone()))
     }

@@ -34,7 +34,7 @@ impl Pipeline {
         Ok(hasher.with(self.models_key()?.as_bytes()).hex())
     }
 
-    pub(super) fn do_segment(&self, _key: &str) -> Result<Done> {
+    pub(super) fn do_segment(&self) -> Result<Done> {
         let mut file = self.finished_views()?;
         let open: Vec<&str> =
             self.views.iter().map(|view| view.name.as_str()).filter(|name| !file.views.contains_key(*name)).collect();
@@ -92,8 +92,7 @@ impl Pipeline {
                 good.views.insert(view.name.clone(), entry);
             }
         }
-        let redo_all = self.plan.from.is_some_and(|from| from <= Stage::Segment);
-        Ok(if redo_all { SegmentsFile::default() } else { good })
+        Ok(if self.must_redo(Stage::Segment) { SegmentsFile::default() } else { good })
     }
 
     fn view(&self, name: &str) -> &View {
@@ -110,7 +109,7 @@ impl Pipeline {
     /// Which models make the masks: the catalogue's by their pins, the user's own by their content.
     fn models_key(&self) -> Result<String> {
         let own = [&self.options.setup.sam_encoder, &self.options.setup.sam_decoder];
-        let mut hasher = Hasher::new("models").with(setup::catalog::SAM.name.as_bytes());
+        let mut hasher = Hasher::new("models").with(setup::catalog::SAM.requirement.as_bytes());
         for path in own.into_iter().flatten() {
             // A file that cannot be read is the set-up's to report, with its remedy.
             hasher = hasher.with(&file_digest(path).unwrap_or_default());

@@ -18,7 +18,7 @@ impl Pipeline {
             .hex()
     }
 
-    pub(super) fn do_simulate(&self, _key: &str) -> Result<Done> {
+    pub(super) fn do_simulate(&self, key: &str) -> Result<Done> {
         let field = self.field()?;
         let materials: Vec<Material> = field.labels.iter().map(Material::from).collect();
         let interior = self.fill_points()?;
@@ -31,10 +31,10 @@ impl Pipeline {
         };
         let mut save = |frame: &Frame, checkpoint: &Checkpoint| {
             self.work.write_with(Artifact::Frame(frame.index), |out| ply::write(out, &frame.gaussians, &[]))?;
-            Ok(self.work.write(Artifact::Checkpoint, &checkpoint.to_bytes())?)
+            Ok(self.work.write(Artifact::Checkpoint, &[key.as_bytes(), &checkpoint.to_bytes()].concat())?)
         };
         let options = &self.options.simulate;
-        let report = simulate(&input, options, self.checkpoint(&input)?, &mut save, self.progress)?;
+        let report = simulate(&input, options, self.checkpoint(key), &mut save, self.progress)?;
 
         let mut load = |index| Ok(ply::read(&self.work.path(Artifact::Frame(index)))?.gaussians);
         let pictures = animation::pictures(&report, &mut load, self.progress)?;
@@ -52,17 +52,10 @@ impl Pipeline {
         Ok(self.work.read_json(Artifact::Simulation)?)
     }
 
-    /// Where a killed run stopped, if it was this one: same particles, same options.
-    fn checkpoint(&self, input: &Input) -> Result<Option<Checkpoint>> {
-        let redo = self.plan.from.is_some_and(|from| from <= Stage::Simulate);
-        if redo || self.work.size(Artifact::Checkpoint).is_none() {
-            return Ok(None);
-        }
-        let checkpoint = Checkpoint::from_bytes(&self.work.read(Artifact::Checkpoint)?).ok();
-        Ok(match checkpoint {
-            Some(checkpoint) if checkpoint.belongs_to(input, &self.options.simulate)? => Some(checkpoint),
-            _ => None,
-        })
+    /// Where a killed run stopped, if it was this one: a checkpoint begins with the key of its stage.
+    fn checkpoint(&self, key: &str) -> Option<Checkpoint> {
+        let bytes = self.work.read(Artifact::Checkpoint).ok().filter(|_| !self.must_redo(Stage::Simulate))?;
+        Checkpoint::from_bytes(bytes.strip_prefix(key.as_bytes())?).ok()
     }
 
     /// Frames of an earlier, longer run would be taken for this one's.

@@ -16,7 +16,7 @@ impl Pipeline {
             .hex()
     }
 
-    pub(super) fn do_vote(&self, _key: &str) -> Result<Done> {
+    pub(super) fn do_vote(&self) -> Result<Done> {
         let segmentation = self.segmentation()?;
         let views = self.views.iter().zip(&segmentation.views);
         let views: Vec<_> = views

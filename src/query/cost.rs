@@ -45,6 +45,11 @@ pub enum ImageTokens {
     Patches { side: u32, most: u64, factor: f64 },
 }
 
+/// Dollars, or that nobody knows them.
+fn dollars(usd: Option<f64>) -> String {
+    usd.map_or_else(|| "an unknown price (give a table with --prices)".to_owned(), |usd| format!("{usd:.4} USD"))
+}
+
 /// A price table that cannot be read.
 #[derive(Debug, thiserror::Error)]
 #[error("the price table cannot be read: {0}; its columns are those of prompts/prices.csv")]
@@ -155,6 +160,14 @@ impl Cost {
     }
 }
 
+impl std::fmt::Display for Cost {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        let Self { requests, input_tokens, output_tokens, .. } = self;
+        write!(f, "{requests} requests, about {input_tokens} tokens in and {output_tokens} out, ")?;
+        write!(f, "{}", dollars(self.usd))
+    }
+}
+
 /// What was spent and what is under way, kept below a budget.
 #[derive(Debug)]
 pub struct Ledger {
@@ -176,6 +189,14 @@ pub struct Spent {
     pub usage: Usage,
     /// By the price table; `None` where it does not have the model.
     pub usd: Option<f64>,
+}
+
+impl std::fmt::Display for Spent {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        let Usage { input_tokens, output_tokens } = self.usage;
+        write!(f, "{} requests, {input_tokens} tokens in and {output_tokens} out, ", self.requests)?;
+        write!(f, "{}", dollars(self.usd))
+    }
 }
 
 impl Ledger {

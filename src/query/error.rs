@@ -1,5 +1,7 @@
 //! What can go wrong with the queries as a whole. What goes wrong with one part is a [`Failure`](super::Failure).
 
+use std::path::PathBuf;
+
 use super::prompt::PromptError;
 use super::recorded::{Miss, RecordingError};
 
@@ -31,6 +33,8 @@ pub enum QueryError {
     BudgetSpent { max_usd: f64, spent_usd: f64, left: usize },
     #[error("{message}; {left} parts are not answered, what was answered is recorded")]
     Endpoint { message: String, left: usize },
+    #[error("{count} answers in {folder:?} cannot be used, the others are recorded:\n{lines}")]
+    Import { folder: PathBuf, count: usize, lines: String },
     #[error("cannot save an answer: {0}")]
     Save(std::io::Error),
 }

@@ -113,6 +113,17 @@ pub enum Failure {
     Endpoint { message: String },
 }
 
+impl std::fmt::Display for Failure {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        match self {
+            Self::Refused { message } => write!(f, "the model would not answer: {message}"),
+            Self::Invalid { message } => write!(f, "no usable answer: {message}"),
+            Self::UnknownMaterial { material } => write!(f, "the library has no material {material:?}"),
+            Self::Endpoint { message } => write!(f, "the endpoint failed: {message}"),
+        }
+    }
+}
+
 /// The answers of all parts of all views, by view in the order of the views, then by part id.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct Answers {

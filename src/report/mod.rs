@@ -27,9 +27,12 @@ pub struct Report {
     pub scene: SceneSummary,
     pub stages: Vec<StageTime>,
     pub answers: AnswerCounts,
-    pub parts: Parts,
+    /// `None` where the metric scale is unknown.
+    pub parts: Option<Parts>,
     /// The properties of each part, as the views agree on them.
     pub labels: Vec<FieldLabel>,
+    /// How many Gaussians carry each label.
+    pub gaussians_per_label: Vec<usize>,
     pub simulation: SimulationReport,
     /// `None` where the metric scale is unknown.
     pub grasp: Option<GraspReport>,

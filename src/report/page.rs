@@ -8,14 +8,13 @@ use base64::engine::general_purpose::STANDARD as BASE64;
 use minijinja::{AutoEscape, Environment, Value, context};
 
 use crate::grasp::GraspReport;
-use crate::parts::Part;
 use crate::query::{Answers, Form, Match, Outcome};
 use crate::units::{Estimate, ScaleSource, ShoreScale};
 use crate::vote::{FieldLabel, palette};
 
-use super::{Pictures, Report, ViewPictures};
 use super::charts::{curves, force_scale};
 use super::numbers::{interval, significant, thousands};
+use super::{Pictures, Report, ViewPictures};
 
 /// The page of a report.
 pub fn page(report: &Report, answers: &Answers, pictures: &Pictures) -> String {
@@ -28,7 +27,7 @@ pub fn page(report: &Report, answers: &Answers, pictures: &Pictures) -> String {
         scale => scale(report),
         tiles => tiles(report),
         hero => hero(pictures),
-        parts => report.parts.parts.iter().map(|part| part_row(part, &report.labels)).collect::<Vec<_>>(),
+        parts => report.labels.iter().map(|label| part_row(label, report)).collect::<Vec<_>>(),
         grasp => report.grasp.as_ref().map(grasp),
         simulation => simulation(report, pictures),
         views => pictures.views.iter().map(|view| view_row(view, answers)).collect::<Vec<_>>(),
@@ -55,12 +54,10 @@ fn scale(report: &Report) -> String {
 }
 
 fn tiles(report: &Report) -> Vec<Value> {
-    let object = &report.parts.object;
     let mut tiles = Vec::new();
-    if let Some(mass) = object.mass_kg {
+    if let Some(parts) = &report.parts {
+        let (mass, volume) = (parts.object.mass_kg, parts.object.volume_m3);
         tiles.push(tile("mass", format!("{} kg", significant(mass.mid)), interval(mass, 1.0)));
-    }
-    if let Some(volume) = object.volume_m3 {
         tiles.push(tile("volume", format!("{} cm³", significant(volume.mid * 1e6)), interval(volume, 1e6)));
     }
     if let Some(grasp) = &report.grasp {
@@ -84,37 +81,33 @@ fn hero(pictures: &Pictures) -> Vec<Value> {
     ]
 }
 
-fn part_row(part: &Part, labels: &[FieldLabel]) -> Value {
-    let label = labels.iter().find(|label| label.id == part.id);
+fn part_row(label: &FieldLabel, report: &Report) -> Value {
     let cell = |estimate: Option<Estimate>, factor: f64| match estimate {
         Some(e) => context! { mid => significant(e.mid * factor), interval => interval(e, factor) },
         None => context! { mid => "unknown", interval => "" },
     };
-    let range = |estimate: Estimate, factor: f64| interval(estimate, factor);
+    let part = report.parts.as_ref().and_then(|parts| parts.parts.iter().find(|part| part.id == label.id));
     context! {
-        id => part.id,
-        color => css(palette::color(part.id)),
-        caption => &part.caption,
-        material => &part.material,
-        family => &part.family,
-        gaussians => part.gaussians,
-        form => match label.map(|label| label.form) {
-            Some(Form::Shell { .. }) => "shell",
-            _ => "solid",
-        },
+        id => label.id,
+        color => css(palette::color(label.id)),
+        caption => &label.caption,
+        material => &label.material,
+        family => &label.family,
+        gaussians => report.gaussians_per_label[label.id as usize],
+        form => match label.form { Form::Shell { .. } => "shell", Form::Solid => "solid" },
         numbers => vec![
-            cell(part.volume_m3, 1e6),
-            cell(part.thickness_m, 1e3),
-            cell(Some(part.density_kg_m3), 1.0),
-            cell(part.mass_kg, 1e3),
+            cell(part.map(|part| part.volume_m3), 1e6),
+            cell(part.map(|part| part.thickness_m), 1e3),
+            cell(Some(label.density_kg_m3), 1.0),
+            cell(part.map(|part| part.mass_kg), 1e3),
         ],
-        properties => label.map(|label| vec![
-            range(label.youngs_modulus_pa, 1e-9),
-            range(label.poisson_ratio, 1.0),
-            range(label.yield_strength_pa, 1e-6),
-            range(label.friction_rubber, 1.0),
-        ]),
-        hardness => label.and_then(|label| label.hardness).map(|hardness| {
+        properties => vec![
+            interval(label.youngs_modulus_pa, 1e-9),
+            interval(label.poisson_ratio, 1.0),
+            interval(label.yield_strength_pa, 1e-6),
+            interval(label.friction_rubber, 1.0),
+        ],
+        hardness => label.hardness.map(|hardness| {
             let scale = match hardness.scale { ShoreScale::A => "A", ShoreScale::D => "D" };
             format!("{} Shore {scale}", interval(hardness.range.into(), 1.0))
         }),
@@ -208,7 +201,11 @@ fn answer_table(report: &Report, answers: &Answers) -> Value {
         .collect();
     let sentence = format!(
         "{} parts answered: {} by an exact recording, {} by a recording whose mask overlaps, {} asked; {} failed.",
-        counts.answered(), counts.exact, counts.by_mask, counts.live, counts.failed,
+        counts.answered(),
+        counts.exact,
+        counts.by_mask,
+        counts.live,
+        counts.failed,
     );
     context! { rows, sentence }
 }

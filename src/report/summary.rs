@@ -14,17 +14,19 @@ pub fn summary(report: &Report, report_page: &Path) -> String {
         scene.name,
         thousands(scene.gaussians as u64),
         scene.views.len(),
-        report.parts.parts.len()
+        report.labels.len()
     );
-    let name_width = report.parts.parts.iter().map(|part| part.material.chars().count()).max().unwrap_or(0);
-    for part in &report.parts.parts {
-        let mass = part.mass_kg.map_or_else(
-            || "mass unknown without a metric scale".to_owned(),
-            |mass| format!("{:>7} g ({})", significant(mass.mid * 1e3), interval(mass, 1e3)),
-        );
-        let _ = writeln!(text, "  {:>2}  {:name_width$}  {mass}  {}", part.id, part.material, part.caption);
+    let name_width = report.labels.iter().map(|label| label.material.chars().count()).max().unwrap_or(0);
+    for label in &report.labels {
+        let part = report.parts.as_ref().and_then(|parts| parts.parts.iter().find(|part| part.id == label.id));
+        let mass = part.map_or_else(String::new, |part| {
+            let mass = part.mass_kg;
+            format!("{:>7} g ({})  ", significant(mass.mid * 1e3), interval(mass, 1e3))
+        });
+        let _ = writeln!(text, "  {:>2}  {:name_width$}  {mass}{}", label.id, label.material, label.caption);
     }
-    if let Some(mass) = report.parts.object.mass_kg {
+    if let Some(parts) = &report.parts {
+        let mass = parts.object.mass_kg;
         let _ = writeln!(text, "mass   {} kg ({})", significant(mass.mid), interval(mass, 1.0));
     }
     if let Some(grasp) = &report.grasp {
