@@ -17,6 +17,15 @@ pub struct Intrinsics {
     pub distortion: Distortion,
 }
 
+impl Intrinsics {
+    /// The intrinsics of the same picture resized to `width` x `height` pixels. Distortion is on normalised coordinates and
+    /// stays.
+    pub fn resized(&self, width: u32, height: u32) -> Self {
+        let (sx, sy) = (f64::from(width) / f64::from(self.width), f64::from(height) / f64::from(self.height));
+        Self { width, height, fx: self.fx * sx, fy: self.fy * sy, cx: self.cx * sx, cy: self.cy * sy, ..*self }
+    }
+}
+
 /// Brown-Conrady lens distortion in OpenCV's convention (`k1 k2 p1 p2 k3`), on normalised image coordinates.
 #[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
 pub struct Distortion {
@@ -41,6 +50,22 @@ impl Distortion {
             x * radial + 2.0 * self.p1 * x * y + self.p2 * (r2 + 2.0 * x * x),
             y * radial + self.p1 * (r2 + 2.0 * y * y) + 2.0 * self.p2 * x * y,
         )
+    }
+
+    /// True where the lens model has left what a lens can do: going outwards, its radial part has turned back before it
+    /// reaches the point (x/z, y/z). Fitted polynomials do so outside of the picture, and a point there would seem to lie
+    /// in the picture. The part's slope is f(u) = 1 + 3 k1 u + 5 k2 u^2 + 7 k3 u^3 with u = r^2.
+    pub fn folds_back_at(&self, x: f64, y: f64) -> bool {
+        let (a, b, c) = (3.0 * self.k1, 5.0 * self.k2, 7.0 * self.k3);
+        let slope = |u: f64| 1.0 + u * (a + u * (b + u * c));
+        let u = x * x + y * y;
+        if slope(u) <= 0.0 {
+            return true;
+        }
+        // The slope may be lowest in between, where f'(u) = a + 2 b u + 3 c u^2 = 0; NaN and infinity stand for no root.
+        let q = -(b + b.signum() * (b * b - 3.0 * a * c).sqrt());
+        let turns_at = |lowest: f64| lowest > 0.0 && lowest < u && slope(lowest) <= 0.0;
+        turns_at(q / (3.0 * c)) || turns_at(a / q)
     }
 
     /// Jacobian of [`Self::apply`], row by row: `[[dx'/dx, dx'/dy], [dy'/dx, dy'/dy]]`.
@@ -70,13 +95,18 @@ impl Camera {
         self.camera_from_world * point_in_world
     }
 
-    /// Pixel of a point in the camera frame, in pixels from the upper left corner; `None` behind the camera.
+    /// Pixel of a point in the camera frame, in pixels from the upper left corner; `None` behind the camera and where
+    /// [`Distortion::folds_back_at`].
     pub fn pixel(&self, point_in_camera: Point3<f64>) -> Option<Point2<f64>> {
         if point_in_camera.z <= 0.0 {
             return None;
         }
         let i = &self.intrinsics;
-        let (x, y) = i.distortion.apply(point_in_camera.x / point_in_camera.z, point_in_camera.y / point_in_camera.z);
+        let (x, y) = (point_in_camera.x / point_in_camera.z, point_in_camera.y / point_in_camera.z);
+        if !i.distortion.is_none() && i.distortion.folds_back_at(x, y) {
+            return None;
+        }
+        let (x, y) = i.distortion.apply(x, y);
         Some(Point2::new(i.fx * x + i.cx, i.fy * y + i.cy))
     }
 

@@ -10,6 +10,7 @@ pub mod cli;
 
 mod library;
 mod names;
+mod options;
 mod read;
 pub mod stats;
 
@@ -19,6 +20,7 @@ use crate::units::{Range, ShoreHardness, ShoreScale};
 
 pub use library::MaterialLibrary;
 pub use names::fold;
+pub use options::Options;
 pub use read::LibraryError;
 
 /// One material of the library.

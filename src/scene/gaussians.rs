@@ -32,6 +32,9 @@ pub struct ExtraProperty {
 }
 
 impl Gaussians {
+    /// Just below ln(f32::MAX): from here on a standard deviation does not fit a float32.
+    pub const LOG_SCALE_LIMIT: f32 = 88.0;
+
     pub fn len(&self) -> usize {
         self.positions.len()
     }
@@ -78,4 +81,40 @@ impl Gaussians {
         let axes = self.rotation(i).to_rotation_matrix() * Matrix3::from_diagonal(&self.scale(i));
         axes * axes.transpose()
     }
+
+    /// Whether every value of Gaussian `i` means something: finite centre, size, rotation and colour. An infinite opacity
+    /// logit is fine (exporters write it for opacity 0 and 1), a NaN is not.
+    pub fn is_usable(&self, i: usize) -> bool {
+        let finite = |values: &[f32]| values.iter().all(|value| value.is_finite());
+        finite(&self.positions[i])
+            && self.log_scales[i].iter().all(|s| s.is_finite() && *s < Self::LOG_SCALE_LIMIT)
+            && finite(&self.rotations[i])
+            && !self.opacity_logits[i].is_nan()
+            && finite(&self.sh_dc[i])
+            && finite(self.sh_rest_of(i))
+    }
+
+    /// Keeps the Gaussians whose entry in `kept` is true, in their order.
+    ///
+    /// # Panics
+    /// Where `kept` has not one entry a Gaussian.
+    pub fn retain(&mut self, kept: &[bool]) {
+        assert_eq!(kept.len(), self.len(), "one entry a Gaussian");
+        let rest = 3 * self.sh_rest_per_channel();
+        retain_rows(&mut self.positions, 1, kept);
+        retain_rows(&mut self.log_scales, 1, kept);
+        retain_rows(&mut self.rotations, 1, kept);
+        retain_rows(&mut self.opacity_logits, 1, kept);
+        retain_rows(&mut self.sh_dc, 1, kept);
+        retain_rows(&mut self.sh_rest, rest, kept);
+        for extra in &mut self.extra {
+            retain_rows(&mut extra.values, 1, kept);
+        }
+    }
+}
+
+/// Keeps the rows of `width` values whose entry in `kept` is true.
+fn retain_rows<T>(values: &mut Vec<T>, width: usize, kept: &[bool]) {
+    let mut entries = kept.iter().flat_map(|kept| std::iter::repeat_n(*kept, width));
+    values.retain(|_| entries.next().unwrap_or(false));
 }

@@ -1,0 +1,151 @@
+//! Ascii bodies, row by row through ply-rs into a row type of our own (its generic element is a map per row).
+
+use std::io::BufRead;
+
+use ply_rs::parser::Parser;
+use ply_rs::ply::{ElementDef, Property, PropertyAccess};
+
+use super::header::Header;
+use super::layout::{self, Array, Layout};
+use super::source::Bytes;
+use super::{Body, Problem};
+
+/// The values of one row in the order of the declaration.
+pub(super) struct Row {
+    values: Vec<f32>,
+}
+
+impl PropertyAccess for Row {
+    fn new() -> Self {
+        Self { values: Vec::new() }
+    }
+
+    fn set_property(&mut self, _name: String, property: Property) {
+        self.values.push(match property {
+            Property::Char(v) => v.into(),
+            Property::UChar(v) => v.into(),
+            Property::Short(v) => v.into(),
+            Property::UShort(v) => v.into(),
+            Property::Int(v) => v as f32,
+            Property::UInt(v) => v as f32,
+            Property::Float(v) => v,
+            Property::Double(v) => v as f32,
+            _ => unreachable!("list properties were refused with the header"),
+        });
+    }
+}
+
+pub(super) fn read(bytes: &impl Bytes, header: &Header, layout: &Layout) -> Result<Body, Problem> {
+    check_size(bytes, header, layout)?;
+    let mut gaussians = layout.allocate(layout.count as usize);
+    let mut arrays = layout::arrays(&mut gaussians);
+    let mut lines = Lines::new(bytes.reader_from(header.body_at), header.lines);
+    for _ in 0..layout.before {
+        if !lines.next()? {
+            return Err(Problem::TruncatedText { count: layout.count, found: 0 });
+        }
+    }
+    let mut warning = None;
+    for index in 0..layout.count {
+        if !lines.next()? {
+            return Err(Problem::TruncatedText { count: layout.count, found: index });
+        }
+        let row = parse_row(&lines.text, &layout.vertex).map_err(|reason| {
+            let line = lines.number;
+            Problem::Row { line, index, reason }
+        })?;
+        store(&row, layout, index as usize, &mut arrays);
+    }
+    if !layout.followed && lines.next()? {
+        warning = Some("lines after the last Gaussian belong to nothing the header declares; ignored".to_owned());
+    }
+    let surely_usable = layout::surely_usable(&arrays);
+    Ok(Body { gaussians, surely_usable, warning })
+}
+
+/// A value takes a digit and a separator at least; only the last line may lack its end.
+fn check_size(bytes: &impl Bytes, header: &Header, layout: &Layout) -> Result<(), Problem> {
+    let per_row = 2 * layout.vertex.properties.len() as u128;
+    let body = u128::from(bytes.size() - header.body_at) + 1;
+    if u128::from(layout.count) * per_row + layout.before > body {
+        return Err(Problem::Truncated {
+            count: layout.count,
+            expected: u128::from(header.body_at) + u128::from(layout.count) * per_row + layout.before,
+            found: bytes.size(),
+        });
+    }
+    Ok(())
+}
+
+fn store(row: &Row, layout: &Layout, index: usize, arrays: &mut [Array<'_>]) {
+    let mut values = row.values.iter();
+    for column in &layout.columns {
+        let array = &mut arrays[column.array];
+        let start = index * array.width + column.lane;
+        for (to, from) in array.values[start..start + column.length].iter_mut().zip(&mut values) {
+            *to = *from;
+        }
+    }
+}
+
+/// One row. ply-rs knows neither `nan` and `inf` nor `.5`, `5.` and `1E-3`; a line that it refuses is tried once more
+/// with such words standing in as 0, to be put back afterwards.
+fn parse_row(text: &str, vertex: &ElementDef) -> Result<Row, String> {
+    let parser = Parser::<Row>::new();
+    let expected = vertex.properties.len();
+    let found = text.split_ascii_whitespace().count();
+    if found != expected {
+        return Err(format!("{expected} values were expected, {found} found"));
+    }
+    if let Ok(row) = parser.read_ascii_element(text, vertex) {
+        return Ok(row);
+    }
+    let mut put_back = Vec::new();
+    let mut words: Vec<&str> = text.split_ascii_whitespace().collect();
+    for (index, word) in words.iter_mut().enumerate() {
+        if word.bytes().all(|b| b.is_ascii_digit() || b == b'-') {
+            continue;
+        }
+        let value: f32 = word.parse().map_err(|_| format!("`{}` is not a number", shortened(word)))?;
+        put_back.push((index, value));
+        *word = "0";
+    }
+    let mut row = parser
+        .read_ascii_element(&words.join(" "), vertex)
+        .map_err(|_| "a value does not fit the type of its property".to_owned())?;
+    for (index, value) in put_back {
+        row.values[index] = value;
+    }
+    Ok(row)
+}
+
+fn shortened(word: &str) -> String {
+    word.chars().take(40).collect()
+}
+
+/// Lines with their number in the file; blank ones are passed over.
+struct Lines<R> {
+    reader: R,
+    text: String,
+    number: u64,
+}
+
+impl<R: BufRead> Lines<R> {
+    fn new(reader: R, number: u64) -> Self {
+        Self { reader, text: String::new(), number }
+    }
+
+    /// Moves on to the next line; false at the end.
+    fn next(&mut self) -> std::io::Result<bool> {
+        loop {
+            self.text.clear();
+            self.number += 1;
+            if self.reader.read_line(&mut self.text)? == 0 {
+                return Ok(false);
+            }
+            if !self.text.trim_ascii().is_empty() {
+                return Ok(true);
+            }
+        }
+    }
+}

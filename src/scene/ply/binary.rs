@@ -1,0 +1,109 @@
+//! Binary bodies: chunks of rows are read and taken apart on all threads, each straight into its share of the arrays.
+
+use std::io;
+
+use rayon::prelude::*;
+
+use super::header::Header;
+use super::layout::{self, Array, Column, Layout, Scalar};
+use super::source::Bytes;
+use super::{Body, Problem};
+
+/// Bytes read at once: a chunk stays in a core's second-level cache while its columns are picked out one by one.
+const CHUNK_BYTES: usize = 256 << 10;
+
+/// Rows of a chunk at least: keeps the book-keeping per chunk and column small beside the values of any file.
+const LEAST_ROWS: usize = 64;
+
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum ByteOrder {
+    Little,
+    Big,
+}
+
+pub(super) fn read(bytes: &impl Bytes, header: &Header, layout: &Layout, order: ByteOrder) -> Result<Body, Problem> {
+    let first_row_at = u128::from(header.body_at) + layout.before;
+    let expected = first_row_at + u128::from(layout.count) * layout.stride as u128;
+    if expected > u128::from(bytes.size()) {
+        return Err(Problem::Truncated { count: layout.count, expected, found: bytes.size() });
+    }
+    // Both fit: they are no larger than the file.
+    let (first_row_at, left_over) = (first_row_at as u64, bytes.size() - expected as u64);
+
+    let mut gaussians = layout.allocate(layout.count as usize);
+    let rows_per_chunk = (CHUNK_BYTES / layout.stride).max(LEAST_ROWS);
+    let surely_usable = chunks(layout::arrays(&mut gaussians), rows_per_chunk)
+        .into_par_iter()
+        .enumerate()
+        .map_init(Vec::new, |buffer: &mut Vec<u8>, (index, mut chunk)| -> io::Result<bool> {
+            let row = index * rows_per_chunk;
+            let rows = rows_per_chunk.min(layout.count as usize - row);
+            buffer.resize(rows * layout.stride, 0);
+            bytes.read_at(first_row_at + (row * layout.stride) as u64, buffer)?;
+            decode(buffer, layout, order, &mut chunk);
+            Ok(layout::surely_usable(&chunk))
+        })
+        .try_reduce(|| true, |a, b| Ok(a & b))?;
+
+    let warning = (left_over > 0 && !layout.followed)
+        .then(|| format!("{left_over} bytes after the last Gaussian belong to nothing the header declares; ignored"));
+    Ok(Body { gaussians, surely_usable, warning })
+}
+
+/// Cuts all arrays into shares of `rows` Gaussians.
+fn chunks(arrays: Vec<Array<'_>>, rows: usize) -> Vec<Vec<Array<'_>>> {
+    let mut chunks = Vec::new();
+    for (index, Array { values, width }) in arrays.into_iter().enumerate() {
+        // An array of width zero (SH degree 0) has no values, but each chunk needs its place.
+        let mut shares = values.chunks_mut((rows * width).max(1));
+        if index == 0 {
+            chunks = shares.map(|values| vec![Array { values, width }]).collect();
+        } else {
+            for chunk in &mut chunks {
+                chunk.push(Array { values: shares.next().unwrap_or_default(), width });
+            }
+        }
+    }
+    chunks
+}
+
+fn decode(rows: &[u8], layout: &Layout, order: ByteOrder, chunk: &mut [Array<'_>]) {
+    use ByteOrder::{Big, Little};
+    for column in &layout.columns {
+        let array = &mut chunk[column.array];
+        let stride = layout.stride;
+        match (column.scalar, order) {
+            (Scalar::F32, Little) => copy(rows, stride, column, array, f32::from_le_bytes),
+            (Scalar::F32, Big) => copy(rows, stride, column, array, f32::from_be_bytes),
+            (Scalar::F64, Little) => copy(rows, stride, column, array, |b| f64::from_le_bytes(b) as f32),
+            (Scalar::F64, Big) => copy(rows, stride, column, array, |b| f64::from_be_bytes(b) as f32),
+            (Scalar::I8, _) => copy(rows, stride, column, array, |b| i8::from_le_bytes(b).into()),
+            (Scalar::U8, _) => copy(rows, stride, column, array, |[b]| b.into()),
+            (Scalar::I16, Little) => copy(rows, stride, column, array, |b| i16::from_le_bytes(b).into()),
+            (Scalar::I16, Big) => copy(rows, stride, column, array, |b| i16::from_be_bytes(b).into()),
+            (Scalar::U16, Little) => copy(rows, stride, column, array, |b| u16::from_le_bytes(b).into()),
+            (Scalar::U16, Big) => copy(rows, stride, column, array, |b| u16::from_be_bytes(b).into()),
+            (Scalar::I32, Little) => copy(rows, stride, column, array, |b| i32::from_le_bytes(b) as f32),
+            (Scalar::I32, Big) => copy(rows, stride, column, array, |b| i32::from_be_bytes(b) as f32),
+            (Scalar::U32, Little) => copy(rows, stride, column, array, |b| u32::from_le_bytes(b) as f32),
+            (Scalar::U32, Big) => copy(rows, stride, column, array, |b| u32::from_be_bytes(b) as f32),
+        }
+    }
+}
+
+/// Copies one column of `N`-byte values out of all rows.
+fn copy<const N: usize>(
+    rows: &[u8],
+    stride: usize,
+    column: &Column,
+    array: &mut Array<'_>,
+    value_of: impl Fn([u8; N]) -> f32,
+) {
+    let (from, to) = (column.offset, column.lane);
+    for (row, values) in rows.chunks_exact(stride).zip(array.values.chunks_exact_mut(array.width)) {
+        let (encoded, _) = row[from..from + column.length * N].as_chunks::<N>();
+        for (value, encoded) in values[to..to + column.length].iter_mut().zip(encoded) {
+            *value = value_of(*encoded);
+        }
+    }
+}

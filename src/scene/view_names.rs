@@ -1,0 +1,68 @@
+//! Names of views: short, unique, and safe as file names; and paths that stay within the scene.
+
+use std::collections::HashSet;
+use std::path::{Component, Path};
+
+/// A name for each of `files`: the file name without extension; with the folders above it in front where two files would
+/// get the same; with a number behind where even these agree.
+pub(super) fn of(files: &[String]) -> Vec<String> {
+    let short: Vec<String> = files.iter().map(|file| safe(stem(file))).collect();
+    let distinct: HashSet<String> = short.iter().map(|name| name.to_lowercase()).collect();
+    let names = match distinct.len() == short.len() {
+        true => short,
+        false => files.iter().map(|file| safe(without_extension(file))).collect(),
+    };
+    let mut taken = HashSet::new();
+    names.into_iter().map(|name| numbered(name, &mut taken)).collect()
+}
+
+/// The path relative to `folder` of `file`, which is given relative to it or absolute, with the separators of any system;
+/// `None` where it leads out of the folder.
+pub(super) fn path_within(folder: &Path, file: &str) -> Option<String> {
+    let file = file.replace('\\', "/");
+    let file = Path::new(&file);
+    let absolute_folder = folder.canonicalize().unwrap_or_default();
+    let relative = if file.is_absolute() { file.strip_prefix(absolute_folder).ok()? } else { file };
+    let mut parts = Vec::new();
+    for component in relative.components() {
+        match component {
+            Component::Normal(part) => parts.push(part.to_str()?),
+            Component::CurDir => {}
+            Component::ParentDir => drop(parts.pop()?),
+            Component::RootDir | Component::Prefix(_) => return None,
+        }
+    }
+    Some(parts.join("/"))
+}
+
+fn without_extension(file: &str) -> &str {
+    match file.rsplit_once('.') {
+        Some((stem, extension)) if !stem.is_empty() && !extension.contains('/') => stem,
+        _ => file,
+    }
+}
+
+fn stem(file: &str) -> &str {
+    without_extension(file).rsplit('/').next().unwrap_or_default()
+}
+
+/// Letters, digits, `-`, `_` and inner dots are kept; the rest becomes `_`.
+fn safe(name: &str) -> String {
+    /// Leaves room for what stages append within the 255 bytes of common file systems.
+    const LONGEST: usize = 120;
+    let keep = |c: char| if c.is_ascii_alphanumeric() || "-_.".contains(c) { c } else { '_' };
+    let name: String = name.chars().map(keep).take(LONGEST).collect();
+    match name.trim_matches('.') {
+        "" => "view".to_owned(),
+        trimmed => trimmed.to_owned(),
+    }
+}
+
+/// `name`, or `name_2`, `name_3` ... where it is taken; case does not tell names apart on every file system.
+fn numbered(name: String, taken: &mut HashSet<String>) -> String {
+    let candidates = std::iter::once(name.clone()).chain((2..).map(|n| format!("{name}_{n}")));
+    let free = candidates.into_iter().find(|candidate| !taken.contains(&candidate.to_lowercase()));
+    let free = free.expect("there is always a next number");
+    taken.insert(free.to_lowercase());
+    free
+}
