@@ -30,15 +30,32 @@ fn print(parts: &Parts, truth: &Truth) {
         let (v, m) = (part.volume_m3.scaled(1e6), part.mass_kg.scaled(1e3));
         println!(
             "  {:14} {:9.1} {:6.1} {:6.1} {:8.1} {:12.1} {:6.1} {:6.1} {:8.1}  {:5.1} {:5.1} {:5.1}",
-            part.caption, v.low, v.mid, v.high, t.volume_m3 * 1e6, m.low, m.mid, m.high, t.mass_kg * 1e3,
-            part.thickness_m.low * 1e3, part.thickness_m.mid * 1e3, part.thickness_m.high * 1e3,
+            part.caption,
+            v.low,
+            v.mid,
+            v.high,
+            t.volume_m3 * 1e6,
+            m.low,
+            m.mid,
+            m.high,
+            t.mass_kg * 1e3,
+            part.thickness_m.low * 1e3,
+            part.thickness_m.mid * 1e3,
+            part.thickness_m.high * 1e3,
         );
     }
     let m = parts.object.mass_kg.scaled(1e3);
     let predicted = 0.5 * (m.low + m.high);
     let ratio = predicted / (truth.total_mass_kg * 1e3);
-    println!("  object {:.1} {:.1} {:.1} g, true {:.1}; MnRE {:.3}, mid {:.3}", m.low, m.mid, m.high,
-        truth.total_mass_kg * 1e3, ratio.min(1.0 / ratio), m.mid / truth.total_mass_kg / 1e3);
+    println!(
+        "  object {:.1} {:.1} {:.1} g, true {:.1}; MnRE {:.3}, mid {:.3}",
+        m.low,
+        m.mid,
+        m.high,
+        truth.total_mass_kg * 1e3,
+        ratio.min(1.0 / ratio),
+        m.mid / truth.total_mass_kg / 1e3
+    );
 }
 
 #[test]

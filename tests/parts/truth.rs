@@ -71,7 +71,10 @@ pub fn field(scene: &Scene, truth: &Truth, folder: &Path) -> MaterialField {
     let count = scene.gaussians.len();
     MaterialField {
         labels: visible.iter().enumerate().map(|(l, p)| label(l as u32, p)).collect(),
-        part_label: (0..count).into_par_iter().map(|i| seen[i].unwrap_or_else(|| of_nearest(scene, &seen, i))).collect(),
+        part_label: (0..count)
+            .into_par_iter()
+            .map(|i| seen[i].unwrap_or_else(|| of_nearest(scene, &seen, i)))
+            .collect(),
         confidence: vec![1.0; count],
         votes: vec![1.0; count],
         views: seen.iter().map(|s| u16::from(s.is_some())).collect(),
@@ -130,5 +133,17 @@ fn label(id: u32, part: &TruePart) -> FieldLabel {
             None => Form::Solid,
         },
         law: Law::Elastic,
+    }
+}
+
+pub fn field_from(truth: &Truth) -> MaterialField {
+    let visible: Vec<&TruePart> = truth.parts.iter().filter(|p| p.visible).collect();
+    MaterialField {
+        labels: visible.iter().enumerate().map(|(l, p)| label(l as u32, p)).collect(),
+        part_label: vec![],
+        confidence: vec![],
+        votes: vec![],
+        views: vec![],
+        warnings: vec![],
     }
 }
