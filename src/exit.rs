@@ -1,5 +1,19 @@
 //! The exit codes and which error leads to which: the one place that knows.
 
+use thiserror::Error;
+
+use crate::config::ConfigError;
+use crate::grasp::GraspError;
+use crate::materials::LibraryError;
+use crate::parts::PartsError;
+use crate::query::QueryError;
+use crate::scene::SceneError;
+use crate::segment::SegmentError;
+use crate::setup::SetupError;
+use crate::simulate::SimulateError;
+use crate::vote::VoteError;
+use crate::workdir::WorkDirError;
+
 /// How gprop ends. The numbers are part of the command-line contract.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 #[repr(u8)]
@@ -18,4 +32,34 @@ pub enum Exit {
     Batch = 6,
     /// A bug in gprop.
     Bug = 70,
+}
+
+/// A request that cannot be carried out as it was typed.
+#[derive(Debug, Error)]
+#[error("{0}")]
+pub struct UsageError(pub String);
+
+/// The exit code of an error: that of the first typed error in its chain. An error without a type is a bug.
+pub fn of(error: &anyhow::Error) -> Exit {
+    error.chain().find_map(code).unwrap_or(Exit::Bug)
+}
+
+fn code(cause: &(dyn std::error::Error + 'static)) -> Option<Exit> {
+    let is = |found: bool, exit| found.then_some(exit);
+    is(cause.is::<UsageError>() || cause.is::<ConfigError>() || cause.is::<WorkDirError>(), Exit::Usage)
+        .or(is(cause.is::<LibraryError>(), Exit::Usage))
+        .or(is(cause.is::<SceneError>(), Exit::Scene))
+        .or(is(cause.is::<SetupError>(), Exit::Model))
+        .or(is(cause.is::<SegmentError>(), Exit::Model))
+        .or(is(cause.is::<QueryError>(), Exit::Answer))
+        .or(is(cause.is::<VoteError>() || cause.is::<PartsError>(), Exit::Scene))
+        .or(is(cause.is::<SimulateError>() || cause.is::<GraspError>(), Exit::Usage))
+}
+
+/// Makes a panic end the process with [`Exit::Bug`] and a request to report it.
+pub fn report_panics_as_bugs() {
+    std::panic::set_hook(Box::new(|panic| {
+        eprintln!("error: gprop has a bug: {panic}\nplease report it with the command and, if you can, the scene");
+        std::process::exit(Exit::Bug as i32);
+    }));
 }
