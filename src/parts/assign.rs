@@ -18,7 +18,7 @@ pub struct Labelled {
     pub surface: Surface,
     /// Per cell: its label; [`NONE`] outside.
     pub label: Vec<u32>,
-    /// Per surface cell: whether Gaussians lie on it. Nobody saw the others.
+    /// Per surface cell: whether a view saw it and Gaussians lie on it.
     pub seen: Vec<bool>,
 }
 
@@ -29,7 +29,8 @@ impl Labelled {
     }
 }
 
-/// Gives every cell within `surface` a label below `label_count`. `labels` are the Gaussians'.
+/// Gives every cell within `surface` a label below `label_count`. `labels` are the Gaussians'; `in_view` says of each surface
+/// cell whether a view saw it.
 pub fn assign(
     gaussians: &Gaussians,
     kept: &[bool],
@@ -37,9 +38,10 @@ pub fn assign(
     label_count: usize,
     grid: Grid,
     surface: Surface,
+    in_view: &[bool],
 ) -> Labelled {
     let on_surface = surface_labels(gaussians, kept, labels, label_count, &grid, &surface);
-    let seen: Vec<bool> = on_surface.iter().map(|l| *l != NONE).collect();
+    let seen: Vec<bool> = on_surface.iter().zip(in_view).map(|(l, in_view)| *l != NONE && *in_view).collect();
     let labelled: Vec<usize> = (0..seen.len()).filter(|&s| seen[s]).collect();
     let cells: Vec<u32> = labelled.iter().map(|&s| surface.cells[s]).collect();
     let points: Vec<_> = labelled.iter().map(|&s| surface.points[s]).collect();

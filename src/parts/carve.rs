@@ -3,7 +3,7 @@
 //! A cell is outside where some view sees background in its place, or sees a surface clearly behind it. What no view
 //! looks through stays. Fails on undersides and hollows that no view sees into (they stay filled), and on glass.
 
-use nalgebra::{Point2, Point3};
+use nalgebra::{Point2, Point3, Vector3};
 use rayon::prelude::*;
 
 use super::front::DepthView;
@@ -38,6 +38,26 @@ pub fn carve(grid: &Grid, views: &[DepthView], tolerance: f64, inside: &mut [boo
     });
 }
 
+/// A surface is seen where a view looks at it within this angle of its normal, as a cosine: what is only grazed is the edge
+/// of something's shadow as often as a surface.
+const FACING: f64 = 0.2;
+/// ... and has its own surface within so many tolerances of it.
+const TOLERANCES: f64 = 3.0;
+
+/// Whether some view sees this place of the surface, whose outward unit normal is `normal`.
+pub fn is_seen(views: &[DepthView], point: Point3<f64>, normal: Vector3<f64>, tolerance: f64) -> bool {
+    views.iter().any(|view| {
+        let toward_eye = view.camera.center_in_world() - point;
+        let depth_of_surface = || {
+            let in_camera = view.camera.point_in_camera(point);
+            let pixel = view.camera.pixel(in_camera)?;
+            Some(f64::from(view.depth_at(pixel)?) - in_camera.z)
+        };
+        normal.dot(&toward_eye) >= FACING * toward_eye.norm()
+            && depth_of_surface().is_some_and(|off| off.abs() <= TOLERANCES * tolerance)
+    })
+}
+
 /// What a view says of a place.
 enum Seen {
     /// No object along the whole ray.
@@ -49,6 +69,13 @@ enum Seen {
 }
 
 impl DepthView {
+    /// Depth of the surface on the pixel that holds this place of the picture; `None` off the picture.
+    fn depth_at(&self, pixel: Point2<f64>) -> Option<f32> {
+        let (width, height) = (self.camera.intrinsics.width, self.camera.intrinsics.height);
+        let on_picture = (0.0..f64::from(width)).contains(&pixel.x) && (0.0..f64::from(height)).contains(&pixel.y);
+        on_picture.then(|| self.depth[pixel.y as usize * width as usize + pixel.x as usize])
+    }
+
     fn sees_at(&self, point: Point3<f64>, tolerance: f64) -> Seen {
         let in_camera = self.camera.point_in_camera(point);
         let Some(Point2 { coords }) = self.camera.pixel(in_camera) else { return Seen::Nothing };

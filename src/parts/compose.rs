@@ -13,7 +13,7 @@ use super::cores;
 use super::grid::{Interior, OUTSIDE, VOID};
 use super::surface::NONE;
 use super::unseen::{self, Doubt};
-use super::wall::{HIDDEN, WallDepths};
+use super::wall::{AROUND_CORE, AROUND_VOID, WallDepths};
 use crate::units::Estimate;
 
 /// Whether a label is material through and through. Wall thickness in scene units.
@@ -68,7 +68,8 @@ pub fn compose(
         Make::Wall(wall) => wall,
     };
     let is_void = |i: usize| f64::from(walls.seen[i]) > wall_of(cells.label[i]).mid;
-    let cores = cores::cores(&cells, &is_solid, is_void);
+    let is_material = |i: usize| doubt[i] < Doubt::Strong;
+    let cores = cores::cores(&cells, &is_solid, is_void, is_material);
     let filling = Filling { cells: &cells, makes, cores: &cores, doubt: &doubt, walls: &walls };
 
     let areas = seen_areas(&cells, makes.len());
@@ -110,9 +111,9 @@ impl Filling<'_> {
                 (if self.doubt[i] < beyond { 1.0 } else { 0.0 }, 0.0)
             }
             Make::Wall(wall) => {
-                // A core fills the whole void, so there are no hidden walls between the two.
-                let hidden = if self.cores[label].is_some() { 0.0 } else { reading.of(HIDDEN) };
-                let own = self.walls.share(i, reading.of(wall), hidden, self.cells.grid.cell);
+                let hidden = if self.cores[label].is_some() { AROUND_CORE } else { AROUND_VOID };
+                let (unseen, seam) = (reading.of(hidden.unseen), reading.of(hidden.seam));
+                let own = self.walls.share(i, reading.of(wall), unseen, seam, self.cells.grid.cell);
                 (own, if self.cores[label].is_some() { 1.0 - own } else { 0.0 })
             }
         }

@@ -40,13 +40,21 @@ pub fn run_through(cells: &mut Labelled, is_solid: &[bool]) -> Vec<(u32, u32, us
     passages
 }
 
-/// Per label the solid that fills the void of this shell, if any. `is_void` names the cells of shells off their walls.
-pub fn cores(cells: &Labelled, is_solid: &[bool], is_void: impl Fn(usize) -> bool) -> Vec<Option<u32>> {
+/// Per label the solid that fills the void of this shell, if any. `is_void` names the cells of shells off their walls,
+/// `is_material` the cells of solids that are not doubted.
+pub fn cores(
+    cells: &Labelled,
+    is_solid: &[bool],
+    is_void: impl Fn(usize) -> bool,
+    is_material: impl Fn(usize) -> bool,
+) -> Vec<Option<u32>> {
     let mut best: Vec<Option<(f64, u32)>> = vec![None; is_solid.len()];
     for peg in (0..is_solid.len() as u32).filter(|&l| is_solid[l as usize]) {
         for contact in sizeable(cells, peg).filter(|c| !is_solid[c.to as usize]) {
             let known = &mut best[contact.to as usize];
-            if is_peg_in_sleeve(cells, &contact, &is_void) && known.is_none_or(|(area, _)| contact.area > area) {
+            if is_peg_in_sleeve(cells, &contact, &is_void, &is_material)
+                && known.is_none_or(|(area, _)| contact.area > area)
+            {
                 *known = Some((contact.area, peg));
             }
         }
@@ -82,7 +90,12 @@ fn cells_between(cells: &Labelled, a: &Contact, b: &Contact) -> Vec<usize> {
     (0..cells.label.len()).filter(inside).collect()
 }
 
-fn is_peg_in_sleeve(cells: &Labelled, contact: &Contact, is_void: impl Fn(usize) -> bool) -> bool {
+fn is_peg_in_sleeve(
+    cells: &Labelled,
+    contact: &Contact,
+    is_void: impl Fn(usize) -> bool,
+    is_material: impl Fn(usize) -> bool,
+) -> bool {
     let width = contact.area.sqrt();
     let volume = |members: &[Point3<f64>]| members.len() as f64 * cells.grid.cell_volume();
     let along = |p: &Point3<f64>| contact.normal.dot(&(p - contact.center));
@@ -92,8 +105,11 @@ fn is_peg_in_sleeve(cells: &Labelled, contact: &Contact, is_void: impl Fn(usize)
         of_label.map(|i| (i, cells.grid.center(cells.grid.coords(i))))
     };
     debug_assert!(contact.from != NONE && contact.normal != Vector3::zeros());
-    let peg: Vec<_> =
-        members(contact.from).map(|(_, p)| p).filter(|p| near(p) && (-width..=0.0).contains(&along(p))).collect();
+    let peg: Vec<_> = members(contact.from)
+        .filter(|(i, _)| is_material(*i))
+        .map(|(_, p)| p)
+        .filter(|p| near(p) && (-width..=0.0).contains(&along(p)))
+        .collect();
     let void: Vec<_> = members(contact.to).filter(|(i, _)| is_void(*i)).map(|(_, p)| p).collect();
     let length = void.iter().map(along).fold(0.0, f64::max);
     if void.is_empty() || length < width {

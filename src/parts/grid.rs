@@ -63,6 +63,11 @@ impl Grid {
         self.origin + Vector3::from(coords.map(|c| (c as f64 + 0.5) * self.cell))
     }
 
+    /// The middle of the grid, world frame, scene units.
+    pub fn middle(&self) -> Point3<f64> {
+        self.origin + Vector3::from(self.dims.map(|d| 0.5 * d as f64 * self.cell))
+    }
+
     /// Volume of a cell, scene units cubed.
     pub fn cell_volume(&self) -> f64 {
         self.cell.powi(3)

@@ -33,7 +33,7 @@ pub mod thickness;
 pub mod unseen;
 pub mod wall;
 
-use nalgebra::Point3;
+use nalgebra::{Point3, Vector3};
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
@@ -47,6 +47,7 @@ use compose::{Composed, Make};
 pub use error::PartsError;
 use front::DepthView;
 pub use grid::{Grid, Interior, OUTSIDE, VOID};
+use hull::UnseenBound;
 use mass::Body;
 use moments::Moments;
 pub use options::{Options, VolumeMethod};
@@ -112,7 +113,8 @@ pub fn parts(
 
     let inside = inside(gaussians, &kept, &grid, cameras, options, progress)?;
     let surface = Surface::of(&grid, &inside.cells);
-    let cells = assign::assign(gaussians, &kept, &field.part_label, makes.len(), grid, surface);
+    let in_view = inside.in_view(&surface);
+    let cells = assign::assign(gaussians, &kept, &field.part_label, makes.len(), grid, surface, &in_view);
     let thickness = thickness::thickness(&cells, makes.len());
     let (composed, cells) = compose::compose(cells, &makes, &thickness, inside.uncertainty);
 
@@ -182,10 +184,23 @@ fn grid_around(gaussians: &Gaussians, kept: &[bool], cells: usize) -> Grid {
     Grid::around(low, high, cells)
 }
 
-/// The cells inside the object, and how far its surface may be off, scene units.
+/// The cells inside the object, and how well that is known.
 struct Inside {
     cells: Vec<bool>,
+    /// How far the surface may be off, scene units.
     uncertainty: f64,
+    /// What the views see; none where the volume does not come from views.
+    views: Vec<DepthView>,
+}
+
+impl Inside {
+    /// Whether a view sees each cell of the surface. Where there are no views, all are taken as seen.
+    fn in_view(&self, surface: &Surface) -> Vec<bool> {
+        let see = |(point, normal): (&Point3<f64>, &Vector3<f64>)| {
+            self.views.is_empty() || carve::is_seen(&self.views, *point, *normal, self.uncertainty)
+        };
+        surface.points.par_iter().zip(&surface.normals).map(see).collect()
+    }
 }
 
 fn inside(
@@ -196,22 +211,25 @@ fn inside(
     options: &Options,
     progress: Progress,
 ) -> Result<Inside, PartsError> {
-    let (cells, uncertainty, why) = match options.volume {
+    let (cells, uncertainty, views, why) = match options.volume {
         VolumeMethod::Fill => {
             let cells = fill::fill(gaussians, kept, grid, options.fill_density);
-            (cells, grid.cell, "no cell is dense enough to be the object's skin")
+            (cells, grid.cell, Vec::new(), "no cell is dense enough to be the object's skin")
         }
         VolumeMethod::Hybrid | VolumeMethod::Carve | VolumeMethod::Shell => {
             let views = depth_views(gaussians, cameras, options.carve_views, progress)?;
             let pixel = pixel_size(grid, &views);
             let mut cells = vec![true; grid.len()];
-            hull::ConvexBound::of(gaussians, kept).clip(grid, &mut cells);
+            UnseenBound::of(gaussians, kept, cameras, grid.middle()).clip(grid, &mut cells);
             carve::carve(grid, &views, pixel, &mut cells);
-            (cells, pixel, "the views see through every place where the splat is")
+            (cells, pixel, views, "the views see through every place where the splat is")
         }
     };
     let cells = without_border(grid, cells);
-    if cells.contains(&true) { Ok(Inside { cells, uncertainty }) } else { Err(PartsError::NothingInside { why }) }
+    if !cells.contains(&true) {
+        return Err(PartsError::NothingInside { why });
+    }
+    Ok(Inside { cells, uncertainty, views })
 }
 
 /// The grid's outermost cells are outside, so that filters and neighbours need no edge cases.
@@ -248,8 +266,7 @@ fn depth_views(
 
 /// The width of a pixel at the object, scene units, median over the views: no surface is known better.
 fn pixel_size(grid: &Grid, views: &[DepthView]) -> f64 {
-    let middle = grid.center(grid.dims.map(|d| d / 2));
-    let size = |v: &DepthView| (v.camera.center_in_world() - middle).norm() / v.camera.intrinsics.fx;
+    let size = |v: &DepthView| (v.camera.center_in_world() - grid.middle()).norm() / v.camera.intrinsics.fx;
     let mut sizes: Vec<f64> = views.iter().map(size).collect();
     sizes.sort_by(f64::total_cmp);
     sizes[sizes.len() / 2]

@@ -18,7 +18,7 @@ impl Moments {
     pub fn of(interior: &Interior, label_count: usize) -> Vec<Option<Self>> {
         let grid = &interior.grid;
         // About the grid's middle rather than the world's origin, which may be far away.
-        let origin = grid.center(grid.dims.map(|d| d / 2));
+        let origin = grid.middle();
         let mut sums = vec![(0.0, Vector3::zeros(), Matrix3::zeros()); label_count];
         for (i, part, share) in interior.filled() {
             let x = grid.center(grid.coords(i)) - origin;

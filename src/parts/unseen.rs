@@ -3,7 +3,7 @@
 //! Carving leaves all that no view looks through: the space under a chair's seat, between its aprons, stays full. There a
 //! part is taken to be as thick as it is where both its sides were seen. So of a solid of thickness T, what lies deeper
 //! than T below every seen surface (or seam with another part) and borders an unseen one is taken away. How deep it
-//! really is nobody knows: the low volume ends at T/2, the high one at 2T.
+//! really is nobody knows: the low volume ends at T/2, the high one at 3T/2.
 
 use super::assign::Labelled;
 use super::surface::{NONE, distance_to};
@@ -23,7 +23,7 @@ pub enum Doubt {
 }
 
 /// Depths, in thicknesses of the part, from which a cell is in slight doubt, in strong doubt, empty.
-const DEPTHS: [(f64, Doubt); 3] = [(0.5, Doubt::Slight), (1.0, Doubt::Strong), (2.0, Doubt::Empty)];
+const DEPTHS: [(f64, Doubt); 3] = [(0.5, Doubt::Slight), (1.0, Doubt::Strong), (1.5, Doubt::Empty)];
 
 /// The doubt of every cell of the solids. `thickness` is per label, scene units; `None` for what is to be left alone.
 pub fn doubts(cells: &Labelled, thickness: &[Option<f64>]) -> Vec<Doubt> {

@@ -11,15 +11,25 @@ use super::assign::Labelled;
 use super::surface::{NONE, distance_to};
 use crate::units::Estimate;
 
-/// Share of the hidden walls that exist, in the low, middle and high volume.
-pub const HIDDEN: Estimate = Estimate::new(0.0, 0.5, 1.0);
+/// How much of its hidden walls a shell has, 0 to 1.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Hidden {
+    /// Along surfaces that nobody saw.
+    pub unseen: Estimate,
+    /// Along seams with other parts.
+    pub seam: Estimate,
+}
 
-/// For every cell of a shell, how far it lies below seen and hidden walls, scene units.
+/// A shell around a void may be open or closed where nobody sees.
+pub const AROUND_VOID: Hidden = Hidden { unseen: Estimate::new(0.0, 0.5, 1.0), seam: Estimate::new(0.0, 0.5, 1.0) };
+/// A shell around another part goes all the way round, and is open where that part enters.
+pub const AROUND_CORE: Hidden = Hidden { unseen: Estimate::exactly(1.0), seam: Estimate::exactly(0.0) };
+
+/// For every cell of a shell, how far it lies below seen and hidden walls, scene units; infinite where there are none.
 pub struct WallDepths {
-    /// Below seen surface; infinite where there is none.
     pub seen: Vec<f32>,
-    /// Below unseen surface or a seam; infinite where there is none.
-    pub hidden: Vec<f32>,
+    pub unseen: Vec<f32>,
+    pub seam: Vec<f32>,
 }
 
 impl WallDepths {
@@ -27,25 +37,26 @@ impl WallDepths {
     pub fn of(cells: &Labelled, is_shell: impl Fn(u32) -> bool) -> Self {
         let mask: Vec<bool> = cells.label.iter().map(|&l| l != NONE && is_shell(l)).collect();
         let surface = &cells.surface;
-        let (mut seen, mut hidden) = (Seeds::default(), Seeds::default());
+        let (mut seen, mut unseen, mut seam) = (Seeds::default(), Seeds::default(), Seeds::default());
         for s in (0..surface.cells.len()).filter(|&s| mask[surface.cells[s] as usize]) {
-            let seeds = if cells.seen[s] { &mut seen } else { &mut hidden };
+            let seeds = if cells.seen[s] { &mut seen } else { &mut unseen };
             seeds.push(surface.cells[s], surface.points[s]);
         }
         for i in (0..mask.len()).filter(|&i| mask[i]) {
             if let Some(other) = cells.grid.neighbours(i).find(|&n| cells.is_seam(i, n)) {
                 let centers = [i, other].map(|c| cells.grid.center(cells.grid.coords(c)));
-                hidden.push(i as u32, nalgebra::center(&centers[0], &centers[1]));
+                seam.push(i as u32, nalgebra::center(&centers[0], &centers[1]));
             }
         }
-        Self { seen: seen.depths(cells, &mask), hidden: hidden.depths(cells, &mask) }
+        let depths = |seeds: Seeds| seeds.depths(cells, &mask);
+        Self { seen: depths(seen), unseen: depths(unseen), seam: depths(seam) }
     }
 
-    /// Share of cell `i` that is wall of this thickness, with `hidden` of the hidden walls there. `cell` is its width.
-    pub fn share(&self, i: usize, thickness: f64, hidden: f64, cell: f64) -> f64 {
-        let seen = within(f64::from(self.seen[i]), thickness, cell);
-        let behind = within(f64::from(self.hidden[i]), thickness, cell);
-        seen.max(hidden * behind)
+    /// Share of cell `i` that is wall of this thickness, where of the hidden walls the shares `unseen` and `seam` exist.
+    /// `cell` is its width.
+    pub fn share(&self, i: usize, thickness: f64, unseen: f64, seam: f64, cell: f64) -> f64 {
+        let below = |depths: &[f32]| within(f64::from(depths[i]), thickness, cell);
+        below(&self.seen).max(unseen * below(&self.unseen)).max(seam * below(&self.seam))
     }
 }
 
