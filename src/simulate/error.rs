@@ -15,9 +15,13 @@ pub enum SimulateError {
     Position { what: &'static str, index: usize, position: [f64; 3] },
     #[error("interior point {index} has a volume of {volume}; a volume must be positive and finite")]
     Volume { index: usize, volume: f64 },
-    #[error("the density of `{material}` is {density_kg_m3} kg/m3; it must be positive: correct the answer for this part")]
+    #[error(
+        "the density of `{material}` is {density_kg_m3} kg/m3; it must be positive: correct the answer for this part"
+    )]
     Density { material: String, density_kg_m3: f64 },
-    #[error("Young's modulus of `{material}` is {youngs_modulus_pa} Pa; it must be positive: correct the answer for this part")]
+    #[error(
+        "Young's modulus of `{material}` is {youngs_modulus_pa} Pa; it must be positive: correct the answer for this part"
+    )]
     Stiffness { material: String, youngs_modulus_pa: f64 },
     #[error(
         "Poisson's ratio of `{material}` is {poisson_ratio}; it must be at least 0 and less than 0.5, where a material \

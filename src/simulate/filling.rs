@@ -87,8 +87,11 @@ pub fn fill(
     }
     assumed_full.sort_unstable();
     assumed_full.dedup();
-    let mut bodies: Vec<Body> =
-        labels.iter().zip(positions_m).map(|(&label, &position_m)| Body { position_m, label, volume_m3: 0.0 }).collect();
+    let mut bodies: Vec<Body> = labels
+        .iter()
+        .zip(positions_m)
+        .map(|(&label, &position_m)| Body { position_m, label, volume_m3: 0.0 })
+        .collect();
     for ((label, _), cube) in &cubes {
         let share = cube.volume_m3 / cube.gaussians.len().max(1) as f64;
         for &i in &cube.gaussians {

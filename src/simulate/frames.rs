@@ -58,13 +58,8 @@ pub fn deformed(gaussians: &Gaussians, particles: &[Particle], to_world: ToWorld
         0 => no_detail.iter_mut().map(|d| &mut d[..]).collect(),
         _ => out.sh_rest.chunks_exact_mut(rest).collect(),
     };
-    out.positions
-        .par_iter_mut()
-        .zip(&mut out.log_scales)
-        .zip(&mut out.rotations)
-        .zip(detail)
-        .enumerate()
-        .for_each(|(i, (((position, log_scale), rotation), detail))| {
+    out.positions.par_iter_mut().zip(&mut out.log_scales).zip(&mut out.rotations).zip(detail).enumerate().for_each(
+        |(i, (((position, log_scale), rotation), detail))| {
             let particle = &particles[i];
             let world = Vector3::from(particle.position_m.map(f64::from)) + to_world.origin_m;
             *position = (world / to_world.meters_per_unit).map(|x| x as f32).into();
@@ -72,7 +67,8 @@ pub fn deformed(gaussians: &Gaussians, particles: &[Particle], to_world: ToWorld
             let axes = f * gaussians.rotation(i).to_rotation_matrix() * Matrix3::from_diagonal(&gaussians.scale(i));
             (*log_scale, *rotation) = scale_and_rotation(&axes);
             sh_rotation::rotate(gaussians.sh_degree, detail, &polar_rotation(&f));
-        });
+        },
+    );
     out
 }
 

@@ -129,7 +129,8 @@ pub fn simulate(
     progress: Progress,
 ) -> Result<SimulationReport, SimulateError> {
     let Plan { setting, start, labels, bound, to_world, mut report } = plan(input, options)?;
-    let identity = checkpoint::identity(&start, &format!("{setting:?} {bound:?} {} {}", options.frames, options.duration));
+    let identity =
+        checkpoint::identity(&start, &format!("{setting:?} {bound:?} {} {}", options.frames, options.duration));
     let mut state = match resume {
         Some(checkpoint) if checkpoint.identity == identity => checkpoint,
         Some(_) => return Err(SimulateError::Checkpoint("it belongs to another scene or other options".to_owned())),
@@ -241,7 +242,8 @@ fn plan(input: &Input, options: &Options) -> Result<Plan, SimulateError> {
     }
     let used: std::collections::BTreeSet<u32> = filled.bodies.iter().map(|b| b.label).collect();
     let speed = |label: &u32| prepared[*label as usize].wave_speed_m_s();
-    let stiffest = used.iter().copied().max_by(|a, b| speed(a).total_cmp(&speed(b))).ok_or(SimulateError::NoParticles)?;
+    let stiffest =
+        used.iter().copied().max_by(|a, b| speed(a).total_cmp(&speed(b))).ok_or(SimulateError::NoParticles)?;
     let bound = StepBound { cfl: options.cfl, spacing_m, wave_speed_m_s: speed(&stiffest) };
     let report = SimulationReport {
         particles: start.len(),

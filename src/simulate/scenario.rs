@@ -55,7 +55,8 @@ impl Drop {
         let ground_z_m = object.min.z;
         let lift_m = ground_z_m + options.drop_height * longest - lowest;
         let domain_m = longest * (2.0 * ROOM + 1.0 + options.drop_height);
-        let origin_m = Vector3::new(center_m.x - domain_m / 2.0, center_m.y - domain_m / 2.0, ground_z_m - ROOM * longest);
+        let origin_m =
+            Vector3::new(center_m.x - domain_m / 2.0, center_m.y - domain_m / 2.0, ground_z_m - ROOM * longest);
         Self { rotation, center_m, lift_m, ground_z_m, origin_m, domain_m }
     }
 

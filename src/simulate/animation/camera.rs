@@ -21,8 +21,7 @@ pub fn camera_around(report: &SimulationReport, [width, height]: [u32; 2]) -> Ca
     let side = |a: usize| first[1][a] - first[0][a];
     let along: f64 = if side(0) >= side(1) { 0.0 } else { std::f64::consts::FRAC_PI_2 };
     let azimuth = along - FROM_SIDE_RAD;
-    let toward_camera =
-        Vector3::new(azimuth.cos() * DOWN_RAD.cos(), azimuth.sin() * DOWN_RAD.cos(), DOWN_RAD.sin());
+    let toward_camera = Vector3::new(azimuth.cos() * DOWN_RAD.cos(), azimuth.sin() * DOWN_RAD.cos(), DOWN_RAD.sin());
     let focal = f64::from(height) / 2.0 / (FIELD_RAD / 2.0).tan();
     let half = [f64::from(width) / 2.0, f64::from(height) / 2.0];
     // Axes of an OpenCV camera at the origin that looks back along `toward_camera`.
@@ -36,15 +35,8 @@ pub fn camera_around(report: &SimulationReport, [width, height]: [u32; 2]) -> Ca
         })
         .fold(0.0, f64::max);
     let eye = center + toward_camera * distance;
-    let intrinsics = Intrinsics {
-        width,
-        height,
-        fx: focal,
-        fy: focal,
-        cx: half[0],
-        cy: half[1],
-        distortion: Distortion::default(),
-    };
+    let intrinsics =
+        Intrinsics { width, height, fx: focal, fy: focal, cx: half[0], cy: half[1], distortion: Distortion::default() };
     Camera { intrinsics, camera_from_world: opencv * nalgebra::Translation3::from(-eye.coords) }
 }
 

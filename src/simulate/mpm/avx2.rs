@@ -112,10 +112,8 @@ impl Lanes for Avx2 {
     fn split_exponent(self) -> (Self, Self) {
         unsafe {
             let bits = _mm256_castps_si256(self.0);
-            let mantissa = _mm256_or_si256(
-                _mm256_and_si256(bits, _mm256_set1_epi32(0x007f_ffff)),
-                _mm256_set1_epi32(0x3f80_0000),
-            );
+            let mantissa =
+                _mm256_or_si256(_mm256_and_si256(bits, _mm256_set1_epi32(0x007f_ffff)), _mm256_set1_epi32(0x3f80_0000));
             let exponent = _mm256_sub_epi32(_mm256_srli_epi32::<23>(bits), _mm256_set1_epi32(127));
             (Self(_mm256_castsi256_ps(mantissa)), Self(_mm256_cvtepi32_ps(exponent)))
         }
@@ -150,7 +148,8 @@ impl Lanes for Avx2 {
     }
     #[inline(always)]
     fn fold(a: Self, b: Self) -> Self {
-        Self(unsafe { _mm256_permute2f128_ps::<0x20>(a.0, b.0) }) + Self(unsafe { _mm256_permute2f128_ps::<0x31>(a.0, b.0) })
+        Self(unsafe { _mm256_permute2f128_ps::<0x20>(a.0, b.0) })
+            + Self(unsafe { _mm256_permute2f128_ps::<0x31>(a.0, b.0) })
     }
 }
 

@@ -76,8 +76,7 @@ pub fn ln<L: Lanes>(x: L) -> L {
 /// Exponential, arguments clamped to [-80, 80], to about 2 ulp (Cephes' expf polynomial).
 #[inline(always)]
 pub fn exp<L: Lanes>(x: L) -> L {
-    const P: [f32; 6] =
-        [1.987_569_1e-4, 1.398_2e-3, 8.333_452e-3, 4.166_579_6e-2, 1.666_666_5e-1, 5.000_000_1e-1];
+    const P: [f32; 6] = [1.987_569_1e-4, 1.398_2e-3, 8.333_452e-3, 4.166_579_6e-2, 1.666_666_5e-1, 5.000_000_1e-1];
     let x = x.max(L::splat(-80.0)).min(L::splat(80.0));
     let n = x.mul_add(L::splat(std::f32::consts::LOG2_E), L::splat(0.5)).floor();
     let t = n.mul_add(L::splat(2.121_944_4e-4), n.mul_add(L::splat(-0.693_359_4), x));

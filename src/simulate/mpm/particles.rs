@@ -1,8 +1,8 @@
 //! The particles: packs of eight, structure of arrays inside a pack, so that a pack's data lies together in memory and
 //! each quantity fills a vector register.
 
-use super::laws::Law;
 use super::lanes::{LANES, Row};
+use super::laws::Law;
 
 /// One particle as the outside gives and takes it. SI; positions relative to the simulation's origin.
 #[derive(Debug, Clone, Copy, PartialEq)]

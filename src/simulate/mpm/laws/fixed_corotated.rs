@@ -18,8 +18,5 @@ pub(super) fn stress<L: Lanes>(point: &Point<L>) -> Sym3<L> {
     }
     let two_mu = point.mu + point.mu;
     let j = f.determinant();
-    strain
-        .times_transposed_symmetric(f)
-        .scaled(two_mu)
-        .plus_diagonal(point.lambda * j * (j - L::splat(1.0)))
+    strain.times_transposed_symmetric(f).scaled(two_mu).plus_diagonal(point.lambda * j * (j - L::splat(1.0)))
 }

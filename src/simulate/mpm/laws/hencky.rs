@@ -45,11 +45,7 @@ impl<L: Lanes> Strain<L> {
         let pressure = lambda * (eps[0] + eps[1] + eps[2]);
         let two_mu = mu + mu;
         let [a, b, c] = eps;
-        self.stretches.compose([
-            two_mu.mul_add(a, pressure),
-            two_mu.mul_add(b, pressure),
-            two_mu.mul_add(c, pressure),
-        ])
+        self.stretches.compose([two_mu.mul_add(a, pressure), two_mu.mul_add(b, pressure), two_mu.mul_add(c, pressure)])
     }
 
     /// The deformation gradient with the strains `eps` instead: U exp(eps) S^-1 U^T F.
