@@ -1,18 +1,19 @@
 //! Subcommands and flags: what the user typed becomes a call into the pipeline or a stage, and a result on stdout.
 
+mod scene;
+mod tools;
+
 use std::ffi::OsString;
-use std::io::{self, Write};
-use std::path::{Path, PathBuf};
+use std::io::{self, IsTerminal, Write};
+use std::path::PathBuf;
 
-use anyhow::Context;
 use clap::{Args, CommandFactory, FromArgMatches, Parser, Subcommand};
+use serde::Serialize;
 
-use crate::config;
 use crate::exit::UsageError;
-use crate::materials::MaterialLibrary;
-use crate::pipeline::{self, Pipeline, Stage};
+use crate::pipeline::{self, Stage};
 use crate::progress::Progress;
-use crate::{report, setup, workdir};
+use crate::{config, setup};
 
 /// Materials and physical properties for every Gaussian of a 3D Gaussian Splatting scene.
 #[derive(Debug, Parser)]
@@ -60,9 +61,6 @@ enum Command {
     /// Measure against a reference or ground truth.
     #[command(subcommand)]
     Evaluate(Evaluate),
-    /// The material library.
-    #[command(subcommand)]
-    Materials(Materials),
     /// Fetch ONNX Runtime and SAM into the cache, or say where they lie.
     Setup(SetupArgs),
     /// Check ONNX Runtime and SAM without fetching anything.
@@ -111,4 +109,94 @@ struct QueryArgs {
 struct SetupArgs {
     #[command(flatten)]
     options: setup::Options,
+}
+
+#[derive(Debug, Subcommand)]
+enum Evaluate {
+    /// Masks of one picture against those of a reference generator, level by level.
+    Masks {
+        /// The picture, as the reference generator saw it.
+        image: PathBuf,
+        /// Settings and masks of the reference (JSON; masks run-length encoded).
+        reference: PathBuf,
+        #[command(flatten)]
+        setup: setup::Options,
+    },
+}
+
+/// Does what `arguments` (the program's name first) ask for.
+///
+/// # Errors
+/// Whatever went wrong, with a typed error in its chain from which [`crate::exit::of`] finds the exit code. Usage that clap
+/// refuses, help and version end the process right here.
+pub fn run(arguments: Vec<OsString>) -> anyhow::Result<()> {
+    let cli = parse(&arguments)?;
+    let global = &cli.global;
+    start_log(global);
+    if let Some(threads) = global.threads {
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build_global();
+        pool.map_err(|error| UsageError(format!("--threads {threads}: {error}")))?;
+    }
+    match &cli.command {
+        Command::Run(args) => scene::run(global, &args.scene, args.to),
+        Command::Segment(args) => scene::run(global, args, Stage::Segment),
+        Command::Query(args) => scene::query(global, args),
+        Command::Vote(args) => scene::run(global, args, Stage::Vote),
+        Command::Parts(args) => scene::run(global, args, Stage::Parts),
+        Command::Simulate(args) => scene::run(global, args, Stage::Simulate),
+        Command::Grasp(args) => scene::run(global, args, Stage::Grasp),
+        Command::Evaluate(what) => tools::evaluate(global, what),
+        Command::Setup(args) => tools::set_up(global, &args.options),
+        Command::Doctor(args) => tools::doctor(global, &args.options),
+    }
+}
+
+/// Parses twice where the scene has a `gprop.toml`: its keys become flags that stand before those that were typed.
+fn parse(arguments: &[OsString]) -> anyhow::Result<Cli> {
+    let typed = Cli::command().get_matches_from(arguments);
+    let (name, matches) = typed.subcommand().expect("clap demands a subcommand");
+    let flags = match matches.try_get_one::<PathBuf>("scene") {
+        Ok(Some(scene)) => config::flags(scene, &scene_flags())?,
+        _ => Vec::new(),
+    };
+    let place = 1 + arguments.iter().position(|argument| argument == name).unwrap_or(0);
+    let (before, after) = arguments.split_at(place);
+    let flags: Vec<OsString> = flags.into_iter().map(OsString::from).collect();
+    let matches = Cli::command().get_matches_from([before, &flags, after].concat());
+    Cli::from_arg_matches(&matches).map_err(|error| error.exit())
+}
+
+/// Long names of the options that a scene may set: those of the stages, not those of the command.
+fn scene_flags() -> Vec<String> {
+    let stages = pipeline::Options::augment_args(clap::Command::new("stages"));
+    stages.get_arguments().filter_map(|argument| argument.get_long().map(str::to_owned)).collect()
+}
+
+fn start_log(global: &Global) {
+    let level = match (global.quiet, global.verbose) {
+        (true, _) => "error",
+        (false, 0) => "warn",
+        (false, 1) => "gprop=info",
+        (false, _) => "gprop=debug",
+    };
+    let filter = tracing_subscriber::EnvFilter::new(level);
+    tracing_subscriber::fmt().with_env_filter(filter).with_writer(io::stderr).without_time().init();
+}
+
+/// Prints a result: as JSON where that is asked for, else as text. A reader that has gone away is no error.
+fn print(global: &Global, value: &impl Serialize, text: impl FnOnce() -> String) -> anyhow::Result<()> {
+    let text = if global.json { serde_json::to_string_pretty(value)? } else { text() };
+    match writeln!(io::stdout(), "{}", text.trim_end()) {
+        Err(error) if error.kind() != io::ErrorKind::BrokenPipe => {
+            Err(UsageError(format!("cannot print: {error}")).into())
+        }
+        _ => Ok(()),
+    }
+}
+
+impl Global {
+    /// Bars are for people at a terminal.
+    fn progress(&self) -> Progress {
+        if self.quiet || !io::stderr().is_terminal() { Progress::Hidden } else { Progress::Shown }
+    }
 }

@@ -40,8 +40,6 @@ pub enum Artifact<'a> {
     Materials,
     /// 3D parts with volume, thickness, mass, inertia.
     Parts,
-    /// Cells of the object's inside, with the part each belongs to.
-    Interior,
     /// A frame of the simulation.
     Frame(usize),
     /// The particles after the last written frame, to resume from.
@@ -72,7 +70,6 @@ impl Artifact<'_> {
             Self::Labels => "labels.json".into(),
             Self::Materials => "materials.json".into(),
             Self::Parts => "parts.json".into(),
-            Self::Interior => "interior.bin".into(),
             Self::Frame(index) => Path::new("simulation/frames").join(format!("{index:04}.ply")),
             Self::Checkpoint => "simulation/checkpoint.bin".into(),
             Self::Simulation => "simulation/simulation.json".into(),

@@ -27,6 +27,7 @@ pub use locate::{LOOKUP_ORDER, Source};
 /// Where ONNX Runtime and SAM come from.
 #[derive(Debug, Clone, Default, PartialEq, Eq, Serialize, clap::Args)]
 #[command(next_help_heading = "ONNX Runtime and SAM")]
+#[group(skip)]
 pub struct Options {
     /// Fetch nothing; also with GPROP_OFFLINE=1 in the environment
     #[arg(long)]

@@ -96,11 +96,13 @@ impl Materials {
             }
             let (mu_pa, lambda_pa) = lame(material.youngs_modulus_pa * factor, nu);
             let (law, state) = match material.law {
-                Law::Elastic => (laws::Law::FixedCorotated, 0.0),
-                Law::VonMises { yield_stress_pa } => {
+                Law::Elastic | Law::Snow { .. } => (laws::Law::FixedCorotated, 0.0),
+                Law::VonMises { yield_stress_pa }
+                | Law::Foam { yield_stress_pa, .. }
+                | Law::Plasticine { yield_stress_pa, .. } => {
                     (laws::Law::VonMises { hardening: 0.0 }, von_mises::yield_radius(yield_stress_pa * factor))
                 }
-                Law::DruckerPrager { friction_angle_rad } => {
+                Law::DruckerPrager { friction_angle_rad, .. } => {
                     (laws::Law::DruckerPrager, drucker_prager::alpha(friction_angle_rad))
                 }
             };
@@ -130,7 +132,7 @@ fn check(material: &Material) -> Result<(), SimulateError> {
         return Err(SimulateError::Poisson { material: name(), poisson_ratio });
     }
     match material.law {
-        Law::VonMises { yield_stress_pa: strength } | Law::DruckerPrager { friction_angle_rad: strength }
+        Law::VonMises { yield_stress_pa: strength } | Law::DruckerPrager { friction_angle_rad: strength, .. }
             if !positive(strength) =>
         {
             Err(SimulateError::Strength { material: name(), strength })
