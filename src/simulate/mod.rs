@@ -82,14 +82,12 @@ pub struct SimulationReport {
 impl SimulationReport {
     /// All places the object passes: lowest and highest corner, world frame, scene units.
     pub fn bounds(&self) -> [[f64; 3]; 2] {
-        let mut hull = [[f64::INFINITY; 3], [f64::NEG_INFINITY; 3]];
-        for frame in &self.frames {
-            for a in 0..3 {
-                hull[0][a] = hull[0][a].min(frame.bounds[0][a]);
-                hull[1][a] = hull[1][a].max(frame.bounds[1][a]);
-            }
-        }
-        hull
+        let lows = |a: usize| self.frames.iter().map(move |f| f.bounds[0][a]);
+        let highs = |a: usize| self.frames.iter().map(move |f| f.bounds[1][a]);
+        [
+            [0, 1, 2].map(|a| lows(a).fold(f64::INFINITY, f64::min)),
+            [0, 1, 2].map(|a| highs(a).fold(f64::NEG_INFINITY, f64::max)),
+        ]
     }
 
     /// Longest side of the object in its first pose, scene units.
