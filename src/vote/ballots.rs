@@ -34,13 +34,7 @@ pub(super) struct Ballots {
 
 impl Ballots {
     /// Lets every view vote.
-    pub fn cast(
-        gaussians: &Gaussians,
-        views: &[ViewInput],
-        parts: &ViewParts,
-        rule: Rule,
-        progress: Progress,
-    ) -> Self {
+    pub fn cast(gaussians: &Gaussians, views: &[ViewInput], parts: &ViewParts, rule: Rule, progress: Progress) -> Self {
         let bar = progress.bar("vote", views.len() as u64);
         let test = DepthTest::new(gaussians);
         let mut of_views = Vec::new();
@@ -120,19 +114,15 @@ fn by_center(
 }
 
 /// [`Rule::Contribution`].
-fn by_light(
-    projected: &Projected,
-    map: &LabelMap,
-    find: impl Fn(u16) -> Option<u32> + Sync,
-) -> Vec<(u32, Ballot)> {
+fn by_light(projected: &Projected, map: &LabelMap, find: impl Fn(u16) -> Option<u32> + Sync) -> Vec<(u32, Ballot)> {
     let width = projected.size().0;
     let sinks = projected.visit(|rect| LightSink::new(rect, map, width));
     let mut ballots = Vec::new();
     for (_, sink) in sinks {
         let cast = sink.finished().into_iter();
-        ballots.extend(cast.filter_map(|(gaussian, label, weight)| {
-            Some((gaussian, Ballot { part: find(label)?, weight }))
-        }));
+        ballots.extend(
+            cast.filter_map(|(gaussian, label, weight)| Some((gaussian, Ballot { part: find(label)?, weight }))),
+        );
     }
     ballots
 }

@@ -65,9 +65,10 @@ fn median(mut values: Vec<f64>) -> f64 {
 fn hardness(answers: &[&Answer]) -> Option<ShoreHardness> {
     let readings: Vec<ShoreHardness> = answers.iter().filter_map(|answer| answer.hardness).collect();
     let on = |scale| readings.iter().filter(move |reading| reading.scale == scale);
-    let scale = readings.iter().map(|reading| reading.scale).reduce(|best, next| {
-        if on(next).count() > on(best).count() { next } else { best }
-    })?;
+    let scale = readings
+        .iter()
+        .map(|reading| reading.scale)
+        .reduce(|best, next| if on(next).count() > on(best).count() { next } else { best })?;
     let range = on(scale).map(|reading| reading.range).reduce(Range::hull)?;
     Some(ShoreHardness { scale, range })
 }

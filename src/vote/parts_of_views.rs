@@ -1,6 +1,6 @@
 //! The parts that may be voted for: those of all views that have an answer.
 
-use super::{VoteError, ViewInput};
+use super::{ViewInput, VoteError};
 use crate::materials::MaterialLibrary;
 use crate::query::{Answer, Answers, Outcome};
 

@@ -98,8 +98,7 @@ fn add(tally: &mut Tally, for_what: u32, votes: f64, confidence: f64) {
 
 /// What has most votes, and how many; ties as the module says.
 fn winner(tally: &Tally) -> Option<(u32, f64)> {
-    let order = |a: &&(u32, f64, f64), b: &&(u32, f64, f64)| {
-        a.1.total_cmp(&b.1).then(a.2.total_cmp(&b.2)).then(b.0.cmp(&a.0))
-    };
+    let order =
+        |a: &&(u32, f64, f64), b: &&(u32, f64, f64)| a.1.total_cmp(&b.1).then(a.2.total_cmp(&b.2)).then(b.0.cmp(&a.0));
     tally.iter().max_by(order).map(|&(what, votes, _)| (what, votes))
 }
