@@ -11,3 +11,6 @@ mod scenes;
 mod raster;
 // Photos and depths of the scenes.
 mod photos;
+
+// The vote with true parts: its own loss.
+mod oracle;

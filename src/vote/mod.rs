@@ -98,8 +98,7 @@ pub fn vote(
     check(gaussians, views)?;
     let parts = ViewParts::new(views, answers, library)?;
     let ballots = Ballots::cast(gaussians, views, &parts, options.vote, progress);
-    let view_of: Vec<usize> = parts.parts.iter().map(|part| part.view).collect();
-    let identity = Identity::new(&ballots, &view_of);
+    let identity = Identity::new(&ballots, &parts);
     let candidates = tally::candidates(&parts, &identity, options.agree);
     let elected = tally::elect(&ballots, &parts, &candidates);
     let Some(choices) = unseen::fill(gaussians, &elected, options.neighbors.get()) else {
