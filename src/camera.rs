@@ -52,6 +52,22 @@ impl Distortion {
         )
     }
 
+    /// True where the lens model has left what a lens can do: going outwards, its radial part has turned back before it
+    /// reaches the point (x/z, y/z). Fitted polynomials do so outside of the picture, and a point there would seem to lie
+    /// in the picture. The part's slope is f(u) = 1 + 3 k1 u + 5 k2 u^2 + 7 k3 u^3 with u = r^2.
+    pub fn folds_back_at(&self, x: f64, y: f64) -> bool {
+        let (a, b, c) = (3.0 * self.k1, 5.0 * self.k2, 7.0 * self.k3);
+        let slope = |u: f64| 1.0 + u * (a + u * (b + u * c));
+        let u = x * x + y * y;
+        if slope(u) <= 0.0 {
+            return true;
+        }
+        // The slope may be lowest in between, where f'(u) = a + 2 b u + 3 c u^2 = 0; NaN and infinity stand for no root.
+        let q = -(b + b.signum() * (b * b - 3.0 * a * c).sqrt());
+        let turns_at = |lowest: f64| lowest > 0.0 && lowest < u && slope(lowest) <= 0.0;
+        turns_at(q / (3.0 * c)) || turns_at(a / q)
+    }
+
     /// Jacobian of [`Self::apply`], row by row: `[[dx'/dx, dx'/dy], [dy'/dx, dy'/dy]]`.
     pub fn jacobian(&self, x: f64, y: f64) -> [[f64; 2]; 2] {
         let r2 = x * x + y * y;
@@ -79,13 +95,18 @@ impl Camera {
         self.camera_from_world * point_in_world
     }
 
-    /// Pixel of a point in the camera frame, in pixels from the upper left corner; `None` behind the camera.
+    /// Pixel of a point in the camera frame, in pixels from the upper left corner; `None` behind the camera and where
+    /// [`Distortion::folds_back_at`].
     pub fn pixel(&self, point_in_camera: Point3<f64>) -> Option<Point2<f64>> {
         if point_in_camera.z <= 0.0 {
             return None;
         }
         let i = &self.intrinsics;
-        let (x, y) = i.distortion.apply(point_in_camera.x / point_in_camera.z, point_in_camera.y / point_in_camera.z);
+        let (x, y) = (point_in_camera.x / point_in_camera.z, point_in_camera.y / point_in_camera.z);
+        if !i.distortion.is_none() && i.distortion.folds_back_at(x, y) {
+            return None;
+        }
+        let (x, y) = i.distortion.apply(x, y);
         Some(Point2::new(i.fx * x + i.cx, i.fy * y + i.cy))
     }
 

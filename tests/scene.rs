@@ -1,4 +1,15 @@
 //! Reading what lies on disk, and everything that can be wrong with it.
 
+// Intrinsics, distortion, poses.
+mod camera;
 // Loading a whole scene folder: what is found, what is missing, which views are chosen.
 mod folder;
+// Photos: colour types, alpha, size.
+mod photo;
+// PLY files of every kind, good and bad.
+mod ply;
+
+/// A failing case is printed in full; no file is kept beside the sources.
+fn proptest_config() -> proptest::test_runner::Config {
+    proptest::test_runner::Config { failure_persistence: None, ..Default::default() }
+}

@@ -1,4 +1,4 @@
-//! The measures of the paper's evaluation, and how this program's parts compare with reference implementations.
+//! Measuring what gprop makes, with the measures that the field reports.
 
 pub mod masks;
 pub mod segmentation;

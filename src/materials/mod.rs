@@ -5,10 +5,14 @@
 //! columns. [`MaterialLibrary`] reads them, [`check`](check::check) tests them, [`cli`] prints them.
 
 pub mod bibliography;
+pub mod check;
+pub mod cli;
 
 mod library;
 mod names;
+mod options;
 mod read;
+pub mod stats;
 
 use serde::{Deserialize, Serialize};
 
@@ -16,6 +20,7 @@ use crate::units::{Range, ShoreHardness, ShoreScale};
 
 pub use library::MaterialLibrary;
 pub use names::fold;
+pub use options::Options;
 pub use read::LibraryError;
 
 /// One material of the library.

@@ -6,15 +6,15 @@ use thiserror::Error;
 
 use super::ply::PlyError;
 
-/// A scene that is missing, incomplete or broken.
+/// A scene that is missing, incomplete or broken. Each message is whole: it holds what caused it.
 #[derive(Debug, Error)]
 pub enum SceneError {
     #[error("no such scene folder: `{}`; give the folder that holds the photos, cameras and splat", path.display())]
     NoFolder { path: PathBuf },
     #[error("`{}` is a file; give the folder that holds the photos, cameras and splat", path.display())]
     NotAFolder { path: PathBuf },
-    #[error("cannot read `{}`: {source}", path.display())]
-    Io { path: PathBuf, source: std::io::Error },
+    #[error("cannot read `{}`: {reason}", path.display())]
+    Io { path: PathBuf, reason: std::io::Error },
     #[error(
         "no splat in `{}`: neither point_cloud.ply nor point_cloud/iteration_N/point_cloud.ply{}; copy or link the \
          trained splat there as point_cloud.ply",
@@ -26,16 +26,16 @@ pub enum SceneError {
     Ply(#[from] PlyError),
     #[error("no cameras in `{}`: {remedy}", folder.display())]
     NoCameras { folder: PathBuf, remedy: &'static str },
-    #[error("`{}`, line {}, column {}: {source}", path.display(), source.line(), source.column())]
-    Json { path: PathBuf, source: serde_json::Error },
+    #[error("`{}`: {reason}; correct it there or export the cameras again", path.display())]
+    Json { path: PathBuf, reason: serde_json::Error },
     #[error("`{}` has no frames; without photos there is nothing to segment", path.display())]
     NoFrames { path: PathBuf },
     #[error("`{}`, frame {frame} (`{file}`): {problem}", path.display())]
     Frame { path: PathBuf, frame: usize, file: String, problem: FrameProblem },
     #[error("photo `{}` is missing; put it there, or remove its frame from the camera file", path.display())]
     MissingImage { path: PathBuf },
-    #[error("photo `{}` cannot be decoded: {source}; replace it by a whole PNG, JPEG, WebP, BMP or TIFF", path.display())]
-    Image { path: PathBuf, source: image::ImageError },
+    #[error("photo `{}` cannot be decoded: {reason}; replace it by a whole PNG, JPEG, WebP, BMP or TIFF", path.display())]
+    Image { path: PathBuf, reason: image::ImageError },
     #[error(
         "photo `{}` is {} x {} pixels but was {} x {} when the scene was loaded; start again",
         path.display(), found.0, found.1, expected.0, expected.1

@@ -32,6 +32,9 @@ pub struct ExtraProperty {
 }
 
 impl Gaussians {
+    /// Just below ln(f32::MAX): from here on a standard deviation does not fit a float32.
+    pub const LOG_SCALE_LIMIT: f32 = 88.0;
+
     pub fn len(&self) -> usize {
         self.positions.len()
     }
@@ -82,11 +85,9 @@ impl Gaussians {
     /// Whether every value of Gaussian `i` means something: finite centre, size, rotation and colour. An infinite opacity
     /// logit is fine (exporters write it for opacity 0 and 1), a NaN is not.
     pub fn is_usable(&self, i: usize) -> bool {
-        /// Above it a standard deviation does not fit a float32.
-        const LARGEST_LOG_SCALE: f32 = 88.0;
         let finite = |values: &[f32]| values.iter().all(|value| value.is_finite());
         finite(&self.positions[i])
-            && self.log_scales[i].iter().all(|s| s.is_finite() && *s < LARGEST_LOG_SCALE)
+            && self.log_scales[i].iter().all(|s| s.is_finite() && *s < Self::LOG_SCALE_LIMIT)
             && finite(&self.rotations[i])
             && !self.opacity_logits[i].is_nan()
             && finite(&self.sh_dc[i])

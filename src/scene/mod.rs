@@ -37,6 +37,8 @@ pub struct Scene {
     pub views: Vec<View>,
     /// `None` where nobody says how long a scene unit is.
     pub scale: Option<MetricScale>,
+    /// Every file that was read, apart from the photos.
+    pub files: Vec<PathBuf>,
     /// What the user should know: counted, never fatal.
     pub warnings: Vec<String>,
 }
@@ -66,13 +68,14 @@ pub fn load(folder: &Path, options: &Options) -> Result<Scene, SceneError> {
     let cameras = nerfstudio::find(folder)?;
     let nerfstudio::Views { views, warnings } = nerfstudio::read(&cameras)?;
     let ply::Loaded { gaussians, warnings: splat_warnings } = ply::read(&splat)?;
-    let prefixed = splat_warnings.into_iter().map(|warning| format!("`{}`: {warning}", splat.display()));
+    let prefixed = splat_warnings.iter().map(|warning| format!("`{}`: {warning}", splat.display()));
     Ok(Scene {
         name: name_of(folder),
         gaussians,
         views,
         scale: options.scale.metric_scale(),
         warnings: warnings.into_iter().chain(prefixed).collect(),
+        files: vec![splat, cameras],
     })
 }
 

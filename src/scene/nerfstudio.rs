@@ -71,28 +71,33 @@ pub(super) fn find(folder: &Path) -> Result<PathBuf, SceneError> {
 
 /// Reads the camera file at `path`, whose photos lie below its folder.
 pub(super) fn read(path: &Path) -> Result<Views, SceneError> {
-    let text = fs::read(path).map_err(|source| SceneError::Io { path: path.to_owned(), source })?;
+    let text = fs::read(path).map_err(|reason| SceneError::Io { path: path.to_owned(), reason })?;
     let transforms: Transforms =
-        serde_json::from_slice(&text).map_err(|source| SceneError::Json { path: path.to_owned(), source })?;
+        serde_json::from_slice(&text).map_err(|reason| SceneError::Json { path: path.to_owned(), reason })?;
     if transforms.frames.is_empty() {
         return Err(SceneError::NoFrames { path: path.to_owned() });
     }
-    let files: Vec<&str> = transforms.frames.iter().map(|frame| frame.file_path.as_str()).collect();
+    let in_frame = |frame: usize, problem| {
+        let file = transforms.frames[frame].file_path.clone();
+        SceneError::Frame { path: path.to_owned(), frame, file, problem }
+    };
+    let folder = path.parent().unwrap_or(Path::new(""));
+    let files = transforms.frames.iter().enumerate().map(|(index, frame)| {
+        view_names::path_within(folder, &frame.file_path).ok_or_else(|| in_frame(index, FrameProblem::OutsideScene))
+    });
+    let files: Vec<String> = files.collect::<Result<_, _>>()?;
     let mut views = Vec::with_capacity(files.len());
     let mut resized = Vec::new();
-    for (index, (frame, name)) in transforms.frames.iter().zip(view_names::of(&files)).enumerate() {
-        let in_frame =
-            |problem| SceneError::Frame { path: path.to_owned(), frame: index, file: frame.file_path.clone(), problem };
-        let folder = path.parent().unwrap_or(Path::new(""));
-        let image =
-            view_names::path_within(folder, &frame.file_path).ok_or_else(|| in_frame(FrameProblem::OutsideScene))?;
-        let camera_from_world = pose(&frame.transform_matrix).map_err(in_frame)?;
-        let size = photo::size(&image)?;
+    for (index, (file, name)) in files.iter().zip(view_names::of(&files)).enumerate() {
+        let frame = &transforms.frames[index];
+        let camera_from_world = pose(&frame.transform_matrix).map_err(|problem| in_frame(index, problem))?;
+        let image = folder.join(file);
+        let (width, height) = photo::size(&image)?;
         let lens = frame.lens.clone().or(&transforms.lens);
-        let declared = lens.intrinsics(size).map_err(in_frame)?;
-        let intrinsics = declared.resized(size.0, size.1);
+        let declared = lens.intrinsics(width, height).map_err(|problem| in_frame(index, problem))?;
+        let intrinsics = declared.resized(width, height);
         if intrinsics != declared {
-            resized.push((name.clone(), (declared.width, declared.height), size));
+            resized.push(format!("`{name}` {} x {}, found {width} x {height}", declared.width, declared.height));
         }
         views.push(View { name, camera: Camera { intrinsics, camera_from_world }, image });
     }
@@ -129,11 +134,11 @@ impl Lens {
         }
     }
 
-    /// The intrinsics for the declared size, or for the photo's own `size` (width, height) where none is declared.
-    fn intrinsics(&self, size: (u32, u32)) -> Result<Intrinsics, FrameProblem> {
+    /// The intrinsics for the declared size, or for the photo's own `width` and `height` where none is declared.
+    fn intrinsics(&self, width: u32, height: u32) -> Result<Intrinsics, FrameProblem> {
         self.check_model()?;
-        let (w, h) = (self.w.unwrap_or(f64::from(size.0)), self.h.unwrap_or(f64::from(size.1)));
-        let (w, h) = (positive("w", w)?.round(), positive("h", h)?.round());
+        let (w, h) = (self.w.unwrap_or(width.into()), self.h.unwrap_or(height.into()));
+        let (w, h) = (positive("w", w.round())?, positive("h", h.round())?);
         let focal = |angle: f64, side: f64| 0.5 * side / (0.5 * angle).tan();
         let fx = self.fl_x.or(self.camera_angle_x.map(|angle| focal(angle, w)));
         let fx = positive("fl_x", fx.ok_or(FrameProblem::NoFocalLength)?)?;
@@ -179,12 +184,10 @@ fn positive(name: &'static str, value: f64) -> Result<f64, FrameProblem> {
 }
 
 /// One line for all photos whose size is not the declared one.
-fn resize_warning(resized: &[(String, (u32, u32), (u32, u32))]) -> Option<String> {
-    let (name, declared, found) = resized.first()?;
+fn resize_warning(resized: &[String]) -> Option<String> {
+    let first = resized.first()?;
     let count = resized.len();
     Some(format!(
-        "{count} photos are not of the size that transforms.json declares (`{name}`: {} x {} declared, {} x {} found); their \
-         intrinsics were rescaled",
-        declared.0, declared.1, found.0, found.1
+        "{count} photos are not of the size that transforms.json declares (first: {first}); their intrinsics were rescaled"
     ))
 }

@@ -16,8 +16,8 @@ pub struct Options {
     #[arg(long, value_name = "N", default_value_t = DEFAULT_VIEWS)]
     pub views: std::num::NonZeroUsize,
 
-    /// Use just these views, by name: the photos' file names without extension, separated by commas
-    #[arg(long, value_name = "NAME,...", value_delimiter = ',', conflicts_with = "views")]
+    /// Use just these views instead of --views: the photos' file names without extension, separated by commas
+    #[arg(long, value_name = "NAME,...", value_delimiter = ',')]
     pub view_list: Vec<String>,
 
     /// How long a scene unit is: `metric` (metres), a factor in metres per scene unit, or `auto`: what the scene itself

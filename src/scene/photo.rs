@@ -22,7 +22,7 @@ impl View {
     /// [`SceneError`] names the file: missing, undecodable, or of another size than when the scene was loaded.
     pub fn photo(&self) -> Result<Photo, SceneError> {
         let reader = open(&self.image)?;
-        let picture = reader.decode().map_err(|source| SceneError::Image { path: self.image.clone(), source })?;
+        let picture = reader.decode().map_err(|reason| SceneError::Image { path: self.image.clone(), reason })?;
         let (expected, found) =
             ((self.camera.intrinsics.width, self.camera.intrinsics.height), (picture.width(), picture.height()));
         if found != expected {
@@ -34,14 +34,14 @@ impl View {
 
 /// Width and height of the photo at `path`, from its header.
 pub(super) fn size(path: &Path) -> Result<(u32, u32), SceneError> {
-    open(path)?.into_dimensions().map_err(|source| SceneError::Image { path: path.to_owned(), source })
+    open(path)?.into_dimensions().map_err(|reason| SceneError::Image { path: path.to_owned(), reason })
 }
 
 /// Opens a photo; its first bytes tell the format, whatever its name says.
 fn open(path: &Path) -> Result<ImageReader<std::io::BufReader<std::fs::File>>, SceneError> {
-    let io_error = |source: std::io::Error| match source.kind() {
+    let io_error = |reason: std::io::Error| match reason.kind() {
         std::io::ErrorKind::NotFound => SceneError::MissingImage { path: path.to_owned() },
-        _ => SceneError::Io { path: path.to_owned(), source },
+        _ => SceneError::Io { path: path.to_owned(), reason },
     };
     ImageReader::open(path).map_err(io_error)?.with_guessed_format().map_err(io_error)
 }

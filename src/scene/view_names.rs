@@ -1,11 +1,11 @@
 //! Names of views: short, unique, and safe as file names; and paths that stay within the scene.
 
 use std::collections::HashSet;
-use std::path::{Component, Path, PathBuf};
+use std::path::{Component, Path};
 
 /// A name for each of `files`: the file name without extension; with the folders above it in front where two files would
 /// get the same; with a number behind where even these agree.
-pub(super) fn of(files: &[&str]) -> Vec<String> {
+pub(super) fn of(files: &[String]) -> Vec<String> {
     let short: Vec<String> = files.iter().map(|file| safe(stem(file))).collect();
     let distinct: HashSet<String> = short.iter().map(|name| name.to_lowercase()).collect();
     let names = match distinct.len() == short.len() {
@@ -16,26 +16,26 @@ pub(super) fn of(files: &[&str]) -> Vec<String> {
     names.into_iter().map(|name| numbered(name, &mut taken)).collect()
 }
 
-/// `relative` below `folder`; `None` where it leads out of it.
-pub(super) fn path_within(folder: &Path, relative: &str) -> Option<PathBuf> {
-    let mut path = PathBuf::new();
-    for component in Path::new(relative).components() {
+/// The path relative to `folder` of `file`, which is given relative to it or absolute, with the separators of any system;
+/// `None` where it leads out of the folder.
+pub(super) fn path_within(folder: &Path, file: &str) -> Option<String> {
+    let file = file.replace('\\', "/");
+    let file = Path::new(&file);
+    let absolute_folder = folder.canonicalize().unwrap_or_default();
+    let relative = if file.is_absolute() { file.strip_prefix(absolute_folder).ok()? } else { file };
+    let mut parts = Vec::new();
+    for component in relative.components() {
         match component {
-            Component::Normal(part) => path.push(part),
+            Component::Normal(part) => parts.push(part.to_str()?),
             Component::CurDir => {}
-            Component::ParentDir => {
-                if !path.pop() {
-                    return None;
-                }
-            }
+            Component::ParentDir => drop(parts.pop()?),
             Component::RootDir | Component::Prefix(_) => return None,
         }
     }
-    Some(folder.join(path))
+    Some(parts.join("/"))
 }
 
 fn without_extension(file: &str) -> &str {
-    let file = file.trim_start_matches("./");
     match file.rsplit_once('.') {
         Some((stem, extension)) if !stem.is_empty() && !extension.contains('/') => stem,
         _ => file,

@@ -39,6 +39,8 @@ pub enum SetupError {
          newer and give its shared library with --ort-lib or ORT_DYLIB_PATH"
     )]
     Platform { platform: String },
+    #[error("gprop cannot work yet: {problems} of what it needs are missing or unusable, as listed; run `gprop setup`")]
+    Unfit { problems: usize },
     #[error("cannot fetch {title}: {attempts}; {remedy}")]
     Fetch { title: &'static str, attempts: String, remedy: &'static str },
     #[error(

@@ -1,29 +1,101 @@
+//! Whole scene folders: the fixture, and made-up ones with one thing wrong.
+
 use std::path::{Path, PathBuf};
 
-use gprop::scene::{self, Options, ply};
+use clap::Parser;
+use gprop::scene::{self, Options, Scene, SceneError, ply};
+use gprop::units::ScaleSource;
+use image::RgbImage;
+use serde_json::{Value, json};
+use tempfile::TempDir;
 
-fn hammer() -> PathBuf {
+pub fn hammer() -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("fixtures/hammer")
 }
 
+/// A scene of one Gaussian and four views from the sides of a square, each photo 8 x 6.
+struct MadeUp {
+    folder: TempDir,
+    transforms: Value,
+}
+
+impl MadeUp {
+    fn new() -> Self {
+        let folder = tempfile::tempdir().unwrap();
+        std::fs::write(folder.path().join("point_cloud.ply"), super::ply::one_gaussian()).unwrap();
+        std::fs::create_dir(folder.path().join("images")).unwrap();
+        let directions = [[2.0, 0.0], [0.0, 2.0], [-2.0, 0.0], [0.0, -2.0]];
+        let frames: Vec<Value> = directions.iter().enumerate().map(|(n, at)| frame(folder.path(), n, *at)).collect();
+        Self { folder, transforms: json!({"fl_x": 10.0, "w": 8, "h": 6, "frames": frames}) }
+    }
+
+    fn load_with(&self, options: &Options) -> Result<Scene, SceneError> {
+        std::fs::write(self.path("transforms.json"), self.transforms.to_string()).unwrap();
+        scene::load(self.folder.path(), options)
+    }
+
+    fn load(&self) -> Result<Scene, SceneError> {
+        self.load_with(&Options::default())
+    }
+
+    fn path(&self, name: &str) -> PathBuf {
+        self.folder.path().join(name)
+    }
+
+    /// The message of loading it, which must hold all of `needles`.
+    #[track_caller]
+    fn assert_refused(&self, needles: &[&str]) {
+        assert_message(self.load(), needles);
+    }
+}
+
+#[track_caller]
+fn assert_message(outcome: Result<Scene, SceneError>, needles: &[&str]) {
+    let message = outcome.expect_err("the scene was accepted").to_string();
+    for needle in needles {
+        assert!(message.contains(needle), "`{needle}` is not in: {message}");
+    }
+}
+
+/// Writes photo `n` and returns its frame: a camera at (x, y, 0) with the world's axes.
+fn frame(folder: &Path, n: usize, [x, y]: [f64; 2]) -> Value {
+    let file = format!("images/{n:03}.png");
+    RgbImage::new(8, 6).save(folder.join(&file)).unwrap();
+    json!({
+        "file_path": file,
+        "transform_matrix": [[1.0, 0.0, 0.0, x], [0.0, 1.0, 0.0, y], [0.0, 0.0, 1.0, 0.0], [0.0, 0.0, 0.0, 1.0]],
+    })
+}
+
+fn names(scene: &Scene, options: &Options) -> Vec<String> {
+    scene.chosen_views(options).unwrap().into_iter().map(|view| view.name).collect()
+}
+
+fn options(arguments: &[&str]) -> Result<Options, clap::Error> {
+    #[derive(Parser)]
+    struct CommandLine {
+        #[command(flatten)]
+        options: Options,
+    }
+    let arguments = std::iter::once("test").chain(arguments.iter().copied());
+    CommandLine::try_parse_from(arguments).map(|line| line.options)
+}
+
 #[test]
-fn hammer_loads() {
-    let options = Options { scale: "metric".parse().unwrap(), ..Options::default() };
+fn the_fixture_loads() {
+    let options = options(&["--scale", "metric"]).unwrap();
     let scene = scene::load(&hammer(), &options).unwrap();
     assert_eq!(scene.name, "hammer");
-    assert_eq!(scene.gaussians.len(), 28_736);
-    assert_eq!(scene.gaussians.sh_degree, 3);
-    assert_eq!(scene.views.len(), 30);
+    assert_eq!((scene.gaussians.len(), scene.gaussians.sh_degree, scene.views.len()), (28_736, 3, 30));
     assert_eq!(scene.views[7].name, "007");
-    assert_eq!(scene.scale.as_ref().unwrap().meters_per_unit, 1.0);
     assert_eq!(scene.warnings, Vec::<String>::new());
-    let bounds = scene.object_bounds();
-    println!("{bounds:?}");
-    let chosen: Vec<_> = scene.chosen_views(&options).unwrap().into_iter().map(|view| view.name).collect();
-    println!("{chosen:?}");
-    assert_eq!(chosen.len(), 10);
-    let photo = scene.views[0].photo().unwrap();
+    let photo = scene.views[7].photo().unwrap();
     assert_eq!(photo.rgb.dimensions(), (512, 512));
+    let foreground = photo.foreground.as_raw().iter().filter(|value| **value == 255).count();
+    assert!((5_000..100_000).contains(&foreground), "{foreground}");
+    // Ground truth: 0.353 x 0.109 x 0.032 m; the box leaves out half a percent at each end.
+    let size = scene.object_bounds().size();
+    assert!((size - nalgebra::Vector3::new(0.353, 0.109, 0.032)).amax() < 0.015, "{size}");
 }
 
 #[test]
@@ -33,4 +105,194 @@ fn writing_what_was_read_gives_the_same_bytes() {
     let mut written = Vec::new();
     ply::write(&mut written, &loaded.gaussians, &[]).unwrap();
     assert!(written == original, "the bytes differ");
+}
+
+#[test]
+fn chosen_views_are_spread_and_always_the_same() {
+    let scene = scene::load(&hammer(), &Options::default()).unwrap();
+    let chosen = names(&scene, &Options::default());
+    assert_eq!(chosen.len(), 10);
+    assert!(chosen.is_sorted(), "{chosen:?} is not in camera-file order");
+    assert_eq!(chosen, names(&scene, &Options::default()));
+    // Nearest neighbours among the chosen are further apart than among the first ten.
+    let center = scene.object_bounds().center();
+    let least_angle = |names: &[String]| {
+        let views = names.iter().map(|name| scene.views.iter().find(|view| view.name == *name).unwrap());
+        let directions: Vec<_> = views.map(|view| (view.camera.center_in_world() - center).normalize()).collect();
+        let pairs = directions.iter().enumerate().flat_map(|(i, a)| directions[..i].iter().map(move |b| a.angle(b)));
+        pairs.fold(f64::INFINITY, f64::min)
+    };
+    let first: Vec<String> = scene.views[..10].iter().map(|view| view.name.clone()).collect();
+    println!("{chosen:?}: {:.3} rad apart at least, the first ten {:.3}", least_angle(&chosen), least_angle(&first));
+    assert!(least_angle(&chosen) > 1.5 * least_angle(&first));
+}
+
+#[test]
+fn views_by_number_and_by_name() {
+    let made_up = MadeUp::new();
+    let scene = made_up.load().unwrap();
+    assert_eq!(names(&scene, &options(&["--views", "9"]).unwrap()), ["000", "001", "002", "003"]);
+    assert_eq!(names(&scene, &options(&["--views", "1"]).unwrap()).len(), 1);
+    // The first taken is arbitrary among equals, the second lies opposite.
+    let opposite = names(&scene, &options(&["--views", "2"]).unwrap());
+    assert!(opposite == ["000", "002"] || opposite == ["001", "003"], "{opposite:?}");
+    assert_eq!(names(&scene, &options(&["--view-list", "003,001"]).unwrap()), ["001", "003"]);
+    let unknown = scene.chosen_views(&options(&["--view-list", "7"]).unwrap()).unwrap_err().to_string();
+    assert_eq!(unknown, "no view is named `7`; the views are: 000, 001, 002, 003");
+    assert!(options(&["--views", "0"]).is_err());
+}
+
+#[test]
+fn options_on_the_command_line_default_to_the_default() {
+    assert_eq!(options(&[]).unwrap(), Options::default());
+}
+
+#[test]
+fn the_scale_is_what_was_said() {
+    let made_up = MadeUp::new();
+    let scale = |text| made_up.load_with(&options(&["--scale", text]).unwrap()).unwrap().scale;
+    assert_eq!(scale("auto"), None);
+    assert_eq!(scale("metric").map(|s| (s.meters_per_unit, s.source)), Some((1.0, ScaleSource::Metric)));
+    assert_eq!(scale("0.25").map(|s| (s.meters_per_unit, s.source)), Some((0.25, ScaleSource::Factor)));
+    for nonsense in ["0", "-1", "inf", "NaN", "metres"] {
+        assert!(options(&[&format!("--scale={nonsense}")]).is_err(), "{nonsense}");
+    }
+    let json = serde_json::to_value(options(&["--scale", "0.25"]).unwrap()).unwrap();
+    assert_eq!(json["scale"], "0.25");
+}
+
+#[test]
+fn the_largest_iteration_is_found() {
+    let made_up = MadeUp::new();
+    for iteration in ["iteration_7000", "iteration_30000", "iteration_last"] {
+        let folder = made_up.path("point_cloud").join(iteration);
+        std::fs::create_dir_all(&folder).unwrap();
+        std::fs::write(folder.join("point_cloud.ply"), iteration).unwrap();
+    }
+    let splat = made_up.path("point_cloud.ply");
+    std::fs::rename(&splat, made_up.path("point_cloud/iteration_30000/point_cloud.ply")).unwrap();
+    assert_eq!(made_up.load().unwrap().gaussians.len(), 1);
+}
+
+#[test]
+fn what_is_not_there_is_named() {
+    let made_up = MadeUp::new();
+    assert_message(scene::load(Path::new("no/such"), &Options::default()), &["no such scene folder", "no/such"]);
+    let splat = made_up.path("point_cloud.ply");
+    assert_message(scene::load(&splat, &Options::default()), &["is a file", "give the folder"]);
+    assert_message(scene::load(made_up.folder.path(), &Options::default()), &["no cameras", "transforms.json"]);
+    std::fs::create_dir(made_up.path("sparse")).unwrap();
+    assert_message(scene::load(made_up.folder.path(), &Options::default()), &["COLMAP", "ns-process-data"]);
+    std::fs::rename(&splat, made_up.path("points3d.ply")).unwrap();
+    made_up.assert_refused(&["no splat", "point_cloud.ply", "there is points3d.ply"]);
+}
+
+#[test]
+fn a_splat_problem_names_the_file() {
+    let made_up = MadeUp::new();
+    std::fs::write(made_up.path("point_cloud.ply"), "plywood\n").unwrap();
+    made_up.assert_refused(&["point_cloud.ply`: is not a PLY file"]);
+    let mut truncated = super::ply::one_gaussian();
+    truncated.pop();
+    std::fs::write(made_up.path("point_cloud.ply"), truncated).unwrap();
+    made_up.assert_refused(&["point_cloud.ply`: is truncated"]);
+}
+
+#[test]
+fn broken_json_has_line_and_column() {
+    let made_up = MadeUp::new();
+    let load = |text: &str| {
+        std::fs::write(made_up.path("transforms.json"), text).unwrap();
+        scene::load(made_up.folder.path(), &Options::default())
+    };
+    assert_message(load("{\n \"frames\": [,]\n}"), &["transforms.json", "line 2 column 13"]);
+    assert_message(load("{\"frames\": ["), &["EOF", "line 1 column 12"]);
+    assert_message(load("{}"), &["missing field `frames`"]);
+    assert_message(load("{\"frames\": []}"), &["has no frames"]);
+    assert_message(load("{\"fl_x\": \"long\", \"frames\": []}"), &["expected f64", "line 1"]);
+    assert_message(load("{\"frames\": [{\"file_path\": \"a.png\"}]}"), &["missing field `transform_matrix`", "line 1"]);
+}
+
+#[test]
+fn a_bad_frame_is_numbered() {
+    let mut made_up = MadeUp::new();
+    let good = made_up.transforms.clone();
+    let mut check = |pointer: &str, value: Value, needles: &[&str]| {
+        made_up.transforms = good.clone();
+        match good.pointer(pointer) {
+            Some(_) => *made_up.transforms.pointer_mut(pointer).unwrap() = value,
+            None => {
+                let (parent, key) = pointer.rsplit_once('/').unwrap();
+                made_up.transforms.pointer_mut(parent).unwrap()[key] = value;
+            }
+        }
+        made_up.assert_refused(needles);
+    };
+    let frame_2 = ["transforms.json`, frame 2 (`images/002.png`)"];
+    let with = |more: &'static str| [frame_2[0], more];
+    check("/frames/2/transform_matrix", json!([[1.0]]), &with("not 4 x 4"));
+    check("/frames/2/transform_matrix/0/0", json!(-1.0), &with("not a rotation"));
+    check("/frames/2/fl_x", json!(-3.0), &with("fl_x = -3"));
+    check("/frames/2/w", json!(0.2), &with("w = 0"));
+    check("/frames/2/k4", json!(0.1), &with("k4"));
+    check("/camera_model", json!("OPENCV_FISHEYE"), &["frame 0", "OPENCV_FISHEYE is not supported"]);
+    check("/fl_x", Value::Null, &["frame 0", "no focal length"]);
+    check("/frames/2/file_path", json!("../secret.png"), &["frame 2", "leads out of the scene folder"]);
+    check("/frames/2/file_path", json!("images/../../secret.png"), &["frame 2", "leads out of the scene folder"]);
+    check("/frames/2/file_path", json!("/etc/hostname"), &["frame 2", "leads out of the scene folder"]);
+    check("/frames/2/file_path", json!("images/nine.png"), &["images/nine.png", "is missing"]);
+    check("/frames/2/file_path", json!("point_cloud.ply"), &["point_cloud.ply", "cannot be decoded"]);
+}
+
+#[test]
+fn intrinsics_come_from_frame_top_angle_and_photo() {
+    let mut made_up = MadeUp::new();
+    made_up.transforms["k1"] = json!(0.1);
+    made_up.transforms["frames"][1]["fl_x"] = json!(20.0);
+    made_up.transforms["frames"][1]["fl_y"] = json!(21.0);
+    made_up.transforms["frames"][1]["cx"] = json!(3.5);
+    let scene = made_up.load().unwrap();
+    let [a, b] = [0, 1].map(|view| scene.views[view].camera.intrinsics);
+    assert_eq!((a.width, a.height, a.fx, a.fy, a.cx, a.cy, a.distortion.k1), (8, 6, 10.0, 10.0, 4.0, 3.0, 0.1));
+    assert_eq!((b.fx, b.fy, b.cx, b.cy, b.distortion.k1), (20.0, 21.0, 3.5, 3.0, 0.1));
+    // A right angle over 8 pixels: f = 4. Neither focal length nor size is declared.
+    made_up.transforms = json!({
+        "camera_angle_x": std::f64::consts::FRAC_PI_2, "frames": made_up.transforms["frames"].as_array().unwrap()[2..],
+    });
+    let i = made_up.load().unwrap().views[0].camera.intrinsics;
+    assert!((i.fx - 4.0).abs() < 1e-12 && i.fx == i.fy, "{i:?}");
+    assert_eq!((i.width, i.height, i.cx, i.cy), (8, 6, 4.0, 3.0));
+}
+
+#[test]
+fn photos_of_another_size_rescale_the_intrinsics() {
+    let mut made_up = MadeUp::new();
+    made_up.transforms["w"] = json!(16);
+    made_up.transforms["h"] = json!(12);
+    let scene = made_up.load().unwrap();
+    let i = scene.views[0].camera.intrinsics;
+    assert_eq!((i.width, i.height, i.fx, i.fy, i.cx, i.cy), (8, 6, 5.0, 5.0, 4.0, 3.0));
+    assert_eq!(scene.warnings.len(), 1);
+    assert!(
+        scene.warnings[0].contains("4 photos") && scene.warnings[0].contains("16 x 12, found 8 x 6"),
+        "{:?}",
+        scene.warnings
+    );
+}
+
+#[test]
+fn view_names_are_unique_and_safe() {
+    let mut made_up = MadeUp::new();
+    for folder in ["left", "right eye"] {
+        std::fs::create_dir(made_up.path("images").join(folder)).unwrap();
+        RgbImage::new(8, 6).save(made_up.path("images").join(folder).join("A 1.png")).unwrap();
+    }
+    made_up.transforms["frames"][0]["file_path"] = json!("./images/left/A 1.png");
+    made_up.transforms["frames"][1]["file_path"] = json!("images\\right eye\\A 1.png");
+    let absolute = made_up.folder.path().canonicalize().unwrap().join("images/003.png");
+    made_up.transforms["frames"][3]["file_path"] = json!(absolute);
+    let scene = made_up.load().unwrap();
+    let names: Vec<&str> = scene.views.iter().map(|view| view.name.as_str()).collect();
+    assert_eq!(names, ["images_left_A_1", "images_right_eye_A_1", "images_002", "images_003"]);
+    assert!(scene.views[0].image.ends_with("images/left/A 1.png"));
 }

@@ -39,13 +39,13 @@ pub(super) fn read(bytes: &impl Bytes, header: &Header, layout: &Layout) -> Resu
     check_size(bytes, header, layout)?;
     let mut gaussians = layout.allocate(layout.count as usize);
     let mut arrays = layout::arrays(&mut gaussians);
-    let mut lines = Lines::new(bytes.from_offset(header.body_at), header.lines);
+    let mut lines = Lines::new(bytes.reader_from(header.body_at), header.lines);
     for _ in 0..layout.before {
         if !lines.next()? {
             return Err(Problem::TruncatedText { count: layout.count, found: 0 });
         }
     }
-    let mut all_finite = true;
+    let mut warning = None;
     for index in 0..layout.count {
         if !lines.next()? {
             return Err(Problem::TruncatedText { count: layout.count, found: index });
@@ -54,10 +54,13 @@ pub(super) fn read(bytes: &impl Bytes, header: &Header, layout: &Layout) -> Resu
             let line = lines.number;
             Problem::Row { line, index, reason }
         })?;
-        all_finite &= row.values.iter().all(|value| value.is_finite());
         store(&row, layout, index as usize, &mut arrays);
     }
-    Ok(Body { gaussians, all_finite, warning: None })
+    if !layout.followed && lines.next()? {
+        warning = Some("lines after the last Gaussian belong to nothing the header declares; ignored".to_owned());
+    }
+    let surely_usable = layout::surely_usable(&arrays);
+    Ok(Body { gaussians, surely_usable, warning })
 }
 
 /// A value takes a digit and a separator at least; only the last line may lack its end.
@@ -67,7 +70,6 @@ fn check_size(bytes: &impl Bytes, header: &Header, layout: &Layout) -> Result<()
     if u128::from(layout.count) * per_row + layout.before > body {
         return Err(Problem::Truncated {
             count: layout.count,
-            stride: per_row as u64,
             expected: u128::from(header.body_at) + u128::from(layout.count) * per_row + layout.before,
             found: bytes.size(),
         });

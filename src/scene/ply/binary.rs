@@ -12,6 +12,9 @@ use super::{Body, Problem};
 /// Bytes read at once: a chunk stays in a core's second-level cache while its columns are picked out one by one.
 const CHUNK_BYTES: usize = 256 << 10;
 
+/// Rows of a chunk at least: keeps the book-keeping per chunk and column small beside the values of any file.
+const LEAST_ROWS: usize = 64;
+
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum ByteOrder {
     Little,
@@ -22,15 +25,14 @@ pub(super) fn read(bytes: &impl Bytes, header: &Header, layout: &Layout, order: 
     let first_row_at = u128::from(header.body_at) + layout.before;
     let expected = first_row_at + u128::from(layout.count) * layout.stride as u128;
     if expected > u128::from(bytes.size()) {
-        let (count, stride, found) = (layout.count, layout.stride as u64, bytes.size());
-        return Err(Problem::Truncated { count, stride, expected, found });
+        return Err(Problem::Truncated { count: layout.count, expected, found: bytes.size() });
     }
     // Both fit: they are no larger than the file.
     let (first_row_at, left_over) = (first_row_at as u64, bytes.size() - expected as u64);
 
     let mut gaussians = layout.allocate(layout.count as usize);
-    let rows_per_chunk = (CHUNK_BYTES / layout.stride).max(1);
-    let all_finite = chunks(layout::arrays(&mut gaussians), rows_per_chunk)
+    let rows_per_chunk = (CHUNK_BYTES / layout.stride).max(LEAST_ROWS);
+    let surely_usable = chunks(layout::arrays(&mut gaussians), rows_per_chunk)
         .into_par_iter()
         .enumerate()
         .map_init(Vec::new, |buffer: &mut Vec<u8>, (index, mut chunk)| -> io::Result<bool> {
@@ -39,13 +41,13 @@ pub(super) fn read(bytes: &impl Bytes, header: &Header, layout: &Layout, order: 
             buffer.resize(rows * layout.stride, 0);
             bytes.read_at(first_row_at + (row * layout.stride) as u64, buffer)?;
             decode(buffer, layout, order, &mut chunk);
-            Ok(chunk.iter().all(|array| is_finite(array.values)))
+            Ok(layout::surely_usable(&chunk))
         })
         .try_reduce(|| true, |a, b| Ok(a & b))?;
 
     let warning = (left_over > 0 && !layout.followed)
         .then(|| format!("{left_over} bytes after the last Gaussian belong to nothing the header declares; ignored"));
-    Ok(Body { gaussians, all_finite, warning })
+    Ok(Body { gaussians, surely_usable, warning })
 }
 
 /// Cuts all arrays into shares of `rows` Gaussians.
@@ -104,10 +106,4 @@ fn copy<const N: usize>(
             *value = value_of(*encoded);
         }
     }
-}
-
-/// Without a branch per value, so that the compiler can take many at a time.
-fn is_finite(values: &[f32]) -> bool {
-    let largest = values.iter().fold(0, |largest: u32, value| largest.max(value.abs().to_bits()));
-    f32::from_bits(largest).is_finite()
 }

@@ -29,7 +29,7 @@ pub(super) fn read(bytes: &impl Bytes) -> Result<Header, Problem> {
     let (text, body_at) = checked_text(bytes)?;
     let header = Parser::<Row>::new()
         .read_header(&mut Cursor::new(&text))
-        .map_err(|error| Problem::Header(one_line(&error.to_string())))?;
+        .map_err(|error| Problem::Header(one_line(&error.to_string()).trim_end_matches('.').to_owned()))?;
     Ok(Header {
         encoding: header.encoding,
         elements: header.elements.into_iter().map(|(_, element)| element).collect(),
@@ -40,7 +40,7 @@ pub(super) fn read(bytes: &impl Bytes) -> Result<Header, Problem> {
 
 /// The header's text up to and with `end_header`, known to be safe for ply-rs, and the offset of what follows.
 fn checked_text(bytes: &impl Bytes) -> Result<(String, u64), Problem> {
-    let mut reader = bytes.from_offset(0).take(HEADER_LIMIT);
+    let mut reader = bytes.reader_from(0).take(HEADER_LIMIT);
     let mut checker = LineChecker::default();
     let mut text = String::new();
     let mut raw = Vec::new();
@@ -74,9 +74,9 @@ struct LineChecker {
 impl LineChecker {
     fn check(&mut self, line: usize, text: &str) -> Result<(), Problem> {
         let mut words = text.split_ascii_whitespace();
+        let is_remark = text.starts_with("comment") || text.starts_with("obj_info");
         let duplicate = |kind, name: &str| Err(Problem::Duplicate { kind, name: name.to_owned(), line });
         match words.next() {
-            Some("comment" | "obj_info") => return Ok(()),
             Some("element") => {
                 self.properties_of_element.clear();
                 let name = words.next().unwrap_or_default();
@@ -92,7 +92,7 @@ impl LineChecker {
             }
             _ => {}
         }
-        if overflows_u64(text) || Parser::<Row>::new().read_header_line(text).is_err() {
+        if !is_remark && overflows_u64(text) || Parser::<Row>::new().read_header_line(text).is_err() {
             return Err(Problem::HeaderLine { line, text: one_line(text) });
         }
         Ok(())

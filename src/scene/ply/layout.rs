@@ -201,6 +201,16 @@ pub(super) fn arrays(gaussians: &mut Gaussians) -> Vec<Array<'_>> {
     arrays
 }
 
+/// True where a look at the largest magnitudes is enough to know that every Gaussian is [`Gaussians::is_usable`].
+pub(super) fn surely_usable(arrays: &[Array<'_>]) -> bool {
+    arrays.iter().take(FIRST_EXTRA).enumerate().all(|(index, array)| {
+        let limit = if index == LOG_SCALES { Gaussians::LOG_SCALE_LIMIT } else { f32::INFINITY };
+        // Without a branch per value, so that the compiler can take many at a time.
+        let largest = array.values.iter().fold(0, |largest: u32, value| largest.max(value.abs().to_bits()));
+        f32::from_bits(largest) < limit
+    })
+}
+
 /// The array and lane of a property that gprop knows.
 fn place_of(name: &str) -> Option<(usize, usize)> {
     if let Some(index) = sh_rest_index(name) {

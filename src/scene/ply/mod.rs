@@ -2,11 +2,11 @@
 //! 0 to 3, with or without normals, with properties that gprop does not know.
 //!
 //! Reading goes in this order:
-//! 1. [`header`]: ply-rs reads the header; what it would swallow or choke on is checked before.
-//! 2. [`layout`]: which property goes where, and whether this is a splat at all.
-//! 3. [`binary`] or [`ascii`]: the body, straight into the structure of arrays, after the count that the header claims
+//! 1. `header`: ply-rs reads the header; what it would swallow or choke on is checked before.
+//! 2. `layout`: which property goes where, and whether this is a splat at all.
+//! 3. `binary` or `ascii`: the body, straight into the structure of arrays, after the count that the header claims
 //!    has been checked against the bytes that are there. Memory is bounded by the file's own size, whatever it claims.
-//! 4. Gaussians with values that are no numbers are dropped and counted.
+//! 4. Gaussians with values that no renderer could draw are dropped and counted.
 
 mod ascii;
 mod binary;
@@ -34,12 +34,11 @@ pub struct Loaded {
     pub warnings: Vec<String>,
 }
 
-/// A PLY file that cannot be read as a splat.
+/// A PLY file that cannot be read as a splat. The message is whole: it holds the problem's.
 #[derive(Debug, Error)]
 #[error("`{}`: {problem}", path.display())]
 pub struct PlyError {
     pub path: PathBuf,
-    #[source]
     pub problem: Problem,
 }
 
@@ -47,7 +46,7 @@ pub struct PlyError {
 #[derive(Debug, Error)]
 pub enum Problem {
     #[error("cannot be read: {0}")]
-    Io(#[from] std::io::Error),
+    Io(std::io::Error),
     #[error("is not a PLY file (its first line is not `ply`); point gprop at the .ply that the trainer wrote")]
     NotPly,
     #[error("line {line} of the header is not PLY: `{text}`; export the splat again")]
@@ -79,21 +78,27 @@ pub enum Problem {
     #[error("is not a 3DGS splat: vertex properties missing: {}; export the splat again with all of them", missing.join(" "))]
     NotASplat { missing: Vec<String> },
     #[error(
-        "has {found} properties f_rest_*, numbered from 0 without gaps only up to {contiguous}; spherical harmonics of degree \
-         0, 1, 2, 3 have 0, 9, 24, 45"
+        "has {found} properties f_rest_*, of which {contiguous} are numbered from 0 without a gap; spherical harmonics of \
+         degree 0, 1, 2, 3 have 0, 9, 24, 45; export the splat again with one of these"
     )]
     ShCount { found: usize, contiguous: usize },
     #[error(
-        "is truncated: the header claims {count} Gaussians of {stride} bytes, {expected} bytes in all, but the file has \
+        "is truncated: the header claims {count} Gaussians, for which the file needs at least {expected} bytes, but it has \
          {found}; copy or export it again"
     )]
-    Truncated { count: u64, stride: u64, expected: u128, found: u64 },
+    Truncated { count: u64, expected: u128, found: u64 },
     #[error("is truncated: the header claims {count} Gaussians, the text ends after {found}; copy or export it again")]
     TruncatedText { count: u64, found: u64 },
     #[error("line {line}, Gaussian {index}: {reason}; export the splat again")]
     Row { line: u64, index: u64, reason: String },
     #[error("none of the {count} Gaussians has finite values: training diverged; train again")]
     NothingFinite { count: usize },
+}
+
+impl From<std::io::Error> for Problem {
+    fn from(error: std::io::Error) -> Self {
+        Self::Io(error)
+    }
 }
 
 /// Reads the splat at `path`.
@@ -125,8 +130,8 @@ fn read_bytes(bytes: &impl Bytes) -> Result<Loaded, Problem> {
     let mut warnings = layout.warnings;
     warnings.extend(body.warning);
     let mut gaussians = body.gaussians;
-    if !body.all_finite {
-        warnings.extend(drop_non_finite(&mut gaussians)?);
+    if !body.surely_usable {
+        warnings.extend(drop_unusable(&mut gaussians)?);
     }
     Ok(Loaded { gaussians, warnings })
 }
@@ -134,13 +139,13 @@ fn read_bytes(bytes: &impl Bytes) -> Result<Loaded, Problem> {
 /// What a body reader hands back.
 struct Body {
     gaussians: Gaussians,
-    /// False where some value may be NaN or infinite.
-    all_finite: bool,
+    /// False where some Gaussian may not be [`Gaussians::is_usable`].
+    surely_usable: bool,
     warning: Option<String>,
 }
 
 /// Drops every Gaussian that no renderer could draw and says how many there were.
-fn drop_non_finite(gaussians: &mut Gaussians) -> Result<Option<String>, Problem> {
+fn drop_unusable(gaussians: &mut Gaussians) -> Result<Option<String>, Problem> {
     let count = gaussians.len();
     let usable: Vec<bool> = (0..count).map(|i| gaussians.is_usable(i)).collect();
     let dropped = usable.iter().filter(|usable| !**usable).count();
@@ -151,5 +156,7 @@ fn drop_non_finite(gaussians: &mut Gaussians) -> Result<Option<String>, Problem>
         return Ok(None);
     }
     gaussians.retain(&usable);
-    Ok(Some(format!("{dropped} of {count} Gaussians have values that are NaN or infinite; they were dropped")))
+    Ok(Some(format!(
+        "{dropped} of {count} Gaussians have values that are NaN, infinite or beyond float32; they were dropped"
+    )))
 }

@@ -13,7 +13,7 @@ pub(super) trait Bytes: Sync {
     fn read_at(&self, offset: u64, buffer: &mut [u8]) -> io::Result<()>;
 
     /// The bytes from `offset` on, one after the other.
-    fn from_offset(&self, offset: u64) -> BufReader<Sequential<'_, Self>> {
+    fn reader_from(&self, offset: u64) -> BufReader<Sequential<'_, Self>> {
         const CAPACITY: usize = 1 << 16;
         BufReader::with_capacity(CAPACITY, Sequential { bytes: self, offset })
     }

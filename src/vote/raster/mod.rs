@@ -22,7 +22,7 @@ use color::ColorSink;
 use labels::LabelSink;
 use project::Projector;
 pub use project::{ALPHA_MIN, LOW_PASS_PX2, SURFACE_DEVIATIONS, Splat};
-pub use sh::{SH_C0, color as sh_color};
+pub use sh::{SH_C0, basis as sh_basis, color as sh_color};
 pub use tiles::TILE;
 use tiles::Tiles;
 
