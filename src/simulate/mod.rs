@@ -70,11 +70,9 @@ pub fn simulate(
     let mut state = match resume {
         Some(checkpoint) if checkpoint.identity == identity => checkpoint,
         Some(_) => return Err(SimulateError::Checkpoint("it belongs to another scene or other options".to_owned())),
-        None => Checkpoint {
-            identity,
-            record: Record { substeps: 0, shortest_dt_s: None, frames: vec![] },
-            particles: start,
-        },
+        None => {
+            Checkpoint { identity, record: Record { substeps: 0, longest_dt_s: 0.0, frames: vec![] }, particles: start }
+        }
     };
     let bar = progress.bar("simulate", u64::from(options.frames));
     bar.set_position(state.frames() as u64);
@@ -96,7 +94,7 @@ pub fn simulate(
     }
     bar.finish_and_clear();
     report.substeps = state.record.substeps;
-    report.dt_s = state.record.shortest_dt_s.unwrap_or(0.0);
+    report.dt_s = state.record.longest_dt_s;
     report.frames = state.record.frames;
     Ok(report)
 }
@@ -141,7 +139,7 @@ fn advance(
         left_s = if dt_s < left_s { left_s - dt_s } else { 0.0 };
         solver.step(dt_s as f32).map_err(|lost| Failure { lost, t_s: to_s - left_s })?;
         record.substeps += 1;
-        record.shortest_dt_s = Some(record.shortest_dt_s.map_or(dt_s, |shortest| shortest.min(dt_s)));
+        record.longest_dt_s = record.longest_dt_s.max(dt_s);
     }
     Ok(solver.particles())
 }

@@ -13,7 +13,7 @@ pub struct SimulationReport {
     /// Of these, those of the inside.
     pub fill_particles: usize,
     pub substeps: u64,
-    /// The shortest substep.
+    /// The longest substep.
     pub dt_s: f64,
     /// How the substep came about.
     pub time_step: StepReport,
