@@ -13,7 +13,7 @@ use crate::units::{Estimate, ScaleSource, ShoreScale};
 use crate::vote::{FieldLabel, palette};
 
 use super::charts::{curves, force_scale};
-use super::numbers::{interval, significant, thousands};
+use super::numbers::{interval, short, significant, thousands};
 use super::{Pictures, Report, ViewPictures};
 
 /// The page of a report.
@@ -91,6 +91,7 @@ fn part_row(label: &FieldLabel, report: &Report) -> Value {
         id => label.id,
         color => css(palette::color(label.id)),
         caption => &label.caption,
+        name => short(&label.caption),
         material => &label.material,
         family => &label.family,
         gaussians => report.gaussians_per_label[label.id as usize],
@@ -128,7 +129,7 @@ fn grasp(grasp: &GraspReport) -> Value {
         format!("not a safe grasp, limited by {}", limit.as_str().unwrap_or_default())
     };
     context! {
-        part => &grasp.part,
+        part => short(&grasp.part),
         sentence => format!(
             "press with {} N ({}, command {} of 100): {verdict}.",
             significant(grasp.f_star_n), grasp.gripper, significant(grasp.normalized_command),

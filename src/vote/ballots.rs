@@ -194,7 +194,7 @@ impl Sink for LightSink {
         // The light before the splat is what it takes and what it leaves; a finished pixel counts as neither.
         let sent: [f32; LANES] =
             std::array::from_fn(|lane| weights[lane] / (weights[lane] + transmittance[lane]).max(TRANSMITTANCE_MIN));
-        let labels: &[u16; LANES] = self.labels[first..first + LANES].try_into().expect("as long as it says");
+        let labels: [u16; LANES] = std::array::from_fn(|lane| self.labels[first + lane]);
         if labels.iter().all(|label| *label == labels[0]) {
             self.count(gaussian, labels[0], weights.iter().sum(), sent.iter().sum());
             return;
