@@ -13,7 +13,7 @@ use serde::Serialize;
 use crate::exit::UsageError;
 use crate::pipeline::{self, Stage};
 use crate::progress::Progress;
-use crate::{config, setup};
+use crate::{config, materials, setup};
 
 /// Materials and physical properties for every Gaussian of a 3D Gaussian Splatting scene.
 #[derive(Debug, Parser)]
@@ -61,6 +61,9 @@ enum Command {
     /// Measure against a reference or ground truth.
     #[command(subcommand)]
     Evaluate(Evaluate),
+    /// The material library.
+    #[command(subcommand)]
+    Materials(Materials),
     /// Fetch ONNX Runtime and SAM into the cache, or say where they lie.
     Setup(SetupArgs),
     /// Check ONNX Runtime and SAM without fetching anything.
@@ -124,6 +127,33 @@ enum Evaluate {
     },
 }
 
+#[derive(Debug, Subcommand)]
+enum Materials {
+    /// One material with every property and its sources.
+    Show {
+        /// Name or alias; case and punctuation do not matter.
+        name: String,
+        #[command(flatten)]
+        library: materials::Options,
+    },
+    /// The names of all materials, or of one family.
+    List {
+        /// Only this family.
+        #[arg(long, value_name = "NAME")]
+        family: Option<String>,
+        #[command(flatten)]
+        library: materials::Options,
+    },
+    /// Check the library for what cannot be true.
+    Check {
+        /// Also print how many numbers come from a cited table.
+        #[arg(long)]
+        stats: bool,
+        #[command(flatten)]
+        library: materials::Options,
+    },
+}
+
 /// Does what `arguments` (the program's name first) ask for.
 ///
 /// # Errors
@@ -146,6 +176,7 @@ pub fn run(arguments: Vec<OsString>) -> anyhow::Result<()> {
         Command::Simulate(args) => scene::run(global, args, Stage::Simulate),
         Command::Grasp(args) => scene::run(global, args, Stage::Grasp),
         Command::Evaluate(what) => tools::evaluate(global, what),
+        Command::Materials(what) => tools::materials(global, what),
         Command::Setup(args) => tools::set_up(global, &args.options),
         Command::Doctor(args) => tools::doctor(global, &args.options),
     }

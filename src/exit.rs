@@ -3,11 +3,17 @@
 use thiserror::Error;
 
 use crate::config::ConfigError;
+use crate::evaluate::masks::MasksError;
 use crate::grasp::GraspError;
 use crate::materials::LibraryError;
 use crate::parts::PartsError;
-use crate::query::QueryError;
+use crate::query::client::ClientError;
+use crate::query::cost::PriceError;
+use crate::query::exchange::ExchangeError;
+use crate::query::recorded::RecordingError;
+use crate::query::{PromptError, QueryError};
 use crate::scene::SceneError;
+use crate::scene::ply::PlyError;
 use crate::segment::SegmentError;
 use crate::setup::SetupError;
 use crate::simulate::SimulateError;
@@ -45,15 +51,34 @@ pub fn of(error: &anyhow::Error) -> Exit {
 }
 
 fn code(cause: &(dyn std::error::Error + 'static)) -> Option<Exit> {
-    let is = |found: bool, exit| found.then_some(exit);
-    is(cause.is::<UsageError>() || cause.is::<ConfigError>() || cause.is::<WorkDirError>(), Exit::Usage)
-        .or(is(cause.is::<LibraryError>(), Exit::Usage))
-        .or(is(cause.is::<SceneError>(), Exit::Scene))
-        .or(is(cause.is::<SetupError>(), Exit::Model))
-        .or(is(cause.is::<SegmentError>(), Exit::Model))
-        .or(is(cause.is::<QueryError>(), Exit::Answer))
-        .or(is(cause.is::<VoteError>() || cause.is::<PartsError>(), Exit::Scene))
-        .or(is(cause.is::<SimulateError>() || cause.is::<GraspError>(), Exit::Usage))
+    if let Some(SceneError::UnknownView { .. }) = cause.downcast_ref() {
+        return Some(Exit::Usage);
+    }
+    let exits: [(Exit, &[bool]); 4] = [
+        (
+            Exit::Usage,
+            &[
+                cause.is::<UsageError>(),
+                cause.is::<ConfigError>(),
+                cause.is::<WorkDirError>(),
+                cause.is::<LibraryError>(),
+                cause.is::<PromptError>(),
+                cause.is::<PriceError>(),
+                cause.is::<ClientError>(),
+                cause.is::<ExchangeError>(),
+                cause.is::<MasksError>(),
+                cause.is::<SimulateError>(),
+                cause.is::<GraspError>(),
+            ],
+        ),
+        (
+            Exit::Scene,
+            &[cause.is::<SceneError>(), cause.is::<PlyError>(), cause.is::<VoteError>(), cause.is::<PartsError>()],
+        ),
+        (Exit::Model, &[cause.is::<SetupError>(), cause.is::<SegmentError>()]),
+        (Exit::Answer, &[cause.is::<QueryError>(), cause.is::<RecordingError>()]),
+    ];
+    exits.into_iter().find(|(_, found)| found.contains(&true)).map(|(exit, _)| exit)
 }
 
 /// Makes a panic end the process with [`Exit::Bug`] and a request to report it.

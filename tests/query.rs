@@ -4,6 +4,7 @@ mod answers;
 mod client;
 mod cost;
 mod exchange;
+mod options;
 mod prompts;
 mod recordings;
 mod sheets;

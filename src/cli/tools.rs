@@ -7,10 +7,11 @@ use anyhow::Context;
 
 use crate::evaluate::masks::{Reference, compare};
 use crate::exit::UsageError;
+use crate::materials::{MaterialLibrary, check, cli as library, stats};
 use crate::segment::Segmenter;
 use crate::setup::{self, SetupError};
 
-use super::{Evaluate, Global, print};
+use super::{Evaluate, Global, Materials, print};
 
 /// `gprop setup`.
 pub fn set_up(global: &Global, options: &setup::Options) -> anyhow::Result<()> {
@@ -59,4 +60,34 @@ fn evaluate_masks(global: &Global, image: &Path, reference: &Path, setup: &setup
         }
         text + "the last two columns are largest differences over the matched pairs"
     })
+}
+
+/// `gprop materials`.
+pub fn materials(global: &Global, what: &Materials) -> anyhow::Result<()> {
+    match what {
+        Materials::Show { name, library: options } => {
+            let all = options.library()?;
+            let card = library::show(&all, name).ok_or_else(|| UsageError(format!("no material is like {name:?}")))?;
+            print(global, &card, || library::show_text(&all, name).unwrap_or_default())
+        }
+        Materials::List { family, library: options } => {
+            let all = options.library()?;
+            let family = family.as_deref();
+            let text = library::list_text(&all, family).ok_or_else(|| unknown_family(&all, family))?;
+            let names: Vec<&str> = text.lines().collect();
+            print(global, &names, || text.clone())
+        }
+        Materials::Check { stats: with_stats, library: options } => {
+            let all = options.library()?;
+            let (text, fit) = library::check_text(&all, *with_stats);
+            let value = serde_json::json!({ "findings": check::check(&all), "stats": stats::stats(&all) });
+            print(global, &value, || text)?;
+            if fit { Ok(()) } else { Err(UsageError("the library does not pass its checks".to_owned()).into()) }
+        }
+    }
+}
+
+fn unknown_family(library: &MaterialLibrary, family: Option<&str>) -> UsageError {
+    let names: Vec<&str> = library.families().iter().map(|family| family.name.as_str()).collect();
+    UsageError(format!("no family {:?}; there are {}", family.unwrap_or_default(), names.join(", ")))
 }

@@ -48,6 +48,44 @@ impl Evidence {
     }
 }
 
+/// A row of `constituents.csv`: what a foam, a composite or a fabric is made of.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Constituent {
+    pub material: String,
+    pub relation: Relation,
+    /// The constituent in words.
+    pub name: String,
+    pub density_kg_m3: f64,
+    pub youngs_modulus_pa: f64,
+    pub strength_pa: Option<f64>,
+    /// Its share of the volume.
+    pub volume_fraction: Range,
+    pub source: String,
+}
+
+/// What a constituent is to the whole.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Relation {
+    /// The solid of a foam's cells.
+    CellWall,
+    /// The stiff phase of a composite.
+    Reinforcement,
+    /// The phase that holds it together.
+    Matrix,
+    /// What a cloth is spun of.
+    Fibre,
+}
+
+impl Relation {
+    /// Every relation with the word that stands for it in the CSV.
+    pub const NAMES: [(&'static str, Self); 4] = [
+        ("cell_wall", Self::CellWall),
+        ("reinforcement", Self::Reinforcement),
+        ("matrix", Self::Matrix),
+        ("fibre", Self::Fibre),
+    ];
+}
+
 /// A row of `deviations.csv`: a finding that is right as it stands, and why.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Deviation {

@@ -5,7 +5,7 @@ use std::fs;
 use std::path::{Path, PathBuf};
 use std::sync::{LazyLock, OnceLock};
 
-use super::bibliography::{Deviation, Evidence, Reference};
+use super::bibliography::{Constituent, Deviation, Evidence, Reference};
 use super::names::{TokenIndex, fold, inverted};
 use super::read::{LibraryError, Placed, Table, Tables, read_tables};
 use super::{Family, Material};
@@ -20,10 +20,12 @@ macro_rules! builtin_tables {
 }
 
 /// The tables that are compiled in.
-const BUILTIN: [Table<'static>; 19] = builtin_tables![
+const BUILTIN: [Table<'static>; 21] = builtin_tables![
     "families.csv",
     "bibliography.csv",
     "evidence.csv",
+    "reference.csv",
+    "constituents.csv",
     "deviations.csv",
     "wood.csv",
     "metal.csv",
@@ -49,6 +51,9 @@ pub struct MaterialLibrary {
     materials: Vec<Material>,
     pub(super) references: Vec<Reference>,
     pub(super) evidence: Vec<Evidence>,
+    /// Textbook values to test against; their `entry` is a material's name.
+    pub(super) reference: Vec<Evidence>,
+    pub(super) constituents: Vec<Constituent>,
     pub(super) deviations: Vec<Deviation>,
     /// Folded names, aliases and inverted names.
     by_name: HashMap<String, usize>,
@@ -73,6 +78,8 @@ impl MaterialLibrary {
             materials: Vec::new(),
             references: Vec::new(),
             evidence: Vec::new(),
+            reference: Vec::new(),
+            constituents: Vec::new(),
             deviations: Vec::new(),
             by_name: HashMap::new(),
             tokens: OnceLock::new(),
@@ -82,7 +89,7 @@ impl MaterialLibrary {
     }
 
     /// The compiled-in library with a user's on top: a CSV of materials, or a folder of such CSVs which may also hold
-    /// its own `families.csv`, `bibliography.csv`, `evidence.csv` and `deviations.csv`.
+    /// its own `families.csv`, `bibliography.csv` and other tables that the built-in folder has.
     ///
     /// A row whose name the library has replaces the library's row; a new name adds a row. Files are taken in the
     /// order of their names.
@@ -159,6 +166,8 @@ impl MaterialLibrary {
         }
         self.references.extend(tables.references);
         self.evidence.extend(tables.evidence);
+        self.reference.extend(tables.reference);
+        self.constituents.extend(tables.constituents);
         self.deviations.extend(tables.deviations);
         let row_of_name: HashMap<String, usize> =
             self.materials.iter().enumerate().map(|(row, material)| (fold(&material.name), row)).collect();

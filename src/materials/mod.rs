@@ -5,11 +5,14 @@
 //! columns. [`MaterialLibrary`] reads them, [`check`](check::check) tests them, [`cli`] prints them.
 
 pub mod bibliography;
+pub mod check;
+pub mod cli;
 
 mod library;
 mod names;
 mod options;
 mod read;
+pub mod stats;
 
 use serde::{Deserialize, Serialize};
 

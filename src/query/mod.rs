@@ -50,6 +50,7 @@ pub struct PartAnswer {
 /// An answer or why there is none.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(tag = "status", rename_all = "snake_case")]
+#[expect(clippy::large_enum_variant, reason = "nearly all outcomes are answers")]
 pub enum Outcome {
     Answered(Answer),
     Failed(Failure),

@@ -69,7 +69,7 @@ pub struct Options {
     pub recordings: Option<PathBuf>,
 
     /// Base URL of an OpenAI-compatible server, such as http://localhost:11434/v1; the key is read from OPENAI_API_KEY
-    #[arg(long, value_name = "URL", requires = "lmm_model")]
+    #[arg(long, value_name = "URL")]
     #[serde(skip)]
     pub lmm_url: Option<String>,
 

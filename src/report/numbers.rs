@@ -1,4 +1,4 @@
-//! Numbers as a person reads them.
+//! Numbers and names as a person reads them.
 
 use crate::units::Estimate;
 
@@ -38,6 +38,11 @@ pub fn thousands(number: u64) -> String {
         text.push(digit);
     }
     text
+}
+
+/// What a caption begins with: the part's name, without how it looks.
+pub fn short(caption: &str) -> &str {
+    caption.split([';', ',']).next().unwrap_or(caption).trim()
 }
 
 #[cfg(test)]

@@ -1,9 +1,9 @@
 //! From ballots to one label a Gaussian.
 //!
-//! 1. Under [`Agreement::Part`] the views' parts of one 3D part agree on a material: the most frequent one, each answer
-//!    counting as many times as its part is seen on a Gaussian. A single odd answer then does not make a patch where
-//!    few other views look: the paper's vote runs over all Gaussians of a part at once. Under [`Agreement::Gaussian`] every
-//!    answer stands for itself, which is the paper's rule to the letter.
+//! 1. Under [`Agreement::Part`] every view's part stands for the material that its 3D part agrees on (see
+//!    [`super::identity`]): the paper's vote, over all Gaussians of a part at once. A single odd answer then makes no
+//!    patch where few other views look. Under [`Agreement::Gaussian`] every answer stands for itself, which is the
+//!    paper's rule to the letter.
 //! 2. A Gaussian takes the material with most of its votes.
 //! 3. Among the 3D parts that gave it this material, it takes the one with most of its votes.
 //!
@@ -42,16 +42,8 @@ pub(super) fn candidates(parts: &ViewParts, identity: &Identity, agreement: Agre
     if agreement == Agreement::Gaussian {
         return own;
     }
-    let mut tally = vec![Vec::new(); identity.parts_3d];
-    for ((part, choice), &seen) in parts.parts.iter().zip(&own).zip(&identity.seen) {
-        add(&mut tally[choice.part_3d as usize], choice.material, seen as f64, part.answer.confidence);
-    }
-    own.into_iter()
-        .map(|choice| {
-            let agreed = winner(&tally[choice.part_3d as usize]).map_or(choice.material, |(material, _)| material);
-            Choice { material: agreed, ..choice }
-        })
-        .collect()
+    let agreed = |choice: Choice| Choice { material: identity.material_3d[choice.part_3d as usize], ..choice };
+    own.into_iter().map(agreed).collect()
 }
 
 /// Every Gaussian's choice; `None` for those that no view votes on.
@@ -84,9 +76,9 @@ fn elect_one(ballots: &[Ballot], parts: &ViewParts, candidates: &[Choice]) -> Op
 }
 
 /// Votes and votes times confidence by what they are for, in order of first sight: rarely more than three.
-type Tally = Vec<(u32, f64, f64)>;
+pub(super) type Tally = Vec<(u32, f64, f64)>;
 
-fn add(tally: &mut Tally, for_what: u32, votes: f64, confidence: f64) {
+pub(super) fn add(tally: &mut Tally, for_what: u32, votes: f64, confidence: f64) {
     match tally.iter_mut().find(|(known, ..)| *known == for_what) {
         Some((_, sum, sure)) => {
             *sum += votes;
@@ -97,7 +89,7 @@ fn add(tally: &mut Tally, for_what: u32, votes: f64, confidence: f64) {
 }
 
 /// What has most votes, and how many; ties as the module says.
-fn winner(tally: &Tally) -> Option<(u32, f64)> {
+pub(super) fn winner(tally: &Tally) -> Option<(u32, f64)> {
     let order =
         |a: &&(u32, f64, f64), b: &&(u32, f64, f64)| a.1.total_cmp(&b.1).then(a.2.total_cmp(&b.2)).then(b.0.cmp(&a.0));
     tally.iter().max_by(order).map(|&(what, votes, _)| (what, votes))

@@ -257,7 +257,8 @@ fn nobody_there_is_hopeless() {
 
 #[test]
 fn content_in_parts_is_read_as_text() {
-    let parts = json!({ "choices": [{ "message": { "content": [{ "type": "text", "text": "{\"a\"" }, { "type": "text", "text": ":1}" }] } }] });
+    let content = json!([{ "type": "text", "text": "{\"a\"" }, { "type": "text", "text": ":1}" }]);
+    let parts = json!({ "choices": [{ "message": { "content": content } }] });
     let server = Server::new(move |_, _, _| ResponseTemplate::new(200).set_body_json(parts.clone()));
     let reply = server.ask().unwrap();
     assert_eq!((reply.text.as_str(), reply.usage), ("{\"a\":1}", None));

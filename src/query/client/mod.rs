@@ -1,9 +1,9 @@
 //! A client for OpenAI-compatible servers (Chat Completions with pictures): the only place that talks to a network.
 //!
-//! Servers differ in what they accept, so a [`Dialect`](dialect::Dialect) starts with the strictest form of request and
-//! steps down where a server refuses it; what a server accepted once is used from then on. Requests that fail for a
-//! passing reason are repeated ([`retry`]). The account's key is read from the environment only, is sent in a header
-//! that is marked sensitive, and is cut out of every text that comes back.
+//! Servers differ in what they accept, so a request starts in its strictest form (`dialect.rs`) and steps down where a
+//! server refuses it; what a server accepted once is used from then on. Requests that fail for a passing reason are
+//! repeated (`retry.rs`). The account's key is read from the environment only, is sent in a header that is marked
+//! sensitive, and is cut out of every text that comes back.
 
 mod dialect;
 mod key;
@@ -127,10 +127,10 @@ impl Client {
         if let Some(key) = &self.key {
             request = request.headers(key.headers());
         }
-        let response = request.send().await.map_err(|error| response::transport(error))?;
+        let response = request.send().await.map_err(response::transport)?;
         let status = response.status();
         let retry_after = retry::retry_after(response.headers());
-        let bytes = response.bytes().await.map_err(|error| response::transport(error))?;
+        let bytes = response.bytes().await.map_err(response::transport)?;
         let text = String::from_utf8_lossy(&bytes);
         let text = self.key.as_ref().map_or_else(|| text.to_string(), |key| key.cut_from(&text));
         response::read(status, &text, retry_after)

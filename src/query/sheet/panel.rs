@@ -1,7 +1,7 @@
 //! One panel of a sheet: cropped, put on its ground, scaled to fit.
 
 use image::imageops::{self, FilterType};
-use image::{GenericImage, GrayImage, Pixel, Rgb, RgbImage};
+use image::{GenericImage, GrayImage, ImageBuffer, Luma, Pixel, Rgb, RgbImage};
 
 use crate::scene::Photo;
 
@@ -91,8 +91,7 @@ pub fn object(photo: &Photo, object_box: Area, size: (u32, u32)) -> RgbImage {
 /// The object's panel with the part in translucent red, outlined in red and white.
 pub fn part_in_red(mut object: RgbImage, mask: &GrayImage, object_box: Area) -> RgbImage {
     let (width, height) = object.dimensions();
-    let mask = crop(object_box, |x, y| Rgb([mask.get_pixel(x, y)[0]; 3]));
-    let mask = fit(&mask, Rgb([0; 3]), (width, height));
+    let mask = fit(&crop(object_box, |x, y| *mask.get_pixel(x, y)), Luma([0]), (width, height));
     let edge = near_edge(&mask);
     for ((pixel, coverage), at_edge) in object.pixels_mut().zip(mask.pixels()).zip(edge) {
         match (is_inside(coverage), at_edge) {
@@ -110,12 +109,12 @@ pub fn part_in_red(mut object: RgbImage, mask: &GrayImage, object_box: Area) -> 
     object
 }
 
-fn is_inside(coverage: &Rgb<u8>) -> bool {
+fn is_inside(coverage: &Luma<u8>) -> bool {
     coverage[0] >= 128
 }
 
 /// Whether a pixel lies within [`OUTLINE`] pixels of one on the other side of the mask's edge, row by row.
-fn near_edge(mask: &RgbImage) -> Vec<bool> {
+fn near_edge(mask: &GrayImage) -> Vec<bool> {
     let (width, height) = mask.dimensions();
     let mut near = vec![false; (width * height) as usize];
     let mut stamp = |x: u32, y: u32, step_x: u32, step_y: u32| {
@@ -144,12 +143,16 @@ pub fn part_alone(photo: &Photo, mask: &GrayImage, part_box: Area, size: (u32, u
     fit(&crop, GREY, size)
 }
 
-fn crop(source: Area, pixel: impl Fn(u32, u32) -> Rgb<u8>) -> RgbImage {
-    RgbImage::from_fn(source.width(), source.height(), |x, y| pixel(source.x0 + x, source.y0 + y))
+fn crop<P: Pixel>(source: Area, pixel: impl Fn(u32, u32) -> P) -> ImageBuffer<P, Vec<P::Subpixel>> {
+    ImageBuffer::from_fn(source.width(), source.height(), |x, y| pixel(source.x0 + x, source.y0 + y))
 }
 
 /// Scales a picture to the largest that fits into `size`, centred on `ground`.
-fn fit(picture: &RgbImage, ground: Rgb<u8>, size: (u32, u32)) -> RgbImage {
+fn fit<P: Pixel<Subpixel = u8> + 'static>(
+    picture: &ImageBuffer<P, Vec<u8>>,
+    ground: P,
+    size: (u32, u32),
+) -> ImageBuffer<P, Vec<u8>> {
     let (width, height) = (u64::from(picture.width()), u64::from(picture.height()));
     let (room_x, room_y) = (u64::from(size.0), u64::from(size.1));
     let (fit_x, fit_y) = if width * room_y >= height * room_x {
@@ -158,7 +161,7 @@ fn fit(picture: &RgbImage, ground: Rgb<u8>, size: (u32, u32)) -> RgbImage {
         ((room_y * width / height).max(1), room_y)
     };
     let scaled = imageops::resize(picture, fit_x as u32, fit_y as u32, FilterType::CatmullRom);
-    let mut panel = RgbImage::from_pixel(size.0, size.1, ground);
+    let mut panel = ImageBuffer::from_pixel(size.0, size.1, ground);
     panel
         .copy_from(&scaled, (size.0 - fit_x as u32) / 2, (size.1 - fit_y as u32) / 2)
         .expect("the picture was scaled to fit");

@@ -49,7 +49,8 @@ impl Ground {
                 let (x, y) = (f64::from(pixel % i.width) + 0.5, f64::from(pixel / i.width) + 0.5);
                 let ray = world_from_camera * Vector3::new((x - i.cx) / i.fx, (y - i.cy) / i.fy, 1.0);
                 let distance = (self.z - eye.z) / ray.z;
-                if !(distance > 0.0) {
+                // The sky, and what is behind the camera.
+                if distance <= 0.0 || !distance.is_finite() {
                     return BACKGROUND;
                 }
                 // Size of the pixel on the ground along the sight, for soft edges between the squares.

@@ -109,6 +109,12 @@ impl Lanes for Avx2 {
         unsafe { _mm256_movemask_ps(mask) != 0 }
     }
     #[inline(always)]
+    fn to_whole(self) -> [i32; LANES] {
+        let mut whole = [0; LANES];
+        unsafe { _mm256_storeu_si256(whole.as_mut_ptr().cast(), _mm256_cvttps_epi32(self.0)) }
+        whole
+    }
+    #[inline(always)]
     fn split_exponent(self) -> (Self, Self) {
         unsafe {
             let bits = _mm256_castps_si256(self.0);

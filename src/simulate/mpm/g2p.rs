@@ -134,7 +134,7 @@ fn sums<L: Lanes>(stencils: &[Stencil<L>; 3], nodes: &[f32], columns: &Columns, 
         let moment = [steps[0] * weight[0], steps[1] * weight[1]];
         let mut column = (ci[p] - columns.first[0]) as usize * columns.count[1] + (cj[p] - columns.first[1]) as usize;
         let (mut sum, mut sum_i, mut sum_j, mut sum_k) = (zero, zero, zero, zero);
-        for i in 0..3 {
+        for (i, wi) in wi.iter().enumerate() {
             let (mut plane, mut plane_j, mut plane_k) = (zero, zero, zero);
             let bases: &[i32] = &columns.base[column..column + 3];
             for j in 0..3 {
@@ -151,7 +151,7 @@ fn sums<L: Lanes>(stencils: &[Stencil<L>; 3], nodes: &[f32], columns: &Columns, 
                     plane_j = (w * L::splat(j as f32)).mul_add(value, plane_j);
                 }
             }
-            let w = L::splat(wi[i][p]);
+            let w = L::splat(wi[p]);
             sum = w.mul_add(plane, sum);
             sum_j = w.mul_add(plane_j, sum_j);
             sum_k = w.mul_add(plane_k, sum_k);

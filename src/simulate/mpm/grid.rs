@@ -20,6 +20,9 @@ pub const SLAB: usize = 4;
 /// How far, in cells, a particle may drift between sorts.
 pub const DRIFT: i32 = 1;
 
+/// The span that any hull with another one leaves as that other one.
+pub const NOTHING: Range<i32> = Range { start: i32::MAX, end: i32::MIN };
+
 /// Where every node is stored.
 #[derive(Debug, Clone, Default)]
 pub struct Columns {
@@ -51,7 +54,7 @@ impl Columns {
         let first = low.map(|l| l - DRIFT);
         let slabs = (high[0] - low[0]) as usize / SLAB + 1;
         let count = [SLAB * slabs + SLAB, (high[1] - low[1] + 3 + 2 * DRIFT) as usize];
-        let mut own = vec![i32::MAX..i32::MIN; count[0] * count[1]];
+        let mut own = vec![NOTHING; count[0] * count[1]];
         for base in bases {
             let span = &mut own[(base[0] - first[0]) as usize * count[1] + (base[1] - first[1]) as usize];
             *span = span.start.min(base[2] - DRIFT)..span.end.max(base[2] + 4 + DRIFT);
@@ -94,18 +97,17 @@ impl Columns {
 fn dilated(own: &[Range<i32>], count: [usize; 2]) -> Vec<Range<i32>> {
     let (before, after) = (2 + DRIFT as usize, DRIFT as usize);
     let hull = |a: Range<i32>, b: &Range<i32>| a.start.min(b.start)..a.end.max(b.end);
-    let none = i32::MAX..i32::MIN;
     let window = |at: usize, n: usize| at.saturating_sub(before)..(at + after + 1).min(n);
     let mut along: Vec<Range<i32>> = Vec::with_capacity(own.len());
     for i in 0..count[0] {
         for j in 0..count[1] {
-            along.push(window(j, count[1]).fold(none.clone(), |s, j| hull(s, &own[i * count[1] + j])));
+            along.push(window(j, count[1]).fold(NOTHING, |s, j| hull(s, &own[i * count[1] + j])));
         }
     }
     let mut spans = Vec::with_capacity(own.len());
     for i in 0..count[0] {
         for j in 0..count[1] {
-            let span = window(i, count[0]).fold(none.clone(), |s, i| hull(s, &along[i * count[1] + j]));
+            let span = window(i, count[0]).fold(NOTHING, |s, i| hull(s, &along[i * count[1] + j]));
             spans.push(if span.is_empty() { 0..0 } else { span });
         }
     }

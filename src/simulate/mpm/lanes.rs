@@ -36,6 +36,8 @@ pub trait Lanes:
     fn less(self, other: Self) -> Self::Mask;
     fn select(mask: Self::Mask, yes: Self, no: Self) -> Self;
     fn any(mask: Self::Mask) -> bool;
+    /// Whole numbers below 2^31 as such.
+    fn to_whole(self) -> [i32; LANES];
     /// Mantissa in [1, 2) and exponent of positive normal numbers.
     fn split_exponent(self) -> (Self, Self);
     /// 2^self for whole numbers in [-126, 127].
@@ -62,7 +64,7 @@ pub fn ln<L: Lanes>(x: L) -> L {
         -1.666_805_8e-1,
         2.000_071_5e-1,
         -2.499_999_4e-1,
-        3.333_333_1e-1,
+        3.333_333e-1,
     ];
     let (mantissa, exponent) = x.split_exponent();
     let large = L::splat(std::f32::consts::SQRT_2).less(mantissa);
@@ -76,7 +78,7 @@ pub fn ln<L: Lanes>(x: L) -> L {
 /// Exponential, arguments clamped to [-80, 80], to about 2 ulp (Cephes' expf polynomial).
 #[inline(always)]
 pub fn exp<L: Lanes>(x: L) -> L {
-    const P: [f32; 6] = [1.987_569_1e-4, 1.398_2e-3, 8.333_452e-3, 4.166_579_6e-2, 1.666_666_5e-1, 5.000_000_1e-1];
+    const P: [f32; 6] = [1.987_569_1e-4, 1.398_2e-3, 8.333_452e-3, 4.166_579_6e-2, 1.666_666_5e-1, 0.5];
     let x = x.max(L::splat(-80.0)).min(L::splat(80.0));
     let n = x.mul_add(L::splat(std::f32::consts::LOG2_E), L::splat(0.5)).floor();
     let t = n.mul_add(L::splat(2.121_944_4e-4), n.mul_add(L::splat(-0.693_359_4), x));
@@ -194,6 +196,10 @@ impl Lanes for Plain {
     #[inline(always)]
     fn any(mask: Self::Mask) -> bool {
         mask.contains(&true)
+    }
+    #[inline(always)]
+    fn to_whole(self) -> [i32; LANES] {
+        self.0.map(|x| x as i32)
     }
     #[inline(always)]
     fn split_exponent(self) -> (Self, Self) {

@@ -162,15 +162,15 @@ fn momentum<L: Lanes>(
         }
     }
     let zero = L::splat(0.0);
-    let mut value = [zero, zero, zero, mass];
-    for r in 0..3 {
-        let offset = [stencils[0].offset, stencils[1].offset, stencils[2].offset];
-        value[r] = mass.mul_add(L::load(&pack.velocity[r]), -dot(&offset, &per_node.0[r]));
+    let offset = [stencils[0].offset, stencils[1].offset, stencils[2].offset];
+    let mut value = [zero, zero, zero];
+    for (r, value) in value.iter_mut().enumerate() {
+        *value = mass.mul_add(L::load(&pack.velocity[r]), -dot(&offset, &per_node.0[r]));
     }
     let m = &per_node.0;
     let [i, j, k] = axes;
     Linear {
-        value_and_i: L::transpose([value[0], value[1], value[2], value[3], m[0][i], m[1][i], m[2][i], zero]),
+        value_and_i: L::transpose([value[0], value[1], value[2], mass, m[0][i], m[1][i], m[2][i], zero]),
         j_and_k: L::transpose([m[0][j], m[1][j], m[2][j], zero, m[0][k], m[1][k], m[2][k], zero]),
     }
 }

@@ -7,7 +7,7 @@ use std::ops::Range;
 
 use rayon::prelude::*;
 
-use super::grid::Columns;
+use super::grid::{Columns, DRIFT, NOTHING, SLAB};
 use super::lanes::LANES;
 use super::particles::{Pack, Particle};
 use super::stencil::base_cell;
@@ -86,7 +86,7 @@ pub fn sorted(packs: &[Pack], laws: usize, cells_per_m: f32) -> Sorted {
 /// x, y, z by falling extent of the particles: slabs along the longest, columns along the shortest.
 fn axes_by_extent(entries: &[Entry]) -> [usize; 3] {
     let extent = |a: usize| {
-        let range = entries.iter().fold(i32::MAX..i32::MIN, |r, e| r.start.min(e.base[a])..r.end.max(e.base[a]));
+        let range = entries.iter().fold(NOTHING, |r, e| r.start.min(e.base[a])..r.end.max(e.base[a]));
         range.end.saturating_sub(range.start)
     };
     let mut axes = [0, 1, 2];
@@ -96,11 +96,11 @@ fn axes_by_extent(entries: &[Entry]) -> [usize; 3] {
 
 /// Indices of `entries` by slab, law and column.
 fn order(entries: &[Entry], columns: &Columns, laws: usize) -> Vec<u32> {
-    let per_slab = super::grid::SLAB * columns.count[1];
+    let per_slab = SLAB * columns.count[1];
     let key = |e: &Entry| {
         let (i, j) = (e.base[columns.axes[0]], (e.base[columns.axes[1]] - columns.first[1]) as usize);
         let slab = columns.slab_of(i);
-        let within = (i - columns.first[0] - super::grid::DRIFT) as usize % super::grid::SLAB;
+        let within = (i - columns.first[0] - DRIFT) as usize % SLAB;
         (slab * laws + e.law as usize) * per_slab + within * columns.count[1] + j
     };
     let mut next = vec![0u32; columns.slabs() * laws * per_slab + 1];

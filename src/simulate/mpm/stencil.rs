@@ -35,8 +35,8 @@ impl<L: Lanes> Stencil<L> {
     #[inline(always)]
     pub fn weights(&self) -> [Row; 3] {
         let mut rows = [[0.0; LANES]; 3];
-        for k in 0..3 {
-            self.weight[k].store(&mut rows[k]);
+        for (row, weight) in rows.iter_mut().zip(self.weight) {
+            weight.store(row);
         }
         rows
     }
@@ -44,9 +44,7 @@ impl<L: Lanes> Stencil<L> {
     /// `base` as whole numbers.
     #[inline(always)]
     pub fn cells(&self) -> [i32; LANES] {
-        let mut base = [0.0; LANES];
-        self.base.store(&mut base);
-        base.map(|b| b as i32)
+        self.base.to_whole()
     }
 }
 
