@@ -6,7 +6,7 @@
 //! 2. [`filling`]: a volume for every Gaussian, particles for the inside;
 //! 3. [`scenario`]: first pose, ground, domain;
 //! 4. [`mpm`] in substeps of [`time_step`], frame by frame;
-//! 5. [`frames`]: the Gaussians moved, turned and stretched; a [`checkpoint`] with each.
+//! 5. `frames`: the Gaussians moved, turned and stretched; a [`checkpoint`] with each.
 
 pub mod animation;
 pub mod boundary;
