@@ -42,7 +42,7 @@ impl Pipeline {
             self.segment_open(&open, &mut file)?;
         }
         let label_maps = self.views.iter().map(|view| Artifact::LabelMap(&view.name));
-        let warnings = self.views.iter().filter_map(|view| warning(&view.name, &file.views[&view.name].parts));
+        let warnings = self.segmentation()?.views.iter().filter_map(ViewSegments::warning);
         Ok(Done::writing(label_maps.chain([Artifact::Segments])).warning(warnings.collect()))
     }
 
@@ -114,14 +114,5 @@ impl Pipeline {
             hasher = hasher.with(&file_digest(path).unwrap_or_default());
         }
         Ok(hasher.hex())
-    }
-}
-
-/// What is odd about a view's parts.
-fn warning(view: &str, parts: &[PartMask]) -> Option<String> {
-    match parts {
-        [] => Some(format!("view {view}: no parts; its photo shows no foreground")),
-        [all] if all.is_rest() => Some(format!("view {view}: SAM finds no parts; the whole object counts as one")),
-        _ => None,
     }
 }
