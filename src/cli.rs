@@ -226,8 +226,11 @@ fn print(global: &Global, value: &impl Serialize, text: impl FnOnce() -> String)
 }
 
 impl Global {
-    /// Bars are for people at a terminal.
     fn progress(&self) -> Progress {
-        if self.quiet || !io::stderr().is_terminal() { Progress::Hidden } else { Progress::Shown }
+        match (self.quiet, io::stderr().is_terminal()) {
+            (true, _) => Progress::Hidden,
+            (false, true) => Progress::Shown,
+            (false, false) => Progress::Lines,
+        }
     }
 }

@@ -120,11 +120,8 @@ fn fetch_first(
     let cache = environment.cache.as_deref().ok_or(SetupError::NoCache)?;
     let mut attempts = Vec::new();
     for package in ways {
-        let bar = progress.bar("set-up", 1);
-        bar.set_message(format!("fetching {}", package.title));
-        let outcome = fetch::fetch(package, cache, environment);
-        bar.finish_and_clear();
-        match outcome {
+        progress.line(&format!("fetching {} into {}", package.title, cache.display()));
+        match fetch::fetch(package, cache, environment) {
             Ok(()) => return Ok(()),
             Err(Attempt::NoClient(program)) => attempts.push(format!("{program} is not installed")),
             Err(Attempt::ClientFailed { program, words }) => attempts.push(format!("{program} failed: {words}")),
