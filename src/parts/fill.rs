@@ -34,10 +34,9 @@ pub fn fill(gaussians: &Gaussians, kept: &[bool], grid: &Grid, threshold: f64) -
 /// Per cell: how many of the six rays along the axes meet skin beyond it.
 fn rays_met(grid: &Grid, skin: &[bool]) -> Vec<u8> {
     let mut met = vec![0; skin.len()];
-    let strides = grid.strides();
-    for axis in 0..3 {
+    for (axis, stride) in grid.strides().into_iter().enumerate() {
         for start in (0..skin.len()).filter(|&i| grid.coords(i)[axis] == 0) {
-            let line = |step: usize| start + step * strides[axis];
+            let line = |step: usize| start + step * stride;
             let mut count = |steps: &mut dyn Iterator<Item = usize>| {
                 let mut seen = false;
                 for i in steps.map(line) {
