@@ -6,7 +6,7 @@ use super::Input;
 use super::error::SimulateError;
 use super::filling::{self, Body};
 use super::frames::ToWorld;
-use super::material::{Materials, Prepared};
+use super::material::{Materials, Prepared, stand_in};
 use super::mpm::Setting;
 use super::mpm::laws::Law;
 use super::mpm::particles::Particle;
@@ -184,6 +184,21 @@ fn warnings(input: &Input, longest_m: f64, assumed_full: &[u32], strays: usize) 
             names.join(", ")
         ));
     }
+    let mut replaced: Vec<String> = input
+        .materials
+        .iter()
+        .filter_map(|material| {
+            let stand_in = stand_in(&material.law)?;
+            Some(format!(
+                "{} is simulated as {stand_in}: its own law, {}, is not there yet",
+                material.name,
+                material.law.name()
+            ))
+        })
+        .collect();
+    replaced.sort();
+    replaced.dedup();
+    warnings.extend(replaced);
     if strays > 0 {
         warnings.push(format!("{strays} Gaussians lie far from the object: they are not simulated and stay in place"));
     }
