@@ -196,10 +196,14 @@ fn parse(arguments: &[OsString]) -> anyhow::Result<Cli> {
     Ok(Cli::parse_from(all))
 }
 
-/// Long names of the options that a scene may set: those of the stages, not those of the command.
-fn scene_flags() -> Vec<String> {
+/// The options that a scene may set: those of the stages, not those of the command.
+fn scene_flags() -> Vec<config::Flag> {
     let stages = pipeline::Options::augment_args(clap::Command::new("stages"));
-    stages.get_arguments().filter_map(|argument| argument.get_long().map(str::to_owned)).collect()
+    let flag = |argument: &clap::Arg| {
+        let name = argument.get_long()?.to_owned();
+        Some(config::Flag { name, takes_value: argument.get_action().takes_values() })
+    };
+    stages.get_arguments().filter_map(flag).collect()
 }
 
 fn start_log(global: &Global) {
