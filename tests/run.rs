@@ -2,16 +2,24 @@
 
 use std::fs;
 use std::path::{Path, PathBuf};
-use std::process::Output;
+use std::process::{Command, Output, Stdio};
 
 use serde_json::Value;
 use tempfile::TempDir;
 
-use crate::support::{fixture, gprop, models};
+use crate::support::models;
 
 /// Two of the hammer's ten views, a coarse grid and a short simulation: every stage in seconds.
 const QUICK: &[&str] =
-    &["--view-list", "004,017", "--frames", "3", "--duration", "0.06", "--grid", "24", "--volume-cells", "48"];
+    &["--view-list", "003,022", "--frames", "3", "--duration", "0.06", "--grid", "16", "--volume-cells", "100000"];
+
+fn fixture(name: &str) -> PathBuf {
+    Path::new(env!("CARGO_MANIFEST_DIR")).join("fixtures").join(name)
+}
+
+fn gprop() -> Command {
+    Command::new(env!("CARGO_BIN_EXE_gprop"))
+}
 
 /// A copy of the hammer that a test may spoil. Recordings come along, ground truth does not.
 fn hammer() -> TempDir {
@@ -139,6 +147,15 @@ fn the_command_line_wins_over_the_configuration() {
 }
 
 #[test]
+fn views_counted_on_the_command_line_win_over_views_listed_in_the_configuration() {
+    let scene = hammer();
+    fs::write(scene.path().join("gprop.toml"), "scale = \"metric\"\nview-list = [\"003\"]\n").unwrap();
+    let output = run(scene.path(), &["--to", "scene", "--views", "5"]);
+    assert!(output.status.success(), "{}", stderr(&output));
+    assert_eq!(json(scene.path().join("gprop/views.json"))["views"].as_array().unwrap().len(), 5);
+}
+
+#[test]
 fn an_unknown_flag() {
     let output = run(&fixture("hammer"), &["--no-such-flag"]);
     assert_eq!(output.status.code(), Some(2));
@@ -170,19 +187,19 @@ fn a_second_gprop_on_the_same_scene_waits_for_nobody() {
 
 #[test]
 fn a_missing_recording() {
-    if models().is_none() {
+    if models("a_missing_recording").is_none() {
         return;
     }
     let scene = hammer();
     fs::remove_dir_all(scene.path().join("recorded")).unwrap();
     let arguments = [QUICK, &["--answers", "replay"]].concat();
-    assert_refused(scene.path(), &arguments, 5, &["view 004", "--export"]);
-    assert!(scene.path().join("gprop/segments/004.png").exists(), "what was done before stays");
+    assert_refused(scene.path(), &arguments, 5, &["view 003", "--export"]);
+    assert!(scene.path().join("gprop/segments/003.png").exists(), "what was done before stays");
 }
 
 #[test]
 fn a_rerun_reuses_everything_and_an_option_redoes_what_follows() {
-    if models().is_none() {
+    if models("a_rerun_reuses_everything_and_an_option_redoes_what_follows").is_none() {
         return;
     }
     let scene = hammer();
@@ -206,7 +223,7 @@ fn a_rerun_reuses_everything_and_an_option_redoes_what_follows() {
 
 #[test]
 fn a_killed_run_resumes_to_the_same_bytes() {
-    if models().is_none() {
+    if models("a_killed_run_resumes_to_the_same_bytes").is_none() {
         return;
     }
     let (undisturbed, killed) = (hammer(), hammer());
@@ -216,8 +233,9 @@ fn a_killed_run_resumes_to_the_same_bytes() {
 
     // Kills spread over the run's length, whatever the machine's speed: none depends on hitting a certain stage.
     for part in 1..=5 {
-        let mut command = std::process::Command::from(gprop_std());
-        let mut child = command.arg("run").arg(killed.path()).args(QUICK).arg("-q").spawn().unwrap();
+        let mut command = gprop();
+        command.stdout(Stdio::null()).stderr(Stdio::null());
+        let mut child = command.arg("run").arg(killed.path()).args(QUICK).spawn().unwrap();
         std::thread::sleep(whole * part / 6);
         child.kill().unwrap();
         child.wait().unwrap();
@@ -227,7 +245,7 @@ fn a_killed_run_resumes_to_the_same_bytes() {
 
     for name in [
         "views.json",
-        "segments/004.png",
+        "segments/003.png",
         "segments/segments.json",
         "answers.jsonl",
         "field.ply",
@@ -239,10 +257,4 @@ fn a_killed_run_resumes_to_the_same_bytes() {
         let read = |scene: &TempDir| fs::read(scene.path().join("gprop").join(name)).unwrap();
         assert!(read(&undisturbed) == read(&killed), "{name} differs after the kills");
     }
-}
-
-fn gprop_std() -> std::process::Command {
-    let mut command = std::process::Command::new(env!("CARGO_BIN_EXE_gprop"));
-    command.stdout(std::process::Stdio::null()).stderr(std::process::Stdio::null());
-    command
 }

@@ -12,5 +12,9 @@ mod raster;
 // Photos and depths of the scenes.
 mod photos;
 
+// The vote on built clouds.
+mod field;
+// The search for neighbours.
+mod nearest;
 // The vote with true parts: its own loss.
 mod oracle;

@@ -236,5 +236,6 @@ fn narrowed(name: &str, said: Range, row: Range, flags: &mut Vec<String>) -> Ran
 }
 
 fn in_si(range: Range) -> String {
-    format!("[{:e}, {:e}]", range.low, range.high)
+    let number = |value: f64| if value < 1e4 { format!("{value}") } else { format!("{value:e}") };
+    format!("[{}, {}]", number(range.low), number(range.high))
 }

@@ -1,4 +1,4 @@
-//! Numbers as a person reads them.
+//! Numbers and names as a person reads them.
 
 use crate::units::Estimate;
 
@@ -32,12 +32,17 @@ pub fn thousands(number: u64) -> String {
     let digits = number.to_string();
     let mut text = String::new();
     for (place, digit) in digits.chars().enumerate() {
-        if place > 0 && (digits.len() - place) % 3 == 0 {
+        if place > 0 && (digits.len() - place).is_multiple_of(3) {
             text.push(',');
         }
         text.push(digit);
     }
     text
+}
+
+/// What a caption begins with: the part's name, without how it looks.
+pub fn short(caption: &str) -> &str {
+    caption.split([';', ',']).next().unwrap_or(caption).trim()
 }
 
 #[cfg(test)]

@@ -3,6 +3,8 @@
 //! This module turns numbers into the words and places that the template shows; the template holds the page. What comes
 //! from outside (captions, names) is escaped by the template engine.
 
+use std::collections::BTreeMap;
+
 use base64::Engine;
 use base64::engine::general_purpose::STANDARD as BASE64;
 use minijinja::{AutoEscape, Environment, Value, context};
@@ -13,7 +15,7 @@ use crate::units::{Estimate, ScaleSource, ShoreScale};
 use crate::vote::{FieldLabel, palette};
 
 use super::charts::{curves, force_scale};
-use super::numbers::{interval, significant, thousands};
+use super::numbers::{interval, short, significant, thousands};
 use super::{Pictures, Report, ViewPictures};
 
 /// The page of a report.
@@ -91,6 +93,7 @@ fn part_row(label: &FieldLabel, report: &Report) -> Value {
         id => label.id,
         color => css(palette::color(label.id)),
         caption => &label.caption,
+        name => short(&label.caption),
         material => &label.material,
         family => &label.family,
         gaussians => report.gaussians_per_label[label.id as usize],
@@ -128,7 +131,7 @@ fn grasp(grasp: &GraspReport) -> Value {
         format!("not a safe grasp, limited by {}", limit.as_str().unwrap_or_default())
     };
     context! {
-        part => &grasp.part,
+        part => short(&grasp.part),
         sentence => format!(
             "press with {} N ({}, command {} of 100): {verdict}.",
             significant(grasp.f_star_n), grasp.gripper, significant(grasp.normalized_command),
@@ -143,17 +146,20 @@ fn grasp(grasp: &GraspReport) -> Value {
 fn simulation(report: &Report, pictures: &Pictures) -> Value {
     let simulation = &report.simulation;
     let duration = simulation.frames.last().map_or(0.0, |frame| frame.t_s);
-    let softened: Vec<_> = simulation
-        .softened
-        .iter()
-        .map(|row| context! { material => &row.material, share => significant(row.factor) })
-        .collect();
+    let mut least: BTreeMap<&str, f64> = BTreeMap::new();
+    for row in &simulation.softened {
+        let factor = least.entry(&row.material).or_insert(row.factor);
+        *factor = factor.min(row.factor);
+    }
+    let softened: Vec<_> =
+        least.into_iter().map(|(material, factor)| context! { material, share => significant(factor) }).collect();
     context! {
         sentence => format!(
             "{} particles, {} steps of {} µs, {} s.",
             thousands(simulation.particles as u64), thousands(simulation.substeps),
             significant(simulation.dt_s * 1e6), significant(duration),
         ),
+        caption => "dropped onto the ground; slower than life",
         animation => data_uri("image/gif", &pictures.animation),
         duration => significant(duration),
         curves => curves(&simulation.frames),
@@ -174,7 +180,7 @@ fn view_row(view: &ViewPictures, answers: &Answers) -> Value {
         photo => data_uri("image/jpeg", &view.photo),
         parts => data_uri("image/jpeg", &view.parts),
         materials => data_uri("image/jpeg", &view.materials),
-        caption => format!("{} parts: {}", named.len(), named.join(", ")),
+        caption => format!("{} parts: {}", named.len(), named.join("; ")),
     }
 }
 

@@ -4,7 +4,7 @@ use std::fmt::Write;
 use std::path::Path;
 
 use super::Report;
-use super::numbers::{interval, significant, thousands};
+use super::numbers::{interval, short, significant, thousands};
 
 /// A few lines: the parts, the object, the grasp, where the report lies.
 pub fn summary(report: &Report, report_page: &Path) -> String {
@@ -23,7 +23,7 @@ pub fn summary(report: &Report, report_page: &Path) -> String {
             let mass = part.mass_kg;
             format!("{:>7} g ({})  ", significant(mass.mid * 1e3), interval(mass, 1e3))
         });
-        let _ = writeln!(text, "  {:>2}  {:name_width$}  {mass}{}", label.id, label.material, label.caption);
+        let _ = writeln!(text, "  {:>2}  {:name_width$}  {mass}{}", label.id, label.material, short(&label.caption));
     }
     if let Some(parts) = &report.parts {
         let mass = parts.object.mass_kg;
@@ -34,7 +34,7 @@ pub fn summary(report: &Report, report_page: &Path) -> String {
             text,
             "grasp  {} N at the {}: slips under {} N, breaks over {} N{}",
             significant(grasp.f_star_n),
-            grasp.part,
+            short(&grasp.part),
             significant(grasp.f_min_n),
             significant(grasp.f_max_n),
             if grasp.feasible { "" } else { "; not a safe grasp" }

@@ -12,12 +12,12 @@ use crate::units::{MetricScale, ScaleSource};
 #[derive(Debug, Clone, PartialEq, clap::Args, Serialize)]
 #[command(next_help_heading = "Scene")]
 pub struct Options {
-    /// How many views to use, chosen spread over all directions (the paper's ablation levels off near 10)
-    #[arg(long, value_name = "N", default_value_t = DEFAULT_VIEWS)]
+    /// How many views to use, chosen spread over all directions
+    #[arg(long, value_name = "N", default_value_t = DEFAULT_VIEWS, overrides_with = "view_list")]
     pub views: std::num::NonZeroUsize,
 
     /// Use just these views instead of --views: the photos' file names without extension, separated by commas
-    #[arg(long, value_name = "NAME,...", value_delimiter = ',')]
+    #[arg(long, value_name = "NAME,...", value_delimiter = ',', overrides_with = "views")]
     pub view_list: Vec<String>,
 
     /// How long a scene unit is: `metric` (metres), a factor in metres per scene unit, or `auto`: what the scene itself

@@ -10,10 +10,14 @@ use rayon::prelude::*;
 use super::depth::{DepthMap, DepthTest};
 use super::options::Rule;
 use super::parts_of_views::ViewParts;
-use super::raster::{LANES, Projected, RenderOptions, Sink, Splat, TILE, TileRect};
+use super::raster::{LANES, Projected, RenderOptions, Sink, Splat, TILE, TRANSMITTANCE_MIN, TileRect, pixels};
 use super::{Progress, ViewInput};
 use crate::scene::gaussians::Gaussians;
 use crate::segment::LabelMap;
+
+/// A view sees a Gaussian if at least this share of its light arrives, the rest being taken by what is in front. A closed
+/// surface of trained Gaussians lets a few hundredths through; one in front of which nothing stands sends all of it.
+const VISIBLE_SHARE: f32 = 0.1;
 
 /// Votes of one view for one part to one Gaussian.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -43,7 +47,7 @@ impl Ballots {
             let find = |label| parts.find(number, label);
             of_views.push(match rule {
                 Rule::Frequency => by_center(&projected, test, view.map, find),
-                Rule::Contribution => by_light(&projected, view.map, find),
+                Rule::Contribution => by_light(gaussians.len(), &projected, view.map, find),
             });
             bar.inc(1);
         }
@@ -76,24 +80,23 @@ impl Ballots {
             scattered[*place as usize] = ballot;
             *place += 1;
         }
-        let mut ballots: Vec<Ballot> = Vec::with_capacity(scattered.len());
-        let mut from = 0;
-        for i in 0..gaussians {
-            let to = starts[i + 1] as usize;
-            let own = &mut scattered[from..to];
+        Self::merged(&starts, scattered)
+    }
+
+    /// Adds up the ballots of one Gaussian for one part.
+    fn merged(starts: &[u32], mut scattered: Vec<Ballot>) -> Self {
+        let mut merged = Self { starts: vec![0], ballots: Vec::with_capacity(scattered.len()) };
+        for range in starts.windows(2) {
+            let own = &mut scattered[range[0] as usize..range[1] as usize];
             // Parts are numbered by view, so this keeps the views in order; equal parts stay in the order of the tiles.
             own.sort_by_key(|ballot| ballot.part);
-            let first = ballots.len();
-            for ballot in own {
-                match ballots[first..].last_mut() {
-                    Some(last) if last.part == ballot.part => last.weight += ballot.weight,
-                    _ => ballots.push(*ballot),
-                }
+            for of_part in own.chunk_by(|a, b| a.part == b.part) {
+                let weight = of_part.iter().map(|ballot| ballot.weight).sum();
+                merged.ballots.push(Ballot { part: of_part[0].part, weight });
             }
-            from = to;
-            starts[i + 1] = ballots.len() as u32;
+            merged.starts.push(merged.ballots.len() as u32);
         }
-        Self { starts, ballots }
+        merged
     }
 }
 
@@ -114,72 +117,90 @@ fn by_center(
 }
 
 /// [`Rule::Contribution`].
-fn by_light(projected: &Projected, map: &LabelMap, find: impl Fn(u16) -> Option<u32> + Sync) -> Vec<(u32, Ballot)> {
+fn by_light(
+    gaussians: usize,
+    projected: &Projected,
+    map: &LabelMap,
+    find: impl Fn(u16) -> Option<u32> + Sync,
+) -> Vec<(u32, Ballot)> {
     let width = projected.size().0;
     let sinks = projected.visit(|rect| LightSink::new(rect, map, width));
-    let mut ballots = Vec::new();
-    for (_, sink) in sinks {
-        let cast = sink.finished().into_iter();
-        ballots.extend(
-            cast.filter_map(|(gaussian, label, weight)| Some((gaussian, Ballot { part: find(label)?, weight }))),
-        );
+    let sights: Vec<Sight> = sinks.into_iter().flat_map(|(_, sink)| sink.finished()).collect();
+    // Light that arrives and light sent out, by Gaussian.
+    let mut light = vec![[0.0f32; 2]; gaussians];
+    for sight in &sights {
+        let [arrived, sent] = &mut light[sight.gaussian as usize];
+        *arrived += sight.arrived;
+        *sent += sight.sent;
     }
-    ballots
+    let ballot = |sight: Sight| {
+        let [arrived, sent] = light[sight.gaussian as usize];
+        let part = find(sight.label).filter(|_| arrived >= VISIBLE_SHARE * sent)?;
+        Some((sight.gaussian, Ballot { part, weight: sight.arrived }))
+    };
+    sights.into_iter().filter_map(ballot).collect()
 }
 
-/// Light by Gaussian and label within one tile.
+/// What the pixels of one label within one tile see of one Gaussian, in pixels.
+#[derive(Debug, Clone, Copy)]
+struct Sight {
+    gaussian: u32,
+    label: u16,
+    /// Sum of alpha times transmittance.
+    arrived: f32,
+    /// Sum of alpha.
+    sent: f32,
+}
+
+/// The sights of one tile.
 struct LightSink {
     /// Label of every pixel of the tile; background outside the picture.
     labels: [u16; TILE * TILE],
-    /// The Gaussian being blended and its light so far, by label in order of first sight: rarely more than two.
-    current: u32,
-    light: Vec<(u16, f32)>,
-    done: Vec<(u32, u16, f32)>,
+    sights: Vec<Sight>,
+    /// Where the sights of the Gaussian being blended start: rarely more than two labels.
+    current: usize,
 }
 
 impl LightSink {
     fn new(rect: TileRect, map: &LabelMap, width: usize) -> Self {
         let mut labels = [0; TILE * TILE];
-        for (inside, outside) in super::raster::pixels(rect, width) {
+        for (inside, outside) in pixels(rect, width) {
             labels[inside] = map.labels[outside];
         }
-        Self { labels, current: u32::MAX, light: Vec::new(), done: Vec::new() }
+        Self { labels, sights: Vec::new(), current: 0 }
     }
 
-    fn count(&mut self, label: u16, light: f32) {
-        match self.light.iter_mut().find(|(known, _)| *known == label) {
-            Some((_, sum)) => *sum += light,
-            None => self.light.push((label, light)),
+    fn count(&mut self, gaussian: u32, label: u16, arrived: f32, sent: f32) {
+        match self.sights[self.current..].iter_mut().find(|sight| sight.label == label) {
+            Some(sight) => {
+                sight.arrived += arrived;
+                sight.sent += sent;
+            }
+            None => self.sights.push(Sight { gaussian, label, arrived, sent }),
         }
     }
 
-    fn flush(&mut self) {
-        let gaussian = self.current;
-        self.done.extend(self.light.drain(..).map(|(label, light)| (gaussian, label, light)));
-    }
-
-    /// Gaussian, label, light in pixels.
-    fn finished(mut self) -> Vec<(u32, u16, f32)> {
-        self.flush();
-        self.done
+    fn finished(self) -> Vec<Sight> {
+        self.sights
     }
 }
 
 impl Sink for LightSink {
-    fn add(&mut self, splat: &Splat, first: usize, weights: &[f32; LANES], _: &[f32; LANES]) {
-        if splat.gaussian != self.current {
-            self.flush();
-            self.current = splat.gaussian;
+    fn add(&mut self, splat: &Splat, first: usize, weights: &[f32; LANES], transmittance: &[f32; LANES]) {
+        let gaussian = splat.gaussian;
+        if self.sights.last().is_none_or(|last| last.gaussian != gaussian) {
+            self.current = self.sights.len();
         }
-        let label = self.labels[first];
-        if self.labels[first..first + LANES].iter().all(|other| *other == label) {
-            self.count(label, weights.iter().sum());
+        // The light before the splat is what it takes and what it leaves; a finished pixel counts as neither.
+        let sent: [f32; LANES] =
+            std::array::from_fn(|lane| weights[lane] / (weights[lane] + transmittance[lane]).max(TRANSMITTANCE_MIN));
+        let labels: [u16; LANES] = std::array::from_fn(|lane| self.labels[first + lane]);
+        if labels.iter().all(|label| *label == labels[0]) {
+            self.count(gaussian, labels[0], weights.iter().sum(), sent.iter().sum());
             return;
         }
-        for (lane, &weight) in weights.iter().enumerate() {
-            if weight > 0.0 {
-                self.count(self.labels[first + lane], weight);
-            }
+        for lane in (0..LANES).filter(|&lane| weights[lane] > 0.0) {
+            self.count(gaussian, labels[lane], weights[lane], sent[lane]);
         }
     }
 }

@@ -26,6 +26,7 @@ use crate::materials::{Law, MaterialLibrary};
 use crate::progress::Progress;
 use crate::query::{Answers, Form};
 use crate::scene::gaussians::Gaussians;
+use crate::scene::robust_bounds;
 use crate::segment::LabelMap;
 use crate::units::{Estimate, ShoreHardness};
 use ballots::Ballots;
@@ -96,7 +97,8 @@ pub fn vote(
     progress: Progress,
 ) -> Result<MaterialField, VoteError> {
     check(gaussians, views)?;
-    let parts = ViewParts::new(views, answers, library)?;
+    let mut parts = ViewParts::new(views, answers, library)?;
+    parts.warnings.extend(doubts(gaussians, views));
     let ballots = Ballots::cast(gaussians, views, &parts, options.vote, progress);
     let identity = Identity::new(&ballots, &parts);
     let candidates = tally::candidates(&parts, &identity, options.agree);
@@ -120,6 +122,27 @@ fn check(gaussians: &Gaussians, views: &[ViewInput]) -> Result<(), VoteError> {
         }
     }
     Ok(())
+}
+
+/// What is strange about the cloud and the cameras, though the vote can take it.
+fn doubts(gaussians: &Gaussians, views: &[ViewInput]) -> Vec<String> {
+    let bounds = robust_bounds(gaussians);
+    let mut doubts = Vec::new();
+    let diagonal = bounds.diagonal();
+    match (0..gaussians.len()).filter(|&i| gaussians.scale(i).max() > diagonal).count() {
+        0 => {}
+        1 => doubts.push("1 Gaussian is larger than the object: it votes and is voted on like any other".to_owned()),
+        n => {
+            doubts.push(format!("{n} Gaussians are larger than the object: they vote and are voted on like any other"))
+        }
+    }
+    for view in views {
+        let eye = view.camera.center_in_world();
+        if (0..3).all(|axis| bounds.min[axis] <= eye[axis] && eye[axis] <= bounds.max[axis]) {
+            doubts.push(format!("the camera of view `{}` stands inside the object", view.name));
+        }
+    }
+    doubts
 }
 
 /// Numbers the choices that were made, the most frequent first, and gathers what is known of each.

@@ -4,32 +4,13 @@
 use gprop::evaluate::segmentation::IouTally;
 use gprop::materials::MaterialLibrary;
 use gprop::progress::Progress;
-use gprop::query::{Answer, Answers, Form, Match, Outcome, PartAnswer};
+use gprop::query::{Answers, Outcome, PartAnswer};
 use gprop::segment::LabelMap;
 use gprop::vote::raster::{RenderOptions, render_labels};
 use gprop::vote::{MaterialField, Options, Rule, ViewInput, vote};
 
+use super::build::answer;
 use super::scenes::{self, Measured};
-
-/// The answer "`name` is made of the library's row number `row`".
-fn answer(name: &str, row: usize) -> Answer {
-    let material = &MaterialLibrary::builtin().materials()[row];
-    Answer {
-        caption: name.to_owned(),
-        family: material.family.clone(),
-        material: material.name.clone(),
-        density_kg_m3: material.density_kg_m3,
-        youngs_modulus_pa: material.youngs_modulus_pa,
-        poisson_ratio: material.poisson_ratio,
-        yield_strength_pa: material.strength_pa,
-        hardness: material.hardness,
-        friction_rubber: material.friction_rubber,
-        form: Form::Solid,
-        confidence: 1.0,
-        matched: Match::Exact,
-        flags: Vec::new(),
-    }
-}
 
 /// The true answers to the true maps.
 pub fn true_answers(measured: &Measured, maps: &[(gprop::scene::View, LabelMap)]) -> Answers {
@@ -60,30 +41,47 @@ pub fn measure(measured: &Measured, field: &MaterialField) -> IouTally<u32> {
     tally
 }
 
+/// The field that `rule` makes of the true maps.
+fn voted(measured: &Measured, rule: Rule) -> MaterialField {
+    let maps = measured.true_maps();
+    let answers = true_answers(measured, &maps);
+    let views: Vec<_> =
+        maps.iter().map(|(view, map)| ViewInput { name: &view.name, camera: &view.camera, map }).collect();
+    let options = Options { vote: rule, ..Default::default() };
+    vote(&measured.scene.gaussians, &views, &answers, MaterialLibrary::builtin(), &options, Progress::Hidden).unwrap()
+}
+
+/// The lowest IoU that a scene's parts may have. What is lost is a pixel's width at the borders, where splats are soft.
+/// The lamp's stem ends in a wire ring two to three pixels wide in front of a shade of nearly its colour: the splat itself
+/// blurs them, and even when the held-out views vote themselves its IoU is 0.68.
+fn floor(scene: &str, part: &str) -> f64 {
+    match (scene, part) {
+        ("table_lamp", "stem") => 0.62,
+        ("table_lamp", "bulb") => 0.90,
+        _ => 0.975,
+    }
+}
+
 #[test]
 fn true_parts_come_back_in_views_that_did_not_vote() {
-    for rule in [Rule::Frequency, Rule::Contribution] {
-        for measured in scenes::all() {
-            let maps = measured.true_maps();
-            let answers = true_answers(&measured, &maps);
-            let views: Vec<_> =
-                maps.iter().map(|(view, map)| ViewInput { name: &view.name, camera: &view.camera, map }).collect();
-            let options = Options { vote: rule, ..Default::default() };
-            let library = MaterialLibrary::builtin();
-            let start = std::time::Instant::now();
-            let field = vote(&measured.scene.gaussians, &views, &answers, library, &options, Progress::Hidden).unwrap();
-            let seconds = start.elapsed().as_secs_f64();
-            let tally = measure(&measured, &field);
-            let unseen = field.views.iter().filter(|views| **views == 0).count();
-            println!(
-                "{rule:?} {}: {:.4} {:?} {} labels, {unseen} unseen of {}, {seconds:.2} s {:?}",
-                measured.scene.name,
-                tally.mean().unwrap(),
-                tally.per_label().values().map(|v| (v * 1e4).round() / 1e4).collect::<Vec<_>>(),
-                field.labels.len(),
-                field.views.len(),
-                field.warnings
-            );
+    let mut total = [0.0; 2];
+    let scenes = scenes::all();
+    for measured in &scenes {
+        for (n, rule) in [Rule::Frequency, Rule::Contribution].into_iter().enumerate() {
+            let (field, names) = (voted(measured, rule), measured.part_names());
+            let tally = measure(measured, &field);
+            let ious: Vec<_> = tally.per_label().into_iter().map(|(part, iou)| (&names[part as usize], iou)).collect();
+            let mean = tally.mean().unwrap();
+            println!("{} by {rule:?}: mIoU {mean:.4} {ious:.4?}", measured.scene.name);
+            total[n] += mean / scenes.len() as f64;
+            if rule == Options::default().vote {
+                assert_eq!(field.labels.len(), ious.len(), "as many labels as parts: {:?}", field.labels);
+                for (part, iou) in ious {
+                    assert!(iou > floor(&measured.scene.name, part), "{} {part}: {iou}", measured.scene.name);
+                }
+            }
         }
     }
+    println!("mean by frequency {:.4}, by contribution {:.4}", total[0], total[1]);
+    assert!(total[1] > 0.96 && total[1] >= total[0] - 1e-3, "the default scores best: {total:?}");
 }
