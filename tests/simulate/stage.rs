@@ -120,7 +120,8 @@ fn drops_the_object_and_reports_what_it_did() {
     let (mu, lambda) = gprop::simulate::material::lame(2e5, 0.35);
     let wave = ((lambda + 2.0 * mu) / 700.0_f64).sqrt();
     assert!(report.dt_s <= 0.4 * report.grid_spacing_m / wave, "{} s", report.dt_s);
-    assert!(report.substeps as f64 * report.dt_s <= 0.2 && report.substeps > 100);
+    // The longest step, so often, is at least the whole time: a frame's last step is cut to end with it.
+    assert!(report.substeps as f64 * report.dt_s >= 0.2 - 1e-9 && report.substeps > 100);
     // It falls freely by g t^2 / 2 within the first frame, and lies on the ground, to a grid cell, in the last.
     let fallen = frames[0].summary.center_of_mass_m[2] - frames[1].summary.center_of_mass_m[2];
     assert!((fallen - 0.5 * 9.8 * 0.04 * 0.04).abs() < 1e-4, "{fallen} m");
