@@ -1,1 +1,13 @@
+//! Rasteriser, depth test, vote.
 
+// A slow and plain renderer to compare with.
+mod reference;
+// Clouds and cameras built in code.
+mod build;
+// The scenes with ground truth.
+mod scenes;
+
+// Projection, blending, depth, labels on built clouds.
+mod raster;
+// Photos and depths of the scenes.
+mod photos;

@@ -35,7 +35,7 @@ impl Scene {
 
 /// The box between the 0.5 and the 99.5 percentile of the centres of the Gaussians that are at least half opaque (of all,
 /// where none is): trained splats have floaters, and one of them would stretch the full box.
-pub(super) fn robust_bounds(gaussians: &Gaussians) -> Bounds {
+pub(crate) fn robust_bounds(gaussians: &Gaussians) -> Bounds {
     const STRAY_SHARE: f64 = 0.005;
     let mut chosen: Vec<usize> = (0..gaussians.len()).filter(|&i| gaussians.opacity_logits[i] >= 0.0).collect();
     if chosen.is_empty() {

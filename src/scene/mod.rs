@@ -21,6 +21,7 @@ use crate::units::MetricScale;
 use gaussians::Gaussians;
 
 pub use bounds::Bounds;
+pub(crate) use bounds::robust_bounds;
 pub use choose::DEFAULT_VIEWS;
 pub use error::SceneError;
 pub use options::{Options, ScaleChoice};

@@ -1,10 +1,12 @@
 //! From part maps to a material for every Gaussian: splat rasteriser, depth test, tally.
 
+pub mod raster;
+
 use serde::{Deserialize, Serialize};
 
 use crate::materials::Law;
 use crate::query::Form;
-use crate::units::{Range, ShoreHardness};
+use crate::units::{Estimate, ShoreHardness};
 
 /// What the vote decided for every Gaussian.
 #[derive(Debug, Clone, PartialEq)]
@@ -19,9 +21,12 @@ pub struct MaterialField {
     pub votes: Vec<f32>,
     /// Per Gaussian: views that see it. 0 means the label came from the nearest seen ones.
     pub views: Vec<u16>,
+    /// What the user should know: counted, never fatal.
+    pub warnings: Vec<String>,
 }
 
-/// One part of the object in 3D, as the views agree on it: a material with its properties.
+/// One part of the object in 3D, as the views agree on it: a material with its properties. Of every property, `low` and
+/// `high` bound what the answers for this material say, and `mid` is the median of their middles.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct FieldLabel {
     pub id: u32,
@@ -29,13 +34,13 @@ pub struct FieldLabel {
     /// Name of the library row.
     pub material: String,
     pub family: String,
-    pub density_kg_m3: Range,
-    pub youngs_modulus_pa: Range,
-    pub poisson_ratio: Range,
+    pub density_kg_m3: Estimate,
+    pub youngs_modulus_pa: Estimate,
+    pub poisson_ratio: Estimate,
     /// Strength that limits a grasp.
-    pub yield_strength_pa: Range,
+    pub yield_strength_pa: Estimate,
     pub hardness: Option<ShoreHardness>,
-    pub friction_rubber: Range,
+    pub friction_rubber: Estimate,
     pub form: Form,
     pub law: Law,
 }

@@ -1,0 +1,53 @@
+//! Colour, alpha and depth of every pixel.
+
+use super::blend::{LANES, Sink, TileRect};
+use super::project::Splat;
+use super::tiles::TILE;
+
+/// Transmittance at which the median depth is read: half of the light comes from nearer.
+const MEDIAN_TRANSMITTANCE: f32 = 0.5;
+
+type Plane = [f32; TILE * TILE];
+
+/// Sums of one tile.
+pub(super) struct ColorSink<'a> {
+    rect: TileRect,
+    colors: &'a [[f32; 3]],
+    pub rgb: [Plane; 3],
+    pub alpha: Plane,
+    /// Sum of weight times depth.
+    pub weighted_depth: Plane,
+    pub median_depth: Plane,
+}
+
+impl<'a> ColorSink<'a> {
+    /// `colors[i]` is the colour of Gaussian `i`.
+    pub fn new(rect: TileRect, colors: &'a [[f32; 3]]) -> Self {
+        let zero = [0.0; TILE * TILE];
+        let median_depth = [f32::INFINITY; TILE * TILE];
+        Self { rect, colors, rgb: [zero; 3], alpha: zero, weighted_depth: zero, median_depth }
+    }
+}
+
+impl Sink for ColorSink<'_> {
+    fn add(&mut self, splat: &Splat, first: usize, weights: &[f32; LANES], transmittance: &[f32; LANES]) {
+        let color = self.colors[splat.gaussian as usize];
+        for (plane, value) in self.rgb.iter_mut().zip(color) {
+            for (sum, weight) in plane[first..first + LANES].iter_mut().zip(weights) {
+                *sum += weight * value;
+            }
+        }
+        let dx = (self.rect.x + first % TILE) as f32 + 0.5 - splat.center[0];
+        let dy = (self.rect.y + first / TILE) as f32 + 0.5 - splat.center[1];
+        let depth_at_first = splat.depth + splat.depth_slope[0] * dx + splat.depth_slope[1] * dy;
+        for lane in 0..LANES {
+            let depth = depth_at_first + splat.depth_slope[0] * lane as f32;
+            let (weight, after) = (weights[lane], transmittance[lane]);
+            self.alpha[first + lane] += weight;
+            self.weighted_depth[first + lane] += weight * depth;
+            if after < MEDIAN_TRANSMITTANCE && after + weight >= MEDIAN_TRANSMITTANCE {
+                self.median_depth[first + lane] = depth;
+            }
+        }
+    }
+}

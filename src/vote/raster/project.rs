@@ -1,0 +1,159 @@
+//! From 3D Gaussians to 2D splats: EWA projection (Zwicker et al. 2001) as 3DGS uses it.
+//!
+//! A Gaussian's covariance goes through the camera's Jacobian at its centre, lens distortion included, and is widened
+//! by a low-pass of [`LOW_PASS_PX2`]. The depth along the optical axis goes the same way: the local affine map takes the
+//! Gaussian to a 3D one in (pixel x, pixel y, depth), whose conditional mean of the depth given the pixel is a plane.
+//! Its slope makes the depth of a flat Gaussian right across its whole footprint, and the conditional deviation is the
+//! Gaussian's own extent along the ray.
+
+use nalgebra::{Matrix2, Matrix2x3, Matrix3, Point3, Vector2, Vector3};
+use rayon::prelude::*;
+
+use crate::camera::{Camera, Distortion};
+use crate::scene::gaussians::Gaussians;
+
+/// Variance in px^2 added to a splat along both axes so that none is thinner than a pixel (3DGS, Kerbl et al. 2023).
+pub const LOW_PASS_PX2: f64 = 0.3;
+/// A splat adds to a pixel only from this alpha on: one step of an 8-bit picture (3DGS).
+pub const ALPHA_MIN: f32 = 1.0 / 255.0;
+/// The affine map is taken at most this share of half the picture outside its border; further out the perspective
+/// Jacobian of large Gaussians runs away (3DGS clamps at 1.3 times the half field of view).
+const JACOBIAN_MARGIN: f64 = 0.3;
+
+/// A Gaussian as one camera sees it.
+#[derive(Debug, Clone, Copy)]
+pub struct Splat {
+    /// Index of the Gaussian.
+    pub gaussian: u32,
+    /// Centre in pixels.
+    pub center: [f32; 2],
+    /// Inverse of the 2D covariance: xx, xy, yy in 1/px^2.
+    pub conic: [f32; 3],
+    /// Alpha at the centre.
+    pub opacity: f32,
+    /// Half width and half height in px of the ellipse outside of which alpha is under [`ALPHA_MIN`].
+    pub reach: [f32; 2],
+    /// Planar depth of the centre, scene units.
+    pub depth: f32,
+    /// How the depth of the Gaussian's densest point on the ray changes with the pixel: scene units per px.
+    pub depth_slope: [f32; 2],
+    /// Standard deviation of the depth along the ray, scene units.
+    pub depth_deviation: f32,
+}
+
+/// A camera with what every projection needs of it.
+pub(super) struct Projector<'a> {
+    camera: &'a Camera,
+    rotation: Matrix3<f64>,
+    near: f64,
+    antialiased: bool,
+    /// Largest |x/z - middle| and |y/z - middle| at which the Jacobian is taken.
+    tangent_limit: Vector2<f64>,
+    tangent_middle: Vector2<f64>,
+    /// Squared radius on the normalised plane beyond which the distortion polynomial folds back.
+    fold_radius2: f64,
+}
+
+impl<'a> Projector<'a> {
+    pub(super) fn new(camera: &'a Camera, near: f64, antialiased: bool) -> Self {
+        let i = &camera.intrinsics;
+        let half = Vector2::new(0.5 * f64::from(i.width) / i.fx, 0.5 * f64::from(i.height) / i.fy);
+        let middle = Vector2::new((0.5 * f64::from(i.width) - i.cx) / i.fx, (0.5 * f64::from(i.height) - i.cy) / i.fy);
+        Self {
+            camera,
+            rotation: camera.camera_from_world.rotation.to_rotation_matrix().into_inner(),
+            near,
+            antialiased,
+            tangent_limit: half * (1.0 + JACOBIAN_MARGIN),
+            tangent_middle: middle,
+            fold_radius2: fold_radius2(&i.distortion),
+        }
+    }
+
+    /// The splats of all Gaussians that this camera can see, in the order of the Gaussians.
+    pub(super) fn splats(&self, gaussians: &Gaussians) -> Vec<Splat> {
+        (0..gaussians.len()).into_par_iter().filter_map(|i| self.splat(gaussians, i)).collect()
+    }
+
+    /// The splat of Gaussian `i`; `None` where it is nearer than the near plane, outside the picture, fainter than
+    /// [`ALPHA_MIN`] or not finite.
+    fn splat(&self, gaussians: &Gaussians, i: usize) -> Option<Splat> {
+        let center = self.camera.point_in_camera(gaussians.center(i));
+        let opacity = gaussians.opacity(i);
+        if !(center.z > self.near && opacity >= f64::from(ALPHA_MIN)) {
+            return None;
+        }
+        let pixel = self.pixel(center)?;
+        let in_camera = self.rotation * gaussians.covariance(i) * self.rotation.transpose();
+        let jacobian = self.jacobian(center);
+        let sharp = jacobian * in_camera * jacobian.transpose();
+        let covariance = sharp + Matrix2::identity() * LOW_PASS_PX2;
+        let conic = covariance.try_inverse()?;
+        let opacity = if self.antialiased {
+            opacity * (sharp.determinant() / covariance.determinant()).max(0.0).sqrt()
+        } else {
+            opacity
+        };
+        // alpha = opacity exp(-q/2) is ALPHA_MIN on the ellipse q = 2 ln(opacity / ALPHA_MIN).
+        let q = 2.0 * (opacity / f64::from(ALPHA_MIN)).ln();
+        let reach = Vector2::new((q * covariance.m11).sqrt(), (q * covariance.m22).sqrt());
+        let with_depth = jacobian * in_camera * Vector3::z();
+        let slope = conic * with_depth;
+        let deviation = (in_camera.m33 - with_depth.dot(&slope)).max(0.0).sqrt();
+        let finite = reach.sum() + slope.sum() + deviation + conic.sum();
+        if !(q >= 0.0 && finite.is_finite() && self.touches_picture(pixel, reach)) {
+            return None;
+        }
+        Some(Splat {
+            gaussian: i as u32,
+            center: [pixel.x as f32, pixel.y as f32],
+            conic: [conic.m11 as f32, conic.m12 as f32, conic.m22 as f32],
+            opacity: opacity as f32,
+            reach: [reach.x as f32, reach.y as f32],
+            depth: center.z as f32,
+            depth_slope: [slope.x as f32, slope.y as f32],
+            depth_deviation: deviation as f32,
+        })
+    }
+
+    fn pixel(&self, center: Point3<f64>) -> Option<Vector2<f64>> {
+        let radius2 = (center.x * center.x + center.y * center.y) / (center.z * center.z);
+        if radius2 >= self.fold_radius2 {
+            return None;
+        }
+        self.camera.pixel(center).map(|p| p.coords)
+    }
+
+    /// d(pixel x, pixel y) / d(point in camera), 2x3, in px per scene unit.
+    fn jacobian(&self, center: Point3<f64>) -> Matrix2x3<f64> {
+        let i = &self.camera.intrinsics;
+        let clamp = |tangent: f64, axis: usize| {
+            let (middle, limit) = (self.tangent_middle[axis], self.tangent_limit[axis]);
+            tangent.clamp(middle - limit, middle + limit)
+        };
+        let (x, y) = (clamp(center.x / center.z, 0), clamp(center.y / center.z, 1));
+        let [[xx, xy], [yx, yy]] = i.distortion.jacobian(x, y);
+        let lens = Matrix2::new(i.fx * xx, i.fx * xy, i.fy * yx, i.fy * yy);
+        lens * Matrix2x3::new(1.0, 0.0, -x, 0.0, 1.0, -y) / center.z
+    }
+
+    fn touches_picture(&self, pixel: Vector2<f64>, reach: Vector2<f64>) -> bool {
+        let i = &self.camera.intrinsics;
+        pixel.x + reach.x > 0.0
+            && pixel.y + reach.y > 0.0
+            && pixel.x - reach.x < f64::from(i.width)
+            && pixel.y - reach.y < f64::from(i.height)
+    }
+}
+
+/// Squared radius at which `r (1 + k1 r^2 + k2 r^4 + k3 r^6)` stops growing; infinite where it never does. Beyond it
+/// the polynomial maps points from outside the field of view back into the picture.
+fn fold_radius2(lens: &Distortion) -> f64 {
+    /// Radius steps of 0.01 up to 10 (84 degrees off axis): a real lens's fold lies far from its border.
+    const STEPS: u32 = 1000;
+    if lens.is_none() {
+        return f64::INFINITY;
+    }
+    let slope = |r2: f64| 1.0 + r2 * (3.0 * lens.k1 + r2 * (5.0 * lens.k2 + r2 * 7.0 * lens.k3));
+    (1..=STEPS).map(|n| (f64::from(n) * 0.01).powi(2)).find(|&r2| slope(r2) <= 0.0).unwrap_or(f64::INFINITY)
+}

@@ -1,0 +1,132 @@
+//! An independent renderer in double precision: no tiles, no early stop, no vector code, and its own way to everything
+//! the rasteriser computes: the Jacobian by finite differences of the projection, spherical harmonics from associated
+//! Legendre functions, the inverse of the covariance by nalgebra.
+
+use gprop::camera::Camera;
+use gprop::scene::gaussians::Gaussians;
+use nalgebra::{Matrix2, Matrix2x3, Matrix3, Point3, Vector2, Vector3};
+
+/// A picture of `width * height` pixels, row by row.
+pub struct Picture {
+    pub rgb: Vec<[f64; 3]>,
+    pub alpha: Vec<f64>,
+}
+
+/// Draws every Gaussian in front of the near plane (0.01) over the whole picture, nearest first.
+pub fn render(gaussians: &Gaussians, camera: &Camera) -> Picture {
+    let (width, height) = (camera.intrinsics.width as usize, camera.intrinsics.height as usize);
+    let mut picture = Picture { rgb: vec![[0.0; 3]; width * height], alpha: vec![0.0; width * height] };
+
+    let depth = |i: &usize| camera.point_in_camera(gaussians.center(*i)).z;
+    let mut order: Vec<usize> = (0..gaussians.len()).filter(|i| depth(i) > 0.01).collect();
+    order.sort_by(|i, j| depth(i).total_cmp(&depth(j)));
+
+    for i in order {
+        let center = camera.point_in_camera(gaussians.center(i)); // (3)
+        let pixel = camera.pixel(center).expect("in front of the camera").coords; // (2)
+        let jacobian = jacobian(camera, center); // (2, 3)
+        let rotation = camera.camera_from_world.rotation.to_rotation_matrix(); // (3, 3)
+        let in_camera: Matrix3<f64> = rotation * gaussians.covariance(i) * rotation.transpose(); // (3, 3)
+        let covariance = jacobian * in_camera * jacobian.transpose() + Matrix2::identity() * 0.3; // (2, 2)
+        let precision = covariance.try_inverse().expect("positive definite"); // (2, 2)
+        let color = color(gaussians, i, camera); // (3)
+        let opacity = gaussians.opacity(i);
+
+        // Further out alpha < exp(-0.5 * 16) < 1/255.
+        let radius = 4.0 * covariance.symmetric_eigenvalues().max().sqrt();
+        let rows = range(pixel.y, radius, height);
+        for y in rows {
+            for x in range(pixel.x, radius, width) {
+                let offset = Vector2::new(x as f64 + 0.5, y as f64 + 0.5) - pixel; // (2)
+                let alpha = (opacity * (-0.5 * offset.dot(&(precision * offset))).exp()).min(0.99);
+                if alpha < 1.0 / 255.0 {
+                    continue;
+                }
+                let at = y * width + x;
+                let weight = alpha * (1.0 - picture.alpha[at]);
+                picture.alpha[at] += weight;
+                for (sum, value) in picture.rgb[at].iter_mut().zip(color) {
+                    *sum += weight * value;
+                }
+            }
+        }
+    }
+    picture
+}
+
+/// The pixels of `0..length` within `radius` of `center`.
+fn range(center: f64, radius: f64, length: usize) -> std::ops::Range<usize> {
+    let cut = |v: f64| v.clamp(0.0, length as f64) as usize;
+    cut(center - radius - 1.0)..cut(center + radius + 1.0)
+}
+
+/// d pixel / d point in camera (2, 3) by central differences, taken where the line of sight is cut to 1.3 times the
+/// half picture (3DGS).
+fn jacobian(camera: &Camera, center: Point3<f64>) -> Matrix2x3<f64> {
+    let i = &camera.intrinsics;
+    let (width, height) = (f64::from(i.width), f64::from(i.height));
+    // Pixel positions of an undistorted lens, so cut that the picture's border is 1 and its outside at most 1.3.
+    let cut = |tangent: f64, focal: f64, principal: f64, length: f64| {
+        let from_middle = (tangent * focal + principal - 0.5 * length).clamp(-0.65 * length, 0.65 * length);
+        (from_middle + 0.5 * length - principal) / focal
+    };
+    let at = Vector3::new(
+        cut(center.x / center.z, i.fx, i.cx, width) * center.z,
+        cut(center.y / center.z, i.fy, i.cy, height) * center.z,
+        center.z,
+    );
+    let step = 1e-5 * center.z;
+    let columns: [Vector2<f64>; 3] = std::array::from_fn(|axis| {
+        let mut offset = Vector3::zeros();
+        offset[axis] = step;
+        let pixel = |p: Vector3<f64>| camera.pixel(Point3::from(p)).expect("in front").coords;
+        (pixel(at + offset) - pixel(at - offset)) / (2.0 * step)
+    });
+    Matrix2x3::from_columns(&columns)
+}
+
+/// RGB (3) from the spherical harmonics, seen from the camera's centre.
+fn color(gaussians: &Gaussians, i: usize, camera: &Camera) -> [f64; 3] {
+    let direction = (gaussians.center(i) - camera.center_in_world()).normalize();
+    let degree = usize::from(gaussians.sh_degree);
+    let per_channel = (degree + 1) * (degree + 1) - 1;
+    std::array::from_fn(|channel| {
+        let mut value = 0.5 + f64::from(gaussians.sh_dc[i][channel]) * harmonic(0, 0, direction);
+        for l in 1..=degree {
+            for m in -(l as i32)..=l as i32 {
+                let at = (l * l + l) as i32 + m - 1;
+                let coefficient = gaussians.sh_rest[i * 3 * per_channel + channel * per_channel + at as usize];
+                value += f64::from(coefficient) * harmonic(l as i32, m, direction);
+            }
+        }
+        value.max(0.0)
+    })
+}
+
+/// Real spherical harmonic Y_l^m with the Condon-Shortley phase, polar axis z.
+fn harmonic(l: i32, m: i32, direction: Vector3<f64>) -> f64 {
+    let factorial = |n: i32| (1..=n).map(f64::from).product::<f64>();
+    let azimuth = direction.y.atan2(direction.x);
+    let k = m.abs();
+    let norm = (f64::from(2 * l + 1) / (4.0 * std::f64::consts::PI) * factorial(l - k) / factorial(l + k)).sqrt();
+    let polar = norm * legendre(l, k, direction.z);
+    match m {
+        0 => polar,
+        _ if m > 0 => 2.0f64.sqrt() * polar * (f64::from(k) * azimuth).cos(),
+        _ => 2.0f64.sqrt() * polar * (f64::from(k) * azimuth).sin(),
+    }
+}
+
+/// Associated Legendre function P_l^m(x) by the usual recurrences, with the factor (-1)^m.
+fn legendre(l: i32, m: i32, x: f64) -> f64 {
+    let mut diagonal = 1.0; // P_m^m
+    for n in 1..=m {
+        diagonal *= -f64::from(2 * n - 1) * (1.0 - x * x).sqrt();
+    }
+    let (mut before, mut value) = (0.0, diagonal);
+    for n in m + 1..=l {
+        let next = (f64::from(2 * n - 1) * x * value - f64::from(n + m - 1) * before) / f64::from(n - m);
+        (before, value) = (value, next);
+    }
+    value
+}
