@@ -166,13 +166,8 @@ impl Lens {
     }
 
     fn distortion(&self) -> Distortion {
-        Distortion {
-            k1: self.k1.unwrap_or(0.0),
-            k2: self.k2.unwrap_or(0.0),
-            p1: self.p1.unwrap_or(0.0),
-            p2: self.p2.unwrap_or(0.0),
-            k3: self.k3.unwrap_or(0.0),
-        }
+        let value = |k: Option<f64>| k.unwrap_or(0.0);
+        Distortion::opencv(value(self.k1), value(self.k2), value(self.p1), value(self.p2), value(self.k3))
     }
 }
 

@@ -248,13 +248,14 @@ fn a_bad_frame_is_numbered() {
 fn intrinsics_come_from_frame_top_angle_and_photo() {
     let mut made_up = MadeUp::new();
     made_up.transforms["k1"] = json!(0.1);
+    let tenth = gprop::camera::Distortion::opencv(0.1, 0.0, 0.0, 0.0, 0.0);
     made_up.transforms["frames"][1]["fl_x"] = json!(20.0);
     made_up.transforms["frames"][1]["fl_y"] = json!(21.0);
     made_up.transforms["frames"][1]["cx"] = json!(3.5);
     let scene = made_up.load().unwrap();
     let [a, b] = [0, 1].map(|view| scene.views[view].camera.intrinsics);
-    assert_eq!((a.width, a.height, a.fx, a.fy, a.cx, a.cy, a.distortion.k1), (8, 6, 10.0, 10.0, 4.0, 3.0, 0.1));
-    assert_eq!((b.fx, b.fy, b.cx, b.cy, b.distortion.k1), (20.0, 21.0, 3.5, 3.0, 0.1));
+    assert_eq!((a.width, a.height, a.fx, a.fy, a.cx, a.cy, a.distortion), (8, 6, 10.0, 10.0, 4.0, 3.0, tenth));
+    assert_eq!((b.fx, b.fy, b.cx, b.cy, b.distortion), (20.0, 21.0, 3.5, 3.0, tenth));
     // A right angle over 8 pixels: f = 4. Neither focal length nor size is declared.
     made_up.transforms = json!({
         "camera_angle_x": std::f64::consts::FRAC_PI_2, "frames": made_up.transforms["frames"].as_array().unwrap()[2..],
