@@ -69,19 +69,21 @@ impl Camera {
 /// OpenCV axes (x right, y down, z forward). `None` where the upper left 3x3 is no rotation.
 pub fn camera_from_world_of_opengl(world_from_camera_opengl: &Matrix4<f64>) -> Option<Isometry3<f64>> {
     let flip = Matrix3::from_diagonal(&nalgebra::Vector3::new(1.0, -1.0, -1.0));
-    let rotation = world_from_camera_opengl.fixed_view::<3, 3>(0, 0) * flip;
-    if !is_rotation(&rotation) || world_from_camera_opengl.iter().any(|value| !value.is_finite()) {
-        return None;
-    }
+    let rotation = rotation_of(&(world_from_camera_opengl.fixed_view::<3, 3>(0, 0) * flip))?;
     let translation = Translation3::from(world_from_camera_opengl.fixed_view::<3, 1>(0, 3).into_owned());
-    let rotation = UnitQuaternion::from_rotation_matrix(&Rotation3::from_matrix(&rotation));
-    Some(Isometry3::from_parts(translation, rotation).inverse())
+    let finite = translation.vector.iter().all(|value| value.is_finite());
+    finite.then(|| Isometry3::from_parts(translation, rotation).inverse())
 }
 
-/// Whether a matrix is a rotation as far as files write it: orthonormal and right-handed.
-pub fn is_rotation(matrix: &Matrix3<f64>) -> bool {
+/// The rotation that a matrix is as far as files write it; `None` where it is not orthonormal and right-handed.
+pub fn rotation_of(matrix: &Matrix3<f64>) -> Option<UnitQuaternion<f64>> {
     /// Poses are often written with six digits; a matrix further from orthonormal than this is no rotation.
     const ORTHONORMAL_TOLERANCE: f64 = 1e-3;
     let error = (matrix.transpose() * matrix - Matrix3::identity()).norm();
-    error < ORTHONORMAL_TOLERANCE && matrix.determinant() > 0.0
+    if !(error < ORTHONORMAL_TOLERANCE && matrix.determinant() > 0.0) {
+        return None;
+    }
+    // The closed form is right for every angle; an iteration from the identity would stay there for half a turn.
+    let rotation = UnitQuaternion::from_rotation_matrix(&Rotation3::from_matrix_unchecked(*matrix));
+    Some(UnitQuaternion::new_normalize(rotation.into_inner()))
 }

@@ -95,6 +95,7 @@ impl Conversion {
         let rotation = Matrix3::from_diagonal(&flip) * rotation * world.transpose();
         let center = world * center * self.scale;
         let rotation = UnitQuaternion::from_rotation_matrix(&Rotation3::from_matrix_unchecked(rotation));
+        let rotation = UnitQuaternion::new_normalize(rotation.into_inner());
         Isometry3::from_parts((rotation * -center.coords).into(), rotation)
     }
 }

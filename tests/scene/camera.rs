@@ -1,8 +1,8 @@
 //! Projection against finite differences and against the fixture's ground truth.
 
-use gprop::camera::{Camera, Distortion, Intrinsics, Polynomial, camera_from_world_of_opengl};
+use gprop::camera::{Camera, Distortion, Intrinsics, Polynomial, camera_from_world_of_opengl, rotation_of};
 use gprop::scene::{self, Options};
-use nalgebra::{Isometry3, Matrix4, Point3, UnitQuaternion, Vector3};
+use nalgebra::{Isometry3, Matrix3, Matrix4, Point3, UnitQuaternion, Vector3};
 use proptest::prelude::*;
 
 use super::folder::hammer;
@@ -144,6 +144,14 @@ fn each_model_is_its_formula() {
     assert!((in_picture / (1.0 + k * in_picture * in_picture) - r).abs() < 1e-12);
     let unified = 1.0 / (0.4 * (1.1 * 0.25 + 1.0f64).sqrt() + 0.6);
     check(Distortion::EnhancedUnified { alpha: 0.4, beta: 1.1 }, (x * unified, y * unified));
+}
+
+#[test]
+fn half_a_turn_is_read_as_such() {
+    for [x, y, z] in [[1.0, -1.0, -1.0], [-1.0, 1.0, -1.0], [-1.0, -1.0, 1.0]] {
+        let turn = Matrix3::from_diagonal(&Vector3::new(x, y, z));
+        assert!((rotation_of(&turn).unwrap().to_rotation_matrix().into_inner() - turn).norm() < 1e-15);
+    }
 }
 
 #[test]

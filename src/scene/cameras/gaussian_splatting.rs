@@ -6,12 +6,12 @@
 
 use std::path::Path;
 
-use nalgebra::{Isometry3, Matrix3, Rotation3, UnitQuaternion};
+use nalgebra::{Isometry3, Matrix3};
 use serde::Deserialize;
 
 use super::frame::{Declared, Focal, Frame, positive};
 use super::{Applied, Capture, bytes_of};
-use crate::camera::{Distortion, is_rotation};
+use crate::camera::{Distortion, rotation_of};
 use crate::scene::SceneError;
 use crate::scene::error::FrameProblem;
 
@@ -42,10 +42,10 @@ pub(super) fn read(path: &Path) -> Result<Capture, SceneError> {
 
 fn frame(entry: Entry) -> Result<Frame, FrameProblem> {
     let rotation = Matrix3::from_fn(|row, column| entry.rotation[row][column]);
-    if !is_rotation(&rotation) || entry.position.iter().any(|value| !value.is_finite()) {
+    let rotation = rotation_of(&rotation).ok_or(FrameProblem::NotARotation)?;
+    if entry.position.iter().any(|value| !value.is_finite()) {
         return Err(FrameProblem::NotARotation);
     }
-    let rotation = UnitQuaternion::from_rotation_matrix(&Rotation3::from_matrix(&rotation));
     let world_from_camera = Isometry3::from_parts(entry.position.into(), rotation);
     Ok(Frame {
         file: entry.img_name,

@@ -8,12 +8,12 @@
 
 use std::path::Path;
 
-use nalgebra::{Isometry3, Matrix3, Matrix4, Rotation3, Translation3, UnitQuaternion};
+use nalgebra::{Isometry3, Matrix3, Matrix4, Translation3};
 use serde::Deserialize;
 
 use super::frame::{Declared, Focal, Frame, finite, positive};
 use super::{Applied, Capture, bytes_of};
-use crate::camera::{Distortion, Polynomial, camera_from_world_of_opengl, is_rotation};
+use crate::camera::{Distortion, Polynomial, camera_from_world_of_opengl, rotation_of};
 use crate::scene::SceneError;
 use crate::scene::error::FrameProblem;
 
@@ -128,8 +128,7 @@ pub(super) fn rigid(rows: &[Vec<f64>]) -> Option<Isometry3<f64>> {
     }
     let rotation = Matrix3::from_fn(|row, column| rows[row][column]);
     let translation = Translation3::new(rows[0][3], rows[1][3], rows[2][3]);
-    let rotation = is_rotation(&rotation).then(|| Rotation3::from_matrix(&rotation))?;
-    Some(Isometry3::from_parts(translation, UnitQuaternion::from_rotation_matrix(&rotation)))
+    Some(Isometry3::from_parts(translation, rotation_of(&rotation)?))
 }
 
 impl Lens {
