@@ -16,7 +16,9 @@
 
 pub mod camera;
 pub mod exit;
+pub mod from_splat;
 pub mod grasp;
+pub mod inspect;
 pub mod materials;
 pub mod parts;
 pub mod progress;

@@ -28,6 +28,7 @@ mod splat_file;
 pub mod spz;
 mod view_names;
 
+use std::borrow::Cow;
 use std::path::{Path, PathBuf};
 
 use crate::camera::Camera;
@@ -82,6 +83,18 @@ pub struct View {
     pub upright: Upright,
     /// White on the object.
     pub mask: Option<PathBuf>,
+}
+
+impl Scene {
+    /// The object's Gaussians, then those of its surroundings: all that the photos show.
+    pub fn whole_cloud(&self) -> Cow<'_, Gaussians> {
+        if self.surroundings.is_empty() {
+            return Cow::Borrowed(&self.gaussians);
+        }
+        let mut cloud = self.gaussians.clone();
+        cloud.append(&self.surroundings);
+        Cow::Owned(cloud)
+    }
 }
 
 /// Loads the scene in `folder`: the splat, the cameras, and of each photo its size. With [`Options::render_views`] there are

@@ -1,0 +1,81 @@
+//! Views rendered from the splat, for scenes without photos: cameras spread over the sphere around the object.
+
+use image::{Rgba, RgbaImage};
+use nalgebra::{Isometry3, Point3, Vector3};
+
+use super::render_options;
+use crate::camera::{Camera, Distortion, Intrinsics};
+use crate::scene::Scene;
+use crate::vote::raster::render;
+
+/// A view that no photo shows: its camera, and the picture with straight alpha.
+#[derive(Debug, Clone)]
+pub struct RenderedView {
+    /// `000`, `001`, ...
+    pub name: String,
+    pub camera: Camera,
+    pub picture: RgbaImage,
+}
+
+/// Side of the pictures in pixels.
+const SIDE: u32 = 768;
+/// Field of view in radians: little perspective, as product photos have.
+const FIELD_OF_VIEW: f64 = 0.7;
+/// How much of the picture's height the object's bounding sphere fills.
+const FILLED: f64 = 0.9;
+
+/// Renders `count` views of the object from directions spread evenly over the sphere.
+pub fn orbit(scene: &Scene, count: usize) -> Vec<RenderedView> {
+    let bounds = scene.object_bounds();
+    let radius = 0.5 * bounds.diagonal();
+    let distance = radius / (FILLED * (0.5 * FIELD_OF_VIEW).sin());
+    let side = f64::from(SIDE);
+    let focal = 0.5 * side / (0.5 * FIELD_OF_VIEW).tan();
+    let intrinsics = Intrinsics {
+        width: SIDE,
+        height: SIDE,
+        fx: focal,
+        fy: focal,
+        cx: 0.5 * side,
+        cy: 0.5 * side,
+        distortion: Distortion::None,
+    };
+    let view = |(index, direction): (usize, Vector3<f64>)| {
+        let eye = bounds.center() + direction * distance;
+        let camera = Camera { intrinsics, camera_from_world: looking(&eye, &bounds.center()) };
+        let picture = straight(&render(&scene.gaussians, &camera, &render_options(scene)));
+        RenderedView { name: format!("{index:03}"), camera, picture }
+    };
+    directions(count).into_iter().enumerate().map(view).collect()
+}
+
+/// Evenly spread unit vectors: a Fibonacci lattice (Gonzalez 2010).
+fn directions(count: usize) -> Vec<Vector3<f64>> {
+    let golden_angle = std::f64::consts::PI * (3.0 - 5.0_f64.sqrt());
+    let direction = |i: usize| {
+        let z = 1.0 - (2.0 * i as f64 + 1.0) / count as f64;
+        let (sin, cos) = (golden_angle * i as f64).sin_cos();
+        let across = (1.0 - z * z).sqrt();
+        Vector3::new(across * cos, across * sin, z)
+    };
+    (0..count).map(direction).collect()
+}
+
+/// A camera at `eye` that looks at `target`, upright about the axis that it looks least along.
+fn looking(eye: &Point3<f64>, target: &Point3<f64>) -> Isometry3<f64> {
+    let forward = target - eye;
+    let up = if forward.z.abs() > 0.95 * forward.norm() { Vector3::y() } else { Vector3::z() };
+    // face_towards gives z forward and y towards `up`; OpenCV's y goes down.
+    Isometry3::face_towards(eye, target, &-up).inverse()
+}
+
+/// Straight alpha from the rasteriser's premultiplied colours.
+fn straight(render: &crate::vote::raster::Render) -> RgbaImage {
+    let byte = |value: f32| (value.clamp(0.0, 1.0) * 255.0).round() as u8;
+    RgbaImage::from_fn(render.width, render.height, |x, y| {
+        let pixel = (y * render.width + x) as usize;
+        let alpha = render.alpha[pixel];
+        let [r, g, b] = render.rgb[pixel].map(|value| if alpha > 0.0 { byte(value / alpha) } else { 255 });
+        Rgba([r, g, b, byte(alpha)])
+    })
+}
