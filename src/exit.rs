@@ -1,5 +1,25 @@
 //! The exit codes and which error leads to which: the one place that knows.
 
+use thiserror::Error;
+
+use crate::config::ConfigError;
+use crate::evaluate::masks::MasksError;
+use crate::grasp::GraspError;
+use crate::materials::LibraryError;
+use crate::parts::PartsError;
+use crate::query::client::ClientError;
+use crate::query::cost::PriceError;
+use crate::query::exchange::ExchangeError;
+use crate::query::recorded::RecordingError;
+use crate::query::{PromptError, QueryError};
+use crate::scene::SceneError;
+use crate::scene::ply::PlyError;
+use crate::segment::SegmentError;
+use crate::setup::SetupError;
+use crate::simulate::SimulateError;
+use crate::vote::VoteError;
+use crate::workdir::WorkDirError;
+
 /// How gprop ends. The numbers are part of the command-line contract.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 #[repr(u8)]
@@ -18,4 +38,53 @@ pub enum Exit {
     Batch = 6,
     /// A bug in gprop.
     Bug = 70,
+}
+
+/// A request that cannot be carried out as it was typed.
+#[derive(Debug, Error)]
+#[error("{0}")]
+pub struct UsageError(pub String);
+
+/// The exit code of an error: that of the first typed error in its chain. An error without a type is a bug.
+pub fn of(error: &anyhow::Error) -> Exit {
+    error.chain().find_map(code).unwrap_or(Exit::Bug)
+}
+
+fn code(cause: &(dyn std::error::Error + 'static)) -> Option<Exit> {
+    if let Some(SceneError::UnknownView { .. }) = cause.downcast_ref() {
+        return Some(Exit::Usage);
+    }
+    let exits: [(Exit, &[bool]); 4] = [
+        (
+            Exit::Usage,
+            &[
+                cause.is::<UsageError>(),
+                cause.is::<ConfigError>(),
+                cause.is::<WorkDirError>(),
+                cause.is::<LibraryError>(),
+                cause.is::<PromptError>(),
+                cause.is::<PriceError>(),
+                cause.is::<ClientError>(),
+                cause.is::<ExchangeError>(),
+                cause.is::<MasksError>(),
+                cause.is::<SimulateError>(),
+                cause.is::<GraspError>(),
+            ],
+        ),
+        (
+            Exit::Scene,
+            &[cause.is::<SceneError>(), cause.is::<PlyError>(), cause.is::<VoteError>(), cause.is::<PartsError>()],
+        ),
+        (Exit::Model, &[cause.is::<SetupError>(), cause.is::<SegmentError>()]),
+        (Exit::Answer, &[cause.is::<QueryError>(), cause.is::<RecordingError>()]),
+    ];
+    exits.into_iter().find(|(_, found)| found.contains(&true)).map(|(exit, _)| exit)
+}
+
+/// Makes a panic end the process with [`Exit::Bug`] and a request to report it.
+pub fn report_panics_as_bugs() {
+    std::panic::set_hook(Box::new(|panic| {
+        eprintln!("error: gprop has a bug: {panic}\nplease report it with the command and, if you can, the scene");
+        std::process::exit(Exit::Bug as i32);
+    }));
 }

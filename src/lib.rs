@@ -15,17 +15,23 @@
 //! The method follows *GaussianProperty: Integrating Physical Properties to 3D Gaussians with LMMs* (Xu et al., 2024).
 
 pub mod camera;
+pub mod cli;
+pub mod config;
+pub mod evaluate;
 pub mod exit;
 pub mod from_splat;
 pub mod grasp;
 pub mod inspect;
 pub mod materials;
 pub mod parts;
+pub mod pipeline;
 pub mod progress;
 pub mod query;
+pub mod report;
 pub mod scene;
 pub mod segment;
 pub mod setup;
 pub mod simulate;
 pub mod units;
 pub mod vote;
+pub mod workdir;

@@ -1,1 +1,251 @@
+//! The whole program as a user meets it: runs, reruns, kills, bad input, exit codes.
 
+use std::fs;
+use std::path::{Path, PathBuf};
+use std::process::{Command, Output, Stdio};
+
+use serde_json::Value;
+use tempfile::TempDir;
+
+use crate::support::models;
+
+/// Two of the hammer's ten views, a coarse grid and a short simulation: every stage in seconds.
+const QUICK: &[&str] =
+    &["--view-list", "003,022", "--frames", "3", "--duration", "0.06", "--grid", "16", "--volume-cells", "100000"];
+
+fn fixture(name: &str) -> PathBuf {
+    Path::new(env!("CARGO_MANIFEST_DIR")).join("fixtures").join(name)
+}
+
+fn gprop() -> Command {
+    Command::new(env!("CARGO_BIN_EXE_gprop"))
+}
+
+/// A copy of the hammer that a test may spoil. Recordings come along, ground truth does not.
+fn hammer() -> TempDir {
+    let copy = TempDir::new().unwrap();
+    let source = fixture("hammer");
+    for name in ["point_cloud.ply", "transforms.json", "gprop.toml"] {
+        fs::copy(source.join(name), copy.path().join(name)).unwrap();
+    }
+    for folder in ["images", "recorded"] {
+        fs::create_dir(copy.path().join(folder)).unwrap();
+        for entry in fs::read_dir(source.join(folder)).unwrap() {
+            let entry = entry.unwrap();
+            fs::copy(entry.path(), copy.path().join(folder).join(entry.file_name())).unwrap();
+        }
+    }
+    copy
+}
+
+fn run(scene: &Path, arguments: &[&str]) -> Output {
+    gprop().arg("run").arg(scene).args(arguments).output().unwrap()
+}
+
+fn stderr(output: &Output) -> String {
+    String::from_utf8_lossy(&output.stderr).into_owned()
+}
+
+fn json(path: PathBuf) -> Value {
+    serde_json::from_slice(&fs::read(&path).unwrap()).unwrap()
+}
+
+/// Fails unless gprop ended with `code`, one error that holds every one of `words`, and left nothing half-written.
+fn assert_refused(scene: &Path, arguments: &[&str], code: i32, words: &[&str]) {
+    let output = run(scene, arguments);
+    let message = stderr(&output);
+    assert_eq!(output.status.code(), Some(code), "{message}");
+    assert_eq!(message.matches("error:").count(), 1, "one message, not several: {message}");
+    for word in words {
+        assert!(message.contains(word), "no {word:?} in: {message}");
+    }
+    let work = scene.join("gprop");
+    assert!(!work.join("report.json").exists() && !work.join("report.html").exists());
+    assert_eq!(leftovers(&work), Vec::<PathBuf>::new(), "temporary files are left");
+}
+
+/// Temporary files below a folder.
+fn leftovers(folder: &Path) -> Vec<PathBuf> {
+    let Ok(entries) = fs::read_dir(folder) else { return Vec::new() };
+    let mut found = Vec::new();
+    for entry in entries {
+        let path = entry.unwrap().path();
+        if path.is_dir() {
+            found.extend(leftovers(&path));
+        } else if path.file_name().unwrap().to_string_lossy().starts_with(".tmp-") {
+            found.push(path);
+        }
+    }
+    found
+}
+
+#[test]
+fn no_scene() {
+    let empty = TempDir::new().unwrap();
+    assert_refused(&empty.path().join("nowhere"), &[], 3, &["nowhere"]);
+}
+
+#[test]
+fn no_ply() {
+    let empty = TempDir::new().unwrap();
+    assert_refused(empty.path(), &[], 3, &["point_cloud.ply"]);
+}
+
+#[test]
+fn truncated_ply() {
+    let scene = hammer();
+    let ply = scene.path().join("point_cloud.ply");
+    let bytes = fs::read(&ply).unwrap();
+    fs::write(&ply, &bytes[..bytes.len() / 2]).unwrap();
+    assert_refused(scene.path(), &[], 3, &["point_cloud.ply", "truncated"]);
+}
+
+#[test]
+fn a_ply_that_is_no_splat() {
+    let scene = hammer();
+    let points = "ply\nformat ascii 1.0\nelement vertex 1\nproperty float x\nproperty float y\nproperty float z\n\
+                  property uchar red\nproperty uchar green\nproperty uchar blue\nend_header\n0 0 0 1 2 3\n";
+    fs::write(scene.path().join("point_cloud.ply"), points).unwrap();
+    assert_refused(scene.path(), &[], 3, &["point_cloud.ply", "opacity"]);
+}
+
+#[test]
+fn an_image_is_missing() {
+    let scene = hammer();
+    fs::remove_file(scene.path().join("images/004.png")).unwrap();
+    assert_refused(scene.path(), &[], 3, &["004.png"]);
+}
+
+#[test]
+fn an_image_is_undecodable() {
+    let scene = hammer();
+    fs::write(scene.path().join("images/004.png"), b"\x89PNG\r\n\x1a\nno picture").unwrap();
+    assert_refused(scene.path(), &["--view-list", "004"], 3, &["004.png"]);
+}
+
+#[test]
+fn a_broken_transforms_json() {
+    let scene = hammer();
+    fs::write(scene.path().join("transforms.json"), "{\n  \"fl_x\": 787,\n  oops\n}").unwrap();
+    assert_refused(scene.path(), &[], 3, &["transforms.json", "line 3"]);
+}
+
+#[test]
+fn an_unknown_key_in_the_configuration() {
+    let scene = hammer();
+    fs::write(scene.path().join("gprop.toml"), "scale = \"metric\"\npoints-per-sid = 8\n").unwrap();
+    assert_refused(scene.path(), &[], 2, &["gprop.toml", "line 2", "points-per-sid"]);
+}
+
+#[test]
+fn the_command_line_wins_over_the_configuration() {
+    let scene = hammer();
+    fs::write(scene.path().join("gprop.toml"), "scale = \"metric\"\nviews = 3\n").unwrap();
+    let output = run(scene.path(), &["--to", "scene", "--views", "5"]);
+    assert!(output.status.success(), "{}", stderr(&output));
+    assert_eq!(json(scene.path().join("gprop/views.json"))["views"].as_array().unwrap().len(), 5);
+}
+
+#[test]
+fn an_unknown_flag() {
+    let output = run(&fixture("hammer"), &["--no-such-flag"]);
+    assert_eq!(output.status.code(), Some(2));
+}
+
+#[test]
+fn offline_without_models() {
+    let scene = hammer();
+    let cache = TempDir::new().unwrap();
+    let output = gprop()
+        .env("XDG_CACHE_HOME", cache.path())
+        .env_remove("ORT_DYLIB_PATH")
+        .args(["run", "--offline"])
+        .arg(scene.path())
+        .output()
+        .unwrap();
+    assert_eq!(output.status.code(), Some(4), "{}", stderr(&output));
+    assert!(stderr(&output).contains("gprop setup"), "{}", stderr(&output));
+}
+
+#[test]
+fn a_second_gprop_on_the_same_scene_waits_for_nobody() {
+    let scene = hammer();
+    let _held = gprop::workdir::WorkDir::open(&scene.path().join("gprop")).unwrap();
+    let output = run(scene.path(), &["--to", "scene"]);
+    assert_eq!(output.status.code(), Some(2));
+    assert!(stderr(&output).contains("another gprop"), "{}", stderr(&output));
+}
+
+#[test]
+fn a_missing_recording() {
+    if models("a_missing_recording").is_none() {
+        return;
+    }
+    let scene = hammer();
+    fs::remove_dir_all(scene.path().join("recorded")).unwrap();
+    let arguments = [QUICK, &["--answers", "replay"]].concat();
+    assert_refused(scene.path(), &arguments, 5, &["view 003", "--export"]);
+    assert!(scene.path().join("gprop/segments/003.png").exists(), "what was done before stays");
+}
+
+#[test]
+fn a_rerun_reuses_everything_and_an_option_redoes_what_follows() {
+    if models("a_rerun_reuses_everything_and_an_option_redoes_what_follows").is_none() {
+        return;
+    }
+    let scene = hammer();
+    let reused = || -> Vec<(String, bool)> {
+        let record = json(scene.path().join("gprop/run.json"));
+        let stage = |s: &Value| (s["name"].as_str().unwrap().to_owned(), s["reused"].as_bool().unwrap());
+        record["stages"].as_array().unwrap().iter().map(stage).collect()
+    };
+    let first = run(scene.path(), QUICK);
+    assert!(first.status.success(), "{}", stderr(&first));
+    assert!(reused().iter().all(|(_, reused)| !reused));
+
+    assert!(run(scene.path(), QUICK).status.success());
+    assert!(reused().iter().all(|(_, reused)| *reused), "{:?}", reused());
+
+    let turned = [QUICK, &["--lift-angle-deg", "30"]].concat();
+    assert!(run(scene.path(), &turned).status.success());
+    let again: Vec<_> = reused().into_iter().filter(|(_, reused)| !reused).map(|(name, _)| name).collect();
+    assert_eq!(again, ["grasp", "report"]);
+}
+
+#[test]
+fn a_killed_run_resumes_to_the_same_bytes() {
+    if models("a_killed_run_resumes_to_the_same_bytes").is_none() {
+        return;
+    }
+    let (undisturbed, killed) = (hammer(), hammer());
+    let started = std::time::Instant::now();
+    assert!(run(undisturbed.path(), QUICK).status.success());
+    let whole = started.elapsed();
+
+    // Kills spread over the run's length, whatever the machine's speed: none depends on hitting a certain stage.
+    for part in 1..=5 {
+        let mut command = gprop();
+        command.stdout(Stdio::null()).stderr(Stdio::null());
+        let mut child = command.arg("run").arg(killed.path()).args(QUICK).spawn().unwrap();
+        std::thread::sleep(whole * part / 6);
+        child.kill().unwrap();
+        child.wait().unwrap();
+    }
+    let last = run(killed.path(), QUICK);
+    assert!(last.status.success(), "{}", stderr(&last));
+
+    for name in [
+        "views.json",
+        "segments/003.png",
+        "segments/segments.json",
+        "answers.jsonl",
+        "field.ply",
+        "parts.json",
+        "simulation/frames/0002.ply",
+        "simulation/animation.gif",
+        "grasp.json",
+    ] {
+        let read = |scene: &TempDir| fs::read(scene.path().join("gprop").join(name)).unwrap();
+        assert!(read(&undisturbed) == read(&killed), "{name} differs after the kills");
+    }
+}

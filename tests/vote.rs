@@ -11,3 +11,10 @@ mod scenes;
 mod raster;
 // Photos and depths of the scenes.
 mod photos;
+
+// The vote on built clouds.
+mod field;
+// The search for neighbours.
+mod nearest;
+// The vote with true parts: its own loss.
+mod oracle;

@@ -1,8 +1,27 @@
-//! The material library: fifteen families, ranges of every property in SI, look-up by name.
+//! The material library: fifteen families, ranges of every property in SI with a source each, look-up by name, and
+//! the checks that keep it plausible.
+//!
+//! The data lie in the crate's `materials/` folder, one CSV a family, and are compiled in; its README describes the
+//! columns. [`MaterialLibrary`] reads them, [`check`](check::check) tests them, [`cli`] prints them.
+
+pub mod bibliography;
+pub mod check;
+pub mod cli;
+
+mod library;
+mod names;
+mod options;
+mod read;
+pub mod stats;
 
 use serde::{Deserialize, Serialize};
 
-use crate::units::{Range, ShoreHardness};
+use crate::units::{Range, ShoreHardness, ShoreScale};
+
+pub use library::MaterialLibrary;
+pub use names::fold;
+pub use options::Options;
+pub use read::LibraryError;
 
 /// One material of the library.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -16,15 +35,60 @@ pub struct Material {
     pub poisson_ratio: Range,
     /// The stress at which it fails or flows, of the kind `strength_kind` says.
     pub strength_pa: Range,
-    pub strength_kind: String,
+    pub strength_kind: StrengthKind,
+    /// Coulomb friction, static and dry, against a rubber gripper pad.
     pub friction_rubber: Range,
+    /// Coulomb friction, static and dry, against smooth steel.
     pub friction_steel: Range,
     /// `None` where a Shore durometer says nothing about it.
     pub hardness: Option<ShoreHardness>,
     pub law: Law,
+    pub labels: Labels,
+    pub sources: Sources,
+}
+
+/// Which stress a strength is.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum StrengthKind {
+    /// 0.2 % proof stress or yield point, in tension.
+    Yield,
+    /// Ultimate tensile strength.
+    Uts,
+    /// Modulus of rupture in bending.
+    Flexural,
+    /// Crushing strength.
+    Compressive,
+    /// Plateau of a foam in compression.
+    Plateau,
+    /// Stress at fracture, whichever the loading.
+    Fracture,
+    /// Cohesion of a granular or plastic mass; 0 for dry sand.
+    Cohesion,
+}
+
+impl StrengthKind {
+    /// Every kind with the word that stands for it in the CSV.
+    pub const NAMES: [(&'static str, Self); 7] = [
+        ("yield", Self::Yield),
+        ("uts", Self::Uts),
+        ("flexural", Self::Flexural),
+        ("compressive", Self::Compressive),
+        ("plateau", Self::Plateau),
+        ("fracture", Self::Fracture),
+        ("cohesion", Self::Cohesion),
+    ];
+
+    /// The word that stands for it in the CSV.
+    pub fn name(self) -> &'static str {
+        Self::NAMES.iter().find(|(_, kind)| *kind == self).map_or("", |(name, _)| name)
+    }
 }
 
 /// The constitutive law that simulates a material, with what it needs beyond E, nu and density.
+///
+/// The laws and their parameters are those of the MPM literature that PhysGaussian (Xie et al., 2024) draws on; its
+/// names for them are jelly, metal, sand, foam, snow and plasticine.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(tag = "law", rename_all = "snake_case")]
 pub enum Law {
@@ -32,6 +96,129 @@ pub enum Law {
     Elastic,
     /// Hencky elasticity with von Mises yield.
     VonMises { yield_stress_pa: f64 },
-    /// Drucker-Prager sand.
-    DruckerPrager { friction_angle_rad: f64 },
+    /// Drucker-Prager sand (Klár et al., 2016); `cohesion_pa` is 0 for dry grains.
+    DruckerPrager { friction_angle_rad: f64, cohesion_pa: f64 },
+    /// Viscoplastic foam (Yue et al., 2015): flows above the yield stress, resisted by the plastic viscosity.
+    Foam { yield_stress_pa: f64, viscosity_pa_s: f64 },
+    /// Snow (Stomakhin et al., 2013): critical compression `theta_c`, critical stretch `theta_s`, hardening `xi`.
+    Snow { theta_c: f64, theta_s: f64, hardening: f64 },
+    /// Von Mises yield that softens with plastic flow, for clay, dough, wax.
+    Plasticine { yield_stress_pa: f64, softening: f64 },
+}
+
+impl Law {
+    /// The word that stands for the law in the CSV and in JSON.
+    pub fn name(&self) -> &'static str {
+        match self {
+            Self::Elastic => "elastic",
+            Self::VonMises { .. } => "von_mises",
+            Self::DruckerPrager { .. } => "drucker_prager",
+            Self::Foam { .. } => "foam",
+            Self::Snow { .. } => "snow",
+            Self::Plasticine { .. } => "plasticine",
+        }
+    }
+
+    /// Its parameters by name.
+    pub fn parameters(&self) -> Vec<(&'static str, f64)> {
+        match *self {
+            Self::Elastic => vec![],
+            Self::VonMises { yield_stress_pa } => vec![("yield_stress_pa", yield_stress_pa)],
+            Self::DruckerPrager { friction_angle_rad, cohesion_pa } => {
+                vec![("friction_angle_rad", friction_angle_rad), ("cohesion_pa", cohesion_pa)]
+            }
+            Self::Foam { yield_stress_pa, viscosity_pa_s } => {
+                vec![("yield_stress_pa", yield_stress_pa), ("viscosity_pa_s", viscosity_pa_s)]
+            }
+            Self::Snow { theta_c, theta_s, hardening } => {
+                vec![("theta_c", theta_c), ("theta_s", theta_s), ("hardening", hardening)]
+            }
+            Self::Plasticine { yield_stress_pa, softening } => {
+                vec![("yield_stress_pa", yield_stress_pa), ("softening", softening)]
+            }
+        }
+    }
+}
+
+/// What the two data sets of the paper's evaluation call a material.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Labels {
+    pub abo: Label,
+    pub mvimgnet: Label,
+}
+
+/// A material label of an evaluation data set.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Label {
+    pub name: String,
+    /// Whether the label means this material; otherwise it is merely the nearest of the set.
+    pub exact: bool,
+}
+
+/// Where each number of a row comes from: ids of the bibliography, mostly with the entry of that source after a colon.
+#[derive(Debug, Clone, Default, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Sources {
+    pub density: Vec<String>,
+    pub youngs_modulus: Vec<String>,
+    pub poisson_ratio: Vec<String>,
+    pub strength: Vec<String>,
+    pub friction_rubber: Vec<String>,
+    pub friction_steel: Vec<String>,
+    pub hardness: Vec<String>,
+    pub law: Vec<String>,
+}
+
+impl Sources {
+    /// Every property with its sources, in the order of the columns.
+    pub fn by_property(&self) -> [(&'static str, &[String]); 8] {
+        [
+            ("density", &self.density),
+            ("youngs_modulus", &self.youngs_modulus),
+            ("poisson_ratio", &self.poisson_ratio),
+            ("strength", &self.strength),
+            ("friction_rubber", &self.friction_rubber),
+            ("friction_steel", &self.friction_steel),
+            ("hardness", &self.hardness),
+            ("law", &self.law),
+        ]
+    }
+}
+
+/// What holds for every material of a family: bounds wide enough for all of them, and defaults.
+///
+/// This is the row for an answer that names no more than the family ("metal", "wood").
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Family {
+    pub name: String,
+    pub density_kg_m3: Range,
+    pub youngs_modulus_pa: Range,
+    pub poisson_ratio: Range,
+    pub strength_pa: Range,
+    /// What the family's strength usually is, in words.
+    pub strength_meaning: String,
+    pub friction_rubber: Range,
+    pub friction_steel: Range,
+    /// The softest and the hardest reading.
+    pub hardness: [ShoreReading; 2],
+    /// The law of a member of which no more is known.
+    pub law: Law,
+    pub labels: Labels,
+}
+
+/// One reading of a Shore durometer.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+pub struct ShoreReading {
+    pub scale: ShoreScale,
+    pub value: f64,
+}
+
+impl ShoreReading {
+    /// Orders readings of both scales: any A below any D. Only for bounds; the scales overlap in truth.
+    pub fn is_at_most(self, other: Self) -> bool {
+        match (self.scale, other.scale) {
+            (ShoreScale::A, ShoreScale::D) => true,
+            (ShoreScale::D, ShoreScale::A) => false,
+            _ => self.value <= other.value,
+        }
+    }
 }

@@ -1,4 +1,37 @@
 //! What each part is made of: a sheet and a prompt for a large multimodal model, its answers checked and recorded.
+//!
+//! [`Queries::prepare`] draws every part's [`sheet`] and writes the [`question`]s. [`Queries::run`] is the stage: it
+//! takes an answer from the [recordings](recorded) where there is one, asks whoever may be asked for the rest (an
+//! [`asker`]: the [`client`] of a server), and checks every response against the [`schema`] and the material library
+//! ([`answer`]). [`exchange`] moves the questions out and the answers in, for people and other programs to answer.
+
+pub mod answer;
+pub mod asker;
+pub mod client;
+pub mod cost;
+mod error;
+pub mod exchange;
+mod extract;
+mod jsonl;
+mod live;
+mod options;
+mod prompt;
+mod queries;
+pub mod question;
+pub mod recorded;
+mod replay;
+mod run;
+pub mod schema;
+mod sha256;
+pub mod sheet;
+
+pub use error::{MissingPart, QueryError};
+pub use jsonl::AnswersError;
+pub use options::{AnswerSource, Context, Guidance, Options};
+pub use prompt::{PromptError, Prompts};
+pub use queries::{PartQuery, Queries, ViewInput};
+pub use run::{OnAnswer, Plan, Run};
+pub use sha256::Sha256Hex;
 
 use serde::{Deserialize, Serialize};
 
@@ -17,6 +50,7 @@ pub struct PartAnswer {
 /// An answer or why there is none.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(tag = "status", rename_all = "snake_case")]
+#[expect(clippy::large_enum_variant, reason = "nearly all outcomes are answers")]
 pub enum Outcome {
     Answered(Answer),
     Failed(Failure),
@@ -78,6 +112,17 @@ pub enum Failure {
     UnknownMaterial { material: String },
     /// The endpoint could not be reached or kept failing.
     Endpoint { message: String },
+}
+
+impl std::fmt::Display for Failure {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        match self {
+            Self::Refused { message } => write!(f, "the model would not answer: {message}"),
+            Self::Invalid { message } => write!(f, "no usable answer: {message}"),
+            Self::UnknownMaterial { material } => write!(f, "the library has no material {material:?}"),
+            Self::Endpoint { message } => write!(f, "the endpoint failed: {message}"),
+        }
+    }
 }
 
 /// The answers of all parts of all views, by view in the order of the views, then by part id.

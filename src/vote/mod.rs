@@ -1,12 +1,50 @@
 //! From part maps to a material for every Gaussian: splat rasteriser, depth test, tally.
+//!
+//! In order: [`parts_of_views`] lists the views' parts that have an answer; [`ballots`] lets every view vote on the Gaussians
+//! it sees, with [`raster`] and [`depth`] to tell which those are; [`identity`] finds which parts of different views are one
+//! part of the object; [`tally`] elects a material and a part for every Gaussian, [`unseen`] for those that no view sees;
+//! [`labels`] gives each elected part its properties.
 
+mod ballots;
+pub mod depth;
+mod error;
+pub mod field_ply;
+mod identity;
+mod labels;
+pub mod nearest;
+mod options;
+pub mod palette;
+mod parts_of_views;
 pub mod raster;
+mod tally;
+mod unseen;
 
 use serde::{Deserialize, Serialize};
 
-use crate::materials::Law;
-use crate::query::Form;
+use crate::camera::Camera;
+use crate::materials::{Law, MaterialLibrary};
+use crate::progress::Progress;
+use crate::query::{Answers, Form};
+use crate::scene::gaussians::Gaussians;
+use crate::scene::robust_bounds;
+use crate::segment::LabelMap;
 use crate::units::{Estimate, ShoreHardness};
+use ballots::Ballots;
+pub use error::VoteError;
+use identity::Identity;
+pub use options::{Agreement, Options, Rule};
+use parts_of_views::ViewParts;
+use tally::{Choice, Elected};
+
+/// A view that votes.
+#[derive(Debug, Clone, Copy)]
+pub struct ViewInput<'a> {
+    /// As in the answers.
+    pub name: &'a str,
+    pub camera: &'a Camera,
+    /// At the camera's size.
+    pub map: &'a LabelMap,
+}
 
 /// What the vote decided for every Gaussian.
 #[derive(Debug, Clone, PartialEq)]
@@ -43,4 +81,104 @@ pub struct FieldLabel {
     pub friction_rubber: Estimate,
     pub form: Form,
     pub law: Law,
+}
+
+/// Gives every Gaussian a material from the parts that the views see it in. See [`tally`] for the rules.
+///
+/// # Errors
+/// [`VoteError`]: no Gaussians, a label map that is not of its camera's size, an answer that names no material of the
+/// library, or no vote at all.
+pub fn vote(
+    gaussians: &Gaussians,
+    views: &[ViewInput],
+    answers: &Answers,
+    library: &MaterialLibrary,
+    options: &Options,
+    progress: Progress,
+) -> Result<MaterialField, VoteError> {
+    check(gaussians, views)?;
+    let mut parts = ViewParts::new(views, answers, library)?;
+    parts.warnings.extend(doubts(gaussians, views));
+    let ballots = Ballots::cast(gaussians, views, &parts, options.vote, progress);
+    let identity = Identity::new(&ballots, &parts);
+    let candidates = tally::candidates(&parts, &identity, options.agree);
+    let elected = tally::elect(&ballots, &parts, &candidates);
+    let Some(choices) = unseen::fill(gaussians, &elected, options.neighbors.get()) else {
+        let (parts, answered) = (parts.in_maps, parts.parts.len());
+        return Err(VoteError::NoVotes { views: views.len(), parts, answered });
+    };
+    Ok(field(&choices, &elected, parts, &identity, library, views))
+}
+
+fn check(gaussians: &Gaussians, views: &[ViewInput]) -> Result<(), VoteError> {
+    if gaussians.is_empty() {
+        return Err(VoteError::NoGaussians);
+    }
+    for view in views {
+        let camera = (view.camera.intrinsics.width, view.camera.intrinsics.height);
+        let map = (view.map.width, view.map.height);
+        if map != camera || view.map.labels.len() != map.0 as usize * map.1 as usize {
+            return Err(VoteError::MapSize { view: view.name.to_owned(), map, camera });
+        }
+    }
+    Ok(())
+}
+
+/// What is strange about the cloud and the cameras, though the vote can take it.
+fn doubts(gaussians: &Gaussians, views: &[ViewInput]) -> Vec<String> {
+    let bounds = robust_bounds(gaussians);
+    let mut doubts = Vec::new();
+    let diagonal = bounds.diagonal();
+    match (0..gaussians.len()).filter(|&i| gaussians.scale(i).max() > diagonal).count() {
+        0 => {}
+        1 => doubts.push("1 Gaussian is larger than the object: it votes and is voted on like any other".to_owned()),
+        n => {
+            doubts.push(format!("{n} Gaussians are larger than the object: they vote and are voted on like any other"))
+        }
+    }
+    for view in views {
+        let eye = view.camera.center_in_world();
+        if (0..3).all(|axis| bounds.min[axis] <= eye[axis] && eye[axis] <= bounds.max[axis]) {
+            doubts.push(format!("the camera of view `{}` stands inside the object", view.name));
+        }
+    }
+    doubts
+}
+
+/// Numbers the choices that were made, the most frequent first, and gathers what is known of each.
+fn field(
+    choices: &[Choice],
+    elected: &[Option<Elected>],
+    parts: ViewParts,
+    identity: &Identity,
+    library: &MaterialLibrary,
+    views: &[ViewInput],
+) -> MaterialField {
+    let made = by_frequency(choices);
+    let labels = (0..).zip(&made).map(|(id, &choice)| labels::label(id, choice, &parts, identity, library)).collect();
+    let label_of = |choice: &Choice| made.iter().position(|other| other == choice).expect("listed above") as u32;
+    let of_elected = |value: fn(&Elected) -> f32| elected.iter().map(|e| e.as_ref().map_or(0.0, value)).collect();
+    let mut warnings = parts.warnings;
+    let invisible = parts.parts.iter().zip(&identity.seen).filter(|(_, seen)| **seen == 0);
+    for (part, _) in invisible {
+        let (view, caption) = (views[part.view].name, &part.answer.caption);
+        warnings.push(format!("part {} of view `{view}` ({caption}) is on no Gaussian", part.part));
+    }
+    MaterialField {
+        labels,
+        part_label: choices.iter().map(label_of).collect(),
+        confidence: of_elected(|e| e.votes / e.cast),
+        votes: of_elected(|e| e.votes),
+        views: elected.iter().map(|e| e.as_ref().map_or(0, |e| e.views)).collect(),
+        warnings,
+    }
+}
+
+/// The choices that occur, the most frequent first; of equals the lower 3D part.
+fn by_frequency(choices: &[Choice]) -> Vec<Choice> {
+    let mut sorted = choices.to_vec();
+    sorted.sort_unstable();
+    let mut runs: Vec<(usize, Choice)> = sorted.chunk_by(|a, b| a == b).map(|run| (run.len(), run[0])).collect();
+    runs.sort_by(|a, b| b.0.cmp(&a.0).then(a.1.cmp(&b.1)));
+    runs.into_iter().map(|(_, choice)| choice).collect()
 }

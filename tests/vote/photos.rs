@@ -59,11 +59,12 @@ fn depth_error(measured: &scenes::Measured, depth: impl Fn(&Render) -> &Vec<f32>
 }
 
 #[test]
-fn the_median_depth_is_within_six_thousandths_of_the_diagonal() {
+fn depths_are_within_six_thousandths_of_the_diagonal() {
     for measured in scenes::all() {
         let median = depth_error(&measured, |r| &r.median_depth);
         let expected = depth_error(&measured, |r| &r.expected_depth);
         println!("{}: median depth {:.3}%, expected {:.3}%", measured.scene.name, 100.0 * median, 100.0 * expected);
-        assert!(median < 0.006);
+        // Depths of the Gaussians' centres are off by 0.4 to 1.2%.
+        assert!(median < 0.006 && expected < 0.006);
     }
 }

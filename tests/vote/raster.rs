@@ -15,6 +15,11 @@ fn splats(blobs: &[Blob], camera: &Camera) -> Vec<Splat> {
 /// and what lies behind a pixel when the rasteriser stops (transmittance 1e-4 times a colour of up to 2).
 const PIXEL_TOLERANCE: f64 = 3e-4;
 
+/// A thin sheet across the optical axis that fills the picture.
+fn sheet(depth: f32, opacity: f32) -> Blob {
+    Blob { scale: [40.0, 40.0, 1e-4], ..Blob::round([0.0, 0.0, depth], 1.0, opacity) }
+}
+
 #[test]
 fn a_round_gaussian_on_the_axis_projects_as_by_hand() {
     // f s / z = 50 * 0.2 / 2 = 5 px, so the variance is 25 + 0.3 px^2 along both axes.
@@ -31,6 +36,8 @@ fn a_round_gaussian_on_the_axis_projects_as_by_hand() {
     // On the axis depth and pixel are independent: no slope, and the whole deviation lies along the ray.
     assert!(splat.depth_slope.iter().all(|s| s.abs() < 1e-6), "{:?}", splat.depth_slope);
     assert!((splat.depth_deviation - 0.2).abs() < 1e-6, "{}", splat.depth_deviation);
+    // The solid ball with this covariance has the radius sqrt(5) * 0.2.
+    assert!((splat.surface_depth - (2.0 - 5.0f32.sqrt() * 0.2)).abs() < 1e-6, "{}", splat.surface_depth);
 }
 
 #[test]
@@ -46,6 +53,7 @@ fn the_depth_of_a_tilted_disc_follows_its_plane() {
     // takes 0.3 px^2 of about 28 px^2 off, in all 1%.
     assert!((splat.depth_slope[0] + 0.04).abs() < 0.01 * 0.04 + 2e-4, "{:?}", splat.depth_slope);
     assert!(splat.depth_slope[1].abs() < 1e-6);
+    // Half a pixel of low-pass across a slope of 0.04 is all the extent that is left along the ray.
     assert!(splat.depth_deviation < 0.03, "{}", splat.depth_deviation);
 }
 
@@ -75,9 +83,9 @@ fn an_enormous_gaussian_covers_the_picture_and_nothing_breaks() {
 
 #[test]
 fn two_layers_blend_and_give_the_depths_computed_by_hand() {
-    // So large that alpha is constant around the centre: 0.6 in front, 0.9 behind.
-    let red = Blob { color: [1.0, 0.0, 0.0], ..Blob::round([0.0, 0.0, 2.0], 40.0, 0.6) };
-    let blue = Blob { color: [0.0, 0.0, 1.0], ..Blob::round([0.0, 0.0, 4.0], 40.0, 0.9) };
+    // Thin sheets, so large that alpha is constant around the centre: 0.6 in front, 0.9 behind.
+    let red = Blob { color: [1.0, 0.0, 0.0], ..sheet(2.0, 0.6) };
+    let blue = Blob { color: [0.0, 0.0, 1.0], ..sheet(4.0, 0.9) };
     let at_center = 24 * 64 + 32;
     let draw = |blobs: &[Blob]| render(&cloud(blobs), &camera(), &RenderOptions::default());
     let picture = draw(&[blue, red]);
@@ -144,9 +152,7 @@ fn the_antialiased_variant_keeps_the_light_of_what_is_thinner_than_a_pixel() {
 
 #[test]
 fn a_pixel_belongs_to_the_label_that_gives_most_of_its_light() {
-    let front = Blob::round([0.0, 0.0, 2.0], 40.0, 0.4);
-    let middle = Blob::round([0.0, 0.0, 3.0], 40.0, 0.4);
-    let back = Blob::round([0.0, 0.0, 4.0], 40.0, 0.95);
+    let (front, middle, back) = (sheet(2.0, 0.4), sheet(3.0, 0.4), sheet(4.0, 0.95));
     let gaussians = cloud(&[front, middle, back]);
     let at_center = |labels: [u32; 3]| render_labels(&gaussians, &camera(), &labels, &Default::default())[24 * 64 + 32];
     // Weights 0.4, 0.6 * 0.4 = 0.24, 0.36 * 0.95 = 0.342.

@@ -3,7 +3,8 @@
 use std::path::{Path, PathBuf};
 
 use gprop::camera::Camera;
-use gprop::scene::{self, Scene};
+use gprop::scene::{self, Scene, View};
+use gprop::segment::LabelMap;
 
 /// A scene with its held-out views.
 pub struct Measured {
@@ -70,4 +71,26 @@ fn camera(document: &serde_json::Value, frame: &serde_json::Value, scene: &Scene
     (intrinsics.fx, intrinsics.fy) = (number("fl_x"), number("fl_y"));
     (intrinsics.cx, intrinsics.cy) = (number("cx"), number("cy"));
     Camera { intrinsics, camera_from_world: gprop::camera::camera_from_world_of_opengl(&pose).unwrap() }
+}
+
+impl Measured {
+    /// The ground truth's part maps of the views that a run would choose, as label maps: ids from 1.
+    pub fn true_maps(&self) -> Vec<(View, LabelMap)> {
+        let views = self.scene.chosen_views(&scene::Options::default()).unwrap();
+        let map_of = |view: &View| {
+            let file = self.folder.join("ground_truth/part_maps").join(format!("{}.png", view.name));
+            let map = image::open(file).unwrap().into_luma8();
+            let labels = map.pixels().map(|p| if p.0[0] == 255 { 0 } else { u16::from(p.0[0]) + 1 }).collect();
+            LabelMap { width: map.width(), height: map.height(), labels }
+        };
+        views.into_iter().map(|view| (view.clone(), map_of(&view))).collect()
+    }
+
+    /// Names of the parts by their id in the part maps.
+    pub fn part_names(&self) -> Vec<String> {
+        let text = std::fs::read_to_string(self.folder.join("ground_truth/parts.json")).unwrap();
+        let document: serde_json::Value = serde_json::from_str(&text).unwrap();
+        let parts = document["parts"].as_array().unwrap();
+        parts.iter().map(|part| part["name"].as_str().unwrap().to_owned()).collect()
+    }
 }

@@ -154,7 +154,8 @@ fn largest_cluster(points: &[Point3<f64>], among: &[usize], origin: &Point3<f64>
         let mut open = vec![start];
         while let Some([x, y, z]) = open.pop() {
             cluster.extend(&voxels[&[x, y, z]]);
-            let around = (-1..=1).flat_map(|i| (-1..=1).flat_map(move |j| (-1..=1).map(move |k| [x + i, y + j, z + k])));
+            let around =
+                (-1..=1).flat_map(|i| (-1..=1).flat_map(move |j| (-1..=1).map(move |k| [x + i, y + j, z + k])));
             open.extend(around.filter(|neighbour| left.remove(neighbour)));
         }
         if cluster.len() > largest.len() {

@@ -28,6 +28,13 @@ pub struct TileRect {
     pub height: usize,
 }
 
+impl TileRect {
+    /// Where in the picture the centre of the tile's pixel `pixel` (`y * TILE + x`) lies, px.
+    pub fn pixel_center(&self, pixel: usize) -> [f32; 2] {
+        [(self.x + pixel % TILE) as f32 + 0.5, (self.y + pixel / TILE) as f32 + 0.5]
+    }
+}
+
 /// What to do with the blend weights of one tile.
 pub trait Sink: Send {
     /// `splat` covers the [`LANES`] pixels from pixel `first` (`y * TILE + x` within the tile, `first % LANES == 0`) with

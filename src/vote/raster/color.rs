@@ -37,9 +37,7 @@ impl Sink for ColorSink<'_> {
                 *sum += weight * value;
             }
         }
-        let dx = (self.rect.x + first % TILE) as f32 + 0.5 - splat.center[0];
-        let dy = (self.rect.y + first / TILE) as f32 + 0.5 - splat.center[1];
-        let depth_at_first = splat.depth + splat.depth_slope[0] * dx + splat.depth_slope[1] * dy;
+        let depth_at_first = splat.surface_at(self.rect.pixel_center(first));
         for lane in 0..LANES {
             let depth = depth_at_first + splat.depth_slope[0] * lane as f32;
             let (weight, after) = (weights[lane], transmittance[lane]);

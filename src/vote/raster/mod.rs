@@ -21,8 +21,8 @@ pub use blend::{ALPHA_MAX, LANES, Sink, TRANSMITTANCE_MIN, TileRect};
 use color::ColorSink;
 use labels::LabelSink;
 use project::Projector;
-pub use project::{ALPHA_MIN, LOW_PASS_PX2, Splat};
-pub use sh::{SH_C0, color as sh_color};
+pub use project::{ALPHA_MIN, LOW_PASS_PX2, SURFACE_DEVIATIONS, Splat};
+pub use sh::{SH_C0, basis as sh_basis, color as sh_color};
 pub use tiles::TILE;
 use tiles::Tiles;
 
@@ -68,10 +68,10 @@ pub struct Render {
     pub rgb: Vec<[f32; 3]>,
     /// Share of the pixel's light that comes from Gaussians, 0 to 1.
     pub alpha: Vec<f32>,
-    /// Mean planar depth of that light in scene units; infinite where there is none.
+    /// Mean planar depth of the surfaces that light comes from, in scene units; infinite where there is none.
     pub expected_depth: Vec<f32>,
-    /// Planar depth in scene units from nearer than which half of the pixel's light comes; infinite where alpha stays
-    /// under one half.
+    /// Planar depth, in scene units, of the surface at which half of the pixel's light is reached; infinite where alpha
+    /// stays under one half.
     pub median_depth: Vec<f32>,
 }
 
@@ -132,14 +132,41 @@ pub fn visit<S: Sink>(
     options: &RenderOptions,
     new_sink: impl Fn(TileRect) -> S + Sync,
 ) -> Vec<(TileRect, S)> {
-    let (width, height) = size(camera);
-    let splats = Projector::new(camera, options.near, options.antialiased).splats(gaussians);
-    blend::blend(&Tiles::new(width, height, splats), width, height, new_sink)
+    Projected::new(gaussians, camera, options).visit(new_sink)
 }
 
 /// The splats of all Gaussians in the picture, in the order of the Gaussians.
 pub fn project(gaussians: &Gaussians, camera: &Camera, options: &RenderOptions) -> Vec<Splat> {
     Projector::new(camera, options.near, options.antialiased).splats(gaussians)
+}
+
+/// The cloud as one camera sees it, ready to be blended as often as wanted.
+pub struct Projected {
+    width: usize,
+    height: usize,
+    tiles: Tiles,
+}
+
+impl Projected {
+    pub fn new(gaussians: &Gaussians, camera: &Camera, options: &RenderOptions) -> Self {
+        let (width, height) = size(camera);
+        Self { width, height, tiles: Tiles::new(width, height, project(gaussians, camera, options)) }
+    }
+
+    /// Width and height of the picture.
+    pub fn size(&self) -> (usize, usize) {
+        (self.width, self.height)
+    }
+
+    /// The splats in the picture, front to back.
+    pub fn splats(&self) -> &[Splat] {
+        &self.tiles.splats
+    }
+
+    /// As [`visit`].
+    pub fn visit<S: Sink>(&self, new_sink: impl Fn(TileRect) -> S + Sync) -> Vec<(TileRect, S)> {
+        blend::blend(&self.tiles, self.width, self.height, new_sink)
+    }
 }
 
 /// Pairs of a pixel's place within its tile and within a picture of the given width.

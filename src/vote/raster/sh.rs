@@ -24,7 +24,7 @@ pub fn color(gaussians: &Gaussians, i: usize, direction: [f32; 3]) -> [f32; 3] {
 }
 
 /// The basis functions beyond the constant one, in storage order; those above `degree` are left zero.
-fn basis(degree: u8, [x, y, z]: [f32; 3]) -> [f32; 15] {
+pub fn basis(degree: u8, [x, y, z]: [f32; 3]) -> [f32; 15] {
     let mut b = [0.0; 15];
     if degree >= 1 {
         b[0] = -SH_C1 * y;

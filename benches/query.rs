@@ -1,0 +1,79 @@
+//! The query stage without a model: drawing the sheets of a view, and replaying a scene's answers from recordings.
+
+use std::hint::black_box;
+
+use criterion::{Criterion, criterion_group, criterion_main};
+use gprop::materials::MaterialLibrary;
+use gprop::progress::Progress;
+use gprop::query::recorded::{Answerer, Recording, Recordings};
+use gprop::query::{Options, Prompts, Queries, ViewInput};
+use gprop::scene::Photo;
+use gprop::segment::{LabelMap, Level, PartMask, ViewSegments};
+use image::{GrayImage, Luma, Rgb, RgbImage};
+use serde_json::{Value, json};
+
+const SIDE: u32 = 512;
+/// Parts of a view in a row; SAM's middle level finds four to ten on an everyday object.
+const PARTS: u16 = 8;
+
+fn view() -> (Photo, ViewSegments) {
+    let label = |x: u32, y: u32| match (x, y) {
+        (50..450, 100..400) => 1 + ((x - 50) * u32::from(PARTS) / 400) as u16,
+        _ => 0,
+    };
+    let rgb = RgbImage::from_fn(SIDE, SIDE, |x, y| match label(x, y) {
+        0 => Rgb([255; 3]),
+        part => Rgb([part as u8 * 25, (x * 7 % 200) as u8, (y * 5 % 200) as u8]),
+    });
+    let foreground = GrayImage::from_fn(SIDE, SIDE, |x, y| Luma([if label(x, y) == 0 { 0 } else { 255 }]));
+    let labels = (0..SIDE * SIDE).map(|index| label(index % SIDE, index / SIDE)).collect();
+    let part = |id| PartMask {
+        id,
+        area: 15_000,
+        bbox: [50, 100, 400, 300],
+        predicted_iou: 0.9,
+        stability_score: 0.95,
+        level: Level::Middle,
+    };
+    let map = LabelMap { width: SIDE, height: SIDE, labels };
+    (Photo { rgb, foreground }, ViewSegments { view: "view".into(), map, parts: (1..=PARTS).map(part).collect() })
+}
+
+fn answer(library: &MaterialLibrary) -> String {
+    let row = &library.materials()[0];
+    json!({
+        "caption": "a part", "family": row.family, "material": row.name,
+        "density_kg_m3": row.density_kg_m3, "youngs_modulus_mpa": [1, 1e6], "poisson_ratio": row.poisson_ratio,
+        "yield_strength_mpa": [0.001, 1e4], "shore_scale": "none", "shore_hardness": null,
+        "friction_rubber": row.friction_rubber, "form": "solid", "wall_thickness_mm": null, "confidence": 0.5
+    })
+    .to_string()
+}
+
+fn bench(criterion: &mut Criterion) {
+    let (photo, segments) = view();
+    let library = MaterialLibrary::builtin();
+    let (prompts, options) = (Prompts::builtin(), Options::default());
+    let inputs = [ViewInput { name: "view", photo: &photo, segments: &segments }];
+    criterion.bench_function("query/sheets of a view with 8 parts", |bencher| {
+        bencher.iter(|| Queries::prepare(black_box(&inputs), library, &prompts, &options).expect("the view is sound"));
+    });
+
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let recordings = Recordings::open(&[], folder.path()).expect("the folder is empty");
+    let queries = Queries::prepare(&inputs, library, &prompts, &options).expect("the view is sound");
+    let answerer = Answerer { model: "bench".into(), parameters: Value::Null };
+    for part in &queries.parts {
+        let asked = part.asked(queries.questions.first());
+        let recording = Recording::new(&answerer, asked, answer(library), None, None);
+        recordings.insert(recording).expect("the folder is writable");
+    }
+    criterion.bench_function("query/replay of 8 parts", |bencher| {
+        bencher.iter(|| {
+            queries.run(&recordings, None, None, &mut |_, _| Ok(()), Progress::Hidden).expect("all is recorded")
+        });
+    });
+}
+
+criterion_group!(benches, bench);
+criterion_main!(benches);

@@ -1,0 +1,66 @@
+//! Elastic cube under gravity: particle substeps per second. `cargo bench --bench simulate`.
+
+use criterion::{BenchmarkId, Criterion, Throughput, criterion_group, criterion_main};
+use gprop::simulate::boundary::{Boundary, Contact};
+use gprop::simulate::mpm::laws::Law;
+use gprop::simulate::mpm::particles::{IDENTITY, Particle};
+use gprop::simulate::mpm::{Setting, Solver};
+
+/// A cube of about `count` particles, eight a cell of a domain of `cells` cells and 2 m, dropped on a sticky floor.
+fn cube(count: usize, cells: usize, law: Law) -> (Solver, usize, f32) {
+    let spacing_m = 2.0 / cells as f32;
+    let side = (count as f64).cbrt().round() as usize;
+    let step = spacing_m / 2.0;
+    let volume_m3 = step.powi(3);
+    let at = |i: usize| 1.0 + (i as f32 + 0.5 - side as f32 / 2.0) * step;
+    let particles: Vec<Particle> = (0..side * side * side)
+        .map(|n| Particle {
+            position_m: [at(n / side / side), at(n / side % side), at(n % side)],
+            velocity_m_s: [0.0, 0.0, -1.0],
+            affine: [0.0; 9],
+            elastic: IDENTITY,
+            deformation: IDENTITY,
+            mass_kg: 1000.0 * volume_m3,
+            volume_m3,
+            mu: 1e5 / 2.6,
+            lambda: 0.3e5 / (1.3 * 0.4),
+            state: 1e3,
+            law: 0,
+        })
+        .collect();
+    let setting = Setting {
+        spacing_m,
+        gravity_m_s2: [0.0, 0.0, -9.8],
+        boundaries: vec![Boundary { point_m: [0.0, 0.0, 0.5], normal: [0.0, 0.0, 1.0], contact: Contact::Sticky }],
+        domain_m: [[0.0; 3], [2.0; 3]],
+        laws: vec![law],
+    };
+    (Solver::new(setting, &particles), particles.len(), 0.3 * spacing_m / 11.6)
+}
+
+fn substeps(c: &mut Criterion) {
+    const STEPS: usize = 20;
+    let mut group = c.benchmark_group("simulate");
+    group.sample_size(10);
+    for (name, law) in [("elastic", Law::FixedCorotated), ("von_mises", Law::VonMises { hardening: 0.0 })] {
+        for (count, cells) in [(20_000, 64), (100_000, 128)] {
+            for threads in [1, 2] {
+                let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().expect("threads start");
+                let (mut solver, particles, dt_s) = cube(count, cells, law);
+                group.throughput(Throughput::Elements((particles * STEPS) as u64));
+                group.bench_function(BenchmarkId::new(name, format!("{count}/{cells}^3/{threads} threads")), |b| {
+                    b.iter(|| {
+                        pool.install(|| {
+                            for _ in 0..STEPS {
+                                solver.step(dt_s).expect("the cube stays in its domain");
+                            }
+                        });
+                    });
+                });
+            }
+        }
+    }
+}
+
+criterion_group!(benches, substeps);
+criterion_main!(benches);

@@ -1,0 +1,233 @@
+//! Subcommands and flags: what the user typed becomes a call into the pipeline or a stage, and a result on stdout.
+
+mod scene;
+mod tools;
+
+use std::ffi::OsString;
+use std::io::{self, IsTerminal, Write};
+use std::path::PathBuf;
+
+use clap::{Args, CommandFactory, FromArgMatches, Parser, Subcommand};
+use serde::Serialize;
+
+use crate::exit::UsageError;
+use crate::pipeline::{self, Stage};
+use crate::progress::Progress;
+use crate::{config, materials, setup};
+
+/// Materials and physical properties for every Gaussian of a 3D Gaussian Splatting scene.
+#[derive(Debug, Parser)]
+#[command(name = "gprop", version, args_override_self = true, max_term_width = 110)]
+struct Cli {
+    #[command(flatten)]
+    global: Global,
+    #[command(subcommand)]
+    command: Command,
+}
+
+/// Flags that any command takes.
+#[derive(Debug, Clone, Args)]
+struct Global {
+    /// Print the result as JSON.
+    #[arg(long, global = true, display_order = 900)]
+    json: bool,
+    /// No progress, no summary; errors and warnings only.
+    #[arg(short, long, global = true, display_order = 901)]
+    quiet: bool,
+    /// Say more on stderr; twice for debugging.
+    #[arg(short, long, global = true, action = clap::ArgAction::Count, display_order = 902)]
+    verbose: u8,
+    /// Threads to use; all cores where it is not given. The result is the same on any number.
+    #[arg(long, global = true, value_name = "N", display_order = 903)]
+    threads: Option<usize>,
+}
+
+#[derive(Debug, Subcommand)]
+enum Command {
+    /// The main job: every stage in order; what an earlier run left is reused.
+    Run(RunArgs),
+    /// SAM parts of the chosen views (and what they need).
+    Segment(SceneArgs),
+    /// What each part is made of, by recorded answers or a model; or move queries out and answers in.
+    Query(QueryArgs),
+    /// A material for every Gaussian.
+    Vote(SceneArgs),
+    /// 3D parts: volume, thickness, mass.
+    Parts(SceneArgs),
+    /// Material Point Method on the Gaussians.
+    Simulate(SceneArgs),
+    /// The force with which a gripper may lift the object.
+    Grasp(SceneArgs),
+    /// Measure against a reference or ground truth.
+    #[command(subcommand)]
+    Evaluate(Evaluate),
+    /// The material library.
+    #[command(subcommand)]
+    Materials(Materials),
+    /// Fetch ONNX Runtime and SAM into the cache, or say where they lie.
+    Setup(SetupArgs),
+    /// Check ONNX Runtime and SAM without fetching anything.
+    Doctor(SetupArgs),
+}
+
+#[derive(Debug, Args)]
+struct SceneArgs {
+    /// Folder with a 3DGS PLY, cameras and photos.
+    scene: PathBuf,
+    /// Work folder; SCENE/gprop where it is not given.
+    #[arg(long, value_name = "DIR")]
+    out: Option<PathBuf>,
+    /// Do this stage and those after it again, whatever an earlier run left.
+    #[arg(long, value_name = "STAGE")]
+    from: Option<Stage>,
+    /// Say what would be done and what it would cost, and do nothing.
+    #[arg(long)]
+    dry_run: bool,
+    #[command(flatten)]
+    options: pipeline::Options,
+}
+
+#[derive(Debug, Args)]
+struct RunArgs {
+    /// Stop after this stage.
+    #[arg(long, value_name = "STAGE", default_value = "report")]
+    to: Stage,
+    #[command(flatten)]
+    scene: SceneArgs,
+}
+
+#[derive(Debug, Args)]
+struct QueryArgs {
+    /// Write the open queries (sheets, prompt, schema) into this folder, to be answered elsewhere.
+    #[arg(long, value_name = "DIR", conflicts_with = "import")]
+    export: Option<PathBuf>,
+    /// Read answers from this folder, check them and record them.
+    #[arg(long, value_name = "DIR")]
+    import: Option<PathBuf>,
+    #[command(flatten)]
+    scene: SceneArgs,
+}
+
+#[derive(Debug, Args)]
+struct SetupArgs {
+    #[command(flatten)]
+    options: setup::Options,
+}
+
+#[derive(Debug, Subcommand)]
+enum Evaluate {
+    /// Masks of one picture against those of a reference generator, level by level.
+    Masks {
+        /// The picture, as the reference generator saw it.
+        image: PathBuf,
+        /// Settings and masks of the reference (JSON; masks run-length encoded).
+        reference: PathBuf,
+        #[command(flatten)]
+        setup: setup::Options,
+    },
+}
+
+#[derive(Debug, Subcommand)]
+enum Materials {
+    /// One material with every property and its sources.
+    Show {
+        /// Name or alias; case and punctuation do not matter.
+        name: String,
+        #[command(flatten)]
+        library: materials::Options,
+    },
+    /// The names of all materials, or of one family.
+    List {
+        /// Only this family.
+        #[arg(long, value_name = "NAME")]
+        family: Option<String>,
+        #[command(flatten)]
+        library: materials::Options,
+    },
+    /// Check the library for what cannot be true.
+    Check {
+        /// Also print how many numbers come from a cited table.
+        #[arg(long)]
+        stats: bool,
+        #[command(flatten)]
+        library: materials::Options,
+    },
+}
+
+/// Does what `arguments` (the program's name first) ask for.
+///
+/// # Errors
+/// Whatever went wrong, with a typed error in its chain from which [`crate::exit::of`] finds the exit code. Usage that clap
+/// refuses, help and version end the process right here.
+pub fn run(arguments: Vec<OsString>) -> anyhow::Result<()> {
+    let cli = parse(&arguments)?;
+    let global = &cli.global;
+    start_log(global);
+    if let Some(threads) = global.threads {
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build_global();
+        pool.map_err(|error| UsageError(format!("--threads {threads}: {error}")))?;
+    }
+    match &cli.command {
+        Command::Run(args) => scene::run(global, &args.scene, args.to),
+        Command::Segment(args) => scene::run(global, args, Stage::Segment),
+        Command::Query(args) => scene::query(global, args),
+        Command::Vote(args) => scene::run(global, args, Stage::Vote),
+        Command::Parts(args) => scene::run(global, args, Stage::Parts),
+        Command::Simulate(args) => scene::run(global, args, Stage::Simulate),
+        Command::Grasp(args) => scene::run(global, args, Stage::Grasp),
+        Command::Evaluate(what) => tools::evaluate(global, what),
+        Command::Materials(what) => tools::materials(global, what),
+        Command::Setup(args) => tools::set_up(global, &args.options),
+        Command::Doctor(args) => tools::doctor(global, &args.options),
+    }
+}
+
+/// Parses twice where the scene has a `gprop.toml`: its keys become flags that stand before those that were typed.
+fn parse(arguments: &[OsString]) -> anyhow::Result<Cli> {
+    let typed = Cli::command().get_matches_from(arguments);
+    let (name, matches) = typed.subcommand().expect("clap demands a subcommand");
+    let flags = match matches.try_get_one::<PathBuf>("scene") {
+        Ok(Some(scene)) => config::flags(scene, &scene_flags())?,
+        _ => Vec::new(),
+    };
+    let place = 1 + arguments.iter().position(|argument| argument == name).unwrap_or(0);
+    let (before, after) = arguments.split_at(place);
+    let flags: Vec<OsString> = flags.into_iter().map(OsString::from).collect();
+    let matches = Cli::command().get_matches_from([before, &flags, after].concat());
+    Cli::from_arg_matches(&matches).map_err(|error| error.exit())
+}
+
+/// Long names of the options that a scene may set: those of the stages, not those of the command.
+fn scene_flags() -> Vec<String> {
+    let stages = pipeline::Options::augment_args(clap::Command::new("stages"));
+    stages.get_arguments().filter_map(|argument| argument.get_long().map(str::to_owned)).collect()
+}
+
+fn start_log(global: &Global) {
+    let level = match (global.quiet, global.verbose) {
+        (true, _) => "error",
+        (false, 0) => "warn",
+        (false, 1) => "gprop=info",
+        (false, _) => "gprop=debug",
+    };
+    let filter = tracing_subscriber::EnvFilter::new(level);
+    tracing_subscriber::fmt().with_env_filter(filter).with_writer(io::stderr).without_time().init();
+}
+
+/// Prints a result: as JSON where that is asked for, else as text. A reader that has gone away is no error.
+fn print(global: &Global, value: &impl Serialize, text: impl FnOnce() -> String) -> anyhow::Result<()> {
+    let text = if global.json { serde_json::to_string_pretty(value)? } else { text() };
+    match writeln!(io::stdout(), "{}", text.trim_end()) {
+        Err(error) if error.kind() != io::ErrorKind::BrokenPipe => {
+            Err(UsageError(format!("cannot print: {error}")).into())
+        }
+        _ => Ok(()),
+    }
+}
+
+impl Global {
+    /// Bars are for people at a terminal.
+    fn progress(&self) -> Progress {
+        if self.quiet || !io::stderr().is_terminal() { Progress::Hidden } else { Progress::Shown }
+    }
+}

@@ -1,0 +1,110 @@
+//! `gprop.toml`: the options of a scene, beside it. A key is the long name of a flag; the command line wins.
+//!
+//! The file is turned into flags that stand before those the user typed, so every option has one definition, one
+//! default and one check, whether it was typed or written.
+
+use std::path::{Path, PathBuf};
+
+use thiserror::Error;
+use toml::de::{DeTable, DeValue};
+
+/// Name of the file in the scene folder.
+pub const FILE_NAME: &str = "gprop.toml";
+
+/// What can be wrong with `gprop.toml`.
+#[derive(Debug, Error)]
+pub enum ConfigError {
+    #[error("cannot read {path:?}: {source}")]
+    Read { path: PathBuf, source: std::io::Error },
+    #[error("{path:?} line {line}: {message}")]
+    Syntax { path: PathBuf, line: usize, message: String },
+    #[error("{path:?} line {line}: unknown key `{key}`; keys are the long flags of `gprop run --help`{hint}")]
+    UnknownKey { path: PathBuf, line: usize, key: String, hint: String },
+    #[error("{path:?} line {line}: `{key}` takes a text, a number, true, false or a list of these")]
+    BadValue { path: PathBuf, line: usize, key: String },
+}
+
+/// The flags that `gprop.toml` in `scene` stands for; none where there is no such file.
+///
+/// `known` are the long names of the options a scene may set. Tables group keys for the reader and mean nothing.
+pub fn flags(scene: &Path, known: &[String]) -> Result<Vec<String>, ConfigError> {
+    let path = scene.join(FILE_NAME);
+    let text = match std::fs::read_to_string(&path) {
+        Ok(text) => text,
+        Err(error) if matches!(error.kind(), std::io::ErrorKind::NotFound | std::io::ErrorKind::NotADirectory) => {
+            return Ok(Vec::new());
+        }
+        Err(source) => return Err(ConfigError::Read { path, source }),
+    };
+    let table = DeTable::parse(&text).map_err(|error| ConfigError::Syntax {
+        path: path.clone(),
+        line: error.span().map_or(1, |span| line_of(&text, span.start)),
+        message: error.message().to_owned(),
+    })?;
+    let mut flags = Vec::new();
+    Reader { path: &path, text: &text, known }.collect(table.get_ref(), &mut flags)?;
+    Ok(flags)
+}
+
+struct Reader<'a> {
+    path: &'a Path,
+    text: &'a str,
+    known: &'a [String],
+}
+
+impl Reader<'_> {
+    fn collect(&self, table: &DeTable, flags: &mut Vec<String>) -> Result<(), ConfigError> {
+        for (key, value) in table {
+            if let DeValue::Table(group) = value.get_ref() {
+                self.collect(group, flags)?;
+                continue;
+            }
+            let name = key.get_ref().replace('_', "-");
+            let line = line_of(self.text, key.span().start);
+            if !self.known.contains(&name) {
+                return Err(self.unknown_key(key.get_ref(), &name, line));
+            }
+            match value.get_ref() {
+                DeValue::Boolean(true) => flags.push(format!("--{name}")),
+                DeValue::Boolean(false) => {}
+                other => {
+                    let text = scalar(other).ok_or_else(|| ConfigError::BadValue {
+                        path: self.path.to_owned(),
+                        line,
+                        key: key.get_ref().to_string(),
+                    })?;
+                    flags.push(format!("--{name}={text}"));
+                }
+            }
+        }
+        Ok(())
+    }
+
+    fn unknown_key(&self, key: &str, name: &str, line: usize) -> ConfigError {
+        let near = self.known.iter().find(|known| known.contains(name) || name.contains(known.as_str()));
+        ConfigError::UnknownKey {
+            path: self.path.to_owned(),
+            line,
+            key: key.to_owned(),
+            hint: near.map(|near| format!(" (did you mean `{near}`?)")).unwrap_or_default(),
+        }
+    }
+}
+
+/// A value as it would be typed; a list as its items between commas.
+fn scalar(value: &DeValue) -> Option<String> {
+    match value {
+        DeValue::String(text) => Some(text.to_string()),
+        DeValue::Integer(number) => Some(number.as_str().to_owned()),
+        DeValue::Float(number) => Some(number.as_str().to_owned()),
+        DeValue::Array(items) => {
+            let items: Option<Vec<_>> = items.iter().map(|item| scalar(item.get_ref())).collect();
+            Some(items?.join(","))
+        }
+        _ => None,
+    }
+}
+
+fn line_of(text: &str, byte: usize) -> usize {
+    text[..byte].bytes().filter(|&b| b == b'\n').count() + 1
+}

@@ -1,0 +1,196 @@
+//! gprop's masks against those that a reference generator made of the same picture with the same settings.
+//!
+//! The reference is JSON: the generator's settings, and lists `all`, `small`, `middle`, `large` of masks as uncompressed
+//! COCO run lengths (column by column, starting with the run of zeros) with their scores.
+
+use std::collections::BTreeMap;
+
+use image::RgbImage;
+use serde::{Deserialize, Serialize};
+
+use crate::segment::automatic::{Candidate, Candidates, Request};
+use crate::segment::mask::Mask;
+use crate::segment::sam::Sam;
+use crate::segment::{GeneratorOptions, Level, Observer, SegmentError};
+
+/// Two masks that overlap less are not the same mask.
+const LEAST_IOU_OF_A_MATCH: f64 = 0.5;
+
+/// A reference file.
+#[derive(Debug, Clone, Deserialize)]
+pub struct Reference {
+    pub width: u32,
+    pub height: u32,
+    points_per_side: u32,
+    crop_n_layers: u32,
+    pred_iou_thresh: f32,
+    stability_score_thresh: f32,
+    stability_score_offset: f32,
+    box_nms_thresh: f32,
+    min_mask_region_area: u32,
+    all: Vec<ReferenceMask>,
+    small: Vec<ReferenceMask>,
+    middle: Vec<ReferenceMask>,
+    large: Vec<ReferenceMask>,
+}
+
+#[derive(Debug, Clone, Deserialize)]
+struct ReferenceMask {
+    segmentation: ColumnRuns,
+    predicted_iou: f32,
+    stability_score: f32,
+}
+
+/// COCO's uncompressed run lengths.
+#[derive(Debug, Clone, Deserialize)]
+struct ColumnRuns {
+    /// Height, width.
+    size: [u32; 2],
+    counts: Vec<u32>,
+}
+
+/// Why a comparison could not be made.
+#[derive(Debug, thiserror::Error)]
+pub enum MasksError {
+    #[error("the reference is no file of reference masks: {0}")]
+    Json(#[from] serde_json::Error),
+    #[error(
+        "the reference is of a picture of {expected:?} pixels, this one has {found:?}: give the picture it was made from"
+    )]
+    Size { expected: (u32, u32), found: (u32, u32) },
+    #[error("mask {index} of list {list:?} has run lengths that do not add up to its size")]
+    Runs { list: &'static str, index: usize },
+    #[error(transparent)]
+    Segment(#[from] SegmentError),
+}
+
+/// How one list of masks compares.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct Comparison {
+    pub count: usize,
+    pub reference_count: usize,
+    /// Of the pairs; 1 where there are none and none are missing.
+    pub matched_mean_iou: f64,
+    pub matched_min_iou: f64,
+    /// Masks without a partner, of both sides.
+    pub unmatched: usize,
+    /// Largest differences within the pairs.
+    pub predicted_iou_max_difference: f64,
+    pub stability_max_difference: f64,
+}
+
+impl Reference {
+    /// Reads a reference file.
+    pub fn from_json(json: &str) -> Result<Self, MasksError> {
+        Ok(serde_json::from_str(json)?)
+    }
+
+    /// The settings it was made with. What it does not say is the public generator's default.
+    pub fn generator_options(&self) -> GeneratorOptions {
+        GeneratorOptions {
+            points_per_side: self.points_per_side,
+            min_predicted_iou: self.pred_iou_thresh,
+            min_stability: self.stability_score_thresh,
+            stability_offset: self.stability_score_offset,
+            box_nms: self.box_nms_thresh,
+            crop_layers: self.crop_n_layers,
+            min_region_area: self.min_mask_region_area,
+            ..GeneratorOptions::default()
+        }
+    }
+
+    fn masks(&self, list: &'static str) -> Result<Vec<(Mask, &ReferenceMask)>, MasksError> {
+        let masks = match list {
+            "small" => &self.small,
+            "middle" => &self.middle,
+            "large" => &self.large,
+            _ => &self.all,
+        };
+        let decode = |(index, mask): (usize, &'_ ReferenceMask)| {
+            mask.segmentation.decode((self.width, self.height)).ok_or(MasksError::Runs { list, index })
+        };
+        masks.iter().enumerate().map(|(index, mask)| Ok((decode((index, mask))?, mask))).collect()
+    }
+}
+
+impl ColumnRuns {
+    fn decode(&self, (width, height): (u32, u32)) -> Option<Mask> {
+        let total: u64 = self.counts.iter().map(|&count| u64::from(count)).sum();
+        if self.size != [height, width] || total != u64::from(width) * u64::from(height) {
+            return None;
+        }
+        let mut pixels = Vec::with_capacity(total as usize);
+        for (index, &count) in self.counts.iter().enumerate() {
+            pixels.extend(std::iter::repeat_n(index % 2 == 1, count as usize));
+        }
+        Some(Mask::from_fn(width, height, |x, y| pixels[x as usize * height as usize + y as usize]))
+    }
+}
+
+/// Segments `picture` with the reference's settings and compares each list: `small`, `middle`, `large`, `all`.
+pub fn compare(
+    sam: &Sam,
+    picture: &RgbImage,
+    reference: &Reference,
+    observer: &dyn Observer,
+) -> Result<BTreeMap<&'static str, Comparison>, MasksError> {
+    let expected = (reference.width, reference.height);
+    if picture.dimensions() != expected {
+        return Err(MasksError::Size { expected, found: picture.dimensions() });
+    }
+    let options = reference.generator_options();
+    let levels = [Level::Small, Level::Middle, Level::Large];
+    let request = Request { picture, is_wanted: &|_, _| true, levels: &levels, options: &options, observer };
+    compare_candidates(&request.run(sam)?, reference)
+}
+
+fn compare_candidates(
+    found: &Candidates,
+    reference: &Reference,
+) -> Result<BTreeMap<&'static str, Comparison>, MasksError> {
+    let options = reference.generator_options();
+    let lists =
+        [("small", Some(Level::Small)), ("middle", Some(Level::Middle)), ("large", Some(Level::Large)), ("all", None)];
+    let compare_one =
+        |(list, level)| Ok((list, compare_list(&found.distinct(level, &options), &reference.masks(list)?)));
+    lists.into_iter().map(compare_one).collect()
+}
+
+/// Pairs the masks one to one, the best overlap first.
+fn compare_list(ours: &[Candidate], theirs: &[(Mask, &ReferenceMask)]) -> Comparison {
+    let mut overlaps = Vec::new();
+    for (i, our) in ours.iter().enumerate() {
+        for (j, (their, _)) in theirs.iter().enumerate() {
+            let iou = our.mask.iou(their);
+            if iou >= LEAST_IOU_OF_A_MATCH {
+                overlaps.push((iou, i, j));
+            }
+        }
+    }
+    overlaps.sort_by(|a, b| b.0.total_cmp(&a.0).then((a.1, a.2).cmp(&(b.1, b.2))));
+    let (mut our_taken, mut their_taken) = (vec![false; ours.len()], vec![false; theirs.len()]);
+    let mut pairs = Vec::new();
+    for (iou, i, j) in overlaps {
+        if !our_taken[i] && !their_taken[j] {
+            (our_taken[i], their_taken[j]) = (true, true);
+            pairs.push((iou, i, j));
+        }
+    }
+    let largest = |difference: &dyn Fn(&Candidate, &ReferenceMask) -> f32| {
+        let differences = pairs.iter().map(|&(_, i, j)| f64::from(difference(&ours[i], theirs[j].1).abs()));
+        differences.fold(0.0, f64::max)
+    };
+    Comparison {
+        count: ours.len(),
+        reference_count: theirs.len(),
+        matched_mean_iou: if pairs.is_empty() {
+            f64::from(u8::from(ours.is_empty() && theirs.is_empty()))
+        } else {
+            pairs.iter().map(|pair| pair.0).sum::<f64>() / pairs.len() as f64
+        },
+        matched_min_iou: pairs.iter().map(|pair| pair.0).fold(1.0, f64::min),
+        unmatched: ours.len() + theirs.len() - 2 * pairs.len(),
+        predicted_iou_max_difference: largest(&|our, their| our.predicted_iou - their.predicted_iou),
+        stability_max_difference: largest(&|our, their| our.stability - their.stability_score),
+    }
+}

@@ -1,0 +1,4 @@
+//! Measuring what gprop makes, with the measures that the field reports.
+
+pub mod masks;
+pub mod segmentation;

@@ -1,0 +1,78 @@
+//! What the user may choose about a grasp.
+
+use clap::Args;
+use serde::{Deserialize, Serialize};
+
+use super::GraspError;
+
+/// The paper's kappa_max, in 1/m.
+const MAX_CURVATURE_1_M: f64 = 0.5;
+/// The paper keeps F* off the ends of the gripper's range by a margin eta; 5 % is ours.
+const FORCE_MARGIN: f64 = 0.05;
+/// The gripper of the paper's experiments.
+const GRIPPER: &str = "paper";
+
+/// How intervals become one force.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize, clap::ValueEnum)]
+#[serde(rename_all = "snake_case")]
+pub enum Policy {
+    /// The middle of every input, as the paper does.
+    #[default]
+    Mid,
+    /// The worst case of both bounds: heaviest and slipperiest for F_min, weakest, softest and thinnest for F_max.
+    Safe,
+}
+
+/// Options of the grasp stage.
+#[derive(Debug, Clone, PartialEq, Args, Serialize)]
+#[command(next_help_heading = "Grasp")]
+pub struct Options {
+    /// The part that the fingers press on: its number, its caption or a piece of it [default: the part whose surface is
+    /// nearest to the centre of mass]
+    #[arg(long, value_name = "NAME")]
+    pub part: Option<String>,
+    /// A built-in gripper or a TOML profile (see grippers/README.md)
+    #[arg(long, value_name = "NAME|FILE", default_value_t = GRIPPER.to_owned())]
+    pub gripper: String,
+    /// Angle between the lift and straight up, in degrees, 0 to 90
+    #[arg(long, value_name = "DEG", default_value_t = 0.0)]
+    pub lift_angle_deg: f64,
+    /// Greatest curvature kappa_max that a pressed part may take, in 1/m; the paper's 0.5
+    #[arg(long, value_name = "1/M", default_value_t = MAX_CURVATURE_1_M)]
+    pub max_curvature: f64,
+    /// Margin eta kept free at both ends of the gripper's range, as a share of the range
+    #[arg(long, value_name = "SHARE", default_value_t = FORCE_MARGIN)]
+    pub force_margin: f64,
+    /// How intervals become one force
+    #[arg(long, value_enum, default_value_t)]
+    pub policy: Policy,
+}
+
+impl Default for Options {
+    fn default() -> Self {
+        Self {
+            part: None,
+            gripper: GRIPPER.to_owned(),
+            lift_angle_deg: 0.0,
+            max_curvature: MAX_CURVATURE_1_M,
+            force_margin: FORCE_MARGIN,
+            policy: Policy::default(),
+        }
+    }
+}
+
+impl Options {
+    /// The lift angle in radians, after every option was found to be within its domain.
+    pub(super) fn checked_lift_angle_rad(&self) -> Result<f64, GraspError> {
+        if !(0.0..=90.0).contains(&self.lift_angle_deg) {
+            return Err(GraspError::LiftAngle { degrees: self.lift_angle_deg });
+        }
+        if !(self.max_curvature > 0.0 && self.max_curvature.is_finite()) {
+            return Err(GraspError::Curvature { value: self.max_curvature });
+        }
+        if !(0.0..0.5).contains(&self.force_margin) {
+            return Err(GraspError::Margin { value: self.force_margin });
+        }
+        Ok(self.lift_angle_deg.to_radians())
+    }
+}

@@ -1,0 +1,123 @@
+//! The checks that keep the library plausible: of each row, of its physics, of the whole.
+//!
+//! [`check`] runs them in this order: [`rows`] (ranges, family bounds, sources, friction, hardness), [`physics`]
+//! (moduli, strength, wave speeds, hardness against stiffness, law parameters), [`structure`] (foams, composites and
+//! fabrics against what they are made of), [`whole`] (duplicates, copied rows, class defaults, labels), [`reference`]
+//! (against values from a textbook that no row was made from).
+//!
+//! A finding that is right as it stands is listed in `deviations.csv` with its reason; a deviation that excuses
+//! nothing is a finding itself, so that the list cannot rot.
+
+mod physics;
+mod reference;
+mod rows;
+mod structure;
+mod whole;
+
+use serde::Serialize;
+
+use super::MaterialLibrary;
+use crate::units::Range;
+
+/// Something a check has to say.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize)]
+pub struct Finding {
+    /// The material's name, `family:NAME`, or `library`.
+    pub subject: String,
+    /// The check's name, as `deviations.csv` spells it.
+    pub check: &'static str,
+    pub severity: Severity,
+    pub message: String,
+    /// Why it is right as it stands, if `deviations.csv` says so.
+    pub excuse: Option<String>,
+}
+
+/// How bad a finding is.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Severity {
+    /// The library must not ship so.
+    Error,
+    /// Worth a look.
+    Warning,
+}
+
+impl Finding {
+    /// Whether it must fail the check: an error without an excuse.
+    pub fn fails(&self) -> bool {
+        self.severity == Severity::Error && self.excuse.is_none()
+    }
+}
+
+/// Runs every check. The library is fit to ship when no finding [fails](Finding::fails).
+pub fn check(library: &MaterialLibrary) -> Vec<Finding> {
+    let mut findings = Findings::default();
+    rows::check(library, &mut findings);
+    physics::check(library, &mut findings);
+    structure::check(library, &mut findings);
+    whole::check(library, &mut findings);
+    reference::check(library, &mut findings);
+    excuse(library, findings.0)
+}
+
+/// What the checks write into.
+#[derive(Default)]
+struct Findings(Vec<Finding>);
+
+impl Findings {
+    fn error(&mut self, subject: &str, check: &'static str, message: String) {
+        self.push(subject, check, Severity::Error, message);
+    }
+
+    fn warn(&mut self, subject: &str, check: &'static str, message: String) {
+        self.push(subject, check, Severity::Warning, message);
+    }
+
+    /// An error unless `holds`.
+    fn require(&mut self, holds: bool, subject: &str, check: &'static str, message: impl FnOnce() -> String) {
+        if !holds {
+            self.error(subject, check, message());
+        }
+    }
+
+    fn push(&mut self, subject: &str, check: &'static str, severity: Severity, message: String) {
+        self.0.push(Finding { subject: subject.to_owned(), check, severity, message, excuse: None });
+    }
+}
+
+fn excuse(library: &MaterialLibrary, mut findings: Vec<Finding>) -> Vec<Finding> {
+    for deviation in &library.deviations {
+        let mut stale = true;
+        for finding in &mut findings {
+            if finding.subject == deviation.subject && finding.check == deviation.check {
+                finding.excuse = Some(deviation.reason.clone());
+                stale = false;
+            }
+        }
+        if stale || deviation.reason.is_empty() {
+            findings.push(Finding {
+                subject: deviation.subject.clone(),
+                check: "stale_deviation",
+                severity: Severity::Error,
+                message: format!("deviations.csv excuses `{}`, which finds nothing or lacks a reason", deviation.check),
+                excuse: None,
+            });
+        }
+    }
+    findings
+}
+
+/// The middle of a range of stiffness or strength, which spread by factors.
+fn geometric_mid(range: Range) -> f64 {
+    (range.low * range.high).sqrt()
+}
+
+/// The middle one of some values; 0 of none.
+fn median(mut values: Vec<f64>) -> f64 {
+    values.sort_by(f64::total_cmp);
+    match values.len() {
+        0 => 0.0,
+        count if count % 2 == 1 => values[count / 2],
+        count => 0.5 * (values[count / 2 - 1] + values[count / 2]),
+    }
+}

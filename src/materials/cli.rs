@@ -1,0 +1,229 @@
+//! What `gprop materials list`, `show` and `check` print: text for people, values for `--json`.
+
+use std::fmt::Write;
+
+use serde::Serialize;
+
+use super::bibliography::{Reference, split_citation};
+use super::check::{Finding, Severity, check};
+use super::stats::{Shares, stats};
+use super::{Labels, Law, Material, MaterialLibrary, StrengthKind};
+use crate::units::{Range, ShoreHardness};
+
+/// A material found by name, as `show --json` prints it: SI, ranges as `[low, high]`.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct Card {
+    pub name: String,
+    pub family: String,
+    pub aliases: Vec<String>,
+    /// How well the name asked for fits, 1 for an exact one.
+    pub match_score: f64,
+    pub density_kg_m3: Range,
+    pub youngs_modulus_pa: Range,
+    pub poisson_ratio: Range,
+    pub strength_pa: Range,
+    pub strength_kind: StrengthKind,
+    pub friction_rubber: Range,
+    pub friction_steel: Range,
+    pub hardness: Option<ShoreHardness>,
+    pub law: Law,
+    pub labels: Labels,
+    /// Property, and what it rests on.
+    pub sources: serde_json::Map<String, serde_json::Value>,
+}
+
+/// The card of the material that `name` names or is nearest to; `None` if no name shares a word with it.
+pub fn show(library: &MaterialLibrary, name: &str) -> Option<Card> {
+    let (material, match_score) = library.nearest(name)?;
+    let mut sources = serde_json::Map::new();
+    for (property, citations) in material.sources.by_property() {
+        sources.insert(property.to_owned(), citations.iter().map(|one| cited(library, one)).collect());
+    }
+    Some(Card {
+        name: material.name.clone(),
+        family: material.family.clone(),
+        aliases: material.aliases.clone(),
+        match_score,
+        density_kg_m3: material.density_kg_m3,
+        youngs_modulus_pa: material.youngs_modulus_pa,
+        poisson_ratio: material.poisson_ratio,
+        strength_pa: material.strength_pa,
+        strength_kind: material.strength_kind,
+        friction_rubber: material.friction_rubber,
+        friction_steel: material.friction_steel,
+        hardness: material.hardness,
+        law: material.law,
+        labels: material.labels.clone(),
+        sources,
+    })
+}
+
+fn cited(library: &MaterialLibrary, citation: &str) -> serde_json::Value {
+    let (id, entry) = split_citation(citation);
+    let reference = library.references().iter().find(|reference| reference.id == id);
+    let title = entry.and_then(|entry| entry_title(library, id, entry));
+    serde_json::json!({
+        "id": id,
+        "entry": title.or(entry),
+        "title": reference.map(|reference| &reference.title),
+        "locator": reference.map(|reference| &reference.locator),
+        "licence": reference.map(|reference| &reference.licence),
+    })
+}
+
+fn entry_title<'a>(library: &'a MaterialLibrary, id: &str, entry: &str) -> Option<&'a str> {
+    let found = library.evidence.iter().find(|evidence| evidence.source == id && evidence.entry == entry);
+    found.map(|evidence| evidence.title.as_str())
+}
+
+/// The card as text: what it is, its numbers in everyday units, the sources they rest on.
+pub fn show_text(library: &MaterialLibrary, name: &str) -> Option<String> {
+    let (material, score) = library.nearest(name)?;
+    let mut text = String::new();
+    let mut line = |label: &str, value: String| {
+        let _ = writeln!(text, "  {label:<18} {value}");
+    };
+    line("family", material.family.clone());
+    if !material.aliases.is_empty() {
+        line("also called", material.aliases.join(", "));
+    }
+    if score < 1.0 {
+        line("match", format!("nearest name to {name:?}, score {score:.2}"));
+    }
+    line("density", span(material.density_kg_m3, "kg/m3"));
+    line("Young's modulus", stress(material.youngs_modulus_pa));
+    line("Poisson's ratio", span(material.poisson_ratio, ""));
+    line("strength", format!("{} ({})", stress(material.strength_pa), material.strength_kind.name()));
+    line("friction on rubber", span(material.friction_rubber, ""));
+    line("friction on steel", span(material.friction_steel, ""));
+    line(
+        "hardness",
+        material.hardness.map_or("none".to_owned(), |one| span(one.range, &format!("Shore {:?}", one.scale))),
+    );
+    line("simulated as", law_text(&material.law));
+    line("labels", labels_text(&material.labels));
+    Some(format!("{}\n{text}{}", material.name, sources_text(library, material)))
+}
+
+/// The materials as a table, of one family or of all; `None` if there is no such family.
+pub fn list_text(library: &MaterialLibrary, family: Option<&str>) -> Option<String> {
+    let family = match family {
+        Some(name) => Some(library.family(name)?),
+        None => None,
+    };
+    let chosen = |material: &&Material| family.is_none_or(|family| family.name == material.family);
+    let mut text = String::new();
+    let _ = writeln!(text, "{:<38} {:<20} {:>14} {:>16}", "name", "family", "density kg/m3", "Young's modulus");
+    for material in library.materials().iter().filter(chosen) {
+        let density = span(material.density_kg_m3, "");
+        let youngs = stress(material.youngs_modulus_pa);
+        let _ = writeln!(text, "{:<38} {:<20} {density:>14} {youngs:>16}", material.name, material.family);
+    }
+    Some(text)
+}
+
+/// What `check` prints, and whether the library may ship.
+pub fn check_text(library: &MaterialLibrary, with_stats: bool) -> (String, bool) {
+    let findings = check(library);
+    let mut text = String::new();
+    for finding in findings.iter().filter(|finding| finding.excuse.is_none()) {
+        let _ = writeln!(text, "{}", finding_text(finding));
+    }
+    let errors = findings.iter().filter(|finding| finding.fails()).count();
+    let warnings = findings.iter().filter(|one| one.severity == Severity::Warning && one.excuse.is_none()).count();
+    let excused = findings.iter().filter(|finding| finding.excuse.is_some()).count();
+    if with_stats {
+        text.push_str(&stats_text(&stats(library)));
+    }
+    let _ = writeln!(
+        text,
+        "{} materials of {} families: {errors} errors, {warnings} warnings, {excused} deviations with a reason",
+        library.materials().len(),
+        library.families().len()
+    );
+    (text, errors == 0)
+}
+
+fn finding_text(finding: &Finding) -> String {
+    let severity = match finding.severity {
+        Severity::Error => "error",
+        Severity::Warning => "warning",
+    };
+    format!("{severity}: {}: {} ({})", finding.subject, finding.message, finding.check)
+}
+
+/// The share of each property that is cited, in percent.
+fn stats_text(shares: &[Shares]) -> String {
+    let mut text = String::from("cited, %                  n");
+    for (property, _) in shares.first().map(|one| one.cited.as_slice()).unwrap_or_default() {
+        let _ = write!(text, " {property:>15}");
+    }
+    text.push('\n');
+    for one in shares {
+        let _ = write!(text, "{:<22} {:>4}", one.of, one.materials);
+        for (_, share) in &one.cited {
+            let _ = write!(text, " {:>15.0}", 100.0 * share);
+        }
+        text.push('\n');
+    }
+    text
+}
+
+fn span(range: Range, unit: &str) -> String {
+    let space = if unit.is_empty() { "" } else { " " };
+    if range.low == range.high {
+        return format!("{}{space}{unit}", range.low);
+    }
+    format!("{} to {}{space}{unit}", range.low, range.high)
+}
+
+/// A stress in the unit in which its upper end reads best.
+fn stress(range: Range) -> String {
+    let (unit, size) = match range.high {
+        high if high >= 1e9 => ("GPa", 1e9),
+        high if high >= 1e6 => ("MPa", 1e6),
+        high if high >= 1e3 => ("kPa", 1e3),
+        _ => ("Pa", 1.0),
+    };
+    let rounded = |value: f64| (value / size * 1e4).round() / 1e4;
+    span(Range::new(rounded(range.low), rounded(range.high)), unit)
+}
+
+fn law_text(law: &Law) -> String {
+    let parameters: Vec<String> = law.parameters().iter().map(|(name, value)| format!("{name} {value}")).collect();
+    [law.name().to_owned()].into_iter().chain(parameters).collect::<Vec<_>>().join(", ")
+}
+
+fn labels_text(labels: &Labels) -> String {
+    let exactly = |exact| if exact { "" } else { " (nearest)" };
+    format!(
+        "abo: {}{}, mvimgnet: {}{}",
+        labels.abo.name,
+        exactly(labels.abo.exact),
+        labels.mvimgnet.name,
+        exactly(labels.mvimgnet.exact)
+    )
+}
+
+fn sources_text(library: &MaterialLibrary, material: &Material) -> String {
+    let mut text = String::from("sources\n");
+    let mut used: Vec<&Reference> = Vec::new();
+    for (property, citations) in material.sources.by_property() {
+        if citations.is_empty() {
+            continue;
+        }
+        let mut ids: Vec<&str> = citations.iter().map(|citation| split_citation(citation).0).collect();
+        ids.dedup();
+        let _ = writeln!(text, "  {property:<18} {}", ids.join(", "));
+        let named = library.references().iter().filter(|reference| ids.contains(&reference.id.as_str()));
+        used.extend(named.filter(|reference| !used.contains(reference)).collect::<Vec<_>>());
+    }
+    for reference in used {
+        let _ = writeln!(
+            text,
+            "  [{}] {}. {} {}. {}",
+            reference.id, reference.title, reference.publisher, reference.year, reference.licence
+        );
+    }
+    text
+}

@@ -1,0 +1,273 @@
+//! [`MaterialLibrary`]: the rows in their order, and the ways to find one.
+
+use std::collections::HashMap;
+use std::fs;
+use std::path::{Path, PathBuf};
+use std::sync::{LazyLock, OnceLock};
+
+use super::bibliography::{Constituent, Deviation, Evidence, Reference};
+use super::names::{TokenIndex, fold, inverted};
+use super::read::{LibraryError, Placed, Table, Tables, read_tables};
+use super::{Family, Material};
+
+macro_rules! builtin_tables {
+    ($($file:literal),* $(,)?) => {
+        [$(Table {
+            name: concat!("materials/", $file),
+            text: include_str!(concat!(env!("CARGO_MANIFEST_DIR"), "/materials/", $file)),
+        }),*]
+    };
+}
+
+/// The tables that are compiled in.
+const BUILTIN: [Table<'static>; 21] = builtin_tables![
+    "families.csv",
+    "bibliography.csv",
+    "evidence.csv",
+    "reference.csv",
+    "constituents.csv",
+    "deviations.csv",
+    "wood.csv",
+    "metal.csv",
+    "thermoplastic.csv",
+    "thermoset_composite.csv",
+    "rubber.csv",
+    "foam.csv",
+    "fabric.csv",
+    "leather.csv",
+    "glass.csv",
+    "ceramic.csv",
+    "stone.csv",
+    "concrete.csv",
+    "paper.csv",
+    "food.csv",
+    "granular_soft.csv",
+];
+
+/// Families and materials in the order of the files, found by name.
+#[derive(Debug, Clone)]
+pub struct MaterialLibrary {
+    families: Vec<Family>,
+    materials: Vec<Material>,
+    pub(super) references: Vec<Reference>,
+    pub(super) evidence: Vec<Evidence>,
+    /// Textbook values to test against; their `entry` is a material's name.
+    pub(super) reference: Vec<Evidence>,
+    pub(super) constituents: Vec<Constituent>,
+    pub(super) deviations: Vec<Deviation>,
+    /// Folded names, aliases and inverted names.
+    by_name: HashMap<String, usize>,
+    tokens: OnceLock<TokenIndex>,
+}
+
+impl MaterialLibrary {
+    /// The library that is compiled in, parsed on first use.
+    ///
+    /// # Panics
+    /// If the compiled-in tables do not parse, which the tests rule out.
+    pub fn builtin() -> &'static Self {
+        static LIBRARY: LazyLock<MaterialLibrary> =
+            LazyLock::new(|| MaterialLibrary::parse_builtin().unwrap_or_else(|error| panic!("{error}")));
+        &LIBRARY
+    }
+
+    /// Parses the compiled-in tables anew.
+    pub fn parse_builtin() -> Result<Self, LibraryError> {
+        let mut library = Self {
+            families: Vec::new(),
+            materials: Vec::new(),
+            references: Vec::new(),
+            evidence: Vec::new(),
+            reference: Vec::new(),
+            constituents: Vec::new(),
+            deviations: Vec::new(),
+            by_name: HashMap::new(),
+            tokens: OnceLock::new(),
+        };
+        library.add(read_tables(&BUILTIN)?)?;
+        Ok(library)
+    }
+
+    /// The compiled-in library with a user's on top: a CSV of materials, or a folder of such CSVs which may also hold
+    /// its own `families.csv`, `bibliography.csv` and other tables that the built-in folder has.
+    ///
+    /// A row whose name the library has replaces the library's row; a new name adds a row. Files are taken in the
+    /// order of their names.
+    pub fn load(path: &Path) -> Result<Self, LibraryError> {
+        let files = csv_files(path)?;
+        let mut texts = Vec::with_capacity(files.len());
+        for file in &files {
+            let text =
+                fs::read_to_string(file).map_err(|source| LibraryError::Unreadable { path: file.clone(), source })?;
+            texts.push((file.to_string_lossy().into_owned(), text));
+        }
+        let tables: Vec<Table> = texts.iter().map(|(name, text)| Table { name, text }).collect();
+        let mut library = Self::builtin().clone();
+        library.add(read_tables(&tables)?)?;
+        Ok(library)
+    }
+
+    /// Every material, in the order of the files.
+    pub fn materials(&self) -> &[Material] {
+        &self.materials
+    }
+
+    /// Every family, in the order of `families.csv`.
+    pub fn families(&self) -> &[Family] {
+        &self.families
+    }
+
+    /// The family of that name, case and punctuation aside.
+    pub fn family(&self, name: &str) -> Option<&Family> {
+        let wanted = fold(name);
+        self.families.iter().find(|family| fold(&family.name) == wanted)
+    }
+
+    /// The materials of a family, in order.
+    pub fn of_family<'a>(&'a self, family: &'a str) -> impl Iterator<Item = &'a Material> {
+        self.materials.iter().filter(move |material| material.family == family)
+    }
+
+    /// The material of that name or alias; case, punctuation, British and American spelling aside, and "white oak"
+    /// for "oak, white".
+    pub fn get(&self, name: &str) -> Option<&Material> {
+        self.by_name.get(&fold(name)).map(|row| &self.materials[*row])
+    }
+
+    /// The material whose name or alias shares most words with `name`, and how much from 0 to 1; `None` if none
+    /// shares any. A name that [`get`](Self::get) finds scores 1.
+    pub fn nearest(&self, name: &str) -> Option<(&Material, f64)> {
+        if let Some(material) = self.get(name) {
+            return Some((material, 1.0));
+        }
+        let (row, score) = self.tokens.get_or_init(|| self.token_index()).nearest(name)?;
+        Some((&self.materials[row], score))
+    }
+
+    /// The references that sources name.
+    pub fn references(&self) -> &[Reference] {
+        &self.references
+    }
+
+    fn token_index(&self) -> TokenIndex {
+        let mut names: Vec<(&str, usize)> = self.by_name.iter().map(|(name, row)| (name.as_str(), *row)).collect();
+        names.sort_unstable_by_key(|(name, row)| (*row, *name));
+        TokenIndex::new(names.into_iter())
+    }
+
+    /// Puts `tables` on top of what is there.
+    fn add(&mut self, tables: Tables) -> Result<(), LibraryError> {
+        reject_duplicates(&tables.materials)?;
+        for family in tables.families {
+            match self.families.iter_mut().find(|known| known.name == family.name) {
+                Some(known) => *known = family,
+                None => self.families.push(family),
+            }
+        }
+        self.references.extend(tables.references);
+        self.evidence.extend(tables.evidence);
+        self.reference.extend(tables.reference);
+        self.constituents.extend(tables.constituents);
+        self.deviations.extend(tables.deviations);
+        let row_of_name: HashMap<String, usize> =
+            self.materials.iter().enumerate().map(|(row, material)| (fold(&material.name), row)).collect();
+        let mut added = Vec::with_capacity(tables.materials.len());
+        for placed in tables.materials {
+            self.require_family(&placed)?;
+            match row_of_name.get(&fold(&placed.material.name)) {
+                Some(&row) => {
+                    self.materials[row] = placed.material;
+                    added.push(row);
+                }
+                None => {
+                    added.push(self.materials.len());
+                    self.materials.push(placed.material);
+                }
+            }
+        }
+        self.index_names(&added);
+        Ok(())
+    }
+
+    fn require_family(&self, placed: &Placed) -> Result<(), LibraryError> {
+        let family = &placed.material.family;
+        if self.families.iter().any(|known| known.name == *family) {
+            return Ok(());
+        }
+        let known: Vec<&str> = self.families.iter().map(|known| known.name.as_str()).collect();
+        Err(LibraryError::BadCell {
+            file: placed.file.clone(),
+            line: placed.line,
+            number: placed.family_column,
+            column: "family".to_owned(),
+            found: family.clone(),
+            problem: format!("is no family; write one of {}", known.join(", ")),
+        })
+    }
+
+    /// Rebuilds the index: the names of the `added` rows come before all others, then names before aliases before
+    /// inverted names.
+    fn index_names(&mut self, added: &[usize]) {
+        let mut by_name = HashMap::with_capacity(4 * self.materials.len());
+        let materials = &self.materials;
+        let mut insert = |name: &str, row: usize| {
+            by_name.entry(fold(name)).or_insert(row);
+        };
+        for &row in added {
+            insert(&materials[row].name, row);
+            materials[row].aliases.iter().for_each(|alias| insert(alias, row));
+        }
+        for (row, material) in materials.iter().enumerate() {
+            insert(&material.name, row);
+        }
+        for (row, material) in materials.iter().enumerate() {
+            material.aliases.iter().for_each(|alias| insert(alias, row));
+        }
+        for (row, material) in materials.iter().enumerate() {
+            material.aliases.iter().chain([&material.name]).filter_map(|name| inverted(name)).for_each(|name| {
+                insert(&name, row);
+            });
+        }
+        self.by_name = by_name;
+        self.tokens = OnceLock::new();
+    }
+}
+
+/// The file itself, or the folder's CSV files by name.
+fn csv_files(path: &Path) -> Result<Vec<PathBuf>, LibraryError> {
+    let unreadable = |source| LibraryError::Unreadable { path: path.to_owned(), source };
+    if !fs::metadata(path).map_err(unreadable)?.is_dir() {
+        return Ok(vec![path.to_owned()]);
+    }
+    let mut files = Vec::new();
+    for entry in fs::read_dir(path).map_err(unreadable)? {
+        let file = entry.map_err(unreadable)?.path();
+        if file.extension().is_some_and(|extension| extension.eq_ignore_ascii_case("csv")) {
+            files.push(file);
+        }
+    }
+    files.sort();
+    if files.is_empty() { Err(LibraryError::Empty { path: path.to_owned() }) } else { Ok(files) }
+}
+
+/// A name or alias may stand for one row of a set of tables only.
+fn reject_duplicates(rows: &[Placed]) -> Result<(), LibraryError> {
+    let mut owners: HashMap<String, &str> = HashMap::new();
+    for row in rows {
+        let owner = row.material.name.as_str();
+        for (at, name) in [&row.material.name].into_iter().chain(&row.material.aliases).enumerate() {
+            match owners.insert(fold(name), owner) {
+                Some(other) if at == 0 || other != owner => {
+                    return Err(LibraryError::Duplicate {
+                        file: row.file.clone(),
+                        line: row.line,
+                        name: name.clone(),
+                        other: other.to_owned(),
+                    });
+                }
+                _ => {}
+            }
+        }
+    }
+    Ok(())
+}

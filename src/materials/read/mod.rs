@@ -1,0 +1,161 @@
+//! Reading CSV cells: every error says file, line, column and what would be right. [`tables`] knows the tables,
+//! [`law`] the laws.
+
+mod law;
+mod tables;
+
+use std::path::PathBuf;
+
+use csv::StringRecord;
+use thiserror::Error;
+
+use super::bibliography::USER;
+use super::{Label, Labels};
+use crate::units::{Range, ShoreScale};
+
+pub use tables::{Placed, Tables, read_tables};
+
+/// What can be wrong with a library on disk.
+#[derive(Debug, Error)]
+pub enum LibraryError {
+    #[error("cannot read the material library {path:?}: {source}; give a CSV file or a folder of them")]
+    Unreadable { path: PathBuf, source: std::io::Error },
+    #[error("{path:?} holds no CSV file; a material library is one CSV, or a folder of them")]
+    Empty { path: PathBuf },
+    #[error("{file}: not a CSV table: {source}")]
+    NotCsv { file: String, source: csv::Error },
+    #[error("{file} line 1: the column `{column}` is missing; materials/README.md lists the columns")]
+    MissingColumn { file: String, column: String },
+    #[error("{file} line 1, column {number} `{column}`: no such column; materials/README.md lists the columns")]
+    UnknownColumn { file: String, number: usize, column: String },
+    #[error("{file} line {line}, column {number} `{column}`: {found:?} {problem}")]
+    BadCell { file: String, line: u64, number: usize, column: String, found: String, problem: String },
+    #[error("{file} line {line}: the name or alias {name:?} already stands for {other:?}; names must be unique")]
+    Duplicate { file: String, line: u64, name: String, other: String },
+}
+
+/// A file of the library.
+#[derive(Debug, Clone, Copy)]
+pub struct Table<'a> {
+    /// For messages, and its stem says which table it is.
+    pub name: &'a str,
+    pub text: &'a str,
+}
+
+/// A record with its place and its columns' names.
+struct Row<'a> {
+    file: &'a str,
+    line: u64,
+    columns: &'a StringRecord,
+    cells: &'a StringRecord,
+}
+
+/// Reads each row of a table that must have the `required` columns and may have the `optional` ones.
+fn rows<T>(
+    table: &Table,
+    required: &[&str],
+    optional: &[&str],
+    read: impl Fn(&Row) -> Result<T, LibraryError>,
+) -> Result<Vec<T>, LibraryError> {
+    let file = table.name;
+    let not_csv = |source| LibraryError::NotCsv { file: file.to_owned(), source };
+    let mut reader =
+        csv::ReaderBuilder::new().trim(csv::Trim::All).comment(Some(b'#')).from_reader(table.text.as_bytes());
+    let columns = reader.headers().map_err(not_csv)?.clone();
+    if let Some(column) = required.iter().find(|name| !columns.iter().any(|column| column == **name)) {
+        return Err(LibraryError::MissingColumn { file: file.to_owned(), column: (*column).to_owned() });
+    }
+    if let Some(at) = columns.iter().position(|column| !required.contains(&column) && !optional.contains(&column)) {
+        let column = columns[at].to_owned();
+        return Err(LibraryError::UnknownColumn { file: file.to_owned(), number: at + 1, column });
+    }
+    let mut cells = StringRecord::new();
+    let mut rows = Vec::new();
+    while reader.read_record(&mut cells).map_err(not_csv)? {
+        let line = cells.position().map_or(0, csv::Position::line);
+        rows.push(read(&Row { file, line, columns: &columns, cells: &cells })?);
+    }
+    Ok(rows)
+}
+
+impl Row<'_> {
+    fn index(&self, column: &str) -> Option<usize> {
+        self.columns.iter().position(|name| name == column)
+    }
+
+    /// The cell's text; empty where an optional column is left out.
+    fn text(&self, column: &str) -> &str {
+        self.index(column).and_then(|at| self.cells.get(at)).unwrap_or_default()
+    }
+
+    fn bad(&self, column: &str, problem: impl Into<String>) -> LibraryError {
+        LibraryError::BadCell {
+            file: self.file.to_owned(),
+            line: self.line,
+            number: self.index(column).map_or(0, |at| at + 1),
+            column: column.to_owned(),
+            found: self.text(column).to_owned(),
+            problem: problem.into(),
+        }
+    }
+
+    fn filled(&self, column: &str) -> Result<String, LibraryError> {
+        match self.text(column) {
+            "" => Err(self.bad(column, "must not be empty")),
+            text => Ok(text.to_owned()),
+        }
+    }
+
+    fn number(&self, column: &str) -> Result<f64, LibraryError> {
+        let number: f64 =
+            self.text(column).parse().map_err(|_| self.bad(column, "is no number; write it like 680 or 6.8e2"))?;
+        if number.is_finite() { Ok(number) } else { Err(self.bad(column, "is not finite")) }
+    }
+
+    /// The range in the columns `name_low` and `name_high`, within `(at_least, below)`.
+    fn range(&self, name: &str, at_least: f64, below: f64) -> Result<Range, LibraryError> {
+        let [low, high] = [format!("{name}_low"), format!("{name}_high")];
+        let range = Range::new(self.number(&low)?, self.number(&high)?);
+        for (column, value) in [(&low, range.low), (&high, range.high)] {
+            if value < at_least || value >= below {
+                return Err(self.bad(column, format!("must be at least {at_least:e} and below {below:e} (SI)")));
+            }
+        }
+        if range.low > range.high {
+            return Err(self.bad(&high, format!("is less than the low end, {}", range.low)));
+        }
+        Ok(range)
+    }
+
+    fn scale(&self, column: &str) -> Result<ShoreScale, LibraryError> {
+        match self.text(column) {
+            "A" => Ok(ShoreScale::A),
+            "D" => Ok(ShoreScale::D),
+            _ => Err(self.bad(column, "is no Shore scale; write A or D")),
+        }
+    }
+
+    fn sources(&self, column: &str) -> Vec<String> {
+        let cited: Vec<String> = list(self.text(column));
+        if cited.is_empty() { vec![USER.to_owned()] } else { cited }
+    }
+
+    fn label(&self, name: &str) -> Result<Label, LibraryError> {
+        let flag = format!("{name}_exact");
+        let exact = match self.text(&flag) {
+            "1" => true,
+            "0" | "" => false,
+            _ => return Err(self.bad(&flag, "must be 1 (the label means this material) or 0 (it is the nearest)")),
+        };
+        Ok(Label { name: self.text(name).to_owned(), exact })
+    }
+
+    fn labels(&self) -> Result<Labels, LibraryError> {
+        Ok(Labels { abo: self.label("label_abo")?, mvimgnet: self.label("label_mvimgnet")? })
+    }
+}
+
+/// The entries of a list cell, which `;` divides.
+fn list(cell: &str) -> Vec<String> {
+    cell.split(';').map(str::trim).filter(|entry| !entry.is_empty()).map(str::to_owned).collect()
+}

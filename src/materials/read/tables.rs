@@ -1,0 +1,240 @@
+//! The tables of a library: which columns each has, and what a row of it becomes.
+
+use std::path::Path;
+
+use super::law::law;
+use super::{LibraryError, Row, Table, list, rows};
+use crate::materials::bibliography::{Constituent, Deviation, Evidence, Reference, Relation};
+use crate::materials::{Family, Material, ShoreReading, Sources, StrengthKind};
+use crate::units::ShoreHardness;
+
+/// What a set of tables holds, each in the order of the files.
+#[derive(Debug, Default)]
+pub struct Tables {
+    pub families: Vec<Family>,
+    pub materials: Vec<Placed>,
+    pub references: Vec<Reference>,
+    pub evidence: Vec<Evidence>,
+    pub reference: Vec<Evidence>,
+    pub constituents: Vec<Constituent>,
+    pub deviations: Vec<Deviation>,
+}
+
+/// A material and where its row stands, for messages about it.
+#[derive(Debug)]
+pub struct Placed {
+    pub material: Material,
+    pub file: String,
+    pub line: u64,
+    /// The number of its column `family`.
+    pub family_column: usize,
+}
+
+const REFERENCE_COLUMNS: [&str; 6] = ["id", "title", "publisher", "year", "locator", "licence"];
+const EVIDENCE_COLUMNS: [&str; 11] = [
+    "source",
+    "entry",
+    "title",
+    "density_kg_m3_low",
+    "density_kg_m3_high",
+    "youngs_modulus_pa_low",
+    "youngs_modulus_pa_high",
+    "poisson_ratio_low",
+    "poisson_ratio_high",
+    "strength_pa_low",
+    "strength_pa_high",
+];
+const CONSTITUENT_COLUMNS: [&str; 9] = [
+    "material",
+    "relation",
+    "constituent",
+    "density_kg_m3",
+    "youngs_modulus_pa",
+    "strength_pa",
+    "volume_fraction_low",
+    "volume_fraction_high",
+    "source",
+];
+const DEVIATION_COLUMNS: [&str; 3] = ["subject", "check", "reason"];
+const LABEL_COLUMNS: [&str; 4] = ["label_abo", "label_abo_exact", "label_mvimgnet", "label_mvimgnet_exact"];
+const RANGE_COLUMNS: [&str; 12] = [
+    "density_kg_m3_low",
+    "density_kg_m3_high",
+    "youngs_modulus_pa_low",
+    "youngs_modulus_pa_high",
+    "poisson_ratio_low",
+    "poisson_ratio_high",
+    "strength_pa_low",
+    "strength_pa_high",
+    "friction_rubber_low",
+    "friction_rubber_high",
+    "friction_steel_low",
+    "friction_steel_high",
+];
+const FAMILY_COLUMNS: [&str; 8] = [
+    "family",
+    "strength_meaning",
+    "hardness_low_scale",
+    "hardness_low",
+    "hardness_high_scale",
+    "hardness_high",
+    "law",
+    "law_parameters",
+];
+/// Columns of a material beside its ranges.
+const MATERIAL_COLUMNS: [&str; 9] = [
+    "family",
+    "name",
+    "aliases",
+    "strength_kind",
+    "hardness_scale",
+    "hardness_low",
+    "hardness_high",
+    "law",
+    "law_parameters",
+];
+/// Columns that a user's table may leave out: the labels, and the sources, which are then [`USER`].
+const OPTIONAL_COLUMNS: [&str; 8] = [
+    "density_source",
+    "youngs_modulus_source",
+    "poisson_ratio_source",
+    "strength_source",
+    "friction_rubber_source",
+    "friction_steel_source",
+    "hardness_source",
+    "law_source",
+];
+
+/// Reads all tables; which is which says the file's stem.
+pub fn read_tables(files: &[Table]) -> Result<Tables, LibraryError> {
+    let mut tables = Tables::default();
+    let family_columns = [&FAMILY_COLUMNS[..], &RANGE_COLUMNS[..], &LABEL_COLUMNS[..]].concat();
+    let material_columns = [&MATERIAL_COLUMNS[..], &RANGE_COLUMNS[..]].concat();
+    let optional_columns = [&OPTIONAL_COLUMNS[..], &LABEL_COLUMNS[..]].concat();
+    for file in files {
+        let stem = Path::new(file.name).file_stem().unwrap_or_default();
+        match stem.to_str().unwrap_or_default() {
+            "families" => tables.families.extend(rows(file, &family_columns, &[], family)?),
+            "bibliography" => tables.references.extend(rows(file, &REFERENCE_COLUMNS, &[], reference)?),
+            "evidence" => tables.evidence.extend(rows(file, &EVIDENCE_COLUMNS, &[], evidence)?),
+            "reference" => tables.reference.extend(rows(file, &EVIDENCE_COLUMNS, &[], evidence)?),
+            "constituents" => tables.constituents.extend(rows(file, &CONSTITUENT_COLUMNS, &[], constituent)?),
+            "deviations" => tables.deviations.extend(rows(file, &DEVIATION_COLUMNS, &[], deviation)?),
+            _ => tables.materials.extend(rows(file, &material_columns, &optional_columns, material)?),
+        }
+    }
+    Ok(tables)
+}
+
+/// Smallest accepted density, modulus: below is surely a wrong unit (aerogel 1 kg/m3; a gel 10 Pa).
+const LEAST: f64 = 1.0;
+
+fn material(row: &Row) -> Result<Placed, LibraryError> {
+    let kind = StrengthKind::NAMES.iter().find(|(name, _)| *name == row.text("strength_kind"));
+    let kinds = StrengthKind::NAMES.map(|(name, _)| name).join(", ");
+    let material = Material {
+        name: row.filled("name")?,
+        family: row.filled("family")?,
+        aliases: list(row.text("aliases")),
+        density_kg_m3: row.range("density_kg_m3", LEAST, 1e5)?,
+        youngs_modulus_pa: row.range("youngs_modulus_pa", LEAST, 1e13)?,
+        poisson_ratio: row.range("poisson_ratio", -0.999, 0.5)?,
+        strength_pa: row.range("strength_pa", 0.0, 1e12)?,
+        strength_kind: kind.ok_or_else(|| row.bad("strength_kind", format!("is no kind; write one of {kinds}")))?.1,
+        friction_rubber: row.range("friction_rubber", 0.0, 5.0)?,
+        friction_steel: row.range("friction_steel", 0.0, 5.0)?,
+        hardness: hardness(row)?,
+        law: law(row)?,
+        labels: row.labels()?,
+        sources: Sources {
+            density: row.sources("density_source"),
+            youngs_modulus: row.sources("youngs_modulus_source"),
+            poisson_ratio: row.sources("poisson_ratio_source"),
+            strength: row.sources("strength_source"),
+            friction_rubber: row.sources("friction_rubber_source"),
+            friction_steel: row.sources("friction_steel_source"),
+            hardness: if row.text("hardness_scale").is_empty() { vec![] } else { row.sources("hardness_source") },
+            law: row.sources("law_source"),
+        },
+    };
+    let family_column = row.index("family").map_or(0, |at| at + 1);
+    Ok(Placed { material, file: row.file.to_owned(), line: row.line, family_column })
+}
+
+fn hardness(row: &Row) -> Result<Option<ShoreHardness>, LibraryError> {
+    if row.text("hardness_scale").is_empty() {
+        return match ["hardness_low", "hardness_high"].into_iter().find(|column| !row.text(column).is_empty()) {
+            Some(column) => Err(row.bad(column, "needs its scale in `hardness_scale`, A or D")),
+            None => Ok(None),
+        };
+    }
+    let range = row.range("hardness", 0.0, 100.0 + 1e-9)?;
+    Ok(Some(ShoreHardness { scale: row.scale("hardness_scale")?, range }))
+}
+
+fn family(row: &Row) -> Result<Family, LibraryError> {
+    let reading = |end: &str| -> Result<ShoreReading, LibraryError> {
+        let column = format!("hardness_{end}");
+        Ok(ShoreReading { scale: row.scale(&format!("{column}_scale"))?, value: row.number(&column)? })
+    };
+    Ok(Family {
+        name: row.filled("family")?,
+        density_kg_m3: row.range("density_kg_m3", LEAST, 1e5)?,
+        youngs_modulus_pa: row.range("youngs_modulus_pa", LEAST, 1e13)?,
+        poisson_ratio: row.range("poisson_ratio", -0.999, 0.5)?,
+        strength_pa: row.range("strength_pa", 0.0, 1e12)?,
+        strength_meaning: row.filled("strength_meaning")?,
+        friction_rubber: row.range("friction_rubber", 0.0, 5.0)?,
+        friction_steel: row.range("friction_steel", 0.0, 5.0)?,
+        hardness: [reading("low")?, reading("high")?],
+        law: law(row)?,
+        labels: row.labels()?,
+    })
+}
+
+fn reference(row: &Row) -> Result<Reference, LibraryError> {
+    let text = |column: &str| row.text(column).to_owned();
+    Ok(Reference {
+        id: row.filled("id")?,
+        title: text("title"),
+        publisher: text("publisher"),
+        year: text("year"),
+        locator: text("locator"),
+        licence: text("licence"),
+    })
+}
+
+fn evidence(row: &Row) -> Result<Evidence, LibraryError> {
+    let value = |name: &str| match row.text(&format!("{name}_low")) {
+        "" => Ok(None),
+        _ => row.range(name, -0.999, 1e13).map(Some),
+    };
+    Ok(Evidence {
+        source: row.filled("source")?,
+        entry: row.filled("entry")?,
+        title: row.filled("title")?,
+        values: [value("density_kg_m3")?, value("youngs_modulus_pa")?, value("poisson_ratio")?, value("strength_pa")?],
+    })
+}
+
+fn constituent(row: &Row) -> Result<Constituent, LibraryError> {
+    let relation = Relation::NAMES.iter().find(|(name, _)| *name == row.text("relation"));
+    let strength = match row.text("strength_pa") {
+        "" => None,
+        _ => Some(row.number("strength_pa")?),
+    };
+    Ok(Constituent {
+        material: row.filled("material")?,
+        relation: relation.ok_or_else(|| row.bad("relation", "is no cell_wall, reinforcement, matrix or fibre"))?.1,
+        name: row.filled("constituent")?,
+        density_kg_m3: row.number("density_kg_m3")?,
+        youngs_modulus_pa: row.number("youngs_modulus_pa")?,
+        strength_pa: strength,
+        volume_fraction: row.range("volume_fraction", 0.0, 1.0 + 1e-9)?,
+        source: row.filled("source")?,
+    })
+}
+
+fn deviation(row: &Row) -> Result<Deviation, LibraryError> {
+    Ok(Deviation { subject: row.filled("subject")?, check: row.filled("check")?, reason: row.filled("reason")? })
+}

@@ -1,0 +1,69 @@
+//! Floaters: Gaussians that a training left in mid-air are no part of the object.
+
+use std::collections::HashMap;
+
+use crate::scene::gaussians::Gaussians;
+
+/// Two Gaussians belong together where their voxels touch; a voxel's side is the diagonal of the cloud over this.
+const VOXELS_PER_DIAGONAL: f64 = 64.0;
+/// Share of the Gaussians at either end of each axis that the diagonal is measured without: floaters lie far out.
+const TRIMMED: f64 = 0.005;
+
+/// Which Gaussians to keep: those of connected bodies with at least `min_share` of the summed opacity. Where no body has
+/// as much, all are kept.
+pub fn without_floaters(gaussians: &Gaussians, min_share: f64) -> Vec<bool> {
+    let side = trimmed_diagonal(gaussians) / VOXELS_PER_DIAGONAL;
+    if side <= 0.0 {
+        return vec![true; gaussians.len()];
+    }
+    let voxel_of = |i: usize| gaussians.positions[i].map(|v| (f64::from(v) / side).floor() as i64);
+    let mut voxels: Vec<[i64; 3]> = (0..gaussians.len()).map(voxel_of).collect();
+    let of_gaussian = voxels.clone();
+    voxels.sort_unstable();
+    voxels.dedup();
+    let number: HashMap<[i64; 3], usize> = voxels.iter().enumerate().map(|(n, v)| (*v, n)).collect();
+    let body = bodies(&voxels, &number);
+
+    let mut weight = vec![0.0; voxels.len()];
+    for (i, voxel) in of_gaussian.iter().enumerate() {
+        weight[body[number[voxel]]] += gaussians.opacity(i);
+    }
+    let least = min_share * weight.iter().sum::<f64>();
+    let kept: Vec<bool> = of_gaussian.iter().map(|voxel| weight[body[number[voxel]]] >= least).collect();
+    if kept.contains(&true) { kept } else { vec![true; gaussians.len()] }
+}
+
+/// Per voxel the least number of a voxel that it is connected with, over faces, edges and corners.
+fn bodies(voxels: &[[i64; 3]], number: &HashMap<[i64; 3], usize>) -> Vec<usize> {
+    let mut body = vec![usize::MAX; voxels.len()];
+    for seed in 0..voxels.len() {
+        if body[seed] != usize::MAX {
+            continue;
+        }
+        body[seed] = seed;
+        let mut open = vec![seed];
+        while let Some(at) = open.pop() {
+            let [x, y, z] = voxels[at];
+            for step in 0..27 {
+                let beside = [x + step % 3 - 1, y + step / 3 % 3 - 1, z + step / 9 - 1];
+                if let Some(&next) = number.get(&beside).filter(|&&n| body[n] == usize::MAX) {
+                    body[next] = seed;
+                    open.push(next);
+                }
+            }
+        }
+    }
+    body
+}
+
+fn trimmed_diagonal(gaussians: &Gaussians) -> f64 {
+    let side = |axis: usize| {
+        let mut values: Vec<f32> = gaussians.positions.iter().map(|p| p[axis]).collect();
+        let cut = (values.len() as f64 * TRIMMED) as usize;
+        let last = values.len() - 1 - cut;
+        let low = *values.select_nth_unstable_by(cut, f32::total_cmp).1;
+        let high = *values.select_nth_unstable_by(last, f32::total_cmp).1;
+        f64::from(high - low)
+    };
+    (0..3).map(|axis| side(axis).powi(2)).sum::<f64>().sqrt()
+}

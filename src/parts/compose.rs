@@ -1,0 +1,169 @@
+//! From labelled cells to material: solids, walls, voids and cores, and the low, middle and high volume of each part.
+//!
+//! Rules for the volumes, all bounds at once:
+//! - a solid's surface may lie further in or out by the splat's own uncertainty: area times that;
+//! - where a solid's other side is unseen, see [`super::unseen`];
+//! - a shell's wall is between the answer's low and high thickness, its hidden walls see [`super::wall`];
+//! - the core of a shell takes what the wall leaves.
+
+use rayon::prelude::*;
+
+use super::assign::Labelled;
+use super::cores;
+use super::grid::{Interior, OUTSIDE, VOID};
+use super::surface::NONE;
+use super::unseen::{self, Doubt};
+use super::wall::{AROUND_CORE, AROUND_VOID, WallDepths};
+use crate::units::Estimate;
+
+/// Whether a label is material through and through. Wall thickness in scene units.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum Make {
+    Solid,
+    Wall(Estimate),
+}
+
+/// The object's inside with material in it.
+pub struct Composed {
+    pub interior: Interior,
+    /// Per label, scene units cubed.
+    pub volumes: Vec<Estimate>,
+    /// Per shell the solid within it.
+    pub cores: Vec<Option<u32>>,
+    /// Solids that go through solids: which, through which.
+    pub passages: Vec<(u32, u32)>,
+}
+
+/// One of the three readings of an [`Estimate`].
+#[derive(Clone, Copy)]
+enum Reading {
+    Low,
+    Mid,
+    High,
+}
+
+impl Reading {
+    fn of(self, estimate: Estimate) -> f64 {
+        match self {
+            Self::Low => estimate.low,
+            Self::Mid => estimate.mid,
+            Self::High => estimate.high,
+        }
+    }
+}
+
+/// Fills the cells. `makes` and `thickness` are per label; `uncertainty` is how far the surface may be off, scene units.
+pub fn compose(
+    mut cells: Labelled,
+    makes: &[Make],
+    thickness: &[Option<Estimate>],
+    uncertainty: f64,
+) -> (Composed, Labelled) {
+    let is_solid: Vec<bool> = makes.iter().map(|m| *m == Make::Solid).collect();
+    let passages = cores::run_through(&mut cells, &is_solid);
+    let doubt = unseen::doubts(&cells, &unseen::of_solids(thickness, |l| is_solid[l]));
+    let walls = WallDepths::of(&cells, |l| !is_solid[l as usize]);
+    let wall_of = |label: u32| match makes[label as usize] {
+        Make::Solid => Estimate::exactly(0.0),
+        Make::Wall(wall) => wall,
+    };
+    let is_void = |i: usize| f64::from(walls.seen[i]) > wall_of(cells.label[i]).mid;
+    let is_material = |i: usize| doubt[i] < Doubt::Strong;
+    let cores = cores::cores(&cells, &is_solid, is_void, is_material);
+    let filling = Filling { cells: &cells, makes, cores: &cores, doubt: &doubt, walls: &walls };
+
+    let areas = seen_areas(&cells, makes.len());
+    let [low, mid, high] = [Reading::Low, Reading::Mid, Reading::High].map(|r| filling.volumes(r));
+    let volumes = (0..makes.len()).map(|l| {
+        let slack = if is_solid[l] { areas[l] * uncertainty } else { 0.0 };
+        let least = low[l].min(mid[l]).min(high[l]) - slack;
+        Estimate::new(least.max(0.0), mid[l], low[l].max(mid[l]).max(high[l]) + slack)
+    });
+    let composed = Composed {
+        volumes: volumes.collect(),
+        interior: filling.interior(),
+        cores: cores.clone(),
+        passages: passages.into_iter().map(|(peg, through, _)| (peg, through)).collect(),
+    };
+    (composed, cells)
+}
+
+/// What each cell holds, by any reading.
+struct Filling<'a> {
+    cells: &'a Labelled,
+    makes: &'a [Make],
+    cores: &'a [Option<u32>],
+    doubt: &'a [Doubt],
+    walls: &'a WallDepths,
+}
+
+impl Filling<'_> {
+    /// Share of cell `i` that its own part fills, and share that the core of its part fills.
+    fn shares(&self, i: usize, reading: Reading) -> (f64, f64) {
+        let label = self.cells.label[i] as usize;
+        match self.makes[label] {
+            Make::Solid => {
+                let beyond = match reading {
+                    Reading::Low => Doubt::Slight,
+                    Reading::Mid => Doubt::Strong,
+                    Reading::High => Doubt::Empty,
+                };
+                (if self.doubt[i] < beyond { 1.0 } else { 0.0 }, 0.0)
+            }
+            Make::Wall(wall) => {
+                let hidden = if self.cores[label].is_some() { AROUND_CORE } else { AROUND_VOID };
+                let (unseen, seam) = (reading.of(hidden.unseen), reading.of(hidden.seam));
+                let own = self.walls.share(i, reading.of(wall), unseen, seam, self.cells.grid.cell);
+                (own, if self.cores[label].is_some() { 1.0 - own } else { 0.0 })
+            }
+        }
+    }
+
+    /// Volume of every label.
+    fn volumes(&self, reading: Reading) -> Vec<f64> {
+        let grid = &self.cells.grid;
+        let of_layer = |z: usize| {
+            let mut shares = vec![0.0; self.makes.len()];
+            for i in (z * grid.layer()..(z + 1) * grid.layer()).filter(|&i| self.cells.label[i] != NONE) {
+                let label = self.cells.label[i] as usize;
+                let (own, core) = self.shares(i, reading);
+                shares[label] += own;
+                if let Some(peg) = self.cores[label] {
+                    shares[peg as usize] += core;
+                }
+            }
+            shares
+        };
+        let layers: Vec<Vec<f64>> = (0..grid.dims[2]).into_par_iter().map(of_layer).collect();
+        let total = |l: usize| layers.iter().map(|layer| layer[l]).sum::<f64>() * grid.cell_volume();
+        (0..self.makes.len()).map(total).collect()
+    }
+
+    /// The middle reading cell by cell. A cell shared by a wall and its core goes to the one with more of it, whole.
+    fn interior(&self) -> Interior {
+        let cell = |i: usize| {
+            let label = self.cells.label[i];
+            if label == NONE {
+                return (OUTSIDE, 0.0);
+            }
+            let (own, core) = self.shares(i, Reading::Mid);
+            match self.cores[label as usize] {
+                Some(peg) => (if own >= core { label } else { peg }, 1.0),
+                None if own > 0.0 => (label, own as f32),
+                None if self.makes[label as usize] == Make::Solid => (OUTSIDE, 0.0),
+                None => (VOID, 0.0),
+            }
+        };
+        let (part, fraction) = (0..self.cells.label.len()).into_par_iter().map(cell).unzip();
+        Interior { grid: self.cells.grid, part, fraction }
+    }
+}
+
+/// Per label the area that somebody saw, scene units squared.
+fn seen_areas(cells: &Labelled, labels: usize) -> Vec<f64> {
+    let mut areas = vec![0.0; labels];
+    for (s, &cell) in cells.surface.cells.iter().enumerate().filter(|(s, _)| cells.seen[*s]) {
+        areas[cells.label[cell as usize] as usize] += cells.surface.areas[s];
+    }
+    areas
+}

@@ -1,0 +1,28 @@
+//! Why there are no parts.
+
+/// What is wrong with what the parts stage was given, and what to do.
+#[derive(Debug, Clone, PartialEq, thiserror::Error)]
+pub enum PartsError {
+    #[error("{flag} is {value}: it must be {domain}")]
+    Option { flag: &'static str, value: f64, domain: &'static str },
+    #[error("the scene has no Gaussians, so it has no volume")]
+    NoGaussians,
+    #[error("the material field is of {field} Gaussians but the scene has {gaussians}; run the vote stage again")]
+    FieldSize { field: usize, gaussians: usize },
+    #[error("Gaussian {gaussian} has label {label}, but the material field has {labels}; run the vote stage again")]
+    Label { gaussian: usize, label: u32, labels: usize },
+    #[error("Gaussian {gaussian} has a position or size that is no finite number; clean the splat first")]
+    NotFinite { gaussian: usize },
+    #[error("no views: carving needs the scene's cameras; without them use --volume fill")]
+    NoViews,
+    #[error(
+        "nothing is inside the object: {why}; check with `gprop inspect` that cameras and splat agree, or use --volume fill \
+         with a lower --fill-density"
+    )]
+    NothingInside { why: &'static str },
+    #[error(
+        "nobody says how long a scene unit is, so there are no kilograms or newtons: give --scale metric where the scene is \
+         in metres, or --scale F with F metres per scene unit"
+    )]
+    ScaleUnknown,
+}

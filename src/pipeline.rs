@@ -1,0 +1,265 @@
+//! The stages in order; which artifacts are still good; resume.
+//!
+//! A stage is done again when its key changes: the hash of its options and of what the stages before it made. What it
+//! made is then written, and only after that its record, so a run that is killed finds its way at the next start.
+//! Stages with costly items (views, answers, frames) save each item and take up where they were killed.
+
+mod grasp;
+mod parts;
+mod query;
+mod record;
+mod report;
+mod scene;
+mod segment;
+mod simulate;
+mod vote;
+
+use std::borrow::Cow;
+
+use std::path::{Path, PathBuf};
+use std::sync::OnceLock;
+use std::time::Instant;
+
+use anyhow::Result;
+use serde::{Deserialize, Serialize};
+use tracing::info;
+
+use crate::materials::MaterialLibrary;
+use crate::parts::PartsResult;
+use crate::progress::Progress;
+use crate::query::Answers;
+use crate::scene::{Scene, View};
+use crate::segment::Segmentation;
+use crate::vote::MaterialField;
+use crate::workdir::{Artifact, WorkDir};
+use record::{Hasher, RunRecord, StageRecord};
+
+/// The stages, in the order of the data flow.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize, clap::ValueEnum)]
+#[serde(rename_all = "snake_case")]
+pub enum Stage {
+    Scene,
+    Segment,
+    Query,
+    Vote,
+    Parts,
+    Simulate,
+    Grasp,
+    Report,
+}
+
+impl Stage {
+    /// All stages in order.
+    pub const ALL: [Self; 8] =
+        [Self::Scene, Self::Segment, Self::Query, Self::Vote, Self::Parts, Self::Simulate, Self::Grasp, Self::Report];
+}
+
+/// The options of all stages.
+#[derive(Debug, Clone, Default, Serialize, clap::Args)]
+pub struct Options {
+    #[command(flatten)]
+    pub scene: crate::scene::Options,
+    #[command(flatten)]
+    pub segment: crate::segment::Options,
+    #[command(flatten)]
+    pub setup: crate::setup::Options,
+    #[command(flatten)]
+    pub query: crate::query::Options,
+    #[command(flatten)]
+    pub materials: crate::materials::Options,
+    #[command(flatten)]
+    pub vote: crate::vote::Options,
+    #[command(flatten)]
+    pub parts: crate::parts::Options,
+    #[command(flatten)]
+    pub simulate: crate::simulate::Options,
+    #[command(flatten)]
+    pub grasp: crate::grasp::Options,
+}
+
+/// How far to go, and what to do again in any case.
+#[derive(Debug, Clone, Copy)]
+pub struct Plan {
+    /// The last stage to do.
+    pub to: Stage,
+    /// This stage and those after it are done again, whatever an earlier run left.
+    pub from: Option<Stage>,
+}
+
+/// A scene on its way through the stages.
+pub struct Pipeline {
+    folder: PathBuf,
+    work: WorkDir,
+    options: Options,
+    plan: Plan,
+    progress: Progress,
+    record: RunRecord,
+    library: Cow<'static, MaterialLibrary>,
+    scene: Scene,
+    views: Vec<View>,
+    segmentation: OnceLock<Segmentation>,
+    answers: OnceLock<Answers>,
+    field: OnceLock<MaterialField>,
+    parts: OnceLock<PartsResult>,
+}
+
+/// What a stage says of itself when it is done.
+struct Done {
+    /// The files it wrote.
+    outputs: Vec<PathBuf>,
+    warnings: Vec<String>,
+    /// Hash of what it made where its key does not determine it.
+    digest: Option<String>,
+}
+
+impl Pipeline {
+    /// Loads the scene in `folder` and what an earlier run left in `out` (`folder`/gprop where it is not given).
+    pub fn open(folder: &Path, out: Option<&Path>, options: Options, plan: Plan, progress: Progress) -> Result<Self> {
+        let scene = crate::scene::load(folder, &options.scene)?;
+        let views = scene.chosen_views(&options.scene)?;
+        let library = options.materials.library()?;
+        let root = out.map_or_else(|| folder.join(crate::workdir::DEFAULT_NAME), Path::to_owned);
+        let work = WorkDir::open(&root)?;
+        let mut record = RunRecord::load(&work);
+        record.options = serde_json::to_value(&options)?;
+        Ok(Self {
+            folder: folder.to_owned(),
+            work,
+            options,
+            plan,
+            progress,
+            record,
+            library,
+            scene,
+            views,
+            segmentation: OnceLock::new(),
+            answers: OnceLock::new(),
+            field: OnceLock::new(),
+            parts: OnceLock::new(),
+        })
+    }
+
+    /// Runs the stages up to the last one of the plan.
+    pub fn run(&mut self) -> Result<()> {
+        let last = self.plan.to;
+        for stage in Stage::ALL.into_iter().filter(|stage| *stage <= last) {
+            self.step(stage)?;
+        }
+        Ok(())
+    }
+
+    /// Hash of everything a stage depends on; the stages before it must be done.
+    fn key(&self, stage: Stage) -> Result<String> {
+        Ok(match stage {
+            Stage::Scene => self.scene_key()?,
+            Stage::Segment => self.segment_key()?,
+            Stage::Query => self.query_key()?,
+            Stage::Vote => self.vote_key(),
+            Stage::Parts => self.parts_key(),
+            Stage::Simulate => self.simulate_key(),
+            Stage::Grasp => self.grasp_key(),
+            Stage::Report => self.report_key(),
+        })
+    }
+
+    fn work_on(&self, stage: Stage, key: &str) -> Result<Done> {
+        match stage {
+            Stage::Scene => self.do_scene(),
+            Stage::Segment => self.do_segment(),
+            Stage::Query => self.do_query(),
+            Stage::Vote => self.do_vote(),
+            Stage::Parts => self.do_parts(),
+            Stage::Simulate => self.do_simulate(key),
+            Stage::Grasp => self.do_grasp(),
+            Stage::Report => self.do_report(),
+        }
+    }
+
+    /// Stages that an earlier run left as this one would: from the first that is not, none is.
+    pub fn reusable(&self) -> Result<Vec<Stage>> {
+        let mut found = Vec::new();
+        for stage in Stage::ALL {
+            if self.must_redo(stage) || self.record.still_good(stage, &self.key(stage)?, &self.work).is_none() {
+                break;
+            }
+            found.push(stage);
+        }
+        Ok(found)
+    }
+
+    /// The work folder.
+    pub fn work(&self) -> &WorkDir {
+        &self.work
+    }
+
+    /// Does a stage unless what an earlier run left of it is still good.
+    fn step(&mut self, stage: Stage) -> Result<()> {
+        let key = self.key(stage)?;
+        let good = self.record.still_good(stage, &key, &self.work).filter(|_| !self.must_redo(stage));
+        if let Some(good) = good {
+            info!(?stage, "still good");
+            let record = StageRecord { reused: true, ..good.clone() };
+            return Ok(self.record.put(record, &self.work)?);
+        }
+        self.record.forget(stage, &self.work)?;
+        let start = Instant::now();
+        let done = self.work_on(stage, &key)?;
+        let size = |path: PathBuf| -> Result<_> {
+            let length = std::fs::metadata(self.work.root().join(&path))?.len();
+            Ok((path, length))
+        };
+        let record = StageRecord {
+            name: stage,
+            seconds: start.elapsed().as_secs_f64(),
+            reused: false,
+            warnings: done.warnings,
+            digest: done.digest.unwrap_or_else(|| key.clone()),
+            outputs: done.outputs.into_iter().map(size).collect::<Result<_>>()?,
+            key,
+        };
+        info!(?stage, seconds = record.seconds, "done");
+        Ok(self.record.put(record, &self.work)?)
+    }
+
+    /// Whether the user wants a stage done again whatever was left of it.
+    fn must_redo(&self, stage: Stage) -> bool {
+        self.plan.from.is_some_and(|from| from <= stage) || (stage == Stage::Query && self.asks_anew())
+    }
+
+    /// Tells the user what must not be missed; progress may be hidden, this is not.
+    fn say(&self, message: &str) {
+        eprintln!("{message}");
+    }
+
+    /// A hash that begins with the digests of the stages that `stage` reads from.
+    fn key_after(&self, stage: Stage, inputs: &[Stage]) -> Hasher {
+        let name = serde_json::to_string(&stage).expect("a stage is a word");
+        inputs.iter().fold(Hasher::new(&name), |hasher, input| {
+            let record = self.record.stages.iter().find(|record| record.name == *input);
+            hasher.with(record.expect("stages run in order").digest.as_bytes())
+        })
+    }
+}
+
+impl Done {
+    /// A stage that wrote `outputs` and found nothing to warn of.
+    fn writing<'a>(outputs: impl IntoIterator<Item = Artifact<'a>>) -> Self {
+        Self {
+            outputs: outputs.into_iter().map(|artifact| artifact.path()).collect(),
+            warnings: Vec::new(),
+            digest: None,
+        }
+    }
+
+    fn warning(self, warnings: Vec<String>) -> Self {
+        Self { warnings, ..self }
+    }
+}
+
+/// The value in `cell`, made by `make` at the first need.
+fn get_or_load<T>(cell: &OnceLock<T>, make: impl FnOnce() -> Result<T>) -> Result<&T> {
+    if cell.get().is_none() {
+        let _ = cell.set(make()?);
+    }
+    Ok(cell.get().expect("it was just set"))
+}

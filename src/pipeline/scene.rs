@@ -1,0 +1,64 @@
+//! The scene on disk: its key is what its files hold; its artifact is the list of the chosen views.
+
+use std::fs::File;
+use std::io;
+use std::iter;
+use std::path::Path;
+
+use anyhow::{Context, Result};
+use serde::Serialize;
+use sha2::{Digest, Sha256};
+
+use crate::camera::Camera;
+use crate::units::MetricScale;
+use crate::workdir::Artifact;
+
+use super::record::Hasher;
+use super::{Done, Pipeline};
+
+/// The content of `views.json`.
+#[derive(Serialize)]
+struct ViewsFile<'a> {
+    scale: Option<&'a MetricScale>,
+    views: Vec<ViewEntry<'a>>,
+}
+
+#[derive(Serialize)]
+struct ViewEntry<'a> {
+    name: &'a str,
+    /// As the camera file names it.
+    image: &'a Path,
+    #[serde(flatten)]
+    camera: &'a Camera,
+}
+
+impl Pipeline {
+    /// Every byte that is read counts, whatever the files' dates say.
+    pub(super) fn scene_key(&self) -> Result<String> {
+        let mut hasher = Hasher::new("scene").with_json(&self.options.scene);
+        let photos = self.views.iter().flat_map(|view| iter::once(&view.image).chain(&view.mask));
+        for path in self.scene.files.iter().chain(photos) {
+            let digest = file_digest(path).with_context(|| format!("cannot read {path:?}"))?;
+            hasher = hasher.with(&digest);
+        }
+        Ok(hasher.hex())
+    }
+
+    pub(super) fn do_scene(&self) -> Result<Done> {
+        let views = self.views.iter().map(|view| ViewEntry {
+            name: &view.name,
+            image: view.image.strip_prefix(&self.folder).unwrap_or(&view.image),
+            camera: &view.camera,
+        });
+        let file = ViewsFile { scale: self.scene.scale.as_ref(), views: views.collect() };
+        self.work.write_json(Artifact::Views, &file)?;
+        Ok(Done::writing([Artifact::Views]).warning(self.scene.warnings.clone()))
+    }
+}
+
+/// SHA-256 of a file's content.
+pub(super) fn file_digest(path: &Path) -> io::Result<[u8; 32]> {
+    let mut hasher = Sha256::new();
+    io::copy(&mut File::open(path)?, &mut hasher)?;
+    Ok(hasher.finalize().into())
+}

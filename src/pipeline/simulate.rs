@@ -1,0 +1,82 @@
+//! The simulation on disk: a frame and a checkpoint at a time, so that a killed run goes on at its last frame.
+
+use anyhow::{Context, Result};
+
+use crate::scene::ply;
+use crate::simulate::checkpoint::Checkpoint;
+use crate::simulate::filling::FillPoint;
+use crate::simulate::material::Material;
+use crate::simulate::{Frame, Input, SimulationReport, animation, simulate};
+use crate::workdir::Artifact;
+
+use super::{Done, Pipeline, Stage};
+
+impl Pipeline {
+    pub(super) fn simulate_key(&self) -> String {
+        self.key_after(Stage::Simulate, &[Stage::Scene, Stage::Vote, Stage::Parts])
+            .with_json(&self.options.simulate)
+            .hex()
+    }
+
+    pub(super) fn do_simulate(&self, key: &str) -> Result<Done> {
+        let field = self.field()?;
+        let materials: Vec<Material> = field.labels.iter().map(Material::from).collect();
+        let interior = self.fill_points()?;
+        let input = Input {
+            gaussians: &self.scene.gaussians,
+            labels: &field.part_label,
+            materials: &materials,
+            interior: &interior,
+            meters_per_unit: self.scene.scale.as_ref().map(|scale| scale.meters_per_unit),
+        };
+        let mut save = |frame: &Frame, checkpoint: &Checkpoint| {
+            self.work.write_with(Artifact::Frame(frame.index), |out| ply::write(out, &frame.gaussians, &[]))?;
+            Ok(self.work.write(Artifact::Checkpoint, &[key.as_bytes(), &checkpoint.to_bytes()].concat())?)
+        };
+        let options = &self.options.simulate;
+        let report = simulate(&input, options, self.checkpoint(key), &mut save, self.progress)?;
+
+        let mut load = |index| Ok(ply::read(&self.work.path(Artifact::Frame(index)))?.gaussians);
+        let pictures = animation::pictures(&report, &mut load, self.progress)?;
+        self.work.write(Artifact::Animation, &animation::gif(&pictures).context("the animation")?)?;
+        self.work.write_json(Artifact::Simulation, &report)?;
+        self.remove_frames_from(report.frames.len())?;
+        self.work.remove(Artifact::Checkpoint)?;
+        let frames = (0..report.frames.len()).map(Artifact::Frame);
+        let done = Done::writing(frames.chain([Artifact::Animation, Artifact::Simulation]));
+        Ok(done.warning(report.warnings))
+    }
+
+    /// What the simulation did.
+    pub(super) fn simulation(&self) -> Result<SimulationReport> {
+        Ok(self.work.read_json(Artifact::Simulation)?)
+    }
+
+    /// Where a killed run stopped, if it was this one: a checkpoint begins with the key of its stage.
+    fn checkpoint(&self, key: &str) -> Option<Checkpoint> {
+        let bytes = self.work.read(Artifact::Checkpoint).ok().filter(|_| !self.must_redo(Stage::Simulate))?;
+        Checkpoint::from_bytes(bytes.strip_prefix(key.as_bytes())?).ok()
+    }
+
+    /// Frames of an earlier, longer run would be taken for this one's.
+    fn remove_frames_from(&self, first: usize) -> Result<()> {
+        let mut index = first;
+        while self.work.size(Artifact::Frame(index)).is_some() {
+            self.work.remove(Artifact::Frame(index))?;
+            index += 1;
+        }
+        Ok(())
+    }
+
+    /// The object's inside, cell by cell.
+    fn fill_points(&self) -> Result<Vec<FillPoint>> {
+        let interior = &self.parts()?.interior;
+        let cell_volume = interior.grid.cell.powi(3);
+        let point = |(index, label, share): (usize, u32, f64)| FillPoint {
+            position: interior.grid.center(interior.grid.coords(index)).into(),
+            label,
+            volume: share * cell_volume,
+        };
+        Ok(interior.filled().map(point).collect())
+    }
+}

@@ -1,0 +1,241 @@
+//! From a model's JSON to an [`Answer`]: units to SI, material to a library row, numbers to what is possible.
+//!
+//! The library is trusted over the model, and the model is used to narrow it. For every property:
+//!
+//! 1. What the model says is cut to the bounds of the material's family; a cut is flagged.
+//! 2. Where that overlaps the range of the library's row, the answer is the overlap.
+//! 3. Where it does not, the answer is the row's range, flagged.
+//!
+//! The model's own words stay in the recording.
+
+use serde::Deserialize;
+use serde_json::Value;
+
+use super::{Answer, Failure, Form, Match};
+use crate::materials::{Family, Material, MaterialLibrary};
+use crate::units::{Range, ShoreHardness, ShoreScale};
+
+/// Pascal in a megapascal, metres in a millimetre.
+const PA_PER_MPA: f64 = 1e6;
+const M_PER_MM: f64 = 1e-3;
+/// Walls thinner than foil or thicker than a metre are no walls of things that a gripper holds.
+const WALL_THICKNESS_M: Range = Range::new(1e-6, 1.0);
+const SHORE: Range = Range::new(0.0, 100.0);
+/// Least likeness of a name to a library name, of 1, at which it may stand for it.
+const LIKENESS: f64 = 0.5;
+
+/// Why a response cannot be used.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Problem {
+    /// In words, for the model to mend it.
+    pub reason: String,
+    pub failure: Failure,
+}
+
+impl Problem {
+    /// A response that is not what was asked for.
+    pub fn invalid(reason: String) -> Self {
+        Self { failure: Failure::Invalid { message: reason.clone() }, reason }
+    }
+}
+
+/// What to do with a material that the library does not have.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Unknown {
+    /// Report it, so that whoever answered can mend it.
+    Refuse,
+    /// Take the library's nearest name and flag it.
+    TakeNearest,
+}
+
+/// The fields of `prompts/answer.schema.json`, in its units.
+#[derive(Debug, Deserialize)]
+struct Written {
+    caption: String,
+    family: String,
+    material: String,
+    density_kg_m3: Range,
+    youngs_modulus_mpa: Range,
+    poisson_ratio: Range,
+    yield_strength_mpa: Range,
+    shore_scale: WrittenScale,
+    shore_hardness: Option<Range>,
+    friction_rubber: Range,
+    form: WrittenForm,
+    wall_thickness_mm: Option<Range>,
+    confidence: f64,
+}
+
+#[derive(Debug, Clone, Copy, Deserialize)]
+enum WrittenScale {
+    A,
+    D,
+    #[serde(rename = "none")]
+    None,
+}
+
+#[derive(Debug, Clone, Copy, Deserialize)]
+#[serde(rename_all = "snake_case")]
+enum WrittenForm {
+    Solid,
+    Shell,
+}
+
+/// Reads an answer that follows the schema. It is marked as asked just now; who found it recorded says so.
+pub fn read(value: Value, library: &MaterialLibrary, unknown: Unknown) -> Result<Answer, Problem> {
+    let written: Written = serde_json::from_value(value).map_err(|error| Problem::invalid(format!("{error}.")))?;
+    let mut flags = Vec::new();
+    let material = material(&written, library, unknown, &mut flags)?;
+    let family = library.family(&material.family).ok_or_else(|| {
+        Problem::invalid(format!("the library has no family {:?}, that of {:?}.", material.family, material.name))
+    })?;
+    if written.family != material.family {
+        flags.push(format!("{} is of the family {}, not {}", material.name, material.family, written.family));
+    }
+    let form = form(&written, &mut flags)?;
+    Ok(settle(written, material, family, form, flags))
+}
+
+fn material<'a>(
+    written: &Written,
+    library: &'a MaterialLibrary,
+    unknown: Unknown,
+    flags: &mut Vec<String>,
+) -> Result<&'a Material, Problem> {
+    let name = written.material.trim();
+    if let Some(material) = library.get(name) {
+        return Ok(material);
+    }
+    let nearest = library.nearest(name).filter(|(_, likeness)| *likeness >= LIKENESS);
+    match (unknown, nearest) {
+        (Unknown::TakeNearest, Some((material, likeness))) => {
+            flags.push(format!(
+                "{name:?} is not in the library; {} is the nearest name (likeness {likeness:.2})",
+                material.name
+            ));
+            Ok(material)
+        }
+        (_, nearest) => {
+            let hint = nearest.map_or(String::new(), |(material, _)| format!(" Did you mean {:?}?", material.name));
+            Err(Problem {
+                reason: format!("the material {name:?} is not in the list.{hint} Copy a name from the list exactly."),
+                failure: Failure::UnknownMaterial { material: name.into() },
+            })
+        }
+    }
+}
+
+fn form(written: &Written, flags: &mut Vec<String>) -> Result<Form, Problem> {
+    match (written.form, written.wall_thickness_mm) {
+        (WrittenForm::Solid, _) => Ok(Form::Solid),
+        (WrittenForm::Shell, None) => {
+            Err(Problem::invalid("form is \"shell\" but wall_thickness_mm is null; give the wall's thickness.".into()))
+        }
+        (WrittenForm::Shell, Some(said)) => {
+            let said = in_order("wall thickness", scaled(said, M_PER_MM), flags);
+            Ok(Form::Shell { wall_thickness_m: cut("wall thickness", said, WALL_THICKNESS_M, flags) })
+        }
+    }
+}
+
+fn settle(written: Written, material: &Material, family: &Family, form: Form, mut flags: Vec<String>) -> Answer {
+    let mut property = |name: &str, said: Range, family: Range, row: Range| {
+        let said = in_order(name, said, &mut flags);
+        let said = cut(name, said, family, &mut flags);
+        narrowed(name, said, row, &mut flags)
+    };
+    let density_kg_m3 = property("density", written.density_kg_m3, family.density_kg_m3, material.density_kg_m3);
+    let youngs_modulus_pa = property(
+        "Young's modulus",
+        scaled(written.youngs_modulus_mpa, PA_PER_MPA),
+        family.youngs_modulus_pa,
+        material.youngs_modulus_pa,
+    );
+    let poisson_ratio =
+        property("Poisson's ratio", written.poisson_ratio, family.poisson_ratio, material.poisson_ratio);
+    let yield_strength_pa = property(
+        "yield strength",
+        scaled(written.yield_strength_mpa, PA_PER_MPA),
+        family.strength_pa,
+        material.strength_pa,
+    );
+    let friction_rubber =
+        property("friction", written.friction_rubber, family.friction_rubber, material.friction_rubber);
+    let hardness = hardness(written.shore_scale, written.shore_hardness, material.hardness, &mut flags);
+    let confidence = written.confidence.clamp(0.0, 1.0);
+    if confidence != written.confidence {
+        flags.push(format!("confidence {} is not within 0 to 1", written.confidence));
+    }
+    Answer {
+        caption: written.caption.trim().into(),
+        family: material.family.clone(),
+        material: material.name.clone(),
+        density_kg_m3,
+        youngs_modulus_pa,
+        poisson_ratio,
+        yield_strength_pa,
+        hardness,
+        friction_rubber,
+        form,
+        confidence,
+        matched: Match::Live,
+        flags,
+    }
+}
+
+/// The scales cannot be converted: a reading on the other scale than the library's gives way to the library's.
+fn hardness(
+    scale: WrittenScale,
+    said: Option<Range>,
+    row: Option<ShoreHardness>,
+    flags: &mut Vec<String>,
+) -> Option<ShoreHardness> {
+    let row = row?;
+    let scale = match scale {
+        WrittenScale::A => ShoreScale::A,
+        WrittenScale::D => ShoreScale::D,
+        WrittenScale::None => return Some(row),
+    };
+    let Some(said) = said else { return Some(row) };
+    if scale != row.scale {
+        flags.push(format!("hardness was given on Shore {scale:?}, the library's is on {:?} and is used", row.scale));
+        return Some(row);
+    }
+    let said = in_order("hardness", said, flags);
+    let said = cut("hardness", said, SHORE, flags);
+    Some(ShoreHardness { scale, range: narrowed("hardness", said, row.range, flags) })
+}
+
+fn scaled(range: Range, factor: f64) -> Range {
+    Range::new(range.low * factor, range.high * factor)
+}
+
+fn in_order(name: &str, said: Range, flags: &mut Vec<String>) -> Range {
+    if said.low <= said.high {
+        return said;
+    }
+    flags.push(format!("{name}: low and high were swapped"));
+    Range::new(said.high, said.low)
+}
+
+fn cut(name: &str, said: Range, bounds: Range, flags: &mut Vec<String>) -> Range {
+    let cut = said.clipped(bounds);
+    if cut != said {
+        flags.push(format!("{name}: {} is outside what is possible, {}; it was cut", in_si(said), in_si(bounds)));
+    }
+    cut
+}
+
+fn narrowed(name: &str, said: Range, row: Range, flags: &mut Vec<String>) -> Range {
+    let overlap = Range::new(said.low.max(row.low), said.high.min(row.high));
+    if overlap.low <= overlap.high {
+        return overlap;
+    }
+    flags.push(format!("{name}: {} does not meet the library's {}, which is used", in_si(said), in_si(row)));
+    row
+}
+
+fn in_si(range: Range) -> String {
+    let number = |value: f64| if value < 1e4 { format!("{value}") } else { format!("{value:e}") };
+    format!("[{}, {}]", number(range.low), number(range.high))
+}

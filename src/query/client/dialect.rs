@@ -1,0 +1,101 @@
+//! How a request is put: as strict as the server takes it.
+//!
+//! Structured answers are asked for in three ways, one after the other: a JSON schema that the server enforces
+//! (OpenAI, vLLM, recent Ollama and llama.cpp), any JSON object (DashScope, older servers), or only in the prompt's
+//! words. Whatever the server promises, the answer is checked here.
+
+use base64::Engine;
+use base64::engine::general_purpose::STANDARD;
+use serde_json::{Value, json};
+
+use crate::query::asker::Ask;
+
+/// What of the API a server takes.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub struct Dialect {
+    format: Format,
+    limit: Limit,
+    temperature: Temperature,
+}
+
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+enum Format {
+    #[default]
+    JsonSchema,
+    JsonObject,
+    Text,
+}
+
+/// The name of the limit of an answer's tokens.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+enum Limit {
+    /// What every server knows.
+    #[default]
+    MaxTokens,
+    /// What OpenAI's reasoning models insist on.
+    MaxCompletionTokens,
+}
+
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+enum Temperature {
+    #[default]
+    Sent,
+    /// OpenAI's reasoning models take none.
+    Unsent,
+}
+
+/// DashScope refuses `json_object` unless this word is somewhere in the messages.
+const JSON: &str = "JSON";
+const SAY_JSON: &str = "Answer in JSON.";
+
+impl Dialect {
+    /// The request's body. The text stands before the picture: it is the same for all parts, and servers that keep the
+    /// beginning of earlier requests read it once.
+    pub fn body(self, model: &str, temperature: f64, max_tokens: u32, ask: Ask) -> Value {
+        let picture = format!("data:image/jpeg;base64,{}", STANDARD.encode(ask.picture));
+        let mut content = vec![json!({ "type": "text", "text": ask.question.prompt })];
+        if self.format == Format::JsonObject && !ask.question.prompt.contains(JSON) {
+            content.push(json!({ "type": "text", "text": SAY_JSON }));
+        }
+        content.push(json!({ "type": "image_url", "image_url": { "url": picture, "detail": "high" } }));
+        let mut messages = vec![json!({ "role": "user", "content": content })];
+        if let Some(correction) = ask.correction {
+            messages.push(json!({ "role": "assistant", "content": correction.response }));
+            messages.push(json!({ "role": "user", "content": correction.prompt }));
+        }
+        let mut body = json!({ "model": model, "messages": messages, "stream": false });
+        match self.limit {
+            Limit::MaxTokens => body["max_tokens"] = json!(max_tokens),
+            Limit::MaxCompletionTokens => body["max_completion_tokens"] = json!(max_tokens),
+        }
+        if self.temperature == Temperature::Sent {
+            body["temperature"] = json!(temperature);
+        }
+        match self.format {
+            Format::JsonSchema => {
+                let schema = json!({ "name": "answer", "strict": true, "schema": ask.question.schema.value() });
+                body["response_format"] = json!({ "type": "json_schema", "json_schema": schema });
+            }
+            Format::JsonObject => body["response_format"] = json!({ "type": "json_object" }),
+            Format::Text => {}
+        }
+        body
+    }
+
+    /// The next plainer dialect after a server refused this one with `message`; `None` where none is left.
+    pub fn after_refusal(self, message: &str) -> Option<Self> {
+        let message = message.to_lowercase();
+        if self.limit == Limit::MaxTokens && message.contains("max_tokens") {
+            return Some(Self { limit: Limit::MaxCompletionTokens, ..self });
+        }
+        if self.temperature == Temperature::Sent && message.contains("temperature") {
+            return Some(Self { temperature: Temperature::Unsent, ..self });
+        }
+        let format = match self.format {
+            Format::JsonSchema => Format::JsonObject,
+            Format::JsonObject => Format::Text,
+            Format::Text => return None,
+        };
+        Some(Self { format, ..self })
+    }
+}

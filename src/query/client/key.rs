@@ -1,0 +1,60 @@
+//! The account's key: from the environment, into one header, and nowhere else.
+
+use std::fmt;
+
+use reqwest::header::{AUTHORIZATION, HeaderMap, HeaderValue};
+
+use super::ClientError;
+
+const VARIABLE: &str = "OPENAI_API_KEY";
+const CUT: &str = "[key]";
+
+/// A key that cannot be printed.
+#[derive(Clone)]
+pub struct ApiKey {
+    secret: String,
+    header: HeaderValue,
+}
+
+impl ApiKey {
+    /// The key in `OPENAI_API_KEY`; `None` where it is unset or empty, as for servers that need none.
+    pub fn from_environment() -> Result<Option<Self>, ClientError> {
+        match std::env::var(VARIABLE) {
+            Ok(secret) if !secret.trim().is_empty() => Self::new(secret.trim()).map(Some),
+            Ok(_) | Err(std::env::VarError::NotPresent) => Ok(None),
+            Err(std::env::VarError::NotUnicode(_)) => Err(ClientError::Key),
+        }
+    }
+
+    /// A key.
+    pub fn new(secret: &str) -> Result<Self, ClientError> {
+        let mut header = HeaderValue::from_str(&format!("Bearer {secret}")).map_err(|_| ClientError::Key)?;
+        header.set_sensitive(true);
+        Ok(Self { secret: secret.into(), header })
+    }
+
+    pub(super) fn headers(&self) -> HeaderMap {
+        HeaderMap::from_iter([(AUTHORIZATION, self.header.clone())])
+    }
+
+    /// `text` without the key, should a server send it back.
+    pub(super) fn cut_from(&self, text: &str) -> String {
+        text.replace(&self.secret, CUT)
+    }
+}
+
+impl fmt::Debug for ApiKey {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str("ApiKey([key])")
+    }
+}
+
+/// A URL without what stands before an `@` or after a `?`: people put keys there.
+pub(super) fn without_credentials(url: &str) -> String {
+    let url = url.split('?').next().unwrap_or(url);
+    match (url.split_once("://"), url.rsplit_once('@')) {
+        (Some((scheme, _)), Some((_, host))) => format!("{scheme}://{host}"),
+        (None, Some((_, host))) => host.to_owned(),
+        (_, None) => url.to_owned(),
+    }
+}

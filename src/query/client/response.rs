@@ -1,0 +1,141 @@
+//! What a response means: an answer, a refusal, or a failure that passes or does not.
+
+use std::time::Duration;
+
+use reqwest::StatusCode;
+use serde::Deserialize;
+use serde_json::Value;
+
+use super::retry::Attempt;
+use crate::query::asker::{AskError, Reply};
+use crate::query::recorded::Usage;
+
+#[derive(Deserialize)]
+struct Completion {
+    model: Option<String>,
+    choices: Vec<Choice>,
+    usage: Option<Counted>,
+}
+
+#[derive(Deserialize)]
+struct Choice {
+    message: Message,
+    finish_reason: Option<String>,
+}
+
+#[derive(Deserialize)]
+struct Message {
+    content: Option<Value>,
+    refusal: Option<String>,
+}
+
+#[derive(Deserialize)]
+struct Counted {
+    prompt_tokens: u64,
+    completion_tokens: u64,
+}
+
+/// As much of a server's error text as a person reads.
+const MESSAGE_CHARACTERS: usize = 300;
+
+/// Reads a response with its status.
+pub fn read(status: StatusCode, body: &str, retry_after: Option<Duration>) -> Result<Reply, Attempt> {
+    if !status.is_success() {
+        return Err(failure(status, body, retry_after));
+    }
+    match serde_json::from_str::<Completion>(body) {
+        Ok(completion) => answer(completion),
+        Err(_) if error_text(body).is_some() => {
+            Err(Attempt::Passing { message: format!("the server reports: {}", message(body)), retry_after })
+        }
+        Err(error) => Err(Attempt::Passing {
+            message: format!("the response is no chat completion ({error}); does --lmm-url end in /v1?"),
+            retry_after,
+        }),
+    }
+}
+
+/// A request that got no whole response.
+pub fn transport(error: reqwest::Error) -> Attempt {
+    let unreachable = error.is_connect();
+    let timed_out = error.is_timeout();
+    let mut message = error.without_url().to_string();
+    if timed_out {
+        message = format!("no response in time ({message}); --lmm-timeout-s gives it more");
+    }
+    if unreachable {
+        return Attempt::Unreachable { message: format!("cannot connect to --lmm-url: {message}") };
+    }
+    Attempt::Passing { message: format!("the connection failed: {message}"), retry_after: None }
+}
+
+fn answer(completion: Completion) -> Result<Reply, Attempt> {
+    let refused = |text: String| Err(Attempt::Final(AskError::Refused(text)));
+    let Some(choice) = completion.choices.into_iter().next() else {
+        return Err(Attempt::Passing { message: "the response holds no choice".into(), retry_after: None });
+    };
+    let reason = choice.finish_reason.as_deref().unwrap_or("none given");
+    let text = choice.message.content.map(text_of).unwrap_or_default();
+    if let Some(refusal) = choice.message.refusal.filter(|refusal| !refusal.is_empty()) {
+        return refused(refusal);
+    }
+    if reason == "content_filter" {
+        return refused("the server's content filter stopped the answer".into());
+    }
+    if text.trim().is_empty() {
+        return Err(Attempt::Final(AskError::Failed(format!(
+            "the answer is empty (finish reason: {reason}); a model that thinks at length needs more --lmm-max-tokens"
+        ))));
+    }
+    let usage = completion
+        .usage
+        .map(|counted| Usage { input_tokens: counted.prompt_tokens, output_tokens: counted.completion_tokens });
+    Ok(Reply { text, usage, served_model: completion.model })
+}
+
+/// The text of a message: a string, or a list of parts as some servers send it.
+fn text_of(content: Value) -> String {
+    match content {
+        Value::String(text) => text,
+        Value::Array(parts) => parts.iter().filter_map(|part| part["text"].as_str()).collect(),
+        _ => String::new(),
+    }
+}
+
+fn failure(status: StatusCode, body: &str, retry_after: Option<Duration>) -> Attempt {
+    let message = format!("status {}: {}", status.as_u16(), message(body));
+    let is_about = |words: &[&str]| words.iter().any(|word| body.contains(word));
+    match status.as_u16() {
+        401 | 403 => {
+            Attempt::Final(AskError::Hopeless(format!("{message}; set OPENAI_API_KEY to a key for this server")))
+        }
+        402 => Attempt::Final(AskError::Hopeless(message)),
+        404 => Attempt::Final(AskError::Hopeless(format!("{message}; check --lmm-url and --lmm-model"))),
+        429 if is_about(&["insufficient_quota", "billing_hard_limit"]) => Attempt::Final(AskError::Hopeless(message)),
+        400 if is_about(&["content_policy", "content_filter", "safety_violation"]) => {
+            Attempt::Final(AskError::Refused(message))
+        }
+        400 | 415 | 422 | 501 => Attempt::Unaccepted { message },
+        408 | 409 | 425 | 429 | 500.. => Attempt::Passing { message, retry_after },
+        300..400 => {
+            Attempt::Final(AskError::Hopeless(format!("{message}; the server points elsewhere, check --lmm-url")))
+        }
+        _ => Attempt::Final(AskError::Failed(message)),
+    }
+}
+
+fn message(body: &str) -> String {
+    let text = error_text(body).unwrap_or_else(|| body.trim().to_owned());
+    if text.is_empty() { "no explanation".into() } else { text.chars().take(MESSAGE_CHARACTERS).collect() }
+}
+
+/// The message of an error body, as OpenAI, Ollama and FastAPI servers write it.
+fn error_text(body: &str) -> Option<String> {
+    let body: Value = serde_json::from_str(body).ok()?;
+    let error = body.get("error").or_else(|| body.get("detail")).or_else(|| body.get("message"))?;
+    match error {
+        Value::String(text) => Some(text.clone()),
+        Value::Null => None,
+        other => Some(other["message"].as_str().map_or_else(|| other.to_string(), str::to_owned)),
+    }
+}

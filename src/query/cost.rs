@@ -1,0 +1,272 @@
+//! What queries cost: a price table, an estimate before anything is sent, and a ledger that keeps within the budget.
+
+use std::sync::{Mutex, PoisonError};
+
+use serde::{Deserialize, Serialize};
+
+use super::recorded::Usage;
+
+/// English text in tokens; names of materials take more of them than prose (4).
+const CHARACTERS_PER_TOKEN: f64 = 3.5;
+/// What an answer of thirteen fields takes.
+const USUAL_OUTPUT_TOKENS: u64 = 300;
+/// A vision model of which nothing is known: a token for each square of so many pixels (Qwen2-VL's).
+const UNKNOWN_PATCH: u32 = 28;
+const TOKENS_PER_MTOK: f64 = 1e6;
+
+/// Prices by model.
+#[derive(Debug, Clone, PartialEq)]
+pub struct PriceTable {
+    prices: Vec<Price>,
+}
+
+/// What a model takes, in US dollars for a million tokens, and how it counts a picture.
+#[derive(Debug, Clone, PartialEq, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Price {
+    pub model: String,
+    pub input_usd_per_mtok: f64,
+    pub output_usd_per_mtok: f64,
+    #[serde(deserialize_with = "image_tokens")]
+    pub image_tokens: ImageTokens,
+    /// When the price was read, as YYYY-MM-DD.
+    pub as_of: String,
+    pub source: String,
+}
+
+/// How many tokens a picture is, as OpenAI's guide to images describes its models.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum ImageTokens {
+    /// `base`, and `tile` for each 512-pixel tile once the picture is shrunk into 2048 x 2048 and to a short side of
+    /// 768. Written `tiles BASE TILE`.
+    Tiles { base: u64, tile: u64 },
+    /// `factor` for each square of `side` pixels, of which there are at most `most`. Written
+    /// `patches SIDE MOST FACTOR`.
+    Patches { side: u32, most: u64, factor: f64 },
+}
+
+/// Dollars, or that nobody knows them.
+fn dollars(usd: Option<f64>) -> String {
+    usd.map_or_else(|| "an unknown price (give a table with --prices)".to_owned(), |usd| format!("{usd:.4} USD"))
+}
+
+/// A price table that cannot be read.
+#[derive(Debug, thiserror::Error)]
+#[error("the price table cannot be read: {0}; its columns are those of prompts/prices.csv")]
+pub struct PriceError(#[from] csv::Error);
+
+/// What a number of requests will take.
+#[derive(Debug, Clone, Copy, PartialEq, Default, Serialize)]
+pub struct Cost {
+    pub requests: usize,
+    pub input_tokens: u64,
+    /// Of answers as long as usual.
+    pub output_tokens: u64,
+    /// Of answers as long as allowed.
+    pub most_output_tokens: u64,
+    /// `None` where the price table does not have the model.
+    pub usd: Option<f64>,
+    pub most_usd: Option<f64>,
+}
+
+impl PriceTable {
+    /// The table that is compiled in.
+    pub fn builtin() -> Self {
+        Self::from_csv(include_str!("../../prompts/prices.csv")).expect("a test reads the built-in table")
+    }
+
+    /// A table from CSV text.
+    pub fn from_csv(text: &str) -> Result<Self, PriceError> {
+        let prices = csv::Reader::from_reader(text.as_bytes()).into_deserialize().collect::<Result<_, _>>()?;
+        Ok(Self { prices })
+    }
+
+    /// The price of a model, also under a dated name (`gpt-4o-2024-08-06`) or a provider's (`openai/gpt-4o`).
+    pub fn price(&self, model: &str) -> Option<&Price> {
+        let name = model.rsplit('/').next().unwrap_or(model);
+        self.prices.iter().find(|price| price.model == model).or_else(|| {
+            self.prices.iter().find(|price| {
+                name.strip_prefix(&price.model).is_some_and(|rest| {
+                    rest.is_empty() || (rest.starts_with('-') && rest.chars().all(|c| c == '-' || c.is_ascii_digit()))
+                })
+            })
+        })
+    }
+}
+
+impl Price {
+    /// What tokens cost, in US dollars.
+    pub fn usd(&self, usage: Usage) -> f64 {
+        (usage.input_tokens as f64 * self.input_usd_per_mtok + usage.output_tokens as f64 * self.output_usd_per_mtok)
+            / TOKENS_PER_MTOK
+    }
+}
+
+impl ImageTokens {
+    const UNKNOWN: Self = Self::Patches { side: UNKNOWN_PATCH, most: u64::MAX, factor: 1.0 };
+
+    /// Tokens of a picture of so many pixels.
+    pub fn count(self, (width, height): (u32, u32)) -> u64 {
+        match self {
+            Self::Tiles { base, tile } => {
+                let (width, height) = (f64::from(width), f64::from(height));
+                let into_square = (2048.0 / width.max(height)).min(1.0);
+                let short_side = (768.0 / (width.min(height) * into_square)).min(1.0);
+                let tiles = |side: f64| (side * into_square * short_side / 512.0).ceil() as u64;
+                base + tile * tiles(width) * tiles(height)
+            }
+            Self::Patches { side, most, factor } => {
+                let patches = u64::from(width.div_ceil(side)) * u64::from(height.div_ceil(side));
+                (patches.min(most) as f64 * factor).ceil() as u64
+            }
+        }
+    }
+}
+
+impl Cost {
+    /// Of one request with some texts and a sheet of so many pixels.
+    pub fn of_request(texts: &[&str], sheet: (u32, u32), max_output_tokens: u32, price: Option<&Price>) -> Self {
+        let characters: usize = texts.iter().map(|text| text.chars().count()).sum();
+        let text = (characters as f64 / CHARACTERS_PER_TOKEN).ceil() as u64;
+        let image = price.map_or(ImageTokens::UNKNOWN, |price| price.image_tokens).count(sheet);
+        let most_output_tokens = u64::from(max_output_tokens);
+        let output_tokens = USUAL_OUTPUT_TOKENS.min(most_output_tokens);
+        let input_tokens = text + image;
+        let usd = |output_tokens| price.map(|price| price.usd(Usage { input_tokens, output_tokens }));
+        Self {
+            requests: 1,
+            input_tokens,
+            output_tokens,
+            most_output_tokens,
+            usd: usd(output_tokens),
+            most_usd: usd(most_output_tokens),
+        }
+    }
+
+    /// Both together.
+    pub fn plus(self, other: Self) -> Self {
+        if self.requests == 0 {
+            return other;
+        }
+        let sum = |a: Option<f64>, b: Option<f64>| Some(a? + b?);
+        Self {
+            requests: self.requests + other.requests,
+            input_tokens: self.input_tokens + other.input_tokens,
+            output_tokens: self.output_tokens + other.output_tokens,
+            most_output_tokens: self.most_output_tokens + other.most_output_tokens,
+            usd: sum(self.usd, other.usd),
+            most_usd: sum(self.most_usd, other.most_usd),
+        }
+    }
+}
+
+impl std::fmt::Display for Cost {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        let Self { requests, input_tokens, output_tokens, .. } = self;
+        write!(f, "{requests} requests, about {input_tokens} tokens in and {output_tokens} out, ")?;
+        write!(f, "{}", dollars(self.usd))
+    }
+}
+
+/// What was spent and what is under way, kept below a budget.
+#[derive(Debug)]
+pub struct Ledger {
+    price: Option<Price>,
+    max_usd: Option<f64>,
+    books: Mutex<Books>,
+}
+
+#[derive(Debug, Default)]
+struct Books {
+    spent: Spent,
+    reserved_usd: f64,
+}
+
+/// What was asked and paid.
+#[derive(Debug, Clone, Copy, PartialEq, Default, Serialize)]
+pub struct Spent {
+    pub requests: usize,
+    pub usage: Usage,
+    /// By the price table; `None` where it does not have the model.
+    pub usd: Option<f64>,
+}
+
+impl std::fmt::Display for Spent {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        let Usage { input_tokens, output_tokens } = self.usage;
+        write!(f, "{} requests, {input_tokens} tokens in and {output_tokens} out, ", self.requests)?;
+        write!(f, "{}", dollars(self.usd))
+    }
+}
+
+impl Ledger {
+    /// An empty ledger.
+    pub fn new(price: Option<Price>, max_usd: Option<f64>) -> Self {
+        let spent = Spent { usd: price.as_ref().map(|_| 0.0), ..Spent::default() };
+        Self { price, max_usd, books: Mutex::new(Books { spent, reserved_usd: 0.0 }) }
+    }
+
+    /// What the model takes, where it is known.
+    pub fn price(&self) -> Option<&Price> {
+        self.price.as_ref()
+    }
+
+    /// Sets a request's highest cost aside; false where that might pass the budget.
+    pub fn reserve(&self, cost: &Cost) -> bool {
+        let mut books = self.books.lock().unwrap_or_else(PoisonError::into_inner);
+        let most = cost.most_usd.unwrap_or(0.0);
+        let committed = books.spent.usd.unwrap_or(0.0) + books.reserved_usd;
+        if self.max_usd.is_some_and(|max| committed + most > max) {
+            return false;
+        }
+        books.reserved_usd += most;
+        true
+    }
+
+    /// Books what a reserved request really took; a server that does not count is taken to have used all of it.
+    pub fn settle(&self, cost: &Cost, usage: Option<Usage>) {
+        let mut books = self.books.lock().unwrap_or_else(PoisonError::into_inner);
+        books.reserved_usd -= cost.most_usd.unwrap_or(0.0);
+        let usage = usage.unwrap_or(Usage { input_tokens: cost.input_tokens, output_tokens: cost.most_output_tokens });
+        books.spent.requests += 1;
+        books.spent.usage = books.spent.usage.plus(usage);
+        if let (Some(usd), Some(price)) = (books.spent.usd.as_mut(), &self.price) {
+            *usd += price.usd(usage);
+        }
+    }
+
+    /// Gives back what was set aside for a request that was not answered.
+    pub fn release(&self, cost: &Cost) {
+        let mut books = self.books.lock().unwrap_or_else(PoisonError::into_inner);
+        books.reserved_usd -= cost.most_usd.unwrap_or(0.0);
+    }
+
+    /// What was spent so far.
+    pub fn spent(&self) -> Spent {
+        self.books.lock().unwrap_or_else(PoisonError::into_inner).spent
+    }
+}
+
+fn image_tokens<'de, D: serde::Deserializer<'de>>(deserializer: D) -> Result<ImageTokens, D::Error> {
+    let text = String::deserialize(deserializer)?;
+    let words: Vec<&str> = text.split_whitespace().collect();
+    let parsed = match words[..] {
+        [] => Some(ImageTokens::UNKNOWN),
+        ["tiles", base, tile] => {
+            base.parse().ok().zip(tile.parse().ok()).map(|(base, tile)| ImageTokens::Tiles { base, tile })
+        }
+        ["patches", side, most, factor] => side
+            .parse()
+            .ok()
+            .filter(|side| *side > 0)
+            .zip(most.parse().ok())
+            .zip(factor.parse().ok())
+            .map(|((side, most), factor)| ImageTokens::Patches { side, most, factor }),
+        _ => None,
+    };
+    parsed.ok_or_else(|| {
+        serde::de::Error::custom(format!(
+            "{text:?} is neither empty nor `tiles BASE TILE` nor `patches SIDE MOST FACTOR`"
+        ))
+    })
+}

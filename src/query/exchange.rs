@@ -1,0 +1,255 @@
+//! Questions out, answers in: for people, batch jobs and models that no endpoint serves.
+//!
+//! An export is a folder with one sheet a question, the prompts, the schemas, and a form to fill in. Files are named by
+//! hash, so that whoever answers knows the picture and the prompt and nothing else. What an answer belongs to lies in
+//! `origins.jsonl`: an import needs the folder and the library, not the scene.
+
+use std::collections::{BTreeMap, BTreeSet};
+use std::fs;
+use std::path::{Path, PathBuf};
+
+use serde::{Deserialize, Serialize};
+use serde_json::Value;
+
+use super::answer::{Problem, Unknown};
+use super::queries::PartQuery;
+use super::question::{Question, Questions};
+use super::recorded::{Answerer, Asked, Recording, RecordingError, Recordings};
+use crate::materials::MaterialLibrary;
+
+const QUERIES: &str = "queries.jsonl";
+const ANSWERS: &str = "answers.jsonl";
+const ORIGINS: &str = "origins.jsonl";
+const MANIFEST: &str = "manifest.json";
+const FORMAT: u32 = 1;
+
+/// A line of `queries.jsonl`; the files are named relative to the folder.
+#[derive(Debug, Serialize)]
+struct QueryLine<'a> {
+    query: &'a str,
+    sheet: String,
+    prompt: &'a str,
+    schema: &'a str,
+}
+
+/// A line of `answers.jsonl`.
+#[derive(Debug, Serialize, Deserialize)]
+struct AnswerLine {
+    query: String,
+    /// The answer as an object, or a model's whole response as a string; null where there is none yet.
+    answer: Value,
+    /// Who answered, where it is not the manifest's.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    model: Option<String>,
+}
+
+/// A line of `origins.jsonl`.
+#[derive(Debug, Serialize, Deserialize)]
+struct OriginLine {
+    query: String,
+    asked: Asked,
+}
+
+#[derive(Debug, Serialize, Deserialize)]
+struct Manifest {
+    format: u32,
+    /// Who answered.
+    model: Option<String>,
+    queries: usize,
+}
+
+/// What an import did.
+#[derive(Debug, Default, PartialEq, Serialize)]
+pub struct Imported {
+    pub recorded: usize,
+    pub unanswered: usize,
+    /// What was not recorded, and why.
+    pub bad: Vec<BadLine>,
+}
+
+/// A line of `answers.jsonl` that cannot be used.
+#[derive(Debug, PartialEq, Serialize)]
+pub struct BadLine {
+    /// From 1.
+    pub line: usize,
+    pub problem: String,
+}
+
+impl std::fmt::Display for BadLine {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        write!(f, "{ANSWERS} line {}: {}", self.line, self.problem)
+    }
+}
+
+/// Why a folder cannot be written or read as a whole.
+#[derive(Debug, thiserror::Error)]
+pub enum ExchangeError {
+    #[error("{0:?} is not empty: export into a new folder, so that no answers are overwritten")]
+    NotEmpty(PathBuf),
+    #[error("cannot write {path:?}: {source}")]
+    Unwritable { path: PathBuf, source: std::io::Error },
+    #[error("cannot read {path:?}: {source}; --import takes a folder that --export wrote")]
+    Unreadable { path: PathBuf, source: std::io::Error },
+    #[error("{path:?} line {line}: {problem}; export the queries again")]
+    Broken { path: PathBuf, line: usize, problem: String },
+    #[error("{path:?}: {problem}")]
+    Manifest { path: PathBuf, problem: String },
+    #[error(transparent)]
+    Recording(#[from] RecordingError),
+}
+
+/// Writes questions into a new or empty folder; returns how many. Two parts with the same picture are one question.
+pub fn export(folder: &Path, open: &[(&PartQuery, &Question)]) -> Result<usize, ExchangeError> {
+    if fs::read_dir(folder).is_ok_and(|mut entries| entries.next().is_some()) {
+        return Err(ExchangeError::NotEmpty(folder.into()));
+    }
+    let sheets = folder.join("sheets");
+    fs::create_dir_all(&sheets).map_err(|source| ExchangeError::Unwritable { path: sheets.clone(), source })?;
+    let texts = write_texts(folder, open)?;
+    let mut names = BTreeSet::new();
+    let (mut queries, mut answers, mut origins) = (String::new(), String::new(), String::new());
+    for (part, question) in open {
+        let asked = part.asked(question);
+        let content = asked.content_sha256();
+        let query = content.short();
+        if !names.insert(query.to_owned()) {
+            continue;
+        }
+        let sheet = format!("sheets/{query}.jpg");
+        write(&folder.join(&sheet), &part.jpeg)?;
+        let (prompt, schema) = &texts[question.prompt_sha256.as_str()];
+        push_line(&mut queries, &QueryLine { query, sheet, prompt, schema });
+        push_line(&mut answers, &AnswerLine { query: query.into(), answer: Value::Null, model: None });
+        push_line(&mut origins, &OriginLine { query: query.into(), asked });
+    }
+    let mut manifest = String::new();
+    push_line(&mut manifest, &Manifest { format: FORMAT, model: None, queries: names.len() });
+    let readme = include_str!("../../prompts/export_readme.txt");
+    for (name, text) in
+        [(QUERIES, &*queries), (ANSWERS, &answers), (ORIGINS, &origins), (MANIFEST, &manifest), ("README.txt", readme)]
+    {
+        write(&folder.join(name), text.as_bytes())?;
+    }
+    Ok(names.len())
+}
+
+/// Writes each prompt and schema once; the files' names by the prompt's hash.
+fn write_texts<'a>(
+    folder: &Path,
+    open: &[(&PartQuery, &'a Question)],
+) -> Result<BTreeMap<&'a str, (String, String)>, ExchangeError> {
+    let mut names: BTreeMap<&str, (String, String)> = BTreeMap::new();
+    for (_, question) in open {
+        if names.contains_key(question.prompt_sha256.as_str()) {
+            continue;
+        }
+        let suffix = if names.is_empty() { String::new() } else { format!("-{}", names.len() + 1) };
+        let (prompt, schema) = (format!("prompt{suffix}.txt"), format!("answer{suffix}.schema.json"));
+        write(&folder.join(&prompt), question.prompt.as_bytes())?;
+        write(&folder.join(&schema), format!("{:#}\n", question.schema.value()).as_bytes())?;
+        names.insert(question.prompt_sha256.as_str(), (prompt, schema));
+    }
+    Ok(names)
+}
+
+/// Checks the answers of a folder and records the good ones; every bad line is reported with its number.
+///
+/// Who answered is `model`, or what the line or the manifest says. `questions` are those of the library, prompts and
+/// options that the scene will be run with; an answer to other ones cannot be checked and is a bad line.
+pub fn import(
+    folder: &Path,
+    model: Option<&str>,
+    questions: &Questions,
+    library: &MaterialLibrary,
+    recordings: &Recordings,
+) -> Result<Imported, ExchangeError> {
+    let manifest: Manifest = {
+        let path = folder.join(MANIFEST);
+        let problem = |problem: String| ExchangeError::Manifest { path: path.clone(), problem };
+        let manifest: Manifest = serde_json::from_str(&read(&path)?).map_err(|error| problem(error.to_string()))?;
+        if manifest.format != FORMAT {
+            return Err(problem(format!("its format is {}, this gprop reads {FORMAT}", manifest.format)));
+        }
+        manifest
+    };
+    let origins = origins(&folder.join(ORIGINS))?;
+    let mut imported = Imported::default();
+    let mut seen = BTreeMap::new();
+    for (line, text) in (1..).zip(read(&folder.join(ANSWERS))?.lines()).filter(|(_, text)| !text.trim().is_empty()) {
+        let checked = parse(text).and_then(|answer| {
+            if answer.answer.is_null() {
+                return Ok(None);
+            }
+            if let Some(earlier) = seen.insert(answer.query.clone(), line) {
+                return Err(format!("query {} is answered on line {earlier} already", answer.query));
+            }
+            let model = model.or(answer.model.as_deref()).or(manifest.model.as_deref()).map(str::to_owned);
+            check(answer, model, &origins, questions, library).map(Some)
+        });
+        match checked {
+            Ok(None) => imported.unanswered += 1,
+            Ok(Some(recording)) => {
+                recordings.insert(recording)?;
+                imported.recorded += 1;
+            }
+            Err(problem) => imported.bad.push(BadLine { line, problem }),
+        }
+    }
+    Ok(imported)
+}
+
+fn parse(text: &str) -> Result<AnswerLine, String> {
+    serde_json::from_str(text).map_err(|error| error.to_string())
+}
+
+/// A recording of an answer, if it is one.
+fn check(
+    line: AnswerLine,
+    model: Option<String>,
+    origins: &BTreeMap<String, Asked>,
+    questions: &Questions,
+    library: &MaterialLibrary,
+) -> Result<Recording, String> {
+    let asked = origins.get(&line.query).ok_or_else(|| format!("there is no query {:?}", line.query))?;
+    let model = model
+        .filter(|model| !model.trim().is_empty())
+        .ok_or_else(|| format!("nobody says who answered: put the name behind \"model\" in {MANIFEST}"))?;
+    let question = questions.find(asked).ok_or(
+        "it was asked with other prompts, another library or other options than this run's; export the queries again",
+    )?;
+    let response = match line.answer {
+        Value::String(text) => text,
+        answer => answer.to_string(),
+    };
+    let read = questions.read(question, &response, library, Unknown::Refuse);
+    read.map_err(|Problem { reason, .. }| reason)?;
+    let answerer = Answerer { model, parameters: Value::Null };
+    Ok(Recording::new(&answerer, asked.clone(), response, None, None))
+}
+
+fn origins(path: &Path) -> Result<BTreeMap<String, Asked>, ExchangeError> {
+    (1..)
+        .zip(read(path)?.lines())
+        .map(|(line, text)| {
+            let origin: OriginLine = serde_json::from_str(text).map_err(|error| ExchangeError::Broken {
+                path: path.into(),
+                line,
+                problem: error.to_string(),
+            })?;
+            Ok((origin.query, origin.asked))
+        })
+        .collect()
+}
+
+fn push_line(text: &mut String, value: &impl Serialize) {
+    text.push_str(&serde_json::to_string(value).expect("lines have string keys and finite numbers"));
+    text.push('\n');
+}
+
+fn read(path: &Path) -> Result<String, ExchangeError> {
+    fs::read_to_string(path).map_err(|source| ExchangeError::Unreadable { path: path.into(), source })
+}
+
+fn write(path: &Path, bytes: &[u8]) -> Result<(), ExchangeError> {
+    fs::write(path, bytes).map_err(|source| ExchangeError::Unwritable { path: path.into(), source })
+}

@@ -1,0 +1,42 @@
+//! `answers.jsonl`: one line a part, written and read back.
+
+use super::{Answers, Outcome, PartAnswer};
+
+/// A line that is no answer.
+#[derive(Debug, thiserror::Error)]
+#[error("line {line}: {problem}; remove the file to have it written anew")]
+pub struct AnswersError {
+    /// From 1.
+    pub line: usize,
+    pub problem: serde_json::Error,
+}
+
+impl Answers {
+    /// The answers as JSON Lines.
+    pub fn to_jsonl(&self) -> String {
+        self.parts.iter().map(PartAnswer::to_jsonl).collect()
+    }
+
+    /// Reads JSON Lines; blank lines are skipped.
+    pub fn from_jsonl(text: &str) -> Result<Self, AnswersError> {
+        let lines = (1..).zip(text.lines()).filter(|(_, text)| !text.trim().is_empty());
+        let parts = lines
+            .map(|(line, text)| serde_json::from_str(text).map_err(|problem| AnswersError { line, problem }))
+            .collect::<Result<_, _>>()?;
+        Ok(Self { parts })
+    }
+
+    /// The parts that have no answer.
+    pub fn failed(&self) -> impl Iterator<Item = &PartAnswer> {
+        self.parts.iter().filter(|part| matches!(part.outcome, Outcome::Failed(_)))
+    }
+}
+
+impl PartAnswer {
+    /// One line, ended.
+    pub fn to_jsonl(&self) -> String {
+        let mut line = serde_json::to_string(self).expect("an answer has string keys and finite numbers");
+        line.push('\n');
+        line
+    }
+}

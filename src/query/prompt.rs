@@ -1,0 +1,141 @@
+//! The prompt templates and schemas: the built-in ones of the crate's `prompts/` folder, or the user's.
+//!
+//! A template is plain text with named placeholders (`{{ picture }}`); a placeholder that gprop does not know is an
+//! error, so that a misspelt one cannot be sent as text.
+
+use std::path::{Path, PathBuf};
+
+use minijinja::{Environment, UndefinedBehavior, context};
+use serde_json::Value;
+
+use super::sha256::Sha256Hex;
+use super::sheet::Context;
+
+/// Everything that is said to the model.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Prompts {
+    part: String,
+    family: String,
+    correction: String,
+    picture_global_local: String,
+    picture_local: String,
+    answer_schema: Value,
+    family_schema: Value,
+}
+
+/// A prompt file that cannot be used.
+#[derive(Debug, thiserror::Error)]
+pub enum PromptError {
+    #[error("cannot read the prompt file {path:?}: {source}")]
+    Unreadable { path: PathBuf, source: std::io::Error },
+    #[error("prompt file {file}: {problem}; the placeholders are those of the built-in file of that name")]
+    Template { file: String, problem: String },
+    #[error("prompt file {file} is no JSON schema: {problem}")]
+    Schema { file: String, problem: String },
+    #[error("there is no prompt folder {0:?}: give --prompts a folder with files named as the built-in ones")]
+    NoFolder(PathBuf),
+}
+
+const PART: &str = "part.txt";
+const FAMILY: &str = "family.txt";
+const CORRECTION: &str = "correction.txt";
+
+impl Prompts {
+    /// The prompts that are compiled in.
+    pub fn builtin() -> Self {
+        Self::read(&|_| None).expect("a test renders every built-in prompt")
+    }
+
+    /// The prompts of a folder; a file that it does not have is the built-in one.
+    pub fn from_folder(folder: &Path) -> Result<Self, PromptError> {
+        if !folder.is_dir() {
+            return Err(PromptError::NoFolder(folder.into()));
+        }
+        Self::read(&|name| {
+            let path = folder.join(name);
+            path.exists().then(|| {
+                std::fs::read_to_string(&path).map_err(|source| PromptError::Unreadable { path: path.clone(), source })
+            })
+        })
+    }
+
+    fn read(own: &dyn Fn(&str) -> Option<Result<String, PromptError>>) -> Result<Self, PromptError> {
+        let text = |name: &str, builtin: &str| own(name).unwrap_or_else(|| Ok(builtin.to_owned()));
+        let json = |name: &str, builtin: &str| {
+            let text = text(name, builtin)?;
+            serde_json::from_str(&text)
+                .map_err(|error| PromptError::Schema { file: name.into(), problem: error.to_string() })
+        };
+        let prompts = Self {
+            part: text(PART, include_str!("../../prompts/part.txt"))?,
+            family: text(FAMILY, include_str!("../../prompts/family.txt"))?,
+            correction: text(CORRECTION, include_str!("../../prompts/correction.txt"))?,
+            picture_global_local: text(
+                "picture_global_local.txt",
+                include_str!("../../prompts/picture_global_local.txt"),
+            )?,
+            picture_local: text("picture_local.txt", include_str!("../../prompts/picture_local.txt"))?,
+            answer_schema: json("answer.schema.json", include_str!("../../prompts/answer.schema.json"))?,
+            family_schema: json("family.schema.json", include_str!("../../prompts/family.schema.json"))?,
+        };
+        prompts.part(Context::GlobalLocal, "")?;
+        prompts.family(Context::GlobalLocal, "")?;
+        prompts.correction("")?;
+        Ok(prompts)
+    }
+
+    /// The question for a part's material and properties, out of `candidates`.
+    pub fn part(&self, context: Context, candidates: &str) -> Result<String, PromptError> {
+        let picture = self.picture(context);
+        render(PART, &self.part, context! { picture, candidates })
+    }
+
+    /// The question for a part's family, out of `candidates`.
+    pub fn family(&self, context: Context, candidates: &str) -> Result<String, PromptError> {
+        let picture = self.picture(context);
+        render(FAMILY, &self.family, context! { picture, candidates })
+    }
+
+    /// What is said to an answer that cannot be used.
+    pub fn correction(&self, reason: &str) -> Result<String, PromptError> {
+        render(CORRECTION, &self.correction, context! { reason })
+    }
+
+    /// The schema of an answer to [`Self::part`], as in the file.
+    pub fn answer_schema(&self) -> &Value {
+        &self.answer_schema
+    }
+
+    /// The schema of an answer to [`Self::family`], as in the file.
+    pub fn family_schema(&self) -> &Value {
+        &self.family_schema
+    }
+
+    /// Changes whenever anything said to the model changes.
+    pub fn sha256(&self) -> Sha256Hex {
+        Sha256Hex::of_fields(&[
+            self.part.as_bytes(),
+            self.family.as_bytes(),
+            self.correction.as_bytes(),
+            self.picture_global_local.as_bytes(),
+            self.picture_local.as_bytes(),
+            self.answer_schema.to_string().as_bytes(),
+            self.family_schema.to_string().as_bytes(),
+        ])
+    }
+
+    fn picture(&self, context: Context) -> &str {
+        match context {
+            Context::GlobalLocal => self.picture_global_local.trim(),
+            Context::Local => self.picture_local.trim(),
+        }
+    }
+}
+
+fn render(file: &str, template: &str, values: minijinja::Value) -> Result<String, PromptError> {
+    let mut environment = Environment::new();
+    environment.set_undefined_behavior(UndefinedBehavior::Strict);
+    environment
+        .render_str(template, values)
+        .map_err(|error| PromptError::Template { file: file.into(), problem: error.to_string() })
+}

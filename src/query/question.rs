@@ -1,0 +1,130 @@
+//! What is asked about every part: a prompt and a schema, or a chain of two.
+//!
+//! Neither depends on the part (its picture does), so servers that cache the beginning of a request read the long list
+//! of materials once.
+
+use std::collections::BTreeMap;
+
+use super::Answer;
+use super::answer::{self, Problem, Unknown};
+use super::options::{Context, Guidance};
+use super::prompt::{PromptError, Prompts};
+use super::recorded::Asked;
+use super::schema::Schema;
+use super::sha256::Sha256Hex;
+use crate::materials::MaterialLibrary;
+
+/// One prompt with the schema of its answer.
+#[derive(Debug)]
+pub struct Question {
+    pub prompt: String,
+    pub prompt_sha256: Sha256Hex,
+    pub schema: Schema,
+    asks_for: AsksFor,
+}
+
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum AsksFor {
+    Family,
+    Part,
+}
+
+impl Question {
+    fn new(asks_for: AsksFor, prompt: String, schema: Schema) -> Self {
+        Self { prompt_sha256: Sha256Hex::of(&prompt), prompt, schema, asks_for }
+    }
+}
+
+/// The first question and those that may follow it.
+#[derive(Debug)]
+pub struct Questions {
+    first: Question,
+    /// The part's question with the materials of one family; empty where the first question has them all.
+    by_family: BTreeMap<String, Question>,
+}
+
+/// Where a usable response leads.
+pub enum Reading<'a> {
+    Answered(Box<Answer>),
+    Next(&'a Question),
+}
+
+impl Questions {
+    /// The questions for a library, in the user's words or the built-in ones.
+    pub fn new(
+        prompts: &Prompts,
+        library: &MaterialLibrary,
+        guidance: Guidance,
+        context: Context,
+    ) -> Result<Self, PromptError> {
+        let families: Vec<&str> = library.families().iter().map(|family| family.name.as_str()).collect();
+        match guidance {
+            Guidance::Single => {
+                Ok(Self { first: part(prompts, library, &families, context)?, by_family: BTreeMap::new() })
+            }
+            Guidance::Gradual => {
+                let schema = Schema::new("family.schema.json", prompts.family_schema().clone(), &families)?;
+                let prompt = prompts.family(context, &families.join("; "))?;
+                let by_family = families
+                    .iter()
+                    .map(|family| Ok(((*family).to_owned(), part(prompts, library, &[family], context)?)))
+                    .collect::<Result<_, PromptError>>()?;
+                Ok(Self { first: Question::new(AsksFor::Family, prompt, schema), by_family })
+            }
+        }
+    }
+
+    /// What is asked first about every part.
+    pub fn first(&self) -> &Question {
+        &self.first
+    }
+
+    /// The longest chain of questions that a part may need.
+    pub fn longest_chain(&self) -> Vec<&Question> {
+        let longest = self.by_family.values().max_by_key(|question| question.prompt.len());
+        std::iter::once(&self.first).chain(longest).collect()
+    }
+
+    /// The question that was asked, if it is one of these.
+    pub fn find(&self, asked: &Asked) -> Option<&Question> {
+        std::iter::once(&self.first).chain(self.by_family.values()).find(|question| {
+            question.prompt_sha256 == asked.prompt_sha256 && *question.schema.sha256() == asked.schema_sha256
+        })
+    }
+
+    /// Reads a response to `question`.
+    pub fn read(
+        &self,
+        question: &Question,
+        response: &str,
+        library: &MaterialLibrary,
+        unknown: Unknown,
+    ) -> Result<Reading<'_>, Problem> {
+        let value = question.schema.check(response).map_err(Problem::invalid)?;
+        match question.asks_for {
+            AsksFor::Part => answer::read(value, library, unknown).map(|answer| Reading::Answered(Box::new(answer))),
+            AsksFor::Family => {
+                let family = value["family"].as_str().unwrap_or_default();
+                let next = self.by_family.get(family);
+                next.map(Reading::Next).ok_or_else(|| Problem::invalid(format!("there is no family {family:?}.")))
+            }
+        }
+    }
+}
+
+fn part(
+    prompts: &Prompts,
+    library: &MaterialLibrary,
+    families: &[&str],
+    context: Context,
+) -> Result<Question, PromptError> {
+    let schema = Schema::new("answer.schema.json", prompts.answer_schema().clone(), families)?;
+    let candidates: Vec<String> = families
+        .iter()
+        .map(|family| {
+            let names: Vec<&str> = library.of_family(family).map(|material| material.name.as_str()).collect();
+            format!("{family}: {}", names.join("; "))
+        })
+        .collect();
+    Ok(Question::new(AsksFor::Part, prompts.part(context, &candidates.join("\n"))?, schema))
+}

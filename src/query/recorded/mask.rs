@@ -1,0 +1,104 @@
+//! The mask of a part as run lengths, and how well two masks overlap.
+
+use serde::{Deserialize, Serialize};
+
+use crate::segment::LabelMap;
+
+/// A binary mask: its size and the lengths of its runs, row by row from the upper left corner, background first.
+/// Written with the runs as one string, such as `"2045 12 500 14"`.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(try_from = "Written", into = "Written")]
+pub struct Mask {
+    width: u32,
+    height: u32,
+    runs: Vec<u32>,
+}
+
+#[derive(Serialize, Deserialize)]
+struct Written {
+    width: u32,
+    height: u32,
+    runs: String,
+}
+
+impl Mask {
+    /// The pixels of `part` in a label map.
+    pub fn of_part(map: &LabelMap, part: u16) -> Self {
+        let mut runs = Vec::new();
+        let mut inside = false;
+        let mut length = 0;
+        for label in &map.labels {
+            if (*label == part) != inside {
+                runs.push(length);
+                length = 0;
+                inside = !inside;
+            }
+            length += 1;
+        }
+        runs.push(length);
+        Self { width: map.width, height: map.height, runs }
+    }
+
+    /// Number of pixels inside.
+    pub fn area(&self) -> u64 {
+        self.spans().map(|(start, end)| end - start).sum()
+    }
+
+    /// Intersection over union, 0 to 1; 0 for masks of different sizes or two empty ones.
+    pub fn iou(&self, other: &Self) -> f64 {
+        if (self.width, self.height) != (other.width, other.height) {
+            return 0.0;
+        }
+        let shared = self.intersection(other);
+        let union = self.area() + other.area() - shared;
+        if union == 0 { 0.0 } else { shared as f64 / union as f64 }
+    }
+
+    fn intersection(&self, other: &Self) -> u64 {
+        let (mut mine, mut theirs) = (self.spans().peekable(), other.spans().peekable());
+        let mut shared = 0;
+        while let (Some(&(start, end)), Some(&(other_start, other_end))) = (mine.peek(), theirs.peek()) {
+            shared += end.min(other_end).saturating_sub(start.max(other_start));
+            if end <= other_end {
+                mine.next();
+            } else {
+                theirs.next();
+            }
+        }
+        shared
+    }
+
+    /// The runs inside the mask as `[start, end)` in pixels from the upper left corner, rising.
+    fn spans(&self) -> impl Iterator<Item = (u64, u64)> + '_ {
+        let mut at = 0u64;
+        self.runs.iter().enumerate().filter_map(move |(index, length)| {
+            let start = at;
+            at += u64::from(*length);
+            (index % 2 == 1).then_some((start, at))
+        })
+    }
+}
+
+impl From<Mask> for Written {
+    fn from(mask: Mask) -> Self {
+        let runs: Vec<String> = mask.runs.iter().map(u32::to_string).collect();
+        Self { width: mask.width, height: mask.height, runs: runs.join(" ") }
+    }
+}
+
+impl TryFrom<Written> for Mask {
+    type Error = String;
+
+    fn try_from(written: Written) -> Result<Self, String> {
+        let runs: Vec<u32> = written
+            .runs
+            .split_ascii_whitespace()
+            .map(|run| run.parse().map_err(|_| format!("{run:?} is no run length of a mask")))
+            .collect::<Result<_, _>>()?;
+        let pixels: u64 = runs.iter().map(|run| u64::from(*run)).sum();
+        if pixels != u64::from(written.width) * u64::from(written.height) {
+            return Err(format!("a mask of {} x {} has runs of {pixels} pixels", written.width, written.height));
+        }
+        Ok(Self { width: written.width, height: written.height, runs })
+    }
+}

@@ -1,0 +1,130 @@
+//! Recorded answers: one JSON file each, found by what was asked or, failing that, by view and mask.
+//!
+//! A recording's key is the SHA-256 of model, parameters, prompt, schema and the decoded pixels of the sheet. Another
+//! processor's last bits may move a mask by a few pixels, and with it the sheet: so a recording also keeps the hash of
+//! its view's photo and the part's mask, and where no key fits, the recording of the same view, prompt, schema and
+//! model whose mask overlaps best serves ([`MASK_IOU`]). Neither the key of an account nor any header is ever part of
+//! a recording.
+
+mod mask;
+mod store;
+
+use serde::{Deserialize, Serialize};
+use serde_json::Value;
+
+use super::sha256::Sha256Hex;
+pub use mask::Mask;
+pub use store::{Miss, RecordingError, Recordings, Who};
+
+/// Least overlap at which a recording of another mask serves. Below it, the mask may well be another part.
+pub const MASK_IOU: f64 = 0.9;
+
+/// What was asked, as far as it does not depend on who answers.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Asked {
+    /// Name of the view, for people.
+    pub view: String,
+    /// SHA-256 of the view's photo over white, decoded.
+    pub photo_sha256: Sha256Hex,
+    pub mask: Mask,
+    /// SHA-256 of the prompt's text.
+    pub prompt_sha256: Sha256Hex,
+    /// SHA-256 of the schema's compact JSON.
+    pub schema_sha256: Sha256Hex,
+    /// SHA-256 of the sheet's pixels before JPEG.
+    pub sheet_sha256: Sha256Hex,
+}
+
+impl Asked {
+    /// Names the question whoever answers it.
+    pub fn content_sha256(&self) -> Sha256Hex {
+        Sha256Hex::of_fields(&[
+            self.prompt_sha256.as_str().as_bytes(),
+            self.schema_sha256.as_str().as_bytes(),
+            self.sheet_sha256.as_str().as_bytes(),
+        ])
+    }
+}
+
+/// Who answers, and set how.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Answerer {
+    pub model: String,
+    /// Everything that is sent and may change the answer, by name; null where answers came by `--import`.
+    pub parameters: Value,
+}
+
+/// Tokens that a request used, as the server counts them.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
+pub struct Usage {
+    pub input_tokens: u64,
+    pub output_tokens: u64,
+}
+
+impl Usage {
+    /// Both requests together.
+    pub fn plus(self, other: Self) -> Self {
+        Self {
+            input_tokens: self.input_tokens + other.input_tokens,
+            output_tokens: self.output_tokens + other.output_tokens,
+        }
+    }
+}
+
+/// One recorded answer.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Recording {
+    /// Version of this layout.
+    pub format: u32,
+    pub key: Sha256Hex,
+    pub model: String,
+    /// The name the server gave itself, where it did.
+    pub served_model: Option<String>,
+    pub parameters: Value,
+    pub asked: Asked,
+    /// What the model wrote, word for word.
+    pub response: String,
+    /// Over all requests that led to this answer.
+    pub usage: Option<Usage>,
+    /// Seconds since 1970-01-01 UTC.
+    pub recorded_at_unix_s: u64,
+}
+
+/// Version of [`Recording`]'s layout.
+pub const FORMAT: u32 = 1;
+
+impl Recording {
+    /// A recording of `response`, made now.
+    pub fn new(
+        answerer: &Answerer,
+        asked: Asked,
+        response: String,
+        served_model: Option<String>,
+        usage: Option<Usage>,
+    ) -> Self {
+        let now = std::time::SystemTime::now().duration_since(std::time::UNIX_EPOCH);
+        Self {
+            format: FORMAT,
+            key: key(answerer, &asked),
+            model: answerer.model.clone(),
+            served_model,
+            parameters: answerer.parameters.clone(),
+            asked,
+            response,
+            usage,
+            recorded_at_unix_s: now.map_or(0, |elapsed| elapsed.as_secs()),
+        }
+    }
+}
+
+/// The key of an answer to `asked` by `answerer`.
+pub fn key(answerer: &Answerer, asked: &Asked) -> Sha256Hex {
+    Sha256Hex::of_fields(&[
+        answerer.model.as_bytes(),
+        answerer.parameters.to_string().as_bytes(),
+        asked.prompt_sha256.as_str().as_bytes(),
+        asked.schema_sha256.as_str().as_bytes(),
+        asked.sheet_sha256.as_str().as_bytes(),
+    ])
+}

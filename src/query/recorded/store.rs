@@ -1,0 +1,198 @@
+//! The folder of recordings: read once, looked up in memory, each new one written at once and atomically.
+
+use std::collections::BTreeMap;
+use std::io::Write;
+use std::path::{Path, PathBuf};
+use std::sync::{Mutex, MutexGuard, PoisonError};
+
+use super::{Answerer, Asked, FORMAT, MASK_IOU, Recording, key};
+use crate::query::Match;
+use crate::query::sha256::Sha256Hex;
+
+/// Every recording at hand, and where new ones go.
+#[derive(Debug)]
+pub struct Recordings {
+    write_to: PathBuf,
+    by_key: Mutex<BTreeMap<Sha256Hex, Recording>>,
+}
+
+/// A recording that cannot be read or written.
+#[derive(Debug, thiserror::Error)]
+pub enum RecordingError {
+    #[error("cannot read the recordings in {path:?}: {source}")]
+    Unreadable { path: PathBuf, source: std::io::Error },
+    #[error("{path:?} is no recording: {problem}; delete it or restore it")]
+    Broken { path: PathBuf, problem: String },
+    #[error("cannot write a recording to {path:?}: {source}")]
+    Unwritable { path: PathBuf, source: std::io::Error },
+}
+
+/// Whose recordings serve.
+#[derive(Debug, Clone, Copy)]
+pub enum Who<'a> {
+    /// Anybody's: the user named no model.
+    Anybody,
+    /// Those of a model, set whichever way.
+    Model(&'a str),
+    /// Those of exactly this answerer: the one that would be asked.
+    Exactly(&'a Answerer),
+}
+
+impl Who<'_> {
+    fn includes(self, recording: &Recording) -> bool {
+        match self {
+            Self::Anybody => true,
+            Self::Model(model) => recording.model == model,
+            Self::Exactly(who) => recording.model == who.model && recording.parameters == who.parameters,
+        }
+    }
+}
+
+/// Why nothing was found.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum Miss {
+    /// Recordings were not to be used.
+    Live,
+    /// Nothing is recorded of this view's photo.
+    View,
+    /// This part is recorded, but for another prompt, schema or model.
+    Prompt,
+    /// The view is recorded, but no mask of it comes near enough; the best one's overlap.
+    Mask { iou: f64 },
+}
+
+impl std::fmt::Display for Miss {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        match self {
+            Self::Live => f.write_str("--answers live asks always"),
+            Self::View => f.write_str("nothing is recorded of this photo"),
+            Self::Prompt => f.write_str("recorded for another prompt, library or model only"),
+            Self::Mask { iou } => write!(f, "the nearest recorded mask overlaps by IoU {iou:.2}, not {MASK_IOU}"),
+        }
+    }
+}
+
+impl Recordings {
+    /// Reads every `*.json` of the folders, those that exist; new recordings go to `write_to`, which is read too.
+    pub fn open(read_from: &[&Path], write_to: &Path) -> Result<Self, RecordingError> {
+        let mut by_key = BTreeMap::new();
+        for folder in read_from.iter().copied().chain([write_to]) {
+            for path in json_files(folder)? {
+                let recording = read(&path)?;
+                by_key.insert(recording.key.clone(), recording);
+            }
+        }
+        Ok(Self { write_to: write_to.into(), by_key: Mutex::new(by_key) })
+    }
+
+    /// How many there are.
+    pub fn len(&self) -> usize {
+        self.lock().len()
+    }
+
+    /// True where there are none.
+    pub fn is_empty(&self) -> bool {
+        self.len() == 0
+    }
+
+    /// The recording that answers `asked`, and how it was found. Of several, the one with the best overlap and then the
+    /// smallest key.
+    pub fn find(&self, asked: &Asked, who: Who) -> Result<(Recording, Match), Miss> {
+        let by_key = self.lock();
+        if let Who::Exactly(answerer) = who
+            && let Some(recording) = by_key.get(&key(answerer, asked))
+        {
+            return Ok((recording.clone(), Match::Exact));
+        }
+        let content = asked.content_sha256();
+        let mut candidates = by_key.values().filter(|recording| who.includes(recording));
+        if let Some(recording) = candidates.clone().find(|recording| recording.asked.content_sha256() == content) {
+            return Ok((recording.clone(), Match::Exact));
+        }
+        let same_prompt = |recording: &&Recording| {
+            recording.asked.prompt_sha256 == asked.prompt_sha256 && recording.asked.schema_sha256 == asked.schema_sha256
+        };
+        let best = best_overlap(asked, candidates.by_ref().filter(same_prompt));
+        match best {
+            Some((recording, iou)) if iou >= MASK_IOU => Ok((recording.clone(), Match::Mask { iou })),
+            best => Err(miss(asked, &by_key, best.map(|(_, iou)| iou))),
+        }
+    }
+
+    /// Keeps a recording, on disk first. A second one of the same key replaces the first.
+    pub fn insert(&self, recording: Recording) -> Result<(), RecordingError> {
+        let path = self.write_to.join(format!("{}.json", recording.key));
+        write(&self.write_to, &path, &recording)
+            .map_err(|source| RecordingError::Unwritable { path: path.clone(), source })?;
+        self.lock().insert(recording.key.clone(), recording);
+        Ok(())
+    }
+
+    /// A thread that panicked while it held the lock left the map whole: insertion is the only change.
+    fn lock(&self) -> MutexGuard<'_, BTreeMap<Sha256Hex, Recording>> {
+        self.by_key.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+}
+
+fn best_overlap<'a>(asked: &Asked, recordings: impl Iterator<Item = &'a Recording>) -> Option<(&'a Recording, f64)> {
+    let mut best: Option<(&Recording, f64)> = None;
+    for recording in recordings.filter(|recording| recording.asked.photo_sha256 == asked.photo_sha256) {
+        let iou = recording.asked.mask.iou(&asked.mask);
+        if best.is_none_or(|(_, top)| iou > top) {
+            best = Some((recording, iou));
+        }
+    }
+    best
+}
+
+fn miss(asked: &Asked, by_key: &BTreeMap<Sha256Hex, Recording>, best_of_prompt: Option<f64>) -> Miss {
+    match (best_of_prompt, best_overlap(asked, by_key.values())) {
+        (_, None) => Miss::View,
+        (best, Some((_, any))) if any >= MASK_IOU && best.is_none_or(|best| best < any) => Miss::Prompt,
+        (Some(iou), _) | (None, Some((_, iou))) => Miss::Mask { iou },
+    }
+}
+
+/// The JSON files of a folder by name; none where there is no such folder.
+fn json_files(folder: &Path) -> Result<Vec<PathBuf>, RecordingError> {
+    let unreadable = |source| RecordingError::Unreadable { path: folder.into(), source };
+    let entries = match std::fs::read_dir(folder) {
+        Err(error) if error.kind() == std::io::ErrorKind::NotFound => return Ok(Vec::new()),
+        entries => entries.map_err(unreadable)?,
+    };
+    let mut paths = entries.map(|entry| Ok(entry?.path())).collect::<Result<Vec<_>, _>>().map_err(unreadable)?;
+    paths.retain(|path| path.extension().is_some_and(|extension| extension == "json"));
+    paths.sort();
+    Ok(paths)
+}
+
+fn read(path: &Path) -> Result<Recording, RecordingError> {
+    let bytes = std::fs::read(path).map_err(|source| RecordingError::Unreadable { path: path.into(), source })?;
+    let broken = |problem: String| RecordingError::Broken { path: path.into(), problem };
+    let recording: Recording = serde_json::from_slice(&bytes).map_err(|error| broken(error.to_string()))?;
+    if recording.format != FORMAT {
+        return Err(broken(format!("its format is {}, this gprop reads {FORMAT}", recording.format)));
+    }
+    let answerer = Answerer { model: recording.model.clone(), parameters: recording.parameters.clone() };
+    if recording.key != key(&answerer, &recording.asked) {
+        return Err(broken("its key is not that of what it holds".into()));
+    }
+    Ok(recording)
+}
+
+/// Recordings are shared with the scene; a temporary file would be its owner's alone. The umask still applies.
+#[cfg(unix)]
+const READABLE: u32 = 0o666;
+
+fn write(folder: &Path, path: &Path, recording: &Recording) -> std::io::Result<()> {
+    std::fs::create_dir_all(folder)?;
+    let mut builder = tempfile::Builder::new();
+    #[cfg(unix)]
+    builder.permissions(std::os::unix::fs::PermissionsExt::from_mode(READABLE));
+    let mut file = builder.tempfile_in(folder)?;
+    serde_json::to_writer_pretty(&mut file, recording)?;
+    file.write_all(b"\n")?;
+    file.as_file().sync_all()?;
+    file.persist(path)?;
+    Ok(())
+}

@@ -1,0 +1,75 @@
+//! Answers out of recordings.
+
+use super::answer::{Problem, Unknown};
+use super::options::{AnswerSource, Options};
+use super::queries::{PartQuery, Queries};
+use super::question::{Question, Reading};
+use super::recorded::{Answerer, Miss, Recordings, Who};
+use super::{Failure, Match, Outcome};
+
+/// What the recordings have on a part.
+pub enum Replayed<'a> {
+    Answered(Outcome),
+    /// The question at which they end, and how the ones before it were found.
+    Missing {
+        question: &'a Question,
+        miss: Miss,
+        so_far: Match,
+    },
+    /// There is one, but it is no answer.
+    Unusable {
+        question: &'a Question,
+        problem: Problem,
+        so_far: Match,
+    },
+}
+
+/// Whose recordings serve: those of the model that would be asked; without one, those of the model the user names, or
+/// anybody's.
+pub fn who<'a>(answerer: Option<&'a Answerer>, options: &'a Options) -> Who<'a> {
+    match (options.answers, answerer) {
+        (AnswerSource::Record | AnswerSource::Live, Some(answerer)) => Who::Exactly(answerer),
+        _ => options.lmm_model.as_deref().map_or(Who::Anybody, Who::Model),
+    }
+}
+
+/// Follows a part's questions through the recordings as far as they go.
+pub fn replay<'a>(queries: &'a Queries, part: &PartQuery, recordings: &Recordings, who: Who) -> Replayed<'a> {
+    let mut question = queries.questions.first();
+    let mut so_far = Match::Exact;
+    loop {
+        let (recording, matched) = match recordings.find(&part.asked(question), who) {
+            Ok(found) => found,
+            Err(miss) => return Replayed::Missing { question, miss, so_far },
+        };
+        so_far = weaker(so_far, matched);
+        match queries.questions.read(question, &recording.response, queries.library, Unknown::TakeNearest) {
+            Ok(Reading::Answered(mut answer)) => {
+                answer.matched = so_far;
+                if let Match::Mask { iou } = so_far {
+                    answer.flags.push(format!("the recording's mask overlaps this part by IoU {iou:.3}"));
+                }
+                return Replayed::Answered(Outcome::Answered(*answer));
+            }
+            Ok(Reading::Next(next)) => question = next,
+            Err(problem) => return Replayed::Unusable { question, problem, so_far },
+        }
+    }
+}
+
+/// A failure that names the recording as its cause.
+pub fn unusable(problem: Problem) -> Outcome {
+    Outcome::Failed(match problem.failure {
+        Failure::Invalid { message } => Failure::Invalid { message: format!("the recorded answer: {message}") },
+        other => other,
+    })
+}
+
+fn weaker(a: Match, b: Match) -> Match {
+    match (a, b) {
+        (Match::Mask { iou: a }, Match::Mask { iou: b }) => Match::Mask { iou: a.min(b) },
+        (mask @ Match::Mask { .. }, _) | (_, mask @ Match::Mask { .. }) => mask,
+        (Match::Live, _) | (_, Match::Live) => Match::Live,
+        (Match::Exact, Match::Exact) => Match::Exact,
+    }
+}

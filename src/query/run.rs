@@ -1,0 +1,212 @@
+//! The stage: recordings first, then whoever is asked, several parts at once.
+
+use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
+use std::sync::mpsc;
+
+use rayon::prelude::*;
+use serde::Serialize;
+
+use super::asker::Asker;
+use super::cost::{Cost, Ledger, Price, Spent};
+use super::error::{MissingPart, QueryError};
+use super::live::{Live, Stop};
+use super::options::AnswerSource;
+use super::queries::{PartQuery, Queries};
+use super::question::Question;
+use super::recorded::{Answerer, Miss, Recordings};
+use super::replay::{self, Replayed};
+use super::{Answers, Match, Outcome, PartAnswer};
+use crate::progress::Progress;
+
+/// What is known before anything is sent.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct Plan {
+    pub parts: usize,
+    /// Parts whose answer is recorded.
+    pub recorded: usize,
+    /// Of asking the others.
+    pub cost: Cost,
+}
+
+/// All answers, and what they cost.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Run {
+    pub answers: Answers,
+    pub spent: Spent,
+}
+
+/// A part that must be asked about, by its place among the parts.
+struct Open<'a> {
+    index: usize,
+    question: &'a Question,
+    so_far: Match,
+    miss: Miss,
+}
+
+/// How each part stands with the recordings.
+struct Sorted<'a> {
+    answered: Vec<(usize, Outcome)>,
+    open: Vec<Open<'a>>,
+}
+
+/// Told of each answer as soon as it is there.
+pub type OnAnswer<'a> = dyn FnMut(&PartQuery, &PartAnswer) -> std::io::Result<()> + 'a;
+
+impl Queries<'_> {
+    /// What of the parts is recorded, and what asking the rest would cost. `answerer` is who would be asked.
+    pub fn plan(&self, recordings: &Recordings, answerer: Option<&Answerer>, price: Option<&Price>) -> Plan {
+        let sorted = self.sort(recordings, answerer);
+        Plan { parts: self.parts.len(), recorded: sorted.answered.len(), cost: self.cost_of(&sorted.open, price) }
+    }
+
+    /// The parts that are not recorded, each with the question to be asked next: what an export holds.
+    pub fn unanswered(&self, recordings: &Recordings) -> Vec<(&PartQuery, &Question)> {
+        self.sort(recordings, None).open.into_iter().map(|open| (&self.parts[open.index], open.question)).collect()
+    }
+
+    /// Answers every part: from `recordings`, and where they end from `asker`.
+    ///
+    /// `on_answer` is told of each answer as soon as it is there; the result has them in the order of the parts. A part
+    /// that could not be answered is a typed failure among the answers and is not recorded.
+    ///
+    /// # Errors
+    /// [`QueryError::Missing`] where something is not recorded and nobody may be asked; a budget that does not suffice;
+    /// an endpoint that cannot answer anything; a recording or answer that cannot be saved.
+    pub fn run(
+        &self,
+        recordings: &Recordings,
+        asker: Option<&dyn Asker>,
+        price: Option<&Price>,
+        on_answer: &mut OnAnswer,
+        progress: Progress,
+    ) -> Result<Run, QueryError> {
+        let asker = asker.filter(|_| self.options.answers != AnswerSource::Replay);
+        let sorted = self.sort(recordings, asker.map(Asker::answerer));
+        let ledger = Ledger::new(price.cloned(), self.options.max_usd);
+        let bar = progress.bar("query", self.parts.len() as u64);
+        let mut outcomes: Vec<Option<PartAnswer>> = vec![None; self.parts.len()];
+        let mut keep = |index: usize, outcome: Outcome| {
+            let part = &self.parts[index];
+            let answer = PartAnswer { view: part.view.clone(), part: part.part, outcome };
+            bar.inc(1);
+            on_answer(part, &answer).map_err(QueryError::Save)?;
+            outcomes[index] = Some(answer);
+            Ok(())
+        };
+
+        match asker {
+            _ if sorted.open.is_empty() => {}
+            None => return Err(self.missing(&sorted.open)),
+            Some(asker) => self.check_budget(&sorted.open, asker.answerer(), price)?,
+        }
+        for (index, outcome) in sorted.answered {
+            keep(index, outcome)?;
+        }
+        if let Some(asker) = asker {
+            ask_all(&Live { queries: self, recordings, asker, ledger: &ledger }, &sorted.open, &mut keep)?;
+        }
+        bar.finish_and_clear();
+        Ok(Run { answers: Answers { parts: outcomes.into_iter().flatten().collect() }, spent: ledger.spent() })
+    }
+
+    fn sort(&self, recordings: &Recordings, answerer: Option<&Answerer>) -> Sorted<'_> {
+        let who = replay::who(answerer, self.options);
+        let replay = |part| match self.options.answers {
+            AnswerSource::Live => {
+                Replayed::Missing { question: self.questions.first(), miss: Miss::Live, so_far: Match::Exact }
+            }
+            AnswerSource::Replay | AnswerSource::Record => replay::replay(self, part, recordings, who),
+        };
+        let replayed: Vec<Replayed> = self.parts.par_iter().map(replay).collect();
+        let mut sorted = Sorted { answered: Vec::new(), open: Vec::new() };
+        for (index, replayed) in replayed.into_iter().enumerate() {
+            match replayed {
+                Replayed::Answered(outcome) => sorted.answered.push((index, outcome)),
+                Replayed::Missing { question, miss, so_far } => {
+                    sorted.open.push(Open { index, question, so_far, miss });
+                }
+                Replayed::Unusable { question, so_far, .. } if answerer.is_some() => {
+                    sorted.open.push(Open { index, question, so_far, miss: Miss::Prompt });
+                }
+                Replayed::Unusable { problem, .. } => sorted.answered.push((index, replay::unusable(problem))),
+            }
+        }
+        sorted
+    }
+
+    fn cost_of(&self, open: &[Open], price: Option<&Price>) -> Cost {
+        self.cost(open.iter().map(|open| &self.parts[open.index]), price)
+    }
+
+    fn check_budget(&self, open: &[Open], answerer: &Answerer, price: Option<&Price>) -> Result<(), QueryError> {
+        let Some(max_usd) = self.options.max_usd else { return Ok(()) };
+        let cost = self.cost_of(open, price);
+        match cost.usd {
+            None => Err(QueryError::NoPrice { model: answerer.model.clone() }),
+            Some(usd) if usd > max_usd => Err(QueryError::OverBudget { requests: cost.requests, usd, max_usd }),
+            Some(_) => Ok(()),
+        }
+    }
+
+    fn missing(&self, open: &[Open]) -> QueryError {
+        let missing = open.iter().map(|open| {
+            let part = &self.parts[open.index];
+            MissingPart { view: part.view.clone(), part: part.part, miss: open.miss }
+        });
+        QueryError::Missing { parts: self.parts.len(), missing: missing.collect() }
+    }
+}
+
+/// Asks about all open parts with as many threads as the asker takes; answers are kept on this thread as they come.
+fn ask_all(
+    live: &Live,
+    open: &[Open],
+    keep: &mut dyn FnMut(usize, Outcome) -> Result<(), QueryError>,
+) -> Result<(), QueryError> {
+    let next = AtomicUsize::new(0);
+    let stopped = AtomicBool::new(false);
+    let (sender, receiver) = mpsc::channel();
+    let mut answered = 0;
+    let mut stop = None;
+    std::thread::scope(|scope| {
+        for _ in 0..live.asker.parallel().max(1).min(open.len()) {
+            let sender = sender.clone();
+            let (next, stopped) = (&next, &stopped);
+            scope.spawn(move || {
+                while !stopped.load(Ordering::Relaxed)
+                    && let Some(open) = open.get(next.fetch_add(1, Ordering::Relaxed))
+                {
+                    let outcome = live.answer(&live.queries.parts[open.index], open.question, open.so_far);
+                    if sender.send((open.index, outcome)).is_err() {
+                        return;
+                    }
+                }
+            });
+        }
+        drop(sender);
+        for (index, outcome) in receiver {
+            let kept = match outcome {
+                Ok(outcome) => {
+                    answered += 1;
+                    keep(index, outcome).map_err(Stop::Error)
+                }
+                Err(stop) => Err(stop),
+            };
+            if let Err(reason) = kept {
+                stopped.store(true, Ordering::Relaxed);
+                stop.get_or_insert(reason);
+            }
+        }
+    });
+    let left = open.len() - answered;
+    match stop {
+        None => Ok(()),
+        Some(Stop::Error(error)) => Err(error),
+        Some(Stop::Endpoint(message)) => Err(QueryError::Endpoint { message, left }),
+        Some(Stop::Budget) => Err(QueryError::BudgetSpent {
+            max_usd: live.queries.options.max_usd.unwrap_or(f64::INFINITY),
+            spent_usd: live.ledger.spent().usd.unwrap_or(0.0),
+            left,
+        }),
+    }
+}

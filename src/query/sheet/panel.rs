@@ -1,0 +1,169 @@
+//! One panel of a sheet: cropped, put on its ground, scaled to fit.
+
+use image::imageops::{self, FilterType};
+use image::{GenericImage, GrayImage, ImageBuffer, Luma, Pixel, Rgb, RgbImage};
+
+use crate::scene::Photo;
+
+/// Ground of the object: light enough for dark objects, dark enough that a white one keeps its edge.
+const GROUND: Rgb<u8> = Rgb([222, 222, 222]);
+/// Ground of the part alone.
+const GREY: Rgb<u8> = Rgb([128, 128, 128]);
+const RED: [u8; 3] = [255, 0, 0];
+/// Share of red over the part, in tenths: its own look still shows through.
+const RED_TENTHS: u16 = 4;
+/// Width of the red outline inside the part's edge and of the white one outside it, in pixels of the sheet. White
+/// tells the edge apart on a red object.
+const OUTLINE: u32 = 2;
+/// Blank space around a box: this share of its longer side, and no less than so many pixels.
+const MARGIN_SHARE: u32 = 16;
+const MARGIN_MIN: u32 = 2;
+
+/// A box of pixels, `x0 <= x < x1`.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Area {
+    x0: u32,
+    y0: u32,
+    x1: u32,
+    y1: u32,
+}
+
+impl Area {
+    pub fn hull(self, other: Self) -> Self {
+        Self {
+            x0: self.x0.min(other.x0),
+            y0: self.y0.min(other.y0),
+            x1: self.x1.max(other.x1),
+            y1: self.y1.max(other.y1),
+        }
+    }
+
+    /// The box with its margin, cut to a picture of `width` x `height`.
+    pub fn with_margin(self, width: u32, height: u32) -> Self {
+        let margin = ((self.x1 - self.x0).max(self.y1 - self.y0) / MARGIN_SHARE).max(MARGIN_MIN);
+        Self {
+            x0: self.x0.saturating_sub(margin),
+            y0: self.y0.saturating_sub(margin),
+            x1: (self.x1 + margin).min(width),
+            y1: (self.y1 + margin).min(height),
+        }
+    }
+
+    /// Width over height.
+    pub fn aspect(self) -> f64 {
+        f64::from(self.width()) / f64::from(self.height())
+    }
+
+    fn width(self) -> u32 {
+        self.x1 - self.x0
+    }
+
+    pub fn height(self) -> u32 {
+        self.y1 - self.y0
+    }
+}
+
+/// The smallest box around all pixels of at least half coverage.
+pub fn bounding_box(mask: &GrayImage) -> Option<Area> {
+    let mut found: Option<Area> = None;
+    for (y, row) in (0..).zip(mask.rows()) {
+        let mut covered = (0..).zip(row).filter(|(_, pixel)| pixel[0] >= 128).map(|(x, _)| x);
+        if let Some(first) = covered.next() {
+            let line = Area { x0: first, y0: y, x1: covered.last().unwrap_or(first) + 1, y1: y + 1 };
+            found = Some(found.map_or(line, |all| all.hull(line)));
+        }
+    }
+    found
+}
+
+/// The object on its plain ground. The photo lies over white; where its alpha let white through, the ground shows.
+pub fn object(photo: &Photo, object_box: Area, size: (u32, u32)) -> RgbImage {
+    let crop = crop(object_box, |x, y| {
+        let through = u16::from(255 - photo.foreground.get_pixel(x, y)[0]);
+        photo.rgb.get_pixel(x, y).map2(&GROUND, |seen, ground| {
+            let less = (u16::from(255 - ground) * through + 127) / 255;
+            (u16::from(seen).saturating_sub(less)) as u8
+        })
+    });
+    fit(&crop, GROUND, size)
+}
+
+/// The object's panel with the part in translucent red, outlined in red and white.
+pub fn part_in_red(mut object: RgbImage, mask: &GrayImage, object_box: Area) -> RgbImage {
+    let (width, height) = object.dimensions();
+    let mask = fit(&crop(object_box, |x, y| *mask.get_pixel(x, y)), Luma([0]), (width, height));
+    let edge = near_edge(&mask);
+    for ((pixel, coverage), at_edge) in object.pixels_mut().zip(mask.pixels()).zip(edge) {
+        match (is_inside(coverage), at_edge) {
+            (true, true) => *pixel = Rgb(RED),
+            (true, false) => {
+                let mix = |under: u8, red: u8| {
+                    ((u16::from(under) * (10 - RED_TENTHS) + u16::from(red) * RED_TENTHS) / 10) as u8
+                };
+                *pixel = pixel.map2(&Rgb(RED), mix);
+            }
+            (false, true) => *pixel = Rgb([255; 3]),
+            (false, false) => {}
+        }
+    }
+    object
+}
+
+fn is_inside(coverage: &Luma<u8>) -> bool {
+    coverage[0] >= 128
+}
+
+/// Whether a pixel lies within [`OUTLINE`] pixels of one on the other side of the mask's edge, row by row.
+fn near_edge(mask: &GrayImage) -> Vec<bool> {
+    let (width, height) = mask.dimensions();
+    let mut near = vec![false; (width * height) as usize];
+    let mut stamp = |x: u32, y: u32, step_x: u32, step_y: u32| {
+        for ny in (y + 1).saturating_sub(OUTLINE)..(y + step_y + OUTLINE).min(height) {
+            let row = (ny * width) as usize;
+            let start = (x + 1).saturating_sub(OUTLINE) as usize;
+            let end = (x + step_x + OUTLINE).min(width) as usize;
+            near[row + start..row + end].fill(true);
+        }
+    };
+    for (x, y, pixel) in mask.enumerate_pixels() {
+        let here = is_inside(pixel);
+        if x + 1 < width && is_inside(mask.get_pixel(x + 1, y)) != here {
+            stamp(x, y, 1, 0);
+        }
+        if y + 1 < height && is_inside(mask.get_pixel(x, y + 1)) != here {
+            stamp(x, y, 0, 1);
+        }
+    }
+    near
+}
+
+/// The part's pixels and nothing else, enlarged to fill the panel.
+pub fn part_alone(photo: &Photo, mask: &GrayImage, part_box: Area, size: (u32, u32)) -> RgbImage {
+    let crop = crop(part_box, |x, y| if mask.get_pixel(x, y)[0] == 0 { GREY } else { *photo.rgb.get_pixel(x, y) });
+    fit(&crop, GREY, size)
+}
+
+fn crop<P: Pixel>(source: Area, pixel: impl Fn(u32, u32) -> P) -> ImageBuffer<P, Vec<P::Subpixel>> {
+    ImageBuffer::from_fn(source.width(), source.height(), |x, y| pixel(source.x0 + x, source.y0 + y))
+}
+
+/// Scales a picture to the largest that fits into `size`, centred on `ground`.
+fn fit<P: Pixel<Subpixel = u8> + 'static>(
+    picture: &ImageBuffer<P, Vec<u8>>,
+    ground: P,
+    size: (u32, u32),
+) -> ImageBuffer<P, Vec<u8>> {
+    let (width, height) = (u64::from(picture.width()), u64::from(picture.height()));
+    let (room_x, room_y) = (u64::from(size.0), u64::from(size.1));
+    let (fit_x, fit_y) = if width * room_y >= height * room_x {
+        (room_x, (room_x * height / width).max(1))
+    } else {
+        ((room_y * width / height).max(1), room_y)
+    };
+    let scaled = imageops::resize(picture, fit_x as u32, fit_y as u32, FilterType::CatmullRom);
+    let mut panel = ImageBuffer::from_pixel(size.0, size.1, ground);
+    panel
+        .copy_from(&scaled, (size.0 - fit_x as u32) / 2, (size.1 - fit_y as u32) / 2)
+        .expect("the picture was scaled to fit");
+    panel
+}

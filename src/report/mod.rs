@@ -1,0 +1,104 @@
+//! The whole result: `report.json` for programs, `report.html` for people, a few lines for the terminal.
+
+mod charts;
+mod numbers;
+mod page;
+mod pictures;
+mod summary;
+
+use serde::Serialize;
+
+use crate::grasp::GraspReport;
+use crate::parts::Parts;
+use crate::query::{Answers, Match, Outcome};
+use crate::simulate::SimulationReport;
+use crate::units::MetricScale;
+use crate::vote::FieldLabel;
+
+pub use page::page;
+pub use pictures::{Pictures, ViewPictures};
+pub use summary::summary;
+
+/// What `report.json` holds.
+#[derive(Debug, Clone, Serialize)]
+pub struct Report {
+    /// gprop's version.
+    pub version: &'static str,
+    pub scene: SceneSummary,
+    pub stages: Vec<StageTime>,
+    pub answers: AnswerCounts,
+    /// `None` where the metric scale is unknown.
+    pub parts: Option<Parts>,
+    /// The properties of each part, as the views agree on them.
+    pub labels: Vec<FieldLabel>,
+    /// How many Gaussians carry each label.
+    pub gaussians_per_label: Vec<usize>,
+    pub simulation: SimulationReport,
+    /// `None` where the metric scale is unknown.
+    pub grasp: Option<GraspReport>,
+    pub warnings: Vec<Warning>,
+}
+
+/// What was read.
+#[derive(Debug, Clone, Serialize)]
+pub struct SceneSummary {
+    pub name: String,
+    pub gaussians: usize,
+    pub sh_degree: u8,
+    pub scale: Option<MetricScale>,
+    /// The chosen views.
+    pub views: Vec<String>,
+    /// Gaussians that some view sees; the others took the label of their neighbours.
+    pub seen_gaussians: usize,
+}
+
+/// How long a stage took when it was last done.
+#[derive(Debug, Clone, Serialize)]
+pub struct StageTime {
+    pub name: String,
+    pub seconds: f64,
+    pub reused: bool,
+}
+
+/// Something the user should know.
+#[derive(Debug, Clone, Serialize)]
+pub struct Warning {
+    pub stage: String,
+    pub message: String,
+}
+
+/// Where the answers came from.
+#[derive(Debug, Clone, Default, PartialEq, Eq, Serialize)]
+pub struct AnswerCounts {
+    /// Recorded for exactly this query.
+    pub exact: usize,
+    /// Recorded for the same view with a mask that overlaps.
+    pub by_mask: usize,
+    /// Asked in this run.
+    pub live: usize,
+    /// Parts without an answer; they cast no votes.
+    pub failed: usize,
+}
+
+impl AnswerCounts {
+    /// Counts the answers by how each was found.
+    pub fn of(answers: &Answers) -> Self {
+        let mut counts = Self::default();
+        for part in &answers.parts {
+            match &part.outcome {
+                Outcome::Failed(_) => counts.failed += 1,
+                Outcome::Answered(answer) => match answer.matched {
+                    Match::Exact => counts.exact += 1,
+                    Match::Mask { .. } => counts.by_mask += 1,
+                    Match::Live => counts.live += 1,
+                },
+            }
+        }
+        counts
+    }
+
+    /// Parts that have an answer.
+    pub fn answered(&self) -> usize {
+        self.exact + self.by_mask + self.live
+    }
+}

@@ -1,0 +1,208 @@
+//! `report.html`: one file that opens from disk, pictures inlined, light and dark.
+//!
+//! This module turns numbers into the words and places that the template shows; the template holds the page. What comes
+//! from outside (captions, names) is escaped by the template engine.
+
+use base64::Engine;
+use base64::engine::general_purpose::STANDARD as BASE64;
+use minijinja::{AutoEscape, Environment, Value, context};
+
+use crate::grasp::GraspReport;
+use crate::query::{Answers, Form, Match, Outcome};
+use crate::units::{Estimate, ShoreScale};
+use crate::vote::{FieldLabel, palette};
+
+use super::charts::{curves, force_scale};
+use super::numbers::{interval, short, significant, thousands};
+use super::{Pictures, Report, ViewPictures};
+
+/// The page of a report.
+pub fn page(report: &Report, answers: &Answers, pictures: &Pictures) -> String {
+    let mut engine = Environment::new();
+    engine.set_auto_escape_callback(|_| AutoEscape::Html);
+    engine.add_filter("thousands", thousands);
+    engine.add_filter("seconds", |seconds: f64| format!("{seconds:.1}"));
+    let data = context! {
+        report,
+        scale => scale(report),
+        tiles => tiles(report),
+        hero => hero(pictures),
+        parts => report.labels.iter().map(|label| part_row(label, report)).collect::<Vec<_>>(),
+        grasp => report.grasp.as_ref().map(grasp),
+        simulation => simulation(report, pictures),
+        views => pictures.views.iter().map(|view| view_row(view, answers)).collect::<Vec<_>>(),
+        answers => answer_table(report, answers),
+    };
+    engine.render_str(include_str!("page.html.j2"), data).expect("the template is a constant")
+}
+
+fn data_uri(mime: &str, bytes: &[u8]) -> Value {
+    Value::from_safe_string(format!("data:{mime};base64,{}", BASE64.encode(bytes)))
+}
+
+fn scale(report: &Report) -> String {
+    match &report.scene.scale {
+        None => "metric scale unknown".to_owned(),
+        Some(scale) => {
+            format!("1 scene unit = {} m: {}", significant(scale.meters_per_unit), scale.provenance)
+        }
+    }
+}
+
+fn tiles(report: &Report) -> Vec<Value> {
+    let mut tiles = Vec::new();
+    if let Some(parts) = &report.parts {
+        let (mass, volume) = (parts.object.mass_kg, parts.object.volume_m3);
+        tiles.push(tile("mass", format!("{} kg", significant(mass.mid)), interval(mass, 1.0)));
+        tiles.push(tile("volume", format!("{} cm³", significant(volume.mid * 1e6)), interval(volume, 1e6)));
+    }
+    if let Some(grasp) = &report.grasp {
+        let bounds = format!("slips under {}, breaks over {}", significant(grasp.f_min_n), significant(grasp.f_max_n));
+        tiles.push(tile("grip with", format!("{} N", significant(grasp.f_star_n)), bounds));
+    }
+    let seen = 100.0 * report.scene.seen_gaussians as f64 / report.scene.gaussians.max(1) as f64;
+    tiles.push(tile("Gaussians seen", format!("{seen:.0} %"), "the rest took their neighbours' part".to_owned()));
+    tiles
+}
+
+fn tile(name: &str, value: String, note: String) -> Value {
+    context! { name, value, note }
+}
+
+fn hero(pictures: &Pictures) -> Vec<Value> {
+    let Some(view) = pictures.views.first() else { return Vec::new() };
+    vec![
+        context! { src => data_uri("image/jpeg", &view.photo), caption => format!("photo {}", view.name) },
+        context! { src => data_uri("image/jpeg", &view.materials), caption => "materials of the Gaussians from there" },
+    ]
+}
+
+fn part_row(label: &FieldLabel, report: &Report) -> Value {
+    let cell = |estimate: Option<Estimate>, factor: f64| match estimate {
+        Some(e) => context! { mid => significant(e.mid * factor), interval => interval(e, factor) },
+        None => context! { mid => "unknown", interval => "" },
+    };
+    let part = report.parts.as_ref().and_then(|parts| parts.parts.iter().find(|part| part.id == label.id));
+    context! {
+        id => label.id,
+        color => css(palette::color(label.id)),
+        caption => &label.caption,
+        name => short(&label.caption),
+        material => &label.material,
+        family => &label.family,
+        gaussians => report.gaussians_per_label[label.id as usize],
+        form => match label.form { Form::Shell { .. } => "shell", Form::Solid => "solid" },
+        numbers => vec![
+            cell(part.map(|part| part.volume_m3), 1e6),
+            cell(part.map(|part| part.thickness_m), 1e3),
+            cell(Some(label.density_kg_m3), 1.0),
+            cell(part.map(|part| part.mass_kg), 1e3),
+        ],
+        properties => vec![
+            interval(label.youngs_modulus_pa, 1e-9),
+            interval(label.poisson_ratio, 1.0),
+            interval(label.yield_strength_pa, 1e-6),
+            interval(label.friction_rubber, 1.0),
+        ],
+        hardness => label.hardness.map(|hardness| {
+            let scale = match hardness.scale { ShoreScale::A => "A", ShoreScale::D => "D" };
+            format!("{} Shore {scale}", interval(hardness.range.into(), 1.0))
+        }),
+    }
+}
+
+/// A colour as CSS writes it.
+fn css(color: [f32; 3]) -> String {
+    let [r, g, b] = color.map(|channel| (255.0 * channel).round() as u8);
+    format!("#{r:02x}{g:02x}{b:02x}")
+}
+
+fn grasp(grasp: &GraspReport) -> Value {
+    let verdict = if grasp.feasible {
+        "holds the object and spares the part".to_owned()
+    } else {
+        let limit = serde_json::to_value(grasp.limited_by).expect("a limit is a word");
+        format!("not a safe grasp, limited by {}", limit.as_str().unwrap_or_default())
+    };
+    context! {
+        part => short(&grasp.part),
+        sentence => format!(
+            "press with {} N ({}, command {} of 100): {verdict}.",
+            significant(grasp.f_star_n), grasp.gripper, significant(grasp.normalized_command),
+        ),
+        scale => force_scale(grasp),
+        star => significant(grasp.f_star_n),
+        f_min => significant(grasp.f_min_n),
+        f_max => significant(grasp.f_max_n),
+    }
+}
+
+fn simulation(report: &Report, pictures: &Pictures) -> Value {
+    let simulation = &report.simulation;
+    let duration = simulation.frames.last().map_or(0.0, |frame| frame.t_s);
+    let softened: Vec<_> = simulation
+        .softened
+        .iter()
+        .map(|row| context! { material => &row.material, share => significant(row.factor) })
+        .collect();
+    context! {
+        sentence => format!(
+            "{} particles, {} steps of {} µs, {} s.",
+            thousands(simulation.particles as u64), thousands(simulation.substeps),
+            significant(simulation.dt_s * 1e6), significant(duration),
+        ),
+        animation => data_uri("image/gif", &pictures.animation),
+        duration => significant(duration),
+        curves => curves(&simulation.frames),
+        softened,
+    }
+}
+
+fn view_row(view: &ViewPictures, answers: &Answers) -> Value {
+    let of_view = answers.parts.iter().filter(|part| part.view == view.name);
+    let named: Vec<_> = of_view
+        .map(|part| match &part.outcome {
+            Outcome::Answered(answer) => answer.material.clone(),
+            Outcome::Failed(_) => "no answer".to_owned(),
+        })
+        .collect();
+    context! {
+        name => &view.name,
+        photo => data_uri("image/jpeg", &view.photo),
+        parts => data_uri("image/jpeg", &view.parts),
+        materials => data_uri("image/jpeg", &view.materials),
+        caption => format!("{} parts: {}", named.len(), named.join(", ")),
+    }
+}
+
+fn answer_table(report: &Report, answers: &Answers) -> Value {
+    let counts = &report.answers;
+    let rows: Vec<_> = answers
+        .parts
+        .iter()
+        .map(|part| match &part.outcome {
+            Outcome::Answered(answer) => context! {
+                view => &part.view, part => part.part, caption => &answer.caption, material => &answer.material,
+                confidence => significant(answer.confidence),
+                found => match answer.matched {
+                    Match::Exact => "recorded".to_owned(),
+                    Match::Mask { iou } => format!("recorded, mask overlap {iou:.3}"),
+                    Match::Live => "asked".to_owned(),
+                },
+            },
+            Outcome::Failed(failure) => context! {
+                view => &part.view, part => part.part, caption => failure.to_string(), material => "", confidence => "",
+                found => "failed",
+            },
+        })
+        .collect();
+    let sentence = format!(
+        "{} parts answered: {} by an exact recording, {} by a recording whose mask overlaps, {} asked; {} failed.",
+        counts.answered(),
+        counts.exact,
+        counts.by_mask,
+        counts.live,
+        counts.failed,
+    );
+    context! { rows, sentence }
+}

@@ -1,0 +1,86 @@
+//! The report's pictures: each view's photo, the parts found in it, the materials of the Gaussians seen from there.
+
+use std::io::Cursor;
+
+use anyhow::Result;
+use image::codecs::jpeg::JpegEncoder;
+use image::{Rgb, RgbImage};
+
+use crate::scene::gaussians::Gaussians;
+use crate::scene::{Photo, View};
+use crate::segment::LabelMap;
+use crate::vote::raster::{Colors, RenderOptions, render};
+use crate::vote::{MaterialField, field_ply, palette};
+
+/// JPEG quality at which edges of parts still look sharp.
+const QUALITY: u8 = 85;
+/// Longest side of a report's picture in pixels: three fit side by side on a screen.
+const LONGEST_SIDE: u32 = 640;
+/// How much of a part's colour covers the photo.
+const TINT: f32 = 0.6;
+
+/// Every picture of a report.
+#[derive(Debug, Clone)]
+pub struct Pictures {
+    pub views: Vec<ViewPictures>,
+    /// Animated GIF of the simulation.
+    pub animation: Vec<u8>,
+}
+
+/// The three pictures of a view, as JPEG.
+#[derive(Debug, Clone)]
+pub struct ViewPictures {
+    pub name: String,
+    pub photo: Vec<u8>,
+    pub parts: Vec<u8>,
+    pub materials: Vec<u8>,
+}
+
+impl ViewPictures {
+    /// Draws the pictures of `view`.
+    ///
+    /// # Errors
+    /// Where the photo cannot be read any more.
+    pub fn draw(view: &View, map: &LabelMap, gaussians: &Gaussians, field: &MaterialField) -> Result<Self> {
+        let photo = view.photo()?;
+        Ok(Self {
+            name: view.name.clone(),
+            parts: jpeg(&tinted(&photo, map))?,
+            materials: jpeg(&material_map(view, gaussians, field))?,
+            photo: jpeg(&photo.rgb)?,
+        })
+    }
+}
+
+/// The photo with every part in a colour of its own.
+fn tinted(photo: &Photo, map: &LabelMap) -> RgbImage {
+    let mut picture = photo.rgb.clone();
+    for (pixel, &label) in picture.pixels_mut().zip(&map.labels) {
+        if label > 0 {
+            *pixel = mix(*pixel, palette::color(u32::from(label) - 1));
+        }
+    }
+    picture
+}
+
+/// The splat from the view's camera, each Gaussian in the colour of its part.
+fn material_map(view: &View, gaussians: &Gaussians, field: &MaterialField) -> RgbImage {
+    let colors = field_ply::label_colors(field);
+    let options = RenderOptions { colors: Colors::Fixed(&colors), ..RenderOptions::default() };
+    image::DynamicImage::ImageRgba8(render(gaussians, &view.camera, &options).to_image([1.0; 3])).into_rgb8()
+}
+
+fn mix(Rgb(under): Rgb<u8>, over: [f32; 3]) -> Rgb<u8> {
+    Rgb(std::array::from_fn(|c| (f32::from(under[c]) * (1.0 - TINT) + 255.0 * over[c] * TINT).round() as u8))
+}
+
+fn jpeg(picture: &RgbImage) -> Result<Vec<u8>> {
+    let longest = picture.width().max(picture.height());
+    let fitted = (longest > LONGEST_SIDE).then(|| {
+        let side = |length: u32| (length * LONGEST_SIDE / longest).max(1);
+        image::imageops::thumbnail(picture, side(picture.width()), side(picture.height()))
+    });
+    let mut bytes = Cursor::new(Vec::new());
+    fitted.as_ref().unwrap_or(picture).write_with_encoder(JpegEncoder::new_with_quality(&mut bytes, QUALITY))?;
+    Ok(bytes.into_inner())
+}

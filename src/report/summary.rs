@@ -1,0 +1,48 @@
+//! What the terminal shows when a run is done.
+
+use std::fmt::Write;
+use std::path::Path;
+
+use super::Report;
+use super::numbers::{interval, short, significant, thousands};
+
+/// A few lines: the parts, the object, the grasp, where the report lies.
+pub fn summary(report: &Report, report_page: &Path) -> String {
+    let scene = &report.scene;
+    let mut text = format!(
+        "{}: {} Gaussians, {} views, {} parts\n",
+        scene.name,
+        thousands(scene.gaussians as u64),
+        scene.views.len(),
+        report.labels.len()
+    );
+    let name_width = report.labels.iter().map(|label| label.material.chars().count()).max().unwrap_or(0);
+    for label in &report.labels {
+        let part = report.parts.as_ref().and_then(|parts| parts.parts.iter().find(|part| part.id == label.id));
+        let mass = part.map_or_else(String::new, |part| {
+            let mass = part.mass_kg;
+            format!("{:>7} g ({})  ", significant(mass.mid * 1e3), interval(mass, 1e3))
+        });
+        let _ = writeln!(text, "  {:>2}  {:name_width$}  {mass}{}", label.id, label.material, short(&label.caption));
+    }
+    if let Some(parts) = &report.parts {
+        let mass = parts.object.mass_kg;
+        let _ = writeln!(text, "mass   {} kg ({})", significant(mass.mid), interval(mass, 1.0));
+    }
+    if let Some(grasp) = &report.grasp {
+        let _ = writeln!(
+            text,
+            "grasp  {} N at the {}: slips under {} N, breaks over {} N{}",
+            significant(grasp.f_star_n),
+            short(&grasp.part),
+            significant(grasp.f_min_n),
+            significant(grasp.f_max_n),
+            if grasp.feasible { "" } else { "; not a safe grasp" }
+        );
+    }
+    if !report.warnings.is_empty() {
+        let _ = writeln!(text, "{} warnings, listed in the report", report.warnings.len());
+    }
+    let _ = write!(text, "report {}", report_page.display());
+    text
+}

@@ -1,0 +1,227 @@
+//! SAM's automatic mask generator: a grid of point prompts, the masks that are good enough, each only once.
+//!
+//! For each crop of the picture (only the whole of it by default):
+//! 1. encode it, decode the points of its grid;
+//! 2. drop masks by predicted IoU (before anything is enlarged), stability, and nearness to the crop's edge;
+//! 3. suppress duplicates by their boxes.
+//!
+//! Then, over all crops: suppress duplicates between crops, remove small holes and islands, suppress what became
+//! duplicate by that. The order and every comparison are those of the public `SamAutomaticMaskGenerator`, in the variant
+//! that keeps the three levels apart (LangSplat's, which the paper uses).
+
+use image::RgbImage;
+use rayon::prelude::*;
+
+use super::Level;
+use super::error::SegmentError;
+use super::mask::{Mask, Rect};
+use super::nms::box_nms;
+use super::options::GeneratorOptions;
+use super::preprocess::{Prepared, prepare};
+use super::prompts::{self, Crop};
+use super::regions::remove_small_regions;
+use super::resize::cropped;
+use super::sam::{Decoded, Embedding, Sam};
+use super::segmenter::Observer;
+use super::upsample::Upsampler;
+
+/// How near to a crop's edge a box counts as cut off, pixels (`is_box_near_crop_edge`).
+const EDGE_TOLERANCE: u32 = 20;
+
+/// A mask of one prompt at one level.
+#[derive(Debug, Clone)]
+pub struct Candidate {
+    /// At the picture's size.
+    pub mask: Mask,
+    /// Around the mask.
+    pub bounds: Rect,
+    pub predicted_iou: f32,
+    pub stability: f32,
+    pub level: Level,
+    /// The prompt, pixels of the picture.
+    pub point: [f64; 2],
+    /// The crop it was found in.
+    pub crop: Rect,
+}
+
+/// What passed the filters, crop by crop, in the order of prompts and levels; duplicates are still among them.
+#[derive(Debug)]
+pub struct Candidates {
+    by_crop: Vec<Vec<Candidate>>,
+}
+
+/// What to ask of a picture.
+pub struct Request<'a> {
+    pub picture: &'a RgbImage,
+    /// Whether a point is worth a prompt, by its pixel.
+    pub is_wanted: &'a (dyn Fn(u32, u32) -> bool + Sync),
+    /// The levels to keep.
+    pub levels: &'a [Level],
+    pub options: &'a GeneratorOptions,
+    pub observer: &'a dyn Observer,
+}
+
+impl Request<'_> {
+    /// The crops and the wanted points of each, in pixels of the crop.
+    pub fn prompts(&self) -> Vec<(Crop, Vec<[f64; 2]>)> {
+        let options = self.options;
+        let crops = prompts::crops(
+            self.picture.width(),
+            self.picture.height(),
+            options.points_per_side,
+            options.crop_layers,
+            options.crop_overlap,
+            options.crop_points_downscale,
+        );
+        let points_of = |crop: Crop| {
+            let mut points = prompts::grid(crop.rect.width(), crop.rect.height(), crop.points_per_side);
+            points.retain(|&[x, y]| (self.is_wanted)(crop.rect.x0 + x as u32, crop.rect.y0 + y as u32));
+            (crop, points)
+        };
+        crops.into_iter().map(points_of).collect()
+    }
+
+    /// Prompts SAM everywhere and filters what it answers. Runs on the ambient rayon pool.
+    pub fn run(&self, sam: &Sam) -> Result<Candidates, SegmentError> {
+        let prompts = self.prompts();
+        self.observer.planned(prompts.iter().map(|(_, points)| points.len()).sum());
+        let by_crop = prompts.par_iter().map(|(crop, points)| self.run_crop(sam, *crop, points));
+        Ok(Candidates { by_crop: by_crop.collect::<Result<_, _>>()? })
+    }
+
+    fn run_crop(&self, sam: &Sam, crop: Crop, points: &[[f64; 2]]) -> Result<Vec<Candidate>, SegmentError> {
+        if points.is_empty() {
+            return Ok(Vec::new());
+        }
+        let rect = crop.rect;
+        let Prepared { input, scaled } = prepare(&cropped(self.picture, &rect));
+        let embedding = sam.encode(&input)?;
+        drop(input);
+        let frame = Frame {
+            rect,
+            scale: [f64::from(scaled.0) / f64::from(rect.width()), f64::from(scaled.1) / f64::from(rect.height())],
+            upsampler: Upsampler::new(rect.width(), rect.height(), scaled.0, scaled.1),
+            embedding,
+        };
+        let found: Result<Vec<Vec<Candidate>>, SegmentError> =
+            points.par_iter().map(|&point| self.run_prompt(sam, &frame, point)).collect();
+        Ok(found?.into_iter().flatten().collect())
+    }
+
+    fn run_prompt(&self, sam: &Sam, frame: &Frame, point: [f64; 2]) -> Result<Vec<Candidate>, SegmentError> {
+        let scaled_point = [(point[0] * frame.scale[0]) as f32, (point[1] * frame.scale[1]) as f32];
+        let found = sam.decode(&frame.embedding, scaled_point, |decoded| self.filter(frame, point, &decoded));
+        self.observer.prompted();
+        found
+    }
+
+    fn filter(&self, frame: &Frame, point: [f64; 2], decoded: &Decoded<'_>) -> Vec<Candidate> {
+        let options = self.options;
+        let mut found = Vec::new();
+        for (index, level) in [Level::Small, Level::Middle, Level::Large].into_iter().enumerate() {
+            let predicted_iou = decoded.predicted_iou[index];
+            if !self.levels.contains(&level) || predicted_iou <= options.min_predicted_iou {
+                continue;
+            }
+            let scored = frame.upsampler.score(decoded.logits[index], options.stability_offset);
+            // Also false where the stability is not a number.
+            let is_stable = scored.stability >= options.min_stability;
+            let (true, Some(bounds)) = (is_stable, scored.mask.bounds()) else { continue };
+            let (x0, y0) = (frame.rect.x0, frame.rect.y0);
+            let bounds = Rect { x0: bounds.x0 + x0, y0: bounds.y0 + y0, x1: bounds.x1 + x0, y1: bounds.y1 + y0 };
+            let (width, height) = self.picture.dimensions();
+            if is_cut_off(&bounds, &frame.rect, &Rect::of_size(width, height)) {
+                continue;
+            }
+            found.push(Candidate {
+                mask: scored.mask.placed(x0, y0, width, height),
+                bounds,
+                predicted_iou,
+                stability: scored.stability,
+                level,
+                point: [point[0] + f64::from(x0), point[1] + f64::from(y0)],
+                crop: frame.rect,
+            });
+        }
+        found
+    }
+}
+
+/// One encoded crop and how its pixels relate to the model's.
+struct Frame {
+    rect: Rect,
+    /// Model pixels per crop pixel, x and y.
+    scale: [f64; 2],
+    upsampler: Upsampler,
+    embedding: Embedding,
+}
+
+impl Candidates {
+    /// The masks of one level, each once; of all levels together where `level` is `None`.
+    pub fn distinct(&self, level: Option<Level>, options: &GeneratorOptions) -> Vec<Candidate> {
+        let mut chosen: Vec<Candidate> = Vec::new();
+        for crop in &self.by_crop {
+            let of_level: Vec<&Candidate> =
+                crop.iter().filter(|c| level.is_none_or(|level| c.level == level)).collect();
+            let bounds: Vec<Rect> = of_level.iter().map(|candidate| candidate.bounds).collect();
+            let scores: Vec<f32> = of_level.iter().map(|candidate| candidate.predicted_iou).collect();
+            chosen.extend(box_nms(&bounds, &scores, options.box_nms).into_iter().map(|i| of_level[i].clone()));
+        }
+        if self.by_crop.len() > 1 {
+            // Masks of smaller crops are the better resolved ones.
+            let scores = chosen.iter().map(|c| 1.0 / (c.crop.width() as f32 * c.crop.height() as f32)).collect();
+            chosen = suppressed(chosen, scores, options.crop_nms);
+        }
+        if options.min_region_area > 0 {
+            chosen = without_small_regions(chosen, options);
+        }
+        chosen
+    }
+}
+
+/// Removes small regions, then what became a duplicate by that; masks that needed no mending are preferred.
+fn without_small_regions(candidates: Vec<Candidate>, options: &GeneratorOptions) -> Vec<Candidate> {
+    let mend = |mut candidate: Candidate| {
+        let (mask, changed) = remove_small_regions(candidate.mask, u64::from(options.min_region_area));
+        candidate.bounds = mask.bounds().unwrap_or(candidate.bounds);
+        candidate.mask = mask;
+        (candidate, if changed { 0.0 } else { 1.0 })
+    };
+    let (mended, scores): (Vec<Candidate>, Vec<f32>) = candidates.into_iter().map(mend).unzip();
+    suppressed(mended, scores, options.box_nms.max(options.crop_nms))
+}
+
+fn suppressed(candidates: Vec<Candidate>, scores: Vec<f32>, max_iou: f32) -> Vec<Candidate> {
+    let bounds: Vec<Rect> = candidates.iter().map(|candidate| candidate.bounds).collect();
+    let mut candidates: Vec<Option<Candidate>> = candidates.into_iter().map(Some).collect();
+    box_nms(&bounds, &scores, max_iou).into_iter().filter_map(|i| candidates[i].take()).collect()
+}
+
+/// Whether a box ends near an edge of its crop that is no edge of the picture. Last pixels count, not the ends after
+/// them, but a crop's and the picture's right and lower edges are their ends (`is_box_near_crop_edge`).
+fn is_cut_off(bounds: &Rect, crop: &Rect, picture: &Rect) -> bool {
+    let near = |a: u32, b: u32| a.abs_diff(b) <= EDGE_TOLERANCE;
+    let sides = [
+        (bounds.x0, crop.x0, picture.x0),
+        (bounds.y0, crop.y0, picture.y0),
+        (bounds.x1 - 1, crop.x1, picture.x1),
+        (bounds.y1 - 1, crop.y1, picture.y1),
+    ];
+    sides.into_iter().any(|(side, crop, picture)| near(side, crop) && !near(side, picture))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_box_at_an_inner_edge_of_its_crop_is_cut_off() {
+        let rect = |x0, y0, x1, y1| Rect { x0, y0, x1, y1 };
+        let (crop, picture) = (rect(100, 0, 300, 200), rect(0, 0, 800, 600));
+        assert!(is_cut_off(&rect(120, 50, 200, 100), &crop, &picture), "20 pixels from the left edge");
+        assert!(!is_cut_off(&rect(121, 50, 200, 100), &crop, &picture), "21 pixels from it");
+        assert!(!is_cut_off(&rect(150, 0, 200, 100), &crop, &picture), "the upper edge is the picture's");
+        assert!(is_cut_off(&rect(150, 50, 281, 100), &crop, &picture), "last pixel 20 from the right end");
+        assert!(!is_cut_off(&rect(150, 50, 280, 100), &crop, &picture));
+    }
+}

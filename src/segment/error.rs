@@ -1,0 +1,25 @@
+//! Why segmentation failed. All of these are about ONNX Runtime or a model; a picture in which SAM finds nothing is no
+//! error.
+
+use std::path::PathBuf;
+
+/// A failure of the model or of what runs it.
+#[derive(Debug, thiserror::Error)]
+pub enum SegmentError {
+    #[error("cannot load ONNX Runtime from {path:?}: {reason}; `gprop doctor` says which copy is used and why")]
+    Runtime { path: PathBuf, reason: String },
+    #[error("ONNX Runtime is already loaded from {loaded:?}, and a process can load only one: {path:?} is not used")]
+    OtherRuntime { loaded: PathBuf, path: PathBuf },
+    #[error("cannot read {path:?}: {source}")]
+    Read {
+        path: PathBuf,
+        #[source]
+        source: std::io::Error,
+    },
+    #[error("ONNX Runtime cannot load {path:?}: {reason}; it must be a whole ONNX file, {what}")]
+    Model { path: PathBuf, what: &'static str, reason: String },
+    #[error("{path:?} is not {what}: {problem}")]
+    NotSam { path: PathBuf, what: &'static str, problem: String },
+    #[error("ONNX Runtime failed to run {what}: {reason}")]
+    Run { what: &'static str, reason: String },
+}

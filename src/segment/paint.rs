@@ -1,0 +1,195 @@
+//! From SAM's masks of one level to a label map: which of them are parts of the object, painted large to small.
+//!
+//! The paper's code culls first, then leaves out the largest mask and paints the others over the foreground, which is
+//! one more part where nothing covers it. gprop leaves out what is no part *before* culling: a mask of the whole object
+//! would otherwise take every part below half its size with it (see [`super::cull`]).
+
+use super::automatic::Candidate;
+use super::cull::cull;
+use super::mask::Mask;
+use super::options::Options;
+use super::regions::drop_small_islands;
+use super::{LabelMap, PartMask};
+
+/// A mask with less of its area on the foreground is of the background.
+const LEAST_SHARE_ON_FOREGROUND: f64 = 0.5;
+
+/// A mask on the foreground with SAM's scores; none where SAM did not find it.
+struct Layer {
+    mask: Mask,
+    predicted_iou: f32,
+    stability: f32,
+}
+
+/// Paints what `candidates` say of the pixels of `foreground`. Masks and foreground are of one size.
+///
+/// A part that is the rest of the object, covered by no mask, has zero predicted IoU and stability.
+pub fn paint(candidates: &[Candidate], foreground: &Mask, options: &Options) -> (LabelMap, Vec<PartMask>) {
+    let min_area = u64::from(options.generator.min_region_area).max(1);
+    let mut layers = part_layers(candidates, foreground, options, min_area);
+    layers.sort_by_key(|layer| std::cmp::Reverse(layer.mask.area()));
+    layers.extend(rest_layer(&layers, foreground, min_area));
+    loop {
+        let map = label_map(&layers, foreground);
+        let parts = part_list(&map, &layers, options);
+        // What lies under others may be left with scraps; without it, they belong to what lies under that.
+        let scrap = parts.iter().filter(|part| u64::from(part.area) < min_area).min_by_key(|part| part.area);
+        match scrap {
+            Some(scrap) => drop(layers.remove(usize::from(scrap.id) - 1)),
+            None => return (map, parts),
+        }
+    }
+}
+
+/// The candidates that are parts, cut to the foreground.
+fn part_layers(candidates: &[Candidate], foreground: &Mask, options: &Options, min_area: u64) -> Vec<Layer> {
+    let object_area = foreground.area() as f64;
+    let on_object = |candidate: &Candidate| {
+        let mask = candidate.mask.intersected(foreground);
+        let area = mask.area();
+        let is_part = area >= min_area
+            && area as f64 >= LEAST_SHARE_ON_FOREGROUND * candidate.mask.area() as f64
+            && (area as f64) < options.parts.whole_object * object_area;
+        is_part.then_some(Layer { mask, predicted_iou: candidate.predicted_iou, stability: candidate.stability })
+    };
+    let mut layers: Vec<Option<Layer>> = candidates.iter().filter_map(on_object).map(Some).collect();
+    let (masks, scores): (Vec<&Mask>, Vec<f64>) =
+        layers.iter().flatten().map(|layer| (&layer.mask, f64::from(layer.predicted_iou * layer.stability))).unzip();
+    let kept = cull(&masks, &scores, &options.parts);
+    kept.into_iter().filter_map(|i| layers[i].take()).collect()
+}
+
+/// The foreground that no layer covers, without its small islands.
+fn rest_layer(layers: &[Layer], foreground: &Mask, min_area: u64) -> Option<Layer> {
+    let uncovered = layers.iter().fold(foreground.clone(), |rest, layer| rest.intersected(&layer.mask.complement()));
+    let (mask, _) = drop_small_islands(uncovered, min_area);
+    (mask.area() >= min_area).then_some(Layer { mask, predicted_iou: 0.0, stability: 0.0 })
+}
+
+/// Label i + 1 where layer i is the last to cover.
+fn label_map(layers: &[Layer], foreground: &Mask) -> LabelMap {
+    let (width, height) = (foreground.width(), foreground.height());
+    let mut map = LabelMap { width, height, labels: vec![0; width as usize * height as usize] };
+    for (index, layer) in layers.iter().enumerate() {
+        let label = u16::try_from(index + 1).expect("SAM is not asked often enough for 65,535 parts");
+        for y in 0..height {
+            let row = &mut map.labels[y as usize * width as usize..][..width as usize];
+            for &(start, end) in layer.mask.row(y) {
+                row[start as usize..end as usize].fill(label);
+            }
+        }
+    }
+    map
+}
+
+/// What each layer kept in the map.
+fn part_list(map: &LabelMap, layers: &[Layer], options: &Options) -> Vec<PartMask> {
+    let mut kept = vec![Kept::default(); layers.len() + 1];
+    for (index, &label) in map.labels.iter().enumerate() {
+        let (x, y) = (index as u32 % map.width, index as u32 / map.width);
+        kept[usize::from(label)].add(x, y);
+    }
+    let part = |(index, (layer, kept)): (usize, (&Layer, &Kept))| PartMask {
+        id: index as u16 + 1,
+        area: kept.area,
+        bbox: [kept.x0, kept.y0, kept.x1 - kept.x0, kept.y1 - kept.y0],
+        predicted_iou: layer.predicted_iou,
+        stability_score: layer.stability,
+        level: options.level,
+    };
+    layers.iter().zip(&kept[1..]).enumerate().map(part).collect()
+}
+
+/// Area and bounds of the pixels seen so far; the bounds are meaningless before the first.
+#[derive(Debug, Clone, Copy, Default)]
+struct Kept {
+    area: u32,
+    x0: u32,
+    y0: u32,
+    x1: u32,
+    y1: u32,
+}
+
+impl Kept {
+    fn add(&mut self, x: u32, y: u32) {
+        if self.area == 0 {
+            *self = Self { area: 1, x0: x, y0: y, x1: x + 1, y1: y + 1 };
+            return;
+        }
+        self.area += 1;
+        self.x0 = self.x0.min(x);
+        self.x1 = self.x1.max(x + 1);
+        // Pixels come row by row.
+        self.y1 = y + 1;
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::Level;
+    use super::super::mask::Rect;
+    use super::*;
+
+    fn candidate(mask: Mask, predicted_iou: f32) -> Candidate {
+        let bounds = mask.bounds().unwrap();
+        Candidate {
+            bounds,
+            predicted_iou,
+            stability: 1.0,
+            level: Level::Middle,
+            point: [0.0, 0.0],
+            crop: Rect::of_size(mask.width(), mask.height()),
+            mask,
+        }
+    }
+
+    /// Columns `start..end` of a picture 100 x 10; 300 pixels are 30 columns.
+    fn columns(start: u32, end: u32) -> Mask {
+        Mask::from_fn(100, 10, |x, _| (start..end).contains(&x))
+    }
+
+    fn columns_of(map: &LabelMap) -> Vec<u16> {
+        map.labels[..100].to_vec()
+    }
+
+    fn runs(map: &LabelMap) -> Vec<(u16, usize)> {
+        columns_of(map).chunk_by(|a, b| a == b).map(|run| (run[0], run.len())).collect()
+    }
+
+    #[test]
+    fn small_parts_lie_over_large_ones_and_the_whole_is_none() {
+        let masks = [columns(40, 80), columns(0, 100), columns(10, 60)];
+        let candidates: Vec<_> = masks.into_iter().map(|mask| candidate(mask, 0.95)).collect();
+        let (map, parts) = paint(&candidates, &columns(0, 100), &Options::default());
+        // Ten columns at the left and twenty at the right are covered by no part but the whole: one rest.
+        assert_eq!(runs(&map), [(0, 10), (1, 30), (2, 40), (0, 20)]);
+        assert_eq!(parts.iter().map(|part| (part.id, part.area)).collect::<Vec<_>>(), [(1, 300), (2, 400)]);
+        assert_eq!(parts[1].bbox, [40, 0, 40, 10]);
+    }
+
+    #[test]
+    fn a_large_rest_is_a_part_without_scores() {
+        let (map, parts) = paint(&[candidate(columns(0, 40), 0.95)], &columns(0, 100), &Options::default());
+        assert_eq!(runs(&map), [(1, 40), (2, 60)]);
+        assert_eq!((parts[1].predicted_iou, parts[1].stability_score), (0.0, 0.0));
+    }
+
+    #[test]
+    fn nothing_is_painted_off_the_foreground() {
+        // The second mask is of the background: 35 of its 80 columns are foreground.
+        let candidates = [candidate(columns(10, 50), 0.95), candidate(columns(20, 100), 0.95)];
+        let (map, parts) = paint(&candidates, &columns(15, 55), &Options::default());
+        assert_eq!(runs(&map), [(0, 15), (1, 35), (0, 50)]);
+        assert_eq!(parts.len(), 1);
+    }
+
+    #[test]
+    fn scraps_of_a_covered_part_go_to_what_lies_below() {
+        // The second part keeps only columns 45..60 after the third: too few.
+        let masks = [columns(0, 60), columns(45, 95), columns(60, 95)];
+        let candidates: Vec<_> = masks.into_iter().map(|mask| candidate(mask, 0.95)).collect();
+        let (map, parts) = paint(&candidates, &columns(0, 95), &Options::default());
+        assert_eq!(runs(&map), [(1, 60), (2, 35), (0, 5)]);
+        assert_eq!(parts.len(), 2);
+    }
+}

@@ -1,0 +1,130 @@
+//! One view's parts: the foreground's bounding box, SAM's masks in it, painted.
+
+use image::{GrayImage, RgbImage};
+
+use super::automatic::{Candidate, Request};
+use super::error::SegmentError;
+use super::mask::{Mask, Rect};
+use super::options::Options;
+use super::paint::paint;
+use super::resize::cropped;
+use super::sam::Sam;
+use super::{LabelMap, ViewSegments};
+use crate::scene::Photo;
+use crate::setup::ModelFiles;
+
+/// Least value of [`Photo::foreground`] that is the object.
+const FOREGROUND: u8 = 128;
+
+/// Told how far a picture is, from any thread.
+pub trait Observer: Sync {
+    /// The picture will take this many prompts.
+    fn planned(&self, prompts: usize);
+    /// One of them is done.
+    fn prompted(&self);
+}
+
+/// Nobody is told.
+impl Observer for () {
+    fn planned(&self, _: usize) {}
+    fn prompted(&self) {}
+}
+
+/// SAM, loaded and ready.
+pub struct Segmenter {
+    sam: Sam,
+}
+
+impl Segmenter {
+    /// Loads SAM for use on `threads` threads at once.
+    ///
+    /// # Errors
+    /// Where ONNX Runtime or a model cannot be loaded or is not what it should be.
+    pub fn new(files: &ModelFiles, threads: usize) -> Result<Self, SegmentError> {
+        Ok(Self { sam: Sam::open(files, threads)? })
+    }
+
+    /// SAM itself, for what needs its masks and not parts.
+    pub fn sam(&self) -> &Sam {
+        &self.sam
+    }
+
+    /// The parts of one photo: none where it has no foreground, the whole foreground where SAM finds none. Runs on the
+    /// ambient rayon pool; the result does not depend on its size.
+    pub fn segment_view(
+        &self,
+        view: &str,
+        photo: &Photo,
+        options: &Options,
+        observer: &dyn Observer,
+    ) -> Result<ViewSegments, SegmentError> {
+        let (width, height) = photo.rgb.dimensions();
+        let foreground = mask_of(&photo.foreground);
+        let (map, parts) = match foreground.bounds() {
+            Some(bounds) => {
+                let candidates = self.candidates(&photo.rgb, &foreground, &bounds, options, observer)?;
+                paint(&candidates, &foreground, options)
+            }
+            None => (LabelMap { width, height, labels: vec![0; width as usize * height as usize] }, Vec::new()),
+        };
+        Ok(ViewSegments { view: view.to_owned(), map, parts })
+    }
+
+    /// SAM's masks of one level, found in the foreground's surroundings, at the photo's size.
+    fn candidates(
+        &self,
+        photo: &RgbImage,
+        foreground: &Mask,
+        bounds: &Rect,
+        options: &Options,
+        observer: &dyn Observer,
+    ) -> Result<Vec<Candidate>, SegmentError> {
+        let (width, height) = photo.dimensions();
+        let region = if options.parts.crop_to_foreground {
+            with_margin(bounds, options.parts.crop_margin, width, height)
+        } else {
+            Rect::of_size(width, height)
+        };
+        let request = Request {
+            picture: &cropped(photo, &region),
+            is_wanted: &|x, y| foreground.contains(region.x0 + x, region.y0 + y),
+            levels: &[options.level],
+            options: &options.generator,
+            observer,
+        };
+        let found = request.run(&self.sam)?.distinct(Some(options.level), &options.generator);
+        let in_photo = |found: Candidate| {
+            let mask = found.mask.placed(region.x0, region.y0, width, height);
+            Candidate { bounds: mask.bounds().unwrap_or(found.bounds), mask, ..found }
+        };
+        Ok(found.into_iter().map(in_photo).collect())
+    }
+}
+
+fn mask_of(foreground: &GrayImage) -> Mask {
+    let raw = foreground.as_raw();
+    let width = foreground.width() as usize;
+    Mask::from_fn(foreground.width(), foreground.height(), |x, y| raw[y as usize * width + x as usize] >= FOREGROUND)
+}
+
+/// `bounds` and `margin` times their longer side around them, inside the picture.
+fn with_margin(bounds: &Rect, margin: f64, width: u32, height: u32) -> Rect {
+    let margin = (margin.max(0.0) * f64::from(bounds.width().max(bounds.height()))).round() as u32;
+    Rect {
+        x0: bounds.x0.saturating_sub(margin),
+        y0: bounds.y0.saturating_sub(margin),
+        x1: bounds.x1.saturating_add(margin).min(width),
+        y1: bounds.y1.saturating_add(margin).min(height),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_margin_is_a_share_of_the_longer_side_and_ends_at_the_picture() {
+        let bounds = Rect { x0: 5, y0: 50, x1: 55, y1: 150 };
+        assert_eq!(with_margin(&bounds, 0.1, 200, 155), Rect { x0: 0, y0: 40, x1: 65, y1: 155 });
+    }
+}

@@ -1,0 +1,73 @@
+//! `gprop doctor`: what is there, without fetching anything.
+
+use std::fmt;
+use std::path::PathBuf;
+
+use serde::Serialize;
+
+use super::Options;
+use super::environment::Environment;
+use super::error::SetupError;
+use super::locate::{self, LOOKUP_ORDER, Source};
+
+/// The state of everything that gprop needs beside itself. Printed by `gprop doctor`, also as JSON.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize)]
+pub struct Doctor {
+    /// Everything is there and is what it should be.
+    pub ok: bool,
+    pub onnxruntime: RuntimeState,
+    pub sam: SamState,
+    /// Where fetched files lie; `null` where the environment names no home.
+    pub cache: Option<PathBuf>,
+    /// What is wrong, each with its remedy.
+    pub problems: Vec<String>,
+}
+
+/// ONNX Runtime, `null` where it is missing or unusable.
+#[derive(Debug, Clone, Default, PartialEq, Eq, Serialize)]
+pub struct RuntimeState {
+    pub path: Option<PathBuf>,
+    pub version: Option<String>,
+    pub source: Option<Source>,
+}
+
+/// Paths of the two networks, `null` where one is missing or damaged.
+#[derive(Debug, Clone, Default, PartialEq, Eq, Serialize)]
+pub struct SamState {
+    pub encoder: Option<PathBuf>,
+    pub decoder: Option<PathBuf>,
+}
+
+pub(super) fn examine(options: &Options, environment: &Environment) -> Doctor {
+    let mut problems = Vec::new();
+    let mut note = |error: SetupError| problems.push(error.to_string());
+    let runtime = locate::onnxruntime(options, environment).map_err(&mut note).ok();
+    let encoder = locate::encoder(options, environment).map_err(&mut note).ok();
+    let decoder = locate::decoder(options, environment).map_err(&mut note).ok();
+    let onnxruntime = runtime.map_or_else(RuntimeState::default, |runtime| RuntimeState {
+        path: Some(runtime.path),
+        version: Some(runtime.version),
+        source: Some(runtime.source),
+    });
+    Doctor {
+        ok: problems.is_empty(),
+        onnxruntime,
+        sam: SamState { encoder, decoder },
+        cache: environment.cache.clone(),
+        problems,
+    }
+}
+
+impl fmt::Display for Doctor {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let shown = |path: &Option<PathBuf>| path.as_ref().map_or("missing".to_owned(), |p| p.display().to_string());
+        let version = self.onnxruntime.version.as_ref().map_or(String::new(), |version| format!(" ({version})"));
+        writeln!(f, "ONNX Runtime  {}{version}", shown(&self.onnxruntime.path))?;
+        writeln!(f, "SAM encoder   {}", shown(&self.sam.encoder))?;
+        writeln!(f, "SAM decoder   {}", shown(&self.sam.decoder))?;
+        for problem in &self.problems {
+            writeln!(f, "problem: {problem}")?;
+        }
+        write!(f, "\nLooked for in this order:\n{LOOKUP_ORDER}")
+    }
+}

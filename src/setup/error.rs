@@ -1,0 +1,67 @@
+//! Why set-up failed, each with its remedy. All of them end gprop with [`crate::exit::Exit::Model`].
+
+use std::path::PathBuf;
+
+/// A failure to find, fetch or trust ONNX Runtime or SAM.
+#[derive(Debug, thiserror::Error)]
+pub enum SetupError {
+    #[error(
+        "neither XDG_CACHE_HOME nor HOME is set, so there is no place for ONNX Runtime and SAM: set one of them, or give \
+         --ort-lib, --sam-encoder and --sam-decoder"
+    )]
+    NoCache,
+    #[error(
+        "{given_by} names {path:?}, which {problem}: correct it, or leave it out to use the copy that gprop fetches"
+    )]
+    UserFile { given_by: &'static str, path: PathBuf, problem: String },
+    #[error(
+        "{path:?} (from {given_by}) is no shared library this machine can load ({reason}): give the libonnxruntime.so of \
+         ONNX Runtime 1.20 or newer built for {platform}"
+    )]
+    NotALibrary { given_by: &'static str, path: PathBuf, reason: String, platform: String },
+    #[error(
+        "{path:?} (from {given_by}) is a shared library but not ONNX Runtime (it has no OrtGetApiBase): give the \
+         libonnxruntime.so of ONNX Runtime 1.20 or newer"
+    )]
+    NotOnnxRuntime { given_by: &'static str, path: PathBuf },
+    #[error(
+        "{path:?} (from {given_by}) is ONNX Runtime {version}, too old: gprop needs 1.20 or newer; leave {given_by} out to \
+         use the copy that gprop fetches"
+    )]
+    TooOld { given_by: &'static str, path: PathBuf, version: String },
+    #[error(
+        "{title} is not in the cache ({path:?} {state}): run `gprop setup` with a network and without --offline or \
+         GPROP_OFFLINE, or give {flag}"
+    )]
+    NotCached { title: &'static str, path: PathBuf, state: String, flag: &'static str },
+    #[error(
+        "gprop fetches ONNX Runtime for linux x86_64 only and this machine is {platform}: install ONNX Runtime 1.20 or \
+         newer and give its shared library with --ort-lib or ORT_DYLIB_PATH"
+    )]
+    Platform { platform: String },
+    #[error("gprop cannot work yet: {problems} of what it needs are missing or unusable, as listed; run `gprop setup`")]
+    Unfit { problems: usize },
+    #[error("cannot fetch {title}: {attempts}; {remedy}")]
+    Fetch { title: &'static str, attempts: String, remedy: &'static str },
+    #[error(
+        "{member} of {package} has SHA-256 {found} where {expected} is expected: the download is damaged or is not the \
+         published file; nothing was installed. Try again; behind a mirror, check what it serves"
+    )]
+    Hash { member: &'static str, package: &'static str, expected: &'static str, found: String },
+    #[error(
+        "{package} holds no readable {member} ({reason}): nothing was installed. Try again; behind a mirror, check what it serves"
+    )]
+    Archive { member: &'static str, package: &'static str, reason: String },
+    #[error("cannot {action} {path:?}: {source}; free or unlock the place, or set XDG_CACHE_HOME to another")]
+    Io {
+        action: &'static str,
+        path: PathBuf,
+        #[source]
+        source: std::io::Error,
+    },
+}
+
+/// `linux x86_64` and the like.
+pub(super) fn platform() -> String {
+    format!("{} {}", std::env::consts::OS, std::env::consts::ARCH)
+}

@@ -1,0 +1,69 @@
+//! Is a file ONNX Runtime, and which version? Asked before `ort` sees the file, so that a wrong one is a message.
+
+use std::ffi::{CStr, c_char, c_void};
+use std::mem::ManuallyDrop;
+use std::path::Path;
+
+use super::catalog::OLDEST_ONNXRUNTIME;
+use super::error::{SetupError, platform};
+
+/// The head of ONNX Runtime's C interface, which has been stable since its first release (`onnxruntime_c_api.h`).
+#[repr(C)]
+struct OrtApiBase {
+    get_api: unsafe extern "C" fn(u32) -> *const c_void,
+    get_version_string: unsafe extern "C" fn() -> *const c_char,
+}
+
+/// Loads the library at `path` and returns its version, such as `1.31.1`. `given_by` names the flag or variable in
+/// messages.
+///
+/// # Errors
+/// Where it cannot be loaded, is not ONNX Runtime, or is older than [`OLDEST_ONNXRUNTIME`].
+pub fn version(path: &Path, given_by: &'static str) -> Result<String, SetupError> {
+    let not_onnxruntime = || SetupError::NotOnnxRuntime { given_by, path: path.to_owned() };
+    // dlopen searches the system for a bare name; the file that was checked for is the one meant.
+    let absolute = std::path::absolute(path).unwrap_or_else(|_| path.to_owned());
+    // SAFETY: loading runs the library's initialisers; the user chose this file to be loaded as ONNX Runtime. It stays
+    // loaded, for ONNX Runtime does not promise to survive being unloaded.
+    let library = ManuallyDrop::new(unsafe { libloading::Library::new(&absolute) }.map_err(|error| {
+        let reason = std::error::Error::source(&error).map_or_else(|| error.to_string(), ToString::to_string);
+        SetupError::NotALibrary { given_by, path: path.to_owned(), reason, platform: platform() }
+    })?);
+    // SAFETY: this is the documented signature of the only symbol that every ONNX Runtime exports.
+    let api_base = unsafe { library.get::<unsafe extern "C" fn() -> *const OrtApiBase>(b"OrtGetApiBase\0") }
+        .map_err(|_| not_onnxruntime())?;
+    // SAFETY: as above; both pointers are static data of the library, which is never unloaded.
+    let version = unsafe {
+        let base = api_base().as_ref().ok_or_else(not_onnxruntime)?;
+        CStr::from_ptr((base.get_version_string)()).to_string_lossy().into_owned()
+    };
+    if is_new_enough(&version) {
+        Ok(version)
+    } else {
+        Err(SetupError::TooOld { given_by, path: path.to_owned(), version })
+    }
+}
+
+/// Whether `version` (`major.minor...`) is at least [`OLDEST_ONNXRUNTIME`]; one that cannot be read is not.
+fn is_new_enough(version: &str) -> bool {
+    let mut numbers = version.split('.').map(|part| part.parse::<u32>().ok());
+    match (numbers.next().flatten(), numbers.next().flatten()) {
+        (Some(major), Some(minor)) => (major, minor) >= OLDEST_ONNXRUNTIME,
+        _ => false,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::is_new_enough;
+
+    #[test]
+    fn versions_are_compared_as_numbers() {
+        assert!(is_new_enough("1.20.0"));
+        assert!(is_new_enough("1.31.1"));
+        assert!(is_new_enough("2.0.0"));
+        assert!(!is_new_enough("1.9.1"), "9 is older than 20");
+        assert!(!is_new_enough("1.19.2"));
+        assert!(!is_new_enough("nightly"));
+    }
+}

@@ -1,0 +1,129 @@
+//! Where things are looked for, and whether what lies there is what it should be. Fetches nothing.
+
+use std::fs::File;
+use std::io;
+use std::path::{Path, PathBuf};
+
+use serde::Serialize;
+use sha2::{Digest, Sha256};
+
+use super::catalog::{ONNXRUNTIME_NODE, ONNXRUNTIME_WHEEL, PinnedFile, SAM_DECODER, SAM_ENCODER};
+use super::environment::Environment;
+use super::error::SetupError;
+use super::{Options, library};
+
+/// The order in which gprop looks, for people. [`onnxruntime`], [`encoder`] and [`decoder`] do as it says.
+pub const LOOKUP_ORDER: &str = "\
+ONNX Runtime: --ort-lib, then ORT_DYLIB_PATH, then the cache
+SAM encoder:  --sam-encoder, then the cache
+SAM decoder:  --sam-decoder, then the cache
+cache:        $XDG_CACHE_HOME/gprop, by default ~/.cache/gprop";
+
+/// Who said where a file is.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
+pub enum Source {
+    #[serde(rename = "--ort-lib")]
+    OrtLib,
+    #[serde(rename = "ORT_DYLIB_PATH")]
+    OrtDylibPath,
+    #[serde(rename = "--sam-encoder")]
+    SamEncoder,
+    #[serde(rename = "--sam-decoder")]
+    SamDecoder,
+    #[serde(rename = "cache")]
+    Cache,
+}
+
+impl Source {
+    /// As the user writes it.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::OrtLib => "--ort-lib",
+            Self::OrtDylibPath => "ORT_DYLIB_PATH",
+            Self::SamEncoder => "--sam-encoder",
+            Self::SamDecoder => "--sam-decoder",
+            Self::Cache => "the cache",
+        }
+    }
+}
+
+/// An ONNX Runtime that will do.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Runtime {
+    pub path: PathBuf,
+    pub version: String,
+    pub source: Source,
+}
+
+/// ONNX Runtime: loaded and asked for its version where the user named it, known by its hash in the cache.
+pub fn onnxruntime(options: &Options, environment: &Environment) -> Result<Runtime, SetupError> {
+    let flag = options.ort_lib.as_ref().map(|path| (Source::OrtLib, path));
+    let named = flag.or_else(|| environment.ort_dylib_path.as_ref().map(|path| (Source::OrtDylibPath, path)));
+    if let Some((source, path)) = named {
+        check_user_file(source, path)?;
+        let version = library::version(path, source.name())?;
+        return Ok(Runtime { path: path.clone(), version, source });
+    }
+    let in_cache = |package: &super::catalog::Package| {
+        let path = cached(environment, &package.files[0], Source::OrtLib)?;
+        Ok(Runtime { path, version: package.version.to_owned(), source: Source::Cache })
+    };
+    // Where neither is there, the message is about the one that would be fetched first.
+    in_cache(&ONNXRUNTIME_WHEEL).or_else(|missing| in_cache(&ONNXRUNTIME_NODE).map_err(|_| missing))
+}
+
+/// The SAM encoder.
+pub fn encoder(options: &Options, environment: &Environment) -> Result<PathBuf, SetupError> {
+    model(options.sam_encoder.as_deref(), Source::SamEncoder, &SAM_ENCODER, environment)
+}
+
+/// The SAM decoder.
+pub fn decoder(options: &Options, environment: &Environment) -> Result<PathBuf, SetupError> {
+    model(options.sam_decoder.as_deref(), Source::SamDecoder, &SAM_DECODER, environment)
+}
+
+fn model(
+    named: Option<&Path>,
+    flag: Source,
+    pinned: &PinnedFile,
+    environment: &Environment,
+) -> Result<PathBuf, SetupError> {
+    match named {
+        Some(path) => check_user_file(flag, path).map(|()| path.to_owned()),
+        None => cached(environment, pinned, flag),
+    }
+}
+
+/// Checks that a file the user named is there to be read.
+fn check_user_file(source: Source, path: &Path) -> Result<(), SetupError> {
+    let problem = match File::open(path).and_then(|file| file.metadata()) {
+        Ok(metadata) if metadata.is_file() => return Ok(()),
+        Ok(_) => "is not a file".to_owned(),
+        Err(error) if error.kind() == io::ErrorKind::NotFound => "does not exist".to_owned(),
+        Err(error) => format!("cannot be read ({error})"),
+    };
+    Err(SetupError::UserFile { given_by: source.name(), path: path.to_owned(), problem })
+}
+
+/// The pinned file in the cache, if its hash is right. `flag` is what gives another, for the message.
+fn cached(environment: &Environment, file: &PinnedFile, flag: Source) -> Result<PathBuf, SetupError> {
+    let path = environment.cache.as_deref().ok_or(SetupError::NoCache)?.join(file.cached);
+    let state = match sha256_of(&path) {
+        Ok(found) if found == file.sha256 => return Ok(path),
+        Ok(found) => format!("is damaged: its SHA-256 is {found}, expected {}", file.sha256),
+        Err(error) if error.kind() == io::ErrorKind::NotFound => "does not exist".to_owned(),
+        Err(source) => return Err(SetupError::Io { action: "read", path, source }),
+    };
+    Err(SetupError::NotCached { title: file.title, path, state, flag: flag.name() })
+}
+
+fn sha256_of(path: &Path) -> io::Result<String> {
+    let mut hasher = Sha256::new();
+    io::copy(&mut File::open(path)?, &mut hasher)?;
+    Ok(hex(hasher))
+}
+
+/// Lower-case hex of a finished hash.
+pub(super) fn hex(hasher: Sha256) -> String {
+    hasher.finalize().iter().map(|byte| format!("{byte:02x}")).collect()
+}

@@ -1,0 +1,145 @@
+//! All that a run needs to go on after a frame, as bytes: a run resumed from a checkpoint ends in the same bytes as one
+//! that was never stopped.
+//!
+//! Layout, little endian: magic, version (u32), identity of the run (32 bytes), length of the record (u64), the record
+//! as JSON, number of particles (u64), then each particle as 39 words.
+
+use serde::{Deserialize, Serialize};
+use sha2::{Digest, Sha256};
+
+use super::error::SimulateError;
+use super::mpm::particles::Particle;
+
+const MAGIC: &[u8; 8] = b"gpropmpm";
+const VERSION: u32 = 1;
+/// Words of a particle.
+const WORDS: usize = 39;
+
+/// A frame in numbers.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+pub struct FrameSummary {
+    pub t_s: f64,
+    /// World frame.
+    pub center_of_mass_m: [f64; 3],
+    pub kinetic_energy_j: f64,
+    /// Where the object is but for a few strays: lowest and highest corner, world frame, scene units.
+    pub bounds: [[f64; 3]; 2],
+}
+
+/// What a run has to show so far.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Record {
+    pub substeps: u64,
+    /// Shortest step taken; `None` before the first.
+    pub shortest_dt_s: Option<f64>,
+    /// Of the frames done; the next one to do is number `frames.len()`.
+    pub frames: Vec<FrameSummary>,
+}
+
+/// The state after a frame.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Checkpoint {
+    pub(super) identity: [u8; 32],
+    pub(super) record: Record,
+    pub(super) particles: Vec<Particle>,
+}
+
+impl Checkpoint {
+    /// Frames done.
+    pub fn frames(&self) -> usize {
+        self.record.frames.len()
+    }
+
+    pub fn to_bytes(&self) -> Vec<u8> {
+        let record = serde_json::to_vec(&self.record).expect("numbers become JSON");
+        let mut bytes = Vec::with_capacity(64 + record.len() + self.particles.len() * WORDS * 4);
+        bytes.extend(MAGIC);
+        bytes.extend(VERSION.to_le_bytes());
+        bytes.extend(self.identity);
+        bytes.extend((record.len() as u64).to_le_bytes());
+        bytes.extend(record);
+        bytes.extend((self.particles.len() as u64).to_le_bytes());
+        bytes.extend(self.particles.iter().flat_map(words).flat_map(u32::to_le_bytes));
+        bytes
+    }
+
+    /// # Errors
+    /// [`SimulateError::Checkpoint`] where the bytes are no whole checkpoint of this version.
+    pub fn from_bytes(bytes: &[u8]) -> Result<Self, SimulateError> {
+        let mut rest = bytes;
+        if take(&mut rest, MAGIC.len())? != MAGIC {
+            return Err(SimulateError::Checkpoint("it is no checkpoint of a simulation".to_owned()));
+        }
+        let version = u32::from_le_bytes(array(take(&mut rest, 4)?));
+        if version != VERSION {
+            return Err(SimulateError::Checkpoint(format!("its version is {version}, not {VERSION}")));
+        }
+        let identity = array(take(&mut rest, 32)?);
+        let length = u64::from_le_bytes(array(take(&mut rest, 8)?));
+        let record = serde_json::from_slice(take(&mut rest, usize::try_from(length).unwrap_or(usize::MAX))?)
+            .map_err(|error| SimulateError::Checkpoint(format!("its record is damaged ({error})")))?;
+        let count = u64::from_le_bytes(array(take(&mut rest, 8)?));
+        if u64::try_from(rest.len()).ok() != count.checked_mul(4 * WORDS as u64) {
+            return Err(SimulateError::Checkpoint(format!("{count} particles do not fit its length")));
+        }
+        let particles = rest
+            .chunks_exact(4 * WORDS)
+            .map(|p| particle(&std::array::from_fn(|w| u32::from_le_bytes(array(&p[4 * w..4 * w + 4])))))
+            .collect();
+        Ok(Self { identity, record, particles })
+    }
+}
+
+fn take<'a>(rest: &mut &'a [u8], count: usize) -> Result<&'a [u8], SimulateError> {
+    let (head, tail) =
+        rest.split_at_checked(count).ok_or_else(|| SimulateError::Checkpoint("it is cut off".to_owned()))?;
+    *rest = tail;
+    Ok(head)
+}
+
+fn array<const N: usize>(bytes: &[u8]) -> [u8; N] {
+    bytes.try_into().expect("taken with this length")
+}
+
+/// Names a run: its first particles and all that its course depends on.
+pub fn identity(particles: &[Particle], setting: &str) -> [u8; 32] {
+    let mut hash = Sha256::new();
+    for particle in particles {
+        for word in words(particle) {
+            hash.update(word.to_le_bytes());
+        }
+    }
+    hash.update(setting);
+    hash.finalize().into()
+}
+
+fn words(p: &Particle) -> [u32; WORDS] {
+    let mut words = [0; WORDS];
+    let scalars = [p.mass_kg, p.volume_m3, p.mu, p.lambda, p.state];
+    let floats = p.position_m.iter().chain(&p.velocity_m_s).chain(&p.affine).chain(&p.elastic).chain(&p.deformation);
+    for (word, value) in words.iter_mut().zip(floats.chain(&scalars)) {
+        *word = value.to_bits();
+    }
+    words[WORDS - 1] = p.law;
+    words
+}
+
+fn particle(words: &[u32; WORDS]) -> Particle {
+    fn floats<const N: usize>(words: &[u32; WORDS], at: usize) -> [f32; N] {
+        std::array::from_fn(|i| f32::from_bits(words[at + i]))
+    }
+    let [mass_kg, volume_m3, mu, lambda, state] = floats(words, 33);
+    Particle {
+        position_m: floats(words, 0),
+        velocity_m_s: floats(words, 3),
+        affine: floats(words, 6),
+        elastic: floats(words, 15),
+        deformation: floats(words, 24),
+        mass_kg,
+        volume_m3,
+        mu,
+        lambda,
+        state,
+        law: words[WORDS - 1],
+    }
+}

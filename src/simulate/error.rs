@@ -1,0 +1,55 @@
+//! What can go wrong in a simulation.
+
+use thiserror::Error;
+
+/// Why a simulation could not start or go on.
+#[derive(Debug, Error)]
+pub enum SimulateError {
+    #[error("there is nothing to simulate: the scene has no Gaussians")]
+    NoParticles,
+    #[error("{what}: {got} for {gaussians} Gaussians")]
+    Mismatch { what: &'static str, got: usize, gaussians: usize },
+    #[error("Gaussian {gaussian} has the label {label}, but there are only {labels} labels")]
+    Label { gaussian: usize, label: u32, labels: usize },
+    #[error("{what} {index} lies at {position:?}, which is no place: remove it from the scene")]
+    Position { what: &'static str, index: usize, position: [f64; 3] },
+    #[error("interior point {index} has a volume of {volume}; a volume must be positive and finite")]
+    Volume { index: usize, volume: f64 },
+    #[error(
+        "the density of `{material}` is {density_kg_m3} kg/m3; it must be positive: correct the answer for this part"
+    )]
+    Density { material: String, density_kg_m3: f64 },
+    #[error(
+        "Young's modulus of `{material}` is {youngs_modulus_pa} Pa; it must be positive: correct the answer for this part"
+    )]
+    Stiffness { material: String, youngs_modulus_pa: f64 },
+    #[error(
+        "Poisson's ratio of `{material}` is {poisson_ratio}; it must be at least 0 and less than 0.5, where a material \
+         has no finite stiffness against compression: correct the answer for this part (0.49 for rubber)"
+    )]
+    Poisson { material: String, poisson_ratio: f64 },
+    #[error("the strength of `{material}` is {strength}; it must be positive: correct the answer for this part")]
+    Strength { material: String, strength: f64 },
+    #[error("all Gaussians lie in one point: the object has no size")]
+    NoExtent,
+    #[error("the domain is too small: particle {particle} starts at {position_m:?} m, outside of it")]
+    Domain { particle: usize, position_m: [f32; 3] },
+    #[error(
+        "particle {particle} ({material}) {what} at t = {t_s:.6} s, frame {frame} (position {position_m:?} m, velocity \
+         {velocity_m_s:?} m/s): {cause}. The frames before are kept"
+    )]
+    Lost {
+        particle: usize,
+        material: String,
+        what: &'static str,
+        t_s: f64,
+        frame: usize,
+        position_m: [f32; 3],
+        velocity_m_s: [f32; 3],
+        cause: &'static str,
+    },
+    #[error("the checkpoint cannot be resumed from: {0}; delete it to start from the first frame")]
+    Checkpoint(String),
+    #[error("a frame could not be kept")]
+    Frame(#[source] anyhow::Error),
+}

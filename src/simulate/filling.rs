@@ -1,0 +1,123 @@
+//! From Gaussians and the filled interior to bodies with a volume.
+//!
+//! Space is cut into cubes of half a grid cell, eight particles a cell being what MPM wants. The interior's volume in
+//! a cube goes in equal shares to the Gaussians of the same part in it; where there is none, to one particle of its own
+//! at the volume's centre. So solids are full, shells stay shells, and every part keeps its volume to rounding.
+
+use std::collections::BTreeMap;
+
+use super::error::SimulateError;
+
+/// A piece of the object's inside: the parts stage's cell, or whatever else knows where matter is.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct FillPoint {
+    /// World frame, scene units.
+    pub position: [f64; 3],
+    /// Of the part that fills it.
+    pub label: u32,
+    /// Of the matter in it, scene units cubed.
+    pub volume: f64,
+}
+
+/// What becomes a particle.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Body {
+    /// World frame, m.
+    pub position_m: [f64; 3],
+    pub label: u32,
+    pub volume_m3: f64,
+}
+
+/// Bodies: one a Gaussian, in their order, then those of the interior.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Filled {
+    pub bodies: Vec<Body>,
+    /// Labels of Gaussians of whose inside nothing is known: each cube that holds one of them counts as full.
+    pub assumed_full: Vec<u32>,
+}
+
+/// A cube of half a grid cell, for one part.
+#[derive(Debug, Default, Clone)]
+struct Cube {
+    volume_m3: f64,
+    /// Sum of volume times position.
+    moment: [f64; 3],
+    gaussians: Vec<u32>,
+}
+
+/// Gives every Gaussian a volume and adds particles where the interior has no Gaussian. `spacing_m` is the grid's.
+///
+/// # Errors
+/// A fill point without a place or with a volume that is none.
+pub fn fill(
+    positions_m: &[[f64; 3]],
+    labels: &[u32],
+    interior: &[FillPoint],
+    meters_per_unit: f64,
+    spacing_m: f64,
+) -> Result<Filled, SimulateError> {
+    let side = spacing_m / 2.0;
+    let key = |label: u32, p: [f64; 3]| (label, p.map(|x| (x / side).floor() as i64));
+    let mut cubes: BTreeMap<(u32, [i64; 3]), Cube> = BTreeMap::new();
+    let mut known = BTreeMap::<u32, f64>::new();
+    for (index, point) in interior.iter().enumerate() {
+        if !(point.volume.is_finite() && point.volume > 0.0) {
+            return Err(SimulateError::Volume { index, volume: point.volume });
+        }
+        if point.position.iter().any(|x| !x.is_finite()) {
+            return Err(SimulateError::Position { what: "interior point", index, position: point.position });
+        }
+        let position_m = point.position.map(|x| x * meters_per_unit);
+        let volume_m3 = point.volume * meters_per_unit.powi(3);
+        let cube = cubes.entry(key(point.label, position_m)).or_default();
+        cube.volume_m3 += volume_m3;
+        for (moment, x) in cube.moment.iter_mut().zip(position_m) {
+            *moment += volume_m3 * x;
+        }
+        *known.entry(point.label).or_default() += volume_m3;
+    }
+    let mut assumed_full = Vec::new();
+    for (i, (&label, &position)) in labels.iter().zip(positions_m).enumerate() {
+        let cube = cubes.entry(key(label, position)).or_default();
+        cube.gaussians.push(i as u32);
+        if !known.contains_key(&label) {
+            cube.volume_m3 = side.powi(3);
+            assumed_full.push(label);
+        }
+    }
+    assumed_full.sort_unstable();
+    assumed_full.dedup();
+    let mut bodies: Vec<Body> = labels
+        .iter()
+        .zip(positions_m)
+        .map(|(&label, &position_m)| Body { position_m, label, volume_m3: 0.0 })
+        .collect();
+    for ((label, _), cube) in &cubes {
+        let share = cube.volume_m3 / cube.gaussians.len().max(1) as f64;
+        for &i in &cube.gaussians {
+            bodies[i as usize].volume_m3 = share;
+        }
+        if cube.gaussians.is_empty() {
+            let position_m = cube.moment.map(|m| m / cube.volume_m3);
+            bodies.push(Body { position_m, label: *label, volume_m3: cube.volume_m3 });
+        }
+    }
+    give_strays_a_volume(&mut bodies, &known);
+    Ok(Filled { bodies, assumed_full })
+}
+
+/// Gaussians without a volume, since their part's inside does not reach them, get the mean of their part's bodies; then
+/// the part is scaled back to its volume.
+fn give_strays_a_volume(bodies: &mut [Body], known: &BTreeMap<u32, f64>) {
+    let mut with_volume = BTreeMap::<u32, f64>::new();
+    let mut strays = BTreeMap::<u32, f64>::new();
+    for body in bodies.iter() {
+        let counts = if body.volume_m3 > 0.0 { &mut with_volume } else { &mut strays };
+        *counts.entry(body.label).or_default() += 1.0;
+    }
+    for body in bodies {
+        let (Some(count), Some(strays)) = (with_volume.get(&body.label), strays.get(&body.label)) else { continue };
+        let volume = if body.volume_m3 > 0.0 { body.volume_m3 } else { known[&body.label] / count };
+        body.volume_m3 = volume * count / (count + strays);
+    }
+}

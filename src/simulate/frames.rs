@@ -1,0 +1,94 @@
+//! Frames: the Gaussians where the particles are, turned and stretched as the matter around them.
+//!
+//! A Gaussian's covariance becomes F Sigma F^T with the particle's whole deformation gradient F, plastic stretch and the
+//! scenario's tilt included, and is stored again as scale and rotation; its spherical harmonics turn with the rotation
+//! of F's polar decomposition (after Xie et al., *PhysGaussian*, 2024).
+
+use nalgebra::{Matrix3, Rotation3, SVD, UnitQuaternion, Vector3};
+use rayon::prelude::*;
+
+use super::checkpoint::FrameSummary;
+use super::mpm::particles::Particle;
+use super::sh_rotation;
+use crate::scene::gaussians::Gaussians;
+use crate::scene::robust_bounds;
+
+/// One moment of the simulation.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Frame {
+    /// From 0, the start.
+    pub index: usize,
+    pub summary: FrameSummary,
+    /// World frame and scene units of the input.
+    pub gaussians: Gaussians,
+}
+
+/// From the simulation's frame to the world's.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct ToWorld {
+    /// World position of the simulation's origin, m.
+    pub origin_m: Vector3<f64>,
+    pub meters_per_unit: f64,
+}
+
+/// Centre of mass and kinetic energy of all particles at `t_s`, and the bounds of their `gaussians`.
+pub fn summary(particles: &[Particle], gaussians: &Gaussians, to_world: ToWorld, t_s: f64) -> FrameSummary {
+    let (mut mass, mut moment, mut energy) = (0.0, Vector3::zeros(), 0.0);
+    for p in particles {
+        let m = f64::from(p.mass_kg);
+        mass += m;
+        moment += m * Vector3::from(p.position_m.map(f64::from));
+        energy += 0.5 * m * Vector3::from(p.velocity_m_s.map(f64::from)).norm_squared();
+    }
+    let bounds = robust_bounds(gaussians);
+    FrameSummary {
+        t_s,
+        center_of_mass_m: (moment / mass + to_world.origin_m).into(),
+        kinetic_energy_j: energy,
+        bounds: [bounds.min.into(), bounds.max.into()],
+    }
+}
+
+/// The Gaussians as `particles` (the first of them, one a Gaussian) carried and deformed them.
+pub fn deformed(gaussians: &Gaussians, particles: &[Particle], to_world: ToWorld) -> Gaussians {
+    let mut out = gaussians.clone();
+    let rest = 3 * gaussians.sh_rest_per_channel();
+    let mut no_detail = vec![[0.0_f32; 0]; gaussians.len()];
+    let detail: Vec<&mut [f32]> = match rest {
+        0 => no_detail.iter_mut().map(|d| &mut d[..]).collect(),
+        _ => out.sh_rest.chunks_exact_mut(rest).collect(),
+    };
+    out.positions.par_iter_mut().zip(&mut out.log_scales).zip(&mut out.rotations).zip(detail).enumerate().for_each(
+        |(i, (((position, log_scale), rotation), detail))| {
+            let particle = &particles[i];
+            let world = Vector3::from(particle.position_m.map(f64::from)) + to_world.origin_m;
+            *position = (world / to_world.meters_per_unit).map(|x| x as f32).into();
+            let f = Matrix3::from_row_slice(&particle.deformation.map(f64::from));
+            let axes = f * gaussians.rotation(i).to_rotation_matrix() * Matrix3::from_diagonal(&gaussians.scale(i));
+            (*log_scale, *rotation) = scale_and_rotation(&axes);
+            sh_rotation::rotate(gaussians.sh_degree, detail, &polar_rotation(&f));
+        },
+    );
+    out
+}
+
+/// Log scales and quaternion (w x y z) of the Gaussian with covariance A A^T.
+fn scale_and_rotation(axes: &Matrix3<f64>) -> ([f32; 3], [f32; 4]) {
+    let svd = SVD::new_unordered(*axes, true, false);
+    let mut turn = svd.u.expect("asked for");
+    if turn.determinant() < 0.0 {
+        turn.column_mut(0).neg_mut();
+    }
+    let q = UnitQuaternion::from_rotation_matrix(&Rotation3::from_matrix_unchecked(turn));
+    // A Gaussian pressed flat keeps a thickness that a logarithm can hold.
+    let scales = svd.singular_values.map(|s| s.max(f64::from(f32::MIN_POSITIVE)).ln() as f32);
+    (scales.into(), [q.w, q.i, q.j, q.k].map(|x| x as f32))
+}
+
+/// The rotation R of F = R S; where F is inside out the nearest proper rotation.
+fn polar_rotation(f: &Matrix3<f64>) -> Rotation3<f64> {
+    let svd = f.svd(true, true);
+    let (u, v_t) = (svd.u.expect("asked for"), svd.v_t.expect("asked for"));
+    let flip = Matrix3::from_diagonal(&Vector3::new(1.0, 1.0, (u * v_t).determinant().signum()));
+    Rotation3::from_matrix_unchecked(u * flip * v_t)
+}

@@ -1,0 +1,142 @@
+//! Materials as the solver needs them: checked, softened to what can be stepped through, in Lame's constants.
+
+use serde::Serialize;
+
+use super::error::SimulateError;
+use super::mpm::laws::{self, drucker_prager, von_mises};
+use crate::materials::Law;
+use crate::vote::FieldLabel;
+
+/// Poisson's ratio above which a material counts as this one: its bulk modulus, and with it the number of time steps,
+/// grows beyond bounds towards 0.5, while its shape hardly changes any more.
+pub const POISSON_CAP: f64 = 0.45;
+
+/// What one label is made of.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct Material {
+    pub name: String,
+    pub density_kg_m3: f64,
+    pub youngs_modulus_pa: f64,
+    pub poisson_ratio: f64,
+    pub law: Law,
+}
+
+impl From<&FieldLabel> for Material {
+    fn from(label: &FieldLabel) -> Self {
+        Self {
+            name: label.material.clone(),
+            density_kg_m3: label.density_kg_m3.mid,
+            youngs_modulus_pa: label.youngs_modulus_pa.mid,
+            poisson_ratio: label.poisson_ratio.mid,
+            law: label.law,
+        }
+    }
+}
+
+/// A material made easier to step through.
+#[derive(Debug, Clone, PartialEq, Serialize, serde::Deserialize)]
+pub struct Softened {
+    pub material: String,
+    /// What Young's modulus and the strength were multiplied by.
+    pub factor: f64,
+}
+
+/// A material with Poisson's ratio brought down to [`POISSON_CAP`].
+#[derive(Debug, Clone, PartialEq, Serialize, serde::Deserialize)]
+pub struct PoissonCapped {
+    pub material: String,
+    pub from: f64,
+    pub to: f64,
+}
+
+/// A material in the solver's terms.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Prepared {
+    pub density_kg_m3: f64,
+    pub mu_pa: f64,
+    pub lambda_pa: f64,
+    pub law: laws::Law,
+    /// What the law's state starts with.
+    pub state: f64,
+}
+
+impl Prepared {
+    /// Speed of pressure waves, the fastest: sqrt((lambda + 2 mu) / rho), m/s.
+    pub fn wave_speed_m_s(&self) -> f64 {
+        ((self.lambda_pa + 2.0 * self.mu_pa) / self.density_kg_m3).sqrt()
+    }
+}
+
+/// All materials prepared, and what was done to them.
+#[derive(Debug, Clone, PartialEq, Default)]
+pub struct Materials {
+    /// In the order given.
+    pub prepared: Vec<Prepared>,
+    pub softened: Vec<Softened>,
+    pub poisson_capped: Vec<PoissonCapped>,
+}
+
+impl Materials {
+    /// Checks `materials` and softens to `max_stiffness_pa`. Strength is scaled like stiffness: the yield strain stays.
+    ///
+    /// # Errors
+    /// A property that no material can have.
+    pub fn prepare(materials: &[Material], max_stiffness_pa: f64) -> Result<Self, SimulateError> {
+        let mut all = Self::default();
+        for material in materials {
+            check(material)?;
+            let name = || material.name.clone();
+            let factor = (max_stiffness_pa / material.youngs_modulus_pa).min(1.0);
+            if factor < 1.0 && all.softened.iter().all(|s| s.material != material.name || s.factor != factor) {
+                all.softened.push(Softened { material: name(), factor });
+            }
+            let nu = material.poisson_ratio.min(POISSON_CAP);
+            if nu < material.poisson_ratio && all.poisson_capped.iter().all(|c| c.material != material.name) {
+                all.poisson_capped.push(PoissonCapped { material: name(), from: material.poisson_ratio, to: nu });
+            }
+            let (mu_pa, lambda_pa) = lame(material.youngs_modulus_pa * factor, nu);
+            let (law, state) = match material.law {
+                Law::Elastic | Law::Snow { .. } => (laws::Law::FixedCorotated, 0.0),
+                Law::VonMises { yield_stress_pa }
+                | Law::Foam { yield_stress_pa, .. }
+                | Law::Plasticine { yield_stress_pa, .. } => {
+                    (laws::Law::VonMises { hardening: 0.0 }, von_mises::yield_radius(yield_stress_pa * factor))
+                }
+                Law::DruckerPrager { friction_angle_rad, .. } => {
+                    (laws::Law::DruckerPrager, drucker_prager::alpha(friction_angle_rad))
+                }
+            };
+            all.prepared.push(Prepared { density_kg_m3: material.density_kg_m3, mu_pa, lambda_pa, law, state });
+        }
+        Ok(all)
+    }
+}
+
+/// Lame's constants (mu, lambda) of Young's modulus and Poisson's ratio.
+pub fn lame(youngs_modulus_pa: f64, poisson_ratio: f64) -> (f64, f64) {
+    let (e, nu) = (youngs_modulus_pa, poisson_ratio);
+    (e / (2.0 * (1.0 + nu)), e * nu / ((1.0 + nu) * (1.0 - 2.0 * nu)))
+}
+
+fn check(material: &Material) -> Result<(), SimulateError> {
+    let positive = |v: f64| v.is_finite() && v > 0.0;
+    let name = || material.name.clone();
+    let Material { density_kg_m3, youngs_modulus_pa, poisson_ratio, .. } = *material;
+    if !positive(density_kg_m3) {
+        return Err(SimulateError::Density { material: name(), density_kg_m3 });
+    }
+    if !positive(youngs_modulus_pa) {
+        return Err(SimulateError::Stiffness { material: name(), youngs_modulus_pa });
+    }
+    if !(0.0..0.5).contains(&poisson_ratio) {
+        return Err(SimulateError::Poisson { material: name(), poisson_ratio });
+    }
+    match material.law {
+        Law::VonMises { yield_stress_pa: strength } | Law::DruckerPrager { friction_angle_rad: strength, .. }
+            if !positive(strength) =>
+        {
+            Err(SimulateError::Strength { material: name(), strength })
+        }
+        _ => Ok(()),
+    }
+}

@@ -1,0 +1,72 @@
+//! Constitutive laws: from a trial deformation gradient to the elastic one that yield allows, and the Kirchhoff stress.
+//!
+//! Every law sees the particle's Lame constants mu and lambda and one scalar `state` of its own, which it may change:
+//!
+//! | law | state |
+//! | --- | --- |
+//! | [`Law::FixedCorotated`] | none |
+//! | [`Law::VonMises`] | radius of the yield surface: Frobenius norm of the deviatoric Kirchhoff stress at yield, Pa |
+//! | [`Law::DruckerPrager`] | alpha, the slope of the yield cone |
+
+pub mod drucker_prager;
+mod fixed_corotated;
+mod hencky;
+pub mod von_mises;
+
+use super::lanes::{Lanes, Row};
+use super::matrix::{Mat3, Sym3};
+use super::particles::Pack;
+
+/// A constitutive law with the constants that all particles of it share.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum Law {
+    /// Fixed corotated elasticity.
+    FixedCorotated,
+    /// Hencky elasticity with von Mises yield.
+    VonMises {
+        /// Growth of the yield radius per plastic strain, as a multiple of 2 mu. 0: perfectly plastic.
+        hardening: f32,
+    },
+    /// Sand: Hencky elasticity without tension, with Drucker-Prager yield.
+    DruckerPrager,
+}
+
+impl Law {
+    /// Whether the elastic deformation may differ from the whole one.
+    pub fn is_plastic(&self) -> bool {
+        !matches!(self, Self::FixedCorotated)
+    }
+}
+
+/// The particles of a pack as a law sees them.
+struct Point<'a, L> {
+    elastic: Mat3<L>,
+    mu: L,
+    lambda: L,
+    state: &'a mut Row,
+}
+
+/// Kirchhoff stress of a pack, Pa; the pack's elastic deformation and state are brought back to what its law allows.
+#[inline(always)]
+pub fn stress<L: Lanes>(pack: &mut Pack, laws: &[Law], _dt_s: f32) -> Sym3<L> {
+    let point = Point {
+        elastic: Mat3::load(&pack.elastic),
+        mu: L::load(&pack.mu),
+        lambda: L::load(&pack.lambda),
+        state: &mut pack.state,
+    };
+    match laws[pack.law as usize] {
+        Law::FixedCorotated => fixed_corotated::stress(&point),
+        Law::VonMises { hardening } => returned(von_mises::stress(point, hardening), &mut pack.elastic),
+        Law::DruckerPrager => returned(drucker_prager::stress(point), &mut pack.elastic),
+    }
+}
+
+/// The stress; keeps the deformation that a return map gave back.
+#[inline(always)]
+fn returned<L: Lanes>((stress, mapped): (Sym3<L>, Option<Mat3<L>>), elastic: &mut [Row; 9]) -> Sym3<L> {
+    if let Some(mapped) = mapped {
+        mapped.store(elastic);
+    }
+    stress
+}

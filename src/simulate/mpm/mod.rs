@@ -1,0 +1,142 @@
+//! The Material Point Method in three dimensions: MLS-MPM with quadratic B-splines and APIC transfers.
+//!
+//! A substep ([`Solver::step`]) is, in this order:
+//! 1. [`sort`]: when particles may have drifted by a cell, into slabs, and a new grid around them;
+//! 2. the grid is cleared;
+//! 3. [`p2g`]: return map, stress, mass and momentum to the nodes;
+//! 4. [`grid_update`]: velocities, gravity, boundary conditions;
+//! 5. [`g2p`]: velocities back to the particles, their move, their deformation.
+//!
+//! Hu et al., *A Moving Least Squares Material Point Method*, 2018; Jiang et al., *The Affine Particle-In-Cell Method*,
+//! 2015; Jiang et al., *The Material Point Method for Simulating Continuum Materials*, 2016 (course notes).
+//!
+//! Arithmetic is f32 in packs of eight ([`lanes`]); the same input gives the same bytes on any number of threads of one
+//! machine.
+
+#[cfg(target_arch = "x86_64")]
+mod avx2;
+pub mod eigen;
+mod g2p;
+mod grid;
+mod grid_update;
+pub mod lanes;
+pub mod laws;
+pub mod matrix;
+mod p2g;
+pub mod particles;
+mod sort;
+mod stencil;
+
+use super::boundary::Boundary;
+use laws::Law;
+use particles::{Particle, in_given_order};
+use sort::Sorted;
+
+/// Defines `fn name(arguments)`, which calls `body::<L>(arguments)` with the best [`lanes::Lanes`] this processor has.
+macro_rules! dispatched {
+    (fn $name:ident($($argument:ident: $type:ty),*) $(-> $result:ty)? = $body:ident) => {
+        fn $name($($argument: $type),*) $(-> $result)? {
+            #[cfg(target_arch = "x86_64")]
+            if $crate::simulate::mpm::avx2::available() {
+                #[target_feature(enable = "avx2,fma")]
+                fn with_avx2($($argument: $type),*) $(-> $result)? {
+                    $body::<$crate::simulate::mpm::avx2::Avx2>($($argument),*)
+                }
+                // SAFETY: the processor has both features.
+                return unsafe { with_avx2($($argument),*) };
+            }
+            $body::<$crate::simulate::mpm::lanes::Plain>($($argument),*)
+        }
+    };
+}
+use dispatched;
+
+/// What does not change while the solver runs. SI.
+#[derive(Debug, Clone)]
+pub struct Setting {
+    /// Edge of a grid cell.
+    pub spacing_m: f32,
+    pub gravity_m_s2: [f32; 3],
+    /// In the order in which they act.
+    pub boundaries: Vec<Boundary>,
+    /// Lowest and highest position a particle may have.
+    pub domain_m: [[f32; 3]; 2],
+    /// The laws that [`Particle::law`] counts.
+    pub laws: Vec<Law>,
+}
+
+/// A particle that is no number any more or left the domain.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Lost {
+    /// In the order the particles were given.
+    pub particle: usize,
+    pub position_m: [f32; 3],
+    pub velocity_m_s: [f32; 3],
+}
+
+/// Particles, their grid, and the step.
+pub struct Solver {
+    setting: Setting,
+    sorted: Sorted,
+    nodes: Vec<f32>,
+    /// Cells that some particle may have moved since the last sort.
+    drift: f32,
+    fastest_m_s: f32,
+}
+
+impl Solver {
+    /// A solver that holds `particles`; their order is their numbering.
+    pub fn new(setting: Setting, particles: &[Particle]) -> Self {
+        let fastest_m_s = particles.iter().flat_map(|p| p.velocity_m_s).fold(0.0, |m: f32, v| m.max(v.abs()));
+        let packs = sort::packed(particles);
+        let sorted = Sorted { packs, ..Sorted::default() };
+        let mut solver = Self { setting, sorted, nodes: vec![], drift: 0.0, fastest_m_s };
+        solver.sort();
+        solver
+    }
+
+    /// One substep of `dt_s` seconds. On failure the particles are as the substep left them.
+    pub fn step(&mut self, dt_s: f32) -> Result<(), Lost> {
+        /// Short of [`grid::DRIFT`] by what rounding may add.
+        const LIMIT: f32 = grid::DRIFT as f32 * 0.95;
+        if self.drift > LIMIT {
+            self.sort();
+        }
+        let Setting { spacing_m, gravity_m_s2, ref boundaries, domain_m, ref laws } = self.setting;
+        self.nodes.fill(0.0);
+        p2g::scatter(&mut self.sorted, &mut self.nodes, laws, spacing_m, dt_s);
+        grid_update::update(&self.sorted.columns, &mut self.nodes, boundaries, gravity_m_s2, spacing_m, dt_s);
+        let moved = g2p::gather(&mut self.sorted, &self.nodes, laws, spacing_m, dt_s, domain_m);
+        self.fastest_m_s = moved.fastest_m_s;
+        self.drift += moved.fastest_m_s * dt_s / spacing_m;
+        match moved.lost {
+            Some(pack) => Err(self.lost_in(pack)),
+            None => Ok(()),
+        }
+    }
+
+    /// Largest component of any particle's velocity, m/s.
+    pub fn fastest_m_s(&self) -> f32 {
+        self.fastest_m_s
+    }
+
+    /// All particles in the order they were given.
+    pub fn particles(&self) -> Vec<Particle> {
+        in_given_order(&self.sorted.packs, &self.setting.laws)
+    }
+
+    fn sort(&mut self) {
+        self.sorted = sort::sorted(&self.sorted.packs, self.setting.laws.len(), 1.0 / self.setting.spacing_m);
+        self.nodes.resize(self.sorted.columns.nodes() * grid::NODE, 0.0);
+        self.drift = 0.0;
+    }
+
+    fn lost_in(&self, pack: usize) -> Lost {
+        let [low, high] = self.setting.domain_m;
+        let outside = |p: &Particle| (0..3).any(|a| !(low[a] < p.position_m[a] && p.position_m[a] < high[a]));
+        let pack = &self.sorted.packs[pack];
+        let (id, particle) =
+            pack.particles().find(|(_, p)| outside(p)).unwrap_or_else(|| (pack.id[0], pack.particle(0)));
+        Lost { particle: id as usize, position_m: particle.position_m, velocity_m_s: particle.velocity_m_s }
+    }
+}

@@ -1,0 +1,176 @@
+//! Particles to grid: return map, stress, and the scatter of mass and momentum.
+//!
+//! MLS-MPM (Hu et al. 2018): node i receives mass w m and momentum w (m v + (m C - dt (4/dx^2) V0 tau) (x_i - x_p)),
+//! with V0 the rest volume, tau the Kirchhoff stress and C APIC's affine velocity. The bracket is linear in the node's
+//! place, so it is evaluated along a row of nodes by additions.
+
+use rayon::prelude::*;
+
+use super::dispatched;
+use super::grid::{Columns, NODE};
+use super::lanes::{LANES, Lanes, Row};
+use super::laws::{self, Law};
+use super::matrix::{Mat3, dot};
+use super::particles::Pack;
+use super::sort::Sorted;
+use super::stencil::Stencil;
+
+/// What all slabs need to know.
+#[derive(Clone, Copy)]
+pub struct Context<'a> {
+    pub columns: &'a Columns,
+    pub laws: &'a [Law],
+    pub spacing_m: f32,
+    pub dt_s: f32,
+}
+
+/// One slab: its particles and the nodes they touch.
+struct Slab<'a> {
+    packs: &'a mut [Pack],
+    nodes: &'a mut [f32],
+    /// Nodes stored before `nodes`.
+    before: usize,
+}
+
+/// Adds all particles to the cleared grid. Slabs of one parity share no node: they run side by side, and every node
+/// sums its particles in the same order on any number of threads.
+pub fn scatter(sorted: &mut Sorted, nodes: &mut [f32], laws: &[Law], spacing_m: f32, dt_s: f32) {
+    let context = Context { columns: &sorted.columns, laws, spacing_m, dt_s };
+    for parity in [0, 1] {
+        let mut slabs = Vec::with_capacity(sorted.slabs.len() / 2 + 1);
+        let (mut packs, mut packs_before) = (sorted.packs.as_mut_slice(), 0);
+        let (mut rest, mut before) = (&mut *nodes, 0);
+        for s in (parity..sorted.slabs.len()).step_by(2).filter(|&s| !sorted.slabs[s].is_empty()) {
+            let (own, touched) = (sorted.slabs[s].clone(), sorted.columns.nodes_of_slab(s));
+            let (mine, after) = packs[own.start - packs_before..].split_at_mut(own.len());
+            (packs, packs_before) = (after, own.end);
+            let (region, after) = rest[(touched.start - before) * NODE..].split_at_mut(touched.len() * NODE);
+            (rest, before) = (after, touched.end);
+            slabs.push(Slab { packs: mine, nodes: region, before: touched.start });
+        }
+        slabs.par_iter_mut().with_max_len(1).for_each(|slab| scatter_slab(slab, context));
+    }
+}
+
+dispatched!(fn scatter_slab(slab: &mut Slab, context: Context) = scatter_packs);
+
+#[inline(always)]
+fn scatter_packs<L: Lanes>(slab: &mut Slab, context: Context) {
+    let before = slab.before as i32;
+    for pack in slab.packs.iter_mut() {
+        scatter_pack::<L>(pack, slab.nodes, before, context);
+    }
+}
+
+#[inline(always)]
+fn scatter_pack<L: Lanes>(pack: &mut Pack, nodes: &mut [f32], before: i32, context: Context) {
+    let Context { columns, spacing_m, dt_s, .. } = context;
+    let stencils = Stencil::<L>::of(&pack.position, 1.0 / spacing_m);
+    let linear = momentum::<L>(pack, &stencils, context.laws, spacing_m, dt_s, columns.axes);
+    let [si, sj, sk] = permuted(&stencils, columns.axes);
+    let (ci, cj, ck) = (si.cells(), sj.cells(), sk.cells());
+    let mut weights_ij = [[0.0; LANES]; 9];
+    for i in 0..3 {
+        for j in 0..3 {
+            (si.weight[i] * sj.weight[j]).store(&mut weights_ij[3 * i + j]);
+        }
+    }
+    let weights_k = sk.weights();
+    let steps = row_steps::<L>();
+    for p in 0..pack.live as usize {
+        let [constant, along_i, along_j, along_k] = linear.of(p);
+        let weight = row_weights::<L>(&weights_k, p);
+        let slope = [along_k * (steps[0] * weight[0]), along_k * (steps[1] * weight[1])];
+        let mut column = (ci[p] - columns.first[0]) as usize * columns.count[1] + (cj[p] - columns.first[1]) as usize;
+        let mut at_i = constant;
+        for i in 0..3 {
+            let mut at_j = at_i;
+            let bases: &[i32] = &columns.base[column..column + 3];
+            for j in 0..3 {
+                let first = (bases[j] + ck[p] - before) as usize * NODE;
+                let row = &mut nodes[first..first + 2 * LANES];
+                let weight_ij = L::splat(weights_ij[3 * i + j][p]);
+                for (half, row) in row.as_chunks_mut::<LANES>().0.iter_mut().enumerate() {
+                    let value = at_j.mul_add(weight[half], slope[half]);
+                    weight_ij.mul_add(value, L::load(row)).store(row);
+                }
+                at_j = at_j + along_j;
+            }
+            at_i = at_i + along_i;
+            column += columns.count[1];
+        }
+    }
+}
+
+/// Weights along a column of particle `p`: of its first and second node, each for four floats; of its third, and zero
+/// for the fourth node of the row.
+#[inline(always)]
+pub fn row_weights<L: Lanes>(weights_k: &[Row; 3], p: usize) -> [L; 2] {
+    let (a, b, c) = (weights_k[0][p], weights_k[1][p], weights_k[2][p]);
+    [L::load(&[a, a, a, a, b, b, b, b]), L::load(&[c, c, c, c, 0.0, 0.0, 0.0, 0.0])]
+}
+
+/// Number of the node within the row, for each of its four floats.
+#[inline(always)]
+pub fn row_steps<L: Lanes>() -> [L; 2] {
+    [L::load(&[0.0, 0.0, 0.0, 0.0, 1.0, 1.0, 1.0, 1.0]), L::load(&[2.0, 2.0, 2.0, 2.0, 3.0, 3.0, 3.0, 3.0])]
+}
+
+/// The stencils along the grid's axes.
+#[inline(always)]
+pub fn permuted<L: Lanes>(stencils: &[Stencil<L>; 3], axes: [usize; 3]) -> [Stencil<L>; 3] {
+    [stencils[axes[0]], stencils[axes[1]], stencils[axes[2]]]
+}
+
+/// Mass and momentum as a linear function of the node: value at the stencil's first node, and its change per node along
+/// each of the grid's axes. Four floats each, x y z and mass.
+struct Linear<L> {
+    /// Per particle: the value, then the change along i.
+    value_and_i: [L; LANES],
+    /// Per particle: the change along j, then along k.
+    j_and_k: [L; LANES],
+}
+
+impl<L: Lanes> Linear<L> {
+    /// Those of particle `p`, each twice over.
+    #[inline(always)]
+    fn of(&self, p: usize) -> [L; 4] {
+        let (a, b) = (self.value_and_i[p], self.j_and_k[p]);
+        [a.twice_low(), a.twice_high(), b.twice_low(), b.twice_high()]
+    }
+}
+
+#[inline(always)]
+fn momentum<L: Lanes>(
+    pack: &mut Pack,
+    stencils: &[Stencil<L>; 3],
+    laws: &[Law],
+    spacing_m: f32,
+    dt_s: f32,
+    axes: [usize; 3],
+) -> Linear<L> {
+    let tau = laws::stress::<L>(pack, laws, dt_s).to_matrix();
+    let mass = L::load(&pack.mass);
+    let affine = Mat3::<L>::load(&pack.affine);
+    // Everything per node instead of per metre: times dx.
+    let inertia = mass * L::splat(spacing_m);
+    let force = L::load(&pack.volume) * L::splat(-4.0 * dt_s / spacing_m);
+    let mut per_node = affine;
+    for r in 0..3 {
+        for c in 0..3 {
+            per_node.0[r][c] = affine.0[r][c].mul_add(inertia, tau.0[r][c] * force);
+        }
+    }
+    let zero = L::splat(0.0);
+    let offset = [stencils[0].offset, stencils[1].offset, stencils[2].offset];
+    let mut value = [zero, zero, zero];
+    for (r, value) in value.iter_mut().enumerate() {
+        *value = mass.mul_add(L::load(&pack.velocity[r]), -dot(&offset, &per_node.0[r]));
+    }
+    let m = &per_node.0;
+    let [i, j, k] = axes;
+    Linear {
+        value_and_i: L::transpose([value[0], value[1], value[2], mass, m[0][i], m[1][i], m[2][i], zero]),
+        j_and_k: L::transpose([m[0][j], m[1][j], m[2][j], zero, m[0][k], m[1][k], m[2][k], zero]),
+    }
+}

@@ -1,0 +1,145 @@
+//! The particles: packs of eight, structure of arrays inside a pack, so that a pack's data lies together in memory and
+//! each quantity fills a vector register.
+
+use super::lanes::{LANES, Row};
+use super::laws::Law;
+
+/// One particle as the outside gives and takes it. SI; positions relative to the simulation's origin.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Particle {
+    pub position_m: [f32; 3],
+    pub velocity_m_s: [f32; 3],
+    /// APIC's affine velocity matrix C, 1/s, row by row.
+    pub affine: [f32; 9],
+    /// Elastic deformation gradient, row by row. A rotation where nothing strains.
+    pub elastic: [f32; 9],
+    /// Whole deformation gradient, with the plastic part: what happened to the shape.
+    pub deformation: [f32; 9],
+    pub mass_kg: f32,
+    /// At rest.
+    pub volume_m3: f32,
+    /// Lame's second constant (shear modulus), Pa.
+    pub mu: f32,
+    /// Lame's first constant, Pa.
+    pub lambda: f32,
+    /// The scalar its law keeps: see [`Law`].
+    pub state: f32,
+    /// Index into the solver's laws.
+    pub law: u32,
+}
+
+/// Row by row, the identity.
+pub const IDENTITY: [f32; 9] = [1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0];
+
+/// Eight particles of one law. Unused lanes hold a resting particle without mass or volume.
+#[derive(Debug, Clone)]
+#[repr(C, align(32))]
+pub struct Pack {
+    pub position: [Row; 3],
+    pub velocity: [Row; 3],
+    pub affine: [Row; 9],
+    pub elastic: [Row; 9],
+    pub mass: Row,
+    pub volume: Row,
+    pub mu: Row,
+    pub lambda: Row,
+    pub state: Row,
+    pub deformation: [Row; 9],
+    /// The particle's number in the order it was given.
+    pub id: [u32; LANES],
+    pub live: u32,
+    pub law: u32,
+}
+
+impl Pack {
+    /// A pack of `particles` (one to eight, of one law) with their numbers.
+    pub fn gather(particles: impl Iterator<Item = (u32, Particle)>) -> Self {
+        let zero = [0.0; LANES];
+        let mut pack = Self {
+            position: [zero; 3],
+            velocity: [zero; 3],
+            affine: [zero; 9],
+            elastic: IDENTITY.map(|v| [v; LANES]),
+            mass: zero,
+            volume: zero,
+            mu: zero,
+            lambda: zero,
+            state: zero,
+            deformation: IDENTITY.map(|v| [v; LANES]),
+            id: [u32::MAX; LANES],
+            live: 0,
+            law: 0,
+        };
+        for (lane, (id, particle)) in particles.enumerate() {
+            pack.put(lane, id, &particle);
+        }
+        let first = pack.position.map(|row| row[0]);
+        for lane in pack.live as usize..LANES {
+            for (row, value) in pack.position.iter_mut().zip(first) {
+                row[lane] = value;
+            }
+        }
+        pack
+    }
+
+    fn put(&mut self, lane: usize, id: u32, p: &Particle) {
+        fn set<const N: usize>(rows: &mut [Row; N], lane: usize, values: &[f32; N]) {
+            for (row, value) in rows.iter_mut().zip(values) {
+                row[lane] = *value;
+            }
+        }
+        set(&mut self.position, lane, &p.position_m);
+        set(&mut self.velocity, lane, &p.velocity_m_s);
+        set(&mut self.affine, lane, &p.affine);
+        set(&mut self.elastic, lane, &p.elastic);
+        set(&mut self.deformation, lane, &p.deformation);
+        self.mass[lane] = p.mass_kg;
+        self.volume[lane] = p.volume_m3;
+        self.mu[lane] = p.mu;
+        self.lambda[lane] = p.lambda;
+        self.state[lane] = p.state;
+        self.id[lane] = id;
+        self.law = p.law;
+        self.live = self.live.max(lane as u32 + 1);
+    }
+
+    /// The particle in `lane`.
+    pub fn particle(&self, lane: usize) -> Particle {
+        fn get<const N: usize>(rows: &[Row; N], lane: usize) -> [f32; N] {
+            std::array::from_fn(|i| rows[i][lane])
+        }
+        Particle {
+            position_m: get(&self.position, lane),
+            velocity_m_s: get(&self.velocity, lane),
+            affine: get(&self.affine, lane),
+            elastic: get(&self.elastic, lane),
+            deformation: get(&self.deformation, lane),
+            mass_kg: self.mass[lane],
+            volume_m3: self.volume[lane],
+            mu: self.mu[lane],
+            lambda: self.lambda[lane],
+            state: self.state[lane],
+            law: self.law,
+        }
+    }
+
+    /// Its live particles with their numbers.
+    pub fn particles(&self) -> impl Iterator<Item = (u32, Particle)> + '_ {
+        (0..self.live as usize).map(|lane| (self.id[lane], self.particle(lane)))
+    }
+}
+
+/// All particles in the order they were given.
+pub fn in_given_order(packs: &[Pack], laws: &[Law]) -> Vec<Particle> {
+    let mut particles: Vec<_> = packs.iter().flat_map(Pack::particles).collect();
+    particles.sort_unstable_by_key(|(id, _)| *id);
+    particles
+        .into_iter()
+        .map(|(_, mut p)| {
+            if !laws[p.law as usize].is_plastic() {
+                p.deformation = p.elastic;
+            }
+            p
+        })
+        .collect()
+}

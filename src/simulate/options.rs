@@ -1,0 +1,68 @@
+//! What the user may choose about the simulation.
+
+use serde::Serialize;
+
+/// How the object is dropped, how finely and for how long it is simulated.
+#[derive(Debug, Clone, PartialEq, clap::Args, Serialize)]
+#[command(next_help_heading = "Simulation")]
+pub struct Options {
+    /// Height from which the object is dropped onto the ground, in times its longest side
+    #[arg(long, value_name = "RATIO", default_value_t = 0.5, value_parser = not_negative)]
+    pub drop_height: f64,
+
+    /// How far the object is tilted before the drop, in degrees
+    #[arg(long, value_name = "DEGREES", default_value_t = 25.0, allow_negative_numbers = true, value_parser = finite)]
+    pub tilt_deg: f64,
+
+    /// Simulated time in seconds
+    #[arg(long, value_name = "SECONDS", default_value_t = 0.6, value_parser = positive)]
+    pub duration: f64,
+
+    /// Frames to write, spread evenly over the time, the start among them
+    #[arg(long, value_name = "N", default_value_t = 24, value_parser = clap::value_parser!(u32).range(2..=10_000))]
+    pub frames: u32,
+
+    /// Grid cells along the object's longest side
+    #[arg(long, value_name = "CELLS", default_value_t = 40, value_parser = clap::value_parser!(u32).range(4..=512))]
+    pub grid: u32,
+
+    /// Gravitational acceleration in m/s^2, downwards along -z (default: the value of the paper's force equations)
+    #[arg(long, value_name = "M/S2", default_value_t = crate::units::GRAVITY_M_S2, value_parser = finite)]
+    pub gravity: f64,
+
+    /// Coulomb friction between object and ground (wood on wood is about 0.4)
+    #[arg(long, value_name = "MU", default_value_t = 0.4, value_parser = not_negative)]
+    pub ground_friction: f64,
+
+    /// Stiffest Young's modulus to step through, in Pa: stiffer materials are softened to it, their strength alike so
+    /// that they yield at the same strain; time grows with its square root
+    #[arg(long, value_name = "PA", default_value_t = 2e7, value_parser = positive)]
+    pub max_stiffness: f64,
+
+    /// Time step as a share of the time in which the fastest wave crosses a grid cell
+    #[arg(long, value_name = "SHARE", default_value_t = 0.4, value_parser = positive)]
+    pub cfl: f64,
+}
+
+impl Default for Options {
+    fn default() -> Self {
+        use clap::{Args, FromArgMatches};
+        let matches = Self::augment_args(clap::Command::new("defaults")).get_matches_from(["defaults"]);
+        Self::from_arg_matches(&matches).expect("every option has a default")
+    }
+}
+
+fn finite(text: &str) -> Result<f64, String> {
+    match text.parse() {
+        Ok(value) if f64::is_finite(value) => Ok(value),
+        _ => Err("not a number".to_owned()),
+    }
+}
+
+fn not_negative(text: &str) -> Result<f64, String> {
+    finite(text).and_then(|v| if v >= 0.0 { Ok(v) } else { Err("must not be negative".to_owned()) })
+}
+
+fn positive(text: &str) -> Result<f64, String> {
+    finite(text).and_then(|v| if v > 0.0 { Ok(v) } else { Err("must be positive".to_owned()) })
+}

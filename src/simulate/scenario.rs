@@ -1,0 +1,78 @@
+//! The scenario `drop`: the object, tilted, falls from a small height onto the ground.
+//!
+//! Up is +z of the world frame. The ground lies where the object's lowest point is in the scene: where it stood. Tilt is
+//! a turn about the horizontal axis across the object's longer side, and a little about the other one so that it
+//! touches down on a corner.
+
+use nalgebra::{Rotation3, Vector3};
+
+use super::boundary::{Boundary, Contact};
+use super::options::Options;
+use crate::scene::Bounds;
+
+/// How much of the tilt goes about the other horizontal axis.
+const SECOND_AXIS: f64 = 0.4;
+
+/// Grid cells between the ground and the plane on which the grid stops what falls. A particle pushes against the plane
+/// through nodes up to 1.5 cells away, and comes to rest about that far above it (measured by the test
+/// `rests_on_the_ground`); the plane lies as much lower.
+pub const CONTACT_DEPTH_CELLS: f64 = 1.0;
+
+/// Room around the object, in times its longest side: how far it may roll before the run stops.
+const ROOM: f64 = 3.0;
+
+/// The object's first pose and what it falls onto, in metres.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Drop {
+    /// Turns the object about [`Self::center_m`].
+    pub rotation: Rotation3<f64>,
+    pub center_m: Vector3<f64>,
+    /// Then lifts it.
+    pub lift_m: f64,
+    /// World z of the ground.
+    pub ground_z_m: f64,
+    /// World position of the simulation's origin.
+    pub origin_m: Vector3<f64>,
+    /// Edge of the cubic domain.
+    pub domain_m: f64,
+}
+
+impl Drop {
+    /// The drop of an object whose body lies within `object` (metres, world frame), with bodies at `positions_m`.
+    pub fn new(object: &Bounds, positions_m: &[[f64; 3]], options: &Options) -> Self {
+        let size = object.size();
+        let longest = size.max();
+        let center_m = object.center().coords;
+        let (mut about_x, mut about_y) = (options.tilt_deg.to_radians() * SECOND_AXIS, options.tilt_deg.to_radians());
+        if size.y > size.x {
+            (about_x, about_y) = (about_y, about_x);
+        }
+        let rotation = Rotation3::from_axis_angle(&Vector3::y_axis(), about_y)
+            * Rotation3::from_axis_angle(&Vector3::x_axis(), about_x);
+        let tilted_z = |p: &[f64; 3]| (rotation * (Vector3::from(*p) - center_m)).z + center_m.z;
+        let inside = |p: &&[f64; 3]| (0..3).all(|a| object.min[a] <= p[a] && p[a] <= object.max[a]);
+        let lowest = positions_m.iter().filter(inside).map(tilted_z).fold(f64::INFINITY, f64::min);
+        let ground_z_m = object.min.z;
+        let lift_m = ground_z_m + options.drop_height * longest - lowest;
+        let domain_m = longest * (2.0 * ROOM + 1.0 + options.drop_height);
+        let origin_m =
+            Vector3::new(center_m.x - domain_m / 2.0, center_m.y - domain_m / 2.0, ground_z_m - ROOM * longest);
+        Self { rotation, center_m, lift_m, ground_z_m, origin_m, domain_m }
+    }
+
+    /// First position of a point of the object, in the simulation's frame.
+    pub fn placed(&self, position_m: [f64; 3]) -> Vector3<f64> {
+        let turned = self.rotation * (Vector3::from(position_m) - self.center_m) + self.center_m;
+        turned + Vector3::z() * self.lift_m - self.origin_m
+    }
+
+    /// The ground, in the simulation's frame.
+    pub fn ground(&self, spacing_m: f64, friction: f64) -> Boundary {
+        let height = self.ground_z_m - self.origin_m.z - CONTACT_DEPTH_CELLS * spacing_m;
+        Boundary {
+            point_m: [0.0, 0.0, height as f32],
+            normal: [0.0, 0.0, 1.0],
+            contact: Contact::Separate { friction: friction as f32 },
+        }
+    }
+}

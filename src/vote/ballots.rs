@@ -1,0 +1,206 @@
+//! What each view says of each Gaussian: its ballots.
+//!
+//! Under [`Rule::Frequency`] a view gives a Gaussian that it sees one vote for the part at its centre (the paper's rule).
+//! Under [`Rule::Contribution`] every pixel gives each Gaussian that it shows a vote for its part as large as the
+//! Gaussian's share of the pixel's light, alpha times transmittance. That is right at the border of two parts, where the
+//! centre of a large Gaussian says nothing about the rest of it, and needs no depth test: what is hidden adds no light.
+
+use rayon::prelude::*;
+
+use super::depth::{DepthMap, DepthTest};
+use super::options::Rule;
+use super::parts_of_views::ViewParts;
+use super::raster::{LANES, Projected, RenderOptions, Sink, Splat, TILE, TRANSMITTANCE_MIN, TileRect, pixels};
+use super::{Progress, ViewInput};
+use crate::scene::gaussians::Gaussians;
+use crate::segment::LabelMap;
+
+/// A view sees a Gaussian if at least this share of its light arrives, the rest being taken by what is in front. A closed
+/// surface of trained Gaussians lets a few hundredths through; one in front of which nothing stands sends all of it.
+const VISIBLE_SHARE: f32 = 0.1;
+
+/// Votes of one view for one part to one Gaussian.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) struct Ballot {
+    /// Index of the view's part.
+    pub part: u32,
+    /// 1, or the light in pixels.
+    pub weight: f32,
+}
+
+/// The ballots of all Gaussians.
+pub(super) struct Ballots {
+    /// Gaussian `i` has `ballots[starts[i]..starts[i + 1]]`.
+    starts: Vec<u32>,
+    /// By Gaussian, then by view, then by part.
+    ballots: Vec<Ballot>,
+}
+
+impl Ballots {
+    /// Lets every view vote.
+    pub fn cast(gaussians: &Gaussians, views: &[ViewInput], parts: &ViewParts, rule: Rule, progress: Progress) -> Self {
+        let bar = progress.bar("vote", views.len() as u64);
+        let test = DepthTest::new(gaussians);
+        let mut of_views = Vec::new();
+        for (number, view) in views.iter().enumerate() {
+            let projected = Projected::new(gaussians, view.camera, &RenderOptions::default());
+            let find = |label| parts.find(number, label);
+            of_views.push(match rule {
+                Rule::Frequency => by_center(&projected, test, view.map, find),
+                Rule::Contribution => by_light(gaussians.len(), &projected, view.map, find),
+            });
+            bar.inc(1);
+        }
+        bar.finish_and_clear();
+        Self::sorted(gaussians.len(), &of_views)
+    }
+
+    /// The ballots for Gaussian `i`, by view, then by part.
+    pub fn of(&self, i: usize) -> &[Ballot] {
+        &self.ballots[self.starts[i] as usize..self.starts[i + 1] as usize]
+    }
+
+    pub fn gaussians(&self) -> usize {
+        self.starts.len() - 1
+    }
+
+    /// Sorts by Gaussian (counting sort, so the order of the views stays) and adds up what a tile border has split.
+    fn sorted(gaussians: usize, of_views: &[Vec<(u32, Ballot)>]) -> Self {
+        let mut starts = vec![0u32; gaussians + 1];
+        for (gaussian, _) in of_views.iter().flatten() {
+            starts[*gaussian as usize + 1] += 1;
+        }
+        for i in 0..gaussians {
+            starts[i + 1] += starts[i];
+        }
+        let mut next = starts.clone();
+        let mut scattered = vec![Ballot { part: 0, weight: 0.0 }; starts[gaussians] as usize];
+        for &(gaussian, ballot) in of_views.iter().flatten() {
+            let place = &mut next[gaussian as usize];
+            scattered[*place as usize] = ballot;
+            *place += 1;
+        }
+        Self::merged(&starts, scattered)
+    }
+
+    /// Adds up the ballots of one Gaussian for one part.
+    fn merged(starts: &[u32], mut scattered: Vec<Ballot>) -> Self {
+        let mut merged = Self { starts: vec![0], ballots: Vec::with_capacity(scattered.len()) };
+        for range in starts.windows(2) {
+            let own = &mut scattered[range[0] as usize..range[1] as usize];
+            // Parts are numbered by view, so this keeps the views in order; equal parts stay in the order of the tiles.
+            own.sort_by_key(|ballot| ballot.part);
+            for of_part in own.chunk_by(|a, b| a.part == b.part) {
+                let weight = of_part.iter().map(|ballot| ballot.weight).sum();
+                merged.ballots.push(Ballot { part: of_part[0].part, weight });
+            }
+            merged.starts.push(merged.ballots.len() as u32);
+        }
+        merged
+    }
+}
+
+/// [`Rule::Frequency`].
+fn by_center(
+    projected: &Projected,
+    test: DepthTest,
+    map: &LabelMap,
+    find: impl Fn(u16) -> Option<u32> + Sync,
+) -> Vec<(u32, Ballot)> {
+    let depth_map = DepthMap::new(projected);
+    let vote = |splat: &Splat| {
+        let (pixel, depth) = depth_map.at(splat)?;
+        let part = find(map.labels[pixel])?;
+        test.passes(splat, depth).then_some((splat.gaussian, Ballot { part, weight: 1.0 }))
+    };
+    projected.splats().par_iter().filter_map(vote).collect()
+}
+
+/// [`Rule::Contribution`].
+fn by_light(
+    gaussians: usize,
+    projected: &Projected,
+    map: &LabelMap,
+    find: impl Fn(u16) -> Option<u32> + Sync,
+) -> Vec<(u32, Ballot)> {
+    let width = projected.size().0;
+    let sinks = projected.visit(|rect| LightSink::new(rect, map, width));
+    let sights: Vec<Sight> = sinks.into_iter().flat_map(|(_, sink)| sink.finished()).collect();
+    // Light that arrives and light sent out, by Gaussian.
+    let mut light = vec![[0.0f32; 2]; gaussians];
+    for sight in &sights {
+        let [arrived, sent] = &mut light[sight.gaussian as usize];
+        *arrived += sight.arrived;
+        *sent += sight.sent;
+    }
+    let ballot = |sight: Sight| {
+        let [arrived, sent] = light[sight.gaussian as usize];
+        let part = find(sight.label).filter(|_| arrived >= VISIBLE_SHARE * sent)?;
+        Some((sight.gaussian, Ballot { part, weight: sight.arrived }))
+    };
+    sights.into_iter().filter_map(ballot).collect()
+}
+
+/// What the pixels of one label within one tile see of one Gaussian, in pixels.
+#[derive(Debug, Clone, Copy)]
+struct Sight {
+    gaussian: u32,
+    label: u16,
+    /// Sum of alpha times transmittance.
+    arrived: f32,
+    /// Sum of alpha.
+    sent: f32,
+}
+
+/// The sights of one tile.
+struct LightSink {
+    /// Label of every pixel of the tile; background outside the picture.
+    labels: [u16; TILE * TILE],
+    sights: Vec<Sight>,
+    /// Where the sights of the Gaussian being blended start: rarely more than two labels.
+    current: usize,
+}
+
+impl LightSink {
+    fn new(rect: TileRect, map: &LabelMap, width: usize) -> Self {
+        let mut labels = [0; TILE * TILE];
+        for (inside, outside) in pixels(rect, width) {
+            labels[inside] = map.labels[outside];
+        }
+        Self { labels, sights: Vec::new(), current: 0 }
+    }
+
+    fn count(&mut self, gaussian: u32, label: u16, arrived: f32, sent: f32) {
+        match self.sights[self.current..].iter_mut().find(|sight| sight.label == label) {
+            Some(sight) => {
+                sight.arrived += arrived;
+                sight.sent += sent;
+            }
+            None => self.sights.push(Sight { gaussian, label, arrived, sent }),
+        }
+    }
+
+    fn finished(self) -> Vec<Sight> {
+        self.sights
+    }
+}
+
+impl Sink for LightSink {
+    fn add(&mut self, splat: &Splat, first: usize, weights: &[f32; LANES], transmittance: &[f32; LANES]) {
+        let gaussian = splat.gaussian;
+        if self.sights.last().is_none_or(|last| last.gaussian != gaussian) {
+            self.current = self.sights.len();
+        }
+        // The light before the splat is what it takes and what it leaves; a finished pixel counts as neither.
+        let sent: [f32; LANES] =
+            std::array::from_fn(|lane| weights[lane] / (weights[lane] + transmittance[lane]).max(TRANSMITTANCE_MIN));
+        let labels: [u16; LANES] = std::array::from_fn(|lane| self.labels[first + lane]);
+        if labels.iter().all(|label| *label == labels[0]) {
+            self.count(gaussian, labels[0], weights.iter().sum(), sent.iter().sum());
+            return;
+        }
+        for lane in (0..LANES).filter(|&lane| weights[lane] > 0.0) {
+            self.count(gaussian, labels[lane], weights[lane], sent[lane]);
+        }
+    }
+}

@@ -1,0 +1,23 @@
+//! What makes a vote impossible.
+
+/// Why there is no [`super::MaterialField`].
+#[derive(Debug, thiserror::Error)]
+pub enum VoteError {
+    #[error("the scene has no Gaussians: give a splat that holds some")]
+    NoGaussians,
+    #[error(
+        "the label map of view `{view}` has {map:?} pixels, its camera {camera:?}: segment the view again, or scale the \
+         map to the photo's size"
+    )]
+    MapSize { view: String, map: (u32, u32), camera: (u32, u32) },
+    #[error(
+        "the answer for part {part} of view `{view}` names `{material}`, which the material library does not have: add it \
+         to the library or correct the answer"
+    )]
+    UnknownMaterial { view: String, part: u16, material: String },
+    #[error(
+        "no Gaussian received a vote: {parts} parts in {views} views, {answered} of them with an answer; look at the label \
+         maps and at the failures in the answers, and whether photos, cameras and splat agree"
+    )]
+    NoVotes { views: usize, parts: usize, answered: usize },
+}

@@ -1,0 +1,88 @@
+//! The material field as extra vertex properties of a PLY, and as colours.
+
+use super::{FieldLabel, MaterialField, palette};
+use crate::materials::{Material, MaterialLibrary};
+use crate::scene::gaussians::{ExtraProperty, Gaussians};
+use crate::units::Estimate;
+
+/// Names of the materials that the labels use, sorted: `material_id` is the place in this list.
+pub fn material_names(labels: &[FieldLabel]) -> Vec<&str> {
+    let mut names: Vec<&str> = labels.iter().map(|label| label.material.as_str()).collect();
+    names.sort_unstable();
+    names.dedup();
+    names
+}
+
+/// The library's rows of the materials that the labels use, in the order of `material_id`. Written as `materials.json`.
+pub fn materials<'a>(labels: &[FieldLabel], library: &'a MaterialLibrary) -> Vec<&'a Material> {
+    material_names(labels).into_iter().filter_map(|name| library.get(name)).collect()
+}
+
+/// The columns of `field.ply`, one value a Gaussian: `part_label`, `material_id`, `density` (kg/m3), `E` (Pa), `nu`,
+/// `yield_stress` (Pa), `friction` (on a rubber pad), `hardness` (Shore, on the scale of the label's material; NaN where it
+/// has none), `conf` (0 to 1), `votes`, `views` (0: label taken from the nearest seen Gaussians).
+pub fn columns(field: &MaterialField) -> Vec<ExtraProperty> {
+    let names = material_names(&field.labels);
+    let of_label = |name: &str, value: &dyn Fn(&FieldLabel) -> f64| {
+        let by_label: Vec<f32> = field.labels.iter().map(|label| value(label) as f32).collect();
+        property(name, field.part_label.iter().map(|&label| by_label[label as usize]))
+    };
+    let mid = |name, estimate: fn(&FieldLabel) -> Estimate| of_label(name, &|label| estimate(label).mid);
+    vec![
+        property("part_label", field.part_label.iter().map(|&label| label as f32)),
+        of_label("material_id", &|label| names.iter().position(|name| *name == label.material).unwrap_or(0) as f64),
+        mid("density", |label| label.density_kg_m3),
+        mid("E", |label| label.youngs_modulus_pa),
+        mid("nu", |label| label.poisson_ratio),
+        mid("yield_stress", |label| label.yield_strength_pa),
+        mid("friction", |label| label.friction_rubber),
+        of_label("hardness", &|label| label.hardness.map_or(f64::NAN, |hardness| hardness.range.mid())),
+        property("conf", field.confidence.iter().copied()),
+        property("votes", field.votes.iter().copied()),
+        property("views", field.views.iter().map(|&views| f32::from(views))),
+    ]
+}
+
+fn property(name: &str, values: impl Iterator<Item = f32>) -> ExtraProperty {
+    ExtraProperty { name: name.to_owned(), values: values.collect() }
+}
+
+/// The field that [`columns`] wrote for `labels`; `None` where a column is missing or holds what no field can.
+pub fn read(columns: &[ExtraProperty], labels: Vec<FieldLabel>) -> Option<MaterialField> {
+    let column = |name: &str| columns.iter().find(|column| column.name == name).map(|column| &column.values);
+    let whole = |value: &f32, below: usize| {
+        (value.fract() == 0.0 && *value >= 0.0 && (*value as usize) < below).then_some(*value as u32)
+    };
+    let part_label: Option<Vec<u32>> = column("part_label")?.iter().map(|value| whole(value, labels.len())).collect();
+    let views = column("views")?.iter().map(|value| whole(value, 1 << 16).map(|views| views as u16));
+    Some(MaterialField {
+        part_label: part_label?,
+        views: views.collect::<Option<_>>()?,
+        confidence: column("conf")?.clone(),
+        votes: column("votes")?.clone(),
+        warnings: Vec::new(),
+        labels,
+    })
+}
+
+/// One colour a Gaussian: its label's.
+pub fn label_colors(field: &MaterialField) -> Vec<[f32; 3]> {
+    field.part_label.iter().map(|&label| palette::color(label)).collect()
+}
+
+/// One colour a Gaussian: how sure its label is, from dark blue (never seen) over green to yellow (all votes agree).
+pub fn confidence_colors(field: &MaterialField) -> Vec<[f32; 3]> {
+    const STOPS: [[f32; 3]; 3] = [[0.27, 0.0, 0.33], [0.13, 0.57, 0.55], [0.99, 0.91, 0.14]];
+    let color = |confidence: &f32| {
+        let at = confidence.clamp(0.0, 1.0) * 2.0;
+        let (from, share) = if at < 1.0 { (0, at) } else { (1, at - 1.0) };
+        std::array::from_fn(|c| STOPS[from][c] + share * (STOPS[from + 1][c] - STOPS[from][c]))
+    };
+    field.confidence.iter().map(color).collect()
+}
+
+/// The cloud in these colours (sRGB, 0 to 1), the same from every side.
+pub fn recolored(gaussians: &Gaussians, colors: &[[f32; 3]]) -> Gaussians {
+    let sh_dc = colors.iter().map(|color| color.map(|c| (c - 0.5) / super::raster::SH_C0)).collect();
+    Gaussians { sh_dc, sh_degree: 0, sh_rest: Vec::new(), ..gaussians.clone() }
+}

@@ -1,0 +1,196 @@
+//! Which parts of different views are the same part of the object, and what it is made of.
+//!
+//! Two views' parts are compared on the Gaussians that both views vote on: how much of their light carries both parts, and
+//! how much carries either. Groups of parts are joined by average linkage, always the two that agree best, all counts
+//! summed over their views:
+//!
+//! 1. as long as more than half of what carries either carries both (Jaccard above [`SAME_PART_OVERLAP`]): the same part
+//!    seen from different sides;
+//! 2. then, among groups whose views agree on one material, as long as more than half of the smaller lies within the
+//!    larger (containment): the same part cut finer in some views than in others.
+//!
+//! Two parts of one view share nothing, so they count against a union of their groups: touching parts of one material
+//! stay two as long as most views keep them apart, and a view that took them for one does not glue them together.
+//!
+//! A 3D part is of the material that most of its views' answers name, each counting by how much of the part it sees.
+
+use rayon::prelude::*;
+
+use super::ballots::{Ballot, Ballots};
+use super::parts_of_views::ViewParts;
+use super::tally::{Tally, add, winner};
+
+/// Overlap from which two groups are one 3D part. Above one half, a part has at most one partner in another view, whose
+/// parts are disjoint; so this is the lowest threshold that leaves no choice.
+pub(super) const SAME_PART_OVERLAP: f64 = 0.5;
+
+/// The 3D part of every view's part.
+pub(super) struct Identity {
+    /// Numbered in the order of their first view's part.
+    pub part_3d: Vec<u32>,
+    /// What each 3D part is made of: index into [`ViewParts::materials`].
+    pub material_3d: Vec<u32>,
+    /// Per view's part: the light of the Gaussians that carry it, in [`LIGHT_STEPS`] to the pixel (or vote).
+    pub seen: Vec<u64>,
+}
+
+impl Identity {
+    pub fn new(ballots: &Ballots, parts: &ViewParts) -> Self {
+        let view_of: Vec<usize> = parts.parts.iter().map(|part| part.view).collect();
+        let shared = Shared::of(ballots, &view_of);
+        let seen: Vec<u64> = (0..view_of.len()).map(|p| shared.get(p, p)).collect();
+        let mut groups = Groups::new(&shared, &view_of);
+        groups.join_while(jaccard, |_, _| true);
+        let materials = materials(&groups.group, parts, &seen);
+        groups.join_while(containment, |a, b| materials[a] == materials[b]);
+
+        let mut firsts = groups.alive;
+        firsts.sort_unstable();
+        let number = |of: &usize| firsts.binary_search(of).expect("every group is alive") as u32;
+        let material_3d = firsts.iter().map(|&first| materials[first]).collect();
+        Self { part_3d: groups.group.iter().map(number).collect(), material_3d, seen }
+    }
+}
+
+/// The material that each group agrees on, by the group's name.
+fn materials(group: &[usize], parts: &ViewParts, seen: &[u64]) -> Vec<u32> {
+    let mut tallies: Vec<Tally> = vec![Vec::new(); group.len()];
+    for (n, part) in parts.parts.iter().enumerate() {
+        add(&mut tallies[group[n]], part.material, seen[n] as f64, part.answer.confidence);
+    }
+    tallies.iter().map(|tally| winner(tally).map_or(0, |(material, _)| material)).collect()
+}
+
+/// Light is counted in whole steps, so that sums do not depend on their order.
+const LIGHT_STEPS: f32 = 256.0;
+
+/// Light of the Gaussians that carry part `a` in one view and part `b` in another, the smaller of the two; on the
+/// diagonal, of those that carry `a`.
+struct Shared {
+    parts: usize,
+    light: Vec<u64>,
+}
+
+impl Shared {
+    fn of(ballots: &Ballots, view_of: &[usize]) -> Self {
+        /// Gaussians counted together: their table must be small beside them.
+        const RUN: usize = 1 << 17;
+        let parts = view_of.len();
+        let runs = ballots.gaussians().div_ceil(RUN);
+        let tables = (0..runs).into_par_iter().map(|run| {
+            let mut light = vec![0u64; parts * parts];
+            let mut carried = Vec::new();
+            for i in run * RUN..ballots.gaussians().min((run + 1) * RUN) {
+                main_parts(ballots.of(i), view_of, &mut carried);
+                for a in &carried {
+                    for b in &carried {
+                        let steps = (a.weight.min(b.weight) * LIGHT_STEPS) as u64;
+                        light[a.part as usize * parts + b.part as usize] += steps;
+                    }
+                }
+            }
+            light
+        });
+        let sum = |mut sum: Vec<u64>, other: Vec<u64>| {
+            sum.iter_mut().zip(other).for_each(|(sum, other)| *sum += other);
+            sum
+        };
+        Self { parts, light: tables.reduce(|| vec![0; parts * parts], sum) }
+    }
+
+    fn get(&self, a: usize, b: usize) -> u64 {
+        self.light[a * self.parts + b]
+    }
+}
+
+/// Of every view that votes on a Gaussian, the part it votes for most; the first of equals.
+fn main_parts(ballots: &[Ballot], view_of: &[usize], main: &mut Vec<Ballot>) {
+    main.clear();
+    let same_view = |a: &Ballot, b: &Ballot| view_of[a.part as usize] == view_of[b.part as usize];
+    for of_view in ballots.chunk_by(same_view) {
+        main.extend(of_view.iter().reduce(|best, next| if next.weight > best.weight { next } else { best }));
+    }
+}
+
+/// What carries both over what carries either: from `both`, and from what of each group the other's views vote on.
+fn jaccard(both: f64, of_a: f64, of_b: f64) -> f64 {
+    both / (of_a + of_b - both)
+}
+
+/// What carries both over the smaller of the two.
+fn containment(both: f64, of_a: f64, of_b: f64) -> f64 {
+    both / of_a.min(of_b)
+}
+
+/// Groups of parts while they are being joined; a group is named by its first part.
+struct Groups {
+    /// `both[a * parts + b]`: light that carries a part of `a` in one view and a part of `b` in another.
+    both: Vec<f64>,
+    /// `visible[a * parts + b]`: light of `a` that the views of `b` vote on, for whatever part.
+    visible: Vec<f64>,
+    /// Of every part, its group.
+    group: Vec<usize>,
+    alive: Vec<usize>,
+}
+
+impl Groups {
+    fn new(shared: &Shared, view_of: &[usize]) -> Self {
+        let parts = view_of.len();
+        let views = view_of.iter().max().map_or(0, |last| last + 1);
+        let mut voted_on = vec![0u64; parts * views];
+        for a in 0..parts {
+            for b in 0..parts {
+                voted_on[a * views + view_of[b]] += shared.get(a, b);
+            }
+        }
+        let pairs = || (0..parts).flat_map(|a| (0..parts).map(move |b| (a, b)));
+        let both = |(a, b): (usize, usize)| if view_of[a] == view_of[b] { 0 } else { shared.get(a, b) };
+        Self {
+            both: pairs().map(|pair| both(pair) as f64).collect(),
+            visible: pairs().map(|(a, b)| voted_on[a * views + view_of[b]] as f64).collect(),
+            group: (0..parts).collect(),
+            alive: (0..parts).collect(),
+        }
+    }
+
+    /// Joins the pair of groups with the largest overlap, the first of equals, as long as it exceeds the threshold.
+    fn join_while(&mut self, overlap: fn(f64, f64, f64) -> f64, may_join: impl Fn(usize, usize) -> bool) {
+        while let Some((a, b)) = self.best_pair(overlap, &may_join) {
+            self.join(a, b);
+        }
+    }
+
+    fn best_pair(
+        &self,
+        overlap: fn(f64, f64, f64) -> f64,
+        may_join: &impl Fn(usize, usize) -> bool,
+    ) -> Option<(usize, usize)> {
+        let parts = self.group.len();
+        let mut best = (SAME_PART_OVERLAP, None);
+        for (n, &a) in self.alive.iter().enumerate() {
+            for &b in self.alive[n + 1..].iter().filter(|&&b| may_join(a, b)) {
+                let (ab, ba) = (a * parts + b, b * parts + a);
+                // Where no Gaussian speaks this is 0 / 0, no number, and exceeds nothing.
+                let overlap = overlap(self.both[ab], self.visible[ab], self.visible[ba]);
+                if overlap > best.0 {
+                    best = (overlap, Some((a, b)));
+                }
+            }
+        }
+        best.1
+    }
+
+    fn join(&mut self, a: usize, b: usize) {
+        let parts = self.group.len();
+        self.alive.retain(|&group| group != b);
+        for &c in self.alive.iter().filter(|&&c| c != a) {
+            for table in [&mut self.both, &mut self.visible] {
+                table[a * parts + c] += table[b * parts + c];
+                table[c * parts + a] += table[c * parts + b];
+            }
+        }
+        for group in self.group.iter_mut().filter(|group| **group == b) {
+            *group = a;
+        }
+    }
+}

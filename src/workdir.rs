@@ -1,0 +1,200 @@
+//! The work folder: every path, file name and format version on disk, atomic reads and writes, the lock.
+//!
+//! A file is written under a temporary name next to its place and renamed into it, so a reader (or a killed run) sees
+//! the old file or the new one, never half of one.
+
+use std::fs::{self, File, TryLockError};
+use std::io::{self, Write};
+use std::path::{Path, PathBuf};
+
+use serde::Serialize;
+use serde::de::DeserializeOwned;
+use thiserror::Error;
+
+/// Raised when the meaning of any artifact changes: what an older gprop wrote is then made again.
+pub const FORMAT_VERSION: u32 = 1;
+
+/// Name of the work folder inside a scene.
+pub const DEFAULT_NAME: &str = "gprop";
+
+/// Every file of the work folder. View names are file-name safe by the time they get here (`scene` sees to it).
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Artifact<'a> {
+    /// Version, options, input hashes, timings, warnings: what a rerun may reuse.
+    Run,
+    /// The chosen views with their cameras, and the metric scale.
+    Views,
+    /// 16-bit label map of a view.
+    LabelMap(&'a str),
+    /// Per part: view, id, area, box, predicted IoU, stability, level.
+    Segments,
+    /// The picture sent for a part of a view.
+    Sheet(&'a str, u16),
+    /// One line a part: the answer or the typed failure.
+    Answers,
+    /// The input PLY with the materials' properties.
+    Field,
+    /// The 3D parts that `field.ply` labels.
+    Labels,
+    /// material_id -> library row.
+    Materials,
+    /// 3D parts with volume, thickness, mass, inertia.
+    Parts,
+    /// A frame of the simulation.
+    Frame(usize),
+    /// The particles after the last written frame, to resume from.
+    Checkpoint,
+    /// What the simulation did, frame by frame.
+    Simulation,
+    /// The animated picture.
+    Animation,
+    /// Forces, bounds, command.
+    Grasp,
+    /// The whole result, for programs.
+    ReportJson,
+    /// The whole result, for people.
+    ReportHtml,
+}
+
+impl Artifact<'_> {
+    /// Path inside the work folder.
+    pub fn path(&self) -> PathBuf {
+        match self {
+            Self::Run => "run.json".into(),
+            Self::Views => "views.json".into(),
+            Self::LabelMap(view) => Path::new("segments").join(format!("{view}.png")),
+            Self::Segments => "segments/segments.json".into(),
+            Self::Sheet(view, part) => Path::new("sheets").join(format!("{view}_{part}.jpg")),
+            Self::Answers => "answers.jsonl".into(),
+            Self::Field => "field.ply".into(),
+            Self::Labels => "labels.json".into(),
+            Self::Materials => "materials.json".into(),
+            Self::Parts => "parts.json".into(),
+            Self::Frame(index) => Path::new("simulation/frames").join(format!("{index:04}.ply")),
+            Self::Checkpoint => "simulation/checkpoint.bin".into(),
+            Self::Simulation => "simulation/simulation.json".into(),
+            Self::Animation => "simulation/animation.gif".into(),
+            Self::Grasp => "grasp.json".into(),
+            Self::ReportJson => "report.json".into(),
+            Self::ReportHtml => "report.html".into(),
+        }
+    }
+}
+
+/// What can go wrong with the work folder.
+#[derive(Debug, Error)]
+pub enum WorkDirError {
+    #[error("cannot write {path:?}: {source}; make room or choose another folder with --out")]
+    Write { path: PathBuf, source: io::Error },
+    #[error("cannot read {path:?}: {source}; run the stage that makes it again with --from")]
+    Read { path: PathBuf, source: io::Error },
+    #[error("{path:?} is not what gprop wrote: {source}; delete it and run again")]
+    Parse { path: PathBuf, source: serde_json::Error },
+    #[error("another gprop is working in {path:?}; wait for it to end or choose another folder with --out")]
+    Locked { path: PathBuf },
+}
+
+/// A work folder that this process holds the lock of.
+#[derive(Debug)]
+pub struct WorkDir {
+    root: PathBuf,
+    /// Held, never read: the lock ends with the process, however that ends.
+    _lock: File,
+}
+
+impl WorkDir {
+    /// Opens the work folder, making it where it does not exist yet, and locks it against a second gprop.
+    pub fn open(root: &Path) -> Result<Self, WorkDirError> {
+        let write_error = |source| WorkDirError::Write { path: root.to_owned(), source };
+        fs::create_dir_all(root).map_err(write_error)?;
+        let lock = File::create(root.join(".lock")).map_err(write_error)?;
+        match lock.try_lock() {
+            Ok(()) => Ok(Self { root: root.to_owned(), _lock: lock }),
+            Err(TryLockError::WouldBlock) => Err(WorkDirError::Locked { path: root.to_owned() }),
+            Err(TryLockError::Error(source)) => Err(write_error(source)),
+        }
+    }
+
+    /// The folder itself.
+    pub fn root(&self) -> &Path {
+        &self.root
+    }
+
+    /// Where an artifact lies, whether or not it is there.
+    pub fn path(&self, artifact: Artifact) -> PathBuf {
+        self.root.join(artifact.path())
+    }
+
+    /// Length of an artifact in bytes; `None` where it does not exist.
+    pub fn size(&self, artifact: Artifact) -> Option<u64> {
+        fs::metadata(self.path(artifact)).ok().map(|meta| meta.len())
+    }
+
+    /// Writes an artifact atomically through a writer.
+    pub fn write_with(
+        &self,
+        artifact: Artifact,
+        fill: impl FnOnce(&mut dyn Write) -> io::Result<()>,
+    ) -> Result<(), WorkDirError> {
+        let path = self.path(artifact);
+        write_atomic(&path, fill).map_err(|source| WorkDirError::Write { path, source })
+    }
+
+    /// Writes an artifact atomically.
+    pub fn write(&self, artifact: Artifact, bytes: &[u8]) -> Result<(), WorkDirError> {
+        self.write_with(artifact, |out| out.write_all(bytes))
+    }
+
+    /// Writes an artifact as indented JSON with a newline at its end.
+    pub fn write_json(&self, artifact: Artifact, value: &impl Serialize) -> Result<(), WorkDirError> {
+        self.write_with(artifact, |out| {
+            serde_json::to_writer_pretty(&mut *out, value)?;
+            out.write_all(b"\n")
+        })
+    }
+
+    /// The bytes of an artifact.
+    pub fn read(&self, artifact: Artifact) -> Result<Vec<u8>, WorkDirError> {
+        let path = self.path(artifact);
+        fs::read(&path).map_err(|source| WorkDirError::Read { path, source })
+    }
+
+    /// An artifact that is JSON.
+    pub fn read_json<T: DeserializeOwned>(&self, artifact: Artifact) -> Result<T, WorkDirError> {
+        let bytes = self.read(artifact)?;
+        serde_json::from_slice(&bytes).map_err(|source| WorkDirError::Parse { path: self.path(artifact), source })
+    }
+
+    /// Removes an artifact; one that is not there is as good as removed.
+    pub fn remove(&self, artifact: Artifact) -> Result<(), WorkDirError> {
+        let path = self.path(artifact);
+        match fs::remove_file(&path) {
+            Err(source) if source.kind() != io::ErrorKind::NotFound => Err(WorkDirError::Write { path, source }),
+            _ => Ok(()),
+        }
+    }
+}
+
+/// Writes a file under a temporary name beside its place, then renames it into it. Makes missing folders.
+pub fn write_atomic(path: &Path, fill: impl FnOnce(&mut dyn Write) -> io::Result<()>) -> io::Result<()> {
+    let folder = path.parent().unwrap_or(Path::new("."));
+    fs::create_dir_all(folder)?;
+    let mut out = io::BufWriter::new(tempfile::Builder::new().prefix(".tmp-").tempfile_in(folder)?);
+    fill(&mut out)?;
+    let file = out.into_inner().map_err(io::IntoInnerError::into_error)?;
+    make_readable(file.as_file())?;
+    file.persist(path).map_err(|error| error.error)?;
+    Ok(())
+}
+
+/// A temporary file is the owner's alone; a result is meant to be shared.
+#[cfg(unix)]
+fn make_readable(file: &File) -> io::Result<()> {
+    use std::os::unix::fs::PermissionsExt;
+    file.set_permissions(fs::Permissions::from_mode(0o644))
+}
+
+#[cfg(not(unix))]
+fn make_readable(_file: &File) -> io::Result<()> {
+    Ok(())
+}

@@ -1,0 +1,149 @@
+//! Scenes with ground truth, and the material field that flawless segmentation and answers would give: labels from the
+//! true part maps, materials, forms and walls from the true parts. What is measured with it is the volume alone.
+
+use std::path::{Path, PathBuf};
+
+use gprop::materials::Law;
+use gprop::query::Form;
+use gprop::scene::{self, Scene};
+use gprop::units::{Estimate, Range};
+use gprop::vote::raster::{RenderOptions, render};
+use gprop::vote::{FieldLabel, MaterialField};
+use rayon::prelude::*;
+use serde::Deserialize;
+
+/// What `ground_truth/parts.json` holds of a part.
+#[derive(Debug, Clone, Deserialize)]
+pub struct TruePart {
+    pub id: u8,
+    pub name: String,
+    pub material: String,
+    pub family: String,
+    pub visible: bool,
+    pub form: String,
+    pub thickness_m: Option<f64>,
+    pub volume_m3: f64,
+    pub density_kg_m3: f64,
+    pub mass_kg: f64,
+    pub youngs_modulus_pa: f64,
+    pub poisson_ratio: f64,
+    pub friction_rubber_pad: f64,
+}
+
+/// `ground_truth/parts.json`.
+#[derive(Debug, Clone, Deserialize)]
+pub struct Truth {
+    pub total_mass_kg: f64,
+    pub parts: Vec<TruePart>,
+}
+
+pub fn hammer() -> PathBuf {
+    Path::new(env!("CARGO_MANIFEST_DIR")).join("fixtures/hammer")
+}
+
+/// The folder of a scene that is not among the fixtures, where it lies beside the crate.
+pub fn beside(name: &str) -> Option<PathBuf> {
+    let root = Path::new(env!("CARGO_MANIFEST_DIR"));
+    let folders = ["../shared/scenes", "../../shared/scenes"].map(|folder| root.join(folder).join(name));
+    let found = folders.into_iter().find(|folder| folder.is_dir());
+    if found.is_none() {
+        println!("skipped {name}: no ../shared/scenes");
+    }
+    found
+}
+
+pub fn load(folder: &Path) -> (Scene, Truth) {
+    let options = scene::Options { scale: scene::ScaleChoice::Metric, ..Default::default() };
+    let scene = scene::load(folder, &options).unwrap();
+    let text = std::fs::read_to_string(folder.join("ground_truth/parts.json")).unwrap();
+    (scene, serde_json::from_str(&text).unwrap())
+}
+
+/// Label `i` is the i-th visible true part.
+pub fn field(scene: &Scene, truth: &Truth, folder: &Path) -> MaterialField {
+    let visible: Vec<&TruePart> = truth.parts.iter().filter(|p| p.visible).collect();
+    let votes = votes(scene, folder, &visible);
+    let winner = |votes: &Vec<u32>| {
+        let best = (0..votes.len()).rev().max_by_key(|&l| votes[l]).unwrap();
+        (votes[best] > 0).then_some(best as u32)
+    };
+    let seen: Vec<Option<u32>> = votes.iter().map(winner).collect();
+    let count = scene.gaussians.len();
+    MaterialField {
+        labels: visible.iter().enumerate().map(|(l, p)| label(l as u32, p)).collect(),
+        part_label: (0..count)
+            .into_par_iter()
+            .map(|i| seen[i].unwrap_or_else(|| of_nearest(scene, &seen, i)))
+            .collect(),
+        confidence: vec![1.0; count],
+        votes: vec![1.0; count],
+        views: seen.iter().map(|s| u16::from(s.is_some())).collect(),
+        warnings: Vec::new(),
+    }
+}
+
+/// Per Gaussian and label: in how many views the true part at the Gaussian's centre is this label's.
+fn votes(scene: &Scene, folder: &Path, visible: &[&TruePart]) -> Vec<Vec<u32>> {
+    /// A Gaussian up to so far behind the surface is taken as on it: the splats' softness, in metres.
+    const BEHIND_M: f64 = 0.01;
+    let gaussians = &scene.gaussians;
+    let mut votes = vec![vec![0; visible.len()]; gaussians.len()];
+    for view in &scene.views {
+        let map = image::open(folder.join(format!("ground_truth/part_maps/{}.png", view.name))).unwrap().into_luma8();
+        let drawn = render(gaussians, &view.camera, &RenderOptions::default());
+        for (i, votes) in votes.iter_mut().enumerate() {
+            let in_camera = view.camera.point_in_camera(gaussians.center(i));
+            let Some(pixel) = view.camera.pixel(in_camera) else { continue };
+            let (x, y) = (pixel.x.floor(), pixel.y.floor());
+            if !(x >= 0.0 && y >= 0.0 && x < f64::from(map.width()) && y < f64::from(map.height())) {
+                continue;
+            }
+            let surface = f64::from(drawn.median_depth[(y as u32 * map.width() + x as u32) as usize]);
+            let part = map.get_pixel(x as u32, y as u32).0[0];
+            if let Some(l) = visible.iter().position(|p| p.id == part).filter(|_| in_camera.z < surface + BEHIND_M) {
+                votes[l] += 1;
+            }
+        }
+    }
+    votes
+}
+
+fn of_nearest(scene: &Scene, seen: &[Option<u32>], i: usize) -> u32 {
+    let at = scene.gaussians.center(i);
+    let far = |j: &usize| (scene.gaussians.center(*j) - at).norm_squared();
+    let nearest = (0..seen.len()).filter(|&j| seen[j].is_some()).min_by(|a, b| far(a).total_cmp(&far(b)));
+    seen[nearest.unwrap()].unwrap()
+}
+
+fn label(id: u32, part: &TruePart) -> FieldLabel {
+    FieldLabel {
+        id,
+        caption: part.name.clone(),
+        material: part.material.clone(),
+        family: part.family.clone(),
+        density_kg_m3: Estimate::exactly(part.density_kg_m3),
+        youngs_modulus_pa: Estimate::exactly(part.youngs_modulus_pa),
+        poisson_ratio: Estimate::exactly(part.poisson_ratio),
+        // The truth has none; no volume depends on it.
+        yield_strength_pa: Estimate::exactly(1e7),
+        hardness: None,
+        friction_rubber: Estimate::exactly(part.friction_rubber_pad),
+        form: match part.thickness_m.filter(|_| part.form == "shell") {
+            Some(wall) => Form::Shell { wall_thickness_m: Range::exactly(wall) },
+            None => Form::Solid,
+        },
+        law: Law::Elastic,
+    }
+}
+
+pub fn field_from(truth: &Truth) -> MaterialField {
+    let visible: Vec<&TruePart> = truth.parts.iter().filter(|p| p.visible).collect();
+    MaterialField {
+        labels: visible.iter().enumerate().map(|(l, p)| label(l as u32, p)).collect(),
+        part_label: vec![],
+        confidence: vec![],
+        votes: vec![],
+        views: vec![],
+        warnings: vec![],
+    }
+}

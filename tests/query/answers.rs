@@ -1,0 +1,201 @@
+use gprop::materials::MaterialLibrary;
+use gprop::query::answer::{Problem, Unknown};
+use gprop::query::question::{Questions, Reading};
+use gprop::query::{Answer, Answers, Context, Failure, Form, Guidance, Match, Outcome, PartAnswer, Prompts};
+use gprop::units::{Range, ShoreScale};
+use serde_json::{Value, json};
+
+use super::{a, good_answer, with};
+
+fn read_as(response: &str, unknown: Unknown) -> Result<Answer, Problem> {
+    let library = MaterialLibrary::builtin();
+    let questions = Questions::new(&Prompts::builtin(), library, Guidance::Single, Context::GlobalLocal).unwrap();
+    match questions.read(questions.first(), response, library, unknown)? {
+        Reading::Answered(answer) => Ok(*answer),
+        Reading::Next(_) => panic!("single guidance has one question"),
+    }
+}
+
+fn read(answer: &Value) -> Result<Answer, Problem> {
+    read_as(&answer.to_string(), Unknown::Refuse)
+}
+
+fn good() -> Value {
+    good_answer(a("wood"))
+}
+
+#[test]
+fn a_good_answer_is_in_si_and_unflagged() {
+    let answer = read(&good()).unwrap();
+    let row = MaterialLibrary::builtin().get(a("wood")).unwrap();
+    assert_eq!(answer.material, row.name);
+    assert_eq!(answer.density_kg_m3, row.density_kg_m3);
+    let apart = (answer.youngs_modulus_pa.high / row.youngs_modulus_pa.high - 1.0).abs();
+    assert!(apart < 1e-12, "MPa to Pa and back: {apart}");
+    assert_eq!(answer.form, Form::Solid);
+    assert_eq!(answer.hardness, row.hardness);
+    assert_eq!(answer.matched, Match::Live);
+    assert_eq!(answer.flags, Vec::<String>::new());
+}
+
+#[test]
+fn what_is_no_answer_is_refused_with_the_field_that_is_wrong() {
+    let mut short = good();
+    short.as_object_mut().unwrap().remove("density_kg_m3");
+    let table = [
+        (short.to_string(), "density_kg_m3"),
+        (with(good(), "density_kg_m3", json!("heavy")).to_string(), "density_kg_m3"),
+        (with(good(), "density_kg_m3", json!([700])).to_string(), "density_kg_m3"),
+        (with(good(), "poisson_ratio", json!([0.3, null])).to_string(), "poisson_ratio"),
+        (with(good(), "family", json!("unobtainium")).to_string(), "family"),
+        (with(good(), "form", json!("hollow")).to_string(), "form"),
+        (with(good(), "form", json!("shell")).to_string(), "wall_thickness_mm"),
+        (with(good(), "opinion", json!("nice")).to_string(), "opinion"),
+        ("I would rather not say.".into(), "no JSON"),
+        ("{\"caption\": oak}".into(), "cannot be read"),
+        (String::new(), "no JSON"),
+    ];
+    for (response, named) in table {
+        let problem = read_as(&response, Unknown::TakeNearest).expect_err(&response);
+        assert!(problem.reason.contains(named), "{response}: {}", problem.reason);
+        assert!(matches!(problem.failure, Failure::Invalid { .. }));
+    }
+}
+
+#[test]
+fn json_is_found_in_what_models_write_around_it() {
+    let json = good().to_string();
+    let pretty = format!("{:#}", good());
+    let cut_in_last_field = json.trim_end_matches('}');
+    let table = [
+        format!("```json\n{pretty}\n```"),
+        format!("Here it is: {json} I hope that helps."),
+        format!("<think>{{maybe}} {{\"caption\":\"no\"}}</think>{json}"),
+        format!("A set {{a, b}} first. {json}"),
+        cut_in_last_field.into(),
+        format!("```\n{cut_in_last_field}\n```"),
+        format!("\u{feff}{json}"),
+    ];
+    for response in table {
+        let answer = read_as(&response, Unknown::Refuse);
+        assert!(answer.is_ok(), "{response}: {answer:?}");
+    }
+    let commas = with(good(), "caption", json!("a grip, black, \"ribbed\" {soft}"));
+    assert_eq!(read(&commas).unwrap().caption, "a grip, black, \"ribbed\" {soft}");
+}
+
+#[test]
+fn a_truncated_answer_names_what_it_lacks() {
+    let json = good().to_string();
+    let cut = &json[..json.find("\"friction_rubber\"").unwrap() - 1];
+    let problem = read_as(cut, Unknown::Refuse).unwrap_err();
+    assert!(problem.reason.contains("friction_rubber"), "{}", problem.reason);
+}
+
+#[test]
+fn names_are_found_whatever_their_case() {
+    let answer = read(&with(good(), "material", json!(a("wood").to_uppercase()))).unwrap();
+    assert_eq!(answer.material, a("wood"));
+}
+
+#[test]
+fn an_unknown_material_is_refused_first_and_then_taken_for_the_nearest() {
+    let typo = with(good(), "material", json!(format!("{} tree", a("wood"))));
+    let problem = read(&typo).unwrap_err();
+    assert!(problem.reason.contains(a("wood")), "the hint is missing: {}", problem.reason);
+    assert!(matches!(problem.failure, Failure::UnknownMaterial { .. }));
+    let answer = read_as(&typo.to_string(), Unknown::TakeNearest).unwrap();
+    assert_eq!(answer.material, a("wood"));
+    assert!(answer.flags[0].contains("nearest"), "{:?}", answer.flags);
+
+    let nonsense = with(good(), "material", json!("zzxqj")).to_string();
+    let problem = read_as(&nonsense, Unknown::TakeNearest).unwrap_err();
+    assert_eq!(problem.failure, Failure::UnknownMaterial { material: "zzxqj".into() });
+}
+
+#[test]
+fn the_family_is_the_materials() {
+    let answer = read(&with(good(), "family", json!("metal"))).unwrap();
+    assert_eq!(answer.family, "wood");
+    assert!(answer.flags[0].contains("not metal"), "{:?}", answer.flags);
+}
+
+#[test]
+fn numbers_narrow_the_librarys_range_and_cannot_leave_it() {
+    let row = MaterialLibrary::builtin().get(a("metal")).unwrap();
+    let Range { low, high } = row.density_kg_m3;
+    let mid = 0.5 * (low + high);
+    let metal = || good_answer(a("metal"));
+    let density = |said: [f64; 2]| {
+        let answer = read(&with(metal(), "density_kg_m3", json!(said))).unwrap();
+        (answer.density_kg_m3, answer.flags)
+    };
+    assert_eq!(density([low, mid]), (Range::new(low, mid), vec![]));
+    assert_eq!(density([mid, high + 1.0]).0, Range::new(mid, high));
+
+    let (range, flags) = density([mid, low]);
+    assert_eq!(range, Range::new(low, mid));
+    assert!(flags[0].contains("swapped"), "{flags:?}");
+
+    let (range, flags) = density([high + 50.0, high + 60.0]);
+    assert_eq!(range, row.density_kg_m3, "no overlap: the library's");
+    assert!(flags[0].contains("does not meet"), "{flags:?}");
+
+    let (range, flags) = density([-5.0, 1e9]);
+    assert_eq!(range, row.density_kg_m3);
+    assert!(flags[0].contains("was cut"), "{flags:?}");
+}
+
+#[test]
+fn hardness_keeps_to_the_librarys_scale() {
+    let library = MaterialLibrary::builtin();
+    let families = library.families().iter().flat_map(|family| library.of_family(&family.name));
+    let row = families.into_iter().find(|row| row.hardness.is_some()).expect("some row has a hardness");
+    let hardness = row.hardness.unwrap();
+    let (same, other) = match hardness.scale {
+        ShoreScale::A => ("A", "D"),
+        ShoreScale::D => ("D", "A"),
+    };
+    let said = |scale: &str, range: Value| {
+        let answer = with(good_answer(&row.name), "shore_scale", json!(scale));
+        read(&with(answer, "shore_hardness", range)).unwrap()
+    };
+    let top = hardness.range.high;
+    assert_eq!(said(same, json!([top, 100])).hardness.unwrap().range, Range::exactly(top));
+    let crossed = said(other, json!([50, 60]));
+    assert_eq!(crossed.hardness, Some(hardness));
+    assert!(crossed.flags[0].contains("Shore"), "{:?}", crossed.flags);
+}
+
+#[test]
+fn walls_are_in_metres_and_confidence_within_one() {
+    let shell = with(good(), "form", json!("shell"));
+    let answer = read(&with(shell.clone(), "wall_thickness_mm", json!([2, 4]))).unwrap();
+    assert_eq!(answer.form, Form::Shell { wall_thickness_m: Range::new(0.002, 0.004) });
+    let answer = read(&with(shell, "wall_thickness_mm", json!([0, 4]))).unwrap();
+    assert!(matches!(answer.form, Form::Shell { wall_thickness_m } if wall_thickness_m.low > 0.0));
+    assert!(!answer.flags.is_empty());
+    let answer = read(&with(good(), "confidence", json!(85))).unwrap();
+    assert_eq!((answer.confidence, answer.flags.len()), (1.0, 1));
+}
+
+#[test]
+fn answers_survive_json_lines() {
+    let mut shell = read(&with(with(good(), "form", json!("shell")), "wall_thickness_mm", json!([1.1, 2.3]))).unwrap();
+    shell.matched = Match::Mask { iou: 0.93 };
+    let failed = |failure| Outcome::Failed(failure);
+    let outcomes = [
+        Outcome::Answered(shell),
+        Outcome::Answered(read(&with(good(), "caption", json!("line\nbreak, \"quotes\" and ümlaut"))).unwrap()),
+        failed(Failure::Refused { message: "no".into() }),
+        failed(Failure::UnknownMaterial { material: "x,y".into() }),
+    ];
+    let parts = (1..).zip(outcomes).map(|(part, outcome)| PartAnswer { view: "000".into(), part, outcome }).collect();
+    let answers = Answers { parts };
+    let text = answers.to_jsonl();
+    assert_eq!(text.lines().count(), 4);
+    assert_eq!(Answers::from_jsonl(&text).unwrap(), answers);
+    assert_eq!(answers.failed().count(), 2);
+    let error = Answers::from_jsonl(&format!("{text}\n{{\"view\":1}}\n")).unwrap_err();
+    assert_eq!(error.line, 6);
+}

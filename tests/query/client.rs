@@ -1,0 +1,377 @@
+//! The client against a server that misbehaves in every way known of servers.
+
+use std::sync::atomic::{AtomicUsize, Ordering};
+use std::time::Duration;
+
+use gprop::query::asker::{Ask, AskError, Asker, Correction};
+use gprop::query::client::{ApiKey, Client, ClientError};
+use gprop::query::recorded::Usage;
+use gprop::query::{Failure, Options, Outcome, Prompts, QueryError};
+use serde_json::{Value, json};
+use tokio::runtime::Runtime;
+use wiremock::matchers::{method, path};
+use wiremock::{Mock, MockServer, Request, ResponseTemplate};
+
+use super::{a, good_answer, prepare, recordings, run, small, two_parts, view};
+
+/// What a key looks like; found anywhere it must not be, it fails the test.
+const CANARY: &str = "sk-canary-5f2e8c1d9b7a";
+
+struct Server {
+    runtime: Runtime,
+    mock: MockServer,
+}
+
+impl Server {
+    /// A server that answers its n-th request, from 0, as `respond` says.
+    fn new(respond: impl Fn(usize, &Value, &Request) -> ResponseTemplate + Send + Sync + 'static) -> Self {
+        let runtime = Runtime::new().unwrap();
+        let mock = runtime.block_on(async {
+            let server = MockServer::start().await;
+            let count = AtomicUsize::new(0);
+            Mock::given(method("POST"))
+                .and(path("/v1/chat/completions"))
+                .respond_with(move |request: &Request| {
+                    let body: Value = serde_json::from_slice(&request.body).expect("the client sends JSON");
+                    respond(count.fetch_add(1, Ordering::SeqCst), &body, request)
+                })
+                .mount(&server)
+                .await;
+            server
+        });
+        Self { runtime, mock }
+    }
+
+    fn options(&self) -> Options {
+        Options { lmm_url: Some(format!("{}/v1", self.mock.uri())), lmm_model: Some("test-model".into()), ..small() }
+    }
+
+    fn client(&self) -> Client {
+        Client::new(&self.options(), None).unwrap().unwrap()
+    }
+
+    fn requests(&self) -> Vec<Value> {
+        let requests = self.runtime.block_on(self.mock.received_requests()).unwrap();
+        requests.iter().map(|request| serde_json::from_slice(&request.body).unwrap()).collect()
+    }
+
+    /// Asks one made-up question.
+    fn ask(&self) -> Result<gprop::query::asker::Reply, AskError> {
+        ask(&self.client(), None)
+    }
+}
+
+fn ask(client: &Client, correction: Option<Correction>) -> Result<gprop::query::asker::Reply, AskError> {
+    let (prompts, options) = (Prompts::builtin(), small());
+    let queries = prepare(&[two_parts("000", 80, 80)], &prompts, &options);
+    client.ask(Ask { question: queries.questions.first(), picture: &queries.parts[0].jpeg, correction })
+}
+
+fn completion(text: &str) -> Value {
+    json!({
+        "id": "1", "object": "chat.completion", "model": "test-model-0001",
+        "choices": [{ "index": 0, "finish_reason": "stop", "message": { "role": "assistant", "content": text } }],
+        "usage": { "prompt_tokens": 1200, "completion_tokens": 80, "total_tokens": 1280 }
+    })
+}
+
+fn ok(text: &str) -> ResponseTemplate {
+    ResponseTemplate::new(200).set_body_json(completion(text))
+}
+
+fn error(status: u16, message: &str) -> ResponseTemplate {
+    ResponseTemplate::new(status).set_body_json(json!({ "error": { "message": message } }))
+}
+
+fn soon(status: u16) -> ResponseTemplate {
+    error(status, "later").insert_header("retry-after-ms", "1")
+}
+
+#[test]
+fn the_request_is_what_the_api_asks_for() {
+    let server = Server::new(|_, _, _| ok("{}"));
+    let client = server.client();
+    let reply = ask(&client, None).unwrap();
+    assert_eq!(reply.usage, Some(Usage { input_tokens: 1200, output_tokens: 80 }));
+    assert_eq!(reply.served_model.as_deref(), Some("test-model-0001"));
+    ask(&client, Some(Correction { response: "{bad", prompt: "Again." })).unwrap();
+
+    let [first, second] = &server.requests()[..] else { panic!() };
+    assert_eq!(first["model"], "test-model");
+    assert_eq!(first["temperature"], 0.0);
+    assert_eq!(first["stream"], false);
+    let content = first["messages"][0]["content"].as_array().unwrap();
+    assert_eq!(content[0]["type"], "text");
+    let url = content[1]["image_url"]["url"].as_str().unwrap();
+    let (mime, data) = url.strip_prefix("data:").unwrap().split_once(";base64,").unwrap();
+    let bytes = base64::Engine::decode(&base64::engine::general_purpose::STANDARD, data).unwrap();
+    assert_eq!(mime, "image/jpeg");
+    assert_eq!(image::guess_format(&bytes).unwrap(), image::ImageFormat::Jpeg);
+    let format = &first["response_format"];
+    assert_eq!(format["type"], "json_schema");
+    assert_eq!(format["json_schema"]["strict"], true);
+    assert!(format["json_schema"]["schema"]["properties"]["caption"].is_object());
+    let roles: Vec<_> = second["messages"].as_array().unwrap().iter().map(|message| &message["role"]).collect();
+    assert_eq!(roles, ["user", "assistant", "user"]);
+}
+
+#[test]
+fn a_server_that_takes_no_schema_is_asked_more_plainly_and_the_next_time_at_once() {
+    let server = Server::new(|_, body, _| match body["response_format"]["type"].as_str() {
+        Some("json_schema") => error(400, "response_format.type must be text or json_object"),
+        Some("json_object") => error(422, "json_object is not supported"),
+        _ => ok("{}"),
+    });
+    let client = server.client();
+    ask(&client, None).unwrap();
+    ask(&client, None).unwrap();
+    let formats: Vec<_> =
+        server.requests().iter().map(|body| body["response_format"]["type"].as_str().map(str::to_owned)).collect();
+    let named = |name: &str| Some(name.to_owned());
+    assert_eq!(formats, [named("json_schema"), named("json_object"), None, None]);
+}
+
+#[test]
+fn parameters_that_a_model_refuses_are_put_otherwise() {
+    let server = Server::new(|_, body, _| {
+        if body.get("max_tokens").is_some() {
+            return error(400, "Unsupported parameter: 'max_tokens'. Use 'max_completion_tokens' instead.");
+        }
+        if body.get("temperature").is_some() {
+            return error(400, "Unsupported value: 'temperature' does not support 0.0 with this model.");
+        }
+        ok("{}")
+    });
+    server.ask().unwrap();
+    let last = server.requests().pop().unwrap();
+    assert_eq!(last["max_completion_tokens"], 2000);
+    assert_eq!(last["response_format"]["type"], "json_schema", "the schema stays");
+}
+
+#[test]
+fn passing_faults_are_repeated() {
+    for fault in [429, 500, 502, 503, 408] {
+        let server = Server::new(move |count, _, _| if count < 2 { soon(fault) } else { ok("{}") });
+        assert!(server.ask().is_ok(), "status {fault}");
+        assert_eq!(server.requests().len(), 3, "status {fault}");
+    }
+}
+
+#[test]
+fn a_cut_body_is_asked_for_again() {
+    let server = Server::new(|count, _, _| {
+        let whole = completion("{}").to_string();
+        if count == 0 {
+            return ResponseTemplate::new(200)
+                .set_body_raw(whole[..whole.len() / 2].to_owned(), "application/json")
+                .insert_header("retry-after-ms", "1");
+        }
+        ok("{}")
+    });
+    assert!(server.ask().is_ok());
+    assert_eq!(server.requests().len(), 2);
+}
+
+#[test]
+fn retry_after_is_kept_to() {
+    let server = Server::new(|count, _, _| match count {
+        0 => error(429, "slow down").insert_header("retry-after", "1"),
+        _ => ok("{}"),
+    });
+    let start = std::time::Instant::now();
+    server.ask().unwrap();
+    assert!(start.elapsed() >= Duration::from_secs(1), "{:?}", start.elapsed());
+    // A server that wants an hour is given up on at once.
+    let server = Server::new(|_, _, _| error(503, "maintenance").insert_header("retry-after", "3600"));
+    assert!(matches!(server.ask(), Err(AskError::Failed(_))));
+    assert_eq!(server.requests().len(), 1);
+}
+
+#[test]
+fn a_server_that_never_recovers_fails_after_the_retries() {
+    let server = Server::new(|_, _, _| soon(500));
+    let client = Client::new(&Options { lmm_retries: 3, ..server.options() }, None).unwrap().unwrap();
+    assert!(matches!(ask(&client, None), Err(AskError::Failed(message)) if message.contains("500")));
+    assert_eq!(server.requests().len(), 4);
+}
+
+#[test]
+fn a_slow_server_runs_into_the_time_out() {
+    let server = Server::new(|_, _, _| ok("{}").set_delay(Duration::from_secs(5)));
+    let options = Options { lmm_timeout_s: 1, lmm_retries: 0, ..server.options() };
+    let client = Client::new(&options, None).unwrap().unwrap();
+    let AskError::Failed(message) = ask(&client, None).unwrap_err() else { panic!() };
+    assert!(message.contains("--lmm-timeout-s"), "{message}");
+}
+
+#[test]
+fn refusals_are_told_apart_from_failures() {
+    let refusal = json!({ "choices": [{ "finish_reason": "stop",
+        "message": { "role": "assistant", "content": null, "refusal": "I can't help with that." } }] });
+    let filtered = json!({ "choices": [{ "finish_reason": "content_filter", "message": { "content": "" } }] });
+    let table = [
+        ResponseTemplate::new(200).set_body_json(refusal),
+        ResponseTemplate::new(200).set_body_json(filtered),
+        ResponseTemplate::new(400)
+            .set_body_json(json!({ "error": { "message": "no", "code": "content_policy_violation" } })),
+    ];
+    for response in table {
+        let server = Server::new(move |_, _, _| response.clone());
+        assert!(matches!(server.ask(), Err(AskError::Refused(_))));
+        assert_eq!(server.requests().len(), 1, "a refusal is not asked again");
+    }
+    let thinking = json!({ "choices": [{ "finish_reason": "length", "message": { "content": "" } }] });
+    let server = Server::new(move |_, _, _| ResponseTemplate::new(200).set_body_json(thinking.clone()));
+    assert!(matches!(server.ask(), Err(AskError::Failed(message)) if message.contains("--lmm-max-tokens")));
+}
+
+#[test]
+fn what_no_repetition_mends_is_hopeless_at_once() {
+    let quota = ResponseTemplate::new(429)
+        .set_body_json(json!({ "error": { "message": "You exceeded your quota", "code": "insufficient_quota" } }));
+    let table = [
+        (error(401, "Incorrect API key"), "OPENAI_API_KEY"),
+        (error(404, "The model `test-model` does not exist"), "--lmm-model"),
+        (quota, "quota"),
+        (ResponseTemplate::new(301).insert_header("location", "https://elsewhere"), "--lmm-url"),
+    ];
+    for (response, named) in table {
+        let server = Server::new(move |_, _, _| response.clone());
+        let AskError::Hopeless(message) = server.ask().unwrap_err() else { panic!("{named}") };
+        assert!(message.contains(named), "{message}");
+        assert_eq!(server.requests().len(), 1);
+    }
+}
+
+#[test]
+fn nobody_there_is_hopeless() {
+    let options = Options {
+        lmm_url: Some("http://127.0.0.1:9/v1".into()),
+        lmm_model: Some("m".into()),
+        lmm_retries: 0,
+        ..small()
+    };
+    let client = Client::new(&options, None).unwrap().unwrap();
+    assert!(matches!(ask(&client, None), Err(AskError::Hopeless(message)) if message.contains("connect")));
+}
+
+#[test]
+fn content_in_parts_is_read_as_text() {
+    let content = json!([{ "type": "text", "text": "{\"a\"" }, { "type": "text", "text": ":1}" }]);
+    let parts = json!({ "choices": [{ "message": { "content": content } }] });
+    let server = Server::new(move |_, _, _| ResponseTemplate::new(200).set_body_json(parts.clone()));
+    let reply = server.ask().unwrap();
+    assert_eq!((reply.text.as_str(), reply.usage), ("{\"a\":1}", None));
+}
+
+#[test]
+fn nothing_is_configured_without_a_url_and_bad_ones_are_refused() {
+    assert!(Client::new(&small(), None).unwrap().is_none());
+    let with = |url: &str, model: Option<&str>| {
+        let options = Options { lmm_url: Some(url.into()), lmm_model: model.map(str::to_owned), ..small() };
+        Client::new(&options, None).map(|_| ())
+    };
+    assert!(matches!(with("localhost:11434", Some("m")), Err(ClientError::Url { .. })));
+    assert!(matches!(with("file:///etc", Some("m")), Err(ClientError::Url { .. })));
+    assert!(matches!(with("http://localhost", None), Err(ClientError::NoModel)));
+    let error = with(&format!("ftp://user:{CANARY}@host/v1?key={CANARY}"), Some("m")).unwrap_err();
+    assert!(!format!("{error} {error:?}").contains(CANARY), "{error}");
+}
+
+#[test]
+fn the_key_appears_nowhere_but_in_its_header() {
+    let folder = tempfile::tempdir().unwrap();
+    // A server that sends everything it got back: in errors, in answers, in refusals.
+    let server = Server::new(|count, _, request| {
+        let header = request.headers["authorization"].to_str().unwrap().to_owned();
+        assert_eq!(header, format!("Bearer {CANARY}"));
+        match count {
+            0 => error(500, &format!("no luck with {header}")).insert_header("retry-after-ms", "1"),
+            1 => {
+                let mut answer = good_answer(a("wood"));
+                answer["caption"] = json!(format!("sent with {header}"));
+                ok(&answer.to_string())
+            }
+            2 => ok(&header),
+            _ => error(401, &format!("Incorrect API key provided: {header}")),
+        }
+    });
+    let key = ApiKey::new(CANARY).unwrap();
+    assert!(!format!("{key:?}").contains(CANARY));
+    let options = Options { lmm_parallel: 1, ..server.options() };
+    let client = Client::new(&options, Some(key)).unwrap().unwrap();
+    let prompts = Prompts::builtin();
+    let views = [two_parts("000", 80, 80), two_parts("001", 90, 80)];
+    let mut lines = String::new();
+    let queries = prepare(&views, &prompts, &options);
+    let result = queries.run(
+        &recordings(folder.path()),
+        Some(&client),
+        None,
+        &mut |_, answer| {
+            lines.push_str(&answer.to_jsonl());
+            Ok(())
+        },
+        gprop::progress::Progress::Hidden,
+    );
+    let error = result.unwrap_err();
+    assert!(matches!(error, QueryError::Endpoint { .. }), "{error}");
+    assert!(lines.contains("sent with Bearer [key]"), "{lines}");
+    let mut texts = vec![lines, format!("{error} {error:?}")];
+    for entry in std::fs::read_dir(folder.path()).unwrap() {
+        texts.push(std::fs::read_to_string(entry.unwrap().path()).unwrap());
+    }
+    assert_eq!(texts.len(), 3, "one answer was recorded");
+    for text in texts {
+        assert!(!text.contains(CANARY) && !text.to_lowercase().contains("authorization"), "{text}");
+    }
+}
+
+#[test]
+fn five_hundred_queries_with_faults_end_with_five_hundred_answers_each_paid_once() {
+    let folder = tempfile::tempdir().unwrap();
+    let server = Server::new(|count, _, _| match count % 20 {
+        7 => soon([429, 500, 503][count % 3]),
+        _ => ok(&good_answer(a("wood")).to_string()),
+    });
+    let options = Options { lmm_parallel: 8, ..server.options() };
+    let client = Client::new(&options, None).unwrap().unwrap();
+    let prompts = Prompts::builtin();
+    // A grid of 25 x 20 parts, 4 x 4 pixels each.
+    let views = [view("000", (100, 80), 80, |x, y| (1 + x / 4 + 25 * (y / 4)) as u16)];
+    let queries = prepare(&views, &prompts, &options);
+    let outcome = run(&queries, &recordings(folder.path()), Some(&client)).unwrap();
+    assert_eq!(outcome.answers.parts.len(), 500);
+    assert_eq!(outcome.answers.failed().count(), 0);
+    assert_eq!(recordings(folder.path()).len(), 500);
+    assert_eq!(outcome.spent.requests, 500);
+    let pictures: std::collections::BTreeSet<String> = server
+        .requests()
+        .iter()
+        .map(|body| body["messages"][0]["content"][1]["image_url"]["url"].to_string())
+        .collect();
+    assert_eq!(pictures.len(), 500);
+    let answered = server.requests().len() - server.requests().len().div_ceil(20);
+    assert!(answered.abs_diff(500) <= 1, "{answered} were charged");
+    // All is recorded: a second run asks nothing.
+    let before = server.requests().len();
+    run(&queries, &recordings(folder.path()), Some(&client)).unwrap();
+    assert_eq!(server.requests().len(), before);
+}
+
+#[test]
+fn an_endpoint_failure_of_one_part_leaves_the_others_answered() {
+    let folder = tempfile::tempdir().unwrap();
+    let server = Server::new(|count, _, _| match count {
+        0 => error(418, "I am a teapot"),
+        _ => ok(&good_answer(a("wood")).to_string()),
+    });
+    let options = Options { lmm_parallel: 1, ..server.options() };
+    let client = Client::new(&options, None).unwrap().unwrap();
+    let prompts = Prompts::builtin();
+    let outcome =
+        run(&prepare(&[two_parts("000", 80, 80)], &prompts, &options), &recordings(folder.path()), Some(&client))
+            .unwrap();
+    assert!(matches!(&outcome.answers.parts[0].outcome, Outcome::Failed(Failure::Endpoint { .. })));
+    assert!(matches!(&outcome.answers.parts[1].outcome, Outcome::Answered(_)));
+}

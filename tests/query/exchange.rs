@@ -1,0 +1,120 @@
+use std::fs;
+
+use gprop::materials::MaterialLibrary;
+use gprop::query::exchange::{self, ExchangeError};
+use gprop::query::{AnswerSource, Match, Options, Outcome, Prompts};
+use serde_json::{Value, json};
+
+use super::{a, good_answer, prepare, recordings, run, small, two_parts, with};
+
+fn names(text: &str) -> Vec<String> {
+    text.lines()
+        .map(|line| serde_json::from_str::<Value>(line).unwrap()["query"].as_str().unwrap().to_owned())
+        .collect()
+}
+
+#[test]
+fn what_goes_out_comes_back_and_is_replayed() {
+    let home = tempfile::tempdir().unwrap();
+    let (out, recorded) = (home.path().join("out"), home.path().join("recorded"));
+    let prompts = Prompts::builtin();
+    let options = small();
+    let views = [two_parts("secret_name", 80, 80)];
+    let queries = prepare(&views, &prompts, &options);
+    let store = recordings(&recorded);
+    assert_eq!(exchange::export(&out, &queries.unanswered(&store)).unwrap(), 2);
+
+    let listed = fs::read_to_string(out.join("queries.jsonl")).unwrap();
+    assert!(!listed.contains("secret_name"), "names give nothing away");
+    for line in listed.lines() {
+        let line: Value = serde_json::from_str(line).unwrap();
+        assert!(image::open(out.join(line["sheet"].as_str().unwrap())).is_ok());
+        let prompt = fs::read_to_string(out.join(line["prompt"].as_str().unwrap())).unwrap();
+        assert_eq!(prompt, queries.questions.first().prompt);
+        let schema: Value =
+            serde_json::from_str(&fs::read_to_string(out.join(line["schema"].as_str().unwrap())).unwrap()).unwrap();
+        assert_eq!(&schema, queries.questions.first().schema.value());
+    }
+    assert!(matches!(exchange::export(&out, &[]), Err(ExchangeError::NotEmpty(_))));
+
+    let form = fs::read_to_string(out.join("answers.jsonl")).unwrap();
+    let names = names(&form);
+    let fenced = format!("```json\n{}\n```", good_answer(a("metal")));
+    let lines = [
+        json!({ "query": names[0], "answer": good_answer(a("wood")) }),
+        json!({ "query": names[1], "answer": fenced, "model": "someone else" }),
+    ];
+    fs::write(out.join("answers.jsonl"), lines.map(|line| line.to_string()).join("\n")).unwrap();
+    let library = MaterialLibrary::builtin();
+    let imported = exchange::import(&out, Some("by hand"), &queries.questions, library, &store).unwrap();
+    assert_eq!((imported.recorded, imported.unanswered, imported.bad.len()), (2, 0, 0), "{imported:?}");
+
+    let replay = Options { answers: AnswerSource::Replay, ..small() };
+    let replayed = run(&prepare(&views, &prompts, &replay), &recordings(&recorded), None).unwrap();
+    let materials: Vec<_> = replayed
+        .answers
+        .parts
+        .iter()
+        .map(|part| match &part.outcome {
+            Outcome::Answered(answer) => (answer.material.as_str(), answer.matched),
+            Outcome::Failed(failure) => panic!("{failure:?}"),
+        })
+        .collect();
+    assert_eq!(materials, [(a("wood"), Match::Exact), (a("metal"), Match::Exact)]);
+    assert!(queries.unanswered(&recordings(&recorded)).is_empty(), "an export now holds nothing");
+}
+
+#[test]
+fn bad_lines_are_numbered_and_good_ones_kept() {
+    let home = tempfile::tempdir().unwrap();
+    let (out, recorded) = (home.path().join("out"), home.path().join("recorded"));
+    let prompts = Prompts::builtin();
+    let options = small();
+    let views = [two_parts("000", 80, 80), two_parts("001", 90, 80), two_parts("002", 70, 80)];
+    let queries = prepare(&views, &prompts, &options);
+    let store = recordings(&recorded);
+    exchange::export(&out, &queries.unanswered(&store)).unwrap();
+    let names = names(&fs::read_to_string(out.join("answers.jsonl")).unwrap());
+    let good = || good_answer(a("wood"));
+    let lines = [
+        json!({ "query": names[0], "answer": good() }).to_string(),
+        "{broken".into(),
+        json!({ "query": names[1], "answer": with(good(), "density_kg_m3", json!("much")) }).to_string(),
+        json!({ "query": "0123456789abcdef", "answer": good() }).to_string(),
+        String::new(),
+        json!({ "query": names[2], "answer": with(good(), "material", json!("oke")) }).to_string(),
+        json!({ "query": names[0], "answer": good() }).to_string(),
+        json!({ "query": names[3], "answer": null }).to_string(),
+        json!({ "query": names[4], "answer": good() }).to_string(),
+    ];
+    fs::write(out.join("answers.jsonl"), lines.join("\n")).unwrap();
+    let library = MaterialLibrary::builtin();
+
+    let nameless = exchange::import(&out, None, &queries.questions, library, &store).unwrap();
+    assert_eq!(nameless.recorded, 0);
+    assert!(nameless.bad.iter().any(|bad| bad.line == 1 && bad.problem.contains("manifest.json")), "{nameless:?}");
+
+    let manifest = fs::read_to_string(out.join("manifest.json")).unwrap();
+    fs::write(out.join("manifest.json"), manifest.replace("\"model\":null", "\"model\":\"a person\"")).unwrap();
+    let imported = exchange::import(&out, None, &queries.questions, library, &store).unwrap();
+    assert_eq!((imported.recorded, imported.unanswered), (2, 1));
+    let bad: Vec<usize> = imported.bad.iter().map(|bad| bad.line).collect();
+    assert_eq!(bad, [2, 3, 4, 6, 7]);
+    assert!(imported.bad[1].problem.contains("density_kg_m3"));
+    assert!(imported.bad[4].problem.contains("line 1"));
+    assert!(imported.bad[0].to_string().starts_with("answers.jsonl line 2:"));
+    assert_eq!(recordings(&recorded).len(), 2);
+}
+
+#[test]
+fn a_folder_that_is_no_export_is_refused() {
+    let home = tempfile::tempdir().unwrap();
+    let prompts = Prompts::builtin();
+    let options = small();
+    let queries = prepare(&[two_parts("000", 80, 80)], &prompts, &options);
+    let store = recordings(&home.path().join("recorded"));
+    let import = || exchange::import(home.path(), Some("m"), &queries.questions, MaterialLibrary::builtin(), &store);
+    assert!(matches!(import(), Err(ExchangeError::Unreadable { .. })));
+    fs::write(home.path().join("manifest.json"), "{}").unwrap();
+    assert!(matches!(import(), Err(ExchangeError::Manifest { .. })));
+}

@@ -1,0 +1,58 @@
+use gprop::materials::MaterialLibrary;
+use gprop::query::question::Questions;
+use gprop::query::{Context, Guidance, PromptError, Prompts};
+
+#[test]
+fn the_single_prompt_lists_every_material_of_the_library() {
+    let library = MaterialLibrary::builtin();
+    let questions = Questions::new(&Prompts::builtin(), library, Guidance::Single, Context::GlobalLocal).unwrap();
+    let prompt = &questions.first().prompt;
+    for family in library.families() {
+        for material in library.of_family(&family.name) {
+            assert!(prompt.contains(&material.name), "{} is not in the prompt", material.name);
+            assert!(!material.name.contains(';'), "{} holds the separator", material.name);
+        }
+    }
+    assert!(prompt.contains("JSON"), "DashScope wants the word");
+    assert!(!prompt.contains("{{"));
+}
+
+#[test]
+fn gradual_guidance_asks_the_family_first() {
+    let library = MaterialLibrary::builtin();
+    let questions = Questions::new(&Prompts::builtin(), library, Guidance::Gradual, Context::GlobalLocal).unwrap();
+    let single = Questions::new(&Prompts::builtin(), library, Guidance::Single, Context::GlobalLocal).unwrap();
+    let chain = questions.longest_chain();
+    assert_eq!(chain.len(), 2);
+    assert!(!chain[0].prompt.contains("youngs_modulus_mpa"));
+    let tokens: usize = chain.iter().map(|question| question.prompt.len()).sum();
+    assert!(tokens < single.first().prompt.len() || library.materials().len() < 100, "two prompts should be shorter");
+}
+
+#[test]
+fn the_context_changes_what_the_prompt_says_of_the_picture() {
+    let prompts = Prompts::builtin();
+    let (both, local) = (prompts.part(Context::GlobalLocal, "").unwrap(), prompts.part(Context::Local, "").unwrap());
+    assert!(both.contains("three panels") && !local.contains("three panels"));
+}
+
+#[test]
+fn a_folder_replaces_single_prompts() {
+    let folder = tempfile::tempdir().unwrap();
+    std::fs::write(folder.path().join("part.txt"), "Mine: {{ candidates }}").unwrap();
+    let prompts = Prompts::from_folder(folder.path()).unwrap();
+    assert_eq!(prompts.part(Context::Local, "wood: oak").unwrap(), "Mine: wood: oak");
+    assert_eq!(prompts.family(Context::Local, "x").unwrap(), Prompts::builtin().family(Context::Local, "x").unwrap());
+    assert_ne!(prompts.sha256(), Prompts::builtin().sha256());
+}
+
+#[test]
+fn a_misspelt_placeholder_and_a_broken_schema_are_errors() {
+    let folder = tempfile::tempdir().unwrap();
+    std::fs::write(folder.path().join("part.txt"), "{{ canditates }}").unwrap();
+    assert!(matches!(Prompts::from_folder(folder.path()), Err(PromptError::Template { .. })));
+    std::fs::write(folder.path().join("part.txt"), "fine").unwrap();
+    std::fs::write(folder.path().join("answer.schema.json"), "{").unwrap();
+    assert!(matches!(Prompts::from_folder(folder.path()), Err(PromptError::Schema { .. })));
+    assert!(matches!(Prompts::from_folder(&folder.path().join("none")), Err(PromptError::NoFolder(_))));
+}

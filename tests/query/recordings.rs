@@ -1,0 +1,315 @@
+use std::fs;
+
+use gprop::progress::Progress;
+use gprop::query::asker::AskError;
+use gprop::query::recorded::{RecordingError, Recordings};
+use gprop::query::{AnswerSource, Failure, Guidance, Match, Options, Outcome, Prompts, QueryError};
+
+use super::{Scripted, a, good_answer, prepare, recordings, run, small, two_parts};
+
+fn replay() -> Options {
+    Options { answers: AnswerSource::Replay, ..small() }
+}
+
+fn matched(run: &gprop::query::Run) -> Vec<Match> {
+    run.answers
+        .parts
+        .iter()
+        .map(|part| match &part.outcome {
+            Outcome::Answered(answer) => answer.matched,
+            Outcome::Failed(failure) => panic!("{failure:?}"),
+        })
+        .collect()
+}
+
+#[test]
+fn what_was_asked_once_is_replayed_from_disk() {
+    let folder = tempfile::tempdir().unwrap();
+    let prompts = Prompts::builtin();
+    let views = [two_parts("000", 80, 80), two_parts("001", 90, 80)];
+    let (options, replay) = (small(), replay());
+    let asker = Scripted::new(|_| Ok(good_answer(a("wood")).to_string()));
+    let queries = prepare(&views, &prompts, &options);
+    let mut told = 0;
+    let live = queries
+        .run(
+            &recordings(folder.path()),
+            Some(&asker),
+            None,
+            &mut |_, _| {
+                told += 1;
+                Ok(())
+            },
+            Progress::Hidden,
+        )
+        .unwrap();
+    assert_eq!((asker.count(), told), (4, 4));
+    assert_eq!(matched(&live), [Match::Live; 4]);
+    assert_eq!(live.spent.usage.input_tokens, 4000);
+
+    let queries = prepare(&views, &prompts, &replay);
+    let replayed = run(&queries, &recordings(folder.path()), Some(&asker)).unwrap();
+    assert_eq!(asker.count(), 4, "replay asks nobody");
+    assert_eq!(matched(&replayed), [Match::Exact; 4]);
+    let order: Vec<_> = replayed.answers.parts.iter().map(|part| (part.view.as_str(), part.part)).collect();
+    assert_eq!(order, [("000", 1), ("000", 2), ("001", 1), ("001", 2)]);
+    let names: Vec<_> = fs::read_dir(folder.path()).unwrap().map(|entry| entry.unwrap().file_name()).collect();
+    assert!(names.iter().all(|name| name.len() == 64 + ".json".len()), "nothing else is left: {names:?}");
+}
+
+#[test]
+fn a_mask_that_moved_by_a_few_pixels_still_replays_and_says_so() {
+    let folder = tempfile::tempdir().unwrap();
+    let prompts = Prompts::builtin();
+    let (options, replay) = (small(), replay());
+    let wood = Scripted::new(|_| Ok(good_answer(a("wood")).to_string()));
+    let original = [two_parts("000", 80, 80)];
+    run(&prepare(&original, &prompts, &options), &recordings(folder.path()), Some(&wood)).unwrap();
+
+    // The same photo, the border between the parts two of sixty columns further right.
+    let mut moved = two_parts("000", 80, 82);
+    moved.photo = original[0].photo.clone();
+    let replayed = run(&prepare(&[moved], &prompts, &replay), &recordings(folder.path()), None).unwrap();
+    // Part 1 grew from 60 to 62 columns, part 2 shrank from 60 to 58.
+    let expected = [60.0 / 62.0, 58.0 / 60.0];
+    for (matched, expected) in matched(&replayed).into_iter().zip(expected) {
+        let Match::Mask { iou } = matched else { panic!("{matched:?}") };
+        assert!((iou - expected).abs() < 1e-12, "{iou} is not {expected}");
+    }
+    let Outcome::Answered(answer) = &replayed.answers.parts[0].outcome else { panic!() };
+    assert!(answer.flags.iter().any(|flag| flag.contains("IoU")), "{:?}", answer.flags);
+}
+
+#[test]
+fn masks_that_differ_more_are_missing_each_by_name() {
+    let folder = tempfile::tempdir().unwrap();
+    let prompts = Prompts::builtin();
+    let (options, replay) = (small(), replay());
+    let wood = Scripted::new(|_| Ok(good_answer(a("wood")).to_string()));
+    let original = [two_parts("000", 80, 80)];
+    run(&prepare(&original, &prompts, &options), &recordings(folder.path()), Some(&wood)).unwrap();
+
+    let mut moved = two_parts("000", 80, 100);
+    moved.photo = original[0].photo.clone();
+    let other_photo = two_parts("001", 33, 80);
+    let queries = prepare(&[moved, other_photo], &prompts, &replay);
+    let error = run(&queries, &recordings(folder.path()), None).unwrap_err();
+    let text = error.to_string();
+    let QueryError::Missing { parts: 4, missing } = error else { panic!("{text}") };
+    assert_eq!(missing.len(), 4);
+    assert!(text.contains("view 000 part 1 (the nearest recorded mask overlaps by IoU 0.75"), "{text}");
+    assert!(text.contains("view 001 part 2 (nothing is recorded of this photo)"), "{text}");
+    assert!(text.contains("--lmm-url") && text.contains("--export"), "{text}");
+}
+
+#[test]
+fn another_prompt_is_another_question() {
+    let folder = tempfile::tempdir().unwrap();
+    let mine = tempfile::tempdir().unwrap();
+    fs::write(mine.path().join("part.txt"), "What is it? {{ candidates }} JSON").unwrap();
+    let (builtin, mine) = (Prompts::builtin(), Prompts::from_folder(mine.path()).unwrap());
+    let (options, replay) = (small(), replay());
+    let wood = Scripted::new(|_| Ok(good_answer(a("wood")).to_string()));
+    let views = [two_parts("000", 80, 80)];
+    run(&prepare(&views, &builtin, &options), &recordings(folder.path()), Some(&wood)).unwrap();
+    let error = run(&prepare(&views, &mine, &replay), &recordings(folder.path()), None).unwrap_err();
+    assert!(error.to_string().contains("another prompt"), "{error}");
+}
+
+#[test]
+fn a_named_model_is_served_by_its_own_recordings_only() {
+    let folder = tempfile::tempdir().unwrap();
+    let prompts = Prompts::builtin();
+    let options = small();
+    let views = [two_parts("000", 80, 80)];
+    let mut wood = Scripted::new(|_| Ok(good_answer(a("wood")).to_string()));
+    wood.answerer.model = "model-a".into();
+    run(&prepare(&views, &prompts, &options), &recordings(folder.path()), Some(&wood)).unwrap();
+    let mut metal = Scripted::new(|_| Ok(good_answer(a("metal")).to_string()));
+    metal.answerer.model = "model-b".into();
+    run(&prepare(&views, &prompts, &options), &recordings(folder.path()), Some(&metal)).unwrap();
+    assert_eq!((wood.count(), metal.count()), (2, 2), "one model's recording does not serve another");
+    run(&prepare(&views, &prompts, &options), &recordings(folder.path()), Some(&metal)).unwrap();
+    assert_eq!(metal.count(), 2, "its own does");
+
+    for (model, material) in [("model-a", a("wood")), ("model-b", a("metal"))] {
+        let replay = Options { lmm_model: Some(model.into()), ..replay() };
+        let replayed = run(&prepare(&views, &prompts, &replay), &recordings(folder.path()), None).unwrap();
+        let Outcome::Answered(answer) = &replayed.answers.parts[0].outcome else { panic!() };
+        assert_eq!(answer.material, material);
+    }
+    let anybody = replay();
+    let twice = [(); 2].map(|()| {
+        run(&prepare(&views, &prompts, &anybody), &recordings(folder.path()), None).unwrap().answers.to_jsonl()
+    });
+    assert_eq!(twice[0], twice[1], "of several models always the same one serves");
+}
+
+#[test]
+fn live_asks_although_it_is_recorded() {
+    let folder = tempfile::tempdir().unwrap();
+    let prompts = Prompts::builtin();
+    let options = Options { answers: AnswerSource::Live, ..small() };
+    let wood = Scripted::new(|_| Ok(good_answer(a("wood")).to_string()));
+    let views = [two_parts("000", 80, 80)];
+    for _ in 0..2 {
+        run(&prepare(&views, &prompts, &options), &recordings(folder.path()), Some(&wood)).unwrap();
+    }
+    assert_eq!(wood.count(), 4);
+    assert_eq!(recordings(folder.path()).len(), 2);
+    assert!(run(&prepare(&views, &prompts, &options), &recordings(folder.path()), None).is_err());
+}
+
+#[test]
+fn an_unusable_answer_is_asked_once_more_with_the_reason() {
+    let folder = tempfile::tempdir().unwrap();
+    let prompts = Prompts::builtin();
+    let options = small();
+    let asker = Scripted::new(|ask| match ask.correction {
+        None => Ok(super::with(good_answer(a("wood")), "material", "mystery stuff".into()).to_string()),
+        Some(correction) => {
+            assert!(correction.prompt.contains("mystery stuff") && correction.response.contains("mystery stuff"));
+            Ok(good_answer(a("wood")).to_string())
+        }
+    });
+    let queries = prepare(&[two_parts("000", 80, 80)], &prompts, &options);
+    let run = run(&queries, &recordings(folder.path()), Some(&asker)).unwrap();
+    assert_eq!(asker.count(), 4);
+    assert_eq!(run.answers.failed().count(), 0);
+    assert_eq!(run.spent.requests, 4);
+}
+
+#[test]
+fn failures_are_typed_counted_and_never_recorded() {
+    let folder = tempfile::tempdir().unwrap();
+    let prompts = Prompts::builtin();
+    let options = small();
+    let views = [two_parts("000", 80, 80), two_parts("001", 90, 80)];
+    let queries = prepare(&views, &prompts, &options);
+    let pictures: Vec<Vec<u8>> = queries.parts.iter().map(|part| part.jpeg.clone()).collect();
+    let asker = Scripted::new(|ask| match pictures.iter().position(|picture| picture == ask.picture) {
+        Some(0) => Err(AskError::Refused("not this one".into())),
+        Some(1) => Err(AskError::Failed("status 500".into())),
+        Some(2) => Ok("no idea".into()),
+        _ => Ok(good_answer(a("wood")).to_string()),
+    });
+    let run = run(&queries, &recordings(folder.path()), Some(&asker)).unwrap();
+    let failures: Vec<Failure> = run
+        .answers
+        .failed()
+        .map(|part| match &part.outcome {
+            Outcome::Failed(failure) => failure.clone(),
+            Outcome::Answered(_) => unreachable!("failed() gives failures"),
+        })
+        .collect();
+    assert_eq!(failures[0], Failure::Refused { message: "not this one".into() });
+    assert_eq!(failures[1], Failure::Endpoint { message: "status 500".into() });
+    assert!(matches!(&failures[2], Failure::Invalid { .. }));
+    assert_eq!(recordings(folder.path()).len(), 1);
+}
+
+#[test]
+fn an_endpoint_beyond_hope_ends_the_run_and_keeps_what_was_answered() {
+    let folder = tempfile::tempdir().unwrap();
+    let prompts = Prompts::builtin();
+    let options = small();
+    let views = [two_parts("000", 80, 80), two_parts("001", 90, 80)];
+    let queries = prepare(&views, &prompts, &options);
+    let first = queries.parts[0].jpeg.clone();
+    let asker = Scripted::new(|ask| {
+        if ask.picture == first {
+            return Ok(good_answer(a("wood")).to_string());
+        }
+        std::thread::sleep(std::time::Duration::from_millis(100));
+        Err(AskError::Hopeless("wrong key".into()))
+    });
+    let error = run(&queries, &recordings(folder.path()), Some(&asker)).unwrap_err();
+    assert!(matches!(&error, QueryError::Endpoint { left: 3, .. }), "{error:?}");
+    assert_eq!(recordings(folder.path()).len(), 1);
+}
+
+#[test]
+fn gradual_guidance_records_both_questions_and_replays_through_moved_masks() {
+    let folder = tempfile::tempdir().unwrap();
+    let prompts = Prompts::builtin();
+    let options = Options { guidance: Guidance::Gradual, ..small() };
+    let replay = Options { guidance: Guidance::Gradual, ..replay() };
+    let asker = Scripted::new(|ask| {
+        if ask.question.prompt.contains("youngs_modulus_mpa") {
+            assert!(!ask.question.prompt.contains("\nmetal:"), "only the family's materials");
+            return Ok(good_answer(a("wood")).to_string());
+        }
+        Ok(r#"{"caption":"a stick","family":"wood"}"#.into())
+    });
+    let original = [two_parts("000", 80, 80)];
+    let live = run(&prepare(&original, &prompts, &options), &recordings(folder.path()), Some(&asker)).unwrap();
+    assert_eq!((asker.count(), live.answers.failed().count()), (4, 0));
+    let mut moved = two_parts("000", 80, 82);
+    moved.photo = original[0].photo.clone();
+    let replayed = run(&prepare(&[moved], &prompts, &replay), &recordings(folder.path()), None).unwrap();
+    assert!(matches!(matched(&replayed)[..], [Match::Mask { .. }, Match::Mask { .. }]));
+}
+
+#[test]
+fn the_budget_stops_before_and_during_the_run() {
+    let folder = tempfile::tempdir().unwrap();
+    let prompts = Prompts::builtin();
+    let price = gprop::query::cost::PriceTable::builtin().price("gpt-4o").cloned();
+    let asker = Scripted::new(|_| Ok(good_answer(a("wood")).to_string()));
+    let views = [two_parts("000", 80, 80), two_parts("001", 90, 80)];
+    let with_budget = |max_usd: f64| {
+        let options = Options { max_usd: Some(max_usd), lmm_parallel: 1, ..small() };
+        let queries = prepare(&views, &prompts, &options);
+        let plan = queries.plan(&recordings(folder.path()), None, price.as_ref());
+        let store = recordings(folder.path());
+        let run = queries.run(&store, Some(&asker), price.as_ref(), &mut |_, _| Ok(()), Progress::Hidden);
+        (plan, run)
+    };
+    let (plan, result) = with_budget(1e-6);
+    assert!(matches!(result, Err(QueryError::OverBudget { requests: 4, .. })), "{result:?}");
+    assert_eq!(asker.count(), 0);
+    assert_eq!((plan.parts, plan.recorded, plan.cost.requests), (4, 0, 4));
+
+    // Enough for what the answers usually take, too little for all of them at their longest.
+    let (_, result) = with_budget(plan.cost.usd.unwrap() * 1.01);
+    let asked = asker.count();
+    match result {
+        Err(QueryError::BudgetSpent { left, spent_usd, max_usd }) => {
+            assert!(spent_usd <= max_usd);
+            assert_eq!(recordings(folder.path()).len(), 4 - left);
+        }
+        Ok(_) => assert_eq!(asked, 4),
+        Err(error) => panic!("{error}"),
+    }
+
+    let options = Options { max_usd: Some(1.0), ..small() };
+    let other = [two_parts("002", 20, 80)];
+    let unpriced = run(&prepare(&other, &prompts, &options), &recordings(folder.path()), Some(&asker));
+    assert!(matches!(unpriced, Err(QueryError::NoPrice { .. })), "{unpriced:?}");
+}
+
+#[test]
+fn broken_recordings_are_named() {
+    let folder = tempfile::tempdir().unwrap();
+    let prompts = Prompts::builtin();
+    let options = small();
+    let wood = Scripted::new(|_| Ok(good_answer(a("wood")).to_string()));
+    run(&prepare(&[two_parts("000", 80, 80)], &prompts, &options), &recordings(folder.path()), Some(&wood)).unwrap();
+    let path = fs::read_dir(folder.path()).unwrap().next().unwrap().unwrap().path();
+    let whole = fs::read_to_string(&path).unwrap();
+    let table = [
+        whole[..whole.len() / 2].to_owned(),
+        whole.replace("\"scripted\"", "\"another\""),
+        whole.replace("\"format\": 1", "\"format\": 9"),
+        whole.replace("\"width\": 160", "\"width\": 161"),
+        "[]".into(),
+    ];
+    for text in table {
+        fs::write(&path, text).unwrap();
+        let error = Recordings::open(&[], folder.path()).unwrap_err();
+        assert!(matches!(&error, RecordingError::Broken { path: named, .. } if *named == path), "{error}");
+    }
+    fs::write(folder.path().join("README.md"), "not a recording").unwrap();
+    fs::write(&path, whole).unwrap();
+    assert_eq!(Recordings::open(&[&folder.path().join("none")], folder.path()).unwrap().len(), 2);
+}

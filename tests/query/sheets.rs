@@ -1,0 +1,106 @@
+use gprop::query::Context;
+use gprop::query::sheet::{Drawer, Sheet};
+use image::{Rgb, RgbImage};
+
+use super::{View, two_parts, view};
+
+const GREY: Rgb<u8> = Rgb([128; 3]);
+
+fn sheet(view: &View, part: u16, context: Context, longest_side: u32) -> Sheet {
+    Drawer::new(&view.photo, &view.segments.map, context, longest_side).sheet(part).expect("the part is there")
+}
+
+fn has(picture: &RgbImage, pixel: Rgb<u8>) -> bool {
+    picture.pixels().any(|other| *other == pixel)
+}
+
+#[test]
+fn sheets_keep_to_their_size_whatever_the_shape() {
+    for size in [(400, 30), (30, 400), (200, 200), (3, 3)] {
+        let whole = view("v", size, 80, |_, _| 1);
+        for longest_side in [256, 1536] {
+            for context in [Context::GlobalLocal, Context::Local] {
+                let (width, height) = sheet(&whole, 1, context, longest_side).picture.dimensions();
+                assert!(width.max(height) <= longest_side, "{size:?} gave {width} x {height}");
+                assert!(width > 20 && height > 20, "{size:?} gave {width} x {height}");
+            }
+        }
+    }
+}
+
+#[test]
+fn a_wide_object_has_its_panels_one_below_the_other() {
+    let wide = sheet(&view("v", (400, 100), 80, |_, _| 1), 1, Context::GlobalLocal, 768).picture;
+    let high = sheet(&view("v", (100, 400), 80, |_, _| 1), 1, Context::GlobalLocal, 768).picture;
+    // One panel of the wide object is four times as wide as high; a row of three would be twelve times.
+    assert!(wide.width() < 3 * wide.height());
+    assert!(high.height() > high.width() / 2);
+}
+
+#[test]
+fn the_part_is_red_in_the_second_panel_and_alone_in_the_third() {
+    let view = two_parts("v", 80, 80);
+    let left = sheet(&view, 1, Context::GlobalLocal, 1000).picture;
+    let right = sheet(&view, 2, Context::GlobalLocal, 1000).picture;
+    assert_eq!(left.dimensions(), right.dimensions());
+    assert!(has(&left, Rgb([255, 0, 0])), "no outline");
+    assert!(has(&left, GREY), "no grey ground");
+    assert!(has(&left, Rgb([222; 3])), "no plain ground");
+    // The object is twice as wide as high, so the panels stand one below the other: the first does not know the part.
+    let first_panel = |picture: &RgbImage| picture.as_raw()[..picture.as_raw().len() / 4].to_vec();
+    assert_eq!(first_panel(&left), first_panel(&right));
+    assert_ne!(left, right);
+}
+
+#[test]
+fn the_part_alone_shows_no_other_part() {
+    // Part 2 is bright green, part 1 has no green at all.
+    let mut view = two_parts("v", 0, 80);
+    for (x, y, pixel) in view.photo.rgb.enumerate_pixels_mut() {
+        match view.segments.map.labels[(y * 160 + x) as usize] {
+            1 => *pixel = Rgb([90, 0, 90]),
+            2 => *pixel = Rgb([0, 255, 0]),
+            _ => {}
+        }
+    }
+    let alone = sheet(&view, 1, Context::Local, 512).picture;
+    assert!(has(&alone, Rgb([90, 0, 90])));
+    assert!(!has(&alone, Rgb([0, 255, 0])));
+    assert!(!has(&alone, Rgb([255, 0, 0])), "the part alone is not marked");
+}
+
+#[test]
+fn a_single_pixel_and_a_whole_picture_are_parts_too() {
+    let dot = view("v", (64, 64), 80, |x, y| if (x, y) == (40, 9) { 2 } else { 1 });
+    let picture = sheet(&dot, 2, Context::GlobalLocal, 512).picture;
+    assert!(has(&picture, GREY) && has(&picture, Rgb([255, 0, 0])));
+    let whole = view("v", (64, 64), 80, |_, _| 1);
+    let picture = sheet(&whole, 1, Context::GlobalLocal, 512).picture;
+    let (x, y) = (picture.width() / 2, picture.height() / 2);
+    let [red, green, _] = picture.get_pixel(x, y).0;
+    assert!(red > 102 && green < 80, "all of the second panel is tinted: {red}, {green}");
+}
+
+#[test]
+fn a_part_without_pixels_has_no_sheet() {
+    let view = two_parts("v", 80, 80);
+    assert_eq!(Drawer::new(&view.photo, &view.segments.map, Context::GlobalLocal, 512).sheet(7), None);
+}
+
+#[test]
+fn the_same_part_gives_the_same_pixels_and_another_one_others() {
+    let view = two_parts("v", 80, 80);
+    let hash = |part| sheet(&view, part, Context::GlobalLocal, 512).pixels_sha256();
+    assert_eq!(hash(1), hash(1));
+    assert_ne!(hash(1), hash(2));
+}
+
+#[test]
+fn the_jpeg_decodes_to_the_sheet_but_for_compression() {
+    let sheet = sheet(&two_parts("v", 80, 80), 1, Context::GlobalLocal, 512);
+    let decoded = image::load_from_memory(&sheet.jpeg()).unwrap().to_rgb8();
+    assert_eq!(decoded.dimensions(), sheet.picture.dimensions());
+    let apart = |(a, b): (&u8, &u8)| f64::from(a.abs_diff(*b));
+    let mean = decoded.as_raw().iter().zip(sheet.picture.as_raw()).map(apart).sum::<f64>() / decoded.len() as f64;
+    assert!(mean < 6.0, "JPEG moves a sample by {mean} on average");
+}

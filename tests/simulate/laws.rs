@@ -1,0 +1,166 @@
+use gprop::simulate::material::lame;
+use gprop::simulate::mpm::eigen::{Stretches, rotation};
+use gprop::simulate::mpm::lanes::{LANES, Lanes, Plain, exp, ln};
+use gprop::simulate::mpm::laws::{Law, drucker_prager, stress, von_mises};
+use gprop::simulate::mpm::matrix::{Mat3, Sym3};
+use gprop::simulate::mpm::particles::{IDENTITY, Pack, Particle};
+use nalgebra::{Matrix3, SVD};
+use proptest::prelude::*;
+
+const E: f64 = 1e6;
+const NU: f64 = 0.3;
+
+/// Kirchhoff stress of the matter in `pack`, lane 0, after its return map.
+fn tau(pack: &mut Pack, law: Law) -> Matrix3<f64> {
+    let Sym3 { xx, yy, zz, xy, xz, yz } = stress::<Plain>(pack, &[law], 1e-4);
+    let first = |lanes: Plain| {
+        let mut row = [0.0; LANES];
+        lanes.store(&mut row);
+        f64::from(row[0])
+    };
+    let [xx, yy, zz, xy, xz, yz] = [xx, yy, zz, xy, xz, yz].map(first);
+    Matrix3::new(xx, xy, xz, xy, yy, yz, xz, yz, zz)
+}
+
+fn pack(elastic: [f32; 9], state: f64) -> Pack {
+    let (mu, lambda) = lame(E, NU);
+    let particle = Particle {
+        position_m: [1.0; 3],
+        velocity_m_s: [0.0; 3],
+        affine: [0.0; 9],
+        elastic,
+        deformation: elastic,
+        mass_kg: 1.0,
+        volume_m3: 1.0,
+        mu: mu as f32,
+        lambda: lambda as f32,
+        state: state as f32,
+        law: 0,
+    };
+    Pack::gather([(0, particle)].into_iter())
+}
+
+fn diagonal(x: f64, y: f64, z: f64) -> [f32; 9] {
+    [x as f32, 0.0, 0.0, 0.0, y as f32, 0.0, 0.0, 0.0, z as f32]
+}
+
+/// Small strain: sigma = 2 mu eps + lambda tr(eps) for every elastic law; large pure rotation: none.
+#[test]
+fn small_strains_follow_hooke() {
+    let (mu, lambda) = lame(E, NU);
+    let eps = [2e-3, -1e-3, 5e-4];
+    let expected = |i: usize| 2.0 * mu * eps[i] + lambda * eps.iter().sum::<f64>();
+    for law in [Law::FixedCorotated, Law::VonMises { hardening: 0.0 }] {
+        let tau = tau(&mut pack(diagonal(1.0 + eps[0], 1.0 + eps[1], 1.0 + eps[2]), 1e9), law);
+        for i in 0..3 {
+            // Second order in the strain, and f32.
+            assert!((tau[(i, i)] - expected(i)).abs() < 0.01 * 2.0 * mu * 2e-3, "{law:?}: {tau}");
+        }
+    }
+    let turned = [0.36, 0.48, -0.8, -0.8, 0.6, 0.0, 0.48, 0.64, 0.6];
+    assert!(tau(&mut pack(turned, 1e9), Law::FixedCorotated).norm() < 1e-5 * E);
+}
+
+/// Pulled along x with free sides, the stress rises as E ln(stretch) to the yield stress and stays there.
+#[test]
+fn von_mises_holds_its_yield_stress_in_tension() {
+    const YIELD: f64 = 5e3;
+    let law = Law::VonMises { hardening: 0.0 };
+    let mut matter = pack(IDENTITY, von_mises::yield_radius(YIELD));
+    let mut stretch = 1.0_f64;
+    for step in 1..=100 {
+        let pull = 1.0002_f64;
+        stretch *= pull;
+        // The sides move so that they bear nothing.
+        let loaded = |side: f64| {
+            let mut trial = matter.clone();
+            for (row, factor) in [(0, pull), (4, side), (8, side)] {
+                trial.elastic[row][0] *= factor as f32;
+            }
+            let tau = tau(&mut trial, law);
+            (trial, tau)
+        };
+        let (mut thin, mut thick) = (1.0 - 2e-4, 1.0 + 2e-4);
+        for _ in 0..40 {
+            let middle = 0.5 * (thin + thick);
+            if loaded(middle).1[(1, 1)] > 0.0 { thick = middle } else { thin = middle }
+        }
+        let (after, tau) = loaded(0.5 * (thin + thick));
+        matter = after;
+        let expected = (E * stretch.ln()).min(YIELD);
+        // One f32 rounding of F is 6e-8 of E here, the sides' search as much.
+        assert!((tau[(0, 0)] - expected).abs() < 0.02 * YIELD, "step {step}: {} Pa, expected {expected}", tau[(0, 0)]);
+    }
+    assert!(E * stretch.ln() > 3.0 * YIELD, "the pull should go far beyond yield");
+}
+
+/// Sheared under pressure, sand slides on the cone |dev tau| = 3 alpha p of its friction angle; pulled, it bears nothing;
+/// squeezed evenly, it is elastic.
+#[test]
+fn sand_slides_on_its_cone_and_bears_no_tension() {
+    let (mu, lambda) = lame(E, NU);
+    let alpha = drucker_prager::alpha(30.0_f64.to_radians());
+    let pulled = tau(&mut pack(diagonal(1.02, 1.0, 1.0), alpha), Law::DruckerPrager);
+    assert!(pulled.norm() < 1e-5 * E, "{pulled}");
+    let sheared = tau(&mut pack(diagonal(1.03, 0.96, 0.99), alpha), Law::DruckerPrager);
+    let pressure = -sheared.trace() / 3.0;
+    let deviator = (sheared + Matrix3::identity() * pressure).norm();
+    // |dev eps| = -alpha tr(eps) (3 lambda + 2 mu) / (2 mu), with tr(tau) = (3 lambda + 2 mu) tr(eps).
+    assert!((deviator - alpha * 3.0 * pressure).abs() < 1e-3 * deviator, "{deviator} at {pressure} Pa");
+    let squeezed = tau(&mut pack(diagonal(0.98, 0.98, 0.98), alpha), Law::DruckerPrager);
+    let expected = (3.0 * lambda + 2.0 * mu) * 0.98_f64.ln();
+    assert!((squeezed[(0, 0)] - expected).abs() < 1e-3 * expected.abs(), "{squeezed}");
+}
+
+fn lanes_of(m: &Matrix3<f64>) -> Mat3<Plain> {
+    let mut out = Mat3([[Plain::splat(0.0); 3]; 3]);
+    for r in 0..3 {
+        for c in 0..3 {
+            out.0[r][c] = Plain::splat(m[(r, c)] as f32);
+        }
+    }
+    out
+}
+
+fn value(lanes: Plain) -> f64 {
+    let mut row = [0.0; LANES];
+    lanes.store(&mut row);
+    f64::from(row[0])
+}
+
+proptest! {
+    /// Against nalgebra's SVD in f64, for moderate deformations, turned and inside out as well.
+    #[test]
+    fn stretches_and_rotation_agree_with_an_svd(entries in prop::array::uniform9(-1.5_f64..1.5)) {
+        let f = Matrix3::from_row_slice(&entries);
+        let SVD { u, v_t, singular_values } = f.svd(true, true);
+        let (u, v_t) = (u.unwrap(), v_t.unwrap());
+        prop_assume!(singular_values.min() > 0.05);
+        // Where two stretches nearly cancel in the signed sum, the rotation itself is ill-defined.
+        let sign = f.determinant().signum();
+        prop_assume!(sign > 0.0 || singular_values[1] - singular_values.min() > 0.1);
+        let stretches = Stretches::of(&lanes_of(&f));
+        let mut found = stretches.stretch.map(value);
+        found.sort_by(|a, b| b.abs().total_cmp(&a.abs()));
+        let expected = [singular_values[0], singular_values[1], singular_values[2] * sign];
+        for i in 0..3 {
+            // Through F F^T the smallest stretch loses as many digits as it is smaller than the largest.
+            prop_assert!((found[i] - expected[i]).abs() < 2e-5 * singular_values.max() / singular_values.min(), "{found:?} {expected:?}");
+        }
+        let r = rotation(&lanes_of(&f));
+        let flip = Matrix3::from_diagonal(&nalgebra::Vector3::new(1.0, 1.0, (u * v_t).determinant()));
+        let nearest = u * flip * v_t;
+        for i in 0..3 {
+            for j in 0..3 {
+                prop_assert!((value(r.0[i][j]) - nearest[(i, j)]).abs() < 2e-3, "{} {}", value(r.0[i][j]), nearest[(i, j)]);
+            }
+        }
+    }
+
+    #[test]
+    fn logarithm_and_exponential_are_those_of_the_library(x in 1e-4_f32..1e4, y in -20.0_f32..20.0) {
+        let (log, power) = (value(ln(Plain::splat(x))), value(exp(Plain::splat(y))));
+        prop_assert!((log - f64::from(x).ln()).abs() < 1e-6 * (1.0 + f64::from(x).ln().abs()), "ln {x} = {log}");
+        prop_assert!((power / f64::from(y).exp() - 1.0).abs() < 1e-6, "exp {y} = {power}");
+    }
+}

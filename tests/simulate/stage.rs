@@ -1,0 +1,308 @@
+use std::collections::BTreeSet;
+
+use gprop::materials::Law;
+use gprop::progress::Progress;
+use gprop::scene::gaussians::Gaussians;
+use gprop::simulate::animation;
+use gprop::simulate::checkpoint::Checkpoint;
+use gprop::simulate::filling::{FillPoint, fill};
+use gprop::simulate::material::Material;
+use gprop::simulate::{Frame, Input, Options, SimulateError, SimulationReport, simulate};
+use gprop::vote::raster::sh_color;
+use nalgebra::{Matrix3, UnitQuaternion, Vector3};
+
+/// A bar of two materials: Gaussians on its faces, its inside in cells.
+struct Bar {
+    gaussians: Gaussians,
+    labels: Vec<u32>,
+    materials: Vec<Material>,
+    interior: Vec<FillPoint>,
+}
+
+/// Scene units of the bar: decimetres.
+const METERS_PER_UNIT: f64 = 0.1;
+const SIZE: [f64; 3] = [4.0, 1.0, 0.8];
+const CELL: f64 = 0.1;
+
+impl Bar {
+    fn new() -> Self {
+        let counts = SIZE.map(|s| (s / CELL).round() as usize);
+        let mut bar = Self {
+            gaussians: Gaussians { sh_degree: 3, ..Gaussians::default() },
+            labels: vec![],
+            materials: materials(),
+            interior: vec![],
+        };
+        for n in 0..counts.iter().product() {
+            let at = [n % counts[0], n / counts[0] % counts[1], n / (counts[0] * counts[1])];
+            let position = at.map(|i| (i as f64 + 0.5) * CELL);
+            let label = u32::from(position[0] > 3.0);
+            bar.interior.push(FillPoint { position, label, volume: CELL.powi(3) });
+            if (0..3).any(|a| at[a] == 0 || at[a] + 1 == counts[a]) {
+                bar.labels.push(label);
+                bar.push(n, position);
+            }
+        }
+        bar
+    }
+
+    /// A flat Gaussian whose look depends on the direction.
+    fn push(&mut self, n: usize, position: [f64; 3]) {
+        let wave = |k: usize| ((n * 7 + k * 13) % 29) as f32 / 29.0 - 0.5;
+        let g = &mut self.gaussians;
+        g.positions.push(position.map(|x| x as f32));
+        g.log_scales.push([-2.5, -3.0 + wave(1), -5.0]);
+        g.rotations.push([1.0, wave(2), wave(3), wave(4)]);
+        g.opacity_logits.push(3.0);
+        g.sh_dc.push([0.9, -0.4, -0.8]);
+        g.sh_rest.extend((0..45).map(|k| 0.3 * wave(k)));
+    }
+
+    fn input(&self) -> Input<'_> {
+        Input {
+            gaussians: &self.gaussians,
+            labels: &self.labels,
+            materials: &self.materials,
+            interior: &self.interior,
+            meters_per_unit: Some(METERS_PER_UNIT),
+        }
+    }
+}
+
+fn materials() -> Vec<Material> {
+    let wood = Material {
+        name: "oak".to_owned(),
+        density_kg_m3: 700.0,
+        youngs_modulus_pa: 1e10,
+        poisson_ratio: 0.35,
+        law: Law::Elastic,
+    };
+    let lead = Material {
+        name: "lead".to_owned(),
+        density_kg_m3: 11340.0,
+        youngs_modulus_pa: 1.6e10,
+        poisson_ratio: 0.48,
+        law: Law::VonMises { yield_stress_pa: 1.2e7 },
+    };
+    vec![wood, lead]
+}
+
+fn options() -> Options {
+    Options { drop_height: 0.1, duration: 0.2, frames: 6, grid: 16, max_stiffness: 2e5, ..Options::default() }
+}
+
+/// All frames and the report of a run from the start.
+fn run(input: &Input, options: &Options) -> (Vec<Frame>, SimulationReport) {
+    let mut frames = Vec::new();
+    let mut keep = |frame: &Frame, _: &Checkpoint| {
+        frames.push(frame.clone());
+        Ok(())
+    };
+    let report = simulate(input, options, None, &mut keep, Progress::Hidden).unwrap();
+    (frames, report)
+}
+
+#[test]
+fn drops_the_object_and_reports_what_it_did() {
+    let bar = Bar::new();
+    let (frames, report) = run(&bar.input(), &options());
+    assert_eq!(frames.len(), 6);
+    assert_eq!(report.frames, frames.iter().map(|f| f.summary).collect::<Vec<_>>());
+    // 0.1 m x 0.08 m x (0.3 m of oak and 0.1 m of lead).
+    let mass = 0.008 * (0.3 * 700.0 + 0.1 * 11340.0);
+    assert!((report.mass_kg / mass - 1.0).abs() < 1e-5, "{} kg, expected {mass}", report.mass_kg);
+    assert_eq!(report.particles, bar.gaussians.len() + report.fill_particles);
+    let softened: Vec<(&str, f64)> = report.softened.iter().map(|s| (s.material.as_str(), s.factor)).collect();
+    assert_eq!(softened, [("oak", 2e5 / 1e10), ("lead", 2e5 / 1.6e10)]);
+    assert_eq!(report.poisson_capped.len(), 1);
+    // The step that the bound allows the stiffest, softened material: oak's waves are the fastest.
+    assert_eq!(report.time_step.stiffest_material, "oak");
+    let (mu, lambda) = gprop::simulate::material::lame(2e5, 0.35);
+    let wave = ((lambda + 2.0 * mu) / 700.0_f64).sqrt();
+    assert!(report.dt_s <= 0.4 * report.grid_spacing_m / wave, "{} s", report.dt_s);
+    assert!(report.substeps as f64 * report.dt_s <= 0.2 && report.substeps > 100);
+    // It falls freely by g t^2 / 2 within the first frame, and lies on the ground, to a grid cell, in the last.
+    let fallen = frames[0].summary.center_of_mass_m[2] - frames[1].summary.center_of_mass_m[2];
+    assert!((fallen - 0.5 * 9.8 * 0.04 * 0.04).abs() < 1e-4, "{fallen} m");
+    let lowest = frames[5].gaussians.positions.iter().map(|p| f64::from(p[2])).fold(f64::INFINITY, f64::min);
+    let ground = report.ground_z_m / METERS_PER_UNIT;
+    let spacing = report.grid_spacing_m / METERS_PER_UNIT;
+    assert!((lowest - ground).abs() < spacing, "lowest at {lowest}, ground {ground}, spacing {spacing}");
+}
+
+/// The first frame is the scene, tilted as a whole: places, covariances, colours from turned directions.
+#[test]
+fn first_frame_is_the_tilted_scene() {
+    let bar = Bar::new();
+    let frame = &run(&bar.input(), &Options { frames: 2, duration: 1e-4, ..options() }).0[0];
+    let (old, new) = (&bar.gaussians, &frame.gaussians);
+    let matrix = |g: &Gaussians| {
+        let edge = |i: usize| g.center(i) - g.center(0);
+        Matrix3::from_columns(&[edge(39), edge(500), edge(old.len() - 1)])
+    };
+    let turn = matrix(new) * matrix(old).try_inverse().unwrap();
+    assert!((turn.transpose() * turn - Matrix3::identity()).norm() < 1e-3, "{turn}");
+    let tilt = UnitQuaternion::from_matrix(&turn).angle().to_degrees();
+    assert!(tilt > 20.0 && tilt < 35.0, "{tilt} degrees");
+    let direction = Vector3::new(0.48, -0.6, 0.64);
+    for i in (0..old.len()).step_by(17) {
+        let expected = turn * old.covariance(i) * turn.transpose();
+        assert!((new.covariance(i) - expected).norm() < 1e-3 * expected.norm(), "Gaussian {i}");
+        let before = sh_color(old, i, direction.map(|x| x as f32).into());
+        let after = sh_color(new, i, (turn * direction).map(|x| x as f32).into());
+        for c in 0..3 {
+            assert!((before[c] - after[c]).abs() < 1e-3, "Gaussian {i}: {before:?} became {after:?}");
+        }
+    }
+}
+
+#[test]
+fn same_bytes_on_one_two_and_three_threads() {
+    let bar = Bar::new();
+    let on = |threads: usize| {
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
+        pool.install(|| run(&bar.input(), &options()))
+    };
+    let one = on(1);
+    assert!(one == on(2), "two threads differ from one");
+    assert!(one == on(3), "three threads differ from one");
+}
+
+#[test]
+fn resumed_run_ends_in_the_same_bytes() {
+    let bar = Bar::new();
+    let (frames, report) = run(&bar.input(), &options());
+    let mut saved = Vec::new();
+    let mut stop_after_two = |frame: &Frame, checkpoint: &Checkpoint| {
+        saved = checkpoint.to_bytes();
+        if frame.index == 2 { anyhow::bail!("the machine went down") } else { Ok(()) }
+    };
+    let stopped = simulate(&bar.input(), &options(), None, &mut stop_after_two, Progress::Hidden);
+    assert!(matches!(stopped, Err(SimulateError::Frame(_))), "{stopped:?}");
+    let checkpoint = Checkpoint::from_bytes(&saved).unwrap();
+    assert_eq!(checkpoint.frames(), 3);
+    let mut rest = Vec::new();
+    let mut keep = |frame: &Frame, _: &Checkpoint| {
+        rest.push(frame.clone());
+        Ok(())
+    };
+    let resumed = simulate(&bar.input(), &options(), Some(checkpoint.clone()), &mut keep, Progress::Hidden).unwrap();
+    assert!(rest == frames[3..], "the resumed frames differ");
+    assert_eq!(resumed, report);
+
+    let other = Options { gravity: 1.6, ..options() };
+    let foreign = simulate(&bar.input(), &other, Some(checkpoint), &mut |_, _| Ok(()), Progress::Hidden);
+    assert!(matches!(foreign, Err(SimulateError::Checkpoint(_))), "{foreign:?}");
+    for cut in [0, 7, 40, 60, saved.len() - 1] {
+        assert!(matches!(Checkpoint::from_bytes(&saved[..cut]), Err(SimulateError::Checkpoint(_))), "cut at {cut}");
+    }
+}
+
+/// Parts keep their volume, solids are filled, and what is known of no inside counts as full.
+#[test]
+fn filling_keeps_every_parts_volume() {
+    let bar = Bar::new();
+    let positions: Vec<[f64; 3]> =
+        (0..bar.gaussians.len()).map(|i| (bar.gaussians.center(i) * METERS_PER_UNIT).into()).collect();
+    let spacing_m = 0.025;
+    let filled = fill(&positions, &bar.labels, &bar.interior, METERS_PER_UNIT, spacing_m).unwrap();
+    for (label, expected) in [(0, 0.3 * 0.008), (1, 0.1 * 0.008)] {
+        let volume: f64 = filled.bodies.iter().filter(|b| b.label == label).map(|b| b.volume_m3).sum();
+        assert!((volume / expected - 1.0).abs() < 1e-9, "{volume} m3, expected {expected}");
+    }
+    assert!(filled.bodies.iter().all(|b| b.volume_m3 > 0.0));
+    // The inside, clear of the faces, holds a body in every cube of half a grid cell.
+    let cube = |b: &[f64; 3]| b.map(|x| (x / spacing_m * 2.0).floor() as i64);
+    let cubes: BTreeSet<[i64; 3]> = filled.bodies.iter().map(|b| cube(&b.position_m)).collect();
+    let expected: BTreeSet<[i64; 3]> =
+        bar.interior.iter().map(|p| cube(&p.position.map(|x| x * METERS_PER_UNIT))).collect();
+    assert_eq!(cubes, expected);
+    let bare = fill(&positions, &bar.labels, &[], METERS_PER_UNIT, spacing_m).unwrap();
+    assert_eq!((bare.bodies.len(), bare.assumed_full), (positions.len(), vec![0, 1]));
+}
+
+#[test]
+fn unknown_scale_is_simulated_at_a_stated_size() {
+    let bar = Bar::new();
+    let input = Input { meters_per_unit: None, ..bar.input() };
+    let report = run(&input, &Options { frames: 2, duration: 1e-3, ..options() }).1;
+    assert!(report.scale_assumed && report.warnings.iter().any(|w| w.contains("--scale")), "{report:?}");
+    assert!((report.meters_per_unit * report.longest_side() - 0.5).abs() < 0.05, "{}", report.meters_per_unit);
+}
+
+#[test]
+fn bad_input_is_refused_with_a_reason() {
+    let bar = Bar::new();
+    let refused = |input: &Input| {
+        let error = simulate(input, &options(), None, &mut |_, _| Ok(()), Progress::Hidden).unwrap_err();
+        error.to_string()
+    };
+    let with = |change: &dyn Fn(&mut Material)| {
+        let mut materials = materials();
+        change(&mut materials[1]);
+        refused(&Input { materials: &materials, ..bar.input() })
+    };
+    assert!(refused(&Input { gaussians: &Gaussians::default(), labels: &[], ..bar.input() }).contains("nothing"));
+    assert!(with(&|m| m.poisson_ratio = 0.5).contains("Poisson's ratio of `lead` is 0.5"));
+    assert!(with(&|m| m.density_kg_m3 = 0.0).contains("density of `lead` is 0"));
+    assert!(with(&|m| m.youngs_modulus_pa = f64::NAN).contains("Young's modulus of `lead`"));
+    assert!(with(&|m| m.law = Law::VonMises { yield_stress_pa: -1.0 }).contains("strength of `lead`"));
+    let hollow = [FillPoint { position: [0.0; 3], label: 0, volume: -1.0 }];
+    assert!(refused(&Input { interior: &hollow, ..bar.input() }).contains("volume of -1"));
+    assert!(refused(&Input { labels: &bar.labels[1..], ..bar.input() }).contains("labels"));
+    let strange: Vec<u32> = bar.labels.iter().map(|l| l + 1).collect();
+    assert!(refused(&Input { labels: &strange, ..bar.input() }).contains("label 2"));
+    let mut point = bar.gaussians.clone();
+    point.positions.fill([1.0; 3]);
+    assert!(refused(&Input { gaussians: &point, ..bar.input() }).contains("no size"));
+    point.positions[3] = [f32::NAN, 0.0, 0.0];
+    assert!(refused(&Input { gaussians: &point, ..bar.input() }).contains("Gaussian 3"));
+    let mut far = bar.gaussians.clone();
+    far.positions[5] = [1e4, 0.0, 0.0];
+    assert!(refused(&Input { gaussians: &far, ..bar.input() }).contains("particle 5"));
+}
+
+/// A step ten times the bound blows up; the run says so instead of writing nonsense, and keeps what it had.
+#[test]
+fn explosion_stops_the_run_and_keeps_the_frames() {
+    let bar = Bar::new();
+    let mut kept = 0;
+    let mut keep = |_: &Frame, _: &Checkpoint| {
+        kept += 1;
+        Ok(())
+    };
+    let reckless = Options { cfl: 4.0, ..options() };
+    match simulate(&bar.input(), &reckless, None, &mut keep, Progress::Hidden) {
+        Err(SimulateError::Lost { frame, t_s, .. }) => {
+            assert!(frame == kept && t_s > 0.0 && t_s < 0.2, "frame {frame}, {kept} kept, t = {t_s}");
+        }
+        other => panic!("{other:?}"),
+    }
+}
+
+/// The bar is in every picture, whole, and the GIF holds them all.
+#[test]
+fn animation_shows_the_object_in_every_frame() {
+    let bar = Bar::new();
+    let (frames, report) = run(&bar.input(), &options());
+    let mut load = |index: usize| Ok(frames[index].gaussians.clone());
+    let pictures = animation::pictures(&report, &mut load, Progress::Hidden).unwrap();
+    assert_eq!(pictures.len(), 6);
+    for (index, picture) in pictures.iter().enumerate() {
+        // The Gaussians are red, the ground is grey.
+        let red: Vec<(u32, u32)> = picture
+            .enumerate_pixels()
+            .filter(|(_, _, p)| i32::from(p[0]) > i32::from(p[1]) + 40)
+            .map(|(x, y, _)| (x, y))
+            .collect();
+        let share = red.len() as f64 / f64::from(picture.width() * picture.height());
+        assert!(share > 0.02 && share < 0.5, "frame {index}: {share} of the picture is bar");
+        let at_edge = |&(x, y): &(u32, u32)| x == 0 || y == 0 || x + 1 == picture.width() || y + 1 == picture.height();
+        assert!(!red.iter().any(at_edge), "frame {index}: the bar is cut off");
+    }
+    let gif = animation::gif(&pictures).unwrap();
+    let decoder = image::codecs::gif::GifDecoder::new(std::io::Cursor::new(gif)).unwrap();
+    let decoded = image::AnimationDecoder::into_frames(decoder).collect_frames().unwrap();
+    assert_eq!(decoded.len(), 6);
+    assert_eq!(decoded[0].buffer().dimensions(), pictures[0].dimensions());
+}

@@ -1,0 +1,335 @@
+//! The vote on built clouds: who wins, what unseen Gaussians get, which parts are one, what is said of bad input.
+
+use gprop::camera::Camera;
+use gprop::materials::MaterialLibrary;
+use gprop::progress::Progress;
+use gprop::query::{Answer, Answers, Failure, Form, Outcome, PartAnswer};
+use gprop::scene::gaussians::Gaussians;
+use gprop::segment::LabelMap;
+use gprop::units::{Range, ShoreHardness, ShoreScale};
+use gprop::vote::raster::render_labels;
+use gprop::vote::{Agreement, MaterialField, Options, Rule, ViewInput, VoteError, field_ply, vote};
+
+use super::build::{Blob, answer, camera_at, cloud};
+
+/// Three materials of the library.
+const ROWS: [usize; 3] = [0, 1, 2];
+
+/// A wall in the plane y = `y`, 2 wide and 1 high, of overlapping blobs.
+fn wall(y: f32) -> Vec<Blob> {
+    let place = |n: usize, count: usize, length: f32| (n as f32 + 0.5) / count as f32 * length - 0.5 * length;
+    (0..32 * 16)
+        .map(|n| Blob {
+            scale: [0.04, 0.01, 0.04],
+            ..Blob::round([place(n % 32, 32, 2.0), y, place(n / 32, 16, 1.0)], 0.04, 0.95)
+        })
+        .collect()
+}
+
+/// A stage for votes: views with their maps, and what they say.
+#[derive(Default)]
+struct Ballot {
+    views: Vec<(String, Camera, LabelMap)>,
+    answers: Answers,
+}
+
+impl Ballot {
+    /// Adds a view whose map is what it would see if Gaussian `i` had label `labels[i]` (0: background).
+    fn view(&mut self, gaussians: &Gaussians, eye: [f64; 3], labels: &[u32]) -> &mut Self {
+        let camera = camera_at(eye, [0.0; 3]);
+        let seen = render_labels(gaussians, &camera, labels, &Default::default());
+        let labels = seen.into_iter().map(|label| label.unwrap_or(0) as u16).collect();
+        let map = LabelMap { width: camera.intrinsics.width, height: camera.intrinsics.height, labels };
+        self.views.push((format!("view{}", self.views.len()), camera, map));
+        self
+    }
+
+    /// Adds an answer for a part of the last view.
+    fn says(&mut self, part: u16, answer: Answer) -> &mut Self {
+        self.outcome(part, Outcome::Answered(answer))
+    }
+
+    fn outcome(&mut self, part: u16, outcome: Outcome) -> &mut Self {
+        let view = self.views.last().unwrap().0.clone();
+        self.answers.parts.push(PartAnswer { view, part, outcome });
+        self
+    }
+
+    fn count(&self, gaussians: &Gaussians, options: &Options) -> Result<MaterialField, VoteError> {
+        let views: Vec<_> = self.views.iter().map(|(name, camera, map)| ViewInput { name, camera, map }).collect();
+        vote(gaussians, &views, &self.answers, MaterialLibrary::builtin(), options, Progress::Hidden)
+    }
+}
+
+/// Directions around the front of the wall at y = 0.
+fn front(n: usize) -> [f64; 3] {
+    [-0.8 + 0.4 * n as f64, -3.0, 0.3 * (n % 2) as f64]
+}
+
+fn material_of(row: usize) -> &'static str {
+    &MaterialLibrary::builtin().materials()[row].name
+}
+
+fn labels_by(gaussians: &Gaussians, label: impl Fn([f32; 3]) -> u32) -> Vec<u32> {
+    gaussians.positions.iter().map(|&p| label(p)).collect()
+}
+
+const BOTH_RULES: [Rule; 2] = [Rule::Frequency, Rule::Contribution];
+
+#[test]
+fn the_majority_of_the_views_wins_and_confidence_says_by_how_much() {
+    let gaussians = cloud(&wall(0.0));
+    let whole = vec![1; gaussians.len()];
+    let mut ballot = Ballot::default();
+    for (n, row) in [0, 1, 0].into_iter().enumerate() {
+        ballot.view(&gaussians, front(n), &whole).says(1, answer("wall", ROWS[row]));
+    }
+    // Each Gaussian for itself, as in the paper: all three views see it, two say material 0.
+    let options = Options { vote: Rule::Frequency, agree: Agreement::Gaussian, ..Default::default() };
+    let field = ballot.count(&gaussians, &options).unwrap();
+    assert_eq!(field.labels.len(), 1);
+    assert_eq!(field.labels[0].material, material_of(0));
+    assert!(field.views.iter().all(|&views| views == 3));
+    assert!(field.votes.iter().all(|&votes| votes == 2.0));
+    assert!(field.confidence.iter().all(|c| (c - 2.0 / 3.0).abs() < 1e-6));
+    // The views agree first: all three then vote for material 0.
+    let field = ballot.count(&gaussians, &Options { vote: Rule::Frequency, ..Default::default() }).unwrap();
+    assert_eq!(field.labels[0].material, material_of(0));
+    assert!(field.votes.iter().all(|&votes| votes == 3.0) && field.confidence.iter().all(|&c| c == 1.0));
+}
+
+#[test]
+fn a_single_view_decides_alone() {
+    let gaussians = cloud(&wall(0.0));
+    let mut ballot = Ballot::default();
+    ballot.view(&gaussians, front(2), &vec![1; gaussians.len()]).says(1, answer("wall", 0));
+    let field = ballot.count(&gaussians, &Options::default()).unwrap();
+    assert!(field.part_label.iter().all(|&label| label == 0) && field.views.iter().all(|&views| views == 1));
+}
+
+#[test]
+fn a_tie_goes_to_the_surer_answers_then_to_the_first_name() {
+    let gaussians = cloud(&wall(0.0));
+    let whole = vec![1; gaussians.len()];
+    let options = Options { vote: Rule::Frequency, ..Default::default() };
+    let winner = |confidence: [f64; 2]| {
+        let mut ballot = Ballot::default();
+        for n in 0..2 {
+            let answer = Answer { confidence: confidence[n], ..answer("wall", ROWS[n]) };
+            ballot.view(&gaussians, [0.0, -3.0, 0.0], &whole).says(1, answer);
+        }
+        ballot.count(&gaussians, &options).unwrap().labels[0].material.clone()
+    };
+    assert_eq!(winner([0.4, 0.9]), material_of(1));
+    assert_eq!(winner([0.9, 0.4]), material_of(0));
+    assert_eq!(winner([0.5, 0.5]), material_of(0).min(material_of(1)));
+}
+
+#[test]
+fn what_a_wall_hides_takes_no_vote_through_it() {
+    // Two walls 0.2 apart, one seen from the front only, the other from behind only, and a third layer between them.
+    let mut blobs = wall(-0.1);
+    blobs.extend(wall(0.1));
+    blobs.extend(wall(-0.05));
+    let gaussians = cloud(&blobs);
+    let layer = |i: usize| i / (32 * 16);
+    let labels: Vec<u32> = (0..gaussians.len()).map(|i| if layer(i) == 1 { 2 } else { 1 }).collect();
+    for rule in BOTH_RULES {
+        let mut ballot = Ballot::default();
+        ballot.view(&gaussians, [0.0, -3.0, 0.0], &labels).says(1, answer("front", 0));
+        ballot.view(&gaussians, [0.0, 3.0, 0.0], &labels).says(2, answer("back", 1));
+        let field = ballot.count(&gaussians, &Options { vote: rule, ..Default::default() }).unwrap();
+        let material = |i: usize| field.labels[field.part_label[i] as usize].material.as_str();
+        // Away from the rim, where the views look past the walls' edges.
+        let inner = |i: &usize| gaussians.positions[*i][0].abs() < 0.7 && gaussians.positions[*i][2].abs() < 0.3;
+        for i in (0..gaussians.len()).filter(inner) {
+            let (expected, hidden) = [(0, false), (1, false), (0, true)][layer(i)];
+            assert_eq!(material(i), material_of(expected), "{rule:?}: Gaussian {i} of layer {}", layer(i));
+            assert_eq!(field.views[i] == 0, hidden, "{rule:?}: Gaussian {i} of layer {}", layer(i));
+            assert_eq!(field.confidence[i] == 0.0, hidden);
+        }
+    }
+}
+
+#[test]
+fn one_part_under_three_numbers_is_one_label() {
+    let gaussians = cloud(&wall(0.0));
+    for rule in BOTH_RULES {
+        let mut ballot = Ballot::default();
+        for n in 0..3 {
+            let (left, right) = (n as u32 + 1, n as u32 + 5);
+            let labels = labels_by(&gaussians, |[x, ..]| if x < 0.0 { left } else { right });
+            ballot.view(&gaussians, front(n), &labels);
+            // One view takes the left half for something else.
+            ballot.says(left as u16, answer("left", if n == 1 { 2 } else { 0 })).says(right as u16, answer("right", 1));
+        }
+        let field = ballot.count(&gaussians, &Options { vote: rule, ..Default::default() }).unwrap();
+        let mut materials: Vec<_> = field.labels.iter().map(|label| label.material.as_str()).collect();
+        materials.sort_unstable();
+        let mut expected = [material_of(0), material_of(1)];
+        expected.sort_unstable();
+        assert_eq!(materials, expected, "{rule:?}");
+        // A pixel is 0.06 wide; nearer to the border than that, either half may own it.
+        for (i, [x, ..]) in gaussians.positions.iter().enumerate().filter(|(_, p)| p[0].abs() > 0.06) {
+            let expected = material_of(usize::from(*x >= 0.0));
+            assert_eq!(field.labels[field.part_label[i] as usize].material, expected, "{rule:?}: x = {x}");
+        }
+    }
+}
+
+#[test]
+fn touching_parts_of_one_material_stay_two_although_a_view_took_them_for_one() {
+    let gaussians = cloud(&wall(0.0));
+    let halves = labels_by(&gaussians, |[x, ..]| if x < 0.0 { 1 } else { 2 });
+    let mut ballot = Ballot::default();
+    for n in 0..4 {
+        ballot.view(&gaussians, front(n), &halves).says(1, answer("left door", 0)).says(2, answer("right door", 0));
+    }
+    ballot.view(&gaussians, front(4), &vec![1; gaussians.len()]).says(1, answer("doors", 0));
+    let field = ballot.count(&gaussians, &Options::default()).unwrap();
+    assert_eq!(field.labels.len(), 2, "{:?}", field.labels);
+    assert_ne!(field.part_label[0], field.part_label[31]);
+}
+
+#[test]
+fn a_part_cut_finer_in_some_views_is_one_label() {
+    let gaussians = cloud(&wall(0.0));
+    let thirds = labels_by(&gaussians, |[x, ..]| if x < 0.3 { 1 } else { 2 });
+    let mut ballot = Ballot::default();
+    for n in 0..5 {
+        if n % 2 == 0 {
+            ballot.view(&gaussians, front(n), &vec![1; gaussians.len()]).says(1, answer("board", 0));
+        } else {
+            ballot.view(&gaussians, front(n), &thirds).says(1, answer("board", 0)).says(2, answer("end", 0));
+        }
+    }
+    let field = ballot.count(&gaussians, &Options::default()).unwrap();
+    assert_eq!(field.labels.len(), 1, "{:?}", field.labels);
+}
+
+#[test]
+fn numbers_come_from_the_winning_answers_alone() {
+    let gaussians = cloud(&wall(0.0));
+    let whole = vec![1; gaussians.len()];
+    let mut ballot = Ballot::default();
+    let shore = |low, high| Some(ShoreHardness { scale: ShoreScale::A, range: Range::new(low, high) });
+    let wall_of = |low, high| Form::Shell { wall_thickness_m: Range::new(low, high) };
+    let winning = [
+        (Range::new(500.0, 700.0), shore(40.0, 50.0), Form::Solid),
+        (Range::new(600.0, 1000.0), shore(45.0, 70.0), wall_of(0.001, 0.002)),
+        (Range::new(610.0, 630.0), None, wall_of(0.003, 0.004)),
+    ];
+    for (n, (density_kg_m3, hardness, form)) in winning.into_iter().enumerate() {
+        let answer = Answer { density_kg_m3, hardness, form, ..answer("wall", 0) };
+        ballot.view(&gaussians, front(n), &whole).says(1, answer);
+    }
+    let odd = Answer { density_kg_m3: Range::new(7800.0, 7900.0), ..answer("wall", 1) };
+    ballot.view(&gaussians, front(3), &whole).says(1, odd);
+    let label = &ballot.count(&gaussians, &Options::default()).unwrap().labels[0];
+    // Middles 600, 800 and 620; the hull of the three ranges.
+    assert_eq!((label.density_kg_m3.low, label.density_kg_m3.mid, label.density_kg_m3.high), (500.0, 620.0, 1000.0));
+    assert_eq!(label.hardness, shore(40.0, 70.0));
+    assert_eq!(label.form, wall_of(0.001, 0.002));
+    assert_eq!(label.law, MaterialLibrary::builtin().get(material_of(0)).unwrap().law);
+}
+
+#[test]
+fn failed_answers_cast_no_votes_and_are_counted() {
+    let gaussians = cloud(&wall(0.0));
+    let halves = labels_by(&gaussians, |[x, ..]| if x < 0.0 { 1 } else { 2 });
+    let failure = || Outcome::Failed(Failure::Refused { message: "no".to_owned() });
+    let mut ballot = Ballot::default();
+    ballot.view(&gaussians, front(0), &halves).says(1, answer("left", 0)).outcome(2, failure());
+    ballot.view(&gaussians, front(1), &halves).says(1, answer("left", 0)).says(2, answer("right", 1));
+    ballot.view(&gaussians, front(2), &vec![0; gaussians.len()]);
+    let field = ballot.count(&gaussians, &Options::default()).unwrap();
+    assert_eq!(field.labels[field.part_label[31] as usize].material, material_of(1));
+    assert_eq!((field.views[0], field.views[31]), (2, 1));
+    let said = field.warnings.join("\n");
+    assert!(said.contains("1 of 4 parts have no answer") && said.contains("view0/2"), "{said}");
+    assert!(said.contains("`view2` has no parts"), "{said}");
+
+    let mut silent = Ballot::default();
+    silent.view(&gaussians, front(0), &halves).outcome(1, failure()).outcome(2, failure());
+    let error = silent.count(&gaussians, &Options::default()).unwrap_err();
+    assert!(matches!(error, VoteError::NoVotes { views: 1, parts: 2, answered: 0 }), "{error}");
+}
+
+#[test]
+fn bad_input_is_refused_by_name() {
+    let gaussians = cloud(&wall(0.0));
+    let whole = vec![1; gaussians.len()];
+    let mut ballot = Ballot::default();
+    ballot.view(&gaussians, front(0), &whole).says(1, Answer { material: "unobtainium".into(), ..answer("wall", 0) });
+    let error = ballot.count(&gaussians, &Options::default()).unwrap_err().to_string();
+    assert!(error.contains("unobtainium") && error.contains("view0") && error.contains("part 1"), "{error}");
+
+    ballot.views[0].2.width -= 1;
+    let error = ballot.count(&gaussians, &Options::default()).unwrap_err().to_string();
+    assert!(error.contains("view0") && error.contains("63") && error.contains("64"), "{error}");
+
+    let error = Ballot::default().count(&Gaussians::default(), &Options::default()).unwrap_err();
+    assert!(matches!(error, VoteError::NoGaussians));
+}
+
+#[test]
+fn strange_gaussians_and_a_camera_inside_do_no_harm() {
+    let mut blobs = wall(0.0);
+    blobs.extend(wall(0.3));
+    blobs.push(Blob::round([0.0, 0.1, 0.0], 0.05, 1e-4));
+    blobs.push(Blob::round([0.0, 0.1, 0.0], 1e5, 0.5));
+    let gaussians = cloud(&blobs);
+    let labels = labels_by(&gaussians, |_| 1);
+    let mut ballot = Ballot::default();
+    ballot.view(&gaussians, front(2), &labels).says(1, answer("wall", 0));
+    ballot.view(&gaussians, [0.0, 0.15, 0.01], &labels).says(1, answer("wall", 0));
+    for rule in BOTH_RULES {
+        let field = ballot.count(&gaussians, &Options { vote: rule, ..Default::default() }).unwrap();
+        assert!(field.part_label.iter().all(|&label| label == 0));
+        assert_eq!(field.views[blobs.len() - 2], 0, "what is too faint to be drawn is not seen");
+        let said = field.warnings.join("\n");
+        assert!(said.contains("1 Gaussian is larger than the object"), "{said}");
+        assert!(said.contains("camera of view `view1` stands inside the object"), "{said}");
+    }
+}
+
+#[test]
+fn the_field_does_not_depend_on_the_number_of_threads() {
+    let gaussians = cloud(&wall(0.0));
+    let halves = labels_by(&gaussians, |[x, _, z]| if x + 0.3 * z < 0.0 { 1 } else { 2 });
+    let mut ballot = Ballot::default();
+    for n in 0..4 {
+        ballot.view(&gaussians, front(n), &halves).says(1, answer("left", n % 3)).says(2, answer("right", 1));
+    }
+    let on = |threads| {
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
+        pool.install(|| ballot.count(&gaussians, &Options::default()).unwrap())
+    };
+    assert_eq!(on(1), on(2));
+}
+
+#[test]
+fn the_columns_of_the_ply_hold_the_field() {
+    let gaussians = cloud(&wall(0.0));
+    let halves = labels_by(&gaussians, |[x, ..]| if x < 0.1 { 1 } else { 2 });
+    let mut ballot = Ballot::default();
+    ballot.view(&gaussians, front(2), &halves).says(1, answer("left", 1)).says(2, answer("right", 0));
+    let field = ballot.count(&gaussians, &Options::default()).unwrap();
+    let columns = field_ply::columns(&field);
+    let names: Vec<_> = columns.iter().map(|column| column.name.as_str()).collect();
+    let expected = "part_label material_id density E nu yield_stress friction hardness conf votes views";
+    assert_eq!(names.join(" "), expected);
+    assert!(columns.iter().all(|column| column.values.len() == gaussians.len()));
+
+    let materials = field_ply::materials(&field.labels, MaterialLibrary::builtin());
+    for i in 0..gaussians.len() {
+        let label = &field.labels[field.part_label[i] as usize];
+        assert_eq!(materials[columns[1].values[i] as usize].name, label.material);
+        assert_eq!(columns[2].values[i], label.density_kg_m3.mid as f32);
+        assert_eq!(columns[3].values[i], label.youngs_modulus_pa.mid as f32);
+    }
+    let mut file = Vec::new();
+    gprop::scene::ply::write(&mut file, &gaussians, &columns).unwrap();
+    let reread = gprop::scene::ply::parse(&file).unwrap().gaussians;
+    assert_eq!(field_ply::read(&reread.extra, field.labels.clone()).unwrap(), field);
+}

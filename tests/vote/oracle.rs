@@ -1,0 +1,87 @@
+//! The vote's own loss: the ground truth's part maps in place of SAM, an answer of its own for each part in place of the
+//! model's, and the outcome rendered into held-out views.
+
+use gprop::evaluate::segmentation::IouTally;
+use gprop::materials::MaterialLibrary;
+use gprop::progress::Progress;
+use gprop::query::{Answers, Outcome, PartAnswer};
+use gprop::segment::LabelMap;
+use gprop::vote::raster::{RenderOptions, render_labels};
+use gprop::vote::{MaterialField, Options, Rule, ViewInput, vote};
+
+use super::build::answer;
+use super::scenes::{self, Measured};
+
+/// The true answers to the true maps.
+pub fn true_answers(measured: &Measured, maps: &[(gprop::scene::View, LabelMap)]) -> Answers {
+    let mut parts = Vec::new();
+    for (view, map) in maps {
+        for (row, name) in measured.part_names().iter().enumerate() {
+            let part = row as u16 + 1;
+            if map.labels.contains(&part) {
+                let outcome = Outcome::Answered(answer(name, row));
+                parts.push(PartAnswer { view: view.name.clone(), part, outcome });
+            }
+        }
+    }
+    Answers { parts }
+}
+
+/// IoU over the held-out views by part name.
+pub fn measure(measured: &Measured, field: &MaterialField) -> IouTally<u32> {
+    let names = measured.part_names();
+    let name_of = |label: u32| names.iter().position(|name| *name == field.labels[label as usize].caption);
+    let labels: Vec<u32> = field.part_label.iter().map(|&label| name_of(label).unwrap() as u32).collect();
+    let mut tally = IouTally::default();
+    for view in &measured.held_out {
+        let predicted = render_labels(&measured.scene.gaussians, &view.camera, &labels, &RenderOptions::default());
+        let truth = view.parts.pixels().map(|p| (p.0[0] != 255).then_some(u32::from(p.0[0])));
+        tally.add(truth.zip(predicted));
+    }
+    tally
+}
+
+/// The field that `rule` makes of the true maps.
+fn voted(measured: &Measured, rule: Rule) -> MaterialField {
+    let maps = measured.true_maps();
+    let answers = true_answers(measured, &maps);
+    let views: Vec<_> =
+        maps.iter().map(|(view, map)| ViewInput { name: &view.name, camera: &view.camera, map }).collect();
+    let options = Options { vote: rule, ..Default::default() };
+    vote(&measured.scene.gaussians, &views, &answers, MaterialLibrary::builtin(), &options, Progress::Hidden).unwrap()
+}
+
+/// The lowest IoU that a scene's parts may have. What is lost is a pixel's width at the borders, where splats are soft.
+/// The lamp's stem ends in a wire ring two to three pixels wide in front of a shade of nearly its colour: the splat itself
+/// blurs them, and even when the held-out views vote themselves its IoU is 0.68.
+fn floor(scene: &str, part: &str) -> f64 {
+    match (scene, part) {
+        ("table_lamp", "stem") => 0.62,
+        ("table_lamp", "bulb") => 0.90,
+        _ => 0.975,
+    }
+}
+
+#[test]
+fn true_parts_come_back_in_views_that_did_not_vote() {
+    let mut total = [0.0; 2];
+    let scenes = scenes::all();
+    for measured in &scenes {
+        for (n, rule) in [Rule::Frequency, Rule::Contribution].into_iter().enumerate() {
+            let (field, names) = (voted(measured, rule), measured.part_names());
+            let tally = measure(measured, &field);
+            let ious: Vec<_> = tally.per_label().into_iter().map(|(part, iou)| (&names[part as usize], iou)).collect();
+            let mean = tally.mean().unwrap();
+            println!("{} by {rule:?}: mIoU {mean:.4} {ious:.4?}", measured.scene.name);
+            total[n] += mean / scenes.len() as f64;
+            if rule == Options::default().vote {
+                assert_eq!(field.labels.len(), ious.len(), "as many labels as parts: {:?}", field.labels);
+                for (part, iou) in ious {
+                    assert!(iou > floor(&measured.scene.name, part), "{} {part}: {iou}", measured.scene.name);
+                }
+            }
+        }
+    }
+    println!("mean by frequency {:.4}, by contribution {:.4}", total[0], total[1]);
+    assert!(total[1] > 0.96 && total[1] >= total[0] - 1e-3, "the default scores best: {total:?}");
+}
