@@ -5,7 +5,7 @@ mod foreground;
 mod orbit;
 
 pub use foreground::{foreground, photo_with_foreground};
-pub use orbit::{RenderedView, orbit};
+pub use orbit::{orbit, render_views};
 
 use crate::scene::Scene;
 use crate::vote::raster::RenderOptions;

@@ -1,21 +1,17 @@
 //! Views rendered from the splat, for scenes without photos: cameras spread over the sphere around the object.
 
+use std::io;
+use std::path::Path;
+
+use image::codecs::png::PngEncoder;
 use image::{Rgba, RgbaImage};
 use nalgebra::{Isometry3, Point3, Vector3};
 
 use super::render_options;
 use crate::camera::{Camera, Distortion, Intrinsics};
-use crate::scene::Scene;
-use crate::vote::raster::render;
-
-/// A view that no photo shows: its camera, and the picture with straight alpha.
-#[derive(Debug, Clone)]
-pub struct RenderedView {
-    /// `000`, `001`, ...
-    pub name: String,
-    pub camera: Camera,
-    pub picture: RgbaImage,
-}
+use crate::scene::{Bounds, Scene, Upright, View};
+use crate::vote::raster::{Render, render};
+use crate::workdir::write_atomic;
 
 /// Side of the pictures in pixels.
 const SIDE: u32 = 768;
@@ -24,29 +20,43 @@ const FIELD_OF_VIEW: f64 = 0.7;
 /// How much of the picture's height the object's bounding sphere fills.
 const FILLED: f64 = 0.9;
 
-/// Renders `count` views of the object from directions spread evenly over the sphere.
-pub fn orbit(scene: &Scene, count: usize) -> Vec<RenderedView> {
-    let bounds = scene.object_bounds();
+/// Gives the scene `count` views of the object from directions spread evenly over the sphere, each a picture with alpha in
+/// `folder`, which is to be the folder of this splat and this count: a picture that is there is not rendered again.
+///
+/// # Errors
+/// Where a picture cannot be written.
+pub fn render_views(scene: &mut Scene, count: usize, folder: &Path) -> io::Result<()> {
+    let cameras = orbit(&scene.object_bounds(), count);
+    for (index, camera) in cameras.into_iter().enumerate() {
+        let name = format!("{index:03}");
+        let image = folder.join(format!("{name}.png"));
+        if !image.is_file() {
+            let picture = straight(&render(&scene.gaussians, &camera, &render_options(scene)));
+            write_atomic(&image, |out| {
+                let encoder = PngEncoder::new(out);
+                picture.write_with_encoder(encoder).map_err(io::Error::other)
+            })?;
+        }
+        scene.views.push(View { name, camera, image, upright: Upright::AsStored, mask: None });
+    }
+    scene.warnings.push(format!("there are no photos: {count} views were rendered from the splat itself"));
+    Ok(())
+}
+
+/// Cameras that look at the box from all around, near enough for its bounding sphere to fill the picture.
+pub fn orbit(bounds: &Bounds, count: usize) -> Vec<Camera> {
     let radius = 0.5 * bounds.diagonal();
     let distance = radius / (FILLED * (0.5 * FIELD_OF_VIEW).sin());
     let side = f64::from(SIDE);
     let focal = 0.5 * side / (0.5 * FIELD_OF_VIEW).tan();
-    let intrinsics = Intrinsics {
-        width: SIDE,
-        height: SIDE,
-        fx: focal,
-        fy: focal,
-        cx: 0.5 * side,
-        cy: 0.5 * side,
-        distortion: Distortion::None,
-    };
-    let view = |(index, direction): (usize, Vector3<f64>)| {
+    let (width, height, middle) = (SIDE, SIDE, 0.5 * side);
+    let distortion = Distortion::None;
+    let intrinsics = Intrinsics { width, height, fx: focal, fy: focal, cx: middle, cy: middle, distortion };
+    let camera = |direction: Vector3<f64>| {
         let eye = bounds.center() + direction * distance;
-        let camera = Camera { intrinsics, camera_from_world: looking(&eye, &bounds.center()) };
-        let picture = straight(&render(&scene.gaussians, &camera, &render_options(scene)));
-        RenderedView { name: format!("{index:03}"), camera, picture }
+        Camera { intrinsics, camera_from_world: looking(&eye, &bounds.center()) }
     };
-    directions(count).into_iter().enumerate().map(view).collect()
+    directions(count).into_iter().map(camera).collect()
 }
 
 /// Evenly spread unit vectors: a Fibonacci lattice (Gonzalez 2010).
@@ -70,7 +80,7 @@ fn looking(eye: &Point3<f64>, target: &Point3<f64>) -> Isometry3<f64> {
 }
 
 /// Straight alpha from the rasteriser's premultiplied colours.
-fn straight(render: &crate::vote::raster::Render) -> RgbaImage {
+fn straight(render: &Render) -> RgbaImage {
     let byte = |value: f32| (value.clamp(0.0, 1.0) * 255.0).round() as u8;
     RgbaImage::from_fn(render.width, render.height, |x, y| {
         let pixel = (y * render.width + x) as usize;

@@ -12,14 +12,16 @@ mod text;
 mod verdict;
 
 use std::num::NonZeroUsize;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 use serde::Serialize;
 
+use crate::exit::UsageError;
 use crate::from_splat::photo_with_foreground;
 use crate::progress::Progress;
 use crate::scene::{self, Bounds, ForegroundSource, ObjectSource, Options, Scene, SceneError, View};
 use crate::units::MetricScale;
+use crate::workdir::write_atomic;
 pub use diagnose::Suggestion;
 pub use page::to_html;
 pub use text::to_text;
@@ -89,6 +91,34 @@ pub struct ViewFit {
     pub psnr_db: f64,
     /// Intersection over union of the photo's foreground and the splat's alpha; `None` where the photo tells no foreground.
     pub mask_iou: Option<f64>,
+}
+
+/// What `gprop inspect` takes.
+#[derive(Debug, Clone, clap::Args)]
+pub struct Args {
+    /// Folder with a splat, and photos and cameras where there are any.
+    pub scene: PathBuf,
+    /// Also write a self-contained page with photo and splat side by side.
+    #[arg(long, value_name = "FILE")]
+    pub html: Option<PathBuf>,
+    #[command(flatten)]
+    pub options: Options,
+}
+
+/// Does what `gprop inspect` asks for: the inspection, and the same as text; writes the page.
+///
+/// # Errors
+/// [`SceneError`] as [`inspect`]; a page that cannot be written.
+pub fn command(args: &Args, progress: Progress) -> anyhow::Result<(Inspection, String)> {
+    let (inspection, (scene, views)) = inspect_and_draw(&args.scene, &args.options, progress)?;
+    let mut text = to_text(&inspection);
+    if let Some(path) = &args.html {
+        let page = to_html(&inspection, &scene, &views)?;
+        write_atomic(path, |out| out.write_all(page.as_bytes()))
+            .map_err(|reason| UsageError(format!("--html: cannot write {path:?}: {reason}")))?;
+        text.push_str(&format!("page        {}\n", path.display()));
+    }
+    Ok((inspection, text))
 }
 
 /// Inspects the scene in `folder`; also one without photos.

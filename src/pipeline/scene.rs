@@ -10,6 +10,7 @@ use serde::Serialize;
 use sha2::{Digest, Sha256};
 
 use crate::camera::Camera;
+use crate::scene::{Options, Scene};
 use crate::units::MetricScale;
 use crate::workdir::Artifact;
 
@@ -54,6 +55,15 @@ impl Pipeline {
         self.work.write_json(Artifact::Views, &file)?;
         Ok(Done::writing([Artifact::Views]).warning(self.scene.warnings.clone()))
     }
+}
+
+/// What pictures rendered from the splat depend on, short enough for a folder's name.
+pub(super) fn rendering_key(scene: &Scene, options: &Options) -> Result<String> {
+    let mut hasher = Hasher::new("rendered").with_json(options);
+    for path in &scene.files {
+        hasher = hasher.with(&file_digest(path).with_context(|| format!("cannot read {path:?}"))?);
+    }
+    Ok(hasher.hex().chars().take(16).collect())
 }
 
 /// SHA-256 of a file's content.
