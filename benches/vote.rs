@@ -78,7 +78,8 @@ fn answers(names: &[String]) -> Answers {
         matched: Match::Exact,
         flags: Vec::new(),
     };
-    let part = |view: &String, part| PartAnswer { view: view.clone(), part, outcome: Outcome::Answered(answer.clone()) };
+    let part =
+        |view: &String, part| PartAnswer { view: view.clone(), part, outcome: Outcome::Answered(answer.clone()) };
     Answers { parts: names.iter().flat_map(|view| [part(view, 1), part(view, 2)]).collect() }
 }
 

@@ -7,7 +7,7 @@ use std::ffi::OsString;
 use std::io::{self, IsTerminal, Write};
 use std::path::PathBuf;
 
-use clap::{Args, CommandFactory, FromArgMatches, Parser, Subcommand};
+use clap::{Args, CommandFactory, Parser, Subcommand};
 use serde::Serialize;
 
 use crate::exit::UsageError;
@@ -188,31 +188,34 @@ pub fn run(arguments: Vec<OsString>) -> anyhow::Result<()> {
     }
 }
 
-/// Parses twice where the scene has a `gprop.toml`: its keys become flags that stand before those that were typed.
+/// Parses what was typed behind the flags that the scene's `gprop.toml` stands for. A first look, which forgives
+/// everything, finds the scene.
 fn parse(arguments: &[OsString]) -> anyhow::Result<Cli> {
-    let typed = Cli::command().get_matches_from(arguments);
-    let (name, matches) = typed.subcommand().expect("clap demands a subcommand");
-    let flags = match matches.try_get_one::<PathBuf>("scene") {
-        Ok(Some(scene)) => config::flags(scene, &scene_flags())?,
-        _ => Vec::new(),
-    };
-    // The file speaks to every command on the scene; each takes the options that it has.
-    let command = Cli::command();
-    let own = command.find_subcommand(name).into_iter().flat_map(clap::Command::get_arguments);
-    let own: Vec<&str> = own.filter_map(clap::Arg::get_long).collect();
-    let is_own = |flag: &String| own.contains(&flag.trim_start_matches('-').split('=').next().unwrap_or_default());
-    let flags: Vec<String> = flags.into_iter().filter(is_own).collect();
-    let place = 1 + arguments.iter().position(|argument| argument == name).unwrap_or(0);
-    let (before, after) = arguments.split_at(place);
-    let flags: Vec<OsString> = flags.into_iter().map(OsString::from).collect();
-    let matches = Cli::command().get_matches_from([before, &flags, after].concat());
-    Cli::from_arg_matches(&matches).map_err(|error| error.exit())
+    let mut all = arguments.to_vec();
+    if let Ok(typed) = Cli::command().ignore_errors(true).try_get_matches_from(arguments)
+        && let Some((name, matches)) = typed.subcommand()
+        && let Ok(Some(scene)) = matches.try_get_one::<PathBuf>("scene")
+    {
+        // The file speaks to every command on the scene; each takes the options that it has.
+        let command = Cli::command();
+        let own = command.find_subcommand(name).into_iter().flat_map(clap::Command::get_arguments);
+        let own: Vec<&str> = own.filter_map(clap::Arg::get_long).collect();
+        let is_own = |flag: &String| own.contains(&flag.trim_start_matches('-').split('=').next().unwrap_or_default());
+        let flags = config::flags(scene, &scene_flags())?.into_iter().filter(is_own);
+        let place = 1 + arguments.iter().position(|argument| argument == name).unwrap_or(0);
+        all.splice(place..place, flags.map(OsString::from));
+    }
+    Ok(Cli::parse_from(all))
 }
 
-/// Long names of the options that a scene may set: those of the stages, not those of the command.
-fn scene_flags() -> Vec<String> {
+/// The options that a scene may set: those of the stages, not those of the command.
+fn scene_flags() -> Vec<config::Flag> {
     let stages = pipeline::Options::augment_args(clap::Command::new("stages"));
-    stages.get_arguments().filter_map(|argument| argument.get_long().map(str::to_owned)).collect()
+    let flag = |argument: &clap::Arg| {
+        let name = argument.get_long()?.to_owned();
+        Some(config::Flag { name, takes_value: argument.get_action().takes_values() })
+    };
+    stages.get_arguments().filter_map(flag).collect()
 }
 
 fn start_log(global: &Global) {
@@ -238,8 +241,11 @@ fn print(global: &Global, value: &impl Serialize, text: impl FnOnce() -> String)
 }
 
 impl Global {
-    /// Bars are for people at a terminal.
     fn progress(&self) -> Progress {
-        if self.quiet || !io::stderr().is_terminal() { Progress::Hidden } else { Progress::Shown }
+        match (self.quiet, io::stderr().is_terminal()) {
+            (true, _) => Progress::Hidden,
+            (false, true) => Progress::Shown,
+            (false, false) => Progress::Lines,
+        }
     }
 }

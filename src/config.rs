@@ -24,10 +24,18 @@ pub enum ConfigError {
     BadValue { path: PathBuf, line: usize, key: String },
 }
 
-/// The flags that `gprop.toml` in `scene` stands for; none where there is no such file.
-///
-/// `known` are the long names of the options a scene may set. Tables group keys for the reader and mean nothing.
-pub fn flags(scene: &Path, known: &[String]) -> Result<Vec<String>, ConfigError> {
+/// A flag that a scene may set.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Flag {
+    /// Without the dashes.
+    pub name: String,
+    /// False for a switch, which stands alone.
+    pub takes_value: bool,
+}
+
+/// The flags that `gprop.toml` in `scene` stands for; none where there is no such file. Tables group keys for the reader
+/// and mean nothing.
+pub fn flags(scene: &Path, known: &[Flag]) -> Result<Vec<String>, ConfigError> {
     let path = scene.join(FILE_NAME);
     let text = match std::fs::read_to_string(&path) {
         Ok(text) => text,
@@ -49,7 +57,7 @@ pub fn flags(scene: &Path, known: &[String]) -> Result<Vec<String>, ConfigError>
 struct Reader<'a> {
     path: &'a Path,
     text: &'a str,
-    known: &'a [String],
+    known: &'a [Flag],
 }
 
 impl Reader<'_> {
@@ -61,27 +69,25 @@ impl Reader<'_> {
             }
             let name = key.get_ref().replace('_', "-");
             let line = line_of(self.text, key.span().start);
-            if !self.known.contains(&name) {
+            let Some(flag) = self.known.iter().find(|flag| flag.name == name) else {
                 return Err(self.unknown_key(key.get_ref(), &name, line));
-            }
-            match value.get_ref() {
-                DeValue::Boolean(true) => flags.push(format!("--{name}")),
-                DeValue::Boolean(false) => {}
-                other => {
-                    let text = scalar(other).ok_or_else(|| ConfigError::BadValue {
-                        path: self.path.to_owned(),
-                        line,
-                        key: key.get_ref().to_string(),
-                    })?;
-                    flags.push(format!("--{name}={text}"));
-                }
+            };
+            match (value.get_ref(), flag.takes_value) {
+                (DeValue::Boolean(on), false) => flags.extend(on.then(|| format!("--{name}"))),
+                (value, true) if let Some(text) = scalar(value) => flags.push(format!("--{name}={text}")),
+                _ => return Err(self.bad_value(key.get_ref(), line)),
             }
         }
         Ok(())
     }
 
+    fn bad_value(&self, key: &str, line: usize) -> ConfigError {
+        ConfigError::BadValue { path: self.path.to_owned(), line, key: key.to_owned() }
+    }
+
     fn unknown_key(&self, key: &str, name: &str, line: usize) -> ConfigError {
-        let near = self.known.iter().find(|known| known.contains(name) || name.contains(known.as_str()));
+        let names = || self.known.iter().map(|flag| flag.name.as_str());
+        let near = names().find(|known| known.contains(name) || name.contains(known));
         ConfigError::UnknownKey {
             path: self.path.to_owned(),
             line,
@@ -94,6 +100,7 @@ impl Reader<'_> {
 /// A value as it would be typed; a list as its items between commas.
 fn scalar(value: &DeValue) -> Option<String> {
     match value {
+        DeValue::Boolean(on) => Some(on.to_string()),
         DeValue::String(text) => Some(text.to_string()),
         DeValue::Integer(number) => Some(number.as_str().to_owned()),
         DeValue::Float(number) => Some(number.as_str().to_owned()),
@@ -107,4 +114,44 @@ fn scalar(value: &DeValue) -> Option<String> {
 
 fn line_of(text: &str, byte: usize) -> usize {
     text[..byte].bytes().filter(|&b| b == b'\n').count() + 1
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn flags_of(text: &str) -> Result<Vec<String>, ConfigError> {
+        let scene = tempfile::tempdir().unwrap();
+        std::fs::write(scene.path().join(FILE_NAME), text).unwrap();
+        let flag = |(name, takes_value): (&str, bool)| Flag { name: name.to_owned(), takes_value };
+        flags(scene.path(), &[("views", true), ("view-list", true), ("crop", true), ("offline", false)].map(flag))
+    }
+
+    #[test]
+    fn keys_become_flags() {
+        let cases: [(&str, &[&str]); 6] = [
+            ("views = 5", &["--views=5"]),
+            ("view_list = [\"003\", \"022\"]", &["--view-list=003,022"]),
+            ("[segment]\ncrop = false", &["--crop=false"]),
+            ("offline = true", &["--offline"]),
+            ("offline = false", &[]),
+            ("", &[]),
+        ];
+        for (text, expected) in cases {
+            assert_eq!(flags_of(text).unwrap(), expected, "{text}");
+        }
+    }
+
+    #[test]
+    fn what_is_wrong_is_said_with_its_line() {
+        for (text, words) in [
+            ("\nviewz = 5", "line 2: unknown key `viewz`"),
+            ("offline = 3", "line 1: `offline` takes"),
+            ("views = 1979-05-27", "line 1: `views` takes"),
+            ("views = ", "line 1: "),
+        ] {
+            let message = flags_of(text).unwrap_err().to_string();
+            assert!(message.contains(words), "{text}: {message}");
+        }
+    }
 }

@@ -14,6 +14,9 @@
 //!
 //! The method follows *GaussianProperty: Integrating Physical Properties to 3D Gaussians with LMMs* (Xu et al., 2024).
 
+// A module's docs list its parts in order for whoever reads the source, private ones too.
+#![allow(rustdoc::private_intra_doc_links)]
+
 pub mod camera;
 pub mod cli;
 pub mod config;

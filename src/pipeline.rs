@@ -224,7 +224,7 @@ impl Pipeline {
             outputs: done.outputs.into_iter().map(size).collect::<Result<_>>()?,
             key,
         };
-        info!(?stage, seconds = record.seconds, "done");
+        self.progress.line(&format!("{:<9} {:.1} s", format!("{stage:?}").to_lowercase(), record.seconds));
         Ok(self.record.put(record, &self.work)?)
     }
 

@@ -1,5 +1,11 @@
 //! Volume, thickness and mass against closed forms and ground truth.
 
+#[path = "parts/bad_input.rs"]
+mod bad_input;
+#[path = "parts/closed_forms.rs"]
+mod closed_forms;
+#[path = "parts/clouds.rs"]
+mod clouds;
 #[path = "parts/scenes.rs"]
 mod scenes;
 #[path = "parts/truth.rs"]

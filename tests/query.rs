@@ -17,7 +17,7 @@ use gprop::progress::Progress;
 use gprop::query::asker::{Ask, AskError, Asker, Reply};
 use gprop::query::recorded::{Answerer, Recordings, Usage};
 use gprop::query::{Options, Prompts, Queries, QueryError, Run, ViewInput};
-use gprop::scene::Photo;
+use gprop::scene::{ForegroundSource, Photo};
 use gprop::segment::{LabelMap, Level, PartMask, ViewSegments};
 use image::{GrayImage, Luma, Rgb, RgbImage};
 use serde_json::{Value, json};

@@ -147,6 +147,15 @@ fn the_command_line_wins_over_the_configuration() {
 }
 
 #[test]
+fn views_counted_on_the_command_line_win_over_views_listed_in_the_configuration() {
+    let scene = hammer();
+    fs::write(scene.path().join("gprop.toml"), "scale = \"metric\"\nview-list = [\"003\"]\n").unwrap();
+    let output = run(scene.path(), &["--to", "scene", "--views", "5"]);
+    assert!(output.status.success(), "{}", stderr(&output));
+    assert_eq!(json(scene.path().join("gprop/views.json"))["views"].as_array().unwrap().len(), 5);
+}
+
+#[test]
 fn an_unknown_flag() {
     let output = run(&fixture("hammer"), &["--no-such-flag"]);
     assert_eq!(output.status.code(), Some(2));

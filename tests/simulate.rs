@@ -4,6 +4,8 @@ mod motion;
 mod laws;
 // The ground.
 mod contact;
+// Trajectories of the public solver.
+mod peer;
 // The stage: volumes, frames, threads, checkpoints, bad input, the animation.
 mod stage;
 

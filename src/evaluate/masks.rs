@@ -69,7 +69,7 @@ pub enum MasksError {
 pub struct Comparison {
     pub count: usize,
     pub reference_count: usize,
-    /// Of the pairs; 1 where there are none and none are missing.
+    /// Of the pairs; where there are none, 1 if both lists are empty, else 0.
     pub matched_mean_iou: f64,
     pub matched_min_iou: f64,
     /// Masks without a partner, of both sides.
@@ -192,5 +192,55 @@ fn compare_list(ours: &[Candidate], theirs: &[(Mask, &ReferenceMask)]) -> Compar
         unmatched: ours.len() + theirs.len() - 2 * pairs.len(),
         predicted_iou_max_difference: largest(&|our, their| our.predicted_iou - their.predicted_iou),
         stability_max_difference: largest(&|our, their| our.stability - their.stability_score),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::segment::mask::Rect;
+
+    fn candidate(mask: Mask, predicted_iou: f32) -> Candidate {
+        let bounds = mask.bounds().unwrap();
+        let crop = Rect::of_size(mask.width(), mask.height());
+        Candidate { mask, bounds, predicted_iou, stability: 0.9, level: Level::Small, point: [0.0; 2], crop }
+    }
+
+    fn columns(start: u32, end: u32) -> Mask {
+        Mask::from_fn(40, 2, |x, _| (start..end).contains(&x))
+    }
+
+    fn reference_mask(predicted_iou: f32) -> ReferenceMask {
+        let segmentation = ColumnRuns { size: [2, 40], counts: vec![] };
+        ReferenceMask { segmentation, predicted_iou, stability_score: 0.9 }
+    }
+
+    #[test]
+    fn run_lengths_go_column_by_column() {
+        let runs = ColumnRuns { size: [2, 3], counts: vec![1, 2, 3] };
+        let mask = runs.decode((3, 2)).unwrap();
+        assert_eq!((mask.row(0), mask.row(1)), ([(1, 2)].as_slice(), [(0, 1)].as_slice()));
+        assert!(runs.decode((2, 3)).is_none());
+        assert!(ColumnRuns { size: [2, 3], counts: vec![1, 2, 2] }.decode((3, 2)).is_none());
+    }
+
+    #[test]
+    fn pairs_are_one_to_one_and_what_is_left_is_counted() {
+        let ours = [candidate(columns(0, 10), 0.8), candidate(columns(1, 10), 0.9), candidate(columns(30, 40), 0.7)];
+        let (near, better, worse) = (reference_mask(0.8), reference_mask(0.95), reference_mask(0.7));
+        let theirs = [(columns(0, 9), &near), (columns(1, 10), &better), (columns(20, 25), &worse)];
+        let comparison = compare_list(&ours, &theirs);
+        // The equal masks pair first; then columns 0..10 with 0..9.
+        assert!((comparison.matched_mean_iou - 0.95).abs() < 1e-12, "{comparison:?}");
+        assert!((comparison.matched_min_iou - 0.9).abs() < 1e-12);
+        assert_eq!(comparison.unmatched, 2);
+        assert!((comparison.predicted_iou_max_difference - 0.05).abs() < 1e-6);
+    }
+
+    #[test]
+    fn nothing_found_is_no_agreement_unless_nothing_was_there() {
+        let reference = reference_mask(0.8);
+        assert_eq!(compare_list(&[], &[(columns(0, 9), &reference)]).matched_mean_iou, 0.0);
+        assert_eq!(compare_list(&[], &[]).matched_mean_iou, 1.0);
     }
 }

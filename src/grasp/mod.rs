@@ -140,18 +140,19 @@ pub fn grasp(
 
 impl Inputs {
     fn check(&self, part: &str) -> Result<(), GraspError> {
-        let values = [
+        let zero_is_low_enough = [
             ("mass", self.mass_kg),
-            ("friction", self.friction),
             ("strength", self.strength_pa),
             ("Young's modulus", self.youngs_modulus_pa),
             ("thickness", self.thickness_m),
         ];
-        for (what, estimate) in values {
-            let in_order = estimate.low <= estimate.mid && estimate.mid <= estimate.high;
-            if !(in_order && estimate.low >= 0.0 && estimate.mid > 0.0 && estimate.high.is_finite()) {
-                return Err(GraspError::Property { part: part.to_owned(), what, estimate });
-            }
+        let fits = |e: Estimate| e.low <= e.mid && e.mid <= e.high && e.low >= 0.0 && e.mid > 0.0 && e.high.is_finite();
+        let wrong = zero_is_low_enough.into_iter().find(|(_, estimate)| !fits(*estimate));
+        // F_min grows without bound as friction goes to zero.
+        let slippery = ("friction", self.friction);
+        let wrong = wrong.or((!fits(slippery.1) || slippery.1.low <= 0.0).then_some(slippery));
+        if let Some((what, estimate)) = wrong {
+            return Err(GraspError::Property { part: part.to_owned(), what, estimate });
         }
         Ok(())
     }

@@ -12,6 +12,9 @@ use crate::scene::gaussians::Gaussians;
 /// A surface cell with less summed opacity than this is unseen from any Gaussian: it takes its label from within.
 const WEIGHT_MIN: f32 = 0.05;
 
+/// Gaussians thinner than this many cells are widened to it, so that they reach the surface cells beside their own.
+const LEAST_DEVIATION: f64 = 0.5;
+
 /// The object's inside, cut into parts.
 pub struct Labelled {
     pub grid: Grid,
@@ -78,7 +81,7 @@ fn surface_labels(
         let end = surface.cells.partition_point(|&c| (c as usize) < cells.end);
         Block { slot: &slot[cells], first: first as u32, weight: vec![0.0; (end - first) * label_count] }
     };
-    let blocks = splat(gaussians, kept, grid, new_block, |block, place, gaussian, value| {
+    let blocks = splat(gaussians, kept, grid, LEAST_DEVIATION, new_block, |block, place, gaussian, value| {
         if block.slot[place] != NONE {
             let row = (block.slot[place] - block.first) as usize;
             block.weight[row * label_count + labels[gaussian] as usize] += value as f32;

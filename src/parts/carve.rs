@@ -1,7 +1,7 @@
 //! Carving: every view takes away the cells that it looks past or through (Kutulakos and Seitz 2000, with depth).
 //!
 //! A cell is outside where some view sees background in its place, or sees a surface clearly behind it. What no view
-//! looks through stays. Fails on undersides and hollows that no view sees into (they stay filled), and on glass.
+//! looks through stays, if any picture holds it. Fails on undersides and hollows that no view sees into (they stay filled), and on glass.
 
 use nalgebra::{Point2, Point3, Vector3};
 use rayon::prelude::*;
@@ -16,24 +16,25 @@ const ALPHA_MIN: f64 = 0.5;
 const VIEWS_MIN: usize = 2;
 
 /// Empties the cells of `inside` that a view looks past, or that views see in front of a surface by more than `tolerance`
-/// (scene units).
+/// (scene units), and those that no picture holds.
 pub fn carve(grid: &Grid, views: &[DepthView], tolerance: f64, inside: &mut [bool]) {
     let views_min = VIEWS_MIN.min(views.len());
     inside.par_chunks_mut(grid.layer()).enumerate().for_each(|(z, layer)| {
         for (i, cell) in layer.iter_mut().enumerate().filter(|(_, cell)| **cell) {
             let point = grid.center([i % grid.dims[0], i / grid.dims[0], z]);
-            let mut in_front = 0;
+            let (mut in_front, mut in_picture) = (0, false);
             for view in views {
                 match view.sees_at(point, tolerance) {
                     Seen::Background => in_front = views_min,
                     Seen::SurfaceBehind => in_front += 1,
-                    Seen::Nothing => {}
+                    Seen::Inside => in_picture = true,
+                    Seen::OffPicture => {}
                 }
                 if in_front >= views_min {
-                    *cell = false;
                     break;
                 }
             }
+            *cell = in_front < views_min && in_picture;
         }
     });
 }
@@ -64,8 +65,9 @@ enum Seen {
     Background,
     /// A surface, clearly behind the place.
     SurfaceBehind,
-    /// The place is on or behind a surface, or off the picture.
-    Nothing,
+    /// The place is on or behind a surface.
+    Inside,
+    OffPicture,
 }
 
 impl DepthView {
@@ -78,11 +80,11 @@ impl DepthView {
 
     fn sees_at(&self, point: Point3<f64>, tolerance: f64) -> Seen {
         let in_camera = self.camera.point_in_camera(point);
-        let Some(Point2 { coords }) = self.camera.pixel(in_camera) else { return Seen::Nothing };
+        let Some(Point2 { coords }) = self.camera.pixel(in_camera) else { return Seen::OffPicture };
         let (x, y) = (coords.x, coords.y);
         let (width, height) = (self.camera.intrinsics.width as usize, self.camera.intrinsics.height as usize);
         if !(x >= 0.0 && y >= 0.0 && x < width as f64 && y < height as f64) {
-            return Seen::Nothing;
+            return Seen::OffPicture;
         }
         let (left, share_x) = between_centers(x, width);
         let (top, share_y) = between_centers(y, height);
@@ -97,7 +99,7 @@ impl DepthView {
         }
         let clear = in_camera.z + tolerance;
         let is_behind = |pixel: usize| self.depth[pixel].is_finite() && f64::from(self.depth[pixel]) > clear;
-        if corners.iter().all(|(pixel, _)| is_behind(*pixel)) { Seen::SurfaceBehind } else { Seen::Nothing }
+        if corners.iter().all(|(pixel, _)| is_behind(*pixel)) { Seen::SurfaceBehind } else { Seen::Inside }
     }
 }
 

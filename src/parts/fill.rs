@@ -4,7 +4,7 @@
 //! The density of a cell is the sum of opacity times fall-off of the Gaussians there. Dense cells are the object's skin; an
 //! other cell is inside where rays along the axes meet skin. PhysGaussian asks it of six rays and lets the user exclude
 //! one; here five of six suffice, since photos seldom show an underside. Needs no cameras. Fails on open hollows (a cup
-//! counts as full) and counts the Gaussians' own breadth as material.
+//! counts as full) and counts the Gaussians' own breadth, at least about half a cell, as material.
 
 use super::grid::Grid;
 use super::splat_cells::splat;
@@ -13,12 +13,16 @@ use crate::scene::gaussians::Gaussians;
 /// Rays along the axes, of six, that must meet skin.
 const RAYS_NEEDED: u8 = 5;
 
+/// Gaussians thinner than this many cells are widened to it: less and a skin of single flat Gaussians leaks.
+const LEAST_DEVIATION: f64 = 0.3;
+
 /// The cells inside the object: skin of at least `threshold` density and what it encloses.
 pub fn fill(gaussians: &Gaussians, kept: &[bool], grid: &Grid, threshold: f64) -> Vec<bool> {
     let blocks = splat(
         gaussians,
         kept,
         grid,
+        LEAST_DEVIATION,
         |cells| vec![0f32; cells.len()],
         |density, place, _, value| density[place] += value as f32,
     );
@@ -30,10 +34,9 @@ pub fn fill(gaussians: &Gaussians, kept: &[bool], grid: &Grid, threshold: f64) -
 /// Per cell: how many of the six rays along the axes meet skin beyond it.
 fn rays_met(grid: &Grid, skin: &[bool]) -> Vec<u8> {
     let mut met = vec![0; skin.len()];
-    let strides = grid.strides();
-    for axis in 0..3 {
+    for (axis, stride) in grid.strides().into_iter().enumerate() {
         for start in (0..skin.len()).filter(|&i| grid.coords(i)[axis] == 0) {
-            let line = |step: usize| start + step * strides[axis];
+            let line = |step: usize| start + step * stride;
             let mut count = |steps: &mut dyn Iterator<Item = usize>| {
                 let mut seen = false;
                 for i in steps.map(line) {

@@ -93,7 +93,7 @@ impl Grid {
         for axis in 0..3 {
             let first = ((low[axis] - self.origin[axis]) / self.cell - 0.5).ceil().max(0.0);
             let last = ((high[axis] - self.origin[axis]) / self.cell - 0.5).floor().min(self.dims[axis] as f64 - 1.0);
-            if !(first <= last) {
+            if first.is_nan() || last.is_nan() || first > last {
                 return None;
             }
             spans[axis] = [first as usize, last as usize];

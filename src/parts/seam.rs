@@ -1,17 +1,19 @@
 //! Where two parts meet inside the object nobody sees. They are taken to meet in the surface of least area that spans
 //! their visible seam: flat between a lid and a cup, across the neck between a head and a handle.
 //!
-//! Found by diffusing every label a little and giving each cell the strongest, again and again (threshold dynamics,
-//! Merriman, Bence and Osher 1992, for several phases), first on coarse blocks of cells, so that seams can move far.
+//! Found by diffusing every label a little and sharpening the shares again, over and over: a phase field, whose interfaces
+//! move by their curvature (threshold dynamics, Merriman, Bence and Osher 1992, for several phases; shares are sharpened
+//! rather than cut to one label, since a hard cut lets interfaces that bend less than a cell stick to the grid). Coarse
+//! blocks of cells first, so that seams can move far.
 
 use rayon::prelude::*;
 
 use super::surface::NONE;
 
-/// Rounds on blocks of a side of so many cells. A round moves a seam of radius r by about 1/r blocks, a coarse block is
-/// crossed by fewer; the finest round only smooths what the blocks left rough.
-const SCHEDULE: [(usize, usize); 3] = [(4, 40), (2, 12), (1, 4)];
-/// Half width of the box that diffuses, in blocks. Narrower boxes let seams stick to the grid.
+/// Side of a block in cells, and rounds at that side. A round is a step of time 1 for [`RADIUS`] 2, and a flat disc of
+/// radius R blocks forms in about R^2 / 6: the coarse rounds are enough for 60 cells. The fine ones smooth what is left.
+const SCHEDULE: [(usize, usize); 3] = [(4, 40), (2, 16), (1, 4)];
+/// Half width of the box that diffuses, in blocks.
 const RADIUS: usize = 2;
 
 /// Moves the seams between the labels of a grid of cells to least area. `label` is [`NONE`] outside; cells with `fixed`
@@ -25,11 +27,7 @@ pub fn shorten(dims: [usize; 3], label: &mut [u32], fixed: &[bool], label_count:
     }
     for (side, rounds) in SCHEDULE {
         let mut blocks = Blocks::gather(dims, label, fixed, side, &present);
-        for _ in 0..rounds {
-            if !blocks.diffuse_and_threshold() {
-                break;
-            }
-        }
+        blocks.relax(rounds);
         blocks.scatter(dims, label, fixed);
     }
 }
@@ -68,28 +66,25 @@ impl<'a> Blocks<'a> {
         Self { side, dims, present, label: of_block, fixed: is_fixed }
     }
 
-    /// One round; whether any label changed.
-    fn diffuse_and_threshold(&mut self) -> bool {
-        let heats: Vec<Vec<u32>> = (0..self.present.len() as u32)
-            .into_par_iter()
-            .map(|l| box_sums(self.dims, self.label.iter().map(|at| u32::from(*at == l)).collect()))
-            .collect();
-        let strongest = |i: usize| {
-            let current = self.label[i];
-            let best = (0..heats.len()).max_by_key(|&l| (heats[l][i], l as u32 == current)).unwrap_or(0);
-            best as u32
-        };
-        let free = |i: &usize| self.label[*i] != NONE && !self.fixed[*i];
-        let changes: Vec<(usize, u32)> = (0..self.label.len())
-            .into_par_iter()
-            .filter(free)
-            .map(|i| (i, strongest(i)))
-            .filter(|(i, l)| self.label[*i] != *l)
-            .collect();
-        for &(i, l) in &changes {
-            self.label[i] = l;
+    /// Diffuses and sharpens the labels' shares, then gives each block the label with the largest.
+    fn relax(&mut self, rounds: usize) {
+        let is = |l: usize| self.label.iter().map(|at| f32::from(u8::from(*at == l as u32))).collect::<Vec<f32>>();
+        let mut shares: Vec<Vec<f32>> = (0..self.present.len()).map(is).collect();
+        let free: Vec<usize> = (0..self.label.len()).filter(|&i| self.label[i] != NONE && !self.fixed[i]).collect();
+        for _ in 0..rounds {
+            let blurred: Vec<Vec<f32>> = shares.par_iter().map(|share| box_sums(self.dims, share)).collect();
+            // Squares over their sum: a share of one half stays, larger ones grow. The sum also takes the outside out.
+            let sums: Vec<f32> = free.par_iter().map(|&i| blurred.iter().map(|b| b[i] * b[i]).sum()).collect();
+            shares.par_iter_mut().zip(&blurred).for_each(|(share, blurred)| {
+                for (&i, sum) in free.iter().zip(&sums) {
+                    share[i] = blurred[i] * blurred[i] / sum;
+                }
+            });
         }
-        !changes.is_empty()
+        for i in free {
+            let largest = (0..shares.len()).rev().max_by(|&a, &b| shares[a][i].total_cmp(&shares[b][i]));
+            self.label[i] = largest.map_or(NONE, |l| l as u32);
+        }
     }
 
     fn scatter(&self, cell_dims: [usize; 3], label: &mut [u32], fixed: &[bool]) {
@@ -107,21 +102,25 @@ fn block_of(cell_dims: [usize; 3], dims: [usize; 3], side: usize, cell: usize) -
     (z * dims[1] + y) * dims[0] + x
 }
 
-/// Sums over boxes of `2 RADIUS + 1` blocks a side, one axis after another.
-fn box_sums(dims: [usize; 3], mut values: Vec<u32>) -> Vec<u32> {
-    let strides = [1, dims[0], dims[0] * dims[1]];
-    for axis in 0..3 {
-        let (stride, length) = (strides[axis], dims[axis]);
-        let mut sums = vec![0; values.len()];
-        for start in (0..values.len()).filter(|i| i / stride % length == 0) {
-            let at = |step: usize| values[start + step * stride];
-            let mut window: u32 = (0..RADIUS.min(length)).map(at).sum();
-            for step in 0..length {
-                window += if step + RADIUS < length { at(step + RADIUS) } else { 0 };
-                window -= if step > RADIUS { at(step - RADIUS - 1) } else { 0 };
-                sums[start + step * stride] = window;
-            }
+/// Sums over boxes of `2 RADIUS + 1` blocks a side, one axis after another; nothing lies beyond the grid.
+fn box_sums(dims: [usize; 3], values: &[f32]) -> Vec<f32> {
+    let window = |at: usize, length: usize| at.saturating_sub(RADIUS)..(at + RADIUS + 1).min(length);
+    let mut along_x = vec![0f32; values.len()];
+    along_x.par_chunks_mut(dims[0]).zip(values.par_chunks(dims[0])).for_each(|(sums, row)| {
+        for (x, sum) in sums.iter_mut().enumerate() {
+            *sum = row[window(x, dims[0])].iter().sum();
         }
+    });
+    let mut values = along_x;
+    for (stride, length) in [(dims[0], dims[1]), (dims[0] * dims[1], dims[2])] {
+        let mut sums = vec![0f32; values.len()];
+        sums.par_chunks_mut(stride).enumerate().for_each(|(line, sums)| {
+            let (start, at) = (line / length * length, line % length);
+            for other in window(at, length) {
+                let row = &values[(start + other) * stride..][..stride];
+                sums.iter_mut().zip(row).for_each(|(sum, value)| *sum += value);
+            }
+        });
         values = sums;
     }
     values

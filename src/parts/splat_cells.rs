@@ -9,9 +9,6 @@ use crate::scene::gaussians::Gaussians;
 
 /// A Gaussian is followed this many standard deviations out; beyond, less than 1.1 % of its opacity is left.
 const REACH: f64 = 3.0;
-/// Standard deviations below this share of a cell are widened to it: a flat Gaussian between two rows of cell centres
-/// would otherwise touch neither.
-const LEAST_DEVIATION: f64 = 0.5;
 /// Layers worked together: fewer repeat the search for Gaussians, more leave threads idle.
 const LAYERS: usize = 4;
 
@@ -27,15 +24,22 @@ struct Blob {
 
 /// Calls `add(layers, place, gaussian, value)` for every cell that a kept Gaussian reaches, where `layers` is the state of
 /// the block of layers that holds the cell and `place` the cell's index within that block. Blocks come back in order.
+///
+/// Standard deviations below `least_deviation` cells are widened to it: a flat Gaussian between two rows of cell centres
+/// would otherwise touch neither.
 pub fn splat<S: Send>(
     gaussians: &Gaussians,
     kept: &[bool],
     grid: &Grid,
+    least_deviation: f64,
     new_block: impl Fn(std::ops::Range<usize>) -> S + Sync,
     add: impl Fn(&mut S, usize, usize, f64) + Sync,
 ) -> Vec<S> {
-    let blobs: Vec<Blob> =
-        (0..gaussians.len()).into_par_iter().filter(|&i| kept[i]).filter_map(|i| blob(gaussians, i, grid)).collect();
+    let blobs: Vec<Blob> = (0..gaussians.len())
+        .into_par_iter()
+        .filter(|&i| kept[i])
+        .filter_map(|i| blob(gaussians, i, grid, least_deviation))
+        .collect();
     let blocks = grid.dims[2].div_ceil(LAYERS);
     let mut of_block: Vec<Vec<u32>> = vec![Vec::new(); blocks];
     for (n, blob) in blobs.iter().enumerate() {
@@ -61,8 +65,8 @@ pub fn splat<S: Send>(
         .collect()
 }
 
-fn blob(gaussians: &Gaussians, i: usize, grid: &Grid) -> Option<Blob> {
-    let least = LEAST_DEVIATION * grid.cell;
+fn blob(gaussians: &Gaussians, i: usize, grid: &Grid, least_deviation: f64) -> Option<Blob> {
+    let least = least_deviation * grid.cell;
     let deviations = gaussians.scale(i).map(|s| s.max(least));
     let rotation = gaussians.rotation(i).to_rotation_matrix();
     let covariance = rotation * Matrix3::from_diagonal(&deviations.map(|s| s * s)) * rotation.transpose();

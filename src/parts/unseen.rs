@@ -1,7 +1,8 @@
 //! How far a solid reaches behind the surface that was seen, where nobody saw its other side.
 //!
 //! Carving leaves all that no view looks through: the space under a chair's seat, between its aprons, stays full. There a
-//! part is taken to be as thick as it is where both its sides were seen. So of a solid of thickness T, what lies deeper
+//! part is taken to be as thick as where both its sides were seen and it is thin (the lower quartile T: the median would
+//! count from rim to rim of a table top). So of a solid, what lies deeper
 //! than T below every seen surface (or seam with another part) and borders an unseen one is taken away. How deep it
 //! really is nobody knows: the low volume ends at T/2, the high one at 3T/2.
 
@@ -80,7 +81,7 @@ fn reached_from_unseen(cells: &Labelled, wanted: impl Fn(usize) -> bool) -> Vec<
     all
 }
 
-/// The thickness that [`doubts`] goes by: the middle of a solid's.
+/// The thickness that [`doubts`] goes by: the lower quartile of a solid's.
 pub fn of_solids(thickness: &[Option<Estimate>], is_solid: impl Fn(usize) -> bool) -> Vec<Option<f64>> {
-    thickness.iter().enumerate().map(|(l, t)| t.filter(|_| is_solid(l)).map(|t| t.mid)).collect()
+    thickness.iter().enumerate().map(|(l, t)| t.filter(|_| is_solid(l)).map(|t| t.low)).collect()
 }

@@ -7,6 +7,7 @@ use std::path::{Path, PathBuf};
 use anyhow::{Context, Result};
 
 use crate::from_splat::photo_with_foreground;
+use crate::query::asker::Asker;
 use crate::query::client::{ApiKey, Client};
 use crate::query::cost::PriceTable;
 use crate::query::exchange::{self, Imported};
@@ -47,7 +48,7 @@ impl Pipeline {
         let client = Client::new(&self.options.query, ApiKey::from_environment()?)?;
         let prices = self.prices()?;
         let price = self.options.query.lmm_model.as_deref().and_then(|model| prices.price(model));
-        let asker = client.as_ref().map(|client| client as &dyn crate::query::asker::Asker);
+        let asker = client.as_ref().map(|client| client as &dyn Asker);
         if let Some(asker) = asker {
             self.announce(&queries.plan(&recordings, Some(asker.answerer()), price));
         }
@@ -92,7 +93,7 @@ impl Pipeline {
         let client = Client::new(&self.options.query, ApiKey::from_environment()?)?;
         let prices = self.prices()?;
         let price = self.options.query.lmm_model.as_deref().and_then(|model| prices.price(model));
-        let answerer = client.as_ref().map(|client| crate::query::asker::Asker::answerer(client));
+        let answerer = client.as_ref().map(Asker::answerer);
         Ok(queries.plan(&self.recordings()?, answerer, price))
     }
 

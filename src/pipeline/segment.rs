@@ -43,8 +43,7 @@ impl Pipeline {
             self.segment_open(&open, &mut file)?;
         }
         let label_maps = self.views.iter().map(|view| Artifact::LabelMap(&view.name));
-        let warnings = self.views.iter().filter(|view| file.views[&view.name].parts.is_empty());
-        let warnings = warnings.map(|view| format!("view {}: no parts; its photo shows no foreground", view.name));
+        let warnings = self.segmentation()?.views.iter().filter_map(ViewSegments::warning);
         Ok(Done::writing(label_maps.chain([Artifact::Segments])).warning(warnings.collect()))
     }
 

@@ -3,6 +3,8 @@
 //! This module turns numbers into the words and places that the template shows; the template holds the page. What comes
 //! from outside (captions, names) is escaped by the template engine.
 
+use std::collections::BTreeMap;
+
 use base64::Engine;
 use base64::engine::general_purpose::STANDARD as BASE64;
 use minijinja::{AutoEscape, Environment, Value, context};
@@ -140,17 +142,20 @@ fn grasp(grasp: &GraspReport) -> Value {
 fn simulation(report: &Report, pictures: &Pictures) -> Value {
     let simulation = &report.simulation;
     let duration = simulation.frames.last().map_or(0.0, |frame| frame.t_s);
-    let softened: Vec<_> = simulation
-        .softened
-        .iter()
-        .map(|row| context! { material => &row.material, share => significant(row.factor) })
-        .collect();
+    let mut least: BTreeMap<&str, f64> = BTreeMap::new();
+    for row in &simulation.softened {
+        let factor = least.entry(&row.material).or_insert(row.factor);
+        *factor = factor.min(row.factor);
+    }
+    let softened: Vec<_> =
+        least.into_iter().map(|(material, factor)| context! { material, share => significant(factor) }).collect();
     context! {
         sentence => format!(
             "{} particles, {} steps of {} µs, {} s.",
             thousands(simulation.particles as u64), thousands(simulation.substeps),
             significant(simulation.dt_s * 1e6), significant(duration),
         ),
+        caption => "dropped onto the ground; slower than life",
         animation => data_uri("image/gif", &pictures.animation),
         duration => significant(duration),
         curves => curves(&simulation.frames),
@@ -171,7 +176,7 @@ fn view_row(view: &ViewPictures, answers: &Answers) -> Value {
         photo => data_uri("image/jpeg", &view.photo),
         parts => data_uri("image/jpeg", &view.parts),
         materials => data_uri("image/jpeg", &view.materials),
-        caption => format!("{} parts: {}", named.len(), named.join(", ")),
+        caption => format!("{} parts: {}", named.len(), named.join("; ")),
     }
 }
 

@@ -19,11 +19,11 @@ use super::scale::{ScaleChoice, point};
 pub struct Options {
     /// How many views to use, chosen spread over all directions among the sharp ones that show the whole object (the paper's
     /// ablation levels off near 10)
-    #[arg(long, value_name = "N", default_value_t = DEFAULT_VIEWS)]
+    #[arg(long, value_name = "N", default_value_t = DEFAULT_VIEWS, overrides_with = "view_list")]
     pub views: NonZeroUsize,
 
     /// Use just these views instead of --views: the photos' file names without extension, separated by commas
-    #[arg(long, value_name = "NAME,...", value_delimiter = ',')]
+    #[arg(long, value_name = "NAME,...", value_delimiter = ',', overrides_with = "views")]
     pub view_list: Vec<String>,
 
     /// The splat, where it is not found by itself: .ply, .compressed.ply, .spz or .splat

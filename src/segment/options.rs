@@ -10,7 +10,8 @@ use super::Level;
 #[command(next_help_heading = "Segmentation")]
 #[group(skip)]
 pub struct Options {
-    /// Which of SAM's three nested masks of a prompt are the parts (the paper: middle)
+    /// Which of SAM's three nested masks of a prompt are the parts (the paper's choice, with SAM ViT-H: middle). With the
+    /// fetched MobileSAM, middle often joins parts of different materials that small keeps apart
     #[arg(long, value_enum, default_value_t = Level::Middle)]
     pub level: Level,
     #[command(flatten)]

@@ -23,20 +23,24 @@ struct Layer {
 
 /// Paints what `candidates` say of the pixels of `foreground`. Masks and foreground are of one size.
 ///
-/// A part that is the rest of the object, covered by no mask, has zero predicted IoU and stability.
+/// A part that is the rest of the object, covered by no mask, has zero predicted IoU and stability. An object of which
+/// nothing is found, or too small to have parts, is one such part.
 pub fn paint(candidates: &[Candidate], foreground: &Mask, options: &Options) -> (LabelMap, Vec<PartMask>) {
     let min_area = u64::from(options.generator.min_region_area).max(1);
     let mut layers = part_layers(candidates, foreground, options, min_area);
     layers.sort_by_key(|layer| std::cmp::Reverse(layer.mask.area()));
     layers.extend(rest_layer(&layers, foreground, min_area));
+    if layers.is_empty() {
+        layers.push(Layer { mask: foreground.clone(), predicted_iou: 0.0, stability: 0.0 });
+    }
     loop {
         let map = label_map(&layers, foreground);
         let parts = part_list(&map, &layers, options);
         // What lies under others may be left with scraps; without it, they belong to what lies under that.
         let scrap = parts.iter().filter(|part| u64::from(part.area) < min_area).min_by_key(|part| part.area);
         match scrap {
-            Some(scrap) => drop(layers.remove(usize::from(scrap.id) - 1)),
-            None => return (map, parts),
+            Some(scrap) if layers.len() > 1 => drop(layers.remove(usize::from(scrap.id) - 1)),
+            _ => return (map, parts),
         }
     }
 }
@@ -172,6 +176,15 @@ mod tests {
         let (map, parts) = paint(&[candidate(columns(0, 40), 0.95)], &columns(0, 100), &Options::default());
         assert_eq!(runs(&map), [(1, 40), (2, 60)]);
         assert_eq!((parts[1].predicted_iou, parts[1].stability_score), (0.0, 0.0));
+    }
+
+    #[test]
+    fn an_object_without_masks_or_too_small_for_parts_is_one_part() {
+        for foreground in [columns(0, 100), columns(3, 4)] {
+            let (map, parts) = paint(&[], &foreground, &Options::default());
+            assert_eq!(parts.iter().map(|part| u64::from(part.area)).collect::<Vec<_>>(), [foreground.area()]);
+            assert!(parts[0].is_rest() && map.at(3, 9) == 1);
+        }
     }
 
     #[test]

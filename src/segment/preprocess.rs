@@ -13,7 +13,7 @@ const DEVIATION: [f32; 3] = [58.395, 57.12, 57.375];
 /// A picture prepared for the encoder.
 #[derive(Debug, Clone)]
 pub struct Prepared {
-    /// [3,1024,1024].
+    /// `[3,1024,1024]`.
     pub input: Vec<f32>,
     /// Width and height of the picture inside, the longer of them 1024.
     pub scaled: (u32, u32),

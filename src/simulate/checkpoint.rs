@@ -30,8 +30,8 @@ pub struct FrameSummary {
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Record {
     pub substeps: u64,
-    /// Shortest step taken; `None` before the first.
-    pub shortest_dt_s: Option<f64>,
+    /// Longest step taken; 0 before the first.
+    pub longest_dt_s: f64,
     /// Of the frames done; the next one to do is number `frames.len()`.
     pub frames: Vec<FrameSummary>,
 }

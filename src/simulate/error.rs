@@ -32,8 +32,6 @@ pub enum SimulateError {
     Strength { material: String, strength: f64 },
     #[error("all Gaussians lie in one point: the object has no size")]
     NoExtent,
-    #[error("the domain is too small: particle {particle} starts at {position_m:?} m, outside of it")]
-    Domain { particle: usize, position_m: [f32; 3] },
     #[error(
         "particle {particle} ({material}) {what} at t = {t_s:.6} s, frame {frame} (position {position_m:?} m, velocity \
          {velocity_m_s:?} m/s): {cause}. The frames before are kept"

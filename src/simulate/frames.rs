@@ -49,27 +49,43 @@ pub fn summary(particles: &[Particle], gaussians: &Gaussians, to_world: ToWorld,
     }
 }
 
-/// The Gaussians as `particles` (the first of them, one a Gaussian) carried and deformed them.
-pub fn deformed(gaussians: &Gaussians, particles: &[Particle], to_world: ToWorld) -> Gaussians {
+/// The Gaussians as `particles` carried and deformed them: particle k is Gaussian `carried[k]`. Others stay as they are.
+pub fn deformed(gaussians: &Gaussians, carried: &[u32], particles: &[Particle], to_world: ToWorld) -> Gaussians {
+    let moved: Vec<Moved> = carried
+        .par_iter()
+        .zip(particles)
+        .map(|(&i, particle)| Moved::new(gaussians, i as usize, particle, to_world))
+        .collect();
     let mut out = gaussians.clone();
     let rest = 3 * gaussians.sh_rest_per_channel();
-    let mut no_detail = vec![[0.0_f32; 0]; gaussians.len()];
-    let detail: Vec<&mut [f32]> = match rest {
-        0 => no_detail.iter_mut().map(|d| &mut d[..]).collect(),
-        _ => out.sh_rest.chunks_exact_mut(rest).collect(),
-    };
-    out.positions.par_iter_mut().zip(&mut out.log_scales).zip(&mut out.rotations).zip(detail).enumerate().for_each(
-        |(i, (((position, log_scale), rotation), detail))| {
-            let particle = &particles[i];
-            let world = Vector3::from(particle.position_m.map(f64::from)) + to_world.origin_m;
-            *position = (world / to_world.meters_per_unit).map(|x| x as f32).into();
-            let f = Matrix3::from_row_slice(&particle.deformation.map(f64::from));
-            let axes = f * gaussians.rotation(i).to_rotation_matrix() * Matrix3::from_diagonal(&gaussians.scale(i));
-            (*log_scale, *rotation) = scale_and_rotation(&axes);
-            sh_rotation::rotate(gaussians.sh_degree, detail, &polar_rotation(&f));
-        },
-    );
+    for (&i, moved) in carried.iter().zip(moved) {
+        let i = i as usize;
+        out.positions[i] = moved.position;
+        out.log_scales[i] = moved.log_scale;
+        out.rotations[i] = moved.rotation;
+        out.sh_rest[i * rest..(i + 1) * rest].copy_from_slice(&moved.sh_rest);
+    }
     out
+}
+
+/// What changes of a Gaussian.
+struct Moved {
+    position: [f32; 3],
+    log_scale: [f32; 3],
+    rotation: [f32; 4],
+    sh_rest: Vec<f32>,
+}
+
+impl Moved {
+    fn new(gaussians: &Gaussians, i: usize, particle: &Particle, to_world: ToWorld) -> Self {
+        let world_m = Vector3::from(particle.position_m.map(f64::from)) + to_world.origin_m;
+        let f = Matrix3::from_row_slice(&particle.deformation.map(f64::from));
+        let axes = f * gaussians.rotation(i).to_rotation_matrix() * Matrix3::from_diagonal(&gaussians.scale(i));
+        let (log_scale, rotation) = scale_and_rotation(&axes);
+        let mut sh_rest = gaussians.sh_rest_of(i).to_vec();
+        sh_rotation::rotate(gaussians.sh_degree, &mut sh_rest, &polar_rotation(&f));
+        Self { position: (world_m / to_world.meters_per_unit).map(|x| x as f32).into(), log_scale, rotation, sh_rest }
+    }
 }
 
 /// Log scales and quaternion (w x y z) of the Gaussian with covariance A A^T.

@@ -112,6 +112,17 @@ impl Materials {
     }
 }
 
+/// What a law is simulated as where the simulation does not have the law itself.
+pub fn stand_in(law: &Law) -> Option<&'static str> {
+    match law {
+        Law::Foam { .. } => Some("von Mises without viscosity"),
+        Law::Plasticine { .. } => Some("von Mises without softening"),
+        Law::Snow { .. } => Some("elastic"),
+        Law::DruckerPrager { cohesion_pa, .. } if *cohesion_pa > 0.0 => Some("sand without cohesion"),
+        Law::Elastic | Law::VonMises { .. } | Law::DruckerPrager { .. } => None,
+    }
+}
+
 /// Lame's constants (mu, lambda) of Young's modulus and Poisson's ratio.
 pub fn lame(youngs_modulus_pa: f64, poisson_ratio: f64) -> (f64, f64) {
     let (e, nu) = (youngs_modulus_pa, poisson_ratio);

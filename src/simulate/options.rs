@@ -14,16 +14,17 @@ pub struct Options {
     #[arg(long, value_name = "DEGREES", default_value_t = 25.0, allow_negative_numbers = true, value_parser = finite)]
     pub tilt_deg: f64,
 
-    /// Simulated time in seconds
-    #[arg(long, value_name = "SECONDS", default_value_t = 0.6, value_parser = positive)]
-    pub duration: f64,
+    /// Simulated time in seconds (default: 4.8 sqrt(longest side / 9.8 m/s^2), about what it takes to fall, bounce and
+    /// come to rest: 0.9 s for a hammer)
+    #[arg(long, value_name = "SECONDS", value_parser = positive)]
+    pub duration: Option<f64>,
 
     /// Frames to write, spread evenly over the time, the start among them
     #[arg(long, value_name = "N", default_value_t = 24, value_parser = clap::value_parser!(u32).range(2..=10_000))]
     pub frames: u32,
 
     /// Grid cells along the object's longest side
-    #[arg(long, value_name = "CELLS", default_value_t = 40, value_parser = clap::value_parser!(u32).range(4..=512))]
+    #[arg(long, value_name = "CELLS", default_value_t = 32, value_parser = clap::value_parser!(u32).range(4..=512))]
     pub grid: u32,
 
     /// Gravitational acceleration in m/s^2, downwards along -z (default: the value of the paper's force equations)

@@ -14,9 +14,9 @@ use crate::scene::Bounds;
 const SECOND_AXIS: f64 = 0.4;
 
 /// Grid cells between the ground and the plane on which the grid stops what falls. A particle pushes against the plane
-/// through nodes up to 1.5 cells away, and comes to rest about that far above it (measured by the test
-/// `rests_on_the_ground`); the plane lies as much lower.
-pub const CONTACT_DEPTH_CELLS: f64 = 1.0;
+/// through nodes up to 1.5 cells away; a body's face comes to rest this far above it (measured by the test
+/// `rests_on_the_ground`), so the plane lies as much lower.
+pub const CONTACT_DEPTH_CELLS: f64 = 0.9;
 
 /// Room around the object, in times its longest side: how far it may roll before the run stops.
 const ROOM: f64 = 3.0;
@@ -35,11 +35,13 @@ pub struct Drop {
     pub origin_m: Vector3<f64>,
     /// Edge of the cubic domain.
     pub domain_m: f64,
+    /// Height above the origin of the plane that stops what falls.
+    plane_m: f64,
 }
 
 impl Drop {
     /// The drop of an object whose body lies within `object` (metres, world frame), with bodies at `positions_m`.
-    pub fn new(object: &Bounds, positions_m: &[[f64; 3]], options: &Options) -> Self {
+    pub fn new(object: &Bounds, positions_m: &[[f64; 3]], spacing_m: f64, options: &Options) -> Self {
         let size = object.size();
         let longest = size.max();
         let center_m = object.center().coords;
@@ -55,9 +57,12 @@ impl Drop {
         let ground_z_m = object.min.z;
         let lift_m = ground_z_m + options.drop_height * longest - lowest;
         let domain_m = longest * (2.0 * ROOM + 1.0 + options.drop_height);
-        let origin_m =
-            Vector3::new(center_m.x - domain_m / 2.0, center_m.y - domain_m / 2.0, ground_z_m - ROOM * longest);
-        Self { rotation, center_m, lift_m, ground_z_m, origin_m, domain_m }
+        // The plane acts on whole nodes: it lies on a layer of them, a hair above for the rounding.
+        let layer = (ROOM * longest / spacing_m).ceil();
+        let floor = ground_z_m - (layer + CONTACT_DEPTH_CELLS) * spacing_m;
+        let origin_m = Vector3::new(center_m.x - domain_m / 2.0, center_m.y - domain_m / 2.0, floor);
+        let plane_m = (layer + 0.01) * spacing_m;
+        Self { rotation, center_m, lift_m, ground_z_m, origin_m, domain_m, plane_m }
     }
 
     /// First position of a point of the object, in the simulation's frame.
@@ -67,10 +72,9 @@ impl Drop {
     }
 
     /// The ground, in the simulation's frame.
-    pub fn ground(&self, spacing_m: f64, friction: f64) -> Boundary {
-        let height = self.ground_z_m - self.origin_m.z - CONTACT_DEPTH_CELLS * spacing_m;
+    pub fn ground(&self, friction: f64) -> Boundary {
         Boundary {
-            point_m: [0.0, 0.0, height as f32],
+            point_m: [0.0, 0.0, self.plane_m as f32],
             normal: [0.0, 0.0, 1.0],
             contact: Contact::Separate { friction: friction as f32 },
         }

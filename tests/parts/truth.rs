@@ -135,15 +135,3 @@ fn label(id: u32, part: &TruePart) -> FieldLabel {
         law: Law::Elastic,
     }
 }
-
-pub fn field_from(truth: &Truth) -> MaterialField {
-    let visible: Vec<&TruePart> = truth.parts.iter().filter(|p| p.visible).collect();
-    MaterialField {
-        labels: visible.iter().enumerate().map(|(l, p)| label(l as u32, p)).collect(),
-        part_label: vec![],
-        confidence: vec![],
-        votes: vec![],
-        views: vec![],
-        warnings: vec![],
-    }
-}

@@ -129,6 +129,8 @@ fn value(lanes: Plain) -> f64 {
 }
 
 proptest! {
+    #![proptest_config(ProptestConfig { failure_persistence: None, ..ProptestConfig::default() })]
+
     /// Against nalgebra's SVD in f64, for moderate deformations, turned and inside out as well.
     #[test]
     fn stretches_and_rotation_agree_with_an_svd(entries in prop::array::uniform9(-1.5_f64..1.5)) {

@@ -88,7 +88,7 @@ fn materials() -> Vec<Material> {
 }
 
 fn options() -> Options {
-    Options { drop_height: 0.1, duration: 0.2, frames: 6, grid: 16, max_stiffness: 2e5, ..Options::default() }
+    Options { drop_height: 0.1, duration: Some(0.2), frames: 6, grid: 16, max_stiffness: 2e5, ..Options::default() }
 }
 
 /// All frames and the report of a run from the start.
@@ -134,7 +134,7 @@ fn drops_the_object_and_reports_what_it_did() {
 #[test]
 fn first_frame_is_the_tilted_scene() {
     let bar = Bar::new();
-    let frame = &run(&bar.input(), &Options { frames: 2, duration: 1e-4, ..options() }).0[0];
+    let frame = &run(&bar.input(), &Options { frames: 2, duration: Some(1e-4), ..options() }).0[0];
     let (old, new) = (&bar.gaussians, &frame.gaussians);
     let matrix = |g: &Gaussians| {
         let edge = |i: usize| g.center(i) - g.center(0);
@@ -225,7 +225,7 @@ fn filling_keeps_every_parts_volume() {
 fn unknown_scale_is_simulated_at_a_stated_size() {
     let bar = Bar::new();
     let input = Input { meters_per_unit: None, ..bar.input() };
-    let report = run(&input, &Options { frames: 2, duration: 1e-3, ..options() }).1;
+    let report = run(&input, &Options { frames: 2, duration: Some(1e-3), ..options() }).1;
     assert!(report.scale_assumed && report.warnings.iter().any(|w| w.contains("--scale")), "{report:?}");
     assert!((report.meters_per_unit * report.longest_side() - 0.5).abs() < 0.05, "{}", report.meters_per_unit);
 }
@@ -257,9 +257,20 @@ fn bad_input_is_refused_with_a_reason() {
     assert!(refused(&Input { gaussians: &point, ..bar.input() }).contains("no size"));
     point.positions[3] = [f32::NAN, 0.0, 0.0];
     assert!(refused(&Input { gaussians: &point, ..bar.input() }).contains("Gaussian 3"));
-    let mut far = bar.gaussians.clone();
-    far.positions[5] = [1e4, 0.0, 0.0];
-    assert!(refused(&Input { gaussians: &far, ..bar.input() }).contains("particle 5"));
+}
+
+/// A floater of the training stays where it is and troubles nobody.
+#[test]
+fn strays_stay_in_place() {
+    let bar = Bar::new();
+    let mut cloud = bar.gaussians.clone();
+    cloud.positions[5] = [1e5, 0.0, 3.0];
+    let input = Input { gaussians: &cloud, ..bar.input() };
+    let (frames, report) = run(&input, &Options { frames: 2, duration: Some(0.02), ..options() });
+    let last = &frames[1].gaussians;
+    assert_eq!((last.positions[5], last.log_scales[5]), (cloud.positions[5], cloud.log_scales[5]));
+    assert!(last.positions[4] != cloud.positions[4] && last.positions[6] != cloud.positions[6]);
+    assert!(report.warnings.iter().any(|w| w.starts_with("1 Gaussians lie far")), "{:?}", report.warnings);
 }
 
 /// A step ten times the bound blows up; the run says so instead of writing nonsense, and keeps what it had.

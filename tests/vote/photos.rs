@@ -13,9 +13,9 @@ fn psnr(photo: &image::RgbaImage, rgb: impl Fn(usize) -> [f64; 3]) -> f64 {
             continue;
         }
         let drawn = rgb(pixel);
-        for channel in 0..3 {
-            let alpha = f64::from(truth.0[3]) / 255.0;
-            sum += (drawn[channel].clamp(0.0, 1.0) - f64::from(truth.0[channel]) / 255.0 * alpha).powi(2);
+        let alpha = f64::from(truth.0[3]) / 255.0;
+        for (drawn, shot) in drawn.into_iter().zip(truth.0) {
+            sum += (drawn.clamp(0.0, 1.0) - f64::from(shot) / 255.0 * alpha).powi(2);
             count += 1;
         }
     }

@@ -2,7 +2,7 @@
 //!
 //! [`check`] runs them in this order: [`rows`] (ranges, family bounds, sources, friction, hardness), [`physics`]
 //! (moduli, strength, wave speeds, hardness against stiffness, law parameters), [`structure`] (foams, composites and
-//! fabrics against what they are made of), [`whole`] (duplicates, copied rows, class defaults, labels), [`reference`]
+//! fabrics against what they are made of), [`whole`] (duplicates, copied rows, class defaults, labels), [`mod@reference`]
 //! (against values from a textbook that no row was made from).
 //!
 //! A finding that is right as it stands is listed in `deviations.csv` with its reason; a deviation that excuses

@@ -1,6 +1,6 @@
 //! SAM's two networks: a picture becomes an embedding once, then each prompt becomes four masks.
 //!
-//! The encoder takes [1,3,1024,1024] and gives [1,256,64,64]. The decoder is the standard SAM export; one that returns a
+//! The encoder takes `[1,3,1024,1024]` and gives `[1,256,64,64]`. The decoder is the standard SAM export; one that returns a
 //! single mask has all four as values inside, and is made to give them too (see [`FOUR_MASK_OUTPUTS`]).
 
 mod pool;
@@ -43,7 +43,7 @@ pub struct Sam {
     decoders: Pool<Decoder>,
 }
 
-/// What the encoder makes of one picture, [1,256,64,64].
+/// What the encoder makes of one picture, `[1,256,64,64]`.
 #[derive(Debug, Clone)]
 pub struct Embedding(Vec<f32>);
 
@@ -77,7 +77,7 @@ impl Sam {
         })
     }
 
-    /// Encodes a preprocessed picture, [3,1024,1024] as [`super::preprocess`] makes it.
+    /// Encodes a preprocessed picture, `[3,1024,1024]` as [`super::preprocess`] makes it.
     pub fn encode(&self, input: &[f32]) -> Result<Embedding, SegmentError> {
         let failed = |error: ort::Error| SegmentError::Run { what: "the SAM encoder", reason: error.to_string() };
         self.encoders.with(|session| {

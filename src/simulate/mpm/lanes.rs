@@ -1,5 +1,5 @@
 //! Eight particles side by side. All arithmetic on particles is written once, over [`Lanes`], and compiled twice: for
-//! AVX2 with FMA ([`super::avx2`]) and, here, for any processor. Which one runs is decided at run time.
+//! AVX2 with FMA (`avx2`) and, here, for any processor. Which one runs is decided at run time.
 //!
 //! Code over lanes uses loops and functions marked `#[inline(always)]`, never closures or iterator adapters: those are
 //! functions of their own, compiled without the processor features, and cost a factor of three.

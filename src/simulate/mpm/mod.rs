@@ -1,11 +1,11 @@
 //! The Material Point Method in three dimensions: MLS-MPM with quadratic B-splines and APIC transfers.
 //!
 //! A substep ([`Solver::step`]) is, in this order:
-//! 1. [`sort`]: when particles may have drifted by a cell, into slabs, and a new grid around them;
+//! 1. `sort`: when particles may have drifted by a cell, into slabs, and a new grid around them;
 //! 2. the grid is cleared;
-//! 3. [`p2g`]: return map, stress, mass and momentum to the nodes;
-//! 4. [`grid_update`]: velocities, gravity, boundary conditions;
-//! 5. [`g2p`]: velocities back to the particles, their move, their deformation.
+//! 3. `p2g`: return map, stress, mass and momentum to the nodes;
+//! 4. `grid_update`: velocities, gravity, boundary conditions;
+//! 5. `g2p`: velocities back to the particles, their move, their deformation.
 //!
 //! Hu et al., *A Moving Least Squares Material Point Method*, 2018; Jiang et al., *The Affine Particle-In-Cell Method*,
 //! 2015; Jiang et al., *The Material Point Method for Simulating Continuum Materials*, 2016 (course notes).

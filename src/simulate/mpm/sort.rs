@@ -1,4 +1,4 @@
-//! Sorting: particles into slabs, inside a slab by law, then by column; and the grid that fits them.
+//! Sorting: particles into slabs, inside a slab by law, then by column and cell; and the grid that fits them.
 //!
 //! Counting sort, stable: the order depends on nothing but the particles. It is redone only when some particle may have
 //! drifted by a cell, which at the CFL step takes tens of substeps.
@@ -94,27 +94,37 @@ fn axes_by_extent(entries: &[Entry]) -> [usize; 3] {
     axes
 }
 
-/// Indices of `entries` by slab, law and column.
+/// Indices of `entries` by slab, law, column and cell. Neighbours in this order mostly touch the same nodes, so that a node
+/// goes from one to the next in the processor's store buffer.
 fn order(entries: &[Entry], columns: &Columns, laws: usize) -> Vec<u32> {
+    let [i, j, k] = columns.axes;
+    let given: Vec<u32> = (0..entries.len() as u32).collect();
+    let lowest = entries.iter().map(|e| e.base[k]).min().unwrap_or(0);
+    let by_cell = counting_sort(&given, |at| (entries[at as usize].base[k] - lowest) as usize);
     let per_slab = SLAB * columns.count[1];
-    let key = |e: &Entry| {
-        let (i, j) = (e.base[columns.axes[0]], (e.base[columns.axes[1]] - columns.first[1]) as usize);
-        let slab = columns.slab_of(i);
-        let within = (i - columns.first[0] - DRIFT) as usize % SLAB;
-        (slab * laws + e.law as usize) * per_slab + within * columns.count[1] + j
-    };
-    let mut next = vec![0u32; columns.slabs() * laws * per_slab + 1];
-    for entry in entries {
-        next[key(entry) + 1] += 1;
+    counting_sort(&by_cell, |at| {
+        let entry = &entries[at as usize];
+        let within = (entry.base[i] - columns.first[0] - DRIFT) as usize % SLAB;
+        let column = within * columns.count[1] + (entry.base[j] - columns.first[1]) as usize;
+        (columns.slab_of(entry.base[i]) * laws + entry.law as usize) * per_slab + column
+    })
+}
+
+/// `items` by rising key, equal keys in their given order.
+fn counting_sort(items: &[u32], key: impl Fn(u32) -> usize) -> Vec<u32> {
+    let highest = items.iter().map(|&item| key(item)).max().unwrap_or(0);
+    let mut next = vec![0_u32; highest + 2];
+    for &item in items {
+        next[key(item) + 1] += 1;
     }
     for k in 1..next.len() {
         next[k] += next[k - 1];
     }
-    let mut order = vec![0u32; entries.len()];
-    for (index, entry) in entries.iter().enumerate() {
-        let at = &mut next[key(entry)];
-        order[*at as usize] = index as u32;
+    let mut sorted = vec![0; items.len()];
+    for &item in items {
+        let at = &mut next[key(item)];
+        sorted[*at as usize] = item;
         *at += 1;
     }
-    order
+    sorted
 }

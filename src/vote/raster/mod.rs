@@ -1,6 +1,6 @@
 //! A splat rasteriser for the CPU: 3D Gaussian Splatting's image formation (Kerbl et al. 2023), tile by tile.
 //!
-//! In order: [`project`] turns Gaussians into 2D splats, [`tiles`] sorts them front to back and bins them, [`blend`] hands
+//! In order: [`mod@project`] turns Gaussians into 2D splats, [`tiles`] sorts them front to back and bins them, [`blend`] hands
 //! the weight of every splat on every pixel to a [`Sink`]: [`color`] sums colour, alpha and depth, [`labels`] finds the
 //! label that owns a pixel. The same input gives the same bytes on any number of threads: every sum belongs to one
 //! tile, and a tile is blended in one order.

@@ -1,0 +1,79 @@
+//! The parts stage and the grasp on the hammer's 28,736 Gaussians at the default grid: carving with all 30 views, part
+//! assignment, thickness, mass; then the forces, which take no time worth naming.
+
+use std::hint::black_box;
+use std::path::Path;
+
+use criterion::{Criterion, criterion_group, criterion_main};
+use gprop::camera::Camera;
+use gprop::grasp::gripper::GripperProfile;
+use gprop::grasp::{self, grasp};
+use gprop::materials::Law;
+use gprop::parts::{self, parts};
+use gprop::progress::Progress;
+use gprop::query::Form;
+use gprop::scene::{self, Scene};
+use gprop::units::{Estimate, MetricScale, ScaleSource};
+use gprop::vote::{FieldLabel, MaterialField};
+
+fn hammer() -> Scene {
+    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("fixtures/hammer");
+    scene::load(&folder, &scene::Options::default()).expect("the fixture is a scene")
+}
+
+fn label(id: u32, density_kg_m3: f64) -> FieldLabel {
+    FieldLabel {
+        id,
+        caption: format!("part {id}"),
+        material: "wood".to_owned(),
+        family: "wood".to_owned(),
+        density_kg_m3: Estimate::exactly(density_kg_m3),
+        youngs_modulus_pa: Estimate::exactly(1e10),
+        poisson_ratio: Estimate::exactly(0.3),
+        yield_strength_pa: Estimate::exactly(1e8),
+        hardness: None,
+        friction_rubber: Estimate::exactly(0.7),
+        form: Form::Solid,
+        law: Law::Elastic,
+    }
+}
+
+/// Head, handle and grip, told apart along the handle.
+fn field(scene: &Scene) -> MaterialField {
+    let label_at = |x: f32| u32::from(x < 0.1) + u32::from(x < -0.075);
+    let count = scene.gaussians.len();
+    MaterialField {
+        labels: vec![label(0, 7850.0), label(1, 800.0), label(2, 1200.0)],
+        part_label: scene.gaussians.positions.iter().map(|position| label_at(position[0])).collect(),
+        confidence: vec![1.0; count],
+        votes: vec![1.0; count],
+        views: vec![1; count],
+        warnings: Vec::new(),
+    }
+}
+
+fn bench(criterion: &mut Criterion) {
+    let scene = hammer();
+    let field = field(&scene);
+    let cameras: Vec<Camera> = scene.views.iter().map(|view| view.camera.clone()).collect();
+    let scale = MetricScale { meters_per_unit: 1.0, source: ScaleSource::Metric };
+    let options = parts::Options::default();
+    let measure = || {
+        parts(&scene.gaussians, &field, &cameras, Some(&scale), &options, Progress::Hidden).expect("a hammer has parts")
+    };
+    let mut group = criterion.benchmark_group("parts");
+    group.sample_size(10);
+    group.bench_function("hammer", |bencher| bencher.iter(|| black_box(measure())));
+
+    let measured = measure();
+    let weighed = measured.metric().expect("the scale is known");
+    let options = grasp::Options::default();
+    let gripper = GripperProfile::load(&options.gripper).expect("the default gripper is built in");
+    group.bench_function("grasp", |bencher| {
+        bencher.iter(|| grasp(black_box(weighed), &field.labels, &gripper, &options))
+    });
+    group.finish();
+}
+
+criterion_group!(benches, bench);
+criterion_main!(benches);

@@ -1,0 +1,33 @@
+//! The report's costly half: the three pictures of a 512 x 512 view, one of them rasterised, and their JPEGs.
+
+use std::hint::black_box;
+use std::path::Path;
+
+use criterion::{Criterion, criterion_group, criterion_main};
+use gprop::report::ViewPictures;
+use gprop::scene;
+use gprop::segment::LabelMap;
+use gprop::vote::MaterialField;
+
+fn bench(criterion: &mut Criterion) {
+    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("fixtures/hammer");
+    let scene = scene::load(&folder, &scene::Options::default()).expect("the fixture is a scene");
+    let view = &scene.views[0];
+    let (width, height) = (view.camera.intrinsics.width, view.camera.intrinsics.height);
+    let map =
+        LabelMap { width, height, labels: (0..width * height).map(|pixel| (pixel % width / 64) as u16).collect() };
+    let count = scene.gaussians.len();
+    let field = MaterialField {
+        labels: Vec::new(),
+        part_label: (0..count as u32).map(|i| i % 3).collect(),
+        confidence: vec![1.0; count],
+        votes: vec![1.0; count],
+        views: vec![1; count],
+        warnings: Vec::new(),
+    };
+    let draw = || ViewPictures::draw(view, &map, &scene.gaussians, &field).expect("the photo is there");
+    criterion.bench_function("report/view", |bencher| bencher.iter(|| black_box(draw())));
+}
+
+criterion_group!(benches, bench);
+criterion_main!(benches);

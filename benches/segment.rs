@@ -1,0 +1,63 @@
+//! Segmentation, piece by piece: what a picture costs once (scale and encode) and what a prompt costs (decode, then
+//! enlarge, threshold and score three masks).
+//!
+//! A view of p prompts takes about encode + p x (decode + 3 x score) CPU seconds. The decoder is nearly all of it: scoring
+//! three masks takes about a hundredth of a decode, where the reference generator spends more than half of its time on
+//! them. The floor is therefore the number of prompts times the decoder's arithmetic, some 3 GFLOP each.
+
+use criterion::{Criterion, criterion_group, criterion_main};
+use gprop::progress::Progress;
+use gprop::segment::mask::Rect;
+use gprop::segment::nms::box_nms;
+use gprop::segment::preprocess::prepare;
+use gprop::segment::sam::{LOGITS_SIDE, Sam};
+use gprop::segment::upsample::Upsampler;
+use gprop::setup;
+use image::RgbImage;
+
+/// Logits of a blob that fills about a sixth of a picture, with a wavy edge.
+fn logits() -> Vec<f32> {
+    let side = LOGITS_SIDE as f32;
+    let logit = |i: usize| {
+        let (x, y) = ((i % LOGITS_SIDE) as f32, (i / LOGITS_SIDE) as f32);
+        let radius = ((x - 0.4 * side).powi(2) + (y - 0.5 * side).powi(2)).sqrt();
+        (0.23 * side - radius) * 0.2 + (x * 0.31).sin() * (y * 0.17).cos()
+    };
+    (0..LOGITS_SIDE * LOGITS_SIDE).map(logit).collect()
+}
+
+fn without_models(criterion: &mut Criterion) {
+    let logits = logits();
+    for (name, size, scaled) in [("512x512", (512, 512), (1024, 1024)), ("4000x3000", (4000, 3000), (1024, 768))] {
+        let upsampler = Upsampler::new(size.0, size.1, scaled.0, scaled.1);
+        criterion.bench_function(&format!("segment/score one mask, {name}"), |b| {
+            b.iter(|| upsampler.score(&logits, 1.0));
+        });
+    }
+    let boxes: Vec<Rect> =
+        (0..1000).map(|i| Rect { x0: i % 37 * 8, y0: i % 41 * 8, x1: i % 37 * 8 + 60, y1: i % 41 * 8 + 60 }).collect();
+    let scores: Vec<f32> = (0..1000).map(|i| (i * 7919 % 1000) as f32 / 1000.0).collect();
+    criterion.bench_function("segment/box NMS, 1000 boxes", |b| b.iter(|| box_nms(&boxes, &scores, 0.7)));
+}
+
+fn with_models(criterion: &mut Criterion) {
+    let files = match setup::obtain(&setup::Options::default(), Progress::Hidden) {
+        Ok(files) => files,
+        Err(error) => return eprintln!("skipped encode and decode: {error}"),
+    };
+    let sam = Sam::open(&files, 1).expect("the models are whole");
+    let path = concat!(env!("CARGO_MANIFEST_DIR"), "/fixtures/hammer/images/000.png");
+    let picture: RgbImage = image::open(path).expect("the fixture is there").into_rgb8();
+    criterion.bench_function("segment/scale and normalise, 512x512", |b| b.iter(|| prepare(&picture)));
+    let prepared = prepare(&picture);
+    let mut group = criterion.benchmark_group("segment");
+    group.sample_size(10);
+    group.bench_function("encode, one thread", |b| b.iter(|| sam.encode(&prepared.input)));
+    let embedding = sam.encode(&prepared.input).expect("the encoder runs");
+    group.bench_function("decode one prompt, one thread", |b| {
+        b.iter(|| sam.decode(&embedding, [512.0, 512.0], |decoded| decoded.predicted_iou));
+    });
+}
+
+criterion_group!(benches, without_models, with_models);
+criterion_main!(benches);

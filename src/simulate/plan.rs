@@ -1,0 +1,206 @@
+//! Everything that is settled before the first substep.
+
+use std::collections::BTreeSet;
+
+use super::Input;
+use super::error::SimulateError;
+use super::filling::{self, Body};
+use super::frames::ToWorld;
+use super::material::{Materials, Prepared, stand_in};
+use super::mpm::Setting;
+use super::mpm::laws::Law;
+use super::mpm::particles::Particle;
+use super::options::Options;
+use super::report::{SimulationReport, StepReport};
+use super::scenario::Drop;
+use super::time_step::StepBound;
+use crate::scene::{Bounds, robust_bounds};
+use crate::units::GRAVITY_M_S2;
+
+/// Length in metres that the longest side of an object of unknown scale is taken to have.
+pub const ASSUMED_LONGEST_SIDE_M: f64 = 0.5;
+
+/// Simulated time, in times sqrt(longest side / g), where the user gives none: what is k times as large falls, swings
+/// and tumbles sqrt(k) times as long.
+const FALLS: f64 = 4.8;
+
+/// A Gaussian further than this outside of the object's bounds, in times the longest side, is no part of the object.
+const STRAY: f64 = 1.0;
+
+/// Everything that is settled before the first substep.
+pub struct Plan {
+    pub setting: Setting,
+    /// Those of Gaussians first, then those of the inside.
+    pub start: Vec<Particle>,
+    /// Which Gaussians the first particles carry.
+    pub carried: Vec<u32>,
+    /// Per particle.
+    pub labels: Vec<u32>,
+    pub bound: StepBound,
+    pub to_world: ToWorld,
+    pub duration_s: f64,
+    /// Without what the run will show.
+    pub report: SimulationReport,
+}
+
+/// Checks the input and lays out the run.
+pub fn plan(input: &Input, options: &Options) -> Result<Plan, SimulateError> {
+    check(input)?;
+    let materials = Materials::prepare(input.materials, options.max_stiffness)?;
+    let object = robust_bounds(input.gaussians);
+    let longest = object.size().max();
+    if longest <= 0.0 {
+        return Err(SimulateError::NoExtent);
+    }
+    let meters_per_unit = input.meters_per_unit.unwrap_or(ASSUMED_LONGEST_SIDE_M / longest);
+    let object = Bounds { min: object.min * meters_per_unit, max: object.max * meters_per_unit };
+    let longest_m = longest * meters_per_unit;
+    let spacing_m = longest_m / f64::from(options.grid);
+
+    let position_m = |i: u32| -> [f64; 3] { (input.gaussians.center(i as usize) * meters_per_unit).into() };
+    let near = |p: [f64; 3]| (0..3).all(|a| (object.min[a] - p[a]).max(p[a] - object.max[a]) <= STRAY * longest_m);
+    let carried: Vec<u32> = (0..input.gaussians.len() as u32).filter(|&i| near(position_m(i))).collect();
+    let positions_m: Vec<[f64; 3]> = carried.iter().map(|&i| position_m(i)).collect();
+    let labels: Vec<u32> = carried.iter().map(|&i| input.labels[i as usize]).collect();
+    let filled = filling::fill(&positions_m, &labels, input.interior, meters_per_unit, spacing_m)?;
+
+    let bodies_m: Vec<[f64; 3]> = filled.bodies.iter().map(|b| b.position_m).collect();
+    let drop = Drop::new(&object, &bodies_m, spacing_m, options);
+    let mut laws = vec![];
+    let prepared = &materials.prepared;
+    let start: Vec<Particle> =
+        filled.bodies.iter().map(|body| particle(body, &prepared[body.label as usize], &drop, &mut laws)).collect();
+    let setting = Setting {
+        spacing_m: spacing_m as f32,
+        gravity_m_s2: [0.0, 0.0, -options.gravity as f32],
+        boundaries: vec![drop.ground(options.ground_friction)],
+        domain_m: [[0.0; 3], [drop.domain_m as f32; 3]],
+        laws,
+    };
+    let labels: Vec<u32> = filled.bodies.iter().map(|b| b.label).collect();
+    let stiffest = stiffest(&labels, prepared).ok_or(SimulateError::NoParticles)?;
+    let wave_speed_m_s = prepared[stiffest].wave_speed_m_s();
+    let strays = input.gaussians.len() - carried.len();
+    let report = SimulationReport {
+        particles: start.len(),
+        fill_particles: start.len() - carried.len(),
+        substeps: 0,
+        dt_s: 0.0,
+        time_step: StepReport {
+            cfl: options.cfl,
+            stiffest_material: input.materials[stiffest].name.clone(),
+            wave_speed_m_s,
+        },
+        mass_kg: start.iter().map(|p| f64::from(p.mass_kg)).sum(),
+        grid_spacing_m: spacing_m,
+        meters_per_unit,
+        scale_assumed: input.meters_per_unit.is_none(),
+        softened: materials.softened,
+        poisson_capped: materials.poisson_capped,
+        ground_z_m: drop.ground_z_m,
+        frames: vec![],
+        warnings: warnings(input, longest_m, &filled.assumed_full, strays),
+    };
+    Ok(Plan {
+        setting,
+        start,
+        carried,
+        labels,
+        bound: StepBound { cfl: options.cfl, spacing_m, wave_speed_m_s },
+        to_world: ToWorld { origin_m: drop.origin_m, meters_per_unit },
+        duration_s: options.duration.unwrap_or_else(|| FALLS * (longest_m / GRAVITY_M_S2).sqrt()),
+        report,
+    })
+}
+
+/// The material in use with the fastest waves.
+fn stiffest(labels: &[u32], prepared: &[Prepared]) -> Option<usize> {
+    let used: BTreeSet<u32> = labels.iter().copied().collect();
+    let speed = |label: usize| prepared[label].wave_speed_m_s();
+    used.into_iter().map(|label| label as usize).max_by(|&a, &b| speed(a).total_cmp(&speed(b)))
+}
+
+fn check(input: &Input) -> Result<(), SimulateError> {
+    let gaussians = input.gaussians.len();
+    if gaussians == 0 {
+        return Err(SimulateError::NoParticles);
+    }
+    if input.labels.len() != gaussians {
+        return Err(SimulateError::Mismatch { what: "number of labels", got: input.labels.len(), gaussians });
+    }
+    let labels = input.materials.len();
+    if let Some(gaussian) = input.labels.iter().position(|&l| l as usize >= labels) {
+        return Err(SimulateError::Label { gaussian, label: input.labels[gaussian], labels });
+    }
+    if let Some(point) = input.interior.iter().position(|p| p.label as usize >= labels) {
+        return Err(SimulateError::Label { gaussian: point, label: input.interior[point].label, labels });
+    }
+    let no_place = |p: &[f32; 3]| p.iter().any(|x| !x.is_finite());
+    match input.gaussians.positions.iter().position(no_place) {
+        Some(index) => Err(SimulateError::Position {
+            what: "Gaussian",
+            index,
+            position: input.gaussians.positions[index].map(f64::from),
+        }),
+        None => Ok(()),
+    }
+}
+
+/// A resting particle in the scenario's first pose.
+fn particle(body: &Body, material: &Prepared, drop: &Drop, laws: &mut Vec<Law>) -> Particle {
+    let law = laws.iter().position(|l| *l == material.law).unwrap_or_else(|| {
+        laws.push(material.law);
+        laws.len() - 1
+    });
+    let turn = drop.rotation.matrix().transpose();
+    let turn: [f32; 9] = std::array::from_fn(|i| turn[i] as f32);
+    Particle {
+        position_m: drop.placed(body.position_m).map(|x| x as f32).into(),
+        velocity_m_s: [0.0; 3],
+        affine: [0.0; 9],
+        elastic: turn,
+        deformation: turn,
+        mass_kg: (body.volume_m3 * material.density_kg_m3) as f32,
+        volume_m3: body.volume_m3 as f32,
+        mu: material.mu_pa as f32,
+        lambda: material.lambda_pa as f32,
+        state: material.state as f32,
+        law: law as u32,
+    }
+}
+
+fn warnings(input: &Input, longest_m: f64, assumed_full: &[u32], strays: usize) -> Vec<String> {
+    let mut warnings = Vec::new();
+    if input.meters_per_unit.is_none() {
+        warnings.push(format!(
+            "the scale is unknown: the simulation takes the longest side to be {longest_m} m; give --scale to simulate it \
+             at its true size"
+        ));
+    }
+    if !assumed_full.is_empty() {
+        let names: Vec<&str> = assumed_full.iter().map(|&l| input.materials[l as usize].name.as_str()).collect();
+        warnings.push(format!(
+            "nothing is known of the inside of {}: it is simulated as a skin one cell thick",
+            names.join(", ")
+        ));
+    }
+    let mut replaced: Vec<String> = input
+        .materials
+        .iter()
+        .filter_map(|material| {
+            let stand_in = stand_in(&material.law)?;
+            Some(format!(
+                "{} is simulated as {stand_in}: its own law, {}, is not there yet",
+                material.name,
+                material.law.name()
+            ))
+        })
+        .collect();
+    replaced.sort();
+    replaced.dedup();
+    warnings.extend(replaced);
+    if strays > 0 {
+        warnings.push(format!("{strays} Gaussians lie far from the object: they are not simulated and stay in place"));
+    }
+    warnings
+}

@@ -1,0 +1,57 @@
+//! What a simulation did.
+
+use serde::{Deserialize, Serialize};
+
+use super::checkpoint::FrameSummary;
+use super::material::{PoissonCapped, Softened};
+
+/// What came out, but for the frames. Written as `simulation.json`.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct SimulationReport {
+    /// Those of the Gaussians and those of the inside.
+    pub particles: usize,
+    /// Of these, those of the inside.
+    pub fill_particles: usize,
+    pub substeps: u64,
+    /// The longest substep.
+    pub dt_s: f64,
+    /// How the substep came about.
+    pub time_step: StepReport,
+    pub mass_kg: f64,
+    pub grid_spacing_m: f64,
+    /// The scale used, and whether it is an assumption.
+    pub meters_per_unit: f64,
+    pub scale_assumed: bool,
+    pub softened: Vec<Softened>,
+    pub poisson_capped: Vec<PoissonCapped>,
+    /// World z of the ground.
+    pub ground_z_m: f64,
+    pub frames: Vec<FrameSummary>,
+    pub warnings: Vec<String>,
+}
+
+impl SimulationReport {
+    /// All places the object passes: lowest and highest corner, world frame, scene units.
+    pub fn bounds(&self) -> [[f64; 3]; 2] {
+        let lows = |a: usize| self.frames.iter().map(move |f| f.bounds[0][a]);
+        let highs = |a: usize| self.frames.iter().map(move |f| f.bounds[1][a]);
+        [
+            [0, 1, 2].map(|a| lows(a).fold(f64::INFINITY, f64::min)),
+            [0, 1, 2].map(|a| highs(a).fold(f64::NEG_INFINITY, f64::max)),
+        ]
+    }
+
+    /// Longest side of the object in its first pose, scene units.
+    pub fn longest_side(&self) -> f64 {
+        self.frames.first().map_or(1.0, |f| (0..3).map(|a| f.bounds[1][a] - f.bounds[0][a]).fold(0.0, f64::max))
+    }
+}
+
+/// The bound on the substep: dt <= cfl * spacing / (wave speed + speed).
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct StepReport {
+    pub cfl: f64,
+    /// Whose pressure waves are the fastest.
+    pub stiffest_material: String,
+    pub wave_speed_m_s: f64,
+}

@@ -1,0 +1,226 @@
+//! Volumes of clouds on balls, tori, tubes and rods against their closed forms.
+
+use std::f64::consts::PI;
+
+use gprop::parts::{Options, Parts, PartsResult, VolumeMethod, parts};
+use gprop::progress::Progress;
+use gprop::query::Form;
+use gprop::units::{MetricScale, Range, ScaleSource};
+use nalgebra::{Point3, Vector3};
+
+use super::clouds::{Cloud, cameras};
+
+/// A scene unit of 0.5 m, so that a slip between the two shows.
+const SCALE: MetricScale = MetricScale { meters_per_unit: 0.5, source: ScaleSource::Factor, provenance: String::new() };
+
+fn run(cloud: &Cloud, deviation: f64, forms: &[Form], options: &Options) -> PartsResult {
+    run_from(cloud, deviation, forms, options, |_| true)
+}
+
+fn run_from(
+    cloud: &Cloud,
+    deviation: f64,
+    forms: &[Form],
+    options: &Options,
+    from: impl Fn(&Vector3<f64>) -> bool,
+) -> PartsResult {
+    let (gaussians, field) = (cloud.gaussians(deviation), cloud.field(forms));
+    parts(&gaussians, &field, &cameras(4.0, 40, from), Some(&SCALE), options, Progress::Hidden).unwrap()
+}
+
+fn with(volume: VolumeMethod, volume_cells: usize) -> Options {
+    Options { volume, volume_cells, ..Options::default() }
+}
+
+fn wall(thickness_m: f64) -> Form {
+    Form::Shell { wall_thickness_m: Range::exactly(thickness_m) }
+}
+
+/// Relative error of the object's volume against `units3` scene units cubed.
+fn error(parts: &Parts, units3: f64) -> f64 {
+    parts.object.volume_m3.mid / (units3 * 0.5f64.powi(3)) - 1.0
+}
+
+/// A ball of radius 1 of Gaussians 0.04 apart.
+fn ball(part_of: impl Fn(Vector3<f64>) -> u32) -> Cloud {
+    Cloud::sphere(Point3::new(0.1, -0.05, 0.02), 1.0, 8000, part_of)
+}
+
+/// Errors at rising numbers of cells: none may be above its bound.
+fn converges(cloud: &Cloud, units3: f64, method: VolumeMethod, form: Form, bounds: [(usize, f64); 3]) {
+    for (cells, bound) in bounds {
+        let result = run(cloud, 0.02, &[form], &with(method, cells));
+        let error = error(result.metric().unwrap(), units3);
+        println!("{method:?} {cells}: {:+.2} %", 100.0 * error);
+        assert!(error.abs() <= bound, "{method:?} on {cells} cells is off by {error}, more than {bound}");
+    }
+}
+
+#[test]
+fn carved_ball_converges() {
+    converges(
+        &ball(|_| 0),
+        4.0 / 3.0 * PI,
+        VolumeMethod::Carve,
+        Form::Solid,
+        [(4_000, 0.1), (60_000, 0.05), (500_000, 0.03)],
+    );
+}
+
+#[test]
+fn filled_ball_converges() {
+    converges(
+        &ball(|_| 0),
+        4.0 / 3.0 * PI,
+        VolumeMethod::Fill,
+        Form::Solid,
+        [(4_000, 0.1), (60_000, 0.05), (500_000, 0.03)],
+    );
+}
+
+#[test]
+fn walls_of_a_ball_converge() {
+    // 0.04 m is 0.08 units: 4/3 pi (1 - 0.92^3). At 4,000 cells a cell is wider than the wall.
+    let units3 = 4.0 / 3.0 * PI * (1.0 - 0.92f64.powi(3));
+    converges(&ball(|_| 0), units3, VolumeMethod::Hybrid, wall(0.04), [(4_000, 0.1), (60_000, 0.05), (500_000, 0.03)]);
+}
+
+#[test]
+fn walls_far_thinner_than_a_cell_weigh_area_times_thickness() {
+    // 1 mm is 0.002 units; a cell is 0.05.
+    let result = run(&ball(|_| 0), 0.02, &[wall(0.001)], &with(VolumeMethod::Hybrid, 60_000));
+    let error = error(result.metric().unwrap(), 4.0 * PI * 0.002);
+    println!("thin wall: {:+.2} %", 100.0 * error);
+    assert!(error.abs() < 0.05, "{error}");
+}
+
+#[test]
+fn torus_converges() {
+    let cloud = Cloud::torus(0.8, 0.25, 0.03);
+    let units3 = 2.0 * PI * PI * 0.8 * 0.25f64.powi(2);
+    for method in [VolumeMethod::Carve, VolumeMethod::Fill] {
+        converges(&cloud, units3, method, Form::Solid, [(8_000, 0.2), (60_000, 0.1), (500_000, 0.06)]);
+    }
+}
+
+#[test]
+fn moments_of_a_ball() {
+    let result = run(&ball(|_| 0), 0.02, &[Form::Solid], &with(VolumeMethod::Hybrid, 60_000));
+    let object = &result.metric().unwrap().object;
+    // Of the same ball as measured: 2/5 m r^2 with r from the volume.
+    let radius = (object.volume_m3.mid * 3.0 / (4.0 * PI)).cbrt();
+    let inertia = 0.4 * object.mass_kg.mid * radius * radius;
+    for axis in 0..3 {
+        let center = [0.1, -0.05, 0.02][axis] * 0.5;
+        // A hundredth of the radius: the splat is made of 8,000 pieces, and seen from 40 sides.
+        assert!((object.center_of_mass_m[axis] - center).abs() < 0.005, "{:?}", object.center_of_mass_m);
+        assert!((object.inertia_kg_m2[axis][axis] / inertia - 1.0).abs() < 0.02, "{:?}", object.inertia_kg_m2);
+    }
+}
+
+#[test]
+fn parts_meet_in_the_flat_surface_that_spans_their_seam() {
+    // A cap above z = 0.5: pi h^2 (3 - h) / 3 with h = 0.5. Nearest-surface labels would give it a cone to the middle.
+    let cloud = ball(|n| u32::from(n.z > 0.5));
+    let result = run(&cloud, 0.02, &[Form::Solid, Form::Solid], &with(VolumeMethod::Hybrid, 200_000));
+    let parts = &result.metric().unwrap().parts;
+    let cap = PI * 0.25 * 2.5 / 3.0 * 0.125;
+    println!("cap: {:+.2} %", 100.0 * (parts[1].volume_m3.mid / cap - 1.0));
+    // The least-area dynamics stop within a block of cells of the flat.
+    assert!((parts[1].volume_m3.mid / cap - 1.0).abs() < 0.15, "{} is not {cap}", parts[1].volume_m3.mid);
+}
+
+#[test]
+fn part_volumes_add_up_to_the_object() {
+    let cloud = ball(|n| u32::from(n.z > 0.5));
+    let result = run(&cloud, 0.02, &[Form::Solid, wall(0.02)], &with(VolumeMethod::Hybrid, 60_000));
+    let parts = result.metric().unwrap();
+    let sum: f64 = parts.parts.iter().map(|p| p.volume_m3.mid).sum();
+    assert!((sum / parts.object.volume_m3.mid - 1.0).abs() < 1e-12);
+}
+
+/// A rod of radius 0.2 from z = -1 to 1 with a sleeve of radius 0.28 around its lower half, closed at the bottom.
+fn rod_in_sleeve() -> Cloud {
+    let mut cloud = Cloud::default();
+    cloud.add_cylinder(0.2, [0.0, 1.0], [false, true], 0.03, 0);
+    cloud.add_cylinder(0.28, [-1.08, 0.0], [true, true], 0.03, 1);
+    cloud.points.retain(|(p, _, part)| *part == 0 || p.z < -0.01 || p.coords.xy().norm() > 0.2);
+    cloud
+}
+
+#[test]
+fn a_rod_goes_on_in_its_sleeve() {
+    // A sleeve of 0.04 m, 0.08 units: the rod fills all of it.
+    let result = run(&rod_in_sleeve(), 0.018, &[Form::Solid, wall(0.04)], &with(VolumeMethod::Hybrid, 200_000));
+    let parts = result.metric().unwrap();
+    assert!(parts.warnings.iter().any(|w| w.contains("inside")), "{:?}", parts.warnings);
+    let rod = PI * 0.04 * 2.0 * 0.125;
+    let sleeve = PI * (0.28f64.powi(2) * 1.08 - 0.04) * 0.125;
+    println!(
+        "rod {:+.2} %, sleeve {:+.2} %",
+        100.0 * (parts.parts[0].volume_m3.mid / rod - 1.0),
+        100.0 * (parts.parts[1].volume_m3.mid / sleeve - 1.0)
+    );
+    assert!((parts.parts[0].volume_m3.mid / rod - 1.0).abs() < 0.15);
+    assert!((parts.parts[1].volume_m3.mid / sleeve - 1.0).abs() < 0.15);
+}
+
+#[test]
+fn a_rod_that_shows_on_both_sides_goes_through() {
+    // A rod of radius 0.15 through a drum of radius 0.6 and height 0.6.
+    let mut cloud = Cloud::default();
+    cloud.add_cylinder(0.15, [-1.0, 1.0], [true, true], 0.03, 0);
+    cloud.add_cylinder(0.6, [-0.3, 0.3], [true, true], 0.03, 1);
+    cloud.points.retain(|(p, _, part)| match part {
+        0 => p.z.abs() > 0.3,
+        _ => p.coords.xy().norm() > 0.15,
+    });
+    let result = run(&cloud, 0.018, &[Form::Solid, Form::Solid], &with(VolumeMethod::Hybrid, 200_000));
+    let parts = result.metric().unwrap();
+    assert!(parts.warnings.iter().any(|w| w.contains("through")), "{:?}", parts.warnings);
+    let (rod, drum) = (PI * 0.0225 * 2.0 * 0.125, PI * (0.36 - 0.0225) * 0.6 * 0.125);
+    println!(
+        "rod {:+.2} %, drum {:+.2} %",
+        100.0 * (parts.parts[0].volume_m3.mid / rod - 1.0),
+        100.0 * (parts.parts[1].volume_m3.mid / drum - 1.0)
+    );
+    assert!((parts.parts[0].volume_m3.mid / rod - 1.0).abs() < 0.15);
+    assert!((parts.parts[1].volume_m3.mid / drum - 1.0).abs() < 0.08);
+}
+
+#[test]
+fn a_thin_stem_does_not_fill_a_hollow_base() {
+    let mut cloud = Cloud::default();
+    cloud.add_cylinder(0.1, [0.0, 1.0], [false, true], 0.03, 0);
+    cloud.add_cylinder(0.5, [-0.9, 0.0], [true, true], 0.03, 1);
+    cloud.points.retain(|(p, _, part)| *part == 0 || p.z < -0.01 || p.coords.xy().norm() > 0.1);
+    let result = run(&cloud, 0.018, &[Form::Solid, wall(0.02)], &with(VolumeMethod::Hybrid, 200_000));
+    let parts = result.metric().unwrap();
+    assert!(!parts.warnings.iter().any(|w| w.contains("inside")), "{:?}", parts.warnings);
+    let stem = PI * 0.01 * 0.125;
+    assert!((parts.parts[0].volume_m3.mid / stem - 1.0).abs() < 0.25, "{}", parts.parts[0].volume_m3.mid / stem);
+}
+
+#[test]
+fn thickness_is_wall_to_wall() {
+    let mut cloud = Cloud::default();
+    cloud.add_cylinder(0.9, [-0.1, 0.1], [true, true], 0.03, 0);
+    let result = run(&cloud, 0.018, &[Form::Solid], &with(VolumeMethod::Hybrid, 200_000));
+    let thickness = result.metric().unwrap().parts[0].thickness_m;
+    println!("disc: {thickness:?}");
+    // A disc of 0.2 units, 0.1 m: within a cell (0.013 m).
+    assert!((thickness.mid - 0.1).abs() < 0.013, "{thickness:?}");
+}
+
+#[test]
+fn undersides_that_nobody_sees_do_not_reach_the_cameras_shadow() {
+    // A table: a disc of 0.1 on a foot, seen from 10 degrees and more above. Its shadow under the disc is 0.14 deep.
+    let mut cloud = Cloud::default();
+    cloud.add_cylinder(0.8, [0.0, 0.1], [true, true], 0.03, 0);
+    cloud.add_cylinder(0.1, [-0.8, 0.0], [true, false], 0.03, 0);
+    let result = run_from(&cloud, 0.018, &[Form::Solid], &with(VolumeMethod::Hybrid, 200_000), |n| n.z > 0.17);
+    let volume = result.metric().unwrap().object.volume_m3;
+    let truth = (PI * 0.64 * 0.1 + PI * 0.01 * 0.8) * 0.125;
+    println!("table: {:.2} {:.2} {:.2} of the truth", volume.low / truth, volume.mid / truth, volume.high / truth);
+    assert!(volume.low <= truth && truth <= volume.high, "{volume:?} does not hold {truth}");
+}

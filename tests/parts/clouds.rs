@@ -1,0 +1,150 @@
+//! Clouds of flat Gaussians on surfaces whose volume is known in closed form, and cameras around them.
+
+use gprop::camera::{Camera, Distortion, Intrinsics};
+use gprop::materials::Law;
+use gprop::query::Form;
+use gprop::scene::gaussians::Gaussians;
+use gprop::units::Estimate;
+use gprop::vote::{FieldLabel, MaterialField};
+use nalgebra::{Isometry3, Point3, UnitQuaternion, Vector3};
+
+/// Surface points with outward unit normals, and the part each belongs to.
+#[derive(Default)]
+pub struct Cloud {
+    pub points: Vec<(Point3<f64>, Vector3<f64>, u32)>,
+}
+
+impl Cloud {
+    pub fn add(&mut self, point: Point3<f64>, normal: Vector3<f64>, part: u32) {
+        self.points.push((point, normal, part));
+    }
+
+    /// A ball's surface; `part_of` says of each point whose it is.
+    pub fn sphere(center: Point3<f64>, radius: f64, count: usize, part_of: impl Fn(Vector3<f64>) -> u32) -> Self {
+        let mut cloud = Self::default();
+        for n in directions(count) {
+            cloud.add(center + n * radius, n, part_of(n));
+        }
+        cloud
+    }
+
+    /// A torus about the z axis.
+    pub fn torus(ring: f64, tube: f64, spacing: f64) -> Self {
+        let mut cloud = Self::default();
+        let around = (std::f64::consts::TAU * tube / spacing).ceil() as usize;
+        for a in 0..around {
+            let (sin, cos) = (std::f64::consts::TAU * a as f64 / around as f64).sin_cos();
+            let along = (std::f64::consts::TAU * (ring + tube * cos) / spacing).ceil() as usize;
+            for b in 0..along {
+                let (y, x) = (std::f64::consts::TAU * b as f64 / along as f64).sin_cos();
+                let normal = Vector3::new(x * cos, y * cos, sin);
+                cloud.add(Point3::from(Vector3::new(x, y, 0.0) * ring + normal * tube), normal, 0);
+            }
+        }
+        cloud
+    }
+
+    /// The side of an upright cylinder from `low` to `high` and, with `caps`, its two ends.
+    pub fn add_cylinder(&mut self, radius: f64, [low, high]: [f64; 2], caps: [bool; 2], spacing: f64, part: u32) {
+        let ring = |radius: f64| (std::f64::consts::TAU * radius / spacing).ceil().max(1.0) as usize;
+        let angle = |k: usize, n: usize| std::f64::consts::TAU * k as f64 / n as f64;
+        let rows = ((high - low) / spacing).ceil() as usize;
+        for row in 0..=rows {
+            for k in 0..ring(radius) {
+                let (y, x) = angle(k, ring(radius)).sin_cos();
+                let z = low + (high - low) * row as f64 / rows as f64;
+                self.add(Point3::new(radius * x, radius * y, z), Vector3::new(x, y, 0.0), part);
+            }
+        }
+        for (z, up, _) in [(low, -1.0, caps[0]), (high, 1.0, caps[1])].into_iter().filter(|cap| cap.2) {
+            let rings = (radius / spacing).ceil() as usize;
+            for r in (0..rings).map(|r| radius * r as f64 / rings as f64) {
+                for k in 0..ring(r) {
+                    let (y, x) = angle(k, ring(r)).sin_cos();
+                    self.add(Point3::new(r * x, r * y, z), Vector3::z() * up, part);
+                }
+            }
+        }
+    }
+
+    /// Flat Gaussians of this deviation along the surface.
+    pub fn gaussians(&self, deviation: f64) -> Gaussians {
+        let mut gaussians = Gaussians::default();
+        for (point, normal, _) in &self.points {
+            let half_turn = UnitQuaternion::from_axis_angle(&Vector3::x_axis(), std::f64::consts::PI);
+            let turn = UnitQuaternion::rotation_between(&Vector3::z(), normal).unwrap_or(half_turn);
+            let [x, y, z, w] = turn.coords.map(|v| v as f32).into();
+            gaussians.positions.push(point.coords.map(|v| v as f32).into());
+            gaussians.log_scales.push([deviation, deviation, 0.1 * deviation].map(|s| s.ln() as f32));
+            gaussians.rotations.push([w, x, y, z]);
+            // Opacity 0.95.
+            gaussians.opacity_logits.push(19f32.ln());
+            gaussians.sh_dc.push([0.0; 3]);
+        }
+        gaussians
+    }
+
+    /// The field that labels each Gaussian with its part; `forms` per part, density 1000 kg/m^3.
+    pub fn field(&self, forms: &[Form]) -> MaterialField {
+        let count = self.points.len();
+        MaterialField {
+            labels: forms.iter().enumerate().map(|(id, form)| label(id as u32, *form)).collect(),
+            part_label: self.points.iter().map(|(_, _, part)| *part).collect(),
+            confidence: vec![1.0; count],
+            votes: vec![1.0; count],
+            views: vec![1; count],
+            warnings: Vec::new(),
+        }
+    }
+}
+
+fn label(id: u32, form: Form) -> FieldLabel {
+    FieldLabel {
+        id,
+        caption: format!("part {id}"),
+        material: "water".to_owned(),
+        family: "liquid".to_owned(),
+        density_kg_m3: Estimate::exactly(1000.0),
+        youngs_modulus_pa: Estimate::exactly(1e9),
+        poisson_ratio: Estimate::exactly(0.3),
+        yield_strength_pa: Estimate::exactly(1e7),
+        hardness: None,
+        friction_rubber: Estimate::exactly(0.5),
+        form,
+        law: Law::Elastic,
+    }
+}
+
+/// Unit vectors spread evenly (Fibonacci sphere).
+pub fn directions(count: usize) -> Vec<Vector3<f64>> {
+    let golden_angle = std::f64::consts::PI * (3.0 - 5f64.sqrt());
+    let direction = |i: usize| {
+        let z = 1.0 - (2 * i + 1) as f64 / count as f64;
+        let (sin, cos) = (golden_angle * i as f64).sin_cos();
+        let r = (1.0 - z * z).sqrt();
+        Vector3::new(r * cos, r * sin, z)
+    };
+    (0..count).map(direction).collect()
+}
+
+/// Cameras at `distance` from the origin that look at it from the directions that `from` accepts; the object at half the
+/// distance fills the picture of 400 px.
+pub fn cameras(distance: f64, count: usize, from: impl Fn(&Vector3<f64>) -> bool) -> Vec<Camera> {
+    let intrinsics = Intrinsics {
+        width: 400,
+        height: 400,
+        fx: 400.0,
+        fy: 400.0,
+        cx: 200.0,
+        cy: 200.0,
+        distortion: Distortion::default(),
+    };
+    // nalgebra's right-handed look_at gives x right, y up, z backward; half a turn about x makes it OpenCV's.
+    let flip = Isometry3::rotation(Vector3::x() * std::f64::consts::PI);
+    let look = |n: Vector3<f64>| {
+        let up = if n.z.abs() > 0.9 { Vector3::x() } else { Vector3::z() };
+        flip * Isometry3::look_at_rh(&Point3::from(n * distance), &Point3::origin(), &up)
+    };
+    let seen_from = directions(count).into_iter().filter(from);
+    seen_from.map(|n| Camera { intrinsics, camera_from_world: look(n) }).collect()
+}
