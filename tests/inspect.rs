@@ -4,7 +4,7 @@ use std::path::Path;
 
 use gprop::inspect::{Inspection, inspect, to_text};
 use gprop::progress::Progress;
-use gprop::scene::{ForegroundSource, Options};
+use gprop::scene::{ForegroundSource, ObjectSource, Options};
 use nalgebra::{Matrix3, Matrix4};
 use serde_json::{Value, json};
 use tempfile::TempDir;
@@ -54,6 +54,27 @@ fn the_fixture_is_aligned() {
         assert!(json.get(key).is_some(), "{key}");
     }
     assert!(json["views"][0]["psnr_db"].is_number() && json["views"][0]["mask_iou"].is_number());
+}
+
+/// The plush toy of a full-room capture: no alpha, no masks.
+#[test]
+fn the_plush_and_not_the_room_is_the_object() {
+    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../shared/captures/miku_plush");
+    if !folder.exists() {
+        eprintln!("skipped: {} is not there", folder.display());
+        return;
+    }
+    let options =
+        Options { view_list: vec!["20240212_003927".to_owned(), "20240212_004018".to_owned()], ..Options::default() };
+    let found = inspected(&folder, &options);
+    println!("{}", to_text(&found));
+    assert_eq!((found.aligned, found.object_source), (Some(true), ObjectSource::Cluster));
+    assert_eq!(found.foreground, Some(ForegroundSource::Gaussians));
+    let share = found.object_gaussians as f64 / found.gaussians as f64;
+    assert!((0.1..0.6).contains(&share), "{share}");
+    // By eye the plush stands within x -2.6 to 1.2, y -1.1 to 2.4 of the scene; the room reaches 3 to 10 times as far.
+    let size = found.extent.size;
+    assert!(size.iter().all(|side| (1.0..4.5).contains(side)), "{size:?}");
 }
 
 /// Inspects the broken scene, follows the suggestion, and inspects again.

@@ -130,7 +130,7 @@ fn converted(camera: &Camera, conversion: &Conversion) -> Camera {
     Camera { camera_from_world: conversion.apply(&camera.camera_from_world), ..camera.clone() }
 }
 
-const READINGS: [Reading; 3] = [Reading::AsIs, Reading::Inverted, Reading::Transposed];
+const READINGS: [Reading; 4] = [Reading::AsIs, Reading::Inverted, Reading::Transposed, Reading::TransposedOpenGl];
 
 /// Every conversion without a scale, simple ones first.
 fn at_own_scale() -> Vec<Conversion> {
@@ -196,7 +196,7 @@ fn meaning(conversion: &Conversion) -> String {
     let mut parts = Vec::new();
     match conversion.reading {
         Reading::AsIs => {}
-        Reading::Transposed => parts.push("the rotations are transposed".to_owned()),
+        Reading::Transposed | Reading::TransposedOpenGl => parts.push("the rotations are transposed".to_owned()),
         Reading::Inverted => parts.push("the poses are inverted (world-to-camera for camera-to-world)".to_owned()),
     }
     match conversion.camera_flip {

@@ -86,11 +86,19 @@ pub(super) fn small_views(views: &[View]) -> Result<Vec<Small>, SceneError> {
     chosen.into_par_iter().map(small).collect()
 }
 
-/// The splat over white from a small camera, three values a pixel.
+/// The splat over white from a small camera, three values a pixel. Drawn at twice the size and averaged: at the small size the
+/// rasteriser's low-pass would widen everything thin.
 pub(super) fn picture(cloud: &Gaussians, camera: &Camera, options: &RenderOptions) -> Vec<f32> {
-    let picture = render(cloud, camera, options);
-    let over_white = |(rgb, alpha): (&[f32; 3], &f32)| rgb.map(|value| value + 1.0 - alpha);
-    picture.rgb.iter().zip(&picture.alpha).flat_map(over_white).collect()
+    let (width, height) = (camera.intrinsics.width as usize, camera.intrinsics.height as usize);
+    let intrinsics = camera.intrinsics.resized(2 * camera.intrinsics.width, 2 * camera.intrinsics.height);
+    let large = render(cloud, &Camera { intrinsics, ..camera.clone() }, options);
+    let over_white = |at: usize| large.rgb[at].map(|value| value + 1.0 - large.alpha[at]);
+    let averaged = |pixel: usize| {
+        let at = 4 * width * (pixel / width) + 2 * (pixel % width);
+        let four = [at, at + 1, at + 2 * width, at + 2 * width + 1].map(over_white);
+        std::array::from_fn::<f32, 3, _>(|channel| 0.25 * four.iter().map(|color| color[channel]).sum::<f32>())
+    };
+    (0..width * height).flat_map(averaged).collect()
 }
 
 /// Pearson's correlation of two pictures of one size; 0 where one of them is of a single colour.

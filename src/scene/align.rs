@@ -24,8 +24,10 @@ pub struct Conversion {
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Reading {
     AsIs,
-    /// The centre is right, the rotation is written row for column.
+    /// The centre is right, the rotation is written row for column, of a camera in OpenCV's axes.
     Transposed,
+    /// The same of a camera in OpenGL's axes.
+    TransposedOpenGl,
     /// World-to-camera where camera-to-world was expected, or the other way round.
     Inverted,
 }
@@ -85,9 +87,11 @@ impl Conversion {
     pub fn apply(&self, camera_from_world: &Isometry3<f64>) -> Isometry3<f64> {
         let center = camera_from_world.inverse_transform_point(&Point3::origin());
         let rotation = camera_from_world.rotation.to_rotation_matrix().into_inner();
+        let opengl = Matrix3::from_diagonal(&Vector3::new(1.0, -1.0, -1.0));
         let (rotation, center) = match self.reading {
             Reading::AsIs => (rotation, center),
             Reading::Transposed => (rotation.transpose(), center),
+            Reading::TransposedOpenGl => (opengl * rotation.transpose() * opengl, center),
             Reading::Inverted => (rotation.transpose(), camera_from_world.translation.vector.into()),
         };
         let flip = Vector3::from(self.camera_flip.map(|flip| if flip { -1.0 } else { 1.0 }));
@@ -106,6 +110,7 @@ impl fmt::Display for Conversion {
         match self.reading {
             Reading::AsIs => {}
             Reading::Transposed => parts.push("transposed".to_owned()),
+            Reading::TransposedOpenGl => parts.push("transposed-opengl".to_owned()),
             Reading::Inverted => parts.push("inverted".to_owned()),
         }
         let flipped: String =
@@ -132,9 +137,14 @@ impl FromStr for Conversion {
     fn from_str(text: &str) -> Result<Self, Self::Err> {
         let mut conversion = Self::default();
         for part in text.split('+').map(str::trim).filter(|part| *part != "none") {
-            let unknown = || format!("`{part}` is none of transposed, inverted, camera-AXES, world=A,B,C, scale=F");
+            let unknown = || {
+                format!(
+                    "`{part}` is none of transposed, transposed-opengl, inverted, camera-AXES, world=A,B,C, scale=F"
+                )
+            };
             match part.split_once(['=', '-']) {
                 _ if part == "transposed" => conversion.reading = Reading::Transposed,
+                _ if part == "transposed-opengl" => conversion.reading = Reading::TransposedOpenGl,
                 _ if part == "inverted" => conversion.reading = Reading::Inverted,
                 Some(("camera", axes)) => {
                     conversion.camera_flip = AXES.map(|axis| axes.contains(axis));

@@ -15,8 +15,8 @@ pub const DEFAULT_VIEWS: NonZeroUsize = NonZeroUsize::new(10).expect("ten is not
 /// capture as a whole.
 const CANDIDATES_PER_VIEW: usize = 3;
 
-/// A photo with less than this share of the usual sharpness is blurred: a Gaussian blur of half a pixel's deviation leaves 0.6
-/// of it, one of a whole pixel 0.2.
+/// A photo with less than this share of the usual sharpness is blurred: on the fixture, a Gaussian blur of one pixel's
+/// deviation leaves a fifth of it, while sharp views differ by a twentieth.
 const LEAST_SHARPNESS: f64 = 0.5;
 
 /// A view that shows less than this share of what the best one shows of the object cuts it off.

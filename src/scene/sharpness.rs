@@ -22,7 +22,7 @@ pub(super) fn sharpness(photo: &Photo) -> Option<f64> {
     (coarse_energy > 0.0).then(|| fine_energy / coarse_energy)
 }
 
-/// Mean square of the four-neighbour Laplacian over the pixels whose neighbours are foreground too.
+/// Mean square of the four-neighbour Laplacian over the foreground and its outline, which shows blur best.
 fn laplacian_energy(picture: &GrayImage, foreground: &GrayImage) -> Option<f64> {
     let (width, height) = (picture.width() as usize, picture.height() as usize);
     let (values, mask) = (picture.as_raw(), foreground.as_raw());
@@ -31,7 +31,7 @@ fn laplacian_energy(picture: &GrayImage, foreground: &GrayImage) -> Option<f64> 
         for x in 1..width - 1 {
             let at = y * width + x;
             let around = [at - 1, at + 1, at - width, at + width];
-            if mask[at] == 0 || around.iter().any(|neighbour| mask[*neighbour] == 0) {
+            if mask[at] == 0 && around.iter().all(|neighbour| mask[*neighbour] == 0) {
                 continue;
             }
             let neighbours: i64 = around.iter().map(|neighbour| i64::from(values[*neighbour])).sum();

@@ -394,7 +394,14 @@ fn photos_that_are_all_missing_are_said_to_be() {
 
 #[test]
 fn conversions_are_written_as_they_are_read() {
-    for text in ["none", "transposed", "inverted+camera-yz", "camera-y+world=x,-y,z", "world=y,z,x+scale=0.1"] {
+    for text in [
+        "none",
+        "transposed",
+        "transposed-opengl+scale=2",
+        "inverted+camera-yz",
+        "camera-y+world=x,-y,z",
+        "world=y,z,x+scale=0.1",
+    ] {
         let conversion: Conversion = text.parse().unwrap();
         assert_eq!(conversion.to_string(), text);
     }

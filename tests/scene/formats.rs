@@ -186,7 +186,7 @@ fn a_bad_compressed_ply_is_refused() {
     };
     assert!(message(&good[..good.len() - 1]).contains("is truncated"));
     assert!(replaced("element vertex 3", "element vertex 4000000000").contains("is truncated"));
-    assert!(replaced("element vertex 3", "element vertex 0").contains("no Gaussians"));
+    assert!(replaced("element vertex 3", "element vertex 0").contains("zero Gaussians"));
     assert!(replaced("element chunk", "element chink").contains("without its element `chunk`"));
     assert!(replaced("packed_scale", "packed_skale").contains("missing: packed_scale"));
     assert!(replaced("f_rest_0", "f_rest_9").contains("f_rest"));

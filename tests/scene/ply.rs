@@ -385,7 +385,7 @@ fn each_bad_file_has_its_message() {
             &["`face`"],
         ),
         ("points", without(&shape), &["is a point cloud", "point_cloud/iteration_N"]),
-        ("2DGS", without(&["scale_2"]), &["vertex properties missing: scale_2"]),
+        ("no scale", without(&["scale_1"]), &["vertex properties missing: scale_1"]),
         ("no colour", without(&["f_dc_0", "f_dc_2"]), &["missing: f_dc_0 f_dc_2"]),
         ("8 of 9", without(&["f_rest_8"]), &["has 8 properties f_rest_*", "0, 9, 24, 45"]),
         ("gap", without(&["f_rest_3"]), &["has 8 properties f_rest_*", "of which 3"]),
