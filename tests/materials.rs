@@ -1,9 +1,310 @@
-use gprop::materials::MaterialLibrary;
-use gprop::materials::cli;
+use std::fs;
+use std::path::Path;
+
+use gprop::materials::check::{check, gent_modulus_pa, qi_modulus_pa};
+use gprop::materials::stats::{LEAST_CITED, WELL_MEASURED, stats};
+use gprop::materials::{Law, LibraryError, MaterialLibrary, cli};
+use gprop::units::ShoreScale;
 
 #[test]
 fn the_builtin_library_passes_its_check() {
     let (text, passes) = cli::check_text(MaterialLibrary::builtin(), true);
-    println!("{text}");
     assert!(passes, "{text}");
+    for needed in ["well measured", "density", "friction_rubber"] {
+        assert!(text.contains(needed), "the statistics lack {needed:?}:\n{text}");
+    }
+}
+
+#[test]
+fn it_has_fifteen_families_and_more_than_640_materials() {
+    let library = MaterialLibrary::builtin();
+    assert_eq!(library.families().len(), 15);
+    assert!(library.materials().len() >= 640, "{} materials", library.materials().len());
+    for family in library.families() {
+        assert!(library.of_family(&family.name).count() >= 20, "{}", family.name);
+    }
+}
+
+#[test]
+fn densities_and_moduli_of_hard_goods_are_cited() {
+    let shares = stats(MaterialLibrary::builtin());
+    for family in WELL_MEASURED {
+        let share = shares.iter().find(|one| one.of == family).expect(family);
+        for (property, least) in LEAST_CITED {
+            let cited = share.cited(property).expect(property);
+            assert!(cited >= least, "{family}: {:.1}% of {property} cited", 100.0 * cited);
+        }
+    }
+}
+
+/// What a person or a vision model calls things, and the row that it must find.
+const EVERYDAY_NAMES: [(&str, &str); 84] = [
+    ("oak", "oak, white"),
+    ("pine", "pine, scots"),
+    ("Beech wood", "beech, european"),
+    ("hickory", "hickory, shagbark"),
+    ("plywood", "plywood, softwood"),
+    ("MDF", "mdf"),
+    ("particle board", "particleboard"),
+    ("bamboo", "bamboo"),
+    ("wicker", "rattan"),
+    ("cork", "cork, natural stopper"),
+    ("carbon steel", "steel, mild"),
+    ("Stainless Steel 304", "stainless steel 304"),
+    ("stainless steel", "stainless steel 304"),
+    ("18/8 stainless", "stainless steel 304"),
+    ("cast iron", "cast iron, grey"),
+    ("gray iron", "cast iron, grey"),
+    ("aluminum 6061", "aluminium 6061-t6"),
+    ("aluminium", "aluminium 6061-t6"),
+    ("brass", "brass, cartridge 70/30"),
+    ("bronze", "bronze, tin"),
+    ("copper", "copper, pure"),
+    ("chrome-plated steel", "steel, chrome plated"),
+    ("Zinc alloy", "zamak 3"),
+    ("titanium", "titanium, grade 2"),
+    ("ABS", "abs"),
+    ("ABS plastic", "abs"),
+    ("PP", "polypropylene homopolymer"),
+    ("polypropylene", "polypropylene homopolymer"),
+    ("PE", "hdpe"),
+    ("PVC", "pvc, rigid"),
+    ("PET", "pet, amorphous"),
+    ("nylon", "pa66"),
+    ("PC", "pc"),
+    ("polycarbonate", "pc"),
+    ("PMMA", "pmma"),
+    ("acrylic", "pmma"),
+    ("POM", "pom copolymer"),
+    ("melamine", "melamine formaldehyde"),
+    ("carbon fiber", "cfrp, quasi-isotropic"),
+    ("natural rubber", "natural rubber, filled"),
+    ("nitrile rubber", "nitrile rubber"),
+    ("neoprene", "neoprene, solid"),
+    ("silicone rubber", "silicone rubber 40a"),
+    ("EPDM", "epdm"),
+    ("TPE", "tpe, sebs 40a"),
+    ("TPU", "tpu 85a"),
+    ("stoneware", "stoneware"),
+    ("porcelain", "porcelain, hard"),
+    ("earthenware", "earthenware, glazed"),
+    ("terracotta", "terracotta"),
+    ("soda-lime glass", "soda-lime glass, float"),
+    ("borosilicate glass", "borosilicate glass"),
+    ("opal glass", "opal glass"),
+    ("granite", "granite, grey"),
+    ("marble", "marble, carrara"),
+    ("concrete", "concrete, normal c25/30"),
+    ("cotton", "cotton, plain weave"),
+    ("linen", "linen, plain"),
+    ("polyester woven", "polyester, woven"),
+    ("woven polyester", "polyester, woven"),
+    ("wool", "wool, worsted"),
+    ("felt", "wool, felt"),
+    ("leather", "leather, full grain cow"),
+    ("faux leather", "faux leather, pu"),
+    ("PU foam", "pu foam, flexible 35 kg/m3"),
+    ("EPS", "eps 25 kg/m3"),
+    ("styrofoam", "eps 15 kg/m3"),
+    ("EVA foam", "eva foam, firm"),
+    ("paper", "paper, copy"),
+    ("cardboard", "cardboard, corrugated single wall"),
+    ("bread", "bread crumb, white"),
+    ("apple", "apple"),
+    ("plant", "stem, green plant"),
+    ("soil", "soil, topsoil"),
+    ("wax", "wax, paraffin"),
+    ("clay", "potters clay, plastic"),
+    ("white oak", "oak, white"),
+    ("Galvanised Steel", "steel, galvanized sheet"),
+    ("fibreglass", "gfrp, chopped strand"),
+    ("fiberglass", "gfrp, chopped strand"),
+    ("sand", "sand, dry loose"),
+    ("snow", "snow, packed"),
+    ("ice", "ice"),
+    ("ceramic", "stoneware"),
+];
+
+#[test]
+fn everyday_names_are_found() {
+    let library = MaterialLibrary::builtin();
+    for (name, expected) in EVERYDAY_NAMES {
+        let found = library.get(name).map(|material| material.name.as_str());
+        assert_eq!(found, Some(expected), "{name:?}");
+    }
+}
+
+#[test]
+fn the_nearest_name_has_most_words_in_common() {
+    let library = MaterialLibrary::builtin();
+    for (name, expected) in [
+        ("stainles steel 304", "stainless steel 304"),
+        ("304 steel stainless", "stainless steel 304"),
+        ("oak plank", "oak, white"),
+        ("solid brass hardware", "brass, cartridge 70/30"),
+        ("natural cotton canvas", "cotton, canvas"),
+        ("glazed stoneware ceramic", "stoneware"),
+        ("hard maple lumber", "maple, hard"),
+        ("expanded polystyrene foam", "eps 15 kg/m3"),
+    ] {
+        let (material, score) = library.nearest(name).expect(name);
+        assert_eq!(material.name, expected, "{name:?} with score {score:.2}");
+        assert!(score > 0.3 && score <= 1.0, "{name:?}: {score}");
+    }
+    assert!(library.nearest("qwzx").is_none());
+    assert!(library.nearest("").is_none());
+    let exact = library.nearest("White Oak").map(|(_, score)| score);
+    assert_eq!(exact, Some(1.0));
+}
+
+#[test]
+fn a_card_has_the_keys_of_the_contract() {
+    let library = MaterialLibrary::builtin();
+    let card = cli::show(library, "stainless steel 304").expect("the material");
+    let json = serde_json::to_value(card).expect("serialisable");
+    for key in ["name", "family", "strength_kind", "hardness", "sources"] {
+        assert!(json.get(key).is_some(), "{key}");
+    }
+    for key in ["density_kg_m3", "youngs_modulus_pa", "poisson_ratio", "strength_pa", "friction_rubber"] {
+        let [low, high] = json[key].as_array().expect(key).as_slice() else { panic!("{key} is no pair") };
+        assert!(low.as_f64() <= high.as_f64(), "{key}");
+    }
+    assert_eq!(json["strength_kind"], "yield");
+    assert!(json["sources"]["density"][0]["title"].is_string());
+    let text = cli::show_text(library, "stainless steel 304").expect("the material");
+    assert!(text.starts_with("stainless steel 304\n") && text.contains("GPa"), "{text}");
+    let wood = cli::list_text(library, Some("Wood")).expect("the family");
+    assert!(wood.contains("oak, white") && !wood.contains("brass"), "{wood}");
+    assert!(cli::list_text(library, Some("plasma")).is_none());
+}
+
+const HEADER: &str = "family,name,aliases,density_kg_m3_low,density_kg_m3_high,youngs_modulus_pa_low,\
+youngs_modulus_pa_high,poisson_ratio_low,poisson_ratio_high,strength_pa_low,strength_pa_high,strength_kind,\
+friction_rubber_low,friction_rubber_high,friction_steel_low,friction_steel_high,hardness_scale,hardness_low,\
+hardness_high,law,law_parameters";
+const GOOD: &str =
+    "wood,our oak,shop oak,690,720,1.1e10,1.3e10,0.35,0.4,9e7,1.1e8,flexural,0.6,0.9,0.3,0.5,D,55,65,elastic,";
+
+fn load(rows: &[&str]) -> Result<MaterialLibrary, LibraryError> {
+    load_text(&format!("{HEADER}\n{}\n", rows.join("\n")))
+}
+
+fn load_text(text: &str) -> Result<MaterialLibrary, LibraryError> {
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let file = folder.path().join("mine.csv");
+    fs::write(&file, text).expect("a written file");
+    MaterialLibrary::load(&file)
+}
+
+#[test]
+fn a_users_table_adds_and_overrides() {
+    let builtin = MaterialLibrary::builtin().materials().len();
+    let own_abs = GOOD.replace("wood,our oak,shop oak", "thermoplastic,ABS,oak");
+    let library = load(&[GOOD, &own_abs]).expect("a good table");
+    assert_eq!(library.materials().len(), builtin + 1);
+    assert_eq!(library.get("Shop Oak").map(|one| one.name.as_str()), Some("our oak"));
+    assert_eq!(library.get("our oak").map(|one| one.sources.density.clone()), Some(vec!["user".to_owned()]));
+    assert_eq!(library.get("abs").map(|one| one.density_kg_m3.low), Some(690.0));
+    assert_eq!(library.get("oak").map(|one| one.name.as_str()), Some("ABS"), "a user's alias comes first");
+    assert_eq!(library.get("white oak").map(|one| one.name.as_str()), Some("oak, white"));
+}
+
+#[test]
+fn a_folder_is_read_file_by_file() {
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    fs::write(folder.path().join("a.csv"), format!("{HEADER}\n{GOOD}\n")).expect("a written file");
+    fs::write(folder.path().join("b.csv"), format!("{HEADER}\n{}\n", GOOD.replace("our oak,shop oak", "our ash,")))
+        .expect("a written file");
+    let library = MaterialLibrary::load(folder.path()).expect("a good folder");
+    assert!(library.get("our oak").is_some() && library.get("our ash").is_some());
+    let empty = tempfile::tempdir().expect("a temporary folder");
+    assert!(matches!(MaterialLibrary::load(empty.path()), Err(LibraryError::Empty { .. })));
+    assert!(matches!(MaterialLibrary::load(Path::new("/no/such")), Err(LibraryError::Unreadable { .. })));
+}
+
+#[test]
+fn bad_tables_are_refused_with_line_and_column() {
+    let cases: [(&str, &str, &[&str]); 13] = [
+        ("690", "heavy", &["line 3", "column 4", "density_kg_m3_low", "\"heavy\"", "no number"]),
+        ("690", "-5", &["line 3", "column 4", "density_kg_m3_low", "1 to 1e5"]),
+        ("690,720", "720,690", &["line 3", "column 5", "density_kg_m3_high", "less than the low end"]),
+        ("0.35,0.4", "0.35,0.5", &["line 3", "column 9", "poisson_ratio_high"]),
+        ("flexural", "bending", &["line 3", "column 12", "strength_kind", "flexural"]),
+        (",D,55", ",C,55", &["line 3", "column 17", "hardness_scale", "A or D"]),
+        (",D,55,65", ",D,55,165", &["line 3", "column 19", "hardness_high", "0 to 100"]),
+        (",D,55", ",,55", &["line 3", "column 18", "hardness_low", "needs its scale"]),
+        ("elastic,", "jelly,", &["line 3", "column 20", "law", "von_mises"]),
+        ("elastic,", "von_mises,", &["line 3", "column 21", "law_parameters", "yield_stress_pa"]),
+        ("elastic,", "elastic,yield_stress_pa=1e6", &["line 3", "column 21", "does not have"]),
+        ("wood,our oak", "timber,our oak", &["line 3", "column 1", "family", "\"timber\"", "wood"]),
+        ("our oak", "", &["line 3", "column 2", "name", "empty"]),
+    ];
+    let first = GOOD.replace("our oak,shop oak", "first,");
+    for (from, to, expected) in cases {
+        let message = load(&[&first, &GOOD.replacen(from, to, 1)]).expect_err(to).to_string();
+        for part in expected {
+            assert!(message.contains(part), "{to:?}: {part:?} is not in {message}");
+        }
+    }
+    let missing = load_text(&format!("{}\n{GOOD}\n", HEADER.replace("poisson_ratio_low,", ""))).expect_err("no nu");
+    assert!(missing.to_string().contains("`poisson_ratio_low` is missing"), "{missing}");
+    let unknown = load_text(&format!("{},colour\n{GOOD},red\n", HEADER)).expect_err("an unknown column");
+    assert!(unknown.to_string().contains("column 22 `colour`"), "{unknown}");
+    let twice = load(&[GOOD, &GOOD.replace("our oak", "other").replace("shop oak", "Our-Oak")]).expect_err("a double");
+    assert!(twice.to_string().contains("line 3") && twice.to_string().contains("our oak"), "{twice}");
+    let ragged = load_text(&format!("{HEADER}\n{GOOD}\nwood,short\n")).expect_err("a short row");
+    assert!(ragged.to_string().contains("line: 3"), "{ragged}");
+}
+
+/// A row with one thing wrong, and the check that must see it.
+const WRONG_ROWS: [(&str, &str, &str); 12] = [
+    ("690,720", "290,720", "density_width"),
+    ("1.1e10,1.3e10", "4e9,1.3e10", "youngs_width"),
+    ("1.1e10,1.3e10", "4e10,5e10", "family_bounds"),
+    ("9e7,1.1e8", "1e7,1.2e7", "strength_to_stiffness"),
+    ("flexural", "compressive", "strength_kind"),
+    ("0.6,0.9,0.3,0.5", "0.3,0.4,0.6,0.9", "friction"),
+    ("1.1e10,1.3e10", "4e9,4.4e9", "wood"),
+    ("1.1e10,1.3e10", "4e9,4.4e9", "bar_speed"),
+    ("wood,our oak,shop oak,690,720,1.1e10,1.3e10", "rubber,our oak,,1100,1200,4e7,6e7", "shore_to_stiffness"),
+    ("wood,our oak,shop oak,690,720,1.1e10,1.3e10", "foam,our oak,,100,110,1e6,2e6", "constituent"),
+    ("elastic,", "von_mises,yield_stress_pa=5e8", "law"),
+    ("D,55,65", "D,5,20", "hardness"),
+];
+
+#[test]
+fn each_check_sees_what_it_is_for() {
+    for (from, to, expected) in WRONG_ROWS {
+        let row = GOOD.replacen(from, to, 1);
+        let row = if to.starts_with("rubber") { row.replace(",D,55,65,", ",A,55,65,") } else { row };
+        let library = load(&[&row]).expect(to);
+        let findings = check(&library);
+        let seen = findings.iter().any(|one| one.subject == "our oak" && one.check == expected && one.excuse.is_none());
+        assert!(seen, "{expected} does not see {to:?}: {findings:#?}");
+    }
+    let copies = load(&[GOOD, &GOOD.replace("our oak,shop oak", "copied oak,")]).expect("two rows");
+    assert!(check(&copies).iter().any(|one| one.check == "copied_row" && one.subject == "copied oak"));
+}
+
+/// The values that Gent's and Qi, Joyce and Boyce's papers give, to the digits printed there.
+#[test]
+fn shore_hardness_follows_the_published_relations() {
+    for (shore, megapascals) in [(20.0, 0.73), (50.0, 2.46), (70.0, 5.5), (90.0, 20.8)] {
+        let modulus = gent_modulus_pa(shore) / 1e6;
+        assert!((modulus / megapascals - 1.0).abs() < 0.02, "Gent at {shore} A: {modulus}");
+    }
+    let modulus = qi_modulus_pa(ShoreScale::D, 45.0) / 1e6;
+    assert!((modulus / 39.1 - 1.0).abs() < 0.01, "Qi, Joyce and Boyce at 45 D: {modulus}");
+}
+
+#[test]
+fn every_law_of_the_simulation_has_its_materials() {
+    let library = MaterialLibrary::builtin();
+    let law = |name: &str| library.get(name).expect(name).law;
+    assert_eq!(law("oak"), Law::Elastic);
+    assert!(matches!(law("stainless steel 304"), Law::VonMises { yield_stress_pa } if yield_stress_pa > 1.9e8));
+    assert!(matches!(law("dry sand"), Law::DruckerPrager { cohesion_pa, .. } if cohesion_pa == 0.0));
+    assert!(matches!(law("memory foam"), Law::Foam { .. }));
+    assert!(matches!(law("snowball"), Law::Snow { .. }));
+    assert!(matches!(law("plasticine"), Law::Plasticine { .. }));
 }

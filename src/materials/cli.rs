@@ -190,8 +190,14 @@ fn stress(range: Range) -> String {
 }
 
 fn law_text(law: &Law) -> String {
-    let parameters: Vec<String> = law.parameters().iter().map(|(name, value)| format!("{name} {value}")).collect();
+    let parameters: Vec<String> =
+        law.parameters().iter().map(|(name, value)| format!("{name} {}", plain(*value))).collect();
     [law.name().to_owned()].into_iter().chain(parameters).collect::<Vec<_>>().join(", ")
+}
+
+/// A number as one writes it: powers of ten from ten thousand on.
+fn plain(value: f64) -> String {
+    if value.abs() >= 1e4 { format!("{value:e}") } else { value.to_string() }
 }
 
 fn labels_text(labels: &Labels) -> String {
@@ -219,11 +225,9 @@ fn sources_text(library: &MaterialLibrary, material: &Material) -> String {
         used.extend(named.filter(|reference| !used.contains(reference)).collect::<Vec<_>>());
     }
     for reference in used {
-        let _ = writeln!(
-            text,
-            "  [{}] {}. {} {}. {}",
-            reference.id, reference.title, reference.publisher, reference.year, reference.licence
-        );
+        let Reference { id, title, publisher, year, locator, licence } = reference;
+        let said = [title, publisher, year, locator, licence].into_iter().filter(|part| !part.is_empty());
+        let _ = writeln!(text, "  [{id}] {}", said.map(String::as_str).collect::<Vec<_>>().join("; "));
     }
     text
 }

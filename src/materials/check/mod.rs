@@ -19,6 +19,8 @@ use serde::Serialize;
 use super::MaterialLibrary;
 use crate::units::Range;
 
+pub use physics::{gent_modulus_pa, qi_modulus_pa};
+
 /// Something a check has to say.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize)]
 pub struct Finding {

@@ -18,6 +18,10 @@ const EXCESS_DECADES: f64 = 0.477_121_254_719_662_4;
 pub fn check(library: &MaterialLibrary, findings: &mut Findings) {
     let mut met: BTreeMap<&str, (usize, usize)> = BTreeMap::new();
     for reference in &library.reference {
+        let known = library.references.iter().any(|one| one.id == reference.source);
+        findings.require(known, &reference.entry, "source", || {
+            format!("reference.csv cites `{}`, which bibliography.csv does not have", reference.source)
+        });
         let Some(material) = library.get(&reference.entry) else {
             let message = "reference.csv has it, the library does not".to_owned();
             findings.error(&reference.entry, "reference", message);

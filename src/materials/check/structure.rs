@@ -6,6 +6,10 @@ use crate::materials::{Material, MaterialLibrary};
 
 pub fn check(library: &MaterialLibrary, findings: &mut Findings) {
     for constituent in &library.constituents {
+        let known = library.references.iter().any(|reference| reference.id == constituent.source);
+        findings.require(known, &constituent.material, "source", || {
+            format!("its constituent cites `{}`, which bibliography.csv does not have", constituent.source)
+        });
         let Some(material) = library.materials().iter().find(|material| material.name == constituent.material) else {
             let message =
                 format!("constituents.csv describes {:?}, which the library does not have", constituent.material);

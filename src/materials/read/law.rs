@@ -1,6 +1,8 @@
 //! Reading a constitutive law: its name in `law`, its parameters in `law_parameters` as `name=number` between `;`.
 
-use super::{LibraryError, Row};
+use std::ops::RangeInclusive;
+
+use super::{LibraryError, Row, within};
 use crate::materials::Law;
 
 /// The law that a row gives, with all its parameters and no others.
@@ -10,32 +12,31 @@ pub fn law(row: &Row) -> Result<Law, LibraryError> {
         let parsed = pair.split_once('=').and_then(|(name, value)| Some((name.trim(), value.trim().parse().ok()?)));
         given.push(parsed.ok_or_else(|| row.bad("law_parameters", "must be name=number pairs between ;"))?);
     }
-    let take = |name: &str, at_least: f64, below: f64| {
+    let take = |name: &str, bounds: RangeInclusive<f64>| {
         let value = given.iter().find(|(given, _)| *given == name).map(|(_, value)| *value);
-        value.filter(|value| (at_least..below).contains(value)).ok_or_else(|| {
-            let problem = format!("lacks `{name}` for this law, at least {at_least:e} and below {below:e} (SI)");
-            row.bad("law_parameters", problem)
-        })
+        value
+            .filter(|value| bounds.contains(value))
+            .ok_or_else(|| row.bad("law_parameters", format!("lacks `{name}` for this law, {}", within(&bounds))))
     };
     let law = match row.text("law") {
         "elastic" => Law::Elastic,
-        "von_mises" => Law::VonMises { yield_stress_pa: take("yield_stress_pa", 1.0, 1e12)? },
+        "von_mises" => Law::VonMises { yield_stress_pa: take("yield_stress_pa", 1.0..=1e12)? },
         "drucker_prager" => Law::DruckerPrager {
-            friction_angle_rad: take("friction_angle_rad", 0.0, std::f64::consts::FRAC_PI_2)?,
-            cohesion_pa: take("cohesion_pa", 0.0, 1e9)?,
+            friction_angle_rad: take("friction_angle_rad", 0.0..=std::f64::consts::FRAC_PI_2)?,
+            cohesion_pa: take("cohesion_pa", 0.0..=1e9)?,
         },
         "foam" => Law::Foam {
-            yield_stress_pa: take("yield_stress_pa", 0.1, 1e9)?,
-            viscosity_pa_s: take("viscosity_pa_s", 0.0, 1e9)?,
+            yield_stress_pa: take("yield_stress_pa", 0.1..=1e9)?,
+            viscosity_pa_s: take("viscosity_pa_s", 0.0..=1e9)?,
         },
         "snow" => Law::Snow {
-            theta_c: take("theta_c", 1e-4, 1.0)?,
-            theta_s: take("theta_s", 1e-5, 1.0)?,
-            hardening: take("hardening", 0.0, 100.0)?,
+            theta_c: take("theta_c", 1e-4..=1.0)?,
+            theta_s: take("theta_s", 1e-5..=1.0)?,
+            hardening: take("hardening", 0.0..=100.0)?,
         },
         "plasticine" => Law::Plasticine {
-            yield_stress_pa: take("yield_stress_pa", 0.1, 1e9)?,
-            softening: take("softening", 0.0, 1.0 + f64::EPSILON)?,
+            yield_stress_pa: take("yield_stress_pa", 0.1..=1e9)?,
+            softening: take("softening", 0.0..=1.0)?,
         },
         _ => {
             let problem = "is no law; write elastic, von_mises, drucker_prager, foam, snow or plasticine";

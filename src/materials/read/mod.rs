@@ -4,6 +4,7 @@
 mod law;
 mod tables;
 
+use std::ops::RangeInclusive;
 use std::path::PathBuf;
 
 use csv::StringRecord;
@@ -112,13 +113,13 @@ impl Row<'_> {
         if number.is_finite() { Ok(number) } else { Err(self.bad(column, "is not finite")) }
     }
 
-    /// The range in the columns `name_low` and `name_high`, within `(at_least, below)`.
-    fn range(&self, name: &str, at_least: f64, below: f64) -> Result<Range, LibraryError> {
+    /// The range in the columns `name_low` and `name_high`, which must lie within `bounds`.
+    fn range(&self, name: &str, bounds: RangeInclusive<f64>) -> Result<Range, LibraryError> {
         let [low, high] = [format!("{name}_low"), format!("{name}_high")];
         let range = Range::new(self.number(&low)?, self.number(&high)?);
         for (column, value) in [(&low, range.low), (&high, range.high)] {
-            if value < at_least || value >= below {
-                return Err(self.bad(column, format!("must be at least {at_least:e} and below {below:e} (SI)")));
+            if !bounds.contains(&value) {
+                return Err(self.bad(column, format!("must be {}", within(&bounds))));
             }
         }
         if range.low > range.high {
@@ -153,6 +154,12 @@ impl Row<'_> {
     fn labels(&self) -> Result<Labels, LibraryError> {
         Ok(Labels { abo: self.label("label_abo")?, mvimgnet: self.label("label_mvimgnet")? })
     }
+}
+
+/// Bounds in words; large numbers as powers of ten.
+fn within(bounds: &RangeInclusive<f64>) -> String {
+    let written = |value: &f64| if value.abs() >= 1e4 { format!("{value:e}") } else { value.to_string() };
+    format!("{} to {} (SI)", written(bounds.start()), written(bounds.end()))
 }
 
 /// The entries of a list cell, which `;` divides.

@@ -129,6 +129,10 @@ pub fn read_tables(files: &[Table]) -> Result<Tables, LibraryError> {
 /// Smallest accepted density, modulus: below is surely a wrong unit (aerogel 1 kg/m3; a gel 10 Pa).
 const LEAST: f64 = 1.0;
 
+/// Poisson's ratios of a solver's isotropic material: beyond, its bulk modulus is negative or without end.
+const MOST_AUXETIC: f64 = -0.99;
+const INCOMPRESSIBLE: f64 = 0.4999;
+
 fn material(row: &Row) -> Result<Placed, LibraryError> {
     let kind = StrengthKind::NAMES.iter().find(|(name, _)| *name == row.text("strength_kind"));
     let kinds = StrengthKind::NAMES.map(|(name, _)| name).join(", ");
@@ -136,13 +140,13 @@ fn material(row: &Row) -> Result<Placed, LibraryError> {
         name: row.filled("name")?,
         family: row.filled("family")?,
         aliases: list(row.text("aliases")),
-        density_kg_m3: row.range("density_kg_m3", LEAST, 1e5)?,
-        youngs_modulus_pa: row.range("youngs_modulus_pa", LEAST, 1e13)?,
-        poisson_ratio: row.range("poisson_ratio", -0.999, 0.5)?,
-        strength_pa: row.range("strength_pa", 0.0, 1e12)?,
+        density_kg_m3: row.range("density_kg_m3", LEAST..=1e5)?,
+        youngs_modulus_pa: row.range("youngs_modulus_pa", LEAST..=1e13)?,
+        poisson_ratio: row.range("poisson_ratio", MOST_AUXETIC..=INCOMPRESSIBLE)?,
+        strength_pa: row.range("strength_pa", 0.0..=1e12)?,
         strength_kind: kind.ok_or_else(|| row.bad("strength_kind", format!("is no kind; write one of {kinds}")))?.1,
-        friction_rubber: row.range("friction_rubber", 0.0, 5.0)?,
-        friction_steel: row.range("friction_steel", 0.0, 5.0)?,
+        friction_rubber: row.range("friction_rubber", 0.0..=5.0)?,
+        friction_steel: row.range("friction_steel", 0.0..=5.0)?,
         hardness: hardness(row)?,
         law: law(row)?,
         labels: row.labels()?,
@@ -168,7 +172,7 @@ fn hardness(row: &Row) -> Result<Option<ShoreHardness>, LibraryError> {
             None => Ok(None),
         };
     }
-    let range = row.range("hardness", 0.0, 100.0 + 1e-9)?;
+    let range = row.range("hardness", 0.0..=100.0)?;
     Ok(Some(ShoreHardness { scale: row.scale("hardness_scale")?, range }))
 }
 
@@ -179,13 +183,13 @@ fn family(row: &Row) -> Result<Family, LibraryError> {
     };
     Ok(Family {
         name: row.filled("family")?,
-        density_kg_m3: row.range("density_kg_m3", LEAST, 1e5)?,
-        youngs_modulus_pa: row.range("youngs_modulus_pa", LEAST, 1e13)?,
-        poisson_ratio: row.range("poisson_ratio", -0.999, 0.5)?,
-        strength_pa: row.range("strength_pa", 0.0, 1e12)?,
+        density_kg_m3: row.range("density_kg_m3", LEAST..=1e5)?,
+        youngs_modulus_pa: row.range("youngs_modulus_pa", LEAST..=1e13)?,
+        poisson_ratio: row.range("poisson_ratio", MOST_AUXETIC..=INCOMPRESSIBLE)?,
+        strength_pa: row.range("strength_pa", 0.0..=1e12)?,
         strength_meaning: row.filled("strength_meaning")?,
-        friction_rubber: row.range("friction_rubber", 0.0, 5.0)?,
-        friction_steel: row.range("friction_steel", 0.0, 5.0)?,
+        friction_rubber: row.range("friction_rubber", 0.0..=5.0)?,
+        friction_steel: row.range("friction_steel", 0.0..=5.0)?,
         hardness: [reading("low")?, reading("high")?],
         law: law(row)?,
         labels: row.labels()?,
@@ -207,7 +211,7 @@ fn reference(row: &Row) -> Result<Reference, LibraryError> {
 fn evidence(row: &Row) -> Result<Evidence, LibraryError> {
     let value = |name: &str| match row.text(&format!("{name}_low")) {
         "" => Ok(None),
-        _ => row.range(name, -0.999, 1e13).map(Some),
+        _ => row.range(name, MOST_AUXETIC..=1e13).map(Some),
     };
     Ok(Evidence {
         source: row.filled("source")?,
@@ -230,7 +234,7 @@ fn constituent(row: &Row) -> Result<Constituent, LibraryError> {
         density_kg_m3: row.number("density_kg_m3")?,
         youngs_modulus_pa: row.number("youngs_modulus_pa")?,
         strength_pa: strength,
-        volume_fraction: row.range("volume_fraction", 0.0, 1.0 + 1e-9)?,
+        volume_fraction: row.range("volume_fraction", 0.0..=1.0)?,
         source: row.filled("source")?,
     })
 }
