@@ -14,6 +14,8 @@ mod formats;
 mod photo;
 // PLY files of every kind, good and bad.
 mod ply;
+// The README's table: what you have, what to type.
+mod table;
 
 /// A failing case is printed in full; no file is kept beside the sources.
 fn proptest_config() -> proptest::test_runner::Config {

@@ -26,7 +26,7 @@ const FILLED: f64 = 0.9;
 /// # Errors
 /// Where a picture cannot be written.
 pub fn render_views(scene: &mut Scene, count: usize, folder: &Path) -> io::Result<()> {
-    let cameras = orbit(&scene.object_bounds(), count);
+    let cameras = orbit(&scene.object_bounds(), reach(scene), count);
     for (index, camera) in cameras.into_iter().enumerate() {
         let name = format!("{index:03}");
         let image = folder.join(format!("{name}.png"));
@@ -43,9 +43,16 @@ pub fn render_views(scene: &mut Scene, count: usize, folder: &Path) -> io::Resul
     Ok(())
 }
 
-/// Cameras that look at the box from all around, near enough for its bounding sphere to fill the picture.
-pub fn orbit(bounds: &Bounds, count: usize) -> Vec<Camera> {
-    let radius = 0.5 * bounds.diagonal();
+/// How far the object's Gaussians reach beyond their centres: twice their usual standard deviation.
+fn reach(scene: &Scene) -> f64 {
+    let mut deviations: Vec<f64> = (0..scene.gaussians.len()).map(|i| scene.gaussians.scale(i).max()).collect();
+    deviations.sort_by(f64::total_cmp);
+    2.0 * deviations.get(deviations.len() / 2).copied().unwrap_or_default()
+}
+
+/// Cameras that look at the box, widened by `reach`, from all around, near enough for its bounding sphere to fill the picture.
+pub fn orbit(bounds: &Bounds, reach: f64, count: usize) -> Vec<Camera> {
+    let radius = 0.5 * bounds.diagonal() + reach;
     let distance = radius / (FILLED * (0.5 * FIELD_OF_VIEW).sin());
     let side = f64::from(SIDE);
     let focal = 0.5 * side / (0.5 * FIELD_OF_VIEW).tan();

@@ -147,7 +147,7 @@ fn images_are_read_alike_from_both_formats() {
 }
 
 /// The made-up scene with its cameras as another program writes them, and no transforms.json.
-fn as_colmap(made_up: &MadeUp) -> Scene {
+pub fn as_colmap(made_up: &MadeUp) -> Scene {
     let original = made_up.load().unwrap();
     let images: Vec<(u32, [f64; 4], [f64; 3], u32, String)> = original
         .views
@@ -194,16 +194,18 @@ fn a_folder_with_a_colmap_model() {
     assert!(scene.warnings[0].starts_with("1 of the 4 photos") && scene.warnings[0].contains("001.png"));
 }
 
-#[test]
-fn a_3dgs_output_folder() {
-    let made_up = MadeUp::new();
+/// The made-up scene as the output folder of 3DGS.
+pub fn as_3dgs_output(made_up: &MadeUp) -> Scene {
     let original = made_up.load().unwrap();
     let entry = |view: &scene::View| {
         let pose = view.camera.camera_from_world.inverse();
         let rotation = pose.rotation.to_rotation_matrix().into_inner();
         let rows: Vec<[f64; 3]> = (0..3).map(|row| [0, 1, 2].map(|column| rotation[(row, column)])).collect();
         let position: [f64; 3] = pose.translation.vector.into();
-        json!({"id": 0, "img_name": view.name, "width": 8, "height": 6, "position": position, "rotation": rows, "fx": 10.0, "fy": 10.0})
+        json!({
+            "id": 0, "img_name": view.name, "width": 8, "height": 6, "position": position, "rotation": rows,
+            "fx": 10.0, "fy": 10.0,
+        })
     };
     let entries: Vec<_> = original.views.iter().map(entry).collect();
     std::fs::write(made_up.path("cameras.json"), json!(entries).to_string()).unwrap();
@@ -211,6 +213,13 @@ fn a_3dgs_output_folder() {
     let output = made_up.path("point_cloud/iteration_7000");
     std::fs::create_dir_all(&output).unwrap();
     std::fs::rename(made_up.path("point_cloud.ply"), output.join("point_cloud.ply")).unwrap();
+    original
+}
+
+#[test]
+fn a_3dgs_output_folder() {
+    let made_up = MadeUp::new();
+    let original = as_3dgs_output(&made_up);
     assert_same_cameras(&original, &made_up.load_as_is(&Options::default()).unwrap());
     // The photos stayed with the training data.
     let data = tempfile::tempdir().unwrap();
@@ -234,16 +243,22 @@ fn cfg_args_is_read_as_text() {
     assert_eq!(parse("source_path='unfinished"), TrainingArguments::default());
 }
 
-#[test]
-fn blender_leaves_extension_and_size_out() {
-    let made_up = MadeUp::new();
-    let mut original = made_up.transforms.clone();
-    for frame in original["frames"].as_array_mut().unwrap() {
+/// The made-up scene as a Blender exporter writes it: an angle for a focal length, no size, no extensions.
+pub fn as_blender(made_up: &MadeUp) {
+    let mut frames = made_up.transforms["frames"].clone();
+    for frame in frames.as_array_mut().unwrap() {
         let path = frame["file_path"].as_str().unwrap();
         frame["file_path"] = json!(format!("./{}", path.trim_end_matches(".png")));
     }
-    let blender = json!({"camera_angle_x": std::f64::consts::FRAC_PI_2, "frames": original["frames"]});
+    let blender = json!({"camera_angle_x": std::f64::consts::FRAC_PI_2, "frames": frames});
     std::fs::write(made_up.path("transforms_train.json"), blender.to_string()).unwrap();
+    let _ = std::fs::remove_file(made_up.path("transforms.json"));
+}
+
+#[test]
+fn blender_leaves_extension_and_size_out() {
+    let made_up = MadeUp::new();
+    as_blender(&made_up);
     let scene = made_up.load_as_is(&Options::default()).unwrap();
     assert_eq!((scene.views.len(), scene.views[0].camera.intrinsics.width), (4, 8));
     assert!((scene.views[0].camera.intrinsics.fx - 4.0).abs() < 1e-12);

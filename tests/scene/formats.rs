@@ -23,7 +23,7 @@ fn close(a: &[f32], b: &[f32], tolerance: f32) -> bool {
 }
 
 /// One row of a .splat.
-fn splat_row(position: [f32; 3], scale: [f32; 3], rgba: [u8; 4], quaternion: [u8; 4]) -> Vec<u8> {
+pub fn splat_row(position: [f32; 3], scale: [f32; 3], rgba: [u8; 4], quaternion: [u8; 4]) -> Vec<u8> {
     let floats = position.into_iter().chain(scale).flat_map(f32::to_le_bytes);
     floats.chain(rgba).chain(quaternion).collect()
 }
