@@ -13,7 +13,7 @@ use serde::Serialize;
 use crate::exit::UsageError;
 use crate::pipeline::{self, Stage};
 use crate::progress::Progress;
-use crate::{config, materials, setup};
+use crate::{config, inspect, materials, setup};
 
 /// Materials and physical properties for every Gaussian of a 3D Gaussian Splatting scene.
 #[derive(Debug, Parser)]
@@ -58,6 +58,8 @@ enum Command {
     Simulate(SceneArgs),
     /// The force with which a gripper may lift the object.
     Grasp(SceneArgs),
+    /// Do photos, cameras and Gaussians agree? What lies in a scene folder, and how its parts fit together.
+    Inspect(inspect::Args),
     /// Measure against a reference or ground truth.
     #[command(subcommand)]
     Evaluate(Evaluate),
@@ -175,6 +177,10 @@ pub fn run(arguments: Vec<OsString>) -> anyhow::Result<()> {
         Command::Parts(args) => scene::run(global, args, Stage::Parts),
         Command::Simulate(args) => scene::run(global, args, Stage::Simulate),
         Command::Grasp(args) => scene::run(global, args, Stage::Grasp),
+        Command::Inspect(args) => {
+            let (inspection, text) = inspect::command(args, global.progress())?;
+            print(global, &inspection, || text)
+        }
         Command::Evaluate(what) => tools::evaluate(global, what),
         Command::Materials(what) => tools::materials(global, what),
         Command::Setup(args) => tools::set_up(global, &args.options),
@@ -190,8 +196,14 @@ fn parse(arguments: &[OsString]) -> anyhow::Result<Cli> {
         && let Some((name, matches)) = typed.subcommand()
         && let Ok(Some(scene)) = matches.try_get_one::<PathBuf>("scene")
     {
+        // The file speaks to every command on the scene; each takes the options that it has.
+        let command = Cli::command();
+        let own = command.find_subcommand(name).into_iter().flat_map(clap::Command::get_arguments);
+        let own: Vec<&str> = own.filter_map(clap::Arg::get_long).collect();
+        let is_own = |flag: &String| own.contains(&flag.trim_start_matches('-').split('=').next().unwrap_or_default());
+        let flags = config::flags(scene, &scene_flags())?.into_iter().filter(is_own);
         let place = 1 + arguments.iter().position(|argument| argument == name).unwrap_or(0);
-        all.splice(place..place, config::flags(scene, &scene_flags())?.into_iter().map(OsString::from));
+        all.splice(place..place, flags.map(OsString::from));
     }
     Ok(Cli::parse_from(all))
 }

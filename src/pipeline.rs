@@ -24,6 +24,8 @@ use anyhow::Result;
 use serde::{Deserialize, Serialize};
 use tracing::info;
 
+use crate::exit::UsageError;
+use crate::from_splat;
 use crate::materials::MaterialLibrary;
 use crate::parts::PartsResult;
 use crate::progress::Progress;
@@ -115,11 +117,16 @@ struct Done {
 impl Pipeline {
     /// Loads the scene in `folder` and what an earlier run left in `out` (`folder`/gprop where it is not given).
     pub fn open(folder: &Path, out: Option<&Path>, options: Options, plan: Plan, progress: Progress) -> Result<Self> {
-        let scene = crate::scene::load(folder, &options.scene)?;
-        let views = scene.chosen_views(&options.scene)?;
+        let mut scene = crate::scene::load(folder, &options.scene)?;
         let library = options.materials.library()?;
         let root = out.map_or_else(|| folder.join(crate::workdir::DEFAULT_NAME), Path::to_owned);
         let work = WorkDir::open(&root)?;
+        if let Some(count) = options.scene.render_views {
+            let folder = root.join("rendered").join(scene::rendering_key(&scene, &options.scene)?);
+            from_splat::render_views(&mut scene, count.get(), &folder)
+                .map_err(|error| UsageError(format!("cannot write views into {folder:?}: {error}")))?;
+        }
+        let views = scene.chosen_views(&options.scene)?;
         let mut record = RunRecord::load(&work);
         record.options = serde_json::to_value(&options)?;
         Ok(Self {

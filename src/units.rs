@@ -113,14 +113,25 @@ pub struct ShoreHardness {
 pub struct MetricScale {
     pub meters_per_unit: f64,
     pub source: ScaleSource,
+    /// What was measured or stated, in words.
+    #[serde(default)]
+    pub provenance: String,
 }
 
 /// Where a metric scale came from.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum ScaleSource {
-    /// The data set's convention: its scenes are in metres.
+    /// The user says that the scene is in metres.
     Metric,
+    /// The data set's convention.
+    DataSet,
     /// The user gave the factor.
     Factor,
+    /// The user knows the distance of two points.
+    KnownLength,
+    /// The user knows a side of the object's bounding box.
+    BoundingBox,
+    /// The user knows the distance of two cameras.
+    Cameras,
 }

@@ -17,7 +17,7 @@ use gprop::progress::Progress;
 use gprop::query::asker::{Ask, AskError, Asker, Reply};
 use gprop::query::recorded::{Answerer, Recordings, Usage};
 use gprop::query::{Options, Prompts, Queries, QueryError, Run, ViewInput};
-use gprop::scene::Photo;
+use gprop::scene::{ForegroundSource, Photo};
 use gprop::segment::{LabelMap, Level, PartMask, ViewSegments};
 use image::{GrayImage, Luma, Rgb, RgbImage};
 use serde_json::{Value, json};
@@ -55,7 +55,7 @@ fn view(name: &'static str, (width, height): (u32, u32), tint: u8, label: impl F
         })
         .collect();
     let segments = ViewSegments { view: name.into(), map: LabelMap { width, height, labels }, parts };
-    View { name, photo: Photo { rgb, foreground }, segments }
+    View { name, photo: Photo { rgb, foreground, foreground_source: ForegroundSource::Alpha }, segments }
 }
 
 /// Two parts side by side on a background: 1 on the left, 2 on the right of column `border`.

@@ -2,12 +2,20 @@
 
 // Intrinsics, distortion, poses.
 mod camera;
+// Camera files of COLMAP, nerfstudio, Blender, 3DGS; photos, masks, orientation, scale.
+mod cameras;
+// Data sets: ABO-500, MVImgNet.
+mod dataset;
 // Loading a whole scene folder: what is found, what is missing, which views are chosen.
 mod folder;
+// Compact splats: .splat, .spz, .compressed.ply.
+mod formats;
 // Photos: colour types, alpha, size.
 mod photo;
 // PLY files of every kind, good and bad.
 mod ply;
+// The README's table: what you have, what to type.
+mod table;
 
 /// A failing case is printed in full; no file is kept beside the sources.
 fn proptest_config() -> proptest::test_runner::Config {

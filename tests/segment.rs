@@ -6,7 +6,7 @@ use std::sync::Mutex;
 
 use gprop::evaluate::masks::{Comparison, Reference, compare};
 use gprop::progress::Progress;
-use gprop::scene::Photo;
+use gprop::scene::{ForegroundSource, Photo};
 use gprop::segment::sam::Sam;
 use gprop::segment::{LabelMap, Options, SegmentError, Segmenter, ViewSegments, segment_views};
 use gprop::setup::ModelFiles;
@@ -86,7 +86,7 @@ fn two_shapes() -> Photo {
     });
     let foreground =
         GrayImage::from_fn(200, 120, |x, y| Luma([if is_disc(x, y) || is_square(x, y) { 255 } else { 0 }]));
-    Photo { rgb, foreground }
+    Photo { rgb, foreground, foreground_source: ForegroundSource::Alpha }
 }
 
 /// A sparser grid than the default, for speed.
@@ -155,6 +155,7 @@ fn tiny_and_extremely_long_pictures_are_segmented() {
         let photo = Photo {
             rgb: RgbImage::from_pixel(width, height, Rgb([90, 120, 30])),
             foreground: GrayImage::from_pixel(width, height, Luma([255])),
+            foreground_source: ForegroundSource::Alpha,
         };
         let mut options = quick_options();
         options.generator.points_per_side = 2;

@@ -3,6 +3,8 @@
 // Fixtures and helpers shared by the modules.
 mod support;
 
+// Whether photos, cameras and Gaussians agree, and what would make them.
+mod inspect;
 // Reading what lies on disk: PLY, cameras, photos, and everything that can be wrong with them.
 mod scene;
 // Finding, fetching and checking ONNX Runtime and SAM.

@@ -6,6 +6,7 @@ use std::path::{Path, PathBuf};
 
 use anyhow::{Context, Result};
 
+use crate::from_splat::photo_with_foreground;
 use crate::query::asker::Asker;
 use crate::query::client::{ApiKey, Client};
 use crate::query::cost::PriceTable;
@@ -105,7 +106,7 @@ impl Pipeline {
     }
 
     fn photos(&self) -> Result<Vec<Photo>> {
-        self.views.iter().map(|view| Ok(view.photo()?)).collect()
+        self.views.iter().map(|view| Ok(photo_with_foreground(&self.scene, view)?)).collect()
     }
 
     fn prompts(&self) -> Result<Prompts> {

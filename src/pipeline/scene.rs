@@ -2,6 +2,7 @@
 
 use std::fs::File;
 use std::io;
+use std::iter;
 use std::path::Path;
 
 use anyhow::{Context, Result};
@@ -9,6 +10,7 @@ use serde::Serialize;
 use sha2::{Digest, Sha256};
 
 use crate::camera::Camera;
+use crate::scene::{Options, Scene};
 use crate::units::MetricScale;
 use crate::workdir::Artifact;
 
@@ -35,7 +37,7 @@ impl Pipeline {
     /// Every byte that is read counts, whatever the files' dates say.
     pub(super) fn scene_key(&self) -> Result<String> {
         let mut hasher = Hasher::new("scene").with_json(&self.options.scene);
-        let photos = self.views.iter().map(|view| &view.image);
+        let photos = self.views.iter().flat_map(|view| iter::once(&view.image).chain(&view.mask));
         for path in self.scene.files.iter().chain(photos) {
             let digest = file_digest(path).with_context(|| format!("cannot read {path:?}"))?;
             hasher = hasher.with(&digest);
@@ -53,6 +55,15 @@ impl Pipeline {
         self.work.write_json(Artifact::Views, &file)?;
         Ok(Done::writing([Artifact::Views]).warning(self.scene.warnings.clone()))
     }
+}
+
+/// What pictures rendered from the splat depend on, short enough for a folder's name.
+pub(super) fn rendering_key(scene: &Scene, options: &Options) -> Result<String> {
+    let mut hasher = Hasher::new("rendered").with_json(options);
+    for path in &scene.files {
+        hasher = hasher.with(&file_digest(path).with_context(|| format!("cannot read {path:?}"))?);
+    }
+    Ok(hasher.hex().chars().take(16).collect())
 }
 
 /// SHA-256 of a file's content.

@@ -6,7 +6,8 @@ use std::sync::Mutex;
 use anyhow::{Context, Result};
 use serde::{Deserialize, Serialize};
 
-use crate::scene::View;
+use crate::from_splat::photo_with_foreground;
+use crate::scene::{ObjectSource, View};
 use crate::segment::{LabelMap, PartMask, Segmentation, Segmenter, ViewSegments, segment_views};
 use crate::setup;
 use crate::workdir::Artifact;
@@ -51,7 +52,7 @@ impl Pipeline {
         let segmenter = Segmenter::new(&models, rayon::current_num_threads())?;
         let keys: BTreeMap<&str, String> =
             open.iter().map(|name| Ok((*name, self.view_key(self.view(name))?))).collect::<Result<_>>()?;
-        let load = |name: &str| Ok(self.view(name).photo()?);
+        let load = |name: &str| Ok(photo_with_foreground(&self.scene, self.view(name))?);
         let file = Mutex::new(file);
         let save = |done: &ViewSegments| {
             let png = done.map.to_png().with_context(|| format!("view {}", done.view))?;
@@ -101,7 +102,14 @@ impl Pipeline {
     /// A view's parts depend on its photo, the options and the models, not on the other views.
     fn view_key(&self, view: &View) -> Result<String> {
         let photo = file_digest(&view.image).with_context(|| format!("cannot read {:?}", view.image))?;
-        let hasher = Hasher::new("view").with(&photo).with_json(&self.options.segment);
+        let mut hasher = Hasher::new("view").with(&photo).with_json(&self.options.segment);
+        if let Some(mask) = &view.mask {
+            hasher = hasher.with(&file_digest(mask).with_context(|| format!("cannot read {mask:?}"))?);
+        }
+        if self.scene.object_source != ObjectSource::Whole {
+            // The foreground is rendered from the Gaussians.
+            hasher = hasher.with(self.scene_key()?.as_bytes());
+        }
         Ok(hasher.with(self.models_key()?.as_bytes()).hex())
     }
 

@@ -11,7 +11,7 @@ use minijinja::{AutoEscape, Environment, Value, context};
 
 use crate::grasp::GraspReport;
 use crate::query::{Answers, Form, Match, Outcome};
-use crate::units::{Estimate, ScaleSource, ShoreScale};
+use crate::units::{Estimate, ShoreScale};
 use crate::vote::{FieldLabel, palette};
 
 use super::charts::{curves, force_scale};
@@ -46,11 +46,7 @@ fn scale(report: &Report) -> String {
     match &report.scene.scale {
         None => "metric scale unknown".to_owned(),
         Some(scale) => {
-            let source = match scale.source {
-                ScaleSource::Metric => "by convention",
-                ScaleSource::Factor => "as given",
-            };
-            format!("1 scene unit = {} m, {source}", significant(scale.meters_per_unit))
+            format!("1 scene unit = {} m: {}", significant(scale.meters_per_unit), scale.provenance)
         }
     }
 }

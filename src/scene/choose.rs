@@ -1,31 +1,89 @@
-//! Which views to work on: a few that see the object from all around.
+//! Which views to work on: a few sharp ones that see the whole object, from all around.
 
 use std::num::NonZeroUsize;
 
 use nalgebra::{Point3, Vector3};
+use rayon::prelude::*;
 
+use super::sharpness::sharpness;
 use super::{Options, Scene, SceneError, View};
 
 /// Views used where nothing else is asked for.
 pub const DEFAULT_VIEWS: NonZeroUsize = NonZeroUsize::new(10).expect("ten is not zero");
 
+/// Photos looked at for each view that is chosen: enough to do without the blurred ones, few enough not to decode a long
+/// capture as a whole.
+const CANDIDATES_PER_VIEW: usize = 3;
+
+/// A photo with less than this share of the usual sharpness is blurred: on the fixture, a Gaussian blur of one pixel's
+/// deviation leaves a fifth of it, while sharp views differ by a twentieth.
+const LEAST_SHARPNESS: f64 = 0.5;
+
+/// A view that shows less than this share of what the best one shows of the object cuts it off.
+const LEAST_COVERAGE: f64 = 0.8;
+
 impl Scene {
     /// The views that `options` ask for, in the order of the camera file: those listed, or [`Options::views`] of them
-    /// spread over the directions from which the object is seen.
+    /// spread over the directions from which the object is seen, without those that are blurred or cut the object off as long
+    /// as there are enough others.
     ///
     /// # Errors
-    /// [`SceneError::UnknownView`] where a listed name is no view's.
+    /// [`SceneError::UnknownView`] where a listed name is no view's; a photo that cannot be decoded.
     pub fn chosen_views(&self, options: &Options) -> Result<Vec<View>, SceneError> {
-        let mut indices = if options.view_list.is_empty() {
-            let center = self.object_bounds().center();
-            let directions: Vec<_> = self.views.iter().map(|view| direction(view, center)).collect();
-            spread(&directions, options.views.get())
-        } else {
-            options.view_list.iter().map(|name| self.index_of(name)).collect::<Result<_, _>>()?
+        let mut indices = match options.view_list.is_empty() {
+            true => self.spread_indices(options.views.get())?,
+            false => options.view_list.iter().map(|name| self.index_of(name)).collect::<Result<_, _>>()?,
         };
         indices.sort_unstable();
         indices.dedup();
         Ok(indices.into_iter().map(|index| self.views[index].clone()).collect())
+    }
+
+    /// `count` views spread over all directions, or all where there are fewer.
+    ///
+    /// # Errors
+    /// A photo that cannot be decoded.
+    pub fn spread_views(&self, count: NonZeroUsize) -> Result<Vec<View>, SceneError> {
+        Ok(self.spread_indices(count.get())?.into_iter().map(|index| self.views[index].clone()).collect())
+    }
+
+    fn spread_indices(&self, count: usize) -> Result<Vec<usize>, SceneError> {
+        if self.views.len() <= count {
+            return Ok((0..self.views.len()).collect());
+        }
+        let center = self.object_bounds().center();
+        let direction = |index: &usize| direction(&self.views[*index], center);
+        let spread_among = |indices: &[usize], count: usize| -> Vec<usize> {
+            let directions: Vec<_> = indices.iter().map(direction).collect();
+            let mut chosen: Vec<usize> = spread(&directions, count).into_iter().map(|at| indices[at]).collect();
+            chosen.sort_unstable();
+            chosen
+        };
+        let covering =
+            best(&self.coverages(), LEAST_COVERAGE, count, |values| values.iter().copied().fold(0.0, f64::max));
+        let candidates = spread_among(&covering, CANDIDATES_PER_VIEW * count);
+        let measured = candidates.par_iter().map(|index| Ok(sharpness(&self.views[*index].photo()?).unwrap_or(0.0)));
+        let measured: Vec<f64> = measured.collect::<Result<_, SceneError>>()?;
+        let sharp = best(&measured, LEAST_SHARPNESS, count, median);
+        let sharp: Vec<usize> = sharp.into_iter().map(|at| candidates[at]).collect();
+        Ok(spread_among(&sharp, count))
+    }
+
+    /// Share of the object's Gaussians whose centres each view shows.
+    fn coverages(&self) -> Vec<f64> {
+        /// A thousand points tell shares to a percent.
+        const SAMPLES: usize = 1000;
+        let step = (self.gaussians.len() / SAMPLES).max(1);
+        let opaque = |i: &usize| self.gaussians.opacity_logits[*i] >= 0.0;
+        let centers: Vec<_> =
+            (0..self.gaussians.len()).step_by(step).filter(opaque).map(|i| self.gaussians.center(i)).collect();
+        let shows = |view: &View, center: &Point3<f64>| {
+            let pixel = view.camera.pixel(view.camera.point_in_camera(*center));
+            let (width, height) = (view.camera.intrinsics.width.into(), view.camera.intrinsics.height.into());
+            pixel.is_some_and(|p| (0.0..width).contains(&p.x) && (0.0..height).contains(&p.y))
+        };
+        let share = |view: &View| centers.iter().filter(|center| shows(view, center)).count() as f64;
+        self.views.iter().map(|view| share(view) / centers.len().max(1) as f64).collect()
     }
 
     fn index_of(&self, name: &str) -> Result<usize, SceneError> {
@@ -33,6 +91,26 @@ impl Scene {
         let found = self.views.iter().position(|view| view.name == name);
         found.ok_or_else(|| SceneError::UnknownView { name: name.to_owned(), known: known() })
     }
+}
+
+/// Indices of the values that reach `share` of what is usual, in order; of the `count` largest where fewer do.
+fn best(values: &[f64], share: f64, count: usize, usual: impl Fn(&[f64]) -> f64) -> Vec<usize> {
+    let least = share * usual(values);
+    let good: Vec<usize> = (0..values.len()).filter(|i| values[*i] >= least).collect();
+    if good.len() >= count {
+        return good;
+    }
+    let mut ranked: Vec<usize> = (0..values.len()).collect();
+    ranked.sort_by(|a, b| values[*b].total_cmp(&values[*a]).then(a.cmp(b)));
+    ranked.truncate(count);
+    ranked.sort_unstable();
+    ranked
+}
+
+fn median(values: &[f64]) -> f64 {
+    let mut sorted = values.to_vec();
+    sorted.sort_by(f64::total_cmp);
+    sorted.get(sorted.len() / 2).copied().unwrap_or_default()
 }
 
 /// Unit vector from the object to the camera; zero where the camera is at the object's centre.

@@ -4,7 +4,14 @@ use std::path::PathBuf;
 
 use thiserror::Error;
 
+use super::cameras::colmap;
 use super::ply::PlyError;
+use super::{splat, spz};
+
+/// Whose splats gprop reads, and how each is exported.
+const TRAINERS: &str = "3DGS writes point_cloud/iteration_N/point_cloud.ply as it trains (point gprop at its output folder), \
+    nerfstudio's splatfacto exports with `ns-export gaussian-splat` (copy splat.ply and dataparser_transforms.json beside \
+    transforms.json), gsplat writes ply/point_cloud_N.ply with --save_ply, Brush exports export_N.ply";
 
 /// A scene that is missing, incomplete or broken. Each message is whole: it holds what caused it.
 #[derive(Debug, Error)]
@@ -16,16 +23,56 @@ pub enum SceneError {
     #[error("cannot read `{}`: {reason}", path.display())]
     Io { path: PathBuf, reason: std::io::Error },
     #[error(
-        "no splat in `{}`: neither point_cloud.ply nor point_cloud/iteration_N/point_cloud.ply{}; copy or link the \
-         trained splat there as point_cloud.ply",
+        "no splat in `{}`{}{}; gprop needs the trained Gaussians: {TRAINERS}; --splat FILE names one elsewhere",
         folder.display(),
-        others_found(others)
+        others_found(others),
+        convertible(others),
     )]
     NoSplat { folder: PathBuf, others: Vec<String> },
+    #[error("`{}`: {problem}", path.display())]
+    Splat { path: PathBuf, problem: SplatProblem },
     #[error(transparent)]
     Ply(#[from] PlyError),
-    #[error("no cameras in `{}`: {remedy}", folder.display())]
-    NoCameras { folder: PathBuf, remedy: &'static str },
+    #[error(
+        "no cameras in `{}`: neither transforms.json (nerfstudio), transforms_train.json (Blender), sparse/0 or sparse (COLMAP) \
+         nor cameras.json (3DGS); --cameras PATH names them elsewhere. Without photos a splat can still be looked at with \
+         `gprop inspect`, converted with `gprop export`, or run with --render-views N, which renders its own views",
+        folder.display()
+    )]
+    NoCameras { folder: PathBuf },
+    #[error(
+        "`{}` is no camera file that gprop knows: it reads transforms.json, cameras.json of 3DGS, and folders with a COLMAP \
+         model (cameras.bin and images.bin, or .txt)",
+        path.display()
+    )]
+    UnknownCameras { path: PathBuf },
+    #[error("`{}`: {problem}", path.display())]
+    Colmap { path: PathBuf, problem: colmap::Problem },
+    #[error(
+        "`{}`: {key} do not turn, move and scale as a whole; export the splat and this file again from one training",
+        path.display()
+    )]
+    NotASimilarity { path: PathBuf, key: &'static str },
+    #[error(
+        "none of the {count} photos that `{}` names is there (the first is `{first}`; looked in {}); put the photos there \
+         or name their folder with --images DIR. Without photos, run with --render-views N",
+        path.display(),
+        listed(tried)
+    )]
+    NoPhotos { path: PathBuf, count: usize, first: String, tried: Vec<PathBuf> },
+    #[error(
+        "no scenes in `{}`, taken as {layout}; give the folder that holds the scene folders, and with --layout how they lie",
+        folder.display()
+    )]
+    NoScenes { folder: PathBuf, layout: String },
+    #[error("--scale {given}: {problem}")]
+    Scale { given: String, problem: String },
+    #[error(
+        "--object-box {given}: none of the Gaussians lies in it; the splat goes from {} to {}",
+        corner(low),
+        corner(high)
+    )]
+    EmptyBox { given: String, low: [f64; 3], high: [f64; 3] },
     #[error("`{}`: {reason}; correct it there or export the cameras again", path.display())]
     Json { path: PathBuf, reason: serde_json::Error },
     #[error("`{}` has no frames; without photos there is nothing to segment", path.display())]
@@ -59,15 +106,45 @@ pub enum FrameProblem {
     NoFocalLength,
     #[error("{name} = {value} makes no sense; it must be finite{}", if *.positive { " and above zero" } else { "" })]
     Number { name: &'static str, value: f64, positive: bool },
-    #[error("camera_model {model} is not supported yet; undistort the photos to PINHOLE or OPENCV first")]
+    #[error(
+        "camera_model {model} is none that gprop knows or shows no flat picture; undistort the photos to PINHOLE first"
+    )]
     CameraModel { model: String },
     #[error("file_path leads out of the scene folder; copy the photo into it and write a relative path")]
     OutsideScene,
 }
 
+/// What is wrong with a splat that is no PLY.
+#[derive(Debug, Error)]
+pub enum SplatProblem {
+    #[error("is no splat format that gprop reads: .ply, .compressed.ply, .spz or .splat")]
+    Format,
+    #[error(transparent)]
+    Splat(#[from] splat::Problem),
+    #[error(transparent)]
+    Spz(#[from] spz::Problem),
+}
+
 fn others_found(others: &[String]) -> String {
     match others {
         [] => String::new(),
-        _ => format!(" (there is {}, which the cameras' tools or other programs write)", others.join(", ")),
+        _ => format!(" (there is {}, which is none)", others.join(", ")),
     }
+}
+
+fn convertible(others: &[String]) -> String {
+    let other = others.iter().find(|name| [".sog", ".ksplat"].iter().any(|end| name.to_lowercase().ends_with(end)));
+    other.map_or_else(String::new, |name| {
+        format!("; `npx @playcanvas/splat-transform {name} point_cloud.ply` converts what gprop cannot read")
+    })
+}
+
+fn listed(paths: &[PathBuf]) -> String {
+    let paths: Vec<String> = paths.iter().map(|path| format!("`{}`", path.display())).collect();
+    paths.join(", ")
+}
+
+fn corner(point: &[f64; 3]) -> String {
+    let [x, y, z] = point;
+    format!("{x:.3},{y:.3},{z:.3}")
 }

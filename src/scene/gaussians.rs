@@ -94,6 +94,32 @@ impl Gaussians {
             && finite(self.sh_rest_of(i))
     }
 
+    /// Appends the Gaussians of `other`, whose spherical harmonics are of the same degree. Properties that only one of the two
+    /// has are dropped.
+    ///
+    /// # Panics
+    /// Where the degrees differ and neither cloud is empty.
+    pub fn append(&mut self, other: &Self) {
+        if self.is_empty() {
+            self.clone_from(other);
+            return;
+        }
+        if other.is_empty() {
+            return;
+        }
+        assert_eq!(self.sh_degree, other.sh_degree, "clouds of one degree");
+        self.positions.extend(&other.positions);
+        self.log_scales.extend(&other.log_scales);
+        self.rotations.extend(&other.rotations);
+        self.opacity_logits.extend(&other.opacity_logits);
+        self.sh_dc.extend(&other.sh_dc);
+        self.sh_rest.extend(&other.sh_rest);
+        self.extra.retain_mut(|extra| {
+            let theirs = other.extra.iter().find(|theirs| theirs.name == extra.name);
+            theirs.map(|theirs| extra.values.extend(&theirs.values)).is_some()
+        });
+    }
+
     /// Keeps the Gaussians whose entry in `kept` is true, in their order.
     ///
     /// # Panics

@@ -1,44 +1,72 @@
 //! The scene: Gaussians, calibrated photos, metric scale. Everything read from outside enters here.
 //!
-//! [`load`] finds the splat and the cameras in a folder; [`Scene::chosen_views`] picks the views to work on;
-//! [`View::photo`] decodes one.
+//! [`load`] finds the splat, the cameras and the photos in a folder:
+//! 1. `splat_file`: which file holds the Gaussians; [`ply`], [`spz`], [`splat`] read it.
+//! 2. [`cameras`]: which file holds the cameras, what it says, which photo belongs to each; `align` converts them.
+//! 3. `object`: which Gaussians are the object and which its surroundings.
+//! 4. `scale`: how long a scene unit is.
+//!
+//! [`Scene::chosen_views`] picks the views to work on; [`View::photo`] decodes one; [`dataset`] lists the scenes of a data set.
 
+pub mod align;
 mod bounds;
+pub mod cameras;
 mod choose;
+pub mod dataset;
 mod error;
 pub mod gaussians;
-mod nerfstudio;
+mod loaded;
+mod object;
 mod options;
 mod photo;
 pub mod ply;
+mod quantized;
+mod scale;
+mod sharpness;
+pub mod splat;
 mod splat_file;
+pub mod spz;
 mod view_names;
 
+use std::borrow::Cow;
 use std::path::{Path, PathBuf};
 
 use crate::camera::Camera;
 use crate::units::MetricScale;
+use cameras::dataparser;
 use gaussians::Gaussians;
 
 pub use bounds::Bounds;
 pub(crate) use bounds::robust_bounds;
 pub use choose::DEFAULT_VIEWS;
-pub use error::SceneError;
-pub use options::{Options, ScaleChoice};
-pub use photo::Photo;
+pub use error::{SceneError, SplatProblem};
+pub use loaded::Loaded;
+pub use object::ObjectSource;
+pub use options::{ObjectBox, Options};
+pub use photo::{ForegroundSource, Photo, Upright};
+pub use scale::ScaleChoice;
 
 /// What a scene folder holds.
 #[derive(Debug, Clone)]
 pub struct Scene {
     /// The folder's name.
     pub name: String,
+    /// The object's Gaussians.
     pub gaussians: Gaussians,
+    /// The Gaussians that are not the object's; none where the splat shows the object alone.
+    pub surroundings: Gaussians,
+    /// What told the two apart.
+    pub object_source: ObjectSource,
+    /// Whether the splat was trained with an antialiased rasteriser, and must be drawn with one.
+    pub antialiased: bool,
     /// Every view with a camera and a photo, in the order of the camera file.
     pub views: Vec<View>,
     /// `None` where nobody says how long a scene unit is.
     pub scale: Option<MetricScale>,
-    /// Every file that was read, apart from the photos.
+    /// Every file that was read, apart from the photos and their masks.
     pub files: Vec<PathBuf>,
+    /// What was found and chosen.
+    pub notes: Vec<String>,
     /// What the user should know: counted, never fatal.
     pub warnings: Vec<String>,
 }
@@ -48,12 +76,29 @@ pub struct Scene {
 pub struct View {
     /// The photo's file name without extension; unique within the scene and safe as a file name.
     pub name: String,
-    /// Its intrinsics fit the photo as it lies on disk.
+    /// Its intrinsics fit the photo as it lies on disk, turned upright where `upright` says so.
     pub camera: Camera,
     pub image: PathBuf,
+    /// Whether the photo is turned as its EXIF orientation says.
+    pub upright: Upright,
+    /// White on the object.
+    pub mask: Option<PathBuf>,
 }
 
-/// Loads the scene in `folder`: the splat, the cameras, and of each photo its size.
+impl Scene {
+    /// The object's Gaussians, then those of its surroundings: all that the photos show.
+    pub fn whole_cloud(&self) -> Cow<'_, Gaussians> {
+        if self.surroundings.is_empty() {
+            return Cow::Borrowed(&self.gaussians);
+        }
+        let mut cloud = self.gaussians.clone();
+        cloud.append(&self.surroundings);
+        Cow::Owned(cloud)
+    }
+}
+
+/// Loads the scene in `folder`: the splat, the cameras, and of each photo its size. With [`Options::render_views`] there are
+/// no views yet; they are rendered from the splat.
 ///
 /// # Errors
 /// [`SceneError`] says what is missing or broken, where, and what to do.
@@ -64,19 +109,114 @@ pub fn load(folder: &Path, options: &Options) -> Result<Scene, SceneError> {
             false => SceneError::NoFolder { path: folder.to_owned() },
         });
     }
-    let splat = splat_file::find(folder)?;
-    let cameras = nerfstudio::find(folder)?;
-    let nerfstudio::Views { views, warnings } = nerfstudio::read(&cameras)?;
-    let ply::Loaded { gaussians, warnings: splat_warnings } = ply::read(&splat)?;
-    let prefixed = splat_warnings.iter().map(|warning| format!("`{}`: {warning}", splat.display()));
+    let mut found = Found::default();
+    let splat_path = found.splat(folder, options)?;
+    let views = match options.render_views {
+        Some(_) => Vec::new(),
+        None => found.views(folder, options)?,
+    };
+    let splat = found.read_splat(&splat_path)?;
+    let parts = object::separate(splat.gaussians, &views, options)?;
+    found.notes.push(parts.note);
+    let measured = scale::Measured {
+        object: robust_bounds(&parts.object),
+        views: &views,
+        data_set: dataset::convention_of(folder, found.splat_units_per_camera_unit),
+    };
     Ok(Scene {
         name: name_of(folder),
-        gaussians,
+        scale: options.scale.metric_scale(&measured)?,
+        gaussians: parts.object,
+        surroundings: parts.surroundings,
+        object_source: parts.source,
+        antialiased: splat.antialiased,
         views,
-        scale: options.scale.metric_scale(),
-        warnings: warnings.into_iter().chain(prefixed).collect(),
-        files: vec![splat, cameras],
+        files: found.files,
+        notes: found.notes,
+        warnings: found.warnings,
     })
+}
+
+/// What loading gathers on its way.
+struct Found {
+    files: Vec<PathBuf>,
+    notes: Vec<String>,
+    warnings: Vec<String>,
+    /// nerfstudio trains in units of its own.
+    splat_units_per_camera_unit: f64,
+}
+
+impl Default for Found {
+    fn default() -> Self {
+        Self { files: Vec::new(), notes: Vec::new(), warnings: Vec::new(), splat_units_per_camera_unit: 1.0 }
+    }
+}
+
+impl Found {
+    fn splat(&mut self, folder: &Path, options: &Options) -> Result<PathBuf, SceneError> {
+        let splat_file::Found { path, others } = match &options.splat {
+            Some(path) => splat_file::Found { path: path.clone(), others: Vec::new() },
+            None => splat_file::find(folder)?,
+        };
+        self.note_choice("splat", folder, &path, &others, "--splat");
+        self.files.push(path.clone());
+        Ok(path)
+    }
+
+    fn read_splat(&mut self, path: &Path) -> Result<Loaded, SceneError> {
+        let mut splat = splat_file::read(path)?;
+        let prefixed = |text: String| format!("`{}`: {text}", path.display());
+        self.notes.extend(std::mem::take(&mut splat.notes).into_iter().map(prefixed));
+        self.warnings.extend(std::mem::take(&mut splat.warnings).into_iter().map(prefixed));
+        Ok(splat)
+    }
+
+    fn views(&mut self, folder: &Path, options: &Options) -> Result<Vec<View>, SceneError> {
+        let (choice, others) = cameras::choose(folder, options.cameras.as_deref())?;
+        self.note_choice("cameras", folder, &choice.path, &others, "--cameras");
+        let (mut capture, files) = cameras::read(&choice)?;
+        self.files.extend(files);
+        let folders = cameras::photo_folders(folder, &choice, options.images.as_deref());
+        self.follow_dataparser(folder, &choice, &mut capture)?;
+        let found = cameras::find_photos(&choice.path, &capture.frames, &folders, options.masks.as_deref())?;
+        self.warnings.extend(found.warnings);
+        let mut views = found.views;
+        if !options.align.is_none() {
+            self.notes.push(format!("cameras converted by --align {}", options.align));
+            for view in &mut views {
+                view.camera.camera_from_world = options.align.apply(&view.camera.camera_from_world);
+            }
+        }
+        Ok(views)
+    }
+
+    /// A `dataparser_transforms.json` beside the splat or the cameras belongs to both.
+    fn follow_dataparser(
+        &mut self,
+        folder: &Path,
+        choice: &cameras::Choice,
+        capture: &mut cameras::Capture,
+    ) -> Result<(), SceneError> {
+        let beside = self.files[0].parent().into_iter().chain(choice.path.parent()).chain([folder]);
+        let path = beside.map(|folder| folder.join(dataparser::FILE)).find(|path| path.is_file());
+        let Some(path) = path else { return Ok(()) };
+        let splat_from_input = dataparser::read(&path)?;
+        self.splat_units_per_camera_unit = splat_from_input.scaling() / capture.applied.scale;
+        dataparser::follow(capture, &splat_from_input);
+        self.notes.push(format!("cameras brought into the splat's frame by `{}`", path.display()));
+        self.files.push(path);
+        Ok(())
+    }
+
+    fn note_choice(&mut self, what: &str, folder: &Path, path: &Path, others: &[PathBuf], flag: &str) {
+        let short = |path: &Path| path.strip_prefix(folder).unwrap_or(path).display().to_string();
+        let mut note = format!("{what}: `{}`", short(path));
+        if !others.is_empty() {
+            let others: Vec<String> = others.iter().map(|path| format!("`{}`", short(path))).collect();
+            note.push_str(&format!(" (also there: {}; {flag} chooses)", others.join(", ")));
+        }
+        self.notes.push(note);
+    }
 }
 
 /// The folder's own name, also where it was given as `.`.

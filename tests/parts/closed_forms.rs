@@ -11,7 +11,7 @@ use nalgebra::{Point3, Vector3};
 use super::clouds::{Cloud, cameras};
 
 /// A scene unit of 0.5 m, so that a slip between the two shows.
-const SCALE: MetricScale = MetricScale { meters_per_unit: 0.5, source: ScaleSource::Factor };
+const SCALE: MetricScale = MetricScale { meters_per_unit: 0.5, source: ScaleSource::Factor, provenance: String::new() };
 
 fn run(cloud: &Cloud, deviation: f64, forms: &[Form], options: &Options) -> PartsResult {
     run_from(cloud, deviation, forms, options, |_| true)

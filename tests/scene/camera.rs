@@ -1,22 +1,38 @@
 //! Projection against finite differences and against the fixture's ground truth.
 
-use gprop::camera::{Camera, Distortion, Intrinsics, camera_from_world_of_opengl};
+use gprop::camera::{Camera, Distortion, Intrinsics, Polynomial, camera_from_world_of_opengl, rotation_of};
 use gprop::scene::{self, Options};
-use nalgebra::{Isometry3, Matrix4, Point3, UnitQuaternion, Vector3};
+use nalgebra::{Isometry3, Matrix3, Matrix4, Point3, UnitQuaternion, Vector3};
 use proptest::prelude::*;
 
 use super::folder::hammer;
 
+/// Lenses of every model, as strong as real ones.
 fn distortions() -> impl Strategy<Value = Distortion> {
-    let radial = || -0.4..0.4;
-    let tangential = || -0.02..0.02;
-    (radial(), radial(), tangential(), tangential(), radial()).prop_map(|(k1, k2, p1, p2, k3)| Distortion {
-        k1,
-        k2,
-        p1,
-        p2,
-        k3,
-    })
+    let polynomial = || {
+        let radial = prop::array::uniform6(-0.3..0.3);
+        let rest =
+            (prop::array::uniform3(-0.1..0.1), prop::array::uniform2(-0.02..0.02), prop::array::uniform4(-0.02..0.02));
+        (radial, rest, any::<bool>()).prop_map(|(radial, (divisor, tangential, prism), prism_after_radial)| {
+            Polynomial { radial, divisor, tangential, prism, prism_after_radial }
+        })
+    };
+    prop_oneof![
+        Just(Distortion::None),
+        brown(),
+        polynomial().prop_map(Distortion::Perspective),
+        polynomial().prop_map(Distortion::Fisheye),
+        (0.1..2.0).prop_map(|omega| Distortion::FieldOfView { omega }),
+        (-0.3..0.1).prop_map(|k| Distortion::Division { k }),
+        (0.0..1.0, 0.5..2.0).prop_map(|(alpha, beta)| Distortion::EnhancedUnified { alpha, beta }),
+    ]
+}
+
+/// Perspective lenses of three radial terms.
+fn brown() -> impl Strategy<Value = Distortion> {
+    let (radial, tangential) = (|| -0.4..0.4, || -0.02..0.02);
+    (radial(), radial(), tangential(), tangential(), radial())
+        .prop_map(|(k1, k2, p1, p2, k3)| Distortion::opencv(k1, k2, p1, p2, k3))
 }
 
 proptest! {
@@ -43,12 +59,36 @@ proptest! {
     fn a_lens_folds_back_where_its_radius_shrinks(lens in distortions(), r in 0.01..3.0) {
         // Walks outwards; the test passes over radii within a step of the turning point.
         const STEPS: usize = 3000;
-        let radial_only = Distortion { p1: 0.0, p2: 0.0, ..lens };
+        let radial_only = match lens {
+            Distortion::Perspective(p) => Distortion::Perspective(radial_part(p)),
+            Distortion::Fisheye(p) => Distortion::Fisheye(radial_part(p)),
+            // Past the largest radius that a picture shows there is no radius to shrink.
+            Distortion::Division { k } if 4.0 * k * r * r > 0.99 => return Ok(()),
+            other => other,
+        };
         let radius = |i: usize| radial_only.apply(r * i as f64 / STEPS as f64, 0.0).0;
         let smallest_step = (0..STEPS).map(|i| radius(i + 1) - radius(i)).fold(f64::INFINITY, f64::min);
         prop_assume!(smallest_step.abs() > 1e-6);
         prop_assert_eq!(radial_only.folds_back_at(r, 0.0), smallest_step < 0.0);
         prop_assert_eq!(lens.folds_back_at(0.6 * r, 0.8 * r), smallest_step < 0.0);
+    }
+
+    #[test]
+    fn inverting_a_lens_undoes_it(lens in distortions(), x in -0.8..0.8, y in -0.8..0.8) {
+        let (u, v) = lens.apply(x, y);
+        if let Some((back_x, back_y)) = lens.invert(u, v) {
+            let (again_u, again_v) = lens.apply(back_x, back_y);
+            prop_assert!((again_u - u).hypot(again_v - v) < 1e-10);
+        }
+    }
+
+    #[test]
+    fn what_a_lens_shows_can_be_inverted(lens in brown(), x in -0.8..0.8, y in -0.8..0.8) {
+        // Tangential terms aside, a lens that has not folded well beyond the point is one to one there.
+        prop_assume!(!lens.folds_back_at(1.5 * x, 1.5 * y));
+        let (u, v) = lens.apply(x, y);
+        let (back_x, back_y) = lens.invert(u, v).unwrap();
+        prop_assert!((back_x - x).hypot(back_y - y) < 1e-8);
     }
 
     #[test]
@@ -65,6 +105,52 @@ proptest! {
         let in_opencv = Point3::new(1.0, -2.0, 3.0);
         let found = camera_from_world * (world_from_camera * in_opengl);
         prop_assert!((found - in_opencv).norm() < 1e-9, "{found}");
+    }
+}
+
+fn radial_part(polynomial: Polynomial) -> Polynomial {
+    Polynomial { tangential: [0.0; 2], prism: [0.0; 4], ..polynomial }
+}
+
+/// By hand from the published formulas at (x, y) = (0.3, -0.4), r = 0.5.
+#[test]
+fn each_model_is_its_formula() {
+    let (x, y, r): (f64, f64, f64) = (0.3, -0.4, 0.5);
+    let check = |lens: Distortion, expected: (f64, f64)| {
+        let found = lens.apply(x, y);
+        assert!((found.0 - expected.0).hypot(found.1 - expected.1) < 1e-12, "{lens:?}: {found:?} {expected:?}");
+    };
+    // OpenCV: r2 = 0.25; radial = 1 + 0.1 * 0.25 + 0.2 * 0.0625 = 1.0375; 2 p1 x y = -0.0024; p2 (r2 + 2 x2) = 0.0086.
+    check(
+        Distortion::opencv(0.1, 0.2, 0.01, 0.02, 0.0),
+        (0.3 * 1.0375 - 0.0024 + 0.0086, -0.4 * 1.0375 + 0.0057 - 0.0048),
+    );
+    let theta = r.atan();
+    check(Distortion::fisheye([0.0; 4]), (x * theta / r, y * theta / r));
+    let bent = theta * (1.0 + 0.1 * theta.powi(2) - 0.05 * theta.powi(8)) / r;
+    check(Distortion::fisheye([0.1, 0.0, 0.0, -0.05]), (x * bent, y * bent));
+    let rational =
+        Polynomial { radial: [0.1, 0.0, 0.0, 0.0, 0.0, 0.0], divisor: [0.0, 0.2, 0.0], ..Default::default() };
+    let factor = 1.025 / (1.0 + 0.2 * 0.0625);
+    check(Distortion::Perspective(rational), (x * factor, y * factor));
+    let prism = Polynomial { prism: [0.01, 0.02, 0.03, 0.04], ..Default::default() };
+    check(Distortion::Perspective(prism), (x + 0.0025 + 0.02 * 0.0625, y + 0.0075 + 0.04 * 0.0625));
+    let field_of_view = (2.0 * r * 0.45_f64.tan()).atan() / 0.9 / r;
+    check(Distortion::FieldOfView { omega: 0.9 }, (x * field_of_view, y * field_of_view));
+    // r' with r' / (1 + k r'^2) = r.
+    let k = -0.2;
+    let (dx, dy) = Distortion::Division { k }.apply(x, y);
+    let in_picture = dx.hypot(dy);
+    assert!((in_picture / (1.0 + k * in_picture * in_picture) - r).abs() < 1e-12);
+    let unified = 1.0 / (0.4 * (1.1 * 0.25 + 1.0f64).sqrt() + 0.6);
+    check(Distortion::EnhancedUnified { alpha: 0.4, beta: 1.1 }, (x * unified, y * unified));
+}
+
+#[test]
+fn half_a_turn_is_read_as_such() {
+    for [x, y, z] in [[1.0, -1.0, -1.0], [-1.0, 1.0, -1.0], [-1.0, -1.0, 1.0]] {
+        let turn = Matrix3::from_diagonal(&Vector3::new(x, y, z));
+        assert!((rotation_of(&turn).unwrap().to_rotation_matrix().into_inner() - turn).norm() < 1e-15);
     }
 }
 

@@ -1,5 +1,5 @@
 use gprop::camera::{Camera, Distortion, Intrinsics};
-use gprop::scene::{SceneError, View};
+use gprop::scene::{SceneError, Upright, View};
 use image::{DynamicImage, GrayImage, ImageBuffer, Luma, Rgb, RgbImage, Rgba, RgbaImage};
 use nalgebra::Isometry3;
 
@@ -10,7 +10,13 @@ fn view(folder: &tempfile::TempDir, picture: &DynamicImage) -> View {
     let (width, height) = (picture.width(), picture.height());
     let intrinsics =
         Intrinsics { width, height, fx: 1.0, fy: 1.0, cx: 0.5, cy: 0.5, distortion: Distortion::default() };
-    View { name: "photo".to_owned(), camera: Camera { intrinsics, camera_from_world: Isometry3::identity() }, image }
+    View {
+        name: "photo".to_owned(),
+        camera: Camera { intrinsics, camera_from_world: Isometry3::identity() },
+        image,
+        upright: Upright::AsStored,
+        mask: None,
+    }
 }
 
 #[test]

@@ -307,7 +307,7 @@ fn gaussians_that_mean_nothing_are_dropped_and_counted() {
     set("opacity", 4, f32::INFINITY);
     set("scale_0", 5, -200.0);
     for encoding in [Encoding::Ascii, Encoding::Little, Encoding::Big] {
-        let Loaded { gaussians, warnings } = ply::parse(&encode(&properties, encoding)).unwrap();
+        let Loaded { gaussians, warnings, .. } = ply::parse(&encode(&properties, encoding)).unwrap();
         assert_eq!(gaussians.len(), 3);
         assert_eq!(gaussians.sh_rest.len(), 27);
         assert_eq!(gaussians.opacity(1), 1.0, "an infinite logit is a plain 1");
@@ -385,7 +385,7 @@ fn each_bad_file_has_its_message() {
             &["`face`"],
         ),
         ("points", without(&shape), &["is a point cloud", "point_cloud/iteration_N"]),
-        ("2DGS", without(&["scale_2"]), &["vertex properties missing: scale_2"]),
+        ("no scale", without(&["scale_1"]), &["vertex properties missing: scale_1"]),
         ("no colour", without(&["f_dc_0", "f_dc_2"]), &["missing: f_dc_0 f_dc_2"]),
         ("8 of 9", without(&["f_rest_8"]), &["has 8 properties f_rest_*", "0, 9, 24, 45"]),
         ("gap", without(&["f_rest_3"]), &["has 8 properties f_rest_*", "of which 3"]),
@@ -436,4 +436,41 @@ fn what_is_left_out_is_said() {
     let end = before.windows(11).position(|w| w == b"end_header\n").unwrap() + 11;
     let before = [&before[..end], &[9; 4], &before[end..]].concat();
     assert_eq!(ply::parse(&before).unwrap().gaussians, ply::parse(&good).unwrap().gaussians);
+}
+
+#[test]
+fn flat_gaussians_get_a_thickness() {
+    let mut properties = splat(2, 0);
+    properties.retain(|property| property.name != "scale_2");
+    let loaded = ply::parse(&encode(&properties, Encoding::Little)).unwrap();
+    assert!(loaded.notes[0].starts_with("2DGS"), "{:?}", loaded.notes);
+    let scales = loaded.gaussians.scale(0);
+    assert!((scales.z / scales.x.min(scales.y) - 0.01).abs() < 1e-6, "{scales}");
+}
+
+#[test]
+fn a_smoothing_filter_is_worked_in() {
+    let mut properties = splat(2, 0);
+    properties.push(property("filter_3D", "float", &[0.0, 0.5]));
+    let plain = ply::parse(&encode(&splat(2, 0), Encoding::Little)).unwrap().gaussians;
+    let loaded = ply::parse(&encode(&properties, Encoding::Little)).unwrap();
+    assert!(loaded.antialiased && loaded.notes[0].starts_with("Mip-Splatting"));
+    let gaussians = loaded.gaussians;
+    assert!(gaussians.extra.is_empty());
+    // No filter, no change.
+    assert!((gaussians.scale(0) - plain.scale(0)).amax() < 1e-6);
+    assert!((gaussians.opacity(0) - plain.opacity(0)).abs() < 1e-6);
+    let (before, after) = (plain.scale(1), gaussians.scale(1));
+    assert!((after.x - before.x.hypot(0.5)).abs() < 1e-5);
+    let dimmed = plain.opacity(1) * before.product() / after.product();
+    assert!((gaussians.opacity(1) - dimmed).abs() < 1e-6);
+}
+
+#[test]
+fn a_comment_tells_an_antialiased_splat() {
+    let file = encode(&splat(1, 0), Encoding::Ascii);
+    let with = |comment: &str| with_header(&file, |header| header.replace("made by a test", comment));
+    assert!(ply::parse(&with("SplatRenderMode: mip")).unwrap().antialiased);
+    assert!(!ply::parse(&with("SplatRenderMode: default")).unwrap().antialiased);
+    assert!(!ply::parse(&with("a mip map")).unwrap().antialiased);
 }

@@ -111,7 +111,7 @@ fn two_layers_blend_and_give_the_depths_computed_by_hand() {
 fn every_pixel_equals_the_reference() {
     let gaussians = jumble(400, 7);
     let mut distorted = camera();
-    distorted.intrinsics.distortion = Distortion { k1: -0.12, k2: 0.05, p1: 0.003, p2: -0.002, k3: 0.0 };
+    distorted.intrinsics.distortion = Distortion::opencv(-0.12, 0.05, 0.003, -0.002, 0.0);
     let mut turned = camera();
     turned.camera_from_world.rotation = nalgebra::UnitQuaternion::new(Vector3::new(0.1, -0.3, 0.2));
     turned.camera_from_world.translation.vector = Vector3::new(0.2, -0.1, 1.5);

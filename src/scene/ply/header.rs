@@ -19,6 +19,8 @@ pub(super) struct Header {
     pub encoding: Encoding,
     /// In file order.
     pub elements: Vec<ElementDef>,
+    /// The text of its comments.
+    pub comments: Vec<String>,
     /// Lines that the header takes.
     pub lines: u64,
     /// Offset of the first byte after the header.
@@ -33,6 +35,7 @@ pub(super) fn read(bytes: &impl Bytes) -> Result<Header, Problem> {
     Ok(Header {
         encoding: header.encoding,
         elements: header.elements.into_iter().map(|(_, element)| element).collect(),
+        comments: text.lines().filter_map(|line| line.strip_prefix("comment ")).map(str::to_owned).collect(),
         lines: text.lines().count() as u64,
         body_at,
     })

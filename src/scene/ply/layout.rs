@@ -35,6 +35,9 @@ const REQUIRED: [(&str, usize, usize); 14] = [
     ("rot_3", ROTATIONS, 3),
 ];
 
+/// The one property of [`REQUIRED`] that 2D Gaussian Splatting leaves out: its Gaussians are flat.
+const THIRD_SCALE: &str = "scale_2";
+
 /// How a row of the file is laid out and where its values go.
 pub(super) struct Layout {
     /// Rows that the header claims.
@@ -46,6 +49,8 @@ pub(super) struct Layout {
     /// Values of a row, in file order.
     pub columns: Vec<Column>,
     pub sh_degree: u8,
+    /// Whether the Gaussians have no third scale.
+    pub flat: bool,
     /// Names of the properties that gprop does not know, in file order.
     pub extra: Vec<String>,
     /// The element as ply-rs declares it.
@@ -127,6 +132,7 @@ impl Layout {
             before: size_before(before, &header.encoding)?,
             columns: Vec::new(),
             sh_degree,
+            flat: !properties.iter().any(|(name, _)| *name == THIRD_SCALE),
             extra: Vec::new(),
             vertex: vertex.clone(),
             followed: vertex_and_after.len() > 1,
@@ -227,7 +233,7 @@ fn sh_rest_index(name: &str) -> Option<usize> {
 }
 
 /// Name and type of each property, or the name of one that is a list.
-fn scalar_properties(element: &ElementDef) -> Result<Vec<(&str, Scalar)>, String> {
+pub(super) fn scalar_properties(element: &ElementDef) -> Result<Vec<(&str, Scalar)>, String> {
     let scalar_of = |(name, property): (_, &ply_rs::ply::PropertyDef)| match &property.data_type {
         PropertyType::Scalar(scalar) => Ok((name, Scalar::of(scalar))),
         PropertyType::List(..) => Err(property.name.clone()),
@@ -238,10 +244,9 @@ fn scalar_properties(element: &ElementDef) -> Result<Vec<(&str, Scalar)>, String
 /// The SH degree, or why these are not the properties of a splat.
 fn check_is_splat(properties: &[(&str, Scalar)]) -> Result<u8, Problem> {
     let has: BTreeMap<&str, Scalar> = properties.iter().copied().collect();
-    if has.contains_key("packed_position") {
-        return Err(Problem::Compressed);
-    }
-    let missing: Vec<_> = REQUIRED.iter().map(|r| r.0).filter(|name| !has.contains_key(name)).collect();
+    let optional = |name: &str| name == THIRD_SCALE;
+    let missing: Vec<_> =
+        REQUIRED.iter().map(|r| r.0).filter(|name| !has.contains_key(name) && !optional(name)).collect();
     if !missing.is_empty() {
         let shape = ["opacity", "scale_0", "rot_0"];
         return Err(match has.contains_key("x") && !shape.iter().any(|name| has.contains_key(name)) {
@@ -249,7 +254,12 @@ fn check_is_splat(properties: &[(&str, Scalar)]) -> Result<u8, Problem> {
             false => Problem::NotASplat { missing: missing.into_iter().map(str::to_owned).collect() },
         });
     }
-    let mut indices: Vec<usize> = has.keys().filter_map(|name| sh_rest_index(name)).collect();
+    sh_degree_of(has.keys().copied())
+}
+
+/// The degree to which the properties `f_rest_*` among `names` amount.
+pub(super) fn sh_degree_of<'a>(names: impl Iterator<Item = &'a str>) -> Result<u8, Problem> {
+    let mut indices: Vec<usize> = names.filter_map(sh_rest_index).collect();
     indices.sort_unstable();
     let contiguous = indices.iter().enumerate().take_while(|(i, index)| i == *index).count();
     match (indices.len() == contiguous, contiguous) {

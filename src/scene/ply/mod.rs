@@ -6,11 +6,15 @@
 //! 2. `layout`: which property goes where, and whether this is a splat at all.
 //! 3. `binary` or `ascii`: the body, straight into the structure of arrays, after the count that the header claims
 //!    has been checked against the bytes that are there. Memory is bounded by the file's own size, whatever it claims.
-//! 4. Gaussians with values that no renderer could draw are dropped and counted.
+//!    `compressed` reads the packed bodies.
+//! 4. `kinds`: what 2DGS and Mip-Splatting leave out or add is turned into plain Gaussians.
+//! 5. Gaussians with values that no renderer could draw are dropped and counted.
 
 mod ascii;
 mod binary;
+mod compressed;
 mod header;
+mod kinds;
 mod layout;
 mod source;
 mod write;
@@ -21,18 +25,12 @@ use ply_rs::ply::Encoding;
 use thiserror::Error;
 
 use super::gaussians::Gaussians;
+use super::loaded::drop_unusable;
 use layout::Layout;
 use source::{Bytes, FileBytes};
 
+pub use super::loaded::Loaded;
 pub use write::write;
-
-/// A cloud as it came out of a file.
-#[derive(Debug, Clone, PartialEq)]
-pub struct Loaded {
-    pub gaussians: Gaussians,
-    /// What was dropped, rounded or left out, counted.
-    pub warnings: Vec<String>,
-}
 
 /// A PLY file that cannot be read as a splat. The message is whole: it holds the problem's.
 #[derive(Debug, Error)]
@@ -70,11 +68,18 @@ pub enum Problem {
          usually point_cloud/iteration_N/point_cloud.ply"
     )]
     PointCloud,
+    #[error("is a compressed splat that is not binary_little_endian; export it again")]
+    CompressedEncoding,
+    #[error("is a compressed splat without its element `chunk`, the bounds of its values; export it again")]
+    NoChunks,
     #[error(
-        "is a compressed splat (packed properties), which gprop cannot read yet; convert it with \
-         `npx @playcanvas/splat-transform in.compressed.ply point_cloud.ply`"
+        "is a compressed splat of {count} Gaussians with {chunks} chunks, one for each 256 is needed; export it again"
     )]
-    Compressed,
+    TooFewChunks { chunks: u64, count: u64 },
+    #[error(
+        "is a compressed splat whose element `sh` is not f_rest_0, f_rest_1 ... of type uchar for each Gaussian; export it again"
+    )]
+    CompressedSh,
     #[error("is not a 3DGS splat: vertex properties missing: {}; export the splat again with all of them", missing.join(" "))]
     NotASplat { missing: Vec<String> },
     #[error(
@@ -111,6 +116,13 @@ pub fn read(path: &Path) -> Result<Loaded, PlyError> {
     read_bytes(&file).map_err(in_file)
 }
 
+/// Whether the file at `path` has the header of a splat; a damaged splat counts, a point cloud or a mesh does not.
+pub(super) fn is_splat(path: &Path) -> bool {
+    let Ok(file) = FileBytes::open(path) else { return false };
+    let Ok(header) = header::read(&file) else { return false };
+    compressed::is_compressed(&header) || !matches!(Layout::of(&header), Err(Problem::PointCloud | Problem::NoVertex))
+}
+
 /// Reads a splat from memory, as [`read`] does from a file.
 ///
 /// # Errors
@@ -121,19 +133,32 @@ pub fn parse(bytes: &[u8]) -> Result<Loaded, Problem> {
 
 fn read_bytes(bytes: &impl Bytes) -> Result<Loaded, Problem> {
     let header = header::read(bytes)?;
+    if compressed::is_compressed(&header) {
+        let body = compressed::read(bytes, &header)?;
+        return finished(body, Loaded { notes: vec!["PlayCanvas compressed PLY".to_owned()], ..Loaded::default() });
+    }
     let layout = Layout::of(&header)?;
-    let body = match header.encoding {
+    let mut body = match header.encoding {
         Encoding::Ascii => ascii::read(bytes, &header, &layout)?,
         Encoding::BinaryLittleEndian => binary::read(bytes, &header, &layout, binary::ByteOrder::Little)?,
         Encoding::BinaryBigEndian => binary::read(bytes, &header, &layout, binary::ByteOrder::Big)?,
     };
-    let mut warnings = layout.warnings;
-    warnings.extend(body.warning);
-    let mut gaussians = body.gaussians;
+    let kind = kinds::recognise(&mut body.gaussians, layout.flat, &header.comments);
+    finished(
+        body,
+        Loaded { antialiased: kind.antialiased, notes: kind.notes, warnings: layout.warnings, ..Loaded::default() },
+    )
+}
+
+fn finished(body: Body, mut loaded: Loaded) -> Result<Loaded, Problem> {
+    loaded.gaussians = body.gaussians;
+    loaded.warnings.extend(body.warning);
     if !body.surely_usable {
-        warnings.extend(drop_unusable(&mut gaussians)?);
+        let count = loaded.gaussians.len();
+        let dropped = drop_unusable(&mut loaded.gaussians).map_err(|_| Problem::NothingFinite { count })?;
+        loaded.warnings.extend(dropped);
     }
-    Ok(Loaded { gaussians, warnings })
+    Ok(loaded)
 }
 
 /// What a body reader hands back.
@@ -142,21 +167,4 @@ struct Body {
     /// False where some Gaussian may not be [`Gaussians::is_usable`].
     surely_usable: bool,
     warning: Option<String>,
-}
-
-/// Drops every Gaussian that no renderer could draw and says how many there were.
-fn drop_unusable(gaussians: &mut Gaussians) -> Result<Option<String>, Problem> {
-    let count = gaussians.len();
-    let usable: Vec<bool> = (0..count).map(|i| gaussians.is_usable(i)).collect();
-    let dropped = usable.iter().filter(|usable| !**usable).count();
-    if dropped == count {
-        return Err(Problem::NothingFinite { count });
-    }
-    if dropped == 0 {
-        return Ok(None);
-    }
-    gaussians.retain(&usable);
-    Ok(Some(format!(
-        "{dropped} of {count} Gaussians have values that are NaN, infinite or beyond float32; they were dropped"
-    )))
 }

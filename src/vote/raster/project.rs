@@ -9,7 +9,7 @@
 use nalgebra::{Matrix2, Matrix2x3, Matrix3, Point3, Vector2, Vector3};
 use rayon::prelude::*;
 
-use crate::camera::{Camera, Distortion};
+use crate::camera::{Camera, Distortion, Intrinsics};
 use crate::scene::gaussians::Gaussians;
 
 /// Variance in px^2 added to a splat along both axes so that none is thinner than a pixel (3DGS, Kerbl et al. 2023).
@@ -64,15 +64,12 @@ pub(super) struct Projector<'a> {
     /// Largest |x/z - middle| and |y/z - middle| at which the Jacobian is taken.
     tangent_limit: Vector2<f64>,
     tangent_middle: Vector2<f64>,
-    /// Squared radius on the normalised plane beyond which the distortion polynomial folds back.
-    fold_radius2: f64,
 }
 
 impl<'a> Projector<'a> {
     pub(super) fn new(camera: &'a Camera, near: f64, antialiased: bool) -> Self {
-        let i = &camera.intrinsics;
-        let half = Vector2::new(0.5 * f64::from(i.width) / i.fx, 0.5 * f64::from(i.height) / i.fy);
-        let middle = Vector2::new((0.5 * f64::from(i.width) - i.cx) / i.fx, (0.5 * f64::from(i.height) - i.cy) / i.fy);
+        let (low, high) = tangents_of_border(&camera.intrinsics);
+        let (half, middle) = (0.5 * (high - low), 0.5 * (high + low));
         Self {
             camera,
             rotation: camera.camera_from_world.rotation.to_rotation_matrix().into_inner(),
@@ -80,7 +77,6 @@ impl<'a> Projector<'a> {
             antialiased,
             tangent_limit: half * (1.0 + JACOBIAN_MARGIN),
             tangent_middle: middle,
-            fold_radius2: fold_radius2(&i.distortion),
         }
     }
 
@@ -97,7 +93,7 @@ impl<'a> Projector<'a> {
         if !(center.z > self.near && opacity >= f64::from(ALPHA_MIN)) {
             return None;
         }
-        let pixel = self.pixel(center)?;
+        let pixel = self.camera.pixel(center)?.coords;
         let in_camera = self.rotation * gaussians.covariance(i) * self.rotation.transpose();
         let jacobian = self.jacobian(center);
         let sharp = jacobian * in_camera * jacobian.transpose();
@@ -131,14 +127,6 @@ impl<'a> Projector<'a> {
         })
     }
 
-    fn pixel(&self, center: Point3<f64>) -> Option<Vector2<f64>> {
-        let radius2 = (center.x * center.x + center.y * center.y) / (center.z * center.z);
-        if radius2 >= self.fold_radius2 {
-            return None;
-        }
-        self.camera.pixel(center).map(|p| p.coords)
-    }
-
     /// d(pixel x, pixel y) / d(point in camera), 2x3, in px per scene unit.
     fn jacobian(&self, center: Point3<f64>) -> Matrix2x3<f64> {
         let i = &self.camera.intrinsics;
@@ -161,14 +149,19 @@ impl<'a> Projector<'a> {
     }
 }
 
-/// Squared radius at which `r (1 + k1 r^2 + k2 r^4 + k3 r^6)` stops growing; infinite where it never does. Beyond it
-/// the polynomial maps points from outside the field of view back into the picture.
-fn fold_radius2(lens: &Distortion) -> f64 {
-    /// Radius steps of 0.01 up to 10 (84 degrees off axis): a real lens's fold lies far from its border.
-    const STEPS: u32 = 1000;
-    if lens.is_none() {
-        return f64::INFINITY;
-    }
-    let slope = |r2: f64| 1.0 + r2 * (3.0 * lens.k1 + r2 * (5.0 * lens.k2 + r2 * 7.0 * lens.k3));
-    (1..=STEPS).map(|n| (f64::from(n) * 0.01).powi(2)).find(|&r2| slope(r2) <= 0.0).unwrap_or(f64::INFINITY)
+/// Least and largest x/z and y/z that the middles of the picture's borders show. A perspective lens counts as a pinhole
+/// here; a fisheye shows far more than a pinhole of its focal length would.
+fn tangents_of_border(i: &Intrinsics) -> (Vector2<f64>, Vector2<f64>) {
+    let (width, height) = (f64::from(i.width), f64::from(i.height));
+    let tangents = |x: f64, y: f64| {
+        let pinhole = ((x - i.cx) / i.fx, (y - i.cy) / i.fy);
+        let seen = match i.distortion {
+            Distortion::None | Distortion::Perspective(_) => pinhole,
+            lens => lens.invert(pinhole.0, pinhole.1).unwrap_or(pinhole),
+        };
+        Vector2::new(seen.0, seen.1)
+    };
+    let (left, right) = (tangents(0.0, i.cy), tangents(width, i.cy));
+    let (top, bottom) = (tangents(i.cx, 0.0), tangents(i.cx, height));
+    (Vector2::new(left.x, top.y), Vector2::new(right.x, bottom.y))
 }

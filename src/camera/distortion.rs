@@ -1,0 +1,265 @@
+//! Lens distortion: from the plane of an ideal pinhole (x/z, y/z) to where the real lens shows the point, for every
+//! camera model that COLMAP and nerfstudio write.
+//!
+//! A model is up to two steps. The first bends the radius as a whole (an equidistant fisheye, a field of view, a division);
+//! the second is the polynomial of Brown, Conrady and OpenCV on what the first gave: radial, tangential, thin prism.
+
+use serde::{Deserialize, Serialize};
+
+/// How a lens departs from a pinhole, on normalised image coordinates.
+#[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
+#[serde(tag = "model", rename_all = "snake_case")]
+pub enum Distortion {
+    /// An ideal pinhole.
+    #[default]
+    None,
+    /// OpenCV's perspective lens (COLMAP: SIMPLE_RADIAL, RADIAL, OPENCV, FULL_OPENCV).
+    Perspective(Polynomial),
+    /// An equidistant fisheye, radius = angle off the axis, then the polynomial of that angle (COLMAP: *_FISHEYE).
+    Fisheye(Polynomial),
+    /// Devernay and Faugeras 2001: radius = atan(2 r tan(omega/2)) / omega, omega in radians (COLMAP: FOV).
+    FieldOfView { omega: f64 },
+    /// Fitzgibbon 2001: r = r' / (1 + k r'^2) for the radius r' in the picture (COLMAP: DIVISION).
+    Division { k: f64 },
+    /// Khomutenko et al. 2016: r' = r / (alpha sqrt(beta r^2 + 1) + 1 - alpha) (COLMAP: EUCM).
+    EnhancedUnified { alpha: f64, beta: f64 },
+}
+
+/// The Brown-Conrady polynomial with OpenCV's extensions, of a point (x, y) with r^2 = x^2 + y^2.
+#[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
+pub struct Polynomial {
+    /// Factors of r^2, r^4, ... r^12 in the radial factor's numerator 1 + ...: OpenCV's k1 k2 k3 are the first three.
+    pub radial: [f64; 6],
+    /// Factors of r^2, r^4, r^6 in its denominator 1 + ...: OpenCV's k4 k5 k6.
+    pub divisor: [f64; 3],
+    /// p1, p2.
+    pub tangential: [f64; 2],
+    /// s1 s2 s3 s4: x gains s1 r^2 + s2 r^4, y gains s3 r^2 + s4 r^4.
+    pub prism: [f64; 4],
+    /// Whether tangential and prism take the radially distorted point (Project Aria; COLMAP's
+    /// RAD_TAN_THIN_PRISM_FISHEYE) instead of the undistorted one (everybody else).
+    pub prism_after_radial: bool,
+}
+
+impl Distortion {
+    /// OpenCV's five coefficients.
+    pub fn opencv(k1: f64, k2: f64, p1: f64, p2: f64, k3: f64) -> Self {
+        Self::perspective(Polynomial {
+            radial: [k1, k2, k3, 0.0, 0.0, 0.0],
+            tangential: [p1, p2],
+            ..Default::default()
+        })
+    }
+
+    /// A perspective lens; [`Self::None`] where the polynomial does nothing.
+    pub fn perspective(polynomial: Polynomial) -> Self {
+        let nothing = Polynomial { prism_after_radial: polynomial.prism_after_radial, ..Default::default() };
+        if polynomial == nothing { Self::None } else { Self::Perspective(polynomial) }
+    }
+
+    /// OpenCV's fisheye: k1 k2 k3 k4 of the angle.
+    pub fn fisheye([k1, k2, k3, k4]: [f64; 4]) -> Self {
+        Self::Fisheye(Polynomial { radial: [k1, k2, k3, k4, 0.0, 0.0], ..Default::default() })
+    }
+
+    /// True where the lens is an ideal pinhole.
+    pub fn is_none(&self) -> bool {
+        *self == Self::None
+    }
+
+    /// Distorts a point of the normalised image plane (x/z, y/z).
+    pub fn apply(&self, x: f64, y: f64) -> (f64, f64) {
+        let factor = self.bend(x * x + y * y).factor;
+        match self.polynomial() {
+            Some(polynomial) => polynomial.apply(x * factor, y * factor),
+            None => (x * factor, y * factor),
+        }
+    }
+
+    /// Jacobian of [`Self::apply`], row by row: `[[dx'/dx, dx'/dy], [dy'/dx, dy'/dy]]`.
+    pub fn jacobian(&self, x: f64, y: f64) -> [[f64; 2]; 2] {
+        let Bend { factor, slope } = self.bend(x * x + y * y);
+        let bend = [[factor + slope * x * x, slope * x * y], [slope * x * y, factor + slope * y * y]];
+        match self.polynomial() {
+            Some(polynomial) => product(polynomial.jacobian(x * factor, y * factor), bend),
+            None => bend,
+        }
+    }
+
+    /// True where the lens model has left what a lens can do: going outwards, its radial part has turned back before it
+    /// reaches the point (x/z, y/z). Fitted polynomials do so outside of the picture, and a point there would seem to lie
+    /// in the picture.
+    pub fn folds_back_at(&self, x: f64, y: f64) -> bool {
+        let r2 = x * x + y * y;
+        if let Self::Division { k } = *self {
+            // Beyond this radius no point of the picture is meant.
+            return 4.0 * k * r2 >= 1.0;
+        }
+        let factor = self.bend(r2).factor;
+        self.polynomial().is_some_and(|polynomial| polynomial.folds_back_within(r2 * factor * factor))
+    }
+
+    /// The point of the normalised plane that [`Self::apply`] takes to (`x`, `y`), by Newton's method from the point
+    /// itself; `None` where there is none that the lens can show.
+    pub fn invert(&self, x: f64, y: f64) -> Option<(f64, f64)> {
+        /// Newton converges quadratically; strong fisheyes near 80 degrees take about ten steps.
+        const STEPS: usize = 50;
+        const TOLERANCE: f64 = 1e-12;
+        let (mut u, mut v) = (x, y);
+        for _ in 0..STEPS {
+            let (found_x, found_y) = self.apply(u, v);
+            let (ex, ey) = (found_x - x, found_y - y);
+            if ex.hypot(ey) < TOLERANCE * (1.0 + x.hypot(y)) {
+                return (!self.folds_back_at(u, v)).then_some((u, v));
+            }
+            let [[a, b], [c, d]] = self.jacobian(u, v);
+            let determinant = a * d - b * c;
+            let (du, dv) = ((d * ex - b * ey) / determinant, (a * ey - c * ex) / determinant);
+            // Not further than the point's own distance, or a steep lens throws it to where it folds.
+            let limit = (0.5 + u.hypot(v)) / du.hypot(dv);
+            u -= du * limit.min(1.0);
+            v -= dv * limit.min(1.0);
+        }
+        None
+    }
+
+    fn polynomial(&self) -> Option<&Polynomial> {
+        match self {
+            Self::Perspective(polynomial) | Self::Fisheye(polynomial) => Some(polynomial),
+            _ => None,
+        }
+    }
+
+    /// The first step at a squared radius.
+    fn bend(&self, r2: f64) -> Bend {
+        match *self {
+            Self::None | Self::Perspective(_) => Bend { factor: 1.0, slope: 0.0 },
+            Self::Fisheye(_) => Bend::arctangent(r2),
+            Self::FieldOfView { omega } => {
+                let a = 2.0 * (0.5 * omega).tan();
+                let Bend { factor, slope } = Bend::arctangent(a * a * r2);
+                Bend { factor: factor * a / omega, slope: slope * a * a * a / omega }
+            }
+            Self::Division { k } => {
+                let root = (1.0 - 4.0 * k * r2).max(0.0).sqrt();
+                let factor = 2.0 / (1.0 + root);
+                Bend { factor, slope: 2.0 * k * factor * factor / root }
+            }
+            Self::EnhancedUnified { alpha, beta } => {
+                let root = (beta * r2 + 1.0).sqrt();
+                let factor = 1.0 / (alpha * root + 1.0 - alpha);
+                Bend { factor, slope: -factor * factor * alpha * beta / root }
+            }
+        }
+    }
+}
+
+/// What a point is multiplied by, and how that changes with the radius: (d factor / d r) / r.
+struct Bend {
+    factor: f64,
+    slope: f64,
+}
+
+impl Bend {
+    /// factor = atan(r) / r.
+    fn arctangent(r2: f64) -> Self {
+        /// Below this r^2 the series to r^4 is exact to 1e-17, while the quotients lose digits.
+        const SMALL: f64 = 1e-5;
+        if r2 < SMALL {
+            return Self {
+                factor: 1.0 - r2 * (1.0 / 3.0 - r2 * (0.2 - r2 / 7.0)),
+                slope: -2.0 / 3.0 + r2 * (0.8 - r2 * 6.0 / 7.0),
+            };
+        }
+        let r = r2.sqrt();
+        let factor = r.atan() / r;
+        Self { factor, slope: (1.0 / (1.0 + r2) - factor) / r2 }
+    }
+}
+
+impl Polynomial {
+    fn apply(&self, x: f64, y: f64) -> (f64, f64) {
+        let (radial, _) = self.radial_factor(x * x + y * y);
+        let (rx, ry) = (x * radial, y * radial);
+        let (px, py) = if self.prism_after_radial { (rx, ry) } else { (x, y) };
+        let (dx, dy) = self.decentring(px, py);
+        (rx + dx, ry + dy)
+    }
+
+    fn jacobian(&self, x: f64, y: f64) -> [[f64; 2]; 2] {
+        let (radial, slope) = self.radial_factor(x * x + y * y);
+        // d(radial)/dx = 2 x slope.
+        let radial_jacobian =
+            [[radial + 2.0 * x * x * slope, 2.0 * x * y * slope], [2.0 * x * y * slope, radial + 2.0 * y * y * slope]];
+        let decentring = match self.prism_after_radial {
+            true => product(self.decentring_jacobian(x * radial, y * radial), radial_jacobian),
+            false => self.decentring_jacobian(x, y),
+        };
+        std::array::from_fn(|row| std::array::from_fn(|column| radial_jacobian[row][column] + decentring[row][column]))
+    }
+
+    /// The radial factor at u = r^2 and its derivative by u.
+    fn radial_factor(&self, u: f64) -> (f64, f64) {
+        let (numerator, numerator_slope) = one_plus(&self.radial, u);
+        if self.divisor == [0.0; 3] {
+            return (numerator, numerator_slope);
+        }
+        let (divisor, divisor_slope) = one_plus(&self.divisor, u);
+        (numerator / divisor, (numerator_slope * divisor - numerator * divisor_slope) / (divisor * divisor))
+    }
+
+    /// What the tangential and prism terms add at (x, y).
+    fn decentring(&self, x: f64, y: f64) -> (f64, f64) {
+        let ([p1, p2], [s1, s2, s3, s4]) = (self.tangential, self.prism);
+        let r2 = x * x + y * y;
+        (
+            2.0 * p1 * x * y + p2 * (r2 + 2.0 * x * x) + r2 * (s1 + r2 * s2),
+            p1 * (r2 + 2.0 * y * y) + 2.0 * p2 * x * y + r2 * (s3 + r2 * s4),
+        )
+    }
+
+    fn decentring_jacobian(&self, x: f64, y: f64) -> [[f64; 2]; 2] {
+        let ([p1, p2], [s1, s2, s3, s4]) = (self.tangential, self.prism);
+        let r2 = x * x + y * y;
+        let (prism_x, prism_y) = (2.0 * (s1 + 2.0 * r2 * s2), 2.0 * (s3 + 2.0 * r2 * s4));
+        let cross = 2.0 * p1 * x + 2.0 * p2 * y;
+        [
+            [2.0 * p1 * y + 6.0 * p2 * x + prism_x * x, cross + prism_x * y],
+            [cross + prism_y * x, 6.0 * p1 * y + 2.0 * p2 * x + prism_y * y],
+        ]
+    }
+
+    /// Whether r times the radial factor has stopped growing anywhere within the squared radius `u`.
+    fn folds_back_within(&self, u: f64) -> bool {
+        // d(r f)/dr = f + 2 u f'. Where all terms together are less than the leading one there is no need to look closer.
+        let steepest = |coefficients: &[f64]| {
+            let terms =
+                coefficients.iter().zip(1..).map(|(k, power)| k.abs() * f64::from(2 * power + 1) * u.powi(power));
+            terms.sum::<f64>()
+        };
+        if self.divisor == [0.0; 3] && steepest(&self.radial) < 1.0 {
+            return false;
+        }
+        /// Real lenses turn back once and over a wide range of radii; a dip narrower than a step would be missed.
+        const STEPS: u32 = 64;
+        (1..=STEPS).any(|step| {
+            let u = u * (f64::from(step) / f64::from(STEPS)).powi(2);
+            let (factor, slope) = self.radial_factor(u);
+            let divisor_is_sound = one_plus(&self.divisor, u).0 > 0.0;
+            factor + 2.0 * u * slope <= 0.0 || !divisor_is_sound
+        })
+    }
+}
+
+/// 1 + c0 u + c1 u^2 + ... and its derivative by u.
+fn one_plus(coefficients: &[f64], u: f64) -> (f64, f64) {
+    let (value, slope) = coefficients.iter().rev().fold((0.0, 0.0), |(value, slope), c| {
+        // Horner for p(u) = c0 + c1 u + ..., of which u p(u) is wanted.
+        (c + value * u, value + slope * u)
+    });
+    (1.0 + u * value, value + u * slope)
+}
+
+fn product(a: [[f64; 2]; 2], b: [[f64; 2]; 2]) -> [[f64; 2]; 2] {
+    std::array::from_fn(|i| std::array::from_fn(|j| a[i][0] * b[0][j] + a[i][1] * b[1][j]))
+}

@@ -1,0 +1,35 @@
+//! The pixels on which the object's Gaussians are seen, surroundings in front of them included.
+
+use image::{GrayImage, Luma};
+
+use super::render_options;
+use crate::camera::Camera;
+use crate::scene::{ForegroundSource, Photo, Scene, SceneError, View};
+use crate::vote::raster::{Colors, FOREGROUND_ALPHA, RenderOptions, render};
+
+/// 255 where at least half of the pixel's light comes from the object's Gaussians, 0 elsewhere.
+pub fn foreground(scene: &Scene, camera: &Camera) -> GrayImage {
+    let cloud = scene.whole_cloud();
+    // The object glows, its surroundings do not: what is left of the glow is the object's share of the light.
+    let glow = |i: usize| if i < scene.gaussians.len() { [1.0; 3] } else { [0.0; 3] };
+    let colors: Vec<[f32; 3]> = (0..cloud.len()).map(glow).collect();
+    let options = RenderOptions { colors: Colors::Fixed(&colors), ..render_options(scene) };
+    let picture = render(&cloud, camera, &options);
+    GrayImage::from_fn(picture.width, picture.height, |x, y| {
+        let share = picture.rgb[(y * picture.width + x) as usize][0];
+        Luma([if share >= FOREGROUND_ALPHA { 255 } else { 0 }])
+    })
+}
+
+/// The photo of a view; where neither alpha nor a mask tells its foreground, the Gaussians do.
+///
+/// # Errors
+/// [`SceneError`] as [`View::photo`].
+pub fn photo_with_foreground(scene: &Scene, view: &View) -> Result<Photo, SceneError> {
+    let mut photo = view.photo()?;
+    if photo.foreground_source == ForegroundSource::Whole {
+        photo.foreground = foreground(scene, &view.camera);
+        photo.foreground_source = ForegroundSource::Gaussians;
+    }
+    Ok(photo)
+}

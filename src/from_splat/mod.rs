@@ -1,0 +1,16 @@
+//! What the splat itself can stand in for: the foreground of photos without alpha or masks, and whole views where there are no
+//! photos.
+
+mod foreground;
+mod orbit;
+
+pub use foreground::{foreground, photo_with_foreground};
+pub use orbit::{orbit, render_views};
+
+use crate::scene::Scene;
+use crate::vote::raster::RenderOptions;
+
+/// How the scene's splat is to be drawn.
+pub fn render_options(scene: &Scene) -> RenderOptions<'static> {
+    RenderOptions { antialiased: scene.antialiased, ..RenderOptions::default() }
+}

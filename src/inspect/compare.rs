@@ -1,0 +1,57 @@
+//! PSNR and mask overlap of each photo with the splat seen from its camera.
+
+use image::{GrayImage, RgbImage};
+
+use super::ViewFit;
+use crate::from_splat::render_options;
+use crate::progress::Progress;
+use crate::scene::{ForegroundSource, Scene, SceneError, View};
+use crate::vote::raster::{FOREGROUND_ALPHA, Render, render};
+
+/// Compares every view, one after the other: the rasteriser uses all threads.
+pub(super) fn compare(scene: &Scene, views: &[View], progress: Progress) -> Result<Vec<ViewFit>, SceneError> {
+    let cloud = scene.whole_cloud();
+    let bar = progress.bar("inspect", views.len() as u64);
+    let fit = |view: &View| {
+        let photo = view.photo()?;
+        let picture = render(&cloud, &view.camera, &render_options(scene));
+        let knows_foreground = photo.foreground_source != ForegroundSource::Whole;
+        let fit = ViewFit {
+            name: view.name.clone(),
+            psnr_db: psnr_db(&photo.rgb, &picture),
+            mask_iou: knows_foreground.then(|| mask_iou(&photo.foreground, &picture)),
+        };
+        bar.inc(1);
+        Ok(fit)
+    };
+    let fits = views.iter().map(fit).collect();
+    bar.finish_and_clear();
+    fits
+}
+
+/// 10 log10(1 / mean squared error) of the colours from 0 to 1, the picture over white as the photo is; at most 99, which
+/// stands for equal pictures.
+fn psnr_db(photo: &RgbImage, picture: &Render) -> f64 {
+    const EQUAL: f64 = 99.0;
+    let mut sum = 0.0;
+    for ((photo, color), alpha) in photo.pixels().zip(&picture.rgb).zip(&picture.alpha) {
+        for (channel, value) in photo.0.iter().zip(color) {
+            let shown = (value + 1.0 - alpha).clamp(0.0, 1.0);
+            let error = f64::from(shown) - f64::from(*channel) / 255.0;
+            sum += error * error;
+        }
+    }
+    let mean = sum / (3 * picture.rgb.len()).max(1) as f64;
+    (-10.0 * mean.log10()).min(EQUAL)
+}
+
+/// Intersection over union; 1 where both are empty.
+fn mask_iou(foreground: &GrayImage, picture: &Render) -> f64 {
+    let (mut both, mut either) = (0usize, 0usize);
+    for (foreground, alpha) in foreground.as_raw().iter().zip(&picture.alpha) {
+        let (photo, splat) = (*foreground > 0, *alpha >= FOREGROUND_ALPHA);
+        both += usize::from(photo && splat);
+        either += usize::from(photo || splat);
+    }
+    if either == 0 { 1.0 } else { both as f64 / either as f64 }
+}

@@ -1,0 +1,198 @@
+//! Do photos, cameras and Gaussians agree? What lies in a scene folder, and each photo beside the splat seen from its camera.
+//!
+//! 1. [`compare`]: PSNR and mask overlap view by view.
+//! 2. [`verdict`]: whether the photos fit their own cameras better than those of other views.
+//! 3. [`diagnose`]: where they do not, which of the usual conversions would make them.
+//! 4. [`text`] and [`page`]: one screen, or a page with the pictures side by side.
+
+mod compare;
+mod diagnose;
+mod page;
+mod text;
+mod verdict;
+
+use std::num::NonZeroUsize;
+use std::path::{Path, PathBuf};
+
+use serde::Serialize;
+
+use crate::exit::UsageError;
+use crate::from_splat::photo_with_foreground;
+use crate::progress::Progress;
+use crate::scene::{self, Bounds, ForegroundSource, ObjectSource, Options, Scene, SceneError, View};
+use crate::units::MetricScale;
+use crate::workdir::write_atomic;
+pub use diagnose::Suggestion;
+pub use page::to_html;
+pub use text::to_text;
+
+/// Views compared at most; of a longer capture those spread over all directions.
+const MOST_VIEWS: NonZeroUsize = NonZeroUsize::new(60).expect("sixty is not zero");
+
+/// What a scene folder holds and how its parts fit together.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct Inspection {
+    pub name: String,
+    pub notes: Vec<String>,
+    pub warnings: Vec<String>,
+    /// All of the splat's.
+    pub gaussians: usize,
+    /// Those of the object.
+    pub object_gaussians: usize,
+    pub object_source: ObjectSource,
+    pub sh_degree: u8,
+    pub antialiased: bool,
+    pub extent: Extent,
+    /// `None` where nobody says how long a scene unit is.
+    pub scale: Option<MetricScale>,
+    pub cameras: Option<Cameras>,
+    /// What told the photos' foreground; `None` without photos.
+    pub foreground: Option<ForegroundSource>,
+    pub views: Vec<ViewFit>,
+    /// Whether photos and Gaussians line up; `None` without photos.
+    pub aligned: Option<bool>,
+    /// Where they do not: the conversion that would make them.
+    pub suggestion: Option<Suggestion>,
+}
+
+/// The object's bounding box without strays, scene units.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+pub struct Extent {
+    pub min: [f64; 3],
+    pub max: [f64; 3],
+    pub size: [f64; 3],
+}
+
+impl From<Bounds> for Extent {
+    fn from(bounds: Bounds) -> Self {
+        Self { min: bounds.min.coords.into(), max: bounds.max.coords.into(), size: bounds.size().into() }
+    }
+}
+
+/// The cameras in short.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct Cameras {
+    pub count: usize,
+    /// Width and height in pixels of the first one's photo.
+    pub first_size: [u32; 2],
+    /// fx and fy of the first one in pixels.
+    pub first_focal: [f64; 2],
+    /// Whether any lens is more than a pinhole.
+    pub distorted: bool,
+    /// Nearest and farthest from the middle of the object, scene units.
+    pub distance: [f64; 2],
+}
+
+/// How one photo fits the splat seen from its camera.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct ViewFit {
+    pub name: String,
+    /// Peak signal-to-noise ratio of the whole picture in dB, both over white.
+    pub psnr_db: f64,
+    /// Intersection over union of the photo's foreground and the splat's alpha; `None` where the photo tells no foreground.
+    pub mask_iou: Option<f64>,
+}
+
+/// What `gprop inspect` takes.
+#[derive(Debug, Clone, clap::Args)]
+pub struct Args {
+    /// Folder with a splat, and photos and cameras where there are any.
+    pub scene: PathBuf,
+    /// Also write a self-contained page with photo and splat side by side.
+    #[arg(long, value_name = "FILE")]
+    pub html: Option<PathBuf>,
+    #[command(flatten)]
+    pub options: Options,
+}
+
+/// Does what `gprop inspect` asks for: the inspection, and the same as text; writes the page.
+///
+/// # Errors
+/// [`SceneError`] as [`inspect`]; a page that cannot be written.
+pub fn command(args: &Args, progress: Progress) -> anyhow::Result<(Inspection, String)> {
+    let (inspection, (scene, views)) = inspect_and_draw(&args.scene, &args.options, progress)?;
+    let mut text = to_text(&inspection);
+    if let Some(path) = &args.html {
+        let page = to_html(&inspection, &scene, &views)?;
+        write_atomic(path, |out| out.write_all(page.as_bytes()))
+            .map_err(|reason| UsageError(format!("--html: cannot write {path:?}: {reason}")))?;
+        text.push_str(&format!("page        {}\n", path.display()));
+    }
+    Ok((inspection, text))
+}
+
+/// Inspects the scene in `folder`; also one without photos.
+///
+/// # Errors
+/// [`SceneError`] where there is no splat to look at, or where something that is there is broken.
+pub fn inspect(folder: &Path, options: &Options, progress: Progress) -> Result<Inspection, SceneError> {
+    inspect_and_draw(folder, options, progress).map(|(inspection, _)| inspection)
+}
+
+/// As [`inspect`], with what the page needs: the scene and the views that were compared.
+///
+/// # Errors
+/// As [`inspect`].
+pub fn inspect_and_draw(
+    folder: &Path,
+    options: &Options,
+    progress: Progress,
+) -> Result<(Inspection, (Scene, Vec<View>)), SceneError> {
+    let scene = load(folder, options)?;
+    let views = match options.view_list.is_empty() {
+        true => scene.spread_views(MOST_VIEWS)?,
+        false => scene.chosen_views(options)?,
+    };
+    let fits = compare::compare(&scene, &views, progress)?;
+    let verdict = verdict::of(&scene, &views, &fits)?;
+    let suggestion = match &verdict {
+        Some(verdict) if !verdict.aligned => diagnose::suggest(&scene, &views, verdict)?,
+        _ => None,
+    };
+    let foreground = views.first().map(|view| photo_with_foreground(&scene, view)).transpose()?;
+    let inspection = Inspection {
+        name: scene.name.clone(),
+        notes: scene.notes.clone(),
+        warnings: scene.warnings.clone(),
+        gaussians: scene.gaussians.len() + scene.surroundings.len(),
+        object_gaussians: scene.gaussians.len(),
+        object_source: scene.object_source,
+        sh_degree: scene.gaussians.sh_degree,
+        antialiased: scene.antialiased,
+        extent: scene.object_bounds().into(),
+        scale: scene.scale.clone(),
+        cameras: cameras(&scene),
+        foreground: foreground.map(|photo| photo.foreground_source),
+        views: fits,
+        aligned: verdict.map(|verdict| verdict.aligned),
+        suggestion,
+    };
+    Ok((inspection, (scene, views)))
+}
+
+/// The scene; without views where it has no cameras or no photos.
+fn load(folder: &Path, options: &Options) -> Result<Scene, SceneError> {
+    let without_views = |reason: SceneError| {
+        let options = Options { render_views: Some(NonZeroUsize::MIN), ..options.clone() };
+        let mut scene = scene::load(folder, &options)?;
+        scene.warnings.push(reason.to_string());
+        Ok(scene)
+    };
+    match scene::load(folder, options) {
+        Err(reason @ (SceneError::NoCameras { .. } | SceneError::NoPhotos { .. })) => without_views(reason),
+        outcome => outcome,
+    }
+}
+
+fn cameras(scene: &Scene) -> Option<Cameras> {
+    let first = scene.views.first()?.camera.intrinsics;
+    let center = scene.object_bounds().center();
+    let distances = scene.views.iter().map(|view| (view.camera.center_in_world() - center).norm());
+    Some(Cameras {
+        count: scene.views.len(),
+        first_size: [first.width, first.height],
+        first_focal: [first.fx, first.fy],
+        distorted: scene.views.iter().any(|view| !view.camera.intrinsics.distortion.is_none()),
+        distance: [distances.clone().fold(f64::INFINITY, f64::min), distances.fold(0.0, f64::max)],
+    })
+}

@@ -1,0 +1,89 @@
+//! The inspection as one self-contained page, with photo and splat side by side and the foreground outlined.
+
+use std::io::Cursor;
+
+use base64::Engine;
+use base64::engine::general_purpose::STANDARD;
+use image::codecs::jpeg::JpegEncoder;
+use image::imageops::{FilterType, resize};
+use image::{DynamicImage, GrayImage, Rgb, RgbImage};
+use minijinja::{AutoEscape, Environment, Value, context};
+
+use super::{Inspection, text};
+use crate::from_splat::{photo_with_foreground, render_options};
+use crate::scene::{Scene, SceneError, View};
+use crate::vote::raster::render;
+
+/// Longest side of a picture in pixels: three fit side by side on a screen.
+const LONGEST_SIDE: u32 = 480;
+/// Views shown at most.
+const MOST_VIEWS: usize = 16;
+const OUTLINE: Rgb<u8> = Rgb([230, 0, 120]);
+
+/// Draws the page.
+///
+/// # Errors
+/// [`SceneError`] where a photo cannot be read any more.
+pub fn to_html(inspection: &Inspection, scene: &Scene, views: &[View]) -> Result<String, SceneError> {
+    let cloud = scene.whole_cloud();
+    let step = views.len().div_ceil(MOST_VIEWS).max(1);
+    let mut rows = Vec::new();
+    for (view, fit) in views.iter().zip(&inspection.views).step_by(step) {
+        let photo = photo_with_foreground(scene, view)?;
+        let splat = render(&cloud, &view.camera, &render_options(scene)).to_image([1.0; 3]);
+        let splat = DynamicImage::ImageRgba8(splat).into_rgb8();
+        rows.push(context! {
+            name => fit.name,
+            psnr => format!("{:.2}", fit.psnr_db),
+            iou => fit.mask_iou.map(|iou| format!("{iou:.3}")),
+            photo => picture(&outlined(&photo.rgb, &photo.foreground)),
+            splat => picture(&splat),
+            difference => picture(&difference(&photo.rgb, &splat)),
+        });
+    }
+    let mut engine = Environment::new();
+    engine.set_auto_escape_callback(|_| AutoEscape::Html);
+    let verdict: Vec<String> =
+        text::verdict(inspection).into_iter().map(|(name, value)| format!("{name} {value}")).collect();
+    let data = context! {
+        name => inspection.name,
+        text => text::to_text(inspection),
+        verdict,
+        aligned => inspection.aligned,
+        foreground => inspection.foreground.map(text::foreground),
+        rows,
+    };
+    Ok(engine.render_str(include_str!("page.html.j2"), data).expect("the template is a constant"))
+}
+
+fn picture(picture: &RgbImage) -> Value {
+    let factor = f64::from(LONGEST_SIDE) / f64::from(picture.width().max(picture.height()));
+    let side = |length: u32| ((f64::from(length) * factor.min(1.0)).round() as u32).max(1);
+    let small = resize(picture, side(picture.width()), side(picture.height()), FilterType::Triangle);
+    let mut jpeg = Cursor::new(Vec::new());
+    JpegEncoder::new_with_quality(&mut jpeg, 85).encode_image(&small).expect("memory takes a picture of this size");
+    Value::from_safe_string(format!("data:image/jpeg;base64,{}", STANDARD.encode(jpeg.into_inner())))
+}
+
+/// The photo with the border of its foreground drawn, as wide as it takes to be seen when the picture is made small.
+fn outlined(photo: &RgbImage, foreground: &GrayImage) -> RgbImage {
+    let reach = (photo.width().max(photo.height()) / LONGEST_SIDE).max(1);
+    let mut picture = photo.clone();
+    let (width, height) = photo.dimensions();
+    let at = |x: u32, y: u32| foreground.get_pixel(x.min(width - 1), y.min(height - 1))[0];
+    for (x, y, pixel) in picture.enumerate_pixels_mut() {
+        let inside = at(x, y);
+        if inside != at(x + reach, y) || inside != at(x, y + reach) {
+            *pixel = OUTLINE;
+        }
+    }
+    picture
+}
+
+/// How far the two are apart, black where they are equal.
+fn difference(photo: &RgbImage, splat: &RgbImage) -> RgbImage {
+    RgbImage::from_fn(photo.width(), photo.height(), |x, y| {
+        let (a, b) = (photo.get_pixel(x, y), splat.get_pixel(x, y));
+        Rgb(std::array::from_fn(|channel| a[channel].abs_diff(b[channel])))
+    })
+}

@@ -1,0 +1,130 @@
+//! The inspection on one screen.
+
+use std::fmt::Write;
+
+use super::{Inspection, ViewFit};
+use crate::scene::{ForegroundSource, ObjectSource};
+
+/// Views listed one by one at most; the rest is summed up.
+const LISTED_VIEWS: usize = 12;
+
+/// Plain text, 40 lines or so.
+pub fn to_text(inspection: &Inspection) -> String {
+    let mut text = String::new();
+    // Writing to a string cannot fail.
+    let mut line = |name: &str, value: String| writeln!(text, "{name:<11} {value}").unwrap_or_default();
+    line("scene", inspection.name.clone());
+    for note in &inspection.notes {
+        line("", note.clone());
+    }
+    line("Gaussians", gaussians(inspection));
+    let [x, y, z] = inspection.extent.size;
+    line("extent", format!("{x:.4} x {y:.4} x {z:.4} scene units (x, y, z), without strays"));
+    line("scale", scale(inspection));
+    line("cameras", cameras(inspection));
+    if let Some(source) = inspection.foreground {
+        line("foreground", foreground(source).to_owned());
+    }
+    for (name, value) in views(&inspection.views) {
+        line(&name, value);
+    }
+    for warning in &inspection.warnings {
+        line("warning", warning.clone());
+    }
+    for (name, value) in verdict(inspection) {
+        line(name, value);
+    }
+    text
+}
+
+fn gaussians(inspection: &Inspection) -> String {
+    let Inspection { gaussians, object_gaussians, sh_degree, .. } = inspection;
+    let mut text = format!("{gaussians}, spherical harmonics of degree {sh_degree}");
+    if inspection.antialiased {
+        text.push_str(", antialiased");
+    }
+    match inspection.object_source {
+        ObjectSource::Whole => {}
+        ObjectSource::Box => text.push_str(&format!("; {object_gaussians} in the box")),
+        ObjectSource::Cluster => text.push_str(&format!("; {object_gaussians} in the cluster taken as the object")),
+    }
+    text
+}
+
+fn scale(inspection: &Inspection) -> String {
+    match &inspection.scale {
+        Some(scale) => format!("1 scene unit = {} m: {}", scale.meters_per_unit, scale.provenance),
+        None => "unknown: give it with --scale for kilograms and newtons".to_owned(),
+    }
+}
+
+fn cameras(inspection: &Inspection) -> String {
+    let Some(cameras) = &inspection.cameras else { return "none".to_owned() };
+    let ([width, height], [fx, fy], [near, far]) = (cameras.first_size, cameras.first_focal, cameras.distance);
+    let lens = if cameras.distorted { "with lens distortion" } else { "pinhole" };
+    let count = cameras.count;
+    format!(
+        "{count}, the first {width} x {height}, f = {fx:.1} {fy:.1} px, {lens}; {near:.3} to {far:.3} scene units away"
+    )
+}
+
+pub(super) fn foreground(source: ForegroundSource) -> &'static str {
+    match source {
+        ForegroundSource::Alpha => "the photos' alpha",
+        ForegroundSource::Mask => "masks",
+        ForegroundSource::Gaussians => "where the object's Gaussians are seen",
+        ForegroundSource::Whole => "all of each photo",
+    }
+}
+
+fn views(fits: &[ViewFit]) -> Vec<(String, String)> {
+    let numbers = |fit: &ViewFit| {
+        let iou = fit.mask_iou.map_or(String::new(), |iou| format!("   mask IoU {iou:.3}"));
+        format!("{}: {:.2} dB{iou}", fit.name, fit.psnr_db)
+    };
+    let mut lines: Vec<(String, String)> = Vec::new();
+    for (index, fit) in fits.iter().take(LISTED_VIEWS).enumerate() {
+        lines.push((if index == 0 { "views".to_owned() } else { String::new() }, numbers(fit)));
+    }
+    if fits.len() > LISTED_VIEWS {
+        lines.push((String::new(), format!("... and {} more (--json lists all)", fits.len() - LISTED_VIEWS)));
+    }
+    if !fits.is_empty() {
+        let mut sorted: Vec<f64> = fits.iter().map(|fit| fit.psnr_db).collect();
+        sorted.sort_by(f64::total_cmp);
+        let (low, mid, high) = (sorted[0], sorted[sorted.len() / 2], sorted[sorted.len() - 1]);
+        lines.push(("PSNR".to_owned(), format!("{low:.2} to {high:.2} dB, median {mid:.2} of {} views", fits.len())));
+    }
+    lines
+}
+
+pub(super) fn verdict(inspection: &Inspection) -> Vec<(&'static str, String)> {
+    match (inspection.aligned, &inspection.suggestion) {
+        (None, _) => vec![(
+            "",
+            "Without photos gprop can inspect and export the splat; `gprop run` needs --render-views N, which renders its own \
+             views from it."
+                .to_owned(),
+        )],
+        (Some(true), _) => vec![("aligned", "photos, cameras and Gaussians agree".to_owned())],
+        (Some(false), Some(found)) => vec![
+            ("NOT ALIGNED", "photos and Gaussians do not line up".to_owned()),
+            (
+                "try",
+                format!(
+                    "--align {}   ({}; correlation {:.2} -> {:.2})",
+                    found.align, found.meaning, found.correlation_before, found.correlation_after
+                ),
+            ),
+        ],
+        (Some(false), None) => vec![
+            ("NOT ALIGNED", "photos and Gaussians do not line up, and none of the usual conversions makes them".to_owned()),
+            (
+                "try",
+                "the cameras that the splat was trained with (--cameras); for a nerfstudio export, its \
+                 dataparser_transforms.json beside the splat; the splat of this capture and not of another"
+                    .to_owned(),
+            ),
+        ],
+    }
+}

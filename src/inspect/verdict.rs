@@ -1,0 +1,122 @@
+//! Whether photos and Gaussians line up, judged on small pictures that neither noise nor exposure trouble.
+
+use image::imageops::{FilterType, resize};
+use image::{Rgb32FImage, buffer::ConvertBuffer};
+use rayon::prelude::*;
+
+use super::ViewFit;
+use crate::camera::Camera;
+use crate::from_splat::render_options;
+use crate::scene::gaussians::Gaussians;
+use crate::scene::{Scene, SceneError, View};
+use crate::vote::raster::{RenderOptions, render};
+
+/// Longest side of the small pictures in pixels.
+const SIDE: u32 = 96;
+
+/// Correlation of a photo with the splat from its own camera from which on the two line up. Trained splats reach 0.95 and more
+/// on their photos; the frames that `tests/inspect.rs` breaks stay under 0.75.
+const LEAST_CORRELATION: f64 = 0.85;
+
+/// How much better a photo must fit its own camera than that of a view on the other side.
+const LEAST_ADVANTAGE: f64 = 0.05;
+
+/// Overlap of the masks that a turned or shifted frame does not reach, but a slightly larger one may.
+const LEAST_MASK_IOU: f64 = 0.7;
+
+/// The views judged at most.
+const MOST_VIEWS: usize = 12;
+
+/// How well the frames agree.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) struct Verdict {
+    pub aligned: bool,
+    /// Median correlation of the views with the splat from their own cameras, -1 to 1.
+    pub correlation: f64,
+}
+
+/// A photo made small, with its camera.
+pub(super) struct Small {
+    pub camera: Camera,
+    pub picture: Vec<f32>,
+}
+
+/// `None` where there are no views.
+pub(super) fn of(scene: &Scene, views: &[View], fits: &[ViewFit]) -> Result<Option<Verdict>, SceneError> {
+    if views.is_empty() {
+        return Ok(None);
+    }
+    let small = small_views(views)?;
+    let cloud = scene.whole_cloud();
+    let options = render_options(scene);
+    let rendered: Vec<Vec<f32>> = small.iter().map(|view| picture(&cloud, &view.camera, &options)).collect();
+    let correlations = small.iter().zip(&rendered).map(|(view, rendered)| correlation(&view.picture, rendered));
+    let correlation_with_own = median(correlations.collect());
+    let opposite = |index: usize| (index + small.len() / 2) % small.len();
+    let advantage = |index: usize| {
+        let own = correlation(&small[index].picture, &rendered[index]);
+        // Photos of another shape cannot be laid on this one.
+        let other = Some(&rendered[opposite(index)]).filter(|other| other.len() == small[index].picture.len());
+        other.map_or(f64::INFINITY, |other| own - correlation(&small[index].picture, other))
+    };
+    let advantage = match small.len() {
+        1 => f64::INFINITY,
+        count => median((0..count).map(advantage).collect()),
+    };
+    let overlaps: Vec<f64> = fits.iter().filter_map(|fit| fit.mask_iou).collect();
+    let masks_agree = overlaps.is_empty() || median(overlaps) >= LEAST_MASK_IOU;
+    let aligned = correlation_with_own >= LEAST_CORRELATION && advantage >= LEAST_ADVANTAGE && masks_agree;
+    Ok(Some(Verdict { aligned, correlation: correlation_with_own }))
+}
+
+/// Up to [`MOST_VIEWS`] of the views, evenly, made small.
+pub(super) fn small_views(views: &[View]) -> Result<Vec<Small>, SceneError> {
+    let step = views.len().div_ceil(MOST_VIEWS);
+    let small = |view: &View| {
+        let photo = view.photo()?;
+        let intrinsics = view.camera.intrinsics;
+        let factor = f64::from(SIDE) / f64::from(intrinsics.width.max(intrinsics.height));
+        let side = |length: u32| ((f64::from(length) * factor).round() as u32).max(1);
+        let (width, height) = (side(intrinsics.width), side(intrinsics.height));
+        let small: Rgb32FImage = resize(&photo.rgb, width, height, FilterType::Triangle).convert();
+        let camera = Camera { intrinsics: intrinsics.resized(width, height), ..view.camera.clone() };
+        Ok(Small { camera, picture: small.into_raw() })
+    };
+    let chosen: Vec<&View> = views.iter().step_by(step.max(1)).collect();
+    chosen.into_par_iter().map(small).collect()
+}
+
+/// The splat over white from a small camera, three values a pixel. Drawn at twice the size and averaged: at the small size the
+/// rasteriser's low-pass would widen everything thin.
+pub(super) fn picture(cloud: &Gaussians, camera: &Camera, options: &RenderOptions) -> Vec<f32> {
+    let (width, height) = (camera.intrinsics.width as usize, camera.intrinsics.height as usize);
+    let intrinsics = camera.intrinsics.resized(2 * camera.intrinsics.width, 2 * camera.intrinsics.height);
+    let large = render(cloud, &Camera { intrinsics, ..camera.clone() }, options);
+    let over_white = |at: usize| large.rgb[at].map(|value| value + 1.0 - large.alpha[at]);
+    let averaged = |pixel: usize| {
+        let at = 4 * width * (pixel / width) + 2 * (pixel % width);
+        let four = [at, at + 1, at + 2 * width, at + 2 * width + 1].map(over_white);
+        std::array::from_fn::<f32, 3, _>(|channel| 0.25 * four.iter().map(|color| color[channel]).sum::<f32>())
+    };
+    (0..width * height).flat_map(averaged).collect()
+}
+
+/// Pearson's correlation of two pictures of one size; 0 where one of them is of a single colour.
+pub(super) fn correlation(a: &[f32], b: &[f32]) -> f64 {
+    let mean = |values: &[f32]| values.iter().map(|v| f64::from(*v)).sum::<f64>() / values.len().max(1) as f64;
+    let (mean_a, mean_b) = (mean(a), mean(b));
+    let (mut ab, mut aa, mut bb) = (0.0, 0.0, 0.0);
+    for (a, b) in a.iter().zip(b) {
+        let (a, b) = (f64::from(*a) - mean_a, f64::from(*b) - mean_b);
+        ab += a * b;
+        aa += a * a;
+        bb += b * b;
+    }
+    let scale = (aa * bb).sqrt();
+    if scale > 1e-9 { ab / scale } else { 0.0 }
+}
+
+pub(super) fn median(mut values: Vec<f64>) -> f64 {
+    values.sort_by(f64::total_cmp);
+    values.get(values.len() / 2).copied().unwrap_or_default()
+}

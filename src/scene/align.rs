@@ -1,0 +1,189 @@
+//! Conversions between camera conventions: what turns the cameras of one program into the frame of another's splat.
+//!
+//! In order: the pose as it is read, its rotation transposed, or the whole inverted; the camera's own axes flipped; the world's
+//! axes exchanged and negated; the camera centres scaled. Written `transposed+camera-yz+world=x,-z,y+scale=10`.
+
+use std::fmt;
+use std::str::FromStr;
+
+use nalgebra::{Isometry3, Matrix3, Point3, Rotation3, UnitQuaternion, Vector3};
+use serde::{Serialize, Serializer};
+
+/// A change of camera convention. The camera stays one: axes are mirrored in pairs, never singly.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Conversion {
+    pub reading: Reading,
+    /// Which axes (x, y, z) of the camera are negated. OpenGL's and OpenCV's differ in y and z.
+    pub camera_flip: [bool; 3],
+    pub world: SignedPermutation,
+    /// Factor of the camera centres.
+    pub scale: f64,
+}
+
+/// How a file's pose is to be read.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Reading {
+    AsIs,
+    /// The centre is right, the rotation is written row for column, of a camera in OpenCV's axes.
+    Transposed,
+    /// The same of a camera in OpenGL's axes.
+    TransposedOpenGl,
+    /// World-to-camera where camera-to-world was expected, or the other way round.
+    Inverted,
+}
+
+/// New axes from old ones: axis `i` of the new world is `sign[i]` times axis `from[i]` of the old.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct SignedPermutation {
+    from: [usize; 3],
+    negative: [bool; 3],
+}
+
+const AXES: [char; 3] = ['x', 'y', 'z'];
+
+impl SignedPermutation {
+    pub const IDENTITY: Self = Self { from: [0, 1, 2], negative: [false; 3] };
+
+    /// All 48, the identity first.
+    pub fn all() -> Vec<Self> {
+        const ORDERS: [[usize; 3]; 6] = [[0, 1, 2], [0, 2, 1], [2, 1, 0], [1, 0, 2], [1, 2, 0], [2, 0, 1]];
+        let signs = |n: u8| [0, 1, 2].map(|axis| n >> axis & 1 == 1);
+        ORDERS.iter().flat_map(|from| (0..8).map(move |n| Self { from: *from, negative: signs(n) })).collect()
+    }
+
+    fn matrix(&self) -> Matrix3<f64> {
+        Matrix3::from_fn(|row, column| match self.from[row] == column {
+            true if self.negative[row] => -1.0,
+            true => 1.0,
+            false => 0.0,
+        })
+    }
+
+    /// Whether it turns a right hand into a left one.
+    pub fn mirrors(&self) -> bool {
+        self.matrix().determinant() < 0.0
+    }
+}
+
+impl Default for Conversion {
+    fn default() -> Self {
+        let world = SignedPermutation::IDENTITY;
+        Self { reading: Reading::AsIs, camera_flip: [false; 3], world, scale: 1.0 }
+    }
+}
+
+impl Conversion {
+    pub fn is_none(&self) -> bool {
+        *self == Self::default()
+    }
+
+    /// Whether a camera stays a camera: its axes are mirrored exactly where the world's are.
+    pub fn is_proper(&self) -> bool {
+        let flips = self.camera_flip.iter().filter(|flip| **flip).count();
+        self.world.mirrors() == (flips % 2 == 1)
+    }
+
+    /// The camera after the conversion.
+    pub fn apply(&self, camera_from_world: &Isometry3<f64>) -> Isometry3<f64> {
+        let center = camera_from_world.inverse_transform_point(&Point3::origin());
+        let rotation = camera_from_world.rotation.to_rotation_matrix().into_inner();
+        let opengl = Matrix3::from_diagonal(&Vector3::new(1.0, -1.0, -1.0));
+        let (rotation, center) = match self.reading {
+            Reading::AsIs => (rotation, center),
+            Reading::Transposed => (rotation.transpose(), center),
+            Reading::TransposedOpenGl => (opengl * rotation.transpose() * opengl, center),
+            Reading::Inverted => (rotation.transpose(), camera_from_world.translation.vector.into()),
+        };
+        let flip = Vector3::from(self.camera_flip.map(|flip| if flip { -1.0 } else { 1.0 }));
+        let world = self.world.matrix();
+        let rotation = Matrix3::from_diagonal(&flip) * rotation * world.transpose();
+        let center = world * center * self.scale;
+        let rotation = UnitQuaternion::from_rotation_matrix(&Rotation3::from_matrix_unchecked(rotation));
+        let rotation = UnitQuaternion::new_normalize(rotation.into_inner());
+        Isometry3::from_parts((rotation * -center.coords).into(), rotation)
+    }
+}
+
+impl fmt::Display for Conversion {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let mut parts = Vec::new();
+        match self.reading {
+            Reading::AsIs => {}
+            Reading::Transposed => parts.push("transposed".to_owned()),
+            Reading::TransposedOpenGl => parts.push("transposed-opengl".to_owned()),
+            Reading::Inverted => parts.push("inverted".to_owned()),
+        }
+        let flipped: String =
+            AXES.iter().zip(self.camera_flip).filter(|(_, flip)| *flip).map(|(axis, _)| *axis).collect();
+        if !flipped.is_empty() {
+            parts.push(format!("camera-{flipped}"));
+        }
+        if self.world != SignedPermutation::IDENTITY {
+            let axis =
+                |i: usize| format!("{}{}", if self.world.negative[i] { "-" } else { "" }, AXES[self.world.from[i]]);
+            parts.push(format!("world={},{},{}", axis(0), axis(1), axis(2)));
+        }
+        if self.scale != 1.0 {
+            parts.push(format!("scale={}", self.scale));
+        }
+        f.write_str(if parts.is_empty() { "none" } else { "" })?;
+        f.write_str(&parts.join("+"))
+    }
+}
+
+impl FromStr for Conversion {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<Self, Self::Err> {
+        let mut conversion = Self::default();
+        for part in text.split('+').map(str::trim).filter(|part| *part != "none") {
+            let unknown = || {
+                format!(
+                    "`{part}` is none of transposed, transposed-opengl, inverted, camera-AXES, world=A,B,C, scale=F"
+                )
+            };
+            match part.split_once(['=', '-']) {
+                _ if part == "transposed" => conversion.reading = Reading::Transposed,
+                _ if part == "transposed-opengl" => conversion.reading = Reading::TransposedOpenGl,
+                _ if part == "inverted" => conversion.reading = Reading::Inverted,
+                Some(("camera", axes)) => {
+                    conversion.camera_flip = AXES.map(|axis| axes.contains(axis));
+                    if axes.is_empty() || !axes.chars().all(|axis| AXES.contains(&axis)) {
+                        return Err(unknown());
+                    }
+                }
+                Some(("world", axes)) => conversion.world = permutation(axes).ok_or_else(unknown)?,
+                Some(("scale", factor)) => {
+                    let factor = factor.parse().ok().filter(|factor| f64::is_normal(*factor) && *factor > 0.0);
+                    conversion.scale = factor.ok_or_else(unknown)?;
+                }
+                _ => return Err(unknown()),
+            }
+        }
+        match conversion.is_proper() {
+            true => Ok(conversion),
+            false => Err("it mirrors the cameras' pictures: flip one more or one less of the camera's axes".to_owned()),
+        }
+    }
+}
+
+fn permutation(text: &str) -> Option<SignedPermutation> {
+    let axes: Vec<(usize, bool)> = text
+        .split(',')
+        .map(|axis| {
+            let (name, negative) = axis.strip_prefix('-').map_or((axis, false), |name| (name, true));
+            AXES.iter().position(|known| name == known.to_string()).map(|index| (index, negative))
+        })
+        .collect::<Option<_>>()?;
+    let axes: [(usize, bool); 3] = axes.try_into().ok()?;
+    let from = axes.map(|(index, _)| index);
+    let all_there = (0..3).all(|axis| from.contains(&axis));
+    all_there.then_some(SignedPermutation { from, negative: axes.map(|(_, negative)| negative) })
+}
+
+/// Written as it is typed.
+impl Serialize for Conversion {
+    fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
+        serializer.collect_str(self)
+    }
+}

@@ -1,0 +1,84 @@
+//! `cameras.bin` and `images.bin`: little endian, a 64-bit count, then the entries without padding.
+
+use super::{Cameras, Image, Problem, models};
+
+/// Bytes of one observed point of an image: x, y, and the number of the 3D point.
+const OBSERVATION: u64 = 24;
+
+pub(super) fn cameras(bytes: &[u8]) -> Result<Cameras, Problem> {
+    let mut reader = Reader::new(bytes, "camera")?;
+    let mut cameras = Cameras::new();
+    while reader.index < reader.count {
+        let id = u32::from_le_bytes(reader.take()?);
+        let (model, count) = models::of_number(id, i32::from_le_bytes(reader.take()?))?;
+        let size = (u64::from_le_bytes(reader.take()?), u64::from_le_bytes(reader.take()?));
+        let parameters: Vec<f64> = (0..count).map(|_| reader.float()).collect::<Result<_, _>>()?;
+        cameras.insert(id, models::declared(id, model, size, &parameters)?);
+        reader.index += 1;
+    }
+    Ok(cameras)
+}
+
+pub(super) fn images(bytes: &[u8]) -> Result<Vec<Image>, Problem> {
+    let mut reader = Reader::new(bytes, "image")?;
+    let mut images = Vec::new();
+    while reader.index < reader.count {
+        let id = u32::from_le_bytes(reader.take()?);
+        let mut quaternion = [0.0; 4];
+        for component in &mut quaternion {
+            *component = reader.float()?;
+        }
+        let translation = [reader.float()?, reader.float()?, reader.float()?];
+        let camera = u32::from_le_bytes(reader.take()?);
+        let name = reader.name()?;
+        let observations = u64::from_le_bytes(reader.take()?);
+        reader.skip(observations.checked_mul(OBSERVATION))?;
+        images.push(Image::new(id, camera, name, quaternion, translation)?);
+        reader.index += 1;
+    }
+    Ok(images)
+}
+
+/// Takes values off the front; knows which entry it is in.
+struct Reader<'a> {
+    rest: &'a [u8],
+    what: &'static str,
+    index: u64,
+    count: u64,
+}
+
+impl<'a> Reader<'a> {
+    fn new(bytes: &'a [u8], what: &'static str) -> Result<Self, Problem> {
+        let mut reader = Self { rest: bytes, what, index: 0, count: 0 };
+        reader.count = u64::from_le_bytes(reader.take()?);
+        Ok(reader)
+    }
+
+    fn truncated(&self) -> Problem {
+        Problem::Truncated { what: self.what, index: self.index, count: self.count }
+    }
+
+    fn take<const N: usize>(&mut self) -> Result<[u8; N], Problem> {
+        let (value, rest) = self.rest.split_first_chunk().ok_or_else(|| self.truncated())?;
+        self.rest = rest;
+        Ok(*value)
+    }
+
+    fn float(&mut self) -> Result<f64, Problem> {
+        self.take().map(f64::from_le_bytes)
+    }
+
+    /// Text up to a zero byte.
+    fn name(&mut self) -> Result<String, Problem> {
+        let end = self.rest.iter().position(|byte| *byte == 0).ok_or_else(|| self.truncated())?;
+        let name = String::from_utf8_lossy(&self.rest[..end]).into_owned();
+        self.rest = &self.rest[end + 1..];
+        Ok(name)
+    }
+
+    fn skip(&mut self, bytes: Option<u64>) -> Result<(), Problem> {
+        let bytes = bytes.and_then(|bytes| usize::try_from(bytes).ok());
+        self.rest = bytes.and_then(|bytes| self.rest.get(bytes..)).ok_or_else(|| self.truncated())?;
+        Ok(())
+    }
+}

@@ -1,0 +1,141 @@
+//! COLMAP's sparse model: `cameras` and `images`, each as `.bin` or `.txt`. Points are not read.
+//!
+//! An image's pose is world-to-camera in OpenCV axes, a quaternion w x y z and a translation; pixels are counted from the
+//! upper left corner, whose pixel has its centre at (0.5, 0.5). See COLMAP's documentation, "Output Format".
+
+mod binary;
+mod models;
+mod text;
+
+use std::collections::BTreeMap;
+use std::path::{Path, PathBuf};
+
+use nalgebra::{Isometry3, Quaternion, Translation3, UnitQuaternion};
+use thiserror::Error;
+
+use super::frame::{Declared, Frame};
+use super::{Applied, Capture, bytes_of};
+use crate::scene::SceneError;
+
+/// What is wrong with a file of the model.
+#[derive(Debug, Error)]
+pub enum Problem {
+    #[error("is truncated: it ends within {what} {index} of {count}; copy or export the model again")]
+    Truncated { what: &'static str, index: u64, count: u64 },
+    #[error("line {line}: {reason}; export the model again")]
+    Line { line: usize, reason: String },
+    #[error("camera {id} has the model {model}, which is none that gprop knows or no camera with a flat picture")]
+    Model { id: u32, model: String },
+    #[error("camera {id}: {found} parameters where its model {model} has {expected}; export the model again")]
+    Parameters { id: u32, model: String, expected: usize, found: usize },
+    #[error("camera {id}: {reason}; calibrate again")]
+    Camera { id: u32, reason: &'static str },
+    #[error("image {id} has a pose that is no number or a rotation of length zero; export the model again")]
+    Pose { id: u32 },
+    #[error(
+        "image {id} (`{name}`) belongs to camera {camera}, which the model does not have; copy both files of one model"
+    )]
+    UnknownCamera { id: u32, name: String, camera: u32 },
+}
+
+/// The cameras by id.
+pub type Cameras = BTreeMap<u32, Declared>;
+
+/// One registered image.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Image {
+    pub id: u32,
+    pub camera: u32,
+    pub name: String,
+    pub camera_from_world: Isometry3<f64>,
+}
+
+impl Image {
+    /// Checks and normalises a pose as the files give it.
+    fn new(id: u32, camera: u32, name: String, [w, x, y, z]: [f64; 4], translation: [f64; 3]) -> Result<Self, Problem> {
+        let quaternion = UnitQuaternion::try_new(Quaternion::new(w, x, y, z), 1e-12);
+        let quaternion = quaternion.filter(|q| q.coords.iter().all(|v| v.is_finite())).ok_or(Problem::Pose { id })?;
+        if translation.iter().any(|value| !value.is_finite()) {
+            return Err(Problem::Pose { id });
+        }
+        let camera_from_world = Isometry3::from_parts(Translation3::from(translation), quaternion);
+        Ok(Self { id, camera, name, camera_from_world })
+    }
+}
+
+/// Reads `cameras.bin` from memory.
+///
+/// # Errors
+/// [`Problem`]: truncated, or a camera that makes no sense.
+pub fn parse_cameras_binary(bytes: &[u8]) -> Result<Cameras, Problem> {
+    binary::cameras(bytes)
+}
+
+/// Reads `images.bin` from memory.
+///
+/// # Errors
+/// [`Problem`]: truncated, or a pose that makes no sense.
+pub fn parse_images_binary(bytes: &[u8]) -> Result<Vec<Image>, Problem> {
+    binary::images(bytes)
+}
+
+/// Reads `cameras.txt` from memory.
+///
+/// # Errors
+/// [`Problem`]: a line that is no camera.
+pub fn parse_cameras_text(text: &str) -> Result<Cameras, Problem> {
+    text::cameras(text)
+}
+
+/// Reads `images.txt` from memory.
+///
+/// # Errors
+/// [`Problem`]: a line that is no image.
+pub fn parse_images_text(text: &str) -> Result<Vec<Image>, Problem> {
+    text::images(text)
+}
+
+/// Whether `folder` holds a model.
+pub(super) fn is_model(folder: &Path) -> bool {
+    ["bin", "txt"]
+        .iter()
+        .any(|end| ["cameras", "images"].iter().all(|name| folder.join(format!("{name}.{end}")).is_file()))
+}
+
+/// Reads the model in `folder`, the binary one where both are there; the images in the order of their names, as 3DGS has them.
+pub(super) fn read(folder: &Path) -> Result<(Capture, Vec<PathBuf>), SceneError> {
+    let in_file = |path: &Path| {
+        let path = path.to_owned();
+        move |problem| SceneError::Colmap { path, problem }
+    };
+    let binary = folder.join("cameras.bin").is_file() && folder.join("images.bin").is_file();
+    let end = if binary { "bin" } else { "txt" };
+    let [cameras_at, images_at] = ["cameras", "images"].map(|name| folder.join(format!("{name}.{end}")));
+    let (cameras, images) = (bytes_of(&cameras_at)?, bytes_of(&images_at)?);
+    let cameras = match binary {
+        true => parse_cameras_binary(&cameras),
+        false => parse_cameras_text(&String::from_utf8_lossy(&cameras)),
+    };
+    let images = match binary {
+        true => parse_images_binary(&images),
+        false => parse_images_text(&String::from_utf8_lossy(&images)),
+    };
+    let cameras = cameras.map_err(in_file(&cameras_at))?;
+    let images = images.map_err(in_file(&images_at))?;
+    let frames = frames(&cameras, images).map_err(in_file(&images_at))?;
+    if frames.is_empty() {
+        return Err(SceneError::NoFrames { path: images_at });
+    }
+    Ok((Capture { frames, applied: Applied::default() }, vec![cameras_at, images_at]))
+}
+
+fn frames(cameras: &Cameras, mut images: Vec<Image>) -> Result<Vec<Frame>, Problem> {
+    images.sort_by(|a, b| a.name.cmp(&b.name));
+    let frame = |image: Image| match cameras.get(&image.camera) {
+        Some(declared) => {
+            Ok(Frame { file: image.name, mask: None, declared: *declared, camera_from_world: image.camera_from_world })
+        }
+        None => Err(Problem::UnknownCamera { id: image.id, name: image.name, camera: image.camera }),
+    };
+    images.into_iter().map(frame).collect()
+}

@@ -1,0 +1,78 @@
+//! `cameras.txt` (a line a camera) and `images.txt` (two lines an image, of which the second lists its points and may be
+//! empty). Lines that start with `#` are remarks.
+
+use std::str::FromStr;
+
+use super::{Cameras, Image, Problem, models};
+
+pub(super) fn cameras(text: &str) -> Result<Cameras, Problem> {
+    let mut cameras = Cameras::new();
+    for (line, text) in numbered(text).filter(|(_, text)| !is_remark(text) && !text.is_empty()) {
+        let mut words = Words { words: text.split_ascii_whitespace(), line };
+        let id = words.number("CAMERA_ID")?;
+        let model = words.word("MODEL")?;
+        let size = (words.number("WIDTH")?, words.number("HEIGHT")?);
+        let mut parameters = Vec::new();
+        while let Some(word) = words.words.next() {
+            parameters.push(parsed(word, "PARAMS", line)?);
+        }
+        cameras.insert(id, models::declared(id, model, size, &parameters)?);
+    }
+    Ok(cameras)
+}
+
+pub(super) fn images(text: &str) -> Result<Vec<Image>, Problem> {
+    let mut images = Vec::new();
+    let mut lines = numbered(text);
+    while let Some((line, text)) = lines.next() {
+        if is_remark(text) || text.is_empty() {
+            continue;
+        }
+        let mut words = Words { words: text.split_ascii_whitespace(), line };
+        let id = words.number("IMAGE_ID")?;
+        let quaternion = [words.number("QW")?, words.number("QX")?, words.number("QY")?, words.number("QZ")?];
+        let translation = [words.number("TX")?, words.number("TY")?, words.number("TZ")?];
+        let camera = words.number("CAMERA_ID")?;
+        // A name may hold blanks.
+        let first = words.word("NAME")?;
+        let name = text[offset(text, first)..].to_owned();
+        images.push(Image::new(id, camera, name, quaternion, translation)?);
+        // The image's points.
+        lines.next();
+    }
+    Ok(images)
+}
+
+fn numbered(text: &str) -> impl Iterator<Item = (usize, &str)> {
+    text.lines().enumerate().map(|(index, line)| (index + 1, line.trim()))
+}
+
+fn is_remark(text: &str) -> bool {
+    text.starts_with('#')
+}
+
+/// Where `part`, a slice of `text`, begins in it.
+fn offset(text: &str, part: &str) -> usize {
+    part.as_ptr() as usize - text.as_ptr() as usize
+}
+
+struct Words<'a> {
+    words: std::str::SplitAsciiWhitespace<'a>,
+    line: usize,
+}
+
+impl<'a> Words<'a> {
+    fn word(&mut self, what: &str) -> Result<&'a str, Problem> {
+        self.words.next().ok_or_else(|| Problem::Line { line: self.line, reason: format!("{what} is missing") })
+    }
+
+    fn number<T: FromStr>(&mut self, what: &str) -> Result<T, Problem> {
+        let word = self.word(what)?;
+        parsed(word, what, self.line)
+    }
+}
+
+fn parsed<T: FromStr>(word: &str, what: &str, line: usize) -> Result<T, Problem> {
+    let shortened = || word.chars().take(40).collect::<String>();
+    word.parse().map_err(|_| Problem::Line { line, reason: format!("{what} is `{}`, not a number", shortened()) })
+}

@@ -1,0 +1,51 @@
+//! nerfstudio's `dataparser_transforms.json`: from the world of the input cameras to the frame that it trains in, which is
+//! the frame of the splat it exports: x_splat = scale * (transform x_world), so x_world = transform^-1 (x_splat / scale).
+//!
+//! gprop's world is the splat's, whose harmonics must not be turned, so the cameras follow the splat. nerfstudio's transform
+//! starts from the world before `applied_transform` and `applied_scale`; those of transforms.json are undone first.
+
+use std::path::Path;
+
+use nalgebra::{Isometry3, Similarity3};
+use serde::Deserialize;
+
+use super::transforms::rigid;
+use super::{Applied, Capture, bytes_of};
+use crate::scene::SceneError;
+
+pub(crate) const FILE: &str = "dataparser_transforms.json";
+
+#[derive(Deserialize)]
+struct Transforms {
+    transform: Vec<Vec<f64>>,
+    scale: f64,
+}
+
+/// Reads the file at `path`: from the world of the input cameras to the splat's.
+pub(in crate::scene) fn read(path: &Path) -> Result<Similarity3<f64>, SceneError> {
+    let transforms: Transforms = serde_json::from_slice(&bytes_of(path)?)
+        .map_err(|reason| SceneError::Json { path: path.to_owned(), reason })?;
+    let scale = Some(transforms.scale).filter(|scale| scale.is_normal() && *scale > 0.0);
+    let (rigid, scale) = rigid(&transforms.transform)
+        .zip(scale)
+        .ok_or_else(|| SceneError::NotASimilarity { path: path.to_owned(), key: "transform and scale" })?;
+    Ok(Similarity3::from_scaling(scale) * Similarity3::from_isometry(rigid, 1.0))
+}
+
+/// Brings the cameras into the splat's frame; `splat_from_input` as [`read`] gives it. What nerfstudio wrote is its
+/// transform of the cameras after `applied`, times `applied`, and its scale times the applied one.
+pub(in crate::scene) fn follow(capture: &mut Capture, splat_from_input: &Similarity3<f64>) {
+    let Applied { transform, scale } = capture.applied;
+    let splat_from_cameras = Similarity3::from_scaling(1.0 / scale) * (splat_from_input * transform.inverse());
+    for frame in &mut capture.frames {
+        frame.camera_from_world = moved(&frame.camera_from_world, &splat_from_cameras);
+    }
+}
+
+/// The same camera in a world that `new_from_old` made of the old one.
+pub(crate) fn moved(camera_from_world: &Isometry3<f64>, new_from_old: &Similarity3<f64>) -> Isometry3<f64> {
+    let world_from_camera = camera_from_world.inverse();
+    let center = new_from_old * nalgebra::Point3::from(world_from_camera.translation.vector);
+    let rotation = new_from_old.isometry.rotation * world_from_camera.rotation;
+    Isometry3::from_parts(center.coords.into(), rotation).inverse()
+}

@@ -1,0 +1,171 @@
+//! From the frames of a camera file to views: the photo on disk, its true size, its mask.
+
+use std::path::{Path, PathBuf};
+
+use rayon::prelude::*;
+
+use super::frame::{Declared, Frame};
+use crate::camera::{Camera, Intrinsics};
+use crate::scene::error::FrameProblem;
+use crate::scene::photo::{self, Upright};
+use crate::scene::{SceneError, View, view_names};
+
+/// The views of a camera file, and what the user should know of them.
+#[derive(Debug)]
+pub(in crate::scene) struct Views {
+    pub views: Vec<View>,
+    pub warnings: Vec<String>,
+}
+
+/// Finds the photo of each frame in `folders`; a mask beside it or in `masks`. Frames without a photo are counted.
+pub(in crate::scene) fn find_photos(
+    camera_file: &Path,
+    frames: &[Frame],
+    folders: &[PathBuf],
+    masks: Option<&Path>,
+) -> Result<Views, SceneError> {
+    let in_frame = |index: usize, problem| SceneError::Frame {
+        path: camera_file.to_owned(),
+        frame: index,
+        file: frames[index].file.clone(),
+        problem,
+    };
+    let mut present = Vec::new();
+    let mut missing = Vec::new();
+    for (index, frame) in frames.iter().enumerate() {
+        match photo_of(&frame.file, folders) {
+            Ok(Some((folder, file))) => present.push((index, folder, file)),
+            Ok(None) => missing.push(frame.file.as_str()),
+            Err(problem) => return Err(in_frame(index, problem)),
+        }
+    }
+    if present.is_empty() {
+        let (count, first) = (frames.len(), missing.first().copied().unwrap_or_default().to_owned());
+        return Err(SceneError::NoPhotos { path: camera_file.to_owned(), count, first, tried: folders.to_vec() });
+    }
+    let files: Vec<String> = present.iter().map(|(_, _, file)| file.clone()).collect();
+    let sized: Vec<(View, Fit)> = present
+        .par_iter()
+        .zip(view_names::of(&files))
+        .map(|((index, folder, file), name)| {
+            let frame = &frames[*index];
+            let image = folder.join(file);
+            let (intrinsics, fit) = fitted(&image, &frame.declared, |problem| in_frame(*index, problem))?;
+            let camera = Camera { intrinsics, camera_from_world: frame.camera_from_world };
+            let mask = mask_of(frame, folder, file, masks);
+            Ok((View { name, camera, image, upright: fit.upright, mask }, fit))
+        })
+        .collect::<Result<_, SceneError>>()?;
+    let warnings = warnings(camera_file, frames.len(), &missing, &sized);
+    Ok(Views { views: sized.into_iter().map(|(view, _)| view).collect(), warnings })
+}
+
+/// How a photo came to fit its camera.
+#[derive(Debug, Clone, Copy)]
+struct Fit {
+    upright: Upright,
+    /// The declared size, where it is not the photo's.
+    resized_from: Option<(u32, u32)>,
+    /// Whether the photo says that it lies on its side.
+    turned: bool,
+}
+
+/// The intrinsics for the photo's true size.
+fn fitted(
+    image: &Path,
+    declared: &Declared,
+    in_frame: impl Fn(FrameProblem) -> SceneError,
+) -> Result<(Intrinsics, Fit), SceneError> {
+    let header = photo::header(image)?;
+    let upright = header.upright_for(declared.size);
+    let (width, height) = header.size(upright);
+    let intrinsics = declared.intrinsics((width, height)).map_err(&in_frame)?;
+    let fits = (intrinsics.width, intrinsics.height) == (width, height);
+    let resized_from = (!fits).then_some((intrinsics.width, intrinsics.height));
+    let fit = Fit { upright, resized_from, turned: header.is_turned() };
+    Ok((intrinsics.resized(width, height), fit))
+}
+
+/// The folder and the path within it of the photo called `file`; `None` where there is none.
+fn photo_of(file: &str, folders: &[PathBuf]) -> Result<Option<(PathBuf, String)>, FrameProblem> {
+    /// Camera files of Blender and 3DGS leave the extension out.
+    const EXTENSIONS: [&str; 12] =
+        ["png", "jpg", "jpeg", "JPG", "PNG", "JPEG", "webp", "tif", "tiff", "bmp", "TIF", "BMP"];
+    let mut within = None;
+    for folder in folders {
+        let Some(file) = view_names::path_within(folder, file) else { continue };
+        let endings = EXTENSIONS.iter().map(|end| format!("{file}.{end}"));
+        if let Some(found) = std::iter::once(file.clone()).chain(endings).find(|file| folder.join(file).is_file()) {
+            return Ok(Some((folder.clone(), found)));
+        }
+        within = Some(file);
+    }
+    // An absolute path of the machine that calibrated leads out of every folder here; so does `../`.
+    let base = file.rsplit(['/', '\\']).next().unwrap_or(file);
+    match within {
+        Some(_) => Ok(None),
+        None if Path::new(file).is_absolute() && base != file => photo_of(base, folders),
+        None => Err(FrameProblem::OutsideScene),
+    }
+}
+
+/// The mask of a photo: the one that the frame names, else the one of its name in `masks`, else in a folder `masks` beside
+/// the photos' folder or in it.
+fn mask_of(frame: &Frame, folder: &Path, file: &str, masks: Option<&Path>) -> Option<PathBuf> {
+    if masks.is_none() {
+        let named = frame.mask.as_deref().and_then(|mask| view_names::path_within(folder, mask));
+        if let Some(mask) = named.map(|mask| folder.join(mask)).filter(|path| path.is_file()) {
+            return Some(mask);
+        }
+    }
+    let below = file.split_once('/').map_or(file, |(_, rest)| rest);
+    let stem = |file: &str| file.rsplit_once('.').map_or(file, |(stem, _)| stem).to_owned();
+    let folders = match masks {
+        Some(masks) => vec![masks.to_owned()],
+        None => vec![folder.join("masks"), folder.parent().map(|parent| parent.join("masks")).unwrap_or_default()],
+    };
+    // COLMAP appends .png to the photo's whole name.
+    let names = [file, below].into_iter().flat_map(|file| {
+        let stem = stem(file);
+        [format!("{stem}.png"), format!("{file}.png"), format!("{stem}.jpg"), file.to_owned()]
+    });
+    let names: Vec<String> = names.collect();
+    folders.iter().flat_map(|folder| names.iter().map(move |name| folder.join(name))).find(|path| path.is_file())
+}
+
+fn warnings(camera_file: &Path, frames: usize, missing: &[&str], sized: &[(View, Fit)]) -> Vec<String> {
+    let mut warnings = Vec::new();
+    let file = camera_file.display();
+    if let Some(first) = missing.first() {
+        let count = missing.len();
+        warnings.push(format!(
+            "{count} of the {frames} photos that `{file}` names are missing (first: `{first}`); left out"
+        ));
+    }
+    let resized: Vec<_> = sized.iter().filter_map(|(view, fit)| fit.resized_from.map(|size| (view, size))).collect();
+    if let Some((view, (width, height))) = resized.first() {
+        let Intrinsics { width: true_width, height: true_height, .. } = view.camera.intrinsics;
+        warnings.push(format!(
+            "{} photos are not of the size that `{file}` declares (first: `{}` {width} x {height}, found {true_width} x \
+             {true_height}); their intrinsics were rescaled",
+            resized.len(),
+            view.name
+        ));
+    }
+    let turned: Vec<_> = sized.iter().filter(|(_, fit)| fit.turned).collect();
+    if let Some((view, _)) = turned.first() {
+        let done = match turned.iter().filter(|(view, _)| view.upright == Upright::Turned).count() {
+            0 => "the cameras were calibrated on them as they are stored, so they are left so".to_owned(),
+            all if all == turned.len() => "they were turned upright".to_owned(),
+            some => format!(
+                "{some} were turned upright, the cameras of the rest were calibrated on them as they are stored"
+            ),
+        };
+        warnings.push(format!(
+            "{} photos lie on their side by their EXIF orientation (first: `{}`); {done}",
+            turned.len(),
+            view.name
+        ));
+    }
+    warnings
+}

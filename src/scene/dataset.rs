@@ -1,0 +1,166 @@
+//! Data sets: the scenes of a folder, with split, class and true mass where the data set gives them.
+//!
+//! ```text
+//! ABO-500, as NeRF2Physics lays it out        MVImgNet                         anything else
+//! FOLDER/scenes/ASIN_MARKET/images/           FOLDER/CLASS/INSTANCE/images/    FOLDER/NAME/ with a splat or cameras
+//!                           transforms.json                         sparse/0/
+//! FOLDER/splits.json
+//! FOLDER/filtered_product_weights.json
+//! ```
+
+use std::collections::BTreeMap;
+use std::fmt;
+use std::path::{Path, PathBuf};
+
+use serde::{Deserialize, Serialize};
+
+use super::splat_file::names_in;
+use super::{SceneError, cameras, splat_file};
+use crate::units::{MetricScale, ScaleSource};
+
+const SPLITS: &str = "splits.json";
+const MASSES: &str = "filtered_product_weights.json";
+
+/// How a data set lays its scenes out.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, clap::ValueEnum)]
+#[serde(rename_all = "lowercase")]
+pub enum Layout {
+    Abo,
+    #[value(name = "mvimgnet")]
+    MvImgNet,
+    /// Any folder of scenes.
+    Scenes,
+}
+
+/// One scene of a data set.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct Entry {
+    /// Unique within the data set, with `/` between class and instance.
+    pub name: String,
+    pub folder: PathBuf,
+    /// `train`, `val`, `test` or what the data set calls it.
+    pub split: Option<String>,
+    pub class: Option<String>,
+    /// Ground truth, for measuring only.
+    pub mass_kg: Option<f64>,
+}
+
+/// The scenes of a folder.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct DataSet {
+    pub layout: Layout,
+    /// Sorted by name.
+    pub scenes: Vec<Entry>,
+    pub warnings: Vec<String>,
+}
+
+impl fmt::Display for Layout {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(match self {
+            Self::Abo => "ABO-500",
+            Self::MvImgNet => "MVImgNet",
+            Self::Scenes => "scene folders",
+        })
+    }
+}
+
+/// Lists the scenes of `folder`, in the layout that is given or that the folder shows.
+///
+/// # Errors
+/// [`SceneError`]: no such folder, no scene in it, or a broken JSON beside them.
+pub fn list(folder: &Path, layout: Option<Layout>) -> Result<DataSet, SceneError> {
+    if !folder.is_dir() {
+        return Err(SceneError::NoFolder { path: folder.to_owned() });
+    }
+    let layout = layout.unwrap_or_else(|| recognised(folder));
+    let mut warnings = Vec::new();
+    let scenes = match layout {
+        Layout::Abo => abo(folder, &mut warnings)?,
+        Layout::MvImgNet => mvimgnet(folder),
+        Layout::Scenes => plain(folder),
+    };
+    if scenes.is_empty() {
+        return Err(SceneError::NoScenes { folder: folder.to_owned(), layout: layout.to_string() });
+    }
+    Ok(DataSet { layout, scenes, warnings })
+}
+
+/// The metric scale that the data set around the scene `folder` states: ABO-500's cameras are in metres.
+pub(super) fn convention_of(folder: &Path, splat_units_per_camera_unit: f64) -> Option<MetricScale> {
+    let folder = folder.canonicalize().ok()?;
+    let scenes = folder.parent().filter(|parent| parent.file_name().is_some_and(|name| name == "scenes"))?;
+    let is_abo = scenes.parent().is_some_and(|root| root.join(MASSES).is_file() || root.join(SPLITS).is_file());
+    is_abo.then(|| MetricScale {
+        meters_per_unit: 1.0 / splat_units_per_camera_unit,
+        source: ScaleSource::DataSet,
+        provenance: "ABO-500 is in metres".to_owned(),
+    })
+}
+
+fn recognised(folder: &Path) -> Layout {
+    if folder.join("scenes").is_dir() && (folder.join(SPLITS).is_file() || folder.join(MASSES).is_file()) {
+        return Layout::Abo;
+    }
+    if plain(folder).is_empty() && !mvimgnet(folder).is_empty() {
+        return Layout::MvImgNet;
+    }
+    Layout::Scenes
+}
+
+fn abo(folder: &Path, warnings: &mut Vec<String>) -> Result<Vec<Entry>, SceneError> {
+    let splits: BTreeMap<String, Vec<String>> = json(&folder.join(SPLITS))?;
+    let masses: BTreeMap<String, f64> = json(&folder.join(MASSES))?;
+    let split_of =
+        |name: &str| splits.iter().find(|(_, names)| names.iter().any(|n| n == name)).map(|(split, _)| split.clone());
+    // Masses go by product (ASIN), scenes by product and market.
+    let mass_of = |name: &str| masses.get(name).or_else(|| masses.get(name.split('_').next().unwrap_or(name))).copied();
+    let scenes = folder.join("scenes");
+    let entry = |name: String| Entry {
+        folder: scenes.join(&name),
+        split: split_of(&name),
+        class: None,
+        mass_kg: mass_of(&name),
+        name,
+    };
+    let entries: Vec<Entry> = folders_in(&scenes).into_iter().map(entry).collect();
+    let listed = splits.values().flatten();
+    let absent: Vec<&String> = listed.filter(|name| !entries.iter().any(|entry| entry.name == **name)).collect();
+    if let Some(first) = absent.first() {
+        warnings.push(format!("{} scenes of {SPLITS} have no folder (first: `{first}`); left out", absent.len()));
+    }
+    Ok(entries)
+}
+
+fn mvimgnet(folder: &Path) -> Vec<Entry> {
+    let instances = |class: String| {
+        let class_folder = folder.join(&class);
+        folders_in(&class_folder).into_iter().filter_map(move |instance| {
+            let folder = class_folder.join(&instance);
+            let is_scene = folder.join("images").is_dir() && folder.join("sparse").is_dir();
+            let name = format!("{class}/{instance}");
+            is_scene.then(|| Entry { name, folder, split: None, class: Some(class.clone()), mass_kg: None })
+        })
+    };
+    folders_in(folder).into_iter().flat_map(instances).collect()
+}
+
+fn plain(folder: &Path) -> Vec<Entry> {
+    let is_scene = |folder: &Path| splat_file::find(folder).is_ok() || cameras::choose(folder, None).is_ok();
+    let entry = |name: String| Entry { folder: folder.join(&name), split: None, class: None, mass_kg: None, name };
+    folders_in(folder).into_iter().map(entry).filter(|entry| is_scene(&entry.folder)).collect()
+}
+
+fn folders_in(folder: &Path) -> Vec<String> {
+    names_in(folder).into_iter().filter(|name| !name.starts_with('.') && folder.join(name).is_dir()).collect()
+}
+
+/// The content of a JSON file; empty where it does not exist.
+fn json<T: Default + for<'de> Deserialize<'de>>(path: &Path) -> Result<T, SceneError> {
+    match std::fs::read(path) {
+        Ok(bytes) => {
+            serde_json::from_slice(&bytes).map_err(|reason| SceneError::Json { path: path.to_owned(), reason })
+        }
+        Err(reason) if reason.kind() == std::io::ErrorKind::NotFound => Ok(T::default()),
+        Err(reason) => Err(SceneError::Io { path: path.to_owned(), reason }),
+    }
+}

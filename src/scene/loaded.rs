@@ -1,0 +1,36 @@
+//! What a splat reader hands back, whatever the format.
+
+use super::gaussians::Gaussians;
+
+/// A cloud as it came out of a file.
+#[derive(Debug, Clone, PartialEq, Default)]
+pub struct Loaded {
+    pub gaussians: Gaussians,
+    /// Whether the cloud was trained with an antialiased rasteriser (Mip-Splatting), which takes the opacity that the
+    /// low-pass adds away again.
+    pub antialiased: bool,
+    /// What kind of splat this is, where that is not plain 3DGS.
+    pub notes: Vec<String>,
+    /// What was dropped, rounded or left out, counted.
+    pub warnings: Vec<String>,
+}
+
+/// No Gaussian of a file can be drawn.
+pub(super) struct NothingUsable;
+
+/// Drops every Gaussian that no renderer could draw and says how many there were.
+pub(super) fn drop_unusable(gaussians: &mut Gaussians) -> Result<Option<String>, NothingUsable> {
+    let count = gaussians.len();
+    let usable: Vec<bool> = (0..count).map(|i| gaussians.is_usable(i)).collect();
+    let dropped = usable.iter().filter(|usable| !**usable).count();
+    if dropped == count {
+        return Err(NothingUsable);
+    }
+    if dropped == 0 {
+        return Ok(None);
+    }
+    gaussians.retain(&usable);
+    Ok(Some(format!(
+        "{dropped} of {count} Gaussians have values that are NaN, infinite or beyond float32; they were dropped"
+    )))
+}

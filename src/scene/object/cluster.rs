@@ -1,0 +1,171 @@
+//! The densest cluster that the cameras look at.
+//!
+//! 1. The focus: the point nearest to all optical axes. Whoever walks around an object keeps it in the middle.
+//! 2. The ball around it in which an object could lie, by the cameras' distance. Blobs larger than any object detail are walls.
+//! 3. The support: the plane with most of these Gaussians close to it, almost none beyond it and all cameras on one side
+//!    (table, bed, floor), is taken off with what is below it.
+//! 4. What is left falls into clusters of touching voxels; the largest is the object.
+//!
+//! All lengths are shares of the cameras' median distance from the focus.
+
+use std::collections::{BTreeMap, BTreeSet};
+
+use nalgebra::{Isometry3, Matrix3, Point3, Vector3};
+
+use crate::scene::gaussians::Gaussians;
+
+/// Radius of the ball: the object fills a picture of the usual 50 to 60 degrees at about half the distance.
+const REACH: f64 = 0.6;
+/// Standard deviation of the largest Gaussian that may show a detail.
+const LARGEST: f64 = 0.03;
+/// Distance from the support within which a Gaussian belongs to it: cloth wrinkles, trained surfaces are thick.
+const SUPPORT_THICKNESS: f64 = 0.03;
+/// A support holds at least this share of the ball's Gaussians.
+const LEAST_SUPPORT: f64 = 0.12;
+/// Share of the Gaussians that may lie beyond the support: what seeps through.
+const MOST_BEYOND: f64 = 0.05;
+/// Share of the cameras that must stand on one side of it.
+const LEAST_ON_ONE_SIDE: f64 = 0.9;
+/// Side of a voxel: gaps below it do not tear an object apart.
+const VOXEL: f64 = 1.0 / 40.0;
+/// Below this opacity a Gaussian is haze.
+const LEAST_OPACITY_LOGIT: f32 = -2.2;
+/// An object needs this share of the ball's Gaussians, or nothing stands out.
+const LEAST_OBJECT: f64 = 0.02;
+
+/// Per Gaussian, whether it is the object's; `None` where no cluster stands out or the cameras look at no common point.
+pub(super) fn around_focus(gaussians: &Gaussians, cameras: &[Isometry3<f64>]) -> Option<Vec<bool>> {
+    let world_from_camera: Vec<_> = cameras.iter().map(Isometry3::inverse).collect();
+    let centers: Vec<Point3<f64>> = world_from_camera.iter().map(|pose| pose.translation.vector.into()).collect();
+    let axes: Vec<Vector3<f64>> = world_from_camera.iter().map(|pose| pose.rotation * Vector3::z()).collect();
+    let focus = nearest_to_axes(&centers, &axes)?;
+    let unit = median(centers.iter().map(|center| (center - focus).norm()).collect())?;
+    let in_ball = |i: &usize| {
+        gaussians.opacity_logits[*i] >= LEAST_OPACITY_LOGIT
+            && (gaussians.center(*i) - focus).norm() < REACH * unit
+            && gaussians.scale(*i).max() < LARGEST * unit
+    };
+    let ball: Vec<usize> = (0..gaussians.len()).filter(in_ball).collect();
+    let points: Vec<Point3<f64>> = ball.iter().map(|i| gaussians.center(*i)).collect();
+    let above: Vec<usize> = match support(&points, &centers, SUPPORT_THICKNESS * unit) {
+        Some(plane) => (0..points.len()).filter(|i| plane.height(&points[*i]) > SUPPORT_THICKNESS * unit).collect(),
+        None => (0..points.len()).collect(),
+    };
+    let cluster = largest_cluster(&points, &above, &focus, VOXEL * unit);
+    if (cluster.len() as f64) < LEAST_OBJECT * ball.len() as f64 || cluster.is_empty() {
+        return None;
+    }
+    let mut kept = vec![false; gaussians.len()];
+    for index in cluster {
+        kept[ball[index]] = true;
+    }
+    Some(kept)
+}
+
+/// The point whose squared distances from all lines (through `centers` along `axes`) are least; `None` where the lines are
+/// parallel.
+fn nearest_to_axes(centers: &[Point3<f64>], axes: &[Vector3<f64>]) -> Option<Point3<f64>> {
+    let mut sum = Matrix3::zeros();
+    let mut weighted = Vector3::zeros();
+    for (center, axis) in centers.iter().zip(axes) {
+        let across = Matrix3::identity() - axis * axis.transpose();
+        sum += across;
+        weighted += across * center.coords;
+    }
+    let least = sum.symmetric_eigenvalues().min();
+    (least > 1e-3 * centers.len() as f64).then(|| sum.try_inverse().map(|inverse| (inverse * weighted).into()))?
+}
+
+/// Points x with normal . x = offset; the cameras are where it is larger.
+struct Plane {
+    normal: Vector3<f64>,
+    offset: f64,
+}
+
+impl Plane {
+    fn through(points: [&Point3<f64>; 3]) -> Option<Self> {
+        let normal = (points[1] - points[0]).cross(&(points[2] - points[0])).try_normalize(1e-12)?;
+        Some(Self { normal, offset: normal.dot(&points[0].coords) })
+    }
+
+    fn height(&self, point: &Point3<f64>) -> f64 {
+        self.normal.dot(&point.coords) - self.offset
+    }
+
+    fn facing(self, cameras: &[Point3<f64>]) -> Option<Self> {
+        let before = cameras.iter().filter(|camera| self.height(camera) > 0.0).count();
+        let enough = LEAST_ON_ONE_SIDE * cameras.len() as f64;
+        if before as f64 >= enough {
+            Some(self)
+        } else if (cameras.len() - before) as f64 >= enough {
+            Some(Self { normal: -self.normal, offset: -self.offset })
+        } else {
+            None
+        }
+    }
+}
+
+/// RANSAC (Fischler and Bolles 1981) with a fixed sequence of samples.
+fn support(points: &[Point3<f64>], cameras: &[Point3<f64>], thickness: f64) -> Option<Plane> {
+    const TRIALS: usize = 500;
+    /// Enough to tell shares to a percent or two.
+    const SAMPLES: usize = 1500;
+    let samples: Vec<&Point3<f64>> = points.iter().step_by((points.len() / SAMPLES).max(1)).collect();
+    if samples.len() < 3 {
+        return None;
+    }
+    let mut random = Sequence(0x9e37_79b9_7f4a_7c15);
+    let mut best: Option<(usize, Plane)> = None;
+    for _ in 0..TRIALS {
+        let three = [(); 3].map(|()| samples[random.below(samples.len())]);
+        let Some(plane) = Plane::through(three).and_then(|plane| plane.facing(cameras)) else { continue };
+        let heights = samples.iter().map(|point| plane.height(point));
+        let beyond = heights.clone().filter(|height| *height < -thickness).count();
+        let close = heights.filter(|height| height.abs() < thickness).count();
+        let is_border = beyond as f64 <= MOST_BEYOND * samples.len() as f64;
+        if is_border && best.as_ref().is_none_or(|(most, _)| close > *most) {
+            best = Some((close, plane));
+        }
+    }
+    best.filter(|(close, _)| *close as f64 >= LEAST_SUPPORT * samples.len() as f64).map(|(_, plane)| plane)
+}
+
+/// A linear congruential generator (Knuth's MMIX), for samples that are the same on every run.
+struct Sequence(u64);
+
+impl Sequence {
+    fn below(&mut self, end: usize) -> usize {
+        self.0 = self.0.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+        (self.0 >> 33) as usize % end
+    }
+}
+
+/// Of the points `among`, the largest set whose voxels touch each other; the first of equals.
+fn largest_cluster(points: &[Point3<f64>], among: &[usize], origin: &Point3<f64>, side: f64) -> Vec<usize> {
+    let voxel = |point: &Point3<f64>| -> [i64; 3] { ((point - origin) / side).map(|v| v.floor() as i64).into() };
+    let mut voxels: BTreeMap<[i64; 3], Vec<usize>> = BTreeMap::new();
+    for index in among {
+        voxels.entry(voxel(&points[*index])).or_default().push(*index);
+    }
+    let mut left: BTreeSet<[i64; 3]> = voxels.keys().copied().collect();
+    let mut largest = Vec::new();
+    while let Some(start) = left.pop_first() {
+        let mut cluster = Vec::new();
+        let mut open = vec![start];
+        while let Some([x, y, z]) = open.pop() {
+            cluster.extend(&voxels[&[x, y, z]]);
+            let around =
+                (-1..=1).flat_map(|i| (-1..=1).flat_map(move |j| (-1..=1).map(move |k| [x + i, y + j, z + k])));
+            open.extend(around.filter(|neighbour| left.remove(neighbour)));
+        }
+        if cluster.len() > largest.len() {
+            largest = cluster;
+        }
+    }
+    largest
+}
+
+fn median(mut values: Vec<f64>) -> Option<f64> {
+    values.sort_by(f64::total_cmp);
+    values.get(values.len() / 2).copied().filter(|value| *value > 0.0)
+}

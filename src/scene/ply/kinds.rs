@@ -1,0 +1,61 @@
+//! Splats that are not plain 3DGS but can be turned into it: flat Gaussians, and those with a 3D smoothing filter.
+
+use crate::scene::gaussians::Gaussians;
+
+/// Mip-Splatting's property: the standard deviation of its 3D filter, scene units (Yu et al. 2024, eq. 8).
+const SMOOTHING_FILTER: &str = "filter_3D";
+
+/// The thickness of a flat Gaussian as a share of its smaller extent: thin beside any object, thick enough for an inverse.
+const FLAT_SHARE: f32 = 0.01;
+
+/// What was found beyond 3DGS.
+#[derive(Default)]
+pub(super) struct Kind {
+    pub antialiased: bool,
+    pub notes: Vec<String>,
+}
+
+/// Turns 2DGS and Mip-Splatting Gaussians into plain ones, in place. `flat`: the file has no third scale.
+pub(super) fn recognise(gaussians: &mut Gaussians, flat: bool, comments: &[String]) -> Kind {
+    let mut kind = Kind::default();
+    if flat {
+        for [a, b, thickness] in &mut gaussians.log_scales {
+            *thickness = a.min(*b) + FLAT_SHARE.ln();
+        }
+        kind.notes.push(format!("2DGS: no scale_2; the flat Gaussians are taken as {FLAT_SHARE} of their width thick"));
+    }
+    if let Some(at) = gaussians.extra.iter().position(|extra| extra.name == SMOOTHING_FILTER) {
+        let filter = gaussians.extra.remove(at).values;
+        fuse(gaussians, &filter);
+        kind.antialiased = true;
+        kind.notes.push(format!("Mip-Splatting: {SMOOTHING_FILTER} is worked into scales and opacities"));
+    } else if comments.iter().any(|comment| is_mip_comment(comment)) {
+        // Brush writes how its splats are to be drawn.
+        kind.antialiased = true;
+        kind.notes.push("trained with an antialiased rasteriser".to_owned());
+    }
+    kind
+}
+
+fn is_mip_comment(comment: &str) -> bool {
+    let comment = comment.to_lowercase();
+    let words: Vec<&str> = comment.split(|c: char| !c.is_alphanumeric()).collect();
+    words.contains(&"splatrendermode") && words.contains(&"mip")
+}
+
+/// Widens each Gaussian by its filter and dims it by what it gains in size (Yu et al. 2024, eq. 9): s' = sqrt(s^2 + f^2) and
+/// opacity' = opacity sqrt(prod s^2 / prod s'^2).
+fn fuse(gaussians: &mut Gaussians, filter: &[f32]) {
+    for (i, filter) in filter.iter().enumerate() {
+        let scales = gaussians.scale(i);
+        let widened = scales.map(|s| s.hypot(f64::from(*filter)));
+        let opacity = gaussians.opacity(i) * scales.component_div(&widened).product();
+        if !(opacity.is_finite() && widened.iter().all(|s| s.is_finite())) {
+            // Left for the count of unusable Gaussians.
+            gaussians.opacity_logits[i] = f32::NAN;
+            continue;
+        }
+        gaussians.log_scales[i] = std::array::from_fn(|axis| widened[axis].ln() as f32);
+        gaussians.opacity_logits[i] = (opacity / (1.0 - opacity)).ln() as f32;
+    }
+}

@@ -1,0 +1,23 @@
+//! What the compact formats have in common: colours and opacities as bytes of the picture instead of SH and logits.
+
+/// The constant spherical harmonic, 1 / (2 sqrt(pi)): colour = 1/2 + this * f_dc (3DGS, Kerbl et al. 2023).
+const SH_C0: f32 = 0.282_094_79;
+
+/// The constant SH coefficient of a colour channel, 0 to 1.
+pub(super) fn sh_dc_of_color(color: f32) -> f32 {
+    (color - 0.5) / SH_C0
+}
+
+/// The logit of an opacity given as a byte. 0 and 255 stand for what rounds to them: half a step inside, so that the logit is
+/// finite.
+pub(super) fn opacity_logit_of_byte(byte: u8) -> f32 {
+    let opacity = f32::from(byte).clamp(0.5, 254.5) / 255.0;
+    (opacity / (1.0 - opacity)).ln()
+}
+
+/// A unit quaternion w x y z from the index of its largest component, which is positive, and the three others in order.
+pub(super) fn quaternion_of_smallest_three(largest: usize, others: [f32; 3]) -> [f32; 4] {
+    let sum: f32 = others.iter().map(|v| v * v).sum();
+    let mut rest = others.into_iter();
+    std::array::from_fn(|i| if i == largest { (1.0 - sum).max(0.0).sqrt() } else { rest.next().unwrap_or(0.0) })
+}

@@ -1,0 +1,142 @@
+//! From the file to the bytes of each attribute, never decompressing more than the header's count accounts for.
+
+use std::io::Read;
+
+use flate2::read::GzDecoder;
+use ruzstd::decoding::StreamingDecoder;
+
+use super::{Header, Problem};
+
+const MAGIC: [u8; 4] = *b"NGSP";
+const GZIP_MAGIC: [u8; 2] = [0x1f, 0x8b];
+const LEGACY_HEADER: usize = 16;
+const HEADER: usize = 32;
+/// Bytes of an entry of version 4's list of streams: compressed and uncompressed size.
+const STREAM_ENTRY: usize = 16;
+const FLAG_ANTIALIASED: u8 = 1;
+
+/// Trained splats shrink to a third at best, constant harmonics to a tenth. A header that promises more than this many bytes
+/// a byte of the file is not believed...
+const MOST_BYTES_PER_BYTE: u64 = 64;
+/// ... unless the promise is small anyway: made-up files of equal Gaussians compress without limit.
+const ALWAYS_ALLOWED: u64 = 1 << 16;
+
+type Attributes = [Vec<u8>; 6];
+
+/// The header and the bytes of each attribute, of just the lengths that [`Header::lengths`] gives.
+pub(super) fn unpack(bytes: &[u8]) -> Result<(Header, Attributes), Problem> {
+    if bytes.starts_with(&GZIP_MAGIC) {
+        let mut stream = GzDecoder::new(bytes);
+        let mut start = [0; LEGACY_HEADER];
+        let broken = |reason: std::io::Error| Problem::Compression { attribute: "header", reason: reason.to_string() };
+        stream.read_exact(&mut start).map_err(broken)?;
+        if !start.starts_with(&MAGIC) {
+            return Err(Problem::NotSpz);
+        }
+        let header = header(&start, bytes.len())?;
+        if header.version > 3 {
+            return Err(Problem::Version { version: header.version });
+        }
+        return Ok((header, one_after_the_other(&header, stream)?));
+    }
+    if !bytes.starts_with(&MAGIC) {
+        return Err(Problem::NotSpz);
+    }
+    let start = bytes.first_chunk().ok_or(Problem::Truncated { size: bytes.len() })?;
+    let header = header(start, bytes.len())?;
+    match header.version {
+        // What a viewer's cache keeps: the legacy layout without its gzip.
+        1..=3 => Ok((header, one_after_the_other(&header, &bytes[LEGACY_HEADER..])?)),
+        _ => Ok((header, streams(&header, bytes)?)),
+    }
+}
+
+fn header(start: &[u8; LEGACY_HEADER], size: usize) -> Result<Header, Problem> {
+    let word = |at: usize| u32::from_le_bytes(std::array::from_fn(|i| start[at + i]));
+    let header = Header {
+        version: word(4),
+        count: word(8),
+        sh_degree: start[12],
+        fractional_bits: start[13],
+        antialiased: start[14] & FLAG_ANTIALIASED != 0,
+    };
+    if !(1..=4).contains(&header.version) {
+        return Err(Problem::Version { version: header.version });
+    }
+    if header.sh_degree > 3 {
+        return Err(Problem::ShDegree { degree: header.sh_degree });
+    }
+    if header.fractional_bits > 24 {
+        return Err(Problem::FractionalBits { bits: header.fractional_bits });
+    }
+    if header.count == 0 {
+        return Err(Problem::Empty);
+    }
+    let promised: u64 = header.lengths().iter().map(|(_, length)| length).sum();
+    if promised > ALWAYS_ALLOWED.max(MOST_BYTES_PER_BYTE * size as u64) {
+        return Err(Problem::Count { count: header.count, size });
+    }
+    Ok(header)
+}
+
+/// Versions 1 to 3: the attributes follow each other in one stream.
+fn one_after_the_other(header: &Header, mut stream: impl Read) -> Result<Attributes, Problem> {
+    let mut attributes = Attributes::default();
+    for (bytes, (attribute, length)) in attributes.iter_mut().zip(header.lengths()) {
+        *bytes = exactly(header, attribute, length, stream.by_ref())?;
+    }
+    Ok(attributes)
+}
+
+/// Version 4: a list of streams, then the streams.
+fn streams(header: &Header, bytes: &[u8]) -> Result<Attributes, Problem> {
+    let truncated = || Problem::Truncated { size: bytes.len() };
+    let start: &[u8; HEADER] = bytes.first_chunk().ok_or_else(truncated)?;
+    let list_at = u32::from_le_bytes(std::array::from_fn(|i| start[16 + i])) as usize;
+    let entries = list_at.checked_add(usize::from(start[15]) * STREAM_ENTRY).and_then(|end| bytes.get(list_at..end));
+    let (entries, _) = entries.ok_or_else(truncated)?.as_chunks::<STREAM_ENTRY>();
+    let mut at = list_at + entries.len() * STREAM_ENTRY;
+    let mut entries = entries.iter();
+    let mut attributes = Attributes::default();
+    for (decoded, (attribute, length)) in attributes.iter_mut().zip(header.lengths()) {
+        // A cloud without harmonics may leave their stream out.
+        let Some(entry) = entries.next() else {
+            if length == 0 {
+                continue;
+            }
+            return Err(Problem::Length { attribute, count: header.count, found: 0, expected: length });
+        };
+        let word = |at: usize| u64::from_le_bytes(std::array::from_fn(|i| entry[at + i]));
+        let (compressed, found) = (word(0), word(8));
+        if found != length {
+            return Err(Problem::Length { attribute, count: header.count, found, expected: length });
+        }
+        let end = usize::try_from(compressed).ok().and_then(|size| at.checked_add(size)).ok_or_else(truncated)?;
+        let stream = bytes.get(at..end).ok_or_else(truncated)?;
+        if length > 0 {
+            *decoded = zstd(header, attribute, length, stream)?;
+        }
+        at = end;
+    }
+    Ok(attributes)
+}
+
+fn zstd(header: &Header, attribute: &'static str, length: u64, stream: &[u8]) -> Result<Vec<u8>, Problem> {
+    /// The format's floor for what a decoder should allow (RFC 8878, 3.1.1.1.2).
+    const LEAST_WINDOW: u64 = 8 << 20;
+    let window = length.next_power_of_two().clamp(1 << 10, LEAST_WINDOW.max(length.next_power_of_two()));
+    let decoder = StreamingDecoder::new_with_max_window_size(stream, window)
+        .map_err(|reason| Problem::Compression { attribute, reason: reason.to_string() })?;
+    exactly(header, attribute, length, decoder)
+}
+
+/// Reads `length` bytes and not one more.
+fn exactly(header: &Header, attribute: &'static str, length: u64, stream: impl Read) -> Result<Vec<u8>, Problem> {
+    let mut bytes = Vec::new();
+    let read = stream.take(length).read_to_end(&mut bytes);
+    read.map_err(|reason| Problem::Compression { attribute, reason: reason.to_string() })?;
+    match bytes.len() as u64 == length {
+        true => Ok(bytes),
+        false => Err(Problem::Length { attribute, count: header.count, found: bytes.len() as u64, expected: length }),
+    }
+}

@@ -1,0 +1,93 @@
+//! Niantic's `.spz`, versions 1 to 4: quantised Gaussians, attribute by attribute, compressed.
+//!
+//! 1. [`container`]: versions 1 to 3 are one gzip stream behind a 16-byte header; version 4 has a plain header of 32 bytes
+//!    and a zstd stream an attribute.
+//! 2. [`attributes`]: from the bytes of an attribute to the values that a 3DGS PLY holds.
+//!
+//! The format's axes are right, up, back; a 3DGS PLY's are right, down, front. The cloud is turned by half a turn about x, as
+//! the format's own converters do.
+
+mod attributes;
+mod container;
+
+use thiserror::Error;
+
+use super::gaussians::Gaussians;
+use super::loaded::{Loaded, drop_unusable};
+
+/// What is wrong with an `.spz`.
+#[derive(Debug, Error)]
+pub enum Problem {
+    #[error("is no .spz file: neither gzip nor the letters NGSP at its start; export the splat again")]
+    NotSpz,
+    #[error("is .spz version {version}; gprop reads versions 1 to 4: convert it to a PLY or to one of these")]
+    Version { version: u32 },
+    #[error("holds no Gaussians; export the splat again")]
+    Empty,
+    #[error("has spherical harmonics of degree {degree}; gprop reads 0 to 3: export it with fewer")]
+    ShDegree { degree: u8 },
+    #[error("has {bits} fractional bits, of 24 in a coordinate at most; the file is damaged, copy or export it again")]
+    FractionalBits { bits: u8 },
+    #[error(
+        "claims {count} Gaussians, far more than its {size} bytes can hold; the file is damaged, copy or export it again"
+    )]
+    Count { count: u32, size: usize },
+    #[error("ends within its header or its list of streams, after {size} bytes; copy or export it again")]
+    Truncated { size: usize },
+    #[error("has {found} bytes of {attribute} where its {count} Gaussians take {expected}; copy or export it again")]
+    Length { attribute: &'static str, count: u32, found: u64, expected: u64 },
+    #[error("its {attribute} cannot be decompressed ({reason}); copy or export it again")]
+    Compression { attribute: &'static str, reason: String },
+    #[error("none of the {count} Gaussians has finite values; export the splat again")]
+    NothingFinite { count: u32 },
+}
+
+/// Version, count and flags: what both kinds of header say.
+#[derive(Debug, Clone, Copy)]
+struct Header {
+    version: u32,
+    count: u32,
+    sh_degree: u8,
+    /// Binary digits behind the point of a coordinate.
+    fractional_bits: u8,
+    antialiased: bool,
+}
+
+impl Header {
+    /// Bytes of each attribute in file order: positions, opacities, colours, scales, rotations, spherical harmonics.
+    fn lengths(&self) -> [(&'static str, u64); 6] {
+        let bands = u64::from(self.sh_degree) + 1;
+        // Version 1 stored half floats; the smallest three components of a quaternion came with version 3.
+        let (position, rotation) = (if self.version == 1 { 6 } else { 9 }, if self.version < 3 { 3 } else { 4 });
+        let of = |bytes: u64| bytes * u64::from(self.count);
+        [
+            ("positions", of(position)),
+            ("opacities", of(1)),
+            ("colours", of(3)),
+            ("scales", of(3)),
+            ("rotations", of(rotation)),
+            ("spherical harmonics", of(3 * (bands * bands - 1))),
+        ]
+    }
+}
+
+/// Reads an `.spz` from memory.
+///
+/// # Errors
+/// [`Problem`] says what is wrong.
+pub fn parse(bytes: &[u8]) -> Result<Loaded, Problem> {
+    let (header, [positions, opacities, colors, scales, rotations, sh]) = container::unpack(bytes)?;
+    let mut gaussians = Gaussians {
+        positions: attributes::positions(&header, &positions),
+        log_scales: attributes::log_scales(&scales),
+        rotations: attributes::rotations(&header, &rotations),
+        opacity_logits: attributes::opacity_logits(&opacities),
+        sh_dc: attributes::sh_dc(&colors),
+        sh_degree: header.sh_degree,
+        sh_rest: attributes::sh_rest(&header, &sh),
+        extra: Vec::new(),
+    };
+    let dropped = drop_unusable(&mut gaussians).map_err(|_| Problem::NothingFinite { count: header.count })?;
+    let notes = vec![format!("SPZ version {}", header.version)];
+    Ok(Loaded { gaussians, antialiased: header.antialiased, notes, warnings: dropped.into_iter().collect() })
+}

@@ -1,0 +1,538 @@
+//! Cameras of every program: built in code, each beside what its format's documentation says.
+
+use gprop::camera::{Distortion, Polynomial};
+use gprop::scene::align::{Conversion, SignedPermutation};
+use gprop::scene::cameras::gaussian_splatting::TrainingArguments;
+use gprop::scene::cameras::{Focal, colmap, transforms};
+use gprop::scene::{self, ForegroundSource, Options, Scene, SceneError};
+use image::{GrayImage, ImageEncoder, Rgb, RgbImage};
+use nalgebra::{Isometry3, Point3, Rotation3, UnitQuaternion, Vector3};
+use proptest::prelude::*;
+use serde_json::json;
+
+use super::folder::{MadeUp, assert_message, hammer, options};
+use super::formats::shared;
+
+/// COLMAP's models with their numbers, parameters, and the lens that they mean.
+fn colmap_models() -> Vec<(i32, &'static str, Vec<f64>, Distortion)> {
+    let fisheye = |radial: [f64; 6], tangential, prism, prism_after_radial| {
+        Distortion::Fisheye(Polynomial { radial, tangential, prism, prism_after_radial, ..Default::default() })
+    };
+    let (none, no_prism) = ([0.0; 2], [0.0; 4]);
+    let full = Polynomial {
+        radial: [0.1, 0.2, 0.5, 0.0, 0.0, 0.0],
+        divisor: [0.6, 0.7, 0.8],
+        tangential: [0.3, 0.4],
+        ..Default::default()
+    };
+    let parameters = |values: &[f64]| values.to_vec();
+    let two = |lens: &[f64]| [&[10.0, 11.0, 4.0, 3.0], lens].concat();
+    vec![
+        (0, "SIMPLE_PINHOLE", parameters(&[10.0, 4.0, 3.0]), Distortion::None),
+        (1, "PINHOLE", two(&[]), Distortion::None),
+        (2, "SIMPLE_RADIAL", parameters(&[10.0, 4.0, 3.0, 0.1]), Distortion::opencv(0.1, 0.0, 0.0, 0.0, 0.0)),
+        (3, "RADIAL", parameters(&[10.0, 4.0, 3.0, 0.1, 0.2]), Distortion::opencv(0.1, 0.2, 0.0, 0.0, 0.0)),
+        (4, "OPENCV", two(&[0.1, 0.2, 0.3, 0.4]), Distortion::opencv(0.1, 0.2, 0.3, 0.4, 0.0)),
+        (5, "OPENCV_FISHEYE", two(&[0.1, 0.2, 0.3, 0.4]), Distortion::fisheye([0.1, 0.2, 0.3, 0.4])),
+        (6, "FULL_OPENCV", two(&[0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8]), Distortion::Perspective(full)),
+        (7, "FOV", two(&[0.9]), Distortion::FieldOfView { omega: 0.9 }),
+        (8, "SIMPLE_RADIAL_FISHEYE", parameters(&[10.0, 4.0, 3.0, 0.1]), Distortion::fisheye([0.1, 0.0, 0.0, 0.0])),
+        (9, "RADIAL_FISHEYE", parameters(&[10.0, 4.0, 3.0, 0.1, 0.2]), Distortion::fisheye([0.1, 0.2, 0.0, 0.0])),
+        (
+            10,
+            "THIN_PRISM_FISHEYE",
+            two(&[0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8]),
+            fisheye([0.1, 0.2, 0.5, 0.6, 0.0, 0.0], [0.3, 0.4], [0.7, 0.0, 0.8, 0.0], false),
+        ),
+        (
+            11,
+            "RAD_TAN_THIN_PRISM_FISHEYE",
+            two(&[0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9, 1.0, 1.1, 1.2]),
+            fisheye([0.1, 0.2, 0.3, 0.4, 0.5, 0.6], [0.8, 0.7], [0.9, 1.0, 1.1, 1.2], true),
+        ),
+        (12, "SIMPLE_DIVISION", parameters(&[10.0, 4.0, 3.0, -0.1]), Distortion::Division { k: -0.1 }),
+        (13, "DIVISION", two(&[-0.1]), Distortion::Division { k: -0.1 }),
+        (14, "SIMPLE_FISHEYE", parameters(&[10.0, 4.0, 3.0]), fisheye([0.0; 6], none, no_prism, false)),
+        (15, "FISHEYE", two(&[]), fisheye([0.0; 6], none, no_prism, false)),
+        (16, "EUCM", two(&[0.5, 1.1]), Distortion::EnhancedUnified { alpha: 0.5, beta: 1.1 }),
+    ]
+}
+
+fn cameras_binary(cameras: &[(u32, i32, &[f64])]) -> Vec<u8> {
+    let mut file = (cameras.len() as u64).to_le_bytes().to_vec();
+    for (id, model, parameters) in cameras {
+        file.extend(id.to_le_bytes());
+        file.extend(model.to_le_bytes());
+        file.extend([8u64, 6].into_iter().flat_map(u64::to_le_bytes));
+        file.extend(parameters.iter().flat_map(|value| value.to_le_bytes()));
+    }
+    file
+}
+
+fn images_binary(images: &[(u32, [f64; 4], [f64; 3], u32, &str)]) -> Vec<u8> {
+    let mut file = (images.len() as u64).to_le_bytes().to_vec();
+    for (id, quaternion, translation, camera, name) in images {
+        file.extend(id.to_le_bytes());
+        file.extend(quaternion.iter().chain(translation).flat_map(|value| value.to_le_bytes()));
+        file.extend(camera.to_le_bytes());
+        file.extend(name.bytes().chain([0]));
+        // Two observed points.
+        file.extend(2u64.to_le_bytes());
+        file.extend([7; 48]);
+    }
+    file
+}
+
+#[test]
+fn every_colmap_model_is_read_from_both_formats() {
+    for (number, name, parameters, distortion) in colmap_models() {
+        let binary = colmap::parse_cameras_binary(&cameras_binary(&[(3, number, &parameters)])).unwrap();
+        let words: Vec<String> = parameters.iter().map(f64::to_string).collect();
+        let text = colmap::parse_cameras_text(&format!("# a remark\n3 {name} 8 6 {}\n", words.join(" "))).unwrap();
+        assert_eq!(binary, text, "{name}");
+        let camera = binary[&3];
+        assert_eq!((camera.size, camera.cx, camera.cy), (Some((8, 6)), Some(4.0), Some(3.0)), "{name}");
+        let shared_focal = name.starts_with("SIMPLE") || name.starts_with("RADIAL");
+        assert_eq!(
+            (camera.fx, camera.fy),
+            (Focal::Pixels(10.0), Some(Focal::Pixels(if shared_focal { 10.0 } else { 11.0 })))
+        );
+        assert_eq!(camera.distortion, distortion, "{name}");
+    }
+}
+
+#[test]
+fn a_bad_colmap_model_is_refused() {
+    let binary = |file: &[u8]| colmap::parse_cameras_binary(file).unwrap_err().to_string();
+    let text = |text: &str| colmap::parse_cameras_text(text).unwrap_err().to_string();
+    let good = cameras_binary(&[(1, 1, &[10.0, 11.0, 4.0, 3.0])]);
+    assert!(binary(&good[..30]).contains("within camera 0 of 1"));
+    assert!(binary(&good[..4]).contains("truncated"));
+    assert!(
+        binary(&[&u64::MAX.to_le_bytes()[..], &good[8..]].concat()).contains("within camera 1 of 18446744073709551615")
+    );
+    assert!(binary(&cameras_binary(&[(1, 17, &[])])).contains("number 17"));
+    assert!(binary(&cameras_binary(&[(1, 1, &[10.0, f64::NAN, 4.0, 3.0])])).contains("no number"));
+    assert!(binary(&cameras_binary(&[(1, 0, &[-10.0, 4.0, 3.0])])).contains("focal length"));
+    assert!(binary(&cameras_binary(&[(1, 7, &[10.0, 10.0, 4.0, 3.0, 9.0])])).contains("lens parameters"));
+    assert!(text("1 PINHOLE 8 6 1 2 3").contains("3 parameters where its model PINHOLE has 4"));
+    assert!(text("1 PINHOLE 8 six 1 2 3 4").contains("line 1: HEIGHT is `six`"));
+    assert!(text("\n1 PINHOLE").contains("line 2: WIDTH is missing"));
+    assert!(text("1 LENSLESS 8 6 1").contains("LENSLESS"));
+    let image = |text: &str| colmap::parse_images_text(text).unwrap_err().to_string();
+    assert!(image("1 0 0 0 0 1 2 3 1 a.png").contains("rotation of length zero"));
+    assert!(image("1 1 0 0 0 1 2 3 1").contains("NAME is missing"));
+    let good = images_binary(&[(1, [1.0, 0.0, 0.0, 0.0], [0.0; 3], 1, "a.png")]);
+    let cut = colmap::parse_images_binary(&good[..good.len() - 1]).unwrap_err().to_string();
+    assert!(cut.contains("within image 0 of 1"));
+}
+
+#[test]
+fn images_are_read_alike_from_both_formats() {
+    let half = std::f64::consts::FRAC_1_SQRT_2;
+    // Unnormalised, as text files of six digits are.
+    let quaternion = [2.0 * half, 0.0, 2.0 * half, 0.0];
+    let binary = images_binary(&[
+        (5, quaternion, [1.0, 2.0, 3.0], 9, "left eye/b 1.png"),
+        (6, quaternion, [0.0; 3], 9, "a.png"),
+    ]);
+    let binary = colmap::parse_images_binary(&binary).unwrap();
+    let q = format!("{} 0 {} 0", quaternion[0], quaternion[2]);
+    let text = format!("# IMAGE_ID ...\n5 {q} 1 2 3 9 left eye/b 1.png\n1.5 2.5 -1 3 4 7\n6 {q} 0 0 0 9 a.png\n\n");
+    assert_eq!(binary, colmap::parse_images_text(&text).unwrap());
+    assert_eq!(binary[0].name, "left eye/b 1.png");
+    // A quarter about y takes +x to -z.
+    let in_camera = binary[0].camera_from_world * Point3::new(1.0, 0.0, 0.0);
+    assert!((in_camera - Point3::new(1.0, 2.0, 2.0)).norm() < 1e-12, "{in_camera}");
+}
+
+/// The made-up scene with its cameras as another program writes them, and no transforms.json.
+pub fn as_colmap(made_up: &MadeUp) -> Scene {
+    let original = made_up.load().unwrap();
+    let images: Vec<(u32, [f64; 4], [f64; 3], u32, String)> = original
+        .views
+        .iter()
+        .zip(0..)
+        .map(|(view, id)| {
+            let pose = view.camera.camera_from_world;
+            let q = pose.rotation;
+            (id, [q.w, q.i, q.j, q.k], pose.translation.vector.into(), 1, format!("{}.png", view.name))
+        })
+        .collect();
+    let images: Vec<_> = images.iter().map(|(id, q, t, camera, name)| (*id, *q, *t, *camera, name.as_str())).collect();
+    let sparse = made_up.path("sparse/0");
+    std::fs::create_dir_all(&sparse).unwrap();
+    std::fs::write(sparse.join("cameras.bin"), cameras_binary(&[(1, 1, &[10.0, 10.0, 4.0, 3.0])])).unwrap();
+    std::fs::write(sparse.join("images.bin"), images_binary(&images)).unwrap();
+    std::fs::remove_file(made_up.path("transforms.json")).unwrap();
+    original
+}
+
+#[track_caller]
+fn assert_same_cameras(a: &Scene, b: &Scene) {
+    assert_eq!(a.views.len(), b.views.len());
+    for (a, b) in a.views.iter().zip(&b.views) {
+        assert_eq!((&a.name, &a.image), (&b.name, &b.image));
+        assert_eq!(a.camera.intrinsics, b.camera.intrinsics);
+        let apart = a.camera.camera_from_world.inverse() * b.camera.camera_from_world;
+        assert!(apart.translation.vector.norm() + apart.rotation.angle() < 1e-7, "{}: {apart}", a.name);
+    }
+}
+
+#[test]
+fn a_folder_with_a_colmap_model() {
+    let made_up = MadeUp::new();
+    let original = as_colmap(&made_up);
+    let scene = made_up.load_as_is(&Options::default()).unwrap();
+    assert_same_cameras(&original, &scene);
+    assert!(scene.notes.iter().any(|note| note == "cameras: `sparse/0`"), "{:?}", scene.notes);
+    assert_eq!(scene.files.len(), 3);
+    // A photo that was registered but is gone.
+    std::fs::remove_file(made_up.path("images/001.png")).unwrap();
+    let scene = made_up.load_as_is(&Options::default()).unwrap();
+    assert_eq!(scene.views.len(), 3);
+    assert!(scene.warnings[0].starts_with("1 of the 4 photos") && scene.warnings[0].contains("001.png"));
+}
+
+/// The made-up scene as the output folder of 3DGS.
+pub fn as_3dgs_output(made_up: &MadeUp) -> Scene {
+    let original = made_up.load().unwrap();
+    let entry = |view: &scene::View| {
+        let pose = view.camera.camera_from_world.inverse();
+        let rotation = pose.rotation.to_rotation_matrix().into_inner();
+        let rows: Vec<[f64; 3]> = (0..3).map(|row| [0, 1, 2].map(|column| rotation[(row, column)])).collect();
+        let position: [f64; 3] = pose.translation.vector.into();
+        json!({
+            "id": 0, "img_name": view.name, "width": 8, "height": 6, "position": position, "rotation": rows,
+            "fx": 10.0, "fy": 10.0,
+        })
+    };
+    let entries: Vec<_> = original.views.iter().map(entry).collect();
+    std::fs::write(made_up.path("cameras.json"), json!(entries).to_string()).unwrap();
+    std::fs::remove_file(made_up.path("transforms.json")).unwrap();
+    let output = made_up.path("point_cloud/iteration_7000");
+    std::fs::create_dir_all(&output).unwrap();
+    std::fs::rename(made_up.path("point_cloud.ply"), output.join("point_cloud.ply")).unwrap();
+    original
+}
+
+#[test]
+fn a_3dgs_output_folder() {
+    let made_up = MadeUp::new();
+    let original = as_3dgs_output(&made_up);
+    assert_same_cameras(&original, &made_up.load_as_is(&Options::default()).unwrap());
+    // The photos stayed with the training data.
+    let data = tempfile::tempdir().unwrap();
+    std::fs::rename(made_up.path("images"), data.path().join("photos")).unwrap();
+    let cfg_args = format!("Namespace(sh_degree=3, source_path={:?}, images='photos')", data.path().to_str().unwrap());
+    std::fs::write(made_up.path("cfg_args"), cfg_args).unwrap();
+    let scene = made_up.load_as_is(&Options::default()).unwrap();
+    assert_eq!(scene.views[2].image, data.path().join("photos/002.png"));
+}
+
+#[test]
+fn cfg_args_is_read_as_text() {
+    let parse = TrainingArguments::parse;
+    let text =
+        r"Namespace(data_device='cuda', images='images', source_path='D:\\data\\my \'plush\'', white_background=False)";
+    let expected =
+        TrainingArguments { source_path: Some(r"D:\data\my 'plush'".to_owned()), images: Some("images".to_owned()) };
+    assert_eq!(parse(text), expected);
+    assert_eq!(parse("Namespace(source_path=__import__('os').system('x'))").source_path, None);
+    assert_eq!(parse("Namespace(resource_path='x', source_path=\"y\")").source_path, Some("y".to_owned()));
+    assert_eq!(parse("source_path='unfinished"), TrainingArguments::default());
+}
+
+/// The made-up scene as a Blender exporter writes it: an angle for a focal length, no size, no extensions.
+pub fn as_blender(made_up: &MadeUp) {
+    let mut frames = made_up.transforms["frames"].clone();
+    for frame in frames.as_array_mut().unwrap() {
+        let path = frame["file_path"].as_str().unwrap();
+        frame["file_path"] = json!(format!("./{}", path.trim_end_matches(".png")));
+    }
+    let blender = json!({"camera_angle_x": std::f64::consts::FRAC_PI_2, "frames": frames});
+    std::fs::write(made_up.path("transforms_train.json"), blender.to_string()).unwrap();
+    let _ = std::fs::remove_file(made_up.path("transforms.json"));
+}
+
+#[test]
+fn blender_leaves_extension_and_size_out() {
+    let made_up = MadeUp::new();
+    as_blender(&made_up);
+    let scene = made_up.load_as_is(&Options::default()).unwrap();
+    assert_eq!((scene.views.len(), scene.views[0].camera.intrinsics.width), (4, 8));
+    assert!((scene.views[0].camera.intrinsics.fx - 4.0).abs() < 1e-12);
+}
+
+#[test]
+fn the_cameras_that_are_asked_for_are_used() {
+    let made_up = MadeUp::new();
+    let original = as_colmap(&made_up);
+    std::fs::write(made_up.path("transforms.json"), made_up.transforms.to_string()).unwrap();
+    let found = made_up.load_as_is(&Options::default()).unwrap();
+    let note = "cameras: `transforms.json` (also there: `sparse/0`; --cameras chooses)";
+    assert!(found.notes.iter().any(|found| found == note), "{:?}", found.notes);
+    for path in ["sparse/0", "sparse", ""] {
+        let options = Options { cameras: Some(made_up.path(path)), ..Options::default() };
+        let scene = made_up.load_as_is(&options).unwrap();
+        assert!(scene.files.iter().any(|file| file.ends_with("images.bin")), "{path}: {:?}", scene.files);
+        assert_same_cameras(&original, &scene);
+    }
+    let other = Options { cameras: Some(made_up.path("point_cloud.ply")), ..Options::default() };
+    assert_message(made_up.load_as_is(&other), &["point_cloud.ply", "no camera file that gprop knows"]);
+}
+
+/// Trains nothing: applies nerfstudio's transform to the splat's one Gaussian and checks that it is seen where it was.
+#[test]
+fn an_exported_splat_is_met_in_its_own_frame() {
+    let mut made_up = MadeUp::new();
+    let before = made_up.load().unwrap();
+    let seen = |scene: &Scene, point: Point3<f64>| {
+        let camera = &scene.views[0].camera;
+        camera.pixel(camera.point_in_camera(point)).unwrap()
+    };
+    let point = Point3::new(2.3, -0.2, -4.0);
+    let applied = Isometry3::new(Vector3::new(0.1, 0.2, 0.3), Vector3::new(0.0, 0.0, 1.2));
+    let trained = Isometry3::new(Vector3::new(-0.5, 0.4, 0.2), Vector3::new(0.3, -0.7, 0.2));
+    let rows = |pose: Isometry3<f64>| -> Vec<Vec<f64>> {
+        let matrix = pose.to_homogeneous();
+        (0..3).map(|row| matrix.row(row).iter().copied().collect()).collect()
+    };
+    for (applied, applied_scale) in [(Isometry3::identity(), 1.0), (applied, 1.0), (applied, 2.0)] {
+        made_up.transforms["applied_transform"] = json!(rows(applied));
+        made_up.transforms["applied_scale"] = json!(applied_scale);
+        // nerfstudio's dataparser: it trains in scale (trained x), and writes what it did with the applied part worked in.
+        let scale = 0.25;
+        let written = json!({"transform": rows(trained * applied), "scale": scale * applied_scale});
+        std::fs::write(made_up.path("dataparser_transforms.json"), written.to_string()).unwrap();
+        let scene = made_up.load().unwrap();
+        let in_splat: Point3<f64> = ((trained * point).coords * scale).into();
+        assert!((seen(&before, point) - seen(&scene, in_splat)).norm() < 1e-9);
+        assert!(scene.files.iter().any(|file| file.ends_with("dataparser_transforms.json")));
+    }
+    std::fs::write(made_up.path("dataparser_transforms.json"), r#"{"transform": [[1,0,0,0]], "scale": 1}"#).unwrap();
+    made_up.assert_refused(&["dataparser_transforms.json", "transform and scale"]);
+}
+
+#[test]
+fn nerfstudio_lenses() {
+    let lens = |keys: serde_json::Value| {
+        let mut top = json!({"frames": [{"file_path": "a", "transform_matrix":
+            [[1.0, 0.0, 0.0, 0.0], [0.0, 1.0, 0.0, 0.0], [0.0, 0.0, 1.0, 0.0], [0.0, 0.0, 0.0, 1.0]]}], "fl_x": 10.0});
+        top.as_object_mut().unwrap().extend(keys.as_object().unwrap().clone());
+        transforms::parse(top.to_string().as_bytes()).map(|capture| capture.frames[0].declared.distortion)
+    };
+    let all = json!({"k1": 0.1, "k2": 0.2, "k3": 0.3, "k4": 0.4, "p1": 0.5, "p2": 0.6});
+    let radial = [0.1, 0.2, 0.3, 0.4, 0.0, 0.0];
+    let expected = Polynomial { radial, tangential: [0.5, 0.6], ..Default::default() };
+    assert_eq!(lens(all.clone()).unwrap(), Distortion::Perspective(expected));
+    let mut fisheye = all;
+    fisheye["camera_model"] = json!("OPENCV_FISHEYE");
+    assert_eq!(lens(fisheye).unwrap(), Distortion::fisheye([0.1, 0.2, 0.3, 0.4]));
+    assert_eq!(lens(json!({"k1": 0.0})).unwrap(), Distortion::None);
+    assert!(lens(json!({"camera_model": "EQUIRECTANGULAR"})).is_err());
+}
+
+#[test]
+fn masks_tell_the_foreground() {
+    let made_up = MadeUp::new();
+    let mask = GrayImage::from_fn(8, 6, |x, _| image::Luma([if x < 4 { 255 } else { 0 }]));
+    std::fs::create_dir(made_up.path("masks")).unwrap();
+    mask.save(made_up.path("masks/001.png")).unwrap();
+    mask.save(made_up.path("masks/002.png.png")).unwrap();
+    let scene = made_up.load().unwrap();
+    let sources: Vec<_> = scene.views.iter().map(|view| view.photo().unwrap().foreground_source).collect();
+    use ForegroundSource::{Mask, Whole};
+    assert_eq!(sources, [Whole, Mask, Mask, Whole]);
+    let foreground = scene.views[1].photo().unwrap().foreground;
+    assert_eq!(foreground.as_raw().iter().filter(|value| **value == 255).count(), 24);
+    // Elsewhere, and smaller than the photos.
+    let elsewhere = tempfile::tempdir().unwrap();
+    image::imageops::resize(&mask, 4, 3, image::imageops::FilterType::Nearest)
+        .save(elsewhere.path().join("003.png"))
+        .unwrap();
+    let options = Options { masks: Some(elsewhere.path().to_owned()), ..Options::default() };
+    let photo = made_up.load_as_is(&options).unwrap().views[3].photo().unwrap();
+    assert_eq!((photo.foreground_source, photo.foreground.dimensions()), (Mask, (8, 6)));
+}
+
+/// A JPEG of 8 x 6 pixels as stored, bright on the left, whose EXIF orientation says `orientation`.
+fn jpeg_on_its_side(orientation: u8) -> Vec<u8> {
+    let picture = RgbImage::from_fn(8, 6, |x, _| if x < 4 { Rgb([250; 3]) } else { Rgb([5; 3]) });
+    let mut jpeg = Vec::new();
+    let mut encoder = image::codecs::jpeg::JpegEncoder::new_with_quality(&mut jpeg, 100);
+    // TIFF header, one entry: tag 0x0112 (orientation), type SHORT, count 1.
+    let exif = [&b"MM\0*\0\0\0\x08\0\x01\x01\x12\0\x03\0\0\0\x01\0"[..], &[orientation], b"\0\0\0\0\0\0"].concat();
+    encoder.set_exif_metadata(exif).unwrap();
+    encoder.encode_image(&picture).unwrap();
+    jpeg
+}
+
+#[test]
+fn exif_orientation_is_honoured() {
+    let mut made_up = MadeUp::new();
+    for frame in made_up.transforms["frames"].as_array_mut().unwrap() {
+        frame["file_path"] = json!("images/side.jpg");
+    }
+    made_up.transforms["frames"].as_array_mut().unwrap().truncate(1);
+    // 6: the camera was turned by a quarter; the picture is to be turned clockwise.
+    std::fs::write(made_up.path("images/side.jpg"), jpeg_on_its_side(6)).unwrap();
+    // Calibrated on the upright picture.
+    (made_up.transforms["w"], made_up.transforms["h"]) = (json!(6), json!(8));
+    let scene = made_up.load().unwrap();
+    let photo = scene.views[0].photo().unwrap();
+    assert_eq!(photo.rgb.dimensions(), (6, 8));
+    assert!(photo.rgb.get_pixel(3, 1)[0] > 200 && photo.rgb.get_pixel(3, 6)[0] < 50);
+    assert!(scene.warnings[0].contains("turned upright"), "{:?}", scene.warnings);
+    // Calibrated on the picture as it is stored, as COLMAP and 3DGS do.
+    (made_up.transforms["w"], made_up.transforms["h"]) = (json!(8), json!(6));
+    let scene = made_up.load().unwrap();
+    assert_eq!(scene.views[0].photo().unwrap().rgb.dimensions(), (8, 6));
+    assert!(scene.warnings[0].contains("as they are stored"), "{:?}", scene.warnings);
+}
+
+#[test]
+fn photos_that_are_all_missing_are_said_to_be() {
+    let made_up = MadeUp::new();
+    std::fs::remove_dir_all(made_up.path("images")).unwrap();
+    made_up.assert_refused(&["none of the 4 photos", "images/000.png", "--images DIR", "--render-views"]);
+    let elsewhere = tempfile::tempdir().unwrap();
+    RgbImage::new(8, 6).save(elsewhere.path().join("002.png")).unwrap();
+    let mut flat = MadeUp::new();
+    for frame in flat.transforms["frames"].as_array_mut().unwrap() {
+        frame["file_path"] = json!(frame["file_path"].as_str().unwrap().trim_start_matches("images/"));
+    }
+    let options = Options { images: Some(elsewhere.path().to_owned()), ..Options::default() };
+    let scene = flat.load_with(&options).unwrap();
+    assert_eq!((scene.views.len(), scene.views[0].name.as_str()), (1, "002"));
+}
+
+#[test]
+fn conversions_are_written_as_they_are_read() {
+    for text in [
+        "none",
+        "transposed",
+        "transposed-opengl+scale=2",
+        "inverted+camera-yz",
+        "camera-y+world=x,-y,z",
+        "world=y,z,x+scale=0.1",
+    ] {
+        let conversion: Conversion = text.parse().unwrap();
+        assert_eq!(conversion.to_string(), text);
+    }
+    for text in ["", "camera-y", "camera-", "camera-w", "world=x,x,z", "world=x,y", "scale=0", "scale=-1", "flipped"] {
+        assert!(text.parse::<Conversion>().is_err(), "{text}");
+    }
+    assert_eq!(SignedPermutation::all().len(), 48);
+    assert_eq!(SignedPermutation::all()[0], SignedPermutation::IDENTITY);
+}
+
+#[test]
+fn align_undoes_another_convention() {
+    let pose =
+        Isometry3::from_parts(Vector3::new(1.0, 2.0, 3.0).into(), UnitQuaternion::from_euler_angles(0.3, 0.5, -1.0));
+    let apply = |text: &str| text.parse::<Conversion>().unwrap().apply(&pose);
+    let near = |a: Isometry3<f64>, b: Isometry3<f64>| (a.to_homogeneous() - b.to_homogeneous()).norm() < 1e-12;
+    assert!(near(apply("none"), pose));
+    assert!(near(apply("inverted"), pose.inverse()));
+    let opengl = Isometry3::rotation(Vector3::x() * std::f64::consts::PI) * pose;
+    assert!(near(apply("camera-yz"), opengl));
+    // The new world's x is the old y and so on: a point moves along, the camera sees it where it was.
+    let old = Point3::new(0.4, 0.5, 9.0);
+    let new = Point3::new(old.y, old.z, old.x);
+    assert!((apply("world=y,z,x") * new - pose * old).norm() < 1e-12);
+    let scaled = apply("scale=3").inverse().translation.vector - pose.inverse().translation.vector * 3.0;
+    assert!(scaled.norm() < 1e-12);
+    let rotation = apply("transposed").rotation.to_rotation_matrix();
+    assert!((rotation.matrix() - Rotation3::from(pose.rotation).matrix().transpose()).norm() < 1e-12);
+}
+
+#[test]
+fn captures_of_others_are_read() {
+    if let Some(folder) = shared("captures/miku_plush") {
+        let load = |cameras: &str| {
+            let options = Options { cameras: Some(folder.join(cameras)), ..Options::default() };
+            scene::load(&folder, &options).unwrap()
+        };
+        let reference = load("transforms.json");
+        assert_eq!((reference.views.len(), reference.gaussians.sh_degree), (49, 2));
+        assert!(reference.warnings[0].starts_with("48 of the 97 photos"));
+        // cameras.json has no principal point: cx is half a pixel off there.
+        assert_same_cameras(&reference, &load("sparse/0"));
+        assert_eq!(load("cameras.json").views.len(), 49);
+        assert!(load("cameras_original.json").warnings[1].contains("3958 x 2968, found 989 x 742"));
+    }
+    if let Some(mouse) = shared("formats/colmap/mouse/sparse/0") {
+        let cameras = colmap::parse_cameras_binary(&std::fs::read(mouse.join("cameras.bin")).unwrap()).unwrap();
+        let images = colmap::parse_images_binary(&std::fs::read(mouse.join("images.bin")).unwrap()).unwrap();
+        assert_eq!((cameras.len(), images.len()), (56, 56));
+    }
+    if let Some(fox) = shared("formats/nerfstudio/fox_transforms.json") {
+        let capture = transforms::parse(&std::fs::read(fox).unwrap()).unwrap();
+        let lens = capture.frames[0].declared;
+        assert_eq!(
+            (capture.frames.len(), lens.fx, lens.fy),
+            (67, Focal::Pixels(1375.52), Some(Focal::Pixels(1374.49)))
+        );
+        assert_eq!(lens.distortion, Distortion::opencv(0.0578421, -0.0805099, -0.000980296, 0.00015575, 0.0));
+    }
+    if let Some(lego) = shared("formats/blender/lego_transforms_train.json") {
+        let capture = transforms::parse(&std::fs::read(lego).unwrap()).unwrap();
+        assert_eq!(capture.frames[0].declared.fx, Focal::Angle(0.6911112070083618));
+        assert_eq!(capture.frames.len(), 100);
+    }
+}
+
+#[test]
+fn scales_are_measured() {
+    let made_up = MadeUp::new();
+    made_up.load().unwrap();
+    let scale = |text: &str| made_up.load_as_is(&options(&["--scale", text]).unwrap());
+    let meters = |text: &str| scale(text).unwrap().scale.unwrap().meters_per_unit;
+    assert_eq!(meters("known-length:0,0,0:0,3,4=0.5"), 0.1);
+    assert_eq!(meters("known-length 0,0,0:0,3,4=0.5"), 0.1);
+    // Cameras 0 and 2 are at x = 2 and x = -2.
+    assert_eq!(meters("cameras:000,002=0.8"), 0.2);
+    assert!(scale("cameras:000,002=0.8").unwrap().scale.unwrap().provenance.contains("cameras of 000 and 002"));
+    assert_message(scale("cameras:000,7=1"), &["no view is named `7`"]);
+    assert_message(scale("cameras:000,000=1"), &["measured in the scene is zero"]);
+    // One Gaussian has no extent.
+    assert_message(scale("bbox:z=1"), &["--scale bbox:z=1", "zero"]);
+    let hammer = scene::load(&hammer(), &options(&["--scale", "bbox:x=0.4"]).unwrap()).unwrap();
+    assert!((hammer.scale.as_ref().unwrap().meters_per_unit * hammer.object_bounds().size().x - 0.4).abs() < 1e-12);
+    for nonsense in
+        ["bbox:w=1", "bbox:x=0", "cameras:a=1", "known-length:0,0:1,1,1=2", "known-length:0,0,0:1,1,1", "ruler:1=2"]
+    {
+        assert!(options(&[&format!("--scale={nonsense}")]).is_err(), "{nonsense}");
+    }
+}
+
+#[test]
+fn the_object_is_in_the_box() {
+    let split = |text: &str| scene::load(&hammer(), &options(&[&format!("--object-box={text}")]).unwrap());
+    let whole = scene::load(&hammer(), &Options::default()).unwrap();
+    let center = whole.object_bounds().center();
+    let half = split(&format!("{},-9,-9:9,9,9", center.x)).unwrap();
+    assert_eq!(half.gaussians.len() + half.surroundings.len(), whole.gaussians.len());
+    assert!(half.gaussians.positions.iter().all(|p| f64::from(p[0]) >= center.x));
+    assert!(half.notes.iter().any(|note| note.contains("--object-box")));
+    assert_eq!(half.whole_cloud().len(), whole.gaussians.len());
+    assert!(matches!(split("7,7,7:8,8,8"), Err(SceneError::EmptyBox { .. })));
+    assert!(options(&["--object-box=1,2:3,4"]).is_err());
+}
+
+proptest! {
+    #![proptest_config(super::proptest_config())]
+
+    #[test]
+    fn no_bytes_make_a_camera_reader_panic(bytes in prop::collection::vec(any::<u8>(), 0..300)) {
+        let _ = colmap::parse_cameras_binary(&bytes);
+        let _ = colmap::parse_images_binary(&bytes);
+        let text = String::from_utf8_lossy(&bytes);
+        let _ = colmap::parse_cameras_text(&text);
+        let _ = colmap::parse_images_text(&text);
+        let _ = transforms::parse(&bytes);
+        let _ = TrainingArguments::parse(&text);
+        let _ = TrainingArguments::parse(&format!("source_path='{text}"));
+    }
+}

@@ -1,0 +1,64 @@
+//! Data sets: the small made-up folders of each layout in `fixtures/datasets`.
+
+use std::path::{Path, PathBuf};
+
+use gprop::scene::dataset::{self, Layout};
+use gprop::scene::{self, Options};
+use gprop::units::ScaleSource;
+
+use super::folder::assert_message;
+
+fn fixture(name: &str) -> PathBuf {
+    Path::new(env!("CARGO_MANIFEST_DIR")).join("fixtures/datasets").join(name)
+}
+
+#[test]
+fn abo_500_is_listed_with_split_and_mass() {
+    let found = dataset::list(&fixture("abo"), None).unwrap();
+    assert_eq!(found.layout, Layout::Abo);
+    let short: Vec<_> = found.scenes.iter().map(|s| (s.name.as_str(), s.split.as_deref(), s.mass_kg)).collect();
+    assert_eq!(
+        short,
+        [("B0000EXAM1_ATVPDKIKX0DER", Some("train"), Some(0.25)), ("B0000EXAM2_A1F83G8C2ARO7P", Some("test"), None)]
+    );
+    assert_eq!(
+        found.warnings,
+        ["1 scenes of splits.json have no folder (first: `B0000EXAM3_ATVPDKIKX0DER`); left out"]
+    );
+    let scene = scene::load(&found.scenes[0].folder, &Options::default()).unwrap();
+    let scale = scene.scale.unwrap();
+    assert_eq!((scene.views.len(), scale.meters_per_unit, scale.source), (1, 1.0, ScaleSource::DataSet));
+}
+
+#[test]
+fn mvimgnet_is_listed_with_class() {
+    let found = dataset::list(&fixture("mvimgnet"), None).unwrap();
+    assert_eq!(found.layout, Layout::MvImgNet);
+    let short: Vec<_> = found.scenes.iter().map(|s| (s.name.as_str(), s.class.as_deref())).collect();
+    assert_eq!(short, [("113/0a00b1", Some("113")), ("7/1b000c", Some("7"))]);
+    // Masks lie elsewhere, by class and instance.
+    let options = Options { masks: Some(fixture("mvimgnet_masks/7/1b000c")), ..Options::default() };
+    let scene = scene::load(&found.scenes[1].folder, &options).unwrap();
+    assert_eq!(scene.views[0].name, "000");
+    assert!(scene.views[0].mask.is_some());
+    assert_eq!(scene.scale, None);
+}
+
+#[test]
+fn any_folder_of_scenes_is_listed() {
+    let fixtures = Path::new(env!("CARGO_MANIFEST_DIR")).join("fixtures");
+    let found = dataset::list(&fixtures, None).unwrap();
+    assert_eq!(found.layout, Layout::Scenes);
+    assert!(found.scenes.iter().any(|scene| scene.name == "hammer"), "{:?}", found.scenes);
+}
+
+#[test]
+fn a_folder_without_scenes_is_refused() {
+    let empty = tempfile::tempdir().unwrap();
+    let list = |folder: &Path| dataset::list(folder, None).map(|found| panic!("{found:?}"));
+    assert_message(list(empty.path()), &["no scenes in", "--layout"]);
+    assert_message(list(Path::new("no/such")), &["no such scene folder"]);
+    std::fs::create_dir(empty.path().join("scenes")).unwrap();
+    std::fs::write(empty.path().join("splits.json"), "{").unwrap();
+    assert_message(list(empty.path()), &["splits.json", "line 1"]);
+}

@@ -1,0 +1,278 @@
+//! Compact splats: built in code, damaged, and compared with the same Gaussians as PLY where the files are at hand.
+
+use std::io::Write;
+use std::path::{Path, PathBuf};
+
+use gprop::scene::gaussians::Gaussians;
+use gprop::scene::{self, Options, ply, splat, spz};
+use gprop::vote::raster::{RenderOptions, render};
+use proptest::prelude::*;
+
+/// A file of the shared data; a message and `None` where it is not there.
+pub fn shared(path: &str) -> Option<PathBuf> {
+    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("../shared").join(path);
+    if !path.exists() {
+        eprintln!("skipped: {} is not there", path.display());
+        return None;
+    }
+    Some(path)
+}
+
+fn close(a: &[f32], b: &[f32], tolerance: f32) -> bool {
+    a.iter().zip(b).all(|(a, b)| (a - b).abs() <= tolerance)
+}
+
+/// One row of a .splat.
+pub fn splat_row(position: [f32; 3], scale: [f32; 3], rgba: [u8; 4], quaternion: [u8; 4]) -> Vec<u8> {
+    let floats = position.into_iter().chain(scale).flat_map(f32::to_le_bytes);
+    floats.chain(rgba).chain(quaternion).collect()
+}
+
+#[test]
+fn a_splat_row_is_what_it_says() {
+    let file = splat_row([1.0, -2.0, 3.5], [0.5, 1.0, 2.0], [255, 0, 128, 64], [255, 128, 128, 0]);
+    let gaussians = splat::parse(&file).unwrap().gaussians;
+    assert_eq!(gaussians.positions, [[1.0, -2.0, 3.5]]);
+    assert!((gaussians.scale(0) - nalgebra::Vector3::new(0.5, 1.0, 2.0)).amax() < 1e-6);
+    assert!((gaussians.opacity(0) - 64.0 / 255.0).abs() < 1e-6);
+    // Colour = 0.5 + C0 f_dc.
+    let color = gaussians.sh_dc[0].map(|f_dc| 0.5 + 0.282_094_8 * f_dc);
+    assert!(close(&color, &[1.0, 0.0, 128.0 / 255.0], 1e-5), "{color:?}");
+    assert!(close(&gaussians.rotations[0], &[127.0 / 128.0, 0.0, 0.0, -1.0], 1e-6));
+}
+
+#[test]
+fn a_bad_splat_is_refused() {
+    let row = splat_row([0.0; 3], [1.0; 3], [255; 4], [255, 128, 128, 128]);
+    assert!(splat::parse(&[]).unwrap_err().to_string().contains("no Gaussians"));
+    assert!(splat::parse(&row[..31]).unwrap_err().to_string().contains("31 bytes"));
+    let nan = splat_row([f32::NAN; 3], [1.0; 3], [255; 4], [255, 128, 128, 128]);
+    assert!(splat::parse(&nan).unwrap_err().to_string().contains("none of the 1 Gaussians"));
+    let loaded = splat::parse(&[row.clone(), nan, row].concat()).unwrap();
+    assert_eq!((loaded.gaussians.len(), loaded.warnings.len()), (2, 1));
+    assert!(loaded.warnings[0].starts_with("1 of 3 Gaussians"), "{:?}", loaded.warnings);
+}
+
+/// A plain (uncompressed) SPZ of version 1 to 3 with one Gaussian of SH degree 1.
+fn spz_plain(version: u32, positions: &[u8], rotation: &[u8]) -> Vec<u8> {
+    let mut file = b"NGSP".to_vec();
+    file.extend(version.to_le_bytes());
+    file.extend(1u32.to_le_bytes());
+    // SH degree 1, 8 fractional bits, antialiased, reserved.
+    file.extend([1, 8, 1, 0]);
+    file.extend(positions);
+    // Opacity; colours; log scales -10 + byte / 16.
+    file.extend([128, 0, 128, 255, 160, 144, 176]);
+    file.extend(rotation);
+    // y, z, x coefficients of red, green, blue side by side.
+    file.extend([192, 128, 64, 0, 128, 255, 160, 96, 128]);
+    file
+}
+
+fn gzip(bytes: &[u8]) -> Vec<u8> {
+    let mut encoder = flate2::write::GzEncoder::new(Vec::new(), flate2::Compression::fast());
+    encoder.write_all(bytes).unwrap();
+    encoder.finish().unwrap()
+}
+
+/// 24-bit fixed point with 8 fractional bits: 1, -2, 0.5.
+const FIXED: [u8; 9] = [0, 1, 0, 0, 254, 255, 128, 0, 0];
+
+#[test]
+fn spz_versions_read_alike() {
+    // Half floats 1, -2, 0.5.
+    let half = [0x00, 0x3c, 0x00, 0xc0, 0x00, 0x38];
+    let first_three = [255, 128, 128];
+    // Largest is x (bits 00), y z w all 0.
+    let smallest_three = [0, 0, 0, 0];
+    for file in
+        [spz_plain(1, &half, &first_three), spz_plain(2, &FIXED, &first_three), spz_plain(3, &FIXED, &smallest_three)]
+    {
+        for file in [gzip(&file), file] {
+            let loaded = spz::parse(&file).unwrap();
+            let gaussians = &loaded.gaussians;
+            assert!(loaded.antialiased);
+            // Right up back becomes right down front.
+            assert_eq!(gaussians.positions, [[1.0, 2.0, -0.5]]);
+            assert_eq!(gaussians.log_scales, [[0.0, -1.0, 1.0]]);
+            assert!((gaussians.opacity(0) - 128.0 / 255.0).abs() < 1e-6);
+            assert!(close(&gaussians.sh_dc[0], &[-0.5 / 0.15, 0.013, 0.5 / 0.15], 1e-3), "{:?}", gaussians.sh_dc);
+            // Half a turn about x.
+            assert!(gaussians.rotation(0).angle() > 3.1 && gaussians.rotation(0).vector().x.abs() > 0.99);
+            // Channel-major, y and z negated.
+            let expected = [-0.5, 1.0, 0.25, 0.0, 0.0, -0.25, 0.5, -127.0 / 128.0, 0.0];
+            assert!(close(&gaussians.sh_rest, &expected, 1e-6), "{:?}", gaussians.sh_rest);
+        }
+    }
+}
+
+#[test]
+fn a_bad_spz_is_refused() {
+    let good = spz_plain(2, &FIXED, &[128; 3]);
+    let message = |file: &[u8]| spz::parse(file).unwrap_err().to_string();
+    let changed = |at: usize, byte: u8| {
+        let mut file = good.clone();
+        file[at] = byte;
+        message(&file)
+    };
+    assert!(message(b"ply\n").contains("is no .spz"));
+    assert!(message(&gzip(b"not a splat at all")).contains("is no .spz"));
+    assert!(message(&good[..10]).contains("ends within its header"));
+    assert!(message(&good[..40]).contains("bytes of"));
+    assert!(changed(4, 9).contains("version 9"));
+    assert!(changed(8, 0).contains("no Gaussians"));
+    assert!(changed(11, 200).contains("far more than its"));
+    assert!(changed(12, 4).contains("degree 4"));
+    assert!(changed(13, 25).contains("25 fractional bits"));
+    let mut truncated = gzip(&good);
+    truncated.truncate(30);
+    assert!(message(&truncated).contains("cannot be decompressed"), "{}", message(&truncated));
+}
+
+/// A compressed PLY of one chunk.
+fn compressed_ply(count: usize, with_sh: bool) -> Vec<u8> {
+    let bounds = ["x", "y", "z", "scale_x", "scale_y", "scale_z", "r", "g", "b"];
+    let names = |end: &str| bounds.iter().map(|name| format!("property float {end}_{name}\n")).collect::<String>();
+    let sh: String = (0..9).map(|i| format!("property uchar f_rest_{i}\n")).collect();
+    let mut file = format!(
+        "ply\nformat binary_little_endian 1.0\nelement chunk 1\n{}{}element vertex {count}\nproperty uint packed_position\n\
+         property uint packed_rotation\nproperty uint packed_scale\nproperty uint packed_color\n{}end_header\n",
+        names("min"),
+        names("max"),
+        if with_sh { format!("element sh {count}\n{sh}") } else { String::new() }
+    )
+    .into_bytes();
+    let low: [f32; 9] = [-1.0, -1.0, -1.0, -5.0, -5.0, -5.0, 0.0, 0.0, 0.0];
+    let high: [f32; 9] = [1.0, 1.0, 3.0, -1.0, -1.0, -1.0, 1.0, 1.0, 1.0];
+    file.extend(low.into_iter().chain(high).flat_map(f32::to_le_bytes));
+    for _ in 0..count {
+        // x at its maximum, y at its minimum, z in the middle; w is largest, the rest zero; scales at their minimum; red.
+        let position: u32 = 2047 << 21 | 1024;
+        let rotation: u32 = 512 << 20 | 512 << 10 | 512;
+        for word in [position, rotation, 0, 0xff00_0080] {
+            file.extend(word.to_le_bytes());
+        }
+    }
+    if with_sh {
+        file.extend(std::iter::repeat_n([0, 128, 255], 3 * count).flatten());
+    }
+    file
+}
+
+#[test]
+fn a_compressed_ply_is_unpacked() {
+    for with_sh in [false, true] {
+        let gaussians = ply::parse(&compressed_ply(3, with_sh)).unwrap().gaussians;
+        assert_eq!((gaussians.len(), gaussians.sh_degree), (3, u8::from(with_sh)));
+        assert!(close(&gaussians.positions[2], &[1.0, -1.0, 1.0 + 2.0 / 2047.0], 1e-5), "{:?}", gaussians.positions);
+        assert_eq!(gaussians.log_scales[0], [-5.0; 3]);
+        // Ten bits have no middle: 512 of 1023 is half a step above zero.
+        assert!(gaussians.rotation(0).angle() < 0.005, "{}", gaussians.rotation(0).angle());
+        assert!((gaussians.opacity(0) - 128.0 / 255.0).abs() < 1e-6);
+        assert!(close(&gaussians.sh_dc[0], &[1.772_45, -1.772_45, -1.772_45], 1e-4));
+        if with_sh {
+            assert!(close(gaussians.sh_rest_of(1), &[-4.0, 0.0156, 4.0, -4.0, 0.0156, 4.0], 1e-3));
+        }
+    }
+}
+
+#[test]
+fn a_bad_compressed_ply_is_refused() {
+    let message = |file: &[u8]| ply::parse(file).unwrap_err().to_string();
+    let good = compressed_ply(3, true);
+    let replaced = |from: &str, to: &str| {
+        let text = good.iter().map(|byte| char::from(*byte)).collect::<String>().replacen(from, to, 1);
+        message(&text.chars().map(|c| c as u8).collect::<Vec<u8>>())
+    };
+    assert!(message(&good[..good.len() - 1]).contains("is truncated"));
+    assert!(replaced("element vertex 3", "element vertex 4000000000").contains("is truncated"));
+    assert!(replaced("element vertex 3", "element vertex 0").contains("zero Gaussians"));
+    assert!(replaced("element chunk", "element chink").contains("without its element `chunk`"));
+    assert!(replaced("packed_scale", "packed_skale").contains("missing: packed_scale"));
+    assert!(replaced("f_rest_0", "f_rest_9").contains("f_rest"));
+    assert!(message(&compressed_ply(300, false)).contains("300 Gaussians with 1 chunks"));
+}
+
+/// Quantised or not, the splat looks the same: over 45 dB is under half a percent of full scale.
+#[test]
+fn the_plant_looks_the_same_in_every_format() {
+    const LEAST_DB: f64 = 45.0;
+    let Some(folder) = shared("captures/plant") else { return };
+    let scene = scene::load(&folder, &Options::default()).unwrap();
+    let mut camera = scene.views[0].camera.clone();
+    camera.intrinsics = camera.intrinsics.resized(240, 240);
+    let picture = |gaussians: &Gaussians| render(gaussians, &camera, &RenderOptions::default()).rgb;
+    let original = picture(&scene.gaussians);
+    for path in ["splat/plant.splat", "spz/plant.spz", "compressed_ply/plant.compressed.ply"] {
+        let Some(file) = shared(&format!("formats/{path}")) else { continue };
+        let options = Options { splat: Some(file), ..Options::default() };
+        let found = scene::load(&folder, &options).unwrap().gaussians;
+        assert_eq!(found.len(), scene.gaussians.len());
+        let pairs = original.iter().flatten().zip(picture(&found).into_iter().flatten());
+        let errors: f64 = pairs.map(|(a, b)| f64::from(a - b).powi(2)).sum();
+        let psnr = -10.0 * (errors / (3 * original.len()) as f64).log10();
+        println!("{path}: {psnr:.1} dB");
+        assert!(psnr > LEAST_DB);
+    }
+}
+
+#[test]
+fn files_of_other_programs_are_read() {
+    let counts = [
+        ("formats/spz/biker_v4.spz", 152_746),
+        ("formats/spz/minimal-v2.spz", 4),
+        ("formats/spz/minimal-v3.spz", 4),
+        ("formats/spz/minimal-v4.spz", 4),
+        ("formats/spz/minimal-raw.spz", 4),
+        ("formats/splat/hammer_10k.splat", 10_000),
+        ("formats/compressed_ply/guitar.compressed.ply", 90_854),
+        ("formats/ply/playbot_sh2_no_normals.ply", 31_000),
+        ("formats/ply/hammer_10k_no_sh.ply", 10_000),
+    ];
+    for (path, count) in counts {
+        let Some(file) = shared(path) else { continue };
+        let bytes = std::fs::read(&file).unwrap();
+        let loaded = match file.extension().unwrap().to_str() {
+            Some("spz") => spz::parse(&bytes).unwrap(),
+            Some("splat") => splat::parse(&bytes).unwrap(),
+            _ => ply::parse(&bytes).unwrap(),
+        };
+        assert_eq!((loaded.gaussians.len(), loaded.warnings), (count, vec![]), "{path}");
+        let finite = (0..loaded.gaussians.len()).all(|i| loaded.gaussians.is_usable(i));
+        assert!(finite, "{path}");
+    }
+}
+
+proptest! {
+    #![proptest_config(super::proptest_config())]
+
+    #[test]
+    fn no_bytes_make_a_reader_panic(bytes in prop::collection::vec(any::<u8>(), 0..400)) {
+        let _ = splat::parse(&bytes);
+        let _ = spz::parse(&bytes);
+        let _ = spz::parse(&[b"NGSP".as_slice(), &bytes].concat());
+        let _ = spz::parse(&gzip(&[b"NGSP".as_slice(), &bytes].concat()));
+        let _ = ply::parse(&[b"ply\n".as_slice(), &bytes].concat());
+    }
+
+    #[test]
+    fn no_damage_makes_a_reader_panic(at in any::<prop::sample::Index>(), byte in any::<u8>(), cut in any::<prop::sample::Index>()) {
+        for good in [
+            spz_plain(1, &FIXED[..6], &[1, 2, 3]),
+            spz_plain(3, &FIXED, &[1, 2, 3, 4]),
+            compressed_ply(3, true),
+        ] {
+            let mut bad = good.clone();
+            let index = at.index(bad.len());
+            bad[index] = byte;
+            bad.truncate(cut.index(bad.len()) + 1);
+            let _ = spz::parse(&bad);
+            let _ = spz::parse(&gzip(&bad));
+            let _ = ply::parse(&bad);
+            let mut whole = good;
+            whole[index] = byte;
+            let _ = spz::parse(&whole);
+            let _ = ply::parse(&whole);
+        }
+    }
+}
