@@ -95,7 +95,7 @@ pub enum SceneError {
 /// What is wrong with one frame of a camera file.
 #[derive(Debug, Error)]
 pub enum FrameProblem {
-    #[error("transform_matrix is not 4 x 4")]
+    #[error("transform_matrix is not 4 x 4 (or 3 x 4)")]
     MatrixShape,
     #[error(
         "the upper left 3 x 3 of transform_matrix is not a rotation (orthonormal, right-handed); export the cameras again \

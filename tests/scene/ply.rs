@@ -392,7 +392,7 @@ fn each_bad_file_has_its_message() {
         (
             "compressed",
             edited("property float y", "property uint packed_position"),
-            &["compressed splat", "splat-transform"],
+            &["compressed splat without its element `chunk`"],
         ),
     ];
     for (name, file, needles) in cases {
