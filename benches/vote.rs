@@ -34,6 +34,7 @@ fn cloud() -> Gaussians {
         sh_dc: vec![[0.5; 3]; COUNT],
         sh_degree: 3,
         sh_rest: vec![0.01; COUNT * 45],
+        antialiased: false,
         extra: Vec::new(),
     }
 }

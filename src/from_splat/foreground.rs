@@ -2,7 +2,6 @@
 
 use image::{GrayImage, Luma};
 
-use super::render_options;
 use crate::camera::Camera;
 use crate::scene::{ForegroundSource, Photo, Scene, SceneError, View};
 use crate::vote::raster::{Colors, FOREGROUND_ALPHA, RenderOptions, render};
@@ -13,7 +12,7 @@ pub fn foreground(scene: &Scene, camera: &Camera) -> GrayImage {
     // The object glows, its surroundings do not: what is left of the glow is the object's share of the light.
     let glow = |i: usize| if i < scene.gaussians.len() { [1.0; 3] } else { [0.0; 3] };
     let colors: Vec<[f32; 3]> = (0..cloud.len()).map(glow).collect();
-    let options = RenderOptions { colors: Colors::Fixed(&colors), ..render_options(scene) };
+    let options = RenderOptions { colors: Colors::Fixed(&colors), ..RenderOptions::default() };
     let picture = render(&cloud, camera, &options);
     GrayImage::from_fn(picture.width, picture.height, |x, y| {
         let share = picture.rgb[(y * picture.width + x) as usize][0];

@@ -6,11 +6,3 @@ mod orbit;
 
 pub use foreground::{foreground, photo_with_foreground};
 pub use orbit::{orbit, render_views};
-
-use crate::scene::Scene;
-use crate::vote::raster::RenderOptions;
-
-/// How the scene's splat is to be drawn.
-pub fn render_options(scene: &Scene) -> RenderOptions<'static> {
-    RenderOptions { antialiased: scene.antialiased, ..RenderOptions::default() }
-}

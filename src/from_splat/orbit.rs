@@ -7,10 +7,9 @@ use image::codecs::png::PngEncoder;
 use image::{Rgba, RgbaImage};
 use nalgebra::{Isometry3, Point3, Vector3};
 
-use super::render_options;
 use crate::camera::{Camera, Distortion, Intrinsics};
 use crate::scene::{Bounds, Scene, Upright, View};
-use crate::vote::raster::{Render, render};
+use crate::vote::raster::{Render, RenderOptions, render};
 use crate::workdir::write_atomic;
 
 /// Side of the pictures in pixels.
@@ -31,7 +30,7 @@ pub fn render_views(scene: &mut Scene, count: usize, folder: &Path) -> io::Resul
         let name = format!("{index:03}");
         let image = folder.join(format!("{name}.png"));
         if !image.is_file() {
-            let picture = straight(&render(&scene.gaussians, &camera, &render_options(scene)));
+            let picture = straight(&render(&scene.gaussians, &camera, &RenderOptions::default()));
             write_atomic(&image, |out| {
                 let encoder = PngEncoder::new(out);
                 picture.write_with_encoder(encoder).map_err(io::Error::other)

@@ -3,10 +3,9 @@
 use image::{GrayImage, RgbImage};
 
 use super::ViewFit;
-use crate::from_splat::render_options;
 use crate::progress::Progress;
 use crate::scene::{ForegroundSource, Scene, SceneError, View};
-use crate::vote::raster::{FOREGROUND_ALPHA, Render, render};
+use crate::vote::raster::{FOREGROUND_ALPHA, Render, RenderOptions, render};
 
 /// Compares every view, one after the other: the rasteriser uses all threads.
 pub(super) fn compare(scene: &Scene, views: &[View], progress: Progress) -> Result<Vec<ViewFit>, SceneError> {
@@ -14,7 +13,7 @@ pub(super) fn compare(scene: &Scene, views: &[View], progress: Progress) -> Resu
     let bar = progress.bar("inspect", views.len() as u64);
     let fit = |view: &View| {
         let photo = view.photo()?;
-        let picture = render(&cloud, &view.camera, &render_options(scene));
+        let picture = render(&cloud, &view.camera, &RenderOptions::default());
         let knows_foreground = photo.foreground_source != ForegroundSource::Whole;
         let fit = ViewFit {
             name: view.name.clone(),

@@ -10,7 +10,6 @@ use serde::Serialize;
 
 use super::verdict::{Small, Verdict, correlation, median, picture, small_views};
 use crate::camera::Camera;
-use crate::from_splat::render_options;
 use crate::scene::align::{Conversion, Reading, SignedPermutation};
 use crate::scene::gaussians::Gaussians;
 use crate::scene::{Scene, SceneError, View};
@@ -46,7 +45,7 @@ pub(super) fn suggest(scene: &Scene, views: &[View], verdict: &Verdict) -> Resul
         cloud: reduced(&scene.whole_cloud()),
         samples: samples(&scene.gaussians),
         views: small_views(views)?,
-        options: render_options(scene),
+        options: RenderOptions::default(),
     };
     let mut best = search.best(&at_own_scale());
     if best.1 < LEAST_CORRELATION {

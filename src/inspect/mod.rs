@@ -158,7 +158,7 @@ pub fn inspect_and_draw(
         object_gaussians: scene.gaussians.len(),
         object_source: scene.object_source,
         sh_degree: scene.gaussians.sh_degree,
-        antialiased: scene.antialiased,
+        antialiased: scene.gaussians.antialiased,
         extent: scene.object_bounds().into(),
         scale: scene.scale.clone(),
         cameras: cameras(&scene),

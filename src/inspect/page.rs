@@ -10,9 +10,9 @@ use image::{DynamicImage, GrayImage, Rgb, RgbImage};
 use minijinja::{AutoEscape, Environment, Value, context};
 
 use super::{Inspection, text};
-use crate::from_splat::{photo_with_foreground, render_options};
+use crate::from_splat::photo_with_foreground;
 use crate::scene::{Scene, SceneError, View};
-use crate::vote::raster::render;
+use crate::vote::raster::{RenderOptions, render};
 
 /// Longest side of a picture in pixels: three fit side by side on a screen.
 const LONGEST_SIDE: u32 = 480;
@@ -30,7 +30,7 @@ pub fn to_html(inspection: &Inspection, scene: &Scene, views: &[View]) -> Result
     let mut rows = Vec::new();
     for (view, fit) in views.iter().zip(&inspection.views).step_by(step) {
         let photo = photo_with_foreground(scene, view)?;
-        let splat = render(&cloud, &view.camera, &render_options(scene)).to_image([1.0; 3]);
+        let splat = render(&cloud, &view.camera, &RenderOptions::default()).to_image([1.0; 3]);
         let splat = DynamicImage::ImageRgba8(splat).into_rgb8();
         rows.push(context! {
             name => fit.name,

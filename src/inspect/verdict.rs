@@ -6,7 +6,6 @@ use rayon::prelude::*;
 
 use super::ViewFit;
 use crate::camera::Camera;
-use crate::from_splat::render_options;
 use crate::scene::gaussians::Gaussians;
 use crate::scene::{Scene, SceneError, View};
 use crate::vote::raster::{RenderOptions, render};
@@ -48,7 +47,7 @@ pub(super) fn of(scene: &Scene, views: &[View], fits: &[ViewFit]) -> Result<Opti
     }
     let small = small_views(views)?;
     let cloud = scene.whole_cloud();
-    let options = render_options(scene);
+    let options = RenderOptions::default();
     let rendered: Vec<Vec<f32>> = small.iter().map(|view| picture(&cloud, &view.camera, &options)).collect();
     let correlations = small.iter().zip(&rendered).map(|(view, rendered)| correlation(&view.picture, rendered));
     let correlation_with_own = median(correlations.collect());

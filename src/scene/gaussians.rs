@@ -20,6 +20,9 @@ pub struct Gaussians {
     pub sh_degree: u8,
     /// The other SH coefficients, `3 * sh_rest_per_channel()` a Gaussian: all of red, then green, then blue.
     pub sh_rest: Vec<f32>,
+    /// Whether the cloud was trained with an antialiased rasteriser (Mip-Splatting, Yu et al. 2024), and is to be drawn with one:
+    /// it takes the opacity that the low-pass adds away again.
+    pub antialiased: bool,
     /// Properties of the file that gprop does not know, in file order, kept for writing back.
     pub extra: Vec<ExtraProperty>,
 }

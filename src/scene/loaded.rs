@@ -6,9 +6,6 @@ use super::gaussians::Gaussians;
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct Loaded {
     pub gaussians: Gaussians,
-    /// Whether the cloud was trained with an antialiased rasteriser (Mip-Splatting), which takes the opacity that the
-    /// low-pass adds away again.
-    pub antialiased: bool,
     /// What kind of splat this is, where that is not plain 3DGS.
     pub notes: Vec<String>,
     /// What was dropped, rounded or left out, counted.

@@ -57,8 +57,6 @@ pub struct Scene {
     pub surroundings: Gaussians,
     /// What told the two apart.
     pub object_source: ObjectSource,
-    /// Whether the splat was trained with an antialiased rasteriser, and must be drawn with one.
-    pub antialiased: bool,
     /// Every view with a camera and a photo, in the order of the camera file.
     pub views: Vec<View>,
     /// `None` where nobody says how long a scene unit is.
@@ -129,7 +127,6 @@ pub fn load(folder: &Path, options: &Options) -> Result<Scene, SceneError> {
         gaussians: parts.object,
         surroundings: parts.surroundings,
         object_source: parts.source,
-        antialiased: splat.antialiased,
         views,
         files: found.files,
         notes: found.notes,

@@ -91,7 +91,7 @@ fn spz_versions_read_alike() {
         for file in [gzip(&file), file] {
             let loaded = spz::parse(&file).unwrap();
             let gaussians = &loaded.gaussians;
-            assert!(loaded.antialiased);
+            assert!(loaded.gaussians.antialiased);
             // Right up back becomes right down front.
             assert_eq!(gaussians.positions, [[1.0, 2.0, -0.5]]);
             assert_eq!(gaussians.log_scales, [[0.0, -1.0, 1.0]]);

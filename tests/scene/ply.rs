@@ -454,7 +454,7 @@ fn a_smoothing_filter_is_worked_in() {
     properties.push(property("filter_3D", "float", &[0.0, 0.5]));
     let plain = ply::parse(&encode(&splat(2, 0), Encoding::Little)).unwrap().gaussians;
     let loaded = ply::parse(&encode(&properties, Encoding::Little)).unwrap();
-    assert!(loaded.antialiased && loaded.notes[0].starts_with("Mip-Splatting"));
+    assert!(loaded.gaussians.antialiased && loaded.notes[0].starts_with("Mip-Splatting"));
     let gaussians = loaded.gaussians;
     assert!(gaussians.extra.is_empty());
     // No filter, no change.
@@ -470,7 +470,11 @@ fn a_smoothing_filter_is_worked_in() {
 fn a_comment_tells_an_antialiased_splat() {
     let file = encode(&splat(1, 0), Encoding::Ascii);
     let with = |comment: &str| with_header(&file, |header| header.replace("made by a test", comment));
-    assert!(ply::parse(&with("SplatRenderMode: mip")).unwrap().antialiased);
-    assert!(!ply::parse(&with("SplatRenderMode: default")).unwrap().antialiased);
-    assert!(!ply::parse(&with("a mip map")).unwrap().antialiased);
+    let marked = ply::parse(&with("SplatRenderMode: mip")).unwrap().gaussians;
+    assert!(marked.antialiased);
+    let mut written = Vec::new();
+    ply::write(&mut written, &marked, &[]).unwrap();
+    assert_eq!(ply::parse(&written).unwrap().gaussians, marked);
+    assert!(!ply::parse(&with("SplatRenderMode: default")).unwrap().gaussians.antialiased);
+    assert!(!ply::parse(&with("a mip map")).unwrap().gaussians.antialiased);
 }

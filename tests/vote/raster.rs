@@ -144,9 +144,9 @@ fn fixed_colors_replace_the_harmonics() {
 #[test]
 fn the_antialiased_variant_keeps_the_light_of_what_is_thinner_than_a_pixel() {
     // 0.1 px wide: the low-pass spreads it to sqrt(0.31) px, so its alpha falls by 0.01 / 0.31.
-    let gaussians = cloud(&[Blob::round([0.0, 0.0, 2.0], 0.004, 0.9)]);
-    let options = RenderOptions { antialiased: true, ..Default::default() };
-    let splat = project(&gaussians, &camera(), &options)[0];
+    let mut gaussians = cloud(&[Blob::round([0.0, 0.0, 2.0], 0.004, 0.9)]);
+    gaussians.antialiased = true;
+    let splat = project(&gaussians, &camera(), &RenderOptions::default())[0];
     assert!((splat.opacity - 0.9 * 0.01 / 0.31).abs() < 1e-5, "{}", splat.opacity);
 }
 

@@ -8,33 +8,29 @@ const SMOOTHING_FILTER: &str = "filter_3D";
 /// The thickness of a flat Gaussian as a share of its smaller extent: thin beside any object, thick enough for an inverse.
 const FLAT_SHARE: f32 = 0.01;
 
-/// What was found beyond 3DGS.
-#[derive(Default)]
-pub(super) struct Kind {
-    pub antialiased: bool,
-    pub notes: Vec<String>,
-}
+/// The comment by which Brush says that its splats are to be drawn antialiased.
+pub(super) const ANTIALIASED_COMMENT: &str = "SplatRenderMode: mip";
 
-/// Turns 2DGS and Mip-Splatting Gaussians into plain ones, in place. `flat`: the file has no third scale.
-pub(super) fn recognise(gaussians: &mut Gaussians, flat: bool, comments: &[String]) -> Kind {
-    let mut kind = Kind::default();
+/// Turns 2DGS and Mip-Splatting Gaussians into plain ones, in place, and says what was found. `flat`: the file has no third
+/// scale.
+pub(super) fn recognise(gaussians: &mut Gaussians, flat: bool, comments: &[String]) -> Vec<String> {
+    let mut notes = Vec::new();
     if flat {
         for [a, b, thickness] in &mut gaussians.log_scales {
             *thickness = a.min(*b) + FLAT_SHARE.ln();
         }
-        kind.notes.push(format!("2DGS: no scale_2; the flat Gaussians are taken as {FLAT_SHARE} of their width thick"));
+        notes.push(format!("2DGS: no scale_2; the flat Gaussians are taken as {FLAT_SHARE} of their width thick"));
     }
     if let Some(at) = gaussians.extra.iter().position(|extra| extra.name == SMOOTHING_FILTER) {
         let filter = gaussians.extra.remove(at).values;
         fuse(gaussians, &filter);
-        kind.antialiased = true;
-        kind.notes.push(format!("Mip-Splatting: {SMOOTHING_FILTER} is worked into scales and opacities"));
+        gaussians.antialiased = true;
+        notes.push(format!("Mip-Splatting: {SMOOTHING_FILTER} is worked into scales and opacities"));
     } else if comments.iter().any(|comment| is_mip_comment(comment)) {
-        // Brush writes how its splats are to be drawn.
-        kind.antialiased = true;
-        kind.notes.push("trained with an antialiased rasteriser".to_owned());
+        gaussians.antialiased = true;
+        notes.push("trained with an antialiased rasteriser".to_owned());
     }
-    kind
+    notes
 }
 
 fn is_mip_comment(comment: &str) -> bool {

@@ -143,11 +143,8 @@ fn read_bytes(bytes: &impl Bytes) -> Result<Loaded, Problem> {
         Encoding::BinaryLittleEndian => binary::read(bytes, &header, &layout, binary::ByteOrder::Little)?,
         Encoding::BinaryBigEndian => binary::read(bytes, &header, &layout, binary::ByteOrder::Big)?,
     };
-    let kind = kinds::recognise(&mut body.gaussians, layout.flat, &header.comments);
-    finished(
-        body,
-        Loaded { antialiased: kind.antialiased, notes: kind.notes, warnings: layout.warnings, ..Loaded::default() },
-    )
+    let notes = kinds::recognise(&mut body.gaussians, layout.flat, &header.comments);
+    finished(body, Loaded { notes, warnings: layout.warnings, ..Loaded::default() })
 }
 
 fn finished(body: Body, mut loaded: Loaded) -> Result<Loaded, Problem> {

@@ -3,6 +3,7 @@
 use std::collections::HashSet;
 use std::io::{self, Write};
 
+use super::kinds::ANTIALIASED_COMMENT;
 use crate::scene::gaussians::{ExtraProperty, Gaussians};
 
 /// Rows encoded at once.
@@ -17,7 +18,7 @@ const ROWS_PER_CHUNK: usize = 1024;
 pub fn write(mut writer: impl Write, gaussians: &Gaussians, extra: &[ExtraProperty]) -> io::Result<()> {
     let columns = columns(gaussians, extra);
     check(&columns, gaussians.len())?;
-    writer.write_all(header(&columns, gaussians.len()).as_bytes())?;
+    writer.write_all(header(&columns, gaussians).as_bytes())?;
     let mut buffer = Vec::new();
     for first in (0..gaussians.len()).step_by(ROWS_PER_CHUNK) {
         buffer.clear();
@@ -87,8 +88,10 @@ fn is_ply_name(name: &str) -> bool {
     name.starts_with(letter) && name.chars().all(|c| letter(c) || c.is_ascii_digit() || c == '-')
 }
 
-fn header(columns: &[Column<'_>], count: usize) -> String {
+fn header(columns: &[Column<'_>], gaussians: &Gaussians) -> String {
+    let count = gaussians.len();
+    let comment = if gaussians.antialiased { format!("comment {ANTIALIASED_COMMENT}\n") } else { String::new() };
     let properties: String =
         columns.iter().flat_map(|c| &c.names).map(|name| format!("property float {name}\n")).collect();
-    format!("ply\nformat binary_little_endian 1.0\nelement vertex {count}\n{properties}end_header\n")
+    format!("ply\nformat binary_little_endian 1.0\n{comment}element vertex {count}\n{properties}end_header\n")
 }

@@ -85,9 +85,10 @@ pub fn parse(bytes: &[u8]) -> Result<Loaded, Problem> {
         sh_dc: attributes::sh_dc(&colors),
         sh_degree: header.sh_degree,
         sh_rest: attributes::sh_rest(&header, &sh),
+        antialiased: header.antialiased,
         extra: Vec::new(),
     };
     let dropped = drop_unusable(&mut gaussians).map_err(|_| Problem::NothingFinite { count: header.count })?;
     let notes = vec![format!("SPZ version {}", header.version)];
-    Ok(Loaded { gaussians, antialiased: header.antialiased, notes, warnings: dropped.into_iter().collect() })
+    Ok(Loaded { gaussians, notes, warnings: dropped.into_iter().collect() })
 }

@@ -47,15 +47,13 @@ pub enum Colors<'a> {
 #[derive(Debug, Clone, Copy)]
 pub struct RenderOptions<'a> {
     pub colors: Colors<'a>,
-    /// Takes the opacity that the low-pass adds away again (Mip-Splatting, Yu et al. 2024): for clouds trained so.
-    pub antialiased: bool,
     /// Depth in scene units below which nothing is drawn.
     pub near: f64,
 }
 
 impl Default for RenderOptions<'_> {
     fn default() -> Self {
-        Self { colors: Colors::Sh, antialiased: false, near: NEAR }
+        Self { colors: Colors::Sh, near: NEAR }
     }
 }
 
@@ -137,7 +135,7 @@ pub fn visit<S: Sink>(
 
 /// The splats of all Gaussians in the picture, in the order of the Gaussians.
 pub fn project(gaussians: &Gaussians, camera: &Camera, options: &RenderOptions) -> Vec<Splat> {
-    Projector::new(camera, options.near, options.antialiased).splats(gaussians)
+    Projector::new(camera, options.near, gaussians.antialiased).splats(gaussians)
 }
 
 /// The cloud as one camera sees it, ready to be blended as often as wanted.
