@@ -56,7 +56,8 @@ fn bench(criterion: &mut Criterion) {
     let scene = hammer();
     let field = field(&scene);
     let cameras: Vec<Camera> = scene.views.iter().map(|view| view.camera.clone()).collect();
-    let scale = MetricScale { meters_per_unit: 1.0, source: ScaleSource::Metric };
+    let provenance = "rendered in metres".to_owned();
+    let scale = MetricScale { meters_per_unit: 1.0, source: ScaleSource::Metric, provenance };
     let options = parts::Options::default();
     let measure = || {
         parts(&scene.gaussians, &field, &cameras, Some(&scale), &options, Progress::Hidden).expect("a hammer has parts")
