@@ -14,7 +14,7 @@ use std::sync::Mutex;
 
 use gprop::materials::MaterialLibrary;
 use gprop::progress::Progress;
-use gprop::query::asker::{Ask, AskError, Asker, Reply};
+use gprop::query::asker::{Ask, AskError, Asker, Reply, Said};
 use gprop::query::recorded::{Answerer, Recordings, Usage};
 use gprop::query::{Options, Prompts, Queries, QueryError, Run, ViewInput};
 use gprop::scene::{ForegroundSource, Photo};
@@ -119,7 +119,7 @@ struct Scripted<F> {
     asked: Mutex<Vec<(String, Option<String>)>>,
 }
 
-impl<F: Fn(&Ask) -> Result<String, AskError> + Sync> Scripted<F> {
+impl<F: Fn(&Ask) -> Result<Said, AskError> + Sync> Scripted<F> {
     fn new(say: F) -> Self {
         let answerer = Answerer { model: "scripted".into(), parameters: json!({ "temperature": 0.0 }) };
         Self { answerer, say, asked: Mutex::default() }
@@ -130,7 +130,7 @@ impl<F: Fn(&Ask) -> Result<String, AskError> + Sync> Scripted<F> {
     }
 }
 
-impl<F: Fn(&Ask) -> Result<String, AskError> + Sync> Asker for Scripted<F> {
+impl<F: Fn(&Ask) -> Result<Said, AskError> + Sync> Asker for Scripted<F> {
     fn answerer(&self) -> &Answerer {
         &self.answerer
     }
@@ -143,8 +143,13 @@ impl<F: Fn(&Ask) -> Result<String, AskError> + Sync> Asker for Scripted<F> {
         let correction = ask.correction.map(|correction| correction.prompt.to_owned());
         self.asked.lock().unwrap().push((ask.question.prompt.clone(), correction));
         let usage = Some(Usage { input_tokens: 1000, output_tokens: 100 });
-        (self.say)(&ask).map(|text| Reply { text, usage, served_model: None })
+        (self.say)(&ask).map(|said| Reply { said, usage, served_model: None })
     }
+}
+
+/// A text that the model says.
+fn text(text: impl ToString) -> Result<Said, AskError> {
+    Ok(Said::Text(text.to_string()))
 }
 
 /// The first material of a family.

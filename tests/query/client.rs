@@ -3,7 +3,7 @@
 use std::sync::atomic::{AtomicUsize, Ordering};
 use std::time::Duration;
 
-use gprop::query::asker::{Ask, AskError, Asker, Correction};
+use gprop::query::asker::{Ask, AskError, Asker, Correction, Reply, Said};
 use gprop::query::client::{ApiKey, Client, ClientError};
 use gprop::query::recorded::Usage;
 use gprop::query::{Failure, Options, Outcome, Prompts, QueryError};
@@ -56,12 +56,12 @@ impl Server {
     }
 
     /// Asks one made-up question.
-    fn ask(&self) -> Result<gprop::query::asker::Reply, AskError> {
+    fn ask(&self) -> Result<Reply, AskError> {
         ask(&self.client(), None)
     }
 }
 
-fn ask(client: &Client, correction: Option<Correction>) -> Result<gprop::query::asker::Reply, AskError> {
+fn ask(client: &Client, correction: Option<Correction>) -> Result<Reply, AskError> {
     let (prompts, options) = (Prompts::builtin(), small());
     let queries = prepare(&[two_parts("000", 80, 80)], &prompts, &options);
     client.ask(Ask { question: queries.questions.first(), picture: &queries.parts[0].jpeg, correction })
@@ -217,12 +217,12 @@ fn refusals_are_told_apart_from_failures() {
     ];
     for response in table {
         let server = Server::new(move |_, _, _| response.clone());
-        assert!(matches!(server.ask(), Err(AskError::Refused(_))));
+        assert!(matches!(server.ask().unwrap().said, Said::Refusal(_)));
         assert_eq!(server.requests().len(), 1, "a refusal is not asked again");
     }
     let thinking = json!({ "choices": [{ "finish_reason": "length", "message": { "content": "" } }] });
     let server = Server::new(move |_, _, _| ResponseTemplate::new(200).set_body_json(thinking.clone()));
-    assert!(matches!(server.ask(), Err(AskError::Failed(message)) if message.contains("--lmm-max-tokens")));
+    assert!(matches!(server.ask().unwrap().said, Said::Nothing(why) if why.contains("--lmm-max-tokens")));
 }
 
 #[test]
@@ -261,7 +261,7 @@ fn content_in_parts_is_read_as_text() {
     let parts = json!({ "choices": [{ "message": { "content": content } }] });
     let server = Server::new(move |_, _, _| ResponseTemplate::new(200).set_body_json(parts.clone()));
     let reply = server.ask().unwrap();
-    assert_eq!((reply.text.as_str(), reply.usage), ("{\"a\":1}", None));
+    assert_eq!((reply.said, reply.usage), (Said::Text("{\"a\":1}".into()), None));
 }
 
 #[test]
