@@ -1,12 +1,24 @@
 //! Sheets, prompts, answers, recordings, servers.
 
+// What becomes of a model's text.
 mod answers;
+// OpenAI's Batch API: submitted, expired, collected.
+mod batch;
+// A server that misbehaves in every way known of servers.
 mod client;
 mod cost;
+// Questions out, answers in.
 mod exchange;
+mod labels;
 mod options;
+// Stand-ins for a server that others wrote, where they are installed.
+mod peers;
+// The whole program with a server: keys, kills, prices, exit codes, one picture.
+mod program;
 mod prompts;
 mod recordings;
+// The dialects of vLLM, Ollama, llama.cpp, DashScope.
+mod servers;
 mod sheets;
 
 use std::path::Path;
@@ -150,6 +162,20 @@ impl<F: Fn(&Ask) -> Result<Said, AskError> + Sync> Asker for Scripted<F> {
 /// A text that the model says.
 fn text(text: impl ToString) -> Result<Said, AskError> {
     Ok(Said::Text(text.to_string()))
+}
+
+/// A chat completion that says `text`.
+fn completion(text: &str) -> Value {
+    json!({
+        "id": "1", "object": "chat.completion", "model": "test-model-0001",
+        "choices": [{ "index": 0, "finish_reason": "stop", "message": { "role": "assistant", "content": text } }],
+        "usage": { "prompt_tokens": 1200, "completion_tokens": 80, "total_tokens": 1280 }
+    })
+}
+
+/// A view of `count` parts of 4 x 4 pixels each, 25 in a row.
+fn grid(count: u32) -> View {
+    view("000", (100, count.div_ceil(25) * 4), 80, |x, y| (1 + x / 4 + 25 * (y / 4)) as u16)
 }
 
 /// The first material of a family.

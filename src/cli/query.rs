@@ -7,7 +7,7 @@ use serde::Serialize;
 use crate::exit::UsageError;
 use crate::pipeline::Stage;
 use crate::pipeline::desk::{Desk, Pruned};
-use crate::pipeline::picture::{self, Picture};
+use crate::pipeline::picture::Picture;
 use crate::query::QueryError;
 use crate::workdir::Artifact;
 
@@ -58,11 +58,11 @@ pub fn query(global: &Global, args: &QueryArgs) -> anyhow::Result<()> {
 
 fn of_picture(global: &Global, args: &QueryArgs) -> anyhow::Result<()> {
     let (path, out) = (&args.scene.scene, args.scene.out.as_deref());
-    if args.scene.dry_run && !picture::work_folder(path, out).exists() {
-        return print(global, &DryPicture { queries: None }, || "segment  to do\nquery    to do".into());
+    let (mask, options) = (args.mask.as_deref(), args.scene.options.clone());
+    if args.scene.dry_run && !Picture::is_segmented(path, mask, out, &options)? {
+        return print(global, &DryPicture { queries: None }, || "segment   to do\nquery     to do".into());
     }
-    let options = args.scene.options.clone();
-    let picture = Picture::open(path, args.mask.as_deref(), out, options, global.progress())?;
+    let picture = Picture::open(path, mask, out, options, global.progress())?;
     let desk = picture.desk()?;
     if args.scene.dry_run {
         let plan = desk.plan(&desk.queries()?);

@@ -12,19 +12,19 @@ use tokio::runtime::Runtime;
 use wiremock::matchers::{method, path};
 use wiremock::{Mock, MockServer, Request, ResponseTemplate};
 
-use super::{a, good_answer, prepare, recordings, run, small, two_parts, view};
+use super::{a, completion, good_answer, grid, prepare, recordings, run, small, two_parts};
 
 /// What a key looks like; found anywhere it must not be, it fails the test.
-const CANARY: &str = "sk-canary-5f2e8c1d9b7a";
+pub const CANARY: &str = "sk-canary-5f2e8c1d9b7a";
 
-struct Server {
+pub struct Server {
     runtime: Runtime,
     mock: MockServer,
 }
 
 impl Server {
     /// A server that answers its n-th request, from 0, as `respond` says.
-    fn new(respond: impl Fn(usize, &Value, &Request) -> ResponseTemplate + Send + Sync + 'static) -> Self {
+    pub fn new(respond: impl Fn(usize, &Value, &Request) -> ResponseTemplate + Send + Sync + 'static) -> Self {
         let runtime = Runtime::new().unwrap();
         let mock = runtime.block_on(async {
             let server = MockServer::start().await;
@@ -42,15 +42,15 @@ impl Server {
         Self { runtime, mock }
     }
 
-    fn options(&self) -> Options {
+    pub fn options(&self) -> Options {
         Options { lmm_url: Some(format!("{}/v1", self.mock.uri())), lmm_model: Some("test-model".into()), ..small() }
     }
 
-    fn client(&self) -> Client {
+    pub fn client(&self) -> Client {
         Client::new(&self.options(), None).unwrap().unwrap()
     }
 
-    fn requests(&self) -> Vec<Value> {
+    pub fn requests(&self) -> Vec<Value> {
         let requests = self.runtime.block_on(self.mock.received_requests()).unwrap();
         requests.iter().map(|request| serde_json::from_slice(&request.body).unwrap()).collect()
     }
@@ -67,19 +67,11 @@ fn ask(client: &Client, correction: Option<Correction>) -> Result<Reply, AskErro
     client.ask(Ask { question: queries.questions.first(), picture: &queries.parts[0].jpeg, correction })
 }
 
-fn completion(text: &str) -> Value {
-    json!({
-        "id": "1", "object": "chat.completion", "model": "test-model-0001",
-        "choices": [{ "index": 0, "finish_reason": "stop", "message": { "role": "assistant", "content": text } }],
-        "usage": { "prompt_tokens": 1200, "completion_tokens": 80, "total_tokens": 1280 }
-    })
-}
-
-fn ok(text: &str) -> ResponseTemplate {
+pub fn ok(text: &str) -> ResponseTemplate {
     ResponseTemplate::new(200).set_body_json(completion(text))
 }
 
-fn error(status: u16, message: &str) -> ResponseTemplate {
+pub fn error(status: u16, message: &str) -> ResponseTemplate {
     ResponseTemplate::new(status).set_body_json(json!({ "error": { "message": message } }))
 }
 
@@ -337,9 +329,7 @@ fn five_hundred_queries_with_faults_end_with_five_hundred_answers_each_paid_once
     let options = Options { lmm_parallel: 8, ..server.options() };
     let client = Client::new(&options, None).unwrap().unwrap();
     let prompts = Prompts::builtin();
-    // A grid of 25 x 20 parts, 4 x 4 pixels each.
-    let views = [view("000", (100, 80), 80, |x, y| (1 + x / 4 + 25 * (y / 4)) as u16)];
-    let queries = prepare(&views, &prompts, &options);
+    let queries = prepare(&[grid(500)], &prompts, &options);
     let outcome = run(&queries, &recordings(folder.path()), Some(&client)).unwrap();
     assert_eq!(outcome.answers.parts.len(), 500);
     assert_eq!(outcome.answers.failed().count(), 0);

@@ -65,6 +65,25 @@ fn what_goes_out_comes_back_and_is_replayed() {
 }
 
 #[test]
+fn the_page_holds_every_question_and_no_text_can_break_out_of_it() {
+    let home = tempfile::tempdir().unwrap();
+    let (out, mine) = (home.path().join("out"), home.path().join("mine"));
+    fs::create_dir(&mine).unwrap();
+    fs::write(mine.join("part.txt"), "</script><script>alert(1)</script> {{ candidates }} JSON").unwrap();
+    let (prompts, options) = (Prompts::from_folder(&mine).unwrap(), small());
+    let queries = prepare(&[two_parts("secret_name", 80, 80)], &prompts, &options);
+    exchange::export(&out, &queries.unanswered(&recordings(&home.path().join("recorded")), None)).unwrap();
+    let page = fs::read_to_string(out.join("form.html")).unwrap();
+    for name in names(&fs::read_to_string(out.join("queries.jsonl")).unwrap()) {
+        assert!(page.contains(&format!("sheets/{name}.jpg")), "{name} is not on the page");
+    }
+    assert_eq!(page.matches("</script>").count(), 1, "only the page's own script ends");
+    for outside in ["http://", "https://", "//cdn", "secret_name"] {
+        assert!(!page.contains(outside), "{outside} is on the page");
+    }
+}
+
+#[test]
 fn bad_lines_are_numbered_and_good_ones_kept() {
     let home = tempfile::tempdir().unwrap();
     let (out, recorded) = (home.path().join("out"), home.path().join("recorded"));

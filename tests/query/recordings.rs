@@ -313,3 +313,39 @@ fn broken_recordings_are_named() {
     fs::write(&path, whole).unwrap();
     assert_eq!(Recordings::open(&[&folder.path().join("none")], folder.path()).unwrap().len(), 2);
 }
+
+#[test]
+fn what_no_part_uses_is_told_from_what_serves() {
+    let folder = tempfile::tempdir().unwrap();
+    let prompts = Prompts::builtin();
+    let options = small();
+    let wood = Scripted::new(|_| text(good_answer(a("wood"))));
+    let views = [two_parts("000", 80, 80), two_parts("001", 90, 80)];
+    run(&prepare(&views, &prompts, &options), &recordings(folder.path()), Some(&wood)).unwrap();
+
+    // The second view is gone, and the first one's border moved by two columns: by ten it would be another part.
+    let mut moved = two_parts("000", 80, 82);
+    moved.photo = views[0].photo.clone();
+    let store = recordings(folder.path());
+    let used = prepare(&[moved], &prompts, &options).used(&store);
+    assert_eq!((store.len(), used.len()), (4, 2));
+    let whole = prepare(&views, &prompts, &options);
+    assert_eq!(whole.used(&store).len(), 4);
+    for key in store.keys().iter().filter(|key| !used.contains(key)) {
+        store.remove(key).unwrap();
+    }
+    assert_eq!(recordings(folder.path()).keys(), used.into_iter().collect::<Vec<_>>());
+}
+
+#[test]
+fn what_refusals_and_empty_answers_took_is_paid_too() {
+    let folder = tempfile::tempdir().unwrap();
+    let prompts = Prompts::builtin();
+    let options = small();
+    let asker = Scripted::new(|_| Ok(Said::Nothing("the answer is empty".into())));
+    let queries = prepare(&[two_parts("000", 80, 80)], &prompts, &options);
+    let run = run(&queries, &recordings(folder.path()), Some(&asker)).unwrap();
+    assert_eq!((run.spent.requests, run.spent.usage.input_tokens), (2, 2000));
+    let error = run.answers.require_any().unwrap_err();
+    assert!(error.to_string().contains("none of 2 parts") && error.to_string().contains("(2 of them)"), "{error}");
+}

@@ -117,6 +117,8 @@ pub fn failure(status: StatusCode, body: &str, retry_after: Option<Duration>) ->
         429 if is_about(body, &["insufficient_quota", "billing_hard_limit"]) => {
             Attempt::Final(AskError::Hopeless(message))
         }
+        // llama.cpp and its kin, of a schema that they cannot turn into a grammar.
+        500 if is_about(body, &["response_format", "json_schema", "grammar"]) => Attempt::Unaccepted { message },
         400 | 415 | 422 | 501 => Attempt::Unaccepted { message },
         408 | 409 | 425 | 429 | 500.. => Attempt::Passing { message, retry_after },
         300..400 => {
