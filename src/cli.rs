@@ -1,5 +1,6 @@
 //! Subcommands and flags: what the user typed becomes a call into the pipeline or a stage, and a result on stdout.
 
+mod query;
 mod scene;
 mod tools;
 
@@ -99,13 +100,26 @@ struct RunArgs {
 }
 
 #[derive(Debug, Args)]
+#[command(
+    after_help = "A picture may stand in the scene's place: its parts are found by its alpha or --mask, and a map of \
+                        its materials is drawn."
+)]
 struct QueryArgs {
-    /// Write the open queries (sheets, prompt, schema) into this folder, to be answered elsewhere.
-    #[arg(long, value_name = "DIR", conflicts_with = "import")]
+    /// Write the open queries (sheets, prompt, schema, a form to fill in) into this folder, to be answered elsewhere.
+    #[arg(long, value_name = "DIR", group = "errand")]
     export: Option<PathBuf>,
     /// Read answers from this folder, check them and record them.
-    #[arg(long, value_name = "DIR")]
+    #[arg(long, value_name = "DIR", group = "errand")]
     import: Option<PathBuf>,
+    /// Send the open queries by OpenAI's Batch API, at half the price and within a day; or collect the answers.
+    #[arg(long, value_name = "STEP", group = "errand")]
+    batch: Option<query::BatchStep>,
+    /// Remove the scene's recordings that no part uses with these options.
+    #[arg(long, group = "errand")]
+    prune: bool,
+    /// Foreground of a single picture: white on the object, or its alpha.
+    #[arg(long, value_name = "FILE")]
+    mask: Option<PathBuf>,
     #[command(flatten)]
     scene: SceneArgs,
 }
@@ -172,7 +186,7 @@ pub fn run(arguments: Vec<OsString>) -> anyhow::Result<()> {
     match &cli.command {
         Command::Run(args) => scene::run(global, &args.scene, args.to),
         Command::Segment(args) => scene::run(global, args, Stage::Segment),
-        Command::Query(args) => scene::query(global, args),
+        Command::Query(args) => query::query(global, args),
         Command::Vote(args) => scene::run(global, args, Stage::Vote),
         Command::Parts(args) => scene::run(global, args, Stage::Parts),
         Command::Simulate(args) => scene::run(global, args, Stage::Simulate),

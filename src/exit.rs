@@ -11,7 +11,7 @@ use crate::query::client::ClientError;
 use crate::query::cost::PriceError;
 use crate::query::exchange::ExchangeError;
 use crate::query::recorded::RecordingError;
-use crate::query::{PromptError, QueryError};
+use crate::query::{LabelsError, PromptError, QueryError};
 use crate::scene::SceneError;
 use crate::scene::ply::PlyError;
 use crate::segment::SegmentError;
@@ -63,6 +63,7 @@ fn code(cause: &(dyn std::error::Error + 'static)) -> Option<Exit> {
                 cause.is::<WorkDirError>(),
                 cause.is::<LibraryError>(),
                 cause.is::<PromptError>(),
+                cause.is::<LabelsError>(),
                 cause.is::<PriceError>(),
                 cause.is::<ClientError>(),
                 cause.is::<ExchangeError>(),

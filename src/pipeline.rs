@@ -4,8 +4,11 @@
 //! made is then written, and only after that its record, so a run that is killed finds its way at the next start.
 //! Stages with costly items (views, answers, frames) save each item and take up where they were killed.
 
+mod batch;
+pub mod desk;
 mod grasp;
 mod parts;
+pub mod picture;
 mod query;
 mod record;
 mod report;
@@ -119,7 +122,7 @@ impl Pipeline {
     pub fn open(folder: &Path, out: Option<&Path>, options: Options, plan: Plan, progress: Progress) -> Result<Self> {
         let mut scene = crate::scene::load(folder, &options.scene)?;
         let library = options.materials.library()?;
-        let root = out.map_or_else(|| folder.join(crate::workdir::DEFAULT_NAME), Path::to_owned);
+        let root = work_folder(folder, out);
         let work = WorkDir::open(&root)?;
         if let Some(count) = options.scene.render_views {
             let folder = root.join("rendered").join(scene::rendering_key(&scene, &options.scene)?);
@@ -144,6 +147,18 @@ impl Pipeline {
             field: OnceLock::new(),
             parts: OnceLock::new(),
         })
+    }
+
+    /// Whether nothing has been done in the work folder yet; makes none.
+    ///
+    /// # Errors
+    /// Where the scene cannot be read or the options do not fit it.
+    pub fn is_untouched(folder: &Path, out: Option<&Path>, options: &Options) -> Result<bool> {
+        if work_folder(folder, out).exists() {
+            return Ok(false);
+        }
+        crate::scene::load(folder, &options.scene)?;
+        Ok(true)
     }
 
     /// Runs the stages up to the last one of the plan.
@@ -233,11 +248,6 @@ impl Pipeline {
         self.plan.from.is_some_and(|from| from <= stage) || (stage == Stage::Query && self.asks_anew())
     }
 
-    /// Tells the user what must not be missed; progress may be hidden, this is not.
-    fn say(&self, message: &str) {
-        eprintln!("{message}");
-    }
-
     /// A hash that begins with the digests of the stages that `stage` reads from.
     fn key_after(&self, stage: Stage, inputs: &[Stage]) -> Hasher {
         let name = serde_json::to_string(&stage).expect("a stage is a word");
@@ -261,6 +271,10 @@ impl Done {
     fn warning(self, warnings: Vec<String>) -> Self {
         Self { warnings, ..self }
     }
+}
+
+fn work_folder(scene: &Path, out: Option<&Path>) -> PathBuf {
+    out.map_or_else(|| scene.join(crate::workdir::DEFAULT_NAME), Path::to_owned)
 }
 
 /// The value in `cell`, made by `make` at the first need.

@@ -32,6 +32,10 @@ pub enum Artifact<'a> {
     Sheet(&'a str, u16),
     /// One line a part: the answer or the typed failure.
     Answers,
+    /// Questions sent by the Batch API whose answers have not been collected.
+    Batch,
+    /// One picture's materials with their legend.
+    MaterialMap,
     /// The input PLY with the materials' properties.
     Field,
     /// The 3D parts that `field.ply` labels.
@@ -66,6 +70,8 @@ impl Artifact<'_> {
             Self::Segments => "segments/segments.json".into(),
             Self::Sheet(view, part) => Path::new("sheets").join(format!("{view}_{part}.jpg")),
             Self::Answers => "answers.jsonl".into(),
+            Self::Batch => "batch.json".into(),
+            Self::MaterialMap => "material_map.png".into(),
             Self::Field => "field.ply".into(),
             Self::Labels => "labels.json".into(),
             Self::Materials => "materials.json".into(),

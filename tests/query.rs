@@ -1,12 +1,24 @@
 //! Sheets, prompts, answers, recordings, servers.
 
+// What becomes of a model's text.
 mod answers;
+// OpenAI's Batch API: submitted, expired, collected.
+mod batch;
+// A server that misbehaves in every way known of servers.
 mod client;
 mod cost;
+// Questions out, answers in.
 mod exchange;
+mod labels;
 mod options;
+// Stand-ins for a server that others wrote, where they are installed.
+mod peers;
+// The whole program with a server: keys, kills, prices, exit codes, one picture.
+mod program;
 mod prompts;
 mod recordings;
+// The dialects of vLLM, Ollama, llama.cpp, DashScope.
+mod servers;
 mod sheets;
 
 use std::path::Path;
@@ -14,7 +26,7 @@ use std::sync::Mutex;
 
 use gprop::materials::MaterialLibrary;
 use gprop::progress::Progress;
-use gprop::query::asker::{Ask, AskError, Asker, Reply};
+use gprop::query::asker::{Ask, AskError, Asker, Reply, Said};
 use gprop::query::recorded::{Answerer, Recordings, Usage};
 use gprop::query::{Options, Prompts, Queries, QueryError, Run, ViewInput};
 use gprop::scene::{ForegroundSource, Photo};
@@ -119,7 +131,7 @@ struct Scripted<F> {
     asked: Mutex<Vec<(String, Option<String>)>>,
 }
 
-impl<F: Fn(&Ask) -> Result<String, AskError> + Sync> Scripted<F> {
+impl<F: Fn(&Ask) -> Result<Said, AskError> + Sync> Scripted<F> {
     fn new(say: F) -> Self {
         let answerer = Answerer { model: "scripted".into(), parameters: json!({ "temperature": 0.0 }) };
         Self { answerer, say, asked: Mutex::default() }
@@ -130,7 +142,7 @@ impl<F: Fn(&Ask) -> Result<String, AskError> + Sync> Scripted<F> {
     }
 }
 
-impl<F: Fn(&Ask) -> Result<String, AskError> + Sync> Asker for Scripted<F> {
+impl<F: Fn(&Ask) -> Result<Said, AskError> + Sync> Asker for Scripted<F> {
     fn answerer(&self) -> &Answerer {
         &self.answerer
     }
@@ -143,8 +155,27 @@ impl<F: Fn(&Ask) -> Result<String, AskError> + Sync> Asker for Scripted<F> {
         let correction = ask.correction.map(|correction| correction.prompt.to_owned());
         self.asked.lock().unwrap().push((ask.question.prompt.clone(), correction));
         let usage = Some(Usage { input_tokens: 1000, output_tokens: 100 });
-        (self.say)(&ask).map(|text| Reply { text, usage, served_model: None })
+        (self.say)(&ask).map(|said| Reply { said, usage, served_model: None })
     }
+}
+
+/// A text that the model says.
+fn text(text: impl ToString) -> Result<Said, AskError> {
+    Ok(Said::Text(text.to_string()))
+}
+
+/// A chat completion that says `text`.
+fn completion(text: &str) -> Value {
+    json!({
+        "id": "1", "object": "chat.completion", "model": "test-model-0001",
+        "choices": [{ "index": 0, "finish_reason": "stop", "message": { "role": "assistant", "content": text } }],
+        "usage": { "prompt_tokens": 1200, "completion_tokens": 80, "total_tokens": 1280 }
+    })
+}
+
+/// A view of `count` parts of 4 x 4 pixels each, 25 in a row.
+fn grid(count: u32) -> View {
+    view("000", (100, count.div_ceil(25) * 4), 80, |x, y| (1 + x / 4 + 25 * (y / 4)) as u16)
 }
 
 /// The first material of a family.

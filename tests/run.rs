@@ -17,12 +17,12 @@ fn fixture(name: &str) -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("fixtures").join(name)
 }
 
-fn gprop() -> Command {
+pub fn gprop() -> Command {
     Command::new(env!("CARGO_BIN_EXE_gprop"))
 }
 
 /// A copy of the hammer that a test may spoil. Recordings come along, ground truth does not.
-fn hammer() -> TempDir {
+pub fn hammer() -> TempDir {
     let copy = TempDir::new().unwrap();
     let source = fixture("hammer");
     for name in ["point_cloud.ply", "transforms.json", "gprop.toml"] {

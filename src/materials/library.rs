@@ -149,6 +149,23 @@ impl MaterialLibrary {
         &self.references
     }
 
+    /// The library with those materials only that `keep` wants, and the families that have any.
+    pub fn restricted_to(&self, keep: impl Fn(&Material) -> bool) -> Self {
+        let mut library = self.clone();
+        let mut new_row = vec![None; self.materials.len()];
+        library.materials.clear();
+        for (row, material) in self.materials.iter().enumerate().filter(|(_, material)| keep(material)) {
+            new_row[row] = Some(library.materials.len());
+            library.materials.push(material.clone());
+        }
+        let materials = &library.materials;
+        library.families.retain(|family| materials.iter().any(|material| material.family == family.name));
+        let kept = self.by_name.iter().filter_map(|(name, row)| Some((name.clone(), new_row[*row]?)));
+        library.by_name = kept.collect();
+        library.tokens = OnceLock::new();
+        library
+    }
+
     fn token_index(&self) -> TokenIndex {
         let mut names: Vec<(&str, usize)> = self.by_name.iter().map(|(name, row)| (name.as_str(), *row)).collect();
         names.sort_unstable_by_key(|(name, row)| (*row, *name));

@@ -18,21 +18,21 @@ use super::{Done, Pipeline, Stage, get_or_load};
 
 /// The content of `segments/segments.json`, by view.
 #[derive(Debug, Default, Serialize, Deserialize)]
-struct SegmentsFile {
-    views: BTreeMap<String, ViewEntry>,
+pub(super) struct SegmentsFile {
+    pub views: BTreeMap<String, ViewEntry>,
 }
 
 #[derive(Debug, Serialize, Deserialize)]
-struct ViewEntry {
+pub(super) struct ViewEntry {
     /// Hash of what the view's parts depend on; a view with another one is segmented again.
-    key: String,
-    parts: Vec<PartMask>,
+    pub key: String,
+    pub parts: Vec<PartMask>,
 }
 
 impl Pipeline {
     pub(super) fn segment_key(&self) -> Result<String> {
         let hasher = self.key_after(Stage::Segment, &[Stage::Scene]).with_json(&self.options.segment);
-        Ok(hasher.with(self.models_key()?.as_bytes()).hex())
+        Ok(hasher.with(models_key(&self.options.setup).as_bytes()).hex())
     }
 
     pub(super) fn do_segment(&self) -> Result<Done> {
@@ -110,17 +110,17 @@ impl Pipeline {
             // The foreground is rendered from the Gaussians.
             hasher = hasher.with(self.scene_key()?.as_bytes());
         }
-        Ok(hasher.with(self.models_key()?.as_bytes()).hex())
+        Ok(hasher.with(models_key(&self.options.setup).as_bytes()).hex())
     }
+}
 
-    /// Which models make the masks: the catalogue's by their pins, the user's own by their content.
-    fn models_key(&self) -> Result<String> {
-        let own = [&self.options.setup.sam_encoder, &self.options.setup.sam_decoder];
-        let mut hasher = Hasher::new("models").with(setup::catalog::SAM.requirement.as_bytes());
-        for path in own.into_iter().flatten() {
-            // A file that cannot be read is the set-up's to report, with its remedy.
-            hasher = hasher.with(&file_digest(path).unwrap_or_default());
-        }
-        Ok(hasher.hex())
+/// Which models make the masks: the catalogue's by their pins, the user's own by their content.
+pub(super) fn models_key(setup: &setup::Options) -> String {
+    let own = [&setup.sam_encoder, &setup.sam_decoder];
+    let mut hasher = Hasher::new("models").with(setup::catalog::SAM.requirement.as_bytes());
+    for path in own.into_iter().flatten() {
+        // A file that cannot be read is the set-up's to report, with its remedy.
+        hasher = hasher.with(&file_digest(path).unwrap_or_default());
     }
+    hasher.hex()
 }

@@ -20,22 +20,29 @@ pub struct Correction<'a> {
     pub prompt: &'a str,
 }
 
-/// What came back.
+/// What came back, and was paid for.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Reply {
-    pub text: String,
+    pub said: Said,
     /// `None` where the server does not count.
     pub usage: Option<Usage>,
     /// The name that the server gives its model.
     pub served_model: Option<String>,
 }
 
+/// What a model says to a question.
+#[derive(Debug, Clone, PartialEq)]
+pub enum Said {
+    Text(String),
+    /// It would not answer; why.
+    Refusal(String),
+    /// It used up its tokens without a word; in which way.
+    Nothing(String),
+}
+
 /// Why nothing came back.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 pub enum AskError {
-    /// The model would not answer this question.
-    #[error("refused: {0}")]
-    Refused(String),
     /// This request failed, also when repeated; another may not.
     #[error("{0}")]
     Failed(String),

@@ -13,6 +13,8 @@ const USUAL_OUTPUT_TOKENS: u64 = 300;
 /// A vision model of which nothing is known: a token for each square of so many pixels (Qwen2-VL's).
 const UNKNOWN_PATCH: u32 = 28;
 const TOKENS_PER_MTOK: f64 = 1e6;
+/// What OpenAI takes for a request of a batch, of the price of one asked at once (its guide to the Batch API).
+const BATCH_SHARE: f64 = 0.5;
 
 /// Prices by model.
 #[derive(Debug, Clone, PartialEq)]
@@ -141,6 +143,12 @@ impl Cost {
             usd: usd(output_tokens),
             most_usd: usd(most_output_tokens),
         }
+    }
+
+    /// The same by the Batch API.
+    pub fn by_batch(self) -> Self {
+        let share = |usd: Option<f64>| usd.map(|usd| usd * BATCH_SHARE);
+        Self { usd: share(self.usd), most_usd: share(self.most_usd), ..self }
     }
 
     /// Both together.

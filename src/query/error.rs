@@ -2,8 +2,11 @@
 
 use std::path::PathBuf;
 
+use super::asker::AskError;
+use super::cost::Spent;
 use super::prompt::PromptError;
 use super::recorded::{Miss, RecordingError};
+use super::{Answers, Failure, Outcome};
 
 /// Why a stage of queries ends without answers.
 #[derive(Debug, thiserror::Error)]
@@ -17,7 +20,7 @@ pub enum QueryError {
     #[error(transparent)]
     Recording(#[from] RecordingError),
     #[error(
-        "no recorded answer for {} of {parts} parts: {}. Ask a model: --lmm-url URL --lmm-model NAME with the key in \
+        "no recorded answer for {} of {parts} parts:{}\nAsk a model: --lmm-url URL --lmm-model NAME with the key in \
          OPENAI_API_KEY; or answer by hand or elsewhere: gprop query SCENE --export DIR, then --import DIR",
         .missing.len(), listed(.missing)
     )]
@@ -31,12 +34,37 @@ pub enum QueryError {
          recorded. Raise --max-usd to go on"
     )]
     BudgetSpent { max_usd: f64, spent_usd: f64, left: usize },
-    #[error("{message}; {left} parts are not answered, what was answered is recorded")]
-    Endpoint { message: String, left: usize },
+    #[error("{message}; {left} parts are not answered, what was answered is recorded ({spent})")]
+    Endpoint { message: String, left: usize, spent: Spent },
+    #[error("none of {parts} parts is answered: {}", counted(.failures))]
+    AllFailed {
+        parts: usize,
+        /// Each failure with the number of parts that it holds for, the most frequent first.
+        failures: Vec<(Failure, usize)>,
+    },
+    #[error("the Batch API: {0}")]
+    Batch(AskError),
+    #[error("no batch is waiting to be collected; gprop query SCENE --batch submit sends one")]
+    NothingSubmitted,
+    #[error(
+        "{running} batches are still worked on, {done} of their {total} requests are done; run --batch collect again later"
+    )]
+    BatchRunning { running: usize, done: usize, total: usize },
+    #[error(
+        "{failed} of {total} questions were not answered, the other answers are recorded: {reasons}. --batch submit asks \
+         them again"
+    )]
+    BatchPartial { failed: usize, total: usize, reasons: String },
     #[error("{count} answers in {folder:?} cannot be used, the others are recorded:\n{lines}")]
     Import { folder: PathBuf, count: usize, lines: String },
     #[error("cannot save an answer: {0}")]
     Save(std::io::Error),
+}
+
+impl From<AskError> for QueryError {
+    fn from(error: AskError) -> Self {
+        Self::Batch(error)
+    }
 }
 
 /// A part of which no answer is recorded.
@@ -47,19 +75,53 @@ pub struct MissingPart {
     pub miss: Miss,
 }
 
-impl std::fmt::Display for MissingPart {
-    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        write!(f, "view {} part {} ({})", self.view, self.part, self.miss)
+impl Answers {
+    /// Whether there is anything to go on with.
+    ///
+    /// # Errors
+    /// [`QueryError::AllFailed`] where there are parts and none of them is answered.
+    pub fn require_any(&self) -> Result<(), QueryError> {
+        let mut failures: Vec<(Failure, usize)> = Vec::new();
+        for part in &self.parts {
+            let Outcome::Failed(failure) = &part.outcome else { return Ok(()) };
+            match failures.iter_mut().find(|(known, _)| known == failure) {
+                Some((_, parts)) => *parts += 1,
+                None => failures.push((failure.clone(), 1)),
+            }
+        }
+        if failures.is_empty() {
+            return Ok(());
+        }
+        failures.sort_by_key(|(_, parts)| std::cmp::Reverse(*parts));
+        Err(QueryError::AllFailed { parts: self.parts.len(), failures })
     }
 }
 
-/// As many as a person reads; the error's value has them all.
-const LISTED: usize = 10;
+/// As many failures as a person reads; the error's value has them all.
+const SHOWN_FAILURES: usize = 3;
 
-fn listed(missing: &[MissingPart]) -> String {
-    let mut words: Vec<String> = missing.iter().take(LISTED).map(MissingPart::to_string).collect();
-    if missing.len() > LISTED {
-        words.push(format!("and {} more", missing.len() - LISTED));
+fn counted(failures: &[(Failure, usize)]) -> String {
+    let mut words: Vec<String> =
+        failures.iter().take(SHOWN_FAILURES).map(|(failure, parts)| format!("{failure} ({parts} of them)")).collect();
+    if failures.len() > SHOWN_FAILURES {
+        words.push(format!("and {} other reasons; see answers.jsonl", failures.len() - SHOWN_FAILURES));
     }
-    words.join(", ")
+    words.join("; ")
+}
+
+/// Every missing part, those of one view with one reason together.
+fn listed(missing: &[MissingPart]) -> String {
+    let mut lines: Vec<(&str, String, Vec<String>)> = Vec::new();
+    for part in missing {
+        let reason = part.miss.to_string();
+        match lines.iter_mut().find(|(view, known, _)| *view == part.view && *known == reason) {
+            Some((_, _, parts)) => parts.push(part.part.to_string()),
+            None => lines.push((&part.view, reason, vec![part.part.to_string()])),
+        }
+    }
+    let line = |(view, reason, parts): (&str, String, Vec<String>)| {
+        let parts_word = if parts.len() == 1 { "part" } else { "parts" };
+        format!("\n  view {view} {parts_word} {} ({reason})", parts.join(", "))
+    };
+    lines.into_iter().map(line).collect()
 }

@@ -1,7 +1,7 @@
 //! Answers from whoever is asked: each read, corrected once where need be, and recorded before anything else happens.
 
 use super::answer::{Problem, Unknown};
-use super::asker::{Ask, AskError, Asker, Correction, Reply};
+use super::asker::{Ask, AskError, Asker, Correction, Reply, Said};
 use super::cost::{Cost, Ledger};
 use super::error::QueryError;
 use super::queries::{PartQuery, Queries};
@@ -26,10 +26,16 @@ pub enum Stop {
     Error(QueryError),
 }
 
-/// A response in the making: the last text, and the tokens of all of them.
+/// A response: the last text, and the tokens of all requests that led to it.
 struct Taken<'a> {
     reading: Result<Reading<'a>, Problem>,
-    reply: Reply,
+    heard: Heard,
+}
+
+/// What a model wrote.
+struct Heard {
+    text: String,
+    served_model: Option<String>,
     usage: Option<Usage>,
 }
 
@@ -48,7 +54,8 @@ impl<'a> Live<'a> {
             };
             let asked = part.asked(question);
             let answerer = self.asker.answerer();
-            let recording = Recording::new(answerer, asked, taken.reply.text, taken.reply.served_model, taken.usage);
+            let Heard { text, served_model, usage } = taken.heard;
+            let recording = Recording::new(answerer, asked, text, served_model, usage);
             self.recordings.insert(recording).map_err(|error| Stop::Error(error.into()))?;
             match reading {
                 Reading::Next(next) => question = next,
@@ -67,19 +74,18 @@ impl<'a> Live<'a> {
     fn take(&self, part: &PartQuery, question: &'a Question) -> Result<Taken<'a>, Halt> {
         let read = |text: &str, unknown| self.queries.questions.read(question, text, self.queries.library, unknown);
         let first = self.ask(part, question, None)?;
-        let usage = first.usage;
         let problem = match read(&first.text, Unknown::Refuse) {
-            Ok(reading) => return Ok(Taken { reading: Ok(reading), reply: first, usage }),
+            Ok(reading) => return Ok(Taken { reading: Ok(reading), heard: first }),
             Err(problem) => problem,
         };
         let prompt = self.queries.prompts.correction(&problem.reason).map_err(|e| Halt::All(Stop::Error(e.into())))?;
         let correction = Correction { response: &first.text, prompt: &prompt };
         let second = self.ask(part, question, Some(correction))?;
-        let usage = usage.zip(second.usage).map(|(a, b)| a.plus(b)).or(usage).or(second.usage);
-        Ok(Taken { reading: read(&second.text, Unknown::TakeNearest), reply: second, usage })
+        let usage = first.usage.zip(second.usage).map(|(a, b)| a.plus(b)).or(first.usage).or(second.usage);
+        Ok(Taken { reading: read(&second.text, Unknown::TakeNearest), heard: Heard { usage, ..second } })
     }
 
-    fn ask(&self, part: &PartQuery, question: &Question, correction: Option<Correction>) -> Result<Reply, Halt> {
+    fn ask(&self, part: &PartQuery, question: &Question, correction: Option<Correction>) -> Result<Heard, Halt> {
         let price = self.ledger.price();
         let (response, prompt) = correction.map_or(("", ""), |said| (said.response, said.prompt));
         let texts = [question.prompt.as_str(), response, prompt];
@@ -92,11 +98,15 @@ impl<'a> Live<'a> {
             Ok(reply) => self.ledger.settle(&cost, reply.usage),
             Err(_) => self.ledger.release(&cost),
         }
-        reply.map_err(|error| match error {
-            AskError::Refused(message) => Halt::Part(Failure::Refused { message }),
+        let Reply { said, usage, served_model } = reply.map_err(|error| match error {
             AskError::Failed(message) => Halt::Part(Failure::Endpoint { message }),
             AskError::Hopeless(message) => Halt::All(Stop::Endpoint(message)),
-        })
+        })?;
+        match said {
+            Said::Text(text) => Ok(Heard { text, served_model, usage }),
+            Said::Refusal(message) => Err(Halt::Part(Failure::Refused { message })),
+            Said::Nothing(message) => Err(Halt::Part(Failure::Invalid { message })),
+        }
     }
 }
 

@@ -7,12 +7,14 @@
 
 pub mod answer;
 pub mod asker;
+pub mod batch;
 pub mod client;
 pub mod cost;
 mod error;
 pub mod exchange;
 mod extract;
 mod jsonl;
+mod labels;
 mod live;
 mod options;
 mod prompt;
@@ -27,6 +29,7 @@ pub mod sheet;
 
 pub use error::{MissingPart, QueryError};
 pub use jsonl::AnswersError;
+pub use labels::{LabelSet, LabelsError};
 pub use options::{AnswerSource, Context, Guidance, Options};
 pub use prompt::{PromptError, Prompts};
 pub use queries::{PartQuery, Queries, ViewInput};

@@ -5,6 +5,7 @@ use std::path::PathBuf;
 use clap::{Args, ValueEnum};
 use serde::{Deserialize, Serialize};
 
+use super::labels::LabelSet;
 pub use super::sheet::Context;
 
 /// Longest side of a sheet in pixels: three 512-pixel panels in a row, the tile size that vision models bill by.
@@ -54,6 +55,11 @@ pub struct Options {
     /// What the picture shows: object and part (the paper's way) or the part alone (its ablation)
     #[arg(long, value_enum, default_value_t)]
     pub context: Context,
+
+    /// Materials to choose among: those that mean a label of ABO's or MVImgNet's evaluation, or those that a text file
+    /// names, one a line (a material, a family or a label) [default: the whole library]
+    #[arg(long, value_name = "abo|mvimgnet|FILE")]
+    pub labels: Option<LabelSet>,
 
     /// Longest side of the picture sent for a part, in pixels
     #[arg(long, value_name = "PIXELS", default_value_t = SHEET_SIZE)]
@@ -117,6 +123,7 @@ impl Default for Options {
             answers: AnswerSource::default(),
             guidance: Guidance::default(),
             context: Context::default(),
+            labels: None,
             sheet_size: SHEET_SIZE,
             prompts: None,
             recordings: None,

@@ -85,9 +85,14 @@ impl Questions {
         std::iter::once(&self.first).chain(longest).collect()
     }
 
+    /// Every question that a part may be asked.
+    pub fn all(&self) -> impl Iterator<Item = &Question> {
+        std::iter::once(&self.first).chain(self.by_family.values())
+    }
+
     /// The question that was asked, if it is one of these.
     pub fn find(&self, asked: &Asked) -> Option<&Question> {
-        std::iter::once(&self.first).chain(self.by_family.values()).find(|question| {
+        self.all().find(|question| {
             question.prompt_sha256 == asked.prompt_sha256 && *question.schema.sha256() == asked.schema_sha256
         })
     }

@@ -1,5 +1,6 @@
 //! The stage: recordings first, then whoever is asked, several parts at once.
 
+use std::collections::BTreeSet;
 use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 use std::sync::mpsc;
 
@@ -15,6 +16,7 @@ use super::queries::{PartQuery, Queries};
 use super::question::Question;
 use super::recorded::{Answerer, Miss, Recordings};
 use super::replay::{self, Replayed};
+use super::sha256::Sha256Hex;
 use super::{Answers, Match, Outcome, PartAnswer};
 use crate::progress::Progress;
 
@@ -26,6 +28,12 @@ pub struct Plan {
     pub recorded: usize,
     /// Of asking the others.
     pub cost: Cost,
+}
+
+impl std::fmt::Display for Plan {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        write!(f, "{} parts, {} recorded; to ask: {}", self.parts, self.recorded, self.cost)
+    }
 }
 
 /// All answers, and what they cost.
@@ -59,9 +67,37 @@ impl Queries<'_> {
         Plan { parts: self.parts.len(), recorded: sorted.answered.len(), cost: self.cost_of(&sorted.open, price) }
     }
 
-    /// The parts that are not recorded, each with the question to be asked next: what an export holds.
-    pub fn unanswered(&self, recordings: &Recordings) -> Vec<(&PartQuery, &Question)> {
-        self.sort(recordings, None).open.into_iter().map(|open| (&self.parts[open.index], open.question)).collect()
+    /// The parts that are not recorded, each with the question to be asked next. `answerer` is who would be asked.
+    pub fn unanswered(&self, recordings: &Recordings, answerer: Option<&Answerer>) -> Vec<(&PartQuery, &Question)> {
+        self.sort(recordings, answerer).open.into_iter().map(|open| (&self.parts[open.index], open.question)).collect()
+    }
+
+    /// Asks about the first part that is not recorded; `None` where all are.
+    pub fn ask_first(
+        &self,
+        recordings: &Recordings,
+        asker: &dyn Asker,
+        price: Option<&Price>,
+    ) -> Result<Option<Outcome>, QueryError> {
+        let sorted = self.sort(recordings, Some(asker.answerer()));
+        let first = &sorted.open[..sorted.open.len().min(1)];
+        let ledger = Ledger::new(price.cloned(), self.options.max_usd);
+        let mut asked = None;
+        let mut keep = |_, outcome| {
+            asked = Some(outcome);
+            Ok(())
+        };
+        ask_all(&Live { queries: self, recordings, asker, ledger: &ledger }, first, &mut keep)?;
+        Ok(asked)
+    }
+
+    /// The recordings that answer any part, whoever answered: all others are of no use to these views and options.
+    pub fn used(&self, recordings: &Recordings) -> BTreeSet<Sha256Hex> {
+        let parts = self.parts.par_iter();
+        parts
+            .flat_map_iter(|part| self.questions.all().map(move |question| part.asked(question)))
+            .flat_map_iter(|asked| recordings.serving(&asked))
+            .collect()
     }
 
     /// Answers every part: from `recordings`, and where they end from `asker`.
@@ -148,6 +184,25 @@ impl Queries<'_> {
         }
     }
 
+    /// Whether asking `count` open questions by the Batch API, but one of them at once, may cost more than the budget
+    /// even at the longest answers: a batch that runs cannot be stopped.
+    pub fn check_batch_budget(
+        &self,
+        recordings: &Recordings,
+        answerer: &Answerer,
+        price: Option<&Price>,
+        count: usize,
+    ) -> Result<(), QueryError> {
+        let Some(max_usd) = self.options.max_usd else { return Ok(()) };
+        let open = self.unanswered(recordings, Some(answerer));
+        let cost = self.cost(open.into_iter().map(|(part, _)| part).take(count), price);
+        match (cost.by_batch().most_usd, price) {
+            (Some(usd), _) if usd > max_usd => Err(QueryError::OverBudget { requests: cost.requests, usd, max_usd }),
+            (_, None) => Err(QueryError::NoPrice { model: answerer.model.clone() }),
+            _ => Ok(()),
+        }
+    }
+
     fn missing(&self, open: &[Open]) -> QueryError {
         let missing = open.iter().map(|open| {
             let part = &self.parts[open.index];
@@ -202,7 +257,7 @@ fn ask_all(
     match stop {
         None => Ok(()),
         Some(Stop::Error(error)) => Err(error),
-        Some(Stop::Endpoint(message)) => Err(QueryError::Endpoint { message, left }),
+        Some(Stop::Endpoint(message)) => Err(QueryError::Endpoint { message, left, spent: live.ledger.spent() }),
         Some(Stop::Budget) => Err(QueryError::BudgetSpent {
             max_usd: live.queries.options.max_usd.unwrap_or(f64::INFINITY),
             spent_usd: live.ledger.spent().usd.unwrap_or(0.0),

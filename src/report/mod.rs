@@ -1,6 +1,7 @@
 //! The whole result: `report.json` for programs, `report.html` for people, a few lines for the terminal.
 
 mod charts;
+pub mod material_map;
 mod numbers;
 mod page;
 mod pictures;

@@ -87,44 +87,59 @@ impl View {
     /// # Errors
     /// [`SceneError`] names the file: missing, undecodable, or of another size than when the scene was loaded.
     pub fn photo(&self) -> Result<Photo, SceneError> {
-        let picture = self.decode(&self.image)?;
+        let picture = decode(&self.image, self.upright)?;
         let expected = (self.camera.intrinsics.width, self.camera.intrinsics.height);
         let found = (picture.width(), picture.height());
         if found != expected {
             return Err(SceneError::ImageChanged { path: self.image.clone(), expected, found });
         }
+        Photo::of(picture, self.mask.as_deref(), self.upright)
+    }
+}
+
+impl Photo {
+    /// A photo by itself, upright, with its foreground by `mask` or its own alpha.
+    ///
+    /// # Errors
+    /// [`SceneError`] names the file that is missing or undecodable.
+    pub fn open(path: &Path, mask: Option<&Path>) -> Result<Self, SceneError> {
+        Self::of(decode(path, Upright::Turned)?, mask, Upright::Turned)
+    }
+
+    fn of(picture: DynamicImage, mask: Option<&Path>, upright: Upright) -> Result<Self, SceneError> {
         let (rgb, alpha) = over_white(picture);
-        let mask = self.mask.as_deref().map(|path| self.mask_at(path, expected)).transpose()?;
+        let (width, height) = rgb.dimensions();
+        let mask = mask.map(|path| mask_at(path, (width, height), upright)).transpose()?;
         let (foreground, foreground_source) = match (mask, alpha) {
             (Some(mask), _) => (mask, ForegroundSource::Mask),
             (None, Some(alpha)) => (alpha, ForegroundSource::Alpha),
-            (None, None) => (GrayImage::from_pixel(expected.0, expected.1, Luma([255])), ForegroundSource::Whole),
+            (None, None) => (GrayImage::from_pixel(width, height, Luma([255])), ForegroundSource::Whole),
         };
-        Ok(Photo { rgb, foreground, foreground_source })
+        Ok(Self { rgb, foreground, foreground_source })
     }
+}
 
-    /// The mask's alpha where it has one that says something, else its brightness; resized to the photo where need be.
-    fn mask_at(&self, path: &Path, (width, height): (u32, u32)) -> Result<GrayImage, SceneError> {
-        let picture = self.decode(path)?;
-        let alpha = picture.color().has_alpha().then(|| alpha_of(&picture.to_rgba8())).filter(|alpha| !is_white(alpha));
-        let mask = alpha.unwrap_or_else(|| picture.into_luma8());
-        let mask = match mask.dimensions() == (width, height) {
-            true => mask,
-            false => image::imageops::resize(&mask, width, height, image::imageops::FilterType::Triangle),
-        };
-        Ok(thresholded(mask))
-    }
+/// The mask's alpha where it has one that says something, else its brightness; resized to the photo where need be.
+fn mask_at(path: &Path, (width, height): (u32, u32), upright: Upright) -> Result<GrayImage, SceneError> {
+    let picture = decode(path, upright)?;
+    let alpha = picture.color().has_alpha().then(|| alpha_of(&picture.to_rgba8())).filter(|alpha| !is_white(alpha));
+    let mask = alpha.unwrap_or_else(|| picture.into_luma8());
+    let mask = match mask.dimensions() == (width, height) {
+        true => mask,
+        false => image::imageops::resize(&mask, width, height, image::imageops::FilterType::Triangle),
+    };
+    Ok(thresholded(mask))
+}
 
-    fn decode(&self, path: &Path) -> Result<DynamicImage, SceneError> {
-        let undecodable = |reason| SceneError::Image { path: path.to_owned(), reason };
-        let mut decoder = open(path)?.into_decoder().map_err(undecodable)?;
-        let orientation = decoder.orientation().unwrap_or(Orientation::NoTransforms);
-        let mut picture = DynamicImage::from_decoder(decoder).map_err(undecodable)?;
-        if self.upright == Upright::Turned {
-            picture.apply_orientation(orientation);
-        }
-        Ok(picture)
+fn decode(path: &Path, upright: Upright) -> Result<DynamicImage, SceneError> {
+    let undecodable = |reason| SceneError::Image { path: path.to_owned(), reason };
+    let mut decoder = open(path)?.into_decoder().map_err(undecodable)?;
+    let orientation = decoder.orientation().unwrap_or(Orientation::NoTransforms);
+    let mut picture = DynamicImage::from_decoder(decoder).map_err(undecodable)?;
+    if upright == Upright::Turned {
+        picture.apply_orientation(orientation);
     }
+    Ok(picture)
 }
 
 /// Size and orientation of the photo at `path`, from its header.

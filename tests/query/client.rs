@@ -3,7 +3,7 @@
 use std::sync::atomic::{AtomicUsize, Ordering};
 use std::time::Duration;
 
-use gprop::query::asker::{Ask, AskError, Asker, Correction};
+use gprop::query::asker::{Ask, AskError, Asker, Correction, Reply, Said};
 use gprop::query::client::{ApiKey, Client, ClientError};
 use gprop::query::recorded::Usage;
 use gprop::query::{Failure, Options, Outcome, Prompts, QueryError};
@@ -12,19 +12,19 @@ use tokio::runtime::Runtime;
 use wiremock::matchers::{method, path};
 use wiremock::{Mock, MockServer, Request, ResponseTemplate};
 
-use super::{a, good_answer, prepare, recordings, run, small, two_parts, view};
+use super::{a, completion, good_answer, grid, prepare, recordings, run, small, two_parts};
 
 /// What a key looks like; found anywhere it must not be, it fails the test.
-const CANARY: &str = "sk-canary-5f2e8c1d9b7a";
+pub const CANARY: &str = "sk-canary-5f2e8c1d9b7a";
 
-struct Server {
+pub struct Server {
     runtime: Runtime,
     mock: MockServer,
 }
 
 impl Server {
     /// A server that answers its n-th request, from 0, as `respond` says.
-    fn new(respond: impl Fn(usize, &Value, &Request) -> ResponseTemplate + Send + Sync + 'static) -> Self {
+    pub fn new(respond: impl Fn(usize, &Value, &Request) -> ResponseTemplate + Send + Sync + 'static) -> Self {
         let runtime = Runtime::new().unwrap();
         let mock = runtime.block_on(async {
             let server = MockServer::start().await;
@@ -42,44 +42,36 @@ impl Server {
         Self { runtime, mock }
     }
 
-    fn options(&self) -> Options {
+    pub fn options(&self) -> Options {
         Options { lmm_url: Some(format!("{}/v1", self.mock.uri())), lmm_model: Some("test-model".into()), ..small() }
     }
 
-    fn client(&self) -> Client {
+    pub fn client(&self) -> Client {
         Client::new(&self.options(), None).unwrap().unwrap()
     }
 
-    fn requests(&self) -> Vec<Value> {
+    pub fn requests(&self) -> Vec<Value> {
         let requests = self.runtime.block_on(self.mock.received_requests()).unwrap();
         requests.iter().map(|request| serde_json::from_slice(&request.body).unwrap()).collect()
     }
 
     /// Asks one made-up question.
-    fn ask(&self) -> Result<gprop::query::asker::Reply, AskError> {
+    fn ask(&self) -> Result<Reply, AskError> {
         ask(&self.client(), None)
     }
 }
 
-fn ask(client: &Client, correction: Option<Correction>) -> Result<gprop::query::asker::Reply, AskError> {
+fn ask(client: &Client, correction: Option<Correction>) -> Result<Reply, AskError> {
     let (prompts, options) = (Prompts::builtin(), small());
     let queries = prepare(&[two_parts("000", 80, 80)], &prompts, &options);
     client.ask(Ask { question: queries.questions.first(), picture: &queries.parts[0].jpeg, correction })
 }
 
-fn completion(text: &str) -> Value {
-    json!({
-        "id": "1", "object": "chat.completion", "model": "test-model-0001",
-        "choices": [{ "index": 0, "finish_reason": "stop", "message": { "role": "assistant", "content": text } }],
-        "usage": { "prompt_tokens": 1200, "completion_tokens": 80, "total_tokens": 1280 }
-    })
-}
-
-fn ok(text: &str) -> ResponseTemplate {
+pub fn ok(text: &str) -> ResponseTemplate {
     ResponseTemplate::new(200).set_body_json(completion(text))
 }
 
-fn error(status: u16, message: &str) -> ResponseTemplate {
+pub fn error(status: u16, message: &str) -> ResponseTemplate {
     ResponseTemplate::new(status).set_body_json(json!({ "error": { "message": message } }))
 }
 
@@ -217,12 +209,12 @@ fn refusals_are_told_apart_from_failures() {
     ];
     for response in table {
         let server = Server::new(move |_, _, _| response.clone());
-        assert!(matches!(server.ask(), Err(AskError::Refused(_))));
+        assert!(matches!(server.ask().unwrap().said, Said::Refusal(_)));
         assert_eq!(server.requests().len(), 1, "a refusal is not asked again");
     }
     let thinking = json!({ "choices": [{ "finish_reason": "length", "message": { "content": "" } }] });
     let server = Server::new(move |_, _, _| ResponseTemplate::new(200).set_body_json(thinking.clone()));
-    assert!(matches!(server.ask(), Err(AskError::Failed(message)) if message.contains("--lmm-max-tokens")));
+    assert!(matches!(server.ask().unwrap().said, Said::Nothing(why) if why.contains("--lmm-max-tokens")));
 }
 
 #[test]
@@ -261,7 +253,7 @@ fn content_in_parts_is_read_as_text() {
     let parts = json!({ "choices": [{ "message": { "content": content } }] });
     let server = Server::new(move |_, _, _| ResponseTemplate::new(200).set_body_json(parts.clone()));
     let reply = server.ask().unwrap();
-    assert_eq!((reply.text.as_str(), reply.usage), ("{\"a\":1}", None));
+    assert_eq!((reply.said, reply.usage), (Said::Text("{\"a\":1}".into()), None));
 }
 
 #[test]
@@ -337,9 +329,7 @@ fn five_hundred_queries_with_faults_end_with_five_hundred_answers_each_paid_once
     let options = Options { lmm_parallel: 8, ..server.options() };
     let client = Client::new(&options, None).unwrap().unwrap();
     let prompts = Prompts::builtin();
-    // A grid of 25 x 20 parts, 4 x 4 pixels each.
-    let views = [view("000", (100, 80), 80, |x, y| (1 + x / 4 + 25 * (y / 4)) as u16)];
-    let queries = prepare(&views, &prompts, &options);
+    let queries = prepare(&[grid(500)], &prompts, &options);
     let outcome = run(&queries, &recordings(folder.path()), Some(&client)).unwrap();
     assert_eq!(outcome.answers.parts.len(), 500);
     assert_eq!(outcome.answers.failed().count(), 0);

@@ -22,7 +22,7 @@ fn what_goes_out_comes_back_and_is_replayed() {
     let views = [two_parts("secret_name", 80, 80)];
     let queries = prepare(&views, &prompts, &options);
     let store = recordings(&recorded);
-    assert_eq!(exchange::export(&out, &queries.unanswered(&store)).unwrap(), 2);
+    assert_eq!(exchange::export(&out, &queries.unanswered(&store, None)).unwrap(), 2);
 
     let listed = fs::read_to_string(out.join("queries.jsonl")).unwrap();
     assert!(!listed.contains("secret_name"), "names give nothing away");
@@ -61,7 +61,26 @@ fn what_goes_out_comes_back_and_is_replayed() {
         })
         .collect();
     assert_eq!(materials, [(a("wood"), Match::Exact), (a("metal"), Match::Exact)]);
-    assert!(queries.unanswered(&recordings(&recorded)).is_empty(), "an export now holds nothing");
+    assert!(queries.unanswered(&recordings(&recorded), None).is_empty(), "an export now holds nothing");
+}
+
+#[test]
+fn the_page_holds_every_question_and_no_text_can_break_out_of_it() {
+    let home = tempfile::tempdir().unwrap();
+    let (out, mine) = (home.path().join("out"), home.path().join("mine"));
+    fs::create_dir(&mine).unwrap();
+    fs::write(mine.join("part.txt"), "</script><script>alert(1)</script> {{ candidates }} JSON").unwrap();
+    let (prompts, options) = (Prompts::from_folder(&mine).unwrap(), small());
+    let queries = prepare(&[two_parts("secret_name", 80, 80)], &prompts, &options);
+    exchange::export(&out, &queries.unanswered(&recordings(&home.path().join("recorded")), None)).unwrap();
+    let page = fs::read_to_string(out.join("form.html")).unwrap();
+    for name in names(&fs::read_to_string(out.join("queries.jsonl")).unwrap()) {
+        assert!(page.contains(&format!("sheets/{name}.jpg")), "{name} is not on the page");
+    }
+    assert_eq!(page.matches("</script>").count(), 1, "only the page's own script ends");
+    for outside in ["http://", "https://", "//cdn", "secret_name"] {
+        assert!(!page.contains(outside), "{outside} is on the page");
+    }
 }
 
 #[test]
@@ -73,7 +92,7 @@ fn bad_lines_are_numbered_and_good_ones_kept() {
     let views = [two_parts("000", 80, 80), two_parts("001", 90, 80), two_parts("002", 70, 80)];
     let queries = prepare(&views, &prompts, &options);
     let store = recordings(&recorded);
-    exchange::export(&out, &queries.unanswered(&store)).unwrap();
+    exchange::export(&out, &queries.unanswered(&store, None)).unwrap();
     let names = names(&fs::read_to_string(out.join("answers.jsonl")).unwrap());
     let good = || good_answer(a("wood"));
     let lines = [

@@ -1,11 +1,11 @@
 use std::fs;
 
 use gprop::progress::Progress;
-use gprop::query::asker::AskError;
+use gprop::query::asker::{AskError, Said};
 use gprop::query::recorded::{RecordingError, Recordings};
 use gprop::query::{AnswerSource, Failure, Guidance, Match, Options, Outcome, Prompts, QueryError};
 
-use super::{Scripted, a, good_answer, prepare, recordings, run, small, two_parts};
+use super::{Scripted, a, good_answer, prepare, recordings, run, small, text, two_parts};
 
 fn replay() -> Options {
     Options { answers: AnswerSource::Replay, ..small() }
@@ -28,7 +28,7 @@ fn what_was_asked_once_is_replayed_from_disk() {
     let prompts = Prompts::builtin();
     let views = [two_parts("000", 80, 80), two_parts("001", 90, 80)];
     let (options, replay) = (small(), replay());
-    let asker = Scripted::new(|_| Ok(good_answer(a("wood")).to_string()));
+    let asker = Scripted::new(|_| text(good_answer(a("wood"))));
     let queries = prepare(&views, &prompts, &options);
     let mut told = 0;
     let live = queries
@@ -62,7 +62,7 @@ fn a_mask_that_moved_by_a_few_pixels_still_replays_and_says_so() {
     let folder = tempfile::tempdir().unwrap();
     let prompts = Prompts::builtin();
     let (options, replay) = (small(), replay());
-    let wood = Scripted::new(|_| Ok(good_answer(a("wood")).to_string()));
+    let wood = Scripted::new(|_| text(good_answer(a("wood"))));
     let original = [two_parts("000", 80, 80)];
     run(&prepare(&original, &prompts, &options), &recordings(folder.path()), Some(&wood)).unwrap();
 
@@ -85,7 +85,7 @@ fn masks_that_differ_more_are_missing_each_by_name() {
     let folder = tempfile::tempdir().unwrap();
     let prompts = Prompts::builtin();
     let (options, replay) = (small(), replay());
-    let wood = Scripted::new(|_| Ok(good_answer(a("wood")).to_string()));
+    let wood = Scripted::new(|_| text(good_answer(a("wood"))));
     let original = [two_parts("000", 80, 80)];
     run(&prepare(&original, &prompts, &options), &recordings(folder.path()), Some(&wood)).unwrap();
 
@@ -98,7 +98,7 @@ fn masks_that_differ_more_are_missing_each_by_name() {
     let QueryError::Missing { parts: 4, missing } = error else { panic!("{text}") };
     assert_eq!(missing.len(), 4);
     assert!(text.contains("view 000 part 1 (the nearest recorded mask overlaps by IoU 0.75"), "{text}");
-    assert!(text.contains("view 001 part 2 (nothing is recorded of this photo)"), "{text}");
+    assert!(text.contains("view 001 parts 1, 2 (nothing is recorded of this photo)"), "{text}");
     assert!(text.contains("--lmm-url") && text.contains("--export"), "{text}");
 }
 
@@ -109,7 +109,7 @@ fn another_prompt_is_another_question() {
     fs::write(mine.path().join("part.txt"), "What is it? {{ candidates }} JSON").unwrap();
     let (builtin, mine) = (Prompts::builtin(), Prompts::from_folder(mine.path()).unwrap());
     let (options, replay) = (small(), replay());
-    let wood = Scripted::new(|_| Ok(good_answer(a("wood")).to_string()));
+    let wood = Scripted::new(|_| text(good_answer(a("wood"))));
     let views = [two_parts("000", 80, 80)];
     run(&prepare(&views, &builtin, &options), &recordings(folder.path()), Some(&wood)).unwrap();
     let error = run(&prepare(&views, &mine, &replay), &recordings(folder.path()), None).unwrap_err();
@@ -122,10 +122,10 @@ fn a_named_model_is_served_by_its_own_recordings_only() {
     let prompts = Prompts::builtin();
     let options = small();
     let views = [two_parts("000", 80, 80)];
-    let mut wood = Scripted::new(|_| Ok(good_answer(a("wood")).to_string()));
+    let mut wood = Scripted::new(|_| text(good_answer(a("wood"))));
     wood.answerer.model = "model-a".into();
     run(&prepare(&views, &prompts, &options), &recordings(folder.path()), Some(&wood)).unwrap();
-    let mut metal = Scripted::new(|_| Ok(good_answer(a("metal")).to_string()));
+    let mut metal = Scripted::new(|_| text(good_answer(a("metal"))));
     metal.answerer.model = "model-b".into();
     run(&prepare(&views, &prompts, &options), &recordings(folder.path()), Some(&metal)).unwrap();
     assert_eq!((wood.count(), metal.count()), (2, 2), "one model's recording does not serve another");
@@ -150,7 +150,7 @@ fn live_asks_although_it_is_recorded() {
     let folder = tempfile::tempdir().unwrap();
     let prompts = Prompts::builtin();
     let options = Options { answers: AnswerSource::Live, ..small() };
-    let wood = Scripted::new(|_| Ok(good_answer(a("wood")).to_string()));
+    let wood = Scripted::new(|_| text(good_answer(a("wood"))));
     let views = [two_parts("000", 80, 80)];
     for _ in 0..2 {
         run(&prepare(&views, &prompts, &options), &recordings(folder.path()), Some(&wood)).unwrap();
@@ -166,10 +166,10 @@ fn an_unusable_answer_is_asked_once_more_with_the_reason() {
     let prompts = Prompts::builtin();
     let options = small();
     let asker = Scripted::new(|ask| match ask.correction {
-        None => Ok(super::with(good_answer(a("wood")), "material", "mystery stuff".into()).to_string()),
+        None => text(super::with(good_answer(a("wood")), "material", "mystery stuff".into())),
         Some(correction) => {
             assert!(correction.prompt.contains("mystery stuff") && correction.response.contains("mystery stuff"));
-            Ok(good_answer(a("wood")).to_string())
+            text(good_answer(a("wood")))
         }
     });
     let queries = prepare(&[two_parts("000", 80, 80)], &prompts, &options);
@@ -188,10 +188,10 @@ fn failures_are_typed_counted_and_never_recorded() {
     let queries = prepare(&views, &prompts, &options);
     let pictures: Vec<Vec<u8>> = queries.parts.iter().map(|part| part.jpeg.clone()).collect();
     let asker = Scripted::new(|ask| match pictures.iter().position(|picture| picture == ask.picture) {
-        Some(0) => Err(AskError::Refused("not this one".into())),
+        Some(0) => Ok(Said::Refusal("not this one".into())),
         Some(1) => Err(AskError::Failed("status 500".into())),
-        Some(2) => Ok("no idea".into()),
-        _ => Ok(good_answer(a("wood")).to_string()),
+        Some(2) => text("no idea"),
+        _ => text(good_answer(a("wood"))),
     });
     let run = run(&queries, &recordings(folder.path()), Some(&asker)).unwrap();
     let failures: Vec<Failure> = run
@@ -218,7 +218,7 @@ fn an_endpoint_beyond_hope_ends_the_run_and_keeps_what_was_answered() {
     let first = queries.parts[0].jpeg.clone();
     let asker = Scripted::new(|ask| {
         if ask.picture == first {
-            return Ok(good_answer(a("wood")).to_string());
+            return text(good_answer(a("wood")));
         }
         std::thread::sleep(std::time::Duration::from_millis(100));
         Err(AskError::Hopeless("wrong key".into()))
@@ -237,9 +237,9 @@ fn gradual_guidance_records_both_questions_and_replays_through_moved_masks() {
     let asker = Scripted::new(|ask| {
         if ask.question.prompt.contains("youngs_modulus_mpa") {
             assert!(!ask.question.prompt.contains("\nmetal:"), "only the family's materials");
-            return Ok(good_answer(a("wood")).to_string());
+            return text(good_answer(a("wood")));
         }
-        Ok(r#"{"caption":"a stick","family":"wood"}"#.into())
+        text(r#"{"caption":"a stick","family":"wood"}"#)
     });
     let original = [two_parts("000", 80, 80)];
     let live = run(&prepare(&original, &prompts, &options), &recordings(folder.path()), Some(&asker)).unwrap();
@@ -255,7 +255,7 @@ fn the_budget_stops_before_and_during_the_run() {
     let folder = tempfile::tempdir().unwrap();
     let prompts = Prompts::builtin();
     let price = gprop::query::cost::PriceTable::builtin().price("gpt-4o").cloned();
-    let asker = Scripted::new(|_| Ok(good_answer(a("wood")).to_string()));
+    let asker = Scripted::new(|_| text(good_answer(a("wood"))));
     let views = [two_parts("000", 80, 80), two_parts("001", 90, 80)];
     let with_budget = |max_usd: f64| {
         let options = Options { max_usd: Some(max_usd), lmm_parallel: 1, ..small() };
@@ -293,7 +293,7 @@ fn broken_recordings_are_named() {
     let folder = tempfile::tempdir().unwrap();
     let prompts = Prompts::builtin();
     let options = small();
-    let wood = Scripted::new(|_| Ok(good_answer(a("wood")).to_string()));
+    let wood = Scripted::new(|_| text(good_answer(a("wood"))));
     run(&prepare(&[two_parts("000", 80, 80)], &prompts, &options), &recordings(folder.path()), Some(&wood)).unwrap();
     let path = fs::read_dir(folder.path()).unwrap().next().unwrap().unwrap().path();
     let whole = fs::read_to_string(&path).unwrap();
@@ -312,4 +312,40 @@ fn broken_recordings_are_named() {
     fs::write(folder.path().join("README.md"), "not a recording").unwrap();
     fs::write(&path, whole).unwrap();
     assert_eq!(Recordings::open(&[&folder.path().join("none")], folder.path()).unwrap().len(), 2);
+}
+
+#[test]
+fn what_no_part_uses_is_told_from_what_serves() {
+    let folder = tempfile::tempdir().unwrap();
+    let prompts = Prompts::builtin();
+    let options = small();
+    let wood = Scripted::new(|_| text(good_answer(a("wood"))));
+    let views = [two_parts("000", 80, 80), two_parts("001", 90, 80)];
+    run(&prepare(&views, &prompts, &options), &recordings(folder.path()), Some(&wood)).unwrap();
+
+    // The second view is gone, and the first one's border moved by two columns: by ten it would be another part.
+    let mut moved = two_parts("000", 80, 82);
+    moved.photo = views[0].photo.clone();
+    let store = recordings(folder.path());
+    let used = prepare(&[moved], &prompts, &options).used(&store);
+    assert_eq!((store.len(), used.len()), (4, 2));
+    let whole = prepare(&views, &prompts, &options);
+    assert_eq!(whole.used(&store).len(), 4);
+    for key in store.keys().iter().filter(|key| !used.contains(key)) {
+        store.remove(key).unwrap();
+    }
+    assert_eq!(recordings(folder.path()).keys(), used.into_iter().collect::<Vec<_>>());
+}
+
+#[test]
+fn what_refusals_and_empty_answers_took_is_paid_too() {
+    let folder = tempfile::tempdir().unwrap();
+    let prompts = Prompts::builtin();
+    let options = small();
+    let asker = Scripted::new(|_| Ok(Said::Nothing("the answer is empty".into())));
+    let queries = prepare(&[two_parts("000", 80, 80)], &prompts, &options);
+    let run = run(&queries, &recordings(folder.path()), Some(&asker)).unwrap();
+    assert_eq!((run.spent.requests, run.spent.usage.input_tokens), (2, 2000));
+    let error = run.answers.require_any().unwrap_err();
+    assert!(error.to_string().contains("none of 2 parts") && error.to_string().contains("(2 of them)"), "{error}");
 }

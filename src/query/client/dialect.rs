@@ -16,6 +16,7 @@ pub struct Dialect {
     format: Format,
     limit: Limit,
     temperature: Temperature,
+    detail: Detail,
 }
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
@@ -44,6 +45,14 @@ enum Temperature {
     Unsent,
 }
 
+/// OpenAI's wish for a picture's resolution. Most other servers ignore it, few refuse it.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+enum Detail {
+    #[default]
+    High,
+    Unsent,
+}
+
 /// DashScope refuses `json_object` unless this word is somewhere in the messages.
 const JSON: &str = "JSON";
 const SAY_JSON: &str = "Answer in JSON.";
@@ -57,7 +66,11 @@ impl Dialect {
         if self.format == Format::JsonObject && !ask.question.prompt.contains(JSON) {
             content.push(json!({ "type": "text", "text": SAY_JSON }));
         }
-        content.push(json!({ "type": "image_url", "image_url": { "url": picture, "detail": "high" } }));
+        let mut image_url = json!({ "url": picture });
+        if self.detail == Detail::High {
+            image_url["detail"] = json!("high");
+        }
+        content.push(json!({ "type": "image_url", "image_url": image_url }));
         let mut messages = vec![json!({ "role": "user", "content": content })];
         if let Some(correction) = ask.correction {
             messages.push(json!({ "role": "assistant", "content": correction.response }));
@@ -90,6 +103,9 @@ impl Dialect {
         }
         if self.temperature == Temperature::Sent && message.contains("temperature") {
             return Some(Self { temperature: Temperature::Unsent, ..self });
+        }
+        if self.detail == Detail::High && message.contains("detail") {
+            return Some(Self { detail: Detail::Unsent, ..self });
         }
         let format = match self.format {
             Format::JsonSchema => Format::JsonObject,

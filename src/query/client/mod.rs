@@ -5,6 +5,7 @@
 //! repeated (`retry.rs`). The account's key is read from the environment only, is sent in a header that is marked
 //! sensitive, and is cut out of every text that comes back.
 
+mod batch;
 mod dialect;
 mod key;
 mod response;
@@ -14,12 +15,14 @@ use std::sync::{Mutex, PoisonError};
 use std::time::Duration;
 
 use reqwest::header::CONTENT_TYPE;
+use reqwest::{RequestBuilder, StatusCode};
 use serde_json::{Value, json};
 use tokio::runtime::Runtime;
 
 use super::asker::{Ask, AskError, Asker, Reply};
 use super::options::Options;
 use super::recorded::Answerer;
+pub use batch::{BatchCounts, BatchState, BatchStatus};
 use dialect::Dialect;
 pub use key::ApiKey;
 use retry::{Attempt, Backoff};
@@ -46,6 +49,8 @@ pub enum ClientError {
     Url { url: String },
     #[error("--lmm-url needs --lmm-model, the name of the model there")]
     NoModel,
+    #[error("the Batch API needs --lmm-url and --lmm-model")]
+    NoUrl,
     #[error("OPENAI_API_KEY holds characters that no key has")]
     Key,
     #[error("cannot set up the HTTP client: {0}")]
@@ -88,6 +93,12 @@ impl Client {
         }))
     }
 
+    /// The body of the request for a question, in the dialect that the server last accepted.
+    pub fn body(&self, ask: Ask) -> Value {
+        let dialect = *self.dialect.lock().unwrap_or_else(PoisonError::into_inner);
+        dialect.body(&self.answerer.model, self.temperature, self.max_tokens, ask)
+    }
+
     /// One question, in whichever dialect the server takes.
     async fn converse(&self, ask: Ask<'_>) -> Result<Reply, AskError> {
         let mut dialect = *self.dialect.lock().unwrap_or_else(PoisonError::into_inner);
@@ -109,12 +120,22 @@ impl Client {
         }
     }
 
-    /// One request, repeated while it fails for a passing reason.
     async fn send(&self, body: &Value) -> Result<Reply, Attempt> {
-        let mut backoff = Backoff::new(self.retries);
+        let request = || self.http.post(&self.url).header(CONTENT_TYPE, "application/json").json(body);
+        self.exchange(self.retries, request, response::read).await
+    }
+
+    /// A request and what `read` makes of its response, repeated while it fails for a passing reason.
+    async fn exchange<T>(
+        &self,
+        retries: u32,
+        request: impl Fn() -> RequestBuilder,
+        read: impl Fn(StatusCode, &str, Option<Duration>) -> Result<T, Attempt>,
+    ) -> Result<T, Attempt> {
+        let mut backoff = Backoff::new(retries);
         loop {
-            let failure = match self.send_once(body).await {
-                Ok(reply) => return Ok(reply),
+            let failure = match self.exchange_once(request(), &read).await {
+                Ok(value) => return Ok(value),
                 Err(failure) => failure,
             };
             let Some(wait) = backoff.wait_after(&failure) else { return Err(failure) };
@@ -122,8 +143,11 @@ impl Client {
         }
     }
 
-    async fn send_once(&self, body: &Value) -> Result<Reply, Attempt> {
-        let mut request = self.http.post(&self.url).header(CONTENT_TYPE, "application/json").json(body);
+    async fn exchange_once<T>(
+        &self,
+        mut request: RequestBuilder,
+        read: impl Fn(StatusCode, &str, Option<Duration>) -> Result<T, Attempt>,
+    ) -> Result<T, Attempt> {
         if let Some(key) = &self.key {
             request = request.headers(key.headers());
         }
@@ -133,7 +157,7 @@ impl Client {
         let bytes = response.bytes().await.map_err(response::transport)?;
         let text = String::from_utf8_lossy(&bytes);
         let text = self.key.as_ref().map_or_else(|| text.to_string(), |key| key.cut_from(&text));
-        response::read(status, &text, retry_after)
+        read(status, &text, retry_after)
     }
 }
 
@@ -149,6 +173,12 @@ impl Asker for Client {
     fn ask(&self, ask: Ask) -> Result<Reply, AskError> {
         self.runtime.block_on(self.converse(ask))
     }
+}
+
+/// What a response to a question says, its status and body given; else what is wrong with it.
+pub fn read_completion(status: u16, body: &str) -> Result<Reply, String> {
+    let status = StatusCode::from_u16(status).map_err(|_| format!("{status} is no HTTP status"))?;
+    response::read(status, body, None).map_err(|attempt| batch::ask_error(attempt).to_string())
 }
 
 /// The address of Chat Completions under a base URL; a base that already ends in it is taken as it is.

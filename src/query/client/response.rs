@@ -7,7 +7,7 @@ use serde::Deserialize;
 use serde_json::Value;
 
 use super::retry::Attempt;
-use crate::query::asker::{AskError, Reply};
+use crate::query::asker::{AskError, Reply, Said};
 use crate::query::recorded::Usage;
 
 #[derive(Deserialize)]
@@ -38,8 +38,12 @@ struct Counted {
 /// As much of a server's error text as a person reads.
 const MESSAGE_CHARACTERS: usize = 300;
 
-/// Reads a response with its status.
+/// Reads the response to one question with its status.
 pub fn read(status: StatusCode, body: &str, retry_after: Option<Duration>) -> Result<Reply, Attempt> {
+    if status == StatusCode::BAD_REQUEST && is_about(body, &["content_policy", "content_filter", "safety_violation"]) {
+        let no_tokens = Some(Usage::default());
+        return Ok(Reply { said: Said::Refusal(message(body)), usage: no_tokens, served_model: None });
+    }
     if !status.is_success() {
         return Err(failure(status, body, retry_after));
     }
@@ -70,27 +74,26 @@ pub fn transport(error: reqwest::Error) -> Attempt {
 }
 
 fn answer(completion: Completion) -> Result<Reply, Attempt> {
-    let refused = |text: String| Err(Attempt::Final(AskError::Refused(text)));
     let Some(choice) = completion.choices.into_iter().next() else {
         return Err(Attempt::Passing { message: "the response holds no choice".into(), retry_after: None });
     };
     let reason = choice.finish_reason.as_deref().unwrap_or("none given");
     let text = choice.message.content.map(text_of).unwrap_or_default();
-    if let Some(refusal) = choice.message.refusal.filter(|refusal| !refusal.is_empty()) {
-        return refused(refusal);
-    }
-    if reason == "content_filter" {
-        return refused("the server's content filter stopped the answer".into());
-    }
-    if text.trim().is_empty() {
-        return Err(Attempt::Final(AskError::Failed(format!(
+    let said = if let Some(refusal) = choice.message.refusal.filter(|refusal| !refusal.is_empty()) {
+        Said::Refusal(refusal)
+    } else if reason == "content_filter" {
+        Said::Refusal("the server's content filter stopped the answer".into())
+    } else if text.trim().is_empty() {
+        Said::Nothing(format!(
             "the answer is empty (finish reason: {reason}); a model that thinks at length needs more --lmm-max-tokens"
-        ))));
-    }
+        ))
+    } else {
+        Said::Text(text)
+    };
     let usage = completion
         .usage
         .map(|counted| Usage { input_tokens: counted.prompt_tokens, output_tokens: counted.completion_tokens });
-    Ok(Reply { text, usage, served_model: completion.model })
+    Ok(Reply { said, usage, served_model: completion.model })
 }
 
 /// The text of a message: a string, or a list of parts as some servers send it.
@@ -102,19 +105,20 @@ fn text_of(content: Value) -> String {
     }
 }
 
-fn failure(status: StatusCode, body: &str, retry_after: Option<Duration>) -> Attempt {
+/// What a status that is no success means.
+pub fn failure(status: StatusCode, body: &str, retry_after: Option<Duration>) -> Attempt {
     let message = format!("status {}: {}", status.as_u16(), message(body));
-    let is_about = |words: &[&str]| words.iter().any(|word| body.contains(word));
     match status.as_u16() {
         401 | 403 => {
             Attempt::Final(AskError::Hopeless(format!("{message}; set OPENAI_API_KEY to a key for this server")))
         }
         402 => Attempt::Final(AskError::Hopeless(message)),
         404 => Attempt::Final(AskError::Hopeless(format!("{message}; check --lmm-url and --lmm-model"))),
-        429 if is_about(&["insufficient_quota", "billing_hard_limit"]) => Attempt::Final(AskError::Hopeless(message)),
-        400 if is_about(&["content_policy", "content_filter", "safety_violation"]) => {
-            Attempt::Final(AskError::Refused(message))
+        429 if is_about(body, &["insufficient_quota", "billing_hard_limit"]) => {
+            Attempt::Final(AskError::Hopeless(message))
         }
+        // llama.cpp and its kin, of a schema that they cannot turn into a grammar.
+        500 if is_about(body, &["response_format", "json_schema", "grammar"]) => Attempt::Unaccepted { message },
         400 | 415 | 422 | 501 => Attempt::Unaccepted { message },
         408 | 409 | 425 | 429 | 500.. => Attempt::Passing { message, retry_after },
         300..400 => {
@@ -122,6 +126,10 @@ fn failure(status: StatusCode, body: &str, retry_after: Option<Duration>) -> Att
         }
         _ => Attempt::Final(AskError::Failed(message)),
     }
+}
+
+fn is_about(body: &str, words: &[&str]) -> bool {
+    words.iter().any(|word| body.contains(word))
 }
 
 fn message(body: &str) -> String {

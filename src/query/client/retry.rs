@@ -21,6 +21,8 @@ pub enum Attempt {
 
 const FIRST_WAIT: Duration = Duration::from_secs(1);
 const LONGEST_WAIT: Duration = Duration::from_secs(60);
+/// Largest share taken off a wait at random; below one half, so that each wait is longer than the one before.
+const JITTER: f64 = 0.4;
 /// A server that wants to be left alone for longer is as good as down.
 const LONGEST_RETRY_AFTER: Duration = Duration::from_secs(300);
 /// A server that nobody answers at is tried this often at most: it is likely not there.
@@ -55,7 +57,7 @@ impl Backoff {
         let jitter = fastrand::f64();
         Some(match retry_after {
             Some(wait) => wait + FIRST_WAIT.mul_f64(0.25 * jitter),
-            None => doubled.mul_f64(1.0 - 0.5 * jitter),
+            None => doubled.mul_f64(1.0 - JITTER * jitter),
         })
     }
 }

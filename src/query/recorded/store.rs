@@ -119,9 +119,44 @@ impl Recordings {
         }
     }
 
+    /// The keys of all recordings that may serve for `asked`, whoever answered.
+    pub fn serving(&self, asked: &Asked) -> Vec<Sha256Hex> {
+        let content = asked.content_sha256();
+        let serves = |recording: &&Recording| {
+            let known = &recording.asked;
+            let same_prompt = known.prompt_sha256 == asked.prompt_sha256 && known.schema_sha256 == asked.schema_sha256;
+            let same_view = known.photo_sha256 == asked.photo_sha256;
+            known.content_sha256() == content || (same_prompt && same_view && known.mask.iou(&asked.mask) >= MASK_IOU)
+        };
+        self.lock().values().filter(serves).map(|recording| recording.key.clone()).collect()
+    }
+
+    /// The keys of all recordings.
+    pub fn keys(&self) -> Vec<Sha256Hex> {
+        self.lock().keys().cloned().collect()
+    }
+
+    /// Removes a recording from the folder that new ones go to; one that is not there is as good as removed.
+    pub fn remove(&self, key: &Sha256Hex) -> Result<(), RecordingError> {
+        let path = self.path(key);
+        match std::fs::remove_file(&path) {
+            Err(source) if source.kind() != std::io::ErrorKind::NotFound => {
+                Err(RecordingError::Unwritable { path, source })
+            }
+            _ => {
+                self.lock().remove(key);
+                Ok(())
+            }
+        }
+    }
+
+    fn path(&self, key: &Sha256Hex) -> PathBuf {
+        self.write_to.join(format!("{key}.json"))
+    }
+
     /// Keeps a recording, on disk first. A second one of the same key replaces the first.
     pub fn insert(&self, recording: Recording) -> Result<(), RecordingError> {
-        let path = self.write_to.join(format!("{}.json", recording.key));
+        let path = self.path(&recording.key);
         write(&self.write_to, &path, &recording)
             .map_err(|source| RecordingError::Unwritable { path: path.clone(), source })?;
         self.lock().insert(recording.key.clone(), recording);

@@ -6,7 +6,7 @@
 //! part give the same pixels on every processor; recordings are found by those pixels, before JPEG.
 
 mod panel;
-mod text;
+pub mod text;
 
 use image::codecs::jpeg::JpegEncoder;
 use image::{GenericImage, GrayImage, Rgb, RgbImage};

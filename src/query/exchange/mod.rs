@@ -1,8 +1,10 @@
 //! Questions out, answers in: for people, batch jobs and models that no endpoint serves.
 //!
 //! An export is a folder with one sheet a question, the prompts, the schemas, and a form to fill in. Files are named by
-//! hash, so that whoever answers knows the picture and the prompt and nothing else. What an answer belongs to lies in
+//! hash, so that whoever answers knows the picture and the prompt and nothing else. [`form`] is the page for a person. What an answer belongs to lies in
 //! `origins.jsonl`: an import needs the folder and the library, not the scene.
+
+mod form;
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::fs;
@@ -11,16 +13,18 @@ use std::path::{Path, PathBuf};
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
 
-use super::answer::{Problem, Unknown};
-use super::queries::PartQuery;
-use super::question::{Question, Questions};
-use super::recorded::{Answerer, Asked, Recording, RecordingError, Recordings};
 use crate::materials::MaterialLibrary;
+use crate::query::answer::{Problem, Unknown};
+use crate::query::queries::PartQuery;
+use crate::query::question::{Question, Questions};
+use crate::query::recorded::{Answerer, Asked, Recording, RecordingError, Recordings};
+use form::{FormQuery, FormText};
 
 const QUERIES: &str = "queries.jsonl";
 const ANSWERS: &str = "answers.jsonl";
 const ORIGINS: &str = "origins.jsonl";
 const MANIFEST: &str = "manifest.json";
+const FORM: &str = "form.html";
 const FORMAT: u32 = 1;
 
 /// A line of `queries.jsonl`; the files are named relative to the folder.
@@ -107,6 +111,7 @@ pub fn export(folder: &Path, open: &[(&PartQuery, &Question)]) -> Result<usize, 
     fs::create_dir_all(&sheets).map_err(|source| ExchangeError::Unwritable { path: sheets.clone(), source })?;
     let texts = write_texts(folder, open)?;
     let mut names = BTreeSet::new();
+    let mut on_page = Vec::new();
     let (mut queries, mut answers, mut origins) = (String::new(), String::new(), String::new());
     for (part, question) in open {
         let asked = part.asked(question);
@@ -117,39 +122,68 @@ pub fn export(folder: &Path, open: &[(&PartQuery, &Question)]) -> Result<usize, 
         }
         let sheet = format!("sheets/{query}.jpg");
         write(&folder.join(&sheet), &part.jpeg)?;
-        let (prompt, schema) = &texts[question.prompt_sha256.as_str()];
+        let Text { prompt, schema, index, .. } = &texts[question.prompt_sha256.as_str()];
+        on_page.push((query.to_owned(), sheet.clone(), *index));
         push_line(&mut queries, &QueryLine { query, sheet, prompt, schema });
         push_line(&mut answers, &AnswerLine { query: query.into(), answer: Value::Null, model: None });
         push_line(&mut origins, &OriginLine { query: query.into(), asked });
     }
     let mut manifest = String::new();
     push_line(&mut manifest, &Manifest { format: FORMAT, model: None, queries: names.len() });
-    let readme = include_str!("../../prompts/export_readme.txt");
-    for (name, text) in
-        [(QUERIES, &*queries), (ANSWERS, &answers), (ORIGINS, &origins), (MANIFEST, &manifest), ("README.txt", readme)]
-    {
+    let page = page(&on_page, &texts);
+    let readme = include_str!("../../../prompts/export_readme.txt");
+    let files = [
+        (QUERIES, &*queries),
+        (ANSWERS, &answers),
+        (ORIGINS, &origins),
+        (MANIFEST, &manifest),
+        (FORM, &page),
+        ("README.txt", readme),
+    ];
+    for (name, text) in files {
         write(&folder.join(name), text.as_bytes())?;
     }
     Ok(names.len())
 }
 
-/// Writes each prompt and schema once; the files' names by the prompt's hash.
+fn page(queries: &[(String, String, usize)], texts: &BTreeMap<&str, Text>) -> String {
+    let queries: Vec<_> =
+        queries.iter().map(|(query, sheet, text)| FormQuery { query, sheet: sheet.clone(), text: *text }).collect();
+    let mut texts: Vec<&Text> = texts.values().collect();
+    texts.sort_by_key(|text| text.index);
+    let texts: Vec<_> = texts
+        .iter()
+        .map(|text| FormText { prompt: &text.question.prompt, schema: text.question.schema.value() })
+        .collect();
+    form::page(&queries, &texts)
+}
+
+/// A question's files in the folder, and its place among the questions.
+struct Text<'a> {
+    prompt: String,
+    schema: String,
+    index: usize,
+    question: &'a Question,
+}
+
+/// Writes each prompt and schema once; the files by the prompt's hash.
 fn write_texts<'a>(
     folder: &Path,
     open: &[(&PartQuery, &'a Question)],
-) -> Result<BTreeMap<&'a str, (String, String)>, ExchangeError> {
-    let mut names: BTreeMap<&str, (String, String)> = BTreeMap::new();
+) -> Result<BTreeMap<&'a str, Text<'a>>, ExchangeError> {
+    let mut texts: BTreeMap<&str, Text> = BTreeMap::new();
     for (_, question) in open {
-        if names.contains_key(question.prompt_sha256.as_str()) {
+        if texts.contains_key(question.prompt_sha256.as_str()) {
             continue;
         }
-        let suffix = if names.is_empty() { String::new() } else { format!("-{}", names.len() + 1) };
+        let index = texts.len();
+        let suffix = if index == 0 { String::new() } else { format!("-{}", index + 1) };
         let (prompt, schema) = (format!("prompt{suffix}.txt"), format!("answer{suffix}.schema.json"));
         write(&folder.join(&prompt), question.prompt.as_bytes())?;
         write(&folder.join(&schema), format!("{:#}\n", question.schema.value()).as_bytes())?;
-        names.insert(question.prompt_sha256.as_str(), (prompt, schema));
+        texts.insert(question.prompt_sha256.as_str(), Text { prompt, schema, index, question });
     }
-    Ok(names)
+    Ok(texts)
 }
 
 /// Checks the answers of a folder and records the good ones; every bad line is reported with its number.

@@ -1,0 +1,63 @@
+//! The lines of a batch's output and error files.
+
+use serde::Deserialize;
+use serde_json::Value;
+
+use crate::query::asker::{AskError, Said};
+use crate::query::client::read_completion;
+use crate::query::recorded::Usage;
+
+/// A model's answer out of a batch.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Answered {
+    pub text: String,
+    pub served_model: Option<String>,
+    pub usage: Option<Usage>,
+}
+
+#[derive(Deserialize)]
+struct Line {
+    custom_id: String,
+    response: Option<Response>,
+    error: Option<Problem>,
+}
+
+#[derive(Deserialize)]
+struct Response {
+    status_code: u16,
+    body: Value,
+}
+
+#[derive(Deserialize)]
+struct Problem {
+    code: Option<String>,
+    message: Option<String>,
+}
+
+/// The lines of a file by their `custom_id`: the answer, or why there is none.
+pub fn lines(text: &str) -> Result<Vec<(String, Result<Answered, String>)>, AskError> {
+    (1..)
+        .zip(text.lines())
+        .filter(|(_, line)| !line.trim().is_empty())
+        .map(|(number, line)| {
+            let line: Line = serde_json::from_str(line).map_err(|error| {
+                AskError::Failed(format!("line {number} of the batch's file is not what the Batch API writes: {error}"))
+            })?;
+            Ok((line.custom_id, answer(line.response, line.error)))
+        })
+        .collect()
+}
+
+fn answer(response: Option<Response>, problem: Option<Problem>) -> Result<Answered, String> {
+    let Some(response) = response else {
+        let words = problem.map(|problem| [problem.code, problem.message]);
+        let words: Vec<String> = words.into_iter().flatten().flatten().collect();
+        return Err(if words.is_empty() { "no reason given".into() } else { words.join(": ") });
+    };
+    let reply = read_completion(response.status_code, &response.body.to_string())?;
+    match reply.said {
+        Said::Text(text) => Ok(Answered { text, served_model: reply.served_model, usage: reply.usage }),
+        Said::Refusal(why) => Err(format!("refused: {why}")),
+        Said::Nothing(why) => Err(why),
+    }
+}

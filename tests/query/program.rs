@@ -1,0 +1,242 @@
+//! `gprop query` as a user types it, against a server on loopback.
+
+use std::fs;
+use std::path::{Path, PathBuf};
+use std::process::{Command, Output, Stdio};
+use std::time::Duration;
+
+use image::{Rgba, RgbaImage};
+use serde_json::{Value, json};
+
+use super::client::{CANARY, Server, error, ok};
+use super::{a, good_answer, with};
+use crate::run::{gprop, hammer};
+use crate::support::models;
+
+/// Few prompts and little to simulate: what the queries need of the other stages takes seconds.
+const FEW_PROMPTS: &[&str] = &["--points-per-side", "6", "--level", "small"];
+
+/// A picture of a brown bar with a grey head on nothing.
+fn picture(folder: &Path) -> PathBuf {
+    let path = folder.join("tool.png");
+    let picture = RgbaImage::from_fn(160, 120, |x, y| match (x, y) {
+        (20..60, 30..90) => Rgba([120, 120, 128, 255]),
+        (60..140, 50..70) => Rgba([150, 100, 60, 255]),
+        _ => Rgba([0, 0, 0, 0]),
+    });
+    picture.save(&path).unwrap();
+    path
+}
+
+fn query(subject: &Path, server: Option<&Server>, more: &[&str]) -> Command {
+    let mut command = gprop();
+    command.env_remove("OPENAI_API_KEY").arg("query").arg(subject).args(FEW_PROMPTS).args(more);
+    if let Some(options) = server.map(Server::options) {
+        command.args(["--lmm-url", &options.lmm_url.unwrap(), "--lmm-model", &options.lmm_model.unwrap()]);
+    }
+    command
+}
+
+fn said(output: &Output) -> String {
+    format!("{}{}", String::from_utf8_lossy(&output.stdout), String::from_utf8_lossy(&output.stderr))
+}
+
+/// Every file below a folder.
+fn files(folder: &Path) -> Vec<PathBuf> {
+    let entries = fs::read_dir(folder).unwrap().map(|entry| entry.unwrap().path());
+    entries.flat_map(|path| if path.is_dir() { files(&path) } else { vec![path] }).collect()
+}
+
+fn recorded(folder: &Path) -> usize {
+    fs::read_dir(folder.join("recorded")).map_or(0, Iterator::count)
+}
+
+#[test]
+fn one_picture_is_enough() {
+    if models("one_picture_is_enough").is_none() {
+        return;
+    }
+    let folder = tempfile::tempdir().unwrap();
+    let path = picture(folder.path());
+    let server =
+        Server::new(|count, _, _| ok(&good_answer(if count % 2 == 0 { a("wood") } else { a("metal") }).to_string()));
+    let output = query(&path, Some(&server), &["--lmm-parallel", "1"]).output().unwrap();
+    assert!(output.status.success(), "{}", said(&output));
+    let work = folder.path().join("tool.gprop");
+    let answers = fs::read_to_string(work.join("answers.jsonl")).unwrap();
+    let parts = answers.lines().count();
+    assert!(parts >= 1 && answers.contains(&format!("\"material\":\"{}\"", a("wood"))), "{answers}");
+    assert!(String::from_utf8_lossy(&output.stdout).trim().ends_with("material_map.png"));
+    let map = image::open(work.join("material_map.png")).unwrap().into_rgb8();
+    assert!(map.width() > 2 * 160 && map.height() > 120 + 20, "two panels and a legend: {:?}", map.dimensions());
+    assert_eq!(recorded(&work), parts);
+
+    let replayed = query(&path, None, &["--answers", "replay", "--json"]).output().unwrap();
+    let lines: Value = serde_json::from_slice(&replayed.stdout).unwrap();
+    assert_eq!((lines.as_array().unwrap().len(), &lines[0]["matched"]), (parts, &json!("exact")));
+
+    // With other labels the questions are others: what is recorded serves nobody, and goes.
+    let missed = query(&path, None, &["--answers", "replay", "--labels", "abo"]).output().unwrap();
+    assert_eq!(missed.status.code(), Some(5), "{}", said(&missed));
+    assert!(said(&missed).contains("view picture part"), "{}", said(&missed));
+    let kept = query(&path, None, &["--prune"]).output().unwrap();
+    assert!(said(&kept).contains(&format!("0 recordings removed, {parts} kept")), "{}", said(&kept));
+    let pruned = query(&path, None, &["--prune", "--labels", "abo"]).output().unwrap();
+    assert!(said(&pruned).contains(&format!("{parts} recordings removed, 0 kept")), "{}", said(&pruned));
+    assert_eq!(recorded(&work), 0);
+}
+
+#[test]
+fn a_mask_tells_a_pictures_foreground_and_an_empty_one_is_an_error() {
+    if models("a_mask_tells_a_pictures_foreground_and_an_empty_one_is_an_error").is_none() {
+        return;
+    }
+    let folder = tempfile::tempdir().unwrap();
+    let path = picture(folder.path());
+    let mask = folder.path().join("mask.png");
+    image::GrayImage::from_fn(160, 120, |x, _| image::Luma([if x < 60 { 255 } else { 0 }])).save(&mask).unwrap();
+    let out = folder.path().join("ex");
+    let masked = ["--mask", mask.to_str().unwrap(), "--export", out.to_str().unwrap()];
+    let output = query(&path, None, &masked).output().unwrap();
+    assert!(output.status.success(), "{}", said(&output));
+    let map = image::open(folder.path().join("tool.gprop/segments/picture.png")).unwrap().into_luma16();
+    assert!(map.enumerate_pixels().all(|(x, _, label)| label[0] == 0 || x < 60), "parts keep to the mask");
+    assert!(map.pixels().any(|label| label[0] != 0));
+
+    image::GrayImage::new(160, 120).save(&mask).unwrap();
+    let output = query(&path, None, &["--mask", mask.to_str().unwrap(), "--answers", "replay"]).output().unwrap();
+    assert_eq!(output.status.code(), Some(2), "{}", said(&output));
+}
+
+#[test]
+fn a_dry_run_makes_nothing() {
+    let scene = hammer();
+    let before = files(scene.path());
+    let url = ["--dry-run", "--lmm-url", "http://127.0.0.1:9/v1", "--lmm-model", "gpt-4o"];
+    let output = query(scene.path(), None, &url).output().unwrap();
+    assert!(output.status.success(), "{}", said(&output));
+    assert!(said(&output).contains("segment   to do") && said(&output).contains("gprop segment"), "{}", said(&output));
+    assert_eq!(files(scene.path()), before);
+
+    let folder = tempfile::tempdir().unwrap();
+    let path = picture(folder.path());
+    let output = query(&path, None, &["--dry-run"]).output().unwrap();
+    assert!(output.status.success(), "{}", said(&output));
+    assert_eq!(files(folder.path()), [path]);
+}
+
+#[test]
+fn a_scene_says_what_asking_would_cost_once_it_is_segmented() {
+    if models("a_scene_says_what_asking_would_cost_once_it_is_segmented").is_none() {
+        return;
+    }
+    let folder = tempfile::tempdir().unwrap();
+    let path = picture(folder.path());
+    let prices = folder.path().join("prices.csv");
+    let header = "model,input_usd_per_mtok,output_usd_per_mtok,image_tokens,as_of,source";
+    fs::write(&prices, format!("{header}\ntest-model,1000000,0,patches 100000 1 0,2026-11-21,a contract\n")).unwrap();
+    let export = folder.path().join("ex");
+    assert!(query(&path, None, &["--export", export.to_str().unwrap()]).output().unwrap().status.success());
+    let server = Server::new(|_, _, _| error(500, "nobody should ask"));
+    let dry = ["--dry-run", "--json", "--prices", prices.to_str().unwrap()];
+    let output = query(&path, Some(&server), &dry).output().unwrap();
+    let plan: Value = serde_json::from_slice(&output.stdout).unwrap_or_else(|_| panic!("{}", said(&output)));
+    let cost = &plan["queries"]["cost"];
+    let requests = fs::read_to_string(export.join("queries.jsonl")).unwrap().lines().count();
+    assert_eq!(cost["requests"], requests);
+    // A dollar a token, by the user's own table.
+    assert_eq!(cost["usd"].as_f64(), cost["input_tokens"].as_f64());
+
+    let budget = ["--max-usd", "1", "--prices", prices.to_str().unwrap()];
+    let output = query(&path, Some(&server), &budget).output().unwrap();
+    assert_eq!(output.status.code(), Some(5), "{}", said(&output));
+    assert!(said(&output).contains("nothing was sent"), "{}", said(&output));
+    assert!(server.requests().is_empty());
+}
+
+#[test]
+fn a_run_without_one_answer_exits_5_and_the_next_asks_again() {
+    if models("a_run_without_one_answer_exits_5_and_the_next_asks_again").is_none() {
+        return;
+    }
+    let scene = one_view();
+    let server = Server::new(|_, _, _| ok("I would rather not say."));
+    for round in 1..=2 {
+        let output = query(scene.path(), Some(&server), ONE_VIEW).output().unwrap();
+        assert_eq!(output.status.code(), Some(5), "{}", said(&output));
+        let answers = fs::read_to_string(scene.path().join("gprop/answers.jsonl")).unwrap();
+        let parts = answers.lines().count();
+        assert!(said(&output).contains(&format!("none of {parts} parts")), "{}", said(&output));
+        assert!(answers.lines().all(|line| line.contains("\"failure\":\"invalid\"")), "{answers}");
+        assert_eq!(server.requests().len(), round * 2 * parts, "each part is asked twice a run");
+    }
+    assert_eq!(recorded(scene.path()), 0);
+}
+
+#[test]
+fn a_kill_loses_no_answer() {
+    if models("a_kill_loses_no_answer").is_none() {
+        return;
+    }
+    let scene = one_view();
+    let server = Server::new(|_, _, _| ok(&good_answer(a("wood")).to_string()).set_delay(Duration::from_millis(300)));
+    let one_by_one = [ONE_VIEW, &["--lmm-parallel", "1"]].concat();
+    let mut command = query(scene.path(), Some(&server), &one_by_one);
+    let mut child = command.stdout(Stdio::null()).stderr(Stdio::null()).spawn().unwrap();
+    while server.requests().len() < 3 {
+        assert!(child.try_wait().unwrap().is_none(), "it ended before it was killed");
+        std::thread::sleep(Duration::from_millis(20));
+    }
+    child.kill().unwrap();
+    child.wait().unwrap();
+    assert!(recorded(scene.path()) >= 2, "what was answered is recorded");
+
+    let output = query(scene.path(), Some(&server), &one_by_one).output().unwrap();
+    assert!(output.status.success(), "{}", said(&output));
+    let parts = fs::read_to_string(scene.path().join("gprop/answers.jsonl")).unwrap().lines().count();
+    assert_eq!(recorded(scene.path()), parts);
+    let asked = server.requests().len();
+    assert!(asked == parts || asked == parts + 1, "{asked} requests for {parts} parts: only the last may be lost");
+}
+
+#[test]
+fn the_key_is_in_no_file_and_no_word() {
+    if models("the_key_is_in_no_file_and_no_word").is_none() {
+        return;
+    }
+    let scene = one_view();
+    // A server that gives the key back in all it says.
+    let server = Server::new(|count, _, request| {
+        let header = request.headers["authorization"].to_str().unwrap().to_owned();
+        match count {
+            0 => error(400, &format!("no json_schema for {header}")),
+            1 => error(503, &header).insert_header("retry-after-ms", "1"),
+            2 => ok(&format!("{header} is what I got")),
+            _ => ok(&with(good_answer(a("wood")), "caption", json!(header)).to_string()),
+        }
+    });
+    let quick = ["--frames", "2", "--duration", "0.02", "--grid", "16", "--volume-cells", "50000"];
+    let options = server.options();
+    let mut command = gprop();
+    command.arg("run").arg(scene.path()).args(FEW_PROMPTS).args(ONE_VIEW).args(quick).arg("-vv");
+    command.args(["--lmm-url", &options.lmm_url.unwrap(), "--lmm-model", "test-model"]);
+    let output = command.env("OPENAI_API_KEY", CANARY).output().unwrap();
+    assert!(output.status.success(), "{}", said(&output));
+    let report = fs::read_to_string(scene.path().join("gprop/report.html")).unwrap();
+    assert!(report.contains("[key]"), "the report shows the captions");
+    assert!(!said(&output).contains(CANARY), "{}", said(&output));
+    for file in files(scene.path()) {
+        let bytes = fs::read(&file).unwrap();
+        let found = bytes.windows(CANARY.len()).any(|window| window == CANARY.as_bytes());
+        assert!(!found, "the key is in {file:?}");
+    }
+}
+
+const ONE_VIEW: &[&str] = &["--view-list", "003"];
+
+/// The hammer without recordings.
+fn one_view() -> tempfile::TempDir {
+    let scene = hammer();
+    fs::remove_dir_all(scene.path().join("recorded")).unwrap();
+    scene
+}
