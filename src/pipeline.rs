@@ -4,6 +4,7 @@
 //! made is then written, and only after that its record, so a run that is killed finds its way at the next start.
 //! Stages with costly items (views, answers, frames) save each item and take up where they were killed.
 
+mod export;
 mod grasp;
 mod parts;
 mod query;
@@ -26,6 +27,7 @@ use tracing::info;
 
 use crate::exit::UsageError;
 use crate::from_splat;
+use crate::grasp::gripper::GripperProfile;
 use crate::materials::MaterialLibrary;
 use crate::parts::PartsResult;
 use crate::progress::Progress;
@@ -97,6 +99,7 @@ pub struct Pipeline {
     progress: Progress,
     record: RunRecord,
     library: Cow<'static, MaterialLibrary>,
+    gripper: GripperProfile,
     scene: Scene,
     views: Vec<View>,
     segmentation: OnceLock<Segmentation>,
@@ -119,6 +122,8 @@ impl Pipeline {
     pub fn open(folder: &Path, out: Option<&Path>, options: Options, plan: Plan, progress: Progress) -> Result<Self> {
         let mut scene = crate::scene::load(folder, &options.scene)?;
         let library = options.materials.library()?;
+        let gripper = GripperProfile::load(&options.grasp.gripper)?;
+        options.grasp.checked_lift_angle_rad()?;
         let root = out.map_or_else(|| folder.join(crate::workdir::DEFAULT_NAME), Path::to_owned);
         let work = WorkDir::open(&root)?;
         if let Some(count) = options.scene.render_views {
@@ -137,6 +142,7 @@ impl Pipeline {
             progress,
             record,
             library,
+            gripper,
             scene,
             views,
             segmentation: OnceLock::new(),

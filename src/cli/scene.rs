@@ -11,7 +11,7 @@ use crate::query::QueryError;
 use crate::report;
 use crate::workdir::Artifact;
 
-use super::{Global, QueryArgs, SceneArgs, print};
+use super::{ExportArgs, Global, QueryArgs, SceneArgs, print};
 
 /// What a dry run says of a stage.
 #[derive(Serialize)]
@@ -48,13 +48,13 @@ pub fn query(global: &Global, args: &QueryArgs) -> anyhow::Result<()> {
     let mut pipeline = open(global, scene, Stage::Segment)?;
     pipeline.run()?;
     if args.export.is_some() {
-        export(global, &pipeline, folder)
+        export_queries(global, &pipeline, folder)
     } else {
         import(global, &pipeline, folder, scene.options.query.lmm_model.as_deref())
     }
 }
 
-fn export(global: &Global, pipeline: &Pipeline, folder: &Path) -> anyhow::Result<()> {
+fn export_queries(global: &Global, pipeline: &Pipeline, folder: &Path) -> anyhow::Result<()> {
     let queries = pipeline.export_queries(folder)?;
     print(global, &serde_json::json!({ "queries": queries }), || {
         format!("{queries} queries in {}; its README.txt says how to answer them", folder.display())
@@ -72,6 +72,16 @@ fn import(global: &Global, pipeline: &Pipeline, folder: &Path, model: Option<&st
     let lines: Vec<String> = imported.bad.iter().map(ToString::to_string).collect();
     let count = lines.len();
     Err(QueryError::Import { folder: folder.to_owned(), count, lines: lines.join("\n") }.into())
+}
+
+/// Exports the parts, after the stages up to them.
+pub fn export(global: &Global, args: &ExportArgs) -> anyhow::Result<()> {
+    let plan = Plan { to: Stage::Parts, from: None };
+    let work = args.work.as_deref();
+    let mut pipeline = Pipeline::open(&args.scene, work, args.options.clone(), plan, global.progress())?;
+    pipeline.run()?;
+    let files = pipeline.export(args.format, &args.out)?;
+    print(global, &files, || files.iter().map(|file| format!("{}\n", file.display())).collect())
 }
 
 fn open(global: &Global, args: &SceneArgs, to: Stage) -> anyhow::Result<Pipeline> {
