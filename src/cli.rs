@@ -14,7 +14,7 @@ use serde::Serialize;
 use crate::exit::UsageError;
 use crate::pipeline::{self, Stage};
 use crate::progress::Progress;
-use crate::{config, inspect, materials, setup};
+use crate::{config, export, inspect, materials, setup};
 
 /// Materials and physical properties for every Gaussian of a 3D Gaussian Splatting scene.
 #[derive(Debug, Parser)]
@@ -57,8 +57,11 @@ enum Command {
     Parts(SceneArgs),
     /// Material Point Method on the Gaussians.
     Simulate(SceneArgs),
-    /// The force with which a gripper may lift the object.
-    Grasp(SceneArgs),
+    /// Where and with which force a gripper may lift the object; or calibrate a gripper.
+    #[command(args_conflicts_with_subcommands = true, subcommand_negates_reqs = true)]
+    Grasp(GraspArgs),
+    /// The result in the format of another program.
+    Export(ExportArgs),
     /// Do photos, cameras and Gaussians agree? What lies in a scene folder, and how its parts fit together.
     Inspect(inspect::Args),
     /// Measure against a reference or ground truth.
@@ -86,6 +89,49 @@ struct SceneArgs {
     /// Say what would be done and what it would cost, and do nothing.
     #[arg(long)]
     dry_run: bool,
+    #[command(flatten)]
+    options: pipeline::Options,
+}
+
+#[derive(Debug, Args)]
+struct GraspArgs {
+    #[command(subcommand)]
+    what: Option<Grasp>,
+    #[command(flatten)]
+    scene: Option<SceneArgs>,
+}
+
+#[derive(Debug, Subcommand)]
+enum Grasp {
+    /// The command of a gripper from repeated measurements: a polynomial of 5th order, checked to rise.
+    Calibrate {
+        /// Measurements (CSV with the header command,force_n; any number at each command).
+        points: PathBuf,
+        /// The gripper they are of: a built-in one or a TOML profile.
+        #[arg(long, value_name = "NAME|FILE", default_value = "paper")]
+        gripper: String,
+        /// Plot measurements, curve and residuals into this file.
+        #[arg(long, value_name = "FILE.svg")]
+        plot: Option<PathBuf>,
+        /// Write the gripper's profile with the measurements in it into this file, for --gripper.
+        #[arg(long, value_name = "FILE.toml")]
+        profile: Option<PathBuf>,
+    },
+}
+
+#[derive(Debug, Args)]
+struct ExportArgs {
+    /// Folder with a 3DGS PLY, cameras and photos; what is not done yet is done first.
+    scene: PathBuf,
+    /// What to write
+    #[arg(long, value_enum)]
+    format: export::Format,
+    /// Folder to write into.
+    #[arg(long, value_name = "DIR")]
+    out: PathBuf,
+    /// Work folder; SCENE/gprop where it is not given.
+    #[arg(long, value_name = "DIR")]
+    work: Option<PathBuf>,
     #[command(flatten)]
     options: pipeline::Options,
 }
@@ -132,6 +178,19 @@ struct SetupArgs {
 
 #[derive(Debug, Subcommand)]
 enum Evaluate {
+    /// Pick-up, no-damage and success rate of gripping policies, recorded or predicted.
+    #[command(group(clap::ArgGroup::new("from").required(true)))]
+    Grasp {
+        /// Recorded outcomes (CSV with the header object,policy,picked_up,undamaged; true or false).
+        #[arg(long, value_name = "FILE.csv", group = "from")]
+        outcomes: Option<PathBuf>,
+        /// Predict them from true properties of objects (CSV; see docs/grasp.md) for gprop and three fixed forces.
+        #[arg(long, value_name = "FILE.csv", group = "from")]
+        objects: Option<PathBuf>,
+        /// The gripper that the predicted policies command.
+        #[arg(long, value_name = "NAME|FILE", default_value = "paper")]
+        gripper: String,
+    },
     /// Masks of one picture against those of a reference generator, level by level.
     Masks {
         /// The picture, as the reference generator saw it.
@@ -190,7 +249,10 @@ pub fn run(arguments: Vec<OsString>) -> anyhow::Result<()> {
         Command::Vote(args) => scene::run(global, args, Stage::Vote),
         Command::Parts(args) => scene::run(global, args, Stage::Parts),
         Command::Simulate(args) => scene::run(global, args, Stage::Simulate),
-        Command::Grasp(args) => scene::run(global, args, Stage::Grasp),
+        Command::Grasp(GraspArgs { what: Some(what), .. }) => tools::grasp(global, what),
+        Command::Grasp(GraspArgs { scene: Some(args), .. }) => scene::run(global, args, Stage::Grasp),
+        Command::Grasp(_) => unreachable!("clap asks for a scene where there is no subcommand"),
+        Command::Export(args) => scene::export(global, args),
         Command::Inspect(args) => {
             let (inspection, text) = inspect::command(args, global.progress())?;
             print(global, &inspection, || text)

@@ -3,7 +3,9 @@
 use thiserror::Error;
 
 use crate::config::ConfigError;
+use crate::evaluate::grasp::OutcomesError;
 use crate::evaluate::masks::MasksError;
+use crate::export::ExportError;
 use crate::grasp::GraspError;
 use crate::materials::LibraryError;
 use crate::parts::PartsError;
@@ -54,6 +56,9 @@ fn code(cause: &(dyn std::error::Error + 'static)) -> Option<Exit> {
     if let Some(SceneError::UnknownView { .. }) = cause.downcast_ref() {
         return Some(Exit::Usage);
     }
+    if let Some(ExportError::Scale(_) | ExportError::NoMass) = cause.downcast_ref() {
+        return Some(Exit::Scene);
+    }
     let exits: [(Exit, &[bool]); 4] = [
         (
             Exit::Usage,
@@ -68,8 +73,10 @@ fn code(cause: &(dyn std::error::Error + 'static)) -> Option<Exit> {
                 cause.is::<ClientError>(),
                 cause.is::<ExchangeError>(),
                 cause.is::<MasksError>(),
+                cause.is::<OutcomesError>(),
                 cause.is::<SimulateError>(),
                 cause.is::<GraspError>(),
+                cause.is::<ExportError>(),
             ],
         ),
         (

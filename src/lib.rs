@@ -9,7 +9,7 @@
 //!  images     -> each view    -> part's       -> projection,  -> volume,    -> Gaussians   -> F*, gripper
 //!  (Scene)       (Segmentation)  material        frequency       thickness,    (Frames)       (GraspReport)
 //!                                (Answers)       (MaterialField) mass (Parts)
-//!                                                                                     report/
+//!                                                                                     report/ export/
 //! ```
 //!
 //! The method follows *GaussianProperty: Integrating Physical Properties to 3D Gaussians with LMMs* (Xu et al., 2024).
@@ -22,6 +22,7 @@ pub mod cli;
 pub mod config;
 pub mod evaluate;
 pub mod exit;
+pub mod export;
 pub mod from_splat;
 pub mod grasp;
 pub mod inspect;

@@ -6,6 +6,7 @@
 
 mod batch;
 pub mod desk;
+mod export;
 mod grasp;
 mod parts;
 pub mod picture;
@@ -29,6 +30,7 @@ use tracing::info;
 
 use crate::exit::UsageError;
 use crate::from_splat;
+use crate::grasp::gripper::GripperProfile;
 use crate::materials::MaterialLibrary;
 use crate::parts::PartsResult;
 use crate::progress::Progress;
@@ -100,6 +102,7 @@ pub struct Pipeline {
     progress: Progress,
     record: RunRecord,
     library: Cow<'static, MaterialLibrary>,
+    gripper: GripperProfile,
     scene: Scene,
     views: Vec<View>,
     segmentation: OnceLock<Segmentation>,
@@ -122,6 +125,8 @@ impl Pipeline {
     pub fn open(folder: &Path, out: Option<&Path>, options: Options, plan: Plan, progress: Progress) -> Result<Self> {
         let mut scene = crate::scene::load(folder, &options.scene)?;
         let library = options.materials.library()?;
+        let gripper = GripperProfile::load(&options.grasp.gripper)?;
+        options.grasp.checked_lift_angle_rad()?;
         let root = work_folder(folder, out);
         let work = WorkDir::open(&root)?;
         if let Some(count) = options.scene.render_views {
@@ -140,6 +145,7 @@ impl Pipeline {
             progress,
             record,
             library,
+            gripper,
             scene,
             views,
             segmentation: OnceLock::new(),

@@ -52,8 +52,10 @@ pub enum Artifact<'a> {
     Simulation,
     /// The animated picture.
     Animation,
-    /// Forces, bounds, command.
+    /// Forces, bounds, command, places to grasp at.
     Grasp,
+    /// The places drawn on the splat.
+    GraspPicture,
     /// The whole result, for programs.
     ReportJson,
     /// The whole result, for people.
@@ -81,6 +83,7 @@ impl Artifact<'_> {
             Self::Simulation => "simulation/simulation.json".into(),
             Self::Animation => "simulation/animation.gif".into(),
             Self::Grasp => "grasp.json".into(),
+            Self::GraspPicture => "grasp.png".into(),
             Self::ReportJson => "report.json".into(),
             Self::ReportHtml => "report.html".into(),
         }

@@ -5,8 +5,8 @@ mod bad_input;
 #[path = "parts/closed_forms.rs"]
 mod closed_forms;
 #[path = "parts/clouds.rs"]
-mod clouds;
+pub mod clouds;
 #[path = "parts/scenes.rs"]
 mod scenes;
 #[path = "parts/truth.rs"]
-mod truth;
+pub mod truth;

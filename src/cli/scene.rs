@@ -9,7 +9,7 @@ use crate::query::Plan as QueryPlan;
 use crate::report;
 use crate::workdir::Artifact;
 
-use super::{Global, SceneArgs, print};
+use super::{ExportArgs, Global, SceneArgs, print};
 
 /// What a dry run says of a stage.
 #[derive(Serialize)]
@@ -43,6 +43,16 @@ pub fn run(global: &Global, args: &SceneArgs, to: Stage) -> anyhow::Result<()> {
     let path = pipeline.work().path(artifact);
     let value: Value = if global.json { json_of(&pipeline, artifact)? } else { Value::Null };
     print(global, &value, || path.display().to_string())
+}
+
+/// Exports the parts, after the stages up to them.
+pub fn export(global: &Global, args: &ExportArgs) -> anyhow::Result<()> {
+    let plan = Plan { to: Stage::Parts, from: None };
+    let work = args.work.as_deref();
+    let mut pipeline = Pipeline::open(&args.scene, work, args.options.clone(), plan, global.progress())?;
+    pipeline.run()?;
+    let files = pipeline.export(args.format, &args.out)?;
+    print(global, &files, || files.iter().map(|file| format!("{}\n", file.display())).collect())
 }
 
 pub fn open(global: &Global, args: &SceneArgs, to: Stage) -> anyhow::Result<Pipeline> {

@@ -5,13 +5,18 @@ use std::path::Path;
 
 use anyhow::Context;
 
+use crate::evaluate::grasp as grasp_rates;
 use crate::evaluate::masks::{Reference, compare};
 use crate::exit::UsageError;
+use crate::grasp::CalibrationReport;
+use crate::grasp::gripper::GripperProfile;
 use crate::materials::{MaterialLibrary, check, cli as library, stats};
 use crate::segment::Segmenter;
 use crate::setup::{self, SetupError};
 
-use super::{Evaluate, Global, Materials, print};
+use crate::workdir::write_atomic;
+
+use super::{Evaluate, Global, Grasp, Materials, print};
 
 /// `gprop setup`.
 pub fn set_up(global: &Global, options: &setup::Options) -> anyhow::Result<()> {
@@ -27,11 +32,51 @@ pub fn doctor(global: &Global, options: &setup::Options) -> anyhow::Result<()> {
     if found.ok { Ok(()) } else { Err(SetupError::Unfit { problems: found.problems.len() }.into()) }
 }
 
+/// `gprop grasp calibrate`.
+pub fn grasp(global: &Global, what: &Grasp) -> anyhow::Result<()> {
+    let Grasp::Calibrate { points, gripper, plot, profile } = what;
+    let mut gripper = GripperProfile::load(gripper)?;
+    let report = CalibrationReport::of_file(points, &mut gripper)?;
+    if let Some(path) = plot {
+        write_text(path, &report.plot())?;
+    }
+    if let Some(path) = profile {
+        write_text(path, &toml::to_string(&gripper)?)?;
+    }
+    print(global, &report, || report.text())
+}
+
+fn write_text(path: &Path, text: &str) -> anyhow::Result<()> {
+    let written = write_atomic(path, |out| out.write_all(text.as_bytes()));
+    Ok(written.map_err(|error| UsageError(format!("cannot write {path:?}: {error}")))?)
+}
+
 /// `gprop evaluate`.
 pub fn evaluate(global: &Global, what: &Evaluate) -> anyhow::Result<()> {
     match what {
+        Evaluate::Grasp { outcomes, objects, gripper } => {
+            evaluate_grasp(global, outcomes.as_deref(), objects.as_deref(), gripper)
+        }
         Evaluate::Masks { image, reference, setup } => evaluate_masks(global, image, reference, setup),
     }
+}
+
+fn evaluate_grasp(
+    global: &Global,
+    outcomes: Option<&Path>,
+    objects: Option<&Path>,
+    gripper: &str,
+) -> anyhow::Result<()> {
+    let (recorded, predicted) = match (outcomes, objects) {
+        (Some(path), _) => (grasp_rates::outcomes(path)?, false),
+        (None, Some(path)) => {
+            let gripper = GripperProfile::load(gripper)?;
+            (grasp_rates::predict(&grasp_rates::objects(path)?, &gripper), true)
+        }
+        (None, None) => unreachable!("clap asks for one of the two"),
+    };
+    let evaluation = grasp_rates::Evaluation::of(&recorded, predicted);
+    print(global, &evaluation, || evaluation.text())
 }
 
 fn evaluate_masks(global: &Global, image: &Path, reference: &Path, setup: &setup::Options) -> anyhow::Result<()> {

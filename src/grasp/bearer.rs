@@ -11,6 +11,8 @@ use crate::parts::{Part, Parts};
 pub enum Choice {
     /// The user named it.
     Named,
+    /// The best place to grasp at is on it.
+    BestPlace,
     /// Its outer surface comes nearest to the object's centre of mass, so that the weight turns least about the fingers.
     NearestCenterOfMass,
 }

@@ -1,20 +1,18 @@
-//! The paper's bounds on the force of one finger, on numbers alone.
-//!
-//! Two fingers press an object of mass m with F each; friction mu lets each carry mu F along the surface. The object is
-//! lifted along a direction that leaves the vertical by theta. Across that direction the weight's share m g sin(theta)
-//! itself presses on a finger, along it 2 mu F must carry m g cos(theta). So with the paper
+//! The paper's bounds on the force of one finger, on numbers alone. Derived in docs/grasp.md.
 //!
 //! ```text
 //! F_min = sum_i 1/2 rho_i V_i g (cos(theta) / mu - sin(theta))
 //! F_max = min(A sigma_y, 1/2 A E d kappa_max)
-//! F*    = (F_min + F_max) / 2, cut to the gripper's range with margin eta
+//! mean  = (F_min + F_max) / 2
+//! F*    = mean cut to [ [F_min]_G + eta dF, [F_max]_G - eta dF ]    where F_min < F_max
+//!       = [mean]_G                                                 where F_min >= F_max
+//! dF    = max(0, [F_max]_G - [F_min]_G)
 //! ```
 //!
-//! A sigma_y is the force whose mean stress under a finger of contact area A is the strength sigma_y. The second bound
-//! is the force of the bending stress: a wall of thickness d bent to curvature kappa strains by kappa d / 2 at its outer
-//! fibre, there bears E kappa d / 2, and over A that is the bound.
+//! `[f]_G` cuts a force to the gripper's range G. mu, sigma_y, E, d and kappa_max are those of the part that bears the
+//! force, rho_i and V_i those of every part.
 //!
-//! Source: Xu et al., *GaussianProperty*, 2024, section on grasping and its supplement.
+//! Source: Xu et al., *GaussianProperty*, arXiv 2412.11258, section 3.5 and supplement A.
 
 use super::Limit;
 
@@ -62,25 +60,29 @@ pub struct ForceStar {
     pub feasible: bool,
 }
 
-/// F*, by two cases.
+/// F*, by the paper's two cases. `gripper_n` is the gripper's range G, `margin` is eta, 0 to 0.5.
 ///
-/// **F_min < F_max**: the middle of the two, cut to the gripper's range `[low, high]` less a margin of `margin * (high -
-/// low)` at either end. Where the margin would leave no force between F_min and F_max, the full range is used. The grasp
-/// is feasible if what results lies between F_min and F_max. Limited by yield or bending (whichever sets F_max), or by
-/// the gripper where the cut changed the force.
+/// **F_min < F_max**: the mean, kept off both ends of what the gripper can do between the bounds by eta times its length.
+/// Feasible where F* then lies between F_min and F_max, that is where the gripper reaches that far. Limited by what sets
+/// F_max, or by the gripper where its range moved the force.
 ///
-/// **F_min >= F_max**: no force holds the object and spares the part. F* is then F_max cut to the gripper's full range,
-/// since an object that slips can be grasped again and a broken one cannot. Infeasible, limited by slip.
+/// **F_min >= F_max**: no force holds the object and spares the part; the mean cut to the gripper's range. Infeasible,
+/// limited by slip.
+///
+/// F* is continuous over both cases, always within the gripper's range, and never falls where F_min or F_max rises.
 pub fn f_star(f_min_n: f64, upper: ForceMax, gripper_n: [f64; 2], margin: f64) -> ForceStar {
-    let [low, high] = gripper_n;
+    let in_gripper = |force: f64| force.clamp(gripper_n[0], gripper_n[1]);
+    let mean = 0.5 * (f_min_n + upper.newtons);
     if f_min_n >= upper.newtons {
-        return ForceStar { newtons: upper.newtons.clamp(low, high), limit: Limit::Slip, feasible: false };
+        return ForceStar { newtons: in_gripper(mean), limit: Limit::Slip, feasible: false };
     }
-    let inset = margin * (high - low);
-    let holds = |[low, high]: [f64; 2]| low <= upper.newtons && f_min_n <= high;
-    let range = if holds([low + inset, high - inset]) { [low + inset, high - inset] } else { gripper_n };
-    let middle = 0.5 * (f_min_n + upper.newtons);
-    let newtons = middle.clamp(range[0], range[1]);
-    let limit = if newtons == middle { upper.limit } else { Limit::Gripper };
-    ForceStar { newtons, limit, feasible: holds(range) }
+    let (least, most) = (in_gripper(f_min_n), in_gripper(upper.newtons));
+    let inset = margin * (most - least);
+    let newtons = mean.max(least + inset).min(most - inset);
+    let untouched = (least, most) == (f_min_n, upper.newtons) || newtons == mean;
+    ForceStar {
+        newtons,
+        limit: if untouched { upper.limit } else { Limit::Gripper },
+        feasible: f_min_n <= newtons && newtons <= upper.newtons,
+    }
 }

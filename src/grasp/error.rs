@@ -2,6 +2,7 @@
 
 use std::path::PathBuf;
 
+use super::calibration::CalibrationError;
 use crate::units::Estimate;
 
 /// Why there are no forces.
@@ -11,7 +12,7 @@ pub enum GraspError {
     LiftAngle { degrees: f64 },
     #[error("--max-curvature is {value}: give a curvature above 0, in 1/m")]
     Curvature { value: f64 },
-    #[error("--force-margin is {value}: give a share of the gripper's range, 0 or more and below 0.5")]
+    #[error("--force-margin is {value}: give a share of the gripper's range, 0 to 0.5")]
     Margin { value: f64 },
     #[error("no part is called {name:?}; the parts are: {parts}")]
     NoSuchPart { name: String, parts: String },
@@ -34,4 +35,23 @@ pub enum GraspError {
     ParseProfile { origin: String, message: String },
     #[error("gripper profile {origin}: {key} {problem}")]
     ProfileValue { origin: String, key: &'static str, problem: String },
+    #[error(
+        "gripper profile {origin} has no calibration: give [[calibration]] pairs (`gprop grasp calibrate` makes them from \
+         measurements), or [command] with enabled_from and full for a command that is linear in the force"
+    )]
+    NoCalibration { origin: String },
+    #[error("calibration {origin}: {problem}")]
+    Calibration { origin: String, problem: CalibrationError },
+    #[error("cannot read the measurements {}: {message}", path.display())]
+    ReadPoints { path: PathBuf, message: String },
+    #[error(
+        "every place where the fingers could press on {what} is wider than the {stroke_mm:.0} mm that {gripper} opens: the \
+         narrowest is {narrowest_mm:.0} mm; grasp another part with --part or use a gripper with a longer stroke"
+    )]
+    StrokeTooSmall { what: String, gripper: String, stroke_mm: f64, narrowest_mm: f64 },
+    #[error(
+        "no two opposite places on {what} can be pressed on with free space for the fingers beside them; grasp another part \
+         with --part, or elsewhere with --point"
+    )]
+    NoPlace { what: String },
 }

@@ -5,9 +5,14 @@ use std::path::Path;
 use serde::{Deserialize, Serialize};
 
 use super::GraspError;
+use super::calibration::{CalibrationPoint, Fit};
 
 /// The profiles compiled in, by name.
-const BUILTIN: [(&str, &str); 1] = [("paper", include_str!("../../grippers/paper.toml"))];
+const BUILTIN: [(&str, &str); 3] = [
+    ("paper", include_str!("../../grippers/paper.toml")),
+    ("robotiq-2f-85", include_str!("../../grippers/robotiq-2f-85.toml")),
+    ("franka-hand", include_str!("../../grippers/franka-hand.toml")),
+];
 
 /// A parallel gripper with two fingers.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -22,10 +27,15 @@ pub struct GripperProfile {
     /// Widest opening between the fingers, m.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub stroke_m: Option<f64>,
-    pub command: Command,
-    /// Measured pairs by rising command and force; empty where nobody measured.
-    #[serde(default)]
+    /// The commands in use; those of the calibration where it is not given.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub command: Option<Command>,
+    /// Measured pairs in any order, any number at each command; empty where nobody measured.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub calibration: Vec<CalibrationPoint>,
+    /// The curve through `calibration`.
+    #[serde(skip)]
+    fit: Option<Fit>,
 }
 
 /// What the fingers touch with: which friction of a material holds.
@@ -41,14 +51,6 @@ pub enum Pad {
 pub struct Command {
     pub enabled_from: f64,
     pub full: f64,
-}
-
-/// A command and the force that was measured for it.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub struct CalibrationPoint {
-    pub command: f64,
-    pub force_n: f64,
 }
 
 impl GripperProfile {
@@ -74,36 +76,53 @@ impl GripperProfile {
     /// A profile from TOML text; `origin` says in errors where it came from.
     ///
     /// # Errors
-    /// The text is no TOML, has a key that profiles do not know, or a value outside its domain.
+    /// The text is no TOML, has a key that profiles do not know, a value outside its domain, neither commands nor a
+    /// calibration, or a calibration that makes no rising curve.
     pub fn from_toml(text: &str, origin: &str) -> Result<Self, GraspError> {
-        let profile: Self = toml::from_str(text).map_err(|error| GraspError::ParseProfile {
+        let mut profile: Self = toml::from_str(text).map_err(|error| GraspError::ParseProfile {
             origin: origin.to_owned(),
             message: error.to_string().trim_end().to_owned(),
         })?;
-        match profile.problem() {
-            None => Ok(profile),
-            Some((key, problem)) => {
-                Err(GraspError::ProfileValue { origin: origin.to_owned(), key, problem: problem.to_owned() })
-            }
+        if let Some((key, problem)) = profile.problem() {
+            return Err(GraspError::ProfileValue { origin: origin.to_owned(), key, problem: problem.to_owned() });
         }
+        if profile.calibration.is_empty() && profile.command.is_none() {
+            return Err(GraspError::NoCalibration { origin: origin.to_owned() });
+        }
+        if !profile.calibration.is_empty() {
+            profile.calibrate(profile.calibration.clone(), origin)?;
+        }
+        Ok(profile)
+    }
+
+    /// Puts measured pairs in the place of whatever made the profile's command until now. The range of force is then what
+    /// the fitted curve makes of the enabled commands.
+    ///
+    /// # Errors
+    /// The pairs make no rising curve.
+    pub fn calibrate(&mut self, points: Vec<CalibrationPoint>, origin: &str) -> Result<&Fit, GraspError> {
+        let commands = points.iter().map(|p| p.command);
+        let enabled = self.command.map_or_else(
+            || [commands.clone().fold(f64::INFINITY, f64::min), commands.fold(f64::NEG_INFINITY, f64::max)],
+            |command| [command.enabled_from, command.full],
+        );
+        let refuse = |problem| GraspError::Calibration { origin: origin.to_owned(), problem };
+        let fit = Fit::of(&points, enabled).map_err(refuse)?;
+        self.calibration = points;
+        self.force_n = fit.force_n.map(|force| force.max(0.0));
+        Ok(self.fit.insert(fit))
     }
 
     fn problem(&self) -> Option<(&'static str, &'static str)> {
         let [low, high] = self.force_n;
-        let rising = |pair: &[CalibrationPoint]| pair[0].command < pair[1].command && pair[0].force_n < pair[1].force_n;
-        let finite = |p: &CalibrationPoint| p.command.is_finite() && p.force_n.is_finite() && p.force_n >= 0.0;
         if !(0.0 <= low && low < high && high.is_finite()) {
             Some(("force_n", "must be [least, most] with 0 <= least < most, in N"))
         } else if !(self.finger_area_m2 > 0.0 && self.finger_area_m2.is_finite()) {
             Some(("finger_area_m2", "must be above 0, in m2"))
         } else if self.stroke_m.is_some_and(|s| !(s > 0.0 && s.is_finite())) {
             Some(("stroke_m", "must be above 0, in m"))
-        } else if !(self.command.enabled_from < self.command.full && self.command.full.is_finite()) {
+        } else if self.command.is_some_and(|c| !(c.enabled_from < c.full && c.full.is_finite())) {
             Some(("command", "must have enabled_from below full"))
-        } else if self.calibration.len() == 1 {
-            Some(("calibration", "needs at least two measured pairs, or none"))
-        } else if !self.calibration.iter().all(finite) || !self.calibration.windows(2).all(rising) {
-            Some(("calibration", "must rise from pair to pair, in command and in force_n"))
         } else {
             None
         }
@@ -111,21 +130,45 @@ impl GripperProfile {
 
     /// Whether the command rests on measured pairs.
     pub fn is_calibrated(&self) -> bool {
-        !self.calibration.is_empty()
+        self.fit.is_some()
     }
 
-    /// The command for a force of one finger in N: linear between the two neighbours of the calibration, or without one
-    /// between `enabled_from` at the least force and `full` at the greatest. A force beyond either end gets that end's
-    /// command.
+    /// The commands that the gripper obeys, least and greatest.
+    pub fn enabled(&self) -> [f64; 2] {
+        match (&self.fit, self.command) {
+            (Some(fit), _) => fit.enabled,
+            (None, Some(command)) => [command.enabled_from, command.full],
+            (None, None) => unreachable!("a profile has a calibration or commands"),
+        }
+    }
+
+    /// The command for a force of one finger in N: by the calibration, or without one linear between the least command at
+    /// the least force and the greatest at the most. A force beyond either end gets that end's command.
     pub fn command_for(&self, force_n: f64) -> f64 {
-        let ends = [
-            CalibrationPoint { command: self.command.enabled_from, force_n: self.force_n[0] },
-            CalibrationPoint { command: self.command.full, force_n: self.force_n[1] },
-        ];
-        let points = if self.is_calibrated() { &self.calibration[..] } else { &ends[..] };
-        let above = points.partition_point(|p| p.force_n < force_n).clamp(1, points.len() - 1);
-        let (a, b) = (points[above - 1], points[above]);
-        let share = ((force_n - a.force_n) / (b.force_n - a.force_n)).clamp(0.0, 1.0);
-        a.command + share * (b.command - a.command)
+        if let Some(fit) = &self.fit {
+            return fit.command_for(force_n);
+        }
+        let ([from, full], [low, high]) = (self.enabled(), self.force_n);
+        from + (full - from) * ((force_n - low) / (high - low)).clamp(0.0, 1.0)
+    }
+
+    /// The force of one finger in N at a command, the inverse of [`Self::command_for`]; that of the nearer end for a command
+    /// that the gripper does not obey.
+    pub fn force_for(&self, command: f64) -> f64 {
+        let ([from, full], [low, high]) = (self.enabled(), self.force_n);
+        match &self.fit {
+            Some(fit) => fit.force_at(command.clamp(from, full)).max(0.0),
+            None => low + (high - low) * ((command - from) / (full - from)).clamp(0.0, 1.0),
+        }
+    }
+
+    /// Side of the square that a finger touches with, m.
+    pub fn finger_side_m(&self) -> f64 {
+        self.finger_area_m2.sqrt()
+    }
+
+    /// Radius of the disc of the finger's area, m.
+    pub fn contact_radius_m(&self) -> f64 {
+        (self.finger_area_m2 / std::f64::consts::PI).sqrt()
     }
 }

@@ -1,31 +1,46 @@
 //! The force with which a gripper may lift the object without slip or damage.
 //!
 //! - [`options`]: what the user may choose;
-//! - [`gripper`]: the hand: its range of force, its finger, its command;
-//! - [`bounds`]: the paper's formulas, on numbers alone;
-//! - [`bearer`]: which part the fingers press on.
+//! - [`gripper`]: the hand: its range of force, its finger, its command; [`calibration`]: the command from measurements;
+//! - [`bounds`]: the paper's formulas, on numbers alone; [`forces`]: applied to intervals;
+//! - [`bearer`]: which part the fingers press on where no place is chosen;
+//! - where to press: the [`surface`], opposite [`places`] on it, room for the [`fingers`], the best [`candidates`];
+//! - [`picture`]: the best of them, drawn.
 
 pub mod bearer;
 pub mod bounds;
+pub mod calibration;
+mod calibration_report;
+pub mod candidates;
+mod cells;
 pub mod error;
+mod fingers;
+pub mod forces;
 pub mod gripper;
 pub mod options;
+pub mod picture;
+pub mod places;
+pub mod surface;
 
 use serde::{Deserialize, Serialize};
 
 use crate::parts::Parts;
-use crate::units::{Estimate, GRAVITY_M_S2};
 use crate::vote::FieldLabel;
-use bounds::{Bearing, ForceMax, f_max, f_min, f_star};
+pub use calibration_report::CalibrationReport;
+use candidates::{Candidate, Object};
 pub use error::GraspError;
+use forces::{Forces, Inputs, Intervals};
 use gripper::GripperProfile;
+use nalgebra::Point3;
 pub use options::{Options, Policy};
+use places::Where;
+use surface::Surface;
 
 /// What limits a grasp.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Limit {
-    /// Holding the object takes more force than the part bears: F_min >= F_max.
+    /// Holding the object against slip takes more force than the part bears: F_min >= F_max.
     Slip,
     /// Stress under the finger reaches the part's strength.
     Yield,
@@ -53,71 +68,87 @@ pub struct GraspReport {
     pub f_max_limited_by: Limit,
     /// The force to press with; always within the gripper's range.
     pub f_star_n: f64,
+    /// Of slip, yield, bending and gripper, what sets `f_star_n`.
     pub limited_by: Limit,
     /// Whether `f_star_n` both holds the object and spares the part.
     pub feasible: bool,
     /// What to send to the gripper's controller for `f_star_n`.
     pub normalized_command: f64,
-    /// Whether the command is interpolated between measured pairs; linear in the force otherwise.
+    /// Whether the command inverts a curve through measured pairs; linear in the force otherwise.
     pub command_calibrated: bool,
     pub intervals: Intervals,
     pub inputs: Inputs,
+    /// The best places to grasp at, the first of which the forces above are for. Empty where none was found.
+    pub candidates: Vec<Candidate>,
     pub warnings: Vec<String>,
 }
 
-/// What the bounds of the inputs make of the forces.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
-pub struct Intervals {
-    pub f_min_n: Estimate,
-    pub f_max_n: Estimate,
-}
-
-/// The numbers that went into the formulas.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
-pub struct Inputs {
-    pub mass_kg: Estimate,
-    pub friction: Estimate,
-    pub strength_pa: Estimate,
-    pub youngs_modulus_pa: Estimate,
-    pub thickness_m: Estimate,
-    pub contact_area_m2: f64,
-    pub max_curvature_1_m: f64,
-    pub lift_angle_rad: f64,
-}
-
-/// Forces to lift the object with `gripper`, after the paper (see [`bounds`] for the formulas).
+/// Forces to lift the object with `gripper`, after the paper (see [`bounds`] for the formulas), at the best of the places
+/// where the fingers fit; without a `surface` to look for them on, on the part that was named or is nearest to the centre
+/// of mass.
 ///
-/// `labels` are the field's, with the properties of each part; a part and its label share an id.
+/// `labels` are the field's, with the properties of each part; a part and its label share an id. `meters_per_unit` is for
+/// the user's point, which is in scene units.
 ///
 /// # Errors
 /// A lift angle, curvature or margin outside its domain; a part that does not exist or is not told apart by its name; a
-/// part whose friction, strength, stiffness or thickness is not positive; a mass that is not positive.
+/// part whose friction, strength, stiffness or thickness is not positive; a mass that is not positive. Where the user says
+/// where to grasp: no place there with room for the fingers within the stroke; otherwise that is a warning.
 pub fn grasp(
     parts: &Parts,
     labels: &[FieldLabel],
+    surface: Option<&Surface>,
+    meters_per_unit: f64,
     gripper: &GripperProfile,
     options: &Options,
 ) -> Result<GraspReport, GraspError> {
-    let lift_angle_rad = options.checked_lift_angle_rad()?;
-    let (part, part_chosen) = bearer::choose(parts, options.part.as_deref())?;
-    let label = labels.iter().find(|l| l.id == part.id).ok_or(GraspError::NoLabel { part: part.id })?;
-    let inputs = Inputs {
-        mass_kg: parts.object.mass_kg,
-        friction: label.friction_rubber,
-        strength_pa: label.yield_strength_pa,
-        youngs_modulus_pa: label.youngs_modulus_pa,
-        thickness_m: part.thickness_m,
-        contact_area_m2: gripper.finger_area_m2,
-        max_curvature_1_m: options.max_curvature,
-        lift_angle_rad,
+    let (part, chosen) = bearer::choose(parts, options.part.as_deref())?;
+    let label = |id: u32| labels.iter().find(|l| l.id == id).ok_or(GraspError::NoLabel { part: id });
+    label(part.id)?;
+    let place = match (&options.part, options.point) {
+        (Some(_), _) => Where::Part(part.id),
+        (None, Some(point)) => Where::Near(Point3::from(point) * meters_per_unit),
+        (None, None) => Where::Anywhere,
     };
-    inputs.check(&part.caption)?;
-    let intervals = inputs.intervals();
-    let (f_min_n, upper) = match options.policy {
-        Policy::Mid => (intervals.f_min_n.mid, inputs.f_max_at(|e| e.mid)),
-        Policy::Safe => (intervals.f_min_n.high, inputs.f_max_at(|e| e.low)),
+    let mut warnings = Vec::new();
+    let found = surface.map(|surface| {
+        let object = Object { parts, labels, surface };
+        candidates::candidates(&object, place, gripper, options)
+    });
+    let candidates = match found {
+        Some(Err(error @ (GraspError::StrokeTooSmall { .. } | GraspError::NoPlace { .. })))
+            if !options.names_a_place() =>
+        {
+            warnings.push(error.to_string());
+            Vec::new()
+        }
+        Some(found) => found?,
+        None => Vec::new(),
     };
-    let star = f_star(f_min_n, upper, gripper.force_n, options.force_margin);
+    let (part, part_chosen, thickness_m) = match candidates.first() {
+        Some(best) => {
+            let part = parts.parts.iter().find(|p| p.id == best.part_id).unwrap_or(part);
+            let chosen = if options.part.is_some() { bearer::Choice::Named } else { bearer::Choice::BestPlace };
+            (part, chosen, best.thickness_m)
+        }
+        None => (part, chosen, part.thickness_m),
+    };
+    let inputs = Inputs::of(parts, label(part.id)?, thickness_m, gripper, options)?;
+    let Forces { inputs, intervals, f_min_n, upper, star, .. } = inputs.forces(&part.caption, gripper, options)?;
+    if !star.feasible {
+        let [least, most] = gripper.force_n;
+        warnings.push(format!(
+            "no force of {} ({least} to {most} N) both holds the object ({f_min_n:.3} N or more) and spares the part ({:.3} \
+             N or less); grasp another part with --part, or use a gripper with a larger finger",
+            gripper.name, upper.newtons
+        ));
+    }
+    if !gripper.is_calibrated() {
+        warnings.push(format!(
+            "gripper {} has no calibration points: its command is taken as linear in the force",
+            gripper.name
+        ));
+    }
     Ok(GraspReport {
         part: part.caption.clone(),
         part_id: part.id,
@@ -134,73 +165,7 @@ pub fn grasp(
         command_calibrated: gripper.is_calibrated(),
         intervals,
         inputs,
-        warnings: warnings(gripper, star.feasible, f_min_n, upper),
+        candidates,
+        warnings,
     })
-}
-
-impl Inputs {
-    fn check(&self, part: &str) -> Result<(), GraspError> {
-        let zero_is_low_enough = [
-            ("mass", self.mass_kg),
-            ("strength", self.strength_pa),
-            ("Young's modulus", self.youngs_modulus_pa),
-            ("thickness", self.thickness_m),
-        ];
-        let fits = |e: Estimate| e.low <= e.mid && e.mid <= e.high && e.low >= 0.0 && e.mid > 0.0 && e.high.is_finite();
-        let wrong = zero_is_low_enough.into_iter().find(|(_, estimate)| !fits(*estimate));
-        // F_min grows without bound as friction goes to zero.
-        let slippery = ("friction", self.friction);
-        let wrong = wrong.or((!fits(slippery.1) || slippery.1.low <= 0.0).then_some(slippery));
-        if let Some((what, estimate)) = wrong {
-            return Err(GraspError::Property { part: part.to_owned(), what, estimate });
-        }
-        Ok(())
-    }
-
-    fn f_max_at(&self, pick: impl Fn(Estimate) -> f64) -> ForceMax {
-        f_max(&Bearing {
-            area_m2: self.contact_area_m2,
-            strength_pa: pick(self.strength_pa),
-            youngs_modulus_pa: pick(self.youngs_modulus_pa),
-            thickness_m: pick(self.thickness_m),
-            max_curvature_1_m: self.max_curvature_1_m,
-        })
-    }
-
-    /// The forces at the ends of the inputs: F_min is greatest for the heaviest object with the least friction, F_max
-    /// least for the weakest, softest and thinnest part.
-    fn intervals(&self) -> Intervals {
-        let slip = |mass, friction| f_min(mass, friction, self.lift_angle_rad, GRAVITY_M_S2);
-        Intervals {
-            f_min_n: Estimate::new(
-                slip(self.mass_kg.low, self.friction.high),
-                slip(self.mass_kg.mid, self.friction.mid),
-                slip(self.mass_kg.high, self.friction.low),
-            ),
-            f_max_n: Estimate::new(
-                self.f_max_at(|e| e.low).newtons,
-                self.f_max_at(|e| e.mid).newtons,
-                self.f_max_at(|e| e.high).newtons,
-            ),
-        }
-    }
-}
-
-fn warnings(gripper: &GripperProfile, feasible: bool, f_min_n: f64, upper: ForceMax) -> Vec<String> {
-    let mut warnings = Vec::new();
-    if !feasible {
-        let [least, most] = gripper.force_n;
-        warnings.push(format!(
-            "no force of {} ({least} to {most} N) both holds the object ({f_min_n:.3} N or more) and spares the part ({:.3} \
-             N or less); grasp another part with --part, or use a gripper with a larger finger",
-            gripper.name, upper.newtons
-        ));
-    }
-    if !gripper.is_calibrated() {
-        warnings.push(format!(
-            "gripper {} has no calibration points: its command is taken as linear in the force",
-            gripper.name
-        ));
-    }
-    warnings
 }

@@ -7,7 +7,7 @@ use super::GraspError;
 
 /// The paper's kappa_max, in 1/m.
 const MAX_CURVATURE_1_M: f64 = 0.5;
-/// The paper keeps F* off the ends of the gripper's range by a margin eta; 5 % is ours.
+/// The paper keeps F* off both ends of the usable forces by a margin eta and gives no value; 5 % is ours.
 const FORCE_MARGIN: f64 = 0.05;
 /// The gripper of the paper's experiments.
 const GRIPPER: &str = "paper";
@@ -27,10 +27,16 @@ pub enum Policy {
 #[derive(Debug, Clone, PartialEq, Args, Serialize)]
 #[command(next_help_heading = "Grasp")]
 pub struct Options {
-    /// The part that the fingers press on: its number, its caption or a piece of it [default: the part whose surface is
-    /// nearest to the centre of mass]
-    #[arg(long, value_name = "NAME")]
+    /// Grasp this part: its number, its caption or a piece of it
+    #[arg(long, value_name = "NAME", overrides_with_all = ["point", "auto"])]
     pub part: Option<String>,
+    /// Grasp near this point: world frame, scene units
+    #[arg(long, value_name = "X,Y,Z", value_parser = point, allow_hyphen_values = true, overrides_with_all = ["part", "auto"])]
+    pub point: Option<[f64; 3]>,
+    /// Grasp wherever it is best: antipodal, within the stroke, near the centre of mass. Also what happens without --part
+    /// and --point, but where no place fits, this is an error
+    #[arg(long, overrides_with_all = ["part", "point"])]
+    pub auto: bool,
     /// A built-in gripper or a TOML profile (see grippers/README.md)
     #[arg(long, value_name = "NAME|FILE", default_value_t = GRIPPER.to_owned())]
     pub gripper: String,
@@ -40,7 +46,7 @@ pub struct Options {
     /// Greatest curvature kappa_max that a pressed part may take, in 1/m; the paper's 0.5
     #[arg(long, value_name = "1/M", default_value_t = MAX_CURVATURE_1_M)]
     pub max_curvature: f64,
-    /// Margin eta kept free at both ends of the gripper's range, as a share of the range
+    /// Margin eta kept free at both ends of the usable forces, as a share of their span, 0 to 0.5
     #[arg(long, value_name = "SHARE", default_value_t = FORCE_MARGIN)]
     pub force_margin: f64,
     /// How intervals become one force
@@ -52,6 +58,8 @@ impl Default for Options {
     fn default() -> Self {
         Self {
             part: None,
+            point: None,
+            auto: false,
             gripper: GRIPPER.to_owned(),
             lift_angle_deg: 0.0,
             max_curvature: MAX_CURVATURE_1_M,
@@ -62,17 +70,33 @@ impl Default for Options {
 }
 
 impl Options {
+    /// Whether the user says where to grasp.
+    pub fn names_a_place(&self) -> bool {
+        self.part.is_some() || self.point.is_some() || self.auto
+    }
+
     /// The lift angle in radians, after every option was found to be within its domain.
-    pub(super) fn checked_lift_angle_rad(&self) -> Result<f64, GraspError> {
+    ///
+    /// # Errors
+    /// One is not.
+    pub fn checked_lift_angle_rad(&self) -> Result<f64, GraspError> {
         if !(0.0..=90.0).contains(&self.lift_angle_deg) {
             return Err(GraspError::LiftAngle { degrees: self.lift_angle_deg });
         }
         if !(self.max_curvature > 0.0 && self.max_curvature.is_finite()) {
             return Err(GraspError::Curvature { value: self.max_curvature });
         }
-        if !(0.0..0.5).contains(&self.force_margin) {
+        if !(0.0..=0.5).contains(&self.force_margin) {
             return Err(GraspError::Margin { value: self.force_margin });
         }
         Ok(self.lift_angle_deg.to_radians())
+    }
+}
+
+fn point(text: &str) -> Result<[f64; 3], String> {
+    let numbers: Result<Vec<f64>, _> = text.split(',').map(|number| number.trim().parse::<f64>()).collect();
+    match numbers.as_deref() {
+        Ok(&[x, y, z]) if [x, y, z].iter().all(|v| v.is_finite()) => Ok([x, y, z]),
+        _ => Err("not three numbers between commas".to_owned()),
     }
 }

@@ -1,8 +1,12 @@
-//! Grasp forces on disk; `null` where the metric scale is unknown, for newtons need kilograms.
+//! Grasps on disk; `null` where the metric scale is unknown, for newtons need kilograms.
+
+use std::io::{self, Cursor};
 
 use anyhow::Result;
+use image::ImageFormat;
 
-use crate::grasp::gripper::GripperProfile;
+use crate::camera::Camera;
+use crate::grasp::surface::Surface;
 use crate::grasp::{self, GraspReport};
 use crate::parts::PartsError;
 use crate::workdir::Artifact;
@@ -11,22 +15,55 @@ use super::{Done, Pipeline, Stage};
 
 impl Pipeline {
     pub(super) fn grasp_key(&self) -> String {
-        self.key_after(Stage::Grasp, &[Stage::Vote, Stage::Parts]).with_json(&self.options.grasp).hex()
+        self.key_after(Stage::Grasp, &[Stage::Scene, Stage::Vote, Stage::Parts])
+            .with_json(&self.options.grasp)
+            .with_json(&self.gripper)
+            .hex()
     }
 
+    /// Where the user asks for a grasp, what stands in its way is an error; on the way to a report it is a warning.
     pub(super) fn do_grasp(&self) -> Result<Done> {
-        let gripper = GripperProfile::load(&self.options.grasp.gripper)?;
-        let Some(parts) = self.metric_parts()? else {
+        let asked = self.plan.to == Stage::Grasp || self.options.grasp.names_a_place();
+        let (Some(parts), Some(scale)) = (self.metric_parts()?, &self.scene.scale) else {
+            if asked {
+                return Err(PartsError::ScaleUnknown.into());
+            }
             self.work.write_json(Artifact::Grasp, &None::<GraspReport>)?;
+            self.work.remove(Artifact::GraspPicture)?;
             return Ok(Done::writing([Artifact::Grasp]).warning(vec![PartsError::ScaleUnknown.to_string()]));
         };
-        let report = grasp::grasp(&parts, &self.field()?.labels, &gripper, &self.options.grasp)?;
+        let mut options = self.options.grasp.clone();
+        options.auto |= asked && !options.names_a_place();
+        let field = self.field()?;
+        let cameras: Vec<Camera> = self.scene.views.iter().map(|view| view.camera.clone()).collect();
+        let (gaussians, meters_per_unit) = (&self.scene.gaussians, scale.meters_per_unit);
+        let surface = Surface::of(gaussians, &field.part_label, &cameras, meters_per_unit);
+        let report =
+            grasp::grasp(&parts, &field.labels, Some(&surface), meters_per_unit, &self.gripper, &options)?;
+        let side = self.gripper.finger_side_m();
+        let picture = grasp::picture::picture(gaussians, &cameras, &report.candidates, side, meters_per_unit);
+        let mut outputs = vec![Artifact::Grasp];
+        match picture {
+            Some(picture) => {
+                let mut png = Cursor::new(Vec::new());
+                picture.write_to(&mut png, ImageFormat::Png).map_err(io::Error::other)?;
+                self.work.write(Artifact::GraspPicture, png.get_ref())?;
+                outputs.push(Artifact::GraspPicture);
+            }
+            None => self.work.remove(Artifact::GraspPicture)?,
+        }
         self.work.write_json(Artifact::Grasp, &report)?;
-        Ok(Done::writing([Artifact::Grasp]).warning(report.warnings))
+        Ok(Done::writing(outputs).warning(report.warnings))
     }
 
     /// The forces.
     pub(super) fn grasp(&self) -> Result<Option<GraspReport>> {
         Ok(self.work.read_json(Artifact::Grasp)?)
+    }
+
+    /// The picture of the places to grasp at, as PNG; `None` where there is no place.
+    pub(super) fn grasp_picture(&self) -> Result<Option<Vec<u8>>> {
+        let drawn = self.work.size(Artifact::GraspPicture).is_some();
+        Ok(if drawn { Some(self.work.read(Artifact::GraspPicture)?) } else { None })
     }
 }

@@ -20,8 +20,11 @@ impl Pipeline {
         let views = self.views.par_iter().zip(&segmentation.views);
         let (gaussians, field) = (&self.scene.gaussians, self.field()?);
         let views = views.map(|(view, segments)| ViewPictures::draw(view, &segments.map, gaussians, field));
-        let pictures =
-            Pictures { views: views.collect::<Result<_>>()?, animation: self.work.read(Artifact::Animation)? };
+        let pictures = Pictures {
+            views: views.collect::<Result<_>>()?,
+            animation: self.work.read(Artifact::Animation)?,
+            grasp: self.grasp_picture()?,
+        };
         self.work.write_json(Artifact::ReportJson, &report)?;
         let page = report::page(&report, self.answers()?, &pictures);
         self.work.write(Artifact::ReportHtml, page.as_bytes())?;

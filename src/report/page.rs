@@ -10,6 +10,7 @@ use base64::engine::general_purpose::STANDARD as BASE64;
 use minijinja::{AutoEscape, Environment, Value, context};
 
 use crate::grasp::GraspReport;
+use crate::grasp::candidates::Candidate;
 use crate::query::{Answers, Form, Match, Outcome};
 use crate::units::{Estimate, ShoreScale};
 use crate::vote::{FieldLabel, palette};
@@ -30,7 +31,7 @@ pub fn page(report: &Report, answers: &Answers, pictures: &Pictures) -> String {
         tiles => tiles(report),
         hero => hero(pictures),
         parts => report.labels.iter().map(|label| part_row(label, report)).collect::<Vec<_>>(),
-        grasp => report.grasp.as_ref().map(grasp),
+        grasp => report.grasp.as_ref().map(|report| grasp(report, pictures)),
         simulation => simulation(report, pictures),
         views => pictures.views.iter().map(|view| view_row(view, answers)).collect::<Vec<_>>(),
         answers => answer_table(report, answers),
@@ -119,7 +120,7 @@ fn css(color: [f32; 3]) -> String {
     format!("#{r:02x}{g:02x}{b:02x}")
 }
 
-fn grasp(grasp: &GraspReport) -> Value {
+fn grasp(grasp: &GraspReport, pictures: &Pictures) -> Value {
     let verdict = if grasp.feasible {
         "holds the object and spares the part".to_owned()
     } else {
@@ -136,6 +137,26 @@ fn grasp(grasp: &GraspReport) -> Value {
         star => significant(grasp.f_star_n),
         f_min => significant(grasp.f_min_n),
         f_max => significant(grasp.f_max_n),
+        picture => pictures.grasp.as_ref().map(|png| data_uri("image/png", png)),
+        places => grasp.candidates.iter().enumerate().map(place_row).collect::<Vec<_>>(),
+    }
+}
+
+/// A place to grasp at: forces in N, lengths in mm, torque in N mm.
+fn place_row((rank, place): (usize, &Candidate)) -> Value {
+    context! {
+        color => css(palette::color(rank as u32)),
+        rank => rank + 1,
+        part => short(&place.part),
+        numbers => vec![
+            significant(place.width_m * 1e3),
+            significant(place.thickness_m.mid * 1e3),
+            significant(place.lever_m * 1e3),
+            significant(place.f_min_n),
+            significant(place.f_star_n),
+            significant(place.f_max_n),
+            significant(place.torque_margin_n_m * 1e3),
+        ],
     }
 }
 

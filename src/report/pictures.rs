@@ -25,6 +25,8 @@ pub struct Pictures {
     pub views: Vec<ViewPictures>,
     /// Animated GIF of the simulation.
     pub animation: Vec<u8>,
+    /// PNG of the places to grasp at.
+    pub grasp: Option<Vec<u8>>,
 }
 
 /// The three pictures of a view, as JPEG.

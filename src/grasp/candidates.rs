@@ -1,0 +1,194 @@
+//! The best places to grasp at: forces, torque, free space, ranked.
+
+use nalgebra::{Point3, Vector3};
+use serde::{Deserialize, Serialize};
+
+use super::cells::Cells;
+use super::fingers::free_approach;
+use super::forces::{Forces, Inputs};
+use super::places::{Place, Where, places};
+use super::surface::Surface;
+use super::{GraspError, GripperProfile, Limit, Options};
+use crate::parts::{Part, Parts};
+use crate::query::Form;
+use crate::units::{Estimate, GRAVITY_M_S2};
+use crate::vote::FieldLabel;
+
+/// How many places are reported.
+pub const REPORTED: usize = 5;
+/// Places are ranked by the sum of three shares, least first, those without a feasible force last: distance of the line of
+/// the contacts from the centre of mass (near a `--point`, of a contact from that point) over the object's radius; F_min
+/// over F_max; and misalignment over the friction cone, which weighs this much.
+const MISALIGNMENT_WEIGHT: f64 = 0.25;
+/// Two places are the same where their middles are within a finger's side and their axes within 30 degrees.
+const SAME_AXIS: f64 = 0.866;
+
+/// A place to grasp at. Forces are those of one finger.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Candidate {
+    /// Caption of the part that both fingers press on.
+    pub part: String,
+    pub part_id: u32,
+    /// Where the fingers press, world frame, m.
+    pub contacts_m: [[f64; 3]; 2],
+    /// Unit vector from the contacts to the palm: the hand comes along its opposite.
+    pub approach: [f64; 3],
+    pub width_m: f64,
+    /// Of what the fingers press on, there: a shell's wall, a solid's own thickness along the line of the contacts.
+    pub thickness_m: Estimate,
+    /// The larger angle between the line of the contacts and the surface's normals there.
+    pub misalignment_rad: f64,
+    /// Distance of the line of the contacts from the object's centre of mass.
+    pub lever_m: f64,
+    pub f_min_n: f64,
+    pub f_max_n: f64,
+    pub f_star_n: f64,
+    pub limited_by: Limit,
+    pub feasible: bool,
+    /// Torque about the line of the contacts that two fingers pressing with F* still hold beside the weight, less the
+    /// weight's at the worst inclination. Negative: the object may turn between the fingers.
+    pub torque_margin_n_m: f64,
+}
+
+/// The object that is grasped.
+pub struct Object<'a> {
+    pub parts: &'a Parts,
+    pub labels: &'a [FieldLabel],
+    pub surface: &'a Surface,
+}
+
+/// The [`REPORTED`] best places, the best first.
+///
+/// # Errors
+/// Every antipodal place is wider than the gripper's stroke; there is none with free space for the fingers; a part that
+/// bears no force.
+pub fn candidates(
+    object: &Object,
+    place: Where,
+    gripper: &GripperProfile,
+    options: &Options,
+) -> Result<Vec<Candidate>, GraspError> {
+    let what = || match place {
+        Where::Part(id) => part_of(object.parts, id).map_or_else(String::new, |p| format!("part {:?}", p.caption)),
+        Where::Anywhere | Where::Near(_) => "the object".to_owned(),
+    };
+    let friction: Vec<f64> = object.labels.iter().map(|label| label.friction_rubber.mid).collect();
+    let all = places(object.surface, place, &friction, gripper.contact_radius_m());
+    let stroke_m = gripper.stroke_m.unwrap_or(f64::INFINITY);
+    let fitting: Vec<Place> = all.iter().copied().filter(|p| p.width_m() <= stroke_m).collect();
+    if fitting.is_empty() && !all.is_empty() {
+        return Err(GraspError::StrokeTooSmall {
+            what: what(),
+            gripper: gripper.name.clone(),
+            stroke_mm: stroke_m * 1e3,
+            narrowest_mm: all.iter().map(Place::width_m).fold(f64::INFINITY, f64::min) * 1e3,
+        });
+    }
+    let center = Point3::from(object.parts.object.center_of_mass_m);
+    let distances = object.surface.points.iter().map(|p| (p.position - center).norm());
+    let radius = distances.fold(f64::MIN_POSITIVE, f64::max);
+    let cost = |p: &Place, forces: &Forces| {
+        let distance = match place {
+            Where::Near(point) => p.contacts.iter().map(|c| (c - point).norm()).fold(f64::INFINITY, f64::min),
+            Where::Anywhere | Where::Part(_) => p.lever_m(center),
+        };
+        let misalignment = p.misalignment_rad / friction[p.part as usize].atan();
+        distance / radius + MISALIGNMENT_WEIGHT * misalignment + forces.f_min_n / forces.upper.newtons
+    };
+    let mut ranked = Vec::with_capacity(fitting.len());
+    for p in &fitting {
+        if let Some(forces) = forces_at(object, p, gripper, options)? {
+            ranked.push((!forces.star.feasible, cost(p, &forces), p, forces));
+        }
+    }
+    ranked.sort_by(|a, b| a.0.cmp(&b.0).then(a.1.total_cmp(&b.1)));
+
+    let side = gripper.finger_side_m();
+    let cells = Cells::new(&object.surface.obstacles, side);
+    let mut chosen: Vec<(&Place, Candidate)> = Vec::new();
+    for (_, _, p, forces) in &ranked {
+        if chosen.len() == REPORTED {
+            break;
+        }
+        if chosen.iter().any(|(other, _)| same(p, other, side)) {
+            continue;
+        }
+        if let Some(approach) = free_approach(p, side, &object.surface.obstacles, &cells) {
+            chosen.push((p, candidate(object, p, forces, approach, gripper)));
+        }
+    }
+    if chosen.is_empty() {
+        return Err(GraspError::NoPlace { what: what() });
+    }
+    Ok(chosen.into_iter().map(|(_, candidate)| candidate).collect())
+}
+
+fn part_of(parts: &Parts, id: u32) -> Option<&Part> {
+    parts.parts.iter().find(|part| part.id == id)
+}
+
+/// The forces at a place; `None` where its part weighs nothing and so is no part of the object.
+fn forces_at(
+    object: &Object,
+    place: &Place,
+    gripper: &GripperProfile,
+    options: &Options,
+) -> Result<Option<Forces>, GraspError> {
+    let Some(part) = part_of(object.parts, place.part) else { return Ok(None) };
+    let label = &object.labels[place.part as usize];
+    let thickness = match label.form {
+        Form::Shell { .. } => part.thickness_m,
+        Form::Solid => of_solid(part.thickness_m, place.thickness_m),
+    };
+    let inputs = Inputs::of(object.parts, label, thickness, gripper, options)?;
+    inputs.forces(&part.caption, gripper, options).map(Some)
+}
+
+/// A thickness measured at one place, as uncertain for its size as the part's own.
+fn of_solid(part: Estimate, there: f64) -> Estimate {
+    if part.mid > 0.0 { part.scaled(there / part.mid) } else { Estimate::exactly(there) }
+}
+
+fn same(a: &Place, b: &Place, side: f64) -> bool {
+    let middle = |p: &Place| nalgebra::center(&p.contacts[0], &p.contacts[1]);
+    (middle(a) - middle(b)).norm() < side && a.axis().dot(&b.axis()).abs() > SAME_AXIS
+}
+
+fn candidate(
+    object: &Object,
+    place: &Place,
+    forces: &Forces,
+    approach: Vector3<f64>,
+    gripper: &GripperProfile,
+) -> Candidate {
+    let center = Point3::from(object.parts.object.center_of_mass_m);
+    let lever_m = place.lever_m(center);
+    let torque_n_m = object.parts.object.mass_kg.mid * GRAVITY_M_S2 * lever_m;
+    Candidate {
+        part: part_of(object.parts, place.part).map_or_else(String::new, |part| part.caption.clone()),
+        part_id: place.part,
+        contacts_m: place.contacts.map(Into::into),
+        approach: approach.into(),
+        width_m: place.width_m(),
+        thickness_m: forces.inputs.thickness_m,
+        misalignment_rad: place.misalignment_rad,
+        lever_m,
+        f_min_n: forces.f_min_n,
+        f_max_n: forces.upper.newtons,
+        f_star_n: forces.star.newtons,
+        limited_by: forces.star.limit,
+        feasible: forces.star.feasible,
+        torque_margin_n_m: torque_capacity_n_m(forces, gripper.contact_radius_m()) - torque_n_m,
+    }
+}
+
+/// Torque about the line of the contacts that two fingers hold beside the weight, N m.
+///
+/// A disc of radius r pressed evenly with F and friction mu resists being turned by 2/3 mu F r. Force along the surface
+/// and torque share the friction: to a good approximation (f / (mu F))^2 + (tau / tau_max)^2 = 1 (Howe and Cutkosky,
+/// *Practical force-motion models for sliding manipulation*, 1996). The weight takes f / (mu F) = F_min / F.
+fn torque_capacity_n_m(forces: &Forces, contact_radius_m: f64) -> f64 {
+    let most = 2.0 * (2.0 / 3.0) * forces.friction * forces.star.newtons * contact_radius_m;
+    let taken = forces.f_min_n / forces.star.newtons;
+    if taken < 1.0 { most * (1.0 - taken * taken).sqrt() } else { 0.0 }
+}

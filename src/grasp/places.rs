@@ -1,0 +1,131 @@
+//! Antipodal places: two opposite contacts on one part, each within the friction cone of the line between them.
+//!
+//! Seeds spread over the surface look straight inward for surface that faces the other way. The nearest such is the other
+//! side of what they lie on, the farthest the other side of the object as a whole (of a mug: its wall, or all of it); each
+//! makes a pair. Normals are averaged over the finger's contact first: a finger feels no single Gaussian.
+
+use nalgebra::{Point3, Vector3};
+use rayon::prelude::*;
+
+use super::cells::Cells;
+use super::surface::{Surface, SurfacePoint};
+
+/// Seeds, spread evenly over the points.
+const SEEDS: usize = 2000;
+/// Thinner than this, two sides are not told apart from the noise of one, m.
+const THINNEST_M: f64 = 0.002;
+
+/// Where to look.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum Where {
+    /// On the whole object.
+    Anywhere,
+    /// On the part with this label.
+    Part(u32),
+    /// As near as can be to this point, m.
+    Near(Point3<f64>),
+}
+
+/// Two opposite contacts.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Place {
+    /// World frame, m.
+    pub contacts: [Point3<f64>; 2],
+    /// Label of the part that both are on.
+    pub part: u32,
+    /// Through the part at the contact, m: the width, or less where the line leaves the part and enters it again.
+    pub thickness_m: f64,
+    /// The larger of the angles between the line and the two normals, radians.
+    pub misalignment_rad: f64,
+}
+
+impl Place {
+    /// Distance of the contacts, m.
+    pub fn width_m(&self) -> f64 {
+        (self.contacts[1] - self.contacts[0]).norm()
+    }
+
+    /// Unit vector from the first contact to the second.
+    pub fn axis(&self) -> Vector3<f64> {
+        (self.contacts[1] - self.contacts[0]).normalize()
+    }
+
+    /// Distance of a point from the line through the contacts, m.
+    pub fn lever_m(&self, point: Point3<f64>) -> f64 {
+        (point - self.contacts[0]).cross(&self.axis()).norm()
+    }
+}
+
+/// All antipodal pairs that the seeds find, of any width. `friction` is by label, `contact_radius_m` the finger's.
+pub fn places(surface: &Surface, place: Where, friction: &[f64], contact_radius_m: f64) -> Vec<Place> {
+    let smooth = smoothed(&surface.points, contact_radius_m);
+    let wanted = |p: &&SurfacePoint| match place {
+        Where::Part(part) => p.part == part,
+        Where::Anywhere | Where::Near(_) => true,
+    };
+    let mut seeds: Vec<&SurfacePoint> = smooth.iter().filter(wanted).collect();
+    if let Where::Near(point) = place {
+        seeds.sort_by(|a, b| (a.position - point).norm().total_cmp(&(b.position - point).norm()));
+        seeds.truncate(SEEDS);
+    }
+    let count = seeds.len().min(SEEDS);
+    let pairs = (0..count).into_par_iter().flat_map_iter(|k| {
+        let seed = seeds[k * seeds.len() / count];
+        opposite(seed, &smooth, friction[seed.part as usize], contact_radius_m)
+    });
+    pairs.collect()
+}
+
+/// The points with normal and place averaged over those of the same part within a contact's radius that face alike.
+fn smoothed(points: &[SurfacePoint], radius_m: f64) -> Vec<SurfacePoint> {
+    /// Facing alike: within 60 degrees.
+    const ALIKE: f64 = 0.5;
+    let positions: Vec<Point3<f64>> = points.iter().map(|p| p.position).collect();
+    let cells = Cells::new(&positions, radius_m);
+    let smooth = |p: &SurfacePoint| {
+        let beside = || {
+            let near = cells.near(p.position, radius_m).map(|i| &points[i]);
+            near.filter(|q| q.part == p.part && q.normal.dot(&p.normal) > ALIKE)
+        };
+        let normal = beside().map(|q| q.normal).sum::<Vector3<f64>>().try_normalize(0.0).unwrap_or(p.normal);
+        let mut heights: Vec<f64> = beside().map(|q| (q.position - p.position).dot(&normal)).collect();
+        heights.sort_by(f64::total_cmp);
+        let height = heights.get(heights.len() / 2).copied().unwrap_or(0.0);
+        SurfacePoint { position: p.position + normal * height, normal, part: p.part }
+    };
+    points.par_iter().map(smooth).collect()
+}
+
+/// The nearest and the farthest place opposite a seed.
+fn opposite(seed: &SurfacePoint, points: &[SurfacePoint], friction: f64, radius_m: f64) -> impl Iterator<Item = Place> {
+    let cone = friction.atan();
+    let mut nearest: Option<(f64, Place)> = None;
+    let mut farthest: Option<(f64, Place)> = None;
+    for other in points.iter().filter(|q| q.part == seed.part) {
+        let between = other.position - seed.position;
+        let depth = -between.dot(&seed.normal);
+        if depth < THINNEST_M || (between + seed.normal * depth).norm() > radius_m {
+            continue;
+        }
+        let width = between.norm();
+        let angle = |cosine: f64| cosine.clamp(-1.0, 1.0).acos();
+        let misalignment_rad = angle(depth / width).max(angle(other.normal.dot(&between) / width));
+        if misalignment_rad > cone {
+            continue;
+        }
+        let contacts = [seed.position, other.position];
+        let place = Place { contacts, part: seed.part, thickness_m: width, misalignment_rad };
+        // Of those in one sheet the best aligned: as if it lay deeper by how far it is off the line.
+        let off = width * misalignment_rad.sin();
+        if nearest.is_none_or(|(least, _)| depth + off < least) {
+            nearest = Some((depth + off, place));
+        }
+        if farthest.is_none_or(|(most, _)| depth - off > most) {
+            farthest = Some((depth - off, place));
+        }
+    }
+    let thickness_m = nearest.map(|(_, place)| place.thickness_m);
+    let (near, far) = (nearest.map(|(_, place)| place), farthest.map(|(_, place)| place));
+    let far = far.filter(|far| Some(*far) != near).zip(thickness_m);
+    near.into_iter().chain(far.map(|(far, thickness_m)| Place { thickness_m, ..far }))
+}

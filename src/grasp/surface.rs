@@ -1,0 +1,119 @@
+//! The surface that fingers can touch: places with outward normals, from the Gaussians that some view sees.
+//!
+//! A normal has two sources. The depth map of every view that sees the Gaussian gives one by finite differences, outward
+//! for sure but rough; the Gaussian itself, as far as it is flat, gives its shortest axis, exact but for its sign. The
+//! place is the Gaussian's near side: its centre lies under the surface by about a deviation.
+
+use nalgebra::{Point3, Vector3};
+use rayon::prelude::*;
+
+use crate::camera::Camera;
+use crate::scene::gaussians::Gaussians;
+use crate::vote::depth::DepthTest;
+use crate::vote::raster::{Render, RenderOptions, project, render};
+
+/// A Gaussian fainter than this is no surface.
+const OPACITY_MIN: f64 = 0.3;
+/// More views see no more of the scenes that grasps were looked for on.
+const VIEWS_MAX: usize = 40;
+/// Depth is differentiated over so many pixels to either side.
+const REACH_PX: i64 = 2;
+/// Neighbours in depth further apart than this multiple of their distance across are not one surface (80 degrees).
+const STEEP: f64 = 5.7;
+/// A Gaussian's own axis counts where it is within 60 degrees of the normal from depth.
+const AGREES: f64 = 0.5;
+
+/// The surface in metres, world frame scaled.
+pub struct Surface {
+    pub points: Vec<SurfacePoint>,
+    /// Centres of all opaque Gaussians, m: what a finger must not run into.
+    pub obstacles: Vec<Point3<f64>>,
+}
+
+/// A place on the surface.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct SurfacePoint {
+    pub position: Point3<f64>,
+    /// Outward, of length 1.
+    pub normal: Vector3<f64>,
+    /// Label of the part.
+    pub part: u32,
+}
+
+impl Surface {
+    /// The surface that `cameras` see. `labels` are one a Gaussian; `meters_per_unit` is the scene's scale.
+    pub fn of(gaussians: &Gaussians, labels: &[u32], cameras: &[Camera], meters_per_unit: f64) -> Self {
+        let opaque: Vec<usize> = (0..gaussians.len()).filter(|&i| gaussians.opacity(i) >= OPACITY_MIN).collect();
+        let from_depth = normals_from_depth(gaussians, cameras);
+        let point = |&i: &usize| {
+            let normal = refined(gaussians, i, from_depth[i].try_normalize(0.0)?);
+            let deviation = normal.dot(&(gaussians.covariance(i) * normal)).sqrt();
+            let position = (gaussians.center(i) + normal * deviation) * meters_per_unit;
+            Some(SurfacePoint { position, normal, part: labels[i] })
+        };
+        Self {
+            points: opaque.par_iter().filter_map(point).collect(),
+            obstacles: opaque.iter().map(|&i| gaussians.center(i) * meters_per_unit).collect(),
+        }
+    }
+}
+
+/// Per Gaussian the sum over the views that see it of the normals of their depth maps, world frame; zero where none does.
+fn normals_from_depth(gaussians: &Gaussians, cameras: &[Camera]) -> Vec<Vector3<f64>> {
+    let test = DepthTest::new(gaussians);
+    let options = RenderOptions::default();
+    let mut sums = vec![Vector3::zeros(); gaussians.len()];
+    let count = cameras.len().min(VIEWS_MAX);
+    for camera in (0..count).map(|k| &cameras[k * cameras.len() / count]) {
+        let drawn = render(gaussians, camera, &options);
+        for splat in project(gaussians, camera, &options) {
+            let [x, y] = splat.center.map(|c| f64::from(c).floor() as i64);
+            let Some(depth) = depth_at(&drawn, x, y) else { continue };
+            if test.passes(&splat, depth as f32)
+                && let Some(normal) = depth_normal(&drawn, camera, x, y)
+            {
+                sums[splat.gaussian as usize] += normal;
+            }
+        }
+    }
+    sums
+}
+
+fn depth_at(drawn: &Render, x: i64, y: i64) -> Option<f64> {
+    let inside = (0..i64::from(drawn.width)).contains(&x) && (0..i64::from(drawn.height)).contains(&y);
+    let depth = inside.then(|| f64::from(drawn.median_depth[(y * i64::from(drawn.width) + x) as usize]))?;
+    depth.is_finite().then_some(depth)
+}
+
+/// Normal of the depth map at a pixel, world frame, towards the camera, as long as its cosine with the line of sight: a view
+/// that grazes the surface knows little of it. Lens distortion over a few pixels is left out.
+fn depth_normal(drawn: &Render, camera: &Camera, x: i64, y: i64) -> Option<Vector3<f64>> {
+    let i = &camera.intrinsics;
+    let point = |x: i64, y: i64| {
+        let depth = depth_at(drawn, x, y)?;
+        Some(Vector3::new((x as f64 + 0.5 - i.cx) / i.fx, (y as f64 + 0.5 - i.cy) / i.fy, 1.0) * depth)
+    };
+    let across = point(x + REACH_PX, y)? - point(x - REACH_PX, y)?;
+    let down = point(x, y + REACH_PX)? - point(x, y - REACH_PX)?;
+    if across.z.abs() > STEEP * across.x.abs() || down.z.abs() > STEEP * down.y.abs() {
+        return None;
+    }
+    let sight = point(x, y)?.normalize();
+    let normal = down.cross(&across).try_normalize(0.0)?;
+    let toward = if normal.dot(&sight) > 0.0 { -normal } else { normal };
+    Some(camera.camera_from_world.rotation.inverse() * toward * toward.dot(&sight).abs())
+}
+
+/// The normal from depth pulled towards the Gaussian's shortest axis by how flat it is.
+fn refined(gaussians: &Gaussians, i: usize, from_depth: Vector3<f64>) -> Vector3<f64> {
+    let scale = gaussians.scale(i);
+    let shortest = scale.imin();
+    let middle = scale.sum() - scale.max() - scale.min();
+    let axis = gaussians.rotation(i) * Vector3::ith(shortest, 1.0);
+    let along = axis.dot(&from_depth);
+    if along.abs() < AGREES {
+        return from_depth;
+    }
+    let flatness = 1.0 - scale.min() / middle;
+    (from_depth + axis * (along.signum() * flatness)).normalize()
+}

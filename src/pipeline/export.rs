@@ -1,0 +1,25 @@
+//! The parts in the formats of other programs.
+
+use std::path::{Path, PathBuf};
+
+use anyhow::Result;
+
+use crate::export::{self, Format, Model};
+
+use super::Pipeline;
+
+impl Pipeline {
+    /// Writes the object into `folder`, once the parts are done, and names the files.
+    pub fn export(&self, format: Format, folder: &Path) -> Result<Vec<PathBuf>> {
+        let parts = self.metric_parts()?;
+        let model = Model {
+            name: &self.scene.name,
+            gaussians: &self.scene.gaussians,
+            field: self.field()?,
+            interior: &self.parts()?.interior,
+            scale: self.scene.scale.as_ref(),
+            parts: parts.as_ref(),
+        };
+        Ok(export::export(&model, format, folder)?)
+    }
+}

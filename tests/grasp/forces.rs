@@ -1,0 +1,301 @@
+//! Forces against hand-computed cases, and over their whole domain.
+
+use gprop::grasp::bounds::{Bearing, ForceMax, f_max, f_min, f_star};
+use gprop::grasp::gripper::GripperProfile;
+use gprop::grasp::{GraspError, GraspReport, Limit, Options, Policy, bearer::Choice, grasp};
+use gprop::materials::Law;
+use gprop::parts::{Object, Part, Parts};
+use gprop::query::Form;
+use gprop::units::{Estimate, GRAVITY_M_S2};
+use gprop::vote::FieldLabel;
+use proptest::prelude::*;
+
+/// What a few roundings of double precision leave.
+const ROUNDING: f64 = 1e-13;
+
+fn close(computed: f64, by_hand: f64) {
+    assert!((computed - by_hand).abs() <= ROUNDING * by_hand.abs(), "{computed} is not {by_hand}");
+}
+
+fn part(id: u32, caption: &str, mass_kg: Estimate, thickness_m: Estimate, to_center_m: Option<f64>) -> Part {
+    Part {
+        id,
+        caption: caption.to_owned(),
+        material: format!("material of {caption}"),
+        family: "wood".to_owned(),
+        gaussians: 100,
+        volume_m3: Estimate::exactly(1e-4),
+        thickness_m,
+        density_kg_m3: Estimate::exactly(1000.0),
+        mass_kg,
+        center_of_mass_m: [0.0; 3],
+        inertia_kg_m2: [[0.0; 3]; 3],
+        surface_to_center_of_mass_m: to_center_m,
+    }
+}
+
+fn label(id: u32, friction: Estimate, strength_pa: Estimate, youngs_modulus_pa: Estimate) -> FieldLabel {
+    FieldLabel {
+        id,
+        caption: String::new(),
+        material: String::new(),
+        family: String::new(),
+        density_kg_m3: Estimate::exactly(1000.0),
+        youngs_modulus_pa,
+        poisson_ratio: Estimate::exactly(0.3),
+        yield_strength_pa: strength_pa,
+        hardness: None,
+        friction_rubber: friction,
+        form: Form::Solid,
+        law: Law::Elastic,
+    }
+}
+
+/// A hickory handle (0) of 20 mm and a steel head (1) of 30 mm: 0.12 kg and 0.44 kg, the head nearer the middle.
+fn hammer() -> (Parts, Vec<FieldLabel>) {
+    let parts = vec![
+        part(0, "wooden handle", Estimate::new(0.10, 0.12, 0.14), Estimate::new(0.018, 0.020, 0.022), Some(0.02)),
+        part(1, "steel head", Estimate::new(0.40, 0.44, 0.48), Estimate::new(0.028, 0.030, 0.032), Some(0.01)),
+    ];
+    let mass = parts[0].mass_kg.plus(parts[1].mass_kg);
+    let object = Object {
+        volume_m3: Estimate::exactly(2e-4),
+        mass_kg: mass,
+        center_of_mass_m: [0.0; 3],
+        inertia_kg_m2: [[0.0; 3]; 3],
+    };
+    let labels = vec![
+        label(0, Estimate::new(0.6, 0.7, 0.8), Estimate::new(40e6, 50e6, 60e6), Estimate::new(10e9, 12e9, 14e9)),
+        label(1, Estimate::new(0.5, 0.6, 0.7), Estimate::exactly(300e6), Estimate::exactly(200e9)),
+    ];
+    (Parts { object, parts, warnings: Vec::new() }, labels)
+}
+
+fn paper() -> GripperProfile {
+    GripperProfile::load("paper").unwrap()
+}
+
+fn run(options: &Options) -> Result<GraspReport, GraspError> {
+    let (parts, labels) = hammer();
+    grasp(&parts, &labels, None, 1.0, &paper(), options)
+}
+
+fn of_part(name: &str) -> Options {
+    Options { part: Some(name.to_owned()), ..Options::default() }
+}
+
+#[test]
+fn f_min_by_hand() {
+    // 1/2 * 0.56 kg * 9.8 m/s2 * (1 / 0.7) = 2.744 / 0.7 = 3.92 N
+    close(f_min(0.56, 0.7, 0.0, GRAVITY_M_S2), 3.92);
+    // At 30 degrees: 2.744 * (0.8660254037844386 / 0.7 - 0.5) = 2.744 * 0.7371791482634838
+    close(f_min(0.56, 0.7, 30f64.to_radians(), GRAVITY_M_S2), 2.0228195828349995);
+    // At 90 degrees the object rests on a finger.
+    assert_eq!(f_min(0.56, 0.7, 90f64.to_radians(), GRAVITY_M_S2), 0.0);
+}
+
+#[test]
+fn f_max_by_hand() {
+    let rubber = Bearing {
+        area_m2: 1.1e-4,
+        strength_pa: 10e6,
+        youngs_modulus_pa: 5e6,
+        thickness_m: 0.03,
+        max_curvature_1_m: 0.5,
+    };
+    // 1/2 * 1.1e-4 * 5e6 * 0.03 * 0.5 = 4.125 N, against 1.1e-4 * 10e6 = 1100 N
+    close(f_max(&rubber).newtons, 4.125);
+    assert_eq!(f_max(&rubber).limit, Limit::Bending);
+    // 1.1e-4 * 50e6 = 5500 N, against 1/2 * 1.1e-4 * 12e9 * 0.02 * 0.5 = 6600 N
+    let wood = Bearing { strength_pa: 50e6, youngs_modulus_pa: 12e9, thickness_m: 0.02, ..rubber };
+    close(f_max(&wood).newtons, 5500.0);
+    assert_eq!(f_max(&wood).limit, Limit::Yield);
+}
+
+#[test]
+fn f_star_by_hand() {
+    let bending = |newtons| ForceMax { newtons, limit: Limit::Bending };
+    let star = |f_min, f_max| f_star(f_min, bending(f_max), [0.0, 40.0], 0.05);
+    // (4 + 20) / 2 = 12 N, within 4 + 0.05 * 16 and 20 - 0.05 * 16.
+    let middle = star(4.0, 20.0);
+    assert_eq!((middle.newtons, middle.limit, middle.feasible), (12.0, Limit::Bending, true));
+    // The mean, 2752 N, is cut to 40 - 0.05 * (40 - 4) = 38.2 N.
+    let strong = star(4.0, 5500.0);
+    assert_eq!((strong.newtons, strong.limit, strong.feasible), (38.2, Limit::Gripper, true));
+    // 40 - 0.05 * (40 - 39) = 39.95 N.
+    let heavy = star(39.0, 5500.0);
+    assert_eq!((heavy.newtons, heavy.limit, heavy.feasible), (39.95, Limit::Gripper, true));
+    // (0.5 + 1.5) / 2, well within the gripper's range.
+    let tender = star(0.5, 1.5);
+    assert_eq!((tender.newtons, tender.limit, tender.feasible), (1.0, Limit::Bending, true));
+    // Heavier than the gripper can hold.
+    let too_heavy = star(41.0, 5500.0);
+    assert_eq!((too_heavy.newtons, too_heavy.limit, too_heavy.feasible), (40.0, Limit::Gripper, false));
+    // Lighter than the gripper can press: 10 N at least, the part bears 1.5 N.
+    let delicate = f_star(0.5, bending(1.5), [10.0, 40.0], 0.05);
+    assert_eq!((delicate.newtons, delicate.limit, delicate.feasible), (10.0, Limit::Gripper, false));
+    // Holding takes 5 N and the part bears 3 N: the paper's second case, (5 + 3) / 2.
+    let impossible = star(5.0, 3.0);
+    assert_eq!((impossible.newtons, impossible.limit, impossible.feasible), (4.0, Limit::Slip, false));
+    // F_min = F_max is the second case.
+    assert!(!star(5.0, 5.0).feasible);
+}
+
+#[test]
+fn whole_grasp_by_hand() {
+    let report = run(&of_part("handle")).unwrap();
+    assert_eq!((report.part.as_str(), report.part_chosen), ("wooden handle", Choice::Named));
+    // Mass 0.12 + 0.44 = 0.56 kg, friction 0.7; F_max 5500 N by yield; F* 40 - 0.05 * (40 - 3.92) N.
+    close(report.f_min_n, 3.92);
+    close(report.f_max_n, 5500.0);
+    assert_eq!((report.f_max_limited_by, report.limited_by), (Limit::Yield, Limit::Gripper));
+    close(report.f_star_n, 38.196);
+    assert!(report.feasible);
+    // 15 + (100 - 15) * 38.196 / 40
+    close(report.normalized_command, 96.1665);
+    assert!(!report.command_calibrated);
+    // F_min: 1/2 * 0.50 * 9.8 / 0.8 = 3.0625 and 1/2 * 0.62 * 9.8 / 0.6 = 5.0633...
+    close(report.intervals.f_min_n.low, 3.0625);
+    close(report.intervals.f_min_n.high, 3.038 / 0.6);
+    // F_max: min(1.1e-4 * 40e6, 1/2 * 1.1e-4 * 10e9 * 0.018 * 0.5) = min(4400, 4950); high min(6600, 8470)
+    close(report.intervals.f_max_n.low, 4400.0);
+    close(report.intervals.f_max_n.high, 6600.0);
+}
+
+#[test]
+fn safe_takes_the_worst_of_both_bounds() {
+    let safe = run(&Options { policy: Policy::Safe, ..of_part("handle") }).unwrap();
+    close(safe.f_min_n, 3.038 / 0.6);
+    close(safe.f_max_n, 4400.0);
+}
+
+#[test]
+fn the_interval_of_f_star_holds_both_policies() {
+    for policy in [Policy::Mid, Policy::Safe] {
+        let report = run(&Options { policy, ..of_part("handle") }).unwrap();
+        let interval = report.intervals.f_star_n;
+        assert!(interval.low <= report.f_star_n && report.f_star_n <= interval.high, "{interval:?}");
+    }
+}
+
+#[test]
+fn every_built_in_gripper_loads() {
+    for (name, most) in [("paper", 40.0), ("robotiq-2f-85", 235.0), ("franka-hand", 70.0)] {
+        let gripper = GripperProfile::load(name).unwrap();
+        assert_eq!(gripper.force_n[1], most, "{name}");
+        close(gripper.force_for(gripper.command_for(30.0)), 30.0);
+    }
+}
+
+#[test]
+fn without_a_name_the_part_nearest_the_center_of_mass_bears() {
+    let report = run(&Options::default()).unwrap();
+    assert_eq!((report.part.as_str(), report.part_chosen), ("steel head", Choice::NearestCenterOfMass));
+}
+
+#[test]
+fn parts_by_name() {
+    for name in ["0", "Wooden Handle", "handle", "material of wooden"] {
+        assert_eq!(run(&of_part(name)).unwrap().part_id, 0, "{name}");
+    }
+    let missing = run(&of_part("blade")).unwrap_err().to_string();
+    assert!(
+        missing.contains("blade") && missing.contains("wooden handle") && missing.contains("steel head"),
+        "{missing}"
+    );
+    assert!(matches!(run(&of_part("material")), Err(GraspError::AmbiguousPart { .. })));
+    assert!(matches!(run(&of_part("")), Err(GraspError::NoSuchPart { .. })));
+}
+
+#[test]
+fn options_outside_their_domain_are_refused() {
+    for lift_angle_deg in [-1.0, 90.5, f64::NAN] {
+        let options = Options { lift_angle_deg, ..Options::default() };
+        assert!(matches!(run(&options), Err(GraspError::LiftAngle { .. })), "{lift_angle_deg}");
+    }
+    let curvature = Options { max_curvature: 0.0, ..Options::default() };
+    assert!(matches!(run(&curvature), Err(GraspError::Curvature { .. })));
+    let margin = Options { force_margin: 0.51, ..Options::default() };
+    assert!(matches!(run(&margin), Err(GraspError::Margin { .. })));
+}
+
+#[test]
+fn properties_that_bear_no_force_are_refused() {
+    let (mut parts, mut labels) = hammer();
+    labels[0].friction_rubber = Estimate::exactly(0.0);
+    let error = grasp(&parts, &labels, None, 1.0, &paper(), &of_part("0")).unwrap_err().to_string();
+    assert!(error.contains("friction") && error.contains("wooden handle"), "{error}");
+    labels[0].friction_rubber = Estimate::new(0.0, 0.4, 0.8);
+    assert!(matches!(grasp(&parts, &labels, None, 1.0, &paper(), &of_part("0")), Err(GraspError::Property { .. })));
+    parts.parts[1].thickness_m = Estimate::exactly(0.0);
+    let error = grasp(&parts, &labels, None, 1.0, &paper(), &of_part("1")).unwrap_err().to_string();
+    assert!(error.contains("thickness"), "{error}");
+}
+
+#[test]
+fn profiles_that_are_wrong_are_refused() {
+    let good = "name = \"g\"\nforce_n = [5.0, 70.0]\nfinger_area_m2 = 2e-4\npad = \"rubber\"\n[command]\nenabled_from = 0.0\nfull = 1.0\n";
+    let command = |text: &str| GripperProfile::from_toml(text, "test").map(|p| p.command_for(37.5));
+    // Half of the way from 5 to 70 N.
+    close(command(good).unwrap(), 0.5);
+    let refused = |from: &str, to: &str, needle: &str| {
+        let error = command(&good.replace(from, to)).unwrap_err().to_string();
+        assert!(error.contains(needle) && error.contains("test"), "{error}");
+    };
+    refused("name = \"g\"", "name = \"g\"\nfinger_aera_m2 = 1.0", "finger_aera_m2");
+    refused("[5.0, 70.0]", "[70.0, 5.0]", "force_n");
+    refused("2e-4", "0.0", "finger_area_m2");
+    refused("\"rubber\"", "\"velcro\"", "velcro");
+    refused("full = 1.0", "full = 0.0", "command");
+    refused("full = 1.0", "full = 1.0\n[[calibration]]\ncommand = 0.5\nforce_n = 9.0", "too few");
+    refused("[command]\nenabled_from = 0.0\nfull = 1.0", "", "no calibration");
+    refused("name = \"g\"", "name = ", "line 1");
+    assert!(matches!(GripperProfile::load("no such gripper"), Err(GraspError::NoSuchGripper { .. })));
+}
+
+proptest! {
+    #[test]
+    fn f_star_is_always_within_the_gripper_and_infeasible_is_flagged(
+        f_min in 0.0..1e4f64, f_max in 0.0..1e6f64, low in 0.0..50.0f64, span in 0.1..500.0f64, margin in 0.0..=0.5f64,
+    ) {
+        let star = f_star(f_min, ForceMax { newtons: f_max, limit: Limit::Yield }, [low, low + span], margin);
+        prop_assert!((low..=low + span).contains(&star.newtons));
+        let spares_and_holds = f_min < f_max && (f_min..=f_max).contains(&star.newtons);
+        prop_assert_eq!(star.feasible, spares_and_holds);
+        if f_min >= f_max {
+            prop_assert_eq!(star.limit, Limit::Slip);
+        }
+    }
+
+    /// Over both cases of F*: heavier never means a weaker grip, nor does a stronger part.
+    #[test]
+    fn f_star_never_falls_with_mass_or_strength(
+        mass in 1e-3..50.0f64, more in 1e-3..50.0f64, f_max in 1e-2..1e3f64, stronger in 1.0..10.0f64,
+        friction in 0.05..2.0f64, degrees in 0.0..=90.0f64, low in 0.0..50.0f64, span in 0.1..500.0f64,
+        margin in 0.0..=0.5f64,
+    ) {
+        let star = |mass, newtons| {
+            let f_min = f_min(mass, friction, degrees.to_radians(), GRAVITY_M_S2);
+            f_star(f_min, ForceMax { newtons, limit: Limit::Yield }, [low, low + span], margin).newtons
+        };
+        // Rounding of forces up to 1e4 N.
+        let slack = 1e-11;
+        prop_assert!(star(mass, f_max) <= star(mass + more, f_max) + slack);
+        prop_assert!(star(mass, f_max) <= star(mass, f_max * stronger) + slack);
+    }
+
+    #[test]
+    fn heavier_objects_need_more_force(
+        mass in 1e-3..50.0f64, more in 1e-3..50.0f64, friction in 0.05..2.0f64, degrees in 0.0..=90.0f64,
+    ) {
+        let force = |mass| f_min(mass, friction, degrees.to_radians(), GRAVITY_M_S2);
+        prop_assert!(force(mass) <= force(mass + more));
+        prop_assert!(force(mass) >= 0.0 && force(mass).is_finite());
+    }
+
+    #[test]
+    fn more_friction_needs_less_force(mass in 1e-3..50.0f64, friction in 0.05..2.0f64, more in 0.01..2.0f64, degrees in 0.0..90.0f64) {
+        let force = |friction| f_min(mass, friction, degrees.to_radians(), GRAVITY_M_S2);
+        prop_assert!(force(friction) >= force(friction + more));
+    }
+}

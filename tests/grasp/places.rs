@@ -1,0 +1,125 @@
+//! Places to grasp at, on clouds whose best places are known.
+
+use gprop::grasp::gripper::GripperProfile;
+use gprop::grasp::surface::Surface;
+use gprop::grasp::{GraspError, GraspReport, Options, grasp};
+use gprop::parts::{self, PartsResult};
+use gprop::progress::Progress;
+use gprop::query::Form;
+use gprop::units::{MetricScale, ScaleSource};
+use gprop::vote::FieldLabel;
+use nalgebra::{Point3, Vector3};
+
+use crate::parts::clouds::{Cloud, cameras};
+
+/// An upright rod (0) of 30 mm across and 160 mm on a disc (1) of 240 mm across and 20 mm, 1000 kg/m^3 both.
+fn lollipop() -> Cloud {
+    let mut cloud = Cloud::default();
+    cloud.add_cylinder(0.015, [0.02, 0.18], [false, true], 0.002, 0);
+    cloud.add_cylinder(0.12, [0.0, 0.02], [true, true], 0.003, 1);
+    cloud
+}
+
+struct Scene {
+    parts: PartsResult,
+    labels: Vec<FieldLabel>,
+    surface: Surface,
+}
+
+fn scene(cloud: &Cloud, forms: &[Form]) -> Scene {
+    let (gaussians, field) = (cloud.gaussians(0.0015), cloud.field(forms));
+    let cameras = cameras(0.8, 24, |_| true);
+    let scale = MetricScale { meters_per_unit: 1.0, source: ScaleSource::Metric, provenance: String::new() };
+    let options = parts::Options { volume_cells: 200_000, ..Default::default() };
+    let parts = parts::parts(&gaussians, &field, &cameras, Some(&scale), &options, Progress::Hidden).unwrap();
+    let surface = Surface::of(&gaussians, &field.part_label, &cameras, 1.0);
+    Scene { parts, labels: field.labels, surface }
+}
+
+fn run(scene: &Scene, gripper: &str, options: &Options) -> Result<GraspReport, GraspError> {
+    let gripper = GripperProfile::load(gripper).unwrap();
+    grasp(scene.parts.metric().unwrap(), &scene.labels, Some(&scene.surface), 1.0, &gripper, options)
+}
+
+#[test]
+fn normals_of_a_ball_point_outward() {
+    let cloud = Cloud::sphere(Point3::origin(), 0.05, 8000, |_| 0);
+    let surface = Surface::of(&cloud.gaussians(0.001), &vec![0; 8000], &cameras(0.3, 24, |_| true), 1.0);
+    assert!(surface.points.len() > 7900, "{} of 8000 are seen", surface.points.len());
+    let off = |p: &gprop::grasp::surface::SurfacePoint| p.normal.angle(&p.position.coords).to_degrees();
+    let mut angles: Vec<f64> = surface.points.iter().map(off).collect();
+    angles.sort_by(f64::total_cmp);
+    // The Gaussians are flat, so the normals are theirs but for a part of the depth map's own error.
+    assert!(angles[angles.len() / 2] < 3.0, "median {}", angles[angles.len() / 2]);
+    assert!(angles[angles.len() * 99 / 100] < 15.0, "99 % {}", angles[angles.len() * 99 / 100]);
+}
+
+#[test]
+fn a_rod_is_grasped_across() {
+    let scene = scene(&lollipop(), &[Form::Solid, Form::Solid]);
+    let report = run(&scene, "paper", &Options { part: Some("part 0".to_owned()), ..Options::default() }).unwrap();
+    assert!(!report.candidates.is_empty() && report.candidates.len() <= 5);
+    for place in &report.candidates {
+        let [a, b] = place.contacts_m.map(Point3::from);
+        let axis = (b - a).normalize();
+        assert!(axis.z.abs() < 0.2, "the fingers close across the rod: {axis}");
+        // The rod's 30 mm, a deviation of its Gaussians to either side, and what the smoothing leaves.
+        assert!((place.width_m - 0.03).abs() < 0.003, "{}", place.width_m);
+        assert!((place.thickness_m.mid - 0.03).abs() < 0.003, "{:?}", place.thickness_m);
+        let middle = nalgebra::center(&a, &b);
+        assert!(middle.x.hypot(middle.y) < 0.004, "through the rod's axis: {middle}");
+        // The disc is below: the hand comes from above or aside, never through the disc.
+        assert!(Vector3::from(place.approach).z > -0.1, "{:?}", place.approach);
+    }
+    // The best is the nearest to the centre of mass, which is near the disc.
+    let lowest = report.candidates.iter().map(|p| p.contacts_m[0][2]).fold(f64::INFINITY, f64::min);
+    assert!(report.candidates[0].contacts_m[0][2] < lowest + 0.02);
+    // The top-level forces are those of the best place.
+    assert_eq!(report.candidates[0].f_star_n, report.f_star_n);
+    assert_eq!(report.candidates[0].f_max_n, report.f_max_n);
+}
+
+#[test]
+fn near_a_point_means_near_that_point() {
+    let scene = scene(&lollipop(), &[Form::Solid, Form::Solid]);
+    let report = run(&scene, "paper", &Options { point: Some([0.0, 0.015, 0.16]), ..Options::default() }).unwrap();
+    let best = &report.candidates[0];
+    let nearest = |c: [f64; 3]| (Point3::from(c) - Point3::new(0.0, 0.015, 0.16)).norm();
+    assert!(best.contacts_m.map(nearest).into_iter().fold(f64::INFINITY, f64::min) < 0.01, "{:?}", best.contacts_m);
+    assert_eq!(best.part_id, 0);
+}
+
+#[test]
+fn the_rim_of_a_wide_disc_is_pinched_not_spanned() {
+    let scene = scene(&lollipop(), &[Form::Solid, Form::Solid]);
+    let report = run(&scene, "paper", &Options { part: Some("part 1".to_owned()), ..Options::default() }).unwrap();
+    for place in &report.candidates {
+        assert!((place.width_m - 0.02).abs() < 0.004, "across the disc's 20 mm: {}", place.width_m);
+    }
+}
+
+#[test]
+fn a_stroke_that_is_too_small_is_told() {
+    let ball = Cloud::sphere(Point3::origin(), 0.08, 12_000, |_| 0);
+    let scene = scene(&ball, &[Form::Solid]);
+    let error = run(&scene, "paper", &Options { auto: true, ..Options::default() }).unwrap_err();
+    assert!(matches!(error, GraspError::StrokeTooSmall { .. }), "{error}");
+    let message = error.to_string();
+    assert!(message.contains("90 mm") && message.contains("longer stroke"), "{message}");
+    // Where nobody asked for a place it is a warning, and the forces stand for the part.
+    let report = run(&scene, "paper", &Options::default()).unwrap();
+    assert!(report.candidates.is_empty() && report.warnings.iter().any(|w| w.contains("90 mm")), "{:?}", report.warnings);
+}
+
+#[test]
+fn torque_by_hand() {
+    let scene = scene(&lollipop(), &[Form::Solid, Form::Solid]);
+    let report = run(&scene, "paper", &Options { part: Some("part 0".to_owned()), ..Options::default() }).unwrap();
+    let (place, mass) = (&report.candidates[0], scene.parts.metric().unwrap().object.mass_kg.mid);
+    // 2 fingers, 2/3 mu F r with r = sqrt(1.1e-4 m2 / pi), less what the weight takes; mu is 0.5.
+    let radius = (1.1e-4 / std::f64::consts::PI).sqrt();
+    let taken = place.f_min_n / place.f_star_n;
+    let held = 2.0 * 2.0 / 3.0 * 0.5 * place.f_star_n * radius * (1.0 - taken * taken).max(0.0).sqrt();
+    let by_hand = held - mass * 9.8 * place.lever_m;
+    assert!((place.torque_margin_n_m - by_hand).abs() < 1e-12, "{} is not {by_hand}", place.torque_margin_n_m);
+}

@@ -1,0 +1,86 @@
+//! Grasps on the scenes with ground truth, as flawless segmentation and answers would make them.
+
+use std::path::Path;
+
+use gprop::camera::Camera;
+use gprop::grasp::gripper::GripperProfile;
+use gprop::grasp::surface::Surface;
+use gprop::grasp::{GraspReport, Options, grasp, picture};
+use gprop::parts::{self, Parts, PartsResult};
+use gprop::progress::Progress;
+use gprop::scene::Scene;
+use gprop::vote::MaterialField;
+
+use crate::parts::truth::{self, Truth};
+
+/// A scene up to its parts.
+pub struct Measured {
+    pub scene: Scene,
+    pub truth: Truth,
+    pub field: MaterialField,
+    pub result: PartsResult,
+    pub cameras: Vec<Camera>,
+}
+
+impl Measured {
+    pub fn of(folder: &Path) -> Self {
+        let (scene, truth) = truth::load(folder);
+        let field = truth::field(&scene, &truth, folder);
+        let cameras: Vec<_> = scene.views.iter().map(|v| v.camera.clone()).collect();
+        let options = parts::Options { volume_cells: 500_000, ..Default::default() };
+        let scale = scene.scale.as_ref();
+        let result = parts::parts(&scene.gaussians, &field, &cameras, scale, &options, Progress::Hidden).unwrap();
+        Self { scene, truth, field, result, cameras }
+    }
+
+    pub fn parts(&self) -> &Parts {
+        self.result.metric().unwrap()
+    }
+
+    pub fn grasp(&self, gripper: &GripperProfile, options: &Options) -> GraspReport {
+        let surface = Surface::of(&self.scene.gaussians, &self.field.part_label, &self.cameras, 1.0);
+        grasp(self.parts(), &self.field.labels, Some(&surface), 1.0, gripper, options).unwrap()
+    }
+}
+
+/// The scenes that are here: the fixture, and those beside the crate.
+pub fn folders() -> Vec<std::path::PathBuf> {
+    let beside = ["mug", "table_lamp", "chair"].into_iter().filter_map(truth::beside);
+    std::iter::once(truth::hammer()).chain(beside).collect()
+}
+
+#[test]
+fn every_scene_has_places_to_grasp_at() {
+    for folder in folders() {
+        let measured = Measured::of(&folder);
+        let gripper = GripperProfile::load("paper").unwrap();
+        let report = measured.grasp(&gripper, &Options { auto: true, ..Options::default() });
+        println!("{}", measured.scene.name);
+        for p in &report.candidates {
+            println!(
+                "  {:10} width {:5.1} mm, thickness {:5.1}, off {:4.1} deg, lever {:5.1} mm, F_min {:5.2} F* {:5.2} F_max {:8.1} N, torque {:6.1} N mm",
+                p.part, p.width_m * 1e3, p.thickness_m.mid * 1e3, p.misalignment_rad.to_degrees(), p.lever_m * 1e3,
+                p.f_min_n, p.f_star_n, p.f_max_n, p.torque_margin_n_m * 1e3
+            );
+        }
+        assert_eq!(report.candidates.len(), 5);
+        for place in &report.candidates {
+            assert!(place.width_m <= 0.09 && place.misalignment_rad < 1.0f64.atan(), "{place:?}");
+        }
+        let drawn = picture::picture(
+            &measured.scene.gaussians,
+            &measured.cameras,
+            &report.candidates,
+            gripper.finger_side_m(),
+            1.0,
+        );
+        let drawn = drawn.unwrap();
+        if let Some(folder) = std::env::var_os("GPROP_KEEP_PICTURES") {
+            drawn.save(Path::new(&folder).join(format!("{}.png", measured.scene.name))).unwrap();
+        }
+        // Orange, in whatever light; no scene has as strong a one.
+        let is_hand = |p: &&image::Rgb<u8>| i32::from(p.0[0]) - i32::from(p.0[2]) > 110;
+        let share = drawn.pixels().filter(is_hand).count() as f64 / f64::from(drawn.width() * drawn.height());
+        assert!(share > 0.02, "the hand fills {share} of the picture");
+    }
+}
