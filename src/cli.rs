@@ -127,6 +127,11 @@ enum Evaluate {
         #[command(flatten)]
         setup: setup::Options,
     },
+    /// A run in the public PhysGaussian solver's setting against its trajectory.
+    Simulation {
+        /// The trajectory (NPZ) with its setting.
+        reference: PathBuf,
+    },
 }
 
 #[derive(Debug, Subcommand)]

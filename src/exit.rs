@@ -4,6 +4,7 @@ use thiserror::Error;
 
 use crate::config::ConfigError;
 use crate::evaluate::masks::MasksError;
+use crate::evaluate::simulation::SimulationError;
 use crate::grasp::GraspError;
 use crate::materials::LibraryError;
 use crate::parts::PartsError;
@@ -67,6 +68,7 @@ fn code(cause: &(dyn std::error::Error + 'static)) -> Option<Exit> {
                 cause.is::<ClientError>(),
                 cause.is::<ExchangeError>(),
                 cause.is::<MasksError>(),
+                cause.is::<SimulationError>(),
                 cause.is::<SimulateError>(),
                 cause.is::<GraspError>(),
             ],

@@ -6,6 +6,7 @@ use std::path::Path;
 use anyhow::Context;
 
 use crate::evaluate::masks::{Reference, compare};
+use crate::evaluate::simulation;
 use crate::exit::UsageError;
 use crate::materials::{MaterialLibrary, check, cli as library, stats};
 use crate::segment::Segmenter;
@@ -31,7 +32,14 @@ pub fn doctor(global: &Global, options: &setup::Options) -> anyhow::Result<()> {
 pub fn evaluate(global: &Global, what: &Evaluate) -> anyhow::Result<()> {
     match what {
         Evaluate::Masks { image, reference, setup } => evaluate_masks(global, image, reference, setup),
+        Evaluate::Simulation { reference } => evaluate_simulation(global, reference),
     }
+}
+
+fn evaluate_simulation(global: &Global, reference: &Path) -> anyhow::Result<()> {
+    let bytes = fs::read(reference).map_err(|error| UsageError(format!("{reference:?}: {error}")))?;
+    let comparison = simulation::compare(bytes, global.progress()).with_context(|| format!("{reference:?}"))?;
+    print(global, &comparison, || comparison.to_string())
 }
 
 fn evaluate_masks(global: &Global, image: &Path, reference: &Path, setup: &setup::Options) -> anyhow::Result<()> {

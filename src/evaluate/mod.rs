@@ -2,3 +2,4 @@
 
 pub mod masks;
 pub mod segmentation;
+pub mod simulation;

@@ -48,6 +48,8 @@ pub enum SimulateError {
     },
     #[error("the checkpoint cannot be resumed from: {0}; delete it to start from the first frame")]
     Checkpoint(String),
+    #[error("the configuration of the peer is not understood: {0}")]
+    Configuration(String),
     #[error("a frame could not be kept")]
     Frame(#[source] anyhow::Error),
 }

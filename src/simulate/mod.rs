@@ -11,6 +11,7 @@
 pub mod animation;
 pub mod boundary;
 pub mod checkpoint;
+pub mod compat;
 mod error;
 pub mod filling;
 mod frames;
