@@ -1,11 +1,11 @@
 //! The peer's constitutive laws: from a trial deformation gradient to the elastic one, and the Kirchhoff stress.
 //!
-//! All are isotropic, so both are functions of the singular values of F = U S V^T (U, V rotations; the smallest singular
-//! value carries the sign of det F). The decomposition is in f64: the peer's f32 one differs from it by rounding.
+//! All are isotropic, so both are functions of the singular values of F = U S V^T.
 
 use nalgebra::{Matrix3, Vector3};
 
 use super::config::{Config, LawName};
+use super::svd::Svd;
 
 /// Stretches below this count as this much in logarithms.
 const LEAST_STRETCH: f64 = 0.01;
@@ -42,34 +42,6 @@ impl Strength {
     }
 }
 
-/// F = U diag(s) V^T with rotations U and V.
-struct Decomposition {
-    u: Matrix3<f64>,
-    s: Vector3<f64>,
-    v_t: Matrix3<f64>,
-}
-
-impl Decomposition {
-    fn of(f: &Matrix3<f64>) -> Self {
-        let svd = f.svd(true, true);
-        let (mut u, mut s, mut v_t) = (svd.u.expect("asked for"), svd.singular_values, svd.v_t.expect("asked for"));
-        // Ordered: the last is the smallest.
-        if u.determinant() < 0.0 {
-            u.column_mut(2).neg_mut();
-            s[2] = -s[2];
-        }
-        if v_t.determinant() < 0.0 {
-            v_t.row_mut(2).neg_mut();
-            s[2] = -s[2];
-        }
-        Self { u, s, v_t }
-    }
-
-    fn with(&self, s: &Vector3<f64>) -> Matrix3<f64> {
-        self.u * Matrix3::from_diagonal(s) * self.v_t
-    }
-}
-
 impl Law {
     /// The law of a configuration.
     pub fn new(config: &Config) -> Self {
@@ -89,18 +61,18 @@ impl Law {
         if self.name == LawName::Snow {
             return (*trial, Matrix3::zeros());
         }
-        let svd = Decomposition::of(&trial.map(f64::from));
+        let svd = Svd::of(trial);
+        let s = svd.s.map(f64::from);
         let returned = match self.name {
             LawName::Jelly | LawName::Snow => None,
-            LawName::Metal => self.von_mises(&svd.s, strength),
-            LawName::Plasticine => self.von_mises_with_damage(&svd.s, strength),
-            LawName::Foam => self.viscoplastic(&svd.s, strength, dt),
-            LawName::Sand => self.drucker_prager(&svd.s, strength),
+            LawName::Metal => self.von_mises(&s, strength),
+            LawName::Plasticine => self.von_mises_with_damage(&s, strength),
+            LawName::Foam => self.viscoplastic(&s, strength, dt),
+            LawName::Sand => self.drucker_prager(&s, strength),
         };
-        let elastic = returned.map_or(*trial, |s| svd.with(&s).map(|x| x as f32));
-        let tau = self.principal_stress(&returned.unwrap_or(svd.s), strength);
-        let stress = svd.u * Matrix3::from_diagonal(&tau) * svd.u.transpose();
-        (elastic, stress.map(|x| x as f32))
+        let elastic = returned.map_or(*trial, |s| svd.with(&s.map(|x| x as f32)));
+        let tau = self.principal_stress(&returned.unwrap_or(s), strength).map(|x| x as f32);
+        (elastic, svd.u * Matrix3::from_diagonal(&tau) * svd.u.transpose())
     }
 
     /// Principal Kirchhoff stresses at the singular values `s`.

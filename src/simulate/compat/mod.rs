@@ -11,6 +11,7 @@ pub mod condition;
 pub mod config;
 pub mod law;
 pub mod solver;
+mod svd;
 
 use nalgebra::Vector3;
 
