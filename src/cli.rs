@@ -1,6 +1,7 @@
 //! Subcommands and flags: what the user typed becomes a call into the pipeline or a stage, and a result on stdout.
 
 mod scene;
+mod simulate;
 mod tools;
 
 use std::ffi::OsString;
@@ -55,7 +56,7 @@ enum Command {
     /// 3D parts: volume, thickness, mass.
     Parts(SceneArgs),
     /// Material Point Method on the Gaussians.
-    Simulate(SceneArgs),
+    Simulate(SimulateArgs),
     /// The force with which a gripper may lift the object.
     Grasp(SceneArgs),
     /// Do photos, cameras and Gaussians agree? What lies in a scene folder, and how its parts fit together.
@@ -99,6 +100,28 @@ struct RunArgs {
 }
 
 #[derive(Debug, Args)]
+struct SimulateArgs {
+    /// List the scenarios with their parameters, and do nothing.
+    #[arg(long)]
+    list: bool,
+    /// Run a configuration of this program as it would: its units, laws, boundary conditions and defects.
+    #[arg(long, value_name = "PROGRAM", requires = "config")]
+    compat: Option<Compat>,
+    /// The configuration (PhysGaussian's JSON). SCENE may be a PLY then.
+    #[arg(long, value_name = "FILE", requires = "compat")]
+    config: Option<PathBuf>,
+    #[command(flatten)]
+    scene: SceneArgs,
+}
+
+/// A program whose simulations gprop reproduces.
+#[derive(Debug, Clone, Copy, clap::ValueEnum)]
+enum Compat {
+    #[value(name = "physgaussian")]
+    PhysGaussian,
+}
+
+#[derive(Debug, Args)]
 struct QueryArgs {
     /// Write the open queries (sheets, prompt, schema) into this folder, to be answered elsewhere.
     #[arg(long, value_name = "DIR", conflicts_with = "import")]
@@ -127,7 +150,7 @@ enum Evaluate {
         #[command(flatten)]
         setup: setup::Options,
     },
-    /// A run in the public PhysGaussian solver's setting against its trajectory.
+    /// A run in the public PhysGaussian solver's setting against its trajectory, or a filling against its filling.
     Simulation {
         /// The trajectory (NPZ) with its setting.
         reference: PathBuf,
@@ -180,7 +203,7 @@ pub fn run(arguments: Vec<OsString>) -> anyhow::Result<()> {
         Command::Query(args) => scene::query(global, args),
         Command::Vote(args) => scene::run(global, args, Stage::Vote),
         Command::Parts(args) => scene::run(global, args, Stage::Parts),
-        Command::Simulate(args) => scene::run(global, args, Stage::Simulate),
+        Command::Simulate(args) => simulate::run(global, args),
         Command::Grasp(args) => scene::run(global, args, Stage::Grasp),
         Command::Inspect(args) => {
             let (inspection, text) = inspect::command(args, global.progress())?;

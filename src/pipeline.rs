@@ -4,6 +4,7 @@
 //! made is then written, and only after that its record, so a run that is killed finds its way at the next start.
 //! Stages with costly items (views, answers, frames) save each item and take up where they were killed.
 
+pub mod compat;
 mod grasp;
 mod parts;
 mod query;

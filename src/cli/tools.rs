@@ -6,8 +6,10 @@ use std::path::Path;
 use anyhow::Context;
 
 use crate::evaluate::masks::{Reference, compare};
-use crate::evaluate::simulation;
+use crate::evaluate::filling;
+use crate::evaluate::simulation::{self, SimulationError};
 use crate::exit::UsageError;
+use crate::npz::Npz;
 use crate::materials::{MaterialLibrary, check, cli as library, stats};
 use crate::segment::Segmenter;
 use crate::setup::{self, SetupError};
@@ -38,7 +40,12 @@ pub fn evaluate(global: &Global, what: &Evaluate) -> anyhow::Result<()> {
 
 fn evaluate_simulation(global: &Global, reference: &Path) -> anyhow::Result<()> {
     let bytes = fs::read(reference).map_err(|error| UsageError(format!("{reference:?}: {error}")))?;
-    let comparison = simulation::compare(bytes, global.progress()).with_context(|| format!("{reference:?}"))?;
+    let mut npz = Npz::new(bytes).map_err(SimulationError::Npz).with_context(|| format!("{reference:?}"))?;
+    if npz.has("count0") {
+        let comparison = filling::compare(&mut npz).with_context(|| format!("{reference:?}"))?;
+        return print(global, &comparison, || comparison.to_string());
+    }
+    let comparison = simulation::compare(&mut npz, global.progress()).with_context(|| format!("{reference:?}"))?;
     print(global, &comparison, || comparison.to_string())
 }
 

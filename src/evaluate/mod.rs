@@ -1,5 +1,6 @@
 //! Measuring what gprop makes, with the measures that the field reports.
 
+pub mod filling;
 pub mod masks;
 pub mod segmentation;
 pub mod simulation;

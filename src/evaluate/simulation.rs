@@ -99,12 +99,11 @@ struct Meta {
 ///
 /// # Errors
 /// [`SimulationError`]: a reference that cannot be read, a particle that is lost.
-pub fn compare(bytes: Vec<u8>, progress: Progress) -> Result<Comparison, SimulationError> {
-    let mut npz = Npz::new(bytes)?;
+pub fn compare(npz: &mut Npz, progress: Progress) -> Result<Comparison, SimulationError> {
     let meta: Meta = serde_json::from_str(&npz.text("meta")?)?;
     let config = config(&meta)?;
-    let particles = particles(&mut npz, &config)?;
-    let reference = Reference::read(&mut npz, particles.len(), meta.n_frames + 1)?;
+    let particles = particles(npz, &config)?;
+    let reference = Reference::read(npz, particles.len(), meta.n_frames + 1)?;
     let mut solver = Solver::new(&config, particles);
     let bar = progress.bar("simulate", meta.n_frames as u64);
     let start = Instant::now();

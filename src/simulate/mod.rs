@@ -22,6 +22,7 @@ mod plan;
 mod report;
 pub mod scenario;
 mod sh_rotation;
+pub mod states;
 pub mod time_step;
 
 use crate::progress::Progress;

@@ -5,11 +5,16 @@
 //! defects included, in the peer's order and precision. In order:
 //! 1. [`config`]: the peer's JSON file, all of its keys;
 //! 2. `setup`: Gaussians selected, turned and scaled into the peer's box; [`filling`], volumes;
-//! 3. [`solver`]: substeps on a dense grid with the [`law`]s and [`condition`]s of the peer.
+//! 3. [`solver`]: substeps on a dense grid with the [`law`]s and [`condition`]s of the peer;
+//! 4. [`run()`]: frames of Gaussians.
 
 pub mod condition;
 pub mod config;
+pub mod filling;
 pub mod law;
+mod run;
+mod setup;
+mod smoothing;
 pub mod solver;
 mod svd;
 
@@ -17,6 +22,7 @@ use nalgebra::Vector3;
 
 use config::Config;
 use law::Strength;
+pub use run::{CompatFrame, CompatReport, run};
 
 /// Strength and density of what lies at `position` in the box: those of the last material box that holds it, else the
 /// configuration's.
