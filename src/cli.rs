@@ -77,6 +77,13 @@ enum Command {
 struct SceneArgs {
     /// Folder with a 3DGS PLY, cameras and photos.
     scene: PathBuf,
+    #[command(flatten)]
+    work: WorkArgs,
+}
+
+/// How a command works on its scene.
+#[derive(Debug, Clone, Args)]
+struct WorkArgs {
     /// Work folder; SCENE/gprop where it is not given.
     #[arg(long, value_name = "DIR")]
     out: Option<PathBuf>,
@@ -101,6 +108,9 @@ struct RunArgs {
 
 #[derive(Debug, Args)]
 struct SimulateArgs {
+    /// Folder with a 3DGS PLY, cameras and photos.
+    #[arg(required_unless_present = "list")]
+    scene: Option<PathBuf>,
     /// List the scenarios with their parameters, and do nothing.
     #[arg(long)]
     list: bool,
@@ -111,7 +121,7 @@ struct SimulateArgs {
     #[arg(long, value_name = "FILE", requires = "compat")]
     config: Option<PathBuf>,
     #[command(flatten)]
-    scene: SceneArgs,
+    work: WorkArgs,
 }
 
 /// A program whose simulations gprop reproduces.

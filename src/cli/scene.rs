@@ -23,7 +23,7 @@ struct DryStage {
 /// Runs the stages up to `to` and prints what the last one made.
 pub fn run(global: &Global, args: &SceneArgs, to: Stage) -> anyhow::Result<()> {
     let mut pipeline = open(global, args, to)?;
-    if args.dry_run {
+    if args.work.dry_run {
         return dry_run(global, &pipeline, to);
     }
     pipeline.run()?;
@@ -50,7 +50,7 @@ pub fn query(global: &Global, args: &QueryArgs) -> anyhow::Result<()> {
     if args.export.is_some() {
         export(global, &pipeline, folder)
     } else {
-        import(global, &pipeline, folder, scene.options.query.lmm_model.as_deref())
+        import(global, &pipeline, folder, scene.work.options.query.lmm_model.as_deref())
     }
 }
 
@@ -75,11 +75,11 @@ fn import(global: &Global, pipeline: &Pipeline, folder: &Path, model: Option<&st
 }
 
 fn open(global: &Global, args: &SceneArgs, to: Stage) -> anyhow::Result<Pipeline> {
-    if args.from.is_some_and(|from| from > to) {
-        return Err(UsageError(format!("--from {:?} comes after the last stage, {to:?}", args.from)).into());
+    if args.work.from.is_some_and(|from| from > to) {
+        return Err(UsageError(format!("--from {:?} comes after the last stage, {to:?}", args.work.from)).into());
     }
-    let plan = Plan { to, from: args.from };
-    Pipeline::open(&args.scene, args.out.as_deref(), args.options.clone(), plan, global.progress())
+    let plan = Plan { to, from: args.work.from };
+    Pipeline::open(&args.scene, args.work.out.as_deref(), args.work.options.clone(), plan, global.progress())
 }
 
 fn dry_run(global: &Global, pipeline: &Pipeline, to: Stage) -> anyhow::Result<()> {

@@ -5,12 +5,12 @@ use std::path::Path;
 
 use anyhow::Context;
 
-use crate::evaluate::masks::{Reference, compare};
 use crate::evaluate::filling;
+use crate::evaluate::masks::{Reference, compare};
 use crate::evaluate::simulation::{self, SimulationError};
 use crate::exit::UsageError;
-use crate::npz::Npz;
 use crate::materials::{MaterialLibrary, check, cli as library, stats};
+use crate::npz::Npz;
 use crate::segment::Segmenter;
 use crate::setup::{self, SetupError};
 

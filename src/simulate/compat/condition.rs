@@ -56,7 +56,12 @@ enum Action {
     Push(Vec3),
     Set(Vec3),
     /// Turns about the axis `normal` through `point`, left-handed, and moves along it.
-    Turn { point: Vec3, normal: Vec3, rate: f32, along: f32 },
+    Turn {
+        point: Vec3,
+        normal: Vec3,
+        rate: f32,
+        along: f32,
+    },
 }
 
 impl OnParticles {
@@ -108,8 +113,8 @@ impl OnGrid {
             Self::BoundingBox { cells } if t < BOX_END => {
                 let mut kept = velocity;
                 for a in 0..3 {
-                    let leaves = (node[a] < PADDING && velocity[a] < 0.0)
-                        || (node[a] >= cells - PADDING && velocity[a] > 0.0);
+                    let leaves =
+                        (node[a] < PADDING && velocity[a] < 0.0) || (node[a] >= cells - PADDING && velocity[a] > 0.0);
                     if leaves {
                         kept[a] = 0.0;
                     }
@@ -183,11 +188,13 @@ impl Conditions {
                     let cut = surface == Surface::Cut;
                     all.on_grid.push(OnGrid::Plane { span, point: point.into(), normal, cut });
                 }
-                Boundary::ParticleImpulse { force, num_dt, start_time, point, size } => all.impulses.push(OnParticles {
-                    span: Span::new(start_time, start_time + dt * f64::from(num_dt)),
-                    mask: within(point.into(), size.into()),
-                    action: Action::Push(force.into()),
-                }),
+                Boundary::ParticleImpulse { force, num_dt, start_time, point, size } => {
+                    all.impulses.push(OnParticles {
+                        span: Span::new(start_time, start_time + dt * f64::from(num_dt)),
+                        mask: within(point.into(), size.into()),
+                        action: Action::Push(force.into()),
+                    })
+                }
                 Boundary::EnforceParticleTranslation { point, size, velocity, start_time, end_time } => {
                     all.modifiers.push(OnParticles {
                         span: Span::new(start_time, end_time),

@@ -70,6 +70,9 @@ impl Law {
             LawName::Foam => self.viscoplastic(&s, strength, dt),
             LawName::Sand => self.drucker_prager(&s, strength),
         };
+        if self.name == LawName::Jelly {
+            return (*trial, corotated(trial, &svd, strength));
+        }
         let elastic = returned.map_or(*trial, |s| svd.with(&s.map(|x| x as f32)));
         let tau = self.principal_stress(&returned.unwrap_or(s), strength).map(|x| x as f32);
         (elastic, svd.u * Matrix3::from_diagonal(&tau) * svd.u.transpose())
@@ -157,6 +160,14 @@ impl Law {
             Some((eps - deviator * (flow / size)).map(f64::exp))
         }
     }
+}
+
+/// 2 mu (F - R) F^T + lambda J (J - 1) I, symmetric, term by term as the peer rounds it.
+fn corotated(f: &Matrix3<f32>, svd: &Svd, strength: &Strength) -> Matrix3<f32> {
+    let j = f.determinant();
+    let tau = (f - svd.u * svd.v.transpose()) * f.transpose() * (2.0 * strength.mu)
+        + Matrix3::identity() * (strength.lambda * j * (j - 1.0));
+    (tau + tau.transpose()) * 0.5
 }
 
 /// Logarithmic strains brought back to the yield surface, the flow, and the norm of the deviator before; `None` within.

@@ -29,9 +29,8 @@ pub use run::{CompatFrame, CompatReport, run};
 pub fn strength_at(config: &Config, position: &Vector3<f32>) -> (Strength, f32) {
     let (mut e, mut nu, mut density) = (config.youngs_modulus, config.poisson_ratio, config.density);
     for other in &config.additional_material_params {
-        let within = |a: usize| {
-            position[a] > other.point[a] - other.size[a] && position[a] < other.point[a] + other.size[a]
-        };
+        let within =
+            |a: usize| position[a] > other.point[a] - other.size[a] && position[a] < other.point[a] + other.size[a];
         if (0..3).all(within) {
             (e, nu, density) = (other.youngs_modulus, other.poisson_ratio, other.density.unwrap_or(config.density));
         }

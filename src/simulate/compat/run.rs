@@ -62,7 +62,8 @@ pub fn run(
             bar.inc(1);
         }
         report.frames.push(summary(&solver.particles, report.substeps as f64 * config.substep_dt));
-        on_frame(frame, &solver.particles, &moved(gaussians, &setup, &solver.particles)).map_err(SimulateError::Frame)?;
+        on_frame(frame, &solver.particles, &moved(gaussians, &setup, &solver.particles))
+            .map_err(SimulateError::Frame)?;
     }
     bar.finish_and_clear();
     Ok(report)

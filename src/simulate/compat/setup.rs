@@ -77,8 +77,7 @@ pub fn set_up(gaussians: &Gaussians, config: &Config) -> Result<Setup, SimulateE
         return Err(SimulateError::NoExtent);
     }
     let to_box = ToBox { rotation, middle: (low + high) / 2.0, scale: config.scale / longest };
-    let mut places: Vec<Vector3<f32>> =
-        carried.iter().map(|&i| to_box.apply(&turned(i)).map(|x| x as f32)).collect();
+    let mut places: Vec<Vector3<f32>> = carried.iter().map(|&i| to_box.apply(&turned(i)).map(|x| x as f32)).collect();
     if let Some(filling) = &config.particle_filling {
         let blobs: Vec<Blob> =
             carried.iter().zip(&places).map(|(&i, &place)| blob(gaussians, i as usize, place, &to_box)).collect();

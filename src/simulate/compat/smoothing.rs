@@ -168,7 +168,8 @@ mod tests {
     #[test]
     fn smoothing_lowers_the_energy_and_keeps_the_sides() {
         let cells = 16;
-        let inside: Vec<bool> = (0..cells * cells * cells).map(|i| i / cells / cells + i / cells % cells < 13).collect();
+        let inside: Vec<bool> =
+            (0..cells * cells * cells).map(|i| i / cells / cells + i / cells % cells < 13).collect();
         let smoothed = smooth(&inside, cells);
         assert!(inside.iter().zip(&smoothed).all(|(inside, d)| (*d >= 0.0) == *inside || *d == 0.0));
         let band: Vec<u32> = (0..inside.len() as u32).filter(|&i| smoothed[i as usize].abs() <= BAND).collect();

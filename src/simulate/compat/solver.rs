@@ -178,9 +178,8 @@ impl Solver {
     /// Looks for a particle whose nodes are not all on the grid.
     fn check(&self) -> Result<(), Lost> {
         let (low, high) = (0.5 * self.dx, (self.cells as f32 - 1.5) * self.dx);
-        let inside = |p: &Particle| {
-            p.position.iter().all(|x| low <= *x && *x < high) && p.trial.iter().all(|x| x.is_finite())
-        };
+        let inside =
+            |p: &Particle| p.position.iter().all(|x| low <= *x && *x < high) && p.trial.iter().all(|x| x.is_finite());
         match self.particles.iter().position(|p| !inside(p)) {
             Some(particle) => Err(Lost { particle, time: self.time }),
             None => Ok(()),
