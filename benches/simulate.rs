@@ -42,7 +42,9 @@ fn substeps(c: &mut Criterion) {
     const STEPS: usize = 20;
     let mut group = c.benchmark_group("simulate");
     group.sample_size(10);
-    for (name, law) in [("elastic", Law::FixedCorotated), ("von_mises", Law::VonMises { hardening: 0.0 })] {
+    for (name, law) in
+        [("elastic", Law::FixedCorotated), ("von_mises", Law::VonMises { hardening: 0.0, softening: 0.0 })]
+    {
         for (count, cells) in [(20_000, 64), (100_000, 128)] {
             for threads in [1, 2] {
                 let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().expect("threads start");

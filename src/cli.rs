@@ -2,6 +2,7 @@
 
 mod query;
 mod scene;
+mod simulate;
 mod tools;
 
 use std::ffi::OsString;
@@ -56,7 +57,7 @@ enum Command {
     /// 3D parts: volume, thickness, mass.
     Parts(SceneArgs),
     /// Material Point Method on the Gaussians.
-    Simulate(SceneArgs),
+    Simulate(SimulateArgs),
     /// Where and with which force a gripper may lift the object; or calibrate a gripper.
     #[command(args_conflicts_with_subcommands = true, subcommand_negates_reqs = true)]
     Grasp(GraspArgs),
@@ -80,6 +81,13 @@ enum Command {
 struct SceneArgs {
     /// Folder with a 3DGS PLY, cameras and photos.
     scene: PathBuf,
+    #[command(flatten)]
+    work: WorkArgs,
+}
+
+/// How a command works on its scene.
+#[derive(Debug, Clone, Args)]
+struct WorkArgs {
     /// Work folder; SCENE/gprop where it is not given.
     #[arg(long, value_name = "DIR")]
     out: Option<PathBuf>,
@@ -146,6 +154,31 @@ struct RunArgs {
 }
 
 #[derive(Debug, Args)]
+struct SimulateArgs {
+    /// Folder with a 3DGS PLY, cameras and photos.
+    #[arg(required_unless_present = "list")]
+    scene: Option<PathBuf>,
+    /// List the scenarios with their parameters, and do nothing.
+    #[arg(long)]
+    list: bool,
+    /// Run a configuration of this program as it would: its units, laws, boundary conditions and defects.
+    #[arg(long, value_name = "PROGRAM", requires = "config")]
+    compat: Option<Compat>,
+    /// The configuration (PhysGaussian's JSON). SCENE may be a PLY then.
+    #[arg(long, value_name = "FILE", requires = "compat")]
+    config: Option<PathBuf>,
+    #[command(flatten)]
+    work: WorkArgs,
+}
+
+/// A program whose simulations gprop reproduces.
+#[derive(Debug, Clone, Copy, clap::ValueEnum)]
+enum Compat {
+    #[value(name = "physgaussian")]
+    PhysGaussian,
+}
+
+#[derive(Debug, Args)]
 #[command(
     after_help = "A picture may stand in the scene's place: its parts are found by its alpha or --mask, and a map of \
                         its materials is drawn."
@@ -200,6 +233,11 @@ enum Evaluate {
         #[command(flatten)]
         setup: setup::Options,
     },
+    /// A run in the public PhysGaussian solver's setting against its trajectory, or a filling against its filling.
+    Simulation {
+        /// The trajectory (NPZ) with its setting.
+        reference: PathBuf,
+    },
 }
 
 #[derive(Debug, Subcommand)]
@@ -248,7 +286,7 @@ pub fn run(arguments: Vec<OsString>) -> anyhow::Result<()> {
         Command::Query(args) => query::query(global, args),
         Command::Vote(args) => scene::run(global, args, Stage::Vote),
         Command::Parts(args) => scene::run(global, args, Stage::Parts),
-        Command::Simulate(args) => scene::run(global, args, Stage::Simulate),
+        Command::Simulate(args) => simulate::run(global, args),
         Command::Grasp(GraspArgs { what: Some(what), .. }) => tools::grasp(global, what),
         Command::Grasp(GraspArgs { scene: Some(args), .. }) => scene::run(global, args, Stage::Grasp),
         Command::Grasp(_) => unreachable!("clap asks for a scene where there is no subcommand"),

@@ -6,6 +6,7 @@ use crate::config::ConfigError;
 use crate::evaluate::grasp::OutcomesError;
 use crate::evaluate::masks::MasksError;
 use crate::export::ExportError;
+use crate::evaluate::simulation::SimulationError;
 use crate::grasp::GraspError;
 use crate::materials::LibraryError;
 use crate::parts::PartsError;
@@ -74,6 +75,7 @@ fn code(cause: &(dyn std::error::Error + 'static)) -> Option<Exit> {
                 cause.is::<ExchangeError>(),
                 cause.is::<MasksError>(),
                 cause.is::<OutcomesError>(),
+                cause.is::<SimulationError>(),
                 cause.is::<SimulateError>(),
                 cause.is::<GraspError>(),
                 cause.is::<ExportError>(),

@@ -27,6 +27,7 @@ pub mod from_splat;
 pub mod grasp;
 pub mod inspect;
 pub mod materials;
+pub mod npz;
 pub mod parts;
 pub mod pipeline;
 pub mod progress;

@@ -5,6 +5,7 @@
 //! Stages with costly items (views, answers, frames) save each item and take up where they were killed.
 
 mod batch;
+pub mod compat;
 pub mod desk;
 mod export;
 mod grasp;

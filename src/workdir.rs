@@ -46,6 +46,8 @@ pub enum Artifact<'a> {
     Parts,
     /// A frame of the simulation.
     Frame(usize),
+    /// The particles of a frame, for other programs.
+    States(usize),
     /// The particles after the last written frame, to resume from.
     Checkpoint,
     /// What the simulation did, frame by frame.
@@ -79,6 +81,7 @@ impl Artifact<'_> {
             Self::Materials => "materials.json".into(),
             Self::Parts => "parts.json".into(),
             Self::Frame(index) => Path::new("simulation/frames").join(format!("{index:04}.ply")),
+            Self::States(index) => Path::new("simulation/states").join(format!("{index:04}.npz")),
             Self::Checkpoint => "simulation/checkpoint.bin".into(),
             Self::Simulation => "simulation/simulation.json".into(),
             Self::Animation => "simulation/animation.gif".into(),

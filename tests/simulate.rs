@@ -4,8 +4,12 @@ mod motion;
 mod laws;
 // The ground.
 mod contact;
-// Trajectories of the public solver.
+// Trajectories of the public solver, in the default mode.
 mod peer;
+// The public solver reproduced: configurations, conditions, trajectories, filling.
+mod compat;
+// Scenarios by name, parameters and file.
+mod scenarios;
 // The stage: volumes, frames, threads, checkpoints, bad input, the animation.
 mod stage;
 

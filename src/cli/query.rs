@@ -47,7 +47,7 @@ pub fn query(global: &Global, args: &QueryArgs) -> anyhow::Result<()> {
         return Err(UsageError("--mask is for a single picture; a scene's masks are given with --masks".into()).into());
     }
     match errand(args) {
-        Some(errand) if !args.scene.dry_run => {
+        Some(errand) if !args.scene.work.dry_run => {
             let mut pipeline = scene::open(global, &args.scene, Stage::Segment)?;
             pipeline.run()?;
             run(global, &pipeline.desk()?, &errand)
@@ -57,14 +57,14 @@ pub fn query(global: &Global, args: &QueryArgs) -> anyhow::Result<()> {
 }
 
 fn of_picture(global: &Global, args: &QueryArgs) -> anyhow::Result<()> {
-    let (path, out) = (&args.scene.scene, args.scene.out.as_deref());
-    let (mask, options) = (args.mask.as_deref(), args.scene.options.clone());
-    if args.scene.dry_run && !Picture::is_segmented(path, mask, out, &options)? {
+    let (path, out) = (&args.scene.scene, args.scene.work.out.as_deref());
+    let (mask, options) = (args.mask.as_deref(), args.scene.work.options.clone());
+    if args.scene.work.dry_run && !Picture::is_segmented(path, mask, out, &options)? {
         return print(global, &DryPicture { queries: None }, || "segment   to do\nquery     to do".into());
     }
     let picture = Picture::open(path, mask, out, options, global.progress())?;
     let desk = picture.desk()?;
-    if args.scene.dry_run {
+    if args.scene.work.dry_run {
         let plan = desk.plan(&desk.queries()?);
         let text = format!("queries: {plan}");
         return print(global, &DryPicture { queries: Some(plan) }, || text);

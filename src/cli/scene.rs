@@ -20,11 +20,11 @@ struct DryStage {
 
 /// Runs the stages up to `to` and prints what the last one made.
 pub fn run(global: &Global, args: &SceneArgs, to: Stage) -> anyhow::Result<()> {
-    if args.dry_run && Pipeline::is_untouched(&args.scene, args.out.as_deref(), &args.options)? {
+    if args.work.dry_run && Pipeline::is_untouched(&args.scene, args.work.out.as_deref(), &args.work.options)? {
         return dry_run(global, to, &[], None);
     }
     let mut pipeline = open(global, args, to)?;
-    if args.dry_run {
+    if args.work.dry_run {
         let reusable = pipeline.reusable()?;
         // What is asked can be told only once the parts are known.
         let asked = to >= Stage::Query && reusable.contains(&Stage::Segment) && !reusable.contains(&Stage::Query);
@@ -56,11 +56,11 @@ pub fn export(global: &Global, args: &ExportArgs) -> anyhow::Result<()> {
 }
 
 pub fn open(global: &Global, args: &SceneArgs, to: Stage) -> anyhow::Result<Pipeline> {
-    if args.from.is_some_and(|from| from > to) {
-        return Err(UsageError(format!("--from {:?} comes after the last stage, {to:?}", args.from)).into());
+    if args.work.from.is_some_and(|from| from > to) {
+        return Err(UsageError(format!("--from {:?} comes after the last stage, {to:?}", args.work.from)).into());
     }
-    let plan = Plan { to, from: args.from };
-    Pipeline::open(&args.scene, args.out.as_deref(), args.options.clone(), plan, global.progress())
+    let plan = Plan { to, from: args.work.from };
+    Pipeline::open(&args.scene, args.work.out.as_deref(), args.work.options.clone(), plan, global.progress())
 }
 
 fn dry_run(global: &Global, to: Stage, reusable: &[Stage], queries: Option<&QueryPlan>) -> anyhow::Result<()> {

@@ -5,12 +5,15 @@ use std::path::Path;
 
 use anyhow::Context;
 
+use crate::evaluate::filling;
 use crate::evaluate::grasp as grasp_rates;
 use crate::evaluate::masks::{Reference, compare};
+use crate::evaluate::simulation::{self, SimulationError};
 use crate::exit::UsageError;
 use crate::grasp::CalibrationReport;
 use crate::grasp::gripper::GripperProfile;
 use crate::materials::{MaterialLibrary, check, cli as library, stats};
+use crate::npz::Npz;
 use crate::segment::Segmenter;
 use crate::setup::{self, SetupError};
 
@@ -58,6 +61,7 @@ pub fn evaluate(global: &Global, what: &Evaluate) -> anyhow::Result<()> {
             evaluate_grasp(global, outcomes.as_deref(), objects.as_deref(), gripper)
         }
         Evaluate::Masks { image, reference, setup } => evaluate_masks(global, image, reference, setup),
+        Evaluate::Simulation { reference } => evaluate_simulation(global, reference),
     }
 }
 
@@ -77,6 +81,17 @@ fn evaluate_grasp(
     };
     let evaluation = grasp_rates::Evaluation::of(&recorded, predicted);
     print(global, &evaluation, || evaluation.text())
+}
+
+fn evaluate_simulation(global: &Global, reference: &Path) -> anyhow::Result<()> {
+    let bytes = fs::read(reference).map_err(|error| UsageError(format!("{reference:?}: {error}")))?;
+    let mut npz = Npz::new(bytes).map_err(SimulationError::Npz).with_context(|| format!("{reference:?}"))?;
+    if npz.has("count0") {
+        let comparison = filling::compare(&mut npz).with_context(|| format!("{reference:?}"))?;
+        return print(global, &comparison, || comparison.to_string());
+    }
+    let comparison = simulation::compare(&mut npz, global.progress()).with_context(|| format!("{reference:?}"))?;
+    print(global, &comparison, || comparison.to_string())
 }
 
 fn evaluate_masks(global: &Global, image: &Path, reference: &Path, setup: &setup::Options) -> anyhow::Result<()> {

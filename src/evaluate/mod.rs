@@ -1,5 +1,7 @@
 //! Measuring what gprop makes, with the measures that the field reports.
 
+pub mod filling;
 pub mod grasp;
 pub mod masks;
 pub mod segmentation;
+pub mod simulation;

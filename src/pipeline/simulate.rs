@@ -31,6 +31,7 @@ impl Pipeline {
         };
         let mut save = |frame: &Frame, checkpoint: &Checkpoint| {
             self.work.write_with(Artifact::Frame(frame.index), |out| ply::write(out, &frame.gaussians, &[]))?;
+            self.work.write(Artifact::States(frame.index), &checkpoint.states().to_npz()?)?;
             Ok(self.work.write(Artifact::Checkpoint, &[key.as_bytes(), &checkpoint.to_bytes()].concat())?)
         };
         let options = &self.options.simulate;
@@ -43,7 +44,8 @@ impl Pipeline {
         self.remove_frames_from(report.frames.len())?;
         self.work.remove(Artifact::Checkpoint)?;
         let frames = (0..report.frames.len()).map(Artifact::Frame);
-        let done = Done::writing(frames.chain([Artifact::Animation, Artifact::Simulation]));
+        let states = (0..report.frames.len()).map(Artifact::States);
+        let done = Done::writing(frames.chain(states).chain([Artifact::Animation, Artifact::Simulation]));
         Ok(done.warning(report.warnings))
     }
 
@@ -63,6 +65,7 @@ impl Pipeline {
         let mut index = first;
         while self.work.size(Artifact::Frame(index)).is_some() {
             self.work.remove(Artifact::Frame(index))?;
+            self.work.remove(Artifact::States(index))?;
             index += 1;
         }
         Ok(())

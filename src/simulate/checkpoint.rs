@@ -9,6 +9,7 @@ use sha2::{Digest, Sha256};
 
 use super::error::SimulateError;
 use super::mpm::particles::Particle;
+use super::states::States;
 
 const MAGIC: &[u8; 8] = b"gpropmpm";
 const VERSION: u32 = 1;
@@ -48,6 +49,11 @@ impl Checkpoint {
     /// Frames done.
     pub fn frames(&self) -> usize {
         self.record.frames.len()
+    }
+
+    /// The particles for other programs.
+    pub fn states(&self) -> States {
+        States::of(&self.particles)
     }
 
     pub fn to_bytes(&self) -> Vec<u8> {

@@ -48,6 +48,15 @@ pub enum SimulateError {
     },
     #[error("the checkpoint cannot be resumed from: {0}; delete it to start from the first frame")]
     Checkpoint(String),
+    #[error("the configuration of the peer is not understood: {0}")]
+    Configuration(String),
+    #[error("the scenario cannot be played: {0}")]
+    Scenario(String),
+    #[error(
+        "the simulation would take about {minutes:.0} minutes, more than --max-minutes {max_minutes}: lower --grid, \
+         --duration or --max-stiffness, or raise --max-minutes"
+    )]
+    TooLong { minutes: f64, max_minutes: f64 },
     #[error("a frame could not be kept")]
     Frame(#[source] anyhow::Error),
 }

@@ -54,22 +54,21 @@ pub fn deformed(gaussians: &Gaussians, carried: &[u32], particles: &[Particle], 
     let moved: Vec<Moved> = carried
         .par_iter()
         .zip(particles)
-        .map(|(&i, particle)| Moved::new(gaussians, i as usize, particle, to_world))
+        .map(|(&i, particle)| {
+            let world_m = Vector3::from(particle.position_m.map(f64::from)) + to_world.origin_m;
+            let deformation = Matrix3::from_row_slice(&particle.deformation.map(f64::from));
+            Moved::new(gaussians, i as usize, world_m / to_world.meters_per_unit, &deformation)
+        })
         .collect();
     let mut out = gaussians.clone();
-    let rest = 3 * gaussians.sh_rest_per_channel();
     for (&i, moved) in carried.iter().zip(moved) {
-        let i = i as usize;
-        out.positions[i] = moved.position;
-        out.log_scales[i] = moved.log_scale;
-        out.rotations[i] = moved.rotation;
-        out.sh_rest[i * rest..(i + 1) * rest].copy_from_slice(&moved.sh_rest);
+        moved.store(&mut out, i as usize);
     }
     out
 }
 
 /// What changes of a Gaussian.
-struct Moved {
+pub struct Moved {
     position: [f32; 3],
     log_scale: [f32; 3],
     rotation: [f32; 4],
@@ -77,14 +76,22 @@ struct Moved {
 }
 
 impl Moved {
-    fn new(gaussians: &Gaussians, i: usize, particle: &Particle, to_world: ToWorld) -> Self {
-        let world_m = Vector3::from(particle.position_m.map(f64::from)) + to_world.origin_m;
-        let f = Matrix3::from_row_slice(&particle.deformation.map(f64::from));
+    /// Gaussian `i` carried to `position` (world frame, scene units) with the deformation gradient `f`.
+    pub fn new(gaussians: &Gaussians, i: usize, position: Vector3<f64>, f: &Matrix3<f64>) -> Self {
         let axes = f * gaussians.rotation(i).to_rotation_matrix() * Matrix3::from_diagonal(&gaussians.scale(i));
         let (log_scale, rotation) = scale_and_rotation(&axes);
         let mut sh_rest = gaussians.sh_rest_of(i).to_vec();
-        sh_rotation::rotate(gaussians.sh_degree, &mut sh_rest, &polar_rotation(&f));
-        Self { position: (world_m / to_world.meters_per_unit).map(|x| x as f32).into(), log_scale, rotation, sh_rest }
+        sh_rotation::rotate(gaussians.sh_degree, &mut sh_rest, &polar_rotation(f));
+        Self { position: position.map(|x| x as f32).into(), log_scale, rotation, sh_rest }
+    }
+
+    /// Puts it in the place of Gaussian `i`.
+    pub fn store(&self, gaussians: &mut Gaussians, i: usize) {
+        let rest = 3 * gaussians.sh_rest_per_channel();
+        gaussians.positions[i] = self.position;
+        gaussians.log_scales[i] = self.log_scale;
+        gaussians.rotations[i] = self.rotation;
+        gaussians.sh_rest[i * rest..(i + 1) * rest].copy_from_slice(&self.sh_rest);
     }
 }
 

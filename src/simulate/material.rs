@@ -3,6 +3,7 @@
 use serde::Serialize;
 
 use super::error::SimulateError;
+use super::mpm::laws::snow::{self, Snow};
 use super::mpm::laws::{self, drucker_prager, von_mises};
 use crate::materials::Law;
 use crate::vote::FieldLabel;
@@ -15,6 +16,8 @@ pub const POISSON_CAP: f64 = 0.45;
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Material {
     pub name: String,
+    /// What the part is called.
+    pub caption: String,
     pub density_kg_m3: f64,
     pub youngs_modulus_pa: f64,
     pub poisson_ratio: f64,
@@ -25,6 +28,7 @@ impl From<&FieldLabel> for Material {
     fn from(label: &FieldLabel) -> Self {
         Self {
             name: label.material.clone(),
+            caption: label.caption.clone(),
             density_kg_m3: label.density_kg_m3.mid,
             youngs_modulus_pa: label.youngs_modulus_pa.mid,
             poisson_ratio: label.poisson_ratio.mid,
@@ -61,9 +65,10 @@ pub struct Prepared {
 }
 
 impl Prepared {
-    /// Speed of pressure waves, the fastest: sqrt((lambda + 2 mu) / rho), m/s.
+    /// Speed of pressure waves, the fastest: sqrt((lambda + 2 mu) / rho), m/s; of snow at its hardest.
     pub fn wave_speed_m_s(&self) -> f64 {
-        ((self.lambda_pa + 2.0 * self.mu_pa) / self.density_kg_m3).sqrt()
+        let hardest = if matches!(self.law, laws::Law::Snow(_)) { f64::from(snow::HARDEST) } else { 1.0 };
+        (hardest * (self.lambda_pa + 2.0 * self.mu_pa) / self.density_kg_m3).sqrt()
     }
 }
 
@@ -95,31 +100,36 @@ impl Materials {
                 all.poisson_capped.push(PoissonCapped { material: name(), from: material.poisson_ratio, to: nu });
             }
             let (mu_pa, lambda_pa) = lame(material.youngs_modulus_pa * factor, nu);
-            let (law, state) = match material.law {
-                Law::Elastic | Law::Snow { .. } => (laws::Law::FixedCorotated, 0.0),
-                Law::VonMises { yield_stress_pa }
-                | Law::Foam { yield_stress_pa, .. }
-                | Law::Plasticine { yield_stress_pa, .. } => {
-                    (laws::Law::VonMises { hardening: 0.0 }, von_mises::yield_radius(yield_stress_pa * factor))
-                }
-                Law::DruckerPrager { friction_angle_rad, .. } => {
-                    (laws::Law::DruckerPrager, drucker_prager::alpha(friction_angle_rad))
-                }
-            };
+            let (law, state) = solver_law(material.law, factor);
             all.prepared.push(Prepared { density_kg_m3: material.density_kg_m3, mu_pa, lambda_pa, law, state });
         }
         Ok(all)
     }
 }
 
-/// What a law is simulated as where the simulation does not have the law itself.
-pub fn stand_in(law: &Law) -> Option<&'static str> {
+/// The solver's law for a material's, and what its state starts with. Every strength is scaled by `factor` like the
+/// stiffness, and viscosity alike, so that it yields at the same strains and flows at the same rates.
+fn solver_law(law: Law, factor: f64) -> (laws::Law, f64) {
+    let radius = |yield_stress_pa: f64| von_mises::yield_radius(yield_stress_pa * factor);
     match law {
-        Law::Foam { .. } => Some("von Mises without viscosity"),
-        Law::Plasticine { .. } => Some("von Mises without softening"),
-        Law::Snow { .. } => Some("elastic"),
-        Law::DruckerPrager { cohesion_pa, .. } if *cohesion_pa > 0.0 => Some("sand without cohesion"),
-        Law::Elastic | Law::VonMises { .. } | Law::DruckerPrager { .. } => None,
+        Law::Elastic => (laws::Law::FixedCorotated, 0.0),
+        Law::VonMises { yield_stress_pa } => {
+            (laws::Law::VonMises { hardening: 0.0, softening: 0.0 }, radius(yield_stress_pa))
+        }
+        Law::Plasticine { yield_stress_pa, softening } => {
+            (laws::Law::VonMises { hardening: 0.0, softening: softening as f32 }, radius(yield_stress_pa))
+        }
+        Law::Foam { yield_stress_pa, viscosity_pa_s } => {
+            (laws::Law::Foam { viscosity_pa_s: (viscosity_pa_s * factor) as f32 }, radius(yield_stress_pa))
+        }
+        Law::DruckerPrager { friction_angle_rad, cohesion_pa } => {
+            let apex_pa = (drucker_prager::apex(cohesion_pa, friction_angle_rad) * factor) as f32;
+            (laws::Law::DruckerPrager { apex_pa }, drucker_prager::alpha(friction_angle_rad))
+        }
+        Law::Snow { theta_c, theta_s, hardening } => {
+            let [theta_c, theta_s, xi] = [theta_c, theta_s, hardening].map(|v| v as f32);
+            (laws::Law::Snow(Snow { theta_c, theta_s, xi }), 1.0)
+        }
     }
 }
 
@@ -143,7 +153,10 @@ fn check(material: &Material) -> Result<(), SimulateError> {
         return Err(SimulateError::Poisson { material: name(), poisson_ratio });
     }
     match material.law {
-        Law::VonMises { yield_stress_pa: strength } | Law::DruckerPrager { friction_angle_rad: strength, .. }
+        Law::VonMises { yield_stress_pa: strength }
+        | Law::Foam { yield_stress_pa: strength, .. }
+        | Law::Plasticine { yield_stress_pa: strength, .. }
+        | Law::DruckerPrager { friction_angle_rad: strength, .. }
             if !positive(strength) =>
         {
             Err(SimulateError::Strength { material: name(), strength })

@@ -8,9 +8,11 @@
 //! 4. [`mpm`] in substeps of [`time_step`], frame by frame;
 //! 5. `frames`: the Gaussians moved, turned and stretched; a [`checkpoint`] with each.
 
+pub mod action;
 pub mod animation;
 pub mod boundary;
 pub mod checkpoint;
+pub mod compat;
 mod error;
 pub mod filling;
 mod frames;
@@ -20,11 +22,14 @@ mod options;
 mod plan;
 mod report;
 pub mod scenario;
+pub mod script;
 mod sh_rotation;
+pub mod states;
 pub mod time_step;
 
 use crate::progress::Progress;
 use crate::scene::gaussians::Gaussians;
+use action::Action;
 pub use checkpoint::FrameSummary;
 use checkpoint::{Checkpoint, Record};
 pub use error::SimulateError;
@@ -65,8 +70,11 @@ pub fn simulate(
     on_frame: &mut dyn FnMut(&Frame, &Checkpoint) -> anyhow::Result<()>,
     progress: Progress,
 ) -> Result<SimulationReport, SimulateError> {
-    let Plan { setting, start, carried, labels, bound, to_world, duration_s, mut report } = plan::plan(input, options)?;
-    let identity = checkpoint::identity(&start, &format!("{setting:?} {bound:?} {} {}", options.frames, duration_s));
+    let Plan { setting, start, carried, labels, bound, to_world, duration_s, actions, minutes, mut report } =
+        plan::plan(input, options)?;
+    progress.line(&format!("simulate  {} particles for {duration_s:.2} s: at most {minutes:.1} minutes", start.len()));
+    let identity =
+        checkpoint::identity(&start, &format!("{setting:?} {bound:?} {actions:?} {} {duration_s}", options.frames));
     let mut state = match resume {
         Some(checkpoint) if checkpoint.identity == identity => checkpoint,
         Some(_) => return Err(SimulateError::Checkpoint("it belongs to another scene or other options".to_owned())),
@@ -80,7 +88,7 @@ pub fn simulate(
     for index in state.frames()..options.frames as usize {
         if index > 0 {
             let span = [time_of(index - 1), time_of(index)];
-            let advanced = advance(&setting, &state.particles, &bound, span, &mut state.record);
+            let advanced = advance(&setting, &state.particles, &bound, &actions, span, &mut state.record);
             state.particles = advanced.map_err(|failure| {
                 let label = labels[failure.lost.particle] as usize;
                 failure.into_error(index, input.materials[label].name.clone(), to_world)
@@ -129,6 +137,7 @@ fn advance(
     setting: &Setting,
     particles: &[Particle],
     bound: &StepBound,
+    actions: &[Action],
     [from_s, to_s]: [f64; 2],
     record: &mut Record,
 ) -> Result<Vec<Particle>, Failure> {
@@ -136,8 +145,10 @@ fn advance(
     let mut left_s = to_s - from_s;
     while left_s > 0.0 {
         let dt_s = bound.next_s(left_s, f64::from(solver.fastest_m_s()));
-        left_s = if dt_s < left_s { left_s - dt_s } else { 0.0 };
-        solver.step(dt_s as f32).map_err(|lost| Failure { lost, t_s: to_s - left_s })?;
+        action::act(actions, &mut solver, to_s - left_s, dt_s);
+        let after_s = if dt_s < left_s { left_s - dt_s } else { 0.0 };
+        solver.step(dt_s as f32).map_err(|lost| Failure { lost, t_s: to_s - after_s })?;
+        left_s = after_s;
         record.substeps += 1;
         record.longest_dt_s = record.longest_dt_s.max(dt_s);
     }

@@ -14,6 +14,26 @@ pub struct Options {
     #[arg(long, value_name = "DEGREES", default_value_t = 25.0, allow_negative_numbers = true, value_parser = finite)]
     pub tilt_deg: f64,
 
+    /// What happens to the object: a scenario by name (see --list) or a TOML file
+    #[arg(long, value_name = "NAME|FILE", default_value = "drop")]
+    pub scenario: String,
+
+    /// A parameter of the scenario; may be given several times
+    #[arg(long, value_name = "KEY=VALUE")]
+    pub set: Vec<String>,
+
+    /// A part that stays where it is, by name; may be given several times
+    #[arg(long, value_name = "PART")]
+    pub anchor: Vec<String>,
+
+    /// A fixed time step in seconds, whatever keeps the material stable: for comparisons
+    #[arg(long, value_name = "SECONDS", value_parser = positive)]
+    pub fixed_step: Option<f64>,
+
+    /// Refuse a simulation that is expected to take longer
+    #[arg(long, value_name = "MINUTES", default_value_t = 120.0, value_parser = positive)]
+    pub max_minutes: f64,
+
     /// Simulated time in seconds (default: 4.8 sqrt(longest side / 9.8 m/s^2), about what it takes to fall, bounce and
     /// come to rest: 0.9 s for a hammer)
     #[arg(long, value_name = "SECONDS", value_parser = positive)]

@@ -3,16 +3,18 @@
 use std::collections::BTreeSet;
 
 use super::Input;
+use super::action::Action;
 use super::error::SimulateError;
 use super::filling::{self, Body};
 use super::frames::ToWorld;
-use super::material::{Materials, Prepared, stand_in};
+use super::material::{Materials, Prepared};
 use super::mpm::Setting;
 use super::mpm::laws::Law;
 use super::mpm::particles::Particle;
 use super::options::Options;
 use super::report::{SimulationReport, StepReport};
 use super::scenario::Drop;
+use super::script::{self, Script, Standing, Step, What};
 use super::time_step::StepBound;
 use crate::scene::{Bounds, robust_bounds};
 use crate::units::GRAVITY_M_S2;
@@ -23,6 +25,9 @@ pub const ASSUMED_LONGEST_SIDE_M: f64 = 0.5;
 /// Simulated time, in times sqrt(longest side / g), where the user gives none: what is k times as large falls, swings
 /// and tumbles sqrt(k) times as long.
 const FALLS: f64 = 4.8;
+
+/// What a slow core does; the bench `simulate` shows how much faster a given machine is.
+const PARTICLE_SUBSTEPS_PER_S: f64 = 3e6;
 
 /// A Gaussian further than this outside of the object's bounds, in times the longest side, is no part of the object.
 const STRAY: f64 = 1.0;
@@ -39,6 +44,10 @@ pub struct Plan {
     pub bound: StepBound,
     pub to_world: ToWorld,
     pub duration_s: f64,
+    /// What the scenario does while it runs.
+    pub actions: Vec<Action>,
+    /// How long the run is expected to take.
+    pub minutes: f64,
     /// Without what the run will show.
     pub report: SimulationReport,
 }
@@ -64,8 +73,13 @@ pub fn plan(input: &Input, options: &Options) -> Result<Plan, SimulateError> {
     let labels: Vec<u32> = carried.iter().map(|&i| input.labels[i as usize]).collect();
     let filled = filling::fill(&positions_m, &labels, input.interior, meters_per_unit, spacing_m)?;
 
+    let script = script(options)?;
+    let pose = match &script {
+        Some(script) => [script.drop_height, script.tilt_deg],
+        None => [options.drop_height, options.tilt_deg],
+    };
     let bodies_m: Vec<[f64; 3]> = filled.bodies.iter().map(|b| b.position_m).collect();
-    let drop = Drop::new(&object, &bodies_m, spacing_m, options);
+    let drop = Drop::new(&object, &bodies_m, spacing_m, pose);
     let mut laws = vec![];
     let prepared = &materials.prepared;
     let start: Vec<Particle> =
@@ -81,6 +95,27 @@ pub fn plan(input: &Input, options: &Options) -> Result<Plan, SimulateError> {
     let stiffest = stiffest(&labels, prepared).ok_or(SimulateError::NoParticles)?;
     let wave_speed_m_s = prepared[stiffest].wave_speed_m_s();
     let strays = input.gaussians.len() - carried.len();
+    let duration_s = options.duration.unwrap_or_else(|| FALLS * (longest_m / GRAVITY_M_S2).sqrt());
+    let names: Vec<Vec<&str>> = input.materials.iter().map(|m| vec![m.caption.as_str(), m.name.as_str()]).collect();
+    let standing = Standing {
+        particles: &start,
+        labels: &labels,
+        names: &names,
+        longest_m,
+        gravity_m_s2: options.gravity,
+        duration_s,
+    };
+    let anchors = options.anchor.iter().map(|part| Step { on: part.clone(), from: 0.0, to: 2.0, what: What::Hold });
+    let steps: Vec<Step> = script.into_iter().flat_map(|script| script.steps).chain(anchors).collect();
+    let actions = standing.actions(&steps)?;
+    let fixed_s = options.fixed_step;
+    let bound = StepBound { cfl: options.cfl, spacing_m, wave_speed_m_s, fixed_s };
+    let fall_m_s = (2.0 * GRAVITY_M_S2 * pose[0] * longest_m).sqrt();
+    let substeps = duration_s / fixed_s.unwrap_or_else(|| bound.longest_s(fall_m_s));
+    let minutes = substeps * start.len() as f64 / PARTICLE_SUBSTEPS_PER_S / 60.0;
+    if minutes > options.max_minutes {
+        return Err(SimulateError::TooLong { minutes, max_minutes: options.max_minutes });
+    }
     let report = SimulationReport {
         particles: start.len(),
         fill_particles: start.len() - carried.len(),
@@ -106,11 +141,26 @@ pub fn plan(input: &Input, options: &Options) -> Result<Plan, SimulateError> {
         start,
         carried,
         labels,
-        bound: StepBound { cfl: options.cfl, spacing_m, wave_speed_m_s },
+        bound,
         to_world: ToWorld { origin_m: drop.origin_m, meters_per_unit },
-        duration_s: options.duration.unwrap_or_else(|| FALLS * (longest_m / GRAVITY_M_S2).sqrt()),
+        duration_s,
+        actions,
+        minutes,
         report,
     })
+}
+
+/// The scenario's script; none for the drop, whose pose has options of its own.
+fn script(options: &Options) -> Result<Option<Script>, SimulateError> {
+    match options.scenario.as_str() {
+        "drop" if options.set.is_empty() => Ok(None),
+        path if path.ends_with(".toml") => {
+            let read = std::fs::read_to_string(path);
+            let text = read.map_err(|error| SimulateError::Scenario(format!("`{path}`: {error}")))?;
+            Script::from_toml(&text).map(Some)
+        }
+        name => script::named(name, &options.set).map(Some),
+    }
 }
 
 /// The material in use with the fastest waves.
@@ -184,21 +234,6 @@ fn warnings(input: &Input, longest_m: f64, assumed_full: &[u32], strays: usize) 
             names.join(", ")
         ));
     }
-    let mut replaced: Vec<String> = input
-        .materials
-        .iter()
-        .filter_map(|material| {
-            let stand_in = stand_in(&material.law)?;
-            Some(format!(
-                "{} is simulated as {stand_in}: its own law, {}, is not there yet",
-                material.name,
-                material.law.name()
-            ))
-        })
-        .collect();
-    replaced.sort();
-    replaced.dedup();
-    warnings.extend(replaced);
     if strays > 0 {
         warnings.push(format!("{strays} Gaussians lie far from the object: they are not simulated and stay in place"));
     }

@@ -7,7 +7,6 @@
 use nalgebra::{Rotation3, Vector3};
 
 use super::boundary::{Boundary, Contact};
-use super::options::Options;
 use crate::scene::Bounds;
 
 /// How much of the tilt goes about the other horizontal axis.
@@ -40,12 +39,12 @@ pub struct Drop {
 }
 
 impl Drop {
-    /// The drop of an object whose body lies within `object` (metres, world frame), with bodies at `positions_m`.
-    pub fn new(object: &Bounds, positions_m: &[[f64; 3]], spacing_m: f64, options: &Options) -> Self {
+    /// The drop from `height` (in times the longest side), tilted, of an object whose body lies within `object` (metres, world frame), with bodies at `positions_m`.
+    pub fn new(object: &Bounds, positions_m: &[[f64; 3]], spacing_m: f64, [height, tilt_deg]: [f64; 2]) -> Self {
         let size = object.size();
         let longest = size.max();
         let center_m = object.center().coords;
-        let (mut about_x, mut about_y) = (options.tilt_deg.to_radians() * SECOND_AXIS, options.tilt_deg.to_radians());
+        let (mut about_x, mut about_y) = (tilt_deg.to_radians() * SECOND_AXIS, tilt_deg.to_radians());
         if size.y > size.x {
             (about_x, about_y) = (about_y, about_x);
         }
@@ -55,8 +54,8 @@ impl Drop {
         let inside = |p: &&[f64; 3]| (0..3).all(|a| object.min[a] <= p[a] && p[a] <= object.max[a]);
         let lowest = positions_m.iter().filter(inside).map(tilted_z).fold(f64::INFINITY, f64::min);
         let ground_z_m = object.min.z;
-        let lift_m = ground_z_m + options.drop_height * longest - lowest;
-        let domain_m = longest * (2.0 * ROOM + 1.0 + options.drop_height);
+        let lift_m = ground_z_m + height * longest - lowest;
+        let domain_m = longest * (2.0 * ROOM + 1.0 + height);
         // The plane acts on whole nodes: it lies on a layer of them, a hair above for the rounding.
         let layer = (ROOM * longest / spacing_m).ceil();
         let floor = ground_z_m - (layer + CONTACT_DEPTH_CELLS) * spacing_m;

@@ -12,6 +12,8 @@ pub struct StepBound {
     pub spacing_m: f64,
     /// c_p of the stiffest material.
     pub wave_speed_m_s: f64,
+    /// A step to take whatever the bound says.
+    pub fixed_s: Option<f64>,
 }
 
 impl StepBound {
@@ -22,6 +24,9 @@ impl StepBound {
 
     /// The next step when `left_s` remain until the next frame: an equal share of them.
     pub fn next_s(&self, left_s: f64, speed_m_s: f64) -> f64 {
+        if let Some(fixed_s) = self.fixed_s {
+            return fixed_s.min(left_s);
+        }
         left_s / (left_s / self.longest_s(speed_m_s)).ceil().max(1.0)
     }
 }

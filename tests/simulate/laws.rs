@@ -1,6 +1,7 @@
 use gprop::simulate::material::lame;
 use gprop::simulate::mpm::eigen::{Stretches, rotation};
 use gprop::simulate::mpm::lanes::{LANES, Lanes, Plain, exp, ln};
+use gprop::simulate::mpm::laws::snow::Snow;
 use gprop::simulate::mpm::laws::{Law, drucker_prager, stress, von_mises};
 use gprop::simulate::mpm::matrix::{Mat3, Sym3};
 use gprop::simulate::mpm::particles::{IDENTITY, Pack, Particle};
@@ -50,7 +51,7 @@ fn small_strains_follow_hooke() {
     let (mu, lambda) = lame(E, NU);
     let eps = [2e-3, -1e-3, 5e-4];
     let expected = |i: usize| 2.0 * mu * eps[i] + lambda * eps.iter().sum::<f64>();
-    for law in [Law::FixedCorotated, Law::VonMises { hardening: 0.0 }] {
+    for law in [Law::FixedCorotated, Law::VonMises { hardening: 0.0, softening: 0.0 }] {
         let tau = tau(&mut pack(diagonal(1.0 + eps[0], 1.0 + eps[1], 1.0 + eps[2]), 1e9), law);
         for i in 0..3 {
             // Second order in the strain, and f32.
@@ -65,7 +66,7 @@ fn small_strains_follow_hooke() {
 #[test]
 fn von_mises_holds_its_yield_stress_in_tension() {
     const YIELD: f64 = 5e3;
-    let law = Law::VonMises { hardening: 0.0 };
+    let law = Law::VonMises { hardening: 0.0, softening: 0.0 };
     let mut matter = pack(IDENTITY, von_mises::yield_radius(YIELD));
     let mut stretch = 1.0_f64;
     for step in 1..=100 {
@@ -100,16 +101,94 @@ fn von_mises_holds_its_yield_stress_in_tension() {
 fn sand_slides_on_its_cone_and_bears_no_tension() {
     let (mu, lambda) = lame(E, NU);
     let alpha = drucker_prager::alpha(30.0_f64.to_radians());
-    let pulled = tau(&mut pack(diagonal(1.02, 1.0, 1.0), alpha), Law::DruckerPrager);
+    let pulled = tau(&mut pack(diagonal(1.02, 1.0, 1.0), alpha), Law::DruckerPrager { apex_pa: 0.0 });
     assert!(pulled.norm() < 1e-5 * E, "{pulled}");
-    let sheared = tau(&mut pack(diagonal(1.03, 0.96, 0.99), alpha), Law::DruckerPrager);
+    let sheared = tau(&mut pack(diagonal(1.03, 0.96, 0.99), alpha), Law::DruckerPrager { apex_pa: 0.0 });
     let pressure = -sheared.trace() / 3.0;
     let deviator = (sheared + Matrix3::identity() * pressure).norm();
     // |dev eps| = -alpha tr(eps) (3 lambda + 2 mu) / (2 mu), with tr(tau) = (3 lambda + 2 mu) tr(eps).
     assert!((deviator - alpha * 3.0 * pressure).abs() < 1e-3 * deviator, "{deviator} at {pressure} Pa");
-    let squeezed = tau(&mut pack(diagonal(0.98, 0.98, 0.98), alpha), Law::DruckerPrager);
+    let squeezed = tau(&mut pack(diagonal(0.98, 0.98, 0.98), alpha), Law::DruckerPrager { apex_pa: 0.0 });
     let expected = (3.0 * lambda + 2.0 * mu) * 0.98_f64.ln();
     assert!((squeezed[(0, 0)] - expected).abs() < 1e-3 * expected.abs(), "{squeezed}");
+}
+
+/// Held at a stretch, foam's stress relaxes to its yield stress; the more viscous, the slower.
+#[test]
+fn foam_relaxes_to_its_yield_stress() {
+    const YIELD: f64 = 5e3;
+    let stretched = diagonal(1.02, 0.99, 0.99);
+    let size = |t: Matrix3<f64>| (t - Matrix3::identity() * (t.trace() / 3.0)).norm();
+    let after = |viscosity_pa_s: f32, steps: usize| {
+        let mut matter = pack(stretched, von_mises::yield_radius(YIELD));
+        (0..steps).map(|_| size(tau(&mut matter, Law::Foam { viscosity_pa_s }))).last().unwrap()
+    };
+    let radius = von_mises::yield_radius(YIELD);
+    assert!((after(0.0, 1) - radius).abs() < 2e-2 * radius, "{}", after(0.0, 1));
+    // excess / (1 + eta / (2 mu dt)) a step: with eta = 2 mu dt about half of it is left after one.
+    let (mu, _) = lame(E, NU);
+    let viscosity = (2.0 * mu * 1e-4) as f32;
+    let start = size(tau(&mut pack(stretched, 1e12), Law::Foam { viscosity_pa_s: 0.0 }));
+    let left = (after(viscosity, 1) - radius) / (start - radius);
+    assert!((left - 0.5).abs() < 0.02, "{left}");
+    assert!((after(viscosity, 30) - radius).abs() < 2e-2 * radius);
+}
+
+/// Kneaded clay bears less and less; without softening it would bear the same.
+#[test]
+fn plasticine_softens_as_it_flows() {
+    const YIELD: f64 = 5e3;
+    let (mu, _) = lame(E, NU);
+    let radius = von_mises::yield_radius(YIELD);
+    let mut matter = pack(diagonal(1.1, 1.0 / 1.1, 1.0), radius);
+    let flow = (2.0_f64).sqrt() * 1.1_f64.ln() - radius / (2.0 * mu);
+    tau(&mut matter, Law::VonMises { hardening: 0.0, softening: 3.0 });
+    let kept = f64::from(matter.state[0]) / radius;
+    assert!((kept - 1.0 / (1.0 + 3.0 * flow)).abs() < 1e-3, "{kept}");
+}
+
+/// Snow keeps its elastic stretch within its bounds, packs to something harder and tears to something softer, and has
+/// stress all along.
+#[test]
+fn snow_yields_at_its_bounds_and_hardens_when_packed() {
+    let law = Law::Snow(Snow { theta_c: 0.025, theta_s: 0.0075, xi: 10.0 });
+    let mut small = pack(diagonal(1.001, 1.0, 1.0), 1.0);
+    let stress = tau(&mut small, law)[(0, 0)];
+    let (mu, lambda) = lame(E, NU);
+    assert!((stress / ((2.0 * mu + lambda) * 1e-3) - 1.0).abs() < 0.01, "{stress}");
+    let mut packed = pack(diagonal(0.9, 1.0, 1.0), 1.0);
+    let packed_stress = tau(&mut packed, law)[(0, 0)];
+    assert!((f64::from(packed.elastic[0][0]) - 0.975).abs() < 1e-4, "{}", packed.elastic[0][0]);
+    assert!((f64::from(packed.state[0]) - 0.9 / 0.975).abs() < 1e-4, "{}", packed.state[0]);
+    let harder = (10.0 * (1.0 - 0.9 / 0.975_f64)).exp();
+    let expected = harder * (2.0 * mu * -0.025 * 0.975 + lambda * 0.975 * -0.025);
+    assert!((packed_stress / expected - 1.0).abs() < 0.01, "{packed_stress} {expected}");
+    let mut torn = pack(diagonal(1.1, 1.0, 1.0), 1.0);
+    let torn_stress = tau(&mut torn, law)[(0, 0)];
+    assert!(torn.state[0] > 1.05 && torn_stress > 0.0 && torn_stress < 0.0075 * (2.0 * mu + lambda), "{torn_stress}");
+}
+
+/// Cohesion lets sand bear the tension c cot(phi) on every side, and no more.
+#[test]
+fn cohesion_bears_tension_up_to_the_apex() {
+    let phi = 30.0_f64.to_radians();
+    let apex = drucker_prager::apex(2e3, phi);
+    let law = Law::DruckerPrager { apex_pa: apex as f32 };
+    let pulled = tau(&mut pack(diagonal(1.02, 1.02, 1.02), drucker_prager::alpha(phi)), law);
+    assert!((pulled - Matrix3::identity() * apex).norm() < 2e-2 * apex, "{pulled} {apex}");
+    let slight = 0.5 * apex / (lame(E, NU).1 * 3.0 + lame(E, NU).0 * 2.0);
+    let held = tau(&mut pack(diagonal(1.0 + slight, 1.0 + slight, 1.0 + slight), drucker_prager::alpha(phi)), law);
+    assert!((held[(0, 0)] / (0.5 * apex) - 1.0).abs() < 0.02, "{held}");
+}
+
+/// A fluid's pressure is K times its compression, whatever its shape; pulled apart, it bears nothing.
+#[test]
+fn fluid_bears_pressure_alone() {
+    let (_, bulk) = lame(E, NU);
+    let sheared = tau(&mut pack(diagonal(1.25, 0.8, 0.999), 0.0), Law::Fluid);
+    let expected = -bulk / 7.0 * (0.999_f64.powi(-7) - 1.0) * 0.999;
+    assert!((sheared - Matrix3::identity() * expected).norm() < 5e-3 * expected.abs(), "{sheared} {expected}");
+    assert!(tau(&mut pack(diagonal(1.1, 1.0, 1.0), 0.0), Law::Fluid).norm() < 1e-5 * bulk);
 }
 
 fn lanes_of(m: &Matrix3<f64>) -> Mat3<Plain> {

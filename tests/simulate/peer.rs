@@ -68,8 +68,8 @@ fn deviation(name: &str) -> Option<(f64, f64)> {
     let (mu, lambda) = lame(number("E"), number("nu"));
     let (law, state) = match meta["params"]["material"].as_str().unwrap() {
         "jelly" => (Law::FixedCorotated, 0.0),
-        "metal" => (Law::VonMises { hardening: 0.0 }, number("yield_stress")),
-        "sand" => (Law::DruckerPrager, drucker_prager::alpha(number("friction_angle").to_radians())),
+        "metal" => (Law::VonMises { hardening: 0.0, softening: 0.0 }, number("yield_stress")),
+        "sand" => (Law::DruckerPrager { apex_pa: 0.0 }, drucker_prager::alpha(number("friction_angle").to_radians())),
         other => panic!("no law for {other}"),
     };
     let (x0, v0, vol, mass) = (npz.f32s("x0"), npz.f32s("v0"), npz.f32s("vol"), npz.f32s("mass"));

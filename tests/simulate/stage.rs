@@ -72,6 +72,7 @@ impl Bar {
 fn materials() -> Vec<Material> {
     let wood = Material {
         name: "oak".to_owned(),
+        caption: "handle".to_owned(),
         density_kg_m3: 700.0,
         youngs_modulus_pa: 1e10,
         poisson_ratio: 0.35,
@@ -79,6 +80,7 @@ fn materials() -> Vec<Material> {
     };
     let lead = Material {
         name: "lead".to_owned(),
+        caption: "head".to_owned(),
         density_kg_m3: 11340.0,
         youngs_modulus_pa: 1.6e10,
         poisson_ratio: 0.48,

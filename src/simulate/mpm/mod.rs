@@ -30,6 +30,7 @@ mod stencil;
 use super::boundary::Boundary;
 use laws::Law;
 use particles::{Particle, in_given_order};
+use rayon::prelude::*;
 use sort::Sorted;
 
 /// Defines `fn name(arguments)`, which calls `body::<L>(arguments)` with the best [`lanes::Lanes`] this processor has.
@@ -118,6 +119,19 @@ impl Solver {
     /// Largest component of any particle's velocity, m/s.
     pub fn fastest_m_s(&self) -> f32 {
         self.fastest_m_s
+    }
+
+    /// Gives every particle the velocity that `change` makes of its number, position and velocity.
+    pub fn change_velocities(&mut self, change: impl Fn(u32, [f32; 3], [f32; 3]) -> [f32; 3] + Sync) {
+        self.sorted.packs.par_iter_mut().for_each(|pack| {
+            for lane in 0..pack.live as usize {
+                let position = pack.position.map(|row| row[lane]);
+                let changed = change(pack.id[lane], position, pack.velocity.map(|row| row[lane]));
+                for (row, v) in pack.velocity.iter_mut().zip(changed) {
+                    row[lane] = v;
+                }
+            }
+        });
     }
 
     /// All particles in the order they were given.

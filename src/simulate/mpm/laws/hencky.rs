@@ -39,6 +39,12 @@ impl<L: Lanes> Strain<L> {
         [self.eps[0] - mean, self.eps[1] - mean, self.eps[2] - mean]
     }
 
+    /// tr(b) / 3.
+    #[inline(always)]
+    pub fn mean_square_stretch(&self) -> L {
+        dot(&self.stretches.stretch, &self.stretches.stretch) * L::splat(1.0 / 3.0)
+    }
+
     /// The stress of strain `eps` in this frame.
     #[inline(always)]
     pub fn stress(&self, eps: [L; 3], mu: L, lambda: L) -> Sym3<L> {

@@ -5,13 +5,20 @@
 //! | law | state |
 //! | --- | --- |
 //! | [`Law::FixedCorotated`] | none |
-//! | [`Law::VonMises`] | radius of the yield surface: Frobenius norm of the deviatoric Kirchhoff stress at yield, Pa |
+//! | [`Law::Fluid`] | none |
+//! | [`Law::VonMises`], [`Law::Foam`] | radius of the yield surface: Frobenius norm of the deviatoric Kirchhoff stress at yield, Pa |
 //! | [`Law::DruckerPrager`] | alpha, the slope of the yield cone |
+//! | [`Law::Snow`] | volume ratio of the plastic part |
 
 pub mod drucker_prager;
 mod fixed_corotated;
+mod fluid;
+mod foam;
 mod hencky;
+pub mod snow;
 pub mod von_mises;
+
+use snow::Snow;
 
 use super::lanes::{Lanes, Row};
 use super::matrix::{Mat3, Sym3};
@@ -26,9 +33,20 @@ pub enum Law {
     VonMises {
         /// Growth of the yield radius per plastic strain, as a multiple of 2 mu. 0: perfectly plastic.
         hardening: f32,
+        /// Share of the yield radius lost per plastic strain.
+        softening: f32,
     },
-    /// Sand: Hencky elasticity without tension, with Drucker-Prager yield.
-    DruckerPrager,
+    /// Sand: Hencky elasticity with Drucker-Prager yield; tension up to `apex_pa` on every side, 0 for dry sand.
+    DruckerPrager {
+        apex_pa: f32,
+    },
+    /// Hencky elasticity with viscous flow above a von Mises yield.
+    Foam {
+        viscosity_pa_s: f32,
+    },
+    Snow(Snow),
+    /// No shear: pressure alone, with lambda as the bulk modulus.
+    Fluid,
 }
 
 impl Law {
@@ -48,7 +66,7 @@ struct Point<'a, L> {
 
 /// Kirchhoff stress of a pack, Pa; the pack's elastic deformation and state are brought back to what its law allows.
 #[inline(always)]
-pub fn stress<L: Lanes>(pack: &mut Pack, laws: &[Law], _dt_s: f32) -> Sym3<L> {
+pub fn stress<L: Lanes>(pack: &mut Pack, laws: &[Law], dt_s: f32) -> Sym3<L> {
     let point = Point {
         elastic: Mat3::load(&pack.elastic),
         mu: L::load(&pack.mu),
@@ -57,8 +75,13 @@ pub fn stress<L: Lanes>(pack: &mut Pack, laws: &[Law], _dt_s: f32) -> Sym3<L> {
     };
     match laws[pack.law as usize] {
         Law::FixedCorotated => fixed_corotated::stress(&point),
-        Law::VonMises { hardening } => returned(von_mises::stress(point, hardening), &mut pack.elastic),
-        Law::DruckerPrager => returned(drucker_prager::stress(point), &mut pack.elastic),
+        Law::VonMises { hardening, softening } => {
+            returned(von_mises::stress(point, hardening, softening), &mut pack.elastic)
+        }
+        Law::DruckerPrager { apex_pa } => returned(drucker_prager::stress(point, apex_pa), &mut pack.elastic),
+        Law::Foam { viscosity_pa_s } => returned(foam::stress(point, viscosity_pa_s, dt_s), &mut pack.elastic),
+        Law::Snow(snow) => returned(snow::stress(point, snow), &mut pack.elastic),
+        Law::Fluid => returned(fluid::stress(&point), &mut pack.elastic),
     }
 }
 

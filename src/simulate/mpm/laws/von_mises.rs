@@ -1,6 +1,7 @@
 //! Von Mises plasticity on Hencky strain: where the deviatoric stress 2 mu |dev(eps)| exceeds the yield radius y, the
 //! deviatoric strain is scaled back to it (radial return; Simo, *Algorithms for static and dynamic multiplicative
-//! plasticity*, 1992). With hardening xi, y grows by 2 mu xi times the plastic strain.
+//! plasticity*, 1992). With hardening xi, y grows by 2 mu xi times the plastic strain; with
+//! softening it decays by that share of itself for each unit of plastic strain, as clay that is kneaded.
 
 use super::Point;
 use super::hencky::{Strain, norm};
@@ -14,7 +15,7 @@ pub fn yield_radius(yield_stress_pa: f64) -> f64 {
 
 /// The stress, and the elastic deformation where any particle yielded.
 #[inline(always)]
-pub(super) fn stress<L: Lanes>(point: Point<L>, hardening: f32) -> (Sym3<L>, Option<Mat3<L>>) {
+pub(super) fn stress<L: Lanes>(point: Point<L>, hardening: f32, softening: f32) -> (Sym3<L>, Option<Mat3<L>>) {
     let Point { elastic, mu, lambda, state } = point;
     let strain = Strain::of(&elastic);
     let deviator = strain.deviator();
@@ -34,7 +35,8 @@ pub(super) fn stress<L: Lanes>(point: Point<L>, hardening: f32) -> (Sym3<L>, Opt
     for i in 0..3 {
         eps[i] = eps[i] - share * deviator[i];
     }
-    (yield_radius + two_mu * L::splat(hardening) * plastic).store(state);
+    let kept = L::splat(1.0) / plastic.mul_add(L::splat(softening), L::splat(1.0));
+    (yield_radius * kept + two_mu * L::splat(hardening) * plastic).store(state);
     let elastic = strain.replaced(eps, &elastic).or_else(yields, &elastic);
     (strain.stress(eps, mu, lambda), Some(elastic))
 }

@@ -1,0 +1,45 @@
+//! `gprop simulate`: the stage, or a foreign configuration.
+
+use crate::pipeline::{Stage, compat};
+use crate::simulate::script::{KNOWN, Known};
+use crate::workdir::{Artifact, DEFAULT_NAME};
+
+use super::{Compat, Global, SceneArgs, SimulateArgs, print, scene};
+
+/// Where a foreign configuration's run lies in the work folder.
+const COMPAT_FOLDER: &str = "physgaussian";
+
+pub fn run(global: &Global, args: &SimulateArgs) -> anyhow::Result<()> {
+    let Some(folder) = args.scene.as_ref().filter(|_| !args.list) else {
+        return list(global);
+    };
+    let (Some(Compat::PhysGaussian), Some(config)) = (args.compat, &args.config) else {
+        let scene_args = SceneArgs { scene: folder.clone(), work: args.work.clone() };
+        return scene::run(global, &scene_args, Stage::Simulate);
+    };
+    let beside = if folder.is_file() { folder.with_extension("") } else { folder.clone() };
+    let out = args.work.out.clone().unwrap_or_else(|| beside.join(DEFAULT_NAME)).join(COMPAT_FOLDER);
+    let report = compat::run(folder, config, &out, global.progress())?;
+    print(global, &report, || out.join(Artifact::Simulation.path()).display().to_string())
+}
+
+/// The scenarios with their parameters.
+fn list(global: &Global) -> anyhow::Result<()> {
+    let parameters = |k: &Known| -> serde_json::Map<String, serde_json::Value> {
+        k.parameters.iter().map(|(key, value, _)| ((*key).to_owned(), (*value).into())).collect()
+    };
+    let value: Vec<_> = KNOWN
+        .iter()
+        .map(|k| serde_json::json!({ "name": k.name, "what": k.what, "parameters": parameters(k) }))
+        .collect();
+    print(global, &value, || {
+        let mut text = String::new();
+        for k in &KNOWN {
+            text += &format!("{:<8} {}\n", k.name, k.what);
+            for (key, value, what) in k.parameters {
+                text += &format!("           --set {key}={value}   {what}\n");
+            }
+        }
+        text
+    })
+}

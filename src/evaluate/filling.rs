@@ -1,0 +1,119 @@
+//! gprop's version of the public solver's particle filling against a run of the peer's: the same cells must be filled,
+//! whatever random place a new particle takes in its cell.
+
+use nalgebra::Vector3;
+use serde::{Deserialize, Serialize};
+
+use super::simulation::SimulationError;
+use crate::npz::Npz;
+use crate::simulate::compat::config::Filling;
+use crate::simulate::compat::filling::{Blob, fill, volumes};
+
+/// What differs.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct FillComparison {
+    pub cells: usize,
+    /// Cells whose number of particles differs: before, after the dense cells, after the inside.
+    pub counts_differ: usize,
+    pub dense_differ: usize,
+    pub inside_differ: usize,
+    pub added: usize,
+    pub reference_added: i64,
+    /// Largest difference of a cell's density, over the largest density; before and after smoothing.
+    pub density_rel_max: f64,
+    pub density_used_rel_max: f64,
+    /// Largest difference of a particle's volume, over the volume.
+    pub volume_rel_max: f64,
+}
+
+impl std::fmt::Display for FillComparison {
+    fn fmt(&self, f: &mut std::fmt::Formatter) -> std::fmt::Result {
+        writeln!(f, "particles added: {}, by the peer {}", self.added, self.reference_added)?;
+        let (counts, dense, inside) = (self.counts_differ, self.dense_differ, self.inside_differ);
+        writeln!(f, "of {} cells, {counts}, {dense}, {inside} differ (before, dense, inside)", self.cells)?;
+        let (before, used) = (self.density_rel_max, self.density_used_rel_max);
+        writeln!(f, "density, largest difference of its maximum: {before:.1e}, as searched {used:.1e}")?;
+        write!(f, "volume, largest relative difference: {:.1e}", self.volume_rel_max)
+    }
+}
+
+#[derive(Deserialize)]
+struct Meta {
+    grid_n: usize,
+    grid_dx: f32,
+    density_thres: f32,
+    search_thres: f32,
+    max_particles_per_cell: i32,
+    search_exclude_dir: i32,
+    ray_cast_dir: i32,
+    #[serde(default)]
+    boundary: Option<[f32; 6]>,
+    #[serde(default)]
+    smooth: bool,
+}
+
+/// Cells each way of the grid that the reference's volumes are of, and its side.
+const VOLUME_GRID: (usize, f32) = (48, 2.0);
+
+/// Fills the reference's shell and compares cell by cell.
+///
+/// # Errors
+/// A reference that cannot be read.
+pub fn compare(npz: &mut Npz) -> Result<FillComparison, SimulationError> {
+    let meta: Meta = serde_json::from_str(&npz.text("meta")?)?;
+    let filling = Filling {
+        density_threshold: meta.density_thres,
+        search_threshold: meta.search_thres,
+        max_partciels_per_cell: meta.max_particles_per_cell,
+        search_exclude_direction: meta.search_exclude_dir,
+        ray_cast_direction: meta.ray_cast_dir,
+        boundary: meta.boundary,
+        smooth: meta.smooth,
+        ..Filling::default()
+    };
+    let (positions, opacity, covariance) = (npz.f32s("pos")?, npz.f32s("opacity")?, npz.f32s("cov6")?);
+    let blobs: Vec<Blob> = positions
+        .chunks_exact(3)
+        .zip(covariance.as_chunks::<6>().0)
+        .zip(&opacity)
+        .map(|((p, &covariance), &opacity)| Blob { position: Vector3::from_column_slice(p), opacity, covariance })
+        .collect();
+    let filled = fill(&blobs, meta.grid_n, meta.grid_dx, &filling)?;
+    let reference_count = |npz: &mut Npz, name, ours: &[i32]| -> Result<usize, SimulationError> {
+        let theirs = npz.i32s(name)?;
+        length(name, theirs.len(), ours.len())?;
+        Ok(ours.iter().zip(theirs).filter(|(a, b)| **a != *b).count())
+    };
+    let difference = |npz: &mut Npz, name, ours: &[f32]| -> Result<f64, SimulationError> {
+        let theirs = npz.f32s(name)?;
+        length(name, theirs.len(), ours.len())?;
+        let most = theirs.iter().fold(0.0_f32, |m, v| m.max(v.abs()));
+        let largest = ours.iter().zip(theirs).map(|(a, b)| (a - b).abs()).fold(0.0_f32, f32::max);
+        Ok(f64::from(largest / most))
+    };
+    let places: Vec<Vector3<f32>> = npz.f32s("out_pos")?.chunks_exact(3).map(Vector3::from_column_slice).collect();
+    let (cells, side) = VOLUME_GRID;
+    let mut volume_rel_max = 0.0_f64;
+    for (name, uniform) in [("vol_g48", false), ("vol_g48_uniform", true)] {
+        let theirs = npz.f32s(name)?;
+        length(name, theirs.len(), places.len())?;
+        for (a, b) in volumes(&places, cells, side / cells as f32, uniform).iter().zip(theirs) {
+            volume_rel_max = volume_rel_max.max(f64::from((a / b - 1.0).abs()));
+        }
+    }
+    Ok(FillComparison {
+        cells: filled.counts.len(),
+        counts_differ: reference_count(npz, "count0", &filled.counts)?,
+        dense_differ: reference_count(npz, "count_dense", &filled.counts_dense)?,
+        inside_differ: reference_count(npz, "count_internal", &filled.counts_inside)?,
+        added: filled.added.len(),
+        reference_added: npz.i64s("n_total")?.first().copied().unwrap_or(0),
+        density_rel_max: difference(npz, "density", &filled.density)?,
+        density_used_rel_max: difference(npz, "density_used", &filled.density_used)?,
+        volume_rel_max,
+    })
+}
+
+fn length(array: &'static str, found: usize, expected: usize) -> Result<(), SimulationError> {
+    if found == expected { Ok(()) } else { Err(SimulationError::Length { array, found, expected }) }
+}

@@ -1,0 +1,42 @@
+//! A configuration of the public PhysGaussian solver, run on a scene: no parts, no answers, no materials of gprop's.
+
+use std::fs;
+use std::path::Path;
+
+use anyhow::{Context, Result};
+
+use crate::exit::UsageError;
+use crate::progress::Progress;
+use crate::scene::gaussians::Gaussians;
+use crate::scene::ply;
+use crate::simulate::compat::config::Config;
+use crate::simulate::compat::solver::Particle;
+use crate::simulate::compat::{self, CompatReport};
+use crate::simulate::states::States;
+use crate::workdir::{Artifact, WorkDir};
+
+/// Runs the configuration in `config` on the Gaussians of `scene`, a folder or a PLY, and writes frames, states and
+/// `simulation.json` into `out`.
+///
+/// # Errors
+/// A file that cannot be read, and what the run reports; what was written before stays.
+pub fn run(scene: &Path, config: &Path, out: &Path, progress: Progress) -> Result<CompatReport> {
+    let text = fs::read_to_string(config).map_err(|error| UsageError(format!("{config:?}: {error}")))?;
+    let config = Config::from_json(&text).with_context(|| format!("{config:?}"))?;
+    let gaussians = gaussians(scene)?;
+    let work = WorkDir::open(out)?;
+    let mut save = |frame: usize, particles: &[Particle], gaussians: &Gaussians| -> Result<()> {
+        work.write_with(Artifact::Frame(frame), |out| ply::write(out, gaussians, &[]))?;
+        Ok(work.write(Artifact::States(frame), &States::of_compat(particles).to_npz()?)?)
+    };
+    let report = compat::run(&gaussians, &config, &mut save, progress)?;
+    work.write_json(Artifact::Simulation, &report)?;
+    Ok(report)
+}
+
+fn gaussians(scene: &Path) -> Result<Gaussians> {
+    if scene.is_file() {
+        return Ok(ply::read(scene)?.gaussians);
+    }
+    Ok(crate::scene::load(scene, &crate::scene::Options::default())?.gaussians)
+}

@@ -1,0 +1,253 @@
+//! The peer's boundary conditions. Those on particles act on the ones that lie in their region at set-up, wherever they
+//! go; those on the grid act on the nodes in their region. A condition holds while start <= t < end, with t the time at the
+//! start of the substep, in f32 as the peer compares them.
+
+use nalgebra::Vector3;
+
+use super::config::{Boundary, Surface};
+use super::solver::Particle;
+
+type Vec3 = Vector3<f32>;
+
+/// Nodes of the grid's rim in which the bounding box stops what flies out.
+const PADDING: usize = 3;
+
+/// When the bounding box ends.
+const BOX_END: f32 = 999.0;
+
+/// Substeps after its end in which a resetting cuboid still holds the grid.
+const RESET_STEPS: f32 = 15.0;
+
+/// Layers of a sequential release, whatever the configuration says.
+const LAYERS: usize = 50;
+
+/// Where a `cut` collider's gap lies, and the share of the velocity kept in it.
+const CUT_GAP: [f32; 2] = [0.4, 0.53];
+const CUT_KEPT: f32 = 0.3;
+
+/// start <= t < end.
+#[derive(Debug, Clone, Copy)]
+struct Span {
+    start: f32,
+    end: f32,
+}
+
+impl Span {
+    fn new(start: f64, end: f64) -> Self {
+        Self { start: start as f32, end: end as f32 }
+    }
+
+    fn holds(&self, t: f32) -> bool {
+        t >= self.start && t < self.end
+    }
+}
+
+/// What happens to the velocities of the particles in `mask`, before they go to the grid.
+#[derive(Debug, Clone)]
+pub struct OnParticles {
+    span: Span,
+    mask: Vec<bool>,
+    action: Action,
+}
+
+#[derive(Debug, Clone, Copy)]
+enum Action {
+    /// Adds force / mass * dt.
+    Push(Vec3),
+    Set(Vec3),
+    /// Turns about the axis `normal` through `point`, left-handed, and moves along it.
+    Turn {
+        point: Vec3,
+        normal: Vec3,
+        rate: f32,
+        along: f32,
+    },
+}
+
+impl OnParticles {
+    /// Changes the velocities of its particles at time `t`.
+    pub fn apply(&self, particles: &mut [Particle], t: f32, dt: f32) {
+        if !self.span.holds(t) {
+            return;
+        }
+        for (p, _) in particles.iter_mut().zip(&self.mask).filter(|(_, masked)| **masked) {
+            p.velocity = match self.action {
+                Action::Push(force) => p.velocity + force / p.mass * dt,
+                Action::Set(velocity) => velocity,
+                Action::Turn { point, normal, rate, along } => {
+                    (p.position - point).cross(&normal) * rate + normal * along
+                }
+            };
+        }
+    }
+}
+
+/// What happens to the velocities of the grid.
+#[derive(Debug, Clone)]
+pub enum OnGrid {
+    /// Nothing leaves through the grid's rim.
+    BoundingBox { cells: usize },
+    /// A box that moves with the velocity it gives.
+    Cuboid { span: CuboidSpan, point: Vec3, size: Vec3, velocity: Vec3 },
+    /// Everything behind a plane stands still; a cut leaves a gap.
+    Plane { span: PlaneSpan, point: Vec3, normal: Vec3, cut: bool },
+}
+
+/// When a cuboid acts.
+#[derive(Debug, Clone, Copy)]
+pub struct CuboidSpan {
+    span: Span,
+    /// Holds the whole grid before it begins and for some steps after its end.
+    resets: bool,
+}
+
+/// When a plane acts.
+#[derive(Debug, Clone, Copy)]
+pub struct PlaneSpan(Span);
+
+impl OnGrid {
+    /// The velocity that a node keeps.
+    pub fn apply(&self, node: [usize; 3], dx: f32, velocity: Vec3, t: f32, dt: f32) -> Vec3 {
+        let place = Vector3::from(node.map(|i| i as f32 * dx));
+        match self {
+            Self::BoundingBox { cells } if t < BOX_END => {
+                let mut kept = velocity;
+                for a in 0..3 {
+                    let leaves =
+                        (node[a] < PADDING && velocity[a] < 0.0) || (node[a] >= cells - PADDING && velocity[a] > 0.0);
+                    if leaves {
+                        kept[a] = 0.0;
+                    }
+                }
+                kept
+            }
+            Self::BoundingBox { .. } => velocity,
+            Self::Cuboid { span, point, size, velocity: given } => {
+                let offset = (place - point).abs();
+                if span.span.holds(t) {
+                    if (0..3).all(|a| offset[a] < size[a]) { *given } else { velocity }
+                } else if span.resets && t < span.span.end + RESET_STEPS * dt {
+                    Vec3::zeros()
+                } else {
+                    velocity
+                }
+            }
+            Self::Plane { span, point, normal, cut } => {
+                if !span.0.holds(t) || (place - point).dot(normal) >= 0.0 {
+                    velocity
+                } else if *cut && (CUT_GAP[0]..=CUT_GAP[1]).contains(&place.z) {
+                    Vec3::new(velocity.x, 0.0, velocity.z) * CUT_KEPT
+                } else {
+                    Vec3::zeros()
+                }
+            }
+        }
+    }
+
+    /// Moves on after a substep that began at `t`.
+    pub fn advance(&mut self, t: f64, dt: f64) {
+        if let Self::Cuboid { span, point, velocity, .. } = self
+            && span.span.holds(t as f32)
+        {
+            for a in 0..3 {
+                point[a] = (f64::from(point[a]) + dt * f64::from(velocity[a])) as f32;
+            }
+        }
+    }
+}
+
+/// All conditions of a configuration, each kind in its order.
+#[derive(Debug, Clone, Default)]
+pub struct Conditions {
+    /// Impulses, which act first.
+    pub impulses: Vec<OnParticles>,
+    pub modifiers: Vec<OnParticles>,
+    pub on_grid: Vec<OnGrid>,
+}
+
+impl Conditions {
+    /// The conditions on `particles` as they lie at set-up, for steps of `dt` on a grid of `cells` cells each way.
+    pub fn new(boundaries: &[Boundary], particles: &[Particle], dt: f64, cells: usize) -> Self {
+        let mut all = Self::default();
+        let within = |point: Vec3, size: Vec3| -> Vec<bool> {
+            let inside = |p: &Particle| (p.position - point).abs();
+            particles.iter().map(inside).map(|o| (0..3).all(|a| o[a] < size[a])).collect()
+        };
+        for boundary in boundaries {
+            match *boundary {
+                Boundary::BoundingBox {} => all.on_grid.push(OnGrid::BoundingBox { cells }),
+                Boundary::Cuboid { point, size, velocity, start_time, end_time, reset } => {
+                    let span = CuboidSpan { span: Span::new(start_time, end_time), resets: reset == 1 };
+                    let [point, size, velocity] = [point, size, velocity].map(Vector3::from);
+                    all.on_grid.push(OnGrid::Cuboid { span, point, size, velocity });
+                }
+                Boundary::SurfaceCollider { point, normal, surface, start_time, end_time, .. } => {
+                    // The peer works out slip, friction and separation, and then stops the node all the same.
+                    let span = PlaneSpan(Span::new(start_time, end_time));
+                    let normal = Vector3::from(normal).normalize();
+                    let cut = surface == Surface::Cut;
+                    all.on_grid.push(OnGrid::Plane { span, point: point.into(), normal, cut });
+                }
+                Boundary::ParticleImpulse { force, num_dt, start_time, point, size } => {
+                    all.impulses.push(OnParticles {
+                        span: Span::new(start_time, start_time + dt * f64::from(num_dt)),
+                        mask: within(point.into(), size.into()),
+                        action: Action::Push(force.into()),
+                    })
+                }
+                Boundary::EnforceParticleTranslation { point, size, velocity, start_time, end_time } => {
+                    all.modifiers.push(OnParticles {
+                        span: Span::new(start_time, end_time),
+                        mask: within(point.into(), size.into()),
+                        action: Action::Set(velocity.into()),
+                    });
+                }
+                Boundary::EnforceParticleVelocityRotation {
+                    point,
+                    normal,
+                    half_height_and_radius: [half_height, radius],
+                    rotation_scale: rate,
+                    translation_scale: along,
+                    start_time,
+                    end_time,
+                } => {
+                    let (point, normal) = (Vector3::from(point), Vector3::from(normal).normalize());
+                    let in_cylinder = |p: &Particle| {
+                        let offset = p.position - point;
+                        let height = offset.dot(&normal);
+                        height.abs() < half_height && (offset - normal * height).norm() < radius
+                    };
+                    all.modifiers.push(OnParticles {
+                        span: Span::new(start_time, end_time),
+                        mask: particles.iter().map(in_cylinder).collect(),
+                        action: Action::Turn { point, normal, rate, along },
+                    });
+                }
+                Boundary::ReleaseParticlesSequentially {
+                    normal,
+                    start_position,
+                    end_position,
+                    start_time,
+                    end_time,
+                    ..
+                } => {
+                    // Boxes about the end of the release, ever thinner, let go one after the other.
+                    let axis = (0..3).rfind(|&a| normal[a] != 0.0).expect("checked by the configuration");
+                    let mut point = normal.map(|n| if n == 0.0 { 1.0 } else { 0.0 });
+                    let mut size = point;
+                    point[axis] = end_position as f32;
+                    let layer = f64::from((start_position - end_position).abs() as f32) / LAYERS as f64;
+                    for i in 0..LAYERS {
+                        size[axis] = (layer * (LAYERS - i) as f64) as f32;
+                        all.modifiers.push(OnParticles {
+                            span: Span::new(start_time, end_time / LAYERS as f64 * (i + 1) as f64),
+                            mask: within(point.into(), size.into()),
+                            action: Action::Set(Vec3::zeros()),
+                        });
+                    }
+                }
+            }
+        }
+        all
+    }
+}

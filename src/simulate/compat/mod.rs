@@ -1,0 +1,39 @@
+//! `--compat physgaussian`: the public PhysGaussian solver's runs, reproduced (Xie et al., *PhysGaussian: Physics-Integrated
+//! 3D Gaussians for Generative Dynamics*, 2024; its solver `mpm_solver_warp`).
+//!
+//! A plain solver of its own, apart from the fast one in [`super::mpm`]: what it must do is what the peer does, its
+//! defects included, in the peer's order and precision. In order:
+//! 1. [`config`]: the peer's JSON file, all of its keys;
+//! 2. `setup`: Gaussians selected, turned and scaled into the peer's box; [`filling`], volumes;
+//! 3. [`solver`]: substeps on a dense grid with the [`law`]s and [`condition`]s of the peer;
+//! 4. [`run()`]: frames of Gaussians.
+
+pub mod condition;
+pub mod config;
+pub mod filling;
+pub mod law;
+mod run;
+mod setup;
+mod smoothing;
+pub mod solver;
+mod svd;
+
+use nalgebra::Vector3;
+
+use config::Config;
+use law::Strength;
+pub use run::{CompatFrame, CompatReport, run};
+
+/// Strength and density of what lies at `position` in the box: those of the last material box that holds it, else the
+/// configuration's.
+pub fn strength_at(config: &Config, position: &Vector3<f32>) -> (Strength, f32) {
+    let (mut e, mut nu, mut density) = (config.youngs_modulus, config.poisson_ratio, config.density);
+    for other in &config.additional_material_params {
+        let within =
+            |a: usize| position[a] > other.point[a] - other.size[a] && position[a] < other.point[a] + other.size[a];
+        if (0..3).all(within) {
+            (e, nu, density) = (other.youngs_modulus, other.poisson_ratio, other.density.unwrap_or(config.density));
+        }
+    }
+    (Strength::new(e, nu, config.yield_stress), density)
+}

@@ -1,0 +1,122 @@
+//! A configuration's run on a scene, frame by frame.
+
+use nalgebra::{Matrix3, Vector3};
+use rayon::prelude::*;
+use serde::{Deserialize, Serialize};
+
+use super::config::Config;
+use super::setup::{Setup, set_up};
+use super::solver::{Lost, Particle, Solver};
+use crate::progress::Progress;
+use crate::scene::gaussians::Gaussians;
+use crate::simulate::SimulateError;
+use crate::simulate::frames::Moved;
+
+/// A frame in numbers, in the peer's box.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+pub struct CompatFrame {
+    pub t_s: f64,
+    pub center_of_mass_m: [f64; 3],
+    pub kinetic_energy_j: f64,
+}
+
+/// What a run did. The box's lengths stand for metres.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct CompatReport {
+    pub particles: usize,
+    /// Of these, those that the filling added.
+    pub fill_particles: usize,
+    pub substeps: u64,
+    pub dt_s: f64,
+    pub frames: Vec<CompatFrame>,
+}
+
+/// Runs `config` on a scene and hands `on_frame` each frame: its number, its particles in the box, and the scene without
+/// the Gaussians that the configuration drops. Frame 0 is the start.
+///
+/// # Errors
+/// [`SimulateError`]: a scene that cannot be set up, a particle that is lost, a frame that `on_frame` refuses.
+pub fn run(
+    gaussians: &Gaussians,
+    config: &Config,
+    on_frame: &mut dyn FnMut(usize, &[Particle], &Gaussians) -> anyhow::Result<()>,
+    progress: Progress,
+) -> Result<CompatReport, SimulateError> {
+    let setup = set_up(gaussians, config)?;
+    let mut solver = Solver::new(config, setup.particles.clone());
+    let substeps = config.substeps_per_frame();
+    let bar = progress.bar("simulate", config.frame_num as u64);
+    let mut report = CompatReport {
+        particles: solver.particles.len(),
+        fill_particles: solver.particles.len() - setup.carried.len(),
+        substeps: 0,
+        dt_s: config.substep_dt,
+        frames: vec![],
+    };
+    for frame in 0..=config.frame_num {
+        if frame > 0 {
+            for _ in 0..substeps {
+                solver.step(config.substep_dt).map_err(|lost| left_the_box(&solver, lost, frame))?;
+            }
+            report.substeps += substeps as u64;
+            bar.inc(1);
+        }
+        report.frames.push(summary(&solver.particles, report.substeps as f64 * config.substep_dt));
+        on_frame(frame, &solver.particles, &moved(gaussians, &setup, &solver.particles))
+            .map_err(SimulateError::Frame)?;
+    }
+    bar.finish_and_clear();
+    Ok(report)
+}
+
+fn left_the_box(solver: &Solver, Lost { particle, time }: Lost, frame: usize) -> SimulateError {
+    let p = &solver.particles[particle];
+    let finite = p.position.iter().chain(&p.velocity).chain(&p.trial).all(|x| x.is_finite());
+    SimulateError::Lost {
+        particle,
+        material: "the configuration's".to_owned(),
+        what: if finite { "left the box" } else { "is no number any more" },
+        t_s: time,
+        frame,
+        position_m: p.position.into(),
+        velocity_m_s: p.velocity.into(),
+        cause: if finite {
+            "nothing holds it there; add a `bounding_box` or lower `scale`"
+        } else {
+            "the time step is too long for its material; lower `substep_dt`"
+        },
+    }
+}
+
+fn summary(particles: &[Particle], t_s: f64) -> CompatFrame {
+    let (mut mass, mut moment, mut energy) = (0.0, Vector3::zeros(), 0.0);
+    for p in particles {
+        let m = f64::from(p.mass);
+        mass += m;
+        moment += p.position.map(f64::from) * m;
+        energy += 0.5 * m * p.velocity.map(f64::from).norm_squared();
+    }
+    CompatFrame { t_s, center_of_mass_m: (moment / mass).into(), kinetic_energy_j: energy }
+}
+
+/// The scene as the particles carried it: covariance from the trial deformation, as in the peer (so plastic flow leaves the
+/// shape alone), colours turned with it in the world's frame (which the peer does in the box's).
+fn moved(gaussians: &Gaussians, setup: &Setup, particles: &[Particle]) -> Gaussians {
+    let turn = setup.to_box.rotation.matrix();
+    let moved: Vec<Moved> = setup
+        .carried
+        .par_iter()
+        .zip(particles)
+        .map(|(&i, particle)| {
+            let in_world = setup.to_box.undo(&particle.position.map(f64::from));
+            let deformation: Matrix3<f64> = turn.transpose() * particle.trial.map(f64::from) * turn;
+            Moved::new(gaussians, i as usize, in_world, &deformation)
+        })
+        .collect();
+    let mut out = gaussians.clone();
+    for (&i, moved) in setup.carried.iter().zip(moved) {
+        moved.store(&mut out, i as usize);
+    }
+    out.retain(&setup.opaque);
+    out
+}

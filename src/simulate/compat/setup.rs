@@ -1,0 +1,117 @@
+//! From a scene's Gaussians to particles in the peer's box.
+//!
+//! Gaussians of low opacity are dropped; the rest is turned, cut to the simulated area, centred at (1, 1, 1) and scaled so
+//! that its longest side is `scale`; the inside is filled; every particle gets its share of its cell's volume.
+
+use nalgebra::{Matrix3, Rotation3, Vector3};
+
+use super::config::{Config, LawName};
+use super::filling::{self, Blob};
+use super::solver::Particle;
+use super::strength_at;
+use crate::scene::gaussians::Gaussians;
+use crate::simulate::SimulateError;
+
+/// From the world (scene units) to the box: turned, moved, scaled, and moved to the middle.
+#[derive(Debug, Clone, Copy)]
+pub struct ToBox {
+    pub rotation: Rotation3<f64>,
+    /// Middle of the turned object.
+    middle: Vector3<f64>,
+    /// Box lengths a scene unit.
+    pub scale: f64,
+}
+
+impl ToBox {
+    fn apply(&self, turned: &Vector3<f64>) -> Vector3<f64> {
+        (turned - self.middle) * self.scale + Vector3::repeat(1.0)
+    }
+
+    /// A place of the box in the world.
+    pub fn undo(&self, place: &Vector3<f64>) -> Vector3<f64> {
+        self.rotation.inverse_transform_vector(&((place - Vector3::repeat(1.0)) / self.scale + self.middle))
+    }
+}
+
+/// A scene in the peer's box.
+#[derive(Debug, Clone)]
+pub struct Setup {
+    /// Those of Gaussians first, then those of the inside.
+    pub particles: Vec<Particle>,
+    /// Which Gaussians the first particles carry.
+    pub carried: Vec<u32>,
+    /// Per Gaussian: whether its opacity lets it take part. The peer drops the others from the scene.
+    pub opaque: Vec<bool>,
+    pub to_box: ToBox,
+}
+
+/// Lays a scene out.
+///
+/// # Errors
+/// Nothing to simulate; a Gaussian that is nowhere; a filling that overflows; an object that leaves the box.
+pub fn set_up(gaussians: &Gaussians, config: &Config) -> Result<Setup, SimulateError> {
+    let rotation = rotation(config);
+    let opaque: Vec<bool> = (0..gaussians.len()).map(|i| gaussians.opacity(i) > config.opacity_threshold).collect();
+    let turned = |i: u32| rotation * gaussians.center(i as usize).coords;
+    let in_area = |p: &Vector3<f64>| {
+        config.sim_area.is_none_or(|area| (0..3).all(|a| area[2 * a] < p[a] && p[a] < area[2 * a + 1]))
+    };
+    let mut carried = Vec::new();
+    let (mut low, mut high) = (Vector3::repeat(f64::INFINITY), Vector3::repeat(f64::NEG_INFINITY));
+    for i in (0..gaussians.len() as u32).filter(|&i| opaque[i as usize]) {
+        let place = turned(i);
+        if place.iter().any(|x| !x.is_finite()) {
+            let position = gaussians.positions[i as usize].map(f64::from);
+            return Err(SimulateError::Position { what: "Gaussian", index: i as usize, position });
+        }
+        if in_area(&place) {
+            (low, high) = (low.inf(&place), high.sup(&place));
+            carried.push(i);
+        }
+    }
+    if carried.is_empty() {
+        return Err(SimulateError::NoParticles);
+    }
+    let longest = (high - low).max();
+    if longest <= 0.0 {
+        return Err(SimulateError::NoExtent);
+    }
+    let to_box = ToBox { rotation, middle: (low + high) / 2.0, scale: config.scale / longest };
+    let mut places: Vec<Vector3<f32>> = carried.iter().map(|&i| to_box.apply(&turned(i)).map(|x| x as f32)).collect();
+    if let Some(filling) = &config.particle_filling {
+        let blobs: Vec<Blob> =
+            carried.iter().zip(&places).map(|(&i, &place)| blob(gaussians, i as usize, place, &to_box)).collect();
+        let cells = filling.n_grid.unwrap_or(4 * config.n_grid);
+        places.extend(filling::fill(&blobs, cells, (config.grid_lim / cells as f64) as f32, filling)?.added);
+    }
+    let side = config.grid_lim as f32;
+    if let Some(index) = places.iter().position(|p| p.iter().any(|x| !(0.0..side).contains(x))) {
+        return Err(SimulateError::Configuration(format!(
+            "particle {index} lies at {:?}, outside of the box of {side}: lower `scale`",
+            places[index].as_slice()
+        )));
+    }
+    let dx = (config.grid_lim / config.n_grid as f64) as f32;
+    let volumes = filling::volumes(&places, config.n_grid, dx, config.material == LawName::Sand);
+    let particle = |(place, volume): (&Vector3<f32>, f32)| {
+        let (strength, density) = strength_at(config, place);
+        Particle::at_rest(*place, volume, density * volume, strength)
+    };
+    Ok(Setup { particles: places.iter().zip(volumes).map(particle).collect(), carried, opaque, to_box })
+}
+
+/// The set-up's turns, one after the other.
+fn rotation(config: &Config) -> Rotation3<f64> {
+    let axes = [Vector3::x_axis(), Vector3::y_axis(), Vector3::z_axis()];
+    let turns = config.rotation_degree.iter().zip(&config.rotation_axis);
+    turns.fold(Rotation3::identity(), |all, (degrees, &axis)| {
+        Rotation3::from_axis_angle(&axes[axis], degrees.to_radians()) * all
+    })
+}
+
+fn blob(gaussians: &Gaussians, i: usize, position: Vector3<f32>, to_box: &ToBox) -> Blob {
+    let turn = to_box.rotation.matrix();
+    let c: Matrix3<f64> = turn * gaussians.covariance(i) * turn.transpose() * to_box.scale.powi(2);
+    let covariance = [c.m11, c.m12, c.m13, c.m22, c.m23, c.m33].map(|x| x as f32);
+    Blob { position, opacity: gaussians.opacity(i) as f32, covariance }
+}

@@ -1,0 +1,257 @@
+//! The peer's solver: a substep on a dense grid, in f32, in the peer's order.
+//!
+//! 1. the grid is cleared;
+//! 2. impulses, then velocity modifiers;
+//! 3. the elastic deformation is brought back from the trial one, and its stress;
+//! 4. particles to grid: quadratic B-splines, nodes at multiples of dx, forces with the kernel's gradient;
+//! 5. velocities, gravity, damping, boundary conditions in their order;
+//! 6. grid to particles: velocity, move, affine velocity, trial deformation.
+//!
+//! The scatter goes through the particles one after the other, everything else through threads, so the bytes are the
+//! same on any number of them.
+
+use nalgebra::{Matrix3, Vector3};
+use rayon::prelude::*;
+
+use super::condition::Conditions;
+use super::config::Config;
+use super::law::{Law, Strength};
+
+type Vec3 = Vector3<f32>;
+type Mat3 = Matrix3<f32>;
+
+/// Nodes lighter than this have no velocity.
+const LEAST_MASS: f32 = 1e-15;
+
+/// Below this damping the affine velocity is left out: PIC.
+const PIC: f32 = -0.001;
+
+/// One particle in the peer's box.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Particle {
+    pub position: Vec3,
+    pub velocity: Vec3,
+    pub affine: Mat3,
+    /// Before the return map.
+    pub trial: Mat3,
+    /// After it.
+    pub elastic: Mat3,
+    stress: Mat3,
+    pub volume: f32,
+    pub mass: f32,
+    pub strength: Strength,
+}
+
+impl Particle {
+    pub fn at_rest(position: Vec3, volume: f32, mass: f32, strength: Strength) -> Self {
+        Self {
+            position,
+            velocity: Vec3::zeros(),
+            affine: Mat3::zeros(),
+            trial: Mat3::identity(),
+            elastic: Mat3::zeros(),
+            stress: Mat3::zeros(),
+            volume,
+            mass,
+            strength,
+        }
+    }
+}
+
+/// Momentum and mass, then velocity and mass.
+#[derive(Debug, Clone, Copy, Default)]
+struct Node {
+    velocity: Vec3,
+    mass: f32,
+}
+
+/// A particle that left the grid or is no number any more; the peer crashes there.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Lost {
+    pub particle: usize,
+    pub time: f64,
+}
+
+/// Particles, their grid, and the step.
+#[derive(Debug, Clone)]
+pub struct Solver {
+    pub particles: Vec<Particle>,
+    law: Law,
+    conditions: Conditions,
+    gravity: Vec3,
+    rpic_damping: f32,
+    damping: f32,
+    cells: usize,
+    dx: f32,
+    nodes: Vec<Node>,
+    /// Planes of nodes along x that hold something: first and one past the last.
+    touched: [usize; 2],
+    time: f64,
+}
+
+/// What a particle touches: first node and weights along each axis, with their derivatives in cells.
+struct Stencil {
+    base: [usize; 3],
+    /// Particle minus first node, cells.
+    offset: Vec3,
+    weight: [[f32; 3]; 3],
+    slope: [[f32; 3]; 3],
+}
+
+impl Stencil {
+    fn at(position: &Vec3, cells_per_unit: f32) -> Self {
+        let place = position * cells_per_unit;
+        let base = [0, 1, 2].map(|a| (place[a] - 0.5) as usize);
+        let offset = Vec3::new(place.x - base[0] as f32, place.y - base[1] as f32, place.z - base[2] as f32);
+        let (mut weight, mut slope) = ([[0.0; 3]; 3], [[0.0; 3]; 3]);
+        for a in 0..3 {
+            let (l, m, r) = (1.5 - offset[a], offset[a] - 1.0, offset[a] - 0.5);
+            weight[a] = [0.5 * l * l, 0.75 - m * m, 0.5 * r * r];
+            slope[a] = [-l, -2.0 * m, r];
+        }
+        Self { base, offset, weight, slope }
+    }
+
+    /// Visits the 27 nodes: index, weight, gradient of the weight in cells, node minus particle in cells.
+    #[inline]
+    fn each(&self, cells: usize, mut visit: impl FnMut(usize, f32, Vec3, Vec3)) {
+        let ([wx, wy, wz], [sx, sy, sz]) = (self.weight, self.slope);
+        for i in 0..3 {
+            for j in 0..3 {
+                let row = ((self.base[0] + i) * cells + self.base[1] + j) * cells + self.base[2];
+                for k in 0..3 {
+                    let gradient = Vec3::new(sx[i] * wy[j] * wz[k], wx[i] * sy[j] * wz[k], wx[i] * wy[j] * sz[k]);
+                    let away = Vec3::new(i as f32, j as f32, k as f32) - self.offset;
+                    visit(row + k, wx[i] * wy[j] * wz[k], gradient, away);
+                }
+            }
+        }
+    }
+}
+
+impl Solver {
+    /// A solver at time 0. The particles' places now decide which of them a condition acts on.
+    pub fn new(config: &Config, particles: Vec<Particle>) -> Self {
+        let cells = config.n_grid;
+        let conditions = Conditions::new(&config.boundary_conditions, &particles, config.substep_dt, cells);
+        Self {
+            particles,
+            law: Law::new(config),
+            conditions,
+            gravity: config.g.into(),
+            rpic_damping: config.rpic_damping,
+            damping: config.grid_v_damping_scale,
+            cells,
+            dx: (config.grid_lim / cells as f64) as f32,
+            nodes: vec![Node::default(); cells * cells * cells],
+            touched: [0, 0],
+            time: 0.0,
+        }
+    }
+
+    /// One substep.
+    ///
+    /// # Errors
+    /// [`Lost`]: a particle does not lie on the grid. The particles are as the step before left them.
+    pub fn step(&mut self, dt: f64) -> Result<(), Lost> {
+        self.check()?;
+        let (t, step) = (self.time as f32, dt as f32);
+        let plane = self.cells * self.cells;
+        self.nodes[self.touched[0] * plane..self.touched[1] * plane].fill(Node::default());
+        for condition in self.conditions.impulses.iter().chain(&self.conditions.modifiers) {
+            condition.apply(&mut self.particles, t, step);
+        }
+        let law = self.law;
+        self.particles.par_iter_mut().with_min_len(64).for_each(|p| {
+            (p.elastic, p.stress) = law.respond(&p.trial, &mut p.strength, dt);
+        });
+        self.scatter(step);
+        self.update_grid(t, step);
+        for condition in &mut self.conditions.on_grid {
+            condition.advance(self.time, dt);
+        }
+        self.gather(step);
+        self.time += dt;
+        Ok(())
+    }
+
+    /// Looks for a particle whose nodes are not all on the grid.
+    fn check(&self) -> Result<(), Lost> {
+        let (low, high) = (0.5 * self.dx, (self.cells as f32 - 1.5) * self.dx);
+        let inside =
+            |p: &Particle| p.position.iter().all(|x| low <= *x && *x < high) && p.trial.iter().all(|x| x.is_finite());
+        match self.particles.iter().position(|p| !inside(p)) {
+            Some(particle) => Err(Lost { particle, time: self.time }),
+            None => Ok(()),
+        }
+    }
+
+    fn scatter(&mut self, dt: f32) {
+        let (cells, dx) = (self.cells, self.dx);
+        let g = self.rpic_damping;
+        let per_cell = 1.0 / dx;
+        let (mut first, mut last) = (cells, 0);
+        for p in &self.particles {
+            let stencil = Stencil::at(&p.position, per_cell);
+            first = first.min(stencil.base[0]);
+            last = last.max(stencil.base[0] + 3);
+            let affine = match g {
+                g if g < PIC => Mat3::zeros(),
+                0.0 => p.affine,
+                g => p.affine * (1.0 - g) + (p.affine - p.affine.transpose()) * (g / 2.0),
+            };
+            let momentum_per_cell = affine * (p.mass * dx);
+            let impulse = p.stress * (-p.volume * dt * per_cell);
+            let momentum = p.velocity * p.mass;
+            let nodes = &mut self.nodes;
+            stencil.each(cells, |node, weight, gradient, away| {
+                let node = &mut nodes[node];
+                node.velocity += (momentum + momentum_per_cell * away) * weight + impulse * gradient;
+                node.mass += weight * p.mass;
+            });
+        }
+        self.touched = [first, last.max(first)];
+    }
+
+    fn update_grid(&mut self, t: f32, dt: f32) {
+        let (cells, dx) = (self.cells, self.dx);
+        let plane = cells * cells;
+        let [first, last] = self.touched;
+        let fall = self.gravity * dt;
+        let kept = self.damping.min(1.0);
+        let conditions = &self.conditions.on_grid;
+        self.nodes[first * plane..last * plane].par_chunks_mut(plane).enumerate().for_each(|(i, nodes)| {
+            for (jk, node) in nodes.iter_mut().enumerate() {
+                if node.mass == 0.0 {
+                    continue;
+                }
+                let mut v = Vec3::zeros();
+                if node.mass > LEAST_MASS {
+                    v = (node.velocity / node.mass + fall) * kept;
+                }
+                for condition in conditions {
+                    v = condition.apply([first + i, jk / cells, jk % cells], dx, v, t, dt);
+                }
+                node.velocity = v;
+            }
+        });
+    }
+
+    fn gather(&mut self, dt: f32) {
+        let (cells, dx, nodes) = (self.cells, self.dx, &self.nodes);
+        let per_cell = 1.0 / dx;
+        self.particles.par_iter_mut().with_min_len(64).for_each(|p| {
+            let (mut velocity, mut affine, mut gradient_of_v) = (Vec3::zeros(), Mat3::zeros(), Mat3::zeros());
+            Stencil::at(&p.position, per_cell).each(cells, |node, weight, gradient, away| {
+                let v = nodes[node].velocity;
+                velocity += v * weight;
+                affine += v * away.transpose() * (weight * per_cell * 4.0);
+                gradient_of_v += v * gradient.transpose();
+            });
+            p.velocity = velocity;
+            p.position += velocity * dt;
+            p.affine = affine;
+            p.trial = (Mat3::identity() + gradient_of_v * (per_cell * dt)) * p.elastic;
+        });
+    }
+}

@@ -1,0 +1,271 @@
+//! Scenarios by name and parameters, and from TOML files: a first pose and a list of steps, each on a part or a region.
+//!
+//! A named scenario is the same thing as a file, written in code: [`named`] turns parameters into a [`Script`].
+
+use std::collections::BTreeMap;
+
+use serde::Deserialize;
+
+use super::action::{Action, Effect};
+use super::error::SimulateError;
+use super::mpm::particles::Particle;
+
+/// A scenario: name, what it does, its parameters with their defaults.
+pub struct Known {
+    pub name: &'static str,
+    pub what: &'static str,
+    pub parameters: &'static [(&'static str, f64, &'static str)],
+}
+
+/// The scenarios that need no file. Times are shares of the simulated time.
+pub const KNOWN: [Known; 8] = [
+    Known { name: "drop", what: "falls onto the ground; see --drop-height and --tilt-deg", parameters: &[] },
+    Known {
+        name: "push",
+        what: "a steady force on the upper third, straight down or sideways",
+        parameters: &[("force", 1.0, "in weights of the object"), ("down", 1.0, "1: down; 0: along x")],
+    },
+    Known {
+        name: "poke",
+        what: "a short sideways blow at the top",
+        parameters: &[("force", 20.0, "in weights of the object"), ("lasts", 0.05, "share of the time")],
+    },
+    Known {
+        name: "twist",
+        what: "the bottom is held, the top turned about the upright axis",
+        parameters: &[("rate", 2.0, "rad/s")],
+    },
+    Known {
+        name: "stretch",
+        what: "both ends of the longest side are drawn apart",
+        parameters: &[("speed", 0.2, "longest sides a second")],
+    },
+    Known { name: "wind", what: "blows along x", parameters: &[("speed", 5.0, "m/s"), ("response", 1.0, "s")] },
+    Known {
+        name: "shake",
+        what: "shaken along x",
+        parameters: &[("acceleration", 10.0, "m/s^2"), ("frequency", 4.0, "Hz")],
+    },
+    Known {
+        name: "release",
+        what: "hangs by its top, then is let go",
+        parameters: &[("height", 0.5, "above the ground, longest sides"), ("after", 0.3, "share of the time")],
+    },
+];
+
+/// A scenario as a file states it.
+#[derive(Debug, Clone, PartialEq, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Script {
+    /// Height above the ground, in times the longest side.
+    #[serde(default)]
+    pub drop_height: f64,
+    #[serde(default)]
+    pub tilt_deg: f64,
+    #[serde(default, rename = "step")]
+    pub steps: Vec<Step>,
+}
+
+/// One thing done to one region.
+#[derive(Debug, Clone, PartialEq, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Step {
+    /// `all`, `top`, `bottom`, `low_end`, `high_end`, or a part by its name.
+    pub on: String,
+    /// Shares of the simulated time.
+    #[serde(default)]
+    pub from: f64,
+    #[serde(default = "one")]
+    pub to: f64,
+    #[serde(rename = "do")]
+    pub what: What,
+}
+
+/// What is done. World axes.
+#[derive(Debug, Clone, Copy, PartialEq, Deserialize)]
+#[serde(deny_unknown_fields, rename_all = "snake_case")]
+pub enum What {
+    /// Total force, in weights of the object.
+    Force {
+        weights: [f64; 3],
+    },
+    Hold,
+    Move {
+        velocity_m_s: [f64; 3],
+    },
+    /// Moves along the longest side, in longest sides a second.
+    Draw {
+        speed: f64,
+    },
+    Turn {
+        rate_rad_s: f64,
+    },
+    Wind {
+        velocity_m_s: [f64; 3],
+        response_s: f64,
+    },
+    Shake {
+        acceleration_m_s2: [f64; 3],
+        frequency_hz: f64,
+    },
+}
+
+fn one() -> f64 {
+    1.0
+}
+
+impl Script {
+    /// A scenario file.
+    ///
+    /// # Errors
+    /// [`SimulateError::Scenario`]: no TOML, unknown keys.
+    pub fn from_toml(text: &str) -> Result<Self, SimulateError> {
+        toml::from_str(text).map_err(|error| SimulateError::Scenario(error.to_string()))
+    }
+}
+
+/// The scenario `name` with parameters given as `key=value`; `drop` takes its pose from elsewhere and has no steps.
+///
+/// # Errors
+/// [`SimulateError::Scenario`]: an unknown scenario or parameter, a value that is no number.
+pub fn named(name: &str, given: &[String]) -> Result<Script, SimulateError> {
+    let bad = |text: String| SimulateError::Scenario(text);
+    let known = KNOWN.iter().find(|k| k.name == name).ok_or_else(|| {
+        let names: Vec<&str> = KNOWN.iter().map(|k| k.name).collect();
+        bad(format!("there is no scenario `{name}`; there are {}, and TOML files", names.join(", ")))
+    })?;
+    let mut values: BTreeMap<&str, f64> = known.parameters.iter().map(|(key, value, _)| (*key, *value)).collect();
+    for text in given {
+        let (key, value) = text.split_once('=').unwrap_or((text, ""));
+        let slot = values.get_mut(key).ok_or_else(|| bad(format!("`{name}` has no parameter `{key}`: see --list")))?;
+        *slot =
+            value.parse().ok().filter(|v: &f64| v.is_finite()).ok_or_else(|| bad(format!("`{text}`: no number")))?;
+    }
+    let step = |on: &str, what| Step { on: on.to_owned(), from: 0.0, to: 1.0, what };
+    let mut script = Script { drop_height: 0.0, tilt_deg: 0.0, steps: vec![] };
+    script.steps = match name {
+        "push" if values["down"] != 0.0 => vec![step("top", What::Force { weights: [0.0, 0.0, -values["force"]] })],
+        "push" => vec![step("top", What::Force { weights: [values["force"], 0.0, 0.0] })],
+        "poke" => {
+            let what = What::Force { weights: [values["force"], 0.0, 0.0] };
+            vec![Step { to: values["lasts"], ..step("top", what) }]
+        }
+        "twist" => vec![step("bottom", What::Hold), step("top", What::Turn { rate_rad_s: values["rate"] })],
+        "stretch" => vec![
+            step("low_end", What::Draw { speed: -values["speed"] / 2.0 }),
+            step("high_end", What::Draw { speed: values["speed"] / 2.0 }),
+        ],
+        "wind" => {
+            let (velocity_m_s, response_s) = ([values["speed"], 0.0, 0.0], values["response"]);
+            vec![step("all", What::Wind { velocity_m_s, response_s })]
+        }
+        "shake" => {
+            let (acceleration_m_s2, frequency_hz) = ([values["acceleration"], 0.0, 0.0], values["frequency"]);
+            vec![step("all", What::Shake { acceleration_m_s2, frequency_hz })]
+        }
+        "release" => {
+            script.drop_height = values["height"];
+            vec![Step { to: values["after"], ..step("top", What::Hold) }]
+        }
+        _ => vec![],
+    };
+    Ok(script)
+}
+
+/// The object that a script acts on, as it stands at the start.
+pub struct Standing<'a> {
+    pub particles: &'a [Particle],
+    /// Per particle: index into `names`.
+    pub labels: &'a [u32],
+    /// What parts may be called: several words for each.
+    pub names: &'a [Vec<&'a str>],
+    pub longest_m: f64,
+    pub gravity_m_s2: f64,
+    pub duration_s: f64,
+}
+
+impl Standing<'_> {
+    /// The steps with their particles.
+    ///
+    /// # Errors
+    /// [`SimulateError::Scenario`]: a part that is not there.
+    pub fn actions(&self, steps: &[Step]) -> Result<Vec<Action>, SimulateError> {
+        steps.iter().map(|step| self.action(step)).collect()
+    }
+
+    fn action(&self, step: &Step) -> Result<Action, SimulateError> {
+        let mask = self.region(&step.on)?;
+        let masked = self.particles.iter().zip(&mask).filter(|(_, m)| **m).map(|(p, _)| p);
+        let mass_of = |p: &Particle| f64::from(p.mass_kg);
+        let (whole, part) = (self.particles.iter().map(mass_of).sum::<f64>(), masked.map(mass_of).sum::<f64>());
+        let effect = match step.what {
+            What::Force { weights } => {
+                let share = (self.gravity_m_s2.abs() * whole / part.max(f64::MIN_POSITIVE)).max(0.0);
+                Effect::Accelerate(weights.map(|w| (w * share) as f32))
+            }
+            What::Hold => Effect::Move([0.0; 3]),
+            What::Move { velocity_m_s } => Effect::Move(velocity_m_s.map(|v| v as f32)),
+            What::Draw { speed } => {
+                let mut velocity = [0.0; 3];
+                velocity[self.longest_axis()] = (speed * self.longest_m) as f32;
+                Effect::Move(velocity)
+            }
+            What::Turn { rate_rad_s } => {
+                let middle = |a: usize| self.extent(a).iter().sum::<f32>() / 2.0;
+                Effect::Turn { center: [middle(0), middle(1)], rate: rate_rad_s as f32 }
+            }
+            What::Wind { velocity_m_s, response_s } if response_s > 0.0 => {
+                Effect::Wind { velocity: velocity_m_s.map(|v| v as f32), response_s: response_s as f32 }
+            }
+            What::Wind { .. } => return Err(SimulateError::Scenario("a wind's response must be positive".to_owned())),
+            What::Shake { acceleration_m_s2, frequency_hz } => {
+                Effect::Shake { acceleration: acceleration_m_s2.map(|a| a as f32), frequency_hz }
+            }
+        };
+        Ok(Action { from_s: step.from * self.duration_s, to_s: step.to * self.duration_s, mask, effect })
+    }
+
+    /// The particles of a region or a part.
+    fn region(&self, on: &str) -> Result<Vec<bool>, SimulateError> {
+        /// Shares of the object's extent.
+        const TOP: f32 = 1.0 / 3.0;
+        const BOTTOM: f32 = 0.1;
+        const END: f32 = 0.1;
+        let within = |axis: usize, from: f32, to: f32| {
+            let [low, high] = self.extent(axis);
+            let share = |p: &Particle| (p.position_m[axis] - low) / (high - low).max(f32::MIN_POSITIVE);
+            self.particles.iter().map(|p| (from..=to).contains(&share(p))).collect()
+        };
+        Ok(match on {
+            "all" => vec![true; self.particles.len()],
+            "top" => within(2, 1.0 - TOP, 1.0),
+            "bottom" => within(2, 0.0, BOTTOM),
+            "low_end" => within(self.longest_axis(), 0.0, END),
+            "high_end" => within(self.longest_axis(), 1.0 - END, 1.0),
+            part => {
+                let is_it = |names: &Vec<&str>| names.iter().any(|name| name.eq_ignore_ascii_case(part));
+                let found: Vec<bool> = self.names.iter().map(is_it).collect();
+                if !found.contains(&true) {
+                    let mut names: Vec<&str> = self.names.iter().flatten().copied().collect();
+                    names.sort_unstable();
+                    names.dedup();
+                    return Err(SimulateError::Scenario(format!(
+                        "there is no part `{part}`; there are {}; and all, top, bottom, low_end, high_end",
+                        names.join(", ")
+                    )));
+                }
+                self.labels.iter().map(|&l| found[l as usize]).collect()
+            }
+        })
+    }
+
+    fn extent(&self, axis: usize) -> [f32; 2] {
+        let places = || self.particles.iter().map(|p| p.position_m[axis]);
+        [places().fold(f32::INFINITY, f32::min), places().fold(f32::NEG_INFINITY, f32::max)]
+    }
+
+    fn longest_axis(&self) -> usize {
+        let length = |a: usize| self.extent(a)[1] - self.extent(a)[0];
+        (0..3).max_by(|&a, &b| length(a).total_cmp(&length(b))).unwrap_or(0)
+    }
+}

@@ -1,0 +1,83 @@
+use gprop::simulate::action::Effect;
+use gprop::simulate::mpm::particles::{IDENTITY, Particle};
+use gprop::simulate::script::{KNOWN, Script, Standing, named};
+use gprop::simulate::{Options, SimulateError};
+
+/// A column of ten particles, the lower five a foot, the others a seat.
+fn column() -> Vec<Particle> {
+    (0..10)
+        .map(|i| Particle {
+            position_m: [1.0, 1.0, 0.05 + 0.1 * i as f32],
+            velocity_m_s: [0.0; 3],
+            affine: [0.0; 9],
+            elastic: IDENTITY,
+            deformation: IDENTITY,
+            mass_kg: 0.5,
+            volume_m3: 1e-3,
+            mu: 1.0,
+            lambda: 1.0,
+            state: 0.0,
+            law: 0,
+        })
+        .collect()
+}
+
+const LABELS: [u32; 10] = [0, 0, 0, 0, 0, 1, 1, 1, 1, 1];
+
+fn standing<'a>(particles: &'a [Particle], names: &'a [Vec<&'a str>]) -> Standing<'a> {
+    Standing { particles, labels: &LABELS, names, longest_m: 1.0, gravity_m_s2: 9.8, duration_s: 2.0 }
+}
+
+#[test]
+fn every_known_scenario_plays() {
+    let (particles, names) = (column(), vec![vec!["foot", "oak"], vec!["seat", "leather"]]);
+    for known in &KNOWN {
+        let script = named(known.name, &[]).unwrap();
+        let actions = standing(&particles, &names).actions(&script.steps).unwrap();
+        assert_eq!(actions.is_empty(), known.name == "drop", "{}", known.name);
+        assert!(actions.iter().all(|a| a.mask.contains(&true) && a.to_s > a.from_s), "{}", known.name);
+    }
+}
+
+/// A force in weights of the object, on a part by its name, in its share of the time.
+#[test]
+fn file_pushes_a_part_by_name() {
+    let script = Script::from_toml(
+        r#"
+        drop_height = 0.25
+        [[step]]
+        on = "Seat"
+        do = { force = { weights = [0.0, 0.0, -2.0] } }
+        from = 0.25
+        to = 0.5
+        [[step]]
+        on = "oak"
+        do = "hold"
+        "#,
+    )
+    .unwrap();
+    let (particles, names) = (column(), vec![vec!["foot", "oak"], vec!["seat", "leather"]]);
+    let actions = standing(&particles, &names).actions(&script.steps).unwrap();
+    assert_eq!((actions[0].from_s, actions[0].to_s), (0.5, 1.0));
+    assert_eq!(actions[0].mask, LABELS.map(|l| l == 1));
+    // Half of the mass takes two weights of the whole: four times gravity.
+    match actions[0].effect {
+        Effect::Accelerate([x, y, z]) => assert!(x == 0.0 && y == 0.0 && (z + 4.0 * 9.8).abs() < 1e-4, "{z}"),
+        other => panic!("{other:?}"),
+    }
+    assert_eq!((actions[1].mask.clone(), actions[1].effect), (LABELS.map(|l| l == 0).to_vec(), Effect::Move([0.0; 3])));
+}
+
+#[test]
+fn wrong_names_are_refused_with_what_there_is() {
+    let why = |result: Result<Script, SimulateError>| result.unwrap_err().to_string();
+    assert!(why(named("dorp", &[])).contains("drop, push"));
+    assert!(why(named("push", &["fierce=2".to_owned()])).contains("`fierce`"));
+    assert!(why(named("push", &["force=much".to_owned()])).contains("no number"));
+    assert!(why(Script::from_toml("height = 1")).contains("height"));
+    let (particles, names) = (column(), vec![vec!["foot"], vec!["seat"]]);
+    let script = Script::from_toml("[[step]]\non = \"lid\"\ndo = \"hold\"").unwrap();
+    let error = standing(&particles, &names).actions(&script.steps).unwrap_err().to_string();
+    assert!(error.contains("`lid`") && error.contains("foot, seat"), "{error}");
+    assert_eq!(Options::default().scenario, "drop");
+}
