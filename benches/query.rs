@@ -7,7 +7,7 @@ use gprop::materials::MaterialLibrary;
 use gprop::progress::Progress;
 use gprop::query::recorded::{Answerer, Recording, Recordings};
 use gprop::query::{Options, Prompts, Queries, ViewInput};
-use gprop::scene::Photo;
+use gprop::scene::{ForegroundSource, Photo};
 use gprop::segment::{LabelMap, Level, PartMask, ViewSegments};
 use image::{GrayImage, Luma, Rgb, RgbImage};
 use serde_json::{Value, json};
@@ -36,7 +36,11 @@ fn view() -> (Photo, ViewSegments) {
         level: Level::Middle,
     };
     let map = LabelMap { width: SIDE, height: SIDE, labels };
-    (Photo { rgb, foreground }, ViewSegments { view: "view".into(), map, parts: (1..=PARTS).map(part).collect() })
+    let foreground_source = ForegroundSource::Alpha;
+    (
+        Photo { rgb, foreground, foreground_source },
+        ViewSegments { view: "view".into(), map, parts: (1..=PARTS).map(part).collect() },
+    )
 }
 
 fn answer(library: &MaterialLibrary) -> String {

@@ -21,7 +21,7 @@ use super::preprocess::{Prepared, prepare};
 use super::prompts::{self, Crop};
 use super::regions::remove_small_regions;
 use super::resize::cropped;
-use super::sam::{Decoded, Embedding, Sam};
+use super::sam::{Decoded, Sam, Sight};
 use super::segmenter::Observer;
 use super::upsample::Upsampler;
 
@@ -95,24 +95,26 @@ impl Request<'_> {
         }
         let rect = crop.rect;
         let Prepared { input, scaled } = prepare(&cropped(self.picture, &rect));
-        let embedding = sam.encode(&input)?;
-        drop(input);
         let frame = Frame {
             rect,
             scale: [f64::from(scaled.0) / f64::from(rect.width()), f64::from(scaled.1) / f64::from(rect.height())],
             upsampler: Upsampler::new(rect.width(), rect.height(), scaled.0, scaled.1),
-            embedding,
+            sight: sam.look(&sam.encode(&input)?)?,
         };
         let found: Result<Vec<Vec<Candidate>>, SegmentError> =
-            points.par_iter().map(|&point| self.run_prompt(sam, &frame, point)).collect();
+            points.par_chunks(sam.batch()).map(|points| self.run_prompts(sam, &frame, points)).collect();
         Ok(found?.into_iter().flatten().collect())
     }
 
-    fn run_prompt(&self, sam: &Sam, frame: &Frame, point: [f64; 2]) -> Result<Vec<Candidate>, SegmentError> {
-        let scaled_point = [(point[0] * frame.scale[0]) as f32, (point[1] * frame.scale[1]) as f32];
-        let found = sam.decode(&frame.embedding, scaled_point, |decoded| self.filter(frame, point, &decoded));
-        self.observer.prompted();
-        found
+    fn run_prompts(&self, sam: &Sam, frame: &Frame, points: &[[f64; 2]]) -> Result<Vec<Candidate>, SegmentError> {
+        let scaled = |point: &[f64; 2]| [(point[0] * frame.scale[0]) as f32, (point[1] * frame.scale[1]) as f32];
+        let scaled_points: Vec<[f32; 2]> = points.iter().map(scaled).collect();
+        let mut found = Vec::new();
+        sam.decode(&frame.sight, &scaled_points, |index, decoded| {
+            found.extend(self.filter(frame, points[index], &decoded));
+            self.observer.prompted();
+        })?;
+        Ok(found)
     }
 
     fn filter(&self, frame: &Frame, point: [f64; 2], decoded: &Decoded<'_>) -> Vec<Candidate> {
@@ -153,7 +155,7 @@ struct Frame {
     /// Model pixels per crop pixel, x and y.
     scale: [f64; 2],
     upsampler: Upsampler,
-    embedding: Embedding,
+    sight: Sight,
 }
 
 impl Candidates {
