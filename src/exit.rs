@@ -15,6 +15,7 @@ use crate::query::{PromptError, QueryError};
 use crate::scene::SceneError;
 use crate::scene::ply::PlyError;
 use crate::segment::SegmentError;
+use crate::segment::formats::ImportError;
 use crate::setup::SetupError;
 use crate::simulate::SimulateError;
 use crate::vote::VoteError;
@@ -73,7 +74,13 @@ fn code(cause: &(dyn std::error::Error + 'static)) -> Option<Exit> {
         ),
         (
             Exit::Scene,
-            &[cause.is::<SceneError>(), cause.is::<PlyError>(), cause.is::<VoteError>(), cause.is::<PartsError>()],
+            &[
+                cause.is::<SceneError>(),
+                cause.is::<ImportError>(),
+                cause.is::<PlyError>(),
+                cause.is::<VoteError>(),
+                cause.is::<PartsError>(),
+            ],
         ),
         (Exit::Model, &[cause.is::<SetupError>(), cause.is::<SegmentError>()]),
         (Exit::Answer, &[cause.is::<QueryError>(), cause.is::<RecordingError>()]),

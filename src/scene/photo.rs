@@ -5,7 +5,9 @@ use std::io::BufReader;
 use std::path::Path;
 
 use image::metadata::Orientation;
-use image::{DynamicImage, GrayImage, ImageDecoder, ImageReader, Luma, RgbImage, RgbaImage};
+use image::{
+    DynamicImage, GenericImageView, GrayImage, ImageDecoder, ImageFormat, ImageReader, Luma, RgbImage, Rgba, RgbaImage,
+};
 
 use super::{SceneError, View};
 
@@ -116,15 +118,78 @@ impl View {
     }
 
     fn decode(&self, path: &Path) -> Result<DynamicImage, SceneError> {
-        let undecodable = |reason| SceneError::Image { path: path.to_owned(), reason };
-        let mut decoder = open(path)?.into_decoder().map_err(undecodable)?;
-        let orientation = decoder.orientation().unwrap_or(Orientation::NoTransforms);
-        let mut picture = DynamicImage::from_decoder(decoder).map_err(undecodable)?;
-        if self.upright == Upright::Turned {
-            picture.apply_orientation(orientation);
-        }
-        Ok(picture)
+        let remedy = ", and its camera where it does not follow by itself";
+        decode(path, self.upright, MOST_BYTES_OF_A_VIEW, remedy)
     }
+}
+
+/// What decoding a view's photo may take: two are worked on at once, each in a few copies, and every label map is kept.
+const MOST_BYTES_OF_A_VIEW: u64 = 256 << 20;
+/// What decoding a photo on its own may take: 20,000 x 20,000 pixels of four bytes.
+const MOST_BYTES_ALONE: u64 = 1_600_000_000;
+/// A photo on its own is shrunk by a whole factor to fewer pixels a side than twice this. SAM sees 1024 of them.
+const KEPT_SIDE: u32 = 2048;
+
+impl Photo {
+    /// Decodes a photo without a camera, turned upright. One of more than 4096 pixels a side is shrunk by a whole factor.
+    /// Also gives its size before that.
+    ///
+    /// # Errors
+    /// [`SceneError`] names the file: missing, undecodable, or too large to decode.
+    pub fn open(path: &Path) -> Result<(Self, (u32, u32)), SceneError> {
+        let picture = decode(path, Upright::Turned, MOST_BYTES_ALONE, ", or save it with 8 bits a channel as PNG")?;
+        let size = (picture.width(), picture.height());
+        let factor = (size.0.max(size.1) / KEPT_SIDE).max(1);
+        let picture = if factor > 2 { shrunk(&picture, factor) } else { picture };
+        let (rgb, alpha) = over_white(picture);
+        let foreground_source = if alpha.is_some() { ForegroundSource::Alpha } else { ForegroundSource::Whole };
+        let everything = || GrayImage::from_pixel(rgb.width(), rgb.height(), Luma([255]));
+        Ok((Self { foreground: alpha.unwrap_or_else(everything), rgb, foreground_source }, size))
+    }
+}
+
+/// The picture with each square of `factor` x `factor` pixels as one, their mean; what is left over at the right and lower
+/// edges counts with the last.
+fn shrunk(picture: &DynamicImage, factor: u32) -> DynamicImage {
+    let side = |length: u32| (length / factor).max(1);
+    let (width, height) = (side(picture.width()), side(picture.height()));
+    let mut sums = vec![[0_u64; 5]; width as usize * height as usize];
+    for y in 0..picture.height() {
+        let row = (y / factor).min(height - 1) as usize * width as usize;
+        for x in 0..picture.width() {
+            let Rgba([r, g, b, alpha]) = picture.get_pixel(x, y);
+            let sum = &mut sums[row + (x / factor).min(width - 1) as usize];
+            for (sum, value) in sum.iter_mut().zip([r, g, b, alpha, 1]) {
+                *sum += u64::from(value);
+            }
+        }
+    }
+    let mean = |[r, g, b, alpha, count]: [u64; 5]| [r, g, b, alpha].map(|sum| ((sum + count / 2) / count) as u8);
+    let pixels: Vec<u8> = sums.into_iter().flat_map(mean).collect();
+    DynamicImage::ImageRgba8(RgbaImage::from_raw(width, height, pixels).expect("four bytes a pixel"))
+}
+
+fn decode(path: &Path, upright: Upright, most: u64, remedy: &'static str) -> Result<DynamicImage, SceneError> {
+    let undecodable = |reason| SceneError::Image { path: path.to_owned(), reason };
+    let reader = open(path)?;
+    let format = reader.format();
+    let mut decoder = reader.into_decoder().map_err(undecodable)?;
+    let size = decoder.dimensions();
+    let pixels = u64::from(size.0) * u64::from(size.1);
+    let bytes = match format {
+        // A progressive JPEG is kept whole as 16-bit coefficients besides.
+        Some(ImageFormat::Jpeg) => pixels * (3 + 3 * 2),
+        _ => decoder.total_bytes(),
+    };
+    if bytes > most {
+        return Err(SceneError::TooLarge { path: path.to_owned(), size, bytes, most, remedy });
+    }
+    let orientation = decoder.orientation().unwrap_or(Orientation::NoTransforms);
+    let mut picture = DynamicImage::from_decoder(decoder).map_err(undecodable)?;
+    if upright == Upright::Turned {
+        picture.apply_orientation(orientation);
+    }
+    Ok(picture)
 }
 
 /// Size and orientation of the photo at `path`, from its header.

@@ -1,7 +1,9 @@
 //! SAM's two networks: a picture becomes an embedding once, then each prompt becomes three nested masks.
 //!
-//! [`encoder`] and [`decoder`] know the models; `graph` reads and cuts ONNX files; `runtime` and `pool` run them.
+//! [`encoder`] and [`decoder`] know the models; `graph` reads and cuts ONNX files; `runtime` and `pool` run them;
+//! `cache` keeps embeddings.
 
+mod cache;
 mod decoder;
 mod encoder;
 mod graph;
@@ -12,6 +14,7 @@ use std::path::Path;
 
 use super::error::SegmentError;
 use crate::setup::ModelFiles;
+use cache::Cache;
 use decoder::{Decoder, PictureValues};
 use encoder::Encoder;
 
@@ -26,6 +29,7 @@ const EMBEDDING: [i64; 4] = [1, 256, 64, 64];
 pub struct Sam {
     encoder: Encoder,
     decoder: Decoder,
+    cache: Option<Cache>,
 }
 
 /// What the encoder makes of one picture, `[1,256,64,64]`.
@@ -56,12 +60,31 @@ impl Sam {
         Ok(Self {
             encoder: Encoder::open(&runtime, &files.encoder, threads)?,
             decoder: Decoder::open(&runtime, &files.decoder, &read(&files.decoder)?, threads)?,
+            cache: None,
         })
+    }
+
+    /// Keeps embeddings in `folder`, and takes them from there where the same encoder made them of the same picture.
+    ///
+    /// # Errors
+    /// Where the encoder's file cannot be read.
+    pub fn caching_embeddings(self, folder: &Path, files: &ModelFiles) -> Result<Self, SegmentError> {
+        let cache = Cache::open(folder, &files.encoder);
+        let cache = cache.map_err(|source| SegmentError::Read { path: files.encoder.clone(), source })?;
+        Ok(Self { cache: Some(cache), ..self })
     }
 
     /// Encodes a preprocessed picture, `[3,1024,1024]` as [`super::preprocess`] makes it.
     pub fn encode(&self, input: &[f32]) -> Result<Embedding, SegmentError> {
-        self.encoder.run(input).map_err(|reason| SegmentError::Run { what: "the SAM encoder", reason })
+        let encode = || self.encoder.run(input).map_err(|reason| SegmentError::Run { what: "the SAM encoder", reason });
+        let Some(cache) = &self.cache else { return encode() };
+        let path = cache.path(input);
+        if let Some(embedding) = Cache::read(&path) {
+            return Ok(embedding);
+        }
+        let embedding = encode()?;
+        Cache::write(&path, &embedding).map_err(|source| SegmentError::Write { path, source })?;
+        Ok(embedding)
     }
 
     /// Does the decoder's work that no prompt changes.
