@@ -1,5 +1,5 @@
 //! The parts stage and the grasp on the hammer's 28,736 Gaussians at the default grid: carving with all 30 views, part
-//! assignment, thickness, mass; then the forces, which take no time worth naming.
+//! assignment, thickness, mass; then the places to grasp at and the forces.
 
 use std::hint::black_box;
 use std::path::Path;
@@ -7,6 +7,7 @@ use std::path::Path;
 use criterion::{Criterion, criterion_group, criterion_main};
 use gprop::camera::Camera;
 use gprop::grasp::gripper::GripperProfile;
+use gprop::grasp::surface::Surface;
 use gprop::grasp::{self, grasp};
 use gprop::materials::Law;
 use gprop::parts::{self, parts};
@@ -71,7 +72,10 @@ fn bench(criterion: &mut Criterion) {
     let options = grasp::Options::default();
     let gripper = GripperProfile::load(&options.gripper).expect("the default gripper is built in");
     group.bench_function("grasp", |bencher| {
-        bencher.iter(|| grasp(black_box(weighed), &field.labels, &gripper, &options))
+        bencher.iter(|| {
+            let surface = Surface::of(&scene.gaussians, &field.part_label, &cameras, 1.0);
+            grasp(black_box(weighed), &field.labels, Some(&surface), 1.0, &gripper, &options)
+        })
     });
     group.finish();
 }

@@ -5,6 +5,8 @@
 //! three masks takes about a hundredth of a decode, where the reference generator spends more than half of its time on
 //! them. The floor is therefore the number of prompts times the decoder's arithmetic, some 3 GFLOP each.
 
+use std::hint::black_box;
+
 use criterion::{Criterion, criterion_group, criterion_main};
 use gprop::progress::Progress;
 use gprop::segment::mask::Rect;
@@ -54,8 +56,10 @@ fn with_models(criterion: &mut Criterion) {
     group.sample_size(10);
     group.bench_function("encode, one thread", |b| b.iter(|| sam.encode(&prepared.input)));
     let embedding = sam.encode(&prepared.input).expect("the encoder runs");
+    group.bench_function("look at an embedding", |b| b.iter(|| sam.look(&embedding)));
+    let sight = sam.look(&embedding).expect("the decoder runs");
     group.bench_function("decode one prompt, one thread", |b| {
-        b.iter(|| sam.decode(&embedding, [512.0, 512.0], |decoded| decoded.predicted_iou));
+        b.iter(|| sam.decode(&sight, &[[512.0, 512.0]], |_, decoded| _ = black_box(decoded.predicted_iou)));
     });
 }
 

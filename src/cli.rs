@@ -1,5 +1,6 @@
 //! Subcommands and flags: what the user typed becomes a call into the pipeline or a stage, and a result on stdout.
 
+mod picture;
 mod query;
 mod scene;
 mod simulate;
@@ -48,7 +49,7 @@ struct Global {
 enum Command {
     /// The main job: every stage in order; what an earlier run left is reused.
     Run(RunArgs),
-    /// SAM parts of the chosen views (and what they need).
+    /// SAM parts of the chosen views (and what they need), or of one picture where SCENE is one.
     Segment(SceneArgs),
     /// What each part is made of, by recorded answers or a model; or move queries out and answers in.
     Query(QueryArgs),
@@ -238,6 +239,18 @@ enum Evaluate {
         /// The trajectory (NPZ) with its setting.
         reference: PathBuf,
     },
+    /// Prompts, time and part IoU of --prompts adaptive beside --prompts grid, on scenes with true part maps.
+    Prompts {
+        /// Scene folders with SCENE/ground_truth/part_maps/VIEW.png: 8-bit part numbers, 255 where there is no part.
+        #[arg(required = true)]
+        scenes: Vec<PathBuf>,
+        #[command(flatten)]
+        scene: crate::scene::Options,
+        #[command(flatten)]
+        segment: crate::segment::Options,
+        #[command(flatten)]
+        setup: setup::Options,
+    },
 }
 
 #[derive(Debug, Subcommand)]
@@ -282,6 +295,7 @@ pub fn run(arguments: Vec<OsString>) -> anyhow::Result<()> {
     }
     match &cli.command {
         Command::Run(args) => scene::run(global, &args.scene, args.to),
+        Command::Segment(args) if args.scene.is_file() => picture::segment(global, args),
         Command::Segment(args) => scene::run(global, args, Stage::Segment),
         Command::Query(args) => query::query(global, args),
         Command::Vote(args) => scene::run(global, args, Stage::Vote),

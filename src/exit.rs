@@ -5,8 +5,8 @@ use thiserror::Error;
 use crate::config::ConfigError;
 use crate::evaluate::grasp::OutcomesError;
 use crate::evaluate::masks::MasksError;
-use crate::export::ExportError;
 use crate::evaluate::simulation::SimulationError;
+use crate::export::ExportError;
 use crate::grasp::GraspError;
 use crate::materials::LibraryError;
 use crate::parts::PartsError;
@@ -18,6 +18,7 @@ use crate::query::{LabelsError, PromptError, QueryError};
 use crate::scene::SceneError;
 use crate::scene::ply::PlyError;
 use crate::segment::SegmentError;
+use crate::segment::formats::ImportError;
 use crate::setup::SetupError;
 use crate::simulate::SimulateError;
 use crate::vote::VoteError;
@@ -83,7 +84,13 @@ fn code(cause: &(dyn std::error::Error + 'static)) -> Option<Exit> {
         ),
         (
             Exit::Scene,
-            &[cause.is::<SceneError>(), cause.is::<PlyError>(), cause.is::<VoteError>(), cause.is::<PartsError>()],
+            &[
+                cause.is::<SceneError>(),
+                cause.is::<ImportError>(),
+                cause.is::<PlyError>(),
+                cause.is::<VoteError>(),
+                cause.is::<PartsError>(),
+            ],
         ),
         (Exit::Model, &[cause.is::<SetupError>(), cause.is::<SegmentError>()]),
         (Exit::Answer, &[cause.is::<QueryError>(), cause.is::<RecordingError>()]),

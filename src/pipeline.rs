@@ -40,6 +40,8 @@ use crate::scene::{Scene, View};
 use crate::segment::Segmentation;
 use crate::vote::MaterialField;
 use crate::workdir::{Artifact, WorkDir};
+pub use segment::open_segmenter;
+
 use record::{Hasher, RunRecord, StageRecord};
 
 /// The stages, in the order of the data flow.

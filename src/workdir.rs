@@ -26,6 +26,10 @@ pub enum Artifact<'a> {
     Views,
     /// 16-bit label map of a view.
     LabelMap(&'a str),
+    /// The label map of a view as a NumPy array.
+    LabelArray(&'a str),
+    /// All label maps as a COCO data set.
+    Coco,
     /// Per part: view, id, area, box, predicted IoU, stability, level.
     Segments,
     /// The picture sent for a part of a view.
@@ -71,6 +75,8 @@ impl Artifact<'_> {
             Self::Run => "run.json".into(),
             Self::Views => "views.json".into(),
             Self::LabelMap(view) => Path::new("segments").join(format!("{view}.png")),
+            Self::LabelArray(view) => Path::new("segments").join(format!("{view}_s.npy")),
+            Self::Coco => "segments/coco.json".into(),
             Self::Segments => "segments/segments.json".into(),
             Self::Sheet(view, part) => Path::new("sheets").join(format!("{view}_{part}.jpg")),
             Self::Answers => "answers.jsonl".into(),

@@ -1,20 +1,24 @@
 //! The commands that need no scene.
 
 use std::fs;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 use anyhow::Context;
 
 use crate::evaluate::filling;
 use crate::evaluate::grasp as grasp_rates;
 use crate::evaluate::masks::{Reference, compare};
+use crate::evaluate::prompts;
 use crate::evaluate::simulation::{self, SimulationError};
 use crate::exit::UsageError;
+use crate::from_splat::photo_with_foreground;
 use crate::grasp::CalibrationReport;
 use crate::grasp::gripper::GripperProfile;
 use crate::materials::{MaterialLibrary, check, cli as library, stats};
 use crate::npz::Npz;
-use crate::segment::Segmenter;
+use crate::pipeline::open_segmenter;
+use crate::scene;
+use crate::segment::{self, Segmenter};
 use crate::setup::{self, SetupError};
 
 use crate::workdir::write_atomic;
@@ -62,6 +66,7 @@ pub fn evaluate(global: &Global, what: &Evaluate) -> anyhow::Result<()> {
         }
         Evaluate::Masks { image, reference, setup } => evaluate_masks(global, image, reference, setup),
         Evaluate::Simulation { reference } => evaluate_simulation(global, reference),
+        Evaluate::Prompts { scenes, scene, segment, setup } => evaluate_prompts(global, scenes, scene, segment, setup),
     }
 }
 
@@ -119,6 +124,56 @@ fn evaluate_masks(global: &Global, image: &Path, reference: &Path, setup: &setup
             );
         }
         text + "the last two columns are largest differences over the matched pairs"
+    })
+}
+
+fn evaluate_prompts(
+    global: &Global,
+    scenes: &[PathBuf],
+    options: &scene::Options,
+    segment: &segment::Options,
+    setup: &setup::Options,
+) -> anyhow::Result<()> {
+    let segmenter = open_segmenter(setup, segment, global.progress())?;
+    let mut rows = Vec::new();
+    for folder in scenes {
+        let scene = scene::load(folder, options)?;
+        let true_view = |view: scene::View| -> anyhow::Result<prompts::TrueView> {
+            let path = folder.join("ground_truth/part_maps").join(format!("{}.png", view.name));
+            let parts = image::open(&path).map_err(|error| UsageError(format!("{path:?}: {error}")))?.into_luma8();
+            Ok(prompts::TrueView { photo: photo_with_foreground(&scene, &view)?, name: view.name, parts })
+        };
+        let views: Vec<_> = scene.chosen_views(options)?.into_iter().map(true_view).collect::<anyhow::Result<_>>()?;
+        rows.push(prompts::compare(&segmenter, &scene.name, &views, segment)?);
+        global.progress().line(&format!("{} done", scene.name));
+    }
+    print(global, &rows, || {
+        let mut text = format!(
+            "{:<12} {:>5} {:>13} {:>17} {:>9} {:>13} {:>8} {:>12}\n",
+            "scene",
+            "views",
+            "grid: prompts",
+            "adaptive: prompts",
+            "grid: IoU",
+            "adaptive: IoU",
+            "grid: s",
+            "adaptive: s"
+        );
+        let iou = |outcome: &prompts::Outcome| outcome.mean_iou.map_or("-".to_owned(), |iou| format!("{iou:.4}"));
+        for row in &rows {
+            text += &format!(
+                "{:<12} {:>5} {:>13} {:>17} {:>9} {:>13} {:>8.1} {:>12.1}\n",
+                row.scene,
+                row.views,
+                row.grid.prompts,
+                row.adaptive.prompts,
+                iou(&row.grid),
+                iou(&row.adaptive),
+                row.grid.seconds,
+                row.adaptive.seconds
+            );
+        }
+        text
     })
 }
 

@@ -106,7 +106,8 @@ pub fn objects(path: &Path) -> Result<Vec<TrueObject>, OutcomesError> {
 
 fn read<T: DeserializeOwned>(path: &Path, header: &'static str) -> Result<Vec<T>, OutcomesError> {
     let error = |e: csv::Error| OutcomesError::Table { path: path.to_owned(), message: e.to_string(), header };
-    let mut reader = csv::ReaderBuilder::new().trim(csv::Trim::All).comment(Some(b'#')).from_path(path).map_err(error)?;
+    let mut reader =
+        csv::ReaderBuilder::new().trim(csv::Trim::All).comment(Some(b'#')).from_path(path).map_err(error)?;
     let rows: Vec<T> = reader.deserialize().collect::<Result<_, _>>().map_err(error)?;
     if rows.is_empty() { Err(OutcomesError::Empty { path: path.to_owned() }) } else { Ok(rows) }
 }
@@ -162,9 +163,8 @@ impl Evaluation {
 
 impl Rates {
     fn of(outcomes: &[&Outcome]) -> Self {
-        let share = |holds: fn(&Outcome) -> bool| {
-            outcomes.iter().filter(|o| holds(o)).count() as f64 / outcomes.len() as f64
-        };
+        let share =
+            |holds: fn(&Outcome) -> bool| outcomes.iter().filter(|o| holds(o)).count() as f64 / outcomes.len() as f64;
         Self {
             pur: share(|o| o.picked_up),
             ndr: share(|o| o.undamaged),

@@ -140,7 +140,7 @@ pub fn compare(
     }
     let options = reference.generator_options();
     let levels = [Level::Small, Level::Middle, Level::Large];
-    let request = Request { picture, is_wanted: &|_, _| true, levels: &levels, options: &options, observer };
+    let request = Request { picture, adaptive: None, levels: &levels, options: &options, observer };
     compare_candidates(&request.run(sam)?, reference)
 }
 

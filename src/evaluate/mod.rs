@@ -3,5 +3,6 @@
 pub mod filling;
 pub mod grasp;
 pub mod masks;
+pub mod prompts;
 pub mod segmentation;
 pub mod simulation;

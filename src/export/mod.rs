@@ -59,7 +59,9 @@ pub struct Model<'a> {
 pub enum ExportError {
     #[error(transparent)]
     Scale(#[from] PartsError),
-    #[error("the object has no mass, so it is no rigid body: no part fills any volume; see the warnings of the parts stage")]
+    #[error(
+        "the object has no mass, so it is no rigid body: no part fills any volume; see the warnings of the parts stage"
+    )]
     NoMass,
     #[error("cannot write {path:?}: {source}; make room or choose another folder with --out")]
     Write { path: PathBuf, source: io::Error },

@@ -89,7 +89,10 @@ impl CalibrationReport {
     /// A table for the terminal.
     pub fn text(&self) -> String {
         let fit = &self.fit;
-        let mut text = format!("{:>10} {:>6} {:>10} {:>10} {:>10} {:>10}\n", "command", "count", "mean N", "spread N", "fitted N", "residual N");
+        let mut text = format!(
+            "{:>10} {:>6} {:>10} {:>10} {:>10} {:>10}\n",
+            "command", "count", "mean N", "spread N", "fitted N", "residual N"
+        );
         for c in &self.commands {
             text += &format!(
                 "{:>10} {:>6} {:>10.3} {:>10.3} {:>10.3} {:>10.3}\n",
@@ -105,14 +108,19 @@ impl CalibrationReport {
             fit.enabled[1],
             fit.rms_residual_n,
             fit.max_residual_n,
-            if fit.left_out > 0 { format!("; {} measurements below {} left out", fit.left_out, fit.enabled[0]) } else { String::new() },
+            if fit.left_out > 0 {
+                format!("; {} measurements below {} left out", fit.left_out, fit.enabled[0])
+            } else {
+                String::new()
+            },
         )
     }
 }
 
 fn read(path: &Path) -> Result<Vec<CalibrationPoint>, GraspError> {
     let error = |error: csv::Error| GraspError::ReadPoints { path: path.to_owned(), message: error.to_string() };
-    let mut reader = csv::ReaderBuilder::new().trim(csv::Trim::All).comment(Some(b'#')).from_path(path).map_err(error)?;
+    let mut reader =
+        csv::ReaderBuilder::new().trim(csv::Trim::All).comment(Some(b'#')).from_path(path).map_err(error)?;
     reader.deserialize().collect::<Result<_, _>>().map_err(error)
 }
 

@@ -38,9 +38,7 @@ pub fn hand(contacts: [Point3<f64>; 2], approach: Vector3<f64>, side_m: f64, gap
     let axes = [axis, approach, axis.cross(&approach)];
     let half_length = 0.5 * (FINGER_LENGTH_M + 0.5 * side_m);
     let finger = |contact: Point3<f64>, outward: Vector3<f64>| OrientedBox {
-        center: contact
-            + outward * (gap_m + 0.5 * FINGER_THICKNESS_M)
-            + approach * (half_length - 0.5 * side_m),
+        center: contact + outward * (gap_m + 0.5 * FINGER_THICKNESS_M) + approach * (half_length - 0.5 * side_m),
         axes,
         half: [0.5 * FINGER_THICKNESS_M, half_length, 0.5 * side_m],
     };
@@ -55,12 +53,7 @@ pub fn hand(contacts: [Point3<f64>; 2], approach: Vector3<f64>, side_m: f64, gap
 
 /// From where a hand can reach the place without running into the object: the direction from the contacts to the palm, the
 /// most upward (+z) of those that are free.
-pub fn free_approach(
-    place: &Place,
-    side_m: f64,
-    obstacles: &[Point3<f64>],
-    cells: &Cells,
-) -> Option<Vector3<f64>> {
+pub fn free_approach(place: &Place, side_m: f64, obstacles: &[Point3<f64>], cells: &Cells) -> Option<Vector3<f64>> {
     let axis = place.axis();
     // The approach that is as upward as the axis lets it be, and the one square to it.
     let least = if axis.z.abs() < 0.99 { Vector3::z() } else { Vector3::x() };

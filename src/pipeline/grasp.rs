@@ -38,8 +38,7 @@ impl Pipeline {
         let cameras: Vec<Camera> = self.scene.views.iter().map(|view| view.camera.clone()).collect();
         let (gaussians, meters_per_unit) = (&self.scene.gaussians, scale.meters_per_unit);
         let surface = Surface::of(gaussians, &field.part_label, &cameras, meters_per_unit);
-        let report =
-            grasp::grasp(&parts, &field.labels, Some(&surface), meters_per_unit, &self.gripper, &options)?;
+        let report = grasp::grasp(&parts, &field.labels, Some(&surface), meters_per_unit, &self.gripper, &options)?;
         let side = self.gripper.finger_side_m();
         let picture = grasp::picture::picture(gaussians, &cameras, &report.candidates, side, meters_per_unit);
         let mut outputs = vec![Artifact::Grasp];

@@ -13,8 +13,7 @@ use crate::progress::Progress;
 use crate::query::Answers;
 use crate::report::material_map;
 use crate::scene::Photo;
-use crate::segment::{LabelMap, Segmenter, ViewSegments, segment_views};
-use crate::setup;
+use crate::segment::{LabelMap, PartMask, ViewSegments, segment_views};
 use crate::workdir::{Artifact, WorkDir};
 
 use super::Options;
@@ -22,10 +21,7 @@ use super::desk::{Desk, DeskView};
 use super::query::write_sheets;
 use super::record::Hasher;
 use super::scene::file_digest;
-use super::segment::{SegmentsFile, ViewEntry, models_key};
-
-/// The picture's name among views.
-const VIEW: &str = "picture";
+use super::segment::{SegmentsFile, ViewEntry, models_key, open_segmenter, write_other_formats};
 
 /// A picture on its way through segmentation and queries.
 pub struct Picture {
@@ -33,8 +29,16 @@ pub struct Picture {
     options: Options,
     library: Cow<'static, MaterialLibrary>,
     photo: Photo,
+    /// Width and height of the picture as it is stored, upright.
+    size: (u32, u32),
+    /// The parts in pixels of `photo`, which is smaller than the picture where that is huge.
     segments: ViewSegments,
     progress: Progress,
+}
+
+/// The picture's name among views.
+fn view_name(path: &Path) -> String {
+    path.file_stem().unwrap_or_default().to_string_lossy().into_owned()
 }
 
 /// The picture's work folder: beside it and of its name, where the user names none.
@@ -52,31 +56,47 @@ impl Picture {
         options: Options,
         progress: Progress,
     ) -> Result<Self> {
-        let photo = Photo::open(path, mask)?;
+        if options.segment.segments.is_some() {
+            return Err(UsageError("--segments is for a scene's views; a picture's parts are found".to_owned()).into());
+        }
+        let (photo, size) = Photo::open(path, mask)?;
         let work = WorkDir::open(&work_folder(path, out))?;
         let key = segments_key(path, mask, &options)?;
-        let segments = match segmented_before(&work, &key) {
-            Some(segments) => segments,
-            None => segment(&work, key, &photo, &options, progress)?,
+        let view = view_name(path);
+        let segments = match segmented_before(&work, &view, &key) {
+            Some(segments) => at_size(segments, photo.rgb.dimensions()),
+            None => segment(&work, &view, key, (&photo, size), &options, progress)?,
         };
         if let Some(warning) = segments.warning() {
             tracing::warn!("{warning}");
         }
-        if segments.parts.is_empty() {
-            return Err(UsageError(format!("{path:?} has no foreground: its alpha or its mask is empty")).into());
-        }
-        Ok(Self { work, library: options.materials.library()?, options, photo, segments, progress })
+        Ok(Self { work, library: options.materials.library()?, options, photo, size, segments, progress })
     }
 
     /// Whether an earlier run found the picture's parts and they are still good; makes and does nothing.
     pub fn is_segmented(path: &Path, mask: Option<&Path>, out: Option<&Path>, options: &Options) -> Result<bool> {
         Photo::open(path, mask)?;
-        let folder = work_folder(path, out);
-        Ok(folder.exists() && segmented_before(&WorkDir::open(&folder)?, &segments_key(path, mask, options)?).is_some())
+        let (folder, key) = (work_folder(path, out), segments_key(path, mask, options)?);
+        Ok(folder.exists() && segmented_before(&WorkDir::open(&folder)?, &view_name(path), &key).is_some())
+    }
+
+    /// Writes the parts in the other formats that were asked for, and gives them in pixels of the picture.
+    pub fn segments(&self) -> Result<ViewSegments> {
+        let segments = [at_size(self.segments.clone(), self.size)];
+        write_other_formats(&self.work, &self.options.segment.also, &segments)?;
+        let [segments] = segments;
+        Ok(segments)
     }
 
     /// The queries of the picture's parts; recordings lie in the work folder.
+    ///
+    /// # Errors
+    /// Besides what reading prompts and recordings may meet, a picture without a foreground.
     pub fn desk(&self) -> Result<Desk<'_>> {
+        if self.segments.parts.is_empty() {
+            let view = &self.segments.view;
+            return Err(UsageError(format!("{view} has no foreground: its alpha or its mask is empty")).into());
+        }
         let view = DeskView { name: &self.segments.view, photo: self.photo.clone(), segments: &self.segments };
         Desk::new(&self.options.query, vec![view], &self.library, self.work.root(), &self.work, self.progress)
     }
@@ -104,29 +124,62 @@ impl Picture {
 
 /// What the parts depend on.
 fn segments_key(path: &Path, mask: Option<&Path>, options: &Options) -> Result<String> {
-    let mut hasher = Hasher::new(VIEW).with_json(&options.segment).with(models_key(&options.setup).as_bytes());
+    let mut hasher =
+        Hasher::new("picture").with_json(&options.segment.deciding()).with(models_key(&options.setup).as_bytes());
     for file in [Some(path), mask].into_iter().flatten() {
         hasher = hasher.with(&file_digest(file).with_context(|| format!("cannot read {file:?}"))?);
     }
     Ok(hasher.hex())
 }
 
-fn segmented_before(work: &WorkDir, key: &str) -> Option<ViewSegments> {
+fn segmented_before(work: &WorkDir, view: &str, key: &str) -> Option<ViewSegments> {
     let mut file: SegmentsFile = work.read_json(Artifact::Segments).ok()?;
-    let entry = file.views.remove(VIEW).filter(|entry| entry.key == key)?;
-    let map = LabelMap::from_png(&work.read(Artifact::LabelMap(VIEW)).ok()?).ok()?;
+    let entry = file.views.remove(view).filter(|entry| entry.key == key)?;
+    let map = LabelMap::from_png(&work.read(Artifact::LabelMap(view)).ok()?).ok()?;
     info!("the parts found earlier are still good");
-    Some(ViewSegments { view: VIEW.to_owned(), map, parts: entry.parts })
+    Some(ViewSegments { view: view.to_owned(), map, parts: entry.parts })
 }
 
-fn segment(work: &WorkDir, key: String, photo: &Photo, options: &Options, progress: Progress) -> Result<ViewSegments> {
-    let models = setup::obtain(&options.setup, progress)?;
-    let segmenter = Segmenter::new(&models, rayon::current_num_threads())?;
+/// Finds the parts and writes them in pixels of the picture, whose size is `size`; gives them in pixels of `photo`.
+fn segment(
+    work: &WorkDir,
+    view: &str,
+    key: String,
+    (photo, size): (&Photo, (u32, u32)),
+    options: &Options,
+    progress: Progress,
+) -> Result<ViewSegments> {
+    let segmenter = open_segmenter(&options.setup, &options.segment, progress)?;
     let load = |_: &str| Ok(photo.clone());
-    let found = segment_views(&segmenter, &[VIEW], &load, &options.segment, progress, &|_| Ok(()))?;
-    let segments = found.views.into_iter().next().context("one picture has one view")?;
-    work.write(Artifact::LabelMap(VIEW), &segments.map.to_png()?)?;
-    let entry = ViewEntry { key, parts: segments.parts.clone() };
-    work.write_json(Artifact::Segments, &SegmentsFile { views: [(VIEW.to_owned(), entry)].into() })?;
-    Ok(segments)
+    let found = segment_views(&segmenter, &[view], &load, &options.segment, progress, &|_| Ok(()))?;
+    let found = found.views.into_iter().next().context("one picture has one view")?;
+    let written = at_size(found.clone(), size);
+    work.write(Artifact::LabelMap(view), &written.map.to_png()?)?;
+    let entry = ViewEntry { key, parts: written.parts };
+    work.write_json(Artifact::Segments, &SegmentsFile { views: [(view.to_owned(), entry)].into() })?;
+    Ok(found)
+}
+
+/// The parts as they are in the picture at another size.
+fn at_size(segments: ViewSegments, (width, height): (u32, u32)) -> ViewSegments {
+    let small = (segments.map.width, segments.map.height);
+    if small == (width, height) {
+        return segments;
+    }
+    let map = segments.map.resized(width, height);
+    let parts = segments.parts.into_iter().map(|part| part_at_size(part, &map, small)).collect();
+    ViewSegments { map, parts, ..segments }
+}
+
+fn part_at_size(part: PartMask, map: &LabelMap, before: (u32, u32)) -> PartMask {
+    let scale = |value: u32, to: u32, from: u32| (u64::from(value) * u64::from(to)).div_ceil(u64::from(from)) as u32;
+    let area = map.labels.iter().filter(|&&label| label == part.id).count() as u32;
+    let [x, y, width, height] = part.bbox;
+    let bbox = [
+        scale(x, map.width, before.0),
+        scale(y, map.height, before.1),
+        scale(width, map.width, before.0),
+        scale(height, map.height, before.1),
+    ];
+    PartMask { area, bbox, ..part }
 }

@@ -1,16 +1,19 @@
 //! Segmentation on disk: a label map a view and `segments.json`, both written as soon as a view is done.
 
 use std::collections::BTreeMap;
+use std::path::Path;
 use std::sync::Mutex;
 
 use anyhow::{Context, Result};
 use serde::{Deserialize, Serialize};
 
 use crate::from_splat::photo_with_foreground;
+use crate::progress::Progress;
 use crate::scene::{ObjectSource, View};
+use crate::segment::formats::{Format, ImportError, coco, file_of_view, import_view};
 use crate::segment::{LabelMap, PartMask, Segmentation, Segmenter, ViewSegments, segment_views};
-use crate::setup;
-use crate::workdir::Artifact;
+use crate::workdir::{Artifact, WorkDir};
+use crate::{segment, setup};
 
 use super::record::Hasher;
 use super::scene::file_digest;
@@ -31,39 +34,61 @@ pub(super) struct ViewEntry {
 
 impl Pipeline {
     pub(super) fn segment_key(&self) -> Result<String> {
-        let hasher = self.key_after(Stage::Segment, &[Stage::Scene]).with_json(&self.options.segment);
-        Ok(hasher.with(models_key(&self.options.setup).as_bytes()).hex())
+        let hasher = self.key_after(Stage::Segment, &[Stage::Scene]).with_json(&self.options.segment.deciding());
+        let mut hasher = hasher.with_json(&self.options.segment.also).with(self.masks_key().as_bytes());
+        if let Some(folder) = &self.options.segment.segments {
+            for view in &self.views {
+                hasher = hasher.with(&imported_digest(folder, &view.name)?);
+            }
+        }
+        Ok(hasher.hex())
     }
 
     pub(super) fn do_segment(&self) -> Result<Done> {
         let mut file = self.finished_views()?;
         let open: Vec<&str> =
             self.views.iter().map(|view| view.name.as_str()).filter(|name| !file.views.contains_key(*name)).collect();
-        if !open.is_empty() {
-            self.segment_open(&open, &mut file)?;
+        match &self.options.segment.segments {
+            Some(folder) => self.import_open(folder, &open, &mut file)?,
+            None if open.is_empty() => {}
+            None => self.segment_open(&open, &mut file)?,
         }
+        let also = write_other_formats(&self.work, &self.options.segment.also, &self.segmentation()?.views)?;
         let label_maps = self.views.iter().map(|view| Artifact::LabelMap(&view.name));
         let warnings = self.segmentation()?.views.iter().filter_map(ViewSegments::warning);
-        Ok(Done::writing(label_maps.chain([Artifact::Segments])).warning(warnings.collect()))
+        Ok(Done::writing(label_maps.chain([Artifact::Segments]).chain(also)).warning(warnings.collect()))
     }
 
     fn segment_open(&self, open: &[&str], file: &mut SegmentsFile) -> Result<()> {
-        let models = setup::obtain(&self.options.setup, self.progress)?;
-        let segmenter = Segmenter::new(&models, rayon::current_num_threads())?;
+        let segmenter = open_segmenter(&self.options.setup, &self.options.segment, self.progress)?;
         let keys: BTreeMap<&str, String> =
             open.iter().map(|name| Ok((*name, self.view_key(self.view(name))?))).collect::<Result<_>>()?;
         let load = |name: &str| Ok(photo_with_foreground(&self.scene, self.view(name))?);
         let file = Mutex::new(file);
         let save = |done: &ViewSegments| {
-            let png = done.map.to_png().with_context(|| format!("view {}", done.view))?;
-            self.work.write(Artifact::LabelMap(&done.view), &png)?;
             let mut file = file.lock().expect("a thread that panicked ended the process");
-            let entry = ViewEntry { key: keys[done.view.as_str()].clone(), parts: done.parts.clone() };
-            file.views.insert(done.view.clone(), entry);
-            Ok(self.work.write_json(Artifact::Segments, &**file)?)
+            self.save_view(done, keys[done.view.as_str()].clone(), &mut file)
         };
         segment_views(&segmenter, open, &load, &self.options.segment, self.progress, &save)?;
         Ok(())
+    }
+
+    /// Takes the masks of the open views from a folder.
+    fn import_open(&self, folder: &Path, open: &[&str], file: &mut SegmentsFile) -> Result<()> {
+        for name in open {
+            let view = self.view(name);
+            let size = (view.camera.intrinsics.width, view.camera.intrinsics.height);
+            let imported = import_view(folder, name, size, self.options.segment.level)?;
+            self.save_view(&imported, self.view_key(view)?, file)?;
+        }
+        Ok(())
+    }
+
+    fn save_view(&self, done: &ViewSegments, key: String, file: &mut SegmentsFile) -> Result<()> {
+        let png = done.map.to_png().with_context(|| format!("view {}", done.view))?;
+        self.work.write(Artifact::LabelMap(&done.view), &png)?;
+        file.views.insert(done.view.clone(), ViewEntry { key, parts: done.parts.clone() });
+        Ok(self.work.write_json(Artifact::Segments, file)?)
     }
 
     /// The parts of the chosen views.
@@ -102,7 +127,10 @@ impl Pipeline {
     /// A view's parts depend on its photo, the options and the models, not on the other views.
     fn view_key(&self, view: &View) -> Result<String> {
         let photo = file_digest(&view.image).with_context(|| format!("cannot read {:?}", view.image))?;
-        let mut hasher = Hasher::new("view").with(&photo).with_json(&self.options.segment);
+        let mut hasher = Hasher::new("view").with(&photo).with_json(&self.options.segment.deciding());
+        if let Some(folder) = &self.options.segment.segments {
+            return Ok(hasher.with(&imported_digest(folder, &view.name)?).hex());
+        }
         if let Some(mask) = &view.mask {
             hasher = hasher.with(&file_digest(mask).with_context(|| format!("cannot read {mask:?}"))?);
         }
@@ -111,6 +139,11 @@ impl Pipeline {
             hasher = hasher.with(self.scene_key()?.as_bytes());
         }
         Ok(hasher.with(models_key(&self.options.setup).as_bytes()).hex())
+    }
+
+    /// Which models make the masks, if any do.
+    fn masks_key(&self) -> String {
+        if self.options.segment.segments.is_some() { String::new() } else { models_key(&self.options.setup) }
     }
 }
 
@@ -123,4 +156,42 @@ pub(super) fn models_key(setup: &setup::Options) -> String {
         hasher = hasher.with(&file_digest(path).unwrap_or_default());
     }
     hasher.hex()
+}
+
+/// SAM as the options want it, fetched where need be.
+pub fn open_segmenter(setup: &setup::Options, options: &segment::Options, progress: Progress) -> Result<Segmenter> {
+    let models = setup::obtain(setup, progress)?;
+    let segmenter = Segmenter::new(&models, rayon::current_num_threads())?;
+    if !options.cache_embeddings {
+        return Ok(segmenter);
+    }
+    Ok(segmenter.caching_embeddings(&setup::embeddings_folder()?, &models)?)
+}
+
+/// Writes the label maps in the forms that were asked for besides.
+pub(super) fn write_other_formats<'a>(
+    work: &WorkDir,
+    formats: &[Format],
+    views: &'a [ViewSegments],
+) -> Result<Vec<Artifact<'a>>> {
+    let mut written = Vec::new();
+    for format in formats {
+        if let Some(planes) = format.npy_planes() {
+            for segments in views {
+                let artifact = Artifact::LabelArray(&segments.view);
+                work.write_with(artifact, |out| segments.map.write_npy(planes, out))?;
+                written.push(artifact);
+            }
+        } else {
+            work.write_json(Artifact::Coco, &coco(views))?;
+            written.push(Artifact::Coco);
+        }
+    }
+    Ok(written)
+}
+
+/// SHA-256 of the file that a view's masks come from.
+fn imported_digest(folder: &Path, view: &str) -> Result<[u8; 32]> {
+    let path = file_of_view(folder, view)?;
+    Ok(file_digest(&path).map_err(|source| ImportError::Read { path, source })?)
 }

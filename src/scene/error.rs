@@ -84,6 +84,11 @@ pub enum SceneError {
     #[error("photo `{}` cannot be decoded: {reason}; replace it by a whole PNG, JPEG, WebP, BMP or TIFF", path.display())]
     Image { path: PathBuf, reason: image::ImageError },
     #[error(
+        "photo `{}`, {} x {} pixels, takes {} MB to decode, and gprop uses up to {} MB a photo here; scale it down{}",
+        path.display(), size.0, size.1, bytes >> 20, most >> 20, remedy
+    )]
+    TooLarge { path: PathBuf, size: (u32, u32), bytes: u64, most: u64, remedy: &'static str },
+    #[error(
         "photo `{}` is {} x {} pixels but was {} x {} when the scene was loaded; start again",
         path.display(), found.0, found.1, expected.0, expected.1
     )]

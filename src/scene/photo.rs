@@ -5,7 +5,9 @@ use std::io::BufReader;
 use std::path::Path;
 
 use image::metadata::Orientation;
-use image::{DynamicImage, GrayImage, ImageDecoder, ImageReader, Luma, RgbImage, RgbaImage};
+use image::{
+    DynamicImage, GenericImageView, GrayImage, ImageDecoder, ImageFormat, ImageReader, Luma, RgbImage, Rgba, RgbaImage,
+};
 
 use super::{SceneError, View};
 
@@ -81,59 +83,112 @@ impl Header {
     }
 }
 
+/// What decoding a view's photo may take: two are worked on at once, each in a few copies, and every label map is kept.
+const VIEW_LIMIT: Limit = Limit { bytes: 256 << 20, remedy: ", and its camera where it does not follow by itself" };
+/// What decoding a photo on its own may take: 20,000 x 20,000 pixels of four bytes.
+const ALONE_LIMIT: Limit = Limit { bytes: 1_600_000_000, remedy: ", or save it with 8 bits a channel as PNG" };
+/// A photo on its own with more pixels a side than three times this is shrunk by a whole factor. SAM sees 1024 of them.
+const KEPT_SIDE: u32 = 2048;
+
+/// How many bytes a decoded picture may take, and what to do besides shrinking it where it takes more.
+#[derive(Clone, Copy)]
+struct Limit {
+    bytes: u64,
+    remedy: &'static str,
+}
+
 impl View {
     /// Decodes the view's photo: 8 or 16 bits a channel, grey or colour, with or without alpha.
     ///
     /// # Errors
-    /// [`SceneError`] names the file: missing, undecodable, or of another size than when the scene was loaded.
+    /// [`SceneError`] names the file: missing, undecodable, too large, or of another size than when the scene was loaded.
     pub fn photo(&self) -> Result<Photo, SceneError> {
-        let picture = decode(&self.image, self.upright)?;
+        let picture = decode(&self.image, self.upright, VIEW_LIMIT)?;
         let expected = (self.camera.intrinsics.width, self.camera.intrinsics.height);
         let found = (picture.width(), picture.height());
         if found != expected {
             return Err(SceneError::ImageChanged { path: self.image.clone(), expected, found });
         }
-        Photo::of(picture, self.mask.as_deref(), self.upright)
+        let mask = self.mask.as_deref().map(|path| decode(path, self.upright, VIEW_LIMIT)).transpose()?;
+        Ok(Photo::of(picture, mask))
     }
 }
 
 impl Photo {
-    /// A photo by itself, upright, with its foreground by `mask` or its own alpha.
+    /// A photo without a camera, turned upright, with its foreground by `mask` or its own alpha. One of more than 6144
+    /// pixels a side is shrunk by a whole factor. Also gives its width and height before that.
     ///
     /// # Errors
-    /// [`SceneError`] names the file that is missing or undecodable.
-    pub fn open(path: &Path, mask: Option<&Path>) -> Result<Self, SceneError> {
-        Self::of(decode(path, Upright::Turned)?, mask, Upright::Turned)
+    /// [`SceneError`] names the file that is missing, undecodable, or too large to decode.
+    pub fn open(path: &Path, mask: Option<&Path>) -> Result<(Self, (u32, u32)), SceneError> {
+        let picture = decode(path, Upright::Turned, ALONE_LIMIT)?;
+        let size = (picture.width(), picture.height());
+        let factor = size.0.max(size.1) / KEPT_SIDE;
+        let picture = if factor > 2 { shrunk(&picture, factor) } else { picture };
+        let mask = mask.map(|path| decode(path, Upright::Turned, ALONE_LIMIT)).transpose()?;
+        Ok((Self::of(picture, mask), size))
     }
 
-    fn of(picture: DynamicImage, mask: Option<&Path>, upright: Upright) -> Result<Self, SceneError> {
+    fn of(picture: DynamicImage, mask: Option<DynamicImage>) -> Self {
         let (rgb, alpha) = over_white(picture);
         let (width, height) = rgb.dimensions();
-        let mask = mask.map(|path| mask_at(path, (width, height), upright)).transpose()?;
         let (foreground, foreground_source) = match (mask, alpha) {
-            (Some(mask), _) => (mask, ForegroundSource::Mask),
+            (Some(mask), _) => (mask_at(mask, (width, height)), ForegroundSource::Mask),
             (None, Some(alpha)) => (alpha, ForegroundSource::Alpha),
             (None, None) => (GrayImage::from_pixel(width, height, Luma([255])), ForegroundSource::Whole),
         };
-        Ok(Self { rgb, foreground, foreground_source })
+        Self { rgb, foreground, foreground_source }
     }
 }
 
 /// The mask's alpha where it has one that says something, else its brightness; resized to the photo where need be.
-fn mask_at(path: &Path, (width, height): (u32, u32), upright: Upright) -> Result<GrayImage, SceneError> {
-    let picture = decode(path, upright)?;
+fn mask_at(picture: DynamicImage, (width, height): (u32, u32)) -> GrayImage {
     let alpha = picture.color().has_alpha().then(|| alpha_of(&picture.to_rgba8())).filter(|alpha| !is_white(alpha));
     let mask = alpha.unwrap_or_else(|| picture.into_luma8());
     let mask = match mask.dimensions() == (width, height) {
         true => mask,
         false => image::imageops::resize(&mask, width, height, image::imageops::FilterType::Triangle),
     };
-    Ok(thresholded(mask))
+    thresholded(mask)
 }
 
-fn decode(path: &Path, upright: Upright) -> Result<DynamicImage, SceneError> {
+/// The picture with each square of `factor` x `factor` pixels as one, their mean; what is left over at the right and lower
+/// edges counts with the last.
+fn shrunk(picture: &DynamicImage, factor: u32) -> DynamicImage {
+    let side = |length: u32| (length / factor).max(1);
+    let (width, height) = (side(picture.width()), side(picture.height()));
+    let mut sums = vec![[0_u64; 5]; width as usize * height as usize];
+    for y in 0..picture.height() {
+        let row = (y / factor).min(height - 1) as usize * width as usize;
+        for x in 0..picture.width() {
+            let Rgba([r, g, b, alpha]) = picture.get_pixel(x, y);
+            let sum = &mut sums[row + (x / factor).min(width - 1) as usize];
+            for (sum, value) in sum.iter_mut().zip([r, g, b, alpha, 1]) {
+                *sum += u64::from(value);
+            }
+        }
+    }
+    let mean = |[r, g, b, alpha, count]: [u64; 5]| [r, g, b, alpha].map(|sum| ((sum + count / 2) / count) as u8);
+    let pixels: Vec<u8> = sums.into_iter().flat_map(mean).collect();
+    DynamicImage::ImageRgba8(RgbaImage::from_raw(width, height, pixels).expect("four bytes a pixel"))
+}
+
+fn decode(path: &Path, upright: Upright, limit: Limit) -> Result<DynamicImage, SceneError> {
     let undecodable = |reason| SceneError::Image { path: path.to_owned(), reason };
-    let mut decoder = open(path)?.into_decoder().map_err(undecodable)?;
+    let reader = open(path)?;
+    let format = reader.format();
+    let mut decoder = reader.into_decoder().map_err(undecodable)?;
+    let size = decoder.dimensions();
+    let pixels = u64::from(size.0) * u64::from(size.1);
+    let bytes = match format {
+        // A progressive JPEG is kept whole as 16-bit coefficients besides.
+        Some(ImageFormat::Jpeg) => pixels * (3 + 3 * 2),
+        _ => decoder.total_bytes(),
+    };
+    if bytes > limit.bytes {
+        let Limit { bytes: most, remedy } = limit;
+        return Err(SceneError::TooLarge { path: path.to_owned(), size, bytes, most, remedy });
+    }
     let orientation = decoder.orientation().unwrap_or(Orientation::NoTransforms);
     let mut picture = DynamicImage::from_decoder(decoder).map_err(undecodable)?;
     if upright == Upright::Turned {

@@ -1,7 +1,7 @@
 //! SAM's automatic mask generator: a grid of point prompts, the masks that are good enough, each only once.
 //!
 //! For each crop of the picture (only the whole of it by default):
-//! 1. encode it, decode the points of its grid;
+//! 1. encode it, decode the points of its grid, all of them or in passes (see [`super::adaptive`]);
 //! 2. drop masks by predicted IoU (before anything is enlarged), stability, and nearness to the crop's edge;
 //! 3. suppress duplicates by their boxes.
 //!
@@ -13,6 +13,7 @@ use image::RgbImage;
 use rayon::prelude::*;
 
 use super::Level;
+use super::adaptive::Adaptive;
 use super::error::SegmentError;
 use super::mask::{Mask, Rect};
 use super::nms::box_nms;
@@ -21,7 +22,7 @@ use super::preprocess::{Prepared, prepare};
 use super::prompts::{self, Crop};
 use super::regions::remove_small_regions;
 use super::resize::cropped;
-use super::sam::{Decoded, Embedding, Sam};
+use super::sam::{Decoded, Sam, Sight};
 use super::segmenter::Observer;
 use super::upsample::Upsampler;
 
@@ -53,8 +54,8 @@ pub struct Candidates {
 /// What to ask of a picture.
 pub struct Request<'a> {
     pub picture: &'a RgbImage,
-    /// Whether a point is worth a prompt, by its pixel.
-    pub is_wanted: &'a (dyn Fn(u32, u32) -> bool + Sync),
+    /// Which points of the grid are prompts; all where this is `None`.
+    pub adaptive: Option<Adaptive<'a>>,
     /// The levels to keep.
     pub levels: &'a [Level],
     pub options: &'a GeneratorOptions,
@@ -62,8 +63,8 @@ pub struct Request<'a> {
 }
 
 impl Request<'_> {
-    /// The crops and the wanted points of each, in pixels of the crop.
-    pub fn prompts(&self) -> Vec<(Crop, Vec<[f64; 2]>)> {
+    /// Prompts SAM and filters what it answers. Runs on the ambient rayon pool.
+    pub fn run(&self, sam: &Sam) -> Result<Candidates, SegmentError> {
         let options = self.options;
         let crops = prompts::crops(
             self.picture.width(),
@@ -73,46 +74,64 @@ impl Request<'_> {
             options.crop_overlap,
             options.crop_points_downscale,
         );
-        let points_of = |crop: Crop| {
-            let mut points = prompts::grid(crop.rect.width(), crop.rect.height(), crop.points_per_side);
-            points.retain(|&[x, y]| (self.is_wanted)(crop.rect.x0 + x as u32, crop.rect.y0 + y as u32));
-            (crop, points)
-        };
-        crops.into_iter().map(points_of).collect()
-    }
-
-    /// Prompts SAM everywhere and filters what it answers. Runs on the ambient rayon pool.
-    pub fn run(&self, sam: &Sam) -> Result<Candidates, SegmentError> {
-        let prompts = self.prompts();
-        self.observer.planned(prompts.iter().map(|(_, points)| points.len()).sum());
-        let by_crop = prompts.par_iter().map(|(crop, points)| self.run_crop(sam, *crop, points));
+        let by_crop = crops.into_par_iter().map(|crop| self.run_crop(sam, crop));
         Ok(Candidates { by_crop: by_crop.collect::<Result<_, _>>()? })
     }
 
-    fn run_crop(&self, sam: &Sam, crop: Crop, points: &[[f64; 2]]) -> Result<Vec<Candidate>, SegmentError> {
-        if points.is_empty() {
-            return Ok(Vec::new());
-        }
+    fn run_crop(&self, sam: &Sam, crop: Crop) -> Result<Vec<Candidate>, SegmentError> {
         let rect = crop.rect;
+        let grid = prompts::grid(rect.width(), rect.height(), crop.points_per_side);
+        let passes = match self.adaptive {
+            Some(_) => Adaptive::passes(crop.points_per_side as usize),
+            None => vec![(0..grid.len()).collect()],
+        };
+        let mut frame = None;
+        let mut found: Vec<Candidate> = Vec::new();
+        for pass in passes {
+            let points = self.worth_asking(&pass, &grid, &rect, &found);
+            self.observer.planned(points.len());
+            if points.is_empty() {
+                continue;
+            }
+            if frame.is_none() {
+                frame = Some(self.frame(sam, rect)?);
+            }
+            let Some(frame) = &frame else { continue };
+            let new: Result<Vec<Vec<Candidate>>, SegmentError> =
+                points.par_chunks(sam.batch()).map(|points| self.run_prompts(sam, frame, points)).collect();
+            found.extend(new?.into_iter().flatten());
+        }
+        Ok(found)
+    }
+
+    /// The points of a pass to be asked at, given what was found so far.
+    fn worth_asking(&self, pass: &[usize], grid: &[[f64; 2]], crop: &Rect, found: &[Candidate]) -> Vec<[f64; 2]> {
+        let points = pass.iter().map(|&index| grid[index]);
+        let Some(adaptive) = &self.adaptive else { return points.collect() };
+        let explaining: Vec<&Candidate> = found.iter().filter(|candidate| adaptive.explains(candidate)).collect();
+        let pixel = |[x, y]: [f64; 2]| (crop.x0 + x as u32, crop.y0 + y as u32);
+        points.filter(|&point| adaptive.is_worth_asking(pixel(point).0, pixel(point).1, &explaining)).collect()
+    }
+
+    fn frame(&self, sam: &Sam, rect: Rect) -> Result<Frame, SegmentError> {
         let Prepared { input, scaled } = prepare(&cropped(self.picture, &rect));
-        let embedding = sam.encode(&input)?;
-        drop(input);
-        let frame = Frame {
+        Ok(Frame {
             rect,
             scale: [f64::from(scaled.0) / f64::from(rect.width()), f64::from(scaled.1) / f64::from(rect.height())],
             upsampler: Upsampler::new(rect.width(), rect.height(), scaled.0, scaled.1),
-            embedding,
-        };
-        let found: Result<Vec<Vec<Candidate>>, SegmentError> =
-            points.par_iter().map(|&point| self.run_prompt(sam, &frame, point)).collect();
-        Ok(found?.into_iter().flatten().collect())
+            sight: sam.look(&sam.encode(&input)?)?,
+        })
     }
 
-    fn run_prompt(&self, sam: &Sam, frame: &Frame, point: [f64; 2]) -> Result<Vec<Candidate>, SegmentError> {
-        let scaled_point = [(point[0] * frame.scale[0]) as f32, (point[1] * frame.scale[1]) as f32];
-        let found = sam.decode(&frame.embedding, scaled_point, |decoded| self.filter(frame, point, &decoded));
-        self.observer.prompted();
-        found
+    fn run_prompts(&self, sam: &Sam, frame: &Frame, points: &[[f64; 2]]) -> Result<Vec<Candidate>, SegmentError> {
+        let scaled = |point: &[f64; 2]| [(point[0] * frame.scale[0]) as f32, (point[1] * frame.scale[1]) as f32];
+        let scaled_points: Vec<[f32; 2]> = points.iter().map(scaled).collect();
+        let mut found = Vec::new();
+        sam.decode(&frame.sight, &scaled_points, |index, decoded| {
+            found.extend(self.filter(frame, points[index], &decoded));
+            self.observer.prompted();
+        })?;
+        Ok(found)
     }
 
     fn filter(&self, frame: &Frame, point: [f64; 2], decoded: &Decoded<'_>) -> Vec<Candidate> {
@@ -153,7 +172,7 @@ struct Frame {
     /// Model pixels per crop pixel, x and y.
     scale: [f64; 2],
     upsampler: Upsampler,
-    embedding: Embedding,
+    sight: Sight,
 }
 
 impl Candidates {

@@ -16,6 +16,12 @@ pub enum SegmentError {
         #[source]
         source: std::io::Error,
     },
+    #[error("cannot write {path:?}: {source}; make room, or run without --cache-embeddings")]
+    Write {
+        path: PathBuf,
+        #[source]
+        source: std::io::Error,
+    },
     #[error("ONNX Runtime cannot load {path:?}: {reason}; it must be a whole ONNX file, {what}")]
     Model { path: PathBuf, what: &'static str, reason: String },
     #[error("{path:?} is not {what}: {problem}")]

@@ -1,5 +1,6 @@
 //! Label maps as 16-bit grey PNG, the form in which they are kept and exchanged.
 
+use std::collections::{BTreeMap, BTreeSet};
 use std::io::Cursor;
 
 use image::{DynamicImage, ImageBuffer, ImageFormat, Luma};
@@ -13,12 +14,50 @@ pub enum LabelMapError {
     Png(#[from] image::ImageError),
     #[error("a label map is a grey PNG of 16 (or 8) bits whose values are part ids; this one has pixels of type {0:?}")]
     Pixels(image::ColorType),
+    #[error("not a whole NumPy array: {0}")]
+    Npy(String),
+    #[error("an array of part ids is [height, width], [1, height, width] or [4, height, width]; this one is {0:?}")]
+    NpyShape(Vec<u64>),
+    #[error("an array of part ids is of int32 or int64; this one is of {0}")]
+    NpyType(String),
+    #[error("it has {0} parts, more than 65,535")]
+    TooManyParts(usize),
 }
 
 impl LabelMap {
     /// The label of a pixel.
     pub fn at(&self, x: u32, y: u32) -> u16 {
         self.labels[y as usize * self.width as usize + x as usize]
+    }
+
+    /// The map of part ids, which are renumbered from 1 in their order; a negative one is background.
+    pub fn of_ids(width: u32, height: u32, ids: &[i64]) -> Result<Self, LabelMapError> {
+        let distinct: BTreeSet<i64> = ids.iter().copied().filter(|&id| id >= 0).collect();
+        if distinct.len() > usize::from(u16::MAX) {
+            return Err(LabelMapError::TooManyParts(distinct.len()));
+        }
+        let number: BTreeMap<i64, u16> = distinct.into_iter().zip(1..).collect();
+        let labels = ids.iter().map(|id| number.get(id).copied().unwrap_or(0)).collect();
+        Ok(Self { width, height, labels })
+    }
+
+    /// The map with its ids renumbered from 1, without gaps.
+    pub fn renumbered(&self) -> Result<Self, LabelMapError> {
+        let ids: Vec<i64> = self.labels.iter().map(|&label| i64::from(label) - 1).collect();
+        Self::of_ids(self.width, self.height, &ids)
+    }
+
+    /// The map at another size, each pixel as the nearest one.
+    pub fn resized(&self, width: u32, height: u32) -> Self {
+        let nearest =
+            |index: u32, to: u32, from: u32| (u64::from(index) * 2 + 1) * u64::from(from) / (u64::from(to) * 2);
+        let columns: Vec<u32> = (0..width).map(|x| nearest(x, width, self.width) as u32).collect();
+        let mut labels = Vec::with_capacity(width as usize * height as usize);
+        for y in 0..height {
+            let row = nearest(y, height, self.height) as u32;
+            labels.extend(columns.iter().map(|&x| self.at(x, row)));
+        }
+        Self { width, height, labels }
     }
 
     /// The map as a 16-bit grey PNG.
@@ -52,6 +91,19 @@ mod tests {
     fn a_map_survives_its_png() {
         let map = LabelMap { width: 3, height: 2, labels: vec![0, 1, 300, 65_535, 2, 0] };
         assert_eq!(LabelMap::from_png(&map.to_png().unwrap()).unwrap(), map);
+    }
+
+    #[test]
+    fn resizing_takes_the_nearest_pixel() {
+        let map = LabelMap { width: 2, height: 1, labels: vec![1, 2] };
+        assert_eq!(map.resized(5, 2).labels, [1, 1, 2, 2, 2, 1, 1, 2, 2, 2]);
+        assert_eq!(map.resized(2, 1), map);
+    }
+
+    #[test]
+    fn renumbering_closes_gaps() {
+        let map = LabelMap { width: 4, height: 1, labels: vec![7, 0, 300, 7] };
+        assert_eq!(map.renumbered().unwrap().labels, [1, 0, 2, 1]);
     }
 
     #[test]

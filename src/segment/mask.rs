@@ -182,6 +182,18 @@ impl Mask {
         Self { width, row_starts, runs }
     }
 
+    /// The part inside a rectangle, as a picture of its own.
+    pub fn cropped(&self, rect: &Rect) -> Self {
+        let mut builder = MaskBuilder::new(rect.width());
+        for y in rect.y0..rect.y1 {
+            for &(start, end) in self.row(y) {
+                builder.push(start.clamp(rect.x0, rect.x1) - rect.x0, end.clamp(rect.x0, rect.x1) - rect.x0);
+            }
+            builder.end_row();
+        }
+        builder.finish()
+    }
+
     fn for_each_common_run(&self, other: &Self, mut visit: impl FnMut(u32, u32, u32)) {
         assert_eq!((self.width, self.height()), (other.width, other.height()), "masks of one picture");
         for y in 0..self.height() {
@@ -237,6 +249,13 @@ pub(super) mod tests {
     fn placing_moves_every_pixel() {
         let placed = drawn(&["#.", ".#"]).placed(1, 2, 4, 5);
         assert_eq!(placed, drawn(&["....", "....", ".#..", "..#.", "...."]));
+    }
+
+    #[test]
+    fn cropping_undoes_placing() {
+        let mask = drawn(&["#.#", ".#."]);
+        assert_eq!(mask.placed(2, 1, 7, 5).cropped(&Rect { x0: 2, y0: 1, x1: 5, y1: 3 }), mask);
+        assert_eq!(drawn(&["####", "#..#"]).cropped(&Rect { x0: 1, y0: 0, x1: 3, y1: 2 }), drawn(&["##", ".."]));
     }
 
     proptest! {

@@ -2,17 +2,20 @@
 //!
 //! In the order of the data:
 //! 1. [`segmenter`]: the foreground's surroundings are cut out of the photo;
-//! 2. [`prompts`]: a grid of points, those off the foreground left out;
+//! 2. [`prompts`], [`adaptive`]: a grid of points, and which of them are worth asking at;
 //! 3. [`preprocess`], [`resize`]: the picture as SAM's encoder wants it;
 //! 4. [`sam`] (the only user of `ort`): one embedding a picture, three nested masks a prompt;
 //! 5. [`upsample`]: logits to a mask at picture size and its stability;
 //! 6. [`automatic`], [`nms`], [`regions`]: the good ones, each only once, mended;
 //! 7. [`cull`], [`paint`]: which of them are parts, and the label map;
-//! 8. [`views`]: all of this for many views side by side.
+//! 8. [`views`]: all of this for many views side by side;
+//! 9. [`formats`]: label maps as others keep them, out and in.
 
+mod adaptive;
 pub mod automatic;
 pub mod cull;
 mod error;
+pub mod formats;
 mod label_map;
 pub mod mask;
 pub mod nms;
@@ -31,7 +34,7 @@ use serde::{Deserialize, Serialize};
 
 pub use error::SegmentError;
 pub use label_map::LabelMapError;
-pub use options::{GeneratorOptions, Options, PartOptions};
+pub use options::{GeneratorOptions, Options, PartOptions, Prompts};
 pub use segmenter::{Observer, Segmenter};
 pub use views::segment_views;
 

@@ -1,9 +1,12 @@
 //! The settings of segmentation: those of the public mask generator under its authors' meaning, those of the paper's
 //! culling, and gprop's own.
 
+use std::path::PathBuf;
+
 use serde::Serialize;
 
 use super::Level;
+use super::formats::Format;
 
 /// How views are segmented.
 #[derive(Debug, Clone, PartialEq, Serialize, clap::Args)]
@@ -14,10 +17,34 @@ pub struct Options {
     /// fetched MobileSAM, middle often joins parts of different materials that small keeps apart
     #[arg(long, value_enum, default_value_t = Level::Middle)]
     pub level: Level,
+    /// Where SAM is asked: on the object and there only as densely as need be, or at every point of the grid. What the first
+    /// costs in quality, if anything, `gprop evaluate prompts` measures
+    #[arg(long, value_enum, default_value_t = Prompts::Adaptive)]
+    pub prompts: Prompts,
+    /// Take the parts from this folder instead of SAM: VIEW.png (a grey label map, 0 background) or VIEW_s.npy (int32 ids, -1
+    /// background) for every chosen view
+    #[arg(long, value_name = "DIR")]
+    pub segments: Option<PathBuf>,
+    /// Also write the label maps in these forms
+    #[arg(long, value_name = "FORM,...", value_enum, value_delimiter = ',')]
+    pub also: Vec<Format>,
+    /// Keep what SAM's encoder makes of a picture in the cache, for runs with other settings
+    #[arg(long)]
+    pub cache_embeddings: bool,
     #[command(flatten)]
     pub generator: GeneratorOptions,
     #[command(flatten)]
     pub parts: PartOptions,
+}
+
+/// Which points of the grid SAM is asked at.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Serialize, clap::ValueEnum)]
+#[serde(rename_all = "snake_case")]
+pub enum Prompts {
+    /// All of them, as the public generator does.
+    Grid,
+    /// Those on the foreground: a coarse subset first, finer ones where no accepted mask lies.
+    Adaptive,
 }
 
 /// SAM's automatic mask generator. Names in parentheses are those of the public `SamAutomaticMaskGenerator`; the
@@ -80,6 +107,13 @@ pub struct PartOptions {
     /// (the paper's inner_thr)
     #[arg(long, value_name = "SHARE", default_value_t = 0.5)]
     pub cull_inner: f64,
+}
+
+impl Options {
+    /// The options without those that change nothing about the parts.
+    pub fn deciding(&self) -> Self {
+        Self { also: Vec::new(), cache_embeddings: false, ..self.clone() }
+    }
 }
 
 /// What the command line gives where it says nothing: the defaults stand in one place.

@@ -9,7 +9,7 @@ use super::cull::cull;
 use super::mask::Mask;
 use super::options::Options;
 use super::regions::drop_small_islands;
-use super::{LabelMap, PartMask};
+use super::{LabelMap, Level, PartMask};
 
 /// A mask with less of its area on the foreground is of the background.
 const LEAST_SHARE_ON_FOREGROUND: f64 = 0.5;
@@ -35,7 +35,8 @@ pub fn paint(candidates: &[Candidate], foreground: &Mask, options: &Options) -> 
     }
     loop {
         let map = label_map(&layers, foreground);
-        let parts = part_list(&map, &layers, options);
+        let scores: Vec<(f32, f32)> = layers.iter().map(|layer| (layer.predicted_iou, layer.stability)).collect();
+        let parts = part_list(&map, &scores, options.level);
         // What lies under others may be left with scraps; without it, they belong to what lies under that.
         let scrap = parts.iter().filter(|part| u64::from(part.area) < min_area).min_by_key(|part| part.area);
         match scrap {
@@ -86,22 +87,22 @@ fn label_map(layers: &[Layer], foreground: &Mask) -> LabelMap {
     map
 }
 
-/// What each layer kept in the map.
-fn part_list(map: &LabelMap, layers: &[Layer], options: &Options) -> Vec<PartMask> {
-    let mut kept = vec![Kept::default(); layers.len() + 1];
+/// What each part has of the map. `scores` are the predicted IoU and stability of the parts from 1 on.
+pub(super) fn part_list(map: &LabelMap, scores: &[(f32, f32)], level: Level) -> Vec<PartMask> {
+    let mut kept = vec![Kept::default(); scores.len() + 1];
     for (index, &label) in map.labels.iter().enumerate() {
         let (x, y) = (index as u32 % map.width, index as u32 / map.width);
         kept[usize::from(label)].add(x, y);
     }
-    let part = |(index, (layer, kept)): (usize, (&Layer, &Kept))| PartMask {
+    let part = |(index, (&(predicted_iou, stability_score), kept)): (usize, (&(f32, f32), &Kept))| PartMask {
         id: index as u16 + 1,
         area: kept.area,
         bbox: [kept.x0, kept.y0, kept.x1 - kept.x0, kept.y1 - kept.y0],
-        predicted_iou: layer.predicted_iou,
-        stability_score: layer.stability,
-        level: options.level,
+        predicted_iou,
+        stability_score,
+        level,
     };
-    layers.iter().zip(&kept[1..]).enumerate().map(part).collect()
+    scores.iter().zip(&kept[1..]).enumerate().map(part).collect()
 }
 
 /// Area and bounds of the pixels seen so far; the bounds are meaningless before the first.
@@ -130,7 +131,6 @@ impl Kept {
 
 #[cfg(test)]
 mod tests {
-    use super::super::Level;
     use super::super::mask::Rect;
     use super::*;
 

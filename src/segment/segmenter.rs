@@ -1,11 +1,14 @@
 //! One view's parts: the foreground's bounding box, SAM's masks in it, painted.
 
+use std::path::Path;
+
 use image::{GrayImage, RgbImage};
 
+use super::adaptive::Adaptive;
 use super::automatic::{Candidate, Request};
 use super::error::SegmentError;
 use super::mask::{Mask, Rect};
-use super::options::Options;
+use super::options::{Options, Prompts};
 use super::paint::paint;
 use super::resize::cropped;
 use super::sam::Sam;
@@ -18,7 +21,7 @@ const FOREGROUND: u8 = 128;
 
 /// Told how far a picture is, from any thread.
 pub trait Observer: Sync {
-    /// The picture will take this many prompts.
+    /// The picture will take this many prompts more.
     fn planned(&self, prompts: usize);
     /// One of them is done.
     fn prompted(&self);
@@ -42,6 +45,11 @@ impl Segmenter {
     /// Where ONNX Runtime or a model cannot be loaded or is not what it should be.
     pub fn new(files: &ModelFiles, threads: usize) -> Result<Self, SegmentError> {
         Ok(Self { sam: Sam::open(files, threads)? })
+    }
+
+    /// Keeps embeddings in `folder` (see [`Sam::caching_embeddings`]).
+    pub fn caching_embeddings(self, folder: &Path, files: &ModelFiles) -> Result<Self, SegmentError> {
+        Ok(Self { sam: self.sam.caching_embeddings(folder, files)? })
     }
 
     /// SAM itself, for what needs its masks and not parts.
@@ -85,9 +93,11 @@ impl Segmenter {
         } else {
             Rect::of_size(width, height)
         };
+        let object = foreground.cropped(&region);
         let request = Request {
             picture: &cropped(photo, &region),
-            is_wanted: &|x, y| foreground.contains(region.x0 + x, region.y0 + y),
+            adaptive: (options.prompts == Prompts::Adaptive)
+                .then_some(Adaptive { foreground: &object, whole_object: options.parts.whole_object }),
             levels: &[options.level],
             options: &options.generator,
             observer,

@@ -28,6 +28,7 @@ pub fn segment_views(
     let tally = Tally::new(progress, names.len());
     let segment_one = |name: &&str| -> anyhow::Result<ViewSegments> {
         let photo = load(name)?;
+        tally.view_begun();
         let segments = segmenter.segment_view(name, &photo, options, &tally)?;
         finished(&segments)?;
         tally.view_done();
@@ -38,12 +39,12 @@ pub fn segment_views(
     Ok(Segmentation { views: views? })
 }
 
-/// A progress bar over all prompts of all views. How many a view takes shows only when its photo has been read, so the
-/// total is the mean of those seen times the number of views.
+/// A progress bar over all prompts of all views. How many a view takes shows only on the way, so the total is the mean of
+/// those begun times the number of views.
 struct Tally {
     bar: ProgressBar,
     views: u64,
-    views_planned: AtomicU64,
+    views_begun: AtomicU64,
     prompts_planned: AtomicU64,
     views_done: AtomicU64,
 }
@@ -53,12 +54,16 @@ impl Tally {
         let tally = Self {
             bar: progress.bar("segment", 0),
             views: views as u64,
-            views_planned: AtomicU64::new(0),
+            views_begun: AtomicU64::new(0),
             prompts_planned: AtomicU64::new(0),
             views_done: AtomicU64::new(0),
         };
         tally.show_views(0);
         tally
+    }
+
+    fn view_begun(&self) {
+        self.views_begun.fetch_add(1, Ordering::Relaxed);
     }
 
     fn view_done(&self) {
@@ -72,9 +77,8 @@ impl Tally {
 
 impl Observer for Tally {
     fn planned(&self, prompts: usize) {
-        let views = self.views_planned.fetch_add(1, Ordering::Relaxed) + 1;
         let prompts = self.prompts_planned.fetch_add(prompts as u64, Ordering::Relaxed) + prompts as u64;
-        self.bar.set_length(prompts * self.views / views);
+        self.bar.set_length(prompts * self.views / self.views_begun.load(Ordering::Relaxed).max(1));
     }
 
     fn prompted(&self) {

@@ -75,6 +75,14 @@ pub fn obtain_in(options: &Options, environment: &Environment, progress: Progres
     Ok(ModelFiles { onnxruntime: runtime.path, encoder, decoder })
 }
 
+/// Where embeddings are kept when that is asked for.
+///
+/// # Errors
+/// Where the process has no cache folder.
+pub fn embeddings_folder() -> Result<PathBuf, SetupError> {
+    Ok(Environment::of_process().cache.ok_or(SetupError::NoCache)?.join("embeddings"))
+}
+
 /// Says what is there, without fetching.
 pub fn doctor(options: &Options) -> Doctor {
     doctor::examine(options, &Environment::of_process())

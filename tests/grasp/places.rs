@@ -108,7 +108,11 @@ fn a_stroke_that_is_too_small_is_told() {
     assert!(message.contains("90 mm") && message.contains("longer stroke"), "{message}");
     // Where nobody asked for a place it is a warning, and the forces stand for the part.
     let report = run(&scene, "paper", &Options::default()).unwrap();
-    assert!(report.candidates.is_empty() && report.warnings.iter().any(|w| w.contains("90 mm")), "{:?}", report.warnings);
+    assert!(
+        report.candidates.is_empty() && report.warnings.iter().any(|w| w.contains("90 mm")),
+        "{:?}",
+        report.warnings
+    );
 }
 
 #[test]

@@ -1,0 +1,28 @@
+//! `gprop segment PICTURE`: the parts of one picture without a scene.
+
+use crate::pipeline::picture::Picture;
+use crate::workdir::Artifact;
+
+use super::{Global, SceneArgs, print};
+
+/// Segments the picture that `args` names and writes what a scene's view gets, into `--out` or a folder beside it.
+pub fn segment(global: &Global, args: &SceneArgs) -> anyhow::Result<()> {
+    let (path, out, options) = (&args.scene, args.work.out.as_deref(), args.work.options.clone());
+    if args.work.dry_run {
+        let done = Picture::is_segmented(path, None, out, &options)?;
+        let text = if done { "segment   done" } else { "segment   to do" };
+        return print(global, &serde_json::json!({ "segmented": done }), || text.to_owned());
+    }
+    let picture = Picture::open(path, None, out, options, global.progress())?;
+    let segments = picture.segments()?;
+    let result = serde_json::json!({
+        "picture": path,
+        "width": segments.map.width,
+        "height": segments.map.height,
+        "parts": segments.parts,
+    });
+    print(global, &result, || {
+        let map = picture.work().path(Artifact::LabelMap(&segments.view));
+        format!("{} parts in {}", segments.parts.len(), map.display())
+    })
+}

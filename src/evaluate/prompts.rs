@@ -1,0 +1,111 @@
+//! What asking SAM adaptively saves and costs: the same views segmented both ways and measured against true part maps.
+//!
+//! A segment counts as the part that it covers most of, so the IoU of a part says how well it could be told from the others
+//! by labels that are right for every segment.
+
+use std::collections::BTreeMap;
+use std::sync::atomic::{AtomicUsize, Ordering};
+use std::time::Instant;
+
+use image::GrayImage;
+use serde::Serialize;
+
+use super::segmentation::IouTally;
+use crate::scene::Photo;
+use crate::segment::{LabelMap, Observer, Options, Prompts, SegmentError, Segmenter};
+
+/// Value of a true part map where there is no part.
+const NO_PART: u8 = 255;
+
+/// How the two ways compare on one scene.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct Comparison {
+    pub scene: String,
+    pub views: usize,
+    pub grid: Outcome,
+    pub adaptive: Outcome,
+}
+
+/// What one way took and gave.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct Outcome {
+    pub prompts: usize,
+    pub seconds: f64,
+    /// Mean over the true parts, each over all views; `None` where there is none.
+    pub mean_iou: Option<f64>,
+    pub per_part: BTreeMap<u8, f64>,
+}
+
+/// A view and the true part of each of its pixels.
+pub struct TrueView {
+    pub name: String,
+    pub photo: Photo,
+    /// 255 where there is no part.
+    pub parts: GrayImage,
+}
+
+/// Segments the views both ways, one view after the other.
+pub fn compare(
+    segmenter: &Segmenter,
+    scene: &str,
+    views: &[TrueView],
+    options: &Options,
+) -> Result<Comparison, SegmentError> {
+    let run = |prompts| segment(segmenter, views, &Options { prompts, ..options.clone() });
+    Ok(Comparison {
+        scene: scene.to_owned(),
+        views: views.len(),
+        grid: run(Prompts::Grid)?,
+        adaptive: run(Prompts::Adaptive)?,
+    })
+}
+
+fn segment(segmenter: &Segmenter, views: &[TrueView], options: &Options) -> Result<Outcome, SegmentError> {
+    let (asked, started, mut tally) = (Asked::default(), Instant::now(), IouTally::default());
+    for view in views {
+        let segments = segmenter.segment_view(&view.name, &view.photo, options, &asked)?;
+        add_view(&mut tally, &segments.map, &view.parts);
+    }
+    let (prompts, seconds) = (asked.0.load(Ordering::Relaxed), started.elapsed().as_secs_f64());
+    Ok(Outcome { prompts, seconds, mean_iou: tally.mean(), per_part: tally.per_label() })
+}
+
+fn add_view(tally: &mut IouTally<u8>, map: &LabelMap, truth: &GrayImage) {
+    let pixels = || map.labels.iter().copied().zip(truth.as_raw().iter().copied());
+    let mut shared: BTreeMap<u16, BTreeMap<u8, u32>> = BTreeMap::new();
+    for (label, part) in pixels().filter(|&(label, part)| label > 0 && part != NO_PART) {
+        *shared.entry(label).or_default().entry(part).or_default() += 1;
+    }
+    // Of parts that a segment covers alike the one with the lower number.
+    let most = |parts: &BTreeMap<u8, u32>| parts.iter().rev().max_by_key(|(_, count)| **count).map(|(part, _)| *part);
+    let part_of: BTreeMap<u16, Option<u8>> = shared.iter().map(|(label, parts)| (*label, most(parts))).collect();
+    let taken_for = |label: u16| part_of.get(&label).copied().flatten();
+    tally.add(pixels().map(|(label, part)| ((part != NO_PART).then_some(part), taken_for(label))));
+}
+
+/// Counts prompts.
+#[derive(Default)]
+struct Asked(AtomicUsize);
+
+impl Observer for Asked {
+    fn planned(&self, _: usize) {}
+
+    fn prompted(&self) {
+        self.0.fetch_add(1, Ordering::Relaxed);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn segments_count_as_the_part_they_cover_most_of() {
+        // Segments 1 and 2 lie on part 0, segment 3 on two pixels of part 7 and one of part 0; one of part 7 has none.
+        let map = LabelMap { width: 4, height: 2, labels: vec![1, 1, 2, 3, 3, 3, 0, 0] };
+        let truth = GrayImage::from_raw(4, 2, vec![0, 0, 0, 0, 7, 7, 7, NO_PART]).unwrap();
+        let mut tally = IouTally::default();
+        add_view(&mut tally, &map, &truth);
+        assert_eq!(tally.per_label(), BTreeMap::from([(0, 3.0 / 4.0), (7, 2.0 / 4.0)]));
+    }
+}

@@ -1,0 +1,117 @@
+//! `_s.npy`: part ids as int32, -1 where there is no part.
+
+use std::io::{self, Write};
+
+use npyz::{NpyFile, Order, WriterBuilder};
+
+use super::super::{LabelMap, LabelMapError, Level};
+
+impl LabelMap {
+    /// Writes the map as `[height, width]`, or as that many equal `planes` of it.
+    pub fn write_npy(&self, planes: Option<u64>, out: &mut dyn Write) -> io::Result<()> {
+        let mut shape: Vec<u64> = planes.into_iter().collect();
+        shape.extend([u64::from(self.height), u64::from(self.width)]);
+        let mut writer = npyz::WriteOptions::new().default_dtype().shape(&shape).writer(out).begin_nd()?;
+        for _ in 0..planes.unwrap_or(1) {
+            writer.extend(self.labels.iter().map(|&label| i32::from(label) - 1))?;
+        }
+        writer.finish()
+    }
+
+    /// The map in an array of int32 or int64: `[height, width]`, or planes of that, of which LangSplat's four are default,
+    /// small, middle and large. Ids are renumbered from 1.
+    pub fn from_npy(bytes: &[u8], level: Level) -> Result<Self, LabelMapError> {
+        let broken = |error: io::Error| LabelMapError::Npy(error.to_string());
+        let file = NpyFile::new(bytes).map_err(broken)?;
+        let shape = file.shape().to_vec();
+        let (planes, height, width) = match *shape.as_slice() {
+            [height, width] => (1, height, width),
+            [planes @ (1 | 4), height, width] => (planes, height, width),
+            _ => return Err(LabelMapError::NpyShape(shape)),
+        };
+        let count = planes.checked_mul(height).and_then(|count| count.checked_mul(width));
+        // Also keeps a wrong header from asking for memory that the file cannot fill.
+        let fits = count.is_some_and(|count| count > 0 && count <= bytes.len() as u64);
+        let (Ok(height), Ok(width), true) = (u32::try_from(height), u32::try_from(width), fits) else {
+            return Err(LabelMapError::NpyShape(shape));
+        };
+        if file.order() != Order::C {
+            return Err(LabelMapError::Npy("its order is Fortran's; save it with numpy.ascontiguousarray".to_owned()));
+        }
+        let ids: Vec<i64> = match file.try_data::<i32>() {
+            Ok(data) => data.map(|id| id.map(i64::from)).collect::<io::Result<_>>().map_err(broken)?,
+            Err(file) => {
+                let data = file.try_data::<i64>().map_err(|file| LabelMapError::NpyType(file.dtype().descr()))?;
+                data.collect::<io::Result<_>>().map_err(broken)?
+            }
+        };
+        let plane = match (planes, level) {
+            (1, _) => 0,
+            (_, Level::Small) => 1,
+            (_, Level::Middle) => 2,
+            (_, Level::Large) => 3,
+        };
+        let area = width as usize * height as usize;
+        Self::of_ids(width, height, &ids[plane * area..(plane + 1) * area])
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn map() -> LabelMap {
+        LabelMap { width: 3, height: 2, labels: vec![0, 1, 2, 0, 0, 2] }
+    }
+
+    fn written(planes: Option<u64>) -> Vec<u8> {
+        let mut bytes = Vec::new();
+        map().write_npy(planes, &mut bytes).unwrap();
+        bytes
+    }
+
+    #[test]
+    fn a_map_survives_both_shapes() {
+        for planes in [None, Some(4)] {
+            assert_eq!(LabelMap::from_npy(&written(planes), Level::Middle).unwrap(), map());
+        }
+    }
+
+    #[test]
+    fn the_bytes_are_numpys_with_minus_one_for_background() {
+        let bytes = written(None);
+        assert!(bytes.starts_with(b"\x93NUMPY"));
+        let header = String::from_utf8_lossy(&bytes[..128]);
+        assert!(header.contains("'<i4'") && header.contains("(2, 3)"), "{header}");
+        let values: Vec<i32> =
+            bytes[bytes.len() - 24..].chunks_exact(4).map(|b| i32::from_le_bytes(b.try_into().unwrap())).collect();
+        assert_eq!(values, [-1, 0, 1, -1, -1, 1]);
+    }
+
+    #[test]
+    fn ids_are_renumbered_and_the_levels_plane_is_taken() {
+        let mut bytes = Vec::new();
+        let values = [-1_i64, -1, 9, 9, -1, 40, 30, 30];
+        let options = npyz::WriteOptions::new().default_dtype().shape(&[4, 1, 2]);
+        let mut writer = options.writer(&mut bytes).begin_nd().unwrap();
+        writer.extend(values).unwrap();
+        writer.finish().unwrap();
+        assert_eq!(LabelMap::from_npy(&bytes, Level::Small).unwrap().labels, [1, 1]);
+        assert_eq!(LabelMap::from_npy(&bytes, Level::Middle).unwrap().labels, [0, 1]);
+        assert_eq!(LabelMap::from_npy(&bytes, Level::Large).unwrap().labels, [1, 1]);
+    }
+
+    #[test]
+    fn what_is_no_such_array_is_refused() {
+        let whole = written(None);
+        for bytes in [&b"no array"[..], &whole[..whole.len() - 3]] {
+            assert!(matches!(LabelMap::from_npy(bytes, Level::Small), Err(LabelMapError::Npy(_))));
+        }
+        let mut floats = Vec::new();
+        let mut writer =
+            npyz::WriteOptions::new().default_dtype().shape(&[1, 1]).writer(&mut floats).begin_nd().unwrap();
+        writer.push(&1.0_f32).unwrap();
+        writer.finish().unwrap();
+        assert!(matches!(LabelMap::from_npy(&floats, Level::Small), Err(LabelMapError::NpyType(_))));
+    }
+}

@@ -1,0 +1,52 @@
+//! Embeddings on disk: what one encoder made of one picture, as little-endian float32 without a header.
+
+use std::fs;
+use std::io;
+use std::path::{Path, PathBuf};
+
+use sha2::{Digest, Sha256};
+
+use super::{EMBEDDING, Embedding};
+use crate::workdir::write_atomic;
+
+/// A folder of embeddings that one encoder made.
+pub struct Cache {
+    folder: PathBuf,
+    /// SHA-256 of the encoder's file.
+    encoder: [u8; 32],
+}
+
+impl Cache {
+    /// The embeddings in `folder` that the encoder at `encoder` made.
+    pub fn open(folder: &Path, encoder: &Path) -> io::Result<Self> {
+        let mut hasher = Sha256::new();
+        io::copy(&mut fs::File::open(encoder)?, &mut hasher)?;
+        Ok(Self { folder: folder.to_owned(), encoder: hasher.finalize().into() })
+    }
+
+    /// Where the embedding of a preprocessed picture lies, or would.
+    pub fn path(&self, input: &[f32]) -> PathBuf {
+        let mut hasher = Sha256::new().chain_update(self.encoder);
+        for row in input.chunks(4096) {
+            hasher.update(bytes(row));
+        }
+        let hash = hasher.finalize();
+        self.folder.join(hash.iter().map(|byte| format!("{byte:02x}")).collect::<String>() + ".f32")
+    }
+
+    /// The embedding at `path`; `None` where there is none, or not all of it.
+    pub fn read(path: &Path) -> Option<Embedding> {
+        let bytes = fs::read(path).ok()?;
+        let values = bytes.chunks_exact(4).map(|b| f32::from_le_bytes([b[0], b[1], b[2], b[3]])).collect::<Vec<_>>();
+        let is_whole = bytes.len() as i64 == 4 * EMBEDDING.iter().product::<i64>();
+        is_whole.then_some(Embedding(values))
+    }
+
+    pub fn write(path: &Path, embedding: &Embedding) -> io::Result<()> {
+        write_atomic(path, |out| out.write_all(&bytes(&embedding.0)))
+    }
+}
+
+fn bytes(values: &[f32]) -> Vec<u8> {
+    values.iter().flat_map(|value| value.to_le_bytes()).collect()
+}

@@ -1,0 +1,118 @@
+//! The inputs of the standard export and what is fed to them.
+
+use ort::session::Session;
+use ort::value::TensorRef;
+
+use super::super::graph::Model;
+use super::super::{EMBEDDING, Embedding, LOGITS_SIDE, MODEL_SIDE};
+
+pub const PROMPT_INPUTS: [&str; 2] = ["point_coords", "point_labels"];
+pub const PICTURE_INPUTS: [&str; 4] = ["image_embeddings", "mask_input", "has_mask_input", "orig_im_size"];
+pub const OUTPUTS: [&str; 2] = ["low_res_masks", "iou_predictions"];
+static NO_MASK: [f32; LOGITS_SIDE * LOGITS_SIDE] = [0.0; LOGITS_SIDE * LOGITS_SIDE];
+
+/// A named float tensor to be fed.
+pub type Fed<'a> = (&'a str, Vec<i64>, &'a [f32]);
+
+/// `point_coords` is `[batch, points, 2]`.
+#[derive(Debug, Clone, Copy)]
+pub struct PromptShape {
+    pub batch: usize,
+    points: usize,
+}
+
+/// Points and labels of a run.
+pub struct Prompt {
+    points: Vec<f32>,
+    labels: Vec<f32>,
+}
+
+impl PromptShape {
+    pub fn of(model: &Model) -> Result<Self, String> {
+        // Without a box the export wants a padding point after the prompt, where it lets us have one.
+        let unknown = || vec![None; 3];
+        let shape = model.input_shape(PROMPT_INPUTS[0]).unwrap_or_else(unknown);
+        let side = |dimension: Option<i64>, otherwise: usize| match dimension {
+            Some(fixed) => usize::try_from(fixed).ok().filter(|&fixed| fixed > 0),
+            None => Some(otherwise),
+        };
+        match shape.as_slice() {
+            &[batch, points, Some(2) | None] => side(batch, 1).zip(side(points, 2)),
+            _ => None,
+        }
+        .map(|(batch, points)| Self { batch, points })
+        .ok_or_else(|| format!("its input {:?} is {shape:?}, not [prompts, points, 2]", PROMPT_INPUTS[0]))
+    }
+
+    /// A run of these prompts of one point each; the rest of the batch repeats the last.
+    pub fn fill(self, points: &[[f32; 2]]) -> Prompt {
+        let mut prompt = Prompt {
+            points: vec![0.0; self.batch * self.points * 2],
+            // Label -1 pads.
+            labels: vec![-1.0; self.batch * self.points],
+        };
+        let last = points.last().copied().unwrap_or([MODEL_SIDE as f32 / 2.0; 2]);
+        for index in 0..self.batch {
+            let point = points.get(index).copied().unwrap_or(last);
+            prompt.points[index * self.points * 2..][..2].copy_from_slice(&point);
+            prompt.labels[index * self.points] = 1.0;
+        }
+        prompt
+    }
+
+    pub fn blank(self) -> Prompt {
+        self.fill(&[])
+    }
+}
+
+impl Prompt {
+    pub fn inputs(&self, shape: PromptShape) -> [Fed<'_>; 2] {
+        let (batch, points) = (shape.batch as i64, shape.points as i64);
+        [
+            (PROMPT_INPUTS[0], vec![batch, points, 2], self.points.as_slice()),
+            (PROMPT_INPUTS[1], vec![batch, points], self.labels.as_slice()),
+        ]
+    }
+}
+
+/// All inputs of the standard export.
+pub fn standard_inputs<'a>(embedding: &'a Embedding, prompt: &'a Prompt, shape: PromptShape) -> Vec<Fed<'a>> {
+    picture_inputs(embedding).into_iter().chain(prompt.inputs(shape)).collect()
+}
+
+/// No mask to start from, and the model's own frame as the picture's size.
+pub fn picture_inputs(embedding: &Embedding) -> [Fed<'_>; 4] {
+    let side = LOGITS_SIDE as i64;
+    [
+        (PICTURE_INPUTS[0], EMBEDDING.to_vec(), embedding.0.as_slice()),
+        (PICTURE_INPUTS[1], vec![1, 1, side, side], NO_MASK.as_slice()),
+        (PICTURE_INPUTS[2], vec![1], &[0.0]),
+        (PICTURE_INPUTS[3], vec![2], &[MODEL_SIDE as f32; 2]),
+    ]
+}
+
+/// The inputs that a session has, out of those that are there.
+pub fn feed<'a>(session: &Session, all: &'a [Fed<'a>]) -> Result<Vec<(String, TensorRef<'a, f32>)>, String> {
+    let find = |name: &str| {
+        let (_, shape, values) =
+            all.iter().find(|fed| fed.0 == name).ok_or_else(|| format!("it has an input {name:?} besides"))?;
+        let tensor = TensorRef::from_array_view((shape.as_slice(), *values)).map_err(|error| error.to_string())?;
+        Ok((name.to_owned(), tensor))
+    };
+    session.inputs().iter().map(|input| find(input.name())).collect()
+}
+/// Whether the model has the names of the standard export.
+pub fn check_names(model: &Model) -> Result<(), String> {
+    let (inputs, outputs) = (model.input_names(), model.output_names());
+    for name in PICTURE_INPUTS.into_iter().chain(PROMPT_INPUTS) {
+        if !inputs.contains(&name) {
+            return Err(format!("it has no input {name:?}, only {}", inputs.join(", ")));
+        }
+    }
+    for name in OUTPUTS {
+        if !outputs.contains(&name) {
+            return Err(format!("it has no output {name:?}, only {}", outputs.join(", ")));
+        }
+    }
+    Ok(())
+}

@@ -1,0 +1,50 @@
+//! Where a decoder has its masks: an export that returns only the best of its four has all of them as values inside.
+
+use super::super::graph::Model;
+use super::super::runtime::{self, Runtime};
+use super::super::{Embedding, LOGITS_SIDE};
+use super::feed::{OUTPUTS, PromptShape, feed, standard_inputs};
+
+/// How far back from an output the values of all masks are searched for. From the public export's single mask they are
+/// a dozen steps away.
+const SEARCHED_VALUES: usize = 48;
+
+/// Where the logits, `[batch, count, 256, 256]`, and the predicted IoU, `[batch, count]`, of all masks are.
+pub struct FourMasks {
+    pub logits: String,
+    pub scores: String,
+    pub count: usize,
+}
+
+impl FourMasks {
+    /// Looks back from the outputs for the nearest values that have the shapes of three or four masks.
+    pub fn find(runtime: &Runtime, model: &Model, prompt: PromptShape) -> Result<Self, String> {
+        let (batch, side) = (prompt.batch as i64, LOGITS_SIDE as i64);
+        let [masks, scores] = OUTPUTS.map(|output| model.ancestors(output, SEARCHED_VALUES));
+        let mut all: Vec<&str> = masks.iter().chain(&scores).copied().collect();
+        all.sort_unstable();
+        all.dedup();
+        let mut session = runtime::session(runtime, &model.with_outputs(&all))?;
+        let (blank, points) = (Embedding::blank(), prompt.blank());
+        let standard = standard_inputs(&blank, &points, prompt);
+        let inputs = feed(&session, &standard)?;
+        let values = session.run(inputs).map_err(|error| error.to_string())?;
+        let shape_of = |name: &&str| values[*name].try_extract_tensor::<f32>().map(|(shape, _)| shape.to_vec()).ok();
+        let nearest = |names: &[&str], shape: &[i64]| {
+            names.iter().find(|name| shape_of(name).is_some_and(|found| found == shape)).map(|name| (*name).to_owned())
+        };
+        for count in [4, 3] {
+            let logits = nearest(&masks, &[batch, count, side, side]);
+            let scores = nearest(&scores, &[batch, count]);
+            if let (Some(logits), Some(scores)) = (logits, scores) {
+                return Ok(Self { logits, scores, count: count as usize });
+            }
+        }
+        let found = shape_of(&OUTPUTS[0]).unwrap_or_default();
+        Err(format!(
+            "output {:?} has shape {found:?}, and no value it is made from is [{batch},4,{side},{side}]; export the \
+             decoder with multimask output",
+            OUTPUTS[0]
+        ))
+    }
+}

@@ -1,0 +1,72 @@
+//! The image encoder: `[1,3,1024,1024]` float32 to `[1,256,64,64]`, as MobileSAM's and SAM's ViT-B, L and H are exported.
+
+use std::fs;
+use std::path::Path;
+
+use ort::session::Session;
+use ort::value::{TensorRef, ValueType};
+
+use super::super::error::SegmentError;
+use super::pool::Pool;
+use super::runtime::{self, Runtime};
+use super::{EMBEDDING, Embedding, MODEL_SIDE, not_sam, unloadable};
+
+const ENCODER: &str = "a SAM image encoder ([1,3,1024,1024] float32 to [1,256,64,64])";
+const INPUT: [i64; 4] = [1, 3, MODEL_SIDE as i64, MODEL_SIDE as i64];
+/// An encoder of more bytes (ViT-B, L, H) is loaded once and its threads take turns: a copy each would fill the memory.
+const COPIED_BYTES: u64 = 128 << 20;
+
+/// The encoder, ready to run.
+pub struct Encoder {
+    sessions: Pool<Session>,
+}
+
+impl Encoder {
+    /// Loads the model at `path` for use on `threads` threads. Weights in files beside it are found there.
+    pub fn open(runtime: &Runtime, path: &Path, threads: usize) -> Result<Self, SegmentError> {
+        let length = fs::metadata(path).map_err(|source| SegmentError::Read { path: path.to_owned(), source })?.len();
+        let copies = if length > COPIED_BYTES { 1 } else { threads };
+        let open = || -> Result<Session, SegmentError> {
+            let session = runtime::session_of_file(runtime, path).map_err(unloadable(path, ENCODER))?;
+            check(&session).map_err(not_sam(path, ENCODER))?;
+            Ok(session)
+        };
+        Ok(Self { sessions: Pool::new((0..copies).map(|_| open()).collect::<Result<_, _>>()?) })
+    }
+
+    /// Encodes a preprocessed picture.
+    pub fn run(&self, input: &[f32]) -> Result<Embedding, String> {
+        let failed = |error: ort::Error| error.to_string();
+        self.sessions.with(|session| {
+            let input = TensorRef::from_array_view((INPUT, input)).map_err(failed)?;
+            let outputs = session.run(ort::inputs![input]).map_err(failed)?;
+            let (shape, values) = outputs[0].try_extract_tensor::<f32>().map_err(failed)?;
+            if **shape == EMBEDDING {
+                Ok(Embedding(values.to_vec()))
+            } else {
+                Err(format!("it gave {shape} where {EMBEDDING:?} is expected"))
+            }
+        })
+    }
+}
+
+fn check(session: &Session) -> Result<(), String> {
+    let is = |dtype: &ValueType, expected: &[i64]| {
+        // Negative dimensions are dynamic and may turn out right.
+        dtype.tensor_shape().is_some_and(|shape| {
+            shape.len() == expected.len() && shape.iter().zip(expected).all(|(is, should)| *is < 0 || is == should)
+        })
+    };
+    match (session.inputs(), session.outputs()) {
+        ([input], [output, ..]) => {
+            if !is(input.dtype(), &INPUT) {
+                return Err(format!("its input {:?} is {}", input.name(), input.dtype()));
+            }
+            if !is(output.dtype(), &EMBEDDING) {
+                return Err(format!("its output {:?} is {}", output.name(), output.dtype()));
+            }
+            Ok(())
+        }
+        (inputs, outputs) => Err(format!("it has {} inputs and {} outputs", inputs.len(), outputs.len())),
+    }
+}
