@@ -153,8 +153,10 @@ impl Cost {
 
     /// Both together.
     pub fn plus(self, other: Self) -> Self {
-        if self.requests == 0 {
-            return other;
+        match (self.requests, other.requests) {
+            (0, _) => return other,
+            (_, 0) => return self,
+            _ => {}
         }
         let sum = |a: Option<f64>, b: Option<f64>| Some(a? + b?);
         Self {

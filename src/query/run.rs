@@ -195,8 +195,10 @@ impl Queries<'_> {
     ) -> Result<(), QueryError> {
         let Some(max_usd) = self.options.max_usd else { return Ok(()) };
         let open = self.unanswered(recordings, Some(answerer));
-        let cost = self.cost(open.into_iter().map(|(part, _)| part).take(count), price);
-        match (cost.by_batch().most_usd, price) {
+        let mut parts = open.into_iter().map(|(part, _)| part).take(count);
+        let first = self.cost(parts.next().into_iter(), price);
+        let cost = first.plus(self.cost(parts, price).by_batch());
+        match (cost.most_usd, price) {
             (Some(usd), _) if usd > max_usd => Err(QueryError::OverBudget { requests: cost.requests, usd, max_usd }),
             (_, None) => Err(QueryError::NoPrice { model: answerer.model.clone() }),
             _ => Ok(()),

@@ -46,7 +46,7 @@ impl Server {
         Options { lmm_url: Some(format!("{}/v1", self.mock.uri())), lmm_model: Some("test-model".into()), ..small() }
     }
 
-    pub fn client(&self) -> Client {
+    fn client(&self) -> Client {
         Client::new(&self.options(), None).unwrap().unwrap()
     }
 

@@ -73,7 +73,7 @@ fn one_picture_is_enough() {
 
     let replayed = query(&path, None, &["--answers", "replay", "--json"]).output().unwrap();
     let lines: Value = serde_json::from_slice(&replayed.stdout).unwrap();
-    assert_eq!((lines.as_array().unwrap().len(), &lines[0]["matched"]), (parts, &json!("exact")));
+    assert_eq!((lines.as_array().unwrap().len(), &lines[0]["matched"]["matched"]), (parts, &json!("exact")));
 
     // With other labels the questions are others: what is recorded serves nobody, and goes.
     let missed = query(&path, None, &["--answers", "replay", "--labels", "abo"]).output().unwrap();

@@ -1,5 +1,6 @@
 //! Servers as people have them: each takes its own part of the API, and each must end in a checked answer.
 
+use gprop::query::client::Client;
 use gprop::query::{Options, Outcome, Prompts};
 use serde_json::Value;
 use wiremock::ResponseTemplate;
@@ -12,7 +13,8 @@ fn assert_answered(server: &Server, prompts: &Prompts, requests: usize) -> gprop
     let folder = tempfile::tempdir().unwrap();
     let options = Options { lmm_parallel: 1, ..server.options() };
     let queries = prepare(&[two_parts("000", 80, 80)], prompts, &options);
-    let run = run(&queries, &recordings(folder.path()), Some(&server.client())).unwrap();
+    let client = Client::new(&options, None).unwrap().unwrap();
+    let run = run(&queries, &recordings(folder.path()), Some(&client)).unwrap();
     for part in &run.answers.parts {
         assert!(matches!(&part.outcome, Outcome::Answered(answer) if answer.material == a("wood")), "{part:?}");
     }
