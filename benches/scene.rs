@@ -23,6 +23,7 @@ fn cloud() -> Gaussians {
         sh_dc: vec![[0.5; 3]; COUNT],
         sh_degree: 3,
         sh_rest: (0..COUNT * 45).map(value).collect(),
+        antialiased: false,
         extra: ["nx", "ny", "nz"]
             .map(|name| ExtraProperty { name: name.to_owned(), values: vec![0.0; COUNT] })
             .to_vec(),
