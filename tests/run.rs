@@ -156,6 +156,47 @@ fn views_counted_on_the_command_line_win_over_views_listed_in_the_configuration(
 }
 
 #[test]
+fn a_gripper_or_an_angle_that_cannot_be() {
+    let scene = hammer();
+    let profile = scene.path().join("hand.toml");
+    fs::write(&profile, "name = \"hand\"\nforce_n = [1.0, 9.0]\nfinger_area_m2 = 1e-4\npad = \"rubber\"\n").unwrap();
+    let words = ["hand.toml", "no calibration", "calibrate"];
+    assert_refused(scene.path(), &["--gripper", profile.to_str().unwrap()], 2, &words);
+    assert_refused(scene.path(), &["--gripper", "no-such-hand"], 2, &["no-such-hand", "paper"]);
+    assert_refused(scene.path(), &["--lift-angle-deg", "91"], 2, &["--lift-angle-deg", "91", "0 to 90"]);
+    assert_refused(scene.path(), &["--point", "1,2"], 2, &["--point"]);
+}
+
+#[test]
+fn a_grasp_that_cannot_be() {
+    if models("a_grasp_that_cannot_be").is_none() {
+        return;
+    }
+    let scene = hammer();
+    let grasp = |arguments: &[&str]| gprop().arg("grasp").arg(scene.path()).args(QUICK).args(arguments).output().unwrap();
+    let first = grasp(&[]);
+    assert!(first.status.success(), "{}", stderr(&first));
+    let report = json(scene.path().join("gprop/grasp.json"));
+    assert!(!report["candidates"].as_array().unwrap().is_empty());
+    assert!(scene.path().join("gprop/grasp.png").exists());
+
+    let profile = scene.path().join("tweezers.toml");
+    let tweezers = "name = \"tweezers\"\nforce_n = [1.0, 9.0]\nfinger_area_m2 = 1e-4\npad = \"rubber\"\nstroke_m = 0.002\n\
+                    [command]\nenabled_from = 0.0\nfull = 9.0\n";
+    fs::write(&profile, tweezers).unwrap();
+    let refused = |arguments: &[&str], code: i32, words: &[&str]| {
+        let output = grasp(arguments);
+        let message = stderr(&output);
+        assert_eq!(output.status.code(), Some(code), "{message}");
+        assert!(words.iter().all(|word| message.contains(word)), "{message}");
+        assert_eq!(leftovers(&scene.path().join("gprop")), Vec::<PathBuf>::new());
+    };
+    refused(&["--part", "propeller"], 2, &["propeller", "the parts are"]);
+    refused(&["--gripper", profile.to_str().unwrap()], 2, &["tweezers", "2 mm", "stroke"]);
+    refused(&["--scale", "auto"], 3, &["--scale"]);
+}
+
+#[test]
 fn an_unknown_flag() {
     let output = run(&fixture("hammer"), &["--no-such-flag"]);
     assert_eq!(output.status.code(), Some(2));

@@ -21,7 +21,11 @@ mod vote;
 mod parts;
 // The Material Point Method against closed forms.
 mod simulate;
-// Grasp forces against hand-computed cases.
+// Grasp forces, grippers, places to grasp at.
 mod grasp;
+// Rates of gripping policies.
+mod evaluate_grasp;
+// Exports, loaded by MuJoCo, usd-core, NumPy, splat-transform.
+mod export;
 // The whole program: runs, reruns, kills, bad input, exit codes.
 mod run;

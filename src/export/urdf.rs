@@ -31,7 +31,7 @@ fn text(rigid: &Rigid) -> String {
     }
     format!(
         r#"<robot name="{name}">
-  <mujoco><compiler meshdir="meshes"/></mujoco>
+  <mujoco><compiler strippath="false"/></mujoco>
   <link name="world"/>
   <joint name="{name}_free" type="floating"><parent link="world"/><child link="{name}"/></joint>
   <link name="{name}">

@@ -11,12 +11,11 @@ use gprop::progress::Progress;
 use gprop::scene::Scene;
 use gprop::vote::MaterialField;
 
-use crate::parts::truth::{self, Truth};
+use crate::parts::truth;
 
 /// A scene up to its parts.
 pub struct Measured {
     pub scene: Scene,
-    pub truth: Truth,
     pub field: MaterialField,
     pub result: PartsResult,
     pub cameras: Vec<Camera>,
@@ -30,7 +29,7 @@ impl Measured {
         let options = parts::Options { volume_cells: 500_000, ..Default::default() };
         let scale = scene.scale.as_ref();
         let result = parts::parts(&scene.gaussians, &field, &cameras, scale, &options, Progress::Hidden).unwrap();
-        Self { scene, truth, field, result, cameras }
+        Self { scene, field, result, cameras }
     }
 
     pub fn parts(&self) -> &Parts {

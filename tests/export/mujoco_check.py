@@ -1,0 +1,195 @@
+"""Loads an exported model in MuJoCo and prints what it finds as JSON.
+
+mujoco_check.py load MODEL                     mass, centre of mass, inertia of the object
+mujoco_check.py rest MODEL                     how it moves after 2 s on a plane under its lowest vertex
+mujoco_check.py lift MODEL GRASP.json          how far two pads raise it; GRASP: contacts_m, approach, finger_side_m, force_n
+"""
+
+import json
+import os
+import sys
+import tempfile
+import xml.etree.ElementTree as ET
+
+import mujoco
+import numpy as np
+
+GRAVITY = 9.8
+
+
+def compiled(path):
+    return mujoco.MjModel.from_xml_path(path)
+
+
+def object_body(model):
+    return int(np.argmax(model.body_mass))
+
+
+def as_mjcf(path):
+    """The model as an MJCF tree without file references: what MuJoCo saves of it."""
+    model = compiled(path)
+    folder = os.path.dirname(os.path.abspath(path))
+    with tempfile.NamedTemporaryFile(dir=folder, suffix=".saved.xml", delete=False) as file:
+        saved = file.name
+    try:
+        mujoco.mj_saveLastXML(saved, model)
+        return ET.parse(saved).getroot(), folder
+    finally:
+        os.remove(saved)
+
+
+def from_tree(tree, folder):
+    with tempfile.NamedTemporaryFile(dir=folder, suffix=".test.xml", delete=False) as file:
+        file.write(ET.tostring(tree))
+    try:
+        return compiled(file.name)
+    finally:
+        os.remove(file.name)
+
+
+def lowest(model):
+    """The least z of the object's vertices in the world frame."""
+    data = mujoco.MjData(model)
+    mujoco.mj_forward(model, data)
+    least = np.inf
+    for geom in range(model.ngeom):
+        mesh = model.geom_dataid[geom]
+        if model.geom_type[geom] != mujoco.mjtGeom.mjGEOM_MESH:
+            continue
+        first, count = model.mesh_vertadr[mesh], model.mesh_vertnum[mesh]
+        vertices = model.mesh_vert[first:first + count]
+        turned = vertices @ data.geom_xmat[geom].reshape(3, 3).T + data.geom_xpos[geom]
+        least = min(least, turned[:, 2].min())
+    return float(least)
+
+
+def load(path):
+    model = compiled(path)
+    body = object_body(model)
+    turn = np.zeros(9)
+    mujoco.mju_quat2Mat(turn, model.body_iquat[body])
+    turn = turn.reshape(3, 3)
+    return {
+        "mass_kg": float(model.body_mass[body]),
+        "center_of_mass_m": model.body_ipos[body].tolist(),
+        "inertia_kg_m2": (turn @ np.diag(model.body_inertia[body]) @ turn.T).tolist(),
+        "free_joints": int(np.sum(model.jnt_type == mujoco.mjtJoint.mjJNT_FREE)),
+        "geoms": int(model.ngeom),
+        "total_mass_kg": float(np.sum(model.body_mass)),
+    }
+
+
+def with_plane(path):
+    tree, folder = as_mjcf(path)
+    world = tree.find("worldbody")
+    z = lowest(compiled(path))
+    ET.SubElement(world, "geom", name="floor", type="plane", size="5 5 1", pos=f"0 0 {z}", friction="0.4 0.005 0.0001")
+    option = tree.find("option")
+    option = ET.SubElement(tree, "option") if option is None else option
+    option.set("gravity", f"0 0 {-GRAVITY}")
+    return tree, folder
+
+
+def rest(path):
+    tree, folder = with_plane(path)
+    model = from_tree(tree, folder)
+    data = mujoco.MjData(model)
+    mujoco.mj_forward(model, data)
+    body = object_body(model)
+    start = data.xipos[body].copy()
+    while data.time < 2.0:
+        mujoco.mj_step(model, data)
+    velocity = np.zeros(6)
+    mujoco.mj_objectVelocity(model, data, mujoco.mjtObj.mjOBJ_BODY, body, velocity, 0)
+    return {
+        "time_s": data.time,
+        "speed_m_s": float(np.linalg.norm(velocity[3:])),
+        "turning_rad_s": float(np.linalg.norm(velocity[:3])),
+        "moved_m": float(np.linalg.norm(data.xipos[body] - start)),
+        "contacts": int(data.ncon),
+    }
+
+
+def lift(path, grasp):
+    """Two pads press with the force, are raised by 0.1 m in 1 s, and wait 1 s."""
+    tree, folder = with_plane(path)
+    contacts = np.array(grasp["contacts_m"])
+    axis = contacts[1] - contacts[0]
+    width = np.linalg.norm(axis)
+    axis /= width
+    approach = np.array(grasp["approach"])
+    middle = contacts.mean(axis=0)
+    half, thick, gap, mass = grasp["finger_side_m"] / 2, 0.005, 0.005, 0.05
+    text = lambda values: " ".join(repr(float(v)) for v in values)
+
+    option = tree.find("option")
+    option.set("cone", "elliptic")
+    option.set("impratio", "10")
+    option.set("noslip_iterations", "10")
+    option.set("timestep", "0.001")
+    world = tree.find("worldbody")
+    hand = ET.SubElement(world, "body", name="hand", pos=text(middle), gravcomp="1")
+    ET.SubElement(hand, "joint", name="raise", type="slide", axis="0 0 1", damping="2000")
+    ET.SubElement(hand, "inertial", pos="0 0 0", mass="5", diaginertia="0.1 0.1 0.1")
+    contact = tree.find("contact")
+    contact = ET.SubElement(tree, "contact") if contact is None else contact
+    actuator = ET.SubElement(tree, "actuator")
+    equality = ET.SubElement(tree, "equality")
+    for name, sign in (("left", -1), ("right", 1)):
+        offset = sign * (width / 2 + gap + thick)
+        pad = ET.SubElement(hand, "body", name=name, pos=text(axis * offset), gravcomp="1")
+        ET.SubElement(pad, "joint", name=name, type="slide", axis=text(-sign * axis), damping="5")
+        # The friction in contact is the larger of the two geoms': the object's.
+        ET.SubElement(pad, "geom", name=name, type="box", size=text([thick, half, half]), mass=str(mass), condim="4",
+                      friction="0 0.005 0.0001", xyaxes=text([*axis, *approach]))
+        ET.SubElement(contact, "exclude", body1="world", body2=name)
+    ET.SubElement(contact, "exclude", body1="left", body2="right")
+    # Both fingers move alike, as a parallel gripper's do: together they press with twice the force of one.
+    ET.SubElement(equality, "joint", joint1="left", joint2="right", polycoef="0 1 0 0 0", solref="0.004 1")
+    ET.SubElement(actuator, "motor", name="left", joint="left")
+    ET.SubElement(actuator, "motor", name="right", joint="right")
+    ET.SubElement(actuator, "position", name="raise", joint="raise", kp="100000")
+
+    model = from_tree(tree, folder)
+    data = mujoco.MjData(model)
+    mujoco.mj_forward(model, data)
+    body = mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_BODY, grasp["name"])
+    turn = data.xmat[body].reshape(3, 3)
+    gripped = turn.T @ (middle - data.xpos[body])
+    place = lambda: data.xmat[body].reshape(3, 3) @ gripped + data.xpos[body]
+    start = place().copy()
+    forces = []
+    while data.time < 2.5:
+        s = np.clip(data.time - 0.5, 0.0, 1.0)
+        data.ctrl[:] = [grasp["force_n"], grasp["force_n"], 0.1 * s**3 * (10 - 15 * s + 6 * s * s)]
+        mujoco.mj_step(model, data)
+        if 0.4 < data.time < 0.5:
+            forces.append(normal_forces(model, data))
+    return {
+        "raised_m": float(place()[2] - start[2]),
+        "hand_raised_m": float(data.qpos[model.joint("raise").qposadr[0]]),
+        "pressed_n": np.mean(forces, axis=0).tolist(),
+    }
+
+
+def normal_forces(model, data):
+    """Force with which each pad presses, N."""
+    sums = {"left": 0.0, "right": 0.0}
+    for k in range(data.ncon):
+        for geom in data.contact[k].geom:
+            name = model.geom(int(geom)).name
+            if name in sums:
+                force = np.zeros(6)
+                mujoco.mj_contactForce(model, data, k, force)
+                sums[name] += force[0]
+    return [sums["left"], sums["right"]]
+
+
+if __name__ == "__main__":
+    what, path = sys.argv[1:3]
+    if what == "lift":
+        with open(sys.argv[3]) as file:
+            result = lift(path, json.load(file))
+    else:
+        result = {"load": load, "rest": rest}[what](path)
+    print(json.dumps(result))
