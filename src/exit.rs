@@ -3,6 +3,7 @@
 use thiserror::Error;
 
 use crate::config::ConfigError;
+use crate::evaluate::EvaluateError;
 use crate::evaluate::masks::MasksError;
 use crate::grasp::GraspError;
 use crate::materials::LibraryError;
@@ -66,6 +67,7 @@ fn code(cause: &(dyn std::error::Error + 'static)) -> Option<Exit> {
                 cause.is::<PriceError>(),
                 cause.is::<ClientError>(),
                 cause.is::<ExchangeError>(),
+                cause.is::<EvaluateError>(),
                 cause.is::<MasksError>(),
                 cause.is::<SimulateError>(),
                 cause.is::<GraspError>(),

@@ -34,6 +34,7 @@ use crate::scene::{Scene, View};
 use crate::segment::Segmentation;
 use crate::vote::MaterialField;
 use crate::workdir::{Artifact, WorkDir};
+pub use vote::stored_field;
 use record::{Hasher, RunRecord, StageRecord};
 
 /// The stages, in the order of the data flow.

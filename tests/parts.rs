@@ -6,7 +6,11 @@ mod bad_input;
 mod closed_forms;
 #[path = "parts/clouds.rs"]
 mod clouds;
+#[path = "parts/bodies.rs"]
+mod bodies;
+#[path = "parts/front.rs"]
+mod front;
 #[path = "parts/scenes.rs"]
 mod scenes;
 #[path = "parts/truth.rs"]
-mod truth;
+pub mod truth;

@@ -1,17 +1,10 @@
 //! The commands that need no scene.
 
-use std::fs;
-use std::path::Path;
-
-use anyhow::Context;
-
-use crate::evaluate::masks::{Reference, compare};
 use crate::exit::UsageError;
 use crate::materials::{MaterialLibrary, check, cli as library, stats};
-use crate::segment::Segmenter;
 use crate::setup::{self, SetupError};
 
-use super::{Evaluate, Global, Materials, print};
+use super::{Global, Materials, print};
 
 /// `gprop setup`.
 pub fn set_up(global: &Global, options: &setup::Options) -> anyhow::Result<()> {
@@ -25,41 +18,6 @@ pub fn doctor(global: &Global, options: &setup::Options) -> anyhow::Result<()> {
     let found = setup::doctor(options);
     print(global, &found, || found.to_string())?;
     if found.ok { Ok(()) } else { Err(SetupError::Unfit { problems: found.problems.len() }.into()) }
-}
-
-/// `gprop evaluate`.
-pub fn evaluate(global: &Global, what: &Evaluate) -> anyhow::Result<()> {
-    match what {
-        Evaluate::Masks { image, reference, setup } => evaluate_masks(global, image, reference, setup),
-    }
-}
-
-fn evaluate_masks(global: &Global, image: &Path, reference: &Path, setup: &setup::Options) -> anyhow::Result<()> {
-    let picture = image::open(image).map_err(|error| UsageError(format!("{image:?}: {error}")))?.into_rgb8();
-    let json = fs::read_to_string(reference).map_err(|error| UsageError(format!("{reference:?}: {error}")))?;
-    let reference = Reference::from_json(&json).with_context(|| format!("{reference:?}"))?;
-    let models = setup::obtain(setup, global.progress())?;
-    let segmenter = Segmenter::new(&models, rayon::current_num_threads())?;
-    let lists = compare(segmenter.sam(), &picture, &reference, &())?;
-    print(global, &lists, || {
-        let mut text = format!(
-            "{:<7} {:>6} {:>10} {:>10} {:>10} {:>10} {:>14} {:>14}\n",
-            "level", "count", "reference", "unmatched", "mean IoU", "least IoU", "predicted IoU", "stability"
-        );
-        for (list, c) in &lists {
-            text += &format!(
-                "{list:<7} {:>6} {:>10} {:>10} {:>10.4} {:>10.4} {:>14.1e} {:>14.1e}\n",
-                c.count,
-                c.reference_count,
-                c.unmatched,
-                c.matched_mean_iou,
-                c.matched_min_iou,
-                c.predicted_iou_max_difference,
-                c.stability_max_difference
-            );
-        }
-        text + "the last two columns are largest differences over the matched pairs"
-    })
 }
 
 /// `gprop materials`.
