@@ -1,14 +1,15 @@
 //! Subcommands and flags: what the user typed becomes a call into the pipeline or a stage, and a result on stdout.
 
+mod evaluate;
 mod picture;
 mod query;
 mod scene;
 mod simulate;
 mod tools;
 
-use std::ffi::OsString;
+use std::ffi::{OsStr, OsString};
 use std::io::{self, IsTerminal, Write};
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use clap::{Args, CommandFactory, Parser, Subcommand};
 use serde::Serialize;
@@ -251,6 +252,30 @@ enum Evaluate {
         #[command(flatten)]
         setup: setup::Options,
     },
+    /// Masses against true ones: ADE, ALDE, APE, MnRE as NeRF2Physics computes them, and PRA.
+    Mass {
+        /// Scene folders that `gprop run` has been through, with `ground_truth/parts.json`.
+        #[arg(required_unless_present = "predictions")]
+        scenes: Vec<PathBuf>,
+        /// Work folder of the scene; SCENE/gprop where it is not given. With one scene only.
+        #[arg(long, value_name = "DIR")]
+        out: Option<PathBuf>,
+        /// Predictions in NeRF2Physics' format: [low, high] in kilograms by id.
+        #[arg(long, value_name = "FILE", requires = "truth", conflicts_with_all = ["scenes", "out"])]
+        predictions: Option<PathBuf>,
+        /// True masses: kilograms by what comes before the first underscore of an id.
+        #[arg(long, value_name = "FILE", requires = "predictions")]
+        truth: Option<PathBuf>,
+    },
+    /// Shore hardness at points of the photos against readings: A as 0 to 100 and D as 100 to 200 on one axis.
+    Hardness {
+        /// Readings (CSV with the columns scene,view,x,y,shore,hardness; a scene is a folder relative to the file that
+        /// `gprop run` has been through, x and y are pixels of its view, shore is A or D).
+        points: PathBuf,
+        /// Work folder of the scene; SCENE/gprop where it is not given. With points of one scene only.
+        #[arg(long, value_name = "DIR")]
+        out: Option<PathBuf>,
+    },
 }
 
 #[derive(Debug, Subcommand)]
@@ -309,7 +334,7 @@ pub fn run(arguments: Vec<OsString>) -> anyhow::Result<()> {
             let (inspection, text) = inspect::command(args, global.progress())?;
             print(global, &inspection, || text)
         }
-        Command::Evaluate(what) => tools::evaluate(global, what),
+        Command::Evaluate(what) => evaluate::evaluate(global, what),
         Command::Materials(what) => tools::materials(global, what),
         Command::Setup(args) => tools::set_up(global, &args.options),
         Command::Doctor(args) => tools::doctor(global, &args.options),
@@ -334,6 +359,15 @@ fn parse(arguments: &[OsString]) -> anyhow::Result<Cli> {
         all.splice(place..place, flags.map(OsString::from));
     }
     Ok(Cli::parse_from(all))
+}
+
+/// The options of a scene that was named without any: the defaults and what its `gprop.toml` says.
+fn options_of(scene: &Path) -> anyhow::Result<pipeline::Options> {
+    let typed = [OsStr::new("gprop"), OsStr::new("parts"), scene.as_os_str()].map(OsStr::to_owned);
+    match parse(&typed)?.command {
+        Command::Parts(args) => Ok(args.work.options),
+        _ => Err(UsageError(format!("{scene:?} is no scene folder")).into()),
+    }
 }
 
 /// The options that a scene may set: those of the stages, not those of the command.

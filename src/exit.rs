@@ -3,6 +3,7 @@
 use thiserror::Error;
 
 use crate::config::ConfigError;
+use crate::evaluate::EvaluateError;
 use crate::evaluate::grasp::OutcomesError;
 use crate::evaluate::masks::MasksError;
 use crate::evaluate::simulation::SimulationError;
@@ -74,6 +75,7 @@ fn code(cause: &(dyn std::error::Error + 'static)) -> Option<Exit> {
                 cause.is::<PriceError>(),
                 cause.is::<ClientError>(),
                 cause.is::<ExchangeError>(),
+                cause.is::<EvaluateError>(),
                 cause.is::<MasksError>(),
                 cause.is::<OutcomesError>(),
                 cause.is::<SimulationError>(),

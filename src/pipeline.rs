@@ -41,6 +41,7 @@ use crate::segment::Segmentation;
 use crate::vote::MaterialField;
 use crate::workdir::{Artifact, WorkDir};
 pub use segment::open_segmenter;
+pub use vote::stored_field;
 
 use record::{Hasher, RunRecord, StageRecord};
 

@@ -179,8 +179,7 @@ impl WorkDir {
 
     /// An artifact that is JSON.
     pub fn read_json<T: DeserializeOwned>(&self, artifact: Artifact) -> Result<T, WorkDirError> {
-        let bytes = self.read(artifact)?;
-        serde_json::from_slice(&bytes).map_err(|source| WorkDirError::Parse { path: self.path(artifact), source })
+        read_json(&self.path(artifact))
     }
 
     /// Removes an artifact; one that is not there is as good as removed.
@@ -191,6 +190,12 @@ impl WorkDir {
             _ => Ok(()),
         }
     }
+}
+
+/// A file of a work folder that is JSON.
+pub fn read_json<T: DeserializeOwned>(path: &Path) -> Result<T, WorkDirError> {
+    let bytes = fs::read(path).map_err(|source| WorkDirError::Read { path: path.to_owned(), source })?;
+    serde_json::from_slice(&bytes).map_err(|source| WorkDirError::Parse { path: path.to_owned(), source })
 }
 
 /// Writes a file under a temporary name beside its place, then renames it into it. Makes missing folders.

@@ -2,10 +2,14 @@
 
 #[path = "parts/bad_input.rs"]
 mod bad_input;
+#[path = "parts/bodies.rs"]
+mod bodies;
 #[path = "parts/closed_forms.rs"]
 mod closed_forms;
 #[path = "parts/clouds.rs"]
 pub mod clouds;
+#[path = "parts/front.rs"]
+mod front;
 #[path = "parts/scenes.rs"]
 mod scenes;
 #[path = "parts/truth.rs"]

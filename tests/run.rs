@@ -173,7 +173,8 @@ fn a_grasp_that_cannot_be() {
         return;
     }
     let scene = hammer();
-    let grasp = |arguments: &[&str]| gprop().arg("grasp").arg(scene.path()).args(QUICK).args(arguments).output().unwrap();
+    let grasp =
+        |arguments: &[&str]| gprop().arg("grasp").arg(scene.path()).args(QUICK).args(arguments).output().unwrap();
     let first = grasp(&[]);
     assert!(first.status.success(), "{}", stderr(&first));
     let report = json(scene.path().join("gprop/grasp.json"));

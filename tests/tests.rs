@@ -19,6 +19,8 @@ mod query;
 mod vote;
 // Volume, thickness, mass against closed forms and ground truth.
 mod parts;
+// Scores of masses and hardness against numbers worked out elsewhere.
+mod evaluate;
 // The Material Point Method against closed forms.
 mod simulate;
 // Grasp forces, grippers, places to grasp at.

@@ -5,7 +5,7 @@ mod reference;
 // Clouds and cameras built in code.
 mod build;
 // The scenes with ground truth.
-mod scenes;
+pub mod scenes;
 
 // Projection, blending, depth, labels on built clouds.
 mod raster;

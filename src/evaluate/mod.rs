@@ -1,8 +1,14 @@
 //! Measuring what gprop makes, with the measures that the field reports.
 
+mod error;
 pub mod filling;
 pub mod grasp;
+pub mod hardness;
 pub mod masks;
+pub mod mass;
 pub mod prompts;
+pub mod scores;
 pub mod segmentation;
 pub mod simulation;
+
+pub use error::EvaluateError;

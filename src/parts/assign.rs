@@ -1,7 +1,8 @@
 //! Which part each inside cell belongs to.
 //!
 //! On the surface the Gaussians say it: a cell is of the label with the largest sum of opacity times fall-off there, each
-//! Gaussian measured in its own metric. Below the surface nothing is seen; [`super::seam`] carries the labels inward.
+//! Gaussian measured in its own metric. What nobody saw of the surface is of the part that the seen surface around it is of.
+//! Below the surface nothing is seen; [`super::seam`] carries the labels inward.
 
 use super::grid::Grid;
 use super::seam;
@@ -45,17 +46,29 @@ pub fn assign(
 ) -> Labelled {
     let on_surface = surface_labels(gaussians, kept, labels, label_count, &grid, &surface);
     let seen: Vec<bool> = on_surface.iter().zip(in_view).map(|(l, in_view)| *l != NONE && *in_view).collect();
-    let labelled: Vec<usize> = (0..seen.len()).filter(|&s| seen[s]).collect();
-    let cells: Vec<u32> = labelled.iter().map(|&s| surface.cells[s]).collect();
-    let points: Vec<_> = labelled.iter().map(|&s| surface.points[s]).collect();
-    let inside: Vec<bool> = surface.nearest.iter().map(|n| *n != NONE).collect();
-    let (_, nearest) = distance_to(&grid, &inside, &cells, &points);
-    let of_nearest = |n: &u32| if *n == NONE { NONE } else { on_surface[labelled[*n as usize]] };
-    let mut label: Vec<u32> = nearest.iter().map(of_nearest).collect();
+    let on_surface = along_surface(&grid, &surface, &on_surface, &seen);
+    let mut label: Vec<u32> =
+        surface.nearest.iter().map(|n| if *n == NONE { NONE } else { on_surface[*n as usize] }).collect();
     let mut fixed = vec![false; grid.len()];
-    cells.iter().for_each(|&cell| fixed[cell as usize] = true);
+    surface.cells.iter().zip(&on_surface).for_each(|(cell, label)| fixed[*cell as usize] = *label != NONE);
     seam::shorten(grid.dims, &mut label, &fixed, label_count);
     Labelled { grid, surface, label, seen }
+}
+
+/// The labels of seen surface cells, and for the others that of the seen one nearest along the surface: the underside of a
+/// seat is the seat's, however near the cushion above it. [`NONE`] on bodies that nobody saw.
+fn along_surface(grid: &Grid, surface: &Surface, on_surface: &[u32], seen: &[bool]) -> Vec<u32> {
+    let known: Vec<usize> = (0..seen.len()).filter(|&s| seen[s]).collect();
+    let seeds: Vec<u32> = known.iter().map(|&s| surface.cells[s]).collect();
+    let points: Vec<_> = known.iter().map(|&s| surface.points[s]).collect();
+    let mut skin = vec![false; grid.len()];
+    surface.cells.iter().for_each(|&cell| skin[cell as usize] = true);
+    let (_, nearest) = distance_to(grid, &skin, &seeds, &points);
+    let of_cell = |&cell: &u32| match nearest[cell as usize] {
+        NONE => NONE,
+        known_at => on_surface[known[known_at as usize]],
+    };
+    surface.cells.iter().map(of_cell).collect()
 }
 
 /// Per surface cell the label that the Gaussians there agree on; [`NONE`] where there are none.

@@ -45,18 +45,19 @@ const FACING: f64 = 0.2;
 /// ... and has its own surface within so many tolerances of it.
 const TOLERANCES: f64 = 3.0;
 
-/// Whether some view sees this place of the surface, whose outward unit normal is `normal`.
+/// Whether some view sees this place of the surface, whose outward unit normal is `normal`. `tolerance` in scene units.
 pub fn is_seen(views: &[DepthView], point: Point3<f64>, normal: Vector3<f64>, tolerance: f64) -> bool {
     views.iter().any(|view| {
-        let toward_eye = view.camera.center_in_world() - point;
-        let depth_of_surface = || {
-            let in_camera = view.camera.point_in_camera(point);
-            let pixel = view.camera.pixel(in_camera)?;
-            Some(f64::from(view.depth_at(pixel)?) - in_camera.z)
-        };
-        normal.dot(&toward_eye) >= FACING * toward_eye.norm()
-            && depth_of_surface().is_some_and(|off| off.abs() <= TOLERANCES * tolerance)
+        let behind = facing(view, point, normal).and_then(|_| view.surface_behind(point));
+        behind.is_some_and(|behind| behind.abs() <= TOLERANCES * tolerance)
     })
+}
+
+/// The cosine between a place's normal and the way to the view's eye; `None` where the view grazes it or sees its back.
+pub fn facing(view: &DepthView, point: Point3<f64>, normal: Vector3<f64>) -> Option<f64> {
+    let toward_eye = view.camera.center_in_world() - point;
+    let cosine = normal.dot(&toward_eye) / toward_eye.norm();
+    (cosine >= FACING).then_some(cosine)
 }
 
 /// What a view says of a place.
@@ -71,11 +72,16 @@ enum Seen {
 }
 
 impl DepthView {
-    /// Depth of the surface on the pixel that holds this place of the picture; `None` off the picture.
-    fn depth_at(&self, pixel: Point2<f64>) -> Option<f32> {
+    /// How far behind a point, along the ray through it, the view sees a surface, scene units; negative where it sees one
+    /// before it. `None` off the picture and where there is none.
+    pub fn surface_behind(&self, point: Point3<f64>) -> Option<f64> {
+        let in_camera = self.camera.point_in_camera(point);
+        let pixel = self.camera.pixel(in_camera)?;
         let (width, height) = (self.camera.intrinsics.width, self.camera.intrinsics.height);
         let on_picture = (0.0..f64::from(width)).contains(&pixel.x) && (0.0..f64::from(height)).contains(&pixel.y);
-        on_picture.then(|| self.depth[pixel.y as usize * width as usize + pixel.x as usize])
+        let depth = on_picture.then(|| self.depth[pixel.y as usize * width as usize + pixel.x as usize])?;
+        let behind = (f64::from(depth) - in_camera.z) * in_camera.coords.norm() / in_camera.z;
+        behind.is_finite().then_some(behind)
     }
 
     fn sees_at(&self, point: Point3<f64>, tolerance: f64) -> Seen {

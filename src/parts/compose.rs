@@ -12,9 +12,14 @@ use super::assign::Labelled;
 use super::cores;
 use super::grid::{Interior, OUTSIDE, VOID};
 use super::surface::NONE;
+use super::thickness::{Chord, thickness};
 use super::unseen::{self, Doubt};
 use super::wall::{AROUND_CORE, AROUND_VOID, WallDepths};
 use crate::units::Estimate;
+
+/// A ray through a shell no longer than its wall and so many uncertainties goes through one wall, not two: three to either
+/// side, the depth that carving tolerates.
+const SHEET_SLACK: f64 = 6.0;
 
 /// Whether a label is material through and through. Wall thickness in scene units.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -52,21 +57,27 @@ impl Reading {
     }
 }
 
-/// Fills the cells. `makes` and `thickness` are per label; `uncertainty` is how far the surface may be off, scene units.
+/// Fills the cells. `makes` are per label, `chords` per surface cell; `uncertainty` is how far the surface may be off, scene
+/// units.
 pub fn compose(
     mut cells: Labelled,
     makes: &[Make],
-    thickness: &[Option<Estimate>],
+    chords: &[Option<Chord>],
     uncertainty: f64,
 ) -> (Composed, Labelled) {
     let is_solid: Vec<bool> = makes.iter().map(|m| *m == Make::Solid).collect();
     let passages = cores::run_through(&mut cells, &is_solid);
-    let doubt = unseen::doubts(&cells, &unseen::of_solids(thickness, |l| is_solid[l]));
-    let walls = WallDepths::of(&cells, |l| !is_solid[l as usize]);
+    let doubt = unseen::doubts(&cells, &unseen::of_solids(&thickness(chords, makes.len()), |l| is_solid[l]));
     let wall_of = |label: u32| match makes[label as usize] {
         Make::Solid => Estimate::exactly(0.0),
         Make::Wall(wall) => wall,
     };
+    let sheet = |s: usize| {
+        let wall = wall_of(cells.label[cells.surface.cells[s] as usize]).high;
+        let soft = wall + SHEET_SLACK * uncertainty;
+        chords[s].filter(|chord| chord.seen && chord.length <= soft).map(|chord| chord.length)
+    };
+    let walls = WallDepths::of(&cells, |l| !is_solid[l as usize], sheet);
     let is_void = |i: usize| f64::from(walls.seen[i]) > wall_of(cells.label[i]).mid;
     let is_material = |i: usize| doubt[i] < Doubt::Strong;
     let cores = cores::cores(&cells, &is_solid, is_void, is_material);

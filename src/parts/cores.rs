@@ -5,7 +5,7 @@
 //! - **through**: a solid that meets another on two facing patches in line, as a shaft does on both sides of a head, goes
 //!   through it with their mean cross-section;
 //! - **sleeve**: the void of a shell is filled by the solid that enters it, if the solid is a peg and the shell its sleeve:
-//!   both are longer than their contact is wide, and contact, peg and void have cross-sections of one size. So a grip
+//!   the peg is longer than their contact is wide, the sleeve twice as long, and contact, peg and void have cross-sections of one size. So a grip
 //!   is filled by its handle, but a cushion not by the seat it lies on, nor a lamp's base by its thin stem.
 
 use nalgebra::{Point3, Vector3};
@@ -20,6 +20,8 @@ const IN_LINE: f64 = 0.9;
 const SAME_SIZE: f64 = 2.0;
 /// A peg keeps at least this share of its contact's cross-section over as great a length as the contact is wide.
 const PEG_SHARE: f64 = 0.6;
+/// A sleeve is at least so many times as long as its mouth is wide. A bulb on its socket is rounder.
+const SLEEVE_LENGTH: f64 = 2.0;
 /// A patch of less than this many cells' faces is too rough to have a direction.
 const PATCH_FACES_MIN: f64 = 12.0;
 
@@ -112,7 +114,7 @@ fn is_peg_in_sleeve(
         .collect();
     let void: Vec<_> = members(contact.to).filter(|(i, _)| is_void(*i)).map(|(_, p)| p).collect();
     let length = void.iter().map(along).fold(0.0, f64::max);
-    if void.is_empty() || length < width {
+    if void.is_empty() || length < SLEEVE_LENGTH * width {
         return false;
     }
     volume(&peg) / width >= PEG_SHARE * contact.area && same_size(contact.area, volume(&void) / length)

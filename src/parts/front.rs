@@ -1,15 +1,16 @@
 //! Where the surface lies along each pixel, read off the Gaussians.
 //!
-//! A splat is soft: half of a pixel's light comes from 2 to 6 mm behind the true surface of the scenes this was measured
-//! on, since Gaussians lie with their centres under it and let light through. The near side of the first Gaussians that
-//! matter is within 1 mm of it in the median: one deviation before the depth by which a tenth of the light is gone.
+//! A splat is soft: Gaussians lie with their centres under the surface and let light through. The surface is taken where
+//! half of a pixel's light is gone, [`SURFACE_DEVIATIONS`](crate::vote::raster::SURFACE_DEVIATIONS) before the middle of the
+//! Gaussian that takes it. On held-out views of the four scenes with ground truth its median error is within 0.6 mm to either
+//! side; half of the pixels are within 0.5 (hammer) to 2.5 mm (chair).
 
 use crate::camera::{Camera, Intrinsics};
 use crate::scene::gaussians::Gaussians;
 use crate::vote::raster::{LANES, RenderOptions, Sink, Splat, TILE, TileRect, pixels, visit};
 
 /// The surface is met where this share of the light is gone.
-const ONSET: f32 = 0.1;
+const GONE: f32 = 0.5;
 /// Views are drawn at no more than this many pixels along their longer side: finer than a cell of the grid.
 const PIXELS_MAX: u32 = 640;
 
@@ -47,17 +48,7 @@ fn reduced(intrinsics: &Intrinsics) -> Intrinsics {
         return *intrinsics;
     }
     let shrink = |side: u32| (f64::from(side) * f64::from(PIXELS_MAX) / f64::from(longest)).round().max(1.0) as u32;
-    let (width, height) = (shrink(intrinsics.width), shrink(intrinsics.height));
-    let (x, y) = (f64::from(width) / f64::from(intrinsics.width), f64::from(height) / f64::from(intrinsics.height));
-    Intrinsics {
-        width,
-        height,
-        fx: intrinsics.fx * x,
-        fy: intrinsics.fy * y,
-        cx: intrinsics.cx * x,
-        cy: intrinsics.cy * y,
-        distortion: intrinsics.distortion,
-    }
+    intrinsics.resized(shrink(intrinsics.width), shrink(intrinsics.height))
 }
 
 /// One tile of the surface.
@@ -75,14 +66,13 @@ impl Front {
 
 impl Sink for Front {
     fn add(&mut self, splat: &Splat, first: usize, weights: &[f32; LANES], transmittance: &[f32; LANES]) {
-        let dx = (self.rect.x + first % TILE) as f32 + 0.5 - splat.center[0];
-        let dy = (self.rect.y + first / TILE) as f32 + 0.5 - splat.center[1];
-        let near_side = splat.depth + splat.depth_slope[0] * dx + splat.depth_slope[1] * dy - splat.depth_deviation;
+        let [column, row] = [self.rect.x + first % TILE, self.rect.y + first / TILE];
+        let surface = splat.surface_at([column as f32 + 0.5, row as f32 + 0.5]);
         for lane in 0..LANES {
             let (weight, after) = (weights[lane], transmittance[lane]);
             self.alpha[first + lane] += weight;
-            if after < 1.0 - ONSET && after + weight >= 1.0 - ONSET {
-                self.depth[first + lane] = near_side + splat.depth_slope[0] * lane as f32;
+            if after < 1.0 - GONE && after + weight >= 1.0 - GONE {
+                self.depth[first + lane] = surface + splat.depth_slope[0] * lane as f32;
             }
         }
     }

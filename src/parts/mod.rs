@@ -3,16 +3,17 @@
 //! In order:
 //! 1. [`clean`] leaves floaters out;
 //! 2. the object's inside on a [`grid`]: [`front`] reads the surface off the Gaussians in every view, [`hull`] bounds it,
-//!    [`carve`] takes away what the views look through; or [`fill`] does without cameras;
+//!    [`carve`] takes away what the views look through, [`refine`] settles between cells; or [`fill`] does without cameras;
 //! 3. [`surface`] measures how deep each cell lies; [`assign`] gives it a part, with [`seam`]s of least area;
 //! 4. [`thickness`] across each part;
 //! 5. [`compose`] puts material into the cells: [`cores`] in sleeves, [`wall`]s of shells, nothing far behind what was
 //!    [`unseen`];
-//! 6. [`moments`] and [`mass`].
+//! 6. [`bodies`] of each part, their [`moments`] and [`mass`].
 //!
 //! Steps 1 to 5 are in scene units and need no metric scale but for the walls of shells.
 
 pub mod assign;
+mod bodies;
 pub mod carve;
 pub mod clean;
 pub mod compose;
@@ -23,9 +24,12 @@ pub mod fill;
 pub mod front;
 pub mod grid;
 pub mod hull;
+mod inside;
 mod mass;
 pub mod moments;
 mod options;
+mod refine;
+mod result;
 pub mod seam;
 mod splat_cells;
 pub mod surface;
@@ -33,8 +37,7 @@ pub mod thickness;
 pub mod unseen;
 pub mod wall;
 
-use nalgebra::{Point3, Vector3};
-use rayon::prelude::*;
+use nalgebra::Point3;
 use serde::{Deserialize, Serialize};
 
 use crate::camera::Camera;
@@ -43,14 +46,15 @@ use crate::query::Form;
 use crate::scene::gaussians::Gaussians;
 use crate::units::{Estimate, MetricScale};
 use crate::vote::{FieldLabel, MaterialField};
+use bodies::Bodies;
 use compose::{Composed, Make};
 pub use error::PartsError;
-use front::DepthView;
 pub use grid::{Grid, Interior, OUTSIDE, VOID};
-use hull::UnseenBound;
-use mass::Body;
+use inside::{grid_around, inside};
+use mass::{Piece, Weighable};
 use moments::Moments;
-pub use options::{Options, VolumeMethod};
+pub use options::{BodiesAs, Options, VolumeMethod};
+pub use result::{Object, Part, PartBody, Parts};
 use surface::Surface;
 
 /// What the parts stage makes.
@@ -115,29 +119,56 @@ pub fn parts(
     let surface = Surface::of(&grid, &inside.cells);
     let in_view = inside.in_view(&surface);
     let cells = assign::assign(gaussians, &kept, &field.part_label, makes.len(), grid, surface, &in_view);
-    let thickness = thickness::thickness(&cells, makes.len());
-    let (composed, cells) = compose::compose(cells, &makes, &thickness, inside.uncertainty);
+    let chords = thickness::chords(&cells);
+    let thickness = thickness::thickness(&chords, makes.len());
+    let (composed, cells) = compose::compose(cells, &makes, &chords, inside.uncertainty);
 
     let mut shapes = shapes(field, &composed, &makes, &thickness);
-    let moments = Moments::of(&composed.interior, makes.len());
-    let scaled = moments.iter().zip(&shapes).map(|(m, s)| m.map(|m| m.with_volume(s.volume.mid)));
-    let moments: Vec<Option<Moments>> = scaled.collect();
-    if let Some(center) = mass::center_of_mass(&bodies(&shapes, &field.labels, &moments)) {
-        set_distances(&mut shapes, &cells, center);
+    let interior = &composed.interior;
+    let bodies = Bodies::of(interior, makes.len());
+    let mut pieces = pieces(interior, &bodies, &shapes, gaussians, &field.part_label);
+    if let Some(center) = mass::center_of_mass(&weighables(&shapes, &field.labels, &pieces)) {
+        set_distances(&mut shapes, &mut pieces, &bodies, &cells, center);
     }
-    let warnings = warnings(field, &kept, &shapes, &composed, scale.is_none());
+    let warnings = warnings(field, &kept, &shapes, &composed, scale.is_none(), options.min_part_share);
     let parts = meters_per_unit.map(|scale| {
-        let (object, parts) = mass::weigh(&bodies(&shapes, &field.labels, &moments), scale);
+        let (object, parts) = mass::weigh(&weighables(&shapes, &field.labels, &pieces), scale, options.bodies);
         Parts { object, parts, warnings: warnings.clone() }
     });
     Ok(PartsResult { interior: composed.interior, shapes, warnings, parts })
 }
 
-fn bodies<'a>(shapes: &'a [Shape], labels: &'a [FieldLabel], moments: &[Option<Moments>]) -> Vec<Body<'a>> {
-    let all = shapes.iter().zip(labels).zip(moments);
+fn weighables<'a>(shapes: &'a [Shape], labels: &'a [FieldLabel], pieces: &'a [Vec<Piece>]) -> Vec<Weighable<'a>> {
+    let all = shapes.iter().zip(labels).zip(pieces);
     all.filter(|((shape, _), _)| shape.gaussians > 0)
-        .map(|((shape, label), moments)| Body { shape, label, moments: *moments })
+        .map(|((shape, label), pieces)| Weighable { shape, label, pieces })
         .collect()
+}
+
+/// Per label its bodies, which together have its volume.
+fn pieces(
+    interior: &Interior,
+    bodies: &Bodies,
+    shapes: &[Shape],
+    gaussians: &Gaussians,
+    part_label: &[u32],
+) -> Vec<Vec<Piece>> {
+    let moments = Moments::of(interior, &bodies.of_cell, bodies.label.len());
+    let counts = bodies.gaussians(gaussians, part_label, &interior.grid);
+    let mut filled = vec![0.0; shapes.len()];
+    for (label, moments) in bodies.label.iter().zip(&moments) {
+        filled[*label as usize] += moments.map_or(0.0, |m| m.volume);
+    }
+    let mut pieces: Vec<Vec<Piece>> = shapes.iter().map(|_| Vec::new()).collect();
+    for ((label, moments), gaussians) in bodies.label.iter().zip(moments).zip(counts) {
+        let label = *label as usize;
+        if let Some(moments) = moments {
+            let volume = shapes[label].volume.mid * moments.volume / filled[label];
+            let moments = moments.with_volume(volume);
+            pieces[label].push(Piece { moments, gaussians, surface_to_center_of_mass: None });
+        }
+    }
+    pieces
 }
 
 fn check(gaussians: &Gaussians, field: &MaterialField) -> Result<(), PartsError> {
@@ -173,105 +204,6 @@ fn make(label: &FieldLabel, meters_per_unit: Option<f64>, options: &Options) -> 
     }
 }
 
-/// A grid around the kept Gaussians' centres and a deviation beyond.
-fn grid_around(gaussians: &Gaussians, kept: &[bool], cells: usize) -> Grid {
-    let (mut low, mut high) = (Point3::from([f64::INFINITY; 3]), Point3::from([f64::NEG_INFINITY; 3]));
-    for i in (0..gaussians.len()).filter(|&i| kept[i]) {
-        let deviation = gaussians.covariance(i).diagonal().map(f64::sqrt);
-        low = low.inf(&(gaussians.center(i) - deviation));
-        high = high.sup(&(gaussians.center(i) + deviation));
-    }
-    Grid::around(low, high, cells)
-}
-
-/// The cells inside the object, and how well that is known.
-struct Inside {
-    cells: Vec<bool>,
-    /// How far the surface may be off, scene units.
-    uncertainty: f64,
-    /// What the views see; none where the volume does not come from views.
-    views: Vec<DepthView>,
-}
-
-impl Inside {
-    /// Whether a view sees each cell of the surface. Where there are no views, all are taken as seen.
-    fn in_view(&self, surface: &Surface) -> Vec<bool> {
-        let see = |(point, normal): (&Point3<f64>, &Vector3<f64>)| {
-            self.views.is_empty() || carve::is_seen(&self.views, *point, *normal, self.uncertainty)
-        };
-        surface.points.par_iter().zip(&surface.normals).map(see).collect()
-    }
-}
-
-fn inside(
-    gaussians: &Gaussians,
-    kept: &[bool],
-    grid: &Grid,
-    cameras: &[Camera],
-    options: &Options,
-    progress: Progress,
-) -> Result<Inside, PartsError> {
-    let (cells, uncertainty, views, why) = match options.volume {
-        VolumeMethod::Fill => {
-            let cells = fill::fill(gaussians, kept, grid, options.fill_density);
-            (cells, grid.cell, Vec::new(), "no cell is dense enough to be the object's skin")
-        }
-        VolumeMethod::Hybrid | VolumeMethod::Carve | VolumeMethod::Shell => {
-            let views = depth_views(gaussians, cameras, options.carve_views, progress)?;
-            let pixel = pixel_size(grid, &views);
-            let mut cells = vec![true; grid.len()];
-            UnseenBound::of(gaussians, kept, cameras, grid.middle()).clip(grid, &mut cells);
-            carve::carve(grid, &views, pixel, &mut cells);
-            (cells, pixel, views, "the views see through every place where the splat is")
-        }
-    };
-    let cells = without_border(grid, cells);
-    if !cells.contains(&true) {
-        return Err(PartsError::NothingInside { why });
-    }
-    Ok(Inside { cells, uncertainty, views })
-}
-
-/// The grid's outermost cells are outside, so that filters and neighbours need no edge cases.
-fn without_border(grid: &Grid, mut cells: Vec<bool>) -> Vec<bool> {
-    const BORDER: usize = 2;
-    cells.par_iter_mut().enumerate().for_each(|(i, inside)| {
-        let coords = grid.coords(i);
-        *inside &= (0..3).all(|axis| (BORDER..grid.dims[axis] - BORDER).contains(&coords[axis]));
-    });
-    cells
-}
-
-/// The surface seen from up to `count` of the cameras, spread evenly over their order.
-fn depth_views(
-    gaussians: &Gaussians,
-    cameras: &[Camera],
-    count: usize,
-    progress: Progress,
-) -> Result<Vec<DepthView>, PartsError> {
-    if cameras.is_empty() {
-        return Err(PartsError::NoViews);
-    }
-    let count = count.min(cameras.len());
-    let bar = progress.bar("parts", count as u64);
-    let views = (0..count).map(|k| {
-        let view = DepthView::of(gaussians, &cameras[k * cameras.len() / count]);
-        bar.inc(1);
-        view
-    });
-    let views = views.collect();
-    bar.finish_and_clear();
-    Ok(views)
-}
-
-/// The width of a pixel at the object, scene units, median over the views: no surface is known better.
-fn pixel_size(grid: &Grid, views: &[DepthView]) -> f64 {
-    let size = |v: &DepthView| (v.camera.center_in_world() - grid.middle()).norm() / v.camera.intrinsics.fx;
-    let mut sizes: Vec<f64> = views.iter().map(size).collect();
-    sizes.sort_by(f64::total_cmp);
-    sizes[sizes.len() / 2]
-}
-
 fn shapes(field: &MaterialField, composed: &Composed, makes: &[Make], thickness: &[Option<Estimate>]) -> Vec<Shape> {
     let mut gaussians = vec![0; makes.len()];
     field.part_label.iter().for_each(|&l| gaussians[l as usize] += 1);
@@ -288,12 +220,22 @@ fn shapes(field: &MaterialField, composed: &Composed, makes: &[Make], thickness:
     (0..makes.len()).map(shape).collect()
 }
 
-/// Sets how near each part's seen surface comes to the object's centre of mass.
-fn set_distances(shapes: &mut [Shape], cells: &assign::Labelled, center: Point3<f64>) {
+/// Sets how near each part's and each body's seen surface comes to the object's centre of mass.
+fn set_distances(
+    shapes: &mut [Shape],
+    pieces: &mut [Vec<Piece>],
+    bodies: &Bodies,
+    cells: &assign::Labelled,
+    center: Point3<f64>,
+) {
+    let places = bodies.places(shapes.len());
+    let lower = |known: &mut Option<f64>, distance: f64| *known = Some(known.map_or(distance, |d| d.min(distance)));
     for s in (0..cells.surface.cells.len()).filter(|&s| cells.seen[s]) {
-        let distance = (cells.surface.points[s] - center).norm();
-        let nearest = &mut shapes[cells.label[cells.surface.cells[s] as usize] as usize].surface_to_center_of_mass;
-        *nearest = Some(nearest.map_or(distance, |d| d.min(distance)));
+        let (cell, distance) = (cells.surface.cells[s] as usize, (cells.surface.points[s] - center).norm());
+        lower(&mut shapes[cells.label[cell] as usize].surface_to_center_of_mass, distance);
+        if let Some((label, place)) = places.get(bodies.of_cell[cell] as usize) {
+            lower(&mut pieces[*label][*place].surface_to_center_of_mass, distance);
+        }
     }
 }
 
@@ -303,6 +245,7 @@ fn warnings(
     shapes: &[Shape],
     composed: &Composed,
     scale_unknown: bool,
+    min_part_share: f64,
 ) -> Vec<String> {
     let caption = |l: u32| &field.labels[l as usize].caption;
     let mut warnings = Vec::new();
@@ -313,6 +256,13 @@ fn warnings(
     for shape in shapes.iter().filter(|s| s.gaussians > 0 && s.volume.mid <= 0.0) {
         let (name, count) = (caption(shape.id), shape.gaussians);
         warnings.push(format!("part {name:?} ({count} Gaussians) owns no place on the surface: no volume, no mass"));
+    }
+    let whole: f64 = shapes.iter().map(|shape| shape.volume.mid).sum();
+    let is_speck = |shape: &&Shape| shape.volume.mid > 0.0 && shape.volume.mid < min_part_share * whole;
+    for shape in shapes.iter().filter(is_speck) {
+        let (name, percent) = (caption(shape.id), 100.0 * shape.volume.mid / whole);
+        warnings
+            .push(format!("part {name:?} is {percent:.3} % of the object: a real detail, or a wrong answer's speck"));
     }
     for (shell, core) in composed.cores.iter().enumerate() {
         if let Some(core) = core {
@@ -328,45 +278,4 @@ fn warnings(
         warnings.push("walls are known in metres only: without a scale, shells count as solid".to_owned());
     }
     warnings
-}
-
-/// The object and its parts, in metres and kilograms. Written as `parts.json`.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-pub struct Parts {
-    pub object: Object,
-    /// By id.
-    pub parts: Vec<Part>,
-    pub warnings: Vec<String>,
-}
-
-/// The whole.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-pub struct Object {
-    pub volume_m3: Estimate,
-    pub mass_kg: Estimate,
-    /// World frame, metres.
-    pub center_of_mass_m: [f64; 3],
-    /// About the centre of mass, world axes.
-    pub inertia_kg_m2: [[f64; 3]; 3],
-}
-
-/// One part.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-pub struct Part {
-    /// Its value of `part_label` in `field.ply`.
-    pub id: u32,
-    pub caption: String,
-    pub material: String,
-    pub family: String,
-    /// How many Gaussians carry its label.
-    pub gaussians: usize,
-    pub volume_m3: Estimate,
-    /// Of the surface that bears a grasp: wall to wall for a solid, the wall for a shell.
-    pub thickness_m: Estimate,
-    pub density_kg_m3: Estimate,
-    pub mass_kg: Estimate,
-    pub center_of_mass_m: [f64; 3],
-    pub inertia_kg_m2: [[f64; 3]; 3],
-    /// From the nearest place on its outer surface to the object's centre of mass; `None` where it has no outer surface.
-    pub surface_to_center_of_mass_m: Option<f64>,
 }

@@ -14,15 +14,16 @@ pub struct Moments {
 }
 
 impl Moments {
-    /// The moments of every label's cells; `None` where it fills none.
-    pub fn of(interior: &Interior, label_count: usize) -> Vec<Option<Self>> {
+    /// The moments of the material in each owner's cells; `None` where it has none. `owner` is per cell, below `owners` where
+    /// the cell holds material.
+    pub fn of(interior: &Interior, owner: &[u32], owners: usize) -> Vec<Option<Self>> {
         let grid = &interior.grid;
         // About the grid's middle rather than the world's origin, which may be far away.
         let origin = grid.middle();
-        let mut sums = vec![(0.0, Vector3::zeros(), Matrix3::zeros()); label_count];
-        for (i, part, share) in interior.filled() {
+        let mut sums = vec![(0.0, Vector3::zeros(), Matrix3::zeros()); owners];
+        for (i, _, share) in interior.filled() {
             let x = grid.center(grid.coords(i)) - origin;
-            let (volume, first, second) = &mut sums[part as usize];
+            let (volume, first, second) = &mut sums[owner[i] as usize];
             *volume += share;
             *first += x * share;
             *second += x * x.transpose() * share;

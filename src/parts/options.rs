@@ -13,6 +13,8 @@ const CARVE_VIEWS: usize = 40;
 const FILL_DENSITY: f64 = 0.5;
 /// A body of less than 1 % of the cloud's opacity floats.
 const MIN_BODY_SHARE: f64 = 0.01;
+/// A part of less than 0.1 % of the object's volume is more often a wrong answer than a real part.
+const MIN_PART_SHARE: f64 = 0.001;
 /// A sheet of steel, a mug's wall, a moulded case: 1 to 5 mm.
 const WALL_M: f64 = 0.003;
 
@@ -29,6 +31,17 @@ pub enum VolumeMethod {
     Carve,
     /// Carved from all views, every part a wall: of the answer's thickness, or `--wall-m`.
     Shell,
+}
+
+/// How the connected bodies of one part are written.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize, clap::ValueEnum)]
+#[serde(rename_all = "snake_case")]
+pub enum BodiesAs {
+    /// One part that lists its bodies.
+    #[default]
+    OnePart,
+    /// A part for every body; the mass is the same.
+    Parts,
 }
 
 /// Options of the parts stage.
@@ -53,6 +66,12 @@ pub struct Options {
     /// Connected bodies with a smaller share of the cloud's summed opacity are floaters and count for nothing
     #[arg(long, value_name = "SHARE", default_value_t = MIN_BODY_SHARE)]
     pub min_body_share: f64,
+    /// A part with a smaller share of the object's volume is reported as a speck
+    #[arg(long, value_name = "SHARE", default_value_t = MIN_PART_SHARE)]
+    pub min_part_share: f64,
+    /// How the connected bodies of one part (four legs of a chair) are written
+    #[arg(long, value_enum, value_name = "AS", default_value_t)]
+    pub bodies: BodiesAs,
 }
 
 impl Default for Options {
@@ -64,6 +83,8 @@ impl Default for Options {
             fill_density: FILL_DENSITY,
             wall_m: WALL_M,
             min_body_share: MIN_BODY_SHARE,
+            min_part_share: MIN_PART_SHARE,
+            bodies: BodiesAs::default(),
         }
     }
 }
@@ -88,6 +109,9 @@ impl Options {
         }
         if !(0.0..1.0).contains(&self.min_body_share) {
             return wrong("--min-body-share", self.min_body_share, "0 or more and below 1");
+        }
+        if !(0.0..1.0).contains(&self.min_part_share) {
+            return wrong("--min-part-share", self.min_part_share, "0 or more and below 1");
         }
         Ok(())
     }

@@ -11,28 +11,33 @@ use crate::units::Estimate;
 const STEPS_PER_CELL: f64 = 4.0;
 
 /// A ray through a part.
-struct Chord {
+#[derive(Debug, Clone, Copy)]
+pub struct Chord {
     label: u32,
-    length: f64,
+    /// Scene units.
+    pub length: f64,
     /// Area of the surface it starts from: its weight.
     area: f64,
     /// Whether it ends at a surface that Gaussians lie on, rather than at one that nobody saw.
-    seen: bool,
+    pub seen: bool,
+}
+
+/// The ray from every surface cell; `None` where nobody saw that surface or it has no normal.
+pub fn chords(cells: &Labelled) -> Vec<Option<Chord>> {
+    (0..cells.surface.cells.len()).into_par_iter().map(|s| chord(cells, s)).collect()
 }
 
 /// Per label the thickness between seen surfaces, scene units: median over area, quartiles as low and high. Where no ray
 /// ends at a seen surface, that of the rays to unseen ones. `None` where a part has no surface.
-pub fn thickness(cells: &Labelled, label_count: usize) -> Vec<Option<Estimate>> {
-    let chords: Vec<Chord> = (0..cells.surface.cells.len()).into_par_iter().filter_map(|s| chord(cells, s)).collect();
+pub fn thickness(chords: &[Option<Chord>], label_count: usize) -> Vec<Option<Estimate>> {
     let mut of_label: Vec<[Vec<(f64, f64)>; 2]> = vec![Default::default(); label_count];
-    for chord in chords {
+    for chord in chords.iter().flatten() {
         of_label[chord.label as usize][usize::from(chord.seen)].push((chord.length, chord.area));
     }
     let pick = |[unseen, seen]: [Vec<(f64, f64)>; 2]| quartiles(seen).or_else(|| quartiles(unseen));
     of_label.into_iter().map(pick).collect()
 }
 
-/// The ray from surface cell `s`; `None` where nobody saw that surface or it has no normal.
 fn chord(cells: &Labelled, s: usize) -> Option<Chord> {
     let surface = &cells.surface;
     let (start, inward) = (surface.points[s], -surface.normals[s]);

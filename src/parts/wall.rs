@@ -4,6 +4,9 @@
 //! surface, taking the cell as a layer of its own width at its depth. Summed over cells, that is area times thickness
 //! for thin walls and the true wall, curvature included, for thick ones.
 //!
+//! A wall that shows on both sides, as a lampshade's does, is a sheet: as thick as the rays through it or thinner, since a
+//! splat is soft. It is counted once, not once from either side: each cell of it holds the wall's share of the ray.
+//!
 //! Along surfaces that nobody saw, and along seams with other parts, a shell may be closed or open (a cup under its lid is
 //! open, on its coaster it is closed). The low volume takes them as open, the high one as closed, the middle half.
 
@@ -30,17 +33,24 @@ pub struct WallDepths {
     pub seen: Vec<f32>,
     pub unseen: Vec<f32>,
     pub seam: Vec<f32>,
+    /// Length of the ray through the nearest seen wall where that is a sheet, scene units; 0 where it is none.
+    sheet: Vec<f32>,
 }
 
 impl WallDepths {
-    /// Depths in the cells of labels that `is_shell` names; infinite elsewhere.
-    pub fn of(cells: &Labelled, is_shell: impl Fn(u32) -> bool) -> Self {
+    /// Depths in the cells of labels that `is_shell` names; infinite elsewhere. `sheet` is, of a surface cell, the length of
+    /// the ray through it where that is a sheet.
+    pub fn of(cells: &Labelled, is_shell: impl Fn(u32) -> bool, sheet: impl Fn(usize) -> Option<f64>) -> Self {
         let mask: Vec<bool> = cells.label.iter().map(|&l| l != NONE && is_shell(l)).collect();
         let surface = &cells.surface;
         let (mut seen, mut unseen, mut seam) = (Seeds::default(), Seeds::default(), Seeds::default());
+        let mut sheets = Vec::new();
         for s in (0..surface.cells.len()).filter(|&s| mask[surface.cells[s] as usize]) {
             let seeds = if cells.seen[s] { &mut seen } else { &mut unseen };
             seeds.push(surface.cells[s], surface.points[s]);
+            if cells.seen[s] {
+                sheets.push(sheet(s).unwrap_or(0.0) as f32);
+            }
         }
         for i in (0..mask.len()).filter(|&i| mask[i]) {
             if let Some(other) = cells.grid.neighbours(i).find(|&n| cells.is_seam(i, n)) {
@@ -48,14 +58,18 @@ impl WallDepths {
                 seam.push(i as u32, nalgebra::center(&centers[0], &centers[1]));
             }
         }
-        let depths = |seeds: Seeds| seeds.depths(cells, &mask);
-        Self { seen: depths(seen), unseen: depths(unseen), seam: depths(seam) }
+        let (seen, nearest) = seen.depths(cells, &mask);
+        let sheet = nearest.into_iter().map(|n| if n == NONE { 0.0 } else { sheets[n as usize] }).collect();
+        Self { seen, unseen: unseen.depths(cells, &mask).0, seam: seam.depths(cells, &mask).0, sheet }
     }
 
     /// Share of cell `i` that is wall of this thickness, where of the hidden walls the shares `unseen` and `seam` exist.
     /// `cell` is its width.
     pub fn share(&self, i: usize, thickness: f64, unseen: f64, seam: f64, cell: f64) -> f64 {
         let below = |depths: &[f32]| within(f64::from(depths[i]), thickness, cell);
+        if self.sheet[i] > 0.0 {
+            return (thickness / f64::from(self.sheet[i])).min(1.0);
+        }
         below(&self.seen).max(unseen * below(&self.unseen)).max(seam * below(&self.seam))
     }
 }
@@ -72,14 +86,15 @@ impl Seeds {
         self.points.push(point);
     }
 
-    fn depths(&self, cells: &Labelled, mask: &[bool]) -> Vec<f32> {
+    /// Per cell the distance to the nearest seed, infinite where there is none, and which it is.
+    fn depths(&self, cells: &Labelled, mask: &[bool]) -> (Vec<f32>, Vec<u32>) {
         let (mut depth, nearest) = distance_to(&cells.grid, mask, &self.cells, &self.points);
-        for (depth, nearest) in depth.iter_mut().zip(nearest) {
-            if nearest == NONE {
+        for (depth, nearest) in depth.iter_mut().zip(&nearest) {
+            if *nearest == NONE {
                 *depth = f32::INFINITY;
             }
         }
-        depth
+        (depth, nearest)
     }
 }
 

@@ -1,10 +1,13 @@
 //! The vote on disk: `field.ply` for any splat viewer, `labels.json` and `materials.json` for what its numbers mean.
 
+use std::path::Path;
+
 use anyhow::{Context, Result};
 
+use crate::scene::gaussians::Gaussians;
 use crate::scene::ply;
 use crate::vote::{MaterialField, ViewInput, field_ply, vote};
-use crate::workdir::Artifact;
+use crate::workdir::{self, Artifact};
 
 use super::{Done, Pipeline, Stage, get_or_load};
 
@@ -35,12 +38,19 @@ impl Pipeline {
 
     /// The part of every Gaussian.
     pub(super) fn field(&self) -> Result<&MaterialField> {
-        get_or_load(&self.field, || {
-            let path = self.work.path(Artifact::Field);
-            let labels = self.work.read_json(Artifact::Labels)?;
-            let loaded = ply::read(&path)?;
-            field_ply::read(&loaded.gaussians.extra, labels)
-                .with_context(|| format!("{path:?} does not hold what gprop wrote; run again with --from vote"))
-        })
+        get_or_load(&self.field, || Ok(stored_field(self.work.root())?.1))
     }
+}
+
+/// The Gaussians and their material field in the work folder `root`, as the vote stage wrote them.
+///
+/// # Errors
+/// There is no field, or it is not what gprop wrote.
+pub fn stored_field(root: &Path) -> Result<(Gaussians, MaterialField)> {
+    let path = root.join(Artifact::Field.path());
+    let labels = workdir::read_json(&root.join(Artifact::Labels.path()))?;
+    let gaussians = ply::read(&path)?.gaussians;
+    let field = field_ply::read(&gaussians.extra, labels)
+        .with_context(|| format!("{path:?} does not hold what gprop wrote; run again with --from vote"))?;
+    Ok((gaussians, field))
 }

@@ -30,6 +30,7 @@ fn part(id: u32, caption: &str, mass_kg: Estimate, thickness_m: Estimate, to_cen
         mass_kg,
         center_of_mass_m: [0.0; 3],
         inertia_kg_m2: [[0.0; 3]; 3],
+        bodies: Vec::new(),
         surface_to_center_of_mass_m: to_center_m,
     }
 }

@@ -67,7 +67,8 @@ impl Cloud {
         }
     }
 
-    /// Flat Gaussians of this deviation along the surface.
+    /// Flat Gaussians of this deviation along the surface, a fiftieth of it across: they mean a solid whose surface lies
+    /// sqrt(5) deviations before their centres, which is not to show here.
     pub fn gaussians(&self, deviation: f64) -> Gaussians {
         let mut gaussians = Gaussians::default();
         for (point, normal, _) in &self.points {
@@ -75,7 +76,7 @@ impl Cloud {
             let turn = UnitQuaternion::rotation_between(&Vector3::z(), normal).unwrap_or(half_turn);
             let [x, y, z, w] = turn.coords.map(|v| v as f32).into();
             gaussians.positions.push(point.coords.map(|v| v as f32).into());
-            gaussians.log_scales.push([deviation, deviation, 0.1 * deviation].map(|s| s.ln() as f32));
+            gaussians.log_scales.push([deviation, deviation, 0.02 * deviation].map(|s| s.ln() as f32));
             gaussians.rotations.push([w, x, y, z]);
             // Opacity 0.95.
             gaussians.opacity_logits.push(19f32.ln());

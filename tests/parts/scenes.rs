@@ -16,6 +16,22 @@ fn measured(folder: &Path, options: &Options) -> (Parts, Truth) {
     let result = parts(&scene.gaussians, &field, &cameras, scene.scale.as_ref(), options, Progress::Hidden).unwrap();
     println!("{} in {:.2} s", scene.name, start.elapsed().as_secs_f64());
     let parts = result.metric().unwrap().clone();
+    {
+        // DEBUG
+        let g = result.interior.grid;
+        let mut f = std::fs::File::create(format!("/tmp/dump_{}.bin", scene.name)).unwrap();
+        use std::io::Write;
+        for d in g.dims {
+            f.write_all(&(d as f64).to_le_bytes()).unwrap();
+        }
+        for d in [g.origin.x, g.origin.y, g.origin.z, g.cell] {
+            f.write_all(&d.to_le_bytes()).unwrap();
+        }
+        let part: Vec<u8> = result.interior.part.iter().flat_map(|p| p.to_le_bytes()).collect();
+        f.write_all(&part).unwrap();
+        let part: Vec<u8> = result.interior.fraction.iter().flat_map(|p| p.to_le_bytes()).collect();
+        f.write_all(&part).unwrap();
+    }
     print(&parts, &truth);
     (parts, truth)
 }

@@ -1,0 +1,266 @@
+//! `gprop evaluate`: files and scenes to measures, and measures to text.
+
+use std::fs;
+use std::path::{Path, PathBuf};
+
+use anyhow::Context;
+
+use crate::evaluate::filling;
+use crate::evaluate::grasp as grasp_rates;
+use crate::evaluate::hardness::{self, HardnessEvaluation, Measured, Reading};
+use crate::evaluate::masks::{Reference, compare};
+use crate::evaluate::mass::{self, MassEvaluation, WeighedPart};
+use crate::evaluate::prompts;
+use crate::evaluate::scores::Scores;
+use crate::evaluate::simulation::{self, SimulationError};
+use crate::exit::UsageError;
+use crate::from_splat::photo_with_foreground;
+use crate::grasp::gripper::GripperProfile;
+use crate::npz::Npz;
+use crate::pipeline::{open_segmenter, stored_field};
+use crate::scene;
+use crate::segment::{self, Segmenter};
+use crate::setup;
+use crate::workdir::{self, Artifact};
+
+use super::{Evaluate, Global, options_of, print};
+
+/// `gprop evaluate`.
+pub fn evaluate(global: &Global, what: &Evaluate) -> anyhow::Result<()> {
+    match what {
+        Evaluate::Grasp { outcomes, objects, gripper } => {
+            evaluate_grasp(global, outcomes.as_deref(), objects.as_deref(), gripper)
+        }
+        Evaluate::Simulation { reference } => evaluate_simulation(global, reference),
+        Evaluate::Prompts { scenes, scene, segment, setup } => evaluate_prompts(global, scenes, scene, segment, setup),
+        Evaluate::Masks { image, reference, setup } => evaluate_masks(global, image, reference, setup),
+        Evaluate::Mass { predictions: Some(predictions), truth: Some(truth), .. } => {
+            let found = mass::evaluate(mass::from_json(predictions, truth)?)?;
+            print(global, &found, || mass_text(&found))
+        }
+        Evaluate::Mass { scenes, out, .. } => evaluate_masses(global, scenes, out.as_deref()),
+        Evaluate::Hardness { points, out } => evaluate_hardness(global, points, out.as_deref()),
+    }
+}
+
+fn evaluate_masses(global: &Global, scenes: &[PathBuf], out: Option<&Path>) -> anyhow::Result<()> {
+    one_scene_only(scenes.len(), out)?;
+    let weigh = |scene: &PathBuf| {
+        let id = scene.file_name().unwrap_or(scene.as_os_str()).to_string_lossy();
+        let parts = work_folder(scene, out).join(Artifact::Parts.path());
+        mass::from_scene(&id, &parts, &scene.join("ground_truth/parts.json"))
+    };
+    let found = mass::evaluate(scenes.iter().map(weigh).collect::<Result<_, _>>()?)?;
+    print(global, &found, || mass_text(&found))
+}
+
+fn evaluate_hardness(global: &Global, points: &Path, out: Option<&Path>) -> anyhow::Result<()> {
+    let readings = hardness::read_points(points)?;
+    let mut scenes: Vec<&Path> = readings.iter().map(|(_, reading)| reading.scene.as_path()).collect();
+    scenes.sort_unstable();
+    scenes.dedup();
+    one_scene_only(scenes.len(), out)?;
+    let mut measured = Vec::with_capacity(readings.len());
+    for scene in scenes {
+        let of_scene: Vec<_> = readings.iter().filter(|(_, reading)| reading.scene == scene).collect();
+        measured.extend(measure(points, scene, &of_scene, out)?);
+    }
+    let found = hardness::evaluate(measured)?;
+    print(global, &found, || hardness_text(&found))
+}
+
+/// What the field of one scene says at its points.
+fn measure(
+    points: &Path,
+    scene: &Path,
+    readings: &[&(u64, Reading)],
+    out: Option<&Path>,
+) -> anyhow::Result<Vec<Measured>> {
+    let folder = points.parent().unwrap_or(Path::new("")).join(scene);
+    let loaded = scene::load(&folder, &options_of(&folder)?.scene)?;
+    let (gaussians, field) = stored_field(&work_folder(&folder, out))?;
+    let mut measured = Vec::with_capacity(readings.len());
+    for view in &loaded.views {
+        let here: Vec<&Reading> = readings.iter().map(|(_, reading)| reading).filter(|r| r.view == view.name).collect();
+        if here.is_empty() {
+            continue;
+        }
+        let places: Vec<(f64, f64)> = here.iter().map(|reading| (reading.x, reading.y)).collect();
+        let said = hardness::field_at(&gaussians, &field, &view.camera, &places);
+        let pairs = here.into_iter().zip(said);
+        measured.extend(pairs.map(|(reading, predicted)| Measured { reading: reading.clone(), predicted }));
+    }
+    match readings.iter().find(|(_, reading)| loaded.views.iter().all(|view| view.name != reading.view)) {
+        Some((line, reading)) => {
+            Err(UsageError(format!("{points:?} line {line}: {folder:?} has no view {:?}", reading.view)).into())
+        }
+        None => Ok(measured),
+    }
+}
+
+fn work_folder(scene: &Path, out: Option<&Path>) -> PathBuf {
+    out.map_or_else(|| scene.join(workdir::DEFAULT_NAME), Path::to_owned)
+}
+
+fn one_scene_only(scenes: usize, out: Option<&Path>) -> Result<(), UsageError> {
+    match out {
+        Some(_) if scenes != 1 => Err(UsageError(format!("--out is the work folder of one scene, here are {scenes}"))),
+        _ => Ok(()),
+    }
+}
+
+fn mass_text(found: &MassEvaluation) -> String {
+    let mut text =
+        format!("{:<24} {:>10} {:>10} {:>10} {:>10}  holds\n", "object", "low kg", "high kg", "mean kg", "true kg");
+    for object in &found.objects {
+        let (range, holds) = (object.predicted, if object.covered { "yes" } else { "no" });
+        text += &format!(
+            "{:<24} {:>10.4} {:>10.4} {:>10.4} {:>10.4}  {holds}\n",
+            object.id,
+            range.low,
+            range.high,
+            range.mid(),
+            object.truth
+        );
+        object.parts.iter().for_each(|part| text += &part_line(part));
+    }
+    text + &scores_text(&found.scores, "kg") + &format!("\nrange holds the truth: {:.0} %", 100.0 * found.coverage)
+}
+
+fn part_line(part: &WeighedPart) -> String {
+    let truth = part.true_mass_kg.map_or_else(|| "-".to_owned(), |mass| format!("{mass:.4}"));
+    let name: String = part.name.chars().take(22).collect();
+    let mass = part.mass_kg;
+    format!("  {name:<22} {:>10.4} {:>10.4} {:>10.4} {truth:>10}\n", mass.low, mass.high, mass.mid)
+}
+
+fn hardness_text(found: &HardnessEvaluation) -> String {
+    let mut text = format!("{:<24} {:<12} {:>9} {:>9}  {:>12} {:>8}\n", "scene", "view", "x", "y", "predicted", "read");
+    for Measured { reading, predicted } in &found.points {
+        let said = match predicted {
+            Ok(hardness) => format!("{:.0} {:?}", hardness.range.mid(), hardness.scale),
+            Err(hardness::Missing::OffTheObject) => "off object".to_owned(),
+            Err(hardness::Missing::NoHardness) => "none".to_owned(),
+        };
+        let scene = reading.scene.to_string_lossy();
+        let read = format!("{:.0} {:?}", reading.hardness, reading.shore);
+        text +=
+            &format!("{scene:<24} {:<12} {:>9.1} {:>9.1}  {said:>12} {read:>8}\n", reading.view, reading.x, reading.y);
+    }
+    text + &scores_text(&found.scores, "on the joint axis") + &format!("\nno hardness at {} points", found.missing)
+}
+
+fn scores_text(scores: &Scores, unit: &str) -> String {
+    let pra = scores.pra.map_or_else(|| "-".to_owned(), |pra| format!("{pra:.3}"));
+    format!(
+        "ADE {:.3} {unit}  ALDE {:.3}  APE {:.3}  MnRE {:.3}  PRA {pra}  of {}",
+        scores.ade, scores.alde, scores.ape, scores.mnre, scores.count
+    )
+}
+
+fn evaluate_grasp(
+    global: &Global,
+    outcomes: Option<&Path>,
+    objects: Option<&Path>,
+    gripper: &str,
+) -> anyhow::Result<()> {
+    let (recorded, predicted) = match (outcomes, objects) {
+        (Some(path), _) => (grasp_rates::outcomes(path)?, false),
+        (None, Some(path)) => {
+            let gripper = GripperProfile::load(gripper)?;
+            (grasp_rates::predict(&grasp_rates::objects(path)?, &gripper), true)
+        }
+        (None, None) => unreachable!("clap asks for one of the two"),
+    };
+    let evaluation = grasp_rates::Evaluation::of(&recorded, predicted);
+    print(global, &evaluation, || evaluation.text())
+}
+
+fn evaluate_simulation(global: &Global, reference: &Path) -> anyhow::Result<()> {
+    let bytes = fs::read(reference).map_err(|error| UsageError(format!("{reference:?}: {error}")))?;
+    let mut npz = Npz::new(bytes).map_err(SimulationError::Npz).with_context(|| format!("{reference:?}"))?;
+    if npz.has("count0") {
+        let comparison = filling::compare(&mut npz).with_context(|| format!("{reference:?}"))?;
+        return print(global, &comparison, || comparison.to_string());
+    }
+    let comparison = simulation::compare(&mut npz, global.progress()).with_context(|| format!("{reference:?}"))?;
+    print(global, &comparison, || comparison.to_string())
+}
+
+fn evaluate_prompts(
+    global: &Global,
+    scenes: &[PathBuf],
+    options: &scene::Options,
+    segment: &segment::Options,
+    setup: &setup::Options,
+) -> anyhow::Result<()> {
+    let segmenter = open_segmenter(setup, segment, global.progress())?;
+    let mut rows = Vec::new();
+    for folder in scenes {
+        let scene = scene::load(folder, options)?;
+        let true_view = |view: scene::View| -> anyhow::Result<prompts::TrueView> {
+            let path = folder.join("ground_truth/part_maps").join(format!("{}.png", view.name));
+            let parts = image::open(&path).map_err(|error| UsageError(format!("{path:?}: {error}")))?.into_luma8();
+            Ok(prompts::TrueView { photo: photo_with_foreground(&scene, &view)?, name: view.name, parts })
+        };
+        let views: Vec<_> = scene.chosen_views(options)?.into_iter().map(true_view).collect::<anyhow::Result<_>>()?;
+        rows.push(prompts::compare(&segmenter, &scene.name, &views, segment)?);
+        global.progress().line(&format!("{} done", scene.name));
+    }
+    print(global, &rows, || {
+        let mut text = format!(
+            "{:<12} {:>5} {:>13} {:>17} {:>9} {:>13} {:>8} {:>12}\n",
+            "scene",
+            "views",
+            "grid: prompts",
+            "adaptive: prompts",
+            "grid: IoU",
+            "adaptive: IoU",
+            "grid: s",
+            "adaptive: s"
+        );
+        let iou = |outcome: &prompts::Outcome| outcome.mean_iou.map_or("-".to_owned(), |iou| format!("{iou:.4}"));
+        for row in &rows {
+            text += &format!(
+                "{:<12} {:>5} {:>13} {:>17} {:>9} {:>13} {:>8.1} {:>12.1}\n",
+                row.scene,
+                row.views,
+                row.grid.prompts,
+                row.adaptive.prompts,
+                iou(&row.grid),
+                iou(&row.adaptive),
+                row.grid.seconds,
+                row.adaptive.seconds
+            );
+        }
+        text
+    })
+}
+
+fn evaluate_masks(global: &Global, image: &Path, reference: &Path, setup: &setup::Options) -> anyhow::Result<()> {
+    let picture = image::open(image).map_err(|error| UsageError(format!("{image:?}: {error}")))?.into_rgb8();
+    let json = fs::read_to_string(reference).map_err(|error| UsageError(format!("{reference:?}: {error}")))?;
+    let reference = Reference::from_json(&json).with_context(|| format!("{reference:?}"))?;
+    let models = setup::obtain(setup, global.progress())?;
+    let segmenter = Segmenter::new(&models, rayon::current_num_threads())?;
+    let lists = compare(segmenter.sam(), &picture, &reference, &())?;
+    print(global, &lists, || {
+        let mut text = format!(
+            "{:<7} {:>6} {:>10} {:>10} {:>10} {:>10} {:>14} {:>14}\n",
+            "level", "count", "reference", "unmatched", "mean IoU", "least IoU", "predicted IoU", "stability"
+        );
+        for (list, c) in &lists {
+            text += &format!(
+                "{list:<7} {:>6} {:>10} {:>10} {:>10.4} {:>10.4} {:>14.1e} {:>14.1e}\n",
+                c.count,
+                c.reference_count,
+                c.unmatched,
+                c.matched_mean_iou,
+                c.matched_min_iou,
+                c.predicted_iou_max_difference,
+                c.stability_max_difference
+            );
+        }
+        text + "the last two columns are largest differences over the matched pairs"
+    })
+}

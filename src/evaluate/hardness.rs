@@ -1,0 +1,120 @@
+//! Hardness at points, against what a durometer read there: the protocol of GaussianProperty's supplement (C.1).
+//!
+//! A point is a pixel of a view with a reading on Shore A or D. Both scales are put on one axis, A as 0 to 100 and D as 100
+//! to 200: only the scores know it, since the scales are not comparable as numbers.
+
+use std::path::{Path, PathBuf};
+
+use serde::{Deserialize, Serialize};
+
+use super::EvaluateError;
+use super::scores::{Pair, Scores};
+use crate::camera::Camera;
+use crate::scene::gaussians::Gaussians;
+use crate::units::{ShoreHardness, ShoreScale};
+use crate::vote::MaterialField;
+use crate::vote::raster::{RenderOptions, render_labels};
+
+/// A row of the file of readings.
+#[derive(Debug, Clone, PartialEq, Deserialize, Serialize)]
+pub struct Reading {
+    /// The scene's folder, relative to the file's.
+    pub scene: PathBuf,
+    pub view: String,
+    /// Pixels from the photo's upper left corner.
+    pub x: f64,
+    pub y: f64,
+    pub shore: ShoreScale,
+    /// 0 to 100 on its scale.
+    pub hardness: f64,
+}
+
+/// A reading with what the field says there.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct Measured {
+    #[serde(flatten)]
+    pub reading: Reading,
+    pub predicted: Result<ShoreHardness, Missing>,
+}
+
+/// Why the field says nothing of a point.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Missing {
+    /// The view shows none of the object there.
+    OffTheObject,
+    /// The material there has no Shore hardness.
+    NoHardness,
+}
+
+/// All points with their scores.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct HardnessEvaluation {
+    #[serde(flatten)]
+    pub scores: Scores,
+    /// Points that the field says nothing of: not in the scores.
+    pub missing: usize,
+    pub points: Vec<Measured>,
+}
+
+/// The readings of a CSV file with the columns `scene,view,x,y,shore,hardness`, each with its line.
+pub fn read_points(path: &Path) -> Result<Vec<(u64, Reading)>, EvaluateError> {
+    let error = |error: csv::Error| {
+        let line = error.position().map_or(1, csv::Position::line);
+        EvaluateError::Row { path: path.to_owned(), line, message: format!("{error}; columns: {COLUMNS}") }
+    };
+    let mut reader = csv::ReaderBuilder::new().trim(csv::Trim::All).from_path(path).map_err(error)?;
+    let headers = reader.headers().map_err(error)?.clone();
+    let mut readings = Vec::new();
+    for row in reader.records() {
+        let row = row.map_err(error)?;
+        let line = row.position().map_or(1, csv::Position::line);
+        let reading: Reading = row.deserialize(Some(&headers)).map_err(error)?;
+        if !(reading.hardness > 0.0 && reading.hardness <= 100.0) {
+            let message = format!("hardness is {}: Shore scales run from above 0 to 100", reading.hardness);
+            return Err(EvaluateError::Row { path: path.to_owned(), line, message });
+        }
+        readings.push((line, reading));
+    }
+    Ok(readings)
+}
+
+const COLUMNS: &str = "scene,view,x,y,shore,hardness";
+
+/// What the field says at places (pixels) of one view.
+pub fn field_at(
+    gaussians: &Gaussians,
+    field: &MaterialField,
+    camera: &Camera,
+    places: &[(f64, f64)],
+) -> Vec<Result<ShoreHardness, Missing>> {
+    let drawn = render_labels(gaussians, camera, &field.part_label, &RenderOptions::default());
+    let (width, height) = (camera.intrinsics.width, camera.intrinsics.height);
+    let at = |&(x, y): &(f64, f64)| {
+        let on_picture = (0.0..f64::from(width)).contains(&x) && (0.0..f64::from(height)).contains(&y);
+        let pixel = on_picture.then(|| y as usize * width as usize + x as usize);
+        let label = pixel.and_then(|pixel| drawn[pixel]).ok_or(Missing::OffTheObject)?;
+        field.labels[label as usize].hardness.ok_or(Missing::NoHardness)
+    };
+    places.iter().map(at).collect()
+}
+
+/// Scores all points of which the field says something: the middle of its range against the reading.
+pub fn evaluate(points: Vec<Measured>) -> Result<HardnessEvaluation, EvaluateError> {
+    let pair = |point: &Measured| {
+        let predicted = point.predicted.ok()?;
+        let truth = on_joint_axis(point.reading.shore, point.reading.hardness);
+        Some(Pair { predicted: on_joint_axis(predicted.scale, predicted.range.mid()), truth })
+    };
+    let pairs: Vec<Pair> = points.iter().filter_map(pair).collect();
+    let scores = Scores::of(&pairs).ok_or(EvaluateError::Nothing("the field has no hardness at any point"))?;
+    Ok(HardnessEvaluation { scores, missing: points.len() - pairs.len(), points })
+}
+
+/// Shore A from 0 to 100, Shore D from 100 to 200.
+fn on_joint_axis(scale: ShoreScale, hardness: f64) -> f64 {
+    match scale {
+        ShoreScale::A => hardness,
+        ShoreScale::D => 100.0 + hardness,
+    }
+}

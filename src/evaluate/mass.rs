@@ -1,0 +1,142 @@
+//! Masses against the true ones, as NeRF2Physics' evaluation does: a prediction is the mean of its [low, high], and an
+//! object's truth is found under what comes before the first underscore of its id.
+//!
+//! Its JSON files are read as they are: predictions `{"ID_MORE": [low, high], ...}`, truth `{"ID": kilograms, ...}`. Scene
+//! folders with ground truth are read too, part by part.
+
+use std::collections::BTreeMap;
+use std::fs;
+use std::path::Path;
+
+use serde::de::DeserializeOwned;
+use serde::{Deserialize, Serialize};
+
+use super::EvaluateError;
+use super::scores::{Pair, Scores};
+use crate::parts::Parts;
+use crate::units::{Estimate, Range};
+
+/// One object, predicted and true, in kilograms.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct Weighed {
+    pub id: String,
+    pub predicted: Range,
+    pub truth: f64,
+    /// Whether the range holds the truth.
+    pub covered: bool,
+    /// Where a scene's ground truth tells them.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub parts: Vec<WeighedPart>,
+}
+
+/// A part as gprop found it, and the true part of its name where there is one.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct WeighedPart {
+    pub name: String,
+    pub volume_m3: Estimate,
+    pub mass_kg: Estimate,
+    pub true_volume_m3: Option<f64>,
+    pub true_mass_kg: Option<f64>,
+}
+
+/// All objects with their scores.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct MassEvaluation {
+    #[serde(flatten)]
+    pub scores: Scores,
+    /// Share of the objects whose range holds the truth.
+    pub coverage: f64,
+    pub objects: Vec<Weighed>,
+}
+
+/// A prediction as numpy takes it for a row of two: one number stands for both.
+#[derive(Deserialize)]
+#[serde(untagged)]
+enum Prediction {
+    Range(Range),
+    Number(f64),
+}
+
+/// `ground_truth/parts.json` of a scene.
+#[derive(Deserialize)]
+struct SceneTruth {
+    total_mass_kg: f64,
+    parts: Vec<TruePart>,
+}
+
+#[derive(Deserialize)]
+struct TruePart {
+    name: String,
+    volume_m3: f64,
+    mass_kg: f64,
+}
+
+/// Every object of a file of predictions with its truth.
+pub fn from_json(predictions: &Path, truth: &Path) -> Result<Vec<Weighed>, EvaluateError> {
+    let predicted: serde_json::Map<String, serde_json::Value> = read_json(predictions, "predictions by id", "")?;
+    let truths: BTreeMap<String, f64> = read_json(truth, "kilograms by id", "")?;
+    let mut objects = Vec::with_capacity(predicted.len());
+    for (id, value) in predicted {
+        let expected = "[low, high] in kilograms for every id";
+        let path = predictions.to_owned();
+        let range = match serde_json::from_value(value) {
+            Ok(Prediction::Range(range)) => range,
+            Ok(Prediction::Number(value)) => Range::exactly(value),
+            Err(source) => return Err(EvaluateError::Json { path, expected, source }),
+        };
+        let key = id.split('_').next().unwrap_or_default();
+        let truth = truths.get(key).ok_or_else(|| EvaluateError::NoTruth { id: id.clone(), key: key.to_owned() })?;
+        objects.push(weighed(id, range, *truth, Vec::new()));
+    }
+    Ok(objects)
+}
+
+/// The object of a scene folder: `parts` is its `parts.json` as the parts stage wrote it.
+pub fn from_scene(id: &str, parts: &Path, truth: &Path) -> Result<Weighed, EvaluateError> {
+    let measured: Parts = read_json(parts, "parts in kilograms", "; run `gprop run` on the scene first")?;
+    let truth: SceneTruth = read_json(truth, "true parts", "; give --predictions and --truth where a scene has none")?;
+    let part = |part: &crate::parts::Part| {
+        let known = truth.parts.iter().find(|known| known.name == part.caption);
+        WeighedPart {
+            name: part.caption.clone(),
+            volume_m3: part.volume_m3,
+            mass_kg: part.mass_kg,
+            true_volume_m3: known.map(|known| known.volume_m3),
+            true_mass_kg: known.map(|known| known.mass_kg),
+        }
+    };
+    let mass = measured.object.mass_kg;
+    let parts = measured.parts.iter().map(part).collect();
+    Ok(weighed(id.to_owned(), Range::new(mass.low, mass.high), truth.total_mass_kg, parts))
+}
+
+fn weighed(id: String, predicted: Range, truth: f64, parts: Vec<WeighedPart>) -> Weighed {
+    Weighed { id, predicted, truth, covered: predicted.low <= truth && truth <= predicted.high, parts }
+}
+
+/// Scores all objects.
+pub fn evaluate(objects: Vec<Weighed>) -> Result<MassEvaluation, EvaluateError> {
+    let mut pairs = Vec::with_capacity(objects.len());
+    for object in &objects {
+        let pair = Pair { predicted: object.predicted.mid(), truth: object.truth };
+        for (what, value) in [("the prediction", pair.predicted), ("the truth", pair.truth)] {
+            if !(value > 0.0 && value.is_finite()) {
+                return Err(EvaluateError::NotPositive { what, id: object.id.clone(), value });
+            }
+        }
+        pairs.push(pair);
+    }
+    let scores = Scores::of(&pairs).ok_or(EvaluateError::Nothing("the predictions are empty"))?;
+    let covered = objects.iter().filter(|object| object.covered).count();
+    Ok(MassEvaluation { scores, coverage: covered as f64 / objects.len() as f64, objects })
+}
+
+fn read_json<T: DeserializeOwned>(
+    path: &Path,
+    expected: &'static str,
+    remedy: &'static str,
+) -> Result<T, EvaluateError> {
+    let text = fs::read_to_string(path);
+    let text = text.map_err(|source| EvaluateError::Read { path: path.to_owned(), source, remedy })?;
+    serde_json::from_str(&text).map_err(|source| EvaluateError::Json { path: path.to_owned(), expected, source })
+}
