@@ -120,11 +120,8 @@ fn oblique_throw_bounces_with_its_speed() {
         velocity_m_s: |_| Vector3::new(SPEED[0], 0.0, SPEED[1]),
         ..Block::default()
     };
-    let ground = Boundary {
-        point_m: [0.0, 0.0, 0.5],
-        normal: [0.0, 0.0, 1.0],
-        contact: Contact::Separate { friction: 0.0 },
-    };
+    let ground =
+        Boundary { point_m: [0.0, 0.0, 0.5], normal: [0.0, 0.0, 1.0], contact: Contact::Separate { friction: 0.0 } };
     let mut solver = block.solver([0.0, 0.0, -GRAVITY as f32], vec![ground]);
     let dt = f64::from(block.dt_s());
     // Time, place and velocity of the centre of mass.

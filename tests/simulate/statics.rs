@@ -50,9 +50,11 @@ fn cantilever_swings_about_its_deflection() {
         }
     }
     let end = solver.particles();
-    let crept = particles.iter().zip(&end).filter(|(p, _)| p.position_m[0] < clamped_to - 0.05).map(|(p, q)| {
-        (Vector3::from(p.position_m) - Vector3::from(q.position_m)).norm()
-    });
+    let crept = particles
+        .iter()
+        .zip(&end)
+        .filter(|(p, _)| p.position_m[0] < clamped_to - 0.05)
+        .map(|(p, q)| (Vector3::from(p.position_m) - Vector3::from(q.position_m)).norm());
     assert!(crept.fold(0.0, f32::max) < 1e-5, "what is held must stay");
     // Let go at rest, it swings as far beyond its deflection; higher modes add a few percent.
     let (found, expected) = ((start - lowest) / 2.0, bending + shear);
@@ -151,7 +153,8 @@ fn slope_after(slope_deg: f64, friction_deg: f64, seconds: f64) -> f64 {
     let middle = &points[points.len() / 8..points.len() * 5 / 8];
     let mean = |a: usize| middle.iter().map(|p| p[a]).sum::<f64>() / middle.len() as f64;
     let [x, z] = [mean(0), mean(1)];
-    let fall = middle.iter().map(|p| (p[0] - x) * (p[1] - z)).sum::<f64>() / middle.iter().map(|p| (p[0] - x).powi(2)).sum::<f64>();
+    let fall = middle.iter().map(|p| (p[0] - x) * (p[1] - z)).sum::<f64>()
+        / middle.iter().map(|p| (p[0] - x).powi(2)).sum::<f64>();
     (-fall).atan().to_degrees()
 }
 
