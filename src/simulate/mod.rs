@@ -20,6 +20,7 @@ pub mod material;
 pub mod mpm;
 mod options;
 mod plan;
+pub mod plot;
 mod report;
 pub mod scenario;
 pub mod script;
