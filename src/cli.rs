@@ -107,8 +107,11 @@ struct WorkArgs {
 struct GraspArgs {
     #[command(subcommand)]
     what: Option<Grasp>,
+    /// Folder with a 3DGS PLY, cameras and photos.
+    #[arg(required = true)]
+    scene: Option<PathBuf>,
     #[command(flatten)]
-    scene: Option<SceneArgs>,
+    work: WorkArgs,
 }
 
 #[derive(Debug, Subcommand)]
@@ -327,7 +330,10 @@ pub fn run(arguments: Vec<OsString>) -> anyhow::Result<()> {
         Command::Parts(args) => scene::run(global, args, Stage::Parts),
         Command::Simulate(args) => simulate::run(global, args),
         Command::Grasp(GraspArgs { what: Some(what), .. }) => tools::grasp(global, what),
-        Command::Grasp(GraspArgs { scene: Some(args), .. }) => scene::run(global, args, Stage::Grasp),
+        Command::Grasp(GraspArgs { scene: Some(scene), work, .. }) => {
+            let args = SceneArgs { scene: scene.clone(), work: work.clone() };
+            scene::run(global, &args, Stage::Grasp)
+        }
         Command::Grasp(_) => unreachable!("clap asks for a scene where there is no subcommand"),
         Command::Export(args) => scene::export(global, args),
         Command::Inspect(args) => {

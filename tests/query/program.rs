@@ -78,7 +78,7 @@ fn one_picture_is_enough() {
     // With other labels the questions are others: what is recorded serves nobody, and goes.
     let missed = query(&path, None, &["--answers", "replay", "--labels", "abo"]).output().unwrap();
     assert_eq!(missed.status.code(), Some(5), "{}", said(&missed));
-    assert!(said(&missed).contains("view picture part"), "{}", said(&missed));
+    assert!(said(&missed).contains("view tool part"), "{}", said(&missed));
     let kept = query(&path, None, &["--prune"]).output().unwrap();
     assert!(said(&kept).contains(&format!("0 recordings removed, {parts} kept")), "{}", said(&kept));
     let pruned = query(&path, None, &["--prune", "--labels", "abo"]).output().unwrap();
@@ -99,7 +99,7 @@ fn a_mask_tells_a_pictures_foreground_and_an_empty_one_is_an_error() {
     let masked = ["--mask", mask.to_str().unwrap(), "--export", out.to_str().unwrap()];
     let output = query(&path, None, &masked).output().unwrap();
     assert!(output.status.success(), "{}", said(&output));
-    let map = image::open(folder.path().join("tool.gprop/segments/picture.png")).unwrap().into_luma16();
+    let map = image::open(folder.path().join("tool.gprop/segments/tool.png")).unwrap().into_luma16();
     assert!(map.enumerate_pixels().all(|(x, _, label)| label[0] == 0 || x < 60), "parts keep to the mask");
     assert!(map.pixels().any(|label| label[0] != 0));
 
