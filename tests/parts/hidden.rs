@@ -6,7 +6,7 @@ use gprop::parts::{Options, Parts, parts};
 use gprop::progress::Progress;
 use gprop::query::Form;
 use gprop::units::{MetricScale, Range, ScaleSource};
-use nalgebra::Vector3;
+use nalgebra::{Point3, Vector3};
 
 use super::clouds::{Cloud, cameras};
 
@@ -111,4 +111,15 @@ fn an_open_cup_holds_air() {
     let cup = PI * (0.36 * 1.2 - 0.25 * 1.1);
     assert!(error(&parts, 0, cup).abs() < 0.3);
     assert!(holds(&parts, 0, cup), "{:?}", parts.parts[0].volume_m3);
+}
+
+#[test]
+fn an_open_bowl_of_one_sheet_is_counted_once() {
+    // Half a ball's surface, seen from inside and outside, with a wall of 0.01: far less than the splat is soft.
+    let mut cloud = Cloud::sphere(Point3::origin(), 0.9, 12_000, |_| 0);
+    cloud.points.retain(|(p, _, _)| p.z < 0.0);
+    let parts = measured(&cloud, &[wall(0.01)], |_| true);
+    let bowl = 2.0 * PI * 0.81 * 0.01;
+    assert!(error(&parts, 0, bowl).abs() < 0.3);
+    assert!(holds(&parts, 0, bowl), "{:?}", parts.parts[0].volume_m3);
 }
