@@ -1,5 +1,6 @@
 //! The parts stage and the grasp on the hammer's 28,736 Gaussians at the default grid: carving with all 30 views, part
-//! assignment, thickness, mass; then the places to grasp at and the forces.
+//! assignment, thickness, mass; then the places to grasp at and the forces. The parts stage again with each Gaussian in
+//! 35 pieces, 1,005,760 in all.
 
 use std::hint::black_box;
 use std::path::Path;
@@ -13,6 +14,7 @@ use gprop::materials::Law;
 use gprop::parts::{self, parts};
 use gprop::progress::Progress;
 use gprop::query::Form;
+use gprop::scene::gaussians::Gaussians;
 use gprop::scene::{self, Scene};
 use gprop::units::{Estimate, MetricScale, ScaleSource};
 use gprop::vote::{FieldLabel, MaterialField};
@@ -20,6 +22,28 @@ use gprop::vote::{FieldLabel, MaterialField};
 fn hammer() -> Scene {
     let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("fixtures/hammer");
     scene::load(&folder, &scene::Options::default()).expect("the fixture is a scene")
+}
+
+/// The pieces that each Gaussian is cut into for a cloud of a million.
+const PIECES: usize = 35;
+
+/// The same surface of so many times as many Gaussians: pieces spread over each (R3 sequence, Roberts 2018) that together
+/// cover as much of it.
+fn in_pieces(cloud: &Gaussians) -> Gaussians {
+    let mut fine = Gaussians { antialiased: cloud.antialiased, ..Gaussians::default() };
+    let shrink = 0.5 * (PIECES as f32).ln();
+    for i in 0..cloud.len() {
+        for piece in 1..=PIECES {
+            let spread = [0.819_172_5, 0.671_043_6, 0.549_700_5].map(|step: f64| 2.0 * (step * piece as f64).fract() - 1.0);
+            let offset = cloud.rotation(i) * cloud.scale(i).component_mul(&spread.into());
+            fine.positions.push((cloud.center(i) + offset).coords.map(|v| v as f32).into());
+            fine.log_scales.push(cloud.log_scales[i].map(|s| s - shrink));
+            fine.rotations.push(cloud.rotations[i]);
+            fine.opacity_logits.push(cloud.opacity_logits[i]);
+            fine.sh_dc.push(cloud.sh_dc[i]);
+        }
+    }
+    fine
 }
 
 fn label(id: u32, density_kg_m3: f64) -> FieldLabel {
@@ -40,12 +64,12 @@ fn label(id: u32, density_kg_m3: f64) -> FieldLabel {
 }
 
 /// Head, handle and grip, told apart along the handle.
-fn field(scene: &Scene) -> MaterialField {
+fn labelled(gaussians: &Gaussians) -> MaterialField {
     let label_at = |x: f32| u32::from(x < 0.1) + u32::from(x < -0.075);
-    let count = scene.gaussians.len();
+    let count = gaussians.len();
     MaterialField {
         labels: vec![label(0, 7850.0), label(1, 800.0), label(2, 1200.0)],
-        part_label: scene.gaussians.positions.iter().map(|position| label_at(position[0])).collect(),
+        part_label: gaussians.positions.iter().map(|position| label_at(position[0])).collect(),
         confidence: vec![1.0; count],
         votes: vec![1.0; count],
         views: vec![1; count],
@@ -55,17 +79,22 @@ fn field(scene: &Scene) -> MaterialField {
 
 fn bench(criterion: &mut Criterion) {
     let scene = hammer();
-    let field = field(&scene);
+    let field = labelled(&scene.gaussians);
     let cameras: Vec<Camera> = scene.views.iter().map(|view| view.camera.clone()).collect();
     let provenance = "rendered in metres".to_owned();
     let scale = MetricScale { meters_per_unit: 1.0, source: ScaleSource::Metric, provenance };
     let options = parts::Options::default();
-    let measure = || {
-        parts(&scene.gaussians, &field, &cameras, Some(&scale), &options, Progress::Hidden).expect("a hammer has parts")
+    let measure_as = |gaussians: &Gaussians, field: &MaterialField| {
+        parts(gaussians, field, &cameras, Some(&scale), &options, Progress::Hidden).expect("a hammer has parts")
     };
+    let measure = || measure_as(&scene.gaussians, &field);
     let mut group = criterion.benchmark_group("parts");
     group.sample_size(10);
     group.bench_function("hammer", |bencher| bencher.iter(|| black_box(measure())));
+
+    let fine = in_pieces(&scene.gaussians);
+    let fine_field = labelled(&fine);
+    group.bench_function("million", |bencher| bencher.iter(|| black_box(measure_as(&fine, &fine_field))));
 
     let measured = measure();
     let weighed = measured.metric().expect("the scale is known");

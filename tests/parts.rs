@@ -10,6 +10,8 @@ mod closed_forms;
 pub mod clouds;
 #[path = "parts/front.rs"]
 mod front;
+#[path = "parts/hidden.rs"]
+mod hidden;
 #[path = "parts/scenes.rs"]
 mod scenes;
 #[path = "parts/truth.rs"]

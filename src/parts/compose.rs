@@ -1,10 +1,11 @@
 //! From labelled cells to material: solids, walls, voids and cores, and the low, middle and high volume of each part.
 //!
-//! Rules for the volumes, all bounds at once:
+//! Rules for the bounds of the volumes, all taken at once:
 //! - a solid's surface may lie further in or out by the splat's own uncertainty: area times that;
 //! - where a solid's other side is unseen, see [`super::unseen`];
 //! - a shell's wall is between the answer's low and high thickness, its hidden walls see [`super::wall`];
-//! - the core of a shell takes what the wall leaves.
+//! - the core of a shell takes what the wall leaves;
+//! - what these do not know of widens every bound by [`METHOD_SPREAD`].
 
 use rayon::prelude::*;
 
@@ -12,7 +13,7 @@ use super::assign::Labelled;
 use super::cores;
 use super::grid::{Interior, OUTSIDE, VOID};
 use super::surface::NONE;
-use super::thickness::{Chord, thickness};
+use super::thickness::Chord;
 use super::unseen::{self, Doubt};
 use super::wall::{AROUND_CORE, AROUND_VOID, WallDepths};
 use crate::units::Estimate;
@@ -20,6 +21,11 @@ use crate::units::Estimate;
 /// A ray through a shell no longer than its wall and so many uncertainties goes through one wall, not two: three to either
 /// side, the depth that carving tolerates.
 const SHEET_SLACK: f64 = 6.0;
+
+/// How far off a part's volume is beside what is counted, as a standard deviation of its logarithm: surfaces that reflections
+/// dent, seams a little off, edges rounded by the splat. Measured on the twelve visible parts of the four scenes with ground
+/// truth.
+const METHOD_SPREAD: f64 = 0.15;
 
 /// Whether a label is material through and through. Wall thickness in scene units.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -67,7 +73,7 @@ pub fn compose(
 ) -> (Composed, Labelled) {
     let is_solid: Vec<bool> = makes.iter().map(|m| *m == Make::Solid).collect();
     let passages = cores::run_through(&mut cells, &is_solid);
-    let doubt = unseen::doubts(&cells, &unseen::of_solids(&thickness(chords, makes.len()), |l| is_solid[l]));
+    let doubt = unseen::doubts(&cells, &unseen::thin(&cells, chords, &is_solid));
     let wall_of = |label: u32| match makes[label as usize] {
         Make::Solid => Estimate::exactly(0.0),
         Make::Wall(wall) => wall,
@@ -83,12 +89,12 @@ pub fn compose(
     let cores = cores::cores(&cells, &is_solid, is_void, is_material);
     let filling = Filling { cells: &cells, makes, cores: &cores, doubt: &doubt, walls: &walls };
 
-    let areas = seen_areas(&cells, makes.len());
+    let areas = areas(&cells, makes.len());
     let [low, mid, high] = [Reading::Low, Reading::Mid, Reading::High].map(|r| filling.volumes(r));
     let volumes = (0..makes.len()).map(|l| {
         let slack = if is_solid[l] { areas[l] * uncertainty } else { 0.0 };
-        let least = low[l].min(mid[l]).min(high[l]) - slack;
-        Estimate::new(least.max(0.0), mid[l], low[l].max(mid[l]).max(high[l]) + slack)
+        let (least, most) = (low[l].min(mid[l]).min(high[l]), low[l].max(mid[l]).max(high[l]));
+        widened(Estimate::new((least - slack).max(0.0), mid[l], most + slack))
     });
     let composed = Composed {
         volumes: volumes.collect(),
@@ -170,11 +176,24 @@ impl Filling<'_> {
     }
 }
 
-/// Per label the area that somebody saw, scene units squared.
-fn seen_areas(cells: &Labelled, labels: usize) -> Vec<f64> {
+/// The bounds moved out by [`METHOD_SPREAD`]: independent of what they are known to be off by, so that logarithms add as
+/// squares do.
+fn widened(volume: Estimate) -> Estimate {
+    let out = |bound: f64| (bound / volume.mid).ln().hypot(METHOD_SPREAD).exp();
+    if volume.mid > 0.0 {
+        Estimate::new(volume.mid / out(volume.low), volume.mid, volume.mid * out(volume.high))
+    } else {
+        volume
+    }
+}
+
+/// Per label its outer area, scene units squared. Bodies that nobody saw are of no label.
+fn areas(cells: &Labelled, labels: usize) -> Vec<f64> {
     let mut areas = vec![0.0; labels];
-    for (s, &cell) in cells.surface.cells.iter().enumerate().filter(|(s, _)| cells.seen[*s]) {
-        areas[cells.label[cell as usize] as usize] += cells.surface.areas[s];
+    for (&cell, area) in cells.surface.cells.iter().zip(&cells.surface.areas) {
+        if let Some(sum) = areas.get_mut(cells.label[cell as usize] as usize) {
+            *sum += area;
+        }
     }
     areas
 }

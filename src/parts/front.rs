@@ -11,8 +11,6 @@ use crate::vote::raster::{LANES, RenderOptions, Sink, Splat, TILE, TileRect, pix
 
 /// The surface is met where this share of the light is gone.
 const GONE: f32 = 0.5;
-/// Views are drawn at no more than this many pixels along their longer side: finer than a cell of the grid.
-const PIXELS_MAX: u32 = 640;
 
 /// What one view sees: planes of `width * height` of its camera, row by row.
 pub struct DepthView {
@@ -25,9 +23,9 @@ pub struct DepthView {
 }
 
 impl DepthView {
-    /// The surface of the cloud as `camera` sees it.
-    pub fn of(gaussians: &Gaussians, camera: &Camera) -> Self {
-        let camera = Camera { intrinsics: reduced(&camera.intrinsics), ..camera.clone() };
+    /// The surface of the cloud as `camera` sees it, on a picture of at most `pixels_max` along its longer side.
+    pub fn of(gaussians: &Gaussians, camera: &Camera, pixels_max: u32) -> Self {
+        let camera = Camera { intrinsics: reduced(&camera.intrinsics, pixels_max), ..camera.clone() };
         let width = camera.intrinsics.width as usize;
         let count = width * camera.intrinsics.height as usize;
         let (mut alpha, mut depth) = (vec![0.0; count], vec![f32::INFINITY; count]);
@@ -41,13 +39,13 @@ impl DepthView {
     }
 }
 
-/// The intrinsics of the same view at [`PIXELS_MAX`] or less.
-fn reduced(intrinsics: &Intrinsics) -> Intrinsics {
+/// The intrinsics of the same view at `pixels_max` or less.
+fn reduced(intrinsics: &Intrinsics, pixels_max: u32) -> Intrinsics {
     let longest = intrinsics.width.max(intrinsics.height);
-    if longest <= PIXELS_MAX {
+    if longest <= pixels_max {
         return *intrinsics;
     }
-    let shrink = |side: u32| (f64::from(side) * f64::from(PIXELS_MAX) / f64::from(longest)).round().max(1.0) as u32;
+    let shrink = |side: u32| (f64::from(side) * f64::from(pixels_max) / f64::from(longest)).round().max(1.0) as u32;
     intrinsics.resized(shrink(intrinsics.width), shrink(intrinsics.height))
 }
 

@@ -14,6 +14,9 @@ use crate::scene::gaussians::Gaussians;
 
 /// How many pixels a view must see past a cell before that counts: the depth of a splat is off by one to three.
 const CARVE_TOLERANCE_PIXELS: f64 = 3.0;
+/// Views are drawn at no more than this many pixels for each cell along a cube of as many cells as the grid: a pixel is
+/// then finer than a cell, and the answer gets better with the grid as far as the photos allow.
+const PIXELS_PER_CELL: f64 = 5.0;
 /// In tolerances: views that see a surface further off than this mean another one.
 const REFINE_REACH: f64 = 2.0;
 
@@ -65,14 +68,19 @@ pub(super) fn inside(
             (cells, grid.cell, Vec::new(), "no cell is dense enough to be the object's skin")
         }
         VolumeMethod::Hybrid | VolumeMethod::Carve | VolumeMethod::Shell => {
-            let views = depth_views(gaussians, cameras, options.carve_views, progress)?;
+            let views = depth_views(gaussians, cameras, options, progress)?;
+            let t0 = std::time::Instant::now(); let tick = |what: &str| if std::env::var("TICK").is_ok() { eprintln!("  TICK {what} {:.2}", t0.elapsed().as_secs_f64()) };
             let pixel = pixel_size(grid, &views);
             let mut cells = vec![true; grid.len()];
             UnseenBound::of(gaussians, kept, cameras, grid.middle()).clip(grid, &mut cells);
+            tick("bound");
             let tolerance = CARVE_TOLERANCE_PIXELS * pixel;
             carve::carve(grid, &views, tolerance, &mut cells);
+            tick("carve");
             let mut cells = without_border(grid, cells);
             let disagreement = refine::refine(grid, &views, REFINE_REACH * tolerance, &mut cells);
+            tick("refine");
+            if std::env::var("TICK").is_ok() { eprintln!("pixel {pixel} disagreement {disagreement} cell {}", grid.cell); }
             (cells, pixel.hypot(disagreement), views, "the views see through every place where the splat is")
         }
     };
@@ -93,20 +101,21 @@ fn without_border(grid: &Grid, mut cells: Vec<bool>) -> Vec<bool> {
     cells
 }
 
-/// The surface seen from up to `count` of the cameras, spread evenly over their order.
+/// The surface seen from up to `carve_views` of the cameras, spread evenly over their order.
 fn depth_views(
     gaussians: &Gaussians,
     cameras: &[Camera],
-    count: usize,
+    options: &Options,
     progress: Progress,
 ) -> Result<Vec<DepthView>, PartsError> {
     if cameras.is_empty() {
         return Err(PartsError::NoViews);
     }
-    let count = count.min(cameras.len());
+    let count = options.carve_views.min(cameras.len());
+    let pixels_max = (PIXELS_PER_CELL * (options.volume_cells as f64).cbrt()).round() as u32;
     let bar = progress.bar("parts", count as u64);
     let views = (0..count).map(|k| {
-        let view = DepthView::of(gaussians, &cameras[k * cameras.len() / count]);
+        let view = DepthView::of(gaussians, &cameras[k * cameras.len() / count], pixels_max);
         bar.inc(1);
         view
     });

@@ -12,30 +12,30 @@
 //!
 //! Steps 1 to 5 are in scene units and need no metric scale but for the walls of shells.
 
-pub mod assign;
+mod assign;
 mod bodies;
-pub mod carve;
-pub mod clean;
-pub mod compose;
+mod carve;
+mod clean;
+mod compose;
 mod contact;
 mod cores;
 mod error;
-pub mod fill;
+mod fill;
 pub mod front;
-pub mod grid;
-pub mod hull;
+mod grid;
+mod hull;
 mod inside;
 mod mass;
-pub mod moments;
+mod moments;
 mod options;
 mod refine;
 mod result;
-pub mod seam;
+mod seam;
 mod splat_cells;
-pub mod surface;
-pub mod thickness;
-pub mod unseen;
-pub mod wall;
+mod surface;
+mod thickness;
+mod unseen;
+mod wall;
 
 use nalgebra::Point3;
 use serde::{Deserialize, Serialize};
@@ -108,21 +108,29 @@ pub fn parts(
     options: &Options,
     progress: Progress,
 ) -> Result<PartsResult, PartsError> {
+    let t0 = std::time::Instant::now(); let tick = |what: &str| if std::env::var("TICK").is_ok() { eprintln!("TICK {what} {:.2}", t0.elapsed().as_secs_f64()) };
     options.check()?;
     check(gaussians, field)?;
     let meters_per_unit = scale.map(|s| s.meters_per_unit);
     let makes: Vec<Make> = field.labels.iter().map(|l| make(l, meters_per_unit, options)).collect();
     let kept = clean::without_floaters(gaussians, options.min_body_share);
+    tick("before grid = grid_arou");
     let grid = grid_around(gaussians, &kept, options.volume_cells);
 
     let inside = inside(gaussians, &kept, &grid, cameras, options, progress)?;
+    tick("before surface = Surfac");
     let surface = Surface::of(&grid, &inside.cells);
+    tick("before in_view = inside");
     let in_view = inside.in_view(&surface);
+    tick("before cells = assign::");
     let cells = assign::assign(gaussians, &kept, &field.part_label, makes.len(), grid, surface, &in_view);
+    tick("before chords = thick");
     let chords = thickness::chords(&cells);
     let thickness = thickness::thickness(&chords, makes.len());
+    tick("before (composed, cells");
     let (composed, cells) = compose::compose(cells, &makes, &chords, inside.uncertainty);
 
+    tick("before mut shapes = sha");
     let mut shapes = shapes(field, &composed, &makes, &thickness);
     let interior = &composed.interior;
     let bodies = Bodies::of(interior, makes.len());
@@ -130,11 +138,13 @@ pub fn parts(
     if let Some(center) = mass::center_of_mass(&weighables(&shapes, &field.labels, &pieces)) {
         set_distances(&mut shapes, &mut pieces, &bodies, &cells, center);
     }
+    tick("before warnings = warni");
     let warnings = warnings(field, &kept, &shapes, &composed, scale.is_none(), options.min_part_share);
     let parts = meters_per_unit.map(|scale| {
         let (object, parts) = mass::weigh(&weighables(&shapes, &field.labels, &pieces), scale, options.bodies);
         Parts { object, parts, warnings: warnings.clone() }
     });
+    tick("end");
     Ok(PartsResult { interior: composed.interior, shapes, warnings, parts })
 }
 

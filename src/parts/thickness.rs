@@ -22,9 +22,27 @@ pub struct Chord {
     pub seen: bool,
 }
 
-/// The ray from every surface cell; `None` where nobody saw that surface or it has no normal.
+/// The ray from every cell of seen surface; `None` for the others and where there is no normal.
 pub fn chords(cells: &Labelled) -> Vec<Option<Chord>> {
-    (0..cells.surface.cells.len()).into_par_iter().map(|s| chord(cells, s)).collect()
+    chords_where(cells, |s| cells.seen[s])
+}
+
+/// The rays to seen surface from those cells of unseen surface that border seen surface of their part: how thick a part is
+/// at the rim of what nobody saw, where views still bound it on both sides.
+pub fn rim_chords(cells: &Labelled) -> Vec<Option<Chord>> {
+    let is_rim = |s: usize| {
+        let cell = cells.surface.cells[s] as usize;
+        let is_seen = |n: usize| cells.label[n] == cells.label[cell] && cells.seen[cells.surface.nearest[n] as usize];
+        !cells.seen[s] && cells.label[cell] != NONE && cells.grid.neighbours(cell).any(is_seen)
+    };
+    let mut chords = chords_where(cells, is_rim);
+    chords.iter_mut().for_each(|chord| *chord = chord.filter(|chord| chord.seen));
+    chords
+}
+
+fn chords_where(cells: &Labelled, wanted: impl Fn(usize) -> bool + Sync) -> Vec<Option<Chord>> {
+    let chord = |s: usize| if wanted(s) { chord(cells, s) } else { None };
+    (0..cells.surface.cells.len()).into_par_iter().map(chord).collect()
 }
 
 /// Per label the thickness between seen surfaces, scene units: median over area, quartiles as low and high. Where no ray
@@ -41,7 +59,7 @@ pub fn thickness(chords: &[Option<Chord>], label_count: usize) -> Vec<Option<Est
 fn chord(cells: &Labelled, s: usize) -> Option<Chord> {
     let surface = &cells.surface;
     let (start, inward) = (surface.points[s], -surface.normals[s]);
-    if !cells.seen[s] || inward == Vector3::zeros() {
+    if inward == Vector3::zeros() {
         return None;
     }
     let label = cells.label[surface.cells[s] as usize];

@@ -1,14 +1,14 @@
 //! How far a solid reaches behind the surface that was seen, where nobody saw its other side.
 //!
 //! Carving leaves all that no view looks through: the space under a chair's seat, between its aprons, stays full. There a
-//! part is taken to be as thick as where both its sides were seen and it is thin (the lower quartile T: the median would
+//! part is taken to be as thick as where views bound it on both sides and it is thin (T, see [`thin`]: the median would
 //! count from rim to rim of a table top). So of a solid, what lies deeper
 //! than T below every seen surface (or seam with another part) and borders an unseen one is taken away. How deep it
 //! really is nobody knows: the low volume ends at T/2, the high one at 3T/2.
 
 use super::assign::Labelled;
 use super::surface::{NONE, distance_to};
-use crate::units::Estimate;
+use super::thickness::{Chord, rim_chords, thickness};
 
 /// Whether a cell is material.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
@@ -81,7 +81,13 @@ fn reached_from_unseen(cells: &Labelled, wanted: impl Fn(usize) -> bool) -> Vec<
     all
 }
 
-/// The thickness that [`doubts`] goes by: the lower quartile of a solid's.
-pub fn of_solids(thickness: &[Option<Estimate>], is_solid: impl Fn(usize) -> bool) -> Vec<Option<f64>> {
-    thickness.iter().enumerate().map(|(l, t)| t.filter(|_| is_solid(l)).map(|t| t.low)).collect()
+/// The thickness of every solid that [`doubts`] goes by: the lower quartile of the rays between its seen surfaces, or of those
+/// at the rim of what nobody saw, whichever is less.
+pub fn thin(cells: &Labelled, chords: &[Option<Chord>], is_solid: &[bool]) -> Vec<Option<f64>> {
+    let lower_quartiles = |chords: &[Option<Chord>]| {
+        let of_label = thickness(chords, is_solid.len()).into_iter().zip(is_solid);
+        of_label.map(|(thickness, is_solid)| thickness.filter(|_| *is_solid).map(|t| t.low)).collect::<Vec<_>>()
+    };
+    let (across, rim) = (lower_quartiles(chords), lower_quartiles(&rim_chords(cells)));
+    across.into_iter().zip(rim).map(|(across, rim)| across.map(|t| t.min(rim.unwrap_or(t)))).collect()
 }

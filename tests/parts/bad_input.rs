@@ -101,11 +101,12 @@ fn options_outside_their_domain_are_refused() {
 }
 
 #[test]
-fn a_part_of_one_gaussian_is_reported_or_tiny() {
+fn a_part_of_one_gaussian_is_tiny_and_reported() {
     let first = Cloud::sphere(Point3::origin(), 1.0, 2000, |_| 0).points[0].1;
     let result = run(&ball(|n| u32::from(n == first)), &[Form::Solid; 2], &small()).unwrap();
     let parts = result.metric().unwrap();
     assert_eq!(parts.parts[1].gaussians, 1);
+    assert!(parts.warnings.iter().any(|w| w.contains("part 1")), "{:?}", parts.warnings);
     // Less than a thousandth of the ball, 4/3 pi.
     assert!(parts.parts[1].volume_m3.mid < 4e-3, "{:?}", parts.parts[1].volume_m3);
 }
@@ -118,14 +119,16 @@ fn a_label_without_gaussians_is_no_part() {
 }
 
 #[test]
-fn one_gaussian_and_flat_clouds_have_a_volume() {
+fn one_gaussian_flat_clouds_and_open_bowls_have_a_volume() {
     let mut single = Cloud::default();
     single.add(Point3::origin(), Vector3::z(), 0);
     let mut sheet = Cloud::default();
     for n in 0..900 {
         sheet.add(Point3::new(f64::from(n % 30) * 0.05, f64::from(n / 30) * 0.05, 0.0), Vector3::z(), 0);
     }
-    for cloud in [single, sheet] {
+    let mut bowl = ball(|_| 0);
+    bowl.points.retain(|(p, _, _)| p.z < 0.0);
+    for cloud in [single, sheet, bowl] {
         for volume in [VolumeMethod::Hybrid, VolumeMethod::Fill] {
             let result = run(&cloud, &[Form::Solid], &Options { volume, ..small() }).unwrap();
             let volume = result.metric().unwrap().object.volume_m3;

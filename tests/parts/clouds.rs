@@ -128,16 +128,22 @@ pub fn directions(count: usize) -> Vec<Vector3<f64>> {
     (0..count).map(direction).collect()
 }
 
-/// Cameras at `distance` from the origin that look at it from the directions that `from` accepts; the object at half the
-/// distance fills the picture of 400 px.
+/// As [`cameras_of`] with pictures of 400 px.
 pub fn cameras(distance: f64, count: usize, from: impl Fn(&Vector3<f64>) -> bool) -> Vec<Camera> {
+    cameras_of(400, distance, count, from)
+}
+
+/// Cameras at `distance` from the origin that look at it from the directions that `from` accepts; what is as long as the
+/// distance fills the picture of so many pixels a side.
+pub fn cameras_of(pixels: u32, distance: f64, count: usize, from: impl Fn(&Vector3<f64>) -> bool) -> Vec<Camera> {
+    let side = f64::from(pixels);
     let intrinsics = Intrinsics {
-        width: 400,
-        height: 400,
-        fx: 400.0,
-        fy: 400.0,
-        cx: 200.0,
-        cy: 200.0,
+        width: pixels,
+        height: pixels,
+        fx: side,
+        fy: side,
+        cx: 0.5 * side,
+        cy: 0.5 * side,
         distortion: Distortion::default(),
     };
     // nalgebra's right-handed look_at gives x right, y up, z backward; half a turn about x makes it OpenCV's.

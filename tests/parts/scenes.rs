@@ -1,85 +1,72 @@
-//! Masses of the scenes from ground-truth part maps and materials, beside the truth.
+//! Masses of the scenes from ground-truth part maps, materials, forms and walls, beside the truth.
 
 use std::path::Path;
-use std::time::Instant;
 
+use gprop::evaluate::scores::{Pair, Scores};
 use gprop::parts::{Options, Parts, parts};
 use gprop::progress::Progress;
+use gprop::units::Estimate;
 
 use super::truth::{self, Truth};
 
-fn measured(folder: &Path, options: &Options) -> (Parts, Truth) {
+fn measured(folder: &Path) -> (Parts, Truth) {
     let (scene, truth) = truth::load(folder);
     let field = truth::field(&scene, &truth, folder);
     let cameras: Vec<_> = scene.views.iter().map(|v| v.camera.clone()).collect();
-    let start = Instant::now();
-    let result = parts(&scene.gaussians, &field, &cameras, scene.scale.as_ref(), options, Progress::Hidden).unwrap();
-    println!("{} in {:.2} s", scene.name, start.elapsed().as_secs_f64());
-    let parts = result.metric().unwrap().clone();
-    {
-        // DEBUG
-        let g = result.interior.grid;
-        let mut f = std::fs::File::create(format!("/tmp/dump_{}.bin", scene.name)).unwrap();
-        use std::io::Write;
-        for d in g.dims {
-            f.write_all(&(d as f64).to_le_bytes()).unwrap();
-        }
-        for d in [g.origin.x, g.origin.y, g.origin.z, g.cell] {
-            f.write_all(&d.to_le_bytes()).unwrap();
-        }
-        let part: Vec<u8> = result.interior.part.iter().flat_map(|p| p.to_le_bytes()).collect();
-        f.write_all(&part).unwrap();
-        let part: Vec<u8> = result.interior.fraction.iter().flat_map(|p| p.to_le_bytes()).collect();
-        f.write_all(&part).unwrap();
-    }
-    print(&parts, &truth);
-    (parts, truth)
+    let options = Options::default();
+    let result = parts(&scene.gaussians, &field, &cameras, scene.scale.as_ref(), &options, Progress::Hidden).unwrap();
+    println!("{}: {:?}", scene.name, result.warnings);
+    (result.metric().unwrap().clone(), truth)
 }
 
-fn print(parts: &Parts, truth: &Truth) {
-    for warning in &parts.warnings {
-        println!("  warning: {warning}");
-    }
-    println!("  part           volume low    mid   high   true cm3    mass low    mid   high   true g   thick mm");
-    for part in &parts.parts {
-        let t = truth.parts.iter().find(|t| t.name == part.caption).unwrap();
-        let (v, m) = (part.volume_m3.scaled(1e6), part.mass_kg.scaled(1e3));
-        println!(
-            "  {:14} {:9.1} {:6.1} {:6.1} {:8.1} {:12.1} {:6.1} {:6.1} {:8.1}  {:5.1} {:5.1} {:5.1}",
-            part.caption,
-            v.low,
-            v.mid,
-            v.high,
-            t.volume_m3 * 1e6,
-            m.low,
-            m.mid,
-            m.high,
-            t.mass_kg * 1e3,
-            part.thickness_m.low * 1e3,
-            part.thickness_m.mid * 1e3,
-            part.thickness_m.high * 1e3,
-        );
-    }
-    let m = parts.object.mass_kg.scaled(1e3);
-    let predicted = 0.5 * (m.low + m.high);
-    let ratio = predicted / (truth.total_mass_kg * 1e3);
+fn holds(range: Estimate, truth: f64) -> bool {
+    range.low <= truth && truth <= range.high
+}
+
+/// Prints a row in grams and cubic centimetres.
+fn row(name: &str, [volume, mass]: [Estimate; 2], [true_volume, true_mass]: [f64; 2]) {
+    let (v, m) = (volume.scaled(1e6), mass.scaled(1e3));
     println!(
-        "  object {:.1} {:.1} {:.1} g, true {:.1}; MnRE {:.3}, mid {:.3}",
+        "  {name:14} {:8.1} {:8.1} {:8.1} cm3 true {:8.1}  {:8.1} {:8.1} {:8.1} g true {:8.1} {}",
+        v.low,
+        v.mid,
+        v.high,
+        true_volume * 1e6,
         m.low,
         m.mid,
         m.high,
-        truth.total_mass_kg * 1e3,
-        ratio.min(1.0 / ratio),
-        m.mid / truth.total_mass_kg / 1e3
+        true_mass * 1e3,
+        if holds(mass, true_mass) { "holds" } else { "DOES NOT HOLD" }
     );
 }
 
+/// The bounds that the issue of this stage set itself: min ratio error (1 is best) and absolute log difference.
+const MNRE_LEAST: f64 = 0.85;
+const ALDE_MOST: f64 = 0.2;
+/// Share of the visible parts whose interval must hold the truth. The lampshade's does not: see docs/parts.md.
+const PARTS_HELD_LEAST: f64 = 0.9;
+
 #[test]
-fn masses_of_the_scenes() {
-    measured(&truth::hammer(), &Options::default());
-    for name in ["mug", "table_lamp", "chair"] {
-        if let Some(folder) = truth::beside(name) {
-            measured(&folder, &Options::default());
+fn masses_of_the_scenes_are_near_the_truth() {
+    let others = ["mug", "table_lamp", "chair"].iter().filter_map(|name| truth::beside(name));
+    let (mut pairs, mut parts_held) = (Vec::new(), Vec::new());
+    for folder in [truth::hammer()].into_iter().chain(others) {
+        let (parts, truth) = measured(&folder);
+        for part in &parts.parts {
+            let known = truth.parts.iter().find(|known| known.name == part.caption).unwrap();
+            row(&part.caption, [part.volume_m3, part.mass_kg], [known.volume_m3, known.mass_kg]);
+            parts_held.push(holds(part.volume_m3, known.volume_m3));
         }
+        let mass = parts.object.mass_kg;
+        let true_volume = truth.parts.iter().filter(|p| p.visible).map(|p| p.volume_m3).sum();
+        row("object", [parts.object.volume_m3, mass], [true_volume, truth.total_mass_kg]);
+        assert!(holds(mass, truth.total_mass_kg), "{folder:?}: {mass:?} does not hold {}", truth.total_mass_kg);
+        // As NeRF2Physics' evaluation reads an interval.
+        pairs.push(Pair { predicted: 0.5 * (mass.low + mass.high), truth: truth.total_mass_kg });
     }
+    let scores = Scores::of(&pairs).unwrap();
+    let held = parts_held.iter().filter(|held| **held).count() as f64 / parts_held.len() as f64;
+    println!("{scores:?}, {held:.2} of the parts' intervals hold");
+    assert!(scores.mnre >= MNRE_LEAST && scores.alde <= ALDE_MOST, "{scores:?}");
+    assert!(held >= PARTS_HELD_LEAST, "{held}");
 }

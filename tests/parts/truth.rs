@@ -41,10 +41,10 @@ pub fn hammer() -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("fixtures/hammer")
 }
 
-/// The folder of a scene that is not among the fixtures, where it lies beside the crate.
+/// The folder of a scene where it lies beside the crate, or else its fixture, whose splat is compressed.
 pub fn beside(name: &str) -> Option<PathBuf> {
     let root = Path::new(env!("CARGO_MANIFEST_DIR"));
-    let folders = ["../shared/scenes", "../../shared/scenes"].map(|folder| root.join(folder).join(name));
+    let folders = ["../shared/scenes", "../../shared/scenes", "fixtures"].map(|folder| root.join(folder).join(name));
     let found = folders.into_iter().find(|folder| folder.is_dir());
     if found.is_none() {
         println!("skipped {name}: no ../shared/scenes");

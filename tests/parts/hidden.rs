@@ -1,0 +1,125 @@
+//! What no photo shows: rods in sleeves and drums, hollow bases, undersides of tables.
+
+use std::f64::consts::PI;
+
+use gprop::parts::{Options, Parts, parts};
+use gprop::progress::Progress;
+use gprop::query::Form;
+use gprop::units::{MetricScale, Range, ScaleSource};
+use nalgebra::{Point3, Vector3};
+
+use super::clouds::{Cloud, cameras};
+
+const SCALE: MetricScale = MetricScale { meters_per_unit: 1.0, source: ScaleSource::Metric, provenance: String::new() };
+/// Of the Gaussians, along the surfaces they lie on.
+const SPACING: f64 = 0.03;
+
+fn measured(cloud: &Cloud, forms: &[Form], from: impl Fn(&Vector3<f64>) -> bool) -> Parts {
+    let options = Options { volume_cells: 200_000, ..Options::default() };
+    let (gaussians, field) = (cloud.gaussians(0.6 * SPACING), cloud.field(forms));
+    let result = parts(&gaussians, &field, &cameras(4.0, 60, from), Some(&SCALE), &options, Progress::Hidden).unwrap();
+    result.metric().unwrap().clone()
+}
+
+fn wall(thickness_m: f64) -> Form {
+    Form::Shell { wall_thickness_m: Range::exactly(thickness_m) }
+}
+
+/// Prints a part's volume beside the true one and gives the relative error.
+fn error(parts: &Parts, part: usize, truth: f64) -> f64 {
+    let volume = parts.parts[part].volume_m3;
+    let error = volume.mid / truth - 1.0;
+    println!("part {part}: {:.4} {:.4} {:.4}, true {truth:.4}: {:+.1} %", volume.low, volume.mid, volume.high, 100.0 * error);
+    error
+}
+
+fn holds(parts: &Parts, part: usize, truth: f64) -> bool {
+    let volume = parts.parts[part].volume_m3;
+    volume.low <= truth && truth <= volume.high
+}
+
+/// A rod of radius 0.2 from z = -1 to 1 with a sleeve of radius 0.28 around its lower half, closed at the bottom.
+fn rod_in_sleeve() -> Cloud {
+    let mut cloud = Cloud::default();
+    cloud.add_cylinder(0.2, [0.0, 1.0], [false, true], SPACING, 0);
+    cloud.add_cylinder(0.28, [-1.08, 0.0], [true, true], SPACING, 1);
+    cloud.points.retain(|(p, _, part)| *part == 0 || p.z < -0.01 || p.coords.xy().norm() > 0.2);
+    cloud
+}
+
+#[test]
+fn a_rod_goes_on_in_its_sleeve() {
+    let parts = measured(&rod_in_sleeve(), &[Form::Solid, wall(0.08)], |_| true);
+    assert!(parts.warnings.iter().any(|w| w.contains("inside")), "{:?}", parts.warnings);
+    let (rod, sleeve) = (PI * 0.04 * 2.0, PI * (0.28f64.powi(2) * 1.08 - 0.04));
+    assert!(error(&parts, 0, rod).abs() < 0.15);
+    assert!(error(&parts, 1, sleeve).abs() < 0.15);
+}
+
+#[test]
+fn a_rod_goes_through_a_drum() {
+    // A drum of radius 0.6 from z = -0.3 to 0.3 on a rod of radius 0.2 that sticks out at both ends.
+    let mut cloud = Cloud::default();
+    cloud.add_cylinder(0.2, [-1.0, -0.3], [true, false], SPACING, 0);
+    cloud.add_cylinder(0.2, [0.3, 1.0], [false, true], SPACING, 0);
+    cloud.add_cylinder(0.6, [-0.3, 0.3], [true, true], SPACING, 1);
+    cloud.points.retain(|(p, n, part)| *part == 0 || n.z.abs() < 0.5 || p.coords.xy().norm() > 0.2);
+    let parts = measured(&cloud, &[Form::Solid; 2], |_| true);
+    assert!(parts.warnings.iter().any(|w| w.contains("through")), "{:?}", parts.warnings);
+    let (rod, drum) = (PI * 0.04 * 2.0, PI * (0.36 - 0.04) * 0.6);
+    assert!(error(&parts, 0, rod).abs() < 0.15);
+    assert!(error(&parts, 1, drum).abs() < 0.15);
+}
+
+#[test]
+fn a_thin_stem_does_not_fill_the_hollow_base_under_it() {
+    // A closed base of radius 0.6 with walls of 0.05, and a solid stem of radius 0.12 on it.
+    let mut cloud = Cloud::default();
+    cloud.add_cylinder(0.12, [0.0, 1.0], [false, true], SPACING, 0);
+    cloud.add_cylinder(0.6, [-0.6, 0.0], [true, true], SPACING, 1);
+    cloud.points.retain(|(p, n, part)| *part == 0 || n.z < 0.5 || p.coords.xy().norm() > 0.12);
+    let parts = measured(&cloud, &[Form::Solid, wall(0.05)], |_| true);
+    assert!(!parts.warnings.iter().any(|w| w.contains("inside")), "{:?}", parts.warnings);
+    let (stem, base) = (PI * 0.12f64.powi(2), PI * (0.6f64.powi(2) * 0.6 - 0.55f64.powi(2) * 0.5));
+    assert!(error(&parts, 0, stem).abs() < 0.25);
+    assert!(error(&parts, 1, base).abs() < 0.15);
+}
+
+#[test]
+fn the_underside_of_a_table_is_not_filled() {
+    // A top of radius 0.9, 0.12 thick, on one leg of radius 0.12; photos from 6 to 78 degrees above the horizon.
+    let mut cloud = Cloud::default();
+    cloud.add_cylinder(0.9, [0.0, 0.12], [true, true], SPACING, 0);
+    cloud.add_cylinder(0.12, [-0.9, 0.0], [true, false], SPACING, 0);
+    // The underside is in no photo, so no training put Gaussians there.
+    cloud.points.retain(|(_, n, _)| n.z > -0.5);
+    let parts = measured(&cloud, &[Form::Solid], |n| (0.1..0.98).contains(&n.z));
+    let table = PI * (0.81 * 0.12 + 0.12f64.powi(2) * 0.9);
+    assert!(holds(&parts, 0, table), "{:?}", parts.parts[0].volume_m3);
+    assert!(error(&parts, 0, table).abs() < 0.4);
+}
+
+#[test]
+fn an_open_cup_holds_air() {
+    // Side and bottom of Gaussians on the outside, side and floor on the inside: nothing but the wall is material.
+    let mut cloud = Cloud::default();
+    cloud.add_cylinder(0.6, [-0.6, 0.6], [true, false], SPACING, 0);
+    let mut inside = Cloud::default();
+    inside.add_cylinder(0.5, [-0.5, 0.6], [true, false], SPACING, 0);
+    inside.points.iter().for_each(|(p, n, part)| cloud.add(*p, -n, *part));
+    let parts = measured(&cloud, &[Form::Solid], |n| n.z > -0.5);
+    let cup = PI * (0.36 * 1.2 - 0.25 * 1.1);
+    assert!(error(&parts, 0, cup).abs() < 0.3);
+    assert!(holds(&parts, 0, cup), "{:?}", parts.parts[0].volume_m3);
+}
+
+#[test]
+fn an_open_bowl_of_one_sheet_is_counted_once() {
+    // Half a ball's surface, seen from inside and outside, with a wall of 0.01: far less than the splat is soft.
+    let mut cloud = Cloud::sphere(Point3::origin(), 0.9, 12_000, |_| 0);
+    cloud.points.retain(|(p, _, _)| p.z < 0.0);
+    let parts = measured(&cloud, &[wall(0.01)], |_| true);
+    let bowl = 2.0 * PI * 0.81 * 0.01;
+    assert!(error(&parts, 0, bowl).abs() < 0.3);
+    assert!(holds(&parts, 0, bowl), "{:?}", parts.parts[0].volume_m3);
+}
