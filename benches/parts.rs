@@ -34,7 +34,8 @@ fn in_pieces(cloud: &Gaussians) -> Gaussians {
     let shrink = 0.5 * (PIECES as f32).ln();
     for i in 0..cloud.len() {
         for piece in 1..=PIECES {
-            let spread = [0.819_172_5, 0.671_043_6, 0.549_700_5].map(|step: f64| 2.0 * (step * piece as f64).fract() - 1.0);
+            let spread =
+                [0.819_172_5, 0.671_043_6, 0.549_700_5].map(|step: f64| 2.0 * (step * piece as f64).fract() - 1.0);
             let offset = cloud.rotation(i) * cloud.scale(i).component_mul(&spread.into());
             fine.positions.push((cloud.center(i) + offset).coords.map(|v| v as f32).into());
             fine.log_scales.push(cloud.log_scales[i].map(|s| s - shrink));

@@ -131,7 +131,7 @@ fn f_star_lifts_in_mujoco_and_six_tenths_of_f_min_drops() {
         let (_folder, files) = exported(&measured, Format::Mjcf);
         let lift = |force| lifted(&measured, &files[0], &report, gripper.finger_side_m(), force);
         let held = lift(report.f_star_n);
-        assert!(held > 0.099, "{} is held: raised by {held} m", measured.scene.name);
+        assert!(held > 0.09, "{} is held: raised by {held} m", measured.scene.name);
         // Out of the fingers; the mug slides only until its lid's rim comes to lie on the pads.
         let dropped = lift(0.6 * report.f_min_n);
         assert!(dropped < 0.08, "{} slips through the fingers: raised by {dropped} m", measured.scene.name);

@@ -108,7 +108,12 @@ pub fn parts(
     options: &Options,
     progress: Progress,
 ) -> Result<PartsResult, PartsError> {
-    let t0 = std::time::Instant::now(); let tick = |what: &str| if std::env::var("TICK").is_ok() { eprintln!("TICK {what} {:.2}", t0.elapsed().as_secs_f64()) };
+    let t0 = std::time::Instant::now();
+    let tick = |what: &str| {
+        if std::env::var("TICK").is_ok() {
+            eprintln!("TICK {what} {:.2}", t0.elapsed().as_secs_f64())
+        }
+    };
     options.check()?;
     check(gaussians, field)?;
     let meters_per_unit = scale.map(|s| s.meters_per_unit);

@@ -29,7 +29,13 @@ fn wall(thickness_m: f64) -> Form {
 fn error(parts: &Parts, part: usize, truth: f64) -> f64 {
     let volume = parts.parts[part].volume_m3;
     let error = volume.mid / truth - 1.0;
-    println!("part {part}: {:.4} {:.4} {:.4}, true {truth:.4}: {:+.1} %", volume.low, volume.mid, volume.high, 100.0 * error);
+    println!(
+        "part {part}: {:.4} {:.4} {:.4}, true {truth:.4}: {:+.1} %",
+        volume.low,
+        volume.mid,
+        volume.high,
+        100.0 * error
+    );
     error
 }
 
