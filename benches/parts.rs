@@ -18,6 +18,7 @@ use gprop::scene::gaussians::Gaussians;
 use gprop::scene::{self, Scene};
 use gprop::units::{Estimate, MetricScale, ScaleSource};
 use gprop::vote::{FieldLabel, MaterialField};
+use nalgebra::Vector3;
 
 fn hammer() -> Scene {
     let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("fixtures/hammer");
@@ -36,7 +37,7 @@ fn in_pieces(cloud: &Gaussians) -> Gaussians {
         for piece in 1..=PIECES {
             let spread =
                 [0.819_172_5, 0.671_043_6, 0.549_700_5].map(|step: f64| 2.0 * (step * piece as f64).fract() - 1.0);
-            let offset = cloud.rotation(i) * cloud.scale(i).component_mul(&spread.into());
+            let offset = cloud.rotation(i) * cloud.scale(i).component_mul(&Vector3::from(spread));
             fine.positions.push((cloud.center(i) + offset).coords.map(|v| v as f32).into());
             fine.log_scales.push(cloud.log_scales[i].map(|s| s - shrink));
             fine.rotations.push(cloud.rotations[i]);

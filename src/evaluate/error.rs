@@ -5,9 +5,9 @@ use std::path::PathBuf;
 /// What is wrong with predictions or truth, where, and what to do.
 #[derive(Debug, thiserror::Error)]
 pub enum EvaluateError {
-    #[error("cannot read {path:?}: {source}{remedy}")]
+    #[error("cannot read {path:?}{remedy}")]
     Read { path: PathBuf, source: std::io::Error, remedy: &'static str },
-    #[error("{path:?} does not hold {expected}: {source}")]
+    #[error("{path:?} does not hold {expected}")]
     Json { path: PathBuf, expected: &'static str, source: serde_json::Error },
     #[error("{path:?} line {line}: {message}")]
     Row { path: PathBuf, line: u64, message: String },

@@ -18,8 +18,7 @@ const VIEWS_MIN: usize = 2;
 /// Empties the cells of `inside` that a view looks past, or that views see in front of a surface by more than `tolerance`
 /// (scene units), and those that no picture holds.
 pub fn carve(grid: &Grid, views: &[DepthView], tolerance: f64, inside: &mut [bool]) {
-    let vm: usize = std::env::var("VMIN").map_or(VIEWS_MIN, |v| v.parse().unwrap());
-    let views_min = vm.min(views.len());
+    let views_min = VIEWS_MIN.min(views.len());
     inside.par_chunks_mut(grid.layer()).enumerate().for_each(|(z, layer)| {
         for (i, cell) in layer.iter_mut().enumerate().filter(|(_, cell)| **cell) {
             let point = grid.center([i % grid.dims[0], i / grid.dims[0], z]);

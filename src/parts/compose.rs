@@ -13,7 +13,7 @@ use super::assign::Labelled;
 use super::cores;
 use super::grid::{Interior, OUTSIDE, VOID};
 use super::surface::NONE;
-use super::thickness::Chord;
+use super::thickness::{Chord, thickness};
 use super::unseen::{self, Doubt};
 use super::wall::{AROUND_CORE, AROUND_VOID, WallDepths};
 use crate::units::Estimate;
@@ -73,7 +73,7 @@ pub fn compose(
 ) -> (Composed, Labelled) {
     let is_solid: Vec<bool> = makes.iter().map(|m| *m == Make::Solid).collect();
     let passages = cores::run_through(&mut cells, &is_solid);
-    let doubt = unseen::doubts(&cells, &unseen::thin(&cells, chords, &is_solid));
+    let doubt = unseen::doubts(&cells, &unseen::thin(&thickness(chords, makes.len()), &is_solid));
     let wall_of = |label: u32| match makes[label as usize] {
         Make::Solid => Estimate::exactly(0.0),
         Make::Wall(wall) => wall,

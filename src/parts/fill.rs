@@ -4,7 +4,7 @@
 //! The density of a cell is the sum of opacity times fall-off of the Gaussians there. Dense cells are the object's skin; an
 //! other cell is inside where rays along the axes meet skin. PhysGaussian asks it of six rays and lets the user exclude
 //! one; here five of six suffice, since photos seldom show an underside. Needs no cameras. Fails on open hollows (a cup
-//! counts as full) and counts the Gaussians' own breadth, at least about half a cell, as material.
+//! counts as full) and counts the Gaussians' own breadth, about a cell, as material.
 
 use super::grid::Grid;
 use super::splat_cells::splat;

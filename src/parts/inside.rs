@@ -69,25 +69,13 @@ pub(super) fn inside(
         }
         VolumeMethod::Hybrid | VolumeMethod::Carve | VolumeMethod::Shell => {
             let views = depth_views(gaussians, cameras, options, progress)?;
-            let t0 = std::time::Instant::now();
-            let tick = |what: &str| {
-                if std::env::var("TICK").is_ok() {
-                    eprintln!("  TICK {what} {:.2}", t0.elapsed().as_secs_f64())
-                }
-            };
             let pixel = pixel_size(grid, &views);
             let mut cells = vec![true; grid.len()];
             UnseenBound::of(gaussians, kept, cameras, grid.middle()).clip(grid, &mut cells);
-            tick("bound");
             let tolerance = CARVE_TOLERANCE_PIXELS * pixel;
             carve::carve(grid, &views, tolerance, &mut cells);
-            tick("carve");
             let mut cells = without_border(grid, cells);
             let disagreement = refine::refine(grid, &views, REFINE_REACH * tolerance, &mut cells);
-            tick("refine");
-            if std::env::var("TICK").is_ok() {
-                eprintln!("pixel {pixel} disagreement {disagreement} cell {}", grid.cell);
-            }
             (cells, pixel.hypot(disagreement), views, "the views see through every place where the splat is")
         }
     };

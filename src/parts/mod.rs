@@ -108,34 +108,21 @@ pub fn parts(
     options: &Options,
     progress: Progress,
 ) -> Result<PartsResult, PartsError> {
-    let t0 = std::time::Instant::now();
-    let tick = |what: &str| {
-        if std::env::var("TICK").is_ok() {
-            eprintln!("TICK {what} {:.2}", t0.elapsed().as_secs_f64())
-        }
-    };
     options.check()?;
     check(gaussians, field)?;
     let meters_per_unit = scale.map(|s| s.meters_per_unit);
     let makes: Vec<Make> = field.labels.iter().map(|l| make(l, meters_per_unit, options)).collect();
     let kept = clean::without_floaters(gaussians, options.min_body_share);
-    tick("before grid = grid_arou");
     let grid = grid_around(gaussians, &kept, options.volume_cells);
 
     let inside = inside(gaussians, &kept, &grid, cameras, options, progress)?;
-    tick("before surface = Surfac");
     let surface = Surface::of(&grid, &inside.cells);
-    tick("before in_view = inside");
     let in_view = inside.in_view(&surface);
-    tick("before cells = assign::");
     let cells = assign::assign(gaussians, &kept, &field.part_label, makes.len(), grid, surface, &in_view);
-    tick("before chords = thick");
     let chords = thickness::chords(&cells);
     let thickness = thickness::thickness(&chords, makes.len());
-    tick("before (composed, cells");
     let (composed, cells) = compose::compose(cells, &makes, &chords, inside.uncertainty);
 
-    tick("before mut shapes = sha");
     let mut shapes = shapes(field, &composed, &makes, &thickness);
     let interior = &composed.interior;
     let bodies = Bodies::of(interior, makes.len());
@@ -143,13 +130,11 @@ pub fn parts(
     if let Some(center) = mass::center_of_mass(&weighables(&shapes, &field.labels, &pieces)) {
         set_distances(&mut shapes, &mut pieces, &bodies, &cells, center);
     }
-    tick("before warnings = warni");
     let warnings = warnings(field, &kept, &shapes, &composed, scale.is_none(), options.min_part_share);
     let parts = meters_per_unit.map(|scale| {
         let (object, parts) = mass::weigh(&weighables(&shapes, &field.labels, &pieces), scale, options.bodies);
         Parts { object, parts, warnings: warnings.clone() }
     });
-    tick("end");
     Ok(PartsResult { interior: composed.interior, shapes, warnings, parts })
 }
 

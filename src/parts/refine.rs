@@ -20,40 +20,6 @@ pub fn refine(grid: &Grid, views: &[DepthView], reach: f64, inside: &mut [bool])
     let surface = Surface::of(grid, inside);
     let places = surface.points.par_iter().zip(&surface.normals);
     let said: Vec<Option<Said>> = places.map(|(point, normal)| Said::by(views, *point, *normal, reach)).collect();
-    let r: isize = std::env::var("SMOOTH").map_or(0, |v| v.parse().unwrap());
-    let said = if r > 0 {
-        let mut slot = vec![NONE; grid.len()];
-        surface.cells.iter().enumerate().for_each(|(s, c)| slot[*c as usize] = s as u32);
-        (0..surface.cells.len())
-            .into_par_iter()
-            .map(|s| {
-                let st = grid.strides().map(|s| s as isize);
-                let (mut w, mut m, mut q) = (0.0, 0.0, 0.0);
-                for z in -r..=r {
-                    for y in -r..=r {
-                        for x in -r..=r {
-                            let i = surface.cells[s] as isize + x * st[0] + y * st[1] + z * st[2];
-                            if i < 0 || i >= slot.len() as isize || slot[i as usize] == NONE {
-                                continue;
-                            }
-                            let o = slot[i as usize] as usize;
-                            if surface.normals[o].dot(&surface.normals[s]) < 0.7 {
-                                continue;
-                            }
-                            if let Some(said) = &said[o] {
-                                w += 1.0;
-                                m += said.mean;
-                                q += said.deviation * said.deviation;
-                            }
-                        }
-                    }
-                }
-                (w > 0.0).then(|| Said { mean: m / w, deviation: (q / w).sqrt() })
-            })
-            .collect()
-    } else {
-        said
-    };
     let excess: Vec<f32> = said.iter().map(|said| said.as_ref().map_or(0.0, Said::excess) as f32).collect();
     inside.par_iter_mut().enumerate().for_each(|(i, cell)| {
         let nearest = surface.nearest[i];

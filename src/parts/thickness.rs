@@ -24,25 +24,8 @@ pub struct Chord {
 
 /// The ray from every cell of seen surface; `None` for the others and where there is no normal.
 pub fn chords(cells: &Labelled) -> Vec<Option<Chord>> {
-    chords_where(cells, |s| cells.seen[s])
-}
-
-/// The rays to seen surface from those cells of unseen surface that border seen surface of their part: how thick a part is
-/// at the rim of what nobody saw, where views still bound it on both sides.
-pub fn rim_chords(cells: &Labelled) -> Vec<Option<Chord>> {
-    let is_rim = |s: usize| {
-        let cell = cells.surface.cells[s] as usize;
-        let is_seen = |n: usize| cells.label[n] == cells.label[cell] && cells.seen[cells.surface.nearest[n] as usize];
-        !cells.seen[s] && cells.label[cell] != NONE && cells.grid.neighbours(cell).any(is_seen)
-    };
-    let mut chords = chords_where(cells, is_rim);
-    chords.iter_mut().for_each(|chord| *chord = chord.filter(|chord| chord.seen));
-    chords
-}
-
-fn chords_where(cells: &Labelled, wanted: impl Fn(usize) -> bool + Sync) -> Vec<Option<Chord>> {
-    let chord = |s: usize| if wanted(s) { chord(cells, s) } else { None };
-    (0..cells.surface.cells.len()).into_par_iter().map(chord).collect()
+    let count = cells.surface.cells.len();
+    (0..count).into_par_iter().map(|s| if cells.seen[s] { chord(cells, s) } else { None }).collect()
 }
 
 /// Per label the thickness between seen surfaces, scene units: median over area, quartiles as low and high. Where no ray

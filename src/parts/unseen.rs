@@ -1,14 +1,14 @@
 //! How far a solid reaches behind the surface that was seen, where nobody saw its other side.
 //!
 //! Carving leaves all that no view looks through: the space under a chair's seat, between its aprons, stays full. There a
-//! part is taken to be as thick as where views bound it on both sides and it is thin (T, see [`thin`]: the median would
-//! count from rim to rim of a table top). So of a solid, what lies deeper
-//! than T below every seen surface (or seam with another part) and borders an unseen one is taken away. How deep it
+//! part is taken to be as thick as where both its sides were seen and it is thin (T, the lower quartile: the median would
+//! count from rim to rim of a table top). So of a solid, what lies deeper than T below every seen surface (or seam with
+//! another part) and borders an unseen one is taken away. How deep it
 //! really is nobody knows: the low volume ends at T/2, the high one at 3T/2.
 
 use super::assign::Labelled;
 use super::surface::{NONE, distance_to};
-use super::thickness::{Chord, rim_chords, thickness};
+use crate::units::Estimate;
 
 /// Whether a cell is material.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
@@ -81,13 +81,7 @@ fn reached_from_unseen(cells: &Labelled, wanted: impl Fn(usize) -> bool) -> Vec<
     all
 }
 
-/// The thickness of every solid that [`doubts`] goes by: the lower quartile of the rays between its seen surfaces, or of those
-/// at the rim of what nobody saw, whichever is less.
-pub fn thin(cells: &Labelled, chords: &[Option<Chord>], is_solid: &[bool]) -> Vec<Option<f64>> {
-    let lower_quartiles = |chords: &[Option<Chord>]| {
-        let of_label = thickness(chords, is_solid.len()).into_iter().zip(is_solid);
-        of_label.map(|(thickness, is_solid)| thickness.filter(|_| *is_solid).map(|t| t.low)).collect::<Vec<_>>()
-    };
-    let (across, rim) = (lower_quartiles(chords), lower_quartiles(&rim_chords(cells)));
-    across.into_iter().zip(rim).map(|(across, rim)| across.map(|t| t.min(rim.unwrap_or(t)))).collect()
+/// The thickness of every solid that [`doubts`] goes by: its lower quartile.
+pub fn thin(thickness: &[Option<Estimate>], is_solid: &[bool]) -> Vec<Option<f64>> {
+    thickness.iter().zip(is_solid).map(|(t, is_solid)| t.filter(|_| *is_solid).map(|t| t.low)).collect()
 }
