@@ -13,7 +13,7 @@ use image::RgbImage;
 use rayon::prelude::*;
 
 use super::Level;
-use super::adaptive::Adaptive;
+use super::adaptive::{self, Adaptive};
 use super::error::SegmentError;
 use super::mask::{Mask, Rect};
 use super::nms::box_nms;
@@ -79,38 +79,50 @@ impl Request<'_> {
     }
 
     fn run_crop(&self, sam: &Sam, crop: Crop) -> Result<Vec<Candidate>, SegmentError> {
-        let rect = crop.rect;
-        let grid = prompts::grid(rect.width(), rect.height(), crop.points_per_side);
+        let grid = prompts::grid(crop.rect.width(), crop.rect.height(), crop.points_per_side);
         let passes = match self.adaptive {
-            Some(_) => Adaptive::passes(crop.points_per_side as usize),
+            Some(_) => adaptive::passes(crop.points_per_side as usize),
             None => vec![(0..grid.len()).collect()],
         };
         let mut frame = None;
-        let mut found: Vec<Candidate> = Vec::new();
+        // What each point's prompt gave; `None` where SAM was not asked.
+        let mut answers: Vec<Option<Vec<Candidate>>> = vec![None; grid.len()];
         for pass in passes {
-            let points = self.worth_asking(&pass, &grid, &rect, &found);
-            self.observer.planned(points.len());
-            if points.is_empty() {
+            let asked = self.worth_asking(&pass, &grid, &crop, &answers);
+            self.observer.planned(asked.len());
+            if asked.is_empty() {
                 continue;
             }
             if frame.is_none() {
-                frame = Some(self.frame(sam, rect)?);
+                frame = Some(self.frame(sam, crop.rect)?);
             }
             let Some(frame) = &frame else { continue };
-            let new: Result<Vec<Vec<Candidate>>, SegmentError> =
+            let points: Vec<[f64; 2]> = asked.iter().map(|&index| grid[index]).collect();
+            let new: Result<Vec<Vec<_>>, SegmentError> =
                 points.par_chunks(sam.batch()).map(|points| self.run_prompts(sam, frame, points)).collect();
-            found.extend(new?.into_iter().flatten());
+            for (index, candidates) in asked.into_iter().zip(new?.into_iter().flatten()) {
+                answers[index] = Some(candidates);
+            }
         }
-        Ok(found)
+        Ok(answers.into_iter().flatten().flatten().collect())
     }
 
-    /// The points of a pass to be asked at, given what was found so far.
-    fn worth_asking(&self, pass: &[usize], grid: &[[f64; 2]], crop: &Rect, found: &[Candidate]) -> Vec<[f64; 2]> {
-        let points = pass.iter().map(|&index| grid[index]);
-        let Some(adaptive) = &self.adaptive else { return points.collect() };
-        let explaining: Vec<&Candidate> = found.iter().filter(|candidate| adaptive.explains(candidate)).collect();
-        let pixel = |[x, y]: [f64; 2]| (crop.x0 + x as u32, crop.y0 + y as u32);
-        points.filter(|&point| adaptive.is_worth_asking(pixel(point).0, pixel(point).1, &explaining)).collect()
+    /// The points of a pass to be asked at, given what the others gave so far.
+    fn worth_asking(
+        &self,
+        pass: &[usize],
+        grid: &[[f64; 2]],
+        crop: &Crop,
+        answers: &[Option<Vec<Candidate>>],
+    ) -> Vec<usize> {
+        let Some(adaptive) = &self.adaptive else { return pass.to_vec() };
+        let is_worth_asking = |&index: &usize| {
+            let (x, y) = (crop.rect.x0 + grid[index][0] as u32, crop.rect.y0 + grid[index][1] as u32);
+            let around = adaptive::neighbours(index, crop.points_per_side as usize);
+            let known: Vec<&[Candidate]> = around.filter_map(|neighbour| answers[neighbour].as_deref()).collect();
+            adaptive.is_worth_asking(x, y, &known)
+        };
+        pass.iter().copied().filter(is_worth_asking).collect()
     }
 
     fn frame(&self, sam: &Sam, rect: Rect) -> Result<Frame, SegmentError> {
@@ -123,12 +135,13 @@ impl Request<'_> {
         })
     }
 
-    fn run_prompts(&self, sam: &Sam, frame: &Frame, points: &[[f64; 2]]) -> Result<Vec<Candidate>, SegmentError> {
+    /// What passed the filters, prompt by prompt.
+    fn run_prompts(&self, sam: &Sam, frame: &Frame, points: &[[f64; 2]]) -> Result<Vec<Vec<Candidate>>, SegmentError> {
         let scaled = |point: &[f64; 2]| [(point[0] * frame.scale[0]) as f32, (point[1] * frame.scale[1]) as f32];
         let scaled_points: Vec<[f32; 2]> = points.iter().map(scaled).collect();
-        let mut found = Vec::new();
+        let mut found = Vec::with_capacity(points.len());
         sam.decode(&frame.sight, &scaled_points, |index, decoded| {
-            found.extend(self.filter(frame, points[index], &decoded));
+            found.push(self.filter(frame, points[index], &decoded));
             self.observer.prompted();
         })?;
         Ok(found)

@@ -43,7 +43,7 @@ pub struct Options {
 pub enum Prompts {
     /// All of them, as the public generator does.
     Grid,
-    /// Those on the foreground: a coarse subset first, finer ones where no accepted mask lies.
+    /// Those on the foreground: every other row and column first, then what no mask of a neighbouring prompt covers.
     Adaptive,
 }
 
