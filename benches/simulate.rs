@@ -1,4 +1,4 @@
-//! Elastic cube under gravity: particle substeps per second. `cargo bench --bench simulate`.
+//! A falling cube: particle substeps per second. `cargo bench --bench simulate`; beside its peers by `simulate_peers.py`.
 
 use criterion::{BenchmarkId, Criterion, Throughput, criterion_group, criterion_main};
 use gprop::simulate::boundary::{Boundary, Contact};
@@ -6,8 +6,17 @@ use gprop::simulate::mpm::laws::Law;
 use gprop::simulate::mpm::particles::{IDENTITY, Particle};
 use gprop::simulate::mpm::{Setting, Solver};
 
+/// Laws with what their state starts with.
+const LAWS: [(&str, Law, f32); 4] = [
+    ("elastic", Law::FixedCorotated, 0.0),
+    ("von_mises", Law::VonMises { hardening: 0.0, softening: 0.0 }, 1e3),
+    ("plasticine", Law::VonMises { hardening: 0.0, softening: 0.1 }, 1e3),
+    // The cone of a friction angle of 30 degrees.
+    ("sand", Law::DruckerPrager { apex_pa: 0.0 }, 0.326_6),
+];
+
 /// A cube of about `count` particles, eight a cell of a domain of `cells` cells and 2 m, dropped on a sticky floor.
-fn cube(count: usize, cells: usize, law: Law) -> (Solver, usize, f32) {
+fn cube(count: usize, cells: usize, law: Law, state: f32) -> (Solver, usize, f32) {
     let spacing_m = 2.0 / cells as f32;
     let side = (count as f64).cbrt().round() as usize;
     let step = spacing_m / 2.0;
@@ -24,7 +33,7 @@ fn cube(count: usize, cells: usize, law: Law) -> (Solver, usize, f32) {
             volume_m3,
             mu: 1e5 / 2.6,
             lambda: 0.3e5 / (1.3 * 0.4),
-            state: 1e3,
+            state,
             law: 0,
         })
         .collect();
@@ -42,13 +51,11 @@ fn substeps(c: &mut Criterion) {
     const STEPS: usize = 20;
     let mut group = c.benchmark_group("simulate");
     group.sample_size(10);
-    for (name, law) in
-        [("elastic", Law::FixedCorotated), ("von_mises", Law::VonMises { hardening: 0.0, softening: 0.0 })]
-    {
+    for (name, law, state) in LAWS {
         for (count, cells) in [(20_000, 64), (100_000, 128)] {
             for threads in [1, 2] {
                 let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().expect("threads start");
-                let (mut solver, particles, dt_s) = cube(count, cells, law);
+                let (mut solver, particles, dt_s) = cube(count, cells, law, state);
                 group.throughput(Throughput::Elements((particles * STEPS) as u64));
                 group.bench_function(BenchmarkId::new(name, format!("{count}/{cells}^3/{threads} threads")), |b| {
                     b.iter(|| {

@@ -58,6 +58,10 @@ pub enum Artifact<'a> {
     Simulation,
     /// The animated picture.
     Animation,
+    /// The animation as a film, where ffmpeg is installed.
+    Movie,
+    /// Energies and centre of mass over time.
+    Plot,
     /// Forces, bounds, command, places to grasp at.
     Grasp,
     /// The places drawn on the splat.
@@ -91,6 +95,8 @@ impl Artifact<'_> {
             Self::Checkpoint => "simulation/checkpoint.bin".into(),
             Self::Simulation => "simulation/simulation.json".into(),
             Self::Animation => "simulation/animation.gif".into(),
+            Self::Movie => "simulation/animation.mp4".into(),
+            Self::Plot => "simulation/plot.svg".into(),
             Self::Grasp => "grasp.json".into(),
             Self::GraspPicture => "grasp.png".into(),
             Self::ReportJson => "report.json".into(),

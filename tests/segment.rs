@@ -1,5 +1,10 @@
 //! SAM's masks against the reference generator's, and parts of whole views.
 
+// Every form of a SAM export, broken ones, kept embeddings.
+mod models;
+// Pictures of every kind, and what is written of them.
+mod pictures;
+
 use std::fs;
 use std::path::{Path, PathBuf};
 use std::sync::Mutex;
@@ -7,8 +12,7 @@ use std::sync::Mutex;
 use gprop::evaluate::masks::{Comparison, Reference, compare};
 use gprop::progress::Progress;
 use gprop::scene::{ForegroundSource, Photo};
-use gprop::segment::sam::Sam;
-use gprop::segment::{LabelMap, Options, SegmentError, Segmenter, ViewSegments, segment_views};
+use gprop::segment::{LabelMap, Options, Segmenter, ViewSegments, segment_views};
 use gprop::setup::ModelFiles;
 use image::{GrayImage, Luma, Rgb, RgbImage};
 
@@ -186,24 +190,4 @@ fn views_are_handed_on_one_by_one_and_returned_in_order() {
     let failing = |name: &str| if name == "a" { anyhow::bail!("cannot read a") } else { Ok(two_shapes()) };
     let error = segment_views(&segmenter, &names, &failing, &options, Progress::Hidden, &|_| Ok(())).unwrap_err();
     assert_eq!(error.to_string(), "cannot read a");
-}
-
-#[test]
-fn files_that_are_no_sam_are_told_apart() {
-    let Some(files) = support::models("files_that_are_no_sam_are_told_apart") else { return };
-    let folder = tempfile::tempdir().unwrap();
-    let cut = folder.path().join("cut.onnx");
-    let encoder = fs::read(&files.encoder).unwrap();
-    fs::write(&cut, &encoder[..encoder.len() / 2]).unwrap();
-    let fails = |files: ModelFiles| Sam::open(&files, 1).err().expect("it must not open");
-    let error = fails(ModelFiles { encoder: cut.clone(), ..files.clone() });
-    assert!(matches!(error, SegmentError::Model { .. }) && error.to_string().contains("cut.onnx"), "{error}");
-    let error = fails(ModelFiles { decoder: cut, ..files.clone() });
-    assert!(matches!(error, SegmentError::Model { .. }), "{error}");
-    let error = fails(ModelFiles { decoder: files.encoder.clone(), ..files.clone() });
-    assert!(matches!(error, SegmentError::NotSam { .. }) && error.to_string().contains("image_embeddings"), "{error}");
-    let error = fails(ModelFiles { encoder: files.decoder.clone(), ..files.clone() });
-    assert!(matches!(error, SegmentError::NotSam { .. }) && error.to_string().contains("6 inputs"), "{error}");
-    let error = fails(ModelFiles { encoder: folder.path().join("none.onnx"), ..files.clone() });
-    assert!(matches!(error, SegmentError::Read { .. }), "{error}");
 }

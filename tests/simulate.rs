@@ -4,6 +4,8 @@ mod motion;
 mod laws;
 // The ground.
 mod contact;
+// What rests: a bent beam, a column of water, a heap of sand.
+mod statics;
 // Trajectories of the public solver, in the default mode.
 mod peer;
 // The public solver reproduced: configurations, conditions, trajectories, filling.
@@ -29,6 +31,9 @@ struct Block {
     youngs_modulus_pa: f64,
     poisson_ratio: f64,
     velocity_m_s: fn(Vector3<f64>) -> Vector3<f64>,
+    law: Law,
+    /// What the law's state starts with.
+    state: f64,
 }
 
 impl Default for Block {
@@ -41,6 +46,8 @@ impl Default for Block {
             youngs_modulus_pa: 1e5,
             poisson_ratio: 0.3,
             velocity_m_s: |_| Vector3::zeros(),
+            law: Law::FixedCorotated,
+            state: 0.0,
         }
     }
 }
@@ -79,7 +86,7 @@ impl Block {
                         volume_m3,
                         mu: mu as f32,
                         lambda: lambda as f32,
-                        state: 0.0,
+                        state: self.state as f32,
                         law: 0,
                     });
                 }
@@ -89,14 +96,19 @@ impl Block {
     }
 
     fn solver(&self, gravity_m_s2: [f32; 3], boundaries: Vec<Boundary>) -> Solver {
+        self.solver_of(&self.particles(), gravity_m_s2, boundaries)
+    }
+
+    /// A solver of some of its particles.
+    fn solver_of(&self, particles: &[Particle], gravity_m_s2: [f32; 3], boundaries: Vec<Boundary>) -> Solver {
         let setting = Setting {
             spacing_m: self.spacing_m,
             gravity_m_s2,
             boundaries,
             domain_m: [[0.0; 3], [10.0; 3]],
-            laws: vec![Law::FixedCorotated],
+            laws: vec![self.law],
         };
-        Solver::new(setting, &self.particles())
+        Solver::new(setting, particles)
     }
 }
 

@@ -1,8 +1,11 @@
 use std::io::Write;
+use std::path::Path;
+use std::process::{Command, Output};
 use std::sync::OnceLock;
 
 use gprop::progress::Progress;
 use gprop::setup::{self, ModelFiles, SetupError};
+use serde_json::Value;
 
 /// Says on stderr, past the harness's capture, that a test did not run and why.
 pub fn skipped(test: &str, why: &str) {
@@ -24,4 +27,26 @@ pub fn models(test: &str) -> Option<ModelFiles> {
         Err(error) => panic!("{error}"),
     });
     obtained.as_ref().map_err(|why| skipped(test, why)).ok().cloned()
+}
+
+/// Whether Python has a package; said aloud where not.
+pub fn python_has(test: &str, package: &str, import: &str) -> bool {
+    let found = Command::new("python3").args(["-c", &format!("import {import}")]).output();
+    let found = found.is_ok_and(|output| output.status.success());
+    if !found {
+        skipped(test, &format!("python3 has no {package}; `python3 -m pip install {package}` brings it"));
+    }
+    found
+}
+
+/// The JSON that a Python script prints last.
+pub fn python(script: &Path, arguments: &[&Path]) -> Value {
+    parsed(Command::new("python3").arg(script).args(arguments).output().unwrap())
+}
+
+/// The JSON on a program's last line.
+pub fn parsed(output: Output) -> Value {
+    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+    let text = String::from_utf8(output.stdout).unwrap();
+    serde_json::from_str(text.lines().last().unwrap_or_default()).unwrap_or_else(|_| panic!("{text}"))
 }

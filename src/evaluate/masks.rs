@@ -1,7 +1,8 @@
 //! gprop's masks against those that a reference generator made of the same picture with the same settings.
 //!
-//! The reference is JSON: the generator's settings, and lists `all`, `small`, `middle`, `large` of masks as uncompressed
-//! COCO run lengths (column by column, starting with the run of zeros) with their scores.
+//! The reference is JSON: the generator's settings, and a list `all` of masks as uncompressed COCO run lengths (column by
+//! column, starting with the run of zeros) with their scores; also `small`, `middle`, `large` where the generator keeps the
+//! levels apart.
 
 use std::collections::BTreeMap;
 
@@ -29,9 +30,9 @@ pub struct Reference {
     box_nms_thresh: f32,
     min_mask_region_area: u32,
     all: Vec<ReferenceMask>,
-    small: Vec<ReferenceMask>,
-    middle: Vec<ReferenceMask>,
-    large: Vec<ReferenceMask>,
+    small: Option<Vec<ReferenceMask>>,
+    middle: Option<Vec<ReferenceMask>>,
+    large: Option<Vec<ReferenceMask>>,
 }
 
 #[derive(Debug, Clone, Deserialize)]
@@ -99,17 +100,27 @@ impl Reference {
         }
     }
 
-    fn masks(&self, list: &'static str) -> Result<Vec<(Mask, &ReferenceMask)>, MasksError> {
-        let masks = match list {
-            "small" => &self.small,
-            "middle" => &self.middle,
-            "large" => &self.large,
-            _ => &self.all,
+    /// The lists that it holds, with their level; of all levels together where there is none.
+    fn lists(&self) -> impl Iterator<Item = (&'static str, Option<Level>, &[ReferenceMask])> {
+        let lists = [
+            ("small", Some(Level::Small), self.small.as_ref()),
+            ("middle", Some(Level::Middle), self.middle.as_ref()),
+            ("large", Some(Level::Large), self.large.as_ref()),
+            ("all", None, Some(&self.all)),
+        ];
+        lists.into_iter().filter_map(|(list, level, masks)| Some((list, level, masks?.as_slice())))
+    }
+
+    fn decoded<'a>(
+        &self,
+        list: &'static str,
+        masks: &'a [ReferenceMask],
+    ) -> Result<Vec<(Mask, &'a ReferenceMask)>, MasksError> {
+        let decode = |(index, mask): (usize, &'a ReferenceMask)| {
+            let decoded = mask.segmentation.decode((self.width, self.height));
+            Ok((decoded.ok_or(MasksError::Runs { list, index })?, mask))
         };
-        let decode = |(index, mask): (usize, &'_ ReferenceMask)| {
-            mask.segmentation.decode((self.width, self.height)).ok_or(MasksError::Runs { list, index })
-        };
-        masks.iter().enumerate().map(|(index, mask)| Ok((decode((index, mask))?, mask))).collect()
+        masks.iter().enumerate().map(decode).collect()
     }
 }
 
@@ -127,7 +138,7 @@ impl ColumnRuns {
     }
 }
 
-/// Segments `picture` with the reference's settings and compares each list: `small`, `middle`, `large`, `all`.
+/// Segments `picture` with the reference's settings and compares each of its lists: `small`, `middle`, `large`, `all`.
 pub fn compare(
     sam: &Sam,
     picture: &RgbImage,
@@ -149,11 +160,10 @@ fn compare_candidates(
     reference: &Reference,
 ) -> Result<BTreeMap<&'static str, Comparison>, MasksError> {
     let options = reference.generator_options();
-    let lists =
-        [("small", Some(Level::Small)), ("middle", Some(Level::Middle)), ("large", Some(Level::Large)), ("all", None)];
-    let compare_one =
-        |(list, level)| Ok((list, compare_list(&found.distinct(level, &options), &reference.masks(list)?)));
-    lists.into_iter().map(compare_one).collect()
+    let compare_one = |(list, level, masks): (&'static str, Option<Level>, &[ReferenceMask])| {
+        Ok((list, compare_list(&found.distinct(level, &options), &reference.decoded(list, masks)?)))
+    };
+    reference.lists().map(compare_one).collect()
 }
 
 /// Pairs the masks one to one, the best overlap first.

@@ -109,7 +109,7 @@ fn box_in_unit_space(model: &Model, label: u32) -> ([f64; 3], [f64; 3]) {
 /// The name of the law that is nearest to ours.
 fn material(law: Law) -> &'static str {
     match law {
-        Law::Elastic => "jelly",
+        Law::Elastic | Law::Fluid => "jelly",
         Law::VonMises { .. } => "metal",
         Law::DruckerPrager { .. } => "sand",
         Law::Foam { .. } => "foam",

@@ -104,6 +104,8 @@ pub enum Law {
     Snow { theta_c: f64, theta_s: f64, hardening: f64 },
     /// Von Mises yield that softens with plastic flow, for clay, dough, wax.
     Plasticine { yield_stress_pa: f64, softening: f64 },
+    /// Pressure alone, by a bulk modulus of Lame's first constant; no shear.
+    Fluid,
 }
 
 impl Law {
@@ -116,13 +118,14 @@ impl Law {
             Self::Foam { .. } => "foam",
             Self::Snow { .. } => "snow",
             Self::Plasticine { .. } => "plasticine",
+            Self::Fluid => "fluid",
         }
     }
 
     /// Its parameters by name.
     pub fn parameters(&self) -> Vec<(&'static str, f64)> {
         match *self {
-            Self::Elastic => vec![],
+            Self::Elastic | Self::Fluid => vec![],
             Self::VonMises { yield_stress_pa } => vec![("yield_stress_pa", yield_stress_pa)],
             Self::DruckerPrager { friction_angle_rad, cohesion_pa } => {
                 vec![("friction_angle_rad", friction_angle_rad), ("cohesion_pa", cohesion_pa)]

@@ -1,12 +1,15 @@
 //! The simulation on disk: a frame and a checkpoint at a time, so that a killed run goes on at its last frame.
 
 use anyhow::{Context, Result};
+use image::RgbImage;
 
+use crate::camera::Camera;
+use crate::exit::UsageError;
 use crate::scene::ply;
 use crate::simulate::checkpoint::Checkpoint;
 use crate::simulate::filling::FillPoint;
 use crate::simulate::material::Material;
-use crate::simulate::{Frame, Input, SimulationReport, animation, simulate};
+use crate::simulate::{Frame, Input, SimulationReport, animation, plot, simulate};
 use crate::workdir::Artifact;
 
 use super::{Done, Pipeline, Stage};
@@ -38,15 +41,44 @@ impl Pipeline {
         let report = simulate(&input, options, self.checkpoint(key), &mut save, self.progress)?;
 
         let mut load = |index| Ok(ply::read(&self.work.path(Artifact::Frame(index)))?.gaussians);
-        let pictures = animation::pictures(&report, &mut load, self.progress)?;
+        let cameras = animation::cameras(&report, &options.viewpoint, self.filming_camera()?);
+        let pictures = animation::pictures(&report, &cameras, &mut load, self.progress)?;
         self.work.write(Artifact::Animation, &animation::gif(&pictures).context("the animation")?)?;
+        let movie = self.write_movie(&pictures)?;
+        self.work.write(Artifact::Plot, plot::svg(&report).as_bytes())?;
         self.work.write_json(Artifact::Simulation, &report)?;
         self.remove_frames_from(report.frames.len())?;
         self.work.remove(Artifact::Checkpoint)?;
         let frames = (0..report.frames.len()).map(Artifact::Frame);
         let states = (0..report.frames.len()).map(Artifact::States);
-        let done = Done::writing(frames.chain(states).chain([Artifact::Animation, Artifact::Simulation]));
+        let others = [Artifact::Animation, Artifact::Plot, Artifact::Simulation].into_iter().chain(movie);
+        let done = Done::writing(frames.chain(states).chain(others));
         Ok(done.warning(report.warnings))
+    }
+
+    /// The camera of the photo that the user wants to film from.
+    fn filming_camera(&self) -> Result<Option<&Camera>> {
+        let Some(name) = &self.options.simulate.viewpoint.film_from else { return Ok(None) };
+        let view = self.scene.views.iter().find(|view| view.name == *name);
+        let view =
+            view.ok_or_else(|| UsageError(format!("--film-from {name}: the scene has no photo of this name")))?;
+        Ok(Some(&view.camera))
+    }
+
+    /// The film where ffmpeg makes one; else none, and none of an earlier run.
+    fn write_movie(&self, pictures: &[RgbImage]) -> Result<Option<Artifact<'static>>> {
+        match animation::mp4(pictures) {
+            Ok(Some(bytes)) => {
+                self.work.write(Artifact::Movie, &bytes)?;
+                return Ok(Some(Artifact::Movie));
+            }
+            Ok(None) => {}
+            Err(error) => self.progress.line(&format!("no film: {error}")),
+        }
+        if self.work.size(Artifact::Movie).is_some() {
+            self.work.remove(Artifact::Movie)?;
+        }
+        Ok(None)
     }
 
     /// What the simulation did.

@@ -123,6 +123,28 @@ impl Gaussians {
         });
     }
 
+    /// Appends copies of the Gaussians `sources`.
+    ///
+    /// # Panics
+    /// Where a source is not there.
+    pub fn repeat(&mut self, sources: &[u32]) {
+        fn repeat_rows<T: Copy>(values: &mut Vec<T>, width: usize, sources: &[u32]) {
+            for &i in sources {
+                values.extend_from_within(i as usize * width..(i as usize + 1) * width);
+            }
+        }
+        let rest = 3 * self.sh_rest_per_channel();
+        repeat_rows(&mut self.positions, 1, sources);
+        repeat_rows(&mut self.log_scales, 1, sources);
+        repeat_rows(&mut self.rotations, 1, sources);
+        repeat_rows(&mut self.opacity_logits, 1, sources);
+        repeat_rows(&mut self.sh_dc, 1, sources);
+        repeat_rows(&mut self.sh_rest, rest, sources);
+        for extra in &mut self.extra {
+            repeat_rows(&mut extra.values, 1, sources);
+        }
+    }
+
     /// Keeps the Gaussians whose entry in `kept` is true, in their order.
     ///
     /// # Panics

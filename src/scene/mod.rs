@@ -15,6 +15,7 @@ mod choose;
 pub mod dataset;
 mod error;
 pub mod gaussians;
+mod jpeg;
 mod loaded;
 mod object;
 mod options;

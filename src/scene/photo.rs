@@ -4,12 +4,14 @@ use std::fs::File;
 use std::io::BufReader;
 use std::path::Path;
 
+use image::error::DecodingError;
 use image::metadata::Orientation;
 use image::{
-    DynamicImage, GenericImageView, GrayImage, ImageDecoder, ImageFormat, ImageReader, Luma, RgbImage, Rgba, RgbaImage,
+    DynamicImage, GenericImageView, GrayImage, ImageDecoder, ImageError, ImageFormat, ImageReader, Luma, RgbImage,
+    Rgba, RgbaImage,
 };
 
-use super::{SceneError, View};
+use super::{SceneError, View, jpeg};
 
 /// A decoded photo at its camera's size.
 #[derive(Debug, Clone)]
@@ -188,6 +190,13 @@ fn decode(path: &Path, upright: Upright, limit: Limit) -> Result<DynamicImage, S
     if bytes > limit.bytes {
         let Limit { bytes: most, remedy } = limit;
         return Err(SceneError::TooLarge { path: path.to_owned(), size, bytes, most, remedy });
+    }
+    if format == Some(ImageFormat::Jpeg) {
+        let file = std::fs::read(path).map_err(|reason| SceneError::Io { path: path.to_owned(), reason })?;
+        if !jpeg::is_whole(&file) {
+            let reason = DecodingError::new(ImageFormat::Jpeg.into(), "the file ends before the picture does");
+            return Err(undecodable(ImageError::Decoding(reason)));
+        }
     }
     let orientation = decoder.orientation().unwrap_or(Orientation::NoTransforms);
     let mut picture = DynamicImage::from_decoder(decoder).map_err(undecodable)?;

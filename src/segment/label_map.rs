@@ -3,9 +3,13 @@
 use std::collections::{BTreeMap, BTreeSet};
 use std::io::Cursor;
 
-use image::{DynamicImage, ImageBuffer, ImageFormat, Luma};
+use image::{DynamicImage, ImageBuffer, ImageFormat, ImageReader, Limits, Luma};
 
 use super::LabelMap;
+
+/// What decoding a map may take: 20,000 x 20,000 labels of two bytes, the largest that gprop writes, and what the decoder
+/// needs besides.
+const MOST_BYTES: u64 = 1 << 30;
 
 /// Why bytes are no label map.
 #[derive(Debug, thiserror::Error)]
@@ -72,7 +76,11 @@ impl LabelMap {
 
     /// The map in a grey PNG of 16 or 8 bits.
     pub fn from_png(bytes: &[u8]) -> Result<Self, LabelMapError> {
-        let (width, height, labels) = match image::load_from_memory_with_format(bytes, ImageFormat::Png)? {
+        let mut reader = ImageReader::with_format(Cursor::new(bytes), ImageFormat::Png);
+        let mut limits = Limits::default();
+        limits.max_alloc = Some(MOST_BYTES);
+        reader.limits(limits);
+        let (width, height, labels) = match reader.decode()? {
             DynamicImage::ImageLuma16(grey) => (grey.width(), grey.height(), grey.into_raw()),
             DynamicImage::ImageLuma8(grey) => {
                 (grey.width(), grey.height(), grey.into_raw().into_iter().map(u16::from).collect())

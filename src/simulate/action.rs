@@ -1,6 +1,7 @@
-//! What a scenario does to the object while it runs: velocities of chosen particles are changed before each substep.
+//! What a scenario does to the object while it runs. Forces change the velocities of chosen particles before a substep;
+//! what is held or led takes its given motion instead of the grid's, before and after it.
 
-use super::mpm::Solver;
+use super::mpm::{Lost, Solver};
 
 /// Times from when on until when, s, and the particles it acts on.
 #[derive(Debug, Clone, PartialEq)]
@@ -35,28 +36,51 @@ pub enum Effect {
     },
 }
 
-/// Does what is due at time `t_s` for a step of `dt_s`.
-pub fn act(actions: &[Action], solver: &mut Solver, t_s: f64, dt_s: f64) {
-    for action in actions.iter().filter(|a| a.from_s <= t_s && t_s < a.to_s) {
-        let effect = action.effect;
-        let dt = dt_s as f32;
-        solver.change_velocities(|id, x, v| {
-            if !action.mask[id as usize] {
-                return v;
+impl Effect {
+    /// The velocity that it leads what lies at `position` with; `None` for a force.
+    fn led(&self, position: [f32; 3]) -> Option<[f32; 3]> {
+        match *self {
+            Self::Move(velocity) => Some(velocity),
+            Self::Turn { center, rate } => {
+                Some([-(position[1] - center[1]) * rate, (position[0] - center[0]) * rate, 0.0])
             }
-            let plus = |a: [f32; 3], s: f32| [v[0] + a[0] * s, v[1] + a[1] * s, v[2] + a[2] * s];
-            match effect {
-                Effect::Accelerate(a) => plus(a, dt),
-                Effect::Shake { acceleration, frequency_hz } => {
-                    plus(acceleration, dt * (std::f64::consts::TAU * frequency_hz * t_s).sin() as f32)
-                }
-                Effect::Wind { velocity, response_s } => {
-                    let share = 1.0 - (-dt / response_s).exp();
-                    [0, 1, 2].map(|a| v[a] + share * (velocity[a] - v[a]))
-                }
-                Effect::Move(velocity) => velocity,
-                Effect::Turn { center, rate } => [-(x[1] - center[1]) * rate, (x[0] - center[0]) * rate, 0.0],
-            }
-        });
+            Self::Accelerate(_) | Self::Shake { .. } | Self::Wind { .. } => None,
+        }
     }
+
+    /// What it makes of the velocity `v` in `dt` at time `t_s`.
+    fn changed(&self, position: [f32; 3], v: [f32; 3], t_s: f64, dt: f32) -> [f32; 3] {
+        let plus = |a: [f32; 3], s: f32| [v[0] + a[0] * s, v[1] + a[1] * s, v[2] + a[2] * s];
+        match *self {
+            Self::Accelerate(a) => plus(a, dt),
+            Self::Shake { acceleration, frequency_hz } => {
+                plus(acceleration, dt * (std::f64::consts::TAU * frequency_hz * t_s).sin() as f32)
+            }
+            Self::Wind { velocity, response_s } => {
+                let share = 1.0 - (-dt / response_s).exp();
+                [0, 1, 2].map(|a| v[a] + share * (velocity[a] - v[a]))
+            }
+            Self::Move(_) | Self::Turn { .. } => self.led(position).unwrap_or(v),
+        }
+    }
+}
+
+/// A substep of `dt_s` at time `t_s` with what is due.
+///
+/// # Errors
+/// A particle that is lost.
+pub fn step(actions: &[Action], solver: &mut Solver, t_s: f64, dt_s: f64) -> Result<(), Lost> {
+    let dt = dt_s as f32;
+    let due: Vec<&Action> = actions.iter().filter(|a| a.from_s <= t_s && t_s < a.to_s).collect();
+    for action in &due {
+        let acts_on = |id: u32| action.mask[id as usize];
+        solver.change_velocities(|id, x, v| if acts_on(id) { action.effect.changed(x, v, t_s, dt) } else { v });
+    }
+    solver.step(dt)?;
+    let leads: Vec<&&Action> = due.iter().filter(|a| a.effect.led([0.0; 3]).is_some()).collect();
+    if !leads.is_empty() {
+        let led = |id: u32, x| leads.iter().rev().find(|a| a.mask[id as usize]).and_then(|a| a.effect.led(x));
+        solver.lead(dt, led);
+    }
+    Ok(())
 }

@@ -3,16 +3,20 @@
 
 mod camera;
 mod ground;
+mod movie;
 
 use image::codecs::gif::{GifEncoder, Repeat};
 use image::{Delay, DynamicImage, Frame, RgbImage};
 
 use super::SimulationReport;
+use crate::camera::{Camera, Distortion};
 use crate::progress::Progress;
 use crate::scene::gaussians::Gaussians;
 use crate::vote::raster::{self, RenderOptions};
-use camera::camera_around;
+use camera::cameras_around;
 use ground::Ground;
+pub use movie::mp4;
+use serde::Serialize;
 
 /// Size of the picture in pixels.
 const SIZE: [u32; 2] = [480, 360];
@@ -23,25 +27,58 @@ const FRAME_MS: u32 = 70;
 /// How long the last frame stays before the motion starts again.
 const LAST_FRAME_MS: u32 = 1000;
 
-/// One picture a frame, in their order. `load` gives the Gaussians of a frame by its index.
+/// From where the animation is seen.
+#[derive(Debug, Clone, PartialEq, clap::Args, Serialize)]
+pub struct Viewpoint {
+    /// Film with the camera of this photo, by its name (default: around the object, so that the whole motion is seen)
+    #[arg(long, value_name = "VIEW", conflicts_with_all = ["azimuth_deg", "turntable"])]
+    pub film_from: Option<String>,
+
+    /// Film from this direction, in degrees from +x towards +y (default: most of the object's length shows)
+    #[arg(long, value_name = "DEGREES", allow_negative_numbers = true)]
+    pub azimuth_deg: Option<f64>,
+
+    /// How far the camera looks down, in degrees
+    #[arg(long, value_name = "DEGREES", default_value_t = 22.0, allow_negative_numbers = true)]
+    pub elevation_deg: f64,
+
+    /// Turn once around the object while it moves
+    #[arg(long)]
+    pub turntable: bool,
+}
+
+/// The cameras that film `report`: one, or one a frame. `photo` is the one that [`Viewpoint::film_from`] names.
+pub fn cameras(report: &SimulationReport, viewpoint: &Viewpoint, photo: Option<&Camera>) -> Vec<Camera> {
+    let Some(photo) = photo else { return cameras_around(report, viewpoint, SIZE) };
+    let i = photo.intrinsics;
+    let factor = (f64::from(SIZE[0]) / f64::from(i.width)).min(f64::from(SIZE[1]) / f64::from(i.height));
+    // Even, as video wants them.
+    let side = |pixels: u32| ((f64::from(pixels) * factor / 2.0).round() as u32).max(1) * 2;
+    let mut intrinsics = i.resized(side(i.width), side(i.height));
+    intrinsics.distortion = Distortion::default();
+    vec![Camera { intrinsics, ..*photo }]
+}
+
+/// One picture a frame, in their order, by `cameras` in turn. `load` gives the Gaussians of a frame by its index.
 ///
 /// # Errors
 /// What `load` reports.
 pub fn pictures(
     report: &SimulationReport,
+    cameras: &[Camera],
     load: &mut dyn FnMut(usize) -> anyhow::Result<Gaussians>,
     progress: Progress,
 ) -> anyhow::Result<Vec<RgbImage>> {
     let scene_units = 1.0 / report.meters_per_unit;
     let ground_z = report.ground_z_m * scene_units;
-    let camera = camera_around(report, SIZE);
     let bar = progress.bar("animate", report.frames.len() as u64);
     let mut pictures = Vec::with_capacity(report.frames.len());
     for index in 0..report.frames.len() {
         let gaussians = load(index)?;
-        let render = raster::render(&gaussians, &camera, &RenderOptions::default());
+        let camera = &cameras[index % cameras.len()];
+        let render = raster::render(&gaussians, camera, &RenderOptions::default());
         let ground = Ground::new(ground_z, report, &gaussians);
-        pictures.push(over(&render, &ground.picture(&camera)));
+        pictures.push(over(&render, &ground.picture(camera)));
         bar.inc(1);
     }
     bar.finish_and_clear();

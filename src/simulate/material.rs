@@ -113,6 +113,7 @@ fn solver_law(law: Law, factor: f64) -> (laws::Law, f64) {
     let radius = |yield_stress_pa: f64| von_mises::yield_radius(yield_stress_pa * factor);
     match law {
         Law::Elastic => (laws::Law::FixedCorotated, 0.0),
+        Law::Fluid => (laws::Law::Fluid, 0.0),
         Law::VonMises { yield_stress_pa } => {
             (laws::Law::VonMises { hardening: 0.0, softening: 0.0 }, radius(yield_stress_pa))
         }

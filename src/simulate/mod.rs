@@ -20,6 +20,7 @@ pub mod material;
 pub mod mpm;
 mod options;
 mod plan;
+pub mod plot;
 mod report;
 pub mod scenario;
 pub mod script;
@@ -145,9 +146,9 @@ fn advance(
     let mut left_s = to_s - from_s;
     while left_s > 0.0 {
         let dt_s = bound.next_s(left_s, f64::from(solver.fastest_m_s()));
-        action::act(actions, &mut solver, to_s - left_s, dt_s);
         let after_s = if dt_s < left_s { left_s - dt_s } else { 0.0 };
-        solver.step(dt_s as f32).map_err(|lost| Failure { lost, t_s: to_s - after_s })?;
+        action::step(actions, &mut solver, to_s - left_s, dt_s)
+            .map_err(|lost| Failure { lost, t_s: to_s - after_s })?;
         left_s = after_s;
         record.substeps += 1;
         record.longest_dt_s = record.longest_dt_s.max(dt_s);

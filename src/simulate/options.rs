@@ -2,6 +2,8 @@
 
 use serde::Serialize;
 
+use super::animation::Viewpoint;
+
 /// How the object is dropped, how finely and for how long it is simulated.
 #[derive(Debug, Clone, PartialEq, clap::Args, Serialize)]
 #[command(next_help_heading = "Simulation")]
@@ -63,6 +65,9 @@ pub struct Options {
     /// Time step as a share of the time in which the fastest wave crosses a grid cell
     #[arg(long, value_name = "SHARE", default_value_t = 0.4, value_parser = positive)]
     pub cfl: f64,
+
+    #[command(flatten)]
+    pub viewpoint: Viewpoint,
 }
 
 impl Default for Options {

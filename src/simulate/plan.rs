@@ -5,14 +5,14 @@ use std::collections::BTreeSet;
 use super::Input;
 use super::action::Action;
 use super::error::SimulateError;
-use super::filling::{self, Body};
+use super::filling::{self, Body, Filled};
 use super::frames::ToWorld;
 use super::material::{Materials, Prepared};
 use super::mpm::Setting;
 use super::mpm::laws::Law;
 use super::mpm::particles::Particle;
 use super::options::Options;
-use super::report::{SimulationReport, StepReport};
+use super::report::{FilledReport, SimulationReport, StepReport};
 use super::scenario::Drop;
 use super::script::{self, Script, Standing, Step, What};
 use super::time_step::StepBound;
@@ -127,6 +127,8 @@ pub fn plan(input: &Input, options: &Options) -> Result<Plan, SimulateError> {
             wave_speed_m_s,
         },
         mass_kg: start.iter().map(|p| f64::from(p.mass_kg)).sum(),
+        filled: filled_report(input, &filled, carried.len()),
+        gravity_m_s2: options.gravity,
         grid_spacing_m: spacing_m,
         meters_per_unit,
         scale_assumed: input.meters_per_unit.is_none(),
@@ -217,6 +219,24 @@ fn particle(body: &Body, material: &Prepared, drop: &Drop, laws: &mut Vec<Law>) 
         state: material.state as f32,
         law: law as u32,
     }
+}
+
+/// What every label in use was filled with; the first `carried` bodies are Gaussians.
+fn filled_report(input: &Input, filled: &Filled, carried: usize) -> Vec<FilledReport> {
+    let used: BTreeSet<u32> = filled.bodies.iter().map(|b| b.label).collect();
+    let of = |label: u32| {
+        let material = &input.materials[label as usize];
+        let count = |bodies: &[Body]| bodies.iter().filter(|b| b.label == label).count();
+        FilledReport {
+            part: material.caption.clone(),
+            material: material.name.clone(),
+            gaussians: count(&filled.bodies[..carried]),
+            fill_particles: count(&filled.bodies[carried..]),
+            volume_m3: filled.bodies.iter().filter(|b| b.label == label).map(|b| b.volume_m3).sum(),
+            skin: filled.assumed_full.contains(&label),
+        }
+    };
+    used.into_iter().map(of).collect()
 }
 
 fn warnings(input: &Input, longest_m: f64, assumed_full: &[u32], strays: usize) -> Vec<String> {

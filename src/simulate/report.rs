@@ -18,6 +18,9 @@ pub struct SimulationReport {
     /// How the substep came about.
     pub time_step: StepReport,
     pub mass_kg: f64,
+    /// What each material was filled with, in the order of the labels.
+    pub filled: Vec<FilledReport>,
+    pub gravity_m_s2: f64,
     pub grid_spacing_m: f64,
     /// The scale used, and whether it is an assumption.
     pub meters_per_unit: f64,
@@ -45,6 +48,20 @@ impl SimulationReport {
     pub fn longest_side(&self) -> f64 {
         self.frames.first().map_or(1.0, |f| (0..3).map(|a| f.bounds[1][a] - f.bounds[0][a]).fold(0.0, f64::max))
     }
+}
+
+/// The particles of a part.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct FilledReport {
+    pub part: String,
+    pub material: String,
+    /// Particles that carry a Gaussian.
+    pub gaussians: usize,
+    /// Particles of its inside, where it has no Gaussian.
+    pub fill_particles: usize,
+    pub volume_m3: f64,
+    /// Nothing is known of its inside: it is a skin one cell thick.
+    pub skin: bool,
 }
 
 /// The bound on the substep: dt <= cfl * spacing / (wave speed + speed).

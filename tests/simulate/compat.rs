@@ -193,12 +193,10 @@ fn runs_a_configuration_on_a_scene() {
         ball.opacity_logits.push(if k % 10 == 0 { -6.0 } else { 2.0 });
         ball.sh_dc.push([0.5, 0.2, 0.1]);
     }
-    let config = Config::from_json(
-        r#"{"rotation_degree": [90], "rotation_axis": [0], "scale": 1.0, "n_grid": 32, "g": [0, 0, -9.8],
+    let json = r#"{"rotation_degree": [90], "rotation_axis": [0], "scale": 1.0, "n_grid": 32, "g": [0, 0, -9.8],
         "frame_num": 2, "frame_dt": 0.02, "substep_dt": 1e-4, "boundary_conditions": [{"type": "bounding_box"}],
-        "particle_filling": {"n_grid": 40, "density_threshold": 100.0, "search_threshold": 0.2}}"#,
-    )
-    .unwrap();
+        "particle_filling": {"n_grid": 40, "density_threshold": 100.0, "search_threshold": 0.2}}"#;
+    let config = Config::from_json(json).unwrap();
     let mut frames = Vec::new();
     let mut keep = |_: usize, _: &[Particle], gaussians: &Gaussians| {
         frames.push(gaussians.clone());
@@ -215,4 +213,18 @@ fn runs_a_configuration_on_a_scene() {
     // It falls along the box's -z, which the turn made of the world's -y; lengths there are half the scene's.
     let fallen = start[1] - frames[2].positions[0][1];
     assert!((fallen - 2.0 * 0.5 * 9.8 * 0.04 * 0.04).abs() < 1e-3, "{fallen}");
+
+    // To be seen, each particle of the inside gets a Gaussian that looks like the nearest one.
+    let seen = json.replace("\"search_threshold\"", "\"visualize\": true, \"search_threshold\"");
+    let config = Config::from_json(&seen.replace("\"frame_num\": 2", "\"frame_num\": 0")).unwrap();
+    let mut frames = Vec::new();
+    let mut keep = |_: usize, _: &[Particle], gaussians: &Gaussians| {
+        frames.push(gaussians.clone());
+        Ok(())
+    };
+    assert_eq!(run(&ball, &config, &mut keep, Progress::Hidden).unwrap().fill_particles, report.fill_particles);
+    assert_eq!(frames[0].len(), 3600 + report.fill_particles);
+    let inside = |p: &[f32; 3]| p.iter().map(|x| x * x).sum::<f32>() < 1.0;
+    assert!(frames[0].positions[3600..].iter().all(inside));
+    assert!(frames[0].log_scales[3600..].iter().all(|s| s.iter().all(|s| (s + 3.0).abs() < 1e-4)));
 }

@@ -1,6 +1,7 @@
 use nalgebra::{Matrix3, Vector3};
 
 use super::{Block, totals};
+use gprop::simulate::boundary::{Boundary, Contact};
 use gprop::simulate::mpm::particles::Particle;
 
 /// z(t) = z0 - g t^2 / 2; symplectic Euler adds g t dt / 2.
@@ -104,4 +105,48 @@ fn bar_swings_with_the_period_of_its_waves() {
     // Particles end half a spacing inside the bar's faces and the grid rounds the free ends off by some of a cell of the
     // 32: the bar swings as one up to a cell longer.
     assert!((period / expected - 1.0).abs() < 0.03, "period {period} s, expected {expected} s");
+}
+
+/// Thrown obliquely onto smooth ground: parabolas between the bounces, no speed lost along the ground. A block without
+/// lateral strain that falls flat rebounds by one wave up and down: with the speed it came, after 2 H / c (St. Venant).
+#[test]
+fn oblique_throw_bounces_with_its_speed() {
+    const GRAVITY: f64 = 9.8;
+    const SPEED: [f64; 2] = [1.0, -3.0];
+    let block = Block {
+        low_m: [0.8, 0.8, 0.7],
+        youngs_modulus_pa: 1e6,
+        poisson_ratio: 0.0,
+        velocity_m_s: |_| Vector3::new(SPEED[0], 0.0, SPEED[1]),
+        ..Block::default()
+    };
+    let ground =
+        Boundary { point_m: [0.0, 0.0, 0.5], normal: [0.0, 0.0, 1.0], contact: Contact::Separate { friction: 0.0 } };
+    let mut solver = block.solver([0.0, 0.0, -GRAVITY as f32], vec![ground]);
+    let dt = f64::from(block.dt_s());
+    // Time, place and velocity of the centre of mass.
+    let mut course: Vec<(f64, Vector3<f64>, Vector3<f64>)> = Vec::new();
+    for step in 0..(0.8 / dt) as usize {
+        let (mass, place, momentum) = totals(&solver.particles());
+        course.push((step as f64 * dt, place, momentum / mass));
+        solver.step(block.dt_s()).unwrap();
+    }
+    // In touch with the ground while it is slowed by more than its weight.
+    let pushed = |pair: &[(f64, Vector3<f64>, Vector3<f64>)]| (pair[1].2.z - pair[0].2.z) / dt > 0.5 * GRAVITY;
+    let first = course.windows(2).position(pushed).unwrap();
+    let last = first + course[first..].windows(2).position(|pair| !pushed(pair)).unwrap();
+    let (landing, leaving) = (&course[first], &course[last]);
+    let restitution = -leaving.2.z / landing.2.z;
+    assert!(restitution > 0.9 && restitution <= 1.0, "restitution {restitution}");
+    let (contact_s, expected_s) = (leaving.0 - landing.0, 2.0 * 0.4 / block.wave_speed_m_s());
+    // The grid feels the ground a cell before, of the eight that the block is high.
+    assert!((contact_s / expected_s - 1.0).abs() < 0.3, "in touch for {contact_s} s, expected {expected_s} s");
+    let end = course.last().unwrap();
+    assert!((end.2.x - SPEED[0]).abs() < 1e-3, "along the ground {} m/s", end.2.x);
+    for (t, place, _) in &course[last + 1..] {
+        let t = t - leaving.0;
+        let expected = leaving.1 + leaving.2 * t - Vector3::z() * (0.5 * GRAVITY * t * t);
+        assert!((place - expected).norm() < 2e-3, "{place} is not on the parabola through {expected}");
+    }
+    assert!(end.0 - leaving.0 > 0.3, "it should fly on");
 }

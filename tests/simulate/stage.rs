@@ -3,7 +3,7 @@ use std::collections::BTreeSet;
 use gprop::materials::Law;
 use gprop::progress::Progress;
 use gprop::scene::gaussians::Gaussians;
-use gprop::simulate::animation;
+use gprop::simulate::animation::{self, Viewpoint};
 use gprop::simulate::checkpoint::Checkpoint;
 use gprop::simulate::filling::{FillPoint, fill};
 use gprop::simulate::material::Material;
@@ -114,6 +114,10 @@ fn drops_the_object_and_reports_what_it_did() {
     let mass = 0.008 * (0.3 * 700.0 + 0.1 * 11340.0);
     assert!((report.mass_kg / mass - 1.0).abs() < 1e-5, "{} kg, expected {mass}", report.mass_kg);
     assert_eq!(report.particles, bar.gaussians.len() + report.fill_particles);
+    let filled: Vec<(&str, usize)> = report.filled.iter().map(|f| (f.part.as_str(), f.gaussians)).collect();
+    let head = bar.labels.iter().filter(|l| **l == 1).count();
+    assert_eq!(filled, [("handle", bar.gaussians.len() - head), ("head", head)]);
+    assert!((report.filled[1].volume_m3 - 0.1 * 0.008).abs() < 1e-9 && report.filled.iter().all(|f| !f.skin));
     let softened: Vec<(&str, f64)> = report.softened.iter().map(|s| (s.material.as_str(), s.factor)).collect();
     assert_eq!(softened, [("oak", 2e5 / 1e10), ("lead", 2e5 / 1.6e10)]);
     assert_eq!(report.poisson_capped.len(), 1);
@@ -300,9 +304,17 @@ fn animation_shows_the_object_in_every_frame() {
     let bar = Bar::new();
     let (frames, report) = run(&bar.input(), &options());
     let mut load = |index: usize| Ok(frames[index].gaussians.clone());
-    let pictures = animation::pictures(&report, &mut load, Progress::Hidden).unwrap();
-    assert_eq!(pictures.len(), 6);
-    for (index, picture) in pictures.iter().enumerate() {
+    let view = |change: &dyn Fn(&mut Viewpoint)| {
+        let mut viewpoint = Options::default().viewpoint;
+        change(&mut viewpoint);
+        animation::cameras(&report, &viewpoint, None)
+    };
+    let pictures = animation::pictures(&report, &view(&|_| ()), &mut load, Progress::Hidden).unwrap();
+    let turned = animation::pictures(&report, &view(&|v| v.turntable = true), &mut load, Progress::Hidden).unwrap();
+    let above = animation::pictures(&report, &view(&|v| v.elevation_deg = 80.0), &mut load, Progress::Hidden).unwrap();
+    assert_eq!([pictures.len(), turned.len(), above.len()], [6; 3]);
+    assert!(pictures[1] != above[1] && pictures[3] != turned[3]);
+    for (index, picture) in pictures.iter().chain(&turned).chain(&above).enumerate() {
         // The Gaussians are red, the ground is grey.
         let red: Vec<(u32, u32)> = picture
             .enumerate_pixels()

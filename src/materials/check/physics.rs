@@ -174,7 +174,7 @@ fn law(material: &Material, findings: &mut Findings) {
     let strength = material.strength_pa;
     let within = |stress: f64| stress >= strength.low && stress <= 1.75 * strength.high;
     let (holds, wanted) = match material.law {
-        Law::Elastic => (true, ""),
+        Law::Elastic | Law::Fluid => (true, ""),
         Law::VonMises { yield_stress_pa } => (within(yield_stress_pa), "a yield stress within the strength"),
         Law::DruckerPrager { friction_angle_rad, cohesion_pa } => (
             (15.0..=50.0).contains(&friction_angle_rad.to_degrees()) && cohesion_pa <= strength.high,

@@ -38,8 +38,9 @@ pub fn law(row: &Row) -> Result<Law, LibraryError> {
             yield_stress_pa: take("yield_stress_pa", 0.1..=1e9)?,
             softening: take("softening", 0.0..=1.0)?,
         },
+        "fluid" => Law::Fluid,
         _ => {
-            let problem = "is no law; write elastic, von_mises, drucker_prager, foam, snow or plasticine";
+            let problem = "is no law; write elastic, von_mises, drucker_prager, foam, snow, plasticine or fluid";
             return Err(row.bad("law", problem));
         }
     };

@@ -67,6 +67,9 @@ fn check(session: &Session) -> Result<(), String> {
             }
             Ok(())
         }
-        (inputs, outputs) => Err(format!("it has {} inputs and {} outputs", inputs.len(), outputs.len())),
+        (inputs, _) => {
+            let names: Vec<&str> = inputs.iter().map(|input| input.name()).collect();
+            Err(format!("it has no single input of a picture but {}", names.join(", ")))
+        }
     }
 }

@@ -209,7 +209,7 @@ impl Model {
         border
     }
 
-    /// The model with these outputs only, and only the nodes that they need.
+    /// The model with these outputs only, and, where it is [plain](Self::is_plain), only the nodes that they need.
     pub fn with_outputs(&self, outputs: &[&str]) -> Vec<u8> {
         self.cut(outputs, &[], &[])
     }
@@ -220,15 +220,17 @@ impl Model {
         let given_names = inputs.iter().map(|input| input.name.as_str());
         let given: BTreeSet<&str> = given_names.chain(constants.iter().map(|value| value.name.as_str())).collect();
         let graph = self.graph();
-        let needed = self.needed_nodes(outputs, &given);
+        // A graph inside a node may use any value outside of it.
+        let keep_all = !self.is_plain();
+        let needed = if keep_all { vec![true; graph.node.len()] } else { self.needed_nodes(outputs, &given) };
         let node: Vec<Node> =
             graph.node.iter().zip(needed).filter(|(_, needed)| *needed).map(|(node, _)| node.clone()).collect();
         let used: BTreeSet<&str> =
             node.iter().flat_map(|node| &node.input).map(String::as_str).chain(outputs.iter().copied()).collect();
-        let own_inputs =
-            graph.input.iter().filter(|input| used.contains(input.name()) && !given.contains(input.name()));
-        let is_used = |tensor: &&Vec<u8>| Tensor::decode(tensor.as_slice()).is_ok_and(|t| used.contains(t.name()));
-        let own_constants = graph.initializer.iter().filter(is_used).cloned();
+        let is_kept = |name: &str| (keep_all || used.contains(name)) && !given.contains(name);
+        let own_inputs = graph.input.iter().filter(|input| is_kept(input.name()));
+        let is_kept_tensor = |tensor: &&Vec<u8>| Tensor::decode(tensor.as_slice()).is_ok_and(|t| is_kept(t.name()));
+        let own_constants = graph.initializer.iter().filter(is_kept_tensor).cloned();
         let new_graph = Graph {
             input: own_inputs.cloned().chain(inputs.iter().map(ValueInfo::of)).collect(),
             output: outputs.iter().map(|name| ValueInfo::untyped(name)).collect(),

@@ -25,19 +25,20 @@ const LAYERS: usize = 50;
 const CUT_GAP: [f32; 2] = [0.4, 0.53];
 const CUT_KEPT: f32 = 0.3;
 
-/// start <= t < end.
+/// start <= t < end, as the peer's kernels compare them: in f32.
 #[derive(Debug, Clone, Copy)]
 struct Span {
-    start: f32,
-    end: f32,
+    start: f64,
+    end: f64,
 }
 
 impl Span {
-    fn new(start: f64, end: f64) -> Self {
-        Self { start: start as f32, end: end as f32 }
+    fn holds(&self, t: f32) -> bool {
+        t >= self.start as f32 && t < self.end as f32
     }
 
-    fn holds(&self, t: f32) -> bool {
+    /// In f64, as the peer's Python compares: near its ends a cuboid can act and not move, or move and not act.
+    fn moves(&self, t: f64) -> bool {
         t >= self.start && t < self.end
     }
 }
@@ -126,7 +127,7 @@ impl OnGrid {
                 let offset = (place - point).abs();
                 if span.span.holds(t) {
                     if (0..3).all(|a| offset[a] < size[a]) { *given } else { velocity }
-                } else if span.resets && t < span.span.end + RESET_STEPS * dt {
+                } else if span.resets && t < span.span.end as f32 + RESET_STEPS * dt {
                     Vec3::zeros()
                 } else {
                     velocity
@@ -147,7 +148,7 @@ impl OnGrid {
     /// Moves on after a substep that began at `t`.
     pub fn advance(&mut self, t: f64, dt: f64) {
         if let Self::Cuboid { span, point, velocity, .. } = self
-            && span.span.holds(t as f32)
+            && span.span.moves(t)
         {
             for a in 0..3 {
                 point[a] = (f64::from(point[a]) + dt * f64::from(velocity[a])) as f32;
@@ -177,27 +178,27 @@ impl Conditions {
             match *boundary {
                 Boundary::BoundingBox {} => all.on_grid.push(OnGrid::BoundingBox { cells }),
                 Boundary::Cuboid { point, size, velocity, start_time, end_time, reset } => {
-                    let span = CuboidSpan { span: Span::new(start_time, end_time), resets: reset == 1 };
+                    let span = CuboidSpan { span: Span { start: start_time, end: end_time }, resets: reset == 1 };
                     let [point, size, velocity] = [point, size, velocity].map(Vector3::from);
                     all.on_grid.push(OnGrid::Cuboid { span, point, size, velocity });
                 }
                 Boundary::SurfaceCollider { point, normal, surface, start_time, end_time, .. } => {
                     // The peer works out slip, friction and separation, and then stops the node all the same.
-                    let span = PlaneSpan(Span::new(start_time, end_time));
+                    let span = PlaneSpan(Span { start: start_time, end: end_time });
                     let normal = Vector3::from(normal).normalize();
                     let cut = surface == Surface::Cut;
                     all.on_grid.push(OnGrid::Plane { span, point: point.into(), normal, cut });
                 }
                 Boundary::ParticleImpulse { force, num_dt, start_time, point, size } => {
                     all.impulses.push(OnParticles {
-                        span: Span::new(start_time, start_time + dt * f64::from(num_dt)),
+                        span: Span { start: start_time, end: start_time + dt * f64::from(num_dt) },
                         mask: within(point.into(), size.into()),
                         action: Action::Push(force.into()),
                     })
                 }
                 Boundary::EnforceParticleTranslation { point, size, velocity, start_time, end_time } => {
                     all.modifiers.push(OnParticles {
-                        span: Span::new(start_time, end_time),
+                        span: Span { start: start_time, end: end_time },
                         mask: within(point.into(), size.into()),
                         action: Action::Set(velocity.into()),
                     });
@@ -218,7 +219,7 @@ impl Conditions {
                         height.abs() < half_height && (offset - normal * height).norm() < radius
                     };
                     all.modifiers.push(OnParticles {
-                        span: Span::new(start_time, end_time),
+                        span: Span { start: start_time, end: end_time },
                         mask: particles.iter().map(in_cylinder).collect(),
                         action: Action::Turn { point, normal, rate, along },
                     });
@@ -240,7 +241,7 @@ impl Conditions {
                     for i in 0..LAYERS {
                         size[axis] = (layer * (LAYERS - i) as f64) as f32;
                         all.modifiers.push(OnParticles {
-                            span: Span::new(start_time, end_time / LAYERS as f64 * (i + 1) as f64),
+                            span: Span { start: start_time, end: end_time / LAYERS as f64 * (i + 1) as f64 },
                             mask: within(point.into(), size.into()),
                             action: Action::Set(Vec3::zeros()),
                         });

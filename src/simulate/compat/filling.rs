@@ -7,11 +7,12 @@
 use nalgebra::{Matrix3, Vector3};
 
 use super::config::Filling;
+use super::eigen::symmetric_eigen;
 use super::smoothing;
 use crate::simulate::SimulateError;
 
 /// The least variance of a Gaussian along an axis: the peer's floor.
-const LEAST_VARIANCE: f64 = 1e-8;
+const LEAST_VARIANCE: f32 = 1e-8;
 
 /// Seed of the places inside a cell.
 const SEED: u64 = 9;
@@ -113,24 +114,23 @@ fn densified(blobs: &[Blob], cells: usize, dx: f32) -> (Vec<i32>, Vec<f32>) {
         if inside(&at) {
             counts[index(&at)] += 1;
         }
-        let [xx, xy, xz, yy, yz, zz] = blob.covariance.map(f64::from);
-        let eigen = Matrix3::new(xx, xy, xz, xy, yy, yz, xz, yz, zz).symmetric_eigen();
-        let variances = eigen.eigenvalues.map(|v| v.max(LEAST_VARIANCE));
-        let axes = eigen.eigenvectors;
+        let [xx, xy, xz, yy, yz, zz] = blob.covariance;
+        let (variances, axes) = symmetric_eigen(&Matrix3::new(xx, xy, xz, xy, yy, yz, xz, yz, zz));
+        let variances = variances.map(|v| v.max(LEAST_VARIANCE));
         let inverse = axes * Matrix3::from_diagonal(&variances.map(|v| 1.0 / v)) * axes.transpose();
         // A Gaussian larger than the grid covers all of it.
-        let radius = ((variances.max().sqrt() / f64::from(dx)).ceil() as i64).min(cells as i64);
+        let radius = ((variances.max().sqrt() / dx).ceil() as i64).min(cells as i64);
         let range = |a: usize| (at[a] - radius).max(0)..(at[a] + radius + 1).min(cells as i64);
         for i in range(0) {
             for j in range(1) {
                 for k in range(2) {
-                    let mut bell = 0.0;
+                    let mut bell = 0.0_f32;
                     for corner in 0..8_i64 {
                         let node = Vector3::new(i + (corner >> 2), j + (corner >> 1 & 1), k + (corner & 1));
-                        let away = (blob.position - node.map(|n| n as f32) * dx).map(f64::from);
+                        let away = blob.position - node.map(|n| n as f32) * dx;
                         bell += (-0.5 * away.dot(&(inverse * away))).exp();
                     }
-                    density[index(&Vector3::new(i, j, k))] += (f64::from(blob.opacity) * bell / 8.0) as f32;
+                    density[index(&Vector3::new(i, j, k))] += blob.opacity * bell / 8.0;
                 }
             }
         }

@@ -70,34 +70,27 @@ impl Law {
             LawName::Foam => self.viscoplastic(&s, strength, dt),
             LawName::Sand => self.drucker_prager(&s, strength),
         };
-        if self.name == LawName::Jelly {
-            return (*trial, corotated(trial, &svd, strength));
-        }
-        let elastic = returned.map_or(*trial, |s| svd.with(&s.map(|x| x as f32)));
-        let tau = self.principal_stress(&returned.unwrap_or(s), strength).map(|x| x as f32);
-        (elastic, svd.u * Matrix3::from_diagonal(&tau) * svd.u.transpose())
-    }
-
-    /// Principal Kirchhoff stresses at the singular values `s`.
-    fn principal_stress(&self, s: &Vector3<f64>, strength: &Strength) -> Vector3<f64> {
-        let (mu, lambda) = (f64::from(strength.mu), f64::from(strength.lambda));
-        match self.name {
-            LawName::Jelly | LawName::Plasticine => {
-                let j = s.product();
-                s.map(|s| 2.0 * mu * (s - 1.0) * s + lambda * j * (j - 1.0))
+        // What comes back from the return map is taken apart anew, as in the peer: the roundings of U and V add up to some
+        // of a stiff material's stress.
+        let (elastic, svd) = match returned {
+            Some(s) => {
+                let elastic = svd.with(&s.map(|x| x as f32));
+                (elastic, Svd::of(&elastic))
             }
+            None => (*trial, svd),
+        };
+        let stress = match self.name {
+            LawName::Jelly | LawName::Plasticine | LawName::Snow => corotated(&elastic, &svd, strength),
             LawName::Metal | LawName::Foam => {
-                // The peer multiplies U tau V^T by F^T: where a stretch is clamped, the factors differ.
-                let clamped = s.map(|s| s.max(LEAST_STRETCH));
-                let eps = clamped.map(f64::ln);
-                (eps * (2.0 * mu)).add_scalar(lambda * eps.sum()).component_mul(s)
+                let eps = svd.s.map(|s| s.max(LEAST_STRETCH as f32).ln());
+                svd.with(&hencky(&eps, strength)) * elastic.transpose()
             }
             LawName::Sand => {
-                let eps = s.map(f64::ln);
-                (eps * (2.0 * mu)).add_scalar(lambda * eps.sum())
+                let eps = svd.s.map(f32::ln);
+                svd.with(&hencky(&eps, strength).component_div(&svd.s)) * elastic.transpose()
             }
-            LawName::Snow => Vector3::zeros(),
-        }
+        };
+        (elastic, (stress + stress.transpose()) * 0.5)
     }
 
     /// Radial return to a yield stress that grows with the flow if the law hardens.
@@ -162,12 +155,16 @@ impl Law {
     }
 }
 
-/// 2 mu (F - R) F^T + lambda J (J - 1) I, symmetric, term by term as the peer rounds it.
+/// 2 mu (F - R) F^T + lambda J (J - 1) I, term by term as the peer rounds it.
 fn corotated(f: &Matrix3<f32>, svd: &Svd, strength: &Strength) -> Matrix3<f32> {
     let j = f.determinant();
-    let tau = (f - svd.u * svd.v.transpose()) * f.transpose() * (2.0 * strength.mu)
-        + Matrix3::identity() * (strength.lambda * j * (j - 1.0));
-    (tau + tau.transpose()) * 0.5
+    (f - svd.u * svd.v.transpose()) * f.transpose() * (2.0 * strength.mu)
+        + Matrix3::identity() * (strength.lambda * j * (j - 1.0))
+}
+
+/// 2 mu eps + lambda tr(eps), of principal logarithmic strains.
+fn hencky(eps: &Vector3<f32>, strength: &Strength) -> Vector3<f32> {
+    (eps * (2.0 * strength.mu)).add_scalar(strength.lambda * eps.sum())
 }
 
 /// Logarithmic strains brought back to the yield surface, the flow, and the norm of the deviator before; `None` within.

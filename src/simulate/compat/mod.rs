@@ -10,6 +10,7 @@
 
 pub mod condition;
 pub mod config;
+mod eigen;
 pub mod filling;
 pub mod law;
 mod run;

@@ -48,7 +48,7 @@ pub fn run(
     let bar = progress.bar("simulate", config.frame_num as u64);
     let mut report = CompatReport {
         particles: solver.particles.len(),
-        fill_particles: solver.particles.len() - setup.carried.len(),
+        fill_particles: setup.filled,
         substeps: 0,
         dt_s: config.substep_dt,
         frames: vec![],
@@ -62,8 +62,7 @@ pub fn run(
             bar.inc(1);
         }
         report.frames.push(summary(&solver.particles, report.substeps as f64 * config.substep_dt));
-        on_frame(frame, &solver.particles, &moved(gaussians, &setup, &solver.particles))
-            .map_err(SimulateError::Frame)?;
+        on_frame(frame, &solver.particles, &moved(&setup, &solver.particles)).map_err(SimulateError::Frame)?;
     }
     bar.finish_and_clear();
     Ok(report)
@@ -101,7 +100,7 @@ fn summary(particles: &[Particle], t_s: f64) -> CompatFrame {
 
 /// The scene as the particles carried it: covariance from the trial deformation, as in the peer (so plastic flow leaves the
 /// shape alone), colours turned with it in the world's frame (which the peer does in the box's).
-fn moved(gaussians: &Gaussians, setup: &Setup, particles: &[Particle]) -> Gaussians {
+fn moved(setup: &Setup, particles: &[Particle]) -> Gaussians {
     let turn = setup.to_box.rotation.matrix();
     let moved: Vec<Moved> = setup
         .carried
@@ -110,10 +109,10 @@ fn moved(gaussians: &Gaussians, setup: &Setup, particles: &[Particle]) -> Gaussi
         .map(|(&i, particle)| {
             let in_world = setup.to_box.undo(&particle.position.map(f64::from));
             let deformation: Matrix3<f64> = turn.transpose() * particle.trial.map(f64::from) * turn;
-            Moved::new(gaussians, i as usize, in_world, &deformation)
+            Moved::new(&setup.scene, i as usize, in_world, &deformation)
         })
         .collect();
-    let mut out = gaussians.clone();
+    let mut out = setup.scene.clone();
     for (&i, moved) in setup.carried.iter().zip(moved) {
         moved.store(&mut out, i as usize);
     }

@@ -11,6 +11,7 @@ use super::solver::Particle;
 use super::strength_at;
 use crate::scene::gaussians::Gaussians;
 use crate::simulate::SimulateError;
+use crate::vote::nearest::Nearest;
 
 /// From the world (scene units) to the box: turned, moved, scaled, and moved to the middle.
 #[derive(Debug, Clone, Copy)]
@@ -38,9 +39,14 @@ impl ToBox {
 pub struct Setup {
     /// Those of Gaussians first, then those of the inside.
     pub particles: Vec<Particle>,
-    /// Which Gaussians the first particles carry.
+    /// Which Gaussians of `scene` the first particles carry.
     pub carried: Vec<u32>,
-    /// Per Gaussian: whether its opacity lets it take part. The peer drops the others from the scene.
+    /// The scene, with a Gaussian for each particle of the inside where the configuration wants them to be seen: a copy of
+    /// the nearest one that is simulated.
+    pub scene: Gaussians,
+    /// Particles of the inside.
+    pub filled: usize,
+    /// Per Gaussian of the scene: whether its opacity lets it take part. The peer drops the others from the scene.
     pub opaque: Vec<bool>,
     pub to_box: ToBox,
 }
@@ -51,7 +57,7 @@ pub struct Setup {
 /// Nothing to simulate; a Gaussian that is nowhere; a filling that overflows; an object that leaves the box.
 pub fn set_up(gaussians: &Gaussians, config: &Config) -> Result<Setup, SimulateError> {
     let rotation = rotation(config);
-    let opaque: Vec<bool> = (0..gaussians.len()).map(|i| gaussians.opacity(i) > config.opacity_threshold).collect();
+    let mut opaque: Vec<bool> = (0..gaussians.len()).map(|i| gaussians.opacity(i) > config.opacity_threshold).collect();
     let turned = |i: u32| rotation * gaussians.center(i as usize).coords;
     let in_area = |p: &Vector3<f64>| {
         config.sim_area.is_none_or(|area| (0..3).all(|a| area[2 * a] < p[a] && p[a] < area[2 * a + 1]))
@@ -78,11 +84,21 @@ pub fn set_up(gaussians: &Gaussians, config: &Config) -> Result<Setup, SimulateE
     }
     let to_box = ToBox { rotation, middle: (low + high) / 2.0, scale: config.scale / longest };
     let mut places: Vec<Vector3<f32>> = carried.iter().map(|&i| to_box.apply(&turned(i)).map(|x| x as f32)).collect();
+    let mut scene = gaussians.clone();
+    let outside = places.len();
     if let Some(filling) = &config.particle_filling {
         let blobs: Vec<Blob> =
             carried.iter().zip(&places).map(|(&i, &place)| blob(gaussians, i as usize, place, &to_box)).collect();
         let cells = filling.n_grid.unwrap_or(4 * config.n_grid);
         places.extend(filling::fill(&blobs, cells, (config.grid_lim / cells as f64) as f32, filling)?.added);
+        if filling.visualize {
+            let nearest = Nearest::new(places[..outside].iter().map(|&p| p.into()));
+            let source = |p: &Vector3<f32>| carried[nearest.find((*p).into(), 1)[0].1 as usize];
+            let sources: Vec<u32> = places[outside..].iter().map(source).collect();
+            carried.extend((scene.len() as u32..).take(sources.len()));
+            scene.repeat(&sources);
+            opaque.resize(scene.len(), true);
+        }
     }
     let side = config.grid_lim as f32;
     if let Some(index) = places.iter().position(|p| p.iter().any(|x| !(0.0..side).contains(x))) {
@@ -97,7 +113,8 @@ pub fn set_up(gaussians: &Gaussians, config: &Config) -> Result<Setup, SimulateE
         let (strength, density) = strength_at(config, place);
         Particle::at_rest(*place, volume, density * volume, strength)
     };
-    Ok(Setup { particles: places.iter().zip(volumes).map(particle).collect(), carried, opaque, to_box })
+    let particles: Vec<Particle> = places.iter().zip(volumes).map(particle).collect();
+    Ok(Setup { filled: particles.len() - outside, particles, carried, scene, opaque, to_box })
 }
 
 /// The set-up's turns, one after the other.

@@ -29,7 +29,7 @@ mod stencil;
 
 use super::boundary::Boundary;
 use laws::Law;
-use particles::{Particle, in_given_order};
+use particles::{Pack, Particle, in_given_order};
 use rayon::prelude::*;
 use sort::Sorted;
 
@@ -132,6 +132,27 @@ impl Solver {
                 }
             }
         });
+    }
+
+    /// After a substep of `dt_s`: particles to which `led` gives a velocity, by their number and the place where they were
+    /// before it, move by that velocity from there instead.
+    pub fn lead(&mut self, dt_s: f32, led: impl Fn(u32, [f32; 3]) -> Option<[f32; 3]> + Sync) {
+        let lead_pack = |pack: &mut Pack| {
+            let mut fastest = 0.0_f32;
+            for lane in 0..pack.live as usize {
+                let before = [0, 1, 2].map(|a| pack.position[a][lane] - pack.velocity[a][lane] * dt_s);
+                let Some(velocity) = led(pack.id[lane], before) else { continue };
+                for a in 0..3 {
+                    pack.position[a][lane] = before[a] + velocity[a] * dt_s;
+                    pack.velocity[a][lane] = velocity[a];
+                    fastest = fastest.max(velocity[a].abs());
+                }
+            }
+            fastest
+        };
+        let fastest = self.sorted.packs.par_iter_mut().map(lead_pack).reduce(|| 0.0, f32::max);
+        self.fastest_m_s = self.fastest_m_s.max(fastest);
+        self.drift += fastest * dt_s / self.setting.spacing_m;
     }
 
     /// All particles in the order they were given.

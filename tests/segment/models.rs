@@ -1,0 +1,174 @@
+//! Every SAM in the standard two-file form, told apart by inputs and outputs: the tiny models of `fixtures/sam`, whose
+//! arithmetic `make.py` there tells.
+
+use std::fs;
+use std::path::Path;
+
+use gprop::scene::{ForegroundSource, Photo};
+use gprop::segment::sam::{LOGITS_SIDE, MODEL_SIDE, Sam};
+use gprop::segment::{Options, SegmentError, Segmenter};
+use gprop::setup::ModelFiles;
+use image::{GrayImage, Luma, Rgb, RgbImage};
+
+use super::root;
+use crate::support;
+
+/// Decoders and how many prompts they take at once.
+const DECODERS: [(&str, usize); 6] = [
+    ("multi_mask", 1),
+    ("single_mask", 1),
+    ("dynamic_batch", 1),
+    ("fixed_batch", 3),
+    ("one_point", 1),
+    ("conditional", 1),
+];
+
+/// Sums of 256 channels in single precision.
+const ROUNDING: f32 = 1e-4;
+
+/// The tiny encoder and a tiny decoder, on the ONNX Runtime that any user gets.
+pub fn tiny(test: &str, decoder: &str) -> Option<ModelFiles> {
+    let folder = root().join("fixtures/sam");
+    let files = support::models(test)?;
+    Some(ModelFiles {
+        encoder: folder.join("encoder.onnx"),
+        decoder: folder.join(decoder).with_extension("onnx"),
+        ..files
+    })
+}
+
+fn refused(files: &ModelFiles) -> SegmentError {
+    Sam::open(files, 1).err().expect("it must not open")
+}
+
+/// A prepared picture of one colour, already normalised.
+fn plain_input(rgb: [f32; 3]) -> Vec<f32> {
+    rgb.into_iter().flat_map(|value| std::iter::repeat_n(value, MODEL_SIDE * MODEL_SIDE)).collect()
+}
+
+/// What the tiny encoder makes of a picture of one colour, averaged over its channels: weights `(i % 5 - 1) / 3`.
+fn mean_embedding(rgb: [f32; 3]) -> f32 {
+    let weight = |output: usize, channel: usize| ((output * 3 + channel) % 5) as f32 / 3.0 - 1.0 / 3.0;
+    let value = |output| rgb.iter().enumerate().map(|(channel, value)| weight(output, channel) * value).sum::<f32>();
+    (0..256).map(value).sum::<f32>() / 256.0
+}
+
+#[test]
+fn every_form_of_the_export_gives_the_three_levels() {
+    let points = [[500.0, 300.0], [40.0, 1000.0], [7.0, 3.0], [900.0, 20.0]];
+    let rgb = [0.9, -0.4, 2.0];
+    for (decoder, batch) in DECODERS {
+        let Some(files) = tiny("every_form_of_the_export_gives_the_three_levels", decoder) else { return };
+        let sam = Sam::open(&files, 2).unwrap();
+        assert_eq!(sam.batch(), batch, "{decoder}");
+        let sight = sam.look(&sam.encode(&plain_input(rgb)).unwrap()).unwrap();
+        let mut decoded = 0;
+        for points in points.chunks(batch) {
+            sam.decode(&sight, points, |index, masks| {
+                decoded += 1;
+                let shift = (points[index][0] + points[index][1]) / 1000.0;
+                for level in 0..3 {
+                    // The decoder's mask 0 is the one for unambiguous prompts.
+                    let (logit, score) =
+                        (mean_embedding(rgb) * (level + 2) as f32 + shift, shift / 4.0 + (level + 1) as f32 / 10.0);
+                    assert!((masks.predicted_iou[level] - score).abs() < ROUNDING, "{decoder} {level}: {masks:?}");
+                    assert_eq!(masks.logits[level].len(), LOGITS_SIDE * LOGITS_SIDE);
+                    let is_right = |value: &f32| (value - logit).abs() < ROUNDING;
+                    assert!(masks.logits[level].iter().all(is_right), "{decoder} {level}: {}", masks.logits[level][0]);
+                }
+            })
+            .unwrap();
+        }
+        assert_eq!(decoded, points.len(), "{decoder}");
+    }
+}
+
+#[test]
+fn every_form_of_the_export_finds_the_same_parts() {
+    // Bright above, dark below; all of it the object.
+    let photo = Photo {
+        rgb: RgbImage::from_fn(120, 90, |x, y| if y < 40 { Rgb([255 - x as u8, 250, 240]) } else { Rgb([20, 10, 30]) }),
+        foreground: GrayImage::from_pixel(120, 90, Luma([255])),
+        foreground_source: ForegroundSource::Whole,
+    };
+    let mut options = Options::default();
+    options.generator.points_per_side = 5;
+    options.generator.min_predicted_iou = 0.1;
+    let mut first = None;
+    for (decoder, _) in DECODERS {
+        let Some(files) = tiny("every_form_of_the_export_finds_the_same_parts", decoder) else { return };
+        let segments = Segmenter::new(&files, 2).unwrap().segment_view("view", &photo, &options, &()).unwrap();
+        assert!(segments.parts.iter().any(|part| !part.is_rest()), "{decoder}: {:?}", segments.parts);
+        assert_ne!(segments.map.at(60, 10), segments.map.at(60, 80), "{decoder}");
+        assert_eq!(&segments, first.get_or_insert(segments.clone()), "{decoder}");
+    }
+}
+
+#[test]
+fn a_model_that_is_no_sam_says_which_tensor_is_missing() {
+    let test = "a_model_that_is_no_sam_says_which_tensor_is_missing";
+    let Some(good) = tiny(test, "multi_mask") else { return };
+    let decoder = |name: &str| good.decoder.with_file_name(name).with_extension("onnx");
+    for (files, missing) in [
+        (ModelFiles { decoder: decoder("no_mask_input"), ..good.clone() }, "no input \"mask_input\""),
+        (ModelFiles { decoder: decoder("no_scores"), ..good.clone() }, "no output \"iou_predictions\""),
+        (ModelFiles { decoder: good.encoder.clone(), ..good.clone() }, "no input \"image_embeddings\""),
+        (ModelFiles { encoder: good.decoder.clone(), ..good.clone() }, "image_embeddings, point_coords"),
+    ] {
+        let error = refused(&files);
+        assert!(matches!(error, SegmentError::NotSam { .. }) && error.to_string().contains(missing), "{error}");
+    }
+}
+
+#[test]
+fn a_model_cut_short_or_not_there_is_named() {
+    let Some(files) = support::models("a_model_cut_short_or_not_there_is_named") else { return };
+    let folder = tempfile::tempdir().unwrap();
+    let cut = folder.path().join("cut.onnx");
+    for (whole, is_encoder) in [(&files.encoder, true), (&files.decoder, false)] {
+        let bytes = fs::read(whole).unwrap();
+        fs::write(&cut, &bytes[..bytes.len() / 2]).unwrap();
+        let error = refused(&match is_encoder {
+            true => ModelFiles { encoder: cut.clone(), ..files.clone() },
+            false => ModelFiles { decoder: cut.clone(), ..files.clone() },
+        });
+        assert!(matches!(error, SegmentError::Model { .. }) && error.to_string().contains("cut.onnx"), "{error}");
+    }
+    let error = refused(&ModelFiles { encoder: folder.path().join("none.onnx"), ..files.clone() });
+    assert!(matches!(error, SegmentError::Read { .. }), "{error}");
+}
+
+#[test]
+fn embeddings_are_kept_by_picture_and_model() {
+    let Some(files) = tiny("embeddings_are_kept_by_picture_and_model", "multi_mask") else { return };
+    let folder = tempfile::tempdir().unwrap();
+    let cache = folder.path().join("embeddings");
+    let caching = |files: &ModelFiles| Sam::open(files, 1).unwrap().caching_embeddings(&cache, files).unwrap();
+    let kept = || fs::read_dir(&cache).unwrap().map(|entry| entry.unwrap().path()).collect::<Vec<_>>();
+    let (picture, other_picture) = (plain_input([1.0, 0.0, 0.5]), plain_input([0.0, 1.0, 0.5]));
+
+    let sam = caching(&files);
+    let made = sam.encode(&picture).unwrap();
+    assert_eq!((made.clone(), kept().len()), (sam.encode(&picture).unwrap(), 1));
+
+    // What lies there is what is taken, unless it is not whole.
+    let path = kept().remove(0);
+    let bytes = fs::read(&path).unwrap();
+    fs::write(&path, vec![0; bytes.len()]).unwrap();
+    assert_ne!(sam.encode(&picture).unwrap(), made);
+    fs::write(&path, &bytes[..bytes.len() - 4]).unwrap();
+    assert_eq!(sam.encode(&picture).unwrap(), made);
+    assert_eq!(fs::read(&path).unwrap(), bytes);
+
+    sam.encode(&other_picture).unwrap();
+    assert_eq!(kept().len(), 2);
+    caching(&ModelFiles { encoder: renamed(&files.encoder, folder.path()), ..files }).encode(&picture).unwrap();
+    assert_eq!(kept().len(), 3, "another model's file has its own");
+}
+
+/// The model as another producer would have saved it: `producer_name`, field 2 of `ModelProto`, is "x".
+fn renamed(model: &Path, folder: &Path) -> std::path::PathBuf {
+    let path = folder.join("renamed.onnx");
+    fs::write(&path, [fs::read(model).unwrap().as_slice(), &[0x12, 1, b'x']].concat()).unwrap();
+    path
+}
