@@ -78,6 +78,9 @@ fn blend_tile<'a, S: Sink>(rect: TileRect, splats: impl Iterator<Item = &'a Spla
             for group in columns.start / LANES..columns.end.div_ceil(LANES) {
                 let dx = (rect.x + group * LANES) as f32 + 0.5 - splat.center[0];
                 let left = &mut transmittance[y * (TILE / LANES) + group];
+                if left.iter().all(|&t| t < TRANSMITTANCE_MIN) {
+                    continue;
+                }
                 let weights = absorb(splat, dx, dy, left);
                 if weights.iter().any(|&w| w > 0.0) {
                     sink.add(splat, y * TILE + group * LANES, &weights, left);
