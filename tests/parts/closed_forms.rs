@@ -63,7 +63,7 @@ fn carved_ball_converges() {
 // The skin counts as material to about a cell outside of it, so the error shrinks with the cell.
 #[test]
 fn filled_ball_converges() {
-    converges(&ball(|_| 0), 4.0 / 3.0 * PI, VolumeMethod::Fill, Form::Solid, bounds([0.45, 0.25, 0.12]));
+    converges(&ball(|_| 0), 4.0 / 3.0 * PI, VolumeMethod::Fill, Form::Solid, bounds([0.45, 0.16, 0.08]));
 }
 
 #[test]
