@@ -120,7 +120,7 @@ fn lifted(measured: &Measured, model: &Path, place: &Candidate, side_m: f64, for
 /// asked of one of the five best places, being held of the first and of that one.
 #[test]
 fn f_star_lifts_in_mujoco_and_six_tenths_of_f_min_slips() {
-    if !has("f_star_lifts_in_mujoco_and_six_tenths_of_f_min_slips", "mujoco", "mujoco") {
+    if !python_has("f_star_lifts_in_mujoco_and_six_tenths_of_f_min_slips", "mujoco", "mujoco") {
         return;
     }
     for folder in folders() {
