@@ -22,6 +22,7 @@ impl Pipeline {
     }
 
     pub(super) fn do_simulate(&self, key: &str) -> Result<Done> {
+        let photo = self.filming_camera()?;
         let field = self.field()?;
         let materials: Vec<Material> = field.labels.iter().map(Material::from).collect();
         let interior = self.fill_points()?;
@@ -41,7 +42,7 @@ impl Pipeline {
         let report = simulate(&input, options, self.checkpoint(key), &mut save, self.progress)?;
 
         let mut load = |index| Ok(ply::read(&self.work.path(Artifact::Frame(index)))?.gaussians);
-        let cameras = animation::cameras(&report, &options.viewpoint, self.filming_camera()?);
+        let cameras = animation::cameras(&report, &options.viewpoint, photo);
         let pictures = animation::pictures(&report, &cameras, &mut load, self.progress)?;
         self.work.write(Artifact::Animation, &animation::gif(&pictures).context("the animation")?)?;
         let movie = self.write_movie(&pictures)?;

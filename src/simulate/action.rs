@@ -1,6 +1,9 @@
 //! What a scenario does to the object while it runs. Forces change the velocities of chosen particles before a substep;
-//! what is held or led takes its given motion instead of the grid's, before and after it.
+//! what is held or led takes its given motion instead of the grid's.
 
+use nalgebra::Matrix3;
+
+use super::mpm::particles::Motion;
 use super::mpm::{Lost, Solver};
 
 /// Times from when on until when, s, and the particles it acts on.
@@ -37,19 +40,20 @@ pub enum Effect {
 }
 
 impl Effect {
-    /// The velocity that it leads what lies at `position` with; `None` for a force.
-    fn led(&self, position: [f32; 3]) -> Option<[f32; 3]> {
+    /// The motion that it leads what lies at `position` with; `None` for a force.
+    fn led(&self, position: [f32; 3]) -> Option<Motion> {
         match *self {
-            Self::Move(velocity) => Some(velocity),
-            Self::Turn { center, rate } => {
-                Some([-(position[1] - center[1]) * rate, (position[0] - center[0]) * rate, 0.0])
-            }
+            Self::Move(velocity_m_s) => Some(Motion { velocity_m_s, gradient: Matrix3::zeros() }),
+            Self::Turn { center, rate } => Some(Motion {
+                velocity_m_s: [-(position[1] - center[1]) * rate, (position[0] - center[0]) * rate, 0.0],
+                gradient: Matrix3::new(0.0, -rate, 0.0, rate, 0.0, 0.0, 0.0, 0.0, 0.0),
+            }),
             Self::Accelerate(_) | Self::Shake { .. } | Self::Wind { .. } => None,
         }
     }
 
-    /// What it makes of the velocity `v` in `dt` at time `t_s`.
-    fn changed(&self, position: [f32; 3], v: [f32; 3], t_s: f64, dt: f32) -> [f32; 3] {
+    /// What a force makes of the velocity `v` in `dt` at time `t_s`.
+    fn changed(&self, v: [f32; 3], t_s: f64, dt: f32) -> [f32; 3] {
         let plus = |a: [f32; 3], s: f32| [v[0] + a[0] * s, v[1] + a[1] * s, v[2] + a[2] * s];
         match *self {
             Self::Accelerate(a) => plus(a, dt),
@@ -60,27 +64,25 @@ impl Effect {
                 let share = 1.0 - (-dt / response_s).exp();
                 [0, 1, 2].map(|a| v[a] + share * (velocity[a] - v[a]))
             }
-            Self::Move(_) | Self::Turn { .. } => self.led(position).unwrap_or(v),
+            Self::Move(_) | Self::Turn { .. } => v,
         }
     }
 }
 
-/// A substep of `dt_s` at time `t_s` with what is due.
+/// A substep of `dt_s` at time `t_s` with what is due. Of several motions the last one counts.
 ///
 /// # Errors
 /// A particle that is lost.
 pub fn step(actions: &[Action], solver: &mut Solver, t_s: f64, dt_s: f64) -> Result<(), Lost> {
     let dt = dt_s as f32;
-    let due: Vec<&Action> = actions.iter().filter(|a| a.from_s <= t_s && t_s < a.to_s).collect();
-    for action in &due {
+    let due = actions.iter().filter(|a| a.from_s <= t_s && t_s < a.to_s);
+    let (leads, forces): (Vec<&Action>, Vec<&Action>) = due.partition(|a| a.effect.led([0.0; 3]).is_some());
+    for action in forces {
         let acts_on = |id: u32| action.mask[id as usize];
-        solver.change_velocities(|id, x, v| if acts_on(id) { action.effect.changed(x, v, t_s, dt) } else { v });
+        solver.change_velocities(|id, v| if acts_on(id) { action.effect.changed(v, t_s, dt) } else { v });
     }
-    solver.step(dt)?;
-    let leads: Vec<&&Action> = due.iter().filter(|a| a.effect.led([0.0; 3]).is_some()).collect();
-    if !leads.is_empty() {
-        let led = |id: u32, x| leads.iter().rev().find(|a| a.mask[id as usize]).and_then(|a| a.effect.led(x));
-        solver.lead(dt, led);
+    if leads.is_empty() {
+        return solver.step(dt);
     }
-    Ok(())
+    solver.step_led(dt, |id, x| leads.iter().rev().find(|a| a.mask[id as usize]).and_then(|a| a.effect.led(x)))
 }

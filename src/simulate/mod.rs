@@ -40,7 +40,7 @@ use frames::ToWorld;
 use material::Material;
 use mpm::particles::Particle;
 use mpm::{Lost, Setting, Solver};
-pub use options::Options;
+pub use options::{Ground, Options};
 pub use plan::ASSUMED_LONGEST_SIDE_M;
 use plan::Plan;
 pub use report::{SimulationReport, StepReport};

@@ -3,6 +3,7 @@
 use serde::Serialize;
 
 use super::animation::Viewpoint;
+use super::boundary::Contact;
 
 /// How the object is dropped, how finely and for how long it is simulated.
 #[derive(Debug, Clone, PartialEq, clap::Args, Serialize)]
@@ -53,7 +54,11 @@ pub struct Options {
     #[arg(long, value_name = "M/S2", default_value_t = crate::units::GRAVITY_M_S2, value_parser = finite)]
     pub gravity: f64,
 
-    /// Coulomb friction between object and ground (wood on wood is about 0.4)
+    /// What the ground does to what touches it
+    #[arg(long, value_enum, default_value_t = Ground::Separate)]
+    pub ground: Ground,
+
+    /// Coulomb friction between object and a ground that lets go of it (wood on wood is about 0.4)
     #[arg(long, value_name = "MU", default_value_t = 0.4, value_parser = not_negative)]
     pub ground_friction: f64,
 
@@ -68,6 +73,29 @@ pub struct Options {
 
     #[command(flatten)]
     pub viewpoint: Viewpoint,
+}
+
+/// What the ground does to what touches it.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, clap::ValueEnum, Serialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Ground {
+    /// Lets go of it, and slows it by friction.
+    Separate,
+    /// Lets it glide, but not leave.
+    Slip,
+    /// Holds it.
+    Sticky,
+}
+
+impl Options {
+    /// The ground as the grid knows it.
+    pub(super) fn contact(&self) -> Contact {
+        match self.ground {
+            Ground::Separate => Contact::Separate { friction: self.ground_friction as f32 },
+            Ground::Slip => Contact::Slip,
+            Ground::Sticky => Contact::Sticky,
+        }
+    }
 }
 
 impl Default for Options {

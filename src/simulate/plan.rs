@@ -87,7 +87,7 @@ pub fn plan(input: &Input, options: &Options) -> Result<Plan, SimulateError> {
     let setting = Setting {
         spacing_m: spacing_m as f32,
         gravity_m_s2: [0.0, 0.0, -options.gravity as f32],
-        boundaries: vec![drop.ground(options.ground_friction)],
+        boundaries: vec![drop.ground(options.contact())],
         domain_m: [[0.0; 3], [drop.domain_m as f32; 3]],
         laws,
     };

@@ -71,11 +71,7 @@ impl Drop {
     }
 
     /// The ground, in the simulation's frame.
-    pub fn ground(&self, friction: f64) -> Boundary {
-        Boundary {
-            point_m: [0.0, 0.0, self.plane_m as f32],
-            normal: [0.0, 0.0, 1.0],
-            contact: Contact::Separate { friction: friction as f32 },
-        }
+    pub fn ground(&self, contact: Contact) -> Boundary {
+        Boundary { point_m: [0.0, 0.0, self.plane_m as f32], normal: [0.0, 0.0, 1.0], contact }
     }
 }

@@ -224,7 +224,8 @@ fn runs_a_configuration_on_a_scene() {
     };
     assert_eq!(run(&ball, &config, &mut keep, Progress::Hidden).unwrap().fill_particles, report.fill_particles);
     assert_eq!(frames[0].len(), 3600 + report.fill_particles);
-    let inside = |p: &[f32; 3]| p.iter().map(|x| x * x).sum::<f32>() < 1.0;
+    // The shell's Gaussians reach 0.05 beyond the ball, a cell's diagonal is 0.17.
+    let inside = |p: &[f32; 3]| p.iter().map(|x| x * x).sum::<f32>().sqrt() < 1.25;
     assert!(frames[0].positions[3600..].iter().all(inside));
     assert!(frames[0].log_scales[3600..].iter().all(|s| s.iter().all(|s| (s + 3.0).abs() < 1e-4)));
 }

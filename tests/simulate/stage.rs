@@ -7,9 +7,11 @@ use gprop::simulate::animation::{self, Viewpoint};
 use gprop::simulate::checkpoint::Checkpoint;
 use gprop::simulate::filling::{FillPoint, fill};
 use gprop::simulate::material::Material;
-use gprop::simulate::{Frame, Input, Options, SimulateError, SimulationReport, simulate};
+use gprop::simulate::{Frame, Ground, Input, Options, SimulateError, SimulationReport, simulate};
 use gprop::vote::raster::sh_color;
 use nalgebra::{Matrix3, UnitQuaternion, Vector3};
+
+use crate::support::skipped;
 
 /// A bar of two materials: Gaussians on its faces, its inside in cells.
 struct Bar {
@@ -228,6 +230,19 @@ fn filling_keeps_every_parts_volume() {
     assert_eq!((bare.bodies.len(), bare.assumed_full), (positions.len(), vec![0, 1]));
 }
 
+/// A corner that lands on a sticky ground stays there; on another one it glides off and springs up again.
+#[test]
+fn ground_may_hold_what_lands() {
+    let bar = Bar::new();
+    let last = |ground| {
+        let options = Options { ground, ground_friction: 0.0, duration: Some(0.4), frames: 3, ..options() };
+        Vector3::from(run(&bar.input(), &options).1.frames[2].center_of_mass_m)
+    };
+    let [free, gliding, held] = [Ground::Separate, Ground::Slip, Ground::Sticky].map(last);
+    let apart = [(free - held).norm(), (free - gliding).norm(), (gliding - held).norm()];
+    assert!(apart.iter().all(|a| *a > 1e-3), "{free} {gliding} {held}");
+}
+
 #[test]
 fn unknown_scale_is_simulated_at_a_stated_size() {
     let bar = Bar::new();
@@ -325,6 +340,10 @@ fn animation_shows_the_object_in_every_frame() {
         assert!(share > 0.02 && share < 0.5, "frame {index}: {share} of the picture is bar");
         let at_edge = |&(x, y): &(u32, u32)| x == 0 || y == 0 || x + 1 == picture.width() || y + 1 == picture.height();
         assert!(!red.iter().any(at_edge), "frame {index}: the bar is cut off");
+    }
+    match animation::mp4(&pictures).unwrap() {
+        Some(film) => assert_eq!(&film[4..8], b"ftyp"),
+        None => skipped("animation_shows_the_object_in_every_frame", "no ffmpeg: no film"),
     }
     let gif = animation::gif(&pictures).unwrap();
     let decoder = image::codecs::gif::GifDecoder::new(std::io::Cursor::new(gif)).unwrap();

@@ -128,14 +128,19 @@ fn densified(blobs: &[Blob], cells: usize, dx: f32) -> (Vec<i32>, Vec<f32>) {
                     for corner in 0..8_i64 {
                         let node = Vector3::new(i + (corner >> 2), j + (corner >> 1 & 1), k + (corner & 1));
                         let away = blob.position - node.map(|n| n as f32) * dx;
-                        bell += (-0.5 * away.dot(&(inverse * away))).exp();
+                        bell += flushed((-0.5 * away.dot(&(inverse * away))).exp());
                     }
-                    density[index(&Vector3::new(i, j, k))] += blob.opacity * bell / 8.0;
+                    density[index(&Vector3::new(i, j, k))] += flushed(blob.opacity * bell / 8.0);
                 }
             }
         }
     }
     (counts, density)
+}
+
+/// Numbers too small to be normal are zero, as in the peer: the smoothing asks where the density is any at all.
+fn flushed(value: f32) -> f32 {
+    if value < f32::MIN_POSITIVE { 0.0 } else { value }
 }
 
 /// Rays through the cells.

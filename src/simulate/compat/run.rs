@@ -31,6 +31,9 @@ pub struct CompatReport {
     pub frames: Vec<CompatFrame>,
 }
 
+/// What is done with a frame: its number, its particles in the box, its Gaussians.
+pub type OnFrame<'a> = dyn FnMut(usize, &[Particle], &Gaussians) -> anyhow::Result<()> + 'a;
+
 /// Runs `config` on a scene and hands `on_frame` each frame: its number, its particles in the box, and the scene without
 /// the Gaussians that the configuration drops. Frame 0 is the start.
 ///
@@ -39,7 +42,7 @@ pub struct CompatReport {
 pub fn run(
     gaussians: &Gaussians,
     config: &Config,
-    on_frame: &mut dyn FnMut(usize, &[Particle], &Gaussians) -> anyhow::Result<()>,
+    on_frame: &mut OnFrame,
     progress: Progress,
 ) -> Result<CompatReport, SimulateError> {
     let setup = set_up(gaussians, config)?;

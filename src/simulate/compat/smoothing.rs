@@ -157,10 +157,10 @@ mod tests {
         let inside: Vec<bool> = (0..cells * cells * cells).map(|i| i * 7919 % 31 == 0).collect();
         let place = |i: usize| [i / cells / cells, i / cells % cells, i % cells].map(|x| x as f64);
         let found = distances(&inside, cells, true);
-        for i in 0..inside.len() {
+        for (i, found) in found.into_iter().enumerate() {
             let apart = |j: usize| (0..3).map(|a| (place(i)[a] - place(j)[a]).powi(2)).sum::<f64>().sqrt();
             let nearest = (0..inside.len()).filter(|&j| inside[j]).map(apart).fold(f64::INFINITY, f64::min);
-            assert!((found[i] - nearest).abs() < 1e-12, "cell {i}: {} not {nearest}", found[i]);
+            assert!((found - nearest).abs() < 1e-12, "cell {i}: {found} not {nearest}");
         }
     }
 

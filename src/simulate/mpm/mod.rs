@@ -29,7 +29,7 @@ mod stencil;
 
 use super::boundary::Boundary;
 use laws::Law;
-use particles::{Pack, Particle, in_given_order};
+use particles::{Motion, Pack, Particle, in_given_order};
 use rayon::prelude::*;
 use sort::Sorted;
 
@@ -121,12 +121,11 @@ impl Solver {
         self.fastest_m_s
     }
 
-    /// Gives every particle the velocity that `change` makes of its number, position and velocity.
-    pub fn change_velocities(&mut self, change: impl Fn(u32, [f32; 3], [f32; 3]) -> [f32; 3] + Sync) {
+    /// Gives every particle the velocity that `change` makes of its number and velocity.
+    pub fn change_velocities(&mut self, change: impl Fn(u32, [f32; 3]) -> [f32; 3] + Sync) {
         self.sorted.packs.par_iter_mut().for_each(|pack| {
             for lane in 0..pack.live as usize {
-                let position = pack.position.map(|row| row[lane]);
-                let changed = change(pack.id[lane], position, pack.velocity.map(|row| row[lane]));
+                let changed = change(pack.id[lane], pack.velocity.map(|row| row[lane]));
                 for (row, v) in pack.velocity.iter_mut().zip(changed) {
                     row[lane] = v;
                 }
@@ -134,25 +133,33 @@ impl Solver {
         });
     }
 
-    /// After a substep of `dt_s`: particles to which `led` gives a velocity, by their number and the place where they were
-    /// before it, move by that velocity from there instead.
-    pub fn lead(&mut self, dt_s: f32, led: impl Fn(u32, [f32; 3]) -> Option<[f32; 3]> + Sync) {
-        let lead_pack = |pack: &mut Pack| {
+    /// As [`Solver::step`], but particles to which `led` gives a motion, by their number and the place where they are, move
+    /// and turn so, and strain no further than they were. They weigh so much that the grid follows them.
+    pub fn step_led(&mut self, dt_s: f32, led: impl Fn(u32, [f32; 3]) -> Option<Motion> + Sync) -> Result<(), Lost> {
+        let take = |pack: &mut Pack| {
+            for lane in 0..pack.live as usize {
+                if let Some(motion) = led(pack.id[lane], pack.position.map(|row| row[lane])) {
+                    pack.take(lane, &motion);
+                }
+            }
+        };
+        self.sorted.packs.par_iter_mut().for_each(take);
+        let stepped = self.step(dt_s);
+        let lead = |pack: &mut Pack| {
             let mut fastest = 0.0_f32;
             for lane in 0..pack.live as usize {
                 let before = [0, 1, 2].map(|a| pack.position[a][lane] - pack.velocity[a][lane] * dt_s);
-                let Some(velocity) = led(pack.id[lane], before) else { continue };
-                for a in 0..3 {
-                    pack.position[a][lane] = before[a] + velocity[a] * dt_s;
-                    pack.velocity[a][lane] = velocity[a];
-                    fastest = fastest.max(velocity[a].abs());
+                if let Some(motion) = led(pack.id[lane], before) {
+                    pack.lead(lane, before, &motion, dt_s);
+                    fastest = motion.velocity_m_s.iter().fold(fastest, |m, v| m.max(v.abs()));
                 }
             }
             fastest
         };
-        let fastest = self.sorted.packs.par_iter_mut().map(lead_pack).reduce(|| 0.0, f32::max);
+        let fastest = self.sorted.packs.par_iter_mut().map(lead).reduce(|| 0.0, f32::max);
         self.fastest_m_s = self.fastest_m_s.max(fastest);
         self.drift += fastest * dt_s / self.setting.spacing_m;
+        stepped
     }
 
     /// All particles in the order they were given.

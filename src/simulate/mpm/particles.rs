@@ -1,6 +1,8 @@
 //! The particles: packs of eight, structure of arrays inside a pack, so that a pack's data lies together in memory and
 //! each quantity fills a vector register.
 
+use nalgebra::Matrix3;
+
 use super::lanes::{LANES, Row};
 use super::laws::Law;
 
@@ -28,6 +30,18 @@ pub struct Particle {
     pub law: u32,
 }
 
+/// The motion of a rigid body at one place.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Motion {
+    pub velocity_m_s: [f32; 3],
+    /// Gradient of the velocity, 1/s.
+    pub gradient: Matrix3<f32>,
+}
+
+/// How much heavier a particle is while it is led: of what pushes it, the grid beside it takes this part a step. A power of
+/// two, so that its own mass comes back exactly.
+const LED_WEIGHT: f32 = 16384.0;
+
 /// Row by row, the identity.
 pub const IDENTITY: [f32; 9] = [1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0];
 
@@ -52,6 +66,36 @@ pub struct Pack {
 }
 
 impl Pack {
+    /// Makes a lane ready for a substep that it is led through.
+    pub fn take(&mut self, lane: usize, motion: &Motion) {
+        self.mass[lane] *= LED_WEIGHT;
+        put_matrix(&mut self.affine, lane, &motion.gradient);
+        for (row, v) in self.velocity.iter_mut().zip(motion.velocity_m_s) {
+            row[lane] = v;
+        }
+    }
+
+    /// Gives a lane the `motion` from the place `before` on, instead of what a substep of `dt_s` made of it.
+    pub fn lead(&mut self, lane: usize, before: [f32; 3], motion: &Motion, dt_s: f32) {
+        let step = |gradient: Matrix3<f32>| Matrix3::identity() + gradient * dt_s;
+        let made = step(lane_matrix(&self.affine, lane));
+        // A step in which matter turns inside out is nothing to go back from.
+        if let Some(back) = made.try_inverse() {
+            let change = step(motion.gradient) * back;
+            for rows in [&mut self.elastic, &mut self.deformation] {
+                put_matrix(rows, lane, &(change * lane_matrix(rows, lane)));
+            }
+        }
+        self.mass[lane] /= LED_WEIGHT;
+        put_matrix(&mut self.affine, lane, &motion.gradient);
+        for ((position, velocity), (x, v)) in
+            self.position.iter_mut().zip(&mut self.velocity).zip(before.into_iter().zip(motion.velocity_m_s))
+        {
+            velocity[lane] = v;
+            position[lane] = x + v * dt_s;
+        }
+    }
+
     /// A pack of `particles` (one to eight, of one law) with their numbers.
     pub fn gather(particles: impl Iterator<Item = (u32, Particle)>) -> Self {
         let zero = [0.0; LANES];
@@ -142,4 +186,14 @@ pub fn in_given_order(packs: &[Pack], laws: &[Law]) -> Vec<Particle> {
             p
         })
         .collect()
+}
+
+fn lane_matrix(rows: &[Row; 9], lane: usize) -> Matrix3<f32> {
+    Matrix3::from_row_slice(&rows.map(|row| row[lane]))
+}
+
+fn put_matrix(rows: &mut [Row; 9], lane: usize, m: &Matrix3<f32>) {
+    for (row, value) in rows.iter_mut().zip(m.transpose().iter()) {
+        row[lane] = *value;
+    }
 }
