@@ -249,11 +249,11 @@ enum Evaluate {
         #[arg(required = true)]
         scenes: Vec<PathBuf>,
         #[command(flatten)]
-        scene: crate::scene::Options,
+        scene: Box<crate::scene::Options>,
         #[command(flatten)]
-        segment: crate::segment::Options,
+        segment: Box<crate::segment::Options>,
         #[command(flatten)]
-        setup: setup::Options,
+        setup: Box<setup::Options>,
     },
     /// Masses against true ones: ADE, ALDE, APE, MnRE as NeRF2Physics computes them, and PRA.
     Mass {

@@ -132,7 +132,7 @@ fn f_star_lifts_in_mujoco_and_six_tenths_of_f_min_slips() {
         let report = measured.grasp(&gripper, &Options { auto: true, ..Options::default() });
         assert!(report.feasible, "{report:?}");
         let (_folder, files) = exported(&measured, Format::Mjcf);
-        let lift = |place, force| lifted(&measured, &files[0], place, gripper.finger_side_m(), force);
+        let lift = |place: &Candidate, force: f64| lifted(&measured, &files[0], place, gripper.finger_side_m(), force);
         let held = |place: &Candidate| lift(place, place.f_star_n) > 0.09;
         assert!(held(&report.candidates[0]), "{name} is held");
         // The mug slides only until its lid's rim comes to lie on the pads.

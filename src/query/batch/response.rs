@@ -34,8 +34,11 @@ struct Problem {
     message: Option<String>,
 }
 
-/// The lines of a file by their `custom_id`: the answer, or why there is none.
-pub fn lines(text: &str) -> Result<Vec<(String, Result<Answered, String>)>, AskError> {
+/// A line's `custom_id` and the answer, or why there is none.
+type AnswerLine = (String, Result<Answered, String>);
+
+/// The lines of a file.
+pub fn lines(text: &str) -> Result<Vec<AnswerLine>, AskError> {
     (1..)
         .zip(text.lines())
         .filter(|(_, line)| !line.trim().is_empty())

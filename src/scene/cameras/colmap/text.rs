@@ -13,7 +13,7 @@ pub(super) fn cameras(text: &str) -> Result<Cameras, Problem> {
         let model = words.word("MODEL")?;
         let size = (words.number("WIDTH")?, words.number("HEIGHT")?);
         let mut parameters = Vec::new();
-        while let Some(word) = words.words.next() {
+        for word in words.words {
             parameters.push(parsed(word, "PARAMS", line)?);
         }
         cameras.insert(id, models::declared(id, model, size, &parameters)?);
