@@ -70,7 +70,7 @@ pub struct Script {
 #[derive(Debug, Clone, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Step {
-    /// `all`, `top`, `bottom`, `low_end`, `high_end`, or a part by its name.
+    /// `all`, `top`, `bottom`, `low_end`, `high_end`, or parts: by caption or material, or by words of these.
     pub on: String,
     /// Shares of the simulated time.
     #[serde(default)]
@@ -243,8 +243,13 @@ impl Standing<'_> {
             "low_end" => within(self.longest_axis(), 0.0, END),
             "high_end" => within(self.longest_axis(), 1.0 - END, 1.0),
             part => {
-                let is_it = |names: &Vec<&str>| names.iter().any(|name| name.eq_ignore_ascii_case(part));
-                let found: Vec<bool> = self.names.iter().map(is_it).collect();
+                let named = |is: fn(&str, &str) -> bool| -> Vec<bool> {
+                    self.names.iter().map(|names| names.iter().any(|name| is(name, part))).collect()
+                };
+                let mut found = named(str::eq_ignore_ascii_case);
+                if !found.contains(&true) {
+                    found = named(mentions);
+                }
                 if !found.contains(&true) {
                     let mut names: Vec<&str> = self.names.iter().flatten().copied().collect();
                     names.sort_unstable();
@@ -268,4 +273,14 @@ impl Standing<'_> {
         let length = |a: usize| self.extent(a)[1] - self.extent(a)[0];
         (0..3).max_by(|&a, &b| length(a).total_cmp(&length(b))).unwrap_or(0)
     }
+}
+
+/// Whether the words of `part` stand in `name`, in their order: "handle" in "body and handle of a mug".
+fn mentions(name: &str, part: &str) -> bool {
+    let words = |text: &str| -> Vec<String> {
+        let words = text.split(|c: char| !c.is_alphanumeric()).filter(|word| !word.is_empty());
+        words.map(str::to_lowercase).collect()
+    };
+    let wanted = words(part);
+    !wanted.is_empty() && words(name).windows(wanted.len()).any(|found| found == wanted)
 }

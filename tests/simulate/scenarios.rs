@@ -68,6 +68,22 @@ fn file_pushes_a_part_by_name() {
     assert_eq!((actions[1].mask.clone(), actions[1].effect), (LABELS.map(|l| l == 0).to_vec(), Effect::Move([0.0; 3])));
 }
 
+/// A caption is a sentence: a word of it will do, unless a part is called just so.
+#[test]
+fn parts_are_found_by_words_of_their_caption() {
+    let particles = column();
+    let held = |captions: [&str; 2], on: &str| {
+        let names = captions.map(|caption| vec![caption]).to_vec();
+        let script = Script::from_toml(&format!("[[step]]\non = \"{on}\"\ndo = \"hold\"")).unwrap();
+        standing(&particles, &names).actions(&script.steps).map(|actions| actions[0].mask.clone())
+    };
+    let mug = ["foot of a mug; bare clay", "body and Handle of a mug, glazed"];
+    assert_eq!(held(mug, "handle").unwrap(), LABELS.map(|l| l == 1));
+    assert_eq!(held(mug, "bare clay").unwrap(), LABELS.map(|l| l == 0));
+    assert_eq!(held(["foot", "rim above the foot"], "foot").unwrap(), LABELS.map(|l| l == 0));
+    assert!(held(mug, "hand").is_err() && held(mug, ";").is_err());
+}
+
 #[test]
 fn wrong_names_are_refused_with_what_there_is() {
     let why = |result: Result<Script, SimulateError>| result.unwrap_err().to_string();
