@@ -32,6 +32,9 @@ struct BatchServer {
     held: Arc<Mutex<Held>>,
 }
 
+/// What the server does with a request.
+type Respond = Box<dyn Fn(&mut Held, &Request) -> ResponseTemplate + Send + Sync>;
+
 impl BatchServer {
     /// A server that answers Chat Completions with `answer` and accepts every batch.
     fn new(answer: &Value) -> Self {
@@ -40,14 +43,11 @@ impl BatchServer {
         let chat = ResponseTemplate::new(200).set_body_json(completion(&answer.to_string()));
         let mock = runtime.block_on(async {
             let server = MockServer::start().await;
-            let mount =
-                async |verb: &str,
-                       at: &str,
-                       respond: Box<dyn Fn(&mut Held, &Request) -> ResponseTemplate + Send + Sync>| {
-                    let held = Arc::clone(&held);
-                    let respond = move |request: &Request| respond(&mut held.lock().unwrap(), request);
-                    Mock::given(method(verb)).and(path_regex(at)).respond_with(respond).mount(&server).await;
-                };
+            let mount = async |verb: &str, at: &str, respond: Respond| {
+                let held = Arc::clone(&held);
+                let respond = move |request: &Request| respond(&mut held.lock().unwrap(), request);
+                Mock::given(method(verb)).and(path_regex(at)).respond_with(respond).mount(&server).await;
+            };
             Mock::given(path("/v1/chat/completions")).respond_with(chat).mount(&server).await;
             mount(
                 "POST",

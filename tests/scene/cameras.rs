@@ -69,7 +69,10 @@ fn cameras_binary(cameras: &[(u32, i32, &[f64])]) -> Vec<u8> {
     file
 }
 
-fn images_binary(images: &[(u32, [f64; 4], [f64; 3], u32, &str)]) -> Vec<u8> {
+/// Id, quaternion (w x y z), translation, camera, name.
+type ImageRow<'a> = (u32, [f64; 4], [f64; 3], u32, &'a str);
+
+fn images_binary(images: &[ImageRow]) -> Vec<u8> {
     let mut file = (images.len() as u64).to_le_bytes().to_vec();
     for (id, quaternion, translation, camera, name) in images {
         file.extend(id.to_le_bytes());
@@ -149,17 +152,13 @@ fn images_are_read_alike_from_both_formats() {
 /// The made-up scene with its cameras as another program writes them, and no transforms.json.
 pub fn as_colmap(made_up: &MadeUp) -> Scene {
     let original = made_up.load().unwrap();
-    let images: Vec<(u32, [f64; 4], [f64; 3], u32, String)> = original
-        .views
-        .iter()
-        .zip(0..)
-        .map(|(view, id)| {
-            let pose = view.camera.camera_from_world;
-            let q = pose.rotation;
-            (id, [q.w, q.i, q.j, q.k], pose.translation.vector.into(), 1, format!("{}.png", view.name))
-        })
-        .collect();
-    let images: Vec<_> = images.iter().map(|(id, q, t, camera, name)| (*id, *q, *t, *camera, name.as_str())).collect();
+    let names: Vec<String> = original.views.iter().map(|view| format!("{}.png", view.name)).collect();
+    let rows = original.views.iter().zip(&names).zip(0..).map(|((view, name), id)| {
+        let pose = view.camera.camera_from_world;
+        let q = pose.rotation;
+        (id, [q.w, q.i, q.j, q.k], pose.translation.vector.into(), 1, name.as_str())
+    });
+    let images: Vec<ImageRow> = rows.collect();
     let sparse = made_up.path("sparse/0");
     std::fs::create_dir_all(&sparse).unwrap();
     std::fs::write(sparse.join("cameras.bin"), cameras_binary(&[(1, 1, &[10.0, 10.0, 4.0, 3.0])])).unwrap();
