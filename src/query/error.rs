@@ -1,4 +1,4 @@
-//! What can go wrong with the queries as a whole. What goes wrong with one part is a [`Failure`](super::Failure).
+//! What can go wrong with the queries as a whole. What goes wrong with one part is a [`super::Failure`].
 
 use std::path::PathBuf;
 

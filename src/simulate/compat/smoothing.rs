@@ -46,7 +46,7 @@ fn distances(inside: &[bool], cells: usize, target: bool) -> Vec<f64> {
     squared.into_iter().map(f64::sqrt).collect()
 }
 
-/// min over j of values[j] + (i - j)^2, for every i.
+/// min over j of `values[j] + (i - j)^2`, for every i.
 fn lower_envelope(values: &[f64]) -> Vec<f64> {
     // Parabolas of the envelope, and where each begins.
     let mut parabolas: Vec<(usize, f64)> = Vec::new();
