@@ -47,6 +47,16 @@ fn predictions_by_hand() {
 }
 
 #[test]
+fn the_readmes_table_of_the_scenes() {
+    let policies = policies(evaluate("--objects", include_str!("../docs/grasp_scenes.csv"), &["--json"]));
+    let readme = include_str!("../README.md");
+    for policy in ["MinGF", "MidGF", "MaxGF", "gprop"] {
+        let [pur, ndr, sr] = ["pur", "ndr", "sr"].map(|rate| 100.0 * policies[policy][rate].as_f64().unwrap());
+        assert!(readme.contains(&format!("| {policy} | {pur:.0} | {ndr:.0} | {sr:.0} |")), "{policy}: {pur} {ndr} {sr}");
+    }
+}
+
+#[test]
 fn tables_that_are_wrong_are_refused() {
     let refused = |flag: &str, table: &str, needle: &str| {
         let output = evaluate(flag, table, &[]);
