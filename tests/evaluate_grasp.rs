@@ -52,7 +52,10 @@ fn the_readmes_table_of_the_scenes() {
     let readme = include_str!("../README.md");
     for policy in ["MinGF", "MidGF", "MaxGF", "gprop"] {
         let [pur, ndr, sr] = ["pur", "ndr", "sr"].map(|rate| 100.0 * policies[policy][rate].as_f64().unwrap());
-        assert!(readme.contains(&format!("| {policy} | {pur:.0} | {ndr:.0} | {sr:.0} |")), "{policy}: {pur} {ndr} {sr}");
+        assert!(
+            readme.contains(&format!("| {policy} | {pur:.0} | {ndr:.0} | {sr:.0} |")),
+            "{policy}: {pur} {ndr} {sr}"
+        );
     }
 }
 
