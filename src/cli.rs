@@ -103,8 +103,7 @@ fn scene_flags() -> Vec<config::Flag> {
 
 fn start_log(global: &Global) {
     let level = match (global.quiet, global.verbose) {
-        (true, _) => "error",
-        (false, 0) => "warn",
+        (true, _) | (false, 0) => "warn",
         (false, 1) => "gprop=info",
         (false, _) => "gprop=debug",
     };

@@ -27,7 +27,7 @@ use std::time::Instant;
 
 use anyhow::Result;
 use serde::{Deserialize, Serialize};
-use tracing::info;
+use tracing::{info, warn};
 
 use crate::exit::UsageError;
 use crate::from_splat;
@@ -250,6 +250,7 @@ impl Pipeline {
             key,
         };
         self.progress.line(&format!("{:<9} {:.1} s", format!("{stage:?}").to_lowercase(), record.seconds));
+        record.warnings.iter().for_each(|warning| warn!("{warning}"));
         Ok(self.record.put(record, &self.work)?)
     }
 

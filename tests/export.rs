@@ -116,8 +116,7 @@ fn lifted(measured: &Measured, model: &Path, place: &Candidate, side_m: f64, for
     found["raised_m"].as_f64().unwrap()
 }
 
-/// F_min is that of flat, upright surfaces. Where a part widens above the pads it hangs on them with less, so slipping is
-/// asked of one of the five best places, being held of the first and of that one.
+/// F_min is that of flat, upright surfaces.
 #[test]
 fn f_star_lifts_in_mujoco_and_six_tenths_of_f_min_slips() {
     if !python_has("f_star_lifts_in_mujoco_and_six_tenths_of_f_min_slips", "mujoco", "mujoco") {
@@ -129,15 +128,22 @@ fn f_star_lifts_in_mujoco_and_six_tenths_of_f_min_slips() {
         // The chair asks for more than the paper's gripper can press.
         let gripper = if name == "chair" { "robotiq-2f-85" } else { "paper" };
         let gripper = GripperProfile::load(gripper).unwrap();
-        let report = measured.grasp(&gripper, &Options { auto: true, ..Options::default() });
-        assert!(report.feasible, "{report:?}");
-        let (_folder, files) = exported(&measured, Format::Mjcf);
-        let lift = |place: &Candidate, force: f64| lifted(&measured, &files[0], place, gripper.finger_side_m(), force);
-        let held = |place: &Candidate| lift(place, place.f_star_n) > 0.09;
-        assert!(held(&report.candidates[0]), "{name} is held");
+        let part = |part: &str| Options { part: Some(part.to_owned()), ..Options::default() };
+        let lift_at = |options: &Options, forces: fn(&Candidate) -> f64| {
+            let report = measured.grasp(&gripper, options);
+            assert!(report.feasible, "{report:?}");
+            let (_folder, files) = exported(&measured, Format::Mjcf);
+            let place = &report.candidates[0];
+            lifted(&measured, &files[0], place, gripper.finger_side_m(), forces(place))
+        };
+        let anywhere = Options { auto: true, ..Options::default() };
+        let held = lift_at(&anywhere, |place| place.f_star_n);
+        assert!(held > 0.09, "{name} is held: raised by {held} m");
+        // The lamp's base can be grasped at its neck alone, whose flange hangs on pads that press with less; its stem is straight.
+        let place = if name == "table_lamp" { part("stem") } else { anywhere };
         // The mug slides only until its lid's rim comes to lie on the pads.
-        let slips = |place: &Candidate| lift(place, 0.6 * place.f_min_n) < 0.08;
-        assert!(report.candidates.iter().any(|place| slips(place) && held(place)), "{name} slips through the fingers");
+        let slips = lift_at(&place, |place| 0.6 * place.f_min_n);
+        assert!(slips < 0.08, "{name} slips through the fingers: raised by {slips} m");
     }
 }
 

@@ -113,7 +113,11 @@ fn a_ply_that_is_no_splat() {
 fn an_image_is_missing() {
     let scene = hammer();
     fs::remove_file(scene.path().join("images/004.png")).unwrap();
-    assert_refused(scene.path(), &[], 3, &["004.png"]);
+    let output = run(scene.path(), &["--to", "scene"]);
+    assert!(output.status.success(), "{}", stderr(&output));
+    assert!(stderr(&output).contains("1 of the 30 photos"), "{}", stderr(&output));
+    assert_eq!(json(scene.path().join("gprop/views.json"))["views"].as_array().unwrap().len(), 10);
+    assert_refused(scene.path(), &["--view-list", "003,004"], 2, &["004"]);
 }
 
 #[test]

@@ -1,5 +1,5 @@
 //! Every row of the README's table "you have ... type": the folder is made as the row says, the command is run as it stands
-//! there (to its first stage, which needs no model), and what it found is looked at.
+//! there (to a stage that needs no model), and what it found is looked at.
 
 use std::path::{Path, PathBuf};
 use std::process::Command;
@@ -21,6 +21,10 @@ fn commands() -> Vec<String> {
 
 /// Runs a row's command on `folder`, with what stands in it for files and folders replaced, and returns `views.json`.
 fn run(command: &str, folder: &Path, replaced: &[(&str, PathBuf)]) -> Value {
+    run_to("scene", command, folder, replaced)
+}
+
+fn run_to(stage: &str, command: &str, folder: &Path, replaced: &[(&str, PathBuf)]) -> Value {
     let mut words = command.split(' ').map(|word| match word {
         "FOLDER" => folder.display().to_string(),
         _ => {
@@ -31,8 +35,8 @@ fn run(command: &str, folder: &Path, replaced: &[(&str, PathBuf)]) -> Value {
     assert_eq!(words.next().as_deref(), Some("gprop"));
     let words: Vec<String> = words.collect();
     let is_run = words[0] == "run";
-    let first_stage = if is_run { &["--to", "scene"][..] } else { &[] };
-    let ran = Command::new(env!("CARGO_BIN_EXE_gprop")).args(words).args(first_stage).output().unwrap();
+    let last_stage = if is_run { &["--to", stage][..] } else { &[] };
+    let ran = Command::new(env!("CARGO_BIN_EXE_gprop")).args(words).args(last_stage).output().unwrap();
     assert!(ran.status.success(), "{command}: {}", String::from_utf8_lossy(&ran.stderr));
     if !is_run {
         return Value::Null;
@@ -115,6 +119,19 @@ fn every_row_of_the_readme_works() {
     let masks = tempfile::tempdir().unwrap();
     GrayImage::from_pixel(8, 6, image::Luma([255])).save(masks.path().join("001.png")).unwrap();
     assert_eq!(views(&run(next(), &scene.path(""), &[("DIR", masks.path().to_owned())])), 4);
+
+    // Parts segmented elsewhere.
+    let scene = made_up();
+    let labels = tempfile::tempdir().unwrap();
+    for view in ["000", "001", "002", "003"] {
+        GrayImage::from_fn(8, 6, |x, _| image::Luma([1 + u8::from(x < 4)]))
+            .save(labels.path().join(format!("{view}.png")))
+            .unwrap();
+    }
+    run_to("segment", next(), &scene.path(""), &[("DIR", labels.path().to_owned())]);
+    let segments = std::fs::read(scene.path("gprop/segments/segments.json")).unwrap();
+    let segments: Value = serde_json::from_slice(&segments).unwrap();
+    assert_eq!(segments["views"]["002"]["parts"].as_array().unwrap().len(), 2, "{segments}");
 
     // A room; the one Gaussian lies a little further out than the README's box reaches.
     let command = next();
