@@ -7,7 +7,7 @@ use std::path::Path;
 use anyhow::{Context, Result};
 
 use crate::from_splat::photo_with_foreground;
-use crate::query::{AnswerSource, Answers, Outcome, Plan, Queries};
+use crate::query::{AnswerSource, Answers, Match, Outcome, Plan, Queries};
 use crate::workdir::{Artifact, WorkDir, WorkDirError};
 
 use super::desk::{self, Desk, DeskView};
@@ -98,18 +98,28 @@ fn recordings_in(folder: &Path) -> Vec<(String, u64)> {
     found
 }
 
-/// Every failure by itself; what was corrected or doubted once, with the number of parts it holds for.
+/// Every failure by itself; what was corrected or doubted once, with the number of parts it holds for; how many answers
+/// were recorded for slightly other masks.
 fn warnings(answers: &Answers) -> Vec<String> {
     let mut warnings = Vec::new();
+    let mut overlaps: Vec<f64> = Vec::new();
     let mut flags: BTreeMap<&str, usize> = BTreeMap::new();
     for part in &answers.parts {
         match &part.outcome {
             Outcome::Failed(failure) => warnings.push(format!("view {} part {}: {failure}", part.view, part.part)),
             Outcome::Answered(answer) => {
                 answer.flags.iter().for_each(|flag| *flags.entry(flag).or_default() += 1);
+                if let Match::Mask { iou } = answer.matched {
+                    overlaps.push(iou);
+                }
             }
         }
     }
     warnings.extend(flags.into_iter().map(|(flag, parts)| format!("{flag} ({parts} of the answers)")));
+    if let Some(least) = overlaps.iter().copied().min_by(f64::total_cmp) {
+        let (count, all) = (overlaps.len(), answers.parts.len());
+        warnings
+            .push(format!("{count} of {all} answers were recorded for slightly other masks (IoU {least:.3} or more)"));
+    }
     warnings
 }

@@ -46,9 +46,6 @@ pub fn replay<'a>(queries: &'a Queries, part: &PartQuery, recordings: &Recording
         match queries.questions.read(question, &recording.response, queries.library, Unknown::TakeNearest) {
             Ok(Reading::Answered(mut answer)) => {
                 answer.matched = so_far;
-                if let Match::Mask { iou } = so_far {
-                    answer.flags.push(format!("the recording's mask overlaps this part by IoU {iou:.3}"));
-                }
                 return Replayed::Answered(Outcome::Answered(*answer));
             }
             Ok(Reading::Next(next)) => question = next,
