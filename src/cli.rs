@@ -108,7 +108,8 @@ fn start_log(global: &Global) {
         (false, _) => "gprop=debug",
     };
     let filter = tracing_subscriber::EnvFilter::new(level);
-    tracing_subscriber::fmt().with_env_filter(filter).with_writer(io::stderr).without_time().init();
+    let log = tracing_subscriber::fmt().with_env_filter(filter).with_writer(io::stderr).without_time();
+    log.with_target(global.verbose > 0).init();
 }
 
 /// Prints a result: as JSON where that is asked for, else as text. A reader that has gone away is no error.
