@@ -6,7 +6,6 @@ use std::hint::black_box;
 use std::path::Path;
 
 use criterion::{Criterion, criterion_group, criterion_main};
-use gprop::camera::Camera;
 use gprop::grasp::gripper::GripperProfile;
 use gprop::grasp::surface::Surface;
 use gprop::grasp::{self, grasp};
@@ -82,7 +81,7 @@ fn labelled(gaussians: &Gaussians) -> MaterialField {
 fn bench(criterion: &mut Criterion) {
     let scene = hammer();
     let field = labelled(&scene.gaussians);
-    let cameras: Vec<Camera> = scene.views.iter().map(|view| view.camera.clone()).collect();
+    let cameras = scene.cameras();
     let provenance = "rendered in metres".to_owned();
     let scale = MetricScale { meters_per_unit: 1.0, source: ScaleSource::Metric, provenance };
     let options = parts::Options::default();

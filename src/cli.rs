@@ -20,7 +20,8 @@ use crate::pipeline::{self, Stage};
 use crate::progress::Progress;
 use crate::{config, inspect};
 use arguments::{
-    Cli, Command, Compat, Evaluate, ExportArgs, Global, Grasp, GraspArgs, Materials, QueryArgs, SceneArgs, SimulateArgs,
+    Cli, Command, Compat, Evaluate, ExportArgs, Global, Grasp, GraspArgs, Materials, QueryArgs, SceneArgs,
+    SimulateArgs, WorkArgs,
 };
 
 /// Does what `arguments` (the program's name first) ask for.
@@ -37,18 +38,15 @@ pub fn run(arguments: Vec<OsString>) -> anyhow::Result<()> {
         pool.map_err(|error| UsageError(format!("--threads {threads}: {error}")))?;
     }
     match &cli.command {
-        Command::Run(args) => scene::run(global, &args.scene, args.to),
+        Command::Run(args) => scene::run(global, &args.scene.scene, &args.scene.work, args.to),
         Command::Segment(args) if args.scene.is_file() => picture::segment(global, args),
-        Command::Segment(args) => scene::run(global, args, Stage::Segment),
+        Command::Segment(args) => scene::run(global, &args.scene, &args.work, Stage::Segment),
         Command::Query(args) => query::query(global, args),
-        Command::Vote(args) => scene::run(global, args, Stage::Vote),
-        Command::Parts(args) => scene::run(global, args, Stage::Parts),
+        Command::Vote(args) => scene::run(global, &args.scene, &args.work, Stage::Vote),
+        Command::Parts(args) => scene::run(global, &args.scene, &args.work, Stage::Parts),
         Command::Simulate(args) => simulate::run(global, args),
         Command::Grasp(GraspArgs { what: Some(what), .. }) => tools::grasp(global, what),
-        Command::Grasp(GraspArgs { scene: Some(scene), work, .. }) => {
-            let args = SceneArgs { scene: scene.clone(), work: work.clone() };
-            scene::run(global, &args, Stage::Grasp)
-        }
+        Command::Grasp(GraspArgs { scene: Some(folder), work, .. }) => scene::run(global, folder, work, Stage::Grasp),
         Command::Grasp(_) => unreachable!("clap asks for a scene where there is no subcommand"),
         Command::Export(args) => scene::export(global, args),
         Command::Inspect(args) => {

@@ -88,6 +88,34 @@ impl Estimate {
     }
 }
 
+/// One of the three values of an [`Estimate`].
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Reading {
+    Low,
+    Mid,
+    High,
+}
+
+impl Reading {
+    /// That value of `estimate`.
+    pub fn of(self, estimate: Estimate) -> f64 {
+        match self {
+            Self::Low => estimate.low,
+            Self::Mid => estimate.mid,
+            Self::High => estimate.high,
+        }
+    }
+
+    /// The value at the other end.
+    pub fn opposite(self) -> Self {
+        match self {
+            Self::Low => Self::High,
+            Self::Mid => Self::Mid,
+            Self::High => Self::Low,
+        }
+    }
+}
+
 impl From<Range> for Estimate {
     fn from(range: Range) -> Self {
         Self::new(range.low, range.mid(), range.high)

@@ -19,7 +19,7 @@ use crate::grasp::gripper::GripperProfile;
 use crate::npz::Npz;
 use crate::pipeline::{open_segmenter, stored_field};
 use crate::scene;
-use crate::segment::{self, Segmenter};
+use crate::segment;
 use crate::setup;
 use crate::workdir::{self, Artifact};
 
@@ -241,8 +241,7 @@ fn evaluate_masks(global: &Global, image: &Path, reference: &Path, setup: &setup
     let picture = image::open(image).map_err(|error| UsageError(format!("{image:?}: {error}")))?.into_rgb8();
     let json = fs::read_to_string(reference).map_err(|error| UsageError(format!("{reference:?}: {error}")))?;
     let reference = Reference::from_json(&json).with_context(|| format!("{reference:?}"))?;
-    let models = setup::obtain(setup, global.progress())?;
-    let segmenter = Segmenter::new(&models, rayon::current_num_threads())?;
+    let segmenter = open_segmenter(setup, &segment::Options::default(), global.progress())?;
     let lists = compare(segmenter.sam(), &picture, &reference, &())?;
     print(global, &lists, || {
         let mut text = format!(

@@ -48,11 +48,11 @@ pub fn query(global: &Global, args: &QueryArgs) -> anyhow::Result<()> {
     }
     match errand(args) {
         Some(errand) if !args.scene.work.dry_run => {
-            let mut pipeline = scene::open(global, &args.scene, Stage::Segment)?;
+            let mut pipeline = scene::open(global, &args.scene.scene, &args.scene.work, Stage::Segment)?;
             pipeline.run()?;
             run(global, &pipeline.desk()?, &errand)
         }
-        _ => scene::run(global, &args.scene, Stage::Query),
+        _ => scene::run(global, &args.scene.scene, &args.scene.work, Stage::Query),
     }
 }
 

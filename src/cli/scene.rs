@@ -1,5 +1,7 @@
 //! The commands that work on a scene.
 
+use std::path::Path;
+
 use serde::Serialize;
 use serde_json::Value;
 
@@ -9,7 +11,7 @@ use crate::query::Plan as QueryPlan;
 use crate::report;
 use crate::workdir::Artifact;
 
-use super::{ExportArgs, Global, SceneArgs, print};
+use super::{ExportArgs, Global, WorkArgs, print};
 
 /// What a dry run says of a stage.
 #[derive(Serialize)]
@@ -19,12 +21,12 @@ struct DryStage {
 }
 
 /// Runs the stages up to `to` and prints what the last one made.
-pub fn run(global: &Global, args: &SceneArgs, to: Stage) -> anyhow::Result<()> {
-    if args.work.dry_run && Pipeline::is_untouched(&args.scene, args.work.out.as_deref(), &args.work.options)? {
+pub fn run(global: &Global, folder: &Path, work: &WorkArgs, to: Stage) -> anyhow::Result<()> {
+    if work.dry_run && Pipeline::is_untouched(folder, work.out.as_deref(), &work.options)? {
         return dry_run(global, to, &[], None);
     }
-    let mut pipeline = open(global, args, to)?;
-    if args.work.dry_run {
+    let mut pipeline = open(global, folder, work, to)?;
+    if work.dry_run {
         let reusable = pipeline.reusable()?;
         // What is asked can be told only once the parts are known.
         let asked = to >= Stage::Query && reusable.contains(&Stage::Segment) && !reusable.contains(&Stage::Query);
@@ -55,12 +57,12 @@ pub fn export(global: &Global, args: &ExportArgs) -> anyhow::Result<()> {
     print(global, &files, || files.iter().map(|file| format!("{}\n", file.display())).collect())
 }
 
-pub fn open(global: &Global, args: &SceneArgs, to: Stage) -> anyhow::Result<Pipeline> {
-    if args.work.from.is_some_and(|from| from > to) {
-        return Err(UsageError(format!("--from {:?} comes after the last stage, {to:?}", args.work.from)).into());
+pub fn open(global: &Global, folder: &Path, work: &WorkArgs, to: Stage) -> anyhow::Result<Pipeline> {
+    if work.from.is_some_and(|from| from > to) {
+        return Err(UsageError(format!("--from {:?} comes after the last stage, {to:?}", work.from)).into());
     }
-    let plan = Plan { to, from: args.work.from };
-    Pipeline::open(&args.scene, args.work.out.as_deref(), args.work.options.clone(), plan, global.progress())
+    let plan = Plan { to, from: work.from };
+    Pipeline::open(folder, work.out.as_deref(), work.options.clone(), plan, global.progress())
 }
 
 fn dry_run(global: &Global, to: Stage, reusable: &[Stage], queries: Option<&QueryPlan>) -> anyhow::Result<()> {

@@ -4,7 +4,7 @@ use crate::pipeline::{Stage, compat};
 use crate::simulate::script::{KNOWN, Known};
 use crate::workdir::{Artifact, DEFAULT_NAME};
 
-use super::{Compat, Global, SceneArgs, SimulateArgs, print, scene};
+use super::{Compat, Global, SimulateArgs, print, scene};
 
 /// Where a foreign configuration's run lies in the work folder.
 const COMPAT_FOLDER: &str = "physgaussian";
@@ -14,8 +14,7 @@ pub fn run(global: &Global, args: &SimulateArgs) -> anyhow::Result<()> {
         return list(global);
     };
     let (Some(Compat::PhysGaussian), Some(config)) = (args.compat, &args.config) else {
-        let scene_args = SceneArgs { scene: folder.clone(), work: args.work.clone() };
-        return scene::run(global, &scene_args, Stage::Simulate);
+        return scene::run(global, folder, &args.work, Stage::Simulate);
     };
     let beside = if folder.is_file() { folder.with_extension("") } else { folder.clone() };
     let out = args.work.out.clone().unwrap_or_else(|| beside.join(DEFAULT_NAME)).join(COMPAT_FOLDER);

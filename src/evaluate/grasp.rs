@@ -9,13 +9,12 @@ use serde::{Deserialize, Serialize};
 
 use crate::grasp::bounds::{Bearing, f_max, f_min};
 use crate::grasp::gripper::GripperProfile;
+use crate::grasp::options::MAX_CURVATURE_1_M;
 use crate::units::GRAVITY_M_S2;
 
 /// The paper's fixed-force policies: normalised inputs of 15, 60 and 100, where its gripper obeys 15 to 100. As shares of
 /// the enabled commands, for any gripper.
 const FIXED: [(&str, f64); 3] = [("MinGF", 0.0), ("MidGF", 45.0 / 85.0), ("MaxGF", 1.0)];
-/// The paper's kappa_max, 1/m.
-const MAX_CURVATURE_1_M: f64 = 0.5;
 
 /// What is wrong with a table.
 #[derive(Debug, thiserror::Error)]

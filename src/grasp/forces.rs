@@ -5,7 +5,7 @@ use serde::{Deserialize, Serialize};
 use super::bounds::{Bearing, ForceMax, ForceStar, f_max, f_min, f_star};
 use super::{GraspError, GripperProfile, Options, Policy};
 use crate::parts::Parts;
-use crate::units::{Estimate, GRAVITY_M_S2};
+use crate::units::{Estimate, GRAVITY_M_S2, Reading};
 use crate::vote::FieldLabel;
 
 /// The numbers that go into the formulas.
@@ -123,31 +123,5 @@ impl Inputs {
             max_curvature_1_m: self.max_curvature_1_m,
         });
         (f_min(at(self.mass_kg), friction, self.lift_angle_rad, GRAVITY_M_S2), upper)
-    }
-}
-
-/// One of the three values of an [`Estimate`].
-#[derive(Clone, Copy)]
-enum Reading {
-    Low,
-    Mid,
-    High,
-}
-
-impl Reading {
-    fn of(self, estimate: Estimate) -> f64 {
-        match self {
-            Self::Low => estimate.low,
-            Self::Mid => estimate.mid,
-            Self::High => estimate.high,
-        }
-    }
-
-    fn opposite(self) -> Self {
-        match self {
-            Self::Low => Self::High,
-            Self::Mid => Self::Mid,
-            Self::High => Self::Low,
-        }
     }
 }

@@ -6,7 +6,7 @@ use serde::{Deserialize, Serialize};
 use super::GraspError;
 
 /// The paper's kappa_max, in 1/m.
-const MAX_CURVATURE_1_M: f64 = 0.5;
+pub const MAX_CURVATURE_1_M: f64 = 0.5;
 /// The paper keeps F* off both ends of the usable forces by a margin eta and gives no value; 5 % is ours.
 const FORCE_MARGIN: f64 = 0.05;
 /// The gripper of the paper's experiments.

@@ -16,7 +16,7 @@ use super::surface::NONE;
 use super::thickness::{Chord, thickness};
 use super::unseen::{self, Doubt};
 use super::wall::{AROUND_CORE, AROUND_VOID, WallDepths};
-use crate::units::Estimate;
+use crate::units::{Estimate, Reading};
 
 /// A ray through a shell no longer than its wall and so many uncertainties goes through one wall, not two: three to either
 /// side, the depth that carving tolerates.
@@ -43,24 +43,6 @@ pub struct Composed {
     pub cores: Vec<Option<u32>>,
     /// Solids that go through solids: which, through which.
     pub passages: Vec<(u32, u32)>,
-}
-
-/// One of the three readings of an [`Estimate`].
-#[derive(Clone, Copy)]
-enum Reading {
-    Low,
-    Mid,
-    High,
-}
-
-impl Reading {
-    fn of(self, estimate: Estimate) -> f64 {
-        match self {
-            Self::Low => estimate.low,
-            Self::Mid => estimate.mid,
-            Self::High => estimate.high,
-        }
-    }
 }
 
 /// Fills the cells. `makes` are per label, `chords` per surface cell; `uncertainty` is how far the surface may be off, scene

@@ -5,7 +5,6 @@ use std::io::{self, Cursor};
 use anyhow::Result;
 use image::ImageFormat;
 
-use crate::camera::Camera;
 use crate::grasp::surface::Surface;
 use crate::grasp::{self, GraspReport};
 use crate::parts::PartsError;
@@ -35,7 +34,7 @@ impl Pipeline {
         let mut options = self.options.grasp.clone();
         options.auto |= asked && !options.names_a_place();
         let field = self.field()?;
-        let cameras: Vec<Camera> = self.scene.views.iter().map(|view| view.camera.clone()).collect();
+        let cameras = self.scene.cameras();
         let (gaussians, meters_per_unit) = (&self.scene.gaussians, scale.meters_per_unit);
         let surface = Surface::of(gaussians, &field.part_label, &cameras, meters_per_unit);
         let report = grasp::grasp(&parts, &field.labels, Some(&surface), meters_per_unit, &self.gripper, &options)?;

@@ -3,7 +3,6 @@
 use anyhow::Result;
 use serde::Serialize;
 
-use crate::camera::Camera;
 use crate::parts::{self, Parts, PartsResult, Shape};
 use crate::workdir::Artifact;
 
@@ -43,7 +42,7 @@ impl Pipeline {
     /// the inside too.
     pub(super) fn parts(&self) -> Result<&PartsResult> {
         get_or_load(&self.parts, || {
-            let cameras: Vec<Camera> = self.scene.views.iter().map(|view| view.camera.clone()).collect();
+            let cameras = self.scene.cameras();
             let (gaussians, scale) = (&self.scene.gaussians, self.scene.scale.as_ref());
             Ok(parts::parts(gaussians, self.field()?, &cameras, scale, &self.options.parts, self.progress)?)
         })

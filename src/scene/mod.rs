@@ -94,6 +94,11 @@ impl Scene {
         cloud.append(&self.surroundings);
         Cow::Owned(cloud)
     }
+
+    /// The cameras of all views, in their order.
+    pub fn cameras(&self) -> Vec<Camera> {
+        self.views.iter().map(|view| view.camera.clone()).collect()
+    }
 }
 
 /// Loads the scene in `folder`: the splat, the cameras, and of each photo its size. With [`Options::render_views`] there are
