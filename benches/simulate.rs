@@ -44,7 +44,8 @@ fn cube(count: usize, cells: usize, law: Law, state: f32) -> (Solver, usize, f32
         domain_m: [[0.0; 3], [2.0; 3]],
         laws: vec![law],
     };
-    (Solver::new(setting, &particles), particles.len(), 0.3 * spacing_m / 11.6)
+    let count = particles.len();
+    (Solver::new(setting, particles), count, 0.3 * spacing_m / 11.6)
 }
 
 fn substeps(c: &mut Criterion) {

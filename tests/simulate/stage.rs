@@ -4,7 +4,7 @@ use gprop::materials::Law;
 use gprop::progress::Progress;
 use gprop::scene::gaussians::Gaussians;
 use gprop::simulate::animation::{self, Viewpoint};
-use gprop::simulate::checkpoint::Checkpoint;
+use gprop::simulate::checkpoint::{Checkpoint, Snapshot};
 use gprop::simulate::filling::{FillPoint, fill};
 use gprop::simulate::material::Material;
 use gprop::simulate::{Frame, Ground, Input, Options, SimulateError, SimulationReport, simulate};
@@ -98,7 +98,7 @@ fn options() -> Options {
 /// All frames and the report of a run from the start.
 fn run(input: &Input, options: &Options) -> (Vec<Frame>, SimulationReport) {
     let mut frames = Vec::new();
-    let mut keep = |frame: &Frame, _: &Checkpoint| {
+    let mut keep = |frame: &Frame, _: &Snapshot| {
         frames.push(frame.clone());
         Ok(())
     };
@@ -182,8 +182,9 @@ fn resumed_run_ends_in_the_same_bytes() {
     let bar = Bar::new();
     let (frames, report) = run(&bar.input(), &options());
     let mut saved = Vec::new();
-    let mut stop_after_two = |frame: &Frame, checkpoint: &Checkpoint| {
-        saved = checkpoint.to_bytes();
+    let mut stop_after_two = |frame: &Frame, snapshot: &Snapshot| {
+        saved.clear();
+        snapshot.write(&mut saved)?;
         if frame.index == 2 { anyhow::bail!("the machine went down") } else { Ok(()) }
     };
     let stopped = simulate(&bar.input(), &options(), None, &mut stop_after_two, Progress::Hidden);
@@ -191,7 +192,7 @@ fn resumed_run_ends_in_the_same_bytes() {
     let checkpoint = Checkpoint::from_bytes(&saved).unwrap();
     assert_eq!(checkpoint.frames(), 3);
     let mut rest = Vec::new();
-    let mut keep = |frame: &Frame, _: &Checkpoint| {
+    let mut keep = |frame: &Frame, _: &Snapshot| {
         rest.push(frame.clone());
         Ok(())
     };
@@ -300,7 +301,7 @@ fn strays_stay_in_place() {
 fn explosion_stops_the_run_and_keeps_the_frames() {
     let bar = Bar::new();
     let mut kept = 0;
-    let mut keep = |_: &Frame, _: &Checkpoint| {
+    let mut keep = |_: &Frame, _: &Snapshot| {
         kept += 1;
         Ok(())
     };
