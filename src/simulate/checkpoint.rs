@@ -14,7 +14,7 @@ use super::mpm::particles::{InOrder, Particle};
 use super::states;
 
 const MAGIC: &[u8; 8] = b"gpropmpm";
-const VERSION: u32 = 1;
+const VERSION: u32 = 2;
 /// Words of a particle.
 const WORDS: usize = 39;
 
@@ -25,6 +25,8 @@ pub struct FrameSummary {
     /// World frame.
     pub center_of_mass_m: [f64; 3],
     pub kinetic_energy_j: f64,
+    /// Stored in elastic strain.
+    pub elastic_energy_j: f64,
     /// Where the object is but for a few strays: lowest and highest corner, world frame, scene units.
     pub bounds: [[f64; 3]; 2],
 }

@@ -31,7 +31,7 @@ pub struct ToWorld {
     pub meters_per_unit: f64,
 }
 
-/// Centre of mass and kinetic energy of all particles at `t_s`, and the bounds of their `gaussians`.
+/// Centre of mass and energies of all particles at `t_s`, and the bounds of their `gaussians`.
 pub fn summary(particles: &InOrder, gaussians: &Gaussians, to_world: ToWorld, t_s: f64) -> FrameSummary {
     let (mut mass, mut moment, mut energy) = (0.0, Vector3::zeros(), 0.0);
     for p in particles.iter() {
@@ -40,11 +40,13 @@ pub fn summary(particles: &InOrder, gaussians: &Gaussians, to_world: ToWorld, t_
         moment += m * Vector3::from(p.position_m.map(f64::from));
         energy += 0.5 * m * Vector3::from(p.velocity_m_s.map(f64::from)).norm_squared();
     }
+    let elastic: Vec<f64> = (0..particles.len()).into_par_iter().map(|id| particles.elastic_j(id)).collect();
     let bounds = robust_bounds(gaussians);
     FrameSummary {
         t_s,
         center_of_mass_m: (moment / mass + to_world.origin_m).into(),
         kinetic_energy_j: energy,
+        elastic_energy_j: elastic.iter().sum(),
         bounds: [bounds.min.into(), bounds.max.into()],
     }
 }

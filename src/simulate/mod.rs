@@ -121,8 +121,8 @@ impl Failure {
             false => ("is no number any more", "the time step is too long for its material; lower --cfl"),
             true => (
                 "left the domain",
-                "it was thrown off, by a time step too long for its material (lower --cfl) or by Gaussians far from \
-                 the object",
+                "the domain, three longest sides around the object, is too small for where the scenario takes it (lower its \
+                 speed or force, or --duration), or a time step too long for its material threw it off (lower --cfl)",
             ),
         };
         let origin = to_world.origin_m;

@@ -19,7 +19,11 @@ pub struct Known {
 
 /// The scenarios that need no file. Times are shares of the simulated time.
 pub const KNOWN: [Known; 8] = [
-    Known { name: "drop", what: "falls onto the ground; see --drop-height and --tilt-deg", parameters: &[] },
+    Known {
+        name: "drop",
+        what: "falls onto the ground (see --ground), tilted",
+        parameters: &[("height", 0.5, "longest sides; or --drop-height"), ("tilt", 25.0, "degrees; or --tilt-deg")],
+    },
     Known {
         name: "push",
         what: "a steady force on the upper third, straight down or sideways",
@@ -124,7 +128,7 @@ impl Script {
     }
 }
 
-/// The scenario `name` with parameters given as `key=value`; `drop` takes its pose from elsewhere and has no steps.
+/// The scenario `name` with parameters given as `key=value`.
 ///
 /// # Errors
 /// [`SimulateError::Scenario`]: an unknown scenario or parameter, a value that is no number.
@@ -162,6 +166,11 @@ pub fn named(name: &str, given: &[String]) -> Result<Script, SimulateError> {
         "shake" => {
             let (acceleration_m_s2, frequency_hz) = ([values["acceleration"], 0.0, 0.0], values["frequency"]);
             vec![step("all", What::Shake { acceleration_m_s2, frequency_hz })]
+        }
+        "drop" => {
+            script.drop_height = values["height"];
+            script.tilt_deg = values["tilt"];
+            vec![]
         }
         "release" => {
             script.drop_height = values["height"];

@@ -91,6 +91,8 @@ fn wrong_names_are_refused_with_what_there_is() {
     assert!(why(named("push", &["fierce=2".to_owned()])).contains("`fierce`"));
     assert!(why(named("push", &["force=much".to_owned()])).contains("no number"));
     assert!(why(Script::from_toml("height = 1")).contains("height"));
+    let low = named("drop", &["height=0.1".to_owned()]).unwrap();
+    assert_eq!((low.drop_height, low.tilt_deg), (0.1, 25.0));
     let (particles, names) = (column(), vec![vec!["foot"], vec!["seat"]]);
     let script = Script::from_toml("[[step]]\non = \"lid\"\ndo = \"hold\"").unwrap();
     let error = standing(&particles, &names).actions(&script.steps).unwrap_err().to_string();

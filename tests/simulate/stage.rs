@@ -296,6 +296,37 @@ fn strays_stay_in_place() {
     assert!(report.warnings.iter().any(|w| w.starts_with("1 Gaussians lie far")), "{:?}", report.warnings);
 }
 
+/// The estimate comes before the work: ten hours are refused.
+#[test]
+fn too_long_a_run_is_refused_before_it_starts() {
+    let bar = Bar::new();
+    let long = Options { duration: Some(1e4), max_stiffness: 1e12, ..options() };
+    let refused = simulate(&bar.input(), &long, None, &mut |_, _| panic!("it began"), Progress::Hidden);
+    match refused {
+        Err(SimulateError::TooLong { minutes, max_minutes }) => assert!(minutes > 600.0 && max_minutes == 120.0),
+        other => panic!("{other:?}"),
+    }
+    assert!(simulate(&bar.input(), &options(), None, &mut |_, _| Ok(()), Progress::Hidden).is_ok());
+}
+
+/// What the scenario carries out of the domain, or into what is no number, stops the run with particle, time and cause.
+#[test]
+fn domain_too_small_or_no_number_stops_the_run() {
+    let bar = Bar::new();
+    let stopped = |scenario: &str, set: &str| {
+        let options = Options { scenario: scenario.to_owned(), set: vec![set.to_owned()], ..options() };
+        match simulate(&bar.input(), &options, None, &mut |_, _| Ok(()), Progress::Hidden) {
+            Err(error @ SimulateError::Lost { t_s, .. }) => (t_s, error.to_string()),
+            other => panic!("{other:?}"),
+        }
+    };
+    // Three longest sides of room at 25 a second each way: after 0.12 s.
+    let (t_s, why) = stopped("stretch", "speed=50");
+    assert!((t_s - 0.12).abs() < 0.01 && why.contains("the domain") && why.contains("particle"), "{t_s}: {why}");
+    let (t_s, why) = stopped("push", "force=1e40");
+    assert!(t_s < 0.01 && why.contains("is no number any more") && why.contains("lower"), "{t_s}: {why}");
+}
+
 /// A step ten times the bound blows up; the run says so instead of writing nonsense, and keeps what it had.
 #[test]
 fn explosion_stops_the_run_and_keeps_the_frames() {

@@ -4,7 +4,7 @@
 use nalgebra::Matrix3;
 
 use super::lanes::{LANES, Row};
-use super::laws::Law;
+use super::laws::{Law, energy};
 
 /// One particle as the outside gives and takes it. SI; positions relative to the simulation's origin.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -224,6 +224,12 @@ impl<'a> InOrder<'a> {
             particle.deformation = particle.elastic;
         }
         particle
+    }
+
+    /// Energy in its elastic strain.
+    pub fn elastic_j(&self, id: usize) -> f64 {
+        let particle = self.get(id);
+        energy::elastic_j(self.laws[particle.law as usize], &particle)
     }
 
     pub fn iter(&self) -> impl Iterator<Item = Particle> + '_ {
