@@ -60,21 +60,28 @@ fn status_bytes(key: &str) -> Option<f64> {
 fn million(c: &mut Criterion) {
     let mut group = c.benchmark_group("simulate");
     group.sample_size(10);
+    let mut solver = None;
     group.bench_function("million", |b| {
-        // Makes the peak what it is now.
-        let _ = std::fs::write("/proc/self/clear_refs", "5");
-        let before = status_bytes("VmHWM:");
-        let (name, law, state) = LAWS[1];
-        let (mut solver, particles, dt_s) = cube(1_000_000, 256, law, state);
-        // Long enough to sort twice.
-        for _ in 0..80 {
-            solver.step(dt_s).expect("the cube stays in its domain");
-        }
-        if let (Some(before), Some(most)) = (before, status_bytes("VmHWM:")) {
-            println!("{name}: {:.0} bytes a particle at the most", (most - before) / particles as f64);
-        }
-        b.iter(|| solver.step(dt_s).expect("the cube stays in its domain"));
+        let (solver, dt_s) = solver.get_or_insert_with(million_with_its_memory);
+        b.iter(|| solver.step(*dt_s).expect("the cube stays in its domain"));
     });
+}
+
+/// The cube of a million and its time step; prints the most memory that it took.
+fn million_with_its_memory() -> (Solver, f32) {
+    // Makes the peak what it is now.
+    let _ = std::fs::write("/proc/self/clear_refs", "5");
+    let before = status_bytes("VmHWM:");
+    let (name, law, state) = LAWS[1];
+    let (mut solver, particles, dt_s) = cube(1_000_000, 256, law, state);
+    // Long enough to sort twice.
+    for _ in 0..80 {
+        solver.step(dt_s).expect("the cube stays in its domain");
+    }
+    if let (Some(before), Some(most)) = (before, status_bytes("VmHWM:")) {
+        println!("{name}: {:.0} bytes a particle at the most", (most - before) / particles as f64);
+    }
+    (solver, dt_s)
 }
 
 fn substeps(c: &mut Criterion) {

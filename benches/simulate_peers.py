@@ -9,7 +9,11 @@ one thread:
 - Taichi, a dense MLS-MPM after its example mpm3d with fixed corotated stress, as in gprop; installed from PyPI;
 - PhysGaussian's solver on warp, with each law, of the folder DIR: a checkout of its repository, whose licence does not let it
   be shipped here. warp-lang 0.10.1, for which it is written, is installed from PyPI.
-MEASURED
+
+Measured on two cores of an AMD EPYC, two rounds, in million particle substeps a CPU second: gprop 21.3 elastic (38.5 on two
+threads, 1.81 times as much by the clock), 13.5 von Mises, 13.3 plasticine, 13.1 sand; Taichi 1.01; in PhysGaussian's place a
+solver written anew in warp from a description of it, which takes its steps bit for bit: 0.80 elastic, 0.60 the others. So gprop
+does 21 times as much as Taichi, 27 times as much as PhysGaussian's solver (elastic), 22 times (the others).
 """
 
 import argparse
@@ -60,6 +64,7 @@ def rate(count, step):
 
 
 def taichi_rate():
+    import numpy as np
     import taichi as ti
 
     ti.init(arch=ti.cpu, cpu_max_num_threads=1, log_level=ti.ERROR, random_seed=1)
@@ -73,7 +78,7 @@ def taichi_rate():
     grid_v, grid_m = ti.Vector.field(3, ti.f32, (CELLS,) * 3), ti.field(ti.f32, (CELLS,) * 3)
     x.from_numpy(positions)
     v.fill(ti.Vector([0.0, 0.0, -1.0]))
-    deformation.fill(ti.Matrix.identity(ti.f32, 3))
+    deformation.from_numpy(np.tile(np.eye(3, dtype=np.float32), (count, 1, 1)))
 
     @ti.kernel
     def clear():
