@@ -284,12 +284,21 @@ impl Standing<'_> {
     }
 }
 
-/// Whether the words of `part` stand in `name`, in their order: "handle" in "body and handle of a mug".
+/// Whether the words of `part` stand in `name`, in their order and in singular or plural: "handle" in "body and handles of a
+/// pot", "legs" in "front leg".
 fn mentions(name: &str, part: &str) -> bool {
     let words = |text: &str| -> Vec<String> {
         let words = text.split(|c: char| !c.is_alphanumeric()).filter(|word| !word.is_empty());
-        words.map(str::to_lowercase).collect()
+        words.map(|word| singular(&word.to_lowercase()).to_owned()).collect()
     };
     let wanted = words(part);
     !wanted.is_empty() && words(name).windows(wanted.len()).any(|found| found == wanted)
+}
+
+/// A word without the s of a plural: "legs" is "leg", "glass" and "gas" stay.
+fn singular(word: &str) -> &str {
+    match word.strip_suffix('s') {
+        Some(stem) if stem.len() > 2 && !stem.ends_with('s') => stem,
+        _ => word,
+    }
 }

@@ -81,6 +81,7 @@ fn parts_are_found_by_words_of_their_caption() {
     assert_eq!(held(mug, "handle").unwrap(), LABELS.map(|l| l == 1));
     assert_eq!(held(mug, "bare clay").unwrap(), LABELS.map(|l| l == 0));
     assert_eq!(held(["foot", "rim above the foot"], "foot").unwrap(), LABELS.map(|l| l == 0));
+    assert_eq!(held(["tapered front leg", "seat of glass"], "legs").unwrap(), LABELS.map(|l| l == 0));
     assert!(held(mug, "hand").is_err() && held(mug, ";").is_err());
 }
 
