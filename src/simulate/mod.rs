@@ -121,7 +121,7 @@ impl Failure {
             false => ("is no number any more", "the time step is too long for its material; lower --cfl"),
             true => (
                 "left the domain",
-                "the domain, three longest sides around the object, is too small for where the scenario takes it (lower its \
+                "the domain, eight longest sides around the object, is too small for where the scenario takes it (lower its \
                  speed or force, or --duration), or a time step too long for its material threw it off (lower --cfl)",
             ),
         };

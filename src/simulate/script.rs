@@ -32,11 +32,11 @@ pub const KNOWN: [Known; 8] = [
     Known {
         name: "poke",
         what: "a short sideways blow at the top",
-        parameters: &[("force", 20.0, "in weights of the object"), ("lasts", 0.05, "share of the time")],
+        parameters: &[("force", 5.0, "in weights of the object"), ("lasts", 0.02, "share of the time")],
     },
     Known {
         name: "twist",
-        what: "the bottom is held, the top turned about the upright axis",
+        what: "one end of the longest side is held, the other turned about it",
         parameters: &[("rate", 2.0, "rad/s")],
     },
     Known {
@@ -103,6 +103,8 @@ pub enum What {
     },
     Turn {
         rate_rad_s: f64,
+        #[serde(default)]
+        about: About,
     },
     Wind {
         velocity_m_s: [f64; 3],
@@ -112,6 +114,16 @@ pub enum What {
         acceleration_m_s2: [f64; 3],
         frequency_hz: f64,
     },
+}
+
+/// What something turns about, through the object's middle.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum About {
+    #[default]
+    Upright,
+    /// The axis of the longest side.
+    Longest,
 }
 
 fn one() -> f64 {
@@ -154,7 +166,10 @@ pub fn named(name: &str, given: &[String]) -> Result<Script, SimulateError> {
             let what = What::Force { weights: [values["force"], 0.0, 0.0] };
             vec![Step { to: values["lasts"], ..step("top", what) }]
         }
-        "twist" => vec![step("bottom", What::Hold), step("top", What::Turn { rate_rad_s: values["rate"] })],
+        "twist" => {
+            let what = What::Turn { rate_rad_s: values["rate"], about: About::Longest };
+            vec![step("low_end", What::Hold), step("high_end", what)]
+        }
         "stretch" => vec![
             step("low_end", What::Draw { speed: -values["speed"] / 2.0 }),
             step("high_end", What::Draw { speed: values["speed"] / 2.0 }),
@@ -219,9 +234,13 @@ impl Standing<'_> {
                 velocity[self.longest_axis()] = (speed * self.longest_m) as f32;
                 Effect::Move(velocity)
             }
-            What::Turn { rate_rad_s } => {
-                let middle = |a: usize| self.extent(a).iter().sum::<f32>() / 2.0;
-                Effect::Turn { center: [middle(0), middle(1)], rate: rate_rad_s as f32 }
+            What::Turn { rate_rad_s, about } => {
+                let axis = match about {
+                    About::Upright => 2,
+                    About::Longest => self.longest_axis(),
+                };
+                let center = [0, 1, 2].map(|a| self.extent(a).iter().sum::<f32>() / 2.0);
+                Effect::Turn { axis, center, rate: rate_rad_s as f32 }
             }
             What::Wind { velocity_m_s, response_s } if response_s > 0.0 => {
                 Effect::Wind { velocity: velocity_m_s.map(|v| v as f32), response_s: response_s as f32 }

@@ -320,9 +320,9 @@ fn domain_too_small_or_no_number_stops_the_run() {
             other => panic!("{other:?}"),
         }
     };
-    // Three longest sides of room at 25 a second each way: after 0.12 s.
-    let (t_s, why) = stopped("stretch", "speed=50");
-    assert!((t_s - 0.12).abs() < 0.01 && why.contains("the domain") && why.contains("particle"), "{t_s}: {why}");
+    // Eight longest sides of room at 100 a second each way: after 0.08 s.
+    let (t_s, why) = stopped("stretch", "speed=200");
+    assert!((t_s - 0.08).abs() < 0.01 && why.contains("the domain") && why.contains("particle"), "{t_s}: {why}");
     let (t_s, why) = stopped("push", "force=1e40");
     assert!(t_s < 0.01 && why.contains("is no number any more") && why.contains("lower"), "{t_s}: {why}");
 }
