@@ -60,7 +60,7 @@ impl Snapshot<'_> {
         out.write_all(self.identity)?;
         out.write_all(&(record.len() as u64).to_le_bytes())?;
         out.write_all(&record)?;
-        out.write_all(&(self.particles.len() as u64).to_le_bytes())?;
+        out.write_all(&(self.particles.count() as u64).to_le_bytes())?;
         self.particles.iter().flat_map(|p| words(&p)).try_for_each(|word| out.write_all(&word.to_le_bytes()))
     }
 
@@ -69,7 +69,7 @@ impl Snapshot<'_> {
     /// # Errors
     /// What the writer reports.
     pub fn write_states(&self, out: &mut dyn Write) -> io::Result<()> {
-        states::write(out, self.particles.len(), |i| self.particles.get(i).into())
+        states::write(out, self.particles.count(), |i| self.particles.get(i).into())
     }
 }
 

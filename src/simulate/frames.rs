@@ -40,7 +40,7 @@ pub fn summary(particles: &InOrder, gaussians: &Gaussians, to_world: ToWorld, t_
         moment += m * Vector3::from(p.position_m.map(f64::from));
         energy += 0.5 * m * Vector3::from(p.velocity_m_s.map(f64::from)).norm_squared();
     }
-    let elastic: Vec<f64> = (0..particles.len()).into_par_iter().map(|id| particles.elastic_j(id)).collect();
+    let elastic: Vec<f64> = (0..particles.count()).into_par_iter().map(|id| particles.elastic_j(id)).collect();
     let bounds = robust_bounds(gaussians);
     FrameSummary {
         t_s,

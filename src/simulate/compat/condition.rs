@@ -84,7 +84,8 @@ impl Turn {
         let offset = position - self.point;
         let [first, second] = self.across;
         let distance = (offset - self.normal * offset.dot(&self.normal)).norm();
-        let angle = (offset.dot(&first) / distance).max(-1.0).min(1.0).acos();
+        let cosine = if distance > 0.0 { (offset.dot(&first) / distance).clamp(-1.0, 1.0) } else { -1.0 };
+        let angle = cosine.acos();
         let (sine, cosine) = if offset.dot(&second) > 0.0 { angle } else { -angle }.sin_cos();
         first * (-distance * sine * self.rate) + second * (distance * cosine * self.rate) + self.normal * self.along
     }

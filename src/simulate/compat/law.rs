@@ -18,7 +18,7 @@ const LEAST_SAND_STRETCH: f32 = 1e-14;
 /// The peer adds it to a strain's norm before it divides by it.
 const NORM_OFFSET: f32 = 1e-6;
 
-/// The peer's pi.
+#[expect(clippy::approx_constant, reason = "the peer's pi has so many digits")]
 const PI: f64 = 3.141_592_65;
 
 /// A law with the constants that all particles share.

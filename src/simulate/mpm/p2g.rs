@@ -75,7 +75,7 @@ struct Order<'a> {
 impl<'a> Order<'a> {
     fn run<'s>(&'s self, slab: usize, scope: &ScopeFifo<'s>) {
         self.scatter(slab);
-        if slab % 2 == 1 {
+        if !slab.is_multiple_of(2) {
             return;
         }
         for odd in [slab.wrapping_sub(1), slab + 1] {
@@ -90,10 +90,10 @@ impl<'a> Order<'a> {
         let own = |planes: usize| self.planes[planes].lock().expect("no slab panicked");
         let (mut left, mut right) = (own(slab), own(slab + 1));
         // Whoever comes first clears.
-        if slab % 2 == 0 {
+        if slab.is_multiple_of(2) {
             left.nodes.fill(0.0);
         }
-        if slab % 2 == 0 || slab + 2 == self.planes.len() {
+        if slab.is_multiple_of(2) || slab + 2 == self.planes.len() {
             right.nodes.fill(0.0);
         }
         let mut packs = self.packs[slab].lock().expect("no slab panicked");

@@ -213,7 +213,7 @@ impl<'a> InOrder<'a> {
         Self { packs, laws, places }
     }
 
-    pub fn len(&self) -> usize {
+    pub fn count(&self) -> usize {
         self.places.len()
     }
 
@@ -233,7 +233,7 @@ impl<'a> InOrder<'a> {
     }
 
     pub fn iter(&self) -> impl Iterator<Item = Particle> + '_ {
-        (0..self.len()).map(|id| self.get(id))
+        (0..self.count()).map(|id| self.get(id))
     }
 }
 
