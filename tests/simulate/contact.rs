@@ -63,7 +63,7 @@ fn rests_on_the_ground() {
     let block = block(|_| Vector3::zeros());
     let mut solver = block.solver([0.0, 0.0, -GRAVITY], ground(Contact::Separate { friction: 0.4 }));
     let lowest = |solver: &gprop::simulate::mpm::Solver| {
-        particles_of(&solver).iter().map(|p| p.position_m[2]).fold(f32::INFINITY, f32::min)
+        particles_of(solver).iter().map(|p| p.position_m[2]).fold(f32::INFINITY, f32::min)
     };
     for _ in 0..4000 {
         solver.step(block.dt_s()).unwrap();
