@@ -4,6 +4,7 @@ use std::path::PathBuf;
 
 use clap::{Args, Parser, Subcommand};
 
+use crate::evaluate::vocabulary::Vocabulary;
 use crate::pipeline::{self, Stage};
 use crate::{export, inspect, materials, setup};
 
@@ -232,6 +233,22 @@ pub enum Evaluate {
     Simulation {
         /// The trajectory (NPZ) with its setting.
         reference: PathBuf,
+    },
+    /// Materials rendered into labelled views, as IoU by label: the paper's table with its two ablations.
+    Segmentation {
+        /// Scene folders; what `gprop run` has not done of them up to the vote is done first.
+        #[arg(required = true)]
+        scenes: Vec<PathBuf>,
+        /// Label maps (one PNG a view, and labels.json or EISeg's autosave_label.txt): a folder inside each scene, or a
+        /// folder with one such folder a scene by its name, or the folder of the only scene.
+        #[arg(long, value_name = "DIR")]
+        truth: PathBuf,
+        /// The label set that materials and labels are counted by.
+        #[arg(long, value_enum, default_value_t)]
+        labels: Vocabulary,
+        /// Work folder of the scene; SCENE/gprop where it is not given. With one scene only.
+        #[arg(long, value_name = "DIR")]
+        out: Option<PathBuf>,
     },
     /// Prompts, time and part IoU of --prompts adaptive beside --prompts grid, on scenes with true part maps.
     Prompts {

@@ -1,5 +1,7 @@
 //! `gprop evaluate`: files and scenes to measures, and measures to text.
 
+mod segmentation;
+
 use std::fs;
 use std::path::{Path, PathBuf};
 
@@ -32,6 +34,9 @@ pub fn evaluate(global: &Global, what: &Evaluate) -> anyhow::Result<()> {
             evaluate_grasp(global, outcomes.as_deref(), objects.as_deref(), gripper)
         }
         Evaluate::Simulation { reference } => evaluate_simulation(global, reference),
+        Evaluate::Segmentation { scenes, truth, labels, out } => {
+            segmentation::evaluate(global, scenes, truth, *labels, out.as_deref())
+        }
         Evaluate::Prompts { scenes, scene, segment, setup } => evaluate_prompts(global, scenes, scene, segment, setup),
         Evaluate::Masks { image, reference, setup } => evaluate_masks(global, image, reference, setup),
         Evaluate::Mass { predictions: Some(predictions), truth: Some(truth), .. } => {

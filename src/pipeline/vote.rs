@@ -4,6 +4,7 @@ use std::path::Path;
 
 use anyhow::{Context, Result};
 
+use crate::query::Answers;
 use crate::scene::gaussians::Gaussians;
 use crate::scene::ply;
 use crate::vote::{MaterialField, ViewInput, field_ply, vote};
@@ -20,20 +21,26 @@ impl Pipeline {
     }
 
     pub(super) fn do_vote(&self) -> Result<Done> {
-        let segmentation = self.segmentation()?;
-        let views = self.views.iter().zip(&segmentation.views);
-        let views: Vec<_> = views
-            .map(|(view, segments)| ViewInput { name: &view.name, camera: &view.camera, map: &segments.map })
-            .collect();
         let gaussians = &self.scene.gaussians;
-        let answers = self.answers()?;
-        let field = vote(gaussians, &views, answers, &self.library, &self.options.vote, self.progress)?;
-
+        let field = self.vote(&self.voters()?, self.answers()?)?;
         self.work.write_with(Artifact::Field, |out| ply::write(out, gaussians, &field_ply::columns(&field)))?;
         self.work.write_json(Artifact::Labels, &field.labels)?;
         self.work.write_json(Artifact::Materials, &field_ply::materials(&field.labels, &self.library))?;
         let warnings = field.warnings;
         Ok(Done::writing([Artifact::Field, Artifact::Labels, Artifact::Materials]).warning(warnings))
+    }
+
+    /// The chosen views with their parts.
+    pub(super) fn voters(&self) -> Result<Vec<ViewInput<'_>>> {
+        let views = self.views.iter().zip(&self.segmentation()?.views);
+        Ok(views
+            .map(|(view, segments)| ViewInput { name: &view.name, camera: &view.camera, map: &segments.map })
+            .collect())
+    }
+
+    /// The field that these views and answers give.
+    pub(super) fn vote(&self, views: &[ViewInput], answers: &Answers) -> Result<MaterialField> {
+        Ok(vote(&self.scene.gaussians, views, answers, &self.library, &self.options.vote, self.progress)?)
     }
 
     /// The part of every Gaussian.

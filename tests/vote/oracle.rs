@@ -42,7 +42,7 @@ pub fn measure(measured: &Measured, field: &MaterialField) -> IouTally<u32> {
 }
 
 /// The field that `rule` makes of the true maps.
-fn voted(measured: &Measured, rule: Rule) -> MaterialField {
+pub fn voted(measured: &Measured, rule: Rule) -> MaterialField {
     let maps = measured.true_maps();
     let answers = true_answers(measured, &maps);
     let views: Vec<_> =
