@@ -6,6 +6,7 @@ use clap::{Args, Parser, Subcommand};
 
 use crate::evaluate::vocabulary::Vocabulary;
 use crate::pipeline::{self, Stage};
+use crate::report::figure::Shown;
 use crate::{export, inspect, materials, setup};
 
 use super::query;
@@ -47,6 +48,8 @@ pub enum Command {
     Query(QueryArgs),
     /// A material for every Gaussian.
     Vote(SceneArgs),
+    /// A picture of the materials, the parts or their confidence as any view of the scene sees them.
+    Show(ShowArgs),
     /// 3D parts: volume, thickness, mass.
     Parts(SceneArgs),
     /// Material Point Method on the Gaussians.
@@ -92,6 +95,22 @@ pub struct WorkArgs {
     pub dry_run: bool,
     #[command(flatten)]
     pub options: pipeline::Options,
+}
+
+#[derive(Debug, Args)]
+pub struct ShowArgs {
+    /// Folder with a 3DGS PLY, cameras and photos; what `gprop run` has not done of it up to the vote is done first.
+    pub scene: PathBuf,
+    /// The picture to write (PNG).
+    pub to: PathBuf,
+    /// What it shows.
+    #[arg(long, value_enum, default_value_t)]
+    pub what: Shown,
+    /// Name of the view, one that voted or not; the first that voted where it is not given.
+    #[arg(long, value_name = "NAME")]
+    pub view: Option<String>,
+    #[command(flatten)]
+    pub work: WorkArgs,
 }
 
 #[derive(Debug, Args)]

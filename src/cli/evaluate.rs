@@ -7,6 +7,7 @@ use std::path::{Path, PathBuf};
 
 use anyhow::Context;
 
+use crate::evaluate::EvaluateError;
 use crate::evaluate::filling;
 use crate::evaluate::grasp as grasp_rates;
 use crate::evaluate::hardness::{self, HardnessEvaluation, Measured, Reading};
@@ -206,6 +207,11 @@ fn evaluate_prompts(
         let true_view = |view: scene::View| -> anyhow::Result<prompts::TrueView> {
             let path = folder.join("ground_truth/part_maps").join(format!("{}.png", view.name));
             let parts = image::open(&path).map_err(|error| UsageError(format!("{path:?}: {error}")))?.into_luma8();
+            let size = (view.camera.intrinsics.width, view.camera.intrinsics.height);
+            if parts.dimensions() != size {
+                let map = parts.dimensions();
+                return Err(EvaluateError::MapSize { path, map, view: view.name, picture: size }.into());
+            }
             Ok(prompts::TrueView { photo: photo_with_foreground(&scene, &view)?, name: view.name, parts })
         };
         let views: Vec<_> = scene.chosen_views(options)?.into_iter().map(true_view).collect::<anyhow::Result<_>>()?;
