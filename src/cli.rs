@@ -20,7 +20,7 @@ use crate::pipeline::{self, Stage};
 use crate::progress::Progress;
 use crate::{config, inspect};
 use arguments::{
-    Cli, Command, Compat, Evaluate, ExportArgs, Global, Grasp, GraspArgs, Materials, QueryArgs, SceneArgs,
+    Cli, Command, Compat, Evaluate, ExportArgs, Global, Grasp, GraspArgs, Materials, QueryArgs, SceneArgs, ShowArgs,
     SimulateArgs, WorkArgs,
 };
 
@@ -43,6 +43,7 @@ pub fn run(arguments: Vec<OsString>) -> anyhow::Result<()> {
         Command::Segment(args) => scene::run(global, &args.scene, &args.work, Stage::Segment),
         Command::Query(args) => query::query(global, args),
         Command::Vote(args) => scene::run(global, &args.scene, &args.work, Stage::Vote),
+        Command::Show(args) => scene::show(global, args),
         Command::Parts(args) => scene::run(global, &args.scene, &args.work, Stage::Parts),
         Command::Simulate(args) => simulate::run(global, args),
         Command::Grasp(GraspArgs { what: Some(what), .. }) => tools::grasp(global, what),

@@ -17,6 +17,7 @@ mod report;
 mod scene;
 mod segment;
 mod simulate;
+mod variants;
 mod vote;
 
 use std::borrow::Cow;

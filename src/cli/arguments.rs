@@ -4,7 +4,9 @@ use std::path::PathBuf;
 
 use clap::{Args, Parser, Subcommand};
 
+use crate::evaluate::vocabulary::Vocabulary;
 use crate::pipeline::{self, Stage};
+use crate::report::figure::Shown;
 use crate::{export, inspect, materials, setup};
 
 use super::query;
@@ -46,6 +48,8 @@ pub enum Command {
     Query(QueryArgs),
     /// A material for every Gaussian.
     Vote(SceneArgs),
+    /// A picture of the materials, the parts or their confidence as any view of the scene sees them.
+    Show(ShowArgs),
     /// 3D parts: volume, thickness, mass.
     Parts(SceneArgs),
     /// Material Point Method on the Gaussians.
@@ -91,6 +95,22 @@ pub struct WorkArgs {
     pub dry_run: bool,
     #[command(flatten)]
     pub options: pipeline::Options,
+}
+
+#[derive(Debug, Args)]
+pub struct ShowArgs {
+    /// Folder with a 3DGS PLY, cameras and photos; what `gprop run` has not done of it up to the vote is done first.
+    pub scene: PathBuf,
+    /// The picture to write (PNG).
+    pub to: PathBuf,
+    /// What it shows.
+    #[arg(long, value_enum, default_value_t)]
+    pub what: Shown,
+    /// Name of the view, one that voted or not; the first that voted where it is not given.
+    #[arg(long, value_name = "NAME")]
+    pub view: Option<String>,
+    #[command(flatten)]
+    pub work: WorkArgs,
 }
 
 #[derive(Debug, Args)]
@@ -232,6 +252,22 @@ pub enum Evaluate {
     Simulation {
         /// The trajectory (NPZ) with its setting.
         reference: PathBuf,
+    },
+    /// Materials rendered into labelled views, as IoU by label: the paper's table with its two ablations.
+    Segmentation {
+        /// Scene folders; what `gprop run` has not done of them up to the vote is done first.
+        #[arg(required = true)]
+        scenes: Vec<PathBuf>,
+        /// Label maps (one PNG a view, and labels.json or EISeg's autosave_label.txt): a folder inside each scene, or a
+        /// folder with one such folder a scene by its name, or the folder of the only scene.
+        #[arg(long, value_name = "DIR")]
+        truth: PathBuf,
+        /// The label set that materials and labels are counted by.
+        #[arg(long, value_enum, default_value_t)]
+        labels: Vocabulary,
+        /// Work folder of the scene; SCENE/gprop where it is not given. With one scene only.
+        #[arg(long, value_name = "DIR")]
+        out: Option<PathBuf>,
     },
     /// Prompts, time and part IoU of --prompts adaptive beside --prompts grid, on scenes with true part maps.
     Prompts {

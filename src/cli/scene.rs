@@ -9,9 +9,9 @@ use crate::exit::UsageError;
 use crate::pipeline::{Pipeline, Plan, Stage};
 use crate::query::Plan as QueryPlan;
 use crate::report;
-use crate::workdir::Artifact;
+use crate::workdir::{self, Artifact};
 
-use super::{ExportArgs, Global, WorkArgs, print};
+use super::{ExportArgs, Global, ShowArgs, WorkArgs, print};
 
 /// What a dry run says of a stage.
 #[derive(Serialize)]
@@ -45,6 +45,16 @@ pub fn run(global: &Global, folder: &Path, work: &WorkArgs, to: Stage) -> anyhow
     let path = pipeline.work().path(artifact);
     let value: Value = if global.json { json_of(&pipeline, artifact)? } else { Value::Null };
     print(global, &value, || path.display().to_string())
+}
+
+/// Draws the field, after the stages up to the vote.
+pub fn show(global: &Global, args: &ShowArgs) -> anyhow::Result<()> {
+    let mut pipeline = open(global, &args.scene, &args.work, Stage::Vote)?;
+    pipeline.run()?;
+    let png = pipeline.show(args.what, args.view.as_deref())?;
+    workdir::write_atomic(&args.to, |out| out.write_all(&png))
+        .map_err(|error| UsageError(format!("cannot write {:?}: {error}", args.to)))?;
+    print(global, &args.to, || args.to.display().to_string())
 }
 
 /// Exports the parts, after the stages up to them.

@@ -1,9 +1,11 @@
 //! The whole result: `report.json` for programs, `report.html` for people, a few lines for the terminal.
 
 mod charts;
+pub mod figure;
 pub mod material_map;
 mod numbers;
 mod page;
+mod panels;
 mod pictures;
 mod summary;
 

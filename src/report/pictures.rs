@@ -55,7 +55,7 @@ impl ViewPictures {
 }
 
 /// The photo with every part in a colour of its own.
-fn tinted(photo: &Photo, map: &LabelMap) -> RgbImage {
+pub(super) fn tinted(photo: &Photo, map: &LabelMap) -> RgbImage {
     let mut picture = photo.rgb.clone();
     for (pixel, &label) in picture.pixels_mut().zip(&map.labels) {
         if label > 0 {
