@@ -103,6 +103,7 @@ pub struct Pipeline {
     work: WorkDir,
     options: Options,
     plan: Plan,
+    typed: Vec<String>,
     progress: Progress,
     record: RunRecord,
     library: Cow<'static, MaterialLibrary>,
@@ -146,6 +147,7 @@ impl Pipeline {
             work,
             options,
             plan,
+            typed: Vec::new(),
             progress,
             record,
             library,
@@ -157,6 +159,11 @@ impl Pipeline {
             field: OnceLock::new(),
             parts: OnceLock::new(),
         })
+    }
+
+    /// The same with the flags that stand for its options, for the report to say how it was made.
+    pub fn typed(self, typed: Vec<String>) -> Self {
+        Self { typed, ..self }
     }
 
     /// Whether nothing has been done in the work folder yet; makes none.

@@ -34,6 +34,9 @@ pub struct Global {
     /// Threads to use; all cores where it is not given. The result is the same on any number.
     #[arg(long, global = true, value_name = "N", display_order = 903)]
     pub threads: Option<usize>,
+    /// The stages' flags as they were typed or stand in `gprop.toml`.
+    #[arg(skip)]
+    pub typed: Vec<String>,
 }
 
 #[derive(Debug, Subcommand)]
