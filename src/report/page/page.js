@@ -5,12 +5,14 @@
   const byId = (id) => document.getElementById(id);
   const scene = JSON.parse(byId("scene").textContent);
   const { cloud, parts, properties } = scene;
-  const canvas = byId("object"), reading = byId("reading"), legend = byId("legend"), choice = byId("color-by");
+  const canvas = byId("object"), reading = byId("reading"), legend = byId("legend"), details = byId("details"), choice = byId("color-by");
 
   // Viridis, from low to high.
   const RAMP = [[68, 1, 84], [71, 44, 122], [59, 81, 139], [44, 113, 142], [33, 144, 141], [39, 173, 129], [92, 200, 99], [170, 220, 50], [253, 231, 37]];
   const NO_VALUE = [150, 150, 150];
   const TURN_PER_KEY = Math.PI / 24, ZOOM_PER_KEY = 1.15, CLICK_PIXELS = 4;
+  // Distance of the camera at first, as a share of that from which the object's whole sphere is seen: few things are spheres.
+  const FILL = 0.8;
 
   const rgb = (hex) => [1, 3, 5].map((at) => parseInt(hex.slice(at, at + 2), 16));
   const css = (color) => `rgb(${color.map(Math.round).join(" ")})`;
@@ -96,9 +98,15 @@
   const point = (ids) => { if (!same(pointed, ids)) { pointed = ids; light(); } };
   const pin = (ids) => {
     pinned = same(pinned, ids) ? null : ids;
-    if (pinned?.length === 1) say(words(pinned[0]));
+    const only = pinned?.length === 1 ? pinned[0] : null;
+    if (only !== null) say(words(only));
+    showDetails(only);
     light();
   };
+  function showDetails(p) {
+    const rows = p === null ? [] : properties.filter(({ values }) => values[p]).map(({ name, values }) => [name, values[p].text]);
+    details.replaceChildren(...rows.flatMap(([name, text]) => ["dt", "dd"].map((tag, at) => Object.assign(document.createElement(tag), { textContent: at ? text : name }))));
+  }
   const linked = (event) => idsOf(event.target.closest?.("[data-parts]"));
   for (const [kind, act] of [["mouseover", linked], ["focusin", linked], ["mouseout", () => null], ["focusout", () => null]])
     document.addEventListener(kind, (event) => { if (linked(event)) point(act(event)); });
@@ -185,7 +193,7 @@
     function home() {
       const away = new Vector3(...cloud.eye).sub(middle);
       if (away.length() === 0) away.set(1, 1, 0.5);
-      const fit = cloud.radius / Math.sin((camera.fov * Math.PI) / 360) / Math.min(1, camera.aspect);
+      const fit = (FILL * cloud.radius) / Math.sin((camera.fov * Math.PI) / 360) / Math.min(1, camera.aspect);
       camera.position.copy(middle).addScaledVector(away.normalize(), fit);
       controls.target.copy(middle);
       stale = true;
