@@ -2,6 +2,7 @@
 
 mod arguments;
 mod evaluate;
+mod manual;
 mod picture;
 mod query;
 mod scene;
@@ -58,6 +59,9 @@ pub fn run(arguments: Vec<OsString>) -> anyhow::Result<()> {
         Command::Materials(what) => tools::materials(global, what),
         Command::Setup(args) => tools::set_up(global, &args.options),
         Command::Doctor(args) => tools::doctor(global, &args.options),
+        Command::Completions { shell } => manual::completions(global, *shell),
+        Command::Man { out: None } => manual::page(global),
+        Command::Man { out: Some(folder) } => manual::pages(global, folder),
     }
 }
 

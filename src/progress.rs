@@ -21,8 +21,9 @@ impl Progress {
         match self {
             Self::Lines | Self::Hidden => ProgressBar::hidden(),
             Self::Shown => {
-                let style = ProgressStyle::with_template("{prefix:>10} [{bar:30}] {pos}/{len} {msg} ({eta} left)")
-                    .expect("the template is a constant");
+                let style =
+                    ProgressStyle::with_template("{prefix:>10} [{bar:30}] {pos}/{len} {msg} ({per_sec}, {eta} left)")
+                        .expect("the template is a constant");
                 let bar = ProgressBar::new(length).with_prefix(what).with_style(style.progress_chars("=> "));
                 bar.enable_steady_tick(Duration::from_millis(200));
                 bar

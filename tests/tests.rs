@@ -29,5 +29,7 @@ mod grasp;
 mod evaluate_grasp;
 // Exports, loaded by MuJoCo, usd-core, NumPy, splat-transform.
 mod export;
+// The report: its page in a browser, its JSON against the published schema.
+mod report;
 // The whole program: runs, reruns, kills, bad input, exit codes.
 mod run;
