@@ -31,5 +31,7 @@ mod evaluate_grasp;
 mod export;
 // The report: its page in a browser, its JSON against the published schema.
 mod report;
+// Every command in the README and in docs/.
+mod docs;
 // The whole program: runs, reruns, kills, bad input, exit codes.
 mod run;

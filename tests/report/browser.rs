@@ -185,4 +185,9 @@ fn a_click_on_the_object_reads_the_parts_number() {
     assert_eq!(page.evaluate("document.querySelectorAll('img[src=x]').length"), 0);
     assert_ne!(page.tab.get_title().unwrap(), "taken");
     assert_eq!(*page.complaints.lock().unwrap(), Vec::<String>::new());
+
+    // And a complaint would have been heard.
+    page.evaluate("console.error('one')");
+    page.settle();
+    assert_eq!(page.complaints.lock().unwrap().len(), 1);
 }
