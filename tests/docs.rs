@@ -1,6 +1,6 @@
 //! Every command in the README and in `docs/`.
 //!
-//! A command in a block marked `sh` is run, in the order of the page, in a folder with a scene called `my_scene` and the files
+//! A command of gprop (also as `cargo run --release --`) in a block marked `sh` is run, in the order of the page, in a folder with a scene called `my_scene` and the files
 //! that the pages speak of. A comment after it says where that is not all there is to it:
 //!
 //! | comment | what the test does |
@@ -52,7 +52,7 @@ fn lines(page: &str) -> Vec<Line> {
             in_block = line == "```sh";
         } else if in_block {
             let (command, comment) = line.split_once(" #").unwrap_or((line, ""));
-            let command = command.trim().to_owned();
+            let command = command.trim().replace("cargo run --release -- ", "gprop ");
             found.push(Line { command, comment: comment.trim().to_owned() });
         }
     }
@@ -121,7 +121,11 @@ fn desk() -> TempDir {
         #[cfg(unix)]
         std::os::unix::fs::symlink(root().join(folder), at(folder)).unwrap();
     }
-    let points: Vec<String> = (0..8).map(|k| format!("{},{}", 15 + 12 * k, 2.0 + 5.0 * f64::from(k))).collect();
+    // Over all of the commands that the paper's gripper obeys.
+    let points: Vec<String> = (0..8)
+        .map(|k| 15.0 + 85.0 / 7.0 * f64::from(k))
+        .map(|command| format!("{command},{}", 0.4 * command))
+        .collect();
     fs::write(at("points.csv"), format!("command,force_n\n{}\n", points.join("\n"))).unwrap();
     fs::write(at("outcomes.csv"), "object,policy,picked_up,undamaged\nmug,gprop,true,true\n").unwrap();
     fs::write(at("predictions.json"), json!({"A_1": [0.5, 1.5], "B_1": [2.0, 4.0]}).to_string()).unwrap();

@@ -98,7 +98,7 @@ fn properties(labels: &[FieldLabel]) -> Vec<Property> {
         })
     };
     let all = [
-        estimates("density", "kg/m³", 1.0, false, |label| label.density_kg_m3),
+        estimates("density", "kg/m³", 1.0, true, |label| label.density_kg_m3),
         estimates("Young's modulus", "GPa", 1e-9, true, |label| label.youngs_modulus_pa),
         estimates("Poisson's ratio", "", 1.0, false, |label| label.poisson_ratio),
         shore("hardness, Shore A", ShoreScale::A),

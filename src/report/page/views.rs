@@ -37,7 +37,7 @@ fn one(view: &ViewPictures, pictures: &Pictures, answers: &Answers) -> Value {
         pictures => vec![
             picture(&view.photo, "photo"),
             picture(&view.parts, "parts of"),
-            picture(&view.materials, "materials in"),
+            picture(&view.materials, "Gaussians seen in"),
         ],
         caption => format!("{} parts: {}", named.len(), named.join("; ")),
         rows => of_view.iter().map(|part| row(part, pictures)).collect::<Vec<_>>(),
