@@ -62,7 +62,7 @@ fn with_models(criterion: &mut Criterion) {
     group.bench_function("look at an embedding", |b| b.iter(|| sam.look(&embedding)));
     let sight = sam.look(&embedding).expect("the decoder runs");
     group.bench_function("decode one prompt, one thread", |b| {
-        b.iter(|| sam.decode(&sight, &[[512.0, 512.0]], |_, decoded| _ = black_box(decoded.predicted_iou)));
+        b.iter(|| sam.decode(&sight, &[[512.0, 512.0]], &|_| [true; 3], |_, decoded| _ = black_box(decoded.logits)));
     });
 }
 

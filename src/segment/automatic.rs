@@ -29,6 +29,9 @@ use super::upsample::Upsampler;
 /// How near to a crop's edge a box counts as cut off, pixels (`is_box_near_crop_edge`).
 const EDGE_TOLERANCE: u32 = 20;
 
+/// In the order of SAM's masks.
+const LEVELS: [Level; 3] = [Level::Small, Level::Middle, Level::Large];
+
 /// A mask of one prompt at one level.
 #[derive(Debug, Clone)]
 pub struct Candidate {
@@ -140,22 +143,28 @@ impl Request<'_> {
         let scaled = |point: &[f64; 2]| [(point[0] * frame.scale[0]) as f32, (point[1] * frame.scale[1]) as f32];
         let scaled_points: Vec<[f32; 2]> = points.iter().map(scaled).collect();
         let mut found = Vec::with_capacity(points.len());
-        sam.decode(&frame.sight, &scaled_points, |index, decoded| {
+        let wanted = |predicted_iou: &[f32; 3]| self.wanted(predicted_iou);
+        sam.decode(&frame.sight, &scaled_points, &wanted, |index, decoded| {
             found.push(self.filter(frame, points[index], &decoded));
             self.observer.prompted();
         })?;
         Ok(found)
     }
 
+    /// Which of a prompt's masks are looked at.
+    fn wanted(&self, predicted_iou: &[f32; 3]) -> [bool; 3] {
+        std::array::from_fn(|index| {
+            self.levels.contains(&LEVELS[index]) && predicted_iou[index] > self.options.min_predicted_iou
+        })
+    }
+
     fn filter(&self, frame: &Frame, point: [f64; 2], decoded: &Decoded<'_>) -> Vec<Candidate> {
         let options = self.options;
         let mut found = Vec::new();
-        for (index, level) in [Level::Small, Level::Middle, Level::Large].into_iter().enumerate() {
+        for (index, level) in LEVELS.into_iter().enumerate() {
+            let Some(logits) = decoded.logits[index] else { continue };
             let predicted_iou = decoded.predicted_iou[index];
-            if !self.levels.contains(&level) || predicted_iou <= options.min_predicted_iou {
-                continue;
-            }
-            let scored = frame.upsampler.score(decoded.logits[index], options.stability_offset);
+            let scored = frame.upsampler.score(logits, options.stability_offset);
             // Also false where the stability is not a number.
             let is_stable = scored.stability >= options.min_stability;
             let (true, Some(bounds)) = (is_stable, scored.mask.bounds()) else { continue };

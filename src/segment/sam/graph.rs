@@ -1,12 +1,14 @@
-//! An ONNX model as a graph of named values: enough of the format (`onnx.proto`) to see what depends on what and to cut
-//! the graph. What gprop does not look into stays as the bytes it was.
+//! An ONNX model as a graph of named values: enough of the format (`onnx.proto`) to find values and constants in it, and
+//! to make other values its outputs. What gprop does not look into stays as the bytes it was.
 
 use std::collections::{BTreeMap, BTreeSet, VecDeque};
 
 use prost::Message;
 
-/// Nodes that have other graphs inside, or whose result's shape depends on their input's values.
-const OPAQUE_OPERATORS: [&str; 7] = ["If", "Loop", "Scan", "NonZero", "Unique", "Compress", "NonMaxSuppression"];
+/// Nodes that have other graphs inside, which may use any value outside of them.
+const OPERATORS_WITH_GRAPHS: [&str; 3] = ["If", "Loop", "Scan"];
+/// `TensorProto.DataType.FLOAT`.
+const FLOAT: i32 = 1;
 
 /// `ModelProto`.
 #[derive(Clone, PartialEq, Message)]
@@ -96,45 +98,24 @@ struct Dimension {
     value: Option<i64>,
 }
 
-/// `TensorProto` with raw little-endian content.
+/// `TensorProto` of floats.
 #[derive(Clone, PartialEq, Message)]
 struct Tensor {
     #[prost(int64, repeated, packed = "false", tag = "1")]
     dimensions: Vec<i64>,
     #[prost(int32, optional, tag = "2")]
     element: Option<i32>,
+    #[prost(float, repeated, tag = "4")]
+    floats: Vec<f32>,
     #[prost(string, optional, tag = "8")]
     name: Option<String>,
+    /// Little-endian; `floats` where this is not there.
     #[prost(bytes = "vec", optional, tag = "9")]
     raw: Option<Vec<u8>>,
 }
 
-/// `TensorProto.DataType`: the kinds of numbers that a decoder's intermediate values are made of.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-#[repr(i32)]
-pub enum Element {
-    Float32 = 1,
-    Int32 = 6,
-    Int64 = 7,
-    Bool = 9,
-}
-
-/// A tensor that is to be part of a model.
-#[derive(Debug, Clone)]
-pub struct Constant {
-    pub name: String,
-    pub shape: Vec<i64>,
-    pub element: Element,
-    /// Little-endian.
-    pub bytes: Vec<u8>,
-}
-
-/// A float input of fixed shape.
-#[derive(Debug, Clone)]
-pub struct Input {
-    pub name: String,
-    pub shape: Vec<i64>,
-}
+/// The constants of a model that are floats, by name.
+pub struct Constants(BTreeMap<String, (Vec<usize>, Vec<f32>)>);
 
 impl Model {
     /// Reads a model; `None` where the bytes are none, or hold no graph.
@@ -157,12 +138,6 @@ impl Model {
         self.graph().output.iter().map(ValueInfo::name).collect()
     }
 
-    /// Whether what depends on what can be told from the nodes' names alone.
-    pub fn is_plain(&self) -> bool {
-        let nodes = &self.graph().node;
-        self.functions.is_empty() && nodes.iter().all(|node| !OPAQUE_OPERATORS.contains(&node.op_type()))
-    }
-
     /// The values that `name` is computed from, nearest first, itself included, at most `count`. The search does not pass
     /// through an `ArgMax`: what only decides which values are taken is none of them.
     pub fn ancestors<'a>(&'a self, name: &'a str, count: usize) -> Vec<&'a str> {
@@ -181,60 +156,51 @@ impl Model {
         found
     }
 
-    /// The values that change with those of `sources` while all shapes stay as they are. A `Shape` passes nothing on.
-    pub fn dependents(&self, sources: &[&str]) -> BTreeSet<&str> {
-        self.reached(sources, |node| node.op_type() != "Shape")
+    /// The inputs of the operator of this kind that gives `value`.
+    pub fn producer(&self, value: &str, operator: &str) -> Option<&[String]> {
+        self.nodes(operator).find(|node| node.output.iter().any(|output| output == value)).map(|node| &*node.input)
     }
 
-    /// The values that change with those of `sources` or with their shapes.
-    pub fn dependents_with_shapes(&self, sources: &[&str]) -> BTreeSet<&str> {
-        self.reached(sources, |_| true)
+    /// The inputs of the first operator of this kind that takes `value`.
+    pub fn consumer(&self, value: &str, operator: &str) -> Option<&[String]> {
+        self.nodes(operator).find(|node| node.input.iter().any(|input| input == value)).map(|node| &*node.input)
     }
 
-    /// What the nodes in `upper` take from outside of it: values of `all` that are not in `upper`, in order of use; only of
-    /// nodes that `outputs` need.
-    pub fn border<'a>(&'a self, outputs: &[&str], upper: &BTreeSet<&str>, all: &BTreeSet<&str>) -> Vec<&'a str> {
-        let needed = self.needed_nodes(outputs, &BTreeSet::new());
-        let mut border = Vec::new();
-        for (node, _) in self.graph().node.iter().zip(needed).filter(|(_, needed)| *needed) {
-            if !node.output.iter().any(|output| upper.contains(output.as_str())) {
-                continue;
-            }
-            for input in node.input.iter().map(String::as_str) {
-                if all.contains(input) && !upper.contains(input) && !border.contains(&input) {
-                    border.push(input);
-                }
+    /// The inputs of the operators of this kind that depend on `value`, in the order of the graph.
+    pub fn consumers_after<'a>(&'a self, value: &str, operator: &'a str) -> impl Iterator<Item = &'a [String]> {
+        let mut reached = BTreeSet::from([value]);
+        // Nodes stand after those that they read from, as the format demands.
+        for node in &self.graph().node {
+            if node.input.iter().any(|input| reached.contains(input.as_str())) {
+                reached.extend(node.output.iter().map(String::as_str));
             }
         }
-        border
+        let reached: BTreeSet<String> = reached.into_iter().map(str::to_owned).collect();
+        let nodes = self.nodes(operator).filter(move |node| node.input.iter().any(|input| reached.contains(input)));
+        nodes.map(|node| &*node.input)
     }
 
-    /// The model with these outputs only, and, where it is [plain](Self::is_plain), only the nodes that they need.
+    /// All float constants, decoded.
+    pub fn constants(&self) -> Constants {
+        let tensors = self.graph().initializer.iter().filter_map(|bytes| Tensor::decode(bytes.as_slice()).ok());
+        Constants(tensors.filter_map(Tensor::into_floats).collect())
+    }
+
+    /// The model with these outputs only, and only what they need.
     pub fn with_outputs(&self, outputs: &[&str]) -> Vec<u8> {
-        self.cut(outputs, &[], &[])
-    }
-
-    /// As [`Self::with_outputs`], with some values given instead of computed: as `inputs`, which replace those of the
-    /// same name, or as `constants`.
-    pub fn cut(&self, outputs: &[&str], inputs: &[Input], constants: &[Constant]) -> Vec<u8> {
-        let given_names = inputs.iter().map(|input| input.name.as_str());
-        let given: BTreeSet<&str> = given_names.chain(constants.iter().map(|value| value.name.as_str())).collect();
         let graph = self.graph();
-        // A graph inside a node may use any value outside of it.
-        let keep_all = !self.is_plain();
-        let needed = if keep_all { vec![true; graph.node.len()] } else { self.needed_nodes(outputs, &given) };
+        let keep_all = graph.node.iter().any(|node| OPERATORS_WITH_GRAPHS.contains(&node.op_type()));
+        let needed = if keep_all { vec![true; graph.node.len()] } else { self.needed_nodes(outputs) };
         let node: Vec<Node> =
             graph.node.iter().zip(needed).filter(|(_, needed)| *needed).map(|(node, _)| node.clone()).collect();
         let used: BTreeSet<&str> =
             node.iter().flat_map(|node| &node.input).map(String::as_str).chain(outputs.iter().copied()).collect();
-        let is_kept = |name: &str| (keep_all || used.contains(name)) && !given.contains(name);
-        let own_inputs = graph.input.iter().filter(|input| is_kept(input.name()));
+        let is_kept = |name: &str| keep_all || used.contains(name);
         let is_kept_tensor = |tensor: &&Vec<u8>| Tensor::decode(tensor.as_slice()).is_ok_and(|t| is_kept(t.name()));
-        let own_constants = graph.initializer.iter().filter(is_kept_tensor).cloned();
         let new_graph = Graph {
-            input: own_inputs.cloned().chain(inputs.iter().map(ValueInfo::of)).collect(),
+            input: graph.input.iter().filter(|input| is_kept(input.name())).cloned().collect(),
             output: outputs.iter().map(|name| ValueInfo::untyped(name)).collect(),
-            initializer: own_constants.chain(constants.iter().map(|value| value.to_tensor().encode_to_vec())).collect(),
+            initializer: graph.initializer.iter().filter(is_kept_tensor).cloned().collect(),
             name: graph.name.clone(),
             sparse_initializer: graph.sparse_initializer.clone(),
             node,
@@ -251,52 +217,53 @@ impl Model {
         nodes.flat_map(|node| node.output.iter().map(move |output| (output.as_str(), node))).collect()
     }
 
-    /// Nodes stand after those that they read from, as the format demands.
-    fn reached(&self, sources: &[&str], passes_on: impl Fn(&Node) -> bool) -> BTreeSet<&str> {
-        let mut reached = BTreeSet::new();
-        for node in self.graph().node.iter().filter(|node| passes_on(node)) {
-            let is_reached = |input: &String| sources.contains(&input.as_str()) || reached.contains(input.as_str());
-            if node.input.iter().any(is_reached) {
-                reached.extend(node.output.iter().map(String::as_str));
-            }
-        }
-        reached
+    fn nodes(&self, operator: &str) -> impl Iterator<Item = &Node> {
+        self.graph().node.iter().filter(move |node| node.op_type() == operator)
     }
 
-    /// Which nodes are needed for `outputs` where the values `given` are there already.
-    fn needed_nodes(&self, outputs: &[&str], given: &BTreeSet<&str>) -> Vec<bool> {
-        let mut wanted: BTreeSet<&str> = outputs.iter().copied().filter(|name| !given.contains(name)).collect();
+    /// Which nodes are needed for `outputs`.
+    fn needed_nodes(&self, outputs: &[&str]) -> Vec<bool> {
+        let mut wanted: BTreeSet<&str> = outputs.iter().copied().collect();
         let mut needed = vec![false; self.graph().node.len()];
         for (node, needed) in self.graph().node.iter().zip(&mut needed).rev() {
             *needed = node.output.iter().any(|output| wanted.contains(output.as_str()));
             if *needed {
-                wanted.extend(node.input.iter().map(String::as_str).filter(|name| !given.contains(name)));
+                wanted.extend(node.input.iter().map(String::as_str));
             }
         }
         needed
     }
 }
 
-impl ValueInfo {
-    fn of(input: &Input) -> Self {
-        let dimension = input.shape.iter().map(|&value| Dimension { value: Some(value) }).collect();
-        let tensor = TensorType { element: Some(Element::Float32 as i32), shape: Some(Shape { dimension }) };
-        Self { name: Some(input.name.clone()), value_type: Some(ValueType { tensor: Some(tensor) }) }
+impl Constants {
+    /// The value of this name, where it has this shape.
+    pub fn get(&self, name: &str, shape: &[usize]) -> Option<&[f32]> {
+        self.0.get(name).filter(|(found, _)| found == shape).map(|(_, values)| &**values)
     }
 
+    /// The name that ends so.
+    pub fn name_ending_in(&self, ending: &str) -> Option<&str> {
+        self.0.keys().map(String::as_str).find(|name| name.ends_with(ending))
+    }
+}
+
+impl ValueInfo {
     /// ONNX Runtime finds the type out by itself.
     fn untyped(name: &str) -> Self {
         Self { name: Some(name.to_owned()), value_type: None }
     }
 }
 
-impl Constant {
-    fn to_tensor(&self) -> Tensor {
-        Tensor {
-            dimensions: self.shape.clone(),
-            element: Some(self.element as i32),
-            name: Some(self.name.clone()),
-            raw: Some(self.bytes.clone()),
-        }
+impl Tensor {
+    /// Name, shape and values of a tensor of floats.
+    fn into_floats(self) -> Option<(String, (Vec<usize>, Vec<f32>))> {
+        let (name, element) = (self.name().to_owned(), self.element());
+        let shape = self.dimensions.iter().map(|&side| usize::try_from(side).ok()).collect::<Option<Vec<usize>>>()?;
+        let values = match self.raw {
+            Some(raw) => raw.as_chunks().0.iter().map(|&bytes| f32::from_le_bytes(bytes)).collect(),
+            None => self.floats,
+        };
+        let is_whole = element == FLOAT && shape.iter().product::<usize>() == values.len();
+        is_whole.then_some((name, (shape, values)))
     }
 }

@@ -16,6 +16,7 @@ use super::error::SegmentError;
 use crate::setup::ModelFiles;
 use cache::Cache;
 use decoder::{Decoder, PictureValues};
+pub use decoder::Wanted;
 use encoder::Encoder;
 
 /// Side of the square picture that the encoder sees.
@@ -42,8 +43,8 @@ pub struct Sight(PictureValues);
 /// The three nested masks of one prompt: small, middle, large.
 #[derive(Debug, Clone, Copy)]
 pub struct Decoded<'a> {
-    /// Each 256 x 256, row by row.
-    pub logits: [&'a [f32]; 3],
+    /// Each 256 x 256, row by row; `None` where it was not wanted.
+    pub logits: [Option<&'a [f32]>; 3],
     pub predicted_iou: [f32; 3],
 }
 
@@ -98,14 +99,15 @@ impl Sam {
     }
 
     /// Decodes up to [`Self::batch`] point prompts, (x, y) in the frame of the scaled picture (its longest side is 1024),
-    /// and hands the masks of each to `take`, with the prompt's index.
+    /// and hands the masks of each that are `wanted`, given their predicted IoU, to `take`, with the prompt's index.
     pub fn decode(
         &self,
         sight: &Sight,
         points: &[[f32; 2]],
+        wanted: &Wanted<'_>,
         take: impl FnMut(usize, Decoded<'_>),
     ) -> Result<(), SegmentError> {
-        self.decoder.run(&sight.0, points, take).map_err(decoder_failed)
+        self.decoder.run(&sight.0, points, wanted, take).map_err(decoder_failed)
     }
 }
 

@@ -1,51 +1,53 @@
-//! The prompt decoder, cut in two when it is loaded: what depends on the picture alone runs once a picture, and only what
-//! a prompt changes runs for every prompt.
+//! The prompt decoder.
 //!
 //! 1. `feed`: the inputs of the standard export.
 //! 2. `four_masks`: where the logits of all masks and their predicted IoU lie. An export that returns only the best of
 //!    its four masks has all of them as values inside.
-//! 3. `split`: values that no prompt changes are taken out of the prompts' part. Those that depend on shapes alone
-//!    become constants, the others (the first layer's projections of the picture) its inputs.
+//! 3. `whole`: ONNX Runtime runs the export as it is, for every prompt.
+//! 4. `fused`, which `quick` feeds: gprop computes SAM's mask decoder itself, several times faster. It serves where the
+//!    export has SAM's parameters by their names and where both ways agree on a trial.
 
 mod feed;
 mod four_masks;
-mod split;
+mod fused;
+mod quick;
+mod whole;
 
 use std::path::Path;
 
-use ort::session::Session;
-
 use super::super::error::SegmentError;
-use super::graph::{Input, Model};
-use super::pool::Pool;
+use super::graph::Model;
 use super::runtime::{self, Runtime};
-use super::{Decoded, Embedding, LOGITS_SIDE, not_sam, unloadable};
-use feed::{Fed, PromptShape, check_names, feed, standard_inputs};
-use four_masks::FourMasks;
-use split::{Split, split, whole};
+use super::{Decoded, Embedding, LOGITS_SIDE, MODEL_SIDE, not_sam, unloadable};
+use feed::{PromptShape, check_names};
+use quick::Quick;
+use whole::Whole;
 
 const DECODER: &str = "a SAM prompt decoder (the standard export)";
 /// Pixels of one mask's logits.
 const LOGITS: usize = LOGITS_SIDE * LOGITS_SIDE;
+/// How far apart both ways may be on the trial: predicted IoU, and logits in units of their spread.
+const AGREEMENT: f32 = 1e-3;
+
+/// Which of the three masks are worth making, given the predicted IoU of all.
+pub type Wanted<'a> = dyn Fn(&[f32; 3]) -> [bool; 3] + 'a;
 
 /// The decoder, ready to run on several threads at once.
 pub struct Decoder {
-    plan: Plan,
-    /// `None` where the model cannot be cut: then its picture inputs go straight to the prompts' part.
-    picture: Option<Pool<Session>>,
-    prompt: Pool<Session>,
-}
-
-/// How to run the two parts.
-struct Plan {
     prompt: PromptShape,
-    /// What the prompts' part takes of the picture.
-    picture_values: Vec<Input>,
-    outputs: FourMasks,
+    way: Way,
 }
 
-/// What the prompts' part takes of one picture, in the order of the plan.
-pub struct PictureValues(Vec<Vec<f32>>);
+enum Way {
+    Quick(Box<Quick>),
+    Whole(Whole),
+}
+
+/// What a prompt takes of one picture.
+pub enum PictureValues {
+    Quick(fused::Picture),
+    Whole(Embedding),
+}
 
 impl Decoder {
     /// Loads the model in `bytes`, read from `path`, for use on `threads` threads at once.
@@ -60,42 +62,28 @@ impl Decoder {
     fn of_model(runtime: &Runtime, model: &Model, threads: usize) -> Result<Self, String> {
         check_names(model)?;
         let prompt = PromptShape::of(model)?;
-        let outputs = FourMasks::find(runtime, model, prompt)?;
-        let Split { picture_model, prompt_model, picture_values } =
-            if model.is_plain() { split(runtime, model, prompt, &outputs)? } else { whole(model, &outputs) };
-        let pool = |model: &[u8], count: usize| -> Result<_, String> {
-            Ok(Pool::new((0..count).map(|_| runtime::session(runtime, model)).collect::<Result<_, _>>()?))
-        };
-        Ok(Self {
-            picture: picture_model.map(|model| pool(&model, 1)).transpose()?,
-            prompt: pool(&prompt_model, threads)?,
-            plan: Plan { prompt, picture_values, outputs },
+        let whole = Self { prompt, way: Way::Whole(Whole::open(runtime, model, prompt, 1)?) };
+        let quick = Quick::open(runtime, model, prompt, threads).and_then(|quick| {
+            let quick = Self { prompt, way: Way::Quick(Box::new(quick)) };
+            quick.check_against(&whole).map(|()| quick)
+        });
+        quick.or_else(|reason| {
+            tracing::info!("the SAM decoder runs as exported, which is slower: {reason}");
+            Ok(Self { prompt, way: Way::Whole(Whole::open(runtime, model, prompt, threads)?) })
         })
     }
 
     /// How many prompts a run takes.
     pub fn batch(&self) -> usize {
-        self.plan.prompt.batch
+        self.prompt.batch
     }
 
-    /// Computes what the prompts' part needs of a picture.
+    /// Computes what the prompts need of a picture.
     pub fn look(&self, embedding: &Embedding) -> Result<PictureValues, String> {
-        let points = self.plan.prompt.blank();
-        let standard = standard_inputs(embedding, &points, self.plan.prompt);
-        let given = |name: &str| standard.iter().find(|fed| fed.0 == name).map(|fed| fed.2.to_vec());
-        let names: Vec<&str> = self.plan.picture_values.iter().map(|value| value.name.as_str()).collect();
-        let Some(pool) = &self.picture else {
-            return Ok(PictureValues(names.into_iter().filter_map(given).collect()));
-        };
-        pool.with(|session| {
-            let inputs = feed(session, &standard)?;
-            let outputs = session.run(inputs).map_err(|error| error.to_string())?;
-            let value = |name: &str| match given(name) {
-                Some(value) => Ok(value),
-                None => Ok(outputs[name].try_extract_tensor::<f32>().map_err(|error| error.to_string())?.1.to_vec()),
-            };
-            Ok(PictureValues(names.into_iter().map(value).collect::<Result<_, String>>()?))
-        })
+        match &self.way {
+            Way::Quick(quick) => quick.look(embedding).map(PictureValues::Quick),
+            Way::Whole(_) => Ok(PictureValues::Whole(embedding.clone())),
+        }
     }
 
     /// Decodes up to [`Self::batch`] point prompts and hands the masks of each to `take`, with the prompt's index.
@@ -103,29 +91,43 @@ impl Decoder {
         &self,
         picture: &PictureValues,
         points: &[[f32; 2]],
-        mut take: impl FnMut(usize, Decoded<'_>),
+        wanted: &Wanted<'_>,
+        take: impl FnMut(usize, Decoded<'_>),
     ) -> Result<(), String> {
-        let failed = |error: ort::Error| error.to_string();
-        let prompt = self.plan.prompt.fill(points);
-        let values = self.plan.picture_values.iter().zip(&picture.0);
-        let mut fed: Vec<Fed<'_>> =
-            values.map(|(input, values)| (input.name.as_str(), input.shape.clone(), values.as_slice())).collect();
-        fed.extend(prompt.inputs(self.plan.prompt));
-        self.prompt.with(|session| {
-            let inputs = feed(session, &fed)?;
-            let outputs = session.run(inputs).map_err(failed)?;
-            let four = &self.plan.outputs;
-            let logits = outputs[four.logits.as_str()].try_extract_tensor::<f32>().map_err(failed)?.1;
-            let scores = outputs[four.scores.as_str()].try_extract_tensor::<f32>().map_err(failed)?.1;
-            let of_prompt = logits.chunks_exact(four.count * LOGITS).zip(scores.chunks_exact(four.count));
-            for (index, (logits, scores)) in of_prompt.enumerate().take(points.len()) {
-                // Of four masks the first is the one for unambiguous prompts; the others are the three levels.
-                let first = four.count - 3;
-                let level = |level: usize| &logits[(first + level) * LOGITS..][..LOGITS];
-                let predicted_iou = [scores[first], scores[first + 1], scores[first + 2]];
-                take(index, Decoded { logits: [level(0), level(1), level(2)], predicted_iou });
-            }
+        match (&self.way, picture) {
+            (Way::Quick(quick), PictureValues::Quick(picture)) => quick.run(picture, points, wanted, take),
+            (Way::Whole(whole), PictureValues::Whole(embedding)) => whole.run(embedding, points, wanted, take),
+            _ => Err("the picture was looked at by another decoder".to_owned()),
+        }
+    }
+
+    /// Whether both decode a prompt to a made-up picture alike.
+    fn check_against(&self, other: &Self) -> Result<(), String> {
+        // Any values will do that are as large as an embedding's and the same every time.
+        let mut state = 1_u32;
+        let mut next = || {
+            state = state.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
+            (state >> 8) as f32 / (1 << 24) as f32 - 0.5
+        };
+        let embedding = Embedding(Embedding::blank().0.iter().map(|_| next()).collect());
+        let point = [0.4 * MODEL_SIDE as f32, 0.3 * MODEL_SIDE as f32];
+        let decode = |decoder: &Self| -> Result<(Vec<f32>, [f32; 3]), String> {
+            let mut answer = (Vec::new(), [0.0; 3]);
+            decoder.run(&decoder.look(&embedding)?, &[point], &|_| [true; 3], |_, decoded| {
+                answer = (decoded.logits.into_iter().flatten().flatten().copied().collect(), decoded.predicted_iou);
+            })?;
+            Ok(answer)
+        };
+        let ((logits, scores), (expected_logits, expected_scores)) = (decode(self)?, decode(other)?);
+        let greatest = |values: &[f32]| values.iter().fold(0.0_f32, |most, value| most.max(value.abs()));
+        let apart = |a: &[f32], b: &[f32]| a.iter().zip(b).fold(0.0_f32, |most, (a, b)| most.max((a - b).abs()));
+        let of_logits = apart(&logits, &expected_logits) / greatest(&expected_logits);
+        let of_scores = apart(&scores, &expected_scores);
+        tracing::debug!("trial of the SAM decoder: logits {of_logits:e} and predicted IoU {of_scores:e} apart");
+        if of_logits <= AGREEMENT && of_scores <= AGREEMENT {
             Ok(())
-        })
+        } else {
+            Err(format!("on a trial its logits are {of_logits:e} and its predicted IoU {of_scores:e} off"))
+        }
     }
 }

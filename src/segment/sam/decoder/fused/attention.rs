@@ -1,0 +1,328 @@
+//! Attention between the tokens of a prompt and the pixels of the picture's embedding.
+//!
+//! The tokens are few and the pixels many, so every projection is moved from the pixels to the tokens: with x a pixel, q a
+//! token's query and W the matrix of keys of one head, `q (x W)ᵀ = x (W qᵀ)`, and with p the weights of the pixels and W
+//! the matrix of values, `p (x W) = (p x) W`. Instead of each head's projection of all pixels there is one product with
+//! as many columns as there are pairs of token and head: column `token * HEADS + head`. A key's bias adds the same to all pixels
+//! of a column, which a softmax over pixels does not see.
+
+use super::matrix::{Left, Product, Right, Start, multiply};
+use super::tokens::Projected;
+use super::vector::Vector;
+use super::weights::{Attention, Linear, Norm};
+use super::{BLOCK, CHANNELS, HEADS, INNER, PAIRS, PIXELS, TOKENS, WIDTH};
+
+/// How a token weighs pixels by what they hold: `[CHANNELS, PAIRS]`, and what is added to each column.
+pub struct Scores {
+    columns: Vec<f32>,
+    added: [f32; PAIRS],
+}
+
+impl Scores {
+    /// Of what is projected of the tokens, and the projection of the pixels.
+    #[inline(always)]
+    pub fn new<V: Vector>(tokens: &Projected, pixels: &Linear) -> Self {
+        let scale = 1.0 / (WIDTH as f32).sqrt();
+        let mut by_head = [0.0; INNER * PAIRS];
+        let mut added = [0.0; PAIRS];
+        for token in 0..TOKENS {
+            for i in 0..INNER {
+                let pair = token * HEADS + i / WIDTH;
+                by_head[i * PAIRS + pair] = tokens[token * INNER + i] * scale;
+                added[pair] += tokens[token * INNER + i] * scale * pixels.bias[i];
+            }
+        }
+        let mut columns = vec![0.0; CHANNELS * PAIRS];
+        multiply::<V>(
+            Left { values: &pixels.weight, row: INNER, column: 1 },
+            Right { values: &by_head, row: PAIRS },
+            Start::Zero,
+            Product { values: &mut columns, row: PAIRS },
+            [CHANNELS, INNER, PAIRS],
+        );
+        Self { columns, added }
+    }
+
+    /// `[BLOCK, CHANNELS]` to `[BLOCK, PAIRS]`.
+    #[inline(always)]
+    pub fn of<V: Vector>(&self, block: &[f32], scores: &mut [f32; BLOCK * PAIRS]) {
+        multiply::<V>(
+            Left { values: block, row: CHANNELS, column: 1 },
+            Right { values: &self.columns, row: PAIRS },
+            Start::Row(&self.added),
+            Product { values: scores, row: PAIRS },
+            [BLOCK, CHANNELS, PAIRS],
+        );
+    }
+}
+
+/// What the pairs saw of the pixels so far, with the softmax over all pixels made up as they come (the sums are scaled to the
+/// greatest score so far).
+pub struct Sight {
+    most: [f32; PAIRS],
+    sums: [f32; PAIRS],
+    /// `[PAIRS, CHANNELS]`.
+    values: Vec<f32>,
+}
+
+impl Sight {
+    pub fn new() -> Self {
+        Self { most: [f32::NEG_INFINITY; PAIRS], sums: [0.0; PAIRS], values: vec![0.0; PAIRS * CHANNELS] }
+    }
+
+    /// Adds the pixels of `block`, `[BLOCK, CHANNELS]`, by their `scores`, `[BLOCK, PAIRS]`, which become weights.
+    #[inline(always)]
+    pub fn add<V: Vector>(&mut self, scores: &mut [f32; BLOCK * PAIRS], block: &[f32]) {
+        let mut factors = [0.0; PAIRS];
+        for pair in (0..PAIRS).step_by(V::WIDTH) {
+            let before = V::load(&self.most[pair..]);
+            let mut most = before;
+            for pixel in 0..BLOCK {
+                most = most.max(V::load(&scores[pixel * PAIRS + pair..]));
+            }
+            let factor = before.sub(most).exp();
+            let mut sum = V::load(&self.sums[pair..]).mul(factor);
+            for pixel in 0..BLOCK {
+                let weight = V::load(&scores[pixel * PAIRS + pair..]).sub(most).exp();
+                weight.store(&mut scores[pixel * PAIRS + pair..]);
+                sum = sum.add(weight);
+            }
+            most.store(&mut self.most[pair..]);
+            sum.store(&mut self.sums[pair..]);
+            factor.store(&mut factors[pair..]);
+        }
+        for (row, factor) in self.values.chunks_exact_mut(CHANNELS).zip(factors) {
+            if factor != 1.0 {
+                for i in (0..CHANNELS).step_by(V::WIDTH) {
+                    V::load(&row[i..]).mul(V::splat(factor)).store(&mut row[i..]);
+                }
+            }
+        }
+        multiply::<V>(
+            Left { values: scores, row: 1, column: PAIRS },
+            Right { values: block, row: CHANNELS },
+            Start::There,
+            Product { values: &mut self.values, row: CHANNELS },
+            [PAIRS, BLOCK, CHANNELS],
+        );
+    }
+
+    /// What each token found, by this projection of the pixels.
+    #[inline(always)]
+    pub fn found<V: Vector>(&self, pixels: &Linear) -> Projected {
+        let mut projected = [0.0; PAIRS * INNER];
+        multiply::<V>(
+            Left { values: &self.values, row: CHANNELS, column: 1 },
+            Right { values: &pixels.weight, row: INNER },
+            Start::Zero,
+            Product { values: &mut projected, row: INNER },
+            [PAIRS, CHANNELS, INNER],
+        );
+        let mut found = [0.0; TOKENS * INNER];
+        for token in 0..TOKENS {
+            for i in 0..INNER {
+                let pair = token * HEADS + i / WIDTH;
+                found[token * INNER + i] = projected[pair * INNER + i] / self.sums[pair] + pixels.bias[i];
+            }
+        }
+        found
+    }
+}
+
+/// What the pixels take of the tokens: a row for each pair of token and head, `[PAIRS, CHANNELS]`.
+pub struct Answers<'a> {
+    rows: Vec<f32>,
+    bias: &'a [f32],
+    norm: &'a Norm,
+}
+
+impl<'a> Answers<'a> {
+    /// Of the values projected of the tokens.
+    #[inline(always)]
+    pub fn new<V: Vector>(tokens: &Projected, attention: &'a Attention, norm: &'a Norm) -> Self {
+        let mut by_head = [0.0; PAIRS * INNER];
+        for token in 0..TOKENS {
+            for i in 0..INNER {
+                by_head[(token * HEADS + i / WIDTH) * INNER + i] = tokens[token * INNER + i];
+            }
+        }
+        let mut rows = vec![0.0; PAIRS * CHANNELS];
+        multiply::<V>(
+            Left { values: &by_head, row: INNER, column: 1 },
+            Right { values: &attention.out.weight, row: CHANNELS },
+            Start::Zero,
+            Product { values: &mut rows, row: CHANNELS },
+            [PAIRS, INNER, CHANNELS],
+        );
+        Self { rows, bias: &attention.out.bias, norm }
+    }
+
+    /// Adds them to the pixels of `block`, `[BLOCK, CHANNELS]`, by `weights`, `[BLOCK, PAIRS]` by the strides given.
+    #[inline(always)]
+    pub fn add_to<V: Vector>(&self, weights: Left<'_>, block: &mut [f32]) {
+        for row in block.chunks_exact_mut(CHANNELS) {
+            super::layers::increase::<V>(row, self.bias);
+        }
+        multiply::<V>(
+            weights,
+            Right { values: &self.rows, row: CHANNELS },
+            Start::There,
+            Product { values: block, row: CHANNELS },
+            [BLOCK, PAIRS, CHANNELS],
+        );
+        self.norm.apply::<V>(block);
+    }
+}
+
+/// Softmax over the first `count` tokens of each head, `[BLOCK, PAIRS]`; the weights of the others become zero.
+#[inline(always)]
+pub fn softmax_over_tokens<V: Vector>(scores: &mut [f32; BLOCK * PAIRS], count: usize) {
+    for row in scores.chunks_exact_mut(PAIRS) {
+        let mut most = [f32::NEG_INFINITY; HEADS];
+        for token in 0..count {
+            for head in 0..HEADS {
+                let score = row[token * HEADS + head];
+                most[head] = if score > most[head] { score } else { most[head] };
+            }
+        }
+        for token in 0..count {
+            for head in 0..HEADS {
+                row[token * HEADS + head] -= most[head];
+            }
+        }
+        for pair in (0..PAIRS).step_by(V::WIDTH) {
+            V::load(&row[pair..]).exp().store(&mut row[pair..]);
+        }
+        row[count * HEADS..].fill(0.0);
+        let mut sums = [0.0; HEADS];
+        for token in 0..count {
+            for head in 0..HEADS {
+                sums[head] += row[token * HEADS + head];
+            }
+        }
+        for token in 0..count {
+            for head in 0..HEADS {
+                row[token * HEADS + head] /= sums[head];
+            }
+        }
+    }
+}
+
+/// What no prompt changes of the first layer's attention, both ways.
+pub struct FirstLayer {
+    /// Keys of the pixels, `[INNER, PIXELS]`, and their values, `[PIXELS, INNER]`.
+    keys: Vec<f32>,
+    values: Vec<f32>,
+    /// Queries of the pixels, `[INNER, PIXELS]`.
+    queries: Vec<f32>,
+}
+
+impl FirstLayer {
+    /// `picture` and `positions` are `[PIXELS, CHANNELS]`.
+    #[inline(always)]
+    pub fn new<V: Vector>(picture: &[f32], placed: &[f32], tokens: &Attention, pixels: &Attention) -> Self {
+        let mut projected = vec![0.0; PIXELS * INNER];
+        tokens.key.apply::<V>(placed, &mut projected, PIXELS);
+        let keys = transposed(&projected);
+        pixels.query.apply::<V>(placed, &mut projected, PIXELS);
+        let queries = transposed(&projected);
+        tokens.value.apply::<V>(picture, &mut projected, PIXELS);
+        Self { keys, values: projected, queries }
+    }
+
+    /// What each token finds in the picture, by its `queries`.
+    #[inline(always)]
+    pub fn found<V: Vector>(&self, queries: &Projected, scores: &mut [f32]) -> Projected {
+        let scale = 1.0 / (WIDTH as f32).sqrt();
+        let mut found = [0.0; TOKENS * INNER];
+        for head in 0..HEADS {
+            multiply::<V>(
+                Left { values: &queries[head * WIDTH..], row: INNER, column: 1 },
+                Right { values: &self.keys[head * WIDTH * PIXELS..], row: PIXELS },
+                Start::Zero,
+                Product { values: scores, row: PIXELS },
+                [TOKENS, WIDTH, PIXELS],
+            );
+            let mut sums = [0.0; TOKENS];
+            for token in 0..TOKENS {
+                sums[token] = exponentials::<V>(&mut scores[token * PIXELS..][..PIXELS], scale);
+            }
+            multiply::<V>(
+                Left { values: scores, row: PIXELS, column: 1 },
+                Right { values: &self.values[head * WIDTH..], row: INNER },
+                Start::Zero,
+                Product { values: &mut found[head * WIDTH..], row: INNER },
+                [TOKENS, PIXELS, WIDTH],
+            );
+            for token in 0..TOKENS {
+                for i in 0..WIDTH {
+                    found[token * INNER + head * WIDTH + i] /= sums[token];
+                }
+            }
+        }
+        found
+    }
+
+    /// How the pixels from `first` on weigh the tokens by their `keys`: `[PAIRS, BLOCK]`.
+    #[inline(always)]
+    pub fn weights<V: Vector>(&self, keys: &Projected, count: usize, first: usize, weights: &mut [f32; PAIRS * BLOCK]) {
+        let scale = V::splat(1.0 / (WIDTH as f32).sqrt());
+        for head in 0..HEADS {
+            multiply::<V>(
+                Left { values: &keys[head * WIDTH..], row: INNER, column: 1 },
+                Right { values: &self.queries[head * WIDTH * PIXELS + first..], row: PIXELS },
+                Start::Zero,
+                Product { values: &mut weights[head * BLOCK..], row: HEADS * BLOCK },
+                [TOKENS, WIDTH, BLOCK],
+            );
+            for pixel in (0..BLOCK).step_by(V::WIDTH) {
+                let mut most = V::splat(f32::NEG_INFINITY);
+                for token in 0..count {
+                    most = most.max(V::load(&weights[(token * HEADS + head) * BLOCK + pixel..]));
+                }
+                let mut sum = V::splat(0.0);
+                for token in 0..count {
+                    let place = &mut weights[(token * HEADS + head) * BLOCK + pixel..];
+                    let weight = V::load(place).sub(most).mul(scale).exp();
+                    weight.store(place);
+                    sum = sum.add(weight);
+                }
+                let norm = V::splat(1.0).div(sum);
+                for token in 0..count {
+                    let place = &mut weights[(token * HEADS + head) * BLOCK + pixel..];
+                    V::load(place).mul(norm).store(place);
+                }
+                for token in count..TOKENS {
+                    V::splat(0.0).store(&mut weights[(token * HEADS + head) * BLOCK + pixel..]);
+                }
+            }
+        }
+    }
+}
+
+/// Makes scores exponentials of `scale` times their distance from the greatest, and returns the sum.
+#[inline(always)]
+fn exponentials<V: Vector>(scores: &mut [f32], scale: f32) -> f32 {
+    let mut most = V::splat(f32::NEG_INFINITY);
+    for i in (0..scores.len()).step_by(V::WIDTH) {
+        most = most.max(V::load(&scores[i..]));
+    }
+    let mut lanes = [0.0; super::vector::MOST_LANES];
+    most.store(&mut lanes);
+    let mut greatest = lanes[0];
+    for lane in &lanes[1..V::WIDTH] {
+        greatest = if *lane > greatest { *lane } else { greatest };
+    }
+    let (greatest, scale, mut sum) = (V::splat(greatest), V::splat(scale), V::splat(0.0));
+    for i in (0..scores.len()).step_by(V::WIDTH) {
+        let value = V::load(&scores[i..]).sub(greatest).mul(scale).exp();
+        value.store(&mut scores[i..]);
+        sum = sum.add(value);
+    }
+    sum.sum()
+}
+
+/// `[PIXELS, INNER]` to `[INNER, PIXELS]`.
+fn transposed(values: &[f32]) -> Vec<f32> {
+    (0..values.len()).map(|i| values[i % PIXELS * INNER + i / PIXELS]).collect()
+}

@@ -1,0 +1,179 @@
+//! Products of small matrices whose right factor stays in the cache.
+
+use super::vector::Vector;
+
+/// A matrix to read: value (i, j) is `values[i * row + j * column]`.
+#[derive(Clone, Copy)]
+pub struct Left<'a> {
+    pub values: &'a [f32],
+    pub row: usize,
+    pub column: usize,
+}
+
+/// A matrix to read, rows one after the other, `row` values apart.
+#[derive(Clone, Copy)]
+pub struct Right<'a> {
+    pub values: &'a [f32],
+    pub row: usize,
+}
+
+/// The product's place, rows `row` values apart.
+pub struct Product<'a> {
+    pub values: &'a mut [f32],
+    pub row: usize,
+}
+
+/// What the product is added to.
+#[derive(Clone, Copy)]
+pub enum Start<'a> {
+    Zero,
+    /// This row, in every row.
+    Row(&'a [f32]),
+    /// What stands in the product's place.
+    There,
+}
+
+/// `product = start + left right` for `rows` x `inner` and `inner` x `columns` values. `columns` is a multiple of the
+/// vector's width.
+#[inline(always)]
+pub fn multiply<V: Vector>(
+    left: Left<'_>,
+    right: Right<'_>,
+    start: Start<'_>,
+    product: Product<'_>,
+    [rows, inner, columns]: [usize; 3],
+) {
+    assert!(columns.is_multiple_of(V::WIDTH) && rows > 0 && inner > 0 && columns > 0);
+    assert!(left.values.len() > (rows - 1) * left.row + (inner - 1) * left.column);
+    assert!(right.values.len() >= (inner - 1) * right.row + columns);
+    assert!(product.values.len() >= (rows - 1) * product.row + columns);
+    if let Start::Row(row) = start {
+        assert!(row.len() >= columns);
+    }
+    let mut column = 0;
+    while column < columns {
+        let wide = column + 2 * V::WIDTH <= columns;
+        let mut row = 0;
+        while row < rows {
+            let tile = Tile {
+                left: unsafe { left.values.as_ptr().add(row * left.row) },
+                left_row: left.row,
+                left_column: left.column,
+                right: unsafe { right.values.as_ptr().add(column) },
+                right_row: right.row,
+                product: unsafe { product.values.as_mut_ptr().add(row * product.row + column) },
+                product_row: product.row,
+                inner,
+            };
+            let start = match start {
+                Start::Zero => Begin::Zero,
+                Start::Row(values) => Begin::Row(unsafe { values.as_ptr().add(column) }),
+                Start::There => Begin::There,
+            };
+            // As many rows at once as the accumulators of the register file hold.
+            let left_over = rows - row;
+            row += unsafe {
+                match (V::WIDTH, left_over, wide) {
+                    (16, 8.., true) => tile.run::<V, 8, 2>(start),
+                    (16, 8.., false) => tile.run::<V, 8, 1>(start),
+                    (_, 4.., true) => tile.run::<V, 4, 2>(start),
+                    (_, 4.., false) => tile.run::<V, 4, 1>(start),
+                    (.., true) => tile.run::<V, 1, 2>(start),
+                    (.., false) => tile.run::<V, 1, 1>(start),
+                }
+            };
+        }
+        column += if wide { 2 * V::WIDTH } else { V::WIDTH };
+    }
+}
+
+/// Where a piece of the product is made whose sums stay in registers.
+struct Tile {
+    left: *const f32,
+    left_row: usize,
+    left_column: usize,
+    right: *const f32,
+    right_row: usize,
+    product: *mut f32,
+    product_row: usize,
+    inner: usize,
+}
+
+#[derive(Clone, Copy)]
+enum Begin {
+    Zero,
+    Row(*const f32),
+    There,
+}
+
+impl Tile {
+    /// Makes `ROWS` rows of `VECTORS` vectors; returns `ROWS`.
+    ///
+    /// # Safety
+    /// All of them lie inside their matrices.
+    #[inline(always)]
+    unsafe fn run<V: Vector, const ROWS: usize, const VECTORS: usize>(&self, start: Begin) -> usize {
+        let mut sums = [[V::splat(0.0); VECTORS]; ROWS];
+        for (row, sums) in sums.iter_mut().enumerate() {
+            for (vector, sum) in sums.iter_mut().enumerate() {
+                let offset = vector * V::WIDTH;
+                *sum = match start {
+                    Begin::Zero => V::splat(0.0),
+                    Begin::Row(values) => unsafe { V::read(values.add(offset)) },
+                    Begin::There => unsafe { V::read(self.product.add(row * self.product_row + offset)) },
+                };
+            }
+        }
+        for k in 0..self.inner {
+            let mut right = [V::splat(0.0); VECTORS];
+            for (vector, right) in right.iter_mut().enumerate() {
+                *right = unsafe { V::read(self.right.add(k * self.right_row + vector * V::WIDTH)) };
+            }
+            for (row, sums) in sums.iter_mut().enumerate() {
+                let left = V::splat(unsafe { *self.left.add(row * self.left_row + k * self.left_column) });
+                for (sum, right) in sums.iter_mut().zip(right) {
+                    *sum = left.mul_add(right, *sum);
+                }
+            }
+        }
+        for (row, sums) in sums.iter().enumerate() {
+            for (vector, sum) in sums.iter().enumerate() {
+                unsafe { sum.write(self.product.add(row * self.product_row + vector * V::WIDTH)) };
+            }
+        }
+        ROWS
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::vector::Plain;
+    use super::*;
+
+    #[test]
+    fn products_of_any_strides_are_those_of_the_definition() {
+        let [rows, inner, columns] = [13, 5, 24];
+        let left: Vec<f32> = (0..rows * inner).map(|i| (i % 7) as f32 - 3.0).collect();
+        let right: Vec<f32> = (0..inner * columns).map(|i| (i % 5) as f32).collect();
+        let row: Vec<f32> = (0..columns).map(|i| i as f32).collect();
+        for (left_row, left_column) in [(inner, 1), (1, rows)] {
+            let mut product = vec![1.0; rows * columns];
+            for start in [Start::Row(&row), Start::There] {
+                multiply::<Plain>(
+                    Left { values: &left, row: left_row, column: left_column },
+                    Right { values: &right, row: columns },
+                    start,
+                    Product { values: &mut product, row: columns },
+                    [rows, inner, columns],
+                );
+            }
+            for i in 0..rows {
+                for j in 0..columns {
+                    let term = |k: usize| left[i * left_row + k * left_column] * right[k * columns + j];
+                    let expected = row[j] + 2.0 * (0..inner).map(term).sum::<f32>();
+                    assert_eq!(product[i * columns + j], expected, "({i}, {j})");
+                }
+            }
+        }
+    }
+}

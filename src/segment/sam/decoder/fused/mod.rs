@@ -1,0 +1,279 @@
+//! SAM's mask decoder, written for many prompts to one picture on a CPU.
+//!
+//! It computes what the exported graph computes, in an order that saves most of the work: projections move from the 4096
+//! pixels to the few tokens ([`attention`]), every pixel is read once a layer while it is in the cache, and masks that are
+//! not wanted, which their predicted IoU tells before, are not made. `weights` finds the parameters in the export, `tokens`
+//! and `upscale` are the rest of the network, and `layers`, `matrix` and `vector` what they are made of.
+//!
+//! The network is that of Kirillov et al., Segment Anything (2023), section A; names of layers are those of the public
+//! implementation (`TwoWayTransformer`, `MaskDecoder`).
+
+mod attention;
+mod layers;
+mod matrix;
+mod tokens;
+mod upscale;
+mod vector;
+mod weights;
+#[cfg(target_arch = "x86_64")]
+mod x86;
+
+use super::super::LOGITS_SIDE;
+use super::super::graph::Model;
+use attention::{Answers, FirstLayer, Scores, Sight, softmax_over_tokens};
+use layers::{add, perceptron};
+use matrix::Left;
+use tokens::Tokens;
+use vector::{MOST_LANES, Plain, Vector};
+pub use weights::Sources;
+use weights::Weights;
+
+/// Side of the picture's embedding.
+const SIDE: usize = 64;
+const PIXELS: usize = SIDE * SIDE;
+/// Width of a token, and of a pixel of the embedding.
+pub const CHANNELS: usize = 256;
+/// Width of the attention between tokens and pixels, its heads, and the width of each.
+const INNER: usize = 128;
+const HEADS: usize = 8;
+const WIDTH: usize = INNER / HEADS;
+/// Most tokens of a prompt: one for the predicted IoU, one a mask, and those of its points.
+pub const TOKENS: usize = 8;
+/// Pairs of token and head.
+const PAIRS: usize = TOKENS * HEADS;
+/// Pixels that go through a layer at once: with the matrices they meet they fill half of a second-level cache.
+const BLOCK: usize = 64;
+/// Masks that the network makes.
+pub const MASKS: usize = 4;
+/// Channels after one and two transposed convolutions.
+const UPSCALED: usize = 64;
+const UPSCALED_TWICE: usize = 32;
+
+/// The decoder.
+pub struct Fused {
+    weights: Weights,
+    instructions: Instructions,
+}
+
+/// What of the decoder's work no prompt changes.
+pub struct Picture {
+    /// `[PIXELS, CHANNELS]`.
+    embedding: Vec<f32>,
+    positions: Vec<f32>,
+    first_layer: FirstLayer,
+}
+
+/// Memory that decoding uses, to be used again.
+pub struct Desk {
+    /// `[PIXELS, CHANNELS]`.
+    pixels: Vec<f32>,
+    /// Of one head of the first layer: `[TOKENS, PIXELS]`.
+    scores: Vec<f32>,
+    /// Of the masks that were wanted, in order.
+    pub logits: Vec<[f32; LOGITS_SIDE * LOGITS_SIDE]>,
+}
+
+#[derive(Debug, Clone, Copy)]
+enum Instructions {
+    #[cfg(target_arch = "x86_64")]
+    Avx512,
+    #[cfg(target_arch = "x86_64")]
+    Avx2,
+    Any,
+}
+
+impl Fused {
+    /// The error says what of SAM's mask decoder was not found.
+    pub fn read(model: &Model) -> Result<Self, String> {
+        Ok(Self { weights: Weights::read(model)?, instructions: Instructions::of_this_processor() })
+    }
+
+    /// `embedding` and `positions` are `[PIXELS, CHANNELS]`.
+    pub fn look(&self, embedding: Vec<f32>, positions: Vec<f32>) -> Picture {
+        assert!(embedding.len() == PIXELS * CHANNELS && positions.len() == PIXELS * CHANNELS);
+        let first_layer = match self.instructions {
+            #[cfg(target_arch = "x86_64")]
+            Instructions::Avx512 => unsafe { look_avx512(&self.weights, &embedding, &positions) },
+            #[cfg(target_arch = "x86_64")]
+            Instructions::Avx2 => unsafe { look_avx2(&self.weights, &embedding, &positions) },
+            Instructions::Any => look::<Plain>(&self.weights, &embedding, &positions),
+        };
+        Picture { embedding, positions, first_layer }
+    }
+
+    /// Decodes a prompt of `[count, CHANNELS]` tokens. Leaves the logits of the masks that are `wanted`, given the predicted
+    /// IoU of all, on the desk, and returns the predicted IoU.
+    pub fn decode(
+        &self,
+        picture: &Picture,
+        tokens: &[f32],
+        wanted: &dyn Fn(&[f32; MASKS]) -> [bool; MASKS],
+        desk: &mut Desk,
+    ) -> [f32; MASKS] {
+        assert!(tokens.len().is_multiple_of(CHANNELS) && (MASKS + 1..=TOKENS).contains(&(tokens.len() / CHANNELS)));
+        match self.instructions {
+            #[cfg(target_arch = "x86_64")]
+            Instructions::Avx512 => unsafe { decode_avx512(&self.weights, picture, tokens, wanted, desk) },
+            #[cfg(target_arch = "x86_64")]
+            Instructions::Avx2 => unsafe { decode_avx2(&self.weights, picture, tokens, wanted, desk) },
+            Instructions::Any => decode::<Plain>(&self.weights, picture, tokens, wanted, desk),
+        }
+    }
+}
+
+impl Desk {
+    pub fn new() -> Self {
+        Self { pixels: vec![0.0; PIXELS * CHANNELS], scores: vec![0.0; TOKENS * PIXELS], logits: Vec::new() }
+    }
+}
+
+impl Instructions {
+    fn of_this_processor() -> Self {
+        #[cfg(target_arch = "x86_64")]
+        {
+            if x86::avx512() {
+                return Self::Avx512;
+            }
+            if x86::avx2() {
+                return Self::Avx2;
+            }
+        }
+        Self::Any
+    }
+}
+
+#[cfg(target_arch = "x86_64")]
+#[target_feature(enable = "avx512f")]
+fn look_avx512(weights: &Weights, embedding: &[f32], positions: &[f32]) -> FirstLayer {
+    look::<x86::Avx512>(weights, embedding, positions)
+}
+
+#[cfg(target_arch = "x86_64")]
+#[target_feature(enable = "avx2,fma")]
+fn look_avx2(weights: &Weights, embedding: &[f32], positions: &[f32]) -> FirstLayer {
+    look::<x86::Avx2>(weights, embedding, positions)
+}
+
+#[cfg(target_arch = "x86_64")]
+#[target_feature(enable = "avx512f")]
+fn decode_avx512(
+    weights: &Weights,
+    picture: &Picture,
+    tokens: &[f32],
+    wanted: &dyn Fn(&[f32; MASKS]) -> [bool; MASKS],
+    desk: &mut Desk,
+) -> [f32; MASKS] {
+    decode::<x86::Avx512>(weights, picture, tokens, wanted, desk)
+}
+
+#[cfg(target_arch = "x86_64")]
+#[target_feature(enable = "avx2,fma")]
+fn decode_avx2(
+    weights: &Weights,
+    picture: &Picture,
+    tokens: &[f32],
+    wanted: &dyn Fn(&[f32; MASKS]) -> [bool; MASKS],
+    desk: &mut Desk,
+) -> [f32; MASKS] {
+    decode::<x86::Avx2>(weights, picture, tokens, wanted, desk)
+}
+
+#[inline(always)]
+fn look<V: Vector>(weights: &Weights, embedding: &[f32], positions: &[f32]) -> FirstLayer {
+    let mut placed = vec![0.0; PIXELS * CHANNELS];
+    add::<V>(embedding, positions, &mut placed);
+    let layer = &weights.layers[0];
+    FirstLayer::new::<V>(embedding, &placed, &layer.token_to_image, &layer.image_to_token)
+}
+
+#[inline(always)]
+fn decode<V: Vector>(
+    weights: &Weights,
+    picture: &Picture,
+    tokens: &[f32],
+    wanted: &dyn Fn(&[f32; MASKS]) -> [bool; MASKS],
+    desk: &mut Desk,
+) -> [f32; MASKS] {
+    let tokens = transform::<V>(weights, picture, tokens, desk);
+    let mut padded = [0.0; MOST_LANES];
+    perceptron::<V>(&weights.predicted_iou, &tokens.values[..CHANNELS], &mut padded);
+    let mut predicted_iou = [0.0; MASKS];
+    predicted_iou.copy_from_slice(&padded[..MASKS]);
+
+    let mut masks = Vec::with_capacity(MASKS);
+    for (mask, is_wanted) in wanted(&predicted_iou).into_iter().enumerate() {
+        if is_wanted {
+            let mut vector = [0.0; UPSCALED_TWICE];
+            let token = &tokens.values[(1 + mask) * CHANNELS..][..CHANNELS];
+            perceptron::<V>(&weights.hypernetworks[mask], token, &mut vector);
+            masks.push(vector);
+        }
+    }
+    desk.logits.resize(masks.len(), [0.0; LOGITS_SIDE * LOGITS_SIDE]);
+    if !masks.is_empty() {
+        upscale::upscale::<V>(weights, &desk.pixels, &masks, &mut desk.logits);
+    }
+    predicted_iou
+}
+
+/// The two-way transformer: returns the tokens, and leaves the pixels on the desk.
+#[inline(always)]
+fn transform<V: Vector>(weights: &Weights, picture: &Picture, tokens: &[f32], desk: &mut Desk) -> Tokens {
+    let [first, second] = &weights.layers;
+    let last = &weights.final_attention;
+    let mut tokens = Tokens::new(tokens);
+
+    tokens.begin::<V>(&first.self_attention, &first.norm1);
+    let queries = tokens.project_placed::<V>(&first.token_to_image.query);
+    let found = picture.first_layer.found::<V>(&queries, &mut desk.scores);
+    tokens.take_in::<V>(&found, &first.token_to_image.out, &first.norm2);
+    tokens.transform::<V>(&first.hidden, &first.norm3);
+    let keys = tokens.project_placed::<V>(&first.image_to_token.key);
+    let values = tokens.project::<V>(&first.image_to_token.value);
+    let answers = Answers::new::<V>(&values, &first.image_to_token, &first.norm4);
+    tokens.attend_to_themselves::<V>(&second.self_attention, &second.norm1);
+    let queries = tokens.project_placed::<V>(&second.token_to_image.query);
+    let scores = Scores::new::<V>(&queries, &second.token_to_image.key);
+
+    // Pixels take from the tokens of the first layer, then those of the second look at them.
+    let mut sight = Sight::new();
+    let (mut weighed, mut placed) = ([0.0; BLOCK * PAIRS], [0.0; BLOCK * CHANNELS]);
+    for start in (0..PIXELS).step_by(BLOCK) {
+        let range = start * CHANNELS..(start + BLOCK) * CHANNELS;
+        let block = &mut desk.pixels[range.clone()];
+        block.copy_from_slice(&picture.embedding[range.clone()]);
+        picture.first_layer.weights::<V>(&keys, tokens.count, start, &mut weighed);
+        answers.add_to::<V>(Left { values: &weighed, row: 1, column: BLOCK }, block);
+        add::<V>(block, &picture.positions[range], &mut placed);
+        scores.of::<V>(&placed, &mut weighed);
+        sight.add::<V>(&mut weighed, block);
+    }
+
+    let found = sight.found::<V>(&second.token_to_image.value);
+    tokens.take_in::<V>(&found, &second.token_to_image.out, &second.norm2);
+    tokens.transform::<V>(&second.hidden, &second.norm3);
+    let keys = tokens.project_placed::<V>(&second.image_to_token.key);
+    let shares = Scores::new::<V>(&keys, &second.image_to_token.query);
+    let values = tokens.project::<V>(&second.image_to_token.value);
+    let answers = Answers::new::<V>(&values, &second.image_to_token, &second.norm4);
+    let queries = tokens.project_placed::<V>(&last.query);
+    let scores = Scores::new::<V>(&queries, &last.key);
+
+    // The same of the second layer and the last attention.
+    let mut sight = Sight::new();
+    for start in (0..PIXELS).step_by(BLOCK) {
+        let range = start * CHANNELS..(start + BLOCK) * CHANNELS;
+        let block = &mut desk.pixels[range.clone()];
+        let positions = &picture.positions[range];
+        add::<V>(block, positions, &mut placed);
+        shares.of::<V>(&placed, &mut weighed);
+        softmax_over_tokens::<V>(&mut weighed, tokens.count);
+        answers.add_to::<V>(Left { values: &weighed, row: PAIRS, column: 1 }, block);
+        add::<V>(block, positions, &mut placed);
+        scores.of::<V>(&placed, &mut weighed);
+        sight.add::<V>(&mut weighed, block);
+    }
+    let found = sight.found::<V>(&last.value);
+    tokens.take_in::<V>(&found, &last.out, &weights.final_norm);
+    tokens
+}

@@ -1,0 +1,43 @@
+//! From the picture's embedding to the logits of masks: two transposed convolutions, and for each mask a product of every
+//! pixel with the mask's own vector.
+
+use super::layers::gelu;
+use super::vector::Vector;
+use super::weights::Weights;
+use super::{CHANNELS, LOGITS_SIDE, PIXELS, SIDE, UPSCALED, UPSCALED_TWICE};
+
+/// Pixels of the embedding that are upscaled at once: what they become stays in the first cache.
+const BLOCK: usize = 8;
+
+/// The logits of the masks with these vectors, each `LOGITS_SIDE` x `LOGITS_SIDE`, row by row.
+#[inline(always)]
+pub fn upscale<V: Vector>(
+    weights: &Weights,
+    picture: &[f32],
+    masks: &[[f32; UPSCALED_TWICE]],
+    logits: &mut [[f32; LOGITS_SIDE * LOGITS_SIDE]],
+) {
+    let [first, second] = &weights.upscaling;
+    let mut once = [0.0; BLOCK * 4 * UPSCALED];
+    let mut twice = [0.0; BLOCK * 16 * UPSCALED_TWICE];
+    for start in (0..PIXELS).step_by(BLOCK) {
+        first.apply::<V>(&picture[start * CHANNELS..][..BLOCK * CHANNELS], &mut once, BLOCK);
+        weights.upscaling_norm.apply::<V>(&mut once);
+        gelu::<V>(&mut once);
+        second.apply::<V>(&once, &mut twice, BLOCK * 4);
+        gelu::<V>(&mut twice);
+        for (index, pixel) in twice.chunks_exact(UPSCALED_TWICE).enumerate() {
+            // Pixel of the embedding, quarter of it, sixteenth of it.
+            let (large, middle, small) = (start + index / 16, index / 4 % 4, index % 4);
+            let y = large / SIDE * 4 + middle / 2 * 2 + small / 2;
+            let x = large % SIDE * 4 + middle % 2 * 2 + small % 2;
+            for (mask, logits) in masks.iter().zip(&mut *logits) {
+                let mut product = V::splat(0.0);
+                for i in (0..UPSCALED_TWICE).step_by(V::WIDTH) {
+                    product = V::load(&pixel[i..]).mul_add(V::load(&mask[i..]), product);
+                }
+                logits[y * LOGITS_SIDE + x] = product.sum();
+            }
+        }
+    }
+}

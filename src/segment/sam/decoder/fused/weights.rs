@@ -1,0 +1,221 @@
+//! SAM's mask decoder as its parameters, found in an export by the names that the public implementation gives them.
+//!
+//! Exporters rename the matrices of linear layers (`onnx::MatMul_1926`) but not the biases, so a matrix is what is
+//! multiplied before its bias is added.
+
+use super::super::super::graph::{Constants, Model};
+use super::vector::MOST_LANES;
+use super::{CHANNELS, INNER, MASKS, UPSCALED, UPSCALED_TWICE};
+
+/// Feed-forward width of the transformer (`mlp_dim`).
+pub const HIDDEN: usize = 2048;
+/// Epsilon of the transformer's layer norms, and of the upscaling's (`LayerNorm2d`).
+const NORM_EPSILON: f32 = 1e-5;
+const UPSCALING_EPSILON: f32 = 1e-6;
+
+/// `y = x weight + bias`.
+pub struct Linear {
+    /// `[inputs, outputs]`.
+    pub weight: Vec<f32>,
+    pub bias: Vec<f32>,
+    pub inputs: usize,
+    pub outputs: usize,
+}
+
+pub struct Norm {
+    pub weight: Vec<f32>,
+    pub bias: Vec<f32>,
+    pub epsilon: f32,
+}
+
+pub struct Attention {
+    pub query: Linear,
+    pub key: Linear,
+    pub value: Linear,
+    pub out: Linear,
+}
+
+/// One of the two layers of the two-way transformer.
+pub struct Layer {
+    pub self_attention: Attention,
+    pub norm1: Norm,
+    pub token_to_image: Attention,
+    pub norm2: Norm,
+    pub hidden: [Linear; 2],
+    pub norm3: Norm,
+    pub image_to_token: Attention,
+    pub norm4: Norm,
+}
+
+/// The mask decoder.
+pub struct Weights {
+    pub layers: [Layer; 2],
+    pub final_attention: Attention,
+    pub final_norm: Norm,
+    /// The two transposed convolutions of 2 x 2 pixels and stride 2 as products: an output pixel (dy, dx) is the group of
+    /// columns `2 dy + dx`.
+    pub upscaling: [Linear; 2],
+    pub upscaling_norm: Norm,
+    /// For each mask.
+    pub hypernetworks: [[Linear; 3]; MASKS],
+    pub predicted_iou: [Linear; 3],
+}
+
+/// The values of the model that the decoder starts from.
+pub struct Sources {
+    /// `[batch, tokens, 256]`: output tokens, then those of the prompt.
+    pub tokens: String,
+    /// `[batch, 4096, 256]`: the picture, and the encoding of positions.
+    pub picture: String,
+    pub positions: String,
+}
+
+impl Weights {
+    /// What of SAM's mask decoder is not there by its name and shape is the error.
+    pub fn read(model: &Model) -> Result<Self, String> {
+        let reader = Reader { model, constants: model.constants() };
+        Ok(Self {
+            layers: [reader.layer(0)?, reader.layer(1)?],
+            final_attention: reader.attention("transformer.final_attn_token_to_image", INNER)?,
+            final_norm: reader.norm("transformer.norm_final_attn")?,
+            upscaling: [
+                reader.transposed_convolution("output_upscaling.0", CHANNELS, UPSCALED)?,
+                reader.transposed_convolution("output_upscaling.3", UPSCALED, UPSCALED_TWICE)?,
+            ],
+            upscaling_norm: reader.norm_of_channels("output_upscaling.0", UPSCALED)?,
+            hypernetworks: [reader.hypernetwork(0)?, reader.hypernetwork(1)?, reader.hypernetwork(2)?, reader.hypernetwork(3)?],
+            predicted_iou: reader.perceptron("iou_prediction_head", MASKS)?,
+        })
+    }
+}
+
+impl Sources {
+    pub fn find(model: &Model) -> Result<Self, String> {
+        let reader = Reader { model, constants: model.constants() };
+        let first = "transformer.layers.0";
+        let tokens = reader.product_before(&format!("{first}.self_attn.q_proj.bias"))?.0;
+        let picture = reader.product_before(&format!("{first}.cross_attn_token_to_image.v_proj.bias"))?.0;
+        let placed = reader.product_before(&format!("{first}.cross_attn_token_to_image.k_proj.bias"))?.0;
+        let terms = model.producer(placed, "Add").unwrap_or_default();
+        let positions = terms.iter().find(|term| *term != picture).ok_or_else(|| format!("{placed:?} is no sum"))?;
+        Ok(Self { tokens: tokens.to_owned(), picture: picture.to_owned(), positions: positions.clone() })
+    }
+}
+
+struct Reader<'a> {
+    model: &'a Model,
+    constants: Constants,
+}
+
+impl<'a> Reader<'a> {
+    fn layer(&self, index: usize) -> Result<Layer, String> {
+        let layer = format!("transformer.layers.{index}");
+        Ok(Layer {
+            self_attention: self.attention(&format!("{layer}.self_attn"), CHANNELS)?,
+            norm1: self.norm(&format!("{layer}.norm1"))?,
+            token_to_image: self.attention(&format!("{layer}.cross_attn_token_to_image"), INNER)?,
+            norm2: self.norm(&format!("{layer}.norm2"))?,
+            hidden: [
+                self.projection(&format!("{layer}.mlp.lin1"), CHANNELS, HIDDEN)?,
+                self.projection(&format!("{layer}.mlp.lin2"), HIDDEN, CHANNELS)?,
+            ],
+            norm3: self.norm(&format!("{layer}.norm3"))?,
+            image_to_token: self.attention(&format!("{layer}.cross_attn_image_to_token"), INNER)?,
+            norm4: self.norm(&format!("{layer}.norm4"))?,
+        })
+    }
+
+    fn attention(&self, name: &str, inner: usize) -> Result<Attention, String> {
+        Ok(Attention {
+            query: self.projection(&format!("{name}.q_proj"), CHANNELS, inner)?,
+            key: self.projection(&format!("{name}.k_proj"), CHANNELS, inner)?,
+            value: self.projection(&format!("{name}.v_proj"), CHANNELS, inner)?,
+            out: self.projection(&format!("{name}.out_proj"), inner, CHANNELS)?,
+        })
+    }
+
+    /// A linear layer on sequences: a product with `[inputs, outputs]`, then a sum.
+    fn projection(&self, name: &str, inputs: usize, outputs: usize) -> Result<Linear, String> {
+        let bias = format!("{name}.bias");
+        let weight = self.product_before(&bias)?.1;
+        Ok(Linear {
+            weight: self.floats(weight, &[inputs, outputs])?,
+            bias: self.parameter(&bias, &[outputs])?,
+            inputs,
+            outputs,
+        })
+    }
+
+    fn norm(&self, name: &str) -> Result<Norm, String> {
+        let of = |what: &str| self.parameter(&format!("{name}.{what}"), &[CHANNELS]);
+        Ok(Norm { weight: of("weight")?, bias: of("bias")?, epsilon: NORM_EPSILON })
+    }
+
+    /// The norm over the channels that follows a convolution: exporters write it as its elementary operations, of which
+    /// the first product and the first sum with a value per channel are scale and shift.
+    fn norm_of_channels(&self, convolution: &str, channels: usize) -> Result<Norm, String> {
+        let weight = self.name_of(&format!("{convolution}.weight"))?;
+        let of = |operator: &str| {
+            let mut inputs = self.model.consumers_after(weight, operator).flatten();
+            let values = inputs.find_map(|input| self.constants.get(input, &[channels, 1, 1]));
+            values.map(<[f32]>::to_vec).ok_or_else(|| format!("no layer norm after {weight:?}"))
+        };
+        Ok(Norm { weight: of("Mul")?, bias: of("Add")?, epsilon: UPSCALING_EPSILON })
+    }
+
+    /// `[inputs, outputs, 2, 2]` as a matrix of `[inputs, 4 outputs]`.
+    fn transposed_convolution(&self, name: &str, inputs: usize, outputs: usize) -> Result<Linear, String> {
+        let kernel = self.parameter(&format!("{name}.weight"), &[inputs, outputs, 2, 2])?;
+        let bias = self.parameter(&format!("{name}.bias"), &[outputs])?;
+        let mut weight = vec![0.0; kernel.len()];
+        for (index, value) in kernel.into_iter().enumerate() {
+            let (input, output, place) = (index / (4 * outputs), index / 4 % outputs, index % 4);
+            weight[input * 4 * outputs + place * outputs + output] = value;
+        }
+        Ok(Linear { weight, bias: bias.repeat(4), inputs, outputs: 4 * outputs })
+    }
+
+    fn hypernetwork(&self, mask: usize) -> Result<[Linear; 3], String> {
+        self.perceptron(&format!("output_hypernetworks_mlps.{mask}"), UPSCALED_TWICE)
+    }
+
+    fn perceptron(&self, name: &str, outputs: usize) -> Result<[Linear; 3], String> {
+        let layer = |index: usize, outputs: usize| -> Result<Linear, String> {
+            let rows = self.parameter(&format!("{name}.layers.{index}.weight"), &[outputs, CHANNELS])?;
+            let mut bias = self.parameter(&format!("{name}.layers.{index}.bias"), &[outputs])?;
+            // As many columns as fill vectors, those that are too many zero.
+            let columns = outputs.next_multiple_of(MOST_LANES);
+            bias.resize(columns, 0.0);
+            let mut weight = vec![0.0; CHANNELS * columns];
+            for (index, value) in rows.into_iter().enumerate() {
+                weight[index % CHANNELS * columns + index / CHANNELS] = value;
+            }
+            Ok(Linear { weight, bias, inputs: CHANNELS, outputs: columns })
+        };
+        Ok([layer(0, CHANNELS)?, layer(1, CHANNELS)?, layer(2, outputs)?])
+    }
+
+    /// What is multiplied, and with which matrix, before this bias is added.
+    fn product_before(&self, bias: &str) -> Result<(&'a str, &'a str), String> {
+        let bias = self.name_of(bias)?;
+        let sum = self.model.consumer(bias, "Add").ok_or_else(|| format!("{bias:?} is added to nothing"))?;
+        match sum.iter().find_map(|input| self.model.producer(input, "MatMul")) {
+            Some([left, right]) => Ok((left, right)),
+            _ => Err(format!("{bias:?} is added to no product")),
+        }
+    }
+
+    fn parameter(&self, name: &str, shape: &[usize]) -> Result<Vec<f32>, String> {
+        self.floats(self.name_of(name)?, shape)
+    }
+
+    fn floats(&self, name: &str, shape: &[usize]) -> Result<Vec<f32>, String> {
+        let values = self.constants.get(name, shape).map(<[f32]>::to_vec);
+        values.ok_or_else(|| format!("{name:?} is no float constant of shape {shape:?}"))
+    }
+
+    /// The parameter of this name in the mask decoder, whatever stands before it.
+    fn name_of(&self, name: &str) -> Result<&str, String> {
+        self.constants.name_ending_in(&format!("mask_decoder.{name}")).ok_or_else(|| format!("no parameter {name:?}"))
+    }
+}

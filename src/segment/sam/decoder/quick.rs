@@ -1,0 +1,96 @@
+//! The decoder as gprop computes it ([`super::fused`]). ONNX Runtime runs what comes before the transformer: the prompt's
+//! tokens, and once a picture its embedding and positions.
+
+use ort::session::{Session, SessionOutputs};
+
+use super::super::graph::Model;
+use super::super::pool::Pool;
+use super::super::runtime::{self, Runtime};
+use super::super::{Decoded, Embedding};
+use super::Wanted;
+use super::feed::{PromptShape, feed, standard_inputs};
+use super::fused::{CHANNELS, Desk, Fused, MASKS, Picture, Sources, TOKENS};
+
+pub struct Quick {
+    fused: Fused,
+    sources: Sources,
+    prompt: PromptShape,
+    picture: Pool<Session>,
+    tokens: Pool<Session>,
+    desks: Pool<Desk>,
+}
+
+impl Quick {
+    /// For use on `threads` threads at once. The error says in what the model differs from SAM's.
+    pub fn open(runtime: &Runtime, model: &Model, prompt: PromptShape, threads: usize) -> Result<Self, String> {
+        let fused = Fused::read(model)?;
+        let sources = Sources::find(model)?;
+        let sessions = |outputs: &[&str], count: usize| -> Result<_, String> {
+            let cut = model.with_outputs(outputs);
+            Ok(Pool::new((0..count).map(|_| runtime::session(runtime, &cut)).collect::<Result<_, _>>()?))
+        };
+        let picture = sessions(&[&sources.picture, &sources.positions], 1)?;
+        let tokens = sessions(&[&sources.tokens], threads)?;
+        let desks = Pool::new((0..threads).map(|_| Desk::new()).collect());
+        let quick = Self { fused, sources, prompt, picture, tokens, desks };
+        let count = quick.tokens_of(&[])?.len() / (prompt.batch * CHANNELS);
+        if (MASKS + 1..=TOKENS).contains(&count) {
+            Ok(quick)
+        } else {
+            Err(format!("its prompts have {count} tokens"))
+        }
+    }
+
+    pub fn look(&self, embedding: &Embedding) -> Result<Picture, String> {
+        let blank = self.prompt.blank();
+        let standard = standard_inputs(embedding, &blank, self.prompt);
+        self.picture.with(|session| {
+            let inputs = feed(session, &standard)?;
+            let outputs = session.run(inputs).map_err(|error| error.to_string())?;
+            // The same for every prompt of a batch.
+            let first = |name: &str| Ok::<_, String>(floats(&outputs, name)?[..embedding.0.len()].to_vec());
+            Ok(self.fused.look(first(&self.sources.picture)?, first(&self.sources.positions)?))
+        })
+    }
+
+    pub fn run(
+        &self,
+        picture: &Picture,
+        points: &[[f32; 2]],
+        wanted: &Wanted<'_>,
+        mut take: impl FnMut(usize, Decoded<'_>),
+    ) -> Result<(), String> {
+        let tokens = self.tokens_of(points)?;
+        let of_prompt = tokens.chunks_exact(tokens.len() / self.prompt.batch);
+        // The first mask is the one for unambiguous prompts; the others are the three levels.
+        let levels = |scores: &[f32; MASKS]| [scores[1], scores[2], scores[3]];
+        self.desks.with(|desk| {
+            for (index, tokens) in of_prompt.enumerate().take(points.len()) {
+                let wanted_masks = |scores: &[f32; MASKS]| {
+                    let [small, middle, large] = wanted(&levels(scores));
+                    [false, small, middle, large]
+                };
+                let scores = self.fused.decode(picture, tokens, &wanted_masks, desk);
+                let mut made = desk.logits.iter().map(<[f32; _]>::as_slice);
+                let logits = wanted(&levels(&scores)).map(|is_wanted| if is_wanted { made.next() } else { None });
+                take(index, Decoded { logits, predicted_iou: levels(&scores) });
+            }
+        });
+        Ok(())
+    }
+
+    /// `[batch, tokens, CHANNELS]`.
+    fn tokens_of(&self, points: &[[f32; 2]]) -> Result<Vec<f32>, String> {
+        let (blank, prompt) = (Embedding::blank(), self.prompt.fill(points));
+        let standard = standard_inputs(&blank, &prompt, self.prompt);
+        self.tokens.with(|session| {
+            let inputs = feed(session, &standard)?;
+            let outputs = session.run(inputs).map_err(|error| error.to_string())?;
+            floats(&outputs, &self.sources.tokens).map(<[f32]>::to_vec)
+        })
+    }
+}
+
+fn floats<'a>(outputs: &'a SessionOutputs<'_>, name: &str) -> Result<&'a [f32], String> {
+    Ok(outputs[name].try_extract_tensor::<f32>().map_err(|error| error.to_string())?.1)
+}
