@@ -9,6 +9,8 @@
 //! | `# needs setup` | runs it; exit code 4, files missing, is as good as 0 |
 //! | `# needs answers`, `# needs the runs above` | holds its words and flags against the help, as below |
 //!
+//! Every command that is run is run once more with `--json`, and must print JSON.
+//!
 //! Commands elsewhere (in running text, in tables, with words in capitals) are held against the help: the subcommand must exist
 //! and know every flag.
 
@@ -130,6 +132,10 @@ fn desk() -> TempDir {
     fs::write(at("outcomes.csv"), "object,policy,picked_up,undamaged\nmug,gprop,true,true\n").unwrap();
     fs::write(at("predictions.json"), json!({"A_1": [0.5, 1.5], "B_1": [2.0, 4.0]}).to_string()).unwrap();
     fs::write(at("truth.json"), json!({"A": 1.1, "B": 2.5}).to_string()).unwrap();
+    fs::write(at("readings.csv"), "scene,view,x,y,shore,hardness\nmy_scene,003,256,256,D,80\n").unwrap();
+    let truth = at("my_scene/ground_truth");
+    fs::create_dir(&truth).unwrap();
+    fs::copy(root().join("fixtures/hammer/ground_truth/parts.json"), truth.join("parts.json")).unwrap();
     let wood = fs::read_to_string(root().join("materials/wood.csv")).unwrap();
     fs::write(at("my_materials.csv"), wood.lines().take(2).map(|line| format!("{line}\n")).collect::<String>())
         .unwrap();
@@ -155,10 +161,36 @@ fn every_command_in_running_text_is_one_that_the_help_knows() {
     assert!(refused_by_the_help("gprop no SCENE").is_some());
 }
 
+/// Commands with a result that stand in no block.
+const MORE_WITH_A_RESULT: &[&str] = &[
+    "run my_scene --dry-run",
+    "segment my_scene",
+    "query my_scene",
+    "query my_scene --prune",
+    "vote my_scene",
+    "parts my_scene",
+    "simulate my_scene",
+    "simulate --list",
+    "segment my_scene/images/003.png --out picture",
+    "query my_scene/images/003.png --dry-run",
+    "evaluate mass my_scene",
+    "evaluate hardness readings.csv",
+    "setup",
+    "completions fish",
+    "man",
+];
+
+#[track_caller]
+fn assert_json(command: &str, output: &Output) {
+    let text = String::from_utf8_lossy(&output.stdout);
+    let parsed: Result<serde_json::Value, _> = serde_json::from_str(&text);
+    assert!(parsed.is_ok(), "`{command} --json` prints no JSON: {text}{}", String::from_utf8_lossy(&output.stderr));
+}
+
 #[cfg(unix)]
 #[test]
-fn every_command_in_a_block_runs() {
-    if models("every_command_in_a_block_runs").is_none() {
+fn every_command_in_a_block_runs_and_prints_json_where_asked_to() {
+    if models("every_command_in_a_block_runs_and_prints_json_where_asked_to").is_none() {
         return;
     }
     let desk = desk();
@@ -180,8 +212,13 @@ fn every_command_in_a_block_runs() {
             let code = output.status.code().unwrap_or(-1);
             let (page, said) = (path.display(), String::from_utf8_lossy(&output.stderr));
             assert!(good.contains(&code), "{page}: `{command}` ended with {code}: {said}");
+            words.push("--json".to_owned());
+            assert_json(&command, &run(&words));
             ran += 1;
         }
+    }
+    for command in MORE_WITH_A_RESULT {
+        assert_json(command, &run(&[words(command), vec!["--json".to_owned()]].concat()));
     }
     assert!(ran >= 20, "only {ran} commands were run");
     assert!(desk.path().join("my_scene/gprop/report.html").exists());
