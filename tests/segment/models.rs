@@ -5,6 +5,7 @@ use std::fs;
 use std::path::Path;
 
 use gprop::scene::{ForegroundSource, Photo};
+use gprop::segment::preprocess::prepare;
 use gprop::segment::sam::{LOGITS_SIDE, MODEL_SIDE, Sam};
 use gprop::segment::{Options, SegmentError, Segmenter};
 use gprop::setup::ModelFiles;
@@ -64,7 +65,7 @@ fn every_form_of_the_export_gives_the_three_levels() {
         let sight = sam.look(&sam.encode(&plain_input(rgb)).unwrap()).unwrap();
         let mut decoded = 0;
         for points in points.chunks(batch) {
-            sam.decode(&sight, points, |index, masks| {
+            sam.decode(&sight, points, &|_| [true; 3], |index, masks| {
                 decoded += 1;
                 let shift = (points[index][0] + points[index][1]) / 1000.0;
                 for level in 0..3 {
@@ -72,14 +73,64 @@ fn every_form_of_the_export_gives_the_three_levels() {
                     let (logit, score) =
                         (mean_embedding(rgb) * (level + 2) as f32 + shift, shift / 4.0 + (level + 1) as f32 / 10.0);
                     assert!((masks.predicted_iou[level] - score).abs() < ROUNDING, "{decoder} {level}: {masks:?}");
-                    assert_eq!(masks.logits[level].len(), LOGITS_SIDE * LOGITS_SIDE);
+                    let logits = masks.logits[level].unwrap();
+                    assert_eq!(logits.len(), LOGITS_SIDE * LOGITS_SIDE);
                     let is_right = |value: &f32| (value - logit).abs() < ROUNDING;
-                    assert!(masks.logits[level].iter().all(is_right), "{decoder} {level}: {}", masks.logits[level][0]);
+                    assert!(logits.iter().all(is_right), "{decoder} {level}: {}", logits[0]);
                 }
             })
             .unwrap();
         }
         assert_eq!(decoded, points.len(), "{decoder}");
+    }
+}
+
+/// gprop's own decoder beside the same export run by ONNX Runtime, on a real picture's embedding.
+#[test]
+fn the_decoder_computes_what_onnx_runtime_computes() {
+    let Some(files) = support::models("the_decoder_computes_what_onnx_runtime_computes") else { return };
+    let folder = tempfile::tempdir().unwrap();
+    // Under other names of the parameters, as long as the true ones, the export is one that gprop does not know.
+    let mut unknown = fs::read(&files.decoder).unwrap();
+    let name = b"mask_decoder.";
+    let places: Vec<usize> = (0..unknown.len() - name.len()).filter(|&i| unknown[i..].starts_with(name)).collect();
+    for place in places {
+        unknown[place..][..name.len()].copy_from_slice(b"some_decoder.");
+    }
+    let decoder = folder.path().join("decoder.onnx");
+    fs::write(&decoder, unknown).unwrap();
+
+    let own = Sam::open(&files, 1).unwrap();
+    let whole = Sam::open(&ModelFiles { decoder, ..files }, 1).unwrap();
+    assert!(own.decodes_itself() && !whole.decodes_itself());
+    let photo = image::open(root().join("fixtures/hammer/images/000.png")).unwrap().into_rgb8();
+    let embedding = own.encode(&prepare(&photo).input).unwrap();
+    let answers = |sam: &Sam, wanted: [bool; 3]| {
+        let sight = sam.look(&embedding).unwrap();
+        let mut answers = Vec::new();
+        for point in [[512.0, 512.0], [300.0, 700.0], [20.0, 1000.0]] {
+            sam.decode(&sight, &[point], &|_| wanted, |_, decoded| {
+                answers.push((decoded.logits.map(|logits| logits.map(<[f32]>::to_vec)), decoded.predicted_iou));
+            })
+            .unwrap();
+        }
+        answers
+    };
+    let all = answers(&own, [true; 3]);
+    for ((logits, scores), (expected, expected_scores)) in all.iter().zip(answers(&whole, [true; 3])) {
+        for level in 0..3 {
+            assert!((scores[level] - expected_scores[level]).abs() < 1e-4, "{scores:?} {expected_scores:?}");
+            let (logits, expected) = (logits[level].as_ref().unwrap(), expected[level].as_ref().unwrap());
+            let spread = expected.iter().fold(0.0_f32, |most, value| most.max(value.abs()));
+            let apart = logits.iter().zip(expected).fold(0.0_f32, |most, (a, b)| most.max((a - b).abs()));
+            assert!(apart < 1e-4 * spread, "level {level}: {apart} of {spread}");
+        }
+    }
+    for (sam, name) in [(&own, "own"), (&whole, "ONNX Runtime's")] {
+        for ((logits, _), (expected, _)) in answers(sam, [true, false, true]).iter().zip(answers(sam, [true; 3])) {
+            assert_eq!(logits[1], None, "{name}");
+            assert_eq!((&logits[0], &logits[2]), (&expected[0], &expected[2]), "{name}");
+        }
     }
 }
 

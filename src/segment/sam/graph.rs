@@ -115,7 +115,12 @@ struct Tensor {
 }
 
 /// The constants of a model that are floats, by name.
-pub struct Constants(BTreeMap<String, (Vec<usize>, Vec<f32>)>);
+pub struct Constants(BTreeMap<String, Floats>);
+
+struct Floats {
+    shape: Vec<usize>,
+    values: Vec<f32>,
+}
 
 impl Model {
     /// Reads a model; `None` where the bytes are none, or hold no graph.
@@ -238,7 +243,7 @@ impl Model {
 impl Constants {
     /// The value of this name, where it has this shape.
     pub fn get(&self, name: &str, shape: &[usize]) -> Option<&[f32]> {
-        self.0.get(name).filter(|(found, _)| found == shape).map(|(_, values)| &**values)
+        self.0.get(name).filter(|floats| floats.shape == shape).map(|floats| &*floats.values)
     }
 
     /// The name that ends so.
@@ -255,8 +260,8 @@ impl ValueInfo {
 }
 
 impl Tensor {
-    /// Name, shape and values of a tensor of floats.
-    fn into_floats(self) -> Option<(String, (Vec<usize>, Vec<f32>))> {
+    /// Its name and what it holds, if these are floats.
+    fn into_floats(self) -> Option<(String, Floats)> {
         let (name, element) = (self.name().to_owned(), self.element());
         let shape = self.dimensions.iter().map(|&side| usize::try_from(side).ok()).collect::<Option<Vec<usize>>>()?;
         let values = match self.raw {
@@ -264,6 +269,6 @@ impl Tensor {
             None => self.floats,
         };
         let is_whole = element == FLOAT && shape.iter().product::<usize>() == values.len();
-        is_whole.then_some((name, (shape, values)))
+        is_whole.then_some((name, Floats { shape, values }))
     }
 }

@@ -58,11 +58,16 @@ impl Sam {
         let read =
             |path: &Path| std::fs::read(path).map_err(|source| SegmentError::Read { path: path.to_owned(), source });
         let threads = threads.max(1);
-        Ok(Self {
-            encoder: Encoder::open(&runtime, &files.encoder, threads)?,
-            decoder: Decoder::open(&runtime, &files.decoder, &read(&files.decoder)?, threads)?,
-            cache: None,
-        })
+        let (encoder, decoder) = rayon::join(
+            || Encoder::open(&runtime, &files.encoder, threads),
+            || Decoder::open(&runtime, &files.decoder, &read(&files.decoder)?, threads),
+        );
+        Ok(Self { encoder: encoder?, decoder: decoder?, cache: None })
+    }
+
+    /// Whether gprop computes the decoder itself; else ONNX Runtime runs the export as it is.
+    pub fn decodes_itself(&self) -> bool {
+        self.decoder.is_quick()
     }
 
     /// Keeps embeddings in `folder`, and takes them from there where the same encoder made them of the same picture.

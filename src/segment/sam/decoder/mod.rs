@@ -73,6 +73,11 @@ impl Decoder {
         })
     }
 
+    /// Whether gprop computes it itself.
+    pub fn is_quick(&self) -> bool {
+        matches!(self.way, Way::Quick(_))
+    }
+
     /// How many prompts a run takes.
     pub fn batch(&self) -> usize {
         self.prompt.batch

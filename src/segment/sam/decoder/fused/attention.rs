@@ -6,9 +6,10 @@
 //! as many columns as there are pairs of token and head: column `token * HEADS + head`. A key's bias adds the same to all pixels
 //! of a column, which a softmax over pixels does not see.
 
+use super::layers::increase;
 use super::matrix::{Left, Product, Right, Start, multiply};
 use super::tokens::Projected;
-use super::vector::Vector;
+use super::vector::{MOST_LANES, Vector};
 use super::weights::{Attention, Linear, Norm};
 use super::{BLOCK, CHANNELS, HEADS, INNER, PAIRS, PIXELS, TOKENS, WIDTH};
 
@@ -161,7 +162,7 @@ impl<'a> Answers<'a> {
     #[inline(always)]
     pub fn add_to<V: Vector>(&self, weights: Left<'_>, block: &mut [f32]) {
         for row in block.chunks_exact_mut(CHANNELS) {
-            super::layers::increase::<V>(row, self.bias);
+            increase::<V>(row, self.bias);
         }
         multiply::<V>(
             weights,
@@ -304,19 +305,19 @@ impl FirstLayer {
 #[inline(always)]
 fn exponentials<V: Vector>(scores: &mut [f32], scale: f32) -> f32 {
     let mut most = V::splat(f32::NEG_INFINITY);
-    for i in (0..scores.len()).step_by(V::WIDTH) {
-        most = most.max(V::load(&scores[i..]));
+    for scores in scores.chunks_exact(V::WIDTH) {
+        most = most.max(V::load(scores));
     }
-    let mut lanes = [0.0; super::vector::MOST_LANES];
+    let mut lanes = [f32::NEG_INFINITY; MOST_LANES];
     most.store(&mut lanes);
     let mut greatest = lanes[0];
-    for lane in &lanes[1..V::WIDTH] {
-        greatest = if *lane > greatest { *lane } else { greatest };
+    for lane in lanes {
+        greatest = if lane > greatest { lane } else { greatest };
     }
     let (greatest, scale, mut sum) = (V::splat(greatest), V::splat(scale), V::splat(0.0));
-    for i in (0..scores.len()).step_by(V::WIDTH) {
-        let value = V::load(&scores[i..]).sub(greatest).mul(scale).exp();
-        value.store(&mut scores[i..]);
+    for scores in scores.chunks_exact_mut(V::WIDTH) {
+        let value = V::load(scores).sub(greatest).mul(scale).exp();
+        value.store(scores);
         sum = sum.add(value);
     }
     sum.sum()

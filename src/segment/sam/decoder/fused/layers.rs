@@ -24,58 +24,55 @@ impl Norm {
     pub fn apply<V: Vector>(&self, values: &mut [f32]) {
         let channels = self.weight.len();
         for row in values.chunks_exact_mut(channels) {
-            let mean = V::splat(sum::<V>(row) / channels as f32);
+            let mut sum = V::splat(0.0);
+            for values in row.chunks_exact(V::WIDTH) {
+                sum = sum.add(V::load(values));
+            }
+            let mean = V::splat(sum.sum() / channels as f32);
             let mut squares = V::splat(0.0);
-            for i in (0..channels).step_by(V::WIDTH) {
-                let deviation = V::load(&row[i..]).sub(mean);
+            for values in row.chunks_exact(V::WIDTH) {
+                let deviation = V::load(values).sub(mean);
                 squares = deviation.mul_add(deviation, squares);
             }
             let variance = squares.sum() / channels as f32;
             let scale = V::splat(1.0 / (variance + self.epsilon).sqrt());
-            for i in (0..channels).step_by(V::WIDTH) {
-                let normed = V::load(&row[i..]).sub(mean).mul(scale);
-                normed.mul_add(V::load(&self.weight[i..]), V::load(&self.bias[i..])).store(&mut row[i..]);
+            let parameters = self.weight.chunks_exact(V::WIDTH).zip(self.bias.chunks_exact(V::WIDTH));
+            for (values, (weight, bias)) in row.chunks_exact_mut(V::WIDTH).zip(parameters) {
+                let normed = V::load(values).sub(mean).mul(scale);
+                normed.mul_add(V::load(weight), V::load(bias)).store(values);
             }
         }
     }
 }
 
-#[inline(always)]
-fn sum<V: Vector>(values: &[f32]) -> f32 {
-    let mut sum = V::splat(0.0);
-    for i in (0..values.len()).step_by(V::WIDTH) {
-        sum = sum.add(V::load(&values[i..]));
-    }
-    sum.sum()
-}
-
 /// `a + b`.
 #[inline(always)]
 pub fn add<V: Vector>(a: &[f32], b: &[f32], sum: &mut [f32]) {
-    for i in (0..sum.len()).step_by(V::WIDTH) {
-        V::load(&a[i..]).add(V::load(&b[i..])).store(&mut sum[i..]);
+    let terms = a.chunks_exact(V::WIDTH).zip(b.chunks_exact(V::WIDTH));
+    for (sum, (a, b)) in sum.chunks_exact_mut(V::WIDTH).zip(terms) {
+        V::load(a).add(V::load(b)).store(sum);
     }
 }
 
 /// Adds `b` to `a`.
 #[inline(always)]
 pub fn increase<V: Vector>(a: &mut [f32], b: &[f32]) {
-    for i in (0..a.len()).step_by(V::WIDTH) {
-        V::load(&a[i..]).add(V::load(&b[i..])).store(&mut a[i..]);
+    for (a, b) in a.chunks_exact_mut(V::WIDTH).zip(b.chunks_exact(V::WIDTH)) {
+        V::load(a).add(V::load(b)).store(a);
     }
 }
 
 #[inline(always)]
 pub fn relu<V: Vector>(values: &mut [f32]) {
-    for i in (0..values.len()).step_by(V::WIDTH) {
-        V::load(&values[i..]).max(V::splat(0.0)).store(&mut values[i..]);
+    for values in values.chunks_exact_mut(V::WIDTH) {
+        V::load(values).max(V::splat(0.0)).store(values);
     }
 }
 
 #[inline(always)]
 pub fn gelu<V: Vector>(values: &mut [f32]) {
-    for i in (0..values.len()).step_by(V::WIDTH) {
-        V::load(&values[i..]).gelu().store(&mut values[i..]);
+    for values in values.chunks_exact_mut(V::WIDTH) {
+        V::load(values).gelu().store(values);
     }
 }
 

@@ -52,7 +52,13 @@ pub fn multiply<V: Vector>(
     }
     let mut column = 0;
     while column < columns {
-        let wide = column + 2 * V::WIDTH <= columns;
+        // Many sums at once hide how long each takes: of many rows, or of many columns.
+        let vectors_left = (columns - column) / V::WIDTH;
+        let vectors = match (rows, vectors_left) {
+            (..4, 8..) => 8,
+            (_, 2..) => 2,
+            _ => 1,
+        };
         let mut row = 0;
         while row < rows {
             let tile = Tile {
@@ -70,20 +76,20 @@ pub fn multiply<V: Vector>(
                 Start::Row(values) => Begin::Row(unsafe { values.as_ptr().add(column) }),
                 Start::There => Begin::There,
             };
-            // As many rows at once as the accumulators of the register file hold.
-            let left_over = rows - row;
             row += unsafe {
-                match (V::WIDTH, left_over, wide) {
-                    (16, 8.., true) => tile.run::<V, 8, 2>(start),
-                    (16, 8.., false) => tile.run::<V, 8, 1>(start),
-                    (_, 4.., true) => tile.run::<V, 4, 2>(start),
-                    (_, 4.., false) => tile.run::<V, 4, 1>(start),
-                    (.., true) => tile.run::<V, 1, 2>(start),
-                    (.., false) => tile.run::<V, 1, 1>(start),
+                // AVX-512 has twice the registers.
+                match (V::WIDTH, rows - row, vectors) {
+                    (16, 8.., 2) => tile.run::<V, 8, 2>(start),
+                    (16, 8.., 1) => tile.run::<V, 8, 1>(start),
+                    (_, 4.., 2) => tile.run::<V, 4, 2>(start),
+                    (_, 4.., 1) => tile.run::<V, 4, 1>(start),
+                    (.., 8) => tile.run::<V, 1, 8>(start),
+                    (.., 2) => tile.run::<V, 1, 2>(start),
+                    _ => tile.run::<V, 1, 1>(start),
                 }
             };
         }
-        column += if wide { 2 * V::WIDTH } else { V::WIDTH };
+        column += vectors * V::WIDTH;
     }
 }
 

@@ -277,3 +277,107 @@ fn transform<V: Vector>(weights: &Weights, picture: &Picture, tokens: &[f32], de
     tokens.take_in::<V>(&found, &last.out, &weights.final_norm);
     tokens
 }
+
+#[cfg(test)]
+mod tests {
+    use std::cell::Cell;
+
+    use super::weights::{Attention, HIDDEN, Layer, Linear, Norm};
+    use super::*;
+
+    /// Numbers as if at random, the same every time, in [-1, 1].
+    struct Numbers(Cell<u32>);
+
+    impl Numbers {
+        fn take(&self, count: usize, scale: f32) -> Vec<f32> {
+            let next = || {
+                self.0.set(self.0.get().wrapping_mul(1_664_525).wrapping_add(1_013_904_223));
+                (self.0.get() >> 8) as f32 / (1 << 23) as f32 - 1.0
+            };
+            (0..count).map(|_| next() * scale).collect()
+        }
+
+        fn linear(&self, inputs: usize, outputs: usize) -> Linear {
+            let weight = self.take(inputs * outputs, (3.0 / inputs as f32).sqrt());
+            Linear { weight, bias: self.take(outputs, 0.1), inputs, outputs }
+        }
+
+        fn norm(&self, channels: usize) -> Norm {
+            let weight = self.take(channels, 0.3).into_iter().map(|value| 1.0 + value).collect();
+            Norm { weight, bias: self.take(channels, 0.1), epsilon: 1e-5 }
+        }
+
+        fn attention(&self, inner: usize) -> Attention {
+            let into = || self.linear(CHANNELS, inner);
+            Attention { query: into(), key: into(), value: into(), out: self.linear(inner, CHANNELS) }
+        }
+
+        fn layer(&self) -> Layer {
+            Layer {
+                self_attention: self.attention(CHANNELS),
+                norm1: self.norm(CHANNELS),
+                token_to_image: self.attention(INNER),
+                norm2: self.norm(CHANNELS),
+                hidden: [self.linear(CHANNELS, HIDDEN), self.linear(HIDDEN, CHANNELS)],
+                norm3: self.norm(CHANNELS),
+                image_to_token: self.attention(INNER),
+                norm4: self.norm(CHANNELS),
+            }
+        }
+
+        fn perceptron(&self, outputs: usize) -> [Linear; 3] {
+            [self.linear(CHANNELS, CHANNELS), self.linear(CHANNELS, CHANNELS), self.linear(CHANNELS, outputs)]
+        }
+
+        fn weights(&self) -> Weights {
+            Weights {
+                layers: [self.layer(), self.layer()],
+                final_attention: self.attention(INNER),
+                final_norm: self.norm(CHANNELS),
+                upscaling: [self.linear(CHANNELS, 4 * UPSCALED), self.linear(UPSCALED, 4 * UPSCALED_TWICE)],
+                upscaling_norm: self.norm(UPSCALED),
+                hypernetworks: std::array::from_fn(|_| self.perceptron(UPSCALED_TWICE)),
+                predicted_iou: self.perceptron(MOST_LANES),
+            }
+        }
+    }
+
+    fn decoded(fused: &Fused, count: usize) -> (Vec<f32>, [f32; MASKS]) {
+        let numbers = Numbers(Cell::new(7));
+        let picture = fused.look(numbers.take(PIXELS * CHANNELS, 1.0), numbers.take(PIXELS * CHANNELS, 1.0));
+        let mut desk = Desk::new();
+        let tokens = numbers.take(count * CHANNELS, 1.0);
+        let scores = fused.decode(&picture, &tokens, &|_| [true; MASKS], &mut desk);
+        let all = desk.logits.concat();
+        fused.decode(&picture, &tokens, &|_| [false, true, false, true], &mut desk);
+        let side = LOGITS_SIDE * LOGITS_SIDE;
+        assert_eq!(desk.logits.concat(), [&all[side..2 * side], &all[3 * side..]].concat(), "only those wanted");
+        (all, scores)
+    }
+
+    #[test]
+    fn all_instructions_give_the_same_to_rounding() {
+        let mut fused = Fused { weights: Numbers(Cell::new(1)).weights(), instructions: Instructions::Any };
+        let mut others = Vec::new();
+        #[cfg(target_arch = "x86_64")]
+        {
+            others.extend(x86::avx2().then_some(Instructions::Avx2));
+            others.extend(x86::avx512().then_some(Instructions::Avx512));
+        }
+        for count in [MASKS + 1, TOKENS - 1, TOKENS] {
+            fused.instructions = Instructions::Any;
+            let (logits, scores) = decoded(&fused, count);
+            let greatest = logits.iter().fold(0.0_f32, |most, value| most.max(value.abs()));
+            assert!(greatest > 0.1 && scores.iter().all(|score| score.is_finite()), "{greatest} {scores:?}");
+            for &instructions in &others {
+                fused.instructions = instructions;
+                let (other_logits, other_scores) = decoded(&fused, count);
+                let apart = logits.iter().zip(&other_logits).fold(0.0_f32, |most, (a, b)| most.max((a - b).abs()));
+                assert!(apart < 1e-4 * greatest, "{instructions:?} {count}: {apart} of {greatest}");
+                for (score, other) in scores.iter().zip(other_scores) {
+                    assert!((score - other).abs() < 1e-4, "{instructions:?} {count}: {score} and {other}");
+                }
+            }
+        }
+    }
+}

@@ -7,7 +7,7 @@ use super::weights::Weights;
 use super::{CHANNELS, LOGITS_SIDE, PIXELS, SIDE, UPSCALED, UPSCALED_TWICE};
 
 /// Pixels of the embedding that are upscaled at once: what they become stays in the first cache.
-const BLOCK: usize = 8;
+const BLOCK: usize = 16;
 
 /// The logits of the masks with these vectors, each `LOGITS_SIDE` x `LOGITS_SIDE`, row by row.
 #[inline(always)]
