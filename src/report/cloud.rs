@@ -59,8 +59,7 @@ impl Cloud {
         let log_scales = [largest - LOG_SCALE_SPAN, largest];
 
         let mut bytes = Vec::new();
-        for axis in 0..3 {
-            let [low, high] = axes[axis];
+        for (axis, [low, high]) in axes.into_iter().enumerate() {
             let share = |i: usize| (gaussians.positions[i][axis] - low) / (high - low).max(f32::MIN_POSITIVE);
             bytes.extend(chosen.iter().flat_map(|&i| ((share(i) * 65535.0).round() as u16).to_le_bytes()));
         }
