@@ -2,6 +2,7 @@
 
 mod arguments;
 mod evaluate;
+mod manual;
 mod picture;
 mod query;
 mod scene;
@@ -12,7 +13,8 @@ use std::ffi::{OsStr, OsString};
 use std::io::{self, IsTerminal, Write};
 use std::path::{Path, PathBuf};
 
-use clap::{Args, CommandFactory, Parser};
+use clap::parser::ValueSource;
+use clap::{Args, CommandFactory, FromArgMatches};
 use serde::Serialize;
 
 use crate::exit::UsageError;
@@ -58,6 +60,9 @@ pub fn run(arguments: Vec<OsString>) -> anyhow::Result<()> {
         Command::Materials(what) => tools::materials(global, what),
         Command::Setup(args) => tools::set_up(global, &args.options),
         Command::Doctor(args) => tools::doctor(global, &args.options),
+        Command::Completions { shell } => manual::completions(global, *shell),
+        Command::Man { out: None } => manual::page(global),
+        Command::Man { out: Some(folder) } => manual::pages(global, folder),
     }
 }
 
@@ -78,7 +83,34 @@ fn parse(arguments: &[OsString]) -> anyhow::Result<Cli> {
         let place = 1 + arguments.iter().position(|argument| argument == name).unwrap_or(0);
         all.splice(place..place, flags.map(OsString::from));
     }
-    Ok(Cli::parse_from(all))
+    let matches = Cli::command().get_matches_from(all);
+    let mut cli = Cli::from_arg_matches(&matches).unwrap_or_else(|error| error.exit());
+    cli.global.typed = matches.subcommand().map_or_else(Vec::new, |(_, matches)| typed_flags(matches));
+    Ok(cli)
+}
+
+/// The stages' flags that were given in `matches`. The server's address is not among them: the answers are recorded, and
+/// the address is nobody else's business.
+fn typed_flags(matches: &clap::ArgMatches) -> Vec<String> {
+    let stages = pipeline::Options::augment_args(clap::Command::new("stages"));
+    let mut typed = Vec::new();
+    for argument in stages.get_arguments() {
+        let (Some(flag), id) = (argument.get_long(), argument.get_id().as_str()) else { continue };
+        let is_here = matches.try_contains_id(id).is_ok();
+        if !is_here || matches.value_source(id) != Some(ValueSource::CommandLine) || flag == "lmm-url" {
+            continue;
+        }
+        if !argument.get_action().takes_values() {
+            typed.push(format!("--{flag}"));
+            continue;
+        }
+        let values: Vec<_> = matches.get_raw(id).into_iter().flatten().map(OsStr::to_string_lossy).collect();
+        match argument.get_value_delimiter() {
+            Some(delimiter) => typed.push(format!("--{flag}={}", values.join(&delimiter.to_string()))),
+            None => typed.extend(values.iter().map(|value| format!("--{flag}={value}"))),
+        }
+    }
+    typed
 }
 
 /// The options of a scene that was named without any: the defaults and what its `gprop.toml` says.

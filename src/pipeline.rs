@@ -104,6 +104,7 @@ pub struct Pipeline {
     work: WorkDir,
     options: Options,
     plan: Plan,
+    typed: Vec<String>,
     progress: Progress,
     record: RunRecord,
     library: Cow<'static, MaterialLibrary>,
@@ -147,6 +148,7 @@ impl Pipeline {
             work,
             options,
             plan,
+            typed: Vec::new(),
             progress,
             record,
             library,
@@ -158,6 +160,11 @@ impl Pipeline {
             field: OnceLock::new(),
             parts: OnceLock::new(),
         })
+    }
+
+    /// The same with the flags that stand for its options, for the report to say how it was made.
+    pub fn typed(self, typed: Vec<String>) -> Self {
+        Self { typed, ..self }
     }
 
     /// Whether nothing has been done in the work folder yet; makes none.

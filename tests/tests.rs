@@ -29,5 +29,9 @@ mod grasp;
 mod evaluate_grasp;
 // Exports, loaded by MuJoCo, usd-core, NumPy, splat-transform.
 mod export;
+// The report: its page in a browser, its JSON against the published schema.
+mod report;
+// Every command in the README and in docs/.
+mod docs;
 // The whole program: runs, reruns, kills, bad input, exit codes.
 mod run;

@@ -36,6 +36,9 @@ pub struct Global {
     /// Threads to use; all cores where it is not given. The result is the same on any number.
     #[arg(long, global = true, value_name = "N", display_order = 903)]
     pub threads: Option<usize>,
+    /// The stages' flags as they were typed or stand in `gprop.toml`.
+    #[arg(skip)]
+    pub typed: Vec<String>,
 }
 
 #[derive(Debug, Subcommand)]
@@ -71,6 +74,17 @@ pub enum Command {
     Setup(SetupArgs),
     /// Check ONNX Runtime and SAM without fetching anything.
     Doctor(SetupArgs),
+    /// Print the script by which a shell completes gprop's commands and flags.
+    Completions {
+        /// The shell that is to read it.
+        shell: clap_complete::Shell,
+    },
+    /// Print gprop's manual page, or write the pages of all commands into a folder.
+    Man {
+        /// Folder to write gprop.1, gprop-run.1 and so on into.
+        #[arg(long, value_name = "DIR")]
+        out: Option<PathBuf>,
+    },
 }
 
 #[derive(Debug, Args)]

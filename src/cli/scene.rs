@@ -72,7 +72,8 @@ pub fn open(global: &Global, folder: &Path, work: &WorkArgs, to: Stage) -> anyho
         return Err(UsageError(format!("--from {:?} comes after the last stage, {to:?}", work.from)).into());
     }
     let plan = Plan { to, from: work.from };
-    Pipeline::open(folder, work.out.as_deref(), work.options.clone(), plan, global.progress())
+    let pipeline = Pipeline::open(folder, work.out.as_deref(), work.options.clone(), plan, global.progress())?;
+    Ok(pipeline.typed(global.typed.clone()))
 }
 
 fn dry_run(global: &Global, to: Stage, reusable: &[Stage], queries: Option<&QueryPlan>) -> anyhow::Result<()> {
