@@ -1,6 +1,7 @@
 //! Subcommands and flags: what the user typed becomes a call into the pipeline or a stage, and a result on stdout.
 
 mod arguments;
+mod batch;
 mod evaluate;
 mod picture;
 mod query;
@@ -12,6 +13,7 @@ use std::ffi::{OsStr, OsString};
 use std::io::{self, IsTerminal, Write};
 use std::path::{Path, PathBuf};
 
+use clap::parser::ValueSource;
 use clap::{Args, CommandFactory, Parser};
 use serde::Serialize;
 
@@ -20,7 +22,7 @@ use crate::pipeline::{self, Stage};
 use crate::progress::Progress;
 use crate::{config, inspect};
 use arguments::{
-    Cli, Command, Compat, Evaluate, ExportArgs, Global, Grasp, GraspArgs, Materials, QueryArgs, SceneArgs,
+    BatchArgs, Cli, Command, Compat, Evaluate, ExportArgs, Global, Grasp, GraspArgs, Materials, QueryArgs, SceneArgs,
     SimulateArgs, WorkArgs,
 };
 
@@ -38,7 +40,12 @@ pub fn run(arguments: Vec<OsString>) -> anyhow::Result<()> {
         pool.map_err(|error| UsageError(format!("--threads {threads}: {error}")))?;
     }
     match &cli.command {
-        Command::Run(args) => scene::run(global, &args.scene.scene, &args.scene.work, args.to),
+        Command::Run(args) => {
+            if args.end_with_stdin {
+                crate::batch::end_with_the_batch();
+            }
+            scene::run(global, &args.scene.scene, &args.scene.work, args.to)
+        }
         Command::Segment(args) if args.scene.is_file() => picture::segment(global, args),
         Command::Segment(args) => scene::run(global, &args.scene, &args.work, Stage::Segment),
         Command::Query(args) => query::query(global, args),
@@ -53,6 +60,7 @@ pub fn run(arguments: Vec<OsString>) -> anyhow::Result<()> {
             let (inspection, text) = inspect::command(args, global.progress())?;
             print(global, &inspection, || text)
         }
+        Command::Batch(args) => batch::run(global, args, typed_flags(&arguments)),
         Command::Evaluate(what) => evaluate::evaluate(global, what),
         Command::Materials(what) => tools::materials(global, what),
         Command::Setup(args) => tools::set_up(global, &args.options),
@@ -80,10 +88,10 @@ fn parse(arguments: &[OsString]) -> anyhow::Result<Cli> {
     Ok(Cli::parse_from(all))
 }
 
-/// The options of a scene that was named without any: the defaults and what its `gprop.toml` says.
-fn options_of(scene: &Path) -> anyhow::Result<pipeline::Options> {
+/// The options of a scene that was named with some `flags` or none: the defaults, what its `gprop.toml` says, the flags.
+fn options_of(scene: &Path, flags: &[OsString]) -> anyhow::Result<pipeline::Options> {
     let typed = [OsStr::new("gprop"), OsStr::new("parts"), scene.as_os_str()].map(OsStr::to_owned);
-    match parse(&typed)?.command {
+    match parse(&[&typed, flags].concat())?.command {
         Command::Parts(args) => Ok(args.work.options),
         _ => Err(UsageError(format!("{scene:?} is no scene folder")).into()),
     }
@@ -99,6 +107,29 @@ fn scene_flags() -> Vec<config::Flag> {
     stages.get_arguments().filter_map(flag).collect()
 }
 
+/// The stages' options among `arguments` as they were typed, to be handed on to other commands.
+fn typed_flags(arguments: &[OsString]) -> Vec<OsString> {
+    let all = Cli::command().get_matches_from(arguments);
+    let Some((_, typed)) = all.subcommand() else { return Vec::new() };
+    let stages = pipeline::Options::augment_args(clap::Command::new("stages"));
+    let mut flags = Vec::new();
+    for argument in stages.get_arguments() {
+        let (id, Some(name)) = (argument.get_id().as_str(), argument.get_long()) else { continue };
+        if typed.value_source(id) != Some(ValueSource::CommandLine) {
+            continue;
+        }
+        if !argument.get_action().takes_values() {
+            flags.push(format!("--{name}").into());
+            continue;
+        }
+        for values in typed.get_raw_occurrences(id).into_iter().flatten() {
+            let values: Vec<&OsStr> = values.collect();
+            flags.push([OsStr::new(&format!("--{name}=")), &values.join(OsStr::new(","))].into_iter().collect());
+        }
+    }
+    flags
+}
+
 fn start_log(global: &Global) {
     let level = match (global.quiet, global.verbose) {
         (true, _) | (false, 0) => "warn",
@@ -112,7 +143,11 @@ fn start_log(global: &Global) {
 
 /// Prints a result: as JSON where that is asked for, else as text. A reader that has gone away is no error.
 fn print(global: &Global, value: &impl Serialize, text: impl FnOnce() -> String) -> anyhow::Result<()> {
-    let text = if global.json { serde_json::to_string_pretty(value)? } else { text() };
+    print_text(&if global.json { serde_json::to_string_pretty(value)? } else { text() })
+}
+
+/// Prints a text. A reader that has gone away is no error.
+fn print_text(text: &str) -> anyhow::Result<()> {
     match writeln!(io::stdout(), "{}", text.trim_end()) {
         Err(error) if error.kind() != io::ErrorKind::BrokenPipe => {
             Err(UsageError(format!("cannot print: {error}")).into())
