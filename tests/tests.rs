@@ -29,5 +29,7 @@ mod grasp;
 mod evaluate_grasp;
 // Exports, loaded by MuJoCo, usd-core, NumPy, splat-transform.
 mod export;
+// Many scenes: choice, shards, budgets, kills, one submission for all.
+mod batch;
 // The whole program: runs, reruns, kills, bad input, exit codes.
 mod run;
