@@ -1,7 +1,7 @@
 //! `gprop batch` on made-up scenes that need no model.
 
 // Tiny scenes of a ball of two materials.
-mod ball;
+pub mod ball;
 // A batch that is killed, again and again.
 mod kills;
 // All scenes' queries in one submission.
@@ -51,7 +51,7 @@ fn names(outcomes: &[Value]) -> Vec<&str> {
 }
 
 /// Every file below a folder, relative to it, with its content; but for what holds timings (`run.json`) and locks.
-fn contents(folder: &Path) -> Vec<(PathBuf, Vec<u8>)> {
+pub fn contents(folder: &Path) -> Vec<(PathBuf, Vec<u8>)> {
     let mut found = Vec::new();
     let mut open = vec![folder.to_owned()];
     while let Some(next) = open.pop() {

@@ -31,5 +31,7 @@ mod evaluate_grasp;
 mod export;
 // Many scenes: choice, shards, budgets, kills, one submission for all.
 mod batch;
+// Full disks, files that go, clocks that go back, scenes that mean harm.
+mod faults;
 // The whole program: runs, reruns, kills, bad input, exit codes.
 mod run;
