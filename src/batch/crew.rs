@@ -7,8 +7,6 @@
 use std::collections::VecDeque;
 use std::time::Duration;
 
-use crate::pipeline::Stage;
-
 use super::child::{Running, Task};
 use super::memory::{self, Budget, Gauge};
 use super::select::Selected;
@@ -52,7 +50,7 @@ impl Crew {
         keep: &mut dyn FnMut(Outcome) -> Result<(), BatchError>,
     ) -> Result<(), BatchError> {
         let mut waiting: VecDeque<Waiting> =
-            scenes.iter().map(|scene| Waiting { scene, need: memory::need(scene, self.stage()) }).collect();
+            scenes.iter().map(|scene| Waiting { scene, need: memory::need(scene, self.task.to, self.task.threads) }).collect();
         let mut members: Vec<Member> = Vec::new();
         let mut gauge = Gauge::new();
         while !waiting.is_empty() || !members.is_empty() {
@@ -80,10 +78,6 @@ impl Crew {
             self.relieve(&mut members, &mut waiting, key, keep)?;
         }
         Ok(())
-    }
-
-    fn stage(&self) -> Stage {
-        self.task.to
     }
 
     /// The first that fits beside those that run; whatever it needs, the first of all where none runs.

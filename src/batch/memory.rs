@@ -13,12 +13,14 @@ pub const GIGABYTE: f64 = 1e9;
 /// Of what is free, the share that a batch takes by itself: the rest is for files' pages and for others.
 const SHARE: f64 = 0.8;
 
-/// Bytes that any run takes: the program, its library of materials, a few photos, grids of the default sizes.
-const BASE: u64 = 600_000_000;
-/// Bytes that SAM takes on top, with ONNX Runtime.
-const SAM: u64 = 900_000_000;
-/// Bytes for each byte of the splat: as read, as stored, and what voting, parts and simulation keep of each Gaussian.
-const PER_SPLAT_BYTE: u64 = 10;
+/// Bytes that any run takes: the program, its materials, a view's photo, the grids of parts and simulation at their default
+/// sizes. The fixtures' scenes peak at 0.35 to 0.50 GB without SAM (docs/batch.md).
+const BASE: u64 = 300_000_000;
+/// Bytes that SAM takes for each thread, which has an encoder of its own: 0.69 GB in all on one thread, 1.27 GB on two.
+const SAM_A_THREAD: u64 = 500_000_000;
+/// Bytes that vote, parts and simulation take for each byte of the splat as plain floats: the chair's 9 MB of Gaussians add
+/// 0.2 GB to the base.
+const PER_SPLAT_BYTE: u64 = 20;
 
 /// How much memory all scenes of a batch may hold together.
 #[derive(Debug, Clone, Copy)]
@@ -48,10 +50,11 @@ fn free() -> Option<u64> {
     Some(group.map_or(free, |group| free.min(group.free_memory)))
 }
 
-/// Memory in bytes that a scene is taken to need up to a stage: a sum of what any run, SAM, and its Gaussians take.
-pub fn need(scene: &Selected, to: Stage) -> u64 {
-    let sam = if to >= Stage::Segment { SAM } else { 0 };
-    BASE + sam + PER_SPLAT_BYTE * scene.splat_bytes
+/// Memory in bytes that a scene is taken to need up to a stage on so many threads. Stages run one after the other, so SAM's
+/// need and that of the Gaussians do not add up.
+pub fn need(scene: &Selected, to: Stage, threads: usize) -> u64 {
+    let sam = if to >= Stage::Segment { SAM_A_THREAD * threads as u64 } else { 0 };
+    BASE + sam.max(PER_SPLAT_BYTE * scene.splat_bytes)
 }
 
 /// Reads what processes hold.

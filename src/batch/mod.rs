@@ -137,7 +137,7 @@ impl Batch {
 
     /// Memory that a scene is taken to need, in bytes.
     pub fn need(&self, scene: &Selected) -> u64 {
-        memory::need(scene, self.to)
+        memory::need(scene, self.to, self.threads_a_scene())
     }
 
     /// Runs what is open of this shard; `tell` hears of each scene as it ends. The summary is of the shard.
@@ -184,13 +184,21 @@ impl Batch {
     }
 
     fn crew(&self, to: Stage) -> anyhow::Result<Crew> {
-        let jobs = self.options.jobs.map_or_else(|| (self.threads / crew::THREADS_A_SCENE).max(1), usize::from);
         let mut flags = self.flags.clone();
         if let Some(max_usd) = self.options.max_usd_of(&self.flags) {
             flags.push(format!("--max-usd={}", max_usd / self.all.len() as f64).into());
         }
-        let threads = (self.threads / jobs).max(1);
-        Ok(Crew { jobs, budget: Budget::new(self.options.memory)?, task: child::Task { to, from: self.from, flags, threads } })
+        let task = child::Task { to, from: self.from, flags, threads: self.threads_a_scene() };
+        Ok(Crew { jobs: self.jobs(), budget: Budget::new(self.options.memory)?, task })
+    }
+
+    /// Scenes side by side.
+    fn jobs(&self) -> usize {
+        self.options.jobs.map_or_else(|| (self.threads / crew::THREADS_A_SCENE).max(1), usize::from)
+    }
+
+    fn threads_a_scene(&self) -> usize {
+        (self.threads / self.jobs()).max(1)
     }
 
     fn standing_of(&self, scene: &Selected, known: &[(Shard, Outcome)]) -> Standing {
