@@ -243,6 +243,8 @@ impl Pipeline {
         self.record.forget(stage, &self.work)?;
         let start = Instant::now();
         let done = self.work_on(stage, &key)?;
+        // Recordings are part of the query's key, and what was asked is recorded now.
+        let key = if stage == Stage::Query { self.key(stage)? } else { key };
         let size = |path: PathBuf| -> Result<_> {
             let length = std::fs::metadata(self.work.root().join(&path))?.len();
             Ok((path, length))
