@@ -10,7 +10,11 @@ one after the other in one run; then whether both found the same masks.
 
 The generator runs as published, in PyTorch, both networks replaced by the files that `gprop setup` fetched. The decoder returns only
 the best of its four masks; all four are values inside of it and are made outputs, as gprop does. gprop's time is that of the
-whole process `gprop evaluate masks`: it loads and cuts the models and compares the masks in it too.
+whole process `gprop evaluate masks`: it loads the models and compares the masks in it too.
+
+Measured with the machine to itself (2 cores of an EPYC with AVX-512), the picture of a hammer of the paper's repository, 32 x 32 points: the public
+generator 47.3 s, its decoder 23.0 s of it; gprop 8.4 s on every point with the same 51 masks, 5.6 times as fast, and 4.1 s
+adaptively, 11.5 times as fast.
 """
 
 import json
