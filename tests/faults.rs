@@ -1,6 +1,8 @@
 //! What the machine may do to a run: no room, no permission, files that go, a clock that goes back, links that lead away.
 //! Each ends in a message that says what to do, with nothing half-written, and the next run mends it.
 
+// Small files that unpack to gigabytes.
+mod bombs;
 // Scenes that try to have gprop write elsewhere.
 mod hostile;
 

@@ -31,7 +31,7 @@ pub struct Outcome {
     pub error: Option<String>,
     /// From start to end of its last process.
     pub seconds: f64,
-    /// Most resident memory seen, sampled; 0 where the system does not tell.
+    /// Most resident memory seen, sampled; 0 where the system does not tell or it ended before the first look.
     pub peak_memory_bytes: u64,
     /// Warnings of all stages.
     pub warnings: usize,
