@@ -165,3 +165,26 @@ impl Global {
         }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn stage_options_are_handed_on_as_they_were_typed() {
+        let flags = |typed: &str| typed_flags(&typed.split(' ').map(OsString::from).collect::<Vec<_>>());
+        assert_eq!(
+            flags("gprop batch DATA --jobs 3 --to vote --out X -q"),
+            [] as [&str; 0],
+            "these are the batch's own"
+        );
+        assert_eq!(
+            flags(
+                "gprop batch DATA --lmm-url http://h/v1 --view-list a,b --offline --object-box=-1,0,0:1,1,1 --grid 16"
+            ),
+            ["--view-list=a,b", "--object-box=-1,0,0:1,1,1", "--offline", "--lmm-url=http://h/v1", "--grid=16"]
+        );
+        assert_eq!(flags("gprop batch DATA --grid 16 --grid 24"), ["--grid=24"]);
+        assert_eq!(flags("gprop batch DATA --also npy,coco"), ["--also=npy,coco"]);
+    }
+}

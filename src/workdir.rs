@@ -127,7 +127,9 @@ pub enum WorkDirError {
     Parse { path: PathBuf, source: serde_json::Error },
     #[error("another gprop is working in {path:?}; wait for it to end or choose another folder with --out")]
     Locked { path: PathBuf },
-    #[error("{path:?} is a link, and gprop writes through none that it was not told of; remove it, or give its target with {flag}")]
+    #[error(
+        "{path:?} is a link, and gprop writes through none that it was not told of; remove it, or give its target with {flag}"
+    )]
     Link { path: PathBuf, flag: &'static str },
     #[error("{path:?} leads out of the work folder")]
     Outside { path: PathBuf },

@@ -63,7 +63,10 @@ impl Mounted {
         match mount {
             Ok(output) if output.status.success() => Some(Self { at }),
             Ok(output) => {
-                skipped(test, &format!("mounting is not permitted here: {}", String::from_utf8_lossy(&output.stderr).trim()));
+                skipped(
+                    test,
+                    &format!("mounting is not permitted here: {}", String::from_utf8_lossy(&output.stderr).trim()),
+                );
                 None
             }
             Err(error) => {

@@ -49,8 +49,10 @@ impl Crew {
         key: &dyn Fn(&Selected) -> String,
         keep: &mut dyn FnMut(Outcome) -> Result<(), BatchError>,
     ) -> Result<(), BatchError> {
-        let mut waiting: VecDeque<Waiting> =
-            scenes.iter().map(|scene| Waiting { scene, need: memory::need(scene, self.task.to, self.task.threads) }).collect();
+        let mut waiting: VecDeque<Waiting> = scenes
+            .iter()
+            .map(|scene| Waiting { scene, need: memory::need(scene, self.task.to, self.task.threads) })
+            .collect();
         let mut members: Vec<Member> = Vec::new();
         let mut gauge = Gauge::new();
         while !waiting.is_empty() || !members.is_empty() {

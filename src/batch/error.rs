@@ -17,7 +17,9 @@ pub enum BatchError {
     Shard { given: String, problem: String },
     #[error("how much memory is free cannot be told here; say with --memory GB how much the batch may use")]
     UnknownMemory,
-    #[error("another gprop works on shard {shard} in {folder:?}; wait for it to end or choose another folder with --out")]
+    #[error(
+        "another gprop works on shard {shard} in {folder:?}; wait for it to end or choose another folder with --out"
+    )]
     Locked { shard: String, folder: PathBuf },
     #[error("cannot use {path:?}: {source}; make room or choose another folder with --out")]
     Io { path: PathBuf, source: std::io::Error },
@@ -29,7 +31,9 @@ pub enum BatchError {
     MixedShards { folder: PathBuf, divisions: String },
     #[error("cannot start a scene's process: {0}")]
     Start(std::io::Error),
-    #[error("is not among the scenes that are chosen now; collect with the same --split, --filter, --start, --end and --shard")]
+    #[error(
+        "is not among the scenes that are chosen now; collect with the same --split, --filter, --start, --end and --shard"
+    )]
     NotOfThisBatch,
     /// Some scenes failed or are not done: exit code 6.
     #[error("{} of {scenes} scenes are not done:{}", .failed.len() + .missing.len(), listed(.failed, .missing))]
@@ -40,6 +44,7 @@ pub enum BatchError {
 fn listed(failed: &[(String, String)], missing: &[String]) -> String {
     let first_line = |text: &str| text.lines().next().unwrap_or_default().to_owned();
     let failed = failed.iter().map(|(name, why)| format!("\n  {name}: {}", first_line(why)));
-    let missing = missing.iter().map(|name| format!("\n  {name}: nothing is known of it; its shard has not run to the end"));
+    let missing =
+        missing.iter().map(|name| format!("\n  {name}: nothing is known of it; its shard has not run to the end"));
     failed.chain(missing).collect()
 }

@@ -104,7 +104,8 @@ pub fn one_division(folder: &Path, known: &[(Shard, Outcome)]) -> Result<usize, 
 /// What became of `scene` as it is asked for now: whichever shard it fell to, done beats failed.
 pub fn of<'a>(scene: &Selected, key: &str, known: &'a [(Shard, Outcome)]) -> Option<&'a Outcome> {
     let matching = known.iter().map(|(_, outcome)| outcome);
-    let matching = matching.filter(|outcome| outcome.scene == scene.name && outcome.key == key && outcome.work == scene.work);
+    let matching =
+        matching.filter(|outcome| outcome.scene == scene.name && outcome.key == key && outcome.work == scene.work);
     let (mut done, mut failed) = (None, None);
     for outcome in matching {
         match outcome.state {

@@ -70,9 +70,8 @@ impl<'a> Questions<'a> {
         let under_way = submitted.clone();
         self.ask_first(&scenes, &under_way)?;
         let gather = |scene: &&Selected| {
-            let gathered = self.with_desk(scene, |desk, queries| {
-                Ok(desk.requests(&self.client, queries, &under_way, &scene.name))
-            });
+            let gathered = self
+                .with_desk(scene, |desk, queries| Ok(desk.requests(&self.client, queries, &under_way, &scene.name)));
             gathered.unwrap_or_else(|error| {
                 failures.push((scene.name.clone(), format!("{error:#}")));
                 Vec::new()

@@ -69,7 +69,8 @@ impl Summary {
     /// A line a scene and one for all.
     pub fn table(&self) -> String {
         let widest = self.outcomes.iter().map(|outcome| outcome.scene.chars().count()).max().unwrap_or(0).max(5);
-        let mut text = format!("{:<widest$}  {:<6}  {:>9}  {:>8}  {:>5}  mass in kg\n", "scene", "", "seconds", "MB", "parts");
+        let mut text =
+            format!("{:<widest$}  {:<6}  {:>9}  {:>8}  {:>5}  mass in kg\n", "scene", "", "seconds", "MB", "parts");
         for outcome in &self.outcomes {
             let state = match outcome.state {
                 State::Done => "done",

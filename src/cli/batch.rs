@@ -81,7 +81,11 @@ fn dry_run(global: &Global, batch: &Batch) -> anyhow::Result<()> {
             };
             let megabytes = |bytes: u64| bytes as f64 / 1e6;
             let DryScene { name, bytes, need_bytes, .. } = scene;
-            format!("{name}  {state}  {:.1} MB of files, {:.0} MB of memory\n", megabytes(*bytes), megabytes(*need_bytes))
+            format!(
+                "{name}  {state}  {:.1} MB of files, {:.0} MB of memory\n",
+                megabytes(*bytes),
+                megabytes(*need_bytes)
+            )
         };
         scenes.iter().map(line).collect::<String>() + &format!("{} scenes in shard {index}/{of}", scenes.len())
     })

@@ -126,7 +126,8 @@ impl Pipeline {
 
     /// A view's parts depend on its photo, the options and the models, not on the other views.
     fn view_key(&self, view: &View) -> Result<String> {
-        let mut hasher = Hasher::new("view").with(&file_digest(&view.image)?).with_json(&self.options.segment.deciding());
+        let mut hasher =
+            Hasher::new("view").with(&file_digest(&view.image)?).with_json(&self.options.segment.deciding());
         if let Some(folder) = &self.options.segment.segments {
             return Ok(hasher.with(&imported_digest(folder, &view.name)?).hex());
         }

@@ -41,13 +41,16 @@ fn twenty_kills_leave_no_trace() {
 
     for scene in ["ball-0", "ball-1", "ball-2"] {
         let (calm, killed) = (contents(&calm.join(scene)), contents(&killed.join(scene)));
-        let paths = |found: &[(std::path::PathBuf, Vec<u8>)]| found.iter().map(|(path, _)| path.clone()).collect::<Vec<_>>();
+        let paths =
+            |found: &[(std::path::PathBuf, Vec<u8>)]| found.iter().map(|(path, _)| path.clone()).collect::<Vec<_>>();
         assert_eq!(paths(&calm), paths(&killed), "{scene}: also temporary files count");
         assert!(calm == killed, "{scene}");
     }
     let done = |out: &std::path::Path| {
         let kept = lines(&out.join("batch/shard-0-of-1.jsonl"));
-        kept.iter().map(|line| (line["scene"].clone(), line["state"].clone(), line["mass_kg"].clone())).collect::<Vec<_>>()
+        kept.iter()
+            .map(|line| (line["scene"].clone(), line["state"].clone(), line["mass_kg"].clone()))
+            .collect::<Vec<_>>()
     };
     assert_eq!(done(&calm), done(&killed));
     let left = contents(&killed.join("batch"));

@@ -68,5 +68,8 @@ fn a_budget_holds_for_all_scenes_together() {
     assert_eq!(json_of(&mut submit("10"), 0)["sent"], 17);
     // Without the Batch API each scene may spend its share: a third of too little for one question is too little too.
     let spent = outcomes(&mut batch(&balls, &["--lmm-model", &model, "--lmm-url", &url, "--max-usd", "0.003"]), 6);
-    assert!(spent.iter().any(|outcome| outcome["error"].as_str().is_some_and(|why| why.contains("--max-usd 0.001"))), "{spent:?}");
+    assert!(
+        spent.iter().any(|outcome| outcome["error"].as_str().is_some_and(|why| why.contains("--max-usd 0.001"))),
+        "{spent:?}"
+    );
 }

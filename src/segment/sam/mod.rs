@@ -15,8 +15,8 @@ use std::path::Path;
 use super::error::SegmentError;
 use crate::setup::ModelFiles;
 use cache::Cache;
-use decoder::{Decoder, PictureValues};
 pub use decoder::Wanted;
+use decoder::{Decoder, PictureValues};
 use encoder::Encoder;
 
 /// Side of the square picture that the encoder sees.

@@ -34,11 +34,7 @@ impl Quick {
         let desks = Pool::new((0..threads).map(|_| Desk::new()).collect());
         let quick = Self { fused, sources, prompt, picture, tokens, desks };
         let count = quick.tokens_of(&[])?.len() / (prompt.batch * CHANNELS);
-        if (MASKS + 1..=TOKENS).contains(&count) {
-            Ok(quick)
-        } else {
-            Err(format!("its prompts have {count} tokens"))
-        }
+        if (MASKS + 1..=TOKENS).contains(&count) { Ok(quick) } else { Err(format!("its prompts have {count} tokens")) }
     }
 
     pub fn look(&self, embedding: &Embedding) -> Result<Picture, String> {

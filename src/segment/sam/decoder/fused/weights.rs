@@ -83,7 +83,12 @@ impl Weights {
                 reader.transposed_convolution("output_upscaling.3", UPSCALED, UPSCALED_TWICE)?,
             ],
             upscaling_norm: reader.norm_of_channels("output_upscaling.0", UPSCALED)?,
-            hypernetworks: [reader.hypernetwork(0)?, reader.hypernetwork(1)?, reader.hypernetwork(2)?, reader.hypernetwork(3)?],
+            hypernetworks: [
+                reader.hypernetwork(0)?,
+                reader.hypernetwork(1)?,
+                reader.hypernetwork(2)?,
+                reader.hypernetwork(3)?,
+            ],
             predicted_iou: reader.perceptron("iou_prediction_head", MASKS)?,
         })
     }
