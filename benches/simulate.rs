@@ -1,4 +1,5 @@
-//! A falling cube: particle substeps per second. `cargo bench --bench simulate`; beside its peers by `simulate_peers.py`.
+//! A falling cube: particle substeps per second, and with `-- million` the most memory a particle takes, its grid and the
+//! sorting included. `cargo bench --bench simulate`; beside its peers by `simulate_peers.py`.
 
 use criterion::{BenchmarkId, Criterion, Throughput, criterion_group, criterion_main};
 use gprop::simulate::boundary::{Boundary, Contact};
@@ -44,7 +45,43 @@ fn cube(count: usize, cells: usize, law: Law, state: f32) -> (Solver, usize, f32
         domain_m: [[0.0; 3], [2.0; 3]],
         laws: vec![law],
     };
-    (Solver::new(setting, &particles), particles.len(), 0.3 * spacing_m / 11.6)
+    let count = particles.len();
+    (Solver::new(setting, particles), count, 0.3 * spacing_m / 11.6)
+}
+
+/// A number of kB in Linux's account of this process, as bytes.
+fn status_bytes(key: &str) -> Option<f64> {
+    let status = std::fs::read_to_string("/proc/self/status").ok()?;
+    let line = status.lines().find_map(|line| line.strip_prefix(key))?;
+    Some(1024.0 * line.trim_end_matches("kB").trim().parse::<f64>().ok()?)
+}
+
+/// A million particles, from the first one on.
+fn million(c: &mut Criterion) {
+    let mut group = c.benchmark_group("simulate");
+    group.sample_size(10);
+    let mut solver = None;
+    group.bench_function("million", |b| {
+        let (solver, dt_s) = solver.get_or_insert_with(million_with_its_memory);
+        b.iter(|| solver.step(*dt_s).expect("the cube stays in its domain"));
+    });
+}
+
+/// The cube of a million and its time step; prints the most memory that it took.
+fn million_with_its_memory() -> (Solver, f32) {
+    // Makes the peak what it is now.
+    let _ = std::fs::write("/proc/self/clear_refs", "5");
+    let before = status_bytes("VmHWM:");
+    let (name, law, state) = LAWS[1];
+    let (mut solver, particles, dt_s) = cube(1_000_000, 256, law, state);
+    // Long enough to sort twice.
+    for _ in 0..80 {
+        solver.step(dt_s).expect("the cube stays in its domain");
+    }
+    if let (Some(before), Some(most)) = (before, status_bytes("VmHWM:")) {
+        println!("{name}: {:.0} bytes a particle at the most", (most - before) / particles as f64);
+    }
+    (solver, dt_s)
 }
 
 fn substeps(c: &mut Criterion) {
@@ -71,5 +108,5 @@ fn substeps(c: &mut Criterion) {
     }
 }
 
-criterion_group!(benches, substeps);
+criterion_group!(benches, substeps, million);
 criterion_main!(benches);

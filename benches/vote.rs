@@ -1,6 +1,10 @@
-//! Drawing a view, and letting views vote: `cargo bench --bench vote`.
+//! Drawing a view, and letting views vote: `cargo bench --bench vote`; the same in NumPy: `vote_numpy.py`.
 //!
-//! A million Gaussians on a sphere, views of 800 x 800 pixels from all around, two parts in every label map.
+//! A million Gaussians on a sphere, ten views of 800 x 800 pixels from all around, two parts in every label map. Before the
+//! timings one vote by each rule says what it takes: seconds, memory beyond the cloud, blends a second, and how far that is
+//! from a pass that only reads and blends.
+
+use std::time::Instant;
 
 use criterion::{Criterion, criterion_group, criterion_main};
 use gprop::camera::{Camera, Distortion, Intrinsics};
@@ -9,12 +13,12 @@ use gprop::progress::Progress;
 use gprop::query::{Answer, Answers, Form, Match, Outcome, PartAnswer};
 use gprop::scene::gaussians::Gaussians;
 use gprop::segment::LabelMap;
-use gprop::vote::raster::{RenderOptions, render};
+use gprop::vote::raster::{LANES, RenderOptions, Sink, Splat, render, visit};
 use gprop::vote::{Options, Rule, ViewInput, vote};
 use nalgebra::{Isometry3, Point3, Vector3};
 
 const COUNT: usize = 1_000_000;
-const VIEWS: usize = 2;
+const VIEWS: usize = 10;
 const SIZE: u32 = 800;
 
 /// Points spread evenly over the unit sphere (Fibonacci's spiral).
@@ -84,6 +88,60 @@ fn answers(names: &[String]) -> Answers {
     Answers { parts: names.iter().flat_map(|view| [part(view, 1), part(view, 2)]).collect() }
 }
 
+/// Counts weights above zero and does nothing else with them: what any vote must do at least.
+#[derive(Default)]
+struct Count(u64);
+
+impl Sink for Count {
+    fn add(&mut self, _: &Splat, _: usize, weights: &[f32; LANES], _: &[f32; LANES]) {
+        self.0 += weights.iter().filter(|&&weight| weight > 0.0).count() as u64;
+    }
+}
+
+/// A line of `/proc/self/status` in bytes; `None` where there is no such file.
+fn memory(what: &str) -> Option<f64> {
+    let status = std::fs::read_to_string("/proc/self/status").ok()?;
+    let line = status.lines().find(|line| line.starts_with(what))?;
+    Some(line.split_whitespace().nth(1)?.parse::<f64>().ok()? * 1024.0)
+}
+
+/// Seconds to read and write a block far larger than any cache, in bytes a second.
+fn copy_bandwidth() -> f64 {
+    let block = vec![1u8; 256 << 20];
+    let start = Instant::now();
+    let copy = std::hint::black_box(block.clone());
+    2.0 * copy.len() as f64 / start.elapsed().as_secs_f64()
+}
+
+fn account(gaussians: &Gaussians, cameras: &[Camera], views: &[ViewInput], answers: &Answers) {
+    let start = Instant::now();
+    let new = |_| Count::default();
+    let counted = cameras.iter().flat_map(|camera| visit(gaussians, camera, &RenderOptions::default(), new));
+    let blends: u64 = counted.map(|(_, count)| count.0).sum();
+    let floor = start.elapsed().as_secs_f64();
+    println!("blending alone: {floor:.2} s for {blends} blends, {:.0} million a second", blends as f64 / floor / 1e6);
+    // Position, scale, rotation, opacity of every Gaussian, once a view.
+    let read = (COUNT * 44 * cameras.len()) as f64;
+    let bandwidth = copy_bandwidth();
+    println!("reading the cloud once a view: {:.2} s at {:.1} GB/s", read / bandwidth, bandwidth / 1e9);
+    for rule in [Rule::Frequency, Rule::Contribution] {
+        // Forgets the highest mark so far.
+        let _ = std::fs::write("/proc/self/clear_refs", "5");
+        let before = memory("VmRSS");
+        let options = Options { vote: rule, ..Options::default() };
+        let start = Instant::now();
+        let field =
+            vote(gaussians, views, answers, MaterialLibrary::builtin(), &options, Progress::Hidden).expect("votes");
+        let seconds = start.elapsed().as_secs_f64();
+        let most = memory("VmHWM").zip(before).map_or(f64::NAN, |(most, before)| (most - before) / COUNT as f64);
+        let seen = field.views.iter().filter(|&&views| views > 0).count();
+        println!(
+            "{rule:?}: {seconds:.2} s, {:.1} times blending alone, {most:.0} bytes a Gaussian beyond the cloud; {seen} seen",
+            seconds / floor
+        );
+    }
+}
+
 fn draw_and_vote(criterion: &mut Criterion) {
     let gaussians = cloud();
     let cameras: Vec<Camera> = (0..VIEWS).map(camera).collect();
@@ -93,6 +151,7 @@ fn draw_and_vote(criterion: &mut Criterion) {
         names.iter().zip(&cameras).map(|(name, camera)| ViewInput { name, camera, map: &map }).collect();
     let library = MaterialLibrary::builtin();
 
+    account(&gaussians, &cameras, &views, &answers);
     let mut group = criterion.benchmark_group("vote");
     group.sample_size(10);
     group.bench_function("draw a view", |bencher| {
@@ -100,8 +159,9 @@ fn draw_and_vote(criterion: &mut Criterion) {
     });
     for rule in [Rule::Frequency, Rule::Contribution] {
         let options = Options { vote: rule, ..Options::default() };
-        group.bench_function(format!("{VIEWS} views by {rule:?}"), |bencher| {
-            bencher.iter(|| vote(&gaussians, &views, &answers, library, &options, Progress::Hidden).expect("votes"));
+        group.bench_function(format!("2 views by {rule:?}"), |bencher| {
+            bencher
+                .iter(|| vote(&gaussians, &views[..2], &answers, library, &options, Progress::Hidden).expect("votes"));
         });
     }
     group.finish();

@@ -3,6 +3,7 @@
 mod arguments;
 mod batch;
 mod evaluate;
+mod manual;
 mod picture;
 mod query;
 mod scene;
@@ -14,7 +15,7 @@ use std::io::{self, IsTerminal, Write};
 use std::path::{Path, PathBuf};
 
 use clap::parser::ValueSource;
-use clap::{Args, CommandFactory, Parser};
+use clap::{Args, CommandFactory, FromArgMatches};
 use serde::Serialize;
 
 use crate::exit::UsageError;
@@ -23,7 +24,7 @@ use crate::progress::Progress;
 use crate::{config, inspect};
 use arguments::{
     BatchArgs, Cli, Command, Compat, Evaluate, ExportArgs, Global, Grasp, GraspArgs, Materials, QueryArgs, SceneArgs,
-    SimulateArgs, WorkArgs,
+    ShowArgs, SimulateArgs, WorkArgs,
 };
 
 /// Does what `arguments` (the program's name first) ask for.
@@ -50,6 +51,7 @@ pub fn run(arguments: Vec<OsString>) -> anyhow::Result<()> {
         Command::Segment(args) => scene::run(global, &args.scene, &args.work, Stage::Segment),
         Command::Query(args) => query::query(global, args),
         Command::Vote(args) => scene::run(global, &args.scene, &args.work, Stage::Vote),
+        Command::Show(args) => scene::show(global, args),
         Command::Parts(args) => scene::run(global, &args.scene, &args.work, Stage::Parts),
         Command::Simulate(args) => simulate::run(global, args),
         Command::Grasp(GraspArgs { what: Some(what), .. }) => tools::grasp(global, what),
@@ -60,11 +62,14 @@ pub fn run(arguments: Vec<OsString>) -> anyhow::Result<()> {
             let (inspection, text) = inspect::command(args, global.progress())?;
             print(global, &inspection, || text)
         }
-        Command::Batch(args) => batch::run(global, args, typed_flags(&arguments)),
+        Command::Batch(args) => batch::run(global, args),
         Command::Evaluate(what) => evaluate::evaluate(global, what),
         Command::Materials(what) => tools::materials(global, what),
         Command::Setup(args) => tools::set_up(global, &args.options),
         Command::Doctor(args) => tools::doctor(global, &args.options),
+        Command::Completions { shell } => manual::completions(global, *shell),
+        Command::Man { out: None } => manual::page(global),
+        Command::Man { out: Some(folder) } => manual::pages(global, folder),
     }
 }
 
@@ -85,7 +90,34 @@ fn parse(arguments: &[OsString]) -> anyhow::Result<Cli> {
         let place = 1 + arguments.iter().position(|argument| argument == name).unwrap_or(0);
         all.splice(place..place, flags.map(OsString::from));
     }
-    Ok(Cli::parse_from(all))
+    let matches = Cli::command().get_matches_from(all);
+    let mut cli = Cli::from_arg_matches(&matches).unwrap_or_else(|error| error.exit());
+    cli.global.typed = matches.subcommand().map_or_else(Vec::new, |(_, matches)| typed_flags(matches));
+    Ok(cli)
+}
+
+/// The stages' flags that were given in `matches`, as they may be given again.
+fn typed_flags(matches: &clap::ArgMatches) -> Vec<OsString> {
+    let stages = pipeline::Options::augment_args(clap::Command::new("stages"));
+    let mut typed = Vec::new();
+    for argument in stages.get_arguments() {
+        let (Some(flag), id) = (argument.get_long(), argument.get_id().as_str()) else { continue };
+        let is_here = matches.try_contains_id(id).is_ok();
+        if !is_here || matches.value_source(id) != Some(ValueSource::CommandLine) {
+            continue;
+        }
+        if !argument.get_action().takes_values() {
+            typed.push(format!("--{flag}").into());
+            continue;
+        }
+        let values: Vec<_> = matches.get_raw(id).into_iter().flatten().collect();
+        let with = |value: &OsStr| [OsStr::new(&format!("--{flag}=")), value].into_iter().collect();
+        match argument.get_value_delimiter() {
+            Some(delimiter) => typed.push(with(&values.join(OsStr::new(&delimiter.to_string())))),
+            None => typed.extend(values.into_iter().map(with)),
+        }
+    }
+    typed
 }
 
 /// The options of a scene that was named with some `flags` or none: the defaults, what its `gprop.toml` says, the flags.
@@ -105,29 +137,6 @@ fn scene_flags() -> Vec<config::Flag> {
         Some(config::Flag { name, takes_value: argument.get_action().takes_values() })
     };
     stages.get_arguments().filter_map(flag).collect()
-}
-
-/// The stages' options among `arguments` as they were typed, to be handed on to other commands.
-fn typed_flags(arguments: &[OsString]) -> Vec<OsString> {
-    let all = Cli::command().get_matches_from(arguments);
-    let Some((_, typed)) = all.subcommand() else { return Vec::new() };
-    let stages = pipeline::Options::augment_args(clap::Command::new("stages"));
-    let mut flags = Vec::new();
-    for argument in stages.get_arguments() {
-        let (id, Some(name)) = (argument.get_id().as_str(), argument.get_long()) else { continue };
-        if typed.value_source(id) != Some(ValueSource::CommandLine) {
-            continue;
-        }
-        if !argument.get_action().takes_values() {
-            flags.push(format!("--{name}").into());
-            continue;
-        }
-        for values in typed.get_raw_occurrences(id).into_iter().flatten() {
-            let values: Vec<&OsStr> = values.collect();
-            flags.push([OsStr::new(&format!("--{name}=")), &values.join(OsStr::new(","))].into_iter().collect());
-        }
-    }
-    flags
 }
 
 fn start_log(global: &Global) {
@@ -172,7 +181,10 @@ mod tests {
 
     #[test]
     fn stage_options_are_handed_on_as_they_were_typed() {
-        let flags = |typed: &str| typed_flags(&typed.split(' ').map(OsString::from).collect::<Vec<_>>());
+        let flags = |typed: &str| {
+            let typed: Vec<OsString> = typed.split(' ').map(OsString::from).collect();
+            parse(&typed).unwrap().global.typed
+        };
         assert_eq!(
             flags("gprop batch DATA --jobs 3 --to vote --out X -q"),
             [] as [&str; 0],

@@ -1,10 +1,10 @@
 //! NumPy archives: a ZIP of arrays.
 
-use std::io::{self, Cursor, Read, Seek, Write};
+use std::io::{self, Cursor, Read, Write};
 
 use npyz::{NpyFile, WriterBuilder};
 use thiserror::Error;
-use zip::write::SimpleFileOptions;
+use zip::write::{SimpleFileOptions, StreamWriter};
 use zip::{CompressionMethod, ZipArchive, ZipWriter};
 
 /// Most bytes of one array: a reference trajectory has some hundred megabytes. What unpacks to more was made to fill the memory.
@@ -81,21 +81,32 @@ impl Npz {
     }
 }
 
-/// Writes arrays of f32 with their shapes, row-major. The same arrays give the same bytes.
-///
-/// # Errors
-/// What the writer reports.
-pub fn write(out: impl Write + Seek, arrays: &[(&str, &[u64], &[f32])]) -> io::Result<()> {
-    let options = SimpleFileOptions::default().compression_method(CompressionMethod::Deflated).large_file(true);
-    let mut archive = ZipWriter::new(out);
-    for (name, shape, values) in arrays {
-        archive.start_file(format!("{name}.npy"), options)?;
-        let mut array = npyz::WriteOptions::new().default_dtype().shape(shape).writer(&mut archive).begin_nd()?;
-        array.extend(values.iter().copied())?;
-        array.finish()?;
+/// Writes an archive array by array. The same arrays give the same bytes.
+pub struct NpzWriter<W: Write>(ZipWriter<StreamWriter<W>>);
+
+impl<W: Write> NpzWriter<W> {
+    pub fn new(out: W) -> Self {
+        Self(ZipWriter::new_stream(out))
     }
-    archive.finish()?;
-    Ok(())
+
+    /// An array of f32, row-major.
+    ///
+    /// # Errors
+    /// What the writer reports; as many `values` as the `shape` has are needed.
+    pub fn array(&mut self, name: &str, shape: &[u64], values: impl Iterator<Item = f32>) -> io::Result<()> {
+        let options = SimpleFileOptions::default().compression_method(CompressionMethod::Deflated).large_file(true);
+        self.0.start_file(format!("{name}.npy"), options)?;
+        let mut array = npyz::WriteOptions::new().default_dtype().shape(shape).writer(&mut self.0).begin_nd()?;
+        array.extend(values)?;
+        array.finish()
+    }
+
+    /// # Errors
+    /// What the writer reports.
+    pub fn finish(self) -> io::Result<()> {
+        self.0.finish()?;
+        Ok(())
+    }
 }
 
 #[cfg(test)]

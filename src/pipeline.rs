@@ -17,6 +17,7 @@ mod report;
 mod scene;
 mod segment;
 mod simulate;
+mod variants;
 mod vote;
 
 use std::borrow::Cow;
@@ -105,6 +106,7 @@ pub struct Pipeline {
     work: WorkDir,
     options: Options,
     plan: Plan,
+    typed: Vec<String>,
     progress: Progress,
     record: RunRecord,
     library: Cow<'static, MaterialLibrary>,
@@ -153,6 +155,7 @@ impl Pipeline {
             work,
             options,
             plan,
+            typed: Vec::new(),
             progress,
             record,
             library,
@@ -164,6 +167,11 @@ impl Pipeline {
             field: OnceLock::new(),
             parts: OnceLock::new(),
         })
+    }
+
+    /// The same with the flags that stand for its options, for the report to say how it was made.
+    pub fn typed(self, typed: Vec<String>) -> Self {
+        Self { typed, ..self }
     }
 
     /// Whether nothing has been done in the work folder yet; makes none.

@@ -53,6 +53,10 @@ pub enum Artifact<'a> {
     MaterialMap,
     /// The input PLY with the materials' properties.
     Field,
+    /// The input PLY in the colours of the materials, for any viewer.
+    Recolored,
+    /// A view's photo, parts and materials side by side, with a legend.
+    Figure,
     /// The 3D parts that `field.ply` labels.
     Labels,
     /// material_id -> library row.
@@ -98,6 +102,8 @@ impl Artifact<'_> {
             Self::Batch => "batch.json".into(),
             Self::MaterialMap => "material_map.png".into(),
             Self::Field => "field.ply".into(),
+            Self::Recolored => "field_recolored.ply".into(),
+            Self::Figure => "figure.png".into(),
             Self::Labels => "labels.json".into(),
             Self::Materials => "materials.json".into(),
             Self::Parts => "parts.json".into(),

@@ -1,5 +1,7 @@
 //! `gprop evaluate mass` and `hardness`: numbers worked out with numpy by the published definitions, and bad input.
 
+mod segmentation;
+
 use std::fs;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output};

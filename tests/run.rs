@@ -10,7 +10,7 @@ use tempfile::TempDir;
 use crate::support::models;
 
 /// Two of the hammer's ten views, a coarse grid and a short simulation: every stage in seconds.
-const QUICK: &[&str] =
+pub const QUICK: &[&str] =
     &["--view-list", "003,022", "--frames", "3", "--duration", "0.06", "--grid", "16", "--volume-cells", "100000"];
 
 fn fixture(name: &str) -> PathBuf {

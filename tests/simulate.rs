@@ -108,8 +108,13 @@ impl Block {
             domain_m: [[0.0; 3], [10.0; 3]],
             laws: vec![self.law],
         };
-        Solver::new(setting, particles)
+        Solver::new(setting, particles.to_vec())
     }
+}
+
+/// The solver's particles in the order they were given.
+fn particles_of(solver: &Solver) -> Vec<Particle> {
+    solver.particles().iter().collect()
 }
 
 /// Total mass, centre of mass, momentum.

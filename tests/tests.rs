@@ -33,5 +33,9 @@ mod export;
 mod batch;
 // Full disks, files that go, clocks that go back, scenes that mean harm.
 mod faults;
+// The report: its page in a browser, its JSON against the published schema.
+mod report;
+// Every command in the README and in docs/.
+mod docs;
 // The whole program: runs, reruns, kills, bad input, exit codes.
 mod run;

@@ -16,5 +16,7 @@ mod photos;
 mod field;
 // The search for neighbours.
 mod nearest;
+// The best labels that a splat's Gaussians could have.
+mod bound;
 // The vote with true parts: its own loss.
 mod oracle;

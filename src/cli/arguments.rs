@@ -1,10 +1,13 @@
 //! What can be typed: subcommands and their flags.
 
+use std::ffi::OsString;
 use std::path::PathBuf;
 
 use clap::{Args, Parser, Subcommand};
 
+use crate::evaluate::vocabulary::Vocabulary;
 use crate::pipeline::{self, Stage};
+use crate::report::figure::Shown;
 use crate::{batch, export, inspect, materials, setup};
 
 use super::query;
@@ -34,6 +37,9 @@ pub struct Global {
     /// Threads to use; all cores where it is not given. The result is the same on any number.
     #[arg(long, global = true, value_name = "N", display_order = 903)]
     pub threads: Option<usize>,
+    /// The stages' flags as they were typed or stand in `gprop.toml`.
+    #[arg(skip)]
+    pub typed: Vec<OsString>,
 }
 
 #[derive(Debug, Subcommand)]
@@ -46,6 +52,8 @@ pub enum Command {
     Query(QueryArgs),
     /// A material for every Gaussian.
     Vote(SceneArgs),
+    /// A picture of the materials, the parts or their confidence as any view of the scene sees them.
+    Show(ShowArgs),
     /// 3D parts: volume, thickness, mass.
     Parts(SceneArgs),
     /// Material Point Method on the Gaussians.
@@ -69,6 +77,17 @@ pub enum Command {
     Setup(SetupArgs),
     /// Check ONNX Runtime and SAM without fetching anything.
     Doctor(SetupArgs),
+    /// Print the script by which a shell completes gprop's commands and flags.
+    Completions {
+        /// The shell that is to read it.
+        shell: clap_complete::Shell,
+    },
+    /// Print gprop's manual page, or write the pages of all commands into a folder.
+    Man {
+        /// Folder to write gprop.1, gprop-run.1 and so on into.
+        #[arg(long, value_name = "DIR")]
+        out: Option<PathBuf>,
+    },
 }
 
 #[derive(Debug, Args)]
@@ -93,6 +112,22 @@ pub struct WorkArgs {
     pub dry_run: bool,
     #[command(flatten)]
     pub options: pipeline::Options,
+}
+
+#[derive(Debug, Args)]
+pub struct ShowArgs {
+    /// Folder with a 3DGS PLY, cameras and photos; what `gprop run` has not done of it up to the vote is done first.
+    pub scene: PathBuf,
+    /// The picture to write (PNG).
+    pub to: PathBuf,
+    /// What it shows.
+    #[arg(long, value_enum, default_value_t)]
+    pub what: Shown,
+    /// Name of the view, one that voted or not; the first that voted where it is not given.
+    #[arg(long, value_name = "NAME")]
+    pub view: Option<String>,
+    #[command(flatten)]
+    pub work: WorkArgs,
 }
 
 #[derive(Debug, Args)]
@@ -266,6 +301,22 @@ pub enum Evaluate {
     Simulation {
         /// The trajectory (NPZ) with its setting.
         reference: PathBuf,
+    },
+    /// Materials rendered into labelled views, as IoU by label: the paper's table with its two ablations.
+    Segmentation {
+        /// Scene folders; what `gprop run` has not done of them up to the vote is done first.
+        #[arg(required = true)]
+        scenes: Vec<PathBuf>,
+        /// Label maps (one PNG a view, and labels.json or EISeg's autosave_label.txt): a folder inside each scene, or a
+        /// folder with one such folder a scene by its name, or the folder of the only scene.
+        #[arg(long, value_name = "DIR")]
+        truth: PathBuf,
+        /// The label set that materials and labels are counted by.
+        #[arg(long, value_enum, default_value_t)]
+        labels: Vocabulary,
+        /// Work folder of the scene; SCENE/gprop where it is not given. With one scene only.
+        #[arg(long, value_name = "DIR")]
+        out: Option<PathBuf>,
     },
     /// Prompts, time and part IoU of --prompts adaptive beside --prompts grid, on scenes with true part maps.
     Prompts {

@@ -1,6 +1,5 @@
 //! `gprop batch`: many scenes, or what is known of them.
 
-use std::ffi::OsString;
 use std::path::Path;
 
 use serde::Serialize;
@@ -19,9 +18,9 @@ struct DryScene<'a> {
     need_bytes: u64,
 }
 
-/// Does what the arguments ask for; `flags` are the stages' options among them.
-pub fn run(global: &Global, args: &BatchArgs, flags: Vec<OsString>) -> anyhow::Result<()> {
-    let task = Task { to: args.to, from: args.from, flags: flags.clone(), threads: global.threads };
+/// Does what the arguments ask for.
+pub fn run(global: &Global, args: &BatchArgs) -> anyhow::Result<()> {
+    let task = Task { to: args.to, from: args.from, flags: global.typed.clone(), threads: global.threads };
     let batch = Batch::new(&args.folder, args.out.as_deref(), args.batch.clone(), task)?;
     batch.warnings().iter().for_each(|warning| tracing::warn!("{warning}"));
     if args.dry_run {
@@ -33,7 +32,7 @@ pub fn run(global: &Global, args: &BatchArgs, flags: Vec<OsString>) -> anyhow::R
         return Ok(summary.require_all()?);
     }
     if let Some(step) = args.queries {
-        let options_of = |scene: &Path| options_of(scene, &flags);
+        let options_of = |scene: &Path| options_of(scene, &global.typed);
         return questions(global, step, &batch, &Questions::new(&batch, &args.options.query, &options_of)?);
     }
     let (total, mut ended) = (batch.scenes().count(), 0);

@@ -1,10 +1,13 @@
 //! `gprop evaluate`: files and scenes to measures, and measures to text.
 
+mod segmentation;
+
 use std::fs;
 use std::path::{Path, PathBuf};
 
 use anyhow::Context;
 
+use crate::evaluate::EvaluateError;
 use crate::evaluate::filling;
 use crate::evaluate::grasp as grasp_rates;
 use crate::evaluate::hardness::{self, HardnessEvaluation, Measured, Reading};
@@ -32,6 +35,9 @@ pub fn evaluate(global: &Global, what: &Evaluate) -> anyhow::Result<()> {
             evaluate_grasp(global, outcomes.as_deref(), objects.as_deref(), gripper)
         }
         Evaluate::Simulation { reference } => evaluate_simulation(global, reference),
+        Evaluate::Segmentation { scenes, truth, labels, out } => {
+            segmentation::evaluate(global, scenes, truth, *labels, out.as_deref())
+        }
         Evaluate::Prompts { scenes, scene, segment, setup } => evaluate_prompts(global, scenes, scene, segment, setup),
         Evaluate::Masks { image, reference, setup } => evaluate_masks(global, image, reference, setup),
         Evaluate::Mass { predictions: Some(predictions), truth: Some(truth), .. } => {
@@ -201,6 +207,11 @@ fn evaluate_prompts(
         let true_view = |view: scene::View| -> anyhow::Result<prompts::TrueView> {
             let path = folder.join("ground_truth/part_maps").join(format!("{}.png", view.name));
             let parts = image::open(&path).map_err(|error| UsageError(format!("{path:?}: {error}")))?.into_luma8();
+            let size = (view.camera.intrinsics.width, view.camera.intrinsics.height);
+            if parts.dimensions() != size {
+                let map = parts.dimensions();
+                return Err(EvaluateError::MapSize { path, map, view: view.name, picture: size }.into());
+            }
             Ok(prompts::TrueView { photo: photo_with_foreground(&scene, &view)?, name: view.name, parts })
         };
         let views: Vec<_> = scene.chosen_views(options)?.into_iter().map(true_view).collect::<anyhow::Result<_>>()?;

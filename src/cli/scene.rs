@@ -9,9 +9,9 @@ use crate::exit::UsageError;
 use crate::pipeline::{Pipeline, Plan, Stage};
 use crate::query::Plan as QueryPlan;
 use crate::report;
-use crate::workdir::Artifact;
+use crate::workdir::{self, Artifact};
 
-use super::{ExportArgs, Global, WorkArgs, print};
+use super::{ExportArgs, Global, ShowArgs, WorkArgs, print};
 
 /// What a dry run says of a stage.
 #[derive(Serialize)]
@@ -47,6 +47,16 @@ pub fn run(global: &Global, folder: &Path, work: &WorkArgs, to: Stage) -> anyhow
     print(global, &value, || path.display().to_string())
 }
 
+/// Draws the field, after the stages up to the vote.
+pub fn show(global: &Global, args: &ShowArgs) -> anyhow::Result<()> {
+    let mut pipeline = open(global, &args.scene, &args.work, Stage::Vote)?;
+    pipeline.run()?;
+    let png = pipeline.show(args.what, args.view.as_deref())?;
+    workdir::write_atomic(&args.to, |out| out.write_all(&png))
+        .map_err(|error| UsageError(format!("cannot write {:?}: {error}", args.to)))?;
+    print(global, &args.to, || args.to.display().to_string())
+}
+
 /// Exports the parts, after the stages up to them.
 pub fn export(global: &Global, args: &ExportArgs) -> anyhow::Result<()> {
     let plan = Plan { to: Stage::Parts, from: None };
@@ -62,7 +72,10 @@ pub fn open(global: &Global, folder: &Path, work: &WorkArgs, to: Stage) -> anyho
         return Err(UsageError(format!("--from {:?} comes after the last stage, {to:?}", work.from)).into());
     }
     let plan = Plan { to, from: work.from };
-    Pipeline::open(folder, work.out.as_deref(), work.options.clone(), plan, global.progress())
+    let pipeline = Pipeline::open(folder, work.out.as_deref(), work.options.clone(), plan, global.progress())?;
+    // The server's address is left out: the answers are recorded, and the address is nobody else's business.
+    let typed = global.typed.iter().map(|flag| flag.to_string_lossy().into_owned());
+    Ok(pipeline.typed(typed.filter(|flag| !flag.starts_with("--lmm-url=")).collect()))
 }
 
 fn dry_run(global: &Global, to: Stage, reusable: &[Stage], queries: Option<&QueryPlan>) -> anyhow::Result<()> {

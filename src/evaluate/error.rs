@@ -2,6 +2,8 @@
 
 use std::path::PathBuf;
 
+use crate::segment::LabelMapError;
+
 /// What is wrong with predictions or truth, where, and what to do.
 #[derive(Debug, thiserror::Error)]
 pub enum EvaluateError {
@@ -19,4 +21,17 @@ pub enum EvaluateError {
     NotPositive { what: &'static str, id: String, value: f64 },
     #[error("there is nothing to compare: {0}")]
     Nothing(&'static str),
+    #[error("{path:?} holds no label maps: one PNG a view, named like the view")]
+    NoMaps { path: PathBuf },
+    #[error("{path:?}: {source}")]
+    Map { path: PathBuf, source: Box<LabelMapError> },
+    #[error(
+        "{path:?} has {} x {} pixels, view {view:?} has {} x {}: label the photo at its own size",
+        map.0, map.1, picture.0, picture.1
+    )]
+    MapSize { path: PathBuf, map: (u32, u32), view: String, picture: (u32, u32) },
+    #[error("{path:?} has no map of a view of {scene:?}; a map is named like its view, such as {example:?}.png")]
+    NoView { path: PathBuf, scene: String, example: String },
+    #[error("{path:?} names the label {name:?}, which is no label, material or family{hint}")]
+    Label { path: PathBuf, name: String, hint: String },
 }

@@ -4,11 +4,13 @@ mod error;
 pub mod filling;
 pub mod grasp;
 pub mod hardness;
+pub mod label_maps;
 pub mod masks;
 pub mod mass;
 pub mod prompts;
 pub mod scores;
 pub mod segmentation;
 pub mod simulation;
+pub mod vocabulary;
 
 pub use error::EvaluateError;

@@ -3,6 +3,14 @@
 
 use std::collections::BTreeMap;
 
+use serde::Serialize;
+
+use super::vocabulary::Vocabulary;
+use crate::camera::Camera;
+use crate::scene::gaussians::Gaussians;
+use crate::vote::MaterialField;
+use crate::vote::raster::{RenderOptions, render_labels};
+
 /// Pixels counted over any number of views, by label.
 #[derive(Debug, Clone, PartialEq)]
 pub struct IouTally<L> {
@@ -38,6 +46,16 @@ impl<L: Ord + Copy> IouTally<L> {
         }
     }
 
+    /// Adds the pixels that another tally has counted.
+    pub fn join(&mut self, other: &Self) {
+        for (label, counts) in &other.counts {
+            let own = self.counts.entry(*label).or_default();
+            own.both += counts.both;
+            own.truth += counts.truth;
+            own.predicted += counts.predicted;
+        }
+    }
+
     /// IoU of every label that occurs in the truth.
     pub fn per_label(&self) -> BTreeMap<L, f64> {
         let real = self.counts.iter().filter(|(_, counts)| counts.truth > 0);
@@ -48,5 +66,197 @@ impl<L: Ord + Copy> IouTally<L> {
     pub fn mean(&self) -> Option<f64> {
         let ious = self.per_label();
         (!ious.is_empty()).then(|| ious.values().sum::<f64>() / ious.len() as f64)
+    }
+}
+
+/// A view with the label of each of its pixels, row by row; `None` outside the object.
+pub struct LabelledView<'a> {
+    pub camera: Camera,
+    pub truth: Vec<Option<&'a str>>,
+}
+
+/// Counts the pixels of the views, each as the label that owns most of its light. `names` are the labels of
+/// `field.labels`.
+pub fn tally<'a>(
+    gaussians: &Gaussians,
+    field: &MaterialField,
+    names: &[&'a str],
+    views: &[LabelledView<'a>],
+) -> IouTally<&'a str> {
+    let mut distinct = names.to_vec();
+    distinct.sort_unstable();
+    distinct.dedup();
+    // Parts of one label blend as one.
+    let place = |name: &str| distinct.iter().position(|other| *other == name).expect("listed above") as u32;
+    let of_label: Vec<u32> = names.iter().map(|name| place(name)).collect();
+    let labels: Vec<u32> = field.part_label.iter().map(|&label| of_label[label as usize]).collect();
+    let mut tally = IouTally::default();
+    for view in views {
+        let drawn = render_labels(gaussians, &view.camera, &labels, &RenderOptions::default());
+        let drawn = drawn.into_iter().map(|label| label.map(|label| distinct[label as usize]));
+        tally.add(view.truth.iter().copied().zip(drawn));
+    }
+    tally
+}
+
+/// How well labels fit.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct Score {
+    /// Mean over the labels; `None` where the truth has none.
+    pub mean_iou: Option<f64>,
+    pub per_label: BTreeMap<String, f64>,
+}
+
+impl Score {
+    fn of(tally: &IouTally<&str>) -> Self {
+        let per_label = tally.per_label().into_iter().map(|(label, iou)| (label.to_owned(), iou));
+        Self { mean_iou: tally.mean(), per_label: per_label.collect() }
+    }
+}
+
+/// One way of labelling over all objects: the pixels of all are counted together.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct Column {
+    #[serde(flatten)]
+    pub overall: Score,
+    pub per_object: BTreeMap<String, Score>,
+}
+
+impl Column {
+    fn of(tallies: &[(String, IouTally<&str>)]) -> Self {
+        let mut all = IouTally::default();
+        tallies.iter().for_each(|(_, tally)| all.join(tally));
+        let per_object = tallies.iter().map(|(object, tally)| (object.clone(), Score::of(tally)));
+        Self { overall: Score::of(&all), per_object: per_object.collect() }
+    }
+}
+
+/// What was counted of one object.
+pub struct ObjectTallies<'a> {
+    pub object: String,
+    /// Of the whole method.
+    pub voted: IouTally<&'a str>,
+    /// Of answers to sheets without the global picture, where they are recorded.
+    pub local_only: Option<IouTally<&'a str>>,
+    /// Of each view alone, by its name.
+    pub single_views: Vec<(String, IouTally<&'a str>)>,
+}
+
+/// The paper's table: the method and its ablations.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct SegmentationEvaluation {
+    pub labels: Vocabulary,
+    #[serde(flatten)]
+    pub voted: Column,
+    /// Of the objects that have it recorded; `None` where none has.
+    pub local_only: Option<Column>,
+    /// The whole method on the objects of `local_only`.
+    pub voted_beside_local_only: Option<Column>,
+    /// Of every object the single view that scores best.
+    pub no_vote: Column,
+    /// That view by object.
+    pub best_view: BTreeMap<String, String>,
+}
+
+impl SegmentationEvaluation {
+    /// Scores what was counted.
+    pub fn of(labels: Vocabulary, objects: Vec<ObjectTallies>) -> Self {
+        let (mut voted, mut local, mut beside, mut single) = (vec![], vec![], vec![], vec![]);
+        let mut best_view = BTreeMap::new();
+        for ObjectTallies { object, voted: own, local_only, single_views } in objects {
+            if let Some(tally) = local_only {
+                local.push((object.clone(), tally));
+                beside.push((object.clone(), own.clone()));
+            }
+            // The first of equals.
+            let best =
+                single_views.into_iter().rev().max_by(|a, b| a.1.mean().partial_cmp(&b.1.mean()).expect("no NaN"));
+            if let Some((view, tally)) = best {
+                best_view.insert(object.clone(), view);
+                single.push((object.clone(), tally));
+            }
+            voted.push((object, own));
+        }
+        let some = |tallies: &[(String, IouTally<&str>)]| (!tallies.is_empty()).then(|| Column::of(tallies));
+        Self {
+            labels,
+            voted: Column::of(&voted),
+            local_only: some(&local),
+            voted_beside_local_only: some(&beside),
+            no_vote: Column::of(&single),
+            best_view,
+        }
+    }
+
+    /// The table: a row a label and a mean for every object, then for all.
+    pub fn text(&self) -> String {
+        let mut text =
+            format!("{:<16} {:<10} {:>8} {:>11} {:>8}\n", "object", "label", "voted", "local only", "no vote");
+        for (object, score) in &self.voted.per_object {
+            let of_object = |column: &'_ Column| column.per_object.get(object).cloned();
+            let local = self.local_only.as_ref().and_then(of_object);
+            text += &rows(object, score, local.as_ref(), of_object(&self.no_vote).as_ref());
+        }
+        text += &rows("all", &self.voted.overall, None, Some(&self.no_vote.overall));
+        if let (Some(local), Some(beside)) = (&self.local_only, &self.voted_beside_local_only) {
+            let objects: Vec<&str> = local.per_object.keys().map(String::as_str).collect();
+            text += &rows(&objects.join(" + "), &beside.overall, Some(&local.overall), None);
+        }
+        let views: Vec<String> = self.best_view.iter().map(|(object, view)| format!("{view} of {object}")).collect();
+        text + &format!("\nno vote: the single view that scores best ({})", views.join(", "))
+    }
+}
+
+fn rows(object: &str, voted: &Score, local: Option<&Score>, single: Option<&Score>) -> String {
+    let number = |iou: Option<f64>| iou.map_or_else(|| "-".to_owned(), |iou| format!("{iou:.4}"));
+    let row = |first: &str, label: &str, of: &dyn Fn(&Score) -> Option<f64>| {
+        let [a, b, c] = [Some(voted), local, single].map(|score| number(score.and_then(of)));
+        format!("{first:<16} {label:<10} {a:>8} {b:>11} {c:>8}\n")
+    };
+    let mut text = String::new();
+    for (n, label) in voted.per_label.keys().enumerate() {
+        text += &row(if n == 0 { object } else { "" }, label, &|score| score.per_label.get(label).copied());
+    }
+    text + &row("", "mean", &|score| score.mean_iou)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn tally(pixels: &[(&'static str, &'static str)]) -> IouTally<&'static str> {
+        let named = |name: &&'static str| Some(*name).filter(|name| !name.is_empty());
+        let mut tally = IouTally::default();
+        tally.add(pixels.iter().map(|(truth, drawn)| (named(truth), named(drawn))));
+        tally
+    }
+
+    #[test]
+    fn background_counts_against_the_label_it_was_confused_with() {
+        let tally = tally(&[("wood", "wood"), ("wood", ""), ("", "wood"), ("metal", "wood"), ("", "glass")]);
+        // Wood: 1 of 4 pixels; metal: none of 1; glass is not in the truth.
+        assert_eq!(tally.per_label(), BTreeMap::from([("metal", 0.0), ("wood", 0.25)]));
+        assert_eq!(tally.mean(), Some(0.125));
+    }
+
+    #[test]
+    fn all_objects_are_counted_pixel_by_pixel_and_the_best_view_stands_for_no_vote() {
+        let right = || tally(&[("wood", "wood"), ("wood", "wood"), ("wood", "wood")]);
+        let wrong = || tally(&[("wood", "metal")]);
+        let object = |name: &str, voted, local_only| ObjectTallies {
+            object: name.to_owned(),
+            voted,
+            local_only,
+            single_views: vec![("a".to_owned(), wrong()), ("b".to_owned(), right()), ("c".to_owned(), right())],
+        };
+        let objects = vec![object("one", right(), None), object("two", wrong(), Some(right()))];
+        let found = SegmentationEvaluation::of(Vocabulary::Abo, objects);
+        assert_eq!(found.voted.overall.mean_iou, Some(0.75));
+        assert_eq!(found.voted.per_object["two"].mean_iou, Some(0.0));
+        assert_eq!(found.local_only.as_ref().unwrap().overall.mean_iou, Some(1.0));
+        assert_eq!(found.voted_beside_local_only.as_ref().unwrap().overall.mean_iou, Some(0.0));
+        assert_eq!(found.best_view["one"], "b");
+        let text = found.text();
+        assert!(text.contains("all") && text.contains("0.7500") && text.contains("b of two"), "{text}");
     }
 }

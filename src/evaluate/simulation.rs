@@ -19,13 +19,13 @@ use crate::simulate::compat::strength_at;
 /// Why a comparison could not be made.
 #[derive(Debug, thiserror::Error)]
 pub enum SimulationError {
-    #[error("the reference cannot be read: {0}")]
+    #[error("the reference cannot be read")]
     Npz(#[from] NpzError),
-    #[error("the reference's `meta` is not understood: {0}")]
+    #[error("the reference's `meta` is not understood")]
     Meta(#[from] serde_json::Error),
     #[error("the reference's array `{array}` has {found} numbers, not {expected}")]
     Length { array: &'static str, found: usize, expected: usize },
-    #[error("the reference's setting: {0}")]
+    #[error("the reference's setting cannot be run")]
     Setting(#[from] SimulateError),
     #[error("particle {} is lost at t = {} s: it left the grid or is no number any more", .0.particle, .0.time)]
     Lost(Lost),

@@ -12,7 +12,7 @@ use crate::scene::ply;
 use crate::simulate::compat::config::Config;
 use crate::simulate::compat::solver::Particle;
 use crate::simulate::compat::{self, CompatReport};
-use crate::simulate::states::States;
+use crate::simulate::states;
 use crate::workdir::{Artifact, WorkDir};
 
 /// Runs the configuration in `config` on the Gaussians of `scene`, a folder or a PLY, and writes frames, states and
@@ -27,7 +27,8 @@ pub fn run(scene: &Path, config: &Path, out: &Path, progress: Progress) -> Resul
     let work = WorkDir::open(out)?;
     let mut save = |frame: usize, particles: &[Particle], gaussians: &Gaussians| -> Result<()> {
         work.write_with(Artifact::Frame(frame), |out| ply::write(out, gaussians, &[]))?;
-        Ok(work.write(Artifact::States(frame), &States::of_compat(particles).to_npz()?)?)
+        let state = |i: usize| (&particles[i]).into();
+        Ok(work.write_with(Artifact::States(frame), |out| states::write(out, particles.len(), state))?)
     };
     let report = compat::run(&gaussians, &config, &mut save, progress)?;
     work.write_json(Artifact::Simulation, &report)?;

@@ -7,7 +7,7 @@ use std::path::Path;
 use anyhow::{Context, Result};
 
 use crate::from_splat::photo_with_foreground;
-use crate::query::{AnswerSource, Answers, Match, Outcome, Plan, Queries};
+use crate::query::{AnswerSource, Answers, Match, Options, Outcome, Plan, Queries};
 use crate::workdir::{Artifact, WorkDir, WorkDirError};
 
 use super::desk::{self, Desk, DeskView};
@@ -56,11 +56,16 @@ impl Pipeline {
 
     /// The queries of the chosen views; the scene must be segmented.
     pub fn desk(&self) -> Result<Desk<'_>> {
+        self.desk_with(&self.options.query)
+    }
+
+    /// As [`Self::desk`], with other options than the run's.
+    pub(super) fn desk_with<'a>(&'a self, options: &'a Options) -> Result<Desk<'a>> {
         let views = self.views.iter().zip(&self.segmentation()?.views).map(|(view, segments)| {
             Ok(DeskView { name: &view.name, photo: photo_with_foreground(&self.scene, view)?, segments })
         });
         let views = views.collect::<Result<_>>()?;
-        Desk::new(&self.options.query, views, &self.library, &self.folder, &self.work, self.progress)
+        Desk::new(options, views, &self.library, &self.folder, &self.work, self.progress)
     }
 
     /// Whether what an earlier run was answered does not count: the model is to be asked whatever is recorded, or it may

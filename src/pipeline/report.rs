@@ -1,12 +1,20 @@
 //! The report: everything the stages before it left, as one JSON file and one page.
 
+use std::path::PathBuf;
+
 use anyhow::Result;
+use nalgebra::Point3;
 use rayon::prelude::*;
 
-use crate::report::{self, AnswerCounts, Pictures, Report, SceneSummary, StageTime, ViewPictures, Warning};
+use crate::report::{
+    self, AnswerCounts, Cloud, InputFile, Pictures, Report, Reproduction, SceneSummary, SheetPicture, StageTime,
+    ViewPictures, Warning,
+};
 use crate::vote::MaterialField;
 use crate::workdir::Artifact;
 
+use super::record::hexadecimal;
+use super::scene::file_digest;
 use super::{Done, Pipeline, Stage};
 
 impl Pipeline {
@@ -20,13 +28,20 @@ impl Pipeline {
         let views = self.views.par_iter().zip(&segmentation.views);
         let (gaussians, field) = (&self.scene.gaussians, self.field()?);
         let views = views.map(|(view, segments)| ViewPictures::draw(view, &segments.map, gaussians, field));
+        let answers = self.answers()?;
+        let sheets = answers.parts.par_iter().map(|part| {
+            let sheet = self.work.read(Artifact::Sheet(&part.view, part.part))?;
+            SheetPicture::shrink(&part.view, part.part, &sheet)
+        });
         let pictures = Pictures {
             views: views.collect::<Result<_>>()?,
+            sheets: sheets.collect::<Result<_>>()?,
             animation: self.work.read(Artifact::Animation)?,
             grasp: self.grasp_picture()?,
         };
         self.work.write_json(Artifact::ReportJson, &report)?;
-        let page = report::page(&report, self.answers()?, &pictures);
+        let eye = self.views.first().map_or_else(Point3::origin, |view| view.camera.center_in_world());
+        let page = report::page(&report, answers, &pictures, &Cloud::new(gaussians, field, eye));
         self.work.write(Artifact::ReportHtml, page.as_bytes())?;
         Ok(Done::writing([Artifact::ReportJson, Artifact::ReportHtml]))
     }
@@ -37,6 +52,7 @@ impl Pipeline {
         let before = self.record.stages.iter().filter(|record| record.name < Stage::Report);
         let name = |stage: Stage| format!("{stage:?}").to_lowercase();
         Ok(Report {
+            schema_version: report::SCHEMA_VERSION,
             version: env!("CARGO_PKG_VERSION"),
             scene: SceneSummary {
                 name: scene.name.clone(),
@@ -48,7 +64,12 @@ impl Pipeline {
             },
             stages: before
                 .clone()
-                .map(|stage| StageTime { name: name(stage.name), seconds: stage.seconds, reused: stage.reused })
+                .map(|stage| StageTime {
+                    name: name(stage.name),
+                    seconds: stage.seconds,
+                    reused: stage.reused,
+                    digest: stage.digest.clone(),
+                })
                 .collect(),
             answers: AnswerCounts::of(self.answers()?),
             parts: self.metric_parts()?,
@@ -62,7 +83,33 @@ impl Pipeline {
                     stage.warnings.iter().map(warn)
                 })
                 .collect(),
+            reproduction: Reproduction { command: self.command(), inputs: self.inputs()? },
         })
+    }
+
+    /// The command line that makes this result from the folder above the scene's.
+    fn command(&self) -> String {
+        let words = ["gprop", "run", &self.scene.name].into_iter().chain(self.typed.iter().map(String::as_str));
+        words.map(quoted).collect::<Vec<_>>().join(" ")
+    }
+
+    fn inputs(&self) -> Result<Vec<InputFile>> {
+        let input = |path: &PathBuf| {
+            let digest = file_digest(path)?;
+            let path = path.strip_prefix(&self.folder).unwrap_or(path);
+            Ok(InputFile { path: path.display().to_string(), sha256: hexadecimal(&digest) })
+        };
+        self.scene.files.iter().map(input).collect()
+    }
+}
+
+/// A word as a shell reads it back.
+fn quoted(word: &str) -> String {
+    let plain = |c: char| c.is_ascii_alphanumeric() || "-_./:=,@%+".contains(c);
+    if !word.is_empty() && word.chars().all(plain) {
+        word.to_owned()
+    } else {
+        format!("'{}'", word.replace('\'', "'\\''"))
     }
 }
 

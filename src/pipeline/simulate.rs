@@ -6,7 +6,7 @@ use image::RgbImage;
 use crate::camera::Camera;
 use crate::exit::UsageError;
 use crate::scene::ply;
-use crate::simulate::checkpoint::Checkpoint;
+use crate::simulate::checkpoint::{Checkpoint, Snapshot};
 use crate::simulate::filling::FillPoint;
 use crate::simulate::material::Material;
 use crate::simulate::{Frame, Input, SimulationReport, animation, plot, simulate};
@@ -33,10 +33,13 @@ impl Pipeline {
             interior: &interior,
             meters_per_unit: self.scene.scale.as_ref().map(|scale| scale.meters_per_unit),
         };
-        let mut save = |frame: &Frame, checkpoint: &Checkpoint| {
+        let mut save = |frame: &Frame, snapshot: &Snapshot| {
             self.work.write_with(Artifact::Frame(frame.index), |out| ply::write(out, &frame.gaussians, &[]))?;
-            self.work.write(Artifact::States(frame.index), &checkpoint.states().to_npz()?)?;
-            Ok(self.work.write(Artifact::Checkpoint, &[key.as_bytes(), &checkpoint.to_bytes()].concat())?)
+            self.work.write_with(Artifact::States(frame.index), |out| snapshot.write_states(out))?;
+            Ok(self.work.write_with(Artifact::Checkpoint, |out| {
+                out.write_all(key.as_bytes())?;
+                snapshot.write(out)
+            })?)
         };
         let options = &self.options.simulate;
         let report = simulate(&input, options, self.checkpoint(key), &mut save, self.progress)?;

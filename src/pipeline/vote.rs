@@ -1,11 +1,16 @@
 //! The vote on disk: `field.ply` for any splat viewer, `labels.json` and `materials.json` for what its numbers mean.
 
+use std::io::Cursor;
 use std::path::Path;
 
 use anyhow::{Context, Result};
+use image::{ImageFormat, RgbImage};
 
+use crate::exit::UsageError;
+use crate::query::Answers;
+use crate::report::figure::{self, Shown};
 use crate::scene::gaussians::Gaussians;
-use crate::scene::ply;
+use crate::scene::{View, ply};
 use crate::vote::{MaterialField, ViewInput, field_ply, vote};
 use crate::workdir::{self, Artifact};
 
@@ -20,20 +25,52 @@ impl Pipeline {
     }
 
     pub(super) fn do_vote(&self) -> Result<Done> {
-        let segmentation = self.segmentation()?;
-        let views = self.views.iter().zip(&segmentation.views);
-        let views: Vec<_> = views
-            .map(|(view, segments)| ViewInput { name: &view.name, camera: &view.camera, map: &segments.map })
-            .collect();
         let gaussians = &self.scene.gaussians;
-        let answers = self.answers()?;
-        let field = vote(gaussians, &views, answers, &self.library, &self.options.vote, self.progress)?;
-
+        let field = self.vote(&self.voters()?, self.answers()?)?;
         self.work.write_with(Artifact::Field, |out| ply::write(out, gaussians, &field_ply::columns(&field)))?;
         self.work.write_json(Artifact::Labels, &field.labels)?;
         self.work.write_json(Artifact::Materials, &field_ply::materials(&field.labels, &self.library))?;
-        let warnings = field.warnings;
-        Ok(Done::writing([Artifact::Field, Artifact::Labels, Artifact::Materials]).warning(warnings))
+        let recolored = field_ply::recolored(gaussians, &field_ply::material_colors(&field));
+        self.work.write_with(Artifact::Recolored, |out| ply::write(out, &recolored, &[]))?;
+        let mut written = vec![Artifact::Field, Artifact::Labels, Artifact::Materials, Artifact::Recolored];
+        if let Some(view) = self.views.first() {
+            self.work.write(Artifact::Figure, &png(&self.draw(Shown::Figure, view, &field)?)?)?;
+            written.push(Artifact::Figure);
+        }
+        Ok(Done::writing(written).warning(field.warnings))
+    }
+
+    /// The field as a view of the scene sees it, whether or not it voted, as PNG; the first chosen view where none is
+    /// named. The scene must be voted on.
+    pub fn show(&self, shown: Shown, view: Option<&str>) -> Result<Vec<u8>> {
+        let chosen = match view {
+            None => self.views.first(),
+            Some(name) => self.scene.views.iter().find(|view| view.name == name),
+        };
+        let chosen = chosen.ok_or_else(|| {
+            let known: Vec<&str> = self.scene.views.iter().map(|view| view.name.as_str()).collect();
+            UsageError(format!("the scene has no view {:?}; it has {}", view.unwrap_or_default(), known.join(", ")))
+        })?;
+        png(&self.draw(shown, chosen, self.field()?)?)
+    }
+
+    fn draw(&self, shown: Shown, view: &View, field: &MaterialField) -> Result<RgbImage> {
+        let place = self.views.iter().position(|chosen| chosen.name == view.name);
+        let map = place.map(|place| Ok::<_, anyhow::Error>(&self.segmentation()?.views[place].map)).transpose()?;
+        Ok(figure::draw(shown, &view.camera, &view.photo()?, map, &self.scene.gaussians, field))
+    }
+
+    /// The chosen views with their parts.
+    pub(super) fn voters(&self) -> Result<Vec<ViewInput<'_>>> {
+        let views = self.views.iter().zip(&self.segmentation()?.views);
+        Ok(views
+            .map(|(view, segments)| ViewInput { name: &view.name, camera: &view.camera, map: &segments.map })
+            .collect())
+    }
+
+    /// The field that these views and answers give.
+    pub(super) fn vote(&self, views: &[ViewInput], answers: &Answers) -> Result<MaterialField> {
+        Ok(vote(&self.scene.gaussians, views, answers, &self.library, &self.options.vote, self.progress)?)
     }
 
     /// The part of every Gaussian.
@@ -53,4 +90,10 @@ pub fn stored_field(root: &Path) -> Result<(Gaussians, MaterialField)> {
     let field = field_ply::read(&gaussians.extra, labels)
         .with_context(|| format!("{path:?} does not hold what gprop wrote; run again with --from vote"))?;
     Ok((gaussians, field))
+}
+
+fn png(picture: &RgbImage) -> Result<Vec<u8>> {
+    let mut bytes = Cursor::new(Vec::new());
+    picture.write_to(&mut bytes, ImageFormat::Png).context("the picture does not encode")?;
+    Ok(bytes.into_inner())
 }

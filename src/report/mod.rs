@@ -1,9 +1,12 @@
 //! The whole result: `report.json` for programs, `report.html` for people, a few lines for the terminal.
 
 mod charts;
+mod cloud;
+pub mod figure;
 pub mod material_map;
 mod numbers;
 mod page;
+mod panels;
 mod pictures;
 mod summary;
 
@@ -16,13 +19,19 @@ use crate::simulate::SimulationReport;
 use crate::units::MetricScale;
 use crate::vote::FieldLabel;
 
+pub use cloud::Cloud;
 pub use page::page;
-pub use pictures::{Pictures, ViewPictures};
+pub use pictures::{Pictures, SheetPicture, ViewPictures};
 pub use summary::summary;
+
+/// Version of `report.json`'s form, which `docs/report.schema.json` describes: raised when a key changes its meaning or goes.
+pub const SCHEMA_VERSION: u32 = 1;
 
 /// What `report.json` holds.
 #[derive(Debug, Clone, Serialize)]
 pub struct Report {
+    /// [`SCHEMA_VERSION`].
+    pub schema_version: u32,
     /// gprop's version.
     pub version: &'static str,
     pub scene: SceneSummary,
@@ -38,6 +47,25 @@ pub struct Report {
     /// `None` where the metric scale is unknown.
     pub grasp: Option<GraspReport>,
     pub warnings: Vec<Warning>,
+    pub reproduction: Reproduction,
+}
+
+/// How to make the same result again.
+#[derive(Debug, Clone, Serialize)]
+pub struct Reproduction {
+    /// The command line, with the options that were typed or stood in `gprop.toml`.
+    pub command: String,
+    /// The scene's files, apart from the photos and their masks, which the scene stage's digest covers.
+    pub inputs: Vec<InputFile>,
+}
+
+/// A file of the scene.
+#[derive(Debug, Clone, Serialize)]
+pub struct InputFile {
+    /// Relative to the scene folder where it lies in it.
+    pub path: String,
+    /// Of its bytes, in lower-case hexadecimal.
+    pub sha256: String,
 }
 
 /// What was read.
@@ -59,6 +87,8 @@ pub struct StageTime {
     pub name: String,
     pub seconds: f64,
     pub reused: bool,
+    /// SHA-256 of what it made or of all that it depends on: equal digests, equal results.
+    pub digest: String,
 }
 
 /// Something the user should know.

@@ -1,4 +1,5 @@
-//! The report's pictures: each view's photo, the parts found in it, the materials of the Gaussians seen from there.
+//! The report's pictures: each view's photo, the parts found in it, the materials of the Gaussians seen from there; the
+//! sheets that were asked about.
 
 use std::io::Cursor;
 
@@ -16,6 +17,8 @@ use crate::vote::{MaterialField, field_ply, palette};
 const QUALITY: u8 = 85;
 /// Longest side of a report's picture in pixels: three fit side by side on a screen.
 const LONGEST_SIDE: u32 = 640;
+/// Longest side of a sheet on the page: its three panels can still be told apart.
+const SHEET_LONGEST_SIDE: u32 = 480;
 /// How much of a part's colour covers the photo.
 const TINT: f32 = 0.6;
 
@@ -23,6 +26,7 @@ const TINT: f32 = 0.6;
 #[derive(Debug, Clone)]
 pub struct Pictures {
     pub views: Vec<ViewPictures>,
+    pub sheets: Vec<SheetPicture>,
     /// Animated GIF of the simulation.
     pub animation: Vec<u8>,
     /// PNG of the places to grasp at.
@@ -38,6 +42,25 @@ pub struct ViewPictures {
     pub materials: Vec<u8>,
 }
 
+/// The picture that a part of a view was asked about with, as JPEG.
+#[derive(Debug, Clone)]
+pub struct SheetPicture {
+    pub view: String,
+    pub part: u16,
+    pub jpeg: Vec<u8>,
+}
+
+impl SheetPicture {
+    /// Shrinks the `sheet` that was sent.
+    ///
+    /// # Errors
+    /// Where it is no picture any more.
+    pub fn shrink(view: &str, part: u16, sheet: &[u8]) -> Result<Self> {
+        let picture = image::load_from_memory(sheet)?.into_rgb8();
+        Ok(Self { view: view.to_owned(), part, jpeg: jpeg(&picture, SHEET_LONGEST_SIDE)? })
+    }
+}
+
 impl ViewPictures {
     /// Draws the pictures of `view`.
     ///
@@ -47,15 +70,15 @@ impl ViewPictures {
         let photo = view.photo()?;
         Ok(Self {
             name: view.name.clone(),
-            parts: jpeg(&tinted(&photo, map))?,
-            materials: jpeg(&material_map(view, gaussians, field))?,
-            photo: jpeg(&photo.rgb)?,
+            parts: jpeg(&tinted(&photo, map), LONGEST_SIDE)?,
+            materials: jpeg(&material_map(view, gaussians, field), LONGEST_SIDE)?,
+            photo: jpeg(&photo.rgb, LONGEST_SIDE)?,
         })
     }
 }
 
 /// The photo with every part in a colour of its own.
-fn tinted(photo: &Photo, map: &LabelMap) -> RgbImage {
+pub(super) fn tinted(photo: &Photo, map: &LabelMap) -> RgbImage {
     let mut picture = photo.rgb.clone();
     for (pixel, &label) in picture.pixels_mut().zip(&map.labels) {
         if label > 0 {
@@ -76,10 +99,10 @@ fn mix(Rgb(under): Rgb<u8>, over: [f32; 3]) -> Rgb<u8> {
     Rgb(std::array::from_fn(|c| (f32::from(under[c]) * (1.0 - TINT) + 255.0 * over[c] * TINT).round() as u8))
 }
 
-fn jpeg(picture: &RgbImage) -> Result<Vec<u8>> {
+fn jpeg(picture: &RgbImage, longest_side: u32) -> Result<Vec<u8>> {
     let longest = picture.width().max(picture.height());
-    let fitted = (longest > LONGEST_SIDE).then(|| {
-        let side = |length: u32| (length * LONGEST_SIDE / longest).max(1);
+    let fitted = (longest > longest_side).then(|| {
+        let side = |length: u32| (length * longest_side / longest).max(1);
         image::imageops::thumbnail(picture, side(picture.width()), side(picture.height()))
     });
     let mut bytes = Cursor::new(Vec::new());

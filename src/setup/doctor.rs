@@ -17,6 +17,8 @@ pub struct Doctor {
     pub ok: bool,
     pub onnxruntime: RuntimeState,
     pub sam: SamState,
+    /// ffmpeg on the search path, which makes the simulation's film; all else works without it.
+    pub ffmpeg: Option<PathBuf>,
     /// Where fetched files lie; `null` where the environment names no home.
     pub cache: Option<PathBuf>,
     /// What is wrong, each with its remedy.
@@ -53,9 +55,16 @@ pub(super) fn examine(options: &Options, environment: &Environment) -> Doctor {
         ok: problems.is_empty(),
         onnxruntime,
         sam: SamState { encoder, decoder },
+        ffmpeg: on_path("ffmpeg", environment),
         cache: environment.cache.clone(),
         problems,
     }
+}
+
+fn on_path(program: &str, environment: &Environment) -> Option<PathBuf> {
+    let folders = std::env::split_paths(environment.path.as_ref()?);
+    let file = format!("{program}{}", std::env::consts::EXE_SUFFIX);
+    folders.map(|folder| folder.join(&file)).find(|path| path.is_file())
 }
 
 impl fmt::Display for Doctor {
@@ -65,6 +74,12 @@ impl fmt::Display for Doctor {
         writeln!(f, "ONNX Runtime  {}{version}", shown(&self.onnxruntime.path))?;
         writeln!(f, "SAM encoder   {}", shown(&self.sam.encoder))?;
         writeln!(f, "SAM decoder   {}", shown(&self.sam.decoder))?;
+        match &self.ffmpeg {
+            Some(path) => writeln!(f, "ffmpeg        {}", path.display())?,
+            None => {
+                writeln!(f, "ffmpeg        missing: the simulation has no MP4 beside its GIF; install ffmpeg for it")?
+            }
+        }
         for problem in &self.problems {
             writeln!(f, "problem: {problem}")?;
         }

@@ -1,7 +1,7 @@
 //! What a scenario does to the object while it runs. Forces change the velocities of chosen particles before a substep;
 //! what is held or led takes its given motion instead of the grid's.
 
-use nalgebra::Matrix3;
+use nalgebra::{Matrix3, Vector3};
 
 use super::mpm::particles::Motion;
 use super::mpm::{Lost, Solver};
@@ -32,9 +32,10 @@ pub enum Effect {
     },
     /// A given velocity; zero holds.
     Move([f32; 3]),
-    /// Turns about the upright axis through `center`, counterclockwise seen from above, rad/s.
+    /// Turns about the coordinate axis `axis` through `center`, counterclockwise seen from its tip, rad/s.
     Turn {
-        center: [f32; 2],
+        axis: usize,
+        center: [f32; 3],
         rate: f32,
     },
 }
@@ -44,10 +45,12 @@ impl Effect {
     fn led(&self, position: [f32; 3]) -> Option<Motion> {
         match *self {
             Self::Move(velocity_m_s) => Some(Motion { velocity_m_s, gradient: Matrix3::zeros() }),
-            Self::Turn { center, rate } => Some(Motion {
-                velocity_m_s: [-(position[1] - center[1]) * rate, (position[0] - center[0]) * rate, 0.0],
-                gradient: Matrix3::new(0.0, -rate, 0.0, rate, 0.0, 0.0, 0.0, 0.0, 0.0),
-            }),
+            Self::Turn { axis, center, rate } => {
+                let mut spin = Vector3::zeros();
+                spin[axis] = rate;
+                let velocity = spin.cross(&(Vector3::from(position) - Vector3::from(center)));
+                Some(Motion { velocity_m_s: velocity.into(), gradient: spin.cross_matrix() })
+            }
             Self::Accelerate(_) | Self::Shake { .. } | Self::Wind { .. } => None,
         }
     }

@@ -4,15 +4,17 @@
 //! Layout, little endian: magic, version (u32), identity of the run (32 bytes), length of the record (u64), the record
 //! as JSON, number of particles (u64), then each particle as 39 words.
 
+use std::io::{self, Write};
+
 use serde::{Deserialize, Serialize};
 use sha2::{Digest, Sha256};
 
 use super::error::SimulateError;
-use super::mpm::particles::Particle;
-use super::states::States;
+use super::mpm::particles::{InOrder, Particle};
+use super::states;
 
 const MAGIC: &[u8; 8] = b"gpropmpm";
-const VERSION: u32 = 1;
+const VERSION: u32 = 2;
 /// Words of a particle.
 const WORDS: usize = 39;
 
@@ -23,6 +25,8 @@ pub struct FrameSummary {
     /// World frame.
     pub center_of_mass_m: [f64; 3],
     pub kinetic_energy_j: f64,
+    /// Stored in elastic strain.
+    pub elastic_energy_j: f64,
     /// Where the object is but for a few strays: lowest and highest corner, world frame, scene units.
     pub bounds: [[f64; 3]; 2],
 }
@@ -37,7 +41,39 @@ pub struct Record {
     pub frames: Vec<FrameSummary>,
 }
 
-/// The state after a frame.
+/// The state after a frame, as the run hands it out.
+pub struct Snapshot<'a> {
+    pub(super) identity: &'a [u8; 32],
+    pub(super) record: &'a Record,
+    pub(super) particles: &'a InOrder<'a>,
+}
+
+impl Snapshot<'_> {
+    /// Writes a checkpoint that [`Checkpoint::from_bytes`] reads.
+    ///
+    /// # Errors
+    /// What the writer reports.
+    pub fn write(&self, out: &mut dyn Write) -> io::Result<()> {
+        let record = serde_json::to_vec(self.record)?;
+        out.write_all(MAGIC)?;
+        out.write_all(&VERSION.to_le_bytes())?;
+        out.write_all(self.identity)?;
+        out.write_all(&(record.len() as u64).to_le_bytes())?;
+        out.write_all(&record)?;
+        out.write_all(&(self.particles.count() as u64).to_le_bytes())?;
+        self.particles.iter().flat_map(|p| words(&p)).try_for_each(|word| out.write_all(&word.to_le_bytes()))
+    }
+
+    /// Writes the particles for other programs.
+    ///
+    /// # Errors
+    /// What the writer reports.
+    pub fn write_states(&self, out: &mut dyn Write) -> io::Result<()> {
+        states::write(out, self.particles.count(), |i| self.particles.get(i).into())
+    }
+}
+
+/// The state after a frame, read back.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Checkpoint {
     pub(super) identity: [u8; 32],
@@ -49,24 +85,6 @@ impl Checkpoint {
     /// Frames done.
     pub fn frames(&self) -> usize {
         self.record.frames.len()
-    }
-
-    /// The particles for other programs.
-    pub fn states(&self) -> States {
-        States::of(&self.particles)
-    }
-
-    pub fn to_bytes(&self) -> Vec<u8> {
-        let record = serde_json::to_vec(&self.record).expect("numbers become JSON");
-        let mut bytes = Vec::with_capacity(64 + record.len() + self.particles.len() * WORDS * 4);
-        bytes.extend(MAGIC);
-        bytes.extend(VERSION.to_le_bytes());
-        bytes.extend(self.identity);
-        bytes.extend((record.len() as u64).to_le_bytes());
-        bytes.extend(record);
-        bytes.extend((self.particles.len() as u64).to_le_bytes());
-        bytes.extend(self.particles.iter().flat_map(words).flat_map(u32::to_le_bytes));
-        bytes
     }
 
     /// # Errors

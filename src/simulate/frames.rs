@@ -8,7 +8,7 @@ use nalgebra::{Matrix3, Rotation3, SVD, UnitQuaternion, Vector3};
 use rayon::prelude::*;
 
 use super::checkpoint::FrameSummary;
-use super::mpm::particles::Particle;
+use super::mpm::particles::InOrder;
 use super::sh_rotation;
 use crate::scene::gaussians::Gaussians;
 use crate::scene::robust_bounds;
@@ -31,38 +31,42 @@ pub struct ToWorld {
     pub meters_per_unit: f64,
 }
 
-/// Centre of mass and kinetic energy of all particles at `t_s`, and the bounds of their `gaussians`.
-pub fn summary(particles: &[Particle], gaussians: &Gaussians, to_world: ToWorld, t_s: f64) -> FrameSummary {
+/// Centre of mass and energies of all particles at `t_s`, and the bounds of their `gaussians`.
+pub fn summary(particles: &InOrder, gaussians: &Gaussians, to_world: ToWorld, t_s: f64) -> FrameSummary {
     let (mut mass, mut moment, mut energy) = (0.0, Vector3::zeros(), 0.0);
-    for p in particles {
+    for p in particles.iter() {
         let m = f64::from(p.mass_kg);
         mass += m;
         moment += m * Vector3::from(p.position_m.map(f64::from));
         energy += 0.5 * m * Vector3::from(p.velocity_m_s.map(f64::from)).norm_squared();
     }
+    let elastic: Vec<f64> = (0..particles.count()).into_par_iter().map(|id| particles.elastic_j(id)).collect();
     let bounds = robust_bounds(gaussians);
     FrameSummary {
         t_s,
         center_of_mass_m: (moment / mass + to_world.origin_m).into(),
         kinetic_energy_j: energy,
+        elastic_energy_j: elastic.iter().sum(),
         bounds: [bounds.min.into(), bounds.max.into()],
     }
 }
 
 /// The Gaussians as `particles` carried and deformed them: particle k is Gaussian `carried[k]`. Others stay as they are.
-pub fn deformed(gaussians: &Gaussians, carried: &[u32], particles: &[Particle], to_world: ToWorld) -> Gaussians {
-    let moved: Vec<Moved> = carried
-        .par_iter()
-        .zip(particles)
-        .map(|(&i, particle)| {
-            let world_m = Vector3::from(particle.position_m.map(f64::from)) + to_world.origin_m;
-            let deformation = Matrix3::from_row_slice(&particle.deformation.map(f64::from));
-            Moved::new(gaussians, i as usize, world_m / to_world.meters_per_unit, &deformation)
-        })
-        .collect();
+pub fn deformed(gaussians: &Gaussians, carried: &[u32], particles: &InOrder, to_world: ToWorld) -> Gaussians {
+    /// Gaussians worked out before they are stored: their spherical harmonics are most of a scene.
+    const AT_ONCE: usize = 1 << 14;
+    let moved = |(id, &i): (usize, &u32)| {
+        let particle = particles.get(id);
+        let world_m = Vector3::from(particle.position_m.map(f64::from)) + to_world.origin_m;
+        let deformation = Matrix3::from_row_slice(&particle.deformation.map(f64::from));
+        (i, Moved::new(gaussians, i as usize, world_m / to_world.meters_per_unit, &deformation))
+    };
     let mut out = gaussians.clone();
-    for (&i, moved) in carried.iter().zip(moved) {
-        moved.store(&mut out, i as usize);
+    for (chunk, carried) in carried.chunks(AT_ONCE).enumerate() {
+        let of_chunk = carried.par_iter().enumerate().map(|(at, i)| moved((chunk * AT_ONCE + at, i)));
+        for (i, moved) in of_chunk.collect::<Vec<_>>() {
+            moved.store(&mut out, i as usize);
+        }
     }
     out
 }

@@ -32,14 +32,13 @@ use crate::progress::Progress;
 use crate::scene::gaussians::Gaussians;
 use action::Action;
 pub use checkpoint::FrameSummary;
-use checkpoint::{Checkpoint, Record};
+use checkpoint::{Checkpoint, Record, Snapshot};
 pub use error::SimulateError;
 use filling::FillPoint;
 pub use frames::Frame;
 use frames::ToWorld;
 use material::Material;
-use mpm::particles::Particle;
-use mpm::{Lost, Setting, Solver};
+use mpm::{Lost, Solver};
 pub use options::{Ground, Options};
 pub use plan::ASSUMED_LONGEST_SIDE_M;
 use plan::Plan;
@@ -59,7 +58,7 @@ pub struct Input<'a> {
     pub meters_per_unit: Option<f64>,
 }
 
-/// Drops the object and hands `on_frame` each frame as it is done, with a checkpoint from which a later call resumes
+/// Drops the object and hands `on_frame` each frame as it is done, with what a later call needs to resume
 /// right after it. Frames before the checkpoint are not handed out again; the report holds all.
 ///
 /// # Errors
@@ -68,7 +67,7 @@ pub fn simulate(
     input: &Input,
     options: &Options,
     resume: Option<Checkpoint>,
-    on_frame: &mut dyn FnMut(&Frame, &Checkpoint) -> anyhow::Result<()>,
+    on_frame: &mut dyn FnMut(&Frame, &Snapshot) -> anyhow::Result<()>,
     progress: Progress,
 ) -> Result<SimulationReport, SimulateError> {
     let Plan { setting, start, carried, labels, bound, to_world, duration_s, actions, minutes, mut report } =
@@ -76,35 +75,35 @@ pub fn simulate(
     progress.line(&format!("simulate  {} particles for {duration_s:.2} s: at most {minutes:.1} minutes", start.len()));
     let identity =
         checkpoint::identity(&start, &format!("{setting:?} {bound:?} {actions:?} {} {duration_s}", options.frames));
-    let mut state = match resume {
-        Some(checkpoint) if checkpoint.identity == identity => checkpoint,
+    let (mut record, particles) = match resume {
+        Some(checkpoint) if checkpoint.identity == identity => (checkpoint.record, checkpoint.particles),
         Some(_) => return Err(SimulateError::Checkpoint("it belongs to another scene or other options".to_owned())),
-        None => {
-            Checkpoint { identity, record: Record { substeps: 0, longest_dt_s: 0.0, frames: vec![] }, particles: start }
-        }
+        None => (Record { substeps: 0, longest_dt_s: 0.0, frames: vec![] }, start),
     };
+    let mut solver = Solver::new(setting, particles);
     let bar = progress.bar("simulate", u64::from(options.frames));
-    bar.set_position(state.frames() as u64);
+    bar.set_position(record.frames.len() as u64);
     let time_of = |frame: usize| duration_s * frame as f64 / f64::from(options.frames - 1);
-    for index in state.frames()..options.frames as usize {
+    for index in record.frames.len()..options.frames as usize {
         if index > 0 {
             let span = [time_of(index - 1), time_of(index)];
-            let advanced = advance(&setting, &state.particles, &bound, &actions, span, &mut state.record);
-            state.particles = advanced.map_err(|failure| {
+            advance(&mut solver, &bound, &actions, span, &mut record).map_err(|failure| {
                 let label = labels[failure.lost.particle] as usize;
                 failure.into_error(index, input.materials[label].name.clone(), to_world)
             })?;
         }
-        let gaussians = frames::deformed(input.gaussians, &carried, &state.particles, to_world);
-        state.record.frames.push(frames::summary(&state.particles, &gaussians, to_world, time_of(index)));
-        let frame = Frame { index, summary: state.record.frames[index], gaussians };
-        on_frame(&frame, &state).map_err(SimulateError::Frame)?;
+        let particles = solver.particles();
+        let gaussians = frames::deformed(input.gaussians, &carried, &particles, to_world);
+        record.frames.push(frames::summary(&particles, &gaussians, to_world, time_of(index)));
+        let frame = Frame { index, summary: record.frames[index], gaussians };
+        let snapshot = Snapshot { identity: &identity, record: &record, particles: &particles };
+        on_frame(&frame, &snapshot).map_err(SimulateError::Frame)?;
         bar.inc(1);
     }
     bar.finish_and_clear();
-    report.substeps = state.record.substeps;
-    report.dt_s = state.record.longest_dt_s;
-    report.frames = state.record.frames;
+    report.substeps = record.substeps;
+    report.dt_s = record.longest_dt_s;
+    report.frames = record.frames;
     Ok(report)
 }
 
@@ -122,8 +121,8 @@ impl Failure {
             false => ("is no number any more", "the time step is too long for its material; lower --cfl"),
             true => (
                 "left the domain",
-                "it was thrown off, by a time step too long for its material (lower --cfl) or by Gaussians far from \
-                 the object",
+                "the domain, eight longest sides around the object, is too small for where the scenario takes it (lower its \
+                 speed or force, or --duration), or a time step too long for its material threw it off (lower --cfl)",
             ),
         };
         let origin = to_world.origin_m;
@@ -132,26 +131,23 @@ impl Failure {
     }
 }
 
-/// Particles at the end of `span`, from those at its start. The solver is made anew for each frame, so that a resumed
-/// run finds the particles in the same order.
+/// Goes from the start of `span` to its end. The solver is renewed for each frame, as that of a resumed run is new.
 fn advance(
-    setting: &Setting,
-    particles: &[Particle],
+    solver: &mut Solver,
     bound: &StepBound,
     actions: &[Action],
     [from_s, to_s]: [f64; 2],
     record: &mut Record,
-) -> Result<Vec<Particle>, Failure> {
-    let mut solver = Solver::new(setting.clone(), particles);
+) -> Result<(), Failure> {
+    solver.renew();
     let mut left_s = to_s - from_s;
     while left_s > 0.0 {
         let dt_s = bound.next_s(left_s, f64::from(solver.fastest_m_s()));
         let after_s = if dt_s < left_s { left_s - dt_s } else { 0.0 };
-        action::step(actions, &mut solver, to_s - left_s, dt_s)
-            .map_err(|lost| Failure { lost, t_s: to_s - after_s })?;
+        action::step(actions, solver, to_s - left_s, dt_s).map_err(|lost| Failure { lost, t_s: to_s - after_s })?;
         left_s = after_s;
         record.substeps += 1;
         record.longest_dt_s = record.longest_dt_s.max(dt_s);
     }
-    Ok(solver.particles())
+    Ok(())
 }

@@ -152,7 +152,7 @@ pub fn plan(input: &Input, options: &Options) -> Result<Plan, SimulateError> {
     })
 }
 
-/// The scenario's script; none for the drop, whose pose has options of its own.
+/// The scenario's script; none for the drop without parameters, whose pose has options of its own.
 fn script(options: &Options) -> Result<Option<Script>, SimulateError> {
     match options.scenario.as_str() {
         "drop" if options.set.is_empty() => Ok(None),

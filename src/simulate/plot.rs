@@ -11,12 +11,12 @@ const TOPS: [f64; 2] = [30.0, 275.0];
 /// Grid lines of a panel.
 const LINES: usize = 4;
 /// Dark enough on white, and told apart by the colour-blind (Okabe and Ito, 2008).
-const COLORS: [&str; 3] = ["#0072b2", "#d55e00", "#009e73"];
+const COLORS: [&str; 4] = ["#0072b2", "#d55e00", "#009e73", "#cc79a7"];
 
 /// One curve: what it shows, and a value a frame.
 type Curve = (&'static str, Vec<f64>);
 
-/// Above kinetic, potential and their sum, in J, the potential energy being 0 with the centre of mass on the ground; below
+/// Above kinetic, potential and elastic energy and their sum, in J, the potential energy being 0 with the centre of mass on the ground; below
 /// the centre of mass, in m from where it was at the start.
 pub fn svg(report: &SimulationReport) -> String {
     let frames = &report.frames;
@@ -24,13 +24,22 @@ pub fn svg(report: &SimulationReport) -> String {
     let kinetic = |i: usize| frames[i].kinetic_energy_j;
     let weight_n = report.mass_kg * report.gravity_m_s2;
     let potential = |i: usize| weight_n * (frames[i].center_of_mass_m[2] - report.ground_z_m);
+    let elastic = |i: usize| frames[i].elastic_energy_j;
     let moved = |i: usize, a: usize| frames[i].center_of_mass_m[a] - frames[0].center_of_mass_m[a];
-    let panels: [(&str, [Curve; 3]); 2] = [
+    let panels: [(&str, Vec<Curve>); 2] = [
         (
             "energy, J",
-            [("kinetic", of(&kinetic)), ("potential", of(&potential)), ("both", of(&|i| kinetic(i) + potential(i)))],
+            vec![
+                ("kinetic", of(&kinetic)),
+                ("potential", of(&potential)),
+                ("elastic", of(&elastic)),
+                ("all", of(&|i| kinetic(i) + potential(i) + elastic(i))),
+            ],
         ),
-        ("centre of mass, m", [("x", of(&|i| moved(i, 0))), ("y", of(&|i| moved(i, 1))), ("z", of(&|i| moved(i, 2)))]),
+        (
+            "centre of mass, m",
+            vec![("x", of(&|i| moved(i, 0))), ("y", of(&|i| moved(i, 1))), ("z", of(&|i| moved(i, 2)))],
+        ),
     ];
     let end_s = frames.last().map_or(0.0, |f| f.t_s);
     let times = of(&|i| frames[i].t_s / end_s.max(f64::MIN_POSITIVE));
@@ -48,7 +57,7 @@ pub fn svg(report: &SimulationReport) -> String {
 }
 
 /// A panel's frame, grid, curves and their names at their ends.
-fn panel(title: &str, curves: &[Curve; 3], times: &[f64], top: f64) -> String {
+fn panel(title: &str, curves: &[Curve], times: &[f64], top: f64) -> String {
     let values = || curves.iter().flat_map(|(_, values)| values.iter().copied()).chain([0.0]);
     let (low, high) = (values().fold(f64::INFINITY, f64::min), values().fold(f64::NEG_INFINITY, f64::max));
     let range = (high - low).max(f64::MIN_POSITIVE);

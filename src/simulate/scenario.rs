@@ -17,8 +17,9 @@ const SECOND_AXIS: f64 = 0.4;
 /// `rests_on_the_ground`), so the plane lies as much lower.
 pub const CONTACT_DEPTH_CELLS: f64 = 0.9;
 
-/// Room around the object, in times its longest side: how far it may roll before the run stops.
-const ROOM: f64 = 3.0;
+/// Room around the object, in times its longest side: how far it may roll before the run stops. It costs
+/// nothing but the precision of places: the grid lies around the object alone.
+const ROOM: f64 = 8.0;
 
 /// The object's first pose and what it falls onto, in metres.
 #[derive(Debug, Clone, PartialEq)]

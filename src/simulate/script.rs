@@ -19,7 +19,11 @@ pub struct Known {
 
 /// The scenarios that need no file. Times are shares of the simulated time.
 pub const KNOWN: [Known; 8] = [
-    Known { name: "drop", what: "falls onto the ground; see --drop-height and --tilt-deg", parameters: &[] },
+    Known {
+        name: "drop",
+        what: "falls onto the ground (see --ground), tilted",
+        parameters: &[("height", 0.5, "longest sides; or --drop-height"), ("tilt", 25.0, "degrees; or --tilt-deg")],
+    },
     Known {
         name: "push",
         what: "a steady force on the upper third, straight down or sideways",
@@ -28,11 +32,11 @@ pub const KNOWN: [Known; 8] = [
     Known {
         name: "poke",
         what: "a short sideways blow at the top",
-        parameters: &[("force", 20.0, "in weights of the object"), ("lasts", 0.05, "share of the time")],
+        parameters: &[("force", 5.0, "in weights of the object"), ("lasts", 0.02, "share of the time")],
     },
     Known {
         name: "twist",
-        what: "the bottom is held, the top turned about the upright axis",
+        what: "one end of the longest side is held, the other turned about it",
         parameters: &[("rate", 2.0, "rad/s")],
     },
     Known {
@@ -99,6 +103,8 @@ pub enum What {
     },
     Turn {
         rate_rad_s: f64,
+        #[serde(default)]
+        about: About,
     },
     Wind {
         velocity_m_s: [f64; 3],
@@ -108,6 +114,16 @@ pub enum What {
         acceleration_m_s2: [f64; 3],
         frequency_hz: f64,
     },
+}
+
+/// What something turns about, through the object's middle.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum About {
+    #[default]
+    Upright,
+    /// The axis of the longest side.
+    Longest,
 }
 
 fn one() -> f64 {
@@ -124,7 +140,7 @@ impl Script {
     }
 }
 
-/// The scenario `name` with parameters given as `key=value`; `drop` takes its pose from elsewhere and has no steps.
+/// The scenario `name` with parameters given as `key=value`.
 ///
 /// # Errors
 /// [`SimulateError::Scenario`]: an unknown scenario or parameter, a value that is no number.
@@ -150,7 +166,10 @@ pub fn named(name: &str, given: &[String]) -> Result<Script, SimulateError> {
             let what = What::Force { weights: [values["force"], 0.0, 0.0] };
             vec![Step { to: values["lasts"], ..step("top", what) }]
         }
-        "twist" => vec![step("bottom", What::Hold), step("top", What::Turn { rate_rad_s: values["rate"] })],
+        "twist" => {
+            let what = What::Turn { rate_rad_s: values["rate"], about: About::Longest };
+            vec![step("low_end", What::Hold), step("high_end", what)]
+        }
         "stretch" => vec![
             step("low_end", What::Draw { speed: -values["speed"] / 2.0 }),
             step("high_end", What::Draw { speed: values["speed"] / 2.0 }),
@@ -162,6 +181,11 @@ pub fn named(name: &str, given: &[String]) -> Result<Script, SimulateError> {
         "shake" => {
             let (acceleration_m_s2, frequency_hz) = ([values["acceleration"], 0.0, 0.0], values["frequency"]);
             vec![step("all", What::Shake { acceleration_m_s2, frequency_hz })]
+        }
+        "drop" => {
+            script.drop_height = values["height"];
+            script.tilt_deg = values["tilt"];
+            vec![]
         }
         "release" => {
             script.drop_height = values["height"];
@@ -210,9 +234,13 @@ impl Standing<'_> {
                 velocity[self.longest_axis()] = (speed * self.longest_m) as f32;
                 Effect::Move(velocity)
             }
-            What::Turn { rate_rad_s } => {
-                let middle = |a: usize| self.extent(a).iter().sum::<f32>() / 2.0;
-                Effect::Turn { center: [middle(0), middle(1)], rate: rate_rad_s as f32 }
+            What::Turn { rate_rad_s, about } => {
+                let axis = match about {
+                    About::Upright => 2,
+                    About::Longest => self.longest_axis(),
+                };
+                let center = [0, 1, 2].map(|a| self.extent(a).iter().sum::<f32>() / 2.0);
+                Effect::Turn { axis, center, rate: rate_rad_s as f32 }
             }
             What::Wind { velocity_m_s, response_s } if response_s > 0.0 => {
                 Effect::Wind { velocity: velocity_m_s.map(|v| v as f32), response_s: response_s as f32 }
@@ -275,12 +303,21 @@ impl Standing<'_> {
     }
 }
 
-/// Whether the words of `part` stand in `name`, in their order: "handle" in "body and handle of a mug".
+/// Whether the words of `part` stand in `name`, in their order and in singular or plural: "handle" in "body and handles of a
+/// pot", "legs" in "front leg".
 fn mentions(name: &str, part: &str) -> bool {
     let words = |text: &str| -> Vec<String> {
         let words = text.split(|c: char| !c.is_alphanumeric()).filter(|word| !word.is_empty());
-        words.map(str::to_lowercase).collect()
+        words.map(|word| singular(&word.to_lowercase()).to_owned()).collect()
     };
     let wanted = words(part);
     !wanted.is_empty() && words(name).windows(wanted.len()).any(|found| found == wanted)
+}
+
+/// A word without the s of a plural: "legs" is "leg", "glass" and "gas" stay.
+fn singular(word: &str) -> &str {
+    match word.strip_suffix('s') {
+        Some(stem) if stem.len() > 2 && !stem.ends_with('s') => stem,
+        _ => word,
+    }
 }

@@ -2,71 +2,51 @@
 //! `x` (n, 3), `v` (n, 3), `f_tensor` (n, 3, 3; the elastic deformation gradient) and `C` (n, 3, 3; the affine velocity),
 //! and `mass` and `volume` (n). Frame and units are the solver's: metres in the simulation's box.
 
-use std::io::{self, Cursor};
+use std::io::{self, Write};
 
 use super::compat::solver::Particle as CompatParticle;
 use super::mpm::particles::Particle;
-use crate::npz;
+use crate::npz::NpzWriter;
 
-/// The arrays, row-major.
-#[derive(Debug, Clone, Default, PartialEq)]
-pub struct States {
-    x: Vec<f32>,
-    v: Vec<f32>,
-    f_tensor: Vec<f32>,
-    c: Vec<f32>,
-    mass: Vec<f32>,
-    volume: Vec<f32>,
+/// One particle's; matrices row by row.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct State {
+    x: [f32; 3],
+    v: [f32; 3],
+    f_tensor: [f32; 9],
+    c: [f32; 9],
+    mass: f32,
+    volume: f32,
 }
 
-impl States {
-    /// Those of the default solver.
-    pub fn of(particles: &[Particle]) -> Self {
-        let mut states = Self::default();
-        for p in particles {
-            states.x.extend(p.position_m);
-            states.v.extend(p.velocity_m_s);
-            states.f_tensor.extend(p.elastic);
-            states.c.extend(p.affine);
-            states.mass.push(p.mass_kg);
-            states.volume.push(p.volume_m3);
-        }
-        states
+impl From<Particle> for State {
+    fn from(p: Particle) -> Self {
+        let Particle { position_m: x, velocity_m_s: v, elastic: f_tensor, affine: c, .. } = p;
+        Self { x, v, f_tensor, c, mass: p.mass_kg, volume: p.volume_m3 }
     }
+}
 
-    /// Those of the solver that follows the peer.
-    pub fn of_compat(particles: &[CompatParticle]) -> Self {
-        let mut states = Self::default();
-        for p in particles {
-            states.x.extend(p.position.iter());
-            states.v.extend(p.velocity.iter());
-            // nalgebra keeps columns together.
-            states.f_tensor.extend(p.elastic.transpose().iter());
-            states.c.extend(p.affine.transpose().iter());
-            states.mass.push(p.mass);
-            states.volume.push(p.volume);
-        }
-        states
+impl From<&CompatParticle> for State {
+    fn from(p: &CompatParticle) -> Self {
+        let rows = |m: &nalgebra::Matrix3<f32>| -> [f32; 9] { std::array::from_fn(|i| m[(i / 3, i % 3)]) };
+        let (f_tensor, c) = (rows(&p.elastic), rows(&p.affine));
+        Self { x: p.position.into(), v: p.velocity.into(), f_tensor, c, mass: p.mass, volume: p.volume }
     }
+}
 
-    /// As the bytes of an NPZ file.
-    ///
-    /// # Errors
-    /// What the encoder reports.
-    pub fn to_npz(&self) -> io::Result<Vec<u8>> {
-        let n = self.mass.len() as u64;
-        let mut bytes = Cursor::new(Vec::new());
-        npz::write(
-            &mut bytes,
-            &[
-                ("x", &[n, 3], &self.x),
-                ("v", &[n, 3], &self.v),
-                ("f_tensor", &[n, 3, 3], &self.f_tensor),
-                ("C", &[n, 3, 3], &self.c),
-                ("mass", &[n], &self.mass),
-                ("volume", &[n], &self.volume),
-            ],
-        )?;
-        Ok(bytes.into_inner())
-    }
+/// Writes an NPZ file of `count` particles, array by array, so that no array is in memory whole.
+///
+/// # Errors
+/// What the writer reports.
+pub fn write(out: impl Write, count: usize, state: impl Fn(usize) -> State) -> io::Result<()> {
+    let n = count as u64;
+    let states = || (0..count).map(&state);
+    let mut npz = NpzWriter::new(out);
+    npz.array("x", &[n, 3], states().flat_map(|s| s.x))?;
+    npz.array("v", &[n, 3], states().flat_map(|s| s.v))?;
+    npz.array("f_tensor", &[n, 3, 3], states().flat_map(|s| s.f_tensor))?;
+    npz.array("C", &[n, 3, 3], states().flat_map(|s| s.c))?;
+    npz.array("mass", &[n], states().map(|s| s.mass))?;
+    npz.array("volume", &[n], states().map(|s| s.volume))?;
+    npz.finish()
 }

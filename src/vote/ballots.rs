@@ -52,7 +52,7 @@ impl Ballots {
             bar.inc(1);
         }
         bar.finish_and_clear();
-        Self::sorted(gaussians.len(), &of_views)
+        Self::sorted(gaussians.len(), of_views)
     }
 
     /// The ballots for Gaussian `i`, by view, then by part.
@@ -64,8 +64,9 @@ impl Ballots {
         self.starts.len() - 1
     }
 
-    /// Sorts by Gaussian (counting sort, so the order of the views stays) and adds up what a tile border has split.
-    fn sorted(gaussians: usize, of_views: &[Vec<(u32, Ballot)>]) -> Self {
+    /// Sorts by Gaussian: a counting sort, so within one the order stays, by view and by part. Each view is dropped as soon
+    /// as it is read.
+    fn sorted(gaussians: usize, of_views: Vec<Vec<(u32, Ballot)>>) -> Self {
         let mut starts = vec![0u32; gaussians + 1];
         for (gaussian, _) in of_views.iter().flatten() {
             starts[*gaussian as usize + 1] += 1;
@@ -74,29 +75,13 @@ impl Ballots {
             starts[i + 1] += starts[i];
         }
         let mut next = starts.clone();
-        let mut scattered = vec![Ballot { part: 0, weight: 0.0 }; starts[gaussians] as usize];
-        for &(gaussian, ballot) in of_views.iter().flatten() {
+        let mut ballots = vec![Ballot { part: 0, weight: 0.0 }; starts[gaussians] as usize];
+        for (gaussian, ballot) in of_views.into_iter().flatten() {
             let place = &mut next[gaussian as usize];
-            scattered[*place as usize] = ballot;
+            ballots[*place as usize] = ballot;
             *place += 1;
         }
-        Self::merged(&starts, scattered)
-    }
-
-    /// Adds up the ballots of one Gaussian for one part.
-    fn merged(starts: &[u32], mut scattered: Vec<Ballot>) -> Self {
-        let mut merged = Self { starts: vec![0], ballots: Vec::with_capacity(scattered.len()) };
-        for range in starts.windows(2) {
-            let own = &mut scattered[range[0] as usize..range[1] as usize];
-            // Parts are numbered by view, so this keeps the views in order; equal parts stay in the order of the tiles.
-            own.sort_by_key(|ballot| ballot.part);
-            for of_part in own.chunk_by(|a, b| a.part == b.part) {
-                let weight = of_part.iter().map(|ballot| ballot.weight).sum();
-                merged.ballots.push(Ballot { part: of_part[0].part, weight });
-            }
-            merged.starts.push(merged.ballots.len() as u32);
-        }
-        merged
+        Self { starts, ballots }
     }
 }
 
@@ -138,7 +123,16 @@ fn by_light(
         let part = find(sight.label).filter(|_| arrived >= VISIBLE_SHARE * sent)?;
         Some((sight.gaussian, Ballot { part, weight: sight.arrived }))
     };
-    sights.into_iter().filter_map(ballot).collect()
+    let mut ballots: Vec<(u32, Ballot)> = sights.into_iter().filter_map(ballot).collect();
+    // A stable sort: what a tile border has split is added up in the order of the tiles.
+    ballots.par_sort_by_key(|(gaussian, ballot)| (*gaussian, ballot.part));
+    ballots.dedup_by(|next, kept| {
+        let same = (next.0, next.1.part) == (kept.0, kept.1.part);
+        kept.1.weight += if same { next.1.weight } else { 0.0 };
+        same
+    });
+    ballots.shrink_to_fit();
+    ballots
 }
 
 /// What the pixels of one label within one tile see of one Gaussian, in pixels.

@@ -70,6 +70,14 @@ pub fn label_colors(field: &MaterialField) -> Vec<[f32; 3]> {
     field.part_label.iter().map(|&label| palette::color(label)).collect()
 }
 
+/// One colour a Gaussian: its material's, the palette's at its `material_id`.
+pub fn material_colors(field: &MaterialField) -> Vec<[f32; 3]> {
+    let names = material_names(&field.labels);
+    let place = |label: &FieldLabel| names.binary_search(&label.material.as_str()).expect("every material is listed");
+    let of_label: Vec<_> = field.labels.iter().map(|label| palette::color(place(label) as u32)).collect();
+    field.part_label.iter().map(|&label| of_label[label as usize]).collect()
+}
+
 /// One colour a Gaussian: how sure its label is, from dark blue (never seen) over green to yellow (all votes agree).
 pub fn confidence_colors(field: &MaterialField) -> Vec<[f32; 3]> {
     const STOPS: [[f32; 3]; 3] = [[0.27, 0.0, 0.33], [0.13, 0.57, 0.55], [0.99, 0.91, 0.14]];

@@ -136,6 +136,11 @@ fn doubts(gaussians: &Gaussians, views: &[ViewInput]) -> Vec<String> {
             doubts.push(format!("{n} Gaussians are larger than the object: they vote and are voted on like any other"))
         }
     }
+    match (0..gaussians.len()).filter(|&i| gaussians.opacity(i) < f64::from(raster::ALPHA_MIN)).count() {
+        0 => {}
+        1 => doubts.push("1 Gaussian is too faint to be drawn: it takes its neighbours' material".to_owned()),
+        n => doubts.push(format!("{n} Gaussians are too faint to be drawn: they take their neighbours' material")),
+    }
     for view in views {
         let eye = view.camera.center_in_world();
         if (0..3).all(|axis| bounds.min[axis] <= eye[axis] && eye[axis] <= bounds.max[axis]) {

@@ -204,6 +204,11 @@ fn runs_a_configuration_on_a_scene() {
     };
     let report = run(&ball, &config, &mut keep, Progress::Hidden).unwrap();
     assert_eq!((frames.len(), frames[0].len(), report.substeps), (3, 3600, 400));
+    let too_large = Config::from_json(&json.replace("\"scale\": 1.0", "\"scale\": 2.5")).unwrap();
+    match run(&ball, &too_large, &mut |_, _, _| Ok(()), Progress::Hidden) {
+        Err(SimulateError::Configuration(why)) => assert!(why.contains("lower `scale`"), "{why}"),
+        other => panic!("{other:?}"),
+    }
     // A ball of 10 cells' radius, but for its shell.
     assert!(report.fill_particles > 2000 && report.fill_particles < 4200, "{}", report.fill_particles);
     let start = &ball.positions[1];

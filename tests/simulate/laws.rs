@@ -1,6 +1,7 @@
 use gprop::simulate::material::lame;
 use gprop::simulate::mpm::eigen::{Stretches, rotation};
 use gprop::simulate::mpm::lanes::{LANES, Lanes, Plain, exp, ln};
+use gprop::simulate::mpm::laws::energy::elastic_j;
 use gprop::simulate::mpm::laws::snow::Snow;
 use gprop::simulate::mpm::laws::{Law, drucker_prager, stress, von_mises};
 use gprop::simulate::mpm::matrix::{Mat3, Sym3};
@@ -189,6 +190,38 @@ fn fluid_bears_pressure_alone() {
     let expected = -bulk / 7.0 * (0.999_f64.powi(-7) - 1.0) * 0.999;
     assert!((sheared - Matrix3::identity() * expected).norm() < 5e-3 * expected.abs(), "{sheared} {expected}");
     assert!(tau(&mut pack(diagonal(1.1, 1.0, 1.0), 0.0), Law::Fluid).norm() < 1e-5 * bulk);
+}
+
+/// The stress is the derivative of the energy, tau = d(psi)/dF F^T, in every direction of F.
+#[test]
+fn stress_is_the_slope_of_the_energy() {
+    let f = Matrix3::new(0.95, 0.04, -0.03, -0.02, 0.97, 0.05, 0.01, -0.06, 0.94);
+    let rows = |f: &Matrix3<f64>| -> [f32; 9] { std::array::from_fn(|i| f[(i / 3, i % 3)] as f32) };
+    let snow = Law::Snow(Snow { theta_c: 0.5, theta_s: 0.5, xi: 10.0 });
+    for (law, state) in [
+        (Law::FixedCorotated, 0.0),
+        (Law::VonMises { hardening: 0.0, softening: 0.0 }, 1e9),
+        (Law::DruckerPrager { apex_pa: 1e9 }, 10.0),
+        (Law::Foam { viscosity_pa_s: 1.0 }, 1e9),
+        (snow, 0.95),
+        (Law::Fluid, 0.0),
+    ] {
+        let energy = |f: &Matrix3<f64>| elastic_j(law, &pack(rows(f), state).particle(0));
+        let tau = tau(&mut pack(rows(&f), state), law);
+        // F is rounded to 1e-7 of itself: the slope over 2e-3 is good to about 1e-4 of the stiffness, times the strain.
+        const STEP: f64 = 1e-3;
+        for i in 0..3 {
+            for j in 0..3 {
+                let mut change = Matrix3::zeros();
+                change[(i, j)] = STEP;
+                // F + dF with dF = e_i e_j^T F changes psi by tau_ij.
+                let slope = (energy(&(f + change * f)) - energy(&(f - change * f))) / (2.0 * STEP);
+                assert!((slope - tau[(i, j)]).abs() < 2e-3 * E * 0.1, "{law:?} {i} {j}: {slope}, not {}", tau[(i, j)]);
+            }
+        }
+        // At rest there is none.
+        assert!(energy(&Matrix3::identity()).abs() < 1e-9, "{law:?}");
+    }
 }
 
 fn lanes_of(m: &Matrix3<f64>) -> Mat3<Plain> {

@@ -13,7 +13,7 @@ use gprop::simulate::mpm::{Setting, Solver};
 use nalgebra::Vector3;
 use serde_json::Value;
 
-use super::totals;
+use super::{particles_of, totals};
 use crate::support::skipped;
 
 /// A NumPy archive of little-endian arrays.
@@ -103,13 +103,13 @@ fn deviation(name: &str) -> Option<(f64, f64)> {
     };
     let (com, ke) = (npz.f64s("com"), npz.f64s("ke"));
     let most = ke.iter().copied().fold(0.0, f64::max);
-    let mut solver = Solver::new(setting, &particles);
+    let mut solver = Solver::new(setting, particles);
     let (mut apart, mut energy) = (0.0_f64, 0.0_f64);
     for frame in 1..ke.len() {
         for _ in 0..meta["substeps_per_frame"].as_u64().unwrap() {
             solver.step(meta["dt"].as_f64().unwrap() as f32).unwrap();
         }
-        let particles = solver.particles();
+        let particles = particles_of(&solver);
         apart = apart.max((totals(&particles).1 - Vector3::from_column_slice(&com[3 * frame..3 * frame + 3])).norm());
         let own: f64 = particles
             .iter()

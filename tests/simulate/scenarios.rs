@@ -81,6 +81,7 @@ fn parts_are_found_by_words_of_their_caption() {
     assert_eq!(held(mug, "handle").unwrap(), LABELS.map(|l| l == 1));
     assert_eq!(held(mug, "bare clay").unwrap(), LABELS.map(|l| l == 0));
     assert_eq!(held(["foot", "rim above the foot"], "foot").unwrap(), LABELS.map(|l| l == 0));
+    assert_eq!(held(["tapered front leg", "seat of glass"], "legs").unwrap(), LABELS.map(|l| l == 0));
     assert!(held(mug, "hand").is_err() && held(mug, ";").is_err());
 }
 
@@ -91,6 +92,8 @@ fn wrong_names_are_refused_with_what_there_is() {
     assert!(why(named("push", &["fierce=2".to_owned()])).contains("`fierce`"));
     assert!(why(named("push", &["force=much".to_owned()])).contains("no number"));
     assert!(why(Script::from_toml("height = 1")).contains("height"));
+    let low = named("drop", &["height=0.1".to_owned()]).unwrap();
+    assert_eq!((low.drop_height, low.tilt_deg), (0.1, 25.0));
     let (particles, names) = (column(), vec![vec!["foot"], vec!["seat"]]);
     let script = Script::from_toml("[[step]]\non = \"lid\"\ndo = \"hold\"").unwrap();
     let error = standing(&particles, &names).actions(&script.steps).unwrap_err().to_string();

@@ -4,7 +4,7 @@ use gprop::materials::Law;
 use gprop::progress::Progress;
 use gprop::scene::gaussians::Gaussians;
 use gprop::simulate::animation::{self, Viewpoint};
-use gprop::simulate::checkpoint::Checkpoint;
+use gprop::simulate::checkpoint::{Checkpoint, Snapshot};
 use gprop::simulate::filling::{FillPoint, fill};
 use gprop::simulate::material::Material;
 use gprop::simulate::{Frame, Ground, Input, Options, SimulateError, SimulationReport, simulate};
@@ -98,7 +98,7 @@ fn options() -> Options {
 /// All frames and the report of a run from the start.
 fn run(input: &Input, options: &Options) -> (Vec<Frame>, SimulationReport) {
     let mut frames = Vec::new();
-    let mut keep = |frame: &Frame, _: &Checkpoint| {
+    let mut keep = |frame: &Frame, _: &Snapshot| {
         frames.push(frame.clone());
         Ok(())
     };
@@ -182,8 +182,9 @@ fn resumed_run_ends_in_the_same_bytes() {
     let bar = Bar::new();
     let (frames, report) = run(&bar.input(), &options());
     let mut saved = Vec::new();
-    let mut stop_after_two = |frame: &Frame, checkpoint: &Checkpoint| {
-        saved = checkpoint.to_bytes();
+    let mut stop_after_two = |frame: &Frame, snapshot: &Snapshot| {
+        saved.clear();
+        snapshot.write(&mut saved)?;
         if frame.index == 2 { anyhow::bail!("the machine went down") } else { Ok(()) }
     };
     let stopped = simulate(&bar.input(), &options(), None, &mut stop_after_two, Progress::Hidden);
@@ -191,7 +192,7 @@ fn resumed_run_ends_in_the_same_bytes() {
     let checkpoint = Checkpoint::from_bytes(&saved).unwrap();
     assert_eq!(checkpoint.frames(), 3);
     let mut rest = Vec::new();
-    let mut keep = |frame: &Frame, _: &Checkpoint| {
+    let mut keep = |frame: &Frame, _: &Snapshot| {
         rest.push(frame.clone());
         Ok(())
     };
@@ -295,12 +296,43 @@ fn strays_stay_in_place() {
     assert!(report.warnings.iter().any(|w| w.starts_with("1 Gaussians lie far")), "{:?}", report.warnings);
 }
 
+/// The estimate comes before the work: ten hours are refused.
+#[test]
+fn too_long_a_run_is_refused_before_it_starts() {
+    let bar = Bar::new();
+    let long = Options { duration: Some(1e4), max_stiffness: 1e12, ..options() };
+    let refused = simulate(&bar.input(), &long, None, &mut |_, _| panic!("it began"), Progress::Hidden);
+    match refused {
+        Err(SimulateError::TooLong { minutes, max_minutes }) => assert!(minutes > 600.0 && max_minutes == 120.0),
+        other => panic!("{other:?}"),
+    }
+    assert!(simulate(&bar.input(), &options(), None, &mut |_, _| Ok(()), Progress::Hidden).is_ok());
+}
+
+/// What the scenario carries out of the domain, or into what is no number, stops the run with particle, time and cause.
+#[test]
+fn domain_too_small_or_no_number_stops_the_run() {
+    let bar = Bar::new();
+    let stopped = |scenario: &str, set: &str| {
+        let options = Options { scenario: scenario.to_owned(), set: vec![set.to_owned()], ..options() };
+        match simulate(&bar.input(), &options, None, &mut |_, _| Ok(()), Progress::Hidden) {
+            Err(error @ SimulateError::Lost { t_s, .. }) => (t_s, error.to_string()),
+            other => panic!("{other:?}"),
+        }
+    };
+    // Eight longest sides of room at 100 a second each way: after 0.08 s.
+    let (t_s, why) = stopped("stretch", "speed=200");
+    assert!((t_s - 0.08).abs() < 0.01 && why.contains("the domain") && why.contains("particle"), "{t_s}: {why}");
+    let (t_s, why) = stopped("push", "force=1e40");
+    assert!(t_s < 0.01 && why.contains("is no number any more") && why.contains("lower"), "{t_s}: {why}");
+}
+
 /// A step ten times the bound blows up; the run says so instead of writing nonsense, and keeps what it had.
 #[test]
 fn explosion_stops_the_run_and_keeps_the_frames() {
     let bar = Bar::new();
     let mut kept = 0;
-    let mut keep = |_: &Frame, _: &Checkpoint| {
+    let mut keep = |_: &Frame, _: &Snapshot| {
         kept += 1;
         Ok(())
     };

@@ -4,7 +4,7 @@ use gprop::simulate::mpm::laws::{Law, drucker_prager};
 use gprop::simulate::mpm::particles::Particle;
 use nalgebra::{Matrix3, Vector3};
 
-use super::Block;
+use super::{Block, particles_of};
 
 /// A beam of length L and thickness h, clamped at one end and left to its weight, swings about Timoshenko's deflection
 /// 3 rho g L^4 / (2 E h^2) + rho g L^2 / (2 kappa G), kappa = 5/6, with the period 2 pi / 3.516 sqrt(12 rho L^4 / (E h^2)).
@@ -43,13 +43,13 @@ fn cantilever_swings_about_its_deflection() {
     for step in 0..(0.8 * period / dt) as usize {
         action::step(&clamp, &mut solver, step as f64 * dt, dt).unwrap();
         if step % 10 == 0 {
-            let now = height(&solver.particles());
+            let now = height(&particles_of(&solver));
             if now < lowest {
                 (lowest, lowest_at) = (now, (step + 1) as f64 * dt);
             }
         }
     }
-    let end = solver.particles();
+    let end = particles_of(&solver);
     let crept = particles
         .iter()
         .zip(&end)
@@ -94,7 +94,7 @@ fn fluid_bears_its_weight() {
     for step in 0..to {
         solver.step(block.dt_s()).unwrap();
         if step >= from {
-            for (sum, p) in sums.iter_mut().zip(solver.particles()) {
+            for (sum, p) in sums.iter_mut().zip(particles_of(&solver)) {
                 let j = Matrix3::from_row_slice(&p.elastic).map(f64::from).determinant();
                 sum[0] += f64::from(p.position_m[2]);
                 sum[1] += bulk_pa / 7.0 * (j.powi(-7) - 1.0);
@@ -143,7 +143,7 @@ fn slope_after(slope_deg: f64, friction_deg: f64, seconds: f64) -> f64 {
     for _ in 0..(seconds / f64::from(block.dt_s())) as usize {
         solver.step(block.dt_s()).unwrap();
     }
-    let particles = solver.particles();
+    let particles = particles_of(&solver);
     // The highest particle of each column half a cell wide.
     let mut surface = std::collections::BTreeMap::<i32, f32>::new();
     for p in &particles {

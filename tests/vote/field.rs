@@ -7,7 +7,7 @@ use gprop::query::{Answer, Answers, Failure, Form, Outcome, PartAnswer};
 use gprop::scene::gaussians::Gaussians;
 use gprop::segment::LabelMap;
 use gprop::units::{Range, ShoreHardness, ShoreScale};
-use gprop::vote::raster::render_labels;
+use gprop::vote::raster::{RenderOptions, render, render_labels};
 use gprop::vote::{Agreement, MaterialField, Options, Rule, ViewInput, VoteError, field_ply, vote};
 
 use super::build::{Blob, answer, camera_at, cloud};
@@ -256,6 +256,27 @@ fn failed_answers_cast_no_votes_and_are_counted() {
 }
 
 #[test]
+fn a_part_that_nobody_could_name_takes_its_neighbours_material_unseen() {
+    let gaussians = cloud(&wall(0.0));
+    let halves = labels_by(&gaussians, |[x, ..]| if x < 0.0 { 1 } else { 2 });
+    for rule in BOTH_RULES {
+        let mut ballot = Ballot::default();
+        for n in 0..3 {
+            let failure = Outcome::Failed(Failure::Invalid { message: "no JSON".to_owned() });
+            ballot.view(&gaussians, front(n), &halves).says(1, answer("left", 0)).outcome(2, failure);
+        }
+        let field = ballot.count(&gaussians, &Options { vote: rule, ..Default::default() }).unwrap();
+        let last = 31;
+        assert!(gaussians.positions[last][0] > 0.5);
+        assert_eq!(field.labels[field.part_label[last] as usize].material, material_of(0));
+        assert_eq!((field.views[last], field.votes[last], field.confidence[last]), (0, 0.0, 0.0), "{rule:?}");
+        assert!(field.views[0] > 0);
+        let said = field.warnings.join("\n");
+        assert!(said.contains("3 of 6 parts have no answer and cast no votes: view0/2, view1/2, view2/2"), "{said}");
+    }
+}
+
+#[test]
 fn bad_input_is_refused_by_name() {
     let gaussians = cloud(&wall(0.0));
     let whole = vec![1; gaussians.len()];
@@ -277,6 +298,7 @@ fn strange_gaussians_and_a_camera_inside_do_no_harm() {
     let mut blobs = wall(0.0);
     blobs.extend(wall(0.3));
     blobs.push(Blob::round([0.0, 0.1, 0.0], 0.05, 1e-4));
+    blobs.push(Blob::round([0.0, 0.1, 0.0], 0.05, 0.0));
     blobs.push(Blob::round([0.0, 0.1, 0.0], 1e5, 0.5));
     let gaussians = cloud(&blobs);
     let labels = labels_by(&gaussians, |_| 1);
@@ -286,8 +308,10 @@ fn strange_gaussians_and_a_camera_inside_do_no_harm() {
     for rule in BOTH_RULES {
         let field = ballot.count(&gaussians, &Options { vote: rule, ..Default::default() }).unwrap();
         assert!(field.part_label.iter().all(|&label| label == 0));
-        assert_eq!(field.views[blobs.len() - 2], 0, "what is too faint to be drawn is not seen");
+        let faint = [field.views[blobs.len() - 3], field.views[blobs.len() - 2]];
+        assert_eq!(faint, [0, 0], "what is too faint to be drawn is not seen");
         let said = field.warnings.join("\n");
+        assert!(said.contains("2 Gaussians are too faint to be drawn"), "{said}");
         assert!(said.contains("1 Gaussian is larger than the object"), "{said}");
         assert!(said.contains("camera of view `view1` stands inside the object"), "{said}");
     }
@@ -328,6 +352,19 @@ fn the_columns_of_the_ply_hold_the_field() {
         assert_eq!(columns[2].values[i], label.density_kg_m3.mid as f32);
         assert_eq!(columns[3].values[i], label.youngs_modulus_pa.mid as f32);
     }
+    // Two materials, two colours, the same from every side.
+    let colors = field_ply::material_colors(&field);
+    let recolored = field_ply::recolored(&gaussians, &colors);
+    assert_eq!((recolored.sh_degree, recolored.sh_rest.len()), (0, 0));
+    let options = RenderOptions::default();
+    let picture = render(&recolored, &camera_at([0.0, -3.0, 0.0], [0.0; 3]), &options);
+    for (pixel, i) in [(24 * 64 + 28, 0), (24 * 64 + 44, gaussians.len() - 1)] {
+        for (drawn, expected) in picture.rgb[pixel].into_iter().zip(colors[i]) {
+            assert!((drawn / picture.alpha[pixel] - expected).abs() < 1e-3, "pixel {pixel}: {drawn}, {expected}");
+        }
+    }
+    assert_ne!(colors[0], colors[gaussians.len() - 1]);
+
     let mut file = Vec::new();
     gprop::scene::ply::write(&mut file, &gaussians, &columns).unwrap();
     let reread = gprop::scene::ply::parse(&file).unwrap().gaussians;

@@ -5,6 +5,7 @@ use gprop::evaluate::segmentation::IouTally;
 use gprop::materials::MaterialLibrary;
 use gprop::progress::Progress;
 use gprop::query::{Answers, Outcome, PartAnswer};
+use gprop::scene::View;
 use gprop::segment::LabelMap;
 use gprop::vote::raster::{RenderOptions, render_labels};
 use gprop::vote::{MaterialField, Options, Rule, ViewInput, vote};
@@ -13,7 +14,7 @@ use super::build::answer;
 use super::scenes::{self, Measured};
 
 /// The true answers to the true maps.
-pub fn true_answers(measured: &Measured, maps: &[(gprop::scene::View, LabelMap)]) -> Answers {
+pub fn true_answers(measured: &Measured, maps: &[(View, LabelMap)]) -> Answers {
     let mut parts = Vec::new();
     for (view, map) in maps {
         for (row, name) in measured.part_names().iter().enumerate() {
@@ -27,11 +28,16 @@ pub fn true_answers(measured: &Measured, maps: &[(gprop::scene::View, LabelMap)]
     Answers { parts }
 }
 
-/// IoU over the held-out views by part name.
-pub fn measure(measured: &Measured, field: &MaterialField) -> IouTally<u32> {
+/// The true part that each Gaussian was voted to be.
+fn true_parts(measured: &Measured, field: &MaterialField) -> Vec<u32> {
     let names = measured.part_names();
     let name_of = |label: u32| names.iter().position(|name| *name == field.labels[label as usize].caption);
-    let labels: Vec<u32> = field.part_label.iter().map(|&label| name_of(label).unwrap() as u32).collect();
+    field.part_label.iter().map(|&label| name_of(label).unwrap() as u32).collect()
+}
+
+/// IoU over the held-out views by part.
+fn measure(measured: &Measured, field: &MaterialField) -> IouTally<u32> {
+    let labels = true_parts(measured, field);
     let mut tally = IouTally::default();
     for view in &measured.held_out {
         let predicted = render_labels(&measured.scene.gaussians, &view.camera, &labels, &RenderOptions::default());
@@ -41,10 +47,9 @@ pub fn measure(measured: &Measured, field: &MaterialField) -> IouTally<u32> {
     tally
 }
 
-/// The field that `rule` makes of the true maps.
-fn voted(measured: &Measured, rule: Rule) -> MaterialField {
-    let maps = measured.true_maps();
-    let answers = true_answers(measured, &maps);
+/// The field that `rule` makes of true maps.
+fn voted(measured: &Measured, maps: &[(View, LabelMap)], rule: Rule) -> MaterialField {
+    let answers = true_answers(measured, maps);
     let views: Vec<_> =
         maps.iter().map(|(view, map)| ViewInput { name: &view.name, camera: &view.camera, map }).collect();
     let options = Options { vote: rule, ..Default::default() };
@@ -52,11 +57,11 @@ fn voted(measured: &Measured, rule: Rule) -> MaterialField {
 }
 
 /// The lowest IoU that a scene's parts may have. What is lost is a pixel's width at the borders, where splats are soft.
-/// The lamp's stem ends in a wire ring two to three pixels wide in front of a shade of nearly its colour: the splat itself
-/// blurs them, and even when the held-out views vote themselves its IoU is 0.68.
+/// The lamp's stem ends in wires two to three pixels wide in front of a shade of nearly their colour. The splat itself
+/// blurs them: see `the_best_labels_are_little_better_than_the_vote`.
 fn floor(scene: &str, part: &str) -> f64 {
     match (scene, part) {
-        ("table_lamp", "stem") => 0.62,
+        ("table_lamp", "stem") => 0.66,
         ("table_lamp", "bulb") => 0.90,
         _ => 0.975,
     }
@@ -68,7 +73,7 @@ fn true_parts_come_back_in_views_that_did_not_vote() {
     let scenes = scenes::all();
     for measured in &scenes {
         for (n, rule) in [Rule::Frequency, Rule::Contribution].into_iter().enumerate() {
-            let (field, names) = (voted(measured, rule), measured.part_names());
+            let (field, names) = (voted(measured, &measured.true_maps(), rule), measured.part_names());
             let tally = measure(measured, &field);
             let ious: Vec<_> = tally.per_label().into_iter().map(|(part, iou)| (&names[part as usize], iou)).collect();
             let mean = tally.mean().unwrap();
@@ -84,4 +89,33 @@ fn true_parts_come_back_in_views_that_did_not_vote() {
     }
     println!("mean by frequency {:.4}, by contribution {:.4}", total[0], total[1]);
     assert!(total[1] > 0.96 && total[1] >= total[0] - 1e-3, "the default scores best: {total:?}");
+}
+
+/// The held-out views with their true maps, to vote themselves.
+fn held_out_maps(measured: &Measured) -> Vec<(View, LabelMap)> {
+    let of_view = |(n, view): (usize, &scenes::HeldOut)| {
+        let labels = view.parts.pixels().map(|p| if p.0[0] == 255 { 0 } else { u16::from(p.0[0]) + 1 }).collect();
+        let map = LabelMap { width: view.parts.width(), height: view.parts.height(), labels };
+        let any = measured.scene.views[0].clone();
+        (View { name: format!("held out {n}"), camera: view.camera.clone(), ..any }, map)
+    };
+    measured.held_out.iter().enumerate().map(of_view).collect()
+}
+
+#[test]
+fn the_best_labels_are_little_better_than_the_vote() {
+    for measured in scenes::all() {
+        let names = measured.part_names();
+        let found = measure(&measured, &voted(&measured, &measured.true_maps(), Rule::default())).per_label();
+        let knowing = voted(&measured, &held_out_maps(&measured), Rule::default());
+        let own = measure(&measured, &knowing).per_label();
+        let best = super::bound::best(&measured, true_parts(&measured, &knowing));
+        println!("{}: best mIoU {:.4}", measured.scene.name, best.mean().unwrap());
+        for (part, best) in best.per_label() {
+            let (name, found, own) = (&names[part as usize], found[&part], own[&part]);
+            println!("  {name}: voted {found:.4}, held-out views voting themselves {own:.4}, best labels {best:.4}");
+            assert!(best >= own - 0.01 && own >= found - 0.01, "{name}: {found}, {own}, {best}");
+            assert!(own - found < 0.03, "{name}: what other views would know better than the voting ones");
+        }
+    }
 }

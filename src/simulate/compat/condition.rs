@@ -56,13 +56,39 @@ enum Action {
     /// Adds force / mass * dt.
     Push(Vec3),
     Set(Vec3),
-    /// Turns about the axis `normal` through `point`, left-handed, and moves along it.
-    Turn {
-        point: Vec3,
-        normal: Vec3,
-        rate: f32,
-        along: f32,
-    },
+    Turn(Turn),
+}
+
+/// Turns about the axis `normal` through `point`, left-handed, and moves along it.
+#[derive(Debug, Clone, Copy)]
+struct Turn {
+    point: Vec3,
+    normal: Vec3,
+    /// Across the axis, at right angles.
+    across: [Vec3; 2],
+    rate: f32,
+    along: f32,
+}
+
+impl Turn {
+    fn new(point: Vec3, normal: Vec3, rate: f32, along: f32) -> Self {
+        let slanted = Vec3::new(1.0, 1.0, 1.0);
+        let slanted = if slanted.dot(&normal).abs() < 0.01 { Vec3::new(0.72, 0.37, -0.67) } else { slanted };
+        let first = slanted - normal * slanted.dot(&normal);
+        let first = first * (1.0 / first.norm());
+        Self { point, normal, across: [first, first.cross(&normal)], rate, along }
+    }
+
+    /// By way of the angle about the axis, which an arc cosine gives badly where it is small: as in the peer.
+    fn velocity(&self, position: &Vec3) -> Vec3 {
+        let offset = position - self.point;
+        let [first, second] = self.across;
+        let distance = (offset - self.normal * offset.dot(&self.normal)).norm();
+        let cosine = if distance > 0.0 { (offset.dot(&first) / distance).clamp(-1.0, 1.0) } else { -1.0 };
+        let angle = cosine.acos();
+        let (sine, cosine) = if offset.dot(&second) > 0.0 { angle } else { -angle }.sin_cos();
+        first * (-distance * sine * self.rate) + second * (distance * cosine * self.rate) + self.normal * self.along
+    }
 }
 
 impl OnParticles {
@@ -75,9 +101,7 @@ impl OnParticles {
             p.velocity = match self.action {
                 Action::Push(force) => p.velocity + force / p.mass * dt,
                 Action::Set(velocity) => velocity,
-                Action::Turn { point, normal, rate, along } => {
-                    (p.position - point).cross(&normal) * rate + normal * along
-                }
+                Action::Turn(turn) => turn.velocity(&p.position),
             };
         }
     }
@@ -185,7 +209,7 @@ impl Conditions {
                 Boundary::SurfaceCollider { point, normal, surface, start_time, end_time, .. } => {
                     // The peer works out slip, friction and separation, and then stops the node all the same.
                     let span = PlaneSpan(Span { start: start_time, end: end_time });
-                    let normal = Vector3::from(normal).normalize();
+                    let normal = unit(normal);
                     let cut = surface == Surface::Cut;
                     all.on_grid.push(OnGrid::Plane { span, point: point.into(), normal, cut });
                 }
@@ -212,7 +236,7 @@ impl Conditions {
                     start_time,
                     end_time,
                 } => {
-                    let (point, normal) = (Vector3::from(point), Vector3::from(normal).normalize());
+                    let (point, normal) = (Vector3::from(point), unit(normal));
                     let in_cylinder = |p: &Particle| {
                         let offset = p.position - point;
                         let height = offset.dot(&normal);
@@ -221,7 +245,7 @@ impl Conditions {
                     all.modifiers.push(OnParticles {
                         span: Span { start: start_time, end: end_time },
                         mask: particles.iter().map(in_cylinder).collect(),
-                        action: Action::Turn { point, normal, rate, along },
+                        action: Action::Turn(Turn::new(point, normal, rate, along)),
                     });
                 }
                 Boundary::ReleaseParticlesSequentially {
@@ -251,4 +275,11 @@ impl Conditions {
         }
         all
     }
+}
+
+/// `normal` at length one: the root is in f32, the rest in f64, as in the peer.
+fn unit(normal: [f32; 3]) -> Vec3 {
+    let normal = normal.map(f64::from);
+    let length = f64::from((normal.iter().map(|n| n * n).sum::<f64>() as f32).sqrt());
+    Vector3::from(normal.map(|n| (1.0 / length * n) as f32))
 }

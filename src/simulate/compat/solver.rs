@@ -83,6 +83,8 @@ pub struct Solver {
     damping: f32,
     cells: usize,
     dx: f32,
+    /// Not 1 / `dx`: both are rounded by themselves.
+    per_dx: f32,
     nodes: Vec<Node>,
     /// Planes of nodes along x that hold something: first and one past the last.
     touched: [usize; 2],
@@ -112,9 +114,9 @@ impl Stencil {
         Self { base, offset, weight, slope }
     }
 
-    /// Visits the 27 nodes: index, weight, gradient of the weight in cells, node minus particle in cells.
+    /// Visits the 27 nodes: index, weight, gradient of the weight, node minus particle in cells.
     #[inline]
-    fn each(&self, cells: usize, mut visit: impl FnMut(usize, f32, Vec3, Vec3)) {
+    fn each(&self, cells: usize, per_dx: f32, mut visit: impl FnMut(usize, f32, Vec3, Vec3)) {
         let ([wx, wy, wz], [sx, sy, sz]) = (self.weight, self.slope);
         for i in 0..3 {
             for j in 0..3 {
@@ -122,7 +124,7 @@ impl Stencil {
                 for k in 0..3 {
                     let gradient = Vec3::new(sx[i] * wy[j] * wz[k], wx[i] * sy[j] * wz[k], wx[i] * wy[j] * sz[k]);
                     let away = Vec3::new(i as f32, j as f32, k as f32) - self.offset;
-                    visit(row + k, wx[i] * wy[j] * wz[k], gradient, away);
+                    visit(row + k, wx[i] * wy[j] * wz[k], gradient * per_dx, away);
                 }
             }
         }
@@ -143,6 +145,7 @@ impl Solver {
             damping: config.grid_v_damping_scale,
             cells,
             dx: (config.grid_lim / cells as f64) as f32,
+            per_dx: (cells as f64 / config.grid_lim) as f32,
             nodes: vec![Node::default(); cells * cells * cells],
             touched: [0, 0],
             time: 0.0,
@@ -163,7 +166,7 @@ impl Solver {
         }
         let law = self.law;
         self.particles.par_iter_mut().with_min_len(64).for_each(|p| {
-            (p.elastic, p.stress) = law.respond(&p.trial, &mut p.strength, dt);
+            (p.elastic, p.stress) = law.respond(&p.trial, &mut p.strength, step);
         });
         self.scatter(step);
         self.update_grid(t, step);
@@ -187,12 +190,11 @@ impl Solver {
     }
 
     fn scatter(&mut self, dt: f32) {
-        let (cells, dx) = (self.cells, self.dx);
+        let (cells, dx, per_dx) = (self.cells, self.dx, self.per_dx);
         let g = self.rpic_damping;
-        let per_cell = 1.0 / dx;
         let (mut first, mut last) = (cells, 0);
         for p in &self.particles {
-            let stencil = Stencil::at(&p.position, per_cell);
+            let stencil = Stencil::at(&p.position, per_dx);
             first = first.min(stencil.base[0]);
             last = last.max(stencil.base[0] + 3);
             let affine = match g {
@@ -200,14 +202,13 @@ impl Solver {
                 0.0 => p.affine,
                 g => p.affine * (1.0 - g) + (p.affine - p.affine.transpose()) * (g / 2.0),
             };
-            let momentum_per_cell = affine * (p.mass * dx);
-            let impulse = p.stress * (-p.volume * dt * per_cell);
-            let momentum = p.velocity * p.mass;
+            let pull = p.stress * -p.volume;
             let nodes = &mut self.nodes;
-            stencil.each(cells, |node, weight, gradient, away| {
+            stencil.each(cells, per_dx, |node, weight, gradient, away| {
                 let node = &mut nodes[node];
-                node.velocity += (momentum + momentum_per_cell * away) * weight + impulse * gradient;
-                node.mass += weight * p.mass;
+                let mass = weight * p.mass;
+                node.velocity += (p.velocity + affine * (away * dx)) * mass + pull * gradient * dt;
+                node.mass += mass;
             });
         }
         self.touched = [first, last.max(first)];
@@ -227,7 +228,7 @@ impl Solver {
                 }
                 let mut v = Vec3::zeros();
                 if node.mass > LEAST_MASS {
-                    v = (node.velocity / node.mass + fall) * kept;
+                    v = (node.velocity * (1.0 / node.mass) + fall) * kept;
                 }
                 for condition in conditions {
                     v = condition.apply([first + i, jk / cells, jk % cells], dx, v, t, dt);
@@ -238,20 +239,19 @@ impl Solver {
     }
 
     fn gather(&mut self, dt: f32) {
-        let (cells, dx, nodes) = (self.cells, self.dx, &self.nodes);
-        let per_cell = 1.0 / dx;
+        let (cells, per_dx, nodes) = (self.cells, self.per_dx, &self.nodes);
         self.particles.par_iter_mut().with_min_len(64).for_each(|p| {
             let (mut velocity, mut affine, mut gradient_of_v) = (Vec3::zeros(), Mat3::zeros(), Mat3::zeros());
-            Stencil::at(&p.position, per_cell).each(cells, |node, weight, gradient, away| {
+            Stencil::at(&p.position, per_dx).each(cells, per_dx, |node, weight, gradient, away| {
                 let v = nodes[node].velocity;
                 velocity += v * weight;
-                affine += v * away.transpose() * (weight * per_cell * 4.0);
+                affine += v * away.transpose() * (weight * per_dx * 4.0);
                 gradient_of_v += v * gradient.transpose();
             });
             p.velocity = velocity;
             p.position += velocity * dt;
             p.affine = affine;
-            p.trial = (Mat3::identity() + gradient_of_v * (per_cell * dt)) * p.elastic;
+            p.trial = (Mat3::identity() + gradient_of_v * dt) * p.elastic;
         });
     }
 }

@@ -10,8 +10,8 @@ type Mat3 = Matrix3<f32>;
 
 const SWEEPS: usize = 4;
 
-/// 3 + sqrt(8): beyond it the approximate Givens angle is no good, and pi/8 serves.
-const FOUR_GAMMA_SQUARED: f32 = 5.828_427;
+/// 3 + sqrt(8): beyond it the approximate Givens angle is no good, and pi/8 serves. The peer compares in f64.
+const FOUR_GAMMA_SQUARED: f64 = 5.828_427_124;
 /// cos(pi/8), sin(pi/8).
 const EIGHTH_TURN: [f32; 2] = [0.923_879_5, 0.382_683_43];
 
@@ -53,16 +53,25 @@ fn exchange(m: &mut Mat3, left: usize, right: usize) {
 }
 
 /// Eigenvectors of a symmetric matrix, as a rotation: cyclic Jacobi with approximate angles, summed up in a quaternion.
-fn eigenvectors(mut s: Mat3) -> Mat3 {
+fn eigenvectors(s: Mat3) -> Mat3 {
     let mut axis = Vector3::<f32>::zeros();
     let mut w = 1.0_f32;
+    // The lower triangle, its rows and columns renumbered after every turn so that the next one is in the first two.
+    let [mut s11, mut s21, mut s22] = [s[(0, 0)], s[(1, 0)], s[(1, 1)]];
+    let [mut s31, mut s32, mut s33] = [s[(2, 0)], s[(2, 1)], s[(2, 2)]];
     for (p, q, r) in [(0, 1, 2), (1, 2, 0), (2, 0, 1)].repeat(SWEEPS) {
-        let (cosine, sine) = half_angle(s[(p, p)], s[(q, p)], s[(q, q)]);
+        let (cosine, sine) = half_angle(s11, s21, s22);
         let scale = cosine * cosine + sine * sine;
         let (a, b) = ((cosine * cosine - sine * sine) / scale, 2.0 * sine * cosine / scale);
-        let mut turn = Mat3::identity();
-        (turn[(p, p)], turn[(p, q)], turn[(q, p)], turn[(q, q)]) = (a, -b, b, a);
-        s = turn.tr_mul(&(s * turn));
+        let (left, right) = (-b * s11 + a * s21, -b * s21 + a * s22);
+        [s11, s21, s22, s31, s32, s33] = [
+            -b * left + a * right,
+            -b * s31 + a * s32,
+            s33,
+            a * left + b * right,
+            a * s31 + b * s32,
+            a * (a * s11 + b * s21) + b * (a * s21 + b * s22),
+        ];
         let before = axis * sine;
         let lift = w * sine;
         axis *= cosine;
@@ -88,7 +97,7 @@ fn eigenvectors(mut s: Mat3) -> Mat3 {
 /// Cosine and sine of half the angle that about diagonalizes [[a, b], [b, c]].
 fn half_angle(a: f32, b: f32, c: f32) -> (f32, f32) {
     let (cosine, sine) = (2.0 * (a - c), b);
-    if FOUR_GAMMA_SQUARED * sine * sine < cosine * cosine {
+    if FOUR_GAMMA_SQUARED * f64::from(sine) * f64::from(sine) < f64::from(cosine * cosine) {
         let scale = 1.0 / (cosine * cosine + sine * sine).sqrt();
         (cosine * scale, sine * scale)
     } else {
@@ -96,24 +105,47 @@ fn half_angle(a: f32, b: f32, c: f32) -> (f32, f32) {
     }
 }
 
-/// Q and R of `b` = Q R by three Givens rotations.
+/// Q and R of `b` = Q R by three Givens rotations, given by half their angles. Q is their product written out.
 fn triangularized(b: Mat3) -> (Mat3, Mat3) {
-    let (mut q, mut r) = (Mat3::identity(), b);
-    for (pivot, row) in [(0, 1), (0, 2), (1, 2)] {
-        let (a1, a2) = (r[(pivot, pivot)], r[(row, pivot)]);
-        let length = (a1 * a1 + a2 * a2).sqrt();
-        let mut sine = if length > LEAST_COLUMN { a2 } else { 0.0 };
-        let mut cosine = a1.abs() + length.max(LEAST_COLUMN);
-        if a1 < 0.0 {
-            std::mem::swap(&mut sine, &mut cosine);
+    let mut r = b;
+    let mut halves = [[0.0; 2]; 3];
+    for (half, (pivot, row)) in halves.iter_mut().zip([(0, 1), (0, 2), (1, 2)]) {
+        let [c, s] = half_turn(r[(pivot, pivot)], r[(row, pivot)]);
+        let (a, b) = (1.0 - 2.0 * s * s, 2.0 * c * s);
+        for column in 0..3 {
+            let (upper, lower) = (r[(pivot, column)], r[(row, column)]);
+            r[(pivot, column)] = a * upper + b * lower;
+            r[(row, column)] = -b * upper + a * lower;
         }
-        let scale = 1.0 / (cosine * cosine + sine * sine).sqrt();
-        (cosine, sine) = (cosine * scale, sine * scale);
-        let (a, b) = (1.0 - 2.0 * sine * sine, 2.0 * cosine * sine);
-        let mut turn = Mat3::identity();
-        (turn[(pivot, pivot)], turn[(pivot, row)], turn[(row, pivot)], turn[(row, row)]) = (a, -b, b, a);
-        r = turn.tr_mul(&r);
-        q *= turn;
+        *half = [c, s];
     }
+    let [[c1, s1], [c2, s2], [c3, s3]] = halves;
+    // Minus the cosines of the whole angles.
+    let [n1, n2, n3] = [s1, s2, s3].map(|s| -1.0 + 2.0 * (s * s));
+    let q = Mat3::new(
+        n1 * n2,
+        4.0 * c2 * c3 * n1 * s2 * s3 + 2.0 * c1 * s1 * n3,
+        4.0 * c1 * c3 * s1 * s3 - 2.0 * c2 * n1 * s2 * n3,
+        2.0 * c1 * s1 * -n2,
+        -8.0 * c1 * c2 * c3 * s1 * s2 * s3 + n1 * n3,
+        -2.0 * c3 * s3 + 4.0 * s1 * (c3 * s1 * s3 + c1 * c2 * s2 * n3),
+        2.0 * c2 * s2,
+        2.0 * c3 * -n2 * s3,
+        n2 * n3,
+    );
     (q, r)
+}
+
+/// Cosine and sine of half the angle that turns the entry `below` a `pivot` to zero.
+fn half_turn(pivot: f32, below: f32) -> [f32; 2] {
+    let square = pivot * pivot + below * below;
+    // The peer's root, another rounding than the plain one; at zero no number, and so not the larger one.
+    let length = square / square.sqrt();
+    let mut sine = if length > LEAST_COLUMN { below } else { 0.0 };
+    let mut cosine = pivot.abs() + length.max(LEAST_COLUMN);
+    if pivot < 0.0 {
+        std::mem::swap(&mut sine, &mut cosine);
+    }
+    let scale = 1.0 / (cosine * cosine + sine * sine).sqrt();
+    [cosine * scale, sine * scale]
 }

@@ -87,9 +87,10 @@ impl Columns {
         (i - self.first[0] - DRIFT) as usize / SLAB
     }
 
-    /// The nodes that the particles of a slab touch.
-    pub fn nodes_of_slab(&self, slab: usize) -> Range<usize> {
-        self.plane[slab * SLAB]..self.plane[(slab + 2) * SLAB]
+    /// Nodes stored before the planes of [`SLAB`]s: those of `slab` come first among what its particles touch, those of
+    /// `slab + 1` last. There is one more than slabs.
+    pub fn before_planes_of(&self, slab: usize) -> usize {
+        self.plane[slab * SLAB]
     }
 }
 

@@ -2,10 +2,9 @@
 //!
 //! A substep ([`Solver::step`]) is, in this order:
 //! 1. `sort`: when particles may have drifted by a cell, into slabs, and a new grid around them;
-//! 2. the grid is cleared;
-//! 3. `p2g`: return map, stress, mass and momentum to the nodes;
-//! 4. `grid_update`: velocities, gravity, boundary conditions;
-//! 5. `g2p`: velocities back to the particles, their move, their deformation.
+//! 2. `p2g`: the grid is cleared; return map, stress, mass and momentum to the nodes;
+//! 3. `grid_update`: velocities, gravity, boundary conditions;
+//! 4. `g2p`: velocities back to the particles, their move, their deformation.
 //!
 //! Hu et al., *A Moving Least Squares Material Point Method*, 2018; Jiang et al., *The Affine Particle-In-Cell Method*,
 //! 2015; Jiang et al., *The Material Point Method for Simulating Continuum Materials*, 2016 (course notes).
@@ -29,7 +28,7 @@ mod stencil;
 
 use super::boundary::Boundary;
 use laws::Law;
-use particles::{Motion, Pack, Particle, in_given_order};
+use particles::{InOrder, Motion, Pack, Particle};
 use rayon::prelude::*;
 use sort::Sorted;
 
@@ -87,13 +86,18 @@ pub struct Solver {
 
 impl Solver {
     /// A solver that holds `particles`; their order is their numbering.
-    pub fn new(setting: Setting, particles: &[Particle]) -> Self {
-        let fastest_m_s = particles.iter().flat_map(|p| p.velocity_m_s).fold(0.0, |m: f32, v| m.max(v.abs()));
-        let packs = sort::packed(particles);
-        let sorted = Sorted { packs, ..Sorted::default() };
-        let mut solver = Self { setting, sorted, nodes: vec![], drift: 0.0, fastest_m_s };
-        solver.sort();
+    pub fn new(setting: Setting, particles: Vec<Particle>) -> Self {
+        let sorted = Sorted { packs: sort::packed(particles), ..Sorted::default() };
+        let mut solver = Self { setting, sorted, nodes: vec![], drift: 0.0, fastest_m_s: 0.0 };
+        solver.renew();
         solver
+    }
+
+    /// Makes the solver the one that [`Solver::new`] would make of its particles as they are now.
+    pub fn renew(&mut self) {
+        let velocities = self.sorted.packs.iter().flat_map(|pack| pack.velocity).flatten();
+        self.fastest_m_s = velocities.fold(0.0, |m: f32, v| m.max(v.abs()));
+        self.sort();
     }
 
     /// One substep of `dt_s` seconds. On failure the particles are as the substep left them.
@@ -104,7 +108,6 @@ impl Solver {
             self.sort();
         }
         let Setting { spacing_m, gravity_m_s2, ref boundaries, domain_m, ref laws } = self.setting;
-        self.nodes.fill(0.0);
         p2g::scatter(&mut self.sorted, &mut self.nodes, laws, spacing_m, dt_s);
         grid_update::update(&self.sorted.columns, &mut self.nodes, boundaries, gravity_m_s2, spacing_m, dt_s);
         let moved = g2p::gather(&mut self.sorted, &self.nodes, laws, spacing_m, dt_s, domain_m);
@@ -163,12 +166,12 @@ impl Solver {
     }
 
     /// All particles in the order they were given.
-    pub fn particles(&self) -> Vec<Particle> {
-        in_given_order(&self.sorted.packs, &self.setting.laws)
+    pub fn particles(&self) -> InOrder<'_> {
+        InOrder::new(&self.sorted.packs, &self.setting.laws)
     }
 
     fn sort(&mut self) {
-        self.sorted = sort::sorted(&self.sorted.packs, self.setting.laws.len(), 1.0 / self.setting.spacing_m);
+        self.sorted.sort(self.setting.laws.len(), 1.0 / self.setting.spacing_m);
         self.nodes.resize(self.sorted.columns.nodes() * grid::NODE, 0.0);
         self.drift = 0.0;
     }

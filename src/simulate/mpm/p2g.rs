@@ -4,10 +4,13 @@
 //! with V0 the rest volume, tau the Kirchhoff stress and C APIC's affine velocity. The bracket is linear in the node's
 //! place, so it is evaluated along a row of nodes by additions.
 
-use rayon::prelude::*;
+use std::sync::Mutex;
+use std::sync::atomic::{AtomicUsize, Ordering};
+
+use rayon::ScopeFifo;
 
 use super::dispatched;
-use super::grid::{Columns, NODE};
+use super::grid::{Columns, NODE, SLAB};
 use super::lanes::{LANES, Lanes, Row};
 use super::laws::{self, Law};
 use super::matrix::{Mat3, dot};
@@ -24,46 +27,113 @@ pub struct Context<'a> {
     pub dt_s: f32,
 }
 
-/// One slab: its particles and the nodes they touch.
-struct Slab<'a> {
-    packs: &'a mut [Pack],
+/// The planes of nodes of one slab: its particles touch these and those of the next slab.
+struct Planes<'a> {
     nodes: &'a mut [f32],
     /// Nodes stored before `nodes`.
     before: usize,
 }
 
-/// Adds all particles to the cleared grid. Slabs of one parity share no node: they run side by side, and every node
-/// sums its particles in the same order on any number of threads.
+/// One slab: its particles and the nodes they touch.
+struct Slab<'a, 'n> {
+    packs: &'a mut [Pack],
+    planes: [&'a mut Planes<'n>; 2],
+    /// Its first plane along the grid's first axis.
+    first: i32,
+}
+
+/// Clears the grid and adds all particles to it. Slabs of one parity share no node and run side by side; an odd one
+/// follows as soon as its two neighbours are done. So every node sums its particles in the same order on any number of
+/// threads.
 pub fn scatter(sorted: &mut Sorted, nodes: &mut [f32], laws: &[Law], spacing_m: f32, dt_s: f32) {
-    let context = Context { columns: &sorted.columns, laws, spacing_m, dt_s };
-    for parity in [0, 1] {
-        let mut slabs = Vec::with_capacity(sorted.slabs.len() / 2 + 1);
-        let (mut packs, mut packs_before) = (sorted.packs.as_mut_slice(), 0);
-        let (mut rest, mut before) = (&mut *nodes, 0);
-        for s in (parity..sorted.slabs.len()).step_by(2).filter(|&s| !sorted.slabs[s].is_empty()) {
-            let (own, touched) = (sorted.slabs[s].clone(), sorted.columns.nodes_of_slab(s));
-            let (mine, after) = packs[own.start - packs_before..].split_at_mut(own.len());
-            (packs, packs_before) = (after, own.end);
-            let (region, after) = rest[(touched.start - before) * NODE..].split_at_mut(touched.len() * NODE);
-            (rest, before) = (after, touched.end);
-            slabs.push(Slab { packs: mine, nodes: region, before: touched.start });
+    let Sorted { packs, slabs, columns } = sorted;
+    let count = slabs.len();
+    let order = Order {
+        packs: cut(packs, (0..=count).map(|s| if s < count { slabs[s].len() } else { 0 })),
+        planes: planes(columns, nodes, count),
+        waits_for: (0..count).map(|s| AtomicUsize::new(if s + 1 < count { 2 } else { 1 })).collect(),
+        context: Context { columns, laws, spacing_m, dt_s },
+    };
+    rayon::scope_fifo(|scope| {
+        for slab in (0..count).step_by(2) {
+            let order = &order;
+            scope.spawn_fifo(move |scope| order.run(slab, scope));
         }
-        slabs.par_iter_mut().with_max_len(1).for_each(|slab| scatter_slab(slab, context));
+    });
+}
+
+/// What is to be done for each slab. No lock is ever waited for: the order sees to that.
+struct Order<'a> {
+    packs: Vec<Mutex<&'a mut [Pack]>>,
+    /// One more than slabs.
+    planes: Vec<Mutex<Planes<'a>>>,
+    /// Per odd slab: neighbours that are not done yet.
+    waits_for: Vec<AtomicUsize>,
+    context: Context<'a>,
+}
+
+impl<'a> Order<'a> {
+    fn run<'s>(&'s self, slab: usize, scope: &ScopeFifo<'s>) {
+        self.scatter(slab);
+        if !slab.is_multiple_of(2) {
+            return;
+        }
+        for odd in [slab.wrapping_sub(1), slab + 1] {
+            let Some(waits_for) = self.waits_for.get(odd) else { continue };
+            if waits_for.fetch_sub(1, Ordering::AcqRel) == 1 {
+                scope.spawn_fifo(move |_| self.scatter(odd));
+            }
+        }
     }
+
+    fn scatter(&self, slab: usize) {
+        let own = |planes: usize| self.planes[planes].lock().expect("no slab panicked");
+        let (mut left, mut right) = (own(slab), own(slab + 1));
+        // Whoever comes first clears.
+        if slab.is_multiple_of(2) {
+            left.nodes.fill(0.0);
+        }
+        if slab.is_multiple_of(2) || slab + 2 == self.planes.len() {
+            right.nodes.fill(0.0);
+        }
+        let mut packs = self.packs[slab].lock().expect("no slab panicked");
+        let first = self.context.columns.first[0] + (slab * SLAB) as i32;
+        scatter_slab(&mut Slab { packs: &mut packs, planes: [&mut left, &mut right], first }, self.context);
+    }
+}
+
+/// The nodes, cut at every [`SLAB`]th plane.
+fn planes<'a>(columns: &Columns, nodes: &'a mut [f32], slabs: usize) -> Vec<Mutex<Planes<'a>>> {
+    let before = |planes: usize| columns.before_planes_of(planes);
+    let pieces = cut(nodes, (0..=slabs).map(|s| (before(s + 1) - before(s)) * NODE));
+    let piece = |(s, nodes): (usize, Mutex<&'a mut [f32]>)| {
+        Mutex::new(Planes { nodes: nodes.into_inner().expect("nobody locked it"), before: before(s) })
+    };
+    pieces.into_iter().enumerate().map(piece).collect()
+}
+
+/// Pieces of the given lengths.
+fn cut<T>(mut all: &mut [T], lengths: impl Iterator<Item = usize>) -> Vec<Mutex<&mut [T]>> {
+    lengths
+        .map(|length| {
+            let (piece, rest) = std::mem::take(&mut all).split_at_mut(length);
+            all = rest;
+            Mutex::new(piece)
+        })
+        .collect()
 }
 
 dispatched!(fn scatter_slab(slab: &mut Slab, context: Context) = scatter_packs);
 
 #[inline(always)]
 fn scatter_packs<L: Lanes>(slab: &mut Slab, context: Context) {
-    let before = slab.before as i32;
     for pack in slab.packs.iter_mut() {
-        scatter_pack::<L>(pack, slab.nodes, before, context);
+        scatter_pack::<L>(pack, &mut slab.planes, slab.first, context);
     }
 }
 
 #[inline(always)]
-fn scatter_pack<L: Lanes>(pack: &mut Pack, nodes: &mut [f32], before: i32, context: Context) {
+fn scatter_pack<L: Lanes>(pack: &mut Pack, planes: &mut [&mut Planes; 2], first_plane: i32, context: Context) {
     let Context { columns, spacing_m, dt_s, .. } = context;
     let stencils = Stencil::<L>::of(&pack.position, 1.0 / spacing_m);
     let linear = momentum::<L>(pack, &stencils, context.laws, spacing_m, dt_s, columns.axes);
@@ -86,8 +156,9 @@ fn scatter_pack<L: Lanes>(pack: &mut Pack, nodes: &mut [f32], before: i32, conte
         for i in 0..3 {
             let mut at_j = at_i;
             let bases: &[i32] = &columns.base[column..column + 3];
+            let Planes { nodes, before } = &mut *planes[usize::from(ci[p] + i as i32 - first_plane >= SLAB as i32)];
             for j in 0..3 {
-                let first = (bases[j] + ck[p] - before) as usize * NODE;
+                let first = (bases[j] + ck[p] - *before as i32) as usize * NODE;
                 let row = &mut nodes[first..first + 2 * LANES];
                 let weight_ij = L::splat(weights_ij[3 * i + j][p]);
                 for (half, row) in row.as_chunks_mut::<LANES>().0.iter_mut().enumerate() {

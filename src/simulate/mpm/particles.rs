@@ -4,7 +4,7 @@
 use nalgebra::Matrix3;
 
 use super::lanes::{LANES, Row};
-use super::laws::Law;
+use super::laws::{Law, energy};
 
 /// One particle as the outside gives and takes it. SI; positions relative to the simulation's origin.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -96,34 +96,57 @@ impl Pack {
         }
     }
 
-    /// A pack of `particles` (one to eight, of one law) with their numbers.
-    pub fn gather(particles: impl Iterator<Item = (u32, Particle)>) -> Self {
+    /// A pack without particles.
+    pub fn empty() -> Self {
         let zero = [0.0; LANES];
-        let mut pack = Self {
+        let identity = IDENTITY.map(|v| [v; LANES]);
+        Self {
             position: [zero; 3],
             velocity: [zero; 3],
             affine: [zero; 9],
-            elastic: IDENTITY.map(|v| [v; LANES]),
+            elastic: identity,
             mass: zero,
             volume: zero,
             mu: zero,
             lambda: zero,
             state: zero,
-            deformation: IDENTITY.map(|v| [v; LANES]),
+            deformation: identity,
             id: [u32::MAX; LANES],
             live: 0,
             law: 0,
-        };
+        }
+    }
+
+    /// A pack of `particles` (one to eight, of one law) with their numbers.
+    pub fn gather(particles: impl Iterator<Item = (u32, Particle)>) -> Self {
+        let mut pack = Self::empty();
         for (lane, (id, particle)) in particles.enumerate() {
             pack.put(lane, id, &particle);
+            pack.live = lane as u32 + 1;
+            pack.law = particle.law;
         }
-        let first = pack.position.map(|row| row[0]);
-        for lane in pack.live as usize..LANES {
-            for (row, value) in pack.position.iter_mut().zip(first) {
-                row[lane] = value;
-            }
-        }
+        pack.pad();
         pack
+    }
+
+    /// Makes the unused lanes resting particles without mass, beside the first one.
+    pub fn pad(&mut self) {
+        let nothing = Particle {
+            position_m: self.position.map(|row| row[0]),
+            velocity_m_s: [0.0; 3],
+            affine: [0.0; 9],
+            elastic: IDENTITY,
+            deformation: IDENTITY,
+            mass_kg: 0.0,
+            volume_m3: 0.0,
+            mu: 0.0,
+            lambda: 0.0,
+            state: 0.0,
+            law: self.law,
+        };
+        for lane in self.live as usize..LANES {
+            self.put(lane, u32::MAX, &nothing);
+        }
     }
 
     fn put(&mut self, lane: usize, id: u32, p: &Particle) {
@@ -143,8 +166,6 @@ impl Pack {
         self.lambda[lane] = p.lambda;
         self.state[lane] = p.state;
         self.id[lane] = id;
-        self.law = p.law;
-        self.live = self.live.max(lane as u32 + 1);
     }
 
     /// The particle in `lane`.
@@ -173,19 +194,47 @@ impl Pack {
     }
 }
 
-/// All particles in the order they were given.
-pub fn in_given_order(packs: &[Pack], laws: &[Law]) -> Vec<Particle> {
-    let mut particles: Vec<_> = packs.iter().flat_map(Pack::particles).collect();
-    particles.sort_unstable_by_key(|(id, _)| *id);
-    particles
-        .into_iter()
-        .map(|(_, mut p)| {
-            if !laws[p.law as usize].is_plastic() {
-                p.deformation = p.elastic;
+/// All particles in the order they were given, wherever they lie in their packs.
+pub struct InOrder<'a> {
+    packs: &'a [Pack],
+    laws: &'a [Law],
+    /// Per particle: its pack, times [`LANES`], plus its lane.
+    places: Vec<u32>,
+}
+
+impl<'a> InOrder<'a> {
+    pub fn new(packs: &'a [Pack], laws: &'a [Law]) -> Self {
+        let mut places = vec![0; packs.iter().map(|pack| pack.live as usize).sum()];
+        for (at, pack) in packs.iter().enumerate() {
+            for (lane, &id) in pack.id[..pack.live as usize].iter().enumerate() {
+                places[id as usize] = (at * LANES + lane) as u32;
             }
-            p
-        })
-        .collect()
+        }
+        Self { packs, laws, places }
+    }
+
+    pub fn count(&self) -> usize {
+        self.places.len()
+    }
+
+    pub fn get(&self, id: usize) -> Particle {
+        let place = self.places[id] as usize;
+        let mut particle = self.packs[place / LANES].particle(place % LANES);
+        if !self.laws[particle.law as usize].is_plastic() {
+            particle.deformation = particle.elastic;
+        }
+        particle
+    }
+
+    /// Energy in its elastic strain.
+    pub fn elastic_j(&self, id: usize) -> f64 {
+        let particle = self.get(id);
+        energy::elastic_j(self.laws[particle.law as usize], &particle)
+    }
+
+    pub fn iter(&self) -> impl Iterator<Item = Particle> + '_ {
+        (0..self.count()).map(|id| self.get(id))
+    }
 }
 
 fn lane_matrix(rows: &[Row; 9], lane: usize) -> Matrix3<f32> {

@@ -1,8 +1,10 @@
 //! Sorting: particles into slabs, inside a slab by law, then by column and cell; and the grid that fits them.
 //!
-//! Counting sort, stable: the order depends on nothing but the particles. It is redone only when some particle may have
-//! drifted by a cell, which at the CFL step takes tens of substeps.
+//! Counting sort, stable in the particles' numbers: the order depends on nothing but them and their places. It is redone
+//! only when some particle may have drifted by a cell, which at the CFL step takes tens of substeps. The packs are
+//! rearranged where they are, one quantity after the other, so that sorting needs little more memory than they take.
 
+use std::array::{from_fn, from_mut, from_ref};
 use std::ops::Range;
 
 use rayon::prelude::*;
@@ -21,66 +23,127 @@ pub struct Sorted {
     pub columns: Columns,
 }
 
-/// Particles as packs, in the order given; a new pack where the law changes.
-pub fn packed(particles: &[Particle]) -> Vec<Pack> {
+/// Particles as packs, each of one law, numbered in the order given. What is packed is freed piece by piece.
+pub fn packed(mut particles: Vec<Particle>) -> Vec<Pack> {
+    const PIECES: usize = 8;
+    let piece = particles.len().div_ceil(PIECES).max(1);
     let mut packs = Vec::with_capacity(particles.len().div_ceil(LANES));
-    let mut start = 0;
-    for run in particles.chunk_by(|a, b| a.law == b.law) {
-        for chunk in run.chunks(LANES) {
-            packs.push(Pack::gather((start as u32..).zip(chunk.iter().copied())));
-            start += chunk.len();
+    while let Some(last) = particles.len().checked_sub(1) {
+        let start = last / piece * piece;
+        let mut ids: Vec<u32> = (start as u32..particles.len() as u32).collect();
+        let law = |id: &u32| particles[*id as usize].law;
+        ids.sort_by_key(law);
+        for run in ids.chunk_by(|a, b| law(a) == law(b)) {
+            packs.extend(run.chunks(LANES).map(|ids| Pack::gather(ids.iter().map(|&id| (id, particles[id as usize])))));
         }
+        particles.truncate(start);
+        particles.shrink_to_fit();
     }
     packs
 }
 
 /// Where a particle is before the sort, and where it belongs.
+#[derive(Clone, Copy, Default)]
 struct Entry {
-    pack: u32,
-    lane: u32,
-    law: u32,
+    /// Its pack, times [`LANES`], plus its lane.
+    place: u32,
     /// First cell of its stencil, x y z.
     base: [i32; 3],
 }
 
-/// Sorts all particles and lays out their grid.
-pub fn sorted(packs: &[Pack], laws: usize, cells_per_m: f32) -> Sorted {
-    let entries: Vec<Entry> = packs
-        .par_iter()
-        .enumerate()
-        .flat_map_iter(|(p, pack)| {
-            (0..pack.live as usize).map(move |lane| Entry {
-                pack: p as u32,
-                lane: lane as u32,
-                law: pack.law,
-                base: [0, 1, 2].map(|a| base_cell(pack.position[a][lane], cells_per_m)),
-            })
-        })
-        .collect();
-    let axes = axes_by_extent(&entries);
-    let columns = Columns::around(axes, entries.iter().map(|e| axes.map(|a| e.base[a])));
-    let order = order(&entries, &columns, laws);
-    let key = |e: &Entry| (columns.slab_of(e.base[axes[0]]), e.law);
-    let groups: Vec<&[u32]> = order
-        .chunk_by(|a, b| key(&entries[*a as usize]) == key(&entries[*b as usize]))
-        .flat_map(|group| group.chunks(LANES))
-        .collect();
-    let mut slabs = vec![0..0; columns.slabs()];
-    for (at, group) in groups.iter().enumerate() {
-        let slab: &mut Range<usize> = &mut slabs[key(&entries[group[0] as usize]).0];
-        *slab = if slab.start == slab.end { at..at + 1 } else { slab.start..at + 1 };
+/// The particles of a pack after the sort.
+struct Group {
+    /// Of them in the new order, the first.
+    first: u32,
+    live: u32,
+    law: u32,
+}
+
+impl Sorted {
+    /// Sorts all particles and lays out their grid.
+    pub fn sort(&mut self, laws: usize, cells_per_m: f32) {
+        let packs = &self.packs;
+        let mut entries = vec![Entry::default(); packs.iter().map(|pack| pack.live as usize).sum()];
+        for (at, pack) in packs.iter().enumerate() {
+            for lane in 0..pack.live as usize {
+                let base = [0, 1, 2].map(|a| base_cell(pack.position[a][lane], cells_per_m));
+                entries[pack.id[lane] as usize] = Entry { place: (at * LANES + lane) as u32, base };
+            }
+        }
+        let axes = axes_by_extent(&entries);
+        let columns = Columns::around(axes, entries.iter().map(|e| axes.map(|a| e.base[a])));
+        let law = |e: &Entry| packs[e.place as usize / LANES].law;
+        let mut order = order(&entries, &columns, laws, law);
+        let key = |at: &u32| {
+            let entry = &entries[*at as usize];
+            (columns.slab_of(entry.base[axes[0]]), law(entry))
+        };
+        let mut groups: Vec<Group> = Vec::with_capacity(packs.len());
+        let mut slabs = vec![0..0; columns.slabs()];
+        let mut first = 0;
+        for run in order.chunk_by(|a, b| key(a) == key(b)) {
+            let (slab, law) = key(&run[0]);
+            let before = groups.len();
+            for chunk in run.chunks(LANES) {
+                groups.push(Group { first, live: chunk.len() as u32, law });
+                first += chunk.len() as u32;
+            }
+            let slab: &mut Range<usize> = &mut slabs[slab];
+            *slab = if slab.end == 0 { before } else { slab.start }..groups.len();
+        }
+        for at in &mut order {
+            *at = entries[*at as usize].place;
+        }
+        drop(entries);
+        rearrange(&mut self.packs, &order, &groups);
+        (self.slabs, self.columns) = (slabs, columns);
     }
-    let packs = groups
-        .par_iter()
-        .map(|group| {
-            Pack::gather(group.iter().map(|&at| {
-                let entry = &entries[at as usize];
-                let pack = &packs[entry.pack as usize];
-                (pack.id[entry.lane as usize], pack.particle(entry.lane as usize))
-            }))
-        })
-        .collect();
-    Sorted { packs, slabs, columns }
+}
+
+/// Packs of what lies at `places`, cut into `groups`.
+fn rearrange(packs: &mut Vec<Pack>, places: &[u32], groups: &[Group]) {
+    let most = packs.len().max(groups.len());
+    packs.reserve_exact(most - packs.len());
+    packs.resize_with(most, Pack::empty);
+    move_rows(packs, places, groups, |p| &p.position, |p| &mut p.position);
+    move_rows(packs, places, groups, |p| &p.velocity, |p| &mut p.velocity);
+    move_rows(packs, places, groups, |p| &p.affine, |p| &mut p.affine);
+    move_rows(packs, places, groups, |p| &p.elastic, |p| &mut p.elastic);
+    move_rows(packs, places, groups, |p| &p.deformation, |p| &mut p.deformation);
+    move_rows(packs, places, groups, |p| from_ref(&p.mass), |p| from_mut(&mut p.mass));
+    move_rows(packs, places, groups, |p| from_ref(&p.volume), |p| from_mut(&mut p.volume));
+    move_rows(packs, places, groups, |p| from_ref(&p.mu), |p| from_mut(&mut p.mu));
+    move_rows(packs, places, groups, |p| from_ref(&p.lambda), |p| from_mut(&mut p.lambda));
+    move_rows(packs, places, groups, |p| from_ref(&p.state), |p| from_mut(&mut p.state));
+    move_rows(packs, places, groups, |p| from_ref(&p.id), |p| from_mut(&mut p.id));
+    packs.truncate(groups.len());
+    packs.par_iter_mut().zip(groups).for_each(|(pack, group)| {
+        (pack.live, pack.law) = (group.live, group.law);
+        pack.pad();
+    });
+}
+
+/// [`rearrange`] for the `N` rows that `rows` and `rows_mut` show.
+fn move_rows<T: Copy + Send + Sync, const N: usize>(
+    packs: &mut [Pack],
+    places: &[u32],
+    groups: &[Group],
+    rows: fn(&Pack) -> &[[T; LANES]; N],
+    rows_mut: fn(&mut Pack) -> &mut [[T; LANES]; N],
+) {
+    let value = |&place: &u32| -> [T; N] {
+        let rows = rows(&packs[place as usize / LANES]);
+        from_fn(|r| rows[r][place as usize % LANES])
+    };
+    let values: Vec<[T; N]> = places.par_iter().map(value).collect();
+    packs.par_iter_mut().zip(groups).for_each(|(pack, group)| {
+        let rows = rows_mut(pack);
+        for (lane, value) in values[group.first as usize..][..group.live as usize].iter().enumerate() {
+            for (row, value) in rows.iter_mut().zip(value) {
+                row[lane] = *value;
+            }
+        }
+    });
 }
 
 /// x, y, z by falling extent of the particles: slabs along the longest, columns along the shortest.
@@ -96,7 +159,7 @@ fn axes_by_extent(entries: &[Entry]) -> [usize; 3] {
 
 /// Indices of `entries` by slab, law, column and cell. Neighbours in this order mostly touch the same nodes, so that a node
 /// goes from one to the next in the processor's store buffer.
-fn order(entries: &[Entry], columns: &Columns, laws: usize) -> Vec<u32> {
+fn order(entries: &[Entry], columns: &Columns, laws: usize, law: impl Fn(&Entry) -> u32) -> Vec<u32> {
     let [i, j, k] = columns.axes;
     let given: Vec<u32> = (0..entries.len() as u32).collect();
     let lowest = entries.iter().map(|e| e.base[k]).min().unwrap_or(0);
@@ -106,7 +169,7 @@ fn order(entries: &[Entry], columns: &Columns, laws: usize) -> Vec<u32> {
         let entry = &entries[at as usize];
         let within = (entry.base[i] - columns.first[0] - DRIFT) as usize % SLAB;
         let column = within * columns.count[1] + (entry.base[j] - columns.first[1]) as usize;
-        (columns.slab_of(entry.base[i]) * laws + entry.law as usize) * per_slab + column
+        (columns.slab_of(entry.base[i]) * laws + law(entry) as usize) * per_slab + column
     })
 }
 

@@ -7,10 +7,10 @@ use crate::simulate::mpm::lanes::{Lanes, exp, ln};
 use crate::simulate::mpm::matrix::{Mat3, Sym3};
 
 /// Water's exponent.
-const GAMMA: f32 = 7.0;
+pub(super) const GAMMA: f32 = 7.0;
 
 /// The least volume ratio that a particle is pressed to.
-const LEAST_RATIO: f32 = 0.1;
+pub(super) const LEAST_RATIO: f32 = 0.1;
 
 #[inline(always)]
 pub(super) fn stress<L: Lanes>(point: &Point<L>) -> (Sym3<L>, Option<Mat3<L>>) {

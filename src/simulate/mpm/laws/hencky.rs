@@ -6,7 +6,7 @@ use crate::simulate::mpm::lanes::{Lanes, exp, ln};
 use crate::simulate::mpm::matrix::{Mat3, Sym3, dot};
 
 /// Stretches below this count as this much: a crushed particle resists no further.
-const LEAST_STRETCH: f32 = 0.01;
+pub(super) const LEAST_STRETCH: f32 = 0.01;
 
 /// Principal logarithmic strains, with the frame and the stretches they came from.
 #[derive(Clone, Copy)]

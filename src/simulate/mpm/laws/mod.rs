@@ -11,6 +11,7 @@
 //! | [`Law::Snow`] | volume ratio of the plastic part |
 
 pub mod drucker_prager;
+pub mod energy;
 mod fixed_corotated;
 mod fluid;
 mod foam;

@@ -18,6 +18,13 @@ pub struct Snow {
     pub xi: f32,
 }
 
+impl Snow {
+    /// What the stiffness is multiplied by where the plastic part's volume ratio is `plastic`.
+    pub fn hardening(&self, plastic: f64) -> f64 {
+        (f64::from(self.xi) * (1.0 - plastic)).exp().min(HARDEST.into())
+    }
+}
+
 /// The stress, and the elastic deformation where any particle yielded. State: J_P.
 #[inline(always)]
 pub(super) fn stress<L: Lanes>(point: Point<L>, Snow { theta_c, theta_s, xi }: Snow) -> (Sym3<L>, Option<Mat3<L>>) {

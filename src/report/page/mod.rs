@@ -1,7 +1,11 @@
-//! `report.html`: one file that opens from disk, pictures inlined, light and dark.
+//! `report.html`: one file that opens from disk, pictures and viewer inlined, light and dark.
 //!
-//! This module turns numbers into the words and places that the template shows; the template holds the page. What comes
-//! from outside (captions, names) is escaped by the template engine.
+//! This module turns numbers into the words and places that the template shows, [`viewer`] into what the script shows. The
+//! template, the style and the script hold the page; `splats.js.gz` is three.js and Spark (`scripts/build-viewer`). What
+//! comes from outside (captions, names) is escaped by the template engine, in HTML and in the script's JSON.
+
+mod viewer;
+mod views;
 
 use std::collections::BTreeMap;
 
@@ -11,16 +15,16 @@ use minijinja::{AutoEscape, Environment, Value, context};
 
 use crate::grasp::GraspReport;
 use crate::grasp::candidates::Candidate;
-use crate::query::{Answers, Form, Match, Outcome};
+use crate::query::{Answers, Form};
 use crate::units::{Estimate, ShoreScale};
 use crate::vote::{FieldLabel, palette};
 
 use super::charts::{curves, force_scale};
 use super::numbers::{interval, short, significant, thousands};
-use super::{Pictures, Report, ViewPictures};
+use super::{Cloud, Pictures, Report};
 
 /// The page of a report.
-pub fn page(report: &Report, answers: &Answers, pictures: &Pictures) -> String {
+pub fn page(report: &Report, answers: &Answers, pictures: &Pictures, cloud: &Cloud) -> String {
     let mut engine = Environment::new();
     engine.set_auto_escape_callback(|_| AutoEscape::Html);
     engine.add_filter("thousands", thousands);
@@ -29,14 +33,29 @@ pub fn page(report: &Report, answers: &Answers, pictures: &Pictures) -> String {
         report,
         scale => scale(report),
         tiles => tiles(report),
-        hero => hero(pictures),
+        viewer => viewer::viewer(report, cloud),
+        cloud => Value::from_safe_string(viewer::columns(cloud)),
+        cloud_note => cloud_note(cloud),
         parts => report.labels.iter().map(|label| part_row(label, report)).collect::<Vec<_>>(),
         grasp => report.grasp.as_ref().map(|report| grasp(report, pictures)),
         simulation => simulation(report, pictures),
-        views => pictures.views.iter().map(|view| view_row(view, answers)).collect::<Vec<_>>(),
-        answers => answer_table(report, answers),
+        views => views::views(pictures, answers),
+        answers => views::sentence(&report.answers),
+        style => Value::from_safe_string(include_str!("page.css").to_owned()),
+        script => Value::from_safe_string(include_str!("page.js").to_owned()),
+        viewer_code => Value::from_safe_string(BASE64.encode(include_bytes!("splats.js.gz"))),
+        licences => include_str!("splats.licences.txt"),
     };
     engine.render_str(include_str!("page.html.j2"), data).expect("the template is a constant")
+}
+
+fn cloud_note(cloud: &Cloud) -> String {
+    let (shown, all) = (thousands(cloud.count as u64), thousands(cloud.of as u64));
+    if cloud.count == cloud.of {
+        format!("All {all} visible Gaussians are shown.")
+    } else {
+        format!("{shown} of {all} visible Gaussians are shown, evenly thinned and enlarged, to keep this file small.")
+    }
 }
 
 fn data_uri(mime: &str, bytes: &[u8]) -> Value {
@@ -72,14 +91,6 @@ fn tile(name: &str, value: String, note: String) -> Value {
     context! { name, value, note }
 }
 
-fn hero(pictures: &Pictures) -> Vec<Value> {
-    let Some(view) = pictures.views.first() else { return Vec::new() };
-    vec![
-        context! { src => data_uri("image/jpeg", &view.photo), caption => format!("photo {}", view.name) },
-        context! { src => data_uri("image/jpeg", &view.materials), caption => "materials of the Gaussians from there" },
-    ]
-}
-
 fn part_row(label: &FieldLabel, report: &Report) -> Value {
     let cell = |estimate: Option<Estimate>, factor: f64| match estimate {
         Some(e) => context! { mid => significant(e.mid * factor), interval => interval(e, factor) },
@@ -91,6 +102,7 @@ fn part_row(label: &FieldLabel, report: &Report) -> Value {
         color => css(palette::color(label.id)),
         caption => &label.caption,
         name => short(&label.caption),
+        mass => part.map_or_else(String::new, |part| format!("{} g", significant(part.mass_kg.mid * 1e3))),
         material => &label.material,
         family => &label.family,
         gaussians => report.gaussians_per_label[label.id as usize],
@@ -148,6 +160,7 @@ fn place_row((rank, place): (usize, &Candidate)) -> Value {
         color => css(palette::color(rank as u32)),
         rank => rank + 1,
         part => short(&place.part),
+        part_id => place.part_id,
         numbers => vec![
             significant(place.width_m * 1e3),
             significant(place.thickness_m.mid * 1e3),
@@ -182,53 +195,4 @@ fn simulation(report: &Report, pictures: &Pictures) -> Value {
         curves => curves(&simulation.frames),
         softened,
     }
-}
-
-fn view_row(view: &ViewPictures, answers: &Answers) -> Value {
-    let of_view = answers.parts.iter().filter(|part| part.view == view.name);
-    let named: Vec<_> = of_view
-        .map(|part| match &part.outcome {
-            Outcome::Answered(answer) => answer.material.clone(),
-            Outcome::Failed(_) => "no answer".to_owned(),
-        })
-        .collect();
-    context! {
-        name => &view.name,
-        photo => data_uri("image/jpeg", &view.photo),
-        parts => data_uri("image/jpeg", &view.parts),
-        materials => data_uri("image/jpeg", &view.materials),
-        caption => format!("{} parts: {}", named.len(), named.join("; ")),
-    }
-}
-
-fn answer_table(report: &Report, answers: &Answers) -> Value {
-    let counts = &report.answers;
-    let rows: Vec<_> = answers
-        .parts
-        .iter()
-        .map(|part| match &part.outcome {
-            Outcome::Answered(answer) => context! {
-                view => &part.view, part => part.part, caption => &answer.caption, material => &answer.material,
-                confidence => significant(answer.confidence),
-                found => match answer.matched {
-                    Match::Exact => "recorded".to_owned(),
-                    Match::Mask { iou } => format!("recorded, mask overlap {iou:.3}"),
-                    Match::Live => "asked".to_owned(),
-                },
-            },
-            Outcome::Failed(failure) => context! {
-                view => &part.view, part => part.part, caption => failure.to_string(), material => "", confidence => "",
-                found => "failed",
-            },
-        })
-        .collect();
-    let sentence = format!(
-        "{} parts answered: {} by an exact recording, {} by a recording whose mask overlaps, {} asked; {} failed.",
-        counts.answered(),
-        counts.exact,
-        counts.by_mask,
-        counts.live,
-        counts.failed,
-    );
-    context! { rows, sentence }
 }

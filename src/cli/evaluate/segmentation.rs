@@ -1,0 +1,92 @@
+//! `gprop evaluate segmentation`: scenes and folders of label maps to the paper's table.
+
+use std::path::{Path, PathBuf};
+
+use crate::evaluate::EvaluateError;
+use crate::evaluate::label_maps::LabelMaps;
+use crate::evaluate::segmentation::{LabelledView, ObjectTallies, SegmentationEvaluation, tally};
+use crate::evaluate::vocabulary::Vocabulary;
+use crate::materials::MaterialLibrary;
+use crate::pipeline::{Pipeline, Plan, Stage};
+use crate::vote::MaterialField;
+
+use super::super::{Global, options_of, print};
+use super::one_scene_only;
+
+pub fn evaluate(
+    global: &Global,
+    scenes: &[PathBuf],
+    truth: &Path,
+    labels: Vocabulary,
+    out: Option<&Path>,
+) -> anyhow::Result<()> {
+    one_scene_only(scenes.len(), out)?;
+    let pipelines = scenes.iter().map(|scene| {
+        let plan = Plan { to: Stage::Vote, from: None };
+        let mut pipeline = Pipeline::open(scene, out, options_of(scene, &[])?, plan, global.progress())?;
+        pipeline.run()?;
+        Ok(pipeline)
+    });
+    let pipelines: Vec<Pipeline> = pipelines.collect::<anyhow::Result<_>>()?;
+    let objects = pipelines.iter().zip(scenes).map(|(pipeline, scene)| {
+        let maps = folder_of(truth, scene, &pipeline.scene().name, scenes.len());
+        count(pipeline, &maps, labels)
+    });
+    let found = SegmentationEvaluation::of(labels, objects.collect::<anyhow::Result<_>>()?);
+    print(global, &found, || found.text())
+}
+
+/// The folder of a scene's label maps.
+fn folder_of(truth: &Path, scene: &Path, name: &str, scenes: usize) -> PathBuf {
+    let (inside, by_name) = (scene.join(truth), truth.join(name));
+    match (inside.is_dir(), by_name.is_dir() || scenes > 1) {
+        (true, _) => inside,
+        (_, true) => by_name,
+        _ => truth.to_owned(),
+    }
+}
+
+fn count<'a>(pipeline: &'a Pipeline, folder: &Path, labels: Vocabulary) -> anyhow::Result<ObjectTallies<'a>> {
+    let library = pipeline.library();
+    let (scene, variants) = (pipeline.scene(), pipeline.variants()?);
+    let views = labelled_views(pipeline, folder, labels, library)?;
+    let count = |field: &MaterialField| tally(&scene.gaussians, field, &labels.of_field(field, library), &views);
+    Ok(ObjectTallies {
+        object: scene.name.clone(),
+        voted: count(&variants.voted),
+        local_only: variants.local_only.as_ref().map(count),
+        single_views: variants.single_views.iter().map(|(view, field)| (view.clone(), count(field))).collect(),
+    })
+}
+
+/// The labelled views that did not vote; where all that are labelled did, these.
+fn labelled_views<'a>(
+    pipeline: &Pipeline,
+    folder: &Path,
+    labels: Vocabulary,
+    library: &'a MaterialLibrary,
+) -> Result<Vec<LabelledView<'a>>, EvaluateError> {
+    let maps = LabelMaps::open(folder)?;
+    let names = labels.of_values(&maps, library).map_err(|unknown| EvaluateError::Label {
+        path: folder.to_owned(),
+        name: unknown.name,
+        hint: unknown.hint,
+    })?;
+    let (mut voting, mut others) = (Vec::new(), Vec::new());
+    for view in &pipeline.scene().views {
+        let size = (view.camera.intrinsics.width, view.camera.intrinsics.height);
+        let Some(map) = maps.of(&view.name, size)? else { continue };
+        let truth = map.labels.iter().map(|value| names.get(value).copied()).collect();
+        let place = if pipeline.votes(&view.name) { &mut voting } else { &mut others };
+        place.push(LabelledView { camera: view.camera.clone(), truth });
+    }
+    match (others.is_empty(), voting.is_empty()) {
+        (false, _) => Ok(others),
+        (true, false) => Ok(voting),
+        (true, true) => Err(EvaluateError::NoView {
+            path: folder.to_owned(),
+            scene: pipeline.scene().name.clone(),
+            example: pipeline.scene().views.first().map_or_else(String::new, |view| view.name.clone()),
+        }),
+    }
+}

@@ -1,0 +1,37 @@
+//! What describes the command line itself: shell completions and manual pages, made from the flags' own definitions.
+
+use std::path::Path;
+
+use clap::CommandFactory;
+
+use crate::exit::UsageError;
+
+use super::arguments::Cli;
+use super::{Global, print};
+
+/// `gprop completions SHELL`.
+pub fn completions(global: &Global, shell: clap_complete::Shell) -> anyhow::Result<()> {
+    let mut script = Vec::new();
+    clap_complete::generate(shell, &mut Cli::command(), "gprop", &mut script);
+    print_text(global, script)
+}
+
+/// `gprop man`.
+pub fn page(global: &Global) -> anyhow::Result<()> {
+    let mut page = Vec::new();
+    clap_mangen::Man::new(Cli::command()).render(&mut page)?;
+    print_text(global, page)
+}
+
+/// `gprop man --out DIR`: a page for each command.
+pub fn pages(global: &Global, folder: &Path) -> anyhow::Result<()> {
+    let cannot = |error| UsageError(format!("cannot write manual pages into {folder:?}: {error}"));
+    std::fs::create_dir_all(folder).map_err(cannot)?;
+    clap_mangen::generate_to(Cli::command(), folder).map_err(cannot)?;
+    print(global, &folder, || folder.display().to_string())
+}
+
+fn print_text(global: &Global, text: Vec<u8>) -> anyhow::Result<()> {
+    let text = String::from_utf8(text)?;
+    print(global, &text, || text.clone())
+}

@@ -1,0 +1,68 @@
+//! What the vote makes of a finished run, and of the same parts under the paper's ablations.
+
+use anyhow::Result;
+
+use crate::query::{AnswerSource, Answers, Context, Options};
+use crate::scene::Scene;
+use crate::vote::{MaterialField, VoteError};
+
+use super::Pipeline;
+
+/// The fields of one scene.
+pub struct Variants {
+    /// Of the whole method, as the run left it.
+    pub voted: MaterialField,
+    /// Of answers to sheets that show the part without the object; `None` where a part's is not recorded.
+    pub local_only: Option<MaterialField>,
+    /// Of every chosen view alone, by its name; without those that have no part with an answer. What the view does not
+    /// see takes the nearest label.
+    pub single_views: Vec<(String, MaterialField)>,
+}
+
+impl Pipeline {
+    /// The fields under the ablations; the scene must be voted on. Asks nobody.
+    pub fn variants(&self) -> Result<Variants> {
+        let (voters, answers) = (self.voters()?, self.answers()?);
+        let mut single_views = Vec::new();
+        for view in &voters {
+            match self.vote(std::slice::from_ref(view), answers) {
+                Ok(field) => single_views.push((view.name.to_owned(), field)),
+                Err(error) if matches!(error.downcast_ref(), Some(VoteError::NoVotes { .. })) => {}
+                Err(error) => return Err(error),
+            }
+        }
+        let local_only = self.local_answers()?.map(|answers| self.vote(&voters, &answers)).transpose()?;
+        Ok(Variants { voted: self.field()?.clone(), local_only, single_views })
+    }
+
+    fn local_answers(&self) -> Result<Option<Answers>> {
+        let recorded = Options { answers: AnswerSource::Replay, lmm_url: None, ..self.options.query.clone() };
+        let options = Options { context: Context::Local, ..recorded };
+        let desk = self.desk_with(&options)?;
+        let queries = desk.queries()?;
+        match queries.unanswered(&desk.recordings, None).len() {
+            0 => Ok(Some(desk.run(&queries)?.answers)),
+            open => {
+                let (name, all) = (&self.scene.name, queries.parts.len());
+                self.progress
+                    .line(&format!("{name}: {open} of {all} parts have no answer recorded without the object"));
+                Ok(None)
+            }
+        }
+    }
+
+    /// The scene.
+    pub fn scene(&self) -> &Scene {
+        &self.scene
+    }
+
+    /// Whether a view is among those that vote.
+    pub fn votes(&self, view: &str) -> bool {
+        self.views.iter().any(|chosen| chosen.name == view)
+    }
+
+    /// The library that the answers were checked against.
+    pub fn library(&self) -> &crate::materials::MaterialLibrary {
+        &self.library
+    }
+}

@@ -1,0 +1,290 @@
+// The page's own script: the object in 3D, coloured and picked; rows and places that belong together; the theme.
+// `Splats` is three.js and Spark in one file (scripts/viewer). Without WebGL 2 the page keeps its pictures and tables.
+"use strict";
+(() => {
+  const byId = (id) => document.getElementById(id);
+  const scene = JSON.parse(byId("scene").textContent);
+  const { cloud, parts, properties } = scene;
+  const canvas = byId("object"), reading = byId("reading"), legend = byId("legend"), details = byId("details"), choice = byId("color-by");
+
+  // Viridis, from low to high.
+  const RAMP = [[68, 1, 84], [71, 44, 122], [59, 81, 139], [44, 113, 142], [33, 144, 141], [39, 173, 129], [92, 200, 99], [170, 220, 50], [253, 231, 37]];
+  const NO_VALUE = [150, 150, 150];
+  const TURN_PER_KEY = Math.PI / 24, ZOOM_PER_KEY = 1.15, CLICK_PIXELS = 4;
+  // Distance of the camera at first, as a share of that from which the object's whole sphere is seen: few things are spheres.
+  const FILL = 0.8;
+
+  const rgb = (hex) => [1, 3, 5].map((at) => parseInt(hex.slice(at, at + 2), 16));
+  const css = (color) => `rgb(${color.map(Math.round).join(" ")})`;
+  const ramp = (share) => {
+    const at = Math.min(Math.max(share, 0), 1) * (RAMP.length - 1), low = Math.min(Math.floor(at), RAMP.length - 2);
+    return RAMP[low].map((channel, c) => channel + (at - low) * (RAMP[low + 1][c] - channel));
+  };
+  const short = (value) => (value === 0 ? "0" : Math.abs(value) >= 1e4 || Math.abs(value) < 1e-3 ? value.toExponential(1) : String(+value.toPrecision(3)));
+
+  // --- What the object may be coloured by: a colour for part `p` of confidence `c`, and the words for it.
+  const partColors = parts.map((part) => rgb(part.color)), materialColors = parts.map((part) => rgb(part.material_color));
+  const scaleOf = ({ values, log }) => {
+    const known = values.filter(Boolean).map(({ value }) => value), f = log ? Math.log : (x) => x;
+    const low = Math.min(...known), high = Math.max(...known);
+    return { low, high, share: (value) => (high > low ? (f(value) - f(low)) / (f(high) - f(low)) : 0.5) };
+  };
+  const modes = [
+    { name: "photo", note: "colours of the splat, seen straight on" },
+    { name: "material", color: (p) => materialColors[p], entries: () => unique(parts.map((part, p) => [part.material, materialColors[p], [p]])) },
+    { name: "part", color: (p) => partColors[p], entries: () => parts.map((part, p) => [`${p} ${part.name}`, partColors[p], [p]]) },
+    ...properties.map((property) => {
+      const { low, high, share } = scaleOf(property), { values, unit } = property;
+      return {
+        name: property.name,
+        color: (p) => (values[p] ? ramp(share(values[p].value)) : NO_VALUE),
+        words: (p) => `${property.name} ${values[p] ? values[p].text : "none on this scale"}`,
+        range: [`${short(low)} ${unit}`, `${short(high)} ${unit}`, property.log ? "logarithmic" : ""],
+        missing: values.some((value) => !value),
+      };
+    }),
+    { name: "confidence", color: (_, c) => ramp(c), words: (_, c) => `confidence ${c.toFixed(2)}`, range: ["0: no view sees it", "1: all votes agree", ""] },
+  ];
+  function unique(entries) {
+    const found = new Map();
+    for (const [name, color, [p]] of entries) found.has(name) ? found.get(name)[2].push(p) : found.set(name, [name, color, [p]]);
+    return [...found.values()];
+  }
+  modes.forEach((mode, at) => choice.add(new Option(mode.name, at)));
+  choice.value = 1;
+  const mode = () => modes[choice.value];
+
+  function showLegend() {
+    const { entries, range, note, missing } = mode();
+    legend.replaceChildren();
+    const add = (text, kind, style) => {
+      const item = legend.appendChild(document.createElement("span"));
+      item.className = kind;
+      if (style) item.appendChild(document.createElement("i")).style.background = style;
+      item.append(text);
+      return item;
+    };
+    for (const [name, color, ids] of entries ? entries() : []) add(name, "item", css(color)).dataset.parts = ids.join(" ");
+    if (range) {
+      add(range[0], "soft");
+      add("", "ramp").style.background = `linear-gradient(90deg, ${RAMP.map(css).join()})`;
+      add(range[1], "soft");
+      if (range[2]) add(range[2], "soft");
+    }
+    if (missing) add("none on this scale", "item", css(NO_VALUE));
+    if (note) add(note, "soft");
+  }
+
+  // --- Rows, legend and object point at each other.
+  let pinned = null, pointed = null;
+  const idsOf = (element) => element?.dataset.parts.split(" ").map(Number) ?? null;
+  const same = (a, b) => String(a) === String(b);
+  const lit = () => pointed ?? pinned;
+  let recolor = () => {};
+  function light() {
+    const ids = lit();
+    for (const element of document.querySelectorAll("[data-parts]")) {
+      const own = idsOf(element);
+      element.classList.toggle("lit", !!ids && own.some((id) => ids.includes(id)));
+      if (element.matches("button")) element.setAttribute("aria-pressed", String(!!pinned && same(own, pinned)));
+    }
+    recolor();
+  }
+  const say = (text) => { if (reading.textContent !== text) reading.textContent = text; };
+  const words = (p, c) => {
+    const { words } = mode();
+    return `${parts[p].name}: ${parts[p].material}` + (words && (c !== undefined || mode().name !== "confidence") ? `, ${words(p, c)}` : "");
+  };
+  const point = (ids) => { if (!same(pointed, ids)) { pointed = ids; light(); } };
+  const pin = (ids) => {
+    pinned = same(pinned, ids) ? null : ids;
+    const only = pinned?.length === 1 ? pinned[0] : null;
+    if (only !== null) say(words(only));
+    showDetails(only);
+    light();
+  };
+  function showDetails(p) {
+    const rows = p === null ? [] : properties.filter(({ values }) => values[p]).map(({ name, values }) => [name, values[p].text]);
+    details.replaceChildren(...rows.flatMap(([name, text]) => ["dt", "dd"].map((tag, at) => Object.assign(document.createElement(tag), { textContent: at ? text : name }))));
+  }
+  const linked = (event) => idsOf(event.target.closest?.("[data-parts]"));
+  for (const [kind, act] of [["mouseover", linked], ["focusin", linked], ["mouseout", () => null], ["focusout", () => null]])
+    document.addEventListener(kind, (event) => { if (linked(event)) point(act(event)); });
+  document.addEventListener("click", (event) => { const ids = linked(event); if (ids) pin(ids); });
+  document.addEventListener("keydown", (event) => { if (event.key === "Escape" && pinned) pin(pinned); });
+
+  // --- Theme, large pictures, the command to copy.
+  byId("theme").addEventListener("click", () => {
+    const root = document.documentElement, dark = getComputedStyle(root).getPropertyValue("--is-dark").trim() === "1";
+    root.dataset.theme = dark ? "light" : "dark";
+  });
+  const large = byId("large");
+  document.addEventListener("click", (event) => {
+    const picture = event.target.closest?.("button.picture")?.querySelector("img");
+    if (!picture) return;
+    large.querySelector("img").src = picture.src;
+    large.querySelector("img").alt = picture.alt;
+    large.showModal();
+  });
+  large.addEventListener("click", () => large.close());
+
+  // --- The object.
+  async function unpacked(id) {
+    const packed = Uint8Array.from(atob(byId(id).textContent.trim()), (char) => char.charCodeAt(0));
+    return new Response(new Blob([packed]).stream().pipeThrough(new DecompressionStream("gzip")));
+  }
+  function columns(buffer) {
+    const n = cloud.count, bytes = new Uint8Array(buffer), words = new DataView(buffer);
+    const u16 = (column, i) => words.getUint16(column + 2 * i, true), u8 = (column, k, i) => bytes[n * (column + k) + i];
+    const share = (i, axis) => u16(2 * n * axis, i) / 65535;
+    return {
+      center: (i, out) => out.set(...[0, 1, 2].map((a) => cloud.corners[0][a] + share(i, a) * (cloud.corners[1][a] - cloud.corners[0][a]))),
+      scales: (i, out) => out.set(...[0, 1, 2].map((a) => Math.exp(cloud.log_scales[0] + (u8(6, a, i) / 255) * (cloud.log_scales[1] - cloud.log_scales[0])))),
+      turn: (i, out) => out.set(...[0, 1, 2, 3].map((a) => words.getInt8(n * (9 + a) + i))).normalize(),
+      opacity: (i) => u8(13, 0, i) / 255,
+      color: (i) => [0, 1, 2].map((c) => u8(14, c, i)),
+      part: (i) => u16(17 * n, i),
+      confidence: (i) => u8(19, 0, i) / 255,
+    };
+  }
+
+  async function showObject() {
+    const code = document.createElement("script");
+    code.textContent = await (await unpacked("viewer-code")).text();
+    document.head.append(code);
+    const { Color, PerspectiveCamera, Quaternion, Raycaster, Scene, Vector2, Vector3, WebGLRenderer, OrbitControls, SparkRenderer, SplatMesh } = Splats;
+    const splat = columns(await (await unpacked("cloud")).arrayBuffer());
+
+    const renderer = new WebGLRenderer({ canvas, alpha: true, antialias: false, preserveDrawingBuffer: true });
+    const world = new Scene(), camera = new PerspectiveCamera(40, 1, cloud.radius / 100, cloud.radius * 100);
+    camera.up.set(0, 0, 1);
+    const controls = new OrbitControls(camera, canvas), middle = new Vector3(...cloud.center);
+    controls.enableDamping = true;
+    controls.enablePan = false;
+    controls.minDistance = cloud.radius * 0.5;
+    controls.maxDistance = cloud.radius * 20;
+    let stale = true;
+    const spark = new SparkRenderer({ renderer, onDirty: () => { stale = true; } });
+    world.add(spark);
+
+    const center = new Vector3(), scales = new Vector3(), turn = new Quaternion(), color = new Color();
+    // Of parts that are not meant, this much of colour and opacity stays.
+    const FADED = 0.12;
+    function each(put) {
+      const { color: colorOf } = mode(), ids = lit();
+      for (let i = 0; i < cloud.count; i++) {
+        const p = splat.part(i), faded = ids && !ids.includes(p);
+        const shown = colorOf ? colorOf(p, splat.confidence(i)) : splat.color(i);
+        color.setRGB(shown[0] / 255, shown[1] / 255, shown[2] / 255);
+        splat.center(i, center); splat.scales(i, scales); splat.turn(i, turn);
+        put(i, center, scales, turn, splat.opacity(i) * (faded ? FADED : 1), color);
+      }
+    }
+    const mesh = new SplatMesh({ maxSplats: cloud.count, constructSplats: (splats) => each((_, ...rest) => splats.pushSplat(...rest)), minRaycastOpacity: 0.5 });
+    world.add(mesh);
+    await mesh.initialized;
+    recolor = () => {
+      each((i, ...rest) => mesh.packedSplats.setSplat(i, ...rest));
+      mesh.packedSplats.needsUpdate = true;
+      mesh.updateVersion();
+      stale = true;
+    };
+
+    function home() {
+      const away = new Vector3(...cloud.eye).sub(middle);
+      if (away.length() === 0) away.set(1, 1, 0.5);
+      const fit = (FILL * cloud.radius) / Math.sin((camera.fov * Math.PI) / 360) / Math.min(1, camera.aspect);
+      camera.position.copy(middle).addScaledVector(away.normalize(), fit);
+      controls.target.copy(middle);
+      stale = true;
+    }
+    function resize() {
+      const { width, height } = canvas.parentElement.getBoundingClientRect();
+      renderer.setPixelRatio(Math.min(devicePixelRatio, 2));
+      renderer.setSize(width, height, false);
+      camera.aspect = width / height;
+      camera.updateProjectionMatrix();
+      stale = true;
+    }
+    new ResizeObserver(resize).observe(canvas.parentElement);
+    resize();
+    home();
+
+    // --- Turning, by itself and by hand.
+    const spin = byId("spin");
+    const setSpin = (on) => { controls.autoRotate = on; spin.setAttribute("aria-pressed", String(on)); stale = true; };
+    setSpin(!matchMedia("(prefers-reduced-motion: reduce)").matches);
+    controls.autoRotateSpeed = 1.5;
+    controls.addEventListener("change", () => { stale = true; });
+    controls.addEventListener("start", () => setSpin(false));
+    spin.addEventListener("click", () => setSpin(!controls.autoRotate));
+    byId("home").addEventListener("click", home);
+    const orbit = (around, up, closer) => {
+      setSpin(false);
+      const away = camera.position.clone().sub(middle), radius = away.length() / closer;
+      const angle = Math.atan2(away.y, away.x) + around;
+      const rise = Math.min(Math.max(Math.asin(away.z / away.length()) + up, -1.5), 1.5);
+      camera.position.set(Math.cos(rise) * Math.cos(angle), Math.cos(rise) * Math.sin(angle), Math.sin(rise)).multiplyScalar(radius).add(middle);
+    };
+    const keys = {
+      ArrowLeft: () => orbit(-TURN_PER_KEY, 0, 1), ArrowRight: () => orbit(TURN_PER_KEY, 0, 1),
+      ArrowUp: () => orbit(0, TURN_PER_KEY, 1), ArrowDown: () => orbit(0, -TURN_PER_KEY, 1),
+      "+": () => orbit(0, 0, ZOOM_PER_KEY), "=": () => orbit(0, 0, ZOOM_PER_KEY), "-": () => orbit(0, 0, 1 / ZOOM_PER_KEY),
+      " ": () => setSpin(!controls.autoRotate), Home: home,
+    };
+    canvas.addEventListener("keydown", (event) => { if (keys[event.key]) { event.preventDefault(); keys[event.key](); } });
+
+    // --- What is under the pointer: where the ray enters the cloud, and whose centre is nearest to that.
+    const caster = new Raycaster(), at = new Vector2();
+    function under({ clientX, clientY }) {
+      const box = canvas.getBoundingClientRect();
+      at.set(((clientX - box.left) / box.width) * 2 - 1, 1 - ((clientY - box.top) / box.height) * 2);
+      caster.setFromCamera(at, camera);
+      const hits = caster.intersectObject(mesh);
+      if (!hits.length) return null;
+      let best = null, least = Infinity;
+      for (let i = 0; i < cloud.count; i++) {
+        const distance = splat.center(i, center).distanceToSquared(hits[0].point);
+        if (distance < least && splat.opacity(i) > 0.2) { least = distance; best = i; }
+      }
+      return best;
+    }
+    let moved = null, pressed = null;
+    canvas.addEventListener("pointermove", (event) => { moved = event; });
+    canvas.addEventListener("pointerleave", () => { moved = null; });
+    canvas.addEventListener("pointerdown", (event) => { pressed = event; });
+    canvas.addEventListener("pointerup", (event) => {
+      const still = pressed && Math.hypot(event.clientX - pressed.clientX, event.clientY - pressed.clientY) < CLICK_PIXELS;
+      if (!still) return;
+      const i = under(event);
+      if (i === null) { if (pinned) pin(pinned); return; }
+      const ids = [splat.part(i)];
+      if (!same(pinned, ids)) pin(ids);
+      say(words(ids[0], splat.confidence(i)));
+    });
+
+    let visible = true;
+    new IntersectionObserver(([entry]) => { visible = entry.isIntersecting; }).observe(canvas);
+    choice.addEventListener("change", recolor);
+    renderer.setAnimationLoop(() => {
+      if (!visible) return;
+      controls.update();
+      if (moved) {
+        const i = under(moved);
+        moved = null;
+        canvas.style.cursor = i === null ? "grab" : "pointer";
+        if (i !== null) say(words(splat.part(i), splat.confidence(i)));
+      }
+      if (!stale) return;
+      stale = controls.autoRotate;
+      renderer.render(world, camera);
+    });
+    canvas.parentElement.classList.add("ready");
+  }
+
+  choice.addEventListener("change", () => { showLegend(); if (pinned?.length === 1) say(words(pinned[0])); });
+  showLegend();
+  const able = typeof DecompressionStream === "function" && document.createElement("canvas").getContext("webgl2");
+  if (cloud.count && able) showObject().catch((error) => { say(`The object cannot be shown in 3D here: ${error.message}`); console.error(error); });
+  else say(cloud.count ? "This browser shows no WebGL 2: the pictures below show the object." : "No Gaussian is visible.");
+})();

@@ -1,0 +1,76 @@
+//! The views with their pictures, the sheets and the answers.
+
+use minijinja::{Value, context};
+
+use crate::query::{Answers, Match, Outcome, PartAnswer};
+use crate::report::numbers::significant;
+use crate::report::{AnswerCounts, Pictures, ViewPictures};
+use crate::vote::palette;
+
+use super::{css, data_uri};
+
+/// Every view.
+pub(super) fn views(pictures: &Pictures, answers: &Answers) -> Vec<Value> {
+    pictures.views.iter().map(|view| one(view, pictures, answers)).collect()
+}
+
+/// Where the answers came from.
+pub(super) fn sentence(counts: &AnswerCounts) -> String {
+    format!(
+        "{} parts answered: {} by an exact recording, {} by a recording whose mask overlaps, {} asked; {} failed.",
+        counts.answered(),
+        counts.exact,
+        counts.by_mask,
+        counts.live,
+        counts.failed,
+    )
+}
+
+fn one(view: &ViewPictures, pictures: &Pictures, answers: &Answers) -> Value {
+    let of_view: Vec<&PartAnswer> = answers.parts.iter().filter(|part| part.view == view.name).collect();
+    let named: Vec<&str> = of_view.iter().map(|part| material(part)).collect();
+    let name = &view.name;
+    let picture =
+        |jpeg: &[u8], what: &str| context! { src => data_uri("image/jpeg", jpeg), alt => format!("{what} {name}") };
+    context! {
+        name,
+        pictures => vec![
+            picture(&view.photo, "photo"),
+            picture(&view.parts, "parts of"),
+            picture(&view.materials, "Gaussians seen in"),
+        ],
+        caption => format!("{} parts: {}", named.len(), named.join("; ")),
+        rows => of_view.iter().map(|part| row(part, pictures)).collect::<Vec<_>>(),
+    }
+}
+
+fn material(part: &PartAnswer) -> &str {
+    match &part.outcome {
+        Outcome::Answered(answer) => &answer.material,
+        Outcome::Failed(_) => "no answer",
+    }
+}
+
+fn row(part: &PartAnswer, pictures: &Pictures) -> Value {
+    let sheet = pictures.sheets.iter().find(|sheet| sheet.view == part.view && sheet.part == part.part);
+    let common = context! {
+        part => part.part,
+        color => css(palette::color(u32::from(part.part) - 1)),
+        sheet => sheet.map(|sheet| data_uri("image/jpeg", &sheet.jpeg)),
+        material => material(part),
+    };
+    let own = match &part.outcome {
+        Outcome::Answered(answer) => context! {
+            caption => &answer.caption,
+            confidence => significant(answer.confidence),
+            flags => &answer.flags,
+            found => match answer.matched {
+                Match::Exact => "recorded".to_owned(),
+                Match::Mask { iou } => format!("recorded, mask overlap {iou:.3}"),
+                Match::Live => "asked".to_owned(),
+            },
+        },
+        Outcome::Failed(failure) => context! { caption => failure.to_string(), found => "failed" },
+    };
+    context! { ..common, ..own }
+}

@@ -1,0 +1,144 @@
+//! `gprop evaluate segmentation` and `gprop show` on a scene with recorded answers; folders of label maps.
+
+use std::fs;
+use std::path::{Path, PathBuf};
+use std::process::Command;
+
+use gprop::evaluate::label_maps::LabelMaps;
+use gprop::evaluate::vocabulary::Vocabulary;
+use gprop::materials::MaterialLibrary;
+use gprop::scene::ply;
+use gprop::vote::field_ply;
+use gprop::vote::raster::SH_C0;
+use image::{GrayImage, Luma};
+use serde_json::Value;
+use tempfile::TempDir;
+
+use super::{evaluate, refused, text};
+use crate::support;
+
+fn fixture(name: &str) -> PathBuf {
+    Path::new(env!("CARGO_MANIFEST_DIR")).join("fixtures").join(name)
+}
+
+#[test]
+fn a_scene_with_recorded_answers_gives_the_table_and_its_pictures() {
+    if support::models("a_scene_with_recorded_answers_gives_the_table_and_its_pictures").is_none() {
+        return;
+    }
+    let (scene, work) = (fixture("mug"), TempDir::new().unwrap());
+    let score = |labels: &str| {
+        let output = evaluate(&[
+            "segmentation",
+            "--truth",
+            "ground_truth/part_maps",
+            "--labels",
+            labels,
+            "--out",
+            text(work.path()),
+            text(&scene),
+        ]);
+        assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+        serde_json::from_slice::<Value>(&output.stdout).unwrap()
+    };
+    let found = score("abo");
+    let labels: Vec<&String> = found["per_label"].as_object().unwrap().keys().collect();
+    assert_eq!(labels, ["ceramic", "plastic", "wood"], "rubber is plastic and cork is wood in both label sets");
+    let mean = |column: &Value| column["mean_iou"].as_f64().unwrap();
+    println!("{found:#}");
+    assert!(mean(&found) > 0.9 && mean(&found["local_only"]) > 0.9, "{found:#}");
+    assert!(mean(&found["no_vote"]) < mean(&found), "the views together know more than the best of them");
+    assert_eq!(found["per_object"]["mug"]["mean_iou"], found["mean_iou"]);
+    assert_eq!(score("mvimgnet")["per_label"], found["per_label"]);
+    pictures(&scene, work.path());
+}
+
+/// What the vote drew, and what `gprop show` draws of it.
+fn pictures(scene: &Path, work: &Path) {
+    let field = ply::read(&work.join("field.ply")).unwrap().gaussians;
+    let labels = serde_json::from_slice(&fs::read(work.join("labels.json")).unwrap()).unwrap();
+    let colors = field_ply::material_colors(&field_ply::read(&field.extra, labels).unwrap());
+    let recolored = ply::read(&work.join("field_recolored.ply")).unwrap().gaussians;
+    assert_eq!((recolored.len(), recolored.sh_degree), (field.len(), 0));
+    for (dc, color) in recolored.sh_dc.iter().zip(&colors) {
+        assert!(dc.iter().zip(color).all(|(dc, color)| (dc * SH_C0 + 0.5 - color).abs() < 1e-6));
+    }
+    let figure = image::open(work.join("figure.png")).unwrap();
+    assert!(figure.width() > 3 * 512 && figure.height() > 512, "three panels and a legend");
+    for what in ["figure", "materials", "parts", "confidence"] {
+        let to = work.join(format!("{what}.of-001.png"));
+        let output = Command::new(env!("CARGO_BIN_EXE_gprop"))
+            .args(["show", text(scene), text(&to), "--what", what, "--view", "001", "--out", text(work)])
+            .output()
+            .unwrap();
+        assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+        assert!(image::open(&to).unwrap().width() >= 512, "{what}");
+    }
+    let nowhere = work.join("nowhere.png");
+    let output = Command::new(env!("CARGO_BIN_EXE_gprop"))
+        .args(["show", text(scene), text(&nowhere), "--view", "nobody", "--out", text(work)])
+        .output()
+        .unwrap();
+    refused(&output, &["nobody", "029"]);
+}
+
+fn folder(files: &[(&str, &str)], maps: &[(&str, u8)]) -> TempDir {
+    let folder = TempDir::new().unwrap();
+    files.iter().for_each(|(name, text)| fs::write(folder.path().join(name), text).unwrap());
+    for (name, value) in maps {
+        GrayImage::from_pixel(4, 2, Luma([*value])).save(folder.path().join(name)).unwrap();
+    }
+    folder
+}
+
+#[test]
+fn label_maps_with_a_json_of_names_or_as_eiseg_writes_them() {
+    let library = MaterialLibrary::builtin();
+    let maps = [("000.png", 1), ("000_pseudo.png", 9), ("000_cutout.png", 9)];
+    let json = folder(&[("labels.json", r#"{"1": "oak, white", "2": "rubber", "7": "fabric"}"#)], &maps);
+    let eiseg = "0 background 0 0 0 \n1 oak, white 10 20 30 \n2 rubber 1 2 3 \n7 fabric 4 5 6\n";
+    let eiseg = folder(&[("autosave_label.txt", eiseg)], &maps);
+    for folder in [json, eiseg] {
+        let maps = LabelMaps::open(folder.path()).unwrap();
+        let values = Vocabulary::Abo.of_values(&maps, library).unwrap();
+        assert_eq!(values.into_iter().collect::<Vec<_>>(), [(1, "wood"), (2, "plastic"), (7, "fabric")]);
+        assert_eq!(maps.views().collect::<Vec<_>>(), ["000"]);
+        assert_eq!(maps.of("000", (4, 2)).unwrap().unwrap().labels, [1; 8]);
+        assert!(maps.of("001", (4, 2)).unwrap().is_none());
+        let error = maps.of("000", (512, 512)).unwrap_err().to_string();
+        assert!(error.contains("4 x 2") && error.contains("512 x 512") && error.contains("\"000\""), "{error}");
+    }
+}
+
+#[test]
+fn folders_that_are_no_label_maps_are_refused() {
+    let refusal = |folder: &TempDir| LabelMaps::open(folder.path()).unwrap_err().to_string();
+    assert!(refusal(&folder(&[], &[])).contains("no label maps"));
+    assert!(refusal(&folder(&[], &[("000.png", 1)])).contains("labels.json"));
+    let said = refusal(&folder(&[("labels.json", "[1]")], &[("000.png", 1)]));
+    assert!(said.contains("names by pixel value"), "{said}");
+    let said = refusal(&folder(&[("autosave_label.txt", "1 wood\nglass\n")], &[("000.png", 1)]));
+    assert!(said.contains("line 2"), "{said}");
+    let unknown = folder(&[("labels.json", r#"{"1": "glas"}"#)], &[("000.png", 1)]);
+    let maps = LabelMaps::open(unknown.path()).unwrap();
+    let error = Vocabulary::Mvimgnet.of_values(&maps, MaterialLibrary::builtin()).unwrap_err();
+    assert_eq!(error.name, "glas");
+}
+
+#[test]
+#[cfg(unix)]
+fn true_part_maps_of_another_size_are_refused_before_anything_is_segmented() {
+    if support::models("true_part_maps_of_another_size_are_refused_before_anything_is_segmented").is_none() {
+        return;
+    }
+    let copy = TempDir::new().unwrap();
+    for name in ["images", "point_cloud.ply", "transforms.json"] {
+        std::os::unix::fs::symlink(fixture("hammer").join(name), copy.path().join(name)).unwrap();
+    }
+    let maps = copy.path().join("ground_truth/part_maps");
+    fs::create_dir_all(&maps).unwrap();
+    for view in 0..30 {
+        GrayImage::new(8, 4).save(maps.join(format!("{view:03}.png"))).unwrap();
+    }
+    refused(&evaluate(&["prompts", text(copy.path())]), &["8 x 4", "512 x 512", "part_maps"]);
+}

@@ -1,0 +1,193 @@
+//! The page in headless Chromium, from disk.
+
+use std::ffi::OsStr;
+use std::sync::{Arc, Mutex};
+use std::time::Duration;
+
+use headless_chrome::browser::default_executable;
+use headless_chrome::browser::tab::point::Point;
+use headless_chrome::protocol::cdp::types::Event;
+use headless_chrome::{Browser, LaunchOptions, Tab};
+use serde_json::Value;
+
+use crate::support::skipped;
+
+use super::{HOSTILE, hostile_run, json_file};
+
+/// Software WebGL on a busy machine draws a few frames a second.
+const PATIENCE: Duration = Duration::from_secs(120);
+/// Points a row and a column at which the object is looked for.
+const PROBES: u32 = 9;
+
+/// A page and what it complained of.
+struct Page {
+    _browser: Browser,
+    tab: Arc<Tab>,
+    complaints: Arc<Mutex<Vec<String>>>,
+}
+
+impl Page {
+    /// Opens `url`; `None`, said aloud, where there is no Chromium.
+    fn open(test: &str, url: &str) -> Option<Self> {
+        let Ok(path) = default_executable() else {
+            skipped(test, "no Chromium or Chrome; `apt-get install chromium` brings one");
+            return None;
+        };
+        let options = LaunchOptions::default_builder()
+            .path(Some(path))
+            // Chromium's sandbox does not start for root, as whom tests in a container run.
+            .sandbox(false)
+            .enable_gpu(true)
+            .window_size(Some((1280, 1000)))
+            .idle_browser_timeout(PATIENCE)
+            .args(["--use-gl=angle", "--use-angle=swiftshader", "--enable-unsafe-swiftshader"].map(OsStr::new).to_vec())
+            .build()
+            .unwrap();
+        let browser = Browser::new(options).unwrap();
+        let tab = browser.new_tab().unwrap();
+        tab.set_default_timeout(PATIENCE);
+        tab.enable_runtime().unwrap().enable_log().unwrap();
+        let complaints = Arc::new(Mutex::new(Vec::new()));
+        let heard = Arc::clone(&complaints);
+        let listen = move |event: &Event| {
+            let complaint = match event {
+                Event::RuntimeExceptionThrown(thrown) => format!("{:?}", thrown.params.exception_details),
+                Event::RuntimeConsoleAPICalled(call) => format!("console: {:?}", call.params),
+                Event::LogEntryAdded(entry) => format!("log: {:?}", entry.params.entry),
+                _ => return,
+            };
+            heard.lock().unwrap().push(complaint);
+        };
+        tab.add_event_listener(Arc::new(listen)).unwrap();
+        tab.navigate_to(url).unwrap().wait_until_navigated().unwrap();
+        tab.wait_for_element(".frame.ready").unwrap();
+        Some(Self { _browser: browser, tab, complaints })
+    }
+
+    fn evaluate(&self, script: &str) -> Value {
+        self.tab.evaluate(script, true).unwrap().value.unwrap_or_default()
+    }
+
+    fn text(&self, selector: &str) -> String {
+        let text = self.evaluate(&format!("document.querySelector({selector:?})?.textContent ?? ''"));
+        text.as_str().unwrap().to_owned()
+    }
+
+    fn color_by(&self, name: &str) {
+        self.evaluate(&format!(
+            "{{ const select = document.getElementById('color-by');
+               select.value = [...select.options].find((option) => option.text === {name:?}).value;
+               select.dispatchEvent(new Event('change')); }}"
+        ));
+    }
+
+    /// Waits until the script has drawn twice.
+    fn settle(&self) {
+        self.evaluate("new Promise((done) => requestAnimationFrame(() => requestAnimationFrame(() => done(1))))");
+    }
+
+    /// Points at the canvas here and there until it says that something is there.
+    fn find_object(&self) -> Point {
+        let canvas = self.tab.find_element("#object").unwrap().get_box_model().unwrap().content_viewport();
+        for row in 1..PROBES {
+            for column in 1..PROBES {
+                let share = |k: u32| f64::from(k) / f64::from(PROBES);
+                let point =
+                    Point { x: canvas.x + canvas.width * share(column), y: canvas.y + canvas.height * share(row) };
+                self.tab.move_mouse_to_point(point).unwrap();
+                self.settle();
+                if self.evaluate("document.getElementById('object').style.cursor") == "pointer" {
+                    return point;
+                }
+            }
+        }
+        panic!("the pointer meets no Gaussian anywhere");
+    }
+}
+
+/// The number that follows `name` in `text`.
+fn number_after(text: &str, name: &str) -> f64 {
+    let rest = text.split_once(name).unwrap_or_else(|| panic!("no {name:?} in {text:?}")).1;
+    let digits: String = rest.trim_start().chars().take_while(|c| c.is_ascii_digit() || ".,".contains(*c)).collect();
+    digits.replace(',', "").parse().unwrap_or_else(|_| panic!("no number after {name:?} in {text:?}"))
+}
+
+#[test]
+fn a_click_on_the_object_reads_the_parts_number() {
+    let Some(scene) = hostile_run() else { return };
+    let url = format!("file://{}", scene.join("gprop/report.html").display());
+    let Some(page) = Page::open("a_click_on_the_object_reads_the_parts_number", &url) else { return };
+    let report = json_file(scene.join("gprop/report.json"));
+    page.evaluate("document.getElementById('spin').getAttribute('aria-pressed') === 'true' && document.getElementById('spin').click()");
+    page.color_by("density");
+
+    // The object: a click on it singles a part out, in the list too, and says its density.
+    let point = page.find_object();
+    page.tab.click_point(point).unwrap();
+    page.settle();
+    let pressed = page.evaluate("document.querySelector('.list [aria-pressed=true]')?.dataset.parts ?? 'none'");
+    let part: usize = pressed.as_str().unwrap().parse().unwrap_or_else(|_| panic!("no part is singled out"));
+    let density = report["labels"][part]["density_kg_m3"]["mid"].as_f64().unwrap();
+    let read = number_after(&page.text("#reading"), "density");
+    assert!((read / density - 1.0).abs() < 0.005, "{read} on the page, {density} in report.json");
+    assert!((number_after(&page.text("#details"), "density") / density - 1.0).abs() < 0.005);
+    let lit = page.evaluate("[...document.querySelectorAll('tr.lit')].map((row) => row.dataset.parts).join()");
+    assert!(lit.as_str().unwrap().split(',').all(|id| id == part.to_string()), "rows {lit} for part {part}");
+
+    // The list: another part's row changes what the object shows.
+    let picture = "document.getElementById('object').toDataURL()";
+    let before = page.evaluate(picture);
+    page.evaluate("document.querySelector('.list [aria-pressed=false]').click()");
+    page.settle();
+    std::thread::sleep(Duration::from_secs(1));
+    assert_ne!(page.evaluate(picture), before, "the object is drawn anew");
+
+    // Keys: Escape lets go, an arrow turns.
+    page.tab.find_element("#object").unwrap().focus().unwrap();
+    page.tab.press_key("Escape").unwrap();
+    assert_eq!(page.evaluate("document.querySelectorAll('.list [aria-pressed=true]').length"), 0);
+    page.settle();
+    std::thread::sleep(Duration::from_secs(1));
+    let before = page.evaluate(picture);
+    page.tab.press_key("ArrowLeft").unwrap();
+    page.settle();
+    std::thread::sleep(Duration::from_secs(1));
+    assert_ne!(page.evaluate(picture), before, "the object is turned");
+
+    // Every colouring has a legend, and the theme turns.
+    let modes =
+        page.evaluate("[...document.getElementById('color-by').options].map((option) => option.text).join('|')");
+    let modes: Vec<&str> = modes.as_str().unwrap().split('|').collect();
+    for wanted in [
+        "photo",
+        "material",
+        "part",
+        "density",
+        "Young's modulus",
+        "Poisson's ratio",
+        "friction on rubber",
+        "strength",
+        "confidence",
+    ] {
+        assert!(modes.contains(&wanted), "{wanted} is not among {modes:?}");
+    }
+    for mode in modes {
+        page.color_by(mode);
+        assert!(!page.text("#legend").is_empty(), "{mode} has no legend");
+    }
+    let ground = "getComputedStyle(document.body).backgroundColor";
+    let before = page.evaluate(ground);
+    page.tab.find_element("#theme").unwrap().click().unwrap();
+    assert_ne!(page.evaluate(ground), before, "light and dark differ");
+
+    // What a caption says is text.
+    assert!(page.text(".list button span").contains(HOSTILE), "{}", page.text(".list button span"));
+    assert_eq!(page.evaluate("document.querySelectorAll('img[src=x]').length"), 0);
+    assert_ne!(page.tab.get_title().unwrap(), "taken");
+    assert_eq!(*page.complaints.lock().unwrap(), Vec::<String>::new());
+
+    // And a complaint would have been heard.
+    page.evaluate("console.error('one')");
+    page.settle();
+    assert_eq!(page.complaints.lock().unwrap().len(), 1);
+}
