@@ -9,7 +9,7 @@ fuzz_target!(|bytes: &[u8]| {
     use gprop::query::answer::{self, Unknown};
     let text = String::from_utf8_lossy(bytes);
     let _ = gprop::query::client::read_completion(200, &text);
-    if let Ok(value) = serde_json::from_slice(bytes) {
+    if let Ok(value) = serde_json::from_slice::<serde_json::Value>(bytes) {
         for unknown in [Unknown::Refuse, Unknown::TakeNearest] {
             let _ = answer::read(value.clone(), MaterialLibrary::builtin(), unknown);
         }
