@@ -1,6 +1,7 @@
 //! Subcommands and flags: what the user typed becomes a call into the pipeline or a stage, and a result on stdout.
 
 mod arguments;
+mod batch;
 mod evaluate;
 mod manual;
 mod picture;
@@ -22,8 +23,8 @@ use crate::pipeline::{self, Stage};
 use crate::progress::Progress;
 use crate::{config, inspect};
 use arguments::{
-    Cli, Command, Compat, Evaluate, ExportArgs, Global, Grasp, GraspArgs, Materials, QueryArgs, SceneArgs, ShowArgs,
-    SimulateArgs, WorkArgs,
+    BatchArgs, Cli, Command, Compat, Evaluate, ExportArgs, Global, Grasp, GraspArgs, Materials, QueryArgs, SceneArgs,
+    ShowArgs, SimulateArgs, WorkArgs,
 };
 
 /// Does what `arguments` (the program's name first) ask for.
@@ -40,7 +41,12 @@ pub fn run(arguments: Vec<OsString>) -> anyhow::Result<()> {
         pool.map_err(|error| UsageError(format!("--threads {threads}: {error}")))?;
     }
     match &cli.command {
-        Command::Run(args) => scene::run(global, &args.scene.scene, &args.scene.work, args.to),
+        Command::Run(args) => {
+            if args.end_with_stdin {
+                crate::batch::end_with_the_batch();
+            }
+            scene::run(global, &args.scene.scene, &args.scene.work, args.to)
+        }
         Command::Segment(args) if args.scene.is_file() => picture::segment(global, args),
         Command::Segment(args) => scene::run(global, &args.scene, &args.work, Stage::Segment),
         Command::Query(args) => query::query(global, args),
@@ -56,6 +62,7 @@ pub fn run(arguments: Vec<OsString>) -> anyhow::Result<()> {
             let (inspection, text) = inspect::command(args, global.progress())?;
             print(global, &inspection, || text)
         }
+        Command::Batch(args) => batch::run(global, args),
         Command::Evaluate(what) => evaluate::evaluate(global, what),
         Command::Materials(what) => tools::materials(global, what),
         Command::Setup(args) => tools::set_up(global, &args.options),
@@ -89,34 +96,34 @@ fn parse(arguments: &[OsString]) -> anyhow::Result<Cli> {
     Ok(cli)
 }
 
-/// The stages' flags that were given in `matches`. The server's address is not among them: the answers are recorded, and
-/// the address is nobody else's business.
-fn typed_flags(matches: &clap::ArgMatches) -> Vec<String> {
+/// The stages' flags that were given in `matches`, as they may be given again.
+fn typed_flags(matches: &clap::ArgMatches) -> Vec<OsString> {
     let stages = pipeline::Options::augment_args(clap::Command::new("stages"));
     let mut typed = Vec::new();
     for argument in stages.get_arguments() {
         let (Some(flag), id) = (argument.get_long(), argument.get_id().as_str()) else { continue };
         let is_here = matches.try_contains_id(id).is_ok();
-        if !is_here || matches.value_source(id) != Some(ValueSource::CommandLine) || flag == "lmm-url" {
+        if !is_here || matches.value_source(id) != Some(ValueSource::CommandLine) {
             continue;
         }
         if !argument.get_action().takes_values() {
-            typed.push(format!("--{flag}"));
+            typed.push(format!("--{flag}").into());
             continue;
         }
-        let values: Vec<_> = matches.get_raw(id).into_iter().flatten().map(OsStr::to_string_lossy).collect();
+        let values: Vec<_> = matches.get_raw(id).into_iter().flatten().collect();
+        let with = |value: &OsStr| [OsStr::new(&format!("--{flag}=")), value].into_iter().collect();
         match argument.get_value_delimiter() {
-            Some(delimiter) => typed.push(format!("--{flag}={}", values.join(&delimiter.to_string()))),
-            None => typed.extend(values.iter().map(|value| format!("--{flag}={value}"))),
+            Some(delimiter) => typed.push(with(&values.join(OsStr::new(&delimiter.to_string())))),
+            None => typed.extend(values.into_iter().map(with)),
         }
     }
     typed
 }
 
-/// The options of a scene that was named without any: the defaults and what its `gprop.toml` says.
-fn options_of(scene: &Path) -> anyhow::Result<pipeline::Options> {
+/// The options of a scene that was named with some `flags` or none: the defaults, what its `gprop.toml` says, the flags.
+fn options_of(scene: &Path, flags: &[OsString]) -> anyhow::Result<pipeline::Options> {
     let typed = [OsStr::new("gprop"), OsStr::new("parts"), scene.as_os_str()].map(OsStr::to_owned);
-    match parse(&typed)?.command {
+    match parse(&[&typed, flags].concat())?.command {
         Command::Parts(args) => Ok(args.work.options),
         _ => Err(UsageError(format!("{scene:?} is no scene folder")).into()),
     }
@@ -145,7 +152,11 @@ fn start_log(global: &Global) {
 
 /// Prints a result: as JSON where that is asked for, else as text. A reader that has gone away is no error.
 fn print(global: &Global, value: &impl Serialize, text: impl FnOnce() -> String) -> anyhow::Result<()> {
-    let text = if global.json { serde_json::to_string_pretty(value)? } else { text() };
+    print_text(&if global.json { serde_json::to_string_pretty(value)? } else { text() })
+}
+
+/// Prints a text. A reader that has gone away is no error.
+fn print_text(text: &str) -> anyhow::Result<()> {
     match writeln!(io::stdout(), "{}", text.trim_end()) {
         Err(error) if error.kind() != io::ErrorKind::BrokenPipe => {
             Err(UsageError(format!("cannot print: {error}")).into())
@@ -161,5 +172,31 @@ impl Global {
             (false, true) => Progress::Shown,
             (false, false) => Progress::Lines,
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn stage_options_are_handed_on_as_they_were_typed() {
+        let flags = |typed: &str| {
+            let typed: Vec<OsString> = typed.split(' ').map(OsString::from).collect();
+            parse(&typed).unwrap().global.typed
+        };
+        assert_eq!(
+            flags("gprop batch DATA --jobs 3 --to vote --out X -q"),
+            [] as [&str; 0],
+            "these are the batch's own"
+        );
+        assert_eq!(
+            flags(
+                "gprop batch DATA --lmm-url http://h/v1 --view-list a,b --offline --object-box=-1,0,0:1,1,1 --grid 16"
+            ),
+            ["--view-list=a,b", "--object-box=-1,0,0:1,1,1", "--offline", "--lmm-url=http://h/v1", "--grid=16"]
+        );
+        assert_eq!(flags("gprop batch DATA --grid 16 --grid 24"), ["--grid=24"]);
+        assert_eq!(flags("gprop batch DATA --also npy,coco"), ["--also=npy,coco"]);
     }
 }

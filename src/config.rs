@@ -44,13 +44,18 @@ pub fn flags(scene: &Path, known: &[Flag]) -> Result<Vec<String>, ConfigError> {
         }
         Err(source) => return Err(ConfigError::Read { path, source }),
     };
-    let table = DeTable::parse(&text).map_err(|error| ConfigError::Syntax {
-        path: path.clone(),
-        line: error.span().map_or(1, |span| line_of(&text, span.start)),
+    flags_in(&text, &path, known)
+}
+
+/// The flags that `text` stands for; errors name `path`.
+pub fn flags_in(text: &str, path: &Path, known: &[Flag]) -> Result<Vec<String>, ConfigError> {
+    let table = DeTable::parse(text).map_err(|error| ConfigError::Syntax {
+        path: path.to_owned(),
+        line: error.span().map_or(1, |span| line_of(text, span.start)),
         message: error.message().to_owned(),
     })?;
     let mut flags = Vec::new();
-    Reader { path: &path, text: &text, known }.collect(table.get_ref(), &mut flags)?;
+    Reader { path, text, known }.collect(table.get_ref(), &mut flags)?;
     Ok(flags)
 }
 

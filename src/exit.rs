@@ -2,6 +2,7 @@
 
 use thiserror::Error;
 
+use crate::batch::BatchError;
 use crate::config::ConfigError;
 use crate::evaluate::EvaluateError;
 use crate::evaluate::grasp::OutcomesError;
@@ -62,11 +63,15 @@ fn code(cause: &(dyn std::error::Error + 'static)) -> Option<Exit> {
     if let Some(ExportError::Scale(_) | ExportError::NoMass) = cause.downcast_ref() {
         return Some(Exit::Scene);
     }
+    if let Some(BatchError::Incomplete { .. }) = cause.downcast_ref() {
+        return Some(Exit::Batch);
+    }
     let exits: [(Exit, &[bool]); 4] = [
         (
             Exit::Usage,
             &[
                 cause.is::<UsageError>(),
+                cause.is::<BatchError>(),
                 cause.is::<ConfigError>(),
                 cause.is::<WorkDirError>(),
                 cause.is::<LibraryError>(),

@@ -17,6 +17,7 @@
 // A module's docs list its parts in order for whoever reads the source, private ones too.
 #![allow(rustdoc::private_intra_doc_links)]
 
+pub mod batch;
 pub mod camera;
 pub mod cli;
 pub mod config;

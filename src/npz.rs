@@ -7,6 +7,9 @@ use thiserror::Error;
 use zip::write::{SimpleFileOptions, StreamWriter};
 use zip::{CompressionMethod, ZipArchive, ZipWriter};
 
+/// Most bytes of one array: a reference trajectory has some hundred megabytes. What unpacks to more was made to fill the memory.
+const MOST_BYTES: u64 = 1 << 30;
+
 /// Why an array cannot be read.
 #[derive(Debug, Error)]
 pub enum NpzError {
@@ -16,6 +19,8 @@ pub enum NpzError {
     Array { name: String, kind: &'static str, source: io::Error },
     #[error("it has no array `{0}`")]
     Missing(String),
+    #[error("its array `{name}` has more than {MOST_BYTES} bytes, the most that gprop reads")]
+    TooLarge { name: String },
 }
 
 /// An archive in memory.
@@ -59,10 +64,20 @@ impl Npz {
         if !self.has(name) {
             return Err(NpzError::Missing(name.to_owned()));
         }
-        let mut bytes = Vec::new();
         let fail = |source| NpzError::Array { name: name.to_owned(), kind, source };
-        self.0.by_name(&format!("{name}.npy"))?.read_to_end(&mut bytes).map_err(fail)?;
-        NpyFile::new(bytes.as_slice()).and_then(NpyFile::into_vec).map_err(fail)
+        let mut bytes = Vec::new();
+        let mut member = self.0.by_name(&format!("{name}.npy"))?.take(MOST_BYTES + 1);
+        member.read_to_end(&mut bytes).map_err(fail)?;
+        if bytes.len() as u64 > MOST_BYTES {
+            return Err(NpzError::TooLarge { name: name.to_owned() });
+        }
+        let array = NpyFile::new(bytes.as_slice()).map_err(fail)?;
+        // A header may claim more than follows it.
+        let promised = array.shape().iter().try_fold(1_u64, |count, side| count.checked_mul(*side));
+        if promised.is_none_or(|count| count > bytes.len() as u64) {
+            return Err(fail(io::ErrorKind::UnexpectedEof.into()));
+        }
+        array.into_vec().map_err(fail)
     }
 }
 
@@ -91,5 +106,47 @@ impl<W: Write> NpzWriter<W> {
     pub fn finish(self) -> io::Result<()> {
         self.0.finish()?;
         Ok(())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn archive(member: &[u8]) -> Npz {
+        let mut zip = ZipWriter::new(Cursor::new(Vec::new()));
+        zip.start_file("a.npy", SimpleFileOptions::default().compression_method(CompressionMethod::Deflated)).unwrap();
+        zip.write_all(member).unwrap();
+        Npz::new(zip.finish().unwrap().into_inner()).unwrap()
+    }
+
+    /// An array that says to be f32 of `shape`, with `bytes` behind its header.
+    fn array(shape: &str, bytes: usize) -> Vec<u8> {
+        let header = format!("{{'descr': '<f4', 'fortran_order': False, 'shape': {shape}, }}\n");
+        let mut npy = b"\x93NUMPY\x01\x00".to_vec();
+        npy.extend((header.len() as u16).to_le_bytes());
+        npy.extend(header.as_bytes());
+        npy.resize(npy.len() + bytes, 0);
+        npy
+    }
+
+    #[test]
+    fn an_array_comes_back() {
+        assert_eq!(archive(&array("(2,3)", 24)).f32s("a").unwrap(), [0.0; 6]);
+    }
+
+    #[test]
+    fn a_header_that_claims_more_than_there_is_asks_for_no_memory() {
+        for shape in ["(1000000000000,)", "(4294967296,4294967296,4294967296)", "(7,)"] {
+            let read = archive(&array(shape, 24)).f32s("a");
+            assert!(matches!(read, Err(NpzError::Array { .. })), "{shape}: {read:?}");
+        }
+    }
+
+    #[test]
+    fn what_unpacks_to_gigabytes_is_refused() {
+        // A thousandth of it on disk: zeros compress so.
+        let read = archive(&array("(268435456,)", 1 << 30)).f32s("a");
+        assert!(matches!(read, Err(NpzError::TooLarge { .. })));
     }
 }

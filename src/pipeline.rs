@@ -40,11 +40,13 @@ use crate::query::Answers;
 use crate::scene::{Scene, View};
 use crate::segment::Segmentation;
 use crate::vote::MaterialField;
-use crate::workdir::{Artifact, WorkDir};
+use crate::workdir::{self, Artifact, WorkDir};
 pub use segment::open_segmenter;
 pub use vote::stored_field;
 
-use record::{Hasher, RunRecord, StageRecord};
+pub use batch::{Collected, Sent};
+pub use record::Hasher;
+use record::{RunRecord, StageRecord};
 
 /// The stages, in the order of the data flow.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize, clap::ValueEnum)]
@@ -134,9 +136,14 @@ impl Pipeline {
         let gripper = GripperProfile::load(&options.grasp.gripper)?;
         options.grasp.checked_lift_angle_rad()?;
         let root = work_folder(folder, out);
+        if out.is_none() {
+            workdir::refuse_link(&root, "--out")?;
+        }
         let work = WorkDir::open(&root)?;
         if let Some(count) = options.scene.render_views {
-            let folder = root.join("rendered").join(scene::rendering_key(&scene, &options.scene)?);
+            let folder = root.join("rendered");
+            workdir::refuse_link(&folder, "--out")?;
+            let folder = folder.join(scene::rendering_key(&scene, &options.scene)?);
             from_splat::render_views(&mut scene, count.get(), &folder)
                 .map_err(|error| UsageError(format!("cannot write views into {folder:?}: {error}")))?;
         }
@@ -244,6 +251,8 @@ impl Pipeline {
         self.record.forget(stage, &self.work)?;
         let start = Instant::now();
         let done = self.work_on(stage, &key)?;
+        // Recordings are part of the query's key, and what was asked is recorded now.
+        let key = if stage == Stage::Query { self.key(stage)? } else { key };
         let size = |path: PathBuf| -> Result<_> {
             let length = std::fs::metadata(self.work.root().join(&path))?.len();
             Ok((path, length))
@@ -293,7 +302,7 @@ impl Done {
 }
 
 fn work_folder(scene: &Path, out: Option<&Path>) -> PathBuf {
-    out.map_or_else(|| scene.join(crate::workdir::DEFAULT_NAME), Path::to_owned)
+    out.map_or_else(|| scene.join(workdir::DEFAULT_NAME), Path::to_owned)
 }
 
 /// The value in `cell`, made by `make` at the first need.

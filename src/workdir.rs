@@ -1,11 +1,13 @@
 //! The work folder: every path, file name and format version on disk, atomic reads and writes, the lock.
 //!
 //! A file is written under a temporary name next to its place and renamed into it, so a reader (or a killed run) sees
-//! the old file or the new one, never half of one.
+//! the old file or the new one, never half of one. What a killed run left under a temporary name is removed by the next.
+//! Nothing is written through a link: a scene from elsewhere cannot have gprop write outside its work folder.
 
 use std::fs::{self, File, TryLockError};
 use std::io::{self, Write};
-use std::path::{Path, PathBuf};
+use std::path::{Component, Path, PathBuf};
+use std::time::{Duration, Instant};
 
 use serde::Serialize;
 use serde::de::DeserializeOwned;
@@ -16,6 +18,15 @@ pub const FORMAT_VERSION: u32 = 1;
 
 /// Name of the work folder inside a scene.
 pub const DEFAULT_NAME: &str = "gprop";
+
+/// What temporary names begin with.
+pub const TEMPORARY: &str = ".tmp-";
+
+/// The flag that names a work folder.
+const OUT: &str = "--out";
+
+/// For so long a process that was killed may hold its lock while the system takes its memory back.
+const LOCK_PATIENCE: Duration = Duration::from_secs(2);
 
 /// Every file of the work folder. View names are file-name safe by the time they get here (`scene` sees to it).
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -122,6 +133,12 @@ pub enum WorkDirError {
     Parse { path: PathBuf, source: serde_json::Error },
     #[error("another gprop is working in {path:?}; wait for it to end or choose another folder with --out")]
     Locked { path: PathBuf },
+    #[error(
+        "{path:?} is a link, and gprop writes through none that it was not told of; remove it, or give its target with {flag}"
+    )]
+    Link { path: PathBuf, flag: &'static str },
+    #[error("{path:?} leads out of the work folder")]
+    Outside { path: PathBuf },
 }
 
 /// A work folder that this process holds the lock of.
@@ -133,16 +150,17 @@ pub struct WorkDir {
 }
 
 impl WorkDir {
-    /// Opens the work folder, making it where it does not exist yet, and locks it against a second gprop.
+    /// Opens the work folder, making it where it does not exist yet, locks it against a second gprop, and removes what a
+    /// killed one left half-written.
     pub fn open(root: &Path) -> Result<Self, WorkDirError> {
         let write_error = |source| WorkDirError::Write { path: root.to_owned(), source };
         fs::create_dir_all(root).map_err(write_error)?;
-        let lock = File::create(root.join(".lock")).map_err(write_error)?;
-        match lock.try_lock() {
-            Ok(()) => Ok(Self { root: root.to_owned(), _lock: lock }),
-            Err(TryLockError::WouldBlock) => Err(WorkDirError::Locked { path: root.to_owned() }),
-            Err(TryLockError::Error(source)) => Err(write_error(source)),
-        }
+        let lock = root.join(".lock");
+        refuse_link(&lock, OUT)?;
+        let lock = self::lock(&lock).map_err(write_error)?;
+        let lock = lock.ok_or_else(|| WorkDirError::Locked { path: root.to_owned() })?;
+        sweep_below(root).map_err(write_error)?;
+        Ok(Self { root: root.to_owned(), _lock: lock })
     }
 
     /// The folder itself.
@@ -166,7 +184,7 @@ impl WorkDir {
         artifact: Artifact,
         fill: impl FnOnce(&mut dyn Write) -> io::Result<()>,
     ) -> Result<(), WorkDirError> {
-        let path = self.path(artifact);
+        let path = self.writable(artifact)?;
         write_atomic(&path, fill).map_err(|source| WorkDirError::Write { path, source })
     }
 
@@ -196,12 +214,74 @@ impl WorkDir {
 
     /// Removes an artifact; one that is not there is as good as removed.
     pub fn remove(&self, artifact: Artifact) -> Result<(), WorkDirError> {
-        let path = self.path(artifact);
+        let path = self.writable(artifact)?;
         match fs::remove_file(&path) {
             Err(source) if source.kind() != io::ErrorKind::NotFound => Err(WorkDirError::Write { path, source }),
             _ => Ok(()),
         }
     }
+
+    /// Where an artifact may be written: below the root, with no link on the way. (A link in the artifact's own place is
+    /// replaced, not followed.)
+    fn writable(&self, artifact: Artifact) -> Result<PathBuf, WorkDirError> {
+        let relative = artifact.path();
+        let mut path = self.root.clone();
+        let mut components = relative.components().peekable();
+        while let Some(component) = components.next() {
+            let Component::Normal(name) = component else { return Err(WorkDirError::Outside { path: relative }) };
+            path.push(name);
+            if components.peek().is_some() {
+                refuse_link(&path, OUT)?;
+            }
+        }
+        Ok(path)
+    }
+}
+
+/// Refuses a path that is a link, which may lead anywhere; `flag` is the one with which the user can name its target.
+pub fn refuse_link(path: &Path, flag: &'static str) -> Result<(), WorkDirError> {
+    match path.symlink_metadata() {
+        Ok(found) if found.is_symlink() => Err(WorkDirError::Link { path: path.to_owned(), flag }),
+        _ => Ok(()),
+    }
+}
+
+/// Takes the lock that a file stands for; `None` where another process holds it. A process that has ended, however it did,
+/// holds none.
+pub fn lock(path: &Path) -> io::Result<Option<File>> {
+    let file = File::options().create(true).truncate(false).write(true).open(path)?;
+    let since = Instant::now();
+    loop {
+        match file.try_lock() {
+            Ok(()) => return Ok(Some(file)),
+            Err(TryLockError::WouldBlock) if since.elapsed() > LOCK_PATIENCE => return Ok(None),
+            Err(TryLockError::WouldBlock) => std::thread::sleep(Duration::from_millis(20)),
+            Err(TryLockError::Error(error)) => return Err(error),
+        }
+    }
+}
+
+/// Removes the files of `folder` whose names begin with `prefix`.
+pub fn sweep(folder: &Path, prefix: &str) -> io::Result<()> {
+    for entry in fs::read_dir(folder)? {
+        let entry = entry?;
+        if entry.file_name().as_encoded_bytes().starts_with(prefix.as_bytes()) && !entry.file_type()?.is_dir() {
+            fs::remove_file(entry.path())?;
+        }
+    }
+    Ok(())
+}
+
+/// Removes temporary files in `folder` and all folders below it that are no links.
+fn sweep_below(folder: &Path) -> io::Result<()> {
+    sweep(folder, TEMPORARY)?;
+    for entry in fs::read_dir(folder)? {
+        let entry = entry?;
+        if entry.file_type()?.is_dir() {
+            sweep_below(&entry.path())?;
+        }
+    }
+    Ok(())
 }
 
 /// A file of a work folder that is JSON.
@@ -212,9 +292,18 @@ pub fn read_json<T: DeserializeOwned>(path: &Path) -> Result<T, WorkDirError> {
 
 /// Writes a file under a temporary name beside its place, then renames it into it. Makes missing folders.
 pub fn write_atomic(path: &Path, fill: impl FnOnce(&mut dyn Write) -> io::Result<()>) -> io::Result<()> {
+    write_atomic_as(path, TEMPORARY, fill)
+}
+
+/// As [`write_atomic`], under a temporary name that begins with `prefix`.
+pub fn write_atomic_as(
+    path: &Path,
+    prefix: &str,
+    fill: impl FnOnce(&mut dyn Write) -> io::Result<()>,
+) -> io::Result<()> {
     let folder = path.parent().unwrap_or(Path::new("."));
     fs::create_dir_all(folder)?;
-    let mut out = io::BufWriter::new(tempfile::Builder::new().prefix(".tmp-").tempfile_in(folder)?);
+    let mut out = io::BufWriter::new(tempfile::Builder::new().prefix(prefix).tempfile_in(folder)?);
     fill(&mut out)?;
     let file = out.into_inner().map_err(io::IntoInnerError::into_error)?;
     make_readable(file.as_file())?;

@@ -3,7 +3,7 @@
 // What becomes of a model's text.
 mod answers;
 // OpenAI's Batch API: submitted, expired, collected.
-mod batch;
+pub mod batch;
 // A server that misbehaves in every way known of servers.
 mod client;
 mod cost;
@@ -98,7 +98,7 @@ fn run(queries: &Queries, recordings: &Recordings, asker: Option<&dyn Asker>) ->
 }
 
 /// An answer that names `material` and keeps to what the library says of it, as a model would write it.
-fn good_answer(material: &str) -> Value {
+pub fn good_answer(material: &str) -> Value {
     let row = MaterialLibrary::builtin().get(material).expect("the library has the test's material");
     json!({
         "caption": "a part",
@@ -165,7 +165,7 @@ fn text(text: impl ToString) -> Result<Said, AskError> {
 }
 
 /// A chat completion that says `text`.
-fn completion(text: &str) -> Value {
+pub fn completion(text: &str) -> Value {
     json!({
         "id": "1", "object": "chat.completion", "model": "test-model-0001",
         "choices": [{ "index": 0, "finish_reason": "stop", "message": { "role": "assistant", "content": text } }],
@@ -179,6 +179,6 @@ fn grid(count: u32) -> View {
 }
 
 /// The first material of a family.
-fn a(family: &'static str) -> &'static str {
+pub fn a(family: &'static str) -> &'static str {
     &MaterialLibrary::builtin().of_family(family).next().expect("the library has the family").name
 }

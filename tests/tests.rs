@@ -29,6 +29,10 @@ mod grasp;
 mod evaluate_grasp;
 // Exports, loaded by MuJoCo, usd-core, NumPy, splat-transform.
 mod export;
+// Many scenes: choice, shards, budgets, kills, one submission for all.
+mod batch;
+// Full disks, files that go, clocks that go back, scenes that mean harm.
+mod faults;
 // The report: its page in a browser, its JSON against the published schema.
 mod report;
 // Every command in the README and in docs/.

@@ -3,7 +3,7 @@
 // A slow and plain renderer to compare with.
 mod reference;
 // Clouds and cameras built in code.
-mod build;
+pub mod build;
 // The scenes with ground truth.
 pub mod scenes;
 

@@ -1,5 +1,6 @@
 //! What can be typed: subcommands and their flags.
 
+use std::ffi::OsString;
 use std::path::PathBuf;
 
 use clap::{Args, Parser, Subcommand};
@@ -7,7 +8,7 @@ use clap::{Args, Parser, Subcommand};
 use crate::evaluate::vocabulary::Vocabulary;
 use crate::pipeline::{self, Stage};
 use crate::report::figure::Shown;
-use crate::{export, inspect, materials, setup};
+use crate::{batch, export, inspect, materials, setup};
 
 use super::query;
 
@@ -38,7 +39,7 @@ pub struct Global {
     pub threads: Option<usize>,
     /// The stages' flags as they were typed or stand in `gprop.toml`.
     #[arg(skip)]
-    pub typed: Vec<String>,
+    pub typed: Vec<OsString>,
 }
 
 #[derive(Debug, Subcommand)]
@@ -64,6 +65,8 @@ pub enum Command {
     Export(ExportArgs),
     /// Do photos, cameras and Gaussians agree? What lies in a scene folder, and how its parts fit together.
     Inspect(inspect::Args),
+    /// All scenes of a data set, each in a process of its own; done scenes are skipped.
+    Batch(Box<BatchArgs>),
     /// Measure against a reference or ground truth.
     #[command(subcommand)]
     Evaluate(Evaluate),
@@ -178,8 +181,40 @@ pub struct RunArgs {
     /// Stop after this stage.
     #[arg(long, value_name = "STAGE", default_value = "report")]
     pub to: Stage,
+    /// For `gprop batch`: end when stdin closes.
+    #[arg(long, hide = true)]
+    pub end_with_stdin: bool,
     #[command(flatten)]
     pub scene: SceneArgs,
+}
+
+#[derive(Debug, Args)]
+pub struct BatchArgs {
+    /// Folder with the scenes: ABO-500, MVImgNet, or any folder of scene folders.
+    pub folder: PathBuf,
+    /// Stop after this stage.
+    #[arg(long, value_name = "STAGE", default_value = "report")]
+    pub to: Stage,
+    /// Do this stage and those after it again in every scene, whatever an earlier run left.
+    #[arg(long, value_name = "STAGE")]
+    pub from: Option<Stage>,
+    /// Folder for the work folders, each named as its scene, and for batch/ with what concerns them all; SCENE/gprop and
+    /// FOLDER/gprop/batch where it is not given.
+    #[arg(long, value_name = "DIR")]
+    pub out: Option<PathBuf>,
+    /// List the scenes, how they stand and what they are taken to need, and do nothing.
+    #[arg(long)]
+    pub dry_run: bool,
+    /// Run nothing; make the summary of all shards, which must have had the same choice of scenes.
+    #[arg(long, conflicts_with_all = ["dry_run", "queries"])]
+    pub merge: bool,
+    /// Send the open queries of all scenes by OpenAI's Batch API, at half the price and within a day; or collect the answers.
+    #[arg(long, value_name = "STEP", conflicts_with = "dry_run")]
+    pub queries: Option<batch::QuestionStep>,
+    #[command(flatten)]
+    pub batch: batch::Options,
+    #[command(flatten)]
+    pub options: pipeline::Options,
 }
 
 #[derive(Debug, Args)]

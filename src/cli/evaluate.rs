@@ -83,7 +83,7 @@ fn measure(
     out: Option<&Path>,
 ) -> anyhow::Result<Vec<Measured>> {
     let folder = points.parent().unwrap_or(Path::new("")).join(scene);
-    let loaded = scene::load(&folder, &options_of(&folder)?.scene)?;
+    let loaded = scene::load(&folder, &options_of(&folder, &[])?.scene)?;
     let (gaussians, field) = stored_field(&work_folder(&folder, out))?;
     let mut measured = Vec::with_capacity(readings.len());
     for view in &loaded.views {

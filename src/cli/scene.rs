@@ -73,7 +73,9 @@ pub fn open(global: &Global, folder: &Path, work: &WorkArgs, to: Stage) -> anyho
     }
     let plan = Plan { to, from: work.from };
     let pipeline = Pipeline::open(folder, work.out.as_deref(), work.options.clone(), plan, global.progress())?;
-    Ok(pipeline.typed(global.typed.clone()))
+    // The server's address is left out: the answers are recorded, and the address is nobody else's business.
+    let typed = global.typed.iter().map(|flag| flag.to_string_lossy().into_owned());
+    Ok(pipeline.typed(typed.filter(|flag| !flag.starts_with("--lmm-url=")).collect()))
 }
 
 fn dry_run(global: &Global, to: Stage, reusable: &[Stage], queries: Option<&QueryPlan>) -> anyhow::Result<()> {

@@ -8,7 +8,7 @@ use serde::Serialize;
 use crate::query::answer::Unknown;
 use crate::query::asker::{Ask, AskError, Asker};
 use crate::query::batch::{self, Answered, Progress, Request, Submitted, Waiting};
-use crate::query::client::{Client, ClientError};
+use crate::query::client::{BatchCounts, Client, ClientError};
 use crate::query::recorded::{Recording, key};
 use crate::query::{Failure, Outcome, Queries, QueryError};
 use crate::workdir::Artifact;
@@ -48,11 +48,7 @@ impl Desk<'_> {
             return Ok(Sent { sent: 0, waiting });
         }
         queries.check_batch_budget(&self.recordings, client.answerer(), self.price(), first.len())?;
-        if let Some(Outcome::Failed(Failure::Endpoint { message })) =
-            queries.ask_first(&self.recordings, client, self.price())?
-        {
-            return Err(QueryError::Batch(AskError::Failed(message)).into());
-        }
+        self.ask_first(client, &queries)?;
         let requests = self.requests(client, &queries, &submitted, "");
         let sent = requests.len();
         batch::submit(client, requests, |batch| -> Result<()> {
@@ -60,6 +56,19 @@ impl Desk<'_> {
             Ok(self.work.write_json(Artifact::Batch, &submitted)?)
         })?;
         Ok(Sent { sent, waiting })
+    }
+
+    /// Asks the first open question at once.
+    ///
+    /// # Errors
+    /// Where the endpoint cannot answer it.
+    pub fn ask_first(&self, client: &Client, queries: &Queries) -> Result<()> {
+        match queries.ask_first(&self.recordings, client, self.price())? {
+            Some(Outcome::Failed(Failure::Endpoint { message })) => {
+                Err(QueryError::Batch(AskError::Failed(message)).into())
+            }
+            _ => Ok(()),
+        }
     }
 
     /// The open questions that `submitted` does not wait for, as `owner`'s.
@@ -88,21 +97,15 @@ impl Desk<'_> {
         let mut collected = Collected::default();
         for batch in submitted.batches.clone() {
             match batch::collect(client, &batch).map_err(QueryError::Batch)? {
-                Progress::Running { counts, .. } => {
-                    collected.running += 1;
-                    collected.running_done += counts.completed + counts.failed;
-                    collected.running_total += batch.waiting.len();
-                }
+                Progress::Running { counts, .. } => collected.add_running(counts, batch.waiting.len()),
                 Progress::Ended(ended) => {
                     for (waiting, answered) in ended.answered {
                         match self.record(&queries, client, waiting, answered)? {
                             Ok(()) => collected.recorded += 1,
-                            Err(reason) => *collected.failed.entry(reason).or_default() += 1,
+                            Err(reason) => collected.add_failed(reason),
                         }
                     }
-                    for (_, reason) in ended.failed {
-                        *collected.failed.entry(reason).or_default() += 1;
-                    }
+                    ended.failed.into_iter().for_each(|(_, reason)| collected.add_failed(reason));
                     submitted.batches.retain(|other| other.id != batch.id);
                     self.work.write_json(Artifact::Batch, &submitted)?;
                 }
@@ -144,6 +147,18 @@ impl Desk<'_> {
 }
 
 impl Collected {
+    /// Counts a batch of `total` questions that is still worked on.
+    pub fn add_running(&mut self, counts: BatchCounts, total: usize) {
+        self.running += 1;
+        self.running_done += counts.completed + counts.failed;
+        self.running_total += total;
+    }
+
+    /// Counts a question that was not answered usably.
+    pub fn add_failed(&mut self, reason: String) {
+        *self.failed.entry(reason).or_default() += 1;
+    }
+
     /// Whether everything that was submitted is recorded now.
     ///
     /// # Errors

@@ -19,7 +19,7 @@ use crate::query::recorded::Recordings;
 use crate::query::{Options, Plan, Prompts, Queries, Run, ViewInput};
 use crate::scene::Photo;
 use crate::segment::ViewSegments;
-use crate::workdir::WorkDir;
+use crate::workdir::{self, WorkDir};
 
 /// Recordings lie beside what they are of, so that they travel with it.
 const RECORDINGS: &str = "recorded";
@@ -64,6 +64,7 @@ impl<'a> Desk<'a> {
         progress: Progress,
     ) -> Result<Self> {
         let folders = recording_folders(options, home);
+        workdir::refuse_link(&folders[0], "--recordings")?;
         let write_to = folders.last().expect("the home's folder is always among them");
         let read_from: Vec<&Path> = folders.iter().map(PathBuf::as_path).collect();
         Ok(Self {

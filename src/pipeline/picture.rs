@@ -127,7 +127,7 @@ fn segments_key(path: &Path, mask: Option<&Path>, options: &Options) -> Result<S
     let mut hasher =
         Hasher::new("picture").with_json(&options.segment.deciding()).with(models_key(&options.setup).as_bytes());
     for file in [Some(path), mask].into_iter().flatten() {
-        hasher = hasher.with(&file_digest(file).with_context(|| format!("cannot read {file:?}"))?);
+        hasher = hasher.with(&file_digest(file)?);
     }
     Ok(hasher.hex())
 }

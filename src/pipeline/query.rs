@@ -34,7 +34,7 @@ impl Pipeline {
         let desk = self.desk()?;
         let queries = desk.queries()?;
         write_sheets(&self.work, &queries)?;
-        let answers = desk.run(&queries)?.answers;
+        let answers = settled(desk.run(&queries)?.answers);
         let jsonl = answers.to_jsonl();
         self.work.write(Artifact::Answers, jsonl.as_bytes())?;
         answers.require_any()?;
@@ -84,6 +84,19 @@ impl Pipeline {
 fn read_answers(work: &WorkDir) -> Result<Answers> {
     let text = String::from_utf8(work.read(Artifact::Answers)?).context("answers.jsonl is no text")?;
     Answers::from_jsonl(&text).with_context(|| format!("{:?}", work.path(Artifact::Answers)))
+}
+
+/// The answers as any later run finds them: what was asked just now is recorded for exactly this query. So a run that was
+/// killed while it asked comes to the same bytes as one that was not, and a rerun of either has nothing to redo.
+fn settled(mut answers: Answers) -> Answers {
+    for part in &mut answers.parts {
+        if let Outcome::Answered(answer) = &mut part.outcome
+            && answer.matched == Match::Live
+        {
+            answer.matched = Match::Exact;
+        }
+    }
+    answers
 }
 
 /// Writes the picture of every part.

@@ -2,7 +2,7 @@
 
 use std::path::PathBuf;
 
-use anyhow::{Context, Result};
+use anyhow::Result;
 use nalgebra::Point3;
 use rayon::prelude::*;
 
@@ -95,7 +95,7 @@ impl Pipeline {
 
     fn inputs(&self) -> Result<Vec<InputFile>> {
         let input = |path: &PathBuf| {
-            let digest = file_digest(path).with_context(|| format!("cannot read {path:?}"))?;
+            let digest = file_digest(path)?;
             let path = path.strip_prefix(&self.folder).unwrap_or(path);
             Ok(InputFile { path: path.display().to_string(), sha256: hexadecimal(&digest) })
         };

@@ -5,12 +5,12 @@ use std::io;
 use std::iter;
 use std::path::Path;
 
-use anyhow::{Context, Result};
+use anyhow::Result;
 use serde::Serialize;
 use sha2::{Digest, Sha256};
 
 use crate::camera::Camera;
-use crate::scene::{Options, Scene};
+use crate::scene::{Options, Scene, SceneError};
 use crate::units::MetricScale;
 use crate::workdir::Artifact;
 
@@ -39,8 +39,7 @@ impl Pipeline {
         let mut hasher = Hasher::new("scene").with_json(&self.options.scene);
         let photos = self.views.iter().flat_map(|view| iter::once(&view.image).chain(&view.mask));
         for path in self.scene.files.iter().chain(photos) {
-            let digest = file_digest(path).with_context(|| format!("cannot read {path:?}"))?;
-            hasher = hasher.with(&digest);
+            hasher = hasher.with(&file_digest(path)?);
         }
         Ok(hasher.hex())
     }
@@ -61,14 +60,18 @@ impl Pipeline {
 pub(super) fn rendering_key(scene: &Scene, options: &Options) -> Result<String> {
     let mut hasher = Hasher::new("rendered").with_json(options);
     for path in &scene.files {
-        hasher = hasher.with(&file_digest(path).with_context(|| format!("cannot read {path:?}"))?);
+        hasher = hasher.with(&file_digest(path)?);
     }
     Ok(hasher.hex().chars().take(16).collect())
 }
 
-/// SHA-256 of a file's content.
-pub(super) fn file_digest(path: &Path) -> io::Result<[u8; 32]> {
+/// SHA-256 of the content of one of the user's files.
+///
+/// # Errors
+/// [`SceneError::Io`], also where the file has gone since the scene was loaded.
+pub(super) fn file_digest(path: &Path) -> Result<[u8; 32], SceneError> {
     let mut hasher = Sha256::new();
-    io::copy(&mut File::open(path)?, &mut hasher)?;
+    let read = File::open(path).and_then(|mut file| io::copy(&mut file, &mut hasher));
+    read.map_err(|reason| SceneError::Io { path: path.to_owned(), reason })?;
     Ok(hasher.finalize().into())
 }

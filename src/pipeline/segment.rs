@@ -10,7 +10,7 @@ use serde::{Deserialize, Serialize};
 use crate::from_splat::photo_with_foreground;
 use crate::progress::Progress;
 use crate::scene::{ObjectSource, View};
-use crate::segment::formats::{Format, ImportError, coco, file_of_view, import_view};
+use crate::segment::formats::{Format, coco, file_of_view, import_view};
 use crate::segment::{LabelMap, PartMask, Segmentation, Segmenter, ViewSegments, segment_views};
 use crate::workdir::{Artifact, WorkDir};
 use crate::{segment, setup};
@@ -126,13 +126,13 @@ impl Pipeline {
 
     /// A view's parts depend on its photo, the options and the models, not on the other views.
     fn view_key(&self, view: &View) -> Result<String> {
-        let photo = file_digest(&view.image).with_context(|| format!("cannot read {:?}", view.image))?;
-        let mut hasher = Hasher::new("view").with(&photo).with_json(&self.options.segment.deciding());
+        let mut hasher =
+            Hasher::new("view").with(&file_digest(&view.image)?).with_json(&self.options.segment.deciding());
         if let Some(folder) = &self.options.segment.segments {
             return Ok(hasher.with(&imported_digest(folder, &view.name)?).hex());
         }
         if let Some(mask) = &view.mask {
-            hasher = hasher.with(&file_digest(mask).with_context(|| format!("cannot read {mask:?}"))?);
+            hasher = hasher.with(&file_digest(mask)?);
         }
         if self.scene.object_source != ObjectSource::Whole {
             // The foreground is rendered from the Gaussians.
@@ -192,6 +192,5 @@ pub(super) fn write_other_formats<'a>(
 
 /// SHA-256 of the file that a view's masks come from.
 fn imported_digest(folder: &Path, view: &str) -> Result<[u8; 32]> {
-    let path = file_of_view(folder, view)?;
-    Ok(file_digest(&path).map_err(|source| ImportError::Read { path, source })?)
+    Ok(file_digest(&file_of_view(folder, view)?)?)
 }

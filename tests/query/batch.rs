@@ -26,7 +26,7 @@ struct Held {
     errors: String,
 }
 
-struct BatchServer {
+pub struct BatchServer {
     _runtime: Runtime,
     mock: MockServer,
     held: Arc<Mutex<Held>>,
@@ -37,7 +37,7 @@ type Respond = Box<dyn Fn(&mut Held, &Request) -> ResponseTemplate + Send + Sync
 
 impl BatchServer {
     /// A server that answers Chat Completions with `answer` and accepts every batch.
-    fn new(answer: &Value) -> Self {
+    pub fn new(answer: &Value) -> Self {
         let held = Arc::new(Mutex::new(Held::default()));
         let runtime = Runtime::new().unwrap();
         let chat = ResponseTemplate::new(200).set_body_json(completion(&answer.to_string()));
@@ -91,23 +91,23 @@ impl BatchServer {
         Self { _runtime: runtime, mock, held }
     }
 
-    fn set(&self, status: Value, output: &[Value], errors: &[Value]) {
+    pub fn set(&self, status: Value, output: &[Value], errors: &[Value]) {
         let mut held = self.held.lock().unwrap();
         let text = |lines: &[Value]| lines.iter().map(|line| format!("{line}\n")).collect::<String>();
         (held.status, held.output, held.errors) = (status, text(output), text(errors));
     }
 
     /// The `custom_id`s of the last upload.
-    fn sent(&self) -> Vec<String> {
+    pub fn sent(&self) -> Vec<String> {
         let held = self.held.lock().unwrap();
         held.uploads.last().unwrap().iter().map(|line| line["custom_id"].as_str().unwrap().to_owned()).collect()
     }
 
-    fn uploads(&self) -> usize {
+    pub fn uploads(&self) -> usize {
         self.held.lock().unwrap().uploads.len()
     }
 
-    fn options(&self) -> Options {
+    pub fn options(&self) -> Options {
         Options {
             lmm_url: Some(format!("{}/v1", self.mock.uri())),
             lmm_model: Some("gpt-4o".into()),
@@ -128,12 +128,12 @@ fn lines_of_upload(body: &[u8]) -> Vec<Value> {
     text.lines().filter(|line| line.starts_with('{')).map(|line| serde_json::from_str(line).unwrap()).collect()
 }
 
-fn answered(custom_id: &str, answer: &Value) -> Value {
+pub fn answered(custom_id: &str, answer: &Value) -> Value {
     json!({ "id": "r", "custom_id": custom_id, "error": null,
             "response": { "status_code": 200, "request_id": "q", "body": completion(&answer.to_string()) } })
 }
 
-fn completed() -> Value {
+pub fn completed() -> Value {
     json!({ "id": "batch-1", "status": "completed", "output_file_id": "output", "error_file_id": null })
 }
 

@@ -23,7 +23,7 @@ pub fn evaluate(
     one_scene_only(scenes.len(), out)?;
     let pipelines = scenes.iter().map(|scene| {
         let plan = Plan { to: Stage::Vote, from: None };
-        let mut pipeline = Pipeline::open(scene, out, options_of(scene)?, plan, global.progress())?;
+        let mut pipeline = Pipeline::open(scene, out, options_of(scene, &[])?, plan, global.progress())?;
         pipeline.run()?;
         Ok(pipeline)
     });

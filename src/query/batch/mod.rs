@@ -92,10 +92,11 @@ impl Request {
     }
 }
 
-/// Sends the requests, a batch as large as the API takes after the other; `accepted` is told of each batch at once.
+/// Sends the requests as they come, a batch as large as the API takes after the other; `accepted` is told of each batch at
+/// once. No more than a batch's requests are held.
 pub fn submit<E: From<AskError>>(
     client: &Client,
-    requests: Vec<Request>,
+    requests: impl IntoIterator<Item = Request>,
     mut accepted: impl FnMut(Batch) -> Result<(), E>,
 ) -> Result<(), E> {
     let mut lines = String::new();

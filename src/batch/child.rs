@@ -1,0 +1,104 @@
+//! One scene in a process of its own: the same gprop, `run` on the scene, quiet.
+//!
+//! Its stdin is a pipe that the batch never writes to. When the batch dies, however it does, the pipe closes and the scene's
+//! process [ends too](end_with_the_batch): a batch that is started again finds the scene free.
+
+use std::ffi::OsString;
+use std::fs::File;
+use std::io::{self, Read, Seek};
+use std::process::{Child, Command, ExitStatus, Stdio};
+use std::time::Instant;
+
+use crate::pipeline::Stage;
+use crate::workdir;
+
+use super::BatchError;
+use super::outcome::Ended;
+use super::select::Selected;
+
+/// The hidden flag that makes a gprop a batch's.
+const FLAG: &str = "--end-with-stdin";
+
+/// As much of what a process said as an outcome needs.
+const MOST_WORDS: u64 = 1 << 20;
+
+/// What every scene's process is told.
+#[derive(Debug, Clone)]
+pub struct Task {
+    pub to: Stage,
+    pub from: Option<Stage>,
+    /// The stages' options.
+    pub flags: Vec<OsString>,
+    /// Threads of one process.
+    pub threads: usize,
+}
+
+/// A scene's process.
+pub struct Running {
+    process: Child,
+    /// What it says, kept off the disk's visible part.
+    stderr: File,
+    since: Instant,
+}
+
+impl Running {
+    /// Starts a scene.
+    pub fn start(scene: &Selected, task: &Task) -> Result<Self, BatchError> {
+        let start = || -> io::Result<Self> {
+            let stderr = tempfile::tempfile()?;
+            let mut command = Command::new(std::env::current_exe()?);
+            command.arg("run").arg(&scene.folder).args(["--quiet", FLAG]);
+            if scene.work != scene.folder.join(workdir::DEFAULT_NAME) {
+                command.arg("--out").arg(&scene.work);
+            }
+            command.args(["--to", &name(task.to), "--threads", &task.threads.to_string()]);
+            if let Some(from) = task.from {
+                command.args(["--from", &name(from)]);
+            }
+            command.args(&task.flags).stdin(Stdio::piped()).stdout(Stdio::null()).stderr(stderr.try_clone()?);
+            Ok(Self { process: command.spawn()?, stderr, since: Instant::now() })
+        };
+        start().map_err(BatchError::Start)
+    }
+
+    /// The process's number.
+    pub fn id(&self) -> u32 {
+        self.process.id()
+    }
+
+    /// How it ended, if it has.
+    pub fn ended(&mut self, peak_memory_bytes: u64) -> Result<Option<Ended>, BatchError> {
+        // `wait` would close its stdin, `try_wait` does not.
+        match self.process.try_wait().map_err(BatchError::Start)? {
+            Some(status) => Ok(Some(self.left(status, peak_memory_bytes))),
+            None => Ok(None),
+        }
+    }
+
+    /// Kills it. What it has finished stays, and it goes on from there when it is started again.
+    pub fn kill(&mut self, peak_memory_bytes: u64) -> Result<Ended, BatchError> {
+        let killed = self.process.kill().and_then(|()| self.process.wait()).map_err(BatchError::Start)?;
+        Ok(self.left(killed, peak_memory_bytes))
+    }
+
+    fn left(&mut self, status: ExitStatus, peak_memory_bytes: u64) -> Ended {
+        let mut words = Vec::new();
+        // What cannot be read back is missing from a message, nothing else.
+        let _ = self.stderr.rewind().and_then(|()| (&mut self.stderr).take(MOST_WORDS).read_to_end(&mut words));
+        let stderr = String::from_utf8_lossy(&words).into_owned();
+        Ended { status, stderr, seconds: self.since.elapsed().as_secs_f64(), peak_memory_bytes }
+    }
+}
+
+/// The stage as it is typed.
+fn name(stage: Stage) -> String {
+    format!("{stage:?}").to_lowercase()
+}
+
+/// Ends this process as soon as its stdin closes. At once, like a kill: every file of a work folder is whole at any time.
+pub fn end_with_the_batch() {
+    std::thread::spawn(|| {
+        let _ = io::copy(&mut io::stdin(), &mut io::sink());
+        std::process::abort();
+    });
+}

@@ -1,0 +1,50 @@
+//! What can go wrong with a batch as a whole.
+
+use std::path::PathBuf;
+
+use thiserror::Error;
+
+/// A batch that cannot be run, or did not come out whole.
+#[derive(Debug, Error)]
+pub enum BatchError {
+    #[error("--split {given}: {problem}")]
+    Split { given: String, problem: String },
+    #[error("--filter {given}: {problem}")]
+    Filter { given: String, problem: String },
+    #[error("none of the {listed} scenes is left after --split, --filter, --start and --end")]
+    NothingSelected { listed: usize },
+    #[error("{given}: {problem}")]
+    Shard { given: String, problem: String },
+    #[error("how much memory is free cannot be told here; say with --memory GB how much the batch may use")]
+    UnknownMemory,
+    #[error(
+        "another gprop works on shard {shard} in {folder:?}; wait for it to end or choose another folder with --out"
+    )]
+    Locked { shard: String, folder: PathBuf },
+    #[error("cannot use {path:?}: {source}; make room or choose another folder with --out")]
+    Io { path: PathBuf, source: std::io::Error },
+    #[error("{path:?} line {line} is not what gprop wrote: {source}; delete the file and run again")]
+    Line { path: PathBuf, line: usize, source: serde_json::Error },
+    #[error("there is nothing to merge in {folder:?}; run the shards first, with the same --out")]
+    NothingToMerge { folder: PathBuf },
+    #[error("{folder:?} has shards of {divisions}; remove the files of the divisions that no longer count")]
+    MixedShards { folder: PathBuf, divisions: String },
+    #[error("cannot start a scene's process: {0}")]
+    Start(std::io::Error),
+    #[error(
+        "is not among the scenes that are chosen now; collect with the same --split, --filter, --start, --end and --shard"
+    )]
+    NotOfThisBatch,
+    /// Some scenes failed or are not done: exit code 6.
+    #[error("{} of {scenes} scenes are not done:{}", .failed.len() + .missing.len(), listed(.failed, .missing))]
+    Incomplete { scenes: usize, failed: Vec<(String, String)>, missing: Vec<String> },
+}
+
+/// A line a scene.
+fn listed(failed: &[(String, String)], missing: &[String]) -> String {
+    let first_line = |text: &str| text.lines().next().unwrap_or_default().to_owned();
+    let failed = failed.iter().map(|(name, why)| format!("\n  {name}: {}", first_line(why)));
+    let missing =
+        missing.iter().map(|name| format!("\n  {name}: nothing is known of it; its shard has not run to the end"));
+    failed.chain(missing).collect()
+}

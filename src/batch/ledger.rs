@@ -1,0 +1,125 @@
+//! What became of the scenes, on disk: a file a shard, a line a scene, sorted by scene. A shard's file is replaced as a whole
+//! each time a scene ends, so it is never half-written; no two shards write the same file.
+
+use std::collections::BTreeMap;
+use std::fs::{self, File};
+use std::path::{Path, PathBuf};
+
+use crate::workdir::{self, TEMPORARY};
+
+use super::select::Selected;
+use super::{BatchError, Outcome, Shard, State};
+
+/// The outcomes of one shard, which no other process may write meanwhile.
+#[derive(Debug)]
+pub struct Ledger {
+    path: PathBuf,
+    outcomes: BTreeMap<String, Outcome>,
+    /// Held, never read.
+    _lock: File,
+}
+
+impl Ledger {
+    /// Locks the shard's file in `folder` and reads it.
+    pub fn open(folder: &Path, shard: Shard) -> Result<Self, BatchError> {
+        let path = folder.join(shard.file_name());
+        let io_error = |source| BatchError::Io { path: path.clone(), source };
+        fs::create_dir_all(folder).map_err(io_error)?;
+        let lock = workdir::lock(&folder.join(format!(".{}.lock", shard.file_name()))).map_err(io_error)?;
+        let lock = lock.ok_or_else(|| BatchError::Locked { shard: shard.to_string(), folder: folder.to_owned() })?;
+        workdir::sweep(folder, &temporary_prefix(&path)).map_err(io_error)?;
+        let outcomes = if path.exists() { read(&path)? } else { Vec::new() };
+        let outcomes = outcomes.into_iter().map(|outcome| (outcome.scene.clone(), outcome)).collect();
+        Ok(Self { path, outcomes, _lock: lock })
+    }
+
+    /// All outcomes, by scene.
+    pub fn outcomes(&self) -> impl Iterator<Item = &Outcome> {
+        self.outcomes.values()
+    }
+
+    /// Forgets everything but these, and saves where that changes anything.
+    pub fn keep(&mut self, outcomes: impl Iterator<Item = Outcome>) -> Result<(), BatchError> {
+        let kept: BTreeMap<String, Outcome> = outcomes.map(|outcome| (outcome.scene.clone(), outcome)).collect();
+        if kept == self.outcomes && self.path.exists() {
+            return Ok(());
+        }
+        self.outcomes = kept;
+        self.save()
+    }
+
+    /// Adds what became of a scene and saves.
+    pub fn put(&mut self, outcome: Outcome) -> Result<(), BatchError> {
+        self.outcomes.insert(outcome.scene.clone(), outcome);
+        self.save()
+    }
+
+    fn save(&self) -> Result<(), BatchError> {
+        let written = workdir::write_atomic_as(&self.path, &temporary_prefix(&self.path), |out| {
+            self.outcomes.values().try_for_each(|outcome| {
+                serde_json::to_writer(&mut *out, outcome)?;
+                out.write_all(b"\n")
+            })
+        });
+        written.map_err(|source| BatchError::Io { path: self.path.clone(), source })
+    }
+}
+
+/// A shard's own temporary files: those of other shards are none of its business.
+fn temporary_prefix(path: &Path) -> String {
+    format!("{TEMPORARY}{}-", path.file_name().expect("a shard's file has a name").to_string_lossy())
+}
+
+/// Every outcome in `folder` with its shard, in the order of shards and scenes.
+pub fn all(folder: &Path) -> Result<Vec<(Shard, Outcome)>, BatchError> {
+    let mut files: Vec<(Shard, PathBuf)> = Vec::new();
+    for entry in fs::read_dir(folder).into_iter().flatten().flatten() {
+        if let Some(shard) = Shard::of_file_name(&entry.file_name().to_string_lossy()) {
+            files.push((shard, entry.path()));
+        }
+    }
+    files.sort();
+    let mut found = Vec::new();
+    for (shard, path) in files {
+        found.extend(read(&path)?.into_iter().map(|outcome| (shard, outcome)));
+    }
+    Ok(found)
+}
+
+/// Into how many shards the files in `folder` divide the data set.
+pub fn one_division(folder: &Path, known: &[(Shard, Outcome)]) -> Result<usize, BatchError> {
+    let mut divisions: Vec<usize> = known.iter().map(|(shard, _)| shard.of).collect();
+    divisions.sort_unstable();
+    divisions.dedup();
+    match divisions[..] {
+        [of] => Ok(of),
+        [] => Err(BatchError::NothingToMerge { folder: folder.to_owned() }),
+        _ => {
+            let names: Vec<String> = divisions.iter().map(|of| format!("{of} (shard-*-of-{of}.jsonl)")).collect();
+            Err(BatchError::MixedShards { folder: folder.to_owned(), divisions: names.join(" and ") })
+        }
+    }
+}
+
+/// What became of `scene` as it is asked for now: whichever shard it fell to, done beats failed.
+pub fn of<'a>(scene: &Selected, key: &str, known: &'a [(Shard, Outcome)]) -> Option<&'a Outcome> {
+    let matching = known.iter().map(|(_, outcome)| outcome);
+    let matching =
+        matching.filter(|outcome| outcome.scene == scene.name && outcome.key == key && outcome.work == scene.work);
+    let (mut done, mut failed) = (None, None);
+    for outcome in matching {
+        match outcome.state {
+            State::Done => done = done.or(Some(outcome)),
+            State::Failed => failed = failed.or(Some(outcome)),
+        }
+    }
+    done.or(failed)
+}
+
+fn read(path: &Path) -> Result<Vec<Outcome>, BatchError> {
+    let text = fs::read_to_string(path).map_err(|source| BatchError::Io { path: path.to_owned(), source })?;
+    let parse = |(line, text): (usize, &str)| {
+        serde_json::from_str(text).map_err(|source| BatchError::Line { path: path.to_owned(), line, source })
+    };
+    (1..).zip(text.lines()).map(parse).collect()
+}

@@ -1,0 +1,226 @@
+//! Many scenes: which, in what order, how many side by side, and what became of each.
+//!
+//! 1. [`select`] lists the data set's scenes, cuts it by split, filter and range, and deals them to [`shard`]s by size.
+//! 2. [`ledger`] knows what became of each scene so far, so that done scenes are skipped.
+//! 3. [`crew`] runs the others, each in a [`child`] process: whatever happens to one, a panic or too little [`memory`], stops
+//!    no other, and a child that is killed goes on where it was when it is started again.
+//! 4. [`summary`] puts it all in a table; that of several shards is [`merge`]d.
+//!
+//! [`questions`] sends the part queries of all scenes by the Batch API.
+
+mod child;
+mod crew;
+mod error;
+mod ledger;
+mod memory;
+mod options;
+mod outcome;
+mod questions;
+mod select;
+mod shard;
+mod summary;
+
+use std::ffi::OsString;
+use std::path::{Path, PathBuf};
+
+use crate::pipeline::{Hasher, Stage};
+use crate::scene::dataset;
+use crate::{config, workdir};
+
+pub use child::end_with_the_batch;
+pub use error::BatchError;
+pub use ledger::Ledger;
+pub use options::Options;
+pub use outcome::{Outcome, State};
+pub use questions::{QuestionStep, Questions};
+pub use select::Selected;
+pub use shard::Shard;
+pub use summary::Summary;
+
+use crew::Crew;
+use memory::Budget;
+
+/// The folder for what concerns all scenes, inside the batch's output folder.
+const FOLDER: &str = "batch";
+
+/// A batch as it was asked for.
+#[derive(Debug)]
+pub struct Batch {
+    /// The data set's folder.
+    folder: PathBuf,
+    /// Where work folders go; each scene's own folder where it is not given.
+    out: Option<PathBuf>,
+    options: Options,
+    /// The last stage to do.
+    to: Stage,
+    /// Stages from this on are done again in every scene.
+    from: Option<Stage>,
+    /// The stages' options as they were typed.
+    flags: Vec<OsString>,
+    /// Threads for all scenes together.
+    threads: usize,
+    shard: Shard,
+    /// The scenes of all shards.
+    all: Vec<Selected>,
+    warnings: Vec<String>,
+}
+
+/// What is to be done with every scene.
+#[derive(Debug, Clone)]
+pub struct Task {
+    pub to: Stage,
+    pub from: Option<Stage>,
+    pub flags: Vec<OsString>,
+    /// Threads for all scenes together; all cores where it is not given.
+    pub threads: Option<usize>,
+}
+
+/// How a scene stands before the batch runs.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, serde::Serialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Standing {
+    ToDo,
+    Done,
+    Failed,
+}
+
+impl Batch {
+    /// Lists the scenes of `folder` that `options` choose.
+    ///
+    /// # Errors
+    /// Where there is no such data set, no scene is left, or the shard cannot be.
+    pub fn new(folder: &Path, out: Option<&Path>, options: Options, task: Task) -> anyhow::Result<Self> {
+        let shard = options.shard()?;
+        let listed = dataset::list(folder, options.layout)?;
+        let mut warnings = listed.warnings;
+        let all = select::select(listed.scenes, &options, shard.of, out, &mut warnings)?;
+        let cores = || std::thread::available_parallelism().map_or(1, usize::from);
+        Ok(Self {
+            folder: folder.to_owned(),
+            out: out.map(Path::to_owned),
+            options,
+            to: task.to,
+            from: task.from,
+            flags: task.flags,
+            threads: task.threads.unwrap_or_else(cores),
+            shard,
+            all,
+            warnings,
+        })
+    }
+
+    /// What was odd about the data set.
+    pub fn warnings(&self) -> &[String] {
+        &self.warnings
+    }
+
+    /// The scenes of this shard, by name.
+    pub fn scenes(&self) -> impl Iterator<Item = &Selected> {
+        self.all.iter().filter(|scene| scene.shard == self.shard.index)
+    }
+
+    /// Which part of the data set this is.
+    pub fn shard(&self) -> Shard {
+        self.shard
+    }
+
+    /// Where the files of the batch as a whole lie.
+    pub fn home(&self) -> PathBuf {
+        self.out.clone().unwrap_or_else(|| self.folder.join(workdir::DEFAULT_NAME)).join(FOLDER)
+    }
+
+    /// The scenes of this shard with what became of them so far.
+    pub fn standing(&self) -> anyhow::Result<Vec<(&Selected, Standing)>> {
+        let known = ledger::all(&self.home())?;
+        Ok(self.scenes().map(|scene| (scene, self.standing_of(scene, &known))).collect())
+    }
+
+    /// Memory that a scene is taken to need, in bytes.
+    pub fn need(&self, scene: &Selected) -> u64 {
+        memory::need(scene, self.to, self.threads_a_scene())
+    }
+
+    /// Runs what is open of this shard; `tell` hears of each scene as it ends. The summary is of the shard.
+    ///
+    /// # Errors
+    /// Where the batch as a whole cannot go on. Scenes that failed are in the summary.
+    pub fn run(&self, tell: &mut dyn FnMut(&Outcome)) -> anyhow::Result<Summary> {
+        let mut ledger = Ledger::open(&self.home(), self.shard)?;
+        let known = ledger::all(&self.home())?;
+        let mut open = Vec::new();
+        let mut kept = Vec::new();
+        for scene in self.scenes() {
+            match self.standing_of(scene, &known) {
+                Standing::Failed if !self.options.retry_failed => {
+                    kept.push(ledger::of(scene, &self.key(scene), &known))
+                }
+                Standing::Done => kept.push(ledger::of(scene, &self.key(scene), &known)),
+                _ => open.push(scene),
+            }
+        }
+        ledger.keep(kept.into_iter().flatten().cloned())?;
+        self.crew(self.to)?.run(&open, &|scene| self.key(scene), &mut |outcome| {
+            ledger.put(outcome.clone())?;
+            tell(&outcome);
+            Ok(())
+        })?;
+        let summary = Summary::new(self.scenes(), ledger.outcomes());
+        if self.shard.of == 1 {
+            summary.write(&self.home())?;
+        }
+        Ok(summary)
+    }
+
+    /// The summary of all shards' files.
+    ///
+    /// # Errors
+    /// Where the files are of several divisions, or cannot be read.
+    pub fn merge(&self) -> anyhow::Result<Summary> {
+        let known = ledger::all(&self.home())?;
+        let of = ledger::one_division(&self.home(), &known)?;
+        let outcomes = known.into_iter().filter(|(shard, _)| shard.of == of).map(|(_, outcome)| outcome);
+        let outcomes: Vec<Outcome> = outcomes.collect();
+        let summary = Summary::new(self.all.iter(), outcomes.iter());
+        summary.write(&self.home())?;
+        Ok(summary)
+    }
+
+    fn crew(&self, to: Stage) -> anyhow::Result<Crew> {
+        let mut flags = self.flags.clone();
+        if let Some(max_usd) = self.options.max_usd_of(&self.flags) {
+            flags.push(format!("--max-usd={}", max_usd / self.all.len() as f64).into());
+        }
+        let task = child::Task { to, from: self.from, flags, threads: self.threads_a_scene() };
+        Ok(Crew { jobs: self.jobs(), budget: Budget::new(self.options.memory)?, task })
+    }
+
+    /// Scenes side by side.
+    fn jobs(&self) -> usize {
+        self.options.jobs.map_or_else(|| (self.threads / crew::THREADS_A_SCENE).max(1), usize::from)
+    }
+
+    fn threads_a_scene(&self) -> usize {
+        (self.threads / self.jobs()).max(1)
+    }
+
+    fn standing_of(&self, scene: &Selected, known: &[(Shard, Outcome)]) -> Standing {
+        if self.from.is_some() {
+            return Standing::ToDo;
+        }
+        match ledger::of(scene, &self.key(scene), known).map(|outcome| outcome.state) {
+            Some(State::Done) if scene.work.join(workdir::Artifact::Run.path()).is_file() => Standing::Done,
+            Some(State::Failed) => Standing::Failed,
+            _ => Standing::ToDo,
+        }
+    }
+
+    /// Hash of what is asked of a scene and of what it is told apart by without opening it: an outcome with another key
+    /// says nothing.
+    fn key(&self, scene: &Selected) -> String {
+        let mut hasher = Hasher::new("batch").with_json(&self.to).with(&scene.bytes.to_le_bytes());
+        for flag in &self.flags {
+            hasher = hasher.with(flag.as_encoded_bytes());
+        }
+        hasher.with(&std::fs::read(scene.folder.join(config::FILE_NAME)).unwrap_or_default()).hex()
+    }
+}

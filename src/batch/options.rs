@@ -1,0 +1,66 @@
+//! What the user may choose about a batch.
+
+use std::ffi::OsString;
+use std::num::NonZeroUsize;
+
+use crate::scene::dataset::Layout;
+
+use super::{BatchError, Shard};
+
+/// Which scenes, how many at a time, and what to do with those that failed before.
+#[derive(Debug, Clone, Default, clap::Args)]
+#[command(next_help_heading = "Batch")]
+pub struct Options {
+    /// How the scenes lie [default: what the folder looks like]
+    #[arg(long, value_enum)]
+    pub layout: Option<Layout>,
+
+    /// Only the scenes of this split of the data set, or those that a text file names, one a line
+    #[arg(long, value_name = "NAME|FILE")]
+    pub split: Option<String>,
+
+    /// Only scenes whose name holds this text, or fits it where it has `*`, `?` or `[...]`
+    #[arg(long, value_name = "TEXT|GLOB")]
+    pub filter: Option<String>,
+
+    /// First of the scenes that are left, by name, counted from 0
+    #[arg(long, value_name = "N", default_value_t = 0)]
+    pub start: usize,
+
+    /// The scene before which to end, counted as --start [default: all]
+    #[arg(long, value_name = "N")]
+    pub end: Option<usize>,
+
+    /// Part I of N of these scenes, counted from 0; the parts are of about equal size. Taken from SLURM_ARRAY_TASK_ID and
+    /// SLURM_ARRAY_TASK_COUNT, or JOB_COMPLETION_INDEX and JOB_COMPLETIONS, where it is not given
+    #[arg(long, value_name = "I/N")]
+    pub shard: Option<Shard>,
+
+    /// Scenes side by side [default: one for every four threads]
+    #[arg(long, value_name = "N")]
+    pub jobs: Option<NonZeroUsize>,
+
+    /// Memory in GB (10^9 bytes) that all scenes together may use [default: four fifths of what is free]
+    #[arg(long, value_name = "GB")]
+    pub memory: Option<f64>,
+
+    /// Try the scenes again that failed
+    #[arg(long)]
+    pub retry_failed: bool,
+}
+
+impl Options {
+    /// The shard that was typed, else that of the cluster's job, else the whole.
+    pub fn shard(&self) -> Result<Shard, BatchError> {
+        match self.shard {
+            Some(shard) => Ok(shard),
+            None => Shard::from_environment(&|name| std::env::var(name).ok()),
+        }
+    }
+
+    /// The budget among the typed `flags`.
+    pub(super) fn max_usd_of(&self, flags: &[OsString]) -> Option<f64> {
+        let last = flags.iter().rev().find_map(|flag| flag.to_str()?.strip_prefix("--max-usd="));
+        last.and_then(|usd| usd.parse().ok())
+    }
+}

@@ -1,0 +1,133 @@
+//! Which scenes of a data set a batch is about.
+
+use std::collections::BTreeSet;
+use std::fs;
+use std::path::{Path, PathBuf};
+
+use glob::Pattern;
+
+use crate::scene::dataset::Entry;
+use crate::workdir;
+
+use super::shard::deal;
+use super::{BatchError, Options};
+
+/// Folders of a scene that a run writes into: what lies there says nothing of the scene's size.
+const WRITTEN: [&str; 2] = [workdir::DEFAULT_NAME, "recorded"];
+
+/// A scene of the batch.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Selected {
+    /// Unique within the data set.
+    pub name: String,
+    pub folder: PathBuf,
+    /// Its work folder.
+    pub work: PathBuf,
+    /// Length of all its files together.
+    pub bytes: u64,
+    /// Length of its largest splat as the file's format would be as plain PLY floats.
+    pub splat_bytes: u64,
+    /// The shard that it falls to.
+    pub shard: usize,
+}
+
+/// The scenes that `options` choose, dealt to `shards`.
+pub fn select(
+    mut scenes: Vec<Entry>,
+    options: &Options,
+    shards: usize,
+    out: Option<&Path>,
+    warnings: &mut Vec<String>,
+) -> Result<Vec<Selected>, BatchError> {
+    let listed = scenes.len();
+    if let Some(split) = &options.split {
+        scenes = of_split(scenes, split, warnings)?;
+    }
+    if let Some(filter) = &options.filter {
+        let fits = matcher(filter)?;
+        scenes.retain(|scene| fits(&scene.name));
+    }
+    let end = options.end.unwrap_or(usize::MAX).min(scenes.len());
+    let chosen = scenes.get(options.start..end).unwrap_or_default();
+    if chosen.is_empty() {
+        return Err(BatchError::NothingSelected { listed });
+    }
+    let selected = |entry: &Entry| {
+        let work = out.map_or_else(|| entry.folder.join(workdir::DEFAULT_NAME), |out| out.join(&entry.name));
+        let (bytes, splat_bytes) = sizes(&entry.folder, true);
+        Selected { name: entry.name.clone(), folder: entry.folder.clone(), work, bytes, splat_bytes, shard: 0 }
+    };
+    let mut selected: Vec<Selected> = chosen.iter().map(selected).collect();
+    let sizes: Vec<u64> = selected.iter().map(|scene| scene.bytes).collect();
+    for (scene, shard) in selected.iter_mut().zip(deal(&sizes, shards)) {
+        scene.shard = shard;
+    }
+    Ok(selected)
+}
+
+fn of_split(scenes: Vec<Entry>, split: &str, warnings: &mut Vec<String>) -> Result<Vec<Entry>, BatchError> {
+    let refuse = |problem: String| BatchError::Split { given: split.to_owned(), problem };
+    let path = Path::new(split);
+    if path.is_file() {
+        let text = fs::read_to_string(path).map_err(|error| refuse(format!("cannot be read: {error}")))?;
+        let names: BTreeSet<&str> =
+            text.lines().map(str::trim).filter(|line| !line.is_empty() && !line.starts_with('#')).collect();
+        let known: BTreeSet<&str> = scenes.iter().map(|scene| scene.name.as_str()).collect();
+        let absent: Vec<&&str> = names.difference(&known).collect();
+        if let Some(first) = absent.first() {
+            warnings.push(format!("{} scenes of {split} have no folder (first: `{first}`); left out", absent.len()));
+        }
+        return Ok(scenes.iter().filter(|scene| names.contains(scene.name.as_str())).cloned().collect());
+    }
+    let known: BTreeSet<&str> = scenes.iter().filter_map(|scene| scene.split.as_deref()).collect();
+    if !known.contains(split) {
+        let known: Vec<&str> = known.into_iter().collect();
+        return Err(refuse(match known.is_empty() {
+            true => "the data set has no splits; give a text file with a scene's name a line".to_owned(),
+            false => format!("is neither a file nor a split of the data set, which are {}", known.join(", ")),
+        }));
+    }
+    Ok(scenes.iter().filter(|scene| scene.split.as_deref() == Some(split)).cloned().collect())
+}
+
+/// Whether a name holds a text, or fits it where it is a pattern.
+fn matcher(filter: &str) -> Result<Box<dyn Fn(&str) -> bool>, BatchError> {
+    if !filter.contains(['*', '?', '[']) {
+        let text = filter.to_owned();
+        return Ok(Box::new(move |name| name.contains(&text)));
+    }
+    let pattern = Pattern::new(filter)
+        .map_err(|error| BatchError::Filter { given: filter.to_owned(), problem: error.to_string() })?;
+    Ok(Box::new(move |name| pattern.matches(name)))
+}
+
+/// Bytes of all files below a scene's folder, and of its largest splat; what a run writes and what is hidden does not count.
+/// Links to folders are not followed.
+fn sizes(folder: &Path, is_top: bool) -> (u64, u64) {
+    let (mut bytes, mut splat) = (0, 0);
+    for entry in fs::read_dir(folder).into_iter().flatten().flatten() {
+        let name = entry.file_name().to_string_lossy().into_owned();
+        if name.starts_with('.') || (is_top && WRITTEN.contains(&name.as_str())) {
+            continue;
+        }
+        if entry.file_type().is_ok_and(|kind| kind.is_dir()) {
+            let (below, largest) = sizes(&entry.path(), false);
+            bytes += below;
+            splat = splat.max(largest);
+        } else if let Ok(meta) = fs::metadata(entry.path()).map(|meta| meta.len()) {
+            bytes += meta;
+            splat = splat.max(meta * inflation(&name));
+        }
+    }
+    (bytes, splat)
+}
+
+/// How many times larger a splat in this format is as plain floats (62 of 4 bytes a Gaussian): 16 bytes a Gaussian in
+/// PlayCanvas' PLY, about 20 in an SPZ, 32 in a .splat; 0 for what is no splat.
+fn inflation(name: &str) -> u64 {
+    let name = name.to_lowercase();
+    [(".compressed.ply", 16), (".ply", 1), (".spz", 12), (".splat", 8)]
+        .into_iter()
+        .find_map(|(end, times)| name.ends_with(end).then_some(times))
+        .unwrap_or(0)
+}

@@ -1,0 +1,108 @@
+//! What became of all scenes: a table for people, `summary.json` for programs.
+
+use std::collections::BTreeMap;
+use std::fmt::Write;
+use std::path::Path;
+
+use serde::Serialize;
+
+use crate::workdir;
+
+use super::select::Selected;
+use super::{BatchError, Outcome, State};
+
+/// Name of the file.
+const FILE: &str = "summary.json";
+
+/// What became of the scenes of a batch.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct Summary {
+    pub scenes: usize,
+    pub done: usize,
+    pub failed: usize,
+    /// Scenes of which nothing is known.
+    pub missing: Vec<String>,
+    /// Of all scenes' last processes together.
+    pub seconds: f64,
+    /// Of the scene that took most.
+    pub peak_memory_bytes: u64,
+    /// By scene.
+    pub outcomes: Vec<Outcome>,
+}
+
+impl Summary {
+    /// The summary of `scenes`, of which `outcomes` are known.
+    pub(super) fn new<'a>(
+        scenes: impl Iterator<Item = &'a Selected>,
+        outcomes: impl Iterator<Item = &'a Outcome>,
+    ) -> Self {
+        let mut known: BTreeMap<&str, &Outcome> = outcomes.map(|outcome| (outcome.scene.as_str(), outcome)).collect();
+        let (mut found, mut missing) = (Vec::new(), Vec::new());
+        for scene in scenes {
+            match known.remove(scene.name.as_str()) {
+                Some(outcome) => found.push(outcome.clone()),
+                None => missing.push(scene.name.clone()),
+            }
+        }
+        let count = |state| found.iter().filter(|outcome| outcome.state == state).count();
+        Self {
+            scenes: found.len() + missing.len(),
+            done: count(State::Done),
+            failed: count(State::Failed),
+            missing,
+            seconds: found.iter().map(|outcome| outcome.seconds).sum(),
+            peak_memory_bytes: found.iter().map(|outcome| outcome.peak_memory_bytes).max().unwrap_or(0),
+            outcomes: found,
+        }
+    }
+
+    /// Writes it into the batch's folder.
+    pub(super) fn write(&self, folder: &Path) -> Result<(), BatchError> {
+        let path = folder.join(FILE);
+        let written = workdir::write_atomic(&path, |out| {
+            serde_json::to_writer_pretty(&mut *out, self)?;
+            out.write_all(b"\n")
+        });
+        written.map_err(|source| BatchError::Io { path, source })
+    }
+
+    /// A line a scene and one for all.
+    pub fn table(&self) -> String {
+        let widest = self.outcomes.iter().map(|outcome| outcome.scene.chars().count()).max().unwrap_or(0).max(5);
+        let mut text =
+            format!("{:<widest$}  {:<6}  {:>9}  {:>8}  {:>5}  mass in kg\n", "scene", "", "seconds", "MB", "parts");
+        for outcome in &self.outcomes {
+            let state = match outcome.state {
+                State::Done => "done",
+                State::Failed => "FAILED",
+            };
+            let parts = outcome.parts.map_or_else(String::new, |parts| parts.to_string());
+            let last = match (&outcome.error, &outcome.mass_kg) {
+                (Some(error), _) => error.lines().next().unwrap_or_default().to_owned(),
+                (None, Some(mass)) => format!("{:.3} ({:.3} to {:.3})", mass.mid, mass.low, mass.high),
+                (None, None) => String::new(),
+            };
+            let Outcome { scene, seconds, peak_memory_bytes, .. } = outcome;
+            let megabytes = peak_memory_bytes / 1_000_000;
+            let line = format!("{scene:<widest$}  {state:<6}  {seconds:>9.1}  {megabytes:>8}  {parts:>5}  {last}");
+            writeln!(text, "{}", line.trim_end()).expect("writing to a string cannot fail");
+        }
+        let Self { scenes, done, failed, missing, seconds, .. } = self;
+        let missing = missing.len();
+        text + &format!("{scenes} scenes: {done} done, {failed} failed, {missing} unknown; {seconds:.0} seconds in all")
+    }
+
+    /// Whether every scene is done.
+    ///
+    /// # Errors
+    /// [`BatchError::Incomplete`] with those that are not.
+    pub fn require_all(&self) -> Result<(), BatchError> {
+        let failed = self.outcomes.iter().filter(|outcome| outcome.state == State::Failed);
+        let failed: Vec<(String, String)> =
+            failed.map(|outcome| (outcome.scene.clone(), outcome.error.clone().unwrap_or_default())).collect();
+        if failed.is_empty() && self.missing.is_empty() {
+            return Ok(());
+        }
+        Err(BatchError::Incomplete { scenes: self.scenes, failed, missing: self.missing.clone() })
+    }
+}

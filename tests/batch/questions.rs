@@ -1,0 +1,75 @@
+//! The queries of all scenes in one submission to a server that speaks the Batch API.
+
+use serde_json::{Value, json};
+
+use super::ball::Balls;
+use super::{batch, outcomes, stderr};
+use crate::query::batch::{BatchServer, answered, completed};
+use crate::query::{a, good_answer};
+
+fn json_of(command: &mut std::process::Command, code: i32) -> Value {
+    let output = command.arg("--json").output().unwrap();
+    assert_eq!(output.status.code(), Some(code), "{}", stderr(&output));
+    serde_json::from_slice(&output.stdout).unwrap_or_default()
+}
+
+#[test]
+fn all_scenes_queries_go_out_and_come_in_together() {
+    let balls = Balls::new(3);
+    let good = good_answer(a("wood"));
+    let server = BatchServer::new(&good);
+    let options = server.options();
+    let (url, model) = (options.lmm_url.unwrap(), options.lmm_model.unwrap());
+    let step = |step: &str, more: &[&str]| {
+        let mut command = batch(&balls, &["--lmm-url", &url, "--lmm-model", &model, "--lmm-retries", "0"]);
+        command.args(["--queries", step]).args(more);
+        command
+    };
+    std::fs::write(balls.scene(1).join("transforms.json"), "{").unwrap();
+    // Two scenes of three views of two parts; the first question is asked at once.
+    let sent = json_of(&mut step("submit", &[]), 6);
+    assert_eq!((&sent["sent"], &sent["waiting"]), (&json!(11), &json!(0)));
+    assert_eq!(server.uploads(), 1, "one submission for all");
+    let again = json_of(&mut step("submit", &[]), 6);
+    assert_eq!((&again["sent"], &again["waiting"]), (&json!(0), &json!(11)), "nothing is paid for twice");
+
+    server.set(json!({ "id": "batch-1", "status": "in_progress" }), &[], &[]);
+    json_of(&mut step("collect", &[]), 5);
+    let output: Vec<Value> = server.sent().iter().map(|id| answered(id, &good)).collect();
+    server.set(completed(), &output, &[]);
+    let collected = json_of(&mut step("collect", &[]), 0);
+    assert_eq!(collected["recorded"], 11);
+    let nothing = step("collect", &[]).output().unwrap();
+    assert!(stderr(&nothing).contains("no batch is waiting"), "{}", stderr(&nothing));
+
+    // Every scene finds its answers without a server.
+    let replayed = batch(&balls, &["--answers", "replay", "--lmm-model", &model]).arg("--json").output().unwrap();
+    let states: Vec<Value> = String::from_utf8(replayed.stdout)
+        .unwrap()
+        .lines()
+        .map(|line| serde_json::from_str::<Value>(line).unwrap()["state"].clone())
+        .collect();
+    assert_eq!(states.iter().filter(|state| *state == "done").count(), 2, "{states:?}");
+}
+
+#[test]
+fn a_budget_holds_for_all_scenes_together() {
+    let balls = Balls::new(3);
+    let server = BatchServer::new(&good_answer(a("wood")));
+    let (url, model) = (server.options().lmm_url.unwrap(), server.options().lmm_model.unwrap());
+    let submit = |usd: &str| {
+        let mut command = batch(&balls, &["--lmm-url", &url, "--lmm-model", &model, "--queries", "submit"]);
+        command.args(["--max-usd", usd]);
+        command
+    };
+    let refused = submit("0.001").output().unwrap();
+    assert_eq!(refused.status.code(), Some(5));
+    assert!(stderr(&refused).contains("--max-usd 0.001") && server.uploads() == 0, "{}", stderr(&refused));
+    assert_eq!(json_of(&mut submit("10"), 0)["sent"], 17);
+    // Without the Batch API each scene may spend its share: a third of too little for one question is too little too.
+    let spent = outcomes(&mut batch(&balls, &["--lmm-model", &model, "--lmm-url", &url, "--max-usd", "0.003"]), 6);
+    assert!(
+        spent.iter().any(|outcome| outcome["error"].as_str().is_some_and(|why| why.contains("--max-usd 0.001"))),
+        "{spent:?}"
+    );
+}

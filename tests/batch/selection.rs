@@ -1,0 +1,107 @@
+//! Which scenes a batch is about, and which shard each falls to.
+
+use std::collections::BTreeSet;
+use std::fs;
+use std::path::{Path, PathBuf};
+use std::process::Command;
+
+use serde_json::Value;
+
+use super::ball::Balls;
+use super::{batch, lines, names, outcomes, stderr};
+use crate::run::gprop;
+
+fn fixture(name: &str) -> PathBuf {
+    Path::new(env!("CARGO_MANIFEST_DIR")).join("fixtures/datasets").join(name)
+}
+
+/// What a dry run lists.
+#[track_caller]
+fn listed(command: &mut Command) -> Vec<String> {
+    let output = command.args(["--dry-run", "--json"]).output().unwrap();
+    assert!(output.status.success(), "{}", stderr(&output));
+    let listed: Value = serde_json::from_slice(&output.stdout).unwrap();
+    listed["scenes"].as_array().unwrap().iter().map(|scene| scene["name"].as_str().unwrap().to_owned()).collect()
+}
+
+fn of_fixture(name: &str, arguments: &[&str]) -> Command {
+    let mut command = gprop();
+    command.env_remove("SLURM_ARRAY_TASK_ID").env_remove("JOB_COMPLETION_INDEX");
+    command.arg("batch").arg(fixture(name)).args(arguments);
+    command
+}
+
+#[test]
+fn a_split_is_the_data_sets_or_a_file() {
+    assert_eq!(listed(&mut of_fixture("abo", &["--split", "test"])), ["B0000EXAM2_A1F83G8C2ARO7P"]);
+    let home = tempfile::tempdir().unwrap();
+    let list = home.path().join("mine.txt");
+    fs::write(&list, "# what I want\n7/1b000c\n\n7/absent\n").unwrap();
+    let mut mine = of_fixture("mvimgnet", &["--layout", "mvimgnet", "--split", list.to_str().unwrap()]);
+    assert_eq!(listed(&mut mine), ["7/1b000c"]);
+    let output = mine.output().unwrap();
+    assert!(stderr(&output).contains("7/absent"), "{}", stderr(&output));
+    for (name, split, words) in [("abo", "tset", "test, train"), ("mvimgnet", "test", "no splits")] {
+        let output = of_fixture(name, &["--split", split, "--dry-run"]).output().unwrap();
+        assert_eq!(output.status.code(), Some(2));
+        assert!(stderr(&output).contains(words), "{}", stderr(&output));
+    }
+}
+
+#[test]
+fn scenes_are_filtered_and_cut() {
+    let balls = Balls::new(5);
+    let chosen = |arguments: &[&str]| listed(&mut batch(&balls, arguments));
+    assert_eq!(chosen(&["--filter", "l-3"]), ["ball-3"]);
+    assert_eq!(chosen(&["--filter", "ball-[12]"]), ["ball-1", "ball-2"]);
+    assert_eq!(chosen(&["--start", "1", "--end", "3"]), ["ball-1", "ball-2"]);
+    assert_eq!(chosen(&["--start", "4", "--end", "30"]), ["ball-4"]);
+    assert_eq!(chosen(&["--filter", "ball-[!0]", "--start", "3"]), ["ball-4"]);
+    let nothing = batch(&balls, &["--start", "5", "--dry-run"]).output().unwrap();
+    assert_eq!(nothing.status.code(), Some(2));
+    assert!(stderr(&nothing).contains("none of the 5 scenes"), "{}", stderr(&nothing));
+}
+
+#[test]
+fn shards_share_the_scenes_and_are_merged() {
+    let balls = Balls::new(5);
+    let slurm = |task: &str| {
+        let mut command = batch(&balls, &[]);
+        command.envs([("SLURM_ARRAY_TASK_ID", task), ("SLURM_ARRAY_TASK_COUNT", "2"), ("SLURM_ARRAY_TASK_MIN", "1")]);
+        command
+    };
+    let first = outcomes(&mut slurm("1"), 0);
+    let merge = |code| {
+        let output = batch(&balls, &["--merge", "--json"]).output().unwrap();
+        assert_eq!(output.status.code(), Some(code), "{}", stderr(&output));
+        (serde_json::from_slice::<Value>(&output.stdout).unwrap(), stderr(&output))
+    };
+    let (half, message) = merge(6);
+    assert_eq!(half["done"].as_u64(), Some(first.len() as u64));
+    assert!(message.contains("its shard has not run"), "{message}");
+
+    let second = outcomes(&mut batch(&balls, &["--shard", "1/2"]), 0);
+    let all: BTreeSet<&str> = names(&first).into_iter().chain(names(&second)).collect();
+    assert_eq!((all.len(), first.len() + second.len()), (5, 5), "disjoint and complete");
+    assert!((2..=3).contains(&first.len()), "balls are of nearly one size: {first:?}");
+    let home = balls.folder().join("gprop/batch");
+    assert_eq!(lines(&home.join("shard-0-of-2.jsonl")).len(), first.len());
+    let (whole, _) = merge(0);
+    assert_eq!((whole["done"].as_u64(), whole["outcomes"].as_array().map(Vec::len)), (Some(5), Some(5)));
+    assert!(home.join("summary.json").is_file());
+    assert_eq!(listed(&mut slurm("1")).len(), first.len(), "what was dealt does not change by running");
+
+    // What two shards have done is done for the whole; but two divisions make no one summary.
+    assert!(outcomes(&mut batch(&balls, &[]), 0).is_empty());
+    let mixed = batch(&balls, &["--merge"]).output().unwrap();
+    assert_eq!(mixed.status.code(), Some(2));
+    assert!(stderr(&mixed).contains("shard-*-of-2.jsonl"), "{}", stderr(&mixed));
+}
+
+#[test]
+fn a_job_without_its_count_is_refused() {
+    let balls = Balls::new(1);
+    let output = batch(&balls, &["--dry-run"]).env("JOB_COMPLETION_INDEX", "0").output().unwrap();
+    assert_eq!(output.status.code(), Some(2));
+    assert!(stderr(&output).contains("JOB_COMPLETIONS"), "{}", stderr(&output));
+}

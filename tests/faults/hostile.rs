@@ -1,0 +1,143 @@
+//! Scenes, answers and recordings from elsewhere that name files outside the work folder, or link to them.
+
+use std::fs;
+use std::os::unix::fs::symlink;
+use std::path::{Path, PathBuf};
+
+use serde_json::{Value, json};
+
+use super::{assert_refused, run};
+use crate::batch::ball::Balls;
+use crate::batch::contents;
+use crate::run::gprop;
+
+/// A folder beside the scene that nothing may be written into, with a file that nothing may change.
+struct Bystander {
+    folder: tempfile::TempDir,
+    before: Vec<(PathBuf, Vec<u8>)>,
+}
+
+impl Bystander {
+    fn new() -> Self {
+        let folder = tempfile::tempdir().unwrap();
+        fs::write(folder.path().join("precious"), "as it was").unwrap();
+        let before = contents(folder.path());
+        Self { folder, before }
+    }
+
+    fn path(&self) -> &Path {
+        self.folder.path()
+    }
+
+    #[track_caller]
+    fn assert_untouched(&self) {
+        assert!(contents(self.path()) == self.before, "{:?}", contents(self.path()));
+        assert!(!self.path().join(".lock").exists() && !self.path().join("run.json").exists());
+    }
+}
+
+#[test]
+fn links_in_a_work_folder_are_not_written_through() {
+    for folder in ["segments", "sheets"] {
+        let (balls, bystander, out) = (Balls::new(1), Bystander::new(), tempfile::tempdir().unwrap());
+        symlink(bystander.path(), out.path().join(folder)).unwrap();
+        assert_refused(&run(&balls, out.path()), 2, &[folder, "is a link", "remove it"]);
+        bystander.assert_untouched();
+    }
+    // A lock is opened for writing.
+    let (balls, bystander, out) = (Balls::new(1), Bystander::new(), tempfile::tempdir().unwrap());
+    symlink(bystander.path().join("precious"), out.path().join(".lock")).unwrap();
+    assert_refused(&run(&balls, out.path()), 2, &[".lock", "is a link"]);
+    bystander.assert_untouched();
+    // A link in a file's own place is replaced.
+    let (balls, bystander, out) = (Balls::new(1), Bystander::new(), tempfile::tempdir().unwrap());
+    symlink(bystander.path().join("precious"), out.path().join("views.json")).unwrap();
+    assert!(run(&balls, out.path()).status.success());
+    assert!(!out.path().join("views.json").is_symlink());
+    bystander.assert_untouched();
+}
+
+#[test]
+fn a_scene_brings_no_link_for_a_work_folder() {
+    let (balls, bystander) = (Balls::new(1), Bystander::new());
+    symlink(bystander.path(), balls.scene(0).join("gprop")).unwrap();
+    let run = gprop().arg("run").arg(balls.scene(0)).args(["--to", "scene"]).output().unwrap();
+    assert_refused(&run, 2, &["gprop\" is a link", "--out"]);
+    let batch = gprop().arg("batch").arg(balls.folder()).args(["--to", "scene", "--json"]).output().unwrap();
+    assert_eq!(batch.status.code(), Some(6));
+    bystander.assert_untouched();
+}
+
+#[test]
+fn a_scene_brings_no_link_for_its_recordings() {
+    let (balls, bystander, out) = (Balls::new(1), Bystander::new(), tempfile::tempdir().unwrap());
+    symlink(bystander.path(), balls.scene(0).join("recorded")).unwrap();
+    assert_refused(&run(&balls, out.path()), 2, &["recorded", "is a link", "--recordings"]);
+    bystander.assert_untouched();
+}
+
+#[test]
+fn photos_are_named_within_the_scene_and_views_are_no_paths() {
+    let (balls, bystander, out) = (Balls::new(1), Bystander::new(), tempfile::tempdir().unwrap());
+    let path = balls.scene(0).join("transforms.json");
+    let original: Value = serde_json::from_slice(&fs::read(&path).unwrap()).unwrap();
+    for name in ["../../../precious.png", "images/../../../precious.png", "..\\..\\precious.png"] {
+        let mut transforms = original.clone();
+        transforms["frames"][0]["file_path"] = json!(name);
+        fs::write(&path, transforms.to_string()).unwrap();
+        assert_refused(&run(&balls, out.path()), 3, &["leads out of the scene folder"]);
+    }
+    // An absolute path is another machine's: the photo of that name is looked for in the scene, never there.
+    let elsewhere = bystander.path().join("precious");
+    let mut transforms = original.clone();
+    transforms["frames"][0]["file_path"] = json!(elsewhere);
+    fs::write(&path, transforms.to_string()).unwrap();
+    let output = run(&balls, out.path());
+    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+    assert!(String::from_utf8_lossy(&output.stderr).contains("1 of the 3 photos"));
+    let views: Value = serde_json::from_slice(&fs::read(out.path().join("views.json")).unwrap()).unwrap();
+    assert_eq!(views["views"].as_array().map(Vec::len), Some(2));
+    // A name that is odd but within the scene comes to a plain one.
+    let odd = "images/a b;$(touch precious)..png";
+    fs::rename(balls.scene(0).join("images/000.png"), balls.scene(0).join(odd)).unwrap();
+    let mut transforms = original;
+    transforms["frames"][0]["file_path"] = json!(odd);
+    fs::write(&path, transforms.to_string()).unwrap();
+    fs::rename(balls.labels(0).join("000.png"), balls.labels(0).join("a_b___touch_precious_.png")).unwrap();
+    let output = run(&balls, out.path());
+    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+    assert!(out.path().join("segments/a_b___touch_precious_.png").is_file());
+    bystander.assert_untouched();
+}
+
+#[test]
+fn what_a_work_folder_says_of_itself_is_not_followed() {
+    // `run.json`, `segments.json` and `answers.jsonl` of a scene from elsewhere that name views and files outside.
+    let (balls, bystander, out) = (Balls::new(1), Bystander::new(), tempfile::tempdir().unwrap());
+    assert!(run(&balls, out.path()).status.success());
+    let outside = format!("../../../../../../../..{}/precious", bystander.path().display());
+    for name in ["run.json", "segments/segments.json", "answers.jsonl", "labels.json"] {
+        let text = fs::read_to_string(out.path().join(name)).unwrap();
+        fs::write(out.path().join(name), text.replace("000", &outside)).unwrap();
+        let output = run(&balls, out.path());
+        assert!([Some(0), Some(2), Some(5), Some(70)].contains(&output.status.code()));
+        assert_ne!(output.status.code(), Some(70), "{name}: {}", String::from_utf8_lossy(&output.stderr));
+        bystander.assert_untouched();
+    }
+}
+
+#[test]
+fn a_recording_lies_where_its_content_says() {
+    // The name of a recording's file is no key: one that claims another's, or a path, is refused.
+    let (balls, bystander, out) = (Balls::new(1), Bystander::new(), tempfile::tempdir().unwrap());
+    assert!(run(&balls, out.path()).status.success());
+    let recorded = balls.scene(0).join("recorded");
+    let first = fs::read_dir(&recorded).unwrap().next().unwrap().unwrap().path();
+    let mut recording: Value = serde_json::from_slice(&fs::read(&first).unwrap()).unwrap();
+    for key in ["../../precious", "/etc/passwd", &"0".repeat(64)] {
+        recording["key"] = json!(key);
+        fs::write(&first, recording.to_string()).unwrap();
+        assert_refused(&run(&balls, out.path()), 5, &["is no recording", "delete it or restore it"]);
+    }
+    bystander.assert_untouched();
+}
