@@ -1,7 +1,8 @@
 //! Every command in the README and in `docs/`.
 //!
-//! A command of gprop (also as `cargo run --release --`) in a block marked `sh` is run, in the order of the page, in a folder with a scene called `my_scene` and the files
-//! that the pages speak of. A comment after it says where that is not all there is to it:
+//! A command of gprop (also as `cargo run --release --`) in a block marked `sh` is run, in the order of the page, in a folder
+//! with a scene called `my_scene` and the files that the pages speak of. A comment after it says where that is not all there
+//! is to it:
 //!
 //! | comment | what the test does |
 //! | --- | --- |
