@@ -44,8 +44,8 @@ pub fn select(
         scenes = of_split(scenes, split, warnings)?;
     }
     if let Some(filter) = &options.filter {
-        let fits = matcher(filter)?;
-        scenes.retain(|scene| fits(&scene.name));
+        let filter = Filter::new(filter)?;
+        scenes.retain(|scene| filter.takes(&scene.name));
     }
     let end = options.end.unwrap_or(usize::MAX).min(scenes.len());
     let chosen = scenes.get(options.start..end).unwrap_or_default();
@@ -90,15 +90,29 @@ fn of_split(scenes: Vec<Entry>, split: &str, warnings: &mut Vec<String>) -> Resu
     Ok(scenes.iter().filter(|scene| scene.split.as_deref() == Some(split)).cloned().collect())
 }
 
-/// Whether a name holds a text, or fits it where it is a pattern.
-fn matcher(filter: &str) -> Result<Box<dyn Fn(&str) -> bool>, BatchError> {
-    if !filter.contains(['*', '?', '[']) {
-        let text = filter.to_owned();
-        return Ok(Box::new(move |name| name.contains(&text)));
+/// What `--filter` asks of a name.
+enum Filter {
+    Holds(String),
+    Fits(Pattern),
+}
+
+impl Filter {
+    /// A pattern where the text has a wildcard.
+    fn new(filter: &str) -> Result<Self, BatchError> {
+        if !filter.contains(['*', '?', '[']) {
+            return Ok(Self::Holds(filter.to_owned()));
+        }
+        let problem =
+            |error: glob::PatternError| BatchError::Filter { given: filter.to_owned(), problem: error.to_string() };
+        Ok(Self::Fits(Pattern::new(filter).map_err(problem)?))
     }
-    let pattern = Pattern::new(filter)
-        .map_err(|error| BatchError::Filter { given: filter.to_owned(), problem: error.to_string() })?;
-    Ok(Box::new(move |name| pattern.matches(name)))
+
+    fn takes(&self, name: &str) -> bool {
+        match self {
+            Self::Holds(text) => name.contains(text),
+            Self::Fits(pattern) => pattern.matches(name),
+        }
+    }
 }
 
 /// Bytes of all files below a scene's folder, and of its largest splat; what a run writes and what is hidden does not count.
