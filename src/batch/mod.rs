@@ -4,7 +4,7 @@
 //! 2. [`ledger`] knows what became of each scene so far, so that done scenes are skipped.
 //! 3. [`crew`] runs the others, each in a [`child`] process: whatever happens to one, a panic or too little [`memory`], stops
 //!    no other, and a child that is killed goes on where it was when it is started again.
-//! 4. [`summary`] puts it all in a table; that of several shards is [`merge`]d.
+//! 4. [`summary`] puts it all in a table; those of several shards are [merged](Batch::merge).
 //!
 //! [`questions`] sends the part queries of all scenes by the Batch API.
 
