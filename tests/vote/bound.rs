@@ -83,8 +83,8 @@ impl Pixels {
     fn climb(&mut self, labels: &mut [u32]) {
         loop {
             let mut changed = false;
-            for gaussian in 0..labels.len() {
-                let from = labels[gaussian];
+            for (gaussian, label) in labels.iter_mut().enumerate() {
+                let from = *label;
                 let others = (0..PARTS as u32).filter(|&to| to != from);
                 let best = others
                     .map(|to| (self.gain(gaussian, from, to), to))
@@ -94,7 +94,7 @@ impl Pixels {
                     self.sums[pixel as usize][from as usize] -= weight;
                     self.sums[pixel as usize][to as usize] += weight;
                 }
-                (labels[gaussian], changed) = (to, true);
+                (*label, changed) = (to, true);
             }
             if !changed {
                 return;
