@@ -1,7 +1,7 @@
 //! SAM's mask decoder, written for many prompts to one picture on a CPU.
 //!
 //! It computes what the exported graph computes, in an order that saves most of the work: projections move from the 4096
-//! pixels to the few tokens ([`attention`]), every pixel is read once a layer while it is in the cache, and masks that are
+//! pixels to the few tokens (`attention`, `first_layer`), every pixel is read once a layer while it is in the cache, and masks that are
 //! not wanted, which their predicted IoU tells before, are not made. `weights` finds the parameters in the export, `tokens`
 //! and `upscale` are the rest of the network, and `layers`, `matrix` and `vector` what they are made of.
 //!
@@ -9,6 +9,7 @@
 //! implementation (`TwoWayTransformer`, `MaskDecoder`).
 
 mod attention;
+mod first_layer;
 mod layers;
 mod matrix;
 mod tokens;
@@ -20,7 +21,8 @@ mod x86;
 
 use super::super::LOGITS_SIDE;
 use super::super::graph::Model;
-use attention::{Answers, FirstLayer, Scores, Sight, softmax_over_tokens};
+use attention::{Answers, Scores, Sight, softmax_over_tokens};
+use first_layer::FirstLayer;
 use layers::{add, perceptron};
 use matrix::Left;
 use tokens::Tokens;
@@ -49,6 +51,9 @@ pub const MASKS: usize = 4;
 const UPSCALED: usize = 64;
 const UPSCALED_TWICE: usize = 32;
 
+/// Which of the masks are to be made, given the predicted IoU of all.
+pub type Wanted<'a> = dyn Fn(&[f32; MASKS]) -> [bool; MASKS] + 'a;
+
 /// The decoder.
 pub struct Fused {
     weights: Weights,
@@ -73,6 +78,7 @@ pub struct Desk {
     pub logits: Vec<[f32; LOGITS_SIDE * LOGITS_SIDE]>,
 }
 
+/// For which the decoder is compiled.
 #[derive(Debug, Clone, Copy)]
 enum Instructions {
     #[cfg(target_arch = "x86_64")]
@@ -91,33 +97,15 @@ impl Fused {
     /// `embedding` and `positions` are `[PIXELS, CHANNELS]`.
     pub fn look(&self, embedding: Vec<f32>, positions: Vec<f32>) -> Picture {
         assert!(embedding.len() == PIXELS * CHANNELS && positions.len() == PIXELS * CHANNELS);
-        let first_layer = match self.instructions {
-            #[cfg(target_arch = "x86_64")]
-            Instructions::Avx512 => unsafe { look_avx512(&self.weights, &embedding, &positions) },
-            #[cfg(target_arch = "x86_64")]
-            Instructions::Avx2 => unsafe { look_avx2(&self.weights, &embedding, &positions) },
-            Instructions::Any => look::<Plain>(&self.weights, &embedding, &positions),
-        };
+        let first_layer = look(self.instructions, &self.weights, &embedding, &positions);
         Picture { embedding, positions, first_layer }
     }
 
     /// Decodes a prompt of `[count, CHANNELS]` tokens. Leaves the logits of the masks that are `wanted`, given the predicted
     /// IoU of all, on the desk, and returns the predicted IoU.
-    pub fn decode(
-        &self,
-        picture: &Picture,
-        tokens: &[f32],
-        wanted: &dyn Fn(&[f32; MASKS]) -> [bool; MASKS],
-        desk: &mut Desk,
-    ) -> [f32; MASKS] {
+    pub fn decode(&self, picture: &Picture, tokens: &[f32], wanted: &Wanted<'_>, desk: &mut Desk) -> [f32; MASKS] {
         assert!(tokens.len().is_multiple_of(CHANNELS) && (MASKS + 1..=TOKENS).contains(&(tokens.len() / CHANNELS)));
-        match self.instructions {
-            #[cfg(target_arch = "x86_64")]
-            Instructions::Avx512 => unsafe { decode_avx512(&self.weights, picture, tokens, wanted, desk) },
-            #[cfg(target_arch = "x86_64")]
-            Instructions::Avx2 => unsafe { decode_avx2(&self.weights, picture, tokens, wanted, desk) },
-            Instructions::Any => decode::<Plain>(&self.weights, picture, tokens, wanted, desk),
-        }
+        decode(self.instructions, &self.weights, picture, tokens, wanted, desk)
     }
 }
 
@@ -142,44 +130,39 @@ impl Instructions {
     }
 }
 
-#[cfg(target_arch = "x86_64")]
-#[target_feature(enable = "avx512f")]
-fn look_avx512(weights: &Weights, embedding: &[f32], positions: &[f32]) -> FirstLayer {
-    look::<x86::Avx512>(weights, embedding, positions)
+/// A function that runs a generic one with the vectors that the processor has.
+macro_rules! dispatched {
+    (fn $name:ident($($argument:ident: $kind:ty),*) -> $result:ty = $generic:ident) => {
+        fn $name(instructions: Instructions, $($argument: $kind),*) -> $result {
+            #[cfg(target_arch = "x86_64")]
+            #[target_feature(enable = "avx512f")]
+            fn avx512($($argument: $kind),*) -> $result {
+                $generic::<x86::Avx512>($($argument),*)
+            }
+            #[cfg(target_arch = "x86_64")]
+            #[target_feature(enable = "avx2,fma")]
+            fn avx2($($argument: $kind),*) -> $result {
+                $generic::<x86::Avx2>($($argument),*)
+            }
+            match instructions {
+                #[cfg(target_arch = "x86_64")]
+                Instructions::Avx512 => unsafe { avx512($($argument),*) },
+                #[cfg(target_arch = "x86_64")]
+                Instructions::Avx2 => unsafe { avx2($($argument),*) },
+                Instructions::Any => $generic::<Plain>($($argument),*),
+            }
+        }
+    };
 }
 
-#[cfg(target_arch = "x86_64")]
-#[target_feature(enable = "avx2,fma")]
-fn look_avx2(weights: &Weights, embedding: &[f32], positions: &[f32]) -> FirstLayer {
-    look::<x86::Avx2>(weights, embedding, positions)
-}
-
-#[cfg(target_arch = "x86_64")]
-#[target_feature(enable = "avx512f")]
-fn decode_avx512(
-    weights: &Weights,
-    picture: &Picture,
-    tokens: &[f32],
-    wanted: &dyn Fn(&[f32; MASKS]) -> [bool; MASKS],
-    desk: &mut Desk,
-) -> [f32; MASKS] {
-    decode::<x86::Avx512>(weights, picture, tokens, wanted, desk)
-}
-
-#[cfg(target_arch = "x86_64")]
-#[target_feature(enable = "avx2,fma")]
-fn decode_avx2(
-    weights: &Weights,
-    picture: &Picture,
-    tokens: &[f32],
-    wanted: &dyn Fn(&[f32; MASKS]) -> [bool; MASKS],
-    desk: &mut Desk,
-) -> [f32; MASKS] {
-    decode::<x86::Avx2>(weights, picture, tokens, wanted, desk)
-}
+dispatched!(fn look(weights: &Weights, embedding: &[f32], positions: &[f32]) -> FirstLayer = look_with);
+dispatched!(
+    fn decode(weights: &Weights, picture: &Picture, tokens: &[f32], wanted: &Wanted<'_>, desk: &mut Desk) -> [f32; MASKS] =
+        decode_with
+);
 
 #[inline(always)]
-fn look<V: Vector>(weights: &Weights, embedding: &[f32], positions: &[f32]) -> FirstLayer {
+fn look_with<V: Vector>(weights: &Weights, embedding: &[f32], positions: &[f32]) -> FirstLayer {
     let mut placed = vec![0.0; PIXELS * CHANNELS];
     add::<V>(embedding, positions, &mut placed);
     let layer = &weights.layers[0];
@@ -187,11 +170,11 @@ fn look<V: Vector>(weights: &Weights, embedding: &[f32], positions: &[f32]) -> F
 }
 
 #[inline(always)]
-fn decode<V: Vector>(
+fn decode_with<V: Vector>(
     weights: &Weights,
     picture: &Picture,
     tokens: &[f32],
-    wanted: &dyn Fn(&[f32; MASKS]) -> [bool; MASKS],
+    wanted: &Wanted<'_>,
     desk: &mut Desk,
 ) -> [f32; MASKS] {
     let tokens = transform::<V>(weights, picture, tokens, desk);
