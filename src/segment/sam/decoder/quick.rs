@@ -23,8 +23,9 @@ pub struct Quick {
 impl Quick {
     /// For use on `threads` threads at once. The error says in what the model differs from SAM's.
     pub fn open(runtime: &Runtime, model: &Model, prompt: PromptShape, threads: usize) -> Result<Self, String> {
-        let fused = Fused::read(model)?;
-        let sources = Sources::find(model)?;
+        let constants = model.constants();
+        let fused = Fused::read(model, &constants)?;
+        let sources = Sources::find(model, &constants)?;
         let sessions = |outputs: &[&str], count: usize| -> Result<_, String> {
             let cut = model.with_outputs(outputs);
             Ok(Pool::new((0..count).map(|_| runtime::session(runtime, &cut)).collect::<Result<_, _>>()?))
@@ -77,10 +78,10 @@ impl Quick {
 
     /// `[batch, tokens, CHANNELS]`.
     fn tokens_of(&self, points: &[[f32; 2]]) -> Result<Vec<f32>, String> {
-        let (blank, prompt) = (Embedding::blank(), self.prompt.fill(points));
-        let standard = standard_inputs(&blank, &prompt, self.prompt);
+        let prompt = self.prompt.fill(points);
+        let of_prompt = prompt.inputs(self.prompt);
         self.tokens.with(|session| {
-            let inputs = feed(session, &standard)?;
+            let inputs = feed(session, &of_prompt)?;
             let outputs = session.run(inputs).map_err(|error| error.to_string())?;
             floats(&outputs, &self.sources.tokens).map(<[f32]>::to_vec)
         })

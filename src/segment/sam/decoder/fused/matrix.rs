@@ -59,6 +59,10 @@ pub fn multiply<V: Vector>(
             (_, 2..) => 2,
             _ => 1,
         };
+        let start = match start {
+            Start::Row(values) => Start::Row(&values[column..]),
+            other => other,
+        };
         let mut row = 0;
         while row < rows {
             let tile = Tile {
@@ -70,11 +74,6 @@ pub fn multiply<V: Vector>(
                 product: unsafe { product.values.as_mut_ptr().add(row * product.row + column) },
                 product_row: product.row,
                 inner,
-            };
-            let start = match start {
-                Start::Zero => Begin::Zero,
-                Start::Row(values) => Begin::Row(unsafe { values.as_ptr().add(column) }),
-                Start::There => Begin::There,
             };
             row += unsafe {
                 // AVX-512 has twice the registers.
@@ -105,28 +104,21 @@ struct Tile {
     inner: usize,
 }
 
-#[derive(Clone, Copy)]
-enum Begin {
-    Zero,
-    Row(*const f32),
-    There,
-}
-
 impl Tile {
     /// Makes `ROWS` rows of `VECTORS` vectors; returns `ROWS`.
     ///
     /// # Safety
-    /// All of them lie inside their matrices.
+    /// All of them lie inside their matrices, and `start` is as wide.
     #[inline(always)]
-    unsafe fn run<V: Vector, const ROWS: usize, const VECTORS: usize>(&self, start: Begin) -> usize {
+    unsafe fn run<V: Vector, const ROWS: usize, const VECTORS: usize>(&self, start: Start<'_>) -> usize {
         let mut sums = [[V::splat(0.0); VECTORS]; ROWS];
         for (row, sums) in sums.iter_mut().enumerate() {
             for (vector, sum) in sums.iter_mut().enumerate() {
                 let offset = vector * V::WIDTH;
                 *sum = match start {
-                    Begin::Zero => V::splat(0.0),
-                    Begin::Row(values) => unsafe { V::read(values.add(offset)) },
-                    Begin::There => unsafe { V::read(self.product.add(row * self.product_row + offset)) },
+                    Start::Zero => V::splat(0.0),
+                    Start::Row(values) => unsafe { V::read(values.as_ptr().add(offset)) },
+                    Start::There => unsafe { V::read(self.product.add(row * self.product_row + offset)) },
                 };
             }
         }

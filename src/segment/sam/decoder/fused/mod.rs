@@ -20,7 +20,7 @@ mod weights;
 mod x86;
 
 use super::super::LOGITS_SIDE;
-use super::super::graph::Model;
+use super::super::graph::{Constants, Model};
 use attention::{Answers, Scores, Sight, softmax_over_tokens};
 use first_layer::FirstLayer;
 use layers::{add, perceptron};
@@ -90,8 +90,8 @@ enum Instructions {
 
 impl Fused {
     /// The error says what of SAM's mask decoder was not found.
-    pub fn read(model: &Model) -> Result<Self, String> {
-        Ok(Self { weights: Weights::read(model)?, instructions: Instructions::of_this_processor() })
+    pub fn read(model: &Model, constants: &Constants) -> Result<Self, String> {
+        Ok(Self { weights: Weights::read(model, constants)?, instructions: Instructions::of_this_processor() })
     }
 
     /// `embedding` and `positions` are `[PIXELS, CHANNELS]`.

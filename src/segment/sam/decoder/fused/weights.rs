@@ -72,8 +72,8 @@ pub struct Sources {
 
 impl Weights {
     /// What of SAM's mask decoder is not there by its name and shape is the error.
-    pub fn read(model: &Model) -> Result<Self, String> {
-        let reader = Reader { model, constants: model.constants() };
+    pub fn read(model: &Model, constants: &Constants) -> Result<Self, String> {
+        let reader = Reader { model, constants };
         Ok(Self {
             layers: [reader.layer(0)?, reader.layer(1)?],
             final_attention: reader.attention("transformer.final_attn_token_to_image", INNER)?,
@@ -95,8 +95,8 @@ impl Weights {
 }
 
 impl Sources {
-    pub fn find(model: &Model) -> Result<Self, String> {
-        let reader = Reader { model, constants: model.constants() };
+    pub fn find(model: &Model, constants: &Constants) -> Result<Self, String> {
+        let reader = Reader { model, constants };
         let first = "transformer.layers.0";
         let tokens = reader.product_before(&format!("{first}.self_attn.q_proj.bias"))?.0;
         let picture = reader.product_before(&format!("{first}.cross_attn_token_to_image.v_proj.bias"))?.0;
@@ -109,7 +109,7 @@ impl Sources {
 
 struct Reader<'a> {
     model: &'a Model,
-    constants: Constants,
+    constants: &'a Constants,
 }
 
 impl<'a> Reader<'a> {
