@@ -21,12 +21,13 @@ mod variants;
 mod vote;
 
 use std::borrow::Cow;
-
+use std::io::Cursor;
 use std::path::{Path, PathBuf};
 use std::sync::OnceLock;
 use std::time::Instant;
 
-use anyhow::Result;
+use anyhow::{Context, Result};
+use image::{ImageFormat, RgbImage};
 use serde::{Deserialize, Serialize};
 use tracing::{info, warn};
 
@@ -66,6 +67,11 @@ impl Stage {
     /// All stages in order.
     pub const ALL: [Self; 8] =
         [Self::Scene, Self::Segment, Self::Query, Self::Vote, Self::Parts, Self::Simulate, Self::Grasp, Self::Report];
+
+    /// As it is typed, and stands in `run.json`.
+    pub fn name(self) -> String {
+        format!("{self:?}").to_lowercase()
+    }
 }
 
 /// The options of all stages.
@@ -266,7 +272,7 @@ impl Pipeline {
             outputs: done.outputs.into_iter().map(size).collect::<Result<_>>()?,
             key,
         };
-        self.progress.line(&format!("{:<9} {:.1} s", format!("{stage:?}").to_lowercase(), record.seconds));
+        self.progress.line(&format!("{:<9} {:.1} s", stage.name(), record.seconds));
         record.warnings.iter().for_each(|warning| warn!("{warning}"));
         Ok(self.record.put(record, &self.work)?)
     }
@@ -311,4 +317,11 @@ fn get_or_load<T>(cell: &OnceLock<T>, make: impl FnOnce() -> Result<T>) -> Resul
         let _ = cell.set(make()?);
     }
     Ok(cell.get().expect("it was just set"))
+}
+
+/// A picture as PNG.
+fn png(picture: &RgbImage) -> Result<Vec<u8>> {
+    let mut bytes = Cursor::new(Vec::new());
+    picture.write_to(&mut bytes, ImageFormat::Png).context("the picture does not encode")?;
+    Ok(bytes.into_inner())
 }

@@ -51,9 +51,9 @@ impl Running {
             if scene.work != scene.folder.join(workdir::DEFAULT_NAME) {
                 command.arg("--out").arg(&scene.work);
             }
-            command.args(["--to", &name(task.to), "--threads", &task.threads.to_string()]);
+            command.args(["--to", &task.to.name(), "--threads", &task.threads.to_string()]);
             if let Some(from) = task.from {
-                command.args(["--from", &name(from)]);
+                command.args(["--from", &from.name()]);
             }
             command.args(&task.flags).stdin(Stdio::piped()).stdout(Stdio::null()).stderr(stderr.try_clone()?);
             Ok(Self { process: command.spawn()?, stderr, since: Instant::now() })
@@ -88,11 +88,6 @@ impl Running {
         let stderr = String::from_utf8_lossy(&words).into_owned();
         Ended { status, stderr, seconds: self.since.elapsed().as_secs_f64(), peak_memory_bytes }
     }
-}
-
-/// The stage as it is typed.
-fn name(stage: Stage) -> String {
-    format!("{stage:?}").to_lowercase()
 }
 
 /// Ends this process as soon as its stdin closes. At once, like a kill: every file of a work folder is whole at any time.

@@ -1,16 +1,13 @@
 //! Grasps on disk; `null` where the metric scale is unknown, for newtons need kilograms.
 
-use std::io::{self, Cursor};
-
 use anyhow::Result;
-use image::ImageFormat;
 
 use crate::grasp::surface::Surface;
 use crate::grasp::{self, GraspReport};
 use crate::parts::PartsError;
 use crate::workdir::Artifact;
 
-use super::{Done, Pipeline, Stage};
+use super::{Done, Pipeline, Stage, png};
 
 impl Pipeline {
     pub(super) fn grasp_key(&self) -> String {
@@ -43,9 +40,7 @@ impl Pipeline {
         let mut outputs = vec![Artifact::Grasp];
         match picture {
             Some(picture) => {
-                let mut png = Cursor::new(Vec::new());
-                picture.write_to(&mut png, ImageFormat::Png).map_err(io::Error::other)?;
-                self.work.write(Artifact::GraspPicture, png.get_ref())?;
+                self.work.write(Artifact::GraspPicture, &png(&picture)?)?;
                 outputs.push(Artifact::GraspPicture);
             }
             None => self.work.remove(Artifact::GraspPicture)?,

@@ -16,12 +16,12 @@ use crate::scene::Photo;
 use crate::segment::{LabelMap, PartMask, ViewSegments, segment_views};
 use crate::workdir::{Artifact, WorkDir};
 
-use super::Options;
 use super::desk::{Desk, DeskView};
 use super::query::write_sheets;
 use super::record::Hasher;
 use super::scene::file_digest;
 use super::segment::{SegmentsFile, ViewEntry, models_key, open_segmenter, write_other_formats};
+use super::{Options, png};
 
 /// A picture on its way through segmentation and queries.
 pub struct Picture {
@@ -110,9 +110,7 @@ impl Picture {
         self.work.write(Artifact::Answers, answers.to_jsonl().as_bytes())?;
         answers.require_any()?;
         let map = material_map::draw(&self.photo, &self.segments.map, &answers);
-        let mut png = std::io::Cursor::new(Vec::new());
-        map.write_to(&mut png, image::ImageFormat::Png).context("the material map does not encode")?;
-        self.work.write(Artifact::MaterialMap, png.get_ref())?;
+        self.work.write(Artifact::MaterialMap, &png(&map)?)?;
         Ok(answers)
     }
 

@@ -50,7 +50,6 @@ impl Pipeline {
     pub fn report(&self) -> Result<Report> {
         let (scene, field) = (&self.scene, self.field()?);
         let before = self.record.stages.iter().filter(|record| record.name < Stage::Report);
-        let name = |stage: Stage| format!("{stage:?}").to_lowercase();
         Ok(Report {
             schema_version: report::SCHEMA_VERSION,
             version: env!("CARGO_PKG_VERSION"),
@@ -65,7 +64,7 @@ impl Pipeline {
             stages: before
                 .clone()
                 .map(|stage| StageTime {
-                    name: name(stage.name),
+                    name: stage.name.name(),
                     seconds: stage.seconds,
                     reused: stage.reused,
                     digest: stage.digest.clone(),
@@ -79,7 +78,7 @@ impl Pipeline {
             grasp: self.grasp()?,
             warnings: before
                 .flat_map(|stage| {
-                    let warn = |message: &String| Warning { stage: name(stage.name), message: message.clone() };
+                    let warn = |message: &String| Warning { stage: stage.name.name(), message: message.clone() };
                     stage.warnings.iter().map(warn)
                 })
                 .collect(),

@@ -1,10 +1,9 @@
 //! The vote on disk: `field.ply` for any splat viewer, `labels.json` and `materials.json` for what its numbers mean.
 
-use std::io::Cursor;
 use std::path::Path;
 
 use anyhow::{Context, Result};
-use image::{ImageFormat, RgbImage};
+use image::RgbImage;
 
 use crate::exit::UsageError;
 use crate::query::Answers;
@@ -14,7 +13,7 @@ use crate::scene::{View, ply};
 use crate::vote::{MaterialField, ViewInput, field_ply, vote};
 use crate::workdir::{self, Artifact};
 
-use super::{Done, Pipeline, Stage, get_or_load};
+use super::{Done, Pipeline, Stage, get_or_load, png};
 
 impl Pipeline {
     pub(super) fn vote_key(&self) -> String {
@@ -90,10 +89,4 @@ pub fn stored_field(root: &Path) -> Result<(Gaussians, MaterialField)> {
     let field = field_ply::read(&gaussians.extra, labels)
         .with_context(|| format!("{path:?} does not hold what gprop wrote; run again with --from vote"))?;
     Ok((gaussians, field))
-}
-
-fn png(picture: &RgbImage) -> Result<Vec<u8>> {
-    let mut bytes = Cursor::new(Vec::new());
-    picture.write_to(&mut bytes, ImageFormat::Png).context("the picture does not encode")?;
-    Ok(bytes.into_inner())
 }
