@@ -155,6 +155,22 @@ fn a_budget_of_memory_is_kept() {
 }
 
 #[test]
+fn a_budget_that_is_none_is_refused() {
+    let balls = Balls::new(1);
+    for (flag, given) in
+        [("--memory", "-1"), ("--memory", "NaN"), ("--memory", "0"), ("--memory", "inf"), ("--jobs", "0")]
+    {
+        for typed in [vec![flag.to_owned(), given.to_owned()], vec![format!("{flag}={given}")]] {
+            let output = batch(&balls, &["--dry-run"]).args(&typed).output().unwrap();
+            let message = stderr(&output);
+            assert_eq!(output.status.code(), Some(2), "{typed:?}: {message}");
+            assert!(message.contains(given) && message.contains(flag), "{typed:?}: {message}");
+            assert!(message.contains("or leave it out"), "{typed:?} says not what to do: {message}");
+        }
+    }
+}
+
+#[test]
 fn two_batches_on_one_shard_do_not_meet() {
     let balls = Balls::new(1);
     let shard = gprop::batch::Shard::WHOLE;

@@ -89,7 +89,7 @@ fn row(outcome: &Outcome, home: &Path) -> Value {
         error => outcome.error.as_deref().map(error),
         picture => picture(&outcome.work.join(Artifact::Thumbnail.path())),
         link => (outcome.state == State::Done && report.is_file()).then(|| link(home, &report)).flatten(),
-        materials => named.join(", "),
+        materials => named.join("; "),
         more_materials => results.materials.len() - named.len(),
         mass => results.mass_kg.map(|mass| cell(mass, 1.0)),
         volume => results.volume_m3.map(|volume| cell(volume, 1e6)),
