@@ -9,8 +9,8 @@ where the one before ended; its CPU time is the process's, less that of a run th
 scene, which is the stage `scene`). CPU time is what a busy machine changes least. Answers come from a server in this script that
 says the same of every part at once: what a model takes is not in these numbers.
 
-- views: 1 to 30, SAM's parts;
-- gaussians: 10,000 to 1,000,000 with four views and SAM's parts of the first sweep's kind: a random choice, or copies shifted by half
+- views: 1 to 16, SAM's parts;
+- gaussians: 10,000 to 300,000 with four views and SAM's parts of the first sweep's kind: a random choice, or copies shifted by half
   a standard deviation; a twentieth of a second is simulated;
 - parts: 1 to 64 stripes of the object in each of four views in place of SAM's parts.
 
@@ -39,10 +39,10 @@ SCENE = ROOT / "fixtures/hammer"
 TABLE = ROOT / "docs/growth.csv"
 PLOT = ROOT / "docs/growth.svg"
 GPROP = Path(os.environ.get("CARGO_TARGET_DIR", ROOT / "target")) / "release/gprop"
-COLUMNS = ["sweep", "value", "stage", "cpu_s", "peak_mb", "views", "gaussians", "part_views", "questions"]
+COLUMNS = ["sweep", "value", "stage", "cpu_s", "peak_mb", "views", "gaussians", "part_views", "questions", "parts"]
 SWEEPS = {
-    "views": [1, 2, 4, 8, 16, 30],
-    "gaussians": [10_000, 30_000, 100_000, 300_000, 1_000_000],
+    "views": [1, 2, 4, 8, 16],
+    "gaussians": [10_000, 30_000, 100_000, 300_000],
     "parts": [1, 4, 16, 64],
 }
 VIEWS = 4
@@ -143,7 +143,8 @@ def measure(sweep, value, folder, stages, flags):
         print(*rows[-1].values(), flush=True)
     views = json.loads((folder / "gprop/views.json").read_text())
     answers = (folder / "gprop/answers.jsonl").read_text().count("\n")
-    found = {"views": len(views["views"]), "gaussians": views["gaussians"], "part_views": answers}
+    parts = len(json.loads((folder / "gprop/labels.json").read_text()))
+    found = {"views": len(views["views"]), "gaussians": views["gaussians"], "part_views": answers, "parts": parts}
     return [{**row, **found, "questions": server.questions} for row in rows]
 
 
@@ -247,10 +248,11 @@ def line(points):
     return intercept, slope, max(abs(intercept + slope * x - y) / y for x, y in points)
 
 
-STYLE = """text{font:12px system-ui,sans-serif;fill:#333}.soft{fill:#777}.axis{stroke:#999}.grid{stroke:#ddd}path{fill:none;stroke-width:2}
+STYLE = """text{font:12px system-ui,sans-serif;fill:#333}.soft{fill:#777}.grid{stroke:#ddd}path{fill:none;stroke-width:2}
 .scene{stroke:#8a8a8a}.segment{stroke:#c9615a}.query{stroke:#b8860b}.vote{stroke:#2f8f8f}.parts{stroke:#4f7fc9}.simulate{stroke:#8a5fc9}.grasp{stroke:#4f9d69}.report{stroke:#c96aa8}
-@media(prefers-color-scheme:dark){text{fill:#ddd}.soft{fill:#999}.axis{stroke:#777}.grid{stroke:#3a3d42}}"""
-PANELS = {"views": "views (28,736 Gaussians)", "gaussians": "Gaussians (4 views; 0.05 s simulated)", "parts": "parts a view (4 views)"}
+@media(prefers-color-scheme:dark){text{fill:#ddd}.soft{fill:#999}.grid{stroke:#3a3d42}}"""
+# What stands on a panel's axis.
+PANELS = {"views": "views of 28,736 Gaussians", "gaussians": "Gaussians in 4 views, 0.05 s simulated", "parts": "parts in each of 4 views"}
 WIDTH, HEIGHT, LEFT, RIGHT, TOP, BOTTOM = 330, 300, 46, 66, 30, 44
 LEAST = 0.02
 
@@ -262,11 +264,13 @@ def plot(rows):
     share = lambda value, low, high: (math.log10(value) - math.log10(low)) / (math.log10(high) - math.log10(low))
     y = lambda value: HEIGHT - BOTTOM - (HEIGHT - BOTTOM - TOP) * share(max(value, seconds[0]), seconds[0], seconds[-1])
     out = []
-    for panel, (sweep, title) in enumerate(PANELS.items()):
+    for panel, (sweep, axis) in enumerate(PANELS.items()):
         mine = [row for row in rows if row["sweep"] == sweep]
         values = sorted({row["value"] for row in mine})
         x = lambda value: LEFT + (WIDTH - LEFT - RIGHT) * share(value, values[0], values[-1])
-        out.append(f'<g transform="translate({panel * WIDTH})"><text x="{LEFT}" y="16">CPU seconds by {title}</text>')
+        out.append(f'<g transform="translate({panel * WIDTH})"><text x="{LEFT}" y="16">CPU seconds of each stage</text>')
+        middle = (LEFT + WIDTH - RIGHT) / 2
+        out.append(f'<text x="{middle:.0f}" y="{HEIGHT - 6}" text-anchor="middle">{axis}</text>')
         for tick in seconds:
             out.append(f'<path class="grid" style="stroke-width:1" d="M{LEFT} {y(tick):.1f}H{WIDTH - RIGHT}"/>')
             out.append(f'<text class="soft" x="{LEFT - 6}" y="{y(tick) + 4:.1f}" text-anchor="end">{tick:g}</text>')
@@ -289,19 +293,33 @@ def plot(rows):
     PLOT.write_text(f'<svg xmlns="http://www.w3.org/2000/svg" {size} role="img" aria-label="{label}">\n<style>{STYLE}</style>\n' + "\n".join(out) + "\n</svg>\n")
 
 
+# What a stage is fitted by: sweep, stage, column, what one of it is, factor, unit.
+RATES = [
+    ("views", "segment", "views", "a view", 1, "s"),
+    ("views", "vote", "views", "a view", 1e3, "ms"),
+    ("parts", "query", "part_views", "a part of a view", 1e3, "ms"),
+    ("parts", "parts", "parts", "a 3D part", 1e3, "ms"),
+    ("gaussians", "scene", "gaussians", "a Gaussian", 1e6, "us"),
+    ("gaussians", "vote", "gaussians", "a Gaussian and view", 1e6 / VIEWS, "us"),
+    ("gaussians", "parts", "gaussians", "a Gaussian", 1e6, "us"),
+    ("gaussians", "simulate", "gaussians", "a Gaussian", 1e6, "us"),
+    ("gaussians", "report", "gaussians", "a Gaussian", 1e6, "us"),
+]
+
+
 def rates(rows):
-    """What a view, a Gaussian and a part add, by stage."""
-    units = {"views": ("a view", 1, "s"), "gaussians": ("a Gaussian", 1e6, "us"), "parts": ("a part of a view", 1e3 / VIEWS, "ms")}
-    for sweep, (what, factor, unit) in units.items():
+    """What a view, a part and a Gaussian add to CPU time and to the most memory of any stage."""
+    for sweep, stage, column, what, factor, unit in RATES:
+        points = [(row[column], row["cpu_s"]) for row in rows if (row["sweep"], row["stage"]) == (sweep, stage)]
+        if points:
+            start, slope, off = line(points)
+            print(f"{stage:9} {start:7.2f} s + {slope * factor:8.2f} {unit} {what}; off by {100 * off:.0f} % at most")
+    for sweep, column in [("views", "views"), ("parts", "parts"), ("gaussians", "gaussians")]:
         mine = [row for row in rows if row["sweep"] == sweep]
-        for stage in dict.fromkeys(row["stage"] for row in mine):
-            points = [(row["value"], row["cpu_s"]) for row in mine if row["stage"] == stage and row["cpu_s"] > 0]
-            if len(points) > 2 and points[-1][1] >= LEAST:
-                start, slope, off = line(points)
-                print(f"{sweep:9} {stage:9} {start:8.3f} s + {slope * factor:9.3f} {unit} {what}, off by {100 * off:.0f} % at most")
-        peaks = {row["value"]: max(r["peak_mb"] for r in mine if r["value"] == row["value"]) for row in mine}
-        asked = {row["value"]: (row["part_views"], row["questions"]) for row in mine}
-        print(f"{sweep:9} peak MB {peaks}\n{sweep:9} part views, questions {asked}")
+        peaks = {int(row[column]): max(r["peak_mb"] for r in mine if r["value"] == row["value"]) for row in mine}
+        print(f"most memory, MB, by {column}: " + ", ".join(f"{at:,} {peak:g}" for at, peak in peaks.items()))
+    asked = {(row["part_views"], row["questions"]) for row in rows}
+    print("questions for a part of a view:", {questions / part_views for part_views, questions in asked})
 
 
 def main():
