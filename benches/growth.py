@@ -303,6 +303,7 @@ RATES = [
     ("gaussians", "vote", "gaussians", "a Gaussian and view", 1e6 / VIEWS, "us"),
     ("gaussians", "parts", "gaussians", "a Gaussian", 1e6, "us"),
     ("gaussians", "simulate", "gaussians", "a Gaussian", 1e6, "us"),
+    ("gaussians", "grasp", "gaussians", "a Gaussian", 1e6, "us"),
     ("gaussians", "report", "gaussians", "a Gaussian", 1e6, "us"),
 ]
 
