@@ -24,6 +24,7 @@ import json
 import math
 import os
 import random
+import re
 import shutil
 import struct
 import subprocess
@@ -31,7 +32,6 @@ import sys
 import tempfile
 import threading
 import time
-import zlib
 from pathlib import Path
 
 ROOT = Path(__file__).resolve().parent.parent
@@ -149,48 +149,22 @@ def measure(sweep, value, folder, stages, flags):
 
 
 def stripes(source, folder, count):
-    """Label maps of `count` parts each: the foreground of those in `source` cut into stripes of equal area."""
+    """Label maps of `count` parts each: the foreground of those in `source` cut into stripes of equal area. Both are NumPy
+    arrays of int32, height x width, -1 where there is nothing."""
     folder.mkdir()
-    for path in source.glob("*.png"):
-        width, height, labels = read_grey(path)
-        columns = [sum(labels[y * width + x] > 0 for y in range(height)) for x in range(width)]
+    for path in source.glob("*_s.npy"):
+        data = path.read_bytes()
+        (length,) = struct.unpack_from("<H", data, 8)
+        shape = re.search(rb"'shape': \(([\d, ]+)\)", data[: 10 + length])[1]
+        height, width = map(int, re.findall(rb"\d+", shape))
+        labels = struct.unpack_from(f"<{height * width}i", data, 10 + length)
+        columns = [sum(labels[y * width + x] >= 0 for y in range(height)) for x in range(width)]
         area, seen, part_of = sum(columns), 0, []
         for pixels in columns:
-            part_of.append(1 + min(count - 1, seen * count // area))
+            part_of.append(min(count - 1, seen * count // area))
             seen += pixels
-        lines = (bytes(part_of[x] if labels[y * width + x] else 0 for x in range(width)) for y in range(height))
-        write_grey(folder / path.name, width, height, b"".join(b"\0" + line for line in lines))
-
-
-def read_grey(path):
-    """A 16-bit grey PNG as gprop writes its label maps: width, height, values."""
-    data, at, packed = path.read_bytes(), 8, b""
-    while at < len(data):
-        length, kind = struct.unpack_from(">I4s", data, at)
-        body = data[at + 8 : at + 8 + length]
-        if kind == b"IHDR":
-            width, height, depth, color = struct.unpack_from(">IIBB", body)
-            assert (depth, color) == (16, 0), f"{path}: {depth} bits, colour type {color}"
-        packed += body if kind == b"IDAT" else b""
-        at += 12 + length
-    rows, step, before, values = zlib.decompress(packed), 2 * width, bytes(2 * width), []
-    for y in range(height):
-        kind, line = rows[y * (step + 1)], bytearray(rows[y * (step + 1) + 1 : (y + 1) * (step + 1)])
-        for x in range(step):
-            left, up, corner = (line[x - 2] if x > 1 else 0), before[x], (before[x - 2] if x > 1 else 0)
-            nearest = min((left, up, corner), key=lambda v: abs(left + up - corner - v))
-            line[x] = (line[x] + (0, left, up, (left + up) // 2, nearest)[kind]) % 256
-        values.extend(struct.unpack(f">{width}H", line))
-        before = line
-    return width, height, values
-
-
-def write_grey(path, width, height, rows):
-    """An 8-bit grey PNG of rows that each begin with a filter byte."""
-    chunk = lambda kind, body: struct.pack(">I", len(body)) + kind + body + struct.pack(">I", zlib.crc32(kind + body))
-    header = struct.pack(">IIBBBBB", width, height, 8, 0, 0, 0, 0)
-    parts = [chunk(b"IHDR", header), chunk(b"IDAT", zlib.compress(rows)), chunk(b"IEND", b"")]
-    path.write_bytes(b"\x89PNG\r\n\x1a\n" + b"".join(parts))
+        cut = [part_of[at % width] if label >= 0 else -1 for at, label in enumerate(labels)]
+        (folder / path.name).write_bytes(data[: 10 + length] + struct.pack(f"<{height * width}i", *cut))
 
 
 def sweep_rows(sweep):
@@ -203,7 +177,7 @@ def sweep_rows(sweep):
                 yield from measure(sweep, count, folder, ["segment", "query", "vote", "parts"], ["--views", str(count)])
             return
         start = scene(home / "start", whole)
-        run(start, "segment", ["--views", str(VIEWS)])
+        run(start, "segment", ["--views", str(VIEWS), "--also", "npy"])
         segments = start / "gprop/segments"
         names = ",".join(sorted(path.stem for path in segments.glob("*.png")))
         for value in SWEEPS[sweep]:
