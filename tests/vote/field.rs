@@ -108,6 +108,22 @@ fn a_single_view_decides_alone() {
 }
 
 #[test]
+fn a_part_on_no_gaussian_is_named() {
+    let gaussians = cloud(&wall(0.0));
+    let mut ballot = Ballot::default();
+    ballot.view(&gaussians, front(2), &vec![1; gaussians.len()]).says(1, answer("wall", 0)).says(2, answer("ghost", 1));
+    // The picture's first row shows nothing of the wall.
+    let map = &mut ballot.views[0].2;
+    let width = map.width as usize;
+    map.labels[..width].fill(2);
+    for rule in BOTH_RULES {
+        let field = ballot.count(&gaussians, &Options { vote: rule, ..Default::default() }).unwrap();
+        assert_eq!(field.labels.len(), 1);
+        assert_eq!(field.warnings, ["part 2 of view `view0` (ghost) is on no Gaussian"]);
+    }
+}
+
+#[test]
 fn a_tie_goes_to_the_surer_answers_then_to_the_first_name() {
     let gaussians = cloud(&wall(0.0));
     let whole = vec![1; gaussians.len()];
