@@ -57,6 +57,8 @@ pub enum Artifact<'a> {
     Recolored,
     /// A view's photo, parts and materials side by side, with a legend.
     Figure,
+    /// The first view's photo and materials, small, for a list of scenes.
+    Thumbnail,
     /// The 3D parts that `field.ply` labels.
     Labels,
     /// material_id -> library row.
@@ -104,6 +106,7 @@ impl Artifact<'_> {
             Self::Field => "field.ply".into(),
             Self::Recolored => "field_recolored.ply".into(),
             Self::Figure => "figure.png".into(),
+            Self::Thumbnail => "thumbnail.jpg".into(),
             Self::Labels => "labels.json".into(),
             Self::Materials => "materials.json".into(),
             Self::Parts => "parts.json".into(),

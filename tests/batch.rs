@@ -2,6 +2,8 @@
 
 // Tiny scenes of a ball of two materials.
 pub mod ball;
+// The page of all scenes, in a browser and as text.
+mod index;
 // A batch that is killed, again and again.
 mod kills;
 // All scenes' queries in one submission.
@@ -13,8 +15,9 @@ use std::fs;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output};
 
-use serde_json::Value;
+use serde_json::{Value, json};
 
+use crate::query::a;
 use crate::run::gprop;
 use ball::Balls;
 
@@ -85,7 +88,9 @@ fn one_bad_scene_stops_no_other() {
     }
     assert_eq!(kept[1]["exit"], 3);
     assert!(kept[1]["error"].as_str().unwrap().contains("point_cloud.ply"), "{}", kept[1]);
-    assert_eq!(kept[0]["parts"], 2, "{}", kept[0]);
+    assert_eq!((&kept[0]["parts"], &kept[0]["views"]), (&2.into(), &3.into()), "{}", kept[0]);
+    assert_eq!((&kept[0]["gaussians"], &kept[1]["gaussians"]), (&200.into(), &Value::Null));
+    assert_eq!(kept[0]["materials"], json!([a("wood")]), "each material once");
     let mass = &kept[0]["mass_kg"];
     assert!(mass["low"].as_f64() <= mass["mid"].as_f64() && mass["low"].as_f64() > Some(0.0), "{mass}");
     let summary: Value =
@@ -147,6 +152,22 @@ fn a_budget_of_memory_is_kept() {
         assert_eq!(outcome["exit"], Value::Null, "it was killed: {outcome}");
     }
     assert_eq!(outcomes(&mut batch(&balls, &["--memory", "8", "--jobs", "2", "--retry-failed"]), 0).len(), 2);
+}
+
+#[test]
+fn a_budget_that_is_none_is_refused() {
+    let balls = Balls::new(1);
+    for (flag, given) in
+        [("--memory", "-1"), ("--memory", "NaN"), ("--memory", "0"), ("--memory", "inf"), ("--jobs", "0")]
+    {
+        for typed in [vec![flag.to_owned(), given.to_owned()], vec![format!("{flag}={given}")]] {
+            let output = batch(&balls, &["--dry-run"]).args(&typed).output().unwrap();
+            let message = stderr(&output);
+            assert_eq!(output.status.code(), Some(2), "{typed:?}: {message}");
+            assert!(message.contains(given) && message.contains(flag), "{typed:?}: {message}");
+            assert!(message.contains("or leave it out"), "{typed:?} says not what to do: {message}");
+        }
+    }
 }
 
 #[test]

@@ -1,3 +1,6 @@
+// A page in headless Chromium.
+pub mod browser;
+
 use std::io::Write;
 use std::path::Path;
 use std::process::{Command, Output};

@@ -4,13 +4,14 @@
 //! 2. [`ledger`] knows what became of each scene so far, so that done scenes are skipped.
 //! 3. [`crew`] runs the others, each in a [`child`] process: whatever happens to one, a panic or too little [`memory`], stops
 //!    no other, and a child that is killed goes on where it was when it is started again.
-//! 4. [`summary`] puts it all in a table; those of several shards are [merged](Batch::merge).
+//! 4. [`summary`] puts it all in a table and [`index`] on a page; those of several shards are [merged](Batch::merge).
 //!
 //! [`questions`] sends the part queries of all scenes by the Batch API.
 
 mod child;
 mod crew;
 mod error;
+mod index;
 mod ledger;
 mod memory;
 mod options;
@@ -166,7 +167,7 @@ impl Batch {
         })?;
         let summary = Summary::new(self.scenes(), ledger.outcomes());
         if self.shard.of == 1 {
-            summary.write(&self.home())?;
+            self.save(&summary)?;
         }
         Ok(summary)
     }
@@ -181,8 +182,16 @@ impl Batch {
         let outcomes = known.into_iter().filter(|(shard, _)| shard.of == of).map(|(_, outcome)| outcome);
         let outcomes: Vec<Outcome> = outcomes.collect();
         let summary = Summary::new(self.all.iter(), outcomes.iter());
-        summary.write(&self.home())?;
+        self.save(&summary)?;
         Ok(summary)
+    }
+
+    /// Writes the summary and the page of it.
+    fn save(&self, summary: &Summary) -> Result<(), BatchError> {
+        let folder = std::path::absolute(&self.folder).unwrap_or_else(|_| self.folder.clone());
+        let title = folder.file_name().unwrap_or(folder.as_os_str()).to_string_lossy();
+        summary.write(&self.home())?;
+        index::write(summary, &title, &self.home())
     }
 
     fn crew(&self, to: Stage) -> anyhow::Result<Crew> {

@@ -37,16 +37,29 @@ pub struct Options {
     pub shard: Option<Shard>,
 
     /// Scenes side by side [default: one for every four threads]
-    #[arg(long, value_name = "N")]
+    #[arg(long, value_name = "N", allow_negative_numbers = true, value_parser = jobs)]
     pub jobs: Option<NonZeroUsize>,
 
     /// Memory in GB (10^9 bytes) that all scenes together may use [default: four fifths of what is free]
-    #[arg(long, value_name = "GB")]
+    #[arg(long, value_name = "GB", allow_negative_numbers = true, value_parser = gigabytes)]
     pub memory: Option<f64>,
 
     /// Try the scenes again that failed
     #[arg(long)]
     pub retry_failed: bool,
+}
+
+fn jobs(text: &str) -> Result<NonZeroUsize, String> {
+    text.parse().map_err(|_| {
+        "is no number of scenes; give 1 or more, or leave it out for one for every four threads".to_owned()
+    })
+}
+
+fn gigabytes(text: &str) -> Result<f64, String> {
+    let given = text.parse().ok().filter(|gigabytes: &f64| gigabytes.is_finite() && *gigabytes > 0.0);
+    given.ok_or_else(|| {
+        "is no amount above 0; give GB such as 8 or 1.5, or leave it out for four fifths of what is free".to_owned()
+    })
 }
 
 impl Options {

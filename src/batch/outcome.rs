@@ -6,7 +6,9 @@ use std::process::ExitStatus;
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
 
+use crate::parts::Parts;
 use crate::units::Estimate;
+use crate::vote::FieldLabel;
 use crate::workdir::{self, Artifact};
 
 /// Whether a scene came to its end.
@@ -35,13 +37,32 @@ pub struct Outcome {
     pub peak_memory_bytes: u64,
     /// Warnings of all stages.
     pub warnings: usize,
-    /// 3D parts, where the run went so far.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub parts: Option<usize>,
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub mass_kg: Option<Estimate>,
+    #[serde(flatten)]
+    pub results: Results,
     /// What was asked of which scene, hashed.
     pub key: String,
+}
+
+/// What a scene that is done came to, as far as its run went.
+#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
+#[serde(default)]
+pub struct Results {
+    /// 3D parts.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub parts: Option<usize>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub mass_kg: Option<Estimate>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub volume_m3: Option<Estimate>,
+    /// By falling mass; in the order of parts where masses are unknown.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub materials: Vec<String>,
+    /// Gaussians of the object.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub gaussians: Option<usize>,
+    /// Chosen views.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub views: Option<usize>,
 }
 
 /// What is left of a scene's process.
@@ -58,10 +79,6 @@ impl Outcome {
         let done = ended.status.success();
         let run = workdir::read_json::<Value>(&work.join(Artifact::Run.path())).unwrap_or_default();
         let stages = run["stages"].as_array().map_or(&[][..], Vec::as_slice);
-        let has_parts = done && stages.iter().any(|stage| stage["name"] == "parts");
-        let parts: Option<Value> =
-            has_parts.then(|| workdir::read_json(&work.join(Artifact::Parts.path())).ok()).flatten();
-        let mass = parts.as_ref().map(|parts| parts["object"]["mass_kg"].clone());
         Self {
             scene: scene.to_owned(),
             state: if done { State::Done } else { State::Failed },
@@ -71,8 +88,7 @@ impl Outcome {
             seconds: ended.seconds,
             peak_memory_bytes: ended.peak_memory_bytes,
             warnings: stages.iter().filter_map(|stage| Some(stage["warnings"].as_array()?.len())).sum(),
-            parts: parts.as_ref().and_then(|parts| Some(parts["parts"].as_array()?.len())),
-            mass_kg: mass.and_then(|mass| serde_json::from_value(mass).ok()),
+            results: if done { Results::read(work, stages) } else { Results::default() },
             key,
         }
     }
@@ -81,6 +97,45 @@ impl Outcome {
     pub fn stopped(scene: &str, work: &Path, key: String, ended: &Ended, why: String) -> Self {
         Self { error: Some(why), ..Self::of(scene, work, key, ended) }
     }
+}
+
+impl Results {
+    /// Reads what the `stages` of `run.json` left in the work folder; what cannot be read is unknown.
+    fn read(work: &Path, stages: &[Value]) -> Self {
+        let did = |name: &str| stages.iter().any(|stage| stage["name"] == name);
+        let views: Value = workdir::read_json(&work.join(Artifact::Views.path())).unwrap_or_default();
+        let mut results = Self {
+            gaussians: views["gaussians"].as_u64().map(|count| count as usize),
+            views: views["views"].as_array().map(Vec::len),
+            ..Self::default()
+        };
+        let labels = || workdir::read_json::<Vec<FieldLabel>>(&work.join(Artifact::Labels.path())).ok();
+        if let Some(labels) = did("vote").then(labels).flatten() {
+            results.parts = Some(labels.len());
+            results.materials = distinct(labels.into_iter().map(|label| label.material));
+        }
+        // Without a metric scale the file is of another form.
+        let parts = || workdir::read_json::<Parts>(&work.join(Artifact::Parts.path())).ok();
+        if let Some(mut parts) = did("parts").then(parts).flatten() {
+            results.parts = Some(parts.parts.len());
+            results.mass_kg = Some(parts.object.mass_kg);
+            results.volume_m3 = Some(parts.object.volume_m3);
+            parts.parts.sort_by(|a, b| b.mass_kg.mid.total_cmp(&a.mass_kg.mid));
+            results.materials = distinct(parts.parts.into_iter().map(|part| part.material));
+        }
+        results
+    }
+}
+
+/// Each once, where it stands first.
+fn distinct(names: impl Iterator<Item = String>) -> Vec<String> {
+    let mut found = Vec::new();
+    for name in names {
+        if !found.contains(&name) {
+            found.push(name);
+        }
+    }
+    found
 }
 
 /// The error with which a gprop ended, as it printed it; how it ended where it could not print any more.

@@ -76,8 +76,8 @@ impl Summary {
                 State::Done => "done",
                 State::Failed => "FAILED",
             };
-            let parts = outcome.parts.map_or_else(String::new, |parts| parts.to_string());
-            let last = match (&outcome.error, &outcome.mass_kg) {
+            let parts = outcome.results.parts.map_or_else(String::new, |parts| parts.to_string());
+            let last = match (&outcome.error, &outcome.results.mass_kg) {
                 (Some(error), _) => error.lines().next().unwrap_or_default().to_owned(),
                 (None, Some(mass)) => format!("{:.3} ({:.3} to {:.3})", mass.mid, mass.low, mass.high),
                 (None, None) => String::new(),

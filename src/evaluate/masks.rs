@@ -53,7 +53,7 @@ struct ColumnRuns {
 /// Why a comparison could not be made.
 #[derive(Debug, thiserror::Error)]
 pub enum MasksError {
-    #[error("the reference is no file of reference masks: {0}")]
+    #[error("the reference is no file of reference masks")]
     Json(#[from] serde_json::Error),
     #[error(
         "the reference is of a picture of {expected:?} pixels, this one has {found:?}: give the picture it was made from"

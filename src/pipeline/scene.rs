@@ -20,6 +20,8 @@ use super::{Done, Pipeline};
 /// The content of `views.json`.
 #[derive(Serialize)]
 struct ViewsFile<'a> {
+    /// How many the object has.
+    gaussians: usize,
     scale: Option<&'a MetricScale>,
     views: Vec<ViewEntry<'a>>,
 }
@@ -50,7 +52,11 @@ impl Pipeline {
             image: view.image.strip_prefix(&self.folder).unwrap_or(&view.image),
             camera: &view.camera,
         });
-        let file = ViewsFile { scale: self.scene.scale.as_ref(), views: views.collect() };
+        let file = ViewsFile {
+            gaussians: self.scene.gaussians.len(),
+            scale: self.scene.scale.as_ref(),
+            views: views.collect(),
+        };
         self.work.write_json(Artifact::Views, &file)?;
         Ok(Done::writing([Artifact::Views]).warning(self.scene.warnings.clone()))
     }

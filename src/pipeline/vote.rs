@@ -8,6 +8,7 @@ use image::RgbImage;
 use crate::exit::UsageError;
 use crate::query::Answers;
 use crate::report::figure::{self, Shown};
+use crate::report::thumbnail;
 use crate::scene::gaussians::Gaussians;
 use crate::scene::{View, ply};
 use crate::vote::{MaterialField, ViewInput, field_ply, vote};
@@ -34,7 +35,9 @@ impl Pipeline {
         let mut written = vec![Artifact::Field, Artifact::Labels, Artifact::Materials, Artifact::Recolored];
         if let Some(view) = self.views.first() {
             self.work.write(Artifact::Figure, &png(&self.draw(Shown::Figure, view, &field)?)?)?;
-            written.push(Artifact::Figure);
+            let small = thumbnail::draw(&view.camera, &view.photo()?, gaussians, &field)?;
+            self.work.write(Artifact::Thumbnail, &small)?;
+            written.extend([Artifact::Figure, Artifact::Thumbnail]);
         }
         Ok(Done::writing(written).warning(field.warnings))
     }

@@ -3,12 +3,14 @@
 mod charts;
 mod cloud;
 pub mod figure;
+pub(crate) mod look;
 pub mod material_map;
-mod numbers;
+pub(crate) mod numbers;
 mod page;
 mod panels;
 mod pictures;
 mod summary;
+pub mod thumbnail;
 
 use serde::Serialize;
 
@@ -101,12 +103,10 @@ pub struct Warning {
 /// Where the answers came from.
 #[derive(Debug, Clone, Default, PartialEq, Eq, Serialize)]
 pub struct AnswerCounts {
-    /// Recorded for exactly this query.
+    /// Recorded for exactly this query, in this run or before.
     pub exact: usize,
     /// Recorded for the same view with a mask that overlaps.
     pub by_mask: usize,
-    /// Asked in this run.
-    pub live: usize,
     /// Parts without an answer; they cast no votes.
     pub failed: usize,
 }
@@ -119,9 +119,9 @@ impl AnswerCounts {
             match &part.outcome {
                 Outcome::Failed(_) => counts.failed += 1,
                 Outcome::Answered(answer) => match answer.matched {
-                    Match::Exact => counts.exact += 1,
+                    // What is asked is recorded first.
+                    Match::Exact | Match::Live => counts.exact += 1,
                     Match::Mask { .. } => counts.by_mask += 1,
-                    Match::Live => counts.live += 1,
                 },
             }
         }
@@ -130,6 +130,6 @@ impl AnswerCounts {
 
     /// Parts that have an answer.
     pub fn answered(&self) -> usize {
-        self.exact + self.by_mask + self.live
+        self.exact + self.by_mask
     }
 }

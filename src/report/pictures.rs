@@ -99,7 +99,7 @@ fn mix(Rgb(under): Rgb<u8>, over: [f32; 3]) -> Rgb<u8> {
     Rgb(std::array::from_fn(|c| (f32::from(under[c]) * (1.0 - TINT) + 255.0 * over[c] * TINT).round() as u8))
 }
 
-fn jpeg(picture: &RgbImage, longest_side: u32) -> Result<Vec<u8>> {
+pub(super) fn jpeg(picture: &RgbImage, longest_side: u32) -> Result<Vec<u8>> {
     let longest = picture.width().max(picture.height());
     let fitted = (longest > longest_side).then(|| {
         let side = |length: u32| (length * longest_side / longest).max(1);

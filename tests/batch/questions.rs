@@ -6,6 +6,7 @@ use super::ball::Balls;
 use super::{batch, outcomes, stderr};
 use crate::query::batch::{BatchServer, answered, completed};
 use crate::query::{a, good_answer};
+use crate::run::gprop;
 
 fn json_of(command: &mut std::process::Command, code: i32) -> Value {
     let output = command.arg("--json").output().unwrap();
@@ -50,6 +51,26 @@ fn all_scenes_queries_go_out_and_come_in_together() {
         .map(|line| serde_json::from_str::<Value>(line).unwrap()["state"].clone())
         .collect();
     assert_eq!(states.iter().filter(|state| *state == "done").count(), 2, "{states:?}");
+}
+
+#[test]
+fn one_scenes_submission_prints_json_at_every_step() {
+    let balls = Balls::new(1);
+    let good = good_answer(a("wood"));
+    let server = BatchServer::new(&good);
+    let (url, model) = (server.options().lmm_url.unwrap(), server.options().lmm_model.unwrap());
+    let step = |step: &str| {
+        let mut command = gprop();
+        command.env_remove("OPENAI_API_KEY").arg("query").arg(balls.scene(0)).args(["--batch", step]);
+        command.args(["--lmm-url", &url, "--lmm-model", &model, "--lmm-retries", "0"]);
+        command
+    };
+    assert_eq!(json_of(&mut step("submit"), 0)["sent"], 5);
+    server.set(json!({ "id": "batch-1", "status": "in_progress" }), &[], &[]);
+    assert_eq!(json_of(&mut step("collect"), 5)["running"], 1);
+    let output: Vec<Value> = server.sent().iter().map(|id| answered(id, &good)).collect();
+    server.set(completed(), &output, &[]);
+    assert_eq!(json_of(&mut step("collect"), 0)["recorded"], 5);
 }
 
 #[test]

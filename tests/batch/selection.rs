@@ -105,3 +105,46 @@ fn a_job_without_its_count_is_refused() {
     assert_eq!(output.status.code(), Some(2));
     assert!(stderr(&output).contains("JOB_COMPLETIONS"), "{}", stderr(&output));
 }
+
+#[test]
+fn the_pods_of_the_kubernetes_job_share_the_scenes() {
+    let text = fs::read_to_string(Path::new(env!("CARGO_MANIFEST_DIR")).join("scripts/k8s-indexed-job.yaml")).unwrap();
+    let job: Value = serde_yaml_ng::from_str(&text).unwrap();
+    let (spec, pod) = (&job["spec"], &job["spec"]["template"]["spec"]);
+    let container = &pod["containers"][0];
+    assert_eq!((&job["kind"], &spec["completionMode"]), (&"Job".into(), &"Indexed".into()));
+    let completions = spec["completions"].as_u64().unwrap();
+    assert!(spec["parallelism"].as_u64().is_some_and(|pods| (1..=completions).contains(&pods)));
+    let set = |name: &str| container["env"].as_array().unwrap().iter().find(|set| set["name"] == name).cloned();
+    let count = set("JOB_COMPLETIONS").unwrap()["value"].as_str().unwrap().to_owned();
+    assert_eq!(count.parse(), Ok(completions), "what gprop is told is what there are");
+    // Kubernetes sets the index itself; a pod of any other mode would have none.
+    assert!(set("JOB_COMPLETION_INDEX").is_none());
+    let mounted: Vec<&str> =
+        container["volumeMounts"].as_array().unwrap().iter().map(|at| at["mountPath"].as_str().unwrap()).collect();
+
+    // The pod's command, on balls instead of the claim.
+    let (balls, results) = (Balls::new(7), tempfile::tempdir().unwrap());
+    let words: Vec<&str> = container["command"].as_array().unwrap().iter().map(|word| word.as_str().unwrap()).collect();
+    assert!(
+        words[0] == "gprop"
+            && words
+                .iter()
+                .filter(|word| word.starts_with('/'))
+                .all(|word| mounted.iter().any(|at| word.starts_with(at)))
+    );
+    let place = |word: &&str| match *word {
+        word if word.starts_with("/results") => results.path().to_owned(),
+        word if word.starts_with('/') => balls.folder(),
+        "abo" => "scenes".into(),
+        word => word.into(),
+    };
+    let of_pod = |index: u64| {
+        let mut command = gprop();
+        command.env_remove("SLURM_ARRAY_TASK_ID").args(words[1..].iter().map(place));
+        listed(command.envs([("JOB_COMPLETION_INDEX", index.to_string()), ("JOB_COMPLETIONS", count.clone())]))
+    };
+    let mut dealt: Vec<String> = (0..completions).flat_map(of_pod).collect();
+    dealt.sort();
+    assert_eq!(dealt, (0..7).map(|ball| format!("ball-{ball}")).collect::<Vec<_>>(), "each scene falls to one pod");
+}

@@ -1,89 +1,23 @@
 //! The page in headless Chromium, from disk.
 
-use std::ffi::OsStr;
-use std::sync::{Arc, Mutex};
 use std::time::Duration;
 
-use headless_chrome::browser::default_executable;
 use headless_chrome::browser::tab::point::Point;
-use headless_chrome::protocol::cdp::types::Event;
-use headless_chrome::{Browser, LaunchOptions, Tab};
-use serde_json::Value;
 
-use crate::support::skipped;
+use crate::support::browser::Page;
 
 use super::{HOSTILE, hostile_run, json_file};
 
-/// Software WebGL on a busy machine draws a few frames a second.
-const PATIENCE: Duration = Duration::from_secs(120);
 /// Points a row and a column at which the object is looked for.
 const PROBES: u32 = 9;
 
-/// A page and what it complained of.
-struct Page {
-    _browser: Browser,
-    tab: Arc<Tab>,
-    complaints: Arc<Mutex<Vec<String>>>,
-}
-
 impl Page {
-    /// Opens `url`; `None`, said aloud, where there is no Chromium.
-    fn open(test: &str, url: &str) -> Option<Self> {
-        let Ok(path) = default_executable() else {
-            skipped(test, "no Chromium or Chrome; `apt-get install chromium` brings one");
-            return None;
-        };
-        let options = LaunchOptions::default_builder()
-            .path(Some(path))
-            // Chromium's sandbox does not start for root, as whom tests in a container run.
-            .sandbox(false)
-            .enable_gpu(true)
-            .window_size(Some((1280, 1000)))
-            .idle_browser_timeout(PATIENCE)
-            .args(["--use-gl=angle", "--use-angle=swiftshader", "--enable-unsafe-swiftshader"].map(OsStr::new).to_vec())
-            .build()
-            .unwrap();
-        let browser = Browser::new(options).unwrap();
-        let tab = browser.new_tab().unwrap();
-        tab.set_default_timeout(PATIENCE);
-        tab.enable_runtime().unwrap().enable_log().unwrap();
-        let complaints = Arc::new(Mutex::new(Vec::new()));
-        let heard = Arc::clone(&complaints);
-        let listen = move |event: &Event| {
-            let complaint = match event {
-                Event::RuntimeExceptionThrown(thrown) => format!("{:?}", thrown.params.exception_details),
-                Event::RuntimeConsoleAPICalled(call) => format!("console: {:?}", call.params),
-                Event::LogEntryAdded(entry) => format!("log: {:?}", entry.params.entry),
-                _ => return,
-            };
-            heard.lock().unwrap().push(complaint);
-        };
-        tab.add_event_listener(Arc::new(listen)).unwrap();
-        tab.navigate_to(url).unwrap().wait_until_navigated().unwrap();
-        tab.wait_for_element(".frame.ready").unwrap();
-        Some(Self { _browser: browser, tab, complaints })
-    }
-
-    fn evaluate(&self, script: &str) -> Value {
-        self.tab.evaluate(script, true).unwrap().value.unwrap_or_default()
-    }
-
-    fn text(&self, selector: &str) -> String {
-        let text = self.evaluate(&format!("document.querySelector({selector:?})?.textContent ?? ''"));
-        text.as_str().unwrap().to_owned()
-    }
-
     fn color_by(&self, name: &str) {
         self.evaluate(&format!(
             "{{ const select = document.getElementById('color-by');
                select.value = [...select.options].find((option) => option.text === {name:?}).value;
                select.dispatchEvent(new Event('change')); }}"
         ));
-    }
-
-    /// Waits until the script has drawn twice.
-    fn settle(&self) {
-        self.evaluate("new Promise((done) => requestAnimationFrame(() => requestAnimationFrame(() => done(1))))");
     }
 
     /// Points at the canvas here and there until it says that something is there.
@@ -116,7 +50,7 @@ fn number_after(text: &str, name: &str) -> f64 {
 fn a_click_on_the_object_reads_the_parts_number() {
     let Some(scene) = hostile_run() else { return };
     let url = format!("file://{}", scene.join("gprop/report.html").display());
-    let Some(page) = Page::open("a_click_on_the_object_reads_the_parts_number", &url) else { return };
+    let Some(page) = Page::open("a_click_on_the_object_reads_the_parts_number", &url, ".frame.ready") else { return };
     let report = json_file(scene.join("gprop/report.json"));
     page.evaluate("document.getElementById('spin').getAttribute('aria-pressed') === 'true' && document.getElementById('spin').click()");
     page.color_by("density");
@@ -184,10 +118,10 @@ fn a_click_on_the_object_reads_the_parts_number() {
     assert!(page.text(".list button span").contains(HOSTILE), "{}", page.text(".list button span"));
     assert_eq!(page.evaluate("document.querySelectorAll('img[src=x]').length"), 0);
     assert_ne!(page.tab.get_title().unwrap(), "taken");
-    assert_eq!(*page.complaints.lock().unwrap(), Vec::<String>::new());
+    assert_eq!(page.complaints(), Vec::<String>::new());
 
     // And a complaint would have been heard.
     page.evaluate("console.error('one')");
     page.settle();
-    assert_eq!(page.complaints.lock().unwrap().len(), 1);
+    assert_eq!(page.complaints().len(), 1);
 }

@@ -5,7 +5,7 @@
 //! that a row would make it small. Everything is drawn with integers and IEEE arithmetic, so that the same photo and
 //! part give the same pixels on every processor; recordings are found by those pixels, before JPEG.
 
-mod panel;
+pub(crate) mod panel;
 pub mod text;
 
 use image::codecs::jpeg::JpegEncoder;

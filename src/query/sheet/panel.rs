@@ -22,10 +22,10 @@ const MARGIN_MIN: u32 = 2;
 /// A box of pixels, `x0 <= x < x1`.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Area {
-    x0: u32,
-    y0: u32,
-    x1: u32,
-    y1: u32,
+    pub x0: u32,
+    pub y0: u32,
+    pub x1: u32,
+    pub y1: u32,
 }
 
 impl Area {
@@ -54,7 +54,7 @@ impl Area {
         f64::from(self.width()) / f64::from(self.height())
     }
 
-    fn width(self) -> u32 {
+    pub fn width(self) -> u32 {
         self.x1 - self.x0
     }
 

@@ -11,7 +11,7 @@ use std::collections::BTreeMap;
 
 use base64::Engine;
 use base64::engine::general_purpose::STANDARD as BASE64;
-use minijinja::{AutoEscape, Environment, Value, context};
+use minijinja::{Value, context};
 
 use crate::grasp::GraspReport;
 use crate::grasp::candidates::Candidate;
@@ -20,15 +20,12 @@ use crate::units::{Estimate, ShoreScale};
 use crate::vote::{FieldLabel, palette};
 
 use super::charts::{curves, force_scale};
+use super::look;
 use super::numbers::{interval, short, significant, thousands};
 use super::{Cloud, Pictures, Report};
 
 /// The page of a report.
 pub fn page(report: &Report, answers: &Answers, pictures: &Pictures, cloud: &Cloud) -> String {
-    let mut engine = Environment::new();
-    engine.set_auto_escape_callback(|_| AutoEscape::Html);
-    engine.add_filter("thousands", thousands);
-    engine.add_filter("seconds", |seconds: f64| format!("{seconds:.1}"));
     let data = context! {
         report,
         scale => scale(report),
@@ -46,7 +43,7 @@ pub fn page(report: &Report, answers: &Answers, pictures: &Pictures, cloud: &Clo
         viewer_code => Value::from_safe_string(BASE64.encode(include_bytes!("splats.js.gz"))),
         licences => include_str!("splats.licences.txt"),
     };
-    engine.render_str(include_str!("page.html.j2"), data).expect("the template is a constant")
+    look::engine().render_str(include_str!("page.html.j2"), data).expect("the template is a constant")
 }
 
 fn cloud_note(cloud: &Cloud) -> String {

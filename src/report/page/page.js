@@ -1,4 +1,4 @@
-// The page's own script: the object in 3D, coloured and picked; rows and places that belong together; the theme.
+// The page's own script: the object in 3D, coloured and picked; rows and places that belong together.
 // `Splats` is three.js and Spark in one file (scripts/viewer). Without WebGL 2 the page keeps its pictures and tables.
 "use strict";
 (() => {
@@ -113,11 +113,7 @@
   document.addEventListener("click", (event) => { const ids = linked(event); if (ids) pin(ids); });
   document.addEventListener("keydown", (event) => { if (event.key === "Escape" && pinned) pin(pinned); });
 
-  // --- Theme, large pictures, the command to copy.
-  byId("theme").addEventListener("click", () => {
-    const root = document.documentElement, dark = getComputedStyle(root).getPropertyValue("--is-dark").trim() === "1";
-    root.dataset.theme = dark ? "light" : "dark";
-  });
+  // --- Large pictures, the command to copy.
   const large = byId("large");
   document.addEventListener("click", (event) => {
     const picture = event.target.closest?.("button.picture")?.querySelector("img");

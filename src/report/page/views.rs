@@ -17,11 +17,10 @@ pub(super) fn views(pictures: &Pictures, answers: &Answers) -> Vec<Value> {
 /// Where the answers came from.
 pub(super) fn sentence(counts: &AnswerCounts) -> String {
     format!(
-        "{} parts answered: {} by an exact recording, {} by a recording whose mask overlaps, {} asked; {} failed.",
+        "{} parts answered: {} for exactly this question, {} by a recording whose mask overlaps; {} failed.",
         counts.answered(),
         counts.exact,
         counts.by_mask,
-        counts.live,
         counts.failed,
     )
 }
@@ -65,9 +64,8 @@ fn row(part: &PartAnswer, pictures: &Pictures) -> Value {
             confidence => significant(answer.confidence),
             flags => &answer.flags,
             found => match answer.matched {
-                Match::Exact => "recorded".to_owned(),
+                Match::Exact | Match::Live => "recorded".to_owned(),
                 Match::Mask { iou } => format!("recorded, mask overlap {iou:.3}"),
-                Match::Live => "asked".to_owned(),
             },
         },
         Outcome::Failed(failure) => context! { caption => failure.to_string(), found => "failed" },

@@ -1,0 +1,39 @@
+// The index's own script: rows in the order of a column, and only those that hold what is typed.
+"use strict";
+(() => {
+  const body = document.querySelector("tbody"), heads = [...document.querySelectorAll("thead th")];
+  const rows = [...body.rows], count = document.getElementById("count"), filter = document.getElementById("filter");
+  const collator = new Intl.Collator("en", { numeric: true });
+  const words = rows.map((row) => row.textContent.toLowerCase());
+
+  // A number where the column has numbers, else text; undefined where a scene has none, which comes last either way.
+  function value(row, column) {
+    const cell = row.cells[column];
+    if (cell.dataset.v !== undefined) return Number(cell.dataset.v);
+    return heads[column].className === "n" || !cell.textContent ? undefined : cell.textContent;
+  }
+  const compare = (a, b) => (typeof a === "number" ? a - b : collator.compare(a, b));
+  function sort(column, sign) {
+    const keyed = rows.map((row) => ({ row, key: value(row, column) }));
+    keyed.sort((a, b) => (a.key === undefined) - (b.key === undefined) || (a.key === undefined ? 0 : sign * compare(a.key, b.key)));
+    body.append(...keyed.map(({ row }) => row));
+  }
+  heads.forEach((head, column) => head.querySelector("button")?.addEventListener("click", () => {
+    const turned = head.ariaSort === "ascending";
+    heads.forEach((other) => other.removeAttribute("aria-sort"));
+    head.ariaSort = turned ? "descending" : "ascending";
+    sort(column, turned ? -1 : 1);
+  }));
+
+  sort(heads.findIndex((head) => head.ariaSort), 1);
+
+  filter.addEventListener("input", () => {
+    const wanted = filter.value.toLowerCase().split(/\s+/);
+    let shown = 0;
+    rows.forEach((row, at) => {
+      row.hidden = !wanted.every((word) => words[at].includes(word));
+      shown += !row.hidden;
+    });
+    count.textContent = shown === rows.length ? `${shown} scenes` : `${shown} of ${rows.length} scenes`;
+  });
+})();

@@ -1,0 +1,179 @@
+//! `index.html`: all scenes of a batch on one page that opens from disk, to sort and to search, each with a small picture
+//! and a link to its report. Whatever a scene's name or an error says is escaped by the template engine.
+
+use std::collections::BTreeMap;
+use std::fs;
+use std::io::Cursor;
+use std::path::{Component, Path};
+
+use base64::Engine;
+use base64::engine::general_purpose::STANDARD as BASE64;
+use image::{ImageFormat, ImageReader, Limits};
+use minijinja::{Value, context};
+use percent_encoding::{AsciiSet, NON_ALPHANUMERIC, utf8_percent_encode};
+use rayon::prelude::*;
+
+use crate::report::numbers::{interval, significant};
+use crate::report::{look, thumbnail};
+use crate::units::Estimate;
+use crate::workdir::{self, Artifact};
+
+use super::{BatchError, Outcome, State, Summary, memory};
+
+/// Name of the page.
+const FILE: &str = "index.html";
+/// Bytes of a small picture beyond which it is none that gprop wrote: as many as its pixels have.
+const MOST_PICTURE_BYTES: u64 = 3 * 2 * thumbnail::SIDE as u64 * thumbnail::SIDE as u64;
+/// Materials that a row names.
+const MATERIALS: usize = 3;
+/// Characters of an error on the page; `summary.json` has it whole.
+const MOST_OF_AN_ERROR: usize = 1000;
+/// What stands for itself in a link.
+const SAFE: &AsciiSet = &NON_ALPHANUMERIC.remove(b'-').remove(b'.').remove(b'_').remove(b'~');
+
+/// Writes the page of a batch into `home`, where its other files lie; `title` says what it was about.
+pub fn write(summary: &Summary, title: &str, home: &Path) -> Result<(), BatchError> {
+    let (path, page) = (home.join(FILE), page(summary, title, home));
+    workdir::write_atomic(&path, |out| out.write_all(page.as_bytes())).map_err(|source| BatchError::Io { path, source })
+}
+
+fn page(summary: &Summary, title: &str, home: &Path) -> String {
+    let known = summary.outcomes.par_iter().map(|outcome| (&outcome.scene, row(outcome, home)));
+    let unknown = summary.missing.par_iter().map(|name| (name, context! { name, state => "unknown", rank => 1 }));
+    let rows: BTreeMap<&String, Value> = known.chain(unknown).collect();
+    let data = context! {
+        title,
+        tiles => tiles(summary),
+        rows => rows.into_values().collect::<Vec<_>>(),
+        style => Value::from_safe_string(include_str!("index.css").to_owned()),
+        script => Value::from_safe_string(include_str!("index.js").to_owned()),
+    };
+    look::engine().render_str(include_str!("index.html.j2"), data).expect("the template is a constant")
+}
+
+fn tiles(summary: &Summary) -> Vec<Value> {
+    let tile = |name: &str, value: String| context! { name, value };
+    let mut tiles = vec![tile("scenes", summary.scenes.to_string()), tile("done", summary.done.to_string())];
+    tiles.push(tile("failed", summary.failed.to_string()));
+    if !summary.missing.is_empty() {
+        tiles.push(tile("not run", summary.missing.len().to_string()));
+    }
+    tiles.push(tile("time of all together", duration(summary.seconds)));
+    tiles.push(tile("most memory", format!("{:.2} GB", summary.peak_memory_bytes as f64 / memory::GIGABYTE)));
+    tiles
+}
+
+fn duration(seconds: f64) -> String {
+    match seconds {
+        ..120.0 => format!("{seconds:.0} s"),
+        ..7200.0 => format!("{:.0} min", seconds / 60.0),
+        _ => format!("{:.1} h", seconds / 3600.0),
+    }
+}
+
+/// A scene; `rank` orders states by how much they ask of the reader.
+fn row(outcome: &Outcome, home: &Path) -> Value {
+    let (state, rank) = match (outcome.state, outcome.warnings) {
+        (State::Failed, _) => ("failed", 0),
+        (State::Done, 1..) => ("warnings", 2),
+        (State::Done, 0) => ("done", 3),
+    };
+    let report = outcome.work.join(Artifact::ReportHtml.path());
+    let results = &outcome.results;
+    let named = &results.materials[..results.materials.len().min(MATERIALS)];
+    context! {
+        name => &outcome.scene,
+        state,
+        rank,
+        warnings => outcome.warnings,
+        error => outcome.error.as_deref().map(error),
+        picture => picture(&outcome.work.join(Artifact::Thumbnail.path())),
+        link => (outcome.state == State::Done && report.is_file()).then(|| link(home, &report)).flatten(),
+        materials => named.join("; "),
+        more_materials => results.materials.len() - named.len(),
+        mass => results.mass_kg.map(|mass| cell(mass, 1.0)),
+        volume => results.volume_m3.map(|volume| cell(volume, 1e6)),
+        parts => results.parts,
+        gaussians => results.gaussians,
+        views => results.views,
+        seconds => outcome.seconds,
+    }
+}
+
+fn cell(estimate: Estimate, factor: f64) -> Value {
+    context! { value => estimate.mid, mid => significant(estimate.mid * factor), interval => interval(estimate, factor) }
+}
+
+/// First line of an error and the others, as far as there is room for them.
+fn error(text: &str) -> Value {
+    let mut shown: String = text.chars().take(MOST_OF_AN_ERROR).collect();
+    if shown.len() < text.len() {
+        shown.push_str(" … (whole in summary.json)");
+    }
+    let (first, rest) = shown.split_once('\n').unwrap_or((&shown, ""));
+    context! { first, rest }
+}
+
+/// A scene's small picture as a data URI. None is better than a broken one, and nothing says that it is gprop's.
+fn picture(path: &Path) -> Option<Value> {
+    if fs::metadata(path).ok()?.len() > MOST_PICTURE_BYTES {
+        return None;
+    }
+    let jpeg = fs::read(path).ok()?;
+    let mut reader = ImageReader::with_format(Cursor::new(&jpeg), ImageFormat::Jpeg);
+    let mut limits = Limits::default();
+    (limits.max_image_width, limits.max_image_height) = (Some(2 * thumbnail::SIDE), Some(thumbnail::SIDE));
+    reader.limits(limits);
+    reader.decode().ok()?;
+    Some(Value::from_safe_string(format!("data:image/jpeg;base64,{}", BASE64.encode(jpeg))))
+}
+
+/// The way from a page in `folder` to `file`, as a URL; `None` where there is none, on another drive.
+fn link(folder: &Path, file: &Path) -> Option<Value> {
+    let (folder, file) = (std::path::absolute(folder).ok()?, std::path::absolute(file).ok()?);
+    let way = pathdiff::diff_paths(file, folder)?;
+    let step = |step: Component| match step {
+        Component::ParentDir => "..".to_owned(),
+        step => utf8_percent_encode(&step.as_os_str().to_string_lossy(), SAFE).to_string(),
+    };
+    Some(Value::from_safe_string(way.components().map(step).collect::<Vec<_>>().join("/")))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_link_leads_from_the_batch_to_the_scene_whatever_it_is_called() {
+        let way = |folder: &str, file: &str| link(Path::new(folder), Path::new(file)).unwrap().to_string();
+        assert_eq!(way("/r/batch", "/r/7/a b/report.html"), "../7/a%20b/report.html");
+        assert_eq!(way("r/batch", "r/x\"><script>&#?%/report.html"), "../x%22%3E%3Cscript%3E%26%23%3F%25/report.html");
+        assert_eq!(way("/r/batch", "/r/batch/javascript:x/report.html"), "javascript%3Ax/report.html");
+    }
+
+    #[test]
+    fn a_picture_is_gprops_or_left_out() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("thumbnail.jpg");
+        assert!(picture(&path).is_none(), "missing");
+        let write = |width: u32, height: u32| image::RgbImage::new(width, height).save(&path).unwrap();
+        write(2 * thumbnail::SIDE, thumbnail::SIDE);
+        assert!(picture(&path).unwrap().to_string().starts_with("data:image/jpeg;base64,/9j/"));
+        let bytes = fs::read(&path).unwrap();
+        fs::write(&path, &bytes[..bytes.len() / 4]).unwrap();
+        assert!(picture(&path).is_none(), "cut short");
+        write(4 * thumbnail::SIDE, thumbnail::SIDE);
+        assert!(picture(&path).is_none(), "larger than any");
+        fs::write(&path, vec![0; 1 << 20]).unwrap();
+        assert!(picture(&path).is_none(), "a megabyte");
+    }
+
+    #[test]
+    fn a_long_error_is_cut() {
+        let cut = error(&"é\n".repeat(MOST_OF_AN_ERROR));
+        assert_eq!(cut.get_attr("first").unwrap().as_str(), Some("é"));
+        let rest = cut.get_attr("rest").unwrap().to_string();
+        assert!(rest.ends_with("(whole in summary.json)") && rest.chars().count() < MOST_OF_AN_ERROR + 40, "{rest}");
+        assert_eq!(error("short").get_attr("rest").unwrap().as_str(), Some(""));
+    }
+}

@@ -1,0 +1,108 @@
+//! `index.html` of a batch: whole, harmless whatever scenes are called, and sorted and searched in a browser.
+
+use std::fs;
+
+use serde_json::Value;
+
+use super::ball::Balls;
+use super::{batch, outcomes, stderr};
+use crate::support::browser::Page;
+
+/// What a data set might call a scene, as far as a file name can hold it.
+const HOSTILE: &str = "x\"><img src=x onerror=document.title='taken'> {{ 7*7 }} %2e";
+
+/// Three balls after a batch: one is done, one is called [`HOSTILE`], one has failed and says so with markup.
+fn run() -> (Balls, String) {
+    let balls = Balls::new(3);
+    fs::rename(balls.scene(1), balls.folder().join(HOSTILE)).unwrap();
+    fs::write(balls.scene(2).join("gprop.toml"), "\"<b>views</b>\" = 3\n").unwrap();
+    assert_eq!(outcomes(&mut batch(&balls, &["--jobs", "2"]), 6).len(), 3);
+    fs::write(balls.folder().join(HOSTILE).join("gprop/report.html"), "the report").unwrap();
+    let merged = batch(&balls, &["--merge"]).output().unwrap();
+    assert_eq!(merged.status.code(), Some(6), "{}", stderr(&merged));
+    let page = fs::read_to_string(balls.folder().join("gprop/batch/index.html")).unwrap();
+    (balls, page)
+}
+
+#[test]
+fn the_page_is_whole_and_harmless() {
+    let (balls, page) = run();
+    assert!(!page.contains("<img src=x") && !page.contains("<b>views"), "markup from outside");
+    assert!(page.contains("&lt;img src=x") && page.contains("&lt;b&gt;views"), "what came from outside is shown");
+    assert_eq!(page.matches("</script").count(), page.matches("<script").count());
+    for reference in ["src=\"http", "href=\"http", "url(http", "@import", "src=\"/", "src=\"."] {
+        assert!(!page.contains(reference), "{reference}");
+    }
+    let link = page.split_once("<a href=\"").unwrap().1.split_once('"').unwrap().0;
+    assert!(link.starts_with("../../x%22%3E%3Cimg%20src%3Dx") && link.ends_with("%252e/gprop/report.html"), "{link}");
+    assert_eq!(page.matches("<a href").count(), 1, "only what is there is linked");
+    assert_eq!(page.matches("data:image/jpeg").count(), 2, "two scenes have a picture");
+    // Without pictures, and with one that is none, the page is made all the same.
+    fs::remove_file(balls.scene(0).join("gprop/thumbnail.jpg")).unwrap();
+    fs::write(balls.folder().join(HOSTILE).join("gprop/thumbnail.jpg"), "no picture").unwrap();
+    let again = || {
+        assert_eq!(batch(&balls, &["--merge"]).output().unwrap().status.code(), Some(6));
+        fs::read_to_string(balls.folder().join("gprop/batch/index.html")).unwrap()
+    };
+    let without = again();
+    assert_eq!(without.matches("data:image/jpeg").count(), 0);
+    assert_eq!(without, again(), "the same outcomes, the same bytes");
+}
+
+#[test]
+fn rows_are_sorted_and_found() {
+    let (balls, _) = run();
+    let url = format!("file://{}", balls.folder().join("gprop/batch/index.html").display());
+    let Some(page) = Page::open("rows_are_sorted_and_found", &url, "tbody tr") else { return };
+    let names = |page: &Page| -> Vec<String> {
+        let shown = "[...document.querySelectorAll('tbody tr')].filter((row) => !row.hidden)";
+        let names = page.evaluate(&format!("{shown}.map((row) => row.cells[1].firstChild.textContent).join('|')"));
+        names.as_str().unwrap().split('|').filter(|name| !name.is_empty()).map(str::to_owned).collect()
+    };
+    let press = |page: &Page, head: &str| {
+        let button = format!("[...document.querySelectorAll('th button')].find((b) => b.textContent === {head:?})");
+        page.evaluate(&format!("{button}.focus()"));
+        page.tab.press_key("Enter").unwrap();
+        page.evaluate(&format!("{button}.closest('th').ariaSort")).as_str().map(str::to_owned)
+    };
+    assert_eq!(names(&page), ["ball-0", "ball-2", HOSTILE]);
+    assert_eq!(press(&page, "scene").as_deref(), Some("descending"));
+    assert_eq!(names(&page), [HOSTILE, "ball-2", "ball-0"]);
+    assert_eq!(press(&page, "state").as_deref(), Some("ascending"));
+    assert_eq!(names(&page)[0], "ball-2", "what failed comes first");
+    assert_eq!(page.evaluate("document.querySelectorAll('[aria-sort]').length"), 1);
+    // The failed scene has no mass: it comes last whichever way the others stand.
+    let masses = |page: &Page| -> Vec<f64> {
+        let masses = page.evaluate(
+            "[...document.querySelectorAll('tbody tr')].map((row) => row.cells[4].dataset.v ?? 'none').join()",
+        );
+        masses.as_str().unwrap().split(',').filter_map(|mass| mass.parse().ok()).collect()
+    };
+    press(&page, "mass, kg");
+    assert!(masses(&page).len() == 2 && masses(&page)[0] < masses(&page)[1], "{:?}", masses(&page));
+    assert_eq!(names(&page)[2], "ball-2");
+    press(&page, "mass, kg");
+    assert!(masses(&page)[0] > masses(&page)[1], "{:?}", masses(&page));
+    assert_eq!(names(&page)[2], "ball-2");
+
+    let look_for = |page: &Page, words: &str| {
+        page.evaluate(&format!(
+            "{{ const filter = document.getElementById('filter'); filter.value = {words:?}; filter.dispatchEvent(new Event('input')); }}"
+        ));
+        (names(page), page.text("#count"))
+    };
+    assert_eq!(look_for(&page, "FAILED"), (vec!["ball-2".to_owned()], "1 of 3 scenes".to_owned()));
+    assert_eq!(look_for(&page, "ball done").0, ["ball-0"]);
+    assert_eq!(look_for(&page, "<b>views").0, ["ball-2"], "words of an error");
+    assert_eq!(look_for(&page, "").1, "3 scenes");
+
+    assert_eq!(page.evaluate("document.querySelectorAll('img[src=x]').length"), 0);
+    assert_ne!(page.tab.get_title().unwrap(), "taken");
+    let picture = page.evaluate("[...document.images].map((image) => image.naturalWidth).join()");
+    assert_eq!(picture, Value::from("192,192"));
+    let ground = "getComputedStyle(document.body).backgroundColor";
+    let before = page.evaluate(ground);
+    page.tab.find_element("#theme").unwrap().click().unwrap();
+    assert_ne!(page.evaluate(ground), before, "light and dark differ");
+    assert_eq!(page.complaints(), Vec::<String>::new());
+}

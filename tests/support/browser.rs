@@ -1,0 +1,79 @@
+//! A page in headless Chromium.
+
+use std::ffi::OsStr;
+use std::sync::{Arc, Mutex};
+use std::time::Duration;
+
+use headless_chrome::browser::default_executable;
+use headless_chrome::protocol::cdp::types::Event;
+use headless_chrome::{Browser, LaunchOptions, Tab};
+use serde_json::Value;
+
+use super::skipped;
+
+/// Software WebGL on a busy machine draws a few frames a second.
+const PATIENCE: Duration = Duration::from_secs(120);
+/// A page and what it complained of.
+pub struct Page {
+    _browser: Browser,
+    pub tab: Arc<Tab>,
+    complaints: Arc<Mutex<Vec<String>>>,
+}
+
+impl Page {
+    /// Opens `url` and waits for what `ready` selects; `None`, said aloud, where there is no Chromium.
+    pub fn open(test: &str, url: &str, ready: &str) -> Option<Self> {
+        let Ok(path) = default_executable() else {
+            skipped(test, "no Chromium or Chrome; `apt-get install chromium` brings one");
+            return None;
+        };
+        let options = LaunchOptions::default_builder()
+            .path(Some(path))
+            // Chromium's sandbox does not start for root, as whom tests in a container run.
+            .sandbox(false)
+            .enable_gpu(true)
+            .window_size(Some((1280, 1000)))
+            .idle_browser_timeout(PATIENCE)
+            .args(["--use-gl=angle", "--use-angle=swiftshader", "--enable-unsafe-swiftshader"].map(OsStr::new).to_vec())
+            .build()
+            .unwrap();
+        let browser = Browser::new(options).unwrap();
+        let tab = browser.new_tab().unwrap();
+        tab.set_default_timeout(PATIENCE);
+        tab.enable_runtime().unwrap().enable_log().unwrap();
+        let complaints = Arc::new(Mutex::new(Vec::new()));
+        let heard = Arc::clone(&complaints);
+        let listen = move |event: &Event| {
+            let complaint = match event {
+                Event::RuntimeExceptionThrown(thrown) => format!("{:?}", thrown.params.exception_details),
+                Event::RuntimeConsoleAPICalled(call) => format!("console: {:?}", call.params),
+                Event::LogEntryAdded(entry) => format!("log: {:?}", entry.params.entry),
+                _ => return,
+            };
+            heard.lock().unwrap().push(complaint);
+        };
+        tab.add_event_listener(Arc::new(listen)).unwrap();
+        tab.navigate_to(url).unwrap().wait_until_navigated().unwrap();
+        tab.wait_for_element(ready).unwrap();
+        Some(Self { _browser: browser, tab, complaints })
+    }
+
+    pub fn evaluate(&self, script: &str) -> Value {
+        self.tab.evaluate(script, true).unwrap().value.unwrap_or_default()
+    }
+
+    pub fn text(&self, selector: &str) -> String {
+        let text = self.evaluate(&format!("document.querySelector({selector:?})?.textContent ?? ''"));
+        text.as_str().unwrap().to_owned()
+    }
+
+    /// Waits until the script has drawn twice.
+    pub fn settle(&self) {
+        self.evaluate("new Promise((done) => requestAnimationFrame(() => requestAnimationFrame(() => done(1))))");
+    }
+
+    /// Errors and whatever else the page said to the console.
+    pub fn complaints(&self) -> Vec<String> {
+        self.complaints.lock().unwrap().clone()
+    }
+}
