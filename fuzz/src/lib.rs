@@ -11,8 +11,8 @@ use gprop::config::{self, Flag};
 use gprop::evaluate::grasp::{self as policies, Evaluation};
 use gprop::evaluate::label_maps::LabelMaps;
 use gprop::evaluate::{hardness, masks, mass};
-use gprop::grasp::CalibrationReport;
 use gprop::grasp::gripper::GripperProfile;
+use gprop::grasp::{CalibrationReport, GraspReport};
 use gprop::materials::MaterialLibrary;
 use gprop::npz::Npz;
 use gprop::query::answer::{self, Unknown};
@@ -26,8 +26,8 @@ use gprop::scene::cameras::{colmap, dataparser, gaussian_splatting, transforms};
 use gprop::scene::{dataset, ply, splat, spz};
 use gprop::segment::{LabelMap, Level, PartMask, sam};
 use gprop::simulate::checkpoint::Checkpoint;
-use gprop::simulate::compat;
 use gprop::simulate::script::Script;
+use gprop::simulate::{SimulationReport, compat};
 use gprop::{parts, pipeline};
 
 /// What is done with the bytes.
@@ -209,6 +209,8 @@ pub fn work_folder(bytes: &[u8]) {
     let _ = serde_json::from_slice::<Vec<PartMask>>(bytes);
     let _ = serde_json::from_slice::<Submitted>(bytes);
     let _ = serde_json::from_slice::<gprop::batch::Outcome>(bytes);
+    let _ = serde_json::from_slice::<GraspReport>(bytes);
+    let _ = serde_json::from_slice::<SimulationReport>(bytes);
     let mut files = bytes.splitn(2, |byte| *byte == 0);
     let (Some(labels), Some(field)) = (files.next(), files.next()) else { return };
     let folder = folder_with(&[("labels.json", labels), ("field.ply", field)]);
