@@ -45,7 +45,12 @@ impl PromptShape {
         }
         .filter(|(batch, points)| batch.checked_mul(*points).is_some_and(|count| count <= MOST_POINTS))
         .map(|(batch, points)| Self { batch, points })
-        .ok_or_else(|| format!("its input {:?} is {shape:?}, not [prompts, points, 2] with {MOST_POINTS} points at most", PROMPT_INPUTS[0]))
+        .ok_or_else(|| {
+            format!(
+                "its input {:?} is {shape:?}, not [prompts, points, 2] with {MOST_POINTS} points at most",
+                PROMPT_INPUTS[0]
+            )
+        })
     }
 
     /// A run of these prompts of one point each; the rest of the batch repeats the last.

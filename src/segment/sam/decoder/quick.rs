@@ -89,7 +89,8 @@ impl Quick {
             let tokens = floats(&outputs, &self.sources.tokens)?;
             let is_of_sam = |count| tokens.len() == count * self.prompt.batch * CHANNELS;
             let fits = (MASKS + 1..=TOKENS).any(is_of_sam);
-            fits.then(|| tokens.to_vec()).ok_or_else(|| format!("the tokens of its prompts are {} numbers", tokens.len()))
+            fits.then(|| tokens.to_vec())
+                .ok_or_else(|| format!("the tokens of its prompts are {} numbers", tokens.len()))
         })
     }
 }
