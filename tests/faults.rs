@@ -159,10 +159,10 @@ fn what_gprop_did_not_write_is_named() {
     let out = tempfile::tempdir().unwrap();
     assert!(run(&balls, out.path()).status.success());
     for (damaged, from) in [
+        ("labels.json", "parts"),
         ("answers.jsonl", "vote"),
         ("segments/segments.json", "vote"),
         ("segments/001.png", "vote"),
-        ("labels.json", "parts"),
     ] {
         let path = out.path().join(damaged);
         let whole = fs::read(&path).unwrap();
@@ -170,7 +170,11 @@ fn what_gprop_did_not_write_is_named() {
         fs::write(&path, vec![b'#'; whole.len()]).unwrap();
         let mut command = gprop();
         command.arg("run").arg(balls.scene(0)).args(["--to", "parts", "--from", from, "-q", "--out"]).arg(out.path());
-        assert_refused(&command.output().unwrap(), 2, &[damaged, "is not what gprop wrote", "delete it"]);
+        assert_refused(
+            &command.args(balls.answers()).output().unwrap(),
+            2,
+            &[damaged, "is not what gprop wrote", "delete it"],
+        );
         fs::write(&path, whole).unwrap();
     }
 }
