@@ -1,4 +1,4 @@
-//! NumPy archives: a ZIP of arrays.
+//! NumPy arrays, and archives of them: a ZIP of arrays.
 
 use std::io::{self, Cursor, Read, Write};
 
@@ -71,7 +71,7 @@ impl Npz {
         if bytes.len() as u64 > MOST_BYTES {
             return Err(NpzError::TooLarge { name: name.to_owned() });
         }
-        let array = NpyFile::new(bytes.as_slice()).map_err(fail)?;
+        let array = open_array(&bytes).map_err(fail)?;
         // A header may claim more than follows it.
         let promised = array.shape().iter().try_fold(1_u64, |count, side| count.checked_mul(*side));
         if promised.is_none_or(|count| count > bytes.len() as u64) {
@@ -79,6 +79,26 @@ impl Npz {
         }
         array.into_vec().map_err(fail)
     }
+}
+
+/// An array in memory, its header read.
+///
+/// # Errors
+/// It is no array, or its header has more brackets than that of an array of numbers.
+pub fn open_array(bytes: &[u8]) -> io::Result<NpyFile<&[u8]>> {
+    /// The header is a Python dictionary with a tuple in it. Its parser takes time exponential in the depth of brackets.
+    const MOST_BRACKETS: usize = 8;
+    // Magic, version, length of the header in two bytes or, from version 2 on, in four.
+    let header = match *bytes {
+        [_, _, _, _, _, _, 1, _, a, b, ref rest @ ..] => rest.get(..u16::from_le_bytes([a, b]).into()),
+        [_, _, _, _, _, _, _, _, a, b, c, d, ref rest @ ..] => rest.get(..u32::from_le_bytes([a, b, c, d]) as usize),
+        _ => None,
+    };
+    let header = header.ok_or(io::ErrorKind::UnexpectedEof)?;
+    if header.iter().filter(|byte| matches!(byte, b'{' | b'[' | b'(')).count() > MOST_BRACKETS {
+        return Err(io::Error::new(io::ErrorKind::InvalidData, "its header is not that of an array of numbers"));
+    }
+    NpyFile::new(bytes)
 }
 
 /// Writes an archive array by array. The same arrays give the same bytes.
@@ -140,6 +160,16 @@ mod tests {
         for shape in ["(1000000000000,)", "(4294967296,4294967296,4294967296)", "(7,)"] {
             let read = archive(&array(shape, 24)).f32s("a");
             assert!(matches!(read, Err(NpzError::Array { .. })), "{shape}: {read:?}");
+        }
+    }
+
+    #[test]
+    fn a_header_of_nested_brackets_is_refused_at_once() {
+        // Each bracket doubles what the parser of headers tries, for hours at forty of them.
+        for brackets in ["{", "[", "("] {
+            let nested = array(&format!("(3, {})", brackets.repeat(43)), 24);
+            let read = archive(&nested).f32s("a");
+            assert!(matches!(read, Err(NpzError::Array { .. })), "{brackets}: {read:?}");
         }
     }
 

@@ -132,8 +132,8 @@ pub enum WorkDirError {
     Write { path: PathBuf, source: io::Error },
     #[error("cannot read {path:?}: {source}; run the stage that makes it again with --from")]
     Read { path: PathBuf, source: io::Error },
-    #[error("{path:?} is not what gprop wrote: {source}; delete it and run again")]
-    Parse { path: PathBuf, source: serde_json::Error },
+    #[error("{path:?} is not what gprop wrote: {problem}; delete it and run again")]
+    Damaged { path: PathBuf, problem: String },
     #[error("another gprop is working in {path:?}; wait for it to end or choose another folder with --out")]
     Locked { path: PathBuf },
     #[error(
@@ -215,6 +215,11 @@ impl WorkDir {
         read_json(&self.path(artifact))
     }
 
+    /// The error that an artifact holds something else than gprop wrote.
+    pub fn damaged(&self, artifact: Artifact, problem: impl ToString) -> WorkDirError {
+        WorkDirError::Damaged { path: self.path(artifact), problem: problem.to_string() }
+    }
+
     /// Removes an artifact; one that is not there is as good as removed.
     pub fn remove(&self, artifact: Artifact) -> Result<(), WorkDirError> {
         let path = self.writable(artifact)?;
@@ -290,7 +295,8 @@ fn sweep_below(folder: &Path) -> io::Result<()> {
 /// A file of a work folder that is JSON.
 pub fn read_json<T: DeserializeOwned>(path: &Path) -> Result<T, WorkDirError> {
     let bytes = fs::read(path).map_err(|source| WorkDirError::Read { path: path.to_owned(), source })?;
-    serde_json::from_slice(&bytes).map_err(|source| WorkDirError::Parse { path: path.to_owned(), source })
+    serde_json::from_slice(&bytes)
+        .map_err(|error| WorkDirError::Damaged { path: path.to_owned(), problem: error.to_string() })
 }
 
 /// Writes a file under a temporary name beside its place, then renames it into it. Makes missing folders.

@@ -154,6 +154,32 @@ fn a_file_goes_while_it_is_worked_on() {
 }
 
 #[test]
+fn what_gprop_did_not_write_is_named() {
+    let balls = Balls::new(1);
+    let out = tempfile::tempdir().unwrap();
+    assert!(run(&balls, out.path()).status.success());
+    for (damaged, from) in [
+        ("labels.json", "parts"),
+        ("answers.jsonl", "vote"),
+        ("segments/segments.json", "vote"),
+        ("segments/001.png", "vote"),
+    ] {
+        let path = out.path().join(damaged);
+        let whole = fs::read(&path).unwrap();
+        // Of the same length, which is all that a rerun looks at.
+        fs::write(&path, vec![b'#'; whole.len()]).unwrap();
+        let mut command = gprop();
+        command.arg("run").arg(balls.scene(0)).args(["--to", "parts", "--from", from, "-q", "--out"]).arg(out.path());
+        assert_refused(
+            &command.args(balls.answers()).output().unwrap(),
+            2,
+            &[damaged, "is not what gprop wrote", "delete it"],
+        );
+        fs::write(&path, whole).unwrap();
+    }
+}
+
+#[test]
 fn a_clock_that_goes_back() {
     let balls = Balls::new(1);
     let out = tempfile::tempdir().unwrap();

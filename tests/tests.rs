@@ -33,6 +33,8 @@ mod export;
 mod batch;
 // Full disks, files that go, clocks that go back, scenes that mean harm.
 mod faults;
+// What the fuzz targets found, and what they start from.
+mod fuzz;
 // The report: its page in a browser, its JSON against the published schema.
 mod report;
 // Every command in the README and in docs/.

@@ -103,7 +103,7 @@ pub fn compare(npz: &mut Npz, progress: Progress) -> Result<Comparison, Simulati
     let meta: Meta = serde_json::from_str(&npz.text("meta")?)?;
     let config = config(&meta)?;
     let particles = particles(npz, &config)?;
-    let reference = Reference::read(npz, particles.len(), meta.n_frames + 1)?;
+    let reference = Reference::read(npz, particles.len(), meta.n_frames.saturating_add(1))?;
     let mut solver = Solver::new(&config, particles);
     let bar = progress.bar("simulate", meta.n_frames as u64);
     let start = Instant::now();
@@ -190,9 +190,9 @@ impl Reference {
         };
         let samples = reference.samples.len();
         for (array, found, expected) in [
-            ("com", reference.com.len(), 3 * frames),
+            ("com", reference.com.len(), frames.saturating_mul(3)),
             ("ke", reference.energy.len(), frames),
-            ("sx", reference.positions.len(), 3 * frames * samples),
+            ("sx", reference.positions.len(), frames.saturating_mul(3 * samples)),
             ("mean_FI", reference.mean_fi.len(), frames),
             ("max_FI", reference.largest_fi.len(), frames),
             ("ymin", reference.least_yield.len(), frames),

@@ -102,8 +102,9 @@ impl MaterialLibrary {
             texts.push((file.to_string_lossy().into_owned(), text));
         }
         let tables: Vec<Table> = texts.iter().map(|(name, text)| Table { name, text }).collect();
+        let tables = read_tables(&tables)?;
         let mut library = Self::builtin().clone();
-        library.add(read_tables(&tables)?)?;
+        library.add(tables)?;
         Ok(library)
     }
 

@@ -33,6 +33,9 @@ const SPELLINGS: [(&str, &str); 24] = [
 /// Two tokens this alike (1 minus edit distance over the longer length) count as a misspelling of each other.
 const MISSPELLING: f64 = 0.74;
 
+/// No name has more tokens. Of what somebody writes in a name's place no more are compared with every name there is.
+const MOST_TOKENS: usize = 32;
+
 /// Lower case, punctuation as single spaces, one spelling: names equal after this are the same name.
 pub fn fold(name: &str) -> String {
     let lower = name.to_lowercase();
@@ -82,7 +85,7 @@ impl TokenIndex {
     /// "oak" decides and "wood" hardly counts. Equal scores go to the name with fewer tokens, then to the first row.
     pub fn nearest(&self, name: &str) -> Option<(usize, f64)> {
         let folded = fold(name);
-        let wanted: Vec<&str> = folded.split(' ').filter(|token| !token.is_empty()).collect();
+        let wanted: Vec<&str> = folded.split(' ').filter(|token| !token.is_empty()).take(MOST_TOKENS).collect();
         let mut best: Option<(usize, f64, usize)> = None;
         for (tokens, row) in &self.names {
             let score = self.dice(&wanted, tokens);

@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 use std::fs;
 use std::path::Path;
 
-use anyhow::{Context, Result};
+use anyhow::Result;
 
 use crate::from_splat::photo_with_foreground;
 use crate::query::{AnswerSource, Answers, Match, Options, Outcome, Plan, Queries};
@@ -82,8 +82,9 @@ impl Pipeline {
 }
 
 fn read_answers(work: &WorkDir) -> Result<Answers> {
-    let text = String::from_utf8(work.read(Artifact::Answers)?).context("answers.jsonl is no text")?;
-    Answers::from_jsonl(&text).with_context(|| format!("{:?}", work.path(Artifact::Answers)))
+    let damaged = |problem: &dyn std::fmt::Display| work.damaged(Artifact::Answers, problem);
+    let text = String::from_utf8(work.read(Artifact::Answers)?).map_err(|problem| damaged(&problem))?;
+    Ok(Answers::from_jsonl(&text).map_err(|problem| damaged(&problem))?)
 }
 
 /// The answers as any later run finds them: what was asked just now is recorded for exactly this query. So a run that was

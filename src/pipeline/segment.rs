@@ -98,8 +98,10 @@ impl Pipeline {
             let views = self.views.iter().map(|view| {
                 let artifact = Artifact::LabelMap(&view.name);
                 let map = LabelMap::from_png(&self.work.read(artifact)?)
-                    .with_context(|| format!("{:?}", self.work.path(artifact)))?;
-                let entry = file.views.remove(&view.name).with_context(|| format!("no parts of view {}", view.name))?;
+                    .map_err(|problem| self.work.damaged(artifact, problem))?;
+                let entry = file.views.remove(&view.name);
+                let missing = || self.work.damaged(Artifact::Segments, format!("it has no view {}", view.name));
+                let entry = entry.ok_or_else(missing)?;
                 Ok(ViewSegments { view: view.name.clone(), map, parts: entry.parts })
             });
             Ok(Segmentation { views: views.collect::<Result<_>>()? })

@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use anyhow::{Context, Result};
+use anyhow::Result;
 use image::RgbImage;
 
 use crate::exit::UsageError;
@@ -12,7 +12,7 @@ use crate::report::thumbnail;
 use crate::scene::gaussians::Gaussians;
 use crate::scene::{View, ply};
 use crate::vote::{MaterialField, ViewInput, field_ply, vote};
-use crate::workdir::{self, Artifact};
+use crate::workdir::{self, Artifact, WorkDirError};
 
 use super::{Done, Pipeline, Stage, get_or_load, png};
 
@@ -90,6 +90,6 @@ pub fn stored_field(root: &Path) -> Result<(Gaussians, MaterialField)> {
     let labels = workdir::read_json(&root.join(Artifact::Labels.path()))?;
     let gaussians = ply::read(&path)?.gaussians;
     let field = field_ply::read(&gaussians.extra, labels)
-        .with_context(|| format!("{path:?} does not hold what gprop wrote; run again with --from vote"))?;
+        .ok_or_else(|| WorkDirError::Damaged { path, problem: "it lacks the field's columns or labels".to_owned() })?;
     Ok((gaussians, field))
 }

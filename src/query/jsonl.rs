@@ -4,7 +4,7 @@ use super::{Answers, Outcome, PartAnswer};
 
 /// A line that is no answer.
 #[derive(Debug, thiserror::Error)]
-#[error("line {line}: {problem}; remove the file to have it written anew")]
+#[error("line {line}: {problem}")]
 pub struct AnswersError {
     /// From 1.
     pub line: usize,

@@ -39,6 +39,48 @@ fn a_photo_that_claims_gigapixels() {
     assert_refused(&run(&balls, out.path()), 3, &["000.png", "60000 x 60000", "scale it down"]);
 }
 
+/// A zstd frame (RFC 8878) of `count` bytes 128, repeated by one block, that says what window its decoder shall keep.
+fn zstd_frame(count: u32, window: u8) -> Vec<u8> {
+    const MAGIC: u32 = 0xFD2F_B528;
+    const LAST: u32 = 1;
+    const REPEATED: u32 = 1 << 1;
+    let mut frame = MAGIC.to_le_bytes().to_vec();
+    frame.extend([0, window]);
+    frame.extend(&(count << 3 | REPEATED | LAST).to_le_bytes()[..3]);
+    frame.push(128);
+    frame
+}
+
+/// Version 4 of one Gaussian, with `more` bytes in each of its five streams than it has.
+fn spz_of_streams(more: u32, window: u8) -> Vec<u8> {
+    let lengths = [9, 1, 3, 3, 4];
+    let streams = lengths.map(|length| zstd_frame(length + more, window));
+    let mut file = b"NGSP".to_vec();
+    file.extend(4_u32.to_le_bytes());
+    file.extend(1_u32.to_le_bytes());
+    file.extend([0, 12, 0, 5]);
+    file.extend(32_u32.to_le_bytes());
+    file.resize(32, 0);
+    for (length, stream) in lengths.into_iter().zip(&streams) {
+        file.extend((stream.len() as u64).to_le_bytes());
+        file.extend(u64::from(length).to_le_bytes());
+    }
+    file.extend(streams.concat());
+    file
+}
+
+#[test]
+fn an_spz_whose_streams_want_terabytes() {
+    // Windows of 1 KiB and of 2 TiB: exponents 0 and 31.
+    assert_eq!(spz::parse(&spz_of_streams(0, 0)).unwrap().gaussians.len(), 1);
+    // What a stream has beyond its length is left in it, but for a block that its own window forbids.
+    assert_eq!(spz::parse(&spz_of_streams(100, 0)).unwrap().gaussians.len(), 1);
+    for (more, window) in [(0, 31 << 3), (100_000, 0)] {
+        let problem = spz::parse(&spz_of_streams(more, window)).expect_err("no splat needs that");
+        assert!(SplatProblem::from(problem).to_string().contains("cannot be decompressed"), "{more} {window}");
+    }
+}
+
 #[test]
 fn an_spz_that_unpacks_to_gigabytes() {
     // Version 2: magic, version, count, SH degree, fractional bits, flags, reserved; 19 bytes a Gaussian without harmonics.

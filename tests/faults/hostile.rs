@@ -81,7 +81,9 @@ fn photos_are_named_within_the_scene_and_views_are_no_paths() {
     let (balls, bystander, out) = (Balls::new(1), Bystander::new(), tempfile::tempdir().unwrap());
     let path = balls.scene(0).join("transforms.json");
     let original: Value = serde_json::from_slice(&fs::read(&path).unwrap()).unwrap();
-    for name in ["../../../precious.png", "images/../../../precious.png", "..\\..\\precious.png"] {
+    for name in
+        ["../../../precious.png", "images/../../../precious.png", "..\\..\\precious.png", "\\\\host\\share\\000.bmp"]
+    {
         let mut transforms = original.clone();
         transforms["frames"][0]["file_path"] = json!(name);
         fs::write(&path, transforms.to_string()).unwrap();
@@ -107,6 +109,41 @@ fn photos_are_named_within_the_scene_and_views_are_no_paths() {
     let output = run(&balls, out.path());
     assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
     assert!(out.path().join("segments/a_b___touch_precious_.png").is_file());
+    bystander.assert_untouched();
+}
+
+#[test]
+fn names_that_no_file_can_have_lead_nowhere() {
+    // A zero byte, which ends a path in C; a drive of Windows; a device.
+    for name in ["images/000.png\0", "C:\\shots\\000.bmp", "/dev/zero"] {
+        let (balls, bystander, out) = (Balls::new(1), Bystander::new(), tempfile::tempdir().unwrap());
+        let path = balls.scene(0).join("transforms.json");
+        let mut transforms: Value = serde_json::from_slice(&fs::read(&path).unwrap()).unwrap();
+        transforms["frames"][0]["file_path"] = json!(name);
+        transforms["frames"][1]["mask_path"] = json!(name);
+        fs::write(&path, transforms.to_string()).unwrap();
+        let output = run(&balls, out.path());
+        let message = String::from_utf8_lossy(&output.stderr);
+        assert!(output.status.success() && message.contains("1 of the 3 photos"), "{name:?}: {message}");
+        bystander.assert_untouched();
+    }
+}
+
+#[test]
+fn cameras_of_other_programs_name_no_photos_outside() {
+    let (balls, bystander, out) = (Balls::new(1), Bystander::new(), tempfile::tempdir().unwrap());
+    fs::remove_file(balls.scene(0).join("transforms.json")).unwrap();
+    let camera = json!({
+        "id": 0, "img_name": "../../../precious", "width": 64, "height": 64, "position": [0, 0, 0],
+        "rotation": [[1, 0, 0], [0, 1, 0], [0, 0, 1]], "fx": 50, "fy": 50,
+    });
+    fs::write(balls.scene(0).join("cameras.json"), json!([camera]).to_string()).unwrap();
+    assert_refused(&run(&balls, out.path()), 3, &["cameras.json", "leads out of the scene folder"]);
+    let model = balls.scene(0).join("sparse/0");
+    fs::create_dir_all(&model).unwrap();
+    fs::write(model.join("cameras.txt"), "1 PINHOLE 64 64 50 50 32 32\n").unwrap();
+    fs::write(model.join("images.txt"), "1 1 0 0 0 0 0 1 1 ../../../precious\n\n").unwrap();
+    assert_refused(&run(&balls, out.path()), 3, &["sparse/0", "leads out of the scene folder"]);
     bystander.assert_untouched();
 }
 

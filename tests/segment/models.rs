@@ -164,6 +164,7 @@ fn a_model_that_is_no_sam_says_which_tensor_is_missing() {
         (ModelFiles { decoder: decoder("no_mask_input"), ..good.clone() }, "no input \"mask_input\""),
         (ModelFiles { decoder: decoder("no_scores"), ..good.clone() }, "no output \"iou_predictions\""),
         (ModelFiles { decoder: good.encoder.clone(), ..good.clone() }, "no input \"image_embeddings\""),
+        (ModelFiles { decoder: decoder("many_points"), ..good.clone() }, "65536 points at most"),
         (ModelFiles { encoder: good.decoder.clone(), ..good.clone() }, "image_embeddings, point_coords"),
     ] {
         let error = refused(&files);

@@ -19,7 +19,7 @@ use super::client::{BatchCounts, BatchState, Client};
 use super::recorded::Asked;
 use super::sha256::Sha256Hex;
 
-pub use response::Answered;
+pub use response::{AnswerLine, Answered, lines};
 
 /// Most requests that a batch may have, and most bytes: the API's limits are 50,000 and 200 MB.
 const MAX_REQUESTS: usize = 50_000;

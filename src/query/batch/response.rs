@@ -35,9 +35,12 @@ struct Problem {
 }
 
 /// A line's `custom_id` and the answer, or why there is none.
-type AnswerLine = (String, Result<Answered, String>);
+pub type AnswerLine = (String, Result<Answered, String>);
 
-/// The lines of a file.
+/// The lines of a batch's output or error file.
+///
+/// # Errors
+/// A line is not what the Batch API writes.
 pub fn lines(text: &str) -> Result<Vec<AnswerLine>, AskError> {
     (1..)
         .zip(text.lines())

@@ -23,13 +23,19 @@ struct Transforms {
 
 /// Reads the file at `path`: from the world of the input cameras to the splat's.
 pub(in crate::scene) fn read(path: &Path) -> Result<Similarity3<f64>, SceneError> {
-    let transforms: Transforms = serde_json::from_slice(&bytes_of(path)?)
-        .map_err(|reason| SceneError::Json { path: path.to_owned(), reason })?;
+    let parsed = parse(&bytes_of(path)?).map_err(|reason| SceneError::Json { path: path.to_owned(), reason })?;
+    parsed.ok_or_else(|| SceneError::NotASimilarity { path: path.to_owned(), key: "transform and scale" })
+}
+
+/// Reads the file from memory; `None` where it holds no similarity.
+///
+/// # Errors
+/// It is no such JSON.
+pub fn parse(json: &[u8]) -> Result<Option<Similarity3<f64>>, serde_json::Error> {
+    let transforms: Transforms = serde_json::from_slice(json)?;
     let scale = Some(transforms.scale).filter(|scale| scale.is_normal() && *scale > 0.0);
-    let (rigid, scale) = rigid(&transforms.transform)
-        .zip(scale)
-        .ok_or_else(|| SceneError::NotASimilarity { path: path.to_owned(), key: "transform and scale" })?;
-    Ok(Similarity3::from_scaling(scale) * Similarity3::from_isometry(rigid, 1.0))
+    let similarity = rigid(&transforms.transform).zip(scale);
+    Ok(similarity.map(|(rigid, scale)| Similarity3::from_scaling(scale) * Similarity3::from_isometry(rigid, 1.0)))
 }
 
 /// Brings the cameras into the splat's frame; `splat_from_input` as [`read`] gives it. What nerfstudio wrote is its

@@ -10,6 +10,7 @@ use nalgebra::{Isometry3, Matrix3};
 use serde::Deserialize;
 
 use super::frame::{Declared, Focal, Frame, positive};
+use super::transforms::Problem;
 use super::{Applied, Capture, bytes_of};
 use crate::camera::{Distortion, rotation_of};
 use crate::scene::SceneError;
@@ -28,14 +29,21 @@ struct Entry {
 
 /// Reads the `cameras.json` at `path`.
 pub(super) fn read(path: &Path) -> Result<Capture, SceneError> {
-    let in_file = |reason| SceneError::Json { path: path.to_owned(), reason };
-    let entries: Vec<Entry> = serde_json::from_slice(&bytes_of(path)?).map_err(in_file)?;
+    parse(&bytes_of(path)?).map_err(|problem| problem.in_file(path))
+}
+
+/// Reads a `cameras.json` from memory.
+///
+/// # Errors
+/// [`Problem`]: no JSON, no frames, or a frame that makes no sense.
+pub fn parse(json: &[u8]) -> Result<Capture, Problem> {
+    let entries: Vec<Entry> = serde_json::from_slice(json).map_err(Problem::Json)?;
     if entries.is_empty() {
-        return Err(SceneError::NoFrames { path: path.to_owned() });
+        return Err(Problem::NoFrames);
     }
     let frames = entries.into_iter().enumerate().map(|(index, entry)| {
         let file = entry.img_name.clone();
-        frame(entry).map_err(|problem| SceneError::Frame { path: path.to_owned(), frame: index, file, problem })
+        frame(entry).map_err(|problem| Problem::Frame { frame: index, file, problem })
     });
     Ok(Capture { frames: frames.collect::<Result<_, _>>()?, applied: Applied::default() })
 }

@@ -61,7 +61,7 @@ pub(super) fn read(path: &Path) -> Result<Capture, SceneError> {
     parse(&bytes_of(path)?).map_err(|problem| problem.in_file(path))
 }
 
-/// What is wrong with a transforms.json.
+/// What is wrong with a JSON file of cameras.
 #[derive(Debug)]
 pub enum Problem {
     Json(serde_json::Error),
@@ -71,7 +71,7 @@ pub enum Problem {
 }
 
 impl Problem {
-    fn in_file(self, path: &Path) -> SceneError {
+    pub(super) fn in_file(self, path: &Path) -> SceneError {
         let path = path.to_owned();
         match self {
             Self::Json(reason) => SceneError::Json { path, reason },

@@ -2,9 +2,10 @@
 
 use std::io::{self, Write};
 
-use npyz::{NpyFile, Order, WriterBuilder};
+use npyz::{Order, WriterBuilder};
 
 use super::super::{LabelMap, LabelMapError, Level};
+use crate::npz::open_array;
 
 impl LabelMap {
     /// Writes the map as `[height, width]`, or as that many equal `planes` of it.
@@ -22,7 +23,7 @@ impl LabelMap {
     /// small, middle and large. Ids are renumbered from 1.
     pub fn from_npy(bytes: &[u8], level: Level) -> Result<Self, LabelMapError> {
         let broken = |error: io::Error| LabelMapError::Npy(error.to_string());
-        let file = NpyFile::new(bytes).map_err(broken)?;
+        let file = open_array(bytes).map_err(broken)?;
         let shape = file.shape().to_vec();
         let (planes, height, width) = match *shape.as_slice() {
             [height, width] => (1, height, width),
@@ -58,6 +59,8 @@ impl LabelMap {
 
 #[cfg(test)]
 mod tests {
+    use npyz::NpyFile;
+
     use super::*;
 
     fn map() -> LabelMap {

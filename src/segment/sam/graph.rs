@@ -268,7 +268,8 @@ impl Tensor {
             Some(raw) => raw.as_chunks().0.iter().map(|&bytes| f32::from_le_bytes(bytes)).collect(),
             None => self.floats,
         };
-        let is_whole = element == FLOAT && shape.iter().product::<usize>() == values.len();
+        let count = shape.iter().try_fold(1_usize, |count, side| count.checked_mul(*side));
+        let is_whole = element == FLOAT && count == Some(values.len());
         is_whole.then_some((name, Floats { shape, values }))
     }
 }

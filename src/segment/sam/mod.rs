@@ -116,6 +116,14 @@ impl Sam {
     }
 }
 
+/// Whether the bytes are the ONNX file of a decoder that gprop computes itself, without running any of it.
+///
+/// # Errors
+/// Says in what they differ from SAM's.
+pub fn check_decoder(bytes: &[u8]) -> Result<(), String> {
+    decoder::check(bytes)
+}
+
 impl Embedding {
     fn blank() -> Self {
         Self(vec![0.0; EMBEDDING.iter().product::<i64>() as usize])

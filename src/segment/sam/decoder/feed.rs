@@ -11,6 +11,9 @@ pub const PICTURE_INPUTS: [&str; 4] = ["image_embeddings", "mask_input", "has_ma
 pub const OUTPUTS: [&str; 2] = ["low_res_masks", "iou_predictions"];
 static NO_MASK: [f32; LOGITS_SIDE * LOGITS_SIDE] = [0.0; LOGITS_SIDE * LOGITS_SIDE];
 
+/// Most points that a run may take: more than any export is made for, and what a damaged one may ask memory for.
+const MOST_POINTS: usize = 1 << 16;
+
 /// A named float tensor to be fed.
 pub type Fed<'a> = (&'a str, Vec<i64>, &'a [f32]);
 
@@ -40,8 +43,14 @@ impl PromptShape {
             &[batch, points, Some(2) | None] => side(batch, 1).zip(side(points, 2)),
             _ => None,
         }
+        .filter(|(batch, points)| batch.checked_mul(*points).is_some_and(|count| count <= MOST_POINTS))
         .map(|(batch, points)| Self { batch, points })
-        .ok_or_else(|| format!("its input {:?} is {shape:?}, not [prompts, points, 2]", PROMPT_INPUTS[0]))
+        .ok_or_else(|| {
+            format!(
+                "its input {:?} is {shape:?}, not [prompts, points, 2] with {MOST_POINTS} points at most",
+                PROMPT_INPUTS[0]
+            )
+        })
     }
 
     /// A run of these prompts of one point each; the rest of the batch repeats the last.

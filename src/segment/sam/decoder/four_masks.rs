@@ -7,7 +7,7 @@ use super::feed::{OUTPUTS, PromptShape, feed, standard_inputs};
 
 /// How far back from an output the values of all masks are searched for. From the public export's single mask they are
 /// a dozen steps away.
-const SEARCHED_VALUES: usize = 48;
+pub const SEARCHED_VALUES: usize = 48;
 
 /// Where the logits, `[batch, count, 256, 256]`, and the predicted IoU, `[batch, count]`, of all masks are.
 pub struct FourMasks {

@@ -19,7 +19,8 @@ use super::super::error::SegmentError;
 use super::graph::Model;
 use super::runtime::{self, Runtime};
 use super::{Decoded, Embedding, LOGITS_SIDE, MODEL_SIDE, not_sam, unloadable};
-use feed::{PromptShape, check_names};
+use feed::{OUTPUTS, PromptShape, check_names};
+use four_masks::SEARCHED_VALUES;
 use quick::Quick;
 use whole::Whole;
 
@@ -47,6 +48,20 @@ enum Way {
 pub enum PictureValues {
     Quick(fused::Picture),
     Whole(Embedding),
+}
+
+/// Reads what gprop itself makes of an export, without running any of it: names, the prompt's shape, the parameters, the
+/// graph cut to other outputs.
+pub fn check(bytes: &[u8]) -> Result<(), String> {
+    let model = Model::parse(bytes).ok_or("it is no ONNX model, or one cut short")?;
+    let names = check_names(&model);
+    let prompt = PromptShape::of(&model).map(PromptShape::blank);
+    let inside = model.ancestors(OUTPUTS[0], SEARCHED_VALUES);
+    let constants = model.constants();
+    let fused = fused::Fused::read(&model, &constants);
+    let sources = fused::Sources::find(&model, &constants);
+    Model::parse(&model.with_outputs(&inside)).ok_or("its graph cannot be cut")?;
+    names.and(prompt.map(drop)).and(fused.map(drop)).and(sources.map(drop))
 }
 
 impl Decoder {

@@ -34,8 +34,8 @@ impl Quick {
         let tokens = sessions(&[&sources.tokens], threads)?;
         let desks = Pool::new((0..threads).map(|_| Desk::new()).collect());
         let quick = Self { fused, sources, prompt, picture, tokens, desks };
-        let count = quick.tokens_of(&[])?.len() / (prompt.batch * CHANNELS);
-        if (MASKS + 1..=TOKENS).contains(&count) { Ok(quick) } else { Err(format!("its prompts have {count} tokens")) }
+        quick.tokens_of(&[])?;
+        Ok(quick)
     }
 
     pub fn look(&self, embedding: &Embedding) -> Result<Picture, String> {
@@ -45,7 +45,10 @@ impl Quick {
             let inputs = feed(session, &standard)?;
             let outputs = session.run(inputs).map_err(|error| error.to_string())?;
             // The same for every prompt of a batch.
-            let first = |name: &str| Ok::<_, String>(floats(&outputs, name)?[..embedding.0.len()].to_vec());
+            let first = |name: &str| {
+                let values = floats(&outputs, name)?.get(..embedding.0.len());
+                values.map(<[f32]>::to_vec).ok_or_else(|| format!("{name:?} is smaller than a picture's embedding"))
+            };
             Ok(self.fused.look(first(&self.sources.picture)?, first(&self.sources.positions)?))
         })
     }
@@ -76,14 +79,18 @@ impl Quick {
         Ok(())
     }
 
-    /// `[batch, tokens, CHANNELS]`.
+    /// `[batch, tokens, CHANNELS]`, and no other number of tokens than SAM's prompts have.
     fn tokens_of(&self, points: &[[f32; 2]]) -> Result<Vec<f32>, String> {
         let prompt = self.prompt.fill(points);
         let of_prompt = prompt.inputs(self.prompt);
         self.tokens.with(|session| {
             let inputs = feed(session, &of_prompt)?;
             let outputs = session.run(inputs).map_err(|error| error.to_string())?;
-            floats(&outputs, &self.sources.tokens).map(<[f32]>::to_vec)
+            let tokens = floats(&outputs, &self.sources.tokens)?;
+            let is_of_sam = |count| tokens.len() == count * self.prompt.batch * CHANNELS;
+            let fits = (MASKS + 1..=TOKENS).any(is_of_sam);
+            fits.then(|| tokens.to_vec())
+                .ok_or_else(|| format!("the tokens of its prompts are {} numbers", tokens.len()))
         })
     }
 }

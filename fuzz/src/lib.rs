@@ -1,0 +1,235 @@
+//! What each target does with its bytes. gprop's own tests replay the corpus through the same functions.
+//!
+//! Whatever the bytes are, a reader ends with a value or an error: no panic, no endless loop, no memory beyond a small
+//! multiple of the input. Readers that take a path are given a file in a temporary folder.
+
+use std::fs;
+use std::path::Path;
+use std::sync::LazyLock;
+
+use gprop::config::{self, Flag};
+use gprop::evaluate::grasp::{self as policies, Evaluation};
+use gprop::evaluate::label_maps::LabelMaps;
+use gprop::evaluate::{hardness, masks, mass};
+use gprop::grasp::gripper::GripperProfile;
+use gprop::grasp::{CalibrationReport, GraspReport};
+use gprop::materials::MaterialLibrary;
+use gprop::npz::Npz;
+use gprop::query::answer::{self, Unknown};
+use gprop::query::batch::Submitted;
+use gprop::query::client::{self, BatchStatus};
+use gprop::query::cost::PriceTable;
+use gprop::query::question::Questions;
+use gprop::query::recorded::{Recording, Recordings};
+use gprop::query::{Answers, Context, Guidance, LabelSet, Prompts, batch, exchange};
+use gprop::scene::cameras::{colmap, dataparser, gaussian_splatting, transforms};
+use gprop::scene::{dataset, ply, splat, spz};
+use gprop::segment::{LabelMap, Level, PartMask, sam};
+use gprop::simulate::checkpoint::Checkpoint;
+use gprop::simulate::script::Script;
+use gprop::simulate::{SimulationReport, compat};
+use gprop::{parts, pipeline};
+
+/// What is done with the bytes.
+pub type Read = fn(&[u8]);
+
+/// Every target by its name.
+pub const TARGETS: [(&str, Read); 15] = [
+    ("answers", answers),
+    ("checkpoint", checkpoint),
+    ("colmap", colmap),
+    ("evaluation", evaluation),
+    ("label_map", label_map),
+    ("materials", materials),
+    ("npz", npz),
+    ("ply", ply),
+    ("recordings", recordings),
+    ("sam_decoder", sam_decoder),
+    ("settings", settings),
+    ("splat", splat),
+    ("spz", spz),
+    ("transforms", transforms),
+    ("work_folder", work_folder),
+];
+
+/// PLY of every encoding and the compressed PLY.
+pub fn ply(bytes: &[u8]) {
+    let _ = ply::parse(bytes);
+}
+
+/// The 32-byte rows of a .splat.
+pub fn splat(bytes: &[u8]) {
+    let _ = splat::parse(bytes);
+}
+
+/// SPZ of all versions, gzip and zstd streams included.
+pub fn spz(bytes: &[u8]) {
+    let _ = spz::parse(bytes);
+}
+
+/// COLMAP's cameras and images, binary and text.
+pub fn colmap(bytes: &[u8]) {
+    let _ = colmap::parse_cameras_binary(bytes);
+    let _ = colmap::parse_images_binary(bytes);
+    let text = String::from_utf8_lossy(bytes);
+    let _ = colmap::parse_cameras_text(&text);
+    let _ = colmap::parse_images_text(&text);
+}
+
+/// nerfstudio's transforms.json and dataparser_transforms.json, 3DGS' cameras.json and cfg_args.
+pub fn transforms(bytes: &[u8]) {
+    let _ = transforms::parse(bytes);
+    let _ = dataparser::parse(bytes);
+    let _ = gaussian_splatting::parse(bytes);
+    let _ = gaussian_splatting::TrainingArguments::parse(&String::from_utf8_lossy(bytes));
+}
+
+/// Label maps: PNG and NumPy arrays.
+pub fn label_map(bytes: &[u8]) {
+    let _ = LabelMap::from_png(bytes).map(|map| map.renumbered());
+    for level in [Level::Small, Level::Middle, Level::Large] {
+        let _ = LabelMap::from_npy(bytes, level);
+    }
+}
+
+/// NumPy archives.
+pub fn npz(bytes: &[u8]) {
+    if let Ok(mut archive) = Npz::new(bytes.to_vec()) {
+        for name in ["a", "x", "config"] {
+            let _ = archive.f32s(name);
+            let _ = archive.f64s(name);
+            let _ = archive.i32s(name);
+            let _ = archive.i64s(name);
+            let _ = archive.text(name);
+        }
+    }
+}
+
+/// What gprop itself reads in the ONNX file of a SAM decoder.
+pub fn sam_decoder(bytes: &[u8]) {
+    let _ = sam::check_decoder(bytes);
+}
+
+/// What a model or a person answered: an endpoint's response, the answer in it, `answers.jsonl`, the Batch API's files.
+pub fn answers(bytes: &[u8]) {
+    let text = String::from_utf8_lossy(bytes);
+    for status in [200, 400] {
+        let _ = client::read_completion(status, &text);
+    }
+    let _ = batch::lines(&text);
+    let _ = serde_json::from_slice::<BatchStatus>(bytes).map(|status| status.problems());
+    if let Ok(value) = serde_json::from_slice::<serde_json::Value>(bytes) {
+        for unknown in [Unknown::Refuse, Unknown::TakeNearest] {
+            let _ = answer::read(value.clone(), MaterialLibrary::builtin(), unknown);
+        }
+    }
+    if let Ok(answers) = Answers::from_jsonl(&text) {
+        assert_eq!(Answers::from_jsonl(&answers.to_jsonl()).ok(), Some(answers));
+    }
+}
+
+/// Recordings with their masks; an export with the answers filled in: manifest, answers and origins, between zero bytes.
+pub fn recordings(bytes: &[u8]) {
+    if let Ok(recording) = serde_json::from_slice::<Recording>(bytes) {
+        let mask = &recording.asked.mask;
+        assert!((0.0..=1.0).contains(&mask.iou(mask)));
+        let _ = recording.asked.content_sha256();
+    }
+    static QUESTIONS: LazyLock<Questions> = LazyLock::new(|| {
+        Questions::new(&Prompts::builtin(), MaterialLibrary::builtin(), Guidance::Single, Context::GlobalLocal)
+            .expect("the built-in prompts are good")
+    });
+    let mut files = bytes.splitn(3, |byte| *byte == 0);
+    let (Some(manifest), Some(answers), Some(origins)) = (files.next(), files.next(), files.next()) else { return };
+    let folder = folder_with(&[("manifest.json", manifest), ("answers.jsonl", answers), ("origins.jsonl", origins)]);
+    let library = MaterialLibrary::builtin();
+    let recordings = Recordings::open(&[], &folder.path().join("recorded")).expect("there are none yet");
+    let _ = exchange::import(folder.path(), Some("model"), &QUESTIONS, library, &recordings);
+}
+
+/// What a person writes: `gprop.toml`, scenarios, grippers, PhysGaussian's configurations, price tables, labels.
+pub fn settings(bytes: &[u8]) {
+    let text = String::from_utf8_lossy(bytes);
+    let flag = |name: &str, takes_value| Flag { name: name.to_owned(), takes_value };
+    let known = [flag("views", true), flag("scale", true), flag("offline", false)];
+    let _ = config::flags_in(&text, Path::new("gprop.toml"), &known);
+    let _ = Script::from_toml(&text);
+    let _ = GripperProfile::from_toml(&text, "fuzz");
+    let _ = compat::config::Config::from_json(&text);
+    let _ = PriceTable::from_csv(&text);
+    // What is no label is compared with every name there is, too slow here for more than a few words.
+    if bytes.len() <= 64 {
+        let folder = folder_with(&[("labels.txt", bytes)]);
+        let _ = LabelSet::File(folder.path().join("labels.txt")).restrict(MaterialLibrary::builtin());
+    }
+}
+
+/// A user's material library; the first byte says which of its tables.
+pub fn materials(bytes: &[u8]) {
+    const TABLES: [&str; 7] =
+        ["mine", "families", "bibliography", "evidence", "reference", "constituents", "deviations"];
+    let Some((which, table)) = bytes.split_first() else { return };
+    let name = format!("{}.csv", TABLES[usize::from(*which) % TABLES.len()]);
+    let _ = MaterialLibrary::load(folder_with(&[(&name, table)]).path());
+}
+
+/// What `gprop evaluate` and `gprop grasp calibrate` take, and a data set's own files.
+pub fn evaluation(bytes: &[u8]) {
+    const BLACK: &[u8] = include_bytes!("black.png");
+    let folder = folder_with(&[
+        ("table", bytes),
+        ("named/0.png", BLACK),
+        ("named/labels.json", bytes),
+        ("numbered/0.png", BLACK),
+        ("numbered/autosave_label.txt", bytes),
+        ("set/splits.json", bytes),
+        ("set/filtered_product_weights.json", bytes),
+        ("set/scenes/one/transforms.json", b"{}"),
+    ]);
+    let table = folder.path().join("table");
+    let _ = hardness::read_points(&table);
+    let _ = policies::outcomes(&table).map(|outcomes| Evaluation::of(&outcomes, false).text());
+    let gripper = || GripperProfile::load("paper").expect("it is built in");
+    let _ = policies::objects(&table).map(|objects| policies::predict(&objects, &gripper()));
+    let _ = CalibrationReport::of_file(&table, &mut gripper()).map(|report| (report.text(), report.plot()));
+    let _ = mass::from_json(&table, &table).map(mass::evaluate);
+    let _ = mass::from_scene("one", &table, &table);
+    let _ = masks::Reference::from_json(&String::from_utf8_lossy(bytes));
+    for maps in ["named", "numbered"] {
+        let _ = LabelMaps::open(&folder.path().join(maps)).map(|maps| maps.of("0", (1, 1)));
+    }
+    let _ = dataset::list(&folder.path().join("set"), None);
+}
+
+/// A simulation's checkpoint.
+pub fn checkpoint(bytes: &[u8]) {
+    let _ = Checkpoint::from_bytes(bytes);
+}
+
+/// What gprop reads again of a work folder: its JSON, and `labels.json` with `field.ply` behind a zero byte.
+pub fn work_folder(bytes: &[u8]) {
+    let _ = serde_json::from_slice::<parts::Parts>(bytes);
+    let _ = serde_json::from_slice::<Vec<PartMask>>(bytes);
+    let _ = serde_json::from_slice::<Submitted>(bytes);
+    let _ = serde_json::from_slice::<gprop::batch::Outcome>(bytes);
+    let _ = serde_json::from_slice::<GraspReport>(bytes);
+    let _ = serde_json::from_slice::<SimulationReport>(bytes);
+    let mut files = bytes.splitn(2, |byte| *byte == 0);
+    let (Some(labels), Some(field)) = (files.next(), files.next()) else { return };
+    let folder = folder_with(&[("labels.json", labels), ("field.ply", field)]);
+    if let Ok((_, field)) = pipeline::stored_field(folder.path()) {
+        let _ = gprop::vote::field_ply::columns(&field);
+        let _ = gprop::vote::field_ply::material_colors(&field);
+    }
+}
+
+/// A temporary folder with these files.
+fn folder_with(files: &[(&str, &[u8])]) -> tempfile::TempDir {
+    let folder = tempfile::tempdir().expect("there is room for a temporary folder");
+    for (name, bytes) in files {
+        let path = folder.path().join(name);
+        fs::create_dir_all(path.parent().expect("it lies in the folder")).expect("there is room");
+        fs::write(path, bytes).expect("there is room");
+    }
+    folder
+}
