@@ -47,7 +47,7 @@ impl Ballots {
             let find = |label| parts.find(number, label);
             of_views.push(match rule {
                 Rule::Frequency => by_center(&projected, test, view.map, find),
-                Rule::Contribution => by_light(gaussians.len(), &projected, view.map, find),
+                Rule::Contribution => by_light(gaussians.len(), projected, view.map, find),
             });
             bar.inc(1);
         }
@@ -104,26 +104,31 @@ fn by_center(
 /// [`Rule::Contribution`].
 fn by_light(
     gaussians: usize,
-    projected: &Projected,
+    projected: Projected,
     map: &LabelMap,
     find: impl Fn(u16) -> Option<u32> + Sync,
 ) -> Vec<(u32, Ballot)> {
     let width = projected.size().0;
-    let sinks = projected.visit(|rect| LightSink::new(rect, map, width));
-    let sights: Vec<Sight> = sinks.into_iter().flat_map(|(_, sink)| sink.finished()).collect();
     // Light that arrives and light sent out, by Gaussian.
     let mut light = vec![[0.0f32; 2]; gaussians];
-    for sight in &sights {
-        let [arrived, sent] = &mut light[sight.gaussian as usize];
-        *arrived += sight.arrived;
-        *sent += sight.sent;
-    }
-    let ballot = |sight: Sight| {
-        let [arrived, sent] = light[sight.gaussian as usize];
-        let part = find(sight.label).filter(|_| arrived >= VISIBLE_SHARE * sent)?;
-        Some((sight.gaussian, Ballot { part, weight: sight.arrived }))
-    };
-    let mut ballots: Vec<(u32, Ballot)> = sights.into_iter().filter_map(ballot).collect();
+    // Room for a Gaussian's share of four tiles or parts: a list that grows leaves holes of its former sizes.
+    let mut ballots: Vec<(u32, Ballot)> = Vec::with_capacity(4 * gaussians);
+    projected.visit_in_bands(
+        |rect| LightSink::new(rect, map, width),
+        |tile| {
+            for Sight { gaussian, label, arrived, sent } in tile.sights {
+                let of_gaussian = &mut light[gaussian as usize];
+                of_gaussian[0] += arrived;
+                of_gaussian[1] += sent;
+                ballots.extend(find(label).map(|part| (gaussian, Ballot { part, weight: arrived })));
+            }
+        },
+    );
+    drop(projected);
+    ballots.retain(|(gaussian, _)| {
+        let [arrived, sent] = light[*gaussian as usize];
+        arrived >= VISIBLE_SHARE * sent
+    });
     // A stable sort: what a tile border has split is added up in the order of the tiles.
     ballots.par_sort_by_key(|(gaussian, ballot)| (*gaussian, ballot.part));
     ballots.dedup_by(|next, kept| {
@@ -172,10 +177,6 @@ impl LightSink {
             }
             None => self.sights.push(Sight { gaussian, label, arrived, sent }),
         }
-    }
-
-    fn finished(self) -> Vec<Sight> {
-        self.sights
     }
 }
 

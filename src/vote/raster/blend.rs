@@ -3,6 +3,8 @@
 //! The loop runs splat by splat over rows of [`LANES`] pixels, so that the compiler turns it into vector code. It
 //! computes weights only; what is done with them is a [`Sink`].
 
+use std::ops::Range;
+
 use rayon::prelude::*;
 
 use super::project::{ALPHA_MIN, Splat};
@@ -42,14 +44,14 @@ pub trait Sink: Send {
     fn add(&mut self, splat: &Splat, first: usize, weights: &[f32; LANES], transmittance: &[f32; LANES]);
 }
 
-/// Blends every tile into a sink of its own; the sinks come back row by row of tiles, whatever thread made them.
+/// Blends every tile of these rows into a sink of its own; the sinks come back row by row of tiles, whatever thread made them.
 pub(super) fn blend<S: Sink>(
     tiles: &Tiles,
-    width: usize,
-    height: usize,
+    rows: Range<usize>,
+    (width, height): (usize, usize),
     new_sink: impl Fn(TileRect) -> S + Sync,
 ) -> Vec<(TileRect, S)> {
-    (0..tiles.columns * tiles.rows)
+    (tiles.columns * rows.start..tiles.columns * rows.end)
         .into_par_iter()
         .map(|t| {
             let (x, y) = (t % tiles.columns * TILE, t / tiles.columns * TILE);

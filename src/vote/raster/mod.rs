@@ -163,7 +163,17 @@ impl Projected {
 
     /// As [`visit`].
     pub fn visit<S: Sink>(&self, new_sink: impl Fn(TileRect) -> S + Sync) -> Vec<(TileRect, S)> {
-        blend::blend(&self.tiles, self.width, self.height, new_sink)
+        blend::blend(&self.tiles, 0..self.tiles.rows, self.size(), new_sink)
+    }
+
+    /// As [`visit`], a few rows of tiles at a time: `take` has what their sinks hold before the next rows are blended.
+    pub fn visit_in_bands<S: Sink>(&self, new_sink: impl Fn(TileRect) -> S + Sync, mut take: impl FnMut(S)) {
+        /// Rows of tiles blended together: enough tiles for many threads.
+        const BAND: usize = 8;
+        for first in (0..self.tiles.rows).step_by(BAND) {
+            let rows = first..self.tiles.rows.min(first + BAND);
+            blend::blend(&self.tiles, rows, self.size(), &new_sink).into_iter().for_each(|(_, sink)| take(sink));
+        }
     }
 }
 

@@ -82,7 +82,10 @@ impl<'a> Projector<'a> {
 
     /// The splats of all Gaussians that this camera can see, in the order of the Gaussians.
     pub(super) fn splats(&self, gaussians: &Gaussians) -> Vec<Splat> {
-        (0..gaussians.len()).into_par_iter().filter_map(|i| self.splat(gaussians, i)).collect()
+        // In one allocation, which is given back at once: many small ones stay with the threads that made them.
+        let splats: Vec<Option<Splat>> =
+            (0..gaussians.len()).into_par_iter().map(|i| self.splat(gaussians, i)).collect();
+        splats.into_iter().flatten().collect()
     }
 
     /// The splat of Gaussian `i`; `None` where it is nearer than the near plane, outside the picture, fainter than

@@ -30,7 +30,7 @@ struct Run {
 
 impl Tiles {
     pub fn new(width: usize, height: usize, splats: Vec<Splat>) -> Self {
-        let splats = sorted_by_depth(&splats);
+        let splats = sorted_by_depth(splats);
         let (columns, rows) = (width.div_ceil(TILE), height.div_ceil(TILE));
         let runs = splats
             .par_chunks(RUN)
@@ -49,7 +49,7 @@ impl Tiles {
     }
 }
 
-fn sorted_by_depth(splats: &[Splat]) -> Vec<Splat> {
+fn sorted_by_depth(splats: Vec<Splat>) -> Vec<Splat> {
     // Depths are positive, so their bits sort as they do; the position breaks ties and makes every key unique.
     let mut keys: Vec<u64> = splats
         .par_iter()
