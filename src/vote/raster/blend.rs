@@ -44,7 +44,8 @@ pub trait Sink: Send {
     fn add(&mut self, splat: &Splat, first: usize, weights: &[f32; LANES], transmittance: &[f32; LANES]);
 }
 
-/// Blends every tile of these rows into a sink of its own; the sinks come back row by row of tiles, whatever thread made them.
+/// Blends every tile of these rows of tiles into a sink of its own; the sinks come back row by row, whatever thread made
+/// them.
 pub(super) fn blend<S: Sink>(
     tiles: &Tiles,
     rows: Range<usize>,
