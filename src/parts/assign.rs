@@ -51,7 +51,7 @@ pub fn assign(
         surface.nearest.iter().map(|n| if *n == NONE { NONE } else { on_surface[*n as usize] }).collect();
     let mut fixed = vec![false; grid.len()];
     surface.cells.iter().zip(&on_surface).for_each(|(cell, label)| fixed[*cell as usize] = *label != NONE);
-    seam::shorten(grid.dims, &mut label, &fixed, label_count);
+    seam::shorten(&grid, &mut label, &fixed);
     Labelled { grid, surface, label, seen }
 }
 

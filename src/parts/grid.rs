@@ -32,6 +32,11 @@ impl Grid {
         }
     }
 
+    /// The grid whose cells are cubes of `side` of this one's a side; the last ones reach beyond it.
+    pub fn coarser(&self, side: usize) -> Self {
+        Self { cell: self.cell * side as f64, dims: self.dims.map(|d| d.div_ceil(side)), ..*self }
+    }
+
     pub fn len(&self) -> usize {
         self.dims.iter().product()
     }

@@ -29,6 +29,7 @@ mod mass;
 mod moments;
 mod options;
 mod refine;
+mod region;
 mod result;
 mod seam;
 mod splat_cells;

@@ -4,10 +4,15 @@
 //! Found by diffusing every label a little and sharpening the shares again, over and over: a phase field, whose interfaces
 //! move by their curvature (threshold dynamics, Merriman, Bence and Osher 1992, for several phases; shares are sharpened
 //! rather than cut to one label, since a hard cut lets interfaces that bend less than a cell stick to the grid). Coarse
-//! blocks of cells first, so that seams can move far.
+//! blocks of cells first, so that seams can move far. A label's shares are kept in the box where there are any: sharpening
+//! ends their tails within some blocks.
+
+use std::collections::BTreeMap;
 
 use rayon::prelude::*;
 
+use super::grid::Grid;
+use super::region::Region;
 use super::surface::NONE;
 
 /// Side of a block in cells, and rounds at that side. A round is a step of time 1 for [`RADIUS`] 2, and a flat disc of
@@ -16,90 +21,148 @@ const SCHEDULE: [(usize, usize); 3] = [(4, 40), (2, 16), (1, 4)];
 /// Half width of the box that diffuses, in blocks.
 const RADIUS: usize = 2;
 
-/// Moves the seams between the labels of a grid of cells to least area. `label` is [`NONE`] outside; cells with `fixed`
+/// Moves the seams between the labels of the cells to least area. `label` is [`NONE`] outside; cells with `fixed`
 /// keep their label.
-pub fn shorten(dims: [usize; 3], label: &mut [u32], fixed: &[bool], label_count: usize) {
-    let mut present = vec![false; label_count];
-    label.iter().filter(|l| **l != NONE).for_each(|l| present[*l as usize] = true);
-    let present: Vec<u32> = (0..label_count as u32).filter(|l| present[*l as usize]).collect();
-    if present.len() < 2 {
-        return;
-    }
+pub fn shorten(grid: &Grid, label: &mut [u32], fixed: &[bool]) {
     for (side, rounds) in SCHEDULE {
-        let mut blocks = Blocks::gather(dims, label, fixed, side, &present);
+        let mut blocks = Blocks::gather(grid, label, fixed, side);
         blocks.relax(rounds);
-        blocks.scatter(dims, label, fixed);
+        blocks.scatter(grid, label, fixed);
     }
 }
 
-/// The cells in cubes of `side` cells; labels by position in `present`.
-struct Blocks<'a> {
+/// The cells in cubes of `side` cells.
+struct Blocks {
     side: usize,
-    dims: [usize; 3],
-    present: &'a [u32],
+    grid: Grid,
+    /// The label of most fixed cells, else that of most cells; of equally many the first.
     label: Vec<u32>,
+    /// Whether a fixed cell gave the label.
     fixed: Vec<bool>,
 }
 
-impl<'a> Blocks<'a> {
-    fn gather(cell_dims: [usize; 3], label: &[u32], fixed: &[bool], side: usize, present: &'a [u32]) -> Self {
-        let dims = cell_dims.map(|d| d.div_ceil(side));
-        let count = dims.iter().product();
-        let mut votes = vec![0u16; count * present.len()];
-        let mut fixed_votes = votes.clone();
-        for (i, &l) in label.iter().enumerate().filter(|(_, l)| **l != NONE) {
-            let known = present.binary_search(&l).expect("every label is among the present");
-            let vote = block_of(cell_dims, dims, side, i) * present.len() + known;
-            votes[vote] += 1;
-            fixed_votes[vote] += u16::from(fixed[i]);
-        }
-        let pick = |votes: &[u16]| {
-            let best = (0..votes.len()).rev().max_by_key(|&l| votes[l]).filter(|&l| votes[l] > 0);
-            best.map_or(NONE, |l| l as u32)
+impl Blocks {
+    fn gather(cells: &Grid, label: &[u32], fixed: &[bool], side: usize) -> Self {
+        let grid = cells.coarser(side);
+        let of_block = |block: usize| {
+            let first = grid.coords(block).map(|c| c * side);
+            let region = Region { first, end: std::array::from_fn(|axis| (first[axis] + side).min(cells.dims[axis])) };
+            let inside = region.rows(cells).flat_map(|(_, at)| at).filter(|&cell| label[cell] != NONE);
+            let is_fixed = inside.clone().any(|cell| fixed[cell]);
+            let mut votes = BTreeMap::new();
+            inside
+                .filter(|&cell| !is_fixed || fixed[cell])
+                .for_each(|cell| *votes.entry(label[cell]).or_insert(0) += 1);
+            let most = votes.into_iter().rev().max_by_key(|(_, count)| *count);
+            (most.map_or(NONE, |(label, _)| label), is_fixed)
         };
-        let (mut of_block, mut is_fixed) = (vec![NONE; count], vec![false; count]);
-        for (block, all) in votes.chunks_exact(present.len()).enumerate() {
-            let seen = pick(&fixed_votes[block * present.len()..][..present.len()]);
-            is_fixed[block] = seen != NONE;
-            of_block[block] = if seen == NONE { pick(all) } else { seen };
-        }
-        Self { side, dims, present, label: of_block, fixed: is_fixed }
+        let (label, fixed) = (0..grid.len()).into_par_iter().map(of_block).unzip();
+        Self { side, grid, label, fixed }
     }
 
     /// Diffuses and sharpens the labels' shares, then gives each block the label with the largest.
     fn relax(&mut self, rounds: usize) {
-        let is = |l: usize| self.label.iter().map(|at| f32::from(u8::from(*at == l as u32))).collect::<Vec<f32>>();
-        let mut shares: Vec<Vec<f32>> = (0..self.present.len()).map(is).collect();
-        let free: Vec<usize> = (0..self.label.len()).filter(|&i| self.label[i] != NONE && !self.fixed[i]).collect();
+        let mut shares = self.shares();
         for _ in 0..rounds {
-            let blurred: Vec<Vec<f32>> = shares.par_iter().map(|share| box_sums(self.dims, share)).collect();
+            let blurred: Vec<Share> = shares.par_iter().map(|share| share.blurred(&self.grid)).collect();
             // Squares over their sum: a share of one half stays, larger ones grow. The sum also takes the outside out.
-            let sums: Vec<f32> = free.par_iter().map(|&i| blurred.iter().map(|b| b[i] * b[i]).sum()).collect();
-            shares.par_iter_mut().zip(&blurred).for_each(|(share, blurred)| {
-                for (&i, sum) in free.iter().zip(&sums) {
-                    share[i] = blurred[i] * blurred[i] / sum;
-                }
-            });
+            let sums = self.sums_of_squares(&blurred);
+            shares = blurred.into_par_iter().filter_map(|blurred| blurred.sharpened(self, &sums)).collect();
         }
-        for i in free {
-            let largest = (0..shares.len()).rev().max_by(|&a, &b| shares[a][i].total_cmp(&shares[b][i]));
-            self.label[i] = largest.map_or(NONE, |l| l as u32);
+        let mut largest = vec![0f32; self.label.len()];
+        for share in shares {
+            for (own, at) in share.region.rows(&self.grid) {
+                for (value, i) in share.values[own].iter().zip(at) {
+                    if *value > largest[i] && !self.fixed[i] {
+                        (largest[i], self.label[i]) = (*value, share.label);
+                    }
+                }
+            }
         }
     }
 
-    fn scatter(&self, cell_dims: [usize; 3], label: &mut [u32], fixed: &[bool]) {
-        label.par_iter_mut().enumerate().for_each(|(i, l)| {
-            if *l != NONE && !fixed[i] {
-                *l = self.present[self.label[block_of(cell_dims, self.dims, self.side, i)] as usize];
+    /// The whole of each block to its label; by label.
+    fn shares(&self) -> Vec<Share> {
+        let mut regions: BTreeMap<u32, Region> = BTreeMap::new();
+        for (i, &label) in self.label.iter().enumerate().filter(|(_, label)| **label != NONE) {
+            let at = self.grid.coords(i);
+            regions.entry(label).or_insert_with(|| Region::of(at)).include(at);
+        }
+        let share = |(label, region): (u32, Region)| {
+            let is = |i: usize| f32::from(u8::from(self.label[i] == label));
+            Share { label, region, values: region.rows(&self.grid).flat_map(|(_, at)| at.map(is)).collect() }
+        };
+        regions.into_iter().map(share).collect()
+    }
+
+    fn sums_of_squares(&self, blurred: &[Share]) -> Vec<f32> {
+        let mut sums = vec![0f32; self.label.len()];
+        let layer = self.grid.layer();
+        sums.par_chunks_mut(layer).enumerate().for_each(|(z, sums)| {
+            for share in blurred {
+                for start in share.region.starts_of_layer(z) {
+                    let (own, at) = share.region.row(start, &self.grid);
+                    let row = &mut sums[at.start - z * layer..at.end - z * layer];
+                    row.iter_mut().zip(&share.values[own]).for_each(|(sum, value)| *sum += value * value);
+                }
+            }
+        });
+        sums
+    }
+
+    fn scatter(&self, cells: &Grid, label: &mut [u32], fixed: &[bool]) {
+        label.par_iter_mut().enumerate().for_each(|(cell, label)| {
+            if *label != NONE && !fixed[cell] {
+                *label = self.label[self.grid.index(cells.coords(cell).map(|c| c / self.side))];
             }
         });
     }
 }
 
-fn block_of(cell_dims: [usize; 3], dims: [usize; 3], side: usize, cell: usize) -> usize {
-    let [w, h, _] = cell_dims;
-    let [x, y, z] = [cell % w, cell / w % h, cell / (w * h)].map(|c| c / side);
-    (z * dims[1] + y) * dims[0] + x
+/// How much of each block is one label's; nothing beyond the region.
+struct Share {
+    label: u32,
+    region: Region,
+    values: Vec<f32>,
+}
+
+impl Share {
+    fn blurred(&self, grid: &Grid) -> Self {
+        let region = self.region.grown(RADIUS, grid);
+        let values = box_sums(region.dims(), &self.on(region));
+        Self { label: self.label, region, values }
+    }
+
+    /// From the blurred share the sharpened one, on no more blocks than it needs; `None` where it needs none.
+    fn sharpened(mut self, blocks: &Blocks, sums: &[f32]) -> Option<Self> {
+        let mut needed: Option<Region> = None;
+        for (own, at) in self.region.rows(&blocks.grid) {
+            for (value, i) in self.values[own].iter_mut().zip(at) {
+                *value = match blocks.label[i] {
+                    NONE => 0.0,
+                    label if blocks.fixed[i] => f32::from(u8::from(label == self.label)),
+                    _ => *value * *value / sums[i],
+                };
+                if *value > 0.0 {
+                    let at = blocks.grid.coords(i);
+                    needed.get_or_insert(Region::of(at)).include(at);
+                }
+            }
+        }
+        needed.map(|region| Self { label: self.label, region, values: self.on(region) })
+    }
+
+    /// The values on another region: cut, or with zeros around them.
+    fn on(&self, region: Region) -> Vec<f32> {
+        let mut values = vec![0.0; region.dims().iter().product()];
+        let common = self.region.common(region);
+        let width = common.dims()[0];
+        for start in common.starts() {
+            let row = &self.values[self.region.offset(start)..][..width];
+            values[region.offset(start)..][..width].copy_from_slice(row);
+        }
+        values
+    }
 }
 
 /// Sums over boxes of `2 RADIUS + 1` blocks a side, one axis after another; nothing lies beyond the grid.
