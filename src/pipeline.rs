@@ -11,6 +11,7 @@ mod export;
 mod grasp;
 mod parts;
 pub mod picture;
+mod plan;
 mod query;
 mod record;
 mod report;
@@ -28,7 +29,7 @@ use std::time::Instant;
 
 use anyhow::{Context, Result};
 use image::{ImageFormat, RgbImage};
-use serde::{Deserialize, Serialize};
+use serde::Serialize;
 use tracing::{info, warn};
 
 use crate::exit::UsageError;
@@ -46,33 +47,9 @@ pub use segment::open_segmenter;
 pub use vote::stored_field;
 
 pub use batch::{Collected, Sent};
+pub use plan::{Plan, Stage};
 pub use record::Hasher;
 use record::{RunRecord, StageRecord};
-
-/// The stages, in the order of the data flow.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize, clap::ValueEnum)]
-#[serde(rename_all = "snake_case")]
-pub enum Stage {
-    Scene,
-    Segment,
-    Query,
-    Vote,
-    Parts,
-    Simulate,
-    Grasp,
-    Report,
-}
-
-impl Stage {
-    /// All stages in order.
-    pub const ALL: [Self; 8] =
-        [Self::Scene, Self::Segment, Self::Query, Self::Vote, Self::Parts, Self::Simulate, Self::Grasp, Self::Report];
-
-    /// As it is typed, and stands in `run.json`.
-    pub fn name(self) -> String {
-        format!("{self:?}").to_lowercase()
-    }
-}
 
 /// The options of all stages.
 #[derive(Debug, Clone, Default, Serialize, clap::Args)]
@@ -95,15 +72,6 @@ pub struct Options {
     pub simulate: crate::simulate::Options,
     #[command(flatten)]
     pub grasp: crate::grasp::Options,
-}
-
-/// How far to go, and what to do again in any case.
-#[derive(Debug, Clone, Copy)]
-pub struct Plan {
-    /// The last stage to do.
-    pub to: Stage,
-    /// This stage and those after it are done again, whatever an earlier run left.
-    pub from: Option<Stage>,
 }
 
 /// A scene on its way through the stages.
@@ -192,13 +160,9 @@ impl Pipeline {
         Ok(true)
     }
 
-    /// Runs the stages up to the last one of the plan.
+    /// Runs the stages of the plan.
     pub fn run(&mut self) -> Result<()> {
-        let last = self.plan.to;
-        for stage in Stage::ALL.into_iter().filter(|stage| *stage <= last) {
-            self.step(stage)?;
-        }
-        Ok(())
+        self.plan.stages().try_for_each(|stage| self.step(stage))
     }
 
     /// Hash of everything a stage depends on; the stages before it must be done.
@@ -228,14 +192,17 @@ impl Pipeline {
         }
     }
 
-    /// Stages that an earlier run left as this one would: from the first that is not, none is.
+    /// Stages of the plan that an earlier run left as this one would.
     pub fn reusable(&self) -> Result<Vec<Stage>> {
-        let mut found = Vec::new();
-        for stage in Stage::ALL {
-            if self.must_redo(stage) || self.record.still_good(stage, &self.key(stage)?, &self.work).is_none() {
-                break;
+        let mut found: Vec<Stage> = Vec::new();
+        for stage in self.plan.stages() {
+            let has_inputs = stage.inputs().iter().all(|input| found.contains(input));
+            if has_inputs
+                && !self.must_redo(stage)
+                && self.record.still_good(stage, &self.key(stage)?, &self.work).is_some()
+            {
+                found.push(stage);
             }
-            found.push(stage);
         }
         Ok(found)
     }
@@ -279,13 +246,13 @@ impl Pipeline {
 
     /// Whether the user wants a stage done again whatever was left of it.
     fn must_redo(&self, stage: Stage) -> bool {
-        self.plan.from.is_some_and(|from| from <= stage) || (stage == Stage::Query && self.asks_anew())
+        self.plan.redoes(stage) || (stage == Stage::Query && self.asks_anew())
     }
 
     /// A hash that begins with the digests of the stages that `stage` reads from.
-    fn key_after(&self, stage: Stage, inputs: &[Stage]) -> Hasher {
+    fn key_after_inputs(&self, stage: Stage) -> Hasher {
         let name = serde_json::to_string(&stage).expect("a stage is a word");
-        inputs.iter().fold(Hasher::new(&name), |hasher, input| {
+        stage.inputs().iter().fold(Hasher::new(&name), |hasher, input| {
             let record = self.record.stages.iter().find(|record| record.name == *input);
             hasher.with(record.expect("stages run in order").digest.as_bytes())
         })

@@ -178,7 +178,7 @@ pub struct ExportArgs {
 
 #[derive(Debug, Args)]
 pub struct RunArgs {
-    /// Stop after this stage.
+    /// The last stage; those before it are done as far as it needs them.
     #[arg(long, value_name = "STAGE", default_value = "report")]
     pub to: Stage,
     /// For `gprop batch`: end when stdin closes.
@@ -192,7 +192,7 @@ pub struct RunArgs {
 pub struct BatchArgs {
     /// Folder with the scenes: ABO-500, MVImgNet, or any folder of scene folders.
     pub folder: PathBuf,
-    /// Stop after this stage.
+    /// The last stage; those before it are done as far as it needs them.
     #[arg(long, value_name = "STAGE", default_value = "report")]
     pub to: Stage,
     /// Do this stage and those after it again in every scene, whatever an earlier run left.

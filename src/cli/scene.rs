@@ -20,10 +20,11 @@ struct DryStage {
     reusable: bool,
 }
 
-/// Runs the stages up to `to` and prints what the last one made.
+/// Runs the stage `to`, after those that it needs, and prints what the last one made.
 pub fn run(global: &Global, folder: &Path, work: &WorkArgs, to: Stage) -> anyhow::Result<()> {
+    let plan = plan(work, to)?;
     if work.dry_run && Pipeline::is_untouched(folder, work.out.as_deref(), &work.options)? {
-        return dry_run(global, to, &[], None);
+        return dry_run(global, plan, &[], None);
     }
     let mut pipeline = open(global, folder, work, to)?;
     if work.dry_run {
@@ -31,7 +32,7 @@ pub fn run(global: &Global, folder: &Path, work: &WorkArgs, to: Stage) -> anyhow
         // What is asked can be told only once the parts are known.
         let asked = to >= Stage::Query && reusable.contains(&Stage::Segment) && !reusable.contains(&Stage::Query);
         let queries = if asked { Some(pipeline.query_plan()?) } else { None };
-        return dry_run(global, to, &reusable, queries.as_ref());
+        return dry_run(global, plan, &reusable, queries.as_ref());
     }
     pipeline.run()?;
     if global.quiet && !global.json {
@@ -68,31 +69,34 @@ pub fn export(global: &Global, args: &ExportArgs) -> anyhow::Result<()> {
 }
 
 pub fn open(global: &Global, folder: &Path, work: &WorkArgs, to: Stage) -> anyhow::Result<Pipeline> {
-    if work.from.is_some_and(|from| from > to) {
-        return Err(UsageError(format!("--from {:?} comes after the last stage, {to:?}", work.from)).into());
-    }
-    let plan = Plan { to, from: work.from };
-    let pipeline = Pipeline::open(folder, work.out.as_deref(), work.options.clone(), plan, global.progress())?;
+    let pipeline =
+        Pipeline::open(folder, work.out.as_deref(), work.options.clone(), plan(work, to)?, global.progress())?;
     // The server's address is left out: the answers are recorded, and the address is nobody else's business.
     let typed = global.typed.iter().map(|flag| flag.to_string_lossy().into_owned());
     Ok(pipeline.typed(typed.filter(|flag| !flag.starts_with("--lmm-url=")).collect()))
 }
 
-fn dry_run(global: &Global, to: Stage, reusable: &[Stage], queries: Option<&QueryPlan>) -> anyhow::Result<()> {
-    let stages: Vec<DryStage> = Stage::ALL
-        .into_iter()
-        .filter(|stage| *stage <= to)
-        .map(|name| DryStage { name, reusable: reusable.contains(&name) })
-        .collect();
+fn plan(work: &WorkArgs, to: Stage) -> Result<Plan, UsageError> {
+    match work.from {
+        Some(from) if from > to => {
+            Err(UsageError(format!("--from {} comes after the last stage, {}", from.name(), to.name())))
+        }
+        from => Ok(Plan { to, from }),
+    }
+}
+
+fn dry_run(global: &Global, plan: Plan, reusable: &[Stage], queries: Option<&QueryPlan>) -> anyhow::Result<()> {
+    let stages: Vec<DryStage> =
+        plan.stages().map(|name| DryStage { name, reusable: reusable.contains(&name) }).collect();
     print(global, &serde_json::json!({ "stages": stages, "queries": queries }), || {
         let mut text = String::new();
         for stage in &stages {
             let state = if stage.reusable { "as it is" } else { "to do" };
-            text += &format!("{:<9} {state}\n", format!("{:?}", stage.name).to_lowercase());
+            text += &format!("{:<9} {state}\n", stage.name.name());
         }
         match queries {
             Some(plan) => text += &format!("queries: {plan}\n"),
-            None if to >= Stage::Query && !reusable.contains(&Stage::Segment) => {
+            None if plan.to >= Stage::Query && !reusable.contains(&Stage::Segment) => {
                 text += "queries: how many is known when the views are segmented, which sends nothing: gprop segment SCENE\n";
             }
             None => {}

@@ -11,10 +11,7 @@ use super::{Done, Pipeline, Stage, png};
 
 impl Pipeline {
     pub(super) fn grasp_key(&self) -> String {
-        self.key_after(Stage::Grasp, &[Stage::Scene, Stage::Vote, Stage::Parts])
-            .with_json(&self.options.grasp)
-            .with_json(&self.gripper)
-            .hex()
+        self.key_after_inputs(Stage::Grasp).with_json(&self.options.grasp).with_json(&self.gripper).hex()
     }
 
     /// Where the user asks for a grasp, what stands in its way is an error; on the way to a report it is a warning.

@@ -21,7 +21,7 @@ struct UnscaledFile<'a> {
 
 impl Pipeline {
     pub(super) fn parts_key(&self) -> String {
-        self.key_after(Stage::Parts, &[Stage::Scene, Stage::Vote]).with_json(&self.options.parts).hex()
+        self.key_after_inputs(Stage::Parts).with_json(&self.options.parts).hex()
     }
 
     pub(super) fn do_parts(&self) -> Result<Done> {

@@ -18,7 +18,7 @@ impl Pipeline {
     pub(super) fn query_key(&self) -> Result<String> {
         let options = &self.options.query;
         let mut hasher = self
-            .key_after(Stage::Query, &[Stage::Scene, Stage::Segment])
+            .key_after_inputs(Stage::Query)
             .with_json(options)
             .with_json(&desk::candidates(options, &self.library)?.materials())
             .with_json(&desk::prompts(options)?.sha256());

@@ -19,7 +19,7 @@ use super::{Done, Pipeline, Stage};
 
 impl Pipeline {
     pub(super) fn report_key(&self) -> String {
-        self.key_after(Stage::Report, &Stage::ALL[..Stage::ALL.len() - 1]).hex()
+        self.key_after_inputs(Stage::Report).hex()
     }
 
     pub(super) fn do_report(&self) -> Result<Done> {

@@ -34,7 +34,7 @@ pub(super) struct ViewEntry {
 
 impl Pipeline {
     pub(super) fn segment_key(&self) -> Result<String> {
-        let hasher = self.key_after(Stage::Segment, &[Stage::Scene]).with_json(&self.options.segment.deciding());
+        let hasher = self.key_after_inputs(Stage::Segment).with_json(&self.options.segment.deciding());
         let mut hasher = hasher.with_json(&self.options.segment.also).with(self.masks_key().as_bytes());
         if let Some(folder) = &self.options.segment.segments {
             for view in &self.views {

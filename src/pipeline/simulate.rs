@@ -16,9 +16,7 @@ use super::{Done, Pipeline, Stage};
 
 impl Pipeline {
     pub(super) fn simulate_key(&self) -> String {
-        self.key_after(Stage::Simulate, &[Stage::Scene, Stage::Vote, Stage::Parts])
-            .with_json(&self.options.simulate)
-            .hex()
+        self.key_after_inputs(Stage::Simulate).with_json(&self.options.simulate).hex()
     }
 
     pub(super) fn do_simulate(&self, key: &str) -> Result<Done> {

@@ -18,10 +18,7 @@ use super::{Done, Pipeline, Stage, get_or_load, png};
 
 impl Pipeline {
     pub(super) fn vote_key(&self) -> String {
-        self.key_after(Stage::Vote, &[Stage::Scene, Stage::Segment, Stage::Query])
-            .with_json(&self.library.materials())
-            .with_json(&self.options.vote)
-            .hex()
+        self.key_after_inputs(Stage::Vote).with_json(&self.library.materials()).with_json(&self.options.vote).hex()
     }
 
     pub(super) fn do_vote(&self) -> Result<Done> {

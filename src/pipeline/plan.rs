@@ -1,0 +1,93 @@
+//! The stages, which of them read from which, and which of them a run does.
+
+use serde::{Deserialize, Serialize};
+
+/// The stages, in the order of the data flow.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize, clap::ValueEnum)]
+#[serde(rename_all = "snake_case")]
+pub enum Stage {
+    Scene,
+    Segment,
+    Query,
+    Vote,
+    Parts,
+    Simulate,
+    Grasp,
+    Report,
+}
+
+impl Stage {
+    /// All stages in order.
+    pub const ALL: [Self; 8] =
+        [Self::Scene, Self::Segment, Self::Query, Self::Vote, Self::Parts, Self::Simulate, Self::Grasp, Self::Report];
+
+    /// The stages whose results it reads.
+    pub(super) fn inputs(self) -> &'static [Self] {
+        match self {
+            Self::Scene => &[],
+            Self::Segment => &[Self::Scene],
+            Self::Query => &[Self::Scene, Self::Segment],
+            Self::Vote => &[Self::Scene, Self::Segment, Self::Query],
+            Self::Parts => &[Self::Scene, Self::Vote],
+            Self::Simulate | Self::Grasp => &[Self::Scene, Self::Vote, Self::Parts],
+            Self::Report => {
+                &[Self::Scene, Self::Segment, Self::Query, Self::Vote, Self::Parts, Self::Simulate, Self::Grasp]
+            }
+        }
+    }
+
+    /// Whether it cannot be done before `other` is.
+    fn needs(self, other: Self) -> bool {
+        self.inputs().iter().any(|input| *input == other || input.needs(other))
+    }
+
+    /// As it is typed, and stands in `run.json`.
+    pub fn name(self) -> String {
+        format!("{self:?}").to_lowercase()
+    }
+}
+
+/// What to do, and what to do again in any case.
+#[derive(Debug, Clone, Copy)]
+pub struct Plan {
+    /// The last stage to do. Those before it are done as far as it needs them.
+    pub to: Stage,
+    /// This stage and those after it are done again, whatever an earlier run left.
+    pub from: Option<Stage>,
+}
+
+impl Plan {
+    /// The stages to do or to find done, in order.
+    pub fn stages(self) -> impl Iterator<Item = Stage> {
+        let asked = move |stage| stage == self.to || self.to.needs(stage) || self.redoes(stage);
+        Stage::ALL.into_iter().filter(move |stage| *stage <= self.to && asked(*stage))
+    }
+
+    pub(super) fn redoes(self, stage: Stage) -> bool {
+        self.from.is_some_and(|from| from <= stage)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn stages(to: Stage, from: Option<Stage>) -> Vec<Stage> {
+        Plan { to, from }.stages().collect()
+    }
+
+    #[test]
+    fn a_stage_takes_along_what_it_needs() {
+        assert_eq!(stages(Stage::Report, None), Stage::ALL);
+        assert_eq!(stages(Stage::Segment, None), [Stage::Scene, Stage::Segment]);
+        assert_eq!(stages(Stage::Grasp, None), [&Stage::ALL[..5], &[Stage::Grasp]].concat(), "no simulation");
+        assert_eq!(stages(Stage::Grasp, Some(Stage::Simulate)), Stage::ALL[..7], "asked for");
+    }
+
+    #[test]
+    fn inputs_come_before() {
+        for stage in Stage::ALL {
+            assert!(stage.inputs().iter().all(|input| *input < stage), "{stage:?}");
+        }
+    }
+}
