@@ -56,6 +56,15 @@ pub fn of(error: &anyhow::Error) -> Exit {
     error.chain().find_map(code).unwrap_or(Exit::Bug)
 }
 
+/// An error in one line: what failed, then each cause that is not told yet.
+pub fn message(error: &anyhow::Error) -> String {
+    error.chain().map(ToString::to_string).fold(String::new(), |told, cause| match told.as_str() {
+        "" => cause,
+        _ if told.contains(&cause) => told,
+        _ => format!("{told}: {cause}"),
+    })
+}
+
 fn code(cause: &(dyn std::error::Error + 'static)) -> Option<Exit> {
     if let Some(SceneError::UnknownView { .. }) = cause.downcast_ref() {
         return Some(Exit::Usage);
@@ -111,4 +120,19 @@ pub fn report_panics_as_bugs() {
         eprintln!("error: gprop has a bug: {panic}\nplease report it with the command and, if you can, the scene");
         std::process::exit(Exit::Bug as i32);
     }));
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_cause_is_told_once() {
+        let source = std::io::Error::other("no room");
+        let error = anyhow::Error::from(WorkDirError::Write { path: "a".into(), source });
+        let text = error.to_string();
+        assert!(text.contains("no room"), "{text}");
+        assert_eq!(message(&error.context("scene 7")), format!("scene 7: {text}"));
+        assert_eq!(message(&anyhow::anyhow!("left").context("right")), "right: left");
+    }
 }

@@ -7,6 +7,7 @@ use std::path::{Path, PathBuf};
 
 use anyhow::Result;
 
+use crate::exit;
 use crate::pipeline::desk::Desk;
 use crate::pipeline::{self, Collected, Pipeline, Plan, Sent, Stage};
 use crate::progress::Progress;
@@ -73,7 +74,7 @@ impl<'a> Questions<'a> {
             let gathered = self
                 .with_desk(scene, |desk, queries| Ok(desk.requests(&self.client, queries, &under_way, &scene.name)));
             gathered.unwrap_or_else(|error| {
-                failures.push((scene.name.clone(), format!("{error:#}")));
+                failures.push((scene.name.clone(), exit::message(&error)));
                 Vec::new()
             })
         };
@@ -113,7 +114,7 @@ impl<'a> Questions<'a> {
             for (scene, answered) in by_scene {
                 let kept: Vec<Waiting> = answered.iter().map(|(waiting, _)| waiting.clone()).collect();
                 if let Err(error) = self.record(&scene, answered, &mut collected) {
-                    failures.push((scene, format!("{error:#}")));
+                    failures.push((scene, exit::message(&error)));
                     left.extend(kept);
                 }
             }
