@@ -100,12 +100,17 @@ impl Distortion {
     }
 
     /// The point of the normalised plane that [`Self::apply`] takes to (`x`, `y`), by Newton's method from the point
-    /// itself; `None` where there is none that the lens can show.
+    /// itself, or, where that leads astray, from the right distance to the centre; `None` where there is none that the
+    /// lens can show.
     pub fn invert(&self, x: f64, y: f64) -> Option<(f64, f64)> {
+        self.invert_from((x, y), x, y).or_else(|| self.invert_from(self.at_distance_of(x, y), x, y))
+    }
+
+    fn invert_from(&self, start: (f64, f64), x: f64, y: f64) -> Option<(f64, f64)> {
         /// Newton converges quadratically; strong fisheyes near 80 degrees take about ten steps.
         const STEPS: usize = 50;
         const TOLERANCE: f64 = 1e-12;
-        let (mut u, mut v) = (x, y);
+        let (mut u, mut v) = start;
         for _ in 0..STEPS {
             let (found_x, found_y) = self.apply(u, v);
             let (ex, ey) = (found_x - x, found_y - y);
@@ -121,6 +126,25 @@ impl Distortion {
             v -= dv * limit.min(1.0);
         }
         None
+    }
+
+    /// The point in the direction of (`x`, `y`) that the lens takes to its distance from the centre, or to as much of it as
+    /// the lens shows, by bisection.
+    fn at_distance_of(&self, x: f64, y: f64) -> (f64, f64) {
+        /// The radius to 2^-40 of itself, up to 2^10 times the distance: no picture shows 89.9 degrees.
+        const HALVINGS: i32 = 40;
+        const DOUBLINGS: i32 = 10;
+        let distance = x.hypot(y);
+        let is_too_far = |scale: f64| {
+            let (found_x, found_y) = self.apply(scale * x, scale * y);
+            self.folds_back_at(scale * x, scale * y) || found_x * x + found_y * y > distance * distance
+        };
+        let (mut near, mut far) = (0.0, f64::from(1 << DOUBLINGS));
+        for _ in 0..HALVINGS + DOUBLINGS {
+            let middle = 0.5 * (near + far);
+            *(if is_too_far(middle) { &mut far } else { &mut near }) = middle;
+        }
+        (near * x, near * y)
     }
 
     fn polynomial(&self) -> Option<&Polynomial> {
