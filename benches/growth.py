@@ -22,6 +22,7 @@ import csv
 import http.server
 import json
 import math
+import multiprocessing
 import os
 import random
 import re
@@ -84,18 +85,28 @@ class Handler(http.server.BaseHTTPRequestHandler):
         pass
 
 
-def scene(folder, cloud):
-    """The fixture without its recordings, with another cloud."""
+def apart(work, *given):
+    """Does something in a process of its own: the memory it takes would count to every gprop started later, since a process
+    begins with its parent's peak."""
+    process = multiprocessing.Process(target=work, args=given)
+    process.start()
+    process.join()
+    if process.exitcode != 0:
+        sys.exit(f"{work.__name__} failed")
+
+
+def scene(folder):
+    """The fixture without its recordings."""
     shutil.copytree(SCENE / "images", folder / "images")
     shutil.copy(SCENE / "transforms.json", folder)
+    shutil.copy(SCENE / "point_cloud.ply", folder)
     (folder / "gprop.toml").write_text('scale = "metric"\nlevel = "small"\n')
-    (folder / "point_cloud.ply").write_bytes(cloud)
     return folder
 
 
-def cloud_of(count):
-    """The fixture's PLY with `count` Gaussians: a random choice of them, or copies shifted by half their standard deviation."""
-    data = (SCENE / "point_cloud.ply").read_bytes()
+def resize(cloud, count):
+    """Gives a PLY `count` Gaussians: a random choice of them, or copies shifted by half their standard deviation."""
+    data = cloud.read_bytes()
     end = data.index(b"end_header\n") + len(b"end_header\n")
     lines = data[:end].decode().splitlines()
     names = [line.split()[2] for line in lines if line.startswith("property float")]
@@ -114,7 +125,7 @@ def cloud_of(count):
                 (here,), (size,) = struct.unpack_from("<f", one, axis), struct.unpack_from("<f", one, log_scale)
                 struct.pack_into("<f", one, axis, here + noise.gauss(0, 0.5) * math.exp(size))
         rows += one
-    return "\n".join(lines).encode() + b"\n" + bytes(rows)
+    cloud.write_bytes("\n".join(lines).encode() + b"\n" + rows)
 
 
 def run(folder, to, flags):
@@ -169,26 +180,25 @@ def stripes(source, folder, count):
 
 def sweep_rows(sweep):
     home = Path(tempfile.mkdtemp(prefix="gprop-growth-"))
-    whole = (SCENE / "point_cloud.ply").read_bytes()
     try:
         if sweep == "views":
             for count in SWEEPS[sweep]:
-                folder = scene(home / str(count), whole)
+                folder = scene(home / str(count))
                 yield from measure(sweep, count, folder, ["segment", "query", "vote", "parts"], ["--views", str(count)])
             return
-        start = scene(home / "start", whole)
+        start = scene(home / "start")
         run(start, "segment", ["--views", str(VIEWS), "--also", "npy"])
         segments = start / "gprop/segments"
         names = ",".join(sorted(path.stem for path in segments.glob("*.png")))
         for value in SWEEPS[sweep]:
             stages, more = ["segment", "query", "vote", "parts"], []
-            folder = scene(home / str(value), cloud_of(value) if sweep == "gaussians" else whole)
-            labels = segments
+            folder, labels = scene(home / str(value)), segments
             if sweep == "gaussians":
+                apart(resize, folder / "point_cloud.ply", value)
                 stages += ["simulate", "grasp", "report"]
                 more = ["--duration", "0.05", "--frames", "2"]
             else:
-                stripes(segments, labels := home / f"stripes-{value}", value)
+                apart(stripes, segments, labels := home / f"stripes-{value}", value)
             yield from measure(sweep, value, folder, stages, ["--view-list", names, "--segments", labels, *more])
             shutil.rmtree(folder)
     finally:

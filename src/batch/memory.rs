@@ -14,13 +14,13 @@ pub const GIGABYTE: f64 = 1e9;
 const SHARE: f64 = 0.8;
 
 /// Bytes that any run takes: the program, its materials, a view's photo, the grids of parts and simulation at their default
-/// sizes. The fixtures' scenes peak at 0.35 to 0.50 GB without SAM (docs/batch.md).
+/// sizes. The fixtures' scenes peak at 0.25 GB or a little more without SAM (docs/batch.md).
 const BASE: u64 = 300_000_000;
 /// Bytes that SAM takes for each thread, which has an encoder of its own: 0.69 GB in all on one thread, 1.27 GB on two.
 const SAM_A_THREAD: u64 = 500_000_000;
-/// Bytes that vote, parts and simulation take for each byte of the splat as plain floats: the chair's 9 MB of Gaussians add
-/// 0.2 GB to the base.
-const PER_SPLAT_BYTE: u64 = 20;
+/// Bytes that vote, parts and simulation take for each byte of the splat as plain floats: half a kilobyte for the 248 bytes
+/// of a Gaussian on one thread (docs/batch.md), and twice that to be safe.
+const PER_SPLAT_BYTE: u64 = 4;
 
 /// How much memory all scenes of a batch may hold together.
 #[derive(Debug, Clone, Copy)]
