@@ -53,7 +53,7 @@ proptest! {
         let numeric = [[along_x[0], along_y[0]], [along_x[1], along_y[1]]];
         let exact = lens.jacobian(x, y);
         for (numeric, exact) in numeric.as_flattened().iter().zip(exact.as_flattened()) {
-            prop_assert!((numeric - exact).abs() < TOLERANCE * (1.0 + exact.abs()), "{numeric} {exact}");
+            prop_assert!((numeric - exact).abs() < TOLERANCE, "{numeric} {exact}");
         }
     }
 
@@ -73,6 +73,7 @@ proptest! {
         let steps: Vec<f64> = (0..STEPS).map(|i| radius(i + 1) - radius(i)).collect();
         let smallest_step = steps.iter().copied().fold(f64::INFINITY, f64::min);
         prop_assume!(smallest_step.abs() > 1e-6);
+        prop_assume!(smallest_step < 0.0 || radius(STEPS + 1) > radius(STEPS));
         let shrinking = steps.iter().filter(|step| **step < 0.0).count();
         prop_assume!(shrinking == 0 || shrinking > STEPS / 64);
         prop_assert_eq!(radial_only.folds_back_at(r, 0.0), smallest_step < 0.0);
@@ -90,7 +91,8 @@ proptest! {
 
     #[test]
     fn what_a_lens_shows_can_be_inverted(lens in brown(), x in -0.8..0.8f64, y in -0.8..0.8f64) {
-        // Tangential terms aside, a lens that grows steadily until well beyond the point is one to one there.
+        // One to one there: until well beyond the point its radius grows faster than the tangential terms, at most 0.02 each,
+        // may change within 0.8, (6 + 2 + 2 + 2) 0.02 0.8 = 0.19.
         const STEPS: usize = 100;
         const LEAST_SLOPE: f64 = 0.2;
         let Distortion::Perspective(polynomial) = lens else { unreachable!("brown makes no other") };
