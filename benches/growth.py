@@ -4,17 +4,17 @@
     benches/growth.py measure SWEEP...    SWEEP: views, gaussians, parts; their rows in docs/growth.csv are replaced
     benches/growth.py plot                draws docs/growth.svg from it and prints the fitted rates
 
-The object is fixtures/hammer (28,736 Gaussians of SH degree 3, views of 512 x 512). Each stage is a run of its own that takes up
-where the one before ended; its CPU time is the process's, less that of a run that finds everything done (loading and hashing the
-scene, which is the stage `scene`). CPU time is what a busy machine changes least. Answers come from a server in this script that
-says the same of every part at once: what a model takes is not in these numbers.
+The object is fixtures/hammer (28,736 Gaussians of SH degree 3, views of 512 x 512). Each stage is a run of its own that continues
+where the previous one ended. Its CPU time is that of the process, less that of a run that finds everything done (loading and hashing the
+scene, which is the stage `scene`). CPU time is measured because a busy machine changes it least. Answers come from a server in this script
+that gives the same answer for every segment at once, so a model's own time is not included.
 
-- views: 1 to 16, SAM's parts;
-- gaussians: 10,000 to 300,000 with four views and SAM's parts of the first sweep's kind: a random choice, or copies shifted by half
-  a standard deviation; a twentieth of a second is simulated;
-- parts: 1 to 64 stripes of the object in each of four views in place of SAM's parts.
+- views: 1 to 16, with SAM's segments;
+- gaussians: 10,000 to 300,000 with four views and SAM's segments: a random subset, or copies shifted by half a standard deviation;
+  a twentieth of a second is simulated;
+- parts: 1 to 64 stripes of the object in each of four views, in place of SAM's segments.
 
-Needs `cargo build --release` and nothing beyond Python's standard library.
+Needs `cargo build --release` and Python's standard library.
 """
 
 import argparse
@@ -235,14 +235,14 @@ def line(points):
 STYLE = """text{font:12px system-ui,sans-serif;fill:#333}.soft{fill:#777}.grid{stroke:#ddd}path{fill:none;stroke-width:2}
 .scene{stroke:#8a8a8a}.segment{stroke:#c9615a}.query{stroke:#b8860b}.vote{stroke:#2f8f8f}.parts{stroke:#4f7fc9}.simulate{stroke:#8a5fc9}.grasp{stroke:#4f9d69}.report{stroke:#c96aa8}
 @media(prefers-color-scheme:dark){text{fill:#ddd}.soft{fill:#999}.grid{stroke:#3a3d42}}"""
-# What stands on a panel's axis.
+# Axis label of each panel.
 PANELS = {"views": "views of 28,736 Gaussians", "gaussians": "Gaussians in 4 views, 0.05 s simulated", "parts": "parts in each of 4 views"}
 WIDTH, HEIGHT, LEFT, RIGHT, TOP, BOTTOM = 330, 300, 46, 66, 30, 44
 LEAST = 0.02
 
 
 def plot(rows):
-    """Three panels side by side, logarithmic both ways, a line a stage, its name at the line's end."""
+    """Three panels side by side with logarithmic axes, one line per stage with the stage's name at its end."""
     powers = lambda low, high: [10.0**n for n in range(math.floor(math.log10(low)), math.ceil(math.log10(high)) + 1)]
     seconds = powers(LEAST, max(row["cpu_s"] for row in rows))
     share = lambda value, low, high: (math.log10(value) - math.log10(low)) / (math.log10(high) - math.log10(low))
@@ -277,23 +277,23 @@ def plot(rows):
     PLOT.write_text(f'<svg xmlns="http://www.w3.org/2000/svg" {size} role="img" aria-label="{label}">\n<style>{STYLE}</style>\n' + "\n".join(out) + "\n</svg>\n")
 
 
-# What a stage is fitted by: sweep, stage, column, what one of it is, factor, unit.
+# Fits: sweep, stage, column, text for one unit of the column, factor, unit of the result.
 RATES = [
-    ("views", "segment", "views", "a view", 1, "s"),
-    ("views", "vote", "views", "a view", 1e3, "ms"),
-    ("parts", "query", "part_views", "a part of a view", 1e3, "ms"),
-    ("parts", "parts", "parts", "a 3D part", 1e3, "ms"),
-    ("gaussians", "scene", "gaussians", "a Gaussian", 1e6, "us"),
-    ("gaussians", "vote", "gaussians", "a Gaussian and view", 1e6 / VIEWS, "us"),
-    ("gaussians", "parts", "gaussians", "a Gaussian", 1e6, "us"),
-    ("gaussians", "simulate", "gaussians", "a Gaussian", 1e6, "us"),
-    ("gaussians", "grasp", "gaussians", "a Gaussian", 1e6, "us"),
-    ("gaussians", "report", "gaussians", "a Gaussian", 1e6, "us"),
+    ("views", "segment", "views", "per view", 1, "s"),
+    ("views", "vote", "views", "per view", 1e3, "ms"),
+    ("parts", "query", "part_views", "per segment", 1e3, "ms"),
+    ("parts", "parts", "parts", "per 3D part", 1e3, "ms"),
+    ("gaussians", "scene", "gaussians", "per Gaussian", 1e6, "us"),
+    ("gaussians", "vote", "gaussians", "per Gaussian and view", 1e6 / VIEWS, "us"),
+    ("gaussians", "parts", "gaussians", "per Gaussian", 1e6, "us"),
+    ("gaussians", "simulate", "gaussians", "per Gaussian", 1e6, "us"),
+    ("gaussians", "grasp", "gaussians", "per Gaussian", 1e6, "us"),
+    ("gaussians", "report", "gaussians", "per Gaussian", 1e6, "us"),
 ]
 
 
 def rates(rows):
-    """What a view, a part and a Gaussian add to CPU time and to the most memory of any stage."""
+    """Prints the CPU time that each view, part and Gaussian adds, and the peak memory of any stage."""
     for sweep, stage, column, what, factor, unit in RATES:
         points = [(row[column], row["cpu_s"]) for row in rows if (row["sweep"], row["stage"]) == (sweep, stage)]
         if points:
@@ -302,9 +302,9 @@ def rates(rows):
     for sweep, column in [("views", "views"), ("parts", "parts"), ("gaussians", "gaussians")]:
         mine = [row for row in rows if row["sweep"] == sweep]
         peaks = {int(row[column]): max(r["peak_mb"] for r in mine if r["value"] == row["value"]) for row in mine}
-        print(f"most memory, MB, by {column}: " + ", ".join(f"{at:,} {peak:g}" for at, peak in peaks.items()))
+        print(f"peak memory, MB, by {column}: " + ", ".join(f"{at:,} {peak:g}" for at, peak in peaks.items()))
     asked = {(row["part_views"], row["questions"]) for row in rows}
-    print("questions for a part of a view:", {questions / part_views for part_views, questions in asked})
+    print("questions per segment:", {questions / part_views for part_views, questions in asked})
 
 
 def main():

@@ -1,4 +1,4 @@
-//! How long the built-in library takes to parse, and a look-up.
+//! Parsing the built-in material library, and looking up a material.
 
 use std::hint::black_box;
 

@@ -1,5 +1,5 @@
 //! The parts stage and the grasp on the hammer's 28,736 Gaussians at the default grid: carving with all 30 views, part
-//! assignment, thickness, mass; then the places to grasp at and the forces. The parts stage again with each Gaussian in
+//! assignment, thickness, mass; then the places to grasp at and the forces. Then the parts stage again with each Gaussian split into
 //! 35 pieces, 1,005,760 in all.
 
 use std::hint::black_box;
@@ -24,11 +24,11 @@ fn hammer() -> Scene {
     scene::load(&folder, &scene::Options::default()).expect("the fixture is a scene")
 }
 
-/// The pieces that each Gaussian is cut into for a cloud of a million.
+/// Pieces per Gaussian for a cloud of a million.
 const PIECES: usize = 35;
 
-/// The same surface of so many times as many Gaussians: pieces spread over each (R3 sequence, Roberts 2018) that together
-/// cover as much of it.
+/// The same surface from many times as many Gaussians: each is split into pieces, spread over it (R3 sequence, Roberts 2018),
+/// that together cover the same area.
 fn in_pieces(cloud: &Gaussians) -> Gaussians {
     let mut fine = Gaussians { antialiased: cloud.antialiased, ..Gaussians::default() };
     let shrink = 0.5 * (PIECES as f32).ln();
@@ -64,7 +64,7 @@ fn label(id: u32, density_kg_m3: f64) -> FieldLabel {
     }
 }
 
-/// Head, handle and grip, told apart along the handle.
+/// Head, handle and grip, separated by their position along the handle.
 fn labelled(gaussians: &Gaussians) -> MaterialField {
     let label_at = |x: f32| u32::from(x < 0.1) + u32::from(x < -0.075);
     let count = gaussians.len();

@@ -13,7 +13,7 @@ use image::{GrayImage, Luma, Rgb, RgbImage};
 use serde_json::{Value, json};
 
 const SIDE: u32 = 512;
-/// Parts of a view in a row; SAM's middle level finds four to ten on an everyday object.
+/// Segments of a view, side by side; SAM's middle level finds four to ten on an everyday object.
 const PARTS: u16 = 8;
 
 fn view() -> (Photo, ViewSegments) {
@@ -69,7 +69,7 @@ fn bench(criterion: &mut Criterion) {
     for part in &queries.parts {
         let asked = part.asked(queries.questions.first());
         let recording = Recording::new(&answerer, asked, answer(library), None, None);
-        recordings.insert(recording).expect("the folder is writable");
+        recordings.insert(&recording).expect("the folder is writable");
     }
     criterion.bench_function("query/replay of 8 parts", |bencher| {
         bencher.iter(|| {

@@ -1,4 +1,4 @@
-//! The report's costly half: the three pictures of a 512 x 512 view, one of them rasterised, and their JPEGs.
+//! The expensive half of the report: the three pictures of a 512 x 512 view, one of them rasterised, and their JPEGs.
 
 use std::hint::black_box;
 use std::path::Path;

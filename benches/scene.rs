@@ -1,7 +1,7 @@
 //! Loading a splat beside reading the same bytes: `cargo bench --bench scene`.
 //!
-//! A million Gaussians of 62 properties take 248 MB. Each load is measured with the file in the page cache, as is the plain
-//! read it is compared with.
+//! A million Gaussians of 62 properties take 248 MB. Each load is measured with the file in the page cache, and so is the plain
+//! read that it is compared with.
 
 use std::fs::File;
 use std::io::BufWriter;
@@ -23,10 +23,10 @@ fn cloud() -> Gaussians {
         sh_dc: vec![[0.5; 3]; COUNT],
         sh_degree: 3,
         sh_rest: (0..COUNT * 45).map(value).collect(),
-        antialiased: false,
         extra: ["nx", "ny", "nz"]
             .map(|name| ExtraProperty { name: name.to_owned(), values: vec![0.0; COUNT] })
             .to_vec(),
+        ..Gaussians::default()
     }
 }
 

@@ -4,10 +4,9 @@
     python3 -m venv /tmp/venv && /tmp/venv/bin/pip install plyfile==1.1.2
     /tmp/venv/bin/python benches/scene_plyfile.py
 
-Both end with the same arrays in memory: positions, normals, SH, opacities, scales and rotations, a row a Gaussian. plyfile's
-memory-mapped structured array (its fast way) is copied into them column by column, as splat trainers and viewers do.
-gprop's time and peak memory come from `cargo run --release --example load_splat`, best of five; so does the time of reading
-the bytes alone.
+Both end with the same arrays in memory: positions, normals, SH, opacities, scales and rotations, one row per Gaussian. plyfile's
+memory-mapped structured array (its fast path) is copied into them column by column, as splat trainers and viewers do.
+gprop's time and peak memory, and the time to read the bytes alone, come from `cargo run --release --example load_splat`, best of five.
 """
 
 import os

@@ -1,8 +1,8 @@
-//! Segmentation, piece by piece: what a picture costs once (scale and encode) and what a prompt costs (decode, then
-//! enlarge, threshold and score three masks). `segment_generator.py` runs the public generator beside the whole.
+//! Segmentation, piece by piece: the cost per picture (scale and encode) and the cost per prompt (decode, then
+//! enlarge, threshold and score three masks). `segment_generator.py` compares the whole with the public generator.
 //!
-//! A view of p prompts takes about 1 s to load, encode + p x decode, and 1 to 2 % more to score masks, where the reference
-//! generator spends two fifths of its time on that. A decode of MobileSAM (the same decoder as SAM's) takes 11 ms on one core of
+//! A view of p prompts takes about 1 s to load, encode + p x decode, and 1 to 2 % more to score masks, on which the reference
+//! generator spends two fifths of its time. A decode of MobileSAM (the same decoder as SAM's) takes 11 ms on one core of
 //! an EPYC with AVX-512, 1.7 billion multiplications and additions in matrix products, by `perf`:
 //!
 //! | | |
@@ -14,8 +14,8 @@
 //! | sums and layer norms of pixels | 7 % |
 //! | softmax, and the rest | 15 % |
 //!
-//! The products run at 270 GFLOP/s, which is near what the core can do; they are the floor, 7 ms a prompt. What is left to save is
-//! asking less, which `--prompts adaptive` does.
+//! The products run at 270 GFLOP/s, close to the core's peak, so they set a floor of 7 ms per prompt. Only fewer prompts can save more,
+//! which is what `--point-prompts adaptive` does.
 
 use std::hint::black_box;
 
@@ -68,10 +68,10 @@ fn with_models(criterion: &mut Criterion) {
     group.sample_size(10);
     group.bench_function("encode, one thread", |b| b.iter(|| sam.encode(&prepared.input)));
     let embedding = sam.encode(&prepared.input).expect("the encoder runs");
-    group.bench_function("look at an embedding", |b| b.iter(|| sam.look(&embedding)));
-    let sight = sam.look(&embedding).expect("the decoder runs");
+    group.bench_function("prepare an embedding", |b| b.iter(|| sam.prepare(&embedding)));
+    let prepared = sam.prepare(&embedding).expect("the decoder runs");
     group.bench_function("decode one prompt, one thread", |b| {
-        b.iter(|| sam.decode(&sight, &[[512.0, 512.0]], &|_| [true; 3], |_, decoded| _ = black_box(decoded.logits)));
+        b.iter(|| sam.decode(&prepared, &[[512.0, 512.0]], &|_| [true; 3], |_, decoded| _ = black_box(decoded.logits)));
     });
 }
 

@@ -1,6 +1,6 @@
 #!/usr/bin/env python3
 """SAM's public automatic mask generator (PyPI) beside gprop: one picture, one grid, the same two ONNX files, two threads each,
-one after the other in one run; then whether both found the same masks.
+one after the other in one run; then checks whether both found the same masks.
 
     python3 -m venv /tmp/venv
     /tmp/venv/bin/pip install rf-segment-anything==1.0 onnxruntime==1.31.1 onnx==1.23.2 torch==2.15.0 torchvision==0.29.2 \\
@@ -8,13 +8,13 @@ one after the other in one run; then whether both found the same masks.
     cargo build --release
     /tmp/venv/bin/python benches/segment_generator.py PICTURE [POINTS_PER_SIDE]
 
-The generator runs as published, in PyTorch, both networks replaced by the files that `gprop setup` fetched. The decoder returns only
-the best of its four masks; all four are values inside of it and are made outputs, as gprop does. gprop's time is that of the
-whole process `gprop evaluate masks`: it loads the models and compares the masks in it too.
+The generator runs as published, in PyTorch, with both networks replaced by the files that `gprop setup` fetched. The decoder returns only
+the best of its four masks; the script turns all four, which the decoder computes anyway, into outputs, as gprop does. gprop's time is that
+of the whole process `gprop evaluate masks`, which includes loading the models and comparing the masks.
 
-Measured with the machine to itself (2 cores of an EPYC with AVX-512), the picture of a hammer of the paper's repository, 32 x 32 points: the public
-generator 47.3 s, its decoder 23.0 s of it; gprop 8.4 s on every point with the same 51 masks, 5.6 times as fast, and 4.1 s
-adaptively, 11.5 times as fast.
+Measured on an otherwise idle machine (2 cores of an EPYC with AVX-512), with the picture of a hammer from the paper's repository and
+32 x 32 points: the public generator takes 47.3 s, of which its decoder takes 23.0 s. gprop takes 8.4 s with every point for the same 51
+masks, 5.6 times as fast, and 4.1 s adaptively, 11.5 times as fast.
 """
 
 import json

@@ -1,5 +1,5 @@
-//! A falling cube: particle substeps per second, and with `-- million` the most memory a particle takes, its grid and the
-//! sorting included. `cargo bench --bench simulate`; beside its peers by `simulate_peers.py`.
+//! A falling cube: particle substeps per second and, with `-- million`, the peak memory per particle, including the grid and
+//! sorting. `cargo bench --bench simulate`; `simulate_peers.py` compares it with other solvers.
 
 use criterion::{BenchmarkId, Criterion, Throughput, criterion_group, criterion_main};
 use gprop::simulate::boundary::{Boundary, Contact};
@@ -7,7 +7,7 @@ use gprop::simulate::mpm::laws::Law;
 use gprop::simulate::mpm::particles::{IDENTITY, Particle};
 use gprop::simulate::mpm::{Setting, Solver};
 
-/// Laws with what their state starts with.
+/// Laws, each with the initial value of its state.
 const LAWS: [(&str, Law, f32); 4] = [
     ("elastic", Law::FixedCorotated, 0.0),
     ("von_mises", Law::VonMises { hardening: 0.0, softening: 0.0 }, 1e3),
@@ -16,7 +16,7 @@ const LAWS: [(&str, Law, f32); 4] = [
     ("sand", Law::DruckerPrager { apex_pa: 0.0 }, 0.326_6),
 ];
 
-/// A cube of about `count` particles, eight a cell of a domain of `cells` cells and 2 m, dropped on a sticky floor.
+/// A cube of about `count` particles, eight per cell, in a domain of `cells` cells and 2 m, dropped on a sticky floor.
 fn cube(count: usize, cells: usize, law: Law, state: f32) -> (Solver, usize, f32) {
     let spacing_m = 2.0 / cells as f32;
     let side = (count as f64).cbrt().round() as usize;
@@ -49,14 +49,14 @@ fn cube(count: usize, cells: usize, law: Law, state: f32) -> (Solver, usize, f32
     (Solver::new(setting, particles), count, 0.3 * spacing_m / 11.6)
 }
 
-/// A number of kB in Linux's account of this process, as bytes.
+/// A value in kB of `/proc/self/status`, in bytes.
 fn status_bytes(key: &str) -> Option<f64> {
     let status = std::fs::read_to_string("/proc/self/status").ok()?;
     let line = status.lines().find_map(|line| line.strip_prefix(key))?;
     Some(1024.0 * line.trim_end_matches("kB").trim().parse::<f64>().ok()?)
 }
 
-/// A million particles, from the first one on.
+/// Steps of a million particles, and the memory that they take from creation on.
 fn million(c: &mut Criterion) {
     let mut group = c.benchmark_group("simulate");
     group.sample_size(10);
@@ -67,9 +67,9 @@ fn million(c: &mut Criterion) {
     });
 }
 
-/// The cube of a million and its time step; prints the most memory that it took.
+/// The cube of a million particles and its time step; prints its peak memory.
 fn million_with_its_memory() -> (Solver, f32) {
-    // Makes the peak what it is now.
+    // Resets the peak to the present use.
     let _ = std::fs::write("/proc/self/clear_refs", "5");
     let before = status_bytes("VmHWM:");
     let (name, law, state) = LAWS[1];

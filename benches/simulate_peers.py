@@ -3,17 +3,17 @@
 
     benches/simulate_peers.py [--physgaussian DIR] [--rounds N]
 
-Everyone drops the same cube: 100,000 particles, eight a cell, on a grid of 128^3 over 2 m, in f32. gprop is measured by
-`cargo bench --bench simulate`, on one thread, where wall clock is CPU time at least, and for the elastic cube on two. Peers, on
+All drop the same cube: 100,000 particles, eight per cell, on a grid of 128^3 over 2 m, in f32. gprop is measured by
+`cargo bench --bench simulate`, on one thread, where wall time is at least the CPU time, and for the elastic cube also on two. Peers, on
 one thread:
-- Taichi, a dense MLS-MPM after its example mpm3d with fixed corotated stress, as in gprop; installed from PyPI;
-- PhysGaussian's solver on warp, with each law, of the folder DIR: a checkout of its repository, whose licence does not let it
-  be shipped here. warp-lang 0.10.1, for which it is written, is installed from PyPI.
+- Taichi: a dense MLS-MPM after its example mpm3d, with fixed corotated stress as in gprop; installed from PyPI;
+- PhysGaussian's solver on warp, with each law, from the folder DIR: a checkout of its repository, whose licence does not allow
+  shipping it here. warp-lang 0.10.1, for which it is written, is installed from PyPI.
 
-Measured on two cores of an AMD EPYC, two rounds, in million particle substeps a CPU second: gprop 21.3 elastic (38.5 on two
-threads, 1.81 times as much by the clock), 13.5 von Mises, 13.3 plasticine, 13.1 sand; Taichi 1.01; in PhysGaussian's place a
-solver written anew in warp from a description of it, which takes its steps bit for bit: 0.80 elastic, 0.60 the others. So gprop
-does 21 times as much as Taichi, 27 times as much as PhysGaussian's solver (elastic), 22 times (the others).
+Measured on two cores of an AMD EPYC, two rounds, in million particle substeps per CPU second: gprop 21.3 elastic (38.5 on two
+threads, 1.81 times as many per second of wall time), 13.5 von Mises, 13.3 plasticine, 13.1 sand; Taichi 1.01. In place of PhysGaussian's
+own code, a solver written in warp from a description of it, which takes the same steps bit for bit: 0.80 elastic, 0.60 the others. So gprop
+is 21 times as fast as Taichi, and 27 times (elastic) or 22 times (others) as fast as PhysGaussian's solver.
 """
 
 import argparse

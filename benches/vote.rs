@@ -1,8 +1,8 @@
 //! Drawing a view, and letting views vote: `cargo bench --bench vote`; the same in NumPy: `vote_numpy.py`.
 //!
 //! A million Gaussians on a sphere, ten views of 800 x 800 pixels from all around, two parts in every label map. Before the
-//! timings one vote by each rule says what it takes: seconds, memory beyond the cloud, blends a second, and how far that is
-//! from a pass that only reads and blends.
+//! timings, one vote by each rule prints its seconds, its memory beyond the cloud and its blends per second, compared with
+//! a pass that only reads and blends.
 
 use std::time::Instant;
 
@@ -11,9 +11,9 @@ use gprop::camera::{Camera, Distortion, Intrinsics};
 use gprop::materials::MaterialLibrary;
 use gprop::progress::Progress;
 use gprop::query::{Answer, Answers, Form, Match, Outcome, PartAnswer};
+use gprop::render::{LANES, RenderOptions, Sink, Splat, render, visit};
 use gprop::scene::gaussians::Gaussians;
 use gprop::segment::LabelMap;
-use gprop::vote::raster::{LANES, RenderOptions, Sink, Splat, render, visit};
 use gprop::vote::{Options, Rule, ViewInput, vote};
 use nalgebra::{Isometry3, Point3, Vector3};
 
@@ -38,8 +38,7 @@ fn cloud() -> Gaussians {
         sh_dc: vec![[0.5; 3]; COUNT],
         sh_degree: 3,
         sh_rest: vec![0.01; COUNT * 45],
-        antialiased: false,
-        extra: Vec::new(),
+        ..Gaussians::default()
     }
 }
 
@@ -88,7 +87,7 @@ fn answers(names: &[String]) -> Answers {
     Answers { parts: names.iter().flat_map(|view| [part(view, 1), part(view, 2)]).collect() }
 }
 
-/// Counts weights above zero and does nothing else with them: what any vote must do at least.
+/// Counts weights above zero and does nothing else with them: the least that any vote must do.
 #[derive(Default)]
 struct Count(u64);
 
@@ -98,14 +97,14 @@ impl Sink for Count {
     }
 }
 
-/// A line of `/proc/self/status` in bytes; `None` where there is no such file.
+/// A line of `/proc/self/status` in bytes; `None` if there is no such file.
 fn memory(what: &str) -> Option<f64> {
     let status = std::fs::read_to_string("/proc/self/status").ok()?;
     let line = status.lines().find(|line| line.starts_with(what))?;
     Some(line.split_whitespace().nth(1)?.parse::<f64>().ok()? * 1024.0)
 }
 
-/// Seconds to read and write a block far larger than any cache, in bytes a second.
+/// Seconds to read and write a block far larger than any cache, in bytes per second.
 fn copy_bandwidth() -> f64 {
     let block = vec![1u8; 256 << 20];
     let start = Instant::now();
@@ -120,12 +119,12 @@ fn account(gaussians: &Gaussians, cameras: &[Camera], views: &[ViewInput], answe
     let blends: u64 = counted.map(|(_, count)| count.0).sum();
     let floor = start.elapsed().as_secs_f64();
     println!("blending alone: {floor:.2} s for {blends} blends, {:.0} million a second", blends as f64 / floor / 1e6);
-    // Position, scale, rotation, opacity of every Gaussian, once a view.
+    // Position, scale, rotation, opacity of every Gaussian, once per view.
     let read = (COUNT * 44 * cameras.len()) as f64;
     let bandwidth = copy_bandwidth();
     println!("reading the cloud once a view: {:.2} s at {:.1} GB/s", read / bandwidth, bandwidth / 1e9);
     for rule in [Rule::Frequency, Rule::Contribution] {
-        // Forgets the highest mark so far.
+        // Resets the peak.
         let _ = std::fs::write("/proc/self/clear_refs", "5");
         let before = memory("VmRSS");
         let options = Options { vote: rule, ..Options::default() };

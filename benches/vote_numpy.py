@@ -2,13 +2,13 @@
 """The vote by contribution in NumPy, beside `cargo bench --bench vote`: the same million Gaussians, cameras and label maps.
 
     python3 -m pip install numpy==2.4.6
-    python3 benches/vote_numpy.py [VIEWS]          # of the bench's ten views; all ten where it is not given
+    python3 benches/vote_numpy.py [VIEWS]          # of the bench's ten views; all ten if it is not given
 
-As one writes it without loops over Gaussians or pixels: a whole view is projected at once, splats are sorted by depth and
+Written in the usual way, without loops over Gaussians or pixels: a whole view is projected at once, splats are sorted by depth and
 binned into tiles of 16 x 16 pixels, and a tile is blended as one matrix of splats by pixels (alpha, cumulative product of
-1 - alpha, weights, median depth), then added up by part. Single precision, round Gaussians as in the bench: the projection
-of a round Gaussian needs no rotation, which only makes it faster than the general case. Prints the seconds a view, and how
-many Gaussians some view sees, which the bench prints too.
+1 - alpha, weights, median depth), then summed by segment. Single precision and round Gaussians, as in the bench: the projection
+of a round Gaussian needs no rotation, which only makes it faster than the general case. Prints the seconds per view, and the
+number of Gaussians that at least one view sees, which the bench prints too.
 """
 
 import sys

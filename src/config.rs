@@ -1,17 +1,28 @@
-//! `gprop.toml`: the options of a scene, beside it. A key is the long name of a flag; the command line wins.
+//! The two files that options may stand in: `gprop.toml` in a scene's folder, and the user's own `config.toml`. A key is
+//! the long name of a flag. The command line wins over the scene's file, and that over the user's.
 //!
-//! The file is turned into flags that stand before those the user typed, so every option has one definition, one
+//! Both files are turned into flags that stand before those the user typed, so every option has one definition, one
 //! default and one check, whether it was typed or written.
+//!
+//! A scene folder may come from anybody, so its file is data and not a program: each stage lists beside its options the
+//! [keys that a scene may set](SceneKey), and any other is refused. Paths are relative to the file that names them; those
+//! of a scene stay inside its folder.
 
-use std::path::{Path, PathBuf};
+use std::ffi::{OsStr, OsString};
+use std::path::{Component, Path, PathBuf};
 
 use thiserror::Error;
 use toml::de::{DeTable, DeValue};
 
+use crate::read_scope::ReadScope;
+
 /// Name of the file in the scene folder.
 pub const FILE_NAME: &str = "gprop.toml";
 
-/// What can be wrong with `gprop.toml`.
+/// Where the user's file lies, for people.
+pub const USER_FILE: &str = "~/.config/gprop/config.toml";
+
+/// What can be wrong with a configuration file.
 #[derive(Debug, Error)]
 pub enum ConfigError {
     #[error("cannot read {path:?}: {source}")]
@@ -20,53 +31,138 @@ pub enum ConfigError {
     Syntax { path: PathBuf, line: usize, message: String },
     #[error("{path:?} line {line}: unknown key `{key}`; keys are the long flags of `gprop run --help`{hint}")]
     UnknownKey { path: PathBuf, line: usize, key: String, hint: String },
+    #[error(
+        "{path:?} line {line}: a scene may not set `{key}`, because a scene folder is data and may come from anybody; if you want \
+         it, give --{flag} on the command line or write it into {USER_FILE} instead"
+    )]
+    NotForScenes { path: PathBuf, line: usize, key: String, flag: String },
+    #[error(
+        "{path:?} line {line}: `{key}` leads out of the scene folder, to {leads_to:?}; a scene may only name files of its own, \
+         relative to its folder; to use this one, give --{flag} on the command line instead"
+    )]
+    OutsideScene { path: PathBuf, line: usize, key: String, flag: String, leads_to: PathBuf },
     #[error("{path:?} line {line}: `{key}` takes a text, a number, true, false or a list of these")]
     BadValue { path: PathBuf, line: usize, key: String },
 }
 
-/// A flag that a scene may set.
-#[derive(Debug, Clone, PartialEq, Eq)]
+/// What a scene may set a key to.
+#[derive(Debug, Clone, Copy)]
+pub enum SceneValue {
+    /// Anything that the option takes.
+    Any,
+    /// A path inside the scene folder.
+    Path,
+    /// A name for which the function is true, or else a path inside the scene folder.
+    NameOrPath(fn(&str) -> bool),
+}
+
+/// A key that a scene may set.
+#[derive(Debug, Clone, Copy)]
+pub struct SceneKey {
+    /// The long name of the flag.
+    pub name: &'static str,
+    pub value: SceneValue,
+}
+
+impl SceneKey {
+    /// A key that takes anything that its option takes.
+    pub const fn any(name: &'static str) -> Self {
+        Self { name, value: SceneValue::Any }
+    }
+
+    /// A key that takes a path inside the scene folder.
+    pub const fn path(name: &'static str) -> Self {
+        Self { name, value: SceneValue::Path }
+    }
+
+    /// A key that takes a name for which `is_name` is true, or a path inside the scene folder.
+    pub const fn name_or_path(name: &'static str, is_name: fn(&str) -> bool) -> Self {
+        Self { name, value: SceneValue::NameOrPath(is_name) }
+    }
+}
+
+/// A flag that a file may set.
+#[derive(Debug, Clone, Default)]
 pub struct Flag {
     /// Without the dashes.
     pub name: String,
     /// False for a switch, which stands alone.
     pub takes_value: bool,
+    /// A list becomes one flag for each of its items, not one flag with commas.
+    pub repeats: bool,
+    /// Takes a path and nothing else.
+    pub is_path: bool,
+    /// What a scene may set it to; `None` if only the user may.
+    pub scene: Option<SceneValue>,
 }
 
-/// The flags that `gprop.toml` in `scene` stands for; none where there is no such file. Tables group keys for the reader
-/// and mean nothing.
-pub fn flags(scene: &Path, known: &[Flag]) -> Result<Vec<String>, ConfigError> {
-    let path = scene.join(FILE_NAME);
-    let text = match std::fs::read_to_string(&path) {
-        Ok(text) => text,
+/// Whose file it is.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Owner {
+    Scene,
+    User,
+}
+
+/// The user's file: `$XDG_CONFIG_HOME/gprop/config.toml`, else `~/.config/gprop/config.toml`; `None` where neither XDG_CONFIG_HOME
+/// nor HOME is set.
+pub fn user_file() -> Option<PathBuf> {
+    let set = |name: &str| std::env::var_os(name).filter(|value| !value.is_empty()).map(PathBuf::from);
+    // The XDG base directory specification: a relative path is invalid and ignored.
+    let base = set("XDG_CONFIG_HOME").filter(|path| path.is_absolute());
+    let base = base.or_else(|| set("HOME").map(|home| home.join(".config")));
+    base.map(|base| base.join("gprop/config.toml"))
+}
+
+/// The flags that `gprop.toml` in the folder `scene` stands for; none where there is no such file.
+///
+/// # Errors
+/// [`ConfigError`] names the file, the line and the key.
+pub fn flags_of_scene(scene: &Path, known: &[Flag]) -> Result<Vec<OsString>, ConfigError> {
+    flags(&scene.join(FILE_NAME), Owner::Scene, known)
+}
+
+/// The flags that the user's file at `path` stands for; none where there is no such file.
+///
+/// # Errors
+/// [`ConfigError`] names the file, the line and the key.
+pub fn flags_of_user(path: &Path, known: &[Flag]) -> Result<Vec<OsString>, ConfigError> {
+    flags(path, Owner::User, known)
+}
+
+fn flags(path: &Path, owner: Owner, known: &[Flag]) -> Result<Vec<OsString>, ConfigError> {
+    match crate::files::read_to_string(path) {
+        Ok(text) => flags_in(&text, path, owner, known),
         Err(error) if matches!(error.kind(), std::io::ErrorKind::NotFound | std::io::ErrorKind::NotADirectory) => {
-            return Ok(Vec::new());
+            Ok(Vec::new())
         }
-        Err(source) => return Err(ConfigError::Read { path, source }),
-    };
-    flags_in(&text, &path, known)
+        Err(source) => Err(ConfigError::Read { path: path.to_owned(), source }),
+    }
 }
 
-/// The flags that `text` stands for; errors name `path`.
-pub fn flags_in(text: &str, path: &Path, known: &[Flag]) -> Result<Vec<String>, ConfigError> {
+/// The flags that `text` stands for, as if the file at `path` held it. Tables group keys for the reader and mean nothing.
+///
+/// # Errors
+/// [`ConfigError`] names the file, the line and the key.
+pub fn flags_in(text: &str, path: &Path, owner: Owner, known: &[Flag]) -> Result<Vec<OsString>, ConfigError> {
     let table = DeTable::parse(text).map_err(|error| ConfigError::Syntax {
         path: path.to_owned(),
         line: error.span().map_or(1, |span| line_of(text, span.start)),
         message: error.message().to_owned(),
     })?;
     let mut flags = Vec::new();
-    Reader { path, text, known }.collect(table.get_ref(), &mut flags)?;
+    Reader { path, text, owner, known }.collect(table.get_ref(), &mut flags)?;
     Ok(flags)
 }
 
 struct Reader<'a> {
     path: &'a Path,
     text: &'a str,
+    owner: Owner,
     known: &'a [Flag],
 }
 
 impl Reader<'_> {
-    fn collect(&self, table: &DeTable, flags: &mut Vec<String>) -> Result<(), ConfigError> {
+    fn collect(&self, table: &DeTable, flags: &mut Vec<OsString>) -> Result<(), ConfigError> {
         for (key, value) in table {
             if let DeValue::Table(group) = value.get_ref() {
                 self.collect(group, flags)?;
@@ -77,22 +173,58 @@ impl Reader<'_> {
             let Some(flag) = self.known.iter().find(|flag| flag.name == name) else {
                 return Err(self.unknown_key(key.get_ref(), &name, line));
             };
+            if self.owner == Owner::Scene && flag.scene.is_none() {
+                let (path, key) = (self.path.to_owned(), key.get_ref().to_string());
+                return Err(ConfigError::NotForScenes { path, line, key, flag: name });
+            }
+            let bad_value =
+                || ConfigError::BadValue { path: self.path.to_owned(), line, key: key.get_ref().to_string() };
             match (value.get_ref(), flag.takes_value) {
-                (DeValue::Boolean(on), false) => flags.extend(on.then(|| format!("--{name}"))),
-                (value, true) if let Some(text) = scalar(value) => flags.push(format!("--{name}={text}")),
-                _ => return Err(self.bad_value(key.get_ref(), line)),
+                (DeValue::Boolean(on), false) => flags.extend(on.then(|| format!("--{name}").into())),
+                (DeValue::Array(items), true) if flag.repeats => {
+                    for item in items {
+                        let value = scalar(item.get_ref()).ok_or_else(bad_value)?;
+                        flags.push(self.flag(flag, &value, key.get_ref(), line)?);
+                    }
+                }
+                (value, true) => {
+                    let value = scalar(value).ok_or_else(bad_value)?;
+                    flags.push(self.flag(flag, &value, key.get_ref(), line)?);
+                }
+                _ => return Err(bad_value()),
             }
         }
         Ok(())
     }
 
-    fn bad_value(&self, key: &str, line: usize) -> ConfigError {
-        ConfigError::BadValue { path: self.path.to_owned(), line, key: key.to_owned() }
+    /// `--name=value`, a path joined to the folder of the file.
+    fn flag(&self, flag: &Flag, value: &str, key: &str, line: usize) -> Result<OsString, ConfigError> {
+        let is_path = match flag.scene {
+            Some(SceneValue::NameOrPath(is_name)) => !is_name(value),
+            Some(SceneValue::Path) => true,
+            _ => flag.is_path,
+        };
+        let mut text = OsString::from(format!("--{}=", flag.name));
+        if !is_path {
+            text.push(value);
+            return Ok(text);
+        }
+        let folder = self.path.parent().unwrap_or(Path::new(""));
+        let path = folder.join(value);
+        if self.owner == Owner::Scene
+            && let Some(leads_to) = leads_out_of_scene(folder, value)
+        {
+            let (path, key, flag) = (self.path.to_owned(), key.to_owned(), flag.name.clone());
+            return Err(ConfigError::OutsideScene { path, line, key, flag, leads_to });
+        }
+        text.push(path);
+        Ok(text)
     }
 
     fn unknown_key(&self, key: &str, name: &str, line: usize) -> ConfigError {
-        let names = || self.known.iter().map(|flag| flag.name.as_str());
-        let near = names().find(|known| known.contains(name) || name.contains(known));
+        let may_set = |flag: &&Flag| self.owner == Owner::User || flag.scene.is_some();
+        let mut names = self.known.iter().filter(may_set).map(|flag| flag.name.as_str());
+        let near = names.find(|known| known.contains(name) || name.contains(known));
         ConfigError::UnknownKey {
             path: self.path.to_owned(),
             line,
@@ -100,6 +232,17 @@ impl Reader<'_> {
             hint: near.map(|near| format!(" (did you mean `{near}`?)")).unwrap_or_default(),
         }
     }
+}
+
+/// Where a path that a scene names leads if it is absolute, climbs with `..`, or meets a link that leaves the folder `scene`.
+fn leads_out_of_scene(scene: &Path, value: &str) -> Option<PathBuf> {
+    // Windows' separators and drives mean nothing here, but the scene may be opened there next.
+    let plain = value.replace('\\', "/");
+    let climbs = Path::new(&plain).components().any(|part| !matches!(part, Component::Normal(_) | Component::CurDir));
+    if climbs || plain.as_bytes().get(1) == Some(&b':') {
+        return Some(PathBuf::from(value));
+    }
+    ReadScope::new(scene).leads_out_below(&scene.join(value)).map(|(_, real)| real)
 }
 
 /// A value as it would be typed; a list as its items between commas.
@@ -117,6 +260,13 @@ fn scalar(value: &DeValue) -> Option<String> {
     }
 }
 
+/// The name of the flag in `--name=value`.
+pub fn name_of(flag: &OsStr) -> &str {
+    let bytes = flag.as_encoded_bytes();
+    let name = bytes.split(|byte| *byte == b'=').next().unwrap_or_default();
+    std::str::from_utf8(name).unwrap_or_default().trim_start_matches('-')
+}
+
 fn line_of(text: &str, byte: usize) -> usize {
     text[..byte].bytes().filter(|&b| b == b'\n').count() + 1
 }
@@ -125,22 +275,36 @@ fn line_of(text: &str, byte: usize) -> usize {
 mod tests {
     use super::*;
 
-    fn flags_of(text: &str) -> Result<Vec<String>, ConfigError> {
-        let scene = tempfile::tempdir().unwrap();
-        std::fs::write(scene.path().join(FILE_NAME), text).unwrap();
-        let flag = |(name, takes_value): (&str, bool)| Flag { name: name.to_owned(), takes_value };
-        flags(scene.path(), &[("views", true), ("view-list", true), ("crop", true), ("offline", false)].map(flag))
+    fn known() -> Vec<Flag> {
+        let value = |name: &str, scene| Flag { name: name.into(), takes_value: true, scene, ..Flag::default() };
+        vec![
+            value("views", Some(SceneValue::Any)),
+            value("view-list", Some(SceneValue::Any)),
+            value("crop", Some(SceneValue::Any)),
+            Flag { name: "turntable".into(), scene: Some(SceneValue::Any), ..Flag::default() },
+            Flag { repeats: true, ..value("anchor", Some(SceneValue::Any)) },
+            Flag { is_path: true, ..value("images", Some(SceneValue::Path)) },
+            value("gripper", Some(SceneValue::NameOrPath(|name| name == "paper"))),
+            Flag { is_path: true, ..value("ort-lib", None) },
+        ]
+    }
+
+    fn flags_of(text: &str) -> Result<Vec<OsString>, ConfigError> {
+        flags_in(text, Path::new("S/gprop.toml"), Owner::Scene, &known())
     }
 
     #[test]
     fn keys_become_flags() {
-        let cases: [(&str, &[&str]); 6] = [
+        let cases: [(&str, &[&str]); 9] = [
             ("views = 5", &["--views=5"]),
             ("view_list = [\"003\", \"022\"]", &["--view-list=003,022"]),
+            ("anchor = [\"lid\", \"base, left\"]", &["--anchor=lid", "--anchor=base, left"]),
             ("[segment]\ncrop = false", &["--crop=false"]),
-            ("offline = true", &["--offline"]),
-            ("offline = false", &[]),
-            ("", &[]),
+            ("turntable = true", &["--turntable"]),
+            ("turntable = false", &[]),
+            ("images = \"photos\"", &["--images=S/photos"]),
+            ("gripper = \"paper\"", &["--gripper=paper"]),
+            ("gripper = \"./hand.toml\"", &["--gripper=S/./hand.toml"]),
         ];
         for (text, expected) in cases {
             assert_eq!(flags_of(text).unwrap(), expected, "{text}");
@@ -151,12 +315,25 @@ mod tests {
     fn what_is_wrong_is_said_with_its_line() {
         for (text, words) in [
             ("\nviewz = 5", "line 2: unknown key `viewz`"),
-            ("offline = 3", "line 1: `offline` takes"),
+            ("turntable = 3", "line 1: `turntable` takes"),
             ("views = 1979-05-27", "line 1: `views` takes"),
             ("views = ", "line 1: "),
+            ("\n[setup]\nort_lib = \"lib.so\"", "line 3: a scene may not set `ort_lib`"),
+            ("images = \"/photos\"", "line 1: `images` leads out of the scene folder, to \"/photos\""),
+            ("images = \"a/../../photos\"", "line 1: `images` leads out of the scene folder"),
+            ("images = 'C:\\photos'", "line 1: `images` leads out of the scene folder"),
+            ("gripper = \"../hand.toml\"", "line 1: `gripper` leads out of the scene folder"),
         ] {
             let message = flags_of(text).unwrap_err().to_string();
             assert!(message.contains(words), "{text}: {message}");
         }
+    }
+
+    #[test]
+    fn the_users_file_may_set_anything() {
+        let flags = |text| flags_in(text, Path::new("/home/me/config.toml"), Owner::User, &known());
+        assert_eq!(flags("ort-lib = \"x.so\"").unwrap(), ["--ort-lib=/home/me/x.so"]);
+        assert_eq!(flags("images = \"/data\"\ngripper = \"hand.toml\"").unwrap().len(), 2);
+        assert!(flags("ort-libb = \"x\"").unwrap_err().to_string().contains("did you mean `ort-lib`?"));
     }
 }

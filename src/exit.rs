@@ -1,9 +1,8 @@
 //! The exit codes and which error leads to which: the one place that knows.
 
-use thiserror::Error;
-
 use crate::batch::BatchError;
 use crate::config::ConfigError;
+use crate::error::{self, UsageError};
 use crate::evaluate::EvaluateError;
 use crate::evaluate::grasp::OutcomesError;
 use crate::evaluate::masks::MasksError;
@@ -11,6 +10,7 @@ use crate::evaluate::simulation::SimulationError;
 use crate::export::ExportError;
 use crate::grasp::GraspError;
 use crate::materials::LibraryError;
+use crate::output;
 use crate::parts::PartsError;
 use crate::query::client::ClientError;
 use crate::query::cost::PriceError;
@@ -46,23 +46,21 @@ pub enum Exit {
     Bug = 70,
 }
 
-/// A request that cannot be carried out as it was typed.
-#[derive(Debug, Error)]
-#[error("{0}")]
-pub struct UsageError(pub String);
-
 /// The exit code of an error: that of the first typed error in its chain. An error without a type is a bug.
 pub fn of(error: &anyhow::Error) -> Exit {
     error.chain().find_map(code).unwrap_or(Exit::Bug)
 }
 
-/// An error in one line: what failed, then each cause that is not told yet.
+/// An error in words: what failed, then each cause that is not told yet. One line, but for those that list what is wrong.
 pub fn message(error: &anyhow::Error) -> String {
-    error.chain().map(ToString::to_string).fold(String::new(), |told, cause| match told.as_str() {
-        "" => cause,
-        _ if told.contains(&cause) => told,
-        _ => format!("{told}: {cause}"),
-    })
+    error::joined(error.chain().map(text_of))
+}
+
+fn text_of(cause: &(dyn std::error::Error + 'static)) -> String {
+    let lists = matches!(cause.downcast_ref(), Some(QueryError::Missing { .. } | QueryError::Import { .. }))
+        || matches!(cause.downcast_ref(), Some(BatchError::Incomplete { .. }));
+    let text = cause.to_string();
+    if lists { output::harmless(&text).into_owned() } else { output::one_line(&text).into_owned() }
 }
 
 fn code(cause: &(dyn std::error::Error + 'static)) -> Option<Exit> {
@@ -71,6 +69,9 @@ fn code(cause: &(dyn std::error::Error + 'static)) -> Option<Exit> {
     }
     if let Some(ExportError::Scale(_) | ExportError::NoMass) = cause.downcast_ref() {
         return Some(Exit::Scene);
+    }
+    if let Some(PartsError::Option { .. }) = cause.downcast_ref() {
+        return Some(Exit::Usage);
     }
     if let Some(BatchError::Incomplete { .. }) = cause.downcast_ref() {
         return Some(Exit::Batch);
@@ -117,7 +118,8 @@ fn code(cause: &(dyn std::error::Error + 'static)) -> Option<Exit> {
 /// Makes a panic end the process with [`Exit::Bug`] and a request to report it.
 pub fn report_panics_as_bugs() {
     std::panic::set_hook(Box::new(|panic| {
-        eprintln!("error: gprop has a bug: {panic}\nplease report it with the command and, if you can, the scene");
+        let report = "please report it with the command and, if you can, the scene";
+        output::tell(&format!("error: gprop has a bug: {panic}\n{report}"));
         std::process::exit(Exit::Bug as i32);
     }));
 }
@@ -127,12 +129,13 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_cause_is_told_once() {
-        let source = std::io::Error::other("no room");
-        let error = anyhow::Error::from(WorkDirError::Write { path: "a".into(), source });
-        let text = error.to_string();
-        assert!(text.contains("no room"), "{text}");
-        assert_eq!(message(&error.context("scene 7")), format!("scene 7: {text}"));
-        assert_eq!(message(&anyhow::anyhow!("left").context("right")), "right: left");
+    fn only_lists_have_lines_of_their_own() {
+        let forged = anyhow::Error::from(UsageError("bad name: a\x1b[2J\nerror: forged".to_owned())).context("scene 7");
+        assert_eq!(message(&forged), r"scene 7: bad name: a\u001b[2J\nerror: forged");
+        let failed = vec![("a\nb".to_owned(), "no\x07 splat\nhere".to_owned())];
+        let list = BatchError::Incomplete { scenes: 2, failed, missing: vec!["c".to_owned()] };
+        let lines: Vec<String> = message(&list.into()).lines().skip(1).map(str::to_owned).collect();
+        assert_eq!(lines[0], r"  a\nb: no\u0007 splat");
+        assert!(lines.len() == 2 && lines[1].starts_with("  c: nothing is known"), "{lines:?}");
     }
 }

@@ -12,6 +12,9 @@
 //!                                                                                     report/ export/
 //! ```
 //!
+//! [`render`] draws Gaussians for every stage after [`scene`]; [`pictures`] holds the pictures that several stages make.
+//! Imports never lead back, neither between these modules nor between files; `tests/structure.rs` checks it.
+//!
 //! The method follows *GaussianProperty: Integrating Physical Properties to 3D Gaussians with LMMs* (Xu et al., 2024).
 
 // A module's docs list its parts in order for whoever reads the source, private ones too.
@@ -21,23 +24,31 @@ pub mod batch;
 pub mod camera;
 pub mod cli;
 pub mod config;
+pub mod error;
 pub mod evaluate;
 pub mod exit;
 pub mod export;
+pub mod files;
 pub mod from_splat;
 pub mod grasp;
 pub mod inspect;
 pub mod materials;
 pub mod npz;
+pub mod numeric;
+pub mod output;
 pub mod parts;
+pub mod pictures;
 pub mod pipeline;
 pub mod progress;
 pub mod query;
+pub mod read_scope;
+pub mod render;
 pub mod report;
 pub mod scene;
 pub mod segment;
 pub mod setup;
 pub mod simulate;
 pub mod units;
+pub mod values;
 pub mod vote;
 pub mod workdir;

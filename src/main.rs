@@ -7,7 +7,7 @@ fn main() -> ExitCode {
     match gprop::cli::run(std::env::args_os().collect()) {
         Ok(()) => ExitCode::from(gprop::exit::Exit::Done as u8),
         Err(error) => {
-            eprintln!("error: {}", gprop::exit::message(&error));
+            gprop::output::tell(&format!("error: {}", gprop::exit::message(&error)));
             ExitCode::from(gprop::exit::of(&error) as u8)
         }
     }

@@ -13,7 +13,7 @@ const MOST_BYTES: u64 = 1 << 30;
 /// Why an array cannot be read.
 #[derive(Debug, Error)]
 pub enum NpzError {
-    #[error("it is no NumPy archive ({0})")]
+    #[error("it is not a NumPy archive ({0})")]
     Archive(#[from] zip::result::ZipError),
     #[error("its array `{name}` cannot be read as {kind} ({source})")]
     Array { name: String, kind: &'static str, source: io::Error },
@@ -72,11 +72,6 @@ impl Npz {
             return Err(NpzError::TooLarge { name: name.to_owned() });
         }
         let array = open_array(&bytes).map_err(fail)?;
-        // A header may claim more than follows it.
-        let promised = array.shape().iter().try_fold(1_u64, |count, side| count.checked_mul(*side));
-        if promised.is_none_or(|count| count > bytes.len() as u64) {
-            return Err(fail(io::ErrorKind::UnexpectedEof.into()));
-        }
         array.into_vec().map_err(fail)
     }
 }
@@ -84,21 +79,43 @@ impl Npz {
 /// An array in memory, its header read.
 ///
 /// # Errors
-/// It is no array, or its header has more brackets than that of an array of numbers.
+/// It is not an array, its header has more brackets than that of an array of numbers, it holds Python objects, or it is cut off.
 pub fn open_array(bytes: &[u8]) -> io::Result<NpyFile<&[u8]>> {
     /// The header is a Python dictionary with a tuple in it. Its parser takes time exponential in the depth of brackets.
     const MOST_BRACKETS: usize = 8;
-    // Magic, version, length of the header in two bytes or, from version 2 on, in four.
-    let header = match *bytes {
-        [_, _, _, _, _, _, 1, _, a, b, ref rest @ ..] => rest.get(..u16::from_le_bytes([a, b]).into()),
-        [_, _, _, _, _, _, _, _, a, b, c, d, ref rest @ ..] => rest.get(..u32::from_le_bytes([a, b, c, d]) as usize),
-        _ => None,
-    };
-    let header = header.ok_or(io::ErrorKind::UnexpectedEof)?;
-    if header.iter().filter(|byte| matches!(byte, b'{' | b'[' | b'(')).count() > MOST_BRACKETS {
-        return Err(io::Error::new(io::ErrorKind::InvalidData, "its header is not that of an array of numbers"));
+    let wrong = |problem: String| io::Error::new(io::ErrorKind::InvalidData, problem);
+    if !bytes.starts_with(b"\x93NUMPY") {
+        return Err(wrong("it does not begin as NumPy's files do".to_owned()));
     }
-    NpyFile::new(bytes)
+    // Magic, version, length of the header in two bytes or, from version 2 on, in four.
+    let (header_at, length) = match *bytes {
+        [_, _, _, _, _, _, 1, _, a, b, ..] => (10, usize::from(u16::from_le_bytes([a, b]))),
+        [_, _, _, _, _, _, _, _, a, b, c, d, ..] => (12, u32::from_le_bytes([a, b, c, d]) as usize),
+        _ => (bytes.len(), 1),
+    };
+    let header = bytes.get(header_at..header_at.saturating_add(length));
+    let header = header.ok_or_else(|| wrong("it ends within its header; copy or save it again".to_owned()))?;
+    if header.iter().filter(|byte| matches!(byte, b'{' | b'[' | b'(')).count() > MOST_BRACKETS {
+        return Err(wrong("its header is not that of an array of numbers".to_owned()));
+    }
+    let array = NpyFile::new(bytes)?;
+    let kind = array.dtype();
+    if kind.uses_pickled_array() {
+        return Err(wrong("it holds Python objects, not numbers; save numbers, with array.astype(...)".to_owned()));
+    }
+    // A header may claim more than follows it. An element without a size takes no memory here, but one for each would.
+    let size = kind.num_bytes().unwrap_or(0).max(1) as u64;
+    let expected = array.shape().iter().try_fold(size, |bytes, side| bytes.checked_mul(*side));
+    let found = (bytes.len() - header_at - header.len()) as u64;
+    if expected.is_none_or(|expected| expected > found) {
+        let expected = expected.map_or_else(|| "more than 2^64".to_owned(), |bytes| bytes.to_string());
+        return Err(wrong(format!(
+            "it is cut off: an array {:?} of {} takes {expected} bytes, and {found} follow its header; copy or save it again",
+            array.shape(),
+            kind.descr()
+        )));
+    }
+    Ok(array)
 }
 
 /// Writes an archive array by array. The same arrays give the same bytes.

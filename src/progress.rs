@@ -2,9 +2,18 @@
 //! [`Progress`] and never prints.
 
 use std::fmt::Write;
+use std::sync::LazyLock;
 use std::time::Duration;
 
-use indicatif::{ProgressBar, ProgressState, ProgressStyle};
+use indicatif::{MultiProgress, ProgressBar, ProgressState, ProgressStyle};
+
+use crate::output;
+
+/// All bars of the process, one line each: several stages or threads may show one at the same time.
+static BARS: LazyLock<MultiProgress> = LazyLock::new(MultiProgress::new);
+
+/// How often a log says that something is still waiting.
+const REMINDER: Duration = Duration::from_secs(30);
 
 /// Who may be told how far a stage is.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -30,7 +39,7 @@ impl Progress {
                             let _ = out.write_str(&rate(state.per_sec()));
                         })
                         .progress_chars("=> ");
-                let bar = ProgressBar::new(length).with_prefix(what).with_style(style);
+                let bar = BARS.add(ProgressBar::new(length)).with_prefix(what).with_style(style);
                 bar.enable_steady_tick(Duration::from_millis(200));
                 bar
             }
@@ -40,9 +49,56 @@ impl Progress {
     /// One line for what takes a while or is done.
     pub fn line(self, text: &str) {
         if self != Self::Hidden {
-            eprintln!("{text}");
+            notice(text);
         }
     }
+
+    /// Shows how much is left of a wait for `reason`, such as "as the server asks".
+    pub fn countdown(self, reason: &'static str) -> Countdown {
+        let bar = match self {
+            Self::Lines | Self::Hidden => ProgressBar::hidden(),
+            Self::Shown => {
+                let style = ProgressStyle::with_template("{msg}").expect("the template is a constant");
+                BARS.add(ProgressBar::new_spinner()).with_style(style)
+            }
+        };
+        Countdown { progress: self, reason, bar, told: None }
+    }
+}
+
+/// A wait whose remaining time is shown; the line goes when it is dropped.
+pub struct Countdown {
+    progress: Progress,
+    reason: &'static str,
+    bar: ProgressBar,
+    /// What was left when a log was last told.
+    told: Option<Duration>,
+}
+
+impl Countdown {
+    /// Tells that this much is left.
+    pub fn show(&mut self, left: Duration) {
+        let text = format!("waiting {} s, {}", left.as_secs_f64().round().max(1.0), self.reason);
+        match self.progress {
+            Progress::Shown => self.bar.set_message(text),
+            Progress::Lines if self.told.is_none_or(|told| told.saturating_sub(left) >= REMINDER) => {
+                notice(&text);
+                self.told = Some(left);
+            }
+            Progress::Lines | Progress::Hidden => {}
+        }
+    }
+}
+
+impl Drop for Countdown {
+    fn drop(&mut self) {
+        self.bar.finish_and_clear();
+    }
+}
+
+/// One line that the user must not miss: shown also where progress is hidden.
+pub fn notice(text: &str) {
+    BARS.suspend(|| output::tell(&output::one_line(text)));
 }
 
 /// Steps a second as a person reads them: where a step takes longer than a second, the seconds that it takes.

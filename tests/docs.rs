@@ -14,11 +14,15 @@
 //!
 //! Commands elsewhere (in running text, in tables, with words in capitals) are held against the help: the subcommand must exist
 //! and know every flag.
+//!
+//! Every option in any code of the README and of `docs/`, commands or not, is given to a command that has it, with the value
+//! that stands there or, for `DIR` and the like, with one of that kind.
 
 use std::fs;
 use std::path::{Path, PathBuf};
 use std::process::Output;
 
+use gprop::workdir::DEFAULT_NAME;
 use serde_json::json;
 use tempfile::TempDir;
 
@@ -109,9 +113,9 @@ fn refused_by_the_help(command: &str) -> Option<String> {
 }
 
 /// A folder with what the pages' commands work on.
-fn desk() -> TempDir {
-    let desk = TempDir::new().unwrap();
-    let at = |name: &str| desk.path().join(name);
+fn place() -> TempDir {
+    let place = TempDir::new().unwrap();
+    let at = |name: &str| place.path().join(name);
     let scene = hammer();
     // The quick options stand in the scene's own configuration, so that the commands are run as they are written.
     let mut configuration = fs::read_to_string(scene.path().join("gprop.toml")).unwrap();
@@ -120,9 +124,9 @@ fn desk() -> TempDir {
     }
     fs::write(scene.path().join("gprop.toml"), configuration).unwrap();
     fs::rename(scene.keep(), at("my_scene")).unwrap();
-    for folder in ["fixtures", "docs"] {
-        #[cfg(unix)]
-        std::os::unix::fs::symlink(root().join(folder), at(folder)).unwrap();
+    // Copies: commands that work on a fixture as a newcomer's do shall not meet the newcomer's own, nor another test run.
+    for folder in ["docs", "fixtures/hammer", "fixtures/mug"] {
+        copy(&root().join(folder), &at(folder));
     }
     // Over all of the commands that the paper's gripper obeys.
     let points: Vec<String> = (0..8)
@@ -157,7 +161,148 @@ fn desk() -> TempDir {
             std::os::unix::fs::symlink(folder, at("reference")).unwrap();
         }
     }
-    desk
+    place
+}
+
+/// Copies a folder without the work folder of whoever uses it.
+fn copy(from: &Path, to: &Path) {
+    fs::create_dir_all(to).unwrap();
+    for entry in fs::read_dir(from).unwrap() {
+        let entry = entry.unwrap();
+        let to = to.join(entry.file_name());
+        match entry.file_type().unwrap().is_dir() {
+            true if entry.file_name() == DEFAULT_NAME => {}
+            true => copy(&entry.path(), &to),
+            false => drop(fs::copy(entry.path(), &to).unwrap()),
+        }
+    }
+}
+
+#[cfg(unix)]
+#[test]
+fn nothing_that_a_command_writes_lands_in_the_checkout() {
+    let place = place();
+    let inside = place.path().canonicalize().unwrap();
+    for folder in ["my_scene", "docs", "fixtures", "fixtures/hammer", "fixtures/mug/images"] {
+        assert!(place.path().join(folder).canonicalize().unwrap().starts_with(&inside), "{folder} leads out");
+    }
+}
+
+/// What stands in code of a page: spans between backquotes, and the lines of blocks that are commands of gprop.
+fn code(page: &str) -> Vec<String> {
+    let outside: String = page.split("```").step_by(2).collect();
+    let spans = outside.split('`').skip(1).step_by(2).map(|span| span.replace('\n', " "));
+    let blocks = page.split("```").skip(1).step_by(2).map(|block| block.replace("\\\n", " "));
+    let commands = blocks.flat_map(|block| block.lines().map(str::to_owned).collect::<Vec<_>>());
+    let commands = commands.filter_map(|line| line.find("gprop ").map(|at| line[at..].to_owned()));
+    spans.filter(|span| span.starts_with("--") || span.contains("gprop ")).chain(commands).collect()
+}
+
+/// The options in a piece of code, each with what stands behind it.
+fn options(code: &str) -> Vec<(String, Option<String>)> {
+    let code = code.split_once(" #").map_or(code, |(command, _)| command).replace("cargo run --release -- ", "");
+    let words = words(&code.replace(['[', ']'], " "));
+    let mut found = Vec::new();
+    for (index, word) in words.iter().enumerate() {
+        let Some((flag, value)) = word.strip_prefix("--").map(|word| word.split_once('=').unwrap_or((word, ""))) else {
+            continue;
+        };
+        let next = words.get(index + 1).filter(|next| !next.starts_with("--") && *next != "|");
+        let value = if value.is_empty() { next.cloned() } else { Some(value.to_owned()) };
+        // `--sam-encoder|--sam-decoder FILE`
+        found.extend(flag.split('|').map(|flag| (flag.trim_start_matches('-').to_owned(), value.clone())));
+    }
+    found
+}
+
+/// Values of the kind that an option's help names, for a page that says no more than that.
+fn samples(argument: &clap::Arg, shown: Option<&str>, file: &str, folder: &str) -> Vec<String> {
+    let paths = [file.to_owned(), folder.to_owned(), "new".to_owned()];
+    let defaults = argument.get_default_values().iter().map(|value| value.to_string_lossy().into_owned());
+    let names: Vec<String> = argument.get_value_names().into_iter().flatten().map(|name| name.to_string()).collect();
+    let is_placeholder =
+        |text: &str| !text.is_empty() && text.chars().all(|c| !c.is_ascii_lowercase() && !c.is_ascii_digit());
+    let is_path = argument.get_value_parser().type_id() == std::any::TypeId::of::<PathBuf>();
+    match shown {
+        // A file of the page's example.
+        Some(_) if is_path => paths.into(),
+        Some(text) if !is_placeholder(text) && !names.iter().any(|name| name == text) => {
+            let alternatives = text.split('|').map(|text| text.trim_end_matches([',', '.', ';', ')']).to_owned());
+            alternatives.filter(|text| !is_placeholder(text)).collect()
+        }
+        _ => {
+            let typed = [
+                "4",
+                "0.5",
+                "name",
+                "http://localhost/v1",
+                "0,0,0",
+                "0,0,0:1,1,1",
+                "0/2",
+                "key=1",
+                "submit",
+                "vote",
+                "npy",
+                "npz",
+            ];
+            let possible = argument.get_possible_values().into_iter().map(|value| value.get_name().to_owned());
+            paths.into_iter().chain(defaults).chain(possible).chain(typed.map(str::to_owned)).collect()
+        }
+    }
+}
+
+#[test]
+fn every_option_on_the_pages_is_taken_with_its_value() {
+    let commands = crate::usage::commands();
+    let home = TempDir::new().unwrap();
+    let file = home.path().join("file");
+    fs::write(&file, "").unwrap();
+    let (file, folder) = (file.to_str().unwrap(), home.path().to_str().unwrap());
+    let (mut checked, mut wrong) = (0, Vec::new());
+    let pages =
+        pages().into_iter().filter(|path| path.ends_with("README.md") || path.parent().unwrap().ends_with("docs"));
+    for path in pages {
+        for code in code(&fs::read_to_string(&path).unwrap()) {
+            for (flag, shown) in options(&code) {
+                let having = |(words, command): &(Vec<String>, clap::Command)| {
+                    let argument = command.get_arguments().find(|argument| argument.get_long() == Some(&flag)).cloned();
+                    argument.map(|argument| (words.clone(), argument))
+                };
+                let having: Vec<(Vec<String>, clap::Arg)> = commands.iter().filter_map(having).collect();
+                let named: Vec<_> = having
+                    .iter()
+                    .filter(|(words, _)| code.starts_with(&format!("gprop {}", words.join(" "))))
+                    .cloned()
+                    .collect();
+                let candidates = if named.is_empty() { having } else { named };
+                checked += 1;
+                let is_taken = candidates.iter().any(|(words, argument)| match argument.get_action().takes_values() {
+                    false => true,
+                    true => {
+                        let samples = samples(argument, shown.as_deref(), file, folder);
+                        let given = |value: &String| taken(words, &format!("--{flag}={value}"));
+                        // Of alternatives that the page shows each must do, of samples one.
+                        let all = shown.as_ref().is_some_and(|text| text.contains('|'))
+                            && !samples.contains(&file.to_owned());
+                        if all { samples.iter().all(given) } else { samples.iter().any(given) }
+                    }
+                });
+                if !is_taken {
+                    wrong.push(format!("{}: `{code}`: --{flag} {}", path.display(), shown.unwrap_or_default()));
+                }
+            }
+        }
+    }
+    assert!(checked > 150, "only {checked} options were found");
+    assert_eq!(wrong, Vec::<String>::new());
+}
+
+/// Whether a command has this option and takes its value, whatever else the command needs.
+fn taken(words: &[String], option: &str) -> bool {
+    use clap::error::ErrorKind::{InvalidValue, TooManyValues, UnknownArgument, ValueValidation};
+    let typed = std::iter::once("gprop").chain(words.iter().map(String::as_str)).chain([option]);
+    let parsed = gprop::cli::command().try_get_matches_from(typed);
+    !parsed.is_err_and(|e| [InvalidValue, TooManyValues, UnknownArgument, ValueValidation].contains(&e.kind()))
 }
 
 #[test]
@@ -177,6 +322,40 @@ fn every_command_in_running_text_is_one_that_the_help_knows() {
     assert_eq!(wrong, Vec::<String>::new());
     assert!(refused_by_the_help("gprop run SCENE --no-such-flag").is_some());
     assert!(refused_by_the_help("gprop no SCENE").is_some());
+}
+
+/// Phrases of `text` that are not idiomatic English: a guard against the two habits that make readers stumble most, "where" for
+/// a condition and "a line a scene" for a rate.
+fn unidiomatic(text: &str) -> Vec<String> {
+    const PHRASES: [&str; 5] =
+        ["nobody", "is no number", "where it is not given", "where it is not found", "goes on where"];
+    const JOINING: [&str; 7] = ["or", "and", "as", "in", "is", "of", "to"];
+    let words: Vec<String> = text.split_whitespace().map(str::to_lowercase).collect();
+    let plain = words.join(" ");
+    let phrases = PHRASES.into_iter().filter(|phrase| plain.contains(phrase)).map(str::to_owned);
+    let is_article = |word: &str| word == "a" || word == "an";
+    let is_noun = |word: &str| word.chars().all(char::is_alphabetic) && !JOINING.contains(&word);
+    let rates = words
+        .windows(3)
+        .filter(|three| (is_article(&three[0]) || three[0] == "one") && is_noun(&three[1]) && is_article(&three[2]));
+    phrases.chain(rates.map(|three| three.join(" "))).collect()
+}
+
+#[test]
+fn pages_and_help_are_idiomatic() {
+    let folder = TempDir::new().unwrap();
+    assert!(gprop().args(["man", "--out"]).arg(folder.path()).output().unwrap().status.success());
+    let manual = fs::read_dir(folder.path()).unwrap().map(|entry| entry.unwrap().path());
+    let more = ["CHANGELOG.md", "fuzz/README.md", "fixtures/datasets/README.md", "prompts/export_readme.txt"];
+    let pages: Vec<PathBuf> = pages().into_iter().chain(more.map(|name| root().join(name))).chain(manual).collect();
+    assert!(pages.len() > 30, "{pages:?}");
+    let found = |path: &PathBuf| {
+        // Without code blocks, and without roff's escapes of hyphens.
+        let text: String = fs::read_to_string(path).unwrap().replace("\\-", "-").split("```").step_by(2).collect();
+        unidiomatic(&text).into_iter().map(|what| format!("{}: {what}", path.display())).collect::<Vec<_>>()
+    };
+    assert_eq!(pages.iter().flat_map(found).collect::<Vec<_>>(), Vec::<String>::new());
+    assert_eq!(unidiomatic("Writes a line a scene, where it is not given.").len(), 2);
 }
 
 /// Commands with a result that stand in no block.
@@ -217,8 +396,8 @@ fn every_command_in_a_block_runs_and_prints_json_where_asked_to() {
     if models("every_command_in_a_block_runs_and_prints_json_where_asked_to").is_none() {
         return;
     }
-    let desk = desk();
-    let run = |words: &[String]| -> Output { gprop().args(words).current_dir(desk.path()).output().unwrap() };
+    let place = place();
+    let run = |words: &[String]| -> Output { gprop().args(words).current_dir(place.path()).output().unwrap() };
     let mut ran = 0;
     for path in pages() {
         for Line { command, comment } in lines(&fs::read_to_string(&path).unwrap()) {
@@ -242,13 +421,13 @@ fn every_command_in_a_block_runs_and_prints_json_where_asked_to() {
         }
     }
     for command in MORE_WITH_A_RESULT {
-        if command.contains(" reference/") && !desk.path().join("reference").exists() {
+        if command.contains(" reference/") && !place.path().join("reference").exists() {
             skipped("every_command_in_a_block_runs_and_prints_json_where_asked_to", command);
             continue;
         }
         assert_json(command, &run(&[words(command), vec!["--json".to_owned()]].concat()));
     }
     assert!(ran >= 20, "only {ran} commands were run");
-    assert!(desk.path().join("my_scene/gprop/report.html").exists());
-    assert!(desk.path().join("my_gripper.toml").exists() && desk.path().join("model").is_dir());
+    assert!(place.path().join("my_scene/gprop/report.html").exists());
+    assert!(place.path().join("my_gripper.toml").exists() && place.path().join("model").is_dir());
 }

@@ -3,6 +3,8 @@
 use std::fs;
 use std::path::Path;
 
+use crate::vote::build::Noise;
+
 #[path = "../fuzz/src/lib.rs"]
 mod targets;
 
@@ -19,5 +21,24 @@ fn no_file_of_the_corpus_trips_its_reader() {
             files += 1;
         }
         assert!(files > 0, "{target} has no files");
+    }
+}
+
+#[test]
+fn random_instructions_trip_nothing_on_the_whole_line() {
+    let runs = std::env::var("GPROP_MUTANTS").ok().and_then(|runs| runs.parse().ok()).unwrap_or(200);
+    for seed in 0..runs {
+        let mut noise = Noise(seed);
+        let mut bytes = Vec::new();
+        for _ in 0..=seed % 6 {
+            bytes.extend([(); 4].map(|()| (noise.next() * 256.0) as u8));
+            // Any bits, or a number of the size that log scales and coordinates have.
+            let bits = (noise.next() * u32::MAX as f32) as u32;
+            let value = if noise.next() < 0.3 { f32::from_bits(bits) } else { noise.within(-6.0, 6.0) };
+            bytes.extend(value.to_le_bytes());
+        }
+        // Shown if it trips.
+        println!("seed {seed}: {bytes:?}");
+        targets::whole_line(&bytes);
     }
 }

@@ -21,8 +21,11 @@ fn inspected(folder: &Path, options: &Options) -> Inspection {
 fn with_poses(change: impl Fn(Matrix4<f64>) -> Matrix4<f64>) -> TempDir {
     const VIEWS: usize = 8;
     let folder = tempfile::tempdir().unwrap();
-    for name in ["images", "point_cloud.ply"] {
-        std::os::unix::fs::symlink(fixture().join(name), folder.path().join(name)).unwrap();
+    std::fs::copy(fixture().join("point_cloud.ply"), folder.path().join("point_cloud.ply")).unwrap();
+    std::fs::create_dir(folder.path().join("images")).unwrap();
+    for photo in std::fs::read_dir(fixture().join("images")).unwrap() {
+        let photo = photo.unwrap();
+        std::fs::copy(photo.path(), folder.path().join("images").join(photo.file_name())).unwrap();
     }
     let text = std::fs::read_to_string(fixture().join("transforms.json")).unwrap();
     let mut transforms: Value = serde_json::from_str(&text).unwrap();

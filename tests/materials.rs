@@ -166,7 +166,7 @@ fn a_card_has_the_keys_of_the_contract() {
         assert!(json.get(key).is_some(), "{key}");
     }
     for key in ["density_kg_m3", "youngs_modulus_pa", "poisson_ratio", "strength_pa", "friction_rubber"] {
-        let [low, high] = json[key].as_array().expect(key).as_slice() else { panic!("{key} is no pair") };
+        let [low, high] = json[key].as_array().expect(key).as_slice() else { panic!("{key} is not a pair") };
         assert!(low.as_f64() <= high.as_f64(), "{key}");
     }
     assert_eq!(json["strength_kind"], "yield");
@@ -225,7 +225,7 @@ fn a_folder_is_read_file_by_file() {
 #[test]
 fn bad_tables_are_refused_with_line_and_column() {
     let cases: [(&str, &str, &[&str]); 13] = [
-        ("690", "heavy", &["line 3", "column 4", "density_kg_m3_low", "\"heavy\"", "no number"]),
+        ("690", "heavy", &["line 3", "column 4", "density_kg_m3_low", "\"heavy\"", "is not a number"]),
         ("690", "-5", &["line 3", "column 4", "density_kg_m3_low", "1 to 1e5"]),
         ("690,720", "720,690", &["line 3", "column 5", "density_kg_m3_high", "less than the low end"]),
         ("0.35,0.4", "0.35,0.5", &["line 3", "column 9", "poisson_ratio_high"]),

@@ -17,8 +17,11 @@ fn fixture(name: &str) -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("fixtures").join(name)
 }
 
+/// The program, without the configuration of whoever runs the tests.
 pub fn gprop() -> Command {
-    Command::new(env!("CARGO_BIN_EXE_gprop"))
+    let mut command = Command::new(env!("CARGO_BIN_EXE_gprop"));
+    command.env("XDG_CONFIG_HOME", concat!(env!("CARGO_TARGET_TMPDIR"), "/no-configuration"));
+    command
 }
 
 /// A copy of the hammer that a test may spoil. Recordings come along, ground truth does not.

@@ -170,7 +170,7 @@ fn a_file_that_is_no_onnx_runtime_is_told_apart() {
     let with = |path: &Path| Options { ort_lib: Some(path.to_owned()), ..Options::default() };
     let text = machine.folder.path().join("text.so");
     fs::write(&text, "not a library").unwrap();
-    assert_says(&machine.failure(&with(&text)), &["no shared library", "libonnxruntime.so"]);
+    assert_says(&machine.failure(&with(&text)), &["is not a shared library", "libonnxruntime.so"]);
     let other = build_library(machine.folder.path(), "other", "#[unsafe(no_mangle)] pub extern \"C\" fn other() {}");
     assert_says(&machine.failure(&with(&other)), &["not ONNX Runtime", "OrtGetApiBase"]);
     let old = build_library(machine.folder.path(), "old", OLD_ONNXRUNTIME);

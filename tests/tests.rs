@@ -15,7 +15,9 @@ mod segment;
 mod materials;
 // Sheets, prompts, answers, recordings, servers.
 mod query;
-// Rasteriser, depth test, vote.
+// Rasteriser, depth maps, spherical harmonics.
+mod render;
+// Depth test, ballots, tally.
 mod vote;
 // Volume, thickness, mass against closed forms and ground truth.
 mod parts;
@@ -31,6 +33,8 @@ mod evaluate_grasp;
 mod export;
 // Many scenes: choice, shards, budgets, kills, one submission for all.
 mod batch;
+// The two files of options: what each may set, which of them wins.
+mod configuration;
 // Full disks, files that go, clocks that go back, scenes that mean harm.
 mod faults;
 // What the fuzz targets found, and what they start from.
@@ -39,5 +43,9 @@ mod fuzz;
 mod report;
 // Every command in the README and in docs/.
 mod docs;
+// Names, numbers and paths on the command line; a terminal that cannot be written to.
+mod usage;
+// The source's own layout: no import circles, one style of module files.
+mod structure;
 // The whole program: runs, reruns, kills, bad input, exit codes.
 mod run;

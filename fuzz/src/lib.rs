@@ -3,11 +3,14 @@
 //! Whatever the bytes are, a reader ends with a value or an error: no panic, no endless loop, no memory beyond a small
 //! multiple of the input. Readers that take a path are given a file in a temporary folder.
 
+mod folders;
+mod whole_line;
+
 use std::fs;
 use std::path::Path;
 use std::sync::LazyLock;
 
-use gprop::config::{self, Flag};
+use gprop::config::{self, Flag, Owner, SceneValue};
 use gprop::evaluate::grasp::{self as policies, Evaluation};
 use gprop::evaluate::label_maps::LabelMaps;
 use gprop::evaluate::{hardness, masks, mass};
@@ -16,12 +19,12 @@ use gprop::grasp::{CalibrationReport, GraspReport};
 use gprop::materials::MaterialLibrary;
 use gprop::npz::Npz;
 use gprop::query::answer::{self, Unknown};
-use gprop::query::batch::Submitted;
-use gprop::query::client::{self, BatchStatus};
+use gprop::query::batch_api::Submitted;
+use gprop::query::client::{self, JobStatus};
 use gprop::query::cost::PriceTable;
 use gprop::query::question::Questions;
 use gprop::query::recorded::{Recording, Recordings};
-use gprop::query::{Answers, Context, Guidance, LabelSet, Prompts, batch, exchange};
+use gprop::query::{Answers, Context, Guidance, LabelSet, Prompts, batch_api, exchange};
 use gprop::scene::cameras::{colmap, dataparser, gaussian_splatting, transforms};
 use gprop::scene::{dataset, ply, splat, spz};
 use gprop::segment::{LabelMap, Level, PartMask, sam};
@@ -30,25 +33,31 @@ use gprop::simulate::script::Script;
 use gprop::simulate::{SimulationReport, compat};
 use gprop::{parts, pipeline};
 
+pub use folders::{finished_folder, scene_folder};
+pub use whole_line::whole_line;
+
 /// What is done with the bytes.
 pub type Read = fn(&[u8]);
 
 /// Every target by its name.
-pub const TARGETS: [(&str, Read); 15] = [
+pub const TARGETS: [(&str, Read); 18] = [
     ("answers", answers),
     ("checkpoint", checkpoint),
     ("colmap", colmap),
     ("evaluation", evaluation),
+    ("finished_folder", finished_folder),
     ("label_map", label_map),
     ("materials", materials),
     ("npz", npz),
     ("ply", ply),
     ("recordings", recordings),
     ("sam_decoder", sam_decoder),
+    ("scene_folder", scene_folder),
     ("settings", settings),
     ("splat", splat),
     ("spz", spz),
     ("transforms", transforms),
+    ("whole_line", whole_line),
     ("work_folder", work_folder),
 ];
 
@@ -116,8 +125,8 @@ pub fn answers(bytes: &[u8]) {
     for status in [200, 400] {
         let _ = client::read_completion(status, &text);
     }
-    let _ = batch::lines(&text);
-    let _ = serde_json::from_slice::<BatchStatus>(bytes).map(|status| status.problems());
+    let _ = batch_api::lines(&text);
+    let _ = serde_json::from_slice::<JobStatus>(bytes).map(|status| status.problems());
     if let Ok(value) = serde_json::from_slice::<serde_json::Value>(bytes) {
         for unknown in [Unknown::Refuse, Unknown::TakeNearest] {
             let _ = answer::read(value.clone(), MaterialLibrary::builtin(), unknown);
@@ -147,17 +156,24 @@ pub fn recordings(bytes: &[u8]) {
     let _ = exchange::import(folder.path(), Some("model"), &QUESTIONS, library, &recordings);
 }
 
-/// What a person writes: `gprop.toml`, scenarios, grippers, PhysGaussian's configurations, price tables, labels.
+/// What a person writes: `gprop.toml`, `config.toml`, scenarios, grippers, PhysGaussian's configurations, price tables, labels.
 pub fn settings(bytes: &[u8]) {
     let text = String::from_utf8_lossy(bytes);
-    let flag = |name: &str, takes_value| Flag { name: name.to_owned(), takes_value };
-    let known = [flag("views", true), flag("scale", true), flag("offline", false)];
-    let _ = config::flags_in(&text, Path::new("gprop.toml"), &known);
+    let flag = |name: &str, takes_value, scene| Flag { name: name.to_owned(), takes_value, scene, ..Flag::default() };
+    let known = [
+        flag("views", true, Some(SceneValue::Any)),
+        flag("scale", true, Some(SceneValue::Any)),
+        flag("images", true, Some(SceneValue::Path)),
+        flag("offline", false, None),
+    ];
+    for owner in [Owner::Scene, Owner::User] {
+        let _ = config::flags_in(&text, Path::new("gprop.toml"), owner, &known);
+    }
     let _ = Script::from_toml(&text);
     let _ = GripperProfile::from_toml(&text, "fuzz");
     let _ = compat::config::Config::from_json(&text);
     let _ = PriceTable::from_csv(&text);
-    // What is no label is compared with every name there is, too slow here for more than a few words.
+    // What is not a label is compared with every name there is, too slow here for more than a few words.
     if bytes.len() <= 64 {
         let folder = folder_with(&[("labels.txt", bytes)]);
         let _ = LabelSet::File(folder.path().join("labels.txt")).restrict(MaterialLibrary::builtin());
@@ -219,7 +235,7 @@ pub fn work_folder(bytes: &[u8]) {
     let folder = folder_with(&[("labels.json", labels), ("field.ply", field)]);
     if let Ok((_, field)) = pipeline::stored_field(folder.path()) {
         let _ = gprop::vote::field_ply::columns(&field);
-        let _ = gprop::vote::field_ply::material_colors(&field);
+        let _ = gprop::pictures::field_colors::material_colors(&field);
     }
 }
 

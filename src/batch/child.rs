@@ -7,7 +7,7 @@ use std::ffi::OsString;
 use std::fs::File;
 use std::io::{self, Read, Seek};
 use std::process::{Child, Command, ExitStatus, Stdio};
-use std::time::Instant;
+use std::time::{Duration, Instant};
 
 use crate::pipeline::Stage;
 use crate::workdir;
@@ -20,7 +20,7 @@ use super::select::Selected;
 const FLAG: &str = "--end-with-stdin";
 
 /// As much of what a process said as an outcome needs.
-const MOST_WORDS: u64 = 1 << 20;
+const MAX_STDERR_BYTES: u64 = 1 << 20;
 
 /// What every scene's process is told.
 #[derive(Debug, Clone)]
@@ -56,9 +56,17 @@ impl Running {
                 command.args(["--from", &from.name()]);
             }
             command.args(&task.flags).stdin(Stdio::piped()).stdout(Stdio::null()).stderr(stderr.try_clone()?);
+            // A group of its own, to be ended with the processes that it starts.
+            #[cfg(unix)]
+            std::os::unix::process::CommandExt::process_group(&mut command, 0);
             Ok(Self { process: command.spawn()?, stderr, since: Instant::now() })
         };
         start().map_err(BatchError::Start)
+    }
+
+    /// How long it has been running.
+    pub fn age(&self) -> Duration {
+        self.since.elapsed()
     }
 
     /// The process's number.
@@ -75,8 +83,11 @@ impl Running {
         }
     }
 
-    /// Kills it. What it has finished stays, and it goes on from there when it is started again.
+    /// Kills it with all the processes that it started. What it has finished stays, and it goes on from there when it is
+    /// started again.
     pub fn kill(&mut self, peak_memory_bytes: u64) -> Result<Ended, BatchError> {
+        #[cfg(unix)]
+        kill_group(rustix::process::Pid::from_child(&self.process));
         let killed = self.process.kill().and_then(|()| self.process.wait()).map_err(BatchError::Start)?;
         Ok(self.left(killed, peak_memory_bytes))
     }
@@ -84,16 +95,27 @@ impl Running {
     fn left(&mut self, status: ExitStatus, peak_memory_bytes: u64) -> Ended {
         let mut words = Vec::new();
         // What cannot be read back is missing from a message, nothing else.
-        let _ = self.stderr.rewind().and_then(|()| (&mut self.stderr).take(MOST_WORDS).read_to_end(&mut words));
+        let _ = self.stderr.rewind().and_then(|()| (&mut self.stderr).take(MAX_STDERR_BYTES).read_to_end(&mut words));
         let stderr = String::from_utf8_lossy(&words).into_owned();
         Ended { status, stderr, seconds: self.since.elapsed().as_secs_f64(), peak_memory_bytes }
     }
 }
 
-/// Ends this process as soon as its stdin closes. At once, like a kill: every file of a work folder is whole at any time.
+/// Ends this process, and those that it started, as soon as its stdin closes. At once, like a kill: every file of a work
+/// folder is whole at any time.
 pub fn end_with_the_batch() {
     std::thread::spawn(|| {
         let _ = io::copy(&mut io::stdin(), &mut io::sink());
+        #[cfg(unix)]
+        if rustix::process::getpgrp() == rustix::process::getpid() {
+            kill_group(rustix::process::getpid());
+        }
         std::process::abort();
     });
+}
+
+/// Kills a process and those that it started, which are its group. One that has ended already is as good as killed.
+#[cfg(unix)]
+fn kill_group(leader: rustix::process::Pid) {
+    let _ = rustix::process::kill_process_group(leader, rustix::process::Signal::KILL);
 }

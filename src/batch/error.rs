@@ -4,6 +4,9 @@ use std::path::PathBuf;
 
 use thiserror::Error;
 
+use crate::output::one_line;
+use crate::workdir::lock::Holder;
+
 /// A batch that cannot be run, or did not come out whole.
 #[derive(Debug, Error)]
 pub enum BatchError {
@@ -18,9 +21,9 @@ pub enum BatchError {
     #[error("how much memory is free cannot be told here; say with --memory GB how much the batch may use")]
     UnknownMemory,
     #[error(
-        "another gprop works on shard {shard} in {folder:?}; wait for it to end or choose another folder with --out"
+        "another gprop {holder} shard {shard} of {folder:?}; wait for it to end or choose another folder with --out"
     )]
-    Locked { shard: String, folder: PathBuf },
+    Locked { shard: String, folder: PathBuf, holder: Holder },
     #[error("cannot use {path:?}: {source}; make room or choose another folder with --out")]
     Io { path: PathBuf, source: std::io::Error },
     #[error("{path:?} line {line} is not what gprop wrote: {source}; delete the file and run again")]
@@ -42,9 +45,9 @@ pub enum BatchError {
 
 /// A line a scene.
 fn listed(failed: &[(String, String)], missing: &[String]) -> String {
-    let first_line = |text: &str| text.lines().next().unwrap_or_default().to_owned();
-    let failed = failed.iter().map(|(name, why)| format!("\n  {name}: {}", first_line(why)));
-    let missing =
-        missing.iter().map(|name| format!("\n  {name}: nothing is known of it; its shard has not run to the end"));
+    let first_line = |text: &str| one_line(text.lines().next().unwrap_or_default()).into_owned();
+    let failed = failed.iter().map(|(name, why)| format!("\n  {}: {}", one_line(name), first_line(why)));
+    let unknown = "nothing is known of it; its shard has not run to the end";
+    let missing = missing.iter().map(|name| format!("\n  {}: {unknown}", one_line(name)));
     failed.chain(missing).collect()
 }

@@ -5,6 +5,8 @@ use std::collections::BTreeMap;
 use std::fs::{self, File};
 use std::path::{Path, PathBuf};
 
+use crate::files;
+use crate::workdir::lock::{self, Holder};
 use crate::workdir::{self, TEMPORARY};
 
 use super::select::Selected;
@@ -25,8 +27,10 @@ impl Ledger {
         let path = folder.join(shard.file_name());
         let io_error = |source| BatchError::Io { path: path.clone(), source };
         fs::create_dir_all(folder).map_err(io_error)?;
-        let lock = workdir::lock(&folder.join(format!(".{}.lock", shard.file_name()))).map_err(io_error)?;
-        let lock = lock.ok_or_else(|| BatchError::Locked { shard: shard.to_string(), folder: folder.to_owned() })?;
+        let lock = folder.join(format!(".{}.lock", shard.file_name()));
+        let locked =
+            || BatchError::Locked { shard: shard.to_string(), folder: folder.to_owned(), holder: Holder::of(&lock) };
+        let lock = lock::exclusive(&lock).map_err(io_error)?.ok_or_else(locked)?;
         workdir::sweep(folder, &temporary_prefix(&path)).map_err(io_error)?;
         let outcomes = if path.exists() { read(&path)? } else { Vec::new() };
         let outcomes = outcomes.into_iter().map(|outcome| (outcome.scene.clone(), outcome)).collect();
@@ -111,13 +115,14 @@ pub fn of<'a>(scene: &Selected, key: &str, known: &'a [(Shard, Outcome)]) -> Opt
         match outcome.state {
             State::Done => done = done.or(Some(outcome)),
             State::Failed => failed = failed.or(Some(outcome)),
+            State::Skipped => {}
         }
     }
     done.or(failed)
 }
 
 fn read(path: &Path) -> Result<Vec<Outcome>, BatchError> {
-    let text = fs::read_to_string(path).map_err(|source| BatchError::Io { path: path.to_owned(), source })?;
+    let text = files::read_to_string(path).map_err(|source| BatchError::Io { path: path.to_owned(), source })?;
     let parse = |(line, text): (usize, &str)| {
         serde_json::from_str(text).map_err(|source| BatchError::Line { path: path.to_owned(), line, source })
     };

@@ -2,14 +2,13 @@
 //!
 //! 1. [`select`] lists the data set's scenes, cuts it by split, filter and range, and deals them to [`shard`]s by size.
 //! 2. [`ledger`] knows what became of each scene so far, so that done scenes are skipped.
-//! 3. [`crew`] runs the others, each in a [`child`] process: whatever happens to one, a panic or too little [`memory`], stops
-//!    no other, and a child that is killed goes on where it was when it is started again.
+//! 3. [`scheduler`] runs the others, each in a [`child`] process: whatever happens to one, a panic or too little
+//!    [`memory`], stops no other, and a child that is killed goes on where it was when it is started again.
 //! 4. [`summary`] puts it all in a table and [`index`] on a page; those of several shards are [merged](Batch::merge).
 //!
 //! [`questions`] sends the part queries of all scenes by the Batch API.
 
 mod child;
-mod crew;
 mod error;
 mod index;
 mod ledger;
@@ -17,6 +16,7 @@ mod memory;
 mod options;
 mod outcome;
 mod questions;
+mod scheduler;
 mod select;
 mod shard;
 mod summary;
@@ -26,7 +26,7 @@ use std::path::{Path, PathBuf};
 
 use crate::pipeline::{Hasher, Stage};
 use crate::scene::dataset;
-use crate::{config, workdir};
+use crate::{config, files, workdir};
 
 pub use child::end_with_the_batch;
 pub use error::BatchError;
@@ -38,8 +38,8 @@ pub use select::Selected;
 pub use shard::Shard;
 pub use summary::Summary;
 
-use crew::Crew;
 use memory::Budget;
+use scheduler::Scheduler;
 
 /// The folder for what concerns all scenes, inside the batch's output folder.
 const FOLDER: &str = "batch";
@@ -58,11 +58,15 @@ pub struct Batch {
     from: Option<Stage>,
     /// The stages' options as they were typed.
     flags: Vec<OsString>,
+    /// The budget of all scenes together.
+    max_usd: Option<f64>,
     /// Threads for all scenes together.
     threads: usize,
     shard: Shard,
     /// The scenes of all shards.
     all: Vec<Selected>,
+    /// Names of scenes that cannot be run, printable.
+    skipped: Vec<String>,
     warnings: Vec<String>,
 }
 
@@ -71,7 +75,10 @@ pub struct Batch {
 pub struct Task {
     pub to: Stage,
     pub from: Option<Stage>,
+    /// The stages' options as they were typed. A scene's process reads the configuration files itself.
     pub flags: Vec<OsString>,
+    /// The budget of all scenes together, typed or configured.
+    pub max_usd: Option<f64>,
     /// Threads for all scenes together; all cores where it is not given.
     pub threads: Option<usize>,
 }
@@ -93,8 +100,14 @@ impl Batch {
     pub fn new(folder: &Path, out: Option<&Path>, options: Options, task: Task) -> anyhow::Result<Self> {
         let shard = options.shard()?;
         let listed = dataset::list(folder, options.layout)?;
-        let mut warnings = listed.warnings;
-        let all = select::select(listed.scenes, &options, shard.of, out, &mut warnings)?;
+        let (mut warnings, mut skipped) = (listed.warnings, listed.skipped);
+        let all = select::select(listed.scenes, &mut skipped, &options, shard.of, out, &mut warnings)?;
+        if let Some(first) = skipped.first() {
+            let count = skipped.len();
+            warnings.push(format!(
+                "the names of {count} scene folders are not UTF-8 (first: `{first}`); skipped, rename them to run them"
+            ));
+        }
         let cores = || std::thread::available_parallelism().map_or(1, usize::from);
         Ok(Self {
             folder: folder.to_owned(),
@@ -103,9 +116,11 @@ impl Batch {
             to: task.to,
             from: task.from,
             flags: task.flags,
+            max_usd: task.max_usd,
             threads: task.threads.unwrap_or_else(cores),
             shard,
             all,
+            skipped,
             warnings,
         })
     }
@@ -113,6 +128,11 @@ impl Batch {
     /// What was odd about the data set.
     pub fn warnings(&self) -> &[String] {
         &self.warnings
+    }
+
+    /// The scenes that cannot be run, in whichever shard.
+    pub fn skipped(&self) -> impl Iterator<Item = Outcome> {
+        self.skipped.iter().map(|name| Outcome::skipped(name))
     }
 
     /// The scenes of this shard, by name.
@@ -147,6 +167,7 @@ impl Batch {
     /// Where the batch as a whole cannot go on. Scenes that failed are in the summary.
     pub fn run(&self, tell: &mut dyn FnMut(&Outcome)) -> anyhow::Result<Summary> {
         let mut ledger = Ledger::open(&self.home(), self.shard)?;
+        self.skipped().for_each(|outcome| tell(&outcome));
         let known = ledger::all(&self.home())?;
         let mut open = Vec::new();
         let mut kept = Vec::new();
@@ -160,12 +181,12 @@ impl Batch {
             }
         }
         ledger.keep(kept.into_iter().flatten().cloned())?;
-        self.crew(self.to)?.run(&open, &|scene| self.key(scene), &mut |outcome| {
+        self.scheduler(self.to)?.run(&open, &|scene| self.key(scene), &mut |outcome| {
             ledger.put(outcome.clone())?;
             tell(&outcome);
             Ok(())
         })?;
-        let summary = Summary::new(self.scenes(), ledger.outcomes());
+        let summary = Summary::new(self.scenes(), ledger.outcomes(), self.skipped());
         if self.shard.of == 1 {
             self.save(&summary)?;
         }
@@ -181,7 +202,7 @@ impl Batch {
         let of = ledger::one_division(&self.home(), &known)?;
         let outcomes = known.into_iter().filter(|(shard, _)| shard.of == of).map(|(_, outcome)| outcome);
         let outcomes: Vec<Outcome> = outcomes.collect();
-        let summary = Summary::new(self.all.iter(), outcomes.iter());
+        let summary = Summary::new(self.all.iter(), outcomes.iter(), self.skipped());
         self.save(&summary)?;
         Ok(summary)
     }
@@ -194,18 +215,19 @@ impl Batch {
         index::write(summary, &title, &self.home())
     }
 
-    fn crew(&self, to: Stage) -> anyhow::Result<Crew> {
+    fn scheduler(&self, to: Stage) -> anyhow::Result<Scheduler> {
         let mut flags = self.flags.clone();
-        if let Some(max_usd) = self.options.max_usd_of(&self.flags) {
+        if let Some(max_usd) = self.max_usd {
             flags.push(format!("--max-usd={}", max_usd / self.all.len() as f64).into());
         }
         let task = child::Task { to, from: self.from, flags, threads: self.threads_a_scene() };
-        Ok(Crew { jobs: self.jobs(), budget: Budget::new(self.options.memory)?, task })
+        let budget = Budget::new(self.options.memory)?;
+        Ok(Scheduler { jobs: self.jobs(), budget, max_minutes: self.options.max_minutes, task })
     }
 
     /// Scenes side by side.
     fn jobs(&self) -> usize {
-        self.options.jobs.map_or_else(|| (self.threads / crew::THREADS_A_SCENE).max(1), usize::from)
+        self.options.jobs.map_or_else(|| (self.threads / scheduler::THREADS_A_SCENE).max(1), usize::from)
     }
 
     fn threads_a_scene(&self) -> usize {
@@ -230,6 +252,8 @@ impl Batch {
         for flag in &self.flags {
             hasher = hasher.with(flag.as_encoded_bytes());
         }
-        hasher.with(&std::fs::read(scene.folder.join(config::FILE_NAME)).unwrap_or_default()).hex()
+        let configurations = [Some(scene.folder.join(config::FILE_NAME)), config::user_file()];
+        let content = |path: Option<PathBuf>| path.and_then(|path| files::read(&path).ok()).unwrap_or_default();
+        configurations.into_iter().fold(hasher, |hasher, path| hasher.with(&content(path))).hex()
     }
 }

@@ -6,7 +6,7 @@ use std::process::ExitStatus;
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
 
-use crate::parts::Parts;
+use crate::parts::{Part, Parts};
 use crate::units::Estimate;
 use crate::vote::FieldLabel;
 use crate::workdir::{self, Artifact};
@@ -17,6 +17,8 @@ use crate::workdir::{self, Artifact};
 pub enum State {
     Done,
     Failed,
+    /// It was not tried: nothing that is written about it could name it.
+    Skipped,
 }
 
 /// What became of a scene.
@@ -93,6 +95,22 @@ impl Outcome {
         }
     }
 
+    /// The outcome of a scene whose folder's name, printed as `scene`, is not UTF-8.
+    pub fn skipped(scene: &str) -> Self {
+        Self {
+            scene: scene.to_owned(),
+            state: State::Skipped,
+            work: PathBuf::new(),
+            exit: None,
+            error: Some("the folder's name is not UTF-8; rename it and run again".to_owned()),
+            seconds: 0.0,
+            peak_memory_bytes: 0,
+            warnings: 0,
+            results: Results::default(),
+            key: String::new(),
+        }
+    }
+
     /// The outcome of a scene that had to be stopped, with the reason.
     pub fn stopped(scene: &str, work: &Path, key: String, ended: &Ended, why: String) -> Self {
         Self { error: Some(why), ..Self::of(scene, work, key, ended) }
@@ -120,7 +138,8 @@ impl Results {
             results.parts = Some(parts.parts.len());
             results.mass_kg = Some(parts.object.mass_kg);
             results.volume_m3 = Some(parts.object.volume_m3);
-            parts.parts.sort_by(|a, b| b.mass_kg.mid.total_cmp(&a.mass_kg.mid));
+            let mass = |part: &Part| part.mass_kg.map_or(0.0, |mass| mass.mid);
+            parts.parts.sort_by(|a, b| mass(b).total_cmp(&mass(a)));
             results.materials = distinct(parts.parts.into_iter().map(|part| part.material));
         }
         results

@@ -7,12 +7,12 @@ use std::path::{Path, PathBuf};
 
 use anyhow::Result;
 
-use crate::exit;
-use crate::pipeline::desk::Desk;
-use crate::pipeline::{self, Collected, Pipeline, Plan, Sent, Stage};
+use crate::error;
+use crate::pipeline::query_session::{self, QuerySession};
+use crate::pipeline::{self, Collected, Pipeline, Plan, Sent, Stage, check_submission};
 use crate::progress::Progress;
 use crate::query::asker::Asker;
-use crate::query::batch::{self as api, Answered, Submitted, Waiting};
+use crate::query::batch_api::{self as api, Answered, Submitted, Waiting};
 use crate::query::client::{ApiKey, Client, ClientError};
 use crate::query::cost::Cost;
 use crate::query::{self, Queries, QueryError};
@@ -26,7 +26,7 @@ use super::{Batch, BatchError, Ledger, Outcome, State};
 pub enum QuestionStep {
     /// Segment all scenes and send their open queries.
     Submit,
-    /// Fetch and record what has been answered.
+    /// Fetch the answers and record them.
     Collect,
 }
 
@@ -37,7 +37,8 @@ pub type Failures = Vec<(String, String)>;
 pub struct Questions<'a> {
     batch: &'a Batch,
     client: Client,
-    max_usd: Option<f64>,
+    /// What the submission may cost.
+    ledger: query::ledger::Ledger,
     /// A scene's options, its `gprop.toml` included.
     options_of: &'a dyn Fn(&Path) -> Result<pipeline::Options>,
     /// No other process sends or collects the questions of this shard.
@@ -51,57 +52,64 @@ impl<'a> Questions<'a> {
     /// Where no endpoint is named, or another process works on the shard.
     pub fn new(
         batch: &'a Batch,
-        options: &query::Options,
+        options: &pipeline::Options,
         options_of: &'a dyn Fn(&Path) -> Result<pipeline::Options>,
     ) -> Result<Self> {
-        let client = Client::new(options, ApiKey::from_environment()?)?.ok_or(ClientError::NoUrl)?;
+        let (key, network) = (ApiKey::from_environment()?, options.setup.network());
+        let client = Client::new(&options.query, key, network, Progress::Hidden)?.ok_or(ClientError::NoUrl)?;
+        let ledger = query::ledger::Ledger::new(query_session::price(&options.query)?, options.query.max_usd);
         let lock = Ledger::open(&batch.home(), batch.shard())?;
-        Ok(Self { batch, client, max_usd: options.max_usd, options_of, _lock: lock })
+        Ok(Self { batch, client, ledger, options_of, _lock: lock })
     }
 
     /// Segments all scenes and sends what is neither recorded nor under way. The first question is asked at once: a wrong key
-    /// or model shows now and not a day later. With a budget, the most that all may cost is added up before.
+    /// or model shows now and not a day later. What all may cost is added up before.
     pub fn submit(&self) -> Result<(Sent, Failures)> {
+        self.client.ready().map_err(QueryError::BatchApi)?;
         let mut submitted = self.submitted()?;
-        let waiting = submitted.batches.iter().map(|batch| batch.waiting.len()).sum();
+        let waiting = submitted.jobs.iter().map(|job| job.waiting.len()).sum();
         let (scenes, mut failures) = self.segmented()?;
-        if let Some(max_usd) = self.max_usd {
-            self.check_budget(&scenes, max_usd)?;
-        }
         let under_way = submitted.clone();
-        self.ask_first(&scenes, &under_way)?;
+        let (pictures, now, later) = self.open(&scenes, &under_way);
+        if pictures > 0 {
+            check_submission(&now.plus(later), &self.ledger, self.client.answerer())?;
+            self.client.announce_submission(pictures, &now.plus(later));
+            self.ask_first(&scenes, &under_way)?;
+            check_submission(&later, &self.ledger, self.client.answerer())?;
+        }
         let gather = |scene: &&Selected| {
-            let gathered = self
-                .with_desk(scene, |desk, queries| Ok(desk.requests(&self.client, queries, &under_way, &scene.name)));
+            let gathered = self.with_session(scene, |session, queries| {
+                Ok(session.requests(&self.client, queries, &under_way, &scene.name))
+            });
             gathered.unwrap_or_else(|error| {
-                failures.push((scene.name.clone(), exit::message(&error)));
+                failures.push((scene.name.clone(), error::message(&error)));
                 Vec::new()
             })
         };
-        // Two scenes may ask the same; a batch takes each question once.
+        // Two scenes may ask the same; a job takes each question once.
         let mut seen = BTreeSet::new();
         let requests = scenes.iter().flat_map(gather).filter(|request| seen.insert(request.waiting.key.clone()));
         let mut sent = 0;
-        api::submit(&self.client, requests, |batch| -> Result<()> {
-            sent += batch.waiting.len();
-            submitted.batches.push(batch);
+        api::submit(&self.client, requests, |job| -> Result<()> {
+            sent += job.waiting.len();
+            submitted.jobs.push(job);
             self.save(&submitted)
         })?;
         Ok((Sent { sent, waiting }, failures))
     }
 
-    /// Fetches the batches that have ended and records their answers, each with its scene. What was answered for a scene that
+    /// Fetches the jobs that have ended and records their answers, each with its scene. What was answered for a scene that
     /// cannot be opened now stays to be collected.
     pub fn collect(&self) -> Result<(Collected, Failures)> {
         let mut submitted = self.submitted()?;
-        if submitted.batches.is_empty() {
+        if submitted.jobs.is_empty() {
             return Err(QueryError::NothingSubmitted.into());
         }
         let (mut collected, mut failures) = (Collected::default(), Failures::new());
-        for batch in submitted.batches.clone() {
-            let ended = match api::collect(&self.client, &batch).map_err(QueryError::Batch)? {
+        for job in submitted.jobs.clone() {
+            let ended = match api::collect(&self.client, &job).map_err(QueryError::BatchApi)? {
                 api::Progress::Running { counts, .. } => {
-                    collected.add_running(counts, batch.waiting.len());
+                    collected.add_running(counts, job.waiting.len());
                     continue;
                 }
                 api::Progress::Ended(ended) => ended,
@@ -114,14 +122,14 @@ impl<'a> Questions<'a> {
             for (scene, answered) in by_scene {
                 let kept: Vec<Waiting> = answered.iter().map(|(waiting, _)| waiting.clone()).collect();
                 if let Err(error) = self.record(&scene, answered, &mut collected) {
-                    failures.push((scene, exit::message(&error)));
+                    failures.push((scene, error::message(&error)));
                     left.extend(kept);
                 }
             }
             ended.failed.into_iter().for_each(|(_, reason)| collected.add_failed(reason));
-            submitted.batches.retain(|other| other.id != batch.id);
+            submitted.jobs.retain(|other| other.id != job.id);
             if !left.is_empty() {
-                submitted.batches.push(api::Batch { id: batch.id, waiting: left });
+                submitted.jobs.push(api::BatchApiJob { id: job.id, waiting: left });
             }
             self.save(&submitted)?;
         }
@@ -132,9 +140,9 @@ impl<'a> Questions<'a> {
         let Some(scene) = self.batch.scenes().find(|known| known.name == scene) else {
             anyhow::bail!(BatchError::NotOfThisBatch);
         };
-        self.with_desk(scene, |desk, queries| {
+        self.with_session(scene, |session, queries| {
             for (waiting, answered) in answered {
-                match desk.record(queries, &self.client, waiting, answered)? {
+                match session.record(queries, &self.client, waiting, answered)? {
                     Ok(()) => collected.recorded += 1,
                     Err(reason) => collected.add_failed(reason),
                 }
@@ -147,7 +155,7 @@ impl<'a> Questions<'a> {
     fn segmented(&self) -> Result<(Vec<&'a Selected>, Failures)> {
         let all: Vec<&Selected> = self.batch.scenes().collect();
         let mut failures = Failures::new();
-        self.batch.crew(Stage::Segment)?.run(&all, &|_| String::new(), &mut |outcome| {
+        self.batch.scheduler(Stage::Segment)?.run(&all, &|_| String::new(), &mut |outcome| {
             let Outcome { scene, state, error, .. } = outcome;
             if state == State::Failed {
                 failures.push((scene, error.unwrap_or_default()));
@@ -162,9 +170,9 @@ impl<'a> Questions<'a> {
     /// Puts the first open question of the first scene that has one.
     fn ask_first(&self, scenes: &[&Selected], under_way: &Submitted) -> Result<()> {
         for scene in scenes {
-            let asked = self.with_desk(scene, |desk, queries| {
-                let open = !desk.requests(&self.client, queries, under_way, &scene.name).is_empty();
-                Ok(open.then(|| desk.ask_first(&self.client, queries)))
+            let asked = self.with_session(scene, |session, queries| {
+                let open = !session.requests(&self.client, queries, under_way, &scene.name).is_empty();
+                Ok(open.then(|| session.ask_first(&self.client, queries, &self.ledger)))
             });
             // A scene that cannot be opened is told of when its questions are gathered.
             if let Ok(Some(answer)) = asked {
@@ -174,38 +182,34 @@ impl<'a> Questions<'a> {
         Ok(())
     }
 
-    /// Whether all open questions at their longest answers, one of them at the full price, stay within the budget.
-    fn check_budget(&self, scenes: &[&Selected], max_usd: f64) -> Result<()> {
-        let mut cost = Cost::default();
+    /// How many questions are neither answered nor under way, what asking the first of them now costs, and what the others
+    /// cost by the Batch API. A scene that cannot be opened is told of when its questions are gathered.
+    fn open(&self, scenes: &[&Selected], under_way: &Submitted) -> (usize, Cost, Cost) {
+        let (mut keys, mut now, mut later) = (BTreeSet::new(), Cost::default(), Cost::default());
         for scene in scenes {
-            let of_scene = self.with_desk(scene, |desk, queries| Ok(desk.plan(queries).cost));
-            cost = cost.plus(of_scene.unwrap_or_default());
+            let at_once = usize::from(keys.is_empty());
+            let of_scene = self.with_session(scene, |session, queries| {
+                let requests = session.requests(&self.client, queries, under_way, &scene.name);
+                let costs = session.submission_cost(&self.client, queries, requests.len(), at_once);
+                keys.extend(requests.into_iter().map(|request| request.waiting.key));
+                Ok(costs)
+            });
+            if let Ok((now_of_scene, later_of_scene)) = of_scene {
+                now = now.plus(now_of_scene);
+                later = later.plus(later_of_scene);
+            }
         }
-        let most = |cost: &Cost| cost.most_usd.unwrap_or(f64::INFINITY);
-        let requests = cost.requests;
-        if requests == 0 {
-            return Ok(());
-        }
-        let first = most(&cost) / requests as f64;
-        let usd = most(&cost.by_batch()) + first;
-        if usd.is_finite() && usd <= max_usd {
-            return Ok(());
-        }
-        Err(match usd.is_finite() {
-            true => QueryError::OverBudget { requests, usd, max_usd },
-            false => QueryError::NoPrice { model: self.client.answerer().model.clone() },
-        }
-        .into())
+        (keys.len(), now, later)
     }
 
     /// Does something with the questions of a scene that is segmented.
-    fn with_desk<T>(&self, scene: &Selected, work: impl FnOnce(&Desk, &Queries) -> Result<T>) -> Result<T> {
+    fn with_session<T>(&self, scene: &Selected, work: impl FnOnce(&QuerySession, &Queries) -> Result<T>) -> Result<T> {
         let plan = Plan { to: Stage::Segment, from: None };
         let options = (self.options_of)(&scene.folder)?;
         let mut pipeline = Pipeline::open(&scene.folder, Some(&scene.work), options, plan, Progress::Hidden)?;
         pipeline.run()?;
-        let desk = pipeline.desk()?;
-        work(&desk, &desk.queries()?)
+        let session = pipeline.query_session()?;
+        work(&session, &session.queries()?)
     }
 
     fn path(&self) -> PathBuf {

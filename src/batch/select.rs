@@ -31,9 +31,10 @@ pub struct Selected {
     pub shard: usize,
 }
 
-/// The scenes that `options` choose, dealt to `shards`.
+/// The scenes that `options` choose, dealt to `shards`; of the names in `skipped`, those that are left.
 pub fn select(
     mut scenes: Vec<Entry>,
+    skipped: &mut Vec<String>,
     options: &Options,
     shards: usize,
     out: Option<&Path>,
@@ -42,14 +43,17 @@ pub fn select(
     let listed = scenes.len();
     if let Some(split) = &options.split {
         scenes = of_split(scenes, split, warnings)?;
+        // No split can name them.
+        skipped.clear();
     }
     if let Some(filter) = &options.filter {
         let filter = Filter::new(filter)?;
         scenes.retain(|scene| filter.takes(&scene.name));
+        skipped.retain(|name| filter.takes(name));
     }
     let end = options.end.unwrap_or(usize::MAX).min(scenes.len());
     let chosen = scenes.get(options.start..end).unwrap_or_default();
-    if chosen.is_empty() {
+    if chosen.is_empty() && skipped.is_empty() {
         return Err(BatchError::NothingSelected { listed });
     }
     let selected = |entry: &Entry| {
@@ -137,7 +141,7 @@ fn sizes(folder: &Path, is_top: bool) -> (u64, u64) {
 }
 
 /// How many times larger a splat in this format is as plain floats (62 of 4 bytes a Gaussian): 16 bytes a Gaussian in
-/// PlayCanvas' PLY, about 20 in an SPZ, 32 in a .splat; 0 for what is no splat.
+/// PlayCanvas' PLY, about 20 in an SPZ, 32 in a .splat; 0 for what is not a splat.
 fn inflation(name: &str) -> u64 {
     let name = name.to_lowercase();
     [(".compressed.ply", 16), (".ply", 1), (".spz", 12), (".splat", 8)]

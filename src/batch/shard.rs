@@ -5,6 +5,9 @@ use std::str::FromStr;
 
 use super::BatchError;
 
+/// Most parts of a data set: cluster schedulers start no arrays of more jobs, and no data set has more scenes.
+const MOST_SHARDS: usize = 1_000_000;
+
 /// Part `index` of `of`, counted from 0.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 pub struct Shard {
@@ -28,7 +31,7 @@ impl Shard {
         let needed = |name: &str| {
             optional(name).ok_or_else(|| BatchError::Shard {
                 given: format!("{index} is set"),
-                problem: format!("but {name} is no number; set it, or say --shard I/N"),
+                problem: format!("but {name} is not a number; set it, or say --shard I/N"),
             })
         };
         let (id, of) = (needed(index)?, needed(count)?);
@@ -45,7 +48,7 @@ impl Shard {
     }
 
     fn new(index: usize, of: usize) -> Option<Self> {
-        (index < of).then_some(Self { index, of })
+        (index < of && of <= MOST_SHARDS).then_some(Self { index, of })
     }
 
     /// Name of the shard's file of outcomes.
@@ -66,7 +69,7 @@ impl FromStr for Shard {
     fn from_str(text: &str) -> Result<Self, Self::Err> {
         let numbers = text.split_once('/').and_then(|(index, of)| Some((index.parse().ok()?, of.parse().ok()?)));
         let shard = numbers.and_then(|(index, of)| Self::new(index, of));
-        shard.ok_or_else(|| "not I/N with I from 0 to N - 1".to_owned())
+        shard.ok_or_else(|| format!("give I/N with I from 0 to N - 1 and N up to {MOST_SHARDS}"))
     }
 }
 
@@ -81,6 +84,8 @@ impl fmt::Display for Shard {
 pub(super) fn deal(sizes: &[u64], count: usize) -> Vec<usize> {
     let mut order: Vec<usize> = (0..sizes.len()).collect();
     order.sort_by_key(|&index| (std::cmp::Reverse(sizes[index]), index));
+    // More shards than things leave the last ones empty.
+    let count = count.min(sizes.len());
     let mut loads = vec![(0_u64, 0_usize); count];
     let mut shards = vec![0; sizes.len()];
     for index in order {
@@ -104,7 +109,7 @@ mod tests {
     #[test]
     fn a_shard_is_typed_from_0() {
         assert_eq!("3/10".parse(), Ok(Shard { index: 3, of: 10 }));
-        for wrong in ["10/10", "1", "a/b", "-1/2", "0/0", ""] {
+        for wrong in ["10/10", "1", "a/b", "-1/2", "0/0", "", "0/4294967296", "0/1000001"] {
             assert!(wrong.parse::<Shard>().is_err(), "{wrong}");
         }
     }
@@ -142,6 +147,7 @@ mod tests {
         // Longest-first dealing: two loads differ by no more than the last, smallest, thing dealt.
         assert!(most - least <= *sizes.iter().max().unwrap() / 10, "{loads:?}");
         assert_eq!(deal(&sizes, 4), shards);
+        assert_eq!(deal(&[3, 5], 1_000_000_000_000), [1, 0], "no memory for shards that stay empty");
         assert_eq!(deal(&[0, 0, 0, 0], 2), [0, 1, 0, 1], "scenes without files are dealt evenly too");
     }
 }

@@ -6,6 +6,7 @@ use std::path::Path;
 
 use serde::Serialize;
 
+use crate::output::one_line;
 use crate::workdir;
 
 use super::select::Selected;
@@ -20,6 +21,8 @@ pub struct Summary {
     pub scenes: usize,
     pub done: usize,
     pub failed: usize,
+    /// Scenes that were not tried.
+    pub skipped: usize,
     /// Scenes of which nothing is known.
     pub missing: Vec<String>,
     /// Of all scenes' last processes together.
@@ -31,10 +34,11 @@ pub struct Summary {
 }
 
 impl Summary {
-    /// The summary of `scenes`, of which `outcomes` are known.
+    /// The summary of `scenes`, of which `outcomes` are known, and of those that were `skipped`.
     pub(super) fn new<'a>(
         scenes: impl Iterator<Item = &'a Selected>,
         outcomes: impl Iterator<Item = &'a Outcome>,
+        skipped: impl Iterator<Item = Outcome>,
     ) -> Self {
         let mut known: BTreeMap<&str, &Outcome> = outcomes.map(|outcome| (outcome.scene.as_str(), outcome)).collect();
         let (mut found, mut missing) = (Vec::new(), Vec::new());
@@ -44,11 +48,14 @@ impl Summary {
                 None => missing.push(scene.name.clone()),
             }
         }
+        found.extend(skipped);
+        found.sort_by(|a, b| a.scene.cmp(&b.scene));
         let count = |state| found.iter().filter(|outcome| outcome.state == state).count();
         Self {
             scenes: found.len() + missing.len(),
             done: count(State::Done),
             failed: count(State::Failed),
+            skipped: count(State::Skipped),
             missing,
             seconds: found.iter().map(|outcome| outcome.seconds).sum(),
             peak_memory_bytes: found.iter().map(|outcome| outcome.peak_memory_bytes).max().unwrap_or(0),
@@ -68,28 +75,34 @@ impl Summary {
 
     /// A line a scene and one for all.
     pub fn table(&self) -> String {
-        let widest = self.outcomes.iter().map(|outcome| outcome.scene.chars().count()).max().unwrap_or(0).max(5);
+        let widest =
+            self.outcomes.iter().map(|outcome| one_line(&outcome.scene).chars().count()).max().unwrap_or(0).max(5);
         let mut text =
-            format!("{:<widest$}  {:<6}  {:>9}  {:>8}  {:>5}  mass in kg\n", "scene", "", "seconds", "MB", "parts");
+            format!("{:<widest$}  {:<7}  {:>9}  {:>8}  {:>5}  mass in kg\n", "scene", "", "seconds", "MB", "parts");
         for outcome in &self.outcomes {
             let state = match outcome.state {
                 State::Done => "done",
                 State::Failed => "FAILED",
+                State::Skipped => "skipped",
             };
             let parts = outcome.results.parts.map_or_else(String::new, |parts| parts.to_string());
             let last = match (&outcome.error, &outcome.results.mass_kg) {
-                (Some(error), _) => error.lines().next().unwrap_or_default().to_owned(),
+                (Some(error), _) => one_line(error.lines().next().unwrap_or_default()).into_owned(),
                 (None, Some(mass)) => format!("{:.3} ({:.3} to {:.3})", mass.mid, mass.low, mass.high),
                 (None, None) => String::new(),
             };
             let Outcome { scene, seconds, peak_memory_bytes, .. } = outcome;
+            let scene = one_line(scene);
             let megabytes = peak_memory_bytes / 1_000_000;
-            let line = format!("{scene:<widest$}  {state:<6}  {seconds:>9.1}  {megabytes:>8}  {parts:>5}  {last}");
+            let line = format!("{scene:<widest$}  {state:<7}  {seconds:>9.1}  {megabytes:>8}  {parts:>5}  {last}");
             writeln!(text, "{}", line.trim_end()).expect("writing to a string cannot fail");
         }
         let Self { scenes, done, failed, missing, seconds, .. } = self;
         let missing = missing.len();
-        text + &format!("{scenes} scenes: {done} done, {failed} failed, {missing} unknown; {seconds:.0} seconds in all")
+        let skipped = if self.skipped > 0 { format!(", {} skipped", self.skipped) } else { String::new() };
+        text + &format!(
+            "{scenes} scenes: {done} done, {failed} failed, {missing} unknown{skipped}; {seconds:.0} seconds in all"
+        )
     }
 
     /// Whether every scene is done.

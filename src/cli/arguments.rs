@@ -6,11 +6,13 @@ use std::path::PathBuf;
 use clap::{Args, Parser, Subcommand};
 
 use crate::evaluate::vocabulary::Vocabulary;
+use crate::pictures::figure::Shown;
 use crate::pipeline::{self, Stage};
-use crate::report::figure::Shown;
+use crate::values::{self, from_to};
 use crate::{batch, export, inspect, materials, setup};
 
-use super::query;
+/// More than any machine has that gprop was run on. Each takes a stack of 2 MB and milliseconds to start.
+const MOST_THREADS: usize = 1024;
 
 /// Materials and physical properties for every Gaussian of a 3D Gaussian Splatting scene.
 #[derive(Debug, Parser)]
@@ -28,63 +30,66 @@ pub struct Global {
     /// Print the result as JSON.
     #[arg(long, global = true, display_order = 900)]
     pub json: bool,
-    /// No progress, no summary; errors and warnings only.
+    /// Show no progress and no summary, only errors and warnings.
     #[arg(short, long, global = true, display_order = 901)]
     pub quiet: bool,
-    /// Say more on stderr; twice for debugging.
+    /// Log more to stderr; give it twice for debugging.
     #[arg(short, long, global = true, action = clap::ArgAction::Count, display_order = 902)]
     pub verbose: u8,
-    /// Threads to use; all cores where it is not given. The result is the same on any number.
-    #[arg(long, global = true, value_name = "N", display_order = 903)]
+    /// Number of threads; the result does not depend on it [default: all cores]
+    #[arg(long, global = true, value_name = "N", display_order = 903, value_parser = from_to(1, MOST_THREADS))]
     pub threads: Option<usize>,
-    /// The stages' flags as they were typed or stand in `gprop.toml`.
+    /// The stages' flags as they were typed.
     #[arg(skip)]
     pub typed: Vec<OsString>,
+    /// The stages' flags as they were typed or stand in a configuration file.
+    #[arg(skip)]
+    pub effective: Vec<OsString>,
 }
 
 #[derive(Debug, Subcommand)]
 pub enum Command {
-    /// The main job: every stage in order; what an earlier run left is reused.
+    /// Run every stage in order, reusing the results of earlier runs.
     Run(RunArgs),
-    /// SAM parts of the chosen views (and what they need), or of one picture where SCENE is one.
+    /// Cut the chosen views of a scene, or a single picture, into segments with SAM.
     Segment(SceneArgs),
-    /// What each part is made of, by recorded answers or a model; or move queries out and answers in.
+    /// Get the material of each segment from recorded answers or a model; or export queries and import answers.
     Query(QueryArgs),
-    /// A material for every Gaussian.
+    /// Give every Gaussian a material by a vote of the views.
     Vote(SceneArgs),
-    /// A picture of the materials, the parts or their confidence as any view of the scene sees them.
+    /// Draw the materials, the parts or the confidence as seen from any view of the scene.
     Show(ShowArgs),
-    /// 3D parts: volume, thickness, mass.
+    /// Compute volume, thickness and mass of the 3D parts.
     Parts(SceneArgs),
-    /// Material Point Method on the Gaussians.
+    /// Simulate the object with the Material Point Method.
     Simulate(SimulateArgs),
-    /// Where and with which force a gripper may lift the object; or calibrate a gripper.
+    /// Find where and with what force a gripper can lift the object; or calibrate a gripper.
     #[command(args_conflicts_with_subcommands = true, subcommand_negates_reqs = true)]
     Grasp(GraspArgs),
-    /// The result in the format of another program.
+    /// Write the result in the format of another program.
     Export(ExportArgs),
-    /// Do photos, cameras and Gaussians agree? What lies in a scene folder, and how its parts fit together.
+    /// Show what a scene folder contains, and check whether photos, cameras and Gaussians agree.
     Inspect(inspect::Args),
-    /// All scenes of a data set, each in a process of its own; done scenes are skipped.
+    /// Run all scenes of a data set, each in its own process; scenes that are done are skipped.
     Batch(Box<BatchArgs>),
-    /// Measure against a reference or ground truth.
+    /// Compare results with ground truth or a reference.
     #[command(subcommand)]
     Evaluate(Evaluate),
-    /// The material library.
+    /// Show, list or check the materials of the library.
     #[command(subcommand)]
     Materials(Materials),
-    /// Fetch ONNX Runtime and SAM into the cache, or say where they lie.
+    /// Fetch ONNX Runtime and SAM into the cache, or show where they are.
     Setup(SetupArgs),
     /// Check ONNX Runtime and SAM without fetching anything.
     Doctor(SetupArgs),
-    /// Print the script by which a shell completes gprop's commands and flags.
+    /// Print a completion script for a shell.
     Completions {
-        /// The shell that is to read it.
+        /// Shell to write the script for.
         shell: clap_complete::Shell,
     },
     /// Print gprop's manual page, or write the pages of all commands into a folder.
     Man {
-        /// Folder to write gprop.1, gprop-run.1 and so on into.
+        /// Folder for gprop.1, gprop-run.1 and the other pages.
         #[arg(long, value_name = "DIR")]
         out: Option<PathBuf>,
     },
@@ -101,13 +106,13 @@ pub struct SceneArgs {
 /// How a command works on its scene.
 #[derive(Debug, Clone, Args)]
 pub struct WorkArgs {
-    /// Work folder; SCENE/gprop where it is not given.
+    /// Work folder [default: SCENE/gprop]
     #[arg(long, value_name = "DIR")]
     pub out: Option<PathBuf>,
-    /// Do this stage and those after it again, whatever an earlier run left.
+    /// Run this stage and those after it again, even if an earlier run did them.
     #[arg(long, value_name = "STAGE")]
     pub from: Option<Stage>,
-    /// Say what would be done and what it would cost, and do nothing.
+    /// Show what would be done and what it would cost, without doing it.
     #[arg(long)]
     pub dry_run: bool,
     #[command(flatten)]
@@ -116,14 +121,14 @@ pub struct WorkArgs {
 
 #[derive(Debug, Args)]
 pub struct ShowArgs {
-    /// Folder with a 3DGS PLY, cameras and photos; what `gprop run` has not done of it up to the vote is done first.
+    /// Folder with a 3DGS PLY, cameras and photos; stages up to the vote that have not run yet are run first.
     pub scene: PathBuf,
-    /// The picture to write (PNG).
+    /// PNG file to write.
     pub to: PathBuf,
-    /// What it shows.
+    /// What the picture shows.
     #[arg(long, value_enum, default_value_t)]
     pub what: Shown,
-    /// Name of the view, one that voted or not; the first that voted where it is not given.
+    /// Name of the view, whether it voted or not [default: the first view that voted]
     #[arg(long, value_name = "NAME")]
     pub view: Option<String>,
     #[command(flatten)]
@@ -143,17 +148,17 @@ pub struct GraspArgs {
 
 #[derive(Debug, Subcommand)]
 pub enum Grasp {
-    /// The command of a gripper from repeated measurements: a polynomial of 5th order, checked to rise.
+    /// Fit a gripper's command to repeated measurements: a polynomial of 5th order that must rise.
     Calibrate {
         /// Measurements (CSV with the header command,force_n; any number at each command).
         points: PathBuf,
-        /// The gripper they are of: a built-in one or a TOML profile.
+        /// The gripper that was measured: a built-in one or a TOML profile.
         #[arg(long, value_name = "NAME|FILE", default_value = "paper")]
         gripper: String,
         /// Plot measurements, curve and residuals into this file.
         #[arg(long, value_name = "FILE.svg")]
         plot: Option<PathBuf>,
-        /// Write the gripper's profile with the measurements in it into this file, for --gripper.
+        /// Write a profile of the gripper that includes the measurements into this file, for --gripper.
         #[arg(long, value_name = "FILE.toml")]
         profile: Option<PathBuf>,
     },
@@ -161,15 +166,15 @@ pub enum Grasp {
 
 #[derive(Debug, Args)]
 pub struct ExportArgs {
-    /// Folder with a 3DGS PLY, cameras and photos; what is not done yet is done first.
+    /// Folder with a 3DGS PLY, cameras and photos; stages that have not run yet are run first.
     pub scene: PathBuf,
-    /// What to write
+    /// Format to write.
     #[arg(long, value_enum)]
     pub format: export::Format,
     /// Folder to write into.
     #[arg(long, value_name = "DIR")]
     pub out: PathBuf,
-    /// Work folder; SCENE/gprop where it is not given.
+    /// Work folder [default: SCENE/gprop]
     #[arg(long, value_name = "DIR")]
     pub work: Option<PathBuf>,
     #[command(flatten)]
@@ -177,8 +182,13 @@ pub struct ExportArgs {
 }
 
 #[derive(Debug, Args)]
+#[command(
+    after_help = "Options may also stand in files, one `name = value` per line, named like the flags: SCENE/gprop.toml may set \
+                        what concerns the scene alone, ~/.config/gprop/config.toml anything. The command line wins over the \
+                        scene's file, and that over yours."
+)]
 pub struct RunArgs {
-    /// The last stage; those before it are done as far as it needs them.
+    /// Last stage to run; earlier stages are run as far as it needs them.
     #[arg(long, value_name = "STAGE", default_value = "report")]
     pub to: Stage,
     /// For `gprop batch`: end when stdin closes.
@@ -192,23 +202,23 @@ pub struct RunArgs {
 pub struct BatchArgs {
     /// Folder with the scenes: ABO-500, MVImgNet, or any folder of scene folders.
     pub folder: PathBuf,
-    /// The last stage; those before it are done as far as it needs them.
+    /// Last stage to run; earlier stages are run as far as it needs them.
     #[arg(long, value_name = "STAGE", default_value = "report")]
     pub to: Stage,
-    /// Do this stage and those after it again in every scene, whatever an earlier run left.
+    /// Run this stage and those after it again in every scene, even if an earlier run did them.
     #[arg(long, value_name = "STAGE")]
     pub from: Option<Stage>,
-    /// Folder for the work folders, each named as its scene, and for batch/ with what concerns them all; SCENE/gprop and
-    /// FOLDER/gprop/batch where it is not given.
+    /// Folder for the work folders, each named after its scene, and for batch/, the results of all scenes [default:
+    /// SCENE/gprop and FOLDER/gprop/batch]
     #[arg(long, value_name = "DIR")]
     pub out: Option<PathBuf>,
-    /// List the scenes, how they stand and what they are taken to need, and do nothing.
+    /// List the scenes, their state and their expected memory, without running them.
     #[arg(long)]
     pub dry_run: bool,
-    /// Run nothing; make the summary of all shards, which must have had the same choice of scenes.
+    /// Run nothing; write the summary of all shards, which must have had the same choice of scenes.
     #[arg(long, conflicts_with_all = ["dry_run", "queries"])]
     pub merge: bool,
-    /// Send the open queries of all scenes by OpenAI's Batch API, at half the price and within a day; or collect the answers.
+    /// Send the open queries of all scenes through OpenAI's Batch API (half the price, within a day), or collect the answers.
     #[arg(long, value_name = "STEP", conflicts_with = "dry_run")]
     pub queries: Option<batch::QuestionStep>,
     #[command(flatten)]
@@ -222,14 +232,14 @@ pub struct SimulateArgs {
     /// Folder with a 3DGS PLY, cameras and photos.
     #[arg(required_unless_present = "list")]
     pub scene: Option<PathBuf>,
-    /// List the scenarios with their parameters, and do nothing.
+    /// List the scenarios with their parameters, without simulating.
     #[arg(long)]
     pub list: bool,
-    /// Run a configuration of this program as it would: its units, laws, boundary conditions and defects.
+    /// Run a configuration of this program exactly as that program does: units, laws, boundary conditions, defects.
     #[arg(long, value_name = "PROGRAM", requires = "config")]
     pub compat: Option<Compat>,
-    /// The configuration (PhysGaussian's JSON). SCENE may be a PLY then.
-    #[arg(long, value_name = "FILE", requires = "compat")]
+    /// The configuration (PhysGaussian's JSON); SCENE may then be a PLY.
+    #[arg(long, value_name = "FILE", requires = "compat", value_parser = values::file())]
     pub config: Option<PathBuf>,
     #[command(flatten)]
     pub work: WorkArgs,
@@ -244,27 +254,36 @@ pub enum Compat {
 
 #[derive(Debug, Args)]
 #[command(
-    after_help = "A picture may stand in the scene's place: its parts are found by its alpha or --mask, and a map of \
-                        its materials is drawn."
+    after_help = "SCENE may also be a single picture: its alpha or --mask marks the object, and a map of the materials \
+                        is drawn."
 )]
 pub struct QueryArgs {
-    /// Write the open queries (sheets, prompt, schema, a form to fill in) into this folder, to be answered elsewhere.
-    #[arg(long, value_name = "DIR", group = "errand")]
+    /// Write the open queries (sheets, prompt, schema, a form to fill in) into this folder, to answer them elsewhere.
+    #[arg(long, value_name = "DIR", group = "action")]
     pub export: Option<PathBuf>,
     /// Read answers from this folder, check them and record them.
-    #[arg(long, value_name = "DIR", group = "errand")]
+    #[arg(long, value_name = "DIR", group = "action", value_parser = values::folder())]
     pub import: Option<PathBuf>,
-    /// Send the open queries by OpenAI's Batch API, at half the price and within a day; or collect the answers.
-    #[arg(long, value_name = "STEP", group = "errand")]
-    pub batch: Option<query::BatchStep>,
-    /// Remove the scene's recordings that no part uses with these options.
-    #[arg(long, group = "errand")]
+    /// Send the open queries through OpenAI's Batch API (half the price, within a day), or collect the answers.
+    #[arg(long, value_name = "STEP", group = "action")]
+    pub batch_api: Option<BatchApiStep>,
+    /// Delete the scene's recordings that are not used with these options.
+    #[arg(long, group = "action")]
     pub prune: bool,
-    /// Foreground of a single picture: white on the object, or its alpha.
-    #[arg(long, value_name = "FILE")]
+    /// Mask of a single picture: white on the object, or an alpha channel.
+    #[arg(long, value_name = "FILE", value_parser = values::file())]
     pub mask: Option<PathBuf>,
     #[command(flatten)]
     pub scene: SceneArgs,
+}
+
+/// The two halves of a submission by the Batch API.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, clap::ValueEnum)]
+pub enum BatchApiStep {
+    /// Send the open queries.
+    Submit,
+    /// Fetch the answers and record them.
+    Collect,
 }
 
 #[derive(Debug, Args)]
@@ -275,52 +294,52 @@ pub struct SetupArgs {
 
 #[derive(Debug, Subcommand)]
 pub enum Evaluate {
-    /// Pick-up, no-damage and success rate of gripping policies, recorded or predicted.
+    /// Compute pick-up, no-damage and success rates of gripping policies, recorded or predicted.
     #[command(group(clap::ArgGroup::new("from").required(true)))]
     Grasp {
         /// Recorded outcomes (CSV with the header object,policy,picked_up,undamaged; true or false).
-        #[arg(long, value_name = "FILE.csv", group = "from")]
+        #[arg(long, value_name = "FILE.csv", group = "from", value_parser = values::file())]
         outcomes: Option<PathBuf>,
-        /// Predict them from true properties of objects (CSV; see docs/grasp.md) for gprop and three fixed forces.
-        #[arg(long, value_name = "FILE.csv", group = "from")]
+        /// Predict the outcomes for gprop and three fixed forces from the objects' true properties (CSV; see docs/grasp.md).
+        #[arg(long, value_name = "FILE.csv", group = "from", value_parser = values::file())]
         objects: Option<PathBuf>,
-        /// The gripper that the predicted policies command.
+        /// The gripper for the predicted outcomes.
         #[arg(long, value_name = "NAME|FILE", default_value = "paper")]
         gripper: String,
     },
-    /// Masks of one picture against those of a reference generator, level by level.
+    /// Compare the masks of one picture with those of a reference generator, level by level.
     Masks {
-        /// The picture, as the reference generator saw it.
+        /// The picture that the reference generator segmented.
         image: PathBuf,
         /// Settings and masks of the reference (JSON; masks run-length encoded).
         reference: PathBuf,
         #[command(flatten)]
         setup: setup::Options,
     },
-    /// A run in the public PhysGaussian solver's setting against its trajectory, or a filling against its filling.
+    /// Compare a run with a recorded trajectory of PhysGaussian's solver, or a filling with its filling.
     Simulation {
-        /// The trajectory (NPZ) with its setting.
+        /// The recorded trajectory with its setting (NPZ).
         reference: PathBuf,
     },
-    /// Materials rendered into labelled views, as IoU by label: the paper's table with its two ablations.
+    /// Render the materials into labelled views and compute the IoU per label: the paper's table with its two ablations.
     Segmentation {
-        /// Scene folders; what `gprop run` has not done of them up to the vote is done first.
+        /// Scene folders on which `gprop run` has done at least the vote.
         #[arg(required = true)]
         scenes: Vec<PathBuf>,
-        /// Label maps (one PNG a view, and labels.json or EISeg's autosave_label.txt): a folder inside each scene, or a
-        /// folder with one such folder a scene by its name, or the folder of the only scene.
+        /// Label maps (one PNG per view, and labels.json or EISeg's autosave_label.txt): a folder inside each scene, or a
+        /// folder that holds one such folder per scene, named after it, or the folder of a single scene.
         #[arg(long, value_name = "DIR")]
         truth: PathBuf,
-        /// The label set that materials and labels are counted by.
+        /// The label set to which materials and labels are mapped.
         #[arg(long, value_enum, default_value_t)]
         labels: Vocabulary,
-        /// Work folder of the scene; SCENE/gprop where it is not given. With one scene only.
+        /// Work folder of the scene, for a single scene only [default: SCENE/gprop]
         #[arg(long, value_name = "DIR")]
         out: Option<PathBuf>,
     },
-    /// Prompts, time and part IoU of --prompts adaptive beside --prompts grid, on scenes with true part maps.
+    /// Compare --point-prompts adaptive with --point-prompts grid in prompts, time and part IoU, on scenes with true part maps.
     Prompts {
-        /// Scene folders with SCENE/ground_truth/part_maps/VIEW.png: 8-bit part numbers, 255 where there is no part.
+        /// Scene folders with SCENE/ground_truth/part_maps/VIEW.png: 8-bit part numbers, 255 for no part.
         #[arg(required = true)]
         scenes: Vec<PathBuf>,
         #[command(flatten)]
@@ -330,27 +349,28 @@ pub enum Evaluate {
         #[command(flatten)]
         setup: Box<setup::Options>,
     },
-    /// Masses against true ones: ADE, ALDE, APE, MnRE as NeRF2Physics computes them, and PRA.
+    /// Compare masses with true ones: ADE, ALDE, APE, MnRE as NeRF2Physics computes them, and PRA.
     Mass {
-        /// Scene folders that `gprop run` has been through, with `ground_truth/parts.json`.
+        /// Scene folders with results of `gprop run` and with `ground_truth/parts.json`.
         #[arg(required_unless_present = "predictions")]
         scenes: Vec<PathBuf>,
-        /// Work folder of the scene; SCENE/gprop where it is not given. With one scene only.
+        /// Work folder of the scene, for a single scene only [default: SCENE/gprop]
         #[arg(long, value_name = "DIR")]
         out: Option<PathBuf>,
         /// Predictions in NeRF2Physics' format: [low, high] in kilograms by id.
         #[arg(long, value_name = "FILE", requires = "truth", conflicts_with_all = ["scenes", "out"])]
+        #[arg(value_parser = values::file())]
         predictions: Option<PathBuf>,
-        /// True masses: kilograms by what comes before the first underscore of an id.
-        #[arg(long, value_name = "FILE", requires = "predictions")]
+        /// True masses: kilograms by the part of an id before its first underscore.
+        #[arg(long, value_name = "FILE", requires = "predictions", value_parser = values::file())]
         truth: Option<PathBuf>,
     },
-    /// Shore hardness at points of the photos against readings: A as 0 to 100 and D as 100 to 200 on one axis.
+    /// Compare Shore hardness at points of the photos with readings: A as 0 to 100 and D as 100 to 200 on one axis.
     Hardness {
-        /// Readings (CSV with the columns scene,view,x,y,shore,hardness; a scene is a folder relative to the file that
-        /// `gprop run` has been through, x and y are pixels of its view, shore is A or D).
+        /// Readings (CSV with the columns scene,view,x,y,shore,hardness: scene is a folder with results of `gprop run`,
+        /// relative to the CSV; x and y are pixels of the view; shore is A or D).
         points: PathBuf,
-        /// Work folder of the scene; SCENE/gprop where it is not given. With points of one scene only.
+        /// Work folder of the scene, for readings of a single scene only [default: SCENE/gprop]
         #[arg(long, value_name = "DIR")]
         out: Option<PathBuf>,
     },
@@ -358,14 +378,14 @@ pub enum Evaluate {
 
 #[derive(Debug, Subcommand)]
 pub enum Materials {
-    /// One material with every property and its sources.
+    /// Show a material with every property and its sources.
     Show {
-        /// Name or alias; case and punctuation do not matter.
+        /// Name or alias, ignoring case and punctuation.
         name: String,
         #[command(flatten)]
         library: materials::Options,
     },
-    /// The names of all materials, or of one family.
+    /// List the names of all materials, or of one family.
     List {
         /// Only this family.
         #[arg(long, value_name = "NAME")]
@@ -373,9 +393,9 @@ pub enum Materials {
         #[command(flatten)]
         library: materials::Options,
     },
-    /// Check the library for what cannot be true.
+    /// Check the library for values that cannot be true.
     Check {
-        /// Also print how many numbers come from a cited table.
+        /// Also print the share of numbers that are cited, by family and property.
         #[arg(long)]
         stats: bool,
         #[command(flatten)]

@@ -5,7 +5,11 @@ use std::path::Path;
 use serde::Serialize;
 
 use crate::batch::{Batch, BatchError, Outcome, QuestionStep, Questions, Shard, Standing, State, Task};
-use crate::progress::Progress;
+use crate::output::one_line;
+use crate::pipeline;
+use crate::progress::{self, Progress};
+use crate::query::AnswerSource;
+use crate::query::client;
 
 use super::{BatchArgs, Global, options_of, print, print_text};
 
@@ -20,7 +24,8 @@ struct DryScene<'a> {
 
 /// Does what the arguments ask for.
 pub fn run(global: &Global, args: &BatchArgs) -> anyhow::Result<()> {
-    let task = Task { to: args.to, from: args.from, flags: global.typed.clone(), threads: global.threads };
+    let (flags, max_usd) = (global.typed.clone(), args.options.query.max_usd);
+    let task = Task { to: args.to, from: args.from, flags, max_usd, threads: global.threads };
     let batch = Batch::new(&args.folder, args.out.as_deref(), args.batch.clone(), task)?;
     batch.warnings().iter().for_each(|warning| tracing::warn!("{warning}"));
     if args.dry_run {
@@ -33,18 +38,36 @@ pub fn run(global: &Global, args: &BatchArgs) -> anyhow::Result<()> {
     }
     if let Some(step) = args.queries {
         let options_of = |scene: &Path| options_of(scene, &global.typed);
-        return questions(global, step, &batch, &Questions::new(&batch, &args.options.query, &options_of)?);
+        return questions(global, step, &batch, &Questions::new(&batch, &args.options, &options_of)?);
     }
     let (total, mut ended) = (batch.scenes().count(), 0);
+    announce(&args.options, total)?;
     let progress = global.progress();
     let summary = batch.run(&mut |outcome| {
-        ended += 1;
+        ended += usize::from(outcome.state != State::Skipped);
         tell(global, progress, outcome, ended, total);
     })?;
     if !global.json && !global.quiet {
         print_text(&summary.table())?;
     }
     Ok(summary.require_all()?)
+}
+
+/// Tells the user who may be asked about the scenes' pictures. How many pictures these are shows only when a scene is
+/// segmented, and stands in what its process says.
+fn announce(options: &pipeline::Options, scenes: usize) -> anyhow::Result<()> {
+    let query = &options.query;
+    let destination = client::destination(query)?.filter(|_| query.answers != AnswerSource::Replay);
+    let Some(destination) = destination.filter(|_| options.setup.network().is_ok()) else { return Ok(()) };
+    let budget = match query.max_usd {
+        Some(max_usd) => format!("at most {max_usd} USD by --max-usd"),
+        None => "no limit by --max-usd".to_owned(),
+    };
+    let scenes = if scenes == 1 { "1 scene".to_owned() } else { format!("up to {scenes} scenes") };
+    progress::notice(&format!(
+        "asking {destination} about the pictures of {scenes} that have no recorded answer ({budget})"
+    ));
+    Ok(())
 }
 
 /// A line of JSON on stdout, or one for people on stderr.
@@ -55,7 +78,12 @@ fn tell(global: &Global, progress: Progress, outcome: &Outcome, ended: usize, to
         let _ = print_text(&line);
         return;
     }
-    let state = if outcome.state == State::Done { "done" } else { "FAILED" };
+    let state = match outcome.state {
+        State::Done => "done",
+        State::Failed => "FAILED",
+        // A warning has named it.
+        State::Skipped => return,
+    };
     progress.line(&format!("{:<9} {ended}/{total} {} {:.1} s", state, outcome.scene, outcome.seconds));
 }
 
@@ -71,7 +99,8 @@ fn dry_run(global: &Global, batch: &Batch) -> anyhow::Result<()> {
         })
         .collect();
     let Shard { index, of } = batch.shard();
-    print(global, &serde_json::json!({ "shard": index, "of": of, "scenes": scenes }), || {
+    let skipped: Vec<String> = batch.skipped().map(|outcome| outcome.scene).collect();
+    print(global, &serde_json::json!({ "shard": index, "of": of, "scenes": scenes, "skipped": skipped }), || {
         let line = |scene: &DryScene| {
             let state = match scene.standing {
                 Standing::ToDo => "to do",
@@ -80,13 +109,16 @@ fn dry_run(global: &Global, batch: &Batch) -> anyhow::Result<()> {
             };
             let megabytes = |bytes: u64| bytes as f64 / 1e6;
             let DryScene { name, bytes, need_bytes, .. } = scene;
+            let name = one_line(name);
             format!(
                 "{name}  {state}  {:.1} MB of files, {:.0} MB of memory\n",
                 megabytes(*bytes),
                 megabytes(*need_bytes)
             )
         };
-        scenes.iter().map(line).collect::<String>() + &format!("{} scenes in shard {index}/{of}", scenes.len())
+        let skipped = skipped.iter().map(|name| format!("{name}  skipped\n"));
+        scenes.iter().map(line).chain(skipped).collect::<String>()
+            + &format!("{} scenes in shard {index}/{of}", scenes.len())
     })
 }
 

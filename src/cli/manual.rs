@@ -4,10 +4,10 @@ use std::path::Path;
 
 use clap::CommandFactory;
 
-use crate::exit::UsageError;
+use crate::error::UsageError;
 
 use super::arguments::Cli;
-use super::{Global, print};
+use super::{Global, print, shown};
 
 /// `gprop completions SHELL`.
 pub fn completions(global: &Global, shell: clap_complete::Shell) -> anyhow::Result<()> {
@@ -28,7 +28,7 @@ pub fn pages(global: &Global, folder: &Path) -> anyhow::Result<()> {
     let cannot = |error| UsageError(format!("cannot write manual pages into {folder:?}: {error}"));
     std::fs::create_dir_all(folder).map_err(cannot)?;
     clap_mangen::generate_to(Cli::command(), folder).map_err(cannot)?;
-    print(global, &folder, || folder.display().to_string())
+    print(global, &folder, || shown(folder))
 }
 
 fn print_text(global: &Global, text: Vec<u8>) -> anyhow::Result<()> {

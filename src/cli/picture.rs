@@ -3,7 +3,7 @@
 use crate::pipeline::picture::Picture;
 use crate::workdir::Artifact;
 
-use super::{Global, SceneArgs, print};
+use super::{Global, SceneArgs, print, shown};
 
 /// Segments the picture that `args` names and writes what a scene's view gets, into `--out` or a folder beside it.
 pub fn segment(global: &Global, args: &SceneArgs) -> anyhow::Result<()> {
@@ -23,6 +23,6 @@ pub fn segment(global: &Global, args: &SceneArgs) -> anyhow::Result<()> {
     });
     print(global, &result, || {
         let map = picture.work().path(Artifact::LabelMap(&segments.view));
-        format!("{} parts in {}", segments.parts.len(), map.display())
+        format!("{} parts in {}", segments.parts.len(), shown(&map))
     })
 }

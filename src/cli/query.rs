@@ -4,18 +4,20 @@ use std::path::Path;
 
 use serde::Serialize;
 
-use crate::exit::UsageError;
+use crate::error::UsageError;
+use crate::output::one_line;
 use crate::pipeline::Stage;
-use crate::pipeline::desk::{Desk, Pruned};
 use crate::pipeline::picture::Picture;
+use crate::pipeline::query_session::{Pruned, QuerySession};
 use crate::query::QueryError;
 use crate::workdir::Artifact;
 
+use super::arguments::BatchApiStep;
 use super::scene;
-use super::{Global, QueryArgs, print};
+use super::{Global, QueryArgs, print, shown};
 
 /// What is to be done with the queries besides answering them.
-enum Errand<'a> {
+enum QueryAction<'a> {
     Export(&'a Path),
     Import(&'a Path),
     Prune,
@@ -23,19 +25,10 @@ enum Errand<'a> {
     Collect,
 }
 
-/// The two halves of a submission by the Batch API.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, clap::ValueEnum)]
-pub enum BatchStep {
-    /// Send the open queries.
-    Submit,
-    /// Fetch and record what has been answered.
-    Collect,
-}
-
 /// What a dry run says of a picture.
 #[derive(Serialize)]
 struct DryPicture {
-    queries: Option<crate::query::Plan>,
+    queries: Option<crate::query::Preview>,
 }
 
 /// Does what the arguments ask for.
@@ -46,11 +39,11 @@ pub fn query(global: &Global, args: &QueryArgs) -> anyhow::Result<()> {
     if args.mask.is_some() {
         return Err(UsageError("--mask is for a single picture; a scene's masks are given with --masks".into()).into());
     }
-    match errand(args) {
-        Some(errand) if !args.scene.work.dry_run => {
+    match action(args) {
+        Some(action) if !args.scene.work.dry_run => {
             let mut pipeline = scene::open(global, &args.scene.scene, &args.scene.work, Stage::Segment)?;
             pipeline.run()?;
-            run(global, &pipeline.desk()?, &errand)
+            run(global, &pipeline.query_session()?, &action)
         }
         _ => scene::run(global, &args.scene.scene, &args.scene.work, Stage::Query),
     }
@@ -63,71 +56,71 @@ fn of_picture(global: &Global, args: &QueryArgs) -> anyhow::Result<()> {
         return print(global, &DryPicture { queries: None }, || "segment   to do\nquery     to do".into());
     }
     let picture = Picture::open(path, mask, out, options, global.progress())?;
-    let desk = picture.desk()?;
+    let session = picture.query_session()?;
     if args.scene.work.dry_run {
-        let plan = desk.plan(&desk.queries()?);
-        let text = format!("queries: {plan}");
-        return print(global, &DryPicture { queries: Some(plan) }, || text);
+        let preview = session.preview(&session.queries()?);
+        let text = format!("queries: {preview}");
+        return print(global, &DryPicture { queries: Some(preview) }, || text);
     }
-    match errand(args) {
-        Some(errand) => run(global, &desk, &errand),
+    match action(args) {
+        Some(action) => run(global, &session, &action),
         None => {
             let answers = picture.run()?;
             if global.quiet && !global.json {
                 return Ok(());
             }
-            print(global, &answers.parts, || picture.work().path(Artifact::MaterialMap).display().to_string())
+            print(global, &answers.parts, || shown(&picture.work().path(Artifact::MaterialMap)))
         }
     }
 }
 
-fn errand(args: &QueryArgs) -> Option<Errand<'_>> {
-    match (&args.export, &args.import, args.batch) {
-        (Some(folder), ..) => Some(Errand::Export(folder)),
-        (_, Some(folder), _) => Some(Errand::Import(folder)),
-        (.., Some(BatchStep::Submit)) => Some(Errand::Submit),
-        (.., Some(BatchStep::Collect)) => Some(Errand::Collect),
-        _ => args.prune.then_some(Errand::Prune),
+fn action(args: &QueryArgs) -> Option<QueryAction<'_>> {
+    match (&args.export, &args.import, args.batch_api) {
+        (Some(folder), ..) => Some(QueryAction::Export(folder)),
+        (_, Some(folder), _) => Some(QueryAction::Import(folder)),
+        (.., Some(BatchApiStep::Submit)) => Some(QueryAction::Submit),
+        (.., Some(BatchApiStep::Collect)) => Some(QueryAction::Collect),
+        _ => args.prune.then_some(QueryAction::Prune),
     }
 }
 
-fn run(global: &Global, desk: &Desk, errand: &Errand) -> anyhow::Result<()> {
-    match errand {
-        Errand::Export(folder) => {
-            let queries = desk.export(folder)?;
+fn run(global: &Global, session: &QuerySession, action: &QueryAction) -> anyhow::Result<()> {
+    match action {
+        QueryAction::Export(folder) => {
+            let queries = session.export(folder)?;
             print(global, &serde_json::json!({ "queries": queries }), || {
-                format!("{queries} queries in {}; its README.txt says how to answer them", folder.display())
+                format!("{queries} queries in {}; its README.txt says how to answer them", shown(folder))
             })
         }
-        Errand::Import(folder) => import(global, desk, folder),
-        Errand::Prune => {
-            let pruned = desk.prune()?;
+        QueryAction::Import(folder) => import(global, session, folder),
+        QueryAction::Prune => {
+            let pruned = session.prune()?;
             let Pruned { kept, removed } = pruned;
             print(global, &pruned, || format!("{removed} recordings removed, {kept} kept"))
         }
-        Errand::Submit => {
-            let sent = desk.submit()?;
+        QueryAction::Submit => {
+            let sent = session.submit()?;
             print(global, &sent, || {
                 format!("{} queries sent, {} of earlier submissions waiting", sent.sent, sent.waiting)
             })
         }
-        Errand::Collect => {
-            let collected = desk.collect()?;
+        QueryAction::Collect => {
+            let collected = session.collect()?;
             print(global, &collected, || format!("{} answers recorded", collected.recorded))?;
             Ok(collected.require_all()?)
         }
     }
 }
 
-fn import(global: &Global, desk: &Desk, folder: &Path) -> anyhow::Result<()> {
-    let imported = desk.import(folder)?;
+fn import(global: &Global, session: &QuerySession, folder: &Path) -> anyhow::Result<()> {
+    let imported = session.import(folder)?;
     print(global, &imported, || {
         format!("{} answers recorded, {} not answered", imported.recorded, imported.unanswered)
     })?;
     if imported.bad.is_empty() {
         return Ok(());
     }
-    let lines: Vec<String> = imported.bad.iter().map(ToString::to_string).collect();
+    let lines: Vec<String> = imported.bad.iter().map(|bad| one_line(&bad.to_string()).into_owned()).collect();
     let count = lines.len();
     Err(QueryError::Import { folder: folder.to_owned(), count, lines: lines.join("\n") }.into())
 }

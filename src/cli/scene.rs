@@ -5,13 +5,13 @@ use std::path::Path;
 use serde::Serialize;
 use serde_json::Value;
 
-use crate::exit::UsageError;
+use crate::error::UsageError;
 use crate::pipeline::{Pipeline, Plan, Stage};
-use crate::query::Plan as QueryPlan;
+use crate::query::Preview;
 use crate::report;
 use crate::workdir::{self, Artifact};
 
-use super::{ExportArgs, Global, ShowArgs, WorkArgs, print};
+use super::{ExportArgs, Global, ShowArgs, WorkArgs, print, shown};
 
 /// What a dry run says of a stage.
 #[derive(Serialize)]
@@ -31,7 +31,7 @@ pub fn run(global: &Global, folder: &Path, work: &WorkArgs, to: Stage) -> anyhow
         let reusable = pipeline.reusable()?;
         // What is asked can be told only once the parts are known.
         let asked = to >= Stage::Query && reusable.contains(&Stage::Segment) && !reusable.contains(&Stage::Query);
-        let queries = if asked { Some(pipeline.query_plan()?) } else { None };
+        let queries = if asked { Some(pipeline.query_preview()?) } else { None };
         return dry_run(global, plan, &reusable, queries.as_ref());
     }
     pipeline.run()?;
@@ -45,7 +45,7 @@ pub fn run(global: &Global, folder: &Path, work: &WorkArgs, to: Stage) -> anyhow
     let artifact = result_of(to);
     let path = pipeline.work().path(artifact);
     let value: Value = if global.json { json_of(&pipeline, artifact)? } else { Value::Null };
-    print(global, &value, || path.display().to_string())
+    print(global, &value, || shown(&path))
 }
 
 /// Draws the field, after the stages up to the vote.
@@ -55,7 +55,7 @@ pub fn show(global: &Global, args: &ShowArgs) -> anyhow::Result<()> {
     let png = pipeline.show(args.what, args.view.as_deref())?;
     workdir::write_atomic(&args.to, |out| out.write_all(&png))
         .map_err(|error| UsageError(format!("cannot write {:?}: {error}", args.to)))?;
-    print(global, &args.to, || args.to.display().to_string())
+    print(global, &args.to, || shown(&args.to))
 }
 
 /// Exports the parts, after the stages up to them.
@@ -65,14 +65,14 @@ pub fn export(global: &Global, args: &ExportArgs) -> anyhow::Result<()> {
     let mut pipeline = Pipeline::open(&args.scene, work, args.options.clone(), plan, global.progress())?;
     pipeline.run()?;
     let files = pipeline.export(args.format, &args.out)?;
-    print(global, &files, || files.iter().map(|file| format!("{}\n", file.display())).collect())
+    print(global, &files, || files.iter().map(|file| shown(file) + "\n").collect())
 }
 
 pub fn open(global: &Global, folder: &Path, work: &WorkArgs, to: Stage) -> anyhow::Result<Pipeline> {
     let pipeline =
         Pipeline::open(folder, work.out.as_deref(), work.options.clone(), plan(work, to)?, global.progress())?;
     // The server's address is left out: the answers are recorded, and the address is nobody else's business.
-    let typed = global.typed.iter().map(|flag| flag.to_string_lossy().into_owned());
+    let typed = global.effective.iter().map(|flag| flag.to_string_lossy().into_owned());
     Ok(pipeline.typed(typed.filter(|flag| !flag.starts_with("--lmm-url=")).collect()))
 }
 
@@ -85,7 +85,7 @@ fn plan(work: &WorkArgs, to: Stage) -> Result<Plan, UsageError> {
     }
 }
 
-fn dry_run(global: &Global, plan: Plan, reusable: &[Stage], queries: Option<&QueryPlan>) -> anyhow::Result<()> {
+fn dry_run(global: &Global, plan: Plan, reusable: &[Stage], queries: Option<&Preview>) -> anyhow::Result<()> {
     let stages: Vec<DryStage> =
         plan.stages().map(|name| DryStage { name, reusable: reusable.contains(&name) }).collect();
     print(global, &serde_json::json!({ "stages": stages, "queries": queries }), || {

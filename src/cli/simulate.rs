@@ -4,7 +4,7 @@ use crate::pipeline::{Stage, compat};
 use crate::simulate::script::{KNOWN, Known};
 use crate::workdir::{Artifact, DEFAULT_NAME};
 
-use super::{Compat, Global, SimulateArgs, print, scene};
+use super::{Compat, Global, SimulateArgs, print, scene, shown};
 
 /// Where a foreign configuration's run lies in the work folder.
 const COMPAT_FOLDER: &str = "physgaussian";
@@ -18,8 +18,8 @@ pub fn run(global: &Global, args: &SimulateArgs) -> anyhow::Result<()> {
     };
     let beside = if folder.is_file() { folder.with_extension("") } else { folder.clone() };
     let out = args.work.out.clone().unwrap_or_else(|| beside.join(DEFAULT_NAME)).join(COMPAT_FOLDER);
-    let report = compat::run(folder, config, &out, global.progress())?;
-    print(global, &report, || out.join(Artifact::Simulation.path()).display().to_string())
+    let report = compat::run(folder, &args.work.options.scene, config, &out, global.progress())?;
+    print(global, &report, || shown(&out.join(Artifact::Simulation.path())))
 }
 
 /// The scenarios with their parameters.

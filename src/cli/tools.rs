@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use crate::exit::UsageError;
+use crate::error::UsageError;
 use crate::grasp::CalibrationReport;
 use crate::grasp::gripper::GripperProfile;
 use crate::materials::{MaterialLibrary, check, cli as library, stats};

@@ -10,6 +10,7 @@ use serde::{Deserialize, Serialize};
 use crate::grasp::bounds::{Bearing, f_max, f_min};
 use crate::grasp::gripper::GripperProfile;
 use crate::grasp::options::MAX_CURVATURE_1_M;
+use crate::output::one_line;
 use crate::units::GRAVITY_M_S2;
 
 /// The paper's fixed-force policies: normalised inputs of 15, 60 and 100, where its gripper obeys 15 to 100. As shares of
@@ -154,6 +155,7 @@ impl Evaluation {
         let mut text = format!("{:<12} {:>7} {:>7} {:>7} {:>7}\n", "policy", "PUR %", "NDR %", "SR %", "grasps");
         for (policy, r) in &self.policies {
             let [pur, ndr, sr] = [r.pur, r.ndr, r.sr].map(|share| share * 100.0);
+            let policy = one_line(policy);
             text += &format!("{policy:<12} {pur:>7.2} {ndr:>7.2} {sr:>7.2} {:>7}\n", r.count);
         }
         if self.predicted { text + "predicted from true properties, not seen on a robot" } else { text }

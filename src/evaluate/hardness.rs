@@ -10,10 +10,10 @@ use serde::{Deserialize, Serialize};
 use super::EvaluateError;
 use super::scores::{Pair, Scores};
 use crate::camera::Camera;
+use crate::render::{RenderOptions, render_labels};
 use crate::scene::gaussians::Gaussians;
 use crate::units::{ShoreHardness, ShoreScale};
 use crate::vote::MaterialField;
-use crate::vote::raster::{RenderOptions, render_labels};
 
 /// A row of the file of readings.
 #[derive(Debug, Clone, PartialEq, Deserialize, Serialize)]

@@ -10,6 +10,7 @@ use std::fs;
 use std::path::{Path, PathBuf};
 
 use super::EvaluateError;
+use crate::files;
 use crate::segment::LabelMap;
 
 const NAMES_JSON: &str = "labels.json";
@@ -53,7 +54,7 @@ impl LabelMaps {
     /// The map of a view, whose picture has `size` pixels; `None` where it has none.
     pub fn of(&self, view: &str, size: (u32, u32)) -> Result<Option<LabelMap>, EvaluateError> {
         let Some(path) = self.paths.get(view) else { return Ok(None) };
-        let bytes = fs::read(path).map_err(|source| read_error(path, source))?;
+        let bytes = files::read(path).map_err(|source| read_error(path, source))?;
         let map = LabelMap::from_png(&bytes)
             .map_err(|source| EvaluateError::Map { path: path.clone(), source: Box::new(source) })?;
         if (map.width, map.height) != size {
@@ -67,10 +68,10 @@ impl LabelMaps {
 fn names(folder: &Path) -> Result<BTreeMap<u16, String>, EvaluateError> {
     let (json, eiseg) = (folder.join(NAMES_JSON), folder.join(NAMES_EISEG));
     if !json.exists() && eiseg.exists() {
-        let text = fs::read_to_string(&eiseg).map_err(|source| read_error(&eiseg, source))?;
+        let text = files::read_to_string(&eiseg).map_err(|source| read_error(&eiseg, source))?;
         return eiseg_names(&eiseg, &text);
     }
-    let text = fs::read_to_string(&json).map_err(|source| EvaluateError::Read {
+    let text = files::read_to_string(&json).map_err(|source| EvaluateError::Read {
         path: json.clone(),
         source,
         remedy: ": it names the values of the maps, as {\"1\": \"wood\"}; EISeg's autosave_label.txt serves too",

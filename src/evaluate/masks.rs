@@ -9,10 +9,10 @@ use std::collections::BTreeMap;
 use image::RgbImage;
 use serde::{Deserialize, Serialize};
 
-use crate::segment::automatic::{Candidate, Candidates, Request};
+use crate::segment::automatic::{Candidates, Request};
 use crate::segment::mask::Mask;
 use crate::segment::sam::Sam;
-use crate::segment::{GeneratorOptions, Level, Observer, SegmentError};
+use crate::segment::{Candidate, GeneratorOptions, Level, Observer, SegmentError};
 
 /// Two masks that overlap less are not the same mask.
 const LEAST_IOU_OF_A_MATCH: f64 = 0.5;
@@ -53,7 +53,7 @@ struct ColumnRuns {
 /// Why a comparison could not be made.
 #[derive(Debug, thiserror::Error)]
 pub enum MasksError {
-    #[error("the reference is no file of reference masks")]
+    #[error("the reference is not a file of reference masks")]
     Json(#[from] serde_json::Error),
     #[error(
         "the reference is of a picture of {expected:?} pixels, this one has {found:?}: give the picture it was made from"

@@ -5,7 +5,6 @@
 //! folders with ground truth are read too, part by part.
 
 use std::collections::BTreeMap;
-use std::fs;
 use std::path::Path;
 
 use serde::de::DeserializeOwned;
@@ -13,6 +12,7 @@ use serde::{Deserialize, Serialize};
 
 use super::EvaluateError;
 use super::scores::{Pair, Scores};
+use crate::files;
 use crate::parts::Parts;
 use crate::units::{Estimate, Range};
 
@@ -33,8 +33,9 @@ pub struct Weighed {
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct WeighedPart {
     pub name: String,
-    pub volume_m3: Estimate,
-    pub mass_kg: Estimate,
+    /// `None`, like the mass, if it has none.
+    pub volume_m3: Option<Estimate>,
+    pub mass_kg: Option<Estimate>,
     pub true_volume_m3: Option<f64>,
     pub true_mass_kg: Option<f64>,
 }
@@ -136,7 +137,7 @@ fn read_json<T: DeserializeOwned>(
     expected: &'static str,
     remedy: &'static str,
 ) -> Result<T, EvaluateError> {
-    let text = fs::read_to_string(path);
+    let text = files::read_to_string(path);
     let text = text.map_err(|source| EvaluateError::Read { path: path.to_owned(), source, remedy })?;
     serde_json::from_str(&text).map_err(|source| EvaluateError::Json { path: path.to_owned(), expected, source })
 }

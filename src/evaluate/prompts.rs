@@ -12,7 +12,7 @@ use serde::Serialize;
 
 use super::segmentation::IouTally;
 use crate::scene::Photo;
-use crate::segment::{LabelMap, Observer, Options, Prompts, SegmentError, Segmenter};
+use crate::segment::{LabelMap, Observer, Options, PointPrompts, SegmentError, Segmenter};
 
 /// Value of a true part map where there is no part.
 const NO_PART: u8 = 255;
@@ -51,12 +51,12 @@ pub fn compare(
     views: &[TrueView],
     options: &Options,
 ) -> Result<Comparison, SegmentError> {
-    let run = |prompts| segment(segmenter, views, &Options { prompts, ..options.clone() });
+    let run = |point_prompts| segment(segmenter, views, &Options { point_prompts, ..options.clone() });
     Ok(Comparison {
         scene: scene.to_owned(),
         views: views.len(),
-        grid: run(Prompts::Grid)?,
-        adaptive: run(Prompts::Adaptive)?,
+        grid: run(PointPrompts::Grid)?,
+        adaptive: run(PointPrompts::Adaptive)?,
     })
 }
 

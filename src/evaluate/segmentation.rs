@@ -7,9 +7,10 @@ use serde::Serialize;
 
 use super::vocabulary::Vocabulary;
 use crate::camera::Camera;
+use crate::output::one_line;
+use crate::render::{RenderOptions, render_labels};
 use crate::scene::gaussians::Gaussians;
 use crate::vote::MaterialField;
-use crate::vote::raster::{RenderOptions, render_labels};
 
 /// Pixels counted over any number of views, by label.
 #[derive(Debug, Clone, PartialEq)]
@@ -211,6 +212,7 @@ fn rows(object: &str, voted: &Score, local: Option<&Score>, single: Option<&Scor
     let number = |iou: Option<f64>| iou.map_or_else(|| "-".to_owned(), |iou| format!("{iou:.4}"));
     let row = |first: &str, label: &str, of: &dyn Fn(&Score) -> Option<f64>| {
         let [a, b, c] = [Some(voted), local, single].map(|score| number(score.and_then(of)));
+        let first = one_line(first);
         format!("{first:<16} {label:<10} {a:>8} {b:>11} {c:>8}\n")
     };
     let mut text = String::new();

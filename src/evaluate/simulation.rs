@@ -13,7 +13,8 @@ use crate::npz::{Npz, NpzError};
 use crate::progress::Progress;
 use crate::simulate::SimulateError;
 use crate::simulate::compat::config::Config;
-use crate::simulate::compat::solver::{Lost, Particle, Solver};
+use crate::simulate::compat::particle::Particle;
+use crate::simulate::compat::solver::{Lost, Solver};
 use crate::simulate::compat::strength_at;
 
 /// Why a comparison could not be made.
@@ -21,13 +22,13 @@ use crate::simulate::compat::strength_at;
 pub enum SimulationError {
     #[error("the reference cannot be read")]
     Npz(#[from] NpzError),
-    #[error("the reference's `meta` is not understood")]
+    #[error("cannot read the reference's `meta`")]
     Meta(#[from] serde_json::Error),
     #[error("the reference's array `{array}` has {found} numbers, not {expected}")]
     Length { array: &'static str, found: usize, expected: usize },
     #[error("the reference's setting cannot be run")]
     Setting(#[from] SimulateError),
-    #[error("particle {} is lost at t = {} s: it left the grid or is no number any more", .0.particle, .0.time)]
+    #[error("particle {} is lost at t = {} s: it left the grid or became NaN or infinite", .0.particle, .0.time)]
     Lost(Lost),
 }
 

@@ -14,10 +14,10 @@ use crate::vote::MaterialField;
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, ValueEnum, Serialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Vocabulary {
-    /// Of the objects of Amazon Berkeley Objects
+    /// Labels for Amazon Berkeley Objects
     #[default]
     Abo,
-    /// Of MVImgNet's
+    /// Labels for MVImgNet
     Mvimgnet,
 }
 

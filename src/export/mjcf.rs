@@ -5,7 +5,8 @@
 use std::fmt::Write;
 
 use super::{ExportError, Files, Rigid, spaced};
-use crate::vote::{FieldLabel, palette};
+use crate::pictures::palette;
+use crate::vote::FieldLabel;
 
 /// MuJoCo's own time constant of contacts, s: what is stiffer keeps it, since no step could follow.
 const DEFAULT_TIME_CONSTANT_S: f64 = 0.02;
@@ -57,7 +58,7 @@ fn text(rigid: &Rigid) -> String {
 /// object's mass m on it swings with omega = sqrt(k / m), and MuJoCo's time constant is 1 / omega.
 fn time_constant_s(rigid: &Rigid, label: &FieldLabel) -> Option<f64> {
     let part = rigid.parts.parts.iter().find(|part| part.id == label.id)?;
-    let (volume, thickness) = (part.volume_m3.mid, part.thickness_m.mid);
+    let (volume, thickness) = (part.volume_m3?.mid, part.thickness_m?.mid);
     let stiffness = label.youngs_modulus_pa.mid * volume / (thickness * thickness);
     let time = (rigid.parts.object.mass_kg.mid / stiffness).sqrt();
     (time.is_finite() && time > DEFAULT_TIME_CONSTANT_S).then_some(time)

@@ -5,7 +5,7 @@
 //! - [`npz`]: every number as NumPy arrays;
 //! - [`physgaussian`]: a model folder and configuration for the MPM simulator of that name and its forks.
 //!
-//! Everything rigid is in metres, world frame of the splat, z up.
+//! Everything rigid is in metres, world frame of the splat, z up. Gaussians that were set aside are left out.
 
 mod mjcf;
 mod npz;
@@ -49,7 +49,7 @@ pub struct Model<'a> {
     pub gaussians: &'a Gaussians,
     pub field: &'a MaterialField,
     pub interior: &'a Interior,
-    /// Both `None` where nobody says how long a scene unit is.
+    /// Both `None` if the metric scale is unknown.
     pub scale: Option<&'a MetricScale>,
     pub parts: Option<&'a Parts>,
 }
@@ -60,7 +60,7 @@ pub enum ExportError {
     #[error(transparent)]
     Scale(#[from] PartsError),
     #[error(
-        "the object has no mass, so it is no rigid body: no part fills any volume; see the warnings of the parts stage"
+        "the object has no mass, so it is not a rigid body: no part fills any volume; see the warnings of the parts stage"
     )]
     NoMass,
     #[error("cannot write {path:?}: {source}; make room or choose another folder with --out")]
@@ -72,6 +72,11 @@ pub enum ExportError {
 /// # Errors
 /// The scale is unknown and the format needs kilograms; a file cannot be written.
 pub fn export(model: &Model, format: Format, folder: &Path) -> Result<Vec<PathBuf>, ExportError> {
+    let own = without_set_aside(model);
+    let model = &match &own {
+        Some((gaussians, field)) => Model { gaussians, field, ..*model },
+        None => *model,
+    };
     let mut files = Files { folder, written: Vec::new() };
     match format {
         Format::Mjcf => mjcf::write(&Rigid::of(model)?, &mut files)?,
@@ -81,6 +86,18 @@ pub fn export(model: &Model, format: Format, folder: &Path) -> Result<Vec<PathBu
         Format::Physgaussian => physgaussian::write(model, &mut files)?,
     }
     Ok(files.written)
+}
+
+/// The Gaussians and their field without those set aside; `None` if none is.
+fn without_set_aside(model: &Model) -> Option<(Gaussians, MaterialField)> {
+    if model.gaussians.set_aside.is_empty() {
+        return None;
+    }
+    let kept: Vec<bool> = model.gaussians.set_aside.iter().map(|set_aside| !set_aside).collect();
+    let (mut gaussians, mut field) = (model.gaussians.clone(), model.field.clone());
+    gaussians.retain(&kept);
+    field.retain(&kept);
+    Some((gaussians, field))
 }
 
 /// The object as a rigid body.

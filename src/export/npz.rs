@@ -1,5 +1,6 @@
 //! NumPy's archive of arrays. Per Gaussian (`gaussian_*`), per label (`label_*`), per part (`part_*`) and of the object
-//! (`object_*`); names and captions as JSON in `labels.json` beside it. An estimate is three values, low, mid, high.
+//! (`object_*`); names and captions as JSON in `labels.json` beside it. An estimate is three values, low, mid, high; NaN
+//! stands where a part has no volume.
 
 use std::io::{self, Cursor, Write};
 
@@ -43,11 +44,13 @@ fn archive(model: &Model) -> io::Result<Vec<u8>> {
         let (object, all) = (&parts.object, &parts.parts);
         let count = all.len() as u64;
         arrays.add("part_id", &[count], all.iter().map(|p| i64::from(p.id)))?;
-        arrays.estimates("part_volume_m3", all.iter().map(|p| p.volume_m3))?;
-        arrays.estimates("part_thickness_m", all.iter().map(|p| p.thickness_m))?;
-        arrays.estimates("part_mass_kg", all.iter().map(|p| p.mass_kg))?;
-        arrays.add("part_center_of_mass_m", &[count, 3], all.iter().flat_map(|p| p.center_of_mass_m))?;
-        let inertia = all.iter().flat_map(|p| p.inertia_kg_m2.into_iter().flatten());
+        let or_nan = |estimate: Option<Estimate>| estimate.unwrap_or(Estimate::exactly(f64::NAN));
+        arrays.estimates("part_volume_m3", all.iter().map(|p| or_nan(p.volume_m3)))?;
+        arrays.estimates("part_thickness_m", all.iter().map(|p| or_nan(p.thickness_m)))?;
+        arrays.estimates("part_mass_kg", all.iter().map(|p| or_nan(p.mass_kg)))?;
+        let centers = all.iter().flat_map(|p| p.center_of_mass_m.unwrap_or([f64::NAN; 3]));
+        arrays.add("part_center_of_mass_m", &[count, 3], centers)?;
+        let inertia = all.iter().flat_map(|p| p.inertia_kg_m2.unwrap_or([[f64::NAN; 3]; 3]).into_iter().flatten());
         arrays.add("part_inertia_kg_m2", &[count, 3, 3], inertia)?;
         arrays.add("object_mass_kg", &[3], values(object.mass_kg))?;
         arrays.add("object_volume_m3", &[3], values(object.volume_m3))?;

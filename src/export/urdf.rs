@@ -5,7 +5,7 @@ use std::fmt::Write;
 
 use super::pieces::Piece;
 use super::{ExportError, Files, Rigid, spaced};
-use crate::vote::palette;
+use crate::pictures::palette;
 
 pub(super) fn write(rigid: &Rigid, files: &mut Files) -> Result<(), ExportError> {
     files.write(format!("{}.urdf", rigid.name), |out| out.write_all(text(rigid).as_bytes()))?;

@@ -7,8 +7,8 @@ use nalgebra::{Matrix3, Rotation3, UnitQuaternion};
 
 use super::pieces::Piece;
 use super::{ExportError, Files, Model, Rigid};
+use crate::scene::gaussians::SH_C0;
 use crate::vote::field_ply;
-use crate::vote::raster::SH_C0;
 
 pub(super) fn write(model: &Model, rigid: &Rigid, files: &mut Files) -> Result<(), ExportError> {
     files.write(format!("{}.usda", rigid.name), |out| out.write_all(text(model, rigid).as_bytes()))

@@ -3,8 +3,8 @@
 use image::{GrayImage, Luma};
 
 use crate::camera::Camera;
+use crate::render::{Colors, FOREGROUND_ALPHA, RenderOptions, render};
 use crate::scene::{ForegroundSource, Photo, Scene, SceneError, View};
-use crate::vote::raster::{Colors, FOREGROUND_ALPHA, RenderOptions, render};
 
 /// 255 where at least half of the pixel's light comes from the object's Gaussians, 0 elsewhere.
 pub fn foreground(scene: &Scene, camera: &Camera) -> GrayImage {

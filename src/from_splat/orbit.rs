@@ -1,5 +1,6 @@
 //! Views rendered from the splat, for scenes without photos: cameras spread over the sphere around the object.
 
+use std::collections::BTreeMap;
 use std::io;
 use std::path::Path;
 
@@ -8,38 +9,61 @@ use image::{Rgba, RgbaImage};
 use nalgebra::{Isometry3, Point3, Vector3};
 
 use crate::camera::{Camera, Distortion, Intrinsics};
+use crate::numeric::sphere_directions;
+use crate::render::{Render, RenderOptions, render};
+use crate::scene::gaussians::Gaussians;
 use crate::scene::{Bounds, Scene, Upright, View};
-use crate::vote::raster::{Render, RenderOptions, render};
-use crate::workdir::write_atomic;
+use crate::workdir::{Checksum, read_json, write_atomic};
 
 /// Side of the pictures in pixels.
 const SIDE: u32 = 768;
 /// Field of view in radians: little perspective, as product photos have.
 const FIELD_OF_VIEW: f64 = 0.7;
+/// What the pictures of a folder held when they were written, by name.
+const CHECKSUMS: &str = "checksums.json";
 /// How much of the picture's height the object's bounding sphere fills.
 const FILLED: f64 = 0.9;
 
 /// Gives the scene `count` views of the object from directions spread evenly over the sphere, each a picture with alpha in
-/// `folder`, which is to be the folder of this splat and this count: a picture that is there is not rendered again.
+/// `folder`, which is to be the folder of this splat and this count: a picture that is there as it was written is not
+/// rendered again.
 ///
 /// # Errors
-/// Where a picture cannot be written.
-pub fn render_views(scene: &mut Scene, count: usize, folder: &Path) -> io::Result<()> {
+/// If a picture cannot be written, or has to be and `may_write` is false.
+pub fn render_views(scene: &mut Scene, count: usize, folder: &Path, may_write: bool) -> io::Result<()> {
     let cameras = orbit(&scene.object_bounds(), reach(scene), count);
+    let list = folder.join(CHECKSUMS);
+    let written: BTreeMap<String, Checksum> = read_json(&list).unwrap_or_default();
+    let mut found = BTreeMap::new();
     for (index, camera) in cameras.into_iter().enumerate() {
         let name = format!("{index:03}");
         let image = folder.join(format!("{name}.png"));
-        if !image.is_file() {
-            let picture = straight(&render(&scene.gaussians, &camera, &RenderOptions::default()));
-            write_atomic(&image, |out| {
-                let encoder = PngEncoder::new(out);
-                picture.write_with_encoder(encoder).map_err(io::Error::other)
-            })?;
+        let there = Checksum::of_file(&image).ok();
+        // A link may lead to a picture of something else.
+        if image.is_symlink() || there.is_none() || there.as_ref() != written.get(&name) {
+            if there.is_some() && written.contains_key(&name) {
+                tracing::warn!("{image:?} has changed since gprop wrote it; it is rendered again");
+            }
+            if !may_write {
+                return Err(io::Error::other(format!(
+                    "{name}.png has to be rendered, and the folder may only be read"
+                )));
+            }
+            render_into(&image, &scene.gaussians, &camera)?;
         }
+        found.insert(name.clone(), Checksum::of_file(&image)?);
         scene.views.push(View { name, camera, image, upright: Upright::AsStored, mask: None });
+    }
+    if found != written {
+        write_atomic(&list, |out| Ok(serde_json::to_writer(out, &found)?))?;
     }
     scene.warnings.push(format!("there are no photos: {count} views were rendered from the splat itself"));
     Ok(())
+}
+
+fn render_into(image: &Path, gaussians: &Gaussians, camera: &Camera) -> io::Result<()> {
+    let picture = straight(&render(gaussians, camera, &RenderOptions::default()));
+    write_atomic(image, |out| picture.write_with_encoder(PngEncoder::new(out)).map_err(io::Error::other))
 }
 
 /// How far the object's Gaussians reach beyond their centres: twice their usual standard deviation.
@@ -62,19 +86,7 @@ pub fn orbit(bounds: &Bounds, reach: f64, count: usize) -> Vec<Camera> {
         let eye = bounds.center() + direction * distance;
         Camera { intrinsics, camera_from_world: looking(&eye, &bounds.center()) }
     };
-    directions(count).into_iter().map(camera).collect()
-}
-
-/// Evenly spread unit vectors: a Fibonacci lattice (Gonzalez 2010).
-fn directions(count: usize) -> Vec<Vector3<f64>> {
-    let golden_angle = std::f64::consts::PI * (3.0 - 5.0_f64.sqrt());
-    let direction = |i: usize| {
-        let z = 1.0 - (2.0 * i as f64 + 1.0) / count as f64;
-        let (sin, cos) = (golden_angle * i as f64).sin_cos();
-        let across = (1.0 - z * z).sqrt();
-        Vector3::new(across * cos, across * sin, z)
-    };
-    (0..count).map(direction).collect()
+    sphere_directions(count).map(camera).collect()
 }
 
 /// A camera at `eye` that looks at `target`, upright about the axis that it looks least along.

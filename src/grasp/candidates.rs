@@ -127,7 +127,7 @@ fn part_of(parts: &Parts, id: u32) -> Option<&Part> {
     parts.parts.iter().find(|part| part.id == id)
 }
 
-/// The forces at a place; `None` where its part weighs nothing and so is no part of the object.
+/// The forces at a place; `None` if its part weighs nothing and so is no part of the object.
 fn forces_at(
     object: &Object,
     place: &Place,
@@ -135,18 +135,18 @@ fn forces_at(
     options: &Options,
 ) -> Result<Option<Forces>, GraspError> {
     let Some(part) = part_of(object.parts, place.part) else { return Ok(None) };
+    if part.volume_m3.is_none() {
+        return Ok(None);
+    }
     let label = &object.labels[place.part as usize];
-    let thickness = match label.form {
-        Form::Shell { .. } => part.thickness_m,
-        Form::Solid => of_solid(part.thickness_m, place.thickness_m),
+    let thickness = match (label.form, part.thickness_m) {
+        (Form::Shell { .. }, Some(wall)) => wall,
+        // As uncertain for its size as the part's own.
+        (Form::Solid, Some(of_part)) => of_part.scaled(place.thickness_m / of_part.mid),
+        (_, None) => Estimate::exactly(place.thickness_m),
     };
     let inputs = Inputs::of(object.parts, label, thickness, gripper, options)?;
     inputs.forces(&part.caption, gripper, options).map(Some)
-}
-
-/// A thickness measured at one place, as uncertain for its size as the part's own.
-fn of_solid(part: Estimate, there: f64) -> Estimate {
-    if part.mid > 0.0 { part.scaled(there / part.mid) } else { Estimate::exactly(there) }
 }
 
 fn same(a: &Place, b: &Place, side: f64) -> bool {

@@ -3,6 +3,7 @@
 use std::path::PathBuf;
 
 use super::calibration::CalibrationError;
+use crate::parts::NoVolume;
 use crate::units::Estimate;
 
 /// Why there are no forces.
@@ -10,7 +11,7 @@ use crate::units::Estimate;
 pub enum GraspError {
     #[error("--lift-angle-deg is {degrees}: give the angle between the lift and straight up, 0 to 90")]
     LiftAngle { degrees: f64 },
-    #[error("--max-curvature is {value}: give a curvature above 0, in 1/m")]
+    #[error("--max-curvature is {value}: give a curvature above 0, up to 1e6, in 1/m")]
     Curvature { value: f64 },
     #[error("--force-margin is {value}: give a share of the gripper's range, 0 to 0.5")]
     Margin { value: f64 },
@@ -27,7 +28,12 @@ pub enum GraspError {
          part with --part", estimate.low, estimate.high
     )]
     Property { part: String, what: &'static str, estimate: Estimate },
-    #[error("no gripper is called {name:?} and no such file exists; built in are: {builtin}")]
+    #[error(
+        "part {part:?} {}, so it has no thickness to bear a grasp; choose another part with --part",
+        why.map_or_else(|| "has no surface that was seen".to_owned(), |why| why.to_string())
+    )]
+    NoThickness { part: String, why: Option<NoVolume> },
+    #[error("--gripper {name:?}: no gripper of that name is built in and no such file exists; built in are: {builtin}")]
     NoSuchGripper { name: String, builtin: String },
     #[error("cannot read the gripper profile {}", path.display())]
     ReadProfile { path: PathBuf, source: std::io::Error },
@@ -50,8 +56,19 @@ pub enum GraspError {
     )]
     StrokeTooSmall { what: String, gripper: String, stroke_mm: f64, narrowest_mm: f64 },
     #[error(
+        "--point {} is {distance_mm:.0} mm from the object, farther than a finger is long ({finger_mm:.0} mm); give a point on the object, \
+         in scene units",
+        coordinates(point)
+    )]
+    PointTooFar { point: [f64; 3], distance_mm: f64, finger_mm: f64 },
+    #[error(
         "no two opposite places on {what} can be pressed on with free space for the fingers beside them; grasp another part \
          with --part, or elsewhere with --point"
     )]
     NoPlace { what: String },
+}
+
+/// A point as it is typed.
+fn coordinates([x, y, z]: &[f64; 3]) -> String {
+    format!("{x},{y},{z}")
 }

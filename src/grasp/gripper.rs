@@ -6,6 +6,7 @@ use serde::{Deserialize, Serialize};
 
 use super::GraspError;
 use super::calibration::{CalibrationPoint, Fit};
+use crate::output::toml_problem;
 
 /// The profiles compiled in, by name.
 const BUILTIN: [(&str, &str); 3] = [
@@ -54,10 +55,15 @@ pub struct Command {
 }
 
 impl GripperProfile {
+    /// Whether a profile of this name is compiled in.
+    pub fn is_builtin(name: &str) -> bool {
+        BUILTIN.iter().any(|(known, _)| *known == name)
+    }
+
     /// The built-in profile called `name_or_path`, or else the file there.
     ///
     /// # Errors
-    /// Neither exists, the file cannot be read, or it is no valid profile.
+    /// Neither exists, the file cannot be read, or it is not a valid profile.
     pub fn load(name_or_path: &str) -> Result<Self, GraspError> {
         if let Some((name, text)) = BUILTIN.iter().find(|(name, _)| *name == name_or_path) {
             return Self::from_toml(text, name);
@@ -81,7 +87,7 @@ impl GripperProfile {
     pub fn from_toml(text: &str, origin: &str) -> Result<Self, GraspError> {
         let mut profile: Self = toml::from_str(text).map_err(|error| GraspError::ParseProfile {
             origin: origin.to_owned(),
-            message: error.to_string().trim_end().to_owned(),
+            message: toml_problem(&error, text),
         })?;
         if let Some((key, problem)) = profile.problem() {
             return Err(GraspError::ProfileValue { origin: origin.to_owned(), key, problem: problem.to_owned() });

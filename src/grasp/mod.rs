@@ -3,11 +3,10 @@
 //! - [`options`]: what the user may choose;
 //! - [`gripper`]: the hand: its range of force, its finger, its command; [`calibration`]: the command from measurements;
 //! - [`bounds`]: the paper's formulas, on numbers alone; [`forces`]: applied to intervals;
-//! - [`bearer`]: which part the fingers press on where no place is chosen;
+//! - [`grasped_part`]: which part the fingers press on where no place is chosen;
 //! - where to press: the [`surface`], opposite [`places`] on it, room for the [`fingers`], the best [`candidates`];
 //! - [`picture`]: the best of them, drawn.
 
-pub mod bearer;
 pub mod bounds;
 pub mod calibration;
 mod calibration_report;
@@ -16,6 +15,7 @@ mod cells;
 pub mod error;
 mod fingers;
 pub mod forces;
+pub mod grasped_part;
 pub mod gripper;
 pub mod options;
 pub mod picture;
@@ -29,10 +29,12 @@ use crate::vote::FieldLabel;
 pub use calibration_report::CalibrationReport;
 use candidates::{Candidate, Object};
 pub use error::GraspError;
+use fingers::FINGER_LENGTH_M;
 use forces::{Forces, Inputs, Intervals};
+use grasped_part::PartChoice;
 use gripper::GripperProfile;
 use nalgebra::Point3;
-pub use options::{Options, Policy};
+pub use options::{Options, Policy, SCENE_KEYS};
 use places::Where;
 use surface::Surface;
 
@@ -57,7 +59,7 @@ pub struct GraspReport {
     pub part: String,
     pub part_id: u32,
     /// Why it is this part.
-    pub part_chosen: bearer::Choice,
+    pub part_chosen: PartChoice,
     pub gripper: String,
     pub policy: Policy,
     /// The least force that holds the object, as the policy reads it.
@@ -93,7 +95,7 @@ pub struct GraspReport {
 /// # Errors
 /// A lift angle, curvature or margin outside its domain; a part that does not exist or is not told apart by its name; a
 /// part whose friction, strength, stiffness or thickness is not positive; a mass that is not positive. Where the user says
-/// where to grasp: no place there with room for the fingers within the stroke; otherwise that is a warning.
+/// where to grasp: a point farther from the object than a finger is long, no place there with room for the fingers within the stroke; otherwise that is a warning.
 pub fn grasp(
     parts: &Parts,
     labels: &[FieldLabel],
@@ -102,7 +104,7 @@ pub fn grasp(
     gripper: &GripperProfile,
     options: &Options,
 ) -> Result<GraspReport, GraspError> {
-    let (part, chosen) = bearer::choose(parts, options.part.as_deref())?;
+    let (part, chosen) = grasped_part::choose(parts, options.part.as_deref())?;
     let label = |id: u32| labels.iter().find(|l| l.id == id).ok_or(GraspError::NoLabel { part: id });
     label(part.id)?;
     let place = match (&options.part, options.point) {
@@ -110,6 +112,12 @@ pub fn grasp(
         (None, Some(point)) => Where::Near(Point3::from(point) * meters_per_unit),
         (None, None) => Where::Anywhere,
     };
+    if let (Where::Near(near), Some(point)) = (place, options.point)
+        && let Some(distance_m) = surface.and_then(|surface| surface.distance_m(near))
+        && distance_m > FINGER_LENGTH_M
+    {
+        return Err(GraspError::PointTooFar { point, distance_mm: distance_m * 1e3, finger_mm: FINGER_LENGTH_M * 1e3 });
+    }
     let mut warnings = Vec::new();
     let found = surface.map(|surface| {
         let object = Object { parts, labels, surface };
@@ -128,10 +136,14 @@ pub fn grasp(
     let (part, part_chosen, thickness_m) = match candidates.first() {
         Some(best) => {
             let part = parts.parts.iter().find(|p| p.id == best.part_id).unwrap_or(part);
-            let chosen = if options.part.is_some() { bearer::Choice::Named } else { bearer::Choice::BestPlace };
+            let chosen = if options.part.is_some() { PartChoice::Named } else { PartChoice::BestPlace };
             (part, chosen, best.thickness_m)
         }
-        None => (part, chosen, part.thickness_m),
+        None => {
+            let name = || part.caption.clone();
+            let no_thickness = || GraspError::NoThickness { part: name(), why: part.no_volume };
+            (part, chosen, part.thickness_m.ok_or_else(no_thickness)?)
+        }
     };
     let inputs = Inputs::of(parts, label(part.id)?, thickness_m, gripper, options)?;
     let Forces { inputs, intervals, f_min_n, upper, star, .. } = inputs.forces(&part.caption, gripper, options)?;

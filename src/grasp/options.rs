@@ -4,19 +4,35 @@ use clap::Args;
 use serde::{Deserialize, Serialize};
 
 use super::GraspError;
+use super::gripper::GripperProfile;
+use crate::config::SceneKey;
 
 /// The paper's kappa_max, in 1/m.
 pub const MAX_CURVATURE_1_M: f64 = 0.5;
+/// A radius of a micrometre.
+const SHARPEST_CURVATURE_1_M: f64 = 1e6;
 /// The paper keeps F* off both ends of the usable forces by a margin eta and gives no value; 5 % is ours.
 const FORCE_MARGIN: f64 = 0.05;
 /// The gripper of the paper's experiments.
 const GRIPPER: &str = "paper";
 
-/// How intervals become one force.
+/// The keys that a scene may set: all of them; they decide nothing but this scene's result.
+pub const SCENE_KEYS: &[SceneKey] = &[
+    SceneKey::any("part"),
+    SceneKey::any("point"),
+    SceneKey::any("auto"),
+    SceneKey::name_or_path("gripper", GripperProfile::is_builtin),
+    SceneKey::any("lift-angle-deg"),
+    SceneKey::any("max-curvature"),
+    SceneKey::any("force-margin"),
+    SceneKey::any("policy"),
+];
+
+/// Which values of the intervals determine the force.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize, clap::ValueEnum)]
 #[serde(rename_all = "snake_case")]
 pub enum Policy {
-    /// The middle of every input, as the paper does.
+    /// The middle of every input, as in the paper.
     #[default]
     Mid,
     /// The worst case of both bounds: heaviest and slipperiest for F_min, weakest, softest and thinnest for F_max.
@@ -27,29 +43,29 @@ pub enum Policy {
 #[derive(Debug, Clone, PartialEq, Args, Serialize)]
 #[command(next_help_heading = "Grasp")]
 pub struct Options {
-    /// Grasp this part: its number, its caption or a piece of it
+    /// Grasp this part, given by its number, its caption, or a piece of the caption
     #[arg(long, value_name = "NAME", overrides_with_all = ["point", "auto"])]
     pub part: Option<String>,
-    /// Grasp near this point: world frame, scene units
+    /// Grasp near this point (world frame, scene units)
     #[arg(long, value_name = "X,Y,Z", value_parser = point, allow_hyphen_values = true, overrides_with_all = ["part", "auto"])]
     pub point: Option<[f64; 3]>,
-    /// Grasp wherever it is best: antipodal, within the stroke, near the centre of mass. Also what happens without --part
-    /// and --point, but where no place fits, this is an error
+    /// Grasp at the best place: antipodal, within the stroke, near the centre of mass. This is also the default, but with
+    /// --auto it is an error if no place fits
     #[arg(long, overrides_with_all = ["part", "point"])]
     pub auto: bool,
-    /// A built-in gripper or a TOML profile (see grippers/README.md)
+    /// Built-in gripper or TOML profile (see grippers/README.md)
     #[arg(long, value_name = "NAME|FILE", default_value_t = GRIPPER.to_owned())]
     pub gripper: String,
-    /// Angle between the lift and straight up, in degrees, 0 to 90
+    /// Angle between the lift and straight up, in degrees from 0 to 90
     #[arg(long, value_name = "DEG", default_value_t = 0.0)]
     pub lift_angle_deg: f64,
-    /// Greatest curvature kappa_max that a pressed part may take, in 1/m; the paper's 0.5
+    /// Largest curvature kappa_max that the grasped part tolerates, in 1/m (0.5 in the paper)
     #[arg(long, value_name = "1/M", default_value_t = MAX_CURVATURE_1_M)]
     pub max_curvature: f64,
-    /// Margin eta kept free at both ends of the usable forces, as a share of their span, 0 to 0.5
+    /// Margin eta at both ends of the usable forces, as a fraction of their span, from 0 to 0.5
     #[arg(long, value_name = "SHARE", default_value_t = FORCE_MARGIN)]
     pub force_margin: f64,
-    /// How intervals become one force
+    /// Which values of the intervals determine the force
     #[arg(long, value_enum, default_value_t)]
     pub policy: Policy,
 }
@@ -83,7 +99,7 @@ impl Options {
         if !(0.0..=90.0).contains(&self.lift_angle_deg) {
             return Err(GraspError::LiftAngle { degrees: self.lift_angle_deg });
         }
-        if !(self.max_curvature > 0.0 && self.max_curvature.is_finite()) {
+        if !(self.max_curvature > 0.0 && self.max_curvature <= SHARPEST_CURVATURE_1_M) {
             return Err(GraspError::Curvature { value: self.max_curvature });
         }
         if !(0.0..=0.5).contains(&self.force_margin) {

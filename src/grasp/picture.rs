@@ -7,9 +7,9 @@ use nalgebra::{Isometry3, Point3, UnitQuaternion, Vector3};
 use super::candidates::Candidate;
 use super::fingers::{FINGER_LENGTH_M, OrientedBox, PALM_M, hand};
 use crate::camera::{Camera, Distortion, Intrinsics};
-use crate::scene::gaussians::Gaussians;
-use crate::vote::palette;
-use crate::vote::raster::{RenderOptions, SH_C0, render, render_labels};
+use crate::pictures::palette;
+use crate::render::{RenderOptions, render, render_labels};
+use crate::scene::gaussians::{Gaussians, SH_C0};
 
 /// Gaussians along a finger's side.
 const PER_SIDE: f64 = 8.0;

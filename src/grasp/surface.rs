@@ -8,11 +8,11 @@ use nalgebra::{Point3, Vector3};
 use rayon::prelude::*;
 
 use crate::camera::Camera;
+use crate::render::depth::DepthTest;
+use crate::render::{Render, RenderOptions, project, render};
 use crate::scene::gaussians::Gaussians;
-use crate::vote::depth::DepthTest;
-use crate::vote::raster::{Render, RenderOptions, project, render};
 
-/// A Gaussian fainter than this is no surface.
+/// A Gaussian fainter than this is not a surface.
 const OPACITY_MIN: f64 = 0.3;
 /// More views see no more of the scenes that grasps were looked for on.
 const VIEWS_MAX: usize = 40;
@@ -55,6 +55,16 @@ impl Surface {
             points: opaque.par_iter().filter_map(point).collect(),
             obstacles: opaque.iter().map(|&i| gaussians.center(i) * meters_per_unit).collect(),
         }
+    }
+}
+
+impl Surface {
+    /// How far a point is from the object, m; 0 within it. `None` where no surface is seen.
+    pub fn distance_m(&self, point: Point3<f64>) -> Option<f64> {
+        let distance = |p: &SurfacePoint| (point - p.position).norm();
+        let nearest = self.points.iter().min_by(|a, b| distance(a).total_cmp(&distance(b)))?;
+        let is_outside = (point - nearest.position).dot(&nearest.normal) > 0.0;
+        Some(if is_outside { distance(nearest) } else { 0.0 })
     }
 }
 

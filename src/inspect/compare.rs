@@ -4,8 +4,8 @@ use image::{GrayImage, RgbImage};
 
 use super::ViewFit;
 use crate::progress::Progress;
+use crate::render::{FOREGROUND_ALPHA, Render, RenderOptions, render};
 use crate::scene::{ForegroundSource, Scene, SceneError, View};
-use crate::vote::raster::{FOREGROUND_ALPHA, Render, RenderOptions, render};
 
 /// Compares every view, one after the other: the rasteriser uses all threads.
 pub(super) fn compare(scene: &Scene, views: &[View], progress: Progress) -> Result<Vec<ViewFit>, SceneError> {

@@ -8,12 +8,13 @@
 use nalgebra::Point3;
 use serde::Serialize;
 
-use super::verdict::{Small, Verdict, correlation, median, picture, small_views};
+use super::verdict::{Small, Verdict, correlation, picture, small_views};
 use crate::camera::Camera;
+use crate::numeric::upper_median;
+use crate::render::RenderOptions;
 use crate::scene::align::{Conversion, Reading, SignedPermutation};
 use crate::scene::gaussians::Gaussians;
 use crate::scene::{Scene, SceneError, View};
-use crate::vote::raster::RenderOptions;
 
 /// A conversion that makes the photos fit.
 #[derive(Debug, Clone, PartialEq, Serialize)]
@@ -90,7 +91,7 @@ impl Search<'_> {
         let of_view = |view: &Small| {
             correlation(&view.picture, &picture(&self.cloud, &converted(&view.camera, conversion), &self.options))
         };
-        median(views.iter().map(of_view).collect())
+        upper_median(views.iter().map(of_view).collect()).unwrap_or_default()
     }
 
     fn shows_object(&self, conversion: &Conversion) -> bool {

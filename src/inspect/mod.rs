@@ -16,8 +16,9 @@ use std::path::{Path, PathBuf};
 
 use serde::Serialize;
 
-use crate::exit::UsageError;
+use crate::error::UsageError;
 use crate::from_splat::photo_with_foreground;
+use crate::output::one_line;
 use crate::progress::Progress;
 use crate::scene::{self, Bounds, ForegroundSource, ObjectSource, Options, Scene, SceneError, View};
 use crate::units::MetricScale;
@@ -43,7 +44,7 @@ pub struct Inspection {
     pub sh_degree: u8,
     pub antialiased: bool,
     pub extent: Extent,
-    /// `None` where nobody says how long a scene unit is.
+    /// `None` if the metric scale is unknown.
     pub scale: Option<MetricScale>,
     pub cameras: Option<Cameras>,
     /// What told the photos' foreground; `None` without photos.
@@ -96,9 +97,9 @@ pub struct ViewFit {
 /// What `gprop inspect` takes.
 #[derive(Debug, Clone, clap::Args)]
 pub struct Args {
-    /// Folder with a splat, and photos and cameras where there are any.
+    /// Folder with a splat, and with photos and cameras if there are any.
     pub scene: PathBuf,
-    /// Also write a self-contained page with photo and splat side by side.
+    /// Also write a self-contained HTML page with photos and splat side by side.
     #[arg(long, value_name = "FILE")]
     pub html: Option<PathBuf>,
     #[command(flatten)]
@@ -116,7 +117,7 @@ pub fn command(args: &Args, progress: Progress) -> anyhow::Result<(Inspection, S
         let page = to_html(&inspection, &scene, &views)?;
         write_atomic(path, |out| out.write_all(page.as_bytes()))
             .map_err(|reason| UsageError(format!("--html: cannot write {path:?}: {reason}")))?;
-        text.push_str(&format!("page        {}\n", path.display()));
+        text.push_str(&format!("page        {}\n", one_line(&path.to_string_lossy())));
     }
     Ok((inspection, text))
 }

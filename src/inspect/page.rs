@@ -11,8 +11,9 @@ use minijinja::{AutoEscape, Environment, Value, context};
 
 use super::{Inspection, text};
 use crate::from_splat::photo_with_foreground;
+use crate::output::one_line;
+use crate::render::{RenderOptions, render};
 use crate::scene::{Scene, SceneError, View};
-use crate::vote::raster::{RenderOptions, render};
 
 /// Longest side of a picture in pixels: three fit side by side on a screen.
 const LONGEST_SIDE: u32 = 480;
@@ -46,7 +47,7 @@ pub fn to_html(inspection: &Inspection, scene: &Scene, views: &[View]) -> Result
     let verdict: Vec<String> =
         text::verdict(inspection).into_iter().map(|(name, value)| format!("{name} {value}")).collect();
     let data = context! {
-        name => inspection.name,
+        name => one_line(&inspection.name),
         text => text::to_text(inspection),
         verdict,
         aligned => inspection.aligned,

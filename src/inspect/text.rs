@@ -3,6 +3,7 @@
 use std::fmt::Write;
 
 use super::{Inspection, ViewFit};
+use crate::output::one_line;
 use crate::scene::{ForegroundSource, ObjectSource};
 
 /// Views listed one by one at most; the rest is summed up.
@@ -12,14 +13,14 @@ const LISTED_VIEWS: usize = 12;
 pub fn to_text(inspection: &Inspection) -> String {
     let mut text = String::new();
     // Writing to a string cannot fail.
-    let mut line = |name: &str, value: String| writeln!(text, "{name:<11} {value}").unwrap_or_default();
+    let mut line = |name: &str, value: String| writeln!(text, "{name:<11} {}", one_line(&value)).unwrap_or_default();
     line("scene", inspection.name.clone());
     for note in &inspection.notes {
         line("", note.clone());
     }
     line("Gaussians", gaussians(inspection));
     let [x, y, z] = inspection.extent.size;
-    line("extent", format!("{x:.4} x {y:.4} x {z:.4} scene units (x, y, z), without strays"));
+    line("extent", format!("{x:.4} x {y:.4} x {z:.4} scene units (x, y, z), without outliers"));
     line("scale", scale(inspection));
     line("cameras", cameras(inspection));
     if let Some(source) = inspection.foreground {
@@ -54,7 +55,7 @@ fn gaussians(inspection: &Inspection) -> String {
 fn scale(inspection: &Inspection) -> String {
     match &inspection.scale {
         Some(scale) => format!("1 scene unit = {} m: {}", scale.meters_per_unit, scale.provenance),
-        None => "unknown: give it with --scale for kilograms and newtons".to_owned(),
+        None => "unknown; set it with --scale to get kilograms and newtons".to_owned(),
     }
 }
 
@@ -64,7 +65,7 @@ fn cameras(inspection: &Inspection) -> String {
     let lens = if cameras.distorted { "with lens distortion" } else { "pinhole" };
     let count = cameras.count;
     format!(
-        "{count}, the first {width} x {height}, f = {fx:.1} {fy:.1} px, {lens}; {near:.3} to {far:.3} scene units away"
+        "{count}, the first {width} x {height}, f = {fx:.1} {fy:.1} px, {lens}; {near:.3} to {far:.3} scene units from the object"
     )
 }
 
@@ -72,8 +73,8 @@ pub(super) fn foreground(source: ForegroundSource) -> &'static str {
     match source {
         ForegroundSource::Alpha => "the photos' alpha",
         ForegroundSource::Mask => "masks",
-        ForegroundSource::Gaussians => "where the object's Gaussians are seen",
-        ForegroundSource::Whole => "all of each photo",
+        ForegroundSource::Gaussians => "the area that the object's Gaussians cover",
+        ForegroundSource::Whole => "the whole photo",
     }
 }
 
@@ -118,11 +119,11 @@ pub(super) fn verdict(inspection: &Inspection) -> Vec<(&'static str, String)> {
             ),
         ],
         (Some(false), None) => vec![
-            ("NOT ALIGNED", "photos and Gaussians do not line up, and none of the usual conversions makes them".to_owned()),
+            ("NOT ALIGNED", "photos and Gaussians do not line up, and none of the usual conversions fixes it".to_owned()),
             (
                 "try",
                 "the cameras that the splat was trained with (--cameras); for a nerfstudio export, its \
-                 dataparser_transforms.json beside the splat; the splat of this capture and not of another"
+                 dataparser_transforms.json beside the splat; or make sure that the splat is of this capture"
                     .to_owned(),
             ),
         ],

@@ -6,9 +6,10 @@ use rayon::prelude::*;
 
 use super::ViewFit;
 use crate::camera::Camera;
+use crate::numeric::upper_median;
+use crate::render::{RenderOptions, render};
 use crate::scene::gaussians::Gaussians;
 use crate::scene::{Scene, SceneError, View};
-use crate::vote::raster::{RenderOptions, render};
 
 /// Longest side of the small pictures in pixels.
 const SIDE: u32 = 96;
@@ -50,7 +51,7 @@ pub(super) fn of(scene: &Scene, views: &[View], fits: &[ViewFit]) -> Result<Opti
     let options = RenderOptions::default();
     let rendered: Vec<Vec<f32>> = small.iter().map(|view| picture(&cloud, &view.camera, &options)).collect();
     let correlations = small.iter().zip(&rendered).map(|(view, rendered)| correlation(&view.picture, rendered));
-    let correlation_with_own = median(correlations.collect());
+    let correlation_with_own = upper_median(correlations.collect()).unwrap_or_default();
     let opposite = |index: usize| (index + small.len() / 2) % small.len();
     let advantage = |index: usize| {
         let own = correlation(&small[index].picture, &rendered[index]);
@@ -60,10 +61,10 @@ pub(super) fn of(scene: &Scene, views: &[View], fits: &[ViewFit]) -> Result<Opti
     };
     let advantage = match small.len() {
         1 => f64::INFINITY,
-        count => median((0..count).map(advantage).collect()),
+        count => upper_median((0..count).map(advantage).collect()).unwrap_or_default(),
     };
     let overlaps: Vec<f64> = fits.iter().filter_map(|fit| fit.mask_iou).collect();
-    let masks_agree = overlaps.is_empty() || median(overlaps) >= LEAST_MASK_IOU;
+    let masks_agree = upper_median(overlaps).is_none_or(|overlap| overlap >= LEAST_MASK_IOU);
     let aligned = correlation_with_own >= LEAST_CORRELATION && advantage >= LEAST_ADVANTAGE && masks_agree;
     Ok(Some(Verdict { aligned, correlation: correlation_with_own }))
 }
@@ -113,9 +114,4 @@ pub(super) fn correlation(a: &[f32], b: &[f32]) -> f64 {
     }
     let scale = (aa * bb).sqrt();
     if scale > 1e-9 { ab / scale } else { 0.0 }
-}
-
-pub(super) fn median(mut values: Vec<f64>) -> f64 {
-    values.sort_by(f64::total_cmp);
-    values.get(values.len() / 2).copied().unwrap_or_default()
 }

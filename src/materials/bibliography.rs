@@ -4,7 +4,7 @@ use serde::Serialize;
 
 use crate::units::Range;
 
-/// Sources of a number that is no transcribed fact: engineering knowledge given as a range wide enough to be true, and
+/// Sources of a number that is not a transcribed fact: engineering knowledge given as a range wide enough to be true, and
 /// what a user's own library says without naming a source.
 pub const UNCITED: [&str; 2] = ["handbook", USER];
 

@@ -219,7 +219,7 @@ impl MaterialLibrary {
             number: placed.family_column,
             column: "family".to_owned(),
             found: family.clone(),
-            problem: format!("is no family; write one of {}", known.join(", ")),
+            problem: format!("is not a family; write one of {}", known.join(", ")),
         })
     }
 

@@ -20,7 +20,7 @@ use crate::units::{Range, ShoreHardness, ShoreScale};
 
 pub use library::MaterialLibrary;
 pub use names::fold;
-pub use options::Options;
+pub use options::{Options, SCENE_KEYS};
 pub use read::LibraryError;
 
 /// One material of the library.

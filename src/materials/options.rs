@@ -3,17 +3,23 @@
 use std::borrow::Cow;
 use std::path::PathBuf;
 
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
 
 use super::{LibraryError, MaterialLibrary};
+use crate::config::SceneKey;
+use crate::values;
+
+/// The keys that a scene may set: a library of its own, for what it is made of.
+pub const SCENE_KEYS: &[SceneKey] = &[SceneKey::path("materials")];
 
 /// Which materials there are.
-#[derive(Debug, Clone, Default, PartialEq, Eq, clap::Args, Serialize)]
+#[derive(Debug, Clone, Default, PartialEq, Eq, clap::Args, Serialize, Deserialize)]
+#[serde(default)]
 #[command(next_help_heading = "Materials")]
 pub struct Options {
-    /// A CSV or a folder of CSVs, columns as materials/README.md says, that adds to the built-in library or replaces
-    /// materials of the same name
-    #[arg(long, value_name = "FILE|DIR")]
+    /// CSV or folder of CSVs (columns: see materials/README.md) whose materials are added to the built-in library, or replace
+    /// those of the same name
+    #[arg(long, value_name = "FILE|DIR", value_parser = values::file_or_folder())]
     pub materials: Option<PathBuf>,
 }
 

@@ -1,4 +1,4 @@
-//! Floaters: Gaussians that a training left in mid-air are no part of the object.
+//! Floaters: Gaussians that a training left in mid-air are no part of the object; those that were set aside neither.
 
 use std::collections::HashMap;
 
@@ -8,29 +8,37 @@ use crate::scene::gaussians::Gaussians;
 const VOXELS_PER_DIAGONAL: f64 = 64.0;
 /// Share of the Gaussians at either end of each axis that the diagonal is measured without: floaters lie far out.
 const TRIMMED: f64 = 0.005;
+/// Voxels this far out are as one: no position, however far, is beyond what a number holds.
+const FARTHEST_VOXEL: f64 = 1e15;
 
-/// Which Gaussians to keep: those of connected bodies with at least `min_share` of the summed opacity. Where no body has
-/// as much, all are kept.
+/// Which Gaussians to keep: those of connected bodies with at least `min_share` of the summed opacity. If no body has as
+/// much, all are kept but those set aside.
 pub fn without_floaters(gaussians: &Gaussians, min_share: f64) -> Vec<bool> {
-    let side = trimmed_diagonal(gaussians) / VOXELS_PER_DIAGONAL;
+    let own: Vec<usize> = (0..gaussians.len()).filter(|&i| !gaussians.is_set_aside(i)).collect();
+    let mut kept = vec![false; gaussians.len()];
+    own.iter().for_each(|&i| kept[i] = true);
+    let side = trimmed_diagonal(gaussians, &own) / VOXELS_PER_DIAGONAL;
     if side <= 0.0 {
-        return vec![true; gaussians.len()];
+        return kept;
     }
-    let voxel_of = |i: usize| gaussians.positions[i].map(|v| (f64::from(v) / side).floor() as i64);
-    let mut voxels: Vec<[i64; 3]> = (0..gaussians.len()).map(voxel_of).collect();
-    let of_gaussian = voxels.clone();
+    let place = |v: f32| (f64::from(v) / side).floor().clamp(-FARTHEST_VOXEL, FARTHEST_VOXEL) as i64;
+    let mut voxels: Vec<[i64; 3]> = own.iter().map(|&i| gaussians.positions[i].map(place)).collect();
+    let of_own = voxels.clone();
     voxels.sort_unstable();
     voxels.dedup();
     let number: HashMap<[i64; 3], usize> = voxels.iter().enumerate().map(|(n, v)| (*v, n)).collect();
     let body = bodies(&voxels, &number);
 
     let mut weight = vec![0.0; voxels.len()];
-    for (i, voxel) in of_gaussian.iter().enumerate() {
+    for (&i, voxel) in own.iter().zip(&of_own) {
         weight[body[number[voxel]]] += gaussians.opacity(i);
     }
     let least = min_share * weight.iter().sum::<f64>();
-    let kept: Vec<bool> = of_gaussian.iter().map(|voxel| weight[body[number[voxel]]] >= least).collect();
-    if kept.contains(&true) { kept } else { vec![true; gaussians.len()] }
+    let stays = |voxel: &[i64; 3]| weight[body[number[voxel]]] >= least;
+    if of_own.iter().any(stays) {
+        own.iter().zip(&of_own).for_each(|(&i, voxel)| kept[i] = stays(voxel));
+    }
+    kept
 }
 
 /// Per voxel the least number of a voxel that it is connected with, over faces, edges and corners.
@@ -56,9 +64,12 @@ fn bodies(voxels: &[[i64; 3]], number: &HashMap<[i64; 3], usize>) -> Vec<usize> 
     body
 }
 
-fn trimmed_diagonal(gaussians: &Gaussians) -> f64 {
+fn trimmed_diagonal(gaussians: &Gaussians, among: &[usize]) -> f64 {
+    if among.is_empty() {
+        return 0.0;
+    }
     let side = |axis: usize| {
-        let mut values: Vec<f32> = gaussians.positions.iter().map(|p| p[axis]).collect();
+        let mut values: Vec<f32> = among.iter().map(|&i| gaussians.positions[i][axis]).collect();
         let cut = (values.len() as f64 * TRIMMED) as usize;
         let last = values.len() - 1 - cut;
         let low = *values.select_nth_unstable_by(cut, f32::total_cmp).1;

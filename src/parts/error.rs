@@ -11,7 +11,7 @@ pub enum PartsError {
     FieldSize { field: usize, gaussians: usize },
     #[error("Gaussian {gaussian} has label {label}, but the material field has {labels}; run the vote stage again")]
     Label { gaussian: usize, label: u32, labels: usize },
-    #[error("Gaussian {gaussian} has a position or size that is no finite number; clean the splat first")]
+    #[error("Gaussian {gaussian} has a position or size that is not a finite number; clean the splat first")]
     NotFinite { gaussian: usize },
     #[error("no views: carving needs the scene's cameras; without them use --volume fill")]
     NoViews,
@@ -21,7 +21,12 @@ pub enum PartsError {
     )]
     NothingInside { why: &'static str },
     #[error(
-        "nobody says how long a scene unit is, so there are no kilograms or newtons: give --scale metric where the scene is \
+        "none of the {parts} parts has a volume, so the object has no mass: {why}; check with `gprop inspect` that photos, \
+         cameras and splat agree, and look at the warnings of the stages before"
+    )]
+    NoVolume { parts: usize, why: String },
+    #[error(
+        "the metric scale is unknown, so there are no kilograms or newtons: give --scale metric if the scene is \
          in metres, or --scale F with F metres per scene unit"
     )]
     ScaleUnknown,

@@ -2,41 +2,23 @@
 //!
 //! In order:
 //! 1. [`clean`] leaves floaters out;
-//! 2. the object's inside on a [`grid`]: [`front`] reads the surface off the Gaussians in every view, [`hull`] bounds it,
-//!    [`carve`] takes away what the views look through, [`refine`] settles between cells; or [`fill`] does without cameras;
-//! 3. [`surface`] measures how deep each cell lies; [`assign`] gives it a part, with [`seam`]s of least area;
+//! 2. [`mod@inside`] finds the object's inside on a [`grid`], from what the views see;
+//! 3. [`grid::surface`] measures how deep each cell lies, [`assign`] gives it a part;
 //! 4. [`thickness`] across each part;
-//! 5. [`compose`] puts material into the cells: [`cores`] in sleeves, [`wall`]s of shells, nothing far behind what was
-//!    [`unseen`];
-//! 6. [`bodies`] of each part, their [`moments`] and [`mass`].
+//! 5. [`compose`] puts material into the cells;
+//! 6. [`mass`] of each part and its bodies.
 //!
 //! Steps 1 to 5 are in scene units and need no metric scale but for the walls of shells.
 
 mod assign;
-mod bodies;
-mod carve;
 mod clean;
 mod compose;
-mod contact;
-mod cores;
 mod error;
-mod fill;
-pub mod front;
 mod grid;
-mod hull;
 mod inside;
 mod mass;
-mod moments;
 mod options;
-mod refine;
-mod region;
 mod result;
-mod seam;
-mod splat_cells;
-mod surface;
-mod thickness;
-mod unseen;
-mod wall;
 
 use nalgebra::Point3;
 use serde::{Deserialize, Serialize};
@@ -47,16 +29,17 @@ use crate::query::Form;
 use crate::scene::gaussians::Gaussians;
 use crate::units::{Estimate, MetricScale};
 use crate::vote::{FieldLabel, MaterialField};
-use bodies::Bodies;
-use compose::{Composed, Make};
+use compose::{Composed, Construction, thickness};
 pub use error::PartsError;
+use grid::surface::{NONE, Surface};
 pub use grid::{Grid, Interior, OUTSIDE, VOID};
+pub use inside::depth_view::DepthView;
 use inside::{grid_around, inside};
+use mass::bodies::Bodies;
+use mass::moments::Moments;
 use mass::{Piece, Weighable};
-use moments::Moments;
-pub use options::{BodiesAs, Options, VolumeMethod};
-pub use result::{Object, Part, PartBody, Parts};
-use surface::Surface;
+pub use options::{BodiesAs, Options, SCENE_KEYS, VolumeMethod};
+pub use result::{NoVolume, Object, Part, PartBody, Parts};
 
 /// What the parts stage makes.
 #[derive(Debug, Clone, PartialEq)]
@@ -77,9 +60,13 @@ pub struct Shape {
     pub id: u32,
     /// How many Gaussians carry its label.
     pub gaussians: usize,
-    pub volume: Estimate,
-    /// Of the surface that bears a grasp; zero where it has none.
-    pub thickness: Estimate,
+    /// `None` if it fills nothing.
+    pub volume: Option<Estimate>,
+    /// Why it fills nothing.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub no_volume: Option<NoVolume>,
+    /// Of the surface that bears a grasp; `None` if it has none.
+    pub thickness: Option<Estimate>,
     /// From the nearest place on its outer surface to the object's centre of mass; `None` where it has no outer surface.
     pub surface_to_center_of_mass: Option<f64>,
 }
@@ -100,7 +87,7 @@ impl PartsResult {
 ///
 /// # Errors
 /// An option outside its domain; a cloud that is empty, not finite or not the field's; no cameras to carve with; nothing
-/// inside.
+/// inside; no part that owns any of it.
 pub fn parts(
     gaussians: &Gaussians,
     field: &MaterialField,
@@ -112,28 +99,30 @@ pub fn parts(
     options.check()?;
     check(gaussians, field)?;
     let meters_per_unit = scale.map(|s| s.meters_per_unit);
-    let makes: Vec<Make> = field.labels.iter().map(|l| make(l, meters_per_unit, options)).collect();
+    let constructions: Vec<Construction> =
+        field.labels.iter().map(|l| construction(l, meters_per_unit, options)).collect();
     let kept = clean::without_floaters(gaussians, options.min_body_share);
     let grid = grid_around(gaussians, &kept, options.volume_cells);
 
     let inside = inside(gaussians, &kept, &grid, cameras, options, progress)?;
     let surface = Surface::of(&grid, &inside.cells);
     let in_view = inside.in_view(&surface);
-    let cells = assign::assign(gaussians, &kept, &field.part_label, makes.len(), grid, surface, &in_view);
+    let cells = assign::assign(gaussians, &kept, &field.part_label, constructions.len(), grid, surface, &in_view);
     let chords = thickness::chords(&cells);
-    let thickness = thickness::thickness(&chords, makes.len());
-    let (composed, cells) = compose::compose(cells, &makes, &chords, inside.uncertainty);
+    let thickness = thickness::thickness(&chords, constructions.len());
+    let (composed, cells) = compose::compose(cells, &constructions, &chords, inside.uncertainty);
 
-    let mut shapes = shapes(field, &composed, &makes, &thickness);
+    let mut shapes = shapes(field, &composed, &cells, &constructions, &thickness);
     let interior = &composed.interior;
-    let bodies = Bodies::of(interior, makes.len());
+    let bodies = Bodies::of(interior, constructions.len());
     let mut pieces = pieces(interior, &bodies, &shapes, gaussians, &field.part_label);
-    if let Some(center) = mass::center_of_mass(&weighables(&shapes, &field.labels, &pieces)) {
-        set_distances(&mut shapes, &mut pieces, &bodies, &cells, center);
-    }
-    let warnings = warnings(field, &kept, &shapes, &composed, scale.is_none(), options.min_part_share);
+    let whole =
+        mass::combined(&weighables(&shapes, &field.labels, &pieces)).ok_or_else(|| no_volume(field, &shapes))?;
+    set_distances(&mut shapes, &mut pieces, &bodies, &cells, whole.center);
+    let floaters = (0..kept.len()).filter(|&i| !kept[i] && !gaussians.is_set_aside(i)).count();
+    let warnings = warnings(field, floaters, &shapes, &composed, scale.is_none(), options.min_part_share);
     let parts = meters_per_unit.map(|scale| {
-        let (object, parts) = mass::weigh(&weighables(&shapes, &field.labels, &pieces), scale, options.bodies);
+        let (object, parts) = mass::weigh(&whole, &weighables(&shapes, &field.labels, &pieces), scale, options.bodies);
         Parts { object, parts, warnings: warnings.clone() }
     });
     Ok(PartsResult { interior: composed.interior, shapes, warnings, parts })
@@ -164,7 +153,8 @@ fn pieces(
     for ((label, moments), gaussians) in bodies.label.iter().zip(moments).zip(counts) {
         let label = *label as usize;
         if let Some(moments) = moments {
-            let volume = shapes[label].volume.mid * moments.volume / filled[label];
+            let whole = shapes[label].volume.map_or(0.0, |volume| volume.mid);
+            let volume = whole * moments.volume / filled[label];
             let moments = moments.with_volume(volume);
             pieces[label].push(Piece { moments, gaussians, surface_to_center_of_mass: None });
         }
@@ -193,32 +183,45 @@ fn check(gaussians: &Gaussians, field: &MaterialField) -> Result<(), PartsError>
 }
 
 /// How a label's volume is to be filled.
-fn make(label: &FieldLabel, meters_per_unit: Option<f64>, options: &Options) -> Make {
+fn construction(label: &FieldLabel, meters_per_unit: Option<f64>, options: &Options) -> Construction {
     let wall_m = match (options.volume, label.form) {
         (VolumeMethod::Fill | VolumeMethod::Carve, _) | (VolumeMethod::Hybrid, Form::Solid) => None,
         (VolumeMethod::Shell, Form::Solid) => Some(Estimate::exactly(options.wall_m)),
         (_, Form::Shell { wall_thickness_m }) => Some(Estimate::from(wall_thickness_m)),
     };
     match (wall_m, meters_per_unit) {
-        (Some(wall), Some(scale)) => Make::Wall(wall.scaled(1.0 / scale)),
-        _ => Make::Solid,
+        (Some(wall), Some(scale)) => Construction::Wall(wall.scaled(1.0 / scale)),
+        _ => Construction::Solid,
     }
 }
 
-fn shapes(field: &MaterialField, composed: &Composed, makes: &[Make], thickness: &[Option<Estimate>]) -> Vec<Shape> {
-    let mut gaussians = vec![0; makes.len()];
+fn shapes(
+    field: &MaterialField,
+    composed: &Composed,
+    cells: &assign::Labelled,
+    constructions: &[Construction],
+    thickness: &[Option<Estimate>],
+) -> Vec<Shape> {
+    let mut gaussians = vec![0; constructions.len()];
     field.part_label.iter().for_each(|&l| gaussians[l as usize] += 1);
-    let shape = |l: usize| Shape {
-        id: l as u32,
-        gaussians: gaussians[l],
-        volume: composed.volumes[l],
-        thickness: match makes[l] {
-            Make::Wall(wall) => wall,
-            Make::Solid => thickness[l].unwrap_or(Estimate::exactly(0.0)),
-        },
-        surface_to_center_of_mass: None,
+    let mut owns_places = vec![false; constructions.len()];
+    cells.label.iter().filter(|&&l| l != NONE).for_each(|&l| owns_places[l as usize] = true);
+    let shape = |l: usize| {
+        let volume = Some(composed.volumes[l]).filter(|volume| volume.mid > 0.0);
+        let why = if owns_places[l] { NoVolume::NoMaterial } else { NoVolume::OwnsNoPlace };
+        Shape {
+            id: l as u32,
+            gaussians: gaussians[l],
+            volume,
+            no_volume: volume.is_none().then_some(why),
+            thickness: match constructions[l] {
+                Construction::Wall(wall) => volume.and(Some(wall)),
+                Construction::Solid => thickness[l],
+            },
+            surface_to_center_of_mass: None,
+        }
     };
-    (0..makes.len()).map(shape).collect()
+    (0..constructions.len()).map(shape).collect()
 }
 
 /// Sets how near each part's and each body's seen surface comes to the object's centre of mass.
@@ -240,9 +243,19 @@ fn set_distances(
     }
 }
 
+/// That no part has a volume, and of each why.
+fn no_volume(field: &MaterialField, shapes: &[Shape]) -> PartsError {
+    let used: Vec<&Shape> = shapes.iter().filter(|shape| shape.gaussians > 0).collect();
+    let why = used.iter().filter_map(|shape| {
+        let (name, count) = (&field.labels[shape.id as usize].caption, shape.gaussians);
+        shape.no_volume.map(|why| format!("{name:?} ({count} Gaussians) {why}"))
+    });
+    PartsError::NoVolume { parts: used.len(), why: why.collect::<Vec<_>>().join("; ") }
+}
+
 fn warnings(
     field: &MaterialField,
-    kept: &[bool],
+    floaters: usize,
     shapes: &[Shape],
     composed: &Composed,
     scale_unknown: bool,
@@ -250,18 +263,18 @@ fn warnings(
 ) -> Vec<String> {
     let caption = |l: u32| &field.labels[l as usize].caption;
     let mut warnings = Vec::new();
-    let floaters = kept.iter().filter(|kept| !**kept).count();
     if floaters > 0 {
-        warnings.push(format!("{floaters} of {} Gaussians float off the object and count for no volume", kept.len()));
+        let count = field.part_label.len();
+        warnings.push(format!("{floaters} of {count} Gaussians float off the object and count for no volume"));
     }
-    for shape in shapes.iter().filter(|s| s.gaussians > 0 && s.volume.mid <= 0.0) {
+    for (shape, why) in shapes.iter().filter(|s| s.gaussians > 0).filter_map(|s| Some((s, s.no_volume?))) {
         let (name, count) = (caption(shape.id), shape.gaussians);
-        warnings.push(format!("part {name:?} ({count} Gaussians) owns no place on the surface: no volume, no mass"));
+        warnings.push(format!("part {name:?} ({count} Gaussians) {why}: no volume, no mass"));
     }
-    let whole: f64 = shapes.iter().map(|shape| shape.volume.mid).sum();
-    let is_speck = |shape: &&Shape| shape.volume.mid > 0.0 && shape.volume.mid < min_part_share * whole;
-    for shape in shapes.iter().filter(is_speck) {
-        let (name, percent) = (caption(shape.id), 100.0 * shape.volume.mid / whole);
+    let volumes = || shapes.iter().filter_map(|shape| Some((shape.id, shape.volume?.mid)));
+    let whole: f64 = volumes().map(|(_, volume)| volume).sum();
+    for (id, volume) in volumes().filter(|(_, volume)| *volume < min_part_share * whole) {
+        let (name, percent) = (caption(id), 100.0 * volume / whole);
         warnings
             .push(format!("part {name:?} is {percent:.3} % of the object: a real detail, or a wrong answer's speck"));
     }

@@ -4,6 +4,7 @@ use clap::Args;
 use serde::{Deserialize, Serialize};
 
 use super::PartsError;
+use crate::config::SceneKey;
 
 /// About 130 cells along each side of a box-shaped object: under a millimetre on a hammer.
 const VOLUME_CELLS: usize = 2_000_000;
@@ -18,18 +19,30 @@ const MIN_PART_SHARE: f64 = 0.001;
 /// A sheet of steel, a mug's wall, a moulded case: 1 to 5 mm.
 const WALL_M: f64 = 0.003;
 
+/// The keys that a scene may set: all of them; they decide nothing but this scene's result.
+pub const SCENE_KEYS: &[SceneKey] = &[
+    SceneKey::any("volume"),
+    SceneKey::any("volume-cells"),
+    SceneKey::any("carve-views"),
+    SceneKey::any("fill-density"),
+    SceneKey::any("wall-m"),
+    SceneKey::any("min-body-share"),
+    SceneKey::any("min-part-share"),
+    SceneKey::any("bodies"),
+];
+
 /// How the inside of the object is found.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize, clap::ValueEnum)]
 #[serde(rename_all = "snake_case")]
 pub enum VolumeMethod {
-    /// Carved from all views; each part solid or a wall around a void, as its answer says and the geometry allows.
+    /// Carve with all views; each part is solid or a wall around a void, as its answer says and the geometry allows.
     #[default]
     Hybrid,
-    /// The skin that the Gaussians draw and what it encloses, all solid. Needs no cameras.
+    /// Take the skin that the Gaussians form and everything inside it, all solid; needs no cameras.
     Fill,
-    /// Carved from all views, all solid.
+    /// Carve with all views; every part is solid.
     Carve,
-    /// Carved from all views, every part a wall: of the answer's thickness, or `--wall-m`.
+    /// Carve with all views; every part is a wall with the answer's thickness, or `--wall-m`.
     Shell,
 }
 
@@ -40,7 +53,7 @@ pub enum BodiesAs {
     /// One part that lists its bodies.
     #[default]
     OnePart,
-    /// A part for every body; the mass is the same.
+    /// One part for each body; the mass is the same.
     Parts,
 }
 
@@ -51,25 +64,25 @@ pub struct Options {
     /// How the inside of the object is found
     #[arg(long = "volume", value_enum, default_value_t)]
     pub volume: VolumeMethod,
-    /// Cells of the grid that volumes are measured on, over the object's box
+    /// Number of grid cells over the object's box, on which volumes are measured
     #[arg(long, value_name = "N", default_value_t = VOLUME_CELLS)]
     pub volume_cells: usize,
-    /// At most so many of the scene's views carve, spread evenly over their order
+    /// Maximum number of the scene's views that carve, spread evenly over their order
     #[arg(long, value_name = "N", default_value_t = CARVE_VIEWS)]
     pub carve_views: usize,
-    /// Density above which a cell is skin for `--volume fill`: opacity times fall-off, summed over Gaussians
+    /// For `--volume fill`, density above which a cell is skin: opacity times fall-off, summed over the Gaussians
     #[arg(long, value_name = "DENSITY", default_value_t = FILL_DENSITY)]
     pub fill_density: f64,
-    /// Wall of parts whose answer gives none, for `--volume shell`, in metres
+    /// For `--volume shell`, wall thickness in metres of parts whose answer gives none
     #[arg(long, value_name = "M", default_value_t = WALL_M)]
     pub wall_m: f64,
-    /// Connected bodies with a smaller share of the cloud's summed opacity are floaters and count for nothing
+    /// Ignore connected bodies with less than this fraction of the cloud's summed opacity, as floaters
     #[arg(long, value_name = "SHARE", default_value_t = MIN_BODY_SHARE)]
     pub min_body_share: f64,
-    /// A part with a smaller share of the object's volume is reported as a speck
+    /// Warn about parts with less than this fraction of the object's volume
     #[arg(long, value_name = "SHARE", default_value_t = MIN_PART_SHARE)]
     pub min_part_share: f64,
-    /// How the connected bodies of one part (four legs of a chair) are written
+    /// How to write the connected bodies of one part (such as the four legs of a chair)
     #[arg(long, value_enum, value_name = "AS", default_value_t)]
     pub bodies: BodiesAs,
 }
@@ -91,21 +104,31 @@ impl Default for Options {
 
 /// The grid's index type holds no more.
 const CELLS_MAX: usize = 1 << 30;
+/// Far more than any capture has.
+const CARVE_VIEWS_MAX: usize = 100_000;
+/// A thousand opaque Gaussians on one spot.
+const FILL_DENSITY_MAX: f64 = 1000.0;
+/// Thicker than any wall of a thing or of a house.
+const WALL_MAX_M: f64 = 100.0;
 
 impl Options {
-    pub(super) fn check(&self) -> Result<(), PartsError> {
+    /// Whether every number is within its domain.
+    ///
+    /// # Errors
+    /// [`PartsError::Option`] names the one that is not.
+    pub fn check(&self) -> Result<(), PartsError> {
         let wrong = |flag, value: f64, domain| Err(PartsError::Option { flag, value, domain });
         if !(1000..=CELLS_MAX).contains(&self.volume_cells) {
             return wrong("--volume-cells", self.volume_cells as f64, "1000 to 2^30");
         }
-        if self.carve_views == 0 {
-            return wrong("--carve-views", 0.0, "1 or more");
+        if !(1..=CARVE_VIEWS_MAX).contains(&self.carve_views) {
+            return wrong("--carve-views", self.carve_views as f64, "1 to 100,000");
         }
-        if !(self.fill_density > 0.0 && self.fill_density.is_finite()) {
-            return wrong("--fill-density", self.fill_density, "above 0");
+        if !(self.fill_density > 0.0 && self.fill_density <= FILL_DENSITY_MAX) {
+            return wrong("--fill-density", self.fill_density, "above 0, up to 1000");
         }
-        if !(self.wall_m > 0.0 && self.wall_m.is_finite()) {
-            return wrong("--wall-m", self.wall_m, "above 0, in metres");
+        if !(self.wall_m > 0.0 && self.wall_m <= WALL_MAX_M) {
+            return wrong("--wall-m", self.wall_m, "above 0, up to 100, in metres");
         }
         if !(0.0..1.0).contains(&self.min_body_share) {
             return wrong("--min-body-share", self.min_body_share, "0 or more and below 1");

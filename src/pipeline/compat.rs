@@ -5,12 +5,12 @@ use std::path::Path;
 
 use anyhow::{Context, Result};
 
-use crate::exit::UsageError;
+use crate::error::UsageError;
 use crate::progress::Progress;
 use crate::scene::gaussians::Gaussians;
 use crate::scene::ply;
 use crate::simulate::compat::config::Config;
-use crate::simulate::compat::solver::Particle;
+use crate::simulate::compat::particle::Particle;
 use crate::simulate::compat::{self, CompatReport};
 use crate::simulate::states;
 use crate::workdir::{Artifact, WorkDir};
@@ -20,10 +20,16 @@ use crate::workdir::{Artifact, WorkDir};
 ///
 /// # Errors
 /// A file that cannot be read, and what the run reports; what was written before stays.
-pub fn run(scene: &Path, config: &Path, out: &Path, progress: Progress) -> Result<CompatReport> {
+pub fn run(
+    scene: &Path,
+    options: &crate::scene::Options,
+    config: &Path,
+    out: &Path,
+    progress: Progress,
+) -> Result<CompatReport> {
     let text = fs::read_to_string(config).map_err(|error| UsageError(format!("{config:?}: {error}")))?;
     let config = Config::from_json(&text).with_context(|| format!("{config:?}"))?;
-    let gaussians = gaussians(scene)?;
+    let gaussians = gaussians(scene, options)?;
     let work = WorkDir::open(out)?;
     let mut save = |frame: usize, particles: &[Particle], gaussians: &Gaussians| -> Result<()> {
         work.write_with(Artifact::Frame(frame), |out| ply::write(out, gaussians, &[]))?;
@@ -35,9 +41,9 @@ pub fn run(scene: &Path, config: &Path, out: &Path, progress: Progress) -> Resul
     Ok(report)
 }
 
-fn gaussians(scene: &Path) -> Result<Gaussians> {
+fn gaussians(scene: &Path, options: &crate::scene::Options) -> Result<Gaussians> {
     if scene.is_file() {
         return Ok(ply::read(scene)?.gaussians);
     }
-    Ok(crate::scene::load(scene, &crate::scene::Options::default())?.gaussians)
+    Ok(crate::scene::load(scene, options)?.gaussians)
 }

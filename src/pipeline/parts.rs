@@ -8,7 +8,7 @@ use crate::workdir::Artifact;
 
 use super::{Done, Pipeline, Stage, get_or_load};
 
-/// The content of `parts.json` where nobody says how long a scene unit is.
+/// The content of `parts.json` if the metric scale is unknown.
 #[derive(Serialize)]
 struct UnscaledFile<'a> {
     /// What is missing and how to give it.

@@ -7,20 +7,20 @@ use std::path::{Path, PathBuf};
 use anyhow::{Context, Result};
 use tracing::info;
 
-use crate::exit::UsageError;
+use crate::error::UsageError;
 use crate::materials::MaterialLibrary;
+use crate::pictures::material_map;
 use crate::progress::Progress;
 use crate::query::Answers;
-use crate::report::material_map;
 use crate::scene::Photo;
 use crate::segment::{LabelMap, PartMask, ViewSegments, segment_views};
 use crate::workdir::{Artifact, WorkDir};
 
-use super::desk::{Desk, DeskView};
 use super::query::write_sheets;
+use super::query_session::{QuerySession, QueryView, check_recordings};
 use super::record::Hasher;
 use super::scene::file_digest;
-use super::segment::{SegmentsFile, ViewEntry, models_key, open_segmenter, write_other_formats};
+use super::segment::{SegmentsFile, ViewEntry, models_key, open_segmenter, stored_segments, write_other_formats};
 use super::{Options, png};
 
 /// A picture on its way through segmentation and queries.
@@ -92,21 +92,24 @@ impl Picture {
     ///
     /// # Errors
     /// Besides what reading prompts and recordings may meet, a picture without a foreground.
-    pub fn desk(&self) -> Result<Desk<'_>> {
+    pub fn query_session(&self) -> Result<QuerySession<'_>> {
         if self.segments.parts.is_empty() {
             let view = &self.segments.view;
             return Err(UsageError(format!("{view} has no foreground: its alpha or its mask is empty")).into());
         }
-        let view = DeskView { name: &self.segments.view, photo: self.photo.clone(), segments: &self.segments };
-        Desk::new(&self.options.query, vec![view], &self.library, self.work.root(), &self.work, self.progress)
+        let view = QueryView { name: &self.segments.view, photo: self.photo.clone(), segments: &self.segments };
+        let home = self.work.root();
+        check_recordings(home, &self.work, self.options.scene.read_scope(home))?;
+        let (query, network) = (&self.options.query, self.options.setup.network());
+        QuerySession::new(query, vec![view], &self.library, home, &self.work, network, self.progress)
     }
 
     /// Answers the queries and draws the map of materials.
     pub fn run(&self) -> Result<Answers> {
-        let desk = self.desk()?;
-        let queries = desk.queries()?;
+        let session = self.query_session()?;
+        let queries = session.queries()?;
         write_sheets(&self.work, &queries)?;
-        let answers = desk.run(&queries)?.answers;
+        let answers = session.run(&queries)?.answers;
         self.work.write(Artifact::Answers, answers.to_jsonl().as_bytes())?;
         answers.require_any()?;
         let map = material_map::draw(&self.photo, &self.segments.map, &answers);
@@ -131,9 +134,8 @@ fn segments_key(path: &Path, mask: Option<&Path>, options: &Options) -> Result<S
 }
 
 fn segmented_before(work: &WorkDir, view: &str, key: &str) -> Option<ViewSegments> {
-    let mut file: SegmentsFile = work.read_json(Artifact::Segments).ok()?;
-    let entry = file.views.remove(view).filter(|entry| entry.key == key)?;
-    let map = LabelMap::from_png(&work.read(Artifact::LabelMap(view)).ok()?).ok()?;
+    let (entry, png) = stored_segments(work).take(work, view, key)?;
+    let map = LabelMap::from_png(&png).ok()?;
     info!("the parts found earlier are still good");
     Some(ViewSegments { view: view.to_owned(), map, parts: entry.parts })
 }
@@ -152,8 +154,9 @@ fn segment(
     let found = segment_views(&segmenter, &[view], &load, &options.segment, progress, &|_| Ok(()))?;
     let found = found.views.into_iter().next().context("one picture has one view")?;
     let written = at_size(found.clone(), size);
-    work.write(Artifact::LabelMap(view), &written.map.to_png()?)?;
-    let entry = ViewEntry { key, parts: written.parts };
+    let png = written.map.to_png()?;
+    work.write(Artifact::LabelMap(view), &png)?;
+    let entry = ViewEntry::new(view, key, written.parts, &png);
     work.write_json(Artifact::Segments, &SegmentsFile { views: [(view.to_owned(), entry)].into() })?;
     Ok(found)
 }

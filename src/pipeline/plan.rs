@@ -41,6 +41,20 @@ impl Stage {
         self.inputs().iter().any(|input| *input == other || input.needs(other))
     }
 
+    /// Of [`Options`](super::Options), those that it reads.
+    pub(super) fn rooms(self) -> &'static [&'static str] {
+        match self {
+            Self::Scene => &["scene"],
+            Self::Segment => &["segment", "setup"],
+            Self::Query => &["query", "materials"],
+            Self::Vote => &["vote"],
+            Self::Parts => &["parts"],
+            Self::Simulate => &["simulate"],
+            Self::Grasp => &["grasp"],
+            Self::Report => &[],
+        }
+    }
+
     /// As it is typed, and stands in `run.json`.
     pub fn name(self) -> String {
         format!("{self:?}").to_lowercase()

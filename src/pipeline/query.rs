@@ -2,16 +2,17 @@
 
 use std::collections::BTreeMap;
 use std::fs;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 use anyhow::Result;
 
 use crate::from_splat::photo_with_foreground;
-use crate::query::{AnswerSource, Answers, Match, Options, Outcome, Plan, Queries};
+use crate::query::{AnswerSource, Answers, Match, Options, Outcome, Preview, Queries};
 use crate::workdir::{Artifact, WorkDir, WorkDirError};
 
-use super::desk::{self, Desk, DeskView};
+use super::query_session::{self, QuerySession, QueryView};
 use super::record::Hasher;
+use super::scene::file_digest;
 use super::{Done, Pipeline, Stage, get_or_load};
 
 impl Pipeline {
@@ -20,21 +21,23 @@ impl Pipeline {
         let mut hasher = self
             .key_after_inputs(Stage::Query)
             .with_json(options)
-            .with_json(&desk::candidates(options, &self.library)?.materials())
-            .with_json(&desk::prompts(options)?.sha256());
-        for folder in desk::recording_folders(options, &self.folder) {
-            for (name, length) in recordings_in(&folder) {
-                hasher = hasher.with(name.as_bytes()).with(&length.to_le_bytes());
+            .with_json(&query_session::candidates(options, &self.library)?.materials())
+            .with_json(&query_session::prompts(options)?.sha256());
+        for folder in query_session::recording_folders(options, &self.folder) {
+            for path in recordings_in(&folder) {
+                hasher = hasher
+                    .with(path.file_name().unwrap_or_default().as_encoded_bytes())
+                    .with(&file_digest(&path).unwrap_or_default());
             }
         }
         Ok(hasher.hex())
     }
 
     pub(super) fn do_query(&self) -> Result<Done> {
-        let desk = self.desk()?;
-        let queries = desk.queries()?;
+        let session = self.query_session()?;
+        let queries = session.queries()?;
         write_sheets(&self.work, &queries)?;
-        let answers = settled(desk.run(&queries)?.answers);
+        let answers = settled(session.run(&queries)?.answers);
         let jsonl = answers.to_jsonl();
         self.work.write(Artifact::Answers, jsonl.as_bytes())?;
         answers.require_any()?;
@@ -49,23 +52,25 @@ impl Pipeline {
     }
 
     /// What a query would send, and what it would cost.
-    pub fn query_plan(&self) -> Result<Plan> {
-        let desk = self.desk()?;
-        Ok(desk.plan(&desk.queries()?))
+    pub fn query_preview(&self) -> Result<Preview> {
+        let session = self.query_session()?;
+        Ok(session.preview(&session.queries()?))
     }
 
     /// The queries of the chosen views; the scene must be segmented.
-    pub fn desk(&self) -> Result<Desk<'_>> {
-        self.desk_with(&self.options.query)
+    pub fn query_session(&self) -> Result<QuerySession<'_>> {
+        self.query_session_with(&self.options.query)
     }
 
-    /// As [`Self::desk`], with other options than the run's.
-    pub(super) fn desk_with<'a>(&'a self, options: &'a Options) -> Result<Desk<'a>> {
+    /// As [`Self::query_session`], with other options than the run's.
+    pub(super) fn query_session_with<'a>(&'a self, options: &'a Options) -> Result<QuerySession<'a>> {
         let views = self.views.iter().zip(&self.segmentation()?.views).map(|(view, segments)| {
-            Ok(DeskView { name: &view.name, photo: photo_with_foreground(&self.scene, view)?, segments })
+            Ok(QueryView { name: &view.name, photo: photo_with_foreground(&self.scene, view)?, segments })
         });
         let views = views.collect::<Result<_>>()?;
-        Desk::new(options, views, &self.library, &self.folder, &self.work, self.progress)
+        query_session::check_recordings(&self.folder, &self.work, self.options.scene.read_scope(&self.folder))?;
+        let network = self.options.setup.network();
+        QuerySession::new(options, views, &self.library, &self.folder, &self.work, network, self.progress)
     }
 
     /// Whether what an earlier run was answered does not count: the model is to be asked whatever is recorded, or it may
@@ -105,14 +110,10 @@ pub(super) fn write_sheets(work: &WorkDir, queries: &Queries) -> Result<(), Work
     queries.parts.iter().try_for_each(|part| work.write(Artifact::Sheet(&part.view, part.part), &part.jpeg))
 }
 
-/// Names and lengths of the recordings in a folder, sorted; a recording's name is the hash of what it answers.
-fn recordings_in(folder: &Path) -> Vec<(String, u64)> {
-    let entries = fs::read_dir(folder).into_iter().flatten().flatten();
-    let named = |entry: fs::DirEntry| {
-        let name = entry.file_name().into_string().ok().filter(|name| name.ends_with(".json"))?;
-        Some((name, entry.metadata().ok()?.len()))
-    };
-    let mut found: Vec<_> = entries.filter_map(named).collect();
+/// The recordings in a folder, sorted; none where it cannot be read.
+fn recordings_in(folder: &Path) -> Vec<PathBuf> {
+    let entries = fs::read_dir(folder).into_iter().flatten().flatten().map(|entry| entry.path());
+    let mut found: Vec<_> = entries.filter(|path| path.extension().is_some_and(|end| end == "json")).collect();
     found.sort();
     found
 }

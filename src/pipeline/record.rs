@@ -1,11 +1,13 @@
 //! `run.json`: what was done with which inputs, so that a rerun knows what is still good.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
+use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
+use serde_json::Value;
 use sha2::{Digest, Sha256};
 
-use crate::workdir::{Artifact, FORMAT_VERSION, WorkDir, WorkDirError};
+use crate::workdir::{Artifact, Checksum, FORMAT_VERSION, Standing, WorkDir, WorkDirError, hexadecimal};
 
 use super::Stage;
 
@@ -14,8 +16,8 @@ use super::Stage;
 pub struct RunRecord {
     /// gprop's version.
     pub version: String,
-    /// The options of the last run, stage by stage.
-    pub options: serde_json::Value,
+    /// The options by room, each as the stage that reads it was last done with.
+    pub options: serde_json::Map<String, Value>,
     /// The finished stages, in the order of the data flow.
     pub stages: Vec<StageRecord>,
 }
@@ -31,10 +33,31 @@ pub struct StageRecord {
     pub warnings: Vec<String>,
     /// Hash of everything it depends on: its options and the digests of its inputs.
     pub key: String,
+    /// The digests of its inputs when it was done.
+    pub inputs: Vec<(Stage, String)>,
     /// Hash of what it made, which the stages after it depend on.
     pub digest: String,
-    /// The files it wrote, relative to the work folder, with their lengths in bytes.
-    pub outputs: Vec<(PathBuf, u64)>,
+    /// The files it wrote.
+    pub outputs: Vec<Output>,
+}
+
+/// A file that a stage wrote.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Output {
+    /// Relative to the work folder.
+    pub path: PathBuf,
+    #[serde(flatten)]
+    pub checksum: Checksum,
+}
+
+/// What an earlier run left of a stage.
+pub enum Left<'a> {
+    /// All of what this run would make.
+    Good(&'a StageRecord),
+    /// Nothing that serves.
+    Nothing,
+    /// What this run would make, but other bytes in these files.
+    Changed(Vec<&'a Path>),
 }
 
 impl RunRecord {
@@ -46,21 +69,38 @@ impl RunRecord {
             .unwrap_or_else(|| Self { version: version(), ..Self::default() })
     }
 
-    /// The stage's record where its key is `key` and every file it wrote is still there at its length.
-    pub fn still_good(&self, stage: Stage, key: &str, work: &WorkDir) -> Option<&StageRecord> {
-        let record = self.stages.iter().find(|record| record.name == stage && record.key == key)?;
-        let intact = |(path, length): &(PathBuf, u64)| {
-            std::fs::metadata(work.root().join(path)).is_ok_and(|meta| meta.len() == *length)
-        };
-        record.outputs.iter().all(intact).then_some(record)
+    /// The record of a stage that is done.
+    pub fn of(&self, stage: Stage) -> Option<&StageRecord> {
+        self.stages.iter().find(|record| record.name == stage)
     }
 
-    /// Puts a stage's record in its place and saves.
+    /// What is left of a stage whose key is `key` now.
+    pub fn left(&self, stage: Stage, key: &str, work: &WorkDir) -> Left<'_> {
+        let Some(record) = self.of(stage).filter(|record| record.key == key) else { return Left::Nothing };
+        let standing: Vec<_> = record.standing(work);
+        let changed: Vec<&Path> =
+            standing.iter().filter_map(|(path, standing)| (*standing == Standing::Changed).then_some(*path)).collect();
+        match standing.iter().all(|(_, standing)| *standing == Standing::Whole) {
+            true => Left::Good(record),
+            false if changed.is_empty() => Left::Nothing,
+            false => Left::Changed(changed),
+        }
+    }
+
+    /// Keeps the options that a stage which is done now was done with; `all` has those of every room.
+    pub fn keep_options(&mut self, stage: Stage, all: &Value) {
+        for room in stage.rooms() {
+            self.options.insert((*room).to_owned(), all[*room].clone());
+        }
+    }
+
+    /// Puts a stage's record in its place and saves. In a folder that may only be read, all that is lost is that this run
+    /// found the stage done.
     pub fn put(&mut self, record: StageRecord, work: &WorkDir) -> Result<(), WorkDirError> {
         self.stages.retain(|old| old.name != record.name);
         let place = self.stages.partition_point(|old| old.name < record.name);
         self.stages.insert(place, record);
-        work.write_json(Artifact::Run, self)
+        if work.is_writable() { work.write_json(Artifact::Run, self) } else { Ok(()) }
     }
 
     /// Forgets a stage that is about to be done again, so that a killed run is not taken for a finished one.
@@ -71,8 +111,16 @@ impl RunRecord {
     }
 }
 
+impl StageRecord {
+    /// Its files, and whether they are what it wrote.
+    pub fn standing(&self, work: &WorkDir) -> Vec<(&Path, Standing)> {
+        let of = |output: &Output| work.standing(&output.path, &output.checksum);
+        self.outputs.par_iter().map(|output| (output.path.as_path(), of(output))).collect()
+    }
+}
+
 /// gprop's version with the format of its artifacts.
-fn version() -> String {
+pub fn version() -> String {
     format!("{}+format.{FORMAT_VERSION}", env!("CARGO_PKG_VERSION"))
 }
 
@@ -103,9 +151,4 @@ impl Hasher {
     pub fn hex(self) -> String {
         hexadecimal(&self.0.finalize())
     }
-}
-
-/// Bytes in lower-case hexadecimal.
-pub fn hexadecimal(bytes: &[u8]) -> String {
-    bytes.iter().map(|byte| format!("{byte:02x}")).collect()
 }

@@ -11,9 +11,8 @@ use crate::report::{
     ViewPictures, Warning,
 };
 use crate::vote::MaterialField;
-use crate::workdir::Artifact;
+use crate::workdir::{Artifact, hexadecimal};
 
-use super::record::hexadecimal;
 use super::scene::file_digest;
 use super::{Done, Pipeline, Stage};
 

@@ -1,6 +1,5 @@
 //! The scene on disk: its key is what its files hold; its artifact is the list of the chosen views.
 
-use std::fs::File;
 use std::io;
 use std::iter;
 use std::path::Path;
@@ -10,6 +9,7 @@ use serde::Serialize;
 use sha2::{Digest, Sha256};
 
 use crate::camera::Camera;
+use crate::files;
 use crate::scene::{Options, Scene, SceneError};
 use crate::units::MetricScale;
 use crate::workdir::Artifact;
@@ -77,7 +77,7 @@ pub(super) fn rendering_key(scene: &Scene, options: &Options) -> Result<String> 
 /// [`SceneError::Io`], also where the file has gone since the scene was loaded.
 pub(super) fn file_digest(path: &Path) -> Result<[u8; 32], SceneError> {
     let mut hasher = Sha256::new();
-    let read = File::open(path).and_then(|mut file| io::copy(&mut file, &mut hasher));
+    let read = files::open(path).and_then(|mut file| io::copy(&mut file, &mut hasher));
     read.map_err(|reason| SceneError::Io { path: path.to_owned(), reason })?;
     Ok(hasher.finalize().into())
 }

@@ -12,7 +12,7 @@ use crate::progress::Progress;
 use crate::scene::{ObjectSource, View};
 use crate::segment::formats::{Format, coco, file_of_view, import_view};
 use crate::segment::{LabelMap, PartMask, Segmentation, Segmenter, ViewSegments, segment_views};
-use crate::workdir::{Artifact, WorkDir};
+use crate::workdir::{Artifact, Checksum, WorkDir, WorkDirError};
 use crate::{segment, setup};
 
 use super::record::Hasher;
@@ -30,6 +30,60 @@ pub(super) struct ViewEntry {
     /// Hash of what the view's parts depend on; a view with another one is segmented again.
     pub key: String,
     pub parts: Vec<PartMask>,
+    /// Of the label map's file.
+    pub map: Checksum,
+    /// Hash of the entry with the view's name.
+    pub seal: String,
+}
+
+impl ViewEntry {
+    /// The entry of a view whose label map is `png`.
+    pub fn new(view: &str, key: String, parts: Vec<PartMask>, png: &[u8]) -> Self {
+        let map = Checksum::of(png);
+        Self { seal: seal(view, &key, &parts, &map), key, parts, map }
+    }
+
+    /// Whether it is the view's, as it was made.
+    fn is_whole(&self, view: &str) -> bool {
+        self.seal == seal(view, &self.key, &self.parts, &self.map)
+    }
+}
+
+fn seal(view: &str, key: &str, parts: &[PartMask], map: &Checksum) -> String {
+    Hasher::new("segments").with(view.as_bytes()).with(key.as_bytes()).with_json(&parts).with_json(map).hex()
+}
+
+impl SegmentsFile {
+    /// Takes out the entry of a view whose key is `key`, with its label map's file, if both are as they were written; warns
+    /// if somebody changed one of them.
+    pub fn take(&mut self, work: &WorkDir, view: &str, key: &str) -> Option<(ViewEntry, Vec<u8>)> {
+        const REMEDY: &str = "what it holds of the view is made again";
+        let (entry, artifact) = (self.views.remove(view)?, Artifact::LabelMap(view));
+        if !entry.is_whole(view) {
+            work.warn_changed(&Artifact::Segments.path(), REMEDY);
+            return None;
+        }
+        // A label map that is gone is made again without a word.
+        let png = work.read(artifact).ok().filter(|_| entry.key == key)?;
+        if Checksum::of(&png) != entry.map {
+            work.warn_changed(&artifact.path(), REMEDY);
+            return None;
+        }
+        Some((entry, png))
+    }
+}
+
+/// What an earlier run left of `segments.json`; nothing, with a warning, where that is not what gprop wrote.
+pub(super) fn stored_segments(work: &WorkDir) -> SegmentsFile {
+    match work.read_json(Artifact::Segments) {
+        Ok(file) => file,
+        Err(error) => {
+            if matches!(error, WorkDirError::Damaged { .. }) {
+                work.warn_changed(&Artifact::Segments.path(), "all views are segmented again");
+            }
+            SegmentsFile::default()
+        }
+    }
 }
 
 impl Pipeline {
@@ -87,7 +141,7 @@ impl Pipeline {
     fn save_view(&self, done: &ViewSegments, key: String, file: &mut SegmentsFile) -> Result<()> {
         let png = done.map.to_png().with_context(|| format!("view {}", done.view))?;
         self.work.write(Artifact::LabelMap(&done.view), &png)?;
-        file.views.insert(done.view.clone(), ViewEntry { key, parts: done.parts.clone() });
+        file.views.insert(done.view.clone(), ViewEntry::new(&done.view, key, done.parts.clone(), &png));
         Ok(self.work.write_json(Artifact::Segments, file)?)
     }
 
@@ -110,16 +164,17 @@ impl Pipeline {
 
     /// What an earlier run finished of the chosen views and is still good.
     fn finished_views(&self) -> Result<SegmentsFile> {
-        let mut file: SegmentsFile = self.work.read_json(Artifact::Segments).unwrap_or_default();
         let mut good = SegmentsFile::default();
+        if self.must_redo(Stage::Segment) {
+            return Ok(good);
+        }
+        let mut file = stored_segments(&self.work);
         for view in &self.views {
-            let map_there = self.work.size(Artifact::LabelMap(&view.name)).is_some();
-            let key = self.view_key(view)?;
-            if let Some(entry) = file.views.remove(&view.name).filter(|entry| entry.key == key && map_there) {
+            if let Some((entry, _)) = file.take(&self.work, &view.name, &self.view_key(view)?) {
                 good.views.insert(view.name.clone(), entry);
             }
         }
-        Ok(if self.must_redo(Stage::Segment) { SegmentsFile::default() } else { good })
+        Ok(good)
     }
 
     fn view(&self, name: &str) -> &View {

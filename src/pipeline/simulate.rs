@@ -1,17 +1,23 @@
 //! The simulation on disk: a frame and a checkpoint at a time, so that a killed run goes on at its last frame.
 
+use std::io::{BufWriter, IntoInnerError, Write};
+use std::path::PathBuf;
+
 use anyhow::{Context, Result};
 use image::RgbImage;
+use rayon::prelude::*;
 
 use crate::camera::Camera;
-use crate::exit::UsageError;
+use crate::error::UsageError;
+use crate::scene::gaussians::Gaussians;
 use crate::scene::ply;
 use crate::simulate::checkpoint::{Checkpoint, Snapshot};
 use crate::simulate::filling::FillPoint;
 use crate::simulate::material::Material;
 use crate::simulate::{Frame, Input, SimulationReport, animation, plot, simulate};
-use crate::workdir::Artifact;
+use crate::workdir::{Artifact, Checksum, Checksumming, Standing};
 
+use super::record::Output;
 use super::{Done, Pipeline, Stage};
 
 impl Pipeline {
@@ -34,15 +40,15 @@ impl Pipeline {
         let mut save = |frame: &Frame, snapshot: &Snapshot| {
             self.work.write_with(Artifact::Frame(frame.index), |out| ply::write(out, &frame.gaussians, &[]))?;
             self.work.write_with(Artifact::States(frame.index), |out| snapshot.write_states(out))?;
-            Ok(self.work.write_with(Artifact::Checkpoint, |out| {
-                out.write_all(key.as_bytes())?;
-                snapshot.write(out)
-            })?)
+            self.save_checkpoint(key, frame.index, snapshot)
         };
         let options = &self.options.simulate;
         let report = simulate(&input, options, self.checkpoint(key), &mut save, self.progress)?;
 
-        let mut load = |index| Ok(ply::read(&self.work.path(Artifact::Frame(index)))?.gaussians);
+        let mut load = |index| {
+            let frame = ply::read(&self.work.path(Artifact::Frame(index)))?.gaussians;
+            Ok(Gaussians { set_aside: self.scene.gaussians.set_aside.clone(), ..frame })
+        };
         let cameras = animation::cameras(&report, &options.viewpoint, photo);
         let pictures = animation::pictures(&report, &cameras, &mut load, self.progress)?;
         self.work.write(Artifact::Animation, &animation::gif(&pictures).context("the animation")?)?;
@@ -88,10 +94,38 @@ impl Pipeline {
         Ok(self.work.read_json(Artifact::Simulation)?)
     }
 
-    /// Where a killed run stopped, if it was this one: a checkpoint begins with the key of its stage.
+    /// Keeps all that is needed to go on after the frame `last`, the checksums of the frames so far included.
+    fn save_checkpoint(&self, key: &str, last: usize, snapshot: &Snapshot) -> Result<()> {
+        let files = frame_files(last + 1).map(|path| Ok(Output { checksum: self.work.checksum(&path)?, path }));
+        let files = serde_json::to_vec(&files.collect::<Result<Vec<_>>>()?)?;
+        Ok(self.work.write_with(Artifact::Checkpoint, |out| {
+            out.write_all(key.as_bytes())?;
+            let mut sealed = BufWriter::new(Checksumming::new(&mut *out));
+            sealed.write_all(&(files.len() as u64).to_le_bytes())?;
+            sealed.write_all(&files)?;
+            snapshot.write(&mut sealed)?;
+            let seal = sealed.into_inner().map_err(IntoInnerError::into_error)?.finish().sha256;
+            out.write_all(seal.as_bytes())
+        })?)
+    }
+
+    /// Where a killed run stopped, if it was this one: a checkpoint begins with the key of its stage. One that somebody
+    /// changed, or whose frames, does not serve.
     fn checkpoint(&self, key: &str) -> Option<Checkpoint> {
         let bytes = self.work.read(Artifact::Checkpoint).ok().filter(|_| !self.must_redo(Stage::Simulate))?;
-        Checkpoint::from_bytes(bytes.strip_prefix(key.as_bytes())?).ok()
+        let rest = bytes.strip_prefix(key.as_bytes())?;
+        let again = "the simulation starts at its first frame";
+        let Some((files, snapshot)) = opened(rest) else {
+            self.work.warn_changed(&Artifact::Checkpoint.path(), again);
+            return None;
+        };
+        let checkpoint = Checkpoint::from_bytes(snapshot).ok()?;
+        let standing: Vec<Standing> =
+            files.par_iter().map(|file| self.work.standing(&file.path, &file.checksum)).collect();
+        for (file, _) in files.iter().zip(&standing).filter(|(_, standing)| **standing == Standing::Changed) {
+            self.work.warn_changed(&file.path, again);
+        }
+        standing.iter().all(|standing| *standing == Standing::Whole).then_some(checkpoint)
     }
 
     /// Frames of an earlier, longer run would be taken for this one's.
@@ -116,4 +150,20 @@ impl Pipeline {
         };
         Ok(interior.filled().map(point).collect())
     }
+}
+
+/// The files of the first frames.
+fn frame_files(frames: usize) -> impl Iterator<Item = PathBuf> {
+    (0..frames).flat_map(|index| [Artifact::Frame(index).path(), Artifact::States(index).path()])
+}
+
+/// A checkpoint's frames with their checksums and its snapshot; `None` where it is not as it was written.
+fn opened(bytes: &[u8]) -> Option<(Vec<Output>, &[u8])> {
+    let (sealed, seal) = bytes.split_last_chunk::<{ 2 * 32 }>()?;
+    if Checksum::of(sealed).sha256.as_bytes() != seal {
+        return None;
+    }
+    let (length, rest) = sealed.split_first_chunk()?;
+    let (files, snapshot) = rest.split_at_checked(usize::try_from(u64::from_le_bytes(*length)).ok()?)?;
+    Some((serde_json::from_slice(files).ok()?, snapshot))
 }

@@ -38,10 +38,10 @@ impl Pipeline {
     fn local_answers(&self) -> Result<Option<Answers>> {
         let recorded = Options { answers: AnswerSource::Replay, lmm_url: None, ..self.options.query.clone() };
         let options = Options { context: Context::Local, ..recorded };
-        let desk = self.desk_with(&options)?;
-        let queries = desk.queries()?;
-        match queries.unanswered(&desk.recordings, None).len() {
-            0 => Ok(Some(desk.run(&queries)?.answers)),
+        let session = self.query_session_with(&options)?;
+        let queries = session.queries()?;
+        match queries.unanswered(&session.recordings, None).len() {
+            0 => Ok(Some(session.run(&queries)?.answers)),
             open => {
                 let (name, all) = (&self.scene.name, queries.parts.len());
                 self.progress

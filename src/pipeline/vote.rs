@@ -5,10 +5,10 @@ use std::path::Path;
 use anyhow::Result;
 use image::RgbImage;
 
-use crate::exit::UsageError;
+use crate::error::UsageError;
+use crate::pictures::figure::{self, Shown};
+use crate::pictures::{field_colors, thumbnail};
 use crate::query::Answers;
-use crate::report::figure::{self, Shown};
-use crate::report::thumbnail;
 use crate::scene::gaussians::Gaussians;
 use crate::scene::{View, ply};
 use crate::vote::{MaterialField, ViewInput, field_ply, vote};
@@ -27,7 +27,7 @@ impl Pipeline {
         self.work.write_with(Artifact::Field, |out| ply::write(out, gaussians, &field_ply::columns(&field)))?;
         self.work.write_json(Artifact::Labels, &field.labels)?;
         self.work.write_json(Artifact::Materials, &field_ply::materials(&field.labels, &self.library))?;
-        let recolored = field_ply::recolored(gaussians, &field_ply::material_colors(&field));
+        let recolored = field_colors::recolored(gaussians, &field_colors::material_colors(&field));
         self.work.write_with(Artifact::Recolored, |out| ply::write(out, &recolored, &[]))?;
         let mut written = vec![Artifact::Field, Artifact::Labels, Artifact::Materials, Artifact::Recolored];
         if let Some(view) = self.views.first() {

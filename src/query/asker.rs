@@ -1,7 +1,10 @@
 //! Who answers questions: the client of a server, or in a test whoever plays it.
 
+use super::cost::Cost;
+use super::ledger::{Account, NotSent};
 use super::question::Question;
 use super::recorded::{Answerer, Usage};
+use crate::setup::Offline;
 
 /// A picture with a question.
 #[derive(Debug, Clone, Copy)]
@@ -13,31 +16,31 @@ pub struct Ask<'a> {
     pub correction: Option<Correction<'a>>,
 }
 
-/// A response that could not be used, and what is said to it.
+/// A response that could not be used, and the prompt to correct it.
 #[derive(Debug, Clone, Copy)]
 pub struct Correction<'a> {
     pub response: &'a str,
     pub prompt: &'a str,
 }
 
-/// What came back, and was paid for.
+/// What came back.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Reply {
-    pub said: Said,
-    /// `None` where the server does not count.
+    pub content: ReplyContent,
+    /// `None` where the server does not count, or not credibly.
     pub usage: Option<Usage>,
     /// The name that the server gives its model.
     pub served_model: Option<String>,
 }
 
-/// What a model says to a question.
+/// What a model replies to a question.
 #[derive(Debug, Clone, PartialEq)]
-pub enum Said {
+pub enum ReplyContent {
     Text(String),
     /// It would not answer; why.
     Refusal(String),
     /// It used up its tokens without a word; in which way.
-    Nothing(String),
+    Empty(String),
 }
 
 /// Why nothing came back.
@@ -48,7 +51,13 @@ pub enum AskError {
     Failed(String),
     /// No request can succeed: wrong key, no such model, nobody there.
     #[error("{0}")]
-    Hopeless(String),
+    Fatal(String),
+    /// The ledger lets no further request be sent.
+    #[error(transparent)]
+    NotSent(#[from] NotSent),
+    /// No connection may be opened.
+    #[error(transparent)]
+    Offline(#[from] Offline),
 }
 
 /// Answers one question at a time; called from several threads at once.
@@ -59,6 +68,17 @@ pub trait Asker: Sync {
     /// How many questions may be under way at once.
     fn parallel(&self) -> usize;
 
-    /// Waits for the answer.
-    fn ask(&self, ask: Ask) -> Result<Reply, AskError>;
+    /// Whether anything can be asked at all.
+    ///
+    /// # Errors
+    /// It cannot, and trying would be in vain.
+    fn ready(&self) -> Result<(), AskError> {
+        Ok(())
+    }
+
+    /// Tells the user, before the first request of a run, who is sent how many pictures at which cost.
+    fn announce(&self, _pictures: usize, _cost: &Cost) {}
+
+    /// Waits for the answer. Every request has its own entry in the account.
+    fn ask(&self, ask: Ask, account: &Account) -> Result<Reply, AskError>;
 }

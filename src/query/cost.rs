@@ -1,6 +1,4 @@
-//! What queries cost: a price table, an estimate before anything is sent, and a ledger that keeps within the budget.
-
-use std::sync::{Mutex, PoisonError};
+//! What queries cost: a price table, and an estimate before anything is sent.
 
 use serde::{Deserialize, Serialize};
 
@@ -13,8 +11,8 @@ const USUAL_OUTPUT_TOKENS: u64 = 300;
 /// A vision model of which nothing is known: a token for each square of so many pixels (Qwen2-VL's).
 const UNKNOWN_PATCH: u32 = 28;
 const TOKENS_PER_MTOK: f64 = 1e6;
-/// What OpenAI takes for a request of a batch, of the price of one asked at once (its guide to the Batch API).
-const BATCH_SHARE: f64 = 0.5;
+/// The share of the usual price that OpenAI takes for a request by the Batch API (its guide to it).
+const BATCH_API_SHARE: f64 = 0.5;
 
 /// Prices by model.
 #[derive(Debug, Clone, PartialEq)]
@@ -27,7 +25,9 @@ pub struct PriceTable {
 #[serde(deny_unknown_fields)]
 pub struct Price {
     pub model: String,
+    #[serde(deserialize_with = "usd_per_mtok")]
     pub input_usd_per_mtok: f64,
+    #[serde(deserialize_with = "usd_per_mtok")]
     pub output_usd_per_mtok: f64,
     #[serde(deserialize_with = "image_tokens")]
     pub image_tokens: ImageTokens,
@@ -47,9 +47,14 @@ pub enum ImageTokens {
     Patches { side: u32, most: u64, factor: f64 },
 }
 
-/// Dollars, or that nobody knows them.
-fn dollars(usd: Option<f64>) -> String {
+/// An amount in dollars, or that the price is unknown.
+pub(super) fn dollars(usd: Option<f64>) -> String {
     usd.map_or_else(|| "an unknown price (give a table with --prices)".to_owned(), |usd| format!("{usd:.4} USD"))
+}
+
+/// A number of things in words.
+pub(super) fn counted(count: usize, noun: &str) -> String {
+    format!("{count} {noun}{}", if count == 1 { "" } else { "s" })
 }
 
 /// A price table that cannot be read.
@@ -146,8 +151,8 @@ impl Cost {
     }
 
     /// The same by the Batch API.
-    pub fn by_batch(self) -> Self {
-        let share = |usd: Option<f64>| usd.map(|usd| usd * BATCH_SHARE);
+    pub fn by_batch_api(self) -> Self {
+        let share = |usd: Option<f64>| usd.map(|usd| usd * BATCH_API_SHARE);
         Self { usd: share(self.usd), most_usd: share(self.most_usd), ..self }
     }
 
@@ -173,88 +178,18 @@ impl Cost {
 impl std::fmt::Display for Cost {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         let Self { requests, input_tokens, output_tokens, .. } = self;
-        write!(f, "{requests} requests, about {input_tokens} tokens in and {output_tokens} out, ")?;
-        write!(f, "{}", dollars(self.usd))
+        let requests = counted(*requests, "request");
+        write!(f, "{requests}, about {input_tokens} tokens in and {output_tokens} out, {}", dollars(self.usd))
     }
 }
 
-/// What was spent and what is under way, kept below a budget.
-#[derive(Debug)]
-pub struct Ledger {
-    price: Option<Price>,
-    max_usd: Option<f64>,
-    books: Mutex<Books>,
-}
-
-#[derive(Debug, Default)]
-struct Books {
-    spent: Spent,
-    reserved_usd: f64,
-}
-
-/// What was asked and paid.
-#[derive(Debug, Clone, Copy, PartialEq, Default, Serialize)]
-pub struct Spent {
-    pub requests: usize,
-    pub usage: Usage,
-    /// By the price table; `None` where it does not have the model.
-    pub usd: Option<f64>,
-}
-
-impl std::fmt::Display for Spent {
-    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        let Usage { input_tokens, output_tokens } = self.usage;
-        write!(f, "{} requests, {input_tokens} tokens in and {output_tokens} out, ", self.requests)?;
-        write!(f, "{}", dollars(self.usd))
+/// A price that no budget can be kept with, such as NaN, is refused.
+fn usd_per_mtok<'de, D: serde::Deserializer<'de>>(deserializer: D) -> Result<f64, D::Error> {
+    let usd = f64::deserialize(deserializer)?;
+    if usd.is_finite() && usd >= 0.0 {
+        return Ok(usd);
     }
-}
-
-impl Ledger {
-    /// An empty ledger.
-    pub fn new(price: Option<Price>, max_usd: Option<f64>) -> Self {
-        let spent = Spent { usd: price.as_ref().map(|_| 0.0), ..Spent::default() };
-        Self { price, max_usd, books: Mutex::new(Books { spent, reserved_usd: 0.0 }) }
-    }
-
-    /// What the model takes, where it is known.
-    pub fn price(&self) -> Option<&Price> {
-        self.price.as_ref()
-    }
-
-    /// Sets a request's highest cost aside; false where that might pass the budget.
-    pub fn reserve(&self, cost: &Cost) -> bool {
-        let mut books = self.books.lock().unwrap_or_else(PoisonError::into_inner);
-        let most = cost.most_usd.unwrap_or(0.0);
-        let committed = books.spent.usd.unwrap_or(0.0) + books.reserved_usd;
-        if self.max_usd.is_some_and(|max| committed + most > max) {
-            return false;
-        }
-        books.reserved_usd += most;
-        true
-    }
-
-    /// Books what a reserved request really took; a server that does not count is taken to have used all of it.
-    pub fn settle(&self, cost: &Cost, usage: Option<Usage>) {
-        let mut books = self.books.lock().unwrap_or_else(PoisonError::into_inner);
-        books.reserved_usd -= cost.most_usd.unwrap_or(0.0);
-        let usage = usage.unwrap_or(Usage { input_tokens: cost.input_tokens, output_tokens: cost.most_output_tokens });
-        books.spent.requests += 1;
-        books.spent.usage = books.spent.usage.plus(usage);
-        if let (Some(usd), Some(price)) = (books.spent.usd.as_mut(), &self.price) {
-            *usd += price.usd(usage);
-        }
-    }
-
-    /// Gives back what was set aside for a request that was not answered.
-    pub fn release(&self, cost: &Cost) {
-        let mut books = self.books.lock().unwrap_or_else(PoisonError::into_inner);
-        books.reserved_usd -= cost.most_usd.unwrap_or(0.0);
-    }
-
-    /// What was spent so far.
-    pub fn spent(&self) -> Spent {
-        self.books.lock().unwrap_or_else(PoisonError::into_inner).spent
-    }
+    Err(serde::de::Error::custom(format!("{usd} is not a price: give a number of US dollars, 0 or more")))
 }
 
 fn image_tokens<'de, D: serde::Deserializer<'de>>(deserializer: D) -> Result<ImageTokens, D::Error> {
@@ -270,7 +205,7 @@ fn image_tokens<'de, D: serde::Deserializer<'de>>(deserializer: D) -> Result<Ima
             .ok()
             .filter(|side| *side > 0)
             .zip(most.parse().ok())
-            .zip(factor.parse().ok())
+            .zip(factor.parse().ok().filter(|factor: &f64| factor.is_finite() && *factor >= 0.0))
             .map(|((side, most), factor)| ImageTokens::Patches { side, most, factor }),
         _ => None,
     };

@@ -1,9 +1,9 @@
 //! What can go wrong with the queries as a whole. What goes wrong with one part is a [`super::Failure`].
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use super::asker::AskError;
-use super::cost::Spent;
+use super::ledger::Spent;
 use super::prompt::PromptError;
 use super::recorded::{Miss, RecordingError};
 use super::{Answers, Failure, Outcome};
@@ -11,9 +11,9 @@ use super::{Answers, Failure, Outcome};
 /// Why a stage of queries ends without answers.
 #[derive(Debug, thiserror::Error)]
 pub enum QueryError {
-    #[error("view {view}: the label map has no pixel of part {part}; segment the scene anew")]
+    #[error("view {view}: the label map has no pixel of part {part}; segment the scene again")]
     EmptyPart { view: String, part: u16 },
-    #[error("view {view}: the label map is {map:?} pixels, the photo {photo:?}; segment the scene anew")]
+    #[error("view {view}: the label map is {map:?} pixels, the photo {photo:?}; segment the scene again")]
     SizeMismatch { view: String, map: (u32, u32), photo: (u32, u32) },
     #[error(transparent)]
     Prompt(#[from] PromptError),
@@ -34,6 +34,16 @@ pub enum QueryError {
          recorded. Raise --max-usd to go on"
     )]
     BudgetSpent { max_usd: f64, spent_usd: f64, left: usize },
+    #[error("{error}: {parts} parts have no recorded answer, and no server was asked about them")]
+    NotReady { error: AskError, parts: usize },
+    #[error("{source}; nothing more was asked. {}", where_kept(.folder, .spare.as_deref()))]
+    Unkept {
+        source: RecordingError,
+        /// Where recordings belong.
+        folder: PathBuf,
+        /// Where those are that could not be written there; `None` if their text was printed.
+        spare: Option<PathBuf>,
+    },
     #[error("{message}; {left} parts are not answered, what was answered is recorded ({spent})")]
     Endpoint { message: String, left: usize, spent: Spent },
     #[error("none of {parts} parts is answered: {}", counted(.failures))]
@@ -42,19 +52,25 @@ pub enum QueryError {
         /// Each failure with the number of parts that it holds for, the most frequent first.
         failures: Vec<(Failure, usize)>,
     },
+    #[error(
+        "a submission to the Batch API cannot be stopped, and at the longest answers its {requests} requests may cost \
+         {usd:.4} USD more than --max-usd {max_usd} leaves after {spent}; nothing was submitted"
+    )]
+    SubmissionOverBudget { requests: usize, usd: f64, max_usd: f64, spent: Spent },
     #[error("the Batch API: {0}")]
-    Batch(AskError),
-    #[error("no batch is waiting to be collected; gprop query SCENE --batch submit sends one")]
+    BatchApi(AskError),
+    #[error("no Batch API job is waiting to be collected; gprop query SCENE --batch-api submit sends one")]
     NothingSubmitted,
     #[error(
-        "{running} batches are still worked on, {done} of their {total} requests are done; run --batch collect again later"
+        "Batch API jobs still running: {running}, with {done} of their {total} requests done; run --batch-api collect again \
+         later"
     )]
-    BatchRunning { running: usize, done: usize, total: usize },
+    BatchApiRunning { running: usize, done: usize, total: usize },
     #[error(
-        "{failed} of {total} questions were not answered, the other answers are recorded: {reasons}. --batch submit asks \
-         them again"
+        "{failed} of {total} questions were not answered, the other answers are recorded: {reasons}. --batch-api submit \
+         asks them again"
     )]
-    BatchPartial { failed: usize, total: usize, reasons: String },
+    BatchApiPartial { failed: usize, total: usize, reasons: String },
     #[error("{count} answers in {folder:?} cannot be used, the others are recorded:\n{lines}")]
     Import { folder: PathBuf, count: usize, lines: String },
     #[error("cannot save an answer: {0}")]
@@ -63,7 +79,7 @@ pub enum QueryError {
 
 impl From<AskError> for QueryError {
     fn from(error: AskError) -> Self {
-        Self::Batch(error)
+        Self::BatchApi(error)
     }
 }
 
@@ -107,6 +123,16 @@ fn counted(failures: &[(Failure, usize)]) -> String {
         words.push(format!("and {} other reasons; see answers.jsonl", failures.len() - SHOWN_FAILURES));
     }
     words.join("; ")
+}
+
+fn where_kept(folder: &Path, spare: Option<&Path>) -> String {
+    match spare {
+        Some(spare) => format!(
+            "What was answered and could not be written there is kept in {spare:?}; a run with the same work folder uses \
+             it. Make room and move it to {folder:?}"
+        ),
+        None => format!("What was answered is printed above; make room and save it in {folder:?}"),
+    }
 }
 
 /// Every missing part, those of one view with one reason together.

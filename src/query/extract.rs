@@ -11,6 +11,9 @@ pub enum NoJson {
     Broken(String),
 }
 
+/// An answer is an object of ranges: two levels. No answer has so many.
+const MOST_NESTED: usize = 16;
+
 /// Closes the thinking of models that write it into their answer; nothing before it is the answer.
 const END_OF_THOUGHT: &str = "</think>";
 
@@ -22,6 +25,9 @@ pub fn json_object(text: &str) -> Result<Value, NoJson> {
     let mut problem = NoJson::None;
     for (start, _) in text.match_indices('{') {
         let rest = &text[start..];
+        if nests_too_deeply(rest) {
+            return Err(NoJson::Broken(format!("it is nested more than {MOST_NESTED} deep")));
+        }
         match Deserializer::from_str(rest).into_iter::<Value>().next() {
             Some(Ok(value)) => return Ok(value),
             Some(Err(error)) if error.is_eof() => {
@@ -34,24 +40,51 @@ pub fn json_object(text: &str) -> Result<Value, NoJson> {
     Err(problem)
 }
 
+/// Whether the value that `text` begins with opens more than [`MOST_NESTED`] brackets within each other. Without this, every
+/// brace of a deep text would be tried in turn.
+fn nests_too_deeply(text: &str) -> bool {
+    let mut brackets = Brackets::default();
+    for character in text.chars() {
+        brackets.read(character);
+        if brackets.open.len() > MOST_NESTED {
+            return true;
+        }
+        if brackets.open.is_empty() {
+            return false;
+        }
+    }
+    false
+}
+
 /// A cut-off object closed at its last complete value.
 fn closed(text: &str) -> Option<Value> {
-    let mut open = Vec::new();
-    let mut in_string = false;
-    let mut escaped = false;
-    for character in text.chars() {
+    let mut brackets = Brackets::default();
+    text.chars().for_each(|character| brackets.read(character));
+    let end: String = brackets.open.iter().rev().collect();
+    let closed_string = if brackets.in_string { "\"" } else { "" };
+    serde_json::from_str(&format!("{}{closed_string}{end}", text.trim_end_matches([',', ' ', '\n']))).ok()
+}
+
+/// What is open in a JSON text that is read character by character.
+#[derive(Default)]
+struct Brackets {
+    /// The closing brackets that are owed, the last first.
+    open: Vec<char>,
+    in_string: bool,
+    escaped: bool,
+}
+
+impl Brackets {
+    fn read(&mut self, character: char) {
         match character {
-            _ if escaped => escaped = false,
-            '\\' if in_string => escaped = true,
-            '"' => in_string = !in_string,
-            _ if in_string => {}
-            '{' => open.push('}'),
-            '[' => open.push(']'),
-            '}' | ']' => drop(open.pop()),
+            _ if self.escaped => self.escaped = false,
+            '\\' if self.in_string => self.escaped = true,
+            '"' => self.in_string = !self.in_string,
+            _ if self.in_string => {}
+            '{' => self.open.push('}'),
+            '[' => self.open.push(']'),
+            '}' | ']' => drop(self.open.pop()),
             _ => {}
         }
     }
-    let end: String = open.iter().rev().collect();
-    let closed_string = if in_string { "\"" } else { "" };
-    serde_json::from_str(&format!("{}{closed_string}{end}", text.trim_end_matches([',', ' ', '\n']))).ok()
 }

@@ -2,7 +2,7 @@
 
 use super::{Answers, Outcome, PartAnswer};
 
-/// A line that is no answer.
+/// A line that is not an answer.
 #[derive(Debug, thiserror::Error)]
 #[error("line {line}: {problem}")]
 pub struct AnswersError {

@@ -1,16 +1,15 @@
 //! A choice of materials narrowed to what an evaluation tells apart.
 
-use std::convert::Infallible;
 use std::fs;
-use std::path::PathBuf;
-use std::str::FromStr;
+use std::path::{Path, PathBuf};
 
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
 
 use crate::materials::{Material, MaterialLibrary, fold};
+use crate::values::missing;
 
 /// Which materials a model may choose among.
-#[derive(Debug, Clone, PartialEq, Eq, Serialize)]
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum LabelSet {
     /// Those that mean a label of ABO's evaluation.
@@ -27,25 +26,33 @@ pub enum LabelSet {
 pub enum LabelsError {
     #[error("cannot read the labels in {path:?}: {source}; --labels takes abo, mvimgnet or a text file")]
     Unreadable { path: PathBuf, source: std::io::Error },
-    #[error("{path:?} line {line}: {label:?} is no material, family or label of an evaluation{hint}")]
+    #[error("{path:?} line {line}: {label:?} is not a material, family or label of an evaluation{hint}")]
     Unknown { path: PathBuf, line: usize, label: String, hint: String },
     #[error("{path:?} names no label; put one a line")]
     Empty { path: PathBuf },
 }
 
-impl FromStr for LabelSet {
-    type Err = Infallible;
-
-    fn from_str(text: &str) -> Result<Self, Infallible> {
-        Ok(match text {
-            "abo" => Self::Abo,
-            "mvimgnet" => Self::Mvimgnet,
-            path => Self::File(path.into()),
-        })
-    }
-}
-
 impl LabelSet {
+    /// Whether `text` names the labels of an evaluation; else it is taken for the path of a file.
+    pub fn is_name(text: &str) -> bool {
+        matches!(text, "abo" | "mvimgnet")
+    }
+
+    /// What `--labels` takes.
+    ///
+    /// # Errors
+    /// Neither a set of labels nor a file that is there.
+    pub fn parse(text: &str) -> Result<Self, String> {
+        match text {
+            "abo" => Ok(Self::Abo),
+            "mvimgnet" => Ok(Self::Mvimgnet),
+            path => match missing(Path::new(path), "file", |path| !path.is_dir()) {
+                None => Ok(Self::File(path.into())),
+                Some(problem) => Err(format!("{problem}; give abo, mvimgnet or a text file")),
+            },
+        }
+    }
+
     /// The materials of `library` that a model may choose among.
     pub fn restrict(&self, library: &MaterialLibrary) -> Result<MaterialLibrary, LabelsError> {
         match self {

@@ -1,13 +1,18 @@
 //! Answers from whoever is asked: each read, corrected once where need be, and recorded before anything else happens.
 
+use std::path::PathBuf;
+
 use super::answer::{Problem, Unknown};
-use super::asker::{Ask, AskError, Asker, Correction, Reply, Said};
-use super::cost::{Cost, Ledger};
+use super::asker::{Ask, AskError, Asker, Correction, Reply, ReplyContent};
+use super::cost::Cost;
 use super::error::QueryError;
+use super::ledger::{Ledger, NotSent};
+use super::options::AnswerSource;
 use super::queries::{PartQuery, Queries};
 use super::question::{Question, Reading};
-use super::recorded::{Recording, Recordings, Usage};
+use super::recorded::{Asked, QuestionLock, Recording, RecordingError, Recordings, Usage, key};
 use super::{Failure, Match, Outcome};
+use crate::progress::{self, Progress};
 
 /// What asking takes.
 pub struct Live<'a> {
@@ -15,6 +20,7 @@ pub struct Live<'a> {
     pub recordings: &'a Recordings,
     pub asker: &'a dyn Asker,
     pub ledger: &'a Ledger,
+    pub progress: Progress,
 }
 
 /// Why asking stops for all parts.
@@ -26,37 +32,29 @@ pub enum Stop {
     Error(QueryError),
 }
 
-/// A response: the last text, and the tokens of all requests that led to it.
-struct Taken<'a> {
+/// A reply with what it says, or why it cannot be used.
+struct CheckedReply<'a> {
     reading: Result<Reading<'a>, Problem>,
-    heard: Heard,
+    reply: ModelReply,
 }
 
-/// What a model wrote.
-struct Heard {
+/// What a model wrote, and the tokens of all requests that led to it.
+struct ModelReply {
     text: String,
     served_model: Option<String>,
     usage: Option<Usage>,
 }
 
 impl<'a> Live<'a> {
-    /// Asks about a part, from `question` on.
-    pub fn answer(&self, part: &PartQuery, mut question: &'a Question, so_far: Match) -> Result<Outcome, Stop> {
+    /// Asks about a part, from `question` on; `None` if the ledger was closed for another part meanwhile.
+    pub fn answer(&self, part: &PartQuery, mut question: &'a Question, so_far: Match) -> Result<Option<Outcome>, Stop> {
         loop {
-            let taken = match self.take(part, question) {
-                Ok(taken) => taken,
-                Err(Halt::Part(failure)) => return Ok(Outcome::Failed(failure)),
-                Err(Halt::All(stop)) => return Err(stop),
-            };
-            let reading = match taken.reading {
+            let reading = match self.answer_one(part, question) {
                 Ok(reading) => reading,
-                Err(problem) => return Ok(Outcome::Failed(problem.failure)),
+                Err(Halt::Part(failure)) => return Ok(Some(Outcome::Failed(failure))),
+                Err(Halt::All(stop)) => return Err(stop),
+                Err(Halt::Closed) => return Ok(None),
             };
-            let asked = part.asked(question);
-            let answerer = self.asker.answerer();
-            let Heard { text, served_model, usage } = taken.heard;
-            let recording = Recording::new(answerer, asked, text, served_model, usage);
-            self.recordings.insert(recording).map_err(|error| Stop::Error(error.into()))?;
             match reading {
                 Reading::Next(next) => question = next,
                 Reading::Answered(mut answer) => {
@@ -64,48 +62,114 @@ impl<'a> Live<'a> {
                         mask @ Match::Mask { .. } => mask,
                         Match::Exact | Match::Live => Match::Live,
                     };
-                    return Ok(Outcome::Answered(*answer));
+                    return Ok(Some(Outcome::Answered(*answer)));
                 }
             }
         }
     }
 
+    /// The recorded answer to one question: recorded by another gprop while this one waited for it, or asked now.
+    fn answer_one(&self, part: &PartQuery, question: &'a Question) -> Result<Reading<'a>, Halt> {
+        let asked = part.asked(question);
+        let _lock = self.lock(part, &asked)?;
+        if let Some(reading) = self.answered_meanwhile(question, &asked)? {
+            return Ok(reading);
+        }
+        let checked = self.ask_and_correct(part, question)?;
+        let reading = checked.reading.map_err(|problem| Halt::Part(problem.failure))?;
+        let ModelReply { text, served_model, usage } = checked.reply;
+        self.record(&Recording::new(self.asker.answerer(), asked, text, served_model, usage))?;
+        Ok(reading)
+    }
+
+    /// Waits until no other gprop has the question out.
+    fn lock(&self, part: &PartQuery, asked: &Asked) -> Result<QuestionLock, Halt> {
+        let key = key(self.asker.answerer(), asked);
+        let mut is_told = false;
+        while !self.ledger.is_closed() {
+            match self.recordings.lock_question(&key) {
+                Ok(Some(lock)) => return Ok(lock),
+                Ok(None) if !is_told => {
+                    let PartQuery { view, part, .. } = part;
+                    self.progress
+                        .line(&format!("view {view} part {part}: waiting for the gprop that is asking about it"));
+                    is_told = true;
+                }
+                Ok(None) => {}
+                Err(error) => return Err(self.stop(error)),
+            }
+        }
+        Err(Halt::Closed)
+    }
+
+    fn answered_meanwhile(&self, question: &Question, asked: &Asked) -> Result<Option<Reading<'a>>, Halt> {
+        if self.queries.options.answers == AnswerSource::Live {
+            return Ok(None);
+        }
+        let key = key(self.asker.answerer(), asked);
+        let recording = self.recordings.written_meanwhile(&key).map_err(|error| self.stop(error))?;
+        Ok(recording.and_then(|recording| self.read(question, &recording.response, Unknown::TakeNearest).ok()))
+    }
+
+    /// Keeps an answer that was paid for: if not where it belongs then somewhere else, and nothing more is asked.
+    fn record(&self, recording: &Recording) -> Result<(), Halt> {
+        let Err(error) = self.recordings.insert(recording) else { return Ok(()) };
+        self.ledger.close();
+        let spare = self.recordings.set_aside(recording).map(PathBuf::from);
+        if spare.is_none() {
+            let json = serde_json::to_string(recording).expect("a recording is plain data");
+            progress::notice(&format!(
+                "the answer that could not be kept, to be saved as {}.json:\n{json}",
+                recording.key
+            ));
+        }
+        let folder = self.recordings.folder().to_owned();
+        Err(Halt::All(Stop::Error(QueryError::Unkept { source: error, folder, spare })))
+    }
+
+    /// Asks nothing more because of `error`.
+    fn stop(&self, error: RecordingError) -> Halt {
+        self.ledger.close();
+        Halt::All(Stop::Error(error.into()))
+    }
+
     /// Asks one question; a response that cannot be used is sent back once with the reason.
-    fn take(&self, part: &PartQuery, question: &'a Question) -> Result<Taken<'a>, Halt> {
-        let read = |text: &str, unknown| self.queries.questions.read(question, text, self.queries.library, unknown);
+    fn ask_and_correct(&self, part: &PartQuery, question: &'a Question) -> Result<CheckedReply<'a>, Halt> {
         let first = self.ask(part, question, None)?;
-        let problem = match read(&first.text, Unknown::Refuse) {
-            Ok(reading) => return Ok(Taken { reading: Ok(reading), heard: first }),
+        let problem = match self.read(question, &first.text, Unknown::Refuse) {
+            Ok(reading) => return Ok(CheckedReply { reading: Ok(reading), reply: first }),
             Err(problem) => problem,
         };
         let prompt = self.queries.prompts.correction(&problem.reason).map_err(|e| Halt::All(Stop::Error(e.into())))?;
         let correction = Correction { response: &first.text, prompt: &prompt };
         let second = self.ask(part, question, Some(correction))?;
         let usage = first.usage.zip(second.usage).map(|(a, b)| a.plus(b)).or(first.usage).or(second.usage);
-        Ok(Taken { reading: read(&second.text, Unknown::TakeNearest), heard: Heard { usage, ..second } })
+        let reading = self.read(question, &second.text, Unknown::TakeNearest);
+        Ok(CheckedReply { reading, reply: ModelReply { usage, ..second } })
     }
 
-    fn ask(&self, part: &PartQuery, question: &Question, correction: Option<Correction>) -> Result<Heard, Halt> {
-        let price = self.ledger.price();
-        let (response, prompt) = correction.map_or(("", ""), |said| (said.response, said.prompt));
+    fn read(&self, question: &Question, response: &str, unknown: Unknown) -> Result<Reading<'a>, Problem> {
+        self.queries.questions.read(question, response, self.queries.library, unknown)
+    }
+
+    fn ask(&self, part: &PartQuery, question: &Question, correction: Option<Correction>) -> Result<ModelReply, Halt> {
+        let (response, prompt) = correction.map_or(("", ""), |correction| (correction.response, correction.prompt));
         let texts = [question.prompt.as_str(), response, prompt];
-        let cost = Cost::of_request(&texts, part.sheet_size, self.queries.options.lmm_max_tokens, price);
-        if !self.ledger.reserve(&cost) {
-            return Err(Halt::All(Stop::Budget));
-        }
-        let reply = self.asker.ask(Ask { question, picture: &part.jpeg, correction });
-        match &reply {
-            Ok(reply) => self.ledger.settle(&cost, reply.usage),
-            Err(_) => self.ledger.release(&cost),
-        }
-        let Reply { said, usage, served_model } = reply.map_err(|error| match error {
+        let tokens = self.queries.options.lmm_max_tokens;
+        let cost = Cost::of_request(&texts, part.sheet_size, tokens, self.ledger.price());
+        let ask = Ask { question, picture: &part.jpeg, correction };
+        let reply = self.asker.ask(ask, &self.ledger.account(cost));
+        let Reply { content, usage, served_model } = reply.map_err(|error| match error {
             AskError::Failed(message) => Halt::Part(Failure::Endpoint { message }),
-            AskError::Hopeless(message) => Halt::All(Stop::Endpoint(message)),
+            AskError::Fatal(message) => Halt::All(Stop::Endpoint(message)),
+            AskError::Offline(offline) => Halt::All(Stop::Endpoint(offline.to_string())),
+            AskError::NotSent(NotSent::Budget) => Halt::All(Stop::Budget),
+            AskError::NotSent(NotSent::Closed) => Halt::Closed,
         })?;
-        match said {
-            Said::Text(text) => Ok(Heard { text, served_model, usage }),
-            Said::Refusal(message) => Err(Halt::Part(Failure::Refused { message })),
-            Said::Nothing(message) => Err(Halt::Part(Failure::Invalid { message })),
+        match content {
+            ReplyContent::Text(text) => Ok(ModelReply { text, served_model, usage }),
+            ReplyContent::Refusal(message) => Err(Halt::Part(Failure::Refused { message })),
+            ReplyContent::Empty(message) => Err(Halt::Part(Failure::Invalid { message })),
         }
     }
 }
@@ -114,4 +178,6 @@ impl<'a> Live<'a> {
 enum Halt {
     Part(Failure),
     All(Stop),
+    /// The ledger lets nothing more be asked.
+    Closed,
 }

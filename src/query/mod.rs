@@ -7,7 +7,7 @@
 
 pub mod answer;
 pub mod asker;
-pub mod batch;
+pub mod batch_api;
 pub mod client;
 pub mod cost;
 mod error;
@@ -15,6 +15,7 @@ pub mod exchange;
 mod extract;
 mod jsonl;
 mod labels;
+pub mod ledger;
 mod live;
 mod options;
 mod prompt;
@@ -30,10 +31,10 @@ pub mod sheet;
 pub use error::{MissingPart, QueryError};
 pub use jsonl::AnswersError;
 pub use labels::{LabelSet, LabelsError};
-pub use options::{AnswerSource, Context, Guidance, Options};
+pub use options::{AnswerSource, Context, Guidance, Options, SCENE_KEYS};
 pub use prompt::{PromptError, Prompts};
 pub use queries::{PartQuery, Queries, ViewInput};
-pub use run::{OnAnswer, Plan, Run};
+pub use run::{OnAnswer, Preview, Run};
 pub use sha256::Sha256Hex;
 
 use serde::{Deserialize, Serialize};
@@ -109,7 +110,7 @@ pub enum Match {
 pub enum Failure {
     /// The model would not answer.
     Refused { message: String },
-    /// What came back is no answer, also after asking once more.
+    /// What came back is not an answer, also after asking once more.
     Invalid { message: String },
     /// It names a material that the library does not have.
     UnknownMaterial { material: String },

@@ -7,6 +7,8 @@ use serde::{Deserialize, Serialize};
 
 use super::labels::LabelSet;
 pub use super::sheet::Context;
+use crate::config::SceneKey;
+use crate::values::{self, from_to};
 
 /// Longest side of a sheet in pixels: three 512-pixel panels in a row, the tile size that vision models bill by.
 const SHEET_SIZE: u32 = 1536;
@@ -14,18 +16,39 @@ const SHEET_SIZE: u32 = 1536;
 const MAX_TOKENS: u32 = 2000;
 const PARALLEL: usize = 4;
 const TIMEOUT_S: u64 = 120;
+/// A server that wants to be left alone for longer is as good as down.
+const WAIT_S: u64 = 300;
+/// A day: more is a slip.
+const MOST_S: u64 = 86_400;
 const RETRIES: u32 = 6;
+/// The hottest that OpenAI's API takes; others take less.
+const HOTTEST: f64 = 2.0;
+/// No model writes so much at once.
+const MOST_TOKENS: u32 = 1_000_000;
+/// Each takes a thread and a connection.
+const MOST_PARALLEL: usize = 256;
+/// With the pauses between them these take hours.
+const MOST_RETRIES: u32 = 100;
+
+/// The keys that a scene may set: what is asked about it, which its recordings depend on. Whether anything is sent, to whom,
+/// in which words and for how much money, and where answers are written, is for the user to say.
+pub const SCENE_KEYS: &[SceneKey] = &[
+    SceneKey::any("guidance"),
+    SceneKey::any("context"),
+    SceneKey::name_or_path("labels", LabelSet::is_name),
+    SceneKey::any("sheet-size"),
+];
 
 /// Where answers come from.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize, ValueEnum)]
 #[serde(rename_all = "snake_case")]
 pub enum AnswerSource {
-    /// From recordings only; what is missing is an error.
+    /// From recordings only; a missing answer is an error.
     Replay,
-    /// From recordings; what is missing is asked and recorded.
+    /// From recordings; missing answers are requested and recorded.
     #[default]
     Record,
-    /// Asked anew, whatever is recorded, and recorded.
+    /// Requested anew, even if they are recorded, and recorded.
     Live,
 }
 
@@ -33,7 +56,7 @@ pub enum AnswerSource {
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize, ValueEnum)]
 #[serde(rename_all = "snake_case")]
 pub enum Guidance {
-    /// One request with every material of the library to choose from.
+    /// One request, with every material of the library to choose from.
     #[default]
     Single,
     /// First the family, then a second request with that family's materials only.
@@ -41,78 +64,85 @@ pub enum Guidance {
 }
 
 /// Options of the queries to the large multimodal model.
-#[derive(Debug, Clone, Args, Serialize)]
+#[derive(Debug, Clone, Args, Serialize, Deserialize)]
+#[serde(default)]
 #[command(next_help_heading = "Part queries")]
 pub struct Options {
     /// Where answers come from; nothing is sent without --lmm-url
     #[arg(long, value_enum, default_value_t)]
     pub answers: AnswerSource,
 
-    /// One request a part, or family first and then only that family's materials (two requests, fewer tokens)
+    /// Requests per segment: one, or two shorter ones (the family first, then only that family's materials)
     #[arg(long, value_enum, default_value_t)]
     pub guidance: Guidance,
 
-    /// What the picture shows: object and part (the paper's way) or the part alone (its ablation)
+    /// Content of the picture: object and segment (as in the paper), or the segment alone (its ablation)
     #[arg(long, value_enum, default_value_t)]
     pub context: Context,
 
-    /// Materials to choose among: those that mean a label of ABO's or MVImgNet's evaluation, or those that a text file
-    /// names, one a line (a material, a family or a label) [default: the whole library]
-    #[arg(long, value_name = "abo|mvimgnet|FILE")]
+    /// Materials to choose from: those that match a label of ABO's or MVImgNet's evaluation, or those that a text file
+    /// names, one material, family or label per line [default: the whole library]
+    #[arg(long, value_name = "abo|mvimgnet|FILE", value_parser = LabelSet::parse)]
     pub labels: Option<LabelSet>,
 
-    /// Longest side of the picture sent for a part, in pixels
+    /// Longest side of the picture sent for a segment, in pixels
     #[arg(long, value_name = "PIXELS", default_value_t = SHEET_SIZE)]
     #[arg(value_parser = clap::value_parser!(u32).range(256..=8192))]
     pub sheet_size: u32,
 
-    /// Folder with prompt templates and schemas that replace the built-in ones of the same name
-    #[arg(long, value_name = "DIR")]
+    /// Folder with prompt templates and schemas that replace built-in ones of the same name
+    #[arg(long, value_name = "DIR", value_parser = values::folder())]
     pub prompts: Option<PathBuf>,
 
-    /// Folder where new recordings go and from which they are read too [default: the scene's recorded/]
-    #[arg(long, value_name = "DIR")]
+    /// Folder to write new recordings to and to read recordings from [default: the scene's recorded/]
+    #[arg(long, value_name = "DIR", value_parser = values::new_folder())]
     pub recordings: Option<PathBuf>,
 
-    /// Base URL of an OpenAI-compatible server, such as http://localhost:11434/v1; the key is read from OPENAI_API_KEY
+    /// Base URL of an OpenAI-compatible server, such as http://localhost:11434/v1; its key is read from OPENAI_API_KEY
     #[arg(long, value_name = "URL")]
     #[serde(skip)]
     pub lmm_url: Option<String>,
 
-    /// Name of the model there; without --lmm-url, use recordings of this model only
+    /// Name of the model on that server; without --lmm-url, use only recordings of this model
     #[arg(long, value_name = "NAME")]
     pub lmm_model: Option<String>,
 
-    /// Sampling temperature; 0 asks for the model's first choice
-    #[arg(long, value_name = "T", default_value_t = 0.0)]
+    /// Sampling temperature; 0 is the most deterministic
+    #[arg(long, value_name = "T", default_value_t = 0.0, value_parser = from_to(0.0, HOTTEST))]
     pub lmm_temperature: f64,
 
-    /// Most tokens an answer may take
-    #[arg(long, value_name = "N", default_value_t = MAX_TOKENS)]
+    /// Maximum number of tokens per answer
+    #[arg(long, value_name = "N", default_value_t = MAX_TOKENS, value_parser = from_to(1, MOST_TOKENS))]
     pub lmm_max_tokens: u32,
 
-    /// Requests under way at the same time
-    #[arg(long, value_name = "N", default_value_t = PARALLEL)]
+    /// Number of parallel requests
+    #[arg(long, value_name = "N", default_value_t = PARALLEL, value_parser = from_to(1, MOST_PARALLEL))]
     #[serde(skip)]
     pub lmm_parallel: usize,
 
-    /// Seconds to wait for one response
-    #[arg(long, value_name = "SECONDS", default_value_t = TIMEOUT_S)]
+    /// Seconds that one request may take, from connecting to the last byte of its response
+    #[arg(long, value_name = "SECONDS", default_value_t = TIMEOUT_S, value_parser = from_to(1, MOST_S))]
     #[serde(skip)]
     pub lmm_timeout_s: u64,
 
-    /// How often a request is repeated after a dropped connection, a time-out, or status 408, 409, 429 or 5xx
-    #[arg(long, value_name = "N", default_value_t = RETRIES)]
+    /// Seconds that a question may wait in all because the server asks for it (Retry-After); it fails if the server asks
+    /// for more
+    #[arg(long, value_name = "SECONDS", default_value_t = WAIT_S, value_parser = from_to(0, MOST_S))]
+    #[serde(skip)]
+    pub lmm_wait_s: u64,
+
+    /// Number of retries after a dropped connection, a time-out, or status 408, 409, 429 or 5xx
+    #[arg(long, value_name = "N", default_value_t = RETRIES, value_parser = from_to(0, MOST_RETRIES))]
     #[serde(skip)]
     pub lmm_retries: u32,
 
-    /// Stop before the endpoint's bill may pass this many US dollars
-    #[arg(long, value_name = "USD")]
+    /// Stop before the bill could exceed this many US dollars; failed requests count if they may have been billed
+    #[arg(long, value_name = "USD", allow_negative_numbers = true, value_parser = usd)]
     #[serde(skip)]
     pub max_usd: Option<f64>,
 
-    /// Price table to use instead of the built-in one (CSV, columns as prompts/prices.csv)
-    #[arg(long, value_name = "FILE")]
+    /// Price table that replaces the built-in one (CSV with the columns of prompts/prices.csv)
+    #[arg(long, value_name = "FILE", value_parser = values::file())]
     #[serde(skip)]
     pub prices: Option<PathBuf>,
 }
@@ -133,9 +163,15 @@ impl Default for Options {
             lmm_max_tokens: MAX_TOKENS,
             lmm_parallel: PARALLEL,
             lmm_timeout_s: TIMEOUT_S,
+            lmm_wait_s: WAIT_S,
             lmm_retries: RETRIES,
             max_usd: None,
             prices: None,
         }
     }
+}
+
+fn usd(text: &str) -> Result<f64, String> {
+    let given = text.parse().ok().filter(|usd: &f64| usd.is_finite() && *usd >= 0.0);
+    given.ok_or_else(|| "is not an amount of US dollars; give 0 or more, such as 2 or 0.50".to_owned())
 }

@@ -3,6 +3,7 @@
 //! A template is plain text with named placeholders (`{{ picture }}`); a placeholder that gprop does not know is an
 //! error, so that a misspelt one cannot be sent as text.
 
+use std::cell::Cell;
 use std::path::{Path, PathBuf};
 
 use minijinja::{Environment, UndefinedBehavior, context};
@@ -34,6 +35,10 @@ pub enum PromptError {
     Schema { file: String, problem: String },
     #[error("there is no prompt folder {0:?}: give --prompts a folder with files named as the built-in ones")]
     NoFolder(PathBuf),
+    #[error(
+        "--prompts {0:?} has no file named as a built-in one (part.txt, family.txt, ...), so it would change nothing"
+    )]
+    NoFile(PathBuf),
 }
 
 const PART: &str = "part.txt";
@@ -51,12 +56,15 @@ impl Prompts {
         if !folder.is_dir() {
             return Err(PromptError::NoFolder(folder.into()));
         }
-        Self::read(&|name| {
+        let found = Cell::new(false);
+        let prompts = Self::read(&|name| {
             let path = folder.join(name);
             path.exists().then(|| {
+                found.set(true);
                 std::fs::read_to_string(&path).map_err(|source| PromptError::Unreadable { path: path.clone(), source })
             })
-        })
+        })?;
+        if found.get() { Ok(prompts) } else { Err(PromptError::NoFile(folder.into())) }
     }
 
     fn read(own: &dyn Fn(&str) -> Option<Result<String, PromptError>>) -> Result<Self, PromptError> {

@@ -16,7 +16,7 @@ pub enum Replayed<'a> {
         miss: Miss,
         so_far: Match,
     },
-    /// There is one, but it is no answer.
+    /// There is one, but it is not an answer.
     Unusable {
         question: &'a Question,
         problem: Problem,

@@ -1,15 +1,16 @@
 //! The stage: recordings first, then whoever is asked, several parts at once.
 
 use std::collections::BTreeSet;
-use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
+use std::sync::atomic::{AtomicUsize, Ordering};
 use std::sync::mpsc;
 
 use rayon::prelude::*;
 use serde::Serialize;
 
 use super::asker::Asker;
-use super::cost::{Cost, Ledger, Price, Spent};
+use super::cost::{Cost, Price};
 use super::error::{MissingPart, QueryError};
+use super::ledger::{Ledger, Spent};
 use super::live::{Live, Stop};
 use super::options::AnswerSource;
 use super::queries::{PartQuery, Queries};
@@ -22,7 +23,7 @@ use crate::progress::Progress;
 
 /// What is known before anything is sent.
 #[derive(Debug, Clone, PartialEq, Serialize)]
-pub struct Plan {
+pub struct Preview {
     pub parts: usize,
     /// Parts whose answer is recorded.
     pub recorded: usize,
@@ -30,7 +31,7 @@ pub struct Plan {
     pub cost: Cost,
 }
 
-impl std::fmt::Display for Plan {
+impl std::fmt::Display for Preview {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         write!(f, "{} parts, {} recorded; to ask: {}", self.parts, self.recorded, self.cost)
     }
@@ -62,9 +63,9 @@ pub type OnAnswer<'a> = dyn FnMut(&PartQuery, &PartAnswer) -> std::io::Result<()
 
 impl Queries<'_> {
     /// What of the parts is recorded, and what asking the rest would cost. `answerer` is who would be asked.
-    pub fn plan(&self, recordings: &Recordings, answerer: Option<&Answerer>, price: Option<&Price>) -> Plan {
+    pub fn preview(&self, recordings: &Recordings, answerer: Option<&Answerer>, price: Option<&Price>) -> Preview {
         let sorted = self.sort(recordings, answerer);
-        Plan { parts: self.parts.len(), recorded: sorted.answered.len(), cost: self.cost_of(&sorted.open, price) }
+        Preview { parts: self.parts.len(), recorded: sorted.answered.len(), cost: self.cost_of(&sorted.open, price) }
     }
 
     /// The parts that are not recorded, each with the question to be asked next. `answerer` is who would be asked.
@@ -72,22 +73,26 @@ impl Queries<'_> {
         self.sort(recordings, answerer).open.into_iter().map(|open| (&self.parts[open.index], open.question)).collect()
     }
 
-    /// Asks about the first part that is not recorded; `None` where all are.
+    /// Asks about the first part that is not recorded; `None` where all are. Nothing is announced.
     pub fn ask_first(
         &self,
         recordings: &Recordings,
         asker: &dyn Asker,
-        price: Option<&Price>,
+        ledger: &Ledger,
     ) -> Result<Option<Outcome>, QueryError> {
         let sorted = self.sort(recordings, Some(asker.answerer()));
         let first = &sorted.open[..sorted.open.len().min(1)];
-        let ledger = Ledger::new(price.cloned(), self.options.max_usd);
         let mut asked = None;
         let mut keep = |_, outcome| {
             asked = Some(outcome);
             Ok(())
         };
-        ask_all(&Live { queries: self, recordings, asker, ledger: &ledger }, first, &mut keep)?;
+        if !first.is_empty() {
+            check_ready(asker, sorted.open.len())?;
+            recordings.check_writable()?;
+            let live = Live { queries: self, recordings, asker, ledger, progress: Progress::Hidden };
+            ask_all(&live, first, &mut keep)?;
+        }
         Ok(asked)
     }
 
@@ -133,13 +138,19 @@ impl Queries<'_> {
         match asker {
             _ if sorted.open.is_empty() => {}
             None => return Err(self.missing(&sorted.open)),
-            Some(asker) => self.check_budget(&sorted.open, asker.answerer(), price)?,
+            Some(asker) => {
+                check_ready(asker, sorted.open.len())?;
+                self.check_budget(&sorted.open, asker.answerer(), price)?;
+                recordings.check_writable()?;
+                asker.announce(sorted.open.len(), &self.cost_of(&sorted.open, price));
+            }
         }
         for (index, outcome) in sorted.answered {
             keep(index, outcome)?;
         }
         if let Some(asker) = asker {
-            ask_all(&Live { queries: self, recordings, asker, ledger: &ledger }, &sorted.open, &mut keep)?;
+            let live = Live { queries: self, recordings, asker, ledger: &ledger, progress };
+            ask_all(&live, &sorted.open, &mut keep)?;
         }
         bar.finish_and_clear();
         Ok(Run { answers: Answers { parts: outcomes.into_iter().flatten().collect() }, spent: ledger.spent() })
@@ -184,25 +195,21 @@ impl Queries<'_> {
         }
     }
 
-    /// Whether asking `count` open questions by the Batch API, but one of them at once, may cost more than the budget
-    /// even at the longest answers: a batch that runs cannot be stopped.
-    pub fn check_batch_budget(
+    /// What asking about the first `count` open parts may cost: about the first `at_once` of them now, and about the others
+    /// by the Batch API.
+    pub fn submission_cost(
         &self,
         recordings: &Recordings,
         answerer: &Answerer,
         price: Option<&Price>,
         count: usize,
-    ) -> Result<(), QueryError> {
-        let Some(max_usd) = self.options.max_usd else { return Ok(()) };
+        at_once: usize,
+    ) -> (Cost, Cost) {
         let open = self.unanswered(recordings, Some(answerer));
-        let mut parts = open.into_iter().map(|(part, _)| part).take(count);
-        let first = self.cost(parts.next().into_iter(), price);
-        let cost = first.plus(self.cost(parts, price).by_batch());
-        match (cost.most_usd, price) {
-            (Some(usd), _) if usd > max_usd => Err(QueryError::OverBudget { requests: cost.requests, usd, max_usd }),
-            (_, None) => Err(QueryError::NoPrice { model: answerer.model.clone() }),
-            _ => Ok(()),
-        }
+        let parts: Vec<&PartQuery> = open.into_iter().map(|(part, _)| part).take(count).collect();
+        let (now, later) = parts.split_at(at_once.min(parts.len()));
+        let cost = |parts: &[&PartQuery]| self.cost(parts.iter().copied(), price);
+        (cost(now), cost(later).by_batch_api())
     }
 
     fn missing(&self, open: &[Open]) -> QueryError {
@@ -214,6 +221,11 @@ impl Queries<'_> {
     }
 }
 
+/// Whether any of `parts` open parts can be asked about.
+fn check_ready(asker: &dyn Asker, parts: usize) -> Result<(), QueryError> {
+    asker.ready().map_err(|error| QueryError::NotReady { error, parts })
+}
+
 /// Asks about all open parts with as many threads as the asker takes; answers are kept on this thread as they come.
 fn ask_all(
     live: &Live,
@@ -221,16 +233,15 @@ fn ask_all(
     keep: &mut dyn FnMut(usize, Outcome) -> Result<(), QueryError>,
 ) -> Result<(), QueryError> {
     let next = AtomicUsize::new(0);
-    let stopped = AtomicBool::new(false);
     let (sender, receiver) = mpsc::channel();
     let mut answered = 0;
     let mut stop = None;
     std::thread::scope(|scope| {
         for _ in 0..live.asker.parallel().max(1).min(open.len()) {
             let sender = sender.clone();
-            let (next, stopped) = (&next, &stopped);
+            let next = &next;
             scope.spawn(move || {
-                while !stopped.load(Ordering::Relaxed)
+                while !live.ledger.is_closed()
                     && let Some(open) = open.get(next.fetch_add(1, Ordering::Relaxed))
                 {
                     let outcome = live.answer(&live.queries.parts[open.index], open.question, open.so_far);
@@ -243,14 +254,15 @@ fn ask_all(
         drop(sender);
         for (index, outcome) in receiver {
             let kept = match outcome {
-                Ok(outcome) => {
+                Ok(Some(outcome)) => {
                     answered += 1;
                     keep(index, outcome).map_err(Stop::Error)
                 }
+                Ok(None) => Ok(()),
                 Err(stop) => Err(stop),
             };
             if let Err(reason) = kept {
-                stopped.store(true, Ordering::Relaxed);
+                live.ledger.close();
                 stop.get_or_insert(reason);
             }
         }

@@ -6,6 +6,7 @@ use serde_json::{Value, json};
 use super::extract::{self, NoJson};
 use super::prompt::PromptError;
 use super::sha256::Sha256Hex;
+use crate::materials::fold;
 
 /// A schema, compiled.
 #[derive(Debug)]
@@ -13,6 +14,7 @@ pub struct Schema {
     value: Value,
     validator: Validator,
     sha256: Sha256Hex,
+    families: Vec<String>,
 }
 
 impl Schema {
@@ -24,7 +26,7 @@ impl Schema {
         let validator = jsonschema::validator_for(&value)
             .map_err(|error| PromptError::Schema { file: file.into(), problem: error.to_string() })?;
         let sha256 = Sha256Hex::of(value.to_string());
-        Ok(Self { value, validator, sha256 })
+        Ok(Self { value, validator, sha256, families: families.iter().map(|&family| family.to_owned()).collect() })
     }
 
     /// The schema itself.
@@ -37,13 +39,15 @@ impl Schema {
         &self.sha256
     }
 
-    /// The JSON object in a model's response, if it follows the schema; else what is wrong, in words for the model.
+    /// The JSON object in a model's response, if it follows the schema; else what is wrong, in words for the model. A family
+    /// may be in capitals.
     pub fn check(&self, response: &str) -> Result<Value, String> {
-        let value = match extract::json_object(response) {
+        let mut value = match extract::json_object(response) {
             Ok(value) => value,
             Err(NoJson::None) => return Err("it holds no JSON object.".into()),
             Err(NoJson::Broken(problem)) => return Err(format!("its JSON cannot be read: {problem}.")),
         };
+        self.respell_family(&mut value);
         let problems: Vec<String> = self
             .validator
             .iter_errors(&value)
@@ -53,5 +57,14 @@ impl Schema {
             })
             .collect();
         if problems.is_empty() { Ok(value) } else { Err(format!("{}.", problems.join("; "))) }
+    }
+
+    /// Writes the answer's family as the schema does where only case, spelling or punctuation differ.
+    fn respell_family(&self, value: &mut Value) {
+        if let Some(Value::String(written)) = value.get_mut("family")
+            && let Some(family) = self.families.iter().find(|family| fold(family) == fold(written))
+        {
+            family.clone_into(written);
+        }
     }
 }

@@ -7,9 +7,9 @@ use flate2::write::GzEncoder;
 use nalgebra::Point3;
 
 use crate::scene::gaussians::Gaussians;
+use crate::scene::gaussians::SH_C0;
 use crate::scene::{Bounds, robust_bounds};
 use crate::vote::MaterialField;
-use crate::vote::raster::SH_C0;
 
 /// Most Gaussians on a page: with 20 bytes each, 1.1 MB in base64 before compression, beside 1.4 MB of viewer.
 const LIMIT: usize = 40_000;

@@ -2,15 +2,11 @@
 
 mod charts;
 mod cloud;
-pub mod figure;
-pub(crate) mod look;
-pub mod material_map;
 pub(crate) mod numbers;
 mod page;
-mod panels;
 mod pictures;
+pub(crate) mod style;
 mod summary;
-pub mod thumbnail;
 
 use serde::Serialize;
 

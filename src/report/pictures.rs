@@ -1,27 +1,20 @@
 //! The report's pictures: each view's photo, the parts found in it, the materials of the Gaussians seen from there; the
 //! sheets that were asked about.
 
-use std::io::Cursor;
-
 use anyhow::Result;
-use image::codecs::jpeg::JpegEncoder;
-use image::{Rgb, RgbImage};
+use image::RgbImage;
 
+use crate::pictures::{field_colors, jpeg, tinted};
+use crate::render::{Colors, RenderOptions, render};
+use crate::scene::View;
 use crate::scene::gaussians::Gaussians;
-use crate::scene::{Photo, View};
 use crate::segment::LabelMap;
-use crate::vote::raster::{Colors, RenderOptions, render};
-use crate::vote::{MaterialField, field_ply, palette};
+use crate::vote::MaterialField;
 
-/// JPEG quality at which edges of parts still look sharp.
-const QUALITY: u8 = 85;
 /// Longest side of a report's picture in pixels: three fit side by side on a screen.
 const LONGEST_SIDE: u32 = 640;
 /// Longest side of a sheet on the page: its three panels can still be told apart.
 const SHEET_LONGEST_SIDE: u32 = 480;
-/// How much of a part's colour covers the photo.
-const TINT: f32 = 0.6;
-
 /// Every picture of a report.
 #[derive(Debug, Clone)]
 pub struct Pictures {
@@ -54,7 +47,7 @@ impl SheetPicture {
     /// Shrinks the `sheet` that was sent.
     ///
     /// # Errors
-    /// Where it is no picture any more.
+    /// Where it is not a picture.
     pub fn shrink(view: &str, part: u16, sheet: &[u8]) -> Result<Self> {
         let picture = image::load_from_memory(sheet)?.into_rgb8();
         Ok(Self { view: view.to_owned(), part, jpeg: jpeg(&picture, SHEET_LONGEST_SIDE)? })
@@ -77,35 +70,9 @@ impl ViewPictures {
     }
 }
 
-/// The photo with every part in a colour of its own.
-pub(super) fn tinted(photo: &Photo, map: &LabelMap) -> RgbImage {
-    let mut picture = photo.rgb.clone();
-    for (pixel, &label) in picture.pixels_mut().zip(&map.labels) {
-        if label > 0 {
-            *pixel = mix(*pixel, palette::color(u32::from(label) - 1));
-        }
-    }
-    picture
-}
-
 /// The splat from the view's camera, each Gaussian in the colour of its part.
 fn material_map(view: &View, gaussians: &Gaussians, field: &MaterialField) -> RgbImage {
-    let colors = field_ply::label_colors(field);
+    let colors = field_colors::label_colors(field);
     let options = RenderOptions { colors: Colors::Fixed(&colors), ..RenderOptions::default() };
     image::DynamicImage::ImageRgba8(render(gaussians, &view.camera, &options).to_image([1.0; 3])).into_rgb8()
-}
-
-fn mix(Rgb(under): Rgb<u8>, over: [f32; 3]) -> Rgb<u8> {
-    Rgb(std::array::from_fn(|c| (f32::from(under[c]) * (1.0 - TINT) + 255.0 * over[c] * TINT).round() as u8))
-}
-
-pub(super) fn jpeg(picture: &RgbImage, longest_side: u32) -> Result<Vec<u8>> {
-    let longest = picture.width().max(picture.height());
-    let fitted = (longest > longest_side).then(|| {
-        let side = |length: u32| (length * longest_side / longest).max(1);
-        image::imageops::thumbnail(picture, side(picture.width()), side(picture.height()))
-    });
-    let mut bytes = Cursor::new(Vec::new());
-    fitted.as_ref().unwrap_or(picture).write_with_encoder(JpegEncoder::new_with_quality(&mut bytes, QUALITY))?;
-    Ok(bytes.into_inner())
 }

@@ -7,7 +7,9 @@ use std::fmt;
 use std::str::FromStr;
 
 use nalgebra::{Isometry3, Matrix3, Point3, Rotation3, UnitQuaternion, Vector3};
-use serde::{Serialize, Serializer};
+use serde::{Deserialize, Deserializer, Serialize, Serializer};
+
+use super::as_typed::as_typed;
 
 /// A change of camera convention. The camera stays one: axes are mirrored in pairs, never singly.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -185,5 +187,11 @@ fn permutation(text: &str) -> Option<SignedPermutation> {
 impl Serialize for Conversion {
     fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
         serializer.collect_str(self)
+    }
+}
+
+impl<'de> Deserialize<'de> for Conversion {
+    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
+        as_typed(deserializer)
     }
 }

@@ -33,13 +33,14 @@ impl Scene {
     }
 }
 
-/// The box between the 0.5 and the 99.5 percentile of the centres of the Gaussians that are at least half opaque (of all,
-/// where none is): trained splats have floaters, and one of them would stretch the full box.
+/// The box between the 0.5 and the 99.5 percentile of the centres of the Gaussians that are at least half opaque (of all
+/// if none is), without those set aside: trained splats have floaters, and one of them would stretch the full box.
 pub(crate) fn robust_bounds(gaussians: &Gaussians) -> Bounds {
     const STRAY_SHARE: f64 = 0.005;
-    let mut chosen: Vec<usize> = (0..gaussians.len()).filter(|&i| gaussians.opacity_logits[i] >= 0.0).collect();
+    let mut chosen: Vec<usize> =
+        (0..gaussians.len()).filter(|&i| gaussians.opacity_logits[i] >= 0.0 && !gaussians.is_set_aside(i)).collect();
     if chosen.is_empty() {
-        chosen = (0..gaussians.len()).collect();
+        chosen = (0..gaussians.len()).filter(|&i| !gaussians.is_set_aside(i)).collect();
     }
     let mut bounds = Bounds { min: Point3::origin(), max: Point3::origin() };
     if chosen.is_empty() {

@@ -7,9 +7,7 @@ use rayon::prelude::*;
 
 use super::sharpness::sharpness;
 use super::{Options, Scene, SceneError, View};
-
-/// Views used where nothing else is asked for.
-pub const DEFAULT_VIEWS: NonZeroUsize = NonZeroUsize::new(10).expect("ten is not zero");
+use crate::numeric::upper_median;
 
 /// Photos looked at for each view that is chosen: enough to do without the blurred ones, few enough not to decode a long
 /// capture as a whole.
@@ -28,7 +26,7 @@ impl Scene {
     /// as there are enough others.
     ///
     /// # Errors
-    /// [`SceneError::UnknownView`] where a listed name is no view's; a photo that cannot be decoded.
+    /// [`SceneError::UnknownView`] where a listed name is not a view's; a photo that cannot be decoded.
     pub fn chosen_views(&self, options: &Options) -> Result<Vec<View>, SceneError> {
         let mut indices = match options.view_list.is_empty() {
             true => self.spread_indices(options.views.get())?,
@@ -64,7 +62,8 @@ impl Scene {
         let candidates = spread_among(&covering, CANDIDATES_PER_VIEW * count);
         let measured = candidates.par_iter().map(|index| Ok(sharpness(&self.views[*index].photo()?).unwrap_or(0.0)));
         let measured: Vec<f64> = measured.collect::<Result<_, SceneError>>()?;
-        let sharp = best(&measured, LEAST_SHARPNESS, count, median);
+        let usual = |values: &[f64]| upper_median(values.to_vec()).unwrap_or_default();
+        let sharp = best(&measured, LEAST_SHARPNESS, count, usual);
         let sharp: Vec<usize> = sharp.into_iter().map(|at| candidates[at]).collect();
         Ok(spread_among(&sharp, count))
     }
@@ -74,7 +73,7 @@ impl Scene {
         /// A thousand points tell shares to a percent.
         const SAMPLES: usize = 1000;
         let step = (self.gaussians.len() / SAMPLES).max(1);
-        let opaque = |i: &usize| self.gaussians.opacity_logits[*i] >= 0.0;
+        let opaque = |i: &usize| self.gaussians.opacity_logits[*i] >= 0.0 && !self.gaussians.is_set_aside(*i);
         let centers: Vec<_> =
             (0..self.gaussians.len()).step_by(step).filter(opaque).map(|i| self.gaussians.center(i)).collect();
         let shows = |view: &View, center: &Point3<f64>| {
@@ -105,12 +104,6 @@ fn best(values: &[f64], share: f64, count: usize, usual: impl Fn(&[f64]) -> f64)
     ranked.truncate(count);
     ranked.sort_unstable();
     ranked
-}
-
-fn median(values: &[f64]) -> f64 {
-    let mut sorted = values.to_vec();
-    sorted.sort_by(f64::total_cmp);
-    sorted.get(sorted.len() / 2).copied().unwrap_or_default()
 }
 
 /// Unit vector from the object to the camera; zero where the camera is at the object's centre.

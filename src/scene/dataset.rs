@@ -9,13 +9,14 @@
 //! ```
 
 use std::collections::BTreeMap;
-use std::fmt;
+use std::ffi::{OsStr, OsString};
 use std::path::{Path, PathBuf};
+use std::{fmt, fs};
 
 use serde::{Deserialize, Serialize};
 
-use super::splat_file::names_in;
 use super::{SceneError, cameras, splat_file};
+use crate::files;
 use crate::units::{MetricScale, ScaleSource};
 
 const SPLITS: &str = "splits.json";
@@ -52,6 +53,8 @@ pub struct DataSet {
     pub layout: Layout,
     /// Sorted by name.
     pub scenes: Vec<Entry>,
+    /// Folders with a scene whose name is not UTF-8, which files of results could not name, with the odd bytes escaped.
+    pub skipped: Vec<String>,
     pub warnings: Vec<String>,
 }
 
@@ -75,15 +78,15 @@ pub fn list(folder: &Path, layout: Option<Layout>) -> Result<DataSet, SceneError
     }
     let layout = layout.unwrap_or_else(|| recognised(folder));
     let mut warnings = Vec::new();
-    let scenes = match layout {
+    let Listed { scenes, skipped } = match layout {
         Layout::Abo => abo(folder, &mut warnings)?,
         Layout::MvImgNet => mvimgnet(folder),
         Layout::Scenes => plain(folder),
     };
-    if scenes.is_empty() {
+    if scenes.is_empty() && skipped.is_empty() {
         return Err(SceneError::NoScenes { folder: folder.to_owned(), layout: layout.to_string() });
     }
-    Ok(DataSet { layout, scenes, warnings })
+    Ok(DataSet { layout, scenes, skipped, warnings })
 }
 
 /// The metric scale of the data set that the scene `folder` belongs to: the cameras of ABO-500 are in metres, and so are those
@@ -110,13 +113,19 @@ fn recognised(folder: &Path) -> Layout {
     if folder.join("scenes").is_dir() && (folder.join(SPLITS).is_file() || folder.join(MASSES).is_file()) {
         return Layout::Abo;
     }
-    if plain(folder).is_empty() && !mvimgnet(folder).is_empty() {
+    if plain(folder).scenes.is_empty() && !mvimgnet(folder).scenes.is_empty() {
         return Layout::MvImgNet;
     }
     Layout::Scenes
 }
 
-fn abo(folder: &Path, warnings: &mut Vec<String>) -> Result<Vec<Entry>, SceneError> {
+/// The scenes of a folder and what stands in the way of others, as in [`DataSet`].
+struct Listed {
+    scenes: Vec<Entry>,
+    skipped: Vec<String>,
+}
+
+fn abo(folder: &Path, warnings: &mut Vec<String>) -> Result<Listed, SceneError> {
     let splits: BTreeMap<String, Vec<String>> = json(&folder.join(SPLITS))?;
     let masses: BTreeMap<String, f64> = json(&folder.join(MASSES))?;
     let split_of =
@@ -131,41 +140,82 @@ fn abo(folder: &Path, warnings: &mut Vec<String>) -> Result<Vec<Entry>, SceneErr
         mass_kg: mass_of(&name),
         name,
     };
-    let entries: Vec<Entry> = folders_in(&scenes).into_iter().map(entry).collect();
+    let Folders { names, skipped } = folders_in(&scenes);
+    let entries: Vec<Entry> = names.into_iter().map(entry).collect();
     let listed = splits.values().flatten();
     let absent: Vec<&String> = listed.filter(|name| !entries.iter().any(|entry| entry.name == **name)).collect();
     if let Some(first) = absent.first() {
         warnings.push(format!("{} scenes of {SPLITS} have no folder (first: `{first}`); left out", absent.len()));
     }
-    Ok(entries)
+    Ok(Listed { scenes: entries, skipped: skipped.iter().map(|name| printable(name)).collect() })
 }
 
-fn mvimgnet(folder: &Path) -> Vec<Entry> {
-    let instances = |class: String| {
+fn mvimgnet(folder: &Path) -> Listed {
+    let is_scene = |folder: &Path| folder.join("images").is_dir() && folder.join("sparse").is_dir();
+    let classes = folders_in(folder);
+    let (mut scenes, mut skipped) = (Vec::new(), Vec::new());
+    for class in classes.names {
         let class_folder = folder.join(&class);
-        folders_in(&class_folder).into_iter().filter_map(move |instance| {
-            let folder = class_folder.join(&instance);
-            let is_scene = folder.join("images").is_dir() && folder.join("sparse").is_dir();
-            let name = format!("{class}/{instance}");
-            is_scene.then(|| Entry { name, folder, split: None, class: Some(class.clone()), mass_kg: None })
-        })
-    };
-    folders_in(folder).into_iter().flat_map(instances).collect()
+        let instances = folders_in(&class_folder);
+        for instance in instances.names {
+            let (name, folder) = (format!("{class}/{instance}"), class_folder.join(&instance));
+            if is_scene(&folder) {
+                scenes.push(Entry { name, folder, split: None, class: Some(class.clone()), mass_kg: None });
+            }
+        }
+        let odd = instances.skipped.iter().filter(|instance| is_scene(&class_folder.join(instance)));
+        skipped.extend(odd.map(|instance| format!("{class}/{}", printable(instance))));
+    }
+    for class in classes.skipped {
+        let Folders { names, skipped: odd } = folders_in(&folder.join(&class));
+        let instances = names.into_iter().map(OsString::from).chain(odd);
+        let instances = instances.filter(|instance| is_scene(&folder.join(&class).join(instance)));
+        skipped.extend(instances.map(|instance| format!("{}/{}", printable(&class), printable(&instance))));
+    }
+    Listed { scenes, skipped }
 }
 
-fn plain(folder: &Path) -> Vec<Entry> {
+fn plain(folder: &Path) -> Listed {
     let is_scene = |folder: &Path| splat_file::find(folder).is_ok() || cameras::choose(folder, None).is_ok();
     let entry = |name: String| Entry { folder: folder.join(&name), split: None, class: None, mass_kg: None, name };
-    folders_in(folder).into_iter().map(entry).filter(|entry| is_scene(&entry.folder)).collect()
+    let Folders { names, skipped } = folders_in(folder);
+    Listed {
+        scenes: names.into_iter().map(entry).filter(|entry| is_scene(&entry.folder)).collect(),
+        skipped: skipped.iter().filter(|name| is_scene(&folder.join(name))).map(|name| printable(name)).collect(),
+    }
 }
 
-fn folders_in(folder: &Path) -> Vec<String> {
-    names_in(folder).into_iter().filter(|name| !name.starts_with('.') && folder.join(name).is_dir()).collect()
+/// The visible folders in a folder, sorted.
+#[derive(Default)]
+struct Folders {
+    names: Vec<String>,
+    /// Names that are not UTF-8.
+    skipped: Vec<OsString>,
+}
+
+fn folders_in(folder: &Path) -> Folders {
+    let entries = fs::read_dir(folder).into_iter().flatten().flatten().map(|entry| entry.file_name());
+    let mut found = Folders::default();
+    for name in entries.filter(|name| !name.as_encoded_bytes().starts_with(b".") && folder.join(name).is_dir()) {
+        match name.into_string() {
+            Ok(name) => found.names.push(name),
+            Err(name) => found.skipped.push(name),
+        }
+    }
+    found.names.sort();
+    found.skipped.sort();
+    found
+}
+
+/// A name with the bytes that are not UTF-8, and what a terminal would obey, escaped.
+fn printable(name: &OsStr) -> String {
+    let quoted = format!("{name:?}");
+    quoted[1..quoted.len() - 1].to_owned()
 }
 
 /// The content of a JSON file; empty where it does not exist.
 fn json<T: Default + for<'de> Deserialize<'de>>(path: &Path) -> Result<T, SceneError> {
-    match std::fs::read(path) {
+    match files::read(path) {
         Ok(bytes) => {
             serde_json::from_slice(&bytes).map_err(|reason| SceneError::Json { path: path.to_owned(), reason })
         }

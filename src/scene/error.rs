@@ -4,7 +4,8 @@ use std::path::PathBuf;
 
 use thiserror::Error;
 
-use super::cameras::colmap;
+use super::cameras::{FrameProblem, colmap};
+use super::outliers::AllSetAside;
 use super::ply::PlyError;
 use super::{splat, spz};
 
@@ -32,6 +33,8 @@ pub enum SceneError {
     #[error("`{}`: {problem}", path.display())]
     Splat { path: PathBuf, problem: SplatProblem },
     #[error(transparent)]
+    AllSetAside(#[from] AllSetAside),
+    #[error(transparent)]
     Ply(#[from] PlyError),
     #[error(
         "no cameras in `{}`: neither transforms.json (nerfstudio), transforms_train.json (Blender), sparse/0 or sparse (COLMAP) \
@@ -41,7 +44,7 @@ pub enum SceneError {
     )]
     NoCameras { folder: PathBuf },
     #[error(
-        "`{}` is no camera file that gprop knows: it reads transforms.json, cameras.json of 3DGS, and folders with a COLMAP \
+        "`{}` is not a camera file that gprop knows: it reads transforms.json, cameras.json of 3DGS, and folders with a COLMAP \
          model (cameras.bin and images.bin, or .txt)",
         path.display()
     )]
@@ -65,6 +68,12 @@ pub enum SceneError {
         folder.display()
     )]
     NoScenes { folder: PathBuf, layout: String },
+    #[error(
+        "--masks `{}` has no mask for any of the {views} views (the first is `{first}`); a mask is named as its photo: \
+         {first}.png",
+        folder.display()
+    )]
+    NoMasks { folder: PathBuf, first: String, views: usize },
     #[error("--scale {given}: {problem}")]
     Scale { given: String, problem: String },
     #[error(
@@ -93,36 +102,39 @@ pub enum SceneError {
         path.display(), found.0, found.1, expected.0, expected.1
     )]
     ImageChanged { path: PathBuf, expected: (u32, u32), found: (u32, u32) },
+    #[error("{0}")]
+    Outside(Box<Outside>),
     #[error("no view is named `{name}`; the views are: {}", known.join(", "))]
     UnknownView { name: String, known: Vec<String> },
 }
 
-/// What is wrong with one frame of a camera file.
+/// A file that a scene refers to, but that does not lie in its folder.
 #[derive(Debug, Error)]
-pub enum FrameProblem {
-    #[error("transform_matrix is not 4 x 4 (or 3 x 4)")]
-    MatrixShape,
-    #[error(
-        "the upper left 3 x 3 of transform_matrix is not a rotation (orthonormal, right-handed); export the cameras again \
-         without scaling or mirroring the axes"
-    )]
-    NotARotation,
-    #[error("no focal length: fl_x or camera_angle_x is needed, in the frame or at the top")]
-    NoFocalLength,
-    #[error("{name} = {value} makes no sense; it must be finite{}", if *.positive { " and above zero" } else { "" })]
-    Number { name: &'static str, value: f64, positive: bool },
-    #[error(
-        "camera_model {model} is none that gprop knows or shows no flat picture; undistort the photos to PINHOLE first"
-    )]
-    CameraModel { model: String },
-    #[error("file_path leads out of the scene folder; copy the photo into it and write a relative path")]
-    OutsideScene,
+#[error(
+    "{what} `{}`{} lies outside the scene folder, at `{}`, and nothing outside is read that you did not name. If you trust it, \
+     add {}--allow-read `{}`; or copy it into the scene folder",
+    path.display(),
+    named_in.as_deref().map(|file| format!(", which `{}` names,", file.display())).unwrap_or_default(),
+    leads_to.display(),
+    flag.as_ref().map(|(flag, path)| format!("{flag} `{}` or ", path.display())).unwrap_or_default(),
+    allow.display()
+)]
+pub struct Outside {
+    pub what: &'static str,
+    pub path: PathBuf,
+    /// The file that refers to it.
+    pub named_in: Option<PathBuf>,
+    pub leads_to: PathBuf,
+    /// The folder that would have to be allowed: where it leads to if that is one, else the folder that holds it.
+    pub allow: PathBuf,
+    /// A flag by which it can be allowed, with its value.
+    pub flag: Option<(&'static str, PathBuf)>,
 }
 
-/// What is wrong with a splat that is no PLY.
+/// What is wrong with a splat that is not a PLY.
 #[derive(Debug, Error)]
 pub enum SplatProblem {
-    #[error("is no splat format that gprop reads: .ply, .compressed.ply, .spz or .splat")]
+    #[error("is not a splat format that gprop reads: .ply, .compressed.ply, .spz or .splat")]
     Format,
     #[error(transparent)]
     Splat(#[from] splat::Problem),
@@ -133,7 +145,7 @@ pub enum SplatProblem {
 fn others_found(others: &[String]) -> String {
     match others {
         [] => String::new(),
-        _ => format!(" (there is {}, which is none)", others.join(", ")),
+        _ => format!(" (there is {}, which gprop does not read)", others.join(", ")),
     }
 }
 

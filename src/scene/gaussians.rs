@@ -2,6 +2,9 @@
 
 use nalgebra::{Matrix3, Point3, Quaternion, UnitQuaternion, Vector3};
 
+/// The constant spherical harmonic, `sqrt(1 / 4 pi)`: colour = 1/2 + this * `sh_dc` (3DGS, Kerbl et al. 2023).
+pub const SH_C0: f32 = 0.282_094_79;
+
 /// A cloud of 3D Gaussians. The arrays hold what the PLY held: log scale, logit opacity, unnormalised quaternion
 /// (w x y z), spherical harmonics channel-major. Use the accessors for values that mean something.
 #[derive(Debug, Clone, Default, PartialEq)]
@@ -25,6 +28,9 @@ pub struct Gaussians {
     pub antialiased: bool,
     /// Properties of the file that gprop does not know, in file order, kept for writing back.
     pub extra: Vec<ExtraProperty>,
+    /// Per Gaussian whether it is set aside (see [`super::outliers`]): it stays in the cloud and in the files that are written,
+    /// but counts as transparent wherever the cloud is drawn or measured. Empty if none is.
+    pub set_aside: Vec<bool>,
 }
 
 /// A vertex property gprop carries along without reading it.
@@ -63,8 +69,16 @@ impl Gaussians {
         Point3::from(self.positions[i].map(f64::from))
     }
 
-    /// Opacity of Gaussian `i`, 0 to 1.
+    /// Whether Gaussian `i` is set aside.
+    pub fn is_set_aside(&self, i: usize) -> bool {
+        self.set_aside.get(i).copied().unwrap_or(false)
+    }
+
+    /// Opacity of Gaussian `i`, 0 to 1; 0 if it is set aside.
     pub fn opacity(&self, i: usize) -> f64 {
+        if self.is_set_aside(i) {
+            return 0.0;
+        }
         1.0 / (1.0 + (-f64::from(self.opacity_logits[i])).exp())
     }
 
@@ -111,6 +125,10 @@ impl Gaussians {
             return;
         }
         assert_eq!(self.sh_degree, other.sh_degree, "clouds of one degree");
+        if !self.set_aside.is_empty() || !other.set_aside.is_empty() {
+            self.set_aside.resize(self.len(), false);
+            self.set_aside.extend((0..other.len()).map(|i| other.is_set_aside(i)));
+        }
         self.positions.extend(&other.positions);
         self.log_scales.extend(&other.log_scales);
         self.rotations.extend(&other.rotations);
@@ -134,6 +152,9 @@ impl Gaussians {
             }
         }
         let rest = 3 * self.sh_rest_per_channel();
+        if !self.set_aside.is_empty() {
+            repeat_rows(&mut self.set_aside, 1, sources);
+        }
         repeat_rows(&mut self.positions, 1, sources);
         repeat_rows(&mut self.log_scales, 1, sources);
         repeat_rows(&mut self.rotations, 1, sources);
@@ -158,6 +179,9 @@ impl Gaussians {
         retain_rows(&mut self.opacity_logits, 1, kept);
         retain_rows(&mut self.sh_dc, 1, kept);
         retain_rows(&mut self.sh_rest, rest, kept);
+        if !self.set_aside.is_empty() {
+            retain_rows(&mut self.set_aside, 1, kept);
+        }
         for extra in &mut self.extra {
             retain_rows(&mut extra.values, 1, kept);
         }

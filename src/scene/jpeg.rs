@@ -1,4 +1,4 @@
-//! Whether a JPEG is all there: decoders fill up what is missing with grey, and half a photo is no photo.
+//! Whether a JPEG is all there: decoders fill up what is missing with grey, and half a photo is not a photo.
 
 /// Whether the markers of a JPEG (ITU-T T.81, annex B) lead to that of its end. Thumbnails in front of the picture have one
 /// as well, inside of segments that are skipped.

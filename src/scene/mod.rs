@@ -3,12 +3,13 @@
 //! [`load`] finds the splat, the cameras and the photos in a folder:
 //! 1. `splat_file`: which file holds the Gaussians; [`ply`], [`spz`], [`splat`] read it.
 //! 2. [`cameras`]: which file holds the cameras, what it says, which photo belongs to each; `align` converts them.
-//! 3. `object`: which Gaussians are the object and which its surroundings.
+//! 3. `object`: which Gaussians are the object and which its surroundings; [`outliers`]: which no object can have.
 //! 4. `scale`: how long a scene unit is.
 //!
 //! [`Scene::chosen_views`] picks the views to work on; [`View::photo`] decodes one; [`dataset`] lists the scenes of a data set.
 
 pub mod align;
+mod as_typed;
 mod bounds;
 pub mod cameras;
 mod choose;
@@ -17,11 +18,14 @@ mod error;
 pub mod gaussians;
 mod jpeg;
 mod loaded;
+pub mod nearest;
 mod object;
 mod options;
+pub mod outliers;
 mod photo;
 pub mod ply;
 mod quantized;
+mod reference;
 mod scale;
 mod sharpness;
 pub mod splat;
@@ -33,18 +37,19 @@ use std::borrow::Cow;
 use std::path::{Path, PathBuf};
 
 use crate::camera::Camera;
+use crate::files;
 use crate::units::MetricScale;
 use cameras::dataparser;
 use gaussians::Gaussians;
 
 pub use bounds::Bounds;
 pub(crate) use bounds::robust_bounds;
-pub use choose::DEFAULT_VIEWS;
 pub use error::{SceneError, SplatProblem};
 pub use loaded::Loaded;
 pub use object::ObjectSource;
-pub use options::{ObjectBox, Options};
+pub use options::{DEFAULT_VIEWS, ObjectBox, Options, SCENE_KEYS};
 pub use photo::{ForegroundSource, Photo, Upright};
+pub use reference::Reference;
 pub use scale::ScaleChoice;
 
 /// What a scene folder holds.
@@ -52,7 +57,7 @@ pub use scale::ScaleChoice;
 pub struct Scene {
     /// The folder's name.
     pub name: String,
-    /// The object's Gaussians.
+    /// The object's Gaussians, with those marked that are set aside.
     pub gaussians: Gaussians,
     /// The Gaussians that are not the object's; none where the splat shows the object alone.
     pub surroundings: Gaussians,
@@ -60,7 +65,7 @@ pub struct Scene {
     pub object_source: ObjectSource,
     /// Every view with a camera and a photo, in the order of the camera file.
     pub views: Vec<View>,
-    /// `None` where nobody says how long a scene unit is.
+    /// `None` if the metric scale is unknown.
     pub scale: Option<MetricScale>,
     /// Every file that was read, apart from the photos and their masks.
     pub files: Vec<PathBuf>,
@@ -122,15 +127,19 @@ pub fn load(folder: &Path, options: &Options) -> Result<Scene, SceneError> {
     let splat = found.read_splat(&splat_path)?;
     let parts = object::separate(splat.gaussians, &views, options)?;
     found.notes.push(parts.note);
+    let mut object = parts.object;
+    found.warnings.extend(outliers::set_aside(&mut object)?.map(|set_aside| set_aside.to_string()));
     let measured = scale::Measured {
-        object: robust_bounds(&parts.object),
+        object: robust_bounds(&object),
         views: &views,
         data_set: dataset::convention_of(folder, found.splat_units_per_camera_unit),
     };
+    let (scale, warning) = options.scale.metric_scale(&measured)?;
+    found.warnings.extend(warning);
     Ok(Scene {
         name: name_of(folder),
-        scale: options.scale.metric_scale(&measured)?,
-        gaussians: parts.object,
+        scale,
+        gaussians: object,
         surroundings: parts.surroundings,
         object_source: parts.source,
         views,
@@ -159,7 +168,13 @@ impl Found {
     fn splat(&mut self, folder: &Path, options: &Options) -> Result<PathBuf, SceneError> {
         let splat_file::Found { path, others } = match &options.splat {
             Some(path) => splat_file::Found { path: path.clone(), others: Vec::new() },
-            None => splat_file::find(folder)?,
+            None => {
+                let found = splat_file::find(folder)?;
+                let flag = Some(("--splat", found.path.as_path()));
+                let splat = Reference { what: "splat", path: &found.path, named_in: None, flag };
+                splat.check(&options.read_scope(folder))?;
+                found
+            }
         };
         self.note_choice("splat", folder, &path, &others, "--splat");
         self.files.push(path.clone());
@@ -176,12 +191,15 @@ impl Found {
 
     fn views(&mut self, folder: &Path, options: &Options) -> Result<Vec<View>, SceneError> {
         let (choice, others) = cameras::choose(folder, options.cameras.as_deref())?;
+        if options.cameras.is_none() {
+            choice.check(folder, &options.read_scope(folder))?;
+        }
         self.note_choice("cameras", folder, &choice.path, &others, "--cameras");
         let (mut capture, files) = cameras::read(&choice)?;
         self.files.extend(files);
-        let folders = cameras::photo_folders(folder, &choice, options.images.as_deref());
-        self.follow_dataparser(folder, &choice, &mut capture)?;
-        let found = cameras::find_photos(&choice.path, &capture.frames, &folders, options.masks.as_deref())?;
+        self.follow_dataparser(folder, options, &choice, &mut capture)?;
+        let places = cameras::Places::of(folder, &choice, options);
+        let found = cameras::find_photos(&choice.path, &capture.frames, &places)?;
         self.warnings.extend(found.warnings);
         let mut views = found.views;
         if !options.align.is_none() {
@@ -197,12 +215,17 @@ impl Found {
     fn follow_dataparser(
         &mut self,
         folder: &Path,
-        choice: &cameras::Choice,
+        options: &Options,
+        choice: &cameras::CameraSource,
         capture: &mut cameras::Capture,
     ) -> Result<(), SceneError> {
         let beside = self.files[0].parent().into_iter().chain(choice.path.parent()).chain([folder]);
-        let path = beside.map(|folder| folder.join(dataparser::FILE)).find(|path| path.is_file());
+        let path = beside.map(|folder| folder.join(dataparser::FILE)).find(|path| files::is_there(path));
         let Some(path) = path else { return Ok(()) };
+        // What the user named brings along what lies beside it.
+        let named = [options.splat.as_deref(), options.cameras.as_ref().map(|_| choice.path.as_path())];
+        let scope = options.read_scope(folder).and(named.into_iter().flatten().filter_map(Path::parent));
+        Reference { what: "camera file", path: &path, named_in: None, flag: None }.check(&scope)?;
         let splat_from_input = dataparser::read(&path)?;
         self.splat_units_per_camera_unit = splat_from_input.scaling() / capture.applied.scale;
         dataparser::follow(capture, &splat_from_input);

@@ -2,65 +2,105 @@
 
 use std::fmt;
 use std::num::NonZeroUsize;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::str::FromStr;
 
 use nalgebra::Point3;
-use serde::{Serialize, Serializer};
+use serde::{Deserialize, Deserializer, Serialize, Serializer};
 
 use super::align::Conversion;
+use super::as_typed::as_typed;
 use super::bounds::Bounds;
-use super::choose::DEFAULT_VIEWS;
 use super::scale::{ScaleChoice, point};
+use crate::config::SceneKey;
+use crate::read_scope::ReadScope;
+use crate::values::{self, from_to};
+
+/// The keys that a scene may set: where its own files lie, which views show it best, its frame, its object and its scale.
+/// Only the user may say that something outside its folder be read.
+pub const SCENE_KEYS: &[SceneKey] = &[
+    SceneKey::any("views"),
+    SceneKey::any("view-list"),
+    SceneKey::path("splat"),
+    SceneKey::path("cameras"),
+    SceneKey::path("images"),
+    SceneKey::path("masks"),
+    SceneKey::any("align"),
+    SceneKey::any("object-box"),
+    SceneKey::any("render-views"),
+    SceneKey::any("scale"),
+];
+
+/// Far more than any capture has, and few enough to be counted in memory.
+const MOST_VIEWS: NonZeroUsize = NonZeroUsize::new(100_000).expect("it is not zero");
+
+/// Views used where nothing else is asked for.
+pub const DEFAULT_VIEWS: NonZeroUsize = NonZeroUsize::new(10).expect("ten is not zero");
 
 /// Where the parts of a scene lie, which views to use, where the object is, and how long a scene unit is.
-#[derive(Debug, Clone, PartialEq, clap::Args, Serialize)]
+#[derive(Debug, Clone, PartialEq, clap::Args, Serialize, Deserialize)]
+#[serde(default)]
 #[command(next_help_heading = "Scene")]
 pub struct Options {
-    /// How many views to use, chosen spread over all directions among the sharp ones that show the whole object (the paper's
-    /// ablation levels off near 10)
+    /// Number of views to use, spread over all directions, chosen from the sharp ones that show the whole object (the paper
+    /// uses 10)
     #[arg(long, value_name = "N", default_value_t = DEFAULT_VIEWS, overrides_with = "view_list")]
+    #[arg(value_parser = from_to(NonZeroUsize::MIN, MOST_VIEWS))]
     pub views: NonZeroUsize,
 
-    /// Use just these views instead of --views: the photos' file names without extension, separated by commas
+    /// Use these views instead of --views: file names of the photos without extension, separated by commas
     #[arg(long, value_name = "NAME,...", value_delimiter = ',', overrides_with = "views")]
     pub view_list: Vec<String>,
 
-    /// The splat, where it is not found by itself: .ply, .compressed.ply, .spz or .splat
-    #[arg(long, value_name = "FILE")]
+    /// Splat file, .ply, .compressed.ply, .spz or .splat [default: found in the scene folder]
+    #[arg(long, value_name = "FILE", value_parser = values::file())]
     pub splat: Option<PathBuf>,
 
-    /// The cameras, where they are not found by themselves or others are wanted: a transforms.json, a cameras.json of 3DGS, or
-    /// a folder with a COLMAP model
-    #[arg(long, value_name = "PATH")]
+    /// Cameras: a transforms.json, a cameras.json of 3DGS, or a folder with a COLMAP model [default: found in the scene
+    /// folder]
+    #[arg(long, value_name = "PATH", value_parser = values::file_or_folder())]
     pub cameras: Option<PathBuf>,
 
-    /// The folder with the photos, where it is not found by itself
-    #[arg(long, value_name = "DIR")]
+    /// Folder with the photos [default: found in the scene folder]
+    #[arg(long, value_name = "DIR", value_parser = values::folder())]
     pub images: Option<PathBuf>,
 
-    /// A folder with a mask for each photo (white on the object), named as the photo
-    #[arg(long, value_name = "DIR")]
+    /// Folder with a mask for each photo, white on the object and named like the photo [default: masks/, if it is there]
+    #[arg(long, value_name = "DIR", value_parser = values::folder())]
     pub masks: Option<PathBuf>,
 
-    /// What brings the cameras into the splat's frame, as `gprop inspect` suggests it: names joined with `+`
+    /// A folder outside the scene that its links and its `cfg_args` may lead to; may be given several times. Nothing else
+    /// outside is read, except what the flags above name
+    #[arg(long, value_name = "DIR", value_parser = values::folder())]
+    #[serde(skip)]
+    pub allow_read: Vec<PathBuf>,
+
+    /// Conversion of the cameras to the splat's frame, as `gprop inspect` suggests it: names joined with `+`
     #[arg(long, value_name = "NAME[+NAME...]", default_value_t)]
     pub align: Conversion,
 
-    /// Where the object is: two corners of a box in scene units. Where photos have neither alpha nor masks and no box is
-    /// given, the densest cluster of Gaussians that the cameras look at is the object
+    /// Box around the object: two corners in scene units. Without a box, alpha or masks, the object is the densest cluster of
+    /// Gaussians that the cameras look at
     #[arg(long, value_name = "X,Y,Z:X,Y,Z", allow_hyphen_values = true)]
     pub object_box: Option<ObjectBox>,
 
     /// Render this many views from the splat itself instead of using photos
     #[arg(long, value_name = "N", conflicts_with_all = ["cameras", "images", "masks"])]
+    #[arg(value_parser = from_to(NonZeroUsize::MIN, MOST_VIEWS))]
     pub render_views: Option<NonZeroUsize>,
 
-    /// How long a scene unit is: `metric` (metres), a factor in metres per scene unit, `known-length:X,Y,Z:X,Y,Z=M` (two points
-    /// of the scene and their distance in metres), `bbox:AXIS=M` (a side of the object's box), `cameras:A,B=M` (the
-    /// distance of two views' cameras), or `auto`: what the data set states, and unknown where it states nothing
+    /// Length of a scene unit: `metric` (one metre), a factor in metres per scene unit, `known-length:X,Y,Z:X,Y,Z=M` (two
+    /// points of the scene and their distance in metres), `bbox:AXIS=M` (a side of the object's box), `cameras:A,B=M`
+    /// (the distance between two views' cameras), or `auto` (as the data set states it, else unknown)
     #[arg(long, value_name = "auto|metric|F|...", default_value_t)]
     pub scale: ScaleChoice,
+}
+
+impl Options {
+    /// What may be read for the scene in `folder` without being named by a flag of its own.
+    pub fn read_scope(&self, folder: &Path) -> ReadScope {
+        ReadScope::new(folder).and(self.allow_read.iter().map(PathBuf::as_path))
+    }
 }
 
 impl Default for Options {
@@ -72,6 +112,7 @@ impl Default for Options {
             cameras: None,
             images: None,
             masks: None,
+            allow_read: Vec::new(),
             align: Conversion::default(),
             object_box: None,
             render_views: None,
@@ -106,5 +147,11 @@ impl fmt::Display for ObjectBox {
 impl Serialize for ObjectBox {
     fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
         serializer.collect_str(self)
+    }
+}
+
+impl<'de> Deserialize<'de> for ObjectBox {
+    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
+        as_typed(deserializer)
     }
 }

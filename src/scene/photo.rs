@@ -12,6 +12,7 @@ use image::{
 };
 
 use super::{SceneError, View, jpeg};
+use crate::files;
 
 /// A decoded photo at its camera's size.
 #[derive(Debug, Clone)]
@@ -192,7 +193,7 @@ fn decode(path: &Path, upright: Upright, limit: Limit) -> Result<DynamicImage, S
         return Err(SceneError::TooLarge { path: path.to_owned(), size, bytes, most, remedy });
     }
     if format == Some(ImageFormat::Jpeg) {
-        let file = std::fs::read(path).map_err(|reason| SceneError::Io { path: path.to_owned(), reason })?;
+        let file = files::read(path).map_err(|reason| SceneError::Io { path: path.to_owned(), reason })?;
         if !jpeg::is_whole(&file) {
             let reason = DecodingError::new(ImageFormat::Jpeg.into(), "the file ends before the picture does");
             return Err(undecodable(ImageError::Decoding(reason)));
@@ -220,7 +221,8 @@ fn open(path: &Path) -> Result<ImageReader<BufReader<File>>, SceneError> {
         std::io::ErrorKind::NotFound => SceneError::MissingImage { path: path.to_owned() },
         _ => SceneError::Io { path: path.to_owned(), reason },
     };
-    ImageReader::open(path).map_err(io_error)?.with_guessed_format().map_err(io_error)
+    let file = BufReader::new(files::open(path).map_err(io_error)?);
+    ImageReader::new(file).with_guessed_format().map_err(io_error)
 }
 
 /// The picture over white, and the foreground that its alpha tells; `None` where it has none or is opaque everywhere.

@@ -1,7 +1,6 @@
 //! What the compact formats have in common: colours and opacities as bytes of the picture instead of SH and logits.
 
-/// The constant spherical harmonic, 1 / (2 sqrt(pi)): colour = 1/2 + this * f_dc (3DGS, Kerbl et al. 2023).
-const SH_C0: f32 = 0.282_094_79;
+use super::gaussians::SH_C0;
 
 /// The constant SH coefficient of a colour channel, 0 to 1.
 pub(super) fn sh_dc_of_color(color: f32) -> f32 {

@@ -1,14 +1,22 @@
 //! Metric scale: how many metres a scene unit is, by what the user knows or the data set states.
+//!
+//! Masses go with its cube, so a slip of the finger becomes an absurd weight: the size that the object would have is checked
+//! against what can be photographed and what can be moved.
 
 use std::fmt;
 use std::str::FromStr;
 
 use nalgebra::Point3;
-use serde::{Serialize, Serializer};
+use serde::{Deserialize, Deserializer, Serialize, Serializer};
 
+use super::as_typed::as_typed;
 use super::bounds::Bounds;
 use super::{SceneError, View};
 use crate::units::{MetricScale, ScaleSource};
+
+/// Lengths between a nanometre and a thousand kilometres: what is shorter or longer is not a length of a capture.
+const SHORTEST_M: f64 = 1e-9;
+const LONGEST_M: f64 = 1e6;
 
 /// `--scale`.
 #[derive(Debug, Clone, PartialEq, Default)]
@@ -36,9 +44,45 @@ pub(super) struct Measured<'a> {
     pub data_set: Option<MetricScale>,
 }
 
+/// The least length in metres that an object may have by its longest side. A photo shows it over about a thousand pixels: below
+/// a millimetre each would be finer than the wavelength of light, and no lens resolves that.
+const LEAST_SIDE_M: f64 = 1e-3;
+/// The greatest. What gprop answers (a mass, a fall, a grasp) is asked of things that move as one piece, and none is longer:
+/// the longest ship measured 458 m.
+const MOST_SIDE_M: f64 = 500.0;
+/// Between these lie the things that are usually weighed and gripped; other sizes get a warning.
+const USUAL_SIDES_M: [f64; 2] = [0.01, 5.0];
+
 impl ScaleChoice {
-    /// The scale that this choice amounts to.
-    pub(super) fn metric_scale(&self, scene: &Measured) -> Result<Option<MetricScale>, SceneError> {
+    /// The scale that this choice amounts to, and what is odd about it.
+    ///
+    /// # Errors
+    /// [`SceneError::Scale`] if a length cannot be measured, or the object would have a size that nothing has.
+    pub(super) fn metric_scale(&self, scene: &Measured) -> Result<(Option<MetricScale>, Option<String>), SceneError> {
+        let Some(scale) = self.stated(scene)? else { return Ok((None, None)) };
+        let sides = scene.object.size() * scale.meters_per_unit;
+        let longest = sides.max();
+        // An object of one Gaussian has no sides.
+        if longest == 0.0 {
+            return Ok((Some(scale), None));
+        }
+        let size = format!("{} x {} x {}", length(sides.x), length(sides.y), length(sides.z));
+        if !(LEAST_SIDE_M..=MOST_SIDE_M).contains(&longest) {
+            let problem = format!(
+                "the object would be {size} large ({}); it must be {} to {} along its longest side, since no photo resolves \
+                 less and nothing longer moves as one piece; give another --scale",
+                scale.provenance,
+                length(LEAST_SIDE_M),
+                length(MOST_SIDE_M)
+            );
+            return Err(SceneError::Scale { given: self.to_string(), problem });
+        }
+        let is_usual = (USUAL_SIDES_M[0]..=USUAL_SIDES_M[1]).contains(&longest);
+        let warning = format!("--scale {self} makes the object {size} large ({}): is it?", scale.provenance);
+        Ok((Some(scale), (!is_usual).then_some(warning)))
+    }
+
+    fn stated(&self, scene: &Measured) -> Result<Option<MetricScale>, SceneError> {
         let refused = |problem: String| SceneError::Scale { given: self.to_string(), problem };
         let measured = |meters: &f64, units: f64, source, provenance: String| {
             if !(units > 0.0 && (meters / units).is_normal()) {
@@ -79,6 +123,17 @@ impl ScaleChoice {
     }
 }
 
+/// A length in metres as a person says it.
+fn length(meters: f64) -> String {
+    match meters {
+        ..1e-6 | 1e6.. => format!("{meters:.1e} m"),
+        ..1e-3 => format!("{:.1} um", meters * 1e6),
+        ..1.0 => format!("{:.1} mm", meters * 1e3),
+        ..1e3 => format!("{meters:.2} m"),
+        _ => format!("{:.1} km", meters / 1e3),
+    }
+}
+
 const AXES: [&str; 3] = ["x", "y", "z"];
 
 /// How `--scale` is written, for messages.
@@ -88,7 +143,7 @@ impl FromStr for ScaleChoice {
     type Err = String;
 
     fn from_str(text: &str) -> Result<Self, Self::Err> {
-        let length = |text: &str| text.trim().parse().ok().filter(|m| f64::is_normal(*m) && *m > 0.0);
+        let length = |text: &str| text.trim().parse().ok().filter(|m| (SHORTEST_M..=LONGEST_M).contains(m));
         let text = text.trim();
         let parsed = match text.split_once([':', ' ']) {
             None if text == "auto" => Some(Self::Auto),
@@ -113,7 +168,7 @@ impl FromStr for ScaleChoice {
                 }
             }),
         };
-        parsed.ok_or_else(|| format!("not one of {FORMS}, with lengths in metres above zero"))
+        parsed.ok_or_else(|| format!("not one of {FORMS}, with lengths in metres from {SHORTEST_M} to {LONGEST_M}"))
     }
 }
 
@@ -143,5 +198,11 @@ impl fmt::Display for ScaleChoice {
 impl Serialize for ScaleChoice {
     fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
         serializer.collect_str(self)
+    }
+}
+
+impl<'de> Deserialize<'de> for ScaleChoice {
+    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
+        as_typed(deserializer)
     }
 }

@@ -6,6 +6,7 @@ use std::path::{Path, PathBuf};
 use super::error::SplatProblem;
 use super::loaded::Loaded;
 use super::{SceneError, ply, splat, spz};
+use crate::files;
 
 /// The splat that was chosen, and what else could have been.
 pub(super) struct Found {
@@ -20,12 +21,12 @@ pub(super) struct Found {
 /// 3. the first file by name that ends in .spz, .splat or .ply and begins as a splat does.
 pub(super) fn find(folder: &Path) -> Result<Found, SceneError> {
     let named = [folder.join("point_cloud.ply"), folder.join("splat.ply"), folder.join("exports/splat/splat.ply")];
-    let [point_cloud, splat, export] = named.map(|path| path.is_file().then_some(path));
+    let [point_cloud, splat, export] = named.map(|path| files::is_there(&path).then_some(path));
     let trained = numbered(&folder.join("point_cloud"), "iteration_", "").map(|path| path.join("point_cloud.ply"));
     let gsplat = numbered(&folder.join("ply"), "point_cloud_", ".ply");
     let brush = numbered(folder, "export_", ".ply");
     let (splats, clouds) = loose_splats(folder);
-    let known = [point_cloud, trained.filter(|path| path.is_file()), splat, export, gsplat, brush];
+    let known = [point_cloud, trained.filter(|path| files::is_there(path)), splat, export, gsplat, brush];
     let mut candidates: Vec<PathBuf> = Vec::new();
     for path in known.into_iter().flatten().chain(splats) {
         if !candidates.contains(&path) {
@@ -46,7 +47,7 @@ pub(super) fn read(path: &Path) -> Result<Loaded, SceneError> {
         return Ok(ply::read(path)?);
     }
     let in_file = |problem| SceneError::Splat { path: path.to_owned(), problem };
-    let bytes = fs::read(path).map_err(|reason| SceneError::Io { path: path.to_owned(), reason })?;
+    let bytes = files::read(path).map_err(|reason| SceneError::Io { path: path.to_owned(), reason })?;
     match kind {
         Some(Kind::Spz) => spz::parse(&bytes).map_err(|problem| in_file(problem.into())),
         Some(Kind::Splat) => splat::parse(&bytes).map_err(|problem| in_file(problem.into())),
@@ -85,7 +86,7 @@ fn loose_splats(folder: &Path) -> (Vec<PathBuf>, Vec<String>) {
         let path = folder.join(&name);
         match kind_of(&path) {
             Some(Kind::Spz | Kind::Splat) => splats.push(path),
-            Some(Kind::Ply) if ply::is_splat(&path) => splats.push(path),
+            Some(Kind::Ply) if files::is_special(&path) || ply::is_splat(&path) => splats.push(path),
             Some(Kind::Ply) => others.push(name),
             None if [".ksplat", ".sog"].iter().any(|end| name.to_lowercase().ends_with(end)) => others.push(name),
             None => {}

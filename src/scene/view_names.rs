@@ -1,7 +1,7 @@
 //! Names of views: short, unique, and safe as file names; and paths that stay within the scene.
 
 use std::collections::HashSet;
-use std::path::{Component, Path};
+use std::path::{Component, Path, PathBuf};
 
 /// A name for each of `files`: the file name without extension; with the folders above it in front where two files would
 /// get the same; with a number behind where even these agree.
@@ -33,6 +33,18 @@ pub(super) fn path_within(folder: &Path, file: &str) -> Option<String> {
         }
     }
     Some(parts.join("/"))
+}
+
+/// The path with every `..` worked off, whether or not anything lies there.
+pub(super) fn without_climbing(path: &Path) -> PathBuf {
+    let mut plain = PathBuf::new();
+    for component in std::path::absolute(path).unwrap_or_else(|_| path.to_owned()).components() {
+        match component {
+            Component::ParentDir => drop(plain.pop()),
+            other => plain.push(other),
+        }
+    }
+    plain
 }
 
 fn without_extension(file: &str) -> &str {

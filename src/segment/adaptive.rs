@@ -1,7 +1,7 @@
 //! Which points of the grid are worth a prompt: those on the foreground; every other row and column first, then what lies
 //! between, unless the mask of a neighbouring prompt already covers it.
 
-use super::automatic::Candidate;
+use super::candidate::Candidate;
 use super::mask::Mask;
 
 /// Every how many points of the grid a pass asks, along rows and columns. What an earlier pass asked is not asked again.
@@ -102,7 +102,7 @@ mod tests {
         assert!(worth(45, &[&part, &[]]), "beside the mask");
         assert!(worth(30, &[&part]), "one neighbour is too few");
         assert!(!worth(5, &[]), "off the object");
-        assert!(worth(30, &[&[candidate(10, 60)], &[]]), "the whole object is no part");
+        assert!(worth(30, &[&[candidate(10, 60)], &[]]), "the whole object is not a part");
         assert!(worth(55, &[&[candidate(50, 100)], &[]]), "a mask of the background");
     }
 }

@@ -14,16 +14,17 @@ use rayon::prelude::*;
 
 use super::Level;
 use super::adaptive::{self, Adaptive};
+use super::candidate::Candidate;
 use super::error::SegmentError;
-use super::mask::{Mask, Rect};
+use super::mask::Rect;
 use super::nms::box_nms;
+use super::observer::Observer;
 use super::options::GeneratorOptions;
 use super::preprocess::{Prepared, prepare};
 use super::prompts::{self, Crop};
 use super::regions::remove_small_regions;
 use super::resize::cropped;
-use super::sam::{Decoded, Sam, Sight};
-use super::segmenter::Observer;
+use super::sam::{Decoded, PreparedEmbedding, Sam};
 use super::upsample::Upsampler;
 
 /// How near to a crop's edge a box counts as cut off, pixels (`is_box_near_crop_edge`).
@@ -31,22 +32,6 @@ const EDGE_TOLERANCE: u32 = 20;
 
 /// In the order of SAM's masks.
 const LEVELS: [Level; 3] = [Level::Small, Level::Middle, Level::Large];
-
-/// A mask of one prompt at one level.
-#[derive(Debug, Clone)]
-pub struct Candidate {
-    /// At the picture's size.
-    pub mask: Mask,
-    /// Around the mask.
-    pub bounds: Rect,
-    pub predicted_iou: f32,
-    pub stability: f32,
-    pub level: Level,
-    /// The prompt, pixels of the picture.
-    pub point: [f64; 2],
-    /// The crop it was found in.
-    pub crop: Rect,
-}
 
 /// What passed the filters, crop by crop, in the order of prompts and levels; duplicates are still among them.
 #[derive(Debug)]
@@ -134,7 +119,7 @@ impl Request<'_> {
             rect,
             scale: [f64::from(scaled.0) / f64::from(rect.width()), f64::from(scaled.1) / f64::from(rect.height())],
             upsampler: Upsampler::new(rect.width(), rect.height(), scaled.0, scaled.1),
-            sight: sam.look(&sam.encode(&input)?)?,
+            embedding: sam.prepare(&sam.encode(&input)?)?,
         })
     }
 
@@ -144,7 +129,7 @@ impl Request<'_> {
         let scaled_points: Vec<[f32; 2]> = points.iter().map(scaled).collect();
         let mut found = Vec::with_capacity(points.len());
         let wanted = |predicted_iou: &[f32; 3]| self.wanted(predicted_iou);
-        sam.decode(&frame.sight, &scaled_points, &wanted, |index, decoded| {
+        sam.decode(&frame.embedding, &scaled_points, &wanted, |index, decoded| {
             found.push(self.filter(frame, points[index], &decoded));
             self.observer.prompted();
         })?;
@@ -194,7 +179,7 @@ struct Frame {
     /// Model pixels per crop pixel, x and y.
     scale: [f64; 2],
     upsampler: Upsampler,
-    sight: Sight,
+    embedding: PreparedEmbedding,
 }
 
 impl Candidates {
@@ -238,7 +223,7 @@ fn suppressed(candidates: Vec<Candidate>, scores: Vec<f32>, max_iou: f32) -> Vec
     box_nms(&bounds, &scores, max_iou).into_iter().filter_map(|i| candidates[i].take()).collect()
 }
 
-/// Whether a box ends near an edge of its crop that is no edge of the picture. Last pixels count, not the ends after
+/// Whether a box ends near an edge of its crop that is not an edge of the picture. Last pixels count, not the ends after
 /// them, but a crop's and the picture's right and lower edges are their ends (`is_box_near_crop_edge`).
 fn is_cut_off(bounds: &Rect, crop: &Rect, picture: &Rect) -> bool {
     let near = |a: u32, b: u32| a.abs_diff(b) <= EDGE_TOLERANCE;

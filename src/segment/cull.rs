@@ -81,7 +81,7 @@ mod tests {
         let masks = [strip(0, 60), strip(10, 39)];
         assert_eq!(culled(&masks, &[0.9, 0.8]), [0]);
         assert_eq!(culled(&masks, &[0.8, 0.9]), [0]);
-        // Half of the larger one is no detail of it.
+        // Half of the larger one is not a detail of it.
         assert_eq!(culled(&[strip(0, 60), strip(10, 40)], &[0.9, 0.8]), [0, 1]);
         // 84% inside is not inside.
         assert_eq!(culled(&[strip(0, 60), strip(39, 64)], &[0.9, 0.8]), [0, 1]);

@@ -18,7 +18,7 @@ pub enum LabelMapError {
     Png(#[from] image::ImageError),
     #[error("a label map is a grey PNG of 16 (or 8) bits whose values are part ids; this one has pixels of type {0:?}")]
     Pixels(image::ColorType),
-    #[error("not a whole NumPy array: {0}")]
+    #[error("its NumPy array cannot be used: {0}")]
     Npy(String),
     #[error("an array of part ids is [height, width], [1, height, width] or [4, height, width]; this one is {0:?}")]
     NpyShape(Vec<u64>),

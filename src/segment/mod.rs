@@ -13,12 +13,14 @@
 
 mod adaptive;
 pub mod automatic;
+mod candidate;
 pub mod cull;
 mod error;
 pub mod formats;
 mod label_map;
 pub mod mask;
 pub mod nms;
+mod observer;
 mod options;
 pub mod paint;
 pub mod preprocess;
@@ -32,10 +34,12 @@ mod views;
 
 use serde::{Deserialize, Serialize};
 
+pub use candidate::Candidate;
 pub use error::SegmentError;
 pub use label_map::LabelMapError;
-pub use options::{GeneratorOptions, Options, PartOptions, Prompts};
-pub use segmenter::{Observer, Segmenter};
+pub use observer::Observer;
+pub use options::{GeneratorOptions, Options, PartOptions, PointPrompts, SCENE_KEYS};
+pub use segmenter::Segmenter;
 pub use views::segment_views;
 
 /// The part of every pixel of one view: 0 background, parts from 1.
@@ -64,7 +68,7 @@ pub struct PartMask {
 }
 
 impl PartMask {
-    /// Whether this is no mask of SAM's but what its masks left of the object.
+    /// Whether this is not a mask of SAM's but what its masks left of the object.
     pub fn is_rest(&self) -> bool {
         self.predicted_iou == 0.0 && self.stability_score == 0.0
     }
@@ -75,7 +79,7 @@ impl PartMask {
 #[serde(rename_all = "snake_case")]
 pub enum Level {
     Small,
-    /// The paper's choice: parts, neither details nor the whole.
+    /// The paper's choice: neither details nor the whole object.
     #[default]
     Middle,
     Large,
@@ -96,9 +100,10 @@ impl ViewSegments {
     pub fn warning(&self) -> Option<String> {
         match self.parts.as_slice() {
             [] => Some(format!("view {}: it has no foreground and so no parts", self.view)),
-            [only] if only.is_rest() => {
-                Some(format!("view {}: SAM found no parts, so the whole foreground is one", self.view))
-            }
+            [only] if only.is_rest() => Some(format!(
+                "SAM found no segments in view {}; using the whole object as one segment. Try --level small",
+                self.view
+            )),
             _ => None,
         }
     }

@@ -7,28 +7,61 @@ use serde::Serialize;
 
 use super::Level;
 use super::formats::Format;
+use crate::config::SceneKey;
+use crate::values::{self, below, from_to};
+
+/// The keys that a scene may set: what cuts this object into its parts. Which forms are written besides and what is cached is
+/// the user's business.
+pub const SCENE_KEYS: &[SceneKey] = &[
+    SceneKey::any("level"),
+    SceneKey::any("point-prompts"),
+    SceneKey::path("segments"),
+    SceneKey::any("points-per-side"),
+    SceneKey::any("min-predicted-iou"),
+    SceneKey::any("min-stability"),
+    SceneKey::any("stability-offset"),
+    SceneKey::any("box-nms"),
+    SceneKey::any("crop-layers"),
+    SceneKey::any("crop-nms"),
+    SceneKey::any("crop-overlap"),
+    SceneKey::any("crop-points-downscale"),
+    SceneKey::any("min-region-area"),
+    SceneKey::any("crop-to-foreground"),
+    SceneKey::any("crop-margin"),
+    SceneKey::any("whole-object"),
+    SceneKey::any("cull-iou"),
+    SceneKey::any("cull-score"),
+    SceneKey::any("cull-inner"),
+];
+
+/// SAM's logits lie between -40 and 40 or so: at a greater distance of the thresholds nothing is left to compare.
+const MOST_LOGIT: f32 = 100.0;
+/// Pixels of the largest picture that gprop decodes: 20,000 x 20,000.
+const MOST_PIXELS: u32 = 400_000_000;
+/// The box with ten times its longer side around it holds every picture of an object that is worth cropping.
+const MOST_MARGIN: f64 = 10.0;
 
 /// How views are segmented.
 #[derive(Debug, Clone, PartialEq, Serialize, clap::Args)]
 #[command(next_help_heading = "Segmentation")]
 #[group(skip)]
 pub struct Options {
-    /// Which of SAM's three nested masks of a prompt are the parts (the paper's choice, with SAM ViT-H: middle). With the
-    /// fetched MobileSAM, middle often joins parts of different materials that small keeps apart
+    /// Which of SAM's three nested masks of a prompt become segments (middle in the paper, with SAM ViT-H). With the fetched
+    /// MobileSAM, middle often merges parts of different materials that small keeps apart
     #[arg(long, value_enum, default_value_t = Level::Middle)]
     pub level: Level,
-    /// Where SAM is asked: on the object and there only as densely as need be, or at every point of the grid. What the first
-    /// costs in quality, if anything, `gprop evaluate prompts` measures
-    #[arg(long, value_enum, default_value_t = Prompts::Adaptive)]
-    pub prompts: Prompts,
-    /// Take the parts from this folder instead of SAM: VIEW.png (a grey label map, 0 background) or VIEW_s.npy (int32 ids, -1
-    /// background) for every chosen view
-    #[arg(long, value_name = "DIR")]
+    /// Where SAM is prompted: adaptively on the object, or at every point of the grid. `gprop evaluate prompts` measures what
+    /// adaptive prompts cost in quality
+    #[arg(long, value_enum, default_value_t = PointPrompts::Adaptive)]
+    pub point_prompts: PointPrompts,
+    /// Take the segments from this folder instead of SAM: VIEW.png (a grey label map, 0 for background) or VIEW_s.npy (int32
+    /// ids, -1 for background) for every chosen view
+    #[arg(long, value_name = "DIR", value_parser = values::folder())]
     pub segments: Option<PathBuf>,
-    /// Also write the label maps in these forms
+    /// Also write the label maps in these formats
     #[arg(long, value_name = "FORM,...", value_enum, value_delimiter = ',')]
     pub also: Vec<Format>,
-    /// Keep what SAM's encoder makes of a picture in the cache, for runs with other settings
+    /// Keep the output of SAM's encoder in the cache, for runs with other settings (4 MB per picture)
     #[arg(long)]
     pub cache_embeddings: bool,
     #[command(flatten)]
@@ -40,47 +73,47 @@ pub struct Options {
 /// Which points of the grid SAM is asked at.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Serialize, clap::ValueEnum)]
 #[serde(rename_all = "snake_case")]
-pub enum Prompts {
-    /// All of them, as the public generator does.
+pub enum PointPrompts {
+    /// At every point, as in the public generator.
     Grid,
-    /// Those on the foreground: every other row and column first, then what no mask of a neighbouring prompt covers.
+    /// On the foreground only: every other row and column first, then the points that no mask of a neighbouring prompt covers.
     Adaptive,
 }
 
 /// SAM's automatic mask generator. Names in parentheses are those of the public `SamAutomaticMaskGenerator`; the
-/// defaults are the paper's code's.
+/// defaults are those of the paper's code, except that it uses one crop layer.
 #[derive(Debug, Clone, PartialEq, Serialize, clap::Args)]
 #[group(skip)]
 pub struct GeneratorOptions {
     /// Point prompts along each side of the grid (points_per_side)
     #[arg(long, value_name = "N", default_value_t = 32, value_parser = clap::value_parser!(u32).range(1..=256))]
     pub points_per_side: u32,
-    /// Least quality that SAM itself predicts of a mask (pred_iou_thresh)
-    #[arg(long, value_name = "IOU", default_value_t = 0.7)]
+    /// Minimum IoU that SAM predicts for a mask (pred_iou_thresh)
+    #[arg(long, value_name = "IOU", default_value_t = 0.7, value_parser = from_to(0.0_f32, 1.0))]
     pub min_predicted_iou: f32,
-    /// Least ratio of a mask's areas at a stricter and a laxer threshold (stability_score_thresh)
-    #[arg(long, value_name = "RATIO", default_value_t = 0.85)]
+    /// Minimum stability: the IoU of a mask at a stricter and at a laxer threshold (stability_score_thresh)
+    #[arg(long, value_name = "RATIO", default_value_t = 0.85, value_parser = from_to(0.0_f32, 1.0))]
     pub min_stability: f32,
-    /// Distance of those two thresholds from the mask's, in logits (stability_score_offset)
-    #[arg(long, value_name = "LOGIT", default_value_t = 1.0)]
+    /// Distance of those two thresholds from the mask's own, in logits (stability_score_offset)
+    #[arg(long, value_name = "LOGIT", default_value_t = 1.0, value_parser = from_to(0.0, MOST_LOGIT))]
     pub stability_offset: f32,
-    /// Of two masks whose boxes overlap by more than this IoU the better stays (box_nms_thresh)
-    #[arg(long, value_name = "IOU", default_value_t = 0.7)]
+    /// If the boxes of two masks overlap by more than this IoU, keep only the better mask (box_nms_thresh)
+    #[arg(long, value_name = "IOU", default_value_t = 0.7, value_parser = from_to(0.0_f32, 1.0))]
     pub box_nms: f32,
-    /// Layers of crops that are segmented besides the whole picture; layer i has 4^i (crop_n_layers)
+    /// Layers of crops to segment besides the whole picture; layer i has 4^i crops (crop_n_layers; 1 in the paper's code)
     #[arg(long, value_name = "N", default_value_t = 0, value_parser = clap::value_parser!(u32).range(0..=4))]
     pub crop_layers: u32,
-    /// As --box-nms, between crops (crop_nms_thresh)
-    #[arg(long, value_name = "IOU", default_value_t = 0.7)]
+    /// Like --box-nms, between masks of different crops (crop_nms_thresh)
+    #[arg(long, value_name = "IOU", default_value_t = 0.7, value_parser = from_to(0.0_f32, 1.0))]
     pub crop_nms: f32,
-    /// Overlap of neighbouring crops as a share of the picture's shorter side (crop_overlap_ratio)
-    #[arg(long, value_name = "SHARE", default_value_t = 512.0 / 1500.0)]
+    /// Overlap of neighbouring crops, as a fraction of the picture's shorter side (crop_overlap_ratio)
+    #[arg(long, value_name = "SHARE", default_value_t = 512.0 / 1500.0, value_parser = below(0.0, 1.0))]
     pub crop_overlap: f64,
-    /// By how much each layer of crops has fewer points a side (crop_n_points_downscale_factor)
-    #[arg(long, value_name = "FACTOR", default_value_t = 1, value_parser = clap::value_parser!(u32).range(1..))]
+    /// Factor by which each layer of crops has fewer points per side (crop_n_points_downscale_factor)
+    #[arg(long, value_name = "FACTOR", default_value_t = 1, value_parser = clap::value_parser!(u32).range(1..=256))]
     pub crop_points_downscale: u32,
-    /// Holes, islands and parts of fewer pixels are removed (min_mask_region_area)
-    #[arg(long, value_name = "PIXELS", default_value_t = 300)]
+    /// Remove holes, islands and segments of fewer pixels (min_mask_region_area)
+    #[arg(long, value_name = "PIXELS", default_value_t = 300, value_parser = from_to(0, MOST_PIXELS))]
     pub min_region_area: u32,
 }
 
@@ -88,24 +121,24 @@ pub struct GeneratorOptions {
 #[derive(Debug, Clone, PartialEq, Serialize, clap::Args)]
 #[group(skip)]
 pub struct PartOptions {
-    /// Segment the foreground's bounding box instead of the whole picture, so that the grid and SAM's resolution serve the object
+    /// Segment the foreground's bounding box instead of the whole picture, to spend the grid and SAM's resolution on the object
     #[arg(long, value_name = "BOOL", default_value_t = true, action = clap::ArgAction::Set)]
     pub crop_to_foreground: bool,
-    /// What that box has around it on each side, as a share of its longer side
-    #[arg(long, value_name = "SHARE", default_value_t = 0.1)]
+    /// Margin around that box on each side, as a fraction of its longer side
+    #[arg(long, value_name = "SHARE", default_value_t = 0.1, value_parser = from_to(0.0, MOST_MARGIN))]
     pub crop_margin: f64,
-    /// A mask that covers this share of the foreground is the whole object and no part of it
-    #[arg(long, value_name = "SHARE", default_value_t = 0.9)]
+    /// Leave out masks that cover at least this fraction of the foreground: they are the whole object
+    #[arg(long, value_name = "SHARE", default_value_t = 0.9, value_parser = from_to(0.0, 1.0))]
     pub whole_object: f64,
-    /// Of two masks that overlap by more than this IoU the one with the better score stays (the paper's iou_thr)
-    #[arg(long, value_name = "IOU", default_value_t = 0.8)]
+    /// If two masks overlap by more than this IoU, keep only the one with the better score (the paper's iou_thr)
+    #[arg(long, value_name = "IOU", default_value_t = 0.8, value_parser = from_to(0.0, 1.0))]
     pub cull_iou: f64,
-    /// Least predicted IoU times stability of a part (the paper's score_thr)
-    #[arg(long, value_name = "SCORE", default_value_t = 0.7)]
+    /// Minimum score of a segment: predicted IoU times stability (the paper's score_thr)
+    #[arg(long, value_name = "SCORE", default_value_t = 0.7, value_parser = from_to(0.0, 1.0))]
     pub cull_score: f64,
-    /// A mask inside one at least twice its size goes where 1 - overlap/area x overlap/other area exceeds one minus this
-    /// (the paper's inner_thr)
-    #[arg(long, value_name = "SHARE", default_value_t = 0.5)]
+    /// Remove a mask inside another of at least twice its size if 1 - overlap/area x overlap/other area exceeds one minus this
+    /// value (the paper's inner_thr)
+    #[arg(long, value_name = "SHARE", default_value_t = 0.5, value_parser = from_to(0.0, 1.0))]
     pub cull_inner: f64,
 }
 

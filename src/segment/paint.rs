@@ -1,10 +1,10 @@
 //! From SAM's masks of one level to a label map: which of them are parts of the object, painted large to small.
 //!
 //! The paper's code culls first, then leaves out the largest mask and paints the others over the foreground, which is
-//! one more part where nothing covers it. gprop leaves out what is no part *before* culling: a mask of the whole object
+//! one more part where nothing covers it. gprop leaves out what is not a part *before* culling: a mask of the whole object
 //! would otherwise take every part below half its size with it (see [`super::cull`]).
 
-use super::automatic::Candidate;
+use super::candidate::Candidate;
 use super::cull::cull;
 use super::mask::Mask;
 use super::options::Options;

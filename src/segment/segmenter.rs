@@ -5,10 +5,12 @@ use std::path::Path;
 use image::{GrayImage, RgbImage};
 
 use super::adaptive::Adaptive;
-use super::automatic::{Candidate, Request};
+use super::automatic::Request;
+use super::candidate::Candidate;
 use super::error::SegmentError;
 use super::mask::{Mask, Rect};
-use super::options::{Options, Prompts};
+use super::observer::Observer;
+use super::options::{Options, PointPrompts};
 use super::paint::paint;
 use super::resize::cropped;
 use super::sam::Sam;
@@ -18,20 +20,6 @@ use crate::setup::ModelFiles;
 
 /// Least value of [`Photo::foreground`] that is the object.
 const FOREGROUND: u8 = 128;
-
-/// Told how far a picture is, from any thread.
-pub trait Observer: Sync {
-    /// The picture will take this many prompts more.
-    fn planned(&self, prompts: usize);
-    /// One of them is done.
-    fn prompted(&self);
-}
-
-/// Nobody is told.
-impl Observer for () {
-    fn planned(&self, _: usize) {}
-    fn prompted(&self) {}
-}
 
 /// SAM, loaded and ready.
 pub struct Segmenter {
@@ -96,7 +84,7 @@ impl Segmenter {
         let object = foreground.cropped(&region);
         let request = Request {
             picture: &cropped(photo, &region),
-            adaptive: (options.prompts == Prompts::Adaptive)
+            adaptive: (options.point_prompts == PointPrompts::Adaptive)
                 .then_some(Adaptive { foreground: &object, whole_object: options.parts.whole_object }),
             levels: &[options.level],
             options: &options.generator,

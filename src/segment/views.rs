@@ -5,8 +5,9 @@ use std::sync::atomic::{AtomicU64, Ordering};
 use indicatif::ProgressBar;
 use rayon::prelude::*;
 
+use super::observer::Observer;
 use super::options::Options;
-use super::segmenter::{Observer, Segmenter};
+use super::segmenter::Segmenter;
 use super::{Segmentation, ViewSegments};
 use crate::progress::Progress;
 use crate::scene::Photo;

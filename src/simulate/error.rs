@@ -11,7 +11,7 @@ pub enum SimulateError {
     Mismatch { what: &'static str, got: usize, gaussians: usize },
     #[error("Gaussian {gaussian} has the label {label}, but there are only {labels} labels")]
     Label { gaussian: usize, label: u32, labels: usize },
-    #[error("{what} {index} lies at {position:?}, which is no place: remove it from the scene")]
+    #[error("{what} {index} lies at {position:?}, which is not a finite place: remove it from the scene")]
     Position { what: &'static str, index: usize, position: [f64; 3] },
     #[error("interior point {index} has a volume of {volume}; a volume must be positive and finite")]
     Volume { index: usize, volume: f64 },
@@ -48,13 +48,13 @@ pub enum SimulateError {
     },
     #[error("the checkpoint cannot be resumed from: {0}; delete it to start from the first frame")]
     Checkpoint(String),
-    #[error("the configuration of the peer is not understood: {0}")]
+    #[error("cannot read the PhysGaussian configuration: {0}")]
     Configuration(String),
-    #[error("the scenario cannot be played: {0}")]
+    #[error("--scenario cannot be played: {0}")]
     Scenario(String),
     #[error(
-        "the simulation would take about {minutes:.0} minutes, more than --max-minutes {max_minutes}: lower --grid, \
-         --duration or --max-stiffness, or raise --max-minutes"
+        "the simulation would take about {minutes:.0} minutes, more than --max-simulation-minutes {max_minutes}: lower --grid, \
+         --duration or --max-stiffness, or raise --max-simulation-minutes"
     )]
     TooLong { minutes: f64, max_minutes: f64 },
     #[error("a frame could not be kept")]

@@ -8,8 +8,8 @@ use nalgebra::{Matrix3, Rotation3, SVD, UnitQuaternion, Vector3};
 use rayon::prelude::*;
 
 use super::checkpoint::FrameSummary;
-use super::mpm::particles::InOrder;
-use super::sh_rotation;
+use super::mpm::in_order::InOrder;
+use crate::render::sh_rotation;
 use crate::scene::gaussians::Gaussians;
 use crate::scene::robust_bounds;
 

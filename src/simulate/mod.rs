@@ -19,12 +19,11 @@ mod frames;
 pub mod material;
 pub mod mpm;
 mod options;
-mod plan;
 pub mod plot;
 mod report;
 pub mod scenario;
 pub mod script;
-mod sh_rotation;
+mod setup;
 pub mod states;
 pub mod time_step;
 
@@ -39,10 +38,10 @@ pub use frames::Frame;
 use frames::ToWorld;
 use material::Material;
 use mpm::{Lost, Solver};
-pub use options::{Ground, Options};
-pub use plan::ASSUMED_LONGEST_SIDE_M;
-use plan::Plan;
+pub use options::{Ground, Options, SCENE_KEYS};
 pub use report::{SimulationReport, StepReport};
+use setup::Setup;
+pub use setup::{ASSUMED_LONGEST_SIDE_M, script_of};
 use time_step::StepBound;
 
 /// What is simulated.
@@ -70,8 +69,8 @@ pub fn simulate(
     on_frame: &mut dyn FnMut(&Frame, &Snapshot) -> anyhow::Result<()>,
     progress: Progress,
 ) -> Result<SimulationReport, SimulateError> {
-    let Plan { setting, start, carried, labels, bound, to_world, duration_s, actions, minutes, mut report } =
-        plan::plan(input, options)?;
+    let Setup { setting, start, carried, labels, bound, to_world, duration_s, actions, minutes, mut report } =
+        setup::set_up(input, options)?;
     progress.line(&format!("simulate  {} particles for {duration_s:.2} s: at most {minutes:.1} minutes", start.len()));
     let identity =
         checkpoint::identity(&start, &format!("{setting:?} {bound:?} {actions:?} {} {duration_s}", options.frames));
@@ -118,7 +117,7 @@ impl Failure {
         let Lost { particle, position_m, velocity_m_s } = self.lost;
         let finite = position_m.iter().chain(&velocity_m_s).all(|v| v.is_finite());
         let (what, cause) = match finite {
-            false => ("is no number any more", "the time step is too long for its material; lower --cfl"),
+            false => ("became NaN or infinite", "the time step is too long for its material; lower --cfl"),
             true => (
                 "left the domain",
                 "the domain, eight longest sides around the object, is too small for where the scenario takes it (lower its \

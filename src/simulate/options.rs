@@ -4,45 +4,84 @@ use serde::Serialize;
 
 use super::animation::Viewpoint;
 use super::boundary::Contact;
+use super::script;
+use crate::config::SceneKey;
+use crate::values::{above, from_to};
+
+/// The keys that a scene may set: what happens to its object and how it is filmed. How long the user is willing to wait is
+/// not among them.
+pub const SCENE_KEYS: &[SceneKey] = &[
+    SceneKey::any("drop-height"),
+    SceneKey::any("tilt-deg"),
+    SceneKey::name_or_path("scenario", script::is_name),
+    SceneKey::any("set"),
+    SceneKey::any("anchor"),
+    SceneKey::any("fixed-step"),
+    SceneKey::any("duration"),
+    SceneKey::any("frames"),
+    SceneKey::any("grid"),
+    SceneKey::any("gravity"),
+    SceneKey::any("ground"),
+    SceneKey::any("ground-friction"),
+    SceneKey::any("max-stiffness"),
+    SceneKey::any("cfl"),
+    SceneKey::any("film-from"),
+    SceneKey::any("azimuth-deg"),
+    SceneKey::any("elevation-deg"),
+    SceneKey::any("turntable"),
+];
+
+/// From a thousand times its height an object falls for longer than is worth simulating.
+const HIGHEST_DROP: f64 = 1000.0;
+/// An hour.
+const LONGEST_S: f64 = 3600.0;
+/// Two years.
+const MOST_MINUTES: f64 = 1e6;
+/// More than three times the sun's.
+const MOST_GRAVITY: f64 = 1000.0;
+/// Ten times what the stickiest rubber reaches.
+const MOST_FRICTION: f64 = 100.0;
+/// Ten times as stiff as diamond.
+const STIFFEST_PA: f64 = 1e13;
 
 /// How the object is dropped, how finely and for how long it is simulated.
 #[derive(Debug, Clone, PartialEq, clap::Args, Serialize)]
 #[command(next_help_heading = "Simulation")]
 pub struct Options {
-    /// Height from which the object is dropped onto the ground, in times its longest side
-    #[arg(long, value_name = "RATIO", default_value_t = 0.5, value_parser = not_negative)]
+    /// Height of the drop onto the ground, in multiples of the object's longest side
+    #[arg(long, value_name = "RATIO", default_value_t = 0.5, value_parser = from_to(0.0, HIGHEST_DROP))]
     pub drop_height: f64,
 
-    /// How far the object is tilted before the drop, in degrees
-    #[arg(long, value_name = "DEGREES", default_value_t = 25.0, allow_negative_numbers = true, value_parser = finite)]
+    /// Tilt of the object before the drop, in degrees
+    #[arg(long, value_name = "DEGREES", default_value_t = 25.0, allow_negative_numbers = true, value_parser = from_to(-360.0, 360.0))]
     pub tilt_deg: f64,
 
-    /// What happens to the object: a scenario by name (see --list) or a TOML file
+    /// Scenario: a name (see `gprop simulate --list`) or a TOML file
     #[arg(long, value_name = "NAME|FILE", default_value = "drop")]
     pub scenario: String,
 
-    /// A parameter of the scenario; may be given several times
+    /// Set a parameter of the scenario; may be given several times
     #[arg(long, value_name = "KEY=VALUE")]
     pub set: Vec<String>,
 
-    /// A part that stays where it is, by name; may be given several times
+    /// Hold this part in place, given by its name; may be given several times
     #[arg(long, value_name = "PART")]
     pub anchor: Vec<String>,
 
-    /// A fixed time step in seconds, whatever keeps the material stable: for comparisons
-    #[arg(long, value_name = "SECONDS", value_parser = positive)]
+    /// Use this fixed time step, even if it is not stable; for comparisons
+    #[arg(long, value_name = "SECONDS", value_parser = above(0.0, LONGEST_S))]
     pub fixed_step: Option<f64>,
 
-    /// Refuse a simulation that is expected to take longer
-    #[arg(long, value_name = "MINUTES", default_value_t = 120.0, value_parser = positive)]
-    pub max_minutes: f64,
+    /// Refuse a simulation that is expected to take more minutes
+    #[arg(long, value_name = "MINUTES", default_value_t = 120.0, value_parser = above(0.0, MOST_MINUTES))]
+    pub max_simulation_minutes: f64,
 
-    /// Simulated time in seconds (default: 4.8 sqrt(longest side / 9.8 m/s^2), about what it takes to fall, bounce and
-    /// come to rest: 0.9 s for a hammer)
-    #[arg(long, value_name = "SECONDS", value_parser = positive)]
+    /// Simulated time in seconds [default: 4.8 sqrt(longest side / 9.8 m/s^2), about the time to fall, bounce and come to
+    /// rest; 0.9 s for a hammer]
+    #[arg(long, value_name = "SECONDS", value_parser = above(0.0, LONGEST_S))]
     pub duration: Option<f64>,
 
-    /// Frames to write, spread evenly over the time, the start among them
+    /// Number of frames to write, spread evenly over the simulated time, including the start
     #[arg(long, value_name = "N", default_value_t = 24, value_parser = clap::value_parser!(u32).range(2..=10_000))]
     pub frames: u32,
 
@@ -50,25 +89,25 @@ pub struct Options {
     #[arg(long, value_name = "CELLS", default_value_t = 32, value_parser = clap::value_parser!(u32).range(4..=512))]
     pub grid: u32,
 
-    /// Gravitational acceleration in m/s^2, downwards along -z (default: the value of the paper's force equations)
-    #[arg(long, value_name = "M/S2", default_value_t = crate::units::GRAVITY_M_S2, value_parser = finite)]
+    /// Gravitational acceleration in m/s^2, along -z; the default is that of the paper's force equations
+    #[arg(long, value_name = "M/S2", default_value_t = crate::units::GRAVITY_M_S2, value_parser = from_to(-MOST_GRAVITY, MOST_GRAVITY))]
     pub gravity: f64,
 
-    /// What the ground does to what touches it
+    /// How the ground acts on a body that touches it
     #[arg(long, value_enum, default_value_t = Ground::Separate)]
     pub ground: Ground,
 
-    /// Coulomb friction between object and a ground that lets go of it (wood on wood is about 0.4)
-    #[arg(long, value_name = "MU", default_value_t = 0.4, value_parser = not_negative)]
+    /// Coulomb friction on `--ground separate` (about 0.4 for wood on wood)
+    #[arg(long, value_name = "MU", default_value_t = 0.4, value_parser = from_to(0.0, MOST_FRICTION))]
     pub ground_friction: f64,
 
-    /// Stiffest Young's modulus to step through, in Pa: stiffer materials are softened to it, their strength alike so
-    /// that they yield at the same strain; time grows with its square root
-    #[arg(long, value_name = "PA", default_value_t = 2e7, value_parser = positive)]
+    /// Largest Young's modulus to simulate, in Pa: stiffer materials are softened to it, and their strength in proportion, so
+    /// that they yield at the same strain; the running time grows with its square root
+    #[arg(long, value_name = "PA", default_value_t = 2e7, value_parser = above(0.0, STIFFEST_PA))]
     pub max_stiffness: f64,
 
-    /// Time step as a share of the time in which the fastest wave crosses a grid cell
-    #[arg(long, value_name = "SHARE", default_value_t = 0.4, value_parser = positive)]
+    /// Time step, as a fraction of the time in which the fastest wave crosses a grid cell
+    #[arg(long, value_name = "SHARE", default_value_t = 0.4, value_parser = above(0.0, 1.0))]
     pub cfl: f64,
 
     #[command(flatten)]
@@ -79,11 +118,11 @@ pub struct Options {
 #[derive(Debug, Clone, Copy, PartialEq, Eq, clap::ValueEnum, Serialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Ground {
-    /// Lets go of it, and slows it by friction.
+    /// The body can leave the ground and is slowed by friction.
     Separate,
-    /// Lets it glide, but not leave.
+    /// The body can slide, but not leave.
     Slip,
-    /// Holds it.
+    /// The body sticks to the ground.
     Sticky,
 }
 
@@ -104,19 +143,4 @@ impl Default for Options {
         let matches = Self::augment_args(clap::Command::new("defaults")).get_matches_from(["defaults"]);
         Self::from_arg_matches(&matches).expect("every option has a default")
     }
-}
-
-fn finite(text: &str) -> Result<f64, String> {
-    match text.parse() {
-        Ok(value) if f64::is_finite(value) => Ok(value),
-        _ => Err("not a number".to_owned()),
-    }
-}
-
-fn not_negative(text: &str) -> Result<f64, String> {
-    finite(text).and_then(|v| if v >= 0.0 { Ok(v) } else { Err("must not be negative".to_owned()) })
-}
-
-fn positive(text: &str) -> Result<f64, String> {
-    finite(text).and_then(|v| if v > 0.0 { Ok(v) } else { Err("must be positive".to_owned()) })
 }

@@ -9,6 +9,7 @@ use serde::Deserialize;
 use super::action::{Action, Effect};
 use super::error::SimulateError;
 use super::mpm::particles::Particle;
+use crate::output::toml_problem;
 
 /// A scenario: name, what it does, its parameters with their defaults.
 pub struct Known {
@@ -56,6 +57,11 @@ pub const KNOWN: [Known; 8] = [
         parameters: &[("height", 0.5, "above the ground, longest sides"), ("after", 0.3, "share of the time")],
     },
 ];
+
+/// Whether `--scenario` gives a scenario's name; else it is the path of a file.
+pub fn is_name(text: &str) -> bool {
+    !text.ends_with(".toml")
+}
 
 /// A scenario as a file states it.
 #[derive(Debug, Clone, PartialEq, Deserialize)]
@@ -136,14 +142,14 @@ impl Script {
     /// # Errors
     /// [`SimulateError::Scenario`]: no TOML, unknown keys.
     pub fn from_toml(text: &str) -> Result<Self, SimulateError> {
-        toml::from_str(text).map_err(|error| SimulateError::Scenario(error.to_string()))
+        toml::from_str(text).map_err(|error| SimulateError::Scenario(toml_problem(&error, text)))
     }
 }
 
 /// The scenario `name` with parameters given as `key=value`.
 ///
 /// # Errors
-/// [`SimulateError::Scenario`]: an unknown scenario or parameter, a value that is no number.
+/// [`SimulateError::Scenario`]: an unknown scenario or parameter, a value that is not a number.
 pub fn named(name: &str, given: &[String]) -> Result<Script, SimulateError> {
     let bad = |text: String| SimulateError::Scenario(text);
     let known = KNOWN.iter().find(|k| k.name == name).ok_or_else(|| {
@@ -154,8 +160,11 @@ pub fn named(name: &str, given: &[String]) -> Result<Script, SimulateError> {
     for text in given {
         let (key, value) = text.split_once('=').unwrap_or((text, ""));
         let slot = values.get_mut(key).ok_or_else(|| bad(format!("`{name}` has no parameter `{key}`: see --list")))?;
-        *slot =
-            value.parse().ok().filter(|v: &f64| v.is_finite()).ok_or_else(|| bad(format!("`{text}`: no number")))?;
+        *slot = value
+            .parse()
+            .ok()
+            .filter(|v: &f64| v.is_finite())
+            .ok_or_else(|| bad(format!("`{text}` is not a number")))?;
     }
     let step = |on: &str, what| Step { on: on.to_owned(), from: 0.0, to: 1.0, what };
     let mut script = Script { drop_height: 0.0, tilt_deg: 0.0, steps: vec![] };

@@ -4,7 +4,7 @@
 
 use std::io::{self, Write};
 
-use super::compat::solver::Particle as CompatParticle;
+use super::compat::particle::Particle as CompatParticle;
 use super::mpm::particles::Particle;
 use crate::npz::NpzWriter;
 

@@ -7,11 +7,11 @@
 
 use rayon::prelude::*;
 
-use super::depth::{DepthMap, DepthTest};
 use super::options::Rule;
 use super::parts_of_views::ViewParts;
-use super::raster::{LANES, Projected, RenderOptions, Sink, Splat, TILE, TRANSMITTANCE_MIN, TileRect, pixels};
 use super::{Progress, ViewInput};
+use crate::render::depth::{DepthMap, DepthTest};
+use crate::render::{LANES, Projected, RenderOptions, Sink, Splat, TILE, TRANSMITTANCE_MIN, TileRect, pixels};
 use crate::scene::gaussians::Gaussians;
 use crate::segment::LabelMap;
 
@@ -116,7 +116,7 @@ fn by_light(
     projected.visit_in_bands(
         |rect| LightSink::new(rect, map, width),
         |tile| {
-            for Sight { gaussian, label, arrived, sent } in tile.sights {
+            for Contribution { gaussian, label, arrived, sent } in tile.contributions {
                 let of_gaussian = &mut light[gaussian as usize];
                 of_gaussian[0] += arrived;
                 of_gaussian[1] += sent;
@@ -142,7 +142,7 @@ fn by_light(
 
 /// What the pixels of one label within one tile see of one Gaussian, in pixels.
 #[derive(Debug, Clone, Copy)]
-struct Sight {
+struct Contribution {
     gaussian: u32,
     label: u16,
     /// Sum of alpha times transmittance.
@@ -151,12 +151,12 @@ struct Sight {
     sent: f32,
 }
 
-/// The sights of one tile.
+/// The contributions of one tile.
 struct LightSink {
     /// Label of every pixel of the tile; background outside the picture.
     labels: [u16; TILE * TILE],
-    sights: Vec<Sight>,
-    /// Where the sights of the Gaussian being blended start: rarely more than two labels.
+    contributions: Vec<Contribution>,
+    /// Where the contributions of the Gaussian being blended start: rarely more than two labels.
     current: usize,
 }
 
@@ -166,16 +166,16 @@ impl LightSink {
         for (inside, outside) in pixels(rect, width) {
             labels[inside] = map.labels[outside];
         }
-        Self { labels, sights: Vec::new(), current: 0 }
+        Self { labels, contributions: Vec::new(), current: 0 }
     }
 
     fn count(&mut self, gaussian: u32, label: u16, arrived: f32, sent: f32) {
-        match self.sights[self.current..].iter_mut().find(|sight| sight.label == label) {
-            Some(sight) => {
-                sight.arrived += arrived;
-                sight.sent += sent;
+        match self.contributions[self.current..].iter_mut().find(|contribution| contribution.label == label) {
+            Some(contribution) => {
+                contribution.arrived += arrived;
+                contribution.sent += sent;
             }
-            None => self.sights.push(Sight { gaussian, label, arrived, sent }),
+            None => self.contributions.push(Contribution { gaussian, label, arrived, sent }),
         }
     }
 }
@@ -183,8 +183,8 @@ impl LightSink {
 impl Sink for LightSink {
     fn add(&mut self, splat: &Splat, first: usize, weights: &[f32; LANES], transmittance: &[f32; LANES]) {
         let gaussian = splat.gaussian;
-        if self.sights.last().is_none_or(|last| last.gaussian != gaussian) {
-            self.current = self.sights.len();
+        if self.contributions.last().is_none_or(|last| last.gaussian != gaussian) {
+            self.current = self.contributions.len();
         }
         // The light before the splat is what it takes and what it leaves; a finished pixel counts as neither.
         let sent: [f32; LANES] =

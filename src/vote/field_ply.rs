@@ -1,8 +1,8 @@
-//! The material field as extra vertex properties of a PLY, and as colours.
+//! The material field as extra vertex properties of a PLY.
 
-use super::{FieldLabel, MaterialField, palette};
+use super::{FieldLabel, MaterialField};
 use crate::materials::{Material, MaterialLibrary};
-use crate::scene::gaussians::{ExtraProperty, Gaussians};
+use crate::scene::gaussians::ExtraProperty;
 use crate::units::Estimate;
 
 /// Names of the materials that the labels use, sorted: `material_id` is the place in this list.
@@ -63,34 +63,4 @@ pub fn read(columns: &[ExtraProperty], labels: Vec<FieldLabel>) -> Option<Materi
         warnings: Vec::new(),
         labels,
     })
-}
-
-/// One colour a Gaussian: its label's.
-pub fn label_colors(field: &MaterialField) -> Vec<[f32; 3]> {
-    field.part_label.iter().map(|&label| palette::color(label)).collect()
-}
-
-/// One colour a Gaussian: its material's, the palette's at its `material_id`.
-pub fn material_colors(field: &MaterialField) -> Vec<[f32; 3]> {
-    let names = material_names(&field.labels);
-    let place = |label: &FieldLabel| names.binary_search(&label.material.as_str()).expect("every material is listed");
-    let of_label: Vec<_> = field.labels.iter().map(|label| palette::color(place(label) as u32)).collect();
-    field.part_label.iter().map(|&label| of_label[label as usize]).collect()
-}
-
-/// One colour a Gaussian: how sure its label is, from dark blue (never seen) over green to yellow (all votes agree).
-pub fn confidence_colors(field: &MaterialField) -> Vec<[f32; 3]> {
-    const STOPS: [[f32; 3]; 3] = [[0.27, 0.0, 0.33], [0.13, 0.57, 0.55], [0.99, 0.91, 0.14]];
-    let color = |confidence: &f32| {
-        let at = confidence.clamp(0.0, 1.0) * 2.0;
-        let (from, share) = if at < 1.0 { (0, at) } else { (1, at - 1.0) };
-        std::array::from_fn(|c| STOPS[from][c] + share * (STOPS[from + 1][c] - STOPS[from][c]))
-    };
-    field.confidence.iter().map(color).collect()
-}
-
-/// The cloud in these colours (sRGB, 0 to 1), the same from every side.
-pub fn recolored(gaussians: &Gaussians, colors: &[[f32; 3]]) -> Gaussians {
-    let sh_dc = colors.iter().map(|color| color.map(|c| (c - 0.5) / super::raster::SH_C0)).collect();
-    Gaussians { sh_dc, sh_degree: 0, sh_rest: Vec::new(), ..gaussians.clone() }
 }

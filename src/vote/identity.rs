@@ -18,7 +18,7 @@ use rayon::prelude::*;
 
 use super::ballots::{Ballot, Ballots};
 use super::parts_of_views::ViewParts;
-use super::tally::{Tally, add, winner};
+use super::plurality::{Tally, add, winner};
 
 /// Overlap from which two groups are one 3D part. Above one half, a part has at most one partner in another view, whose
 /// parts are disjoint; so this is the lowest threshold that leaves no choice.

@@ -5,6 +5,7 @@ use super::identity::Identity;
 use super::parts_of_views::{ViewPart, ViewParts};
 use super::tally::Choice;
 use crate::materials::MaterialLibrary;
+use crate::numeric::median;
 use crate::query::{Answer, Form};
 use crate::units::{Estimate, Range, ShoreHardness};
 
@@ -50,14 +51,11 @@ fn members<'a>(choice: Choice, parts: &'a ViewParts, identity: &Identity) -> Vec
 fn middle_and_hull(ranges: impl Iterator<Item = Range>) -> Estimate {
     let ranges: Vec<Range> = ranges.collect();
     let hull = ranges.iter().copied().reduce(Range::hull).expect("a label is won by an answer");
-    Estimate::new(hull.low, median(ranges.iter().map(|range| range.mid()).collect()), hull.high)
-}
-
-/// The middle value; the mean of the middle two of an even number.
-fn median(mut values: Vec<f64>) -> f64 {
-    values.sort_by(f64::total_cmp);
-    let half = values.len() / 2;
-    if values.len() % 2 == 1 { values[half] } else { 0.5 * (values[half - 1] + values[half]) }
+    Estimate::new(
+        hull.low,
+        median(ranges.iter().map(|range| range.mid()).collect()).expect("somebody answered"),
+        hull.high,
+    )
 }
 
 /// The hull of the readings on the scale that most answers use (the first one's where two are equal): readings on two

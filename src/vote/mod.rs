@@ -1,21 +1,18 @@
-//! From part maps to a material for every Gaussian: splat rasteriser, depth test, tally.
+//! From part maps to a material for every Gaussian: depth test, ballots, tally.
 //!
 //! In order: [`parts_of_views`] lists the views' parts that have an answer; [`ballots`] lets every view vote on the Gaussians
-//! it sees, with [`raster`] and [`depth`] to tell which those are; [`identity`] finds which parts of different views are one
-//! part of the object; [`tally`] elects a material and a part for every Gaussian, [`unseen`] for those that no view sees;
+//! it sees, which [`render::depth`] tells; [`identity`] finds which parts of different views are one
+//! part of the object; [`tally`] elects, by [`plurality`], a material and a part for every Gaussian, [`unseen`] for those that no view sees;
 //! [`labels`] gives each elected part its properties.
 
 mod ballots;
-pub mod depth;
 mod error;
 pub mod field_ply;
 mod identity;
 mod labels;
-pub mod nearest;
 mod options;
-pub mod palette;
 mod parts_of_views;
-pub mod raster;
+mod plurality;
 mod tally;
 mod unseen;
 
@@ -25,6 +22,7 @@ use crate::camera::Camera;
 use crate::materials::{Law, MaterialLibrary};
 use crate::progress::Progress;
 use crate::query::{Answers, Form};
+use crate::render;
 use crate::scene::gaussians::Gaussians;
 use crate::scene::robust_bounds;
 use crate::segment::LabelMap;
@@ -32,7 +30,7 @@ use crate::units::{Estimate, ShoreHardness};
 use ballots::Ballots;
 pub use error::VoteError;
 use identity::Identity;
-pub use options::{Agreement, Options, Rule};
+pub use options::{Agreement, Options, Rule, SCENE_KEYS};
 use parts_of_views::ViewParts;
 use tally::{Choice, Elected};
 
@@ -61,6 +59,20 @@ pub struct MaterialField {
     pub views: Vec<u16>,
     /// What the user should know: counted, never fatal.
     pub warnings: Vec<String>,
+}
+
+impl MaterialField {
+    /// Keeps the Gaussians whose entry in `kept` is true, in their order.
+    pub fn retain(&mut self, kept: &[bool]) {
+        fn retain<T>(values: &mut Vec<T>, kept: &[bool]) {
+            let mut kept = kept.iter();
+            values.retain(|_| *kept.next().unwrap_or(&false));
+        }
+        retain(&mut self.part_label, kept);
+        retain(&mut self.confidence, kept);
+        retain(&mut self.votes, kept);
+        retain(&mut self.views, kept);
+    }
 }
 
 /// One part of the object in 3D, as the views agree on it: a material with its properties. Of every property, `low` and
@@ -129,14 +141,15 @@ fn doubts(gaussians: &Gaussians, views: &[ViewInput]) -> Vec<String> {
     let bounds = robust_bounds(gaussians);
     let mut doubts = Vec::new();
     let diagonal = bounds.diagonal();
-    match (0..gaussians.len()).filter(|&i| gaussians.scale(i).max() > diagonal).count() {
+    match (0..gaussians.len()).filter(|&i| !gaussians.is_set_aside(i) && gaussians.scale(i).max() > diagonal).count() {
         0 => {}
         1 => doubts.push("1 Gaussian is larger than the object: it votes and is voted on like any other".to_owned()),
         n => {
             doubts.push(format!("{n} Gaussians are larger than the object: they vote and are voted on like any other"))
         }
     }
-    match (0..gaussians.len()).filter(|&i| gaussians.opacity(i) < f64::from(raster::ALPHA_MIN)).count() {
+    let is_faint = |&i: &usize| !gaussians.is_set_aside(i) && gaussians.opacity(i) < f64::from(render::ALPHA_MIN);
+    match (0..gaussians.len()).filter(is_faint).count() {
         0 => {}
         1 => doubts.push("1 Gaussian is too faint to be drawn: it takes its neighbours' material".to_owned()),
         n => doubts.push(format!("{n} Gaussians are too faint to be drawn: they take their neighbours' material")),

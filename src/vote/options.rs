@@ -2,25 +2,35 @@
 
 use std::num::NonZeroUsize;
 
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
+
+use crate::config::SceneKey;
+use crate::values::from_to;
 
 /// Seen neighbours that an unseen Gaussian asks: enough that one stray does not decide, few enough to stay local.
 const DEFAULT_NEIGHBORS: NonZeroUsize = NonZeroUsize::new(8).expect("eight is not zero");
+/// So many are no neighbourhood any longer but a part of the object.
+const MOST_NEIGHBORS: NonZeroUsize = NonZeroUsize::new(1000).expect("a thousand is not zero");
+
+/// The keys that a scene may set: all of them; they decide nothing but this scene's result.
+pub const SCENE_KEYS: &[SceneKey] = &[SceneKey::any("vote"), SceneKey::any("agree"), SceneKey::any("neighbors")];
 
 /// How the views' parts become a material for every Gaussian.
-#[derive(Debug, Clone, PartialEq, clap::Args, Serialize)]
+#[derive(Debug, Clone, PartialEq, clap::Args, Serialize, Deserialize)]
+#[serde(default)]
 #[command(next_help_heading = "Vote")]
 pub struct Options {
-    /// What a view's vote for a Gaussian is
+    /// How a view votes on a Gaussian
     #[arg(long, value_enum, default_value_t = Rule::default())]
     pub vote: Rule,
 
-    /// Who settles on a material where the views' answers differ
+    /// Who decides on a material if the answers of the views differ
     #[arg(long, value_enum, default_value_t = Agreement::default())]
     pub agree: Agreement,
 
-    /// How many of the nearest seen Gaussians an unseen one takes its material from (count; own choice)
+    /// Number of nearest seen Gaussians from which an unseen one takes its material
     #[arg(long, value_name = "K", default_value_t = DEFAULT_NEIGHBORS)]
+    #[arg(value_parser = from_to(NonZeroUsize::MIN, MOST_NEIGHBORS))]
     pub neighbors: NonZeroUsize,
 }
 
@@ -31,23 +41,23 @@ impl Default for Options {
 }
 
 /// `--vote`.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, clap::ValueEnum, Serialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, clap::ValueEnum, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Rule {
-    /// The paper's: one vote a view, for the part at the Gaussian's centre, if the depth test says that it is seen there
+    /// As in the paper: one vote per view, for the segment at the Gaussian's centre, if the Gaussian passes the depth test
     Frequency,
-    /// A vote for the part of every pixel, as large as what the Gaussian adds to the pixel's light
+    /// A vote for the segment of every pixel, weighted by the Gaussian's contribution to the pixel's light
     #[default]
     Contribution,
 }
 
 /// `--agree`.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, clap::ValueEnum, Serialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, clap::ValueEnum, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Agreement {
     /// All views of a 3D part agree on its material first, then Gaussians choose among 3D parts
     #[default]
     Part,
-    /// The paper's: each Gaussian takes the most frequent material of the views that see it
+    /// As in the paper: each Gaussian takes the most frequent material of the views that see it
     Gaussian,
 }

@@ -84,7 +84,7 @@ impl<'a> ViewParts<'a> {
     }
 }
 
-/// By id: whether the view's label map holds it. The background, 0, is no part.
+/// By id: whether the view's label map holds it. The background, 0, is not a part.
 fn ids_of(view: &ViewInput) -> Vec<bool> {
     let largest = view.map.labels.iter().copied().max().unwrap_or(0);
     let mut present = vec![false; usize::from(largest) + 1];

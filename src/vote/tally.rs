@@ -16,6 +16,7 @@ use super::ballots::{Ballot, Ballots};
 use super::identity::Identity;
 use super::options::Agreement;
 use super::parts_of_views::ViewParts;
+use super::plurality::{add, winner};
 
 /// What a label is made of: a 3D part and a material.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
@@ -73,24 +74,4 @@ fn elect_one(ballots: &[Ballot], parts: &ViewParts, candidates: &[Choice]) -> Op
     let (part_3d, votes) = winner(&parts_3d)?;
     let cast = ballots.iter().map(|ballot| ballot.weight).sum();
     Some(Elected { choice: Choice { part_3d, material }, votes: votes as f32, cast, views })
-}
-
-/// Votes and votes times confidence by what they are for, in order of first sight: rarely more than three.
-pub(super) type Tally = Vec<(u32, f64, f64)>;
-
-pub(super) fn add(tally: &mut Tally, for_what: u32, votes: f64, confidence: f64) {
-    match tally.iter_mut().find(|(known, ..)| *known == for_what) {
-        Some((_, sum, sure)) => {
-            *sum += votes;
-            *sure += votes * confidence;
-        }
-        None => tally.push((for_what, votes, votes * confidence)),
-    }
-}
-
-/// What has most votes, and how many; ties as the module says.
-pub(super) fn winner(tally: &Tally) -> Option<(u32, f64)> {
-    let order =
-        |a: &&(u32, f64, f64), b: &&(u32, f64, f64)| a.1.total_cmp(&b.1).then(a.2.total_cmp(&b.2)).then(b.0.cmp(&a.0));
-    tally.iter().max_by(order).map(|&(what, votes, _)| (what, votes))
 }

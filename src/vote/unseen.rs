@@ -6,9 +6,9 @@
 use nalgebra::{Matrix3, Vector3};
 use rayon::prelude::*;
 
-use super::nearest::Nearest;
 use super::tally::{Choice, Elected};
 use crate::scene::gaussians::Gaussians;
+use crate::scene::nearest::Nearest;
 
 /// So many times the neighbours wanted are looked at, nearest by plain distance, before the metric picks from them.
 const CANDIDATES_PER_NEIGHBOR: usize = 4;

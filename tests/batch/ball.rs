@@ -20,7 +20,7 @@ use crate::vote::build::{Blob, camera_at, cloud};
 const RADIUS_M: f64 = 0.1;
 const EYES: [[f64; 3]; 3] = [[0.4, 0.1, 0.05], [-0.2, 0.35, 0.0], [-0.15, -0.3, 0.2]];
 
-/// Scenes `ball-0`, `ball-1`, ... in a folder, their label maps beside it.
+/// Scenes `ball-0`, `ball-1`, ... in a folder, each with its label maps.
 pub struct Balls {
     home: TempDir,
     _runtime: Runtime,
@@ -29,10 +29,15 @@ pub struct Balls {
 
 impl Balls {
     pub fn new(count: usize) -> Self {
+        Self::answering(count, &good_answer(a("wood")))
+    }
+
+    /// The same with a server that gives another answer.
+    pub fn answering(count: usize, answer: &Value) -> Self {
         let runtime = Runtime::new().unwrap();
         let server = runtime.block_on(async {
             let server = MockServer::start().await;
-            let answer = ResponseTemplate::new(200).set_body_json(completion(&good_answer(a("wood")).to_string()));
+            let answer = ResponseTemplate::new(200).set_body_json(completion(&answer.to_string()));
             Mock::given(path("/v1/chat/completions")).respond_with(answer).mount(&server).await;
             server
         });
@@ -51,7 +56,27 @@ impl Balls {
     }
 
     pub fn labels(&self, number: usize) -> PathBuf {
-        self.home.path().join(format!("labels/ball-{number}"))
+        self.scene(number).join("labels")
+    }
+
+    /// True label maps of a scene, in its `ground_truth/maps`: both parts are wood. And true masses.
+    pub fn write_truth(&self, number: usize) {
+        let maps = self.scene(number).join("ground_truth/maps");
+        fs::create_dir_all(&maps).unwrap();
+        for entry in fs::read_dir(self.labels(number)).unwrap() {
+            let entry = entry.unwrap();
+            fs::copy(entry.path(), maps.join(entry.file_name())).unwrap();
+        }
+        fs::write(maps.join("labels.json"), r#"{"1": "wood", "2": "wood"}"#).unwrap();
+        fs::write(maps.with_file_name("parts.json"), r#"{"total_mass_kg": 1.0, "parts": []}"#).unwrap();
+    }
+
+    /// Has a scene segmented by SAM, for which models are needed, instead of by its label maps.
+    pub fn forget_labels(&self, number: usize) {
+        let path = self.scene(number).join("gprop.toml");
+        let options = fs::read_to_string(&path).unwrap();
+        let others: Vec<&str> = options.lines().filter(|line| !line.starts_with("segments")).collect();
+        fs::write(&path, others.join("\n")).unwrap();
     }
 
     /// The flags by which the server is asked.
@@ -79,7 +104,7 @@ impl Balls {
             "cx": intrinsics.cx, "cy": intrinsics.cy, "frames": frames,
         });
         fs::write(scene.join("transforms.json"), transforms.to_string()).unwrap();
-        let options = format!("scale = \"metric\"\nsegments = {labels:?}\nvolume-cells = 20000\nsheet-size = 256\n");
+        let options = "scale = \"metric\"\nsegments = \"labels\"\nvolume-cells = 20000\nsheet-size = 256\n";
         fs::write(scene.join("gprop.toml"), options).unwrap();
     }
 }

@@ -4,7 +4,7 @@ use serde_json::{Value, json};
 
 use super::ball::Balls;
 use super::{batch, outcomes, stderr};
-use crate::query::batch::{BatchServer, answered, completed};
+use crate::query::batch_api::{BatchApiServer, answered, completed};
 use crate::query::{a, good_answer};
 use crate::run::gprop;
 
@@ -18,7 +18,7 @@ fn json_of(command: &mut std::process::Command, code: i32) -> Value {
 fn all_scenes_queries_go_out_and_come_in_together() {
     let balls = Balls::new(3);
     let good = good_answer(a("wood"));
-    let server = BatchServer::new(&good);
+    let server = BatchApiServer::new(&good);
     let options = server.options();
     let (url, model) = (options.lmm_url.unwrap(), options.lmm_model.unwrap());
     let step = |step: &str, more: &[&str]| {
@@ -41,7 +41,7 @@ fn all_scenes_queries_go_out_and_come_in_together() {
     let collected = json_of(&mut step("collect", &[]), 0);
     assert_eq!(collected["recorded"], 11);
     let nothing = step("collect", &[]).output().unwrap();
-    assert!(stderr(&nothing).contains("no batch is waiting"), "{}", stderr(&nothing));
+    assert!(stderr(&nothing).contains("no Batch API job is waiting"), "{}", stderr(&nothing));
 
     // Every scene finds its answers without a server.
     let replayed = batch(&balls, &["--answers", "replay", "--lmm-model", &model]).arg("--json").output().unwrap();
@@ -57,11 +57,11 @@ fn all_scenes_queries_go_out_and_come_in_together() {
 fn one_scenes_submission_prints_json_at_every_step() {
     let balls = Balls::new(1);
     let good = good_answer(a("wood"));
-    let server = BatchServer::new(&good);
+    let server = BatchApiServer::new(&good);
     let (url, model) = (server.options().lmm_url.unwrap(), server.options().lmm_model.unwrap());
     let step = |step: &str| {
         let mut command = gprop();
-        command.env_remove("OPENAI_API_KEY").arg("query").arg(balls.scene(0)).args(["--batch", step]);
+        command.env_remove("OPENAI_API_KEY").arg("query").arg(balls.scene(0)).args(["--batch-api", step]);
         command.args(["--lmm-url", &url, "--lmm-model", &model, "--lmm-retries", "0"]);
         command
     };
@@ -76,7 +76,7 @@ fn one_scenes_submission_prints_json_at_every_step() {
 #[test]
 fn a_budget_holds_for_all_scenes_together() {
     let balls = Balls::new(3);
-    let server = BatchServer::new(&good_answer(a("wood")));
+    let server = BatchApiServer::new(&good_answer(a("wood")));
     let (url, model) = (server.options().lmm_url.unwrap(), server.options().lmm_model.unwrap());
     let submit = |usd: &str| {
         let mut command = batch(&balls, &["--lmm-url", &url, "--lmm-model", &model, "--queries", "submit"]);

@@ -108,7 +108,8 @@ fn a_job_without_its_count_is_refused() {
 
 #[test]
 fn the_pods_of_the_kubernetes_job_share_the_scenes() {
-    let text = fs::read_to_string(Path::new(env!("CARGO_MANIFEST_DIR")).join("scripts/k8s-indexed-job.yaml")).unwrap();
+    let text =
+        fs::read_to_string(Path::new(env!("CARGO_MANIFEST_DIR")).join("scripts/batch/k8s-indexed-job.yaml")).unwrap();
     let job: Value = serde_yaml_ng::from_str(&text).unwrap();
     let (spec, pod) = (&job["spec"], &job["spec"]["template"]["spec"]);
     let container = &pod["containers"][0];

@@ -7,14 +7,16 @@ use std::process::Command;
 use gprop::evaluate::label_maps::LabelMaps;
 use gprop::evaluate::vocabulary::Vocabulary;
 use gprop::materials::MaterialLibrary;
+use gprop::pictures::field_colors;
+use gprop::scene::gaussians::SH_C0;
 use gprop::scene::ply;
 use gprop::vote::field_ply;
-use gprop::vote::raster::SH_C0;
 use image::{GrayImage, Luma};
 use serde_json::Value;
 use tempfile::TempDir;
 
 use super::{evaluate, refused, text};
+use crate::run::gprop;
 use crate::support;
 
 fn fixture(name: &str) -> PathBuf {
@@ -27,6 +29,9 @@ fn a_scene_with_recorded_answers_gives_the_table_and_its_pictures() {
         return;
     }
     let (scene, work) = (fixture("mug"), TempDir::new().unwrap());
+    let run = gprop().arg("vote").arg(&scene).args(["-q", "--out"]).arg(work.path()).output();
+    let run = run.unwrap();
+    assert!(run.status.success(), "{}", String::from_utf8_lossy(&run.stderr));
     let score = |labels: &str| {
         let output = evaluate(&[
             "segmentation",
@@ -57,7 +62,7 @@ fn a_scene_with_recorded_answers_gives_the_table_and_its_pictures() {
 fn pictures(scene: &Path, work: &Path) {
     let field = ply::read(&work.join("field.ply")).unwrap().gaussians;
     let labels = serde_json::from_slice(&fs::read(work.join("labels.json")).unwrap()).unwrap();
-    let colors = field_ply::material_colors(&field_ply::read(&field.extra, labels).unwrap());
+    let colors = field_colors::material_colors(&field_ply::read(&field.extra, labels).unwrap());
     let recolored = ply::read(&work.join("field_recolored.ply")).unwrap().gaussians;
     assert_eq!((recolored.len(), recolored.sh_degree), (field.len(), 0));
     for (dc, color) in recolored.sh_dc.iter().zip(&colors) {
@@ -140,5 +145,7 @@ fn true_part_maps_of_another_size_are_refused_before_anything_is_segmented() {
     for view in 0..30 {
         GrayImage::new(8, 4).save(maps.join(format!("{view:03}.png"))).unwrap();
     }
-    refused(&evaluate(&["prompts", text(copy.path())]), &["8 x 4", "512 x 512", "part_maps"]);
+    let links = fixture("hammer");
+    let output = evaluate(&["prompts", text(copy.path()), "--allow-read", text(&links)]);
+    refused(&output, &["8 x 4", "512 x 512", "part_maps"]);
 }

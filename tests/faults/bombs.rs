@@ -73,8 +73,9 @@ fn spz_of_streams(more: u32, window: u8) -> Vec<u8> {
 fn an_spz_whose_streams_want_terabytes() {
     // Windows of 1 KiB and of 2 TiB: exponents 0 and 31.
     assert_eq!(spz::parse(&spz_of_streams(0, 0)).unwrap().gaussians.len(), 1);
-    // What a stream has beyond its length is left in it, but for a block that its own window forbids.
-    assert_eq!(spz::parse(&spz_of_streams(100, 0)).unwrap().gaussians.len(), 1);
+    // What a stream has beyond its length is not unpacked.
+    let problem = spz::parse(&spz_of_streams(100, 0)).expect_err("a stream is longer than it says");
+    assert!(SplatProblem::from(problem).to_string().contains("than its 1 Gaussians take"));
     for (more, window) in [(0, 31 << 3), (100_000, 0)] {
         let problem = spz::parse(&spz_of_streams(more, window)).expect_err("no splat needs that");
         assert!(SplatProblem::from(problem).to_string().contains("cannot be decompressed"), "{more} {window}");

@@ -2,9 +2,9 @@
 
 use gprop::grasp::bounds::{Bearing, ForceMax, f_max, f_min, f_star};
 use gprop::grasp::gripper::GripperProfile;
-use gprop::grasp::{GraspError, GraspReport, Limit, Options, Policy, bearer::Choice, grasp};
+use gprop::grasp::{GraspError, GraspReport, Limit, Options, Policy, grasp, grasped_part::PartChoice};
 use gprop::materials::Law;
-use gprop::parts::{Object, Part, Parts};
+use gprop::parts::{NoVolume, Object, Part, Parts};
 use gprop::query::Form;
 use gprop::units::{Estimate, GRAVITY_M_S2};
 use gprop::vote::FieldLabel;
@@ -24,12 +24,13 @@ fn part(id: u32, caption: &str, mass_kg: Estimate, thickness_m: Estimate, to_cen
         material: format!("material of {caption}"),
         family: "wood".to_owned(),
         gaussians: 100,
-        volume_m3: Estimate::exactly(1e-4),
-        thickness_m,
+        volume_m3: Some(Estimate::exactly(1e-4)),
+        no_volume: None,
+        thickness_m: Some(thickness_m),
         density_kg_m3: Estimate::exactly(1000.0),
-        mass_kg,
-        center_of_mass_m: [0.0; 3],
-        inertia_kg_m2: [[0.0; 3]; 3],
+        mass_kg: Some(mass_kg),
+        center_of_mass_m: Some([0.0; 3]),
+        inertia_kg_m2: Some([[0.0; 3]; 3]),
         bodies: Vec::new(),
         surface_to_center_of_mass_m: to_center_m,
     }
@@ -58,7 +59,7 @@ fn hammer() -> (Parts, Vec<FieldLabel>) {
         part(0, "wooden handle", Estimate::new(0.10, 0.12, 0.14), Estimate::new(0.018, 0.020, 0.022), Some(0.02)),
         part(1, "steel head", Estimate::new(0.40, 0.44, 0.48), Estimate::new(0.028, 0.030, 0.032), Some(0.01)),
     ];
-    let mass = parts[0].mass_kg.plus(parts[1].mass_kg);
+    let mass = parts[0].mass_kg.unwrap().plus(parts[1].mass_kg.unwrap());
     let object = Object {
         volume_m3: Estimate::exactly(2e-4),
         mass_kg: mass,
@@ -145,7 +146,7 @@ fn f_star_by_hand() {
 #[test]
 fn whole_grasp_by_hand() {
     let report = run(&of_part("handle")).unwrap();
-    assert_eq!((report.part.as_str(), report.part_chosen), ("wooden handle", Choice::Named));
+    assert_eq!((report.part.as_str(), report.part_chosen), ("wooden handle", PartChoice::Named));
     // Mass 0.12 + 0.44 = 0.56 kg, friction 0.7; F_max 5500 N by yield; F* 40 - 0.05 * (40 - 3.92) N.
     close(report.f_min_n, 3.92);
     close(report.f_max_n, 5500.0);
@@ -191,7 +192,7 @@ fn every_built_in_gripper_loads() {
 #[test]
 fn without_a_name_the_part_nearest_the_center_of_mass_bears() {
     let report = run(&Options::default()).unwrap();
-    assert_eq!((report.part.as_str(), report.part_chosen), ("steel head", Choice::NearestCenterOfMass));
+    assert_eq!((report.part.as_str(), report.part_chosen), ("steel head", PartChoice::NearestCenterOfMass));
 }
 
 #[test]
@@ -228,9 +229,13 @@ fn properties_that_bear_no_force_are_refused() {
     assert!(error.contains("friction") && error.contains("wooden handle"), "{error}");
     labels[0].friction_rubber = Estimate::new(0.0, 0.4, 0.8);
     assert!(matches!(grasp(&parts, &labels, None, 1.0, &paper(), &of_part("0")), Err(GraspError::Property { .. })));
-    parts.parts[1].thickness_m = Estimate::exactly(0.0);
+    parts.parts[1].thickness_m = Some(Estimate::exactly(0.0));
     let error = grasp(&parts, &labels, None, 1.0, &paper(), &of_part("1")).unwrap_err().to_string();
     assert!(error.contains("thickness"), "{error}");
+    parts.parts[1].thickness_m = None;
+    parts.parts[1].no_volume = Some(NoVolume::OwnsNoPlace);
+    let error = grasp(&parts, &labels, None, 1.0, &paper(), &of_part("1")).unwrap_err().to_string();
+    assert!(error.contains("owns no place") && error.contains("--part"), "{error}");
 }
 
 #[test]

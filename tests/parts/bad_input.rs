@@ -30,7 +30,7 @@ fn without_a_scale_there_are_shapes_but_no_kilograms() {
     let shell = Form::Shell { wall_thickness_m: Range::exactly(0.01) };
     let (gaussians, field) = (cloud.gaussians(0.05), cloud.field(&[shell]));
     let result = parts(&gaussians, &field, &cameras(4.0, 20, |_| true), None, &small(), Progress::Hidden).unwrap();
-    assert!(result.shapes[0].volume.mid > 3.0);
+    assert!(result.shapes[0].volume.unwrap().mid > 3.0);
     assert!(result.warnings.iter().any(|w| w.contains("solid")), "{:?}", result.warnings);
     let error = result.metric().unwrap_err();
     assert!(error.to_string().contains("--scale"), "{error}");
@@ -108,7 +108,7 @@ fn a_part_of_one_gaussian_is_tiny_and_reported() {
     assert_eq!(parts.parts[1].gaussians, 1);
     assert!(parts.warnings.iter().any(|w| w.contains("part 1")), "{:?}", parts.warnings);
     // Less than a thousandth of the ball, 4/3 pi.
-    assert!(parts.parts[1].volume_m3.mid < 4e-3, "{:?}", parts.parts[1].volume_m3);
+    assert!(parts.parts[1].volume_m3.is_none_or(|volume| volume.mid < 4e-3), "{:?}", parts.parts[1].volume_m3);
 }
 
 #[test]
@@ -138,10 +138,27 @@ fn one_gaussian_flat_clouds_and_open_bowls_have_a_volume() {
 }
 
 #[test]
-fn walls_of_no_thickness_weigh_nothing() {
-    let shell = Form::Shell { wall_thickness_m: Range::exactly(0.0) };
-    let result = run(&ball(|_| 0), &[shell], &small()).unwrap();
-    assert_eq!(result.metric().unwrap().object.mass_kg.high, 0.0);
+fn what_has_no_volume_has_no_number_for_it() {
+    let nothing = Form::Shell { wall_thickness_m: Range::exactly(0.0) };
+    let halves = ball(|n| u32::from(n.z > 0.0));
+    let result = run(&halves, &[Form::Solid, nothing], &small()).unwrap();
+    assert_eq!(result.shapes[1].volume, None);
+    let parts = serde_json::to_value(result.metric().unwrap()).unwrap();
+    let [full, empty] = [&parts["parts"][0], &parts["parts"][1]];
+    assert!(full["mass_kg"]["mid"].as_f64().unwrap() > 0.0 && full.get("no_volume").is_none(), "{full}");
+    for key in ["volume_m3", "thickness_m", "mass_kg", "center_of_mass_m", "inertia_kg_m2"] {
+        assert!(empty[key].is_null(), "{key}: {empty}");
+    }
+    assert_eq!(empty["no_volume"], "no_material");
+    assert!(result.warnings.iter().any(|w| w.contains("\"part 1\"") && w.contains("no mass")), "{:?}", result.warnings);
+}
+
+#[test]
+fn an_object_without_a_volume_is_an_error() {
+    let nothing = Form::Shell { wall_thickness_m: Range::exactly(0.0) };
+    let error = run(&ball(|_| 0), &[nothing], &small()).unwrap_err();
+    assert!(matches!(error, PartsError::NoVolume { parts: 1, .. }), "{error:?}");
+    assert!(error.to_string().contains("\"part 0\" (2000 Gaussians) holds no material"), "{error}");
 }
 
 #[test]

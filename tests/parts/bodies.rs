@@ -34,13 +34,15 @@ fn four_legs_are_one_part_or_four_of_the_same_mass() {
     assert_eq!(one.object, four.object);
     let legs = &one.parts[1];
     assert_eq!(legs.bodies.len(), 4);
-    let sum = |of: fn(&gprop::parts::Part) -> f64| four.parts[1..].iter().map(of).sum::<f64>();
+    let legs_mass = legs.mass_kg.unwrap();
+    let mass = |part: &gprop::parts::Part| part.mass_kg.unwrap();
+    let sum = |of: &dyn Fn(&gprop::parts::Part) -> f64| four.parts[1..].iter().map(of).sum::<f64>();
     for (whole, sum) in [
-        (legs.mass_kg.low, sum(|p| p.mass_kg.low)),
-        (legs.mass_kg.mid, sum(|p| p.mass_kg.mid)),
-        (legs.mass_kg.high, sum(|p| p.mass_kg.high)),
-        (legs.bodies.iter().map(|b| b.mass_kg).sum(), sum(|p| p.mass_kg.mid)),
-        (legs.gaussians as f64, sum(|p| p.gaussians as f64)),
+        (legs_mass.low, sum(&|p| mass(p).low)),
+        (legs_mass.mid, sum(&|p| mass(p).mid)),
+        (legs_mass.high, sum(&|p| mass(p).high)),
+        (legs.bodies.iter().map(|b| b.mass_kg).sum(), sum(&|p| mass(p).mid)),
+        (legs.gaussians as f64, sum(&|p| p.gaussians as f64)),
     ] {
         // Sums of the same terms in another order.
         assert!((whole / sum - 1.0).abs() < 1e-12, "{whole} is not {sum}");
@@ -48,8 +50,8 @@ fn four_legs_are_one_part_or_four_of_the_same_mass() {
     for leg in &four.parts[1..] {
         assert!(leg.caption.contains("of 4"), "{}", leg.caption);
         // Equal legs: a twentieth for the cells and the views that see them.
-        assert!((leg.mass_kg.mid * 4.0 / legs.mass_kg.mid - 1.0).abs() < 0.05, "{:?}", leg.mass_kg);
-        let [x, y, _] = leg.center_of_mass_m;
+        assert!((mass(leg).mid * 4.0 / legs_mass.mid - 1.0).abs() < 0.05, "{:?}", leg.mass_kg);
+        let [x, y, _] = leg.center_of_mass_m.unwrap();
         assert!(LEGS.iter().any(|[a, b]| (x - a).hypot(y - b) < 0.03), "{:?}", leg.center_of_mass_m);
     }
 }

@@ -27,7 +27,7 @@ fn wall(thickness_m: f64) -> Form {
 
 /// Prints a part's volume beside the true one and gives the relative error.
 fn error(parts: &Parts, part: usize, truth: f64) -> f64 {
-    let volume = parts.parts[part].volume_m3;
+    let volume = parts.parts[part].volume_m3.unwrap();
     let error = volume.mid / truth - 1.0;
     println!(
         "part {part}: {:.4} {:.4} {:.4}, true {truth:.4}: {:+.1} %",
@@ -40,7 +40,7 @@ fn error(parts: &Parts, part: usize, truth: f64) -> f64 {
 }
 
 fn holds(parts: &Parts, part: usize, truth: f64) -> bool {
-    let volume = parts.parts[part].volume_m3;
+    let volume = parts.parts[part].volume_m3.unwrap();
     volume.low <= truth && truth <= volume.high
 }
 

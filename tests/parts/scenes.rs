@@ -54,8 +54,9 @@ fn masses_of_the_scenes_are_near_the_truth() {
         let (parts, truth) = measured(&folder);
         for part in &parts.parts {
             let known = truth.parts.iter().find(|known| known.name == part.caption).unwrap();
-            row(&part.caption, [part.volume_m3, part.mass_kg], [known.volume_m3, known.mass_kg]);
-            parts_held.push(holds(part.volume_m3, known.volume_m3));
+            let (volume, mass) = (part.volume_m3.unwrap(), part.mass_kg.unwrap());
+            row(&part.caption, [volume, mass], [known.volume_m3, known.mass_kg]);
+            parts_held.push(holds(volume, known.volume_m3));
         }
         let mass = parts.object.mass_kg;
         let true_volume = truth.parts.iter().filter(|p| p.visible).map(|p| p.volume_m3).sum();

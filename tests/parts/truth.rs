@@ -5,9 +5,9 @@ use std::path::{Path, PathBuf};
 
 use gprop::materials::Law;
 use gprop::query::Form;
+use gprop::render::{RenderOptions, render};
 use gprop::scene::{self, Scene};
 use gprop::units::{Estimate, Range};
-use gprop::vote::raster::{RenderOptions, render};
 use gprop::vote::{FieldLabel, MaterialField};
 use rayon::prelude::*;
 use serde::Deserialize;

@@ -63,6 +63,34 @@ fn what_is_no_answer_is_refused_with_the_field_that_is_wrong() {
 }
 
 #[test]
+fn deep_json_is_refused_as_it_is_read() {
+    // Cut off, closed, in lists, and after a small object that is not an answer.
+    let deep = |open: &str, close: &str| format!("{}{}", open.repeat(100_000), close.repeat(100_000));
+    for response in
+        [deep("{\"a\":", ""), deep("{\"a\":", "}"), deep("{\"a\":[", "]}"), format!("{{x}} {}", deep("{\"a\":[", ""))]
+    {
+        let problem = read_as(&response, Unknown::Refuse).expect_err("nothing answers so");
+        assert!(problem.reason.contains("nested more than 16 deep"), "{}", problem.reason);
+    }
+    // Brackets in a text are no nesting.
+    let caption = with(good(), "caption", json!("{[".repeat(100)));
+    assert!(read(&caption).is_ok());
+}
+
+#[test]
+fn a_family_is_taken_in_any_case() {
+    for written in ["WOOD", "Wood", " wood.", "wooden"] {
+        let answer = read(&with(good(), "family", json!(written))).unwrap_or_else(|problem| panic!("{problem:?}"));
+        assert_eq!((answer.family.as_str(), answer.flags), ("wood", vec![]), "{written}");
+    }
+    let (prompts, library) = (Prompts::builtin(), MaterialLibrary::builtin());
+    let questions = Questions::new(&prompts, library, Guidance::Gradual, Context::GlobalLocal).unwrap();
+    let response = json!({ "caption": "a part", "family": "WOOD" }).to_string();
+    let reading = questions.read(questions.first(), &response, library, Unknown::Refuse).unwrap();
+    assert!(matches!(reading, Reading::Next(next) if next.prompt.contains(a("wood"))));
+}
+
+#[test]
 fn json_is_found_in_what_models_write_around_it() {
     let json = good().to_string();
     let pretty = format!("{:#}", good());

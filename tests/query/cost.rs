@@ -1,4 +1,5 @@
-use gprop::query::cost::{Cost, ImageTokens, Ledger, PriceTable};
+use gprop::query::cost::{Cost, ImageTokens, PriceTable};
+use gprop::query::ledger::{Ledger, NotSent, Spent};
 use gprop::query::recorded::Usage;
 
 #[test]
@@ -42,14 +43,53 @@ fn the_ledger_never_commits_more_than_the_budget() {
     let most = 455.0 * 2.5e-6 + 1000.0 * 10e-6;
     assert!((cost.most_usd.unwrap() - most).abs() < 1e-12);
     let ledger = Ledger::new(price, Some(2.5 * most));
-    assert!(ledger.reserve(&cost) && ledger.reserve(&cost));
-    assert!(!ledger.reserve(&cost), "a third might pass the budget");
-    ledger.settle(&cost, Some(Usage { input_tokens: 455, output_tokens: 100 }));
-    assert!(ledger.reserve(&cost), "the first took less than set aside");
-    ledger.release(&cost);
-    ledger.settle(&cost, None);
+    let account = ledger.account(cost);
+    let (first, second) = (account.open().unwrap(), account.open().unwrap());
+    assert_eq!(account.open().unwrap_err(), NotSent::Budget, "a third might pass the budget");
+    first.answered(Some(Usage { input_tokens: 455, output_tokens: 100 }));
+    let third = account.open().expect("the first took less than set aside");
+    third.not_billed();
+    second.answered(None);
     let spent = ledger.spent();
-    assert_eq!(spent.requests, 2);
+    assert_eq!((spent.requests, spent.unanswered), (2, 0));
     assert_eq!(spent.usage, Usage { input_tokens: 910, output_tokens: 1100 });
     assert!((spent.usd.unwrap() - (910.0 * 2.5e-6 + 1100.0 * 10e-6)).abs() < 1e-12);
+}
+
+#[test]
+fn what_may_have_been_billed_counts_at_its_most() {
+    let price = PriceTable::builtin().price("gpt-4o").cloned();
+    let cost = Cost::of_request(&["a question"], (512, 512), 1000, price.as_ref());
+    let ledger = Ledger::new(price, Some(1.5 * cost.most_usd.unwrap()));
+    drop(ledger.account(cost).open().unwrap());
+    let Spent { requests, unanswered, usd, .. } = ledger.spent();
+    assert_eq!((requests, unanswered), (1, 1));
+    assert!((usd.unwrap() - cost.most_usd.unwrap()).abs() < 1e-12);
+    assert_eq!(ledger.account(cost).open().unwrap_err(), NotSent::Budget);
+    ledger.close();
+    assert_eq!(ledger.account(cost).open().unwrap_err(), NotSent::Closed);
+}
+
+#[test]
+fn a_budget_that_is_no_number_lets_nothing_through() {
+    let price = PriceTable::builtin().price("gpt-4o").cloned();
+    let cost = Cost::of_request(&["a question"], (512, 512), 1000, price.as_ref());
+    for budget in [f64::NAN, f64::NEG_INFINITY, -1.0] {
+        let ledger = Ledger::new(price.clone(), Some(budget));
+        assert_eq!(ledger.account(cost).open().unwrap_err(), NotSent::Budget, "{budget}");
+    }
+    // A cost that nobody knows fits no budget.
+    let unknown = Cost::of_request(&["a question"], (512, 512), 1000, None);
+    assert_eq!(Ledger::new(None, Some(9.0)).account(unknown).open().unwrap_err(), NotSent::Budget);
+    assert!(Ledger::new(None, None).account(unknown).open().is_ok());
+}
+
+#[test]
+fn prices_with_which_no_budget_can_be_kept_are_refused() {
+    let header = "model,input_usd_per_mtok,output_usd_per_mtok,image_tokens,as_of,source\n";
+    let rows = ["NaN,2,", "1,inf,", "-1,2,", "1,2,patches 28 100 NaN", "1,2,patches 28 100 -1"];
+    for row in rows {
+        let table = PriceTable::from_csv(&format!("{header}mine,{row},2026-01-01,x\n"));
+        assert!(table.is_err(), "{row}: {table:?}");
+    }
 }

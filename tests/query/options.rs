@@ -25,6 +25,18 @@ fn flags_are_read_and_bounded() {
 }
 
 #[test]
+fn a_budget_is_an_amount_of_money() {
+    for bad in ["nan", "NaN", "inf", "-inf", "-1", "1e999", "two"] {
+        let error = parse(&[&format!("--max-usd={bad}")]).expect_err(bad);
+        assert!(error.to_string().contains("US dollars"), "{bad}: {error}");
+        assert_eq!(error.exit_code(), 2);
+    }
+    for (good, usd) in [("0", 0.0), ("2", 2.0), ("0.50", 0.5)] {
+        assert_eq!(parse(&["--max-usd", good]).unwrap().max_usd, Some(usd));
+    }
+}
+
+#[test]
 fn what_changes_no_answer_is_not_part_of_the_written_options() {
     let options =
         Options { lmm_parallel: 9, max_usd: Some(1.0), lmm_url: Some("http://h".into()), ..Options::default() };

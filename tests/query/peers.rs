@@ -5,12 +5,11 @@ use std::path::{Path, PathBuf};
 use std::process::{Child, Command, Output, Stdio};
 use std::time::{Duration, Instant};
 
-use gprop::query::client::Client;
 use gprop::query::{Options, Prompts, QueryError};
 use serde_json::{Value, json};
 
-use super::batch::Place;
-use super::{a, good_answer, grid, prepare, recordings, run, small};
+use super::batch_api::Place;
+use super::{a, connect, good_answer, grid, prepare, recordings, run, small};
 use crate::support::skipped;
 
 /// A server process, ended with the test.
@@ -25,6 +24,7 @@ impl Peer {
         let port = TcpListener::bind("127.0.0.1:0").unwrap().local_addr().unwrap().port();
         let child = command(port).stdout(Stdio::null()).stderr(Stdio::null()).spawn().unwrap();
         let peer = Self { child, port };
+        // Another program: all that is known is that it comes to listen, in a second or so.
         let start = Instant::now();
         while TcpStream::connect(("127.0.0.1", port)).is_err() {
             assert!(start.elapsed() < Duration::from_secs(60), "the peer does not listen");
@@ -111,7 +111,7 @@ fn llmock_finds_the_client_well_behaved_over_five_hundred_queries_with_faults() 
 
     let folder = tempfile::tempdir().unwrap();
     let (prompts, options) = (Prompts::builtin(), peer.options());
-    let client = Client::new(&options, None).unwrap().unwrap();
+    let client = connect(&options, None).unwrap().unwrap();
     let queries = prepare(&[grid(500)], &prompts, &options);
     let outcome = run(&queries, &recordings(folder.path()), Some(&client)).unwrap();
     assert_eq!((outcome.answers.parts.len(), outcome.answers.failed().count()), (500, 0));
@@ -142,7 +142,7 @@ fn llmock_finds_no_fault_with_a_client_that_is_told_to_wait() {
 
     let folder = tempfile::tempdir().unwrap();
     let (prompts, options) = (Prompts::builtin(), peer.options());
-    let client = Client::new(&options, None).unwrap().unwrap();
+    let client = connect(&options, None).unwrap().unwrap();
     let outcome = run(&prepare(&[grid(3)], &prompts, &options), &recordings(folder.path()), Some(&client)).unwrap();
     assert_eq!(outcome.answers.failed().count(), 0);
     let report = llmock(name, &["report", "--strict", "--json", "--url", &peer.url("")]).unwrap().output().unwrap();
@@ -160,7 +160,7 @@ fn aimock_answers_through_rate_limits_cut_connections_and_broken_json() {
         command
     });
     let (prompts, options) = (Prompts::builtin(), peer.options());
-    let client = Client::new(&options, None).unwrap().unwrap();
+    let client = connect(&options, None).unwrap().unwrap();
     let recorded = folder.path().join("recorded");
     let queries = prepare(&[grid(100)], &prompts, &options);
     let outcome = run(&queries, &recordings(&recorded), Some(&client)).unwrap();
@@ -186,12 +186,13 @@ fn aimock_works_off_a_batch_and_its_answers_are_checked() {
         command
     });
     let (place, options) = (Place::new(), peer.options());
-    assert_eq!(place.desk(&options).submit().unwrap().sent, 3);
+    assert_eq!(place.query_session(&options).submit().unwrap().sent, 3);
+    // Another program works it off by its own clock, in a second or so.
     let start = Instant::now();
     let ended = loop {
-        let collected = place.desk(&options).collect().unwrap();
+        let collected = place.query_session(&options).collect().unwrap();
         match collected.require_all() {
-            Err(QueryError::BatchRunning { .. }) if start.elapsed() < Duration::from_secs(60) => {
+            Err(QueryError::BatchApiRunning { .. }) if start.elapsed() < Duration::from_secs(60) => {
                 std::thread::sleep(Duration::from_millis(100));
             }
             _ => break collected,
@@ -200,6 +201,6 @@ fn aimock_works_off_a_batch_and_its_answers_are_checked() {
     // It answers every question of a batch with the words "Mock batch completion": an answer that came and is none.
     let why: Vec<_> = ended.failed.into_iter().collect();
     assert!(matches!(&why[..], [(reason, 3)] if reason.contains("no JSON")), "{why:?}");
-    let desk = place.desk(&options);
-    assert_eq!(desk.plan(&desk.queries().unwrap()).recorded, 1, "the one that was asked at once");
+    let session = place.query_session(&options);
+    assert_eq!(session.preview(&session.queries().unwrap()).recorded, 1, "the one that was asked at once");
 }

@@ -1,14 +1,18 @@
 //! `gprop query` as a user types it, against a server on loopback.
 
 use std::fs;
+use std::io::{BufRead, BufReader};
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output, Stdio};
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Duration;
 
 use image::{Rgba, RgbaImage};
 use serde_json::{Value, json};
 
 use super::client::{CANARY, Server, error, ok};
+use super::offline::{assert_untouched, listener};
 use super::{a, good_answer, with};
 use crate::run::{gprop, hammer};
 use crate::support::models;
@@ -84,6 +88,115 @@ fn one_picture_is_enough() {
     let pruned = query(&path, None, &["--prune", "--labels", "abo"]).output().unwrap();
     assert!(said(&pruned).contains(&format!("{parts} recordings removed, 0 kept")), "{}", said(&pruned));
     assert_eq!(recorded(&work), 0);
+}
+
+#[test]
+fn who_is_asked_about_how_many_pictures_is_told_before_the_first_request() {
+    if models("who_is_asked_about_how_many_pictures_is_told_before_the_first_request").is_none() {
+        return;
+    }
+    let folder = tempfile::tempdir().unwrap();
+    let path = picture(folder.path());
+    // The server answers nothing before the test has read who is asked.
+    let (told, wait) = std::sync::mpsc::channel::<()>();
+    let wait = std::sync::Mutex::new(wait);
+    let server = Server::new(move |count, _, _| {
+        if count == 0 && wait.lock().unwrap().recv_timeout(Duration::from_secs(60)).is_err() {
+            return error(403, "nothing was told within a minute");
+        }
+        ok(&good_answer(a("wood")).to_string())
+    });
+    let url = format!("{}?key={CANARY}", server.options().lmm_url.unwrap());
+    let host = url.strip_prefix("http://").unwrap().split('/').next().unwrap();
+    let mut command = query(&path, None, &["-q", "--lmm-url", &url, "--lmm-model", "gpt-4o", "--max-usd", "5"]);
+    let mut child = command.stdout(Stdio::null()).stderr(Stdio::piped()).spawn().unwrap();
+    let mut lines = BufReader::new(child.stderr.take().unwrap()).lines().map(Result::unwrap);
+    let first = lines.next().expect("a line before the first answer");
+    told.send(()).unwrap();
+    let rest: Vec<String> = lines.collect();
+    assert!(child.wait().unwrap().success(), "{first}\n{}", rest.join("\n"));
+
+    let pictures = recorded(&folder.path().join("tool.gprop"));
+    let noun = if pictures == 1 { "picture" } else { "pictures" };
+    assert!(first.starts_with(&format!("asking gpt-4o at {host} about {pictures} {noun}: ")), "{first}");
+    assert!(first.contains(" USD") && first.contains("at most 5 USD by --max-usd"), "{first}");
+    assert!(!first.contains(CANARY) && !rest.join("\n").contains(CANARY), "{first} {rest:?}");
+    for file in files(folder.path()) {
+        let bytes = fs::read(&file).unwrap();
+        assert!(!bytes.windows(CANARY.len()).any(|window| window == CANARY.as_bytes()), "the key is in {file:?}");
+    }
+
+    // Where all is recorded nobody is asked, and nothing is told.
+    let replayed = query(&path, None, &["-q", "--lmm-url", &url, "--lmm-model", "gpt-4o"]).output().unwrap();
+    assert!(replayed.status.success() && said(&replayed).is_empty(), "{}", said(&replayed));
+}
+
+#[test]
+fn a_wait_that_the_server_asks_for_is_shown() {
+    if models("a_wait_that_the_server_asks_for_is_shown").is_none() {
+        return;
+    }
+    let folder = tempfile::tempdir().unwrap();
+    let path = picture(folder.path());
+    let server = Server::new(|count, _, _| match count {
+        0 => error(429, "slow down").insert_header("retry-after", "1"),
+        _ => ok(&good_answer(a("wood")).to_string()),
+    });
+    let output = query(&path, Some(&server), &["--lmm-parallel", "1"]).output().unwrap();
+    assert!(output.status.success(), "{}", said(&output));
+    assert!(said(&output).contains("waiting 1 s, as the server asks"), "{}", said(&output));
+}
+
+#[test]
+fn offline_opens_no_connection() {
+    if models("offline_opens_no_connection").is_none() {
+        return;
+    }
+    let folder = tempfile::tempdir().unwrap();
+    let path = picture(folder.path());
+    let (listener, url) = listener();
+    let asking = ["--lmm-url", &url, "--lmm-model", "gpt-4o"];
+    let ways: [(&[&str], &str, &str); 5] = [
+        (&[], "1", "GPROP_OFFLINE"),
+        (&["--answers", "live"], "1", "GPROP_OFFLINE"),
+        (&["--batch-api", "submit"], "1", "GPROP_OFFLINE"),
+        (&["--offline"], "0", "--offline"),
+        (&["--offline", "--batch-api", "submit"], "0", "--offline"),
+    ];
+    for (more, variable, named) in ways {
+        let mut command = query(&path, None, &[&asking, more].concat());
+        let output = command.env("GPROP_OFFLINE", variable).output().unwrap();
+        assert_eq!(output.status.code(), Some(5), "{more:?}: {}", said(&output));
+        assert!(said(&output).contains(named) && !said(&output).contains("asking"), "{more:?}: {}", said(&output));
+        assert_untouched(&listener);
+    }
+    assert!(!folder.path().join("tool.gprop/recorded").exists());
+
+    // What is recorded needs no connection.
+    let server = Server::new(|_, _, _| ok(&good_answer(a("wood")).to_string()));
+    assert!(query(&path, Some(&server), &[]).output().unwrap().status.success());
+    let asked = server.requests().len();
+    let offline = query(&path, Some(&server), &["--offline"]).output().unwrap();
+    assert!(offline.status.success(), "{}", said(&offline));
+    assert_eq!(server.requests().len(), asked);
+
+    // A submission that is to be collected is not.
+    let waiting = json!({ "jobs": [{ "id": "b", "waiting": [] }] });
+    fs::write(folder.path().join("tool.gprop/batch_api.json"), waiting.to_string()).unwrap();
+    let output =
+        query(&path, None, &[&asking[..], &["--offline", "--batch-api", "collect"]].concat()).output().unwrap();
+    assert_eq!(output.status.code(), Some(5), "{}", said(&output));
+    assert!(said(&output).contains("--offline"), "{}", said(&output));
+    assert_untouched(&listener);
+}
+
+#[test]
+fn a_budget_that_is_no_amount_is_refused_as_it_is_typed() {
+    for usd in ["nan", "inf", "-1"] {
+        let output = gprop().args(["query", "nowhere", "--max-usd", usd]).output().unwrap();
+        assert_eq!(output.status.code(), Some(2), "{usd}: {}", said(&output));
+        assert!(said(&output).contains("--max-usd") && said(&output).contains("US dollars"), "{}", said(&output));
+    }
 }
 
 #[test]
@@ -179,22 +292,31 @@ fn a_kill_loses_no_answer() {
         return;
     }
     let scene = one_view();
-    let server = Server::new(|_, _, _| ok(&good_answer(a("wood")).to_string()).set_delay(Duration::from_millis(300)));
+    // Before the kill the server keeps silent from its third answer on, so that the run is still there on any machine.
+    let killed = Arc::new(AtomicBool::new(false));
+    let answers = Arc::clone(&killed);
+    let server = Server::new(move |count, _, _| {
+        let silent = count >= 2 && !answers.load(Ordering::SeqCst);
+        let delay = if silent { Duration::from_secs(3600) } else { Duration::ZERO };
+        ok(&good_answer(a("wood")).to_string()).set_delay(delay)
+    });
     let one_by_one = [ONE_VIEW, &["--lmm-parallel", "1"]].concat();
     let mut command = query(scene.path(), Some(&server), &one_by_one);
     let mut child = command.stdout(Stdio::null()).stderr(Stdio::null()).spawn().unwrap();
     while server.requests().len() < 3 {
         assert!(child.try_wait().unwrap().is_none(), "it ended before it was killed");
+        // The run comes to its third question in its own time.
         std::thread::sleep(Duration::from_millis(20));
     }
     child.kill().unwrap();
     child.wait().unwrap();
+    killed.store(true, Ordering::SeqCst);
     assert!(recorded(scene.path()) >= 2, "what was answered is recorded");
 
     let output = query(scene.path(), Some(&server), &one_by_one).output().unwrap();
     assert!(output.status.success(), "{}", said(&output));
     let parts = fs::read_to_string(scene.path().join("gprop/answers.jsonl")).unwrap().lines().count();
-    assert_eq!(recorded(scene.path()), parts);
+    assert_eq!(recorded(scene.path()), parts, "what was locked by the killed run is no longer there");
     let asked = server.requests().len();
     assert!(asked == parts || asked == parts + 1, "{asked} requests for {parts} parts: only the last may be lost");
 }

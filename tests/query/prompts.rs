@@ -55,4 +55,7 @@ fn a_misspelt_placeholder_and_a_broken_schema_are_errors() {
     std::fs::write(folder.path().join("answer.schema.json"), "{").unwrap();
     assert!(matches!(Prompts::from_folder(folder.path()), Err(PromptError::Schema { .. })));
     assert!(matches!(Prompts::from_folder(&folder.path().join("none")), Err(PromptError::NoFolder(_))));
+    let other = tempfile::tempdir().unwrap();
+    std::fs::write(other.path().join("parts.txt"), "misspelt").unwrap();
+    assert!(matches!(Prompts::from_folder(other.path()), Err(PromptError::NoFile(_))));
 }

@@ -1,7 +1,7 @@
 use std::fs;
 
 use gprop::progress::Progress;
-use gprop::query::asker::{AskError, Said};
+use gprop::query::asker::{AskError, ReplyContent};
 use gprop::query::recorded::{RecordingError, Recordings};
 use gprop::query::{AnswerSource, Failure, Guidance, Match, Options, Outcome, Prompts, QueryError};
 
@@ -186,7 +186,7 @@ fn failures_are_typed_counted_and_never_recorded() {
     let queries = prepare(&views, &prompts, &options);
     let pictures: Vec<Vec<u8>> = queries.parts.iter().map(|part| part.jpeg.clone()).collect();
     let asker = Scripted::new(|ask| match pictures.iter().position(|picture| picture == ask.picture) {
-        Some(0) => Ok(Said::Refusal("not this one".into())),
+        Some(0) => Ok(ReplyContent::Refusal("not this one".into())),
         Some(1) => Err(AskError::Failed("status 500".into())),
         Some(2) => text("no idea"),
         _ => text(good_answer(a("wood"))),
@@ -218,11 +218,15 @@ fn an_endpoint_beyond_hope_ends_the_run_and_keeps_what_was_answered() {
         if ask.picture == first {
             return text(good_answer(a("wood")));
         }
-        std::thread::sleep(std::time::Duration::from_millis(100));
-        Err(AskError::Hopeless("wrong key".into()))
+        // The first answer, asked for at the same time, is recorded by now, however long that takes.
+        while recordings(folder.path()).is_empty() {
+            std::thread::sleep(std::time::Duration::from_millis(1));
+        }
+        Err(AskError::Fatal("wrong key".into()))
     });
     let error = run(&queries, &recordings(folder.path()), Some(&asker)).unwrap_err();
-    assert!(matches!(&error, QueryError::Endpoint { left: 3, .. }), "{error:?}");
+    // Which of the two is heard of first is a matter of threads.
+    assert!(matches!(&error, QueryError::Endpoint { left: 3 | 4, .. }), "{error:?}");
     assert_eq!(recordings(folder.path()).len(), 1);
 }
 
@@ -258,18 +262,18 @@ fn the_budget_stops_before_and_during_the_run() {
     let with_budget = |max_usd: f64| {
         let options = Options { max_usd: Some(max_usd), lmm_parallel: 1, ..small() };
         let queries = prepare(&views, &prompts, &options);
-        let plan = queries.plan(&recordings(folder.path()), None, price.as_ref());
+        let preview = queries.preview(&recordings(folder.path()), None, price.as_ref());
         let store = recordings(folder.path());
         let run = queries.run(&store, Some(&asker), price.as_ref(), &mut |_, _| Ok(()), Progress::Hidden);
-        (plan, run)
+        (preview, run)
     };
-    let (plan, result) = with_budget(1e-6);
+    let (preview, result) = with_budget(1e-6);
     assert!(matches!(result, Err(QueryError::OverBudget { requests: 4, .. })), "{result:?}");
     assert_eq!(asker.count(), 0);
-    assert_eq!((plan.parts, plan.recorded, plan.cost.requests), (4, 0, 4));
+    assert_eq!((preview.parts, preview.recorded, preview.cost.requests), (4, 0, 4));
 
     // Enough for what the answers usually take, too little for all of them at their longest.
-    let (_, result) = with_budget(plan.cost.usd.unwrap() * 1.01);
+    let (_, result) = with_budget(preview.cost.usd.unwrap() * 1.01);
     let asked = asker.count();
     match result {
         Err(QueryError::BudgetSpent { left, spent_usd, max_usd }) => {
@@ -340,7 +344,7 @@ fn what_refusals_and_empty_answers_took_is_paid_too() {
     let folder = tempfile::tempdir().unwrap();
     let prompts = Prompts::builtin();
     let options = small();
-    let asker = Scripted::new(|_| Ok(Said::Nothing("the answer is empty".into())));
+    let asker = Scripted::new(|_| Ok(ReplyContent::Empty("the answer is empty".into())));
     let queries = prepare(&[two_parts("000", 80, 80)], &prompts, &options);
     let run = run(&queries, &recordings(folder.path()), Some(&asker)).unwrap();
     assert_eq!((run.spent.requests, run.spent.usage.input_tokens), (2, 2000));

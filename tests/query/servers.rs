@@ -1,19 +1,18 @@
 //! Servers as people have them: each takes its own part of the API, and each must end in a checked answer.
 
-use gprop::query::client::Client;
 use gprop::query::{Options, Outcome, Prompts};
 use serde_json::Value;
 use wiremock::ResponseTemplate;
 
 use super::client::{Server, error, ok};
-use super::{a, completion, good_answer, prepare, recordings, run, two_parts};
+use super::{a, completion, connect, good_answer, prepare, recordings, run, two_parts};
 
 /// Both parts of a view are answered, in so many requests.
 fn assert_answered(server: &Server, prompts: &Prompts, requests: usize) -> gprop::query::Run {
     let folder = tempfile::tempdir().unwrap();
     let options = Options { lmm_parallel: 1, ..server.options() };
     let queries = prepare(&[two_parts("000", 80, 80)], prompts, &options);
-    let client = Client::new(&options, None).unwrap().unwrap();
+    let client = connect(&options, None).unwrap().unwrap();
     let run = run(&queries, &recordings(folder.path()), Some(&client)).unwrap();
     for part in &run.answers.parts {
         assert!(matches!(&part.outcome, Outcome::Answered(answer) if answer.material == a("wood")), "{part:?}");

@@ -1,7 +1,5 @@
 //! The page in headless Chromium, from disk.
 
-use std::time::Duration;
-
 use headless_chrome::browser::tab::point::Point;
 
 use crate::support::browser::Page;
@@ -72,21 +70,18 @@ fn a_click_on_the_object_reads_the_parts_number() {
     let picture = "document.getElementById('object').toDataURL()";
     let before = page.evaluate(picture);
     page.evaluate("document.querySelector('.list [aria-pressed=false]').click()");
-    page.settle();
-    std::thread::sleep(Duration::from_secs(1));
-    assert_ne!(page.evaluate(picture), before, "the object is drawn anew");
+    assert!(page.changes(picture, &before), "the object is drawn anew");
 
     // Keys: Escape lets go, an arrow turns.
     page.tab.find_element("#object").unwrap().focus().unwrap();
+    let before = page.evaluate(picture);
     page.tab.press_key("Escape").unwrap();
+    assert!(page.changes(picture, &before), "all parts are shown alike");
     assert_eq!(page.evaluate("document.querySelectorAll('.list [aria-pressed=true]').length"), 0);
     page.settle();
-    std::thread::sleep(Duration::from_secs(1));
     let before = page.evaluate(picture);
     page.tab.press_key("ArrowLeft").unwrap();
-    page.settle();
-    std::thread::sleep(Duration::from_secs(1));
-    assert_ne!(page.evaluate(picture), before, "the object is turned");
+    assert!(page.changes(picture, &before), "the object is turned");
 
     // Every colouring has a legend, and the theme turns.
     let modes =

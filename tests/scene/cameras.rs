@@ -115,7 +115,7 @@ fn a_bad_colmap_model_is_refused() {
         binary(&[&u64::MAX.to_le_bytes()[..], &good[8..]].concat()).contains("within camera 1 of 18446744073709551615")
     );
     assert!(binary(&cameras_binary(&[(1, 17, &[])])).contains("number 17"));
-    assert!(binary(&cameras_binary(&[(1, 1, &[10.0, f64::NAN, 4.0, 3.0])])).contains("no number"));
+    assert!(binary(&cameras_binary(&[(1, 1, &[10.0, f64::NAN, 4.0, 3.0])])).contains("is not a number"));
     assert!(binary(&cameras_binary(&[(1, 0, &[-10.0, 4.0, 3.0])])).contains("focal length"));
     assert!(binary(&cameras_binary(&[(1, 7, &[10.0, 10.0, 4.0, 3.0, 9.0])])).contains("lens parameters"));
     assert!(text("1 PINHOLE 8 6 1 2 3").contains("3 parameters where its model PINHOLE has 4"));
@@ -225,8 +225,24 @@ fn a_3dgs_output_folder() {
     std::fs::rename(made_up.path("images"), data.path().join("photos")).unwrap();
     let cfg_args = format!("Namespace(sh_degree=3, source_path={:?}, images='photos')", data.path().to_str().unwrap());
     std::fs::write(made_up.path("cfg_args"), cfg_args).unwrap();
-    let scene = made_up.load_as_is(&Options::default()).unwrap();
-    assert_eq!(scene.views[2].image, data.path().join("photos/002.png"));
+    let photos = data.path().join("photos");
+    let words = ["which `", "cfg_args` names", "outside the scene folder", &format!("--images `{}`", photos.display())];
+    assert_message(made_up.load_as_is(&Options::default()), &words);
+    let named = Options { images: Some(photos.clone()), ..Options::default() };
+    let allowed = Options { allow_read: vec![data.path().to_owned()], ..Options::default() };
+    for options in [named, allowed] {
+        assert_eq!(made_up.load_as_is(&options).unwrap().views[2].image, photos.join("002.png"));
+    }
+    // The cameras stayed there too.
+    std::fs::rename(made_up.path("cameras.json"), data.path().join("cameras.json")).unwrap();
+    let cameras = data.path().join("cameras.json");
+    let words = ["camera file `", "cfg_args` names", &format!("--cameras `{}`", cameras.display())];
+    assert_message(made_up.load_as_is(&Options::default()), &words);
+    let named = Options { cameras: Some(cameras), images: Some(photos), ..Options::default() };
+    assert_same_cameras(
+        &made_up.load_as_is(&named).unwrap(),
+        &made_up.load_as_is(&Options { allow_read: vec![data.path().to_owned()], ..Options::default() }).unwrap(),
+    );
 }
 
 #[test]
@@ -278,7 +294,7 @@ fn the_cameras_that_are_asked_for_are_used() {
         assert_same_cameras(&original, &scene);
     }
     let other = Options { cameras: Some(made_up.path("point_cloud.ply")), ..Options::default() };
-    assert_message(made_up.load_as_is(&other), &["point_cloud.ply", "no camera file that gprop knows"]);
+    assert_message(made_up.load_as_is(&other), &["point_cloud.ply", "is not a camera file that gprop knows"]);
 }
 
 /// Trains nothing: applies nerfstudio's transform to the splat's one Gaussian and checks that it is seen where it was.
@@ -330,6 +346,26 @@ fn nerfstudio_lenses() {
     assert_eq!(lens(fisheye).unwrap(), Distortion::fisheye([0.1, 0.2, 0.3, 0.4]));
     assert_eq!(lens(json!({"k1": 0.0})).unwrap(), Distortion::None);
     assert!(lens(json!({"camera_model": "EQUIRECTANGULAR"})).is_err());
+}
+
+#[test]
+fn masks_that_are_missing_are_named() {
+    let made_up = super::folder::MadeUp::new();
+    let masks = tempfile::tempdir().unwrap();
+    let options = Options { masks: Some(masks.path().to_owned()), ..Options::default() };
+    let refused = made_up.load_with(&options).unwrap_err().to_string();
+    assert!(refused.contains("--masks") && refused.contains("for any of the 4 views"), "{refused}");
+    let white = image::GrayImage::from_pixel(8, 6, image::Luma([255]));
+    for name in ["000", "002"] {
+        white.save(masks.path().join(format!("{name}.png"))).unwrap();
+    }
+    let scene = made_up.load_with(&options).unwrap();
+    let [warning] = &scene.warnings[..] else { panic!("{:?}", scene.warnings) };
+    assert!(warning.contains("--masks") && warning.contains("2 of 4 views: 001, 003"), "{warning}");
+    for name in ["001", "003"] {
+        white.save(masks.path().join(format!("{name}.png"))).unwrap();
+    }
+    assert_eq!(made_up.load_with(&options).unwrap().warnings, Vec::<String>::new());
 }
 
 #[test]

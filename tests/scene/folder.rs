@@ -320,7 +320,7 @@ fn a_bad_frame_is_numbered() {
     check("/frames/2/transform_matrix/0/0", json!(-1.0), &with("not a rotation"));
     check("/frames/2/fl_x", json!(-3.0), &with("fl_x = -3"));
     check("/frames/2/w", json!(0.2), &with("w = 0"));
-    check("/camera_model", json!("EQUIRECTANGULAR"), &["frame 0", "EQUIRECTANGULAR is none that gprop knows"]);
+    check("/camera_model", json!("EQUIRECTANGULAR"), &["frame 0", "does not know the camera_model EQUIRECTANGULAR"]);
     check("/fl_x", Value::Null, &["frame 0", "no focal length"]);
     check("/frames/2/file_path", json!("../secret.png"), &["frame 2", "leads out of the scene folder"]);
     check("/frames/2/file_path", json!("images/../../secret.png"), &["frame 2", "leads out of the scene folder"]);

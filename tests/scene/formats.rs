@@ -3,9 +3,9 @@
 use std::io::Write;
 use std::path::{Path, PathBuf};
 
+use gprop::render::{RenderOptions, render};
 use gprop::scene::gaussians::Gaussians;
 use gprop::scene::{self, Options, ply, splat, spz};
-use gprop::vote::raster::{RenderOptions, render};
 use proptest::prelude::*;
 
 /// A file of the shared data; a message and `None` where it is not there.
@@ -127,6 +127,84 @@ fn a_bad_spz_is_refused() {
     let mut truncated = gzip(&good);
     truncated.truncate(30);
     assert!(message(&truncated).contains("cannot be decompressed"), "{}", message(&truncated));
+}
+
+/// As gzip and as it is, with `more` at the end of what is compressed.
+fn legacy(flags: u8, more: &[u8]) -> [Vec<u8>; 2] {
+    let mut file = spz_plain(3, &FIXED, &[0; 4]);
+    file[14] = flags;
+    file.extend(more);
+    [gzip(&file), file]
+}
+
+#[test]
+fn an_spz_is_checked_to_its_last_byte() {
+    let message = |file: &[u8]| spz::parse(file).expect_err("it is damaged").to_string();
+    let good = gzip(&spz_plain(3, &FIXED, &[0; 4]));
+    assert!(spz::parse(&good).is_ok());
+    // The trailer: CRC-32 and length of what was compressed, four bytes each.
+    for at in good.len() - 8..good.len() {
+        let mut damaged = good.clone();
+        damaged[at] ^= 0x10;
+        assert!(message(&damaged).contains("cannot be decompressed"), "byte {at}: {}", message(&damaged));
+    }
+    for missing in 1..=8 {
+        let cut = &good[..good.len() - missing];
+        assert!(message(cut).contains("cannot be decompressed"), "{missing} bytes cut off: {}", message(cut));
+    }
+    for rest in [&b"x"[..], &[0; 512], &good] {
+        let message = message(&[&good, rest].concat());
+        assert!(message.contains(&format!("{} bytes after its end", rest.len())), "{message}");
+    }
+    for file in legacy(0, &[7]) {
+        assert!(message(&file).contains("than its 1 Gaussians take"), "{}", message(&file));
+    }
+    // Records of other programs are announced, and checked as part of the stream.
+    for (file, is_gzip) in legacy(2, &[7; 100]).into_iter().zip([true, false]) {
+        assert_eq!(spz::parse(&file).unwrap().gaussians.len(), 1);
+        if is_gzip {
+            assert!(message(&file[..file.len() - 1]).contains("cannot be decompressed"));
+        }
+    }
+    // A stored block: what is damaged in it decompresses without a complaint of its own.
+    let mut encoder = flate2::write::GzEncoder::new(Vec::new(), flate2::Compression::none());
+    encoder.write_all(&spz_plain(3, &FIXED, &[0; 4])).unwrap();
+    let mut stored = encoder.finish().unwrap();
+    let (color, at) = ([128, 0, 128, 255], stored.len() - 8 - 20);
+    let at = (0..=at).rfind(|&at| stored[at..].starts_with(&color)).unwrap();
+    stored[at] = 129;
+    assert!(message(&stored).contains("cannot be decompressed"), "{}", message(&stored));
+}
+
+#[test]
+fn the_checksum_of_a_zstd_stream_is_checked() {
+    let file = |checksum: Option<u32>| {
+        // Frames of one raw block (RFC 8878): a single segment whose length is in one byte.
+        let frame = |bytes: &[u8]| {
+            let flags = 0x20 | if checksum.is_some() { 4 } else { 0 };
+            let mut frame = [0xFD2F_B528_u32.to_le_bytes().as_slice(), &[flags, bytes.len() as u8]].concat();
+            frame.extend(&((bytes.len() as u32) << 3 | 1).to_le_bytes()[..3]);
+            frame.extend(bytes);
+            frame.extend(checksum.into_iter().flat_map(u32::to_le_bytes));
+            frame
+        };
+        let streams = [9, 1, 3, 3, 4].map(|length| (length as u64, frame(&vec![128; length])));
+        let mut file = [b"NGSP".as_slice(), &4_u32.to_le_bytes(), &1_u32.to_le_bytes(), &[0, 12, 0, 5]].concat();
+        file.extend(32_u32.to_le_bytes());
+        file.resize(32, 0);
+        for (length, stream) in &streams {
+            file.extend((stream.len() as u64).to_le_bytes());
+            file.extend(length.to_le_bytes());
+        }
+        file.extend(streams.map(|(_, stream)| stream).concat());
+        file
+    };
+    let good = file(None);
+    assert_eq!(spz::parse(&good).unwrap().gaussians.len(), 1);
+    let damaged = spz::parse(&file(Some(1))).unwrap_err().to_string();
+    assert!(damaged.contains("its checksum does not match"), "{damaged}");
+    let longer = spz::parse(&[good, vec![0; 3]].concat()).unwrap_err().to_string();
+    assert!(longer.contains("3 bytes after its end"), "{longer}");
 }
 
 /// A compressed PLY of one chunk.

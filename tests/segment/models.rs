@@ -62,10 +62,10 @@ fn every_form_of_the_export_gives_the_three_levels() {
         let Some(files) = tiny("every_form_of_the_export_gives_the_three_levels", decoder) else { return };
         let sam = Sam::open(&files, 2).unwrap();
         assert_eq!(sam.batch(), batch, "{decoder}");
-        let sight = sam.look(&sam.encode(&plain_input(rgb)).unwrap()).unwrap();
+        let prepared = sam.prepare(&sam.encode(&plain_input(rgb)).unwrap()).unwrap();
         let mut decoded = 0;
         for points in points.chunks(batch) {
-            sam.decode(&sight, points, &|_| [true; 3], |index, masks| {
+            sam.decode(&prepared, points, &|_| [true; 3], |index, masks| {
                 decoded += 1;
                 let shift = (points[index][0] + points[index][1]) / 1000.0;
                 for level in 0..3 {
@@ -106,10 +106,10 @@ fn the_decoder_computes_what_onnx_runtime_computes() {
     let photo = image::open(root().join("fixtures/hammer/images/000.png")).unwrap().into_rgb8();
     let embedding = own.encode(&prepare(&photo).input).unwrap();
     let answers = |sam: &Sam, wanted: [bool; 3]| {
-        let sight = sam.look(&embedding).unwrap();
+        let prepared = sam.prepare(&embedding).unwrap();
         let mut answers = Vec::new();
         for point in [[512.0, 512.0], [300.0, 700.0], [20.0, 1000.0]] {
-            sam.decode(&sight, &[point], &|_| wanted, |_, decoded| {
+            sam.decode(&prepared, &[point], &|_| wanted, |_, decoded| {
                 answers.push((decoded.logits.map(|logits| logits.map(<[f32]>::to_vec)), decoded.predicted_iou));
             })
             .unwrap();

@@ -7,13 +7,14 @@ use gprop::scene::gaussians::Gaussians;
 use gprop::simulate::SimulateError;
 use gprop::simulate::compat::config::Config;
 use gprop::simulate::compat::law::Strength;
-use gprop::simulate::compat::solver::{Particle, Solver};
+use gprop::simulate::compat::particle::Particle;
+use gprop::simulate::compat::solver::Solver;
 use gprop::simulate::compat::{run, strength_at};
 use nalgebra::Vector3;
 
 use crate::support::skipped;
 
-/// The reference `name`; `None`, said aloud, where this is no development checkout.
+/// The reference `name`; `None`, said aloud, where this is not a development checkout.
 fn reference(test: &str, name: &str) -> Option<Npz> {
     let root = Path::new(env!("CARGO_MANIFEST_DIR"));
     let folders = ["../shared/reference/mpm", "../../shared/reference/mpm"].map(|folder| root.join(folder));

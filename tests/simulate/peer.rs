@@ -20,7 +20,7 @@ use crate::support::skipped;
 struct Npz(zip::ZipArchive<Cursor<Vec<u8>>>);
 
 impl Npz {
-    /// The reference `name`; `None` where this is no development checkout.
+    /// The reference `name`; `None` where this is not a development checkout.
     fn reference(name: &str) -> Option<Self> {
         let root = Path::new(env!("CARGO_MANIFEST_DIR"));
         let folders = ["../shared/reference/mpm", "../../shared/reference/mpm"].map(|folder| root.join(folder));

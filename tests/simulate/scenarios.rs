@@ -90,7 +90,7 @@ fn wrong_names_are_refused_with_what_there_is() {
     let why = |result: Result<Script, SimulateError>| result.unwrap_err().to_string();
     assert!(why(named("dorp", &[])).contains("drop, push"));
     assert!(why(named("push", &["fierce=2".to_owned()])).contains("`fierce`"));
-    assert!(why(named("push", &["force=much".to_owned()])).contains("no number"));
+    assert!(why(named("push", &["force=much".to_owned()])).contains("is not a number"));
     assert!(why(Script::from_toml("height = 1")).contains("height"));
     let low = named("drop", &["height=0.1".to_owned()]).unwrap();
     assert_eq!((low.drop_height, low.tilt_deg), (0.1, 25.0));

@@ -2,7 +2,7 @@
 
 use std::ffi::OsStr;
 use std::sync::{Arc, Mutex};
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
 use headless_chrome::browser::default_executable;
 use headless_chrome::protocol::cdp::types::Event;
@@ -70,6 +70,18 @@ impl Page {
     /// Waits until the script has drawn twice.
     pub fn settle(&self) {
         self.evaluate("new Promise((done) => requestAnimationFrame(() => requestAnimationFrame(() => done(1))))");
+    }
+
+    /// Waits until a script no longer gives `before`, and says whether it came to that.
+    pub fn changes(&self, script: &str, before: &Value) -> bool {
+        let since = Instant::now();
+        while since.elapsed() < PATIENCE {
+            self.settle();
+            if self.evaluate(script) != *before {
+                return true;
+            }
+        }
+        false
     }
 
     /// Errors and whatever else the page said to the console.

@@ -6,7 +6,7 @@
 //! optimum, so the true bound may lie a little higher.
 
 use gprop::evaluate::segmentation::IouTally;
-use gprop::vote::raster::{FOREGROUND_ALPHA, LANES, RenderOptions, Sink, Splat, TileRect, pixels, visit};
+use gprop::render::{FOREGROUND_ALPHA, LANES, RenderOptions, Sink, Splat, TileRect, pixels, visit};
 
 use super::scenes::{HeldOut, Measured};
 

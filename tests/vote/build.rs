@@ -49,7 +49,7 @@ pub fn cloud(blobs: &[Blob]) -> Gaussians {
         cloud.log_scales.push(blob.scale.map(f32::ln));
         cloud.rotations.push(blob.rotation);
         cloud.opacity_logits.push((blob.opacity / (1.0 - blob.opacity)).ln());
-        cloud.sh_dc.push(blob.color.map(|c| (c - 0.5) / gprop::vote::raster::SH_C0));
+        cloud.sh_dc.push(blob.color.map(|c| (c - 0.5) / gprop::scene::gaussians::SH_C0));
     }
     cloud
 }

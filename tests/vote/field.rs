@@ -2,12 +2,13 @@
 
 use gprop::camera::Camera;
 use gprop::materials::MaterialLibrary;
+use gprop::pictures::field_colors;
 use gprop::progress::Progress;
 use gprop::query::{Answer, Answers, Failure, Form, Outcome, PartAnswer};
+use gprop::render::{RenderOptions, render, render_labels};
 use gprop::scene::gaussians::Gaussians;
 use gprop::segment::LabelMap;
 use gprop::units::{Range, ShoreHardness, ShoreScale};
-use gprop::vote::raster::{RenderOptions, render, render_labels};
 use gprop::vote::{Agreement, MaterialField, Options, Rule, ViewInput, VoteError, field_ply, vote};
 
 use super::build::{Blob, answer, camera_at, cloud};
@@ -369,8 +370,8 @@ fn the_columns_of_the_ply_hold_the_field() {
         assert_eq!(columns[3].values[i], label.youngs_modulus_pa.mid as f32);
     }
     // Two materials, two colours, the same from every side.
-    let colors = field_ply::material_colors(&field);
-    let recolored = field_ply::recolored(&gaussians, &colors);
+    let colors = field_colors::material_colors(&field);
+    let recolored = field_colors::recolored(&gaussians, &colors);
     assert_eq!((recolored.sh_degree, recolored.sh_rest.len()), (0, 0));
     let options = RenderOptions::default();
     let picture = render(&recolored, &camera_at([0.0, -3.0, 0.0], [0.0; 3]), &options);

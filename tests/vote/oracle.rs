@@ -5,9 +5,9 @@ use gprop::evaluate::segmentation::IouTally;
 use gprop::materials::MaterialLibrary;
 use gprop::progress::Progress;
 use gprop::query::{Answers, Outcome, PartAnswer};
+use gprop::render::{RenderOptions, render_labels};
 use gprop::scene::View;
 use gprop::segment::LabelMap;
-use gprop::vote::raster::{RenderOptions, render_labels};
 use gprop::vote::{MaterialField, Options, Rule, ViewInput, vote};
 
 use super::build::answer;

@@ -36,6 +36,11 @@ pub fn all() -> Vec<Measured> {
     folders.into_iter().map(|folder| load(&folder)).collect()
 }
 
+/// The fixture.
+pub fn hammer() -> Measured {
+    load(&Path::new(env!("CARGO_MANIFEST_DIR")).join("fixtures/hammer"))
+}
+
 fn load(folder: &Path) -> Measured {
     let options = scene::Options { scale: scene::ScaleChoice::Metric, ..Default::default() };
     let scene = scene::load(folder, &options).unwrap();

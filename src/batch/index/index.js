@@ -1,4 +1,4 @@
-// The index's own script: rows in the order of a column, and only those that hold what is typed.
+// The index's own script: sorts the rows by a column and hides those that do not contain the typed words.
 "use strict";
 (() => {
   const body = document.querySelector("tbody"), heads = [...document.querySelectorAll("thead th")];
@@ -6,7 +6,7 @@
   const collator = new Intl.Collator("en", { numeric: true });
   const words = rows.map((row) => row.textContent.toLowerCase());
 
-  // A number where the column has numbers, else text; undefined where a scene has none, which comes last either way.
+  // A number if the column has numbers, else text; undefined if the scene has no value, which sorts last in both directions.
   function value(row, column) {
     const cell = row.cells[column];
     if (cell.dataset.v !== undefined) return Number(cell.dataset.v);
@@ -34,6 +34,7 @@
       row.hidden = !wanted.every((word) => words[at].includes(word));
       shown += !row.hidden;
     });
-    count.textContent = shown === rows.length ? `${shown} scenes` : `${shown} of ${rows.length} scenes`;
+    const scenes = `${rows.length} scene${rows.length === 1 ? "" : "s"}`;
+    count.textContent = shown === rows.length ? scenes : `${shown} of ${scenes}`;
   });
 })();

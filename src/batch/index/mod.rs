@@ -13,8 +13,10 @@ use minijinja::{Value, context};
 use percent_encoding::{AsciiSet, NON_ALPHANUMERIC, utf8_percent_encode};
 use rayon::prelude::*;
 
+use crate::files;
+use crate::pictures::thumbnail;
 use crate::report::numbers::{interval, significant};
-use crate::report::{look, thumbnail};
+use crate::report::style;
 use crate::units::Estimate;
 use crate::workdir::{self, Artifact};
 
@@ -48,18 +50,21 @@ fn page(summary: &Summary, title: &str, home: &Path) -> String {
         style => Value::from_safe_string(include_str!("index.css").to_owned()),
         script => Value::from_safe_string(include_str!("index.js").to_owned()),
     };
-    look::engine().render_str(include_str!("index.html.j2"), data).expect("the template is a constant")
+    style::engine().render_str(include_str!("index.html.j2"), data).expect("the template is a constant")
 }
 
 fn tiles(summary: &Summary) -> Vec<Value> {
     let tile = |name: &str, value: String| context! { name, value };
     let mut tiles = vec![tile("scenes", summary.scenes.to_string()), tile("done", summary.done.to_string())];
     tiles.push(tile("failed", summary.failed.to_string()));
+    if summary.skipped > 0 {
+        tiles.push(tile("skipped", summary.skipped.to_string()));
+    }
     if !summary.missing.is_empty() {
         tiles.push(tile("not run", summary.missing.len().to_string()));
     }
-    tiles.push(tile("time of all together", duration(summary.seconds)));
-    tiles.push(tile("most memory", format!("{:.2} GB", summary.peak_memory_bytes as f64 / memory::GIGABYTE)));
+    tiles.push(tile("total time", duration(summary.seconds)));
+    tiles.push(tile("peak memory", format!("{:.2} GB", summary.peak_memory_bytes as f64 / memory::GIGABYTE)));
     tiles
 }
 
@@ -75,6 +80,7 @@ fn duration(seconds: f64) -> String {
 fn row(outcome: &Outcome, home: &Path) -> Value {
     let (state, rank) = match (outcome.state, outcome.warnings) {
         (State::Failed, _) => ("failed", 0),
+        (State::Skipped, _) => ("skipped", 1),
         (State::Done, 1..) => ("warnings", 2),
         (State::Done, 0) => ("done", 3),
     };
@@ -87,7 +93,9 @@ fn row(outcome: &Outcome, home: &Path) -> Value {
         rank,
         warnings => outcome.warnings,
         error => outcome.error.as_deref().map(error),
-        picture => picture(&outcome.work.join(Artifact::Thumbnail.path())),
+        picture => (outcome.state != State::Skipped)
+            .then(|| picture(&outcome.work.join(Artifact::Thumbnail.path())))
+            .flatten(),
         link => (outcome.state == State::Done && report.is_file()).then(|| link(home, &report)).flatten(),
         materials => named.join("; "),
         more_materials => results.materials.len() - named.len(),
@@ -108,7 +116,7 @@ fn cell(estimate: Estimate, factor: f64) -> Value {
 fn error(text: &str) -> Value {
     let mut shown: String = text.chars().take(MOST_OF_AN_ERROR).collect();
     if shown.len() < text.len() {
-        shown.push_str(" … (whole in summary.json)");
+        shown.push_str(" … (the full text is in summary.json)");
     }
     let (first, rest) = shown.split_once('\n').unwrap_or((&shown, ""));
     context! { first, rest }
@@ -119,7 +127,7 @@ fn picture(path: &Path) -> Option<Value> {
     if fs::metadata(path).ok()?.len() > MOST_PICTURE_BYTES {
         return None;
     }
-    let jpeg = fs::read(path).ok()?;
+    let jpeg = files::read(path).ok()?;
     let mut reader = ImageReader::with_format(Cursor::new(&jpeg), ImageFormat::Jpeg);
     let mut limits = Limits::default();
     (limits.max_image_width, limits.max_image_height) = (Some(2 * thumbnail::SIDE), Some(thumbnail::SIDE));
@@ -173,7 +181,10 @@ mod tests {
         let cut = error(&"é\n".repeat(MOST_OF_AN_ERROR));
         assert_eq!(cut.get_attr("first").unwrap().as_str(), Some("é"));
         let rest = cut.get_attr("rest").unwrap().to_string();
-        assert!(rest.ends_with("(whole in summary.json)") && rest.chars().count() < MOST_OF_AN_ERROR + 40, "{rest}");
+        assert!(
+            rest.ends_with("(the full text is in summary.json)") && rest.chars().count() < MOST_OF_AN_ERROR + 40,
+            "{rest}"
+        );
         assert_eq!(error("short").get_attr("rest").unwrap().as_str(), Some(""));
     }
 }

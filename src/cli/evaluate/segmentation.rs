@@ -7,11 +7,11 @@ use crate::evaluate::label_maps::LabelMaps;
 use crate::evaluate::segmentation::{LabelledView, ObjectTallies, SegmentationEvaluation, tally};
 use crate::evaluate::vocabulary::Vocabulary;
 use crate::materials::MaterialLibrary;
-use crate::pipeline::{Pipeline, Plan, Stage};
+use crate::pipeline::Pipeline;
 use crate::vote::MaterialField;
 
 use super::super::{Global, options_of, print};
-use super::one_scene_only;
+use super::{check_truth, one_scene_only};
 
 pub fn evaluate(
     global: &Global,
@@ -21,15 +21,13 @@ pub fn evaluate(
     out: Option<&Path>,
 ) -> anyhow::Result<()> {
     one_scene_only(scenes.len(), out)?;
-    let pipelines = scenes.iter().map(|scene| {
-        let plan = Plan { to: Stage::Vote, from: None };
-        let mut pipeline = Pipeline::open(scene, out, options_of(scene, &[])?, plan, global.progress())?;
-        pipeline.run()?;
-        Ok(pipeline)
-    });
+    let pipelines = scenes.iter().map(|scene| Pipeline::stored(scene, out, global.progress()));
     let pipelines: Vec<Pipeline> = pipelines.collect::<anyhow::Result<_>>()?;
     let objects = pipelines.iter().zip(scenes).map(|(pipeline, scene)| {
         let maps = folder_of(truth, scene, &pipeline.scene().name, scenes.len());
+        if maps == scene.join(truth) && truth.is_relative() {
+            check_truth(&maps, &options_of(scene, &[])?.scene.read_scope(scene))?;
+        }
         count(pipeline, &maps, labels)
     });
     let found = SegmentationEvaluation::of(labels, objects.collect::<anyhow::Result<_>>()?);

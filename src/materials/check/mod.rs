@@ -113,13 +113,3 @@ fn excuse(library: &MaterialLibrary, mut findings: Vec<Finding>) -> Vec<Finding>
 fn geometric_mid(range: Range) -> f64 {
     (range.low * range.high).sqrt()
 }
-
-/// The middle one of some values; 0 of none.
-fn median(mut values: Vec<f64>) -> f64 {
-    values.sort_by(f64::total_cmp);
-    match values.len() {
-        0 => 0.0,
-        count if count % 2 == 1 => values[count / 2],
-        count => 0.5 * (values[count / 2 - 1] + values[count / 2]),
-    }
-}

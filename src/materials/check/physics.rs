@@ -1,7 +1,8 @@
 //! Properties against each other: what physics and measured tables allow at the same time.
 
-use super::{Findings, geometric_mid, median};
+use super::{Findings, geometric_mid};
 use crate::materials::{Law, Material, MaterialLibrary};
+use crate::numeric::median;
 use crate::units::{ShoreHardness, ShoreScale};
 
 pub fn check(library: &MaterialLibrary, findings: &mut Findings) {
@@ -207,7 +208,7 @@ fn bending(library: &MaterialLibrary, findings: &mut Findings) {
     let curvature = |families: &[&str]| {
         let members = library.materials().iter().filter(|material| families.contains(&material.family.as_str()));
         let least_strength = |material: &Material| material.strength_pa.low / material.youngs_modulus_pa.high;
-        median(members.map(|material| 2.0 * least_strength(material)).collect())
+        median(members.map(|material| 2.0 * least_strength(material)).collect()).unwrap_or_default()
     };
     for pair in order.windows(2) {
         let (stiffer, softer) = (curvature(pair[0]), curvature(pair[1]));

@@ -39,7 +39,7 @@ fn properties(material: &Material) -> [(&'static str, Range); 6] {
 
 fn ranges(material: &Material, findings: &mut Findings) {
     for (property, range) in properties(material) {
-        findings.require(range.is_valid(), &material.name, "range", || format!("{property} {range:?} is no range"));
+        findings.require(range.is_valid(), &material.name, "range", || format!("{property} {range:?} is not a range"));
     }
     let positive = [material.density_kg_m3, material.youngs_modulus_pa].iter().all(|range| range.low > 0.0);
     findings.require(positive, &material.name, "range", || "density and modulus must be positive".to_owned());

@@ -3,9 +3,10 @@
 
 use std::collections::{BTreeMap, BTreeSet, HashMap};
 
-use super::{Findings, median};
+use super::Findings;
 use crate::materials::stats::{LEAST_CITED, WELL_MEASURED, stats};
 use crate::materials::{Labels, Material, MaterialLibrary, fold};
+use crate::numeric::median;
 use crate::units::Range;
 
 pub fn check(library: &MaterialLibrary, findings: &mut Findings) {
@@ -130,7 +131,7 @@ fn labels(library: &MaterialLibrary, findings: &mut Findings) {
         }
         for (label, values) in densities {
             let Some((_, [low, high])) = LABEL_DENSITIES.iter().find(|(name, _)| *name == label) else { continue };
-            let middle = median(values);
+            let middle = median(values).unwrap_or_default();
             findings.require((*low..=*high).contains(&middle), "library", "label", || {
                 format!(
                     "materials labelled {label:?} in {set} have a median density of {middle:.0}, not {low} to {high}"

@@ -40,7 +40,7 @@ pub fn law(row: &Row) -> Result<Law, LibraryError> {
         },
         "fluid" => Law::Fluid,
         _ => {
-            let problem = "is no law; write elastic, von_mises, drucker_prager, foam, snow, plasticine or fluid";
+            let problem = "is not a law; write elastic, von_mises, drucker_prager, foam, snow, plasticine or fluid";
             return Err(row.bad("law", problem));
         }
     };

@@ -109,7 +109,7 @@ impl Row<'_> {
 
     fn number(&self, column: &str) -> Result<f64, LibraryError> {
         let number: f64 =
-            self.text(column).parse().map_err(|_| self.bad(column, "is no number; write it like 680 or 6.8e2"))?;
+            self.text(column).parse().map_err(|_| self.bad(column, "is not a number; write it like 680 or 6.8e2"))?;
         if number.is_finite() { Ok(number) } else { Err(self.bad(column, "is not finite")) }
     }
 
@@ -132,7 +132,7 @@ impl Row<'_> {
         match self.text(column) {
             "A" => Ok(ShoreScale::A),
             "D" => Ok(ShoreScale::D),
-            _ => Err(self.bad(column, "is no Shore scale; write A or D")),
+            _ => Err(self.bad(column, "is not a Shore scale; write A or D")),
         }
     }
 

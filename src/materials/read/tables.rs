@@ -144,7 +144,7 @@ fn material(row: &Row) -> Result<Placed, LibraryError> {
         youngs_modulus_pa: row.range("youngs_modulus_pa", LEAST..=1e13)?,
         poisson_ratio: row.range("poisson_ratio", MOST_AUXETIC..=INCOMPRESSIBLE)?,
         strength_pa: row.range("strength_pa", 0.0..=1e12)?,
-        strength_kind: kind.ok_or_else(|| row.bad("strength_kind", format!("is no kind; write one of {kinds}")))?.1,
+        strength_kind: kind.ok_or_else(|| row.bad("strength_kind", format!("is not a kind; write one of {kinds}")))?.1,
         friction_rubber: row.range("friction_rubber", 0.0..=5.0)?,
         friction_steel: row.range("friction_steel", 0.0..=5.0)?,
         hardness: hardness(row)?,
@@ -229,7 +229,9 @@ fn constituent(row: &Row) -> Result<Constituent, LibraryError> {
     };
     Ok(Constituent {
         material: row.filled("material")?,
-        relation: relation.ok_or_else(|| row.bad("relation", "is no cell_wall, reinforcement, matrix or fibre"))?.1,
+        relation: relation
+            .ok_or_else(|| row.bad("relation", "is not one of cell_wall, reinforcement, matrix and fibre"))?
+            .1,
         name: row.filled("constituent")?,
         density_kg_m3: row.number("density_kg_m3")?,
         youngs_modulus_pa: row.number("youngs_modulus_pa")?,

@@ -4,7 +4,7 @@ use std::fmt;
 
 use reqwest::header::{AUTHORIZATION, HeaderMap, HeaderValue};
 
-use super::ClientError;
+use super::error::ClientError;
 
 const VARIABLE: &str = "OPENAI_API_KEY";
 const CUT: &str = "[key]";

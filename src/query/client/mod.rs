@@ -2,17 +2,23 @@
 //!
 //! Servers differ in what they accept, so a request starts in its strictest form (`dialect.rs`) and steps down where a
 //! server refuses it; what a server accepted once is used from then on. Requests that fail for a passing reason are
-//! repeated (`retry.rs`). The account's key is read from the environment only, is sent in a header that is marked
-//! sensitive, and is cut out of every text that comes back.
+//! repeated (`retry.rs`), each with an entry of its own in the ledger. The account's key is read from the environment only,
+//! is sent in a header that is marked sensitive, and is cut out of every text that comes back.
+//!
+//! A server may send anything at any pace: one request with its response takes [`Options::lmm_timeout_s`] at most, a
+//! body is read up to [`MAX_REPLY_BYTES`] and no further, and the head of a response up to what hyper buffers (400 KB).
+//! Nothing is decompressed.
 
-mod batch;
+mod address;
+mod batch_api;
 mod dialect;
+mod error;
 mod key;
 mod response;
 mod retry;
 
 use std::sync::{Mutex, PoisonError};
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
 use reqwest::header::CONTENT_TYPE;
 use reqwest::{RequestBuilder, StatusCode};
@@ -20,50 +26,62 @@ use serde_json::{Value, json};
 use tokio::runtime::Runtime;
 
 use super::asker::{Ask, AskError, Asker, Reply};
+use super::cost::{Cost, counted};
+use super::ledger::Account;
 use super::options::Options;
 use super::recorded::Answerer;
-pub use batch::{BatchCounts, BatchState, BatchStatus};
+use crate::progress::{self, Progress};
+use crate::setup::Offline;
+use address::Address;
+pub use batch_api::{JobState, JobStatus, RequestCounts};
 use dialect::Dialect;
+pub use error::ClientError;
 pub use key::ApiKey;
-use retry::{Attempt, Backoff};
+use retry::{Attempt, Backoff, Wait};
 
 /// A server with a model.
 pub struct Client {
-    url: String,
+    address: Address,
     key: Option<ApiKey>,
+    /// Whether connections may be opened.
+    network: Result<(), Offline>,
+    progress: Progress,
     answerer: Answerer,
     temperature: f64,
     max_tokens: u32,
+    max_usd: Option<f64>,
     parallel: usize,
     retries: u32,
+    /// In all, before a question's request is repeated at the server's wish.
+    longest_wait: Duration,
     /// What the server is known to accept.
     dialect: Mutex<Dialect>,
     http: reqwest::Client,
     runtime: Runtime,
 }
 
-/// A client that cannot be set up.
-#[derive(Debug, thiserror::Error)]
-pub enum ClientError {
-    #[error("--lmm-url {url:?} is no http or https URL; give the server's base, such as https://api.openai.com/v1")]
-    Url { url: String },
-    #[error("--lmm-url needs --lmm-model, the name of the model there")]
-    NoModel,
-    #[error("the Batch API needs --lmm-url and --lmm-model")]
-    NoUrl,
-    #[error("OPENAI_API_KEY holds characters that no key has")]
-    Key,
-    #[error("cannot set up the HTTP client: {0}")]
-    Http(String),
+/// What came of one request.
+struct Exchanged<T> {
+    result: Result<T, Attempt>,
+    /// False where the server certainly takes nothing for it.
+    may_be_billed: bool,
 }
 
-const ENDPOINT: &str = "/chat/completions";
 /// A connection that does not open within this is not going to.
 const CONNECT_TIMEOUT: Duration = Duration::from_secs(20);
+/// Largest body of a reply. An answer of [`Options::lmm_max_tokens`] has some kilobytes.
+const MAX_REPLY_BYTES: usize = 64_000_000;
+/// How often the rest of a wait is shown, and whether waiting is still of use is looked at.
+const TICK: Duration = Duration::from_secs(1);
 
 impl Client {
-    /// The client that the options ask for; `None` without `--lmm-url`.
-    pub fn new(options: &Options, key: Option<ApiKey>) -> Result<Option<Self>, ClientError> {
+    /// The client that the options ask for; `None` without `--lmm-url`. It opens a connection only if `network` allows it.
+    pub fn new(
+        options: &Options,
+        key: Option<ApiKey>,
+        network: Result<(), Offline>,
+        progress: Progress,
+    ) -> Result<Option<Self>, ClientError> {
         let Some(base) = &options.lmm_url else { return Ok(None) };
         let model = options.lmm_model.clone().ok_or(ClientError::NoModel)?;
         let http = reqwest::Client::builder()
@@ -80,13 +98,17 @@ impl Client {
             .map_err(|error| ClientError::Http(error.to_string()))?;
         let parameters = json!({ "temperature": options.lmm_temperature, "max_tokens": options.lmm_max_tokens });
         Ok(Some(Self {
-            url: endpoint(base)?,
+            address: Address::parse(base)?,
             key,
+            network,
+            progress,
             answerer: Answerer { model, parameters },
             temperature: options.lmm_temperature,
             max_tokens: options.lmm_max_tokens,
+            max_usd: options.max_usd,
             parallel: options.lmm_parallel,
             retries: options.lmm_retries,
+            longest_wait: Duration::from_secs(options.lmm_wait_s),
             dialect: Mutex::new(Dialect::default()),
             http,
             runtime,
@@ -99,12 +121,35 @@ impl Client {
         dialect.body(&self.answerer.model, self.temperature, self.max_tokens, ask)
     }
 
+    /// The model and the host of its server, for people: no path, no query.
+    fn name(&self) -> String {
+        format!("{} at {}", self.answerer.model, self.address.host())
+    }
+
+    /// Tells the user, before the first request of a submission to the Batch API, who is sent how many pictures at which
+    /// cost.
+    pub fn announce_submission(&self, pictures: usize, cost: &Cost) {
+        let pictures = counted(pictures, "picture");
+        progress::notice(&format!(
+            "sending {pictures} to {} by the Batch API, the first at once: {cost} ({})",
+            self.name(),
+            self.budget()
+        ));
+    }
+
+    fn budget(&self) -> String {
+        match self.max_usd {
+            Some(max_usd) => format!("at most {max_usd} USD by --max-usd"),
+            None => "no limit by --max-usd".to_owned(),
+        }
+    }
+
     /// One question, in whichever dialect the server takes.
-    async fn converse(&self, ask: Ask<'_>) -> Result<Reply, AskError> {
+    async fn converse(&self, ask: Ask<'_>, account: &Account<'_>) -> Result<Reply, AskError> {
         let mut dialect = *self.dialect.lock().unwrap_or_else(PoisonError::into_inner);
         loop {
             let body = dialect.body(&self.answerer.model, self.temperature, self.max_tokens, ask);
-            match self.send(&body).await {
+            match self.send(&body, account).await {
                 Ok(reply) => {
                     *self.dialect.lock().unwrap_or_else(PoisonError::into_inner) = dialect;
                     return Ok(reply);
@@ -115,49 +160,102 @@ impl Client {
                 },
                 Err(Attempt::Final(error)) => return Err(error),
                 Err(Attempt::Passing { message, .. }) => return Err(AskError::Failed(message)),
-                Err(Attempt::Unreachable { message }) => return Err(AskError::Hopeless(message)),
+                Err(Attempt::Unreachable { message }) => return Err(AskError::Fatal(message)),
             }
         }
     }
 
-    async fn send(&self, body: &Value) -> Result<Reply, Attempt> {
-        let request = || self.http.post(&self.url).header(CONTENT_TYPE, "application/json").json(body);
-        self.exchange(self.retries, request, response::read).await
+    async fn send(&self, body: &Value, account: &Account<'_>) -> Result<Reply, Attempt> {
+        let url = self.address.chat_completions();
+        let request = || self.http.post(url.clone()).header(CONTENT_TYPE, "application/json").json(body);
+        let attempt = async || {
+            let entry = account.open().map_err(|reason| Attempt::Final(reason.into()))?;
+            let Exchanged { result, may_be_billed } =
+                self.exchange_once(request(), MAX_REPLY_BYTES, response::read).await;
+            match &result {
+                _ if !may_be_billed => entry.not_billed(),
+                Ok(reply) => entry.answered(reply.usage),
+                Err(_) => entry.unanswered(),
+            }
+            result
+        };
+        self.repeat(self.retries, attempt, || account.is_closed()).await
     }
 
-    /// A request and what `read` makes of its response, repeated while it fails for a passing reason.
+    /// A request that nothing is paid for and what `read` makes of its response of at most `most_bytes`, repeated while it
+    /// fails for a passing reason.
     async fn exchange<T>(
         &self,
         retries: u32,
+        most_bytes: usize,
         request: impl Fn() -> RequestBuilder,
         read: impl Fn(StatusCode, &str, Option<Duration>) -> Result<T, Attempt>,
     ) -> Result<T, Attempt> {
-        let mut backoff = Backoff::new(retries);
+        self.repeat(retries, async || self.exchange_once(request(), most_bytes, &read).await.result, || false).await
+    }
+
+    /// An attempt, repeated while it fails for a passing reason; waits end early when all `is_over`.
+    async fn repeat<T>(
+        &self,
+        retries: u32,
+        attempt: impl AsyncFn() -> Result<T, Attempt>,
+        is_over: impl Fn() -> bool,
+    ) -> Result<T, Attempt> {
+        let mut backoff = Backoff::new(retries, self.longest_wait);
         loop {
-            let failure = match self.exchange_once(request(), &read).await {
+            let failure = match attempt().await {
                 Ok(value) => return Ok(value),
                 Err(failure) => failure,
             };
-            let Some(wait) = backoff.wait_after(&failure) else { return Err(failure) };
-            tokio::time::sleep(wait).await;
+            self.wait(backoff.wait_after(failure)?, &is_over).await;
+        }
+    }
+
+    async fn wait(&self, wait: Wait, is_over: impl Fn() -> bool) {
+        let reason = if wait.at_servers_wish { "as the server asks" } else { "then asking again" };
+        let mut countdown = self.progress.countdown(reason);
+        let end = Instant::now() + wait.length;
+        loop {
+            let left = end.saturating_duration_since(Instant::now());
+            if left.is_zero() || is_over() {
+                return;
+            }
+            countdown.show(left);
+            tokio::time::sleep(left.min(TICK)).await;
         }
     }
 
     async fn exchange_once<T>(
         &self,
         mut request: RequestBuilder,
+        most_bytes: usize,
         read: impl Fn(StatusCode, &str, Option<Duration>) -> Result<T, Attempt>,
-    ) -> Result<T, Attempt> {
+    ) -> Exchanged<T> {
+        let failed = |failure, may_be_billed| Exchanged { result: Err(failure), may_be_billed };
+        if let Err(offline) = self.network {
+            return failed(Attempt::Final(offline.into()), false);
+        }
         if let Some(key) = &self.key {
             request = request.headers(key.headers());
         }
-        let response = request.send().await.map_err(response::transport)?;
+        let mut response = match request.send().await {
+            Ok(response) => response,
+            // Once the connection stands, the request may be with the server, answered or not.
+            Err(error) => {
+                let may_be_billed = !error.is_connect() && !error.is_builder();
+                return failed(response::transport(error), may_be_billed);
+            }
+        };
         let status = response.status();
+        let may_be_billed = status.is_success() || status.is_server_error();
         let retry_after = retry::retry_after(response.headers());
-        let bytes = response.bytes().await.map_err(response::transport)?;
+        let bytes = match response::body(&mut response, most_bytes).await {
+            Ok(bytes) => bytes,
+            Err(failure) => return failed(failure, may_be_billed),
+        };
         let text = String::from_utf8_lossy(&bytes);
         let text = self.key.as_ref().map_or_else(|| text.to_string(), |key| key.cut_from(&text));
-        read(status, &text, retry_after)
+        Exchanged { result: read(status, &text, retry_after), may_be_billed }
     }
 }
 
@@ -170,24 +268,32 @@ impl Asker for Client {
         self.parallel
     }
 
-    fn ask(&self, ask: Ask) -> Result<Reply, AskError> {
-        self.runtime.block_on(self.converse(ask))
+    fn ready(&self) -> Result<(), AskError> {
+        Ok(self.network?)
     }
+
+    fn announce(&self, pictures: usize, cost: &Cost) {
+        let pictures = counted(pictures, "picture");
+        progress::notice(&format!("asking {} about {pictures}: {cost} ({})", self.name(), self.budget()));
+    }
+
+    fn ask(&self, ask: Ask, account: &Account) -> Result<Reply, AskError> {
+        self.runtime.block_on(self.converse(ask, account))
+    }
+}
+
+/// Who the options say is to be asked: the model and the host of its server, for people. `None` without `--lmm-url`.
+///
+/// # Errors
+/// The URL cannot be used.
+pub fn destination(options: &Options) -> Result<Option<String>, ClientError> {
+    let Some(base) = &options.lmm_url else { return Ok(None) };
+    let model = options.lmm_model.as_deref().ok_or(ClientError::NoModel)?;
+    Ok(Some(format!("{model} at {}", Address::parse(base)?.host())))
 }
 
 /// What a response to a question says, its status and body given; else what is wrong with it.
 pub fn read_completion(status: u16, body: &str) -> Result<Reply, String> {
-    let status = StatusCode::from_u16(status).map_err(|_| format!("{status} is no HTTP status"))?;
-    response::read(status, body, None).map_err(|attempt| batch::ask_error(attempt).to_string())
-}
-
-/// The address of Chat Completions under a base URL; a base that already ends in it is taken as it is.
-fn endpoint(base: &str) -> Result<String, ClientError> {
-    let bad = || ClientError::Url { url: key::without_credentials(base) };
-    let url = reqwest::Url::parse(base).map_err(|_| bad())?;
-    if !matches!(url.scheme(), "http" | "https") || !url.has_host() {
-        return Err(bad());
-    }
-    let base = base.trim_end_matches('/');
-    Ok(if base.ends_with(ENDPOINT) { base.to_owned() } else { format!("{base}{ENDPOINT}") })
+    let status = StatusCode::from_u16(status).map_err(|_| format!("{status} is not an HTTP status"))?;
+    response::read(status, body, None).map_err(|attempt| batch_api::ask_error(attempt).to_string())
 }

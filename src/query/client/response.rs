@@ -2,38 +2,36 @@
 
 use std::time::Duration;
 
-use reqwest::StatusCode;
+use reqwest::{Response, StatusCode};
 use serde::Deserialize;
 use serde_json::Value;
 
 use super::retry::Attempt;
-use crate::query::asker::{AskError, Reply, Said};
+use crate::query::asker::{AskError, Reply, ReplyContent};
 use crate::query::recorded::Usage;
 
+/// Only the answer itself must be as the API has it: it was paid for, whatever else the server writes.
 #[derive(Deserialize)]
 struct Completion {
-    model: Option<String>,
+    model: Option<Value>,
     choices: Vec<Choice>,
-    usage: Option<Counted>,
+    usage: Option<Value>,
 }
 
 #[derive(Deserialize)]
 struct Choice {
     message: Message,
-    finish_reason: Option<String>,
+    finish_reason: Option<Value>,
 }
 
 #[derive(Deserialize)]
 struct Message {
     content: Option<Value>,
-    refusal: Option<String>,
+    refusal: Option<Value>,
 }
 
-#[derive(Deserialize)]
-struct Counted {
-    prompt_tokens: u64,
-    completion_tokens: u64,
-}
+/// More tokens than any model reads or writes in one request (the longest contexts are of 10 million): not a count.
+const MOST_TOKENS: u64 = 10_000_000;
 
 /// As much of a server's error text as a person reads.
 const MESSAGE_CHARACTERS: usize = 300;
@@ -42,7 +40,7 @@ const MESSAGE_CHARACTERS: usize = 300;
 pub fn read(status: StatusCode, body: &str, retry_after: Option<Duration>) -> Result<Reply, Attempt> {
     if status == StatusCode::BAD_REQUEST && is_about(body, &["content_policy", "content_filter", "safety_violation"]) {
         let no_tokens = Some(Usage::default());
-        return Ok(Reply { said: Said::Refusal(message(body)), usage: no_tokens, served_model: None });
+        return Ok(Reply { content: ReplyContent::Refusal(message(body)), usage: no_tokens, served_model: None });
     }
     if !status.is_success() {
         return Err(failure(status, body, retry_after));
@@ -53,10 +51,29 @@ pub fn read(status: StatusCode, body: &str, retry_after: Option<Duration>) -> Re
             Err(Attempt::Passing { message: format!("the server reports: {}", message(body)), retry_after })
         }
         Err(error) => Err(Attempt::Passing {
-            message: format!("the response is no chat completion ({error}); does --lmm-url end in /v1?"),
+            message: format!("the response is not a chat completion ({error}); does --lmm-url end in /v1?"),
             retry_after,
         }),
     }
+}
+
+/// The body of a response, of at most `most_bytes`.
+pub async fn body(response: &mut Response, most_bytes: usize) -> Result<Vec<u8>, Attempt> {
+    let too_long = || {
+        let message = format!("the server's response is longer than {} MB and was not read", most_bytes / 1_000_000);
+        Attempt::Final(AskError::Failed(message))
+    };
+    if response.content_length().is_some_and(|length| length > most_bytes as u64) {
+        return Err(too_long());
+    }
+    let mut bytes = Vec::new();
+    while let Some(chunk) = response.chunk().await.map_err(transport)? {
+        if bytes.len() + chunk.len() > most_bytes {
+            return Err(too_long());
+        }
+        bytes.extend_from_slice(&chunk);
+    }
+    Ok(bytes)
 }
 
 /// A request that got no whole response.
@@ -77,23 +94,27 @@ fn answer(completion: Completion) -> Result<Reply, Attempt> {
     let Some(choice) = completion.choices.into_iter().next() else {
         return Err(Attempt::Passing { message: "the response holds no choice".into(), retry_after: None });
     };
-    let reason = choice.finish_reason.as_deref().unwrap_or("none given");
+    let reason = choice.finish_reason.as_ref().and_then(Value::as_str).unwrap_or("none given");
     let text = choice.message.content.map(text_of).unwrap_or_default();
-    let said = if let Some(refusal) = choice.message.refusal.filter(|refusal| !refusal.is_empty()) {
-        Said::Refusal(refusal)
+    let content = if let Some(refusal) = choice.message.refusal.map(text_of).filter(|refusal| !refusal.is_empty()) {
+        ReplyContent::Refusal(refusal)
     } else if reason == "content_filter" {
-        Said::Refusal("the server's content filter stopped the answer".into())
+        ReplyContent::Refusal("the server's content filter stopped the answer".into())
     } else if text.trim().is_empty() {
-        Said::Nothing(format!(
+        ReplyContent::Empty(format!(
             "the answer is empty (finish reason: {reason}); a model that thinks at length needs more --lmm-max-tokens"
         ))
     } else {
-        Said::Text(text)
+        ReplyContent::Text(text)
     };
-    let usage = completion
-        .usage
-        .map(|counted| Usage { input_tokens: counted.prompt_tokens, output_tokens: counted.completion_tokens });
-    Ok(Reply { said, usage, served_model: completion.model })
+    let served_model = completion.model.as_ref().and_then(Value::as_str).map(str::to_owned);
+    Ok(Reply { content, usage: completion.usage.as_ref().and_then(usage), served_model })
+}
+
+/// The tokens that a server says it counted; `None` if these are no numbers of tokens.
+fn usage(counted: &Value) -> Option<Usage> {
+    let tokens = |name| counted.get(name)?.as_u64().filter(|tokens| *tokens <= MOST_TOKENS);
+    Some(Usage { input_tokens: tokens("prompt_tokens")?, output_tokens: tokens("completion_tokens")? })
 }
 
 /// The text of a message: a string, or a list of parts as some servers send it.
@@ -105,25 +126,21 @@ fn text_of(content: Value) -> String {
     }
 }
 
-/// What a status that is no success means.
+/// What a status that is not a success means.
 pub fn failure(status: StatusCode, body: &str, retry_after: Option<Duration>) -> Attempt {
     let message = format!("status {}: {}", status.as_u16(), message(body));
     match status.as_u16() {
-        401 | 403 => {
-            Attempt::Final(AskError::Hopeless(format!("{message}; set OPENAI_API_KEY to a key for this server")))
-        }
-        402 => Attempt::Final(AskError::Hopeless(message)),
-        404 => Attempt::Final(AskError::Hopeless(format!("{message}; check --lmm-url and --lmm-model"))),
+        401 | 403 => Attempt::Final(AskError::Fatal(format!("{message}; set OPENAI_API_KEY to a key for this server"))),
+        402 => Attempt::Final(AskError::Fatal(message)),
+        404 => Attempt::Final(AskError::Fatal(format!("{message}; check --lmm-url and --lmm-model"))),
         429 if is_about(body, &["insufficient_quota", "billing_hard_limit"]) => {
-            Attempt::Final(AskError::Hopeless(message))
+            Attempt::Final(AskError::Fatal(message))
         }
         // llama.cpp and its kin, of a schema that they cannot turn into a grammar.
         500 if is_about(body, &["response_format", "json_schema", "grammar"]) => Attempt::Unaccepted { message },
         400 | 415 | 422 | 501 => Attempt::Unaccepted { message },
         408 | 409 | 425 | 429 | 500.. => Attempt::Passing { message, retry_after },
-        300..400 => {
-            Attempt::Final(AskError::Hopeless(format!("{message}; the server points elsewhere, check --lmm-url")))
-        }
+        300..400 => Attempt::Final(AskError::Fatal(format!("{message}; the server points elsewhere, check --lmm-url"))),
         _ => Attempt::Final(AskError::Failed(message)),
     }
 }

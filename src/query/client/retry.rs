@@ -23,8 +23,6 @@ const FIRST_WAIT: Duration = Duration::from_secs(1);
 const LONGEST_WAIT: Duration = Duration::from_secs(60);
 /// Largest share taken off a wait at random; below one half, so that each wait is longer than the one before.
 const JITTER: f64 = 0.4;
-/// A server that wants to be left alone for longer is as good as down.
-const LONGEST_RETRY_AFTER: Duration = Duration::from_secs(300);
 /// A server that nobody answers at is tried this often at most: it is likely not there.
 const CONNECTION_TRIES: u32 = 3;
 
@@ -33,32 +31,71 @@ const CONNECTION_TRIES: u32 = 3;
 pub struct Backoff {
     retries: u32,
     done: u32,
+    /// In all, at the server's wish.
+    longest_wait: Duration,
+    /// So far, at the server's wish.
+    waited: Duration,
+}
+
+/// How long to wait before the next try.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Wait {
+    pub length: Duration,
+    /// Whether the server asked for it.
+    pub at_servers_wish: bool,
 }
 
 impl Backoff {
-    /// At most `retries` repetitions.
-    pub fn new(retries: u32) -> Self {
-        Self { retries, done: 0 }
+    /// At most `retries` repetitions, and `longest_wait` in all that the server may ask to wait.
+    pub fn new(retries: u32, longest_wait: Duration) -> Self {
+        Self { retries, done: 0, longest_wait, waited: Duration::ZERO }
     }
 
-    /// How long to wait before the next try; `None` to give up. What the server asks for goes; otherwise the wait
-    /// doubles each time, with a random share taken off so that parallel requests do not come back together.
-    pub fn wait_after(&mut self, failure: &Attempt) -> Option<Duration> {
-        let (retry_after, most) = match failure {
+    /// How long to wait before the next try. What the server asks for goes; otherwise the wait doubles each time, with a
+    /// random share taken off so that parallel requests do not come back together.
+    ///
+    /// # Errors
+    /// The failure, which nothing is to follow.
+    pub fn wait_after(&mut self, failure: Attempt) -> Result<Wait, Attempt> {
+        let (retry_after, most) = match &failure {
             Attempt::Passing { retry_after, .. } => (*retry_after, self.retries),
             Attempt::Unreachable { .. } => (None, self.retries.min(CONNECTION_TRIES)),
-            Attempt::Unaccepted { .. } | Attempt::Final(_) => return None,
+            Attempt::Unaccepted { .. } | Attempt::Final(_) => return Err(failure),
         };
-        if self.done >= most || retry_after.is_some_and(|wait| wait > LONGEST_RETRY_AFTER) {
-            return None;
+        if self.done >= most {
+            return Err(failure);
         }
-        let doubled = FIRST_WAIT.saturating_mul(1 << self.done.min(16)).min(LONGEST_WAIT);
-        self.done += 1;
         let jitter = fastrand::f64();
-        Some(match retry_after {
-            Some(wait) => wait + FIRST_WAIT.mul_f64(0.25 * jitter),
-            None => doubled.mul_f64(1.0 - JITTER * jitter),
-        })
+        let wait = match (retry_after, failure) {
+            (Some(asked), failure) if asked > self.longest_wait.saturating_sub(self.waited) => {
+                return Err(self.too_long(asked, failure));
+            }
+            (Some(asked), _) => {
+                self.waited += asked;
+                Wait { length: asked + FIRST_WAIT.mul_f64(0.25 * jitter), at_servers_wish: true }
+            }
+            (None, _) => {
+                let doubled = FIRST_WAIT.saturating_mul(1 << self.done.min(16)).min(LONGEST_WAIT);
+                Wait { length: doubled.mul_f64(1.0 - JITTER * jitter), at_servers_wish: false }
+            }
+        };
+        self.done += 1;
+        Ok(wait)
+    }
+
+    fn too_long(&self, asked: Duration, failure: Attempt) -> Attempt {
+        let Attempt::Passing { message, retry_after } = failure else { return failure };
+        let seconds = |wait: Duration| wait.as_secs_f64().ceil();
+        let before = match self.waited {
+            Duration::ZERO => String::new(),
+            waited => format!(" after {} s already", seconds(waited)),
+        };
+        let (asked, limit) = (seconds(asked), seconds(self.longest_wait));
+        let message = format!(
+            "{message}; the server asks to wait {asked} s{before}, longer than --lmm-wait-s {limit} allows: raise it or try \
+             again later"
+        );
+        Attempt::Passing { message, retry_after }
     }
 }
 
@@ -69,8 +106,10 @@ pub fn retry_after(headers: &HeaderMap) -> Option<Duration> {
         return Some(Duration::from_millis(milliseconds));
     }
     let wait = text(RETRY_AFTER.as_str())?;
-    match wait.parse::<u64>() {
-        Ok(seconds) => Some(Duration::from_secs(seconds)),
+    match wait.parse::<f64>() {
+        // More seconds than a duration holds are still a wish.
+        Ok(seconds) if seconds >= 0.0 => Some(Duration::try_from_secs_f64(seconds).unwrap_or(Duration::MAX)),
+        Ok(_) => None,
         Err(_) => httpdate::parse_http_date(wait).ok()?.duration_since(SystemTime::now()).ok(),
     }
 }

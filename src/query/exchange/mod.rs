@@ -223,7 +223,7 @@ pub fn import(
         match checked {
             Ok(None) => imported.unanswered += 1,
             Ok(Some(recording)) => {
-                recordings.insert(recording)?;
+                recordings.insert(&recording)?;
                 imported.recorded += 1;
             }
             Err(problem) => imported.bad.push(BadLine { line, problem }),
@@ -247,7 +247,7 @@ fn check(
     let asked = origins.get(&line.query).ok_or_else(|| format!("there is no query {:?}", line.query))?;
     let model = model
         .filter(|model| !model.trim().is_empty())
-        .ok_or_else(|| format!("nobody says who answered: put the name behind \"model\" in {MANIFEST}"))?;
+        .ok_or_else(|| format!("it does not say who answered: put the name behind \"model\" in {MANIFEST}"))?;
     let question = questions.find(asked).ok_or(
         "it was asked with other prompts, another library or other options than this run's; export the queries again",
     )?;

@@ -93,7 +93,7 @@ impl TryFrom<Written> for Mask {
         let runs: Vec<u32> = written
             .runs
             .split_ascii_whitespace()
-            .map(|run| run.parse().map_err(|_| format!("{run:?} is no run length of a mask")))
+            .map(|run| run.parse().map_err(|_| format!("{run:?} is not a run length of a mask")))
             .collect::<Result<_, _>>()?;
         let pixels: u64 = runs.iter().map(|run| u64::from(*run)).sum();
         if pixels != u64::from(written.width) * u64::from(written.height) {

@@ -6,6 +6,7 @@
 //! model whose mask overlaps best serves ([`MASK_IOU`]). Neither the key of an account nor any header is ever part of
 //! a recording.
 
+mod lock;
 mod mask;
 mod store;
 
@@ -13,6 +14,7 @@ use serde::{Deserialize, Serialize};
 use serde_json::Value;
 
 use super::sha256::Sha256Hex;
+pub use lock::QuestionLock;
 pub use mask::Mask;
 pub use store::{Miss, RecordingError, Recordings, Who};
 

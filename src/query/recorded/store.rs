@@ -5,6 +5,7 @@ use std::io::Write;
 use std::path::{Path, PathBuf};
 use std::sync::{Mutex, MutexGuard, PoisonError};
 
+use super::lock::QuestionLock;
 use super::{Answerer, Asked, FORMAT, MASK_IOU, Recording, key};
 use crate::query::Match;
 use crate::query::sha256::Sha256Hex;
@@ -13,6 +14,8 @@ use crate::query::sha256::Sha256Hex;
 #[derive(Debug)]
 pub struct Recordings {
     write_to: PathBuf,
+    /// Where a recording goes that `write_to` does not take.
+    spare: Option<PathBuf>,
     by_key: Mutex<BTreeMap<Sha256Hex, Recording>>,
 }
 
@@ -21,10 +24,15 @@ pub struct Recordings {
 pub enum RecordingError {
     #[error("cannot read the recordings in {path:?}: {source}")]
     Unreadable { path: PathBuf, source: std::io::Error },
-    #[error("{path:?} is no recording: {problem}; delete it or restore it")]
+    #[error("{path:?} is not a recording: {problem}; delete it or restore it")]
     Broken { path: PathBuf, problem: String },
     #[error("cannot write a recording to {path:?}: {source}")]
     Unwritable { path: PathBuf, source: std::io::Error },
+    #[error(
+        "recordings cannot be kept in {folder:?}, so nothing was asked: {source}; make it writable, make room, or name \
+         another folder with --recordings"
+    )]
+    NoPlace { folder: PathBuf, source: std::io::Error },
 }
 
 /// Whose recordings serve.
@@ -82,7 +90,57 @@ impl Recordings {
                 by_key.insert(recording.key.clone(), recording);
             }
         }
-        Ok(Self { write_to: write_to.into(), by_key: Mutex::new(by_key) })
+        Ok(Self { write_to: write_to.into(), spare: None, by_key: Mutex::new(by_key) })
+    }
+
+    /// The same with a folder for recordings that cannot be kept where they belong. It is read too.
+    pub fn with_spare(self, folder: &Path) -> Result<Self, RecordingError> {
+        for path in json_files(folder)? {
+            let recording = read(&path)?;
+            self.lock().entry(recording.key.clone()).or_insert(recording);
+        }
+        Ok(Self { spare: Some(folder.into()), ..self })
+    }
+
+    /// Where new recordings go.
+    pub fn folder(&self) -> &Path {
+        &self.write_to
+    }
+
+    /// Tries whether recordings can be kept, by writing as much as a large one has; what was written is gone again.
+    pub fn check_writable(&self) -> Result<(), RecordingError> {
+        let try_to = || {
+            std::fs::create_dir_all(&self.write_to)?;
+            let mut file = tempfile::NamedTempFile::new_in(&self.write_to)?;
+            file.write_all(&[b' '; TRIAL_BYTES])?;
+            file.as_file().sync_all()
+        };
+        try_to().map_err(|source| RecordingError::NoPlace { folder: self.write_to.clone(), source })
+    }
+
+    /// Takes the lock on a question that is to be asked; `None` while another has it.
+    pub fn lock_question(&self, key: &Sha256Hex) -> Result<Option<QuestionLock>, RecordingError> {
+        QuestionLock::take(&self.write_to, key)
+            .map_err(|source| RecordingError::Unwritable { path: self.path(key), source })
+    }
+
+    /// The recording with this key, if anybody has written it by now.
+    pub fn written_meanwhile(&self, key: &Sha256Hex) -> Result<Option<Recording>, RecordingError> {
+        let path = self.path(key);
+        if !path.exists() {
+            return Ok(None);
+        }
+        let recording = read(&path)?;
+        self.lock().insert(recording.key.clone(), recording.clone());
+        Ok(Some(recording))
+    }
+
+    /// Keeps a recording that could not be written where it belongs in the spare folder; gives the folder, or `None`
+    /// if there is none or it takes nothing either.
+    pub fn set_aside(&self, recording: &Recording) -> Option<&Path> {
+        let spare = self.spare.as_deref()?;
+        write(spare, &spare.join(format!("{}.json", recording.key)), recording).ok()?;
+        Some(spare)
     }
 
     /// How many there are.
@@ -155,11 +213,11 @@ impl Recordings {
     }
 
     /// Keeps a recording, on disk first. A second one of the same key replaces the first.
-    pub fn insert(&self, recording: Recording) -> Result<(), RecordingError> {
+    pub fn insert(&self, recording: &Recording) -> Result<(), RecordingError> {
         let path = self.path(&recording.key);
-        write(&self.write_to, &path, &recording)
+        write(&self.write_to, &path, recording)
             .map_err(|source| RecordingError::Unwritable { path: path.clone(), source })?;
-        self.lock().insert(recording.key.clone(), recording);
+        self.lock().insert(recording.key.clone(), recording.clone());
         Ok(())
     }
 
@@ -202,7 +260,7 @@ fn json_files(folder: &Path) -> Result<Vec<PathBuf>, RecordingError> {
 }
 
 fn read(path: &Path) -> Result<Recording, RecordingError> {
-    let bytes = std::fs::read(path).map_err(|source| RecordingError::Unreadable { path: path.into(), source })?;
+    let bytes = crate::files::read(path).map_err(|source| RecordingError::Unreadable { path: path.into(), source })?;
     let broken = |problem: String| RecordingError::Broken { path: path.into(), problem };
     let recording: Recording = serde_json::from_slice(&bytes).map_err(|error| broken(error.to_string()))?;
     if recording.format != FORMAT {
@@ -214,6 +272,9 @@ fn read(path: &Path) -> Result<Recording, RecordingError> {
     }
     Ok(recording)
 }
+
+/// More than most recordings have: a mask's run lengths and an answer.
+const TRIAL_BYTES: usize = 1 << 16;
 
 /// Recordings are shared with the scene; a temporary file would be its owner's alone. The umask still applies.
 #[cfg(unix)]

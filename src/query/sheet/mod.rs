@@ -21,10 +21,10 @@ use crate::segment::LabelMap;
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize, clap::ValueEnum)]
 #[serde(rename_all = "snake_case")]
 pub enum Context {
-    /// Whole object, part in it, part alone: the paper's way.
+    /// Whole object, segment in it, segment alone, as in the paper.
     #[default]
     GlobalLocal,
-    /// The part alone, for the ablation.
+    /// The segment alone, for the ablation.
     Local,
 }
 

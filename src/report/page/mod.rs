@@ -15,13 +15,15 @@ use minijinja::{Value, context};
 
 use crate::grasp::GraspReport;
 use crate::grasp::candidates::Candidate;
+use crate::parts::Part;
+use crate::pictures::palette;
 use crate::query::{Answers, Form};
 use crate::units::{Estimate, ShoreScale};
-use crate::vote::{FieldLabel, palette};
+use crate::vote::FieldLabel;
 
 use super::charts::{curves, force_scale};
-use super::look;
 use super::numbers::{interval, short, significant, thousands};
+use super::style;
 use super::{Cloud, Pictures, Report};
 
 /// The page of a report.
@@ -43,7 +45,7 @@ pub fn page(report: &Report, answers: &Answers, pictures: &Pictures, cloud: &Clo
         viewer_code => Value::from_safe_string(BASE64.encode(include_bytes!("splats.js.gz"))),
         licences => include_str!("splats.licences.txt"),
     };
-    look::engine().render_str(include_str!("page.html.j2"), data).expect("the template is a constant")
+    style::engine().render_str(include_str!("page.html.j2"), data).expect("the template is a constant")
 }
 
 fn cloud_note(cloud: &Cloud) -> String {
@@ -94,21 +96,31 @@ fn part_row(label: &FieldLabel, report: &Report) -> Value {
         None => context! { mid => "unknown", interval => "" },
     };
     let part = report.parts.as_ref().and_then(|parts| parts.parts.iter().find(|part| part.id == label.id));
+    let measured = |value: fn(&Part) -> Option<Estimate>, factor: f64| match part {
+        Some(part) if value(part).is_none() => {
+            let why = part.no_volume.map(|why| why.to_string()).unwrap_or_default();
+            context! { mid => "none", interval => why }
+        }
+        _ => cell(part.and_then(value), factor),
+    };
     context! {
         id => label.id,
         color => css(palette::color(label.id)),
         caption => &label.caption,
         name => short(&label.caption),
-        mass => part.map_or_else(String::new, |part| format!("{} g", significant(part.mass_kg.mid * 1e3))),
+        mass => part.map_or_else(String::new, |part| match part.mass_kg {
+            Some(mass) => format!("{} g", significant(mass.mid * 1e3)),
+            None => "no mass".to_owned(),
+        }),
         material => &label.material,
         family => &label.family,
         gaussians => report.gaussians_per_label[label.id as usize],
         form => match label.form { Form::Shell { .. } => "shell", Form::Solid => "solid" },
         numbers => vec![
-            cell(part.map(|part| part.volume_m3), 1e6),
-            cell(part.map(|part| part.thickness_m), 1e3),
+            measured(|part| part.volume_m3, 1e6),
+            measured(|part| part.thickness_m, 1e3),
             cell(Some(label.density_kg_m3), 1.0),
-            cell(part.map(|part| part.mass_kg), 1e3),
+            measured(|part| part.mass_kg, 1e3),
         ],
         properties => vec![
             interval(label.youngs_modulus_pa, 1e-9),
@@ -131,7 +143,7 @@ fn css(color: [f32; 3]) -> String {
 
 fn grasp(grasp: &GraspReport, pictures: &Pictures) -> Value {
     let verdict = if grasp.feasible {
-        "holds the object and spares the part".to_owned()
+        "holds the object without damaging the part".to_owned()
     } else {
         let limit = serde_json::to_value(grasp.limited_by).expect("a limit is a word");
         format!("not a safe grasp, limited by {}", limit.as_str().unwrap_or_default())
@@ -182,11 +194,11 @@ fn simulation(report: &Report, pictures: &Pictures) -> Value {
         least.into_iter().map(|(material, factor)| context! { material, share => significant(factor) }).collect();
     context! {
         sentence => format!(
-            "{} particles, {} steps of {} µs, {} s.",
+            "{} particles, {} steps of up to {} µs, {} s simulated.",
             thousands(simulation.particles as u64), thousands(simulation.substeps),
             significant(simulation.dt_s * 1e6), significant(duration),
         ),
-        caption => "dropped onto the ground; slower than life",
+        caption => "Dropped onto the ground; slower than real time",
         animation => data_uri("image/gif", &pictures.animation),
         duration => significant(duration),
         curves => curves(&simulation.frames),

@@ -1,4 +1,4 @@
-// The page's own script: the object in 3D, coloured and picked; rows and places that belong together.
+// The page's own script: the object in 3D, its colours and picking; highlighting of the rows that belong to a part.
 // `Splats` is three.js and Spark in one file (scripts/viewer). Without WebGL 2 the page keeps its pictures and tables.
 "use strict";
 (() => {
@@ -11,7 +11,7 @@
   const RAMP = [[68, 1, 84], [71, 44, 122], [59, 81, 139], [44, 113, 142], [33, 144, 141], [39, 173, 129], [92, 200, 99], [170, 220, 50], [253, 231, 37]];
   const NO_VALUE = [150, 150, 150];
   const TURN_PER_KEY = Math.PI / 24, ZOOM_PER_KEY = 1.15, CLICK_PIXELS = 4;
-  // Distance of the camera at first, as a share of that from which the object's whole sphere is seen: few things are spheres.
+  // Initial distance of the camera, as a share of the distance at which the object's bounding sphere fills the view: few objects are spheres.
   const FILL = 0.8;
 
   const rgb = (hex) => [1, 3, 5].map((at) => parseInt(hex.slice(at, at + 2), 16));
@@ -22,7 +22,7 @@
   };
   const short = (value) => (value === 0 ? "0" : Math.abs(value) >= 1e4 || Math.abs(value) < 1e-3 ? value.toExponential(1) : String(+value.toPrecision(3)));
 
-  // --- What the object may be coloured by: a colour for part `p` of confidence `c`, and the words for it.
+  // --- Colour modes: the colour of part `p` with confidence `c`, and its text.
   const partColors = parts.map((part) => rgb(part.color)), materialColors = parts.map((part) => rgb(part.material_color));
   const scaleOf = ({ values, log }) => {
     const known = values.filter(Boolean).map(({ value }) => value), f = log ? Math.log : (x) => x;
@@ -30,7 +30,7 @@
     return { low, high, share: (value) => (high > low ? (f(value) - f(low)) / (f(high) - f(low)) : 0.5) };
   };
   const modes = [
-    { name: "photo", note: "colours of the splat, seen straight on" },
+    { name: "photo", note: "colours of the splat, without view-dependent shading" },
     { name: "material", color: (p) => materialColors[p], entries: () => unique(parts.map((part, p) => [part.material, materialColors[p], [p]])) },
     { name: "part", color: (p) => partColors[p], entries: () => parts.map((part, p) => [`${p} ${part.name}`, partColors[p], [p]]) },
     ...properties.map((property) => {
@@ -38,7 +38,7 @@
       return {
         name: property.name,
         color: (p) => (values[p] ? ramp(share(values[p].value)) : NO_VALUE),
-        words: (p) => `${property.name} ${values[p] ? values[p].text : "none on this scale"}`,
+        words: (p) => `${property.name} ${values[p] ? values[p].text : "no value on this scale"}`,
         range: [`${short(low)} ${unit}`, `${short(high)} ${unit}`, property.log ? "logarithmic" : ""],
         missing: values.some((value) => !value),
       };
@@ -71,11 +71,11 @@
       add(range[1], "soft");
       if (range[2]) add(range[2], "soft");
     }
-    if (missing) add("none on this scale", "item", css(NO_VALUE));
+    if (missing) add("no value on this scale", "item", css(NO_VALUE));
     if (note) add(note, "soft");
   }
 
-  // --- Rows, legend and object point at each other.
+  // --- Rows, legend and object highlight each other's parts.
   let pinned = null, pointed = null;
   const idsOf = (element) => element?.dataset.parts.split(" ").map(Number) ?? null;
   const same = (a, b) => String(a) === String(b);
@@ -113,7 +113,7 @@
   document.addEventListener("click", (event) => { const ids = linked(event); if (ids) pin(ids); });
   document.addEventListener("keydown", (event) => { if (event.key === "Escape" && pinned) pin(pinned); });
 
-  // --- Large pictures, the command to copy.
+  // --- Large pictures.
   const large = byId("large");
   document.addEventListener("click", (event) => {
     const picture = event.target.closest?.("button.picture")?.querySelector("img");
@@ -164,7 +164,7 @@
     world.add(spark);
 
     const center = new Vector3(), scales = new Vector3(), turn = new Quaternion(), color = new Color();
-    // Of parts that are not meant, this much of colour and opacity stays.
+    // Opacity factor of parts that are not highlighted.
     const FADED = 0.12;
     function each(put) {
       const { color: colorOf } = mode(), ids = lit();
@@ -206,7 +206,7 @@
     resize();
     home();
 
-    // --- Turning, by itself and by hand.
+    // --- Rotation, automatic and by hand.
     const spin = byId("spin");
     const setSpin = (on) => { controls.autoRotate = on; spin.setAttribute("aria-pressed", String(on)); stale = true; };
     setSpin(!matchMedia("(prefers-reduced-motion: reduce)").matches);
@@ -230,7 +230,7 @@
     };
     canvas.addEventListener("keydown", (event) => { if (keys[event.key]) { event.preventDefault(); keys[event.key](); } });
 
-    // --- What is under the pointer: where the ray enters the cloud, and whose centre is nearest to that.
+    // --- The Gaussian under the pointer: the one whose centre is nearest to the point where the ray enters the cloud.
     const caster = new Raycaster(), at = new Vector2();
     function under({ clientX, clientY }) {
       const box = canvas.getBoundingClientRect();
@@ -282,5 +282,5 @@
   showLegend();
   const able = typeof DecompressionStream === "function" && document.createElement("canvas").getContext("webgl2");
   if (cloud.count && able) showObject().catch((error) => { say(`The object cannot be shown in 3D here: ${error.message}`); console.error(error); });
-  else say(cloud.count ? "This browser shows no WebGL 2: the pictures below show the object." : "No Gaussian is visible.");
+  else say(cloud.count ? "This browser does not support WebGL 2; the pictures below show the object." : "No Gaussian is visible.");
 })();

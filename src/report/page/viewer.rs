@@ -4,10 +4,11 @@ use base64::Engine;
 use base64::engine::general_purpose::STANDARD as BASE64;
 use serde::Serialize;
 
+use crate::pictures::palette;
 use crate::report::numbers::{interval, short, significant};
 use crate::report::{Cloud, Report};
 use crate::units::{Estimate, ShoreScale};
-use crate::vote::{FieldLabel, field_ply, palette};
+use crate::vote::{FieldLabel, field_ply};
 
 use super::css;
 

@@ -2,10 +2,10 @@
 
 use minijinja::{Value, context};
 
+use crate::pictures::palette;
 use crate::query::{Answers, Match, Outcome, PartAnswer};
 use crate::report::numbers::significant;
 use crate::report::{AnswerCounts, Pictures, ViewPictures};
-use crate::vote::palette;
 
 use super::{css, data_uri};
 
@@ -17,7 +17,7 @@ pub(super) fn views(pictures: &Pictures, answers: &Answers) -> Vec<Value> {
 /// Where the answers came from.
 pub(super) fn sentence(counts: &AnswerCounts) -> String {
     format!(
-        "{} parts answered: {} for exactly this question, {} by a recording whose mask overlaps; {} failed.",
+        "Answers: {}, of which {} to exactly this question and {} from a recording with an overlapping mask; failed: {}.",
         counts.answered(),
         counts.exact,
         counts.by_mask,
@@ -34,11 +34,11 @@ fn one(view: &ViewPictures, pictures: &Pictures, answers: &Answers) -> Value {
     context! {
         name,
         pictures => vec![
-            picture(&view.photo, "photo"),
-            picture(&view.parts, "parts of"),
+            picture(&view.photo, "photo of"),
+            picture(&view.parts, "segments of"),
             picture(&view.materials, "Gaussians seen in"),
         ],
-        caption => format!("{} parts: {}", named.len(), named.join("; ")),
+        caption => format!("{}: {}", if named.len() == 1 { "1 segment".to_owned() } else { format!("{} segments", named.len()) }, named.join("; ")),
         rows => of_view.iter().map(|part| row(part, pictures)).collect::<Vec<_>>(),
     }
 }
@@ -65,7 +65,7 @@ fn row(part: &PartAnswer, pictures: &Pictures) -> Value {
             flags => &answer.flags,
             found => match answer.matched {
                 Match::Exact | Match::Live => "recorded".to_owned(),
-                Match::Mask { iou } => format!("recorded, mask overlap {iou:.3}"),
+                Match::Mask { iou } => format!("recorded, mask IoU {iou:.3}"),
             },
         },
         Outcome::Failed(failure) => context! { caption => failure.to_string(), found => "failed" },

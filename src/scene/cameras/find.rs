@@ -1,18 +1,36 @@
 //! Which camera file of a folder to read, and where its photos may lie.
 
-use std::fs;
 use std::path::{Path, PathBuf};
 
 use super::colmap;
 use super::gaussian_splatting::TrainingArguments;
-use crate::scene::SceneError;
+use crate::files;
+use crate::read_scope::ReadScope;
+use crate::scene::{Options, Reference, SceneError};
 
 /// A camera file and who wrote it.
 #[derive(Debug, Clone, PartialEq, Eq)]
-pub(in crate::scene) struct Choice {
+pub(in crate::scene) struct CameraSource {
     pub kind: Kind,
     /// A file, or the folder of a COLMAP model.
     pub path: PathBuf,
+}
+
+impl CameraSource {
+    /// Refuses files that lead out of what may be read for the scene in `folder`.
+    pub fn check(&self, folder: &Path, scope: &ReadScope) -> Result<(), SceneError> {
+        let cfg_args = folder.join(CFG_ARGS);
+        let found_inside = self.path.starts_with(folder);
+        let files = match self.kind {
+            Kind::Colmap => colmap::model_files(&self.path).to_vec(),
+            _ => vec![self.path.clone()],
+        };
+        files.iter().try_for_each(|path| {
+            let named_in = (!found_inside).then_some(cfg_args.as_path());
+            let flag = Some(("--cameras", self.path.as_path()));
+            Reference { what: "camera file", path, named_in, flag }.check(scope)
+        })
+    }
 }
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -23,6 +41,9 @@ pub(in crate::scene) enum Kind {
     /// The cameras.json of a 3DGS output folder.
     GaussianSplatting,
 }
+
+/// The file of a 3DGS output that says what it was trained on.
+const CFG_ARGS: &str = "cfg_args";
 
 /// Where camera files are looked for within a folder, best first.
 const PLACES: [(&str, Kind); 8] = [
@@ -38,12 +59,15 @@ const PLACES: [(&str, Kind); 8] = [
 
 /// The camera file to read and the others that are there: `given`, or the first of [`PLACES`] in `folder`, or the first in the
 /// folder that a `cfg_args` names as the training data.
-pub(in crate::scene) fn choose(folder: &Path, given: Option<&Path>) -> Result<(Choice, Vec<PathBuf>), SceneError> {
+pub(in crate::scene) fn choose(
+    folder: &Path,
+    given: Option<&Path>,
+) -> Result<(CameraSource, Vec<PathBuf>), SceneError> {
     if let Some(path) = given {
         return Ok((given_choice(path)?, Vec::new()));
     }
-    let in_folder = |folder: &Path| -> Vec<Choice> {
-        let choices = PLACES.iter().map(|(place, kind)| Choice { kind: *kind, path: folder.join(place) });
+    let in_folder = |folder: &Path| -> Vec<CameraSource> {
+        let choices = PLACES.iter().map(|(place, kind)| CameraSource { kind: *kind, path: folder.join(place) });
         choices.filter(is_there).collect()
     };
     let mut found = in_folder(folder);
@@ -57,49 +81,104 @@ pub(in crate::scene) fn choose(folder: &Path, given: Option<&Path>) -> Result<(C
     Ok((found.remove(0), others))
 }
 
-fn is_there(choice: &Choice) -> bool {
+fn is_there(choice: &CameraSource) -> bool {
     match choice.kind {
         Kind::Colmap => colmap::is_model(&choice.path),
-        _ => choice.path.is_file(),
+        _ => files::is_there(&choice.path),
     }
 }
 
 /// What `--cameras` points at: a COLMAP model, a folder with one, or a JSON file of either kind.
-fn given_choice(path: &Path) -> Result<Choice, SceneError> {
+fn given_choice(path: &Path) -> Result<CameraSource, SceneError> {
     if path.is_dir() {
         let models = [path.to_owned(), path.join("0"), path.join("sparse/0"), path.join("sparse")];
         let model = models.into_iter().find(|folder| colmap::is_model(folder));
         let model = model.ok_or_else(|| SceneError::UnknownCameras { path: path.to_owned() })?;
-        return Ok(Choice { kind: Kind::Colmap, path: model });
+        return Ok(CameraSource { kind: Kind::Colmap, path: model });
     }
-    let text = fs::read(path).map_err(|reason| SceneError::Io { path: path.to_owned(), reason })?;
+    let text = files::read(path).map_err(|reason| SceneError::Io { path: path.to_owned(), reason })?;
     let kind = match text.iter().find(|byte| !byte.is_ascii_whitespace()) {
         Some(b'[') => Kind::GaussianSplatting,
         Some(b'{') => Kind::Transforms,
         _ => return Err(SceneError::UnknownCameras { path: path.to_owned() }),
     };
-    Ok(Choice { kind, path: path.to_owned() })
+    Ok(CameraSource { kind, path: path.to_owned() })
+}
+
+/// What the `cfg_args` in `folder` says; nothing if there is none of the folder's own.
+fn training_arguments(folder: &Path) -> TrainingArguments {
+    let path = folder.join(CFG_ARGS);
+    let own = ReadScope::new(folder).leads_out(&path).is_none();
+    let text = own.then(|| files::read_to_string(&path).ok()).flatten();
+    TrainingArguments::parse(&text.unwrap_or_default())
 }
 
 /// The training data's folder by the `cfg_args` of a 3DGS output, where it is on this machine.
 fn training_folder(folder: &Path) -> Option<PathBuf> {
-    let text = fs::read_to_string(folder.join("cfg_args")).ok()?;
-    let source = folder.join(TrainingArguments::parse(&text).source_path?);
+    let source = folder.join(training_arguments(folder).source_path?);
     source.is_dir().then_some(source)
 }
 
-/// The folders in which the photos of a camera file may lie, best first; `given` alone where it is given.
-pub(in crate::scene) fn photo_folders(folder: &Path, choice: &Choice, given: Option<&Path>) -> Vec<PathBuf> {
+/// Where photos and masks may lie, and which of these places the user named.
+pub(in crate::scene) struct Places<'a> {
+    /// The photos' folders, best first.
+    pub photos: Vec<PathBuf>,
+    /// `--images` names the one folder.
+    pub photos_are_named: bool,
+    /// `--masks`.
+    pub masks: Option<&'a Path>,
+    /// What may be read that no flag names.
+    pub scope: ReadScope,
+    /// The `cfg_args` that names the training data, and their folder.
+    training: Option<(PathBuf, PathBuf)>,
+}
+
+impl<'a> Places<'a> {
+    /// The places for the photos of the camera file `choice` of the scene in `folder`.
+    pub fn of(folder: &Path, choice: &CameraSource, options: &'a Options) -> Self {
+        let training = training_folder(folder);
+        Self {
+            photos: photo_folders(folder, choice, options.images.as_deref(), training.as_deref()),
+            photos_are_named: options.images.is_some(),
+            masks: options.masks.as_deref(),
+            // Masks may lie in the folder of photos that the user named.
+            scope: options.read_scope(folder).and(options.images.as_deref()),
+            training: training.map(|data| (folder.join(CFG_ARGS), data)),
+        }
+    }
+
+    /// Refuses a photo, found in one of the folders for a frame of `camera_file`, that leads out of what may be read.
+    pub fn check_photo(&self, camera_file: &Path, folder: &Path, path: &Path) -> Result<(), SceneError> {
+        if self.photos_are_named {
+            return Ok(());
+        }
+        let training = self.training.as_ref().filter(|(_, data)| folder.starts_with(data));
+        let named_in = Some(training.map_or(camera_file, |(cfg_args, _)| cfg_args));
+        Reference { what: "photo", path, named_in, flag: Some(("--images", folder)) }.check(&self.scope)
+    }
+
+    /// Refuses a mask that leads out of what may be read.
+    pub fn check_mask(&self, path: &Path, named_in: Option<&Path>) -> Result<(), SceneError> {
+        if self.masks.is_some() {
+            return Ok(());
+        }
+        let flag = path.parent().map(|folder| ("--masks", folder));
+        Reference { what: "mask", path, named_in, flag }.check(&self.scope)
+    }
+}
+
+/// The folders in which the photos of a camera file may lie, best first; `given` alone where it is given. `training` is the
+/// folder of the training data.
+fn photo_folders(folder: &Path, choice: &CameraSource, given: Option<&Path>, training: Option<&Path>) -> Vec<PathBuf> {
     if let Some(given) = given {
         return vec![given.to_owned()];
     }
     // A COLMAP model lies one to three folders below the photos' parent.
     let above = choice.path.ancestors().skip(1).take(if choice.kind == Kind::Colmap { 3 } else { 1 });
-    let text = fs::read_to_string(folder.join("cfg_args")).unwrap_or_default();
-    let trained_on = TrainingArguments::parse(&text).images;
+    let trained_on = training_arguments(folder).images;
     let mut parents: Vec<PathBuf> = vec![folder.to_owned()];
     parents.extend(above.map(Path::to_owned));
-    parents.extend(training_folder(folder));
+    parents.extend(training.map(Path::to_owned));
     let mut folders = Vec::new();
     for parent in parents {
         // transforms.json names files relative to itself, COLMAP and 3DGS relative to the photos' folder.

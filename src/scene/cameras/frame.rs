@@ -1,9 +1,37 @@
 //! A picture as a camera file knows it: before anybody has looked at the photo.
 
+use std::path::PathBuf;
+
 use nalgebra::Isometry3;
+use thiserror::Error;
 
 use crate::camera::{Distortion, Intrinsics};
-use crate::scene::error::FrameProblem;
+
+/// What is wrong with one frame of a camera file.
+#[derive(Debug, Error)]
+pub enum FrameProblem {
+    #[error("transform_matrix is not 4 x 4 (or 3 x 4)")]
+    MatrixShape,
+    #[error(
+        "the upper left 3 x 3 of transform_matrix is not a rotation (orthonormal, right-handed); export the cameras again \
+         without scaling or mirroring the axes"
+    )]
+    NotARotation,
+    #[error("no focal length: fl_x or camera_angle_x is needed, in the frame or at the top")]
+    NoFocalLength,
+    #[error("{name} = {value} makes no sense; it must be finite{}", if *.positive { " and above zero" } else { "" })]
+    Number { name: &'static str, value: f64, positive: bool },
+    #[error(
+        "gprop does not know the camera_model {model}, or it has no flat picture; undistort the photos to PINHOLE first"
+    )]
+    CameraModel { model: String },
+    #[error(
+        "file_path leads out of the scene folder, to `{}`; if you trust it, name the folder of the photos with --images DIR, or \
+         copy the photo into the scene and write a relative path",
+        leads_to.display()
+    )]
+    OutsideScene { leads_to: PathBuf },
+}
 
 /// One calibrated picture of a camera file.
 #[derive(Debug, Clone, PartialEq)]

@@ -9,12 +9,11 @@ use std::path::Path;
 use nalgebra::{Isometry3, Matrix3};
 use serde::Deserialize;
 
-use super::frame::{Declared, Focal, Frame, positive};
+use super::frame::{Declared, Focal, Frame, FrameProblem, positive};
 use super::transforms::Problem;
 use super::{Applied, Capture, bytes_of};
 use crate::camera::{Distortion, rotation_of};
 use crate::scene::SceneError;
-use crate::scene::error::FrameProblem;
 
 #[derive(Deserialize)]
 struct Entry {

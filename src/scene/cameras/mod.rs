@@ -14,16 +14,16 @@ pub mod gaussian_splatting;
 mod photos;
 pub mod transforms;
 
-use std::fs;
 use std::path::{Path, PathBuf};
 
 use nalgebra::Isometry3;
 
-pub(super) use find::{Choice, Kind, choose, photo_folders};
-pub use frame::{Declared, Focal, Frame};
+pub(super) use find::{CameraSource, Kind, Places, choose};
+pub use frame::{Declared, Focal, Frame, FrameProblem};
 pub(super) use photos::find_photos;
 
 use super::SceneError;
+use crate::files;
 
 /// What one camera file says.
 #[derive(Debug, Clone, PartialEq, Default)]
@@ -46,7 +46,7 @@ impl Default for Applied {
 }
 
 /// Reads the chosen camera file, and hands back every file that was opened.
-pub(super) fn read(choice: &Choice) -> Result<(Capture, Vec<PathBuf>), SceneError> {
+pub(super) fn read(choice: &CameraSource) -> Result<(Capture, Vec<PathBuf>), SceneError> {
     match choice.kind {
         Kind::Colmap => colmap::read(&choice.path),
         Kind::Transforms => Ok((transforms::read(&choice.path)?, vec![choice.path.clone()])),
@@ -55,5 +55,5 @@ pub(super) fn read(choice: &Choice) -> Result<(Capture, Vec<PathBuf>), SceneErro
 }
 
 fn bytes_of(path: &Path) -> Result<Vec<u8>, SceneError> {
-    fs::read(path).map_err(|reason| SceneError::Io { path: path.to_owned(), reason })
+    files::read(path).map_err(|reason| SceneError::Io { path: path.to_owned(), reason })
 }

@@ -4,9 +4,10 @@ use std::path::{Path, PathBuf};
 
 use rayon::prelude::*;
 
-use super::frame::{Declared, Frame};
+use super::Places;
+use super::frame::{Declared, Frame, FrameProblem};
 use crate::camera::{Camera, Intrinsics};
-use crate::scene::error::FrameProblem;
+use crate::files;
 use crate::scene::photo::{self, Upright};
 use crate::scene::{SceneError, View, view_names};
 
@@ -17,12 +18,11 @@ pub(in crate::scene) struct Views {
     pub warnings: Vec<String>,
 }
 
-/// Finds the photo of each frame in `folders`; a mask beside it or in `masks`. Frames without a photo are counted.
+/// Finds the photo of each frame in `places`, and its mask there or beside it. Frames without a photo are counted.
 pub(in crate::scene) fn find_photos(
     camera_file: &Path,
     frames: &[Frame],
-    folders: &[PathBuf],
-    masks: Option<&Path>,
+    places: &Places,
 ) -> Result<Views, SceneError> {
     let in_frame = |index: usize, problem| SceneError::Frame {
         path: camera_file.to_owned(),
@@ -33,15 +33,19 @@ pub(in crate::scene) fn find_photos(
     let mut present = Vec::new();
     let mut missing = Vec::new();
     for (index, frame) in frames.iter().enumerate() {
-        match photo_of(&frame.file, folders) {
-            Ok(Some((folder, file))) => present.push((index, folder, file)),
-            Ok(None) => missing.push(frame.file.as_str()),
-            Err(problem) => return Err(in_frame(index, problem)),
+        match photo_of(&frame.file, places) {
+            Lookup::Found { folder, file } => present.push((index, folder, file)),
+            Lookup::Missing => missing.push(frame.file.as_str()),
+            Lookup::Outside => {
+                let beside = camera_file.parent().unwrap_or(Path::new(""));
+                let leads_to = view_names::without_climbing(&beside.join(frame.file.replace('\\', "/")));
+                return Err(in_frame(index, FrameProblem::OutsideScene { leads_to }));
+            }
         }
     }
     if present.is_empty() {
         let (count, first) = (frames.len(), missing.first().copied().unwrap_or_default().to_owned());
-        return Err(SceneError::NoPhotos { path: camera_file.to_owned(), count, first, tried: folders.to_vec() });
+        return Err(SceneError::NoPhotos { path: camera_file.to_owned(), count, first, tried: places.photos.clone() });
     }
     let files: Vec<String> = present.iter().map(|(_, _, file)| file.clone()).collect();
     let sized: Vec<(View, Fit)> = present
@@ -50,13 +54,19 @@ pub(in crate::scene) fn find_photos(
         .map(|((index, folder, file), name)| {
             let frame = &frames[*index];
             let image = folder.join(file);
+            places.check_photo(camera_file, folder, &image)?;
             let (intrinsics, fit) = fitted(&image, &frame.declared, |problem| in_frame(*index, problem))?;
             let camera = Camera { intrinsics, camera_from_world: frame.camera_from_world };
-            let mask = mask_of(frame, folder, file, masks);
+            let mask = mask_of(frame, folder, file, places.masks);
+            let named_in = frame.mask.as_ref().map(|_| camera_file);
+            mask.iter().try_for_each(|mask| places.check_mask(mask, named_in))?;
             Ok((View { name, camera, image, upright: fit.upright, mask }, fit))
         })
         .collect::<Result<_, SceneError>>()?;
-    let warnings = warnings(camera_file, frames.len(), &missing, &sized);
+    let mut warnings = warnings(camera_file, frames.len(), &missing, &sized);
+    if let Some(masks) = places.masks {
+        warnings.extend(views_without_mask(masks, &sized)?);
+    }
     Ok(Views { views: sized.into_iter().map(|(view, _)| view).collect(), warnings })
 }
 
@@ -86,35 +96,54 @@ fn fitted(
     Ok((intrinsics.resized(width, height), fit))
 }
 
-/// The folder and the path within it of the photo called `file`; `None` where there is none.
-fn photo_of(file: &str, folders: &[PathBuf]) -> Result<Option<(PathBuf, String)>, FrameProblem> {
+/// What became of a photo's name.
+enum Lookup {
+    /// The folder, and the path within it.
+    Found {
+        folder: PathBuf,
+        file: String,
+    },
+    Missing,
+    /// The name leads out of every folder.
+    Outside,
+}
+
+/// Looks for the photo called `file`.
+fn photo_of(file: &str, places: &Places) -> Lookup {
     /// Camera files of Blender and 3DGS leave the extension out.
     const EXTENSIONS: [&str; 12] =
         ["png", "jpg", "jpeg", "JPG", "PNG", "JPEG", "webp", "tif", "tiff", "bmp", "TIF", "BMP"];
     let mut within = None;
-    for folder in folders {
+    for folder in &places.photos {
         let Some(file) = view_names::path_within(folder, file) else { continue };
         let endings = EXTENSIONS.iter().map(|end| format!("{file}.{end}"));
-        if let Some(found) = std::iter::once(file.clone()).chain(endings).find(|file| folder.join(file).is_file()) {
-            return Ok(Some((folder.clone(), found)));
+        if let Some(found) =
+            std::iter::once(file.clone()).chain(endings).find(|file| files::is_there(&folder.join(file)))
+        {
+            return Lookup::Found { folder: folder.clone(), file: found };
         }
         within = Some(file);
     }
-    // An absolute path of the machine that calibrated leads out of every folder here; so does `../`.
+    // An absolute path of the machine that calibrated leads out of every folder here; so does `../`, unless the user says
+    // where the photos are.
     let base = file.rsplit(['/', '\\']).next().unwrap_or(file);
+    let may_lie_here = Path::new(file).is_absolute() || places.photos_are_named;
     match within {
-        Some(_) => Ok(None),
-        None if Path::new(file).is_absolute() && base != file => photo_of(base, folders),
-        None => Err(FrameProblem::OutsideScene),
+        Some(_) => Lookup::Missing,
+        None if may_lie_here && base != file => photo_of(base, places),
+        None => Lookup::Outside,
     }
 }
 
-/// The mask of a photo: the one that the frame names, else the one of its name in `masks`, else in a folder `masks` beside
-/// the photos' folder or in it.
+/// The mask of a photo: the one that the frame names, wherever that is, else the one of its name in `masks`, else in a folder
+/// `masks` beside the photos' folder or in it.
 fn mask_of(frame: &Frame, folder: &Path, file: &str, masks: Option<&Path>) -> Option<PathBuf> {
     if masks.is_none() {
-        let named = frame.mask.as_deref().and_then(|mask| view_names::path_within(folder, mask));
-        if let Some(mask) = named.map(|mask| folder.join(mask)).filter(|path| path.is_file()) {
+        let named = frame.mask.as_deref().map(|mask| match view_names::path_within(folder, mask) {
+            Some(within) => folder.join(within),
+            None => folder.join(mask.replace('\\', "/")),
+        });
+        if let Some(mask) = named.filter(|path| files::is_there(path)) {
             return Some(mask);
         }
     }
@@ -130,7 +159,26 @@ fn mask_of(frame: &Frame, folder: &Path, file: &str, masks: Option<&Path>) -> Op
         [format!("{stem}.png"), format!("{file}.png"), format!("{stem}.jpg"), file.to_owned()]
     });
     let names: Vec<String> = names.collect();
-    folders.iter().flat_map(|folder| names.iter().map(move |name| folder.join(name))).find(|path| path.is_file())
+    folders.iter().flat_map(|folder| names.iter().map(move |name| folder.join(name))).find(|path| files::is_there(path))
+}
+
+/// A warning that names the views for which the folder that the user named has no mask.
+fn views_without_mask(masks: &Path, sized: &[(View, Fit)]) -> Result<Option<String>, SceneError> {
+    let without: Vec<&str> =
+        sized.iter().map(|(view, _)| view).filter(|view| view.mask.is_none()).map(|view| view.name.as_str()).collect();
+    let (count, views) = (without.len(), sized.len());
+    if count == views {
+        let first = without.first().copied().unwrap_or_default().to_owned();
+        return Err(SceneError::NoMasks { folder: masks.to_owned(), first, views });
+    }
+    Ok((count > 0).then(|| {
+        let folder = masks.display();
+        format!(
+            "--masks `{folder}` has no mask for {count} of {views} views: {}; what tells the foreground of the other \
+             photos tells theirs too: alpha, else the Gaussians",
+            without.join(", ")
+        )
+    }))
 }
 
 fn warnings(camera_file: &Path, frames: usize, missing: &[&str], sized: &[(View, Fit)]) -> Vec<String> {

@@ -11,11 +11,10 @@ use std::path::Path;
 use nalgebra::{Isometry3, Matrix3, Matrix4, Translation3};
 use serde::Deserialize;
 
-use super::frame::{Declared, Focal, Frame, finite, positive};
+use super::frame::{Declared, Focal, Frame, FrameProblem, finite, positive};
 use super::{Applied, Capture, bytes_of};
 use crate::camera::{Distortion, Polynomial, camera_from_world_of_opengl, rotation_of};
 use crate::scene::SceneError;
-use crate::scene::error::FrameProblem;
 
 #[derive(Debug, Deserialize)]
 struct Transforms {

@@ -12,6 +12,7 @@ use std::collections::{BTreeMap, BTreeSet};
 
 use nalgebra::{Isometry3, Matrix3, Point3, Vector3};
 
+use crate::numeric::upper_median;
 use crate::scene::gaussians::Gaussians;
 
 /// Radius of the ball: the object fills a picture of the usual 50 to 60 degrees at about half the distance.
@@ -39,7 +40,8 @@ pub(super) fn around_focus(gaussians: &Gaussians, cameras: &[Isometry3<f64>]) ->
     let centers: Vec<Point3<f64>> = world_from_camera.iter().map(|pose| pose.translation.vector.into()).collect();
     let axes: Vec<Vector3<f64>> = world_from_camera.iter().map(|pose| pose.rotation * Vector3::z()).collect();
     let focus = nearest_to_axes(&centers, &axes)?;
-    let unit = median(centers.iter().map(|center| (center - focus).norm()).collect())?;
+    let unit =
+        upper_median(centers.iter().map(|center| (center - focus).norm()).collect()).filter(|unit| *unit > 0.0)?;
     let in_ball = |i: &usize| {
         gaussians.opacity_logits[*i] >= LEAST_OPACITY_LOGIT
             && (gaussians.center(*i) - focus).norm() < REACH * unit
@@ -163,9 +165,4 @@ fn largest_cluster(points: &[Point3<f64>], among: &[usize], origin: &Point3<f64>
         }
     }
     largest
-}
-
-fn median(mut values: Vec<f64>) -> Option<f64> {
-    values.sort_by(f64::total_cmp);
-    values.get(values.len() / 2).copied().filter(|value| *value > 0.0)
 }

@@ -3,37 +3,13 @@
 use std::io::BufRead;
 
 use ply_rs::parser::Parser;
-use ply_rs::ply::{ElementDef, Property, PropertyAccess};
+use ply_rs::ply::ElementDef;
 
 use super::header::Header;
 use super::layout::{self, Array, Layout};
+use super::row::Row;
 use super::source::Bytes;
 use super::{Body, Problem};
-
-/// The values of one row in the order of the declaration.
-pub(super) struct Row {
-    values: Vec<f32>,
-}
-
-impl PropertyAccess for Row {
-    fn new() -> Self {
-        Self { values: Vec::new() }
-    }
-
-    fn set_property(&mut self, _name: String, property: Property) {
-        self.values.push(match property {
-            Property::Char(v) => v.into(),
-            Property::UChar(v) => v.into(),
-            Property::Short(v) => v.into(),
-            Property::UShort(v) => v.into(),
-            Property::Int(v) => v as f32,
-            Property::UInt(v) => v as f32,
-            Property::Float(v) => v,
-            Property::Double(v) => v as f32,
-            _ => unreachable!("list properties were refused with the header"),
-        });
-    }
-}
 
 pub(super) fn read(bytes: &impl Bytes, header: &Header, layout: &Layout) -> Result<Body, Problem> {
     check_size(bytes, header, layout)?;

@@ -8,7 +8,7 @@ use ply_rs::parser::Parser;
 use ply_rs::ply::{ElementDef, Encoding};
 
 use super::Problem;
-use super::ascii::Row;
+use super::row::Row;
 use super::source::Bytes;
 
 /// Far beyond any header seen (a few kilobytes), and small beside any splat.

@@ -16,6 +16,7 @@ mod compressed;
 mod header;
 mod kinds;
 mod layout;
+mod row;
 mod source;
 mod write;
 
@@ -51,7 +52,7 @@ pub enum Problem {
     HeaderLine { line: usize, text: String },
     #[error("the header is broken: {0}; export the splat again")]
     Header(String),
-    #[error("the header has no `end_header` within its first {limit} bytes; the file is cut off or no PLY")]
+    #[error("the header has no `end_header` within its first {limit} bytes; the file is cut off or not a PLY")]
     HeaderEnd { limit: u64 },
     #[error("the header declares {kind} `{name}` twice (line {line}); remove one of the two and its values")]
     Duplicate { kind: &'static str, name: String, line: usize },

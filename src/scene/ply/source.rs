@@ -27,7 +27,7 @@ pub(super) struct FileBytes {
 
 impl FileBytes {
     pub fn open(path: &Path) -> io::Result<Self> {
-        let file = File::open(path)?;
+        let file = crate::files::open(path)?;
         let size = file.metadata()?.len();
         Ok(Self { file, size })
     }

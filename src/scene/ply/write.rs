@@ -14,7 +14,7 @@ const ROWS_PER_CHUNK: usize = 1024;
 /// held beyond these and `extra` does not replace. What was read from float32 is written back bit for bit.
 ///
 /// # Errors
-/// `InvalidInput` where an array does not have one value a Gaussian or a name is no PLY name; what `writer` reports.
+/// `InvalidInput` where an array does not have one value a Gaussian or a name is not a PLY name; what `writer` reports.
 pub fn write(mut writer: impl Write, gaussians: &Gaussians, extra: &[ExtraProperty]) -> io::Result<()> {
     let columns = columns(gaussians, extra);
     check(&columns, gaussians.len())?;

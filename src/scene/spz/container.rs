@@ -1,8 +1,9 @@
-//! From the file to the bytes of each attribute, never decompressing more than the header's count accounts for.
+//! From the file to the bytes of each attribute, never decompressing more than the header's count accounts for. A file that
+//! is damaged, cut off or longer than it should be is refused: checksums and lengths are checked to the last byte.
 
-use std::io::Read;
+use std::io::{self, Read};
 
-use flate2::read::GzDecoder;
+use flate2::bufread::GzDecoder;
 use ruzstd::decoding::StreamingDecoder;
 
 use super::{Header, Problem};
@@ -14,6 +15,8 @@ const HEADER: usize = 32;
 /// Bytes of an entry of version 4's list of streams: compressed and uncompressed size.
 const STREAM_ENTRY: usize = 16;
 const FLAG_ANTIALIASED: u8 = 1;
+/// Records of other programs follow the attributes; in version 4 they come before the list of streams.
+const FLAG_EXTENDED: u8 = 2;
 
 /// Trained splats shrink to a third at best, constant harmonics to a tenth. A header that promises more than this many bytes
 /// a byte of the file is not believed...
@@ -37,7 +40,10 @@ pub(super) fn unpack(bytes: &[u8]) -> Result<(Header, Attributes), Problem> {
         if header.version > 3 {
             return Err(Problem::Version { version: header.version });
         }
-        return Ok((header, one_after_the_other(&header, stream)?));
+        let attributes = one_after_the_other(&header, &mut stream)?;
+        skip_extensions(&header, bytes.len(), &mut stream)?;
+        nothing_after(stream.get_ref())?;
+        return Ok((header, attributes));
     }
     if !bytes.starts_with(&MAGIC) {
         return Err(Problem::NotSpz);
@@ -46,7 +52,12 @@ pub(super) fn unpack(bytes: &[u8]) -> Result<(Header, Attributes), Problem> {
     let header = header(start, bytes.len())?;
     match header.version {
         // What a viewer's cache keeps: the legacy layout without its gzip.
-        1..=3 => Ok((header, one_after_the_other(&header, &bytes[LEGACY_HEADER..])?)),
+        1..=3 => {
+            let mut stream = &bytes[LEGACY_HEADER..];
+            let attributes = one_after_the_other(&header, &mut stream)?;
+            skip_extensions(&header, bytes.len(), &mut stream)?;
+            Ok((header, attributes))
+        }
         _ => Ok((header, streams(&header, bytes)?)),
     }
 }
@@ -59,6 +70,7 @@ fn header(start: &[u8; LEGACY_HEADER], size: usize) -> Result<Header, Problem> {
         sh_degree: start[12],
         fractional_bits: start[13],
         antialiased: start[14] & FLAG_ANTIALIASED != 0,
+        extended: start[14] & FLAG_EXTENDED != 0,
     };
     if !(1..=4).contains(&header.version) {
         return Err(Problem::Version { version: header.version });
@@ -73,19 +85,50 @@ fn header(start: &[u8; LEGACY_HEADER], size: usize) -> Result<Header, Problem> {
         return Err(Problem::Empty);
     }
     let promised: u64 = header.lengths().iter().map(|(_, length)| length).sum();
-    if promised > ALWAYS_ALLOWED.max(MOST_BYTES_PER_BYTE * size as u64) {
+    if promised > most_bytes(size) {
         return Err(Problem::Count { count: header.count, size });
     }
     Ok(header)
 }
 
+/// Most bytes that a file of `size` bytes is taken to hold.
+fn most_bytes(size: usize) -> u64 {
+    ALWAYS_ALLOWED.max(MOST_BYTES_PER_BYTE * size as u64)
+}
+
 /// Versions 1 to 3: the attributes follow each other in one stream.
-fn one_after_the_other(header: &Header, mut stream: impl Read) -> Result<Attributes, Problem> {
+fn one_after_the_other(header: &Header, stream: &mut impl Read) -> Result<Attributes, Problem> {
     let mut attributes = Attributes::default();
     for (bytes, (attribute, length)) in attributes.iter_mut().zip(header.lengths()) {
-        *bytes = exactly(header, attribute, length, stream.by_ref())?;
+        *bytes = exactly(header, attribute, length, stream)?;
     }
     Ok(attributes)
+}
+
+/// Reads the stream to its end, where its checksum is; only extensions may come before that.
+fn skip_extensions(header: &Header, size: usize, stream: &mut impl Read) -> Result<(), Problem> {
+    const LAST: &str = "end";
+    if header.extended {
+        let skipped = io::copy(&mut stream.take(most_bytes(size)), &mut io::sink());
+        skipped.map_err(|reason| Problem::Compression { attribute: LAST, reason: reason.to_string() })?;
+    }
+    ends(header, LAST, stream)
+}
+
+/// Whether the stream ends here, with its checksum.
+fn ends(header: &Header, attribute: &'static str, stream: &mut impl Read) -> Result<(), Problem> {
+    match stream.read(&mut [0]) {
+        Ok(0) => Ok(()),
+        Ok(_) => Err(Problem::Longer { attribute, count: header.count }),
+        Err(reason) => Err(Problem::Compression { attribute, reason: reason.to_string() }),
+    }
+}
+
+fn nothing_after(rest: &[u8]) -> Result<(), Problem> {
+    match rest.len() {
+        0 => Ok(()),
+        bytes => Err(Problem::Trailing { bytes }),
+    }
 }
 
 /// Version 4: a list of streams, then the streams.
@@ -118,6 +161,12 @@ fn streams(header: &Header, bytes: &[u8]) -> Result<Attributes, Problem> {
         }
         at = end;
     }
+    // Streams of attributes that gprop does not know.
+    for entry in entries {
+        let compressed = u64::from_le_bytes(std::array::from_fn(|i| entry[i]));
+        at = usize::try_from(compressed).ok().and_then(|size| at.checked_add(size)).ok_or_else(truncated)?;
+    }
+    nothing_after(bytes.get(at..).ok_or_else(truncated)?)?;
     Ok(attributes)
 }
 
@@ -125,13 +174,21 @@ fn zstd(header: &Header, attribute: &'static str, length: u64, stream: &[u8]) ->
     /// The format's floor for what a decoder should allow (RFC 8878, 3.1.1.1.2).
     const LEAST_WINDOW: u64 = 8 << 20;
     let window = length.next_power_of_two().clamp(1 << 10, LEAST_WINDOW.max(length.next_power_of_two()));
-    let decoder = StreamingDecoder::new_with_max_window_size(stream, window)
-        .map_err(|reason| Problem::Compression { attribute, reason: reason.to_string() })?;
-    exactly(header, attribute, length, decoder)
+    let broken = |reason: String| Problem::Compression { attribute, reason };
+    let mut decoder =
+        StreamingDecoder::new_with_max_window_size(stream, window).map_err(|reason| broken(reason.to_string()))?;
+    let bytes = exactly(header, attribute, length, &mut decoder)?;
+    ends(header, attribute, &mut decoder)?;
+    nothing_after(decoder.get_ref())?;
+    let (stated, found) = (decoder.decoder.get_checksum_from_data(), decoder.decoder.get_calculated_checksum());
+    if stated.is_some() && stated != found {
+        return Err(broken("its checksum does not match".to_owned()));
+    }
+    Ok(bytes)
 }
 
 /// Reads `length` bytes and not one more.
-fn exactly(header: &Header, attribute: &'static str, length: u64, stream: impl Read) -> Result<Vec<u8>, Problem> {
+fn exactly(header: &Header, attribute: &'static str, length: u64, stream: &mut impl Read) -> Result<Vec<u8>, Problem> {
     let mut bytes = Vec::new();
     let read = stream.take(length).read_to_end(&mut bytes);
     read.map_err(|reason| Problem::Compression { attribute, reason: reason.to_string() })?;

@@ -36,6 +36,10 @@ pub enum Problem {
     Truncated { size: usize },
     #[error("has {found} bytes of {attribute} where its {count} Gaussians take {expected}; copy or export it again")]
     Length { attribute: &'static str, count: u32, found: u64, expected: u64 },
+    #[error("has more at its {attribute} than its {count} Gaussians take; copy or export it again")]
+    Longer { attribute: &'static str, count: u32 },
+    #[error("has {bytes} bytes after its end; copy or export it again")]
+    Trailing { bytes: usize },
     #[error("its {attribute} cannot be decompressed ({reason}); copy or export it again")]
     Compression { attribute: &'static str, reason: String },
     #[error("none of the {count} Gaussians has finite values; export the splat again")]
@@ -51,6 +55,8 @@ struct Header {
     /// Binary digits behind the point of a coordinate.
     fractional_bits: u8,
     antialiased: bool,
+    /// Whether records of other programs follow.
+    extended: bool,
 }
 
 impl Header {
@@ -86,7 +92,7 @@ pub fn parse(bytes: &[u8]) -> Result<Loaded, Problem> {
         sh_degree: header.sh_degree,
         sh_rest: attributes::sh_rest(&header, &sh),
         antialiased: header.antialiased,
-        extra: Vec::new(),
+        ..Gaussians::default()
     };
     let dropped = drop_unusable(&mut gaussians).map_err(|_| Problem::NothingFinite { count: header.count })?;
     let notes = vec![format!("SPZ version {}", header.version)];

@@ -4,6 +4,7 @@ use std::path::{Path, PathBuf};
 
 use super::super::paint::part_list;
 use super::super::{LabelMap, LabelMapError, Level, ViewSegments};
+use crate::files;
 
 /// Masks that cannot be used. Each message is whole.
 #[derive(Debug, thiserror::Error)]
@@ -23,7 +24,7 @@ pub enum ImportError {
 /// The file in `folder` that holds a view's masks; the PNG where there are both.
 pub fn file_of_view(folder: &Path, view: &str) -> Result<PathBuf, ImportError> {
     let files = [format!("{view}.png"), format!("{view}_s.npy")].map(|name| folder.join(name));
-    let found = files.into_iter().find(|path| path.is_file());
+    let found = files.into_iter().find(|path| files::is_there(path));
     found.ok_or_else(|| ImportError::Missing { folder: folder.to_owned(), view: view.to_owned() })
 }
 
@@ -31,7 +32,7 @@ pub fn file_of_view(folder: &Path, view: &str) -> Result<PathBuf, ImportError> {
 /// Nobody says how good such masks are: their scores are 1.
 pub fn import_view(folder: &Path, view: &str, size: (u32, u32), level: Level) -> Result<ViewSegments, ImportError> {
     let path = file_of_view(folder, view)?;
-    let bytes = std::fs::read(&path).map_err(|source| ImportError::Read { path: path.clone(), source })?;
+    let bytes = files::read(&path).map_err(|source| ImportError::Read { path: path.clone(), source })?;
     let is_png = path.extension().is_some_and(|extension| extension == "png");
     let map = if is_png {
         LabelMap::from_png(&bytes).and_then(|map| map.renumbered())

@@ -1,33 +1,10 @@
 //! Label maps as other programs keep them, written beside gprop's own 16-bit PNG and read in its place.
 
 mod coco;
+mod format;
 mod import;
 mod npy;
 
-use serde::Serialize;
-
 pub use coco::coco;
+pub use format::Format;
 pub use import::{ImportError, file_of_view, import_view};
-
-/// A form in which label maps are written besides the 16-bit PNG.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, clap::ValueEnum)]
-#[serde(rename_all = "snake_case")]
-pub enum Format {
-    /// `VIEW_s.npy`, int32 `[height, width]`, -1 background, parts from 0: as the paper's code keeps them.
-    Npy,
-    /// `VIEW_s.npy`, int32 `[4, height, width]`, the same map as each of LangSplat's levels (default, s, m, l).
-    Langsplat,
-    /// `coco.json`, a COCO data set with compressed run lengths.
-    Coco,
-}
-
-impl Format {
-    /// How many planes its arrays have, where it is arrays: `Some(None)` for no such axis.
-    pub fn npy_planes(self) -> Option<Option<u64>> {
-        match self {
-            Self::Npy => Some(None),
-            Self::Langsplat => Some(Some(4)),
-            Self::Coco => None,
-        }
-    }
-}

@@ -104,6 +104,33 @@ mod tests {
         assert_eq!(LabelMap::from_npy(&bytes, Level::Large).unwrap().labels, [1, 1]);
     }
 
+    /// Version 1 of the format with this header and content.
+    fn npy(header: &str, content: &[u8]) -> Vec<u8> {
+        let length = (header.len() as u16).to_le_bytes();
+        [b"\x93NUMPY\x01\x00".as_slice(), &length, header.as_bytes(), content].concat()
+    }
+
+    #[test]
+    fn what_is_wrong_with_an_array_is_said() {
+        let message = |bytes: &[u8]| LabelMap::from_npy(bytes, Level::Small).unwrap_err().to_string();
+        let header = |kind: &str| format!("{{'descr': '{kind}', 'fortran_order': False, 'shape': (20, 30), }}\n");
+        let objects = message(&npy(&header("|O"), &[0x80; 700]));
+        assert!(objects.contains("Python objects, not numbers"), "{objects}");
+        // Cut off a little, far, in the header, and in what comes before that.
+        let whole = npy(&header("<i4"), &[0; 2400]);
+        assert!(LabelMap::from_npy(&whole, Level::Small).is_ok());
+        for left in [2399, 100, 0] {
+            let cut = message(&whole[..whole.len() - 2400 + left]);
+            assert!(
+                cut.contains("cut off") && cut.contains("2400 bytes") && cut.contains(&format!("{left} follow")),
+                "{cut}"
+            );
+        }
+        assert!(message(&whole[..30]).contains("within its header"));
+        assert!(message(&whole[..8]).contains("within its header"));
+        assert!(message(b"PK\x03\x04 a zip file").contains("does not begin as NumPy's files do"));
+    }
+
     #[test]
     fn what_is_no_such_array_is_refused() {
         let whole = written(None);

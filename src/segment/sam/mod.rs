@@ -38,7 +38,7 @@ pub struct Sam {
 pub struct Embedding(Vec<f32>);
 
 /// What the decoder needs of one picture, whatever the prompt.
-pub struct Sight(PictureValues);
+pub struct PreparedEmbedding(PictureValues);
 
 /// The three nested masks of one prompt: small, middle, large.
 #[derive(Debug, Clone, Copy)]
@@ -94,8 +94,8 @@ impl Sam {
     }
 
     /// Does the decoder's work that no prompt changes.
-    pub fn look(&self, embedding: &Embedding) -> Result<Sight, SegmentError> {
-        self.decoder.look(embedding).map(Sight).map_err(decoder_failed)
+    pub fn prepare(&self, embedding: &Embedding) -> Result<PreparedEmbedding, SegmentError> {
+        self.decoder.prepare(embedding).map(PreparedEmbedding).map_err(decoder_failed)
     }
 
     /// How many prompts to decode at once: what the decoder was exported for. More gain nothing on a CPU.
@@ -107,12 +107,12 @@ impl Sam {
     /// and hands the masks of each that are `wanted`, given their predicted IoU, to `take`, with the prompt's index.
     pub fn decode(
         &self,
-        sight: &Sight,
+        embedding: &PreparedEmbedding,
         points: &[[f32; 2]],
         wanted: &Wanted<'_>,
         take: impl FnMut(usize, Decoded<'_>),
     ) -> Result<(), SegmentError> {
-        self.decoder.run(&sight.0, points, wanted, take).map_err(decoder_failed)
+        self.decoder.run(&embedding.0, points, wanted, take).map_err(decoder_failed)
     }
 }
 

@@ -5,7 +5,7 @@
 use nalgebra::Vector3;
 
 use super::config::{Boundary, Surface};
-use super::solver::Particle;
+use super::particle::Particle;
 
 type Vec3 = Vector3<f32>;
 

@@ -13,6 +13,7 @@ pub mod config;
 mod eigen;
 pub mod filling;
 pub mod law;
+pub mod particle;
 mod run;
 mod setup;
 mod smoothing;

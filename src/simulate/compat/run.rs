@@ -5,8 +5,9 @@ use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
 use super::config::Config;
+use super::particle::Particle;
 use super::setup::{Setup, set_up};
-use super::solver::{Lost, Particle, Solver};
+use super::solver::{Lost, Solver};
 use crate::progress::Progress;
 use crate::scene::gaussians::Gaussians;
 use crate::simulate::SimulateError;
@@ -77,7 +78,7 @@ fn left_the_box(solver: &Solver, Lost { particle, time }: Lost, frame: usize) ->
     SimulateError::Lost {
         particle,
         material: "the configuration's".to_owned(),
-        what: if finite { "left the box" } else { "is no number any more" },
+        what: if finite { "left the box" } else { "became NaN or infinite" },
         t_s: time,
         frame,
         position_m: p.position.into(),

@@ -7,11 +7,11 @@ use nalgebra::{Matrix3, Rotation3, Vector3};
 
 use super::config::{Config, LawName};
 use super::filling::{self, Blob};
-use super::solver::Particle;
+use super::particle::Particle;
 use super::strength_at;
 use crate::scene::gaussians::Gaussians;
+use crate::scene::nearest::Nearest;
 use crate::simulate::SimulateError;
-use crate::vote::nearest::Nearest;
 
 /// From the world (scene units) to the box: turned, moved, scaled, and moved to the middle.
 #[derive(Debug, Clone, Copy)]

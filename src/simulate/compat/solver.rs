@@ -15,7 +15,8 @@ use rayon::prelude::*;
 
 use super::condition::Conditions;
 use super::config::Config;
-use super::law::{Law, Strength};
+use super::law::Law;
+use super::particle::Particle;
 
 type Vec3 = Vector3<f32>;
 type Mat3 = Matrix3<f32>;
@@ -26,38 +27,6 @@ const LEAST_MASS: f32 = 1e-15;
 /// Below this damping the affine velocity is left out: PIC.
 const PIC: f32 = -0.001;
 
-/// One particle in the peer's box.
-#[derive(Debug, Clone, PartialEq)]
-pub struct Particle {
-    pub position: Vec3,
-    pub velocity: Vec3,
-    pub affine: Mat3,
-    /// Before the return map.
-    pub trial: Mat3,
-    /// After it.
-    pub elastic: Mat3,
-    stress: Mat3,
-    pub volume: f32,
-    pub mass: f32,
-    pub strength: Strength,
-}
-
-impl Particle {
-    pub fn at_rest(position: Vec3, volume: f32, mass: f32, strength: Strength) -> Self {
-        Self {
-            position,
-            velocity: Vec3::zeros(),
-            affine: Mat3::zeros(),
-            trial: Mat3::identity(),
-            elastic: Mat3::zeros(),
-            stress: Mat3::zeros(),
-            volume,
-            mass,
-            strength,
-        }
-    }
-}
-
 /// Momentum and mass, then velocity and mass.
 #[derive(Debug, Clone, Copy, Default)]
 struct Node {
@@ -65,7 +34,7 @@ struct Node {
     mass: f32,
 }
 
-/// A particle that left the grid or is no number any more; the peer crashes there.
+/// A particle that left the grid or became NaN or infinite; the peer crashes there.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Lost {
     pub particle: usize,

@@ -20,7 +20,7 @@ use super::stencil::Stencil;
 pub struct Moved {
     /// Largest component of any velocity, m/s.
     pub fastest_m_s: f32,
-    /// First pack (in sorted order) with a particle that left the domain or is no number.
+    /// First pack (in sorted order) with a particle that left the domain or is not a number.
     pub lost: Option<usize>,
 }
 
@@ -105,7 +105,7 @@ fn gather_pack<L: Lanes>(pack: &mut Pack, context: Context) -> (L, bool) {
         velocity[a].store(&mut pack.velocity[a]);
         let moved = dt.mul_add(velocity[a], L::load(&pack.position[a]));
         moved.store(&mut pack.position[a]);
-        // Not (low < x) also where x is no number.
+        // Not (low < x) also where x is not a number.
         let within = L::select(L::splat(domain_m[0][a]).less(moved), L::splat(1.0), L::splat(0.0));
         let within = L::select(moved.less(L::splat(domain_m[1][a])), within, L::splat(0.0));
         inside &= !L::any(within.less(L::splat(0.5)));

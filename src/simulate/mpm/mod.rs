@@ -18,6 +18,7 @@ pub mod eigen;
 mod g2p;
 mod grid;
 mod grid_update;
+pub mod in_order;
 pub mod lanes;
 pub mod laws;
 pub mod matrix;
@@ -27,8 +28,9 @@ mod sort;
 mod stencil;
 
 use super::boundary::Boundary;
+use in_order::InOrder;
 use laws::Law;
-use particles::{InOrder, Motion, Pack, Particle};
+use particles::{Motion, Pack, Particle};
 use rayon::prelude::*;
 use sort::Sorted;
 
@@ -65,7 +67,7 @@ pub struct Setting {
     pub laws: Vec<Law>,
 }
 
-/// A particle that is no number any more or left the domain.
+/// A particle that became NaN or infinite or left the domain.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Lost {
     /// In the order the particles were given.

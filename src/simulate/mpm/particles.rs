@@ -4,7 +4,6 @@
 use nalgebra::Matrix3;
 
 use super::lanes::{LANES, Row};
-use super::laws::{Law, energy};
 
 /// One particle as the outside gives and takes it. SI; positions relative to the simulation's origin.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -24,7 +23,7 @@ pub struct Particle {
     pub mu: f32,
     /// Lame's first constant, Pa.
     pub lambda: f32,
-    /// The scalar its law keeps: see [`Law`].
+    /// The scalar its law keeps: see [`laws`](super::laws).
     pub state: f32,
     /// Index into the solver's laws.
     pub law: u32,
@@ -191,49 +190,6 @@ impl Pack {
     /// Its live particles with their numbers.
     pub fn particles(&self) -> impl Iterator<Item = (u32, Particle)> + '_ {
         (0..self.live as usize).map(|lane| (self.id[lane], self.particle(lane)))
-    }
-}
-
-/// All particles in the order they were given, wherever they lie in their packs.
-pub struct InOrder<'a> {
-    packs: &'a [Pack],
-    laws: &'a [Law],
-    /// Per particle: its pack, times [`LANES`], plus its lane.
-    places: Vec<u32>,
-}
-
-impl<'a> InOrder<'a> {
-    pub fn new(packs: &'a [Pack], laws: &'a [Law]) -> Self {
-        let mut places = vec![0; packs.iter().map(|pack| pack.live as usize).sum()];
-        for (at, pack) in packs.iter().enumerate() {
-            for (lane, &id) in pack.id[..pack.live as usize].iter().enumerate() {
-                places[id as usize] = (at * LANES + lane) as u32;
-            }
-        }
-        Self { packs, laws, places }
-    }
-
-    pub fn count(&self) -> usize {
-        self.places.len()
-    }
-
-    pub fn get(&self, id: usize) -> Particle {
-        let place = self.places[id] as usize;
-        let mut particle = self.packs[place / LANES].particle(place % LANES);
-        if !self.laws[particle.law as usize].is_plastic() {
-            particle.deformation = particle.elastic;
-        }
-        particle
-    }
-
-    /// Energy in its elastic strain.
-    pub fn elastic_j(&self, id: usize) -> f64 {
-        let particle = self.get(id);
-        energy::elastic_j(self.laws[particle.law as usize], &particle)
-    }
-
-    pub fn iter(&self) -> impl Iterator<Item = Particle> + '_ {
-        (0..self.count()).map(|id| self.get(id))
     }
 }
 

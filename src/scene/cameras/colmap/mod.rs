@@ -5,38 +5,19 @@
 
 mod binary;
 mod models;
+mod problem;
 mod text;
 
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
 use nalgebra::{Isometry3, Quaternion, Translation3, UnitQuaternion};
-use thiserror::Error;
 
 use super::frame::{Declared, Frame};
 use super::{Applied, Capture, bytes_of};
+use crate::files;
 use crate::scene::SceneError;
-
-/// What is wrong with a file of the model.
-#[derive(Debug, Error)]
-pub enum Problem {
-    #[error("is truncated: it ends within {what} {index} of {count}; copy or export the model again")]
-    Truncated { what: &'static str, index: u64, count: u64 },
-    #[error("line {line}: {reason}; export the model again")]
-    Line { line: usize, reason: String },
-    #[error("camera {id} has the model {model}, which is none that gprop knows or no camera with a flat picture")]
-    Model { id: u32, model: String },
-    #[error("camera {id}: {found} parameters where its model {model} has {expected}; export the model again")]
-    Parameters { id: u32, model: String, expected: usize, found: usize },
-    #[error("camera {id}: {reason}; calibrate again")]
-    Camera { id: u32, reason: &'static str },
-    #[error("image {id} has a pose that is no number or a rotation of length zero; export the model again")]
-    Pose { id: u32 },
-    #[error(
-        "image {id} (`{name}`) belongs to camera {camera}, which the model does not have; copy both files of one model"
-    )]
-    UnknownCamera { id: u32, name: String, camera: u32 },
-}
+pub use problem::Problem;
 
 /// The cameras by id.
 pub type Cameras = BTreeMap<u32, Declared>;
@@ -82,7 +63,7 @@ pub fn parse_images_binary(bytes: &[u8]) -> Result<Vec<Image>, Problem> {
 /// Reads `cameras.txt` from memory.
 ///
 /// # Errors
-/// [`Problem`]: a line that is no camera.
+/// [`Problem`]: a line that is not a camera.
 pub fn parse_cameras_text(text: &str) -> Result<Cameras, Problem> {
     text::cameras(text)
 }
@@ -90,7 +71,7 @@ pub fn parse_cameras_text(text: &str) -> Result<Cameras, Problem> {
 /// Reads `images.txt` from memory.
 ///
 /// # Errors
-/// [`Problem`]: a line that is no image.
+/// [`Problem`]: a line that is not an image.
 pub fn parse_images_text(text: &str) -> Result<Vec<Image>, Problem> {
     text::images(text)
 }
@@ -99,7 +80,14 @@ pub fn parse_images_text(text: &str) -> Result<Vec<Image>, Problem> {
 pub(super) fn is_model(folder: &Path) -> bool {
     ["bin", "txt"]
         .iter()
-        .any(|end| ["cameras", "images"].iter().all(|name| folder.join(format!("{name}.{end}")).is_file()))
+        .any(|end| ["cameras", "images"].iter().all(|name| files::is_there(&folder.join(format!("{name}.{end}")))))
+}
+
+/// The two files of the model in `folder` that are read: the binary ones where both are there.
+pub(super) fn model_files(folder: &Path) -> [PathBuf; 2] {
+    let binary = ["cameras.bin", "images.bin"].iter().all(|name| files::is_there(&folder.join(name)));
+    let end = if binary { "bin" } else { "txt" };
+    ["cameras", "images"].map(|name| folder.join(format!("{name}.{end}")))
 }
 
 /// Reads the model in `folder`, the binary one where both are there; the images in the order of their names, as 3DGS has them.
@@ -108,9 +96,8 @@ pub(super) fn read(folder: &Path) -> Result<(Capture, Vec<PathBuf>), SceneError>
         let path = path.to_owned();
         move |problem| SceneError::Colmap { path, problem }
     };
-    let binary = folder.join("cameras.bin").is_file() && folder.join("images.bin").is_file();
-    let end = if binary { "bin" } else { "txt" };
-    let [cameras_at, images_at] = ["cameras", "images"].map(|name| folder.join(format!("{name}.{end}")));
+    let [cameras_at, images_at] = model_files(folder);
+    let binary = cameras_at.extension().is_some_and(|end| end == "bin");
     let (cameras, images) = (bytes_of(&cameras_at)?, bytes_of(&images_at)?);
     let cameras = match binary {
         true => parse_cameras_binary(&cameras),

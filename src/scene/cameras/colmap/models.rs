@@ -40,7 +40,7 @@ pub(super) fn declared(id: u32, model: &str, size: (u64, u64), parameters: &[f64
     }
     let bad = |reason| Problem::Camera { id, reason };
     if parameters.iter().any(|value| !value.is_finite()) {
-        return Err(bad("a parameter is no number"));
+        return Err(bad("a parameter is not a number"));
     }
     let side = |side: u64| u32::try_from(side).ok().filter(|side| *side > 0);
     let (width, height) = side(size.0).zip(side(size.1)).ok_or(bad("its width or height makes no sense"))?;

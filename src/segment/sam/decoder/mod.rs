@@ -36,10 +36,10 @@ pub type Wanted<'a> = dyn Fn(&[f32; 3]) -> [bool; 3] + 'a;
 /// The decoder, ready to run on several threads at once.
 pub struct Decoder {
     prompt: PromptShape,
-    way: Way,
+    backend: Backend,
 }
 
-enum Way {
+enum Backend {
     Quick(Box<Quick>),
     Whole(Whole),
 }
@@ -53,7 +53,7 @@ pub enum PictureValues {
 /// Reads what gprop itself makes of an export, without running any of it: names, the prompt's shape, the parameters, the
 /// graph cut to other outputs.
 pub fn check(bytes: &[u8]) -> Result<(), String> {
-    let model = Model::parse(bytes).ok_or("it is no ONNX model, or one cut short")?;
+    let model = Model::parse(bytes).ok_or("it is not an ONNX model, or one cut short")?;
     let names = check_names(&model);
     let prompt = PromptShape::of(&model).map(PromptShape::blank);
     let inside = model.ancestors(OUTPUTS[0], SEARCHED_VALUES);
@@ -67,7 +67,7 @@ pub fn check(bytes: &[u8]) -> Result<(), String> {
 impl Decoder {
     /// Loads the model in `bytes`, read from `path`, for use on `threads` threads at once.
     pub fn open(runtime: &Runtime, path: &Path, bytes: &[u8], threads: usize) -> Result<Self, SegmentError> {
-        let not_onnx = || unloadable(path, DECODER)("it is no ONNX model, or one cut short".to_owned());
+        let not_onnx = || unloadable(path, DECODER)("it is not an ONNX model, or one cut short".to_owned());
         let model = Model::parse(bytes).ok_or_else(not_onnx)?;
         // What is wrong with the file as a whole is ONNX Runtime's to say.
         runtime::session(runtime, bytes).map_err(unloadable(path, DECODER))?;
@@ -77,20 +77,20 @@ impl Decoder {
     fn of_model(runtime: &Runtime, model: &Model, threads: usize) -> Result<Self, String> {
         check_names(model)?;
         let prompt = PromptShape::of(model)?;
-        let whole = Self { prompt, way: Way::Whole(Whole::open(runtime, model, prompt, 1)?) };
+        let whole = Self { prompt, backend: Backend::Whole(Whole::open(runtime, model, prompt, 1)?) };
         let quick = Quick::open(runtime, model, prompt, threads).and_then(|quick| {
-            let quick = Self { prompt, way: Way::Quick(Box::new(quick)) };
+            let quick = Self { prompt, backend: Backend::Quick(Box::new(quick)) };
             quick.check_against(&whole).map(|()| quick)
         });
         quick.or_else(|reason| {
             tracing::info!("the SAM decoder runs as exported, which is slower: {reason}");
-            Ok(Self { prompt, way: Way::Whole(Whole::open(runtime, model, prompt, threads)?) })
+            Ok(Self { prompt, backend: Backend::Whole(Whole::open(runtime, model, prompt, threads)?) })
         })
     }
 
     /// Whether gprop computes it itself.
     pub fn is_quick(&self) -> bool {
-        matches!(self.way, Way::Quick(_))
+        matches!(self.backend, Backend::Quick(_))
     }
 
     /// How many prompts a run takes.
@@ -99,10 +99,10 @@ impl Decoder {
     }
 
     /// Computes what the prompts need of a picture.
-    pub fn look(&self, embedding: &Embedding) -> Result<PictureValues, String> {
-        match &self.way {
-            Way::Quick(quick) => quick.look(embedding).map(PictureValues::Quick),
-            Way::Whole(_) => Ok(PictureValues::Whole(embedding.clone())),
+    pub fn prepare(&self, embedding: &Embedding) -> Result<PictureValues, String> {
+        match &self.backend {
+            Backend::Quick(quick) => quick.prepare(embedding).map(PictureValues::Quick),
+            Backend::Whole(_) => Ok(PictureValues::Whole(embedding.clone())),
         }
     }
 
@@ -114,10 +114,10 @@ impl Decoder {
         wanted: &Wanted<'_>,
         take: impl FnMut(usize, Decoded<'_>),
     ) -> Result<(), String> {
-        match (&self.way, picture) {
-            (Way::Quick(quick), PictureValues::Quick(picture)) => quick.run(picture, points, wanted, take),
-            (Way::Whole(whole), PictureValues::Whole(embedding)) => whole.run(embedding, points, wanted, take),
-            _ => Err("the picture was looked at by another decoder".to_owned()),
+        match (&self.backend, picture) {
+            (Backend::Quick(quick), PictureValues::Quick(picture)) => quick.run(picture, points, wanted, take),
+            (Backend::Whole(whole), PictureValues::Whole(embedding)) => whole.run(embedding, points, wanted, take),
+            _ => Err("the picture was prepared by another decoder".to_owned()),
         }
     }
 
@@ -133,7 +133,7 @@ impl Decoder {
         let point = [0.4 * MODEL_SIDE as f32, 0.3 * MODEL_SIDE as f32];
         let decode = |decoder: &Self| -> Result<(Vec<f32>, [f32; 3]), String> {
             let mut answer = (Vec::new(), [0.0; 3]);
-            decoder.run(&decoder.look(&embedding)?, &[point], &|_| [true; 3], |_, decoded| {
+            decoder.run(&decoder.prepare(&embedding)?, &[point], &|_| [true; 3], |_, decoded| {
                 answer = (decoded.logits.into_iter().flatten().flatten().copied().collect(), decoded.predicted_iou);
             })?;
             Ok(answer)

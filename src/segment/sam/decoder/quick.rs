@@ -9,7 +9,7 @@ use super::super::runtime::{self, Runtime};
 use super::super::{Decoded, Embedding};
 use super::Wanted;
 use super::feed::{PromptShape, feed, standard_inputs};
-use super::fused::{CHANNELS, Desk, Fused, MASKS, Picture, Sources, TOKENS};
+use super::fused::{CHANNELS, Fused, MASKS, Picture, Scratch, Sources, TOKENS};
 
 pub struct Quick {
     fused: Fused,
@@ -17,7 +17,7 @@ pub struct Quick {
     prompt: PromptShape,
     picture: Pool<Session>,
     tokens: Pool<Session>,
-    desks: Pool<Desk>,
+    scratch: Pool<Scratch>,
 }
 
 impl Quick {
@@ -32,13 +32,13 @@ impl Quick {
         };
         let picture = sessions(&[&sources.picture, &sources.positions], 1)?;
         let tokens = sessions(&[&sources.tokens], threads)?;
-        let desks = Pool::new((0..threads).map(|_| Desk::new()).collect());
-        let quick = Self { fused, sources, prompt, picture, tokens, desks };
+        let scratch = Pool::new((0..threads).map(|_| Scratch::new()).collect());
+        let quick = Self { fused, sources, prompt, picture, tokens, scratch };
         quick.tokens_of(&[])?;
         Ok(quick)
     }
 
-    pub fn look(&self, embedding: &Embedding) -> Result<Picture, String> {
+    pub fn prepare(&self, embedding: &Embedding) -> Result<Picture, String> {
         let blank = self.prompt.blank();
         let standard = standard_inputs(embedding, &blank, self.prompt);
         self.picture.with(|session| {
@@ -49,7 +49,7 @@ impl Quick {
                 let values = floats(&outputs, name)?.get(..embedding.0.len());
                 values.map(<[f32]>::to_vec).ok_or_else(|| format!("{name:?} is smaller than a picture's embedding"))
             };
-            Ok(self.fused.look(first(&self.sources.picture)?, first(&self.sources.positions)?))
+            Ok(self.fused.prepare(first(&self.sources.picture)?, first(&self.sources.positions)?))
         })
     }
 
@@ -64,14 +64,14 @@ impl Quick {
         let of_prompt = tokens.chunks_exact(tokens.len() / self.prompt.batch);
         // The first mask is the one for unambiguous prompts; the others are the three levels.
         let levels = |scores: &[f32; MASKS]| [scores[1], scores[2], scores[3]];
-        self.desks.with(|desk| {
+        self.scratch.with(|scratch| {
             for (index, tokens) in of_prompt.enumerate().take(points.len()) {
                 let wanted_masks = |scores: &[f32; MASKS]| {
                     let [small, middle, large] = wanted(&levels(scores));
                     [false, small, middle, large]
                 };
-                let scores = self.fused.decode(picture, tokens, &wanted_masks, desk);
-                let mut made = desk.logits.iter().map(<[f32; _]>::as_slice);
+                let scores = self.fused.decode(picture, tokens, &wanted_masks, scratch);
+                let mut made = scratch.logits.iter().map(<[f32; _]>::as_slice);
                 let logits = wanted(&levels(&scores)).map(|is_wanted| if is_wanted { made.next() } else { None });
                 take(index, Decoded { logits, predicted_iou: levels(&scores) });
             }

@@ -59,14 +59,14 @@ impl Scores {
 
 /// What the pairs saw of the pixels so far, with the softmax over all pixels made up as they come (the sums are scaled to the
 /// greatest score so far).
-pub struct Sight {
+pub struct OnlineSoftmax {
     most: [f32; PAIRS],
     sums: [f32; PAIRS],
     /// `[PAIRS, CHANNELS]`.
     values: Vec<f32>,
 }
 
-impl Sight {
+impl OnlineSoftmax {
     pub fn new() -> Self {
         Self { most: [f32::NEG_INFINITY; PAIRS], sums: [0.0; PAIRS], values: vec![0.0; PAIRS * CHANNELS] }
     }
@@ -131,13 +131,13 @@ impl Sight {
 }
 
 /// What the pixels take of the tokens: a row for each pair of token and head, `[PAIRS, CHANNELS]`.
-pub struct Answers<'a> {
+pub struct TokenValues<'a> {
     rows: Vec<f32>,
     bias: &'a [f32],
     norm: &'a Norm,
 }
 
-impl<'a> Answers<'a> {
+impl<'a> TokenValues<'a> {
     /// Of the values projected of the tokens.
     #[inline(always)]
     pub fn new<V: Vector>(tokens: &Projected, attention: &'a Attention, norm: &'a Norm) -> Self {

@@ -21,7 +21,7 @@ mod x86;
 
 use super::super::LOGITS_SIDE;
 use super::super::graph::{Constants, Model};
-use attention::{Answers, Scores, Sight, softmax_over_tokens};
+use attention::{OnlineSoftmax, Scores, TokenValues, softmax_over_tokens};
 use first_layer::FirstLayer;
 use layers::{add, perceptron};
 use matrix::Left;
@@ -69,7 +69,7 @@ pub struct Picture {
 }
 
 /// Memory that decoding uses, to be used again.
-pub struct Desk {
+pub struct Scratch {
     /// `[PIXELS, CHANNELS]`.
     pixels: Vec<f32>,
     /// Of one head of the first layer: `[TOKENS, PIXELS]`.
@@ -95,21 +95,27 @@ impl Fused {
     }
 
     /// `embedding` and `positions` are `[PIXELS, CHANNELS]`.
-    pub fn look(&self, embedding: Vec<f32>, positions: Vec<f32>) -> Picture {
+    pub fn prepare(&self, embedding: Vec<f32>, positions: Vec<f32>) -> Picture {
         assert!(embedding.len() == PIXELS * CHANNELS && positions.len() == PIXELS * CHANNELS);
-        let first_layer = look(self.instructions, &self.weights, &embedding, &positions);
+        let first_layer = first_layer(self.instructions, &self.weights, &embedding, &positions);
         Picture { embedding, positions, first_layer }
     }
 
     /// Decodes a prompt of `[count, CHANNELS]` tokens. Leaves the logits of the masks that are `wanted`, given the predicted
-    /// IoU of all, on the desk, and returns the predicted IoU.
-    pub fn decode(&self, picture: &Picture, tokens: &[f32], wanted: &Wanted<'_>, desk: &mut Desk) -> [f32; MASKS] {
+    /// IoU of all, in `scratch`, and returns the predicted IoU.
+    pub fn decode(
+        &self,
+        picture: &Picture,
+        tokens: &[f32],
+        wanted: &Wanted<'_>,
+        scratch: &mut Scratch,
+    ) -> [f32; MASKS] {
         assert!(tokens.len().is_multiple_of(CHANNELS) && (MASKS + 1..=TOKENS).contains(&(tokens.len() / CHANNELS)));
-        decode(self.instructions, &self.weights, picture, tokens, wanted, desk)
+        decode(self.instructions, &self.weights, picture, tokens, wanted, scratch)
     }
 }
 
-impl Desk {
+impl Scratch {
     pub fn new() -> Self {
         Self { pixels: vec![0.0; PIXELS * CHANNELS], scores: vec![0.0; TOKENS * PIXELS], logits: Vec::new() }
     }
@@ -155,14 +161,14 @@ macro_rules! dispatched {
     };
 }
 
-dispatched!(fn look(weights: &Weights, embedding: &[f32], positions: &[f32]) -> FirstLayer = look_with);
+dispatched!(fn first_layer(weights: &Weights, embedding: &[f32], positions: &[f32]) -> FirstLayer = first_layer_with);
 dispatched!(
-    fn decode(weights: &Weights, picture: &Picture, tokens: &[f32], wanted: &Wanted<'_>, desk: &mut Desk) -> [f32; MASKS] =
+    fn decode(weights: &Weights, picture: &Picture, tokens: &[f32], wanted: &Wanted<'_>, scratch: &mut Scratch) -> [f32; MASKS] =
         decode_with
 );
 
 #[inline(always)]
-fn look_with<V: Vector>(weights: &Weights, embedding: &[f32], positions: &[f32]) -> FirstLayer {
+fn first_layer_with<V: Vector>(weights: &Weights, embedding: &[f32], positions: &[f32]) -> FirstLayer {
     let mut placed = vec![0.0; PIXELS * CHANNELS];
     add::<V>(embedding, positions, &mut placed);
     let layer = &weights.layers[0];
@@ -175,9 +181,9 @@ fn decode_with<V: Vector>(
     picture: &Picture,
     tokens: &[f32],
     wanted: &Wanted<'_>,
-    desk: &mut Desk,
+    scratch: &mut Scratch,
 ) -> [f32; MASKS] {
-    let tokens = transform::<V>(weights, picture, tokens, desk);
+    let tokens = transform::<V>(weights, picture, tokens, scratch);
     let mut padded = [0.0; MOST_LANES];
     perceptron::<V>(&weights.predicted_iou, &tokens.values[..CHANNELS], &mut padded);
     let mut predicted_iou = [0.0; MASKS];
@@ -192,72 +198,72 @@ fn decode_with<V: Vector>(
             masks.push(vector);
         }
     }
-    desk.logits.resize(masks.len(), [0.0; LOGITS_SIDE * LOGITS_SIDE]);
+    scratch.logits.resize(masks.len(), [0.0; LOGITS_SIDE * LOGITS_SIDE]);
     if !masks.is_empty() {
-        upscale::upscale::<V>(weights, &desk.pixels, &masks, &mut desk.logits);
+        upscale::upscale::<V>(weights, &scratch.pixels, &masks, &mut scratch.logits);
     }
     predicted_iou
 }
 
-/// The two-way transformer: returns the tokens, and leaves the pixels on the desk.
+/// The two-way transformer: returns the tokens, and leaves the pixels in `scratch`.
 #[inline(always)]
-fn transform<V: Vector>(weights: &Weights, picture: &Picture, tokens: &[f32], desk: &mut Desk) -> Tokens {
+fn transform<V: Vector>(weights: &Weights, picture: &Picture, tokens: &[f32], scratch: &mut Scratch) -> Tokens {
     let [first, second] = &weights.layers;
     let last = &weights.final_attention;
     let mut tokens = Tokens::new(tokens);
 
     tokens.begin::<V>(&first.self_attention, &first.norm1);
     let queries = tokens.project_placed::<V>(&first.token_to_image.query);
-    let found = picture.first_layer.found::<V>(&queries, &mut desk.scores);
-    tokens.take_in::<V>(&found, &first.token_to_image.out, &first.norm2);
+    let found = picture.first_layer.found::<V>(&queries, &mut scratch.scores);
+    tokens.add_attended::<V>(&found, &first.token_to_image.out, &first.norm2);
     tokens.transform::<V>(&first.hidden, &first.norm3);
     let keys = tokens.project_placed::<V>(&first.image_to_token.key);
     let values = tokens.project::<V>(&first.image_to_token.value);
-    let answers = Answers::new::<V>(&values, &first.image_to_token, &first.norm4);
+    let token_values = TokenValues::new::<V>(&values, &first.image_to_token, &first.norm4);
     tokens.attend_to_themselves::<V>(&second.self_attention, &second.norm1);
     let queries = tokens.project_placed::<V>(&second.token_to_image.query);
     let scores = Scores::new::<V>(&queries, &second.token_to_image.key);
 
     // Pixels take from the tokens of the first layer, then those of the second look at them.
-    let mut sight = Sight::new();
+    let mut softmax = OnlineSoftmax::new();
     let (mut weighed, mut placed) = ([0.0; BLOCK * PAIRS], [0.0; BLOCK * CHANNELS]);
     for start in (0..PIXELS).step_by(BLOCK) {
         let range = start * CHANNELS..(start + BLOCK) * CHANNELS;
-        let block = &mut desk.pixels[range.clone()];
+        let block = &mut scratch.pixels[range.clone()];
         block.copy_from_slice(&picture.embedding[range.clone()]);
         picture.first_layer.weights::<V>(&keys, tokens.count, start, &mut weighed);
-        answers.add_to::<V>(Left { values: &weighed, row: 1, column: BLOCK }, block);
+        token_values.add_to::<V>(Left { values: &weighed, row: 1, column: BLOCK }, block);
         add::<V>(block, &picture.positions[range], &mut placed);
         scores.of::<V>(&placed, &mut weighed);
-        sight.add::<V>(&mut weighed, block);
+        softmax.add::<V>(&mut weighed, block);
     }
 
-    let found = sight.found::<V>(&second.token_to_image.value);
-    tokens.take_in::<V>(&found, &second.token_to_image.out, &second.norm2);
+    let found = softmax.found::<V>(&second.token_to_image.value);
+    tokens.add_attended::<V>(&found, &second.token_to_image.out, &second.norm2);
     tokens.transform::<V>(&second.hidden, &second.norm3);
     let keys = tokens.project_placed::<V>(&second.image_to_token.key);
     let shares = Scores::new::<V>(&keys, &second.image_to_token.query);
     let values = tokens.project::<V>(&second.image_to_token.value);
-    let answers = Answers::new::<V>(&values, &second.image_to_token, &second.norm4);
+    let token_values = TokenValues::new::<V>(&values, &second.image_to_token, &second.norm4);
     let queries = tokens.project_placed::<V>(&last.query);
     let scores = Scores::new::<V>(&queries, &last.key);
 
     // The same of the second layer and the last attention.
-    let mut sight = Sight::new();
+    let mut softmax = OnlineSoftmax::new();
     for start in (0..PIXELS).step_by(BLOCK) {
         let range = start * CHANNELS..(start + BLOCK) * CHANNELS;
-        let block = &mut desk.pixels[range.clone()];
+        let block = &mut scratch.pixels[range.clone()];
         let positions = &picture.positions[range];
         add::<V>(block, positions, &mut placed);
         shares.of::<V>(&placed, &mut weighed);
         softmax_over_tokens::<V>(&mut weighed, tokens.count);
-        answers.add_to::<V>(Left { values: &weighed, row: PAIRS, column: 1 }, block);
+        token_values.add_to::<V>(Left { values: &weighed, row: PAIRS, column: 1 }, block);
         add::<V>(block, positions, &mut placed);
         scores.of::<V>(&placed, &mut weighed);
-        sight.add::<V>(&mut weighed, block);
+        softmax.add::<V>(&mut weighed, block);
     }
-    let found = sight.found::<V>(&last.value);
-    tokens.take_in::<V>(&found, &last.out, &weights.final_norm);
+    let found = softmax.found::<V>(&last.value);
+    tokens.add_attended::<V>(&found, &last.out, &weights.final_norm);
     tokens
 }
 
@@ -327,14 +333,14 @@ mod tests {
 
     fn decoded(fused: &Fused, count: usize) -> (Vec<f32>, [f32; MASKS]) {
         let numbers = Numbers(Cell::new(7));
-        let picture = fused.look(numbers.take(PIXELS * CHANNELS, 1.0), numbers.take(PIXELS * CHANNELS, 1.0));
-        let mut desk = Desk::new();
+        let picture = fused.prepare(numbers.take(PIXELS * CHANNELS, 1.0), numbers.take(PIXELS * CHANNELS, 1.0));
+        let mut scratch = Scratch::new();
         let tokens = numbers.take(count * CHANNELS, 1.0);
-        let scores = fused.decode(&picture, &tokens, &|_| [true; MASKS], &mut desk);
-        let all = desk.logits.concat();
-        fused.decode(&picture, &tokens, &|_| [false, true, false, true], &mut desk);
+        let scores = fused.decode(&picture, &tokens, &|_| [true; MASKS], &mut scratch);
+        let all = scratch.logits.concat();
+        fused.decode(&picture, &tokens, &|_| [false, true, false, true], &mut scratch);
         let side = LOGITS_SIDE * LOGITS_SIDE;
-        assert_eq!(desk.logits.concat(), [&all[side..2 * side], &all[3 * side..]].concat(), "only those wanted");
+        assert_eq!(scratch.logits.concat(), [&all[side..2 * side], &all[3 * side..]].concat(), "only those wanted");
         (all, scores)
     }
 

@@ -54,7 +54,7 @@ impl Tokens {
 
     /// Adds what an attention to the picture found.
     #[inline(always)]
-    pub fn take_in<V: Vector>(&mut self, found: &Projected, out: &Linear, norm: &Norm) {
+    pub fn add_attended<V: Vector>(&mut self, found: &Projected, out: &Linear, norm: &Norm) {
         let mut change = [0.0; TOKENS * CHANNELS];
         out.apply::<V>(found, &mut change, TOKENS);
         increase::<V>(&mut self.values, &change);

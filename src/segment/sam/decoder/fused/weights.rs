@@ -102,7 +102,7 @@ impl Sources {
         let picture = reader.product_before(&format!("{first}.cross_attn_token_to_image.v_proj.bias"))?.0;
         let placed = reader.product_before(&format!("{first}.cross_attn_token_to_image.k_proj.bias"))?.0;
         let terms = model.producer(placed, "Add").unwrap_or_default();
-        let positions = terms.iter().find(|term| *term != picture).ok_or_else(|| format!("{placed:?} is no sum"))?;
+        let positions = terms.iter().find(|term| *term != picture).ok_or_else(|| format!("{placed:?} is not a sum"))?;
         Ok(Self { tokens: tokens.to_owned(), picture: picture.to_owned(), positions: positions.clone() })
     }
 }
@@ -216,7 +216,7 @@ impl<'a> Reader<'a> {
 
     fn floats(&self, name: &str, shape: &[usize]) -> Result<Vec<f32>, String> {
         let values = self.constants.get(name, shape).map(<[f32]>::to_vec);
-        values.ok_or_else(|| format!("{name:?} is no float constant of shape {shape:?}"))
+        values.ok_or_else(|| format!("{name:?} is not a float constant of shape {shape:?}"))
     }
 
     /// The parameter of this name in the mask decoder, whatever stands before it.

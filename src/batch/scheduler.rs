@@ -1,0 +1,138 @@
+//! Scenes side by side, within a memory budget.
+//!
+//! A scene is started when the [estimates](super::memory) of all that run leave room for its own. Estimates can be wrong, so
+//! what the processes really hold is sampled: where it passes the budget, the scene started last is killed and waits until
+//! there is room for what it was seen to need. A scene that passes the budget all by itself fails, and so does one that
+//! takes longer than `--max-minutes`.
+
+use std::collections::VecDeque;
+use std::time::Duration;
+
+use super::child::{Running, Task};
+use super::memory::{self, Budget, Gauge};
+use super::select::Selected;
+use super::{BatchError, Outcome};
+
+/// Up to here a scene's stages make good use of threads: views and prompts are done side by side.
+pub const THREADS_A_SCENE: usize = 4;
+
+const POLL: Duration = Duration::from_millis(20);
+/// A killed scene that was growing asks for this much more than it was seen to hold.
+const GROWTH: f64 = 1.5;
+
+/// How scenes are run.
+pub struct Scheduler {
+    pub jobs: usize,
+    pub budget: Budget,
+    /// Of one scene's process.
+    pub max_minutes: Option<f64>,
+    pub task: Task,
+}
+
+/// A scene that is to be run, with what it is taken to need.
+struct Waiting<'a> {
+    scene: &'a Selected,
+    need: u64,
+}
+
+/// A scene that runs.
+struct Worker<'a> {
+    scene: &'a Selected,
+    need: u64,
+    running: Running,
+    held: u64,
+    peak: u64,
+}
+
+impl Scheduler {
+    /// Runs all of `scenes`, in order as far as the budget allows; `keep` is told of each that has ended.
+    pub fn run(
+        &self,
+        scenes: &[&Selected],
+        key: &dyn Fn(&Selected) -> String,
+        keep: &mut dyn FnMut(Outcome) -> Result<(), BatchError>,
+    ) -> Result<(), BatchError> {
+        let mut waiting: VecDeque<Waiting> = scenes
+            .iter()
+            .map(|scene| Waiting { scene, need: memory::need(scene, self.task.to, self.task.threads) })
+            .collect();
+        let mut workers: Vec<Worker> = Vec::new();
+        let mut gauge = Gauge::new();
+        while !waiting.is_empty() || !workers.is_empty() {
+            while let Some(next) = self.next(&waiting, &workers).and_then(|index| waiting.remove(index)) {
+                let running = Running::start(next.scene, &self.task)?;
+                workers.push(Worker { scene: next.scene, need: next.need, running, held: 0, peak: 0 });
+            }
+            std::thread::sleep(POLL);
+            let ids: Vec<u32> = workers.iter().map(|worker| worker.running.id()).collect();
+            for (worker, held) in workers.iter_mut().zip(gauge.read(&ids)) {
+                worker.held = held;
+                worker.peak = worker.peak.max(held);
+            }
+            let mut index = 0;
+            while index < workers.len() {
+                match self.outcome(&mut workers[index], key)? {
+                    Some(outcome) => {
+                        workers.remove(index);
+                        keep(outcome)?;
+                    }
+                    None => index += 1,
+                }
+            }
+            self.relieve(&mut workers, &mut waiting, key, keep)?;
+        }
+        Ok(())
+    }
+
+    /// What became of a scene that has ended, or that is ended here since it took too long.
+    fn outcome(&self, worker: &mut Worker, key: &dyn Fn(&Selected) -> String) -> Result<Option<Outcome>, BatchError> {
+        let Worker { scene, running, peak, .. } = worker;
+        if let Some(ended) = running.ended(*peak)? {
+            return Ok(Some(Outcome::of(&scene.name, &scene.work, key(scene), &ended)));
+        }
+        let Some(limit) = self.max_minutes.filter(|limit| running.age().as_secs_f64() > 60.0 * limit) else {
+            return Ok(None);
+        };
+        let why = format!("took longer than --max-minutes {limit}");
+        Ok(Some(Outcome::stopped(&scene.name, &scene.work, key(scene), &running.kill(*peak)?, why)))
+    }
+
+    /// The first that fits beside those that run; whatever it needs, the first of all where none runs.
+    fn next(&self, waiting: &VecDeque<Waiting>, workers: &[Worker]) -> Option<usize> {
+        if workers.len() >= self.jobs {
+            return None;
+        }
+        let taken: u64 = workers.iter().map(|worker| worker.need.max(worker.peak)).sum();
+        let fits = waiting.iter().position(|waiting| taken + waiting.need <= self.budget.bytes);
+        fits.or((workers.is_empty() && !waiting.is_empty()).then_some(0))
+    }
+
+    /// Kills the scene started last where all together hold more than the budget.
+    fn relieve<'a>(
+        &self,
+        workers: &mut Vec<Worker<'a>>,
+        waiting: &mut VecDeque<Waiting<'a>>,
+        key: &dyn Fn(&Selected) -> String,
+        keep: &mut dyn FnMut(Outcome) -> Result<(), BatchError>,
+    ) -> Result<(), BatchError> {
+        let held: u64 = workers.iter().map(|worker| worker.held).sum();
+        if held <= self.budget.bytes {
+            return Ok(());
+        }
+        let Some(mut last) = workers.pop() else { return Ok(()) };
+        let ended = last.running.kill(last.peak)?;
+        if !workers.is_empty() {
+            let need = last.need.max((last.peak as f64 * GROWTH) as u64);
+            waiting.push_back(Waiting { scene: last.scene, need });
+            return Ok(());
+        }
+        let gigabytes = |bytes: u64| bytes as f64 / memory::GIGABYTE;
+        let why = format!(
+            "it held {:.2} GB, more than the {:.2} GB that all scenes may use; give more with --memory, or try fewer views, \
+             --volume-cells or --grid",
+            gigabytes(last.peak),
+            gigabytes(self.budget.bytes)
+        );
+        keep(Outcome::stopped(&last.scene.name, &last.scene.work, key(last.scene), &ended, why))
+    }
+}

@@ -1,0 +1,299 @@
+//! `gprop evaluate`: files and scenes to measures, and measures to text.
+
+mod segmentation;
+
+use std::fs;
+use std::io::BufReader;
+use std::path::{Path, PathBuf};
+
+use anyhow::Context;
+
+use crate::error::UsageError;
+use crate::evaluate::EvaluateError;
+use crate::evaluate::filling;
+use crate::evaluate::grasp as grasp_rates;
+use crate::evaluate::hardness::{self, HardnessEvaluation, Measured, Reading};
+use crate::evaluate::masks::{Reference, compare};
+use crate::evaluate::mass::{self, MassEvaluation, WeighedPart};
+use crate::evaluate::prompts;
+use crate::evaluate::scores::Scores;
+use crate::evaluate::simulation::{self, SimulationError};
+use crate::files;
+use crate::from_splat::photo_with_foreground;
+use crate::grasp::gripper::GripperProfile;
+use crate::npz::Npz;
+use crate::output::one_line;
+use crate::pipeline::stored::Stored;
+use crate::pipeline::{Stage, open_segmenter};
+use crate::read_scope::ReadScope;
+use crate::scene::{self, SceneError};
+use crate::segment;
+use crate::setup;
+use crate::workdir::Artifact;
+
+use super::{Evaluate, Global, options_of, print};
+
+/// `gprop evaluate`.
+pub fn evaluate(global: &Global, what: &Evaluate) -> anyhow::Result<()> {
+    match what {
+        Evaluate::Grasp { outcomes, objects, gripper } => {
+            evaluate_grasp(global, outcomes.as_deref(), objects.as_deref(), gripper)
+        }
+        Evaluate::Simulation { reference } => evaluate_simulation(global, reference),
+        Evaluate::Segmentation { scenes, truth, labels, out } => {
+            segmentation::evaluate(global, scenes, truth, *labels, out.as_deref())
+        }
+        Evaluate::Prompts { scenes, scene, segment, setup } => evaluate_prompts(global, scenes, scene, segment, setup),
+        Evaluate::Masks { image, reference, setup } => evaluate_masks(global, image, reference, setup),
+        Evaluate::Mass { predictions: Some(predictions), truth: Some(truth), .. } => {
+            let found = mass::evaluate(mass::from_json(predictions, truth)?)?;
+            print(global, &found, || mass_text(&found))
+        }
+        Evaluate::Mass { scenes, out, .. } => evaluate_masses(global, scenes, out.as_deref()),
+        Evaluate::Hardness { points, out } => evaluate_hardness(global, points, out.as_deref()),
+    }
+}
+
+fn evaluate_masses(global: &Global, scenes: &[PathBuf], out: Option<&Path>) -> anyhow::Result<()> {
+    one_scene_only(scenes.len(), out)?;
+    let weigh = |scene: &PathBuf| -> anyhow::Result<_> {
+        let id = scene.file_name().unwrap_or(scene.as_os_str()).to_string_lossy();
+        let parts = Stored::open(scene, out, &[Stage::Parts])?.path(Artifact::Parts);
+        let truth = scene.join("ground_truth/parts.json");
+        check_truth(&truth, &options_of(scene, &[])?.scene.read_scope(scene))?;
+        Ok(mass::from_scene(&id, &parts, &truth)?)
+    };
+    let found = mass::evaluate(scenes.iter().map(weigh).collect::<anyhow::Result<_>>()?)?;
+    print(global, &found, || mass_text(&found))
+}
+
+fn evaluate_hardness(global: &Global, points: &Path, out: Option<&Path>) -> anyhow::Result<()> {
+    let readings = hardness::read_points(points)?;
+    let mut scenes: Vec<&Path> = readings.iter().map(|(_, reading)| reading.scene.as_path()).collect();
+    scenes.sort_unstable();
+    scenes.dedup();
+    one_scene_only(scenes.len(), out)?;
+    let mut measured = Vec::with_capacity(readings.len());
+    for scene in scenes {
+        let of_scene: Vec<_> = readings.iter().filter(|(_, reading)| reading.scene == scene).collect();
+        measured.extend(measure(points, scene, &of_scene, out)?);
+    }
+    let found = hardness::evaluate(measured)?;
+    print(global, &found, || hardness_text(&found))
+}
+
+/// What the field of one scene says at its points.
+fn measure(
+    points: &Path,
+    scene: &Path,
+    readings: &[&(u64, Reading)],
+    out: Option<&Path>,
+) -> anyhow::Result<Vec<Measured>> {
+    let folder = points.parent().unwrap_or(Path::new("")).join(scene);
+    let stored = Stored::open(&folder, out, &[Stage::Vote])?;
+    let loaded = scene::load(&folder, &stored.options(&folder, out.is_some())?.scene)?;
+    let (mut gaussians, field) = stored.field()?;
+    scene::outliers::set_aside(&mut gaussians).map_err(scene::SceneError::from)?;
+    let mut measured = Vec::with_capacity(readings.len());
+    for view in &loaded.views {
+        let here: Vec<&Reading> = readings.iter().map(|(_, reading)| reading).filter(|r| r.view == view.name).collect();
+        if here.is_empty() {
+            continue;
+        }
+        let places: Vec<(f64, f64)> = here.iter().map(|reading| (reading.x, reading.y)).collect();
+        let said = hardness::field_at(&gaussians, &field, &view.camera, &places);
+        let pairs = here.into_iter().zip(said);
+        measured.extend(pairs.map(|(reading, predicted)| Measured { reading: reading.clone(), predicted }));
+    }
+    match readings.iter().find(|(_, reading)| loaded.views.iter().all(|view| view.name != reading.view)) {
+        Some((line, reading)) => {
+            Err(UsageError(format!("{points:?} line {line}: {folder:?} has no view {:?}", reading.view)).into())
+        }
+        None => Ok(measured),
+    }
+}
+
+/// Refuses ground truth in a scene's folder that leads out of it.
+fn check_truth(path: &Path, scope: &ReadScope) -> Result<(), SceneError> {
+    let reached = scope.leads_out_below(path).map(|(path, _)| path);
+    let check =
+        |path: PathBuf| scene::Reference { what: "ground truth", path: &path, named_in: None, flag: None }.check(scope);
+    reached.map_or(Ok(()), check)
+}
+
+fn one_scene_only(scenes: usize, out: Option<&Path>) -> Result<(), UsageError> {
+    match out {
+        Some(_) if scenes != 1 => Err(UsageError(format!("--out is the work folder of one scene, here are {scenes}"))),
+        _ => Ok(()),
+    }
+}
+
+fn mass_text(found: &MassEvaluation) -> String {
+    let mut text =
+        format!("{:<24} {:>10} {:>10} {:>10} {:>10}  holds\n", "object", "low kg", "high kg", "mean kg", "true kg");
+    for object in &found.objects {
+        let (range, holds) = (object.predicted, if object.covered { "yes" } else { "no" });
+        text += &format!(
+            "{:<24} {:>10.4} {:>10.4} {:>10.4} {:>10.4}  {holds}\n",
+            one_line(&object.id),
+            range.low,
+            range.high,
+            range.mid(),
+            object.truth
+        );
+        object.parts.iter().for_each(|part| text += &part_line(part));
+    }
+    text + &scores_text(&found.scores, "kg") + &format!("\nrange holds the truth: {:.0} %", 100.0 * found.coverage)
+}
+
+fn part_line(part: &WeighedPart) -> String {
+    let truth = part.true_mass_kg.map_or_else(|| "-".to_owned(), |mass| format!("{mass:.4}"));
+    let name: String = one_line(&part.name).chars().take(22).collect();
+    let columns = match part.mass_kg {
+        Some(mass) => [mass.low, mass.high, mass.mid].map(|kg| format!("{kg:.4}")),
+        None => ["none", "none", "none"].map(str::to_owned),
+    };
+    let [low, high, mid] = columns;
+    format!("  {name:<22} {low:>10} {high:>10} {mid:>10} {truth:>10}\n")
+}
+
+fn hardness_text(found: &HardnessEvaluation) -> String {
+    let mut text = format!("{:<24} {:<12} {:>9} {:>9}  {:>12} {:>8}\n", "scene", "view", "x", "y", "predicted", "read");
+    for Measured { reading, predicted } in &found.points {
+        let said = match predicted {
+            Ok(hardness) => format!("{:.0} {:?}", hardness.range.mid(), hardness.scale),
+            Err(hardness::Missing::OffTheObject) => "off object".to_owned(),
+            Err(hardness::Missing::NoHardness) => "none".to_owned(),
+        };
+        let (scene, view) = (reading.scene.to_string_lossy(), one_line(&reading.view));
+        let scene = one_line(&scene);
+        let read = format!("{:.0} {:?}", reading.hardness, reading.shore);
+        text += &format!("{scene:<24} {view:<12} {:>9.1} {:>9.1}  {said:>12} {read:>8}\n", reading.x, reading.y);
+    }
+    text + &scores_text(&found.scores, "on the joint axis") + &format!("\nno hardness at {} points", found.missing)
+}
+
+fn scores_text(scores: &Scores, unit: &str) -> String {
+    let pra = scores.pra.map_or_else(|| "-".to_owned(), |pra| format!("{pra:.3}"));
+    format!(
+        "ADE {:.3} {unit}  ALDE {:.3}  APE {:.3}  MnRE {:.3}  PRA {pra}  of {}",
+        scores.ade, scores.alde, scores.ape, scores.mnre, scores.count
+    )
+}
+
+fn evaluate_grasp(
+    global: &Global,
+    outcomes: Option<&Path>,
+    objects: Option<&Path>,
+    gripper: &str,
+) -> anyhow::Result<()> {
+    let (recorded, predicted) = match (outcomes, objects) {
+        (Some(path), _) => (grasp_rates::outcomes(path)?, false),
+        (None, Some(path)) => {
+            let gripper = GripperProfile::load(gripper)?;
+            (grasp_rates::predict(&grasp_rates::objects(path)?, &gripper), true)
+        }
+        (None, None) => unreachable!("clap asks for one of the two"),
+    };
+    let evaluation = grasp_rates::Evaluation::of(&recorded, predicted);
+    print(global, &evaluation, || evaluation.text())
+}
+
+fn evaluate_simulation(global: &Global, reference: &Path) -> anyhow::Result<()> {
+    let bytes = fs::read(reference).map_err(|error| UsageError(format!("{reference:?}: {error}")))?;
+    let mut npz = Npz::new(bytes).map_err(SimulationError::Npz).with_context(|| format!("{reference:?}"))?;
+    if npz.has("count0") {
+        let comparison = filling::compare(&mut npz).with_context(|| format!("{reference:?}"))?;
+        return print(global, &comparison, || comparison.to_string());
+    }
+    let comparison = simulation::compare(&mut npz, global.progress()).with_context(|| format!("{reference:?}"))?;
+    print(global, &comparison, || comparison.to_string())
+}
+
+fn evaluate_prompts(
+    global: &Global,
+    scenes: &[PathBuf],
+    options: &scene::Options,
+    segment: &segment::Options,
+    setup: &setup::Options,
+) -> anyhow::Result<()> {
+    let segmenter = open_segmenter(setup, segment, global.progress())?;
+    let mut rows = Vec::new();
+    for folder in scenes {
+        let scene = scene::load(folder, options)?;
+        let true_view = |view: scene::View| -> anyhow::Result<prompts::TrueView> {
+            let path = folder.join("ground_truth/part_maps").join(format!("{}.png", view.name));
+            check_truth(&path, &options.read_scope(folder))?;
+            let parts = truth_map(&path).map_err(|error| UsageError(format!("{path:?}: {error}")))?.into_luma8();
+            let size = (view.camera.intrinsics.width, view.camera.intrinsics.height);
+            if parts.dimensions() != size {
+                let map = parts.dimensions();
+                return Err(EvaluateError::MapSize { path, map, view: view.name, picture: size }.into());
+            }
+            Ok(prompts::TrueView { photo: photo_with_foreground(&scene, &view)?, name: view.name, parts })
+        };
+        let views: Vec<_> = scene.chosen_views(options)?.into_iter().map(true_view).collect::<anyhow::Result<_>>()?;
+        rows.push(prompts::compare(&segmenter, &scene.name, &views, segment)?);
+        global.progress().line(&format!("{} done", scene.name));
+    }
+    print(global, &rows, || {
+        let mut text = format!(
+            "{:<12} {:>5} {:>13} {:>17} {:>9} {:>13} {:>8} {:>12}\n",
+            "scene",
+            "views",
+            "grid: prompts",
+            "adaptive: prompts",
+            "grid: IoU",
+            "adaptive: IoU",
+            "grid: s",
+            "adaptive: s"
+        );
+        let iou = |outcome: &prompts::Outcome| outcome.mean_iou.map_or("-".to_owned(), |iou| format!("{iou:.4}"));
+        for row in &rows {
+            text += &format!(
+                "{:<12} {:>5} {:>13} {:>17} {:>9} {:>13} {:>8.1} {:>12.1}\n",
+                one_line(&row.scene),
+                row.views,
+                row.grid.prompts,
+                row.adaptive.prompts,
+                iou(&row.grid),
+                iou(&row.adaptive),
+                row.grid.seconds,
+                row.adaptive.seconds
+            );
+        }
+        text
+    })
+}
+
+/// A map of true parts.
+fn truth_map(path: &Path) -> image::ImageResult<image::DynamicImage> {
+    image::ImageReader::new(BufReader::new(files::open(path)?)).with_guessed_format()?.decode()
+}
+
+fn evaluate_masks(global: &Global, image: &Path, reference: &Path, setup: &setup::Options) -> anyhow::Result<()> {
+    let picture = image::open(image).map_err(|error| UsageError(format!("{image:?}: {error}")))?.into_rgb8();
+    let json = fs::read_to_string(reference).map_err(|error| UsageError(format!("{reference:?}: {error}")))?;
+    let reference = Reference::from_json(&json).with_context(|| format!("{reference:?}"))?;
+    let segmenter = open_segmenter(setup, &segment::Options::default(), global.progress())?;
+    let lists = compare(segmenter.sam(), &picture, &reference, &())?;
+    print(global, &lists, || {
+        let mut text = format!(
+            "{:<7} {:>6} {:>10} {:>10} {:>10} {:>10} {:>14} {:>14}\n",
+            "level", "count", "reference", "unmatched", "mean IoU", "least IoU", "predicted IoU", "stability"
+        );
+        for (list, c) in &lists {
+            text += &format!(
+                "{list:<7} {:>6} {:>10} {:>10} {:>10.4} {:>10.4} {:>14.1e} {:>14.1e}\n",
+                c.count,
+                c.reference_count,
+                c.unmatched,
+                c.matched_mean_iou,
+                c.matched_min_iou,
+                c.predicted_iou_max_difference,
+                c.stability_max_difference
+            );
+        }
+        text + "the last two columns are largest differences over the matched pairs"
+    })
+}

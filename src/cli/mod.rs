@@ -1,0 +1,342 @@
+//! Subcommands and flags: what the user typed becomes a call into the pipeline or a stage, and a result on stdout.
+
+mod arguments;
+mod batch;
+mod evaluate;
+mod manual;
+mod picture;
+mod query;
+mod scene;
+mod simulate;
+mod tools;
+
+use std::any::TypeId;
+use std::ffi::{OsStr, OsString};
+use std::io::{self, IsTerminal, Write};
+use std::path::{Path, PathBuf};
+
+use clap::error::ContextValue;
+use clap::parser::ValueSource;
+use clap::{ArgAction, Args, CommandFactory, FromArgMatches};
+use serde::Serialize;
+
+use crate::error::UsageError;
+use crate::pipeline::{self, Stage};
+use crate::progress::Progress;
+use crate::{config, inspect, output};
+use arguments::{
+    BatchArgs, Cli, Command, Compat, Evaluate, ExportArgs, Global, Grasp, GraspArgs, Materials, QueryArgs, SceneArgs,
+    ShowArgs, SimulateArgs, WorkArgs,
+};
+
+/// Does what `arguments` (the program's name first) ask for.
+///
+/// # Errors
+/// Whatever went wrong, with a typed error in its chain from which [`crate::exit::of`] finds the exit code. Usage that clap
+/// refuses, help and version end the process right here.
+pub fn run(arguments: Vec<OsString>) -> anyhow::Result<()> {
+    let cli = parse(&arguments)?;
+    let global = &cli.global;
+    start_log(global);
+    if let Some(threads) = global.threads {
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build_global();
+        pool.map_err(|error| UsageError(format!("--threads {threads}: {error}")))?;
+    }
+    match &cli.command {
+        Command::Run(args) => {
+            if args.end_with_stdin {
+                crate::batch::end_with_the_batch();
+            }
+            scene::run(global, &args.scene.scene, &args.scene.work, args.to)
+        }
+        Command::Segment(args) if args.scene.is_file() => picture::segment(global, args),
+        Command::Segment(args) => scene::run(global, &args.scene, &args.work, Stage::Segment),
+        Command::Query(args) => query::query(global, args),
+        Command::Vote(args) => scene::run(global, &args.scene, &args.work, Stage::Vote),
+        Command::Show(args) => scene::show(global, args),
+        Command::Parts(args) => scene::run(global, &args.scene, &args.work, Stage::Parts),
+        Command::Simulate(args) => simulate::run(global, args),
+        Command::Grasp(GraspArgs { what: Some(what), .. }) => tools::grasp(global, what),
+        Command::Grasp(GraspArgs { scene: Some(folder), work, .. }) => scene::run(global, folder, work, Stage::Grasp),
+        Command::Grasp(_) => unreachable!("clap asks for a scene where there is no subcommand"),
+        Command::Export(args) => scene::export(global, args),
+        Command::Inspect(args) => {
+            let (inspection, text) = inspect::command(args, global.progress())?;
+            print(global, &inspection, || text)
+        }
+        Command::Batch(args) => batch::run(global, args),
+        Command::Evaluate(what) => evaluate::evaluate(global, what),
+        Command::Materials(what) => tools::materials(global, what),
+        Command::Setup(args) => tools::set_up(global, &args.options),
+        Command::Doctor(args) => tools::doctor(global, &args.options),
+        Command::Completions { shell } => manual::completions(global, *shell),
+        Command::Man { out: None } => manual::page(global),
+        Command::Man { out: Some(folder) } => manual::pages(global, folder),
+    }
+}
+
+/// All that can be typed, with its help.
+pub fn command() -> clap::Command {
+    Cli::command()
+}
+
+/// Parses what was typed behind the flags that the configuration files stand for.
+fn parse(arguments: &[OsString]) -> anyhow::Result<Cli> {
+    parse_with(arguments, config::user_file().as_deref())
+}
+
+/// As [`parse`], with the user's configuration in `user_file`. A first look, which forgives everything, finds the command and
+/// the scene.
+fn parse_with(arguments: &[OsString], user_file: Option<&Path>) -> anyhow::Result<Cli> {
+    let first_look = Cli::command().ignore_errors(true).try_get_matches_from(arguments);
+    let mut all = arguments.to_vec();
+    let mut typed = Vec::new();
+    if let Ok(matches) = &first_look {
+        let (place, command, matches) = innermost(arguments, matches);
+        let known = known_flags();
+        let mut flags = user_file.map_or_else(|| Ok(Vec::new()), |path| config::flags_of_user(path, &known))?;
+        if let Ok(Some(scene)) = matches.try_get_one::<PathBuf>("scene") {
+            flags.extend(config::flags_of_scene(scene, &known)?);
+        }
+        // The files speak to every command; each takes the options that it has.
+        let takes = |flag: &OsString| match config::name_of(flag) {
+            // Typed before the command's name it would not win over what stands behind it.
+            THREADS => !matches.contains_id(THREADS),
+            name => command.get_arguments().any(|argument| argument.get_long() == Some(name)),
+        };
+        all.splice(place..place, flags.into_iter().filter(takes));
+        typed = stage_flags(matches);
+    }
+    let matches = Cli::command().try_get_matches_from(all).unwrap_or_else(|error| refuse(error));
+    let mut cli = Cli::from_arg_matches(&matches).unwrap_or_else(|error| refuse(error));
+    let effective = matches.subcommand().map_or_else(Vec::new, |(_, matches)| stage_flags(matches));
+    (cli.global.typed, cli.global.effective) = (typed, effective);
+    Ok(cli)
+}
+
+/// The innermost subcommand that was typed, what was typed for it, and the place in `arguments` behind its name.
+fn innermost<'a>(
+    arguments: &[OsString],
+    mut matches: &'a clap::ArgMatches,
+) -> (usize, clap::Command, &'a clap::ArgMatches) {
+    let (mut place, mut command) = (1, Cli::command());
+    while let Some((name, inner)) = matches.subcommand() {
+        let behind = arguments.iter().skip(place).position(|argument| argument == name);
+        let (Some(behind), Some(found)) = (behind, command.find_subcommand(name)) else { break };
+        (place, command, matches) = (place + behind + 1, found.clone(), inner);
+    }
+    (place.min(arguments.len()), command, matches)
+}
+
+/// Ends the process as clap would: with help and version on stdout, or with what is wrong with the usage.
+fn refuse(mut error: clap::Error) -> ! {
+    if !error.use_stderr() {
+        error.exit();
+    }
+    // What was given may come from a scene's `gprop.toml`.
+    let given: Vec<_> = error.context().map(|(kind, value)| (kind, value.clone())).collect();
+    for (kind, value) in given {
+        if let ContextValue::String(text) = value {
+            error.insert(kind, ContextValue::String(output::one_line(&text).into_owned()));
+        }
+    }
+    output::tell(error.render().to_string().trim_end());
+    std::process::exit(error.exit_code());
+}
+
+/// The stages' flags that were given in `matches`, as they may be given again.
+fn stage_flags(matches: &clap::ArgMatches) -> Vec<OsString> {
+    let stages = pipeline::Options::augment_args(clap::Command::new("stages"));
+    let mut typed = Vec::new();
+    for argument in stages.get_arguments() {
+        let (Some(flag), id) = (argument.get_long(), argument.get_id().as_str()) else { continue };
+        let is_here = matches.try_contains_id(id).is_ok();
+        if !is_here || matches.value_source(id) != Some(ValueSource::CommandLine) {
+            continue;
+        }
+        if !argument.get_action().takes_values() {
+            typed.push(format!("--{flag}").into());
+            continue;
+        }
+        let values: Vec<_> = matches.get_raw(id).into_iter().flatten().collect();
+        let with = |value: &OsStr| [OsStr::new(&format!("--{flag}=")), value].into_iter().collect();
+        match argument.get_value_delimiter() {
+            Some(delimiter) => typed.push(with(&values.join(OsStr::new(&delimiter.to_string())))),
+            None => typed.extend(values.into_iter().map(with)),
+        }
+    }
+    typed
+}
+
+/// The options of a scene that was named with some `flags` or none: the defaults, the user's configuration, the scene's
+/// `gprop.toml`, the flags.
+fn options_of(scene: &Path, flags: &[OsString]) -> anyhow::Result<pipeline::Options> {
+    let typed = [OsStr::new("gprop"), OsStr::new("parts"), scene.as_os_str()].map(OsStr::to_owned);
+    match parse(&[&typed, flags].concat())?.command {
+        Command::Parts(args) => Ok(args.work.options),
+        _ => Err(UsageError(format!("{scene:?} is not a scene folder")).into()),
+    }
+}
+
+/// The one flag besides the stages' that a configuration file may set.
+const THREADS: &str = "threads";
+
+/// The flags that a configuration file may set, a scene's those with [`config::Flag::scene`]: those of the stages, not those
+/// of the command, and how many threads there are.
+fn known_flags() -> Vec<config::Flag> {
+    let stages = pipeline::Options::augment_args(clap::Command::new("stages"));
+    let scene_keys = pipeline::scene_keys();
+    let flag = |argument: &clap::Arg| {
+        let name = argument.get_long()?.to_owned();
+        Some(config::Flag {
+            takes_value: argument.get_action().takes_values(),
+            repeats: matches!(argument.get_action(), ArgAction::Append) && argument.get_value_delimiter().is_none(),
+            is_path: argument.get_value_parser().type_id() == TypeId::of::<PathBuf>(),
+            scene: scene_keys.iter().find(|key| key.name == name).map(|key| key.value),
+            name,
+        })
+    };
+    let threads = config::Flag { name: THREADS.to_owned(), takes_value: true, ..config::Flag::default() };
+    stages.get_arguments().filter_map(flag).chain([threads]).collect()
+}
+
+fn start_log(global: &Global) {
+    let level = match (global.quiet, global.verbose) {
+        (true, _) | (false, 0) => "warn",
+        (false, 1) => "gprop=info",
+        (false, _) => "gprop=debug",
+    };
+    let filter = tracing_subscriber::EnvFilter::new(level);
+    let log = tracing_subscriber::fmt().with_env_filter(filter).with_writer(|| output::Log).without_time();
+    log.with_target(global.verbose > 0).init();
+}
+
+/// Prints a result: as JSON where that is asked for, else as text. A reader that has gone away is not an error.
+fn print(global: &Global, value: &impl Serialize, text: impl FnOnce() -> String) -> anyhow::Result<()> {
+    print_text(&if global.json { serde_json::to_string_pretty(value)? } else { text() })
+}
+
+/// Prints a text. A reader that has gone away is not an error.
+fn print_text(text: &str) -> anyhow::Result<()> {
+    match writeln!(io::stdout(), "{}", output::harmless(text.trim_end())) {
+        Err(error) if error.kind() != io::ErrorKind::BrokenPipe => {
+            Err(UsageError(format!("cannot print: {error}")).into())
+        }
+        _ => Ok(()),
+    }
+}
+
+/// A path on one line.
+fn shown(path: &Path) -> String {
+    output::one_line(&path.to_string_lossy()).into_owned()
+}
+
+impl Global {
+    fn progress(&self) -> Progress {
+        match (self.quiet, io::stderr().is_terminal()) {
+            (true, _) => Progress::Hidden,
+            (false, true) => Progress::Shown,
+            (false, false) => Progress::Lines,
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn stage_options_are_handed_on_as_they_were_typed() {
+        let flags = |typed: &str| {
+            let typed: Vec<OsString> = typed.split(' ').map(OsString::from).collect();
+            parse_with(&typed, None).unwrap().global.typed
+        };
+        assert_eq!(
+            flags("gprop batch DATA --jobs 3 --to vote --out X -q"),
+            [] as [&str; 0],
+            "these are the batch's own"
+        );
+        assert_eq!(
+            flags(
+                "gprop batch DATA --lmm-url http://h/v1 --view-list a,b --offline --object-box=-1,0,0:1,1,1 --grid 16"
+            ),
+            ["--view-list=a,b", "--object-box=-1,0,0:1,1,1", "--offline", "--lmm-url=http://h/v1", "--grid=16"]
+        );
+        assert_eq!(flags("gprop batch DATA --grid 16 --grid 24"), ["--grid=24"]);
+        assert_eq!(flags("gprop batch DATA --also npy,coco"), ["--also=npy,coco"]);
+    }
+
+    /// The stages' options and the list of keys that stands beside each.
+    fn stages() -> Vec<(clap::Command, &'static [config::SceneKey])> {
+        fn stage<T: Args>(keys: &'static [config::SceneKey]) -> (clap::Command, &'static [config::SceneKey]) {
+            (T::augment_args(clap::Command::new("stage")), keys)
+        }
+        vec![
+            stage::<crate::scene::Options>(crate::scene::SCENE_KEYS),
+            stage::<crate::segment::Options>(crate::segment::SCENE_KEYS),
+            stage::<crate::setup::Options>(crate::setup::SCENE_KEYS),
+            stage::<crate::query::Options>(crate::query::SCENE_KEYS),
+            stage::<crate::materials::Options>(crate::materials::SCENE_KEYS),
+            stage::<crate::vote::Options>(crate::vote::SCENE_KEYS),
+            stage::<crate::parts::Options>(crate::parts::SCENE_KEYS),
+            stage::<crate::simulate::Options>(crate::simulate::SCENE_KEYS),
+            stage::<crate::grasp::Options>(crate::grasp::SCENE_KEYS),
+        ]
+    }
+
+    /// What no scene may set: what runs code, sends, pays, waits, writes or reads elsewhere. A new option belongs here or into
+    /// its stage's `SCENE_KEYS`.
+    const USER_ONLY: &[&str] = &[
+        "allow-read",
+        "also",
+        "answers",
+        "cache-embeddings",
+        "lmm-max-tokens",
+        "lmm-model",
+        "lmm-parallel",
+        "lmm-retries",
+        "lmm-temperature",
+        "lmm-timeout-s",
+        "lmm-url",
+        "lmm-wait-s",
+        "max-simulation-minutes",
+        "max-usd",
+        "offline",
+        "ort-lib",
+        "prices",
+        "prompts",
+        "recordings",
+        "sam-decoder",
+        "sam-encoder",
+        "threads",
+    ];
+
+    #[test]
+    fn every_option_is_a_scenes_or_the_users() {
+        for (stage, keys) in stages() {
+            let has = |key: &config::SceneKey| stage.get_arguments().any(|arg| arg.get_long() == Some(key.name));
+            assert!(keys.iter().all(has), "one of these is not an option of its stage: {keys:?}");
+        }
+        let known = known_flags();
+        let (scene, user): (Vec<_>, Vec<_>) = known.iter().partition(|flag| flag.scene.is_some());
+        let mut user: Vec<&str> = user.iter().map(|flag| flag.name.as_str()).collect();
+        user.sort_unstable();
+        user.dedup();
+        assert_eq!(user, USER_ONLY, "may a scene from a stranger set it?");
+        let listed: usize = stages().iter().map(|(_, keys)| keys.len()).sum();
+        assert_eq!((scene.len(), pipeline::scene_keys().len()), (listed, listed), "every stage's list counts once");
+    }
+
+    #[test]
+    fn a_scene_names_no_path_unchecked() {
+        let stages = pipeline::Options::augment_args(clap::Command::new("stages"));
+        for flag in known_flags() {
+            let argument = stages.get_arguments().find(|argument| argument.get_long() == Some(&flag.name));
+            let Some(value_names) = argument.and_then(clap::Arg::get_value_names) else { continue };
+            let says_path =
+                value_names.iter().any(|name| ["FILE", "DIR", "PATH"].iter().any(|word| name.contains(word)));
+            let unchecked = matches!(flag.scene, Some(config::SceneValue::Any));
+            assert!(!(unchecked && (says_path || flag.is_path)), "--{} takes a path", flag.name);
+        }
+    }
+}

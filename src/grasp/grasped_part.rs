@@ -1,0 +1,57 @@
+//! Which part the fingers press on.
+
+use serde::{Deserialize, Serialize};
+
+use super::GraspError;
+use crate::parts::{Part, Parts};
+
+/// How the part was chosen.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum PartChoice {
+    /// The user named it.
+    Named,
+    /// The best place to grasp at is on it.
+    BestPlace,
+    /// Its outer surface comes nearest to the object's centre of mass, so that the weight turns least about the fingers.
+    NearestCenterOfMass,
+}
+
+/// The part called `name`, or without a name the one whose outer surface is nearest to the object's centre of mass (the
+/// lowest id among equals). A name is an id, a caption, or a piece of a caption or material that only one part has; case does
+/// not matter.
+///
+/// # Errors
+/// No part, or more than one, answers to the name; no part has a surface.
+pub fn choose<'a>(parts: &'a Parts, name: Option<&str>) -> Result<(&'a Part, PartChoice), GraspError> {
+    match name {
+        Some(name) => Ok((named(parts, name)?, PartChoice::Named)),
+        None => {
+            let reachable = parts.parts.iter().filter_map(|p| Some((p.surface_to_center_of_mass_m?, p)));
+            let (_, nearest) = reachable.min_by(|a, b| a.0.total_cmp(&b.0)).ok_or(GraspError::NoSurface)?;
+            Ok((nearest, PartChoice::NearestCenterOfMass))
+        }
+    }
+}
+
+fn named<'a>(parts: &'a Parts, name: &str) -> Result<&'a Part, GraspError> {
+    let wanted = name.trim().to_lowercase();
+    if let Some(part) = parts.parts.iter().find(|p| wanted == p.id.to_string()) {
+        return Ok(part);
+    }
+    let exact = |p: &&Part| p.caption.to_lowercase() == wanted;
+    let within = |p: &&Part| [&p.caption, &p.material].iter().any(|text| text.to_lowercase().contains(&wanted));
+    let mut found: Vec<&Part> = parts.parts.iter().filter(exact).collect();
+    if found.is_empty() && !wanted.is_empty() {
+        found = parts.parts.iter().filter(within).collect();
+    }
+    match found[..] {
+        [part] => Ok(part),
+        [] => Err(GraspError::NoSuchPart { name: name.to_owned(), parts: list(&parts.parts) }),
+        _ => Err(GraspError::AmbiguousPart { name: name.to_owned(), parts: list(found.iter().copied()) }),
+    }
+}
+
+fn list<'a>(parts: impl IntoIterator<Item = &'a Part>) -> String {
+    parts.into_iter().map(|p| format!("{} ({}, {})", p.id, p.caption, p.material)).collect::<Vec<_>>().join("; ")
+}

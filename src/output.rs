@@ -1,0 +1,100 @@
+//! What people read at a terminal. Captions, server texts, file headers and names come from elsewhere and may hold
+//! characters that move the cursor, colour what follows, retitle the window or turn the direction of reading; they are shown
+//! as escapes.
+//!
+//! Everything that gprop prints passes through here: stdout and pages through [`harmless`], stderr through [`tell`] and [`Log`].
+
+use std::borrow::Cow;
+use std::io::{self, Write};
+
+/// `text` with such characters in JSON's escapes (`\u001b`), so that JSON stays the same JSON. New lines and tabs are kept.
+pub fn harmless(text: &str) -> Cow<'_, str> {
+    escaped(text, |c| matches!(c, '\n' | '\t'))
+}
+
+/// As [`harmless`], with new lines and tabs as escapes too: for what stands in one line or in a table's cell.
+pub fn one_line(text: &str) -> Cow<'_, str> {
+    escaped(text, |_| false)
+}
+
+/// Prints lines on stderr. If stderr cannot be written, the work goes on without them.
+pub fn tell(text: &str) {
+    let _ = io::stderr().write_all(format!("{}\n", harmless(text)).as_bytes());
+}
+
+/// The log: one line on stderr for each event.
+#[derive(Debug, Clone, Copy)]
+pub struct Log;
+
+impl Write for Log {
+    fn write(&mut self, event: &[u8]) -> io::Result<usize> {
+        tell(&one_line(String::from_utf8_lossy(event).trim_end_matches('\n')));
+        Ok(event.len())
+    }
+
+    fn flush(&mut self) -> io::Result<()> {
+        Ok(())
+    }
+}
+
+/// What is wrong with a TOML text, on one line.
+pub fn toml_problem(error: &toml::de::Error, text: &str) -> String {
+    let line = |start| text[..start].matches('\n').count() + 1;
+    match error.span() {
+        Some(span) => format!("line {}: {}", line(span.start), error.message()),
+        None => error.message().to_owned(),
+    }
+}
+
+fn escaped(text: &str, keep: impl Fn(char) -> bool) -> Cow<'_, str> {
+    let acts = |c: char| acts_on_a_terminal(c) && !keep(c);
+    if !text.contains(acts) {
+        return Cow::Borrowed(text);
+    }
+    let mut shown = String::with_capacity(text.len() + 16);
+    for c in text.chars() {
+        match c {
+            c if !acts(c) => shown.push(c),
+            '\n' => shown.push_str("\\n"),
+            '\r' => shown.push_str("\\r"),
+            '\t' => shown.push_str("\\t"),
+            c => shown.push_str(&format!("\\u{:04x}", u32::from(c))),
+        }
+    }
+    Cow::Owned(shown)
+}
+
+/// Control characters (C0, DEL, C1), line and paragraph separators, and the embeddings, overrides and isolates of Unicode's
+/// bidirectional algorithm (UAX #9).
+fn acts_on_a_terminal(c: char) -> bool {
+    c.is_control() || matches!(c, '\u{2028}'..='\u{202e}' | '\u{2066}'..='\u{2069}')
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_acts_is_shown_and_the_rest_is_left() {
+        let cases = [
+            ("oak, 5 µm, 木", "oak, 5 µm, 木"),
+            ("\x1b]0;title\x07", r"\u001b]0;title\u0007"),
+            ("\u{9b}31m\u{7f}\u{8}", r"\u009b31m\u007f\u0008"),
+            ("\u{202e}drawkcab\u{2069}", r"\u202edrawkcab\u2069"),
+            ("50 %\r 5 %", r"50 %\r 5 %"),
+        ];
+        for (text, shown) in cases {
+            assert_eq!((&*harmless(text), &*one_line(text)), (shown, shown));
+        }
+        assert_eq!((&*harmless("a\n\tb"), &*one_line("a\n\tb")), ("a\n\tb", r"a\n\tb"));
+    }
+
+    #[test]
+    fn json_stays_the_same_json() {
+        let value = serde_json::json!({ "caption": "\u{9b}2J\u{202e}\x1b[31m\u{7f}\n\u{2028}" });
+        let text = serde_json::to_string_pretty(&value).unwrap();
+        let shown = harmless(&text);
+        assert!(!shown.chars().any(|c| acts_on_a_terminal(c) && c != '\n'), "{shown}");
+        assert_eq!(serde_json::from_str::<serde_json::Value>(&shown).unwrap(), value);
+    }
+}

@@ -1,0 +1,121 @@
+//! Parts that go on inside others, where nobody sees them: the handle within a rubber grip, the shaft through a head.
+//!
+//! Two rules, both read off the visible seams:
+//!
+//! - **through**: a solid that meets another on two facing patches in line, as a shaft does on both sides of a head, goes
+//!   through it with their mean cross-section;
+//! - **sleeve**: the void of a shell is filled by the solid that enters it, if the solid is a peg and the shell its sleeve:
+//!   the peg is longer than their contact is wide, the sleeve twice as long, and contact, peg and void have cross-sections of one size. So a grip
+//!   is filled by its handle, but a cushion not by the seat it lies on, nor a lamp's base by its thin stem.
+
+use nalgebra::{Point3, Vector3};
+
+use super::contact::{Contact, contacts};
+use crate::parts::assign::Labelled;
+use crate::parts::grid::surface::NONE;
+
+/// Cosine of the angle up to which patches face each other and lie in line.
+const IN_LINE: f64 = 0.9;
+/// Cross-sections of one size differ by no more than this factor.
+const SAME_SIZE: f64 = 2.0;
+/// A peg keeps at least this share of its contact's cross-section over as great a length as the contact is wide.
+const PEG_SHARE: f64 = 0.6;
+/// A sleeve is at least so many times as long as its mouth is wide. A bulb on its socket is rounder.
+const SLEEVE_LENGTH: f64 = 2.0;
+/// A patch of less than this many cells' faces is too rough to have a direction.
+const PATCH_FACES_MIN: f64 = 12.0;
+
+/// Gives the solids that go through other solids the cells on their way. Returns for every solid that did so its label, that
+/// of the part it goes through, and how many cells it took.
+pub fn run_through(cells: &mut Labelled, is_solid: &[bool]) -> Vec<(u32, u32, usize)> {
+    let mut passages = Vec::new();
+    for peg in (0..is_solid.len() as u32).filter(|&l| is_solid[l as usize]) {
+        let patches: Vec<Contact> = sizeable(cells, peg).filter(|c| is_solid[c.to as usize]).collect();
+        for (k, a) in patches.iter().enumerate() {
+            for b in patches[k + 1..].iter().filter(|b| b.to == a.to && in_line(a, b)) {
+                let taken = cells_between(cells, a, b);
+                taken.iter().for_each(|&i| cells.label[i] = peg);
+                passages.push((peg, a.to, taken.len()));
+            }
+        }
+    }
+    passages
+}
+
+/// Per label the solid that fills the void of this shell, if any. `is_void` names the cells of shells off their walls,
+/// `is_material` the cells of solids that are not doubted.
+pub fn cores(
+    cells: &Labelled,
+    is_solid: &[bool],
+    is_void: impl Fn(usize) -> bool,
+    is_material: impl Fn(usize) -> bool,
+) -> Vec<Option<u32>> {
+    let mut best: Vec<Option<(f64, u32)>> = vec![None; is_solid.len()];
+    for peg in (0..is_solid.len() as u32).filter(|&l| is_solid[l as usize]) {
+        for contact in sizeable(cells, peg).filter(|c| !is_solid[c.to as usize]) {
+            let known = &mut best[contact.to as usize];
+            if is_peg_in_sleeve(cells, &contact, &is_void, &is_material)
+                && known.is_none_or(|(area, _)| contact.area > area)
+            {
+                *known = Some((contact.area, peg));
+            }
+        }
+    }
+    best.into_iter().map(|found| found.map(|(_, peg)| peg)).collect()
+}
+
+fn sizeable(cells: &Labelled, label: u32) -> impl Iterator<Item = Contact> + use<> {
+    let least = PATCH_FACES_MIN * cells.grid.cell * cells.grid.cell;
+    contacts(cells, label).into_iter().filter(move |c| c.area >= least)
+}
+
+fn same_size(a: f64, b: f64) -> bool {
+    a <= SAME_SIZE * b && b <= SAME_SIZE * a
+}
+
+/// Whether two patches face each other along the line between them.
+fn in_line(a: &Contact, b: &Contact) -> bool {
+    let Some(way) = (b.center - a.center).try_normalize(0.0) else { return false };
+    a.normal.dot(&way) >= IN_LINE && -b.normal.dot(&way) >= IN_LINE && same_size(a.area, b.area)
+}
+
+/// Cells of the part gone through that lie in the cylinder between two patches.
+fn cells_between(cells: &Labelled, a: &Contact, b: &Contact) -> Vec<usize> {
+    let (way, radius2) = (b.center - a.center, 0.5 * (a.area + b.area) / std::f64::consts::PI);
+    let axis = way.normalize();
+    let inside = |&i: &usize| {
+        let from_a = cells.grid.center(cells.grid.coords(i)) - a.center;
+        let along = from_a.dot(&axis);
+        let (slack, off_axis2) = (cells.grid.cell, from_a.norm_squared() - along * along);
+        cells.label[i] == a.to && (-slack..=way.norm() + slack).contains(&along) && off_axis2 <= radius2
+    };
+    (0..cells.label.len()).filter(inside).collect()
+}
+
+fn is_peg_in_sleeve(
+    cells: &Labelled,
+    contact: &Contact,
+    is_void: impl Fn(usize) -> bool,
+    is_material: impl Fn(usize) -> bool,
+) -> bool {
+    let width = contact.area.sqrt();
+    let volume = |members: &[Point3<f64>]| members.len() as f64 * cells.grid.cell_volume();
+    let along = |p: &Point3<f64>| contact.normal.dot(&(p - contact.center));
+    let near = |p: &Point3<f64>| (p - contact.center).cross(&contact.normal).norm() <= 2.0 * width;
+    let members = |label: u32| {
+        let of_label = (0..cells.label.len()).filter(move |&i| cells.label[i] == label);
+        of_label.map(|i| (i, cells.grid.center(cells.grid.coords(i))))
+    };
+    debug_assert!(contact.from != NONE && contact.normal != Vector3::zeros());
+    let peg: Vec<_> = members(contact.from)
+        .filter(|(i, _)| is_material(*i))
+        .map(|(_, p)| p)
+        .filter(|p| near(p) && (-width..=0.0).contains(&along(p)))
+        .collect();
+    let void: Vec<_> = members(contact.to).filter(|(i, _)| is_void(*i)).map(|(_, p)| p).collect();
+    let length = void.iter().map(along).fold(0.0, f64::max);
+    if void.is_empty() || length < SLEEVE_LENGTH * width {
+        return false;
+    }
+    volume(&peg) / width >= PEG_SHARE * contact.area && same_size(contact.area, volume(&void) / length)
+}

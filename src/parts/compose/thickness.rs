@@ -1,0 +1,79 @@
+//! How thick each part is: rays from its surface straight inward until they leave it, the median over its area.
+
+use nalgebra::{Point3, Vector3};
+use rayon::prelude::*;
+
+use crate::parts::assign::Labelled;
+use crate::parts::grid::surface::NONE;
+use crate::units::Estimate;
+
+/// Ray steps per cell: ends are found to an eighth of a cell.
+const STEPS_PER_CELL: f64 = 4.0;
+
+/// A ray through a part.
+#[derive(Debug, Clone, Copy)]
+pub struct Chord {
+    label: u32,
+    /// Scene units.
+    pub length: f64,
+    /// Area of the surface it starts from: its weight.
+    area: f64,
+    /// Whether it ends at a surface that Gaussians lie on, rather than at one that nobody saw.
+    pub seen: bool,
+}
+
+/// The ray from every cell of seen surface; `None` for the others and where there is no normal.
+pub fn chords(cells: &Labelled) -> Vec<Option<Chord>> {
+    let count = cells.surface.cells.len();
+    (0..count).into_par_iter().map(|s| if cells.seen[s] { chord(cells, s) } else { None }).collect()
+}
+
+/// Per label the thickness between seen surfaces, scene units: median over area, quartiles as low and high. Where no ray
+/// ends at a seen surface, that of the rays to unseen ones. `None` where a part has no surface.
+pub fn thickness(chords: &[Option<Chord>], label_count: usize) -> Vec<Option<Estimate>> {
+    let mut of_label: Vec<[Vec<(f64, f64)>; 2]> = vec![Default::default(); label_count];
+    for chord in chords.iter().flatten() {
+        of_label[chord.label as usize][usize::from(chord.seen)].push((chord.length, chord.area));
+    }
+    let pick = |[unseen, seen]: [Vec<(f64, f64)>; 2]| quartiles(seen).or_else(|| quartiles(unseen));
+    of_label.into_iter().map(pick).collect()
+}
+
+fn chord(cells: &Labelled, s: usize) -> Option<Chord> {
+    let surface = &cells.surface;
+    let (start, inward) = (surface.points[s], -surface.normals[s]);
+    if inward == Vector3::zeros() {
+        return None;
+    }
+    let label = cells.label[surface.cells[s] as usize];
+    let step = cells.grid.cell / STEPS_PER_CELL;
+    let along = |steps: usize| -> Point3<f64> { start + inward * (steps as f64 * step) };
+    let at = |steps: usize| cells.grid.cell_at(along(steps));
+    // The surface lies up to a cell and a half off the cells' own border: the ray may start outside.
+    let entry = (0..=8).find(|&n| at(n).is_some_and(|i| cells.label[i] == label))?;
+    let mut end = entry;
+    let mut last = at(entry)?;
+    while let Some(cell) = at(end + 1).filter(|&i| cells.label[i] == label) {
+        last = cell;
+        end += 1;
+    }
+    let leaves_object = at(end + 1).is_none_or(|i| cells.label[i] == NONE);
+    let seen = leaves_object && cells.seen[surface.nearest[last] as usize];
+    let length = (end as f64 + 0.5) * step;
+    Some(Chord { label, length, area: surface.areas[s], seen })
+}
+
+/// Quartiles of lengths weighted by area.
+fn quartiles(mut chords: Vec<(f64, f64)>) -> Option<Estimate> {
+    chords.sort_by(|a, b| a.0.total_cmp(&b.0));
+    let total: f64 = chords.iter().map(|(_, area)| area).sum();
+    let at = |share: f64| {
+        let mut sum = 0.0;
+        let reached = |(_, area): &&(f64, f64)| {
+            sum += area;
+            sum >= share * total
+        };
+        chords.iter().find(reached).map(|(length, _)| *length)
+    };
+    Some(Estimate::new(at(0.25)?, at(0.5)?, at(0.75)?))
+}

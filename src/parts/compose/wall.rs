@@ -1,0 +1,124 @@
+//! Shells: a wall of known thickness along the surface, nothing or another part behind it.
+//!
+//! A wall may be far thinner than a cell, so cells hold shares: the part of a cell within the wall's thickness of the
+//! surface, taking the cell as a layer of its own width at its depth. Summed over cells, that is area times thickness
+//! for thin walls and the true wall, curvature included, for thick ones.
+//!
+//! A wall that shows on both sides, as a lampshade's does, is a sheet: as thick as the rays through it or thinner, since a
+//! splat is soft. It is counted once, not once from either side: each cell of it holds the wall's share of the ray.
+//!
+//! Along surfaces that nobody saw, and along seams with other parts, a shell may be closed or open (a cup under its lid is
+//! open, on its coaster it is closed). The low volume takes them as open, the high one as closed, the middle half.
+
+use crate::parts::assign::Labelled;
+use crate::parts::grid::surface::{NONE, distance_to};
+use crate::units::Estimate;
+
+/// How much of its hidden walls a shell has, 0 to 1.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Hidden {
+    /// Along surfaces that nobody saw.
+    pub unseen: Estimate,
+    /// Along seams with other parts.
+    pub seam: Estimate,
+}
+
+/// A shell around a void may be open or closed where nobody sees.
+pub const AROUND_VOID: Hidden = Hidden { unseen: Estimate::new(0.0, 0.5, 1.0), seam: Estimate::new(0.0, 0.5, 1.0) };
+/// A shell around another part goes all the way round, and is open where that part enters.
+pub const AROUND_CORE: Hidden = Hidden { unseen: Estimate::exactly(1.0), seam: Estimate::exactly(0.0) };
+
+/// For every cell of a shell, how far it lies below seen and hidden walls, scene units; infinite where there are none.
+pub struct WallDepths {
+    pub seen: Vec<f32>,
+    pub unseen: Vec<f32>,
+    pub seam: Vec<f32>,
+    /// Length of the ray through the nearest seen wall where that is a sheet, scene units; 0 where it is none.
+    sheet: Vec<f32>,
+}
+
+impl WallDepths {
+    /// Depths in the cells of labels that `is_shell` names; infinite elsewhere. `sheet` is, of a surface cell, the length of
+    /// the ray through it where that is a sheet.
+    pub fn of(cells: &Labelled, is_shell: impl Fn(u32) -> bool, sheet: impl Fn(usize) -> Option<f64>) -> Self {
+        let mask: Vec<bool> = cells.label.iter().map(|&l| l != NONE && is_shell(l)).collect();
+        let surface = &cells.surface;
+        let (mut seen, mut unseen, mut seam) = (Seeds::default(), Seeds::default(), Seeds::default());
+        let mut sheets = Vec::new();
+        for s in (0..surface.cells.len()).filter(|&s| mask[surface.cells[s] as usize]) {
+            let seeds = if cells.seen[s] { &mut seen } else { &mut unseen };
+            seeds.push(surface.cells[s], surface.points[s]);
+            if cells.seen[s] {
+                sheets.push(sheet(s).unwrap_or(0.0) as f32);
+            }
+        }
+        for i in (0..mask.len()).filter(|&i| mask[i]) {
+            if let Some(other) = cells.grid.neighbours(i).find(|&n| cells.is_seam(i, n)) {
+                let centers = [i, other].map(|c| cells.grid.center(cells.grid.coords(c)));
+                seam.push(i as u32, nalgebra::center(&centers[0], &centers[1]));
+            }
+        }
+        let (seen, nearest) = seen.depths(cells, &mask);
+        let sheet = nearest.into_iter().map(|n| if n == NONE { 0.0 } else { sheets[n as usize] }).collect();
+        Self { seen, unseen: unseen.depths(cells, &mask).0, seam: seam.depths(cells, &mask).0, sheet }
+    }
+
+    /// Share of cell `i` that is wall of this thickness, where of the hidden walls the shares `unseen` and `seam` exist.
+    /// `cell` is its width.
+    pub fn share(&self, i: usize, thickness: f64, unseen: f64, seam: f64, cell: f64) -> f64 {
+        let below = |depths: &[f32]| within(f64::from(depths[i]), thickness, cell);
+        if self.sheet[i] > 0.0 {
+            return (thickness / f64::from(self.sheet[i])).min(1.0);
+        }
+        below(&self.seen).max(unseen * below(&self.unseen)).max(seam * below(&self.seam))
+    }
+}
+
+#[derive(Default)]
+struct Seeds {
+    cells: Vec<u32>,
+    points: Vec<nalgebra::Point3<f64>>,
+}
+
+impl Seeds {
+    fn push(&mut self, cell: u32, point: nalgebra::Point3<f64>) {
+        self.cells.push(cell);
+        self.points.push(point);
+    }
+
+    /// Per cell the distance to the nearest seed, infinite where there is none, and which it is.
+    fn depths(&self, cells: &Labelled, mask: &[bool]) -> (Vec<f32>, Vec<u32>) {
+        let (mut depth, nearest) = distance_to(&cells.grid, mask, &self.cells, &self.points);
+        for (depth, nearest) in depth.iter_mut().zip(&nearest) {
+            if *nearest == NONE {
+                *depth = f32::INFINITY;
+            }
+        }
+        (depth, nearest)
+    }
+}
+
+/// Share of a layer of width `cell` around `depth` that lies between 0 and `thickness`. What of the layer sticks out of the
+/// surface is folded back in, since the cells that hold it are not inside: then the shares over all depths sum to
+/// `thickness`.
+fn within(depth: f64, thickness: f64, cell: f64) -> f64 {
+    let (low, high) = (depth - 0.5 * cell, depth + 0.5 * cell);
+    let upright = (high.min(thickness) - low.max(0.0)).max(0.0);
+    let folded = (-low).min(thickness).max(0.0);
+    ((upright + folded) / cell).min(1.0)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::within;
+
+    #[test]
+    fn shares_over_all_depths_sum_to_the_thickness() {
+        for thickness in [0.1, 0.5, 1.0, 3.7] {
+            let step = 1e-3;
+            let sum: f64 = (0..10_000).map(|n| within((n as f64 + 0.5) * step, thickness, 1.0) * step).sum();
+            // The midpoint rule on a piecewise linear function, kinks off by at most one step.
+            assert!((sum - thickness).abs() < 2e-3, "{sum} is not {thickness}");
+        }
+    }
+}

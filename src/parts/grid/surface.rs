@@ -1,0 +1,172 @@
+//! How deep every cell lies below the object's surface, finer than a cell.
+//!
+//! The mask of inside cells is blurred a little; where the blurred step crosses one half is the surface, to first order
+//! (f - 1/2) / |grad f| from the cell's centre. Deeper cells find the nearest such place by sweeping (Danielsson 1980).
+
+use nalgebra::{Point3, Vector3};
+use rayon::prelude::*;
+
+use super::Grid;
+
+/// The first-order distance is trusted this many cells from the surface.
+const TRUSTED_CELLS: f64 = 1.5;
+
+/// The surface around a mask of cells.
+pub struct Surface {
+    /// Inside cells that touch the outside, by rising index.
+    pub cells: Vec<u32>,
+    /// Per surface cell: the place on the surface nearest to its centre, world frame, scene units.
+    pub points: Vec<Point3<f64>>,
+    /// Per surface cell: unit normal that points outward; zero where the object is too thin to tell.
+    pub normals: Vec<Vector3<f64>>,
+    /// Area in scene units squared, of each surface cell's share.
+    pub areas: Vec<f64>,
+    /// Per cell of the grid: distance of its centre to the surface, scene units; 0 outside.
+    pub depth: Vec<f32>,
+    /// Per cell of the grid: position in `cells` of the nearest surface cell; `u32::MAX` outside.
+    pub nearest: Vec<u32>,
+}
+
+/// No surface cell.
+pub const NONE: u32 = u32::MAX;
+
+impl Surface {
+    /// The surface of the cells of `inside`. No cell on the grid's border may be inside.
+    pub fn of(grid: &Grid, inside: &[bool]) -> Self {
+        let blurred = blur(grid, inside);
+        let is_surface = |&i: &usize| inside[i] && grid.neighbours(i).any(|n| !inside[n]);
+        let cells: Vec<u32> = (0..inside.len()).into_par_iter().filter(is_surface).map(|i| i as u32).collect();
+        let local: Vec<(Point3<f64>, Vector3<f64>)> =
+            cells.par_iter().map(|&i| local_surface(grid, &blurred, i as usize)).collect();
+        let (points, normals): (Vec<_>, Vec<_>) = local.into_iter().unzip();
+        let (depth, nearest) = distance_to(grid, inside, &cells, &points);
+        let areas = areas(grid, &blurred, inside, &nearest, cells.len());
+        Self { cells, points, normals, areas, depth, nearest }
+    }
+}
+
+/// The place on the surface nearest to the centre of surface cell `i`, and the outward normal there.
+fn local_surface(grid: &Grid, blurred: &[f32], i: usize) -> (Point3<f64>, Vector3<f64>) {
+    let center = grid.center(grid.coords(i));
+    let slope = gradient(grid, blurred, i);
+    let steepness = slope.norm();
+    let Some(normal) = (-slope).try_normalize(1e-6) else { return (center, Vector3::zeros()) };
+    let trusted = TRUSTED_CELLS * grid.cell;
+    let depth = ((f64::from(blurred[i]) - 0.5) * grid.cell / steepness).clamp(0.0, trusted);
+    (center + normal * depth, normal)
+}
+
+/// Gradient of the blurred mask per cell, by central differences.
+fn gradient(grid: &Grid, blurred: &[f32], i: usize) -> Vector3<f64> {
+    Vector3::from(grid.strides().map(|stride| 0.5 * (f64::from(blurred[i + stride]) - f64::from(blurred[i - stride]))))
+}
+
+/// The mask blurred by the binomial filter [1 4 6 4 1]/16 along each axis: a standard deviation of one cell.
+fn blur(grid: &Grid, inside: &[bool]) -> Vec<f32> {
+    const TAPS: [f32; 5] = [0.0625, 0.25, 0.375, 0.25, 0.0625];
+    let mut from: Vec<f32> = inside.iter().map(|&inside| f32::from(u8::from(inside))).collect();
+    for stride in grid.strides() {
+        let reach = 2 * stride;
+        let to = (0..from.len()).into_par_iter().map(|i| {
+            if i < reach || i + reach >= from.len() {
+                return 0.0;
+            }
+            TAPS.iter().enumerate().map(|(tap, weight)| weight * from[i - reach + tap * stride]).sum()
+        });
+        from = to.collect();
+    }
+    from
+}
+
+/// Area by the co-area formula, the integral of |grad f| over space; each cell's share goes to the nearest surface cell.
+fn areas(grid: &Grid, blurred: &[f32], inside: &[bool], nearest: &[u32], surfaces: usize) -> Vec<f64> {
+    let margin = grid.layer() + grid.dims[0] + 1;
+    let share = grid.cell * grid.cell;
+    let mut areas = vec![0.0; surfaces];
+    for i in margin..inside.len() - margin {
+        let blurred_here = blurred[i];
+        if blurred_here <= 0.0 || blurred_here >= 1.0 {
+            continue;
+        }
+        let owner = if inside[i] { Some(nearest[i]) } else { grid_owner(grid, inside, nearest, i) };
+        if let Some(owner) = owner.filter(|o| *o != NONE) {
+            areas[owner as usize] += gradient(grid, blurred, i).norm() * share;
+        }
+    }
+    areas
+}
+
+/// The surface cell that an outside cell near the surface belongs to: that of the first inside cell found around it.
+fn grid_owner(grid: &Grid, inside: &[bool], nearest: &[u32], i: usize) -> Option<u32> {
+    let [x, y, z] = grid.coords(i);
+    let mut best: Option<(usize, u32)> = None;
+    for dz in 0..5 {
+        for dy in 0..5 {
+            for dx in 0..5 {
+                let beside = [x + dx, y + dy, z + dz].map(|c| c.wrapping_sub(2));
+                if (0..3).any(|axis| beside[axis] >= grid.dims[axis]) {
+                    continue;
+                }
+                let n = grid.index(beside);
+                let far = [dx, dy, dz].map(|d| d.abs_diff(2).pow(2)).iter().sum::<usize>();
+                if inside[n] && best.is_none_or(|(least, _)| far < least) {
+                    best = Some((far, nearest[n]));
+                }
+            }
+        }
+    }
+    best.map(|(_, owner)| owner)
+}
+
+/// Per cell of `mask` its distance to the nearest of `points`, and that point's position among them. `seeds[k]` is the cell
+/// that `points[k]` belongs to. Sweeps forth and back hand the nearest point on from cell to cell until nothing changes.
+pub fn distance_to(grid: &Grid, mask: &[bool], seeds: &[u32], points: &[Point3<f64>]) -> (Vec<f32>, Vec<u32>) {
+    let mut nearest = vec![NONE; mask.len()];
+    let mut distance2 = vec![f64::INFINITY; mask.len()];
+    for (k, &seed) in seeds.iter().enumerate() {
+        let d2 = (grid.center(grid.coords(seed as usize)) - points[k]).norm_squared();
+        if d2 < distance2[seed as usize] {
+            distance2[seed as usize] = d2;
+            nearest[seed as usize] = k as u32;
+        }
+    }
+    let cells: Vec<u32> = (0..mask.len() as u32).filter(|&i| mask[i as usize]).collect();
+    let back = half_neighbourhood(grid);
+    let mut relax = |i: usize, step: isize| {
+        let mut changed = false;
+        let center = grid.center(grid.coords(i));
+        for offset in &back {
+            let Some(beside) = i.checked_add_signed(step * offset) else { continue };
+            let Some(&candidate) = nearest.get(beside) else { continue };
+            if candidate == NONE || candidate == nearest[i] {
+                continue;
+            }
+            let d2 = (center - points[candidate as usize]).norm_squared();
+            if d2 < distance2[i] {
+                (distance2[i], nearest[i], changed) = (d2, candidate, true);
+            }
+        }
+        changed
+    };
+    loop {
+        let mut changed = false;
+        for &i in &cells {
+            changed |= relax(i as usize, -1);
+        }
+        for &i in cells.iter().rev() {
+            changed |= relax(i as usize, 1);
+        }
+        if !changed {
+            break;
+        }
+    }
+    let depth = distance2.iter().map(|d2| if d2.is_finite() { d2.sqrt() as f32 } else { 0.0 }).collect();
+    (depth, nearest)
+}
+
+/// Offsets of the 13 neighbours of a cell that come before it, as positive numbers to be taken off.
+fn half_neighbourhood(grid: &Grid) -> Vec<isize> {
+    let [sx, sy, sz] = grid.strides().map(|s| s as isize);
+    let all = (0..27).map(|n| (n % 3 - 1) * sx + (n / 3 % 3 - 1) * sy + (n / 9 - 1) * sz);
+    all.filter(|offset| *offset > 0).collect()
+}

@@ -1,0 +1,66 @@
+//! A bound on the object from its Gaussians, on the sides that no camera looks at: photos from above do not see the
+//! underside, and without a bound the space under it, that no view looks through, would count as inside.
+
+use nalgebra::{Matrix3, Point3, Vector3};
+use rayon::prelude::*;
+
+use crate::camera::Camera;
+use crate::numeric::sphere_directions;
+use crate::parts::grid::Grid;
+use crate::scene::gaussians::Gaussians;
+
+/// Directions in which the extent is measured, spread evenly (Fibonacci sphere) beside the six axes. With 250 of them the
+/// bound of a ball is 1 % too large.
+const DIRECTIONS: usize = 250;
+/// A Gaussian fainter than this bounds nothing.
+const OPACITY_MIN: f64 = 0.1;
+/// Share of the Gaussians that may lie beyond the bound in any direction: a few always stray.
+const STRAYS: f64 = 0.001;
+/// A direction is bounded where every camera looks at a face that points there from behind, or grazes it at an angle
+/// whose sine is below this (11 degrees). Silhouettes bound the others better.
+const GRAZING: f64 = 0.2;
+
+/// Half spaces that hold the Gaussians, but for a few strays.
+pub struct UnseenBound {
+    planes: Vec<(Vector3<f64>, f64)>,
+}
+
+impl UnseenBound {
+    /// The bound of the Gaussians that `kept` names: centres and a deviation beyond. `middle` is the object's.
+    pub fn of(gaussians: &Gaussians, kept: &[bool], cameras: &[Camera], middle: Point3<f64>) -> Self {
+        let eyes = cameras.iter().filter_map(|c| (c.center_in_world() - middle).try_normalize(0.0));
+        let eyes: Vec<Vector3<f64>> = eyes.collect();
+        let unseen = |n: &Vector3<f64>| eyes.iter().all(|eye| eye.dot(n) < GRAZING);
+        let solid = |&i: &usize| kept[i] && gaussians.opacity(i) >= OPACITY_MIN;
+        let solid: Vec<usize> = (0..gaussians.len()).filter(solid).collect();
+        let covariances: Vec<Matrix3<f64>> = solid.par_iter().map(|&i| gaussians.covariance(i)).collect();
+        let plane = |n: Vector3<f64>| {
+            let reach = |(&i, covariance): (&usize, &Matrix3<f64>)| {
+                n.dot(&gaussians.center(i).coords) + n.dot(&(covariance * n)).max(0.0).sqrt()
+            };
+            let mut reaches: Vec<f64> = solid.iter().zip(&covariances).map(reach).collect();
+            let within = reaches.len().checked_sub(1 + (reaches.len() as f64 * STRAYS) as usize)?;
+            Some((n, *reaches.select_nth_unstable_by(within, f64::total_cmp).1))
+        };
+        let directions: Vec<Vector3<f64>> = directions().into_iter().filter(unseen).collect();
+        Self { planes: directions.into_par_iter().filter_map(plane).collect() }
+    }
+
+    pub fn holds(&self, point: Point3<f64>) -> bool {
+        self.planes.iter().all(|(n, reach)| n.dot(&point.coords) <= *reach)
+    }
+
+    /// Empties the cells beyond the bound.
+    pub fn clip(&self, grid: &Grid, inside: &mut [bool]) {
+        inside.par_chunks_mut(grid.layer()).enumerate().for_each(|(z, layer)| {
+            for (i, cell) in layer.iter_mut().enumerate() {
+                *cell = *cell && self.holds(grid.center([i % grid.dims[0], i / grid.dims[0], z]));
+            }
+        });
+    }
+}
+
+fn directions() -> Vec<Vector3<f64>> {
+    let axes = [Vector3::x(), Vector3::y(), Vector3::z()];
+    axes.into_iter().flat_map(|a| [a, -a]).chain(sphere_directions(DIRECTIONS)).collect()
+}

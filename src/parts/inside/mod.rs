@@ -1,0 +1,137 @@
+//! The object's inside on a grid, by the way that the options say.
+//!
+//! [`depth_view`] reads the surface off the Gaussians in every view, [`hull`] bounds it, [`carve`] takes away what the views
+//! look through, [`refine`] settles between cells; or [`fill`] does without cameras.
+
+mod carve;
+pub mod depth_view;
+mod fill;
+mod hull;
+mod refine;
+
+use nalgebra::{Point3, Vector3};
+use rayon::prelude::*;
+
+use super::grid::Grid;
+use super::grid::surface::Surface;
+use super::{Options, PartsError, VolumeMethod};
+use crate::camera::Camera;
+use crate::progress::Progress;
+use crate::scene::gaussians::Gaussians;
+use depth_view::DepthView;
+use hull::UnseenBound;
+
+/// How many pixels a view must see past a cell before that counts: the depth of a splat is off by one to three.
+const CARVE_TOLERANCE_PIXELS: f64 = 3.0;
+/// Views are drawn at no more than this many pixels for each cell along a cube of as many cells as the grid: a pixel is
+/// then finer than a cell, and the answer gets better with the grid as far as the photos allow.
+const PIXELS_PER_CELL: f64 = 5.0;
+/// In tolerances: views that see a surface further off than this mean another one.
+const REFINE_REACH: f64 = 2.0;
+
+/// A grid around the kept Gaussians' centres and a deviation beyond.
+pub(super) fn grid_around(gaussians: &Gaussians, kept: &[bool], cells: usize) -> Grid {
+    let (mut low, mut high) = (Point3::from([f64::INFINITY; 3]), Point3::from([f64::NEG_INFINITY; 3]));
+    for i in (0..gaussians.len()).filter(|&i| kept[i]) {
+        let deviation = gaussians.covariance(i).diagonal().map(f64::sqrt);
+        low = low.inf(&(gaussians.center(i) - deviation));
+        high = high.sup(&(gaussians.center(i) + deviation));
+    }
+    Grid::around(low, high, cells)
+}
+
+/// The cells inside the object, and how well that is known.
+pub(super) struct Inside {
+    pub cells: Vec<bool>,
+    /// How far the surface may be off, scene units.
+    pub uncertainty: f64,
+    /// What the views see; none where the volume does not come from views.
+    views: Vec<DepthView>,
+}
+
+impl Inside {
+    /// Whether a view sees each cell of the surface. Where there are no views, all are taken as seen.
+    pub fn in_view(&self, surface: &Surface) -> Vec<bool> {
+        let see = |(point, normal): (&Point3<f64>, &Vector3<f64>)| {
+            self.views.is_empty() || carve::is_seen(&self.views, *point, *normal, self.uncertainty)
+        };
+        surface.points.par_iter().zip(&surface.normals).map(see).collect()
+    }
+}
+
+/// Finds the inside of the object on `grid`.
+///
+/// # Errors
+/// No cameras where the method needs them; nothing inside.
+pub(super) fn inside(
+    gaussians: &Gaussians,
+    kept: &[bool],
+    grid: &Grid,
+    cameras: &[Camera],
+    options: &Options,
+    progress: Progress,
+) -> Result<Inside, PartsError> {
+    let (cells, uncertainty, views, why) = match options.volume {
+        VolumeMethod::Fill => {
+            let cells = fill::fill(gaussians, kept, grid, options.fill_density);
+            (cells, grid.cell, Vec::new(), "no cell is dense enough to be the object's skin")
+        }
+        VolumeMethod::Hybrid | VolumeMethod::Carve | VolumeMethod::Shell => {
+            let views = depth_views(gaussians, cameras, options, progress)?;
+            let pixel = pixel_size(grid, &views);
+            let mut cells = vec![true; grid.len()];
+            UnseenBound::of(gaussians, kept, cameras, grid.middle()).clip(grid, &mut cells);
+            let tolerance = CARVE_TOLERANCE_PIXELS * pixel;
+            carve::carve(grid, &views, tolerance, &mut cells);
+            let mut cells = without_border(grid, cells);
+            let disagreement = refine::refine(grid, &views, REFINE_REACH * tolerance, &mut cells);
+            (cells, pixel.hypot(disagreement), views, "the views see through every place where the splat is")
+        }
+    };
+    let cells = without_border(grid, cells);
+    if !cells.contains(&true) {
+        return Err(PartsError::NothingInside { why });
+    }
+    Ok(Inside { cells, uncertainty, views })
+}
+
+/// The grid's outermost cells are outside, so that filters and neighbours need no edge cases.
+fn without_border(grid: &Grid, mut cells: Vec<bool>) -> Vec<bool> {
+    const BORDER: usize = 2;
+    cells.par_iter_mut().enumerate().for_each(|(i, inside)| {
+        let coords = grid.coords(i);
+        *inside &= (0..3).all(|axis| (BORDER..grid.dims[axis] - BORDER).contains(&coords[axis]));
+    });
+    cells
+}
+
+/// The surface seen from up to `carve_views` of the cameras, spread evenly over their order.
+fn depth_views(
+    gaussians: &Gaussians,
+    cameras: &[Camera],
+    options: &Options,
+    progress: Progress,
+) -> Result<Vec<DepthView>, PartsError> {
+    if cameras.is_empty() {
+        return Err(PartsError::NoViews);
+    }
+    let count = options.carve_views.min(cameras.len());
+    let pixels_max = (PIXELS_PER_CELL * (options.volume_cells as f64).cbrt()).round() as u32;
+    let bar = progress.bar("parts", count as u64);
+    let views = (0..count).map(|k| {
+        let view = DepthView::of(gaussians, &cameras[k * cameras.len() / count], pixels_max);
+        bar.inc(1);
+        view
+    });
+    let views = views.collect();
+    bar.finish_and_clear();
+    Ok(views)
+}
+
+/// The width of a pixel at the object, scene units, median over the views: no surface is known better.
+fn pixel_size(grid: &Grid, views: &[DepthView]) -> f64 {
+    let size = |v: &DepthView| (v.camera.center_in_world() - grid.middle()).norm() / v.camera.intrinsics.fx;
+    let mut sizes: Vec<f64> = views.iter().map(size).collect();
+    sizes.sort_by(f64::total_cmp);
+    sizes[sizes.len() / 2]
+}

@@ -1,0 +1,65 @@
+//! Where between cells the surface lies that carving left too far out.
+//!
+//! Carving must not be taken in by the noise of one view's depth, so it leaves a layer of its tolerance on everything. Here
+//! every place of the carved surface asks the views that face it how far behind it they see the surface, along its normal,
+//! and the cells above the mean of what they say are emptied: the fusion of signed distances by Curless and Levoy (1996),
+//! on the surface alone. Views that see something else there (an occluder, the background) do not speak. Where they
+//! contradict each other by more than what they say, as on polished metal, the surface stays where the silhouettes left it.
+
+use nalgebra::{Point3, Vector3};
+use rayon::prelude::*;
+
+use super::carve::facing;
+use super::depth_view::DepthView;
+use crate::parts::grid::Grid;
+use crate::parts::grid::surface::{NONE, Surface};
+
+/// Empties the cells of `inside` that lie above the surface as the views see it, at most `reach` (scene units) deep. Returns
+/// by how much the views disagree about it: the root mean square of their standard deviations.
+pub fn refine(grid: &Grid, views: &[DepthView], reach: f64, inside: &mut [bool]) -> f64 {
+    let surface = Surface::of(grid, inside);
+    let places = surface.points.par_iter().zip(&surface.normals);
+    let said: Vec<Option<Said>> = places.map(|(point, normal)| Said::by(views, *point, *normal, reach)).collect();
+    let excess: Vec<f32> = said.iter().map(|said| said.as_ref().map_or(0.0, Said::excess) as f32).collect();
+    inside.par_iter_mut().enumerate().for_each(|(i, cell)| {
+        let nearest = surface.nearest[i];
+        *cell = *cell && (nearest == NONE || surface.depth[i] >= excess[nearest as usize]);
+    });
+    let variances: Vec<f64> = said.iter().flatten().map(|said| said.deviation * said.deviation).collect();
+    (variances.iter().sum::<f64>() / variances.len().max(1) as f64).sqrt()
+}
+
+/// A view's say falls with this power of the cosine between normal and line of sight: the low-pass of a splat thickens
+/// what is seen obliquely.
+const OBLIQUENESS: i32 = 4;
+
+/// How far under a place of the carved surface the views see the surface, along its normal, scene units.
+struct Said {
+    mean: f64,
+    deviation: f64,
+}
+
+impl Said {
+    /// What the views say that face the place; `None` where none does.
+    fn by(views: &[DepthView], point: Point3<f64>, normal: Vector3<f64>, reach: f64) -> Option<Self> {
+        let (mut weights, mut sum, mut squares) = (0.0, 0.0, 0.0);
+        for view in views {
+            let Some(cosine) = facing(view, point, normal) else { continue };
+            let Some(below) = view.surface_behind(point).map(|behind| behind * cosine) else { continue };
+            if below.abs() <= reach {
+                let weight = cosine.powi(OBLIQUENESS);
+                weights += weight;
+                sum += weight * below;
+                squares += weight * below * below;
+            }
+        }
+        let mean = sum / weights;
+        let variance = (squares / weights - mean * mean).max(0.0);
+        (weights > 0.0).then(|| Self { mean, deviation: variance.sqrt() })
+    }
+
+    /// The mean where it is more than the views' disagreement, else 0.
+    fn excess(&self) -> f64 {
+        if self.mean > self.deviation { self.mean } else { 0.0 }
+    }
+}

@@ -1,0 +1,125 @@
+//! The connected bodies that each part is made of: four legs of a chair, two handles of a pot.
+//!
+//! A part may come apart in crumbs where its wall is thin or its seam ragged: what has less than [`BODY_SHARE`] of the part
+//! goes with the part's largest body.
+
+use rayon::prelude::*;
+
+use crate::parts::grid::surface::NONE;
+use crate::parts::grid::{Grid, Interior};
+use crate::scene::gaussians::Gaussians;
+
+/// A body has at least this share of its part's material.
+const BODY_SHARE: f64 = 0.05;
+
+/// A Gaussian lies on a body up to so many cells from it: splats are soft.
+const NEAR: usize = 3;
+
+/// The bodies of all parts.
+pub struct Bodies {
+    /// Per cell: its body; [`NONE`] where it holds no material.
+    pub of_cell: Vec<u32>,
+    /// Per body: the label that it is of. Bodies of one label follow each other, by their first cells.
+    pub label: Vec<u32>,
+}
+
+impl Bodies {
+    /// The bodies of the material in `interior`.
+    pub fn of(interior: &Interior, label_count: usize) -> Self {
+        let (pieces, of_cell) = pieces(interior);
+        let mut whole = vec![0.0; label_count];
+        let mut largest: Vec<Option<usize>> = vec![None; label_count];
+        for (n, piece) in pieces.iter().enumerate() {
+            let label = piece.label as usize;
+            whole[label] += piece.material;
+            if largest[label].is_none_or(|other| piece.material > pieces[other].material) {
+                largest[label] = Some(n);
+            }
+        }
+        let is_body = |n: usize| {
+            let label = pieces[n].label as usize;
+            largest[label] == Some(n) || pieces[n].material >= BODY_SHARE * whole[label]
+        };
+        let mut order: Vec<usize> = (0..pieces.len()).filter(|&n| is_body(n)).collect();
+        order.sort_by_key(|&n| (pieces[n].label, n));
+        let body_of_piece: Vec<u32> = (0..pieces.len())
+            .map(|n| if is_body(n) { n } else { largest[pieces[n].label as usize].unwrap_or(n) })
+            .map(|n| order.iter().position(|&other| other == n).map_or(NONE, |body| body as u32))
+            .collect();
+        let of_cell = of_cell.into_iter().map(|n| if n == NONE { NONE } else { body_of_piece[n as usize] });
+        Self { of_cell: of_cell.collect(), label: order.iter().map(|&n| pieces[n].label).collect() }
+    }
+
+    /// Of each body: its label, and its place among the bodies of that label.
+    pub fn places(&self, label_count: usize) -> Vec<(usize, usize)> {
+        let mut counts = vec![0; label_count];
+        let place = |&label: &u32| {
+            counts[label as usize] += 1;
+            (label as usize, counts[label as usize] - 1)
+        };
+        self.label.iter().map(place).collect()
+    }
+
+    /// How many Gaussians lie on each body: those of its label in or next to its cells. What lies on none counts for the
+    /// first body of its label.
+    pub fn gaussians(&self, gaussians: &Gaussians, part_label: &[u32], grid: &Grid) -> Vec<usize> {
+        let first = |label: u32| self.label.iter().position(|&l| l == label).map(|body| body as u32);
+        let alone = |label: u32| self.label.iter().filter(|&&l| l == label).count() < 2;
+        let body_of = |i: usize| {
+            let label = part_label[i];
+            let cell = grid.cell_at(gaussians.center(i)).filter(|_| !alone(label));
+            let is_of_label = |cell: &usize| self.label.get(self.of_cell[*cell] as usize) == Some(&label);
+            let near = cell.and_then(|cell| (0..=NEAR).find_map(|reach| around(grid, cell, reach).find(is_of_label)));
+            near.map_or_else(|| first(label), |cell| Some(self.of_cell[cell]))
+        };
+        let of_gaussian: Vec<Option<u32>> = (0..part_label.len()).into_par_iter().map(body_of).collect();
+        let mut counts = vec![0; self.label.len()];
+        of_gaussian.into_iter().flatten().for_each(|body| counts[body as usize] += 1);
+        counts
+    }
+}
+
+/// A connected piece of one label.
+struct Piece {
+    label: u32,
+    /// In cells.
+    material: f64,
+}
+
+/// The pieces in the order of their first cells, and the piece of every cell.
+fn pieces(interior: &Interior) -> (Vec<Piece>, Vec<u32>) {
+    let grid = &interior.grid;
+    let mut of_cell = vec![NONE; grid.len()];
+    let mut pieces = Vec::new();
+    for (seed, label, _) in interior.filled() {
+        if of_cell[seed] != NONE {
+            continue;
+        }
+        let number = pieces.len() as u32;
+        let mut piece = Piece { label, material: 0.0 };
+        let mut open = vec![seed];
+        of_cell[seed] = number;
+        while let Some(cell) = open.pop() {
+            piece.material += f64::from(interior.fraction[cell]);
+            for next in around(grid, cell, 1) {
+                if of_cell[next] == NONE && interior.part[next] == label {
+                    of_cell[next] = number;
+                    open.push(next);
+                }
+            }
+        }
+        pieces.push(piece);
+    }
+    (pieces, of_cell)
+}
+
+/// The cells at most `reach` away along every axis, itself included.
+fn around(grid: &Grid, cell: usize, reach: usize) -> impl Iterator<Item = usize> + use<> {
+    let (at, grid) = (grid.coords(cell), *grid);
+    let span = |axis: usize| at[axis].saturating_sub(reach)..(at[axis] + reach + 1).min(grid.dims[axis]);
+    let (xs, ys, zs) = (span(0), span(1), span(2));
+    zs.flat_map(move |z| {
+        let xs = xs.clone();
+        ys.clone().flat_map(move |y| xs.clone().map(move |x| grid.index([x, y, z])))
+    })
+}

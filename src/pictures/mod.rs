@@ -1,0 +1,55 @@
+//! The pictures that several stages make: of a photo's parts and materials, and of the field as a camera sees it.
+//!
+//! [`palette`] and [`field_colors`] give parts, materials and Gaussians their colours, [`panels`] puts pictures side by side;
+//! [`figure`] shows the field, [`material_map`] the answers for one photo, [`thumbnail`] a scene at a glance.
+
+pub mod field_colors;
+pub mod figure;
+pub mod material_map;
+pub mod palette;
+mod panels;
+pub mod thumbnail;
+
+use std::io::Cursor;
+
+use anyhow::Result;
+use image::codecs::jpeg::JpegEncoder;
+use image::{Rgb, RgbImage};
+
+use crate::scene::Photo;
+use crate::segment::LabelMap;
+
+/// JPEG quality at which edges of parts still look sharp.
+const QUALITY: u8 = 85;
+/// How much of a part's colour covers the photo.
+const TINT: f32 = 0.6;
+
+/// The photo with every part in a colour of its own.
+pub fn tinted(photo: &Photo, map: &LabelMap) -> RgbImage {
+    let mut picture = photo.rgb.clone();
+    for (pixel, &label) in picture.pixels_mut().zip(&map.labels) {
+        if label > 0 {
+            *pixel = mix(*pixel, palette::color(u32::from(label) - 1));
+        }
+    }
+    picture
+}
+
+fn mix(Rgb(under): Rgb<u8>, over: [f32; 3]) -> Rgb<u8> {
+    Rgb(std::array::from_fn(|c| (f32::from(under[c]) * (1.0 - TINT) + 255.0 * over[c] * TINT).round() as u8))
+}
+
+/// A picture as JPEG, shrunk where its longest side is longer than `longest_side` pixels.
+///
+/// # Errors
+/// Where the picture does not encode.
+pub fn jpeg(picture: &RgbImage, longest_side: u32) -> Result<Vec<u8>> {
+    let longest = picture.width().max(picture.height());
+    let fitted = (longest > longest_side).then(|| {
+        let side = |length: u32| (length * longest_side / longest).max(1);
+        image::imageops::thumbnail(picture, side(picture.width()), side(picture.height()))
+    });
+    let mut bytes = Cursor::new(Vec::new());
+    fitted.as_ref().unwrap_or(picture).write_with_encoder(JpegEncoder::new_with_quality(&mut bytes, QUALITY))?;
+    Ok(bytes.into_inner())
+}

@@ -1,0 +1,203 @@
+//! The queries of a session by the Batch API: submitted now, collected later. What is under way is noted in `batch_api.json`.
+
+use std::collections::BTreeMap;
+
+use anyhow::Result;
+use serde::Serialize;
+
+use crate::query::answer::Unknown;
+use crate::query::asker::{Ask, AskError, Asker};
+use crate::query::batch_api::{self, Answered, Progress, Request, Submitted, Waiting};
+use crate::query::client::{Client, ClientError, RequestCounts};
+use crate::query::cost::Cost;
+use crate::query::ledger::Ledger;
+use crate::query::recorded::{Answerer, Recording, key};
+use crate::query::{Failure, Outcome, Queries, QueryError};
+use crate::workdir::Artifact;
+
+use super::query_session::QuerySession;
+
+/// What `--batch-api submit` did.
+#[derive(Debug, Serialize)]
+pub struct Sent {
+    /// Questions sent now.
+    pub sent: usize,
+    /// Questions of earlier submissions that are not collected yet.
+    pub waiting: usize,
+}
+
+/// What `--batch-api collect` did.
+#[derive(Debug, Default, Serialize)]
+pub struct Collected {
+    pub recorded: usize,
+    /// Questions that were not answered, or not usably, by reason.
+    pub failed: BTreeMap<String, usize>,
+    /// Jobs that are still worked on, with how many of their requests are done.
+    pub running: usize,
+    pub running_done: usize,
+    pub running_total: usize,
+}
+
+impl QuerySession<'_> {
+    /// Sends what is neither recorded nor under way. The first question is asked at once: a wrong key or model shows now
+    /// and not a day later, and the others are put as the server takes them.
+    pub fn submit(&self) -> Result<Sent> {
+        let client = self.batch_api_client()?;
+        client.ready().map_err(QueryError::BatchApi)?;
+        let queries = self.queries()?;
+        let mut submitted = self.submitted()?;
+        let waiting = submitted.jobs.iter().map(|job| job.waiting.len()).sum();
+        let first = self.requests(client, &queries, &submitted, "");
+        if first.is_empty() {
+            return Ok(Sent { sent: 0, waiting });
+        }
+        let (now, later) = self.submission_cost(client, &queries, first.len(), 1);
+        let ledger = Ledger::new(self.price().cloned(), self.options.max_usd);
+        check_submission(&now.plus(later), &ledger, client.answerer())?;
+        client.announce_submission(first.len(), &now.plus(later));
+        self.ask_first(client, &queries, &ledger)?;
+        let requests = self.requests(client, &queries, &submitted, "");
+        let sent = requests.len();
+        let (_, later) = self.submission_cost(client, &queries, sent, 0);
+        check_submission(&later, &ledger, client.answerer())?;
+        batch_api::submit(client, requests, |job| -> Result<()> {
+            submitted.jobs.push(job);
+            Ok(self.work.write_json(Artifact::BatchApiJobs, &submitted)?)
+        })?;
+        Ok(Sent { sent, waiting })
+    }
+
+    /// What asking about the first `count` open parts may cost, about the first `at_once` of them now and about the others
+    /// by the Batch API.
+    pub fn submission_cost(&self, client: &Client, queries: &Queries, count: usize, at_once: usize) -> (Cost, Cost) {
+        queries.submission_cost(&self.recordings, client.answerer(), self.price(), count, at_once)
+    }
+
+    /// Asks the first open question at once.
+    ///
+    /// # Errors
+    /// Where the endpoint cannot answer it.
+    pub fn ask_first(&self, client: &Client, queries: &Queries, ledger: &Ledger) -> Result<()> {
+        match queries.ask_first(&self.recordings, client, ledger)? {
+            Some(Outcome::Failed(Failure::Endpoint { message })) => {
+                Err(QueryError::BatchApi(AskError::Failed(message)).into())
+            }
+            _ => Ok(()),
+        }
+    }
+
+    /// The open questions that `submitted` does not wait for, as `owner`'s.
+    pub fn requests(&self, client: &Client, queries: &Queries, submitted: &Submitted, owner: &str) -> Vec<Request> {
+        let open = queries.unanswered(&self.recordings, Some(client.answerer()));
+        let mut requests: BTreeMap<_, Request> = BTreeMap::new();
+        for (part, question) in open {
+            let asked = part.asked(question);
+            let key = key(client.answerer(), &asked);
+            if !submitted.awaits(&key) {
+                let body = client.body(Ask { question, picture: &part.jpeg, correction: None });
+                let waiting = Waiting { key: key.clone(), owner: owner.to_owned(), asked };
+                requests.entry(key).or_insert(Request { waiting, body });
+            }
+        }
+        requests.into_values().collect()
+    }
+
+    /// Fetches the jobs that have ended, and records their answers.
+    pub fn collect(&self) -> Result<Collected> {
+        let (client, queries) = (self.batch_api_client()?, self.queries()?);
+        let mut submitted = self.submitted()?;
+        if submitted.jobs.is_empty() {
+            return Err(QueryError::NothingSubmitted.into());
+        }
+        let mut collected = Collected::default();
+        for job in submitted.jobs.clone() {
+            match batch_api::collect(client, &job).map_err(QueryError::BatchApi)? {
+                Progress::Running { counts, .. } => collected.add_running(counts, job.waiting.len()),
+                Progress::Ended(ended) => {
+                    for (waiting, answered) in ended.answered {
+                        match self.record(&queries, client, waiting, answered)? {
+                            Ok(()) => collected.recorded += 1,
+                            Err(reason) => collected.add_failed(reason),
+                        }
+                    }
+                    ended.failed.into_iter().for_each(|(_, reason)| collected.add_failed(reason));
+                    submitted.jobs.retain(|other| other.id != job.id);
+                    self.work.write_json(Artifact::BatchApiJobs, &submitted)?;
+                }
+            }
+        }
+        Ok(collected)
+    }
+
+    /// Records an answer, or says why it is none.
+    pub fn record(
+        &self,
+        queries: &Queries,
+        client: &Client,
+        waiting: Waiting,
+        answered: Answered,
+    ) -> Result<Result<(), String>> {
+        let Some(question) = queries.questions.find(&waiting.asked) else {
+            return Ok(Err("it was asked with other prompts, another library or other options than now".into()));
+        };
+        let read = queries.questions.read(question, &answered.text, &self.library, Unknown::TakeNearest);
+        if let Err(problem) = read {
+            return Ok(Err(problem.failure.to_string()));
+        }
+        let Answered { text, served_model, usage } = answered;
+        self.recordings.insert(&Recording::new(client.answerer(), waiting.asked, text, served_model, usage))?;
+        Ok(Ok(()))
+    }
+
+    fn submitted(&self) -> Result<Submitted> {
+        match self.work.size(Artifact::BatchApiJobs) {
+            Some(_) => Ok(self.work.read_json(Artifact::BatchApiJobs)?),
+            None => Ok(Submitted::default()),
+        }
+    }
+
+    fn batch_api_client(&self) -> Result<&Client> {
+        Ok(self.client.as_ref().ok_or(ClientError::NoUrl)?)
+    }
+}
+
+/// Whether a submission, which cannot be stopped, keeps within the budget even at the longest answers.
+pub fn check_submission(cost: &Cost, ledger: &Ledger, answerer: &Answerer) -> Result<(), QueryError> {
+    let Some(max_usd) = ledger.max_usd().filter(|_| ledger.might_pass(cost.most_usd)) else { return Ok(()) };
+    Err(match cost.most_usd {
+        None => QueryError::NoPrice { model: answerer.model.clone() },
+        Some(usd) => QueryError::SubmissionOverBudget { requests: cost.requests, usd, max_usd, spent: ledger.spent() },
+    })
+}
+
+impl Collected {
+    /// Counts a job of `total` questions that is still worked on.
+    pub fn add_running(&mut self, counts: RequestCounts, total: usize) {
+        self.running += 1;
+        self.running_done += counts.completed + counts.failed;
+        self.running_total += total;
+    }
+
+    /// Counts a question that was not answered usably.
+    pub fn add_failed(&mut self, reason: String) {
+        *self.failed.entry(reason).or_default() += 1;
+    }
+
+    /// Whether everything that was submitted is recorded now.
+    ///
+    /// # Errors
+    /// [`QueryError::BatchApiRunning`] or [`QueryError::BatchApiPartial`] where it is not.
+    pub fn require_all(&self) -> Result<(), QueryError> {
+        let failed: usize = self.failed.values().sum();
+        if failed > 0 {
+            let reasons: Vec<String> = self.failed.iter().map(|(why, count)| format!("{why} ({count})")).collect();
+            let total = self.recorded + failed;
+            return Err(QueryError::BatchApiPartial { failed, total, reasons: reasons.join("; ") });
+        }
+        if self.running > 0 {
+            let Self { running, running_done: done, running_total: total, .. } = *self;
+            return Err(QueryError::BatchApiRunning { running, done, total });
+        }
+        Ok(())
+    }
+}

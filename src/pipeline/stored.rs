@@ -1,0 +1,159 @@
+//! What a run left, opened to be measured: with the options that it was made with, without changing anything on disk.
+//!
+//! A work folder may come with a scene from elsewhere, so its `run.json` is believed only as far as it does no harm: no
+//! server is asked, no library is opened, and files outside the scene are read only if the user named the work folder.
+
+use std::path::{Path, PathBuf};
+
+use anyhow::Result;
+use serde::de::DeserializeOwned;
+
+use crate::grasp::gripper::GripperProfile;
+use crate::progress::Progress;
+use crate::query::LabelSet;
+use crate::scene::gaussians::Gaussians;
+use crate::vote::MaterialField;
+use crate::workdir::{Artifact, Standing, WorkDir, WorkDirError};
+
+use super::record::{RunRecord, version};
+use super::vote::stored_field;
+use super::{Options, Pipeline, Plan, Stage, work_folder};
+
+/// The work folder of a scene, of which some stages are done and whole.
+pub struct Stored {
+    work: WorkDir,
+    record: RunRecord,
+    command: String,
+}
+
+impl Stored {
+    /// Opens what a run left of the scene in `folder` (in `out` if that is given); `stages` are to be read.
+    ///
+    /// # Errors
+    /// [`WorkDirError::Unfinished`] if one of the stages is not done, was done before a stage that it reads from was done
+    /// again, or wrote files that hold something else now.
+    pub fn open(folder: &Path, out: Option<&Path>, stages: &[Stage]) -> Result<Self, WorkDirError> {
+        let root = work_folder(folder, out);
+        let command = match out {
+            None => format!("gprop run {}", folder.display()),
+            Some(out) => format!("gprop run {} --out {}", folder.display(), out.display()),
+        };
+        let work = WorkDir::open_to_read(&root)?;
+        let unfinished =
+            |problem: String| WorkDirError::Unfinished { path: root.clone(), problem, command: command.clone() };
+        if work.size(Artifact::Run).is_none() {
+            return Err(unfinished("nothing has been run, there is no run.json".to_owned()));
+        }
+        let record: RunRecord = work.read_json(Artifact::Run)?;
+        if record.version != version() {
+            return Err(unfinished(format!("it was made by gprop {:?}, this is {:?}", record.version, version())));
+        }
+        for stage in stages {
+            require_done(*stage, &record).map_err(unfinished)?;
+            for (path, standing) in record.of(*stage).map(|done| done.standing(&work)).unwrap_or_default() {
+                match standing {
+                    Standing::Whole => {}
+                    Standing::Missing => return Err(unfinished(format!("{path:?} is missing"))),
+                    Standing::Changed => {
+                        return Err(unfinished(format!("{path:?} has changed since gprop wrote it")));
+                    }
+                }
+            }
+        }
+        Ok(Self { work, record, command })
+    }
+
+    /// Where an artifact lies.
+    pub fn path(&self, artifact: Artifact) -> PathBuf {
+        self.work.path(artifact)
+    }
+
+    /// The Gaussians and their material field; the vote must be among the stages.
+    ///
+    /// # Errors
+    /// They are not what gprop wrote.
+    pub fn field(&self) -> Result<(Gaussians, MaterialField)> {
+        stored_field(self.work.root())
+    }
+
+    /// The options that it was made with, as far as they say what was read.
+    ///
+    /// # Errors
+    /// `run.json` holds something else, or names files outside the scene `folder` while the user did not name the work
+    /// folder (`trusted`).
+    pub fn options(&self, folder: &Path, trusted: bool) -> Result<Options, WorkDirError> {
+        let options = Options {
+            scene: self.room("scene")?,
+            query: self.room("query")?,
+            materials: self.room("materials")?,
+            vote: self.room("vote")?,
+            ..Options::default()
+        };
+        if !trusted && let Some(path) = paths(&options).into_iter().find(|path| !is_within(path, folder)) {
+            let problem =
+                format!("it was made with {path:?}, which is not in the scene; give the work folder with --out");
+            let (path, command) = (self.work.root().to_owned(), self.command.clone());
+            return Err(WorkDirError::Unfinished { path, problem, command });
+        }
+        Ok(options)
+    }
+
+    fn room<T: DeserializeOwned + Default>(&self, name: &str) -> Result<T, WorkDirError> {
+        let Some(value) = self.record.options.get(name) else { return Ok(T::default()) };
+        T::deserialize(value).map_err(|error| self.work.damaged(Artifact::Run, format!("options of {name}: {error}")))
+    }
+}
+
+/// Fails with the reason unless `stage` is done, and after those that it reads from.
+fn require_done(stage: Stage, record: &RunRecord) -> Result<(), String> {
+    let done = record.of(stage).ok_or_else(|| format!("the {} stage is not done", stage.name()))?;
+    for input in stage.inputs() {
+        require_done(*input, record)?;
+        let now = record.of(*input).map(|input| &input.digest);
+        let then = done.inputs.iter().find(|(name, _)| name == input).map(|(_, digest)| digest);
+        if now != then {
+            return Err(format!("the {} stage was done again after the {} stage", input.name(), stage.name()));
+        }
+    }
+    Ok(())
+}
+
+/// The files and folders of the user's that options name.
+fn paths(options: &Options) -> Vec<&PathBuf> {
+    let scene = &options.scene;
+    let labels = match &options.query.labels {
+        Some(LabelSet::File(path)) => Some(path),
+        _ => None,
+    };
+    let of_scene = [&scene.splat, &scene.cameras, &scene.images, &scene.masks];
+    let others = [&options.query.prompts, &options.query.recordings, &options.materials.materials];
+    of_scene.into_iter().chain(others).flatten().chain(labels).collect()
+}
+
+fn is_within(path: &Path, folder: &Path) -> bool {
+    matches!((path.canonicalize(), folder.canonicalize()), (Ok(path), Ok(folder)) if path.starts_with(&folder))
+}
+
+impl Pipeline {
+    /// Opens what a run left of the scene in `folder` (in `out` if that is given) to read what the stages up to the vote
+    /// made, with the options that it was made with. Changes nothing on disk.
+    ///
+    /// # Errors
+    /// As [`Stored::open`], also if the scene's files have changed since; and what loading the scene meets.
+    pub fn stored(folder: &Path, out: Option<&Path>, progress: Progress) -> Result<Self> {
+        let stored = Stored::open(folder, out, &[Stage::Scene, Stage::Segment, Stage::Query, Stage::Vote])?;
+        let options = stored.options(folder, out.is_some())?;
+        let scene = crate::scene::load(folder, &options.scene)?;
+        let library = options.materials.library()?;
+        let gripper = GripperProfile::load(&options.grasp.gripper)?;
+        let plan = Plan { to: Stage::Vote, from: None };
+        let Stored { work, command, .. } = stored;
+        let pipeline = Self::within(folder, work, scene, (library, gripper), options, plan, progress)?;
+        let key = pipeline.scene_key()?;
+        if pipeline.record.of(Stage::Scene).is_none_or(|done| done.key != key) {
+            let (path, problem) = (pipeline.work.root().to_owned(), "the scene's files have changed since".to_owned());
+            return Err(WorkDirError::Unfinished { path, problem, command }.into());
+        }
+        Ok(pipeline)
+    }
+}

@@ -1,0 +1,144 @@
+//! Questions by OpenAI's Batch API, at half the price and within a day: requests out, answers in.
+//!
+//! 1. [`Request`]s are gathered, of one scene or of many; what [waits](Waiting) already is left out.
+//! 2. [`submit`] sends them in as many jobs as the API's limits need, and has each noted as soon as it is accepted.
+//! 3. [`collect`] asks how each job stands and reads what it holds: all of it, or what was done before it expired.
+//!
+//! A request's `custom_id` is the key of the recording that its answer becomes, so whatever order the answers come in and
+//! however often they are collected, each finds its place.
+
+mod response;
+
+use std::collections::BTreeMap;
+
+use serde::{Deserialize, Serialize};
+use serde_json::{Value, json};
+
+use super::asker::AskError;
+use super::client::{Client, JobState, RequestCounts};
+use super::recorded::Asked;
+use super::sha256::Sha256Hex;
+
+pub use response::{AnswerLine, Answered, lines};
+
+/// Most requests that a job may have, and most bytes: the API's limits are 50,000 and 200 MB.
+const MAX_REQUESTS: usize = 50_000;
+const MAX_BYTES: usize = 190_000_000;
+
+/// One question to be sent.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Request {
+    pub waiting: Waiting,
+    /// The body as Chat Completions takes it.
+    pub body: Value,
+}
+
+/// A question that was sent and whose answer has not been collected.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Waiting {
+    /// Of the recording that the answer will be.
+    pub key: Sha256Hex,
+    /// Whose question it is where the questions of many scenes go in one submission; empty where there is one scene.
+    #[serde(default, skip_serializing_if = "String::is_empty")]
+    pub owner: String,
+    pub asked: Asked,
+}
+
+/// A job that was accepted.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct BatchApiJob {
+    /// The server's name for it.
+    pub id: String,
+    pub waiting: Vec<Waiting>,
+}
+
+/// What has been submitted and not collected: the content of `batch_api.json`.
+#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
+pub struct Submitted {
+    pub jobs: Vec<BatchApiJob>,
+}
+
+/// What a job that ended holds.
+#[derive(Debug)]
+pub struct Ended {
+    pub state: JobState,
+    /// By the job's questions that were answered.
+    pub answered: Vec<(Waiting, Answered)>,
+    /// The questions that were not, each with the reason.
+    pub failed: Vec<(Waiting, String)>,
+}
+
+/// How far a job is.
+#[derive(Debug)]
+pub enum Progress {
+    Running { state: JobState, counts: RequestCounts },
+    Ended(Ended),
+}
+
+impl Submitted {
+    /// Whether a question's answer is on its way.
+    pub fn awaits(&self, key: &Sha256Hex) -> bool {
+        self.jobs.iter().any(|job| job.waiting.iter().any(|waiting| waiting.key == *key))
+    }
+}
+
+impl Request {
+    /// One line of the input file, ended.
+    fn line(&self) -> String {
+        let line = json!({
+            "custom_id": self.waiting.key, "method": "POST", "url": "/v1/chat/completions", "body": self.body,
+        });
+        format!("{line}\n")
+    }
+}
+
+/// Sends the requests as they come, each job as large as the API takes; `accepted` is told of each at once. No more than
+/// one job's requests are held.
+pub fn submit<E: From<AskError>>(
+    client: &Client,
+    requests: impl IntoIterator<Item = Request>,
+    mut accepted: impl FnMut(BatchApiJob) -> Result<(), E>,
+) -> Result<(), E> {
+    let mut lines = String::new();
+    let mut waiting = Vec::new();
+    for request in requests {
+        let line = request.line();
+        if waiting.len() == MAX_REQUESTS || (!waiting.is_empty() && lines.len() + line.len() > MAX_BYTES) {
+            let id = client.start_batch_api_job(&lines)?.id;
+            accepted(BatchApiJob { id, waiting: std::mem::take(&mut waiting) })?;
+            lines.clear();
+        }
+        lines.push_str(&line);
+        waiting.push(request.waiting);
+    }
+    if !waiting.is_empty() {
+        let id = client.start_batch_api_job(&lines)?.id;
+        accepted(BatchApiJob { id, waiting })?;
+    }
+    Ok(())
+}
+
+/// Asks how a job stands and, if it has ended, fetches what it holds.
+pub fn collect(client: &Client, job: &BatchApiJob) -> Result<Progress, AskError> {
+    let status = client.batch_api_job(&job.id)?;
+    if !status.state.is_final() {
+        return Ok(Progress::Running { state: status.state, counts: status.request_counts.unwrap_or_default() });
+    }
+    let mut lines = BTreeMap::new();
+    for file in [&status.error_file_id, &status.output_file_id].into_iter().flatten() {
+        lines.extend(response::lines(&client.file(file)?)?);
+    }
+    let mut ended = Ended { state: status.state, answered: Vec::new(), failed: Vec::new() };
+    for waiting in &job.waiting {
+        let found = lines.remove(waiting.key.as_str());
+        let why_none = || match status.problems() {
+            none if none.is_empty() => format!("the job ended without it ({:?})", status.state),
+            problems => problems,
+        };
+        match found.unwrap_or_else(|| Err(why_none())) {
+            Ok(answered) => ended.answered.push((waiting.clone(), answered)),
+            Err(reason) => ended.failed.push((waiting.clone(), reason)),
+        }
+    }
+    Ok(Progress::Ended(ended))
+}

@@ -1,0 +1,69 @@
+//! The lines of a job's output and error files.
+
+use serde::Deserialize;
+use serde_json::Value;
+
+use crate::query::asker::{AskError, ReplyContent};
+use crate::query::client::read_completion;
+use crate::query::recorded::Usage;
+
+/// A model's answer out of a job.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Answered {
+    pub text: String,
+    pub served_model: Option<String>,
+    pub usage: Option<Usage>,
+}
+
+#[derive(Deserialize)]
+struct Line {
+    custom_id: String,
+    response: Option<Response>,
+    error: Option<Problem>,
+}
+
+#[derive(Deserialize)]
+struct Response {
+    status_code: u16,
+    body: Value,
+}
+
+#[derive(Deserialize)]
+struct Problem {
+    code: Option<String>,
+    message: Option<String>,
+}
+
+/// A line's `custom_id` and the answer, or why there is none.
+pub type AnswerLine = (String, Result<Answered, String>);
+
+/// The lines of a job's output or error file.
+///
+/// # Errors
+/// A line is not what the Batch API writes.
+pub fn lines(text: &str) -> Result<Vec<AnswerLine>, AskError> {
+    (1..)
+        .zip(text.lines())
+        .filter(|(_, line)| !line.trim().is_empty())
+        .map(|(number, line)| {
+            let line: Line = serde_json::from_str(line).map_err(|error| {
+                AskError::Failed(format!("line {number} of the job's file is not what the Batch API writes: {error}"))
+            })?;
+            Ok((line.custom_id, answer(line.response, line.error)))
+        })
+        .collect()
+}
+
+fn answer(response: Option<Response>, problem: Option<Problem>) -> Result<Answered, String> {
+    let Some(response) = response else {
+        let words = problem.map(|problem| [problem.code, problem.message]);
+        let words: Vec<String> = words.into_iter().flatten().flatten().collect();
+        return Err(if words.is_empty() { "no reason given".into() } else { words.join(": ") });
+    };
+    let reply = read_completion(response.status_code, &response.body.to_string())?;
+    match reply.content {
+        ReplyContent::Text(text) => Ok(Answered { text, served_model: reply.served_model, usage: reply.usage }),
+        ReplyContent::Refusal(why) => Err(format!("refused: {why}")),
+        ReplyContent::Empty(why) => Err(why),
+    }
+}

@@ -1,0 +1,154 @@
+//! OpenAI's Batch API: a file of requests goes up, a file of responses comes down within a day.
+
+use std::time::Duration;
+
+use reqwest::StatusCode;
+use reqwest::multipart::{Form, Part};
+use serde::Deserialize;
+use serde::de::DeserializeOwned;
+use serde_json::json;
+
+use super::retry::Attempt;
+use super::{Client, MAX_REPLY_BYTES, response};
+use crate::query::asker::AskError;
+
+/// The only window that the API offers.
+const WINDOW: &str = "24h";
+/// Largest file of answers: the largest input file that the API takes. Every line of that held a picture, and the answer
+/// to it is shorter.
+const MAX_FILE_BYTES: usize = 200_000_000;
+/// In all. Files are large and lines are slow.
+const TRANSFER_TIMEOUT: Duration = Duration::from_secs(3600);
+
+/// How a job stands.
+#[derive(Debug, Clone, PartialEq, Deserialize)]
+pub struct JobStatus {
+    pub id: String,
+    #[serde(rename = "status")]
+    pub state: JobState,
+    /// The file of the responses; also of a job that expired or was cancelled with part of them.
+    pub output_file_id: Option<String>,
+    /// The file of the requests that failed.
+    pub error_file_id: Option<String>,
+    #[serde(default)]
+    pub request_counts: Option<RequestCounts>,
+    #[serde(default)]
+    errors: Option<JobErrors>,
+}
+
+/// The words of the API.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum JobState {
+    Validating,
+    InProgress,
+    Finalizing,
+    Completed,
+    /// The input file was not accepted; nothing was asked.
+    Failed,
+    /// The window closed before all was answered.
+    Expired,
+    Cancelling,
+    Cancelled,
+}
+
+/// How many requests of a job are done.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Deserialize)]
+pub struct RequestCounts {
+    pub total: usize,
+    pub completed: usize,
+    pub failed: usize,
+}
+
+#[derive(Debug, Clone, PartialEq, Deserialize)]
+struct JobErrors {
+    #[serde(default)]
+    data: Vec<JobError>,
+}
+
+#[derive(Debug, Clone, PartialEq, Deserialize)]
+struct JobError {
+    message: Option<String>,
+}
+
+#[derive(Deserialize)]
+struct UploadedFile {
+    id: String,
+}
+
+impl JobState {
+    /// Whether nothing more will come.
+    pub fn is_final(self) -> bool {
+        matches!(self, Self::Completed | Self::Failed | Self::Expired | Self::Cancelled)
+    }
+}
+
+impl JobStatus {
+    /// What the API says is wrong with the job as a whole.
+    pub fn problems(&self) -> String {
+        let errors = self.errors.iter().flat_map(|errors| &errors.data);
+        errors.filter_map(|error| error.message.as_deref()).collect::<Vec<_>>().join("; ")
+    }
+}
+
+impl Client {
+    /// Uploads requests, one JSON line each, and has them worked off.
+    ///
+    /// The upload is repeated like any request. The order to work it off is given once: were it repeated after an answer
+    /// that got lost, everything would be paid for twice.
+    pub fn start_batch_api_job(&self, lines: &str) -> Result<JobStatus, AskError> {
+        self.runtime.block_on(async {
+            let files = self.address.below(&["files"]);
+            let upload = || {
+                let file = Part::text(lines.to_owned()).file_name("batch.jsonl");
+                let form = Form::new().text("purpose", "batch").part("file", file);
+                self.http.post(files.clone()).multipart(form).timeout(TRANSFER_TIMEOUT)
+            };
+            let file: UploadedFile =
+                self.exchange(self.retries, MAX_REPLY_BYTES, upload, json_body).await.map_err(ask_error)?;
+            let order = json!({
+                "input_file_id": file.id, "endpoint": "/v1/chat/completions", "completion_window": WINDOW,
+            });
+            let batches = self.address.below(&["batches"]);
+            let request = || self.http.post(batches.clone()).json(&order);
+            self.exchange(0, MAX_REPLY_BYTES, request, json_body).await.map_err(ask_error)
+        })
+    }
+
+    /// How a job stands.
+    pub fn batch_api_job(&self, id: &str) -> Result<JobStatus, AskError> {
+        let url = self.address.below(&["batches", id]);
+        let status = self.exchange(self.retries, MAX_REPLY_BYTES, || self.http.get(url.clone()), json_body);
+        self.runtime.block_on(status).map_err(ask_error)
+    }
+
+    /// The text of a file that the server holds.
+    pub fn file(&self, id: &str) -> Result<String, AskError> {
+        let url = self.address.below(&["files", id, "content"]);
+        let text = |status: StatusCode, body: &str, retry_after| match status.is_success() {
+            true => Ok(body.to_owned()),
+            false => Err(response::failure(status, body, retry_after)),
+        };
+        let request = || self.http.get(url.clone()).timeout(TRANSFER_TIMEOUT);
+        let content = self.exchange(self.retries, MAX_FILE_BYTES, request, text);
+        self.runtime.block_on(content).map_err(ask_error)
+    }
+}
+
+fn json_body<T: DeserializeOwned>(status: StatusCode, body: &str, retry_after: Option<Duration>) -> Result<T, Attempt> {
+    if !status.is_success() {
+        return Err(response::failure(status, body, retry_after));
+    }
+    serde_json::from_str(body).map_err(|error| {
+        Attempt::Final(AskError::Fatal(format!("the server answers otherwise than OpenAI's Batch API: {error}")))
+    })
+}
+
+/// What a failed attempt means to whoever asked.
+pub fn ask_error(attempt: Attempt) -> AskError {
+    match attempt {
+        Attempt::Final(error) => error,
+        Attempt::Passing { message, .. } | Attempt::Unaccepted { message } => AskError::Failed(message),
+        Attempt::Unreachable { message } => AskError::Fatal(message),
+    }
+}

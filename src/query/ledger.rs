@@ -1,0 +1,197 @@
+//! What requests cost so far and what those under way may cost, kept within a budget.
+//!
+//! Whoever sends requests opens an [`Entry`] for each of them, repetitions included: that sets aside the most that the
+//! request may cost. The entry is closed with what became of it. Anything that the server may have billed counts, an
+//! answer that was lost on the way as much as one that arrived; only what was certainly not billed is given back.
+
+use std::sync::{Mutex, MutexGuard, PoisonError};
+
+use serde::Serialize;
+
+use super::cost::{Cost, Price, counted, dollars};
+use super::recorded::Usage;
+
+/// The books of a run.
+#[derive(Debug)]
+pub struct Ledger {
+    price: Option<Price>,
+    max_usd: Option<f64>,
+    books: Mutex<Books>,
+}
+
+#[derive(Debug, Default)]
+struct Books {
+    spent: Spent,
+    reserved_usd: f64,
+    is_closed: bool,
+}
+
+/// What was asked and paid.
+#[derive(Debug, Clone, Copy, PartialEq, Default, Serialize)]
+pub struct Spent {
+    /// Requests that were billed or may have been.
+    pub requests: usize,
+    /// Those of them that brought no usable reply; each counts at the most that it may have cost.
+    pub unanswered: usize,
+    pub usage: Usage,
+    /// By the price table; `None` where it does not have the model.
+    pub usd: Option<f64>,
+}
+
+impl std::fmt::Display for Spent {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        let Usage { input_tokens, output_tokens } = self.usage;
+        write!(f, "{}", counted(self.requests, "request"))?;
+        if self.unanswered > 0 {
+            write!(f, " ({} of them without a usable reply)", self.unanswered)?;
+        }
+        write!(f, ", {input_tokens} tokens in and {output_tokens} out, {}", dollars(self.usd))
+    }
+}
+
+/// Why a request may not be sent.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
+pub enum NotSent {
+    #[error("the next request might pass the budget")]
+    Budget,
+    #[error("the run asks nothing more")]
+    Closed,
+}
+
+/// A question's requests in the ledger.
+#[derive(Debug, Clone, Copy)]
+pub struct Account<'a> {
+    ledger: &'a Ledger,
+    /// Of one request.
+    cost: Cost,
+}
+
+/// A request that is under way. One that is dropped without being closed counts as unanswered.
+#[derive(Debug)]
+#[must_use]
+pub struct Entry<'a> {
+    ledger: &'a Ledger,
+    cost: Cost,
+    is_open: bool,
+}
+
+impl Ledger {
+    /// An empty ledger.
+    pub fn new(price: Option<Price>, max_usd: Option<f64>) -> Self {
+        let spent = Spent { usd: price.as_ref().map(|_| 0.0), ..Spent::default() };
+        Self { price, max_usd, books: Mutex::new(Books { spent, ..Books::default() }) }
+    }
+
+    /// What the model costs, if that is known.
+    pub fn price(&self) -> Option<&Price> {
+        self.price.as_ref()
+    }
+
+    /// The budget, if there is one.
+    pub fn max_usd(&self) -> Option<f64> {
+        self.max_usd
+    }
+
+    /// The account of a question of which each request costs `cost`.
+    pub fn account(&self, cost: Cost) -> Account<'_> {
+        Account { ledger: self, cost }
+    }
+
+    /// Lets no further request be sent.
+    pub fn close(&self) {
+        self.books().is_closed = true;
+    }
+
+    /// Whether no further request may be sent.
+    pub fn is_closed(&self) -> bool {
+        self.books().is_closed
+    }
+
+    /// What was spent so far.
+    pub fn spent(&self) -> Spent {
+        self.books().spent
+    }
+
+    /// Whether this much more might pass the budget; a cost that nobody knows might.
+    pub fn might_pass(&self, most_usd: Option<f64>) -> bool {
+        self.books().might_pass(self.max_usd, most_usd)
+    }
+
+    /// A thread that panicked while it held the lock left the books whole: every change is one of numbers.
+    fn books(&self) -> MutexGuard<'_, Books> {
+        self.books.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+}
+
+impl Books {
+    fn might_pass(&self, max_usd: Option<f64>, most_usd: Option<f64>) -> bool {
+        let committed = self.spent.usd.unwrap_or(0.0) + self.reserved_usd;
+        let fits = |max: f64| most_usd.is_some_and(|most| committed + most <= max);
+        max_usd.is_some_and(|max| !fits(max))
+    }
+}
+
+impl<'a> Account<'a> {
+    /// Sets a request's highest cost aside.
+    ///
+    /// # Errors
+    /// It might pass the budget, or the ledger is closed.
+    pub fn open(&self) -> Result<Entry<'a>, NotSent> {
+        let Self { ledger, cost } = *self;
+        let mut books = ledger.books();
+        if books.is_closed {
+            return Err(NotSent::Closed);
+        }
+        if books.might_pass(ledger.max_usd, cost.most_usd) {
+            return Err(NotSent::Budget);
+        }
+        books.reserved_usd += cost.most_usd.unwrap_or(0.0);
+        Ok(Entry { ledger, cost, is_open: true })
+    }
+
+    /// Whether no further request may be sent.
+    pub fn is_closed(&self) -> bool {
+        self.ledger.is_closed()
+    }
+}
+
+impl Entry<'_> {
+    /// Closes the entry of a request that was answered. A server that does not count its tokens is taken to have used as
+    /// many as it was allowed.
+    pub fn answered(mut self, usage: Option<Usage>) {
+        self.bill(usage, 0);
+    }
+
+    /// Closes the entry of a request that brought nothing usable and may have been billed all the same.
+    pub fn unanswered(mut self) {
+        self.bill(None, 1);
+    }
+
+    /// Closes the entry of a request that was certainly not billed.
+    pub fn not_billed(mut self) {
+        self.is_open = false;
+        self.ledger.books().reserved_usd -= self.cost.most_usd.unwrap_or(0.0);
+    }
+
+    fn bill(&mut self, usage: Option<Usage>, unanswered: usize) {
+        self.is_open = false;
+        let Cost { input_tokens, most_output_tokens: output_tokens, most_usd, .. } = self.cost;
+        let usage = usage.unwrap_or(Usage { input_tokens, output_tokens });
+        let mut books = self.ledger.books();
+        books.reserved_usd -= most_usd.unwrap_or(0.0);
+        books.spent.requests += 1;
+        books.spent.unanswered += unanswered;
+        books.spent.usage = books.spent.usage.plus(usage);
+        if let (Some(usd), Some(price)) = (books.spent.usd.as_mut(), &self.ledger.price) {
+            *usd += price.usd(usage);
+        }
+    }
+}
+
+impl Drop for Entry<'_> {
+    fn drop(&mut self) {
+        if self.is_open {
+            self.bill(None, 1);
+        }
+    }
+}

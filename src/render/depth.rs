@@ -1,0 +1,83 @@
+//! Which Gaussians a view sees: the depth test.
+//!
+//! A Gaussian is seen where the ray to its centre has not yet lost half its light before the Gaussian's own surface. Of
+//! the two depths of a picture this is the median: at a border the expected depth is a mean of what lies in front and
+//! behind, a place where nothing is.
+
+use super::{FOREGROUND_ALPHA, LANES, Projected, Sink, Splat, TILE, TileRect, pixels};
+use crate::scene::gaussians::Gaussians;
+use crate::scene::robust_bounds;
+
+/// How many of its own deviations along the ray a Gaussian's surface may lie behind the depth map and still be the surface:
+/// Gaussians of one surface interleave, each reaching about one deviation into the next.
+pub const EXTENT_TOLERANCE: f32 = 1.0;
+
+/// Share of the object's diagonal that the depth map itself may be wrong by: twice the median error measured on the scenes
+/// with ground truth (0.13 to 0.30%), so that most pixels are within it.
+pub const SCENE_TOLERANCE: f64 = 0.005;
+
+/// The depth test for one cloud.
+#[derive(Debug, Clone, Copy)]
+pub struct DepthTest {
+    /// Scene units.
+    tolerance: f32,
+}
+
+impl DepthTest {
+    /// The test whose tolerance fits the size of this cloud.
+    pub fn new(gaussians: &Gaussians) -> Self {
+        Self { tolerance: (SCENE_TOLERANCE * robust_bounds(gaussians).diagonal()) as f32 }
+    }
+
+    /// Whether the surface of `splat` is no further than `depth`, the depth map at the splat's centre in scene units.
+    pub fn passes(&self, splat: &Splat, depth: f32) -> bool {
+        splat.surface_depth <= depth + EXTENT_TOLERANCE * splat.depth_deviation + self.tolerance
+    }
+}
+
+/// Depth of the surface at every pixel of one view, scene units; infinite where the object is not.
+pub struct DepthMap {
+    width: usize,
+    height: usize,
+    depth: Vec<f32>,
+}
+
+impl DepthMap {
+    /// Rasterises the cloud.
+    pub fn new(projected: &Projected) -> Self {
+        let (width, height) = projected.size();
+        let mut depth = vec![f32::INFINITY; width * height];
+        for (rect, sink) in projected.visit(|rect| DepthSink { rect, depth: [f32::INFINITY; TILE * TILE] }) {
+            for (inside, outside) in pixels(rect, width) {
+                depth[outside] = sink.depth[inside];
+            }
+        }
+        Self { width, height, depth }
+    }
+
+    /// The pixel that the centre of `splat` falls on, and the depth there; `None` outside the picture.
+    pub fn at(&self, splat: &Splat) -> Option<(usize, f32)> {
+        let [x, y] = splat.center;
+        let inside = x >= 0.0 && y >= 0.0 && x < self.width as f32 && y < self.height as f32;
+        let pixel = inside.then(|| y as usize * self.width + x as usize)?;
+        Some((pixel, self.depth[pixel]))
+    }
+}
+
+/// Median depth of one tile: the surface at which half of the light is reached.
+struct DepthSink {
+    rect: TileRect,
+    depth: [f32; TILE * TILE],
+}
+
+impl Sink for DepthSink {
+    fn add(&mut self, splat: &Splat, first: usize, weights: &[f32; LANES], transmittance: &[f32; LANES]) {
+        const MEDIAN: f32 = 1.0 - FOREGROUND_ALPHA;
+        for lane in 0..LANES {
+            let (after, before) = (transmittance[lane], transmittance[lane] + weights[lane]);
+            if after < MEDIAN && before >= MEDIAN {
+                self.depth[first + lane] = splat.surface_at(self.rect.pixel_center(first + lane));
+            }
+        }
+    }
+}

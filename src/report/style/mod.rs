@@ -1,0 +1,27 @@
+//! What gprop's pages share: colours in light and dark, type, tables, the button that turns the theme.
+
+use minijinja::{AutoEscape, Environment, Value, escape_formatter};
+
+use super::numbers::thousands;
+use crate::output::harmless;
+
+/// Colours, type, tiles, tables.
+const STYLE: &str = include_str!("base.css");
+/// What the button `#theme` does.
+const THEME: &str = include_str!("theme.js");
+
+/// An engine for a page's template. It escapes all that comes from outside, shows control characters, and knows `base_style`, `theme_script` and the
+/// filters `thousands` and `seconds`.
+pub fn engine() -> Environment<'static> {
+    let mut engine = Environment::new();
+    engine.set_auto_escape_callback(|_| AutoEscape::Html);
+    engine.set_formatter(|out, state, value| match value.as_str() {
+        Some(text) if !value.is_safe() => escape_formatter(out, state, &Value::from(harmless(text))),
+        _ => escape_formatter(out, state, value),
+    });
+    engine.add_global("base_style", minijinja::Value::from_safe_string(STYLE.to_owned()));
+    engine.add_global("theme_script", minijinja::Value::from_safe_string(THEME.to_owned()));
+    engine.add_filter("thousands", thousands);
+    engine.add_filter("seconds", |seconds: f64| format!("{seconds:.1}"));
+    engine
+}

@@ -1,0 +1,267 @@
+//! Everything that is settled before the first substep.
+
+use std::collections::BTreeSet;
+
+use super::Input;
+use super::action::Action;
+use super::error::SimulateError;
+use super::filling::{self, Body, Filled};
+use super::frames::ToWorld;
+use super::material::{Materials, Prepared};
+use super::mpm::Setting;
+use super::mpm::laws::Law;
+use super::mpm::particles::Particle;
+use super::options::Options;
+use super::report::{FilledReport, SimulationReport, StepReport};
+use super::scenario::Drop;
+use super::script::{self, Script, Standing, Step, What};
+use super::time_step::StepBound;
+use crate::scene::{Bounds, robust_bounds};
+use crate::units::GRAVITY_M_S2;
+
+/// Length in metres that the longest side of an object of unknown scale is taken to have.
+pub const ASSUMED_LONGEST_SIDE_M: f64 = 0.5;
+
+/// Simulated time, in times sqrt(longest side / g), where the user gives none: what is k times as large falls, swings
+/// and tumbles sqrt(k) times as long.
+const FALLS: f64 = 4.8;
+
+/// What a slow core does; the bench `simulate` shows how much faster a given machine is.
+const PARTICLE_SUBSTEPS_PER_S: f64 = 3e6;
+
+/// A Gaussian further than this outside of the object's bounds, in times the longest side, is no part of the object.
+const STRAY: f64 = 1.0;
+
+/// Everything that is settled before the first substep.
+pub struct Setup {
+    pub setting: Setting,
+    /// Those of Gaussians first, then those of the inside.
+    pub start: Vec<Particle>,
+    /// Which Gaussians the first particles carry.
+    pub carried: Vec<u32>,
+    /// Per particle.
+    pub labels: Vec<u32>,
+    pub bound: StepBound,
+    pub to_world: ToWorld,
+    pub duration_s: f64,
+    /// What the scenario does while it runs.
+    pub actions: Vec<Action>,
+    /// How long the run is expected to take.
+    pub minutes: f64,
+    /// Without what the run will show.
+    pub report: SimulationReport,
+}
+
+/// Checks the input and lays out the run.
+pub fn set_up(input: &Input, options: &Options) -> Result<Setup, SimulateError> {
+    check(input)?;
+    let materials = Materials::prepare(input.materials, options.max_stiffness)?;
+    let object = robust_bounds(input.gaussians);
+    let longest = object.size().max();
+    if longest <= 0.0 {
+        return Err(SimulateError::NoExtent);
+    }
+    let meters_per_unit = input.meters_per_unit.unwrap_or(ASSUMED_LONGEST_SIDE_M / longest);
+    let object = Bounds { min: object.min * meters_per_unit, max: object.max * meters_per_unit };
+    let longest_m = longest * meters_per_unit;
+    let spacing_m = longest_m / f64::from(options.grid);
+
+    let position_m = |i: u32| -> [f64; 3] { (input.gaussians.center(i as usize) * meters_per_unit).into() };
+    let near = |p: [f64; 3]| (0..3).all(|a| (object.min[a] - p[a]).max(p[a] - object.max[a]) <= STRAY * longest_m);
+    let is_own = |i: u32| !input.gaussians.is_set_aside(i as usize) && near(position_m(i));
+    let carried: Vec<u32> = (0..input.gaussians.len() as u32).filter(|&i| is_own(i)).collect();
+    let positions_m: Vec<[f64; 3]> = carried.iter().map(|&i| position_m(i)).collect();
+    let labels: Vec<u32> = carried.iter().map(|&i| input.labels[i as usize]).collect();
+    let filled = filling::fill(&positions_m, &labels, input.interior, meters_per_unit, spacing_m)?;
+
+    let script = script_of(options)?;
+    let pose = match &script {
+        Some(script) => [script.drop_height, script.tilt_deg],
+        None => [options.drop_height, options.tilt_deg],
+    };
+    let bodies_m: Vec<[f64; 3]> = filled.bodies.iter().map(|b| b.position_m).collect();
+    let drop = Drop::new(&object, &bodies_m, spacing_m, pose);
+    let mut laws = vec![];
+    let prepared = &materials.prepared;
+    let start: Vec<Particle> =
+        filled.bodies.iter().map(|body| particle(body, &prepared[body.label as usize], &drop, &mut laws)).collect();
+    let setting = Setting {
+        spacing_m: spacing_m as f32,
+        gravity_m_s2: [0.0, 0.0, -options.gravity as f32],
+        boundaries: vec![drop.ground(options.contact())],
+        domain_m: [[0.0; 3], [drop.domain_m as f32; 3]],
+        laws,
+    };
+    let labels: Vec<u32> = filled.bodies.iter().map(|b| b.label).collect();
+    let stiffest = stiffest(&labels, prepared).ok_or(SimulateError::NoParticles)?;
+    let wave_speed_m_s = prepared[stiffest].wave_speed_m_s();
+    let strays = input.gaussians.len() - carried.len();
+    let duration_s = options.duration.unwrap_or_else(|| FALLS * (longest_m / GRAVITY_M_S2).sqrt());
+    let names: Vec<Vec<&str>> = input.materials.iter().map(|m| vec![m.caption.as_str(), m.name.as_str()]).collect();
+    let standing = Standing {
+        particles: &start,
+        labels: &labels,
+        names: &names,
+        longest_m,
+        gravity_m_s2: options.gravity,
+        duration_s,
+    };
+    let anchors = options.anchor.iter().map(|part| Step { on: part.clone(), from: 0.0, to: 2.0, what: What::Hold });
+    let steps: Vec<Step> = script.into_iter().flat_map(|script| script.steps).chain(anchors).collect();
+    let actions = standing.actions(&steps)?;
+    let fixed_s = options.fixed_step;
+    let bound = StepBound { cfl: options.cfl, spacing_m, wave_speed_m_s, fixed_s };
+    let fall_m_s = (2.0 * GRAVITY_M_S2 * pose[0] * longest_m).sqrt();
+    let substeps = duration_s / fixed_s.unwrap_or_else(|| bound.longest_s(fall_m_s));
+    let minutes = substeps * start.len() as f64 / PARTICLE_SUBSTEPS_PER_S / 60.0;
+    if minutes > options.max_simulation_minutes {
+        return Err(SimulateError::TooLong { minutes, max_minutes: options.max_simulation_minutes });
+    }
+    let report = SimulationReport {
+        particles: start.len(),
+        fill_particles: start.len() - carried.len(),
+        substeps: 0,
+        dt_s: 0.0,
+        time_step: StepReport {
+            cfl: options.cfl,
+            stiffest_material: input.materials[stiffest].name.clone(),
+            wave_speed_m_s,
+        },
+        mass_kg: start.iter().map(|p| f64::from(p.mass_kg)).sum(),
+        filled: filled_report(input, &filled, carried.len()),
+        gravity_m_s2: options.gravity,
+        grid_spacing_m: spacing_m,
+        meters_per_unit,
+        scale_assumed: input.meters_per_unit.is_none(),
+        softened: materials.softened,
+        poisson_capped: materials.poisson_capped,
+        ground_z_m: drop.ground_z_m,
+        frames: vec![],
+        warnings: warnings(input, longest_m, &filled.assumed_full, strays),
+    };
+    Ok(Setup {
+        setting,
+        start,
+        carried,
+        labels,
+        bound,
+        to_world: ToWorld { origin_m: drop.origin_m, meters_per_unit },
+        duration_s,
+        actions,
+        minutes,
+        report,
+    })
+}
+
+/// The scenario's script; none for the drop without parameters, whose pose has options of its own.
+///
+/// # Errors
+/// [`SimulateError::Scenario`]: no such scenario, or a file that cannot be read as one.
+pub fn script_of(options: &Options) -> Result<Option<Script>, SimulateError> {
+    match options.scenario.as_str() {
+        "drop" if options.set.is_empty() => Ok(None),
+        name if script::is_name(name) => script::named(name, &options.set).map(Some),
+        path => {
+            let read = std::fs::read_to_string(path);
+            let text = read.map_err(|error| SimulateError::Scenario(format!("`{path}`: {error}")))?;
+            Script::from_toml(&text).map(Some)
+        }
+    }
+}
+
+/// The material in use with the fastest waves.
+fn stiffest(labels: &[u32], prepared: &[Prepared]) -> Option<usize> {
+    let used: BTreeSet<u32> = labels.iter().copied().collect();
+    let speed = |label: usize| prepared[label].wave_speed_m_s();
+    used.into_iter().map(|label| label as usize).max_by(|&a, &b| speed(a).total_cmp(&speed(b)))
+}
+
+fn check(input: &Input) -> Result<(), SimulateError> {
+    let gaussians = input.gaussians.len();
+    if gaussians == 0 {
+        return Err(SimulateError::NoParticles);
+    }
+    if input.labels.len() != gaussians {
+        return Err(SimulateError::Mismatch { what: "number of labels", got: input.labels.len(), gaussians });
+    }
+    let labels = input.materials.len();
+    if let Some(gaussian) = input.labels.iter().position(|&l| l as usize >= labels) {
+        return Err(SimulateError::Label { gaussian, label: input.labels[gaussian], labels });
+    }
+    if let Some(point) = input.interior.iter().position(|p| p.label as usize >= labels) {
+        return Err(SimulateError::Label { gaussian: point, label: input.interior[point].label, labels });
+    }
+    let no_place = |p: &[f32; 3]| p.iter().any(|x| !x.is_finite());
+    match input.gaussians.positions.iter().position(no_place) {
+        Some(index) => Err(SimulateError::Position {
+            what: "Gaussian",
+            index,
+            position: input.gaussians.positions[index].map(f64::from),
+        }),
+        None => Ok(()),
+    }
+}
+
+/// A resting particle in the scenario's first pose.
+fn particle(body: &Body, material: &Prepared, drop: &Drop, laws: &mut Vec<Law>) -> Particle {
+    let law = laws.iter().position(|l| *l == material.law).unwrap_or_else(|| {
+        laws.push(material.law);
+        laws.len() - 1
+    });
+    let turn = drop.rotation.matrix().transpose();
+    let turn: [f32; 9] = std::array::from_fn(|i| turn[i] as f32);
+    Particle {
+        position_m: drop.placed(body.position_m).map(|x| x as f32).into(),
+        velocity_m_s: [0.0; 3],
+        affine: [0.0; 9],
+        elastic: turn,
+        deformation: turn,
+        mass_kg: (body.volume_m3 * material.density_kg_m3) as f32,
+        volume_m3: body.volume_m3 as f32,
+        mu: material.mu_pa as f32,
+        lambda: material.lambda_pa as f32,
+        state: material.state as f32,
+        law: law as u32,
+    }
+}
+
+/// What every label in use was filled with; the first `carried` bodies are Gaussians.
+fn filled_report(input: &Input, filled: &Filled, carried: usize) -> Vec<FilledReport> {
+    let used: BTreeSet<u32> = filled.bodies.iter().map(|b| b.label).collect();
+    let of = |label: u32| {
+        let material = &input.materials[label as usize];
+        let count = |bodies: &[Body]| bodies.iter().filter(|b| b.label == label).count();
+        FilledReport {
+            part: material.caption.clone(),
+            material: material.name.clone(),
+            gaussians: count(&filled.bodies[..carried]),
+            fill_particles: count(&filled.bodies[carried..]),
+            volume_m3: filled.bodies.iter().filter(|b| b.label == label).map(|b| b.volume_m3).sum(),
+            skin: filled.assumed_full.contains(&label),
+        }
+    };
+    used.into_iter().map(of).collect()
+}
+
+fn warnings(input: &Input, longest_m: f64, assumed_full: &[u32], strays: usize) -> Vec<String> {
+    let mut warnings = Vec::new();
+    if input.meters_per_unit.is_none() {
+        warnings.push(format!(
+            "the scale is unknown: the simulation takes the longest side to be {longest_m} m; give --scale to simulate it \
+             at its true size"
+        ));
+    }
+    if !assumed_full.is_empty() {
+        let names: Vec<&str> = assumed_full.iter().map(|&l| input.materials[l as usize].name.as_str()).collect();
+        warnings.push(format!(
+            "nothing is known of the inside of {}: it is simulated as a skin one cell thick",
+            names.join(", ")
+        ));
+    }
+    if strays > 0 {
+        warnings.push(format!(
+            "{strays} Gaussians lie far from the object or were set aside: they are not simulated and stay in place"
+        ));
+    }
+    warnings
+}

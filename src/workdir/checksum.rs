@@ -1,0 +1,70 @@
+//! Checksums of artifacts: SHA-256, since it is taken while a file is written and costs less than the disk does.
+
+use std::io::{self, Write};
+use std::path::Path;
+
+use serde::{Deserialize, Serialize};
+use sha2::{Digest, Sha256};
+
+use crate::files;
+
+/// Length and SHA-256 of a file.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Checksum {
+    pub bytes: u64,
+    /// In lower-case hexadecimal.
+    pub sha256: String,
+}
+
+impl Checksum {
+    /// Of bytes in memory.
+    pub fn of(bytes: &[u8]) -> Self {
+        Self { bytes: bytes.len() as u64, sha256: hexadecimal(&Sha256::digest(bytes)) }
+    }
+
+    /// Of a file on disk, read piece by piece.
+    ///
+    /// # Errors
+    /// As of [`files::open`].
+    pub fn of_file(path: &Path) -> io::Result<Self> {
+        let mut out = Checksumming::new(io::sink());
+        io::copy(&mut files::open(path)?, &mut out)?;
+        Ok(out.finish())
+    }
+}
+
+/// A writer that takes the checksum of what passes through it. Give it large pieces.
+pub struct Checksumming<W> {
+    out: W,
+    bytes: u64,
+    hasher: Sha256,
+}
+
+impl<W: Write> Checksumming<W> {
+    pub fn new(out: W) -> Self {
+        Self { out, bytes: 0, hasher: Sha256::new() }
+    }
+
+    /// The checksum of everything that was written.
+    pub fn finish(self) -> Checksum {
+        Checksum { bytes: self.bytes, sha256: hexadecimal(&self.hasher.finalize()) }
+    }
+}
+
+impl<W: Write> Write for Checksumming<W> {
+    fn write(&mut self, buffer: &[u8]) -> io::Result<usize> {
+        let written = self.out.write(buffer)?;
+        self.hasher.update(&buffer[..written]);
+        self.bytes += written as u64;
+        Ok(written)
+    }
+
+    fn flush(&mut self) -> io::Result<()> {
+        self.out.flush()
+    }
+}
+
+/// Bytes in lower-case hexadecimal.
+pub fn hexadecimal(bytes: &[u8]) -> String {
+    bytes.iter().map(|byte| format!("{byte:02x}")).collect()
+}

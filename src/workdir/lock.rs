@@ -1,0 +1,117 @@
+//! Locks of files, which the system frees when the process that holds them ends, however it ends.
+//!
+//! Whoever takes a lock for itself writes into the file who it is, so that whoever is kept out can say so. The files are
+//! opened with `O_CLOEXEC`, as the standard library opens all of them: no child of a process inherits its lock.
+
+use std::fmt;
+use std::fs::{File, TryLockError};
+use std::io::{self, Read, Write};
+use std::path::Path;
+use std::time::{Duration, Instant, SystemTime, UNIX_EPOCH};
+
+use serde::{Deserialize, Serialize};
+
+use crate::files;
+
+/// For so long a process that was killed may hold its lock while the system takes its memory back: gigabytes take tenths of
+/// a second. Whoever is kept out by a process that lives waits this long in vain, once.
+const PATIENCE: Duration = Duration::from_secs(2);
+const POLL: Duration = Duration::from_millis(20);
+
+/// As much of a lock's file as can say who holds it.
+const MAX_SIGNATURE_BYTES: u64 = 4096;
+/// The last second that an HTTP date can name, of the year 9999.
+const LAST_SECOND: u64 = 253_402_300_799;
+
+/// Takes the lock for this process alone; `None` if another process holds it. A process that has ended, however it did, holds
+/// none.
+///
+/// # Errors
+/// The file cannot be made or written.
+pub fn exclusive(path: &Path) -> io::Result<Option<File>> {
+    if files::is_special(path) {
+        files::require_regular(path)?;
+    }
+    let file = File::options().create(true).truncate(false).write(true).open(path)?;
+    let taken = patiently(|| file.try_lock())?;
+    if taken {
+        // Only for whoever is kept out: the lock holds without it.
+        let _ = sign(&file);
+    }
+    Ok(taken.then_some(file))
+}
+
+/// Takes the lock together with others that only read; `None` if a process holds it for itself.
+///
+/// # Errors
+/// The file is not there or cannot be read.
+pub fn shared(path: &Path) -> io::Result<Option<File>> {
+    let file = files::open(path)?;
+    Ok(patiently(|| file.try_lock_shared())?.then_some(file))
+}
+
+fn patiently(try_lock: impl Fn() -> Result<(), TryLockError>) -> io::Result<bool> {
+    let since = Instant::now();
+    loop {
+        match try_lock() {
+            Ok(()) => return Ok(true),
+            Err(TryLockError::WouldBlock) if since.elapsed() > PATIENCE => return Ok(false),
+            Err(TryLockError::WouldBlock) => std::thread::sleep(POLL),
+            Err(TryLockError::Error(error)) => return Err(error),
+        }
+    }
+}
+
+/// What the file of a lock holds.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+struct Signature {
+    process: u32,
+    host: String,
+    /// Seconds since 1970.
+    since: u64,
+}
+
+fn sign(mut file: &File) -> io::Result<()> {
+    let since = SystemTime::now().duration_since(UNIX_EPOCH).unwrap_or_default().as_secs();
+    let host = sysinfo::System::host_name().unwrap_or_default();
+    let signature = Signature { process: std::process::id(), host, since };
+    file.set_len(0)?;
+    file.write_all(&serde_json::to_vec(&signature)?)
+}
+
+/// Who keeps a process out.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Holder(Kind);
+
+#[derive(Debug, Clone, PartialEq, Eq)]
+enum Kind {
+    Reads,
+    Works(Option<Signature>),
+}
+
+impl Holder {
+    /// Whoever holds the lock of the file at `path`, as far as that can be told.
+    pub fn of(path: &Path) -> Self {
+        let Ok(file) = files::open(path) else { return Self(Kind::Works(None)) };
+        if file.try_lock_shared().is_ok() {
+            return Self(Kind::Reads);
+        }
+        let mut words = Vec::new();
+        let read = (&file).take(MAX_SIGNATURE_BYTES).read_to_end(&mut words);
+        Self(Kind::Works(read.ok().and_then(|_| serde_json::from_slice(&words).ok())))
+    }
+}
+
+impl fmt::Display for Holder {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match &self.0 {
+            Kind::Reads => f.write_str("is reading"),
+            Kind::Works(None) => f.write_str("is working in"),
+            Kind::Works(Some(Signature { process, host, since })) => {
+                let since = UNIX_EPOCH + Duration::from_secs((*since).min(LAST_SECOND));
+                let since = httpdate::fmt_http_date(since);
+                write!(f, "(process {process} on {host:?}, since {since}) is working in")
+            }
+        }
+    }
+}

@@ -1,0 +1,441 @@
+//! The work folder: every path, file name and format version on disk, atomic reads and writes, checksums.
+//!
+//! A file is written under a temporary name next to its place and renamed into it, so a reader (or a killed run) sees
+//! the old file or the new one, never half of one. What a killed run left under a temporary name is removed by the next.
+//! Nothing is written through a link: a scene from elsewhere cannot have gprop write outside its work folder.
+//!
+//! What is reused later carries the [`Checksum`] that was taken while it was written. A second gprop is kept out by the
+//! [`lock`]; those that only read share it, and need no permission to write.
+
+mod checksum;
+pub mod lock;
+
+use std::collections::{BTreeMap, BTreeSet};
+use std::fs::{self, File};
+use std::io::{self, ErrorKind, Write};
+use std::path::{Component, Path, PathBuf};
+use std::sync::{Mutex, MutexGuard, PoisonError};
+
+use serde::Serialize;
+use serde::de::DeserializeOwned;
+use thiserror::Error;
+use tracing::warn;
+
+use crate::files;
+pub use checksum::{Checksum, Checksumming, hexadecimal};
+
+/// Raised when the meaning of any artifact changes: what an older gprop wrote is then made again.
+pub const FORMAT_VERSION: u32 = 3;
+
+/// Name of the work folder inside a scene.
+pub const DEFAULT_NAME: &str = "gprop";
+
+/// What temporary names begin with.
+pub const TEMPORARY: &str = ".tmp-";
+
+/// The flag that names a work folder.
+const OUT: &str = "--out";
+
+/// The lock's file in a work folder.
+const LOCK: &str = ".lock";
+
+/// Every file of the work folder. View names are file-name safe by the time they get here (`scene` sees to it).
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Artifact<'a> {
+    /// Version, options, input hashes, timings, warnings: what a rerun may reuse.
+    Run,
+    /// The chosen views with their cameras, and the metric scale.
+    Views,
+    /// 16-bit label map of a view.
+    LabelMap(&'a str),
+    /// The label map of a view as a NumPy array.
+    LabelArray(&'a str),
+    /// All label maps as a COCO data set.
+    Coco,
+    /// Per part: view, id, area, box, predicted IoU, stability, level.
+    Segments,
+    /// The picture sent for a part of a view.
+    Sheet(&'a str, u16),
+    /// One line a part: the answer or the typed failure.
+    Answers,
+    /// Questions sent by the Batch API whose answers have not been collected.
+    BatchApiJobs,
+    /// One picture's materials with their legend.
+    MaterialMap,
+    /// The input PLY with the materials' properties.
+    Field,
+    /// The input PLY in the colours of the materials, for any viewer.
+    Recolored,
+    /// A view's photo, parts and materials side by side, with a legend.
+    Figure,
+    /// The first view's photo and materials, small, for a list of scenes.
+    Thumbnail,
+    /// The 3D parts that `field.ply` labels.
+    Labels,
+    /// material_id -> library row.
+    Materials,
+    /// 3D parts with volume, thickness, mass, inertia.
+    Parts,
+    /// A frame of the simulation.
+    Frame(usize),
+    /// The particles of a frame, for other programs.
+    States(usize),
+    /// The particles after the last written frame, to resume from.
+    Checkpoint,
+    /// What the simulation did, frame by frame.
+    Simulation,
+    /// The animated picture.
+    Animation,
+    /// The animation as a film, where ffmpeg is installed.
+    Movie,
+    /// Energies and centre of mass over time.
+    Plot,
+    /// Forces, bounds, command, places to grasp at.
+    Grasp,
+    /// The places drawn on the splat.
+    GraspPicture,
+    /// The whole result, for programs.
+    ReportJson,
+    /// The whole result, for people.
+    ReportHtml,
+}
+
+impl Artifact<'_> {
+    /// Path inside the work folder.
+    pub fn path(&self) -> PathBuf {
+        match self {
+            Self::Run => "run.json".into(),
+            Self::Views => "views.json".into(),
+            Self::LabelMap(view) => Path::new("segments").join(format!("{view}.png")),
+            Self::LabelArray(view) => Path::new("segments").join(format!("{view}_s.npy")),
+            Self::Coco => "segments/coco.json".into(),
+            Self::Segments => "segments/segments.json".into(),
+            Self::Sheet(view, part) => Path::new("sheets").join(format!("{view}_{part}.jpg")),
+            Self::Answers => "answers.jsonl".into(),
+            Self::BatchApiJobs => "batch_api.json".into(),
+            Self::MaterialMap => "material_map.png".into(),
+            Self::Field => "field.ply".into(),
+            Self::Recolored => "field_recolored.ply".into(),
+            Self::Figure => "figure.png".into(),
+            Self::Thumbnail => "thumbnail.jpg".into(),
+            Self::Labels => "labels.json".into(),
+            Self::Materials => "materials.json".into(),
+            Self::Parts => "parts.json".into(),
+            Self::Frame(index) => Path::new("simulation/frames").join(format!("{index:04}.ply")),
+            Self::States(index) => Path::new("simulation/states").join(format!("{index:04}.npz")),
+            Self::Checkpoint => "simulation/checkpoint.bin".into(),
+            Self::Simulation => "simulation/simulation.json".into(),
+            Self::Animation => "simulation/animation.gif".into(),
+            Self::Movie => "simulation/animation.mp4".into(),
+            Self::Plot => "simulation/plot.svg".into(),
+            Self::Grasp => "grasp.json".into(),
+            Self::GraspPicture => "grasp.png".into(),
+            Self::ReportJson => "report.json".into(),
+            Self::ReportHtml => "report.html".into(),
+        }
+    }
+}
+
+/// What can go wrong with the work folder.
+#[derive(Debug, Error)]
+pub enum WorkDirError {
+    #[error("cannot write {path:?}: {source}; make room or choose another folder with --out")]
+    Write { path: PathBuf, source: io::Error },
+    #[error("cannot read {path:?}: {source}; run the stage that makes it again with --from")]
+    Read { path: PathBuf, source: io::Error },
+    #[error("{path:?} is not what gprop wrote: {problem}; delete it and run again")]
+    Damaged { path: PathBuf, problem: String },
+    #[error("another gprop {holder} {path:?}; wait for it to end or choose another folder with --out")]
+    Locked { path: PathBuf, holder: lock::Holder },
+    #[error("{path:?}: {problem}; `{command}` does what is missing")]
+    Unfinished { path: PathBuf, problem: String, command: String },
+    #[error(
+        "{path:?} is a link, and gprop writes through none that it was not told of; remove it, or give its target with {flag}"
+    )]
+    Link { path: PathBuf, flag: &'static str },
+    #[error("{path:?} leads out of the work folder")]
+    Outside { path: PathBuf },
+}
+
+/// How an artifact on disk stands to the checksum that it was written with.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Standing {
+    /// It is what was written.
+    Whole,
+    Missing,
+    /// It holds other bytes.
+    Changed,
+}
+
+/// A work folder that this process holds the lock of.
+#[derive(Debug)]
+pub struct WorkDir {
+    root: PathBuf,
+    /// Held, never read: the lock ends with the process, however that ends. None where nothing can be locked since nothing
+    /// can be written.
+    _lock: Option<File>,
+    /// Why nothing may be written; `None` if it may.
+    read_only: Option<String>,
+    /// Of what this process has written or found whole, by path inside the folder.
+    checksums: Mutex<BTreeMap<PathBuf, Checksum>>,
+    /// Changed artifacts that the user has been told of.
+    told: Mutex<BTreeSet<PathBuf>>,
+}
+
+impl WorkDir {
+    /// Opens the work folder, making it if it does not exist yet, locks it against a second gprop, and removes what a
+    /// killed one left half-written. One that is there and may not be written is opened to be read: that nothing has to
+    /// be done in it shows later.
+    pub fn open(root: &Path) -> Result<Self, WorkDirError> {
+        let write_error = |source| WorkDirError::Write { path: root.to_owned(), source };
+        fs::create_dir_all(root).map_err(write_error)?;
+        let lock = root.join(LOCK);
+        refuse_link(&lock, OUT)?;
+        match lock::exclusive(&lock) {
+            Ok(Some(lock)) => {
+                sweep_below(root).map_err(write_error)?;
+                Ok(Self::new(root, Some(lock), None))
+            }
+            Ok(None) => Err(WorkDirError::Locked { path: root.to_owned(), holder: lock::Holder::of(&lock) }),
+            Err(error) if matches!(error.kind(), ErrorKind::ReadOnlyFilesystem | ErrorKind::PermissionDenied) => {
+                Self::read_only(root, error.to_string())
+            }
+            Err(error) => Err(write_error(error)),
+        }
+    }
+
+    /// Opens a work folder to be read: makes nothing, writes nothing, and keeps out only those who write.
+    pub fn open_to_read(root: &Path) -> Result<Self, WorkDirError> {
+        Self::read_only(root, "this command only reads the work folder".to_owned())
+    }
+
+    fn read_only(root: &Path, why: String) -> Result<Self, WorkDirError> {
+        let path = root.join(LOCK);
+        refuse_link(&path, OUT)?;
+        let lock = match lock::shared(&path) {
+            Ok(Some(lock)) => Some(lock),
+            Ok(None) => {
+                return Err(WorkDirError::Locked { path: root.to_owned(), holder: lock::Holder::of(&path) });
+            }
+            // Copied without it, or on a file system that has no locks: nobody can be kept out.
+            Err(_) => None,
+        };
+        Ok(Self::new(root, lock, Some(why)))
+    }
+
+    fn new(root: &Path, lock: Option<File>, read_only: Option<String>) -> Self {
+        Self { root: root.to_owned(), _lock: lock, read_only, checksums: Mutex::default(), told: Mutex::default() }
+    }
+
+    /// Whether artifacts may be written.
+    pub fn is_writable(&self) -> bool {
+        self.read_only.is_none()
+    }
+
+    /// Fails if nothing may be written.
+    pub fn require_writable(&self) -> Result<(), WorkDirError> {
+        match &self.read_only {
+            None => Ok(()),
+            Some(why) => Err(WorkDirError::Write { path: self.root.clone(), source: io::Error::other(why.clone()) }),
+        }
+    }
+
+    /// The folder itself.
+    pub fn root(&self) -> &Path {
+        &self.root
+    }
+
+    /// Where an artifact lies, whether or not it is there.
+    pub fn path(&self, artifact: Artifact) -> PathBuf {
+        self.root.join(artifact.path())
+    }
+
+    /// Length of an artifact in bytes; `None` where it does not exist.
+    pub fn size(&self, artifact: Artifact) -> Option<u64> {
+        fs::metadata(self.path(artifact)).ok().map(|meta| meta.len())
+    }
+
+    /// The checksum of a file inside the folder: the one it was written with, if this process wrote it.
+    pub fn checksum(&self, relative: &Path) -> Result<Checksum, WorkDirError> {
+        if let Some(known) = locked(&self.checksums).get(relative) {
+            return Ok(known.clone());
+        }
+        let path = self.root.join(relative);
+        let found = Checksum::of_file(&path).map_err(|source| WorkDirError::Read { path, source })?;
+        locked(&self.checksums).insert(relative.to_owned(), found.clone());
+        Ok(found)
+    }
+
+    /// Whether a file inside the folder still holds what was written.
+    pub fn standing(&self, relative: &Path, written: &Checksum) -> Standing {
+        let path = self.root.join(relative);
+        if !relative.components().all(|part| matches!(part, Component::Normal(_))) || !files::is_there(&path) {
+            return Standing::Missing;
+        }
+        let same_length = fs::metadata(&path).is_ok_and(|found| found.len() == written.bytes);
+        if !same_length || !Checksum::of_file(&path).is_ok_and(|found| found == *written) {
+            return Standing::Changed;
+        }
+        locked(&self.checksums).insert(relative.to_owned(), written.clone());
+        Standing::Whole
+    }
+
+    /// Warns, once, that a file inside the folder does not hold what gprop wrote, and says what is done about it.
+    pub fn warn_changed(&self, relative: &Path, remedy: &str) {
+        if locked(&self.told).insert(relative.to_owned()) {
+            warn!("{:?} has changed since gprop wrote it; {remedy}", self.root.join(relative));
+        }
+    }
+
+    /// Writes an artifact atomically through a writer, and keeps its checksum.
+    pub fn write_with(
+        &self,
+        artifact: Artifact,
+        fill: impl FnOnce(&mut dyn Write) -> io::Result<()>,
+    ) -> Result<(), WorkDirError> {
+        let path = self.writable(artifact)?;
+        let mut written = None;
+        let filled = write_atomic(&path, |out| {
+            let mut out = io::BufWriter::new(Checksumming::new(out));
+            fill(&mut out)?;
+            written = Some(out.into_inner().map_err(io::IntoInnerError::into_error)?.finish());
+            Ok(())
+        });
+        filled.map_err(|source| WorkDirError::Write { path, source })?;
+        let written = written.expect("it was written to the end");
+        locked(&self.checksums).insert(artifact.path(), written);
+        Ok(())
+    }
+
+    /// Writes an artifact atomically.
+    pub fn write(&self, artifact: Artifact, bytes: &[u8]) -> Result<(), WorkDirError> {
+        self.write_with(artifact, |out| out.write_all(bytes))
+    }
+
+    /// Writes an artifact as indented JSON with a newline at its end.
+    pub fn write_json(&self, artifact: Artifact, value: &impl Serialize) -> Result<(), WorkDirError> {
+        self.write_with(artifact, |out| {
+            serde_json::to_writer_pretty(&mut *out, value)?;
+            out.write_all(b"\n")
+        })
+    }
+
+    /// The bytes of an artifact.
+    pub fn read(&self, artifact: Artifact) -> Result<Vec<u8>, WorkDirError> {
+        let path = self.path(artifact);
+        files::read(&path).map_err(|source| WorkDirError::Read { path, source })
+    }
+
+    /// An artifact that is JSON.
+    pub fn read_json<T: DeserializeOwned>(&self, artifact: Artifact) -> Result<T, WorkDirError> {
+        read_json(&self.path(artifact))
+    }
+
+    /// The error that an artifact holds something else than gprop wrote.
+    pub fn damaged(&self, artifact: Artifact, problem: impl ToString) -> WorkDirError {
+        WorkDirError::Damaged { path: self.path(artifact), problem: problem.to_string() }
+    }
+
+    /// Removes an artifact; one that is not there is as good as removed.
+    pub fn remove(&self, artifact: Artifact) -> Result<(), WorkDirError> {
+        let path = self.writable(artifact)?;
+        locked(&self.checksums).remove(&artifact.path());
+        match fs::remove_file(&path) {
+            Err(source) if source.kind() != io::ErrorKind::NotFound => Err(WorkDirError::Write { path, source }),
+            _ => Ok(()),
+        }
+    }
+
+    /// Where an artifact may be written: below the root, with no link on the way. (A link in the artifact's own place is
+    /// replaced, not followed.)
+    fn writable(&self, artifact: Artifact) -> Result<PathBuf, WorkDirError> {
+        self.require_writable()?;
+        let relative = artifact.path();
+        let mut path = self.root.clone();
+        let mut components = relative.components().peekable();
+        while let Some(component) = components.next() {
+            let Component::Normal(name) = component else { return Err(WorkDirError::Outside { path: relative }) };
+            path.push(name);
+            if components.peek().is_some() {
+                refuse_link(&path, OUT)?;
+            }
+        }
+        Ok(path)
+    }
+}
+
+/// Refuses a path that is a link, which may lead anywhere; `flag` is the one with which the user can name its target.
+pub fn refuse_link(path: &Path, flag: &'static str) -> Result<(), WorkDirError> {
+    match path.symlink_metadata() {
+        Ok(found) if found.is_symlink() => Err(WorkDirError::Link { path: path.to_owned(), flag }),
+        _ => Ok(()),
+    }
+}
+
+/// A thread that panicked while it held the mutex ended the process, or left a whole map.
+fn locked<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
+    mutex.lock().unwrap_or_else(PoisonError::into_inner)
+}
+
+/// Removes the files of `folder` whose names begin with `prefix`.
+pub fn sweep(folder: &Path, prefix: &str) -> io::Result<()> {
+    for entry in fs::read_dir(folder)? {
+        let entry = entry?;
+        if entry.file_name().as_encoded_bytes().starts_with(prefix.as_bytes()) && !entry.file_type()?.is_dir() {
+            fs::remove_file(entry.path())?;
+        }
+    }
+    Ok(())
+}
+
+/// Removes temporary files in `folder` and all folders below it that are no links.
+fn sweep_below(folder: &Path) -> io::Result<()> {
+    sweep(folder, TEMPORARY)?;
+    for entry in fs::read_dir(folder)? {
+        let entry = entry?;
+        if entry.file_type()?.is_dir() {
+            sweep_below(&entry.path())?;
+        }
+    }
+    Ok(())
+}
+
+/// A file of a work folder that is JSON.
+pub fn read_json<T: DeserializeOwned>(path: &Path) -> Result<T, WorkDirError> {
+    let bytes = files::read(path).map_err(|source| WorkDirError::Read { path: path.to_owned(), source })?;
+    serde_json::from_slice(&bytes)
+        .map_err(|error| WorkDirError::Damaged { path: path.to_owned(), problem: error.to_string() })
+}
+
+/// Writes a file under a temporary name beside its place, then renames it into it. Makes missing folders.
+pub fn write_atomic(path: &Path, fill: impl FnOnce(&mut dyn Write) -> io::Result<()>) -> io::Result<()> {
+    write_atomic_as(path, TEMPORARY, fill)
+}
+
+/// As [`write_atomic`], under a temporary name that begins with `prefix`.
+pub fn write_atomic_as(
+    path: &Path,
+    prefix: &str,
+    fill: impl FnOnce(&mut dyn Write) -> io::Result<()>,
+) -> io::Result<()> {
+    let folder = path.parent().unwrap_or(Path::new("."));
+    fs::create_dir_all(folder)?;
+    let mut out = io::BufWriter::new(tempfile::Builder::new().prefix(prefix).tempfile_in(folder)?);
+    fill(&mut out)?;
+    let file = out.into_inner().map_err(io::IntoInnerError::into_error)?;
+    make_readable(file.as_file())?;
+    file.persist(path).map_err(|error| error.error)?;
+    Ok(())
+}
+
+/// A temporary file is the owner's alone; a result is meant to be shared.
+#[cfg(unix)]
+fn make_readable(file: &File) -> io::Result<()> {
+    use std::os::unix::fs::PermissionsExt;
+    file.set_permissions(fs::Permissions::from_mode(0o644))
+}
+
+#[cfg(not(unix))]
+fn make_readable(_file: &File) -> io::Result<()> {
+    Ok(())
+}

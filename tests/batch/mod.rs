@@ -1,0 +1,185 @@
+//! `gprop batch` on made-up scenes that need no model.
+
+// Tiny scenes of a ball of two materials.
+pub mod ball;
+// The page of all scenes, in a browser and as text.
+mod index;
+// A batch that is killed, again and again.
+mod kills;
+// Scenes that hang, and scenes that cannot be named.
+#[cfg(unix)]
+mod limits;
+// All scenes' queries in one submission.
+mod questions;
+// Which scenes, in which shard.
+mod selection;
+
+use std::fs;
+use std::path::{Path, PathBuf};
+use std::process::{Command, Output};
+
+use serde_json::{Value, json};
+
+use crate::query::a;
+use crate::run::gprop;
+use ball::Balls;
+
+/// A batch up to the 3D parts on a data set, out of any cluster's environment.
+fn batch(balls: &Balls, more: &[&str]) -> Command {
+    let mut command = gprop();
+    for name in ["SLURM_ARRAY_TASK_ID", "JOB_COMPLETION_INDEX", "OPENAI_API_KEY"] {
+        command.env_remove(name);
+    }
+    command.arg("batch").arg(balls.folder()).args(["--to", "parts"]).args(balls.answers()).args(more);
+    command
+}
+
+fn stderr(output: &Output) -> String {
+    String::from_utf8_lossy(&output.stderr).into_owned()
+}
+
+/// Runs it, expects an exit code, and gives the outcomes that it printed.
+#[track_caller]
+fn outcomes(command: &mut Command, code: i32) -> Vec<Value> {
+    let output = command.arg("--json").output().unwrap();
+    assert_eq!(output.status.code(), Some(code), "{}", stderr(&output));
+    let lines = String::from_utf8(output.stdout).unwrap();
+    lines.lines().map(|line| serde_json::from_str(line).unwrap_or_else(|_| panic!("{line}"))).collect()
+}
+
+fn lines(path: &Path) -> Vec<Value> {
+    let text = fs::read_to_string(path).unwrap();
+    text.lines().map(|line| serde_json::from_str(line).unwrap()).collect()
+}
+
+fn names(outcomes: &[Value]) -> Vec<&str> {
+    outcomes.iter().map(|outcome| outcome["scene"].as_str().unwrap()).collect()
+}
+
+/// Every file below a folder, relative to it, with its content; but for what holds timings (`run.json`) and locks.
+pub fn contents(folder: &Path) -> Vec<(PathBuf, Vec<u8>)> {
+    let mut found = Vec::new();
+    let mut open = vec![folder.to_owned()];
+    while let Some(next) = open.pop() {
+        for entry in fs::read_dir(next).unwrap() {
+            let path = entry.unwrap().path();
+            let name = path.file_name().unwrap().to_string_lossy().into_owned();
+            if path.is_dir() {
+                open.push(path);
+            } else if name != "run.json" && name != ".lock" {
+                found.push((path.strip_prefix(folder).unwrap().to_owned(), fs::read(&path).unwrap()));
+            }
+        }
+    }
+    found.sort();
+    found
+}
+
+#[test]
+fn one_bad_scene_stops_no_other() {
+    let balls = Balls::new(4);
+    fs::write(balls.scene(1).join("point_cloud.ply"), "ply\nno splat").unwrap();
+    let first = outcomes(&mut batch(&balls, &["--jobs", "2"]), 6);
+    assert_eq!(first.len(), 4);
+    let file = balls.folder().join("gprop/batch/shard-0-of-1.jsonl");
+    let kept = lines(&file);
+    assert_eq!(names(&kept), ["ball-0", "ball-1", "ball-2", "ball-3"], "sorted, however they ended");
+    assert!(first.iter().all(|outcome| kept.contains(outcome)), "what is printed is what is kept");
+    for (number, outcome) in kept.iter().enumerate() {
+        let expected = if number == 1 { "failed" } else { "done" };
+        assert_eq!(outcome["state"], expected, "{outcome}");
+    }
+    assert_eq!(kept[1]["exit"], 3);
+    assert!(kept[1]["error"].as_str().unwrap().contains("point_cloud.ply"), "{}", kept[1]);
+    assert_eq!((&kept[0]["parts"], &kept[0]["views"]), (&2.into(), &3.into()), "{}", kept[0]);
+    assert_eq!((&kept[0]["gaussians"], &kept[1]["gaussians"]), (&200.into(), &Value::Null));
+    assert_eq!(kept[0]["materials"], json!([a("wood")]), "each material once");
+    let mass = &kept[0]["mass_kg"];
+    assert!(mass["low"].as_f64() <= mass["mid"].as_f64() && mass["low"].as_f64() > Some(0.0), "{mass}");
+    let summary: Value =
+        serde_json::from_slice(&fs::read(balls.folder().join("gprop/batch/summary.json")).unwrap()).unwrap();
+    assert_eq!((&summary["done"], &summary["failed"]), (&3.into(), &1.into()));
+
+    let text = batch(&balls, &[]).output().unwrap();
+    assert_eq!(text.status.code(), Some(6), "a failed scene stays one");
+    let table = String::from_utf8_lossy(&text.stdout).into_owned();
+    assert!(table.contains("4 scenes: 3 done, 1 failed, 0 unknown"), "{table}");
+    assert!(
+        stderr(&text).contains("1 of 4 scenes are not done") && stderr(&text).contains("ball-1:"),
+        "{}",
+        stderr(&text)
+    );
+}
+
+#[test]
+fn done_scenes_are_skipped_and_failed_ones_retried_when_asked() {
+    let balls = Balls::new(2);
+    let labels = balls.labels(1).join("000.png");
+    let content = fs::read(&labels).unwrap();
+    // Of the same length: a scene whose files take other bytes is another one.
+    fs::write(&labels, vec![b'#'; content.len()]).unwrap();
+    assert_eq!(outcomes(&mut batch(&balls, &[]), 6).len(), 2);
+    fs::write(&labels, content).unwrap();
+    assert!(outcomes(&mut batch(&balls, &[]), 6).is_empty(), "neither done nor failed scenes are run");
+    assert_eq!(names(&outcomes(&mut batch(&balls, &["--retry-failed"]), 0)), ["ball-1"]);
+    assert!(outcomes(&mut batch(&balls, &[]), 0).is_empty());
+    // What is asked of a scene, and what it holds, make an outcome another one's.
+    assert_eq!(outcomes(&mut batch(&balls, &["--views=3"]), 0).len(), 2);
+    fs::write(balls.scene(0).join("notes.txt"), "one more file").unwrap();
+    assert_eq!(names(&outcomes(&mut batch(&balls, &["--views=3"]), 0)), ["ball-0"]);
+    fs::remove_dir_all(balls.scene(1).join("gprop")).unwrap();
+    assert_eq!(names(&outcomes(&mut batch(&balls, &["--views=3"]), 0)), ["ball-1"]);
+    assert_eq!(outcomes(&mut batch(&balls, &["--views=3", "--from", "vote"]), 0).len(), 2);
+}
+
+#[test]
+fn any_number_side_by_side_gives_the_same_bytes() {
+    let balls = Balls::new(3);
+    let (one, three) = (balls.folder().with_file_name("one"), balls.folder().with_file_name("three"));
+    outcomes(&mut batch(&balls, &["--jobs", "1", "--out", one.to_str().unwrap()]), 0);
+    outcomes(&mut batch(&balls, &["--jobs", "3", "--out", three.to_str().unwrap()]), 0);
+    for scene in ["ball-0", "ball-1", "ball-2"] {
+        let (one, three) = (contents(&one.join(scene)), contents(&three.join(scene)));
+        assert!(one.len() > 5, "{one:?}");
+        assert!(one == three, "{scene}");
+    }
+}
+
+#[test]
+fn a_budget_of_memory_is_kept() {
+    let balls = Balls::new(2);
+    let refused = outcomes(&mut batch(&balls, &["--memory", "0.001", "--jobs", "2"]), 6);
+    assert_eq!(refused.len(), 2);
+    for outcome in &refused {
+        let error = outcome["error"].as_str().unwrap();
+        assert!(error.contains("--memory") && error.contains("more than the 0.00 GB"), "{error}");
+        assert_eq!(outcome["exit"], Value::Null, "it was killed: {outcome}");
+    }
+    assert_eq!(outcomes(&mut batch(&balls, &["--memory", "8", "--jobs", "2", "--retry-failed"]), 0).len(), 2);
+}
+
+#[test]
+fn a_budget_that_is_none_is_refused() {
+    let balls = Balls::new(1);
+    for (flag, given) in
+        [("--memory", "-1"), ("--memory", "NaN"), ("--memory", "0"), ("--memory", "inf"), ("--jobs", "0")]
+    {
+        for typed in [vec![flag.to_owned(), given.to_owned()], vec![format!("{flag}={given}")]] {
+            let output = batch(&balls, &["--dry-run"]).args(&typed).output().unwrap();
+            let message = stderr(&output);
+            assert_eq!(output.status.code(), Some(2), "{typed:?}: {message}");
+            assert!(message.contains(given) && message.contains(flag), "{typed:?}: {message}");
+            assert!(message.contains("or leave it out"), "{typed:?} says not what to do: {message}");
+        }
+    }
+}
+
+#[test]
+fn two_batches_on_one_shard_do_not_meet() {
+    let balls = Balls::new(1);
+    let shard = gprop::batch::Shard::WHOLE;
+    let _held = gprop::batch::Ledger::open(&balls.folder().join("gprop/batch"), shard).unwrap();
+    let output = batch(&balls, &[]).output().unwrap();
+    assert_eq!(output.status.code(), Some(2));
+    assert!(stderr(&output).contains("is working in shard 0/1"), "{}", stderr(&output));
+}

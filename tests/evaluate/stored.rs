@@ -1,0 +1,108 @@
+//! An evaluation measures what a run left, with the options that it was made with, and changes nothing.
+
+use std::fs;
+use std::path::Path;
+use std::process::Output;
+use std::time::SystemTime;
+
+use serde_json::Value;
+
+use super::{evaluate, refused, text};
+use crate::batch::ball::Balls;
+use crate::faults::changed::change;
+use crate::run::gprop;
+
+fn run(balls: &Balls, command: &str, more: &[&str]) {
+    let mut gprop = gprop();
+    gprop.env_remove("OPENAI_API_KEY").arg(command).arg(balls.scene(0)).arg("-q").args(balls.answers()).args(more);
+    let output = gprop.output().unwrap();
+    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+}
+
+fn segmentation(balls: &Balls, more: &[&str]) -> Output {
+    evaluate(&[&["segmentation", "--truth", "ground_truth/maps", text(&balls.scene(0))], more].concat())
+}
+
+fn mass(balls: &Balls, more: &[&str]) -> Output {
+    evaluate(&[&["mass", text(&balls.scene(0))], more].concat())
+}
+
+/// Every file below a folder with its content and when it was written, the lock and `run.json` too.
+fn everything(folder: &Path) -> Vec<(String, Vec<u8>, SystemTime)> {
+    let mut found = Vec::new();
+    for entry in fs::read_dir(folder).unwrap() {
+        let path = entry.unwrap().path();
+        if path.is_dir() {
+            found.extend(everything(&path));
+        } else {
+            let written = path.metadata().unwrap().modified().unwrap();
+            found.push((path.display().to_string(), fs::read(&path).unwrap(), written));
+        }
+    }
+    found.sort();
+    found
+}
+
+#[track_caller]
+fn measured(output: &Output) -> Value {
+    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+    serde_json::from_slice(&output.stdout).unwrap()
+}
+
+#[test]
+fn what_was_run_with_other_options_is_measured_as_it_is() {
+    let balls = Balls::new(1);
+    balls.write_truth(0);
+    run(&balls, "parts", &["--view-list", "000,002", "--vote", "frequency"]);
+    let before = everything(&balls.scene(0));
+    let found = measured(&segmentation(&balls, &[]));
+    assert!(found["mean_iou"].as_f64() > Some(0.5), "wood is found to be wood: {found:#}");
+    measured(&mass(&balls, &[]));
+    let readings = balls.folder().join("readings.csv");
+    fs::write(&readings, "scene,view,x,y,shore,hardness\nball-0,001,1,1,A,50\n").unwrap();
+    refused(&evaluate(&["hardness", text(&readings)]), &["nothing to compare"]);
+    fs::remove_file(readings).unwrap();
+    assert!(everything(&balls.scene(0)) == before, "an evaluation changes nothing");
+}
+
+#[test]
+fn what_is_missing_is_said_with_the_command_that_makes_it() {
+    let balls = Balls::new(1);
+    balls.write_truth(0);
+    let scene = balls.scene(0);
+    let before = everything(&scene);
+    for output in [segmentation(&balls, &[]), mass(&balls, &[])] {
+        refused(&output, &["there is no run.json", "gprop run", text(&scene)]);
+    }
+    assert!(everything(&scene) == before, "no work folder is made");
+    let out = balls.folder().with_file_name("out");
+    refused(&mass(&balls, &["--out", text(&out)]), &["there is no run.json", "--out", text(&out)]);
+    run(&balls, "segment", &[]);
+    refused(&segmentation(&balls, &[]), &["the query stage is not done", "gprop run"]);
+    run(&balls, "parts", &[]);
+    measured(&segmentation(&balls, &[]));
+    // Segments of other views than those that voted are not what was voted on.
+    run(&balls, "segment", &["--views", "2"]);
+    refused(&segmentation(&balls, &[]), &["was done again after", "gprop run"]);
+    refused(&mass(&balls, &[]), &["was done again after", "gprop run"]);
+    run(&balls, "parts", &[]);
+    change(&scene.join("gprop/segments/001.png"));
+    refused(&segmentation(&balls, &[]), &["segments/001.png", "has changed since gprop wrote it", "gprop run"]);
+    run(&balls, "parts", &[]);
+    measured(&segmentation(&balls, &[]));
+    let cameras = fs::read_to_string(scene.join("transforms.json")).unwrap();
+    fs::write(scene.join("transforms.json"), cameras + "\n").unwrap();
+    refused(&segmentation(&balls, &[]), &["the scene's files have changed since"]);
+}
+
+#[test]
+fn what_a_work_folder_in_a_scene_says_is_not_read_elsewhere() {
+    let balls = Balls::new(1);
+    balls.write_truth(0);
+    let elsewhere = balls.folder().with_file_name("elsewhere.ply");
+    fs::copy(balls.scene(0).join("point_cloud.ply"), &elsewhere).unwrap();
+    run(&balls, "parts", &["--splat", text(&elsewhere)]);
+    refused(&segmentation(&balls, &[]), &["elsewhere.ply", "is not in the scene", "--out"]);
+    let work = balls.scene(0).join("gprop");
+    measured(&segmentation(&balls, &["--out", text(&work)]));
+}

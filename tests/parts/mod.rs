@@ -1,0 +1,11 @@
+//! Volume, thickness and mass against closed forms and ground truth.
+
+mod bad_input;
+mod bodies;
+mod closed_forms;
+pub mod clouds;
+mod depth_view;
+mod hidden;
+mod mutants;
+mod scenes;
+pub mod truth;

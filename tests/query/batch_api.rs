@@ -1,0 +1,286 @@
+//! A server that speaks the Batch API: what it holds is set by each test.
+
+use std::path::{Path, PathBuf};
+use std::sync::{Arc, Mutex};
+
+use gprop::materials::MaterialLibrary;
+use gprop::pipeline::query_session::{QuerySession, QueryView};
+use gprop::progress::Progress;
+use gprop::query::{AnswerSource, Options, QueryError};
+use gprop::workdir::WorkDir;
+use serde_json::{Value, json};
+use tokio::runtime::Runtime;
+use wiremock::matchers::{method, path, path_regex};
+use wiremock::{Mock, MockServer, Request, ResponseTemplate};
+
+use super::{View, a, completion, good_answer, small, two_parts};
+
+/// What the server has been sent, and what it says of its batch.
+#[derive(Default)]
+struct Held {
+    /// The lines of every uploaded file.
+    uploads: Vec<Vec<Value>>,
+    started: usize,
+    status: Value,
+    output: String,
+    errors: String,
+}
+
+pub struct BatchApiServer {
+    _runtime: Runtime,
+    mock: MockServer,
+    held: Arc<Mutex<Held>>,
+}
+
+/// What the server does with a request.
+type Respond = Box<dyn Fn(&mut Held, &Request) -> ResponseTemplate + Send + Sync>;
+
+impl BatchApiServer {
+    /// A server that answers Chat Completions with `answer` and accepts every batch.
+    pub fn new(answer: &Value) -> Self {
+        let held = Arc::new(Mutex::new(Held::default()));
+        let runtime = Runtime::new().unwrap();
+        let chat = ResponseTemplate::new(200).set_body_json(completion(&answer.to_string()));
+        let mock = runtime.block_on(async {
+            let server = MockServer::start().await;
+            let mount = async |verb: &str, at: &str, respond: Respond| {
+                let held = Arc::clone(&held);
+                let respond = move |request: &Request| respond(&mut held.lock().unwrap(), request);
+                Mock::given(method(verb)).and(path_regex(at)).respond_with(respond).mount(&server).await;
+            };
+            Mock::given(path("/v1/chat/completions")).respond_with(chat).mount(&server).await;
+            mount(
+                "POST",
+                "^/v1/files$",
+                Box::new(|held, request| {
+                    held.uploads.push(lines_of_upload(&request.body));
+                    json_body(json!({ "id": format!("file-{}", held.uploads.len()) }))
+                }),
+            )
+            .await;
+            mount(
+                "POST",
+                "^/v1/batches$",
+                Box::new(|held, request| {
+                    let order: Value = serde_json::from_slice(&request.body).unwrap();
+                    assert_eq!(order["input_file_id"], format!("file-{}", held.uploads.len()));
+                    assert_eq!(
+                        (&order["endpoint"], &order["completion_window"]),
+                        (&json!("/v1/chat/completions"), &json!("24h"))
+                    );
+                    held.started += 1;
+                    json_body(json!({ "id": format!("batch-{}", held.started), "status": "validating" }))
+                }),
+            )
+            .await;
+            mount("GET", "^/v1/batches/batch-", Box::new(|held, _| json_body(held.status.clone()))).await;
+            mount(
+                "GET",
+                "^/v1/files/output/content$",
+                Box::new(|held, _| ResponseTemplate::new(200).set_body_string(&held.output)),
+            )
+            .await;
+            mount(
+                "GET",
+                "^/v1/files/errors/content$",
+                Box::new(|held, _| ResponseTemplate::new(200).set_body_string(&held.errors)),
+            )
+            .await;
+            server
+        });
+        Self { _runtime: runtime, mock, held }
+    }
+
+    pub fn set(&self, status: Value, output: &[Value], errors: &[Value]) {
+        let mut held = self.held.lock().unwrap();
+        let text = |lines: &[Value]| lines.iter().map(|line| format!("{line}\n")).collect::<String>();
+        (held.status, held.output, held.errors) = (status, text(output), text(errors));
+    }
+
+    /// The `custom_id`s of the last upload.
+    pub fn sent(&self) -> Vec<String> {
+        let held = self.held.lock().unwrap();
+        held.uploads.last().unwrap().iter().map(|line| line["custom_id"].as_str().unwrap().to_owned()).collect()
+    }
+
+    pub fn uploads(&self) -> usize {
+        self.held.lock().unwrap().uploads.len()
+    }
+
+    pub fn options(&self) -> Options {
+        Options {
+            lmm_url: Some(format!("{}/v1", self.mock.uri())),
+            lmm_model: Some("gpt-4o".into()),
+            lmm_retries: 0,
+            ..small()
+        }
+    }
+}
+
+fn json_body(value: Value) -> ResponseTemplate {
+    ResponseTemplate::new(200).set_body_json(value)
+}
+
+/// The JSON lines in a multipart body.
+fn lines_of_upload(body: &[u8]) -> Vec<Value> {
+    let text = String::from_utf8_lossy(body);
+    assert!(text.contains("name=\"purpose\"\r\n\r\nbatch\r\n") && text.contains("filename=\"batch.jsonl\""));
+    text.lines().filter(|line| line.starts_with('{')).map(|line| serde_json::from_str(line).unwrap()).collect()
+}
+
+pub fn answered(custom_id: &str, answer: &Value) -> Value {
+    json!({ "id": "r", "custom_id": custom_id, "error": null,
+            "response": { "status_code": 200, "request_id": "q", "body": completion(&answer.to_string()) } })
+}
+
+pub fn completed() -> Value {
+    json!({ "id": "batch-1", "status": "completed", "output_file_id": "output", "error_file_id": null })
+}
+
+/// Views in a folder of their own.
+pub struct Place {
+    home: tempfile::TempDir,
+    views: Vec<View>,
+    work: WorkDir,
+}
+
+impl Place {
+    /// Two views of two parts each.
+    pub fn new() -> Self {
+        let home = tempfile::tempdir().unwrap();
+        let work = WorkDir::open(&home.path().join("gprop")).unwrap();
+        Self { views: vec![two_parts("000", 80, 80), two_parts("001", 90, 80)], home, work }
+    }
+
+    pub fn query_session<'a>(&'a self, options: &'a Options) -> QuerySession<'a> {
+        let view = |view: &'a View| QueryView { name: view.name, photo: view.photo.clone(), segments: &view.segments };
+        let views = self.views.iter().map(view).collect();
+        let (home, hidden) = (self.home.path(), Progress::Hidden);
+        QuerySession::new(options, views, MaterialLibrary::builtin(), home, &self.work, Ok(()), hidden).unwrap()
+    }
+
+    fn recorded(&self) -> Vec<PathBuf> {
+        let folder: &Path = &self.home.path().join("recorded");
+        std::fs::read_dir(folder).unwrap().map(|entry| entry.unwrap().path()).collect()
+    }
+}
+
+fn good() -> Value {
+    good_answer(a("wood"))
+}
+
+#[test]
+fn a_batch_goes_out_and_its_answers_are_replayed() {
+    let (server, place) = (BatchApiServer::new(&good()), Place::new());
+    let options = server.options();
+    let sent = place.query_session(&options).submit().unwrap();
+    assert_eq!((sent.sent, sent.waiting), (3, 0), "the first of four was asked at once");
+    assert_eq!(place.recorded().len(), 1);
+    let again = place.query_session(&options).submit().unwrap();
+    assert_eq!((again.sent, again.waiting), (0, 3), "what is under way is not paid for twice");
+    assert_eq!(server.uploads(), 1);
+
+    let line = server.held.lock().unwrap().uploads[0][0].clone();
+    assert_eq!((&line["method"], &line["url"]), (&json!("POST"), &json!("/v1/chat/completions")));
+    assert_eq!(line["body"]["model"], "gpt-4o");
+    assert_eq!(line["body"]["response_format"]["type"], "json_schema");
+
+    let counts = json!({ "total": 3, "completed": 1, "failed": 0 });
+    server.set(json!({ "id": "batch-1", "status": "in_progress", "request_counts": counts }), &[], &[]);
+    let running = place.query_session(&options).collect().unwrap();
+    let error = running.require_all().unwrap_err();
+    assert!(matches!(error, QueryError::BatchApiRunning { running: 1, done: 1, total: 3 }), "{error}");
+
+    let mut output: Vec<Value> = server.sent().iter().map(|id| answered(id, &good())).collect();
+    output.reverse();
+    server.set(completed(), &output, &[]);
+    let collected = place.query_session(&options).collect().unwrap();
+    collected.require_all().unwrap();
+    assert_eq!(collected.recorded, 3);
+    let names: Vec<_> =
+        place.recorded().iter().map(|path| path.file_stem().unwrap().to_string_lossy().into_owned()).collect();
+    assert!(server.sent().iter().all(|id| names.contains(id)), "a custom_id is its recording's key");
+
+    let replay = Options { answers: AnswerSource::Replay, lmm_url: None, ..options.clone() };
+    let session = place.query_session(&replay);
+    let run = session.run(&session.queries().unwrap()).unwrap();
+    assert_eq!((run.answers.parts.len(), run.answers.failed().count()), (4, 0));
+    assert!(place.query_session(&options).collect().is_err(), "nothing is waiting any more");
+    assert_eq!(place.query_session(&options).submit().unwrap().sent, 0, "nothing is open any more");
+}
+
+#[test]
+fn an_expired_batch_leaves_what_it_answered_and_the_rest_is_sent_again() {
+    let (server, place) = (BatchApiServer::new(&good()), Place::new());
+    let options = server.options();
+    place.query_session(&options).submit().unwrap();
+    let ids = server.sent();
+    let expired = |id: &str| {
+        let why = json!({ "code": "batch_expired", "message": "This request could not be executed before the completion window expired." });
+        json!({ "id": "r", "custom_id": id, "response": null, "error": why })
+    };
+    let status = json!({ "id": "batch-1", "status": "expired", "output_file_id": "output", "error_file_id": "errors" });
+    server.set(status, &[answered(&ids[1], &good())], &[expired(&ids[0]), expired(&ids[2])]);
+    let collected = place.query_session(&options).collect().unwrap();
+    assert_eq!(collected.recorded, 1);
+    let error = collected.require_all().unwrap_err();
+    assert!(matches!(&error, QueryError::BatchApiPartial { failed: 2, total: 3, .. }), "{error}");
+    assert!(error.to_string().contains("batch_expired") && error.to_string().contains("(2)"), "{error}");
+
+    let again = place.query_session(&options).submit().unwrap();
+    assert_eq!(again.sent, 1, "of the two that are left the first is asked at once");
+    assert!(ids.contains(&server.sent()[0]) && server.sent()[0] != ids[1]);
+}
+
+#[test]
+fn answers_that_are_none_are_not_recorded_and_those_that_never_came_are_told() {
+    let (server, place) = (BatchApiServer::new(&good()), Place::new());
+    let options = server.options();
+    place.query_session(&options).submit().unwrap();
+    let ids = server.sent();
+    let refused = json!({ "id": "r", "custom_id": ids[1], "error": null, "response": { "status_code": 400,
+        "body": { "error": { "message": "Unsupported value: 'temperature'" } } } });
+    server.set(completed(), &[answered(&ids[0], &json!({ "caption": "half an answer" })), refused], &[]);
+    let collected = place.query_session(&options).collect().unwrap();
+    assert_eq!((collected.recorded, collected.failed.values().sum::<usize>()), (0, 3));
+    let reasons = collected.require_all().unwrap_err().to_string();
+    for word in ["family", "temperature", "ended without it"] {
+        assert!(reasons.contains(word), "no {word:?} in {reasons}");
+    }
+    assert_eq!(place.recorded().len(), 1);
+}
+
+#[test]
+fn a_batch_that_the_server_rejects_says_why() {
+    let (server, place) = (BatchApiServer::new(&good()), Place::new());
+    let options = server.options();
+    place.query_session(&options).submit().unwrap();
+    let errors = json!({ "object": "list", "data": [{ "code": "invalid_json_line", "message": "line 1 is no JSON", "line": 1 }] });
+    server.set(json!({ "id": "batch-1", "status": "failed", "errors": errors }), &[], &[]);
+    let error = place.query_session(&options).collect().unwrap().require_all().unwrap_err();
+    assert!(error.to_string().contains("line 1 is no JSON (3)"), "{error}");
+}
+
+#[test]
+fn a_batch_keeps_to_the_budget_at_half_the_price() {
+    let (server, place) = (BatchApiServer::new(&good()), Place::new());
+    let with = |max_usd: f64| Options { max_usd: Some(max_usd), ..server.options() };
+    let options = with(100.0);
+    let session = place.query_session(&options);
+    let most = session.preview(&session.queries().unwrap()).cost.most_usd.unwrap();
+    // One of the four at the full price, three at half of it: 2.5 of 4.
+    let tight = with(0.62 * most);
+    assert!(place.query_session(&tight).submit().is_err());
+    assert_eq!((server.uploads(), place.home.path().join("recorded").exists()), (0, false), "nothing was sent");
+    let enough = with(0.63 * most);
+    assert_eq!(place.query_session(&enough).submit().unwrap().sent, 3);
+}
+
+#[test]
+fn a_wrong_key_shows_before_anything_is_uploaded() {
+    let (server, place) = (BatchApiServer::new(&json!("no answer")), Place::new());
+    let options = Options { lmm_url: Some(format!("{}/elsewhere", server.mock.uri())), ..server.options() };
+    let error = place.query_session(&options).submit().unwrap_err();
+    assert!(error.to_string().contains("404"), "{error:#}");
+    assert_eq!(server.uploads(), 0);
+}

@@ -1,0 +1,208 @@
+//! Sheets, prompts, answers, recordings, servers.
+
+// What becomes of a model's text.
+mod answers;
+// OpenAI's Batch API: submitted, expired, collected.
+pub mod batch_api;
+// A server that misbehaves in every way known of servers.
+pub mod client;
+mod cost;
+// Questions out, answers in.
+mod exchange;
+// Servers that send too much, too slowly or too little; what may have been billed counts.
+mod hostile;
+// Recordings that two runs write, that nobody may write, that find no room.
+mod kept;
+mod labels;
+// GPROP_OFFLINE and --offline, seen from the socket.
+mod offline;
+mod options;
+// Stand-ins for a server that others wrote, where they are installed.
+mod peers;
+// The whole program with a server: keys, kills, prices, exit codes, one picture.
+mod program;
+mod prompts;
+mod recordings;
+// The dialects of vLLM, Ollama, llama.cpp, DashScope.
+mod servers;
+mod sheets;
+
+use std::path::Path;
+use std::sync::Mutex;
+
+use gprop::materials::MaterialLibrary;
+use gprop::progress::Progress;
+use gprop::query::asker::{Ask, AskError, Asker, Reply, ReplyContent};
+use gprop::query::client::{ApiKey, Client, ClientError};
+use gprop::query::ledger::Account;
+use gprop::query::recorded::{Answerer, Recordings, Usage};
+use gprop::query::{Options, Prompts, Queries, QueryError, Run, ViewInput};
+use gprop::scene::{ForegroundSource, Photo};
+use gprop::segment::{LabelMap, Level, PartMask, ViewSegments};
+use image::{GrayImage, Luma, Rgb, RgbImage};
+use serde_json::{Value, json};
+
+/// A view that was made up: a photo and a label map of one size.
+struct View {
+    name: &'static str,
+    photo: Photo,
+    segments: ViewSegments,
+}
+
+/// A view whose pixel (x, y) belongs to part `label(x, y)`; 0 is white background with alpha 0. Every part has its own
+/// shade, and `tint` sets one view's photo apart from another's.
+fn view(name: &'static str, (width, height): (u32, u32), tint: u8, label: impl Fn(u32, u32) -> u16) -> View {
+    let labels: Vec<u16> =
+        (0..height).flat_map(|y| (0..width).map(move |x| (x, y))).map(|(x, y)| label(x, y)).collect();
+    let at = |x: u32, y: u32| labels[(y * width + x) as usize];
+    let rgb = RgbImage::from_fn(width, height, |x, y| match at(x, y) {
+        0 => Rgb([255; 3]),
+        part => Rgb([(part * 40 % 200) as u8 + (x % 7) as u8, tint, (y % 11) as u8 * 9]),
+    });
+    let foreground = GrayImage::from_fn(width, height, |x, y| Luma([if at(x, y) == 0 { 0 } else { 255 }]));
+    let mut ids: Vec<u16> = labels.iter().copied().filter(|label| *label != 0).collect();
+    ids.sort_unstable();
+    ids.dedup();
+    let parts = ids
+        .into_iter()
+        .map(|id| PartMask {
+            id,
+            area: labels.iter().filter(|label| **label == id).count() as u32,
+            bbox: [0, 0, width, height],
+            predicted_iou: 0.9,
+            stability_score: 0.95,
+            level: Level::Middle,
+        })
+        .collect();
+    let segments = ViewSegments { view: name.into(), map: LabelMap { width, height, labels }, parts };
+    View { name, photo: Photo { rgb, foreground, foreground_source: ForegroundSource::Alpha }, segments }
+}
+
+/// One part on a background.
+fn one_part() -> View {
+    view("000", (160, 120), 80, |x, y| u16::from((20..140).contains(&x) && (30..90).contains(&y)))
+}
+
+/// Two parts side by side on a background: 1 on the left, 2 on the right of column `border`.
+fn two_parts(name: &'static str, tint: u8, border: u32) -> View {
+    view(name, (160, 120), tint, |x, y| match (x, y) {
+        (20..140, 30..90) if x < border => 1,
+        (20..140, 30..90) => 2,
+        _ => 0,
+    })
+}
+
+fn prepare<'a>(views: &[View], prompts: &'a Prompts, options: &'a Options) -> Queries<'a> {
+    let inputs: Vec<ViewInput> =
+        views.iter().map(|view| ViewInput { name: view.name, photo: &view.photo, segments: &view.segments }).collect();
+    Queries::prepare(&inputs, MaterialLibrary::builtin(), prompts, options).expect("made-up views are sound")
+}
+
+fn small() -> Options {
+    Options { sheet_size: 256, ..Options::default() }
+}
+
+fn recordings(folder: &Path) -> Recordings {
+    Recordings::open(&[], folder).expect("the folder is readable")
+}
+
+/// The client that the options ask for, online and without a word.
+fn connect(options: &Options, key: Option<ApiKey>) -> Result<Option<Client>, ClientError> {
+    Client::new(options, key, Ok(()), Progress::Hidden)
+}
+
+fn run(queries: &Queries, recordings: &Recordings, asker: Option<&dyn Asker>) -> Result<Run, QueryError> {
+    queries.run(recordings, asker, None, &mut |_, _| Ok(()), Progress::Hidden)
+}
+
+/// An answer that names `material` and keeps to what the library says of it, as a model would write it.
+pub fn good_answer(material: &str) -> Value {
+    let row = MaterialLibrary::builtin().get(material).expect("the library has the test's material");
+    json!({
+        "caption": "a part",
+        "family": row.family,
+        "material": material,
+        "density_kg_m3": [row.density_kg_m3.low, row.density_kg_m3.high],
+        "youngs_modulus_mpa": [row.youngs_modulus_pa.low / 1e6, row.youngs_modulus_pa.high / 1e6],
+        "poisson_ratio": [row.poisson_ratio.low, row.poisson_ratio.high],
+        "yield_strength_mpa": [row.strength_pa.low / 1e6, row.strength_pa.high / 1e6],
+        "shore_scale": "none",
+        "shore_hardness": null,
+        "friction_rubber": [row.friction_rubber.low, row.friction_rubber.high],
+        "form": "solid",
+        "wall_thickness_mm": null,
+        "confidence": 0.8
+    })
+}
+
+/// The answer with one field set otherwise.
+fn with(mut answer: Value, field: &str, value: Value) -> Value {
+    answer[field] = value;
+    answer
+}
+
+/// An asker that says what a closure tells it to, and remembers what it was asked.
+struct Scripted<F> {
+    answerer: Answerer,
+    say: F,
+    /// Prompt and correction of each question, in the order of arrival.
+    asked: Mutex<Vec<(String, Option<String>)>>,
+}
+
+impl<F: Fn(&Ask) -> Result<ReplyContent, AskError> + Sync> Scripted<F> {
+    fn new(say: F) -> Self {
+        let answerer = Answerer { model: "scripted".into(), parameters: json!({ "temperature": 0.0 }) };
+        Self { answerer, say, asked: Mutex::default() }
+    }
+
+    fn count(&self) -> usize {
+        self.asked.lock().unwrap().len()
+    }
+}
+
+impl<F: Fn(&Ask) -> Result<ReplyContent, AskError> + Sync> Asker for Scripted<F> {
+    fn answerer(&self) -> &Answerer {
+        &self.answerer
+    }
+
+    fn parallel(&self) -> usize {
+        3
+    }
+
+    fn ask(&self, ask: Ask, account: &Account) -> Result<Reply, AskError> {
+        let entry = account.open()?;
+        let correction = ask.correction.map(|correction| correction.prompt.to_owned());
+        self.asked.lock().unwrap().push((ask.question.prompt.clone(), correction));
+        let usage = Some(Usage { input_tokens: 1000, output_tokens: 100 });
+        let content = (self.say)(&ask);
+        match &content {
+            Ok(_) => entry.answered(usage),
+            Err(_) => entry.not_billed(),
+        }
+        content.map(|content| Reply { content, usage, served_model: None })
+    }
+}
+
+/// A text that the model says.
+fn text(text: impl ToString) -> Result<ReplyContent, AskError> {
+    Ok(ReplyContent::Text(text.to_string()))
+}
+
+/// A chat completion that says `text`.
+pub fn completion(text: &str) -> Value {
+    json!({
+        "id": "1", "object": "chat.completion", "model": "test-model-0001",
+        "choices": [{ "index": 0, "finish_reason": "stop", "message": { "role": "assistant", "content": text } }],
+        "usage": { "prompt_tokens": 1200, "completion_tokens": 80, "total_tokens": 1280 }
+    })
+}
+
+/// A view of `count` parts of 4 x 4 pixels each, 25 in a row.
+fn grid(count: u32) -> View {
+    view("000", (100, count.div_ceil(25) * 4), 80, |x, y| (1 + x / 4 + 25 * (y / 4)) as u16)
+}
+
+/// The first material of a family.
+pub fn a(family: &'static str) -> &'static str {
+    &MaterialLibrary::builtin().of_family(family).next().expect("the library has the family").name
+}

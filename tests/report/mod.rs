@@ -1,0 +1,195 @@
+//! What a run leaves for people and for programs: the page is opened in a browser and used, the JSON is held against the
+//! published schema.
+
+mod browser;
+
+use std::fs;
+use std::path::{Path, PathBuf};
+use std::process::Command;
+use std::sync::OnceLock;
+
+use serde_json::{Value, json};
+use tempfile::TempDir;
+
+use crate::run::{QUICK, gprop, hammer};
+use crate::support::models;
+
+/// What an attacker might have a model say of a part. It has no comma and no semicolon, after which a name ends.
+const HOSTILE: &str = "</script><img src=x onerror=document.title='taken'> {{ 7*7 }}";
+/// Bytes of a page but for its pictures.
+const PAGE_BUDGET: usize = 3_000_000;
+
+/// The hammer after a quick run, every one of its recorded answers with a hostile caption.
+fn hostile_run() -> Option<&'static Path> {
+    static RUN: OnceLock<Option<TempDir>> = OnceLock::new();
+    let run = RUN.get_or_init(|| {
+        models("the report of a run")?;
+        let scene = hammer();
+        for entry in fs::read_dir(scene.path().join("recorded")).unwrap() {
+            let path = entry.unwrap().path();
+            let mut recording: Value = serde_json::from_slice(&fs::read(&path).unwrap()).unwrap();
+            let mut answer: Value = serde_json::from_str(recording["response"].as_str().unwrap()).unwrap();
+            let caption = answer["caption"].as_str().unwrap();
+            answer["caption"] = json!(format!("{HOSTILE}; {caption}"));
+            recording["response"] = json!(answer.to_string());
+            fs::write(&path, recording.to_string()).unwrap();
+        }
+        let output = gprop().arg("run").arg(scene.path()).args(QUICK).args(["--answers", "replay"]).output().unwrap();
+        assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+        Some(scene)
+    });
+    run.as_ref().map(|scene| scene.path())
+}
+
+fn json_file(path: impl AsRef<Path>) -> Value {
+    serde_json::from_slice(&fs::read(path).unwrap()).unwrap()
+}
+
+/// Everything in `value` that `docs/report.schema.json` does not allow.
+fn violations(value: &Value) -> Vec<String> {
+    let schema = json_file(Path::new(env!("CARGO_MANIFEST_DIR")).join("docs/report.schema.json"));
+    let validator = jsonschema::validator_for(&schema).unwrap();
+    validator.iter_errors(value).map(|error| format!("{}: {error}", error.instance_path)).collect()
+}
+
+#[test]
+fn a_caption_is_text_wherever_it_stands() {
+    let Some(scene) = hostile_run() else { return };
+    let page = fs::read_to_string(scene.join("gprop/report.html")).unwrap();
+    assert!(page.matches("taken").count() > 3, "the caption is on the page");
+    assert!(!page.contains("<img src=x"), "raw markup from a caption");
+    assert!(!page.contains("</script><img"), "a caption ends a script");
+    // What ends a script element is there once for every script element.
+    assert_eq!(page.matches("</script").count(), page.matches("<script").count());
+}
+
+#[test]
+fn the_page_needs_nothing_but_itself_and_keeps_to_its_budget() {
+    let Some(scene) = hostile_run() else { return };
+    let page = fs::read_to_string(scene.join("gprop/report.html")).unwrap();
+    for reference in ["src=\"http", "href=\"http", "url(http", "@import", "src=\"/", "src=\"."] {
+        assert!(!page.contains(reference), "{reference}");
+    }
+    let pictures: usize =
+        page.match_indices("data:image/").map(|(at, _)| page[at..].find('"').expect("an attribute ends")).sum();
+    assert!(page.len() - pictures < PAGE_BUDGET, "{} bytes without pictures", page.len() - pictures);
+    assert!(page.contains("Permission is hereby granted"), "the viewer's licence goes along");
+    assert!(page.contains("gprop run "), "how to make it again");
+}
+
+#[test]
+fn the_report_of_every_fixture_follows_the_published_schema() {
+    if models("the_report_of_every_fixture_follows_the_published_schema").is_none() {
+        return;
+    }
+    for (fixture, view) in [("hammer", "003"), ("mug", "003"), ("table_lamp", ""), ("chair", "")] {
+        let out = TempDir::new().unwrap();
+        let scene = Path::new(env!("CARGO_MANIFEST_DIR")).join("fixtures").join(fixture);
+        let mut command = gprop();
+        command.arg("run").arg(&scene).arg("--out").arg(out.path()).args(&QUICK[2..]).args(["--answers", "replay"]);
+        if view.is_empty() {
+            command.args(["--views", "1"])
+        } else {
+            command.args(["--view-list", view])
+        };
+        let output = command.arg("--json").output().unwrap();
+        assert!(output.status.success(), "{fixture}: {}", String::from_utf8_lossy(&output.stderr));
+        let report = json_file(out.path().join("report.json"));
+        assert_eq!(violations(&report), Vec::<String>::new(), "{fixture}");
+        let printed: Value = serde_json::from_slice(&output.stdout).unwrap();
+        assert_eq!(printed["parts"], report["parts"], "{fixture}: --json prints the same");
+    }
+}
+
+#[test]
+fn the_schema_refuses_what_is_not_a_report() {
+    let Some(scene) = hostile_run() else { return };
+    let report = json_file(scene.join("gprop/report.json"));
+    assert_eq!(violations(&report), Vec::<String>::new());
+    let spoilt = |spoil: &dyn Fn(&mut Value)| {
+        let mut copy = report.clone();
+        spoil(&mut copy);
+        violations(&copy).len()
+    };
+    assert!(spoilt(&|r| r["labels"][0]["density_kg_m3"] = json!("heavy")) > 0, "a number is a number");
+    assert!(spoilt(&|r| r["grasp"]["limited_by"] = json!("mood")) > 0, "a limit is one of four");
+    assert!(spoilt(&|r| drop(r.as_object_mut().unwrap().remove("stages"))) > 0, "nothing may be missing");
+    assert!(spoilt(&|r| r["scene"]["colour"] = json!(1)) > 0, "nothing undocumented");
+    assert!(spoilt(&|r| r["schema_version"] = json!(2)) > 0, "another version");
+    assert!(spoilt(&|r| r["parts"]["parts"][0]["mass_kg"] = json!(0)) > 0, "a mass is an interval or null");
+    let without_volume = |r: &mut Value| {
+        for key in ["volume_m3", "thickness_m", "mass_kg", "center_of_mass_m", "inertia_kg_m2"] {
+            r["parts"]["parts"][0][key] = Value::Null;
+        }
+        r["parts"]["parts"][0]["no_volume"] = json!("owns_no_place");
+    };
+    assert_eq!(spoilt(&without_volume), 0, "a part may have no volume");
+    assert!(spoilt(&|r| r["parts"]["parts"][0]["no_volume"] = json!("lost")) > 0, "a reason is one of two");
+}
+
+#[test]
+fn without_a_scale_the_report_says_null_and_the_page_says_why() {
+    let Some(scene) = hostile_run() else { return };
+    let work = TempDir::new().unwrap();
+    let mut command = gprop();
+    command.arg("run").arg(scene).arg("--out").arg(work.path()).args(QUICK).args(["--scale", "auto"]);
+    let output = command.args(["--answers", "replay"]).output().unwrap();
+    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+    let report = json_file(work.path().join("report.json"));
+    assert_eq!(violations(&report), Vec::<String>::new());
+    assert!(report["parts"].is_null() && report["grasp"].is_null());
+    let page = fs::read_to_string(work.path().join("report.html")).unwrap();
+    assert!(page.contains("the metric scale is unknown"));
+}
+
+#[test]
+fn the_command_on_the_page_makes_the_same_result() {
+    let Some(scene) = hostile_run() else { return };
+    let report = json_file(scene.join("gprop/report.json"));
+    let command = report["reproduction"]["command"].as_str().unwrap();
+    let mut words = command.split(' ').skip(1);
+    assert_eq!(words.next(), Some("run"));
+    assert_eq!(words.next(), scene.file_name().unwrap().to_str());
+    // The same options in another work folder: the same digests.
+    let work = TempDir::new().unwrap();
+    let mut again = gprop();
+    again.arg("run").arg(scene.file_name().unwrap()).args(words).arg("--out").arg(work.path());
+    let output = again.current_dir(scene.parent().unwrap()).output().unwrap();
+    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+    let digests = |report: &Value| -> Vec<Value> {
+        report["stages"].as_array().unwrap().iter().map(|stage| stage["digest"].clone()).collect()
+    };
+    assert_eq!(digests(&json_file(work.path().join("report.json"))), digests(&report));
+    let ply = &report["reproduction"]["inputs"][0];
+    let sum = Command::new("sha256sum").arg(scene.join(ply["path"].as_str().unwrap())).output();
+    if let Ok(sum) = sum {
+        assert!(String::from_utf8_lossy(&sum.stdout).starts_with(ply["sha256"].as_str().unwrap()));
+    }
+}
+
+#[test]
+fn shells_and_man_read_what_describes_the_command_line() {
+    let text = |arguments: &[&str]| {
+        let output = gprop().args(arguments).output().unwrap();
+        assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+        String::from_utf8(output.stdout).unwrap()
+    };
+    let script = text(&["completions", "bash"]);
+    let checked = TempDir::new().unwrap();
+    let path = checked.path().join("gprop.bash");
+    fs::write(&path, &script).unwrap();
+    let complete = format!(
+        "source {}; COMP_WORDS=(gprop mat); COMP_CWORD=1; _gprop gprop mat gprop; echo \"${{COMPREPLY[@]}}\"",
+        path.display()
+    );
+    let completed = Command::new("bash").args(["-c", &complete]).output().unwrap();
+    assert_eq!(String::from_utf8_lossy(&completed.stdout).trim(), "materials", "{completed:?}");
+    for shell in ["zsh", "fish", "elvish", "powershell"] {
+        assert!(text(&["completions", shell]).contains("--gripper"), "{shell}");
+    }
+    assert!(text(&["man"]).starts_with(".ie"), "a manual page is roff");
+    text(&["man", "--out", checked.path().to_str().unwrap()]);
+    let page = |name: &str| -> PathBuf { checked.path().join(name) };
+    assert!(page("gprop.1").exists() && page("gprop-run.1").exists());
+    assert!(fs::read_to_string(page("gprop-run.1")).unwrap().contains("lift"), "the flags are described");
+}

@@ -1,0 +1,29 @@
+//! Reading what lies on disk, and everything that can be wrong with it.
+
+// Intrinsics, distortion, poses.
+mod camera;
+// Camera files of COLMAP, nerfstudio, Blender, 3DGS; photos, masks, orientation, scale.
+mod cameras;
+// Data sets: ABO-500, MVImgNet.
+mod dataset;
+// Loading a whole scene folder: what is found, what is missing, which views are chosen.
+mod folder;
+// Compact splats: .splat, .spz, .compressed.ply.
+mod formats;
+// Photos, masks, cameras and splats that lie outside the scene, by links and by name.
+mod outside;
+// The search for neighbours.
+mod nearest;
+// Gaussians that are set aside, and scales that are refused.
+mod outliers;
+// Photos: colour types, alpha, size.
+mod photo;
+// PLY files of every kind, good and bad.
+mod ply;
+// The README's table: what you have, what to type.
+mod table;
+
+/// A failing case is printed in full; no file is kept beside the sources.
+fn proptest_config() -> proptest::test_runner::Config {
+    proptest::test_runner::Config { failure_persistence: None, ..Default::default() }
+}

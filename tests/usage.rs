@@ -1,0 +1,410 @@
+//! The command line itself: names that are used once, numbers within their domain, files and folders that are there, a
+//! terminal that cannot be written to.
+
+use std::any::TypeId;
+use std::collections::BTreeSet;
+use std::fs::File;
+use std::num::{NonZeroU32, NonZeroUsize};
+use std::path::{Path, PathBuf};
+use std::process::Output;
+
+use clap::error::ErrorKind;
+use clap::{Arg, Command};
+use tempfile::TempDir;
+
+use crate::batch::ball::Balls;
+use crate::run::gprop;
+
+/// Every command with the words that call it, parents before children.
+pub fn commands() -> Vec<(Vec<String>, Command)> {
+    fn gather(command: &Command, words: &[String], found: &mut Vec<(Vec<String>, Command)>) {
+        found.push((words.to_vec(), command.clone()));
+        for child in command.get_subcommands().filter(|child| child.get_name() != "help") {
+            gather(child, &[words, &[child.get_name().to_owned()]].concat(), found);
+        }
+    }
+    let mut root = gprop::cli::command();
+    root.build();
+    let mut found = Vec::new();
+    gather(&root, &[], &mut found);
+    found
+}
+
+#[test]
+fn no_name_is_used_twice_in_a_command() {
+    let mut checked = 0;
+    for (words, command) in commands() {
+        let mut names = Vec::new();
+        for argument in command.get_arguments() {
+            names.push(format!("id {}", argument.get_id()));
+            names.extend(argument.get_long_and_visible_aliases().unwrap_or_default().iter().map(|n| format!("--{n}")));
+            names.extend(argument.get_short_and_visible_aliases().unwrap_or_default().iter().map(|n| format!("-{n}")));
+        }
+        checked += names.len();
+        let distinct: BTreeSet<&String> = names.iter().collect();
+        let twice: Vec<&&String> =
+            distinct.iter().filter(|name| names.iter().filter(|n| *n == **name).count() > 1).collect();
+        assert!(twice.is_empty(), "gprop {}: {twice:?}", words.join(" "));
+    }
+    assert!(checked > 1000, "only {checked} names were found");
+}
+
+/// Whether the command line takes `flag` with `value`, as far as that can be told before anything is opened; else the
+/// message.
+fn parse(words: &[String], flag: &str, value: &str) -> Result<(), String> {
+    let arguments = std::iter::once("gprop".to_owned()).chain(words.iter().cloned()).chain([format!("{flag}={value}")]);
+    match gprop::cli::command().try_get_matches_from(arguments) {
+        Err(error) if error.kind() == ErrorKind::ValueValidation => Err(error.to_string()),
+        // What else the command needs is looked for only when the values are read.
+        _ => Ok(()),
+    }
+}
+
+fn is_one_of(argument: &Arg, types: &[TypeId]) -> bool {
+    argument.get_action().takes_values() && types.iter().any(|id| argument.get_value_parser().type_id() == *id)
+}
+
+fn long(argument: &Arg) -> Option<String> {
+    argument.get_long().map(|name| format!("--{name}"))
+}
+
+/// Where an option's number is looked at.
+#[derive(Clone, Copy, PartialEq)]
+enum Refused {
+    AsItIsRead,
+    /// By the stage's own check, before any stage begins.
+    AsTheSceneIsOpened,
+}
+use Refused::{AsItIsRead, AsTheSceneIsOpened};
+
+/// Every option that takes a number: the least and the most that it takes, and the nearest numbers beyond both.
+const NUMBERS: &[(&str, [&str; 2], [&str; 2], Refused)] = &[
+    ("--threads", ["1", "1024"], ["0", "1025"], AsItIsRead),
+    ("--views", ["1", "100000"], ["0", "100001"], AsItIsRead),
+    ("--render-views", ["1", "100000"], ["0", "100001"], AsItIsRead),
+    ("--points-per-side", ["1", "256"], ["0", "257"], AsItIsRead),
+    ("--min-predicted-iou", ["0", "1"], ["-0.01", "1.01"], AsItIsRead),
+    ("--min-stability", ["0", "1"], ["-0.01", "1.01"], AsItIsRead),
+    ("--stability-offset", ["0", "100"], ["-0.01", "101"], AsItIsRead),
+    ("--box-nms", ["0", "1"], ["-0.01", "1.01"], AsItIsRead),
+    ("--crop-layers", ["0", "4"], ["-1", "5"], AsItIsRead),
+    ("--crop-nms", ["0", "1"], ["-0.01", "1.01"], AsItIsRead),
+    ("--crop-overlap", ["0", "0.99"], ["-0.01", "1"], AsItIsRead),
+    ("--crop-points-downscale", ["1", "256"], ["0", "257"], AsItIsRead),
+    ("--min-region-area", ["0", "400000000"], ["-1", "400000001"], AsItIsRead),
+    ("--crop-margin", ["0", "10"], ["-0.01", "10.1"], AsItIsRead),
+    ("--whole-object", ["0", "1"], ["-0.01", "1.01"], AsItIsRead),
+    ("--cull-iou", ["0", "1"], ["-0.01", "1.01"], AsItIsRead),
+    ("--cull-score", ["0", "1"], ["-0.01", "1.01"], AsItIsRead),
+    ("--cull-inner", ["0", "1"], ["-0.01", "1.01"], AsItIsRead),
+    ("--sheet-size", ["256", "8192"], ["255", "8193"], AsItIsRead),
+    ("--lmm-temperature", ["0", "2"], ["-0.01", "2.01"], AsItIsRead),
+    ("--lmm-max-tokens", ["1", "1000000"], ["0", "1000001"], AsItIsRead),
+    ("--lmm-parallel", ["1", "256"], ["0", "257"], AsItIsRead),
+    ("--lmm-timeout-s", ["1", "86400"], ["0", "86401"], AsItIsRead),
+    ("--lmm-wait-s", ["0", "86400"], ["-1", "86401"], AsItIsRead),
+    ("--lmm-retries", ["0", "100"], ["-1", "101"], AsItIsRead),
+    ("--neighbors", ["1", "1000"], ["0", "1001"], AsItIsRead),
+    ("--volume-cells", ["1000", "1073741824"], ["999", "1073741825"], AsTheSceneIsOpened),
+    ("--carve-views", ["1", "100000"], ["0", "100001"], AsTheSceneIsOpened),
+    ("--fill-density", ["0.001", "1000"], ["0", "1001"], AsTheSceneIsOpened),
+    ("--wall-m", ["0.0001", "100"], ["0", "101"], AsTheSceneIsOpened),
+    ("--min-body-share", ["0", "0.99"], ["-0.01", "1"], AsTheSceneIsOpened),
+    ("--min-part-share", ["0", "0.99"], ["-0.01", "1"], AsTheSceneIsOpened),
+    ("--drop-height", ["0", "1000"], ["-0.01", "1001"], AsItIsRead),
+    ("--tilt-deg", ["-360", "360"], ["-361", "361"], AsItIsRead),
+    ("--fixed-step", ["1e-9", "3600"], ["0", "3601"], AsItIsRead),
+    ("--max-simulation-minutes", ["0.01", "1000000"], ["0", "1000001"], AsItIsRead),
+    ("--max-minutes", ["0.01", "1000000"], ["0", "1000001"], AsItIsRead),
+    ("--duration", ["0.001", "3600"], ["0", "3601"], AsItIsRead),
+    ("--frames", ["2", "10000"], ["1", "10001"], AsItIsRead),
+    ("--grid", ["4", "512"], ["3", "513"], AsItIsRead),
+    ("--gravity", ["-1000", "1000"], ["-1001", "1001"], AsItIsRead),
+    ("--ground-friction", ["0", "100"], ["-0.01", "101"], AsItIsRead),
+    ("--max-stiffness", ["1", "1e13"], ["0", "1.1e13"], AsItIsRead),
+    ("--cfl", ["0.001", "1"], ["0", "1.01"], AsItIsRead),
+    ("--azimuth-deg", ["-360", "360"], ["-361", "361"], AsItIsRead),
+    ("--elevation-deg", ["-90", "90"], ["-91", "91"], AsItIsRead),
+    ("--lift-angle-deg", ["0", "90"], ["-0.01", "90.1"], AsTheSceneIsOpened),
+    ("--max-curvature", ["0.001", "1000000"], ["0", "1000001"], AsTheSceneIsOpened),
+    ("--force-margin", ["0", "0.5"], ["-0.01", "0.51"], AsTheSceneIsOpened),
+    // A batch's. A range of scenes may be as long as it likes: what is beyond the last scene is empty.
+    ("--start", ["0", "18446744073709551615"], ["-1", "18446744073709551616"], AsItIsRead),
+    ("--end", ["0", "18446744073709551615"], ["-1", "18446744073709551616"], AsItIsRead),
+    ("--jobs", ["1", "1024"], ["0", "1025"], AsItIsRead),
+    ("--memory", ["0.001", "1000000"], ["0", "1000001"], AsItIsRead),
+    // Several numbers in one value.
+    ("--shard", ["0/1", "999999/1000000"], ["1/1", "0/4294967296"], AsItIsRead),
+    ("--point", ["0,0,0", "-1e9,1e9,0"], ["0,0", "0,0,1e400"], AsItIsRead),
+    ("--object-box", ["0,0,0:1,1,1", "-1e9,0,0:1,1,1"], ["0,0,0", "0,0,0:1,1,1e400"], AsItIsRead),
+    ("--scale", ["1e-9", "1000000"], ["0", "1000001"], AsItIsRead),
+];
+
+/// What is a number nowhere, or not one that means anything here.
+const NO_NUMBERS: &[&str] =
+    &["NaN", "nan", "inf", "-inf", "1e400", "-1e400", "99999999999999999999999", "", "many", "0x10", "١"];
+
+#[test]
+fn every_number_is_within_a_domain() {
+    let types = [
+        TypeId::of::<f32>(),
+        TypeId::of::<f64>(),
+        TypeId::of::<u16>(),
+        TypeId::of::<u32>(),
+        TypeId::of::<u64>(),
+        TypeId::of::<usize>(),
+        TypeId::of::<i64>(),
+        TypeId::of::<NonZeroU32>(),
+        TypeId::of::<NonZeroUsize>(),
+    ];
+    let mut untested = BTreeSet::new();
+    for (words, command) in commands().into_iter().skip(1) {
+        for argument in command.get_arguments() {
+            let Some(flag) = long(argument) else { continue };
+            let Some((_, taken, beyond, refused)) = NUMBERS.iter().find(|(known, ..)| *known == flag) else {
+                untested.extend(is_one_of(argument, &types).then_some(flag));
+                continue;
+            };
+            for value in taken {
+                assert_eq!(parse(&words, &flag, value), Ok(()), "{words:?}");
+            }
+            if *refused == AsItIsRead {
+                for value in beyond.iter().chain(NO_NUMBERS) {
+                    let message = parse(&words, &flag, value).expect_err(&format!("{words:?} {flag}={value}"));
+                    assert!(message.contains(&flag), "{message}");
+                }
+            }
+        }
+    }
+    // Its own test is with the budgets.
+    untested.remove("--max-usd");
+    assert_eq!(untested, BTreeSet::new(), "give these a domain and a line in NUMBERS");
+}
+
+#[test]
+fn numbers_beyond_their_domain_end_with_code_2_before_anything_is_done() {
+    let balls = Balls::new(1);
+    let run = |flag: &str, value: &str| {
+        let mut command = gprop();
+        command.arg("run").arg(balls.scene(0)).arg(format!("{flag}={value}")).args(["--to", "scene"]).output().unwrap()
+    };
+    let of_runs = |flag: &str| !["--start", "--end", "--jobs", "--memory", "--shard"].contains(&flag);
+    for (flag, taken, beyond, refused) in NUMBERS.iter().filter(|(flag, ..)| of_runs(flag)) {
+        // The others are refused by one parser, which the test above has.
+        let hostile =
+            if *refused == AsTheSceneIsOpened { NO_NUMBERS } else { &["NaN", "-99999999999", "99999999999999"] };
+        for value in beyond.iter().chain(hostile) {
+            let output = run(flag, value);
+            let message = stderr(&output);
+            assert_eq!(output.status.code(), Some(2), "{flag}={value}: {message}");
+            assert!(message.contains(flag), "{message}");
+            assert!(!balls.scene(0).join("gprop/views.json").exists());
+        }
+        if *refused == AsTheSceneIsOpened {
+            for value in taken {
+                let output = run(flag, value);
+                assert_eq!(output.status.code(), Some(0), "{flag}={value}: {}", stderr(&output));
+            }
+            std::fs::remove_dir_all(balls.scene(0).join("gprop")).unwrap();
+        }
+    }
+    let batch =
+        gprop().arg("batch").arg(balls.folder()).args(["--dry-run", "--shard", "0/4294967296"]).output().unwrap();
+    assert_eq!(batch.status.code(), Some(2));
+    assert!(stderr(&batch).contains("N up to 1000000"), "{}", stderr(&batch));
+}
+
+fn stderr(output: &Output) -> String {
+    String::from_utf8_lossy(&output.stderr).into_owned()
+}
+
+/// What an option's path must be.
+#[derive(Clone, Copy, Debug, PartialEq)]
+enum Wants {
+    File,
+    Folder,
+    FileOrFolder,
+    /// A folder that is made if it is not there.
+    NewFolder,
+    /// Written, or looked for within each scene: there is nothing to check beforehand.
+    Anything,
+}
+
+/// Every option that takes a path.
+const PATHS: &[(&str, Wants)] = &[
+    ("--splat", Wants::File),
+    ("--cameras", Wants::FileOrFolder),
+    ("--images", Wants::Folder),
+    ("--allow-read", Wants::Folder),
+    ("--masks", Wants::Folder),
+    ("--segments", Wants::Folder),
+    ("--ort-lib", Wants::File),
+    ("--sam-encoder", Wants::File),
+    ("--sam-decoder", Wants::File),
+    ("--labels", Wants::File),
+    ("--prompts", Wants::Folder),
+    ("--recordings", Wants::NewFolder),
+    ("--prices", Wants::File),
+    ("--materials", Wants::FileOrFolder),
+    ("--config", Wants::File),
+    ("--import", Wants::Folder),
+    ("--mask", Wants::File),
+    ("--outcomes", Wants::File),
+    ("--objects", Wants::File),
+    ("--predictions", Wants::File),
+    ("--gripper", Wants::File),
+    ("--scenario", Wants::File),
+    ("--split", Wants::File),
+    ("--truth", Wants::Anything),
+    ("--out", Wants::Anything),
+    ("--work", Wants::Anything),
+    ("--export", Wants::Anything),
+    ("--html", Wants::Anything),
+    ("--plot", Wants::Anything),
+    ("--profile", Wants::Anything),
+];
+
+/// Options whose value may be a name too: they are looked at by those who know the names.
+const NAMES_OR_PATHS: &[&str] = &["--gripper", "--scenario", "--split"];
+
+#[test]
+fn every_path_is_looked_at() {
+    let home = TempDir::new().unwrap();
+    let (file, folder, nowhere) = (home.path().join("file"), home.path().join("folder"), home.path().join("nowhere"));
+    std::fs::write(&file, "").unwrap();
+    std::fs::create_dir(&folder).unwrap();
+    let text = |path: &Path| path.to_str().unwrap().to_owned();
+    let mut untested = BTreeSet::new();
+    let mut checked = 0;
+    for (words, command) in commands().into_iter().skip(1) {
+        for argument in command.get_arguments() {
+            let Some(flag) = long(argument) else { continue };
+            // `evaluate segmentation --labels` names a set of labels.
+            let names_a_set = !argument.get_possible_values().is_empty();
+            let Some((_, wants)) = PATHS.iter().find(|(known, _)| *known == flag && !names_a_set) else {
+                untested.extend(is_one_of(argument, &[TypeId::of::<PathBuf>()]).then_some(flag));
+                continue;
+            };
+            if NAMES_OR_PATHS.contains(&flag.as_str()) {
+                continue;
+            }
+            // `evaluate mass --truth` is a file; that of `evaluate segmentation` may lie within each scene.
+            let is_masses = flag == "--truth" && words.ends_with(&["mass".to_owned()]);
+            let refused: &[&PathBuf] = match if is_masses { &Wants::File } else { wants } {
+                Wants::File => &[&nowhere, &folder],
+                Wants::Folder => &[&nowhere, &file],
+                Wants::FileOrFolder => &[&nowhere],
+                Wants::NewFolder => &[&file],
+                Wants::Anything => &[],
+            };
+            for path in [&file, &folder, &nowhere] {
+                let parsed = parse(&words, &flag, &text(path));
+                assert_eq!(parsed.is_err(), refused.contains(&path), "{words:?} {flag} {path:?}: {parsed:?}");
+                if let Err(message) = parsed {
+                    assert!(message.contains(&flag) && message.contains(&text(path)), "{message}");
+                }
+                checked += 1;
+            }
+        }
+    }
+    assert_eq!(untested, BTreeSet::new(), "give these a line in PATHS");
+    assert!(checked > 300, "only {checked} paths were looked at");
+}
+
+#[test]
+fn paths_that_are_not_there_end_with_a_code_and_their_name() {
+    let home = TempDir::new().unwrap();
+    let (file, nowhere) = (home.path().join("file"), home.path().join("nowhere"));
+    std::fs::write(&file, "no = such = thing").unwrap();
+    let balls = Balls::new(1);
+    let (file, nowhere) = (file.to_str().unwrap(), nowhere.to_str().unwrap());
+    let scene = balls.scene(0);
+    let data = balls.folder();
+    let (scene, data) = (scene.to_str().unwrap(), data.to_str().unwrap());
+    // What is typed, and the words of the message.
+    let table: &[(&[&str], &[&str])] = &[
+        (&["run", scene, "--masks", nowhere], &["--masks", nowhere, "no such folder"]),
+        (&["run", scene, "--masks", file], &["--masks", file, "this is a file"]),
+        (&["inspect", scene, "--splat", data], &["--splat", data, "this is a folder"]),
+        (&["segment", scene, "--segments", nowhere], &["--segments", nowhere]),
+        (&["query", scene, "--prompts", nowhere], &["--prompts", nowhere]),
+        (&["query", scene, "--labels", nowhere], &["--labels", nowhere, "abo, mvimgnet or a text file"]),
+        (&["query", scene, "--import", nowhere], &["--import", nowhere]),
+        (&["query", scene, "--export", file], &[file]),
+        (&["query", scene, "--recordings", file], &["--recordings", file]),
+        (&["run", scene, "--prices", nowhere], &["--prices", nowhere]),
+        (&["run", scene, "--materials", nowhere], &["--materials", nowhere]),
+        (&["run", scene, "--gripper", nowhere], &["--gripper", nowhere]),
+        (&["run", scene, "--gripper", file], &["gripper", file, "line 1"]),
+        (&["run", scene, "--gripper", data], &["gripper", data]),
+        (&["simulate", scene, "--scenario", nowhere], &["--scenario", nowhere]),
+        (&["simulate", scene, "--scenario", data], &["--scenario", data]),
+        (&["simulate", scene, "--compat", "physgaussian", "--config", nowhere], &["--config", nowhere]),
+        (&["batch", data, "--split", nowhere], &["--split", nowhere]),
+        (&["batch", nowhere], &[nowhere]),
+        (&["run", scene, "--out", file], &[file, "--out"]),
+        (&["run", nowhere], &[nowhere]),
+        (&["export", nowhere, "--format", "npz", "--out", data], &[nowhere]),
+        (&["export", scene, "--format", "npz", "--out", file], &[file, "--out"]),
+        (&["inspect", scene, "--html", data], &["--html", data]),
+        (&["evaluate", "grasp", "--outcomes", nowhere], &["--outcomes", nowhere]),
+        (&["evaluate", "grasp", "--objects", file, "--gripper", nowhere], &["--gripper", nowhere]),
+        (&["evaluate", "mass", "--predictions", nowhere, "--truth", file], &["--predictions", nowhere]),
+        (&["evaluate", "mass", "--predictions", file, "--truth", nowhere], &["--truth", nowhere]),
+        (&["evaluate", "mass", nowhere], &[nowhere]),
+        (&["evaluate", "hardness", nowhere], &[nowhere]),
+        (&["evaluate", "simulation", nowhere], &[nowhere]),
+        (&["evaluate", "simulation", data], &[data]),
+        (&["evaluate", "masks", nowhere, file], &[nowhere]),
+        (&["grasp", "calibrate", nowhere], &[nowhere]),
+        (&["materials", "list", "--materials", nowhere], &["--materials", nowhere]),
+        (&["doctor", "--ort-lib", nowhere], &["--ort-lib", nowhere]),
+        (&["setup", "--sam-encoder", nowhere, "--sam-decoder", nowhere], &["--sam-encoder", nowhere]),
+        (&["man", "--out", file], &[file]),
+    ];
+    for (typed, words) in table {
+        let mut command = gprop();
+        command.env_remove("OPENAI_API_KEY").args(*typed);
+        if *typed.first().unwrap() != "batch" && typed.contains(&scene) && !["inspect", "evaluate"].contains(&typed[0])
+        {
+            command.args(balls.answers());
+        }
+        let output = command.output().unwrap();
+        let message = stderr(&output);
+        assert!([Some(2), Some(3)].contains(&output.status.code()), "{typed:?}: {:?} {message}", output.status);
+        assert_eq!(message.matches("error:").count(), 1, "{typed:?}: {message}");
+        for word in *words {
+            assert!(message.contains(word), "{typed:?}: no {word:?} in {message}");
+        }
+    }
+}
+
+#[cfg(target_os = "linux")]
+#[test]
+fn output_that_cannot_be_written_aborts_nothing() {
+    let full = || File::options().write(true).open("/dev/full").unwrap();
+    let balls = Balls::new(1);
+    let scene = balls.scene(0);
+    let scene = scene.to_str().unwrap();
+    let table: [(&[&str], i32); 6] = [
+        (&["run", scene, "--to", "scene"], 0),
+        (&["run", scene, "--to", "scene", "-vv"], 0),
+        (&["run", "nowhere"], 3),
+        (&["run", scene, "--views", "0"], 2),
+        (&["nonsense"], 2),
+        (&["doctor", "--offline", "--ort-lib", "nowhere"], 2),
+    ];
+    for (typed, code) in table {
+        let output = gprop().args(typed).stderr(full()).output().unwrap();
+        assert_eq!(output.status.code(), Some(code), "{typed:?}");
+    }
+    // A missing photo is warned of, and a batch tells of each scene.
+    std::fs::remove_file(balls.scene(0).join("images/001.png")).unwrap();
+    let output = gprop().args(["run", scene, "--to", "scene"]).stderr(full()).output().unwrap();
+    assert_eq!(output.status.code(), Some(0));
+    let output = gprop().arg("batch").arg(balls.folder()).args(["--to", "scene"]).stderr(full()).output().unwrap();
+    assert_eq!(output.status.code(), Some(0));
+    // Nothing can be told at all.
+    let output = gprop().args(["run", scene, "--to", "scene"]).stdout(full()).stderr(full()).status().unwrap();
+    assert_eq!(output.code(), Some(2));
+}
