@@ -32,6 +32,13 @@ pub enum Stop {
     Error(QueryError),
 }
 
+impl Stop {
+    /// Whether an answer that was paid for could not be kept where it belongs.
+    pub fn is_unkept(&self) -> bool {
+        matches!(self, Self::Error(QueryError::Unkept { .. }))
+    }
+}
+
 /// A reply with what it says, or why it cannot be used.
 struct CheckedReply<'a> {
     reading: Result<Reading<'a>, Problem>,

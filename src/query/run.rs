@@ -263,7 +263,10 @@ fn ask_all(
             };
             if let Err(reason) = kept {
                 live.ledger.close();
-                stop.get_or_insert(reason);
+                // The first reason is told, but a paid answer that could not be kept comes before any other.
+                if stop.as_ref().is_none_or(|told: &Stop| reason.is_unkept() && !told.is_unkept()) {
+                    stop = Some(reason);
+                }
             }
         }
     });

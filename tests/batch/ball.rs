@@ -10,11 +10,9 @@ use image::{Rgba, RgbaImage};
 use nalgebra::{Matrix4, Point3, Vector3};
 use serde_json::{Value, json};
 use tempfile::TempDir;
-use tokio::runtime::Runtime;
-use wiremock::matchers::path;
-use wiremock::{Mock, MockServer, ResponseTemplate};
 
 use crate::query::{a, completion, good_answer};
+use crate::support::server::{MockServer, Response};
 use crate::vote::build::{Blob, camera_at, cloud};
 
 const RADIUS_M: f64 = 0.1;
@@ -23,7 +21,6 @@ const EYES: [[f64; 3]; 3] = [[0.4, 0.1, 0.05], [-0.2, 0.35, 0.0], [-0.15, -0.3, 
 /// Scenes `ball-0`, `ball-1`, ... in a folder, each with its label maps.
 pub struct Balls {
     home: TempDir,
-    _runtime: Runtime,
     server: MockServer,
 }
 
@@ -34,14 +31,9 @@ impl Balls {
 
     /// The same with a server that gives another answer.
     pub fn answering(count: usize, answer: &Value) -> Self {
-        let runtime = Runtime::new().unwrap();
-        let server = runtime.block_on(async {
-            let server = MockServer::start().await;
-            let answer = ResponseTemplate::new(200).set_body_json(completion(&answer.to_string()));
-            Mock::given(path("/v1/chat/completions")).respond_with(answer).mount(&server).await;
-            server
-        });
-        let balls = Self { home: tempfile::tempdir().unwrap(), _runtime: runtime, server };
+        let answer = Response::new(200).json(completion(&answer.to_string()));
+        let server = MockServer::new(move |_| answer.clone());
+        let balls = Self { home: tempfile::tempdir().unwrap(), server };
         (0..count).for_each(|number| balls.write(number));
         balls
     }

@@ -7,15 +7,12 @@ use std::process::Stdio;
 use std::sync::atomic::{AtomicU32, Ordering};
 use std::time::Instant;
 
-use tokio::runtime::Runtime;
-use wiremock::matchers::path;
-use wiremock::{Mock, MockServer, Request, ResponseTemplate};
-
 use super::Mounted;
 use crate::batch::ball::Balls;
 use crate::batch::contents;
 use crate::query::{a, completion, good_answer};
 use crate::run::gprop;
+use crate::support::server::{MockServer, Response};
 use crate::vote::build::Noise;
 
 /// As many as a test run has time for; the environment variable `GPROP_CHAOS_RUNS` asks for more.
@@ -25,7 +22,6 @@ const SEED: u64 = 17;
 
 /// A server that answers well or fails in one of many ways, as often as it is told.
 struct FailingServer {
-    _runtime: Runtime,
     server: MockServer,
     failures_in_a_hundred: std::sync::Arc<AtomicU32>,
 }
@@ -35,27 +31,21 @@ impl FailingServer {
         let failures_in_a_hundred = std::sync::Arc::new(AtomicU32::new(0));
         let (share, count) = (failures_in_a_hundred.clone(), AtomicU32::new(0));
         let good = completion(&good_answer(a("wood")).to_string());
-        let respond = move |_: &Request| {
+        let server = MockServer::new(move |_| {
             let number = count.fetch_add(1, Ordering::Relaxed);
             // 61 and 100 have no common factor: every hundred requests fail in just that share.
             if number.wrapping_mul(61) % 100 >= share.load(Ordering::Relaxed) {
-                return ResponseTemplate::new(200).set_body_json(&good);
+                return Response::new(200).json(&good);
             }
             match number % 5 {
-                0 => ResponseTemplate::new(500).set_body_string("overloaded"),
-                1 => ResponseTemplate::new(429).insert_header("retry-after", "86400"),
-                2 => ResponseTemplate::new(200).set_body_string("{\"choices\": [{\"mess"),
-                3 => ResponseTemplate::new(200).set_body_json(completion("it is made of cheese")),
-                _ => ResponseTemplate::new(401).set_body_string("who are you?"),
+                0 => Response::new(500).text("overloaded"),
+                1 => Response::new(429).header("retry-after", "86400"),
+                2 => Response::new(200).text("{\"choices\": [{\"mess"),
+                3 => Response::new(200).json(completion("it is made of cheese")),
+                _ => Response::new(401).text("who are you?"),
             }
-        };
-        let runtime = Runtime::new().unwrap();
-        let server = runtime.block_on(async {
-            let server = MockServer::start().await;
-            Mock::given(path("/v1/chat/completions")).respond_with(respond).mount(&server).await;
-            server
         });
-        Self { _runtime: runtime, server, failures_in_a_hundred }
+        Self { server, failures_in_a_hundred }
     }
 
     fn fails(&self, in_a_hundred: u32) {

@@ -119,7 +119,7 @@ fn the_key_goes_to_the_named_server_only() {
     let location = format!("{evil_url}/chat/completions");
     let good = good_answer(a("wood")).to_string();
     let named = Server::new(move |count, _, _| match count {
-        0 => error(307, "elsewhere").insert_header("location", location.as_str()),
+        0 => error(307, "elsewhere").header("location", location.as_str()),
         _ => crate::query::client::ok(&good),
     });
     let options = named.options();

@@ -9,11 +9,9 @@ use gprop::progress::Progress;
 use gprop::query::{AnswerSource, Options, QueryError};
 use gprop::workdir::WorkDir;
 use serde_json::{Value, json};
-use tokio::runtime::Runtime;
-use wiremock::matchers::{method, path, path_regex};
-use wiremock::{Mock, MockServer, Request, ResponseTemplate};
 
 use super::{View, a, completion, good_answer, small, two_parts};
+use crate::support::server::{MockServer, Response, json_of};
 
 /// What the server has been sent, and what it says of its batch.
 #[derive(Default)]
@@ -27,42 +25,26 @@ struct Held {
 }
 
 pub struct BatchApiServer {
-    _runtime: Runtime,
     mock: MockServer,
     held: Arc<Mutex<Held>>,
 }
-
-/// What the server does with a request.
-type Respond = Box<dyn Fn(&mut Held, &Request) -> ResponseTemplate + Send + Sync>;
 
 impl BatchApiServer {
     /// A server that answers Chat Completions with `answer` and accepts every batch.
     pub fn new(answer: &Value) -> Self {
         let held = Arc::new(Mutex::new(Held::default()));
-        let runtime = Runtime::new().unwrap();
-        let chat = ResponseTemplate::new(200).set_body_json(completion(&answer.to_string()));
-        let mock = runtime.block_on(async {
-            let server = MockServer::start().await;
-            let mount = async |verb: &str, at: &str, respond: Respond| {
-                let held = Arc::clone(&held);
-                let respond = move |request: &Request| respond(&mut held.lock().unwrap(), request);
-                Mock::given(method(verb)).and(path_regex(at)).respond_with(respond).mount(&server).await;
-            };
-            Mock::given(path("/v1/chat/completions")).respond_with(chat).mount(&server).await;
-            mount(
-                "POST",
-                "^/v1/files$",
-                Box::new(|held, request| {
+        let chat = completion(&answer.to_string());
+        let state = Arc::clone(&held);
+        let mock = MockServer::new(move |request| {
+            let held = &mut *state.lock().unwrap();
+            match (request.method.as_str(), request.path()) {
+                (_, "/v1/chat/completions") => json_body(&chat),
+                ("POST", "/v1/files") => {
                     held.uploads.push(lines_of_upload(&request.body));
                     json_body(json!({ "id": format!("file-{}", held.uploads.len()) }))
-                }),
-            )
-            .await;
-            mount(
-                "POST",
-                "^/v1/batches$",
-                Box::new(|held, request| {
-                    let order: Value = serde_json::from_slice(&request.body).unwrap();
+                }
+                ("POST", "/v1/batches") => {
+                    let order = json_of(request);
                     assert_eq!(order["input_file_id"], format!("file-{}", held.uploads.len()));
                     assert_eq!(
                         (&order["endpoint"], &order["completion_window"]),
@@ -70,25 +52,14 @@ impl BatchApiServer {
                     );
                     held.started += 1;
                     json_body(json!({ "id": format!("batch-{}", held.started), "status": "validating" }))
-                }),
-            )
-            .await;
-            mount("GET", "^/v1/batches/batch-", Box::new(|held, _| json_body(held.status.clone()))).await;
-            mount(
-                "GET",
-                "^/v1/files/output/content$",
-                Box::new(|held, _| ResponseTemplate::new(200).set_body_string(&held.output)),
-            )
-            .await;
-            mount(
-                "GET",
-                "^/v1/files/errors/content$",
-                Box::new(|held, _| ResponseTemplate::new(200).set_body_string(&held.errors)),
-            )
-            .await;
-            server
+                }
+                ("GET", "/v1/files/output/content") => Response::new(200).text(&held.output),
+                ("GET", "/v1/files/errors/content") => Response::new(200).text(&held.errors),
+                ("GET", path) if path.starts_with("/v1/batches/batch-") => json_body(&held.status),
+                _ => Response::new(404),
+            }
         });
-        Self { _runtime: runtime, mock, held }
+        Self { mock, held }
     }
 
     pub fn set(&self, status: Value, output: &[Value], errors: &[Value]) {
@@ -117,8 +88,8 @@ impl BatchApiServer {
     }
 }
 
-fn json_body(value: Value) -> ResponseTemplate {
-    ResponseTemplate::new(200).set_body_json(value)
+fn json_body(value: impl serde::Serialize) -> Response {
+    Response::new(200).json(value)
 }
 
 /// The JSON lines in a multipart body.

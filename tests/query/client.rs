@@ -3,6 +3,7 @@
 use std::sync::atomic::{AtomicUsize, Ordering};
 use std::time::Duration;
 
+use crate::support::server::{MockServer, Request, Response, json_of};
 use gprop::query::asker::{Ask, AskError, Asker, Correction, Reply, ReplyContent};
 use gprop::query::client::{ApiKey, Client, ClientError};
 use gprop::query::cost::Cost;
@@ -10,42 +11,28 @@ use gprop::query::ledger::Ledger;
 use gprop::query::recorded::Usage;
 use gprop::query::{Failure, Options, Outcome, Prompts, QueryError};
 use serde_json::{Value, json};
-use tokio::runtime::Runtime;
-use wiremock::matchers::{method, path};
-use wiremock::{Mock, MockServer, Request, ResponseTemplate};
 
 use super::{a, completion, connect, good_answer, grid, prepare, recordings, run, small, two_parts};
 
 /// What a key looks like; found anywhere it must not be, it fails the test.
 pub const CANARY: &str = "sk-canary-5f2e8c1d9b7a";
 
-pub struct Server {
-    runtime: Runtime,
-    mock: MockServer,
-}
+pub struct Server(MockServer);
 
 impl Server {
     /// A server that answers its n-th request, from 0, as `respond` says.
-    pub fn new(respond: impl Fn(usize, &Value, &Request) -> ResponseTemplate + Send + Sync + 'static) -> Self {
-        let runtime = Runtime::new().unwrap();
-        let mock = runtime.block_on(async {
-            let server = MockServer::start().await;
-            let count = AtomicUsize::new(0);
-            Mock::given(method("POST"))
-                .and(path("/v1/chat/completions"))
-                .respond_with(move |request: &Request| {
-                    let body: Value = serde_json::from_slice(&request.body).expect("the client sends JSON");
-                    respond(count.fetch_add(1, Ordering::SeqCst), &body, request)
-                })
-                .mount(&server)
-                .await;
-            server
-        });
-        Self { runtime, mock }
+    pub fn new(respond: impl Fn(usize, &Value, &Request) -> Response + Send + Sync + 'static) -> Self {
+        let count = AtomicUsize::new(0);
+        Self(MockServer::new(move |request| match (request.method.as_str(), request.path()) {
+            ("POST", "/v1/chat/completions") => {
+                respond(count.fetch_add(1, Ordering::SeqCst), &json_of(request), request)
+            }
+            _ => Response::new(404),
+        }))
     }
 
     pub fn options(&self) -> Options {
-        Options { lmm_url: Some(format!("{}/v1", self.mock.uri())), lmm_model: Some("test-model".into()), ..small() }
+        Options { lmm_url: Some(format!("{}/v1", self.0.uri())), lmm_model: Some("test-model".into()), ..small() }
     }
 
     fn client(&self) -> Client {
@@ -53,8 +40,7 @@ impl Server {
     }
 
     pub fn requests(&self) -> Vec<Value> {
-        let requests = self.runtime.block_on(self.mock.received_requests()).unwrap();
-        requests.iter().map(|request| serde_json::from_slice(&request.body).unwrap()).collect()
+        self.0.requests().iter().map(json_of).collect()
     }
 
     /// Asks one made-up question.
@@ -71,16 +57,16 @@ pub fn ask(client: &Client, correction: Option<Correction>) -> Result<Reply, Ask
     client.ask(Ask { question: queries.questions.first(), picture: &queries.parts[0].jpeg, correction }, &account)
 }
 
-pub fn ok(text: &str) -> ResponseTemplate {
-    ResponseTemplate::new(200).set_body_json(completion(text))
+pub fn ok(text: &str) -> Response {
+    Response::new(200).json(completion(text))
 }
 
-pub fn error(status: u16, message: &str) -> ResponseTemplate {
-    ResponseTemplate::new(status).set_body_json(json!({ "error": { "message": message } }))
+pub fn error(status: u16, message: &str) -> Response {
+    Response::new(status).json(json!({ "error": { "message": message } }))
 }
 
-fn soon(status: u16) -> ResponseTemplate {
-    error(status, "later").insert_header("retry-after-ms", "1")
+fn soon(status: u16) -> Response {
+    error(status, "later").header("retry-after-ms", "1")
 }
 
 #[test]
@@ -158,9 +144,7 @@ fn a_cut_body_is_asked_for_again() {
     let server = Server::new(|count, _, _| {
         let whole = completion("{}").to_string();
         if count == 0 {
-            return ResponseTemplate::new(200)
-                .set_body_raw(whole[..whole.len() / 2].to_owned(), "application/json")
-                .insert_header("retry-after-ms", "1");
+            return Response::new(200).text(&whole[..whole.len() / 2]).header("retry-after-ms", "1");
         }
         ok("{}")
     });
@@ -171,7 +155,7 @@ fn a_cut_body_is_asked_for_again() {
 #[test]
 fn retry_after_is_kept_to() {
     let server = Server::new(|count, _, _| match count {
-        0 => error(429, "slow down").insert_header("retry-after", "1"),
+        0 => error(429, "slow down").header("retry-after", "1"),
         _ => ok("{}"),
     });
     // At least what the server asks for: however slow the machine is, it is not less.
@@ -179,7 +163,7 @@ fn retry_after_is_kept_to() {
     server.ask().unwrap();
     assert!(start.elapsed() >= Duration::from_secs(1), "{:?}", start.elapsed());
     // A server that wants an hour is given up on at once.
-    let server = Server::new(|_, _, _| error(503, "maintenance").insert_header("retry-after", "3600"));
+    let server = Server::new(|_, _, _| error(503, "maintenance").header("retry-after", "3600"));
     assert!(matches!(server.ask(), Err(AskError::Failed(_))));
     assert_eq!(server.requests().len(), 1);
 }
@@ -195,7 +179,7 @@ fn a_server_that_never_recovers_fails_after_the_retries() {
 #[test]
 fn a_slow_server_runs_into_the_time_out() {
     // Longer than any test takes: a slow machine waits no less for it, and nobody waits to its end.
-    let server = Server::new(|_, _, _| ok("{}").set_delay(Duration::from_secs(3600)));
+    let server = Server::new(|_, _, _| ok("{}").delay(Duration::from_secs(3600)));
     let options = Options { lmm_timeout_s: 1, lmm_retries: 0, ..server.options() };
     let client = connect(&options, None).unwrap().unwrap();
     let AskError::Failed(message) = ask(&client, None).unwrap_err() else { panic!() };
@@ -208,10 +192,9 @@ fn refusals_are_told_apart_from_failures() {
         "message": { "role": "assistant", "content": null, "refusal": "I can't help with that." } }] });
     let filtered = json!({ "choices": [{ "finish_reason": "content_filter", "message": { "content": "" } }] });
     let table = [
-        ResponseTemplate::new(200).set_body_json(refusal),
-        ResponseTemplate::new(200).set_body_json(filtered),
-        ResponseTemplate::new(400)
-            .set_body_json(json!({ "error": { "message": "no", "code": "content_policy_violation" } })),
+        Response::new(200).json(refusal),
+        Response::new(200).json(filtered),
+        Response::new(400).json(json!({ "error": { "message": "no", "code": "content_policy_violation" } })),
     ];
     for response in table {
         let server = Server::new(move |_, _, _| response.clone());
@@ -219,19 +202,19 @@ fn refusals_are_told_apart_from_failures() {
         assert_eq!(server.requests().len(), 1, "a refusal is not asked again");
     }
     let thinking = json!({ "choices": [{ "finish_reason": "length", "message": { "content": "" } }] });
-    let server = Server::new(move |_, _, _| ResponseTemplate::new(200).set_body_json(thinking.clone()));
+    let server = Server::new(move |_, _, _| Response::new(200).json(thinking.clone()));
     assert!(matches!(server.ask().unwrap().content, ReplyContent::Empty(why) if why.contains("--lmm-max-tokens")));
 }
 
 #[test]
 fn what_no_repetition_mends_is_hopeless_at_once() {
-    let quota = ResponseTemplate::new(429)
-        .set_body_json(json!({ "error": { "message": "You exceeded your quota", "code": "insufficient_quota" } }));
+    let quota = Response::new(429)
+        .json(json!({ "error": { "message": "You exceeded your quota", "code": "insufficient_quota" } }));
     let table = [
         (error(401, "Incorrect API key"), "OPENAI_API_KEY"),
         (error(404, "The model `test-model` does not exist"), "--lmm-model"),
         (quota, "quota"),
-        (ResponseTemplate::new(301).insert_header("location", "https://elsewhere"), "--lmm-url"),
+        (Response::new(301).header("location", "https://elsewhere"), "--lmm-url"),
     ];
     for (response, named) in table {
         let server = Server::new(move |_, _, _| response.clone());
@@ -257,7 +240,7 @@ fn nobody_there_is_hopeless() {
 fn content_in_parts_is_read_as_text() {
     let content = json!([{ "type": "text", "text": "{\"a\"" }, { "type": "text", "text": ":1}" }]);
     let parts = json!({ "choices": [{ "message": { "content": content } }] });
-    let server = Server::new(move |_, _, _| ResponseTemplate::new(200).set_body_json(parts.clone()));
+    let server = Server::new(move |_, _, _| Response::new(200).json(parts.clone()));
     let reply = server.ask().unwrap();
     assert_eq!((reply.content, reply.usage), (ReplyContent::Text("{\"a\":1}".into()), None));
 }
@@ -286,10 +269,10 @@ fn the_key_appears_nowhere_but_in_its_header() {
     let folder = tempfile::tempdir().unwrap();
     // A server that sends everything it got back: in errors, in answers, in refusals.
     let server = Server::new(|count, _, request| {
-        let header = request.headers["authorization"].to_str().unwrap().to_owned();
+        let header = request.header("authorization").unwrap().to_owned();
         assert_eq!(header, format!("Bearer {CANARY}"));
         match count {
-            0 => error(500, &format!("no luck with {header}")).insert_header("retry-after-ms", "1"),
+            0 => error(500, &format!("no luck with {header}")).header("retry-after-ms", "1"),
             1 => {
                 let mut answer = good_answer(a("wood"));
                 answer["caption"] = json!(format!("sent with {header}"));

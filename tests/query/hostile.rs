@@ -11,11 +11,10 @@ use gprop::query::asker::{AskError, Reply, ReplyContent};
 use gprop::query::cost::{Price, PriceTable};
 use gprop::query::{Options, Outcome, Prompts, QueryError, Run};
 use serde_json::{Value, json};
-use wiremock::matchers::{method, path, query_param};
-use wiremock::{Mock, MockServer, ResponseTemplate};
 
 use super::client::{Server, ask, error, ok};
 use super::{a, completion, connect, good_answer, one_part, prepare, recordings, small, two_parts};
+use crate::support::server::{MockServer, Response};
 
 /// A server that reads each request whole and then does with the connection as it likes.
 pub struct RawServer {
@@ -149,7 +148,7 @@ fn an_answer_is_kept_whatever_the_usage_says() {
             }
             Some(usage) => super::with(completion(&good_answer(a("wood")).to_string()), "usage", usage.clone()),
         };
-        let server = Server::new(move |_, _, _| ResponseTemplate::new(200).set_body_json(body.clone()));
+        let server = Server::new(move |_, _, _| Response::new(200).json(body.clone()));
         let (folder, options) = (tempfile::tempdir().unwrap(), server.options());
         let client = connect(&options, None).unwrap().unwrap();
         let queries = prepare(&[two_parts("000", 80, 80)], &prompts, &options);
@@ -169,7 +168,7 @@ fn an_answer_is_kept_whatever_else_is_of_another_type() {
     body["model"] = json!(7);
     body["choices"][0]["finish_reason"] = json!({ "why": "it was done" });
     body["choices"][0]["message"]["refusal"] = json!(false);
-    let server = Server::new(move |_, _, _| ResponseTemplate::new(200).set_body_json(body.clone()));
+    let server = Server::new(move |_, _, _| Response::new(200).json(body.clone()));
     let client = connect(&server.options(), None).unwrap().unwrap();
     let reply = ask(&client, None).unwrap();
     assert_eq!((reply.content, reply.served_model), (ReplyContent::Text("{}".into()), None));
@@ -314,7 +313,7 @@ fn a_wish_to_wait_for_longer_than_allowed_fails_and_is_named() {
     let wishes = [("retry-after", "3600".to_owned()), ("retry-after", in_an_hour), ("retry-after", "1e30".to_owned())];
     for (header, wish) in wishes {
         let sent = wish.clone();
-        let server = Server::new(move |_, _, _| error(503, "maintenance").insert_header(header, sent.as_str()));
+        let server = Server::new(move |_, _, _| error(503, "maintenance").header(header, sent.as_str()));
         let options = Options { lmm_wait_s: 60, ..server.options() };
         let AskError::Failed(message) = ask(&connect(&options, None).unwrap().unwrap(), None).unwrap_err() else {
             panic!("{wish}")
@@ -332,7 +331,7 @@ fn a_wish_to_wait_for_longer_than_allowed_fails_and_is_named() {
 
 #[test]
 fn wishes_to_wait_are_added_up() {
-    let server = Server::new(|_, _, _| error(429, "slow down").insert_header("retry-after-ms", "400"));
+    let server = Server::new(|_, _, _| error(429, "slow down").header("retry-after-ms", "400"));
     let options = Options { lmm_wait_s: 1, ..server.options() };
     let AskError::Failed(message) = ask(&connect(&options, None).unwrap().unwrap(), None).unwrap_err() else {
         panic!()
@@ -343,19 +342,11 @@ fn wishes_to_wait_are_added_up() {
 
 #[test]
 fn the_query_of_the_url_stays_behind_the_path() {
-    let runtime = tokio::runtime::Runtime::new().unwrap();
-    let server = runtime.block_on(async {
-        let server = MockServer::start().await;
-        let good = ok(&good_answer(a("wood")).to_string());
-        let batch = ResponseTemplate::new(200).set_body_json(json!({ "id": "b", "status": "validating" }));
-        let content = ResponseTemplate::new(200).set_body_string("lines");
-        let at = |verb: &'static str, place: &'static str| {
-            Mock::given(method(verb)).and(path(place)).and(query_param("api-version", "2"))
-        };
-        at("POST", "/v1/chat/completions").respond_with(good).mount(&server).await;
-        at("GET", "/v1/batches/b").respond_with(batch).mount(&server).await;
-        at("GET", "/v1/files/f/content").respond_with(content).mount(&server).await;
-        server
+    let server = MockServer::new(|request| match (request.method.as_str(), request.url.as_str()) {
+        ("POST", "/v1/chat/completions?api-version=2") => ok(&good_answer(a("wood")).to_string()),
+        ("GET", "/v1/batches/b?api-version=2") => Response::new(200).json(json!({ "id": "b", "status": "validating" })),
+        ("GET", "/v1/files/f/content?api-version=2") => Response::new(200).text("lines"),
+        _ => Response::new(404),
     });
     for base in ["/v1?api-version=2", "/v1/?api-version=2", "/v1/chat/completions?api-version=2"] {
         let url = Some(format!("{}{base}", server.uri()));

@@ -139,7 +139,7 @@ fn a_wait_that_the_server_asks_for_is_shown() {
     let folder = tempfile::tempdir().unwrap();
     let path = picture(folder.path());
     let server = Server::new(|count, _, _| match count {
-        0 => error(429, "slow down").insert_header("retry-after", "1"),
+        0 => error(429, "slow down").header("retry-after", "1"),
         _ => ok(&good_answer(a("wood")).to_string()),
     });
     let output = query(&path, Some(&server), &["--lmm-parallel", "1"]).output().unwrap();
@@ -298,7 +298,7 @@ fn a_kill_loses_no_answer() {
     let server = Server::new(move |count, _, _| {
         let silent = count >= 2 && !answers.load(Ordering::SeqCst);
         let delay = if silent { Duration::from_secs(3600) } else { Duration::ZERO };
-        ok(&good_answer(a("wood")).to_string()).set_delay(delay)
+        ok(&good_answer(a("wood")).to_string()).delay(delay)
     });
     let one_by_one = [ONE_VIEW, &["--lmm-parallel", "1"]].concat();
     let mut command = query(scene.path(), Some(&server), &one_by_one);
@@ -329,10 +329,10 @@ fn the_key_is_in_no_file_and_no_word() {
     let scene = one_view();
     // A server that gives the key back in all it says.
     let server = Server::new(|count, _, request| {
-        let header = request.headers["authorization"].to_str().unwrap().to_owned();
+        let header = request.header("authorization").unwrap().to_owned();
         match count {
             0 => error(400, &format!("no json_schema for {header}")),
-            1 => error(503, &header).insert_header("retry-after-ms", "1"),
+            1 => error(503, &header).header("retry-after-ms", "1"),
             2 => ok(&format!("{header} is what I got")),
             _ => ok(&with(good_answer(a("wood")), "caption", json!(header)).to_string()),
         }

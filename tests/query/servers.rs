@@ -2,10 +2,10 @@
 
 use gprop::query::{Options, Outcome, Prompts};
 use serde_json::Value;
-use wiremock::ResponseTemplate;
 
 use super::client::{Server, error, ok};
 use super::{a, completion, connect, good_answer, prepare, recordings, run, two_parts};
+use crate::support::server::Response;
 
 /// Both parts of a view are answered, in so many requests.
 fn assert_answered(server: &Server, prompts: &Prompts, requests: usize) -> gprop::query::Run {
@@ -62,7 +62,7 @@ fn a_server_that_ignores_detail_is_paid_what_it_counts() {
     let server = Server::new(|_, _, _| {
         let mut body = completion(&good());
         body["usage"] = serde_json::json!({ "prompt_tokens": 256, "completion_tokens": 10 });
-        ResponseTemplate::new(200).set_body_json(body)
+        Response::new(200).json(body)
     });
     let run = assert_answered(&server, &Prompts::builtin(), 2);
     assert_eq!((run.spent.usage.input_tokens, run.spent.usage.output_tokens), (512, 20));

@@ -1,5 +1,7 @@
 // A page in headless Chromium.
 pub mod browser;
+// An HTTP server that answers as a test tells it to.
+pub mod server;
 
 use std::io::Write;
 use std::path::Path;
