@@ -164,14 +164,14 @@ fn segment(
 }
 
 /// The segments as they are in the picture at another size.
-fn at_size(segments: ViewSegments, (width, height): (u32, u32)) -> ViewSegments {
-    let small = (segments.map.width, segments.map.height);
+fn at_size(found: ViewSegments, (width, height): (u32, u32)) -> ViewSegments {
+    let small = (found.map.width, found.map.height);
     if small == (width, height) {
-        return segments;
+        return found;
     }
-    let map = segments.map.resized(width, height);
-    let segments = segments.segments.into_iter().map(|segment| segment_at_size(segment, &map, small)).collect();
-    ViewSegments { map, segments, ..segments }
+    let map = found.map.resized(width, height);
+    let segments = found.segments.into_iter().map(|segment| segment_at_size(segment, &map, small)).collect();
+    ViewSegments { map, segments, ..found }
 }
 
 fn segment_at_size(segment: Segment, map: &LabelMap, before: (u32, u32)) -> Segment {

@@ -129,7 +129,7 @@ impl<'a> QuerySession<'a> {
         Ok(exchange::import(folder, model, questions, &self.library, &self.recordings)?)
     }
 
-    /// Removes the recordings of the views' own folder that no part of them uses with these options, whoever answered. A
+    /// Removes the recordings of the views' own folder that no segment of them uses with these options, whoever answered. A
     /// folder given with `--recordings` may serve other scenes too and is left alone.
     pub fn prune(&self) -> Result<Pruned> {
         let own = Recordings::open(&[], &self.own_recordings)?;
