@@ -1,7 +1,7 @@
 #!/usr/bin/env python3
-"""How gprop's cost grows with views, Gaussians and parts: CPU seconds and peak memory of every stage, on one thread.
+"""How gprop's cost grows with views, Gaussians and segments: CPU seconds and peak memory of every stage, on one thread.
 
-    benches/growth.py measure SWEEP...    SWEEP: views, gaussians, parts; their rows in docs/growth.csv are replaced
+    benches/growth.py measure SWEEP...    SWEEP: views, gaussians, segments; their rows in docs/growth.csv are replaced
     benches/growth.py plot                draws docs/growth.svg from it and prints the fitted rates
 
 The object is fixtures/hammer (28,736 Gaussians of SH degree 3, views of 512 x 512). Each stage is a run of its own that continues
@@ -12,7 +12,7 @@ that gives the same answer for every segment at once, so a model's own time is n
 - views: 1 to 16, with SAM's segments;
 - gaussians: 10,000 to 300,000 with four views and SAM's segments: a random subset, or copies shifted by half a standard deviation;
   a twentieth of a second is simulated;
-- parts: 1 to 64 stripes of the object in each of four views, in place of SAM's segments.
+- segments: 1 to 64 stripes of the object in each of four views, in place of SAM's segments.
 
 Needs `cargo build --release` and Python's standard library.
 """
@@ -40,11 +40,11 @@ SCENE = ROOT / "fixtures/hammer"
 TABLE = ROOT / "docs/growth.csv"
 PLOT = ROOT / "docs/growth.svg"
 GPROP = Path(os.environ.get("CARGO_TARGET_DIR", ROOT / "target")) / "release/gprop"
-COLUMNS = ["sweep", "value", "stage", "cpu_s", "peak_mb", "views", "gaussians", "part_views", "questions", "parts"]
+COLUMNS = ["sweep", "value", "stage", "cpu_s", "peak_mb", "views", "gaussians", "segments", "questions", "parts"]
 SWEEPS = {
     "views": [1, 2, 4, 8, 16],
     "gaussians": [10_000, 30_000, 100_000, 300_000],
-    "parts": [1, 4, 16, 64],
+    "segments": [1, 4, 16, 64],
 }
 VIEWS = 4
 SEED = 11
@@ -155,12 +155,12 @@ def measure(sweep, value, folder, stages, flags):
     views = json.loads((folder / "gprop/views.json").read_text())
     answers = (folder / "gprop/answers.jsonl").read_text().count("\n")
     parts = len(json.loads((folder / "gprop/labels.json").read_text()))
-    found = {"views": len(views["views"]), "gaussians": views["gaussians"], "part_views": answers, "parts": parts}
+    found = {"views": len(views["views"]), "gaussians": views["gaussians"], "segments": answers, "parts": parts}
     return [{**row, **found, "questions": server.questions} for row in rows]
 
 
 def stripes(source, folder, count):
-    """Label maps of `count` parts each: the foreground of those in `source` cut into stripes of equal area. Both are NumPy
+    """Label maps of `count` segments each: the foreground of those in `source` cut into stripes of equal area. Both are NumPy
     arrays of int32, height x width, -1 where there is nothing."""
     folder.mkdir()
     for path in source.glob("*_s.npy"):
@@ -170,11 +170,11 @@ def stripes(source, folder, count):
         height, width = map(int, re.findall(rb"\d+", shape))
         labels = struct.unpack_from(f"<{height * width}i", data, 10 + length)
         columns = [sum(labels[y * width + x] >= 0 for y in range(height)) for x in range(width)]
-        area, seen, part_of = sum(columns), 0, []
+        area, seen, stripe_of = sum(columns), 0, []
         for pixels in columns:
-            part_of.append(min(count - 1, seen * count // area))
+            stripe_of.append(min(count - 1, seen * count // area))
             seen += pixels
-        cut = [part_of[at % width] if label >= 0 else -1 for at, label in enumerate(labels)]
+        cut = [stripe_of[at % width] if label >= 0 else -1 for at, label in enumerate(labels)]
         (folder / path.name).write_bytes(data[: 10 + length] + struct.pack(f"<{height * width}i", *cut))
 
 
@@ -236,7 +236,7 @@ STYLE = """text{font:12px system-ui,sans-serif;fill:#333}.soft{fill:#777}.grid{s
 .scene{stroke:#8a8a8a}.segment{stroke:#c9615a}.query{stroke:#b8860b}.vote{stroke:#2f8f8f}.parts{stroke:#4f7fc9}.simulate{stroke:#8a5fc9}.grasp{stroke:#4f9d69}.report{stroke:#c96aa8}
 @media(prefers-color-scheme:dark){text{fill:#ddd}.soft{fill:#999}.grid{stroke:#3a3d42}}"""
 # Axis label of each panel.
-PANELS = {"views": "views of 28,736 Gaussians", "gaussians": "Gaussians in 4 views, 0.05 s simulated", "parts": "parts in each of 4 views"}
+PANELS = {"views": "views of 28,736 Gaussians", "gaussians": "Gaussians in 4 views, 0.05 s simulated", "segments": "segments in each of 4 views"}
 WIDTH, HEIGHT, LEFT, RIGHT, TOP, BOTTOM = 330, 300, 46, 66, 30, 44
 LEAST = 0.02
 
@@ -273,7 +273,7 @@ def plot(rows):
             out.append(f'<text x="{WIDTH - RIGHT + 5}" y="{end[0] + 4:.1f}">{end[1]}</text>')
         out.append("</g>")
     size = f'viewBox="0 0 {len(PANELS) * WIDTH} {HEIGHT}" width="{len(PANELS) * WIDTH}" height="{HEIGHT}"'
-    label = "CPU seconds of each stage as views, Gaussians and parts grow"
+    label = "CPU seconds of each stage as views, Gaussians and segments grow"
     PLOT.write_text(f'<svg xmlns="http://www.w3.org/2000/svg" {size} role="img" aria-label="{label}">\n<style>{STYLE}</style>\n' + "\n".join(out) + "\n</svg>\n")
 
 
@@ -281,8 +281,8 @@ def plot(rows):
 RATES = [
     ("views", "segment", "views", "per view", 1, "s"),
     ("views", "vote", "views", "per view", 1e3, "ms"),
-    ("parts", "query", "part_views", "per segment", 1e3, "ms"),
-    ("parts", "parts", "parts", "per 3D part", 1e3, "ms"),
+    ("segments", "query", "segments", "per segment", 1e3, "ms"),
+    ("segments", "parts", "parts", "per 3D part", 1e3, "ms"),
     ("gaussians", "scene", "gaussians", "per Gaussian", 1e6, "us"),
     ("gaussians", "vote", "gaussians", "per Gaussian and view", 1e6 / VIEWS, "us"),
     ("gaussians", "parts", "gaussians", "per Gaussian", 1e6, "us"),
@@ -293,18 +293,18 @@ RATES = [
 
 
 def rates(rows):
-    """Prints the CPU time that each view, part and Gaussian adds, and the peak memory of any stage."""
+    """Prints the CPU time that each view, segment, part and Gaussian adds, and the peak memory of any stage."""
     for sweep, stage, column, what, factor, unit in RATES:
         points = [(row[column], row["cpu_s"]) for row in rows if (row["sweep"], row["stage"]) == (sweep, stage)]
         if points:
             start, slope, off = line(points)
             print(f"{stage:9} {start:7.2f} s + {slope * factor:8.2f} {unit} {what}; off by {100 * off:.0f} % at most")
-    for sweep, column in [("views", "views"), ("parts", "parts"), ("gaussians", "gaussians")]:
+    for sweep, column in [("views", "views"), ("segments", "parts"), ("gaussians", "gaussians")]:
         mine = [row for row in rows if row["sweep"] == sweep]
         peaks = {int(row[column]): max(r["peak_mb"] for r in mine if r["value"] == row["value"]) for row in mine}
         print(f"peak memory, MB, by {column}: " + ", ".join(f"{at:,} {peak:g}" for at, peak in peaks.items()))
-    asked = {(row["part_views"], row["questions"]) for row in rows}
-    print("questions per segment:", {questions / part_views for part_views, questions in asked})
+    asked = {(row["segments"], row["questions"]) for row in rows}
+    print("questions per segment:", {questions / segments for segments, questions in asked})
 
 
 def main():

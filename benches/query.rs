@@ -8,26 +8,26 @@ use gprop::progress::Progress;
 use gprop::query::recorded::{Answerer, Recording, Recordings};
 use gprop::query::{Options, Prompts, Queries, ViewInput};
 use gprop::scene::{ForegroundSource, Photo};
-use gprop::segment::{LabelMap, Level, PartMask, ViewSegments};
+use gprop::segment::{LabelMap, Level, Segment, ViewSegments};
 use image::{GrayImage, Luma, Rgb, RgbImage};
 use serde_json::{Value, json};
 
 const SIDE: u32 = 512;
 /// Segments of a view, side by side; SAM's middle level finds four to ten on an everyday object.
-const PARTS: u16 = 8;
+const SEGMENTS: u16 = 8;
 
 fn view() -> (Photo, ViewSegments) {
     let label = |x: u32, y: u32| match (x, y) {
-        (50..450, 100..400) => 1 + ((x - 50) * u32::from(PARTS) / 400) as u16,
+        (50..450, 100..400) => 1 + ((x - 50) * u32::from(SEGMENTS) / 400) as u16,
         _ => 0,
     };
     let rgb = RgbImage::from_fn(SIDE, SIDE, |x, y| match label(x, y) {
         0 => Rgb([255; 3]),
-        part => Rgb([part as u8 * 25, (x * 7 % 200) as u8, (y * 5 % 200) as u8]),
+        segment => Rgb([segment as u8 * 25, (x * 7 % 200) as u8, (y * 5 % 200) as u8]),
     });
     let foreground = GrayImage::from_fn(SIDE, SIDE, |x, y| Luma([if label(x, y) == 0 { 0 } else { 255 }]));
     let labels = (0..SIDE * SIDE).map(|index| label(index % SIDE, index / SIDE)).collect();
-    let part = |id| PartMask {
+    let segment = |id| Segment {
         id,
         area: 15_000,
         bbox: [50, 100, 400, 300],
@@ -38,7 +38,7 @@ fn view() -> (Photo, ViewSegments) {
     let map = LabelMap { width: SIDE, height: SIDE, labels };
     (
         Photo { rgb, foreground, foreground_source: ForegroundSource::Alpha },
-        ViewSegments { view: "view".into(), map, parts: (1..=PARTS).map(part).collect() },
+        ViewSegments { view: "view".into(), map, segments: (1..=SEGMENTS).map(segment).collect() },
     )
 }
 
@@ -58,7 +58,7 @@ fn bench(criterion: &mut Criterion) {
     let library = MaterialLibrary::builtin();
     let (prompts, options) = (Prompts::builtin(), Options::default());
     let inputs = [ViewInput { name: "view", photo: &photo, segments: &segments }];
-    criterion.bench_function("query/sheets of a view with 8 parts", |bencher| {
+    criterion.bench_function("query/sheets of a view with 8 segments", |bencher| {
         bencher.iter(|| Queries::prepare(black_box(&inputs), library, &prompts, &options).expect("the view is sound"));
     });
 
@@ -66,12 +66,12 @@ fn bench(criterion: &mut Criterion) {
     let recordings = Recordings::open(&[], folder.path()).expect("the folder is empty");
     let queries = Queries::prepare(&inputs, library, &prompts, &options).expect("the view is sound");
     let answerer = Answerer { model: "bench".into(), parameters: Value::Null };
-    for part in &queries.parts {
-        let asked = part.asked(queries.questions.first());
+    for segment in &queries.segments {
+        let asked = segment.asked(queries.questions.first());
         let recording = Recording::new(&answerer, asked, answer(library), None, None);
         recordings.insert(&recording).expect("the folder is writable");
     }
-    criterion.bench_function("query/replay of 8 parts", |bencher| {
+    criterion.bench_function("query/replay of 8 segments", |bencher| {
         bencher.iter(|| {
             queries.run(&recordings, None, None, &mut |_, _| Ok(()), Progress::Hidden).expect("all is recorded")
         });

@@ -1,6 +1,6 @@
 //! Drawing a view, and letting views vote: `cargo bench --bench vote`; the same in NumPy: `vote_numpy.py`.
 //!
-//! A million Gaussians on a sphere, ten views of 800 x 800 pixels from all around, two parts in every label map. Before the
+//! A million Gaussians on a sphere, ten views of 800 x 800 pixels from all around, two segments in every label map. Before the
 //! timings, one vote by each rule prints its seconds, its memory beyond the cloud and its blends per second, compared with
 //! a pass that only reads and blends.
 
@@ -10,7 +10,7 @@ use criterion::{Criterion, criterion_group, criterion_main};
 use gprop::camera::{Camera, Distortion, Intrinsics};
 use gprop::materials::MaterialLibrary;
 use gprop::progress::Progress;
-use gprop::query::{Answer, Answers, Form, Match, Outcome, PartAnswer};
+use gprop::query::{Answer, Answers, Form, Match, Outcome, SegmentAnswer};
 use gprop::render::{LANES, RenderOptions, Sink, Splat, render, visit};
 use gprop::scene::gaussians::Gaussians;
 use gprop::segment::LabelMap;
@@ -82,9 +82,12 @@ fn answers(names: &[String]) -> Answers {
         matched: Match::Exact,
         flags: Vec::new(),
     };
-    let part =
-        |view: &String, part| PartAnswer { view: view.clone(), part, outcome: Outcome::Answered(answer.clone()) };
-    Answers { parts: names.iter().flat_map(|view| [part(view, 1), part(view, 2)]).collect() }
+    let segment = |view: &String, segment| SegmentAnswer {
+        view: view.clone(),
+        segment,
+        outcome: Outcome::Answered(answer.clone()),
+    };
+    Answers { segments: names.iter().flat_map(|view| [segment(view, 1), segment(view, 2)]).collect() }
 }
 
 /// Counts weights above zero and does nothing else with them: the least that any vote must do.

@@ -5,8 +5,8 @@
 //!
 //! ```text
 //!  scene/        segment/        query/          vote/           parts/        simulate/      grasp/
-//!  PLY, cameras, SAM parts in    LMM names each  depth-tested    3D parts:     MPM on the     F_min, F_max,
-//!  images     -> each view    -> part's       -> projection,  -> volume,    -> Gaussians   -> F*, gripper
+//!  PLY, cameras, SAM segments    LMM names each  depth-tested    3D parts:     MPM on the     F_min, F_max,
+//!  images     -> in each view -> segment's    -> projection,  -> volume,    -> Gaussians   -> F*, gripper
 //!  (Scene)       (Segmentation)  material        frequency       thickness,    (Frames)       (GraspReport)
 //!                                (Answers)       (MaterialField) mass (Parts)
 //!                                                                                     report/ export/

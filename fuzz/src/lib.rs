@@ -27,7 +27,7 @@ use gprop::query::recorded::{Recording, Recordings};
 use gprop::query::{Answers, Context, Guidance, LabelSet, Prompts, batch_api, exchange};
 use gprop::scene::cameras::{colmap, dataparser, gaussian_splatting, transforms};
 use gprop::scene::{dataset, ply, splat, spz};
-use gprop::segment::{LabelMap, Level, PartMask, sam};
+use gprop::segment::{LabelMap, Level, Segment, sam};
 use gprop::simulate::checkpoint::Checkpoint;
 use gprop::simulate::script::Script;
 use gprop::simulate::{SimulationReport, compat};
@@ -225,7 +225,7 @@ pub fn checkpoint(bytes: &[u8]) {
 /// What gprop reads again of a work folder: its JSON, and `labels.json` with `field.ply` behind a zero byte.
 pub fn work_folder(bytes: &[u8]) {
     let _ = serde_json::from_slice::<parts::Parts>(bytes);
-    let _ = serde_json::from_slice::<Vec<PartMask>>(bytes);
+    let _ = serde_json::from_slice::<Vec<Segment>>(bytes);
     let _ = serde_json::from_slice::<Submitted>(bytes);
     let _ = serde_json::from_slice::<gprop::batch::Outcome>(bytes);
     let _ = serde_json::from_slice::<GraspReport>(bytes);

@@ -1,4 +1,4 @@
-//! The whole line from a splat to masses: a ball of a few hundred Gaussians with two parts, seen by three small cameras, whose part
+//! The whole line from a splat to masses: a ball of a few hundred Gaussians with two parts, seen by three small cameras, whose label
 //! maps and answers are given. The bytes say what is wrong with its Gaussians.
 
 use std::sync::LazyLock;
@@ -7,7 +7,7 @@ use gprop::camera::{Camera, Distortion, Intrinsics};
 use gprop::materials::MaterialLibrary;
 use gprop::parts::{self, parts};
 use gprop::progress::Progress;
-use gprop::query::{Answer, Answers, Form, Match, Outcome, PartAnswer};
+use gprop::query::{Answer, Answers, Form, Match, Outcome, SegmentAnswer};
 use gprop::scene::gaussians::Gaussians;
 use gprop::scene::{outliers, ply};
 use gprop::segment::LabelMap;
@@ -125,7 +125,7 @@ pub(super) fn camera_at(eye: [f64; 3]) -> Camera {
     Camera { intrinsics, camera_from_world: flip * view }
 }
 
-/// Part 1 is the upper half, part 2 the lower.
+/// Segment 1 is the upper half, segment 2 the lower.
 pub(super) fn seen_by(camera: &Camera) -> LabelMap {
     let world_from_camera = camera.camera_from_world.inverse();
     let eye = world_from_camera.translation.vector;
@@ -163,12 +163,12 @@ fn answers() -> Answers {
         }
     };
     let of_view = |view: usize| {
-        let part = move |row: usize| PartAnswer {
+        let segment = move |row: usize| SegmentAnswer {
             view: view.to_string(),
-            part: row as u16 + 1,
+            segment: row as u16 + 1,
             outcome: Outcome::Answered(answer(row)),
         };
-        (0..2).map(part)
+        (0..2).map(segment)
     };
-    Answers { parts: (0..EYES.len()).flat_map(of_view).collect() }
+    Answers { segments: (0..EYES.len()).flat_map(of_view).collect() }
 }

@@ -6,7 +6,7 @@
 //!    [`memory`], stops no other, and a child that is killed goes on where it was when it is started again.
 //! 4. [`summary`] puts it all in a table and [`index`] on a page; those of several shards are [merged](Batch::merge).
 //!
-//! [`questions`] sends the part queries of all scenes by the Batch API.
+//! [`questions`] sends the segments' questions of all scenes by the Batch API.
 
 mod child;
 mod error;

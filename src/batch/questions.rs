@@ -1,4 +1,4 @@
-//! The part queries of all scenes in one submission to the Batch API: every scene is segmented, its open questions are
+//! The questions of all scenes in one submission to the Batch API: every scene is segmented, its open questions are
 //! gathered, and what was sent is noted in the batch's folder, each question with its scene. Answers are recorded where the
 //! scene would have recorded them itself, so that the next run of the batch finds them.
 

@@ -1,4 +1,4 @@
-//! `gprop segment PICTURE`: the parts of one picture without a scene.
+//! `gprop segment PICTURE`: the segments of one picture without a scene.
 
 use crate::pipeline::picture::Picture;
 use crate::workdir::Artifact;
@@ -19,10 +19,10 @@ pub fn segment(global: &Global, args: &SceneArgs) -> anyhow::Result<()> {
         "picture": path,
         "width": segments.map.width,
         "height": segments.map.height,
-        "parts": segments.parts,
+        "segments": segments.segments,
     });
     print(global, &result, || {
         let map = picture.work().path(Artifact::LabelMap(&segments.view));
-        format!("{} parts in {}", segments.parts.len(), shown(&map))
+        format!("{} segments in {}", segments.segments.len(), shown(&map))
     })
 }

@@ -69,7 +69,7 @@ fn of_picture(global: &Global, args: &QueryArgs) -> anyhow::Result<()> {
             if global.quiet && !global.json {
                 return Ok(());
             }
-            print(global, &answers.parts, || shown(&picture.work().path(Artifact::MaterialMap)))
+            print(global, &answers.segments, || shown(&picture.work().path(Artifact::MaterialMap)))
         }
     }
 }

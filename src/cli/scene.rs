@@ -29,7 +29,7 @@ pub fn run(global: &Global, folder: &Path, work: &WorkArgs, to: Stage) -> anyhow
     let mut pipeline = open(global, folder, work, to)?;
     if work.dry_run {
         let reusable = pipeline.reusable()?;
-        // What is asked can be told only once the parts are known.
+        // What is asked can be told only once the segments are known.
         let asked = to >= Stage::Query && reusable.contains(&Stage::Segment) && !reusable.contains(&Stage::Query);
         let queries = if asked { Some(pipeline.query_preview()?) } else { None };
         return dry_run(global, plan, &reusable, queries.as_ref());
@@ -122,7 +122,7 @@ fn result_of(stage: Stage) -> Artifact<'static> {
 /// An artifact as one JSON value; of the field, the labels that its numbers stand for.
 fn json_of(pipeline: &Pipeline, artifact: Artifact) -> anyhow::Result<Value> {
     Ok(match artifact {
-        Artifact::Answers => serde_json::to_value(&pipeline.answers()?.parts)?,
+        Artifact::Answers => serde_json::to_value(&pipeline.answers()?.segments)?,
         Artifact::Field => pipeline.work().read_json(Artifact::Labels)?,
         other => pipeline.work().read_json(other)?,
     })

@@ -108,10 +108,10 @@ fn depth_normal(drawn: &Render, camera: &Camera, x: i64, y: i64) -> Option<Vecto
     if across.z.abs() > STEEP * across.x.abs() || down.z.abs() > STEEP * down.y.abs() {
         return None;
     }
-    let sight = point(x, y)?.normalize();
+    let ray = point(x, y)?.normalize();
     let normal = down.cross(&across).try_normalize(0.0)?;
-    let toward = if normal.dot(&sight) > 0.0 { -normal } else { normal };
-    Some(camera.camera_from_world.rotation.inverse() * toward * toward.dot(&sight).abs())
+    let toward = if normal.dot(&ray) > 0.0 { -normal } else { normal };
+    Some(camera.camera_from_world.rotation.inverse() * toward * toward.dot(&ray).abs())
 }
 
 /// The normal from depth pulled towards the Gaussian's shortest axis by how flat it is.

@@ -1,5 +1,5 @@
 //! The material field as one camera sees it: materials, parts or confidence of the Gaussians, and the paper's figure of
-//! photo, parts and materials.
+//! photo, segments and materials.
 
 use clap::ValueEnum;
 use image::{DynamicImage, RgbImage};
@@ -16,7 +16,7 @@ use crate::vote::{MaterialField, field_ply};
 /// What to show of the field.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, ValueEnum)]
 pub enum Shown {
-    /// Photo, parts and materials side by side, with a legend
+    /// Photo, segments and materials side by side, with a legend
     #[default]
     Figure,
     /// Each Gaussian in its material's colour, with a legend
@@ -27,8 +27,8 @@ pub enum Shown {
     Confidence,
 }
 
-/// Draws the field as `camera` sees it. `map` are the parts found in the photo; where there are none, the figure shows the
-/// field's parts.
+/// Draws the field as `camera` sees it. `map` are the segments found in the photo; if there are none, the figure shows
+/// the field's parts.
 pub fn draw(
     shown: Shown,
     camera: &Camera,
@@ -45,8 +45,8 @@ pub fn draw(
     let parts = || seen(&field_colors::label_colors(field));
     match shown {
         Shown::Figure => {
-            let parts = map.map_or_else(parts, |map| tinted(photo, map));
-            compose(&[photo.rgb.clone(), parts, materials()], &material_legend(field))
+            let middle = map.map_or_else(parts, |map| tinted(photo, map));
+            compose(&[photo.rgb.clone(), middle, materials()], &material_legend(field))
         }
         Shown::Materials => compose(&[materials()], &material_legend(field)),
         Shown::Parts => compose(&[parts()], &part_legend(field)),

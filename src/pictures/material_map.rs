@@ -1,4 +1,4 @@
-//! A picture's materials at a glance: the photo, the same with every part in its material's colour, a legend below.
+//! A picture's materials at a glance: the photo, the same with every segment in its material's colour, a legend below.
 
 use std::collections::BTreeMap;
 
@@ -9,9 +9,9 @@ use crate::query::{Answers, Outcome};
 use crate::scene::Photo;
 use crate::segment::LabelMap;
 
-/// Parts that nobody could name.
+/// Segments that nobody could name.
 const UNNAMED: Rgb<u8> = Rgb([90; 3]);
-/// Share of a material's colour over the photo: strong enough to read off, weak enough to see the part through.
+/// Share of a material's colour over the photo: strong enough to read off, weak enough to see the segment through.
 const COLOR_SHARE: f32 = 0.75;
 
 /// A material of the picture.
@@ -21,14 +21,14 @@ struct Seen<'a> {
     color: Rgb<u8>,
 }
 
-/// Draws the map. A part of which `answers` know nothing is dark grey.
+/// Draws the map. A segment of which `answers` know nothing is dark grey.
 pub fn draw(photo: &Photo, map: &LabelMap, answers: &Answers) -> RgbImage {
     let legend = legend(map, answers);
     let colors: BTreeMap<u16, Rgb<u8>> = answers
-        .parts
+        .segments
         .iter()
-        .filter_map(|part| {
-            Some((part.part, legend.iter().find(|entry| Some(entry.name) == name_of(&part.outcome))?.color))
+        .filter_map(|segment| {
+            Some((segment.segment, legend.iter().find(|entry| Some(entry.name) == name_of(&segment.outcome))?.color))
         })
         .collect();
     let mut colored = photo.rgb.clone();
@@ -45,13 +45,13 @@ pub fn draw(photo: &Photo, map: &LabelMap, answers: &Answers) -> RgbImage {
 
 /// The materials by falling area; what could not be named comes last.
 fn legend<'a>(map: &LabelMap, answers: &'a Answers) -> Vec<Seen<'a>> {
-    let mut pixels_of_part: BTreeMap<u16, usize> = BTreeMap::new();
-    map.labels.iter().filter(|label| **label != 0).for_each(|label| *pixels_of_part.entry(*label).or_default() += 1);
+    let mut pixels_of_segment: BTreeMap<u16, usize> = BTreeMap::new();
+    map.labels.iter().filter(|label| **label != 0).for_each(|label| *pixels_of_segment.entry(*label).or_default() += 1);
     let mut pixels: BTreeMap<&str, usize> = BTreeMap::new();
     let mut unnamed = 0;
-    for part in &answers.parts {
-        let area = pixels_of_part.get(&part.part).copied().unwrap_or(0);
-        match name_of(&part.outcome) {
+    for segment in &answers.segments {
+        let area = pixels_of_segment.get(&segment.segment).copied().unwrap_or(0);
+        match name_of(&segment.outcome) {
             Some(name) => *pixels.entry(name).or_default() += area,
             None => unnamed += area,
         }

@@ -1,4 +1,4 @@
-//! The pictures that several stages make: of a photo's parts and materials, and of the field as a camera sees it.
+//! The pictures that several stages make: of a photo's segments and materials, and of the field as a camera sees it.
 //!
 //! [`palette`] and [`field_colors`] give parts, materials and Gaussians their colours, [`panels`] puts pictures side by side;
 //! [`figure`] shows the field, [`material_map`] the answers for one photo, [`thumbnail`] a scene at a glance.
@@ -19,12 +19,12 @@ use image::{Rgb, RgbImage};
 use crate::scene::Photo;
 use crate::segment::LabelMap;
 
-/// JPEG quality at which edges of parts still look sharp.
+/// JPEG quality at which edges of segments still look sharp.
 const QUALITY: u8 = 85;
-/// How much of a part's colour covers the photo.
+/// How much of a segment's colour covers the photo.
 const TINT: f32 = 0.6;
 
-/// The photo with every part in a colour of its own.
+/// The photo with every segment in a colour of its own.
 pub fn tinted(photo: &Photo, map: &LabelMap) -> RgbImage {
     let mut picture = photo.rgb.clone();
     for (pixel, &label) in picture.pixels_mut().zip(&map.labels) {

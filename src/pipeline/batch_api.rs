@@ -67,8 +67,8 @@ impl QuerySession<'_> {
         Ok(Sent { sent, waiting })
     }
 
-    /// What asking about the first `count` open parts may cost, about the first `at_once` of them now and about the others
-    /// by the Batch API.
+    /// What asking about the first `count` open segments may cost, about the first `at_once` of them now and about the
+    /// others by the Batch API.
     pub fn submission_cost(&self, client: &Client, queries: &Queries, count: usize, at_once: usize) -> (Cost, Cost) {
         queries.submission_cost(&self.recordings, client.answerer(), self.price(), count, at_once)
     }
@@ -90,11 +90,11 @@ impl QuerySession<'_> {
     pub fn requests(&self, client: &Client, queries: &Queries, submitted: &Submitted, owner: &str) -> Vec<Request> {
         let open = queries.unanswered(&self.recordings, Some(client.answerer()));
         let mut requests: BTreeMap<_, Request> = BTreeMap::new();
-        for (part, question) in open {
-            let asked = part.asked(question);
+        for (segment, question) in open {
+            let asked = segment.asked(question);
             let key = key(client.answerer(), &asked);
             if !submitted.awaits(&key) {
-                let body = client.body(Ask { question, picture: &part.jpeg, correction: None });
+                let body = client.body(Ask { question, picture: &segment.jpeg, correction: None });
                 let waiting = Waiting { key: key.clone(), owner: owner.to_owned(), asked };
                 requests.entry(key).or_insert(Request { waiting, body });
             }

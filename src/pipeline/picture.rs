@@ -1,5 +1,5 @@
-//! One picture instead of a scene: its parts, what they are made of, and a map of it. The first half of the method, for
-//! which a single view is enough.
+//! One picture instead of a scene: its segments, what they are made of, and a map of it. The first half of the method,
+//! for which a single view is enough.
 
 use std::borrow::Cow;
 use std::path::{Path, PathBuf};
@@ -13,7 +13,7 @@ use crate::pictures::material_map;
 use crate::progress::Progress;
 use crate::query::Answers;
 use crate::scene::Photo;
-use crate::segment::{LabelMap, PartMask, ViewSegments, segment_views};
+use crate::segment::{LabelMap, Segment, ViewSegments, segment_views};
 use crate::workdir::{Artifact, WorkDir};
 
 use super::query::write_sheets;
@@ -31,7 +31,7 @@ pub struct Picture {
     photo: Photo,
     /// Width and height of the picture as it is stored, upright.
     size: (u32, u32),
-    /// The parts in pixels of `photo`, which is smaller than the picture where that is huge.
+    /// The segments in pixels of `photo`, which is smaller than the picture where that is huge.
     segments: ViewSegments,
     progress: Progress,
 }
@@ -47,8 +47,8 @@ fn work_folder(path: &Path, out: Option<&Path>) -> PathBuf {
 }
 
 impl Picture {
-    /// Reads the picture in `path`, its foreground by `mask` or its alpha, and finds its parts; those that an earlier run
-    /// found are taken where they are still good.
+    /// Reads the picture in `path`, its foreground by `mask` or its alpha, and finds its segments; those that an
+    /// earlier run found are taken where they are still good.
     pub fn open(
         path: &Path,
         mask: Option<&Path>,
@@ -57,7 +57,9 @@ impl Picture {
         progress: Progress,
     ) -> Result<Self> {
         if options.segment.segments.is_some() {
-            return Err(UsageError("--segments is for a scene's views; a picture's parts are found".to_owned()).into());
+            return Err(
+                UsageError("--segments is for a scene's views; a picture's segments are found".to_owned()).into()
+            );
         }
         let (photo, size) = Photo::open(path, mask)?;
         let work = WorkDir::open(&work_folder(path, out))?;
@@ -73,14 +75,14 @@ impl Picture {
         Ok(Self { work, library: options.materials.library()?, options, photo, size, segments, progress })
     }
 
-    /// Whether an earlier run found the picture's parts and they are still good; makes and does nothing.
+    /// Whether an earlier run found the picture's segments and they are still good; makes and does nothing.
     pub fn is_segmented(path: &Path, mask: Option<&Path>, out: Option<&Path>, options: &Options) -> Result<bool> {
         Photo::open(path, mask)?;
         let (folder, key) = (work_folder(path, out), segments_key(path, mask, options)?);
         Ok(folder.exists() && segmented_before(&WorkDir::open(&folder)?, &view_name(path), &key).is_some())
     }
 
-    /// Writes the parts in the other formats that were asked for, and gives them in pixels of the picture.
+    /// Writes the segments in the other formats that were asked for, and gives them in pixels of the picture.
     pub fn segments(&self) -> Result<ViewSegments> {
         let segments = [at_size(self.segments.clone(), self.size)];
         write_other_formats(&self.work, &self.options.segment.also, &segments)?;
@@ -88,12 +90,12 @@ impl Picture {
         Ok(segments)
     }
 
-    /// The queries of the picture's parts; recordings lie in the work folder.
+    /// The queries of the picture's segments; recordings lie in the work folder.
     ///
     /// # Errors
     /// Besides what reading prompts and recordings may meet, a picture without a foreground.
     pub fn query_session(&self) -> Result<QuerySession<'_>> {
-        if self.segments.parts.is_empty() {
+        if self.segments.segments.is_empty() {
             let view = &self.segments.view;
             return Err(UsageError(format!("{view} has no foreground: its alpha or its mask is empty")).into());
         }
@@ -123,7 +125,7 @@ impl Picture {
     }
 }
 
-/// What the parts depend on.
+/// What the segments depend on.
 fn segments_key(path: &Path, mask: Option<&Path>, options: &Options) -> Result<String> {
     let mut hasher =
         Hasher::new("picture").with_json(&options.segment.deciding()).with(models_key(&options.setup).as_bytes());
@@ -136,11 +138,11 @@ fn segments_key(path: &Path, mask: Option<&Path>, options: &Options) -> Result<S
 fn segmented_before(work: &WorkDir, view: &str, key: &str) -> Option<ViewSegments> {
     let (entry, png) = stored_segments(work).take(work, view, key)?;
     let map = LabelMap::from_png(&png).ok()?;
-    info!("the parts found earlier are still good");
-    Some(ViewSegments { view: view.to_owned(), map, parts: entry.parts })
+    info!("the segments found earlier are still good");
+    Some(ViewSegments { view: view.to_owned(), map, segments: entry.segments })
 }
 
-/// Finds the parts and writes them in pixels of the picture, whose size is `size`; gives them in pixels of `photo`.
+/// Finds the segments and writes them in pixels of the picture, whose size is `size`; gives them in pixels of `photo`.
 fn segment(
     work: &WorkDir,
     view: &str,
@@ -156,31 +158,31 @@ fn segment(
     let written = at_size(found.clone(), size);
     let png = written.map.to_png()?;
     work.write(Artifact::LabelMap(view), &png)?;
-    let entry = ViewEntry::new(view, key, written.parts, &png);
+    let entry = ViewEntry::new(view, key, written.segments, &png);
     work.write_json(Artifact::Segments, &SegmentsFile { views: [(view.to_owned(), entry)].into() })?;
     Ok(found)
 }
 
-/// The parts as they are in the picture at another size.
-fn at_size(segments: ViewSegments, (width, height): (u32, u32)) -> ViewSegments {
-    let small = (segments.map.width, segments.map.height);
+/// The segments as they are in the picture at another size.
+fn at_size(found: ViewSegments, (width, height): (u32, u32)) -> ViewSegments {
+    let small = (found.map.width, found.map.height);
     if small == (width, height) {
-        return segments;
+        return found;
     }
-    let map = segments.map.resized(width, height);
-    let parts = segments.parts.into_iter().map(|part| part_at_size(part, &map, small)).collect();
-    ViewSegments { map, parts, ..segments }
+    let map = found.map.resized(width, height);
+    let segments = found.segments.into_iter().map(|segment| segment_at_size(segment, &map, small)).collect();
+    ViewSegments { map, segments, ..found }
 }
 
-fn part_at_size(part: PartMask, map: &LabelMap, before: (u32, u32)) -> PartMask {
+fn segment_at_size(segment: Segment, map: &LabelMap, before: (u32, u32)) -> Segment {
     let scale = |value: u32, to: u32, from: u32| (u64::from(value) * u64::from(to)).div_ceil(u64::from(from)) as u32;
-    let area = map.labels.iter().filter(|&&label| label == part.id).count() as u32;
-    let [x, y, width, height] = part.bbox;
+    let area = map.labels.iter().filter(|&&label| label == segment.id).count() as u32;
+    let [x, y, width, height] = segment.bbox;
     let bbox = [
         scale(x, map.width, before.0),
         scale(y, map.height, before.1),
         scale(width, map.width, before.0),
         scale(height, map.height, before.1),
     ];
-    PartMask { area, bbox, ..part }
+    Segment { area, bbox, ..segment }
 }

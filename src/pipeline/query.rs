@@ -1,4 +1,4 @@
-//! Queries on disk: a sheet a part, recordings as they come, `answers.jsonl` when all are there.
+//! Queries on disk: one sheet per segment, recordings as they come, `answers.jsonl` when all are there.
 
 use std::collections::BTreeMap;
 use std::fs;
@@ -41,12 +41,12 @@ impl Pipeline {
         let jsonl = answers.to_jsonl();
         self.work.write(Artifact::Answers, jsonl.as_bytes())?;
         answers.require_any()?;
-        let sheets = queries.parts.iter().map(|part| Artifact::Sheet(&part.view, part.part));
+        let sheets = queries.segments.iter().map(|segment| Artifact::Sheet(&segment.view, segment.segment));
         let done = Done::writing(sheets.chain([Artifact::Answers])).warning(warnings(&answers));
         Ok(Done { digest: Some(Hasher::new("answers").with(jsonl.as_bytes()).hex()), ..done })
     }
 
-    /// The answers of all parts.
+    /// The answers of all segments.
     pub fn answers(&self) -> Result<&Answers> {
         get_or_load(&self.answers, || read_answers(&self.work))
     }
@@ -95,8 +95,8 @@ fn read_answers(work: &WorkDir) -> Result<Answers> {
 /// The answers as any later run finds them: what was asked just now is recorded for exactly this query. So a run that was
 /// killed while it asked comes to the same bytes as one that was not, and a rerun of either has nothing to redo.
 fn settled(mut answers: Answers) -> Answers {
-    for part in &mut answers.parts {
-        if let Outcome::Answered(answer) = &mut part.outcome
+    for segment in &mut answers.segments {
+        if let Outcome::Answered(answer) = &mut segment.outcome
             && answer.matched == Match::Live
         {
             answer.matched = Match::Exact;
@@ -105,9 +105,12 @@ fn settled(mut answers: Answers) -> Answers {
     answers
 }
 
-/// Writes the picture of every part.
+/// Writes the picture of every segment.
 pub(super) fn write_sheets(work: &WorkDir, queries: &Queries) -> Result<(), WorkDirError> {
-    queries.parts.iter().try_for_each(|part| work.write(Artifact::Sheet(&part.view, part.part), &part.jpeg))
+    queries
+        .segments
+        .iter()
+        .try_for_each(|segment| work.write(Artifact::Sheet(&segment.view, segment.segment), &segment.jpeg))
 }
 
 /// The recordings in a folder, sorted; none where it cannot be read.
@@ -118,15 +121,17 @@ fn recordings_in(folder: &Path) -> Vec<PathBuf> {
     found
 }
 
-/// Every failure by itself; what was corrected or doubted once, with the number of parts it holds for; how many answers
-/// were recorded for slightly other masks.
+/// Every failure by itself; what was corrected or doubted once, with the number of segments it holds for; how many
+/// answers were recorded for slightly other masks.
 fn warnings(answers: &Answers) -> Vec<String> {
     let mut warnings = Vec::new();
     let mut overlaps: Vec<f64> = Vec::new();
     let mut flags: BTreeMap<&str, usize> = BTreeMap::new();
-    for part in &answers.parts {
-        match &part.outcome {
-            Outcome::Failed(failure) => warnings.push(format!("view {} part {}: {failure}", part.view, part.part)),
+    for segment in &answers.segments {
+        match &segment.outcome {
+            Outcome::Failed(failure) => {
+                warnings.push(format!("view {} segment {}: {failure}", segment.view, segment.segment))
+            }
             Outcome::Answered(answer) => {
                 answer.flags.iter().for_each(|flag| *flags.entry(flag).or_default() += 1);
                 if let Match::Mask { iou } = answer.matched {
@@ -135,9 +140,9 @@ fn warnings(answers: &Answers) -> Vec<String> {
             }
         }
     }
-    warnings.extend(flags.into_iter().map(|(flag, parts)| format!("{flag} ({parts} of the answers)")));
+    warnings.extend(flags.into_iter().map(|(flag, segments)| format!("{flag} ({segments} of the answers)")));
     if let Some(least) = overlaps.iter().copied().min_by(f64::total_cmp) {
-        let (count, all) = (overlaps.len(), answers.parts.len());
+        let (count, all) = (overlaps.len(), answers.segments.len());
         warnings
             .push(format!("{count} of {all} answers were recorded for slightly other masks (IoU {least:.3} or more)"));
     }

@@ -110,13 +110,13 @@ impl<'a> QuerySession<'a> {
         let asker = self.client.as_ref().map(|client| client as &dyn Asker);
         let run = queries.run(&self.recordings, asker, self.price(), &mut |_, _| Ok(()), self.progress)?;
         if run.spent.requests > 0 {
-            let (failed, parts) = (run.answers.failed().count(), queries.parts.len());
-            progress::notice(&format!("asked: {}; {failed} of {parts} parts failed", run.spent));
+            let (failed, segments) = (run.answers.failed().count(), queries.segments.len());
+            progress::notice(&format!("asked: {}; {failed} of {segments} segments failed", run.spent));
         }
         Ok(run)
     }
 
-    /// Writes the parts that have no recorded answer, with everything needed to answer them, into a new folder.
+    /// Writes the segments that have no recorded answer, with everything needed to answer them, into a new folder.
     pub fn export(&self, folder: &Path) -> Result<usize> {
         let queries = self.queries()?;
         Ok(exchange::export(folder, &queries.unanswered(&self.recordings, None))?)
@@ -129,7 +129,7 @@ impl<'a> QuerySession<'a> {
         Ok(exchange::import(folder, model, questions, &self.library, &self.recordings)?)
     }
 
-    /// Removes the recordings of the views' own folder that no part of them uses with these options, whoever answered. A
+    /// Removes the recordings of the views' own folder that no segment of them uses with these options, whoever answered. A
     /// folder given with `--recordings` may serve other scenes too and is left alone.
     pub fn prune(&self) -> Result<Pruned> {
         let own = Recordings::open(&[], &self.own_recordings)?;

@@ -28,9 +28,9 @@ impl Pipeline {
         let (gaussians, field) = (&self.scene.gaussians, self.field()?);
         let views = views.map(|(view, segments)| ViewPictures::draw(view, &segments.map, gaussians, field));
         let answers = self.answers()?;
-        let sheets = answers.parts.par_iter().map(|part| {
-            let sheet = self.work.read(Artifact::Sheet(&part.view, part.part))?;
-            SheetPicture::shrink(&part.view, part.part, &sheet)
+        let sheets = answers.segments.par_iter().map(|segment| {
+            let sheet = self.work.read(Artifact::Sheet(&segment.view, segment.segment))?;
+            SheetPicture::shrink(&segment.view, segment.segment, &sheet)
         });
         let pictures = Pictures {
             views: views.collect::<Result<_>>()?,

@@ -11,7 +11,7 @@ use crate::from_splat::photo_with_foreground;
 use crate::progress::Progress;
 use crate::scene::{ObjectSource, View};
 use crate::segment::formats::{Format, coco, file_of_view, import_view};
-use crate::segment::{LabelMap, PartMask, Segmentation, Segmenter, ViewSegments, segment_views};
+use crate::segment::{LabelMap, Segment, Segmentation, Segmenter, ViewSegments, segment_views};
 use crate::workdir::{Artifact, Checksum, WorkDir, WorkDirError};
 use crate::{segment, setup};
 
@@ -27,9 +27,9 @@ pub(super) struct SegmentsFile {
 
 #[derive(Debug, Serialize, Deserialize)]
 pub(super) struct ViewEntry {
-    /// Hash of what the view's parts depend on; a view with another one is segmented again.
+    /// Hash of what the view's segments depend on; a view with another one is segmented again.
     pub key: String,
-    pub parts: Vec<PartMask>,
+    pub segments: Vec<Segment>,
     /// Of the label map's file.
     pub map: Checksum,
     /// Hash of the entry with the view's name.
@@ -38,19 +38,19 @@ pub(super) struct ViewEntry {
 
 impl ViewEntry {
     /// The entry of a view whose label map is `png`.
-    pub fn new(view: &str, key: String, parts: Vec<PartMask>, png: &[u8]) -> Self {
+    pub fn new(view: &str, key: String, segments: Vec<Segment>, png: &[u8]) -> Self {
         let map = Checksum::of(png);
-        Self { seal: seal(view, &key, &parts, &map), key, parts, map }
+        Self { seal: seal(view, &key, &segments, &map), key, segments, map }
     }
 
     /// Whether it is the view's, as it was made.
     fn is_whole(&self, view: &str) -> bool {
-        self.seal == seal(view, &self.key, &self.parts, &self.map)
+        self.seal == seal(view, &self.key, &self.segments, &self.map)
     }
 }
 
-fn seal(view: &str, key: &str, parts: &[PartMask], map: &Checksum) -> String {
-    Hasher::new("segments").with(view.as_bytes()).with(key.as_bytes()).with_json(&parts).with_json(map).hex()
+fn seal(view: &str, key: &str, segments: &[Segment], map: &Checksum) -> String {
+    Hasher::new("segments").with(view.as_bytes()).with(key.as_bytes()).with_json(&segments).with_json(map).hex()
 }
 
 impl SegmentsFile {
@@ -141,11 +141,11 @@ impl Pipeline {
     fn save_view(&self, done: &ViewSegments, key: String, file: &mut SegmentsFile) -> Result<()> {
         let png = done.map.to_png().with_context(|| format!("view {}", done.view))?;
         self.work.write(Artifact::LabelMap(&done.view), &png)?;
-        file.views.insert(done.view.clone(), ViewEntry::new(&done.view, key, done.parts.clone(), &png));
+        file.views.insert(done.view.clone(), ViewEntry::new(&done.view, key, done.segments.clone(), &png));
         Ok(self.work.write_json(Artifact::Segments, file)?)
     }
 
-    /// The parts of the chosen views.
+    /// The segments of the chosen views.
     pub(super) fn segmentation(&self) -> Result<&Segmentation> {
         get_or_load(&self.segmentation, || {
             let mut file: SegmentsFile = self.work.read_json(Artifact::Segments)?;
@@ -156,7 +156,7 @@ impl Pipeline {
                 let entry = file.views.remove(&view.name);
                 let missing = || self.work.damaged(Artifact::Segments, format!("it has no view {}", view.name));
                 let entry = entry.ok_or_else(missing)?;
-                Ok(ViewSegments { view: view.name.clone(), map, parts: entry.parts })
+                Ok(ViewSegments { view: view.name.clone(), map, segments: entry.segments })
             });
             Ok(Segmentation { views: views.collect::<Result<_>>()? })
         })
@@ -181,7 +181,7 @@ impl Pipeline {
         self.views.iter().find(|view| view.name == name).expect("only chosen views are segmented")
     }
 
-    /// A view's parts depend on its photo, the options and the models, not on the other views.
+    /// A view's segments depend on its photo, the options and the models, not on the other views.
     fn view_key(&self, view: &View) -> Result<String> {
         let mut hasher =
             Hasher::new("view").with(&file_digest(&view.image)?).with_json(&self.options.segment.deciding());

@@ -1,4 +1,4 @@
-//! What the vote makes of a finished run, and of the same parts under the paper's ablations.
+//! What the vote makes of a finished run, and of the same segments under the paper's ablations.
 
 use anyhow::Result;
 
@@ -12,10 +12,10 @@ use super::Pipeline;
 pub struct Variants {
     /// Of the whole method, as the run left it.
     pub voted: MaterialField,
-    /// Of answers to sheets that show the part without the object; `None` where a part's is not recorded.
+    /// Of answers to sheets that show the segment without the object; `None` where a segment's is not recorded.
     pub local_only: Option<MaterialField>,
-    /// Of every chosen view alone, by its name; without those that have no part with an answer. What the view does not
-    /// see takes the nearest label.
+    /// Of every chosen view alone, by its name; without those that have no segment with an answer. What the view does
+    /// not see takes the nearest label.
     pub single_views: Vec<(String, MaterialField)>,
 }
 
@@ -43,9 +43,9 @@ impl Pipeline {
         match queries.unanswered(&session.recordings, None).len() {
             0 => Ok(Some(session.run(&queries)?.answers)),
             open => {
-                let (name, all) = (&self.scene.name, queries.parts.len());
+                let (name, all) = (&self.scene.name, queries.segments.len());
                 self.progress
-                    .line(&format!("{name}: {open} of {all} parts have no answer recorded without the object"));
+                    .line(&format!("{name}: {open} of {all} segments have no answer recorded without the object"));
                 Ok(None)
             }
         }

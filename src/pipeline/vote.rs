@@ -59,7 +59,7 @@ impl Pipeline {
         Ok(figure::draw(shown, &view.camera, &view.photo()?, map, &self.scene.gaussians, field))
     }
 
-    /// The chosen views with their parts.
+    /// The chosen views with their segments.
     pub(super) fn voters(&self) -> Result<Vec<ViewInput<'_>>> {
         let views = self.views.iter().zip(&self.segmentation()?.views);
         Ok(views

@@ -1,4 +1,4 @@
-//! What can go wrong with the queries as a whole. What goes wrong with one part is a [`super::Failure`].
+//! What can go wrong with the queries as a whole. What goes wrong with one segment is a [`super::Failure`].
 
 use std::path::{Path, PathBuf};
 
@@ -11,8 +11,8 @@ use super::{Answers, Failure, Outcome};
 /// Why a stage of queries ends without answers.
 #[derive(Debug, thiserror::Error)]
 pub enum QueryError {
-    #[error("view {view}: the label map has no pixel of part {part}; segment the scene again")]
-    EmptyPart { view: String, part: u16 },
+    #[error("view {view}: the label map has no pixel of segment {segment}; segment the scene again")]
+    EmptySegment { view: String, segment: u16 },
     #[error("view {view}: the label map is {map:?} pixels, the photo {photo:?}; segment the scene again")]
     SizeMismatch { view: String, map: (u32, u32), photo: (u32, u32) },
     #[error(transparent)]
@@ -20,22 +20,22 @@ pub enum QueryError {
     #[error(transparent)]
     Recording(#[from] RecordingError),
     #[error(
-        "no recorded answer for {} of {parts} parts:{}\nAsk a model: --lmm-url URL --lmm-model NAME with the key in \
-         OPENAI_API_KEY; or answer by hand or elsewhere: gprop query SCENE --export DIR, then --import DIR",
+        "no recorded answer for {} of {segments} segments:{}\nAsk a model: --lmm-url URL --lmm-model NAME with the key \
+         in OPENAI_API_KEY; or answer by hand or elsewhere: gprop query SCENE --export DIR, then --import DIR",
         .missing.len(), listed(.missing)
     )]
-    Missing { parts: usize, missing: Vec<MissingPart> },
+    Missing { segments: usize, missing: Vec<MissingSegment> },
     #[error("--max-usd cannot be kept: no price is known for {model}; give a price table with --prices FILE")]
     NoPrice { model: String },
     #[error("{requests} requests would cost about {usd:.2} USD, more than --max-usd {max_usd}; nothing was sent")]
     OverBudget { requests: usize, usd: f64, max_usd: f64 },
     #[error(
-        "--max-usd {max_usd} is reached: {spent_usd:.4} USD spent, {left} parts not asked; what was answered is \
+        "--max-usd {max_usd} is reached: {spent_usd:.4} USD spent, {left} segments not asked; what was answered is \
          recorded. Raise --max-usd to go on"
     )]
     BudgetSpent { max_usd: f64, spent_usd: f64, left: usize },
-    #[error("{error}: {parts} parts have no recorded answer, and no server was asked about them")]
-    NotReady { error: AskError, parts: usize },
+    #[error("{error}: {segments} segments have no recorded answer, and no server was asked about them")]
+    NotReady { error: AskError, segments: usize },
     #[error("{source}; nothing more was asked. {}", where_kept(.folder, .spare.as_deref()))]
     Unkept {
         source: RecordingError,
@@ -44,12 +44,12 @@ pub enum QueryError {
         /// Where those are that could not be written there; `None` if their text was printed.
         spare: Option<PathBuf>,
     },
-    #[error("{message}; {left} parts are not answered, what was answered is recorded ({spent})")]
+    #[error("{message}; {left} segments are not answered, what was answered is recorded ({spent})")]
     Endpoint { message: String, left: usize, spent: Spent },
-    #[error("none of {parts} parts is answered: {}", counted(.failures))]
+    #[error("none of {segments} segments is answered: {}", counted(.failures))]
     AllFailed {
-        parts: usize,
-        /// Each failure with the number of parts that it holds for, the most frequent first.
+        segments: usize,
+        /// Each failure with the number of segments that it holds for, the most frequent first.
         failures: Vec<(Failure, usize)>,
     },
     #[error(
@@ -83,11 +83,11 @@ impl From<AskError> for QueryError {
     }
 }
 
-/// A part of which no answer is recorded.
+/// A segment of which no answer is recorded.
 #[derive(Debug, Clone, PartialEq)]
-pub struct MissingPart {
+pub struct MissingSegment {
     pub view: String,
-    pub part: u16,
+    pub segment: u16,
     pub miss: Miss,
 }
 
@@ -95,21 +95,21 @@ impl Answers {
     /// Whether there is anything to go on with.
     ///
     /// # Errors
-    /// [`QueryError::AllFailed`] where there are parts and none of them is answered.
+    /// [`QueryError::AllFailed`] where there are segments and none of them is answered.
     pub fn require_any(&self) -> Result<(), QueryError> {
         let mut failures: Vec<(Failure, usize)> = Vec::new();
-        for part in &self.parts {
-            let Outcome::Failed(failure) = &part.outcome else { return Ok(()) };
+        for segment in &self.segments {
+            let Outcome::Failed(failure) = &segment.outcome else { return Ok(()) };
             match failures.iter_mut().find(|(known, _)| known == failure) {
-                Some((_, parts)) => *parts += 1,
+                Some((_, segments)) => *segments += 1,
                 None => failures.push((failure.clone(), 1)),
             }
         }
         if failures.is_empty() {
             return Ok(());
         }
-        failures.sort_by_key(|(_, parts)| std::cmp::Reverse(*parts));
-        Err(QueryError::AllFailed { parts: self.parts.len(), failures })
+        failures.sort_by_key(|(_, segments)| std::cmp::Reverse(*segments));
+        Err(QueryError::AllFailed { segments: self.segments.len(), failures })
     }
 }
 
@@ -117,8 +117,11 @@ impl Answers {
 const SHOWN_FAILURES: usize = 3;
 
 fn counted(failures: &[(Failure, usize)]) -> String {
-    let mut words: Vec<String> =
-        failures.iter().take(SHOWN_FAILURES).map(|(failure, parts)| format!("{failure} ({parts} of them)")).collect();
+    let mut words: Vec<String> = failures
+        .iter()
+        .take(SHOWN_FAILURES)
+        .map(|(failure, segments)| format!("{failure} ({segments} of them)"))
+        .collect();
     if failures.len() > SHOWN_FAILURES {
         words.push(format!("and {} other reasons; see answers.jsonl", failures.len() - SHOWN_FAILURES));
     }
@@ -135,19 +138,19 @@ fn where_kept(folder: &Path, spare: Option<&Path>) -> String {
     }
 }
 
-/// Every missing part, those of one view with one reason together.
-fn listed(missing: &[MissingPart]) -> String {
+/// Every missing segment, those of one view with one reason together.
+fn listed(missing: &[MissingSegment]) -> String {
     let mut lines: Vec<(&str, String, Vec<String>)> = Vec::new();
-    for part in missing {
-        let reason = part.miss.to_string();
-        match lines.iter_mut().find(|(view, known, _)| *view == part.view && *known == reason) {
-            Some((_, _, parts)) => parts.push(part.part.to_string()),
-            None => lines.push((&part.view, reason, vec![part.part.to_string()])),
+    for segment in missing {
+        let reason = segment.miss.to_string();
+        match lines.iter_mut().find(|(view, known, _)| *view == segment.view && *known == reason) {
+            Some((_, _, segments)) => segments.push(segment.segment.to_string()),
+            None => lines.push((&segment.view, reason, vec![segment.segment.to_string()])),
         }
     }
-    let line = |(view, reason, parts): (&str, String, Vec<String>)| {
-        let parts_word = if parts.len() == 1 { "part" } else { "parts" };
-        format!("\n  view {view} {parts_word} {} ({reason})", parts.join(", "))
+    let line = |(view, reason, segments): (&str, String, Vec<String>)| {
+        let segments_word = if segments.len() == 1 { "segment" } else { "segments" };
+        format!("\n  view {view} {segments_word} {} ({reason})", segments.join(", "))
     };
     lines.into_iter().map(line).collect()
 }

@@ -1,6 +1,6 @@
-//! `answers.jsonl`: one line a part, written and read back.
+//! `answers.jsonl`: one line per segment, written and read back.
 
-use super::{Answers, Outcome, PartAnswer};
+use super::{Answers, Outcome, SegmentAnswer};
 
 /// A line that is not an answer.
 #[derive(Debug, thiserror::Error)]
@@ -14,25 +14,25 @@ pub struct AnswersError {
 impl Answers {
     /// The answers as JSON Lines.
     pub fn to_jsonl(&self) -> String {
-        self.parts.iter().map(PartAnswer::to_jsonl).collect()
+        self.segments.iter().map(SegmentAnswer::to_jsonl).collect()
     }
 
     /// Reads JSON Lines; blank lines are skipped.
     pub fn from_jsonl(text: &str) -> Result<Self, AnswersError> {
         let lines = (1..).zip(text.lines()).filter(|(_, text)| !text.trim().is_empty());
-        let parts = lines
+        let segments = lines
             .map(|(line, text)| serde_json::from_str(text).map_err(|problem| AnswersError { line, problem }))
             .collect::<Result<_, _>>()?;
-        Ok(Self { parts })
+        Ok(Self { segments })
     }
 
-    /// The parts that have no answer.
-    pub fn failed(&self) -> impl Iterator<Item = &PartAnswer> {
-        self.parts.iter().filter(|part| matches!(part.outcome, Outcome::Failed(_)))
+    /// The segments that have no answer.
+    pub fn failed(&self) -> impl Iterator<Item = &SegmentAnswer> {
+        self.segments.iter().filter(|segment| matches!(segment.outcome, Outcome::Failed(_)))
     }
 }
 
-impl PartAnswer {
+impl SegmentAnswer {
     /// One line, ended.
     pub fn to_jsonl(&self) -> String {
         let mut line = serde_json::to_string(self).expect("an answer has string keys and finite numbers");

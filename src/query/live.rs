@@ -8,7 +8,7 @@ use super::cost::Cost;
 use super::error::QueryError;
 use super::ledger::{Ledger, NotSent};
 use super::options::AnswerSource;
-use super::queries::{PartQuery, Queries};
+use super::queries::{Queries, SegmentQuery};
 use super::question::{Question, Reading};
 use super::recorded::{Asked, QuestionLock, Recording, RecordingError, Recordings, Usage, key};
 use super::{Failure, Match, Outcome};
@@ -23,7 +23,7 @@ pub struct Live<'a> {
     pub progress: Progress,
 }
 
-/// Why asking stops for all parts.
+/// Why asking stops for all segments.
 #[derive(Debug)]
 pub enum Stop {
     /// The next request might pass the budget.
@@ -53,12 +53,17 @@ struct ModelReply {
 }
 
 impl<'a> Live<'a> {
-    /// Asks about a part, from `question` on; `None` if the ledger was closed for another part meanwhile.
-    pub fn answer(&self, part: &PartQuery, mut question: &'a Question, so_far: Match) -> Result<Option<Outcome>, Stop> {
+    /// Asks about a segment, from `question` on; `None` if the ledger was closed for another segment meanwhile.
+    pub fn answer(
+        &self,
+        segment: &SegmentQuery,
+        mut question: &'a Question,
+        so_far: Match,
+    ) -> Result<Option<Outcome>, Stop> {
         loop {
-            let reading = match self.answer_one(part, question) {
+            let reading = match self.answer_one(segment, question) {
                 Ok(reading) => reading,
-                Err(Halt::Part(failure)) => return Ok(Some(Outcome::Failed(failure))),
+                Err(Halt::Segment(failure)) => return Ok(Some(Outcome::Failed(failure))),
                 Err(Halt::All(stop)) => return Err(stop),
                 Err(Halt::Closed) => return Ok(None),
             };
@@ -76,30 +81,30 @@ impl<'a> Live<'a> {
     }
 
     /// The recorded answer to one question: recorded by another gprop while this one waited for it, or asked now.
-    fn answer_one(&self, part: &PartQuery, question: &'a Question) -> Result<Reading<'a>, Halt> {
-        let asked = part.asked(question);
-        let _lock = self.lock(part, &asked)?;
+    fn answer_one(&self, segment: &SegmentQuery, question: &'a Question) -> Result<Reading<'a>, Halt> {
+        let asked = segment.asked(question);
+        let _lock = self.lock(segment, &asked)?;
         if let Some(reading) = self.answered_meanwhile(question, &asked)? {
             return Ok(reading);
         }
-        let checked = self.ask_and_correct(part, question)?;
-        let reading = checked.reading.map_err(|problem| Halt::Part(problem.failure))?;
+        let checked = self.ask_and_correct(segment, question)?;
+        let reading = checked.reading.map_err(|problem| Halt::Segment(problem.failure))?;
         let ModelReply { text, served_model, usage } = checked.reply;
         self.record(&Recording::new(self.asker.answerer(), asked, text, served_model, usage))?;
         Ok(reading)
     }
 
     /// Waits until no other gprop has the question out.
-    fn lock(&self, part: &PartQuery, asked: &Asked) -> Result<QuestionLock, Halt> {
+    fn lock(&self, segment: &SegmentQuery, asked: &Asked) -> Result<QuestionLock, Halt> {
         let key = key(self.asker.answerer(), asked);
         let mut is_told = false;
         while !self.ledger.is_closed() {
             match self.recordings.lock_question(&key) {
                 Ok(Some(lock)) => return Ok(lock),
                 Ok(None) if !is_told => {
-                    let PartQuery { view, part, .. } = part;
+                    let SegmentQuery { view, segment, .. } = segment;
                     self.progress
-                        .line(&format!("view {view} part {part}: waiting for the gprop that is asking about it"));
+                        .line(&format!("view {view} segment {segment}: waiting for the gprop that is asking about it"));
                     is_told = true;
                 }
                 Ok(None) => {}
@@ -141,15 +146,15 @@ impl<'a> Live<'a> {
     }
 
     /// Asks one question; a response that cannot be used is sent back once with the reason.
-    fn ask_and_correct(&self, part: &PartQuery, question: &'a Question) -> Result<CheckedReply<'a>, Halt> {
-        let first = self.ask(part, question, None)?;
+    fn ask_and_correct(&self, segment: &SegmentQuery, question: &'a Question) -> Result<CheckedReply<'a>, Halt> {
+        let first = self.ask(segment, question, None)?;
         let problem = match self.read(question, &first.text, Unknown::Refuse) {
             Ok(reading) => return Ok(CheckedReply { reading: Ok(reading), reply: first }),
             Err(problem) => problem,
         };
         let prompt = self.queries.prompts.correction(&problem.reason).map_err(|e| Halt::All(Stop::Error(e.into())))?;
         let correction = Correction { response: &first.text, prompt: &prompt };
-        let second = self.ask(part, question, Some(correction))?;
+        let second = self.ask(segment, question, Some(correction))?;
         let usage = first.usage.zip(second.usage).map(|(a, b)| a.plus(b)).or(first.usage).or(second.usage);
         let reading = self.read(question, &second.text, Unknown::TakeNearest);
         Ok(CheckedReply { reading, reply: ModelReply { usage, ..second } })
@@ -159,15 +164,20 @@ impl<'a> Live<'a> {
         self.queries.questions.read(question, response, self.queries.library, unknown)
     }
 
-    fn ask(&self, part: &PartQuery, question: &Question, correction: Option<Correction>) -> Result<ModelReply, Halt> {
+    fn ask(
+        &self,
+        segment: &SegmentQuery,
+        question: &Question,
+        correction: Option<Correction>,
+    ) -> Result<ModelReply, Halt> {
         let (response, prompt) = correction.map_or(("", ""), |correction| (correction.response, correction.prompt));
         let texts = [question.prompt.as_str(), response, prompt];
         let tokens = self.queries.options.lmm_max_tokens;
-        let cost = Cost::of_request(&texts, part.sheet_size, tokens, self.ledger.price());
-        let ask = Ask { question, picture: &part.jpeg, correction };
+        let cost = Cost::of_request(&texts, segment.sheet_size, tokens, self.ledger.price());
+        let ask = Ask { question, picture: &segment.jpeg, correction };
         let reply = self.asker.ask(ask, &self.ledger.account(cost));
         let Reply { content, usage, served_model } = reply.map_err(|error| match error {
-            AskError::Failed(message) => Halt::Part(Failure::Endpoint { message }),
+            AskError::Failed(message) => Halt::Segment(Failure::Endpoint { message }),
             AskError::Fatal(message) => Halt::All(Stop::Endpoint(message)),
             AskError::Offline(offline) => Halt::All(Stop::Endpoint(offline.to_string())),
             AskError::NotSent(NotSent::Budget) => Halt::All(Stop::Budget),
@@ -175,15 +185,15 @@ impl<'a> Live<'a> {
         })?;
         match content {
             ReplyContent::Text(text) => Ok(ModelReply { text, served_model, usage }),
-            ReplyContent::Refusal(message) => Err(Halt::Part(Failure::Refused { message })),
-            ReplyContent::Empty(message) => Err(Halt::Part(Failure::Invalid { message })),
+            ReplyContent::Refusal(message) => Err(Halt::Segment(Failure::Refused { message })),
+            ReplyContent::Empty(message) => Err(Halt::Segment(Failure::Invalid { message })),
         }
     }
 }
 
 /// Why a question has no reply.
 enum Halt {
-    Part(Failure),
+    Segment(Failure),
     All(Stop),
     /// The ledger lets nothing more be asked.
     Closed,

@@ -1,6 +1,6 @@
-//! What each part is made of: a sheet and a prompt for a large multimodal model, its answers checked and recorded.
+//! What each segment is made of: a sheet and a prompt for a large multimodal model, its answers checked and recorded.
 //!
-//! [`Queries::prepare`] draws every part's [`sheet`] and writes the [`question`]s. [`Queries::run`] is the stage: it
+//! [`Queries::prepare`] draws every segment's [`sheet`] and writes the [`question`]s. [`Queries::run`] is the stage: it
 //! takes an answer from the [recordings](recorded) where there is one, asks whoever may be asked for the rest (an
 //! [`asker`]: the [`client`] of a server), and checks every response against the [`schema`] and the material library
 //! ([`answer`]). [`exchange`] moves the questions out and the answers in, for people and other programs to answer.
@@ -28,12 +28,12 @@ pub mod schema;
 mod sha256;
 pub mod sheet;
 
-pub use error::{MissingPart, QueryError};
+pub use error::{MissingSegment, QueryError};
 pub use jsonl::AnswersError;
 pub use labels::{LabelSet, LabelsError};
 pub use options::{AnswerSource, Context, Guidance, Options, SCENE_KEYS};
 pub use prompt::{PromptError, Prompts};
-pub use queries::{PartQuery, Queries, ViewInput};
+pub use queries::{Queries, SegmentQuery, ViewInput};
 pub use run::{OnAnswer, Preview, Run};
 pub use sha256::Sha256Hex;
 
@@ -41,12 +41,12 @@ use serde::{Deserialize, Serialize};
 
 use crate::units::{Range, ShoreHardness};
 
-/// What is known of one part of one view. A line of `answers.jsonl`.
+/// What is known of one segment of one view. A line of `answers.jsonl`.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-pub struct PartAnswer {
+pub struct SegmentAnswer {
     pub view: String,
-    /// Id of the part in the view's label map.
-    pub part: u16,
+    /// Id of the segment in the view's label map.
+    pub segment: u16,
     #[serde(flatten)]
     pub outcome: Outcome,
 }
@@ -60,7 +60,7 @@ pub enum Outcome {
     Failed(Failure),
 }
 
-/// A part's material and properties, validated against the schema and the library.
+/// A segment's material and properties, validated against the schema and the library.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Answer {
     pub caption: String,
@@ -104,7 +104,7 @@ pub enum Match {
     Mask { iou: f64 },
 }
 
-/// Why a part has no answer.
+/// Why a segment has no answer.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(tag = "failure", rename_all = "snake_case")]
 pub enum Failure {
@@ -129,8 +129,8 @@ impl std::fmt::Display for Failure {
     }
 }
 
-/// The answers of all parts of all views, by view in the order of the views, then by part id.
+/// The answers of all segments of all views, by view in the order of the views, then by segment id.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct Answers {
-    pub parts: Vec<PartAnswer>,
+    pub segments: Vec<SegmentAnswer>,
 }

@@ -52,7 +52,7 @@ pub enum AnswerSource {
     Live,
 }
 
-/// How a part is asked about.
+/// How a segment is asked about.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize, ValueEnum)]
 #[serde(rename_all = "snake_case")]
 pub enum Guidance {
@@ -66,7 +66,7 @@ pub enum Guidance {
 /// Options of the queries to the large multimodal model.
 #[derive(Debug, Clone, Args, Serialize, Deserialize)]
 #[serde(default)]
-#[command(next_help_heading = "Part queries")]
+#[command(next_help_heading = "Segment queries")]
 pub struct Options {
     /// Where answers come from; nothing is sent without --lmm-url
     #[arg(long, value_enum, default_value_t)]

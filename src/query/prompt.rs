@@ -15,7 +15,7 @@ use super::sheet::Context;
 /// Everything that is said to the model.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Prompts {
-    part: String,
+    material: String,
     family: String,
     correction: String,
     picture_global_local: String,
@@ -41,7 +41,7 @@ pub enum PromptError {
     NoFile(PathBuf),
 }
 
-const PART: &str = "part.txt";
+const MATERIAL: &str = "part.txt";
 const FAMILY: &str = "family.txt";
 const CORRECTION: &str = "correction.txt";
 
@@ -75,7 +75,7 @@ impl Prompts {
                 .map_err(|error| PromptError::Schema { file: name.into(), problem: error.to_string() })
         };
         let prompts = Self {
-            part: text(PART, include_str!("../../prompts/part.txt"))?,
+            material: text(MATERIAL, include_str!("../../prompts/part.txt"))?,
             family: text(FAMILY, include_str!("../../prompts/family.txt"))?,
             correction: text(CORRECTION, include_str!("../../prompts/correction.txt"))?,
             picture_global_local: text(
@@ -86,19 +86,19 @@ impl Prompts {
             answer_schema: json("answer.schema.json", include_str!("../../prompts/answer.schema.json"))?,
             family_schema: json("family.schema.json", include_str!("../../prompts/family.schema.json"))?,
         };
-        prompts.part(Context::GlobalLocal, "")?;
+        prompts.material(Context::GlobalLocal, "")?;
         prompts.family(Context::GlobalLocal, "")?;
         prompts.correction("")?;
         Ok(prompts)
     }
 
-    /// The question for a part's material and properties, out of `candidates`.
-    pub fn part(&self, context: Context, candidates: &str) -> Result<String, PromptError> {
+    /// The question for a segment's material and properties, out of `candidates`.
+    pub fn material(&self, context: Context, candidates: &str) -> Result<String, PromptError> {
         let picture = self.picture(context);
-        render(PART, &self.part, context! { picture, candidates })
+        render(MATERIAL, &self.material, context! { picture, candidates })
     }
 
-    /// The question for a part's family, out of `candidates`.
+    /// The question for a segment's family, out of `candidates`.
     pub fn family(&self, context: Context, candidates: &str) -> Result<String, PromptError> {
         let picture = self.picture(context);
         render(FAMILY, &self.family, context! { picture, candidates })
@@ -109,7 +109,7 @@ impl Prompts {
         render(CORRECTION, &self.correction, context! { reason })
     }
 
-    /// The schema of an answer to [`Self::part`], as in the file.
+    /// The schema of an answer to [`Self::material`], as in the file.
     pub fn answer_schema(&self) -> &Value {
         &self.answer_schema
     }
@@ -122,7 +122,7 @@ impl Prompts {
     /// Changes whenever anything said to the model changes.
     pub fn sha256(&self) -> Sha256Hex {
         Sha256Hex::of_fields(&[
-            self.part.as_bytes(),
+            self.material.as_bytes(),
             self.family.as_bytes(),
             self.correction.as_bytes(),
             self.picture_global_local.as_bytes(),

@@ -1,4 +1,4 @@
-//! Every part of every view with its sheet and its questions: what may be replayed, asked or exported.
+//! Every segment of every view with its sheet and its questions: what may be replayed, asked or exported.
 
 use rayon::prelude::*;
 
@@ -14,7 +14,7 @@ use crate::materials::MaterialLibrary;
 use crate::scene::Photo;
 use crate::segment::ViewSegments;
 
-/// One view with its parts.
+/// One view with its segments.
 #[derive(Debug, Clone, Copy)]
 pub struct ViewInput<'a> {
     /// Unique among the views.
@@ -24,11 +24,11 @@ pub struct ViewInput<'a> {
     pub segments: &'a ViewSegments,
 }
 
-/// A part and the picture that is sent for it.
+/// A segment and the picture that is sent for it.
 #[derive(Debug, Clone, PartialEq)]
-pub struct PartQuery {
+pub struct SegmentQuery {
     pub view: String,
-    pub part: u16,
+    pub segment: u16,
     pub photo_sha256: Sha256Hex,
     pub mask: Mask,
     /// Of the sheet's pixels before JPEG.
@@ -42,16 +42,16 @@ pub struct PartQuery {
 /// All that may be asked of a scene.
 #[derive(Debug)]
 pub struct Queries<'a> {
-    /// By view in the order of the views, then by part id.
-    pub parts: Vec<PartQuery>,
+    /// By view in the order of the views, then by segment id.
+    pub segments: Vec<SegmentQuery>,
     pub questions: Questions,
     pub library: &'a MaterialLibrary,
     pub prompts: &'a Prompts,
     pub options: &'a Options,
 }
 
-impl PartQuery {
-    /// What identifies `question` asked about this part.
+impl SegmentQuery {
+    /// What identifies `question` asked about this segment.
     pub fn asked(&self, question: &Question) -> Asked {
         Asked {
             view: self.view.clone(),
@@ -65,7 +65,7 @@ impl PartQuery {
 }
 
 impl<'a> Queries<'a> {
-    /// Draws the sheet of every part and writes the questions.
+    /// Draws the sheet of every segment and writes the questions.
     pub fn prepare(
         views: &[ViewInput],
         library: &'a MaterialLibrary,
@@ -73,27 +73,27 @@ impl<'a> Queries<'a> {
         options: &'a Options,
     ) -> Result<Self, QueryError> {
         let questions = Questions::new(prompts, library, options.guidance, options.context)?;
-        let mut parts = Vec::new();
+        let mut segments = Vec::new();
         for view in views {
-            parts.extend(parts_of(view, options.context, options.sheet_size)?);
+            segments.extend(segments_of(view, options.context, options.sheet_size)?);
         }
-        Ok(Self { parts, questions, library, prompts, options })
+        Ok(Self { segments, questions, library, prompts, options })
     }
 
-    /// The most that asking `parts` may take: every question of the longest chain, each answered at once.
-    pub fn cost<'p>(&self, parts: impl Iterator<Item = &'p PartQuery>, price: Option<&Price>) -> Cost {
+    /// The most that asking `segments` may take: every question of the longest chain, each answered at once.
+    pub fn cost<'p>(&self, segments: impl Iterator<Item = &'p SegmentQuery>, price: Option<&Price>) -> Cost {
         let chain = self.questions.longest_chain();
-        parts.flat_map(|part| chain.iter().map(move |question| (part, *question))).fold(
+        segments.flat_map(|segment| chain.iter().map(move |question| (segment, *question))).fold(
             Cost::default(),
-            |cost, (part, question)| {
+            |cost, (segment, question)| {
                 let tokens = self.options.lmm_max_tokens;
-                cost.plus(Cost::of_request(&[&question.prompt], part.sheet_size, tokens, price))
+                cost.plus(Cost::of_request(&[&question.prompt], segment.sheet_size, tokens, price))
             },
         )
     }
 }
 
-fn parts_of(view: &ViewInput, context: Context, sheet_size: u32) -> Result<Vec<PartQuery>, QueryError> {
+fn segments_of(view: &ViewInput, context: Context, sheet_size: u32) -> Result<Vec<SegmentQuery>, QueryError> {
     let (map, photo) = (&view.segments.map, view.photo);
     if (map.width, map.height) != photo.rgb.dimensions() {
         return Err(QueryError::SizeMismatch {
@@ -104,16 +104,17 @@ fn parts_of(view: &ViewInput, context: Context, sheet_size: u32) -> Result<Vec<P
     }
     let photo_sha256 = Sha256Hex::of_picture(photo.rgb.dimensions(), photo.rgb.as_raw());
     let drawer = Drawer::new(photo, map, context, sheet_size);
-    let mut ids: Vec<u16> = view.segments.parts.iter().map(|part| part.id).collect();
+    let mut ids: Vec<u16> = view.segments.segments.iter().map(|segment| segment.id).collect();
     ids.sort_unstable();
     ids.into_par_iter()
-        .map(|part| {
-            let sheet = drawer.sheet(part).ok_or_else(|| QueryError::EmptyPart { view: view.name.into(), part })?;
-            Ok(PartQuery {
+        .map(|segment| {
+            let sheet =
+                drawer.sheet(segment).ok_or_else(|| QueryError::EmptySegment { view: view.name.into(), segment })?;
+            Ok(SegmentQuery {
                 view: view.name.into(),
-                part,
+                segment,
                 photo_sha256: photo_sha256.clone(),
-                mask: Mask::of_part(map, part),
+                mask: Mask::of_segment(map, segment),
                 sheet_sha256: sheet.pixels_sha256(),
                 sheet_size: sheet.picture.dimensions(),
                 jpeg: sheet.jpeg(),

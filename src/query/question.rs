@@ -1,7 +1,7 @@
-//! What is asked about every part: a prompt and a schema, or a chain of two.
+//! What is asked about every segment: a prompt and a schema, or a chain of two.
 //!
-//! Neither depends on the part (its picture does), so servers that cache the beginning of a request read the long list
-//! of materials once.
+//! Neither depends on the segment (its picture does), so servers that cache the beginning of a request read the long
+//! list of materials once.
 
 use std::collections::BTreeMap;
 
@@ -26,7 +26,7 @@ pub struct Question {
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum AsksFor {
     Family,
-    Part,
+    Material,
 }
 
 impl Question {
@@ -39,7 +39,7 @@ impl Question {
 #[derive(Debug)]
 pub struct Questions {
     first: Question,
-    /// The part's question with the materials of one family; empty where the first question has them all.
+    /// The question for the materials of one family; empty where the first question has them all.
     by_family: BTreeMap<String, Question>,
 }
 
@@ -60,32 +60,32 @@ impl Questions {
         let families: Vec<&str> = library.families().iter().map(|family| family.name.as_str()).collect();
         match guidance {
             Guidance::Single => {
-                Ok(Self { first: part(prompts, library, &families, context)?, by_family: BTreeMap::new() })
+                Ok(Self { first: material(prompts, library, &families, context)?, by_family: BTreeMap::new() })
             }
             Guidance::Gradual => {
                 let schema = Schema::new("family.schema.json", prompts.family_schema().clone(), &families)?;
                 let prompt = prompts.family(context, &families.join("; "))?;
                 let by_family = families
                     .iter()
-                    .map(|family| Ok(((*family).to_owned(), part(prompts, library, &[family], context)?)))
+                    .map(|family| Ok(((*family).to_owned(), material(prompts, library, &[family], context)?)))
                     .collect::<Result<_, PromptError>>()?;
                 Ok(Self { first: Question::new(AsksFor::Family, prompt, schema), by_family })
             }
         }
     }
 
-    /// What is asked first about every part.
+    /// What is asked first about every segment.
     pub fn first(&self) -> &Question {
         &self.first
     }
 
-    /// The longest chain of questions that a part may need.
+    /// The longest chain of questions that a segment may need.
     pub fn longest_chain(&self) -> Vec<&Question> {
         let longest = self.by_family.values().max_by_key(|question| question.prompt.len());
         std::iter::once(&self.first).chain(longest).collect()
     }
 
-    /// Every question that a part may be asked.
+    /// Every question that a segment may be asked.
     pub fn all(&self) -> impl Iterator<Item = &Question> {
         std::iter::once(&self.first).chain(self.by_family.values())
     }
@@ -107,7 +107,9 @@ impl Questions {
     ) -> Result<Reading<'_>, Problem> {
         let value = question.schema.check(response).map_err(Problem::invalid)?;
         match question.asks_for {
-            AsksFor::Part => answer::read(value, library, unknown).map(|answer| Reading::Answered(Box::new(answer))),
+            AsksFor::Material => {
+                answer::read(value, library, unknown).map(|answer| Reading::Answered(Box::new(answer)))
+            }
             AsksFor::Family => {
                 let family = value["family"].as_str().unwrap_or_default();
                 let next = self.by_family.get(family);
@@ -117,7 +119,7 @@ impl Questions {
     }
 }
 
-fn part(
+fn material(
     prompts: &Prompts,
     library: &MaterialLibrary,
     families: &[&str],
@@ -131,5 +133,5 @@ fn part(
             format!("{family}: {}", names.join("; "))
         })
         .collect();
-    Ok(Question::new(AsksFor::Part, prompts.part(context, &candidates.join("\n"))?, schema))
+    Ok(Question::new(AsksFor::Material, prompts.material(context, &candidates.join("\n"))?, schema))
 }

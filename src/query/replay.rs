@@ -2,12 +2,12 @@
 
 use super::answer::{Problem, Unknown};
 use super::options::{AnswerSource, Options};
-use super::queries::{PartQuery, Queries};
+use super::queries::{Queries, SegmentQuery};
 use super::question::{Question, Reading};
 use super::recorded::{Answerer, Miss, Recordings, Who};
 use super::{Failure, Match, Outcome};
 
-/// What the recordings have on a part.
+/// What the recordings have on a segment.
 pub enum Replayed<'a> {
     Answered(Outcome),
     /// The question at which they end, and how the ones before it were found.
@@ -33,12 +33,12 @@ pub fn who<'a>(answerer: Option<&'a Answerer>, options: &'a Options) -> Who<'a> 
     }
 }
 
-/// Follows a part's questions through the recordings as far as they go.
-pub fn replay<'a>(queries: &'a Queries, part: &PartQuery, recordings: &Recordings, who: Who) -> Replayed<'a> {
+/// Follows a segment's questions through the recordings as far as they go.
+pub fn replay<'a>(queries: &'a Queries, segment: &SegmentQuery, recordings: &Recordings, who: Who) -> Replayed<'a> {
     let mut question = queries.questions.first();
     let mut so_far = Match::Exact;
     loop {
-        let (recording, matched) = match recordings.find(&part.asked(question), who) {
+        let (recording, matched) = match recordings.find(&segment.asked(question), who) {
             Ok(found) => found,
             Err(miss) => return Replayed::Missing { question, miss, so_far },
         };

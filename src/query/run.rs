@@ -1,4 +1,4 @@
-//! The stage: recordings first, then whoever is asked, several parts at once.
+//! The stage: recordings first, then whoever is asked, several segments at once.
 
 use std::collections::BTreeSet;
 use std::sync::atomic::{AtomicUsize, Ordering};
@@ -9,23 +9,23 @@ use serde::Serialize;
 
 use super::asker::Asker;
 use super::cost::{Cost, Price};
-use super::error::{MissingPart, QueryError};
+use super::error::{MissingSegment, QueryError};
 use super::ledger::{Ledger, Spent};
 use super::live::{Live, Stop};
 use super::options::AnswerSource;
-use super::queries::{PartQuery, Queries};
+use super::queries::{Queries, SegmentQuery};
 use super::question::Question;
 use super::recorded::{Answerer, Miss, Recordings};
 use super::replay::{self, Replayed};
 use super::sha256::Sha256Hex;
-use super::{Answers, Match, Outcome, PartAnswer};
+use super::{Answers, Match, Outcome, SegmentAnswer};
 use crate::progress::Progress;
 
 /// What is known before anything is sent.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Preview {
-    pub parts: usize,
-    /// Parts whose answer is recorded.
+    pub segments: usize,
+    /// Segments whose answer is recorded.
     pub recorded: usize,
     /// Of asking the others.
     pub cost: Cost,
@@ -33,7 +33,7 @@ pub struct Preview {
 
 impl std::fmt::Display for Preview {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        write!(f, "{} parts, {} recorded; to ask: {}", self.parts, self.recorded, self.cost)
+        write!(f, "{} segments, {} recorded; to ask: {}", self.segments, self.recorded, self.cost)
     }
 }
 
@@ -44,7 +44,7 @@ pub struct Run {
     pub spent: Spent,
 }
 
-/// A part that must be asked about, by its place among the parts.
+/// A segment that must be asked about, by its place among the segments.
 struct Open<'a> {
     index: usize,
     question: &'a Question,
@@ -52,28 +52,36 @@ struct Open<'a> {
     miss: Miss,
 }
 
-/// How each part stands with the recordings.
+/// How each segment stands with the recordings.
 struct Sorted<'a> {
     answered: Vec<(usize, Outcome)>,
     open: Vec<Open<'a>>,
 }
 
 /// Told of each answer as soon as it is there.
-pub type OnAnswer<'a> = dyn FnMut(&PartQuery, &PartAnswer) -> std::io::Result<()> + 'a;
+pub type OnAnswer<'a> = dyn FnMut(&SegmentQuery, &SegmentAnswer) -> std::io::Result<()> + 'a;
 
 impl Queries<'_> {
-    /// What of the parts is recorded, and what asking the rest would cost. `answerer` is who would be asked.
+    /// What of the segments is recorded, and what asking the rest would cost. `answerer` is who would be asked.
     pub fn preview(&self, recordings: &Recordings, answerer: Option<&Answerer>, price: Option<&Price>) -> Preview {
         let sorted = self.sort(recordings, answerer);
-        Preview { parts: self.parts.len(), recorded: sorted.answered.len(), cost: self.cost_of(&sorted.open, price) }
+        Preview {
+            segments: self.segments.len(),
+            recorded: sorted.answered.len(),
+            cost: self.cost_of(&sorted.open, price),
+        }
     }
 
-    /// The parts that are not recorded, each with the question to be asked next. `answerer` is who would be asked.
-    pub fn unanswered(&self, recordings: &Recordings, answerer: Option<&Answerer>) -> Vec<(&PartQuery, &Question)> {
-        self.sort(recordings, answerer).open.into_iter().map(|open| (&self.parts[open.index], open.question)).collect()
+    /// The segments that are not recorded, each with the question to be asked next. `answerer` is who would be asked.
+    pub fn unanswered(&self, recordings: &Recordings, answerer: Option<&Answerer>) -> Vec<(&SegmentQuery, &Question)> {
+        self.sort(recordings, answerer)
+            .open
+            .into_iter()
+            .map(|open| (&self.segments[open.index], open.question))
+            .collect()
     }
 
-    /// Asks about the first part that is not recorded; `None` where all are. Nothing is announced.
+    /// Asks about the first segment that is not recorded; `None` where all are. Nothing is announced.
     pub fn ask_first(
         &self,
         recordings: &Recordings,
@@ -96,19 +104,19 @@ impl Queries<'_> {
         Ok(asked)
     }
 
-    /// The recordings that answer any part, whoever answered: all others are of no use to these views and options.
+    /// The recordings that answer any segment, whoever answered: all others are of no use to these views and options.
     pub fn used(&self, recordings: &Recordings) -> BTreeSet<Sha256Hex> {
-        let parts = self.parts.par_iter();
-        parts
-            .flat_map_iter(|part| self.questions.all().map(move |question| part.asked(question)))
+        let segments = self.segments.par_iter();
+        segments
+            .flat_map_iter(|segment| self.questions.all().map(move |question| segment.asked(question)))
             .flat_map_iter(|asked| recordings.serving(&asked))
             .collect()
     }
 
-    /// Answers every part: from `recordings`, and where they end from `asker`.
+    /// Answers every segment: from `recordings`, and where they end from `asker`.
     ///
-    /// `on_answer` is told of each answer as soon as it is there; the result has them in the order of the parts. A part
-    /// that could not be answered is a typed failure among the answers and is not recorded.
+    /// `on_answer` is told of each answer as soon as it is there; the result has them in the order of the segments. A
+    /// segment that could not be answered is a typed failure among the answers and is not recorded.
     ///
     /// # Errors
     /// [`QueryError::Missing`] where something is not recorded and nobody may be asked; a budget that does not suffice;
@@ -124,13 +132,13 @@ impl Queries<'_> {
         let asker = asker.filter(|_| self.options.answers != AnswerSource::Replay);
         let sorted = self.sort(recordings, asker.map(Asker::answerer));
         let ledger = Ledger::new(price.cloned(), self.options.max_usd);
-        let bar = progress.bar("query", self.parts.len() as u64);
-        let mut outcomes: Vec<Option<PartAnswer>> = vec![None; self.parts.len()];
+        let bar = progress.bar("query", self.segments.len() as u64);
+        let mut outcomes: Vec<Option<SegmentAnswer>> = vec![None; self.segments.len()];
         let mut keep = |index: usize, outcome: Outcome| {
-            let part = &self.parts[index];
-            let answer = PartAnswer { view: part.view.clone(), part: part.part, outcome };
+            let segment = &self.segments[index];
+            let answer = SegmentAnswer { view: segment.view.clone(), segment: segment.segment, outcome };
             bar.inc(1);
-            on_answer(part, &answer).map_err(QueryError::Save)?;
+            on_answer(segment, &answer).map_err(QueryError::Save)?;
             outcomes[index] = Some(answer);
             Ok(())
         };
@@ -153,18 +161,18 @@ impl Queries<'_> {
             ask_all(&live, &sorted.open, &mut keep)?;
         }
         bar.finish_and_clear();
-        Ok(Run { answers: Answers { parts: outcomes.into_iter().flatten().collect() }, spent: ledger.spent() })
+        Ok(Run { answers: Answers { segments: outcomes.into_iter().flatten().collect() }, spent: ledger.spent() })
     }
 
     fn sort(&self, recordings: &Recordings, answerer: Option<&Answerer>) -> Sorted<'_> {
         let who = replay::who(answerer, self.options);
-        let replay = |part| match self.options.answers {
+        let replay = |segment| match self.options.answers {
             AnswerSource::Live => {
                 Replayed::Missing { question: self.questions.first(), miss: Miss::Live, so_far: Match::Exact }
             }
-            AnswerSource::Replay | AnswerSource::Record => replay::replay(self, part, recordings, who),
+            AnswerSource::Replay | AnswerSource::Record => replay::replay(self, segment, recordings, who),
         };
-        let replayed: Vec<Replayed> = self.parts.par_iter().map(replay).collect();
+        let replayed: Vec<Replayed> = self.segments.par_iter().map(replay).collect();
         let mut sorted = Sorted { answered: Vec::new(), open: Vec::new() };
         for (index, replayed) in replayed.into_iter().enumerate() {
             match replayed {
@@ -182,7 +190,7 @@ impl Queries<'_> {
     }
 
     fn cost_of(&self, open: &[Open], price: Option<&Price>) -> Cost {
-        self.cost(open.iter().map(|open| &self.parts[open.index]), price)
+        self.cost(open.iter().map(|open| &self.segments[open.index]), price)
     }
 
     fn check_budget(&self, open: &[Open], answerer: &Answerer, price: Option<&Price>) -> Result<(), QueryError> {
@@ -195,8 +203,8 @@ impl Queries<'_> {
         }
     }
 
-    /// What asking about the first `count` open parts may cost: about the first `at_once` of them now, and about the others
-    /// by the Batch API.
+    /// What asking about the first `count` open segments may cost: about the first `at_once` of them now, and about the
+    /// others by the Batch API.
     pub fn submission_cost(
         &self,
         recordings: &Recordings,
@@ -206,27 +214,27 @@ impl Queries<'_> {
         at_once: usize,
     ) -> (Cost, Cost) {
         let open = self.unanswered(recordings, Some(answerer));
-        let parts: Vec<&PartQuery> = open.into_iter().map(|(part, _)| part).take(count).collect();
-        let (now, later) = parts.split_at(at_once.min(parts.len()));
-        let cost = |parts: &[&PartQuery]| self.cost(parts.iter().copied(), price);
+        let segments: Vec<&SegmentQuery> = open.into_iter().map(|(segment, _)| segment).take(count).collect();
+        let (now, later) = segments.split_at(at_once.min(segments.len()));
+        let cost = |segments: &[&SegmentQuery]| self.cost(segments.iter().copied(), price);
         (cost(now), cost(later).by_batch_api())
     }
 
     fn missing(&self, open: &[Open]) -> QueryError {
         let missing = open.iter().map(|open| {
-            let part = &self.parts[open.index];
-            MissingPart { view: part.view.clone(), part: part.part, miss: open.miss }
+            let segment = &self.segments[open.index];
+            MissingSegment { view: segment.view.clone(), segment: segment.segment, miss: open.miss }
         });
-        QueryError::Missing { parts: self.parts.len(), missing: missing.collect() }
+        QueryError::Missing { segments: self.segments.len(), missing: missing.collect() }
     }
 }
 
-/// Whether any of `parts` open parts can be asked about.
-fn check_ready(asker: &dyn Asker, parts: usize) -> Result<(), QueryError> {
-    asker.ready().map_err(|error| QueryError::NotReady { error, parts })
+/// Whether any of `segments` open segments can be asked about.
+fn check_ready(asker: &dyn Asker, segments: usize) -> Result<(), QueryError> {
+    asker.ready().map_err(|error| QueryError::NotReady { error, segments })
 }
 
-/// Asks about all open parts with as many threads as the asker takes; answers are kept on this thread as they come.
+/// Asks about all open segments with as many threads as the asker takes; answers are kept on this thread as they come.
 fn ask_all(
     live: &Live,
     open: &[Open],
@@ -244,7 +252,7 @@ fn ask_all(
                 while !live.ledger.is_closed()
                     && let Some(open) = open.get(next.fetch_add(1, Ordering::Relaxed))
                 {
-                    let outcome = live.answer(&live.queries.parts[open.index], open.question, open.so_far);
+                    let outcome = live.answer(&live.queries.segments[open.index], open.question, open.so_far);
                     if sender.send((open.index, outcome)).is_err() {
                         return;
                     }

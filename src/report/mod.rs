@@ -103,7 +103,7 @@ pub struct AnswerCounts {
     pub exact: usize,
     /// Recorded for the same view with a mask that overlaps.
     pub by_mask: usize,
-    /// Parts without an answer; they cast no votes.
+    /// Segments without an answer; they cast no votes.
     pub failed: usize,
 }
 
@@ -111,8 +111,8 @@ impl AnswerCounts {
     /// Counts the answers by how each was found.
     pub fn of(answers: &Answers) -> Self {
         let mut counts = Self::default();
-        for part in &answers.parts {
-            match &part.outcome {
+        for segment in &answers.segments {
+            match &segment.outcome {
                 Outcome::Failed(_) => counts.failed += 1,
                 Outcome::Answered(answer) => match answer.matched {
                     // What is asked is recorded first.
@@ -124,7 +124,7 @@ impl AnswerCounts {
         counts
     }
 
-    /// Parts that have an answer.
+    /// Segments that have an answer.
     pub fn answered(&self) -> usize {
         self.exact + self.by_mask
     }

@@ -1,5 +1,5 @@
-//! The report's pictures: each view's photo, the parts found in it, the materials of the Gaussians seen from there; the
-//! sheets that were asked about.
+//! The report's pictures: each view's photo, the segments found in it, the materials of the Gaussians seen from there;
+//! the sheets that were asked about.
 
 use anyhow::Result;
 use image::RgbImage;
@@ -31,15 +31,15 @@ pub struct Pictures {
 pub struct ViewPictures {
     pub name: String,
     pub photo: Vec<u8>,
-    pub parts: Vec<u8>,
+    pub segments: Vec<u8>,
     pub materials: Vec<u8>,
 }
 
-/// The picture that a part of a view was asked about with, as JPEG.
+/// The picture that a segment of a view was asked about with, as JPEG.
 #[derive(Debug, Clone)]
 pub struct SheetPicture {
     pub view: String,
-    pub part: u16,
+    pub segment: u16,
     pub jpeg: Vec<u8>,
 }
 
@@ -48,9 +48,9 @@ impl SheetPicture {
     ///
     /// # Errors
     /// Where it is not a picture.
-    pub fn shrink(view: &str, part: u16, sheet: &[u8]) -> Result<Self> {
+    pub fn shrink(view: &str, segment: u16, sheet: &[u8]) -> Result<Self> {
         let picture = image::load_from_memory(sheet)?.into_rgb8();
-        Ok(Self { view: view.to_owned(), part, jpeg: jpeg(&picture, SHEET_LONGEST_SIDE)? })
+        Ok(Self { view: view.to_owned(), segment, jpeg: jpeg(&picture, SHEET_LONGEST_SIDE)? })
     }
 }
 
@@ -63,7 +63,7 @@ impl ViewPictures {
         let photo = view.photo()?;
         Ok(Self {
             name: view.name.clone(),
-            parts: jpeg(&tinted(&photo, map), LONGEST_SIDE)?,
+            segments: jpeg(&tinted(&photo, map), LONGEST_SIDE)?,
             materials: jpeg(&material_map(view, gaussians, field), LONGEST_SIDE)?,
             photo: jpeg(&photo.rgb, LONGEST_SIDE)?,
         })

@@ -125,9 +125,9 @@ pub fn load(folder: &Path, options: &Options) -> Result<Scene, SceneError> {
         None => found.views(folder, options)?,
     };
     let splat = found.read_splat(&splat_path)?;
-    let parts = object::separate(splat.gaussians, &views, options)?;
-    found.notes.push(parts.note);
-    let mut object = parts.object;
+    let separated = object::separate(splat.gaussians, &views, options)?;
+    found.notes.push(separated.note);
+    let mut object = separated.object;
     found.warnings.extend(outliers::set_aside(&mut object)?.map(|set_aside| set_aside.to_string()));
     let measured = scale::Measured {
         object: robust_bounds(&object),
@@ -140,8 +140,8 @@ pub fn load(folder: &Path, options: &Options) -> Result<Scene, SceneError> {
         name: name_of(folder),
         scale,
         gaussians: object,
-        surroundings: parts.surroundings,
-        object_source: parts.source,
+        surroundings: separated.surroundings,
+        object_source: separated.source,
         views,
         files: found.files,
         notes: found.notes,

@@ -15,7 +15,7 @@ const LEAST_SHARE_ON_FOREGROUND: f64 = 0.5;
 pub struct Adaptive<'a> {
     /// The object.
     pub foreground: &'a Mask,
-    /// A mask that covers this share of the foreground is the whole object, which explains nothing of its parts.
+    /// A mask that covers this share of the foreground is the whole object, which explains nothing of its segments.
     pub whole_object: f64,
 }
 
@@ -97,12 +97,12 @@ mod tests {
         let foreground = columns(10, 60);
         let adaptive = Adaptive { foreground: &foreground, whole_object: 0.9 };
         let worth = |x, masks: &[&[Candidate]]| adaptive.is_worth_asking(x, 5, masks);
-        let part = [candidate(20, 40)];
-        assert!(!worth(30, &[&part, &[]]));
-        assert!(worth(45, &[&part, &[]]), "beside the mask");
-        assert!(worth(30, &[&part]), "one neighbour is too few");
+        let segment = [candidate(20, 40)];
+        assert!(!worth(30, &[&segment, &[]]));
+        assert!(worth(45, &[&segment, &[]]), "beside the mask");
+        assert!(worth(30, &[&segment]), "one neighbour is too few");
         assert!(!worth(5, &[]), "off the object");
-        assert!(worth(30, &[&[candidate(10, 60)], &[]]), "the whole object is not a part");
+        assert!(worth(30, &[&[candidate(10, 60)], &[]]), "the whole object is not a segment");
         assert!(worth(55, &[&[candidate(50, 100)], &[]]), "a mask of the background");
     }
 }

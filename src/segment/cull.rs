@@ -1,7 +1,7 @@
 //! The paper's culling of redundant masks (`mask_nms` of LangSplat's preprocessing, which its code uses).
 
 use super::mask::Mask;
-use super::options::PartOptions;
+use super::options::SelectionOptions;
 
 /// A mask inside another covers less than this of it...
 const SMALL_SHARE_OF_OTHER: f64 = 0.5;
@@ -17,7 +17,7 @@ const KEPT_ANYWAY: usize = 3;
 /// - its score is not above `cull_score` (where none is, the best three stay), or
 /// - it lies inside another that is at least twice as large, and 1 - (overlap / its area) x (overlap / the other's area)
 ///   is above 1 - `cull_inner`.
-pub fn cull(masks: &[&Mask], scores: &[f64], options: &PartOptions) -> Vec<usize> {
+pub fn cull(masks: &[&Mask], scores: &[f64], options: &SelectionOptions) -> Vec<usize> {
     let mut order: Vec<usize> = (0..masks.len()).collect();
     order.sort_by(|&a, &b| scores[b].total_cmp(&scores[a]));
     let areas: Vec<f64> = masks.iter().map(|mask| mask.area() as f64).collect();
@@ -54,7 +54,7 @@ mod tests {
     use super::*;
 
     fn culled(masks: &[Mask], scores: &[f64]) -> Vec<usize> {
-        cull(&masks.iter().collect::<Vec<_>>(), scores, &PartOptions::default())
+        cull(&masks.iter().collect::<Vec<_>>(), scores, &SelectionOptions::default())
     }
 
     /// Columns `start..end` of a strip 100 wide and 1 high.

@@ -16,16 +16,18 @@ const MOST_BYTES: u64 = 1 << 30;
 pub enum LabelMapError {
     #[error("not a readable PNG: {0}")]
     Png(#[from] image::ImageError),
-    #[error("a label map is a grey PNG of 16 (or 8) bits whose values are part ids; this one has pixels of type {0:?}")]
+    #[error(
+        "a label map is a grey PNG of 16 (or 8) bits whose values are segment ids; this one has pixels of type {0:?}"
+    )]
     Pixels(image::ColorType),
     #[error("its NumPy array cannot be used: {0}")]
     Npy(String),
-    #[error("an array of part ids is [height, width], [1, height, width] or [4, height, width]; this one is {0:?}")]
+    #[error("an array of segment ids is [height, width], [1, height, width] or [4, height, width]; this one is {0:?}")]
     NpyShape(Vec<u64>),
-    #[error("an array of part ids is of int32 or int64; this one is of {0}")]
+    #[error("an array of segment ids is of int32 or int64; this one is of {0}")]
     NpyType(String),
-    #[error("it has {0} parts, more than 65,535")]
-    TooManyParts(usize),
+    #[error("it has {0} segments, more than 65,535")]
+    TooManySegments(usize),
 }
 
 impl LabelMap {
@@ -34,11 +36,11 @@ impl LabelMap {
         self.labels[y as usize * self.width as usize + x as usize]
     }
 
-    /// The map of part ids, which are renumbered from 1 in their order; a negative one is background.
+    /// The map of segment ids, which are renumbered from 1 in their order; a negative one is background.
     pub fn of_ids(width: u32, height: u32, ids: &[i64]) -> Result<Self, LabelMapError> {
         let distinct: BTreeSet<i64> = ids.iter().copied().filter(|&id| id >= 0).collect();
         if distinct.len() > usize::from(u16::MAX) {
-            return Err(LabelMapError::TooManyParts(distinct.len()));
+            return Err(LabelMapError::TooManySegments(distinct.len()));
         }
         let number: BTreeMap<i64, u16> = distinct.into_iter().zip(1..).collect();
         let labels = ids.iter().map(|id| number.get(id).copied().unwrap_or(0)).collect();

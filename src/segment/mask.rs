@@ -1,5 +1,5 @@
-//! Binary masks as runs of set pixels, row by row. A part's mask takes a few kilobytes at any picture size, and area,
-//! overlap, connected regions and painting all walk runs instead of pixels.
+//! Binary masks as runs of set pixels, row by row. A segment's mask takes a few kilobytes at any picture size, and
+//! area, overlap, connected regions and painting all walk runs instead of pixels.
 
 use std::ops::Range;
 

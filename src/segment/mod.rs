@@ -1,4 +1,4 @@
-//! Parts of every chosen view: SAM's automatic masks, one level of them, painted into a label map.
+//! Segments of every chosen view: SAM's automatic masks, one level of them, painted into a label map.
 //!
 //! In the order of the data:
 //! 1. [`segmenter`]: the foreground's surroundings are cut out of the photo;
@@ -7,7 +7,7 @@
 //! 4. [`sam`] (the only user of `ort`): one embedding a picture, three nested masks a prompt;
 //! 5. [`upsample`]: logits to a mask at picture size and its stability;
 //! 6. [`automatic`], [`nms`], [`regions`]: the good ones, each only once, mended;
-//! 7. [`cull`], [`paint`]: which of them are parts, and the label map;
+//! 7. [`cull`], [`paint`]: which of them are segments, and the label map;
 //! 8. [`views`]: all of this for many views side by side;
 //! 9. [`formats`]: label maps as others keep them, out and in.
 
@@ -38,11 +38,11 @@ pub use candidate::Candidate;
 pub use error::SegmentError;
 pub use label_map::LabelMapError;
 pub use observer::Observer;
-pub use options::{GeneratorOptions, Options, PartOptions, PointPrompts, SCENE_KEYS};
+pub use options::{GeneratorOptions, Options, PointPrompts, SCENE_KEYS, SelectionOptions};
 pub use segmenter::Segmenter;
 pub use views::segment_views;
 
-/// The part of every pixel of one view: 0 background, parts from 1.
+/// The segment of every pixel of one view: 0 background, segments from 1.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct LabelMap {
     pub width: u32,
@@ -51,9 +51,9 @@ pub struct LabelMap {
     pub labels: Vec<u16>,
 }
 
-/// One part of one view.
+/// One segment of one view.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-pub struct PartMask {
+pub struct Segment {
     /// Its value in the label map.
     pub id: u16,
     /// Pixels it kept in the label map.
@@ -67,7 +67,7 @@ pub struct PartMask {
     pub level: Level,
 }
 
-impl PartMask {
+impl Segment {
     /// Whether this is not a mask of SAM's but what its masks left of the object.
     pub fn is_rest(&self) -> bool {
         self.predicted_iou == 0.0 && self.stability_score == 0.0
@@ -85,21 +85,21 @@ pub enum Level {
     Large,
 }
 
-/// The parts of one view.
+/// The segments of one view.
 #[derive(Debug, Clone, PartialEq)]
 pub struct ViewSegments {
     /// Name of the view.
     pub view: String,
     pub map: LabelMap,
     /// By rising id.
-    pub parts: Vec<PartMask>,
+    pub segments: Vec<Segment>,
 }
 
 impl ViewSegments {
     /// What the user should know about the view.
     pub fn warning(&self) -> Option<String> {
-        match self.parts.as_slice() {
-            [] => Some(format!("view {}: it has no foreground and so no parts", self.view)),
+        match self.segments.as_slice() {
+            [] => Some(format!("view {}: it has no foreground and so no segments", self.view)),
             [only] if only.is_rest() => Some(format!(
                 "SAM found no segments in view {}; using the whole object as one segment. Try --level small",
                 self.view
@@ -109,7 +109,7 @@ impl ViewSegments {
     }
 }
 
-/// The parts of all chosen views, in the order of the views.
+/// The segments of all chosen views, in the order of the views.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Segmentation {
     pub views: Vec<ViewSegments>,

@@ -10,8 +10,8 @@ use super::formats::Format;
 use crate::config::SceneKey;
 use crate::values::{self, below, from_to};
 
-/// The keys that a scene may set: what cuts this object into its parts. Which forms are written besides and what is cached is
-/// the user's business.
+/// The keys that a scene may set: what cuts the photos into segments. Which forms are written besides and what is
+/// cached is the user's business.
 pub const SCENE_KEYS: &[SceneKey] = &[
     SceneKey::any("level"),
     SceneKey::any("point-prompts"),
@@ -67,7 +67,7 @@ pub struct Options {
     #[command(flatten)]
     pub generator: GeneratorOptions,
     #[command(flatten)]
-    pub parts: PartOptions,
+    pub selection: SelectionOptions,
 }
 
 /// Which points of the grid SAM is asked at.
@@ -117,10 +117,10 @@ pub struct GeneratorOptions {
     pub min_region_area: u32,
 }
 
-/// From SAM's masks to the parts of an object.
+/// Which of SAM's masks are segments of the object.
 #[derive(Debug, Clone, PartialEq, Serialize, clap::Args)]
 #[group(skip)]
-pub struct PartOptions {
+pub struct SelectionOptions {
     /// Segment the foreground's bounding box instead of the whole picture, to spend the grid and SAM's resolution on the object
     #[arg(long, value_name = "BOOL", default_value_t = true, action = clap::ArgAction::Set)]
     pub crop_to_foreground: bool,
@@ -143,7 +143,7 @@ pub struct PartOptions {
 }
 
 impl Options {
-    /// The options without those that change nothing about the parts.
+    /// The options without those that change nothing about the segments.
     pub fn deciding(&self) -> Self {
         Self { also: Vec::new(), cache_embeddings: false, ..self.clone() }
     }
@@ -168,8 +168,8 @@ impl Default for GeneratorOptions {
     }
 }
 
-impl Default for PartOptions {
+impl Default for SelectionOptions {
     fn default() -> Self {
-        Options::default().parts
+        Options::default().selection
     }
 }

@@ -1,15 +1,15 @@
-//! From SAM's masks of one level to a label map: which of them are parts of the object, painted large to small.
+//! From SAM's masks of one level to a label map: which of them are segments of the object, painted large to small.
 //!
 //! The paper's code culls first, then leaves out the largest mask and paints the others over the foreground, which is
-//! one more part where nothing covers it. gprop leaves out what is not a part *before* culling: a mask of the whole object
-//! would otherwise take every part below half its size with it (see [`super::cull`]).
+//! one more segment where nothing covers it. gprop leaves out what is not a segment *before* culling: a mask of the
+//! whole object would otherwise take every segment below half its size with it (see [`super::cull`]).
 
 use super::candidate::Candidate;
 use super::cull::cull;
 use super::mask::Mask;
 use super::options::Options;
 use super::regions::drop_small_islands;
-use super::{LabelMap, Level, PartMask};
+use super::{LabelMap, Level, Segment};
 
 /// A mask with less of its area on the foreground is of the background.
 const LEAST_SHARE_ON_FOREGROUND: f64 = 0.5;
@@ -23,11 +23,11 @@ struct Layer {
 
 /// Paints what `candidates` say of the pixels of `foreground`. Masks and foreground are of one size.
 ///
-/// A part that is the rest of the object, covered by no mask, has zero predicted IoU and stability. An object of which
-/// nothing is found, or too small to have parts, is one such part.
-pub fn paint(candidates: &[Candidate], foreground: &Mask, options: &Options) -> (LabelMap, Vec<PartMask>) {
+/// A segment that is the rest of the object, covered by no mask, has zero predicted IoU and stability. An object of
+/// which nothing is found, or too small to have segments, is one such segment.
+pub fn paint(candidates: &[Candidate], foreground: &Mask, options: &Options) -> (LabelMap, Vec<Segment>) {
     let min_area = u64::from(options.generator.min_region_area).max(1);
-    let mut layers = part_layers(candidates, foreground, options, min_area);
+    let mut layers = segment_layers(candidates, foreground, options, min_area);
     layers.sort_by_key(|layer| std::cmp::Reverse(layer.mask.area()));
     layers.extend(rest_layer(&layers, foreground, min_area));
     if layers.is_empty() {
@@ -36,31 +36,32 @@ pub fn paint(candidates: &[Candidate], foreground: &Mask, options: &Options) -> 
     loop {
         let map = label_map(&layers, foreground);
         let scores: Vec<(f32, f32)> = layers.iter().map(|layer| (layer.predicted_iou, layer.stability)).collect();
-        let parts = part_list(&map, &scores, options.level);
+        let segments = segment_list(&map, &scores, options.level);
         // What lies under others may be left with scraps; without it, they belong to what lies under that.
-        let scrap = parts.iter().filter(|part| u64::from(part.area) < min_area).min_by_key(|part| part.area);
+        let scrap =
+            segments.iter().filter(|segment| u64::from(segment.area) < min_area).min_by_key(|segment| segment.area);
         match scrap {
             Some(scrap) if layers.len() > 1 => drop(layers.remove(usize::from(scrap.id) - 1)),
-            _ => return (map, parts),
+            _ => return (map, segments),
         }
     }
 }
 
-/// The candidates that are parts, cut to the foreground.
-fn part_layers(candidates: &[Candidate], foreground: &Mask, options: &Options, min_area: u64) -> Vec<Layer> {
+/// The candidates that are segments, cut to the foreground.
+fn segment_layers(candidates: &[Candidate], foreground: &Mask, options: &Options, min_area: u64) -> Vec<Layer> {
     let object_area = foreground.area() as f64;
     let on_object = |candidate: &Candidate| {
         let mask = candidate.mask.intersected(foreground);
         let area = mask.area();
-        let is_part = area >= min_area
+        let is_segment = area >= min_area
             && area as f64 >= LEAST_SHARE_ON_FOREGROUND * candidate.mask.area() as f64
-            && (area as f64) < options.parts.whole_object * object_area;
-        is_part.then_some(Layer { mask, predicted_iou: candidate.predicted_iou, stability: candidate.stability })
+            && (area as f64) < options.selection.whole_object * object_area;
+        is_segment.then_some(Layer { mask, predicted_iou: candidate.predicted_iou, stability: candidate.stability })
     };
     let mut layers: Vec<Option<Layer>> = candidates.iter().filter_map(on_object).map(Some).collect();
     let (masks, scores): (Vec<&Mask>, Vec<f64>) =
         layers.iter().flatten().map(|layer| (&layer.mask, f64::from(layer.predicted_iou * layer.stability))).unzip();
-    let kept = cull(&masks, &scores, &options.parts);
+    let kept = cull(&masks, &scores, &options.selection);
     kept.into_iter().filter_map(|i| layers[i].take()).collect()
 }
 
@@ -76,7 +77,7 @@ fn label_map(layers: &[Layer], foreground: &Mask) -> LabelMap {
     let (width, height) = (foreground.width(), foreground.height());
     let mut map = LabelMap { width, height, labels: vec![0; width as usize * height as usize] };
     for (index, layer) in layers.iter().enumerate() {
-        let label = u16::try_from(index + 1).expect("SAM is not asked often enough for 65,535 parts");
+        let label = u16::try_from(index + 1).expect("SAM is not asked often enough for 65,535 segments");
         for y in 0..height {
             let row = &mut map.labels[y as usize * width as usize..][..width as usize];
             for &(start, end) in layer.mask.row(y) {
@@ -87,14 +88,14 @@ fn label_map(layers: &[Layer], foreground: &Mask) -> LabelMap {
     map
 }
 
-/// What each part has of the map. `scores` are the predicted IoU and stability of the parts from 1 on.
-pub(super) fn part_list(map: &LabelMap, scores: &[(f32, f32)], level: Level) -> Vec<PartMask> {
+/// What each segment has of the map. `scores` are the predicted IoU and stability of the segments from 1 on.
+pub(super) fn segment_list(map: &LabelMap, scores: &[(f32, f32)], level: Level) -> Vec<Segment> {
     let mut kept = vec![Kept::default(); scores.len() + 1];
     for (index, &label) in map.labels.iter().enumerate() {
         let (x, y) = (index as u32 % map.width, index as u32 / map.width);
         kept[usize::from(label)].add(x, y);
     }
-    let part = |(index, (&(predicted_iou, stability_score), kept)): (usize, (&(f32, f32), &Kept))| PartMask {
+    let segment = |(index, (&(predicted_iou, stability_score), kept)): (usize, (&(f32, f32), &Kept))| Segment {
         id: index as u16 + 1,
         area: kept.area,
         bbox: [kept.x0, kept.y0, kept.x1 - kept.x0, kept.y1 - kept.y0],
@@ -102,7 +103,7 @@ pub(super) fn part_list(map: &LabelMap, scores: &[(f32, f32)], level: Level) -> 
         stability_score,
         level,
     };
-    scores.iter().zip(&kept[1..]).enumerate().map(part).collect()
+    scores.iter().zip(&kept[1..]).enumerate().map(segment).collect()
 }
 
 /// Area and bounds of the pixels seen so far; the bounds are meaningless before the first.
@@ -161,29 +162,29 @@ mod tests {
     }
 
     #[test]
-    fn small_parts_lie_over_large_ones_and_the_whole_is_none() {
+    fn small_segments_lie_over_large_ones_and_the_whole_is_none() {
         let masks = [columns(40, 80), columns(0, 100), columns(10, 60)];
         let candidates: Vec<_> = masks.into_iter().map(|mask| candidate(mask, 0.95)).collect();
-        let (map, parts) = paint(&candidates, &columns(0, 100), &Options::default());
-        // Ten columns at the left and twenty at the right are covered by no part but the whole: one rest.
+        let (map, segments) = paint(&candidates, &columns(0, 100), &Options::default());
+        // Ten columns at the left and twenty at the right are covered by no segment but the whole: one rest.
         assert_eq!(runs(&map), [(0, 10), (1, 30), (2, 40), (0, 20)]);
-        assert_eq!(parts.iter().map(|part| (part.id, part.area)).collect::<Vec<_>>(), [(1, 300), (2, 400)]);
-        assert_eq!(parts[1].bbox, [40, 0, 40, 10]);
+        assert_eq!(segments.iter().map(|segment| (segment.id, segment.area)).collect::<Vec<_>>(), [(1, 300), (2, 400)]);
+        assert_eq!(segments[1].bbox, [40, 0, 40, 10]);
     }
 
     #[test]
-    fn a_large_rest_is_a_part_without_scores() {
-        let (map, parts) = paint(&[candidate(columns(0, 40), 0.95)], &columns(0, 100), &Options::default());
+    fn a_large_rest_is_a_segment_without_scores() {
+        let (map, segments) = paint(&[candidate(columns(0, 40), 0.95)], &columns(0, 100), &Options::default());
         assert_eq!(runs(&map), [(1, 40), (2, 60)]);
-        assert_eq!((parts[1].predicted_iou, parts[1].stability_score), (0.0, 0.0));
+        assert_eq!((segments[1].predicted_iou, segments[1].stability_score), (0.0, 0.0));
     }
 
     #[test]
-    fn an_object_without_masks_or_too_small_for_parts_is_one_part() {
+    fn an_object_without_masks_or_too_small_for_segments_is_one_segment() {
         for foreground in [columns(0, 100), columns(3, 4)] {
-            let (map, parts) = paint(&[], &foreground, &Options::default());
-            assert_eq!(parts.iter().map(|part| u64::from(part.area)).collect::<Vec<_>>(), [foreground.area()]);
-            assert!(parts[0].is_rest() && map.at(3, 9) == 1);
+            let (map, segments) = paint(&[], &foreground, &Options::default());
+            assert_eq!(segments.iter().map(|segment| u64::from(segment.area)).collect::<Vec<_>>(), [foreground.area()]);
+            assert!(segments[0].is_rest() && map.at(3, 9) == 1);
         }
     }
 
@@ -191,18 +192,18 @@ mod tests {
     fn nothing_is_painted_off_the_foreground() {
         // The second mask is of the background: 35 of its 80 columns are foreground.
         let candidates = [candidate(columns(10, 50), 0.95), candidate(columns(20, 100), 0.95)];
-        let (map, parts) = paint(&candidates, &columns(15, 55), &Options::default());
+        let (map, segments) = paint(&candidates, &columns(15, 55), &Options::default());
         assert_eq!(runs(&map), [(0, 15), (1, 35), (0, 50)]);
-        assert_eq!(parts.len(), 1);
+        assert_eq!(segments.len(), 1);
     }
 
     #[test]
-    fn scraps_of_a_covered_part_go_to_what_lies_below() {
-        // The second part keeps only columns 45..60 after the third: too few.
+    fn scraps_of_a_covered_segment_go_to_what_lies_below() {
+        // The second segment keeps only columns 45..60 after the third: too few.
         let masks = [columns(0, 60), columns(45, 95), columns(60, 95)];
         let candidates: Vec<_> = masks.into_iter().map(|mask| candidate(mask, 0.95)).collect();
-        let (map, parts) = paint(&candidates, &columns(0, 95), &Options::default());
+        let (map, segments) = paint(&candidates, &columns(0, 95), &Options::default());
         assert_eq!(runs(&map), [(1, 60), (2, 35), (0, 5)]);
-        assert_eq!(parts.len(), 2);
+        assert_eq!(segments.len(), 2);
     }
 }

@@ -1,4 +1,4 @@
-//! One view's parts: the foreground's bounding box, SAM's masks in it, painted.
+//! One view's segments: the foreground's bounding box, SAM's masks in it, painted.
 
 use std::path::Path;
 
@@ -40,13 +40,13 @@ impl Segmenter {
         Ok(Self { sam: self.sam.caching_embeddings(folder, files)? })
     }
 
-    /// SAM itself, for what needs its masks and not parts.
+    /// SAM itself, for what needs its masks and not segments.
     pub fn sam(&self) -> &Sam {
         &self.sam
     }
 
-    /// The parts of one photo: none where it has no foreground, the whole foreground where SAM finds none. Runs on the
-    /// ambient rayon pool; the result does not depend on its size.
+    /// The segments of one photo: none where it has no foreground, the whole foreground where SAM finds none. Runs on
+    /// the ambient rayon pool; the result does not depend on its size.
     pub fn segment_view(
         &self,
         view: &str,
@@ -56,14 +56,14 @@ impl Segmenter {
     ) -> Result<ViewSegments, SegmentError> {
         let (width, height) = photo.rgb.dimensions();
         let foreground = mask_of(&photo.foreground);
-        let (map, parts) = match foreground.bounds() {
+        let (map, segments) = match foreground.bounds() {
             Some(bounds) => {
                 let candidates = self.candidates(&photo.rgb, &foreground, &bounds, options, observer)?;
                 paint(&candidates, &foreground, options)
             }
             None => (LabelMap { width, height, labels: vec![0; width as usize * height as usize] }, Vec::new()),
         };
-        Ok(ViewSegments { view: view.to_owned(), map, parts })
+        Ok(ViewSegments { view: view.to_owned(), map, segments })
     }
 
     /// SAM's masks of one level, found in the foreground's surroundings, at the photo's size.
@@ -76,8 +76,8 @@ impl Segmenter {
         observer: &dyn Observer,
     ) -> Result<Vec<Candidate>, SegmentError> {
         let (width, height) = photo.dimensions();
-        let region = if options.parts.crop_to_foreground {
-            with_margin(bounds, options.parts.crop_margin, width, height)
+        let region = if options.selection.crop_to_foreground {
+            with_margin(bounds, options.selection.crop_margin, width, height)
         } else {
             Rect::of_size(width, height)
         };
@@ -85,7 +85,7 @@ impl Segmenter {
         let request = Request {
             picture: &cropped(photo, &region),
             adaptive: (options.point_prompts == PointPrompts::Adaptive)
-                .then_some(Adaptive { foreground: &object, whole_object: options.parts.whole_object }),
+                .then_some(Adaptive { foreground: &object, whole_object: options.selection.whole_object }),
             levels: &[options.level],
             options: &options.generator,
             observer,

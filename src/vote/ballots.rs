@@ -1,14 +1,15 @@
 //! What each view says of each Gaussian: its ballots.
 //!
-//! Under [`Rule::Frequency`] a view gives a Gaussian that it sees one vote for the part at its centre (the paper's rule).
-//! Under [`Rule::Contribution`] every pixel gives each Gaussian that it shows a vote for its part as large as the
-//! Gaussian's share of the pixel's light, alpha times transmittance. That is right at the border of two parts, where the
-//! centre of a large Gaussian says nothing about the rest of it, and needs no depth test: what is hidden adds no light.
+//! Under [`Rule::Frequency`] a view gives a Gaussian that it sees one vote for the segment at its centre (the paper's
+//! rule). Under [`Rule::Contribution`] every pixel gives each Gaussian that it shows a vote for its segment as large as
+//! the Gaussian's share of the pixel's light, alpha times transmittance. That is right at the border of two segments,
+//! where the centre of a large Gaussian says nothing about the rest of it, and needs no depth test: what is hidden adds
+//! no light.
 
 use rayon::prelude::*;
 
+use super::answered_segments::AnsweredSegments;
 use super::options::Rule;
-use super::parts_of_views::ViewParts;
 use super::{Progress, ViewInput};
 use crate::render::depth::{DepthMap, DepthTest};
 use crate::render::{LANES, Projected, RenderOptions, Sink, Splat, TILE, TRANSMITTANCE_MIN, TileRect, pixels};
@@ -19,11 +20,11 @@ use crate::segment::LabelMap;
 /// surface of trained Gaussians lets a few hundredths through; one in front of which nothing stands sends all of it.
 const VISIBLE_SHARE: f32 = 0.1;
 
-/// Votes of one view for one part to one Gaussian.
+/// Votes of one view for one segment to one Gaussian.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Ballot {
-    /// Index of the view's part.
-    pub part: u32,
+    /// Index of the view's segment.
+    pub segment: u32,
     /// 1, or the light in pixels.
     pub weight: f32,
 }
@@ -32,19 +33,25 @@ pub(super) struct Ballot {
 pub(super) struct Ballots {
     /// Gaussian `i` has `ballots[starts[i]..starts[i + 1]]`.
     starts: Vec<u32>,
-    /// By Gaussian, then by view, then by part.
+    /// By Gaussian, then by view, then by segment.
     ballots: Vec<Ballot>,
 }
 
 impl Ballots {
     /// Lets every view vote.
-    pub fn cast(gaussians: &Gaussians, views: &[ViewInput], parts: &ViewParts, rule: Rule, progress: Progress) -> Self {
+    pub fn cast(
+        gaussians: &Gaussians,
+        views: &[ViewInput],
+        segments: &AnsweredSegments,
+        rule: Rule,
+        progress: Progress,
+    ) -> Self {
         let bar = progress.bar("vote", views.len() as u64);
         let test = DepthTest::new(gaussians);
         let mut of_views = Vec::new();
         for (number, view) in views.iter().enumerate() {
             let projected = Projected::new(gaussians, view.camera, &RenderOptions::default());
-            let find = |label| parts.find(number, label);
+            let find = |label| segments.find(number, label);
             of_views.push(match rule {
                 Rule::Frequency => by_center(&projected, test, view.map, find),
                 Rule::Contribution => by_light(gaussians.len(), projected, view.map, find),
@@ -55,7 +62,7 @@ impl Ballots {
         Self::sorted(gaussians.len(), of_views)
     }
 
-    /// The ballots for Gaussian `i`, by view, then by part.
+    /// The ballots for Gaussian `i`, by view, then by segment.
     pub fn of(&self, i: usize) -> &[Ballot] {
         &self.ballots[self.starts[i] as usize..self.starts[i + 1] as usize]
     }
@@ -64,8 +71,8 @@ impl Ballots {
         self.starts.len() - 1
     }
 
-    /// Sorts by Gaussian: a counting sort, so within one the order stays, by view and by part. Each view is dropped as soon
-    /// as it is read.
+    /// Sorts by Gaussian: a counting sort, so within one the order stays, by view and by segment. Each view is dropped
+    /// as soon as it is read.
     fn sorted(gaussians: usize, of_views: Vec<Vec<(u32, Ballot)>>) -> Self {
         let mut starts = vec![0u32; gaussians + 1];
         for (gaussian, _) in of_views.iter().flatten() {
@@ -75,7 +82,7 @@ impl Ballots {
             starts[i + 1] += starts[i];
         }
         let mut next = starts.clone();
-        let mut ballots = vec![Ballot { part: 0, weight: 0.0 }; starts[gaussians] as usize];
+        let mut ballots = vec![Ballot { segment: 0, weight: 0.0 }; starts[gaussians] as usize];
         for (gaussian, ballot) in of_views.into_iter().flatten() {
             let place = &mut next[gaussian as usize];
             ballots[*place as usize] = ballot;
@@ -95,8 +102,8 @@ fn by_center(
     let depth_map = DepthMap::new(projected);
     let vote = |splat: &Splat| {
         let (pixel, depth) = depth_map.at(splat)?;
-        let part = find(map.labels[pixel])?;
-        test.passes(splat, depth).then_some((splat.gaussian, Ballot { part, weight: 1.0 }))
+        let segment = find(map.labels[pixel])?;
+        test.passes(splat, depth).then_some((splat.gaussian, Ballot { segment, weight: 1.0 }))
     };
     projected.splats().par_iter().filter_map(vote).collect()
 }
@@ -111,7 +118,7 @@ fn by_light(
     let width = projected.size().0;
     // Light that arrives and light sent out, by Gaussian.
     let mut light = vec![[0.0f32; 2]; gaussians];
-    // Room for a Gaussian's share of four tiles or parts: a list that grows leaves holes of its former sizes.
+    // Room for a Gaussian's share of four tiles or segments: a list that grows leaves holes of its former sizes.
     let mut ballots: Vec<(u32, Ballot)> = Vec::with_capacity(4 * gaussians);
     projected.visit_in_bands(
         |rect| LightSink::new(rect, map, width),
@@ -120,7 +127,7 @@ fn by_light(
                 let of_gaussian = &mut light[gaussian as usize];
                 of_gaussian[0] += arrived;
                 of_gaussian[1] += sent;
-                ballots.extend(find(label).map(|part| (gaussian, Ballot { part, weight: arrived })));
+                ballots.extend(find(label).map(|segment| (gaussian, Ballot { segment, weight: arrived })));
             }
         },
     );
@@ -130,9 +137,9 @@ fn by_light(
         arrived >= VISIBLE_SHARE * sent
     });
     // A stable sort: what a tile border has split is added up in the order of the tiles.
-    ballots.par_sort_by_key(|(gaussian, ballot)| (*gaussian, ballot.part));
+    ballots.par_sort_by_key(|(gaussian, ballot)| (*gaussian, ballot.segment));
     ballots.dedup_by(|next, kept| {
-        let same = (next.0, next.1.part) == (kept.0, kept.1.part);
+        let same = (next.0, next.1.segment) == (kept.0, kept.1.segment);
         kept.1.weight += if same { next.1.weight } else { 0.0 };
         same
     });

@@ -11,13 +11,13 @@ pub enum VoteError {
     )]
     MapSize { view: String, map: (u32, u32), camera: (u32, u32) },
     #[error(
-        "the answer for part {part} of view `{view}` names `{material}`, which the material library does not have: add it \
-         to the library or correct the answer"
+        "the answer for segment {segment} of view `{view}` names `{material}`, which the material library does not have: \
+         add it to the library or correct the answer"
     )]
-    UnknownMaterial { view: String, part: u16, material: String },
+    UnknownMaterial { view: String, segment: u16, material: String },
     #[error(
-        "no Gaussian received a vote: {parts} parts in {views} views, {answered} of them with an answer; look at the label \
-         maps and at the failures in the answers, and whether photos, cameras and splat agree"
+        "no Gaussian received a vote: {segments} segments in {views} views, {answered} of them with an answer; look at the \
+         label maps and at the failures in the answers, and whether photos, cameras and splat agree"
     )]
-    NoVotes { views: usize, parts: usize, answered: usize },
+    NoVotes { views: usize, segments: usize, answered: usize },
 }

@@ -1,62 +1,63 @@
-//! Which parts of different views are the same part of the object, and what it is made of.
+//! Which segments of different views are the same part of the object, and what it is made of.
 //!
-//! Two views' parts are compared on the Gaussians that both views vote on: how much of their light carries both parts, and
-//! how much carries either. Groups of parts are joined by average linkage, always the two that agree best, all counts
-//! summed over their views:
+//! Two views' segments are compared on the Gaussians that both views vote on: how much of their light carries both
+//! segments, and how much carries either. Groups of segments are joined by average linkage, always the two that agree
+//! best, all counts summed over their views:
 //!
 //! 1. as long as more than half of what carries either carries both (Jaccard above [`SAME_PART_OVERLAP`]): the same part
 //!    seen from different sides;
 //! 2. then, among groups whose views agree on one material, as long as more than half of the smaller lies within the
 //!    larger (containment): the same part cut finer in some views than in others.
 //!
-//! Two parts of one view share nothing, so they count against a union of their groups: touching parts of one material
-//! stay two as long as most views keep them apart, and a view that took them for one does not glue them together.
+//! Two segments of one view share nothing, so they count against a union of their groups: touching segments of one
+//! material stay two as long as most views keep them apart, and a view that took them for one does not glue them
+//! together.
 //!
 //! A 3D part is of the material that most of its views' answers name, each counting by how much of the part it sees.
 
 use rayon::prelude::*;
 
+use super::answered_segments::AnsweredSegments;
 use super::ballots::{Ballot, Ballots};
-use super::parts_of_views::ViewParts;
 use super::plurality::{Tally, add, winner};
 
-/// Overlap from which two groups are one 3D part. Above one half, a part has at most one partner in another view, whose
-/// parts are disjoint; so this is the lowest threshold that leaves no choice.
+/// Overlap from which two groups are one 3D part. Above one half, a segment has at most one partner in another view,
+/// whose segments are disjoint; so this is the lowest threshold that leaves no choice.
 pub(super) const SAME_PART_OVERLAP: f64 = 0.5;
 
-/// The 3D part of every view's part.
+/// The 3D part of every view's segment.
 pub(super) struct Identity {
-    /// Numbered in the order of their first view's part.
-    pub part_3d: Vec<u32>,
-    /// What each 3D part is made of: index into [`ViewParts::materials`].
-    pub material_3d: Vec<u32>,
-    /// Per view's part: the light of the Gaussians that carry it, in [`LIGHT_STEPS`] to the pixel (or vote).
+    /// Numbered in the order of their first view's segment.
+    pub part_of_segment: Vec<u32>,
+    /// What each 3D part is made of: index into [`AnsweredSegments::materials`].
+    pub material_of_part: Vec<u32>,
+    /// Per view's segment: the light of the Gaussians that carry it, in [`LIGHT_STEPS`] to the pixel (or vote).
     pub seen: Vec<u64>,
 }
 
 impl Identity {
-    pub fn new(ballots: &Ballots, parts: &ViewParts) -> Self {
-        let view_of: Vec<usize> = parts.parts.iter().map(|part| part.view).collect();
+    pub fn new(ballots: &Ballots, segments: &AnsweredSegments) -> Self {
+        let view_of: Vec<usize> = segments.segments.iter().map(|segment| segment.view).collect();
         let shared = Shared::of(ballots, &view_of);
         let seen: Vec<u64> = (0..view_of.len()).map(|p| shared.get(p, p)).collect();
         let mut groups = Groups::new(&shared, &view_of);
         groups.join_while(jaccard, |_, _| true);
-        let materials = materials(&groups.group, parts, &seen);
+        let materials = materials(&groups.group, segments, &seen);
         groups.join_while(containment, |a, b| materials[a] == materials[b]);
 
         let mut firsts = groups.alive;
         firsts.sort_unstable();
         let number = |of: &usize| firsts.binary_search(of).expect("every group is alive") as u32;
-        let material_3d = firsts.iter().map(|&first| materials[first]).collect();
-        Self { part_3d: groups.group.iter().map(number).collect(), material_3d, seen }
+        let material_of_part = firsts.iter().map(|&first| materials[first]).collect();
+        Self { part_of_segment: groups.group.iter().map(number).collect(), material_of_part, seen }
     }
 }
 
 /// The material that each group agrees on, by the group's name.
-fn materials(group: &[usize], parts: &ViewParts, seen: &[u64]) -> Vec<u32> {
+fn materials(group: &[usize], segments: &AnsweredSegments, seen: &[u64]) -> Vec<u32> {
     let mut tallies: Vec<Tally> = vec![Vec::new(); group.len()];
-    for (n, part) in parts.parts.iter().enumerate() {
-        add(&mut tallies[group[n]], part.material, seen[n] as f64, part.answer.confidence);
+    for (n, segment) in segments.segments.iter().enumerate() {
+        add(&mut tallies[group[n]], segment.material, seen[n] as f64, segment.answer.confidence);
     }
     tallies.iter().map(|tally| winner(tally).map_or(0, |(material, _)| material)).collect()
 }
@@ -64,10 +65,10 @@ fn materials(group: &[usize], parts: &ViewParts, seen: &[u64]) -> Vec<u32> {
 /// Light is counted in whole steps, so that sums do not depend on their order.
 const LIGHT_STEPS: f32 = 256.0;
 
-/// Light of the Gaussians that carry part `a` in one view and part `b` in another, the smaller of the two; on the
+/// Light of the Gaussians that carry segment `a` in one view and segment `b` in another, the smaller of the two; on the
 /// diagonal, of those that carry `a`.
 struct Shared {
-    parts: usize,
+    segments: usize,
     light: Vec<u64>,
 }
 
@@ -75,17 +76,17 @@ impl Shared {
     fn of(ballots: &Ballots, view_of: &[usize]) -> Self {
         /// Gaussians counted together: their table must be small beside them.
         const RUN: usize = 1 << 17;
-        let parts = view_of.len();
+        let segments = view_of.len();
         let runs = ballots.gaussians().div_ceil(RUN);
         let tables = (0..runs).into_par_iter().map(|run| {
-            let mut light = vec![0u64; parts * parts];
+            let mut light = vec![0u64; segments * segments];
             let mut carried = Vec::new();
             for i in run * RUN..ballots.gaussians().min((run + 1) * RUN) {
-                main_parts(ballots.of(i), view_of, &mut carried);
+                main_segments(ballots.of(i), view_of, &mut carried);
                 for a in &carried {
                     for b in &carried {
                         let steps = (a.weight.min(b.weight) * LIGHT_STEPS) as u64;
-                        light[a.part as usize * parts + b.part as usize] += steps;
+                        light[a.segment as usize * segments + b.segment as usize] += steps;
                     }
                 }
             }
@@ -95,18 +96,18 @@ impl Shared {
             sum.iter_mut().zip(other).for_each(|(sum, other)| *sum += other);
             sum
         };
-        Self { parts, light: tables.reduce(|| vec![0; parts * parts], sum) }
+        Self { segments, light: tables.reduce(|| vec![0; segments * segments], sum) }
     }
 
     fn get(&self, a: usize, b: usize) -> u64 {
-        self.light[a * self.parts + b]
+        self.light[a * self.segments + b]
     }
 }
 
-/// Of every view that votes on a Gaussian, the part it votes for most; the first of equals.
-fn main_parts(ballots: &[Ballot], view_of: &[usize], main: &mut Vec<Ballot>) {
+/// Of every view that votes on a Gaussian, the segment it votes for most; the first of equals.
+fn main_segments(ballots: &[Ballot], view_of: &[usize], main: &mut Vec<Ballot>) {
     main.clear();
-    let same_view = |a: &Ballot, b: &Ballot| view_of[a.part as usize] == view_of[b.part as usize];
+    let same_view = |a: &Ballot, b: &Ballot| view_of[a.segment as usize] == view_of[b.segment as usize];
     for of_view in ballots.chunk_by(same_view) {
         main.extend(of_view.iter().reduce(|best, next| if next.weight > best.weight { next } else { best }));
     }
@@ -122,34 +123,34 @@ fn containment(both: f64, of_a: f64, of_b: f64) -> f64 {
     both / of_a.min(of_b)
 }
 
-/// Groups of parts while they are being joined; a group is named by its first part.
+/// Groups of segments while they are being joined; a group is named by its first segment.
 struct Groups {
-    /// `both[a * parts + b]`: light that carries a part of `a` in one view and a part of `b` in another.
+    /// `both[a * segments + b]`: light that carries a segment of `a` in one view and a segment of `b` in another.
     both: Vec<f64>,
-    /// `visible[a * parts + b]`: light of `a` that the views of `b` vote on, for whatever part.
+    /// `visible[a * segments + b]`: light of `a` that the views of `b` vote on, for whatever segment.
     visible: Vec<f64>,
-    /// Of every part, its group.
+    /// Of every segment, its group.
     group: Vec<usize>,
     alive: Vec<usize>,
 }
 
 impl Groups {
     fn new(shared: &Shared, view_of: &[usize]) -> Self {
-        let parts = view_of.len();
+        let segments = view_of.len();
         let views = view_of.iter().max().map_or(0, |last| last + 1);
-        let mut voted_on = vec![0u64; parts * views];
-        for a in 0..parts {
-            for b in 0..parts {
+        let mut voted_on = vec![0u64; segments * views];
+        for a in 0..segments {
+            for b in 0..segments {
                 voted_on[a * views + view_of[b]] += shared.get(a, b);
             }
         }
-        let pairs = || (0..parts).flat_map(|a| (0..parts).map(move |b| (a, b)));
+        let pairs = || (0..segments).flat_map(|a| (0..segments).map(move |b| (a, b)));
         let both = |(a, b): (usize, usize)| if view_of[a] == view_of[b] { 0 } else { shared.get(a, b) };
         Self {
             both: pairs().map(|pair| both(pair) as f64).collect(),
             visible: pairs().map(|(a, b)| voted_on[a * views + view_of[b]] as f64).collect(),
-            group: (0..parts).collect(),
-            alive: (0..parts).collect(),
+            group: (0..segments).collect(),
+            alive: (0..segments).collect(),
         }
     }
 
@@ -165,11 +166,11 @@ impl Groups {
         overlap: fn(f64, f64, f64) -> f64,
         may_join: &impl Fn(usize, usize) -> bool,
     ) -> Option<(usize, usize)> {
-        let parts = self.group.len();
+        let segments = self.group.len();
         let mut best = (SAME_PART_OVERLAP, None);
         for (n, &a) in self.alive.iter().enumerate() {
             for &b in self.alive[n + 1..].iter().filter(|&&b| may_join(a, b)) {
-                let (ab, ba) = (a * parts + b, b * parts + a);
+                let (ab, ba) = (a * segments + b, b * segments + a);
                 // Where no Gaussian speaks this is 0 / 0, no number, and exceeds nothing.
                 let overlap = overlap(self.both[ab], self.visible[ab], self.visible[ba]);
                 if overlap > best.0 {
@@ -181,12 +182,12 @@ impl Groups {
     }
 
     fn join(&mut self, a: usize, b: usize) {
-        let parts = self.group.len();
+        let segments = self.group.len();
         self.alive.retain(|&group| group != b);
         for &c in self.alive.iter().filter(|&&c| c != a) {
             for table in [&mut self.both, &mut self.visible] {
-                table[a * parts + c] += table[b * parts + c];
-                table[c * parts + a] += table[c * parts + b];
+                table[a * segments + c] += table[b * segments + c];
+                table[c * segments + a] += table[c * segments + b];
             }
         }
         for group in self.group.iter_mut().filter(|group| **group == b) {

@@ -1,28 +1,28 @@
 //! A label's properties, from the answers that won it.
 
 use super::FieldLabel;
+use super::answered_segments::{AnsweredSegment, AnsweredSegments};
 use super::identity::Identity;
-use super::parts_of_views::{ViewPart, ViewParts};
-use super::tally::Choice;
+use super::tally::PartMaterial;
 use crate::materials::MaterialLibrary;
 use crate::numeric::median;
 use crate::query::{Answer, Form};
 use crate::units::{Estimate, Range, ShoreHardness};
 
-/// The label with number `id` for `choice`: from the answers for this material among the views' parts of this 3D part,
-/// never from those for another material. The caption is that of the part seen on most Gaussians.
+/// The label with number `id` for `choice`: from the answers for this material among the views' segments of this 3D
+/// part, never from those for another material. The caption is that of the segment seen on most Gaussians.
 pub(super) fn label(
     id: u32,
-    choice: Choice,
-    parts: &ViewParts,
+    choice: PartMaterial,
+    segments: &AnsweredSegments,
     identity: &Identity,
     library: &MaterialLibrary,
 ) -> FieldLabel {
-    let mut won: Vec<(&ViewPart, u64)> = members(choice, parts, identity);
+    let mut won: Vec<(&AnsweredSegment, u64)> = members(choice, segments, identity);
     won.sort_by_key(|(_, seen)| std::cmp::Reverse(*seen));
-    let answers: Vec<&Answer> = won.iter().map(|(part, _)| part.answer).collect();
+    let answers: Vec<&Answer> = won.iter().map(|(segment, _)| segment.answer).collect();
     let first = answers[0];
-    let material = parts.materials[choice.material as usize];
+    let material = segments.materials[choice.material as usize];
     let estimate = |property: fn(&Answer) -> Range| middle_and_hull(answers.iter().map(|answer| property(answer)));
     FieldLabel {
         id,
@@ -40,10 +40,14 @@ pub(super) fn label(
     }
 }
 
-fn members<'a>(choice: Choice, parts: &'a ViewParts, identity: &Identity) -> Vec<(&'a ViewPart<'a>, u64)> {
-    let all = parts.parts.iter().zip(&identity.part_3d).zip(&identity.seen);
-    all.filter(|((part, part_3d), _)| **part_3d == choice.part_3d && part.material == choice.material)
-        .map(|((part, _), seen)| (part, *seen))
+fn members<'a>(
+    choice: PartMaterial,
+    segments: &'a AnsweredSegments,
+    identity: &Identity,
+) -> Vec<(&'a AnsweredSegment<'a>, u64)> {
+    let all = segments.segments.iter().zip(&identity.part_of_segment).zip(&identity.seen);
+    all.filter(|((segment, part), _)| **part == choice.part && segment.material == choice.material)
+        .map(|((segment, _), seen)| (segment, *seen))
         .collect()
 }
 

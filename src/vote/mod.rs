@@ -1,17 +1,17 @@
-//! From part maps to a material for every Gaussian: depth test, ballots, tally.
+//! From label maps to a material for every Gaussian: depth test, ballots, tally.
 //!
-//! In order: [`parts_of_views`] lists the views' parts that have an answer; [`ballots`] lets every view vote on the Gaussians
-//! it sees, which [`render::depth`] tells; [`identity`] finds which parts of different views are one
-//! part of the object; [`tally`] elects, by [`plurality`], a material and a part for every Gaussian, [`unseen`] for those that no view sees;
-//! [`labels`] gives each elected part its properties.
+//! In order: [`answered_segments`] lists the views' segments that have an answer; [`ballots`] lets every view vote on
+//! the Gaussians it sees, which [`render::depth`] tells; [`identity`] finds which segments of different views are one
+//! part of the object; [`tally`] elects, by [`plurality`], a material and a part for every Gaussian, [`unseen`] for
+//! those that no view sees; [`labels`] gives each elected part its properties.
 
+mod answered_segments;
 mod ballots;
 mod error;
 pub mod field_ply;
 mod identity;
 mod labels;
 mod options;
-mod parts_of_views;
 mod plurality;
 mod tally;
 mod unseen;
@@ -27,12 +27,12 @@ use crate::scene::gaussians::Gaussians;
 use crate::scene::robust_bounds;
 use crate::segment::LabelMap;
 use crate::units::{Estimate, ShoreHardness};
+use answered_segments::AnsweredSegments;
 use ballots::Ballots;
 pub use error::VoteError;
 use identity::Identity;
 pub use options::{Agreement, Options, Rule, SCENE_KEYS};
-use parts_of_views::ViewParts;
-use tally::{Choice, Elected};
+use tally::{Elected, PartMaterial};
 
 /// A view that votes.
 #[derive(Debug, Clone, Copy)]
@@ -95,7 +95,7 @@ pub struct FieldLabel {
     pub law: Law,
 }
 
-/// Gives every Gaussian a material from the parts that the views see it in. See [`tally`] for the rules.
+/// Gives every Gaussian a material from the segments that the views see it in. See [`tally`] for the rules.
 ///
 /// # Errors
 /// [`VoteError`]: no Gaussians, a label map that is not of its camera's size, an answer that names no material of the
@@ -109,17 +109,17 @@ pub fn vote(
     progress: Progress,
 ) -> Result<MaterialField, VoteError> {
     check(gaussians, views)?;
-    let mut parts = ViewParts::new(views, answers, library)?;
-    parts.warnings.extend(doubts(gaussians, views));
-    let ballots = Ballots::cast(gaussians, views, &parts, options.vote, progress);
-    let identity = Identity::new(&ballots, &parts);
-    let candidates = tally::candidates(&parts, &identity, options.agree);
-    let elected = tally::elect(&ballots, &parts, &candidates);
+    let mut segments = AnsweredSegments::new(views, answers, library)?;
+    segments.warnings.extend(doubts(gaussians, views));
+    let ballots = Ballots::cast(gaussians, views, &segments, options.vote, progress);
+    let identity = Identity::new(&ballots, &segments);
+    let candidates = tally::candidates(&segments, &identity, options.agree);
+    let elected = tally::elect(&ballots, &segments, &candidates);
     let Some(choices) = unseen::fill(gaussians, &elected, options.neighbors.get()) else {
-        let (parts, answered) = (parts.in_maps, parts.parts.len());
-        return Err(VoteError::NoVotes { views: views.len(), parts, answered });
+        let (segments, answered) = (segments.in_maps, segments.segments.len());
+        return Err(VoteError::NoVotes { views: views.len(), segments, answered });
     };
-    Ok(field(&choices, &elected, parts, &identity, library, views))
+    Ok(field(&choices, &elected, segments, &identity, library, views))
 }
 
 fn check(gaussians: &Gaussians, views: &[ViewInput]) -> Result<(), VoteError> {
@@ -165,22 +165,23 @@ fn doubts(gaussians: &Gaussians, views: &[ViewInput]) -> Vec<String> {
 
 /// Numbers the choices that were made, the most frequent first, and gathers what is known of each.
 fn field(
-    choices: &[Choice],
+    choices: &[PartMaterial],
     elected: &[Option<Elected>],
-    parts: ViewParts,
+    segments: AnsweredSegments,
     identity: &Identity,
     library: &MaterialLibrary,
     views: &[ViewInput],
 ) -> MaterialField {
     let made = by_frequency(choices);
-    let labels = (0..).zip(&made).map(|(id, &choice)| labels::label(id, choice, &parts, identity, library)).collect();
-    let label_of = |choice: &Choice| made.iter().position(|other| other == choice).expect("listed above") as u32;
+    let labels =
+        (0..).zip(&made).map(|(id, &choice)| labels::label(id, choice, &segments, identity, library)).collect();
+    let label_of = |choice: &PartMaterial| made.iter().position(|other| other == choice).expect("listed above") as u32;
     let of_elected = |value: fn(&Elected) -> f32| elected.iter().map(|e| e.as_ref().map_or(0.0, value)).collect();
-    let mut warnings = parts.warnings;
-    let invisible = parts.parts.iter().zip(&identity.seen).filter(|(_, seen)| **seen == 0);
-    for (part, _) in invisible {
-        let (view, caption) = (views[part.view].name, &part.answer.caption);
-        warnings.push(format!("part {} of view `{view}` ({caption}) is on no Gaussian", part.part));
+    let mut warnings = segments.warnings;
+    let invisible = segments.segments.iter().zip(&identity.seen).filter(|(_, seen)| **seen == 0);
+    for (segment, _) in invisible {
+        let (view, caption) = (views[segment.view].name, &segment.answer.caption);
+        warnings.push(format!("segment {} of view `{view}` ({caption}) is on no Gaussian", segment.segment));
     }
     MaterialField {
         labels,
@@ -193,10 +194,10 @@ fn field(
 }
 
 /// The choices that occur, the most frequent first; of equals the lower 3D part.
-fn by_frequency(choices: &[Choice]) -> Vec<Choice> {
+fn by_frequency(choices: &[PartMaterial]) -> Vec<PartMaterial> {
     let mut sorted = choices.to_vec();
     sorted.sort_unstable();
-    let mut runs: Vec<(usize, Choice)> = sorted.chunk_by(|a, b| a == b).map(|run| (run.len(), run[0])).collect();
+    let mut runs: Vec<(usize, PartMaterial)> = sorted.chunk_by(|a, b| a == b).map(|run| (run.len(), run[0])).collect();
     runs.sort_by(|a, b| b.0.cmp(&a.0).then(a.1.cmp(&b.1)));
     runs.into_iter().map(|(_, choice)| choice).collect()
 }

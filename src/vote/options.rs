@@ -15,7 +15,7 @@ const MOST_NEIGHBORS: NonZeroUsize = NonZeroUsize::new(1000).expect("a thousand 
 /// The keys that a scene may set: all of them; they decide nothing but this scene's result.
 pub const SCENE_KEYS: &[SceneKey] = &[SceneKey::any("vote"), SceneKey::any("agree"), SceneKey::any("neighbors")];
 
-/// How the views' parts become a material for every Gaussian.
+/// How the views' segments become a material for every Gaussian.
 #[derive(Debug, Clone, PartialEq, clap::Args, Serialize, Deserialize)]
 #[serde(default)]
 #[command(next_help_heading = "Vote")]

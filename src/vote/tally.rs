@@ -1,6 +1,6 @@
 //! From ballots to one label a Gaussian.
 //!
-//! 1. Under [`Agreement::Part`] every view's part stands for the material that its 3D part agrees on (see
+//! 1. Under [`Agreement::Part`] every view's segment stands for the material that its 3D part agrees on (see
 //!    [`super::identity`]): the paper's vote, over all Gaussians of a part at once. A single odd answer then makes no
 //!    patch where few other views look. Under [`Agreement::Gaussian`] every answer stands for itself, which is the
 //!    paper's rule to the letter.
@@ -12,23 +12,23 @@
 
 use rayon::prelude::*;
 
+use super::answered_segments::AnsweredSegments;
 use super::ballots::{Ballot, Ballots};
 use super::identity::Identity;
 use super::options::Agreement;
-use super::parts_of_views::ViewParts;
 use super::plurality::{add, winner};
 
-/// What a label is made of: a 3D part and a material.
+/// What a label stands for: a 3D part and its material.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
-pub(super) struct Choice {
-    pub part_3d: u32,
+pub(super) struct PartMaterial {
+    pub part: u32,
     pub material: u32,
 }
 
 /// The outcome for one Gaussian that some view votes on.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Elected {
-    pub choice: Choice,
+    pub choice: PartMaterial,
     pub votes: f32,
     /// Votes for anything.
     pub cast: f32,
@@ -36,42 +36,48 @@ pub(super) struct Elected {
     pub views: u16,
 }
 
-/// The choice that each view's part stands for.
-pub(super) fn candidates(parts: &ViewParts, identity: &Identity, agreement: Agreement) -> Vec<Choice> {
-    let own = parts.parts.iter().zip(&identity.part_3d);
-    let own: Vec<Choice> = own.map(|(part, &part_3d)| Choice { part_3d, material: part.material }).collect();
+/// The choice that each view's segment stands for.
+pub(super) fn candidates(segments: &AnsweredSegments, identity: &Identity, agreement: Agreement) -> Vec<PartMaterial> {
+    let own = segments.segments.iter().zip(&identity.part_of_segment);
+    let own: Vec<PartMaterial> =
+        own.map(|(segment, &part)| PartMaterial { part, material: segment.material }).collect();
     if agreement == Agreement::Gaussian {
         return own;
     }
-    let agreed = |choice: Choice| Choice { material: identity.material_3d[choice.part_3d as usize], ..choice };
+    let agreed =
+        |choice: PartMaterial| PartMaterial { material: identity.material_of_part[choice.part as usize], ..choice };
     own.into_iter().map(agreed).collect()
 }
 
 /// Every Gaussian's choice; `None` for those that no view votes on.
-pub(super) fn elect(ballots: &Ballots, parts: &ViewParts, candidates: &[Choice]) -> Vec<Option<Elected>> {
-    (0..ballots.gaussians()).into_par_iter().map(|i| elect_one(ballots.of(i), parts, candidates)).collect()
+pub(super) fn elect(
+    ballots: &Ballots,
+    segments: &AnsweredSegments,
+    candidates: &[PartMaterial],
+) -> Vec<Option<Elected>> {
+    (0..ballots.gaussians()).into_par_iter().map(|i| elect_one(ballots.of(i), segments, candidates)).collect()
 }
 
-fn elect_one(ballots: &[Ballot], parts: &ViewParts, candidates: &[Choice]) -> Option<Elected> {
-    let (mut materials, mut parts_3d) = (Vec::new(), Vec::new());
+fn elect_one(ballots: &[Ballot], segments: &AnsweredSegments, candidates: &[PartMaterial]) -> Option<Elected> {
+    let (mut materials, mut parts) = (Vec::new(), Vec::new());
     let mut views = 0;
     let mut last_view = None;
     for ballot in ballots {
-        let part = &parts.parts[ballot.part as usize];
-        views += u16::from(last_view != Some(part.view));
-        last_view = Some(part.view);
-        let material = candidates[ballot.part as usize].material;
-        add(&mut materials, material, f64::from(ballot.weight), part.answer.confidence);
+        let segment = &segments.segments[ballot.segment as usize];
+        views += u16::from(last_view != Some(segment.view));
+        last_view = Some(segment.view);
+        let material = candidates[ballot.segment as usize].material;
+        add(&mut materials, material, f64::from(ballot.weight), segment.answer.confidence);
     }
     let (material, _) = winner(&materials)?;
     for ballot in ballots {
-        let choice = candidates[ballot.part as usize];
+        let choice = candidates[ballot.segment as usize];
         if choice.material == material {
-            let confidence = parts.parts[ballot.part as usize].answer.confidence;
-            add(&mut parts_3d, choice.part_3d, f64::from(ballot.weight), confidence);
+            let confidence = segments.segments[ballot.segment as usize].answer.confidence;
+            add(&mut parts, choice.part, f64::from(ballot.weight), confidence);
         }
     }
-    let (part_3d, votes) = winner(&parts_3d)?;
+    let (part, votes) = winner(&parts)?;
     let cast = ballots.iter().map(|ballot| ballot.weight).sum();
-    Some(Elected { choice: Choice { part_3d, material }, votes: votes as f32, cast, views })
+    Some(Elected { choice: PartMaterial { part, material }, votes: votes as f32, cast, views })
 }

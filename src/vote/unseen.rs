@@ -6,16 +6,16 @@
 use nalgebra::{Matrix3, Vector3};
 use rayon::prelude::*;
 
-use super::tally::{Choice, Elected};
+use super::tally::{Elected, PartMaterial};
 use crate::scene::gaussians::Gaussians;
 use crate::scene::nearest::Nearest;
 
 /// So many times the neighbours wanted are looked at, nearest by plain distance, before the metric picks from them.
 const CANDIDATES_PER_NEIGHBOR: usize = 4;
 
-/// The choice of every Gaussian: its own where it is seen, otherwise the most frequent among its `neighbors` nearest seen
-/// ones; of equals the nearest one's. `None` only where no Gaussian is seen.
-pub(super) fn fill(gaussians: &Gaussians, elected: &[Option<Elected>], neighbors: usize) -> Option<Vec<Choice>> {
+/// The choice of every Gaussian: its own where it is seen, otherwise the most frequent among its `neighbors` nearest
+/// seen ones; of equals the nearest one's. `None` only where no Gaussian is seen.
+pub(super) fn fill(gaussians: &Gaussians, elected: &[Option<Elected>], neighbors: usize) -> Option<Vec<PartMaterial>> {
     let seen: Vec<usize> = (0..elected.len()).filter(|&i| elected[i].is_some()).collect();
     if seen.is_empty() {
         return None;
@@ -48,14 +48,14 @@ fn squared_deviations(covariance: Matrix3<f64>, offset: Vector3<f64>) -> f64 {
 }
 
 /// The most frequent choice among the first `count`; of equals the one met first.
-fn most_frequent(neighbors: &[usize], count: usize, elected: &[Option<Elected>]) -> Option<Choice> {
-    let mut tally: Vec<(Choice, usize)> = Vec::new();
+fn most_frequent(neighbors: &[usize], count: usize, elected: &[Option<Elected>]) -> Option<PartMaterial> {
+    let mut tally: Vec<(PartMaterial, usize)> = Vec::new();
     for choice in neighbors.iter().take(count).filter_map(|&j| elected[j]).map(|elected| elected.choice) {
         match tally.iter_mut().find(|(known, _)| *known == choice) {
             Some((_, votes)) => *votes += 1,
             None => tally.push((choice, 1)),
         }
     }
-    let more = |best: (Choice, usize), next: (Choice, usize)| if next.1 > best.1 { next } else { best };
+    let more = |best: (PartMaterial, usize), next: (PartMaterial, usize)| if next.1 > best.1 { next } else { best };
     tally.into_iter().reduce(more).map(|(choice, _)| choice)
 }

@@ -25,7 +25,7 @@ use crate::files;
 pub use checksum::{Checksum, Checksumming, hexadecimal};
 
 /// Raised when the meaning of any artifact changes: what an older gprop wrote is then made again.
-pub const FORMAT_VERSION: u32 = 3;
+pub const FORMAT_VERSION: u32 = 4;
 
 /// Name of the work folder inside a scene.
 pub const DEFAULT_NAME: &str = "gprop";
@@ -52,11 +52,11 @@ pub enum Artifact<'a> {
     LabelArray(&'a str),
     /// All label maps as a COCO data set.
     Coco,
-    /// Per part: view, id, area, box, predicted IoU, stability, level.
+    /// Per segment: view, id, area, box, predicted IoU, stability, level.
     Segments,
-    /// The picture sent for a part of a view.
+    /// The picture sent for a segment of a view.
     Sheet(&'a str, u16),
-    /// One line a part: the answer or the typed failure.
+    /// One line per segment: the answer or the typed failure.
     Answers,
     /// Questions sent by the Batch API whose answers have not been collected.
     BatchApiJobs,
@@ -66,7 +66,7 @@ pub enum Artifact<'a> {
     Field,
     /// The input PLY in the colours of the materials, for any viewer.
     Recolored,
-    /// A view's photo, parts and materials side by side, with a legend.
+    /// A view's photo, segments and materials side by side, with a legend.
     Figure,
     /// The first view's photo and materials, small, for a list of scenes.
     Thumbnail,
@@ -110,7 +110,7 @@ impl Artifact<'_> {
             Self::LabelArray(view) => Path::new("segments").join(format!("{view}_s.npy")),
             Self::Coco => "segments/coco.json".into(),
             Self::Segments => "segments/segments.json".into(),
-            Self::Sheet(view, part) => Path::new("sheets").join(format!("{view}_{part}.jpg")),
+            Self::Sheet(view, segment) => Path::new("sheets").join(format!("{view}_{segment}.jpg")),
             Self::Answers => "answers.jsonl".into(),
             Self::BatchApiJobs => "batch_api.json".into(),
             Self::MaterialMap => "material_map.png".into(),

@@ -118,7 +118,7 @@ fn write_cloud(path: &Path, count: usize) {
     fs::write(path, bytes).unwrap();
 }
 
-/// Part 1 is the upper half, part 2 the lower.
+/// Segment 1 is the upper half, segment 2 the lower.
 fn ball_seen_by(camera: &Camera) -> LabelMap {
     let world_from_camera = camera.camera_from_world.inverse();
     let eye = world_from_camera.translation.vector;

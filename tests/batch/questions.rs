@@ -27,7 +27,7 @@ fn all_scenes_queries_go_out_and_come_in_together() {
         command
     };
     std::fs::write(balls.scene(1).join("transforms.json"), "{").unwrap();
-    // Two scenes of three views of two parts; the first question is asked at once.
+    // Two scenes of three views of two segments; the first question is asked at once.
     let sent = json_of(&mut step("submit", &[]), 6);
     assert_eq!((&sent["sent"], &sent["waiting"]), (&json!(11), &json!(0)));
     assert_eq!(server.uploads(), 1, "one submission for all");

@@ -1,5 +1,5 @@
 //! Runs that are killed, run out of disk space, or ask a server that fails, at random and one after the other. Whenever
-//! one of them comes to its end with every part answered, it has made the bytes of a run that nothing disturbed.
+//! one of them comes to its end with every segment answered, it has made the bytes of a run that nothing disturbed.
 
 use std::fs;
 use std::path::{Path, PathBuf};

@@ -57,13 +57,13 @@ impl Line {
 
     /// The answers name any material; their densities are the true ones.
     fn tell_the_densities(&mut self, truth: &truth::Truth) {
-        for part in &mut self.answers.parts {
-            let Outcome::Answered(answer) = &mut part.outcome else { continue };
+        for segment in &mut self.answers.segments {
+            let Outcome::Answered(answer) = &mut segment.outcome else { continue };
             let known = truth.parts.iter().find(|known| known.name == answer.caption).unwrap();
             answer.density_kg_m3 = Range::exactly(known.density_kg_m3);
         }
         let voting: Vec<&str> = self.maps.iter().map(|(view, _)| view.name.as_str()).collect();
-        self.answers.parts.retain(|part| voting.contains(&part.view.as_str()));
+        self.answers.segments.retain(|segment| voting.contains(&segment.view.as_str()));
     }
 
     fn gaussians(&self) -> &Gaussians {

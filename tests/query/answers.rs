@@ -1,7 +1,7 @@
 use gprop::materials::MaterialLibrary;
 use gprop::query::answer::{Problem, Unknown};
 use gprop::query::question::{Questions, Reading};
-use gprop::query::{Answer, Answers, Context, Failure, Form, Guidance, Match, Outcome, PartAnswer, Prompts};
+use gprop::query::{Answer, Answers, Context, Failure, Form, Guidance, Match, Outcome, Prompts, SegmentAnswer};
 use gprop::units::{Range, ShoreScale};
 use serde_json::{Value, json};
 
@@ -218,8 +218,9 @@ fn answers_survive_json_lines() {
         failed(Failure::Refused { message: "no".into() }),
         failed(Failure::UnknownMaterial { material: "x,y".into() }),
     ];
-    let parts = (1..).zip(outcomes).map(|(part, outcome)| PartAnswer { view: "000".into(), part, outcome }).collect();
-    let answers = Answers { parts };
+    let segments =
+        (1..).zip(outcomes).map(|(segment, outcome)| SegmentAnswer { view: "000".into(), segment, outcome }).collect();
+    let answers = Answers { segments };
     let text = answers.to_jsonl();
     assert_eq!(text.lines().count(), 4);
     assert_eq!(Answers::from_jsonl(&text).unwrap(), answers);

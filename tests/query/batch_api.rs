@@ -10,8 +10,12 @@ use gprop::query::{AnswerSource, Options, QueryError};
 use gprop::workdir::WorkDir;
 use serde_json::{Value, json};
 
+<<<<<<< HEAD
 use super::{View, a, completion, good_answer, small, two_parts};
 use crate::support::server::{MockServer, Response, json_of};
+=======
+use super::{View, a, completion, good_answer, small, two_segments};
+>>>>>>> rename
 
 /// What the server has been sent, and what it says of its batch.
 #[derive(Default)]
@@ -116,11 +120,11 @@ pub struct Place {
 }
 
 impl Place {
-    /// Two views of two parts each.
+    /// Two views of two segments each.
     pub fn new() -> Self {
         let home = tempfile::tempdir().unwrap();
         let work = WorkDir::open(&home.path().join("gprop")).unwrap();
-        Self { views: vec![two_parts("000", 80, 80), two_parts("001", 90, 80)], home, work }
+        Self { views: vec![two_segments("000", 80, 80), two_segments("001", 90, 80)], home, work }
     }
 
     pub fn query_session<'a>(&'a self, options: &'a Options) -> QuerySession<'a> {
@@ -175,7 +179,7 @@ fn a_batch_goes_out_and_its_answers_are_replayed() {
     let replay = Options { answers: AnswerSource::Replay, lmm_url: None, ..options.clone() };
     let session = place.query_session(&replay);
     let run = session.run(&session.queries().unwrap()).unwrap();
-    assert_eq!((run.answers.parts.len(), run.answers.failed().count()), (4, 0));
+    assert_eq!((run.answers.segments.len(), run.answers.failed().count()), (4, 0));
     assert!(place.query_session(&options).collect().is_err(), "nothing is waiting any more");
     assert_eq!(place.query_session(&options).submit().unwrap().sent, 0, "nothing is open any more");
 }

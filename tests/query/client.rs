@@ -12,7 +12,7 @@ use gprop::query::recorded::Usage;
 use gprop::query::{Failure, Options, Outcome, Prompts, QueryError};
 use serde_json::{Value, json};
 
-use super::{a, completion, connect, good_answer, grid, prepare, recordings, run, small, two_parts};
+use super::{a, completion, connect, good_answer, grid, prepare, recordings, run, small, two_segments};
 
 /// What a key looks like; found anywhere it must not be, it fails the test.
 pub const CANARY: &str = "sk-canary-5f2e8c1d9b7a";
@@ -51,10 +51,10 @@ impl Server {
 
 pub fn ask(client: &Client, correction: Option<Correction>) -> Result<Reply, AskError> {
     let (prompts, options) = (Prompts::builtin(), small());
-    let queries = prepare(&[two_parts("000", 80, 80)], &prompts, &options);
+    let queries = prepare(&[two_segments("000", 80, 80)], &prompts, &options);
     let ledger = Ledger::new(None, None);
     let account = ledger.account(Cost::default());
-    client.ask(Ask { question: queries.questions.first(), picture: &queries.parts[0].jpeg, correction }, &account)
+    client.ask(Ask { question: queries.questions.first(), picture: &queries.segments[0].jpeg, correction }, &account)
 }
 
 pub fn ok(text: &str) -> Response {
@@ -287,7 +287,7 @@ fn the_key_appears_nowhere_but_in_its_header() {
     let options = Options { lmm_parallel: 1, ..server.options() };
     let client = connect(&options, Some(key)).unwrap().unwrap();
     let prompts = Prompts::builtin();
-    let views = [two_parts("000", 80, 80), two_parts("001", 90, 80)];
+    let views = [two_segments("000", 80, 80), two_segments("001", 90, 80)];
     let mut lines = String::new();
     let queries = prepare(&views, &prompts, &options);
     let result = queries.run(
@@ -325,7 +325,7 @@ fn five_hundred_queries_with_faults_end_with_five_hundred_answers_each_paid_once
     let prompts = Prompts::builtin();
     let queries = prepare(&[grid(500)], &prompts, &options);
     let outcome = run(&queries, &recordings(folder.path()), Some(&client)).unwrap();
-    assert_eq!(outcome.answers.parts.len(), 500);
+    assert_eq!(outcome.answers.segments.len(), 500);
     assert_eq!(outcome.answers.failed().count(), 0);
     assert_eq!(recordings(folder.path()).len(), 500);
     // Those that failed with 500 or 503 may have been billed, those with 429 were not.
@@ -346,7 +346,7 @@ fn five_hundred_queries_with_faults_end_with_five_hundred_answers_each_paid_once
 }
 
 #[test]
-fn an_endpoint_failure_of_one_part_leaves_the_others_answered() {
+fn an_endpoint_failure_of_one_segment_leaves_the_others_answered() {
     let folder = tempfile::tempdir().unwrap();
     let server = Server::new(|count, _, _| match count {
         0 => error(418, "I am a teapot"),
@@ -356,8 +356,8 @@ fn an_endpoint_failure_of_one_part_leaves_the_others_answered() {
     let client = connect(&options, None).unwrap().unwrap();
     let prompts = Prompts::builtin();
     let outcome =
-        run(&prepare(&[two_parts("000", 80, 80)], &prompts, &options), &recordings(folder.path()), Some(&client))
+        run(&prepare(&[two_segments("000", 80, 80)], &prompts, &options), &recordings(folder.path()), Some(&client))
             .unwrap();
-    assert!(matches!(&outcome.answers.parts[0].outcome, Outcome::Failed(Failure::Endpoint { .. })));
-    assert!(matches!(&outcome.answers.parts[1].outcome, Outcome::Answered(_)));
+    assert!(matches!(&outcome.answers.segments[0].outcome, Outcome::Failed(Failure::Endpoint { .. })));
+    assert!(matches!(&outcome.answers.segments[1].outcome, Outcome::Answered(_)));
 }

@@ -5,7 +5,7 @@ use gprop::query::exchange::{self, ExchangeError};
 use gprop::query::{AnswerSource, Match, Options, Outcome, Prompts};
 use serde_json::{Value, json};
 
-use super::{a, good_answer, prepare, recordings, run, small, two_parts, with};
+use super::{a, good_answer, prepare, recordings, run, small, two_segments, with};
 
 fn names(text: &str) -> Vec<String> {
     text.lines()
@@ -19,7 +19,7 @@ fn what_goes_out_comes_back_and_is_replayed() {
     let (out, recorded) = (home.path().join("out"), home.path().join("recorded"));
     let prompts = Prompts::builtin();
     let options = small();
-    let views = [two_parts("secret_name", 80, 80)];
+    let views = [two_segments("secret_name", 80, 80)];
     let queries = prepare(&views, &prompts, &options);
     let store = recordings(&recorded);
     assert_eq!(exchange::export(&out, &queries.unanswered(&store, None)).unwrap(), 2);
@@ -53,9 +53,9 @@ fn what_goes_out_comes_back_and_is_replayed() {
     let replayed = run(&prepare(&views, &prompts, &replay), &recordings(&recorded), None).unwrap();
     let materials: Vec<_> = replayed
         .answers
-        .parts
+        .segments
         .iter()
-        .map(|part| match &part.outcome {
+        .map(|segment| match &segment.outcome {
             Outcome::Answered(answer) => (answer.material.as_str(), answer.matched),
             Outcome::Failed(failure) => panic!("{failure:?}"),
         })
@@ -71,7 +71,7 @@ fn the_page_holds_every_question_and_no_text_can_break_out_of_it() {
     fs::create_dir(&mine).unwrap();
     fs::write(mine.join("part.txt"), "</script><script>alert(1)</script> {{ candidates }} JSON").unwrap();
     let (prompts, options) = (Prompts::from_folder(&mine).unwrap(), small());
-    let queries = prepare(&[two_parts("secret_name", 80, 80)], &prompts, &options);
+    let queries = prepare(&[two_segments("secret_name", 80, 80)], &prompts, &options);
     exchange::export(&out, &queries.unanswered(&recordings(&home.path().join("recorded")), None)).unwrap();
     let page = fs::read_to_string(out.join("form.html")).unwrap();
     for name in names(&fs::read_to_string(out.join("queries.jsonl")).unwrap()) {
@@ -89,7 +89,7 @@ fn bad_lines_are_numbered_and_good_ones_kept() {
     let (out, recorded) = (home.path().join("out"), home.path().join("recorded"));
     let prompts = Prompts::builtin();
     let options = small();
-    let views = [two_parts("000", 80, 80), two_parts("001", 90, 80), two_parts("002", 70, 80)];
+    let views = [two_segments("000", 80, 80), two_segments("001", 90, 80), two_segments("002", 70, 80)];
     let queries = prepare(&views, &prompts, &options);
     let store = recordings(&recorded);
     exchange::export(&out, &queries.unanswered(&store, None)).unwrap();
@@ -130,7 +130,7 @@ fn a_folder_that_is_no_export_is_refused() {
     let home = tempfile::tempdir().unwrap();
     let prompts = Prompts::builtin();
     let options = small();
-    let queries = prepare(&[two_parts("000", 80, 80)], &prompts, &options);
+    let queries = prepare(&[two_segments("000", 80, 80)], &prompts, &options);
     let store = recordings(&home.path().join("recorded"));
     let import = || exchange::import(home.path(), Some("m"), &queries.questions, MaterialLibrary::builtin(), &store);
     assert!(matches!(import(), Err(ExchangeError::Unreadable { .. })));

@@ -13,8 +13,12 @@ use gprop::query::{Options, Outcome, Prompts, QueryError, Run};
 use serde_json::{Value, json};
 
 use super::client::{Server, ask, error, ok};
+<<<<<<< HEAD
 use super::{a, completion, connect, good_answer, one_part, prepare, recordings, small, two_parts};
 use crate::support::server::{MockServer, Response};
+=======
+use super::{a, completion, connect, good_answer, one_segment, prepare, recordings, small, two_segments};
+>>>>>>> rename
 
 /// A server that reads each request whole and then does with the connection as it likes.
 pub struct RawServer {
@@ -109,15 +113,15 @@ fn gpt_4o() -> Option<Price> {
     PriceTable::builtin().price("gpt-4o").cloned()
 }
 
-/// Asks about one part under a budget of so many requests at their most.
+/// Asks about one segment under a budget of so many requests at their most.
 fn run_within(options: &Options, requests: f64) -> Result<Run, QueryError> {
     let (folder, prompts, price) = (tempfile::tempdir().unwrap(), Prompts::builtin(), gpt_4o());
     let most = {
-        let queries = prepare(&[one_part()], &prompts, options);
+        let queries = prepare(&[one_segment()], &prompts, options);
         queries.preview(&recordings(folder.path()), None, price.as_ref()).cost.most_usd.unwrap()
     };
     let options = Options { max_usd: Some(requests * most), ..options.clone() };
-    let queries = prepare(&[one_part()], &prompts, &options);
+    let queries = prepare(&[one_segment()], &prompts, &options);
     let client = connect(&options, None).unwrap().unwrap();
     let store = recordings(folder.path());
     queries.run(&store, Some(&client), price.as_ref(), &mut |_, _| Ok(()), Progress::Hidden)
@@ -151,7 +155,7 @@ fn an_answer_is_kept_whatever_the_usage_says() {
         let server = Server::new(move |_, _, _| Response::new(200).json(body.clone()));
         let (folder, options) = (tempfile::tempdir().unwrap(), server.options());
         let client = connect(&options, None).unwrap().unwrap();
-        let queries = prepare(&[two_parts("000", 80, 80)], &prompts, &options);
+        let queries = prepare(&[two_segments("000", 80, 80)], &prompts, &options);
         let outcome = super::run(&queries, &recordings(folder.path()), Some(&client)).unwrap();
         assert_eq!(outcome.answers.failed().count(), 0, "{lie:?}");
         assert_eq!((server.requests().len(), recordings(folder.path()).len()), (2, 2), "{lie:?}");
@@ -219,7 +223,7 @@ fn what_was_certainly_not_billed_does_not_count() {
         _ => send(stream, "200 OK", "", &good()),
     });
     let run = run_within(&server.options(), 1.5).unwrap();
-    assert!(matches!(&run.answers.parts[0].outcome, Outcome::Answered(_)), "{:?}", run.answers);
+    assert!(matches!(&run.answers.segments[0].outcome, Outcome::Answered(_)), "{:?}", run.answers);
     assert_eq!((server.requests(), run.spent.requests, run.spent.unanswered), (7, 1, 0));
 
     // Nobody takes the connection.

@@ -8,7 +8,9 @@ use gprop::query::recorded::{RecordingError, Recordings, key};
 use gprop::query::{AnswerSource, Options, Prompts, QueryError};
 
 use super::client::{Server, error, ok};
-use super::{Scripted, a, connect, good_answer, grid, one_part, prepare, recordings, run, small, text, two_parts};
+use super::{
+    Scripted, a, connect, good_answer, grid, one_segment, prepare, recordings, run, small, text, two_segments,
+};
 
 /// Names of what lies in a folder.
 fn names(folder: &Path) -> Vec<String> {
@@ -39,7 +41,7 @@ fn two_runs_on_one_scene_pay_once() {
             scope.spawn(move || {
                 let client = connect(options, None).unwrap().unwrap();
                 let outcome = run(queries, store, Some(&client)).unwrap();
-                assert_eq!((outcome.answers.parts.len(), outcome.answers.failed().count()), (50, 0));
+                assert_eq!((outcome.answers.segments.len(), outcome.answers.failed().count()), (50, 0));
             });
         }
     });
@@ -55,7 +57,7 @@ fn who_waited_for_a_question_that_failed_asks_it() {
     });
     let (folder, prompts) = (tempfile::tempdir().unwrap(), Prompts::builtin());
     let options = server.options();
-    let queries = prepare(&[one_part()], &prompts, &options);
+    let queries = prepare(&[one_segment()], &prompts, &options);
     let stores = [recordings(folder.path()), recordings(folder.path())];
     let failed = Mutex::new(0);
     std::thread::scope(|scope| {
@@ -75,9 +77,9 @@ fn who_waited_for_a_question_that_failed_asks_it() {
 fn a_lock_whose_owner_died_holds_nobody_up_and_goes() {
     let (folder, prompts, options) = (tempfile::tempdir().unwrap(), Prompts::builtin(), small());
     let wood = Scripted::new(|_| text(good_answer(a("wood"))));
-    let queries = prepare(&[two_parts("000", 80, 80)], &prompts, &options);
-    for part in &queries.parts {
-        let key = key(&wood.answerer, &part.asked(queries.questions.first()));
+    let queries = prepare(&[two_segments("000", 80, 80)], &prompts, &options);
+    for segment in &queries.segments {
+        let key = key(&wood.answerer, &segment.asked(queries.questions.first()));
         fs::write(folder.path().join(format!(".asking-{key}.lock")), "").unwrap();
     }
     assert_eq!(recordings(folder.path()).len(), 0, "a lock is not a recording");
@@ -93,8 +95,8 @@ fn a_lock_that_is_a_link_is_not_followed() {
     let outside = tempfile::tempdir().unwrap();
     let target = outside.path().join("made");
     let wood = Scripted::new(|_| text(good_answer(a("wood"))));
-    let queries = prepare(&[one_part()], &prompts, &options);
-    let key = key(&wood.answerer, &queries.parts[0].asked(queries.questions.first()));
+    let queries = prepare(&[one_segment()], &prompts, &options);
+    let key = key(&wood.answerer, &queries.segments[0].asked(queries.questions.first()));
     std::os::unix::fs::symlink(&target, folder.path().join(format!(".asking-{key}.lock"))).unwrap();
     let error = run(&queries, &recordings(folder.path()), Some(&wood)).unwrap_err();
     assert!(matches!(&error, QueryError::Recording(_)) && error.to_string().contains("link"), "{error}");
@@ -105,7 +107,7 @@ fn a_lock_that_is_a_link_is_not_followed() {
 #[test]
 fn replay_writes_nothing() {
     let (folder, prompts, options) = (tempfile::tempdir().unwrap(), Prompts::builtin(), small());
-    let views = [two_parts("000", 80, 80)];
+    let views = [two_segments("000", 80, 80)];
     let wood = Scripted::new(|_| text(good_answer(a("wood"))));
     run(&prepare(&views, &prompts, &options), &recordings(folder.path()), Some(&wood)).unwrap();
     let changed = || fs::metadata(folder.path()).unwrap().modified().unwrap();
@@ -124,7 +126,7 @@ fn recordings_that_nobody_may_write_are_found_before_anything_is_asked() {
     let store = recordings(&place);
     fs::write(&place, "a file in the place of the folder").unwrap();
     let wood = Scripted::new(|_| text(good_answer(a("wood"))));
-    let queries = prepare(&[two_parts("000", 80, 80)], &prompts, &options);
+    let queries = prepare(&[two_segments("000", 80, 80)], &prompts, &options);
     let error = run(&queries, &store, Some(&wood)).unwrap_err();
     assert!(matches!(&error, QueryError::Recording(RecordingError::NoPlace { folder, .. }) if *folder == place));
     for word in ["recorded", "nothing was asked", "--recordings"] {
@@ -175,7 +177,7 @@ fn an_answer_that_finds_no_room_anywhere_is_an_error_that_says_where_it_is() {
         fs::write(&place, "a file in the place of the folder").unwrap();
         text(good_answer(a("wood")))
     });
-    let error = run(&prepare(&[one_part()], &prompts, &options), &store, Some(&wood)).unwrap_err();
+    let error = run(&prepare(&[one_segment()], &prompts, &options), &store, Some(&wood)).unwrap_err();
     assert!(matches!(&error, QueryError::Unkept { spare: None, .. }), "{error}");
     assert!(error.to_string().contains("printed above"), "{error}");
 }

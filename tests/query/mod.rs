@@ -38,7 +38,7 @@ use gprop::query::ledger::Account;
 use gprop::query::recorded::{Answerer, Recordings, Usage};
 use gprop::query::{Options, Prompts, Queries, QueryError, Run, ViewInput};
 use gprop::scene::{ForegroundSource, Photo};
-use gprop::segment::{LabelMap, Level, PartMask, ViewSegments};
+use gprop::segment::{LabelMap, Level, Segment, ViewSegments};
 use image::{GrayImage, Luma, Rgb, RgbImage};
 use serde_json::{Value, json};
 
@@ -49,7 +49,7 @@ struct View {
     segments: ViewSegments,
 }
 
-/// A view whose pixel (x, y) belongs to part `label(x, y)`; 0 is white background with alpha 0. Every part has its own
+/// A view whose pixel (x, y) belongs to segment `label(x, y)`; 0 is white background with alpha 0. Every segment has its own
 /// shade, and `tint` sets one view's photo apart from another's.
 fn view(name: &'static str, (width, height): (u32, u32), tint: u8, label: impl Fn(u32, u32) -> u16) -> View {
     let labels: Vec<u16> =
@@ -57,15 +57,15 @@ fn view(name: &'static str, (width, height): (u32, u32), tint: u8, label: impl F
     let at = |x: u32, y: u32| labels[(y * width + x) as usize];
     let rgb = RgbImage::from_fn(width, height, |x, y| match at(x, y) {
         0 => Rgb([255; 3]),
-        part => Rgb([(part * 40 % 200) as u8 + (x % 7) as u8, tint, (y % 11) as u8 * 9]),
+        segment => Rgb([(segment * 40 % 200) as u8 + (x % 7) as u8, tint, (y % 11) as u8 * 9]),
     });
     let foreground = GrayImage::from_fn(width, height, |x, y| Luma([if at(x, y) == 0 { 0 } else { 255 }]));
     let mut ids: Vec<u16> = labels.iter().copied().filter(|label| *label != 0).collect();
     ids.sort_unstable();
     ids.dedup();
-    let parts = ids
+    let segments = ids
         .into_iter()
-        .map(|id| PartMask {
+        .map(|id| Segment {
             id,
             area: labels.iter().filter(|label| **label == id).count() as u32,
             bbox: [0, 0, width, height],
@@ -74,17 +74,17 @@ fn view(name: &'static str, (width, height): (u32, u32), tint: u8, label: impl F
             level: Level::Middle,
         })
         .collect();
-    let segments = ViewSegments { view: name.into(), map: LabelMap { width, height, labels }, parts };
+    let segments = ViewSegments { view: name.into(), map: LabelMap { width, height, labels }, segments };
     View { name, photo: Photo { rgb, foreground, foreground_source: ForegroundSource::Alpha }, segments }
 }
 
-/// One part on a background.
-fn one_part() -> View {
+/// One segment on a background.
+fn one_segment() -> View {
     view("000", (160, 120), 80, |x, y| u16::from((20..140).contains(&x) && (30..90).contains(&y)))
 }
 
-/// Two parts side by side on a background: 1 on the left, 2 on the right of column `border`.
-fn two_parts(name: &'static str, tint: u8, border: u32) -> View {
+/// Two segments side by side on a background: 1 on the left, 2 on the right of column `border`.
+fn two_segments(name: &'static str, tint: u8, border: u32) -> View {
     view(name, (160, 120), tint, |x, y| match (x, y) {
         (20..140, 30..90) if x < border => 1,
         (20..140, 30..90) => 2,
@@ -197,7 +197,7 @@ pub fn completion(text: &str) -> Value {
     })
 }
 
-/// A view of `count` parts of 4 x 4 pixels each, 25 in a row.
+/// A view of `count` segments of 4 x 4 pixels each, 25 in a row.
 fn grid(count: u32) -> View {
     view("000", (100, count.div_ceil(25) * 4), 80, |x, y| (1 + x / 4 + 25 * (y / 4)) as u16)
 }

@@ -10,7 +10,7 @@ use gprop::query::{Options, Prompts, QueryError};
 use gprop::setup::{Environment, Offline};
 
 use super::client::ask;
-use super::{prepare, recordings, small, two_parts};
+use super::{prepare, recordings, small, two_segments};
 
 /// A listener that accepts nobody; its address as `--lmm-url` takes it.
 pub fn listener() -> (TcpListener, String) {
@@ -59,9 +59,9 @@ fn a_run_that_would_have_to_ask_says_what_forbids_it() {
     let options = Options { lmm_url: Some(url), lmm_model: Some("m".into()), ..small() };
     let client = Client::new(&options, None, Err(Offline::Flag), Progress::Hidden).unwrap().unwrap();
     let place = folder.path().join("recorded");
-    let queries = prepare(&[two_parts("000", 80, 80)], &prompts, &options);
+    let queries = prepare(&[two_segments("000", 80, 80)], &prompts, &options);
     let error = super::run(&queries, &recordings(&place), Some(&client)).unwrap_err();
-    assert!(matches!(&error, QueryError::NotReady { parts: 2, .. }), "{error}");
+    assert!(matches!(&error, QueryError::NotReady { segments: 2, .. }), "{error}");
     assert!(error.to_string().contains("--offline"), "{error}");
     assert!(!place.exists(), "nothing was tried");
     assert_untouched(&listener);

@@ -68,25 +68,25 @@ fn one_picture_is_enough() {
     assert!(output.status.success(), "{}", said(&output));
     let work = folder.path().join("tool.gprop");
     let answers = fs::read_to_string(work.join("answers.jsonl")).unwrap();
-    let parts = answers.lines().count();
-    assert!(parts >= 1 && answers.contains(&format!("\"material\":\"{}\"", a("wood"))), "{answers}");
+    let segments = answers.lines().count();
+    assert!(segments >= 1 && answers.contains(&format!("\"material\":\"{}\"", a("wood"))), "{answers}");
     assert!(String::from_utf8_lossy(&output.stdout).trim().ends_with("material_map.png"));
     let map = image::open(work.join("material_map.png")).unwrap().into_rgb8();
     assert!(map.width() > 2 * 160 && map.height() > 120 + 20, "two panels and a legend: {:?}", map.dimensions());
-    assert_eq!(recorded(&work), parts);
+    assert_eq!(recorded(&work), segments);
 
     let replayed = query(&path, None, &["--answers", "replay", "--json"]).output().unwrap();
     let lines: Value = serde_json::from_slice(&replayed.stdout).unwrap();
-    assert_eq!((lines.as_array().unwrap().len(), &lines[0]["matched"]["matched"]), (parts, &json!("exact")));
+    assert_eq!((lines.as_array().unwrap().len(), &lines[0]["matched"]["matched"]), (segments, &json!("exact")));
 
     // With other labels the questions are others: what is recorded serves nobody, and goes.
     let missed = query(&path, None, &["--answers", "replay", "--labels", "abo"]).output().unwrap();
     assert_eq!(missed.status.code(), Some(5), "{}", said(&missed));
-    assert!(said(&missed).contains("view tool part"), "{}", said(&missed));
+    assert!(said(&missed).contains("view tool segment"), "{}", said(&missed));
     let kept = query(&path, None, &["--prune"]).output().unwrap();
-    assert!(said(&kept).contains(&format!("0 recordings removed, {parts} kept")), "{}", said(&kept));
+    assert!(said(&kept).contains(&format!("0 recordings removed, {segments} kept")), "{}", said(&kept));
     let pruned = query(&path, None, &["--prune", "--labels", "abo"]).output().unwrap();
-    assert!(said(&pruned).contains(&format!("{parts} recordings removed, 0 kept")), "{}", said(&pruned));
+    assert!(said(&pruned).contains(&format!("{segments} recordings removed, 0 kept")), "{}", said(&pruned));
     assert_eq!(recorded(&work), 0);
 }
 
@@ -213,7 +213,7 @@ fn a_mask_tells_a_pictures_foreground_and_an_empty_one_is_an_error() {
     let output = query(&path, None, &masked).output().unwrap();
     assert!(output.status.success(), "{}", said(&output));
     let map = image::open(folder.path().join("tool.gprop/segments/tool.png")).unwrap().into_luma16();
-    assert!(map.enumerate_pixels().all(|(x, _, label)| label[0] == 0 || x < 60), "parts keep to the mask");
+    assert!(map.enumerate_pixels().all(|(x, _, label)| label[0] == 0 || x < 60), "segments keep to the mask");
     assert!(map.pixels().any(|label| label[0] != 0));
 
     image::GrayImage::new(160, 120).save(&mask).unwrap();
@@ -278,10 +278,10 @@ fn a_run_without_one_answer_exits_5_and_the_next_asks_again() {
         let output = query(scene.path(), Some(&server), ONE_VIEW).output().unwrap();
         assert_eq!(output.status.code(), Some(5), "{}", said(&output));
         let answers = fs::read_to_string(scene.path().join("gprop/answers.jsonl")).unwrap();
-        let parts = answers.lines().count();
-        assert!(said(&output).contains(&format!("none of {parts} parts")), "{}", said(&output));
+        let segments = answers.lines().count();
+        assert!(said(&output).contains(&format!("none of {segments} segments")), "{}", said(&output));
         assert!(answers.lines().all(|line| line.contains("\"failure\":\"invalid\"")), "{answers}");
-        assert_eq!(server.requests().len(), round * 2 * parts, "each part is asked twice a run");
+        assert_eq!(server.requests().len(), round * 2 * segments, "each segment is asked twice a run");
     }
     assert_eq!(recorded(scene.path()), 0);
 }
@@ -315,10 +315,13 @@ fn a_kill_loses_no_answer() {
 
     let output = query(scene.path(), Some(&server), &one_by_one).output().unwrap();
     assert!(output.status.success(), "{}", said(&output));
-    let parts = fs::read_to_string(scene.path().join("gprop/answers.jsonl")).unwrap().lines().count();
-    assert_eq!(recorded(scene.path()), parts, "what was locked by the killed run is no longer there");
+    let segments = fs::read_to_string(scene.path().join("gprop/answers.jsonl")).unwrap().lines().count();
+    assert_eq!(recorded(scene.path()), segments, "what was locked by the killed run is no longer there");
     let asked = server.requests().len();
-    assert!(asked == parts || asked == parts + 1, "{asked} requests for {parts} parts: only the last may be lost");
+    assert!(
+        asked == segments || asked == segments + 1,
+        "{asked} requests for {segments} segments: only the last may be lost"
+    );
 }
 
 #[test]

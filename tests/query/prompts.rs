@@ -32,7 +32,8 @@ fn gradual_guidance_asks_the_family_first() {
 #[test]
 fn the_context_changes_what_the_prompt_says_of_the_picture() {
     let prompts = Prompts::builtin();
-    let (both, local) = (prompts.part(Context::GlobalLocal, "").unwrap(), prompts.part(Context::Local, "").unwrap());
+    let (both, local) =
+        (prompts.material(Context::GlobalLocal, "").unwrap(), prompts.material(Context::Local, "").unwrap());
     assert!(both.contains("three panels") && !local.contains("three panels"));
 }
 
@@ -41,7 +42,7 @@ fn a_folder_replaces_single_prompts() {
     let folder = tempfile::tempdir().unwrap();
     std::fs::write(folder.path().join("part.txt"), "Mine: {{ candidates }}").unwrap();
     let prompts = Prompts::from_folder(folder.path()).unwrap();
-    assert_eq!(prompts.part(Context::Local, "wood: oak").unwrap(), "Mine: wood: oak");
+    assert_eq!(prompts.material(Context::Local, "wood: oak").unwrap(), "Mine: wood: oak");
     assert_eq!(prompts.family(Context::Local, "x").unwrap(), Prompts::builtin().family(Context::Local, "x").unwrap());
     assert_ne!(prompts.sha256(), Prompts::builtin().sha256());
 }

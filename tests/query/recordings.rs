@@ -5,7 +5,7 @@ use gprop::query::asker::{AskError, ReplyContent};
 use gprop::query::recorded::{RecordingError, Recordings};
 use gprop::query::{AnswerSource, Failure, Guidance, Match, Options, Outcome, Prompts, QueryError};
 
-use super::{Scripted, a, good_answer, prepare, recordings, run, small, text, two_parts};
+use super::{Scripted, a, good_answer, prepare, recordings, run, small, text, two_segments};
 
 fn replay() -> Options {
     Options { answers: AnswerSource::Replay, ..small() }
@@ -13,9 +13,9 @@ fn replay() -> Options {
 
 fn matched(run: &gprop::query::Run) -> Vec<Match> {
     run.answers
-        .parts
+        .segments
         .iter()
-        .map(|part| match &part.outcome {
+        .map(|segment| match &segment.outcome {
             Outcome::Answered(answer) => answer.matched,
             Outcome::Failed(failure) => panic!("{failure:?}"),
         })
@@ -26,7 +26,7 @@ fn matched(run: &gprop::query::Run) -> Vec<Match> {
 fn what_was_asked_once_is_replayed_from_disk() {
     let folder = tempfile::tempdir().unwrap();
     let prompts = Prompts::builtin();
-    let views = [two_parts("000", 80, 80), two_parts("001", 90, 80)];
+    let views = [two_segments("000", 80, 80), two_segments("001", 90, 80)];
     let (options, replay) = (small(), replay());
     let asker = Scripted::new(|_| text(good_answer(a("wood"))));
     let queries = prepare(&views, &prompts, &options);
@@ -51,7 +51,8 @@ fn what_was_asked_once_is_replayed_from_disk() {
     let replayed = run(&queries, &recordings(folder.path()), Some(&asker)).unwrap();
     assert_eq!(asker.count(), 4, "replay asks nobody");
     assert_eq!(matched(&replayed), [Match::Exact; 4]);
-    let order: Vec<_> = replayed.answers.parts.iter().map(|part| (part.view.as_str(), part.part)).collect();
+    let order: Vec<_> =
+        replayed.answers.segments.iter().map(|segment| (segment.view.as_str(), segment.segment)).collect();
     assert_eq!(order, [("000", 1), ("000", 2), ("001", 1), ("001", 2)]);
     let names: Vec<_> = fs::read_dir(folder.path()).unwrap().map(|entry| entry.unwrap().file_name()).collect();
     assert!(names.iter().all(|name| name.len() == 64 + ".json".len()), "nothing else is left: {names:?}");
@@ -63,14 +64,14 @@ fn a_mask_that_moved_by_a_few_pixels_still_replays_and_says_so() {
     let prompts = Prompts::builtin();
     let (options, replay) = (small(), replay());
     let wood = Scripted::new(|_| text(good_answer(a("wood"))));
-    let original = [two_parts("000", 80, 80)];
+    let original = [two_segments("000", 80, 80)];
     run(&prepare(&original, &prompts, &options), &recordings(folder.path()), Some(&wood)).unwrap();
 
-    // The same photo, the border between the parts two of sixty columns further right.
-    let mut moved = two_parts("000", 80, 82);
+    // The same photo, the border between the segments two of sixty columns further right.
+    let mut moved = two_segments("000", 80, 82);
     moved.photo = original[0].photo.clone();
     let replayed = run(&prepare(&[moved], &prompts, &replay), &recordings(folder.path()), None).unwrap();
-    // Part 1 grew from 60 to 62 columns, part 2 shrank from 60 to 58.
+    // Segment 1 grew from 60 to 62 columns, segment 2 shrank from 60 to 58.
     let expected = [60.0 / 62.0, 58.0 / 60.0];
     for (matched, expected) in matched(&replayed).into_iter().zip(expected) {
         let Match::Mask { iou } = matched else { panic!("{matched:?}") };
@@ -84,19 +85,19 @@ fn masks_that_differ_more_are_missing_each_by_name() {
     let prompts = Prompts::builtin();
     let (options, replay) = (small(), replay());
     let wood = Scripted::new(|_| text(good_answer(a("wood"))));
-    let original = [two_parts("000", 80, 80)];
+    let original = [two_segments("000", 80, 80)];
     run(&prepare(&original, &prompts, &options), &recordings(folder.path()), Some(&wood)).unwrap();
 
-    let mut moved = two_parts("000", 80, 100);
+    let mut moved = two_segments("000", 80, 100);
     moved.photo = original[0].photo.clone();
-    let other_photo = two_parts("001", 33, 80);
+    let other_photo = two_segments("001", 33, 80);
     let queries = prepare(&[moved, other_photo], &prompts, &replay);
     let error = run(&queries, &recordings(folder.path()), None).unwrap_err();
     let text = error.to_string();
-    let QueryError::Missing { parts: 4, missing } = error else { panic!("{text}") };
+    let QueryError::Missing { segments: 4, missing } = error else { panic!("{text}") };
     assert_eq!(missing.len(), 4);
-    assert!(text.contains("view 000 part 1 (the nearest recorded mask overlaps by IoU 0.75"), "{text}");
-    assert!(text.contains("view 001 parts 1, 2 (nothing is recorded of this photo)"), "{text}");
+    assert!(text.contains("view 000 segment 1 (the nearest recorded mask overlaps by IoU 0.75"), "{text}");
+    assert!(text.contains("view 001 segments 1, 2 (nothing is recorded of this photo)"), "{text}");
     assert!(text.contains("--lmm-url") && text.contains("--export"), "{text}");
 }
 
@@ -108,7 +109,7 @@ fn another_prompt_is_another_question() {
     let (builtin, mine) = (Prompts::builtin(), Prompts::from_folder(mine.path()).unwrap());
     let (options, replay) = (small(), replay());
     let wood = Scripted::new(|_| text(good_answer(a("wood"))));
-    let views = [two_parts("000", 80, 80)];
+    let views = [two_segments("000", 80, 80)];
     run(&prepare(&views, &builtin, &options), &recordings(folder.path()), Some(&wood)).unwrap();
     let error = run(&prepare(&views, &mine, &replay), &recordings(folder.path()), None).unwrap_err();
     assert!(error.to_string().contains("another prompt"), "{error}");
@@ -119,7 +120,7 @@ fn a_named_model_is_served_by_its_own_recordings_only() {
     let folder = tempfile::tempdir().unwrap();
     let prompts = Prompts::builtin();
     let options = small();
-    let views = [two_parts("000", 80, 80)];
+    let views = [two_segments("000", 80, 80)];
     let mut wood = Scripted::new(|_| text(good_answer(a("wood"))));
     wood.answerer.model = "model-a".into();
     run(&prepare(&views, &prompts, &options), &recordings(folder.path()), Some(&wood)).unwrap();
@@ -133,7 +134,7 @@ fn a_named_model_is_served_by_its_own_recordings_only() {
     for (model, material) in [("model-a", a("wood")), ("model-b", a("metal"))] {
         let replay = Options { lmm_model: Some(model.into()), ..replay() };
         let replayed = run(&prepare(&views, &prompts, &replay), &recordings(folder.path()), None).unwrap();
-        let Outcome::Answered(answer) = &replayed.answers.parts[0].outcome else { panic!() };
+        let Outcome::Answered(answer) = &replayed.answers.segments[0].outcome else { panic!() };
         assert_eq!(answer.material, material);
     }
     let anybody = replay();
@@ -149,7 +150,7 @@ fn live_asks_although_it_is_recorded() {
     let prompts = Prompts::builtin();
     let options = Options { answers: AnswerSource::Live, ..small() };
     let wood = Scripted::new(|_| text(good_answer(a("wood"))));
-    let views = [two_parts("000", 80, 80)];
+    let views = [two_segments("000", 80, 80)];
     for _ in 0..2 {
         run(&prepare(&views, &prompts, &options), &recordings(folder.path()), Some(&wood)).unwrap();
     }
@@ -170,7 +171,7 @@ fn an_unusable_answer_is_asked_once_more_with_the_reason() {
             text(good_answer(a("wood")))
         }
     });
-    let queries = prepare(&[two_parts("000", 80, 80)], &prompts, &options);
+    let queries = prepare(&[two_segments("000", 80, 80)], &prompts, &options);
     let run = run(&queries, &recordings(folder.path()), Some(&asker)).unwrap();
     assert_eq!(asker.count(), 4);
     assert_eq!(run.answers.failed().count(), 0);
@@ -182,9 +183,9 @@ fn failures_are_typed_counted_and_never_recorded() {
     let folder = tempfile::tempdir().unwrap();
     let prompts = Prompts::builtin();
     let options = small();
-    let views = [two_parts("000", 80, 80), two_parts("001", 90, 80)];
+    let views = [two_segments("000", 80, 80), two_segments("001", 90, 80)];
     let queries = prepare(&views, &prompts, &options);
-    let pictures: Vec<Vec<u8>> = queries.parts.iter().map(|part| part.jpeg.clone()).collect();
+    let pictures: Vec<Vec<u8>> = queries.segments.iter().map(|segment| segment.jpeg.clone()).collect();
     let asker = Scripted::new(|ask| match pictures.iter().position(|picture| picture == ask.picture) {
         Some(0) => Ok(ReplyContent::Refusal("not this one".into())),
         Some(1) => Err(AskError::Failed("status 500".into())),
@@ -195,7 +196,7 @@ fn failures_are_typed_counted_and_never_recorded() {
     let failures: Vec<Failure> = run
         .answers
         .failed()
-        .map(|part| match &part.outcome {
+        .map(|segment| match &segment.outcome {
             Outcome::Failed(failure) => failure.clone(),
             Outcome::Answered(_) => unreachable!("failed() gives failures"),
         })
@@ -211,9 +212,9 @@ fn an_endpoint_beyond_hope_ends_the_run_and_keeps_what_was_answered() {
     let folder = tempfile::tempdir().unwrap();
     let prompts = Prompts::builtin();
     let options = small();
-    let views = [two_parts("000", 80, 80), two_parts("001", 90, 80)];
+    let views = [two_segments("000", 80, 80), two_segments("001", 90, 80)];
     let queries = prepare(&views, &prompts, &options);
-    let first = queries.parts[0].jpeg.clone();
+    let first = queries.segments[0].jpeg.clone();
     let asker = Scripted::new(|ask| {
         if ask.picture == first {
             return text(good_answer(a("wood")));
@@ -243,10 +244,10 @@ fn gradual_guidance_records_both_questions_and_replays_through_moved_masks() {
         }
         text(r#"{"caption":"a stick","family":"wood"}"#)
     });
-    let original = [two_parts("000", 80, 80)];
+    let original = [two_segments("000", 80, 80)];
     let live = run(&prepare(&original, &prompts, &options), &recordings(folder.path()), Some(&asker)).unwrap();
     assert_eq!((asker.count(), live.answers.failed().count()), (4, 0));
-    let mut moved = two_parts("000", 80, 82);
+    let mut moved = two_segments("000", 80, 82);
     moved.photo = original[0].photo.clone();
     let replayed = run(&prepare(&[moved], &prompts, &replay), &recordings(folder.path()), None).unwrap();
     assert!(matches!(matched(&replayed)[..], [Match::Mask { .. }, Match::Mask { .. }]));
@@ -258,7 +259,7 @@ fn the_budget_stops_before_and_during_the_run() {
     let prompts = Prompts::builtin();
     let price = gprop::query::cost::PriceTable::builtin().price("gpt-4o").cloned();
     let asker = Scripted::new(|_| text(good_answer(a("wood"))));
-    let views = [two_parts("000", 80, 80), two_parts("001", 90, 80)];
+    let views = [two_segments("000", 80, 80), two_segments("001", 90, 80)];
     let with_budget = |max_usd: f64| {
         let options = Options { max_usd: Some(max_usd), lmm_parallel: 1, ..small() };
         let queries = prepare(&views, &prompts, &options);
@@ -270,7 +271,7 @@ fn the_budget_stops_before_and_during_the_run() {
     let (preview, result) = with_budget(1e-6);
     assert!(matches!(result, Err(QueryError::OverBudget { requests: 4, .. })), "{result:?}");
     assert_eq!(asker.count(), 0);
-    assert_eq!((preview.parts, preview.recorded, preview.cost.requests), (4, 0, 4));
+    assert_eq!((preview.segments, preview.recorded, preview.cost.requests), (4, 0, 4));
 
     // Enough for what the answers usually take, too little for all of them at their longest.
     let (_, result) = with_budget(preview.cost.usd.unwrap() * 1.01);
@@ -285,7 +286,7 @@ fn the_budget_stops_before_and_during_the_run() {
     }
 
     let options = Options { max_usd: Some(1.0), ..small() };
-    let other = [two_parts("002", 20, 80)];
+    let other = [two_segments("002", 20, 80)];
     let unpriced = run(&prepare(&other, &prompts, &options), &recordings(folder.path()), Some(&asker));
     assert!(matches!(unpriced, Err(QueryError::NoPrice { .. })), "{unpriced:?}");
 }
@@ -296,7 +297,7 @@ fn broken_recordings_are_named() {
     let prompts = Prompts::builtin();
     let options = small();
     let wood = Scripted::new(|_| text(good_answer(a("wood"))));
-    run(&prepare(&[two_parts("000", 80, 80)], &prompts, &options), &recordings(folder.path()), Some(&wood)).unwrap();
+    run(&prepare(&[two_segments("000", 80, 80)], &prompts, &options), &recordings(folder.path()), Some(&wood)).unwrap();
     let path = fs::read_dir(folder.path()).unwrap().next().unwrap().unwrap().path();
     let whole = fs::read_to_string(&path).unwrap();
     let table = [
@@ -317,16 +318,16 @@ fn broken_recordings_are_named() {
 }
 
 #[test]
-fn what_no_part_uses_is_told_from_what_serves() {
+fn what_no_segment_uses_is_told_from_what_serves() {
     let folder = tempfile::tempdir().unwrap();
     let prompts = Prompts::builtin();
     let options = small();
     let wood = Scripted::new(|_| text(good_answer(a("wood"))));
-    let views = [two_parts("000", 80, 80), two_parts("001", 90, 80)];
+    let views = [two_segments("000", 80, 80), two_segments("001", 90, 80)];
     run(&prepare(&views, &prompts, &options), &recordings(folder.path()), Some(&wood)).unwrap();
 
-    // The second view is gone, and the first one's border moved by two columns: by ten it would be another part.
-    let mut moved = two_parts("000", 80, 82);
+    // The second view is gone, and the first one's border moved by two columns: by ten it would be another segment.
+    let mut moved = two_segments("000", 80, 82);
     moved.photo = views[0].photo.clone();
     let store = recordings(folder.path());
     let used = prepare(&[moved], &prompts, &options).used(&store);
@@ -345,9 +346,9 @@ fn what_refusals_and_empty_answers_took_is_paid_too() {
     let prompts = Prompts::builtin();
     let options = small();
     let asker = Scripted::new(|_| Ok(ReplyContent::Empty("the answer is empty".into())));
-    let queries = prepare(&[two_parts("000", 80, 80)], &prompts, &options);
+    let queries = prepare(&[two_segments("000", 80, 80)], &prompts, &options);
     let run = run(&queries, &recordings(folder.path()), Some(&asker)).unwrap();
     assert_eq!((run.spent.requests, run.spent.usage.input_tokens), (2, 2000));
     let error = run.answers.require_any().unwrap_err();
-    assert!(error.to_string().contains("none of 2 parts") && error.to_string().contains("(2 of them)"), "{error}");
+    assert!(error.to_string().contains("none of 2 segments") && error.to_string().contains("(2 of them)"), "{error}");
 }

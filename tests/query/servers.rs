@@ -4,18 +4,18 @@ use gprop::query::{Options, Outcome, Prompts};
 use serde_json::Value;
 
 use super::client::{Server, error, ok};
-use super::{a, completion, connect, good_answer, prepare, recordings, run, two_parts};
+use super::{a, completion, connect, good_answer, prepare, recordings, run, two_segments};
 use crate::support::server::Response;
 
-/// Both parts of a view are answered, in so many requests.
+/// Both segments of a view are answered, in so many requests.
 fn assert_answered(server: &Server, prompts: &Prompts, requests: usize) -> gprop::query::Run {
     let folder = tempfile::tempdir().unwrap();
     let options = Options { lmm_parallel: 1, ..server.options() };
-    let queries = prepare(&[two_parts("000", 80, 80)], prompts, &options);
+    let queries = prepare(&[two_segments("000", 80, 80)], prompts, &options);
     let client = connect(&options, None).unwrap().unwrap();
     let run = run(&queries, &recordings(folder.path()), Some(&client)).unwrap();
-    for part in &run.answers.parts {
-        assert!(matches!(&part.outcome, Outcome::Answered(answer) if answer.material == a("wood")), "{part:?}");
+    for segment in &run.answers.segments {
+        assert!(matches!(&segment.outcome, Outcome::Answered(answer) if answer.material == a("wood")), "{segment:?}");
     }
     assert_eq!(server.requests().len(), requests);
     run

@@ -2,12 +2,12 @@ use gprop::query::Context;
 use gprop::query::sheet::{Drawer, Sheet};
 use image::{Rgb, RgbImage};
 
-use super::{View, two_parts, view};
+use super::{View, two_segments, view};
 
 const GREY: Rgb<u8> = Rgb([128; 3]);
 
-fn sheet(view: &View, part: u16, context: Context, longest_side: u32) -> Sheet {
-    Drawer::new(&view.photo, &view.segments.map, context, longest_side).sheet(part).expect("the part is there")
+fn sheet(view: &View, segment: u16, context: Context, longest_side: u32) -> Sheet {
+    Drawer::new(&view.photo, &view.segments.map, context, longest_side).sheet(segment).expect("the segment is there")
 }
 
 fn has(picture: &RgbImage, pixel: Rgb<u8>) -> bool {
@@ -38,24 +38,24 @@ fn a_wide_object_has_its_panels_one_below_the_other() {
 }
 
 #[test]
-fn the_part_is_red_in_the_second_panel_and_alone_in_the_third() {
-    let view = two_parts("v", 80, 80);
+fn the_segment_is_red_in_the_second_panel_and_alone_in_the_third() {
+    let view = two_segments("v", 80, 80);
     let left = sheet(&view, 1, Context::GlobalLocal, 1000).picture;
     let right = sheet(&view, 2, Context::GlobalLocal, 1000).picture;
     assert_eq!(left.dimensions(), right.dimensions());
     assert!(has(&left, Rgb([255, 0, 0])), "no outline");
     assert!(has(&left, GREY), "no grey ground");
     assert!(has(&left, Rgb([222; 3])), "no plain ground");
-    // The object is twice as wide as high, so the panels stand one below the other: the first does not know the part.
+    // The object is twice as wide as high, so the panels stand one below the other: the first does not know the segment.
     let first_panel = |picture: &RgbImage| picture.as_raw()[..picture.as_raw().len() / 4].to_vec();
     assert_eq!(first_panel(&left), first_panel(&right));
     assert_ne!(left, right);
 }
 
 #[test]
-fn the_part_alone_shows_no_other_part() {
-    // Part 2 is bright green, part 1 has no green at all.
-    let mut view = two_parts("v", 0, 80);
+fn the_segment_alone_shows_no_other_segment() {
+    // Segment 2 is bright green, segment 1 has no green at all.
+    let mut view = two_segments("v", 0, 80);
     for (x, y, pixel) in view.photo.rgb.enumerate_pixels_mut() {
         match view.segments.map.labels[(y * 160 + x) as usize] {
             1 => *pixel = Rgb([90, 0, 90]),
@@ -66,11 +66,11 @@ fn the_part_alone_shows_no_other_part() {
     let alone = sheet(&view, 1, Context::Local, 512).picture;
     assert!(has(&alone, Rgb([90, 0, 90])));
     assert!(!has(&alone, Rgb([0, 255, 0])));
-    assert!(!has(&alone, Rgb([255, 0, 0])), "the part alone is not marked");
+    assert!(!has(&alone, Rgb([255, 0, 0])), "the segment alone is not marked");
 }
 
 #[test]
-fn a_single_pixel_and_a_whole_picture_are_parts_too() {
+fn a_single_pixel_and_a_whole_picture_are_segments_too() {
     let dot = view("v", (64, 64), 80, |x, y| if (x, y) == (40, 9) { 2 } else { 1 });
     let picture = sheet(&dot, 2, Context::GlobalLocal, 512).picture;
     assert!(has(&picture, GREY) && has(&picture, Rgb([255, 0, 0])));
@@ -82,22 +82,22 @@ fn a_single_pixel_and_a_whole_picture_are_parts_too() {
 }
 
 #[test]
-fn a_part_without_pixels_has_no_sheet() {
-    let view = two_parts("v", 80, 80);
+fn a_segment_without_pixels_has_no_sheet() {
+    let view = two_segments("v", 80, 80);
     assert_eq!(Drawer::new(&view.photo, &view.segments.map, Context::GlobalLocal, 512).sheet(7), None);
 }
 
 #[test]
-fn the_same_part_gives_the_same_pixels_and_another_one_others() {
-    let view = two_parts("v", 80, 80);
-    let hash = |part| sheet(&view, part, Context::GlobalLocal, 512).pixels_sha256();
+fn the_same_segment_gives_the_same_pixels_and_another_one_others() {
+    let view = two_segments("v", 80, 80);
+    let hash = |segment| sheet(&view, segment, Context::GlobalLocal, 512).pixels_sha256();
     assert_eq!(hash(1), hash(1));
     assert_ne!(hash(1), hash(2));
 }
 
 #[test]
 fn the_jpeg_decodes_to_the_sheet_but_for_compression() {
-    let sheet = sheet(&two_parts("v", 80, 80), 1, Context::GlobalLocal, 512);
+    let sheet = sheet(&two_segments("v", 80, 80), 1, Context::GlobalLocal, 512);
     let decoded = image::load_from_memory(&sheet.jpeg()).unwrap().to_rgb8();
     assert_eq!(decoded.dimensions(), sheet.picture.dimensions());
     let apart = |(a, b): (&u8, &u8)| f64::from(a.abs_diff(*b));

@@ -120,7 +120,7 @@ fn every_row_of_the_readme_works() {
     GrayImage::from_pixel(8, 6, image::Luma([255])).save(masks.path().join("001.png")).unwrap();
     assert_eq!(views(&run(next(), &scene.path(""), &[("DIR", masks.path().to_owned())])), 4);
 
-    // Parts segmented elsewhere.
+    // Segments of another program.
     let scene = made_up();
     let labels = tempfile::tempdir().unwrap();
     for view in ["000", "001", "002", "003"] {
@@ -131,7 +131,7 @@ fn every_row_of_the_readme_works() {
     run_to("segment", next(), &scene.path(""), &[("DIR", labels.path().to_owned())]);
     let segments = std::fs::read(scene.path("gprop/segments/segments.json")).unwrap();
     let segments: Value = serde_json::from_slice(&segments).unwrap();
-    assert_eq!(segments["views"]["002"]["parts"].as_array().unwrap().len(), 2, "{segments}");
+    assert_eq!(segments["views"]["002"]["segments"].as_array().unwrap().len(), 2, "{segments}");
 
     // A room; the one Gaussian lies a little further out than the README's box reaches.
     let command = next();

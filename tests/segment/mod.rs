@@ -1,4 +1,4 @@
-//! SAM's masks against the reference generator's, and parts of whole views.
+//! SAM's masks against the reference generator's, and segments of whole views.
 
 // Every form of a SAM export, broken ones, kept embeddings.
 mod models;
@@ -116,28 +116,28 @@ fn in_pool<T: Send>(threads: usize, work: impl FnOnce() -> T + Send) -> T {
 }
 
 #[test]
-fn two_shapes_are_two_parts_whatever_the_number_of_threads() {
-    let Some(files) = support::models("two_shapes_are_two_parts_whatever_the_number_of_threads") else { return };
+fn two_shapes_are_two_segments_whatever_the_number_of_threads() {
+    let Some(files) = support::models("two_shapes_are_two_segments_whatever_the_number_of_threads") else { return };
     let (segmenter, photo) = (segmenter(&files), two_shapes());
     let segment = || segmenter.segment_view("shapes", &photo, &quick_options(), &()).unwrap();
     let (one, two) = (in_pool(1, segment), in_pool(2, segment));
     assert_eq!(one, two);
     let (disc, disc_share) = label_of_most(&one.map, 35..65, 45..75);
     let (square, square_share) = label_of_most(&one.map, 85..133, 36..84);
-    assert!(disc > 0 && square > 0 && disc != square, "{:?}", one.parts);
+    assert!(disc > 0 && square > 0 && disc != square, "{:?}", one.segments);
     assert!(disc_share > 0.98 && square_share > 0.98, "{disc_share} {square_share}");
     for (i, &label) in one.map.labels.iter().enumerate() {
-        assert!(label == 0 || photo.foreground.as_raw()[i] == 255, "pixel {i} of the background has a part");
+        assert!(label == 0 || photo.foreground.as_raw()[i] == 255, "pixel {i} of the background has a segment");
     }
-    for part in &one.parts {
-        let area = one.map.labels.iter().filter(|&&label| label == part.id).count();
-        assert_eq!(area, part.area as usize);
+    for segment in &one.segments {
+        let area = one.map.labels.iter().filter(|&&label| label == segment.id).count();
+        assert_eq!(area, segment.area as usize);
     }
 }
 
 #[test]
-fn a_view_without_foreground_has_no_parts_and_one_that_sam_makes_nothing_of_has_one() {
-    let test = "a_view_without_foreground_has_no_parts_and_one_that_sam_makes_nothing_of_has_one";
+fn a_view_without_foreground_has_no_segments_and_one_that_sam_makes_nothing_of_has_one() {
+    let test = "a_view_without_foreground_has_no_segments_and_one_that_sam_makes_nothing_of_has_one";
     let Some(files) = support::models(test) else { return };
     let segmenter = segmenter(&files);
     let mut photo = two_shapes();
@@ -149,7 +149,7 @@ fn a_view_without_foreground_has_no_parts_and_one_that_sam_makes_nothing_of_has_
     assert!(whole.map.labels.iter().zip(photo.foreground.as_raw()).all(|(&label, &fg)| (label == 1) == (fg == 255)));
     photo.foreground = GrayImage::new(200, 120);
     let none = segmenter.segment_view("empty", &photo, &quick_options(), &()).unwrap();
-    assert!(none.parts.is_empty() && none.warning().unwrap().contains("no foreground"));
+    assert!(none.segments.is_empty() && none.warning().unwrap().contains("no foreground"));
 }
 
 #[test]
@@ -166,7 +166,7 @@ fn tiny_and_extremely_long_pictures_are_segmented() {
         options.generator.points_per_side = 2;
         let segments = segmenter.segment_view("odd", &photo, &options, &()).unwrap();
         assert_eq!((segments.map.width, segments.map.height), (width, height));
-        assert!(!segments.parts.is_empty());
+        assert!(!segments.segments.is_empty());
     }
 }
 

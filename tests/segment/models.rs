@@ -135,7 +135,7 @@ fn the_decoder_computes_what_onnx_runtime_computes() {
 }
 
 #[test]
-fn every_form_of_the_export_finds_the_same_parts() {
+fn every_form_of_the_export_finds_the_same_segments() {
     // Bright above, dark below; all of it the object.
     let photo = Photo {
         rgb: RgbImage::from_fn(120, 90, |x, y| if y < 40 { Rgb([255 - x as u8, 250, 240]) } else { Rgb([20, 10, 30]) }),
@@ -147,9 +147,9 @@ fn every_form_of_the_export_finds_the_same_parts() {
     options.generator.min_predicted_iou = 0.1;
     let mut first = None;
     for (decoder, _) in DECODERS {
-        let Some(files) = tiny("every_form_of_the_export_finds_the_same_parts", decoder) else { return };
+        let Some(files) = tiny("every_form_of_the_export_finds_the_same_segments", decoder) else { return };
         let segments = Segmenter::new(&files, 2).unwrap().segment_view("view", &photo, &options, &()).unwrap();
-        assert!(segments.parts.iter().any(|part| !part.is_rest()), "{decoder}: {:?}", segments.parts);
+        assert!(segments.segments.iter().any(|segment| !segment.is_rest()), "{decoder}: {:?}", segments.segments);
         assert_ne!(segments.map.at(60, 10), segments.map.at(60, 80), "{decoder}");
         assert_eq!(&segments, first.get_or_insert(segments.clone()), "{decoder}");
     }

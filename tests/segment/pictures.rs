@@ -71,7 +71,7 @@ fn pictures_of_every_kind_are_segmented() {
         assert_eq!(output.status.code(), Some(0), "{path:?}: {}", said(&output));
         let (map, picture) = (map_of(&path), image::open(&path).unwrap());
         assert_eq!((map.width, map.height), (picture.width(), picture.height()), "{path:?}");
-        assert!(map.labels.iter().any(|&label| label > 0), "{path:?} has no part");
+        assert!(map.labels.iter().any(|&label| label > 0), "{path:?} has no segment");
     }
 }
 
@@ -109,15 +109,15 @@ fn the_largest_picture_fits_into_memory() {
     let map = map_of(&path);
     assert_eq!((map.width, map.height), (SIDE, SIDE));
     let shown: Value = serde_json::from_slice(&output.stdout).unwrap();
-    for part in shown["parts"].as_array().unwrap() {
-        let area = map.labels.iter().filter(|&&label| u64::from(label) == part["id"].as_u64().unwrap()).count();
-        assert_eq!(part["area"], json!(area));
+    for segment in shown["segments"].as_array().unwrap() {
+        let area = map.labels.iter().filter(|&&label| u64::from(label) == segment["id"].as_u64().unwrap()).count();
+        assert_eq!(segment["area"], json!(area));
     }
 }
 
 #[test]
-fn where_sam_finds_nothing_the_whole_foreground_is_one_part() {
-    let test = "where_sam_finds_nothing_the_whole_foreground_is_one_part";
+fn where_sam_finds_nothing_the_whole_foreground_is_one_segment() {
+    let test = "where_sam_finds_nothing_the_whole_foreground_is_one_segment";
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("thing.png");
     coloured(60, 40).save(&path).unwrap();
@@ -175,17 +175,17 @@ fn other_forms_are_read_by_the_programs_that_they_are_for() {
         return;
     };
     assert_eq!(output.status.code(), Some(0), "{}", said(&output));
-    let script = root().join("tests/segment/read_parts.py");
+    let script = root().join("tests/segment/read_segments.py");
     let files = ["thing.png", "thing_s.npy"].map(|name| written(&path, name));
     let found = python(&script, &[&files[0], &files[1]]);
-    let parts = map_of(&path).labels.into_iter().max().unwrap();
+    let segments = map_of(&path).labels.into_iter().max().unwrap();
     assert_eq!(
         found,
-        json!({ "png": "I;16", "dtype": "int32", "shape": [4, 40, 60], "least": -1, "most": parts - 1, "same": true })
+        json!({ "png": "I;16", "dtype": "int32", "shape": [4, 40, 60], "least": -1, "most": segments - 1, "same": true })
     );
     if python_has(test, "pycocotools", "pycocotools.mask") {
         let coco = written(&path, "coco.json");
-        assert_eq!(python(&script, &[&files[0], &coco]), json!({ "annotations": parts, "same": true }));
+        assert_eq!(python(&script, &[&files[0], &coco]), json!({ "annotations": segments, "same": true }));
     }
 }
 

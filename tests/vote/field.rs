@@ -1,10 +1,10 @@
-//! The vote on built clouds: who wins, what unseen Gaussians get, which parts are one, what is said of bad input.
+//! The vote on built clouds: who wins, what unseen Gaussians get, which segments are one part, what is said of bad input.
 
 use gprop::camera::Camera;
 use gprop::materials::MaterialLibrary;
 use gprop::pictures::field_colors;
 use gprop::progress::Progress;
-use gprop::query::{Answer, Answers, Failure, Form, Outcome, PartAnswer};
+use gprop::query::{Answer, Answers, Failure, Form, Outcome, SegmentAnswer};
 use gprop::render::{RenderOptions, render, render_labels};
 use gprop::scene::gaussians::Gaussians;
 use gprop::segment::LabelMap;
@@ -45,14 +45,14 @@ impl Ballot {
         self
     }
 
-    /// Adds an answer for a part of the last view.
-    fn says(&mut self, part: u16, answer: Answer) -> &mut Self {
-        self.outcome(part, Outcome::Answered(answer))
+    /// Adds an answer for a segment of the last view.
+    fn says(&mut self, segment: u16, answer: Answer) -> &mut Self {
+        self.outcome(segment, Outcome::Answered(answer))
     }
 
-    fn outcome(&mut self, part: u16, outcome: Outcome) -> &mut Self {
+    fn outcome(&mut self, segment: u16, outcome: Outcome) -> &mut Self {
         let view = self.views.last().unwrap().0.clone();
-        self.answers.parts.push(PartAnswer { view, part, outcome });
+        self.answers.segments.push(SegmentAnswer { view, segment, outcome });
         self
     }
 
@@ -109,7 +109,7 @@ fn a_single_view_decides_alone() {
 }
 
 #[test]
-fn a_part_on_no_gaussian_is_named() {
+fn a_segment_on_no_gaussian_is_named() {
     let gaussians = cloud(&wall(0.0));
     let mut ballot = Ballot::default();
     ballot.view(&gaussians, front(2), &vec![1; gaussians.len()]).says(1, answer("wall", 0)).says(2, answer("ghost", 1));
@@ -120,7 +120,7 @@ fn a_part_on_no_gaussian_is_named() {
     for rule in BOTH_RULES {
         let field = ballot.count(&gaussians, &Options { vote: rule, ..Default::default() }).unwrap();
         assert_eq!(field.labels.len(), 1);
-        assert_eq!(field.warnings, ["part 2 of view `view0` (ghost) is on no Gaussian"]);
+        assert_eq!(field.warnings, ["segment 2 of view `view0` (ghost) is on no Gaussian"]);
     }
 }
 
@@ -263,17 +263,17 @@ fn failed_answers_cast_no_votes_and_are_counted() {
     assert_eq!(field.labels[field.part_label[31] as usize].material, material_of(1));
     assert_eq!((field.views[0], field.views[31]), (2, 1));
     let said = field.warnings.join("\n");
-    assert!(said.contains("1 of 4 parts have no answer") && said.contains("view0/2"), "{said}");
-    assert!(said.contains("`view2` has no parts"), "{said}");
+    assert!(said.contains("1 of 4 segments have no answer") && said.contains("view0/2"), "{said}");
+    assert!(said.contains("`view2` has no segments"), "{said}");
 
     let mut silent = Ballot::default();
     silent.view(&gaussians, front(0), &halves).outcome(1, failure()).outcome(2, failure());
     let error = silent.count(&gaussians, &Options::default()).unwrap_err();
-    assert!(matches!(error, VoteError::NoVotes { views: 1, parts: 2, answered: 0 }), "{error}");
+    assert!(matches!(error, VoteError::NoVotes { views: 1, segments: 2, answered: 0 }), "{error}");
 }
 
 #[test]
-fn a_part_that_nobody_could_name_takes_its_neighbours_material_unseen() {
+fn a_segment_that_nobody_could_name_takes_its_neighbours_material_unseen() {
     let gaussians = cloud(&wall(0.0));
     let halves = labels_by(&gaussians, |[x, ..]| if x < 0.0 { 1 } else { 2 });
     for rule in BOTH_RULES {
@@ -289,7 +289,7 @@ fn a_part_that_nobody_could_name_takes_its_neighbours_material_unseen() {
         assert_eq!((field.views[last], field.votes[last], field.confidence[last]), (0, 0.0, 0.0), "{rule:?}");
         assert!(field.views[0] > 0);
         let said = field.warnings.join("\n");
-        assert!(said.contains("3 of 6 parts have no answer and cast no votes: view0/2, view1/2, view2/2"), "{said}");
+        assert!(said.contains("3 of 6 segments have no answer and cast no votes: view0/2, view1/2, view2/2"), "{said}");
     }
 }
 
@@ -300,7 +300,7 @@ fn bad_input_is_refused_by_name() {
     let mut ballot = Ballot::default();
     ballot.view(&gaussians, front(0), &whole).says(1, Answer { material: "unobtainium".into(), ..answer("wall", 0) });
     let error = ballot.count(&gaussians, &Options::default()).unwrap_err().to_string();
-    assert!(error.contains("unobtainium") && error.contains("view0") && error.contains("part 1"), "{error}");
+    assert!(error.contains("unobtainium") && error.contains("view0") && error.contains("segment 1"), "{error}");
 
     ballot.views[0].2.width -= 1;
     let error = ballot.count(&gaussians, &Options::default()).unwrap_err().to_string();

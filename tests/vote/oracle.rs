@@ -4,7 +4,7 @@
 use gprop::evaluate::segmentation::IouTally;
 use gprop::materials::MaterialLibrary;
 use gprop::progress::Progress;
-use gprop::query::{Answers, Outcome, PartAnswer};
+use gprop::query::{Answers, Outcome, SegmentAnswer};
 use gprop::render::{RenderOptions, render_labels};
 use gprop::scene::View;
 use gprop::segment::LabelMap;
@@ -15,17 +15,17 @@ use super::scenes::{self, Measured};
 
 /// The true answers to the true maps.
 pub fn true_answers(measured: &Measured, maps: &[(View, LabelMap)]) -> Answers {
-    let mut parts = Vec::new();
+    let mut segments = Vec::new();
     for (view, map) in maps {
         for (row, name) in measured.part_names().iter().enumerate() {
-            let part = row as u16 + 1;
-            if map.labels.contains(&part) {
+            let segment = row as u16 + 1;
+            if map.labels.contains(&segment) {
                 let outcome = Outcome::Answered(answer(name, row));
-                parts.push(PartAnswer { view: view.name.clone(), part, outcome });
+                segments.push(SegmentAnswer { view: view.name.clone(), segment, outcome });
             }
         }
     }
-    Answers { parts }
+    Answers { segments }
 }
 
 /// The true part that each Gaussian was voted to be.

@@ -29,8 +29,8 @@ pub fn refine(grid: &Grid, views: &[DepthView], reach: f64, inside: &mut [bool])
     (variances.iter().sum::<f64>() / variances.len().max(1) as f64).sqrt()
 }
 
-/// A view's say falls with this power of the cosine between normal and line of sight: the low-pass of a splat thickens
-/// what is seen obliquely.
+/// A view's weight falls with this power of the cosine between normal and line of sight: the low-pass of a splat
+/// thickens what is seen obliquely.
 const OBLIQUENESS: i32 = 4;
 
 /// How far under a place of the carved surface the views see the surface, along its normal, scene units.

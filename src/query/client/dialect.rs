@@ -58,8 +58,8 @@ const JSON: &str = "JSON";
 const SAY_JSON: &str = "Answer in JSON.";
 
 impl Dialect {
-    /// The request's body. The text stands before the picture: it is the same for all parts, and servers that keep the
-    /// beginning of earlier requests read it once.
+    /// The request's body. The text stands before the picture: it is the same for all segments, and servers that keep
+    /// the beginning of earlier requests read it once.
     pub fn body(self, model: &str, temperature: f64, max_tokens: u32, ask: Ask) -> Value {
         let picture = format!("data:image/jpeg;base64,{}", STANDARD.encode(ask.picture));
         let mut content = vec![json!({ "type": "text", "text": ask.question.prompt })];

@@ -15,7 +15,7 @@ use serde_json::Value;
 
 use crate::materials::MaterialLibrary;
 use crate::query::answer::{Problem, Unknown};
-use crate::query::queries::PartQuery;
+use crate::query::queries::SegmentQuery;
 use crate::query::question::{Question, Questions};
 use crate::query::recorded::{Answerer, Asked, Recording, RecordingError, Recordings};
 use form::{FormQuery, FormText};
@@ -102,8 +102,8 @@ pub enum ExchangeError {
     Recording(#[from] RecordingError),
 }
 
-/// Writes questions into a new or empty folder; returns how many. Two parts with the same picture are one question.
-pub fn export(folder: &Path, open: &[(&PartQuery, &Question)]) -> Result<usize, ExchangeError> {
+/// Writes questions into a new or empty folder; returns how many. Two segments with the same picture are one question.
+pub fn export(folder: &Path, open: &[(&SegmentQuery, &Question)]) -> Result<usize, ExchangeError> {
     if fs::read_dir(folder).is_ok_and(|mut entries| entries.next().is_some()) {
         return Err(ExchangeError::NotEmpty(folder.into()));
     }
@@ -113,15 +113,15 @@ pub fn export(folder: &Path, open: &[(&PartQuery, &Question)]) -> Result<usize, 
     let mut names = BTreeSet::new();
     let mut on_page = Vec::new();
     let (mut queries, mut answers, mut origins) = (String::new(), String::new(), String::new());
-    for (part, question) in open {
-        let asked = part.asked(question);
+    for (segment, question) in open {
+        let asked = segment.asked(question);
         let content = asked.content_sha256();
         let query = content.short();
         if !names.insert(query.to_owned()) {
             continue;
         }
         let sheet = format!("sheets/{query}.jpg");
-        write(&folder.join(&sheet), &part.jpeg)?;
+        write(&folder.join(&sheet), &segment.jpeg)?;
         let Text { prompt, schema, index, .. } = &texts[question.prompt_sha256.as_str()];
         on_page.push((query.to_owned(), sheet.clone(), *index));
         push_line(&mut queries, &QueryLine { query, sheet, prompt, schema });
@@ -169,7 +169,7 @@ struct Text<'a> {
 /// Writes each prompt and schema once; the files by the prompt's hash.
 fn write_texts<'a>(
     folder: &Path,
-    open: &[(&PartQuery, &'a Question)],
+    open: &[(&SegmentQuery, &'a Question)],
 ) -> Result<BTreeMap<&'a str, Text<'a>>, ExchangeError> {
     let mut texts: BTreeMap<&str, Text> = BTreeMap::new();
     for (_, question) in open {

@@ -1,4 +1,4 @@
-//! The mask of a part as run lengths, and how well two masks overlap.
+//! The mask of a segment as run lengths, and how well two masks overlap.
 
 use serde::{Deserialize, Serialize};
 
@@ -22,13 +22,13 @@ struct Written {
 }
 
 impl Mask {
-    /// The pixels of `part` in a label map.
-    pub fn of_part(map: &LabelMap, part: u16) -> Self {
+    /// The pixels of `segment` in a label map.
+    pub fn of_segment(map: &LabelMap, segment: u16) -> Self {
         let mut runs = Vec::new();
         let mut inside = false;
         let mut length = 0;
         for label in &map.labels {
-            if (*label == part) != inside {
+            if (*label == segment) != inside {
                 runs.push(length);
                 length = 0;
                 inside = !inside;

@@ -2,7 +2,7 @@
 //!
 //! A recording's key is the SHA-256 of model, parameters, prompt, schema and the decoded pixels of the sheet. Another
 //! processor's last bits may move a mask by a few pixels, and with it the sheet: so a recording also keeps the hash of
-//! its view's photo and the part's mask, and where no key fits, the recording of the same view, prompt, schema and
+//! its view's photo and the segment's mask, and where no key fits, the recording of the same view, prompt, schema and
 //! model whose mask overlaps best serves ([`MASK_IOU`]). Neither the key of an account nor any header is ever part of
 //! a recording.
 
@@ -18,7 +18,7 @@ pub use lock::QuestionLock;
 pub use mask::Mask;
 pub use store::{Miss, RecordingError, Recordings, Who};
 
-/// Least overlap at which a recording of another mask serves. Below it, the mask may well be another part.
+/// Least overlap at which a recording of another mask serves. Below it, the mask may well be another segment.
 pub const MASK_IOU: f64 = 0.9;
 
 /// What was asked, as far as it does not depend on who answers.

@@ -63,7 +63,7 @@ pub enum Miss {
     Live,
     /// Nothing is recorded of this view's photo.
     View,
-    /// This part is recorded, but for another prompt, schema or model.
+    /// This segment is recorded, but for another prompt, schema or model.
     Prompt,
     /// The view is recorded, but no mask of it comes near enough; the best one's overlap.
     Mask { iou: f64 },

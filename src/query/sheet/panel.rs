@@ -7,12 +7,12 @@ use crate::scene::Photo;
 
 /// Ground of the object: light enough for dark objects, dark enough that a white one keeps its edge.
 const GROUND: Rgb<u8> = Rgb([222, 222, 222]);
-/// Ground of the part alone.
+/// Ground of the segment alone.
 const GREY: Rgb<u8> = Rgb([128, 128, 128]);
 const RED: [u8; 3] = [255, 0, 0];
-/// Share of red over the part, in tenths: its own look still shows through.
+/// Share of red over the segment, in tenths: its own look still shows through.
 const RED_TENTHS: u16 = 4;
-/// Width of the red outline inside the part's edge and of the white one outside it, in pixels of the sheet. White
+/// Width of the red outline inside the segment's edge and of the white one outside it, in pixels of the sheet. White
 /// tells the edge apart on a red object.
 const OUTLINE: u32 = 2;
 /// Blank space around a box: this share of its longer side, and no less than so many pixels.
@@ -88,8 +88,8 @@ pub fn object(photo: &Photo, object_box: Area, size: (u32, u32)) -> RgbImage {
     fit(&crop, GROUND, size)
 }
 
-/// The object's panel with the part in translucent red, outlined in red and white.
-pub fn part_in_red(mut object: RgbImage, mask: &GrayImage, object_box: Area) -> RgbImage {
+/// The object's panel with the segment in translucent red, outlined in red and white.
+pub fn segment_in_red(mut object: RgbImage, mask: &GrayImage, object_box: Area) -> RgbImage {
     let (width, height) = object.dimensions();
     let mask = fit(&crop(object_box, |x, y| *mask.get_pixel(x, y)), Luma([0]), (width, height));
     let edge = near_edge(&mask);
@@ -137,9 +137,9 @@ fn near_edge(mask: &GrayImage) -> Vec<bool> {
     near
 }
 
-/// The part's pixels and nothing else, enlarged to fill the panel.
-pub fn part_alone(photo: &Photo, mask: &GrayImage, part_box: Area, size: (u32, u32)) -> RgbImage {
-    let crop = crop(part_box, |x, y| if mask.get_pixel(x, y)[0] == 0 { GREY } else { *photo.rgb.get_pixel(x, y) });
+/// The segment's pixels and nothing else, enlarged to fill the panel.
+pub fn segment_alone(photo: &Photo, mask: &GrayImage, segment_box: Area, size: (u32, u32)) -> RgbImage {
+    let crop = crop(segment_box, |x, y| if mask.get_pixel(x, y)[0] == 0 { GREY } else { *photo.rgb.get_pixel(x, y) });
     fit(&crop, GREY, size)
 }
 

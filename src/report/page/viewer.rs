@@ -17,7 +17,7 @@ use super::css;
 pub(super) struct Viewer<'a> {
     cloud: Shown<'a>,
     /// By `part_label`.
-    parts: Vec<Part<'a>>,
+    parts: Vec<ViewerPart<'a>>,
     properties: Vec<Property>,
 }
 
@@ -34,7 +34,7 @@ struct Shown<'a> {
 }
 
 #[derive(Serialize)]
-struct Part<'a> {
+struct ViewerPart<'a> {
     name: &'a str,
     material: &'a str,
     color: String,
@@ -63,7 +63,7 @@ struct Shade {
 pub(super) fn viewer<'a>(report: &'a Report, cloud: &'a Cloud) -> Viewer<'a> {
     let Cloud { count, of, corners, log_scales, bounds, eye, .. } = cloud;
     let names = field_ply::material_names(&report.labels);
-    let part = |label: &'a FieldLabel| Part {
+    let part = |label: &'a FieldLabel| ViewerPart {
         name: short(&label.caption),
         material: &label.material,
         color: css(palette::color(label.id)),

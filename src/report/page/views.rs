@@ -3,7 +3,7 @@
 use minijinja::{Value, context};
 
 use crate::pictures::palette;
-use crate::query::{Answers, Match, Outcome, PartAnswer};
+use crate::query::{Answers, Match, Outcome, SegmentAnswer};
 use crate::report::numbers::significant;
 use crate::report::{AnswerCounts, Pictures, ViewPictures};
 
@@ -26,8 +26,8 @@ pub(super) fn sentence(counts: &AnswerCounts) -> String {
 }
 
 fn one(view: &ViewPictures, pictures: &Pictures, answers: &Answers) -> Value {
-    let of_view: Vec<&PartAnswer> = answers.parts.iter().filter(|part| part.view == view.name).collect();
-    let named: Vec<&str> = of_view.iter().map(|part| material(part)).collect();
+    let of_view: Vec<&SegmentAnswer> = answers.segments.iter().filter(|segment| segment.view == view.name).collect();
+    let named: Vec<&str> = of_view.iter().map(|segment| material(segment)).collect();
     let name = &view.name;
     let picture =
         |jpeg: &[u8], what: &str| context! { src => data_uri("image/jpeg", jpeg), alt => format!("{what} {name}") };
@@ -35,30 +35,30 @@ fn one(view: &ViewPictures, pictures: &Pictures, answers: &Answers) -> Value {
         name,
         pictures => vec![
             picture(&view.photo, "photo of"),
-            picture(&view.parts, "segments of"),
+            picture(&view.segments, "segments of"),
             picture(&view.materials, "Gaussians seen in"),
         ],
         caption => format!("{}: {}", if named.len() == 1 { "1 segment".to_owned() } else { format!("{} segments", named.len()) }, named.join("; ")),
-        rows => of_view.iter().map(|part| row(part, pictures)).collect::<Vec<_>>(),
+        rows => of_view.iter().map(|segment| row(segment, pictures)).collect::<Vec<_>>(),
     }
 }
 
-fn material(part: &PartAnswer) -> &str {
-    match &part.outcome {
+fn material(segment: &SegmentAnswer) -> &str {
+    match &segment.outcome {
         Outcome::Answered(answer) => &answer.material,
         Outcome::Failed(_) => "no answer",
     }
 }
 
-fn row(part: &PartAnswer, pictures: &Pictures) -> Value {
-    let sheet = pictures.sheets.iter().find(|sheet| sheet.view == part.view && sheet.part == part.part);
+fn row(segment: &SegmentAnswer, pictures: &Pictures) -> Value {
+    let sheet = pictures.sheets.iter().find(|sheet| sheet.view == segment.view && sheet.segment == segment.segment);
     let common = context! {
-        part => part.part,
-        color => css(palette::color(u32::from(part.part) - 1)),
+        segment => segment.segment,
+        color => css(palette::color(u32::from(segment.segment) - 1)),
         sheet => sheet.map(|sheet| data_uri("image/jpeg", &sheet.jpeg)),
-        material => material(part),
+        material => material(segment),
     };
-    let own = match &part.outcome {
+    let own = match &segment.outcome {
         Outcome::Answered(answer) => context! {
             caption => &answer.caption,
             confidence => significant(answer.confidence),

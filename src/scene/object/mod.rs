@@ -24,8 +24,8 @@ pub enum ObjectSource {
     Cluster,
 }
 
-/// A cloud taken apart.
-pub(super) struct Parts {
+/// A cloud split into the object and its surroundings.
+pub(super) struct Separated {
     pub object: Gaussians,
     pub surroundings: Gaussians,
     pub source: ObjectSource,
@@ -33,9 +33,9 @@ pub(super) struct Parts {
 }
 
 /// Tells the object's Gaussians from the rest.
-pub(super) fn separate(gaussians: Gaussians, views: &[View], options: &Options) -> Result<Parts, SceneError> {
+pub(super) fn separate(gaussians: Gaussians, views: &[View], options: &Options) -> Result<Separated, SceneError> {
     let count = gaussians.len();
-    let whole = |gaussians, note: &str| Parts {
+    let whole = |gaussians, note: &str| Separated {
         object: gaussians,
         surroundings: Gaussians::default(),
         source: ObjectSource::Whole,
@@ -88,7 +88,7 @@ fn own_foreground(views: &[View]) -> Result<ForegroundSource, SceneError> {
     Ok(ForegroundSource::Whole)
 }
 
-fn split(gaussians: Gaussians, kept: &[bool], source: ObjectSource, how: &str) -> Parts {
+fn split(gaussians: Gaussians, kept: &[bool], source: ObjectSource, how: &str) -> Separated {
     let mut surroundings = gaussians.clone();
     let others: Vec<bool> = kept.iter().map(|kept| !kept).collect();
     surroundings.retain(&others);
@@ -96,5 +96,5 @@ fn split(gaussians: Gaussians, kept: &[bool], source: ObjectSource, how: &str) -
     let count = object.len();
     object.retain(kept);
     let note = format!("object: {} of {count} Gaussians, those {how}", object.len());
-    Parts { object, surroundings, source, note }
+    Separated { object, surroundings, source, note }
 }

@@ -1,37 +1,37 @@
-//! A COCO data set of the parts, their masks as compressed run lengths: what `pycocotools.mask.decode` reads.
+//! A COCO data set of the segments, their masks as compressed run lengths: what `pycocotools.mask.decode` reads.
 
 use serde_json::{Value, json};
 
-use super::super::{LabelMap, PartMask, ViewSegments};
+use super::super::{LabelMap, Segment, ViewSegments};
 
-/// The parts of the views, as they lie in the label maps: `images`, `annotations` and the one category `part`.
+/// The segments of the views, as they lie in the label maps: `images`, `annotations` and the one category `segment`.
 pub fn coco(views: &[ViewSegments]) -> Value {
     let (mut images, mut annotations) = (Vec::new(), Vec::new());
     for (index, view) in views.iter().enumerate() {
         let map = &view.map;
         images.push(json!({ "id": index + 1, "file_name": view.view, "width": map.width, "height": map.height }));
-        for (part, runs) in view.parts.iter().zip(column_runs(map, &view.parts)) {
+        for (segment, runs) in view.segments.iter().zip(column_runs(map, &view.segments)) {
             annotations.push(json!({
                 "id": annotations.len() + 1,
                 "image_id": index + 1,
                 "category_id": 1,
                 "iscrowd": 0,
-                "area": part.area,
-                "bbox": part.bbox,
+                "area": segment.area,
+                "bbox": segment.bbox,
                 "segmentation": { "size": [map.height, map.width], "counts": compressed(&runs) },
-                "part": part.id,
-                "predicted_iou": part.predicted_iou,
-                "stability_score": part.stability_score,
+                "segment": segment.id,
+                "predicted_iou": segment.predicted_iou,
+                "stability_score": segment.stability_score,
             }));
         }
     }
-    json!({ "images": images, "annotations": annotations, "categories": [{ "id": 1, "name": "part" }] })
+    json!({ "images": images, "annotations": annotations, "categories": [{ "id": 1, "name": "segment" }] })
 }
 
-/// Of each part the lengths of runs without and with it in turn, beginning without, column by column.
-fn column_runs(map: &LabelMap, parts: &[PartMask]) -> Vec<Vec<u32>> {
+/// Of each segment the lengths of runs without and with it in turn, beginning without, column by column.
+fn column_runs(map: &LabelMap, segments: &[Segment]) -> Vec<Vec<u32>> {
     // Per label: where in column order its last run ended, and its runs so far.
-    let largest = parts.iter().map(|part| part.id).max().unwrap_or(0);
+    let largest = segments.iter().map(|segment| segment.id).max().unwrap_or(0);
     let mut runs: Vec<(u32, Vec<u32>)> = vec![(0, Vec::new()); usize::from(largest) + 1];
     let mut position = 0;
     for x in 0..map.width {
@@ -47,12 +47,12 @@ fn column_runs(map: &LabelMap, parts: &[PartMask]) -> Vec<Vec<u32>> {
             position += 1;
         }
     }
-    let finished = |part: &PartMask| {
-        let (end, mut runs) = std::mem::take(&mut runs[usize::from(part.id)]);
+    let finished = |segment: &Segment| {
+        let (end, mut runs) = std::mem::take(&mut runs[usize::from(segment.id)]);
         runs.extend((end < position).then_some(position - end));
         runs
     };
-    parts.iter().map(finished).collect()
+    segments.iter().map(finished).collect()
 }
 
 /// COCO's `rleToString`: from the fourth number on the difference to the one before the last, each in groups of five bits,
@@ -96,9 +96,9 @@ mod tests {
     #[test]
     fn runs_go_column_by_column() {
         let map = LabelMap { width: 3, height: 2, labels: vec![0, 1, 2, 1, 1, 2] };
-        let part =
-            |id| PartMask { id, area: 0, bbox: [0; 4], predicted_iou: 0.9, stability_score: 0.9, level: Level::Small };
+        let segment =
+            |id| Segment { id, area: 0, bbox: [0; 4], predicted_iou: 0.9, stability_score: 0.9, level: Level::Small };
         // Columns: (0, 1), (1, 1), (2, 2).
-        assert_eq!(column_runs(&map, &[part(1), part(2)]), [vec![1, 3, 2], vec![4, 2]]);
+        assert_eq!(column_runs(&map, &[segment(1), segment(2)]), [vec![1, 3, 2], vec![4, 2]]);
     }
 }

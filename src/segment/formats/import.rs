@@ -2,7 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
-use super::super::paint::part_list;
+use super::super::paint::segment_list;
 use super::super::{LabelMap, LabelMapError, Level, ViewSegments};
 use crate::files;
 
@@ -28,8 +28,8 @@ pub fn file_of_view(folder: &Path, view: &str) -> Result<PathBuf, ImportError> {
     found.ok_or_else(|| ImportError::Missing { folder: folder.to_owned(), view: view.to_owned() })
 }
 
-/// A view's parts as `folder` holds them, for a photo of `size`. Of an array with LangSplat's levels `level` is taken.
-/// Nobody says how good such masks are: their scores are 1.
+/// A view's segments as `folder` holds them, for a photo of `size`. Of an array with LangSplat's levels `level` is
+/// taken. Nobody says how good such masks are: their scores are 1.
 pub fn import_view(folder: &Path, view: &str, size: (u32, u32), level: Level) -> Result<ViewSegments, ImportError> {
     let path = file_of_view(folder, view)?;
     let bytes = files::read(&path).map_err(|source| ImportError::Read { path: path.clone(), source })?;
@@ -45,6 +45,6 @@ pub fn import_view(folder: &Path, view: &str, size: (u32, u32), level: Level) ->
         return Err(ImportError::Size { path, expected: size, found });
     }
     let count = map.labels.iter().copied().max().unwrap_or(0);
-    let parts = part_list(&map, &vec![(1.0, 1.0); usize::from(count)], level);
-    Ok(ViewSegments { view: view.to_owned(), map, parts })
+    let segments = segment_list(&map, &vec![(1.0, 1.0); usize::from(count)], level);
+    Ok(ViewSegments { view: view.to_owned(), map, segments })
 }

@@ -1,4 +1,4 @@
-//! `_s.npy`: part ids as int32, -1 where there is no part.
+//! `_s.npy`: segment ids as int32, -1 where there is no segment.
 
 use std::io::{self, Write};
 

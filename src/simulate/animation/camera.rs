@@ -44,11 +44,11 @@ pub fn cameras_around(report: &SimulationReport, viewpoint: &Viewpoint, [width, 
     // About one axis and from one distance, so that nothing but the object moves.
     let axis = Point3::from(middle(&corners));
     let count = report.frames.len();
-    let sights: Vec<Isometry3<f64>> = (0..count)
+    let poses: Vec<Isometry3<f64>> = (0..count)
         .map(|i| looking_from(azimuth + std::f64::consts::TAU * i as f64 / count as f64, elevation))
         .collect();
-    let distance = sights.iter().map(|s| needed(&turned_corners(s), &(s * axis).coords)).fold(0.0, f64::max);
-    sights.iter().map(|s| camera(s, &(s * axis).coords, distance)).collect()
+    let distance = poses.iter().map(|pose| needed(&turned_corners(pose), &(pose * axis).coords)).fold(0.0, f64::max);
+    poses.iter().map(|pose| camera(pose, &(pose * axis).coords, distance)).collect()
 }
 
 /// The azimuth of a three-quarter view, most of the object's length across the picture.

@@ -53,7 +53,7 @@ impl Ground {
                 if distance <= 0.0 || !distance.is_finite() {
                     return BACKGROUND;
                 }
-                // Size of the pixel on the ground along the sight, for soft edges between the squares.
+                // Size of the pixel on the ground along the line of sight, for soft edges between the squares.
                 let footprint = distance * ray.norm() / i.fx / (-ray.z / ray.norm());
                 self.color(eye + ray * distance, footprint)
             })

@@ -1,52 +1,52 @@
-//! The parts that may be voted for: those of all views that have an answer.
+//! The segments that may be voted for: those of all views that have an answer.
 
 use super::{ViewInput, VoteError};
 use crate::materials::MaterialLibrary;
 use crate::query::{Answer, Answers, Outcome};
 
-/// A part of one view, with its answer.
-pub(super) struct ViewPart<'a> {
+/// A segment of one view, with its answer.
+pub(super) struct AnsweredSegment<'a> {
     /// Index of the view.
     pub view: usize,
     /// Id in the view's label map.
-    pub part: u16,
+    pub segment: u16,
     pub answer: &'a Answer,
-    /// Index into [`ViewParts::materials`].
+    /// Index into [`AnsweredSegments::materials`].
     pub material: u32,
 }
 
-/// The answered parts of all views, by view, then by id.
-pub(super) struct ViewParts<'a> {
-    pub parts: Vec<ViewPart<'a>>,
+/// The answered segments of all views, by view, then by id.
+pub(super) struct AnsweredSegments<'a> {
+    pub segments: Vec<AnsweredSegment<'a>>,
     /// Names of the materials that the answers give, sorted.
     pub materials: Vec<&'a str>,
-    /// Of every view, by part id: index into `parts`.
+    /// Of every view, by segment id: index into `segments`.
     index: Vec<Vec<Option<u32>>>,
     pub warnings: Vec<String>,
-    /// How many parts the label maps hold.
+    /// How many segments the label maps hold.
     pub in_maps: usize,
 }
 
-impl<'a> ViewParts<'a> {
-    /// Parts of the label maps without an answer are counted in the warnings, and so are views without parts.
+impl<'a> AnsweredSegments<'a> {
+    /// Segments of the label maps without an answer are counted in the warnings, and so are views without segments.
     ///
     /// # Errors
     /// [`VoteError::UnknownMaterial`] where an answer names a material that `library` does not have.
     pub fn new(views: &[ViewInput], answers: &'a Answers, library: &MaterialLibrary) -> Result<Self, VoteError> {
-        let mut found = Self { parts: vec![], materials: vec![], index: vec![], warnings: vec![], in_maps: 0 };
+        let mut found = Self { segments: vec![], materials: vec![], index: vec![], warnings: vec![], in_maps: 0 };
         let mut unanswered = Vec::new();
         for (number, view) in views.iter().enumerate() {
             let present = ids_of(view);
             found.in_maps += present.iter().filter(|present| **present).count();
             if !present.contains(&true) {
-                found.warnings.push(format!("view `{}` has no parts and casts no votes", view.name));
+                found.warnings.push(format!("view `{}` has no segments and casts no votes", view.name));
             }
             let mut index = vec![None; present.len()];
             for id in (0..present.len()).filter(|&id| present[id]) {
                 match answer_of(answers, view.name, id as u16) {
                     Some(answer) => {
-                        index[id] = Some(found.parts.len() as u32);
-                        found.parts.push(ViewPart { view: number, part: id as u16, answer, material: 0 });
+                        index[id] = Some(found.segments.len() as u32);
+                        found.segments.push(AnsweredSegment { view: number, segment: id as u16, answer, material: 0 });
                     }
                     None => unanswered.push(format!("{}/{id}", view.name)),
                 }
@@ -55,36 +55,39 @@ impl<'a> ViewParts<'a> {
         }
         if !unanswered.is_empty() {
             let (count, list) = (unanswered.len(), shortened(&unanswered));
-            found.warnings.push(format!("{count} of {} parts have no answer and cast no votes: {list}", found.in_maps));
+            found
+                .warnings
+                .push(format!("{count} of {} segments have no answer and cast no votes: {list}", found.in_maps));
         }
         found.name_materials(views, library)?;
         Ok(found)
     }
 
     fn name_materials(&mut self, views: &[ViewInput], library: &MaterialLibrary) -> Result<(), VoteError> {
-        for part in &self.parts {
-            if library.get(&part.answer.material).is_none() {
-                let (view, material) = (views[part.view].name.to_owned(), part.answer.material.clone());
-                return Err(VoteError::UnknownMaterial { view, part: part.part, material });
+        for segment in &self.segments {
+            if library.get(&segment.answer.material).is_none() {
+                let (view, material) = (views[segment.view].name.to_owned(), segment.answer.material.clone());
+                return Err(VoteError::UnknownMaterial { view, segment: segment.segment, material });
             }
         }
-        self.materials = self.parts.iter().map(|part| part.answer.material.as_str()).collect();
+        self.materials = self.segments.iter().map(|segment| segment.answer.material.as_str()).collect();
         self.materials.sort_unstable();
         self.materials.dedup();
-        for part in &mut self.parts {
-            let place = self.materials.binary_search(&part.answer.material.as_str());
-            part.material = place.expect("every answer's material is listed") as u32;
+        for segment in &mut self.segments {
+            let place = self.materials.binary_search(&segment.answer.material.as_str());
+            segment.material = place.expect("every answer's material is listed") as u32;
         }
         Ok(())
     }
 
-    /// Index of the part with this id in the view's label map; `None` for the background and for parts without an answer.
+    /// Index of the segment with this id in the view's label map; `None` for the background and for segments without an
+    /// answer.
     pub fn find(&self, view: usize, id: u16) -> Option<u32> {
         self.index[view].get(usize::from(id)).copied().flatten()
     }
 }
 
-/// By id: whether the view's label map holds it. The background, 0, is not a part.
+/// By id: whether the view's label map holds it. The background, 0, is not a segment.
 fn ids_of(view: &ViewInput) -> Vec<bool> {
     let largest = view.map.labels.iter().copied().max().unwrap_or(0);
     let mut present = vec![false; usize::from(largest) + 1];
@@ -95,8 +98,8 @@ fn ids_of(view: &ViewInput) -> Vec<bool> {
     present
 }
 
-fn answer_of<'a>(answers: &'a Answers, view: &str, part: u16) -> Option<&'a Answer> {
-    let found = answers.parts.iter().find(|answer| answer.part == part && answer.view == view)?;
+fn answer_of<'a>(answers: &'a Answers, view: &str, segment: u16) -> Option<&'a Answer> {
+    let found = answers.segments.iter().find(|answer| answer.segment == segment && answer.view == view)?;
     match &found.outcome {
         Outcome::Answered(answer) => Some(answer),
         Outcome::Failed(_) => None,

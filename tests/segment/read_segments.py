@@ -1,4 +1,4 @@
-"""Reads a label map and the same parts in another form, by the libraries that users of that form have."""
+"""Reads a label map and the same segments in another form, by the libraries that users of that form have."""
 
 import json
 import sys
@@ -22,9 +22,9 @@ else:
     from pycocotools import mask
 
     annotations = json.load(open(sys.argv[2]))["annotations"]
-    decoded = [(entry["part"], mask.decode(entry["segmentation"])) for entry in annotations]
+    decoded = [(entry["segment"], mask.decode(entry["segmentation"])) for entry in annotations]
     found = {
         "annotations": len(annotations),
-        "same": all(((labels == part) == (pixels == 1)).all() for part, pixels in decoded),
+        "same": all(((labels == segment) == (pixels == 1)).all() for segment, pixels in decoded),
     }
 print(json.dumps(found))
