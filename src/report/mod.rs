@@ -1,7 +1,7 @@
 //! The whole result: `report.json` for programs, `report.html` for people, a few lines for the terminal.
 
-mod charts;
 mod cloud;
+mod force_scale;
 pub(crate) mod numbers;
 mod page;
 mod pictures;
