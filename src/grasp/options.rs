@@ -31,6 +31,7 @@ pub const SCENE_KEYS: &[SceneKey] = &[
 
 /// Which values of the intervals determine the force.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize, clap::ValueEnum)]
+#[cfg_attr(test, derive(schemars::JsonSchema))]
 #[serde(rename_all = "snake_case")]
 pub enum Policy {
     /// The middle of every input, as in the paper.

@@ -81,6 +81,7 @@ impl fmt::Display for StrengthKind {
 /// The laws and their parameters are those of the MPM literature that PhysGaussian (Xie et al., 2024) draws on; its
 /// names for them are jelly, metal, sand, foam, snow and plasticine.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(test, derive(schemars::JsonSchema))]
 // Names in the CSV, in JSON and in messages all come from serde.
 #[serde(tag = "law", rename_all = "snake_case")]
 pub enum Law {
