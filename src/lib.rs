@@ -12,7 +12,8 @@
 //!                                                                                     report/ export/
 //! ```
 //!
-//! [`render`] draws Gaussians for every stage after [`scene`]; [`pictures`] holds the pictures that several stages make.
+//! [`render`] draws Gaussians for every stage after [`scene`]; [`pictures`] holds the pictures that several stages make,
+//! [`plots`] draws their plots.
 //! Imports never lead back, neither between these modules nor between files; `tests/structure.rs` checks it.
 //!
 //! The method follows *GaussianProperty: Integrating Physical Properties to 3D Gaussians with LMMs* (Xu et al., 2024).
@@ -39,6 +40,7 @@ pub mod output;
 pub mod parts;
 pub mod pictures;
 pub mod pipeline;
+pub mod plots;
 pub mod progress;
 pub mod query;
 pub mod read_scope;

@@ -8,6 +8,7 @@ pub const GRAVITY_M_S2: f64 = 9.8;
 
 /// What a library or an answer knows of a property: it lies between `low` and `high` (SI). Written as `[low, high]`.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(test, derive(schemars::JsonSchema))]
 #[serde(from = "[f64; 2]", into = "[f64; 2]")]
 pub struct Range {
     pub low: f64,
@@ -60,6 +61,7 @@ impl From<Range> for [f64; 2] {
 
 /// A number that gprop derived, with the bounds it is sure of: `low <= mid <= high` (SI).
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(test, derive(schemars::JsonSchema))]
 pub struct Estimate {
     pub low: f64,
     pub mid: f64,
@@ -124,6 +126,7 @@ impl From<Range> for Estimate {
 
 /// The durometer a Shore hardness was read on (ASTM D2240). The scales are not comparable as numbers.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Serialize, Deserialize)]
+#[cfg_attr(test, derive(schemars::JsonSchema))]
 pub enum ShoreScale {
     A,
     D,
@@ -131,6 +134,7 @@ pub enum ShoreScale {
 
 /// Shore hardness: a range on one of the two scales, each 0 to 100.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(test, derive(schemars::JsonSchema))]
 pub struct ShoreHardness {
     pub scale: ShoreScale,
     pub range: Range,
@@ -138,16 +142,19 @@ pub struct ShoreHardness {
 
 /// How many metres one scene unit is, and who says so.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(test, derive(schemars::JsonSchema))]
 pub struct MetricScale {
+    #[cfg_attr(test, schemars(extend("exclusiveMinimum" = 0)))]
     pub meters_per_unit: f64,
     pub source: ScaleSource,
-    /// What was measured or stated, in words.
+    /// Where the scale comes from, in words.
     #[serde(default)]
     pub provenance: String,
 }
 
 /// Where a metric scale came from.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[cfg_attr(test, derive(schemars::JsonSchema))]
 #[serde(rename_all = "snake_case")]
 pub enum ScaleSource {
     /// The user says that the scene is in metres.

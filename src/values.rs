@@ -1,11 +1,19 @@
 //! Parsers of options' values: numbers within the domain that makes sense, files and folders that are there. What cannot be
 //! used is refused before anything is done, with the option's name, wherever it was given: typed, or in `gprop.toml`.
+//! Default values stand beside their options and nowhere else: [`defaults`].
 
 use std::fmt::Display;
 use std::path::{Path, PathBuf};
 use std::str::FromStr;
 
 use clap::builder::{PathBufValueParser, TypedValueParser};
+
+/// The options as a command line without any of them gives them.
+pub fn defaults<T: clap::Args>() -> T {
+    let command = T::augment_args(clap::Command::new("gprop"));
+    let typed = command.try_get_matches_from(["gprop"]).expect("no option is required");
+    T::from_arg_matches(&typed).expect("every default is a value of its option")
+}
 
 /// A number from `low` to `high`.
 pub fn from_to<T: Number>(low: T, high: T) -> impl Parser<T> {

@@ -6,7 +6,7 @@ use std::path::Path;
 use crate::vote::build::Noise;
 
 #[path = "../fuzz/src/lib.rs"]
-mod targets;
+pub mod targets;
 
 #[test]
 fn no_file_of_the_corpus_trips_its_reader() {

@@ -224,7 +224,7 @@ fn a_folder_is_read_file_by_file() {
 
 #[test]
 fn bad_tables_are_refused_with_line_and_column() {
-    let cases: [(&str, &str, &[&str]); 13] = [
+    let cases: [(&str, &str, &[&str]); 15] = [
         ("690", "heavy", &["line 3", "column 4", "density_kg_m3_low", "\"heavy\"", "is not a number"]),
         ("690", "-5", &["line 3", "column 4", "density_kg_m3_low", "1 to 1e5"]),
         ("690,720", "720,690", &["line 3", "column 5", "density_kg_m3_high", "less than the low end"]),
@@ -233,8 +233,10 @@ fn bad_tables_are_refused_with_line_and_column() {
         (",D,55", ",C,55", &["line 3", "column 17", "hardness_scale", "A or D"]),
         (",D,55,65", ",D,55,165", &["line 3", "column 19", "hardness_high", "0 to 100"]),
         (",D,55", ",,55", &["line 3", "column 18", "hardness_low", "needs its scale"]),
-        ("elastic,", "jelly,", &["line 3", "column 20", "law", "von_mises"]),
-        ("elastic,", "von_mises,", &["line 3", "column 21", "law_parameters", "yield_stress_pa"]),
+        ("elastic,", "jelly,", &["line 3", "column 20", "law", "\"jelly\" is not a law", "plasticine or fluid"]),
+        ("elastic,", "von_mises,", &["line 3", "column 21", "law_parameters", "lacks `yield_stress_pa`"]),
+        ("elastic,", "foam,yield_stress_pa=0;viscosity_pa_s=1", &["column 21", "`yield_stress_pa` must be 0.1 to 1e9"]),
+        ("elastic,", "foam,yield_stress_pa=1;yield_stress_pa=2", &["column 21", "duplicate field `yield_stress_pa`"]),
         ("elastic,", "elastic,yield_stress_pa=1e6", &["line 3", "column 21", "does not have"]),
         ("wood,our oak", "timber,our oak", &["line 3", "column 1", "family", "\"timber\"", "wood"]),
         ("our oak", "", &["line 3", "column 2", "name", "empty"]),
@@ -298,7 +300,7 @@ fn shore_hardness_follows_the_published_relations() {
 }
 
 #[test]
-fn every_law_of_the_simulation_has_its_materials() {
+fn materials_are_simulated_by_the_law_that_they_follow() {
     let library = MaterialLibrary::builtin();
     let law = |name: &str| library.get(name).expect(name).law;
     assert_eq!(law("oak"), Law::Elastic);

@@ -43,6 +43,8 @@ mod fuzz;
 mod report;
 // Every command in the README and in docs/.
 mod docs;
+// What a new law, format, export or gripper needs, where the compiler does not ask for it.
+mod extending;
 // Names, numbers and paths on the command line; a terminal that cannot be written to.
 mod usage;
 // The source's own layout: no import circles, one style of module files.

@@ -3,6 +3,7 @@
 
 use std::any::TypeId;
 use std::collections::BTreeSet;
+use std::fmt::Debug;
 use std::fs::File;
 use std::num::{NonZeroU32, NonZeroUsize};
 use std::path::{Path, PathBuf};
@@ -10,6 +11,7 @@ use std::process::Output;
 
 use clap::error::ErrorKind;
 use clap::{Arg, Command};
+use gprop::values;
 use tempfile::TempDir;
 
 use crate::batch::ball::Balls;
@@ -47,6 +49,15 @@ fn no_name_is_used_twice_in_a_command() {
         assert!(twice.is_empty(), "gprop {}: {twice:?}", words.join(" "));
     }
     assert!(checked > 1000, "only {checked} names were found");
+}
+
+#[test]
+fn the_command_lines_defaults_are_the_codes() {
+    fn agree<T: clap::Args + Default + Debug>() {
+        assert_eq!(format!("{:?}", values::defaults::<T>()), format!("{:?}", T::default()));
+    }
+    agree::<gprop::pipeline::Options>();
+    agree::<gprop::batch::Options>();
 }
 
 /// Whether the command line takes `flag` with `value`, as far as that can be told before anything is opened; else the

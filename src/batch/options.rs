@@ -31,7 +31,7 @@ pub struct Options {
     pub filter: Option<String>,
 
     /// Index of the first of these scenes, sorted by name, from 0
-    #[arg(long, value_name = "N", default_value_t = 0)]
+    #[arg(long, value_name = "N", default_value_t)]
     pub start: usize,
 
     /// Index after the last of these scenes, counted like --start [default: all]

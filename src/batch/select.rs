@@ -6,6 +6,7 @@ use std::path::{Path, PathBuf};
 
 use glob::Pattern;
 
+use crate::scene::SplatFormat;
 use crate::scene::dataset::Entry;
 use crate::workdir;
 
@@ -134,18 +135,8 @@ fn sizes(folder: &Path, is_top: bool) -> (u64, u64) {
             splat = splat.max(largest);
         } else if let Ok(meta) = fs::metadata(entry.path()).map(|meta| meta.len()) {
             bytes += meta;
-            splat = splat.max(meta * inflation(&name));
+            splat = splat.max(meta * SplatFormat::of(&entry.path()).map_or(0, |format| format.inflation));
         }
     }
     (bytes, splat)
-}
-
-/// How many times larger a splat in this format is as plain floats (62 of 4 bytes a Gaussian): 16 bytes a Gaussian in
-/// PlayCanvas' PLY, about 20 in an SPZ, 32 in a .splat; 0 for what is not a splat.
-fn inflation(name: &str) -> u64 {
-    let name = name.to_lowercase();
-    [(".compressed.ply", 16), (".ply", 1), (".spz", 12), (".splat", 8)]
-        .into_iter()
-        .find_map(|(end, times)| name.ends_with(end).then_some(times))
-        .unwrap_or(0)
 }

@@ -38,20 +38,23 @@ pub fn render_views(scene: &mut Scene, count: usize, folder: &Path, may_write: b
     for (index, camera) in cameras.into_iter().enumerate() {
         let name = format!("{index:03}");
         let image = folder.join(format!("{name}.png"));
-        let there = Checksum::of_file(&image).ok();
         // A link may lead to a picture of something else.
-        if image.is_symlink() || there.is_none() || there.as_ref() != written.get(&name) {
-            if there.is_some() && written.contains_key(&name) {
-                tracing::warn!("{image:?} has changed since gprop wrote it; it is rendered again");
+        let is_link = image.is_symlink();
+        let checksum = match Checksum::of_file(&image).ok() {
+            Some(there) if !is_link && written.get(&name) == Some(&there) => there,
+            there => {
+                if there.is_some() && written.contains_key(&name) {
+                    tracing::warn!("{image:?} has changed since gprop wrote it; it is rendered again");
+                }
+                if !may_write {
+                    return Err(io::Error::other(format!(
+                        "{name}.png has to be rendered, and the folder may only be read"
+                    )));
+                }
+                render_into(&image, &scene.gaussians, &camera)?
             }
-            if !may_write {
-                return Err(io::Error::other(format!(
-                    "{name}.png has to be rendered, and the folder may only be read"
-                )));
-            }
-            render_into(&image, &scene.gaussians, &camera)?;
-        }
-        found.insert(name.clone(), Checksum::of_file(&image)?);
+        };
+        found.insert(name.clone(), checksum);
         scene.views.push(View { name, camera, image, upright: Upright::AsStored, mask: None });
     }
     if found != written {
@@ -61,9 +64,11 @@ pub fn render_views(scene: &mut Scene, count: usize, folder: &Path, may_write: b
     Ok(())
 }
 
-fn render_into(image: &Path, gaussians: &Gaussians, camera: &Camera) -> io::Result<()> {
+/// Renders the picture and gives the checksum of its file.
+fn render_into(image: &Path, gaussians: &Gaussians, camera: &Camera) -> io::Result<Checksum> {
     let picture = straight(&render(gaussians, camera, &RenderOptions::default()));
-    write_atomic(image, |out| picture.write_with_encoder(PngEncoder::new(out)).map_err(io::Error::other))
+    write_atomic(image, |out| picture.write_with_encoder(PngEncoder::new(out)).map_err(io::Error::other))?;
+    Checksum::of_file(image)
 }
 
 /// How far the object's Gaussians reach beyond their centres: twice their usual standard deviation.

@@ -2,12 +2,12 @@
 
 use std::path::Path;
 
-use minijinja::{Environment, context};
 use serde::Serialize;
 
 use super::GraspError;
 use super::calibration::{CalibrationPoint, Fit};
 use super::gripper::GripperProfile;
+use crate::plots::{self, Mark, Panel, Series};
 
 /// A fit beside what it was made from.
 #[derive(Debug, Clone, PartialEq, Serialize)]
@@ -47,43 +47,26 @@ impl CalibrationReport {
     /// The measurements and the curve, force over command, and below the residuals, as SVG.
     pub fn plot(&self) -> String {
         const CURVE_POINTS: usize = 200;
-        /// Left, right; top and bottom of the curve and of the residuals, px.
-        const X: [f64; 2] = [60.0, 620.0];
-        const FORCE_Y: [f64; 2] = [280.0, 20.0];
-        const RESIDUAL_Y: [f64; 2] = [420.0, 320.0];
         let [from, full] = self.fit.enabled;
-        let most = self.points.iter().map(|p| p.force_n).fold(self.fit.force_n[1], f64::max);
-        let worst = self.fit.max_residual_n.max(f64::MIN_POSITIVE);
-        let place = |value: f64, low: f64, high: f64, [a, b]: [f64; 2]| a + (b - a) * (value - low) / (high - low);
-        let used = self.points.iter().filter(|p| (from..=full).contains(&p.command));
-        let dots: Vec<_> = used
-            .map(|p| {
-                let residual = p.force_n - self.fit.force_at(p.command);
-                context! {
-                    x => place(p.command, from, full, X),
-                    force_y => place(p.force_n, 0.0, most, FORCE_Y),
-                    residual_y => place(residual, -worst, worst, RESIDUAL_Y),
-                }
-            })
-            .collect();
-        let curve: Vec<String> = (0..=CURVE_POINTS)
-            .map(|k| {
-                let command = from + (full - from) * k as f64 / CURVE_POINTS as f64;
-                let y = place(self.fit.force_at(command), 0.0, most, FORCE_Y);
-                format!("{:.1} {y:.1}", place(command, from, full, X))
-            })
-            .collect();
-        let data = context! {
-            dots, from, full,
-            curve => format!("M{}", curve.join("L")),
-            gripper => &self.gripper,
-            most => format!("{most:.1}"),
-            worst => format!("{worst:.2}"),
-            rms => format!("{:.3}", self.fit.rms_residual_n),
-        };
-        let mut engine = Environment::new();
-        engine.set_auto_escape_callback(|_| minijinja::AutoEscape::Html);
-        engine.render_str(include_str!("calibration.svg.j2"), data).expect("the template is a constant")
+        let along = |k: usize| from + (full - from) * k as f64 / CURVE_POINTS as f64;
+        let curve = (0..=CURVE_POINTS).map(along).map(|command| (command, self.fit.force_at(command))).collect();
+        let used = || self.points.iter().filter(|p| (from..=full).contains(&p.command));
+        let measured = used().map(|p| (p.command, p.force_n)).collect();
+        let residuals = used().map(|p| (p.command, p.force_n - self.fit.force_at(p.command))).collect();
+        let panel = |title: String, series| Panel { title, along: "command", series };
+        plots::svg(&[
+            panel(
+                format!("{}: force of one finger, N", self.gripper),
+                vec![
+                    Series { name: "5th-order polynomial", mark: Mark::Curve, points: curve },
+                    Series { name: "measured", mark: Mark::Dots, points: measured },
+                ],
+            ),
+            panel(
+                format!("measured less fitted, N: {:.3} rms", self.fit.rms_residual_n),
+                vec![Series { name: "residual", mark: Mark::Dots, points: residuals }],
+            ),
+        ])
     }
 
     /// A table for the terminal.

@@ -25,6 +25,7 @@ const SAME_AXIS: f64 = 0.866;
 
 /// A place to grasp at. Forces are those of one finger.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(test, derive(schemars::JsonSchema))]
 pub struct Candidate {
     /// Caption of the part that both fingers press on.
     pub part: String,

@@ -10,6 +10,7 @@ use crate::vote::FieldLabel;
 
 /// The numbers that go into the formulas.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(test, derive(schemars::JsonSchema))]
 pub struct Inputs {
     /// Of the whole object: the sum of rho_i V_i.
     pub mass_kg: Estimate,
@@ -25,6 +26,7 @@ pub struct Inputs {
 
 /// What the bounds of the inputs make of the forces.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(test, derive(schemars::JsonSchema))]
 pub struct Intervals {
     pub f_min_n: Estimate,
     pub f_max_n: Estimate,

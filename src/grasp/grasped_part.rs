@@ -7,6 +7,7 @@ use crate::parts::{Part, Parts};
 
 /// How the part was chosen.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[cfg_attr(test, derive(schemars::JsonSchema))]
 #[serde(rename_all = "snake_case")]
 pub enum PartChoice {
     /// The user named it.

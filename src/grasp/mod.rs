@@ -38,8 +38,9 @@ pub use options::{Options, Policy, SCENE_KEYS};
 use places::Where;
 use surface::Surface;
 
-/// What limits a grasp.
+/// What limits a force.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[cfg_attr(test, derive(schemars::JsonSchema))]
 #[serde(rename_all = "snake_case")]
 pub enum Limit {
     /// Holding the object against slip takes more force than the part bears: F_min >= F_max.
@@ -54,6 +55,7 @@ pub enum Limit {
 
 /// The forces for one object, one part of it and one gripper. Written as `grasp.json`. Forces are those of one finger.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(test, derive(schemars::JsonSchema))]
 pub struct GraspReport {
     /// Caption of the part that the fingers press on.
     pub part: String,
@@ -72,16 +74,17 @@ pub struct GraspReport {
     pub f_star_n: f64,
     /// Of slip, yield, bending and gripper, what sets `f_star_n`.
     pub limited_by: Limit,
-    /// Whether `f_star_n` both holds the object and spares the part.
+    /// Whether `f_star_n` holds the object without damaging the part.
     pub feasible: bool,
-    /// What to send to the gripper's controller for `f_star_n`.
+    /// The command for the gripper's controller that gives `f_star_n`.
     pub normalized_command: f64,
     /// Whether the command inverts a curve through measured pairs; linear in the force otherwise.
     pub command_calibrated: bool,
     pub intervals: Intervals,
     pub inputs: Inputs,
-    /// The best places to grasp at, the first of which the forces above are for. Empty where none was found.
+    /// The best places to grasp at, best first; the forces above are for the first. Empty if none was found.
     pub candidates: Vec<Candidate>,
+    /// Warnings.
     pub warnings: Vec<String>,
 }
 

@@ -6,6 +6,7 @@ use serde::{Deserialize, Serialize};
 use super::GraspError;
 use super::gripper::GripperProfile;
 use crate::config::SceneKey;
+use crate::values;
 
 /// The paper's kappa_max, in 1/m.
 pub const MAX_CURVATURE_1_M: f64 = 0.5;
@@ -30,6 +31,7 @@ pub const SCENE_KEYS: &[SceneKey] = &[
 
 /// Which values of the intervals determine the force.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize, clap::ValueEnum)]
+#[cfg_attr(test, derive(schemars::JsonSchema))]
 #[serde(rename_all = "snake_case")]
 pub enum Policy {
     /// The middle of every input, as in the paper.
@@ -72,16 +74,7 @@ pub struct Options {
 
 impl Default for Options {
     fn default() -> Self {
-        Self {
-            part: None,
-            point: None,
-            auto: false,
-            gripper: GRIPPER.to_owned(),
-            lift_angle_deg: 0.0,
-            max_curvature: MAX_CURVATURE_1_M,
-            force_margin: FORCE_MARGIN,
-            policy: Policy::default(),
-        }
+        values::defaults()
     }
 }
 

@@ -1,6 +1,6 @@
 //! What the numbers rest on: the references, the entries of them that were read, and the deviations that were argued.
 
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
 
 use crate::units::Range;
 
@@ -64,7 +64,8 @@ pub struct Constituent {
 }
 
 /// What a constituent is to the whole.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize)]
+#[serde(rename_all = "snake_case")]
 pub enum Relation {
     /// The solid of a foam's cells.
     CellWall,
@@ -74,16 +75,6 @@ pub enum Relation {
     Matrix,
     /// What a cloth is spun of.
     Fibre,
-}
-
-impl Relation {
-    /// Every relation with the word that stands for it in the CSV.
-    pub const NAMES: [(&'static str, Self); 4] = [
-        ("cell_wall", Self::CellWall),
-        ("reinforcement", Self::Reinforcement),
-        ("matrix", Self::Matrix),
-        ("fibre", Self::Fibre),
-    ];
 }
 
 /// A row of `deviations.csv`: a finding that is right as it stands, and why.

@@ -93,7 +93,7 @@ pub fn show_text(library: &MaterialLibrary, name: &str) -> Option<String> {
     line("density", span(material.density_kg_m3, "kg/m3"));
     line("Young's modulus", stress(material.youngs_modulus_pa));
     line("Poisson's ratio", span(material.poisson_ratio, ""));
-    line("strength", format!("{} ({})", stress(material.strength_pa), material.strength_kind.name()));
+    line("strength", format!("{} ({})", stress(material.strength_pa), material.strength_kind));
     line("friction on rubber", span(material.friction_rubber, ""));
     line("friction on steel", span(material.friction_steel, ""));
     line(
@@ -189,10 +189,14 @@ fn stress(range: Range) -> String {
     span(Range::new(rounded(range.low), rounded(range.high)), unit)
 }
 
+/// The law's name, then its parameters.
 fn law_text(law: &Law) -> String {
-    let parameters: Vec<String> =
-        law.parameters().iter().map(|(name, value)| format!("{name} {}", plain(*value))).collect();
-    [law.name().to_owned()].into_iter().chain(parameters).collect::<Vec<_>>().join(", ")
+    let written = serde_json::to_value(law).unwrap_or_default();
+    let parts = written.as_object().into_iter().flatten().map(|(name, value)| match value.as_f64() {
+        Some(number) => format!("{name} {}", plain(number)),
+        None => value.as_str().unwrap_or_default().to_owned(),
+    });
+    parts.collect::<Vec<_>>().join(", ")
 }
 
 /// A number as one writes it: powers of ten from ten thousand on.

@@ -14,6 +14,8 @@ mod options;
 mod read;
 pub mod stats;
 
+use std::fmt;
+
 use serde::{Deserialize, Serialize};
 
 use crate::units::{Range, ShoreHardness, ShoreScale};
@@ -67,21 +69,10 @@ pub enum StrengthKind {
     Cohesion,
 }
 
-impl StrengthKind {
-    /// Every kind with the word that stands for it in the CSV.
-    pub const NAMES: [(&'static str, Self); 7] = [
-        ("yield", Self::Yield),
-        ("uts", Self::Uts),
-        ("flexural", Self::Flexural),
-        ("compressive", Self::Compressive),
-        ("plateau", Self::Plateau),
-        ("fracture", Self::Fracture),
-        ("cohesion", Self::Cohesion),
-    ];
-
-    /// The word that stands for it in the CSV.
-    pub fn name(self) -> &'static str {
-        Self::NAMES.iter().find(|(_, kind)| *kind == self).map_or("", |(name, _)| name)
+/// Writes the word that stands for it in the CSV and in JSON.
+impl fmt::Display for StrengthKind {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        self.serialize(f)
     }
 }
 
@@ -90,6 +81,8 @@ impl StrengthKind {
 /// The laws and their parameters are those of the MPM literature that PhysGaussian (Xie et al., 2024) draws on; its
 /// names for them are jelly, metal, sand, foam, snow and plasticine.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(test, derive(schemars::JsonSchema))]
+// Names in the CSV, in JSON and in messages all come from serde.
 #[serde(tag = "law", rename_all = "snake_case")]
 pub enum Law {
     /// Fixed corotated elasticity; never yields.
@@ -106,41 +99,6 @@ pub enum Law {
     Plasticine { yield_stress_pa: f64, softening: f64 },
     /// Pressure alone, by a bulk modulus of Lame's first constant; no shear.
     Fluid,
-}
-
-impl Law {
-    /// The word that stands for the law in the CSV and in JSON.
-    pub fn name(&self) -> &'static str {
-        match self {
-            Self::Elastic => "elastic",
-            Self::VonMises { .. } => "von_mises",
-            Self::DruckerPrager { .. } => "drucker_prager",
-            Self::Foam { .. } => "foam",
-            Self::Snow { .. } => "snow",
-            Self::Plasticine { .. } => "plasticine",
-            Self::Fluid => "fluid",
-        }
-    }
-
-    /// Its parameters by name.
-    pub fn parameters(&self) -> Vec<(&'static str, f64)> {
-        match *self {
-            Self::Elastic | Self::Fluid => vec![],
-            Self::VonMises { yield_stress_pa } => vec![("yield_stress_pa", yield_stress_pa)],
-            Self::DruckerPrager { friction_angle_rad, cohesion_pa } => {
-                vec![("friction_angle_rad", friction_angle_rad), ("cohesion_pa", cohesion_pa)]
-            }
-            Self::Foam { yield_stress_pa, viscosity_pa_s } => {
-                vec![("yield_stress_pa", yield_stress_pa), ("viscosity_pa_s", viscosity_pa_s)]
-            }
-            Self::Snow { theta_c, theta_s, hardening } => {
-                vec![("theta_c", theta_c), ("theta_s", theta_s), ("hardening", hardening)]
-            }
-            Self::Plasticine { yield_stress_pa, softening } => {
-                vec![("yield_stress_pa", yield_stress_pa), ("softening", softening)]
-            }
-        }
-    }
 }
 
 /// What the two data sets of the paper's evaluation call a material.

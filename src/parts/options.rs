@@ -5,6 +5,7 @@ use serde::{Deserialize, Serialize};
 
 use super::PartsError;
 use crate::config::SceneKey;
+use crate::values;
 
 /// About 130 cells along each side of a box-shaped object: under a millimetre on a hammer.
 const VOLUME_CELLS: usize = 2_000_000;
@@ -89,16 +90,7 @@ pub struct Options {
 
 impl Default for Options {
     fn default() -> Self {
-        Self {
-            volume: VolumeMethod::default(),
-            volume_cells: VOLUME_CELLS,
-            carve_views: CARVE_VIEWS,
-            fill_density: FILL_DENSITY,
-            wall_m: WALL_M,
-            min_body_share: MIN_BODY_SHARE,
-            min_part_share: MIN_PART_SHARE,
-            bodies: BodiesAs::default(),
-        }
+        values::defaults()
     }
 }
 

@@ -8,15 +8,19 @@ use crate::units::Estimate;
 
 /// The object and its parts, in metres and kilograms. Written as `parts.json`.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(test, derive(schemars::JsonSchema))]
 pub struct Parts {
+    /// The whole object.
     pub object: Object,
     /// By id.
     pub parts: Vec<Part>,
+    /// Warnings.
     pub warnings: Vec<String>,
 }
 
-/// The whole. It has a volume: an object without one is not an object (see [`PartsError::NoVolume`](super::PartsError)).
+/// The whole object. It has a volume; without one there is no result.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(test, derive(schemars::JsonSchema))]
 pub struct Object {
     pub volume_m3: Estimate,
     pub mass_kg: Estimate,
@@ -28,6 +32,7 @@ pub struct Object {
 
 /// Why a part has no volume, and with it no mass.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[cfg_attr(test, derive(schemars::JsonSchema))]
 #[serde(rename_all = "snake_case")]
 pub enum NoVolume {
     /// None of the object's surface is its own: other parts cover what its Gaussians draw, or they lie off the object.
@@ -47,34 +52,43 @@ impl fmt::Display for NoVolume {
 
 /// One part. What follows from a volume is `None` if it has none.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(test, derive(schemars::JsonSchema))]
 pub struct Part {
     /// Its value of `part_label` in `field.ply`.
     pub id: u32,
     pub caption: String,
+    /// Name of the library row.
     pub material: String,
     pub family: String,
-    /// How many Gaussians carry its label.
+    /// Number of Gaussians with its label.
     pub gaussians: usize,
+    /// `None`, like what follows from it, if the part has no volume.
     pub volume_m3: Option<Estimate>,
-    /// Why it has no volume.
+    /// Why it has no volume; missing if it has one.
     #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[cfg_attr(test, schemars(with = "NoVolume"))]
     pub no_volume: Option<NoVolume>,
-    /// Of the surface that bears a grasp: wall to wall for a solid, the wall for a shell; `None` if it has no surface.
+    /// Thickness below the surface that is grasped: from surface to surface for a solid, the wall for a shell; `None` if no
+    /// surface of it was seen.
     pub thickness_m: Option<Estimate>,
     pub density_kg_m3: Estimate,
     pub mass_kg: Option<Estimate>,
+    /// World frame, metres.
     pub center_of_mass_m: Option<[f64; 3]>,
+    /// About the part's centre of mass, world axes.
     pub inertia_kg_m2: Option<[[f64; 3]; 3]>,
-    /// The connected pieces that it is made of.
+    /// The connected bodies that it is made of.
     pub bodies: Vec<PartBody>,
-    /// From the nearest place on its outer surface to the object's centre of mass; `None` where it has no outer surface.
+    /// Distance from the nearest place on its outer surface to the object's centre of mass; `None` if it has no outer surface.
     pub surface_to_center_of_mass_m: Option<f64>,
 }
 
-/// A connected piece of a part.
+/// A connected body of a part.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(test, derive(schemars::JsonSchema))]
 pub struct PartBody {
     pub volume_m3: f64,
     pub mass_kg: f64,
+    /// World frame, metres.
     pub center_of_mass_m: [f64; 3],
 }

@@ -1,18 +1,15 @@
 //! The scene on disk: its key is what its files hold; its artifact is the list of the chosen views.
 
-use std::io;
 use std::iter;
 use std::path::Path;
 
 use anyhow::Result;
 use serde::Serialize;
-use sha2::{Digest, Sha256};
 
 use crate::camera::Camera;
-use crate::files;
 use crate::scene::{Options, Scene, SceneError};
 use crate::units::MetricScale;
-use crate::workdir::Artifact;
+use crate::workdir::{Artifact, sha256_of_file};
 
 use super::record::Hasher;
 use super::{Done, Pipeline};
@@ -76,8 +73,5 @@ pub(super) fn rendering_key(scene: &Scene, options: &Options) -> Result<String> 
 /// # Errors
 /// [`SceneError::Io`], also where the file has gone since the scene was loaded.
 pub(super) fn file_digest(path: &Path) -> Result<[u8; 32], SceneError> {
-    let mut hasher = Sha256::new();
-    let read = files::open(path).and_then(|mut file| io::copy(&mut file, &mut hasher));
-    read.map_err(|reason| SceneError::Io { path: path.to_owned(), reason })?;
-    Ok(hasher.finalize().into())
+    sha256_of_file(path).map_err(|reason| SceneError::Io { path: path.to_owned(), reason })
 }

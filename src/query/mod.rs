@@ -83,6 +83,7 @@ pub struct Answer {
 
 /// Whether a part is material through and through.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(test, derive(schemars::JsonSchema))]
 #[serde(tag = "form", rename_all = "snake_case")]
 pub enum Form {
     Solid,

@@ -149,25 +149,7 @@ pub struct Options {
 
 impl Default for Options {
     fn default() -> Self {
-        Self {
-            answers: AnswerSource::default(),
-            guidance: Guidance::default(),
-            context: Context::default(),
-            labels: None,
-            sheet_size: SHEET_SIZE,
-            prompts: None,
-            recordings: None,
-            lmm_url: None,
-            lmm_model: None,
-            lmm_temperature: 0.0,
-            lmm_max_tokens: MAX_TOKENS,
-            lmm_parallel: PARALLEL,
-            lmm_timeout_s: TIMEOUT_S,
-            lmm_wait_s: WAIT_S,
-            lmm_retries: RETRIES,
-            max_usd: None,
-            prices: None,
-        }
+        values::defaults()
     }
 }
 

@@ -1,7 +1,7 @@
 //! The whole result: `report.json` for programs, `report.html` for people, a few lines for the terminal.
 
-mod charts;
 mod cloud;
+mod force_scale;
 pub(crate) mod numbers;
 mod page;
 mod pictures;
@@ -25,33 +25,43 @@ pub use summary::summary;
 /// Version of `report.json`'s form, which `docs/report.schema.json` describes: raised when a key changes its meaning or goes.
 pub const SCHEMA_VERSION: u32 = 1;
 
-/// What `report.json` holds.
+/// The whole result of `gprop run`. SI throughout: m, kg, s, Pa, N, rad. The world frame is that of the input splat; lengths
+/// in scene units say so.
 #[derive(Debug, Clone, Serialize)]
+#[cfg_attr(test, derive(schemars::JsonSchema))]
+#[cfg_attr(test, schemars(title = "gprop report.json"))]
 pub struct Report {
-    /// [`SCHEMA_VERSION`].
+    /// Version of this schema; raised when a key is removed or changes its meaning.
+    #[cfg_attr(test, schemars(extend("const" = SCHEMA_VERSION)))]
     pub schema_version: u32,
     /// gprop's version.
     pub version: &'static str,
+    /// The scene as it was read.
     pub scene: SceneSummary,
+    /// The stages before the report, in order.
     pub stages: Vec<StageTime>,
+    /// Number of answers by how they were found.
     pub answers: AnswerCounts,
-    /// `None` where the metric scale is unknown.
+    /// `None` if the metric scale is unknown.
     pub parts: Option<Parts>,
-    /// The properties of each part, as the views agree on them.
+    /// The properties of each part, in the order of `part_label` in `field.ply`.
     pub labels: Vec<FieldLabel>,
-    /// How many Gaussians carry each label.
+    /// Number of Gaussians with each label.
     pub gaussians_per_label: Vec<usize>,
     pub simulation: SimulationReport,
-    /// `None` where the metric scale is unknown.
+    /// `None` if the metric scale is unknown.
     pub grasp: Option<GraspReport>,
+    /// Warnings, each with its stage.
     pub warnings: Vec<Warning>,
+    /// How to reproduce this result.
     pub reproduction: Reproduction,
 }
 
-/// How to make the same result again.
+/// How to reproduce a result.
 #[derive(Debug, Clone, Serialize)]
+#[cfg_attr(test, derive(schemars::JsonSchema))]
 pub struct Reproduction {
-    /// The command line, with the options that were typed or stood in `gprop.toml`.
+    /// The command line, with the options from the original command line and from `gprop.toml`.
     pub command: String,
     /// The scene's files, apart from the photos and their masks, which the scene stage's digest covers.
     pub inputs: Vec<InputFile>,
@@ -59,51 +69,67 @@ pub struct Reproduction {
 
 /// A file of the scene.
 #[derive(Debug, Clone, Serialize)]
+#[cfg_attr(test, derive(schemars::JsonSchema))]
 pub struct InputFile {
-    /// Relative to the scene folder where it lies in it.
+    /// Relative to the scene folder if the file is inside it.
     pub path: String,
-    /// Of its bytes, in lower-case hexadecimal.
+    /// SHA-256 of its bytes, in lower-case hexadecimal.
+    #[cfg_attr(test, schemars(regex(pattern = "^[0-9a-f]{64}$")))]
     pub sha256: String,
 }
 
-/// What was read.
+/// The scene as it was read.
 #[derive(Debug, Clone, Serialize)]
+#[cfg_attr(test, derive(schemars::JsonSchema))]
 pub struct SceneSummary {
+    /// The scene folder's name.
     pub name: String,
+    /// Gaussians of the object.
     pub gaussians: usize,
+    /// Degree of the spherical harmonics.
+    #[cfg_attr(test, schemars(range(max = 3)))]
     pub sh_degree: u8,
+    /// `None` if the metric scale is unknown.
     pub scale: Option<MetricScale>,
-    /// The chosen views.
+    /// Names of the chosen views.
     pub views: Vec<String>,
-    /// Gaussians that some view sees; the others took the label of their neighbours.
+    /// Number of Gaussians that at least one view sees; the others take the label of their neighbours.
     pub seen_gaussians: usize,
 }
 
-/// How long a stage took when it was last done.
+/// A stage: how long it took, and what its results depend on.
 #[derive(Debug, Clone, Serialize)]
+#[cfg_attr(test, derive(schemars::JsonSchema))]
 pub struct StageTime {
+    #[cfg_attr(test, schemars(schema_with = "schema::stage_before_the_report"))]
     pub name: String,
+    /// Duration when the stage last ran.
+    #[cfg_attr(test, schemars(range(min = 0)))]
     pub seconds: f64,
+    /// Whether the last run reused its results.
     pub reused: bool,
-    /// SHA-256 of what it made or of all that it depends on: equal digests, equal results.
+    /// SHA-256 of the stage's results, or of everything that they depend on: equal digests, equal results.
+    #[cfg_attr(test, schemars(regex(pattern = "^[0-9a-f]{64}$")))]
     pub digest: String,
 }
 
 /// Something the user should know.
 #[derive(Debug, Clone, Serialize)]
+#[cfg_attr(test, derive(schemars::JsonSchema))]
 pub struct Warning {
     pub stage: String,
     pub message: String,
 }
 
-/// Where the answers came from.
+/// Number of answers by how they were found.
 #[derive(Debug, Clone, Default, PartialEq, Eq, Serialize)]
+#[cfg_attr(test, derive(schemars::JsonSchema))]
 pub struct AnswerCounts {
-    /// Recorded for exactly this query, in this run or before.
+    /// Answers to exactly this query, from this run or an earlier one.
     pub exact: usize,
-    /// Recorded for the same view with a mask that overlaps.
+    /// Answers recorded for the same view with an overlapping mask.
     pub by_mask: usize,
-    /// Segments without an answer; they cast no votes.
+    /// Segments without an answer; they do not vote.
     pub failed: usize,
 }
 
@@ -127,5 +153,59 @@ impl AnswerCounts {
     /// Segments that have an answer.
     pub fn answered(&self) -> usize {
         self.exact + self.by_mask
+    }
+}
+
+#[cfg(test)]
+mod schema {
+    //! `docs/report.schema.json` is made from the types: their fields, and their doc comments as descriptions.
+
+    use std::path::Path;
+    use std::{env, fs};
+
+    use schemars::generate::SchemaSettings;
+    use schemars::transform::RecursiveTransform;
+    use schemars::{Schema, SchemaGenerator, json_schema};
+    use serde_json::Value;
+
+    use super::Report;
+    use crate::pipeline::Stage;
+
+    /// Has the test write the file.
+    const UPDATE: &str = "GPROP_UPDATE_SCHEMA";
+
+    /// The names of the stages that a report tells of.
+    pub fn stage_before_the_report(_: &mut SchemaGenerator) -> Schema {
+        let names: Vec<String> =
+            Stage::ALL.into_iter().filter(|stage| *stage < Stage::Report).map(Stage::name).collect();
+        json_schema!({ "enum": names })
+    }
+
+    /// Allows no key that is not described. Descriptions are for readers of JSON: without links and line breaks, with null
+    /// for `None`. Formats of numbers are Rust's, not the standard's; defaults are for reading, and nothing reads a report.
+    fn published(schema: &mut Schema) {
+        if schema.get("properties").is_some() {
+            schema.insert("additionalProperties".to_owned(), false.into());
+        }
+        schema.remove("format");
+        schema.remove("default");
+        if let Some(Value::String(text)) = schema.get_mut("description") {
+            let words = text.split_whitespace().collect::<Vec<_>>().join(" ");
+            *text = words.replace("`None`", "null").replace("[`", "`").replace("`]", "`");
+        }
+    }
+
+    #[test]
+    fn the_published_schema_is_that_of_the_types() {
+        let settings = SchemaSettings::draft2020_12().for_serialize().with_transform(RecursiveTransform(published));
+        let schema = settings.into_generator().into_root_schema_for::<Report>();
+        let text = serde_json::to_string_pretty(&schema).unwrap() + "\n";
+        assert!(!text.contains("](") && !text.contains("::"), "a description speaks of Rust's paths");
+        let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("docs/report.schema.json");
+        if env::var_os(UPDATE).is_some() {
+            fs::write(&path, &text).unwrap();
+        }
+        let is_same = fs::read_to_string(&path).unwrap() == text;
+        assert!(is_same, "docs/report.schema.json is not that of the types; `{UPDATE}=1 cargo test schema` writes it");
     }
 }

@@ -14,6 +14,9 @@ const TRAINERS: &str = "3DGS writes point_cloud/iteration_N/point_cloud.ply as i
     nerfstudio's splatfacto exports with `ns-export gaussian-splat` (copy splat.ply and dataparser_transforms.json beside \
     transforms.json), gsplat writes ply/point_cloud_N.ply with --save_ply, Brush exports export_N.ply";
 
+/// Endings of splats that gprop does not read, but that PlayCanvas' splat-transform converts.
+pub(super) const CONVERTIBLE: [&str; 2] = [".sog", ".ksplat"];
+
 /// A scene that is missing, incomplete or broken. Each message is whole: it holds what caused it.
 #[derive(Debug, Error)]
 pub enum SceneError {
@@ -134,8 +137,8 @@ pub struct Outside {
 /// What is wrong with a splat that is not a PLY.
 #[derive(Debug, Error)]
 pub enum SplatProblem {
-    #[error("is not a splat format that gprop reads: .ply, .compressed.ply, .spz or .splat")]
-    Format,
+    #[error("is not a splat format that gprop reads: the name must end in one of {endings}")]
+    Format { endings: String },
     #[error(transparent)]
     Splat(#[from] splat::Problem),
     #[error(transparent)]
@@ -150,7 +153,7 @@ fn others_found(others: &[String]) -> String {
 }
 
 fn convertible(others: &[String]) -> String {
-    let other = others.iter().find(|name| [".sog", ".ksplat"].iter().any(|end| name.to_lowercase().ends_with(end)));
+    let other = others.iter().find(|name| CONVERTIBLE.iter().any(|end| name.to_lowercase().ends_with(end)));
     other.map_or_else(String::new, |name| {
         format!("; `npx @playcanvas/splat-transform {name} point_cloud.ply` converts what gprop cannot read")
     })

@@ -1,7 +1,7 @@
 //! The scene: Gaussians, calibrated photos, metric scale. Everything read from outside enters here.
 //!
 //! [`load`] finds the splat, the cameras and the photos in a folder:
-//! 1. `splat_file`: which file holds the Gaussians; [`ply`], [`spz`], [`splat`] read it.
+//! 1. `splat_file`: which file holds the Gaussians; `splat_formats`: whether [`ply`], [`spz`] or [`splat`] reads it.
 //! 2. [`cameras`]: which file holds the cameras, what it says, which photo belongs to each; `align` converts them.
 //! 3. `object`: which Gaussians are the object and which its surroundings; [`outliers`]: which no object can have.
 //! 4. `scale`: how long a scene unit is.
@@ -30,6 +30,7 @@ mod scale;
 mod sharpness;
 pub mod splat;
 mod splat_file;
+mod splat_formats;
 pub mod spz;
 mod view_names;
 
@@ -51,6 +52,7 @@ pub use options::{DEFAULT_VIEWS, ObjectBox, Options, SCENE_KEYS};
 pub use photo::{ForegroundSource, Photo, Upright};
 pub use reference::Reference;
 pub use scale::ScaleChoice;
+pub use splat_formats::{SPLAT_FORMATS, SplatFormat};
 
 /// What a scene folder holds.
 #[derive(Debug, Clone)]
@@ -182,7 +184,7 @@ impl Found {
     }
 
     fn read_splat(&mut self, path: &Path) -> Result<Loaded, SceneError> {
-        let mut splat = splat_file::read(path)?;
+        let mut splat = splat_formats::read(path)?;
         let prefixed = |text: String| format!("`{}`: {text}", path.display());
         self.notes.extend(std::mem::take(&mut splat.notes).into_iter().map(prefixed));
         self.warnings.extend(std::mem::take(&mut splat.warnings).into_iter().map(prefixed));

@@ -105,19 +105,7 @@ impl Options {
 
 impl Default for Options {
     fn default() -> Self {
-        Self {
-            views: DEFAULT_VIEWS,
-            view_list: Vec::new(),
-            splat: None,
-            cameras: None,
-            images: None,
-            masks: None,
-            allow_read: Vec::new(),
-            align: Conversion::default(),
-            object_box: None,
-            render_views: None,
-            scale: ScaleChoice::default(),
-        }
+        values::defaults()
     }
 }
 

@@ -1,11 +1,11 @@
-//! The splat of a scene folder: where it lies and in which format.
+//! The splat of a scene folder: where it lies.
 
 use std::fs;
 use std::path::{Path, PathBuf};
 
-use super::error::SplatProblem;
-use super::loaded::Loaded;
-use super::{SceneError, ply, splat, spz};
+use super::SceneError;
+use super::error::CONVERTIBLE;
+use super::splat_formats::SplatFormat;
 use crate::files;
 
 /// The splat that was chosen, and what else could have been.
@@ -18,7 +18,7 @@ pub(super) struct Found {
 /// 1. `point_cloud.ply` (this project's scenes), `point_cloud/iteration_N/point_cloud.ply` of the largest N (3DGS),
 /// 2. `splat.ply`, `exports/splat/splat.ply` (nerfstudio), `ply/point_cloud_N.ply` of the largest N (gsplat), `export_N.ply`
 ///    of the largest N (Brush),
-/// 3. the first file by name that ends in .spz, .splat or .ply and begins as a splat does.
+/// 3. the first file by name that is of a [`SplatFormat`] and begins as a splat does.
 pub(super) fn find(folder: &Path) -> Result<Found, SceneError> {
     let named = [folder.join("point_cloud.ply"), folder.join("splat.ply"), folder.join("exports/splat/splat.ply")];
     let [point_cloud, splat, export] = named.map(|path| files::is_there(&path).then_some(path));
@@ -40,37 +40,6 @@ pub(super) fn find(folder: &Path) -> Result<Found, SceneError> {
     Ok(Found { path: candidates.remove(0), others })
 }
 
-/// Reads a splat in the format that its name and first bytes tell.
-pub(super) fn read(path: &Path) -> Result<Loaded, SceneError> {
-    let kind = kind_of(path);
-    if kind == Some(Kind::Ply) {
-        return Ok(ply::read(path)?);
-    }
-    let in_file = |problem| SceneError::Splat { path: path.to_owned(), problem };
-    let bytes = files::read(path).map_err(|reason| SceneError::Io { path: path.to_owned(), reason })?;
-    match kind {
-        Some(Kind::Spz) => spz::parse(&bytes).map_err(|problem| in_file(problem.into())),
-        Some(Kind::Splat) => splat::parse(&bytes).map_err(|problem| in_file(problem.into())),
-        _ => Err(in_file(SplatProblem::Format)),
-    }
-}
-
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-enum Kind {
-    Ply,
-    Spz,
-    Splat,
-}
-
-fn kind_of(path: &Path) -> Option<Kind> {
-    match path.extension()?.to_str()?.to_lowercase().as_str() {
-        "ply" => Some(Kind::Ply),
-        "spz" => Some(Kind::Spz),
-        "splat" => Some(Kind::Splat),
-        _ => None,
-    }
-}
-
 /// The entry `{prefix}{N}{suffix}` of the largest N.
 fn numbered(folder: &Path, prefix: &str, suffix: &str) -> Option<PathBuf> {
     let number = |name: &str| name.strip_prefix(prefix)?.strip_suffix(suffix)?.parse::<u64>().ok();
@@ -84,11 +53,10 @@ fn loose_splats(folder: &Path) -> (Vec<PathBuf>, Vec<String>) {
     let mut others = Vec::new();
     for name in names_in(folder) {
         let path = folder.join(&name);
-        match kind_of(&path) {
-            Some(Kind::Spz | Kind::Splat) => splats.push(path),
-            Some(Kind::Ply) if files::is_special(&path) || ply::is_splat(&path) => splats.push(path),
-            Some(Kind::Ply) => others.push(name),
-            None if [".ksplat", ".sog"].iter().any(|end| name.to_lowercase().ends_with(end)) => others.push(name),
+        match SplatFormat::of(&path) {
+            Some(format) if format.is_splat(&path) => splats.push(path),
+            Some(_) => others.push(name),
+            None if CONVERTIBLE.iter().any(|end| name.to_lowercase().ends_with(end)) => others.push(name),
             None => {}
         }
     }

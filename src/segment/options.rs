@@ -149,27 +149,20 @@ impl Options {
     }
 }
 
-/// What the command line gives where it says nothing: the defaults stand in one place.
-#[derive(clap::Parser)]
-struct NothingSaid {
-    #[command(flatten)]
-    options: Options,
-}
-
 impl Default for Options {
     fn default() -> Self {
-        <NothingSaid as clap::Parser>::parse_from(["gprop"]).options
+        values::defaults()
     }
 }
 
 impl Default for GeneratorOptions {
     fn default() -> Self {
-        Options::default().generator
+        values::defaults()
     }
 }
 
 impl Default for SelectionOptions {
     fn default() -> Self {
-        Options::default().selection
+        values::defaults()
     }
 }

@@ -3,17 +3,15 @@
 //! own folder, and the renames put equal bytes in the same place.
 
 use std::fs::{self, File};
-use std::io::{self, Read, Write};
+use std::io::{self, Read};
 use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
 use std::time::{Duration, SystemTime};
 
-use sha2::{Digest, Sha256};
-
 use super::catalog::{Client, Package, PinnedFile};
 use super::environment::Environment;
 use super::error::SetupError;
-use crate::workdir::hexadecimal;
+use crate::workdir::Checksumming;
 
 const WORKPLACE_PREFIX: &str = ".fetch-";
 
@@ -154,19 +152,11 @@ fn extract(package: &Package, file: &PinnedFile, archive: &Path, target: &Path) 
 
 /// Copies everything to a new file, on the disk before this returns, and gives its SHA-256.
 fn copy_hashed(from: &mut impl Read, target: &Path) -> io::Result<String> {
-    let mut file = File::create(target)?;
-    let mut hasher = Sha256::new();
-    let mut buffer = vec![0; 1 << 16];
-    loop {
-        let count = from.read(&mut buffer)?;
-        if count == 0 {
-            break;
-        }
-        hasher.update(&buffer[..count]);
-        file.write_all(&buffer[..count])?;
-    }
+    let file = File::create(target)?;
+    let mut out = Checksumming::new(&file);
+    io::copy(from, &mut out)?;
     file.sync_all()?;
-    Ok(hexadecimal(&hasher.finalize()))
+    Ok(out.finish().sha256)
 }
 
 #[cfg(test)]

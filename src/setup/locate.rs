@@ -5,13 +5,12 @@ use std::io;
 use std::path::{Path, PathBuf};
 
 use serde::Serialize;
-use sha2::{Digest, Sha256};
 
 use super::catalog::{ONNXRUNTIME_NODE, ONNXRUNTIME_WHEEL, PinnedFile, SAM_DECODER, SAM_ENCODER};
 use super::environment::Environment;
 use super::error::SetupError;
 use super::{Options, library};
-use crate::workdir::hexadecimal;
+use crate::workdir::Checksum;
 
 /// The order in which gprop looks, for people. [`onnxruntime`], [`encoder`] and [`decoder`] do as it says.
 pub const LOOKUP_ORDER: &str = "\
@@ -109,17 +108,11 @@ fn check_user_file(source: Source, path: &Path) -> Result<(), SetupError> {
 /// The pinned file in the cache, if its hash is right. `flag` is what gives another, for the message.
 fn cached(environment: &Environment, file: &PinnedFile, flag: Source) -> Result<PathBuf, SetupError> {
     let path = environment.cache.as_deref().ok_or(SetupError::NoCache)?.join(file.cached);
-    let state = match sha256_of(&path) {
+    let state = match Checksum::of_file(&path).map(|found| found.sha256) {
         Ok(found) if found == file.sha256 => return Ok(path),
         Ok(found) => format!("is damaged: its SHA-256 is {found}, expected {}", file.sha256),
         Err(error) if error.kind() == io::ErrorKind::NotFound => "does not exist".to_owned(),
         Err(source) => return Err(SetupError::Io { action: "read", path, source }),
     };
     Err(SetupError::NotCached { title: file.title, path, state, flag: flag.name() })
-}
-
-fn sha256_of(path: &Path) -> io::Result<String> {
-    let mut hasher = Sha256::new();
-    io::copy(&mut File::open(path)?, &mut hasher)?;
-    Ok(hexadecimal(&hasher.finalize()))
 }

@@ -21,6 +21,7 @@ const WORDS: usize = 39;
 
 /// A frame in numbers.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(test, derive(schemars::JsonSchema))]
 pub struct FrameSummary {
     pub t_s: f64,
     /// World frame.

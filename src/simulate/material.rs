@@ -39,14 +39,16 @@ impl From<&FieldLabel> for Material {
 
 /// A material made easier to step through.
 #[derive(Debug, Clone, PartialEq, Serialize, serde::Deserialize)]
+#[cfg_attr(test, derive(schemars::JsonSchema))]
 pub struct Softened {
     pub material: String,
-    /// What Young's modulus and the strength were multiplied by.
+    /// Factor by which Young's modulus and strength were multiplied.
     pub factor: f64,
 }
 
-/// A material with Poisson's ratio brought down to [`POISSON_CAP`].
+/// A material whose Poisson's ratio was lowered to [`POISSON_CAP`], 0.45.
 #[derive(Debug, Clone, PartialEq, Serialize, serde::Deserialize)]
+#[cfg_attr(test, derive(schemars::JsonSchema))]
 pub struct PoissonCapped {
     pub material: String,
     pub from: f64,
@@ -153,15 +155,15 @@ fn check(material: &Material) -> Result<(), SimulateError> {
     if !(0.0..0.5).contains(&poisson_ratio) {
         return Err(SimulateError::Poisson { material: name(), poisson_ratio });
     }
-    match material.law {
-        Law::VonMises { yield_stress_pa: strength }
-        | Law::Foam { yield_stress_pa: strength, .. }
-        | Law::Plasticine { yield_stress_pa: strength, .. }
-        | Law::DruckerPrager { friction_angle_rad: strength, .. }
-            if !positive(strength) =>
-        {
-            Err(SimulateError::Strength { material: name(), strength })
-        }
-        _ => Ok(()),
+    let strength = match material.law {
+        Law::VonMises { yield_stress_pa }
+        | Law::Foam { yield_stress_pa, .. }
+        | Law::Plasticine { yield_stress_pa, .. } => Some(yield_stress_pa),
+        Law::DruckerPrager { friction_angle_rad, .. } => Some(friction_angle_rad),
+        Law::Elastic | Law::Snow { .. } | Law::Fluid => None,
+    };
+    match strength.filter(|strength| !positive(*strength)) {
+        Some(strength) => Err(SimulateError::Strength { material: name(), strength }),
+        None => Ok(()),
     }
 }

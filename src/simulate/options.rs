@@ -6,7 +6,7 @@ use super::animation::Viewpoint;
 use super::boundary::Contact;
 use super::script;
 use crate::config::SceneKey;
-use crate::values::{above, from_to};
+use crate::values::{self, above, from_to};
 
 /// The keys that a scene may set: what happens to its object and how it is filmed. How long the user is willing to wait is
 /// not among them.
@@ -139,8 +139,6 @@ impl Options {
 
 impl Default for Options {
     fn default() -> Self {
-        use clap::{Args, FromArgMatches};
-        let matches = Self::augment_args(clap::Command::new("defaults")).get_matches_from(["defaults"]);
-        Self::from_arg_matches(&matches).expect("every option has a default")
+        values::defaults()
     }
 }

@@ -5,31 +5,35 @@ use serde::{Deserialize, Serialize};
 use super::checkpoint::FrameSummary;
 use super::material::{PoissonCapped, Softened};
 
-/// What came out, but for the frames. Written as `simulation.json`.
+/// The simulation and its result. Written as `simulation.json`.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(test, derive(schemars::JsonSchema))]
 pub struct SimulationReport {
-    /// Those of the Gaussians and those of the inside.
+    /// Number of particles: those of the Gaussians and those that fill the inside.
     pub particles: usize,
-    /// Of these, those of the inside.
+    /// Number of particles that fill the inside.
     pub fill_particles: usize,
     pub substeps: u64,
     /// The longest substep.
     pub dt_s: f64,
-    /// How the substep came about.
+    /// The bound on the substep.
     pub time_step: StepReport,
     pub mass_kg: f64,
     /// What each material was filled with, in the order of the labels.
     pub filled: Vec<FilledReport>,
     pub gravity_m_s2: f64,
     pub grid_spacing_m: f64,
-    /// The scale used, and whether it is an assumption.
     pub meters_per_unit: f64,
+    /// Whether `meters_per_unit` is an assumption.
     pub scale_assumed: bool,
+    /// Materials that were made easier to step through.
     pub softened: Vec<Softened>,
+    /// Materials whose Poisson's ratio was lowered.
     pub poisson_capped: Vec<PoissonCapped>,
     /// World z of the ground.
     pub ground_z_m: f64,
     pub frames: Vec<FrameSummary>,
+    /// Warnings.
     pub warnings: Vec<String>,
 }
 
@@ -52,6 +56,7 @@ impl SimulationReport {
 
 /// The particles of a part.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(test, derive(schemars::JsonSchema))]
 pub struct FilledReport {
     pub part: String,
     pub material: String,
@@ -60,12 +65,13 @@ pub struct FilledReport {
     /// Particles of its inside, where it has no Gaussian.
     pub fill_particles: usize,
     pub volume_m3: f64,
-    /// Nothing is known of its inside: it is a skin one cell thick.
+    /// Whether it is simulated as a skin one cell thick, because its inside is unknown.
     pub skin: bool,
 }
 
 /// The bound on the substep: dt <= cfl * spacing / (wave speed + speed).
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(test, derive(schemars::JsonSchema))]
 pub struct StepReport {
     pub cfl: f64,
     /// Whose pressure waves are the fastest.

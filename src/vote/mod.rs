@@ -78,7 +78,9 @@ impl MaterialField {
 /// One part of the object in 3D, as the views agree on it: a material with its properties. Of every property, `low` and
 /// `high` bound what the answers for this material say, and `mid` is the median of their middles.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(test, derive(schemars::JsonSchema))]
 pub struct FieldLabel {
+    /// The part's value of `part_label` in `field.ply`.
     pub id: u32,
     pub caption: String,
     /// Name of the library row.

@@ -5,7 +5,7 @@ use std::num::NonZeroUsize;
 use serde::{Deserialize, Serialize};
 
 use crate::config::SceneKey;
-use crate::values::from_to;
+use crate::values::{self, from_to};
 
 /// Seen neighbours that an unseen Gaussian asks: enough that one stray does not decide, few enough to stay local.
 const DEFAULT_NEIGHBORS: NonZeroUsize = NonZeroUsize::new(8).expect("eight is not zero");
@@ -36,7 +36,7 @@ pub struct Options {
 
 impl Default for Options {
     fn default() -> Self {
-        Self { vote: Rule::default(), agree: Agreement::default(), neighbors: DEFAULT_NEIGHBORS }
+        values::defaults()
     }
 }
 

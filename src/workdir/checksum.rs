@@ -27,10 +27,24 @@ impl Checksum {
     /// # Errors
     /// As of [`files::open`].
     pub fn of_file(path: &Path) -> io::Result<Self> {
-        let mut out = Checksumming::new(io::sink());
-        io::copy(&mut files::open(path)?, &mut out)?;
-        Ok(out.finish())
+        let (bytes, digest) = digest_of_file(path)?;
+        Ok(Self { bytes, sha256: hexadecimal(&digest) })
     }
+}
+
+/// SHA-256 of a file on disk, read piece by piece.
+///
+/// # Errors
+/// As of [`files::open`].
+pub fn sha256_of_file(path: &Path) -> io::Result<[u8; 32]> {
+    Ok(digest_of_file(path)?.1)
+}
+
+/// Length and SHA-256.
+fn digest_of_file(path: &Path) -> io::Result<(u64, [u8; 32])> {
+    let mut hasher = Sha256::new();
+    let bytes = io::copy(&mut files::open(path)?, &mut hasher)?;
+    Ok((bytes, hasher.finalize().into()))
 }
 
 /// A writer that takes the checksum of what passes through it. Give it large pieces.

@@ -22,7 +22,7 @@ use thiserror::Error;
 use tracing::warn;
 
 use crate::files;
-pub use checksum::{Checksum, Checksumming, hexadecimal};
+pub use checksum::{Checksum, Checksumming, hexadecimal, sha256_of_file};
 
 /// Raised when the meaning of any artifact changes: what an older gprop wrote is then made again.
 pub const FORMAT_VERSION: u32 = 4;

@@ -3,6 +3,7 @@
 use std::path::{Path, PathBuf};
 use std::process::Command;
 
+use clap::ValueEnum;
 use gprop::export::{ExportError, Format, Model, export};
 use gprop::grasp::Options;
 use gprop::grasp::candidates::Candidate;
@@ -256,7 +257,7 @@ fn physgaussian_gets_its_folder() {
 #[test]
 fn exports_are_the_same_bytes_again() {
     let measured = Measured::of(&folders()[0]);
-    for format in [Format::Mjcf, Format::Urdf, Format::Npz, Format::Physgaussian, Format::Usda] {
+    for &format in Format::value_variants() {
         let read = |files: &[PathBuf]| files.iter().map(|file| std::fs::read(file).unwrap()).collect::<Vec<_>>();
         let ((_one, first), (_two, second)) = (exported(&measured, format), exported(&measured, format));
         assert!(read(&first) == read(&second), "{format:?}");

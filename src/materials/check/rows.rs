@@ -138,7 +138,7 @@ fn strength_kind(material: &Material, findings: &mut Findings) {
     };
     let loose = matches!(material.law, Law::DruckerPrager { .. }) && material.strength_kind == Cohesion;
     findings.require(kinds.contains(&material.strength_kind) || loose, &material.name, "strength_kind", || {
-        format!("`{}` is not how the strength of {} is measured", material.strength_kind.name(), material.family)
+        format!("`{}` is not how the strength of {} is measured", material.strength_kind, material.family)
     });
 }
 

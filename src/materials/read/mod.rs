@@ -1,13 +1,15 @@
 //! Reading CSV cells: every error says file, line, column and what would be right. [`tables`] knows the tables,
-//! [`law`] the laws.
+//! [`law`] the laws, [`word`] the names of variants.
 
 mod law;
 mod tables;
+mod word;
 
 use std::ops::RangeInclusive;
 use std::path::PathBuf;
 
 use csv::StringRecord;
+use serde::Deserialize;
 use thiserror::Error;
 
 use super::bibliography::USER;
@@ -15,6 +17,7 @@ use super::{Label, Labels};
 use crate::units::{Range, ShoreScale};
 
 pub use tables::{Placed, Tables, read_tables};
+use word::Mismatch;
 
 /// What can be wrong with a library on disk.
 #[derive(Debug, Error)]
@@ -128,12 +131,16 @@ impl Row<'_> {
         Ok(range)
     }
 
+    /// The variant that the column names, as serde writes it; `kind` says what all of them are, for the message.
+    fn variant<'a, T: Deserialize<'a>>(&'a self, column: &str, kind: &str) -> Result<T, LibraryError> {
+        word::variant(self.text(column)).map_err(|mismatch| match mismatch {
+            Mismatch::Word(known) => self.bad(column, format!("is not {kind}; write {}", word::alternatives(known))),
+            other => self.bad(column, other.to_string()),
+        })
+    }
+
     fn scale(&self, column: &str) -> Result<ShoreScale, LibraryError> {
-        match self.text(column) {
-            "A" => Ok(ShoreScale::A),
-            "D" => Ok(ShoreScale::D),
-            _ => Err(self.bad(column, "is not a Shore scale; write A or D")),
-        }
+        self.variant(column, "a Shore scale")
     }
 
     fn sources(&self, column: &str) -> Vec<String> {

@@ -4,8 +4,8 @@ use std::path::Path;
 
 use super::law::law;
 use super::{LibraryError, Row, Table, list, rows};
-use crate::materials::bibliography::{Constituent, Deviation, Evidence, Reference, Relation};
-use crate::materials::{Family, Material, ShoreReading, Sources, StrengthKind};
+use crate::materials::bibliography::{Constituent, Deviation, Evidence, Reference};
+use crate::materials::{Family, Material, ShoreReading, Sources};
 use crate::units::ShoreHardness;
 
 /// What a set of tables holds, each in the order of the files.
@@ -134,8 +134,6 @@ const MOST_AUXETIC: f64 = -0.99;
 const INCOMPRESSIBLE: f64 = 0.4999;
 
 fn material(row: &Row) -> Result<Placed, LibraryError> {
-    let kind = StrengthKind::NAMES.iter().find(|(name, _)| *name == row.text("strength_kind"));
-    let kinds = StrengthKind::NAMES.map(|(name, _)| name).join(", ");
     let material = Material {
         name: row.filled("name")?,
         family: row.filled("family")?,
@@ -144,7 +142,7 @@ fn material(row: &Row) -> Result<Placed, LibraryError> {
         youngs_modulus_pa: row.range("youngs_modulus_pa", LEAST..=1e13)?,
         poisson_ratio: row.range("poisson_ratio", MOST_AUXETIC..=INCOMPRESSIBLE)?,
         strength_pa: row.range("strength_pa", 0.0..=1e12)?,
-        strength_kind: kind.ok_or_else(|| row.bad("strength_kind", format!("is not a kind; write one of {kinds}")))?.1,
+        strength_kind: row.variant("strength_kind", "a kind of strength")?,
         friction_rubber: row.range("friction_rubber", 0.0..=5.0)?,
         friction_steel: row.range("friction_steel", 0.0..=5.0)?,
         hardness: hardness(row)?,
@@ -222,16 +220,13 @@ fn evidence(row: &Row) -> Result<Evidence, LibraryError> {
 }
 
 fn constituent(row: &Row) -> Result<Constituent, LibraryError> {
-    let relation = Relation::NAMES.iter().find(|(name, _)| *name == row.text("relation"));
     let strength = match row.text("strength_pa") {
         "" => None,
         _ => Some(row.number("strength_pa")?),
     };
     Ok(Constituent {
         material: row.filled("material")?,
-        relation: relation
-            .ok_or_else(|| row.bad("relation", "is not one of cell_wall, reinforcement, matrix and fibre"))?
-            .1,
+        relation: row.variant("relation", "a relation")?,
         name: row.filled("constituent")?,
         density_kg_m3: row.number("density_kg_m3")?,
         youngs_modulus_pa: row.number("youngs_modulus_pa")?,

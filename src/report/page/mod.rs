@@ -18,10 +18,11 @@ use crate::grasp::candidates::Candidate;
 use crate::parts::Part;
 use crate::pictures::palette;
 use crate::query::{Answers, Form};
+use crate::simulate::plot;
 use crate::units::{Estimate, ShoreScale};
 use crate::vote::FieldLabel;
 
-use super::charts::{curves, force_scale};
+use super::force_scale::force_scale;
 use super::numbers::{interval, short, significant, thousands};
 use super::style;
 use super::{Cloud, Pictures, Report};
@@ -200,8 +201,7 @@ fn simulation(report: &Report, pictures: &Pictures) -> Value {
         ),
         caption => "Dropped onto the ground; slower than real time",
         animation => data_uri("image/gif", &pictures.animation),
-        duration => significant(duration),
-        curves => curves(&simulation.frames),
+        plot => plot::height_and_energy(simulation),
         softened,
     }
 }

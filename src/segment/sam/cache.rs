@@ -7,7 +7,7 @@ use std::path::{Path, PathBuf};
 use sha2::{Digest, Sha256};
 
 use super::{EMBEDDING, Embedding};
-use crate::workdir::write_atomic;
+use crate::workdir::{hexadecimal, sha256_of_file, write_atomic};
 
 /// A folder of embeddings that one encoder made.
 pub struct Cache {
@@ -19,9 +19,7 @@ pub struct Cache {
 impl Cache {
     /// The embeddings in `folder` that the encoder at `encoder` made.
     pub fn open(folder: &Path, encoder: &Path) -> io::Result<Self> {
-        let mut hasher = Sha256::new();
-        io::copy(&mut fs::File::open(encoder)?, &mut hasher)?;
-        Ok(Self { folder: folder.to_owned(), encoder: hasher.finalize().into() })
+        Ok(Self { folder: folder.to_owned(), encoder: sha256_of_file(encoder)? })
     }
 
     /// Where the embedding of a preprocessed picture lies, or would.
@@ -30,8 +28,7 @@ impl Cache {
         for row in input.chunks(4096) {
             hasher.update(bytes(row));
         }
-        let hash = hasher.finalize();
-        self.folder.join(hash.iter().map(|byte| format!("{byte:02x}")).collect::<String>() + ".f32")
+        self.folder.join(hexadecimal(&hasher.finalize()) + ".f32")
     }
 
     /// The embedding at `path`; `None` where there is none, or not all of it.

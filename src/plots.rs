@@ -1,0 +1,179 @@
+//! Plots as SVG: panels below one another, each with its axes, a grid, and curves or dots with their names.
+//!
+//! The texts are black and so are the axes, on white; a page in other colours may restyle them by these.
+
+use std::ops::Range;
+
+use plotters::backend::SVGBackend;
+use plotters::chart::{ChartBuilder, SeriesLabelPosition};
+use plotters::drawing::{DrawingAreaErrorKind, IntoDrawingArea};
+use plotters::element::{Circle, PathElement};
+use plotters::series::LineSeries;
+use plotters::style::{BLACK, Color, RGBColor, WHITE};
+
+/// Size of a panel, pixels.
+const PANEL: (u32, u32) = (800, 300);
+/// Space for the numbers along the two axes, pixels.
+const NUMBERS_BELOW: u32 = 40;
+const NUMBERS_LEFT: u32 = 80;
+const MARGIN: u32 = 12;
+const FONT: &str = "sans-serif";
+const CAPTION_SIZE: u32 = 18;
+/// Numbers along an axis, about.
+const NUMBERS: usize = 8;
+/// Told apart by the colour-blind (Okabe and Ito, 2008), dark enough on white.
+const COLORS: [RGBColor; 4] =
+    [RGBColor(0, 114, 178), RGBColor(213, 94, 0), RGBColor(0, 158, 115), RGBColor(204, 121, 167)];
+/// Share of their extent by which an axis reaches beyond its values.
+const BEYOND: f64 = 0.04;
+
+/// Series over one quantity, in one unit.
+pub struct Panel {
+    /// What is drawn, with its unit.
+    pub title: String,
+    /// What runs to the right, with its unit.
+    pub along: &'static str,
+    pub series: Vec<Series>,
+}
+
+/// Points (x, y). Those that are not finite are left out.
+pub struct Series {
+    /// Shown if the panel has several.
+    pub name: &'static str,
+    pub mark: Mark,
+    pub points: Vec<(f64, f64)>,
+}
+
+/// How the points of a series are drawn.
+#[derive(Clone, Copy, PartialEq, Eq)]
+pub enum Mark {
+    Curve,
+    Dots,
+}
+
+/// The panels as an SVG document.
+pub fn svg(panels: &[Panel]) -> String {
+    let mut text = String::new();
+    draw(panels, &mut text).expect("a string can be written to");
+    text
+}
+
+fn draw(panels: &[Panel], text: &mut String) -> Result<(), DrawingAreaErrorKind<std::io::Error>> {
+    let (width, height) = PANEL;
+    let whole = SVGBackend::with_string(text, (width, height * panels.len() as u32)).into_drawing_area();
+    whole.fill(&WHITE)?;
+    for (area, panel) in whole.split_evenly((panels.len(), 1)).iter().zip(panels) {
+        let mut chart = ChartBuilder::on(area)
+            .caption(&panel.title, (FONT, CAPTION_SIZE))
+            .margin(MARGIN)
+            .x_label_area_size(NUMBERS_BELOW)
+            .y_label_area_size(NUMBERS_LEFT)
+            .build_cartesian_2d(axis(panel, |point| point.0, 0.0), axis(panel, |point| point.1, BEYOND))?;
+        chart
+            .configure_mesh()
+            .disable_x_mesh()
+            .light_line_style(BLACK.mix(0.0))
+            .bold_line_style(BLACK.mix(0.15))
+            .x_labels(NUMBERS)
+            .y_labels(NUMBERS)
+            .x_label_formatter(&|value| number(*value))
+            .y_label_formatter(&|value| number(*value))
+            .x_desc(panel.along)
+            .draw()?;
+        for (series, color) in panel.series.iter().zip(COLORS.into_iter().cycle()) {
+            let points = series.points.iter().copied().filter(|(x, y)| x.is_finite() && y.is_finite());
+            let drawn = match series.mark {
+                Mark::Curve => chart.draw_series(LineSeries::new(points, color.stroke_width(2)))?,
+                Mark::Dots => chart.draw_series(points.map(|point| Circle::new(point, 3, color.mix(0.6).filled())))?,
+            };
+            if panel.series.len() > 1 {
+                let sample = move |(x, y)| PathElement::new(vec![(x, y), (x + 16, y)], color.stroke_width(2));
+                drawn.label(series.name).legend(sample);
+            }
+        }
+        if panel.series.len() > 1 {
+            chart
+                .configure_series_labels()
+                .position(SeriesLabelPosition::UpperRight)
+                .background_style(WHITE.mix(0.8))
+                .draw()?;
+        }
+    }
+    whole.present()
+}
+
+/// From the least to the greatest coordinate and `beyond` that share of them; never empty, whatever the points are.
+fn axis(panel: &Panel, coordinate: impl Fn(&(f64, f64)) -> f64, beyond: f64) -> Range<f64> {
+    let points = panel.series.iter().flat_map(|series| &series.points);
+    let values = points.map(coordinate).filter(|value| value.is_finite());
+    let (low, high) = values.fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), v| (low.min(v), high.max(v)));
+    if low > high {
+        return 0.0..1.0;
+    }
+    let (extent, size) = (high - low, low.abs().max(high.abs()));
+    // Among values nearer to each other than this, numbers of six digits are all the same.
+    if extent > 1e-6 * size {
+        return low - beyond * extent..high + beyond * extent;
+    }
+    let half = if size > 0.0 { 0.5 * size } else { 1.0 };
+    low - half..high + half
+}
+
+/// A number along an axis: up to six digits, with an exponent if it is very large or small.
+fn number(value: f64) -> String {
+    let rounded: f64 = format!("{value:.5e}").parse().unwrap_or(value);
+    match rounded.abs() {
+        size if size == 0.0 || (1e-4..1e6).contains(&size) => rounded.to_string(),
+        _ => format!("{rounded:e}"),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn panel(points: &[(f64, f64)]) -> Panel {
+        let series = |mark| Series { name: "a & b", mark, points: points.to_vec() };
+        Panel { title: "<b>, J".to_owned(), along: "time, s", series: vec![series(Mark::Curve), series(Mark::Dots)] }
+    }
+
+    #[test]
+    fn a_plot_is_drawn_whatever_the_points_are() {
+        let cases: [&[(f64, f64)]; 7] = [
+            &[],
+            &[(0.0, 0.0)],
+            &[(1.0, 5.0), (2.0, 5.0)],
+            &[(0.0, f64::NAN), (1.0, f64::INFINITY)],
+            &[(0.0, 1e300), (1.0, -1e300)],
+            &[(0.0, 1e-300), (1.0, 2e-300)],
+            &[(0.0, 1.0), (1e-9, 1.0 + f64::EPSILON)],
+        ];
+        for points in cases {
+            let text = svg(&[panel(points), panel(points)]);
+            assert!(text.starts_with("<svg") && text.trim_end().ends_with("</svg>"), "{points:?}");
+            assert!(!text.contains("NaN") && !text.contains("<b>"), "{points:?}: {text}");
+        }
+    }
+
+    #[test]
+    fn every_finite_dot_is_drawn_within_the_picture() {
+        let text = svg(&[panel(&[(0.0, 1.0), (0.5, f64::NAN), (1.0, 2.0)])]);
+        assert_eq!(text.matches("<circle").count(), 2);
+        let (width, height) = PANEL;
+        for circle in text.split("<circle").skip(1) {
+            let place = |key: &str| -> u32 {
+                let from = circle.find(key).unwrap() + key.len();
+                circle[from..].split('"').next().unwrap().parse().unwrap()
+            };
+            assert!(place("cx=\"") < width && place("cy=\"") < height, "{circle}");
+        }
+    }
+
+    #[test]
+    fn numbers_are_short() {
+        let cases = [(0.1 + 0.2, "0.3"), (0.0, "0"), (-1234.5, "-1234.5"), (2e11, "2e11"), (1e-7, "1e-7")];
+        for (value, text) in cases {
+            assert_eq!(number(value), text);
+        }
+    }
+}
