@@ -57,12 +57,13 @@ pub fn scene_folder(bytes: &[u8]) {
     run_changed(&files, Plan { to: Stage::Parts, from: None });
 }
 
-/// The work folder of a finished run, of which the report is made again. Its checksums fit, as an attacker's would.
+/// The work folder of a finished run, of which the simulation and all after it is made again. Its checksums fit, as an
+/// attacker's would.
 pub fn finished_folder(bytes: &[u8]) {
     let mut files = FINISHED.clone();
     change(&mut files, bytes, |path| path.starts_with("gprop"));
     seal(&mut files);
-    run_changed(&files, Plan { to: Stage::Report, from: Some(Stage::Report) });
+    run_changed(&files, Plan { to: Stage::Report, from: Some(Stage::Simulate) });
 }
 
 fn run_changed(files: &Files, plan: Plan) {

@@ -16,7 +16,7 @@ impl Pipeline {
             name: &self.scene.name,
             gaussians: &self.scene.gaussians,
             field: self.field()?,
-            interior: &self.parts()?.interior,
+            interior: self.interior()?,
             scale: self.scene.scale.as_ref(),
             parts: parts.as_ref(),
         };

@@ -39,7 +39,7 @@ use crate::error::UsageError;
 use crate::from_splat;
 use crate::grasp::gripper::GripperProfile;
 use crate::materials::MaterialLibrary;
-use crate::parts::PartsResult;
+use crate::parts::Interior;
 use crate::progress::Progress;
 use crate::query::Answers;
 use crate::scene::{Scene, View};
@@ -109,7 +109,7 @@ pub struct Pipeline {
     segmentation: OnceLock<Segmentation>,
     answers: OnceLock<Answers>,
     field: OnceLock<MaterialField>,
-    parts: OnceLock<PartsResult>,
+    interior: OnceLock<Interior>,
 }
 
 /// What a stage says of itself when it is done.
@@ -171,7 +171,7 @@ impl Pipeline {
             segmentation: OnceLock::new(),
             answers: OnceLock::new(),
             field: OnceLock::new(),
-            parts: OnceLock::new(),
+            interior: OnceLock::new(),
         })
     }
 

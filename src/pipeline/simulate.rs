@@ -141,7 +141,7 @@ impl Pipeline {
 
     /// The object's inside, cell by cell.
     fn fill_points(&self) -> Result<Vec<FillPoint>> {
-        let interior = &self.parts()?.interior;
+        let interior = self.interior()?;
         let cell_volume = interior.grid.cell.powi(3);
         let point = |(index, label, share): (usize, u32, f64)| FillPoint {
             position: interior.grid.center(interior.grid.coords(index)).into(),
