@@ -9,10 +9,9 @@ use std::path::{Path, PathBuf};
 use std::sync::LazyLock;
 
 use gprop::camera::Camera;
-use gprop::exit::{self, Exit};
+use gprop::exit::Exit;
 use gprop::materials::MaterialLibrary;
 use gprop::pipeline::{Options, Pipeline, Plan, Stage};
-use gprop::progress::Progress;
 use gprop::query::AnswerSource;
 use gprop::scene::ply;
 use gprop::segment::LabelMap;
@@ -74,12 +73,12 @@ fn run_changed(files: &Files, plan: Plan) {
         fs::write(path, bytes).expect("the folder is new");
     }
     if let Err(error) = run(scene.path(), options(scene.path()), plan) {
-        assert!(exit::of(&error) != Exit::Bug, "{error:?}");
+        assert!(error.kind() != Exit::Bug, "{error:?}");
     }
 }
 
-fn run(scene: &Path, options: Options, plan: Plan) -> anyhow::Result<()> {
-    Pipeline::open(scene, None, options, plan, Progress::Hidden)?.run()
+fn run(scene: &Path, options: Options, plan: Plan) -> Result<(), gprop::Error> {
+    Pipeline::builder(scene).options(options).plan(plan).open()?.run()
 }
 
 fn options(scene: &Path) -> Options {

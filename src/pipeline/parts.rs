@@ -29,7 +29,8 @@ impl Pipeline {
     pub(super) fn do_parts(&self) -> Result<Done> {
         let cameras = self.scene.cameras();
         let (gaussians, scale) = (&self.scene.gaussians, self.scene.scale.as_ref());
-        let result = parts::parts(gaussians, self.field()?, &cameras, scale, &self.options.parts, self.progress)?;
+        let result =
+            parts::parts(gaussians, self.stored_field()?, &cameras, scale, &self.options.parts, self.progress)?;
         let mut warnings = result.warnings.clone();
         match result.metric() {
             Ok(parts) => self.work.write_json(Artifact::Parts, parts)?,
@@ -47,14 +48,14 @@ impl Pipeline {
     pub(super) fn interior(&self) -> Result<&Interior> {
         get_or_load(&self.interior, || {
             let bytes = self.work.read(Artifact::Interior)?;
-            let (cells, parts) = (self.options.parts.volume_cells, self.field()?.labels.len());
+            let (cells, parts) = (self.options.parts.volume_cells, self.stored_field()?.labels.len());
             let interior = Interior::from_bytes(&bytes, cells, parts);
             Ok(interior.map_err(|error| self.work.damaged(Artifact::Interior, error))?)
         })
     }
 
     /// The parts in metres and kilograms; `None` where the scale is unknown.
-    pub(super) fn metric_parts(&self) -> Result<Option<Parts>> {
+    pub(super) fn stored_parts(&self) -> Result<Option<Parts>> {
         if self.scene.scale.is_none() {
             return Ok(None);
         }
