@@ -23,7 +23,10 @@ fn options(balls: &Balls) -> Options {
 #[test]
 fn results_do_what_they_need() {
     let balls = Balls::new(1);
-    let mut pipeline = Pipeline::builder(balls.scene(0)).options(options(&balls)).open().unwrap();
+    let mut options = options(&balls);
+    // Small enough for the gripper.
+    options.scene.scale = "0.3".parse().unwrap();
+    let mut pipeline = Pipeline::builder(balls.scene(0)).options(options).open().unwrap();
     let work = balls.scene(0).join("gprop");
     assert_eq!(pipeline.segments().unwrap().views.len(), 3);
     assert!(!work.join("answers.jsonl").exists(), "only what was asked for");
