@@ -1,9 +1,37 @@
-//! The error that every room may report, and how an error is told.
+//! The errors that every room may report, and how an error is told.
 
-use thiserror::Error;
+use std::fmt;
+
+use thiserror::Error as ThisError;
+
+/// Why a [`Pipeline`](crate::Pipeline) could not do something, in the program's words: what failed, where, why, and what to
+/// do. [`kind`](Self::kind) is the exit code that the program would end with.
+pub struct Error(pub(crate) anyhow::Error);
+
+impl Error {
+    /// The first of the causes that is a `T`, such as [`SceneError`](crate::scene::SceneError).
+    pub fn downcast_ref<T: std::error::Error + 'static>(&self) -> Option<&T> {
+        self.0.chain().find_map(|cause| cause.downcast_ref())
+    }
+}
+
+impl fmt::Display for Error {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(&message(&self.0))
+    }
+}
+
+impl fmt::Debug for Error {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        fmt::Debug::fmt(&self.0, f)
+    }
+}
+
+// Its text holds those of its causes, so it names none as its source.
+impl std::error::Error for Error {}
 
 /// A request that cannot be carried out as it was typed.
-#[derive(Debug, Error)]
+#[derive(Debug, ThisError)]
 #[error("{0}")]
 pub struct UsageError(pub String);
 

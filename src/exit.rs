@@ -2,7 +2,7 @@
 
 use crate::batch::BatchError;
 use crate::config::ConfigError;
-use crate::error::{self, UsageError};
+use crate::error::{self, Error, UsageError};
 use crate::evaluate::EvaluateError;
 use crate::evaluate::grasp::OutcomesError;
 use crate::evaluate::masks::MasksError;
@@ -46,6 +46,13 @@ pub enum Exit {
     Bug = 70,
 }
 
+impl Error {
+    /// What kind of error it is: the exit code that the program ends with.
+    pub fn kind(&self) -> Exit {
+        of(&self.0)
+    }
+}
+
 /// The exit code of an error: that of the first typed error in its chain. An error without a type is a bug.
 pub fn of(error: &anyhow::Error) -> Exit {
     error.chain().find_map(code).unwrap_or(Exit::Bug)
@@ -57,6 +64,9 @@ pub fn message(error: &anyhow::Error) -> String {
 }
 
 fn text_of(cause: &(dyn std::error::Error + 'static)) -> String {
+    if let Some(error) = cause.downcast_ref::<Error>() {
+        return message(&error.0);
+    }
     let lists = matches!(cause.downcast_ref(), Some(QueryError::Missing { .. } | QueryError::Import { .. }))
         || matches!(cause.downcast_ref(), Some(BatchError::Incomplete { .. }));
     let text = cause.to_string();
@@ -64,6 +74,9 @@ fn text_of(cause: &(dyn std::error::Error + 'static)) -> String {
 }
 
 fn code(cause: &(dyn std::error::Error + 'static)) -> Option<Exit> {
+    if let Some(error) = cause.downcast_ref::<Error>() {
+        return Some(error.kind());
+    }
     if let Some(SceneError::UnknownView { .. }) = cause.downcast_ref() {
         return Some(Exit::Usage);
     }

@@ -1,6 +1,33 @@
 //! gprop gives every Gaussian of a 3D Gaussian Splatting scene a material and its physical properties, without
 //! training, and uses them: mass per part, a dynamic simulation, and the force with which a gripper may hold the object.
 //!
+//! # As a library
+//! A [`Pipeline`] works on a scene folder as `gprop run` does. Each of its results does what is still missing for it:
+//!
+//! ```
+//! # use gprop::{progress::Progress, setup};
+//! # // Without SAM there is nothing to show.
+//! # if setup::obtain(&setup::Options::default(), Progress::Hidden).is_err() { return Ok::<(), Box<dyn std::error::Error>>(()) }
+//! let work = tempfile::tempdir()?;
+//! let mut options = gprop::Options::of_scene("fixtures/hammer")?;
+//! // Two of its views and coarse volumes, to be quick.
+//! options.scene.view_list = vec!["003".into(), "022".into()];
+//! options.parts.volume_cells = 100_000;
+//! let mut pipeline = gprop::Pipeline::builder("fixtures/hammer").out(&work).options(options).open()?;
+//! let parts = pipeline.parts()?;
+//! for part in &parts.parts {
+//!     if let Some(mass) = part.mass_kg {
+//!         println!("{}, {}: {:.3} kg ({:.3} to {:.3})", part.caption, part.material, mass.mid, mass.low, mass.high);
+//!     }
+//! }
+//! assert!((0.2..2.0).contains(&parts.object.mass_kg.mid));
+//! # Ok::<(), Box<dyn std::error::Error>>(())
+//! ```
+//!
+//! The stages can also be called one by one, on values in memory: each module below has a function for its own
+//! ([`vote::vote`], [`parts::parts`], [`simulate::simulate`], [`grasp::grasp`]).
+//!
+//! # How it is built
 //! Data moves to the right only; [`pipeline`] alone knows all the stages:
 //!
 //! ```text
@@ -23,7 +50,7 @@
 
 pub mod batch;
 pub mod camera;
-pub mod cli;
+mod cli;
 pub mod config;
 pub mod error;
 pub mod evaluate;
@@ -54,3 +81,7 @@ pub mod units;
 pub mod values;
 pub mod vote;
 pub mod workdir;
+
+pub use cli::{command, main};
+pub use error::Error;
+pub use pipeline::{Builder, Options, Pipeline};

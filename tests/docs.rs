@@ -301,7 +301,7 @@ fn every_option_on_the_pages_is_taken_with_its_value() {
 fn taken(words: &[String], option: &str) -> bool {
     use clap::error::ErrorKind::{InvalidValue, TooManyValues, UnknownArgument, ValueValidation};
     let typed = std::iter::once("gprop").chain(words.iter().map(String::as_str)).chain([option]);
-    let parsed = gprop::cli::command().try_get_matches_from(typed);
+    let parsed = gprop::command().try_get_matches_from(typed);
     !parsed.is_err_and(|e| [InvalidValue, TooManyValues, UnknownArgument, ValueValidation].contains(&e.kind()))
 }
 

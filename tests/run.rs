@@ -299,6 +299,7 @@ fn a_killed_run_resumes_to_the_same_bytes() {
         "answers.jsonl",
         "field.ply",
         "parts.json",
+        "interior.bin",
         "simulation/frames/0002.ply",
         "simulation/animation.gif",
         "grasp.json",

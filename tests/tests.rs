@@ -47,6 +47,8 @@ mod docs;
 mod extending;
 // Names, numbers and paths on the command line; a terminal that cannot be written to.
 mod usage;
+// The crate as others call it: results, errors, shared work folders.
+mod library;
 // The source's own layout: no import circles, one style of module files.
 mod structure;
 // The whole program: runs, reruns, kills, bad input, exit codes.

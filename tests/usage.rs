@@ -25,7 +25,7 @@ pub fn commands() -> Vec<(Vec<String>, Command)> {
             gather(child, &[words, &[child.get_name().to_owned()]].concat(), found);
         }
     }
-    let mut root = gprop::cli::command();
+    let mut root = gprop::command();
     root.build();
     let mut found = Vec::new();
     gather(&root, &[], &mut found);
@@ -64,7 +64,7 @@ fn the_command_lines_defaults_are_the_codes() {
 /// message.
 fn parse(words: &[String], flag: &str, value: &str) -> Result<(), String> {
     let arguments = std::iter::once("gprop".to_owned()).chain(words.iter().cloned()).chain([format!("{flag}={value}")]);
-    match gprop::cli::command().try_get_matches_from(arguments) {
+    match gprop::command().try_get_matches_from(arguments) {
         Err(error) if error.kind() == ErrorKind::ValueValidation => Err(error.to_string()),
         // What else the command needs is looked for only when the values are read.
         _ => Ok(()),

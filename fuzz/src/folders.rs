@@ -9,10 +9,9 @@ use std::path::{Path, PathBuf};
 use std::sync::LazyLock;
 
 use gprop::camera::Camera;
-use gprop::exit::{self, Exit};
+use gprop::exit::Exit;
 use gprop::materials::MaterialLibrary;
 use gprop::pipeline::{Options, Pipeline, Plan, Stage};
-use gprop::progress::Progress;
 use gprop::query::AnswerSource;
 use gprop::scene::ply;
 use gprop::segment::LabelMap;
@@ -57,12 +56,13 @@ pub fn scene_folder(bytes: &[u8]) {
     run_changed(&files, Plan { to: Stage::Parts, from: None });
 }
 
-/// The work folder of a finished run, of which the report is made again. Its checksums fit, as an attacker's would.
+/// The work folder of a finished run, of which the simulation and all after it is made again. Its checksums fit, as an
+/// attacker's would.
 pub fn finished_folder(bytes: &[u8]) {
     let mut files = FINISHED.clone();
     change(&mut files, bytes, |path| path.starts_with("gprop"));
     seal(&mut files);
-    run_changed(&files, Plan { to: Stage::Report, from: Some(Stage::Report) });
+    run_changed(&files, Plan { to: Stage::Report, from: Some(Stage::Simulate) });
 }
 
 fn run_changed(files: &Files, plan: Plan) {
@@ -73,12 +73,12 @@ fn run_changed(files: &Files, plan: Plan) {
         fs::write(path, bytes).expect("the folder is new");
     }
     if let Err(error) = run(scene.path(), options(scene.path()), plan) {
-        assert!(exit::of(&error) != Exit::Bug, "{error:?}");
+        assert!(error.kind() != Exit::Bug, "{error:?}");
     }
 }
 
-fn run(scene: &Path, options: Options, plan: Plan) -> anyhow::Result<()> {
-    Pipeline::open(scene, None, options, plan, Progress::Hidden)?.run()
+fn run(scene: &Path, options: Options, plan: Plan) -> Result<(), gprop::Error> {
+    Pipeline::builder(scene).options(options).plan(plan).open()?.run()
 }
 
 fn options(scene: &Path) -> Options {

@@ -222,8 +222,13 @@ pub fn checkpoint(bytes: &[u8]) {
     let _ = Checkpoint::from_bytes(bytes);
 }
 
-/// What gprop reads again of a work folder: its JSON, and `labels.json` with `field.ply` behind a zero byte.
+/// What gprop reads again of a work folder: its JSON, `interior.bin`, and `labels.json` with `field.ply` behind a zero byte.
 pub fn work_folder(bytes: &[u8]) {
+    if let Ok(interior) = parts::Interior::from_bytes(bytes, 1000, 4) {
+        let mut again = Vec::new();
+        interior.write(&mut again).expect("memory takes everything");
+        assert!(parts::Interior::from_bytes(&again, 1000, 4).is_ok_and(|found| found == interior));
+    }
     let _ = serde_json::from_slice::<parts::Parts>(bytes);
     let _ = serde_json::from_slice::<Vec<Segment>>(bytes);
     let _ = serde_json::from_slice::<Submitted>(bytes);

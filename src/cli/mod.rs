@@ -10,31 +10,43 @@ mod scene;
 mod simulate;
 mod tools;
 
-use std::any::TypeId;
 use std::ffi::{OsStr, OsString};
 use std::io::{self, IsTerminal, Write};
 use std::path::{Path, PathBuf};
+use std::process::ExitCode;
 
 use clap::error::ContextValue;
 use clap::parser::ValueSource;
-use clap::{ArgAction, Args, CommandFactory, FromArgMatches};
+use clap::{Args, CommandFactory, FromArgMatches};
 use serde::Serialize;
 
 use crate::error::UsageError;
-use crate::pipeline::{self, Stage};
+use crate::pipeline::{self, Stage, THREADS, known_flags};
 use crate::progress::Progress;
-use crate::{config, inspect, output};
+use crate::{config, exit, inspect, output};
 use arguments::{
     BatchArgs, Cli, Command, Compat, Evaluate, ExportArgs, Global, Grasp, GraspArgs, Materials, QueryArgs, SceneArgs,
     ShowArgs, SimulateArgs, WorkArgs,
 };
 
+/// The program: does what the process was called with, prints an error once, and says how to end. A panic ends the process
+/// as a bug; usage that clap refuses, help and version end it as clap does.
+pub fn main() -> ExitCode {
+    exit::report_panics_as_bugs();
+    match run(std::env::args_os().collect()) {
+        Ok(()) => ExitCode::from(exit::Exit::Done as u8),
+        Err(error) => {
+            output::tell(&format!("error: {}", exit::message(&error)));
+            ExitCode::from(exit::of(&error) as u8)
+        }
+    }
+}
+
 /// Does what `arguments` (the program's name first) ask for.
 ///
 /// # Errors
-/// Whatever went wrong, with a typed error in its chain from which [`crate::exit::of`] finds the exit code. Usage that clap
-/// refuses, help and version end the process right here.
-pub fn run(arguments: Vec<OsString>) -> anyhow::Result<()> {
+/// Whatever went wrong, with a typed error in its chain from which [`exit::of`] finds the exit code.
+fn run(arguments: Vec<OsString>) -> anyhow::Result<()> {
     let cli = parse(&arguments)?;
     let global = &cli.global;
     start_log(global);
@@ -75,7 +87,7 @@ pub fn run(arguments: Vec<OsString>) -> anyhow::Result<()> {
     }
 }
 
-/// All that can be typed, with its help.
+/// The command line of the program: all that can be typed, with its help.
 pub fn command() -> clap::Command {
     Cli::command()
 }
@@ -176,28 +188,6 @@ fn options_of(scene: &Path, flags: &[OsString]) -> anyhow::Result<pipeline::Opti
         Command::Parts(args) => Ok(args.work.options),
         _ => Err(UsageError(format!("{scene:?} is not a scene folder")).into()),
     }
-}
-
-/// The one flag besides the stages' that a configuration file may set.
-const THREADS: &str = "threads";
-
-/// The flags that a configuration file may set, a scene's those with [`config::Flag::scene`]: those of the stages, not those
-/// of the command, and how many threads there are.
-fn known_flags() -> Vec<config::Flag> {
-    let stages = pipeline::Options::augment_args(clap::Command::new("stages"));
-    let scene_keys = pipeline::scene_keys();
-    let flag = |argument: &clap::Arg| {
-        let name = argument.get_long()?.to_owned();
-        Some(config::Flag {
-            takes_value: argument.get_action().takes_values(),
-            repeats: matches!(argument.get_action(), ArgAction::Append) && argument.get_value_delimiter().is_none(),
-            is_path: argument.get_value_parser().type_id() == TypeId::of::<PathBuf>(),
-            scene: scene_keys.iter().find(|key| key.name == name).map(|key| key.value),
-            name,
-        })
-    };
-    let threads = config::Flag { name: THREADS.to_owned(), takes_value: true, ..config::Flag::default() };
-    stages.get_arguments().filter_map(flag).chain([threads]).collect()
 }
 
 fn start_log(global: &Global) {

@@ -5,8 +5,8 @@ use std::path::Path;
 use serde::Serialize;
 use serde_json::Value;
 
-use crate::error::UsageError;
-use crate::pipeline::{Pipeline, Plan, Stage};
+use crate::error::{Error, UsageError};
+use crate::pipeline::{Options, Pipeline, Plan, Stage};
 use crate::query::Preview;
 use crate::report;
 use crate::workdir::{self, Artifact};
@@ -44,7 +44,7 @@ pub fn run(global: &Global, folder: &Path, work: &WorkArgs, to: Stage) -> anyhow
     }
     let artifact = result_of(to);
     let path = pipeline.work().path(artifact);
-    let value: Value = if global.json { json_of(&pipeline, artifact)? } else { Value::Null };
+    let value: Value = if global.json { json_of(&mut pipeline, artifact)? } else { Value::Null };
     print(global, &value, || shown(&path))
 }
 
@@ -62,18 +62,32 @@ pub fn show(global: &Global, args: &ShowArgs) -> anyhow::Result<()> {
 pub fn export(global: &Global, args: &ExportArgs) -> anyhow::Result<()> {
     let plan = Plan { to: Stage::Parts, from: None };
     let work = args.work.as_deref();
-    let mut pipeline = Pipeline::open(&args.scene, work, args.options.clone(), plan, global.progress())?;
+    let mut pipeline = open_with(global, &args.scene, work, &args.options, plan)?;
     pipeline.run()?;
     let files = pipeline.export(args.format, &args.out)?;
     print(global, &files, || files.iter().map(|file| shown(file) + "\n").collect())
 }
 
 pub fn open(global: &Global, folder: &Path, work: &WorkArgs, to: Stage) -> anyhow::Result<Pipeline> {
-    let pipeline =
-        Pipeline::open(folder, work.out.as_deref(), work.options.clone(), plan(work, to)?, global.progress())?;
+    let pipeline = open_with(global, folder, work.out.as_deref(), &work.options, plan(work, to)?)?;
     // The server's address is left out: the answers are recorded, and the address is nobody else's business.
     let typed = global.effective.iter().map(|flag| flag.to_string_lossy().into_owned());
     Ok(pipeline.typed(typed.filter(|flag| !flag.starts_with("--lmm-url=")).collect()))
+}
+
+fn open_with(
+    global: &Global,
+    folder: &Path,
+    out: Option<&Path>,
+    options: &Options,
+    plan: Plan,
+) -> Result<Pipeline, Error> {
+    let builder = Pipeline::builder(folder).options(options.clone()).plan(plan).progress(global.progress());
+    match out {
+        Some(out) => builder.out(out),
+        None => builder,
+    }
+    .open()
 }
 
 fn plan(work: &WorkArgs, to: Stage) -> Result<Plan, UsageError> {
@@ -120,7 +134,7 @@ fn result_of(stage: Stage) -> Artifact<'static> {
 }
 
 /// An artifact as one JSON value; of the field, the labels that its numbers stand for.
-fn json_of(pipeline: &Pipeline, artifact: Artifact) -> anyhow::Result<Value> {
+fn json_of(pipeline: &mut Pipeline, artifact: Artifact) -> anyhow::Result<Value> {
     Ok(match artifact {
         Artifact::Answers => serde_json::to_value(&pipeline.answers()?.segments)?,
         Artifact::Field => pipeline.work().read_json(Artifact::Labels)?,

@@ -30,4 +30,7 @@ pub enum PartsError {
          in metres, or --scale F with F metres per scene unit"
     )]
     ScaleUnknown,
+    /// What is wrong with a stored [`Interior`](super::Interior).
+    #[error("{0}")]
+    Interior(String),
 }

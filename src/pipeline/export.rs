@@ -10,13 +10,13 @@ use super::Pipeline;
 
 impl Pipeline {
     /// Writes the object into `folder`, once the parts are done, and names the files.
-    pub fn export(&self, format: Format, folder: &Path) -> Result<Vec<PathBuf>> {
-        let parts = self.metric_parts()?;
+    pub(crate) fn export(&self, format: Format, folder: &Path) -> Result<Vec<PathBuf>> {
+        let parts = self.stored_parts()?;
         let model = Model {
             name: &self.scene.name,
             gaussians: &self.scene.gaussians,
-            field: self.field()?,
-            interior: &self.parts()?.interior,
+            field: self.stored_field()?,
+            interior: self.interior()?,
             scale: self.scene.scale.as_ref(),
             parts: parts.as_ref(),
         };

@@ -17,7 +17,7 @@ impl Pipeline {
     /// Where the user asks for a grasp, what stands in its way is an error; on the way to a report it is a warning.
     pub(super) fn do_grasp(&self) -> Result<Done> {
         let asked = self.plan.to == Stage::Grasp || self.options.grasp.names_a_place();
-        let (Some(parts), Some(scale)) = (self.metric_parts()?, &self.scene.scale) else {
+        let (Some(parts), Some(scale)) = (self.stored_parts()?, &self.scene.scale) else {
             if asked {
                 return Err(PartsError::ScaleUnknown.into());
             }
@@ -27,7 +27,7 @@ impl Pipeline {
         };
         let mut options = self.options.grasp.clone();
         options.auto |= asked && !options.names_a_place();
-        let field = self.field()?;
+        let field = self.stored_field()?;
         let cameras = self.scene.cameras();
         let (gaussians, meters_per_unit) = (&self.scene.gaussians, scale.meters_per_unit);
         let surface = Surface::of(gaussians, &field.part_label, &cameras, meters_per_unit);
@@ -47,7 +47,7 @@ impl Pipeline {
     }
 
     /// The forces.
-    pub(super) fn grasp(&self) -> Result<Option<GraspReport>> {
+    pub(super) fn stored_grasp(&self) -> Result<Option<GraspReport>> {
         Ok(self.work.read_json(Artifact::Grasp)?)
     }
 

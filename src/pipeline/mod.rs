@@ -6,9 +6,11 @@
 //! checksum and take up where they were killed.
 
 mod batch_api;
+mod builder;
 pub mod compat;
 mod export;
 mod grasp;
+mod options;
 mod parts;
 pub mod picture;
 mod plan;
@@ -16,6 +18,7 @@ mod query;
 pub mod query_session;
 mod record;
 mod report;
+mod results;
 mod scene;
 mod segment;
 mod simulate;
@@ -31,15 +34,13 @@ use std::time::Instant;
 
 use anyhow::{Context, Result};
 use image::{ImageFormat, RgbImage};
-use serde::Serialize;
 use tracing::{info, warn};
 
-use crate::config::SceneKey;
-use crate::error::UsageError;
+use crate::error::{Error, UsageError};
 use crate::from_splat;
 use crate::grasp::gripper::GripperProfile;
 use crate::materials::MaterialLibrary;
-use crate::parts::PartsResult;
+use crate::parts::Interior;
 use crate::progress::Progress;
 use crate::query::Answers;
 use crate::scene::{Scene, View};
@@ -50,50 +51,20 @@ pub use segment::open_segmenter;
 pub use vote::stored_field;
 
 pub use batch_api::{Collected, Sent, check_submission};
+pub use builder::Builder;
+pub use options::{Options, THREADS, known_flags, scene_keys};
 pub use plan::{Plan, Stage};
 pub use record::Hasher;
 use record::{Left, Output, RunRecord, StageRecord};
 
-/// The options of all stages.
-#[derive(Debug, Clone, Default, Serialize, clap::Args)]
-pub struct Options {
-    #[command(flatten)]
-    pub scene: crate::scene::Options,
-    #[command(flatten)]
-    pub segment: crate::segment::Options,
-    #[command(flatten)]
-    pub setup: crate::setup::Options,
-    #[command(flatten)]
-    pub query: crate::query::Options,
-    #[command(flatten)]
-    pub materials: crate::materials::Options,
-    #[command(flatten)]
-    pub vote: crate::vote::Options,
-    #[command(flatten)]
-    pub parts: crate::parts::Options,
-    #[command(flatten)]
-    pub simulate: crate::simulate::Options,
-    #[command(flatten)]
-    pub grasp: crate::grasp::Options,
-}
-
-/// The keys of all stages' options that a scene's `gprop.toml` may set. Every other option is the user's alone.
-pub fn scene_keys() -> Vec<SceneKey> {
-    let stages = [
-        crate::scene::SCENE_KEYS,
-        crate::segment::SCENE_KEYS,
-        crate::setup::SCENE_KEYS,
-        crate::query::SCENE_KEYS,
-        crate::materials::SCENE_KEYS,
-        crate::vote::SCENE_KEYS,
-        crate::parts::SCENE_KEYS,
-        crate::simulate::SCENE_KEYS,
-        crate::grasp::SCENE_KEYS,
-    ];
-    stages.concat()
-}
-
-/// A scene on its way through the stages.
+/// A scene on its way through the stages, with its work folder, which it holds the lock of.
+///
+/// Its results ([`segments`](Self::segments), [`answers`](Self::answers), [`field`](Self::field), [`parts`](Self::parts),
+/// [`simulation`](Self::simulation), [`grasp`](Self::grasp)) do what is missing and read what is there. It is what every
+/// command of the program works with, so a library's work folders are the program's and the other way round.
+///
+/// Nothing is sent to a model unless the options name its server (`options.query.lmm_url`): answers come from recordings.
+/// SAM and ONNX Runtime are taken from the cache, and fetched if they are not there yet and `options.setup.offline` is off.
 pub struct Pipeline {
     folder: PathBuf,
     work: WorkDir,
@@ -102,6 +73,8 @@ pub struct Pipeline {
     typed: Vec<String>,
     progress: Progress,
     record: RunRecord,
+    /// The stages that this process has done or found done.
+    done: Vec<Stage>,
     library: Cow<'static, MaterialLibrary>,
     gripper: GripperProfile,
     scene: Scene,
@@ -109,7 +82,7 @@ pub struct Pipeline {
     segmentation: OnceLock<Segmentation>,
     answers: OnceLock<Answers>,
     field: OnceLock<MaterialField>,
-    parts: OnceLock<PartsResult>,
+    interior: OnceLock<Interior>,
 }
 
 /// What a stage says of itself when it is done.
@@ -122,19 +95,18 @@ struct Done {
 }
 
 impl Pipeline {
-    /// Loads the scene in `folder` and what an earlier run left in `out` (`folder`/gprop where it is not given).
-    pub fn open(folder: &Path, out: Option<&Path>, options: Options, plan: Plan, progress: Progress) -> Result<Self> {
-        let scene = crate::scene::load(folder, &options.scene)?;
-        let library = options.materials.library()?;
-        let gripper = GripperProfile::load(&options.grasp.gripper)?;
-        options.grasp.checked_lift_angle_rad()?;
-        options.parts.check()?;
-        crate::simulate::script_of(&options.simulate)?;
-        let root = work_folder(folder, out);
-        if out.is_none() {
-            workdir::refuse_link(&root, "--out")?;
-        }
-        Self::within(folder, WorkDir::open(&root)?, scene, (library, gripper), options, plan, progress)
+    /// Opens the scene in `folder`: a splat, cameras and photos, as for `gprop run`. The options are
+    /// [`Options::of_scene`], the work folder is `folder`/gprop.
+    ///
+    /// # Errors
+    /// As of [`Builder::open`].
+    pub fn open(folder: impl AsRef<Path>) -> Result<Self, Error> {
+        Self::builder(folder).open()
+    }
+
+    /// The same with another work folder or other options.
+    pub fn builder(folder: impl AsRef<Path>) -> Builder {
+        Builder::new(folder.as_ref())
     }
 
     /// The scene with its work folder.
@@ -165,18 +137,19 @@ impl Pipeline {
             typed: Vec::new(),
             progress,
             record,
+            done: Vec::new(),
             library,
             gripper,
             scene,
             segmentation: OnceLock::new(),
             answers: OnceLock::new(),
             field: OnceLock::new(),
-            parts: OnceLock::new(),
+            interior: OnceLock::new(),
         })
     }
 
     /// The same with the flags that stand for its options, for the report to say how it was made.
-    pub fn typed(self, typed: Vec<String>) -> Self {
+    pub(crate) fn typed(self, typed: Vec<String>) -> Self {
         Self { typed, ..self }
     }
 
@@ -184,7 +157,7 @@ impl Pipeline {
     ///
     /// # Errors
     /// Where the scene cannot be read or the options do not fit it.
-    pub fn is_untouched(folder: &Path, out: Option<&Path>, options: &Options) -> Result<bool> {
+    pub(crate) fn is_untouched(folder: &Path, out: Option<&Path>, options: &Options) -> Result<bool> {
         if work_folder(folder, out).exists() {
             return Ok(false);
         }
@@ -192,9 +165,22 @@ impl Pipeline {
         Ok(true)
     }
 
-    /// Runs the stages of the plan.
-    pub fn run(&mut self) -> Result<()> {
-        self.plan.stages().try_for_each(|stage| self.step(stage))
+    /// Does the stages of the plan that neither an earlier run nor this pipeline did.
+    ///
+    /// # Errors
+    /// Those of the stages.
+    pub fn run(&mut self) -> Result<(), Error> {
+        self.carry_out().map_err(Error)
+    }
+
+    fn carry_out(&mut self) -> Result<()> {
+        for stage in self.plan.stages() {
+            if !self.done.contains(&stage) {
+                self.step(stage)?;
+                self.done.push(stage);
+            }
+        }
+        Ok(())
     }
 
     /// Hash of everything a stage depends on; the stages before it must be done.
@@ -225,7 +211,7 @@ impl Pipeline {
     }
 
     /// Stages of the plan that an earlier run left as this one would.
-    pub fn reusable(&self) -> Result<Vec<Stage>> {
+    pub(crate) fn reusable(&self) -> Result<Vec<Stage>> {
         let mut found: Vec<Stage> = Vec::new();
         for stage in self.plan.stages() {
             let has_inputs = stage.inputs().iter().all(|input| found.contains(input));
@@ -253,7 +239,7 @@ impl Pipeline {
     }
 
     /// The work folder.
-    pub fn work(&self) -> &WorkDir {
+    pub(crate) fn work(&self) -> &WorkDir {
         &self.work
     }
 

@@ -1,9 +1,10 @@
-//! Parts on disk: in metres and kilograms where the scale is known, else in scene units without masses.
+//! Parts on disk: in metres and kilograms where the scale is known, else in scene units without masses; and the object's
+//! inside, which the stages after it fill with material.
 
 use anyhow::Result;
 use serde::Serialize;
 
-use crate::parts::{self, Parts, PartsResult, Shape};
+use crate::parts::{self, Interior, Parts, Shape};
 use crate::workdir::Artifact;
 
 use super::{Done, Pipeline, Stage, get_or_load};
@@ -21,11 +22,15 @@ struct UnscaledFile<'a> {
 
 impl Pipeline {
     pub(super) fn parts_key(&self) -> String {
-        self.key_after_inputs(Stage::Parts).with_json(&self.options.parts).hex()
+        let after_inputs = self.key_after_inputs(Stage::Parts).with_json(&self.options.parts);
+        after_inputs.with(&Interior::VERSION.to_le_bytes()).hex()
     }
 
     pub(super) fn do_parts(&self) -> Result<Done> {
-        let result = self.parts()?;
+        let cameras = self.scene.cameras();
+        let (gaussians, scale) = (&self.scene.gaussians, self.scene.scale.as_ref());
+        let result =
+            parts::parts(gaussians, self.stored_field()?, &cameras, scale, &self.options.parts, self.progress)?;
         let mut warnings = result.warnings.clone();
         match result.metric() {
             Ok(parts) => self.work.write_json(Artifact::Parts, parts)?,
@@ -35,21 +40,22 @@ impl Pipeline {
                 warnings.push(error.to_string());
             }
         }
-        Ok(Done::writing([Artifact::Parts]).warning(warnings))
+        self.work.write_with(Artifact::Interior, |out| result.interior.write(out))?;
+        Ok(Done::writing([Artifact::Parts, Artifact::Interior]).warning(warnings))
     }
 
-    /// The parts and the object's inside: computed anew where an earlier run wrote `parts.json` but a later stage needs
-    /// the inside too.
-    pub(super) fn parts(&self) -> Result<&PartsResult> {
-        get_or_load(&self.parts, || {
-            let cameras = self.scene.cameras();
-            let (gaussians, scale) = (&self.scene.gaussians, self.scene.scale.as_ref());
-            Ok(parts::parts(gaussians, self.field()?, &cameras, scale, &self.options.parts, self.progress)?)
+    /// Which part fills each cell of the object's inside.
+    pub(super) fn interior(&self) -> Result<&Interior> {
+        get_or_load(&self.interior, || {
+            let bytes = self.work.read(Artifact::Interior)?;
+            let (cells, parts) = (self.options.parts.volume_cells, self.stored_field()?.labels.len());
+            let interior = Interior::from_bytes(&bytes, cells, parts);
+            Ok(interior.map_err(|error| self.work.damaged(Artifact::Interior, error))?)
         })
     }
 
     /// The parts in metres and kilograms; `None` where the scale is unknown.
-    pub(super) fn metric_parts(&self) -> Result<Option<Parts>> {
+    pub(super) fn stored_parts(&self) -> Result<Option<Parts>> {
         if self.scene.scale.is_none() {
             return Ok(None);
         }

@@ -47,18 +47,18 @@ impl Pipeline {
     }
 
     /// The answers of all segments.
-    pub fn answers(&self) -> Result<&Answers> {
+    pub(super) fn stored_answers(&self) -> Result<&Answers> {
         get_or_load(&self.answers, || read_answers(&self.work))
     }
 
     /// What a query would send, and what it would cost.
-    pub fn query_preview(&self) -> Result<Preview> {
+    pub(crate) fn query_preview(&self) -> Result<Preview> {
         let session = self.query_session()?;
         Ok(session.preview(&session.queries()?))
     }
 
     /// The queries of the chosen views; the scene must be segmented.
-    pub fn query_session(&self) -> Result<QuerySession<'_>> {
+    pub(crate) fn query_session(&self) -> Result<QuerySession<'_>> {
         self.query_session_with(&self.options.query)
     }
 

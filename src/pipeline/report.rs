@@ -25,9 +25,9 @@ impl Pipeline {
         let report = self.report()?;
         let segmentation = self.segmentation()?;
         let views = self.views.par_iter().zip(&segmentation.views);
-        let (gaussians, field) = (&self.scene.gaussians, self.field()?);
+        let (gaussians, field) = (&self.scene.gaussians, self.stored_field()?);
         let views = views.map(|(view, segments)| ViewPictures::draw(view, &segments.map, gaussians, field));
-        let answers = self.answers()?;
+        let answers = self.stored_answers()?;
         let sheets = answers.segments.par_iter().map(|segment| {
             let sheet = self.work.read(Artifact::Sheet(&segment.view, segment.segment))?;
             SheetPicture::shrink(&segment.view, segment.segment, &sheet)
@@ -46,8 +46,8 @@ impl Pipeline {
     }
 
     /// The result of a finished run.
-    pub fn report(&self) -> Result<Report> {
-        let (scene, field) = (&self.scene, self.field()?);
+    pub(crate) fn report(&self) -> Result<Report> {
+        let (scene, field) = (&self.scene, self.stored_field()?);
         let before = self.record.stages.iter().filter(|record| record.name < Stage::Report);
         Ok(Report {
             schema_version: report::SCHEMA_VERSION,
@@ -69,12 +69,12 @@ impl Pipeline {
                     digest: stage.digest.clone(),
                 })
                 .collect(),
-            answers: AnswerCounts::of(self.answers()?),
-            parts: self.metric_parts()?,
+            answers: AnswerCounts::of(self.stored_answers()?),
+            parts: self.stored_parts()?,
             labels: field.labels.clone(),
             gaussians_per_label: gaussians_per_label(field),
-            simulation: self.simulation()?,
-            grasp: self.grasp()?,
+            simulation: self.stored_simulation()?,
+            grasp: self.stored_grasp()?,
             warnings: before
                 .flat_map(|stage| {
                     let warn = |message: &String| Warning { stage: stage.name.name(), message: message.clone() };

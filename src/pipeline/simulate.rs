@@ -27,7 +27,7 @@ impl Pipeline {
 
     pub(super) fn do_simulate(&self, key: &str) -> Result<Done> {
         let photo = self.filming_camera()?;
-        let field = self.field()?;
+        let field = self.stored_field()?;
         let materials: Vec<Material> = field.labels.iter().map(Material::from).collect();
         let interior = self.fill_points()?;
         let input = Input {
@@ -90,7 +90,7 @@ impl Pipeline {
     }
 
     /// What the simulation did.
-    pub(super) fn simulation(&self) -> Result<SimulationReport> {
+    pub(super) fn stored_simulation(&self) -> Result<SimulationReport> {
         Ok(self.work.read_json(Artifact::Simulation)?)
     }
 
@@ -141,7 +141,7 @@ impl Pipeline {
 
     /// The object's inside, cell by cell.
     fn fill_points(&self) -> Result<Vec<FillPoint>> {
-        let interior = &self.parts()?.interior;
+        let interior = self.interior()?;
         let cell_volume = interior.grid.cell.powi(3);
         let point = |(index, label, share): (usize, u32, f64)| FillPoint {
             position: interior.grid.center(interior.grid.coords(index)).into(),

@@ -140,7 +140,7 @@ impl Pipeline {
     ///
     /// # Errors
     /// As [`Stored::open`], also if the scene's files have changed since; and what loading the scene meets.
-    pub fn stored(folder: &Path, out: Option<&Path>, progress: Progress) -> Result<Self> {
+    pub(crate) fn stored(folder: &Path, out: Option<&Path>, progress: Progress) -> Result<Self> {
         let stored = Stored::open(folder, out, &[Stage::Scene, Stage::Segment, Stage::Query, Stage::Vote])?;
         let options = stored.options(folder, out.is_some())?;
         let scene = crate::scene::load(folder, &options.scene)?;

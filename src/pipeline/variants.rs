@@ -21,8 +21,8 @@ pub struct Variants {
 
 impl Pipeline {
     /// The fields under the ablations; the scene must be voted on. Asks nobody.
-    pub fn variants(&self) -> Result<Variants> {
-        let (voters, answers) = (self.voters()?, self.answers()?);
+    pub(crate) fn variants(&self) -> Result<Variants> {
+        let (voters, answers) = (self.voters()?, self.stored_answers()?);
         let mut single_views = Vec::new();
         for view in &voters {
             match self.vote(std::slice::from_ref(view), answers) {
@@ -32,7 +32,7 @@ impl Pipeline {
             }
         }
         let local_only = self.local_answers()?.map(|answers| self.vote(&voters, &answers)).transpose()?;
-        Ok(Variants { voted: self.field()?.clone(), local_only, single_views })
+        Ok(Variants { voted: self.stored_field()?.clone(), local_only, single_views })
     }
 
     fn local_answers(&self) -> Result<Option<Answers>> {
@@ -57,12 +57,12 @@ impl Pipeline {
     }
 
     /// Whether a view is among those that vote.
-    pub fn votes(&self, view: &str) -> bool {
+    pub(crate) fn votes(&self, view: &str) -> bool {
         self.views.iter().any(|chosen| chosen.name == view)
     }
 
     /// The library that the answers were checked against.
-    pub fn library(&self) -> &crate::materials::MaterialLibrary {
+    pub(crate) fn library(&self) -> &crate::materials::MaterialLibrary {
         &self.library
     }
 }

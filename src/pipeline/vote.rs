@@ -23,7 +23,7 @@ impl Pipeline {
 
     pub(super) fn do_vote(&self) -> Result<Done> {
         let gaussians = &self.scene.gaussians;
-        let field = self.vote(&self.voters()?, self.answers()?)?;
+        let field = self.vote(&self.voters()?, self.stored_answers()?)?;
         self.work.write_with(Artifact::Field, |out| ply::write(out, gaussians, &field_ply::columns(&field)))?;
         self.work.write_json(Artifact::Labels, &field.labels)?;
         self.work.write_json(Artifact::Materials, &field_ply::materials(&field.labels, &self.library))?;
@@ -41,7 +41,7 @@ impl Pipeline {
 
     /// The field as a view of the scene sees it, whether or not it voted, as PNG; the first chosen view where none is
     /// named. The scene must be voted on.
-    pub fn show(&self, shown: Shown, view: Option<&str>) -> Result<Vec<u8>> {
+    pub(crate) fn show(&self, shown: Shown, view: Option<&str>) -> Result<Vec<u8>> {
         let chosen = match view {
             None => self.views.first(),
             Some(name) => self.scene.views.iter().find(|view| view.name == name),
@@ -50,7 +50,7 @@ impl Pipeline {
             let known: Vec<&str> = self.scene.views.iter().map(|view| view.name.as_str()).collect();
             UsageError(format!("the scene has no view {:?}; it has {}", view.unwrap_or_default(), known.join(", ")))
         })?;
-        png(&self.draw(shown, chosen, self.field()?)?)
+        png(&self.draw(shown, chosen, self.stored_field()?)?)
     }
 
     fn draw(&self, shown: Shown, view: &View, field: &MaterialField) -> Result<RgbImage> {
@@ -73,7 +73,7 @@ impl Pipeline {
     }
 
     /// The part of every Gaussian.
-    pub(super) fn field(&self) -> Result<&MaterialField> {
+    pub(super) fn stored_field(&self) -> Result<&MaterialField> {
         get_or_load(&self.field, || Ok(stored_field(self.work.root())?.1))
     }
 }

@@ -76,6 +76,8 @@ pub enum Artifact<'a> {
     Materials,
     /// 3D parts with volume, thickness, mass, inertia.
     Parts,
+    /// Which part fills each cell of the object's inside, for the stages after the parts.
+    Interior,
     /// A frame of the simulation.
     Frame(usize),
     /// The particles of a frame, for other programs.
@@ -121,6 +123,7 @@ impl Artifact<'_> {
             Self::Labels => "labels.json".into(),
             Self::Materials => "materials.json".into(),
             Self::Parts => "parts.json".into(),
+            Self::Interior => "interior.bin".into(),
             Self::Frame(index) => Path::new("simulation/frames").join(format!("{index:04}.ply")),
             Self::States(index) => Path::new("simulation/states").join(format!("{index:04}.npz")),
             Self::Checkpoint => "simulation/checkpoint.bin".into(),

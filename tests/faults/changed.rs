@@ -5,7 +5,8 @@ use std::fs;
 use std::path::{Path, PathBuf};
 use std::process::Output;
 
-use serde_json::Value;
+use gprop::workdir::Checksum;
+use serde_json::{Value, json};
 
 use super::{assert_refused, run};
 use crate::batch::ball::Balls;
@@ -140,6 +141,38 @@ fn frames_that_were_done_before_a_kill() {
         assert!(contents(&out) == calm, "{changed:?}");
         fs::remove_dir_all(&out).unwrap();
     }
+}
+
+#[test]
+fn the_inside_is_read_and_not_carved_again() {
+    let (balls, home) = (Balls::new(1), tempfile::tempdir().unwrap());
+    let (at_once, out) = (home.path().join("at_once"), home.path().join("out"));
+    assert_made_again(&simulate(&balls, &at_once), &[]);
+    // In two processes, the second of which finds the inside on disk.
+    assert_made_again(&run(&balls, &out), &[]);
+    let inside = fs::read(out.join("interior.bin")).unwrap();
+    assert_made_again(&simulate(&balls, &out), &[]);
+    assert!(contents(&out) == contents(&at_once));
+    let reused = |stage: &str| stages(&out).into_iter().find(|done| done["name"] == stage).unwrap()["reused"] == true;
+    assert!(reused("parts") && !reused("simulate"));
+    // One that somebody changed is made again.
+    change(&out.join("interior.bin"));
+    assert_made_again(&simulate(&balls, &out), &["interior.bin"]);
+    assert!(fs::read(out.join("interior.bin")).unwrap() == inside && contents(&out) == contents(&at_once));
+    // One whose checksum was changed along with it is refused by those who read it.
+    let damaged = &inside[..inside.len() - 1];
+    fs::write(out.join("interior.bin"), damaged).unwrap();
+    let mut record: Value = serde_json::from_slice(&fs::read(out.join("run.json")).unwrap()).unwrap();
+    let outputs =
+        record["stages"].as_array_mut().unwrap().iter_mut().flat_map(|stage| stage["outputs"].as_array_mut().unwrap());
+    let output = outputs.into_iter().find(|output| output["path"] == "interior.bin").unwrap();
+    let sealed = Checksum::of(damaged);
+    (output["bytes"], output["sha256"]) = (json!(sealed.bytes), json!(sealed.sha256));
+    fs::write(out.join("run.json"), record.to_string()).unwrap();
+    let mut again = gprop();
+    again.arg("export").arg(balls.scene(0)).args(["--format", "npz", "--work"]).arg(&out);
+    let exported = again.arg("--out").arg(home.path().join("exported")).args(balls.answers()).output().unwrap();
+    assert_refused(&exported, 2, &["interior.bin", "is not what gprop wrote", "do not fit its length", "run again"]);
 }
 
 #[test]

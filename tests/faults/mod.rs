@@ -31,9 +31,8 @@ use std::path::{Path, PathBuf};
 use std::process::{Command, Output};
 use std::time::{Duration, SystemTime};
 
-use gprop::exit;
+use gprop::exit::Exit;
 use gprop::pipeline::{Options, Pipeline, Plan, Stage};
-use gprop::progress::Progress;
 use gprop::segment;
 
 use crate::batch::ball::Balls;
@@ -141,12 +140,12 @@ fn a_folder_that_may_only_be_read() {
 }
 
 /// A run on the first ball up to the parts, whose answers are recorded.
-fn open(balls: &Balls, to: Stage) -> anyhow::Result<Pipeline> {
+fn open(balls: &Balls, to: Stage) -> Result<Pipeline, gprop::Error> {
     let options = Options {
         segment: segment::Options { segments: Some(balls.labels(0)), ..segment::Options::default() },
         ..Options::default()
     };
-    Pipeline::open(&balls.scene(0), None, options, Plan { to, from: None }, Progress::Hidden)
+    Pipeline::builder(balls.scene(0)).options(options).plan(Plan { to, from: None }).open()
 }
 
 #[test]
@@ -157,15 +156,17 @@ fn a_file_goes_while_it_is_worked_on() {
         let mut pipeline = open(&balls, Stage::Segment).unwrap();
         fs::remove_file(balls.scene(0).join(gone)).unwrap();
         let error = pipeline.run().unwrap_err();
-        assert_eq!(exit::of(&error), exit::Exit::Scene, "{error:#}");
-        assert!(format!("{error:#}").contains(gone), "{error:#}");
+        assert_eq!(error.kind(), Exit::Scene, "{error}");
+        assert!(error.to_string().contains(gone), "{error}");
     }
     // What gprop wrote itself is made again.
     let balls = Balls::new(1);
     let calm = tempfile::tempdir().unwrap();
     assert!(run(&balls, calm.path()).status.success());
     let out = tempfile::tempdir().unwrap();
-    for gone in ["segments/001.png", "segments/segments.json", "answers.jsonl", "field.ply", "parts.json", "run.json"] {
+    let files =
+        ["segments/001.png", "segments/segments.json", "answers.jsonl", "field.ply", "parts.json", "interior.bin"];
+    for gone in files.into_iter().chain(["run.json"]) {
         assert!(run(&balls, out.path()).status.success());
         fs::remove_file(out.path().join(gone)).unwrap();
         assert!(run(&balls, out.path()).status.success(), "{gone}");

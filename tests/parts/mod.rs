@@ -6,6 +6,7 @@ mod closed_forms;
 pub mod clouds;
 mod depth_view;
 mod hidden;
+mod interior;
 mod mutants;
 mod scenes;
 pub mod truth;

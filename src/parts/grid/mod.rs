@@ -1,12 +1,17 @@
 //! The cubic cells that space around the object is cut into, and which part fills each.
 
+mod interior;
 pub mod splat_cells;
 pub mod surface;
 
 use nalgebra::{Point3, Vector3};
 
+pub use interior::{Interior, OUTSIDE, VOID};
+
 /// Empty cells kept around the object, so that its outside is one connected piece and filters need no edge cases.
 const MARGIN: usize = 3;
+/// A box's shortest side counts as at least this share of its longest.
+const LEAST_SIDE: f64 = 1e-3;
 
 /// Cubic cells aligned with the world's axes; x runs fastest, then y, then z.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -23,7 +28,7 @@ impl Grid {
     /// some direction gets a little, so that the cell is never of size zero.
     pub fn around(low: Point3<f64>, high: Point3<f64>, cells: usize) -> Self {
         let extent = high - low;
-        let least = extent.max().max(f64::MIN_POSITIVE.sqrt()) * 1e-3;
+        let least = extent.max().max(f64::MIN_POSITIVE.sqrt()) * LEAST_SIDE;
         let extent = extent.map(|e| e.max(least));
         let cell = (extent.x * extent.y * extent.z / cells as f64).cbrt();
         let counts = extent.map(|e| (e / cell).ceil().max(1.0));
@@ -33,6 +38,19 @@ impl Grid {
             cell,
             dims: [counts.x, counts.y, counts.z].map(|n| n as usize + 2 * MARGIN),
         }
+    }
+
+    /// No grid [`around`](Self::around) a box has more cells than this, its margin included. A side of `n` cells becomes one
+    /// of fewer than `n + 1 + 2 MARGIN`. The logarithm of the product of three such sides is convex in the logarithms of
+    /// the `n`, so that it is largest for a box at the limit of flatness or of thinness.
+    pub fn most_cells(cells: usize) -> usize {
+        let sides = |n: [f64; 3]| n.iter().map(|n| n + 1.0 + 2.0 * MARGIN as f64).product::<f64>();
+        let (cube, flat) = ((cells as f64).cbrt(), LEAST_SIDE.cbrt());
+        let (long, short) = (cube / flat, cube * flat * flat);
+        let plate = sides([long, long, short]);
+        let (long, short) = (cube / (flat * flat), cube * flat);
+        let rod = sides([long, short, short]);
+        plate.max(rod) as usize
     }
 
     /// The grid whose cells are cubes of `side` of this one's a side; the last ones reach beyond it.
@@ -117,28 +135,5 @@ impl Grid {
             let above = (coords[axis] + 1 < dims[axis]).then(|| index + strides[axis]);
             below.into_iter().chain(above)
         })
-    }
-}
-
-/// Which part fills each cell of space, inside included.
-#[derive(Debug, Clone, PartialEq)]
-pub struct Interior {
-    pub grid: Grid,
-    /// Per cell: id of the part that fills it, [`OUTSIDE`] or [`VOID`].
-    pub part: Vec<u32>,
-    /// Per cell: share of it that is material, 0 to 1. Below 1 where a wall is thinner than the cell.
-    pub fraction: Vec<f32>,
-}
-
-/// A cell outside the object.
-pub const OUTSIDE: u32 = u32::MAX;
-/// A cell that a shell encloses, empty.
-pub const VOID: u32 = u32::MAX - 1;
-
-impl Interior {
-    /// Cells that hold material: index, part, share.
-    pub fn filled(&self) -> impl Iterator<Item = (usize, u32, f64)> + '_ {
-        let cells = self.part.iter().zip(&self.fraction).enumerate();
-        cells.filter(|(_, (part, _))| **part < VOID).map(|(i, (part, share))| (i, *part, f64::from(*share)))
     }
 }

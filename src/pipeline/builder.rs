@@ -1,0 +1,81 @@
+//! Where a pipeline works, and with which options.
+
+use std::path::{Path, PathBuf};
+
+use anyhow::Result;
+
+use super::{Options, Pipeline, Plan, Stage, work_folder};
+use crate::error::Error;
+use crate::grasp::gripper::GripperProfile;
+use crate::progress::Progress;
+use crate::workdir::{self, WorkDir};
+
+/// How a [`Pipeline`] is to be opened; from [`Pipeline::builder`].
+#[derive(Debug, Clone)]
+pub struct Builder {
+    folder: PathBuf,
+    out: Option<PathBuf>,
+    options: Option<Options>,
+    plan: Plan,
+    progress: Progress,
+}
+
+impl Builder {
+    pub(super) fn new(folder: &Path) -> Self {
+        Self {
+            folder: folder.to_owned(),
+            out: None,
+            options: None,
+            plan: Plan { to: Stage::Report, from: None },
+            progress: Progress::Hidden,
+        }
+    }
+
+    /// The work folder. Without it, `gprop/` in the scene's folder.
+    pub fn out(self, folder: impl AsRef<Path>) -> Self {
+        Self { out: Some(folder.as_ref().to_owned()), ..self }
+    }
+
+    /// The options. Without them, [`Options::of_scene`].
+    pub fn options(self, options: Options) -> Self {
+        Self { options: Some(options), ..self }
+    }
+
+    /// The last stage that [`Pipeline::run`] does, and from which stage on nothing of an earlier run is used. Without it,
+    /// all stages, and none is done again.
+    pub fn plan(self, plan: Plan) -> Self {
+        Self { plan, ..self }
+    }
+
+    /// What is shown on stderr while stages run. Without it, nothing but warnings, which go to `tracing`.
+    pub fn progress(self, progress: Progress) -> Self {
+        Self { progress, ..self }
+    }
+
+    /// Loads the scene and locks its work folder, which is made if it does not exist.
+    ///
+    /// # Errors
+    /// The scene cannot be read, an option is outside its domain, or the work folder cannot be used.
+    pub fn open(self) -> Result<Pipeline, Error> {
+        let options = match self.options {
+            Some(options) => options,
+            None => Options::of_scene(&self.folder)?,
+        };
+        let opened = Self::load(&self.folder, self.out.as_deref(), options, self.plan, self.progress);
+        opened.map_err(Error)
+    }
+
+    fn load(folder: &Path, out: Option<&Path>, options: Options, plan: Plan, progress: Progress) -> Result<Pipeline> {
+        let scene = crate::scene::load(folder, &options.scene)?;
+        let library = options.materials.library()?;
+        let gripper = GripperProfile::load(&options.grasp.gripper)?;
+        options.grasp.checked_lift_angle_rad()?;
+        options.parts.check()?;
+        crate::simulate::script_of(&options.simulate)?;
+        let root = work_folder(folder, out);
+        if out.is_none() {
+            workdir::refuse_link(&root, "--out")?;
+        }
+        Pipeline::within(folder, WorkDir::open(&root)?, scene, (library, gripper), options, plan, progress)
+    }
+}

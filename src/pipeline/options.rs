@@ -1,0 +1,101 @@
+//! The options of all stages, and how a file in a scene's folder sets them.
+
+use std::any::TypeId;
+use std::path::{Path, PathBuf};
+
+use anyhow::Result;
+use clap::{ArgAction, Args, FromArgMatches};
+use serde::Serialize;
+
+use crate::config::{self, SceneKey};
+use crate::error::{Error, UsageError};
+
+/// The options of all stages.
+#[derive(Debug, Clone, Default, Serialize, clap::Args)]
+pub struct Options {
+    #[command(flatten)]
+    pub scene: crate::scene::Options,
+    #[command(flatten)]
+    pub segment: crate::segment::Options,
+    #[command(flatten)]
+    pub setup: crate::setup::Options,
+    #[command(flatten)]
+    pub query: crate::query::Options,
+    #[command(flatten)]
+    pub materials: crate::materials::Options,
+    #[command(flatten)]
+    pub vote: crate::vote::Options,
+    #[command(flatten)]
+    pub parts: crate::parts::Options,
+    #[command(flatten)]
+    pub simulate: crate::simulate::Options,
+    #[command(flatten)]
+    pub grasp: crate::grasp::Options,
+}
+
+impl Options {
+    /// The defaults with what `gprop.toml` in the folder `scene` sets, which is what `gprop run` works with if it is given
+    /// no flags and the user has no `config.toml`.
+    ///
+    /// # Errors
+    /// `gprop.toml` cannot be read, has a key that a scene may not set, or a value that the key does not take.
+    pub fn of_scene(scene: impl AsRef<Path>) -> Result<Self, Error> {
+        let scene = scene.as_ref();
+        let read = || -> Result<Self> {
+            let flags = config::flags_of_scene(scene, &known_flags())?;
+            let file = scene.join(config::FILE_NAME);
+            let wrong = |error: clap::Error| {
+                let text = error.to_string();
+                let what = text.lines().next().unwrap_or_default().trim_start_matches("error: ");
+                UsageError(format!("{file:?}: {what}"))
+            };
+            let command = Self::augment_args(stages().no_binary_name(true).args_override_self(true));
+            let matches = command.try_get_matches_from(flags).map_err(wrong)?;
+            Ok(Self::from_arg_matches(&matches).map_err(wrong)?)
+        };
+        read().map_err(Error)
+    }
+}
+
+/// The keys of all stages' options that a scene's `gprop.toml` may set. Every other option is the user's alone.
+pub fn scene_keys() -> Vec<SceneKey> {
+    let stages = [
+        crate::scene::SCENE_KEYS,
+        crate::segment::SCENE_KEYS,
+        crate::setup::SCENE_KEYS,
+        crate::query::SCENE_KEYS,
+        crate::materials::SCENE_KEYS,
+        crate::vote::SCENE_KEYS,
+        crate::parts::SCENE_KEYS,
+        crate::simulate::SCENE_KEYS,
+        crate::grasp::SCENE_KEYS,
+    ];
+    stages.concat()
+}
+
+/// The one flag besides the stages' that a configuration file may set.
+pub const THREADS: &str = "threads";
+
+/// The flags that a configuration file may set, a scene's those with [`config::Flag::scene`]: those of the stages, not those
+/// of the command, and how many threads there are.
+pub fn known_flags() -> Vec<config::Flag> {
+    let stages = Options::augment_args(stages());
+    let scene_keys = scene_keys();
+    let flag = |argument: &clap::Arg| {
+        let name = argument.get_long()?.to_owned();
+        Some(config::Flag {
+            takes_value: argument.get_action().takes_values(),
+            repeats: matches!(argument.get_action(), ArgAction::Append) && argument.get_value_delimiter().is_none(),
+            is_path: argument.get_value_parser().type_id() == TypeId::of::<PathBuf>(),
+            scene: scene_keys.iter().find(|key| key.name == name).map(|key| key.value),
+            name,
+        })
+    };
+    let threads = config::Flag { name: THREADS.to_owned(), takes_value: true, ..config::Flag::default() };
+    stages.get_arguments().filter_map(flag).chain([threads]).collect()
+}
+
+/// A command with no arguments, for those of the stages.
+fn stages() -> clap::Command {
+    clap::Command::new("stages")
+}

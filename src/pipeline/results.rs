@@ -1,0 +1,85 @@
+//! What the stages make, for those who call gprop as a library.
+//!
+//! Each result does the stages that it needs, unless this pipeline or an earlier run did them with the same options, and
+//! reads what they left in the work folder.
+
+use anyhow::Result;
+
+use super::{Pipeline, Stage};
+use crate::error::Error;
+use crate::grasp::GraspReport;
+use crate::parts::{Parts, PartsError};
+use crate::query::Answers;
+use crate::segment::Segmentation;
+use crate::simulate::SimulationReport;
+use crate::vote::MaterialField;
+
+impl Pipeline {
+    /// The segments that SAM cuts out of each chosen photo: a label map in pixels of the photo, and for each segment its
+    /// area, box and quality.
+    ///
+    /// # Errors
+    /// SAM or ONNX Runtime is missing, a photo cannot be read, or the work folder cannot be written.
+    pub fn segments(&mut self) -> Result<&Segmentation, Error> {
+        self.up_to(Stage::Segment)?;
+        self.segmentation().map_err(Error)
+    }
+
+    /// The answer for each segment, in SI units, or why there is none.
+    ///
+    /// # Errors
+    /// As of [`segments`](Self::segments); an answer is neither recorded nor to be had from a server.
+    pub fn answers(&mut self) -> Result<&Answers, Error> {
+        self.up_to(Stage::Query)?;
+        self.stored_answers().map_err(Error)
+    }
+
+    /// The label, votes and confidence of each Gaussian, in the order of the splat, and what each label stands for, in SI
+    /// units.
+    ///
+    /// # Errors
+    /// As of [`answers`](Self::answers); no view has a segment with an answer.
+    pub fn field(&mut self) -> Result<&MaterialField, Error> {
+        self.up_to(Stage::Vote)?;
+        self.stored_field().map_err(Error)
+    }
+
+    /// The object and its parts in metres and kilograms, positions in the world frame.
+    ///
+    /// # Errors
+    /// As of [`field`](Self::field); the metric scale is unknown; nothing is inside the object.
+    pub fn parts(&mut self) -> Result<Parts, Error> {
+        self.up_to(Stage::Parts)?;
+        metric(self.stored_parts())
+    }
+
+    /// The simulation frame by frame, in SI units; the frames themselves lie in the work folder.
+    ///
+    /// # Errors
+    /// As of [`parts`](Self::parts), but without a metric scale one is assumed; what the simulation refuses.
+    pub fn simulation(&mut self) -> Result<SimulationReport, Error> {
+        self.up_to(Stage::Simulate)?;
+        self.stored_simulation().map_err(Error)
+    }
+
+    /// The forces with which a gripper may hold the object, in newtons, and the places to grasp at, in metres in the world
+    /// frame.
+    ///
+    /// # Errors
+    /// As of [`parts`](Self::parts); a part or point that the options name is not there.
+    pub fn grasp(&mut self) -> Result<GraspReport, Error> {
+        self.up_to(Stage::Grasp)?;
+        metric(self.stored_grasp())
+    }
+
+    /// Does the stages that `to` needs and that this pipeline has not done yet.
+    fn up_to(&mut self, to: Stage) -> Result<(), Error> {
+        self.plan.to = to;
+        self.carry_out().map_err(Error)
+    }
+}
+
+/// A result that exists only in metres.
+fn metric<T>(found: Result<Option<T>>) -> Result<T, Error> {
+    found.and_then(|found| Ok(found.ok_or(PartsError::ScaleUnknown)?)).map_err(Error)
+}

@@ -1,0 +1,96 @@
+//! The crate as others call it.
+
+use std::fs;
+
+use gprop::exit::Exit;
+use gprop::parts::PartsError;
+use gprop::pipeline::{Plan, Stage};
+use gprop::{Options, Pipeline};
+
+use crate::batch::ball::Balls;
+use crate::batch::contents;
+use crate::run::gprop;
+
+/// The options of the first ball with the server that answers, and a short simulation.
+fn options(balls: &Balls) -> Options {
+    let mut options = Options::of_scene(balls.scene(0)).unwrap();
+    let [_, url, _, model] = balls.answers();
+    (options.query.lmm_url, options.query.lmm_model) = (Some(url), Some(model));
+    (options.simulate.grid, options.simulate.frames, options.simulate.duration) = (16, 4, Some(0.04));
+    options
+}
+
+#[test]
+fn results_do_what_they_need() {
+    let balls = Balls::new(1);
+    let mut options = options(&balls);
+    // Small enough for the gripper.
+    options.scene.scale = "0.3".parse().unwrap();
+    let mut pipeline = Pipeline::builder(balls.scene(0)).options(options).open().unwrap();
+    let work = balls.scene(0).join("gprop");
+    assert_eq!(pipeline.segments().unwrap().views.len(), 3);
+    assert!(!work.join("answers.jsonl").exists(), "only what was asked for");
+    assert_eq!(pipeline.answers().unwrap().parts.len(), 6);
+    let field = pipeline.field().unwrap();
+    assert_eq!((field.part_label.len(), field.confidence.len()), (200, 200));
+    let labels = field.labels.len();
+    let parts = pipeline.parts().unwrap();
+    assert!(parts.parts.len() <= labels && parts.object.mass_kg.mid > 0.0);
+    assert!(!work.join("grasp.json").exists() && !work.join("simulation").exists());
+    let grasp = pipeline.grasp().unwrap();
+    assert!(grasp.f_min_n > 0.0 && !work.join("simulation").exists());
+    assert_eq!(pipeline.simulation().unwrap().frames.len(), 4);
+}
+
+#[test]
+fn it_shares_its_work_folder_with_the_program() {
+    let balls = Balls::new(1);
+    let (own, theirs) = (tempfile::tempdir().unwrap(), tempfile::tempdir().unwrap());
+    let mut pipeline = Pipeline::builder(balls.scene(0)).out(own.path()).options(options(&balls)).open().unwrap();
+    let parts = pipeline.parts().unwrap();
+    drop(pipeline);
+    let program = |out: &tempfile::TempDir| {
+        let mut command = gprop();
+        command.arg("parts").arg(balls.scene(0)).args(["-q", "--lmm-model", "test-model", "--out"]).arg(out.path());
+        assert!(command.output().unwrap().status.success());
+        let record: serde_json::Value =
+            serde_json::from_slice(&fs::read(out.path().join("run.json")).unwrap()).unwrap();
+        record["stages"].as_array().unwrap().iter().filter(|stage| stage["reused"] == true).count()
+    };
+    assert_eq!((program(&own), program(&theirs)), (5, 0), "stages that were reused");
+    assert!(contents(own.path()) == contents(theirs.path()));
+    let mut again = Pipeline::builder(balls.scene(0)).out(theirs.path()).open().unwrap();
+    assert_eq!(again.parts().unwrap(), parts);
+}
+
+#[test]
+fn errors_say_what_kind_they_are() {
+    let balls = Balls::new(1);
+    let error = Pipeline::open(balls.folder()).err().unwrap();
+    assert_eq!(error.kind(), Exit::Scene, "{error}");
+    // Nothing is recorded, and no server is named.
+    let error = Pipeline::open(balls.scene(0)).unwrap().answers().unwrap_err();
+    assert_eq!(error.kind(), Exit::Answer, "{error}");
+
+    let mut unscaled = options(&balls);
+    unscaled.scene.scale = Options::default().scene.scale;
+    let plan = Plan { to: Stage::Parts, from: None };
+    let mut pipeline = Pipeline::builder(balls.scene(0)).options(unscaled).plan(plan).open().unwrap();
+    pipeline.run().unwrap();
+    for error in [pipeline.parts().unwrap_err(), pipeline.grasp().unwrap_err()] {
+        assert!(matches!(error.downcast_ref(), Some(PartsError::ScaleUnknown)), "{error}");
+        assert!(error.kind() == Exit::Scene && error.to_string().contains("--scale"), "{error}");
+    }
+
+    let file = balls.scene(0).join("gprop.toml");
+    for (line, words) in [
+        ("lmm-url = \"http://h/v1\"", "a scene may not set `lmm-url`"),
+        ("volume-cells = \"many\"", "invalid value 'many' for '--volume-cells"),
+        ("volume-cell = 5", "unknown key"),
+    ] {
+        fs::write(&file, line).unwrap();
+        let error = Options::of_scene(balls.scene(0)).unwrap_err();
+        assert!(error.kind() == Exit::Usage && error.to_string().contains(words), "{error}");
+        assert!(error.to_string().contains("gprop.toml"), "{error}");
+    }
+}
