@@ -30,10 +30,10 @@ impl Pipeline {
         let answers = self.answers()?;
         let sheets = answers.parts.par_iter().map(|part| {
             let sheet = self.work.read(Artifact::Sheet(&part.view, part.part))?;
-            SheetPicture::shrink(&part.view, part.part, &sheet)
+            Ok(SheetPicture::shrink(&part.view, part.part, &sheet)?)
         });
         let pictures = Pictures {
-            views: views.collect::<Result<_>>()?,
+            views: views.collect::<Result<_, _>>()?,
             sheets: sheets.collect::<Result<_>>()?,
             animation: self.work.read(Artifact::Animation)?,
             grasp: self.grasp_picture()?,

@@ -12,7 +12,7 @@ use std::sync::Mutex;
 use gprop::evaluate::masks::{Comparison, Reference, compare};
 use gprop::progress::Progress;
 use gprop::scene::{ForegroundSource, Photo};
-use gprop::segment::{LabelMap, Options, Segmenter, ViewSegments, segment_views};
+use gprop::segment::{LabelMap, Options, SegmentError, Segmenter, ViewSegments, segment_views};
 use gprop::setup::ModelFiles;
 use image::{GrayImage, Luma, Rgb, RgbImage};
 
@@ -179,7 +179,7 @@ fn views_are_handed_on_one_by_one_and_returned_in_order() {
     let saved = Mutex::new(Vec::new());
     let save = |view: &ViewSegments| {
         saved.lock().unwrap().push(view.view.clone());
-        Ok(())
+        Ok::<_, SegmentError>(())
     };
     let names = ["c", "a", "b"];
     let segmentation =

@@ -7,6 +7,7 @@ mod cache;
 mod decoder;
 mod encoder;
 mod graph;
+mod mismatch;
 mod pool;
 mod runtime;
 
@@ -18,6 +19,7 @@ use cache::Cache;
 pub use decoder::Wanted;
 use decoder::{Decoder, PictureValues};
 use encoder::Encoder;
+pub use mismatch::Mismatch;
 
 /// Side of the square picture that the encoder sees.
 pub const MODEL_SIDE: usize = 1024;
@@ -82,7 +84,7 @@ impl Sam {
 
     /// Encodes a preprocessed picture, `[3,1024,1024]` as [`super::preprocess`] makes it.
     pub fn encode(&self, input: &[f32]) -> Result<Embedding, SegmentError> {
-        let encode = || self.encoder.run(input).map_err(|reason| SegmentError::Run { what: "the SAM encoder", reason });
+        let encode = || self.encoder.run(input).map_err(|source| SegmentError::Run { what: "the SAM encoder", source });
         let Some(cache) = &self.cache else { return encode() };
         let path = cache.path(input);
         if let Some(embedding) = Cache::read(&path) {
@@ -120,7 +122,7 @@ impl Sam {
 ///
 /// # Errors
 /// Says in what they differ from SAM's.
-pub fn check_decoder(bytes: &[u8]) -> Result<(), String> {
+pub fn check_decoder(bytes: &[u8]) -> Result<(), Mismatch> {
     decoder::check(bytes)
 }
 
@@ -130,14 +132,14 @@ impl Embedding {
     }
 }
 
-fn decoder_failed(reason: String) -> SegmentError {
-    SegmentError::Run { what: "the SAM decoder", reason }
+fn decoder_failed(source: Mismatch) -> SegmentError {
+    SegmentError::Run { what: "the SAM decoder", source }
 }
 
-fn unloadable(path: &Path, what: &'static str) -> impl Fn(String) -> SegmentError {
-    move |reason| SegmentError::Model { path: path.to_owned(), what, reason }
+fn unloadable<E: Into<Mismatch>>(path: &Path, what: &'static str) -> impl Fn(E) -> SegmentError {
+    move |source| SegmentError::Model { path: path.to_owned(), what, source: source.into() }
 }
 
-fn not_sam(path: &Path, what: &'static str) -> impl Fn(String) -> SegmentError {
-    move |problem| SegmentError::NotSam { path: path.to_owned(), what, problem }
+fn not_sam(path: &Path, what: &'static str) -> impl Fn(Mismatch) -> SegmentError {
+    move |source| SegmentError::NotSam { path: path.to_owned(), what, source }
 }

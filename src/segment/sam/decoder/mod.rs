@@ -18,7 +18,7 @@ use std::path::Path;
 use super::super::error::SegmentError;
 use super::graph::Model;
 use super::runtime::{self, Runtime};
-use super::{Decoded, Embedding, LOGITS_SIDE, MODEL_SIDE, not_sam, unloadable};
+use super::{Decoded, Embedding, LOGITS_SIDE, MODEL_SIDE, Mismatch, not_sam, unloadable};
 use feed::{OUTPUTS, PromptShape, check_names};
 use four_masks::SEARCHED_VALUES;
 use quick::Quick;
@@ -52,29 +52,28 @@ pub enum PictureValues {
 
 /// Reads what gprop itself makes of an export, without running any of it: names, the prompt's shape, the parameters, the
 /// graph cut to other outputs.
-pub fn check(bytes: &[u8]) -> Result<(), String> {
-    let model = Model::parse(bytes).ok_or("it is not an ONNX model, or one cut short")?;
+pub fn check(bytes: &[u8]) -> Result<(), Mismatch> {
+    let model = Model::parse(bytes).ok_or(Mismatch::NotOnnx)?;
     let names = check_names(&model);
     let prompt = PromptShape::of(&model).map(PromptShape::blank);
     let inside = model.ancestors(OUTPUTS[0], SEARCHED_VALUES);
     let constants = model.constants();
     let fused = fused::Fused::read(&model, &constants);
     let sources = fused::Sources::find(&model, &constants);
-    Model::parse(&model.with_outputs(&inside)).ok_or("its graph cannot be cut")?;
+    Model::parse(&model.with_outputs(&inside)).ok_or(Mismatch::Uncut)?;
     names.and(prompt.map(drop)).and(fused.map(drop)).and(sources.map(drop))
 }
 
 impl Decoder {
     /// Loads the model in `bytes`, read from `path`, for use on `threads` threads at once.
     pub fn open(runtime: &Runtime, path: &Path, bytes: &[u8], threads: usize) -> Result<Self, SegmentError> {
-        let not_onnx = || unloadable(path, DECODER)("it is not an ONNX model, or one cut short".to_owned());
-        let model = Model::parse(bytes).ok_or_else(not_onnx)?;
+        let model = Model::parse(bytes).ok_or(Mismatch::NotOnnx).map_err(unloadable(path, DECODER))?;
         // What is wrong with the file as a whole is ONNX Runtime's to say.
         runtime::session(runtime, bytes).map_err(unloadable(path, DECODER))?;
         Self::of_model(runtime, &model, threads).map_err(not_sam(path, DECODER))
     }
 
-    fn of_model(runtime: &Runtime, model: &Model, threads: usize) -> Result<Self, String> {
+    fn of_model(runtime: &Runtime, model: &Model, threads: usize) -> Result<Self, Mismatch> {
         check_names(model)?;
         let prompt = PromptShape::of(model)?;
         let whole = Self { prompt, backend: Backend::Whole(Whole::open(runtime, model, prompt, 1)?) };
@@ -99,7 +98,7 @@ impl Decoder {
     }
 
     /// Computes what the prompts need of a picture.
-    pub fn prepare(&self, embedding: &Embedding) -> Result<PictureValues, String> {
+    pub fn prepare(&self, embedding: &Embedding) -> Result<PictureValues, Mismatch> {
         match &self.backend {
             Backend::Quick(quick) => quick.prepare(embedding).map(PictureValues::Quick),
             Backend::Whole(_) => Ok(PictureValues::Whole(embedding.clone())),
@@ -113,16 +112,16 @@ impl Decoder {
         points: &[[f32; 2]],
         wanted: &Wanted<'_>,
         take: impl FnMut(usize, Decoded<'_>),
-    ) -> Result<(), String> {
+    ) -> Result<(), Mismatch> {
         match (&self.backend, picture) {
             (Backend::Quick(quick), PictureValues::Quick(picture)) => quick.run(picture, points, wanted, take),
             (Backend::Whole(whole), PictureValues::Whole(embedding)) => whole.run(embedding, points, wanted, take),
-            _ => Err("the picture was prepared by another decoder".to_owned()),
+            _ => Err(Mismatch::OtherDecoder),
         }
     }
 
     /// Whether both decode a prompt to a made-up picture alike.
-    fn check_against(&self, other: &Self) -> Result<(), String> {
+    fn check_against(&self, other: &Self) -> Result<(), Mismatch> {
         // Any values will do that are as large as an embedding's and the same every time.
         let mut state = 1_u32;
         let mut next = || {
@@ -131,7 +130,7 @@ impl Decoder {
         };
         let embedding = Embedding(Embedding::blank().0.iter().map(|_| next()).collect());
         let point = [0.4 * MODEL_SIDE as f32, 0.3 * MODEL_SIDE as f32];
-        let decode = |decoder: &Self| -> Result<(Vec<f32>, [f32; 3]), String> {
+        let decode = |decoder: &Self| -> Result<(Vec<f32>, [f32; 3]), Mismatch> {
             let mut answer = (Vec::new(), [0.0; 3]);
             decoder.run(&decoder.prepare(&embedding)?, &[point], &|_| [true; 3], |_, decoded| {
                 answer = (decoded.logits.into_iter().flatten().flatten().copied().collect(), decoded.predicted_iou);
@@ -147,7 +146,7 @@ impl Decoder {
         if of_logits <= AGREEMENT && of_scores <= AGREEMENT {
             Ok(())
         } else {
-            Err(format!("on a trial its logits are {of_logits:e} and its predicted IoU {of_scores:e} off"))
+            Err(Mismatch::Trial { logits: of_logits, predicted_iou: of_scores })
         }
     }
 }

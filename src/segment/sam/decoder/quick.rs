@@ -6,7 +6,7 @@ use ort::session::{Session, SessionOutputs};
 use super::super::graph::Model;
 use super::super::pool::Pool;
 use super::super::runtime::{self, Runtime};
-use super::super::{Decoded, Embedding};
+use super::super::{Decoded, Embedding, Mismatch};
 use super::Wanted;
 use super::feed::{PromptShape, feed, standard_inputs};
 use super::fused::{CHANNELS, Fused, MASKS, Picture, Scratch, Sources, TOKENS};
@@ -22,11 +22,11 @@ pub struct Quick {
 
 impl Quick {
     /// For use on `threads` threads at once. The error says in what the model differs from SAM's.
-    pub fn open(runtime: &Runtime, model: &Model, prompt: PromptShape, threads: usize) -> Result<Self, String> {
+    pub fn open(runtime: &Runtime, model: &Model, prompt: PromptShape, threads: usize) -> Result<Self, Mismatch> {
         let constants = model.constants();
         let fused = Fused::read(model, &constants)?;
         let sources = Sources::find(model, &constants)?;
-        let sessions = |outputs: &[&str], count: usize| -> Result<_, String> {
+        let sessions = |outputs: &[&str], count: usize| -> ort::Result<_> {
             let cut = model.with_outputs(outputs);
             Ok(Pool::new((0..count).map(|_| runtime::session(runtime, &cut)).collect::<Result<_, _>>()?))
         };
@@ -38,16 +38,16 @@ impl Quick {
         Ok(quick)
     }
 
-    pub fn prepare(&self, embedding: &Embedding) -> Result<Picture, String> {
+    pub fn prepare(&self, embedding: &Embedding) -> Result<Picture, Mismatch> {
         let blank = self.prompt.blank();
         let standard = standard_inputs(embedding, &blank, self.prompt);
         self.picture.with(|session| {
             let inputs = feed(session, &standard)?;
-            let outputs = session.run(inputs).map_err(|error| error.to_string())?;
+            let outputs = session.run(inputs)?;
             // The same for every prompt of a batch.
             let first = |name: &str| {
                 let values = floats(&outputs, name)?.get(..embedding.0.len());
-                values.map(<[f32]>::to_vec).ok_or_else(|| format!("{name:?} is smaller than a picture's embedding"))
+                values.map(<[f32]>::to_vec).ok_or_else(|| Mismatch::SmallValue(name.to_owned()))
             };
             Ok(self.fused.prepare(first(&self.sources.picture)?, first(&self.sources.positions)?))
         })
@@ -59,7 +59,7 @@ impl Quick {
         points: &[[f32; 2]],
         wanted: &Wanted<'_>,
         mut take: impl FnMut(usize, Decoded<'_>),
-    ) -> Result<(), String> {
+    ) -> Result<(), Mismatch> {
         let tokens = self.tokens_of(points)?;
         let of_prompt = tokens.chunks_exact(tokens.len() / self.prompt.batch);
         // The first mask is the one for unambiguous prompts; the others are the three levels.
@@ -80,21 +80,20 @@ impl Quick {
     }
 
     /// `[batch, tokens, CHANNELS]`, and no other number of tokens than SAM's prompts have.
-    fn tokens_of(&self, points: &[[f32; 2]]) -> Result<Vec<f32>, String> {
+    fn tokens_of(&self, points: &[[f32; 2]]) -> Result<Vec<f32>, Mismatch> {
         let prompt = self.prompt.fill(points);
         let of_prompt = prompt.inputs(self.prompt);
         self.tokens.with(|session| {
             let inputs = feed(session, &of_prompt)?;
-            let outputs = session.run(inputs).map_err(|error| error.to_string())?;
+            let outputs = session.run(inputs)?;
             let tokens = floats(&outputs, &self.sources.tokens)?;
             let is_of_sam = |count| tokens.len() == count * self.prompt.batch * CHANNELS;
             let fits = (MASKS + 1..=TOKENS).any(is_of_sam);
-            fits.then(|| tokens.to_vec())
-                .ok_or_else(|| format!("the tokens of its prompts are {} numbers", tokens.len()))
+            fits.then(|| tokens.to_vec()).ok_or(Mismatch::Tokens(tokens.len()))
         })
     }
 }
 
-fn floats<'a>(outputs: &'a SessionOutputs<'_>, name: &str) -> Result<&'a [f32], String> {
-    Ok(outputs[name].try_extract_tensor::<f32>().map_err(|error| error.to_string())?.1)
+fn floats<'a>(outputs: &'a SessionOutputs<'_>, name: &str) -> Result<&'a [f32], Mismatch> {
+    Ok(outputs[name].try_extract_tensor::<f32>()?.1)
 }

@@ -19,8 +19,8 @@ mod weights;
 #[cfg(target_arch = "x86_64")]
 mod x86;
 
-use super::super::LOGITS_SIDE;
 use super::super::graph::{Constants, Model};
+use super::super::{LOGITS_SIDE, Mismatch};
 use attention::{OnlineSoftmax, Scores, TokenValues, softmax_over_tokens};
 use first_layer::FirstLayer;
 use layers::{add, perceptron};
@@ -90,7 +90,7 @@ enum Instructions {
 
 impl Fused {
     /// The error says what of SAM's mask decoder was not found.
-    pub fn read(model: &Model, constants: &Constants) -> Result<Self, String> {
+    pub fn read(model: &Model, constants: &Constants) -> Result<Self, Mismatch> {
         Ok(Self { weights: Weights::read(model, constants)?, instructions: Instructions::of_this_processor() })
     }
 
