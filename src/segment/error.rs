@@ -28,6 +28,11 @@ pub enum SegmentError {
     Model { path: PathBuf, what: &'static str, source: Mismatch },
     #[error("{path:?} is not {what}: {source}")]
     NotSam { path: PathBuf, what: &'static str, source: Mismatch },
+    #[error(
+        "--decoder native: gprop cannot compute the decoder in {path:?} itself: {source}; without --decoder, or with \
+         --decoder onnxruntime, ONNX Runtime runs it, which is slower"
+    )]
+    NoNativeDecoder { path: PathBuf, source: Mismatch },
     #[error("ONNX Runtime failed to run {what}: {source}")]
     Run { what: &'static str, source: Mismatch },
 }

@@ -19,7 +19,7 @@ use image::{GrayImage, Luma, Rgb, RgbImage};
 use crate::support;
 
 fn segmenter(files: &ModelFiles) -> Segmenter {
-    Segmenter::new(files, 2).unwrap()
+    Segmenter::new(files, None, 2).unwrap()
 }
 
 fn root() -> &'static Path {

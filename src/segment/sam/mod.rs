@@ -14,10 +14,11 @@ mod runtime;
 use std::path::Path;
 
 use super::error::SegmentError;
+use super::options::DecoderRuntime;
 use crate::setup::ModelFiles;
 use cache::Cache;
 pub use decoder::Wanted;
-use decoder::{Decoder, PictureValues};
+use decoder::{Decoder, Prepared};
 use encoder::Encoder;
 pub use mismatch::Mismatch;
 
@@ -40,7 +41,7 @@ pub struct Sam {
 pub struct Embedding(Vec<f32>);
 
 /// What the decoder needs of one picture, whatever the prompt.
-pub struct PreparedEmbedding(PictureValues);
+pub struct PreparedEmbedding(Prepared);
 
 /// The three nested masks of one prompt: small, middle, large.
 #[derive(Debug, Clone, Copy)]
@@ -51,25 +52,27 @@ pub struct Decoded<'a> {
 }
 
 impl Sam {
-    /// Loads the networks for use on `threads` threads at once.
+    /// Loads the networks for use on `threads` threads at once. Without a `decoder` gprop computes the mask decoder itself
+    /// if it can.
     ///
     /// # Errors
-    /// Where ONNX Runtime or a model cannot be loaded, or a model has not the tensors of SAM.
-    pub fn open(files: &ModelFiles, threads: usize) -> Result<Self, SegmentError> {
+    /// ONNX Runtime or a model cannot be loaded, a model has not the tensors of SAM, or gprop cannot compute the mask decoder
+    /// although [`DecoderRuntime::Native`] is asked for.
+    pub fn open(files: &ModelFiles, decoder: Option<DecoderRuntime>, threads: usize) -> Result<Self, SegmentError> {
         let runtime = runtime::load(&files.onnxruntime)?;
         let read =
             |path: &Path| std::fs::read(path).map_err(|source| SegmentError::Read { path: path.to_owned(), source });
         let threads = threads.max(1);
         let (encoder, decoder) = rayon::join(
             || Encoder::open(&runtime, &files.encoder, threads),
-            || Decoder::open(&runtime, &files.decoder, &read(&files.decoder)?, threads),
+            || Decoder::open(&runtime, &files.decoder, &read(&files.decoder)?, decoder, threads),
         );
         Ok(Self { encoder: encoder?, decoder: decoder?, cache: None })
     }
 
-    /// Whether gprop computes the decoder itself; else ONNX Runtime runs the export as it is.
-    pub fn decodes_itself(&self) -> bool {
-        self.decoder.is_quick()
+    /// Whether gprop computes the mask decoder itself; else ONNX Runtime runs the export as it is.
+    pub fn decodes_natively(&self) -> bool {
+        self.decoder.is_native()
     }
 
     /// Keeps embeddings in `folder`, and takes them from there where the same encoder made them of the same picture.

@@ -1,28 +1,29 @@
-//! The prompt decoder.
+//! From a prompt to masks: SAM's prompt encoder and mask decoder, which exports hold in one graph.
 //!
 //! 1. `feed`: the inputs of the standard export.
 //! 2. `four_masks`: where the logits of all masks and their predicted IoU lie. An export that returns only the best of
 //!    its four masks has all of them as values inside.
-//! 3. `whole`: ONNX Runtime runs the export as it is, for every prompt.
-//! 4. `fused`, which `quick` feeds: gprop computes SAM's mask decoder itself, several times faster. It serves where the
-//!    export has SAM's parameters by their names and where both ways agree on a trial.
+//! 3. `onnx_runtime`: ONNX Runtime runs the export as it is, for every prompt.
+//! 4. `native`: ONNX Runtime runs the prompt encoder, and gprop the mask decoder (`mask_decoder`), several times faster. It
+//!    serves if the export has SAM's parameters by their names and both ways agree on a trial.
 
 mod feed;
 mod four_masks;
-mod fused;
-mod quick;
-mod whole;
+mod mask_decoder;
+mod native;
+mod onnx_runtime;
 
 use std::path::Path;
 
 use super::super::error::SegmentError;
+use super::super::options::DecoderRuntime;
 use super::graph::Model;
 use super::runtime::{self, Runtime};
 use super::{Decoded, Embedding, LOGITS_SIDE, MODEL_SIDE, Mismatch, not_sam, unloadable};
 use feed::{OUTPUTS, PromptShape, check_names};
 use four_masks::SEARCHED_VALUES;
-use quick::Quick;
-use whole::Whole;
+use native::Native;
+use onnx_runtime::OnnxRuntime;
 
 const DECODER: &str = "a SAM prompt decoder (the standard export)";
 /// Pixels of one mask's logits.
@@ -40,14 +41,14 @@ pub struct Decoder {
 }
 
 enum Backend {
-    Quick(Box<Quick>),
-    Whole(Whole),
+    Native(Box<Native>),
+    OnnxRuntime(OnnxRuntime),
 }
 
-/// What a prompt takes of one picture.
-pub enum PictureValues {
-    Quick(fused::Picture),
-    Whole(Embedding),
+/// An image's embedding with the decoder's work that no prompt changes.
+pub enum Prepared {
+    Native(mask_decoder::PreparedEmbedding),
+    OnnxRuntime(Embedding),
 }
 
 /// Reads what gprop itself makes of an export, without running any of it: names, the prompt's shape, the parameters, the
@@ -58,38 +59,64 @@ pub fn check(bytes: &[u8]) -> Result<(), Mismatch> {
     let prompt = PromptShape::of(&model).map(PromptShape::blank);
     let inside = model.ancestors(OUTPUTS[0], SEARCHED_VALUES);
     let constants = model.constants();
-    let fused = fused::Fused::read(&model, &constants);
-    let sources = fused::Sources::find(&model, &constants);
+    let mask_decoder = mask_decoder::MaskDecoder::read(&model, &constants);
+    let sources = mask_decoder::Sources::find(&model, &constants);
     Model::parse(&model.with_outputs(&inside)).ok_or(Mismatch::Uncut)?;
-    names.and(prompt.map(drop)).and(fused.map(drop)).and(sources.map(drop))
+    names.and(prompt.map(drop)).and(mask_decoder.map(drop)).and(sources.map(drop))
 }
 
 impl Decoder {
-    /// Loads the model in `bytes`, read from `path`, for use on `threads` threads at once.
-    pub fn open(runtime: &Runtime, path: &Path, bytes: &[u8], threads: usize) -> Result<Self, SegmentError> {
+    /// Loads the model in `bytes`, read from `path`, for use on `threads` threads at once. Without a `choice` gprop's own
+    /// mask decoder serves if it can.
+    pub fn open(
+        runtime: &Runtime,
+        path: &Path,
+        bytes: &[u8],
+        choice: Option<DecoderRuntime>,
+        threads: usize,
+    ) -> Result<Self, SegmentError> {
         let model = Model::parse(bytes).ok_or(Mismatch::NotOnnx).map_err(unloadable(path, DECODER))?;
         // What is wrong with the file as a whole is ONNX Runtime's to say.
         runtime::session(runtime, bytes).map_err(unloadable(path, DECODER))?;
-        Self::of_model(runtime, &model, threads).map_err(not_sam(path, DECODER))
+        let not_sam = not_sam(path, DECODER);
+        check_names(&model).map_err(&not_sam)?;
+        let prompt = PromptShape::of(&model).map_err(&not_sam)?;
+        let exported = |threads: usize| {
+            let backend = OnnxRuntime::open(runtime, &model, prompt, threads).map_err(&not_sam)?;
+            Ok(Self { prompt, backend: Backend::OnnxRuntime(backend) })
+        };
+        if choice == Some(DecoderRuntime::OnnxRuntime) {
+            return exported(threads);
+        }
+        match Self::native(runtime, &model, prompt, threads, &exported(1)?) {
+            Ok(native) => Ok(native),
+            Err(source) if choice == Some(DecoderRuntime::Native) => {
+                Err(SegmentError::NoNativeDecoder { path: path.to_owned(), source })
+            }
+            Err(reason) => {
+                tracing::info!("the SAM decoder runs as exported, which is slower: {reason}");
+                exported(threads)
+            }
+        }
     }
 
-    fn of_model(runtime: &Runtime, model: &Model, threads: usize) -> Result<Self, Mismatch> {
-        check_names(model)?;
-        let prompt = PromptShape::of(model)?;
-        let whole = Self { prompt, backend: Backend::Whole(Whole::open(runtime, model, prompt, 1)?) };
-        let quick = Quick::open(runtime, model, prompt, threads).and_then(|quick| {
-            let quick = Self { prompt, backend: Backend::Quick(Box::new(quick)) };
-            quick.check_against(&whole).map(|()| quick)
-        });
-        quick.or_else(|reason| {
-            tracing::info!("the SAM decoder runs as exported, which is slower: {reason}");
-            Ok(Self { prompt, backend: Backend::Whole(Whole::open(runtime, model, prompt, threads)?) })
-        })
+    /// The native decoder, if it decodes a trial prompt as the `exported` one does.
+    fn native(
+        runtime: &Runtime,
+        model: &Model,
+        prompt: PromptShape,
+        threads: usize,
+        exported: &Self,
+    ) -> Result<Self, Mismatch> {
+        let native = Box::new(Native::open(runtime, model, prompt, threads)?);
+        let native = Self { prompt, backend: Backend::Native(native) };
+        native.check_against(exported)?;
+        Ok(native)
     }
 
-    /// Whether gprop computes it itself.
-    pub fn is_quick(&self) -> bool {
-        matches!(self.backend, Backend::Quick(_))
+    /// Whether gprop computes the mask decoder itself.
+    pub fn is_native(&self) -> bool {
+        matches!(self.backend, Backend::Native(_))
     }
 
     /// How many prompts a run takes.
@@ -97,25 +124,25 @@ impl Decoder {
         self.prompt.batch
     }
 
-    /// Computes what the prompts need of a picture.
-    pub fn prepare(&self, embedding: &Embedding) -> Result<PictureValues, Mismatch> {
+    /// Does the work that no prompt changes.
+    pub fn prepare(&self, embedding: &Embedding) -> Result<Prepared, Mismatch> {
         match &self.backend {
-            Backend::Quick(quick) => quick.prepare(embedding).map(PictureValues::Quick),
-            Backend::Whole(_) => Ok(PictureValues::Whole(embedding.clone())),
+            Backend::Native(native) => native.prepare(embedding).map(Prepared::Native),
+            Backend::OnnxRuntime(_) => Ok(Prepared::OnnxRuntime(embedding.clone())),
         }
     }
 
     /// Decodes up to [`Self::batch`] point prompts and hands the masks of each to `take`, with the prompt's index.
     pub fn run(
         &self,
-        picture: &PictureValues,
+        image: &Prepared,
         points: &[[f32; 2]],
         wanted: &Wanted<'_>,
         take: impl FnMut(usize, Decoded<'_>),
     ) -> Result<(), Mismatch> {
-        match (&self.backend, picture) {
-            (Backend::Quick(quick), PictureValues::Quick(picture)) => quick.run(picture, points, wanted, take),
-            (Backend::Whole(whole), PictureValues::Whole(embedding)) => whole.run(embedding, points, wanted, take),
+        match (&self.backend, image) {
+            (Backend::Native(native), Prepared::Native(image)) => native.run(image, points, wanted, take),
+            (Backend::OnnxRuntime(exported), Prepared::OnnxRuntime(image)) => exported.run(image, points, wanted, take),
             _ => Err(Mismatch::OtherDecoder),
         }
     }

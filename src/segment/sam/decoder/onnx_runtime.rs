@@ -10,13 +10,14 @@ use super::feed::{PromptShape, feed, standard_inputs};
 use super::four_masks::FourMasks;
 use super::{LOGITS, Wanted};
 
-pub struct Whole {
+/// ONNX Runtime with the export, cut to the values of all masks.
+pub struct OnnxRuntime {
     sessions: Pool<Session>,
     prompt: PromptShape,
     outputs: FourMasks,
 }
 
-impl Whole {
+impl OnnxRuntime {
     /// For use on `threads` threads at once.
     pub fn open(runtime: &Runtime, model: &Model, prompt: PromptShape, threads: usize) -> Result<Self, Mismatch> {
         let outputs = FourMasks::find(runtime, model, prompt)?;

@@ -54,14 +54,14 @@ const UPSCALED_TWICE: usize = 32;
 /// Which of the masks are to be made, given the predicted IoU of all.
 pub type Wanted<'a> = dyn Fn(&[f32; MASKS]) -> [bool; MASKS] + 'a;
 
-/// The decoder.
-pub struct Fused {
+/// The mask decoder.
+pub struct MaskDecoder {
     weights: Weights,
     instructions: Instructions,
 }
 
-/// What of the decoder's work no prompt changes.
-pub struct Picture {
+/// An image's embedding with the decoder's work that no prompt changes.
+pub struct PreparedEmbedding {
     /// `[PIXELS, CHANNELS]`.
     embedding: Vec<f32>,
     positions: Vec<f32>,
@@ -88,30 +88,30 @@ enum Instructions {
     Any,
 }
 
-impl Fused {
+impl MaskDecoder {
     /// The error says what of SAM's mask decoder was not found.
     pub fn read(model: &Model, constants: &Constants) -> Result<Self, Mismatch> {
         Ok(Self { weights: Weights::read(model, constants)?, instructions: Instructions::of_this_processor() })
     }
 
-    /// `embedding` and `positions` are `[PIXELS, CHANNELS]`.
-    pub fn prepare(&self, embedding: Vec<f32>, positions: Vec<f32>) -> Picture {
+    /// `embedding` and `positions`, its positional encoding, are `[PIXELS, CHANNELS]`.
+    pub fn prepare(&self, embedding: Vec<f32>, positions: Vec<f32>) -> PreparedEmbedding {
         assert!(embedding.len() == PIXELS * CHANNELS && positions.len() == PIXELS * CHANNELS);
         let first_layer = first_layer(self.instructions, &self.weights, &embedding, &positions);
-        Picture { embedding, positions, first_layer }
+        PreparedEmbedding { embedding, positions, first_layer }
     }
 
     /// Decodes a prompt of `[count, CHANNELS]` tokens. Leaves the logits of the masks that are `wanted`, given the predicted
     /// IoU of all, in `scratch`, and returns the predicted IoU.
     pub fn decode(
         &self,
-        picture: &Picture,
+        image: &PreparedEmbedding,
         tokens: &[f32],
         wanted: &Wanted<'_>,
         scratch: &mut Scratch,
     ) -> [f32; MASKS] {
         assert!(tokens.len().is_multiple_of(CHANNELS) && (MASKS + 1..=TOKENS).contains(&(tokens.len() / CHANNELS)));
-        decode(self.instructions, &self.weights, picture, tokens, wanted, scratch)
+        decode(self.instructions, &self.weights, image, tokens, wanted, scratch)
     }
 }
 
@@ -163,7 +163,7 @@ macro_rules! dispatched {
 
 dispatched!(fn first_layer(weights: &Weights, embedding: &[f32], positions: &[f32]) -> FirstLayer = first_layer_with);
 dispatched!(
-    fn decode(weights: &Weights, picture: &Picture, tokens: &[f32], wanted: &Wanted<'_>, scratch: &mut Scratch) -> [f32; MASKS] =
+    fn decode(weights: &Weights, image: &PreparedEmbedding, tokens: &[f32], wanted: &Wanted<'_>, scratch: &mut Scratch) -> [f32; MASKS] =
         decode_with
 );
 
@@ -178,12 +178,12 @@ fn first_layer_with<V: Vector>(weights: &Weights, embedding: &[f32], positions: 
 #[inline(always)]
 fn decode_with<V: Vector>(
     weights: &Weights,
-    picture: &Picture,
+    image: &PreparedEmbedding,
     tokens: &[f32],
     wanted: &Wanted<'_>,
     scratch: &mut Scratch,
 ) -> [f32; MASKS] {
-    let tokens = transform::<V>(weights, picture, tokens, scratch);
+    let tokens = transform::<V>(weights, image, tokens, scratch);
     let mut padded = [0.0; MOST_LANES];
     perceptron::<V>(&weights.predicted_iou, &tokens.values[..CHANNELS], &mut padded);
     let mut predicted_iou = [0.0; MASKS];
@@ -207,14 +207,14 @@ fn decode_with<V: Vector>(
 
 /// The two-way transformer: returns the tokens, and leaves the pixels in `scratch`.
 #[inline(always)]
-fn transform<V: Vector>(weights: &Weights, picture: &Picture, tokens: &[f32], scratch: &mut Scratch) -> Tokens {
+fn transform<V: Vector>(weights: &Weights, image: &PreparedEmbedding, tokens: &[f32], scratch: &mut Scratch) -> Tokens {
     let [first, second] = &weights.layers;
     let last = &weights.final_attention;
     let mut tokens = Tokens::new(tokens);
 
     tokens.begin::<V>(&first.self_attention, &first.norm1);
     let queries = tokens.project_placed::<V>(&first.token_to_image.query);
-    let found = picture.first_layer.found::<V>(&queries, &mut scratch.scores);
+    let found = image.first_layer.found::<V>(&queries, &mut scratch.scores);
     tokens.add_attended::<V>(&found, &first.token_to_image.out, &first.norm2);
     tokens.transform::<V>(&first.hidden, &first.norm3);
     let keys = tokens.project_placed::<V>(&first.image_to_token.key);
@@ -230,10 +230,10 @@ fn transform<V: Vector>(weights: &Weights, picture: &Picture, tokens: &[f32], sc
     for start in (0..PIXELS).step_by(BLOCK) {
         let range = start * CHANNELS..(start + BLOCK) * CHANNELS;
         let block = &mut scratch.pixels[range.clone()];
-        block.copy_from_slice(&picture.embedding[range.clone()]);
-        picture.first_layer.weights::<V>(&keys, tokens.count, start, &mut weighed);
+        block.copy_from_slice(&image.embedding[range.clone()]);
+        image.first_layer.weights::<V>(&keys, tokens.count, start, &mut weighed);
         token_values.add_to::<V>(Left { values: &weighed, row: 1, column: BLOCK }, block);
-        add::<V>(block, &picture.positions[range], &mut placed);
+        add::<V>(block, &image.positions[range], &mut placed);
         scores.of::<V>(&placed, &mut weighed);
         softmax.add::<V>(&mut weighed, block);
     }
@@ -253,7 +253,7 @@ fn transform<V: Vector>(weights: &Weights, picture: &Picture, tokens: &[f32], sc
     for start in (0..PIXELS).step_by(BLOCK) {
         let range = start * CHANNELS..(start + BLOCK) * CHANNELS;
         let block = &mut scratch.pixels[range.clone()];
-        let positions = &picture.positions[range];
+        let positions = &image.positions[range];
         add::<V>(block, positions, &mut placed);
         shares.of::<V>(&placed, &mut weighed);
         softmax_over_tokens::<V>(&mut weighed, tokens.count);
@@ -331,14 +331,14 @@ mod tests {
         }
     }
 
-    fn decoded(fused: &Fused, count: usize) -> (Vec<f32>, [f32; MASKS]) {
+    fn decoded(decoder: &MaskDecoder, count: usize) -> (Vec<f32>, [f32; MASKS]) {
         let numbers = Numbers(Cell::new(7));
-        let picture = fused.prepare(numbers.take(PIXELS * CHANNELS, 1.0), numbers.take(PIXELS * CHANNELS, 1.0));
+        let image = decoder.prepare(numbers.take(PIXELS * CHANNELS, 1.0), numbers.take(PIXELS * CHANNELS, 1.0));
         let mut scratch = Scratch::new();
         let tokens = numbers.take(count * CHANNELS, 1.0);
-        let scores = fused.decode(&picture, &tokens, &|_| [true; MASKS], &mut scratch);
+        let scores = decoder.decode(&image, &tokens, &|_| [true; MASKS], &mut scratch);
         let all = scratch.logits.concat();
-        fused.decode(&picture, &tokens, &|_| [false, true, false, true], &mut scratch);
+        decoder.decode(&image, &tokens, &|_| [false, true, false, true], &mut scratch);
         let side = LOGITS_SIDE * LOGITS_SIDE;
         assert_eq!(scratch.logits.concat(), [&all[side..2 * side], &all[3 * side..]].concat(), "only those wanted");
         (all, scores)
@@ -346,7 +346,7 @@ mod tests {
 
     #[test]
     fn all_instructions_give_the_same_to_rounding() {
-        let mut fused = Fused { weights: Numbers(Cell::new(1)).weights(), instructions: Instructions::Any };
+        let mut decoder = MaskDecoder { weights: Numbers(Cell::new(1)).weights(), instructions: Instructions::Any };
         let mut others = Vec::new();
         #[cfg(target_arch = "x86_64")]
         {
@@ -354,13 +354,13 @@ mod tests {
             others.extend(x86::avx512().then_some(Instructions::Avx512));
         }
         for count in [MASKS + 1, TOKENS - 1, TOKENS] {
-            fused.instructions = Instructions::Any;
-            let (logits, scores) = decoded(&fused, count);
+            decoder.instructions = Instructions::Any;
+            let (logits, scores) = decoded(&decoder, count);
             let greatest = logits.iter().fold(0.0_f32, |most, value| most.max(value.abs()));
             assert!(greatest > 0.1 && scores.iter().all(|score| score.is_finite()), "{greatest} {scores:?}");
             for &instructions in &others {
-                fused.instructions = instructions;
-                let (other_logits, other_scores) = decoded(&fused, count);
+                decoder.instructions = instructions;
+                let (other_logits, other_scores) = decoded(&decoder, count);
                 let apart = logits.iter().zip(&other_logits).fold(0.0_f32, |most, (a, b)| most.max((a - b).abs()));
                 assert!(apart < 1e-4 * greatest, "{instructions:?} {count}: {apart} of {greatest}");
                 for (score, other) in scores.iter().zip(other_scores) {

@@ -66,9 +66,9 @@ pub struct Weights {
 pub struct Sources {
     /// `[batch, tokens, 256]`: output tokens, then those of the prompt.
     pub tokens: String,
-    /// `[batch, 4096, 256]`: the picture, and the encoding of positions.
-    pub picture: String,
-    pub positions: String,
+    /// `[batch, 4096, 256]`.
+    pub image_embedding: String,
+    pub positional_encoding: String,
 }
 
 impl Weights {
@@ -100,11 +100,15 @@ impl Sources {
         let reader = Reader { model, constants };
         let first = "transformer.layers.0";
         let tokens = reader.product_before(&format!("{first}.self_attn.q_proj.bias"))?.0;
-        let picture = reader.product_before(&format!("{first}.cross_attn_token_to_image.v_proj.bias"))?.0;
+        let image = reader.product_before(&format!("{first}.cross_attn_token_to_image.v_proj.bias"))?.0;
         let placed = reader.product_before(&format!("{first}.cross_attn_token_to_image.k_proj.bias"))?.0;
         let terms = model.producer(placed, "Add").unwrap_or_default();
-        let positions = terms.iter().find(|term| *term != picture).ok_or_else(|| Mismatch::NoSum(placed.to_owned()))?;
-        Ok(Self { tokens: tokens.to_owned(), picture: picture.to_owned(), positions: positions.clone() })
+        let positions = terms.iter().find(|term| *term != image).ok_or_else(|| Mismatch::NoSum(placed.to_owned()))?;
+        Ok(Self {
+            tokens: tokens.to_owned(),
+            image_embedding: image.to_owned(),
+            positional_encoding: positions.clone(),
+        })
     }
 }
 
