@@ -12,7 +12,8 @@
 //!                                                                                     report/ export/
 //! ```
 //!
-//! [`render`] draws Gaussians for every stage after [`scene`]; [`pictures`] holds the pictures that several stages make.
+//! [`render`] draws Gaussians for every stage after [`scene`]; [`pictures`] holds the pictures that several stages make,
+//! [`simd`] the vector registers that SAM's decoder and the simulation compute with.
 //! Imports never lead back, neither between these modules nor between files; `tests/structure.rs` checks it.
 //!
 //! The method follows *GaussianProperty: Integrating Physical Properties to 3D Gaussians with LMMs* (Xu et al., 2024).
@@ -47,6 +48,7 @@ pub mod report;
 pub mod scene;
 pub mod segment;
 pub mod setup;
+pub mod simd;
 pub mod simulate;
 pub mod units;
 pub mod values;

@@ -3,7 +3,7 @@
 //! It computes what the exported graph computes, in an order that saves most of the work: projections move from the 4096
 //! pixels to the few tokens (`attention`, `first_layer`), every pixel is read once a layer while it is in the cache, and masks that are
 //! not wanted, which their predicted IoU tells before, are not made. `weights` finds the parameters in the export, `tokens`
-//! and `upscale` are the rest of the network, and `layers`, `matrix` and `vector` what they are made of.
+//! and `upscale` are the rest of the network, and `layers` and `matrix` what they are made of.
 //!
 //! The network is that of Kirillov et al., Segment Anything (2023), section A; names of layers are those of the public
 //! implementation (`TwoWayTransformer`, `MaskDecoder`).
@@ -14,10 +14,7 @@ mod layers;
 mod matrix;
 mod tokens;
 mod upscale;
-mod vector;
 mod weights;
-#[cfg(target_arch = "x86_64")]
-mod x86;
 
 use super::super::graph::{Constants, Model};
 use super::super::{LOGITS_SIDE, Mismatch};
@@ -26,10 +23,10 @@ use first_layer::FirstLayer;
 use layers::{add, perceptron};
 use matrix::Left;
 use tokens::Tokens;
-use vector::{MOST_LANES, Plain, Vector};
 pub use weights::Sources;
 use weights::Weights;
 
+use crate::simd::{Instructions, Kernel, MOST_LANES, Vector};
 /// Side of the picture's embedding.
 const SIDE: usize = 64;
 const PIXELS: usize = SIDE * SIDE;
@@ -78,16 +75,6 @@ pub struct Scratch {
     pub logits: Vec<[f32; LOGITS_SIDE * LOGITS_SIDE]>,
 }
 
-/// For which the decoder is compiled.
-#[derive(Debug, Clone, Copy)]
-enum Instructions {
-    #[cfg(target_arch = "x86_64")]
-    Avx512,
-    #[cfg(target_arch = "x86_64")]
-    Avx2,
-    Any,
-}
-
 impl MaskDecoder {
     /// The error says what of SAM's mask decoder was not found.
     pub fn read(model: &Model, constants: &Constants) -> Result<Self, Mismatch> {
@@ -97,7 +84,8 @@ impl MaskDecoder {
     /// `embedding` and `positions`, its positional encoding, are `[PIXELS, CHANNELS]`.
     pub fn prepare(&self, embedding: Vec<f32>, positions: Vec<f32>) -> PreparedEmbedding {
         assert!(embedding.len() == PIXELS * CHANNELS && positions.len() == PIXELS * CHANNELS);
-        let first_layer = first_layer(self.instructions, &self.weights, &embedding, &positions);
+        let kernel = FirstLayerOf { weights: &self.weights, embedding: &embedding, positions: &positions };
+        let first_layer = self.instructions.run(kernel);
         PreparedEmbedding { embedding, positions, first_layer }
     }
 
@@ -111,7 +99,7 @@ impl MaskDecoder {
         scratch: &mut Scratch,
     ) -> [f32; MASKS] {
         assert!(tokens.len().is_multiple_of(CHANNELS) && (MASKS + 1..=TOKENS).contains(&(tokens.len() / CHANNELS)));
-        decode(self.instructions, &self.weights, image, tokens, wanted, scratch)
+        self.instructions.run(Decoding { weights: &self.weights, image, tokens, wanted, scratch })
     }
 }
 
@@ -121,88 +109,61 @@ impl Scratch {
     }
 }
 
-impl Instructions {
-    fn of_this_processor() -> Self {
-        #[cfg(target_arch = "x86_64")]
-        {
-            if x86::avx512() {
-                return Self::Avx512;
-            }
-            if x86::avx2() {
-                return Self::Avx2;
-            }
-        }
-        Self::Any
+/// The first layer of a picture.
+struct FirstLayerOf<'a> {
+    weights: &'a Weights,
+    embedding: &'a [f32],
+    positions: &'a [f32],
+}
+
+impl Kernel for FirstLayerOf<'_> {
+    type Output = FirstLayer;
+
+    #[inline(always)]
+    fn run<V: Vector>(self) -> FirstLayer {
+        let mut placed = vec![0.0; PIXELS * CHANNELS];
+        add::<V>(self.embedding, self.positions, &mut placed);
+        let layer = &self.weights.layers[0];
+        FirstLayer::new::<V>(self.embedding, &placed, &layer.token_to_image, &layer.image_to_token)
     }
 }
 
-/// A function that runs a generic one with the vectors that the processor has.
-macro_rules! dispatched {
-    (fn $name:ident($($argument:ident: $kind:ty),*) -> $result:ty = $generic:ident) => {
-        fn $name(instructions: Instructions, $($argument: $kind),*) -> $result {
-            #[cfg(target_arch = "x86_64")]
-            #[target_feature(enable = "avx512f")]
-            fn avx512($($argument: $kind),*) -> $result {
-                $generic::<x86::Avx512>($($argument),*)
-            }
-            #[cfg(target_arch = "x86_64")]
-            #[target_feature(enable = "avx2,fma")]
-            fn avx2($($argument: $kind),*) -> $result {
-                $generic::<x86::Avx2>($($argument),*)
-            }
-            match instructions {
-                #[cfg(target_arch = "x86_64")]
-                Instructions::Avx512 => unsafe { avx512($($argument),*) },
-                #[cfg(target_arch = "x86_64")]
-                Instructions::Avx2 => unsafe { avx2($($argument),*) },
-                Instructions::Any => $generic::<Plain>($($argument),*),
-            }
-        }
-    };
+/// The decoding of a prompt.
+struct Decoding<'a> {
+    weights: &'a Weights,
+    image: &'a PreparedEmbedding,
+    tokens: &'a [f32],
+    wanted: &'a Wanted<'a>,
+    scratch: &'a mut Scratch,
 }
 
-dispatched!(fn first_layer(weights: &Weights, embedding: &[f32], positions: &[f32]) -> FirstLayer = first_layer_with);
-dispatched!(
-    fn decode(weights: &Weights, image: &PreparedEmbedding, tokens: &[f32], wanted: &Wanted<'_>, scratch: &mut Scratch) -> [f32; MASKS] =
-        decode_with
-);
+impl Kernel for Decoding<'_> {
+    type Output = [f32; MASKS];
 
-#[inline(always)]
-fn first_layer_with<V: Vector>(weights: &Weights, embedding: &[f32], positions: &[f32]) -> FirstLayer {
-    let mut placed = vec![0.0; PIXELS * CHANNELS];
-    add::<V>(embedding, positions, &mut placed);
-    let layer = &weights.layers[0];
-    FirstLayer::new::<V>(embedding, &placed, &layer.token_to_image, &layer.image_to_token)
-}
+    #[inline(always)]
+    fn run<V: Vector>(self) -> [f32; MASKS] {
+        let Self { weights, image, tokens, wanted, scratch } = self;
+        let tokens = transform::<V>(weights, image, tokens, scratch);
+        let mut padded = [0.0; MOST_LANES];
+        perceptron::<V>(&weights.predicted_iou, &tokens.values[..CHANNELS], &mut padded);
+        let mut predicted_iou = [0.0; MASKS];
+        predicted_iou.copy_from_slice(&padded[..MASKS]);
 
-#[inline(always)]
-fn decode_with<V: Vector>(
-    weights: &Weights,
-    image: &PreparedEmbedding,
-    tokens: &[f32],
-    wanted: &Wanted<'_>,
-    scratch: &mut Scratch,
-) -> [f32; MASKS] {
-    let tokens = transform::<V>(weights, image, tokens, scratch);
-    let mut padded = [0.0; MOST_LANES];
-    perceptron::<V>(&weights.predicted_iou, &tokens.values[..CHANNELS], &mut padded);
-    let mut predicted_iou = [0.0; MASKS];
-    predicted_iou.copy_from_slice(&padded[..MASKS]);
-
-    let mut masks = Vec::with_capacity(MASKS);
-    for (mask, is_wanted) in wanted(&predicted_iou).into_iter().enumerate() {
-        if is_wanted {
-            let mut vector = [0.0; UPSCALED_TWICE];
-            let token = &tokens.values[(1 + mask) * CHANNELS..][..CHANNELS];
-            perceptron::<V>(&weights.hypernetworks[mask], token, &mut vector);
-            masks.push(vector);
+        let mut masks = Vec::with_capacity(MASKS);
+        for (mask, is_wanted) in wanted(&predicted_iou).into_iter().enumerate() {
+            if is_wanted {
+                let mut vector = [0.0; UPSCALED_TWICE];
+                let token = &tokens.values[(1 + mask) * CHANNELS..][..CHANNELS];
+                perceptron::<V>(&weights.hypernetworks[mask], token, &mut vector);
+                masks.push(vector);
+            }
         }
+        scratch.logits.resize(masks.len(), [0.0; LOGITS_SIDE * LOGITS_SIDE]);
+        if !masks.is_empty() {
+            upscale::upscale::<V>(weights, &scratch.pixels, &masks, &mut scratch.logits);
+        }
+        predicted_iou
     }
-    scratch.logits.resize(masks.len(), [0.0; LOGITS_SIDE * LOGITS_SIDE]);
-    if !masks.is_empty() {
-        upscale::upscale::<V>(weights, &scratch.pixels, &masks, &mut scratch.logits);
-    }
-    predicted_iou
 }
 
 /// The two-way transformer: returns the tokens, and leaves the pixels in `scratch`.
@@ -346,19 +307,13 @@ mod tests {
 
     #[test]
     fn all_instructions_give_the_same_to_rounding() {
-        let mut decoder = MaskDecoder { weights: Numbers(Cell::new(1)).weights(), instructions: Instructions::Any };
-        let mut others = Vec::new();
-        #[cfg(target_arch = "x86_64")]
-        {
-            others.extend(x86::avx2().then_some(Instructions::Avx2));
-            others.extend(x86::avx512().then_some(Instructions::Avx512));
-        }
+        let mut decoder = MaskDecoder { weights: Numbers(Cell::new(1)).weights(), instructions: Instructions::ANY };
         for count in [MASKS + 1, TOKENS - 1, TOKENS] {
-            decoder.instructions = Instructions::Any;
+            decoder.instructions = Instructions::ANY;
             let (logits, scores) = decoded(&decoder, count);
             let greatest = logits.iter().fold(0.0_f32, |most, value| most.max(value.abs()));
             assert!(greatest > 0.1 && scores.iter().all(|score| score.is_finite()), "{greatest} {scores:?}");
-            for &instructions in &others {
+            for instructions in Instructions::all_of_this_processor() {
                 decoder.instructions = instructions;
                 let (other_logits, other_scores) = decoded(&decoder, count);
                 let apart = logits.iter().zip(&other_logits).fold(0.0_f32, |most, (a, b)| most.max((a - b).abs()));

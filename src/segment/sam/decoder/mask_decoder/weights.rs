@@ -5,8 +5,8 @@
 
 use super::super::super::Mismatch;
 use super::super::super::graph::{Constants, Model};
-use super::vector::MOST_LANES;
 use super::{CHANNELS, INNER, MASKS, UPSCALED, UPSCALED_TWICE};
+use crate::simd::MOST_LANES;
 
 /// Feed-forward width of the transformer (`mlp_dim`).
 pub const HIDDEN: usize = 2048;
