@@ -132,7 +132,7 @@ impl Source {
                 path.pop();
             }
             let tokens = without_tests(tokens(&text));
-            let names = uses(&tokens).into_iter().map(|(name, path)| (name, path.to_owned())).collect();
+            let names = uses(&tokens).into_iter().map(|(name, path)| (name, path.clone())).collect();
             (path, Module { file, tokens, names })
         };
         Self(files.into_iter().map(module).collect())

@@ -185,7 +185,7 @@ fn resumed_run_ends_in_the_same_bytes() {
     let mut stop_after_two = |frame: &Frame, snapshot: &Snapshot| {
         saved.clear();
         snapshot.write(&mut saved)?;
-        if frame.index == 2 { anyhow::bail!("the machine went down") } else { Ok(()) }
+        if frame.index == 2 { Err(anyhow::anyhow!("the machine went down")) } else { Ok(()) }
     };
     let stopped = simulate(&bar.input(), &options(), None, &mut stop_after_two, Progress::Hidden);
     assert_eq!(stopped.unwrap_err().to_string(), "the machine went down");

@@ -72,7 +72,7 @@ struct Order<'a> {
     context: Context<'a>,
 }
 
-impl<'a> Order<'a> {
+impl Order<'_> {
     fn run<'s>(&'s self, slab: usize, scope: &ScopeFifo<'s>) {
         self.scatter(slab);
         if !slab.is_multiple_of(2) {

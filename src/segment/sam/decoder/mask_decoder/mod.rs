@@ -27,6 +27,7 @@ pub use weights::Sources;
 use weights::Weights;
 
 use crate::simd::{Instructions, Kernel, MOST_LANES, Vector};
+
 /// Side of the picture's embedding.
 const SIDE: usize = 64;
 const PIXELS: usize = SIDE * SIDE;
