@@ -105,7 +105,7 @@ fn bench(criterion: &mut Criterion) {
         bencher.iter(|| {
             let surface = Surface::of(&scene.gaussians, &field.part_label, &cameras, 1.0);
             grasp(black_box(weighed), &field.labels, Some(&surface), 1.0, &gripper, &options)
-        })
+        });
     });
     group.finish();
 }

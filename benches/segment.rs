@@ -59,7 +59,7 @@ fn with_models(criterion: &mut Criterion) {
         Ok(files) => files,
         Err(error) => return eprintln!("skipped encode and decode: {error}"),
     };
-    let sam = Sam::open(&files, 1).expect("the models are whole");
+    let sam = Sam::open(&files, None, 1).expect("the models are whole");
     let path = concat!(env!("CARGO_MANIFEST_DIR"), "/fixtures/hammer/images/000.png");
     let picture: RgbImage = image::open(path).expect("the fixture is there").into_rgb8();
     criterion.bench_function("segment/scale and normalise, 512x512", |b| b.iter(|| prepare(&picture)));

@@ -40,7 +40,7 @@
 //! ```
 //!
 //! [`render`] draws Gaussians for every stage after [`scene`]; [`pictures`] holds the pictures that several stages make,
-//! [`plots`] draws their plots.
+//! [`plots`] draws their plots, [`simd`] has the vector registers that SAM's decoder and the simulation compute with.
 //! Imports never lead back, neither between these modules nor between files; `tests/structure.rs` checks it.
 //!
 //! The method follows *GaussianProperty: Integrating Physical Properties to 3D Gaussians with LMMs* (Xu et al., 2024).
@@ -76,6 +76,7 @@ pub mod report;
 pub mod scene;
 pub mod segment;
 pub mod setup;
+pub mod simd;
 pub mod simulate;
 pub mod units;
 pub mod values;

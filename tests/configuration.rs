@@ -13,7 +13,7 @@ use crate::run::gprop;
 use crate::support::skipped;
 
 /// What no scene may set, each with a value that its option takes.
-const REFUSED: [(&str, &str); 22] = [
+const REFUSED: [(&str, &str); 23] = [
     ("ort-lib", "\"lib.so\""),
     ("ort_lib", "\"lib.so\""),
     ("sam-encoder", "\"encoder.onnx\""),
@@ -35,6 +35,7 @@ const REFUSED: [(&str, &str); 22] = [
     ("max-simulation-minutes", "1e9"),
     ("threads", "1"),
     ("cache-embeddings", "true"),
+    ("decoder", "\"onnxruntime\""),
     ("allow-read", "\"/\""),
 ];
 

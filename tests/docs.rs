@@ -219,7 +219,7 @@ fn options(code: &str) -> Vec<(String, Option<String>)> {
 fn samples(argument: &clap::Arg, shown: Option<&str>, file: &str, folder: &str) -> Vec<String> {
     let paths = [file.to_owned(), folder.to_owned(), "new".to_owned()];
     let defaults = argument.get_default_values().iter().map(|value| value.to_string_lossy().into_owned());
-    let names: Vec<String> = argument.get_value_names().into_iter().flatten().map(|name| name.to_string()).collect();
+    let names: Vec<String> = argument.get_value_names().into_iter().flatten().map(ToString::to_string).collect();
     let is_placeholder =
         |text: &str| !text.is_empty() && text.chars().all(|c| !c.is_ascii_lowercase() && !c.is_ascii_digit());
     let is_path = argument.get_value_parser().type_id() == std::any::TypeId::of::<PathBuf>();

@@ -55,6 +55,35 @@ fn no_stage_imports_a_later_one() {
     }
 }
 
+/// `anyhow` is for the program, which adds what was being done; every other room says by a type what went wrong.
+#[test]
+fn only_the_program_uses_anyhow() {
+    const PROGRAM: [&str; 5] = ["batch", "cli", "error", "exit", "pipeline"];
+    for module in Source::read().0.values().filter(|module| !PROGRAM.contains(&&*room(&module.file))) {
+        assert!(!module.tokens.iter().any(|token| token == "anyhow"), "{} uses anyhow", module.file);
+    }
+}
+
+/// A text can only be shown; an error of a type can be told apart, counted and tested. clap wants texts of value parsers.
+#[test]
+fn no_error_is_a_string_but_a_value_parsers() {
+    let source = Source::read();
+    let parsers: BTreeSet<&str> = source.0.values().flat_map(|module| value_parsers(&module.tokens)).collect();
+    for module in source.0.values().filter(|module| module.file != "values.rs") {
+        for owner in owners_of_string_errors(&module.tokens) {
+            assert!(parsers.contains(owner), "{}: {owner} has an error that is a String", module.file);
+        }
+    }
+}
+
+#[test]
+fn the_reader_of_errors_sees_strings() {
+    let text = "fn parse(text: &str) -> Result<Vec<(u8, String)>, String> {} fn go() -> Result<String, Broken> {} \
+                type Line = (u8, Result<u8, String>); #[arg(value_parser = Set::parse, default_value_t = 1)]";
+    assert_eq!(owners_of_string_errors(&tokens(text)), ["parse", "Line"]);
+    assert_eq!(value_parsers(&tokens(text)), ["parse"]);
+}
+
 #[test]
 fn a_module_with_a_folder_is_the_folders_mod_rs() {
     for root in ["src", "tests"] {
@@ -103,7 +132,7 @@ impl Source {
                 path.pop();
             }
             let tokens = without_tests(tokens(&text));
-            let names = uses(&tokens).into_iter().map(|(name, path)| (name, path.to_owned())).collect();
+            let names = uses(&tokens).into_iter().map(|(name, path)| (name, path.clone())).collect();
             (path, Module { file, tokens, names })
         };
         Self(files.into_iter().map(module).collect())
@@ -160,6 +189,49 @@ impl Source {
         }
         None
     }
+}
+
+/// The names of the functions that options are parsed with.
+fn value_parsers(tokens: &[String]) -> Vec<&str> {
+    let starts =
+        (0..tokens.len()).filter(|&n| tokens[n] == "value_parser" && tokens.get(n + 1).is_some_and(|t| t == "="));
+    let is_path = |token: &&String| *token == "::" || token.chars().all(|c| c.is_alphanumeric() || c == '_');
+    starts.filter_map(|start| tokens[start + 2..].iter().take_while(is_path).last()).map(String::as_str).collect()
+}
+
+/// What each `Result<_, String>` belongs to: the function, type, field or binding whose name came last before it.
+fn owners_of_string_errors(tokens: &[String]) -> Vec<&str> {
+    let mut owner = "";
+    let mut found = Vec::new();
+    for (n, token) in tokens.iter().enumerate() {
+        if ["fn", "type", "struct", "enum"].contains(&token.as_str()) {
+            owner = tokens.get(n + 1).map_or("", String::as_str);
+        }
+        if token == "Result"
+            && tokens.get(n + 1).is_some_and(|next| next == "<")
+            && error_type(&tokens[n + 2..]) == ["String"]
+        {
+            found.push(owner);
+        }
+    }
+    found
+}
+
+/// The second type between the brackets that were opened before `tokens`; none if there is only one.
+fn error_type(tokens: &[String]) -> &[String] {
+    let (mut depth, mut start) = (0, None);
+    for (n, token) in tokens.iter().enumerate() {
+        match token.as_str() {
+            "<" | "(" | "[" => depth += 1,
+            // The arrow of a function's type closes nothing.
+            ">" if n > 0 && tokens[n - 1] == "-" => {}
+            ">" if depth == 0 => return start.map_or(&[], |start: usize| &tokens[start..n]),
+            ">" | ")" | "]" => depth -= 1,
+            "," if depth == 0 && start.is_none() => start = Some(n + 1),
+            _ => {}
+        }
+    }
+    &[]
 }
 
 /// Every file below `folder` that ends in `.rs`, with slashes, sorted.

@@ -107,7 +107,7 @@ fn change(files: &mut Files, bytes: &[u8], may: impl Fn(&Path) -> bool) {
             176..208 => drop(content.drain(at..content.len().min(at + usize::from(value[0])))),
             208..232 => content.truncate(at),
             232..244 => {
-                drop(content.splice(at..at, vec![value[0]; usize::from(u16::from_le_bytes([value[1], value[2]]))]))
+                drop(content.splice(at..at, vec![value[0]; usize::from(u16::from_le_bytes([value[1], value[2]]))]));
             }
             _ => drop(files.remove(index)),
         }

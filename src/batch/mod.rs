@@ -174,7 +174,7 @@ impl Batch {
         for scene in self.scenes() {
             match self.standing_of(scene, &known) {
                 Standing::Failed if !self.options.retry_failed => {
-                    kept.push(ledger::of(scene, &self.key(scene), &known))
+                    kept.push(ledger::of(scene, &self.key(scene), &known));
                 }
                 Standing::Done => kept.push(ledger::of(scene, &self.key(scene), &known)),
                 _ => open.push(scene),

@@ -126,7 +126,7 @@ impl<'a> Questions<'a> {
                     left.extend(kept);
                 }
             }
-            ended.failed.into_iter().for_each(|(_, reason)| collected.add_failed(reason));
+            ended.failed.into_iter().for_each(|(_, reason)| collected.add_failed(&reason));
             submitted.jobs.retain(|other| other.id != job.id);
             if !left.is_empty() {
                 submitted.jobs.push(api::BatchApiJob { id: job.id, waiting: left });
@@ -144,7 +144,7 @@ impl<'a> Questions<'a> {
             for (waiting, answered) in answered {
                 match session.record(queries, &self.client, waiting, answered)? {
                     Ok(()) => collected.recorded += 1,
-                    Err(reason) => collected.add_failed(reason),
+                    Err(reason) => collected.add_failed(&reason),
                 }
             }
             Ok(())

@@ -281,6 +281,7 @@ mod tests {
         "also",
         "answers",
         "cache-embeddings",
+        "decoder",
         "lmm-max-tokens",
         "lmm-model",
         "lmm-parallel",

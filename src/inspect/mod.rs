@@ -106,11 +106,20 @@ pub struct Args {
     pub options: Options,
 }
 
+/// Why `gprop inspect` ends without an inspection or its page.
+#[derive(Debug, thiserror::Error)]
+pub enum InspectError {
+    #[error("{0}")]
+    Scene(#[from] SceneError),
+    #[error("{0}")]
+    Page(#[from] UsageError),
+}
+
 /// Does what `gprop inspect` asks for: the inspection, and the same as text; writes the page.
 ///
 /// # Errors
 /// [`SceneError`] as [`inspect`]; a page that cannot be written.
-pub fn command(args: &Args, progress: Progress) -> anyhow::Result<(Inspection, String)> {
+pub fn command(args: &Args, progress: Progress) -> Result<(Inspection, String), InspectError> {
     let (inspection, (scene, views)) = inspect_and_draw(&args.scene, &args.options, progress)?;
     let mut text = to_text(&inspection);
     if let Some(path) = &args.html {

@@ -12,9 +12,8 @@ pub mod thumbnail;
 
 use std::io::Cursor;
 
-use anyhow::Result;
 use image::codecs::jpeg::JpegEncoder;
-use image::{Rgb, RgbImage};
+use image::{ImageResult, Rgb, RgbImage};
 
 use crate::scene::Photo;
 use crate::segment::LabelMap;
@@ -43,7 +42,7 @@ fn mix(Rgb(under): Rgb<u8>, over: [f32; 3]) -> Rgb<u8> {
 ///
 /// # Errors
 /// Where the picture does not encode.
-pub fn jpeg(picture: &RgbImage, longest_side: u32) -> Result<Vec<u8>> {
+pub fn jpeg(picture: &RgbImage, longest_side: u32) -> ImageResult<Vec<u8>> {
     let longest = picture.width().max(picture.height());
     let fitted = (longest > longest_side).then(|| {
         let side = |length: u32| (length * longest_side / longest).max(1);

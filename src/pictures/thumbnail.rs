@@ -1,8 +1,7 @@
 //! A scene at a glance, small enough for a list of thousands: its photo and its materials, cut to the object.
 
-use anyhow::Result;
 use image::imageops::{crop_imm, thumbnail};
-use image::{DynamicImage, GenericImage, Rgb, RgbImage};
+use image::{DynamicImage, GenericImage, ImageResult, Rgb, RgbImage};
 
 use crate::camera::{Camera, Intrinsics};
 use crate::query::sheet::panel::{Area, bounding_box};
@@ -21,7 +20,7 @@ const PAPER: Rgb<u8> = Rgb([255; 3]);
 ///
 /// # Errors
 /// Where the picture does not encode.
-pub fn draw(camera: &Camera, photo: &Photo, gaussians: &Gaussians, field: &MaterialField) -> Result<Vec<u8>> {
+pub fn draw(camera: &Camera, photo: &Photo, gaussians: &Gaussians, field: &MaterialField) -> ImageResult<Vec<u8>> {
     let (width, height) = photo.rgb.dimensions();
     let whole = Area { x0: 0, y0: 0, x1: width, y1: height };
     let area = bounding_box(&photo.foreground).map_or(whole, |object| object.with_margin(width, height));

@@ -17,6 +17,15 @@ use crate::workdir::Artifact;
 
 use super::query_session::QuerySession;
 
+/// Why a collected answer is not recorded.
+#[derive(Debug, thiserror::Error)]
+pub enum NotUsable {
+    #[error("it was asked with other prompts, another library or other options than now")]
+    OtherQuestion,
+    #[error("{0}")]
+    Answer(Failure),
+}
+
 /// What `--batch-api submit` did.
 #[derive(Debug, Serialize)]
 pub struct Sent {
@@ -117,10 +126,10 @@ impl QuerySession<'_> {
                     for (waiting, answered) in ended.answered {
                         match self.record(&queries, client, waiting, answered)? {
                             Ok(()) => collected.recorded += 1,
-                            Err(reason) => collected.add_failed(reason),
+                            Err(reason) => collected.add_failed(&reason),
                         }
                     }
-                    ended.failed.into_iter().for_each(|(_, reason)| collected.add_failed(reason));
+                    ended.failed.into_iter().for_each(|(_, reason)| collected.add_failed(&reason));
                     submitted.jobs.retain(|other| other.id != job.id);
                     self.work.write_json(Artifact::BatchApiJobs, &submitted)?;
                 }
@@ -136,13 +145,13 @@ impl QuerySession<'_> {
         client: &Client,
         waiting: Waiting,
         answered: Answered,
-    ) -> Result<Result<(), String>> {
+    ) -> Result<Result<(), NotUsable>> {
         let Some(question) = queries.questions.find(&waiting.asked) else {
-            return Ok(Err("it was asked with other prompts, another library or other options than now".into()));
+            return Ok(Err(NotUsable::OtherQuestion));
         };
         let read = queries.questions.read(question, &answered.text, &self.library, Unknown::TakeNearest);
         if let Err(problem) = read {
-            return Ok(Err(problem.failure.to_string()));
+            return Ok(Err(NotUsable::Answer(problem.failure)));
         }
         let Answered { text, served_model, usage } = answered;
         self.recordings.insert(&Recording::new(client.answerer(), waiting.asked, text, served_model, usage))?;
@@ -179,8 +188,8 @@ impl Collected {
     }
 
     /// Counts a question that was not answered usably.
-    pub fn add_failed(&mut self, reason: String) {
-        *self.failed.entry(reason).or_default() += 1;
+    pub fn add_failed(&mut self, reason: &impl ToString) {
+        *self.failed.entry(reason.to_string()).or_default() += 1;
     }
 
     /// Whether everything that was submitted is recorded now.

@@ -15,6 +15,8 @@ use crate::simulate::compat::{self, CompatReport};
 use crate::simulate::states;
 use crate::workdir::{Artifact, WorkDir};
 
+use super::simulate::NOT_KEPT;
+
 /// Runs the configuration in `config` on the Gaussians of `scene`, a folder or a PLY, and writes frames, states and
 /// `simulation.json` into `out`.
 ///
@@ -31,10 +33,13 @@ pub fn run(
     let config = Config::from_json(&text).with_context(|| format!("{config:?}"))?;
     let gaussians = gaussians(scene, options)?;
     let work = WorkDir::open(out)?;
-    let mut save = |frame: usize, particles: &[Particle], gaussians: &Gaussians| -> Result<()> {
+    let save = |frame: usize, particles: &[Particle], gaussians: &Gaussians| -> Result<()> {
         work.write_with(Artifact::Frame(frame), |out| ply::write(out, gaussians, &[]))?;
         let state = |i: usize| (&particles[i]).into();
         Ok(work.write_with(Artifact::States(frame), |out| states::write(out, particles.len(), state))?)
+    };
+    let mut save = |frame: usize, particles: &[Particle], gaussians: &Gaussians| {
+        save(frame, particles, gaussians).context(NOT_KEPT)
     };
     let report = compat::run(&gaussians, &config, &mut save, progress)?;
     work.write_json(Artifact::Simulation, &report)?;

@@ -13,7 +13,7 @@ use crate::pictures::material_map;
 use crate::progress::Progress;
 use crate::query::Answers;
 use crate::scene::Photo;
-use crate::segment::{LabelMap, Segment, ViewSegments, segment_views};
+use crate::segment::{LabelMap, Segment, SegmentError, ViewSegments, segment_views};
 use crate::workdir::{Artifact, WorkDir};
 
 use super::query::write_sheets;
@@ -152,7 +152,7 @@ fn segment(
     progress: Progress,
 ) -> Result<ViewSegments> {
     let segmenter = open_segmenter(&options.setup, &options.segment, progress)?;
-    let load = |_: &str| Ok(photo.clone());
+    let load = |_: &str| Ok::<_, SegmentError>(photo.clone());
     let found = segment_views(&segmenter, &[view], &load, &options.segment, progress, &|_| Ok(()))?;
     let found = found.views.into_iter().next().context("one picture has one view")?;
     let written = at_size(found.clone(), size);

@@ -30,10 +30,10 @@ impl Pipeline {
         let answers = self.stored_answers()?;
         let sheets = answers.segments.par_iter().map(|segment| {
             let sheet = self.work.read(Artifact::Sheet(&segment.view, segment.segment))?;
-            SheetPicture::shrink(&segment.view, segment.segment, &sheet)
+            Ok(SheetPicture::shrink(&segment.view, segment.segment, &sheet)?)
         });
         let pictures = Pictures {
-            views: views.collect::<Result<_>>()?,
+            views: views.collect::<Result<_, _>>()?,
             sheets: sheets.collect::<Result<_>>()?,
             animation: self.work.read(Artifact::Animation)?,
             grasp: self.grasp_picture()?,

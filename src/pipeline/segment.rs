@@ -218,7 +218,7 @@ pub(super) fn models_key(setup: &setup::Options) -> String {
 /// SAM as the options want it, fetched where need be.
 pub fn open_segmenter(setup: &setup::Options, options: &segment::Options, progress: Progress) -> Result<Segmenter> {
     let models = setup::obtain(setup, progress)?;
-    let segmenter = Segmenter::new(&models, rayon::current_num_threads())?;
+    let segmenter = Segmenter::new(&models, options.decoder, rayon::current_num_threads())?;
     if !options.cache_embeddings {
         return Ok(segmenter);
     }

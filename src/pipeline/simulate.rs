@@ -20,6 +20,9 @@ use crate::workdir::{Artifact, Checksum, Checksumming, Standing};
 use super::record::Output;
 use super::{Done, Pipeline, Stage};
 
+/// Told before the reason, which is the work folder's.
+pub(super) const NOT_KEPT: &str = "a frame could not be kept";
+
 impl Pipeline {
     pub(super) fn simulate_key(&self) -> String {
         self.key_after_inputs(Stage::Simulate).with_json(&self.options.simulate).hex()
@@ -37,15 +40,16 @@ impl Pipeline {
             interior: &interior,
             meters_per_unit: self.scene.scale.as_ref().map(|scale| scale.meters_per_unit),
         };
-        let mut save = |frame: &Frame, snapshot: &Snapshot| {
+        let save = |frame: &Frame, snapshot: &Snapshot| {
             self.work.write_with(Artifact::Frame(frame.index), |out| ply::write(out, &frame.gaussians, &[]))?;
             self.work.write_with(Artifact::States(frame.index), |out| snapshot.write_states(out))?;
             self.save_checkpoint(key, frame.index, snapshot)
         };
+        let mut save = |frame: &Frame, snapshot: &Snapshot| save(frame, snapshot).context(NOT_KEPT);
         let options = &self.options.simulate;
         let report = simulate(&input, options, self.checkpoint(key), &mut save, self.progress)?;
 
-        let mut load = |index| {
+        let mut load = |index| -> Result<Gaussians> {
             let frame = ply::read(&self.work.path(Artifact::Frame(index)))?.gaussians;
             Ok(Gaussians { set_aside: self.scene.gaussians.set_aside.clone(), ..frame })
         };

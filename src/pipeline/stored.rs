@@ -49,7 +49,7 @@ impl Stored {
             return Err(unfinished(format!("it was made by gprop {:?}, this is {:?}", record.version, version())));
         }
         for stage in stages {
-            require_done(*stage, &record).map_err(unfinished)?;
+            require_done(*stage, &record).map_err(|reason| unfinished(reason.to_string()))?;
             for (path, standing) in record.of(*stage).map(|done| done.standing(&work)).unwrap_or_default() {
                 match standing {
                     Standing::Whole => {}
@@ -104,15 +104,24 @@ impl Stored {
     }
 }
 
+/// Why what a stage left cannot be read.
+#[derive(Debug, thiserror::Error)]
+enum NotDone {
+    #[error("the {} stage is not done", .0.name())]
+    Never(Stage),
+    #[error("the {} stage was done again after the {} stage", input.name(), stage.name())]
+    BeforeItsInput { input: Stage, stage: Stage },
+}
+
 /// Fails with the reason unless `stage` is done, and after those that it reads from.
-fn require_done(stage: Stage, record: &RunRecord) -> Result<(), String> {
-    let done = record.of(stage).ok_or_else(|| format!("the {} stage is not done", stage.name()))?;
+fn require_done(stage: Stage, record: &RunRecord) -> Result<(), NotDone> {
+    let done = record.of(stage).ok_or(NotDone::Never(stage))?;
     for input in stage.inputs() {
         require_done(*input, record)?;
         let now = record.of(*input).map(|input| &input.digest);
         let then = done.inputs.iter().find(|(name, _)| name == input).map(|(_, digest)| digest);
         if now != then {
-            return Err(format!("the {} stage was done again after the {} stage", input.name(), stage.name()));
+            return Err(NotDone::BeforeItsInput { input: *input, stage });
         }
     }
     Ok(())

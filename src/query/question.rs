@@ -105,7 +105,7 @@ impl Questions {
         library: &MaterialLibrary,
         unknown: Unknown,
     ) -> Result<Reading<'_>, Problem> {
-        let value = question.schema.check(response).map_err(Problem::invalid)?;
+        let value = question.schema.check(response).map_err(|problem| Problem::invalid(problem.to_string()))?;
         match question.asks_for {
             AsksFor::Material => {
                 answer::read(value, library, unknown).map(|answer| Reading::Answered(Box::new(answer)))

@@ -17,6 +17,18 @@ pub struct Schema {
     families: Vec<String>,
 }
 
+/// What is wrong with a response, in words for the model.
+#[derive(Debug, Clone, PartialEq, thiserror::Error)]
+pub enum ResponseProblem {
+    #[error("it holds no JSON object.")]
+    NoJson,
+    #[error("its JSON cannot be read: {0}.")]
+    BrokenJson(String),
+    /// Each with the place in the object.
+    #[error("{}.", .0.join("; "))]
+    OffSchema(Vec<String>),
+}
+
 impl Schema {
     /// The schema `value` with its `family` narrowed to `families`.
     pub fn new(file: &str, mut value: Value, families: &[&str]) -> Result<Self, PromptError> {
@@ -39,13 +51,12 @@ impl Schema {
         &self.sha256
     }
 
-    /// The JSON object in a model's response, if it follows the schema; else what is wrong, in words for the model. A family
-    /// may be in capitals.
-    pub fn check(&self, response: &str) -> Result<Value, String> {
+    /// The JSON object in a model's response, if it follows the schema. A family may be in capitals.
+    pub fn check(&self, response: &str) -> Result<Value, ResponseProblem> {
         let mut value = match extract::json_object(response) {
             Ok(value) => value,
-            Err(NoJson::None) => return Err("it holds no JSON object.".into()),
-            Err(NoJson::Broken(problem)) => return Err(format!("its JSON cannot be read: {problem}.")),
+            Err(NoJson::None) => return Err(ResponseProblem::NoJson),
+            Err(NoJson::Broken(problem)) => return Err(ResponseProblem::BrokenJson(problem)),
         };
         self.respell_family(&mut value);
         let problems: Vec<String> = self
@@ -56,7 +67,7 @@ impl Schema {
                 path => format!("{}: {error}", path.trim_start_matches('/')),
             })
             .collect();
-        if problems.is_empty() { Ok(value) } else { Err(format!("{}.", problems.join("; "))) }
+        if problems.is_empty() { Ok(value) } else { Err(ResponseProblem::OffSchema(problems)) }
     }
 
     /// Writes the answer's family as the schema does where only case, spelling or punctuation differ.

@@ -19,7 +19,7 @@ use crate::vote::FieldLabel;
 
 pub use cloud::Cloud;
 pub use page::page;
-pub use pictures::{Pictures, SheetPicture, ViewPictures};
+pub use pictures::{PictureError, Pictures, SheetPicture, ViewPictures};
 pub use summary::summary;
 
 /// Version of `report.json`'s form, which `docs/report.schema.json` describes: raised when a key changes its meaning or goes.

@@ -1,13 +1,12 @@
 //! The report's pictures: each view's photo, the segments found in it, the materials of the Gaussians seen from there;
 //! the sheets that were asked about.
 
-use anyhow::Result;
-use image::RgbImage;
+use image::{ImageError, ImageResult, RgbImage};
 
 use crate::pictures::{field_colors, jpeg, tinted};
 use crate::render::{Colors, RenderOptions, render};
-use crate::scene::View;
 use crate::scene::gaussians::Gaussians;
+use crate::scene::{SceneError, View};
 use crate::segment::LabelMap;
 use crate::vote::MaterialField;
 
@@ -15,6 +14,16 @@ use crate::vote::MaterialField;
 const LONGEST_SIDE: u32 = 640;
 /// Longest side of a sheet on the page: its three panels can still be told apart.
 const SHEET_LONGEST_SIDE: u32 = 480;
+
+/// Why a view's pictures cannot be drawn.
+#[derive(Debug, thiserror::Error)]
+pub enum PictureError {
+    #[error("{0}")]
+    Photo(#[from] SceneError),
+    #[error("{0}")]
+    Encode(#[from] ImageError),
+}
+
 /// Every picture of a report.
 #[derive(Debug, Clone)]
 pub struct Pictures {
@@ -48,7 +57,7 @@ impl SheetPicture {
     ///
     /// # Errors
     /// Where it is not a picture.
-    pub fn shrink(view: &str, segment: u16, sheet: &[u8]) -> Result<Self> {
+    pub fn shrink(view: &str, segment: u16, sheet: &[u8]) -> ImageResult<Self> {
         let picture = image::load_from_memory(sheet)?.into_rgb8();
         Ok(Self { view: view.to_owned(), segment, jpeg: jpeg(&picture, SHEET_LONGEST_SIDE)? })
     }
@@ -58,8 +67,13 @@ impl ViewPictures {
     /// Draws the pictures of `view`.
     ///
     /// # Errors
-    /// Where the photo cannot be read any more.
-    pub fn draw(view: &View, map: &LabelMap, gaussians: &Gaussians, field: &MaterialField) -> Result<Self> {
+    /// The photo can no longer be read, or a picture does not encode.
+    pub fn draw(
+        view: &View,
+        map: &LabelMap,
+        gaussians: &Gaussians,
+        field: &MaterialField,
+    ) -> Result<Self, PictureError> {
         let photo = view.photo()?;
         Ok(Self {
             name: view.name.clone(),

@@ -3,6 +3,8 @@
 
 use std::path::PathBuf;
 
+use super::sam::Mismatch;
+
 /// A failure of the model or of what runs it.
 #[derive(Debug, thiserror::Error)]
 pub enum SegmentError {
@@ -22,10 +24,15 @@ pub enum SegmentError {
         #[source]
         source: std::io::Error,
     },
-    #[error("ONNX Runtime cannot load {path:?}: {reason}; it must be a whole ONNX file, {what}")]
-    Model { path: PathBuf, what: &'static str, reason: String },
-    #[error("{path:?} is not {what}: {problem}")]
-    NotSam { path: PathBuf, what: &'static str, problem: String },
-    #[error("ONNX Runtime failed to run {what}: {reason}")]
-    Run { what: &'static str, reason: String },
+    #[error("ONNX Runtime cannot load {path:?}: {source}; it must be a whole ONNX file, {what}")]
+    Model { path: PathBuf, what: &'static str, source: Mismatch },
+    #[error("{path:?} is not {what}: {source}")]
+    NotSam { path: PathBuf, what: &'static str, source: Mismatch },
+    #[error(
+        "--decoder native: gprop cannot compute the decoder in {path:?} itself: {source}; without --decoder, or with \
+         --decoder onnxruntime, ONNX Runtime runs it, which is slower"
+    )]
+    NoNativeDecoder { path: PathBuf, source: Mismatch },
+    #[error("ONNX Runtime failed to run {what}: {source}")]
+    Run { what: &'static str, source: Mismatch },
 }

@@ -38,7 +38,7 @@ pub use candidate::Candidate;
 pub use error::SegmentError;
 pub use label_map::LabelMapError;
 pub use observer::Observer;
-pub use options::{GeneratorOptions, Options, PointPrompts, SCENE_KEYS, SelectionOptions};
+pub use options::{DecoderRuntime, GeneratorOptions, Options, PointPrompts, SCENE_KEYS, SelectionOptions};
 pub use segmenter::Segmenter;
 pub use views::segment_views;
 

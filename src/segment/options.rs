@@ -61,6 +61,11 @@ pub struct Options {
     /// Also write the label maps in these formats
     #[arg(long, value_name = "FORM,...", value_enum, value_delimiter = ',')]
     pub also: Vec<Format>,
+    /// What computes SAM's mask decoder [default: gprop itself if it can, else ONNX Runtime]
+    // Left out of the keys of stored results unless it is set.
+    #[arg(long, value_enum)]
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub decoder: Option<DecoderRuntime>,
     /// Keep the output of SAM's encoder in the cache, for runs with other settings (4 MB per picture)
     #[arg(long)]
     pub cache_embeddings: bool,
@@ -78,6 +83,18 @@ pub enum PointPrompts {
     Grid,
     /// On the foreground only: every other row and column first, then the points that no mask of a neighbouring prompt covers.
     Adaptive,
+}
+
+/// What computes SAM's mask decoder. Masks differ by rounding only.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Serialize, clap::ValueEnum)]
+#[serde(rename_all = "lowercase")]
+pub enum DecoderRuntime {
+    /// gprop itself, several times faster; an error if the file is no export that it knows, or if a trial differs from ONNX
+    /// Runtime.
+    Native,
+    /// ONNX Runtime, from the file as it is.
+    #[value(name = "onnxruntime")]
+    OnnxRuntime,
 }
 
 /// SAM's automatic mask generator. Names in parentheses are those of the public `SamAutomaticMaskGenerator`; the
@@ -164,5 +181,31 @@ impl Default for GeneratorOptions {
 impl Default for SelectionOptions {
     fn default() -> Self {
         values::defaults()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn decoder(typed: &[&str]) -> Result<Option<DecoderRuntime>, clap::Error> {
+        let parsed = <NothingSaid as clap::Parser>::try_parse_from([&["gprop"], typed].concat());
+        parsed.map(|parsed| parsed.options.decoder)
+    }
+
+    #[test]
+    fn the_decoder_is_gprops_choice_unless_it_is_named() {
+        assert_eq!(decoder(&[]).unwrap(), None);
+        assert_eq!(decoder(&["--decoder", "native"]).unwrap(), Some(DecoderRuntime::Native));
+        assert_eq!(decoder(&["--decoder", "onnxruntime"]).unwrap(), Some(DecoderRuntime::OnnxRuntime));
+        assert!(decoder(&["--decoder", "fast"]).unwrap_err().to_string().contains("native, onnxruntime"));
+    }
+
+    /// Results of runs without it stay good, and those with it are never another decoder's.
+    #[test]
+    fn a_decoder_is_part_of_the_key_only_if_it_is_named() {
+        let key = |decoder| serde_json::to_value(Options { decoder, ..Options::default() }.deciding()).unwrap();
+        assert_eq!(key(None).get("decoder"), None);
+        assert_eq!(key(Some(DecoderRuntime::OnnxRuntime))["decoder"], "onnxruntime");
     }
 }

@@ -10,7 +10,7 @@ use super::candidate::Candidate;
 use super::error::SegmentError;
 use super::mask::{Mask, Rect};
 use super::observer::Observer;
-use super::options::{Options, PointPrompts};
+use super::options::{DecoderRuntime, Options, PointPrompts};
 use super::paint::paint;
 use super::resize::cropped;
 use super::sam::Sam;
@@ -30,9 +30,9 @@ impl Segmenter {
     /// Loads SAM for use on `threads` threads at once.
     ///
     /// # Errors
-    /// Where ONNX Runtime or a model cannot be loaded or is not what it should be.
-    pub fn new(files: &ModelFiles, threads: usize) -> Result<Self, SegmentError> {
-        Ok(Self { sam: Sam::open(files, threads)? })
+    /// As [`Sam::open`].
+    pub fn new(files: &ModelFiles, decoder: Option<DecoderRuntime>, threads: usize) -> Result<Self, SegmentError> {
+        Ok(Self { sam: Sam::open(files, decoder, threads)? })
     }
 
     /// Keeps embeddings in `folder` (see [`Sam::caching_embeddings`]).

@@ -5,6 +5,7 @@ use std::sync::atomic::{AtomicU64, Ordering};
 use indicatif::ProgressBar;
 use rayon::prelude::*;
 
+use super::error::SegmentError;
 use super::observer::Observer;
 use super::options::Options;
 use super::segmenter::Segmenter;
@@ -17,17 +18,17 @@ use crate::scene::Photo;
 /// the number of threads.
 ///
 /// # Errors
-/// The first of `load`, of `finished`, or [`super::SegmentError`]; views in flight are finished before it is returned.
-pub fn segment_views(
+/// The first of `load`, of `finished`, or [`SegmentError`]; views in flight are finished before it is returned.
+pub fn segment_views<E: From<SegmentError> + Send>(
     segmenter: &Segmenter,
     names: &[&str],
-    load: &(dyn Fn(&str) -> anyhow::Result<Photo> + Sync),
+    load: &(dyn Fn(&str) -> Result<Photo, E> + Sync),
     options: &Options,
     progress: Progress,
-    finished: &(dyn Fn(&ViewSegments) -> anyhow::Result<()> + Sync),
-) -> anyhow::Result<Segmentation> {
+    finished: &(dyn Fn(&ViewSegments) -> Result<(), E> + Sync),
+) -> Result<Segmentation, E> {
     let tally = Tally::new(progress, names.len());
-    let segment_one = |name: &&str| -> anyhow::Result<ViewSegments> {
+    let segment_one = |name: &&str| -> Result<ViewSegments, E> {
         let photo = load(name)?;
         tally.view_begun();
         let segments = segmenter.segment_view(name, &photo, options, &tally)?;
@@ -35,7 +36,7 @@ pub fn segment_views(
         tally.view_done();
         Ok(segments)
     };
-    let views = names.par_iter().map(segment_one).collect::<anyhow::Result<Vec<_>>>();
+    let views = names.par_iter().map(segment_one).collect::<Result<Vec<_>, E>>();
     tally.bar.finish_and_clear();
     Ok(Segmentation { views: views? })
 }

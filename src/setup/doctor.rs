@@ -77,7 +77,7 @@ impl fmt::Display for Doctor {
         match &self.ffmpeg {
             Some(path) => writeln!(f, "ffmpeg        {}", path.display())?,
             None => {
-                writeln!(f, "ffmpeg        missing: the simulation has no MP4 beside its GIF; install ffmpeg for it")?
+                writeln!(f, "ffmpeg        missing: the simulation has no MP4 beside its GIF; install ffmpeg for it")?;
             }
         }
         for problem in &self.problems {

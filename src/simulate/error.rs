@@ -57,6 +57,4 @@ pub enum SimulateError {
          --duration or --max-stiffness, or raise --max-simulation-minutes"
     )]
     TooLong { minutes: f64, max_minutes: f64 },
-    #[error("a frame could not be kept")]
-    Frame(#[source] anyhow::Error),
 }

@@ -61,14 +61,14 @@ pub struct Input<'a> {
 /// right after it. Frames before the checkpoint are not handed out again; the report holds all.
 ///
 /// # Errors
-/// [`SimulateError`]: input that cannot be simulated, a particle that is lost, a frame that `on_frame` refuses.
-pub fn simulate(
+/// [`SimulateError`]: input that cannot be simulated, a particle that is lost. Errors of `on_frame` as they are.
+pub fn simulate<E: From<SimulateError>>(
     input: &Input,
     options: &Options,
     resume: Option<Checkpoint>,
-    on_frame: &mut dyn FnMut(&Frame, &Snapshot) -> anyhow::Result<()>,
+    on_frame: &mut dyn FnMut(&Frame, &Snapshot) -> Result<(), E>,
     progress: Progress,
-) -> Result<SimulationReport, SimulateError> {
+) -> Result<SimulationReport, E> {
     let Setup { setting, start, carried, labels, bound, to_world, duration_s, actions, minutes, mut report } =
         setup::set_up(input, options)?;
     progress.line(&format!("simulate  {} particles for {duration_s:.2} s: at most {minutes:.1} minutes", start.len()));
@@ -76,7 +76,10 @@ pub fn simulate(
         checkpoint::identity(&start, &format!("{setting:?} {bound:?} {actions:?} {} {duration_s}", options.frames));
     let (mut record, particles) = match resume {
         Some(checkpoint) if checkpoint.identity == identity => (checkpoint.record, checkpoint.particles),
-        Some(_) => return Err(SimulateError::Checkpoint("it belongs to another scene or other options".to_owned())),
+        Some(_) => {
+            let problem = "it belongs to another scene or other options".to_owned();
+            return Err(SimulateError::Checkpoint(problem).into());
+        }
         None => (Record { substeps: 0, longest_dt_s: 0.0, frames: vec![] }, start),
     };
     let mut solver = Solver::new(setting, particles);
@@ -96,7 +99,7 @@ pub fn simulate(
         record.frames.push(frames::summary(&particles, &gaussians, to_world, time_of(index)));
         let frame = Frame { index, summary: record.frames[index], gaussians };
         let snapshot = Snapshot { identity: &identity, record: &record, particles: &particles };
-        on_frame(&frame, &snapshot).map_err(SimulateError::Frame)?;
+        on_frame(&frame, &snapshot)?;
         bar.inc(1);
     }
     bar.finish_and_clear();

@@ -147,7 +147,7 @@ fn doubts(gaussians: &Gaussians, views: &[ViewInput]) -> Vec<String> {
         0 => {}
         1 => doubts.push("1 Gaussian is larger than the object: it votes and is voted on like any other".to_owned()),
         n => {
-            doubts.push(format!("{n} Gaussians are larger than the object: they vote and are voted on like any other"))
+            doubts.push(format!("{n} Gaussians are larger than the object: they vote and are voted on like any other"));
         }
     }
     let is_faint = |&i: &usize| !gaussians.is_set_aside(i) && gaussians.opacity(i) < f64::from(render::ALPHA_MIN);

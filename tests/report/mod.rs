@@ -38,7 +38,7 @@ fn hostile_run() -> Option<&'static Path> {
         assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
         Some(scene)
     });
-    run.as_ref().map(|scene| scene.path())
+    run.as_ref().map(TempDir::path)
 }
 
 fn json_file(path: impl AsRef<Path>) -> Value {

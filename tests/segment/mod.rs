@@ -12,14 +12,14 @@ use std::sync::Mutex;
 use gprop::evaluate::masks::{Comparison, Reference, compare};
 use gprop::progress::Progress;
 use gprop::scene::{ForegroundSource, Photo};
-use gprop::segment::{LabelMap, Options, Segmenter, ViewSegments, segment_views};
+use gprop::segment::{LabelMap, Options, SegmentError, Segmenter, ViewSegments, segment_views};
 use gprop::setup::ModelFiles;
 use image::{GrayImage, Luma, Rgb, RgbImage};
 
 use crate::support;
 
 fn segmenter(files: &ModelFiles) -> Segmenter {
-    Segmenter::new(files, 2).unwrap()
+    Segmenter::new(files, None, 2).unwrap()
 }
 
 fn root() -> &'static Path {
@@ -179,7 +179,7 @@ fn views_are_handed_on_one_by_one_and_returned_in_order() {
     let saved = Mutex::new(Vec::new());
     let save = |view: &ViewSegments| {
         saved.lock().unwrap().push(view.view.clone());
-        Ok(())
+        Ok::<_, SegmentError>(())
     };
     let names = ["c", "a", "b"];
     let segmentation =

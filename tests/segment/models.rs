@@ -6,8 +6,8 @@ use std::path::Path;
 
 use gprop::scene::{ForegroundSource, Photo};
 use gprop::segment::preprocess::prepare;
-use gprop::segment::sam::{LOGITS_SIDE, MODEL_SIDE, Sam};
-use gprop::segment::{Options, SegmentError, Segmenter};
+use gprop::segment::sam::{LOGITS_SIDE, MODEL_SIDE, Mismatch, Sam, check_decoder};
+use gprop::segment::{DecoderRuntime, Options, SegmentError, Segmenter};
 use gprop::setup::ModelFiles;
 use image::{GrayImage, Luma, Rgb, RgbImage};
 
@@ -39,7 +39,7 @@ pub fn tiny(test: &str, decoder: &str) -> Option<ModelFiles> {
 }
 
 fn refused(files: &ModelFiles) -> SegmentError {
-    Sam::open(files, 1).err().expect("it must not open")
+    Sam::open(files, None, 1).err().expect("it must not open")
 }
 
 /// A prepared picture of one colour, already normalised.
@@ -60,7 +60,7 @@ fn every_form_of_the_export_gives_the_three_levels() {
     let rgb = [0.9, -0.4, 2.0];
     for (decoder, batch) in DECODERS {
         let Some(files) = tiny("every_form_of_the_export_gives_the_three_levels", decoder) else { return };
-        let sam = Sam::open(&files, 2).unwrap();
+        let sam = Sam::open(&files, None, 2).unwrap();
         assert_eq!(sam.batch(), batch, "{decoder}");
         let prepared = sam.prepare(&sam.encode(&plain_input(rgb)).unwrap()).unwrap();
         let mut decoded = 0;
@@ -89,20 +89,13 @@ fn every_form_of_the_export_gives_the_three_levels() {
 #[test]
 fn the_decoder_computes_what_onnx_runtime_computes() {
     let Some(files) = support::models("the_decoder_computes_what_onnx_runtime_computes") else { return };
-    let folder = tempfile::tempdir().unwrap();
-    // Under other names of the parameters, as long as the true ones, the export is one that gprop does not know.
-    let mut unknown = fs::read(&files.decoder).unwrap();
-    let name = b"mask_decoder.";
-    let places: Vec<usize> = (0..unknown.len() - name.len()).filter(|&i| unknown[i..].starts_with(name)).collect();
-    for place in places {
-        unknown[place..][..name.len()].copy_from_slice(b"some_decoder.");
-    }
-    let decoder = folder.path().join("decoder.onnx");
-    fs::write(&decoder, unknown).unwrap();
-
-    let own = Sam::open(&files, 1).unwrap();
-    let whole = Sam::open(&ModelFiles { decoder, ..files }, 1).unwrap();
-    assert!(own.decodes_itself() && !whole.decodes_itself());
+    let own = Sam::open(&files, Some(DecoderRuntime::Native), 1).unwrap();
+    let whole = Sam::open(&files, Some(DecoderRuntime::OnnxRuntime), 1).unwrap();
+    assert!(own.decodes_natively() && !whole.decodes_natively());
+    assert!(
+        Sam::open(&files, None, 1).unwrap().decodes_natively(),
+        "what can be native is, unless it is asked not to be"
+    );
     let photo = image::open(root().join("fixtures/hammer/images/000.png")).unwrap().into_rgb8();
     let embedding = own.encode(&prepare(&photo).input).unwrap();
     let answers = |sam: &Sam, wanted: [bool; 3]| {
@@ -134,6 +127,44 @@ fn the_decoder_computes_what_onnx_runtime_computes() {
     }
 }
 
+/// An export with SAM's graph under other names of the parameters: ONNX Runtime runs it unless gprop itself is to.
+#[test]
+fn a_native_decoder_that_cannot_be_is_an_error_only_if_it_is_asked_for() {
+    let Some(files) = support::models("a_native_decoder_that_cannot_be_is_an_error_only_if_it_is_asked_for") else {
+        return;
+    };
+    let folder = tempfile::tempdir().unwrap();
+    let mut unknown = fs::read(&files.decoder).unwrap();
+    let name = b"mask_decoder.";
+    let places: Vec<usize> = (0..unknown.len() - name.len()).filter(|&i| unknown[i..].starts_with(name)).collect();
+    for place in places {
+        unknown[place..][..name.len()].copy_from_slice(b"some_decoder.");
+    }
+    let decoder = folder.path().join("decoder.onnx");
+    fs::write(&decoder, unknown).unwrap();
+    let files = ModelFiles { decoder, ..files };
+    for choice in [None, Some(DecoderRuntime::OnnxRuntime)] {
+        assert!(!Sam::open(&files, choice, 1).unwrap().decodes_natively(), "{choice:?}");
+    }
+    let error = Sam::open(&files, Some(DecoderRuntime::Native), 1).err().unwrap();
+    assert!(matches!(error, SegmentError::NoNativeDecoder { source: Mismatch::NoParameter(_), .. }), "{error:?}");
+    let message = error.to_string();
+    for part in ["--decoder native", "decoder.onnx", "no parameter", "--decoder onnxruntime"] {
+        assert!(message.contains(part), "{message}");
+    }
+}
+
+/// Without ONNX Runtime: a graph of the right names that is not SAM's mask decoder, and bytes that are no graph.
+#[test]
+fn what_differs_from_sams_mask_decoder_is_told_apart() {
+    let decoder = fs::read(root().join("fixtures/sam/multi_mask.onnx")).unwrap();
+    assert!(matches!(check_decoder(&decoder), Err(Mismatch::NoParameter(_))), "{:?}", check_decoder(&decoder));
+    assert!(matches!(check_decoder(&decoder[..decoder.len() / 2]), Err(Mismatch::NotOnnx)));
+    let encoder = fs::read(root().join("fixtures/sam/encoder.onnx")).unwrap();
+    let missing = check_decoder(&encoder).unwrap_err();
+    assert!(matches!(missing, Mismatch::Missing { kind: "input", name: "image_embeddings", .. }), "{missing}");
+}
+
 #[test]
 fn every_form_of_the_export_finds_the_same_segments() {
     // Bright above, dark below; all of it the object.
@@ -148,7 +179,7 @@ fn every_form_of_the_export_finds_the_same_segments() {
     let mut first = None;
     for (decoder, _) in DECODERS {
         let Some(files) = tiny("every_form_of_the_export_finds_the_same_segments", decoder) else { return };
-        let segments = Segmenter::new(&files, 2).unwrap().segment_view("view", &photo, &options, &()).unwrap();
+        let segments = Segmenter::new(&files, None, 2).unwrap().segment_view("view", &photo, &options, &()).unwrap();
         assert!(segments.segments.iter().any(|segment| !segment.is_rest()), "{decoder}: {:?}", segments.segments);
         assert_ne!(segments.map.at(60, 10), segments.map.at(60, 80), "{decoder}");
         assert_eq!(&segments, first.get_or_insert(segments.clone()), "{decoder}");
@@ -195,7 +226,7 @@ fn embeddings_are_kept_by_picture_and_model() {
     let Some(files) = tiny("embeddings_are_kept_by_picture_and_model", "multi_mask") else { return };
     let folder = tempfile::tempdir().unwrap();
     let cache = folder.path().join("embeddings");
-    let caching = |files: &ModelFiles| Sam::open(files, 1).unwrap().caching_embeddings(&cache, files).unwrap();
+    let caching = |files: &ModelFiles| Sam::open(files, None, 1).unwrap().caching_embeddings(&cache, files).unwrap();
     let kept = || fs::read_dir(&cache).unwrap().map(|entry| entry.unwrap().path()).collect::<Vec<_>>();
     let (picture, other_picture) = (plain_input([1.0, 0.0, 0.5]), plain_input([0.0, 1.0, 0.5]));
 

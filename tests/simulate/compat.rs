@@ -201,7 +201,7 @@ fn runs_a_configuration_on_a_scene() {
     let mut frames = Vec::new();
     let mut keep = |_: usize, _: &[Particle], gaussians: &Gaussians| {
         frames.push(gaussians.clone());
-        Ok(())
+        Ok::<_, SimulateError>(())
     };
     let report = run(&ball, &config, &mut keep, Progress::Hidden).unwrap();
     assert_eq!((frames.len(), frames[0].len(), report.substeps), (3, 3600, 400));
@@ -226,7 +226,7 @@ fn runs_a_configuration_on_a_scene() {
     let mut frames = Vec::new();
     let mut keep = |_: usize, _: &[Particle], gaussians: &Gaussians| {
         frames.push(gaussians.clone());
-        Ok(())
+        Ok::<_, SimulateError>(())
     };
     assert_eq!(run(&ball, &config, &mut keep, Progress::Hidden).unwrap().fill_particles, report.fill_particles);
     assert_eq!(frames[0].len(), 3600 + report.fill_particles);

@@ -1,7 +1,8 @@
+use gprop::simd::{LANES, Plain, Vector, ln};
 use gprop::simulate::material::lame;
 use gprop::simulate::mpm::eigen::{Stretches, rotation};
-use gprop::simulate::mpm::lanes::{LANES, Lanes, Plain, exp, ln};
 use gprop::simulate::mpm::laws::energy::elastic_j;
+use gprop::simulate::mpm::laws::exp;
 use gprop::simulate::mpm::laws::snow::Snow;
 use gprop::simulate::mpm::laws::{Law, drucker_prager, stress, von_mises};
 use gprop::simulate::mpm::matrix::{Mat3, Sym3};

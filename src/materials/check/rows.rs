@@ -124,7 +124,7 @@ fn poisson(material: &Material, findings: &mut Findings) {
 
 /// The strength that is measured of a family's members, so that a tensile one is never read as a compressive one.
 fn strength_kind(material: &Material, findings: &mut Findings) {
-    use StrengthKind::*;
+    use StrengthKind::{Cohesion, Compressive, Flexural, Fracture, Plateau, Uts, Yield};
     let kinds: &[StrengthKind] = match material.family.as_str() {
         "wood" => &[Flexural],
         "metal" => &[Yield, Uts],

@@ -116,7 +116,7 @@ mod tests {
     fn shares_over_all_depths_sum_to_the_thickness() {
         for thickness in [0.1, 0.5, 1.0, 3.7] {
             let step = 1e-3;
-            let sum: f64 = (0..10_000).map(|n| within((n as f64 + 0.5) * step, thickness, 1.0) * step).sum();
+            let sum: f64 = (0..10_000).map(|n| within((f64::from(n) + 0.5) * step, thickness, 1.0) * step).sum();
             // The midpoint rule on a piecewise linear function, kinks off by at most one step.
             assert!((sum - thickness).abs() < 2e-3, "{sum} is not {thickness}");
         }

@@ -19,7 +19,7 @@ use super::client::{Client, JobState, RequestCounts};
 use super::recorded::Asked;
 use super::sha256::Sha256Hex;
 
-pub use response::{AnswerLine, Answered, lines};
+pub use response::{AnswerLine, Answered, NotAnswered, lines};
 
 /// Most requests that a job may have, and most bytes: the API's limits are 50,000 and 200 MB.
 const MAX_REQUESTS: usize = 50_000;
@@ -65,7 +65,7 @@ pub struct Ended {
     /// By the job's questions that were answered.
     pub answered: Vec<(Waiting, Answered)>,
     /// The questions that were not, each with the reason.
-    pub failed: Vec<(Waiting, String)>,
+    pub failed: Vec<(Waiting, NotAnswered)>,
 }
 
 /// How far a job is.
@@ -135,7 +135,7 @@ pub fn collect(client: &Client, job: &BatchApiJob) -> Result<Progress, AskError>
             none if none.is_empty() => format!("the job ended without it ({:?})", status.state),
             problems => problems,
         };
-        match found.unwrap_or_else(|| Err(why_none())) {
+        match found.unwrap_or_else(|| Err(NotAnswered::Server(why_none()))) {
             Ok(answered) => ended.answered.push((waiting.clone(), answered)),
             Err(reason) => ended.failed.push((waiting.clone(), reason)),
         }

@@ -34,8 +34,22 @@ struct Problem {
     message: Option<String>,
 }
 
+/// Why a question of a job has no answer.
+#[derive(Debug, Clone, PartialEq, thiserror::Error)]
+pub enum NotAnswered {
+    /// In the words of the server, or that it gave none.
+    #[error("{0}")]
+    Server(String),
+    #[error("{0}")]
+    Response(#[from] AskError),
+    #[error("refused: {0}")]
+    Refused(String),
+    #[error("{0}")]
+    Empty(String),
+}
+
 /// A line's `custom_id` and the answer, or why there is none.
-pub type AnswerLine = (String, Result<Answered, String>);
+pub type AnswerLine = (String, Result<Answered, NotAnswered>);
 
 /// The lines of a job's output or error file.
 ///
@@ -54,16 +68,17 @@ pub fn lines(text: &str) -> Result<Vec<AnswerLine>, AskError> {
         .collect()
 }
 
-fn answer(response: Option<Response>, problem: Option<Problem>) -> Result<Answered, String> {
+fn answer(response: Option<Response>, problem: Option<Problem>) -> Result<Answered, NotAnswered> {
     let Some(response) = response else {
         let words = problem.map(|problem| [problem.code, problem.message]);
         let words: Vec<String> = words.into_iter().flatten().flatten().collect();
-        return Err(if words.is_empty() { "no reason given".into() } else { words.join(": ") });
+        let words = if words.is_empty() { "no reason given".to_owned() } else { words.join(": ") };
+        return Err(NotAnswered::Server(words));
     };
     let reply = read_completion(response.status_code, &response.body.to_string())?;
     match reply.content {
         ReplyContent::Text(text) => Ok(Answered { text, served_model: reply.served_model, usage: reply.usage }),
-        ReplyContent::Refusal(why) => Err(format!("refused: {why}")),
-        ReplyContent::Empty(why) => Err(why),
+        ReplyContent::Refusal(why) => Err(NotAnswered::Refused(why)),
+        ReplyContent::Empty(why) => Err(NotAnswered::Empty(why)),
     }
 }

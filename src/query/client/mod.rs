@@ -293,7 +293,7 @@ pub fn destination(options: &Options) -> Result<Option<String>, ClientError> {
 }
 
 /// What a response to a question says, its status and body given; else what is wrong with it.
-pub fn read_completion(status: u16, body: &str) -> Result<Reply, String> {
-    let status = StatusCode::from_u16(status).map_err(|_| format!("{status} is not an HTTP status"))?;
-    response::read(status, body, None).map_err(|attempt| batch_api::ask_error(attempt).to_string())
+pub fn read_completion(status: u16, body: &str) -> Result<Reply, AskError> {
+    let no_status = |_| AskError::Failed(format!("{status} is not an HTTP status"));
+    response::read(StatusCode::from_u16(status).map_err(no_status)?, body, None).map_err(batch_api::ask_error)
 }

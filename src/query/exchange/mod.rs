@@ -215,7 +215,7 @@ pub fn import(
                 return Ok(None);
             }
             if let Some(earlier) = seen.insert(answer.query.clone(), line) {
-                return Err(format!("query {} is answered on line {earlier} already", answer.query));
+                return Err(LineProblem::Again { query: answer.query, earlier });
             }
             let model = model.or(answer.model.as_deref()).or(manifest.model.as_deref()).map(str::to_owned);
             check(answer, model, &origins, questions, library).map(Some)
@@ -226,14 +226,34 @@ pub fn import(
                 recordings.insert(&recording)?;
                 imported.recorded += 1;
             }
-            Err(problem) => imported.bad.push(BadLine { line, problem }),
+            Err(problem) => imported.bad.push(BadLine { line, problem: problem.to_string() }),
         }
     }
     Ok(imported)
 }
 
-fn parse(text: &str) -> Result<AnswerLine, String> {
-    serde_json::from_str(text).map_err(|error| error.to_string())
+/// What is wrong with a line of `answers.jsonl`.
+#[derive(Debug, thiserror::Error)]
+enum LineProblem {
+    #[error("{0}")]
+    Json(#[from] serde_json::Error),
+    #[error("query {query} is answered on line {earlier} already")]
+    Again { query: String, earlier: usize },
+    #[error("there is no query {0:?}")]
+    NoQuery(String),
+    #[error("it does not say who answered: put the name behind \"model\" in {MANIFEST}")]
+    NoModel,
+    #[error(
+        "it was asked with other prompts, another library or other options than this run's; export the queries again"
+    )]
+    OtherQuestion,
+    /// In words, for whoever answered to mend it.
+    #[error("{0}")]
+    Answer(String),
+}
+
+fn parse(text: &str) -> Result<AnswerLine, LineProblem> {
+    Ok(serde_json::from_str(text)?)
 }
 
 /// A recording of an answer, if it is one.
@@ -243,20 +263,16 @@ fn check(
     origins: &BTreeMap<String, Asked>,
     questions: &Questions,
     library: &MaterialLibrary,
-) -> Result<Recording, String> {
-    let asked = origins.get(&line.query).ok_or_else(|| format!("there is no query {:?}", line.query))?;
-    let model = model
-        .filter(|model| !model.trim().is_empty())
-        .ok_or_else(|| format!("it does not say who answered: put the name behind \"model\" in {MANIFEST}"))?;
-    let question = questions.find(asked).ok_or(
-        "it was asked with other prompts, another library or other options than this run's; export the queries again",
-    )?;
+) -> Result<Recording, LineProblem> {
+    let asked = origins.get(&line.query).ok_or(LineProblem::NoQuery(line.query))?;
+    let model = model.filter(|model| !model.trim().is_empty()).ok_or(LineProblem::NoModel)?;
+    let question = questions.find(asked).ok_or(LineProblem::OtherQuestion)?;
     let response = match line.answer {
         Value::String(text) => text,
         answer => answer.to_string(),
     };
     let read = questions.read(question, &response, library, Unknown::Refuse);
-    read.map_err(|Problem { reason, .. }| reason)?;
+    read.map_err(|Problem { reason, .. }| LineProblem::Answer(reason))?;
     let answerer = Answerer { model, parameters: Value::Null };
     Ok(Recording::new(&answerer, asked.clone(), response, None, None))
 }

@@ -86,18 +86,27 @@ impl From<Mask> for Written {
     }
 }
 
-impl TryFrom<Written> for Mask {
-    type Error = String;
+/// Why a written mask is none.
+#[derive(Debug, thiserror::Error)]
+enum NoMask {
+    #[error("{0:?} is not a run length of a mask")]
+    Run(String),
+    #[error("a mask of {width} x {height} has runs of {pixels} pixels")]
+    Pixels { width: u32, height: u32, pixels: u64 },
+}
 
-    fn try_from(written: Written) -> Result<Self, String> {
+impl TryFrom<Written> for Mask {
+    type Error = NoMask;
+
+    fn try_from(written: Written) -> Result<Self, NoMask> {
         let runs: Vec<u32> = written
             .runs
             .split_ascii_whitespace()
-            .map(|run| run.parse().map_err(|_| format!("{run:?} is not a run length of a mask")))
+            .map(|run| run.parse().map_err(|_| NoMask::Run(run.to_owned())))
             .collect::<Result<_, _>>()?;
         let pixels: u64 = runs.iter().map(|run| u64::from(*run)).sum();
         if pixels != u64::from(written.width) * u64::from(written.height) {
-            return Err(format!("a mask of {} x {} has runs of {pixels} pixels", written.width, written.height));
+            return Err(NoMask::Pixels { width: written.width, height: written.height, pixels });
         }
         Ok(Self { width: written.width, height: written.height, runs })
     }

@@ -11,6 +11,17 @@ use super::row::Row;
 use super::source::Bytes;
 use super::{Body, Problem};
 
+/// What is wrong with a row of text.
+#[derive(Debug, thiserror::Error)]
+pub enum RowProblem {
+    #[error("{expected} values were expected, {found} found")]
+    Count { expected: usize, found: usize },
+    #[error("`{0}` is not a number")]
+    NotANumber(String),
+    #[error("a value does not fit the type of its property")]
+    Type,
+}
+
 pub(super) fn read(bytes: &impl Bytes, header: &Header, layout: &Layout) -> Result<Body, Problem> {
     check_size(bytes, header, layout)?;
     let mut gaussians = layout.allocate(layout.count as usize);
@@ -66,12 +77,12 @@ fn store(row: &Row, layout: &Layout, index: usize, arrays: &mut [Array<'_>]) {
 
 /// One row. ply-rs knows neither `nan` and `inf` nor `.5`, `5.` and `1E-3`; a line that it refuses is tried once more
 /// with such words standing in as 0, to be put back afterwards.
-fn parse_row(text: &str, vertex: &ElementDef) -> Result<Row, String> {
+fn parse_row(text: &str, vertex: &ElementDef) -> Result<Row, RowProblem> {
     let parser = Parser::<Row>::new();
     let expected = vertex.properties.len();
     let found = text.split_ascii_whitespace().count();
     if found != expected {
-        return Err(format!("{expected} values were expected, {found} found"));
+        return Err(RowProblem::Count { expected, found });
     }
     if let Ok(row) = parser.read_ascii_element(text, vertex) {
         return Ok(row);
@@ -82,13 +93,11 @@ fn parse_row(text: &str, vertex: &ElementDef) -> Result<Row, String> {
         if word.bytes().all(|b| b.is_ascii_digit() || b == b'-') {
             continue;
         }
-        let value: f32 = word.parse().map_err(|_| format!("`{}` is not a number", shortened(word)))?;
+        let value: f32 = word.parse().map_err(|_| RowProblem::NotANumber(shortened(word)))?;
         put_back.push((index, value));
         *word = "0";
     }
-    let mut row = parser
-        .read_ascii_element(&words.join(" "), vertex)
-        .map_err(|_| "a value does not fit the type of its property".to_owned())?;
+    let mut row = parser.read_ascii_element(&words.join(" "), vertex).map_err(|_| RowProblem::Type)?;
     for (index, value) in put_back {
         row.values[index] = value;
     }

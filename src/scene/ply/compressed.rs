@@ -91,7 +91,7 @@ fn tables(bytes: &impl Bytes, header: &Header) -> Result<Vec<Table>, Problem> {
     for element in &header.elements {
         let mut width = 0;
         let mut properties = Vec::new();
-        for (name, scalar) in scalar_properties(element).map_err(|name| Problem::List { name })? {
+        for (name, scalar) in scalar_properties(element)? {
             properties.push((name.to_owned(), width, scalar));
             width += scalar.bytes();
         }

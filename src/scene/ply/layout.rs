@@ -121,7 +121,7 @@ impl Layout {
         let at = header.elements.iter().position(|e| e.name == "vertex").ok_or(Problem::NoVertex)?;
         let (before, vertex_and_after) = header.elements.split_at(at);
         let vertex = &vertex_and_after[0];
-        let properties = scalar_properties(vertex).map_err(|name| Problem::List { name })?;
+        let properties = scalar_properties(vertex)?;
         let sh_degree = check_is_splat(&properties)?;
         if vertex.count == 0 {
             return Err(Problem::Empty);
@@ -232,11 +232,11 @@ fn sh_rest_index(name: &str) -> Option<usize> {
     (digits == format!("{index}")).then_some(index)
 }
 
-/// Name and type of each property, or the name of one that is a list.
-pub(super) fn scalar_properties(element: &ElementDef) -> Result<Vec<(&str, Scalar)>, String> {
+/// Name and type of each property; [`Problem::List`] if one is a list.
+pub(super) fn scalar_properties(element: &ElementDef) -> Result<Vec<(&str, Scalar)>, Problem> {
     let scalar_of = |(name, property): (_, &ply_rs::ply::PropertyDef)| match &property.data_type {
         PropertyType::Scalar(scalar) => Ok((name, Scalar::of(scalar))),
-        PropertyType::List(..) => Err(property.name.clone()),
+        PropertyType::List(..) => Err(Problem::List { name: property.name.clone() }),
     };
     element.properties.iter().map(|(name, property)| scalar_of((name.as_str(), property))).collect()
 }

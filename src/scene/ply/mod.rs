@@ -31,6 +31,7 @@ use layout::Layout;
 use source::{Bytes, FileBytes};
 
 pub use super::loaded::Loaded;
+pub use ascii::RowProblem;
 pub use write::write;
 
 /// A PLY file that cannot be read as a splat. The message is whole: it holds the problem's.
@@ -96,7 +97,7 @@ pub enum Problem {
     #[error("is truncated: the header claims {count} Gaussians, the text ends after {found}; copy or export it again")]
     TruncatedText { count: u64, found: u64 },
     #[error("line {line}, Gaussian {index}: {reason}; export the splat again")]
-    Row { line: u64, index: u64, reason: String },
+    Row { line: u64, index: u64, reason: RowProblem },
     #[error("none of the {count} Gaussians has finite values: training diverged; train again")]
     NothingFinite { count: usize },
 }

@@ -4,12 +4,12 @@ use std::fs;
 use std::path::Path;
 
 use ort::session::Session;
-use ort::value::{TensorRef, ValueType};
+use ort::value::{Outlet, TensorRef, ValueType};
 
 use super::super::error::SegmentError;
 use super::pool::Pool;
 use super::runtime::{self, Runtime};
-use super::{EMBEDDING, Embedding, MODEL_SIDE, not_sam, unloadable};
+use super::{EMBEDDING, Embedding, MODEL_SIDE, Mismatch, not_sam, unloadable};
 
 const ENCODER: &str = "a SAM image encoder ([1,3,1024,1024] float32 to [1,256,64,64])";
 const INPUT: [i64; 4] = [1, 3, MODEL_SIDE as i64, MODEL_SIDE as i64];
@@ -35,41 +35,41 @@ impl Encoder {
     }
 
     /// Encodes a preprocessed picture.
-    pub fn run(&self, input: &[f32]) -> Result<Embedding, String> {
-        let failed = |error: ort::Error| error.to_string();
+    pub fn run(&self, input: &[f32]) -> Result<Embedding, Mismatch> {
         self.sessions.with(|session| {
-            let input = TensorRef::from_array_view((INPUT, input)).map_err(failed)?;
-            let outputs = session.run(ort::inputs![input]).map_err(failed)?;
-            let (shape, values) = outputs[0].try_extract_tensor::<f32>().map_err(failed)?;
+            let input = TensorRef::from_array_view((INPUT, input))?;
+            let outputs = session.run(ort::inputs![input])?;
+            let (shape, values) = outputs[0].try_extract_tensor::<f32>()?;
             if **shape == EMBEDDING {
                 Ok(Embedding(values.to_vec()))
             } else {
-                Err(format!("it gave {shape} where {EMBEDDING:?} is expected"))
+                Err(Mismatch::Embedding { given: shape.to_string(), expected: EMBEDDING })
             }
         })
     }
 }
 
-fn check(session: &Session) -> Result<(), String> {
+fn check(session: &Session) -> Result<(), Mismatch> {
     let is = |dtype: &ValueType, expected: &[i64]| {
         // Negative dimensions are dynamic and may turn out right.
         dtype.tensor_shape().is_some_and(|shape| {
             shape.len() == expected.len() && shape.iter().zip(expected).all(|(is, should)| *is < 0 || is == should)
         })
     };
+    let tensor = |kind, outlet: &Outlet| {
+        let (name, tensor) = (outlet.name().to_owned(), outlet.dtype().to_string());
+        Mismatch::Tensor { kind, name, tensor }
+    };
     match (session.inputs(), session.outputs()) {
         ([input], [output, ..]) => {
             if !is(input.dtype(), &INPUT) {
-                return Err(format!("its input {:?} is {}", input.name(), input.dtype()));
+                return Err(tensor("input", input));
             }
             if !is(output.dtype(), &EMBEDDING) {
-                return Err(format!("its output {:?} is {}", output.name(), output.dtype()));
+                return Err(tensor("output", output));
             }
             Ok(())
         }
-        (inputs, _) => {
-            let names: Vec<&str> = inputs.iter().map(|input| input.name()).collect();
-            Err(format!("it has no single input of a picture but {}", names.join(", ")))
-        }
+        (inputs, _) => Err(Mismatch::Inputs { inputs: inputs.iter().map(|input| input.name().to_owned()).collect() }),
     }
 }

@@ -7,17 +7,20 @@ mod cache;
 mod decoder;
 mod encoder;
 mod graph;
+mod mismatch;
 mod pool;
 mod runtime;
 
 use std::path::Path;
 
 use super::error::SegmentError;
+use super::options::DecoderRuntime;
 use crate::setup::ModelFiles;
 use cache::Cache;
 pub use decoder::Wanted;
-use decoder::{Decoder, PictureValues};
+use decoder::{Decoder, Prepared};
 use encoder::Encoder;
+pub use mismatch::Mismatch;
 
 /// Side of the square picture that the encoder sees.
 pub const MODEL_SIDE: usize = 1024;
@@ -38,7 +41,7 @@ pub struct Sam {
 pub struct Embedding(Vec<f32>);
 
 /// What the decoder needs of one picture, whatever the prompt.
-pub struct PreparedEmbedding(PictureValues);
+pub struct PreparedEmbedding(Prepared);
 
 /// The three nested masks of one prompt: small, middle, large.
 #[derive(Debug, Clone, Copy)]
@@ -49,25 +52,27 @@ pub struct Decoded<'a> {
 }
 
 impl Sam {
-    /// Loads the networks for use on `threads` threads at once.
+    /// Loads the networks for use on `threads` threads at once. Without a `decoder` gprop computes the mask decoder itself
+    /// if it can.
     ///
     /// # Errors
-    /// Where ONNX Runtime or a model cannot be loaded, or a model has not the tensors of SAM.
-    pub fn open(files: &ModelFiles, threads: usize) -> Result<Self, SegmentError> {
+    /// ONNX Runtime or a model cannot be loaded, a model has not the tensors of SAM, or gprop cannot compute the mask decoder
+    /// although [`DecoderRuntime::Native`] is asked for.
+    pub fn open(files: &ModelFiles, decoder: Option<DecoderRuntime>, threads: usize) -> Result<Self, SegmentError> {
         let runtime = runtime::load(&files.onnxruntime)?;
         let read =
             |path: &Path| std::fs::read(path).map_err(|source| SegmentError::Read { path: path.to_owned(), source });
         let threads = threads.max(1);
         let (encoder, decoder) = rayon::join(
             || Encoder::open(&runtime, &files.encoder, threads),
-            || Decoder::open(&runtime, &files.decoder, &read(&files.decoder)?, threads),
+            || Decoder::open(&runtime, &files.decoder, &read(&files.decoder)?, decoder, threads),
         );
         Ok(Self { encoder: encoder?, decoder: decoder?, cache: None })
     }
 
-    /// Whether gprop computes the decoder itself; else ONNX Runtime runs the export as it is.
-    pub fn decodes_itself(&self) -> bool {
-        self.decoder.is_quick()
+    /// Whether gprop computes the mask decoder itself; else ONNX Runtime runs the export as it is.
+    pub fn decodes_natively(&self) -> bool {
+        self.decoder.is_native()
     }
 
     /// Keeps embeddings in `folder`, and takes them from there where the same encoder made them of the same picture.
@@ -82,7 +87,7 @@ impl Sam {
 
     /// Encodes a preprocessed picture, `[3,1024,1024]` as [`super::preprocess`] makes it.
     pub fn encode(&self, input: &[f32]) -> Result<Embedding, SegmentError> {
-        let encode = || self.encoder.run(input).map_err(|reason| SegmentError::Run { what: "the SAM encoder", reason });
+        let encode = || self.encoder.run(input).map_err(|source| SegmentError::Run { what: "the SAM encoder", source });
         let Some(cache) = &self.cache else { return encode() };
         let path = cache.path(input);
         if let Some(embedding) = Cache::read(&path) {
@@ -120,7 +125,7 @@ impl Sam {
 ///
 /// # Errors
 /// Says in what they differ from SAM's.
-pub fn check_decoder(bytes: &[u8]) -> Result<(), String> {
+pub fn check_decoder(bytes: &[u8]) -> Result<(), Mismatch> {
     decoder::check(bytes)
 }
 
@@ -130,14 +135,14 @@ impl Embedding {
     }
 }
 
-fn decoder_failed(reason: String) -> SegmentError {
-    SegmentError::Run { what: "the SAM decoder", reason }
+fn decoder_failed(source: Mismatch) -> SegmentError {
+    SegmentError::Run { what: "the SAM decoder", source }
 }
 
-fn unloadable(path: &Path, what: &'static str) -> impl Fn(String) -> SegmentError {
-    move |reason| SegmentError::Model { path: path.to_owned(), what, reason }
+fn unloadable<E: Into<Mismatch>>(path: &Path, what: &'static str) -> impl Fn(E) -> SegmentError {
+    move |source| SegmentError::Model { path: path.to_owned(), what, source: source.into() }
 }
 
-fn not_sam(path: &Path, what: &'static str) -> impl Fn(String) -> SegmentError {
-    move |problem| SegmentError::NotSam { path: path.to_owned(), what, problem }
+fn not_sam(path: &Path, what: &'static str) -> impl Fn(Mismatch) -> SegmentError {
+    move |source| SegmentError::NotSam { path: path.to_owned(), what, source }
 }

@@ -42,13 +42,13 @@ pub fn load(path: &Path) -> Result<Runtime, SegmentError> {
 
 /// A session of the model in `model` that computes on the calling thread alone: gprop runs pictures and prompts side by
 /// side, and a sum that is split among threads could round differently from run to run.
-pub fn session(runtime: &Runtime, model: &[u8]) -> Result<Session, String> {
-    builder(runtime).and_then(|mut builder| builder.commit_from_memory(model)).map_err(|error| error.to_string())
+pub fn session(runtime: &Runtime, model: &[u8]) -> ort::Result<Session> {
+    builder(runtime)?.commit_from_memory(model)
 }
 
 /// As [`session`], of a model in a file.
-pub fn session_of_file(runtime: &Runtime, path: &Path) -> Result<Session, String> {
-    builder(runtime).and_then(|mut builder| builder.commit_from_file(path)).map_err(|error| error.to_string())
+pub fn session_of_file(runtime: &Runtime, path: &Path) -> ort::Result<Session> {
+    builder(runtime)?.commit_from_file(path)
 }
 
 fn builder(runtime: &Runtime) -> ort::Result<SessionBuilder> {

@@ -65,12 +65,12 @@ pub fn cameras(report: &SimulationReport, viewpoint: &Viewpoint, photo: Option<&
 ///
 /// # Errors
 /// What `load` reports.
-pub fn pictures(
+pub fn pictures<E>(
     report: &SimulationReport,
     cameras: &[Camera],
-    load: &mut dyn FnMut(usize) -> anyhow::Result<Gaussians>,
+    load: &mut dyn FnMut(usize) -> Result<Gaussians, E>,
     progress: Progress,
-) -> anyhow::Result<Vec<RgbImage>> {
+) -> Result<Vec<RgbImage>, E> {
     let scene_units = 1.0 / report.meters_per_unit;
     let ground_z = report.ground_z_m * scene_units;
     let bar = progress.bar("animate", report.frames.len() as u64);

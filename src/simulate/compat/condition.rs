@@ -218,7 +218,7 @@ impl Conditions {
                         span: Span { start: start_time, end: start_time + dt * f64::from(num_dt) },
                         mask: within(point.into(), size.into()),
                         action: Action::Push(force.into()),
-                    })
+                    });
                 }
                 Boundary::EnforceParticleTranslation { point, size, velocity, start_time, end_time } => {
                     all.modifiers.push(OnParticles {

@@ -33,19 +33,19 @@ pub struct CompatReport {
 }
 
 /// What is done with a frame: its number, its particles in the box, its Gaussians.
-pub type OnFrame<'a> = dyn FnMut(usize, &[Particle], &Gaussians) -> anyhow::Result<()> + 'a;
+pub type OnFrame<'a, E> = dyn FnMut(usize, &[Particle], &Gaussians) -> Result<(), E> + 'a;
 
 /// Runs `config` on a scene and hands `on_frame` each frame: its number, its particles in the box, and the scene without
 /// the Gaussians that the configuration drops. Frame 0 is the start.
 ///
 /// # Errors
-/// [`SimulateError`]: a scene that cannot be set up, a particle that is lost, a frame that `on_frame` refuses.
-pub fn run(
+/// [`SimulateError`]: a scene that cannot be set up, a particle that is lost. Errors of `on_frame` as they are.
+pub fn run<E: From<SimulateError>>(
     gaussians: &Gaussians,
     config: &Config,
-    on_frame: &mut OnFrame,
+    on_frame: &mut OnFrame<E>,
     progress: Progress,
-) -> Result<CompatReport, SimulateError> {
+) -> Result<CompatReport, E> {
     let setup = set_up(gaussians, config)?;
     let mut solver = Solver::new(config, setup.particles.clone());
     let substeps = config.substeps_per_frame();
@@ -66,7 +66,7 @@ pub fn run(
             bar.inc(1);
         }
         report.frames.push(summary(&solver.particles, report.substeps as f64 * config.substep_dt));
-        on_frame(frame, &solver.particles, &moved(&setup, &solver.particles)).map_err(SimulateError::Frame)?;
+        on_frame(frame, &solver.particles, &moved(&setup, &solver.particles))?;
     }
     bar.finish_and_clear();
     Ok(report)

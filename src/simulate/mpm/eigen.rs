@@ -3,8 +3,8 @@
 //! All laws here are isotropic, so their stress and their return maps are functions of the left Cauchy-Green tensor
 //! b = F F^T alone. Its eigenvectors (cyclic Jacobi) stand in for a full SVD of F: F = U S V^T has b = U S^2 U^T.
 
-use super::lanes::Lanes;
 use super::matrix::{Mat3, Sym3, dot};
+use crate::simd::Lanes;
 
 /// Singular values of F, with the left singular vectors as the columns of `axes`. Where det F < 0 the smallest is
 /// negative.

@@ -5,15 +5,14 @@
 
 use rayon::prelude::*;
 
-use super::dispatched;
 use super::grid::{Columns, NODE};
-use super::lanes::{LANES, Lanes};
 use super::laws::Law;
 use super::matrix::Mat3;
 use super::p2g::{permuted, row_steps, row_weights};
 use super::particles::Pack;
 use super::sort::Sorted;
 use super::stencil::Stencil;
+use crate::simd::{LANES, Lanes, LanesKernel, run_lanes};
 
 /// How the particles moved.
 #[derive(Debug, Clone, Copy)]
@@ -53,7 +52,7 @@ pub fn gather(
         .par_chunks_mut(TASK)
         .enumerate()
         .map(|(task, packs)| {
-            let moved = gather_task(packs, context);
+            let moved = run_lanes(Task { packs, context });
             Moved { lost: moved.lost.map(|at| task * TASK + at), ..moved }
         })
         .reduce(
@@ -65,22 +64,30 @@ pub fn gather(
         )
 }
 
-dispatched!(fn gather_task(packs: &mut [Pack], context: Context) -> Moved = gather_packs);
+/// The packs that a thread takes at once.
+struct Task<'a> {
+    packs: &'a mut [Pack],
+    context: Context<'a>,
+}
 
-#[inline(always)]
-fn gather_packs<L: Lanes>(packs: &mut [Pack], context: Context) -> Moved {
-    let mut fastest = L::splat(0.0);
-    let mut lost = None;
-    for (at, pack) in packs.iter_mut().enumerate() {
-        let (speed, inside) = gather_pack::<L>(pack, context);
-        fastest = fastest.max(speed);
-        if !inside && lost.is_none() {
-            lost = Some(at);
+impl LanesKernel for Task<'_> {
+    type Output = Moved;
+
+    #[inline(always)]
+    fn run<L: Lanes>(self) -> Moved {
+        let mut fastest = L::splat(0.0);
+        let mut lost = None;
+        for (at, pack) in self.packs.iter_mut().enumerate() {
+            let (speed, inside) = gather_pack::<L>(pack, self.context);
+            fastest = fastest.max(speed);
+            if !inside && lost.is_none() {
+                lost = Some(at);
+            }
         }
+        let mut lanes = [0.0; LANES];
+        fastest.store(&mut lanes);
+        Moved { fastest_m_s: lanes.into_iter().fold(0.0, f32::max), lost }
     }
-    let mut lanes = [0.0; LANES];
-    fastest.store(&mut lanes);
-    Moved { fastest_m_s: lanes.into_iter().fold(0.0, f32::max), lost }
 }
 
 /// Moves a pack; its fastest velocity component per lane, and whether all are numbers inside the domain.

@@ -1,8 +1,8 @@
 //! The particles as the outside knows them: in the order in which they were given.
 
-use super::lanes::LANES;
 use super::laws::{Law, energy};
 use super::particles::{Pack, Particle};
+use crate::simd::LANES;
 
 /// All particles in the order they were given, wherever they lie in their packs.
 pub struct InOrder<'a> {

@@ -1,6 +1,7 @@
 //! 3x3 matrices of lanes.
 
-use super::lanes::{Lanes, Row};
+use super::particles::Row;
+use crate::simd::Lanes;
 
 /// A 3x3 matrix per particle, row by row.
 #[derive(Clone, Copy)]

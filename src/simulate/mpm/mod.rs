@@ -9,17 +9,14 @@
 //! Hu et al., *A Moving Least Squares Material Point Method*, 2018; Jiang et al., *The Affine Particle-In-Cell Method*,
 //! 2015; Jiang et al., *The Material Point Method for Simulating Continuum Materials*, 2016 (course notes).
 //!
-//! Arithmetic is f32 in packs of eight ([`lanes`]); the same input gives the same bytes on any number of threads of one
+//! Arithmetic is f32 in packs of eight ([`Lanes`](crate::simd::Lanes)); the same input gives the same bytes on any number of threads of one
 //! machine.
 
-#[cfg(target_arch = "x86_64")]
-mod avx2;
 pub mod eigen;
 mod g2p;
 mod grid;
 mod grid_update;
 pub mod in_order;
-pub mod lanes;
 pub mod laws;
 pub mod matrix;
 mod p2g;
@@ -33,25 +30,6 @@ use laws::Law;
 use particles::{Motion, Pack, Particle};
 use rayon::prelude::*;
 use sort::Sorted;
-
-/// Defines `fn name(arguments)`, which calls `body::<L>(arguments)` with the best [`lanes::Lanes`] this processor has.
-macro_rules! dispatched {
-    (fn $name:ident($($argument:ident: $type:ty),*) $(-> $result:ty)? = $body:ident) => {
-        fn $name($($argument: $type),*) $(-> $result)? {
-            #[cfg(target_arch = "x86_64")]
-            if $crate::simulate::mpm::avx2::available() {
-                #[target_feature(enable = "avx2,fma")]
-                fn with_avx2($($argument: $type),*) $(-> $result)? {
-                    $body::<$crate::simulate::mpm::avx2::Avx2>($($argument),*)
-                }
-                // SAFETY: the processor has both features.
-                return unsafe { with_avx2($($argument),*) };
-            }
-            $body::<$crate::simulate::mpm::lanes::Plain>($($argument),*)
-        }
-    };
-}
-use dispatched;
 
 /// What does not change while the solver runs. SI.
 #[derive(Debug, Clone)]

@@ -9,14 +9,13 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 
 use rayon::ScopeFifo;
 
-use super::dispatched;
 use super::grid::{Columns, NODE, SLAB};
-use super::lanes::{LANES, Lanes, Row};
 use super::laws::{self, Law};
 use super::matrix::{Mat3, dot};
-use super::particles::Pack;
+use super::particles::{Pack, Row};
 use super::sort::Sorted;
 use super::stencil::Stencil;
+use crate::simd::{LANES, Lanes, LanesKernel, run_lanes};
 
 /// What all slabs need to know.
 #[derive(Clone, Copy)]
@@ -34,12 +33,13 @@ struct Planes<'a> {
     before: usize,
 }
 
-/// One slab: its particles and the nodes they touch.
+/// One slab: its particles and the nodes to which they are added.
 struct Slab<'a, 'n> {
     packs: &'a mut [Pack],
     planes: [&'a mut Planes<'n>; 2],
     /// Its first plane along the grid's first axis.
     first: i32,
+    context: Context<'a>,
 }
 
 /// Clears the grid and adds all particles to it. Slabs of one parity share no node and run side by side; an odd one
@@ -72,7 +72,7 @@ struct Order<'a> {
     context: Context<'a>,
 }
 
-impl<'a> Order<'a> {
+impl Order<'_> {
     fn run<'s>(&'s self, slab: usize, scope: &ScopeFifo<'s>) {
         self.scatter(slab);
         if !slab.is_multiple_of(2) {
@@ -98,7 +98,8 @@ impl<'a> Order<'a> {
         }
         let mut packs = self.packs[slab].lock().expect("no slab panicked");
         let first = self.context.columns.first[0] + (slab * SLAB) as i32;
-        scatter_slab(&mut Slab { packs: &mut packs, planes: [&mut left, &mut right], first }, self.context);
+        let planes = [&mut *left, &mut *right];
+        run_lanes(Slab { packs: &mut packs, planes, first, context: self.context });
     }
 }
 
@@ -123,12 +124,14 @@ fn cut<T>(mut all: &mut [T], lengths: impl Iterator<Item = usize>) -> Vec<Mutex<
         .collect()
 }
 
-dispatched!(fn scatter_slab(slab: &mut Slab, context: Context) = scatter_packs);
+impl LanesKernel for Slab<'_, '_> {
+    type Output = ();
 
-#[inline(always)]
-fn scatter_packs<L: Lanes>(slab: &mut Slab, context: Context) {
-    for pack in slab.packs.iter_mut() {
-        scatter_pack::<L>(pack, &mut slab.planes, slab.first, context);
+    #[inline(always)]
+    fn run<L: Lanes>(mut self) {
+        for pack in self.packs.iter_mut() {
+            scatter_pack::<L>(pack, &mut self.planes, self.first, self.context);
+        }
     }
 }
 

@@ -3,7 +3,10 @@
 
 use nalgebra::Matrix3;
 
-use super::lanes::{LANES, Row};
+use crate::simd::LANES;
+
+/// One f32 of each particle of a pack in memory.
+pub type Row = [f32; LANES];
 
 /// One particle as the outside gives and takes it. SI; positions relative to the simulation's origin.
 #[derive(Debug, Clone, Copy, PartialEq)]

@@ -10,9 +10,9 @@ use std::ops::Range;
 use rayon::prelude::*;
 
 use super::grid::{Columns, DRIFT, NOTHING, SLAB};
-use super::lanes::LANES;
 use super::particles::{Pack, Particle};
 use super::stencil::base_cell;
+use crate::simd::LANES;
 
 /// Particles in the order in which the phases go through them, and their grid.
 #[derive(Debug, Clone, Default)]

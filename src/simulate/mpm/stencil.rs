@@ -1,6 +1,7 @@
 //! Quadratic B-splines: the three nodes per axis that a particle touches, and their weights.
 
-use super::lanes::{LANES, Lanes, Row};
+use super::particles::Row;
+use crate::simd::{LANES, Lanes};
 
 /// What a pack's particles touch along one axis.
 #[derive(Clone, Copy)]

@@ -4,7 +4,7 @@ use ort::session::Session;
 use ort::value::TensorRef;
 
 use super::super::graph::Model;
-use super::super::{EMBEDDING, Embedding, LOGITS_SIDE, MODEL_SIDE};
+use super::super::{EMBEDDING, Embedding, LOGITS_SIDE, MODEL_SIDE, Mismatch};
 
 pub const PROMPT_INPUTS: [&str; 2] = ["point_coords", "point_labels"];
 pub const PICTURE_INPUTS: [&str; 4] = ["image_embeddings", "mask_input", "has_mask_input", "orig_im_size"];
@@ -31,7 +31,7 @@ pub struct Prompt {
 }
 
 impl PromptShape {
-    pub fn of(model: &Model) -> Result<Self, String> {
+    pub fn of(model: &Model) -> Result<Self, Mismatch> {
         // Without a box the export wants a padding point after the prompt, where it lets us have one.
         let unknown = || vec![None; 3];
         let shape = model.input_shape(PROMPT_INPUTS[0]).unwrap_or_else(unknown);
@@ -45,12 +45,7 @@ impl PromptShape {
         }
         .filter(|(batch, points)| batch.checked_mul(*points).is_some_and(|count| count <= MOST_POINTS))
         .map(|(batch, points)| Self { batch, points })
-        .ok_or_else(|| {
-            format!(
-                "its input {:?} is {shape:?}, not [prompts, points, 2] with {MOST_POINTS} points at most",
-                PROMPT_INPUTS[0]
-            )
-        })
+        .ok_or(Mismatch::PromptShape { name: PROMPT_INPUTS[0], shape, most: MOST_POINTS })
     }
 
     /// A run of these prompts of one point each; the rest of the batch repeats the last.
@@ -101,26 +96,31 @@ pub fn picture_inputs(embedding: &Embedding) -> [Fed<'_>; 4] {
 }
 
 /// The inputs that a session has, out of those that are there.
-pub fn feed<'a>(session: &Session, all: &'a [Fed<'a>]) -> Result<Vec<(String, TensorRef<'a, f32>)>, String> {
+pub fn feed<'a>(session: &Session, all: &'a [Fed<'a>]) -> Result<Vec<(String, TensorRef<'a, f32>)>, Mismatch> {
     let find = |name: &str| {
-        let (_, shape, values) =
-            all.iter().find(|fed| fed.0 == name).ok_or_else(|| format!("it has an input {name:?} besides"))?;
-        let tensor = TensorRef::from_array_view((shape.as_slice(), *values)).map_err(|error| error.to_string())?;
-        Ok((name.to_owned(), tensor))
+        let known = all.iter().find(|fed| fed.0 == name);
+        let (_, shape, values) = known.ok_or_else(|| Mismatch::Besides(name.to_owned()))?;
+        Ok((name.to_owned(), TensorRef::from_array_view((shape.as_slice(), *values))?))
     };
     session.inputs().iter().map(|input| find(input.name())).collect()
 }
+
 /// Whether the model has the names of the standard export.
-pub fn check_names(model: &Model) -> Result<(), String> {
+pub fn check_names(model: &Model) -> Result<(), Mismatch> {
+    let missing = |kind, name, found: Vec<&str>| Mismatch::Missing {
+        kind,
+        name,
+        found: found.into_iter().map(str::to_owned).collect(),
+    };
     let (inputs, outputs) = (model.input_names(), model.output_names());
     for name in PICTURE_INPUTS.into_iter().chain(PROMPT_INPUTS) {
         if !inputs.contains(&name) {
-            return Err(format!("it has no input {name:?}, only {}", inputs.join(", ")));
+            return Err(missing("input", name, inputs));
         }
     }
     for name in OUTPUTS {
         if !outputs.contains(&name) {
-            return Err(format!("it has no output {name:?}, only {}", outputs.join(", ")));
+            return Err(missing("output", name, outputs));
         }
     }
     Ok(())

@@ -2,7 +2,7 @@
 
 use super::super::graph::Model;
 use super::super::runtime::{self, Runtime};
-use super::super::{Embedding, LOGITS_SIDE};
+use super::super::{Embedding, LOGITS_SIDE, Mismatch};
 use super::feed::{OUTPUTS, PromptShape, feed, standard_inputs};
 
 /// How far back from an output the values of all masks are searched for. From the public export's single mask they are
@@ -18,7 +18,7 @@ pub struct FourMasks {
 
 impl FourMasks {
     /// Looks back from the outputs for the nearest values that have the shapes of three or four masks.
-    pub fn find(runtime: &Runtime, model: &Model, prompt: PromptShape) -> Result<Self, String> {
+    pub fn find(runtime: &Runtime, model: &Model, prompt: PromptShape) -> Result<Self, Mismatch> {
         let (batch, side) = (prompt.batch as i64, LOGITS_SIDE as i64);
         let [masks, scores] = OUTPUTS.map(|output| model.ancestors(output, SEARCHED_VALUES));
         let mut all: Vec<&str> = masks.iter().chain(&scores).copied().collect();
@@ -28,7 +28,7 @@ impl FourMasks {
         let (blank, points) = (Embedding::blank(), prompt.blank());
         let standard = standard_inputs(&blank, &points, prompt);
         let inputs = feed(&session, &standard)?;
-        let values = session.run(inputs).map_err(|error| error.to_string())?;
+        let values = session.run(inputs)?;
         let shape_of = |name: &&str| values[*name].try_extract_tensor::<f32>().map(|(shape, _)| shape.to_vec()).ok();
         let nearest = |names: &[&str], shape: &[i64]| {
             names.iter().find(|name| shape_of(name).is_some_and(|found| found == shape)).map(|name| (*name).to_owned())
@@ -41,10 +41,6 @@ impl FourMasks {
             }
         }
         let found = shape_of(&OUTPUTS[0]).unwrap_or_default();
-        Err(format!(
-            "output {:?} has shape {found:?}, and no value it is made from is [{batch},4,{side},{side}]; export the \
-             decoder with multimask output",
-            OUTPUTS[0]
-        ))
+        Err(Mismatch::OneMask { name: OUTPUTS[0], found, batch, side })
     }
 }

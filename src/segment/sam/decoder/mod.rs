@@ -1,28 +1,29 @@
-//! The prompt decoder.
+//! From a prompt to masks: SAM's prompt encoder and mask decoder, which exports hold in one graph.
 //!
 //! 1. `feed`: the inputs of the standard export.
 //! 2. `four_masks`: where the logits of all masks and their predicted IoU lie. An export that returns only the best of
 //!    its four masks has all of them as values inside.
-//! 3. `whole`: ONNX Runtime runs the export as it is, for every prompt.
-//! 4. `fused`, which `quick` feeds: gprop computes SAM's mask decoder itself, several times faster. It serves where the
-//!    export has SAM's parameters by their names and where both ways agree on a trial.
+//! 3. `onnx_runtime`: ONNX Runtime runs the export as it is, for every prompt.
+//! 4. `native`: ONNX Runtime runs the prompt encoder, and gprop the mask decoder (`mask_decoder`), several times faster. It
+//!    serves if the export has SAM's parameters by their names and both ways agree on a trial.
 
 mod feed;
 mod four_masks;
-mod fused;
-mod quick;
-mod whole;
+mod mask_decoder;
+mod native;
+mod onnx_runtime;
 
 use std::path::Path;
 
 use super::super::error::SegmentError;
+use super::super::options::DecoderRuntime;
 use super::graph::Model;
 use super::runtime::{self, Runtime};
-use super::{Decoded, Embedding, LOGITS_SIDE, MODEL_SIDE, not_sam, unloadable};
+use super::{Decoded, Embedding, LOGITS_SIDE, MODEL_SIDE, Mismatch, not_sam, unloadable};
 use feed::{OUTPUTS, PromptShape, check_names};
 use four_masks::SEARCHED_VALUES;
-use quick::Quick;
-use whole::Whole;
+use native::Native;
+use onnx_runtime::OnnxRuntime;
 
 const DECODER: &str = "a SAM prompt decoder (the standard export)";
 /// Pixels of one mask's logits.
@@ -40,57 +41,82 @@ pub struct Decoder {
 }
 
 enum Backend {
-    Quick(Box<Quick>),
-    Whole(Whole),
+    Native(Box<Native>),
+    OnnxRuntime(OnnxRuntime),
 }
 
-/// What a prompt takes of one picture.
-pub enum PictureValues {
-    Quick(fused::Picture),
-    Whole(Embedding),
+/// An image's embedding with the decoder's work that no prompt changes.
+pub enum Prepared {
+    Native(mask_decoder::PreparedEmbedding),
+    OnnxRuntime(Embedding),
 }
 
 /// Reads what gprop itself makes of an export, without running any of it: names, the prompt's shape, the parameters, the
 /// graph cut to other outputs.
-pub fn check(bytes: &[u8]) -> Result<(), String> {
-    let model = Model::parse(bytes).ok_or("it is not an ONNX model, or one cut short")?;
+pub fn check(bytes: &[u8]) -> Result<(), Mismatch> {
+    let model = Model::parse(bytes).ok_or(Mismatch::NotOnnx)?;
     let names = check_names(&model);
     let prompt = PromptShape::of(&model).map(PromptShape::blank);
     let inside = model.ancestors(OUTPUTS[0], SEARCHED_VALUES);
     let constants = model.constants();
-    let fused = fused::Fused::read(&model, &constants);
-    let sources = fused::Sources::find(&model, &constants);
-    Model::parse(&model.with_outputs(&inside)).ok_or("its graph cannot be cut")?;
-    names.and(prompt.map(drop)).and(fused.map(drop)).and(sources.map(drop))
+    let mask_decoder = mask_decoder::MaskDecoder::read(&model, &constants);
+    let sources = mask_decoder::Sources::find(&model, &constants);
+    Model::parse(&model.with_outputs(&inside)).ok_or(Mismatch::Uncut)?;
+    names.and(prompt.map(drop)).and(mask_decoder.map(drop)).and(sources.map(drop))
 }
 
 impl Decoder {
-    /// Loads the model in `bytes`, read from `path`, for use on `threads` threads at once.
-    pub fn open(runtime: &Runtime, path: &Path, bytes: &[u8], threads: usize) -> Result<Self, SegmentError> {
-        let not_onnx = || unloadable(path, DECODER)("it is not an ONNX model, or one cut short".to_owned());
-        let model = Model::parse(bytes).ok_or_else(not_onnx)?;
+    /// Loads the model in `bytes`, read from `path`, for use on `threads` threads at once. Without a `choice` gprop's own
+    /// mask decoder serves if it can.
+    pub fn open(
+        runtime: &Runtime,
+        path: &Path,
+        bytes: &[u8],
+        choice: Option<DecoderRuntime>,
+        threads: usize,
+    ) -> Result<Self, SegmentError> {
+        let model = Model::parse(bytes).ok_or(Mismatch::NotOnnx).map_err(unloadable(path, DECODER))?;
         // What is wrong with the file as a whole is ONNX Runtime's to say.
         runtime::session(runtime, bytes).map_err(unloadable(path, DECODER))?;
-        Self::of_model(runtime, &model, threads).map_err(not_sam(path, DECODER))
+        let not_sam = not_sam(path, DECODER);
+        check_names(&model).map_err(&not_sam)?;
+        let prompt = PromptShape::of(&model).map_err(&not_sam)?;
+        let exported = |threads: usize| {
+            let backend = OnnxRuntime::open(runtime, &model, prompt, threads).map_err(&not_sam)?;
+            Ok(Self { prompt, backend: Backend::OnnxRuntime(backend) })
+        };
+        if choice == Some(DecoderRuntime::OnnxRuntime) {
+            return exported(threads);
+        }
+        match Self::native(runtime, &model, prompt, threads, &exported(1)?) {
+            Ok(native) => Ok(native),
+            Err(source) if choice == Some(DecoderRuntime::Native) => {
+                Err(SegmentError::NoNativeDecoder { path: path.to_owned(), source })
+            }
+            Err(reason) => {
+                tracing::info!("the SAM decoder runs as exported, which is slower: {reason}");
+                exported(threads)
+            }
+        }
     }
 
-    fn of_model(runtime: &Runtime, model: &Model, threads: usize) -> Result<Self, String> {
-        check_names(model)?;
-        let prompt = PromptShape::of(model)?;
-        let whole = Self { prompt, backend: Backend::Whole(Whole::open(runtime, model, prompt, 1)?) };
-        let quick = Quick::open(runtime, model, prompt, threads).and_then(|quick| {
-            let quick = Self { prompt, backend: Backend::Quick(Box::new(quick)) };
-            quick.check_against(&whole).map(|()| quick)
-        });
-        quick.or_else(|reason| {
-            tracing::info!("the SAM decoder runs as exported, which is slower: {reason}");
-            Ok(Self { prompt, backend: Backend::Whole(Whole::open(runtime, model, prompt, threads)?) })
-        })
+    /// The native decoder, if it decodes a trial prompt as the `exported` one does.
+    fn native(
+        runtime: &Runtime,
+        model: &Model,
+        prompt: PromptShape,
+        threads: usize,
+        exported: &Self,
+    ) -> Result<Self, Mismatch> {
+        let native = Box::new(Native::open(runtime, model, prompt, threads)?);
+        let native = Self { prompt, backend: Backend::Native(native) };
+        native.check_against(exported)?;
+        Ok(native)
     }
 
-    /// Whether gprop computes it itself.
-    pub fn is_quick(&self) -> bool {
-        matches!(self.backend, Backend::Quick(_))
+    /// Whether gprop computes the mask decoder itself.
+    pub fn is_native(&self) -> bool {
+        matches!(self.backend, Backend::Native(_))
     }
 
     /// How many prompts a run takes.
@@ -98,31 +124,31 @@ impl Decoder {
         self.prompt.batch
     }
 
-    /// Computes what the prompts need of a picture.
-    pub fn prepare(&self, embedding: &Embedding) -> Result<PictureValues, String> {
+    /// Does the work that no prompt changes.
+    pub fn prepare(&self, embedding: &Embedding) -> Result<Prepared, Mismatch> {
         match &self.backend {
-            Backend::Quick(quick) => quick.prepare(embedding).map(PictureValues::Quick),
-            Backend::Whole(_) => Ok(PictureValues::Whole(embedding.clone())),
+            Backend::Native(native) => native.prepare(embedding).map(Prepared::Native),
+            Backend::OnnxRuntime(_) => Ok(Prepared::OnnxRuntime(embedding.clone())),
         }
     }
 
     /// Decodes up to [`Self::batch`] point prompts and hands the masks of each to `take`, with the prompt's index.
     pub fn run(
         &self,
-        picture: &PictureValues,
+        image: &Prepared,
         points: &[[f32; 2]],
         wanted: &Wanted<'_>,
         take: impl FnMut(usize, Decoded<'_>),
-    ) -> Result<(), String> {
-        match (&self.backend, picture) {
-            (Backend::Quick(quick), PictureValues::Quick(picture)) => quick.run(picture, points, wanted, take),
-            (Backend::Whole(whole), PictureValues::Whole(embedding)) => whole.run(embedding, points, wanted, take),
-            _ => Err("the picture was prepared by another decoder".to_owned()),
+    ) -> Result<(), Mismatch> {
+        match (&self.backend, image) {
+            (Backend::Native(native), Prepared::Native(image)) => native.run(image, points, wanted, take),
+            (Backend::OnnxRuntime(exported), Prepared::OnnxRuntime(image)) => exported.run(image, points, wanted, take),
+            _ => Err(Mismatch::OtherDecoder),
         }
     }
 
     /// Whether both decode a prompt to a made-up picture alike.
-    fn check_against(&self, other: &Self) -> Result<(), String> {
+    fn check_against(&self, other: &Self) -> Result<(), Mismatch> {
         // Any values will do that are as large as an embedding's and the same every time.
         let mut state = 1_u32;
         let mut next = || {
@@ -131,7 +157,7 @@ impl Decoder {
         };
         let embedding = Embedding(Embedding::blank().0.iter().map(|_| next()).collect());
         let point = [0.4 * MODEL_SIDE as f32, 0.3 * MODEL_SIDE as f32];
-        let decode = |decoder: &Self| -> Result<(Vec<f32>, [f32; 3]), String> {
+        let decode = |decoder: &Self| -> Result<(Vec<f32>, [f32; 3]), Mismatch> {
             let mut answer = (Vec::new(), [0.0; 3]);
             decoder.run(&decoder.prepare(&embedding)?, &[point], &|_| [true; 3], |_, decoded| {
                 answer = (decoded.logits.into_iter().flatten().flatten().copied().collect(), decoded.predicted_iou);
@@ -147,7 +173,7 @@ impl Decoder {
         if of_logits <= AGREEMENT && of_scores <= AGREEMENT {
             Ok(())
         } else {
-            Err(format!("on a trial its logits are {of_logits:e} and its predicted IoU {of_scores:e} off"))
+            Err(Mismatch::Trial { logits: of_logits, predicted_iou: of_scores })
         }
     }
 }

@@ -3,7 +3,7 @@
 
 use super::Point;
 use super::hencky::{Strain, norm};
-use crate::simulate::mpm::lanes::Lanes;
+use crate::simd::Lanes;
 use crate::simulate::mpm::matrix::{Mat3, Sym3};
 
 /// alpha of an internal friction angle: the cone through the outer edges of Mohr-Coulomb's pyramid.

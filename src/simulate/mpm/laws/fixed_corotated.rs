@@ -2,8 +2,8 @@
 //! tau = 2 mu (F - R) F^T + lambda J (J - 1) I.
 
 use super::Point;
+use crate::simd::Lanes;
 use crate::simulate::mpm::eigen::rotation;
-use crate::simulate::mpm::lanes::Lanes;
 use crate::simulate::mpm::matrix::{Mat3, Sym3};
 
 #[inline(always)]

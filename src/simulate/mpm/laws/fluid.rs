@@ -3,7 +3,8 @@
 //! the volume ratio alone.
 
 use super::Point;
-use crate::simulate::mpm::lanes::{Lanes, exp, ln};
+use super::exp;
+use crate::simd::{Lanes, ln};
 use crate::simulate::mpm::matrix::{Mat3, Sym3};
 
 /// Water's exponent.

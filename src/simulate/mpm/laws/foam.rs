@@ -4,7 +4,7 @@
 
 use super::Point;
 use super::hencky::{Strain, norm};
-use crate::simulate::mpm::lanes::Lanes;
+use crate::simd::Lanes;
 use crate::simulate::mpm::matrix::{Mat3, Sym3};
 
 /// The stress, and the elastic deformation where any particle flowed.

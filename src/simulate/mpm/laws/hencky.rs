@@ -1,8 +1,9 @@
 //! Hencky (logarithmic) elasticity: tau = 2 mu eps + lambda tr(eps) I, with eps the logarithms of the principal
 //! stretches. Return maps are plain vector arithmetic in eps.
 
+use super::exp;
+use crate::simd::{Lanes, ln};
 use crate::simulate::mpm::eigen::Stretches;
-use crate::simulate::mpm::lanes::{Lanes, exp, ln};
 use crate::simulate::mpm::matrix::{Mat3, Sym3, dot};
 
 /// Stretches below this count as this much: a crushed particle resists no further.

@@ -21,9 +21,9 @@ pub mod von_mises;
 
 use snow::Snow;
 
-use super::lanes::{Lanes, Row};
 use super::matrix::{Mat3, Sym3};
-use super::particles::Pack;
+use super::particles::{Pack, Row};
+use crate::simd::{self, Lanes};
 
 /// A constitutive law with the constants that all particles of it share.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -84,6 +84,12 @@ pub fn stress<L: Lanes>(pack: &mut Pack, laws: &[Law], dt_s: f32) -> Sym3<L> {
         Law::Snow(snow) => returned(snow::stress(point, snow), &mut pack.elastic),
         Law::Fluid => returned(fluid::stress(&point), &mut pack.elastic),
     }
+}
+
+/// Exponential, arguments clamped to [-80, 80], to about 2 ulp.
+#[inline(always)]
+pub fn exp<L: Lanes>(x: L) -> L {
+    simd::exp(x, 80.0)
 }
 
 /// The stress; keeps the deformation that a return map gave back.

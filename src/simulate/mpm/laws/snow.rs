@@ -3,8 +3,9 @@
 //! exp(xi (1 - J_P)), with J_P the volume ratio of the plastic part; the stress is fixed corotated.
 
 use super::Point;
+use super::exp;
+use crate::simd::Lanes;
 use crate::simulate::mpm::eigen::Stretches;
-use crate::simulate::mpm::lanes::{Lanes, exp};
 use crate::simulate::mpm::matrix::{Mat3, Sym3};
 
 /// The hardest that snow gets, in times its stiffness: the time step counts on it.

@@ -5,7 +5,7 @@
 
 use super::Point;
 use super::hencky::{Strain, norm};
-use crate::simulate::mpm::lanes::Lanes;
+use crate::simd::Lanes;
 use crate::simulate::mpm::matrix::{Mat3, Sym3};
 
 /// The yield radius of a yield stress in uniaxial tension, both Pa: |dev(tau)| = sqrt(2/3) sigma_y.

@@ -5,20 +5,21 @@ use ort::session::Session;
 use super::super::graph::Model;
 use super::super::pool::Pool;
 use super::super::runtime::{self, Runtime};
-use super::super::{Decoded, Embedding};
+use super::super::{Decoded, Embedding, Mismatch};
 use super::feed::{PromptShape, feed, standard_inputs};
 use super::four_masks::FourMasks;
 use super::{LOGITS, Wanted};
 
-pub struct Whole {
+/// ONNX Runtime with the export, cut to the values of all masks.
+pub struct OnnxRuntime {
     sessions: Pool<Session>,
     prompt: PromptShape,
     outputs: FourMasks,
 }
 
-impl Whole {
+impl OnnxRuntime {
     /// For use on `threads` threads at once.
-    pub fn open(runtime: &Runtime, model: &Model, prompt: PromptShape, threads: usize) -> Result<Self, String> {
+    pub fn open(runtime: &Runtime, model: &Model, prompt: PromptShape, threads: usize) -> Result<Self, Mismatch> {
         let outputs = FourMasks::find(runtime, model, prompt)?;
         let cut = model.with_outputs(&[&outputs.logits, &outputs.scores]);
         let sessions = (0..threads).map(|_| runtime::session(runtime, &cut)).collect::<Result<_, _>>()?;
@@ -31,16 +32,15 @@ impl Whole {
         points: &[[f32; 2]],
         wanted: &Wanted<'_>,
         mut take: impl FnMut(usize, Decoded<'_>),
-    ) -> Result<(), String> {
-        let failed = |error: ort::Error| error.to_string();
+    ) -> Result<(), Mismatch> {
         let prompt = self.prompt.fill(points);
         let standard = standard_inputs(embedding, &prompt, self.prompt);
         self.sessions.with(|session| {
             let inputs = feed(session, &standard)?;
-            let outputs = session.run(inputs).map_err(failed)?;
+            let outputs = session.run(inputs)?;
             let four = &self.outputs;
-            let logits = outputs[four.logits.as_str()].try_extract_tensor::<f32>().map_err(failed)?.1;
-            let scores = outputs[four.scores.as_str()].try_extract_tensor::<f32>().map_err(failed)?.1;
+            let logits = outputs[four.logits.as_str()].try_extract_tensor::<f32>()?.1;
+            let scores = outputs[four.scores.as_str()].try_extract_tensor::<f32>()?.1;
             let of_prompt = logits.chunks_exact(four.count * LOGITS).zip(scores.chunks_exact(four.count));
             for (index, (logits, scores)) in of_prompt.enumerate().take(points.len()) {
                 // Of four masks the first is the one for unambiguous prompts; the others are the three levels.

@@ -1,65 +1,67 @@
-//! The decoder as gprop computes it ([`super::fused`]). ONNX Runtime runs what comes before the transformer: the prompt's
-//! tokens, and once a picture its embedding and positions.
+//! The mask decoder as gprop computes it ([`super::mask_decoder`]). ONNX Runtime runs what comes before the transformer: the
+//! prompt encoder, and once per image the embedding and its positional encoding.
 
 use ort::session::{Session, SessionOutputs};
 
 use super::super::graph::Model;
 use super::super::pool::Pool;
 use super::super::runtime::{self, Runtime};
-use super::super::{Decoded, Embedding};
+use super::super::{Decoded, Embedding, Mismatch};
 use super::Wanted;
 use super::feed::{PromptShape, feed, standard_inputs};
-use super::fused::{CHANNELS, Fused, MASKS, Picture, Scratch, Sources, TOKENS};
+use super::mask_decoder::{CHANNELS, MASKS, MaskDecoder, PreparedEmbedding, Scratch, Sources, TOKENS};
 
-pub struct Quick {
-    fused: Fused,
+/// The native mask decoder and the sessions that feed it.
+pub struct Native {
+    mask_decoder: MaskDecoder,
     sources: Sources,
     prompt: PromptShape,
-    picture: Pool<Session>,
+    image: Pool<Session>,
     tokens: Pool<Session>,
     scratch: Pool<Scratch>,
 }
 
-impl Quick {
+impl Native {
     /// For use on `threads` threads at once. The error says in what the model differs from SAM's.
-    pub fn open(runtime: &Runtime, model: &Model, prompt: PromptShape, threads: usize) -> Result<Self, String> {
+    pub fn open(runtime: &Runtime, model: &Model, prompt: PromptShape, threads: usize) -> Result<Self, Mismatch> {
         let constants = model.constants();
-        let fused = Fused::read(model, &constants)?;
+        let mask_decoder = MaskDecoder::read(model, &constants)?;
         let sources = Sources::find(model, &constants)?;
-        let sessions = |outputs: &[&str], count: usize| -> Result<_, String> {
+        let sessions = |outputs: &[&str], count: usize| -> ort::Result<_> {
             let cut = model.with_outputs(outputs);
             Ok(Pool::new((0..count).map(|_| runtime::session(runtime, &cut)).collect::<Result<_, _>>()?))
         };
-        let picture = sessions(&[&sources.picture, &sources.positions], 1)?;
+        let image = sessions(&[&sources.image_embedding, &sources.positional_encoding], 1)?;
         let tokens = sessions(&[&sources.tokens], threads)?;
         let scratch = Pool::new((0..threads).map(|_| Scratch::new()).collect());
-        let quick = Self { fused, sources, prompt, picture, tokens, scratch };
-        quick.tokens_of(&[])?;
-        Ok(quick)
+        let native = Self { mask_decoder, sources, prompt, image, tokens, scratch };
+        native.tokens_of(&[])?;
+        Ok(native)
     }
 
-    pub fn prepare(&self, embedding: &Embedding) -> Result<Picture, String> {
+    pub fn prepare(&self, embedding: &Embedding) -> Result<PreparedEmbedding, Mismatch> {
         let blank = self.prompt.blank();
         let standard = standard_inputs(embedding, &blank, self.prompt);
-        self.picture.with(|session| {
+        self.image.with(|session| {
             let inputs = feed(session, &standard)?;
-            let outputs = session.run(inputs).map_err(|error| error.to_string())?;
+            let outputs = session.run(inputs)?;
             // The same for every prompt of a batch.
             let first = |name: &str| {
                 let values = floats(&outputs, name)?.get(..embedding.0.len());
-                values.map(<[f32]>::to_vec).ok_or_else(|| format!("{name:?} is smaller than a picture's embedding"))
+                values.map(<[f32]>::to_vec).ok_or_else(|| Mismatch::SmallValue(name.to_owned()))
             };
-            Ok(self.fused.prepare(first(&self.sources.picture)?, first(&self.sources.positions)?))
+            let embedding = first(&self.sources.image_embedding)?;
+            Ok(self.mask_decoder.prepare(embedding, first(&self.sources.positional_encoding)?))
         })
     }
 
     pub fn run(
         &self,
-        picture: &Picture,
+        image: &PreparedEmbedding,
         points: &[[f32; 2]],
         wanted: &Wanted<'_>,
         mut take: impl FnMut(usize, Decoded<'_>),
-    ) -> Result<(), String> {
+    ) -> Result<(), Mismatch> {
         let tokens = self.tokens_of(points)?;
         let of_prompt = tokens.chunks_exact(tokens.len() / self.prompt.batch);
         // The first mask is the one for unambiguous prompts; the others are the three levels.
@@ -70,7 +72,7 @@ impl Quick {
                     let [small, middle, large] = wanted(&levels(scores));
                     [false, small, middle, large]
                 };
-                let scores = self.fused.decode(picture, tokens, &wanted_masks, scratch);
+                let scores = self.mask_decoder.decode(image, tokens, &wanted_masks, scratch);
                 let mut made = scratch.logits.iter().map(<[f32; _]>::as_slice);
                 let logits = wanted(&levels(&scores)).map(|is_wanted| if is_wanted { made.next() } else { None });
                 take(index, Decoded { logits, predicted_iou: levels(&scores) });
@@ -80,21 +82,20 @@ impl Quick {
     }
 
     /// `[batch, tokens, CHANNELS]`, and no other number of tokens than SAM's prompts have.
-    fn tokens_of(&self, points: &[[f32; 2]]) -> Result<Vec<f32>, String> {
+    fn tokens_of(&self, points: &[[f32; 2]]) -> Result<Vec<f32>, Mismatch> {
         let prompt = self.prompt.fill(points);
         let of_prompt = prompt.inputs(self.prompt);
         self.tokens.with(|session| {
             let inputs = feed(session, &of_prompt)?;
-            let outputs = session.run(inputs).map_err(|error| error.to_string())?;
+            let outputs = session.run(inputs)?;
             let tokens = floats(&outputs, &self.sources.tokens)?;
             let is_of_sam = |count| tokens.len() == count * self.prompt.batch * CHANNELS;
             let fits = (MASKS + 1..=TOKENS).any(is_of_sam);
-            fits.then(|| tokens.to_vec())
-                .ok_or_else(|| format!("the tokens of its prompts are {} numbers", tokens.len()))
+            fits.then(|| tokens.to_vec()).ok_or(Mismatch::Tokens(tokens.len()))
         })
     }
 }
 
-fn floats<'a>(outputs: &'a SessionOutputs<'_>, name: &str) -> Result<&'a [f32], String> {
-    Ok(outputs[name].try_extract_tensor::<f32>().map_err(|error| error.to_string())?.1)
+fn floats<'a>(outputs: &'a SessionOutputs<'_>, name: &str) -> Result<&'a [f32], Mismatch> {
+    Ok(outputs[name].try_extract_tensor::<f32>()?.1)
 }

@@ -1,11 +1,12 @@
 //! The first layer's attention, both ways: the pixels come as the encoder made them, so no prompt changes what is projected of
 //! them.
 
+use super::layers::exp;
 use super::matrix::{Left, Product, Right, Start, multiply};
 use super::tokens::Projected;
-use super::vector::{MOST_LANES, Vector};
 use super::weights::Attention;
 use super::{BLOCK, HEADS, INNER, PAIRS, PIXELS, TOKENS, WIDTH};
+use crate::simd::{MOST_LANES, Vector};
 
 /// What is projected of the pixels of one picture.
 pub struct FirstLayer {
@@ -82,7 +83,7 @@ impl FirstLayer {
                 let mut sum = V::splat(0.0);
                 for token in 0..count {
                     let place = &mut weights[(token * HEADS + head) * BLOCK + pixel..];
-                    let weight = V::load(place).sub(most).mul(scale).exp();
+                    let weight = exp((V::load(place) - most) * scale);
                     weight.store(place);
                     sum = sum.add(weight);
                 }
@@ -114,7 +115,7 @@ fn exponentials<V: Vector>(scores: &mut [f32], scale: f32) -> f32 {
     }
     let (greatest, scale, mut sum) = (V::splat(greatest), V::splat(scale), V::splat(0.0));
     for scores in scores.chunks_exact_mut(V::WIDTH) {
-        let value = V::load(scores).sub(greatest).mul(scale).exp();
+        let value = exp((V::load(scores) - greatest) * scale);
         value.store(scores);
         sum = sum.add(value);
     }

@@ -3,9 +3,10 @@
 //! Exporters rename the matrices of linear layers (`onnx::MatMul_1926`) but not the biases, so a matrix is what is
 //! multiplied before its bias is added.
 
+use super::super::super::Mismatch;
 use super::super::super::graph::{Constants, Model};
-use super::vector::MOST_LANES;
 use super::{CHANNELS, INNER, MASKS, UPSCALED, UPSCALED_TWICE};
+use crate::simd::MOST_LANES;
 
 /// Feed-forward width of the transformer (`mlp_dim`).
 pub const HIDDEN: usize = 2048;
@@ -65,14 +66,14 @@ pub struct Weights {
 pub struct Sources {
     /// `[batch, tokens, 256]`: output tokens, then those of the prompt.
     pub tokens: String,
-    /// `[batch, 4096, 256]`: the picture, and the encoding of positions.
-    pub picture: String,
-    pub positions: String,
+    /// `[batch, 4096, 256]`.
+    pub image_embedding: String,
+    pub positional_encoding: String,
 }
 
 impl Weights {
     /// What of SAM's mask decoder is not there by its name and shape is the error.
-    pub fn read(model: &Model, constants: &Constants) -> Result<Self, String> {
+    pub fn read(model: &Model, constants: &Constants) -> Result<Self, Mismatch> {
         let reader = Reader { model, constants };
         Ok(Self {
             layers: [reader.layer(0)?, reader.layer(1)?],
@@ -95,15 +96,19 @@ impl Weights {
 }
 
 impl Sources {
-    pub fn find(model: &Model, constants: &Constants) -> Result<Self, String> {
+    pub fn find(model: &Model, constants: &Constants) -> Result<Self, Mismatch> {
         let reader = Reader { model, constants };
         let first = "transformer.layers.0";
         let tokens = reader.product_before(&format!("{first}.self_attn.q_proj.bias"))?.0;
-        let picture = reader.product_before(&format!("{first}.cross_attn_token_to_image.v_proj.bias"))?.0;
+        let image = reader.product_before(&format!("{first}.cross_attn_token_to_image.v_proj.bias"))?.0;
         let placed = reader.product_before(&format!("{first}.cross_attn_token_to_image.k_proj.bias"))?.0;
         let terms = model.producer(placed, "Add").unwrap_or_default();
-        let positions = terms.iter().find(|term| *term != picture).ok_or_else(|| format!("{placed:?} is not a sum"))?;
-        Ok(Self { tokens: tokens.to_owned(), picture: picture.to_owned(), positions: positions.clone() })
+        let positions = terms.iter().find(|term| *term != image).ok_or_else(|| Mismatch::NoSum(placed.to_owned()))?;
+        Ok(Self {
+            tokens: tokens.to_owned(),
+            image_embedding: image.to_owned(),
+            positional_encoding: positions.clone(),
+        })
     }
 }
 
@@ -113,7 +118,7 @@ struct Reader<'a> {
 }
 
 impl<'a> Reader<'a> {
-    fn layer(&self, index: usize) -> Result<Layer, String> {
+    fn layer(&self, index: usize) -> Result<Layer, Mismatch> {
         let layer = format!("transformer.layers.{index}");
         Ok(Layer {
             self_attention: self.attention(&format!("{layer}.self_attn"), CHANNELS)?,
@@ -130,7 +135,7 @@ impl<'a> Reader<'a> {
         })
     }
 
-    fn attention(&self, name: &str, inner: usize) -> Result<Attention, String> {
+    fn attention(&self, name: &str, inner: usize) -> Result<Attention, Mismatch> {
         Ok(Attention {
             query: self.projection(&format!("{name}.q_proj"), CHANNELS, inner)?,
             key: self.projection(&format!("{name}.k_proj"), CHANNELS, inner)?,
@@ -140,7 +145,7 @@ impl<'a> Reader<'a> {
     }
 
     /// A linear layer on sequences: a product with `[inputs, outputs]`, then a sum.
-    fn projection(&self, name: &str, inputs: usize, outputs: usize) -> Result<Linear, String> {
+    fn projection(&self, name: &str, inputs: usize, outputs: usize) -> Result<Linear, Mismatch> {
         let bias = format!("{name}.bias");
         let weight = self.product_before(&bias)?.1;
         Ok(Linear {
@@ -151,25 +156,25 @@ impl<'a> Reader<'a> {
         })
     }
 
-    fn norm(&self, name: &str) -> Result<Norm, String> {
+    fn norm(&self, name: &str) -> Result<Norm, Mismatch> {
         let of = |what: &str| self.parameter(&format!("{name}.{what}"), &[CHANNELS]);
         Ok(Norm { weight: of("weight")?, bias: of("bias")?, epsilon: NORM_EPSILON })
     }
 
     /// The norm over the channels that follows a convolution: exporters write it as its elementary operations, of which
     /// the first product and the first sum with a value per channel are scale and shift.
-    fn norm_of_channels(&self, convolution: &str, channels: usize) -> Result<Norm, String> {
+    fn norm_of_channels(&self, convolution: &str, channels: usize) -> Result<Norm, Mismatch> {
         let weight = self.name_of(&format!("{convolution}.weight"))?;
         let of = |operator: &str| {
             let mut inputs = self.model.consumers_after(weight, operator).flatten();
             let values = inputs.find_map(|input| self.constants.get(input, &[channels, 1, 1]));
-            values.map(<[f32]>::to_vec).ok_or_else(|| format!("no layer norm after {weight:?}"))
+            values.map(<[f32]>::to_vec).ok_or_else(|| Mismatch::NoNorm(weight.to_owned()))
         };
         Ok(Norm { weight: of("Mul")?, bias: of("Add")?, epsilon: UPSCALING_EPSILON })
     }
 
     /// `[inputs, outputs, 2, 2]` as a matrix of `[inputs, 4 outputs]`.
-    fn transposed_convolution(&self, name: &str, inputs: usize, outputs: usize) -> Result<Linear, String> {
+    fn transposed_convolution(&self, name: &str, inputs: usize, outputs: usize) -> Result<Linear, Mismatch> {
         let kernel = self.parameter(&format!("{name}.weight"), &[inputs, outputs, 2, 2])?;
         let bias = self.parameter(&format!("{name}.bias"), &[outputs])?;
         let mut weight = vec![0.0; kernel.len()];
@@ -180,12 +185,12 @@ impl<'a> Reader<'a> {
         Ok(Linear { weight, bias: bias.repeat(4), inputs, outputs: 4 * outputs })
     }
 
-    fn hypernetwork(&self, mask: usize) -> Result<[Linear; 3], String> {
+    fn hypernetwork(&self, mask: usize) -> Result<[Linear; 3], Mismatch> {
         self.perceptron(&format!("output_hypernetworks_mlps.{mask}"), UPSCALED_TWICE)
     }
 
-    fn perceptron(&self, name: &str, outputs: usize) -> Result<[Linear; 3], String> {
-        let layer = |index: usize, outputs: usize| -> Result<Linear, String> {
+    fn perceptron(&self, name: &str, outputs: usize) -> Result<[Linear; 3], Mismatch> {
+        let layer = |index: usize, outputs: usize| -> Result<Linear, Mismatch> {
             let rows = self.parameter(&format!("{name}.layers.{index}.weight"), &[outputs, CHANNELS])?;
             let mut bias = self.parameter(&format!("{name}.layers.{index}.bias"), &[outputs])?;
             // As many columns as fill vectors, those that are too many zero.
@@ -201,26 +206,27 @@ impl<'a> Reader<'a> {
     }
 
     /// What is multiplied, and with which matrix, before this bias is added.
-    fn product_before(&self, bias: &str) -> Result<(&'a str, &'a str), String> {
+    fn product_before(&self, bias: &str) -> Result<(&'a str, &'a str), Mismatch> {
         let bias = self.name_of(bias)?;
-        let sum = self.model.consumer(bias, "Add").ok_or_else(|| format!("{bias:?} is added to nothing"))?;
+        let sum = self.model.consumer(bias, "Add").ok_or_else(|| Mismatch::NotAdded(bias.to_owned()))?;
         match sum.iter().find_map(|input| self.model.producer(input, "MatMul")) {
             Some([left, right]) => Ok((left, right)),
-            _ => Err(format!("{bias:?} is added to no product")),
+            _ => Err(Mismatch::NoProduct(bias.to_owned())),
         }
     }
 
-    fn parameter(&self, name: &str, shape: &[usize]) -> Result<Vec<f32>, String> {
+    fn parameter(&self, name: &str, shape: &[usize]) -> Result<Vec<f32>, Mismatch> {
         self.floats(self.name_of(name)?, shape)
     }
 
-    fn floats(&self, name: &str, shape: &[usize]) -> Result<Vec<f32>, String> {
+    fn floats(&self, name: &str, shape: &[usize]) -> Result<Vec<f32>, Mismatch> {
         let values = self.constants.get(name, shape).map(<[f32]>::to_vec);
-        values.ok_or_else(|| format!("{name:?} is not a float constant of shape {shape:?}"))
+        values.ok_or_else(|| Mismatch::NoConstant { name: name.to_owned(), shape: shape.to_vec() })
     }
 
     /// The parameter of this name in the mask decoder, whatever stands before it.
-    fn name_of(&self, name: &str) -> Result<&str, String> {
-        self.constants.name_ending_in(&format!("mask_decoder.{name}")).ok_or_else(|| format!("no parameter {name:?}"))
+    fn name_of(&self, name: &str) -> Result<&str, Mismatch> {
+        let found = self.constants.name_ending_in(&format!("mask_decoder.{name}"));
+        found.ok_or_else(|| Mismatch::NoParameter(name.to_owned()))
     }
 }

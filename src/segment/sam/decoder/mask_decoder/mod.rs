@@ -3,7 +3,7 @@
 //! It computes what the exported graph computes, in an order that saves most of the work: projections move from the 4096
 //! pixels to the few tokens (`attention`, `first_layer`), every pixel is read once a layer while it is in the cache, and masks that are
 //! not wanted, which their predicted IoU tells before, are not made. `weights` finds the parameters in the export, `tokens`
-//! and `upscale` are the rest of the network, and `layers`, `matrix` and `vector` what they are made of.
+//! and `upscale` are the rest of the network, and `layers` and `matrix` what they are made of.
 //!
 //! The network is that of Kirillov et al., Segment Anything (2023), section A; names of layers are those of the public
 //! implementation (`TwoWayTransformer`, `MaskDecoder`).
@@ -14,21 +14,19 @@ mod layers;
 mod matrix;
 mod tokens;
 mod upscale;
-mod vector;
 mod weights;
-#[cfg(target_arch = "x86_64")]
-mod x86;
 
-use super::super::LOGITS_SIDE;
 use super::super::graph::{Constants, Model};
+use super::super::{LOGITS_SIDE, Mismatch};
 use attention::{OnlineSoftmax, Scores, TokenValues, softmax_over_tokens};
 use first_layer::FirstLayer;
 use layers::{add, perceptron};
 use matrix::Left;
 use tokens::Tokens;
-use vector::{MOST_LANES, Plain, Vector};
 pub use weights::Sources;
 use weights::Weights;
+
+use crate::simd::{Instructions, Kernel, MOST_LANES, Vector};
 
 /// Side of the picture's embedding.
 const SIDE: usize = 64;
@@ -54,14 +52,14 @@ const UPSCALED_TWICE: usize = 32;
 /// Which of the masks are to be made, given the predicted IoU of all.
 pub type Wanted<'a> = dyn Fn(&[f32; MASKS]) -> [bool; MASKS] + 'a;
 
-/// The decoder.
-pub struct Fused {
+/// The mask decoder.
+pub struct MaskDecoder {
     weights: Weights,
     instructions: Instructions,
 }
 
-/// What of the decoder's work no prompt changes.
-pub struct Picture {
+/// An image's embedding with the decoder's work that no prompt changes.
+pub struct PreparedEmbedding {
     /// `[PIXELS, CHANNELS]`.
     embedding: Vec<f32>,
     positions: Vec<f32>,
@@ -78,40 +76,31 @@ pub struct Scratch {
     pub logits: Vec<[f32; LOGITS_SIDE * LOGITS_SIDE]>,
 }
 
-/// For which the decoder is compiled.
-#[derive(Debug, Clone, Copy)]
-enum Instructions {
-    #[cfg(target_arch = "x86_64")]
-    Avx512,
-    #[cfg(target_arch = "x86_64")]
-    Avx2,
-    Any,
-}
-
-impl Fused {
+impl MaskDecoder {
     /// The error says what of SAM's mask decoder was not found.
-    pub fn read(model: &Model, constants: &Constants) -> Result<Self, String> {
+    pub fn read(model: &Model, constants: &Constants) -> Result<Self, Mismatch> {
         Ok(Self { weights: Weights::read(model, constants)?, instructions: Instructions::of_this_processor() })
     }
 
-    /// `embedding` and `positions` are `[PIXELS, CHANNELS]`.
-    pub fn prepare(&self, embedding: Vec<f32>, positions: Vec<f32>) -> Picture {
+    /// `embedding` and `positions`, its positional encoding, are `[PIXELS, CHANNELS]`.
+    pub fn prepare(&self, embedding: Vec<f32>, positions: Vec<f32>) -> PreparedEmbedding {
         assert!(embedding.len() == PIXELS * CHANNELS && positions.len() == PIXELS * CHANNELS);
-        let first_layer = first_layer(self.instructions, &self.weights, &embedding, &positions);
-        Picture { embedding, positions, first_layer }
+        let kernel = FirstLayerOf { weights: &self.weights, embedding: &embedding, positions: &positions };
+        let first_layer = self.instructions.run(kernel);
+        PreparedEmbedding { embedding, positions, first_layer }
     }
 
     /// Decodes a prompt of `[count, CHANNELS]` tokens. Leaves the logits of the masks that are `wanted`, given the predicted
     /// IoU of all, in `scratch`, and returns the predicted IoU.
     pub fn decode(
         &self,
-        picture: &Picture,
+        image: &PreparedEmbedding,
         tokens: &[f32],
         wanted: &Wanted<'_>,
         scratch: &mut Scratch,
     ) -> [f32; MASKS] {
         assert!(tokens.len().is_multiple_of(CHANNELS) && (MASKS + 1..=TOKENS).contains(&(tokens.len() / CHANNELS)));
-        decode(self.instructions, &self.weights, picture, tokens, wanted, scratch)
+        self.instructions.run(Decoding { weights: &self.weights, image, tokens, wanted, scratch })
     }
 }
 
@@ -121,100 +110,73 @@ impl Scratch {
     }
 }
 
-impl Instructions {
-    fn of_this_processor() -> Self {
-        #[cfg(target_arch = "x86_64")]
-        {
-            if x86::avx512() {
-                return Self::Avx512;
-            }
-            if x86::avx2() {
-                return Self::Avx2;
-            }
-        }
-        Self::Any
+/// The first layer of a picture.
+struct FirstLayerOf<'a> {
+    weights: &'a Weights,
+    embedding: &'a [f32],
+    positions: &'a [f32],
+}
+
+impl Kernel for FirstLayerOf<'_> {
+    type Output = FirstLayer;
+
+    #[inline(always)]
+    fn run<V: Vector>(self) -> FirstLayer {
+        let mut placed = vec![0.0; PIXELS * CHANNELS];
+        add::<V>(self.embedding, self.positions, &mut placed);
+        let layer = &self.weights.layers[0];
+        FirstLayer::new::<V>(self.embedding, &placed, &layer.token_to_image, &layer.image_to_token)
     }
 }
 
-/// A function that runs a generic one with the vectors that the processor has.
-macro_rules! dispatched {
-    (fn $name:ident($($argument:ident: $kind:ty),*) -> $result:ty = $generic:ident) => {
-        fn $name(instructions: Instructions, $($argument: $kind),*) -> $result {
-            #[cfg(target_arch = "x86_64")]
-            #[target_feature(enable = "avx512f")]
-            fn avx512($($argument: $kind),*) -> $result {
-                $generic::<x86::Avx512>($($argument),*)
-            }
-            #[cfg(target_arch = "x86_64")]
-            #[target_feature(enable = "avx2,fma")]
-            fn avx2($($argument: $kind),*) -> $result {
-                $generic::<x86::Avx2>($($argument),*)
-            }
-            match instructions {
-                #[cfg(target_arch = "x86_64")]
-                Instructions::Avx512 => unsafe { avx512($($argument),*) },
-                #[cfg(target_arch = "x86_64")]
-                Instructions::Avx2 => unsafe { avx2($($argument),*) },
-                Instructions::Any => $generic::<Plain>($($argument),*),
-            }
-        }
-    };
+/// The decoding of a prompt.
+struct Decoding<'a> {
+    weights: &'a Weights,
+    image: &'a PreparedEmbedding,
+    tokens: &'a [f32],
+    wanted: &'a Wanted<'a>,
+    scratch: &'a mut Scratch,
 }
 
-dispatched!(fn first_layer(weights: &Weights, embedding: &[f32], positions: &[f32]) -> FirstLayer = first_layer_with);
-dispatched!(
-    fn decode(weights: &Weights, picture: &Picture, tokens: &[f32], wanted: &Wanted<'_>, scratch: &mut Scratch) -> [f32; MASKS] =
-        decode_with
-);
+impl Kernel for Decoding<'_> {
+    type Output = [f32; MASKS];
 
-#[inline(always)]
-fn first_layer_with<V: Vector>(weights: &Weights, embedding: &[f32], positions: &[f32]) -> FirstLayer {
-    let mut placed = vec![0.0; PIXELS * CHANNELS];
-    add::<V>(embedding, positions, &mut placed);
-    let layer = &weights.layers[0];
-    FirstLayer::new::<V>(embedding, &placed, &layer.token_to_image, &layer.image_to_token)
-}
+    #[inline(always)]
+    fn run<V: Vector>(self) -> [f32; MASKS] {
+        let Self { weights, image, tokens, wanted, scratch } = self;
+        let tokens = transform::<V>(weights, image, tokens, scratch);
+        let mut padded = [0.0; MOST_LANES];
+        perceptron::<V>(&weights.predicted_iou, &tokens.values[..CHANNELS], &mut padded);
+        let mut predicted_iou = [0.0; MASKS];
+        predicted_iou.copy_from_slice(&padded[..MASKS]);
 
-#[inline(always)]
-fn decode_with<V: Vector>(
-    weights: &Weights,
-    picture: &Picture,
-    tokens: &[f32],
-    wanted: &Wanted<'_>,
-    scratch: &mut Scratch,
-) -> [f32; MASKS] {
-    let tokens = transform::<V>(weights, picture, tokens, scratch);
-    let mut padded = [0.0; MOST_LANES];
-    perceptron::<V>(&weights.predicted_iou, &tokens.values[..CHANNELS], &mut padded);
-    let mut predicted_iou = [0.0; MASKS];
-    predicted_iou.copy_from_slice(&padded[..MASKS]);
-
-    let mut masks = Vec::with_capacity(MASKS);
-    for (mask, is_wanted) in wanted(&predicted_iou).into_iter().enumerate() {
-        if is_wanted {
-            let mut vector = [0.0; UPSCALED_TWICE];
-            let token = &tokens.values[(1 + mask) * CHANNELS..][..CHANNELS];
-            perceptron::<V>(&weights.hypernetworks[mask], token, &mut vector);
-            masks.push(vector);
+        let mut masks = Vec::with_capacity(MASKS);
+        for (mask, is_wanted) in wanted(&predicted_iou).into_iter().enumerate() {
+            if is_wanted {
+                let mut vector = [0.0; UPSCALED_TWICE];
+                let token = &tokens.values[(1 + mask) * CHANNELS..][..CHANNELS];
+                perceptron::<V>(&weights.hypernetworks[mask], token, &mut vector);
+                masks.push(vector);
+            }
         }
+        scratch.logits.resize(masks.len(), [0.0; LOGITS_SIDE * LOGITS_SIDE]);
+        if !masks.is_empty() {
+            upscale::upscale::<V>(weights, &scratch.pixels, &masks, &mut scratch.logits);
+        }
+        predicted_iou
     }
-    scratch.logits.resize(masks.len(), [0.0; LOGITS_SIDE * LOGITS_SIDE]);
-    if !masks.is_empty() {
-        upscale::upscale::<V>(weights, &scratch.pixels, &masks, &mut scratch.logits);
-    }
-    predicted_iou
 }
 
 /// The two-way transformer: returns the tokens, and leaves the pixels in `scratch`.
 #[inline(always)]
-fn transform<V: Vector>(weights: &Weights, picture: &Picture, tokens: &[f32], scratch: &mut Scratch) -> Tokens {
+fn transform<V: Vector>(weights: &Weights, image: &PreparedEmbedding, tokens: &[f32], scratch: &mut Scratch) -> Tokens {
     let [first, second] = &weights.layers;
     let last = &weights.final_attention;
     let mut tokens = Tokens::new(tokens);
 
     tokens.begin::<V>(&first.self_attention, &first.norm1);
     let queries = tokens.project_placed::<V>(&first.token_to_image.query);
-    let found = picture.first_layer.found::<V>(&queries, &mut scratch.scores);
+    let found = image.first_layer.found::<V>(&queries, &mut scratch.scores);
     tokens.add_attended::<V>(&found, &first.token_to_image.out, &first.norm2);
     tokens.transform::<V>(&first.hidden, &first.norm3);
     let keys = tokens.project_placed::<V>(&first.image_to_token.key);
@@ -230,10 +192,10 @@ fn transform<V: Vector>(weights: &Weights, picture: &Picture, tokens: &[f32], sc
     for start in (0..PIXELS).step_by(BLOCK) {
         let range = start * CHANNELS..(start + BLOCK) * CHANNELS;
         let block = &mut scratch.pixels[range.clone()];
-        block.copy_from_slice(&picture.embedding[range.clone()]);
-        picture.first_layer.weights::<V>(&keys, tokens.count, start, &mut weighed);
+        block.copy_from_slice(&image.embedding[range.clone()]);
+        image.first_layer.weights::<V>(&keys, tokens.count, start, &mut weighed);
         token_values.add_to::<V>(Left { values: &weighed, row: 1, column: BLOCK }, block);
-        add::<V>(block, &picture.positions[range], &mut placed);
+        add::<V>(block, &image.positions[range], &mut placed);
         scores.of::<V>(&placed, &mut weighed);
         softmax.add::<V>(&mut weighed, block);
     }
@@ -253,7 +215,7 @@ fn transform<V: Vector>(weights: &Weights, picture: &Picture, tokens: &[f32], sc
     for start in (0..PIXELS).step_by(BLOCK) {
         let range = start * CHANNELS..(start + BLOCK) * CHANNELS;
         let block = &mut scratch.pixels[range.clone()];
-        let positions = &picture.positions[range];
+        let positions = &image.positions[range];
         add::<V>(block, positions, &mut placed);
         shares.of::<V>(&placed, &mut weighed);
         softmax_over_tokens::<V>(&mut weighed, tokens.count);
@@ -331,14 +293,14 @@ mod tests {
         }
     }
 
-    fn decoded(fused: &Fused, count: usize) -> (Vec<f32>, [f32; MASKS]) {
+    fn decoded(decoder: &MaskDecoder, count: usize) -> (Vec<f32>, [f32; MASKS]) {
         let numbers = Numbers(Cell::new(7));
-        let picture = fused.prepare(numbers.take(PIXELS * CHANNELS, 1.0), numbers.take(PIXELS * CHANNELS, 1.0));
+        let image = decoder.prepare(numbers.take(PIXELS * CHANNELS, 1.0), numbers.take(PIXELS * CHANNELS, 1.0));
         let mut scratch = Scratch::new();
         let tokens = numbers.take(count * CHANNELS, 1.0);
-        let scores = fused.decode(&picture, &tokens, &|_| [true; MASKS], &mut scratch);
+        let scores = decoder.decode(&image, &tokens, &|_| [true; MASKS], &mut scratch);
         let all = scratch.logits.concat();
-        fused.decode(&picture, &tokens, &|_| [false, true, false, true], &mut scratch);
+        decoder.decode(&image, &tokens, &|_| [false, true, false, true], &mut scratch);
         let side = LOGITS_SIDE * LOGITS_SIDE;
         assert_eq!(scratch.logits.concat(), [&all[side..2 * side], &all[3 * side..]].concat(), "only those wanted");
         (all, scores)
@@ -346,21 +308,15 @@ mod tests {
 
     #[test]
     fn all_instructions_give_the_same_to_rounding() {
-        let mut fused = Fused { weights: Numbers(Cell::new(1)).weights(), instructions: Instructions::Any };
-        let mut others = Vec::new();
-        #[cfg(target_arch = "x86_64")]
-        {
-            others.extend(x86::avx2().then_some(Instructions::Avx2));
-            others.extend(x86::avx512().then_some(Instructions::Avx512));
-        }
+        let mut decoder = MaskDecoder { weights: Numbers(Cell::new(1)).weights(), instructions: Instructions::ANY };
         for count in [MASKS + 1, TOKENS - 1, TOKENS] {
-            fused.instructions = Instructions::Any;
-            let (logits, scores) = decoded(&fused, count);
+            decoder.instructions = Instructions::ANY;
+            let (logits, scores) = decoded(&decoder, count);
             let greatest = logits.iter().fold(0.0_f32, |most, value| most.max(value.abs()));
             assert!(greatest > 0.1 && scores.iter().all(|score| score.is_finite()), "{greatest} {scores:?}");
-            for &instructions in &others {
-                fused.instructions = instructions;
-                let (other_logits, other_scores) = decoded(&fused, count);
+            for instructions in Instructions::all_of_this_processor() {
+                decoder.instructions = instructions;
+                let (other_logits, other_scores) = decoded(&decoder, count);
                 let apart = logits.iter().zip(&other_logits).fold(0.0_f32, |most, (a, b)| most.max((a - b).abs()));
                 assert!(apart < 1e-4 * greatest, "{instructions:?} {count}: {apart} of {greatest}");
                 for (score, other) in scores.iter().zip(other_scores) {

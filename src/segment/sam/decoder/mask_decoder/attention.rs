@@ -6,12 +6,12 @@
 //! as many columns as there are pairs of token and head: column `token * HEADS + head`. A key's bias adds the same to all pixels
 //! of a column, which a softmax over pixels does not see.
 
-use super::layers::increase;
+use super::layers::{exp, increase};
 use super::matrix::{Left, Product, Right, Start, multiply};
 use super::tokens::Projected;
-use super::vector::Vector;
 use super::weights::{Attention, Linear, Norm};
 use super::{BLOCK, CHANNELS, HEADS, INNER, PAIRS, TOKENS, WIDTH};
+use crate::simd::Vector;
 
 /// How a token weighs pixels by what they hold: `[CHANNELS, PAIRS]`, and what is added to each column.
 pub struct Scores {
@@ -81,10 +81,10 @@ impl OnlineSoftmax {
             for pixel in 0..BLOCK {
                 most = most.max(V::load(&scores[pixel * PAIRS + pair..]));
             }
-            let factor = before.sub(most).exp();
+            let factor = exp(before - most);
             let mut sum = V::load(&self.sums[pair..]).mul(factor);
             for pixel in 0..BLOCK {
-                let weight = V::load(&scores[pixel * PAIRS + pair..]).sub(most).exp();
+                let weight = exp(V::load(&scores[pixel * PAIRS + pair..]) - most);
                 weight.store(&mut scores[pixel * PAIRS + pair..]);
                 sum = sum.add(weight);
             }
@@ -192,7 +192,7 @@ pub fn softmax_over_tokens<V: Vector>(scores: &mut [f32; BLOCK * PAIRS], count: 
             }
         }
         for pair in (0..PAIRS).step_by(V::WIDTH) {
-            V::load(&row[pair..]).exp().store(&mut row[pair..]);
+            exp(V::load(&row[pair..])).store(&mut row[pair..]);
         }
         row[count * HEADS..].fill(0.0);
         let mut sums = [0.0; HEADS];

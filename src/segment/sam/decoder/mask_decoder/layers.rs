@@ -1,8 +1,8 @@
 //! Layers that are applied row by row.
 
 use super::matrix::{Left, Product, Right, Start, multiply};
-use super::vector::Vector;
 use super::weights::{Linear, Norm};
+use crate::simd::{self, Vector};
 
 impl Linear {
     /// `[rows, inputs]` to `[rows, outputs]`.
@@ -45,6 +45,12 @@ impl Norm {
     }
 }
 
+/// Exponential of numbers of either sign and any size.
+#[inline(always)]
+pub fn exp<V: Vector>(x: V) -> V {
+    simd::exp(x, simd::MOST_EXPONENT)
+}
+
 /// `a + b`.
 #[inline(always)]
 pub fn add<V: Vector>(a: &[f32], b: &[f32], sum: &mut [f32]) {
@@ -72,7 +78,7 @@ pub fn relu<V: Vector>(values: &mut [f32]) {
 #[inline(always)]
 pub fn gelu<V: Vector>(values: &mut [f32]) {
     for values in values.chunks_exact_mut(V::WIDTH) {
-        V::load(values).gelu().store(values);
+        simd::gelu(V::load(values)).store(values);
     }
 }
 

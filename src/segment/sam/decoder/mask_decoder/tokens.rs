@@ -1,9 +1,9 @@
 //! The few tokens of a prompt: what the transformer does with them alone.
 
 use super::layers::{add, increase, relu};
-use super::vector::Vector;
 use super::weights::{Attention, HIDDEN, Linear, Norm};
 use super::{CHANNELS, HEADS, INNER, TOKENS};
+use crate::simd::Vector;
 
 /// Tokens, `[TOKENS, CHANNELS]`; those after the first `count` mean nothing.
 pub struct Tokens {

@@ -1,6 +1,6 @@
 //! Products of small matrices whose right factor stays in the cache.
 
-use super::vector::Vector;
+use crate::simd::Vector;
 
 /// A matrix to read: value (i, j) is `values[i * row + j * column]`.
 #[derive(Clone, Copy)]
@@ -44,9 +44,11 @@ pub fn multiply<V: Vector>(
     [rows, inner, columns]: [usize; 3],
 ) {
     assert!(columns.is_multiple_of(V::WIDTH) && rows > 0 && inner > 0 && columns > 0);
-    assert!(left.values.len() > (rows - 1) * left.row + (inner - 1) * left.column);
-    assert!(right.values.len() >= (inner - 1) * right.row + columns);
-    assert!(product.values.len() >= (rows - 1) * product.row + columns);
+    // A sum that is too large for usize is too large for any slice too.
+    let last = |count: usize, stride: usize| (count - 1).saturating_mul(stride);
+    assert!(left.values.len() > last(rows, left.row).saturating_add(last(inner, left.column)));
+    assert!(right.values.len() >= last(inner, right.row).saturating_add(columns));
+    assert!(product.values.len() >= last(rows, product.row).saturating_add(columns));
     if let Start::Row(row) = start {
         assert!(row.len() >= columns);
     }
@@ -66,15 +68,23 @@ pub fn multiply<V: Vector>(
         let mut row = 0;
         while row < rows {
             let tile = Tile {
+                // SAFETY: `row < rows`, and `left` reaches beyond `(rows - 1) * left.row`, as asserted above.
                 left: unsafe { left.values.as_ptr().add(row * left.row) },
                 left_row: left.row,
                 left_column: left.column,
+                // SAFETY: `column < columns`, and `right` has `columns` values at least, as asserted above.
                 right: unsafe { right.values.as_ptr().add(column) },
                 right_row: right.row,
+                // SAFETY: `row < rows`, `column < columns`, and `product` has `(rows - 1) * product.row + columns` values at
+                // least, as asserted above.
                 product: unsafe { product.values.as_mut_ptr().add(row * product.row + column) },
                 product_row: product.row,
                 inner,
             };
+            // SAFETY: the tile has no more rows than are left (`rows - row` in the patterns), and no more columns: `vectors` is at
+            // most `vectors_left`, so `column + vectors * WIDTH <= columns`. With the asserts above, row `rows - 1` of `left`
+            // ends with value `inner - 1`, row `inner - 1` of `right` and row `rows - 1` of `product` with value
+            // `columns - 1`, all inside their slices; `Start::Row` has `columns - column` values left.
             row += unsafe {
                 // AVX-512 has twice the registers.
                 match (V::WIDTH, rows - row, vectors) {
@@ -108,7 +118,9 @@ impl Tile {
     /// Makes `ROWS` rows of `VECTORS` vectors; returns `ROWS`.
     ///
     /// # Safety
-    /// All of them lie inside their matrices, and `start` is as wide.
+    /// From [`Self::left`] on, `ROWS` rows of [`Self::inner`] values can be read by the strides given; from [`Self::right`] on,
+    /// [`Self::inner`] rows of `VECTORS * V::WIDTH` values; from [`Self::product`] on, `ROWS` rows of as many can be read and
+    /// written; and [`Start::Row`] holds as many.
     #[inline(always)]
     unsafe fn run<V: Vector, const ROWS: usize, const VECTORS: usize>(&self, start: Start<'_>) -> usize {
         let mut sums = [[V::splat(0.0); VECTORS]; ROWS];
@@ -117,7 +129,9 @@ impl Tile {
                 let offset = vector * V::WIDTH;
                 *sum = match start {
                     Start::Zero => V::splat(0.0),
+                    // SAFETY: `offset + WIDTH <= VECTORS * WIDTH`, which the caller says `values` holds.
                     Start::Row(values) => unsafe { V::read(values.as_ptr().add(offset)) },
+                    // SAFETY: `row < ROWS` and `offset + WIDTH <= VECTORS * WIDTH`, which the caller says can be read.
                     Start::There => unsafe { V::read(self.product.add(row * self.product_row + offset)) },
                 };
             }
@@ -125,9 +139,11 @@ impl Tile {
         for k in 0..self.inner {
             let mut right = [V::splat(0.0); VECTORS];
             for (vector, right) in right.iter_mut().enumerate() {
+                // SAFETY: `k < inner` and the vector ends within `VECTORS * WIDTH`, which the caller says can be read.
                 *right = unsafe { V::read(self.right.add(k * self.right_row + vector * V::WIDTH)) };
             }
             for (row, sums) in sums.iter_mut().enumerate() {
+                // SAFETY: `row < ROWS` and `k < inner`, which the caller says can be read.
                 let left = V::splat(unsafe { *self.left.add(row * self.left_row + k * self.left_column) });
                 for (sum, right) in sums.iter_mut().zip(right) {
                     *sum = left.mul_add(right, *sum);
@@ -136,6 +152,7 @@ impl Tile {
         }
         for (row, sums) in sums.iter().enumerate() {
             for (vector, sum) in sums.iter().enumerate() {
+                // SAFETY: `row < ROWS` and the vector ends within `VECTORS * WIDTH`, which the caller says can be written.
                 unsafe { sum.write(self.product.add(row * self.product_row + vector * V::WIDTH)) };
             }
         }
@@ -145,8 +162,8 @@ impl Tile {
 
 #[cfg(test)]
 mod tests {
-    use super::super::vector::Plain;
     use super::*;
+    use crate::simd::Plain;
 
     #[test]
     fn products_of_any_strides_are_those_of_the_definition() {

@@ -2,9 +2,9 @@
 //! pixel with the mask's own vector.
 
 use super::layers::gelu;
-use super::vector::Vector;
 use super::weights::Weights;
 use super::{CHANNELS, LOGITS_SIDE, PIXELS, SIDE, UPSCALED, UPSCALED_TWICE};
+use crate::simd::Vector;
 
 /// Pixels of the embedding that are upscaled at once: what they become stays in the first cache.
 const BLOCK: usize = 16;

@@ -1,0 +1,56 @@
+//! In what a model differs from SAM's, or why ONNX Runtime cannot run it.
+
+/// Why a file's network does not serve as one of SAM's.
+#[derive(Debug, thiserror::Error)]
+pub enum Mismatch {
+    #[error("it is not an ONNX model, or one cut short")]
+    NotOnnx,
+    #[error("its graph cannot be cut")]
+    Uncut,
+    /// What ONNX Runtime says while it loads or runs the network.
+    #[error("{0}")]
+    Runtime(#[from] ort::Error),
+
+    /// `kind` is "input" or "output"; `tensor` its type and shape.
+    #[error("its {kind} {name:?} is {tensor}")]
+    Tensor { kind: &'static str, name: String, tensor: String },
+    #[error("it has no single input of a picture but {}", inputs.join(", "))]
+    Inputs { inputs: Vec<String> },
+    #[error("it gave {given} where {expected:?} is expected")]
+    Embedding { given: String, expected: [i64; 4] },
+
+    #[error("it has no {kind} {name:?}, only {}", found.join(", "))]
+    Missing { kind: &'static str, name: &'static str, found: Vec<String> },
+    #[error("it has an input {0:?} besides")]
+    Besides(String),
+    #[error("its input {name:?} is {shape:?}, not [prompts, points, 2] with {most} points at most")]
+    PromptShape { name: &'static str, shape: Vec<Option<i64>>, most: usize },
+    #[error(
+        "output {name:?} has shape {found:?}, and no value it is made from is [{batch},4,{side},{side}]; export the \
+         decoder with multimask output"
+    )]
+    OneMask { name: &'static str, found: Vec<i64>, batch: i64, side: i64 },
+
+    #[error("no parameter {0:?}")]
+    NoParameter(String),
+    #[error("{name:?} is not a float constant of shape {shape:?}")]
+    NoConstant { name: String, shape: Vec<usize> },
+    #[error("{0:?} is added to nothing")]
+    NotAdded(String),
+    #[error("{0:?} is added to no product")]
+    NoProduct(String),
+    #[error("{0:?} is not a sum")]
+    NoSum(String),
+    #[error("no layer norm after {0:?}")]
+    NoNorm(String),
+
+    #[error("the tokens of its prompts are {0} numbers")]
+    Tokens(usize),
+    #[error("{0:?} is smaller than a picture's embedding")]
+    SmallValue(String),
+    /// Logits in units of their spread, and predicted IoU.
+    #[error("on a trial its logits are {logits:e} and its predicted IoU {predicted_iou:e} off")]
+    Trial { logits: f32, predicted_iou: f32 },
+    #[error("the picture was prepared by another decoder")]
+    OtherDecoder,
+}
