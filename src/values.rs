@@ -10,9 +10,16 @@ use clap::builder::{PathBufValueParser, TypedValueParser};
 
 /// The options as a command line without any of them gives them.
 pub fn defaults<T: clap::Args>() -> T {
-    let command = T::augment_args(clap::Command::new("gprop"));
-    let typed = command.try_get_matches_from(["gprop"]).expect("no option is required");
-    T::from_arg_matches(&typed).expect("every default is a value of its option")
+    typed(&[]).expect("no option is required, and every default is a value of its option")
+}
+
+/// The options as a command line with `arguments` gives them.
+///
+/// # Errors
+/// What clap says of an argument that is none, or of a value outside its domain.
+pub fn typed<T: clap::Args>(arguments: &[&str]) -> Result<T, clap::Error> {
+    let command = T::augment_args(clap::Command::new("gprop").no_binary_name(true));
+    T::from_arg_matches(&command.try_get_matches_from(arguments)?)
 }
 
 /// A number from `low` to `high`.

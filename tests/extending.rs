@@ -64,7 +64,7 @@ fn every_law_of_the_simulation_has_a_material() {
 
 #[test]
 fn every_splat_format_is_in_the_help_the_docs_and_the_fuzz_targets() {
-    let run = gprop::cli::command().find_subcommand("run").unwrap().clone();
+    let run = gprop::command().find_subcommand("run").unwrap().clone();
     let help =
         run.get_arguments().find(|argument| argument.get_id() == "splat").unwrap().get_help().unwrap().to_string();
     let docs = text("docs/formats.md");

@@ -30,7 +30,7 @@ fn results_do_what_they_need() {
     let work = balls.scene(0).join("gprop");
     assert_eq!(pipeline.segments().unwrap().views.len(), 3);
     assert!(!work.join("answers.jsonl").exists(), "only what was asked for");
-    assert_eq!(pipeline.answers().unwrap().parts.len(), 6);
+    assert_eq!(pipeline.answers().unwrap().segments.len(), 6);
     let field = pipeline.field().unwrap();
     assert_eq!((field.part_label.len(), field.confidence.len()), (200, 200));
     let labels = field.labels.len();

@@ -130,7 +130,7 @@ fn warnings(answers: &Answers) -> Vec<String> {
     for segment in &answers.segments {
         match &segment.outcome {
             Outcome::Failed(failure) => {
-                warnings.push(format!("view {} segment {}: {failure}", segment.view, segment.segment))
+                warnings.push(format!("view {} segment {}: {failure}", segment.view, segment.segment));
             }
             Outcome::Answered(answer) => {
                 answer.flags.iter().for_each(|flag| *flags.entry(flag).or_default() += 1);

@@ -189,8 +189,7 @@ mod tests {
     use super::*;
 
     fn decoder(typed: &[&str]) -> Result<Option<DecoderRuntime>, clap::Error> {
-        let parsed = <NothingSaid as clap::Parser>::try_parse_from([&["gprop"], typed].concat());
-        parsed.map(|parsed| parsed.options.decoder)
+        values::typed::<Options>(typed).map(|options| options.decoder)
     }
 
     #[test]

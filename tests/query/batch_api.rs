@@ -10,12 +10,8 @@ use gprop::query::{AnswerSource, Options, QueryError};
 use gprop::workdir::WorkDir;
 use serde_json::{Value, json};
 
-<<<<<<< HEAD
-use super::{View, a, completion, good_answer, small, two_parts};
-use crate::support::server::{MockServer, Response, json_of};
-=======
 use super::{View, a, completion, good_answer, small, two_segments};
->>>>>>> rename
+use crate::support::server::{MockServer, Response, json_of};
 
 /// What the server has been sent, and what it says of its batch.
 #[derive(Default)]

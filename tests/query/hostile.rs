@@ -13,12 +13,8 @@ use gprop::query::{Options, Outcome, Prompts, QueryError, Run};
 use serde_json::{Value, json};
 
 use super::client::{Server, ask, error, ok};
-<<<<<<< HEAD
-use super::{a, completion, connect, good_answer, one_part, prepare, recordings, small, two_parts};
-use crate::support::server::{MockServer, Response};
-=======
 use super::{a, completion, connect, good_answer, one_segment, prepare, recordings, small, two_segments};
->>>>>>> rename
+use crate::support::server::{MockServer, Response};
 
 /// A server that reads each request whole and then does with the connection as it likes.
 pub struct RawServer {

@@ -65,7 +65,7 @@ impl<'de> Deserializer<'de> for Cell<'_> {
     }
 }
 
-impl<'de> IntoDeserializer<'de, Mismatch> for Cell<'_> {
+impl IntoDeserializer<'_, Mismatch> for Cell<'_> {
     type Deserializer = Self;
 
     fn into_deserializer(self) -> Self {
