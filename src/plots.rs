@@ -5,20 +5,26 @@
 use std::ops::Range;
 
 use plotters::backend::SVGBackend;
-use plotters::chart::{ChartBuilder, SeriesLabelPosition};
+use plotters::chart::ChartBuilder;
 use plotters::drawing::{DrawingAreaErrorKind, IntoDrawingArea};
-use plotters::element::{Circle, PathElement};
+use plotters::element::Circle;
 use plotters::series::LineSeries;
-use plotters::style::{BLACK, Color, RGBColor, WHITE};
+use plotters::style::{BLACK, Color, IntoFont, RGBColor, TextStyle, WHITE};
 
-/// Size of a panel, pixels.
-const PANEL: (u32, u32) = (800, 300);
-/// Space for the numbers along the two axes, pixels.
-const NUMBERS_BELOW: u32 = 40;
-const NUMBERS_LEFT: u32 = 80;
-const MARGIN: u32 = 12;
+/// Size of a panel, pixels. The library places everything on whole pixels: a picture larger than it is shown is smooth.
+const PANEL: (u32, u32) = (1600, 600);
+/// Space for the numbers along the two axes, and for the names of several series, pixels.
+const NUMBERS_BELOW: u32 = 90;
+const NUMBERS_LEFT: u32 = 160;
+const NAMES_RIGHT: u32 = 240;
+const MARGIN: u32 = 24;
 const FONT: &str = "sans-serif";
-const CAPTION_SIZE: u32 = 18;
+const CAPTION_SIZE: u32 = 36;
+const TEXT_SIZE: u32 = 28;
+/// Distance of a name from the next.
+const LINE: i32 = 36;
+const CURVE_WIDTH: u32 = 4;
+const DOT_RADIUS: u32 = 6;
 /// Numbers along an axis, about.
 const NUMBERS: usize = 8;
 /// Told apart by the colour-blind (Okabe and Ito, 2008), dark enough on white.
@@ -38,7 +44,7 @@ pub struct Panel {
 
 /// Points (x, y). Those that are not finite are left out.
 pub struct Series {
-    /// Shown if the panel has several.
+    /// Shown, in the colour of the series, if the panel has several.
     pub name: &'static str,
     pub mark: Mark,
     pub points: Vec<(f64, f64)>,
@@ -63,40 +69,40 @@ fn draw(panels: &[Panel], text: &mut String) -> Result<(), DrawingAreaErrorKind<
     let whole = SVGBackend::with_string(text, (width, height * panels.len() as u32)).into_drawing_area();
     whole.fill(&WHITE)?;
     for (area, panel) in whole.split_evenly((panels.len(), 1)).iter().zip(panels) {
+        let names = if panel.series.len() > 1 { NAMES_RIGHT } else { 0 };
+        let (along, up) = (axis(panel, |point| point.0, 0.0), axis(panel, |point| point.1, BEYOND));
         let mut chart = ChartBuilder::on(area)
             .caption(&panel.title, (FONT, CAPTION_SIZE))
             .margin(MARGIN)
+            .margin_right(MARGIN + names)
             .x_label_area_size(NUMBERS_BELOW)
             .y_label_area_size(NUMBERS_LEFT)
-            .build_cartesian_2d(axis(panel, |point| point.0, 0.0), axis(panel, |point| point.1, BEYOND))?;
+            .build_cartesian_2d(along.clone(), up.clone())?;
         chart
             .configure_mesh()
             .disable_x_mesh()
             .light_line_style(BLACK.mix(0.0))
             .bold_line_style(BLACK.mix(0.15))
+            .label_style((FONT, TEXT_SIZE))
             .x_labels(NUMBERS)
             .y_labels(NUMBERS)
-            .x_label_formatter(&|value| number(*value))
-            .y_label_formatter(&|value| number(*value))
+            .x_label_formatter(&|value| number(*value, &along))
+            .y_label_formatter(&|value| number(*value, &up))
             .x_desc(panel.along)
             .draw()?;
-        for (series, color) in panel.series.iter().zip(COLORS.into_iter().cycle()) {
+        for ((line, series), color) in (0..).zip(&panel.series).zip(COLORS.into_iter().cycle()) {
             let points = series.points.iter().copied().filter(|(x, y)| x.is_finite() && y.is_finite());
-            let drawn = match series.mark {
-                Mark::Curve => chart.draw_series(LineSeries::new(points, color.stroke_width(2)))?,
-                Mark::Dots => chart.draw_series(points.map(|point| Circle::new(point, 3, color.mix(0.6).filled())))?,
+            match series.mark {
+                Mark::Curve => chart.draw_series(LineSeries::new(points, color.stroke_width(CURVE_WIDTH)))?,
+                Mark::Dots => {
+                    chart.draw_series(points.map(|point| Circle::new(point, DOT_RADIUS, color.mix(0.6).filled())))?
+                }
             };
-            if panel.series.len() > 1 {
-                let sample = move |(x, y)| PathElement::new(vec![(x, y), (x + 16, y)], color.stroke_width(2));
-                drawn.label(series.name).legend(sample);
+            if names > 0 {
+                let style = TextStyle::from((FONT, TEXT_SIZE).into_font()).color(&color);
+                let below_the_title = (CAPTION_SIZE + 2 * MARGIN) as i32;
+                area.draw_text(series.name, &style, ((width - names) as i32, below_the_title + line * LINE))?;
             }
-        }
-        if panel.series.len() > 1 {
-            chart
-                .configure_series_labels()
-                .position(SeriesLabelPosition::UpperRight)
-                .background_style(WHITE.mix(0.8))
-                .draw()?;
         }
     }
     whole.present()
@@ -119,9 +125,10 @@ fn axis(panel: &Panel, coordinate: impl Fn(&(f64, f64)) -> f64, beyond: f64) -> 
     low - half..high + half
 }
 
-/// A number along an axis: up to six digits, with an exponent if it is very large or small.
-fn number(value: f64) -> String {
-    let rounded: f64 = format!("{value:.5e}").parse().unwrap_or(value);
+/// A number along `axis`: up to six digits, with an exponent if it is very large or small; 0 for what rounding leaves of it.
+fn number(value: f64, axis: &Range<f64>) -> String {
+    let is_zero = value.abs() < 1e-9 * (axis.end - axis.start);
+    let rounded: f64 = if is_zero { 0.0 } else { format!("{value:.5e}").parse().unwrap_or(value) };
     match rounded.abs() {
         size if size == 0.0 || (1e-4..1e6).contains(&size) => rounded.to_string(),
         _ => format!("{rounded:e}"),
@@ -171,9 +178,9 @@ mod tests {
 
     #[test]
     fn numbers_are_short() {
-        let cases = [(0.1 + 0.2, "0.3"), (0.0, "0"), (-1234.5, "-1234.5"), (2e11, "2e11"), (1e-7, "1e-7")];
+        let cases = [(0.1 + 0.2, "0.3"), (-5.6e-17, "0"), (-1234.5, "-1234.5"), (2e11, "2e11"), (1e-7, "1e-7")];
         for (value, text) in cases {
-            assert_eq!(number(value), text);
+            assert_eq!(number(value, &(0.0..1.0)), text);
         }
     }
 }
