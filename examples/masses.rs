@@ -10,7 +10,7 @@ use gprop::units::Estimate;
 fn main() -> Result<(), Box<dyn Error>> {
     let scene = std::env::args_os().nth(1).ok_or("usage: masses SCENE")?;
     let parts = Pipeline::open(scene)?.parts()?;
-    println!("{:<32} {:<32} {:>8} {:>8} {:>8}", "part", "material", "kg", "from", "to");
+    println!("{:>8} {:>8} {:>8}  {:<26} part", "kg", "from", "to", "material");
     for part in &parts.parts {
         row(&part.caption, &part.material, part.mass_kg);
     }
@@ -22,5 +22,5 @@ fn main() -> Result<(), Box<dyn Error>> {
 fn row(name: &str, material: &str, mass_kg: Option<Estimate>) {
     let number = |of: fn(&Estimate) -> f64| mass_kg.map_or("-".to_owned(), |mass| format!("{:.4}", of(&mass)));
     let (mid, low, high) = (number(|m| m.mid), number(|m| m.low), number(|m| m.high));
-    println!("{name:<32} {material:<32} {mid:>8} {low:>8} {high:>8}");
+    println!("{mid:>8} {low:>8} {high:>8}  {material:<26} {name}");
 }
