@@ -4,7 +4,7 @@
 //! before it is known to be a regular file (or a link to one), and everything else is refused at once.
 
 use std::fs::{self, File, FileType};
-use std::io::{self, ErrorKind, Read};
+use std::io::{self, BufRead, BufReader, Cursor, ErrorKind, Read, Seek};
 use std::path::Path;
 
 /// Opens a regular file.
@@ -14,6 +14,24 @@ use std::path::Path;
 pub fn open(path: &Path) -> io::Result<File> {
     require_regular(path)?;
     File::open(path)
+}
+
+/// Bytes to decode a picture from. One type for files and memory, so that every picture decoder is compiled once.
+pub type PictureSource<'a> = Box<dyn BufReadSeek + 'a>;
+
+/// A buffered reader that can go back.
+pub trait BufReadSeek: BufRead + Seek {}
+
+impl<T: BufRead + Seek> BufReadSeek for T {}
+
+/// The picture in a regular file; errors as of [`open`].
+pub fn picture(path: &Path) -> io::Result<PictureSource<'static>> {
+    Ok(Box::new(BufReader::new(open(path)?)))
+}
+
+/// The picture in memory.
+pub fn picture_of(bytes: &[u8]) -> PictureSource<'_> {
+    Box::new(Cursor::new(bytes))
 }
 
 /// The bytes of a regular file; errors as of [`open`].

@@ -8,7 +8,7 @@ use nalgebra::{Point3, Vector3};
 use rayon::prelude::*;
 
 use crate::camera::Camera;
-use crate::render::depth::DepthTest;
+use crate::render::depth_test::DepthTest;
 use crate::render::{Render, RenderOptions, project, render};
 use crate::scene::gaussians::Gaussians;
 

@@ -10,8 +10,6 @@ pub mod palette;
 mod panels;
 pub mod thumbnail;
 
-use std::io::Cursor;
-
 use image::codecs::jpeg::JpegEncoder;
 use image::{ImageResult, Rgb, RgbImage};
 
@@ -48,7 +46,7 @@ pub fn jpeg(picture: &RgbImage, longest_side: u32) -> ImageResult<Vec<u8>> {
         let side = |length: u32| (length * longest_side / longest).max(1);
         image::imageops::thumbnail(picture, side(picture.width()), side(picture.height()))
     });
-    let mut bytes = Cursor::new(Vec::new());
+    let mut bytes = Vec::new();
     fitted.as_ref().unwrap_or(picture).write_with_encoder(JpegEncoder::new_with_quality(&mut bytes, QUALITY))?;
-    Ok(bytes.into_inner())
+    Ok(bytes)
 }

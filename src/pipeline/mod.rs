@@ -27,13 +27,13 @@ mod variants;
 mod vote;
 
 use std::borrow::Cow;
-use std::io::Cursor;
 use std::path::{Path, PathBuf};
 use std::sync::OnceLock;
 use std::time::Instant;
 
 use anyhow::{Context, Result};
-use image::{ImageFormat, RgbImage};
+use image::RgbImage;
+use image::codecs::png::PngEncoder;
 use tracing::{info, warn};
 
 use crate::error::{Error, UsageError};
@@ -326,7 +326,7 @@ fn get_or_load<T>(cell: &OnceLock<T>, make: impl FnOnce() -> Result<T>) -> Resul
 
 /// A picture as PNG.
 fn png(picture: &RgbImage) -> Result<Vec<u8>> {
-    let mut bytes = Cursor::new(Vec::new());
-    picture.write_to(&mut bytes, ImageFormat::Png).context("the picture does not encode")?;
-    Ok(bytes.into_inner())
+    let mut bytes = Vec::new();
+    picture.write_with_encoder(PngEncoder::new(&mut bytes)).context("the picture does not encode")?;
+    Ok(bytes)
 }

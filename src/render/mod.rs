@@ -2,13 +2,13 @@
 //!
 //! In order: [`mod@project`] turns Gaussians into 2D splats, [`tiles`] sorts them front to back and bins them, [`blend`] hands
 //! the weight of every splat on every pixel to a [`Sink`]: [`color`] sums colour, alpha and depth, [`labels`] finds the
-//! label that owns a pixel, [`depth`] the surface and which Gaussians lie on it. [`sh`] and [`sh_rotation`] evaluate and turn
+//! label that owns a pixel, [`depth_test`] the surface and which Gaussians lie on it. [`sh`] and [`sh_rotation`] evaluate and turn
 //! spherical harmonics. The same input gives the same bytes on any number of threads: every sum belongs to one
 //! tile, and a tile is blended in one order.
 
 mod blend;
 mod color;
-pub mod depth;
+pub mod depth_test;
 mod labels;
 mod project;
 mod sh;

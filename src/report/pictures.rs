@@ -1,7 +1,9 @@
 //! The report's pictures: each view's photo, the segments found in it, the materials of the Gaussians seen from there;
 //! the sheets that were asked about.
 
-use image::{ImageError, ImageResult, RgbImage};
+use image::{ImageError, ImageFormat, ImageReader, ImageResult, RgbImage};
+
+use crate::files;
 
 use crate::pictures::{field_colors, jpeg, tinted};
 use crate::render::{Colors, RenderOptions, render};
@@ -58,7 +60,7 @@ impl SheetPicture {
     /// # Errors
     /// Where it is not a picture.
     pub fn shrink(view: &str, segment: u16, sheet: &[u8]) -> ImageResult<Self> {
-        let picture = image::load_from_memory(sheet)?.into_rgb8();
+        let picture = ImageReader::with_format(files::picture_of(sheet), ImageFormat::Jpeg).decode()?.into_rgb8();
         Ok(Self { view: view.to_owned(), segment, jpeg: jpeg(&picture, SHEET_LONGEST_SIDE)? })
     }
 }

@@ -1,7 +1,5 @@
 //! Photos: their size without decoding them, and decoded with the foreground that alpha or a mask tells.
 
-use std::fs::File;
-use std::io::BufReader;
 use std::path::Path;
 
 use image::error::DecodingError;
@@ -12,7 +10,7 @@ use image::{
 };
 
 use super::{SceneError, View, jpeg};
-use crate::files;
+use crate::files::{self, PictureSource};
 
 /// A decoded photo at its camera's size.
 #[derive(Debug, Clone)]
@@ -216,13 +214,12 @@ pub(super) fn header(path: &Path) -> Result<Header, SceneError> {
 }
 
 /// Opens a photo; its first bytes tell the format, whatever its name says.
-fn open(path: &Path) -> Result<ImageReader<BufReader<File>>, SceneError> {
+fn open(path: &Path) -> Result<ImageReader<PictureSource<'static>>, SceneError> {
     let io_error = |reason: std::io::Error| match reason.kind() {
         std::io::ErrorKind::NotFound => SceneError::MissingImage { path: path.to_owned() },
         _ => SceneError::Io { path: path.to_owned(), reason },
     };
-    let file = BufReader::new(files::open(path).map_err(io_error)?);
-    ImageReader::new(file).with_guessed_format().map_err(io_error)
+    ImageReader::new(files::picture(path).map_err(io_error)?).with_guessed_format().map_err(io_error)
 }
 
 /// The picture over white, and the foreground that its alpha tells; `None` where it has none or is opaque everywhere.

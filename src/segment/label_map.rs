@@ -1,9 +1,11 @@
 //! Label maps as 16-bit grey PNG, the form in which they are kept and exchanged.
 
 use std::collections::{BTreeMap, BTreeSet};
-use std::io::Cursor;
 
+use image::codecs::png::PngEncoder;
 use image::{DynamicImage, ImageBuffer, ImageFormat, ImageReader, Limits, Luma};
+
+use crate::files;
 
 use super::LabelMap;
 
@@ -71,14 +73,14 @@ impl LabelMap {
         let pixels: ImageBuffer<Luma<u16>, &[u16]> =
             ImageBuffer::from_raw(self.width, self.height, self.labels.as_slice())
                 .expect("a label map has width x height labels");
-        let mut bytes = Cursor::new(Vec::new());
-        pixels.write_to(&mut bytes, ImageFormat::Png)?;
-        Ok(bytes.into_inner())
+        let mut bytes = Vec::new();
+        pixels.write_with_encoder(PngEncoder::new(&mut bytes))?;
+        Ok(bytes)
     }
 
     /// The map in a grey PNG of 16 or 8 bits.
     pub fn from_png(bytes: &[u8]) -> Result<Self, LabelMapError> {
-        let mut reader = ImageReader::with_format(Cursor::new(bytes), ImageFormat::Png);
+        let mut reader = ImageReader::with_format(files::picture_of(bytes), ImageFormat::Png);
         let mut limits = Limits::default();
         limits.max_alloc = Some(MOST_BYTES);
         reader.limits(limits);
@@ -118,7 +120,7 @@ mod tests {
 
     #[test]
     fn other_pictures_are_refused() {
-        let mut png = Cursor::new(Vec::new());
+        let mut png = std::io::Cursor::new(Vec::new());
         image::RgbImage::new(2, 2).write_to(&mut png, ImageFormat::Png).unwrap();
         assert!(matches!(LabelMap::from_png(png.get_ref()), Err(LabelMapError::Pixels(_))));
         assert!(matches!(LabelMap::from_png(b"no png"), Err(LabelMapError::Png(_))));

@@ -11,7 +11,7 @@ use rayon::prelude::*;
 use super::answered_segments::AnsweredSegments;
 use super::options::Rule;
 use super::{Progress, ViewInput};
-use crate::render::depth::{DepthMap, DepthTest};
+use crate::render::depth_test::{DepthMap, DepthTest};
 use crate::render::{LANES, Projected, RenderOptions, Sink, Splat, TILE, TRANSMITTANCE_MIN, TileRect, pixels};
 use crate::scene::gaussians::Gaussians;
 use crate::segment::LabelMap;

@@ -1,7 +1,7 @@
 //! From label maps to a material for every Gaussian: depth test, ballots, tally.
 //!
 //! In order: [`answered_segments`] lists the views' segments that have an answer; [`ballots`] lets every view vote on
-//! the Gaussians it sees, which [`render::depth`] tells; [`identity`] finds which segments of different views are one
+//! the Gaussians it sees, which [`render::depth_test`] tells; [`identity`] finds which segments of different views are one
 //! part of the object; [`tally`] elects, by [`plurality`], a material and a part for every Gaussian, [`unseen`] for
 //! those that no view sees; [`labels`] gives each elected part its properties.
 

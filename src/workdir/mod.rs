@@ -421,6 +421,12 @@ pub fn write_atomic_as(
     prefix: &str,
     fill: impl FnOnce(&mut dyn Write) -> io::Result<()>,
 ) -> io::Result<()> {
+    let mut fill = Some(fill);
+    replace(path, prefix, &mut |out| fill.take().map_or(Ok(()), |fill| fill(out)))
+}
+
+/// Fills a temporary file beside `path` and gives it that name.
+fn replace(path: &Path, prefix: &str, fill: &mut dyn FnMut(&mut dyn Write) -> io::Result<()>) -> io::Result<()> {
     let folder = path.parent().unwrap_or(Path::new("."));
     fs::create_dir_all(folder)?;
     let mut out = io::BufWriter::new(tempfile::Builder::new().prefix(prefix).tempfile_in(folder)?);

@@ -3,7 +3,6 @@
 
 use std::collections::BTreeMap;
 use std::fs;
-use std::io::Cursor;
 use std::path::{Component, Path};
 
 use base64::Engine;
@@ -128,7 +127,7 @@ fn picture(path: &Path) -> Option<Value> {
         return None;
     }
     let jpeg = files::read(path).ok()?;
-    let mut reader = ImageReader::with_format(Cursor::new(&jpeg), ImageFormat::Jpeg);
+    let mut reader = ImageReader::with_format(files::picture_of(&jpeg), ImageFormat::Jpeg);
     let mut limits = Limits::default();
     (limits.max_image_width, limits.max_image_height) = (Some(2 * thumbnail::SIDE), Some(thumbnail::SIDE));
     reader.limits(limits);

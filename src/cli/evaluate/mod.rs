@@ -3,7 +3,6 @@
 mod segmentation;
 
 use std::fs;
-use std::io::BufReader;
 use std::path::{Path, PathBuf};
 
 use anyhow::Context;
@@ -224,7 +223,7 @@ fn evaluate_prompts(
         let true_view = |view: scene::View| -> anyhow::Result<prompts::TrueView> {
             let path = folder.join("ground_truth/part_maps").join(format!("{}.png", view.name));
             check_truth(&path, &options.read_scope(folder))?;
-            let parts = truth_map(&path).map_err(|error| UsageError(format!("{path:?}: {error}")))?.into_luma8();
+            let parts = read_picture(&path).map_err(|error| UsageError(format!("{path:?}: {error}")))?.into_luma8();
             let size = (view.camera.intrinsics.width, view.camera.intrinsics.height);
             if parts.dimensions() != size {
                 let map = parts.dimensions();
@@ -266,13 +265,13 @@ fn evaluate_prompts(
     })
 }
 
-/// A map of true parts.
-fn truth_map(path: &Path) -> image::ImageResult<image::DynamicImage> {
-    image::ImageReader::new(BufReader::new(files::open(path)?)).with_guessed_format()?.decode()
+/// A picture in a file whose first bytes tell the format.
+fn read_picture(path: &Path) -> image::ImageResult<image::DynamicImage> {
+    image::ImageReader::new(files::picture(path)?).with_guessed_format()?.decode()
 }
 
 fn evaluate_masks(global: &Global, image: &Path, reference: &Path, setup: &setup::Options) -> anyhow::Result<()> {
-    let picture = image::open(image).map_err(|error| UsageError(format!("{image:?}: {error}")))?.into_rgb8();
+    let picture = read_picture(image).map_err(|error| UsageError(format!("{image:?}: {error}")))?.into_rgb8();
     let json = fs::read_to_string(reference).map_err(|error| UsageError(format!("{reference:?}: {error}")))?;
     let reference = Reference::from_json(&json).with_context(|| format!("{reference:?}"))?;
     let segmenter = open_segmenter(setup, &segment::Options::default(), global.progress())?;
