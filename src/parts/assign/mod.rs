@@ -12,7 +12,8 @@ use super::grid::splat_cells::splat;
 use super::grid::surface::{NONE, Surface, distance_to};
 use crate::scene::gaussians::Gaussians;
 
-/// A surface cell with less summed opacity than this has no Gaussians to decide it and does not count as seen.
+/// A surface cell with less summed opacity than this counts as unseen and takes its label from the seen surface around
+/// it.
 const WEIGHT_MIN: f32 = 0.05;
 
 /// Gaussians thinner than this many cells are widened to this size, so that they reach the surface cells beside their

@@ -19,7 +19,7 @@ pub struct Chord {
     pub length: f64,
     /// Area of the surface cell it starts from, which is its weight.
     area: f64,
-    /// Whether it ends at a surface that a view saw.
+    /// Whether it ends at a seen surface, on which Gaussians lie.
     pub seen: bool,
 }
 

@@ -2,7 +2,7 @@
 
 use crate::simd::Vector;
 
-/// A matrix to read: value (i, j) is `values[i * row + j * column]`.
+/// A left factor: value (i, j) is `values[i * row + j * column]`.
 #[derive(Clone, Copy)]
 pub struct Left<'a> {
     pub values: &'a [f32],
@@ -10,14 +10,14 @@ pub struct Left<'a> {
     pub column: usize,
 }
 
-/// A matrix to read, rows one after the other, `row` values apart.
+/// A right factor, whose rows are `row` values apart.
 #[derive(Clone, Copy)]
 pub struct Right<'a> {
     pub values: &'a [f32],
     pub row: usize,
 }
 
-/// The product's place, rows `row` values apart.
+/// The memory for the product, with rows `row` values apart.
 pub struct Product<'a> {
     pub values: &'a mut [f32],
     pub row: usize,
@@ -27,9 +27,9 @@ pub struct Product<'a> {
 #[derive(Clone, Copy)]
 pub enum Start<'a> {
     Zero,
-    /// This row, in every row.
+    /// This row, added to every row.
     Row(&'a [f32]),
-    /// What stands in the product's place.
+    /// The values already in the product's memory.
     There,
 }
 
@@ -54,7 +54,7 @@ pub fn multiply<V: Vector>(
     }
     let mut column = 0;
     while column < columns {
-        // Many sums at once hide how long each takes: of many rows, or of many columns.
+        // Computing many sums at once, over many rows or many columns, hides the latency of each.
         let vectors_left = (columns - column) / V::WIDTH;
         let vectors = match (rows, vectors_left) {
             (..4, 8..) => 8,
@@ -102,7 +102,7 @@ pub fn multiply<V: Vector>(
     }
 }
 
-/// Where a piece of the product is made whose sums stay in registers.
+/// The memory for a tile of the product, whose sums stay in registers.
 struct Tile {
     left: *const f32,
     left_row: usize,
@@ -115,12 +115,12 @@ struct Tile {
 }
 
 impl Tile {
-    /// Makes `ROWS` rows of `VECTORS` vectors; returns `ROWS`.
+    /// Computes `ROWS` rows of `VECTORS` vectors; returns `ROWS`.
     ///
     /// # Safety
-    /// From [`Self::left`] on, `ROWS` rows of [`Self::inner`] values can be read by the strides given; from [`Self::right`] on,
-    /// [`Self::inner`] rows of `VECTORS * V::WIDTH` values; from [`Self::product`] on, `ROWS` rows of as many can be read and
-    /// written; and [`Start::Row`] holds as many.
+    /// From [`Self::left`] on, `ROWS` rows of [`Self::inner`] values can be read with the given strides; from
+    /// [`Self::right`] on, [`Self::inner`] rows of `VECTORS * V::WIDTH` values; from [`Self::product`] on, `ROWS` rows
+    /// of as many can be read and written; and [`Start::Row`] holds as many.
     #[inline(always)]
     unsafe fn run<V: Vector, const ROWS: usize, const VECTORS: usize>(&self, start: Start<'_>) -> usize {
         let mut sums = [[V::splat(0.0); VECTORS]; ROWS];
