@@ -1,4 +1,5 @@
-//! MuJoCo's XML: one free body with the object's mass, centre of mass and full inertia, and a geom for every convex piece.
+//! MuJoCo's XML: one free body with the object's mass, centre of mass and full inertia, and a geom for every convex
+//! piece.
 //!
 //! Friction is the part's on rubber, the only one in the library: MuJoCo uses the larger friction of two geoms in
 //! contact.

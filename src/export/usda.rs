@@ -1,5 +1,5 @@
-//! USD as text: a rigid body with mass properties, a collider for every convex piece bound to its part's physics material,
-//! and the Gaussians' centres as points with their material values as primvars.
+//! USD as text: a rigid body with mass properties, a collider for every convex piece bound to its part's physics
+//! material, and the Gaussians' centres as points with their material values as primvars.
 
 use std::fmt::Write;
 

@@ -78,7 +78,8 @@ fn reach(scene: &Scene) -> f64 {
     2.0 * deviations.get(deviations.len() / 2).copied().unwrap_or_default()
 }
 
-/// Cameras that look at the box, widened by `reach`, from all around, near enough for its bounding sphere to fill the picture.
+/// Cameras that look at the box, widened by `reach`, from all around, near enough for its bounding sphere to fill the
+/// picture.
 pub fn orbit(bounds: &Bounds, reach: f64, count: usize) -> Vec<Camera> {
     let radius = 0.5 * bounds.diagonal() + reach;
     let distance = radius / (FILLED * (0.5 * FIELD_OF_VIEW).sin());

@@ -27,7 +27,7 @@ const LEAST_MASK_IOU: f64 = 0.7;
 /// Maximum number of views judged.
 const MOST_VIEWS: usize = 12;
 
-/// How well the frames agree.
+/// The agreement of the photos' and the splat's frames.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Verdict {
     pub aligned: bool,

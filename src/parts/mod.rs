@@ -58,7 +58,7 @@ pub struct PartsResult {
 pub struct Shape {
     /// Its value of `part_label` in `field.ply`.
     pub id: u32,
-    /// How many Gaussians carry its label.
+    /// Number of Gaussians with its label.
     pub gaussians: usize,
     /// `None` if it fills nothing.
     pub volume: Option<Estimate>,

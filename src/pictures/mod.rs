@@ -1,7 +1,7 @@
 //! The pictures that several stages draw: a photo's segments and materials, and the field as a camera sees it.
 //!
-//! [`palette`] and [`field_colors`] give parts, materials and Gaussians their colours, [`panels`] puts pictures side by side;
-//! [`figure`] shows the field, [`material_map`] the answers for one photo, [`thumbnail`] a scene at a glance.
+//! [`palette`] and [`field_colors`] give parts, materials and Gaussians their colours, [`panels`] puts pictures side by
+//! side; [`figure`] shows the field, [`material_map`] the answers for one photo, [`thumbnail`] a scene at a glance.
 
 pub mod field_colors;
 pub mod figure;

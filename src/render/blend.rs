@@ -1,4 +1,5 @@
-//! Front-to-back alpha blending of one tile: `weight = alpha T`, then `T *= 1 - alpha` (3DGS, Kerbl et al. 2023, eq. 3).
+//! Front-to-back alpha blending of one tile: `weight = alpha T`, then `T *= 1 - alpha` (3DGS, Kerbl et al. 2023, eq.
+//! 3).
 //!
 //! The loop runs splat by splat over rows of [`LANES`] pixels, so that the compiler turns it into vector code. It only
 //! computes weights; a [`Sink`] uses them.

@@ -13,8 +13,8 @@ use serde::{Deserialize, Deserializer, Serialize, Serializer};
 
 use super::as_typed::as_typed;
 
-/// A change of camera convention. The result is always a valid camera: the camera's handedness changes only together
-/// with the world's.
+/// A change of camera convention. For its result to be a valid camera, it must mirror the camera's axes exactly if it
+/// mirrors the world's.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Conversion {
     pub reading: Reading,

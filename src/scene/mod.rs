@@ -8,7 +8,8 @@
 //!    any object.
 //! 4. `scale` determines the length of a scene unit.
 //!
-//! [`Scene::chosen_views`] picks the views to work on; [`View::photo`] decodes one; [`dataset`] lists the scenes of a data set.
+//! [`Scene::chosen_views`] picks the views to work on; [`View::photo`] decodes one; [`dataset`] lists the scenes of a
+//! data set.
 
 pub mod align;
 mod as_typed;
@@ -87,7 +88,7 @@ pub struct View {
     /// Its intrinsics fit the photo on disk, turned upright if `upright` says so.
     pub camera: Camera,
     pub image: PathBuf,
-    /// Whether the photo is turned as its EXIF orientation says.
+    /// Whether the photo is rotated according to its EXIF orientation.
     pub upright: Upright,
     /// Path of the mask, which is white on the object.
     pub mask: Option<PathBuf>,

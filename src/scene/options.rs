@@ -1,4 +1,4 @@
-//! What the user may choose about a scene.
+//! Options of the scene.
 
 use std::fmt;
 use std::num::NonZeroUsize;

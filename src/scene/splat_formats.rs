@@ -15,7 +15,7 @@ pub struct SplatFormat {
     /// How many times larger a splat is as plain floats, 62 of 4 bytes per Gaussian.
     pub inflation: u64,
     read: fn(&Path) -> Result<Loaded, SceneError>,
-    /// Whether a file with this ending is a splat: a PLY may hold a point cloud or a mesh.
+    /// Tells whether a file with this ending is a splat: a PLY may hold a point cloud or a mesh.
     is_splat: fn(&Path) -> bool,
 }
 

@@ -7,7 +7,8 @@ use super::{Lanes, Vector};
 /// The largest whole number for which the exponentials of it and of its negative are normal numbers.
 pub const MOST_EXPONENT: f32 = 87.0;
 
-/// Exponential, arguments clamped to [-most, most], to about 2 ulp for `most` up to [`MOST_EXPONENT`] (Cephes' expf polynomial).
+/// Exponential, arguments clamped to [-most, most], to about 2 ulp for `most` up to [`MOST_EXPONENT`] (Cephes' expf
+/// polynomial).
 #[inline(always)]
 pub fn exp<V: Vector>(x: V, most: f32) -> V {
     const P: [f32; 6] = [1.987_569_1e-4, 1.398_2e-3, 8.333_452e-3, 4.166_579_6e-2, 1.666_666_5e-1, 0.5];

@@ -17,8 +17,8 @@ pub struct Contact {
     pub normal: Vector3<f64>,
 }
 
-/// A patch whose faces, projected along the mean normal, keep less than this of their area is not a plane. Faces of cells on
-/// an oblique plane keep at least 1/sqrt(3).
+/// A patch whose faces, projected along the mean normal, keep less than this of their area is not a plane. Faces of
+/// cells on an oblique plane keep at least 1/sqrt(3).
 const PLANARITY: f64 = 0.45;
 
 /// All planar contacts from cells of `from` to cells of any other label, in the order of each patch's first cell.

@@ -3,11 +3,12 @@
 //!
 //! There are two rules, both based on the visible seams:
 //!
-//! - **through**: a solid that meets another on two facing patches in line, as a shaft does on both sides of a head, goes
-//!   through it with their mean cross-section;
-//! - **sleeve**: the void of a shell is filled by the solid that enters it, if the solid is a peg and the shell its sleeve:
-//!   the peg is longer than their contact is wide, the sleeve twice as long, and contact, peg and void have cross-sections of one size. So a grip
-//!   is filled by its handle, but a cushion not by the seat it lies on, nor a lamp's base by its thin stem.
+//! - **through**: a solid that meets another on two facing patches in line, as a shaft does on both sides of a head,
+//!   goes through it with their mean cross-section;
+//! - **sleeve**: the void of a shell is filled by the solid that enters it, if the solid is a peg and the shell its
+//!   sleeve: the peg is longer than their contact is wide, the sleeve twice as long, and contact, peg and void have
+//!   cross-sections of one size. So a grip is filled by its handle, but a cushion not by the seat it lies on, nor a
+//!   lamp's base by its thin stem.
 
 use nalgebra::{Point3, Vector3};
 

@@ -30,7 +30,7 @@ pub const AROUND_VOID: Hidden = Hidden { unseen: Estimate::new(0.0, 0.5, 1.0), s
 /// A shell around another part goes all the way round, and is open where that part enters.
 pub const AROUND_CORE: Hidden = Hidden { unseen: Estimate::exactly(1.0), seam: Estimate::exactly(0.0) };
 
-/// For every cell of a shell, how far it lies below seen and hidden walls, scene units; infinite where there are none.
+/// For every cell of a shell, its depth below seen and hidden walls, scene units; infinite where there are none.
 pub struct WallDepths {
     pub seen: Vec<f32>,
     pub unseen: Vec<f32>,

@@ -76,8 +76,8 @@ impl Interior {
     /// ([`Options::volume_cells`](crate::parts::Options::volume_cells)) filled with parts below `parts`.
     ///
     /// # Errors
-    /// [`PartsError::Interior`] if the bytes are not those of a whole interior of this version, or if it has more cells or
-    /// parts than that.
+    /// [`PartsError::Interior`] if the bytes are not those of a whole interior of this version, or if it has more cells
+    /// or parts than that.
     pub fn from_bytes(bytes: &[u8], volume_cells: usize, parts: usize) -> Result<Self, PartsError> {
         let mut rest = bytes;
         if take::<8>(&mut rest)? != *MAGIC {

@@ -79,7 +79,8 @@ fn blur(grid: &Grid, inside: &[bool]) -> Vec<f32> {
     from
 }
 
-/// Area by the co-area formula, the integral of |grad f| over space; each cell's share goes to the nearest surface cell.
+/// Area by the co-area formula, the integral of |grad f| over space; each cell's share goes to the nearest surface
+/// cell.
 fn areas(grid: &Grid, blurred: &[f32], inside: &[bool], nearest: &[u32], surfaces: usize) -> Vec<f64> {
     let margin = grid.layer() + grid.dims[0] + 1;
     let share = grid.cell * grid.cell;

@@ -63,7 +63,7 @@ pub fn facing(view: &DepthView, point: Point3<f64>, normal: Vector3<f64>) -> Opt
     (cosine >= FACING).then_some(cosine)
 }
 
-/// What a view shows at a place.
+/// The contents of a view at a place.
 enum Seen {
     /// No object along the whole ray.
     Background,

@@ -46,7 +46,7 @@ pub(super) struct Inside {
     pub cells: Vec<bool>,
     /// Possible error of the surface's position, scene units.
     pub uncertainty: f64,
-    /// What the views see; empty if the volume does not come from views.
+    /// Depth and alpha seen by the views; empty if the volume does not come from views.
     views: Vec<DepthView>,
 }
 

@@ -57,8 +57,8 @@ const PLACES: [(&str, Kind); 8] = [
     ("cameras.json", Kind::GaussianSplatting),
 ];
 
-/// The camera file to read and the others that are there: `given`, or the first of [`PLACES`] in `folder`, or the first in the
-/// folder that a `cfg_args` names as the training data.
+/// The camera file to read and the others that are there: `given`, or the first of [`PLACES`] in `folder`, or the first
+/// in the folder that a `cfg_args` names as the training data.
 pub(in crate::scene) fn choose(
     folder: &Path,
     given: Option<&Path>,

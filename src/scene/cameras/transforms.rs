@@ -1,5 +1,5 @@
-//! `transforms.json` of nerfstudio and instant-ngp, `transforms_train.json` of Blender exporters: camera-to-world matrices
-//! in OpenGL axes, intrinsics at the top or per frame.
+//! `transforms.json` of nerfstudio and instant-ngp, `transforms_train.json` of Blender exporters: camera-to-world
+//! matrices in OpenGL axes, intrinsics at the top or per frame.
 //!
 //! Layout after the nerfstudio documentation, "Data conventions": `fl_x fl_y cx cy w h` in pixels; `k1 k2 k3 k4 p1 p2`
 //! of its lens model, whose k4 is the coefficient of r^8; or k1 to k4 of OpenCV's fisheye; `camera_angle_x` (horizontal

@@ -23,7 +23,7 @@ pub struct Product<'a> {
     pub row: usize,
 }
 
-/// What the product is added to.
+/// The values that the product is added to.
 #[derive(Clone, Copy)]
 pub enum Start<'a> {
     Zero,
@@ -75,16 +75,17 @@ pub fn multiply<V: Vector>(
                 // SAFETY: `column < columns`, and `right` has `columns` values at least, as asserted above.
                 right: unsafe { right.values.as_ptr().add(column) },
                 right_row: right.row,
-                // SAFETY: `row < rows`, `column < columns`, and `product` has `(rows - 1) * product.row + columns` values at
-                // least, as asserted above.
+                // SAFETY: `row < rows`, `column < columns`, and `product` has `(rows - 1) * product.row + columns`
+                // values at least, as asserted above.
                 product: unsafe { product.values.as_mut_ptr().add(row * product.row + column) },
                 product_row: product.row,
                 inner,
             };
-            // SAFETY: the tile has no more rows than are left (`rows - row` in the patterns), and no more columns: `vectors` is at
-            // most `vectors_left`, so `column + vectors * WIDTH <= columns`. With the asserts above, row `rows - 1` of `left`
-            // ends with value `inner - 1`, row `inner - 1` of `right` and row `rows - 1` of `product` with value
-            // `columns - 1`, all inside their slices; `Start::Row` has `columns - column` values left.
+            // SAFETY: the tile has no more rows than are left (`rows - row` in the patterns), and no more columns:
+            // `vectors` is at most `vectors_left`, so `column + vectors * WIDTH <= columns`. With the asserts above,
+            // row `rows - 1` of `left` ends with value `inner - 1`, row `inner - 1` of `right` and row `rows - 1` of
+            // `product` with value `columns - 1`, all inside their slices; `Start::Row` has `columns - column` values
+            // left.
             row += unsafe {
                 // AVX-512 has twice the registers.
                 match (V::WIDTH, rows - row, vectors) {
@@ -152,7 +153,8 @@ impl Tile {
         }
         for (row, sums) in sums.iter().enumerate() {
             for (vector, sum) in sums.iter().enumerate() {
-                // SAFETY: `row < ROWS` and the vector ends within `VECTORS * WIDTH`, which the caller says can be written.
+                // SAFETY: `row < ROWS` and the vector ends within `VECTORS * WIDTH`, which the caller says can be
+                // written.
                 unsafe { sum.write(self.product.add(row * self.product_row + vector * V::WIDTH)) };
             }
         }

@@ -93,8 +93,8 @@ impl MaskDecoder {
         PreparedEmbedding { embedding, positions, first_layer }
     }
 
-    /// Decodes a prompt of `[count, CHANNELS]` tokens. Leaves the logits of the masks that are `wanted`, given the predicted
-    /// IoU of all, in `scratch`, and returns the predicted IoU.
+    /// Decodes a prompt of `[count, CHANNELS]` tokens. Leaves the logits of the masks that are `wanted`, given the
+    /// predicted IoU of all, in `scratch`, and returns the predicted IoU.
     pub fn decode(
         &self,
         image: &PreparedEmbedding,

@@ -53,8 +53,8 @@ pub struct Weights {
     pub layers: [Layer; 2],
     pub final_attention: Attention,
     pub final_norm: Norm,
-    /// The two transposed convolutions of 2 x 2 pixels and stride 2 as products: an output pixel (dy, dx) is the group of
-    /// columns `2 dy + dx`.
+    /// The two transposed convolutions of 2 x 2 pixels and stride 2 as products: an output pixel (dy, dx) is the group
+    /// of columns `2 dy + dx`.
     pub upscaling: [Linear; 2],
     pub upscaling_norm: Norm,
     /// One per mask.
