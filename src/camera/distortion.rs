@@ -1,12 +1,13 @@
-//! Lens distortion: from the plane of an ideal pinhole (x/z, y/z) to where the real lens shows the point, for every
+//! Lens distortion: maps a point in the plane of an ideal pinhole (x/z, y/z) to where the real lens shows it, for every
 //! camera model that COLMAP and nerfstudio write.
 //!
-//! A model is up to two steps. The first bends the radius as a whole (an equidistant fisheye, a field of view, a division);
-//! the second is the polynomial of Brown, Conrady and OpenCV on what the first gave: radial, tangential, thin prism.
+//! A model has up to two steps. The first bends the radius as a whole (an equidistant fisheye, a field of view, a
+//! division); the second applies the polynomial of Brown, Conrady and OpenCV to the result: radial, tangential, thin
+//! prism.
 
 use serde::{Deserialize, Serialize};
 
-/// How a lens departs from a pinhole, on normalised image coordinates.
+/// The deviation of a lens from a pinhole, on normalised image coordinates.
 #[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
 #[serde(tag = "model", rename_all = "snake_case")]
 pub enum Distortion {
@@ -25,19 +26,20 @@ pub enum Distortion {
     EnhancedUnified { alpha: f64, beta: f64 },
 }
 
-/// The Brown-Conrady polynomial with OpenCV's extensions, of a point (x, y) with r^2 = x^2 + y^2.
+/// The Brown-Conrady polynomial with OpenCV's extensions, for a point (x, y) with r^2 = x^2 + y^2.
 #[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
 pub struct Polynomial {
-    /// Factors of r^2, r^4, ... r^12 in the radial factor's numerator 1 + ...: OpenCV's k1 k2 k3 are the first three.
+    /// Coefficients of r^2, r^4, ... r^12 in the radial factor's numerator 1 + ...: OpenCV's k1 k2 k3 are the first
+    /// three.
     pub radial: [f64; 6],
-    /// Factors of r^2, r^4, r^6 in its denominator 1 + ...: OpenCV's k4 k5 k6.
+    /// Coefficients of r^2, r^4, r^6 in its denominator 1 + ...: OpenCV's k4 k5 k6.
     pub divisor: [f64; 3],
     /// p1, p2.
     pub tangential: [f64; 2],
     /// s1 s2 s3 s4: x gains s1 r^2 + s2 r^4, y gains s3 r^2 + s4 r^4.
     pub prism: [f64; 4],
-    /// Whether tangential and prism take the radially distorted point (Project Aria; COLMAP's
-    /// RAD_TAN_THIN_PRISM_FISHEYE) instead of the undistorted one (everybody else).
+    /// Whether the tangential and prism terms use the radially distorted point (Project Aria; COLMAP's
+    /// RAD_TAN_THIN_PRISM_FISHEYE) instead of the undistorted one (all other models).
     pub prism_after_radial: bool,
 }
 
@@ -51,7 +53,7 @@ impl Distortion {
         })
     }
 
-    /// A perspective lens; [`Self::None`] where the polynomial does nothing.
+    /// A perspective lens; [`Self::None`] if the polynomial does nothing.
     pub fn perspective(polynomial: Polynomial) -> Self {
         let nothing = Polynomial { prism_after_radial: polynomial.prism_after_radial, ..Default::default() };
         if polynomial == nothing { Self::None } else { Self::Perspective(polynomial) }
@@ -62,7 +64,7 @@ impl Distortion {
         Self::Fisheye(Polynomial { radial: [k1, k2, k3, k4, 0.0, 0.0], ..Default::default() })
     }
 
-    /// True where the lens is an ideal pinhole.
+    /// True if the lens is an ideal pinhole.
     pub fn is_none(&self) -> bool {
         *self == Self::None
     }
@@ -86,13 +88,13 @@ impl Distortion {
         }
     }
 
-    /// True where the lens model has left what a lens can do: going outwards, its radial part has turned back before it
-    /// reaches the point (x/z, y/z). Fitted polynomials do so outside of the picture, and a point there would seem to lie
-    /// in the picture.
+    /// True if the lens model is not physical at the point (x/z, y/z): going outwards, its radial part turns back
+    /// before it reaches the point. Fitted polynomials do so outside of the picture, and a point there would appear to
+    /// lie in the picture.
     pub fn folds_back_at(&self, x: f64, y: f64) -> bool {
         let r2 = x * x + y * y;
         if let Self::Division { k } = *self {
-            // Beyond this radius no point of the picture is meant.
+            // Points beyond this radius are not in the picture.
             return 4.0 * k * r2 >= 1.0;
         }
         let factor = self.bend(r2).factor;
@@ -100,14 +102,14 @@ impl Distortion {
     }
 
     /// The point of the normalised plane that [`Self::apply`] takes to (`x`, `y`), by Newton's method from the point
-    /// itself, or, where that leads astray, from the right distance to the centre; `None` where there is none that the
-    /// lens can show.
+    /// itself, or, if that does not converge, from a point at the right distance from the centre; `None` if there is no
+    /// such point that the lens can show.
     pub fn invert(&self, x: f64, y: f64) -> Option<(f64, f64)> {
         self.invert_from((x, y), x, y).or_else(|| self.invert_from(self.at_distance_of(x, y), x, y))
     }
 
     fn invert_from(&self, start: (f64, f64), x: f64, y: f64) -> Option<(f64, f64)> {
-        /// Newton converges quadratically; strong fisheyes near 80 degrees take about ten steps.
+        /// Newton's method converges quadratically; strong fisheyes near 80 degrees take about ten steps.
         const STEPS: usize = 50;
         const TOLERANCE: f64 = 1e-12;
         let (mut u, mut v) = start;
@@ -120,7 +122,8 @@ impl Distortion {
             let [[a, b], [c, d]] = self.jacobian(u, v);
             let determinant = a * d - b * c;
             let (du, dv) = ((d * ex - b * ey) / determinant, (a * ey - c * ex) / determinant);
-            // Not further than the point's own distance, or a steep lens throws it to where it folds.
+            // The step is no longer than about the point's own distance; otherwise it could jump to where a steep lens
+            // folds back.
             let limit = (0.5 + u.hypot(v)) / du.hypot(dv);
             u -= du * limit.min(1.0);
             v -= dv * limit.min(1.0);
@@ -128,10 +131,10 @@ impl Distortion {
         None
     }
 
-    /// The point in the direction of (`x`, `y`) that the lens takes to its distance from the centre, or to as much of it as
-    /// the lens shows, by bisection.
+    /// The point in the direction of (`x`, `y`) that the lens maps to the distance of (`x`, `y`) from the centre, or to
+    /// as much of that distance as the lens shows, by bisection.
     fn at_distance_of(&self, x: f64, y: f64) -> (f64, f64) {
-        /// The radius to 2^-40 of itself, up to 2^10 times the distance: no picture shows 89.9 degrees.
+        /// Gives the radius to a relative 2^-40, up to 2^10 times the distance: no picture shows 89.9 degrees.
         const HALVINGS: i32 = 40;
         const DOUBLINGS: i32 = 10;
         let distance = x.hypot(y);
@@ -178,7 +181,7 @@ impl Distortion {
     }
 }
 
-/// What a point is multiplied by, and how that changes with the radius: (d factor / d r) / r.
+/// The factor that a point is multiplied by, and its change with the radius: (d factor / d r) / r.
 struct Bend {
     factor: f64,
     slope: f64,
@@ -187,7 +190,7 @@ struct Bend {
 impl Bend {
     /// factor = atan(r) / r.
     fn arctangent(r2: f64) -> Self {
-        /// Below this r^2 the series to r^4 is exact to 1e-17, while the quotients lose digits.
+        /// For r^2 below this, the series up to r^4 is exact to 1e-17, while the quotients lose digits.
         const SMALL: f64 = 1e-5;
         if r2 < SMALL {
             return Self {
@@ -222,7 +225,7 @@ impl Polynomial {
         std::array::from_fn(|row| std::array::from_fn(|column| radial_jacobian[row][column] + decentring[row][column]))
     }
 
-    /// The radial factor at u = r^2 and its derivative by u.
+    /// The radial factor at u = r^2 and its derivative with respect to u.
     fn radial_factor(&self, u: f64) -> (f64, f64) {
         let (numerator, numerator_slope) = one_plus(&self.radial, u);
         if self.divisor == [0.0; 3] {
@@ -232,7 +235,7 @@ impl Polynomial {
         (numerator / divisor, (numerator_slope * divisor - numerator * divisor_slope) / (divisor * divisor))
     }
 
-    /// What the tangential and prism terms add at (x, y).
+    /// The displacement that the tangential and prism terms add at (x, y).
     fn decentring(&self, x: f64, y: f64) -> (f64, f64) {
         let ([p1, p2], [s1, s2, s3, s4]) = (self.tangential, self.prism);
         let r2 = x * x + y * y;
@@ -253,9 +256,9 @@ impl Polynomial {
         ]
     }
 
-    /// Whether r times the radial factor has stopped growing anywhere within the squared radius `u`.
+    /// True if r times the radial factor stops growing anywhere within the squared radius `u`.
     fn folds_back_within(&self, u: f64) -> bool {
-        // d(r f)/dr = f + 2 u f'. Where all terms together are less than the leading one there is no need to look closer.
+        // d(r f)/dr = f + 2 u f'. If all other terms together are less than the leading one, no closer look is needed.
         let steepest = |coefficients: &[f64]| {
             let terms =
                 coefficients.iter().zip(1..).map(|(k, power)| k.abs() * f64::from(2 * power + 1) * u.powi(power));
@@ -275,7 +278,7 @@ impl Polynomial {
     }
 }
 
-/// 1 + c0 u + c1 u^2 + ... and its derivative by u.
+/// 1 + c0 u + c1 u^2 + ... and its derivative with respect to u.
 fn one_plus(coefficients: &[f64], u: f64) -> (f64, f64) {
     let (value, slope) = coefficients.iter().rev().fold((0.0, 0.0), |(value, slope), c| {
         // Horner for p(u) = c0 + c1 u + ..., of which u p(u) is wanted.

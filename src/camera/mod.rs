@@ -9,7 +9,7 @@ use serde::{Deserialize, Serialize};
 
 pub use distortion::{Distortion, Polynomial};
 
-/// Pinhole intrinsics in pixels, with the size of the picture they belong to and its lens distortion.
+/// Pinhole intrinsics in pixels, with the size of the picture they apply to and its lens distortion.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct Intrinsics {
     pub width: u32,
@@ -22,30 +22,30 @@ pub struct Intrinsics {
 }
 
 impl Intrinsics {
-    /// The intrinsics of the same picture resized to `width` x `height` pixels. Distortion is on normalised coordinates and
-    /// stays.
+    /// The intrinsics of the same picture resized to `width` x `height` pixels. Distortion is on normalised coordinates
+    /// and does not change.
     pub fn resized(&self, width: u32, height: u32) -> Self {
         let (sx, sy) = (f64::from(width) / f64::from(self.width), f64::from(height) / f64::from(self.height));
         Self { width, height, fx: self.fx * sx, fy: self.fy * sy, cx: self.cx * sx, cy: self.cy * sy, ..*self }
     }
 }
 
-/// One calibrated picture: where it was taken and how it projects.
+/// One calibrated picture: its camera's pose and projection.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Camera {
     pub intrinsics: Intrinsics,
-    /// Takes a point of the world frame (the PLY's, in scene units) to the OpenCV camera frame.
+    /// Maps a point of the world frame (the PLY's, in scene units) to the OpenCV camera frame.
     pub camera_from_world: Isometry3<f64>,
 }
 
 impl Camera {
-    /// A point of the world frame in the camera frame; its z is the depth along the optical axis.
+    /// Transforms a point of the world frame to the camera frame; its z is the depth along the optical axis.
     pub fn point_in_camera(&self, point_in_world: Point3<f64>) -> Point3<f64> {
         self.camera_from_world * point_in_world
     }
 
-    /// Pixel of a point in the camera frame, in pixels from the upper left corner; `None` behind the camera and where
-    /// [`Distortion::folds_back_at`].
+    /// Pixel of a point in the camera frame, in pixels from the upper left corner; `None` if the point is behind the
+    /// camera or [the lens model folds back](Distortion::folds_back_at) there.
     pub fn pixel(&self, point_in_camera: Point3<f64>) -> Option<Point2<f64>> {
         if point_in_camera.z <= 0.0 {
             return None;
@@ -66,7 +66,7 @@ impl Camera {
 }
 
 /// A pose in OpenGL axes (x right, y up, z backward; nerfstudio, Blender), camera-to-world, as `camera_from_world` in
-/// OpenCV axes (x right, y down, z forward). `None` where the upper left 3x3 is not a rotation.
+/// OpenCV axes (x right, y down, z forward). `None` if the upper left 3x3 is not a rotation.
 pub fn camera_from_world_of_opengl(world_from_camera_opengl: &Matrix4<f64>) -> Option<Isometry3<f64>> {
     let flip = Matrix3::from_diagonal(&nalgebra::Vector3::new(1.0, -1.0, -1.0));
     let rotation = rotation_of(&(world_from_camera_opengl.fixed_view::<3, 3>(0, 0) * flip))?;
@@ -75,15 +75,17 @@ pub fn camera_from_world_of_opengl(world_from_camera_opengl: &Matrix4<f64>) -> O
     finite.then(|| Isometry3::from_parts(translation, rotation).inverse())
 }
 
-/// The rotation that a matrix is as far as files write it; `None` where it is not orthonormal and right-handed.
+/// The rotation that a matrix represents, allowing for rounding in files; `None` if it is not orthonormal and
+/// right-handed.
 pub fn rotation_of(matrix: &Matrix3<f64>) -> Option<UnitQuaternion<f64>> {
-    /// Poses are often written with six digits; a matrix further from orthonormal than this is not a rotation.
+    /// Poses are often written with six digits; a matrix that is further from orthonormal than this is not a rotation.
     const ORTHONORMAL_TOLERANCE: f64 = 1e-3;
     let error = (matrix.transpose() * matrix - Matrix3::identity()).norm();
     if !(error < ORTHONORMAL_TOLERANCE && matrix.determinant() > 0.0) {
         return None;
     }
-    // The closed form is right for every angle; an iteration from the identity would stay there for half a turn.
+    // The closed form is correct for every angle; an iteration that starts at the identity would stay there for a half
+    // turn.
     let rotation = UnitQuaternion::from_rotation_matrix(&Rotation3::from_matrix_unchecked(*matrix));
     Some(UnitQuaternion::new_normalize(rotation.into_inner()))
 }

@@ -1,6 +1,8 @@
-//! MuJoCo's XML: one free body with the object's mass, centre of mass and full inertia, and a geom for every convex piece.
+//! MuJoCo's XML: one free body with the object's mass, centre of mass and full inertia, and a geom for every convex
+//! piece.
 //!
-//! Friction is the part's on rubber, the only one that the library knows: MuJoCo takes the larger of two geoms' in contact.
+//! Friction is the part's on rubber, the only one in the library: MuJoCo uses the larger friction of two geoms in
+//! contact.
 
 use std::fmt::Write;
 
@@ -8,7 +10,7 @@ use super::{ExportError, Files, Rigid, spaced};
 use crate::pictures::palette;
 use crate::vote::FieldLabel;
 
-/// MuJoCo's own time constant of contacts, s: what is stiffer keeps it, since no step could follow.
+/// MuJoCo's default time constant of contacts, s. Stiffer parts keep it, since no time step could resolve theirs.
 const DEFAULT_TIME_CONSTANT_S: f64 = 0.02;
 /// MuJoCo's torsional and rolling friction, m.
 const OTHER_FRICTION: &str = "0.005 0.0001";
@@ -52,10 +54,11 @@ fn text(rigid: &Rigid) -> String {
     )
 }
 
-/// The time constant of a soft part's contacts, critically damped; `None` where MuJoCo's own is no stiffer than the part.
+/// The time constant of a soft part's contacts, critically damped; `None` if MuJoCo's default is no stiffer than the
+/// part.
 ///
-/// A part of volume V and thickness d has an area of about V / d, and pressed all over it the stiffness k = E V / d^2. The
-/// object's mass m on it swings with omega = sqrt(k / m), and MuJoCo's time constant is 1 / omega.
+/// A part of volume V and thickness d has an area of about V / d, and if pressed over all of it, the stiffness k = E V
+/// / d^2. The object's mass m on it oscillates with omega = sqrt(k / m), and MuJoCo's time constant is 1 / omega.
 fn time_constant_s(rigid: &Rigid, label: &FieldLabel) -> Option<f64> {
     let part = rigid.parts.parts.iter().find(|part| part.id == label.id)?;
     let (volume, thickness) = (part.volume_m3?.mid, part.thickness_m?.mid);

@@ -1,11 +1,11 @@
-//! The result in the formats of other programs, a writer a file:
+//! The result in the formats of other programs, with one module per format:
 //!
-//! - [`mjcf`], [`urdf`]: a rigid body for simulators, its shape in convex [`pieces`];
+//! - [`mjcf`], [`urdf`]: a rigid body for simulators, with its shape as convex [`pieces`];
 //! - [`usda`]: the same with its Gaussians as points, for USD;
 //! - [`npz`]: every number as NumPy arrays;
-//! - [`physgaussian`]: a model folder and configuration for the MPM simulator of that name and its forks.
+//! - [`physgaussian`]: a model folder and configuration for the MPM simulator PhysGaussian and its forks.
 //!
-//! Everything rigid is in metres, world frame of the splat, z up. Gaussians that were set aside are left out.
+//! Everything rigid is in metres, in the world frame of the splat, z up. Gaussians that were set aside are left out.
 
 mod mjcf;
 mod npz;
@@ -42,7 +42,7 @@ pub enum Format {
     Usda,
 }
 
-/// What there is to export.
+/// The data to export.
 #[derive(Debug, Clone, Copy)]
 pub struct Model<'a> {
     pub name: &'a str,
@@ -54,7 +54,7 @@ pub struct Model<'a> {
     pub parts: Option<&'a Parts>,
 }
 
-/// Why nothing was exported.
+/// An error of the export.
 #[derive(Debug, thiserror::Error)]
 pub enum ExportError {
     #[error(transparent)]
@@ -67,10 +67,11 @@ pub enum ExportError {
     Write { path: PathBuf, source: io::Error },
 }
 
-/// Writes the model into `folder` and names the files, the main one first. Each file is written whole or not at all.
+/// Writes the model into `folder` and returns the files, the main one first. Each file is written completely or not at
+/// all.
 ///
 /// # Errors
-/// The scale is unknown and the format needs kilograms; a file cannot be written.
+/// If the scale is unknown and the format needs kilograms, or if a file cannot be written.
 pub fn export(model: &Model, format: Format, folder: &Path) -> Result<Vec<PathBuf>, ExportError> {
     let own = without_set_aside(model);
     let model = &match &own {
@@ -102,7 +103,7 @@ fn without_set_aside(model: &Model) -> Option<(Gaussians, MaterialField)> {
 
 /// The object as a rigid body.
 struct Rigid<'a> {
-    /// Letters, digits and underscores.
+    /// Name of letters, digits and underscores.
     name: String,
     parts: &'a Parts,
     labels: &'a [FieldLabel],
@@ -136,13 +137,13 @@ impl<'a> Rigid<'a> {
     }
 }
 
-/// A name that every format takes.
+/// A name that every format accepts.
 fn identifier(name: &str) -> String {
     let letters: String = name.chars().map(|c| if c.is_ascii_alphanumeric() { c } else { '_' }).collect();
     if letters.starts_with(|c: char| c.is_ascii_alphabetic()) { letters } else { format!("object_{letters}") }
 }
 
-/// Numbers between spaces, every digit that counts.
+/// Numbers separated by spaces, with all significant digits.
 fn spaced(numbers: impl IntoIterator<Item = f64>) -> String {
     numbers.into_iter().map(|n| n.to_string()).collect::<Vec<_>>().join(" ")
 }

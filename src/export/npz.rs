@@ -1,6 +1,6 @@
-//! NumPy's archive of arrays. Per Gaussian (`gaussian_*`), per label (`label_*`), per part (`part_*`) and of the object
-//! (`object_*`); names and captions as JSON in `labels.json` beside it. An estimate is three values, low, mid, high; NaN
-//! stands where a part has no volume.
+//! NumPy's archive of arrays. Arrays are per Gaussian (`gaussian_*`), per label (`label_*`), per part (`part_*`) and
+//! for the object (`object_*`); names and captions are in `labels.json` beside it. An estimate is three values: low,
+//! mid, high. They are NaN if a part has no volume.
 
 use std::io::{self, Cursor, Write};
 
@@ -75,7 +75,7 @@ impl Arrays {
         let mut array = npyz::WriteOptions::new().default_dtype().shape(shape).writer(&mut bytes).begin_nd()?;
         array.extend(values)?;
         array.finish()?;
-        // The clock has no place in the bytes.
+        // The bytes must not depend on the clock.
         let options = SimpleFileOptions::default().last_modified_time(DateTime::default());
         self.zip.start_file(format!("{name}.npy"), options)?;
         self.zip.write_all(&bytes)

@@ -1,9 +1,9 @@
-//! PhysGaussian (Xie et al., 2024): a model folder as its loader wants it, with the columns that its forks read beside the
-//! Gaussians, and a configuration with the keys of its `utils/decode_param.py`.
+//! PhysGaussian (Xie et al., 2024): a model folder as its loader expects it, with the additional columns that its forks
+//! read for each Gaussian, and a configuration with the keys of its `utils/decode_param.py`.
 //!
-//! Numbers are SI. PhysGaussian scales what it simulates to a box of side 1 and takes E, density and g as they are: the
-//! object then moves as one that is 1 m long would. E in the configuration is softened to what its explicit steps
-//! survive; the PLY keeps the true one.
+//! Numbers are SI. PhysGaussian scales the simulated object to a box of side 1 and uses E, density and g unchanged: the
+//! object then moves like one that is 1 m long. E in the configuration is reduced to a value at which its explicit
+//! steps are stable; the PLY keeps the true one.
 
 use serde_json::{Value, json};
 
@@ -13,13 +13,13 @@ use crate::scene::ply;
 use crate::simulate;
 use crate::vote::{FieldLabel, field_ply};
 
-/// Where 3DGS puts a trained cloud, and PhysGaussian looks for it.
+/// The path where 3DGS puts a trained cloud and PhysGaussian looks for it.
 const CLOUD: &str = "point_cloud/iteration_30000/point_cloud.ply";
-/// The columns, in the order that the forks give them.
+/// The columns, in the order used by the forks.
 const COLUMNS: [&str; 6] = ["part_label", "density", "E", "nu", "material_id", "conf"];
-/// Cells along its grid of side 2.
+/// Number of cells along each side of its grid, which has side 2.
 const GRID: u32 = 50;
-/// Share of the time in which the fastest wave crosses a cell that a step takes.
+/// Length of a step as a share of the time in which the fastest wave crosses a cell.
 const CFL: f64 = 0.4;
 const FRAME_S: f64 = 1e-2;
 
@@ -35,7 +35,7 @@ pub(super) fn write(model: &Model, files: &mut Files) -> Result<(), ExportError>
     files.write(CLOUD, |out| ply::write(out, &bare, &columns))
 }
 
-/// The configuration for the label with the most Gaussians, and a box of its own for every other.
+/// The configuration for the label with the most Gaussians, with a separate box for every other label.
 fn config(model: &Model) -> Value {
     let labels = &model.field.labels;
     let mut count = vec![0usize; labels.len()];
@@ -78,7 +78,7 @@ fn nu(label: &FieldLabel) -> f64 {
     label.poisson_ratio.mid.min(simulate::material::POISSON_CAP)
 }
 
-/// The step that the pressure wave, c^2 = E (1 - nu) / ((1 + nu) (1 - 2 nu) rho), allows.
+/// The longest step that the pressure wave, c^2 = E (1 - nu) / ((1 + nu) (1 - 2 nu) rho), allows.
 fn step_s(label: &FieldLabel) -> f64 {
     let (e, nu) = (softened(label), nu(label));
     let modulus = e * (1.0 - nu) / ((1.0 + nu) * (1.0 - 2.0 * nu));
@@ -106,7 +106,7 @@ fn box_in_unit_space(model: &Model, label: u32) -> ([f64; 3], [f64; 3]) {
     (point, std::array::from_fn(|a| 0.5 * (own[1][a] - own[0][a]) / longest))
 }
 
-/// The name of the law that is nearest to ours.
+/// The name of the law that is nearest to gprop's.
 fn material(law: Law) -> &'static str {
     match law {
         Law::Elastic | Law::Fluid => "jelly",

@@ -1,7 +1,8 @@
-//! The object's shape in convex pieces, for collision: simulators take the hull of whatever mesh they get, and the hull of
-//! a mug is a plug.
+//! The object's shape as convex pieces, for collision: simulators use the convex hull of any mesh, and the hull of a
+//! mug is solid.
 //!
-//! Each part's cells are wrapped in their outer faces and decomposed by V-HACD (Mamou 2016), as the crate parry does it.
+//! The outer faces of each part's cells form a mesh, which is decomposed by V-HACD (Mamou 2016), as implemented in the
+//! crate parry.
 
 use nalgebra::Point3;
 use parry3d_f64::math::Vector;
@@ -12,9 +13,9 @@ use crate::parts::Interior;
 
 /// Voxels along a part's longest side: a few millimetres on a household object.
 const RESOLUTION: u32 = 64;
-/// At most so many pieces a part: what a simulator steps in real time.
+/// Maximum number of pieces per part: as many as a simulator can step in real time.
 const PIECES_MAX: u32 = 32;
-/// Share of the volume of a piece that its hull may add.
+/// Volume that its hull may add to a piece, as a share of the piece's volume.
 const CONCAVITY: f64 = 0.002;
 
 /// A convex piece of one part.
@@ -22,7 +23,7 @@ const CONCAVITY: f64 = 0.002;
 pub struct Piece {
     /// Label of the part.
     pub part: u32,
-    /// Its place among the part's pieces.
+    /// Its index among the part's pieces.
     pub index: usize,
     /// World frame, m.
     pub vertices: Vec<Point3<f64>>,
@@ -36,7 +37,7 @@ impl Piece {
     }
 }
 
-/// The pieces of every part that fills cells, by part.
+/// The pieces of every part that fills cells, ordered by part.
 pub fn pieces(interior: &Interior, meters_per_unit: f64) -> Vec<Piece> {
     let mut parts: Vec<u32> = interior.filled().map(|(_, part, _)| part).collect();
     parts.sort_unstable();

@@ -1,5 +1,5 @@
-//! URDF: one link on a floating joint to the world. A root link without a joint would be welded to it, its mass lost.
-//! The pieces are OBJ files in `meshes/`. URDF knows neither friction nor the softness of contacts.
+//! URDF: one link on a floating joint to the world. A root link without a joint would be welded to the world and lose
+//! its mass. The pieces are OBJ files in `meshes/`. URDF supports neither friction nor soft contacts.
 
 use std::fmt::Write;
 

@@ -1,5 +1,5 @@
-//! USD as text: a rigid body with mass properties, a collider for every convex piece bound to its part's physics material,
-//! and the Gaussians' centres as points with their material values as primvars.
+//! USD as text: a rigid body with mass properties, a collider for every convex piece bound to its part's physics
+//! material, and the Gaussians' centres as points with their material values as primvars.
 
 use std::fmt::Write;
 
@@ -94,7 +94,7 @@ fn materials(rigid: &Rigid) -> String {
     text
 }
 
-/// A string literal, whatever the text holds: JSON's escapes are USD's.
+/// A string literal for any text: USD uses the same escapes as JSON.
 fn quoted(text: &str) -> String {
     serde_json::to_string(text).expect("a string is JSON")
 }
@@ -167,7 +167,7 @@ fn points(model: &Model) -> String {
     )
 }
 
-/// The box around the points and half their widths, as USD computes it for points.
+/// The box around the points, widened by half their widths, as USD computes it for points.
 fn wide_extent(gaussians: &crate::scene::gaussians::Gaussians, meters: f64) -> String {
     let corners = (0..gaussians.len()).flat_map(|i| {
         let (center, half) = (gaussians.center(i), gaussians.scale(i).max());
@@ -186,7 +186,7 @@ fn extent(points: impl Iterator<Item = [f64; 3]>) -> String {
     format!("[{}, {}]", triple(low), triple(high))
 }
 
-/// USD keeps 32 bits of these; its text gets as many.
+/// USD stores these values in 32 bits; the text has the same precision.
 fn triple([x, y, z]: [f64; 3]) -> String {
     format!("({}, {}, {})", x as f32, y as f32, z as f32)
 }

@@ -1,4 +1,4 @@
-//! The pixels on which the object's Gaussians are seen, surroundings in front of them included.
+//! The pixels on which the object's Gaussians are seen, taking surroundings in front of them into account.
 
 use image::{GrayImage, Luma};
 
@@ -9,7 +9,7 @@ use crate::scene::{ForegroundSource, Photo, Scene, SceneError, View};
 /// 255 where at least half of the pixel's light comes from the object's Gaussians, 0 elsewhere.
 pub fn foreground(scene: &Scene, camera: &Camera) -> GrayImage {
     let cloud = scene.whole_cloud();
-    // The object glows, its surroundings do not: what is left of the glow is the object's share of the light.
+    // The object is rendered white, its surroundings black, so the brightness is the object's share of the light.
     let glow = |i: usize| if i < scene.gaussians.len() { [1.0; 3] } else { [0.0; 3] };
     let colors: Vec<[f32; 3]> = (0..cloud.len()).map(glow).collect();
     let options = RenderOptions { colors: Colors::Fixed(&colors), ..RenderOptions::default() };
@@ -20,10 +20,10 @@ pub fn foreground(scene: &Scene, camera: &Camera) -> GrayImage {
     })
 }
 
-/// The photo of a view; where neither alpha nor a mask tells its foreground, the Gaussians do.
+/// The photo of a view; if neither alpha nor a mask gives its foreground, it is taken from the Gaussians.
 ///
 /// # Errors
-/// [`SceneError`] as [`View::photo`].
+/// [`SceneError`] as in [`View::photo`].
 pub fn photo_with_foreground(scene: &Scene, view: &View) -> Result<Photo, SceneError> {
     let mut photo = view.photo()?;
     if photo.foreground_source == ForegroundSource::Whole {

@@ -1,4 +1,4 @@
-//! What the splat itself can stand in for: the foreground of photos without alpha or masks, and whole views where there are no
+//! Data derived from the splat itself: the foreground of photos without alpha or masks, and whole views if there are no
 //! photos.
 
 mod foreground;

@@ -17,19 +17,19 @@ use crate::workdir::{Checksum, read_json, write_atomic};
 
 /// Side of the pictures in pixels.
 const SIDE: u32 = 768;
-/// Field of view in radians: little perspective, as product photos have.
+/// Field of view in radians: little perspective, as in product photos.
 const FIELD_OF_VIEW: f64 = 0.7;
-/// What the pictures of a folder held when they were written, by name.
+/// The file with the checksums of the pictures in a folder, by name.
 const CHECKSUMS: &str = "checksums.json";
-/// How much of the picture's height the object's bounding sphere fills.
+/// Share of the picture's height that the object's bounding sphere fills.
 const FILLED: f64 = 0.9;
 
-/// Gives the scene `count` views of the object from directions spread evenly over the sphere, each a picture with alpha in
-/// `folder`, which is to be the folder of this splat and this count: a picture that is there as it was written is not
+/// Gives the scene `count` views of the object from directions spread evenly over the sphere, each a picture with alpha
+/// in `folder`, which must be used for this splat and this count only: a picture that is already there unchanged is not
 /// rendered again.
 ///
 /// # Errors
-/// If a picture cannot be written, or has to be and `may_write` is false.
+/// If a picture cannot be written, or if one must be written but `may_write` is false.
 pub fn render_views(scene: &mut Scene, count: usize, folder: &Path, may_write: bool) -> io::Result<()> {
     let cameras = orbit(&scene.object_bounds(), reach(scene), count);
     let list = folder.join(CHECKSUMS);
@@ -64,21 +64,22 @@ pub fn render_views(scene: &mut Scene, count: usize, folder: &Path, may_write: b
     Ok(())
 }
 
-/// Renders the picture and gives the checksum of its file.
+/// Renders the picture and returns the checksum of its file.
 fn render_into(image: &Path, gaussians: &Gaussians, camera: &Camera) -> io::Result<Checksum> {
     let picture = straight(&render(gaussians, camera, &RenderOptions::default()));
     write_atomic(image, |out| picture.write_with_encoder(PngEncoder::new(out)).map_err(io::Error::other))?;
     Checksum::of_file(image)
 }
 
-/// How far the object's Gaussians reach beyond their centres: twice their usual standard deviation.
+/// The extent of the object's Gaussians beyond their centres: twice their typical standard deviation.
 fn reach(scene: &Scene) -> f64 {
     let mut deviations: Vec<f64> = (0..scene.gaussians.len()).map(|i| scene.gaussians.scale(i).max()).collect();
     deviations.sort_by(f64::total_cmp);
     2.0 * deviations.get(deviations.len() / 2).copied().unwrap_or_default()
 }
 
-/// Cameras that look at the box, widened by `reach`, from all around, near enough for its bounding sphere to fill the picture.
+/// Cameras that look at the box, widened by `reach`, from all around, near enough for its bounding sphere to fill the
+/// picture.
 pub fn orbit(bounds: &Bounds, reach: f64, count: usize) -> Vec<Camera> {
     let radius = 0.5 * bounds.diagonal() + reach;
     let distance = radius / (FILLED * (0.5 * FIELD_OF_VIEW).sin());
@@ -94,11 +95,11 @@ pub fn orbit(bounds: &Bounds, reach: f64, count: usize) -> Vec<Camera> {
     sphere_directions(count).map(camera).collect()
 }
 
-/// A camera at `eye` that looks at `target`, upright about the axis that it looks least along.
+/// A camera at `eye` that looks at `target`; its up direction is the world axis along which it looks least.
 fn looking(eye: &Point3<f64>, target: &Point3<f64>) -> Isometry3<f64> {
     let forward = target - eye;
     let up = if forward.z.abs() > 0.95 * forward.norm() { Vector3::y() } else { Vector3::z() };
-    // face_towards gives z forward and y towards `up`; OpenCV's y goes down.
+    // `face_towards` returns z forward and y towards `up`; OpenCV's y points down.
     Isometry3::face_towards(eye, target, &-up).inverse()
 }
 

@@ -1,4 +1,4 @@
-//! PSNR and mask overlap of each photo with the splat seen from its camera.
+//! PSNR and mask overlap between each photo and the splat seen from its camera.
 
 use image::{GrayImage, RgbImage};
 
@@ -28,8 +28,8 @@ pub(super) fn compare(scene: &Scene, views: &[View], progress: Progress) -> Resu
     fits
 }
 
-/// 10 log10(1 / mean squared error) of the colours from 0 to 1, the picture over white as the photo is; at most 99, which
-/// stands for equal pictures.
+/// 10 log10(1 / mean squared error) of the colours, from 0 to 1, with the picture over white like the photo; at most
+/// 99, which stands for equal pictures.
 fn psnr_db(photo: &RgbImage, picture: &Render) -> f64 {
     const EQUAL: f64 = 99.0;
     let mut sum = 0.0;
@@ -44,7 +44,7 @@ fn psnr_db(photo: &RgbImage, picture: &Render) -> f64 {
     (-10.0 * mean.log10()).min(EQUAL)
 }
 
-/// Intersection over union; 1 where both are empty.
+/// Intersection over union; 1 if both are empty.
 fn mask_iou(foreground: &GrayImage, picture: &Render) -> f64 {
     let (mut both, mut either) = (0usize, 0usize);
     for (foreground, alpha) in foreground.as_raw().iter().zip(&picture.alpha) {

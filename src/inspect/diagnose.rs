@@ -1,9 +1,9 @@
-//! Which of the usual conversions would bring the cameras into the splat's frame: all of them are tried.
+//! Finds which of the usual conversions would bring the cameras into the splat's frame, by trying all of them.
 //!
-//! 1. Every way to read a pose, flip the camera's axes and exchange the world's, at the file's own scale; those after which
-//!    some view would not even have the object in its picture are put aside without drawing.
-//! 2. Where none fits, the most common of them with the camera centres scaled.
-//! 3. The best of either are drawn for more views; the winner's scale is refined.
+//! 1. Every way to read a pose, flip the camera's axes and exchange the world's is tried at the file's own scale;
+//!    conversions after which some view would not even have the object in its picture are discarded without rendering.
+//! 2. If none fits, the most common of them are tried with the camera centres scaled.
+//! 3. The best candidates are rendered for more views; the winner's scale is refined.
 
 use nalgebra::Point3;
 use serde::Serialize;
@@ -21,26 +21,26 @@ use crate::scene::{Scene, SceneError, View};
 pub struct Suggestion {
     /// The value for `--align`.
     pub align: String,
-    /// What it means.
+    /// Its meaning in words.
     pub meaning: String,
     /// Median correlation of photos and splat before and after, -1 to 1.
     pub correlation_before: f64,
     pub correlation_after: f64,
 }
 
-/// A winner below this has won by chance.
+/// A winner with less than this has won by chance.
 const LEAST_CORRELATION: f64 = 0.8;
-/// How much the winner must gain.
+/// Minimum gain in correlation of the winner.
 const LEAST_GAIN: f64 = 0.05;
-/// Views drawn for each candidate, and candidates that are drawn for all views.
+/// Number of views rendered for each candidate, and number of candidates rendered for all views.
 const FIRST_VIEWS: usize = 3;
 const FINALISTS: usize = 6;
-/// Gaussians drawn in the search: those that cover most.
+/// Maximum number of Gaussians rendered in the search: those that cover most of the picture.
 const MOST_GAUSSIANS: usize = 40_000;
-/// Share of the object that each view must have in its picture for a candidate to be drawn.
+/// Share of the object that each view must have in its picture for a candidate to be rendered.
 const LEAST_IN_PICTURE: f64 = 0.3;
 
-/// The best conversion, where one fits well and better than none.
+/// The best conversion, if it fits well and better than no conversion.
 pub(super) fn suggest(scene: &Scene, views: &[View], verdict: &Verdict) -> Result<Option<Suggestion>, SceneError> {
     let search = Search {
         cloud: reduced(&scene.whole_cloud()),
@@ -75,7 +75,7 @@ struct Search<'a> {
 }
 
 impl Search<'_> {
-    /// The conversion whose views correlate best, and by how much.
+    /// The conversion whose views correlate best, and their correlation.
     fn best(&self, candidates: &[Conversion]) -> (Conversion, f64) {
         let possible = candidates.iter().filter(|conversion| self.shows_object(conversion));
         let first = &self.views[..self.views.len().min(FIRST_VIEWS)];
@@ -83,7 +83,7 @@ impl Search<'_> {
         ranked.sort_by(|a, b| b.1.total_cmp(&a.1));
         ranked.truncate(FINALISTS);
         let finals = ranked.into_iter().map(|(c, _)| (c, self.correlation(&c, &self.views)));
-        // The first of equals: simpler conversions come first in the lists.
+        // Ties go to the first, since simpler conversions come first in the lists.
         finals.fold((Conversion::default(), f64::NEG_INFINITY), |best, next| if next.1 > best.1 { next } else { best })
     }
 
@@ -132,7 +132,7 @@ fn converted(camera: &Camera, conversion: &Conversion) -> Camera {
 
 const READINGS: [Reading; 4] = [Reading::AsIs, Reading::Inverted, Reading::Transposed, Reading::TransposedOpenGl];
 
-/// Every conversion without a scale, simple ones first.
+/// Every conversion without a scale, the simple ones first.
 fn at_own_scale() -> Vec<Conversion> {
     let flips = |n: u8| [0, 1, 2].map(|axis| n >> axis & 1 == 1);
     let mut all = Vec::new();
@@ -150,7 +150,7 @@ fn at_own_scale() -> Vec<Conversion> {
 /// Ratio of neighbouring scales: a view of an object a fifth too large still correlates with the right one.
 const SCALE_STEP: f64 = 1.2;
 
-/// The scales from 1/1000 to 1000 for cameras that are right but for OpenGL's axes.
+/// Scales from 1/1000 to 1000, for cameras that are otherwise right or only have OpenGL's axes.
 fn at_other_scales() -> Vec<Conversion> {
     const STEPS: i32 = 38;
     let opengl = [false, true, true];
@@ -160,13 +160,13 @@ fn at_other_scales() -> Vec<Conversion> {
     scaled([false; 3]).chain(scaled(opengl)).collect()
 }
 
-/// To four digits, as it is to be typed.
+/// Rounds to four digits, for the user to type.
 fn rounded(value: f64) -> f64 {
     let digits = 10f64.powf(3.0 - value.log10().floor());
     (value * digits).round() / digits
 }
 
-/// The Gaussians that cover most of the picture, in their order.
+/// The Gaussians that cover most of the picture, in their original order.
 fn reduced(cloud: &Gaussians) -> Gaussians {
     let mut reduced = cloud.clone();
     if cloud.len() <= MOST_GAUSSIANS {
@@ -191,7 +191,7 @@ fn samples(gaussians: &Gaussians) -> Vec<Point3<f64>> {
     (0..gaussians.len()).step_by(step).map(|i| gaussians.center(i)).collect()
 }
 
-/// In words.
+/// Describes a conversion in words.
 fn meaning(conversion: &Conversion) -> String {
     let mut parts = Vec::new();
     match conversion.reading {

@@ -1,9 +1,10 @@
-//! Do photos, cameras and Gaussians agree? What lies in a scene folder, and each photo beside the splat seen from its camera.
+//! Checks whether photos, cameras and Gaussians agree: lists the contents of a scene folder and compares each photo
+//! with the splat seen from its camera.
 //!
 //! 1. [`compare`]: PSNR and mask overlap view by view.
 //! 2. [`verdict`]: whether the photos fit their own cameras better than those of other views.
-//! 3. [`diagnose`]: where they do not, which of the usual conversions would make them.
-//! 4. [`text`] and [`page`]: one screen, or a page with the pictures side by side.
+//! 3. [`diagnose`]: if they do not, which of the usual conversions would make them fit.
+//! 4. [`text`] and [`page`]: the result on one screen, or as a page with the pictures side by side.
 
 mod compare;
 mod diagnose;
@@ -27,18 +28,18 @@ pub use diagnose::Suggestion;
 pub use page::to_html;
 pub use text::to_text;
 
-/// Views compared at most; of a longer capture those spread over all directions.
+/// Maximum number of views compared; for a longer capture, they are spread over all directions.
 const MOST_VIEWS: NonZeroUsize = NonZeroUsize::new(60).expect("sixty is not zero");
 
-/// What a scene folder holds and how its parts fit together.
+/// The contents of a scene folder and how well they fit together.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Inspection {
     pub name: String,
     pub notes: Vec<String>,
     pub warnings: Vec<String>,
-    /// All of the splat's.
+    /// Number of all Gaussians of the splat.
     pub gaussians: usize,
-    /// Those of the object.
+    /// Number of the object's Gaussians.
     pub object_gaussians: usize,
     pub object_source: ObjectSource,
     pub sh_degree: u8,
@@ -47,12 +48,12 @@ pub struct Inspection {
     /// `None` if the metric scale is unknown.
     pub scale: Option<MetricScale>,
     pub cameras: Option<Cameras>,
-    /// What told the photos' foreground; `None` without photos.
+    /// The source of the photos' foreground; `None` without photos.
     pub foreground: Option<ForegroundSource>,
     pub views: Vec<ViewFit>,
     /// Whether photos and Gaussians line up; `None` without photos.
     pub aligned: Option<bool>,
-    /// Where they do not: the conversion that would make them.
+    /// The conversion that would align them if they do not line up.
     pub suggestion: Option<Suggestion>,
 }
 
@@ -70,7 +71,7 @@ impl From<Bounds> for Extent {
     }
 }
 
-/// The cameras in short.
+/// A summary of the cameras.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Cameras {
     pub count: usize,
@@ -80,7 +81,7 @@ pub struct Cameras {
     pub first_focal: [f64; 2],
     /// Whether any lens is more than a pinhole.
     pub distorted: bool,
-    /// Nearest and farthest from the middle of the object, scene units.
+    /// Least and greatest distance from the middle of the object, scene units.
     pub distance: [f64; 2],
 }
 
@@ -90,7 +91,8 @@ pub struct ViewFit {
     pub name: String,
     /// Peak signal-to-noise ratio of the whole picture in dB, both over white.
     pub psnr_db: f64,
-    /// Intersection over union of the photo's foreground and the splat's alpha; `None` where the photo tells no foreground.
+    /// Intersection over union of the photo's foreground and the splat's alpha; `None` if the photo has no foreground
+    /// of its own.
     pub mask_iou: Option<f64>,
 }
 
@@ -106,7 +108,7 @@ pub struct Args {
     pub options: Options,
 }
 
-/// Why `gprop inspect` ends without an inspection or its page.
+/// An error of `gprop inspect`.
 #[derive(Debug, thiserror::Error)]
 pub enum InspectError {
     #[error("{0}")]
@@ -115,10 +117,10 @@ pub enum InspectError {
     Page(#[from] UsageError),
 }
 
-/// Does what `gprop inspect` asks for: the inspection, and the same as text; writes the page.
+/// Runs `gprop inspect`: returns the inspection, also as text, and writes the page if asked for.
 ///
 /// # Errors
-/// [`SceneError`] as [`inspect`]; a page that cannot be written.
+/// [`SceneError`] as in [`inspect`], or an error if the page cannot be written.
 pub fn command(args: &Args, progress: Progress) -> Result<(Inspection, String), InspectError> {
     let (inspection, (scene, views)) = inspect_and_draw(&args.scene, &args.options, progress)?;
     let mut text = to_text(&inspection);
@@ -131,15 +133,15 @@ pub fn command(args: &Args, progress: Progress) -> Result<(Inspection, String), 
     Ok((inspection, text))
 }
 
-/// Inspects the scene in `folder`; also one without photos.
+/// Inspects the scene in `folder`, with or without photos.
 ///
 /// # Errors
-/// [`SceneError`] where there is no splat to look at, or where something that is there is broken.
+/// [`SceneError`] if there is no splat, or if a file of the scene is broken.
 pub fn inspect(folder: &Path, options: &Options, progress: Progress) -> Result<Inspection, SceneError> {
     inspect_and_draw(folder, options, progress).map(|(inspection, _)| inspection)
 }
 
-/// As [`inspect`], with what the page needs: the scene and the views that were compared.
+/// As [`inspect`]; also returns what the page needs: the scene and the views that were compared.
 ///
 /// # Errors
 /// As [`inspect`].
@@ -180,7 +182,7 @@ pub fn inspect_and_draw(
     Ok((inspection, (scene, views)))
 }
 
-/// The scene; without views where it has no cameras or no photos.
+/// Loads the scene, without views if it has no cameras or no photos.
 fn load(folder: &Path, options: &Options) -> Result<Scene, SceneError> {
     let without_views = |reason: SceneError| {
         let options = Options { render_views: Some(NonZeroUsize::MIN), ..options.clone() };

@@ -17,14 +17,14 @@ use crate::scene::{Scene, SceneError, View};
 
 /// Longest side of a picture in pixels: three fit side by side on a screen.
 const LONGEST_SIDE: u32 = 480;
-/// Views shown at most.
+/// Maximum number of views shown.
 const MOST_VIEWS: usize = 16;
 const OUTLINE: Rgb<u8> = Rgb([230, 0, 120]);
 
 /// Draws the page.
 ///
 /// # Errors
-/// [`SceneError`] where a photo cannot be read any more.
+/// [`SceneError`] if a photo can no longer be read.
 pub fn to_html(inspection: &Inspection, scene: &Scene, views: &[View]) -> Result<String, SceneError> {
     let cloud = scene.whole_cloud();
     let step = views.len().div_ceil(MOST_VIEWS).max(1);
@@ -66,7 +66,7 @@ fn picture(picture: &RgbImage) -> Value {
     Value::from_safe_string(format!("data:image/jpeg;base64,{}", STANDARD.encode(jpeg.into_inner())))
 }
 
-/// The photo with the border of its foreground drawn, as wide as it takes to be seen when the picture is made small.
+/// The photo with the border of its foreground outlined, wide enough to be visible when the picture is shrunk.
 fn outlined(photo: &RgbImage, foreground: &GrayImage) -> RgbImage {
     let reach = (photo.width().max(photo.height()) / LONGEST_SIDE).max(1);
     let mut picture = photo.clone();
@@ -81,7 +81,7 @@ fn outlined(photo: &RgbImage, foreground: &GrayImage) -> RgbImage {
     picture
 }
 
-/// How far the two are apart, black where they are equal.
+/// The difference of the two pictures, black where they are equal.
 fn difference(photo: &RgbImage, splat: &RgbImage) -> RgbImage {
     RgbImage::from_fn(photo.width(), photo.height(), |x, y| {
         let (a, b) = (photo.get_pixel(x, y), splat.get_pixel(x, y));

@@ -6,10 +6,10 @@ use super::{Inspection, ViewFit};
 use crate::output::one_line;
 use crate::scene::{ForegroundSource, ObjectSource};
 
-/// Views listed one by one at most; the rest is summed up.
+/// Maximum number of views listed one by one; the rest are summarised.
 const LISTED_VIEWS: usize = 12;
 
-/// Plain text, 40 lines or so.
+/// Plain text, about 40 lines.
 pub fn to_text(inspection: &Inspection) -> String {
     let mut text = String::new();
     // Writing to a string cannot fail.

@@ -1,4 +1,4 @@
-//! Whether photos and Gaussians line up, judged on small pictures that neither noise nor exposure trouble.
+//! Decides whether photos and Gaussians line up, on small pictures, which are insensitive to noise and exposure.
 
 use image::imageops::{FilterType, resize};
 use image::{Rgb32FImage, buffer::ConvertBuffer};
@@ -14,20 +14,20 @@ use crate::scene::{Scene, SceneError, View};
 /// Longest side of the small pictures in pixels.
 const SIDE: u32 = 96;
 
-/// Correlation of a photo with the splat from its own camera from which on the two line up. Trained splats reach 0.95 and more
-/// on their photos; the frames that `tests/inspect.rs` breaks stay under 0.75.
+/// Minimum correlation of a photo with the splat seen from its own camera for the two to line up. Trained splats reach
+/// 0.95 and more on their photos; the frames broken on purpose in `tests/inspect.rs` stay below 0.75.
 const LEAST_CORRELATION: f64 = 0.85;
 
-/// How much better a photo must fit its own camera than that of a view on the other side.
+/// Minimum difference by which a photo must fit its own camera better than that of a view on the other side.
 const LEAST_ADVANTAGE: f64 = 0.05;
 
-/// Overlap of the masks that a turned or shifted frame does not reach, but a slightly larger one may.
+/// Minimum overlap of the masks, which a rotated or shifted frame does not reach, but a slightly larger one may.
 const LEAST_MASK_IOU: f64 = 0.7;
 
-/// The views judged at most.
+/// Maximum number of views judged.
 const MOST_VIEWS: usize = 12;
 
-/// How well the frames agree.
+/// The agreement of the photos' and the splat's frames.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Verdict {
     pub aligned: bool,
@@ -35,13 +35,13 @@ pub(super) struct Verdict {
     pub correlation: f64,
 }
 
-/// A photo made small, with its camera.
+/// A reduced photo with its camera.
 pub(super) struct Small {
     pub camera: Camera,
     pub picture: Vec<f32>,
 }
 
-/// `None` where there are no views.
+/// `None` if there are no views.
 pub(super) fn of(scene: &Scene, views: &[View], fits: &[ViewFit]) -> Result<Option<Verdict>, SceneError> {
     if views.is_empty() {
         return Ok(None);
@@ -55,7 +55,7 @@ pub(super) fn of(scene: &Scene, views: &[View], fits: &[ViewFit]) -> Result<Opti
     let opposite = |index: usize| (index + small.len() / 2) % small.len();
     let advantage = |index: usize| {
         let own = correlation(&small[index].picture, &rendered[index]);
-        // Photos of another shape cannot be laid on this one.
+        // Photos of a different size cannot be compared with this one.
         let other = Some(&rendered[opposite(index)]).filter(|other| other.len() == small[index].picture.len());
         other.map_or(f64::INFINITY, |other| own - correlation(&small[index].picture, other))
     };
@@ -69,7 +69,7 @@ pub(super) fn of(scene: &Scene, views: &[View], fits: &[ViewFit]) -> Result<Opti
     Ok(Some(Verdict { aligned, correlation: correlation_with_own }))
 }
 
-/// Up to [`MOST_VIEWS`] of the views, evenly, made small.
+/// Up to [`MOST_VIEWS`] of the views, evenly spread, with reduced photos.
 pub(super) fn small_views(views: &[View]) -> Result<Vec<Small>, SceneError> {
     let step = views.len().div_ceil(MOST_VIEWS);
     let small = |view: &View| {
@@ -86,8 +86,8 @@ pub(super) fn small_views(views: &[View]) -> Result<Vec<Small>, SceneError> {
     chosen.into_par_iter().map(small).collect()
 }
 
-/// The splat over white from a small camera, three values a pixel. Drawn at twice the size and averaged: at the small size the
-/// rasteriser's low-pass would widen everything thin.
+/// The splat over white from a reduced camera, three values per pixel. It is rendered at twice the size and averaged:
+/// at the reduced size the rasteriser's low-pass filter would widen everything thin.
 pub(super) fn picture(cloud: &Gaussians, camera: &Camera, options: &RenderOptions) -> Vec<f32> {
     let (width, height) = (camera.intrinsics.width as usize, camera.intrinsics.height as usize);
     let intrinsics = camera.intrinsics.resized(2 * camera.intrinsics.width, 2 * camera.intrinsics.height);
@@ -101,7 +101,7 @@ pub(super) fn picture(cloud: &Gaussians, camera: &Camera, options: &RenderOption
     (0..width * height).flat_map(averaged).collect()
 }
 
-/// Pearson's correlation of two pictures of one size; 0 where one of them is of a single colour.
+/// Pearson's correlation of two pictures of the same size; 0 if one of them has a single colour.
 pub(super) fn correlation(a: &[f32], b: &[f32]) -> f64 {
     let mean = |values: &[f32]| values.iter().map(|v| f64::from(*v)).sum::<f64>() / values.len().max(1) as f64;
     let (mean_a, mean_b) = (mean(a), mean(b));

@@ -1,18 +1,19 @@
-//! Floaters: Gaussians that a training left in mid-air are no part of the object; those that were set aside neither.
+//! Floaters: Gaussians that training left in mid-air do not belong to the object, nor do those that were set aside.
 
 use std::collections::HashMap;
 
 use crate::scene::gaussians::Gaussians;
 
-/// Two Gaussians belong together where their voxels touch; a voxel's side is the diagonal of the cloud over this.
+/// Two Gaussians are connected if their voxels touch; a voxel's side is the diagonal of the cloud divided by this.
 const VOXELS_PER_DIAGONAL: f64 = 64.0;
-/// Share of the Gaussians at either end of each axis that the diagonal is measured without: floaters lie far out.
+/// Share of the Gaussians at either end of each axis that is left out when the diagonal is measured, since floaters lie
+/// far out.
 const TRIMMED: f64 = 0.005;
-/// Voxels this far out are as one: no position, however far, is beyond what a number holds.
+/// Voxels farther out than this are merged into one, so that no position, however far, overflows an index.
 const FARTHEST_VOXEL: f64 = 1e15;
 
-/// Which Gaussians to keep: those of connected bodies with at least `min_share` of the summed opacity. If no body has as
-/// much, all are kept but those set aside.
+/// Returns for each Gaussian whether to keep it: those of connected bodies with at least `min_share` of the summed
+/// opacity are kept. If no body has that much, all are kept except those set aside.
 pub fn without_floaters(gaussians: &Gaussians, min_share: f64) -> Vec<bool> {
     let own: Vec<usize> = (0..gaussians.len()).filter(|&i| !gaussians.is_set_aside(i)).collect();
     let mut kept = vec![false; gaussians.len()];
@@ -41,7 +42,7 @@ pub fn without_floaters(gaussians: &Gaussians, min_share: f64) -> Vec<bool> {
     kept
 }
 
-/// Per voxel the least number of a voxel that it is connected with, over faces, edges and corners.
+/// Per voxel, the lowest number of the voxels that it is connected with, across faces, edges and corners.
 fn bodies(voxels: &[[i64; 3]], number: &HashMap<[i64; 3], usize>) -> Vec<usize> {
     let mut body = vec![usize::MAX; voxels.len()];
     for seed in 0..voxels.len() {

@@ -1,6 +1,6 @@
-//! Why there are no parts.
+//! Errors of the parts stage.
 
-/// What is wrong with what the parts stage was given, and what to do.
+/// An error in the input of the parts stage, and what to do about it.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 pub enum PartsError {
     #[error("{flag} is {value}: it must be {domain}")]
@@ -30,7 +30,7 @@ pub enum PartsError {
          in metres, or --scale F with F metres per scene unit"
     )]
     ScaleUnknown,
-    /// What is wrong with a stored [`Interior`](super::Interior).
+    /// An error in a stored [`Interior`](super::Interior).
     #[error("{0}")]
     Interior(String),
 }

@@ -1,14 +1,14 @@
 //! 3D parts: volume, thickness, mass, centre of mass, inertia.
 //!
 //! In order:
-//! 1. [`clean`] leaves floaters out;
+//! 1. [`clean`] removes floaters;
 //! 2. [`mod@inside`] finds the object's inside on a [`grid`], from what the views see;
-//! 3. [`grid::surface`] measures how deep each cell lies, [`assign`] gives it a part;
-//! 4. [`thickness`] across each part;
-//! 5. [`compose`] puts material into the cells;
-//! 6. [`mass`] of each part and its bodies.
+//! 3. [`grid::surface`] measures the depth of each cell, [`assign`] assigns the cell to a part;
+//! 4. [`thickness`] measures the thickness of each part;
+//! 5. [`compose`] fills the cells with material;
+//! 6. [`mass`] computes the mass of each part and its bodies.
 //!
-//! Steps 1 to 5 are in scene units and need no metric scale but for the walls of shells.
+//! Steps 1 to 5 are in scene units and need no metric scale except for the walls of shells.
 
 mod assign;
 mod clean;
@@ -41,33 +41,34 @@ use mass::{Piece, Weighable};
 pub use options::{BodiesAs, Options, SCENE_KEYS, VolumeMethod};
 pub use result::{NoVolume, Object, Part, PartBody, Parts};
 
-/// What the parts stage makes.
+/// The result of the parts stage.
 #[derive(Debug, Clone, PartialEq)]
 pub struct PartsResult {
     /// The object's inside, for the simulation to fill. World frame, scene units.
     pub interior: Interior,
-    /// By label of the field; also of labels that fill nothing.
+    /// By label of the field, including labels that fill nothing.
     pub shapes: Vec<Shape>,
-    /// What the user should know: counted, never fatal.
+    /// Messages about problems that are not fatal, with counts.
     pub warnings: Vec<String>,
     parts: Option<Parts>,
 }
 
-/// What of a part needs no metric scale: scene units, scene units cubed.
+/// The properties of a part that need no metric scale, in scene units and scene units cubed.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Shape {
     /// Its value of `part_label` in `field.ply`.
     pub id: u32,
-    /// How many Gaussians carry its label.
+    /// Number of Gaussians with its label.
     pub gaussians: usize,
     /// `None` if it fills nothing.
     pub volume: Option<Estimate>,
     /// Why it fills nothing.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub no_volume: Option<NoVolume>,
-    /// Of the surface that bears a grasp; `None` if it has none.
+    /// Thickness at the surface that a gripper can grasp; `None` if it has no such surface.
     pub thickness: Option<Estimate>,
-    /// From the nearest place on its outer surface to the object's centre of mass; `None` where it has no outer surface.
+    /// Distance from the nearest point on its outer surface to the object's centre of mass; `None` if it has no outer
+    /// surface.
     pub surface_to_center_of_mass: Option<f64>,
 }
 
@@ -81,13 +82,13 @@ impl PartsResult {
     }
 }
 
-/// Measures the parts of the object that `gaussians` draw, as `field` labels them. `cameras` are those of all views, not
-/// only of those that were segmented. Without `scale` there are shapes but no masses, and shells count as solid since
-/// their walls are known in metres only.
+/// Measures the parts of the object that `gaussians` represent, labelled by `field`. `cameras` are those of all views,
+/// not only of those that were segmented. Without `scale` there are shapes but no masses, and shells count as solid,
+/// since the thickness of their walls is known in metres only.
 ///
 /// # Errors
-/// An option outside its domain; a cloud that is empty, not finite or not the field's; no cameras to carve with; nothing
-/// inside; no part that owns any of it.
+/// If an option is outside its domain, the cloud is empty, not finite or does not match the field, there are no cameras
+/// to carve with, nothing is inside, or no part owns any of the inside.
 pub fn parts(
     gaussians: &Gaussians,
     field: &MaterialField,
@@ -135,7 +136,7 @@ fn weighables<'a>(shapes: &'a [Shape], labels: &'a [FieldLabel], pieces: &'a [Ve
         .collect()
 }
 
-/// Per label its bodies, which together have its volume.
+/// Per label, its bodies, which together have its volume.
 fn pieces(
     interior: &Interior,
     bodies: &Bodies,
@@ -182,7 +183,7 @@ fn check(gaussians: &Gaussians, field: &MaterialField) -> Result<(), PartsError>
     }
 }
 
-/// How a label's volume is to be filled.
+/// How to fill a label's volume.
 fn construction(label: &FieldLabel, meters_per_unit: Option<f64>, options: &Options) -> Construction {
     let wall_m = match (options.volume, label.form) {
         (VolumeMethod::Fill | VolumeMethod::Carve, _) | (VolumeMethod::Hybrid, Form::Solid) => None,
@@ -224,7 +225,7 @@ fn shapes(
     (0..constructions.len()).map(shape).collect()
 }
 
-/// Sets how near each part's and each body's seen surface comes to the object's centre of mass.
+/// Sets the distance from each part's and each body's surface to the object's centre of mass.
 fn set_distances(
     shapes: &mut [Shape],
     pieces: &mut [Vec<Piece>],
@@ -243,7 +244,7 @@ fn set_distances(
     }
 }
 
-/// That no part has a volume, and of each why.
+/// The error that no part has a volume, with the reason for each.
 fn no_volume(field: &MaterialField, shapes: &[Shape]) -> PartsError {
     let used: Vec<&Shape> = shapes.iter().filter(|shape| shape.gaussians > 0).collect();
     let why = used.iter().filter_map(|shape| {

@@ -1,4 +1,4 @@
-//! What the user may choose about parts and volumes.
+//! Options of the parts stage: parts and volumes.
 
 use clap::Args;
 use serde::{Deserialize, Serialize};
@@ -9,18 +9,18 @@ use crate::values;
 
 /// About 130 cells along each side of a box-shaped object: under a millimetre on a hammer.
 const VOLUME_CELLS: usize = 2_000_000;
-/// More views carve no further on the scenes that volumes were measured on.
+/// On the scenes where volumes were measured, more views carve no further.
 const CARVE_VIEWS: usize = 40;
 /// Half the density of a Gaussian of full opacity at its centre.
 const FILL_DENSITY: f64 = 0.5;
-/// A body of less than 1 % of the cloud's opacity floats.
+/// A body with less than 1 % of the cloud's opacity is a floater.
 const MIN_BODY_SHARE: f64 = 0.01;
-/// A part of less than 0.1 % of the object's volume is more often a wrong answer than a real part.
+/// A part with less than 0.1 % of the object's volume is more often a wrong answer than a real part.
 const MIN_PART_SHARE: f64 = 0.001;
 /// A sheet of steel, a mug's wall, a moulded case: 1 to 5 mm.
 const WALL_M: f64 = 0.003;
 
-/// The keys that a scene may set: all of them; they decide nothing but this scene's result.
+/// The keys that a scene may set: all of them; they affect only this scene's result.
 pub const SCENE_KEYS: &[SceneKey] = &[
     SceneKey::any("volume"),
     SceneKey::any("volume-cells"),
@@ -94,20 +94,20 @@ impl Default for Options {
     }
 }
 
-/// The grid's index type holds no more.
+/// The grid's index type cannot hold more.
 const CELLS_MAX: usize = 1 << 30;
 /// Far more than any capture has.
 const CARVE_VIEWS_MAX: usize = 100_000;
-/// A thousand opaque Gaussians on one spot.
+/// A thousand opaque Gaussians in one place.
 const FILL_DENSITY_MAX: f64 = 1000.0;
-/// Thicker than any wall of a thing or of a house.
+/// Thicker than any wall of an object or a building.
 const WALL_MAX_M: f64 = 100.0;
 
 impl Options {
-    /// Whether every number is within its domain.
+    /// Checks that every number is within its domain.
     ///
     /// # Errors
-    /// [`PartsError::Option`] names the one that is not.
+    /// [`PartsError::Option`], which names the one that is not.
     pub fn check(&self) -> Result<(), PartsError> {
         let wrong = |flag, value: f64, domain| Err(PartsError::Option { flag, value, domain });
         if !(1000..=CELLS_MAX).contains(&self.volume_cells) {

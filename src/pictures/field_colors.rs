@@ -5,12 +5,12 @@ use crate::scene::gaussians::{Gaussians, SH_C0};
 use crate::vote::field_ply::material_names;
 use crate::vote::{FieldLabel, MaterialField};
 
-/// One colour a Gaussian: its label's.
+/// One colour per Gaussian, that of its label.
 pub fn label_colors(field: &MaterialField) -> Vec<[f32; 3]> {
     field.part_label.iter().map(|&label| palette::color(label)).collect()
 }
 
-/// One colour a Gaussian: its material's, the palette's at its `material_id`.
+/// One colour per Gaussian, that of its material: the palette's colour at its `material_id`.
 pub fn material_colors(field: &MaterialField) -> Vec<[f32; 3]> {
     let names = material_names(&field.labels);
     let place = |label: &FieldLabel| names.binary_search(&label.material.as_str()).expect("every material is listed");
@@ -18,7 +18,8 @@ pub fn material_colors(field: &MaterialField) -> Vec<[f32; 3]> {
     field.part_label.iter().map(|&label| of_label[label as usize]).collect()
 }
 
-/// One colour a Gaussian: how sure its label is, from dark blue (never seen) over green to yellow (all votes agree).
+/// One colour per Gaussian for the confidence in its label, from dark blue (never seen) through green to yellow (all
+/// votes agree).
 pub fn confidence_colors(field: &MaterialField) -> Vec<[f32; 3]> {
     const STOPS: [[f32; 3]; 3] = [[0.27, 0.0, 0.33], [0.13, 0.57, 0.55], [0.99, 0.91, 0.14]];
     let color = |confidence: &f32| {

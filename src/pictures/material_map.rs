@@ -1,4 +1,5 @@
-//! A picture's materials at a glance: the photo, the same with every segment in its material's colour, a legend below.
+//! A picture's materials at a glance: the photo, the same photo with every segment in its material's colour, and a
+//! legend below.
 
 use std::collections::BTreeMap;
 
@@ -9,9 +10,10 @@ use crate::query::{Answers, Outcome};
 use crate::scene::Photo;
 use crate::segment::LabelMap;
 
-/// Segments that nobody could name.
+/// The colour of segments without a material name.
 const UNNAMED: Rgb<u8> = Rgb([90; 3]);
-/// Share of a material's colour over the photo: strong enough to read off, weak enough to see the segment through.
+/// Share of a material's colour over the photo: strong enough to recognise the colour, weak enough for the segment to
+/// show through.
 const COLOR_SHARE: f32 = 0.75;
 
 /// A material of the picture.
@@ -21,7 +23,7 @@ struct Seen<'a> {
     color: Rgb<u8>,
 }
 
-/// Draws the map. A segment of which `answers` know nothing is dark grey.
+/// Draws the map. A segment without an answer in `answers` is dark grey.
 pub fn draw(photo: &Photo, map: &LabelMap, answers: &Answers) -> RgbImage {
     let legend = legend(map, answers);
     let colors: BTreeMap<u16, Rgb<u8>> = answers
@@ -43,7 +45,7 @@ pub fn draw(photo: &Photo, map: &LabelMap, answers: &Answers) -> RgbImage {
     panels::compose(&[photo.rgb.clone(), colored], &legend.iter().map(line).collect::<Vec<_>>())
 }
 
-/// The materials by falling area; what could not be named comes last.
+/// The materials by decreasing area; unnamed segments come last.
 fn legend<'a>(map: &LabelMap, answers: &'a Answers) -> Vec<Seen<'a>> {
     let mut pixels_of_segment: BTreeMap<u16, usize> = BTreeMap::new();
     map.labels.iter().filter(|label| **label != 0).for_each(|label| *pixels_of_segment.entry(*label).or_default() += 1);

@@ -1,7 +1,7 @@
-//! The pictures that several stages make: of a photo's segments and materials, and of the field as a camera sees it.
+//! The pictures that several stages draw: a photo's segments and materials, and the field as a camera sees it.
 //!
-//! [`palette`] and [`field_colors`] give parts, materials and Gaussians their colours, [`panels`] puts pictures side by side;
-//! [`figure`] shows the field, [`material_map`] the answers for one photo, [`thumbnail`] a scene at a glance.
+//! [`palette`] and [`field_colors`] give parts, materials and Gaussians their colours, [`panels`] puts pictures side by
+//! side; [`figure`] shows the field, [`material_map`] the answers for one photo, [`thumbnail`] a scene at a glance.
 
 pub mod field_colors;
 pub mod figure;
@@ -18,10 +18,10 @@ use crate::segment::LabelMap;
 
 /// JPEG quality at which edges of segments still look sharp.
 const QUALITY: u8 = 85;
-/// How much of a segment's colour covers the photo.
+/// Share of a segment's colour over the photo.
 const TINT: f32 = 0.6;
 
-/// The photo with every segment in a colour of its own.
+/// The photo with every segment in a different colour.
 pub fn tinted(photo: &Photo, map: &LabelMap) -> RgbImage {
     let mut picture = photo.rgb.clone();
     for (pixel, &label) in picture.pixels_mut().zip(&map.labels) {
@@ -36,10 +36,10 @@ fn mix(Rgb(under): Rgb<u8>, over: [f32; 3]) -> Rgb<u8> {
     Rgb(std::array::from_fn(|c| (f32::from(under[c]) * (1.0 - TINT) + 255.0 * over[c] * TINT).round() as u8))
 }
 
-/// A picture as JPEG, shrunk where its longest side is longer than `longest_side` pixels.
+/// A picture as JPEG, shrunk if its longest side is longer than `longest_side` pixels.
 ///
 /// # Errors
-/// Where the picture does not encode.
+/// If the picture cannot be encoded.
 pub fn jpeg(picture: &RgbImage, longest_side: u32) -> ImageResult<Vec<u8>> {
     let longest = picture.width().max(picture.height());
     let fitted = (longest > longest_side).then(|| {

@@ -1,4 +1,4 @@
-//! Pictures side by side on white paper with a legend below.
+//! Pictures side by side on a white background with a legend below.
 
 use image::imageops::{self, FilterType};
 use image::{GenericImage, Rgb, RgbImage};
@@ -24,7 +24,7 @@ pub fn color(n: u32) -> Rgb<u8> {
     Rgb(palette::color(n).map(|channel| (255.0 * channel).round() as u8))
 }
 
-/// The panels from left to right, all of one size, and the legend.
+/// The panels, all of the same size, from left to right, and the legend.
 pub fn compose(panels: &[RgbImage], legend: &[Entry]) -> RgbImage {
     let panels: Vec<RgbImage> = panels.iter().map(fitted).collect();
     let (width, height) = panels.first().map_or((0, 0), RgbImage::dimensions);

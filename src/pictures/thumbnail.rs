@@ -1,4 +1,4 @@
-//! A scene at a glance, small enough for a list of thousands: its photo and its materials, cut to the object.
+//! A scene at a glance, small enough for a list of thousands: its photo and its materials, cropped to the object.
 
 use image::imageops::{crop_imm, thumbnail};
 use image::{DynamicImage, GenericImage, ImageResult, Rgb, RgbImage};
@@ -16,10 +16,10 @@ use super::{field_colors, jpeg};
 pub const SIDE: u32 = 96;
 const PAPER: Rgb<u8> = Rgb([255; 3]);
 
-/// The photo that `camera` took beside its Gaussians in the colours of their materials, as JPEG.
+/// The photo taken by `camera` beside the Gaussians in the colours of their materials, as JPEG.
 ///
 /// # Errors
-/// Where the picture does not encode.
+/// If the picture cannot be encoded.
 pub fn draw(camera: &Camera, photo: &Photo, gaussians: &Gaussians, field: &MaterialField) -> ImageResult<Vec<u8>> {
     let (width, height) = photo.rgb.dimensions();
     let whole = Area { x0: 0, y0: 0, x1: width, y1: height };

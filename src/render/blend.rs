@@ -1,7 +1,8 @@
-//! Front-to-back alpha blending of one tile: `weight = alpha T`, then `T *= 1 - alpha` (3DGS, Kerbl et al. 2023, eq. 3).
+//! Front-to-back alpha blending of one tile: `weight = alpha T`, then `T *= 1 - alpha` (3DGS, Kerbl et al. 2023, eq.
+//! 3).
 //!
-//! The loop runs splat by splat over rows of [`LANES`] pixels, so that the compiler turns it into vector code. It
-//! computes weights only; what is done with them is a [`Sink`].
+//! The loop runs splat by splat over rows of [`LANES`] pixels, so that the compiler turns it into vector code. It only
+//! computes weights; a [`Sink`] uses them.
 
 use std::ops::Range;
 
@@ -12,40 +13,41 @@ use super::tiles::{TILE, Tiles};
 
 /// Pixels blended together.
 pub const LANES: usize = 8;
-/// No splat hides what is behind it entirely (3DGS).
+/// Maximum alpha: no splat hides completely what is behind it (3DGS).
 pub const ALPHA_MAX: f32 = 0.99;
 /// A pixel is finished once less than this share of its light comes from further back (3DGS).
 pub const TRANSMITTANCE_MIN: f32 = 1e-4;
-/// Splats between two looks at whether the whole tile is finished: the look costs about as much as one splat.
+/// Number of splats between checks whether the whole tile is finished: a check costs about as much as one splat.
 const CHECK_EVERY: usize = 16;
 
-/// Where a tile lies in the picture.
+/// The position of a tile in the picture.
 #[derive(Debug, Clone, Copy)]
 pub struct TileRect {
     /// Upper left pixel.
     pub x: usize,
     pub y: usize,
-    /// Size in pixels, smaller than [`TILE`] at the picture's right and lower border.
+    /// Width in pixels, smaller than [`TILE`] at the picture's right border; the height likewise at the lower border.
     pub width: usize,
     pub height: usize,
 }
 
 impl TileRect {
-    /// Where in the picture the centre of the tile's pixel `pixel` (`y * TILE + x`) lies, px.
+    /// The position in the picture of the centre of the tile's pixel `pixel` (`y * TILE + x`), px.
     pub fn pixel_center(&self, pixel: usize) -> [f32; 2] {
         [(self.x + pixel % TILE) as f32 + 0.5, (self.y + pixel / TILE) as f32 + 0.5]
     }
 }
 
-/// What to do with the blend weights of one tile.
+/// Receives the blend weights of one tile.
 pub trait Sink: Send {
-    /// `splat` covers the [`LANES`] pixels from pixel `first` (`y * TILE + x` within the tile, `first % LANES == 0`) with
-    /// `weights` (alpha times transmittance; zero where it does not reach), after which `transmittance` is left.
+    /// Adds `splat`, which covers the [`LANES`] pixels starting at pixel `first` (`y * TILE + x` within the tile,
+    /// `first % LANES == 0`) with `weights` (alpha times transmittance; zero where it does not reach) and leaves
+    /// `transmittance`.
     fn add(&mut self, splat: &Splat, first: usize, weights: &[f32; LANES], transmittance: &[f32; LANES]);
 }
 
-/// Blends every tile of these rows of tiles into a sink of its own; the sinks come back row by row, whatever thread made
-/// them.
+/// Blends every tile of these rows of tiles into its own sink; the sinks are returned row by row, whatever thread
+/// computed them.
 pub(super) fn blend<S: Sink>(
     tiles: &Tiles,
     rows: Range<usize>,
@@ -100,7 +102,8 @@ fn covered(center: f32, reach: f32, length: usize) -> std::ops::Range<usize> {
     start..end
 }
 
-/// Weights of a splat on the pixels whose first centre lies at (`dx`, `dy`) px from its own; takes them off `left`.
+/// Weights of a splat on the pixels, the first of whose centres is at (`dx`, `dy`) px from the splat's; reduces the
+/// transmittance `left` accordingly.
 #[inline(always)]
 fn absorb(splat: &Splat, dx: f32, dy: f32, left: &mut [f32; LANES]) -> [f32; LANES] {
     let [a, b, c] = splat.conic;
@@ -116,12 +119,12 @@ fn absorb(splat: &Splat, dx: f32, dy: f32, left: &mut [f32; LANES]) -> [f32; LAN
 }
 
 /// `exp(x)` for x <= 0 to two units in the last place, without a call, so that it vectorises and gives the same bits on
-/// every machine: 2^n times the Taylor polynomial of the rest, |rest| <= ln(2)/2.
+/// every machine: 2^n times the Taylor polynomial of the remainder, |remainder| <= ln(2)/2.
 #[inline(always)]
 fn exp(x: f32) -> f32 {
-    /// Adding it rounds a small float to an integer, which then stands in the lowest bits: 1.5 * 2^23.
+    /// 1.5 * 2^23: adding it rounds a small float to an integer, which is then in the lowest bits.
     const ROUND: f32 = 12_582_912.0;
-    /// Below this the result underflows; alpha is under its minimum long before.
+    /// Below this the result underflows; alpha falls below its minimum long before.
     const LOWEST: f32 = -80.0;
     // ln 2 in two parts, the first exact in few bits, so that n ln 2 loses nothing (Cody and Waite).
     const LN2_HIGH: f32 = 0.693_359_4;

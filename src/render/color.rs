@@ -4,7 +4,7 @@ use super::blend::{LANES, Sink, TileRect};
 use super::project::Splat;
 use super::tiles::TILE;
 
-/// Transmittance at which the median depth is read: half of the light comes from nearer.
+/// Transmittance at which the median depth is read: half of the light comes from nearer surfaces.
 const MEDIAN_TRANSMITTANCE: f32 = 0.5;
 
 type Plane = [f32; TILE * TILE];

@@ -1,19 +1,19 @@
-//! Which Gaussians a view sees: the depth test.
+//! The depth test: determines which Gaussians a view sees.
 //!
-//! A Gaussian is seen where the ray to its centre has not yet lost half its light before the Gaussian's own surface. Of
-//! the two depths of a picture this is the median: at a border the expected depth is a mean of what lies in front and
-//! behind, a place where nothing is.
+//! A Gaussian is seen if the ray to its centre has not lost half its light before the Gaussian's own surface. Of the
+//! two depths of a picture, this uses the median: at a border, the expected depth is a mean of what lies in front and
+//! behind, where there is nothing.
 
 use super::{FOREGROUND_ALPHA, LANES, Projected, Sink, Splat, TILE, TileRect, pixels};
 use crate::scene::gaussians::Gaussians;
 use crate::scene::robust_bounds;
 
-/// How many of its own deviations along the ray a Gaussian's surface may lie behind the depth map and still be the surface:
-/// Gaussians of one surface interleave, each reaching about one deviation into the next.
+/// Number of its own standard deviations along the ray by which a Gaussian's surface may lie behind the depth map and
+/// still count as the surface: Gaussians of one surface interleave, each reaching about one deviation into the next.
 pub const EXTENT_TOLERANCE: f32 = 1.0;
 
-/// Share of the object's diagonal that the depth map itself may be wrong by: twice the median error measured on the scenes
-/// with ground truth (0.13 to 0.30%), so that most pixels are within it.
+/// Error of the depth map itself, as a share of the object's diagonal: twice the median error measured on the scenes
+/// with ground truth (0.13 to 0.30%), so that the error of most pixels is below it.
 pub const SCENE_TOLERANCE: f64 = 0.005;
 
 /// The depth test for one cloud.
@@ -24,18 +24,19 @@ pub struct DepthTest {
 }
 
 impl DepthTest {
-    /// The test whose tolerance fits the size of this cloud.
+    /// A test with a tolerance that fits the size of this cloud.
     pub fn new(gaussians: &Gaussians) -> Self {
         Self { tolerance: (SCENE_TOLERANCE * robust_bounds(gaussians).diagonal()) as f32 }
     }
 
-    /// Whether the surface of `splat` is no further than `depth`, the depth map at the splat's centre in scene units.
+    /// True if the surface of `splat` is no farther than `depth`, the value of the depth map at the splat's centre, in
+    /// scene units (within the tolerances).
     pub fn passes(&self, splat: &Splat, depth: f32) -> bool {
         splat.surface_depth <= depth + EXTENT_TOLERANCE * splat.depth_deviation + self.tolerance
     }
 }
 
-/// Depth of the surface at every pixel of one view, scene units; infinite where the object is not.
+/// Depth of the surface at every pixel of one view, scene units; infinite where there is no object.
 pub struct DepthMap {
     width: usize,
     height: usize,
@@ -43,7 +44,7 @@ pub struct DepthMap {
 }
 
 impl DepthMap {
-    /// Rasterises the cloud.
+    /// Rasterises the cloud's depth.
     pub fn new(projected: &Projected) -> Self {
         let (width, height) = projected.size();
         let mut depth = vec![f32::INFINITY; width * height];

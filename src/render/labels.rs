@@ -7,7 +7,7 @@ use super::tiles::TILE;
 /// Weight of every label on the pixels of one tile.
 pub(super) struct LabelSink<'a> {
     labels: &'a [u32],
-    /// The labels seen in this tile, in order of first sight: few, so that looking one up is a short walk.
+    /// The labels seen in this tile, in order of first appearance. They are few, so a linear search is fast.
     planes: Vec<(u32, [f32; TILE * TILE])>,
 }
 
@@ -17,7 +17,7 @@ impl<'a> LabelSink<'a> {
         Self { labels, planes: Vec::new() }
     }
 
-    /// The label with the largest weight on `pixel` and the weight of all; the lower label where two are equal.
+    /// The label with the largest weight on `pixel` and the weight of all; ties go to the lower label.
     pub fn winner(&self, pixel: usize) -> (Option<u32>, f32) {
         let mut best: Option<(u32, f32)> = None;
         let mut alpha = 0.0;

@@ -1,10 +1,10 @@
 //! A splat rasteriser for the CPU: 3D Gaussian Splatting's image formation (Kerbl et al. 2023), tile by tile.
 //!
-//! In order: [`mod@project`] turns Gaussians into 2D splats, [`tiles`] sorts them front to back and bins them, [`blend`] hands
-//! the weight of every splat on every pixel to a [`Sink`]: [`color`] sums colour, alpha and depth, [`labels`] finds the
-//! label that owns a pixel, [`depth_test`] the surface and which Gaussians lie on it. [`sh`] and [`sh_rotation`] evaluate and turn
-//! spherical harmonics. The same input gives the same bytes on any number of threads: every sum belongs to one
-//! tile, and a tile is blended in one order.
+//! In order: [`mod@project`] turns Gaussians into 2D splats, [`tiles`] sorts them front to back and bins them,
+//! [`blend`] passes the weight of every splat on every pixel to a [`Sink`]: [`color`] sums colour, alpha and depth,
+//! [`labels`] finds the label that owns a pixel, [`depth_test`] the surface and the Gaussians on it. [`sh`] and
+//! [`sh_rotation`] evaluate and rotate spherical harmonics. The same input gives the same bytes on any number of
+//! threads: every sum belongs to one tile, and a tile is always blended in the same order.
 
 mod blend;
 mod color;
@@ -29,11 +29,11 @@ pub use sh::{basis as sh_basis, color as sh_color};
 pub use tiles::TILE;
 use tiles::Tiles;
 
-/// Depth in scene units below which a Gaussian is not drawn: the perspective of what touches the lens means nothing.
-/// The value that gsplat uses.
+/// Depth in scene units below which a Gaussian is not drawn, since perspective is meaningless for something that
+/// touches the lens. This is the value that gsplat uses.
 pub const NEAR: f64 = 0.01;
 
-/// A pixel shows the object where at least this much of its light comes from Gaussians.
+/// A pixel shows the object if at least this share of its light comes from Gaussians.
 pub const FOREGROUND_ALPHA: f32 = 0.5;
 
 /// The colour of each Gaussian.
@@ -42,11 +42,11 @@ pub enum Colors<'a> {
     /// Its spherical harmonics, seen from the camera.
     #[default]
     Sh,
-    /// One colour a Gaussian from any side: materials, confidence, whatever is to be shown.
+    /// One colour per Gaussian, the same from every side, for materials, confidence or other values.
     Fixed(&'a [[f32; 3]]),
 }
 
-/// How to draw.
+/// Options of rendering.
 #[derive(Debug, Clone, Copy)]
 pub struct RenderOptions<'a> {
     pub colors: Colors<'a>,
@@ -72,7 +72,7 @@ pub struct Render {
     /// Mean planar depth of the surfaces that light comes from, in scene units; infinite where there is none.
     pub expected_depth: Vec<f32>,
     /// Planar depth, in scene units, of the surface at which half of the pixel's light is reached; infinite where alpha
-    /// stays under one half.
+    /// stays below one half.
     pub median_depth: Vec<f32>,
 }
 
@@ -106,7 +106,7 @@ pub fn render(gaussians: &Gaussians, camera: &Camera, options: &RenderOptions) -
     assemble(camera, &tiles)
 }
 
-/// The label with the largest blend weight on every pixel, row by row; `None` where alpha is under
+/// The label with the largest blend weight on every pixel, row by row; `None` where alpha is below
 /// [`FOREGROUND_ALPHA`]. `labels[i]` is the label of Gaussian `i`.
 pub fn render_labels(
     gaussians: &Gaussians,
@@ -125,8 +125,8 @@ pub fn render_labels(
     image
 }
 
-/// Hands the blend weights of every tile to a sink of its own, front to back, tiles side by side. The sinks come back row
-/// by row of tiles.
+/// Passes the blend weights of every tile to its own sink, front to back, with tiles processed in parallel. The sinks
+/// are returned in the order of the tiles, row by row.
 pub fn visit<S: Sink>(
     gaussians: &Gaussians,
     camera: &Camera,
@@ -141,7 +141,7 @@ pub fn project(gaussians: &Gaussians, camera: &Camera, options: &RenderOptions) 
     Projector::new(camera, options.near, gaussians.antialiased).splats(gaussians)
 }
 
-/// The cloud as one camera sees it, ready to be blended as often as wanted.
+/// The cloud as one camera sees it, ready to be blended any number of times.
 pub struct Projected {
     width: usize,
     height: usize,
@@ -169,7 +169,7 @@ impl Projected {
         blend::blend(&self.tiles, 0..self.tiles.rows, self.size(), new_sink)
     }
 
-    /// As [`visit`], a few rows of tiles at a time: `take` has what their sinks hold before the next rows are blended.
+    /// As [`visit`], a few rows of tiles at a time: `take` receives their sinks before the next rows are blended.
     pub fn visit_in_bands<S: Sink>(&self, new_sink: impl Fn(TileRect) -> S + Sync, mut take: impl FnMut(S)) {
         /// Rows of tiles blended together: enough tiles for many threads.
         const BAND: usize = 8;
@@ -180,7 +180,7 @@ impl Projected {
     }
 }
 
-/// Pairs of a pixel's place within its tile and within a picture of the given width.
+/// For each pixel of a tile, its index within the tile and within a picture of the given width.
 pub fn pixels(rect: TileRect, width: usize) -> impl Iterator<Item = (usize, usize)> {
     (0..rect.height).flat_map(move |y| (0..rect.width).map(move |x| (y * TILE + x, (rect.y + y) * width + rect.x + x)))
 }

@@ -1,10 +1,11 @@
-//! From 3D Gaussians to 2D splats: EWA projection (Zwicker et al. 2001) as 3DGS uses it.
+//! Projects 3D Gaussians to 2D splats: EWA projection (Zwicker et al. 2001), as in 3DGS.
 //!
-//! A Gaussian's covariance goes through the camera's Jacobian at its centre, lens distortion included, and is widened
-//! by a low-pass of [`LOW_PASS_PX2`]. The depth along the optical axis goes the same way: the local affine map takes the
-//! Gaussian to a 3D one in (pixel x, pixel y, depth), whose conditional mean of the depth given the pixel is a plane.
-//! Its slope makes the depth of a flat Gaussian right across its whole footprint, and the conditional deviation is the
-//! Gaussian's own extent along the ray: what the camera sees of it is its front, [`SURFACE_DEVIATIONS`] before its middle.
+//! A Gaussian's covariance is transformed by the camera's Jacobian at its centre, including lens distortion, and
+//! widened by a low-pass filter of [`LOW_PASS_PX2`]. The depth along the optical axis is treated the same way: the
+//! local affine map takes the Gaussian to a 3D one in (pixel x, pixel y, depth), whose conditional mean of the depth
+//! given the pixel is a plane. The slope of that plane makes the depth of a flat Gaussian correct across its whole
+//! footprint, and the conditional standard deviation is the Gaussian's own extent along the ray: the camera sees its
+//! front, [`SURFACE_DEVIATIONS`] in front of its centre.
 
 use nalgebra::{Matrix2, Matrix2x3, Matrix3, Point3, Vector2, Vector3};
 use rayon::prelude::*;
@@ -14,14 +15,15 @@ use crate::scene::gaussians::Gaussians;
 
 /// Variance in px^2 added to a splat along both axes so that none is thinner than a pixel (3DGS, Kerbl et al. 2023).
 pub const LOW_PASS_PX2: f64 = 0.3;
-/// A splat adds to a pixel only from this alpha on: one step of an 8-bit picture (3DGS).
+/// Minimum alpha with which a splat contributes to a pixel: one step of an 8-bit picture (3DGS).
 pub const ALPHA_MIN: f32 = 1.0 / 255.0;
-/// How many deviations before its middle a Gaussian's surface lies: `sqrt(5)`. A Gaussian stands for a piece of solid, and
-/// the solid ellipsoid with the same covariance has semi-axes of `sqrt(5)` deviations. On the four scenes with ground
-/// truth this takes the median error of the expected depth from 0.6..1.2% of the object's diagonal to 0.13..0.27%.
+/// Number of standard deviations by which a Gaussian's surface lies in front of its centre: `sqrt(5)`. A Gaussian
+/// represents a piece of solid, and the solid ellipsoid with the same covariance has semi-axes of `sqrt(5)` standard
+/// deviations. On the four scenes with ground truth this reduces the median error of the expected depth from 0.6..1.2%
+/// of the object's diagonal to 0.13..0.27%.
 pub const SURFACE_DEVIATIONS: f64 = 2.236_067_977_499_79;
-/// The affine map is taken at most this share of half the picture outside its border; further out the perspective
-/// Jacobian of large Gaussians runs away (3DGS clamps at 1.3 times the half field of view).
+/// The affine map is evaluated at most this share of half the picture outside its border; farther out, the perspective
+/// Jacobian of large Gaussians diverges (3DGS clamps at 1.3 times the half field of view).
 const JACOBIAN_MARGIN: f64 = 0.3;
 
 /// A Gaussian as one camera sees it.
@@ -35,13 +37,14 @@ pub struct Splat {
     pub conic: [f32; 3],
     /// Alpha at the centre.
     pub opacity: f32,
-    /// Half width and half height in px of the ellipse outside of which alpha is under [`ALPHA_MIN`].
+    /// Half width and half height in px of the ellipse outside of which alpha is below [`ALPHA_MIN`].
     pub reach: [f32; 2],
     /// Planar depth of the centre, scene units; splats are blended in this order.
     pub depth: f32,
-    /// Planar depth of the surface in front of the centre, scene units; not before the near plane.
+    /// Planar depth of the surface in front of the centre, scene units; not in front of the near plane.
     pub surface_depth: f32,
-    /// How the depth of the Gaussian's densest point on the ray, and with it of its surface, changes with the pixel: scene units per px.
+    /// Change with the pixel of the depth of the Gaussian's densest point on the ray, and of its surface: scene units
+    /// per px.
     pub depth_slope: [f32; 2],
     /// Standard deviation of the depth along the ray, scene units.
     pub depth_deviation: f32,
@@ -55,13 +58,13 @@ impl Splat {
     }
 }
 
-/// A camera with what every projection needs of it.
+/// A camera with the values that every projection needs.
 pub(super) struct Projector<'a> {
     camera: &'a Camera,
     rotation: Matrix3<f64>,
     near: f64,
     antialiased: bool,
-    /// Largest |x/z - middle| and |y/z - middle| at which the Jacobian is taken.
+    /// Largest |x/z - middle| and |y/z - middle| at which the Jacobian is evaluated.
     tangent_limit: Vector2<f64>,
     tangent_middle: Vector2<f64>,
 }
@@ -82,13 +85,13 @@ impl<'a> Projector<'a> {
 
     /// The splats of all Gaussians that this camera can see, in the order of the Gaussians.
     pub(super) fn splats(&self, gaussians: &Gaussians) -> Vec<Splat> {
-        // In one allocation, which is given back at once: many small ones stay with the threads that made them.
+        // In one allocation, which is freed at once: many small ones would stay with the threads that made them.
         let splats: Vec<Option<Splat>> =
             (0..gaussians.len()).into_par_iter().map(|i| self.splat(gaussians, i)).collect();
         splats.into_iter().flatten().collect()
     }
 
-    /// The splat of Gaussian `i`; `None` where it is nearer than the near plane, outside the picture, fainter than
+    /// The splat of Gaussian `i`; `None` if it is nearer than the near plane, outside the picture, fainter than
     /// [`ALPHA_MIN`] or not finite.
     fn splat(&self, gaussians: &Gaussians, i: usize) -> Option<Splat> {
         let center = self.camera.point_in_camera(gaussians.center(i));
@@ -152,7 +155,7 @@ impl<'a> Projector<'a> {
     }
 }
 
-/// Least and largest x/z and y/z that the middles of the picture's borders show. A perspective lens counts as a pinhole
+/// Least and largest x/z and y/z shown at the middles of the picture's borders. A perspective lens counts as a pinhole
 /// here; a fisheye shows far more than a pinhole of its focal length would.
 fn tangents_of_border(i: &Intrinsics) -> (Vector2<f64>, Vector2<f64>) {
     let (width, height) = (f64::from(i.width), f64::from(i.height));

@@ -10,7 +10,8 @@ const SH_C3: [f32; 7] =
     [-0.590_043_6, 2.890_611_4, -0.457_045_8, 0.373_176_33, -0.457_045_8, 1.445_305_7, -0.590_043_6];
 
 /// Colour of Gaussian `i` seen along `direction` (unit vector from the camera to the Gaussian, world frame): linear
-/// combination of the basis plus one half, as 3DGS trains it, negative values cut. RGB of the photos, 0 to about 1.
+/// combination of the basis plus one half, as trained by 3DGS, with negative values clamped to zero. RGB as in the
+/// photos, 0 to about 1.
 pub fn color(gaussians: &Gaussians, i: usize, direction: [f32; 3]) -> [f32; 3] {
     let basis = basis(gaussians.sh_degree, direction);
     let n = gaussians.sh_rest_per_channel();
@@ -21,7 +22,7 @@ pub fn color(gaussians: &Gaussians, i: usize, direction: [f32; 3]) -> [f32; 3] {
     })
 }
 
-/// The basis functions beyond the constant one, in storage order; those above `degree` are left zero.
+/// The basis functions beyond the constant one, in storage order; those above `degree` are zero.
 pub fn basis(degree: u8, [x, y, z]: [f32; 3]) -> [f32; 15] {
     let mut b = [0.0; 15];
     if degree >= 1 {

@@ -1,7 +1,8 @@
-//! Turning spherical harmonics.
+//! Rotation of spherical harmonics.
 //!
-//! The turned colour function at direction d is the old one at R^T d. A band of degree l is a space of 2l + 1 dimensions
-//! that rotations do not leave, so its new coefficients follow from the values in as many fixed directions.
+//! The rotated colour function at direction d is the old one at R^T d. A band of degree l is a space of 2l + 1
+//! dimensions that is closed under rotation, so its new coefficients follow from the values in as many fixed
+//! directions.
 
 use std::sync::OnceLock;
 
@@ -9,19 +10,19 @@ use nalgebra::{DMatrix, Rotation3, Vector3};
 
 use super::sh_basis;
 
-/// Sampling of one band.
+/// The sampling of one band.
 struct Band {
     degree: usize,
     /// Unit vectors, 2l + 1 of them.
     directions: Vec<Vector3<f64>>,
-    /// Coefficients from values in these directions.
+    /// Matrix that gives the coefficients from the values in these directions.
     from_values: DMatrix<f64>,
 }
 
 impl Band {
     fn new(degree: usize) -> Self {
         let count = 2 * degree + 1;
-        // A golden spiral over a half sphere: no two directions are opposite, so no band's values repeat.
+        // A golden spiral over a hemisphere: no two directions are opposite, so no band's values are repeated.
         let golden = std::f64::consts::PI * (3.0 - 5.0_f64.sqrt());
         let directions: Vec<Vector3<f64>> = (0..count)
             .map(|k| {
@@ -42,7 +43,7 @@ fn basis(degree: usize, d: &Vector3<f64>) -> Vec<f64> {
     all[degree * degree - 1..(degree + 1) * (degree + 1) - 1].iter().map(|b| f64::from(*b)).collect()
 }
 
-/// Turns the coefficients beyond the constant one (channel-major, as a PLY stores them) of a Gaussian by `rotation`.
+/// Rotates a Gaussian's coefficients beyond the constant one (channel-major, as in a PLY) by `rotation`.
 pub fn rotate(sh_degree: u8, coefficients: &mut [f32], rotation: &Rotation3<f64>) {
     static BANDS: OnceLock<[Band; 3]> = OnceLock::new();
     let per_channel = coefficients.len() / 3;

@@ -1,7 +1,7 @@
-//! Which splats touch which tile, front to back.
+//! The splats that touch each tile, front to back.
 //!
-//! Splats are sorted by depth, then by index. Runs of [`RUN`] sorted splats are binned on their own and in parallel; a
-//! tile's list is what the runs hold for it, one after the other, so its order never depends on the threads.
+//! Splats are sorted by depth, then by index. Runs of [`RUN`] sorted splats are binned separately and in parallel; a
+//! tile's list is the concatenation of its entries in all runs, so its order never depends on the number of threads.
 
 use rayon::prelude::*;
 
@@ -9,7 +9,7 @@ use super::project::{ALPHA_MIN, Splat};
 
 /// Side of a tile in pixels.
 pub const TILE: usize = 16;
-/// Splats binned together: enough that a run's table of tiles is small beside its entries.
+/// Number of splats binned together: enough that a run's table of tiles is small compared with its entries.
 const RUN: usize = 16_384;
 
 /// Splats of one camera sorted front to back, and the tiles they touch.
@@ -24,7 +24,7 @@ pub(super) struct Tiles {
 struct Run {
     /// Tile `t` holds `entries[starts[t]..starts[t + 1]]`.
     starts: Vec<u32>,
-    /// Positions in the sorted splats, rising within a tile.
+    /// Positions in the sorted splats, ascending within a tile.
     entries: Vec<u32>,
 }
 
@@ -50,7 +50,7 @@ impl Tiles {
 }
 
 fn sorted_by_depth(splats: Vec<Splat>) -> Vec<Splat> {
-    // Depths are positive, so their bits sort as they do; the position breaks ties and makes every key unique.
+    // Depths are positive, so their bits sort in the same order; the position breaks ties and makes every key unique.
     let mut keys: Vec<u64> = splats
         .par_iter()
         .enumerate()
@@ -98,8 +98,8 @@ fn for_touched_tiles(splat: &Splat, columns: usize, rows: usize, mut touch: impl
     }
 }
 
-/// Where the ellipse lies left and right of its centre within the band `top..bottom` (px below its centre); `None` where
-/// they do not meet.
+/// The extent of the ellipse to the left and right of its centre within the band `top..bottom` (px below its centre);
+/// `None` if they do not meet.
 fn span_of_band(splat: &Splat, top: f32, bottom: f32) -> Option<(f32, f32)> {
     let [a, b, c] = splat.conic;
     let q = 2.0 * (splat.opacity / ALPHA_MIN).ln();

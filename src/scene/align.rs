@@ -1,7 +1,9 @@
-//! Conversions between camera conventions: what turns the cameras of one program into the frame of another's splat.
+//! Conversions between camera conventions: they bring the cameras of one program into the frame of another program's
+//! splat.
 //!
-//! In order: the pose as it is read, its rotation transposed, or the whole inverted; the camera's own axes flipped; the world's
-//! axes exchanged and negated; the camera centres scaled. Written `transposed+camera-yz+world=x,-z,y+scale=10`.
+//! The steps in order: the pose is taken as read, with its rotation transposed, or inverted as a whole; the camera's
+//! own axes are flipped; the world's axes are exchanged and negated; the camera centres are scaled. Written
+//! `transposed+camera-yz+world=x,-z,y+scale=10`.
 
 use std::fmt;
 use std::str::FromStr;
@@ -11,26 +13,27 @@ use serde::{Deserialize, Deserializer, Serialize, Serializer};
 
 use super::as_typed::as_typed;
 
-/// A change of camera convention. The camera stays one: axes are mirrored in pairs, never singly.
+/// A change of camera convention. For its result to be a valid camera, it must mirror the camera's axes exactly if it
+/// mirrors the world's.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Conversion {
     pub reading: Reading,
-    /// Which axes (x, y, z) of the camera are negated. OpenGL's and OpenCV's differ in y and z.
+    /// The camera axes (x, y, z) that are negated. OpenGL and OpenCV differ in y and z.
     pub camera_flip: [bool; 3],
     pub world: SignedPermutation,
-    /// Factor of the camera centres.
+    /// Factor applied to the camera centres.
     pub scale: f64,
 }
 
-/// How a file's pose is to be read.
+/// How to read the pose in a file.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Reading {
     AsIs,
-    /// The centre is right, the rotation is written row for column, of a camera in OpenCV's axes.
+    /// The centre is right, but the rotation is transposed; the camera uses OpenCV's axes.
     Transposed,
-    /// The same of a camera in OpenGL's axes.
+    /// The same for a camera in OpenGL's axes.
     TransposedOpenGl,
-    /// World-to-camera where camera-to-world was expected, or the other way round.
+    /// World-to-camera instead of the expected camera-to-world, or the other way round.
     Inverted,
 }
 
@@ -61,7 +64,7 @@ impl SignedPermutation {
         })
     }
 
-    /// Whether it turns a right hand into a left one.
+    /// True if it turns a right-handed frame into a left-handed one.
     pub fn mirrors(&self) -> bool {
         self.matrix().determinant() < 0.0
     }
@@ -79,7 +82,7 @@ impl Conversion {
         *self == Self::default()
     }
 
-    /// Whether a camera stays a camera: its axes are mirrored exactly where the world's are.
+    /// True if the result is a valid camera: its axes are mirrored exactly if the world's are.
     pub fn is_proper(&self) -> bool {
         let flips = self.camera_flip.iter().filter(|flip| **flip).count();
         self.world.mirrors() == (flips % 2 == 1)
@@ -183,7 +186,7 @@ fn permutation(text: &str) -> Option<SignedPermutation> {
     all_there.then_some(SignedPermutation { from, negative: axes.map(|(_, negative)| negative) })
 }
 
-/// Written as it is typed.
+/// Serialized in the form that users type.
 impl Serialize for Conversion {
     fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
         serializer.collect_str(self)

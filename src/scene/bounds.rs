@@ -1,4 +1,4 @@
-//! Where the object is and how large.
+//! The position and size of the object.
 
 use nalgebra::{Point3, Vector3};
 
@@ -27,14 +27,15 @@ impl Bounds {
 }
 
 impl Scene {
-    /// The box that holds the centres of the opaque Gaussians but for a few strays.
+    /// The box that holds the centres of all opaque Gaussians except a few strays.
     pub fn object_bounds(&self) -> Bounds {
         robust_bounds(&self.gaussians)
     }
 }
 
-/// The box between the 0.5 and the 99.5 percentile of the centres of the Gaussians that are at least half opaque (of all
-/// if none is), without those set aside: trained splats have floaters, and one of them would stretch the full box.
+/// The box between the 0.5 and the 99.5 percentile of the centres of the Gaussians that are at least half opaque (of
+/// all Gaussians if none is), excluding those set aside: trained splats have floaters, and one of them would stretch
+/// the full box.
 pub(crate) fn robust_bounds(gaussians: &Gaussians) -> Bounds {
     const STRAY_SHARE: f64 = 0.005;
     let mut chosen: Vec<usize> =

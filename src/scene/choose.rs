@@ -1,4 +1,4 @@
-//! Which views to work on: a few sharp ones that see the whole object, from all around.
+//! Chooses the views to work on: a few sharp ones that show the whole object, from all around.
 
 use std::num::NonZeroUsize;
 
@@ -9,24 +9,24 @@ use super::sharpness::sharpness;
 use super::{Options, Scene, SceneError, View};
 use crate::numeric::upper_median;
 
-/// Photos looked at for each view that is chosen: enough to do without the blurred ones, few enough not to decode a long
-/// capture as a whole.
+/// Photos examined per chosen view: enough to leave out the blurred ones, few enough not to decode all of a long
+/// capture.
 const CANDIDATES_PER_VIEW: usize = 3;
 
-/// A photo with less than this share of the usual sharpness is blurred: on the fixture, a Gaussian blur of one pixel's
-/// deviation leaves a fifth of it, while sharp views differ by a twentieth.
+/// A photo with less than this share of the median sharpness is blurred: on the fixture, a Gaussian blur with a
+/// standard deviation of one pixel leaves a fifth of the sharpness, while sharp views differ by a twentieth.
 const LEAST_SHARPNESS: f64 = 0.5;
 
-/// A view that shows less than this share of what the best one shows of the object cuts it off.
+/// A view whose coverage of the object is less than this share of the best view's cuts the object off.
 const LEAST_COVERAGE: f64 = 0.8;
 
 impl Scene {
     /// The views that `options` ask for, in the order of the camera file: those listed, or [`Options::views`] of them
-    /// spread over the directions from which the object is seen, without those that are blurred or cut the object off as long
-    /// as there are enough others.
+    /// spread over the directions from which the object is seen, leaving out those that are blurred or cut the object
+    /// off as long as there are enough others.
     ///
     /// # Errors
-    /// [`SceneError::UnknownView`] where a listed name is not a view's; a photo that cannot be decoded.
+    /// [`SceneError::UnknownView`] if a listed name is not the name of a view; an error if a photo cannot be decoded.
     pub fn chosen_views(&self, options: &Options) -> Result<Vec<View>, SceneError> {
         let mut indices = match options.view_list.is_empty() {
             true => self.spread_indices(options.views.get())?,
@@ -37,10 +37,10 @@ impl Scene {
         Ok(indices.into_iter().map(|index| self.views[index].clone()).collect())
     }
 
-    /// `count` views spread over all directions, or all where there are fewer.
+    /// `count` views spread over all directions, or all views if there are fewer.
     ///
     /// # Errors
-    /// A photo that cannot be decoded.
+    /// If a photo cannot be decoded.
     pub fn spread_views(&self, count: NonZeroUsize) -> Result<Vec<View>, SceneError> {
         Ok(self.spread_indices(count.get())?.into_iter().map(|index| self.views[index].clone()).collect())
     }
@@ -68,9 +68,9 @@ impl Scene {
         Ok(spread_among(&sharp, count))
     }
 
-    /// Share of the object's Gaussians whose centres each view shows.
+    /// For each view, the share of the object's Gaussians whose centres it shows.
     fn coverages(&self) -> Vec<f64> {
-        /// A thousand points tell shares to a percent.
+        /// A thousand points give shares to within a percent or two.
         const SAMPLES: usize = 1000;
         let step = (self.gaussians.len() / SAMPLES).max(1);
         let opaque = |i: &usize| self.gaussians.opacity_logits[*i] >= 0.0 && !self.gaussians.is_set_aside(*i);
@@ -92,7 +92,7 @@ impl Scene {
     }
 }
 
-/// Indices of the values that reach `share` of what is usual, in order; of the `count` largest where fewer do.
+/// Indices, in order, of the values that reach `share` of what `usual` returns; of the `count` largest if fewer do.
 fn best(values: &[f64], share: f64, count: usize, usual: impl Fn(&[f64]) -> f64) -> Vec<usize> {
     let least = share * usual(values);
     let good: Vec<usize> = (0..values.len()).filter(|i| values[*i] >= least).collect();
@@ -106,13 +106,14 @@ fn best(values: &[f64], share: f64, count: usize, usual: impl Fn(&[f64]) -> f64)
     ranked
 }
 
-/// Unit vector from the object to the camera; zero where the camera is at the object's centre.
+/// Unit vector from the object to the camera; zero if the camera is at the object's centre.
 fn direction(view: &View, center: Point3<f64>) -> Vector3<f64> {
     (view.camera.center_in_world() - center).try_normalize(f64::EPSILON).unwrap_or_default()
 }
 
-/// Farthest-point sampling (Gonzalez 1985): from the direction nearest to the mean of all, always on to the one whose angle to
-/// those taken is largest; the first of equals. Indices in the order of taking.
+/// Farthest-point sampling (Gonzalez 1985): starts at the direction nearest to the mean of all, then always takes the
+/// one whose angle to those already taken is largest; ties go to the first. Returns indices in the order in which they
+/// were taken.
 fn spread(directions: &[Vector3<f64>], count: usize) -> Vec<usize> {
     let mean: Vector3<f64> = directions.iter().sum();
     let mut next = first_largest(directions.iter().map(|direction| direction.dot(&mean)));
@@ -132,7 +133,7 @@ fn spread(directions: &[Vector3<f64>], count: usize) -> Vec<usize> {
     taken
 }
 
-/// Index of the largest value, the first of equals; `None` where there is none.
+/// Index of the largest value; ties go to the first; `None` if there are no values.
 fn first_largest(values: impl Iterator<Item = f64>) -> Option<usize> {
     values.enumerate().reduce(|best, next| if next.1 > best.1 { next } else { best }).map(|(index, _)| index)
 }

@@ -1,4 +1,4 @@
-//! Data sets: the scenes of a folder, with split, class and true mass where the data set gives them.
+//! Data sets: the scenes of a folder, with split, class and true mass if the data set provides them.
 //!
 //! ```text
 //! ABO-500, as NeRF2Physics lays it out        MVImgNet                         anything else
@@ -40,10 +40,10 @@ pub struct Entry {
     /// Unique within the data set, with `/` between class and instance.
     pub name: String,
     pub folder: PathBuf,
-    /// `train`, `val`, `test` or what the data set calls it.
+    /// `train`, `val`, `test`, or the data set's own name for it.
     pub split: Option<String>,
     pub class: Option<String>,
-    /// Ground truth, for measuring only.
+    /// Ground truth, for evaluation only.
     pub mass_kg: Option<f64>,
 }
 
@@ -53,7 +53,7 @@ pub struct DataSet {
     pub layout: Layout,
     /// Sorted by name.
     pub scenes: Vec<Entry>,
-    /// Folders with a scene whose name is not UTF-8, which files of results could not name, with the odd bytes escaped.
+    /// Scene folders whose name is not UTF-8, with the invalid bytes escaped; result files could not name them.
     pub skipped: Vec<String>,
     pub warnings: Vec<String>,
 }
@@ -68,10 +68,10 @@ impl fmt::Display for Layout {
     }
 }
 
-/// Lists the scenes of `folder`, in the layout that is given or that the folder shows.
+/// Lists the scenes of `folder`, in the given layout or the one that the folder's contents indicate.
 ///
 /// # Errors
-/// [`SceneError`]: no such folder, no scene in it, or a broken JSON beside them.
+/// [`SceneError`] if there is no such folder, no scene in it, or a broken JSON file beside the scenes.
 pub fn list(folder: &Path, layout: Option<Layout>) -> Result<DataSet, SceneError> {
     if !folder.is_dir() {
         return Err(SceneError::NoFolder { path: folder.to_owned() });
@@ -89,8 +89,8 @@ pub fn list(folder: &Path, layout: Option<Layout>) -> Result<DataSet, SceneError
     Ok(DataSet { layout, scenes, skipped, warnings })
 }
 
-/// The metric scale of the data set that the scene `folder` belongs to: the cameras of ABO-500 are in metres, and so are those
-/// of the project's own scenes, which are known by the ground truth that lies with them (it is not opened).
+/// The metric scale of the data set that the scene `folder` belongs to: the cameras of ABO-500 are in metres, and so
+/// are those of the project's own scenes, which are recognised by the ground truth file beside them (it is not opened).
 pub(super) fn convention_of(folder: &Path, splat_units_per_camera_unit: f64) -> Option<MetricScale> {
     let folder = folder.canonicalize().ok()?;
     let scenes = folder.parent().filter(|parent| parent.file_name().is_some_and(|name| name == "scenes"));
@@ -119,7 +119,7 @@ fn recognised(folder: &Path) -> Layout {
     Layout::Scenes
 }
 
-/// The scenes of a folder and what stands in the way of others, as in [`DataSet`].
+/// The scenes of a folder and those skipped, as in [`DataSet`].
 struct Listed {
     scenes: Vec<Entry>,
     skipped: Vec<String>,
@@ -130,7 +130,7 @@ fn abo(folder: &Path, warnings: &mut Vec<String>) -> Result<Listed, SceneError> 
     let masses: BTreeMap<String, f64> = json(&folder.join(MASSES))?;
     let split_of =
         |name: &str| splits.iter().find(|(_, names)| names.iter().any(|n| n == name)).map(|(split, _)| split.clone());
-    // Masses go by product (ASIN), scenes by product and market.
+    // Masses are listed by product (ASIN), scenes by product and market.
     let mass_of = |name: &str| masses.get(name).or_else(|| masses.get(name.split('_').next().unwrap_or(name))).copied();
     let scenes = folder.join("scenes");
     let entry = |name: String| Entry {
@@ -207,13 +207,13 @@ fn folders_in(folder: &Path) -> Folders {
     found
 }
 
-/// A name with the bytes that are not UTF-8, and what a terminal would obey, escaped.
+/// A name in which bytes that are not UTF-8 and control characters are escaped.
 fn printable(name: &OsStr) -> String {
     let quoted = format!("{name:?}");
     quoted[1..quoted.len() - 1].to_owned()
 }
 
-/// The content of a JSON file; empty where it does not exist.
+/// The content of a JSON file; empty if it does not exist.
 fn json<T: Default + for<'de> Deserialize<'de>>(path: &Path) -> Result<T, SceneError> {
     match files::read(path) {
         Ok(bytes) => {

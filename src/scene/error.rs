@@ -1,4 +1,4 @@
-//! Why a scene cannot be used, and what to do about it.
+//! The reasons why a scene cannot be used, and what to do about them.
 
 use std::path::PathBuf;
 
@@ -9,15 +9,15 @@ use super::outliers::AllSetAside;
 use super::ply::PlyError;
 use super::{splat, spz};
 
-/// Whose splats gprop reads, and how each is exported.
+/// The trainers whose splats gprop reads, and how each exports them.
 const TRAINERS: &str = "3DGS writes point_cloud/iteration_N/point_cloud.ply as it trains (point gprop at its output folder), \
     nerfstudio's splatfacto exports with `ns-export gaussian-splat` (copy splat.ply and dataparser_transforms.json beside \
     transforms.json), gsplat writes ply/point_cloud_N.ply with --save_ply, Brush exports export_N.ply";
 
-/// Endings of splats that gprop does not read, but that PlayCanvas' splat-transform converts.
+/// File name endings of splats that gprop does not read but PlayCanvas' splat-transform converts.
 pub(super) const CONVERTIBLE: [&str; 2] = [".sog", ".ksplat"];
 
-/// A scene that is missing, incomplete or broken. Each message is whole: it holds what caused it.
+/// A scene that is missing, incomplete or broken. Each message is complete: it includes that of its cause.
 #[derive(Debug, Error)]
 pub enum SceneError {
     #[error("no such scene folder: `{}`; give the folder that holds the photos, cameras and splat", path.display())]
@@ -111,7 +111,7 @@ pub enum SceneError {
     UnknownView { name: String, known: Vec<String> },
 }
 
-/// A file that a scene refers to, but that does not lie in its folder.
+/// A file that a scene refers to but that is not in its folder.
 #[derive(Debug, Error)]
 #[error(
     "{what} `{}`{} lies outside the scene folder, at `{}`, and nothing outside is read that you did not name. If you trust it, \
@@ -128,13 +128,14 @@ pub struct Outside {
     /// The file that refers to it.
     pub named_in: Option<PathBuf>,
     pub leads_to: PathBuf,
-    /// The folder that would have to be allowed: where it leads to if that is one, else the folder that holds it.
+    /// The folder that would have to be allowed: the path's target if that is a folder, else the folder that holds the
+    /// target.
     pub allow: PathBuf,
     /// A flag by which it can be allowed, with its value.
     pub flag: Option<(&'static str, PathBuf)>,
 }
 
-/// What is wrong with a splat that is not a PLY.
+/// An error in a splat that is not a PLY.
 #[derive(Debug, Error)]
 pub enum SplatProblem {
     #[error("is not a splat format that gprop reads: the name must end in one of {endings}")]

@@ -1,19 +1,19 @@
-//! The Gaussians as structure of arrays, stored exactly as a 3DGS PLY stores them, read through accessors.
+//! The Gaussians as a structure of arrays, stored exactly as in a 3DGS PLY and read through accessors.
 
 use nalgebra::{Matrix3, Point3, Quaternion, UnitQuaternion, Vector3};
 
 /// The constant spherical harmonic, `sqrt(1 / 4 pi)`: colour = 1/2 + this * `sh_dc` (3DGS, Kerbl et al. 2023).
 pub const SH_C0: f32 = 0.282_094_79;
 
-/// A cloud of 3D Gaussians. The arrays hold what the PLY held: log scale, logit opacity, unnormalised quaternion
-/// (w x y z), spherical harmonics channel-major. Use the accessors for values that mean something.
+/// A cloud of 3D Gaussians. The arrays hold the values of the PLY: log scale, logit opacity, unnormalised quaternion (w
+/// x y z), spherical harmonics channel-major. Use the accessors for the physical values.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct Gaussians {
     /// Centres in the world frame, scene units.
     pub positions: Vec<[f32; 3]>,
     /// Natural logarithm of the standard deviations along the Gaussian's own axes, scene units.
     pub log_scales: Vec<[f32; 3]>,
-    /// Quaternion w x y z that turns the Gaussian's own axes into the world's; not normalised.
+    /// Quaternion w x y z that rotates the Gaussian's own axes into the world's; not normalised.
     pub rotations: Vec<[f32; 4]>,
     /// Opacity before the logistic function.
     pub opacity_logits: Vec<f32>,
@@ -21,19 +21,19 @@ pub struct Gaussians {
     pub sh_dc: Vec<[f32; 3]>,
     /// Degree of the spherical harmonics, 0 to 3.
     pub sh_degree: u8,
-    /// The other SH coefficients, `3 * sh_rest_per_channel()` a Gaussian: all of red, then green, then blue.
+    /// The other SH coefficients, `3 * sh_rest_per_channel()` per Gaussian: all of red, then green, then blue.
     pub sh_rest: Vec<f32>,
-    /// Whether the cloud was trained with an antialiased rasteriser (Mip-Splatting, Yu et al. 2024), and is to be drawn with one:
-    /// it takes the opacity that the low-pass adds away again.
+    /// Whether the cloud was trained with an antialiased rasteriser (Mip-Splatting, Yu et al. 2024), and is to be drawn
+    /// with one, which compensates the opacity that the low-pass filter adds.
     pub antialiased: bool,
     /// Properties of the file that gprop does not know, in file order, kept for writing back.
     pub extra: Vec<ExtraProperty>,
-    /// Per Gaussian whether it is set aside (see [`super::outliers`]): it stays in the cloud and in the files that are written,
-    /// but counts as transparent wherever the cloud is drawn or measured. Empty if none is.
+    /// Per Gaussian whether it is set aside (see [`super::outliers`]): it stays in the cloud and in the files that are
+    /// written, but counts as transparent when the cloud is drawn or measured. Empty if none is.
     pub set_aside: Vec<bool>,
 }
 
-/// A vertex property gprop carries along without reading it.
+/// A vertex property that gprop passes through without interpreting it.
 #[derive(Debug, Clone, PartialEq)]
 pub struct ExtraProperty {
     pub name: String,
@@ -41,7 +41,7 @@ pub struct ExtraProperty {
 }
 
 impl Gaussians {
-    /// Just below ln(f32::MAX): from here on a standard deviation does not fit a float32.
+    /// Just below ln(f32::MAX): beyond this a standard deviation does not fit in a float32.
     pub const LOG_SCALE_LIMIT: f32 = 88.0;
 
     pub fn len(&self) -> usize {
@@ -69,7 +69,7 @@ impl Gaussians {
         Point3::from(self.positions[i].map(f64::from))
     }
 
-    /// Whether Gaussian `i` is set aside.
+    /// True if Gaussian `i` is set aside.
     pub fn is_set_aside(&self, i: usize) -> bool {
         self.set_aside.get(i).copied().unwrap_or(false)
     }
@@ -87,7 +87,7 @@ impl Gaussians {
         Vector3::from(self.log_scales[i].map(|s| f64::from(s).exp()))
     }
 
-    /// Rotation of Gaussian `i` from its own axes to the world's; identity where the stored quaternion is zero.
+    /// Rotation of Gaussian `i` from its own axes to the world's; the identity if the stored quaternion is zero.
     pub fn rotation(&self, i: usize) -> UnitQuaternion<f64> {
         let [w, x, y, z] = self.rotations[i].map(f64::from);
         UnitQuaternion::try_new(Quaternion::new(w, x, y, z), 1e-12).unwrap_or_else(UnitQuaternion::identity)
@@ -99,8 +99,8 @@ impl Gaussians {
         axes * axes.transpose()
     }
 
-    /// Whether every value of Gaussian `i` means something: finite centre, size, rotation and colour. An infinite opacity
-    /// logit is fine (exporters write it for opacity 0 and 1), a NaN is not.
+    /// True if every value of Gaussian `i` is valid: finite centre, size, rotation and colour. An infinite opacity
+    /// logit is allowed (exporters write it for opacity 0 and 1), a NaN is not.
     pub fn is_usable(&self, i: usize) -> bool {
         let finite = |values: &[f32]| values.iter().all(|value| value.is_finite());
         finite(&self.positions[i])
@@ -111,11 +111,11 @@ impl Gaussians {
             && finite(self.sh_rest_of(i))
     }
 
-    /// Appends the Gaussians of `other`, whose spherical harmonics are of the same degree. Properties that only one of the two
-    /// has are dropped.
+    /// Appends the Gaussians of `other`, whose spherical harmonics have the same degree. Properties that only one of
+    /// the two has are dropped.
     ///
     /// # Panics
-    /// Where the degrees differ and neither cloud is empty.
+    /// If the degrees differ and neither cloud is empty.
     pub fn append(&mut self, other: &Self) {
         if self.is_empty() {
             self.clone_from(other);
@@ -144,7 +144,7 @@ impl Gaussians {
     /// Appends copies of the Gaussians `sources`.
     ///
     /// # Panics
-    /// Where a source is not there.
+    /// If a source index is out of range.
     pub fn repeat(&mut self, sources: &[u32]) {
         fn repeat_rows<T: Copy>(values: &mut Vec<T>, width: usize, sources: &[u32]) {
             for &i in sources {
@@ -169,7 +169,7 @@ impl Gaussians {
     /// Keeps the Gaussians whose entry in `kept` is true, in their order.
     ///
     /// # Panics
-    /// Where `kept` has not one entry a Gaussian.
+    /// If `kept` does not have one entry per Gaussian.
     pub fn retain(&mut self, kept: &[bool]) {
         assert_eq!(kept.len(), self.len(), "one entry a Gaussian");
         let rest = 3 * self.sh_rest_per_channel();

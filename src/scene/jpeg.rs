@@ -1,11 +1,11 @@
-//! Whether a JPEG is all there: decoders fill up what is missing with grey, and half a photo is not a photo.
+//! Checks that a JPEG is complete: decoders fill missing data with grey, and half a photo is of no use.
 
-/// Whether the markers of a JPEG (ITU-T T.81, annex B) lead to that of its end. Thumbnails in front of the picture have one
-/// as well, inside of segments that are skipped.
+/// True if following the markers of a JPEG (ITU-T T.81, annex B) leads to its end marker. Thumbnails before the picture
+/// have end markers too, but inside segments that are skipped.
 pub fn is_whole(bytes: &[u8]) -> bool {
     let mut rest = bytes;
     loop {
-        // Between markers there may be a scan, in which 0xFF comes before 0 alone or is a restart marker.
+        // Between markers there may be a scan, in which 0xFF is only ever followed by 0 or begins a restart marker.
         let Some(at) =
             rest.windows(2).position(|pair| pair[0] == 0xFF && !matches!(pair[1], 0 | 1 | 0xD0..=0xD8 | 0xFF))
         else {

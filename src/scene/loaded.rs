@@ -1,18 +1,18 @@
-//! What a splat reader hands back, whatever the format.
+//! The result of reading a splat, whatever the format.
 
 use super::gaussians::Gaussians;
 
-/// A cloud as it came out of a file.
+/// A cloud read from a file.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct Loaded {
     pub gaussians: Gaussians,
-    /// What kind of splat this is, where that is not plain 3DGS.
+    /// The kind of splat, if it is not plain 3DGS.
     pub notes: Vec<String>,
-    /// What was dropped, rounded or left out, counted.
+    /// Counts of what was dropped, rounded or left out.
     pub warnings: Vec<String>,
 }
 
-/// No Gaussian of a file can be drawn.
+/// The error that no Gaussian of a file can be drawn.
 pub(super) struct NothingUsable;
 
 /// Drops every Gaussian that no renderer could draw and says how many there were.

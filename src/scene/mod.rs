@@ -1,12 +1,15 @@
-//! The scene: Gaussians, calibrated photos, metric scale. Everything read from outside enters here.
+//! The scene: Gaussians, calibrated photos, metric scale. All input about the scene is read here.
 //!
 //! [`load`] finds the splat, the cameras and the photos in a folder:
-//! 1. `splat_file`: which file holds the Gaussians; `splat_formats`: whether [`ply`], [`spz`] or [`splat`] reads it.
-//! 2. [`cameras`]: which file holds the cameras, what it says, which photo belongs to each; `align` converts them.
-//! 3. `object`: which Gaussians are the object and which its surroundings; [`outliers`]: which no object can have.
-//! 4. `scale`: how long a scene unit is.
+//! 1. `splat_file` finds the file that holds the Gaussians; `splat_formats` selects its reader: [`ply`], [`spz`] or
+//!    [`splat`].
+//! 2. [`cameras`] finds and reads the camera file and matches each camera with its photo; `align` converts the cameras.
+//! 3. `object` separates the object's Gaussians from its surroundings; [`outliers`] finds those that cannot belong to
+//!    any object.
+//! 4. `scale` determines the length of a scene unit.
 //!
-//! [`Scene::chosen_views`] picks the views to work on; [`View::photo`] decodes one; [`dataset`] lists the scenes of a data set.
+//! [`Scene::chosen_views`] picks the views to work on; [`View::photo`] decodes one; [`dataset`] lists the scenes of a
+//! data set.
 
 pub mod align;
 mod as_typed;
@@ -54,16 +57,16 @@ pub use reference::Reference;
 pub use scale::ScaleChoice;
 pub use splat_formats::{SPLAT_FORMATS, SplatFormat};
 
-/// What a scene folder holds.
+/// The contents of a scene folder.
 #[derive(Debug, Clone)]
 pub struct Scene {
     /// The folder's name.
     pub name: String,
-    /// The object's Gaussians, with those marked that are set aside.
+    /// The object's Gaussians; those that are set aside are marked.
     pub gaussians: Gaussians,
-    /// The Gaussians that are not the object's; none where the splat shows the object alone.
+    /// The Gaussians that are not the object's; none if the splat shows the object alone.
     pub surroundings: Gaussians,
-    /// What told the two apart.
+    /// How the two were told apart.
     pub object_source: ObjectSource,
     /// Every view with a camera and a photo, in the order of the camera file.
     pub views: Vec<View>,
@@ -71,9 +74,9 @@ pub struct Scene {
     pub scale: Option<MetricScale>,
     /// Every file that was read, apart from the photos and their masks.
     pub files: Vec<PathBuf>,
-    /// What was found and chosen.
+    /// Messages about what was found and chosen.
     pub notes: Vec<String>,
-    /// What the user should know: counted, never fatal.
+    /// Messages about problems that are not fatal, with counts.
     pub warnings: Vec<String>,
 }
 
@@ -82,12 +85,12 @@ pub struct Scene {
 pub struct View {
     /// The photo's file name without extension; unique within the scene and safe as a file name.
     pub name: String,
-    /// Its intrinsics fit the photo as it lies on disk, turned upright where `upright` says so.
+    /// Its intrinsics fit the photo on disk, turned upright if `upright` says so.
     pub camera: Camera,
     pub image: PathBuf,
-    /// Whether the photo is turned as its EXIF orientation says.
+    /// Whether the photo is rotated according to its EXIF orientation.
     pub upright: Upright,
-    /// White on the object.
+    /// Path of the mask, which is white on the object.
     pub mask: Option<PathBuf>,
 }
 
@@ -108,11 +111,11 @@ impl Scene {
     }
 }
 
-/// Loads the scene in `folder`: the splat, the cameras, and of each photo its size. With [`Options::render_views`] there are
-/// no views yet; they are rendered from the splat.
+/// Loads the scene in `folder`: the splat, the cameras, and the size of each photo. With [`Options::render_views`]
+/// there are no views yet; they are rendered from the splat.
 ///
 /// # Errors
-/// [`SceneError`] says what is missing or broken, where, and what to do.
+/// [`SceneError`], which says what is missing or broken, where, and what to do.
 pub fn load(folder: &Path, options: &Options) -> Result<Scene, SceneError> {
     if !folder.is_dir() {
         return Err(match folder.exists() {
@@ -151,12 +154,12 @@ pub fn load(folder: &Path, options: &Options) -> Result<Scene, SceneError> {
     })
 }
 
-/// What loading gathers on its way.
+/// The results collected while loading.
 struct Found {
     files: Vec<PathBuf>,
     notes: Vec<String>,
     warnings: Vec<String>,
-    /// nerfstudio trains in units of its own.
+    /// nerfstudio trains in its own units.
     splat_units_per_camera_unit: f64,
 }
 
@@ -213,7 +216,7 @@ impl Found {
         Ok(views)
     }
 
-    /// A `dataparser_transforms.json` beside the splat or the cameras belongs to both.
+    /// Applies a `dataparser_transforms.json` beside the splat or the cameras, which belongs to both.
     fn follow_dataparser(
         &mut self,
         folder: &Path,
@@ -224,7 +227,7 @@ impl Found {
         let beside = self.files[0].parent().into_iter().chain(choice.path.parent()).chain([folder]);
         let path = beside.map(|folder| folder.join(dataparser::FILE)).find(|path| files::is_there(path));
         let Some(path) = path else { return Ok(()) };
-        // What the user named brings along what lies beside it.
+        // The user allows the files beside those that a flag names.
         let named = [options.splat.as_deref(), options.cameras.as_ref().map(|_| choice.path.as_path())];
         let scope = options.read_scope(folder).and(named.into_iter().flatten().filter_map(Path::parent));
         Reference { what: "camera file", path: &path, named_in: None, flag: None }.check(&scope)?;
@@ -247,7 +250,7 @@ impl Found {
     }
 }
 
-/// The folder's own name, also where it was given as `.`.
+/// The folder's own name, even if it was given as `.`.
 fn name_of(folder: &Path) -> String {
     let absolute = folder.canonicalize().unwrap_or_else(|_| folder.to_owned());
     absolute.file_name().map_or_else(|| "scene".to_owned(), |name| name.to_string_lossy().into_owned())

@@ -1,15 +1,16 @@
-//! The nearest of many points: a k-d tree without nodes, its points sorted so that the middle of every range splits it.
+//! Nearest-neighbour search: a k-d tree without nodes, whose points are sorted so that the middle of every range splits
+//! it.
 
-/// Points to be searched.
+/// A set of points to search.
 pub struct Nearest {
-    /// Point and its index in the order given.
+    /// Each point and its index in the order given.
     points: Vec<([f32; 3], u32)>,
-    /// Axis that the middle point of a range splits, by the place of the middle.
+    /// The axis along which the middle point of a range splits it, indexed by the position of that point.
     axes: Vec<u8>,
 }
 
 impl Nearest {
-    /// Sorts the points; `points[n]` is found as `n`.
+    /// Sorts the points; results refer to the `n`th point as `n`.
     pub fn new(points: impl Iterator<Item = [f32; 3]>) -> Self {
         let mut points: Vec<_> = points.zip(0u32..).collect();
         let mut axes = vec![0; points.len()];
@@ -17,7 +18,7 @@ impl Nearest {
         Self { points, axes }
     }
 
-    /// The `k` points nearest to `to`, nearest first (squared distance, index); of equals those with lower indices.
+    /// The `k` points nearest to `to`, nearest first, as (squared distance, index); ties go to lower indices.
     pub fn find(&self, to: [f32; 3], k: usize) -> Vec<(f32, u32)> {
         let mut best = Vec::with_capacity(k + 1);
         if k > 0 {

@@ -1,4 +1,4 @@
-//! What the user may choose about a scene.
+//! Options of the scene.
 
 use std::fmt;
 use std::num::NonZeroUsize;
@@ -16,8 +16,8 @@ use crate::config::SceneKey;
 use crate::read_scope::ReadScope;
 use crate::values::{self, from_to};
 
-/// The keys that a scene may set: where its own files lie, which views show it best, its frame, its object and its scale.
-/// Only the user may say that something outside its folder be read.
+/// The keys that a scene may set: where its own files are, which views show it best, its frame, its object and its
+/// scale. Only the user may allow files outside its folder to be read.
 pub const SCENE_KEYS: &[SceneKey] = &[
     SceneKey::any("views"),
     SceneKey::any("view-list"),
@@ -34,7 +34,7 @@ pub const SCENE_KEYS: &[SceneKey] = &[
 /// Far more than any capture has, and few enough to be counted in memory.
 const MOST_VIEWS: NonZeroUsize = NonZeroUsize::new(100_000).expect("it is not zero");
 
-/// Views used where nothing else is asked for.
+/// Number of views used by default.
 pub const DEFAULT_VIEWS: NonZeroUsize = NonZeroUsize::new(10).expect("ten is not zero");
 
 /// Where the parts of a scene lie, which views to use, where the object is, and how long a scene unit is.
@@ -97,7 +97,7 @@ pub struct Options {
 }
 
 impl Options {
-    /// What may be read for the scene in `folder` without being named by a flag of its own.
+    /// What may be read for the scene in `folder` without being named by its own flag.
     pub fn read_scope(&self, folder: &Path) -> ReadScope {
         ReadScope::new(folder).and(self.allow_read.iter().map(PathBuf::as_path))
     }
@@ -131,7 +131,7 @@ impl fmt::Display for ObjectBox {
     }
 }
 
-/// Written as it is typed.
+/// Serialized in the form that users type.
 impl Serialize for ObjectBox {
     fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
         serializer.collect_str(self)

@@ -1,19 +1,22 @@
-//! Gaussians that no cloud of this object can have, and that would spoil all that is measured on it: one of 28,736 that is a
-//! metre wide hides the object in every view, stretches the grid that volumes are measured on, and makes a hammer weigh 45 kg.
-//! They are set aside: they stay in the cloud, in `field.ply` and in their places, but count as transparent.
+//! Outliers: Gaussians that no cloud of this object can contain, and that would spoil every measurement on it. A single
+//! one of 28,736 that is a metre wide hides the object in every view, stretches the grid that volumes are measured on,
+//! and makes a hammer weigh 45 kg. Outliers are set aside: they stay in the cloud and in `field.ply`, at their indices,
+//! but count as transparent.
 //!
-//! A trained Gaussian lies among others: where its body ends (the solid ellipsoid of the same covariance, whose semi-axes are
-//! `sqrt(5)` deviations), there is another one close by, whether it is a flat one on a plain wall or a long one on an edge.
-//! So two numbers are taken of each Gaussian that is large for this cloud or lies outside of it:
+//! A trained Gaussian lies among others: at the ends of its body (the solid ellipsoid of the same covariance, whose
+//! semi-axes are `sqrt(5)` standard deviations) there is another Gaussian close by, whether it is a flat one on a plain
+//! wall or a long one on an edge. So two numbers are computed for each Gaussian that is large for this cloud or lies
+//! outside of it:
 //!
 //! - its *reach*: how far the farthest of its six ends is from the nearest other centre;
-//! - its *excess*: that reach over the body of its neighbours, the median of the largest semi-axes of the 16 nearest.
+//! - its *excess*: that reach divided by the body size of its neighbours, the median of the largest semi-axes of the 16
+//!   nearest.
 //!
-//! Neighbours count by their median, and the object's size by quantiles of positions, so that one Gaussian in ten may be wrong in
-//! any way before the two numbers are. The limits come from the ten clouds that gprop is fitted on: the four fixtures and six
-//! scanned objects, of 16,967 to 36,491 Gaussians each. Among their 241,179 Gaussians the largest reach is 0.115 of the object's
-//! size and the largest excess is 4.5, and in no cloud do more than one in a thousand have an excess above 2. None of them is set
-//! aside.
+//! The neighbours' body size is a median, and the object's size is taken from quantiles of positions, so the two
+//! numbers stay right even if one Gaussian in ten is wrong in any way. The limits come from the ten clouds that gprop
+//! was calibrated on: the four fixtures and six scanned objects, of 16,967 to 36,491 Gaussians each. Among their
+//! 241,179 Gaussians the largest reach is 0.115 of the object's size and the largest excess is 4.5, and in no cloud do
+//! more than one in a thousand have an excess above 2. None of them is set aside.
 
 use std::fmt;
 
@@ -25,37 +28,41 @@ use super::gaussians::Gaussians;
 use super::nearest::Nearest;
 use crate::numeric::upper_median;
 
-/// Semi-axes of a Gaussian's body, in deviations: those of the solid ellipsoid with its covariance.
+/// Semi-axes of a Gaussian's body, in standard deviations: those of the solid ellipsoid with its covariance.
 const BODY_DEVIATIONS: f64 = 2.236_067_977_499_79;
-/// Fewer Gaussians are too few to say what is usual among them.
+/// With fewer Gaussians it is not possible to say what is usual among them.
 const LEAST_GAUSSIANS: usize = 32;
-/// Share of the centres left out at either end of each axis when the object's size is taken: as many may lie anywhere.
+/// Share of the centres left out at either end of each axis when the object's size is measured: that many may lie
+/// anywhere.
 const TRIMMED: f64 = 0.1;
-/// How many neighbours say what is usual around a Gaussian.
+/// Number of neighbours that define what is usual around a Gaussian.
 const NEIGHBOURS: usize = 16;
-/// What is not so many times as large as the cloud's median Gaussian does no harm wherever it is.
+/// A Gaussian less than this many times as large as the cloud's median one does no harm wherever it is.
 const LARGE: f64 = 2.0;
-/// A centre this share of the object's size outside of the box that its size is taken from is looked at however small it is.
+/// A Gaussian is examined, however small it is, if its centre lies farther outside of the box from which the object's
+/// size is measured than this share of that size.
 const OUTSIDE: f64 = 0.25;
 
-/// A Gaussian that reaches farther than the object is large is none of its own, whatever its neighbours are like.
+/// A Gaussian that reaches farther than the object's size cannot belong to the object, whatever its neighbours are
+/// like.
 const REACH_MOST: f64 = 1.0;
 /// Twice the largest excess measured.
 const EXCESS_MOST: f64 = 9.0;
 /// Twice the largest reach measured, as a share of the object's size ...
 const LONG_REACH: f64 = 0.23;
-/// ... is too much together with an excess above this, which one Gaussian in a thousand has. Coarse clouds reach far without it.
+/// ... is too much together with an excess above this, which one Gaussian in a thousand has. In coarse clouds Gaussians
+/// reach far without such an excess.
 const UNUSUAL_EXCESS: f64 = 2.0;
-/// Where more than this share of the cloud has an unusual excess, five times what was measured, something went wrong with many
-/// of its Gaussians together, and all that have it are set aside.
+/// If more than this share of the cloud (five times the share measured) has an unusual excess, something went wrong
+/// with many Gaussians together, and all that have such an excess are set aside.
 const CROWD: f64 = 0.005;
 
 /// The Gaussians that were set aside.
 #[derive(Debug, Clone, PartialEq)]
 pub struct SetAside {
-    /// How many.
+    /// Number of Gaussians set aside.
     pub count: usize,
-    /// Of how many.
+    /// Number of Gaussians in the cloud.
     pub of: usize,
     /// Index in the cloud of the first of them.
     pub first: usize,
@@ -63,18 +70,18 @@ pub struct SetAside {
     pub center: Point3<f64>,
     /// Its reach, scene units.
     pub reach: f64,
-    /// The reach in bodies of its neighbours.
+    /// Its excess: the reach divided by the body size of its neighbours.
     pub excess: f64,
     /// The object's size: the diagonal of the box around its centres, scene units.
     pub size: f64,
 }
 
-/// No Gaussian of a cloud is left.
+/// The error that no Gaussian of a cloud is left.
 #[derive(Debug, Clone, PartialEq, Error)]
 #[error("nothing is left of the splat: {0}; train it again, or export it in the units that its positions are in")]
 pub struct AllSetAside(Box<SetAside>);
 
-/// Marks the Gaussians that no cloud of this object can have; `None` if there are none.
+/// Marks the Gaussians that no cloud of this object can contain; `None` if there are none.
 ///
 /// # Errors
 /// [`AllSetAside`] if no other Gaussian is left.
@@ -102,7 +109,7 @@ pub fn set_aside(gaussians: &mut Gaussians) -> Result<Option<SetAside>, AllSetAs
     Ok(Some(set_aside))
 }
 
-/// A Gaussian and what is unusual about it.
+/// A Gaussian with its reach and excess.
 struct Reaching {
     index: usize,
     /// Scene units.
@@ -110,7 +117,7 @@ struct Reaching {
     excess: f64,
 }
 
-/// The outliers by rising index.
+/// The outliers, by ascending index.
 fn find(gaussians: &Gaussians) -> Vec<Reaching> {
     let Some(core) = Core::of(gaussians) else { return Vec::new() };
     let size = core.size();
@@ -156,10 +163,10 @@ impl Reaching {
     }
 }
 
-/// The centres to search, each place once: Gaussians that something put into one point are no neighbours of each other.
+/// The centres to search, each position once: Gaussians at the same point do not count as neighbours of each other.
 struct Centers {
     places: Nearest,
-    /// Of each place, the first Gaussian there.
+    /// For each position, the first Gaussian there.
     first: Vec<u32>,
     positions: Vec<[f32; 3]>,
 }
@@ -174,7 +181,7 @@ impl Centers {
         Self { places: Nearest::new(positions.iter().copied()), first, positions }
     }
 
-    /// Squared distance and Gaussian of the `count` places nearest to a point, without the place `own`.
+    /// Squared distance and Gaussian of the `count` positions nearest to a point, excluding the position `own`.
     fn near(&self, to: [f32; 3], count: usize, own: [f32; 3]) -> impl Iterator<Item = (f32, usize)> {
         let found = self.places.find(to, count + 1).into_iter();
         let others = found.filter(move |(_, place)| self.positions[*place as usize] != own);
@@ -210,7 +217,7 @@ impl Core {
         (self.high - self.low).norm()
     }
 
-    /// How far outside a point lies, scene units.
+    /// The distance of a point outside the box, scene units.
     fn distance(&self, point: Point3<f64>) -> f64 {
         let beyond = (self.low - point).sup(&(point - self.high));
         beyond.map(|side| side.max(0.0)).norm()

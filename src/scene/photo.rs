@@ -1,4 +1,4 @@
-//! Photos: their size without decoding them, and decoded with the foreground that alpha or a mask tells.
+//! Photos: their size without decoding them, and decoded with the foreground given by alpha or a mask.
 
 use std::path::Path;
 
@@ -15,28 +15,28 @@ use crate::files::{self, PictureSource};
 /// A decoded photo at its camera's size.
 #[derive(Debug, Clone)]
 pub struct Photo {
-    /// The picture composited over white where it has alpha (straight, in the picture's own sRGB values).
+    /// The picture, composited over white if it has alpha (straight, in the picture's own sRGB values).
     pub rgb: RgbImage,
-    /// 255 on the object, 0 elsewhere; all 255 where nothing tells the two apart.
+    /// 255 on the object, 0 elsewhere; 255 everywhere if nothing distinguishes the two.
     pub foreground: GrayImage,
     pub foreground_source: ForegroundSource,
 }
 
-/// What told the foreground.
+/// The source of the foreground.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, serde::Serialize)]
 #[serde(rename_all = "snake_case")]
 pub enum ForegroundSource {
-    /// The photo's alpha, from one half on.
+    /// The photo's alpha, thresholded at one half.
     Alpha,
-    /// A mask file, from one half on.
+    /// A mask file, thresholded at one half.
     Mask,
-    /// The alpha that the object's Gaussians render.
+    /// The alpha rendered from the object's Gaussians.
     Gaussians,
-    /// Nothing: all of the photo counts.
+    /// No source: all of the photo counts as foreground.
     Whole,
 }
 
-/// Whether a photo is used as it is stored, or turned as its EXIF orientation says.
+/// Whether a photo is used as it is stored, or rotated according to its EXIF orientation.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum Upright {
     #[default]
@@ -44,7 +44,7 @@ pub enum Upright {
     Turned,
 }
 
-/// What a photo's header says.
+/// The contents of a photo's header.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Header {
     stored: (u32, u32),
@@ -56,7 +56,7 @@ impl Header {
         self.orientation != Orientation::NoTransforms
     }
 
-    /// Width and height of the photo used so.
+    /// Width and height of the photo when used this way.
     pub fn size(&self, upright: Upright) -> (u32, u32) {
         let (width, height) = self.stored;
         let on_its_side = matches!(
@@ -66,15 +66,15 @@ impl Header {
         if upright == Upright::Turned && on_its_side { (height, width) } else { (width, height) }
     }
 
-    /// The orientation is honoured, unless the declared size shows that the cameras belong to the pixels as they are stored:
-    /// its shape is theirs and not the upright photo's.
+    /// Applies the orientation, unless the declared size shows that the cameras belong to the pixels as stored: it has
+    /// their aspect ratio and not that of the upright photo.
     pub fn upright_for(&self, declared: Option<(u32, u32)>) -> Upright {
         if !self.is_turned() {
             return Upright::AsStored;
         }
         let same_shape = |(width, height): (u32, u32), (w, h): (u32, u32)| {
             let (a, b) = (u64::from(width) * u64::from(h), u64::from(height) * u64::from(w));
-            // A resized picture's sides are rounded: one percent.
+            // One percent, since the sides of a resized picture are rounded.
             a.abs_diff(b) * 100 <= a.max(b)
         };
         let stored = declared.is_some_and(|size| {
@@ -84,14 +84,16 @@ impl Header {
     }
 }
 
-/// What decoding a view's photo may take: two are worked on at once, each in a few copies, and every label map is kept.
+/// Memory limit for decoding a view's photo: two photos are processed at once, each in a few copies, and every label
+/// map is kept.
 const VIEW_LIMIT: Limit = Limit { bytes: 256 << 20, remedy: ", and its camera where it does not follow by itself" };
-/// What decoding a photo on its own may take: 20,000 x 20,000 pixels of four bytes.
+/// Memory limit for decoding a photo on its own: 20,000 x 20,000 pixels of four bytes.
 const ALONE_LIMIT: Limit = Limit { bytes: 1_600_000_000, remedy: ", or save it with 8 bits a channel as PNG" };
-/// A photo on its own with more pixels a side than three times this is shrunk by a whole factor. SAM sees 1024 of them.
+/// A photo on its own with more pixels per side than three times this is shrunk by an integer factor. SAM sees 1024 of
+/// them.
 const KEPT_SIDE: u32 = 2048;
 
-/// How many bytes a decoded picture may take, and what to do besides shrinking it where it takes more.
+/// The number of bytes that a decoded picture may take, and what the user can do besides shrinking it if it takes more.
 #[derive(Clone, Copy)]
 struct Limit {
     bytes: u64,
@@ -99,10 +101,11 @@ struct Limit {
 }
 
 impl View {
-    /// Decodes the view's photo: 8 or 16 bits a channel, grey or colour, with or without alpha.
+    /// Decodes the view's photo: 8 or 16 bits per channel, grey or colour, with or without alpha.
     ///
     /// # Errors
-    /// [`SceneError`] names the file: missing, undecodable, too large, or of another size than when the scene was loaded.
+    /// [`SceneError`] names the file if it is missing, undecodable, too large, or has a different size than when the
+    /// scene was loaded.
     pub fn photo(&self) -> Result<Photo, SceneError> {
         let picture = decode(&self.image, self.upright, VIEW_LIMIT)?;
         let expected = (self.camera.intrinsics.width, self.camera.intrinsics.height);
@@ -116,8 +119,9 @@ impl View {
 }
 
 impl Photo {
-    /// A photo without a camera, turned upright, with its foreground by `mask` or its own alpha. One of more than 6144
-    /// pixels a side is shrunk by a whole factor. Also gives its width and height before that.
+    /// Decodes a photo without a camera, turned upright, with its foreground from `mask` or its own alpha. If it has
+    /// more than 6144 pixels per side, it is shrunk by an integer factor. Also returns its width and height before
+    /// that.
     ///
     /// # Errors
     /// [`SceneError`] names the file that is missing, undecodable, or too large to decode.
@@ -142,7 +146,8 @@ impl Photo {
     }
 }
 
-/// The mask's alpha where it has one that says something, else its brightness; resized to the photo where need be.
+/// The mask's alpha if it has one that is not opaque everywhere, else its brightness; resized to the photo if
+/// necessary.
 fn mask_at(picture: DynamicImage, (width, height): (u32, u32)) -> GrayImage {
     let alpha = picture.color().has_alpha().then(|| alpha_of(&picture.to_rgba8())).filter(|alpha| !is_white(alpha));
     let mask = alpha.unwrap_or_else(|| picture.into_luma8());
@@ -153,8 +158,8 @@ fn mask_at(picture: DynamicImage, (width, height): (u32, u32)) -> GrayImage {
     thresholded(mask)
 }
 
-/// The picture with each square of `factor` x `factor` pixels as one, their mean; what is left over at the right and lower
-/// edges counts with the last.
+/// The picture with each square of `factor` x `factor` pixels replaced by their mean; leftover pixels at the right and
+/// lower edges are included in the last square.
 fn shrunk(picture: &DynamicImage, factor: u32) -> DynamicImage {
     let side = |length: u32| (length / factor).max(1);
     let (width, height) = (side(picture.width()), side(picture.height()));
@@ -182,7 +187,7 @@ fn decode(path: &Path, upright: Upright, limit: Limit) -> Result<DynamicImage, S
     let size = decoder.dimensions();
     let pixels = u64::from(size.0) * u64::from(size.1);
     let bytes = match format {
-        // A progressive JPEG is kept whole as 16-bit coefficients besides.
+        // A progressive JPEG is also held completely as 16-bit coefficients.
         Some(ImageFormat::Jpeg) => pixels * (3 + 3 * 2),
         _ => decoder.total_bytes(),
     };
@@ -213,7 +218,7 @@ pub(super) fn header(path: &Path) -> Result<Header, SceneError> {
     Ok(Header { stored: decoder.dimensions(), orientation })
 }
 
-/// Opens a photo; its first bytes tell the format, whatever its name says.
+/// Opens a photo; its format is determined by its first bytes, whatever its name.
 fn open(path: &Path) -> Result<ImageReader<PictureSource<'static>>, SceneError> {
     let io_error = |reason: std::io::Error| match reason.kind() {
         std::io::ErrorKind::NotFound => SceneError::MissingImage { path: path.to_owned() },
@@ -222,7 +227,7 @@ fn open(path: &Path) -> Result<ImageReader<PictureSource<'static>>, SceneError> 
     ImageReader::new(files::picture(path).map_err(io_error)?).with_guessed_format().map_err(io_error)
 }
 
-/// The picture over white, and the foreground that its alpha tells; `None` where it has none or is opaque everywhere.
+/// The picture over white, and the foreground given by its alpha; `None` if it has no alpha or is opaque everywhere.
 fn over_white(picture: DynamicImage) -> (RgbImage, Option<GrayImage>) {
     if !picture.color().has_alpha() {
         return (picture.into_rgb8(), None);
@@ -247,7 +252,7 @@ fn is_white(mask: &GrayImage) -> bool {
     mask.as_raw().iter().all(|value| *value == 255)
 }
 
-/// 255 from one half on, else 0.
+/// 255 from one half upwards, else 0.
 fn thresholded(mut mask: GrayImage) -> GrayImage {
     for value in mask.iter_mut() {
         *value = if *value >= 128 { 255 } else { 0 };

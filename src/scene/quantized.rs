@@ -1,14 +1,14 @@
-//! What the compact formats have in common: colours and opacities as bytes of the picture instead of SH and logits.
+//! Conversions shared by the compact formats, which store colours and opacities as bytes instead of SH coefficients and
+//! logits.
 
 use super::gaussians::SH_C0;
 
-/// The constant SH coefficient of a colour channel, 0 to 1.
+/// The constant SH coefficient for a colour channel value from 0 to 1.
 pub(super) fn sh_dc_of_color(color: f32) -> f32 {
     (color - 0.5) / SH_C0
 }
 
-/// The logit of an opacity given as a byte. 0 and 255 stand for what rounds to them: half a step inside, so that the logit is
-/// finite.
+/// The logit of an opacity given as a byte. 0 and 255 are moved half a step inwards, so that the logit is finite.
 pub(super) fn opacity_logit_of_byte(byte: u8) -> f32 {
     let opacity = f32::from(byte).clamp(0.5, 254.5) / 255.0;
     (opacity / (1.0 - opacity)).ln()

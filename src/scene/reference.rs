@@ -8,7 +8,7 @@ use crate::read_scope::ReadScope;
 /// A file that a scene names or that was found in it.
 #[derive(Debug, Clone, Copy)]
 pub struct Reference<'a> {
-    /// Its kind, for people.
+    /// Its kind, for messages.
     pub what: &'static str,
     pub path: &'a Path,
     /// The file that names it, if one does.
@@ -18,10 +18,10 @@ pub struct Reference<'a> {
 }
 
 impl Reference<'_> {
-    /// Refuses a file that leads out of the scene and of what the user allowed.
+    /// Refuses a file that is outside of the scene and of what the user allowed.
     ///
     /// # Errors
-    /// [`SceneError::Outside`] says where it leads and how to allow it.
+    /// [`SceneError::Outside`], which says where the path leads and how to allow it.
     pub fn check(&self, scope: &ReadScope) -> Result<(), SceneError> {
         let Some(leads_to) = scope.leads_out(self.path) else { return Ok(()) };
         let holding = if leads_to.is_dir() { None } else { leads_to.parent() };

@@ -1,6 +1,6 @@
-//! Metric scale: how many metres a scene unit is, by what the user knows or the data set states.
+//! Metric scale: the length of a scene unit in metres, from what the user knows or the data set states.
 //!
-//! Masses go with its cube, so a slip of the finger becomes an absurd weight: the size that the object would have is checked
+//! Masses grow with its cube, so a typing error gives an absurd weight: the resulting size of the object is checked
 //! against what can be photographed and what can be moved.
 
 use std::fmt;
@@ -14,14 +14,14 @@ use super::bounds::Bounds;
 use super::{SceneError, View};
 use crate::units::{MetricScale, ScaleSource};
 
-/// Lengths between a nanometre and a thousand kilometres: what is shorter or longer is not a length of a capture.
+/// Lengths range from a nanometre to a thousand kilometres: no length in a capture is shorter or longer.
 const SHORTEST_M: f64 = 1e-9;
 const LONGEST_M: f64 = 1e6;
 
 /// `--scale`.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub enum ScaleChoice {
-    /// As the data set states; unknown where it states nothing.
+    /// As the data set states; unknown if it states nothing.
     #[default]
     Auto,
     /// The scene is in metres.
@@ -36,33 +36,33 @@ pub enum ScaleChoice {
     Cameras { a: String, b: String, meters: f64 },
 }
 
-/// What the choices that measure something measure it on.
+/// The data that the choices based on a measurement use.
 pub(super) struct Measured<'a> {
     pub object: Bounds,
     pub views: &'a [View],
-    /// Metres per scene unit by the data set's own convention.
+    /// Metric scale by the data set's own convention.
     pub data_set: Option<MetricScale>,
 }
 
-/// The least length in metres that an object may have by its longest side. A photo shows it over about a thousand pixels: below
-/// a millimetre each would be finer than the wavelength of light, and no lens resolves that.
+/// The smallest length in metres that an object's longest side may have. A photo shows it over about a thousand pixels:
+/// if it were below a millimetre, each pixel would be about the wavelength of light or finer, which no lens resolves.
 const LEAST_SIDE_M: f64 = 1e-3;
-/// The greatest. What gprop answers (a mass, a fall, a grasp) is asked of things that move as one piece, and none is longer:
-/// the longest ship measured 458 m.
+/// The greatest such length. The questions that gprop answers (a mass, a fall, a grasp) are about things that move as
+/// one piece, and none is longer: the longest ship measured 458 m.
 const MOST_SIDE_M: f64 = 500.0;
-/// Between these lie the things that are usually weighed and gripped; other sizes get a warning.
+/// Objects that are usually weighed and gripped are within this range; other sizes cause a warning.
 const USUAL_SIDES_M: [f64; 2] = [0.01, 5.0];
 
 impl ScaleChoice {
-    /// The scale that this choice amounts to, and what is odd about it.
+    /// Computes the scale of this choice; also returns a warning if the object's size would be unusual.
     ///
     /// # Errors
-    /// [`SceneError::Scale`] if a length cannot be measured, or the object would have a size that nothing has.
+    /// [`SceneError::Scale`] if a length cannot be measured, or the object would have an impossible size.
     pub(super) fn metric_scale(&self, scene: &Measured) -> Result<(Option<MetricScale>, Option<String>), SceneError> {
         let Some(scale) = self.stated(scene)? else { return Ok((None, None)) };
         let sides = scene.object.size() * scale.meters_per_unit;
         let longest = sides.max();
-        // An object of one Gaussian has no sides.
+        // An object of a single Gaussian has no extent.
         if longest == 0.0 {
             return Ok((Some(scale), None));
         }
@@ -123,7 +123,7 @@ impl ScaleChoice {
     }
 }
 
-/// A length in metres as a person says it.
+/// A length in metres in a readable unit.
 fn length(meters: f64) -> String {
     match meters {
         ..1e-6 | 1e6.. => format!("{meters:.1e} m"),
@@ -136,7 +136,7 @@ fn length(meters: f64) -> String {
 
 const AXES: [&str; 3] = ["x", "y", "z"];
 
-/// How `--scale` is written, for messages.
+/// The forms of `--scale`, for messages.
 const FORMS: &str = "auto, metric, metres per scene unit, known-length:X,Y,Z:X,Y,Z=M, bbox:AXIS=M or cameras:A,B=M";
 
 impl FromStr for ScaleChoice {
@@ -194,7 +194,7 @@ impl fmt::Display for ScaleChoice {
     }
 }
 
-/// Written as it is typed.
+/// Serialized in the form that users type.
 impl Serialize for ScaleChoice {
     fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
         serializer.collect_str(self)

@@ -1,18 +1,19 @@
-//! How sharp a photo is: how much of its detail is as fine as its pixels.
+//! Sharpness of a photo: the share of its detail that is as fine as its pixels.
 //!
-//! Blur takes the finest detail and leaves the coarse. The measure is the energy of the Laplacian at full size over that at
-//! half size, well inside the foreground: the outline is as sharp as the alpha that was cut, whatever the photo. It hardly
-//! depends on what the photo shows: the same wood from near and from far, a handle or a head. Compared between the
-//! photos of one capture only.
+//! Blur removes the finest detail and leaves the coarse. The measure is the energy of the Laplacian at full size
+//! divided by that at half size. It is taken well inside the foreground, because the outline is as sharp as the alpha,
+//! whatever the photo. It hardly depends on what the photo shows, such as the same wood from near or from far, a handle
+//! or a head. Only values from photos of the same capture are compared.
 
 use image::{GrayImage, Luma, imageops};
 
 use super::Photo;
 
-/// Pixels that a judged pixel lies from the background at least; a visibly blurred photo is blurred over one to three.
+/// Minimum distance of a pixel from the background, in pixels, for it to count; a visibly blurred photo is blurred over
+/// one to three pixels.
 const MARGIN: usize = 5;
 
-/// Fine over coarse energy of the photo's foreground; `None` where there is no detail at all to judge by.
+/// Ratio of fine to coarse energy in the photo's foreground; `None` if there is no detail at all to judge by.
 pub(super) fn sharpness(photo: &Photo) -> Option<f64> {
     let fine = imageops::grayscale(&photo.rgb);
     let (width, height) = (fine.width() / 2, fine.height() / 2);

@@ -1,4 +1,4 @@
-//! The `.splat` format of antimatter15's viewer: no header, 32 bytes a Gaussian, no spherical harmonics.
+//! The `.splat` format of antimatter15's viewer: no header, 32 bytes per Gaussian, no spherical harmonics.
 //!
 //! ```text
 //! bytes  0..12  centre x y z, float32 little endian, scene units
@@ -14,13 +14,14 @@ use super::gaussians::Gaussians;
 use super::loaded::{Loaded, drop_unusable};
 use super::quantized::{opacity_logit_of_byte, sh_dc_of_color};
 
-/// Bytes a Gaussian.
+/// Bytes per Gaussian.
 const ROW: usize = 32;
 
-/// The logarithm of a standard deviation of zero, which some exporters write: e^-20 is nothing beside any scene.
+/// Stands for the logarithm of a standard deviation of zero, which some exporters write: e^-20 is negligible in any
+/// scene.
 const SMALLEST_LOG_SCALE: f32 = -20.0;
 
-/// What is wrong with a `.splat`.
+/// An error in a `.splat`.
 #[derive(Debug, Error)]
 pub enum Problem {
     #[error("holds no Gaussians; export the splat again")]
@@ -37,7 +38,7 @@ pub enum Problem {
 /// Reads a `.splat` from memory.
 ///
 /// # Errors
-/// [`Problem`] says what is wrong.
+/// [`Problem`], which says what is wrong.
 pub fn parse(bytes: &[u8]) -> Result<Loaded, Problem> {
     let (rows, rest) = bytes.as_chunks::<ROW>();
     if !rest.is_empty() {

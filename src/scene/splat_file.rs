@@ -1,4 +1,4 @@
-//! The splat of a scene folder: where it lies.
+//! Finds the splat of a scene folder.
 
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -8,17 +8,17 @@ use super::error::CONVERTIBLE;
 use super::splat_formats::SplatFormat;
 use crate::files;
 
-/// The splat that was chosen, and what else could have been.
+/// The splat that was chosen, and the other candidates.
 pub(super) struct Found {
     pub path: PathBuf,
     pub others: Vec<PathBuf>,
 }
 
 /// The splat of `folder`: the first of
-/// 1. `point_cloud.ply` (this project's scenes), `point_cloud/iteration_N/point_cloud.ply` of the largest N (3DGS),
-/// 2. `splat.ply`, `exports/splat/splat.ply` (nerfstudio), `ply/point_cloud_N.ply` of the largest N (gsplat), `export_N.ply`
-///    of the largest N (Brush),
-/// 3. the first file by name that is of a [`SplatFormat`] and begins as a splat does.
+/// 1. `point_cloud.ply` (this project's scenes), `point_cloud/iteration_N/point_cloud.ply` with the largest N (3DGS),
+/// 2. `splat.ply`, `exports/splat/splat.ply` (nerfstudio), `ply/point_cloud_N.ply` with the largest N (gsplat),
+///    `export_N.ply` with the largest N (Brush),
+/// 3. the first file by name that has a [`SplatFormat`] and begins like a splat.
 pub(super) fn find(folder: &Path) -> Result<Found, SceneError> {
     let named = [folder.join("point_cloud.ply"), folder.join("splat.ply"), folder.join("exports/splat/splat.ply")];
     let [point_cloud, splat, export] = named.map(|path| files::is_there(&path).then_some(path));
@@ -40,14 +40,14 @@ pub(super) fn find(folder: &Path) -> Result<Found, SceneError> {
     Ok(Found { path: candidates.remove(0), others })
 }
 
-/// The entry `{prefix}{N}{suffix}` of the largest N.
+/// The entry `{prefix}{N}{suffix}` with the largest N.
 fn numbered(folder: &Path, prefix: &str, suffix: &str) -> Option<PathBuf> {
     let number = |name: &str| name.strip_prefix(prefix)?.strip_suffix(suffix)?.parse::<u64>().ok();
     let numbered = names_in(folder).into_iter().filter_map(|name| number(&name).map(|n| (n, name)));
     numbered.max().map(|(_, name)| folder.join(name))
 }
 
-/// Splats by file name, and the names of files that look like one but are none.
+/// Splats sorted by file name, and the names of files that look like splats but are not.
 fn loose_splats(folder: &Path) -> (Vec<PathBuf>, Vec<String>) {
     let mut splats = Vec::new();
     let mut others = Vec::new();
@@ -63,7 +63,7 @@ fn loose_splats(folder: &Path) -> (Vec<PathBuf>, Vec<String>) {
     (splats, others)
 }
 
-/// Names in a folder, sorted; none where it cannot be read.
+/// Names in a folder, sorted; none if it cannot be read.
 pub(super) fn names_in(folder: &Path) -> Vec<String> {
     let entries = fs::read_dir(folder).into_iter().flatten().flatten();
     let mut names: Vec<_> = entries.map(|entry| entry.file_name().to_string_lossy().into_owned()).collect();

@@ -1,4 +1,5 @@
-//! The formats of splats, in one table: which files are splats, which function reads them, how large they grow in memory.
+//! The formats of splats, in one table: their file name endings, the functions that read them, and how large they
+//! become in memory.
 
 use std::path::Path;
 
@@ -9,28 +10,28 @@ use crate::files;
 
 /// A format that splats are stored in.
 pub struct SplatFormat {
-    /// What the names of its files end in, in lower case; those of a file may be in upper case.
+    /// The ending of its file names, in lower case; the case of an actual file name does not matter.
     pub ending: &'static str,
-    /// How many times larger a splat is as plain floats, 62 of 4 bytes a Gaussian.
+    /// How many times larger a splat is as plain floats, 62 of 4 bytes per Gaussian.
     pub inflation: u64,
     read: fn(&Path) -> Result<Loaded, SceneError>,
-    /// Whether a file with this ending is a splat: a PLY may hold a point cloud or a mesh.
+    /// Tells whether a file with this ending is a splat: a PLY may hold a point cloud or a mesh.
     is_splat: fn(&Path) -> bool,
 }
 
-/// Every format that gprop reads. Of the endings that fit a name, the first counts.
+/// Every format that gprop reads. If several endings match a name, the first counts.
 pub const SPLAT_FORMATS: &[SplatFormat] = &[
-    // 16 bytes a Gaussian.
+    // 16 bytes per Gaussian.
     SplatFormat { ending: ".compressed.ply", inflation: 16, read: read_ply, is_splat: is_splat_ply },
     SplatFormat { ending: ".ply", inflation: 1, read: read_ply, is_splat: is_splat_ply },
-    // About 20 bytes a Gaussian.
+    // About 20 bytes per Gaussian.
     SplatFormat {
         ending: ".spz",
         inflation: 12,
         read: |path| read_bytes(path, |bytes| Ok(spz::parse(bytes)?)),
         is_splat: |_| true,
     },
-    // 32 bytes a Gaussian.
+    // 32 bytes per Gaussian.
     SplatFormat {
         ending: ".splat",
         inflation: 8,
@@ -46,13 +47,13 @@ impl SplatFormat {
         SPLAT_FORMATS.iter().find(|format| name.len() > format.ending.len() && name.ends_with(format.ending))
     }
 
-    /// Whether the file, whose name says that it is of this format, begins as a splat does.
+    /// True if the file, whose name has this format's ending, begins like a splat.
     pub(super) fn is_splat(&self, path: &Path) -> bool {
         (self.is_splat)(path)
     }
 }
 
-/// Reads a splat in the format that its name and first bytes tell.
+/// Reads a splat in the format determined by its name and first bytes.
 pub(super) fn read(path: &Path) -> Result<Loaded, SceneError> {
     match SplatFormat::of(path) {
         Some(format) => (format.read)(path),

@@ -3,8 +3,8 @@
 use std::collections::HashSet;
 use std::path::{Component, Path, PathBuf};
 
-/// A name for each of `files`: the file name without extension; with the folders above it in front where two files would
-/// get the same; with a number behind where even these agree.
+/// A name for each of `files`: the file name without extension, preceded by the folders above it if two files would get
+/// the same name, and followed by a number if even these are the same.
 pub(super) fn of(files: &[String]) -> Vec<String> {
     let short: Vec<String> = files.iter().map(|file| safe(stem(file))).collect();
     let distinct: HashSet<String> = short.iter().map(|name| name.to_lowercase()).collect();
@@ -16,8 +16,8 @@ pub(super) fn of(files: &[String]) -> Vec<String> {
     names.into_iter().map(|name| numbered(name, &mut taken)).collect()
 }
 
-/// The path relative to `folder` of `file`, which is given relative to it or absolute, with the separators of any system;
-/// `None` where it leads out of the folder.
+/// The path of `file` relative to `folder`; `file` is relative to it or absolute, with the separators of any system.
+/// `None` if it leads out of the folder.
 pub(super) fn path_within(folder: &Path, file: &str) -> Option<String> {
     let file = file.replace('\\', "/");
     let file = Path::new(&file);
@@ -35,7 +35,7 @@ pub(super) fn path_within(folder: &Path, file: &str) -> Option<String> {
     Some(parts.join("/"))
 }
 
-/// The path with every `..` worked off, whether or not anything lies there.
+/// The path with every `..` resolved, whether or not the path exists.
 pub(super) fn without_climbing(path: &Path) -> PathBuf {
     let mut plain = PathBuf::new();
     for component in std::path::absolute(path).unwrap_or_else(|_| path.to_owned()).components() {
@@ -60,7 +60,7 @@ fn stem(file: &str) -> &str {
 
 /// Letters, digits, `-`, `_` and inner dots are kept; the rest becomes `_`.
 fn safe(name: &str) -> String {
-    /// Leaves room for what stages append within the 255 bytes of common file systems.
+    /// Leaves room for the suffixes that stages append, within the 255 bytes that common file systems allow.
     const LONGEST: usize = 120;
     let keep = |c: char| if c.is_ascii_alphanumeric() || "-_.".contains(c) { c } else { '_' };
     let name: String = name.chars().map(keep).take(LONGEST).collect();
@@ -70,7 +70,7 @@ fn safe(name: &str) -> String {
     }
 }
 
-/// `name`, or `name_2`, `name_3` ... where it is taken; case does not tell names apart on every file system.
+/// `name`, or `name_2`, `name_3` ... if it is taken; case is ignored, since not every file system distinguishes it.
 fn numbered(name: String, taken: &mut HashSet<String>) -> String {
     let candidates = std::iter::once(name.clone()).chain((2..).map(|n| format!("{name}_{n}")));
     let free = candidates.into_iter().find(|candidate| !taken.contains(&candidate.to_lowercase()));

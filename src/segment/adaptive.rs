@@ -1,32 +1,33 @@
-//! Which points of the grid are worth a prompt: those on the foreground; every other row and column first, then what lies
-//! between, unless the mask of a neighbouring prompt already covers it.
+//! Chooses the grid points that are worth a prompt: those on the foreground. Every other row and column comes first,
+//! then the points between them, unless the mask of a neighbouring prompt already covers them.
 
 use super::candidate::Candidate;
 use super::mask::Mask;
 
-/// Every how many points of the grid a pass asks, along rows and columns. What an earlier pass asked is not asked again.
+/// The spacing of each pass's points in the grid, along rows and columns. Points of an earlier pass are not repeated.
 const STRIDES: [usize; 2] = [2, 1];
-/// A point with fewer neighbours that were asked lies at the object's edge or on a thin part, of which little is known.
+/// A point with fewer prompted neighbours lies at the object's edge or on a thin part of it, about which little is
+/// known.
 const LEAST_NEIGHBOURS: usize = 2;
-/// A mask with less of its area on the foreground is of the background and explains nothing.
+/// A mask with a smaller share of its area on the foreground belongs to the background and explains nothing.
 const LEAST_SHARE_ON_FOREGROUND: f64 = 0.5;
 
-/// What tells which points to ask at.
+/// The data that decide which points to prompt.
 pub struct Adaptive<'a> {
     /// The object.
     pub foreground: &'a Mask,
-    /// A mask that covers this share of the foreground is the whole object, which explains nothing of its segments.
+    /// A mask that covers this share of the foreground is the whole object, which explains nothing about its segments.
     pub whole_object: f64,
 }
 
 impl Adaptive<'_> {
-    /// Whether to ask at pixel (`x`, `y`), given the masks of each neighbour that was asked.
+    /// True if pixel (`x`, `y`) should be prompted, given the masks of each neighbour that was prompted.
     pub fn is_worth_asking(&self, x: u32, y: u32, neighbours: &[&[Candidate]]) -> bool {
         let is_explained = || neighbours.iter().copied().flatten().any(|c| c.mask.contains(x, y) && self.explains(c));
         self.foreground.contains(x, y) && (neighbours.len() < LEAST_NEIGHBOURS || !is_explained())
     }
 
-    /// Whether a mask says something about the pixels in it.
+    /// True if a mask says something about the pixels in it.
     fn explains(&self, candidate: &Candidate) -> bool {
         let on_foreground = candidate.mask.overlap(self.foreground) as f64;
         on_foreground >= LEAST_SHARE_ON_FOREGROUND * candidate.mask.area() as f64
@@ -34,7 +35,7 @@ impl Adaptive<'_> {
     }
 }
 
-/// The passes over a grid of `per_side` x `per_side` points: indices of its points, row by row, by pass.
+/// The passes over a grid of `per_side` x `per_side` points: the indices of each pass's points, row by row.
 pub fn passes(per_side: usize) -> Vec<Vec<usize>> {
     let pass_of = |index: usize| {
         let (row, column) = (index / per_side, index % per_side);

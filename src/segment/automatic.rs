@@ -1,13 +1,13 @@
-//! SAM's automatic mask generator: a grid of point prompts, the masks that are good enough, each only once.
+//! SAM's automatic mask generator: a grid of point prompts, the masks that are good enough, without duplicates.
 //!
 //! For each crop of the picture (only the whole of it by default):
-//! 1. encode it, decode the points of its grid, all of them or in passes (see [`super::adaptive`]);
+//! 1. encode it, then decode the points of its grid, all at once or in passes (see [`super::adaptive`]);
 //! 2. drop masks by predicted IoU (before anything is enlarged), stability, and nearness to the crop's edge;
 //! 3. suppress duplicates by their boxes.
 //!
-//! Then, over all crops: suppress duplicates between crops, remove small holes and islands, suppress what became
-//! duplicate by that. The order and every comparison are those of the public `SamAutomaticMaskGenerator`, in the variant
-//! that keeps the three levels apart (LangSplat's, which the paper uses).
+//! Then, over all crops: suppress duplicates between crops, remove small holes and islands, and suppress masks that
+//! became duplicates by that. The order and every comparison are those of the public `SamAutomaticMaskGenerator`, in
+//! the variant that keeps the three levels apart (LangSplat's, which the paper uses).
 
 use image::RgbImage;
 use rayon::prelude::*;
@@ -27,22 +27,22 @@ use super::resize::cropped;
 use super::sam::{Decoded, PreparedEmbedding, Sam};
 use super::upsample::Upsampler;
 
-/// How near to a crop's edge a box counts as cut off, pixels (`is_box_near_crop_edge`).
+/// Distance from a crop's edge, in pixels, within which a box counts as cut off (`is_box_near_crop_edge`).
 const EDGE_TOLERANCE: u32 = 20;
 
 /// In the order of SAM's masks.
 const LEVELS: [Level; 3] = [Level::Small, Level::Middle, Level::Large];
 
-/// What passed the filters, crop by crop, in the order of prompts and levels; duplicates are still among them.
+/// The masks that passed the filters, crop by crop, in the order of prompts and levels, still with duplicates.
 #[derive(Debug)]
 pub struct Candidates {
     by_crop: Vec<Vec<Candidate>>,
 }
 
-/// What to ask of a picture.
+/// The settings for segmenting a picture.
 pub struct Request<'a> {
     pub picture: &'a RgbImage,
-    /// Which points of the grid are prompts; all where this is `None`.
+    /// Selects the grid points that are prompts; all points if `None`.
     pub adaptive: Option<Adaptive<'a>>,
     /// The levels to keep.
     pub levels: &'a [Level],
@@ -51,7 +51,7 @@ pub struct Request<'a> {
 }
 
 impl Request<'_> {
-    /// Prompts SAM and filters what it answers. Runs on the ambient rayon pool.
+    /// Prompts SAM and filters the resulting masks. Runs on the ambient rayon pool.
     pub fn run(&self, sam: &Sam) -> Result<Candidates, SegmentError> {
         let options = self.options;
         let crops = prompts::crops(
@@ -73,7 +73,7 @@ impl Request<'_> {
             None => vec![(0..grid.len()).collect()],
         };
         let mut frame = None;
-        // What each point's prompt gave; `None` where SAM was not asked.
+        // The result of each point's prompt; `None` if SAM was not prompted there.
         let mut answers: Vec<Option<Vec<Candidate>>> = vec![None; grid.len()];
         for pass in passes {
             let asked = self.worth_asking(&pass, &grid, &crop, &answers);
@@ -95,7 +95,7 @@ impl Request<'_> {
         Ok(answers.into_iter().flatten().flatten().collect())
     }
 
-    /// The points of a pass to be asked at, given what the others gave so far.
+    /// The points of a pass that are worth prompting, given the results so far.
     fn worth_asking(
         &self,
         pass: &[usize],
@@ -123,7 +123,7 @@ impl Request<'_> {
         })
     }
 
-    /// What passed the filters, prompt by prompt.
+    /// Returns the masks that passed the filters, prompt by prompt.
     fn run_prompts(&self, sam: &Sam, frame: &Frame, points: &[[f64; 2]]) -> Result<Vec<Vec<Candidate>>, SegmentError> {
         let scaled = |point: &[f64; 2]| [(point[0] * frame.scale[0]) as f32, (point[1] * frame.scale[1]) as f32];
         let scaled_points: Vec<[f32; 2]> = points.iter().map(scaled).collect();
@@ -136,7 +136,7 @@ impl Request<'_> {
         Ok(found)
     }
 
-    /// Which of a prompt's masks are looked at.
+    /// The masks of a prompt that are to be examined.
     fn wanted(&self, predicted_iou: &[f32; 3]) -> [bool; 3] {
         std::array::from_fn(|index| {
             self.levels.contains(&LEVELS[index]) && predicted_iou[index] > self.options.min_predicted_iou
@@ -150,7 +150,7 @@ impl Request<'_> {
             let Some(logits) = decoded.logits[index] else { continue };
             let predicted_iou = decoded.predicted_iou[index];
             let scored = frame.upsampler.score(logits, options.stability_offset);
-            // Also false where the stability is not a number.
+            // Also false if the stability is NaN.
             let is_stable = scored.stability >= options.min_stability;
             let (true, Some(bounds)) = (is_stable, scored.mask.bounds()) else { continue };
             let (x0, y0) = (frame.rect.x0, frame.rect.y0);
@@ -183,7 +183,7 @@ struct Frame {
 }
 
 impl Candidates {
-    /// The masks of one level, each once; of all levels together where `level` is `None`.
+    /// The masks of one level, or of all levels together if `level` is `None`, without duplicates.
     pub fn distinct(&self, level: Option<Level>, options: &GeneratorOptions) -> Vec<Candidate> {
         let mut chosen: Vec<Candidate> = Vec::new();
         for crop in &self.by_crop {
@@ -194,7 +194,7 @@ impl Candidates {
             chosen.extend(box_nms(&bounds, &scores, options.box_nms).into_iter().map(|i| of_level[i].clone()));
         }
         if self.by_crop.len() > 1 {
-            // Masks of smaller crops are the better resolved ones.
+            // Masks of smaller crops are better resolved.
             let scores = chosen.iter().map(|c| 1.0 / (c.crop.width() as f32 * c.crop.height() as f32)).collect();
             chosen = suppressed(chosen, scores, options.crop_nms);
         }
@@ -205,7 +205,7 @@ impl Candidates {
     }
 }
 
-/// Removes small regions, then what became a duplicate by that; masks that needed no mending are preferred.
+/// Removes small regions, then masks that became duplicates by that; masks that did not change are preferred.
 fn without_small_regions(candidates: Vec<Candidate>, options: &GeneratorOptions) -> Vec<Candidate> {
     let mend = |mut candidate: Candidate| {
         let (mask, changed) = remove_small_regions(candidate.mask, u64::from(options.min_region_area));
@@ -223,8 +223,8 @@ fn suppressed(candidates: Vec<Candidate>, scores: Vec<f32>, max_iou: f32) -> Vec
     box_nms(&bounds, &scores, max_iou).into_iter().filter_map(|i| candidates[i].take()).collect()
 }
 
-/// Whether a box ends near an edge of its crop that is not an edge of the picture. Last pixels count, not the ends after
-/// them, but a crop's and the picture's right and lower edges are their ends (`is_box_near_crop_edge`).
+/// True if a box ends near an edge of its crop that is not an edge of the picture. A box's right and lower edges are
+/// its last pixels, but those of the crop and the picture are one past the last (`is_box_near_crop_edge`).
 fn is_cut_off(bounds: &Rect, crop: &Rect, picture: &Rect) -> bool {
     let near = |a: u32, b: u32| a.abs_diff(b) <= EDGE_TOLERANCE;
     let sides = [

@@ -1,14 +1,14 @@
-//! What SAM answers to a prompt.
+//! A mask that SAM returns for a prompt.
 
 use super::Level;
 use super::mask::{Mask, Rect};
 
-/// A mask of one prompt at one level.
+/// The mask of one prompt at one level.
 #[derive(Debug, Clone)]
 pub struct Candidate {
-    /// At the picture's size.
+    /// The mask at the picture's size.
     pub mask: Mask,
-    /// Around the mask.
+    /// Bounding box of the mask.
     pub bounds: Rect,
     pub predicted_iou: f32,
     pub stability: f32,

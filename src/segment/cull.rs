@@ -3,20 +3,20 @@
 use super::mask::Mask;
 use super::options::SelectionOptions;
 
-/// A mask inside another covers less than this of it...
+/// A mask inside another covers less than this share of it...
 const SMALL_SHARE_OF_OTHER: f64 = 0.5;
-/// ...and lies in it with at least this share of its own.
+/// ...and has at least this share of its own area in it.
 const INSIDE_SHARE: f64 = 0.85;
-/// How many stay where no mask scores well enough.
+/// Number of masks that are kept if none scores well enough.
 const KEPT_ANYWAY: usize = 3;
 
-/// The indices of the masks that stay, best score first. `scores` are predicted IoU times stability.
+/// The indices of the masks that are kept, best score first. `scores` are predicted IoU times stability.
 ///
-/// Every mask is judged against all others, also those that go themselves. It goes if
+/// Every mask is compared with all others, including those that are removed themselves. It is removed if
 /// - one with a better score overlaps it with an IoU above `cull_iou`,
-/// - its score is not above `cull_score` (where none is, the best three stay), or
-/// - it lies inside another that is at least twice as large, and 1 - (overlap / its area) x (overlap / the other's area)
-///   is above 1 - `cull_inner`.
+/// - its score is not above `cull_score` (if none is, the best three are kept), or
+/// - it lies inside another that is at least twice as large, and 1 - (overlap / its area) x (overlap / the other's
+///   area) is above 1 - `cull_inner`.
 pub fn cull(masks: &[&Mask], scores: &[f64], options: &SelectionOptions) -> Vec<usize> {
     let mut order: Vec<usize> = (0..masks.len()).collect();
     order.sort_by(|&a, &b| scores[b].total_cmp(&scores[a]));

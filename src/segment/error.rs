@@ -1,11 +1,11 @@
-//! Why segmentation failed. All of these are about ONNX Runtime or a model; a picture in which SAM finds nothing is no
-//! error.
+//! Errors of segmentation. All of them are about ONNX Runtime or a model; it is not an error if SAM finds nothing in a
+//! picture.
 
 use std::path::PathBuf;
 
 use super::sam::Mismatch;
 
-/// A failure of the model or of what runs it.
+/// A failure of a model or of ONNX Runtime.
 #[derive(Debug, thiserror::Error)]
 pub enum SegmentError {
     #[error("cannot load ONNX Runtime from {path:?}: {reason}; `gprop doctor` says which copy is used and why")]

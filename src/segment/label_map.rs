@@ -1,4 +1,4 @@
-//! Label maps as 16-bit grey PNG, the form in which they are kept and exchanged.
+//! Label maps as 16-bit grey PNG, the form in which they are stored and exchanged.
 
 use std::collections::{BTreeMap, BTreeSet};
 
@@ -9,11 +9,11 @@ use crate::files;
 
 use super::LabelMap;
 
-/// What decoding a map may take: 20,000 x 20,000 labels of two bytes, the largest that gprop writes, and what the decoder
-/// needs besides.
+/// Memory limit for decoding a map: 20,000 x 20,000 labels of two bytes, the largest map that gprop writes, plus what
+/// the decoder itself needs.
 const MOST_BYTES: u64 = 1 << 30;
 
-/// Why bytes are no label map.
+/// The reason why bytes are not a valid label map.
 #[derive(Debug, thiserror::Error)]
 pub enum LabelMapError {
     #[error("not a readable PNG: {0}")]
@@ -38,7 +38,7 @@ impl LabelMap {
         self.labels[y as usize * self.width as usize + x as usize]
     }
 
-    /// The map of segment ids, which are renumbered from 1 in their order; a negative one is background.
+    /// Makes a map from segment ids, which are renumbered from 1 in ascending order; negative ids are background.
     pub fn of_ids(width: u32, height: u32, ids: &[i64]) -> Result<Self, LabelMapError> {
         let distinct: BTreeSet<i64> = ids.iter().copied().filter(|&id| id >= 0).collect();
         if distinct.len() > usize::from(u16::MAX) {
@@ -55,7 +55,7 @@ impl LabelMap {
         Self::of_ids(self.width, self.height, &ids)
     }
 
-    /// The map at another size, each pixel as the nearest one.
+    /// The map at another size, by nearest-neighbour sampling.
     pub fn resized(&self, width: u32, height: u32) -> Self {
         let nearest =
             |index: u32, to: u32, from: u32| (u64::from(index) * 2 + 1) * u64::from(from) / (u64::from(to) * 2);
@@ -78,7 +78,7 @@ impl LabelMap {
         Ok(bytes)
     }
 
-    /// The map in a grey PNG of 16 or 8 bits.
+    /// Reads the map from a grey PNG of 16 or 8 bits.
     pub fn from_png(bytes: &[u8]) -> Result<Self, LabelMapError> {
         let mut reader = ImageReader::with_format(files::picture_of(bytes), ImageFormat::Png);
         let mut limits = Limits::default();

@@ -1,9 +1,9 @@
 //! Binary masks as runs of set pixels, row by row. A segment's mask takes a few kilobytes at any picture size, and
-//! area, overlap, connected regions and painting all walk runs instead of pixels.
+//! area, overlap, connected regions and painting are all computed on runs instead of pixels.
 
 use std::ops::Range;
 
-/// A rectangle of pixels. The upper left corner is part of it, the lower right one is not.
+/// A rectangle of pixels. Its upper left corner is inclusive, its lower right one exclusive.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Rect {
     pub x0: u32,
@@ -31,9 +31,9 @@ impl Rect {
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Mask {
     width: u32,
-    /// Where each row's runs begin in `runs`; one entry more than there are rows.
+    /// The index in `runs` at which each row's runs begin; one entry more than there are rows.
     row_starts: Vec<u32>,
-    /// Half-open column ranges of set pixels: within a row ascending, neither empty nor touching.
+    /// Half-open column ranges of set pixels: ascending within a row, neither empty nor touching.
     runs: Vec<(u32, u32)>,
 }
 
@@ -71,7 +71,7 @@ impl MaskBuilder {
 }
 
 impl Mask {
-    /// The pixels where `is_set(x, y)`.
+    /// The mask of the pixels for which `is_set(x, y)` is true.
     pub fn from_fn(width: u32, height: u32, is_set: impl Fn(u32, u32) -> bool) -> Self {
         let mut builder = MaskBuilder::new(width);
         for y in 0..height {
@@ -96,7 +96,7 @@ impl Mask {
         &self.runs[self.row_range(y)]
     }
 
-    /// Where the runs of row `y` lie among [`Mask::runs`].
+    /// The range of row `y`'s runs in [`Mask::runs`].
     pub fn row_range(&self, y: u32) -> Range<usize> {
         self.row_starts[y as usize] as usize..self.row_starts[y as usize + 1] as usize
     }
@@ -106,7 +106,7 @@ impl Mask {
         &self.runs
     }
 
-    /// Whether the pixel is set.
+    /// True if the pixel is set.
     pub fn contains(&self, x: u32, y: u32) -> bool {
         let row = self.row(y);
         row.get(row.partition_point(|run| run.1 <= x)).is_some_and(|run| run.0 <= x)
@@ -117,7 +117,7 @@ impl Mask {
         self.runs.iter().map(|&(start, end)| u64::from(end - start)).sum()
     }
 
-    /// The smallest rectangle around the set pixels; `None` where there are none.
+    /// The smallest rectangle around the set pixels; `None` if there are none.
     pub fn bounds(&self) -> Option<Rect> {
         let filled = |y: &u32| !self.row(*y).is_empty();
         let (top, bottom) = ((0..self.height()).find(filled)?, (0..self.height()).rev().find(filled)?);
@@ -126,21 +126,21 @@ impl Mask {
         Some(Rect { x0, y0: top, x1, y1: bottom + 1 })
     }
 
-    /// Number of pixels set in both. The masks must be of one size.
+    /// Number of pixels set in both. The masks must have the same size.
     pub fn overlap(&self, other: &Self) -> u64 {
         let mut area = 0;
         self.for_each_common_run(other, |_, start, end| area += u64::from(end - start));
         area
     }
 
-    /// Intersection over union; 0 where both are empty.
+    /// Intersection over union; 0 if both are empty.
     pub fn iou(&self, other: &Self) -> f64 {
         let overlap = self.overlap(other);
         let union = self.area() + other.area() - overlap;
         if union == 0 { 0.0 } else { overlap as f64 / union as f64 }
     }
 
-    /// The pixels set in both. The masks must be of one size.
+    /// The pixels set in both. The masks must have the same size.
     pub fn intersected(&self, other: &Self) -> Self {
         let mut builder = MaskBuilder::new(self.width);
         let mut row = 0;
@@ -172,7 +172,7 @@ impl Mask {
         builder.finish()
     }
 
-    /// The mask as part of a larger picture of `width` x `height`, its upper left corner at (`x0`, `y0`).
+    /// The mask placed in a larger picture of `width` x `height`, with its upper left corner at (`x0`, `y0`).
     pub fn placed(&self, x0: u32, y0: u32, width: u32, height: u32) -> Self {
         debug_assert!(x0 + self.width <= width && y0 + self.height() <= height);
         let mut row_starts = vec![0; y0 as usize];
@@ -182,7 +182,7 @@ impl Mask {
         Self { width, row_starts, runs }
     }
 
-    /// The part inside a rectangle, as a picture of its own.
+    /// The part inside a rectangle, as a separate mask.
     pub fn cropped(&self, rect: &Rect) -> Self {
         let mut builder = MaskBuilder::new(rect.width());
         for y in rect.y0..rect.y1 {

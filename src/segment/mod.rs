@@ -1,15 +1,15 @@
-//! Segments of every chosen view: SAM's automatic masks, one level of them, painted into a label map.
+//! Segments of every chosen view: one level of SAM's automatic masks, painted into a label map.
 //!
-//! In the order of the data:
-//! 1. [`segmenter`]: the foreground's surroundings are cut out of the photo;
-//! 2. [`prompts`], [`adaptive`]: a grid of points, and which of them are worth asking at;
-//! 3. [`preprocess`], [`resize`]: the picture as SAM's encoder wants it;
-//! 4. [`sam`] (the only user of `ort`): one embedding a picture, three nested masks a prompt;
-//! 5. [`upsample`]: logits to a mask at picture size and its stability;
-//! 6. [`automatic`], [`nms`], [`regions`]: the good ones, each only once, mended;
-//! 7. [`cull`], [`paint`]: which of them are segments, and the label map;
-//! 8. [`views`]: all of this for many views side by side;
-//! 9. [`formats`]: label maps as others keep them, out and in.
+//! The modules, in the order in which the data pass through them:
+//! 1. [`segmenter`]: crops the photo to the foreground and a margin around it;
+//! 2. [`prompts`], [`adaptive`]: a grid of points, and the choice of those worth prompting;
+//! 3. [`preprocess`], [`resize`]: the picture as SAM's encoder expects it;
+//! 4. [`sam`] (the only user of `ort`): one embedding per picture, three nested masks per prompt;
+//! 5. [`upsample`]: from logits to a mask at picture size and its stability;
+//! 6. [`automatic`], [`nms`], [`regions`]: the good masks, without duplicates, small holes and islands;
+//! 7. [`cull`], [`paint`]: the choice of masks that are segments, and the label map;
+//! 8. [`views`]: all of this for many views in parallel;
+//! 9. [`formats`]: label maps in the formats of other programs, written and read.
 
 mod adaptive;
 pub mod automatic;
@@ -56,19 +56,19 @@ pub struct LabelMap {
 pub struct Segment {
     /// Its value in the label map.
     pub id: u16,
-    /// Pixels it kept in the label map.
+    /// Number of its pixels in the label map.
     pub area: u32,
     /// x, y, width, height in pixels.
     pub bbox: [u32; 4],
-    /// SAM's own estimate of the mask's IoU; 0 for what is left of the object beside SAM's masks.
+    /// SAM's own estimate of the mask's IoU; 0 for the rest of the object, which SAM's masks do not cover.
     pub predicted_iou: f32,
-    /// As [`upsample::ScoredMask::stability`]; 0 for what is left of the object beside SAM's masks.
+    /// As [`upsample::ScoredMask::stability`]; 0 for the rest of the object, which SAM's masks do not cover.
     pub stability_score: f32,
     pub level: Level,
 }
 
 impl Segment {
-    /// Whether this is not a mask of SAM's but what its masks left of the object.
+    /// True if this is not one of SAM's masks but the rest of the object, which they do not cover.
     pub fn is_rest(&self) -> bool {
         self.predicted_iou == 0.0 && self.stability_score == 0.0
     }
@@ -91,12 +91,12 @@ pub struct ViewSegments {
     /// Name of the view.
     pub view: String,
     pub map: LabelMap,
-    /// By rising id.
+    /// By ascending id.
     pub segments: Vec<Segment>,
 }
 
 impl ViewSegments {
-    /// What the user should know about the view.
+    /// A warning about the view for the user, if there is one.
     pub fn warning(&self) -> Option<String> {
         match self.segments.as_slice() {
             [] => Some(format!("view {}: it has no foreground and so no segments", self.view)),

@@ -1,12 +1,12 @@
-//! Non-maximum suppression of boxes, as `torchvision.ops.nms` does it.
+//! Non-maximum suppression of boxes, as in `torchvision.ops.nms`.
 
 use super::mask::Rect;
 
-/// The indices that survive, best score first: each in turn unless its box overlaps an already kept one with an IoU
-/// above `max_iou`. Equal scores keep their order.
+/// The indices of the boxes that are kept, best score first: each box in turn, unless it overlaps an already kept one
+/// with an IoU above `max_iou`. Equal scores keep their order.
 ///
-/// A box's sides count from its first to its last pixel, as the public generator's do, so a box one pixel wide has no
-/// area; two boxes without area do not suppress each other.
+/// A box's sides are measured from its first to its last pixel, as in the public generator, so a box one pixel wide has
+/// no area; two boxes without area do not suppress each other.
 pub fn box_nms(boxes: &[Rect], scores: &[f32], max_iou: f32) -> Vec<usize> {
     let mut order: Vec<usize> = (0..boxes.len()).collect();
     order.sort_by(|&a, &b| scores[b].total_cmp(&scores[a]));

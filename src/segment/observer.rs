@@ -1,10 +1,10 @@
-//! Progress within a picture.
+//! Progress reports within a picture.
 
-/// Told how far a picture is, from any thread.
+/// Receives progress reports about a picture, from any thread.
 pub trait Observer: Sync {
-    /// The picture will take this many prompts more.
+    /// This many more prompts are planned for the picture.
     fn planned(&self, prompts: usize);
-    /// One of them is done.
+    /// One prompt is done.
     fn prompted(&self);
 }
 

@@ -1,7 +1,8 @@
-//! From SAM's masks of one level to a label map: which of them are segments of the object, painted large to small.
+//! Makes a label map from SAM's masks of one level: chooses those that are segments of the object and paints them from
+//! large to small.
 //!
 //! The paper's code culls first, then leaves out the largest mask and paints the others over the foreground, which is
-//! one more segment where nothing covers it. gprop leaves out what is not a segment *before* culling: a mask of the
+//! one more segment wherever nothing covers it. gprop leaves out what is not a segment *before* culling: a mask of the
 //! whole object would otherwise take every segment below half its size with it (see [`super::cull`]).
 
 use super::candidate::Candidate;
@@ -11,20 +12,20 @@ use super::options::Options;
 use super::regions::drop_small_islands;
 use super::{LabelMap, Level, Segment};
 
-/// A mask with less of its area on the foreground is of the background.
+/// A mask with a smaller share of its area on the foreground belongs to the background.
 const LEAST_SHARE_ON_FOREGROUND: f64 = 0.5;
 
-/// A mask on the foreground with SAM's scores; none where SAM did not find it.
+/// A mask on the foreground with SAM's scores; they are zero if it is not one of SAM's masks.
 struct Layer {
     mask: Mask,
     predicted_iou: f32,
     stability: f32,
 }
 
-/// Paints what `candidates` say of the pixels of `foreground`. Masks and foreground are of one size.
+/// Paints `candidates` onto the pixels of `foreground`. Masks and foreground must have the same size.
 ///
-/// A segment that is the rest of the object, covered by no mask, has zero predicted IoU and stability. An object of
-/// which nothing is found, or too small to have segments, is one such segment.
+/// A segment that is the rest of the object, covered by no mask, has zero predicted IoU and stability. An object in
+/// which nothing is found, or that is too small to have segments, is one such segment.
 pub fn paint(candidates: &[Candidate], foreground: &Mask, options: &Options) -> (LabelMap, Vec<Segment>) {
     let min_area = u64::from(options.generator.min_region_area).max(1);
     let mut layers = segment_layers(candidates, foreground, options, min_area);
@@ -37,7 +38,7 @@ pub fn paint(candidates: &[Candidate], foreground: &Mask, options: &Options) -> 
         let map = label_map(&layers, foreground);
         let scores: Vec<(f32, f32)> = layers.iter().map(|layer| (layer.predicted_iou, layer.stability)).collect();
         let segments = segment_list(&map, &scores, options.level);
-        // What lies under others may be left with scraps; without it, they belong to what lies under that.
+        // A layer below others may be left with scraps; it is dropped, and its scraps go to the layer below it.
         let scrap =
             segments.iter().filter(|segment| u64::from(segment.area) < min_area).min_by_key(|segment| segment.area);
         match scrap {
@@ -47,7 +48,7 @@ pub fn paint(candidates: &[Candidate], foreground: &Mask, options: &Options) -> 
     }
 }
 
-/// The candidates that are segments, cut to the foreground.
+/// The candidates that are segments, clipped to the foreground.
 fn segment_layers(candidates: &[Candidate], foreground: &Mask, options: &Options, min_area: u64) -> Vec<Layer> {
     let object_area = foreground.area() as f64;
     let on_object = |candidate: &Candidate| {
@@ -72,7 +73,7 @@ fn rest_layer(layers: &[Layer], foreground: &Mask, min_area: u64) -> Option<Laye
     (mask.area() >= min_area).then_some(Layer { mask, predicted_iou: 0.0, stability: 0.0 })
 }
 
-/// Label i + 1 where layer i is the last to cover.
+/// Each pixel gets label i + 1, where layer i is the last that covers it.
 fn label_map(layers: &[Layer], foreground: &Mask) -> LabelMap {
     let (width, height) = (foreground.width(), foreground.height());
     let mut map = LabelMap { width, height, labels: vec![0; width as usize * height as usize] };
@@ -88,7 +89,7 @@ fn label_map(layers: &[Layer], foreground: &Mask) -> LabelMap {
     map
 }
 
-/// What each segment has of the map. `scores` are the predicted IoU and stability of the segments from 1 on.
+/// The segments of the map. `scores` are the predicted IoU and stability of the segments from 1 on.
 pub(super) fn segment_list(map: &LabelMap, scores: &[(f32, f32)], level: Level) -> Vec<Segment> {
     let mut kept = vec![Kept::default(); scores.len() + 1];
     for (index, &label) in map.labels.iter().enumerate() {

@@ -1,4 +1,4 @@
-//! A picture as the encoder wants it: longest side 1024, normalised, padded with zeros on the right and below (the
+//! Prepares a picture for the encoder: longest side 1024, normalised, padded with zeros on the right and below (the
 //! public `ResizeLongestSide` and `Sam.preprocess`).
 
 use image::RgbImage;
@@ -15,7 +15,7 @@ const DEVIATION: [f32; 3] = [58.395, 57.12, 57.375];
 pub struct Prepared {
     /// `[3,1024,1024]`.
     pub input: Vec<f32>,
-    /// Width and height of the picture inside, the longer of them 1024.
+    /// Width and height of the scaled picture inside, the longer of which is 1024.
     pub scaled: (u32, u32),
 }
 
@@ -35,7 +35,7 @@ pub fn prepare(picture: &RgbImage) -> Prepared {
     Prepared { input, scaled }
 }
 
-/// Width and height scaled so that the longer is 1024, rounded half up.
+/// Width and height scaled so that the longer side is 1024, rounded half up.
 pub fn scaled_size(width: u32, height: u32) -> (u32, u32) {
     let scale = MODEL_SIDE as f64 / f64::from(width.max(height));
     // A picture more than 2048 times longer than wide would vanish.

@@ -1,4 +1,4 @@
-//! Where SAM is asked: a grid of points over the picture and over crops of it (the public `build_point_grid` and
+//! The prompts for SAM: a grid of points over the picture and over crops of it (the public `build_point_grid` and
 //! `generate_crop_boxes`).
 
 use super::mask::Rect;
@@ -11,9 +11,9 @@ pub struct Crop {
     pub points_per_side: u32,
 }
 
-/// The whole picture, then `layers` layers of crops: layer i has 2^i crops a side, which overlap by `overlap` of the
-/// picture's shorter side in the first layer and by ever less in the next; its grids have `downscale`^i fewer points a
-/// side.
+/// The whole picture, then `layers` layers of crops: layer i has 2^i crops per side. They overlap by `overlap` of the
+/// picture's shorter side in the first layer and by less in each further one; their grids have `downscale`^i times
+/// fewer points per side.
 pub fn crops(width: u32, height: u32, points_per_side: u32, layers: u32, overlap: f64, downscale: u32) -> Vec<Crop> {
     let mut crops = vec![Crop { rect: Rect::of_size(width, height), points_per_side }];
     for layer in 1..=layers {

@@ -1,19 +1,19 @@
-//! Connected regions of a mask, and the removal of small holes and islands: what `remove_small_regions` of the public
-//! SAM generator does with OpenCV's 8-connected components, on runs.
+//! Connected regions of a mask, and the removal of small holes and islands: the same as `remove_small_regions` of the
+//! public SAM generator, which uses OpenCV's 8-connected components, but computed on runs.
 
 use super::mask::{Mask, MaskBuilder};
 
-/// The regions of a mask: which one each run belongs to, and their areas.
+/// The regions of a mask: the region of each run, and their areas.
 struct Regions {
-    /// Per run of the mask.
+    /// Region of each run of the mask.
     region_of_run: Vec<usize>,
-    /// Pixels per region.
+    /// Number of pixels in each region.
     areas: Vec<u64>,
 }
 
-/// `mask` without holes and islands of fewer than `min_area` pixels, holes filled first; and whether that changed it.
-/// Holes are 8-connected regions of unset pixels, also at the picture's edge. Where every island is small the largest
-/// stays.
+/// `mask` without holes and islands of fewer than `min_area` pixels, holes filled first; and whether that changed the
+/// mask. Holes are 8-connected regions of unset pixels, including those at the picture's edge. If every island is
+/// small, the largest is kept.
 pub fn remove_small_regions(mask: Mask, min_area: u64) -> (Mask, bool) {
     let (mask, filled) = fill_small_holes(mask, min_area);
     let (mask, dropped) = drop_small_islands(mask, min_area);
@@ -30,7 +30,8 @@ fn fill_small_holes(mask: Mask, min_area: u64) -> (Mask, bool) {
     (kept_gaps.complement(), true)
 }
 
-/// `mask` without its islands of fewer than `min_area` pixels; the largest stays where all are. And whether any went.
+/// `mask` without its islands of fewer than `min_area` pixels; if all are smaller, the largest is kept. Also returns
+/// whether any was removed.
 pub fn drop_small_islands(mask: Mask, min_area: u64) -> (Mask, bool) {
     let regions = Regions::of(&mask);
     if regions.areas.iter().all(|&area| area >= min_area) {
@@ -104,7 +105,7 @@ fn root_of(parent: &mut [usize], mut node: usize) -> usize {
     node
 }
 
-/// Joins two sets under the root that comes first in reading order.
+/// Merges two sets under the root that comes first in reading order.
 fn join(parent: &mut [usize], a: usize, b: usize) {
     let (a, b) = (root_of(parent, a), root_of(parent, b));
     parent[a.max(b)] = a.min(b);

@@ -1,18 +1,18 @@
-//! Shrinking and growing 8-bit pictures exactly as Pillow's `Image.resize(..., BILINEAR)` does, which is what SAM's
-//! preprocessing runs through torchvision: a triangle filter that widens with the reduction (so it antialiases), columns
-//! first, rounded to 8 bits between the two passes, in fixed point with 22 fractional bits (Pillow, `Resample.c`).
+//! Resizes 8-bit pictures exactly as Pillow's `Image.resize(..., BILINEAR)` does, which SAM's preprocessing calls
+//! through torchvision: a triangle filter that widens with the reduction (so it antialiases), columns first, rounded to
+//! 8 bits between the two passes, in fixed point with 22 fractional bits (Pillow, `Resample.c`).
 
 use image::{RgbImage, imageops};
 
 const FRACTION_BITS: u32 = 22;
 
-/// For one output sample: the first input sample and the fixed-point weights of it and its followers.
+/// For one output sample: the first input sample, and the fixed-point weights of that sample and those after it.
 struct Taps {
     first: usize,
     weights: Vec<i32>,
 }
 
-/// `picture` at `width` x `height`.
+/// Returns `picture` resized to `width` x `height`.
 pub fn resize_bilinear(picture: &RgbImage, width: u32, height: u32) -> RgbImage {
     let wide = if width == picture.width() { picture.clone() } else { resize_columns(picture, width) };
     if height == wide.height() { wide } else { resize_rows(&wide, height) }
@@ -73,7 +73,7 @@ fn taps(from: usize, to: usize) -> Vec<Taps> {
     let support = scale.max(1.0);
     let taps_at = |index: usize| {
         let center = (index as f64 + 0.5) * scale;
-        // Casts to integers saturate at zero, where Pillow clamps.
+        // Casts to integers saturate at zero; Pillow clamps there.
         let first = (center - support + 0.5) as usize;
         let end = ((center + support + 0.5) as usize).min(from);
         let weight = |sample: usize| (1.0 - ((sample as f64 - center + 0.5) / support).abs()).max(0.0);

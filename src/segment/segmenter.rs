@@ -18,7 +18,7 @@ use super::{LabelMap, ViewSegments};
 use crate::scene::Photo;
 use crate::setup::ModelFiles;
 
-/// Least value of [`Photo::foreground`] that is the object.
+/// Least value of [`Photo::foreground`] that counts as the object.
 const FOREGROUND: u8 = 128;
 
 /// SAM, loaded and ready.
@@ -40,13 +40,13 @@ impl Segmenter {
         Ok(Self { sam: self.sam.caching_embeddings(folder, files)? })
     }
 
-    /// SAM itself, for what needs its masks and not segments.
+    /// SAM itself, for uses that need its masks rather than segments.
     pub fn sam(&self) -> &Sam {
         &self.sam
     }
 
-    /// The segments of one photo: none where it has no foreground, the whole foreground where SAM finds none. Runs on
-    /// the ambient rayon pool; the result does not depend on its size.
+    /// The segments of one photo: none if it has no foreground, and the whole foreground if SAM finds none. Runs on the
+    /// ambient rayon pool; the result does not depend on its size.
     pub fn segment_view(
         &self,
         view: &str,
@@ -66,7 +66,7 @@ impl Segmenter {
         Ok(ViewSegments { view: view.to_owned(), map, segments })
     }
 
-    /// SAM's masks of one level, found in the foreground's surroundings, at the photo's size.
+    /// SAM's masks of one level, found in the foreground's bounding box with its margin, at the photo's size.
     fn candidates(
         &self,
         photo: &RgbImage,
@@ -105,7 +105,7 @@ fn mask_of(foreground: &GrayImage) -> Mask {
     Mask::from_fn(foreground.width(), foreground.height(), |x, y| raw[y as usize * width + x as usize] >= FOREGROUND)
 }
 
-/// `bounds` and `margin` times their longer side around them, inside the picture.
+/// `bounds` widened on each side by `margin` times their longer side, clipped to the picture.
 fn with_margin(bounds: &Rect, margin: f64, width: u32, height: u32) -> Rect {
     let margin = (margin.max(0.0) * f64::from(bounds.width().max(bounds.height()))).round() as u32;
     Rect {

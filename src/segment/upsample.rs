@@ -2,8 +2,8 @@
 //!
 //! The public predictor enlarges the logits bilinearly to 1024 x 1024, cuts off the padding, and resizes the rest
 //! bilinearly (without antialiasing) to the picture. Both steps are linear and work on rows and columns separately, so
-//! per axis they fold into one table of three neighbouring weights per output pixel. Pixels that only see logits under
-//! the lowest threshold belong to no count and are never computed.
+//! per axis they fold into one table of three neighbouring weights per output pixel. Pixels that depend only on logits
+//! below the lowest threshold affect no count and are never computed.
 
 use super::mask::{Mask, MaskBuilder};
 use super::sam::{LOGITS_SIDE, MODEL_SIDE};
@@ -11,31 +11,32 @@ use super::sam::{LOGITS_SIDE, MODEL_SIDE};
 /// SAM's `mask_threshold`: logits above it are the mask.
 const MASK_THRESHOLD: f32 = 0.0;
 
-/// How one output row or column mixes three neighbouring ones of the logits.
+/// The weights with which one output row or column mixes three neighbouring ones of the logits.
 #[derive(Debug, Clone, Copy, PartialEq)]
 struct Taps {
     first: usize,
     weights: [f32; 3],
 }
 
-/// Makes masks of one picture size.
+/// Computes masks of one picture size.
 #[derive(Debug, Clone)]
 pub struct Upsampler {
     columns: Vec<Taps>,
     rows: Vec<Taps>,
 }
 
-/// A mask and how little it depends on the threshold.
+/// A mask and its stability when the threshold changes.
 #[derive(Debug, Clone)]
 pub struct ScoredMask {
     pub mask: Mask,
-    /// Area above the threshold plus the offset, over area above the threshold minus the offset; NaN where the latter
-    /// is none. As the public `calculate_stability_score`.
+    /// Area above the threshold plus the offset, over area above the threshold minus the offset; NaN if the latter is
+    /// zero. As the public `calculate_stability_score`.
     pub stability: f32,
 }
 
 impl Upsampler {
-    /// For a picture of `width` x `height` whose scaled copy fills `scaled_width` x `scaled_height` of the model's input.
+    /// Prepares for a picture of `width` x `height` whose scaled copy fills `scaled_width` x `scaled_height` of the
+    /// model's input.
     pub fn new(width: u32, height: u32, scaled_width: u32, scaled_height: u32) -> Self {
         Self { columns: taps(width, scaled_width), rows: taps(height, scaled_height) }
     }
@@ -66,7 +67,8 @@ impl Upsampler {
         ScoredMask { mask: builder.finish(), stability: above_high as f32 / above_low as f32 }
     }
 
-    /// The logits with their columns mixed to the output's `columns`. Rows that no live output row needs stay zero.
+    /// The logits with their columns interpolated to the output's `columns`. Rows that no live output row needs stay
+    /// zero.
     fn stretch_columns(&self, logits: &[f32], columns: &std::ops::Range<usize>, live_rows: (usize, usize)) -> Vec<f32> {
         let width = columns.len();
         let mut stretched = vec![0.0; LOGITS_SIDE * width];
@@ -108,7 +110,7 @@ impl Live {
     }
 }
 
-/// The outputs that mix in any of the logits `live.0..=live.1`.
+/// The outputs that depend on any of the logits `live.0..=live.1`.
 fn touching(taps: &[Taps], live: (usize, usize)) -> std::ops::Range<usize> {
     let start = taps.partition_point(|taps| taps.first + 2 < live.0);
     let end = taps.partition_point(|taps| taps.first <= live.1);
@@ -219,12 +221,12 @@ mod tests {
 
     #[test]
     fn one_pass_equals_the_two_steps_of_the_public_predictor() {
-        // A smaller picture, a larger one, and one that is as the model sees it.
+        // A smaller picture, a larger one, and one of the size that the model sees.
         for (size, scaled) in [((50, 37), (1024, 758)), ((300, 400), (768, 1024)), ((1024, 700), (1024, 700))] {
             let logits = wavy_logits();
             let scored = Upsampler::new(size.0, size.1, scaled.0, scaled.1).score(&logits, 1.0);
             let expected = two_steps(&logits, size, scaled);
-            // Pixels within rounding of the threshold may fall either way.
+            // Pixels within rounding error of the threshold may fall on either side.
             let mut decided = 0;
             for (i, &value) in expected.iter().enumerate().filter(|(_, value)| value.abs() > 1e-4) {
                 let (x, y) = (i as u32 % size.0, i as u32 / size.0);

@@ -1,4 +1,4 @@
-//! Many views side by side, each handed on as soon as it is done.
+//! Segments many views in parallel and passes each on as soon as it is done.
 
 use std::sync::atomic::{AtomicU64, Ordering};
 
@@ -13,12 +13,12 @@ use super::{Segmentation, ViewSegments};
 use crate::progress::Progress;
 use crate::scene::Photo;
 
-/// Segments the views named, on the ambient rayon pool. `load` reads a view's photo when its turn comes; `finished` gets
-/// each view as soon as it is done, in no particular order. The result is in the order of `names` and does not depend on
-/// the number of threads.
+/// Segments the named views on the ambient rayon pool. `load` reads a view's photo when its turn comes; `finished` gets
+/// each view as soon as it is done, in no particular order. The result is in the order of `names` and does not depend
+/// on the number of threads.
 ///
 /// # Errors
-/// The first of `load`, of `finished`, or [`SegmentError`]; views in flight are finished before it is returned.
+/// The first error of `load` or `finished`, or [`SegmentError`]; views in progress are finished before it is returned.
 pub fn segment_views<E: From<SegmentError> + Send>(
     segmenter: &Segmenter,
     names: &[&str],
@@ -41,8 +41,8 @@ pub fn segment_views<E: From<SegmentError> + Send>(
     Ok(Segmentation { views: views? })
 }
 
-/// A progress bar over all prompts of all views. How many a view takes shows only on the way, so the total is the mean of
-/// those begun times the number of views.
+/// A progress bar over all prompts of all views. The number of prompts of a view is known only once it has begun, so
+/// the total is the mean of the views begun times the number of views.
 struct Tally {
     bar: ProgressBar,
     views: u64,

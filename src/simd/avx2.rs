@@ -5,11 +5,11 @@ use std::ops::{Add, Div, Mul, Neg, Sub};
 
 use super::{LANES, Lanes, Vector};
 
-/// Instructions on registers.
+/// Evaluates instructions on registers.
 macro_rules! registers {
     ($instructions:expr) => {
-        // SAFETY: they are of AVX2 and FMA and touch no memory. Only `instructions` can name `Avx2`, and it does so behind
-        // `is_x86_feature_detected!` of "avx2" and "fma".
+        // SAFETY: they are instructions of AVX2 and FMA and access no memory. Only `instructions` can name `Avx2`, and
+        // it does so behind `is_x86_feature_detected!` of "avx2" and "fma".
         unsafe { $instructions }
     };
 }
@@ -67,14 +67,14 @@ impl Vector for Avx2 {
     }
     #[inline(always)]
     unsafe fn read(from: *const f32) -> Self {
-        // SAFETY: the caller vouches for WIDTH = 8 values, the 32 bytes that are read, from any address. As for the
-        // instruction, see `registers`.
+        // SAFETY: the caller guarantees WIDTH = 8 readable values, the 32 bytes that are read; the address needs no
+        // alignment. As for the instruction, see `registers`.
         Self(unsafe { _mm256_loadu_ps(from) })
     }
     #[inline(always)]
     unsafe fn write(self, to: *mut f32) {
-        // SAFETY: the caller vouches for room for WIDTH = 8 values, the 32 bytes that are written, to any address. As for the
-        // instruction, see `registers`.
+        // SAFETY: the caller guarantees room for WIDTH = 8 values, the 32 bytes that are written; the address needs no
+        // alignment. As for the instruction, see `registers`.
         unsafe { _mm256_storeu_ps(to, self.0) }
     }
     #[inline(always)]
@@ -136,8 +136,8 @@ impl Lanes for Avx2 {
     #[inline(always)]
     fn to_whole(self) -> [i32; LANES] {
         let mut whole = [0; LANES];
-        // SAFETY: `whole` has room for the 8 i32, 32 bytes, that are written to any address. As for the instructions, see
-        // `registers`.
+        // SAFETY: `whole` has room for the 8 i32, 32 bytes, that are written; the address needs no alignment. As for
+        // the instructions, see `registers`.
         unsafe { _mm256_storeu_si256(whole.as_mut_ptr().cast(), _mm256_cvttps_epi32(self.0)) }
         whole
     }

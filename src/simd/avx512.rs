@@ -5,11 +5,11 @@ use std::ops::{Add, Div, Mul, Sub};
 
 use super::{MOST_LANES, Vector};
 
-/// Instructions on registers.
+/// Evaluates instructions on registers.
 macro_rules! registers {
     ($instructions:expr) => {
-        // SAFETY: they are of AVX-512F and touch no memory. Only `instructions` can name `Avx512`, and it does so behind
-        // `is_x86_feature_detected!` of "avx512f".
+        // SAFETY: they are instructions of AVX-512F and access no memory. Only `instructions` can name `Avx512`, and it
+        // does so behind `is_x86_feature_detected!` of "avx512f".
         unsafe { $instructions }
     };
 }
@@ -59,14 +59,14 @@ impl Vector for Avx512 {
     }
     #[inline(always)]
     unsafe fn read(from: *const f32) -> Self {
-        // SAFETY: the caller vouches for WIDTH = 16 values, the 64 bytes that are read, from any address. As for the
-        // instruction, see `registers`.
+        // SAFETY: the caller guarantees WIDTH = 16 readable values, the 64 bytes that are read; the address needs no
+        // alignment. As for the instruction, see `registers`.
         Self(unsafe { _mm512_loadu_ps(from) })
     }
     #[inline(always)]
     unsafe fn write(self, to: *mut f32) {
-        // SAFETY: the caller vouches for room for WIDTH = 16 values, the 64 bytes that are written, to any address. As for
-        // the instruction, see `registers`.
+        // SAFETY: the caller guarantees room for WIDTH = 16 values, the 64 bytes that are written; the address needs no
+        // alignment. As for the instruction, see `registers`.
         unsafe { _mm512_storeu_ps(to, self.0) }
     }
     #[inline(always)]

@@ -1,13 +1,14 @@
-//! Functions of vectors by polynomials.
+//! Functions of vectors, computed with polynomials.
 
 use std::f32::consts::{FRAC_1_SQRT_2, LOG2_E, SQRT_2};
 
 use super::{Lanes, Vector};
 
-/// The exponentials of this and of its negative are normal numbers; the largest whole number of which this holds.
+/// The largest whole number for which the exponentials of it and of its negative are normal numbers.
 pub const MOST_EXPONENT: f32 = 87.0;
 
-/// Exponential, arguments clamped to [-most, most], to about 2 ulp for `most` up to [`MOST_EXPONENT`] (Cephes' expf polynomial).
+/// Exponential, arguments clamped to [-most, most], to about 2 ulp for `most` up to [`MOST_EXPONENT`] (Cephes' expf
+/// polynomial).
 #[inline(always)]
 pub fn exp<V: Vector>(x: V, most: f32) -> V {
     const P: [f32; 6] = [1.987_569_1e-4, 1.398_2e-3, 8.333_452e-3, 4.166_579_6e-2, 1.666_666_5e-1, 0.5];
@@ -47,7 +48,7 @@ pub fn gelu<V: Vector>(x: V) -> V {
     let (zero, one) = (V::splat(0.0), V::splat(1.0));
     let size = x.max(zero - x) * V::splat(FRAC_1_SQRT_2);
     let t = one / size.mul_add(V::splat(0.327_591_1), one);
-    // Half of erfc(|x| / √2): what is left of Φ on the far side.
+    // Half of erfc(|x| / √2): the tail of Φ on the far side.
     let far = polynomial(&P, t) * t * exp(zero - size * size, MOST_EXPONENT) * V::splat(0.5);
     // x Φ(x) = max(x, 0) - |x| far.
     x.max(zero) - far * size * V::splat(SQRT_2)

@@ -1,4 +1,4 @@
-//! Which instructions this processor has, and the only way into code that is compiled for them.
+//! The instructions that this processor has, and the only way to call code that is compiled for them.
 
 #[cfg(target_arch = "x86_64")]
 use super::avx2::Avx2;
@@ -6,7 +6,7 @@ use super::avx2::Avx2;
 use super::avx512::Avx512;
 use super::{Lanes, Plain, Vector};
 
-/// Instructions that this processor has: a value is made only after it was asked for them.
+/// Instructions that this processor has: a value is only made after the processor was checked for them.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Instructions(Set);
 
@@ -19,7 +19,8 @@ enum Set {
     Any,
 }
 
-/// Work on vectors of any width. [`Self::run`] and all that it calls on vectors is marked `#[inline(always)]`.
+/// Work on vectors of any width. [`Self::run`] and everything that it calls on vectors must be marked
+/// `#[inline(always)]`.
 pub trait Kernel {
     type Output;
 
@@ -34,10 +35,10 @@ pub trait LanesKernel {
 }
 
 impl Instructions {
-    /// Those that any processor has.
+    /// The instructions that every processor has.
     pub const ANY: Self = Self(Set::Any);
 
-    /// The best that this processor has.
+    /// The best instructions that this processor has.
     pub fn of_this_processor() -> Self {
         #[cfg(target_arch = "x86_64")]
         {
@@ -51,7 +52,7 @@ impl Instructions {
         Self::ANY
     }
 
-    /// All that this processor has, the best first.
+    /// All instructions that this processor has, the best first.
     pub fn all_of_this_processor() -> Vec<Self> {
         let mut all = vec![Self::of_this_processor()];
         #[cfg(target_arch = "x86_64")]
@@ -66,7 +67,7 @@ impl Instructions {
         (is_x86_feature_detected!("avx2") && is_x86_feature_detected!("fma")).then_some(Self(Set::Avx2))
     }
 
-    /// Runs `kernel` on the widest vectors of these instructions.
+    /// Runs `kernel` on the widest vectors that these instructions support.
     pub fn run<K: Kernel>(self, kernel: K) -> K::Output {
         #[cfg(target_arch = "x86_64")]
         #[target_feature(enable = "avx512f")]
@@ -90,7 +91,7 @@ impl Instructions {
     }
 }
 
-/// Runs `kernel` on vectors of eight, by AVX2 with FMA if this processor has both.
+/// Runs `kernel` on vectors of eight, with AVX2 and FMA if this processor has both.
 pub fn run_lanes<K: LanesKernel>(kernel: K) -> K::Output {
     #[cfg(target_arch = "x86_64")]
     if Instructions::avx2().is_some() {
@@ -98,7 +99,7 @@ pub fn run_lanes<K: LanesKernel>(kernel: K) -> K::Output {
         fn with_avx2<K: LanesKernel>(kernel: K) -> K::Output {
             kernel.run::<Avx2>()
         }
-        // SAFETY: `Instructions::avx2` gives a value only if the processor has avx2 and fma.
+        // SAFETY: `Instructions::avx2` returns a value only if the processor has avx2 and fma.
         return unsafe { with_avx2(kernel) };
     }
     kernel.run::<Plain>()

@@ -1,13 +1,14 @@
-//! f32 side by side in a vector register. Arithmetic is written once, over [`Vector`] or [`Lanes`], and compiled for AVX-512,
-//! for AVX2 with FMA, and for any processor; which one runs is decided at run time.
+//! Vectors of f32 in registers. Arithmetic is written once, over [`Vector`] or [`Lanes`], and compiled for AVX-512, for
+//! AVX2 with FMA, and for any processor; which one runs is decided at run time.
 //!
 //! 1. [`Vector`]: as many f32 as the register holds. [`Lanes`]: eight, with comparisons and moves between lanes.
 //! 2. `functions`: [`exp`], [`ln`], [`gelu`].
 //! 3. `plain`, `avx2`, `avx512`: the registers.
-//! 4. [`Instructions`]: what this processor has, and the way into code that uses it, a [`Kernel`] or a [`LanesKernel`].
+//! 4. [`Instructions`]: the instructions that this processor has, and the way to call code that uses them, a [`Kernel`]
+//!    or a [`LanesKernel`].
 //!
-//! Code over vectors uses loops and functions marked `#[inline(always)]`, never closures or iterator adapters: those are
-//! functions of their own, compiled without the processor's features, and cost a factor of three.
+//! Code over vectors uses loops and functions marked `#[inline(always)]`, never closures or iterator adapters: those
+//! are separate functions, compiled without the processor's features, and are three times slower.
 //!
 //! A fused multiply-add rounds once where the plain version rounds twice, so results are the same bytes on any number
 //! of threads of one machine, and agree to rounding between machines.
@@ -26,9 +27,9 @@ pub use functions::{MOST_EXPONENT, exp, gelu, ln};
 pub use instructions::{Instructions, Kernel, LanesKernel, run_lanes};
 pub use plain::Plain;
 
-/// f32 in the widest of the vectors.
+/// Number of f32 in the widest of the vectors.
 pub const MOST_LANES: usize = 16;
-/// f32 in [`Lanes`].
+/// Number of f32 in [`Lanes`].
 pub const LANES: usize = 8;
 
 /// Several f32 that go through the same operations.
@@ -38,11 +39,11 @@ pub trait Vector: Copy + Add<Output = Self> + Sub<Output = Self> + Mul<Output = 
     fn splat(value: f32) -> Self;
 
     /// # Safety
-    /// [`Self::WIDTH`] values can be read from there.
+    /// [`Self::WIDTH`] values must be readable at `from`.
     unsafe fn read(from: *const f32) -> Self;
 
     /// # Safety
-    /// [`Self::WIDTH`] values can be written there.
+    /// [`Self::WIDTH`] values must be writable at `to`.
     unsafe fn write(self, to: *mut f32);
 
     fn max(self, other: Self) -> Self;
@@ -52,10 +53,10 @@ pub trait Vector: Copy + Add<Output = Self> + Sub<Output = Self> + Mul<Output = 
     fn mul_add(self, b: Self, c: Self) -> Self;
     /// 2^self for whole numbers in [-126, 127].
     fn exp2_of_whole(self) -> Self;
-    /// Sum of all, in an order of its own.
+    /// Sum of all, in an order that depends on the implementation.
     fn sum(self) -> f32;
 
-    /// The first [`Self::WIDTH`] values.
+    /// Reads the first [`Self::WIDTH`] values.
     #[inline(always)]
     fn load(from: &[f32]) -> Self {
         assert!(from.len() >= Self::WIDTH);
@@ -63,7 +64,7 @@ pub trait Vector: Copy + Add<Output = Self> + Sub<Output = Self> + Mul<Output = 
         unsafe { Self::read(from.as_ptr()) }
     }
 
-    /// Into the first [`Self::WIDTH`] values.
+    /// Writes to the first [`Self::WIDTH`] values.
     #[inline(always)]
     fn store(self, to: &mut [f32]) {
         assert!(to.len() >= Self::WIDTH);
@@ -82,11 +83,11 @@ pub trait Lanes: Vector + Neg<Output = Self> {
     fn less(self, other: Self) -> Self::Mask;
     fn select(mask: Self::Mask, yes: Self, no: Self) -> Self;
     fn any(mask: Self::Mask) -> bool;
-    /// Whole numbers below 2^31 as such.
+    /// Converts whole numbers below 2^31 to integers.
     fn to_whole(self) -> [i32; LANES];
     /// Mantissa in [1, 2) and exponent of positive normal numbers.
     fn split_exponent(self) -> (Self, Self);
-    /// Column i of the result is what lane i of the eight rows held.
+    /// Row i of the result holds lane i of each of the eight rows.
     fn transpose(rows: [Self; LANES]) -> [Self; LANES];
     /// The first four lanes twice.
     fn twice_low(self) -> Self;

@@ -65,12 +65,12 @@ impl Vector for Plain {
     }
     #[inline(always)]
     unsafe fn read(from: *const f32) -> Self {
-        // SAFETY: the caller vouches for WIDTH = LANES values; an unaligned read asks for no more.
+        // SAFETY: the caller guarantees WIDTH = LANES readable values; an unaligned read requires no more.
         Self(unsafe { from.cast::<[f32; LANES]>().read_unaligned() })
     }
     #[inline(always)]
     unsafe fn write(self, to: *mut f32) {
-        // SAFETY: the caller vouches for room for WIDTH = LANES values; an unaligned write asks for no more.
+        // SAFETY: the caller guarantees room for WIDTH = LANES values; an unaligned write requires no more.
         unsafe { to.cast::<[f32; LANES]>().write_unaligned(self.0) }
     }
     #[inline(always)]

@@ -1,8 +1,8 @@
-//! Which part each inside cell belongs to.
+//! Assigns each inside cell to a part.
 //!
-//! On the surface the Gaussians say it: a cell is of the label with the largest sum of opacity times fall-off there, each
-//! Gaussian measured in its own metric. What nobody saw of the surface is of the part that the seen surface around it is of.
-//! Below the surface nothing is seen; [`seam`] carries the labels inward.
+//! On the surface the Gaussians decide: a cell gets the label with the largest sum of opacity times fall-off there,
+//! with distances measured in each Gaussian's own metric. Surface that no view saw belongs to the same part as the seen
+//! surface around it. Below the surface nothing is seen; [`seam`] carries the labels inward.
 
 mod region;
 mod seam;
@@ -12,13 +12,15 @@ use super::grid::splat_cells::splat;
 use super::grid::surface::{NONE, Surface, distance_to};
 use crate::scene::gaussians::Gaussians;
 
-/// A surface cell with less summed opacity than this is unseen from any Gaussian: it takes its label from within.
+/// A surface cell with less summed opacity than this counts as unseen and takes its label from the seen surface around
+/// it.
 const WEIGHT_MIN: f32 = 0.05;
 
-/// Gaussians thinner than this many cells are widened to it, so that they reach the surface cells beside their own.
+/// Gaussians thinner than this many cells are widened to this size, so that they reach the surface cells beside their
+/// own.
 const LEAST_DEVIATION: f64 = 0.5;
 
-/// The object's inside, cut into parts.
+/// The object's inside, divided into parts.
 pub struct Labelled {
     pub grid: Grid,
     pub surface: Surface,
@@ -29,14 +31,14 @@ pub struct Labelled {
 }
 
 impl Labelled {
-    /// Whether two neighbouring cells are inside and of different parts.
+    /// True if two neighbouring cells are inside and belong to different parts.
     pub fn is_seam(&self, a: usize, b: usize) -> bool {
         self.label[a] != NONE && self.label[b] != NONE && self.label[a] != self.label[b]
     }
 }
 
-/// Gives every cell within `surface` a label below `label_count`. `labels` are the Gaussians'; `in_view` says of each surface
-/// cell whether a view saw it.
+/// Gives every cell within `surface` a label below `label_count`. `labels` are the Gaussians' labels; `in_view` tells
+/// for each surface cell whether a view saw it.
 pub fn assign(
     gaussians: &Gaussians,
     kept: &[bool],
@@ -57,8 +59,9 @@ pub fn assign(
     Labelled { grid, surface, label, seen }
 }
 
-/// The labels of seen surface cells, and for the others that of the seen one nearest along the surface: the underside of a
-/// seat is the seat's, however near the cushion above it. [`NONE`] on bodies that nobody saw.
+/// The labels of seen surface cells, and for each other surface cell that of the seen one nearest along the surface:
+/// the underside of a seat belongs to the seat, however near the cushion above it is. [`NONE`] on bodies that no view
+/// saw.
 fn along_surface(grid: &Grid, surface: &Surface, on_surface: &[u32], seen: &[bool]) -> Vec<u32> {
     let known: Vec<usize> = (0..seen.len()).filter(|&s| seen[s]).collect();
     let seeds: Vec<u32> = known.iter().map(|&s| surface.cells[s]).collect();
@@ -73,7 +76,7 @@ fn along_surface(grid: &Grid, surface: &Surface, on_surface: &[u32], seen: &[boo
     surface.cells.iter().map(of_cell).collect()
 }
 
-/// Per surface cell the label that the Gaussians there agree on; [`NONE`] where there are none.
+/// Per surface cell, the label with the most weight among the Gaussians there; [`NONE`] if there is too little.
 fn surface_labels(
     gaussians: &Gaussians,
     kept: &[bool],

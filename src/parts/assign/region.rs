@@ -1,4 +1,4 @@
-//! A box of cells within a grid, with a list of its own for what is known of them.
+//! A box of cells within a grid, whose values are stored in their own list.
 
 use std::ops::Range;
 
@@ -38,14 +38,14 @@ impl Region {
         std::array::from_fn(|axis| self.end[axis] - self.first[axis])
     }
 
-    /// Where `at` lies in a list of the box.
+    /// The index of `at` in a list of the box.
     pub fn offset(self, at: [usize; 3]) -> usize {
         let [width, height, _] = self.dims();
         let [x, y, z] = std::array::from_fn(|axis| at[axis] - self.first[axis]);
         (z * height + y) * width + x
     }
 
-    /// The first of each of its rows along x.
+    /// The first cell of each of its rows along x.
     pub fn starts(self) -> impl Iterator<Item = [usize; 3]> + Clone {
         (self.first[2]..self.end[2]).flat_map(move |z| self.starts_of_layer(z))
     }
@@ -55,7 +55,7 @@ impl Region {
         (self.first[1]..self.end[1]).filter(move |_| is_inside).map(move |y| [self.first[0], y, z])
     }
 
-    /// Its rows: where each lies in a list of the box, and where in one of the grid.
+    /// Its rows: the range of each in a list of the box, and in a list of the grid.
     pub fn rows(self, grid: &Grid) -> impl Iterator<Item = (Range<usize>, Range<usize>)> + Clone {
         self.starts().map(move |start| self.row(start, grid))
     }

@@ -1,11 +1,11 @@
-//! Where two parts meet inside the object nobody sees. They are taken to meet in the surface of least area that spans
-//! their visible seam: flat between a lid and a cup, across the neck between a head and a handle.
+//! Finds where parts meet inside the object, which no view shows. Two parts are taken to meet in the surface of least
+//! area that spans their visible seam: flat between a lid and a cup, across the neck between a head and a handle.
 //!
-//! Found by diffusing every label a little and sharpening the shares again, over and over: a phase field, whose interfaces
-//! move by their curvature (threshold dynamics, Merriman, Bence and Osher 1992, for several phases; shares are sharpened
-//! rather than cut to one label, since a hard cut lets interfaces that bend less than a cell stick to the grid). Coarse
-//! blocks of cells first, so that seams can move far. A label's shares are kept in the box where there are any: sharpening
-//! ends their tails within some blocks.
+//! That surface is found by repeatedly diffusing every label a little and sharpening the shares again. This is a phase
+//! field, whose interfaces move by their curvature (threshold dynamics, Merriman, Bence and Osher 1992, for several
+//! phases; shares are sharpened rather than cut to one label, since with a hard cut, interfaces that bend by less than
+//! a cell stick to the grid). It starts with coarse blocks of cells, so that seams can move far. A label's shares are
+//! stored only in the box where they are not zero: sharpening cuts their tails off within a few blocks.
 
 use std::collections::BTreeMap;
 
@@ -15,14 +15,15 @@ use super::region::Region;
 use crate::parts::grid::Grid;
 use crate::parts::grid::surface::NONE;
 
-/// Side of a block in cells, and rounds at that side. A round is a step of time 1 for [`RADIUS`] 2, and a flat disc of
-/// radius R blocks forms in about R^2 / 6: the coarse rounds are enough for 60 cells. The fine ones smooth what is left.
+/// Side of a block in cells, and number of rounds with blocks of that side. With [`RADIUS`] 2 a round is a time step of
+/// 1, and a flat disc of radius R blocks forms in a time of about R^2 / 6: the coarse rounds are enough for 60 cells.
+/// The fine rounds smooth the rest.
 const SCHEDULE: [(usize, usize); 3] = [(4, 40), (2, 16), (1, 4)];
-/// Half width of the box that diffuses, in blocks.
+/// Half width of the diffusing box filter, in blocks.
 const RADIUS: usize = 2;
 
-/// Moves the seams between the labels of the cells to least area. `label` is [`NONE`] outside; cells with `fixed`
-/// keep their label.
+/// Moves the seams between the labels of the cells so that their area becomes least. `label` is [`NONE`] outside; cells
+/// with `fixed` keep their label.
 pub fn shorten(grid: &Grid, label: &mut [u32], fixed: &[bool]) {
     for (side, rounds) in SCHEDULE {
         let mut blocks = Blocks::gather(grid, label, fixed, side);
@@ -31,13 +32,13 @@ pub fn shorten(grid: &Grid, label: &mut [u32], fixed: &[bool]) {
     }
 }
 
-/// The cells in cubes of `side` cells.
+/// The cells grouped into cubes of `side` cells per side.
 struct Blocks {
     side: usize,
     grid: Grid,
-    /// The label of most fixed cells, else that of most cells; of equally many the first.
+    /// The label of most fixed cells, or if there are none, of most cells; ties go to the first.
     label: Vec<u32>,
-    /// Whether a fixed cell gave the label.
+    /// Whether the label comes from fixed cells.
     fixed: Vec<bool>,
 }
 
@@ -65,7 +66,8 @@ impl Blocks {
         let mut shares = self.shares();
         for _ in 0..rounds {
             let blurred: Vec<Share> = shares.par_iter().map(|share| share.blurred(&self.grid)).collect();
-            // Squares over their sum: a share of one half stays, larger ones grow. The sum also takes the outside out.
+            // Squares divided by their sum: a share of one half stays, larger ones grow. The division also corrects for
+            // what diffused outside.
             let sums = self.sums_of_squares(&blurred);
             shares = blurred.into_par_iter().filter_map(|blurred| blurred.sharpened(self, &sums)).collect();
         }
@@ -81,7 +83,7 @@ impl Blocks {
         }
     }
 
-    /// The whole of each block to its label; by label.
+    /// The initial shares by label: each block belongs wholly to its label.
     fn shares(&self) -> Vec<Share> {
         let mut regions: BTreeMap<u32, Region> = BTreeMap::new();
         for (i, &label) in self.label.iter().enumerate().filter(|(_, label)| **label != NONE) {
@@ -119,7 +121,7 @@ impl Blocks {
     }
 }
 
-/// How much of each block is one label's; nothing beyond the region.
+/// One label's share of each block; zero beyond the region.
 struct Share {
     label: u32,
     region: Region,
@@ -133,7 +135,7 @@ impl Share {
         Self { label: self.label, region, values }
     }
 
-    /// From the blurred share the sharpened one, on no more blocks than it needs; `None` where it needs none.
+    /// Sharpens a blurred share and restricts it to the blocks where it is not zero; `None` if there are none.
     fn sharpened(mut self, blocks: &Blocks, sums: &[f32]) -> Option<Self> {
         let mut needed: Option<Region> = None;
         for (own, at) in self.region.rows(&blocks.grid) {
@@ -152,7 +154,7 @@ impl Share {
         needed.map(|region| Self { label: self.label, region, values: self.on(region) })
     }
 
-    /// The values on another region: cut, or with zeros around them.
+    /// The values on another region: cropped, or padded with zeros.
     fn on(&self, region: Region) -> Vec<f32> {
         let mut values = vec![0.0; region.dims().iter().product()];
         let common = self.region.common(region);
@@ -165,7 +167,7 @@ impl Share {
     }
 }
 
-/// Sums over boxes of `2 RADIUS + 1` blocks a side, one axis after another; nothing lies beyond the grid.
+/// Sums over boxes of `2 RADIUS + 1` blocks per side, one axis after another; values beyond the grid are zero.
 fn box_sums(dims: [usize; 3], values: &[f32]) -> Vec<f32> {
     let window = |at: usize, length: usize| at.saturating_sub(RADIUS)..(at + RADIUS + 1).min(length);
     let mut along_x = vec![0f32; values.len()];

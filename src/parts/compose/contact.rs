@@ -1,27 +1,27 @@
-//! Where two parts touch: connected patches of the seam between them, each as a plane.
+//! Contacts between parts: connected patches of the seam between two parts, each fitted by a plane.
 
 use nalgebra::{Point3, Vector3};
 
 use crate::parts::assign::Labelled;
 use crate::parts::grid::surface::NONE;
 
-/// A connected patch of the seam between a part and another, as the plane that fits it.
+/// A connected patch of the seam between two parts, as the plane that fits it.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Contact {
     pub from: u32,
     pub to: u32,
-    /// Of the patch projected along its normal, scene units squared.
+    /// Area of the patch projected along its normal, scene units squared.
     pub area: f64,
     pub center: Point3<f64>,
-    /// Unit vector from the one part into the other.
+    /// Unit vector from the first part into the other.
     pub normal: Vector3<f64>,
 }
 
-/// A patch whose faces, projected along the mean normal, keep less than this of their area is not a plane. Faces of cells on
-/// an oblique plane keep at least 1/sqrt(3).
+/// A patch whose faces, projected along the mean normal, keep less than this of their area is not a plane. Faces of
+/// cells on an oblique plane keep at least 1/sqrt(3).
 const PLANARITY: f64 = 0.45;
 
-/// All planar contacts from cells of `from` to cells of any other label, by the first cell of each patch.
+/// All planar contacts from cells of `from` to cells of any other label, in the order of each patch's first cell.
 pub fn contacts(cells: &Labelled, from: u32) -> Vec<Contact> {
     let is_rim = |i: usize, to: u32| cells.label[i] == from && cells.grid.neighbours(i).any(|n| cells.label[n] == to);
     let mut others: Vec<u32> = Vec::new();
@@ -44,7 +44,7 @@ pub fn contacts(cells: &Labelled, from: u32) -> Vec<Contact> {
     found
 }
 
-/// The cells connected with `seed` over faces, edges and corners that `wanted` names.
+/// The cells for which `wanted` is true that are connected with `seed` across faces, edges and corners.
 fn patch(cells: &Labelled, seed: usize, done: &mut [bool], wanted: impl Fn(usize) -> bool) -> Vec<usize> {
     let mut members = Vec::new();
     let mut open = vec![seed];
@@ -68,7 +68,7 @@ fn patch(cells: &Labelled, seed: usize, done: &mut [bool], wanted: impl Fn(usize
     members
 }
 
-/// The plane through a patch's faces; `None` where it bends too much to be one.
+/// The plane through a patch's faces; `None` if the patch bends too much.
 fn plane_of(cells: &Labelled, patch: &[usize], from: u32, to: u32) -> Option<Contact> {
     let grid = &cells.grid;
     let (mut sum, mut middle, mut faces) = (Vector3::zeros(), Vector3::zeros(), 0.0);

@@ -1,12 +1,14 @@
-//! Parts that go on inside others, where nobody sees them: the handle within a rubber grip, the shaft through a head.
+//! Parts that continue inside others, where no view shows them: the handle within a rubber grip, the shaft through a
+//! head.
 //!
-//! Two rules, both read off the visible seams:
+//! There are two rules, both based on the visible seams:
 //!
-//! - **through**: a solid that meets another on two facing patches in line, as a shaft does on both sides of a head, goes
-//!   through it with their mean cross-section;
-//! - **sleeve**: the void of a shell is filled by the solid that enters it, if the solid is a peg and the shell its sleeve:
-//!   the peg is longer than their contact is wide, the sleeve twice as long, and contact, peg and void have cross-sections of one size. So a grip
-//!   is filled by its handle, but a cushion not by the seat it lies on, nor a lamp's base by its thin stem.
+//! - **through**: a solid that meets another on two facing patches in line, as a shaft does on both sides of a head,
+//!   goes through it with their mean cross-section;
+//! - **sleeve**: the void of a shell is filled by the solid that enters it, if the solid is a peg and the shell its
+//!   sleeve: the peg is longer than their contact is wide, the sleeve twice as long, and contact, peg and void have
+//!   cross-sections of one size. So a grip is filled by its handle, but a cushion not by the seat it lies on, nor a
+//!   lamp's base by its thin stem.
 
 use nalgebra::{Point3, Vector3};
 
@@ -14,19 +16,19 @@ use super::contact::{Contact, contacts};
 use crate::parts::assign::Labelled;
 use crate::parts::grid::surface::NONE;
 
-/// Cosine of the angle up to which patches face each other and lie in line.
+/// Cosine of the largest angle at which patches still count as facing each other and being in line.
 const IN_LINE: f64 = 0.9;
-/// Cross-sections of one size differ by no more than this factor.
+/// Cross-sections count as the same size if they differ by no more than this factor.
 const SAME_SIZE: f64 = 2.0;
-/// A peg keeps at least this share of its contact's cross-section over as great a length as the contact is wide.
+/// A peg keeps at least this share of its contact's cross-section over a length equal to the width of the contact.
 const PEG_SHARE: f64 = 0.6;
-/// A sleeve is at least so many times as long as its mouth is wide. A bulb on its socket is rounder.
+/// A sleeve is at least this many times as long as its mouth is wide. A bulb on its socket is rounder.
 const SLEEVE_LENGTH: f64 = 2.0;
 /// A patch of less than this many cells' faces is too rough to have a direction.
 const PATCH_FACES_MIN: f64 = 12.0;
 
-/// Gives the solids that go through other solids the cells on their way. Returns for every solid that did so its label, that
-/// of the part it goes through, and how many cells it took.
+/// Assigns to solids that go through other solids the cells along their way. Returns for each such solid its label,
+/// that of the part it goes through, and the number of cells it took.
 pub fn run_through(cells: &mut Labelled, is_solid: &[bool]) -> Vec<(u32, u32, usize)> {
     let mut passages = Vec::new();
     for peg in (0..is_solid.len() as u32).filter(|&l| is_solid[l as usize]) {
@@ -42,8 +44,8 @@ pub fn run_through(cells: &mut Labelled, is_solid: &[bool]) -> Vec<(u32, u32, us
     passages
 }
 
-/// Per label the solid that fills the void of this shell, if any. `is_void` names the cells of shells off their walls,
-/// `is_material` the cells of solids that are not doubted.
+/// Per label, the solid that fills the void of this shell, if any. `is_void` tells which cells of shells are not wall,
+/// `is_material` which cells of solids are not in doubt.
 pub fn cores(
     cells: &Labelled,
     is_solid: &[bool],
@@ -73,13 +75,13 @@ fn same_size(a: f64, b: f64) -> bool {
     a <= SAME_SIZE * b && b <= SAME_SIZE * a
 }
 
-/// Whether two patches face each other along the line between them.
+/// True if two patches face each other along the line between them.
 fn in_line(a: &Contact, b: &Contact) -> bool {
     let Some(way) = (b.center - a.center).try_normalize(0.0) else { return false };
     a.normal.dot(&way) >= IN_LINE && -b.normal.dot(&way) >= IN_LINE && same_size(a.area, b.area)
 }
 
-/// Cells of the part gone through that lie in the cylinder between two patches.
+/// The cells of the outer part that lie in the cylinder between two patches.
 fn cells_between(cells: &Labelled, a: &Contact, b: &Contact) -> Vec<usize> {
     let (way, radius2) = (b.center - a.center, 0.5 * (a.area + b.area) / std::f64::consts::PI);
     let axis = way.normalize();

@@ -1,11 +1,12 @@
 //! From labelled cells to material: solids, walls, voids and cores, and the low, middle and high volume of each part.
 //!
 //! Rules for the bounds of the volumes, all taken at once:
-//! - a solid's surface may lie further in or out by the splat's own uncertainty: area times that;
-//! - where a solid's other side is unseen, see [`unseen`];
-//! - a shell's wall is between the answer's low and high thickness, its hidden walls see [`wall`];
-//! - the core of a shell takes what the wall leaves, see [`cores`];
-//! - what these do not know of widens every bound by [`METHOD_SPREAD`].
+//! - a solid's surface may lie further in or out by the splat's own uncertainty, so its volume may be off by area times
+//!   uncertainty;
+//! - for solids whose other side is unseen, see [`unseen`];
+//! - a shell's wall is between the answer's low and high thickness; for its hidden walls, see [`wall`];
+//! - the core of a shell fills the space that the wall leaves, see [`cores`];
+//! - every bound is widened by [`METHOD_SPREAD`] for errors that these rules do not cover.
 
 mod contact;
 mod cores;
@@ -23,35 +24,35 @@ use thickness::{Chord, thickness};
 use unseen::Doubt;
 use wall::{AROUND_CORE, AROUND_VOID, WallDepths};
 
-/// A ray through a shell no longer than its wall and so many uncertainties goes through one wall, not two: three to either
-/// side, the depth that carving tolerates.
+/// A ray through a shell goes through one wall, not two, if it is no longer than the wall plus this many uncertainties:
+/// three on either side, the depth that carving tolerates.
 const SHEET_SLACK: f64 = 6.0;
 
-/// How far off a part's volume is beside what is counted, as a standard deviation of its logarithm: surfaces that reflections
-/// dent, seams a little off, edges rounded by the splat. Measured on the twelve visible parts of the four scenes with ground
-/// truth.
+/// Error of a part's volume beyond what the other rules cover, as a standard deviation of its logarithm: surfaces
+/// dented by reflections, seams slightly off, edges rounded by the splat. Measured on the twelve visible parts of the
+/// four scenes with ground truth.
 const METHOD_SPREAD: f64 = 0.15;
 
-/// Whether a label is material through and through. Wall thickness in scene units.
+/// How a label's volume is filled: solid, or a shell with a wall thickness in scene units.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Construction {
     Solid,
     Wall(Estimate),
 }
 
-/// The object's inside with material in it.
+/// The object's inside, filled with material.
 pub struct Composed {
     pub interior: Interior,
     /// Per label, scene units cubed.
     pub volumes: Vec<Estimate>,
-    /// Per shell the solid within it.
+    /// Per label, the solid within this shell, if any.
     pub cores: Vec<Option<u32>>,
-    /// Solids that go through solids: which, through which.
+    /// Solids that go through other solids, each with the solid that it goes through.
     pub passages: Vec<(u32, u32)>,
 }
 
-/// Fills the cells. `constructions` are per label, `chords` per surface cell; `uncertainty` is how far the surface may be
-/// off, scene units.
+/// Fills the cells. `constructions` are per label, `chords` per surface cell; `uncertainty` is the possible error of
+/// the surface's position, scene units.
 pub fn compose(
     mut cells: Labelled,
     constructions: &[Construction],
@@ -92,7 +93,7 @@ pub fn compose(
     (composed, cells)
 }
 
-/// What each cell holds, by any reading.
+/// The contents of each cell, for any reading (low, middle or high).
 struct Filling<'a> {
     cells: &'a Labelled,
     constructions: &'a [Construction],
@@ -102,7 +103,7 @@ struct Filling<'a> {
 }
 
 impl Filling<'_> {
-    /// Share of cell `i` that its own part fills, and share that the core of its part fills.
+    /// The share of cell `i` that its own part fills, and the share that the core of its part fills.
     fn shares(&self, i: usize, reading: Reading) -> (f64, f64) {
         let label = self.cells.label[i] as usize;
         match self.constructions[label] {
@@ -143,7 +144,8 @@ impl Filling<'_> {
         (0..self.constructions.len()).map(total).collect()
     }
 
-    /// The middle reading cell by cell. A cell shared by a wall and its core goes to the one with more of it, whole.
+    /// The middle reading cell by cell. A cell shared by a wall and its core goes entirely to the one that fills more
+    /// of it.
     fn interior(&self) -> Interior {
         let cell = |i: usize| {
             let label = self.cells.label[i];
@@ -163,8 +165,8 @@ impl Filling<'_> {
     }
 }
 
-/// The bounds moved out by [`METHOD_SPREAD`]: independent of what they are known to be off by, so that logarithms add as
-/// squares do.
+/// Moves the bounds out by [`METHOD_SPREAD`]. This error is independent of the known ones, so the squares of the
+/// logarithms add up.
 fn widened(volume: Estimate) -> Estimate {
     let out = |bound: f64| (bound / volume.mid).ln().hypot(METHOD_SPREAD).exp();
     if volume.mid > 0.0 {
@@ -174,7 +176,7 @@ fn widened(volume: Estimate) -> Estimate {
     }
 }
 
-/// Per label its outer area, scene units squared. Bodies that nobody saw are of no label.
+/// Outer area per label, scene units squared. Bodies that no view saw have no label.
 fn areas(cells: &Labelled, labels: usize) -> Vec<f64> {
     let mut areas = vec![0.0; labels];
     for (&cell, area) in cells.surface.cells.iter().zip(&cells.surface.areas) {

@@ -1,4 +1,5 @@
-//! How thick each part is: rays from its surface straight inward until they leave it, the median over its area.
+//! Thickness of each part: the median, over its area, of the lengths of rays that go straight inward from its surface
+//! until they leave the part.
 
 use nalgebra::{Point3, Vector3};
 use rayon::prelude::*;
@@ -16,20 +17,20 @@ pub struct Chord {
     label: u32,
     /// Scene units.
     pub length: f64,
-    /// Area of the surface it starts from: its weight.
+    /// Area of the surface cell it starts from, which is its weight.
     area: f64,
-    /// Whether it ends at a surface that Gaussians lie on, rather than at one that nobody saw.
+    /// Whether it ends at a seen surface, on which Gaussians lie.
     pub seen: bool,
 }
 
-/// The ray from every cell of seen surface; `None` for the others and where there is no normal.
+/// The ray from every cell of seen surface; `None` for other cells and cells without a normal.
 pub fn chords(cells: &Labelled) -> Vec<Option<Chord>> {
     let count = cells.surface.cells.len();
     (0..count).into_par_iter().map(|s| if cells.seen[s] { chord(cells, s) } else { None }).collect()
 }
 
-/// Per label the thickness between seen surfaces, scene units: median over area, quartiles as low and high. Where no ray
-/// ends at a seen surface, that of the rays to unseen ones. `None` where a part has no surface.
+/// Per label, the thickness between seen surfaces, scene units: median over area, quartiles as low and high. If no ray
+/// ends at a seen surface, the rays to unseen ones are used. `None` if a part has no surface.
 pub fn thickness(chords: &[Option<Chord>], label_count: usize) -> Vec<Option<Estimate>> {
     let mut of_label: Vec<[Vec<(f64, f64)>; 2]> = vec![Default::default(); label_count];
     for chord in chords.iter().flatten() {
@@ -49,7 +50,7 @@ fn chord(cells: &Labelled, s: usize) -> Option<Chord> {
     let step = cells.grid.cell / STEPS_PER_CELL;
     let along = |steps: usize| -> Point3<f64> { start + inward * (steps as f64 * step) };
     let at = |steps: usize| cells.grid.cell_at(along(steps));
-    // The surface lies up to a cell and a half off the cells' own border: the ray may start outside.
+    // The surface is up to a cell and a half away from the border of the cells, so the ray may start outside.
     let entry = (0..=8).find(|&n| at(n).is_some_and(|i| cells.label[i] == label))?;
     let mut end = entry;
     let mut last = at(entry)?;

@@ -1,32 +1,33 @@
-//! How far a solid reaches behind the surface that was seen, where nobody saw its other side.
+//! Estimates how far a solid reaches behind its seen surface if no view saw its other side.
 //!
-//! Carving leaves all that no view looks through: the space under a chair's seat, between its aprons, stays full. There a
-//! part is taken to be as thick as where both its sides were seen and it is thin (T, the lower quartile: the median would
-//! count from rim to rim of a table top). So of a solid, what lies deeper than T below every seen surface (or seam with
-//! another part) and borders an unseen one is taken away. How deep it
-//! really is nobody knows: the low volume ends at T/2, the high one at 3T/2.
+//! Carving leaves everything that no view looks through: the space under a chair's seat, between its aprons, stays
+//! full. In such places a part is taken to have the thickness T that it has where both its sides were seen and it is
+//! thin (T is the lower quartile: the median would include rays from rim to rim of a table top). So the cells of a
+//! solid that lie deeper than T below every seen surface (or seam with another part) and are connected with an unseen
+//! surface are removed. The actual depth is unknown: the low volume ends at T/2, the high one at 3T/2.
 
 use crate::parts::assign::Labelled;
 use crate::parts::grid::surface::{NONE, distance_to};
 use crate::units::Estimate;
 
-/// Whether a cell is material.
+/// The doubt about whether a cell is material.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 pub enum Doubt {
-    /// Also in the low volume.
+    /// In the low, middle and high volumes.
     None,
     /// In the middle and high volumes.
     Slight,
     /// In the high volume only.
     Strong,
-    /// Taken away.
+    /// In none: removed.
     Empty,
 }
 
-/// Depths, in thicknesses of the part, from which a cell is in slight doubt, in strong doubt, empty.
+/// Depths, in thicknesses of the part, beyond which a cell is in slight doubt, in strong doubt, or empty.
 const DEPTHS: [(f64, Doubt); 3] = [(0.5, Doubt::Slight), (1.0, Doubt::Strong), (1.5, Doubt::Empty)];
 
-/// The doubt of every cell of the solids. `thickness` is per label, scene units; `None` for what is to be left alone.
+/// The doubt of every cell of the solids. `thickness` is per label, scene units; `None` for labels that are to be left
+/// unchanged.
 pub fn doubts(cells: &Labelled, thickness: &[Option<f64>]) -> Vec<Doubt> {
     let depth = depth_below_seen(cells);
     let mut doubt = vec![Doubt::None; cells.label.len()];
@@ -42,7 +43,7 @@ pub fn doubts(cells: &Labelled, thickness: &[Option<f64>]) -> Vec<Doubt> {
     doubt
 }
 
-/// Per cell: distance to the nearest seen surface or seam between parts. All are equally deep where there is neither.
+/// Per cell: distance to the nearest seen surface or seam between parts. If there is neither, all are equally deep.
 fn depth_below_seen(cells: &Labelled) -> Vec<f32> {
     let surface = &cells.surface;
     let (mut seeds, mut points) = (Vec::new(), Vec::new());
@@ -61,7 +62,7 @@ fn depth_below_seen(cells: &Labelled) -> Vec<f32> {
     distance_to(&cells.grid, &inside, &seeds, &points).0
 }
 
-/// The cells with `wanted` that are connected, through such cells, with one on an unseen surface.
+/// The cells for which `wanted` is true and that are connected, through such cells, with one on an unseen surface.
 fn reached_from_unseen(cells: &Labelled, wanted: impl Fn(usize) -> bool) -> Vec<usize> {
     let surface = &cells.surface;
     let unseen = (0..surface.cells.len()).filter(|&s| !cells.seen[s]).map(|s| surface.cells[s] as usize);
@@ -81,7 +82,7 @@ fn reached_from_unseen(cells: &Labelled, wanted: impl Fn(usize) -> bool) -> Vec<
     all
 }
 
-/// The thickness of every solid that [`doubts`] goes by: its lower quartile.
+/// The thickness of every solid, as [`doubts`] needs it: the lower quartile.
 pub fn thin(thickness: &[Option<Estimate>], is_solid: &[bool]) -> Vec<Option<f64>> {
     thickness.iter().zip(is_solid).map(|(t, is_solid)| t.filter(|_| *is_solid).map(|t| t.low)).collect()
 }

@@ -1,45 +1,47 @@
 //! Shells: a wall of known thickness along the surface, nothing or another part behind it.
 //!
-//! A wall may be far thinner than a cell, so cells hold shares: the part of a cell within the wall's thickness of the
-//! surface, taking the cell as a layer of its own width at its depth. Summed over cells, that is area times thickness
-//! for thin walls and the true wall, curvature included, for thick ones.
+//! A wall may be far thinner than a cell, so cells hold shares: the fraction of a cell that lies within the wall's
+//! thickness of the surface, with the cell treated as a layer of its own width at its depth. Summed over cells, this
+//! gives area times thickness for thin walls, and the true volume of the wall, including curvature, for thick ones.
 //!
-//! A wall that shows on both sides, as a lampshade's does, is a sheet: as thick as the rays through it or thinner, since a
-//! splat is soft. It is counted once, not once from either side: each cell of it holds the wall's share of the ray.
+//! A wall seen from both sides, such as a lampshade's, is a sheet: it is as thick as the rays through it or thinner,
+//! since a splat is soft. It is counted once, not once from each side: each of its cells holds the wall's share of the
+//! ray.
 //!
-//! Along surfaces that nobody saw, and along seams with other parts, a shell may be closed or open (a cup under its lid is
-//! open, on its coaster it is closed). The low volume takes them as open, the high one as closed, the middle half.
+//! Along surfaces that no view saw, and along seams with other parts, a shell may be closed or open (a cup is open
+//! under its lid, but closed on its coaster). The low volume assumes that it is open there, the high one closed, and
+//! the middle one half closed.
 
 use crate::parts::assign::Labelled;
 use crate::parts::grid::surface::{NONE, distance_to};
 use crate::units::Estimate;
 
-/// How much of its hidden walls a shell has, 0 to 1.
+/// The share of its hidden walls that a shell has, 0 to 1.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Hidden {
-    /// Along surfaces that nobody saw.
+    /// Along surfaces that no view saw.
     pub unseen: Estimate,
     /// Along seams with other parts.
     pub seam: Estimate,
 }
 
-/// A shell around a void may be open or closed where nobody sees.
+/// A shell around a void may be open or closed where no view sees it.
 pub const AROUND_VOID: Hidden = Hidden { unseen: Estimate::new(0.0, 0.5, 1.0), seam: Estimate::new(0.0, 0.5, 1.0) };
 /// A shell around another part goes all the way round, and is open where that part enters.
 pub const AROUND_CORE: Hidden = Hidden { unseen: Estimate::exactly(1.0), seam: Estimate::exactly(0.0) };
 
-/// For every cell of a shell, how far it lies below seen and hidden walls, scene units; infinite where there are none.
+/// For every cell of a shell, its depth below seen and hidden walls, scene units; infinite where there are none.
 pub struct WallDepths {
     pub seen: Vec<f32>,
     pub unseen: Vec<f32>,
     pub seam: Vec<f32>,
-    /// Length of the ray through the nearest seen wall where that is a sheet, scene units; 0 where it is none.
+    /// Length of the ray through the nearest seen wall if that is a sheet, scene units; else 0.
     sheet: Vec<f32>,
 }
 
 impl WallDepths {
-    /// Depths in the cells of labels that `is_shell` names; infinite elsewhere. `sheet` is, of a surface cell, the length of
-    /// the ray through it where that is a sheet.
+    /// Computes the depths in the cells of labels for which `is_shell` is true; they are infinite elsewhere. `sheet`
+    /// gives, for a surface cell, the length of the ray through it if its wall is a sheet.
     pub fn of(cells: &Labelled, is_shell: impl Fn(u32) -> bool, sheet: impl Fn(usize) -> Option<f64>) -> Self {
         let mask: Vec<bool> = cells.label.iter().map(|&l| l != NONE && is_shell(l)).collect();
         let surface = &cells.surface;
@@ -63,7 +65,7 @@ impl WallDepths {
         Self { seen, unseen: unseen.depths(cells, &mask).0, seam: seam.depths(cells, &mask).0, sheet }
     }
 
-    /// Share of cell `i` that is wall of this thickness, where of the hidden walls the shares `unseen` and `seam` exist.
+    /// Share of cell `i` that is wall of this thickness, if the shares `unseen` and `seam` of the hidden walls exist.
     /// `cell` is its width.
     pub fn share(&self, i: usize, thickness: f64, unseen: f64, seam: f64, cell: f64) -> f64 {
         let below = |depths: &[f32]| within(f64::from(depths[i]), thickness, cell);
@@ -86,7 +88,7 @@ impl Seeds {
         self.points.push(point);
     }
 
-    /// Per cell the distance to the nearest seed, infinite where there is none, and which it is.
+    /// Per cell, the distance to the nearest seed (infinite if there is none) and the index of that seed.
     fn depths(&self, cells: &Labelled, mask: &[bool]) -> (Vec<f32>, Vec<u32>) {
         let (mut depth, nearest) = distance_to(&cells.grid, mask, &self.cells, &self.points);
         for (depth, nearest) in depth.iter_mut().zip(&nearest) {
@@ -98,9 +100,9 @@ impl Seeds {
     }
 }
 
-/// Share of a layer of width `cell` around `depth` that lies between 0 and `thickness`. What of the layer sticks out of the
-/// surface is folded back in, since the cells that hold it are not inside: then the shares over all depths sum to
-/// `thickness`.
+/// Share of a layer of width `cell` around `depth` that lies between 0 and `thickness`. The portion of the layer that
+/// sticks out of the surface is folded back in, since the cells that hold it are not inside; the shares over all depths
+/// then sum to `thickness`.
 fn within(depth: f64, thickness: f64, cell: f64) -> f64 {
     let (low, high) = (depth - 0.5 * cell, depth + 0.5 * cell);
     let upright = (high.min(thickness) - low.max(0.0)).max(0.0);

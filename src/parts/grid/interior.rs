@@ -1,9 +1,9 @@
 //! The object's inside, cell by cell, in memory and as bytes.
 //!
-//! Layout of the bytes, little endian: magic, version (u32), the grid's origin (3 f64), side of a cell (f64), cells along
-//! each axis (3 u64), number of runs (u64), then the runs: part (u32), share that is material (f32), cells (u32). Runs
-//! follow the order of the cells and are as long as they can be. Neighbouring cells mostly hold the same, so this takes a
-//! tenth of what two numbers per cell would.
+//! Layout of the bytes, little endian: magic, version (u32), the grid's origin (3 f64), side of a cell (f64), cells
+//! along each axis (3 u64), number of runs (u64), then the runs: part (u32), share that is material (f32), cells (u32).
+//! Runs are in the order of the cells and as long as possible. Neighbouring cells mostly hold the same values, so this
+//! takes a tenth of the space that two numbers per cell would.
 
 use std::io::{self, Write};
 
@@ -14,14 +14,14 @@ use crate::parts::PartsError;
 
 /// A cell outside the object.
 pub const OUTSIDE: u32 = u32::MAX;
-/// A cell that a shell encloses, empty.
+/// An empty cell enclosed by a shell.
 pub const VOID: u32 = u32::MAX - 1;
 
 const MAGIC: &[u8; 8] = b"gpropins";
-/// Bytes of a run.
+/// Bytes per run.
 const RUN: usize = 12;
 
-/// Which part fills each cell of space, inside included.
+/// The part that fills each cell of space, including the object's inside.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Interior {
     pub grid: Grid,
@@ -32,7 +32,7 @@ pub struct Interior {
 }
 
 impl Interior {
-    /// Raised when the layout of the bytes or their meaning changes.
+    /// Incremented when the layout of the bytes or their meaning changes.
     pub const VERSION: u32 = 1;
 
     /// Cells that hold material: index, part, share.
@@ -44,7 +44,7 @@ impl Interior {
     /// Writes the bytes that [`from_bytes`](Self::from_bytes) reads.
     ///
     /// # Errors
-    /// Those of the writer.
+    /// Any error of the writer.
     pub fn write(&self, out: &mut dyn Write) -> io::Result<()> {
         let runs: Vec<(u32, f32, u32)> = self.runs().collect();
         out.write_all(MAGIC)?;
@@ -59,7 +59,7 @@ impl Interior {
         })
     }
 
-    /// Cells in a row that hold the same: part, share, how many.
+    /// Runs of consecutive cells with the same contents: part, share, number of cells.
     fn runs(&self) -> impl Iterator<Item = (u32, f32, u32)> + '_ {
         let mut rest = 0;
         std::iter::from_fn(move || {
@@ -72,12 +72,12 @@ impl Interior {
         })
     }
 
-    /// Reads what [`write`](Self::write) wrote of a grid of about `volume_cells` cells
+    /// Reads what [`write`](Self::write) wrote for a grid of about `volume_cells` cells
     /// ([`Options::volume_cells`](crate::parts::Options::volume_cells)) filled with parts below `parts`.
     ///
     /// # Errors
-    /// [`PartsError::Interior`] if the bytes are not those of a whole interior of this version, or if it has more cells or
-    /// parts than that.
+    /// [`PartsError::Interior`] if the bytes are not those of a whole interior of this version, or if it has more cells
+    /// or parts than that.
     pub fn from_bytes(bytes: &[u8], volume_cells: usize, parts: usize) -> Result<Self, PartsError> {
         let mut rest = bytes;
         if take::<8>(&mut rest)? != *MAGIC {

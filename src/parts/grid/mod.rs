@@ -1,4 +1,4 @@
-//! The cubic cells that space around the object is cut into, and which part fills each.
+//! The cubic cells into which the space around the object is divided, and the part that fills each.
 
 mod interior;
 pub mod splat_cells;
@@ -10,10 +10,10 @@ pub use interior::{Interior, OUTSIDE, VOID};
 
 /// Empty cells kept around the object, so that its outside is one connected piece and filters need no edge cases.
 const MARGIN: usize = 3;
-/// A box's shortest side counts as at least this share of its longest.
+/// A box's shortest side is treated as at least this share of its longest.
 const LEAST_SIDE: f64 = 1e-3;
 
-/// Cubic cells aligned with the world's axes; x runs fastest, then y, then z.
+/// Cubic cells aligned with the world's axes; x varies fastest, then y, then z.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Grid {
     /// The corner of cell (0,0,0) with the least coordinates, world frame, scene units.
@@ -24,8 +24,8 @@ pub struct Grid {
 }
 
 impl Grid {
-    /// A grid of about `cells` cells over the box from `low` to `high`, with a margin around it. A box without extent in
-    /// some direction gets a little, so that the cell is never of size zero.
+    /// A grid of about `cells` cells over the box from `low` to `high`, with a margin around it. A box without extent
+    /// in some direction is widened a little, so that the cell size is never zero.
     pub fn around(low: Point3<f64>, high: Point3<f64>, cells: usize) -> Self {
         let extent = high - low;
         let least = extent.max().max(f64::MIN_POSITIVE.sqrt()) * LEAST_SIDE;
@@ -40,9 +40,9 @@ impl Grid {
         }
     }
 
-    /// No grid [`around`](Self::around) a box has more cells than this, its margin included. A side of `n` cells becomes one
-    /// of fewer than `n + 1 + 2 MARGIN`. The logarithm of the product of three such sides is convex in the logarithms of
-    /// the `n`, so that it is largest for a box at the limit of flatness or of thinness.
+    /// An upper bound on the number of cells of any grid [`around`](Self::around) a box, including its margin. A side
+    /// of `n` cells becomes one of fewer than `n + 1 + 2 MARGIN`. The logarithm of the product of three such sides is
+    /// convex in the logarithms of the `n`, so that it is largest for a box at the limit of flatness or of thinness.
     pub fn most_cells(cells: usize) -> usize {
         let sides = |n: [f64; 3]| n.iter().map(|n| n + 1.0 + 2.0 * MARGIN as f64).product::<f64>();
         let (cube, flat) = ((cells as f64).cbrt(), LEAST_SIDE.cbrt());
@@ -53,7 +53,7 @@ impl Grid {
         plate.max(rod) as usize
     }
 
-    /// The grid whose cells are cubes of `side` of this one's a side; the last ones reach beyond it.
+    /// The grid whose cells are cubes of `side` of this grid's cells per side; the last ones extend beyond this grid.
     pub fn coarser(&self, side: usize) -> Self {
         Self { cell: self.cell * side as f64, dims: self.dims.map(|d| d.div_ceil(side)), ..*self }
     }
@@ -71,7 +71,7 @@ impl Grid {
         self.dims[0] * self.dims[1]
     }
 
-    /// How far apart neighbours along each axis lie in an array of cells.
+    /// The distance between neighbours along each axis in an array of cells.
     pub fn strides(&self) -> [usize; 3] {
         [1, self.dims[0], self.layer()]
     }
@@ -113,7 +113,7 @@ impl Grid {
         Some(self.index(coords))
     }
 
-    /// First and last cell along each axis whose centres lie between `low` and `high`; `None` where none does.
+    /// First and last cell along each axis whose centres lie between `low` and `high`; `None` if there are none.
     pub fn cells_between(&self, low: Point3<f64>, high: Point3<f64>) -> Option<[[usize; 2]; 3]> {
         let mut spans = [[0; 2]; 3];
         for axis in 0..3 {

@@ -1,5 +1,6 @@
-//! Gaussians onto the grid: for every cell that a Gaussian reaches, its opacity times its fall-off there. The grid's
-//! layers are worked side by side, each by the Gaussians in their own order, so sums never depend on threads.
+//! Splats Gaussians onto the grid: for every cell that a Gaussian reaches, its opacity times its fall-off there. The
+//! grid's layers are processed in parallel, each with the Gaussians in the same order, so sums never depend on the
+//! number of threads.
 
 use nalgebra::{Matrix3, Point3, Vector3};
 use rayon::prelude::*;
@@ -7,12 +8,13 @@ use rayon::prelude::*;
 use super::Grid;
 use crate::scene::gaussians::Gaussians;
 
-/// A Gaussian is followed this many standard deviations out; beyond, less than 1.1 % of its opacity is left.
+/// A Gaussian is evaluated out to this many standard deviations; beyond, less than 1.1 % of its opacity is left.
 const REACH: f64 = 3.0;
-/// Layers worked together: fewer repeat the search for Gaussians, more leave threads idle.
+/// Layers processed together: with fewer, the search for Gaussians is repeated more often; with more, threads are left
+/// idle.
 const LAYERS: usize = 4;
 
-/// A Gaussian made ready for evaluation on a grid.
+/// A Gaussian prepared for evaluation on a grid.
 struct Blob {
     center: Point3<f64>,
     opacity: f64,
@@ -22,11 +24,12 @@ struct Blob {
     gaussian: usize,
 }
 
-/// Calls `add(layers, place, gaussian, value)` for every cell that a kept Gaussian reaches, where `layers` is the state of
-/// the block of layers that holds the cell and `place` the cell's index within that block. Blocks come back in order.
+/// Calls `add(layers, place, gaussian, value)` for every cell that a kept Gaussian reaches, where `layers` is the state
+/// of the block of layers that holds the cell and `place` the cell's index within that block. The blocks are returned
+/// in order.
 ///
-/// Standard deviations below `least_deviation` cells are widened to it: a flat Gaussian between two rows of cell centres
-/// would otherwise touch neither.
+/// Standard deviations below `least_deviation` cells are widened to this size: a flat Gaussian between two rows of cell
+/// centres would otherwise touch neither.
 pub fn splat<S: Send>(
     gaussians: &Gaussians,
     kept: &[bool],

@@ -1,25 +1,26 @@
-//! How deep every cell lies below the object's surface, finer than a cell.
+//! The depth of every cell below the object's surface, with sub-cell accuracy.
 //!
-//! The mask of inside cells is blurred a little; where the blurred step crosses one half is the surface, to first order
-//! (f - 1/2) / |grad f| from the cell's centre. Deeper cells find the nearest such place by sweeping (Danielsson 1980).
+//! The mask of inside cells is blurred a little; the surface is where the blurred step crosses one half, to first order
+//! at a distance of (f - 1/2) / |grad f| from the cell's centre. Deeper cells find the nearest such point by sweeping
+//! (Danielsson 1980).
 
 use nalgebra::{Point3, Vector3};
 use rayon::prelude::*;
 
 use super::Grid;
 
-/// The first-order distance is trusted this many cells from the surface.
+/// The first-order distance is used up to this many cells from the surface.
 const TRUSTED_CELLS: f64 = 1.5;
 
 /// The surface around a mask of cells.
 pub struct Surface {
-    /// Inside cells that touch the outside, by rising index.
+    /// Inside cells that touch the outside, by ascending index.
     pub cells: Vec<u32>,
-    /// Per surface cell: the place on the surface nearest to its centre, world frame, scene units.
+    /// Per surface cell: the point on the surface nearest to its centre, world frame, scene units.
     pub points: Vec<Point3<f64>>,
-    /// Per surface cell: unit normal that points outward; zero where the object is too thin to tell.
+    /// Per surface cell: unit normal that points outward; zero if the object is too thin to tell.
     pub normals: Vec<Vector3<f64>>,
-    /// Area in scene units squared, of each surface cell's share.
+    /// Area of each surface cell's share of the surface, scene units squared.
     pub areas: Vec<f64>,
     /// Per cell of the grid: distance of its centre to the surface, scene units; 0 outside.
     pub depth: Vec<f32>,
@@ -27,11 +28,11 @@ pub struct Surface {
     pub nearest: Vec<u32>,
 }
 
-/// No surface cell.
+/// Stands for no surface cell.
 pub const NONE: u32 = u32::MAX;
 
 impl Surface {
-    /// The surface of the cells of `inside`. No cell on the grid's border may be inside.
+    /// Computes the surface of the cells of `inside`. No cell on the grid's border may be inside.
     pub fn of(grid: &Grid, inside: &[bool]) -> Self {
         let blurred = blur(grid, inside);
         let is_surface = |&i: &usize| inside[i] && grid.neighbours(i).any(|n| !inside[n]);
@@ -45,7 +46,7 @@ impl Surface {
     }
 }
 
-/// The place on the surface nearest to the centre of surface cell `i`, and the outward normal there.
+/// The point on the surface nearest to the centre of surface cell `i`, and the outward normal there.
 fn local_surface(grid: &Grid, blurred: &[f32], i: usize) -> (Point3<f64>, Vector3<f64>) {
     let center = grid.center(grid.coords(i));
     let slope = gradient(grid, blurred, i);
@@ -56,7 +57,7 @@ fn local_surface(grid: &Grid, blurred: &[f32], i: usize) -> (Point3<f64>, Vector
     (center + normal * depth, normal)
 }
 
-/// Gradient of the blurred mask per cell, by central differences.
+/// Gradient of the blurred mask, per cell width, by central differences.
 fn gradient(grid: &Grid, blurred: &[f32], i: usize) -> Vector3<f64> {
     Vector3::from(grid.strides().map(|stride| 0.5 * (f64::from(blurred[i + stride]) - f64::from(blurred[i - stride]))))
 }
@@ -78,7 +79,8 @@ fn blur(grid: &Grid, inside: &[bool]) -> Vec<f32> {
     from
 }
 
-/// Area by the co-area formula, the integral of |grad f| over space; each cell's share goes to the nearest surface cell.
+/// Area by the co-area formula, the integral of |grad f| over space; each cell's share goes to the nearest surface
+/// cell.
 fn areas(grid: &Grid, blurred: &[f32], inside: &[bool], nearest: &[u32], surfaces: usize) -> Vec<f64> {
     let margin = grid.layer() + grid.dims[0] + 1;
     let share = grid.cell * grid.cell;
@@ -96,7 +98,7 @@ fn areas(grid: &Grid, blurred: &[f32], inside: &[bool], nearest: &[u32], surface
     areas
 }
 
-/// The surface cell that an outside cell near the surface belongs to: that of the first inside cell found around it.
+/// The surface cell to which an outside cell near the surface belongs: that of the first inside cell found around it.
 fn grid_owner(grid: &Grid, inside: &[bool], nearest: &[u32], i: usize) -> Option<u32> {
     let [x, y, z] = grid.coords(i);
     let mut best: Option<(usize, u32)> = None;
@@ -118,8 +120,9 @@ fn grid_owner(grid: &Grid, inside: &[bool], nearest: &[u32], i: usize) -> Option
     best.map(|(_, owner)| owner)
 }
 
-/// Per cell of `mask` its distance to the nearest of `points`, and that point's position among them. `seeds[k]` is the cell
-/// that `points[k]` belongs to. Sweeps forth and back hand the nearest point on from cell to cell until nothing changes.
+/// Per cell of `mask`, its distance to the nearest of `points`, and the index of that point. `seeds[k]` is the cell
+/// that `points[k]` belongs to. Forward and backward sweeps pass the nearest point on from cell to cell until nothing
+/// changes.
 pub fn distance_to(grid: &Grid, mask: &[bool], seeds: &[u32], points: &[Point3<f64>]) -> (Vec<f32>, Vec<u32>) {
     let mut nearest = vec![NONE; mask.len()];
     let mut distance2 = vec![f64::INFINITY; mask.len()];
@@ -164,7 +167,7 @@ pub fn distance_to(grid: &Grid, mask: &[bool], seeds: &[u32], points: &[Point3<f
     (depth, nearest)
 }
 
-/// Offsets of the 13 neighbours of a cell that come before it, as positive numbers to be taken off.
+/// Offsets of the 13 neighbours of a cell that come before it, as positive numbers to be subtracted.
 fn half_neighbourhood(grid: &Grid) -> Vec<isize> {
     let [sx, sy, sz] = grid.strides().map(|s| s as isize);
     let all = (0..27).map(|n| (n % 3 - 1) * sx + (n / 3 % 3 - 1) * sy + (n / 9 - 1) * sz);

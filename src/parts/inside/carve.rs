@@ -1,7 +1,8 @@
-//! Carving: every view takes away the cells that it looks past or through (Kutulakos and Seitz 2000, with depth).
+//! Carving: every view removes the cells that it looks past or through (Kutulakos and Seitz 2000, with depth).
 //!
-//! A cell is outside where some view sees background in its place, or sees a surface clearly behind it. What no view
-//! looks through stays, if any picture holds it. Fails on undersides and hollows that no view sees into (they stay filled), and on glass.
+//! A cell is outside if some view sees background in its place, or if views see a surface clearly behind it. Cells that
+//! no view looks through stay, if they are within any picture. This fails for undersides and hollows that no view sees
+//! into (they stay filled), and for glass.
 
 use nalgebra::{Point2, Point3, Vector3};
 use rayon::prelude::*;
@@ -9,14 +10,15 @@ use rayon::prelude::*;
 use super::depth_view::DepthView;
 use crate::parts::grid::Grid;
 
-/// A pixel is the object's where at least this much of its light comes from Gaussians: the edge of a blurred step.
+/// A pixel belongs to the object if at least this share of its light comes from Gaussians: the edge of a blurred step.
 const ALPHA_MIN: f64 = 0.5;
 
-/// A surface must be seen behind a cell by so many views: one is too easily wrong about depth by the splat's softness.
+/// A surface must be seen behind a cell by this many views: the depth in a single one is too easily wrong, because a
+/// splat is soft.
 const VIEWS_MIN: usize = 2;
 
-/// Empties the cells of `inside` that a view looks past, or that views see in front of a surface by more than `tolerance`
-/// (scene units), and those that no picture holds.
+/// Empties the cells of `inside` that a view looks past, or that views see in front of a surface by more than
+/// `tolerance` (scene units), and those that are in no picture.
 pub fn carve(grid: &Grid, views: &[DepthView], tolerance: f64, inside: &mut [bool]) {
     let views_min = VIEWS_MIN.min(views.len());
     inside.par_chunks_mut(grid.layer()).enumerate().for_each(|(z, layer)| {
@@ -39,13 +41,13 @@ pub fn carve(grid: &Grid, views: &[DepthView], tolerance: f64, inside: &mut [boo
     });
 }
 
-/// A surface is seen where a view looks at it within this angle of its normal, as a cosine: what is only grazed is the edge
-/// of something's shadow as often as a surface.
+/// A surface is seen if a view looks at it within this angle of its normal, given as a cosine (a place that is only
+/// grazed is as often the edge of something's shadow as a surface) ...
 const FACING: f64 = 0.2;
-/// ... and has its own surface within so many tolerances of it.
+/// ... and if the surface in the view is within this many tolerances of it.
 const TOLERANCES: f64 = 3.0;
 
-/// Whether some view sees this place of the surface, whose outward unit normal is `normal`. `tolerance` in scene units.
+/// True if some view sees this place of the surface, whose outward unit normal is `normal`. `tolerance` in scene units.
 pub fn is_seen(views: &[DepthView], point: Point3<f64>, normal: Vector3<f64>, tolerance: f64) -> bool {
     views.iter().any(|view| {
         let behind = facing(view, point, normal).and_then(|_| view.surface_behind(point));
@@ -53,14 +55,15 @@ pub fn is_seen(views: &[DepthView], point: Point3<f64>, normal: Vector3<f64>, to
     })
 }
 
-/// The cosine between a place's normal and the way to the view's eye; `None` where the view grazes it or sees its back.
+/// The cosine between a place's normal and the direction to the view's camera; `None` if the view grazes the place or
+/// sees its back.
 pub fn facing(view: &DepthView, point: Point3<f64>, normal: Vector3<f64>) -> Option<f64> {
     let toward_eye = view.camera.center_in_world() - point;
     let cosine = normal.dot(&toward_eye) / toward_eye.norm();
     (cosine >= FACING).then_some(cosine)
 }
 
-/// What a view says of a place.
+/// The contents of a view at a place.
 enum Seen {
     /// No object along the whole ray.
     Background,
@@ -72,8 +75,8 @@ enum Seen {
 }
 
 impl DepthView {
-    /// How far behind a point, along the ray through it, the view sees a surface, scene units; negative where it sees one
-    /// before it. `None` off the picture and where there is none.
+    /// How far behind a point, along the ray through it, the view sees a surface, scene units; negative if the surface
+    /// is in front of the point. `None` if the point is outside the picture or there is no surface.
     pub fn surface_behind(&self, point: Point3<f64>) -> Option<f64> {
         let in_camera = self.camera.point_in_camera(point);
         let pixel = self.camera.pixel(in_camera)?;
@@ -109,7 +112,7 @@ impl DepthView {
     }
 }
 
-/// The pixel whose centre is the last before `at`, and how far `at` is on the way to the next centre.
+/// The pixel with the last centre before `at`, and the fraction of the way from there to the next centre.
 fn between_centers(at: f64, size: usize) -> (usize, f64) {
     let from_center = (at - 0.5).clamp(0.0, size as f64 - 1.0);
     let pixel = from_center.floor();

@@ -1,20 +1,20 @@
-//! Where the surface lies along each pixel, read off the Gaussians.
+//! The depth of the surface at each pixel, derived from the Gaussians.
 //!
-//! A splat is soft: Gaussians lie with their centres under the surface and let light through. The surface is taken where
-//! half of a pixel's light is gone, [`SURFACE_DEVIATIONS`](crate::render::SURFACE_DEVIATIONS) before the middle of the
-//! Gaussian that takes it. On held-out views of the four scenes with ground truth its median error is within 0.6 mm to either
-//! side; half of the pixels are within 0.5 (hammer) to 2.5 mm (chair).
+//! A splat is soft: Gaussians have their centres below the surface and let light through. The surface is taken to be
+//! where half of a pixel's light is absorbed, [`SURFACE_DEVIATIONS`](crate::render::SURFACE_DEVIATIONS) in front of the
+//! centre of the Gaussian that absorbs it. On held-out views of the four scenes with ground truth its median error is
+//! within 0.6 mm in either direction; half of the pixels are within 0.5 mm (hammer) to 2.5 mm (chair).
 
 use crate::camera::{Camera, Intrinsics};
 use crate::render::{LANES, RenderOptions, Sink, Splat, TILE, TileRect, pixels, visit};
 use crate::scene::gaussians::Gaussians;
 
-/// The surface is met where this share of the light is gone.
+/// The surface is where this share of the light is absorbed.
 const GONE: f32 = 0.5;
 
-/// What one view sees: planes of `width * height` of its camera, row by row.
+/// The alpha and depth that one view sees: planes of its camera's `width * height`, row by row.
 pub struct DepthView {
-    /// Of the drawn picture, which may be smaller than the photo.
+    /// The camera of the rendered picture, which may be smaller than the photo.
     pub camera: Camera,
     /// Share of the pixel's light that comes from Gaussians, 0 to 1.
     pub alpha: Vec<f32>,
@@ -23,7 +23,8 @@ pub struct DepthView {
 }
 
 impl DepthView {
-    /// The surface of the cloud as `camera` sees it, on a picture of at most `pixels_max` along its longer side.
+    /// The surface of the cloud as `camera` sees it, in a picture with at most `pixels_max` pixels along its longer
+    /// side.
     pub fn of(gaussians: &Gaussians, camera: &Camera, pixels_max: u32) -> Self {
         let camera = Camera { intrinsics: reduced(&camera.intrinsics, pixels_max), ..camera.clone() };
         let width = camera.intrinsics.width as usize;
@@ -39,7 +40,7 @@ impl DepthView {
     }
 }
 
-/// The intrinsics of the same view at `pixels_max` or less.
+/// The intrinsics of the same view with at most `pixels_max` pixels along its longer side.
 fn reduced(intrinsics: &Intrinsics, pixels_max: u32) -> Intrinsics {
     let longest = intrinsics.width.max(intrinsics.height);
     if longest <= pixels_max {
@@ -49,7 +50,7 @@ fn reduced(intrinsics: &Intrinsics, pixels_max: u32) -> Intrinsics {
     intrinsics.resized(shrink(intrinsics.width), shrink(intrinsics.height))
 }
 
-/// One tile of the surface.
+/// Collects one tile of the surface.
 struct DepthSink {
     rect: TileRect,
     alpha: [f32; TILE * TILE],

@@ -1,20 +1,21 @@
-//! Filling: the shell that the Gaussians draw, and what lies within it (after PhysGaussian, Xie et al. 2024, section on
+//! Filling: the skin that the Gaussians form, and what lies within it (after PhysGaussian, Xie et al. 2024, section on
 //! internal filling).
 //!
-//! The density of a cell is the sum of opacity times fall-off of the Gaussians there. Dense cells are the object's skin; an
-//! other cell is inside where rays along the axes meet skin. PhysGaussian asks it of six rays and lets the user exclude
-//! one; here five of six suffice, since photos seldom show an underside. Needs no cameras. Fails on open hollows (a cup
-//! counts as full) and counts the Gaussians' own breadth, about a cell, as material.
+//! The density of a cell is the sum of opacity times fall-off of the Gaussians there. Dense cells are the object's
+//! skin; any other cell is inside if the rays from it along the axes meet skin. PhysGaussian requires this of six rays
+//! and lets the user exclude one; here five of six suffice, since photos seldom show an underside. This method needs no
+//! cameras. It fails for open hollows (a cup counts as full) and counts the Gaussians' own width, about a cell, as
+//! material.
 
 use crate::parts::grid::Grid;
 use crate::parts::grid::splat_cells::splat;
 use crate::scene::gaussians::Gaussians;
 
-/// Rays along the axes, of six, that must meet skin.
+/// Number of rays along the axes, out of six, that must meet skin.
 const RAYS_NEEDED: u8 = 5;
 
-/// Gaussians thinner than this many cells are widened to it: where a skin of single flat Gaussians lies midway between
-/// two rows of cell centres, 0.61 of its density is left there; with less it leaks.
+/// Gaussians thinner than this many cells are widened to this size: if a skin of single flat Gaussians lies midway
+/// between two rows of cell centres, 0.61 of its density is left there; with a smaller value it leaks.
 const LEAST_DEVIATION: f64 = 0.5;
 
 /// The cells inside the object: skin of at least `threshold` density and what it encloses.

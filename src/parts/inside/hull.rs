@@ -1,5 +1,5 @@
-//! A bound on the object from its Gaussians, on the sides that no camera looks at: photos from above do not see the
-//! underside, and without a bound the space under it, that no view looks through, would count as inside.
+//! A bound on the object, derived from its Gaussians, on the sides that no camera looks at: photos from above do not
+//! show the underside, and without a bound the space under it, which no view looks through, would count as inside.
 
 use nalgebra::{Matrix3, Point3, Vector3};
 use rayon::prelude::*;
@@ -9,24 +9,25 @@ use crate::numeric::sphere_directions;
 use crate::parts::grid::Grid;
 use crate::scene::gaussians::Gaussians;
 
-/// Directions in which the extent is measured, spread evenly (Fibonacci sphere) beside the six axes. With 250 of them the
-/// bound of a ball is 1 % too large.
+/// Directions in which the extent is measured, spread evenly (Fibonacci sphere), in addition to the six axes. With 250
+/// of them the bound of a ball is 1 % too large.
 const DIRECTIONS: usize = 250;
-/// A Gaussian fainter than this bounds nothing.
+/// A Gaussian with a lower opacity than this is ignored.
 const OPACITY_MIN: f64 = 0.1;
-/// Share of the Gaussians that may lie beyond the bound in any direction: a few always stray.
+/// Share of the Gaussians that may lie beyond the bound in any direction: there are always a few strays.
 const STRAYS: f64 = 0.001;
-/// A direction is bounded where every camera looks at a face that points there from behind, or grazes it at an angle
-/// whose sine is below this (11 degrees). Silhouettes bound the others better.
+/// A direction is bounded if every camera sees a face pointing that way from behind, or grazes it at an angle whose
+/// sine is below this (11 degrees). Silhouettes bound the other directions better.
 const GRAZING: f64 = 0.2;
 
-/// Half spaces that hold the Gaussians, but for a few strays.
+/// Half spaces that contain the Gaussians, except for a few strays.
 pub struct UnseenBound {
     planes: Vec<(Vector3<f64>, f64)>,
 }
 
 impl UnseenBound {
-    /// The bound of the Gaussians that `kept` names: centres and a deviation beyond. `middle` is the object's.
+    /// Computes the bound of the Gaussians for which `kept` is true: their centres and one standard deviation beyond.
+    /// `middle` is the middle of the object.
     pub fn of(gaussians: &Gaussians, kept: &[bool], cameras: &[Camera], middle: Point3<f64>) -> Self {
         let eyes = cameras.iter().filter_map(|c| (c.center_in_world() - middle).try_normalize(0.0));
         let eyes: Vec<Vector3<f64>> = eyes.collect();

@@ -1,7 +1,7 @@
-//! The object's inside on a grid, by the way that the options say.
+//! Finds the object's inside on a grid, with the method that the options select.
 //!
-//! [`depth_view`] reads the surface off the Gaussians in every view, [`hull`] bounds it, [`carve`] takes away what the views
-//! look through, [`refine`] settles between cells; or [`fill`] does without cameras.
+//! [`depth_view`] derives the surface in every view from the Gaussians, [`hull`] bounds it, [`carve`] removes what the
+//! views look through, and [`refine`] locates the surface between cells. Alternatively, [`fill`] works without cameras.
 
 mod carve;
 pub mod depth_view;
@@ -21,15 +21,16 @@ use crate::scene::gaussians::Gaussians;
 use depth_view::DepthView;
 use hull::UnseenBound;
 
-/// How many pixels a view must see past a cell before that counts: the depth of a splat is off by one to three.
+/// A surface counts as behind a cell only if it is farther than this many pixels behind it: the depth of a splat is off
+/// by one to three pixels.
 const CARVE_TOLERANCE_PIXELS: f64 = 3.0;
-/// Views are drawn at no more than this many pixels for each cell along a cube of as many cells as the grid: a pixel is
-/// then finer than a cell, and the answer gets better with the grid as far as the photos allow.
+/// Views are rendered with at most this many pixels per cell along the side of a cube that has as many cells as the
+/// grid: a pixel is then smaller than a cell, and the result improves with a finer grid as far as the photos allow.
 const PIXELS_PER_CELL: f64 = 5.0;
-/// In tolerances: views that see a surface further off than this mean another one.
+/// In tolerances: views that see a surface farther away than this see a different one.
 const REFINE_REACH: f64 = 2.0;
 
-/// A grid around the kept Gaussians' centres and a deviation beyond.
+/// A grid around the kept Gaussians' centres and one standard deviation beyond.
 pub(super) fn grid_around(gaussians: &Gaussians, kept: &[bool], cells: usize) -> Grid {
     let (mut low, mut high) = (Point3::from([f64::INFINITY; 3]), Point3::from([f64::NEG_INFINITY; 3]));
     for i in (0..gaussians.len()).filter(|&i| kept[i]) {
@@ -40,17 +41,17 @@ pub(super) fn grid_around(gaussians: &Gaussians, kept: &[bool], cells: usize) ->
     Grid::around(low, high, cells)
 }
 
-/// The cells inside the object, and how well that is known.
+/// The cells inside the object, and the uncertainty of the surface.
 pub(super) struct Inside {
     pub cells: Vec<bool>,
-    /// How far the surface may be off, scene units.
+    /// Possible error of the surface's position, scene units.
     pub uncertainty: f64,
-    /// What the views see; none where the volume does not come from views.
+    /// Depth and alpha seen by the views; empty if the volume does not come from views.
     views: Vec<DepthView>,
 }
 
 impl Inside {
-    /// Whether a view sees each cell of the surface. Where there are no views, all are taken as seen.
+    /// For each cell of the surface, whether a view sees it. If there are no views, all are taken as seen.
     pub fn in_view(&self, surface: &Surface) -> Vec<bool> {
         let see = |(point, normal): (&Point3<f64>, &Vector3<f64>)| {
             self.views.is_empty() || carve::is_seen(&self.views, *point, *normal, self.uncertainty)
@@ -62,7 +63,7 @@ impl Inside {
 /// Finds the inside of the object on `grid`.
 ///
 /// # Errors
-/// No cameras where the method needs them; nothing inside.
+/// If the method needs cameras and there are none, or if nothing is inside.
 pub(super) fn inside(
     gaussians: &Gaussians,
     kept: &[bool],
@@ -95,7 +96,7 @@ pub(super) fn inside(
     Ok(Inside { cells, uncertainty, views })
 }
 
-/// The grid's outermost cells are outside, so that filters and neighbours need no edge cases.
+/// Marks the grid's outermost cells as outside, so that filters and neighbour searches need no edge cases.
 fn without_border(grid: &Grid, mut cells: Vec<bool>) -> Vec<bool> {
     const BORDER: usize = 2;
     cells.par_iter_mut().enumerate().for_each(|(i, inside)| {
@@ -105,7 +106,7 @@ fn without_border(grid: &Grid, mut cells: Vec<bool>) -> Vec<bool> {
     cells
 }
 
-/// The surface seen from up to `carve_views` of the cameras, spread evenly over their order.
+/// The surface as seen from up to `carve_views` of the cameras, spread evenly over their order.
 fn depth_views(
     gaussians: &Gaussians,
     cameras: &[Camera],
@@ -128,7 +129,7 @@ fn depth_views(
     Ok(views)
 }
 
-/// The width of a pixel at the object, scene units, median over the views: no surface is known better.
+/// The width of a pixel at the object, scene units, median over the views: no surface is known more precisely.
 fn pixel_size(grid: &Grid, views: &[DepthView]) -> f64 {
     let size = |v: &DepthView| (v.camera.center_in_world() - grid.middle()).norm() / v.camera.intrinsics.fx;
     let mut sizes: Vec<f64> = views.iter().map(size).collect();

@@ -1,10 +1,11 @@
-//! Where between cells the surface lies that carving left too far out.
+//! Corrects the surface, which carving leaves too far out, to sub-cell accuracy.
 //!
-//! Carving must not be taken in by the noise of one view's depth, so it leaves a layer of its tolerance on everything. Here
-//! every place of the carved surface asks the views that face it how far behind it they see the surface, along its normal,
-//! and the cells above the mean of what they say are emptied: the fusion of signed distances by Curless and Levoy (1996),
-//! on the surface alone. Views that see something else there (an occluder, the background) do not speak. Where they
-//! contradict each other by more than what they say, as on polished metal, the surface stays where the silhouettes left it.
+//! Carving must not follow the noise in one view's depth, so it leaves a layer as thick as its tolerance on everything.
+//! Here, for every place of the carved surface, the views that face it measure how far behind it, along its normal,
+//! they see the surface, and the cells above the mean of these distances are emptied: this is the fusion of signed
+//! distances by Curless and Levoy (1996), on the surface alone. Views that see something else there (an occluder, the
+//! background) are ignored. If the distances disagree by more than their mean, as on polished metal, the surface stays
+//! where the silhouettes left it.
 
 use nalgebra::{Point3, Vector3};
 use rayon::prelude::*;
@@ -14,8 +15,8 @@ use super::depth_view::DepthView;
 use crate::parts::grid::Grid;
 use crate::parts::grid::surface::{NONE, Surface};
 
-/// Empties the cells of `inside` that lie above the surface as the views see it, at most `reach` (scene units) deep. Returns
-/// by how much the views disagree about it: the root mean square of their standard deviations.
+/// Empties the cells of `inside` that lie above the surface seen by the views, at most `reach` (scene units) deep.
+/// Returns how much the views disagree: the root mean square of the standard deviations of their distances.
 pub fn refine(grid: &Grid, views: &[DepthView], reach: f64, inside: &mut [bool]) -> f64 {
     let surface = Surface::of(grid, inside);
     let places = surface.points.par_iter().zip(&surface.normals);
@@ -29,18 +30,18 @@ pub fn refine(grid: &Grid, views: &[DepthView], reach: f64, inside: &mut [bool])
     (variances.iter().sum::<f64>() / variances.len().max(1) as f64).sqrt()
 }
 
-/// A view's weight falls with this power of the cosine between normal and line of sight: the low-pass of a splat
+/// A view's weight is the cosine between normal and line of sight raised to this power: the low-pass filter of a splat
 /// thickens what is seen obliquely.
 const OBLIQUENESS: i32 = 4;
 
-/// How far under a place of the carved surface the views see the surface, along its normal, scene units.
+/// The distance below a place of the carved surface, along its normal, at which the views see the surface, scene units.
 struct Said {
     mean: f64,
     deviation: f64,
 }
 
 impl Said {
-    /// What the views say that face the place; `None` where none does.
+    /// Combines the distances from the views that face the place; `None` if there are none.
     fn by(views: &[DepthView], point: Point3<f64>, normal: Vector3<f64>, reach: f64) -> Option<Self> {
         let (mut weights, mut sum, mut squares) = (0.0, 0.0, 0.0);
         for view in views {
@@ -58,7 +59,7 @@ impl Said {
         (weights > 0.0).then(|| Self { mean, deviation: variance.sqrt() })
     }
 
-    /// The mean where it is more than the views' disagreement, else 0.
+    /// The mean if it is larger than the views' disagreement, else 0.
     fn excess(&self) -> f64 {
         if self.mean > self.deviation { self.mean } else { 0.0 }
     }

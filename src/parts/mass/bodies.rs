@@ -1,7 +1,7 @@
-//! The connected bodies that each part is made of: four legs of a chair, two handles of a pot.
+//! The connected bodies of each part: four legs of a chair, two handles of a pot.
 //!
-//! A part may come apart in crumbs where its wall is thin or its seam ragged: what has less than [`BODY_SHARE`] of the part
-//! goes with the part's largest body.
+//! A part may have small fragments where its wall is thin or its seam is ragged: pieces with less than [`BODY_SHARE`]
+//! of the part are assigned to the part's largest body.
 
 use rayon::prelude::*;
 
@@ -12,14 +12,14 @@ use crate::scene::gaussians::Gaussians;
 /// A body has at least this share of its part's material.
 const BODY_SHARE: f64 = 0.05;
 
-/// A Gaussian lies on a body up to so many cells from it: splats are soft.
+/// A Gaussian belongs to a body if it is within this many cells of it: splats are soft.
 const NEAR: usize = 3;
 
 /// The bodies of all parts.
 pub struct Bodies {
-    /// Per cell: its body; [`NONE`] where it holds no material.
+    /// Per cell: its body; [`NONE`] if it holds no material.
     pub of_cell: Vec<u32>,
-    /// Per body: the label that it is of. Bodies of one label follow each other, by their first cells.
+    /// Per body: its label. Bodies of one label follow each other, in the order of their first cells.
     pub label: Vec<u32>,
 }
 
@@ -50,7 +50,7 @@ impl Bodies {
         Self { of_cell: of_cell.collect(), label: order.iter().map(|&n| pieces[n].label).collect() }
     }
 
-    /// Of each body: its label, and its place among the bodies of that label.
+    /// For each body: its label, and its position among the bodies of that label.
     pub fn places(&self, label_count: usize) -> Vec<(usize, usize)> {
         let mut counts = vec![0; label_count];
         let place = |&label: &u32| {
@@ -60,8 +60,8 @@ impl Bodies {
         self.label.iter().map(place).collect()
     }
 
-    /// How many Gaussians lie on each body: those of its label in or next to its cells. What lies on none counts for the
-    /// first body of its label.
+    /// The number of Gaussians on each body: those of its label in or next to its cells. Gaussians near none count
+    /// towards the first body of their label.
     pub fn gaussians(&self, gaussians: &Gaussians, part_label: &[u32], grid: &Grid) -> Vec<usize> {
         let first = |label: u32| self.label.iter().position(|&l| l == label).map(|body| body as u32);
         let alone = |label: u32| self.label.iter().filter(|&&l| l == label).count() < 2;
@@ -82,7 +82,7 @@ impl Bodies {
 /// A connected piece of one label.
 struct Piece {
     label: u32,
-    /// In cells.
+    /// Volume of its material, in cells.
     material: f64,
 }
 

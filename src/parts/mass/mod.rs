@@ -1,9 +1,10 @@
-//! From volumes in scene units to kilograms, and from the bounds of volume and density to those of mass.
+//! Converts volumes in scene units to kilograms, and the bounds of volume and density to those of mass.
 //!
 //! Rule: low = low density x low volume, mid = mid x mid, high = high x high; the object's bounds are the sums of its
-//! parts', since what is wrong about one part (a splat too fat, a library's density too high) tends to be wrong about all.
+//! parts', since an error in one part (a splat that is too thick, a library density that is too high) tends to affect
+//! all.
 //!
-//! [`bodies`] are the pieces of a part that hang together, [`moments`] their volume, centre of mass and inertia.
+//! [`bodies`] finds the connected pieces of a part, [`moments`] their volume, centre of mass and inertia.
 
 pub mod bodies;
 pub mod moments;
@@ -22,20 +23,21 @@ pub(super) struct Piece {
     pub surface_to_center_of_mass: Option<f64>,
 }
 
-/// A part's bodies with the density that goes with them.
+/// A part's bodies with their density.
 pub(super) struct Weighable<'a> {
     pub shape: &'a Shape,
     pub label: &'a FieldLabel,
     pub pieces: &'a [Piece],
 }
 
-/// The moments of all, by mass; `None` if nothing has mass. World frame, scene units.
+/// The moments of all parts together, weighted by mass; `None` if nothing has mass. World frame, scene units.
 pub(super) fn combined(weighables: &[Weighable]) -> Option<Moments> {
     let pieces = weighables.iter().flat_map(|w| w.pieces.iter().map(|p| (w.label.density_kg_m3.mid, p.moments)));
     Moments::combined(&pieces.collect::<Vec<_>>())
 }
 
-/// The object and its parts in metres and kilograms, `scale` metres to a scene unit. `whole` is what they are [`combined`].
+/// The object and its parts in metres and kilograms; a scene unit is `scale` metres. `whole` is the result of
+/// [`combined`].
 pub(super) fn weigh(whole: &Moments, weighables: &[Weighable], scale: f64, bodies: BodiesAs) -> (Object, Vec<Part>) {
     let whole_parts = weighables.iter().map(|w| w.part(w.pieces, 1.0, scale));
     let zero = Estimate::exactly(0.0);
@@ -52,7 +54,7 @@ pub(super) fn weigh(whole: &Moments, weighables: &[Weighable], scale: f64, bodie
 }
 
 impl Weighable<'_> {
-    /// One part of many bodies, or as many parts.
+    /// One part with all bodies, or one part per body.
     fn parts(&self, scale: f64, bodies: BodiesAs) -> Vec<Part> {
         let count = self.pieces.len();
         let Some(whole) = self.shape.volume.filter(|_| bodies == BodiesAs::Parts && count >= 2) else {
@@ -67,11 +69,11 @@ impl Weighable<'_> {
         self.pieces.iter().enumerate().map(part).collect()
     }
 
-    /// The part of these bodies, which are this share of its volume.
+    /// The part that consists of these bodies, which have this share of the whole part's volume.
     fn part(&self, pieces: &[Piece], share: f64, scale: f64) -> Part {
         let density = self.label.density_kg_m3;
         let volume = self.shape.volume.map(|volume| volume.scaled(share * scale.powi(3)));
-        // The sum over bodies of unit density: the volume stands for the mass.
+        // The sum over bodies of unit density, so mass is volume.
         let moments = Moments::combined(&pieces.iter().map(|p| (1.0, p.moments)).collect::<Vec<_>>());
         let body = |piece: &Piece| PartBody {
             volume_m3: piece.moments.volume * scale.powi(3),

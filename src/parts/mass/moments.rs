@@ -14,11 +14,11 @@ pub struct Moments {
 }
 
 impl Moments {
-    /// The moments of the material in each owner's cells; `None` where it has none. `owner` is per cell, below `owners` where
-    /// the cell holds material.
+    /// The moments of the material in each owner's cells; `None` if it has none. `owner` is per cell and below `owners`
+    /// if the cell holds material.
     pub fn of(interior: &Interior, owner: &[u32], owners: usize) -> Vec<Option<Self>> {
         let grid = &interior.grid;
-        // About the grid's middle rather than the world's origin, which may be far away.
+        // Computed about the grid's middle rather than the world's origin, which may be far away.
         let origin = grid.middle();
         let mut sums = vec![(0.0, Vector3::zeros(), Matrix3::zeros()); owners];
         for (i, _, share) in interior.filled() {
@@ -41,12 +41,12 @@ impl Moments {
         sums.into_iter().map(body).collect()
     }
 
-    /// The same body, denser or thinner so that it has this volume.
+    /// The same body with its moments scaled to this volume.
     pub fn with_volume(self, volume: f64) -> Self {
         Self { volume, second: self.second * (volume / self.volume), ..self }
     }
 
-    /// Bodies together, each weighted by its density: mass, centre of mass, second moment of mass.
+    /// Several bodies combined, each weighted by its density: mass, centre of mass, second moment of mass.
     pub fn combined(bodies: &[(f64, Self)]) -> Option<Self> {
         let mass: f64 = bodies.iter().map(|(density, b)| density * b.volume).sum();
         if mass <= 0.0 {

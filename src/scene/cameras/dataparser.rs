@@ -1,8 +1,10 @@
-//! nerfstudio's `dataparser_transforms.json`: from the world of the input cameras to the frame that it trains in, which is
-//! the frame of the splat it exports: x_splat = scale * (transform x_world), so x_world = transform^-1 (x_splat / scale).
+//! nerfstudio's `dataparser_transforms.json`: the transform from the world of the input cameras to the frame that
+//! nerfstudio trains in, which is the frame of the splat it exports: x_splat = scale * (transform x_world), so x_world
+//! = transform^-1 (x_splat / scale).
 //!
-//! gprop's world is the splat's, whose harmonics must not be turned, so the cameras follow the splat. nerfstudio's transform
-//! starts from the world before `applied_transform` and `applied_scale`; those of transforms.json are undone first.
+//! gprop's world is the splat's, whose spherical harmonics must not be rotated, so the cameras are moved to the splat's
+//! frame. nerfstudio's transform starts from the world before `applied_transform` and `applied_scale`; those of
+//! transforms.json are undone first.
 
 use std::path::Path;
 
@@ -21,16 +23,16 @@ struct Transforms {
     scale: f64,
 }
 
-/// Reads the file at `path`: from the world of the input cameras to the splat's.
+/// Reads the file at `path`; the result maps the world of the input cameras to the splat's.
 pub(in crate::scene) fn read(path: &Path) -> Result<Similarity3<f64>, SceneError> {
     let parsed = parse(&bytes_of(path)?).map_err(|reason| SceneError::Json { path: path.to_owned(), reason })?;
     parsed.ok_or_else(|| SceneError::NotASimilarity { path: path.to_owned(), key: "transform and scale" })
 }
 
-/// Reads the file from memory; `None` where it holds no similarity.
+/// Reads the file from memory; `None` if its transform is not a similarity.
 ///
 /// # Errors
-/// It is no such JSON.
+/// If it is not a JSON file of this form.
 pub fn parse(json: &[u8]) -> Result<Option<Similarity3<f64>>, serde_json::Error> {
     let transforms: Transforms = serde_json::from_slice(json)?;
     let scale = Some(transforms.scale).filter(|scale| scale.is_normal() && *scale > 0.0);
@@ -38,8 +40,9 @@ pub fn parse(json: &[u8]) -> Result<Option<Similarity3<f64>>, serde_json::Error>
     Ok(similarity.map(|(rigid, scale)| Similarity3::from_scaling(scale) * Similarity3::from_isometry(rigid, 1.0)))
 }
 
-/// Brings the cameras into the splat's frame; `splat_from_input` as [`read`] gives it. What nerfstudio wrote is its
-/// transform of the cameras after `applied`, times `applied`, and its scale times the applied one.
+/// Brings the cameras into the splat's frame; `splat_from_input` is the result of [`read`]. The transform that
+/// nerfstudio writes is its transform of the cameras after `applied`, times `applied`; its scale is likewise multiplied
+/// by the applied one.
 pub(in crate::scene) fn follow(capture: &mut Capture, splat_from_input: &Similarity3<f64>) {
     let Applied { transform, scale } = capture.applied;
     let splat_from_cameras = Similarity3::from_scaling(1.0 / scale) * (splat_from_input * transform.inverse());
@@ -48,7 +51,7 @@ pub(in crate::scene) fn follow(capture: &mut Capture, splat_from_input: &Similar
     }
 }
 
-/// The same camera in a world that `new_from_old` made of the old one.
+/// The same camera in the new world that `new_from_old` maps the old one to.
 pub(crate) fn moved(camera_from_world: &Isometry3<f64>, new_from_old: &Similarity3<f64>) -> Isometry3<f64> {
     let world_from_camera = camera_from_world.inverse();
     let center = new_from_old * nalgebra::Point3::from(world_from_camera.translation.vector);

@@ -1,4 +1,4 @@
-//! Which camera file of a folder to read, and where its photos may lie.
+//! Chooses the camera file of a folder, and lists the places where its photos may be.
 
 use std::path::{Path, PathBuf};
 
@@ -8,7 +8,7 @@ use crate::files;
 use crate::read_scope::ReadScope;
 use crate::scene::{Options, Reference, SceneError};
 
-/// A camera file and who wrote it.
+/// A camera file and its kind.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub(in crate::scene) struct CameraSource {
     pub kind: Kind,
@@ -17,7 +17,7 @@ pub(in crate::scene) struct CameraSource {
 }
 
 impl CameraSource {
-    /// Refuses files that lead out of what may be read for the scene in `folder`.
+    /// Refuses files outside of what may be read for the scene in `folder`.
     pub fn check(&self, folder: &Path, scope: &ReadScope) -> Result<(), SceneError> {
         let cfg_args = folder.join(CFG_ARGS);
         let found_inside = self.path.starts_with(folder);
@@ -42,7 +42,7 @@ pub(in crate::scene) enum Kind {
     GaussianSplatting,
 }
 
-/// The file of a 3DGS output that says what it was trained on.
+/// The file of a 3DGS output that names its training data.
 const CFG_ARGS: &str = "cfg_args";
 
 /// Where camera files are looked for within a folder, best first.
@@ -57,8 +57,8 @@ const PLACES: [(&str, Kind); 8] = [
     ("cameras.json", Kind::GaussianSplatting),
 ];
 
-/// The camera file to read and the others that are there: `given`, or the first of [`PLACES`] in `folder`, or the first in the
-/// folder that a `cfg_args` names as the training data.
+/// The camera file to read and the others that are there: `given`, or the first of [`PLACES`] in `folder`, or the first
+/// in the folder that a `cfg_args` names as the training data.
 pub(in crate::scene) fn choose(
     folder: &Path,
     given: Option<&Path>,
@@ -88,7 +88,7 @@ fn is_there(choice: &CameraSource) -> bool {
     }
 }
 
-/// What `--cameras` points at: a COLMAP model, a folder with one, or a JSON file of either kind.
+/// The camera file that `--cameras` points at: a COLMAP model, a folder with one, or a JSON file of either kind.
 fn given_choice(path: &Path) -> Result<CameraSource, SceneError> {
     if path.is_dir() {
         let models = [path.to_owned(), path.join("0"), path.join("sparse/0"), path.join("sparse")];
@@ -105,7 +105,7 @@ fn given_choice(path: &Path) -> Result<CameraSource, SceneError> {
     Ok(CameraSource { kind, path: path.to_owned() })
 }
 
-/// What the `cfg_args` in `folder` says; nothing if there is none of the folder's own.
+/// The contents of the `cfg_args` in `folder`; empty if the folder has none of its own.
 fn training_arguments(folder: &Path) -> TrainingArguments {
     let path = folder.join(CFG_ARGS);
     let own = ReadScope::new(folder).leads_out(&path).is_none();
@@ -113,23 +113,23 @@ fn training_arguments(folder: &Path) -> TrainingArguments {
     TrainingArguments::parse(&text.unwrap_or_default())
 }
 
-/// The training data's folder by the `cfg_args` of a 3DGS output, where it is on this machine.
+/// The training data's folder according to the `cfg_args` of a 3DGS output, if it exists on this machine.
 fn training_folder(folder: &Path) -> Option<PathBuf> {
     let source = folder.join(training_arguments(folder).source_path?);
     source.is_dir().then_some(source)
 }
 
-/// Where photos and masks may lie, and which of these places the user named.
+/// The folders where photos and masks may be, and which of them the user named.
 pub(in crate::scene) struct Places<'a> {
-    /// The photos' folders, best first.
+    /// The folders for photos, best first.
     pub photos: Vec<PathBuf>,
-    /// `--images` names the one folder.
+    /// True if `--images` names the folder; it is then the only one.
     pub photos_are_named: bool,
     /// `--masks`.
     pub masks: Option<&'a Path>,
-    /// What may be read that no flag names.
+    /// What may be read without being named by a flag.
     pub scope: ReadScope,
-    /// The `cfg_args` that names the training data, and their folder.
+    /// The `cfg_args` that names the training data, and the folder of the training data.
     training: Option<(PathBuf, PathBuf)>,
 }
 
@@ -141,13 +141,13 @@ impl<'a> Places<'a> {
             photos: photo_folders(folder, choice, options.images.as_deref(), training.as_deref()),
             photos_are_named: options.images.is_some(),
             masks: options.masks.as_deref(),
-            // Masks may lie in the folder of photos that the user named.
+            // Masks may be in the folder of photos that the user named.
             scope: options.read_scope(folder).and(options.images.as_deref()),
             training: training.map(|data| (folder.join(CFG_ARGS), data)),
         }
     }
 
-    /// Refuses a photo, found in one of the folders for a frame of `camera_file`, that leads out of what may be read.
+    /// Refuses a photo, found in one of the folders for a frame of `camera_file`, if it is outside of what may be read.
     pub fn check_photo(&self, camera_file: &Path, folder: &Path, path: &Path) -> Result<(), SceneError> {
         if self.photos_are_named {
             return Ok(());
@@ -157,7 +157,7 @@ impl<'a> Places<'a> {
         Reference { what: "photo", path, named_in, flag: Some(("--images", folder)) }.check(&self.scope)
     }
 
-    /// Refuses a mask that leads out of what may be read.
+    /// Refuses a mask that is outside of what may be read.
     pub fn check_mask(&self, path: &Path, named_in: Option<&Path>) -> Result<(), SceneError> {
         if self.masks.is_some() {
             return Ok(());
@@ -167,13 +167,13 @@ impl<'a> Places<'a> {
     }
 }
 
-/// The folders in which the photos of a camera file may lie, best first; `given` alone where it is given. `training` is the
-/// folder of the training data.
+/// The folders in which the photos of a camera file may be, best first; only `given` if that is given. `training` is
+/// the folder of the training data.
 fn photo_folders(folder: &Path, choice: &CameraSource, given: Option<&Path>, training: Option<&Path>) -> Vec<PathBuf> {
     if let Some(given) = given {
         return vec![given.to_owned()];
     }
-    // A COLMAP model lies one to three folders below the photos' parent.
+    // A COLMAP model is one to three folders below the parent of the photos' folder.
     let above = choice.path.ancestors().skip(1).take(if choice.kind == Kind::Colmap { 3 } else { 1 });
     let trained_on = training_arguments(folder).images;
     let mut parents: Vec<PathBuf> = vec![folder.to_owned()];

@@ -1,4 +1,4 @@
-//! A picture as a camera file knows it: before anybody has looked at the photo.
+//! A picture as a camera file describes it, before the photo has been opened.
 
 use std::path::PathBuf;
 
@@ -7,7 +7,7 @@ use thiserror::Error;
 
 use crate::camera::{Distortion, Intrinsics};
 
-/// What is wrong with one frame of a camera file.
+/// An error in one frame of a camera file.
 #[derive(Debug, Error)]
 pub enum FrameProblem {
     #[error("transform_matrix is not 4 x 4 (or 3 x 4)")]
@@ -36,30 +36,30 @@ pub enum FrameProblem {
 /// One calibrated picture of a camera file.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Frame {
-    /// The photo as the file names it: with or without folders and extension.
+    /// The photo's name in the file, with or without folders and extension.
     pub file: String,
-    /// The mask that the file names for it.
+    /// The photo's mask, if the file names one.
     pub mask: Option<String>,
     pub declared: Declared,
     /// From the camera file's world to the OpenCV camera frame.
     pub camera_from_world: Isometry3<f64>,
 }
 
-/// Intrinsics as far as a file declares them.
+/// The intrinsics that a file declares.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Declared {
-    /// Width and height in pixels that the other numbers belong to; the photo's own where it is not declared.
+    /// Width and height in pixels that the other numbers refer to; the photo's own if not declared.
     pub size: Option<(u32, u32)>,
     pub fx: Focal,
-    /// As fx where it is not declared.
+    /// Equal to fx if not declared.
     pub fy: Option<Focal>,
-    /// The middle of the picture where it is not declared.
+    /// The middle of the picture if not declared.
     pub cx: Option<f64>,
     pub cy: Option<f64>,
     pub distortion: Distortion,
 }
 
-/// A focal length, or the angle that it makes of the picture's side.
+/// A focal length, or the field of view that it gives.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Focal {
     Pixels(f64),
@@ -77,7 +77,7 @@ impl Focal {
 }
 
 impl Declared {
-    /// The intrinsics for the declared size, or for the photo's own where none is declared.
+    /// The intrinsics for the declared size, or for the photo's own if none is declared.
     pub(super) fn intrinsics(&self, photo: (u32, u32)) -> Result<Intrinsics, FrameProblem> {
         let (width, height) = self.size.unwrap_or(photo);
         let (w, h) = (positive("width", width.into())?, positive("height", height.into())?);

@@ -1,8 +1,8 @@
 //! A 3DGS output folder: `cameras.json` and `cfg_args`.
 //!
 //! `cameras.json` is a list of `{id, img_name, width, height, position, rotation, fx, fy}`: the camera's centre and its
-//! camera-to-world rotation in OpenCV axes; the principal point is the picture's middle. `cfg_args` is the text of a Python
-//! object; two of its strings are picked out, nothing is evaluated.
+//! camera-to-world rotation in OpenCV axes; the principal point is the picture's middle. `cfg_args` is the text of a
+//! Python object; only two of its strings are extracted, nothing is evaluated.
 
 use std::path::Path;
 
@@ -34,7 +34,7 @@ pub(super) fn read(path: &Path) -> Result<Capture, SceneError> {
 /// Reads a `cameras.json` from memory.
 ///
 /// # Errors
-/// [`Problem`]: no JSON, no frames, or a frame that makes no sense.
+/// [`Problem`] if it is not JSON, has no frames, or a frame is invalid.
 pub fn parse(json: &[u8]) -> Result<Capture, Problem> {
     let entries: Vec<Entry> = serde_json::from_slice(json).map_err(Problem::Json)?;
     if entries.is_empty() {
@@ -69,23 +69,23 @@ fn frame(entry: Entry) -> Result<Frame, FrameProblem> {
     })
 }
 
-/// What `cfg_args` says about the data that the splat was trained on.
+/// The data that the splat was trained on, according to `cfg_args`.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct TrainingArguments {
-    /// The folder with photos and cameras, as it was on the machine that trained.
+    /// The folder with photos and cameras, as a path on the machine that trained the splat.
     pub source_path: Option<String>,
-    /// The photos' folder within it.
+    /// The folder of the photos within it.
     pub images: Option<String>,
 }
 
 impl TrainingArguments {
-    /// Picks the strings out of the text of a `cfg_args`.
+    /// Extracts the strings from the text of a `cfg_args`.
     pub fn parse(text: &str) -> Self {
         Self { source_path: string_after(text, "source_path="), images: string_after(text, "images=") }
     }
 }
 
-/// The quoted string that follows `key` where a word begins; Python's escapes of quotes and backslashes are undone.
+/// The quoted string that follows `key` at the start of a word; Python's escapes of quotes and backslashes are undone.
 fn string_after(text: &str, key: &str) -> Option<String> {
     let starts_word = |at: &usize| !text[..*at].ends_with(|c: char| c.is_alphanumeric() || c == '_');
     let (at, _) = text.match_indices(key).find(|(at, _)| starts_word(at))?;

@@ -1,10 +1,10 @@
-//! The cameras of a capture, whoever calibrated them.
+//! The cameras of a capture, from any calibration program.
 //!
-//! 1. [`find`]: which camera files lie in the folder, in a fixed order.
-//! 2. A reader a format turns one into [`Frame`]s: [`transforms`] (nerfstudio, instant-ngp, Blender), [`colmap`],
-//!    [`gaussian_splatting`] (the `cameras.json` of a 3DGS output folder).
-//! 3. [`dataparser`]: nerfstudio trains in a frame of its own; the cameras follow the splat there.
-//! 4. [`photos`]: the photo of each frame on disk, its true size, its mask.
+//! 1. [`find`]: the camera files in the folder, in a fixed order.
+//! 2. One reader per format turns a camera file into [`Frame`]s: [`transforms`] (nerfstudio, instant-ngp, Blender),
+//!    [`colmap`], [`gaussian_splatting`] (the `cameras.json` of a 3DGS output folder).
+//! 3. [`dataparser`]: nerfstudio trains in its own frame; the cameras are moved to that frame, which is the splat's.
+//! 4. [`photos`]: the photo of each frame on disk, its actual size, its mask.
 
 pub mod colmap;
 pub mod dataparser;
@@ -25,14 +25,15 @@ pub(super) use photos::find_photos;
 use super::SceneError;
 use crate::files;
 
-/// What one camera file says.
+/// The contents of one camera file.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct Capture {
     pub frames: Vec<Frame>,
     pub applied: Applied,
 }
 
-/// What a file says was done to its cameras before they were written (nerfstudio's `applied_transform`, `applied_scale`).
+/// The transform that was applied to the cameras before they were written, according to their file (nerfstudio's
+/// `applied_transform`, `applied_scale`).
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Applied {
     pub transform: Isometry3<f64>,
@@ -45,7 +46,7 @@ impl Default for Applied {
     }
 }
 
-/// Reads the chosen camera file, and hands back every file that was opened.
+/// Reads the chosen camera file; also returns every file that was opened.
 pub(super) fn read(choice: &CameraSource) -> Result<(Capture, Vec<PathBuf>), SceneError> {
     match choice.kind {
         Kind::Colmap => colmap::read(&choice.path),

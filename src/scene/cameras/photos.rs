@@ -1,4 +1,4 @@
-//! From the frames of a camera file to views: the photo on disk, its true size, its mask.
+//! From the frames of a camera file to views: the photo on disk, its actual size, its mask.
 
 use std::path::{Path, PathBuf};
 
@@ -11,14 +11,15 @@ use crate::files;
 use crate::scene::photo::{self, Upright};
 use crate::scene::{SceneError, View, view_names};
 
-/// The views of a camera file, and what the user should know of them.
+/// The views of a camera file, and the notes and warnings about them for the user.
 #[derive(Debug)]
 pub(in crate::scene) struct Views {
     pub views: Vec<View>,
     pub warnings: Vec<String>,
 }
 
-/// Finds the photo of each frame in `places`, and its mask there or beside it. Frames without a photo are counted.
+/// Finds the photo of each frame in `places`, and its mask there or beside the photo. Frames without a photo are
+/// counted.
 pub(in crate::scene) fn find_photos(
     camera_file: &Path,
     frames: &[Frame],
@@ -70,17 +71,17 @@ pub(in crate::scene) fn find_photos(
     Ok(Views { views: sized.into_iter().map(|(view, _)| view).collect(), warnings })
 }
 
-/// How a photo came to fit its camera.
+/// How a photo was matched to its camera.
 #[derive(Debug, Clone, Copy)]
 struct Fit {
     upright: Upright,
-    /// The declared size, where it is not the photo's.
+    /// The declared size, if it differs from the photo's.
     resized_from: Option<(u32, u32)>,
-    /// Whether the photo says that it lies on its side.
+    /// Whether the photo's EXIF orientation says that it lies on its side.
     turned: bool,
 }
 
-/// The intrinsics for the photo's true size.
+/// The intrinsics for the photo's actual size.
 fn fitted(
     image: &Path,
     declared: &Declared,
@@ -96,7 +97,7 @@ fn fitted(
     Ok((intrinsics.resized(width, height), fit))
 }
 
-/// What became of a photo's name.
+/// The result of looking up a photo's name.
 enum Lookup {
     /// The folder, and the path within it.
     Found {
@@ -104,13 +105,13 @@ enum Lookup {
         file: String,
     },
     Missing,
-    /// The name leads out of every folder.
+    /// The name points outside of every folder.
     Outside,
 }
 
 /// Looks for the photo called `file`.
 fn photo_of(file: &str, places: &Places) -> Lookup {
-    /// Camera files of Blender and 3DGS leave the extension out.
+    /// Camera files of Blender and 3DGS omit the extension.
     const EXTENSIONS: [&str; 12] =
         ["png", "jpg", "jpeg", "JPG", "PNG", "JPEG", "webp", "tif", "tiff", "bmp", "TIF", "BMP"];
     let mut within = None;
@@ -124,8 +125,8 @@ fn photo_of(file: &str, places: &Places) -> Lookup {
         }
         within = Some(file);
     }
-    // An absolute path of the machine that calibrated leads out of every folder here; so does `../`, unless the user says
-    // where the photos are.
+    // An absolute path from the machine that calibrated points outside of every folder here; so does `../`, unless the
+    // user says where the photos are.
     let base = file.rsplit(['/', '\\']).next().unwrap_or(file);
     let may_lie_here = Path::new(file).is_absolute() || places.photos_are_named;
     match within {
@@ -135,8 +136,8 @@ fn photo_of(file: &str, places: &Places) -> Lookup {
     }
 }
 
-/// The mask of a photo: the one that the frame names, wherever that is, else the one of its name in `masks`, else in a folder
-/// `masks` beside the photos' folder or in it.
+/// The mask of a photo: the one that the frame names, wherever that is; else the one with the photo's name in `masks`;
+/// else in a folder `masks` beside the photos' folder or in it.
 fn mask_of(frame: &Frame, folder: &Path, file: &str, masks: Option<&Path>) -> Option<PathBuf> {
     if masks.is_none() {
         let named = frame.mask.as_deref().map(|mask| match view_names::path_within(folder, mask) {
@@ -162,7 +163,7 @@ fn mask_of(frame: &Frame, folder: &Path, file: &str, masks: Option<&Path>) -> Op
     folders.iter().flat_map(|folder| names.iter().map(move |name| folder.join(name))).find(|path| files::is_there(path))
 }
 
-/// A warning that names the views for which the folder that the user named has no mask.
+/// A warning that lists the views without a mask in the folder that the user named.
 fn views_without_mask(masks: &Path, sized: &[(View, Fit)]) -> Result<Option<String>, SceneError> {
     let without: Vec<&str> =
         sized.iter().map(|(view, _)| view).filter(|view| view.mask.is_none()).map(|view| view.name.as_str()).collect();

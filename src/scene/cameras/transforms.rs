@@ -1,10 +1,10 @@
-//! `transforms.json` of nerfstudio and instant-ngp, `transforms_train.json` of Blender exporters: camera-to-world matrices
-//! in OpenGL axes, intrinsics at the top or per frame.
+//! `transforms.json` of nerfstudio and instant-ngp, `transforms_train.json` of Blender exporters: camera-to-world
+//! matrices in OpenGL axes, intrinsics at the top or per frame.
 //!
-//! Layout after the nerfstudio documentation, "Data conventions": `fl_x fl_y cx cy w h` in pixels; `k1 k2 k3 k4 p1 p2` of
-//! its lens model, whose k4 goes with r^8; or k1 to k4 of OpenCV's fisheye; `camera_angle_x` (horizontal field of view,
-//! radians) where there is no `fl_x`; `mask_path` a frame. `applied_transform` (3x4) and `applied_scale` say what was done
-//! to the cameras before they were written.
+//! Layout after the nerfstudio documentation, "Data conventions": `fl_x fl_y cx cy w h` in pixels; `k1 k2 k3 k4 p1 p2`
+//! of its lens model, whose k4 is the coefficient of r^8; or k1 to k4 of OpenCV's fisheye; `camera_angle_x` (horizontal
+//! field of view, radians) if there is no `fl_x`; `mask_path` per frame. `applied_transform` (3x4) and `applied_scale`
+//! are the transform that was applied to the cameras before they were written.
 
 use std::path::Path;
 
@@ -34,7 +34,7 @@ struct JsonFrame {
     lens: Lens,
 }
 
-/// Intrinsics as far as they are given.
+/// The intrinsics that are given.
 #[derive(Debug, Clone, Deserialize)]
 struct Lens {
     camera_model: Option<String>,
@@ -60,7 +60,7 @@ pub(super) fn read(path: &Path) -> Result<Capture, SceneError> {
     parse(&bytes_of(path)?).map_err(|problem| problem.in_file(path))
 }
 
-/// What is wrong with a JSON file of cameras.
+/// An error in a JSON file of cameras.
 #[derive(Debug)]
 pub enum Problem {
     Json(serde_json::Error),
@@ -84,7 +84,7 @@ impl Problem {
 /// Reads a transforms.json from memory.
 ///
 /// # Errors
-/// [`Problem`]: no JSON, no frames, or a frame that makes no sense.
+/// [`Problem`] if it is not JSON, has no frames, or a frame is invalid.
 pub fn parse(json: &[u8]) -> Result<Capture, Problem> {
     let transforms: Transforms = serde_json::from_slice(json).map_err(Problem::Json)?;
     if transforms.frames.is_empty() {
@@ -110,7 +110,7 @@ pub fn parse(json: &[u8]) -> Result<Capture, Problem> {
 }
 
 fn pose(rows: &[Vec<f64>]) -> Result<Isometry3<f64>, FrameProblem> {
-    // Some writers leave out the last row, which is always 0 0 0 1.
+    // Some programs omit the last row, which is always 0 0 0 1.
     if !(3..=4).contains(&rows.len()) || rows.iter().any(|row| row.len() != 4) {
         return Err(FrameProblem::MatrixShape);
     }
@@ -120,7 +120,7 @@ fn pose(rows: &[Vec<f64>]) -> Result<Isometry3<f64>, FrameProblem> {
     camera_from_world_of_opengl(&world_from_camera_opengl).ok_or(FrameProblem::NotARotation)
 }
 
-/// A 3x4 or 4x4 matrix that turns and moves but does nothing else.
+/// Reads a 3x4 or 4x4 matrix; `None` unless it is a rotation and a translation and nothing else.
 pub(super) fn rigid(rows: &[Vec<f64>]) -> Option<Isometry3<f64>> {
     if rows.len() < 3 || rows.iter().any(|row| row.len() != 4 || row.iter().any(|value| !value.is_finite())) {
         return None;
@@ -131,7 +131,7 @@ pub(super) fn rigid(rows: &[Vec<f64>]) -> Option<Isometry3<f64>> {
 }
 
 impl Lens {
-    /// This lens with what it lacks taken from `other`.
+    /// This lens, with missing values taken from `other`.
     fn or(self, other: &Self) -> Self {
         Self {
             camera_model: self.camera_model.or_else(|| other.camera_model.clone()),
@@ -194,7 +194,7 @@ impl Lens {
     }
 }
 
-/// An angle that a flat picture can show.
+/// Checks that the angle is one that a flat picture can show.
 fn field_of_view(name: &'static str, angle: f64) -> Result<Focal, FrameProblem> {
     match positive(name, angle)? < std::f64::consts::PI {
         true => Ok(Focal::Angle(angle)),

@@ -1,12 +1,14 @@
 //! The densest cluster that the cameras look at.
 //!
-//! 1. The focus: the point nearest to all optical axes. Whoever walks around an object keeps it in the middle.
-//! 2. The ball around it in which an object could lie, by the cameras' distance. Blobs larger than any object detail are walls.
-//! 3. The support: the plane with most of these Gaussians close to it, almost none beyond it and all cameras on one side
-//!    (table, bed, floor), is taken off with what is below it.
-//! 4. What is left falls into clusters of touching voxels; the largest is the object.
+//! 1. The focus: the point nearest to all optical axes. A photographer who walks around an object keeps it in the
+//!    middle.
+//! 2. The ball around the focus in which the object could lie, sized by the cameras' distance. Gaussians larger than
+//!    any object detail are walls.
+//! 3. The support (table, bed, floor): the plane with most of these Gaussians close to it, almost none beyond it and
+//!    almost all cameras on one side. It is removed together with what is below it.
+//! 4. The rest is divided into clusters of touching voxels; the largest is the object.
 //!
-//! All lengths are shares of the cameras' median distance from the focus.
+//! All lengths are fractions of the cameras' median distance from the focus.
 
 use std::collections::{BTreeMap, BTreeSet};
 
@@ -15,26 +17,28 @@ use nalgebra::{Isometry3, Matrix3, Point3, Vector3};
 use crate::numeric::upper_median;
 use crate::scene::gaussians::Gaussians;
 
-/// Radius of the ball: the object fills a picture of the usual 50 to 60 degrees at about half the distance.
+/// Radius of the ball: with the usual field of view of 50 to 60 degrees, an object that fills the picture has a radius
+/// of about half the distance.
 const REACH: f64 = 0.6;
 /// Standard deviation of the largest Gaussian that may show a detail.
 const LARGEST: f64 = 0.03;
-/// Distance from the support within which a Gaussian belongs to it: cloth wrinkles, trained surfaces are thick.
+/// Distance from the support within which a Gaussian belongs to it: cloth wrinkles, and trained surfaces are thick.
 const SUPPORT_THICKNESS: f64 = 0.03;
 /// A support holds at least this share of the ball's Gaussians.
 const LEAST_SUPPORT: f64 = 0.12;
-/// Share of the Gaussians that may lie beyond the support: what seeps through.
+/// Share of the Gaussians that may lie beyond the support: some always leak through it.
 const MOST_BEYOND: f64 = 0.05;
 /// Share of the cameras that must stand on one side of it.
 const LEAST_ON_ONE_SIDE: f64 = 0.9;
-/// Side of a voxel: gaps below it do not tear an object apart.
+/// Side of a voxel: gaps smaller than this do not split an object.
 const VOXEL: f64 = 1.0 / 40.0;
 /// Below this opacity a Gaussian is haze.
 const LEAST_OPACITY_LOGIT: f32 = -2.2;
-/// An object needs this share of the ball's Gaussians, or nothing stands out.
+/// The object must have at least this share of the ball's Gaussians; otherwise nothing stands out.
 const LEAST_OBJECT: f64 = 0.02;
 
-/// Per Gaussian, whether it is the object's; `None` where no cluster stands out or the cameras look at no common point.
+/// Per Gaussian, whether it belongs to the object; `None` if no cluster stands out or the cameras do not look at a
+/// common point.
 pub(super) fn around_focus(gaussians: &Gaussians, cameras: &[Isometry3<f64>]) -> Option<Vec<bool>> {
     let world_from_camera: Vec<_> = cameras.iter().map(Isometry3::inverse).collect();
     let centers: Vec<Point3<f64>> = world_from_camera.iter().map(|pose| pose.translation.vector.into()).collect();
@@ -64,8 +68,8 @@ pub(super) fn around_focus(gaussians: &Gaussians, cameras: &[Isometry3<f64>]) ->
     Some(kept)
 }
 
-/// The point whose squared distances from all lines (through `centers` along `axes`) are least; `None` where the lines are
-/// parallel.
+/// The point with the least sum of squared distances from all lines (through `centers` along `axes`); `None` if the
+/// lines are parallel.
 fn nearest_to_axes(centers: &[Point3<f64>], axes: &[Vector3<f64>]) -> Option<Point3<f64>> {
     let mut sum = Matrix3::zeros();
     let mut weighted = Vector3::zeros();
@@ -78,7 +82,7 @@ fn nearest_to_axes(centers: &[Point3<f64>], axes: &[Vector3<f64>]) -> Option<Poi
     (least > 1e-3 * centers.len() as f64).then(|| sum.try_inverse().map(|inverse| (inverse * weighted).into()))?
 }
 
-/// Points x with normal . x = offset; the cameras are where it is larger.
+/// The points x with normal . x = offset; the cameras are on the side where normal . x is larger.
 struct Plane {
     normal: Vector3<f64>,
     offset: f64,
@@ -110,7 +114,7 @@ impl Plane {
 /// RANSAC (Fischler and Bolles 1981) with a fixed sequence of samples.
 fn support(points: &[Point3<f64>], cameras: &[Point3<f64>], thickness: f64) -> Option<Plane> {
     const TRIALS: usize = 500;
-    /// Enough to tell shares to a percent or two.
+    /// Enough to estimate shares to within a percent or two.
     const SAMPLES: usize = 1500;
     let samples: Vec<&Point3<f64>> = points.iter().step_by((points.len() / SAMPLES).max(1)).collect();
     if samples.len() < 3 {
@@ -132,7 +136,7 @@ fn support(points: &[Point3<f64>], cameras: &[Point3<f64>], thickness: f64) -> O
     best.filter(|(close, _)| *close as f64 >= LEAST_SUPPORT * samples.len() as f64).map(|(_, plane)| plane)
 }
 
-/// A linear congruential generator (Knuth's MMIX), for samples that are the same on every run.
+/// A linear congruential generator (Knuth's MMIX), so that the samples are the same in every run.
 struct Sequence(u64);
 
 impl Sequence {
@@ -142,7 +146,7 @@ impl Sequence {
     }
 }
 
-/// Of the points `among`, the largest set whose voxels touch each other; the first of equals.
+/// The largest set of the points `among` whose voxels are connected by touching; ties go to the first.
 fn largest_cluster(points: &[Point3<f64>], among: &[usize], origin: &Point3<f64>, side: f64) -> Vec<usize> {
     let voxel = |point: &Point3<f64>| -> [i64; 3] { ((point - origin) / side).map(|v| v.floor() as i64).into() };
     let mut voxels: BTreeMap<[i64; 3], Vec<usize>> = BTreeMap::new();

@@ -1,7 +1,7 @@
-//! Which Gaussians are the object and which are the room around it.
+//! Separates the object's Gaussians from those of the room around it.
 //!
-//! A box says it; or the photos' alpha or masks say that the splat shows the object alone; or else the object is the densest
-//! cluster that the cameras look at (`cluster`).
+//! The user may give a box around the object. Otherwise, if the photos have alpha or masks, the splat shows the object
+//! alone; if not, the object is the densest cluster that the cameras look at (`cluster`).
 
 mod cluster;
 
@@ -12,11 +12,11 @@ use super::gaussians::Gaussians;
 use super::photo::ForegroundSource;
 use super::{Options, SceneError, View};
 
-/// What told the object from its surroundings.
+/// How the object was separated from its surroundings.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "snake_case")]
 pub enum ObjectSource {
-    /// Nothing: all Gaussians are the object, since its photos show it alone or there are none.
+    /// Not separated: all Gaussians are the object, since its photos show it alone or there are none.
     Whole,
     /// `--object-box`.
     Box,
@@ -32,7 +32,7 @@ pub(super) struct Separated {
     pub note: String,
 }
 
-/// Tells the object's Gaussians from the rest.
+/// Separates the object's Gaussians from the rest.
 pub(super) fn separate(gaussians: Gaussians, views: &[View], options: &Options) -> Result<Separated, SceneError> {
     let count = gaussians.len();
     let whole = |gaussians, note: &str| Separated {
@@ -75,7 +75,8 @@ pub(super) fn separate(gaussians: Gaussians, views: &[View], options: &Options) 
     }
 }
 
-/// What tells the foreground of the photos: of the first, the middle and the last one the first that knows.
+/// The source of the photos' foreground: of the first, the middle and the last photo, the first one that has a
+/// foreground decides.
 fn own_foreground(views: &[View]) -> Result<ForegroundSource, SceneError> {
     let mut sampled = vec![0, views.len() / 2, views.len() - 1];
     sampled.dedup();

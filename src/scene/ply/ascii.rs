@@ -1,4 +1,4 @@
-//! Ascii bodies, row by row through ply-rs into a row type of our own (its generic element is a map per row).
+//! Ascii bodies, row by row through ply-rs into our own row type (its generic element is a map per row).
 
 use std::io::BufRead;
 
@@ -11,7 +11,7 @@ use super::row::Row;
 use super::source::Bytes;
 use super::{Body, Problem};
 
-/// What is wrong with a row of text.
+/// An error in a row of text.
 #[derive(Debug, thiserror::Error)]
 pub enum RowProblem {
     #[error("{expected} values were expected, {found} found")]
@@ -50,7 +50,7 @@ pub(super) fn read(bytes: &impl Bytes, header: &Header, layout: &Layout) -> Resu
     Ok(Body { gaussians, surely_usable, warning })
 }
 
-/// A value takes a digit and a separator at least; only the last line may lack its end.
+/// Checks the file's size: a value takes at least a digit and a separator; only the last line may lack its line end.
 fn check_size(bytes: &impl Bytes, header: &Header, layout: &Layout) -> Result<(), Problem> {
     let per_row = 2 * layout.vertex.properties.len() as u128;
     let body = u128::from(bytes.size() - header.body_at) + 1;
@@ -75,8 +75,8 @@ fn store(row: &Row, layout: &Layout, index: usize, arrays: &mut [Array<'_>]) {
     }
 }
 
-/// One row. ply-rs knows neither `nan` and `inf` nor `.5`, `5.` and `1E-3`; a line that it refuses is tried once more
-/// with such words standing in as 0, to be put back afterwards.
+/// Parses one row. ply-rs does not accept `nan`, `inf`, `.5`, `5.` or `1E-3`; a line that it refuses is parsed once
+/// more with 0 in place of such words, and their values are filled in afterwards.
 fn parse_row(text: &str, vertex: &ElementDef) -> Result<Row, RowProblem> {
     let parser = Parser::<Row>::new();
     let expected = vertex.properties.len();
@@ -108,7 +108,7 @@ fn shortened(word: &str) -> String {
     word.chars().take(40).collect()
 }
 
-/// Lines with their number in the file; blank ones are passed over.
+/// Lines with their number in the file; blank ones are skipped.
 struct Lines<R> {
     reader: R,
     text: String,

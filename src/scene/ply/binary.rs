@@ -1,4 +1,4 @@
-//! Binary bodies: chunks of rows are read and taken apart on all threads, each straight into its share of the arrays.
+//! Binary bodies: chunks of rows are read and decoded on all threads, each directly into its slice of the arrays.
 
 use std::io;
 
@@ -9,10 +9,10 @@ use super::layout::{self, Array, Column, Layout, Scalar};
 use super::source::Bytes;
 use super::{Body, Problem};
 
-/// Bytes read at once: a chunk stays in a core's second-level cache while its columns are picked out one by one.
+/// Bytes read at once: a chunk stays in a core's second-level cache while its columns are extracted one by one.
 const CHUNK_BYTES: usize = 256 << 10;
 
-/// Rows of a chunk at least: keeps the book-keeping per chunk and column small beside the values of any file.
+/// Minimum rows per chunk: keeps the overhead per chunk and column small relative to the values of any file.
 const LEAST_ROWS: usize = 64;
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -27,7 +27,7 @@ pub(super) fn read(bytes: &impl Bytes, header: &Header, layout: &Layout, order: 
     if expected > u128::from(bytes.size()) {
         return Err(Problem::Truncated { count: layout.count, expected, found: bytes.size() });
     }
-    // Both fit: they are no larger than the file.
+    // Both casts are lossless: the values are no larger than the file.
     let (first_row_at, left_over) = (first_row_at as u64, bytes.size() - expected as u64);
 
     let mut gaussians = layout.allocate(layout.count as usize);
@@ -50,7 +50,7 @@ pub(super) fn read(bytes: &impl Bytes, header: &Header, layout: &Layout, order: 
     Ok(Body { gaussians, surely_usable, warning })
 }
 
-/// Cuts all arrays into shares of `rows` Gaussians.
+/// Splits all arrays into slices of `rows` Gaussians.
 fn chunks(arrays: Vec<Array<'_>>, rows: usize) -> Vec<Vec<Array<'_>>> {
     let mut chunks = Vec::new();
     for (index, Array { values, width }) in arrays.into_iter().enumerate() {

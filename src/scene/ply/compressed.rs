@@ -1,4 +1,5 @@
-//! PlayCanvas' compressed PLY: chunks of 256 Gaussians with the bounds of their values, and four packed words a Gaussian.
+//! PlayCanvas' compressed PLY: chunks of 256 Gaussians with the bounds of their values, and four packed words per
+//! Gaussian.
 //!
 //! ```text
 //! element chunk   min_x ... max_z, min_scale_x ... max_scale_z (log scales), and in newer files min_r ... max_b: float32
@@ -21,7 +22,7 @@ use crate::scene::quantized::{opacity_logit_of_byte, quaternion_of_smallest_thre
 /// Gaussians that share a chunk's bounds.
 const PER_CHUNK: u64 = 256;
 
-/// Whether the header declares a compressed splat.
+/// True if the header declares a compressed splat.
 pub(super) fn is_compressed(header: &Header) -> bool {
     let packed = |element: &ElementDef| element.name == "vertex" && element.properties.contains_key("packed_position");
     header.elements.iter().any(packed)
@@ -133,7 +134,7 @@ fn columns<const N: usize>(table: &Table, names: [&str; N], scalar: Scalar) -> R
 struct Bounds {
     positions: Vec<[[f32; 3]; 2]>,
     log_scales: Vec<[[f32; 3]; 2]>,
-    /// None in older files, whose colours go from 0 to 1.
+    /// `None` in older files, whose colours go from 0 to 1.
     colors: Option<Vec<[[f32; 3]; 2]>>,
 }
 
@@ -201,7 +202,7 @@ fn harmonics(sh: &Table, count: u64) -> Result<(u8, Vec<f32>), Problem> {
     if !in_order || sh.count < count {
         return Err(Problem::CompressedSh);
     }
-    // The ends stand for themselves, the rest for the middle of its step.
+    // The first and last values are exact; every other stands for the middle of its step.
     let value = |byte: &u8| match byte {
         0 => -4.0,
         255 => 4.0,

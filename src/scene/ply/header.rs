@@ -1,5 +1,5 @@
-//! The header. ply-rs parses it; this file keeps from it what it would panic on (numbers beyond 64 bits), what it
-//! would silently merge (duplicates), and headers without an end.
+//! The header. ply-rs parses it; this file rejects beforehand what ply-rs would panic on (numbers beyond 64 bits), what
+//! it would silently merge (duplicates), and headers without an end.
 
 use std::collections::HashSet;
 use std::io::{BufRead, Cursor, Read};
@@ -11,7 +11,7 @@ use super::Problem;
 use super::row::Row;
 use super::source::Bytes;
 
-/// Far beyond any header seen (a few kilobytes), and small beside any splat.
+/// Far larger than any header seen (a few kilobytes), and small compared with any splat.
 const HEADER_LIMIT: u64 = 1 << 20;
 
 /// A PLY header.
@@ -21,7 +21,7 @@ pub(super) struct Header {
     pub elements: Vec<ElementDef>,
     /// The text of its comments.
     pub comments: Vec<String>,
-    /// Lines that the header takes.
+    /// Number of lines in the header.
     pub lines: u64,
     /// Offset of the first byte after the header.
     pub body_at: u64,
@@ -41,7 +41,7 @@ pub(super) fn read(bytes: &impl Bytes) -> Result<Header, Problem> {
     })
 }
 
-/// The header's text up to and with `end_header`, known to be safe for ply-rs, and the offset of what follows.
+/// The header's text up to and including `end_header`, checked to be safe for ply-rs, and the offset of what follows.
 fn checked_text(bytes: &impl Bytes) -> Result<(String, u64), Problem> {
     let mut reader = bytes.reader_from(0).take(HEADER_LIMIT);
     let mut checker = LineChecker::default();
@@ -102,7 +102,7 @@ impl LineChecker {
     }
 }
 
-/// True where a run of digits may not fit 64 bits, on which ply-rs panics. 19 digits always fit.
+/// True if a run of digits may not fit in 64 bits, on which ply-rs panics. 19 digits always fit.
 fn overflows_u64(text: &str) -> bool {
     text.split(|c: char| !c.is_ascii_digit()).any(|digits| digits.len() > 19)
 }

@@ -5,14 +5,15 @@ use crate::scene::gaussians::Gaussians;
 /// Mip-Splatting's property: the standard deviation of its 3D filter, scene units (Yu et al. 2024, eq. 8).
 const SMOOTHING_FILTER: &str = "filter_3D";
 
-/// The thickness of a flat Gaussian as a share of its smaller extent: thin beside any object, thick enough for an inverse.
+/// The thickness of a flat Gaussian as a fraction of its smaller extent: thin compared with any object, thick enough
+/// for its covariance to be inverted.
 const FLAT_SHARE: f32 = 0.01;
 
-/// The comment by which Brush says that its splats are to be drawn antialiased.
+/// The comment with which Brush marks splats that are to be drawn antialiased.
 pub(super) const ANTIALIASED_COMMENT: &str = "SplatRenderMode: mip";
 
-/// Turns 2DGS and Mip-Splatting Gaussians into plain ones, in place, and says what was found. `flat`: the file has no third
-/// scale.
+/// Turns 2DGS and Mip-Splatting Gaussians into plain ones, in place, and returns notes about what was found. `flat`:
+/// the file has no third scale.
 pub(super) fn recognise(gaussians: &mut Gaussians, flat: bool, comments: &[String]) -> Vec<String> {
     let mut notes = Vec::new();
     if flat {
@@ -39,15 +40,15 @@ fn is_mip_comment(comment: &str) -> bool {
     words.contains(&"splatrendermode") && words.contains(&"mip")
 }
 
-/// Widens each Gaussian by its filter and dims it by what it gains in size (Yu et al. 2024, eq. 9): s' = sqrt(s^2 + f^2) and
-/// opacity' = opacity sqrt(prod s^2 / prod s'^2).
+/// Widens each Gaussian by its filter and reduces its opacity by what it gains in size (Yu et al. 2024, eq. 9): s' =
+/// sqrt(s^2 + f^2) and opacity' = opacity sqrt(prod s^2 / prod s'^2).
 fn fuse(gaussians: &mut Gaussians, filter: &[f32]) {
     for (i, filter) in filter.iter().enumerate() {
         let scales = gaussians.scale(i);
         let widened = scales.map(|s| s.hypot(f64::from(*filter)));
         let opacity = gaussians.opacity(i) * scales.component_div(&widened).product();
         if !(opacity.is_finite() && widened.iter().all(|s| s.is_finite())) {
-            // Left for the count of unusable Gaussians.
+            // Will be dropped and counted with the unusable Gaussians.
             gaussians.opacity_logits[i] = f32::NAN;
             continue;
         }

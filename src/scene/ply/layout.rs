@@ -1,4 +1,4 @@
-//! Which property of the file goes to which place in memory.
+//! Maps the properties of the file to their places in memory.
 
 use std::collections::BTreeMap;
 
@@ -8,7 +8,8 @@ use super::Problem;
 use super::header::Header;
 use crate::scene::gaussians::{ExtraProperty, Gaussians};
 
-/// The arrays of [`Gaussians`] that a file fills; those that gprop does not know follow from [`FIRST_EXTRA`] on.
+/// Indices of the arrays of [`Gaussians`] that a file fills; those for properties that gprop does not know start at
+/// [`FIRST_EXTRA`].
 const POSITIONS: usize = 0;
 const LOG_SCALES: usize = 1;
 const ROTATIONS: usize = 2;
@@ -38,7 +39,7 @@ const REQUIRED: [(&str, usize, usize); 14] = [
 /// The one property of [`REQUIRED`] that 2D Gaussian Splatting leaves out: its Gaussians are flat.
 const THIRD_SCALE: &str = "scale_2";
 
-/// How a row of the file is laid out and where its values go.
+/// The layout of a row in the file and the places its values go to.
 pub(super) struct Layout {
     /// Rows that the header claims.
     pub count: u64,
@@ -60,7 +61,7 @@ pub(super) struct Layout {
     pub warnings: Vec<String>,
 }
 
-/// Neighbouring properties of one type that are neighbours in memory too.
+/// Adjacent properties of one type that are also adjacent in memory.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Column {
     /// Bytes from the start of the row in a binary file.
@@ -68,13 +69,13 @@ pub(super) struct Column {
     pub scalar: Scalar,
     /// Index of the array.
     pub array: usize,
-    /// Index of the first value within the array's share of a Gaussian.
+    /// Index of the first value among the array's values for one Gaussian.
     pub lane: usize,
     /// Number of values.
     pub length: usize,
 }
 
-/// A copy of ply-rs' scalar type that can be copied and compared.
+/// The same as ply-rs' scalar type, but `Copy` and comparable.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Scalar {
     I8,
@@ -110,7 +111,7 @@ impl Scalar {
         }
     }
 
-    /// Whether a float32 holds every value of this type.
+    /// True if a float32 holds every value of this type.
     fn fits_f32(self) -> bool {
         !matches!(self, Self::I32 | Self::U32 | Self::F64)
     }
@@ -186,13 +187,13 @@ impl Layout {
     }
 }
 
-/// One array of a cloud, flat, with the number of values a Gaussian has in it.
+/// One array of a cloud, flattened, with the number of values per Gaussian.
 pub(super) struct Array<'a> {
     pub values: &'a mut [f32],
     pub width: usize,
 }
 
-/// The arrays of a cloud in the order that [`Column::array`] counts.
+/// The arrays of a cloud in the order of the indices in [`Column::array`].
 pub(super) fn arrays(gaussians: &mut Gaussians) -> Vec<Array<'_>> {
     let rest = 3 * gaussians.sh_rest_per_channel();
     let mut arrays = vec![
@@ -207,11 +208,11 @@ pub(super) fn arrays(gaussians: &mut Gaussians) -> Vec<Array<'_>> {
     arrays
 }
 
-/// True where a look at the largest magnitudes is enough to know that every Gaussian is [`Gaussians::is_usable`].
+/// True if the largest magnitudes alone show that every Gaussian is [usable](Gaussians::is_usable).
 pub(super) fn surely_usable(arrays: &[Array<'_>]) -> bool {
     arrays.iter().take(FIRST_EXTRA).enumerate().all(|(index, array)| {
         let limit = if index == LOG_SCALES { Gaussians::LOG_SCALE_LIMIT } else { f32::INFINITY };
-        // Without a branch per value, so that the compiler can take many at a time.
+        // No branch per value, so that the compiler can vectorize the loop.
         let largest = array.values.iter().fold(0, |largest: u32, value| largest.max(value.abs().to_bits()));
         f32::from_bits(largest) < limit
     })
@@ -241,7 +242,7 @@ pub(super) fn scalar_properties(element: &ElementDef) -> Result<Vec<(&str, Scala
     element.properties.iter().map(|(name, property)| scalar_of((name.as_str(), property))).collect()
 }
 
-/// The SH degree, or why these are not the properties of a splat.
+/// Returns the SH degree, or an error if these are not the properties of a splat.
 fn check_is_splat(properties: &[(&str, Scalar)]) -> Result<u8, Problem> {
     let has: BTreeMap<&str, Scalar> = properties.iter().copied().collect();
     let optional = |name: &str| name == THIRD_SCALE;
@@ -257,7 +258,7 @@ fn check_is_splat(properties: &[(&str, Scalar)]) -> Result<u8, Problem> {
     sh_degree_of(has.keys().copied())
 }
 
-/// The degree to which the properties `f_rest_*` among `names` amount.
+/// The SH degree implied by the number of properties `f_rest_*` among `names`.
 pub(super) fn sh_degree_of<'a>(names: impl Iterator<Item = &'a str>) -> Result<u8, Problem> {
     let mut indices: Vec<usize> = names.filter_map(sh_rest_index).collect();
     indices.sort_unstable();
@@ -271,7 +272,7 @@ pub(super) fn sh_degree_of<'a>(names: impl Iterator<Item = &'a str>) -> Result<u
     }
 }
 
-/// How much lies between the header and the vertices: bytes in a binary file, lines in an ascii file.
+/// The size of what lies between the header and the vertices: bytes in a binary file, lines in an ascii file.
 fn size_before(elements: &[ElementDef], encoding: &Encoding) -> Result<u128, Problem> {
     let mut size = 0;
     for element in elements {

@@ -2,12 +2,12 @@
 //! 0 to 3, with or without normals, with properties that gprop does not know.
 //!
 //! Reading goes in this order:
-//! 1. `header`: ply-rs reads the header; what it would swallow or choke on is checked before.
-//! 2. `layout`: which property goes where, and whether this is a splat at all.
-//! 3. `binary` or `ascii`: the body, straight into the structure of arrays, after the count that the header claims
-//!    has been checked against the bytes that are there. Memory is bounded by the file's own size, whatever it claims.
-//!    `compressed` reads the packed bodies.
-//! 4. `kinds`: what 2DGS and Mip-Splatting leave out or add is turned into plain Gaussians.
+//! 1. `header`: ply-rs reads the header, after a check for what it would silently accept or panic on.
+//! 2. `layout`: determines where each property goes, and checks that this is a splat.
+//! 3. `binary` or `ascii`: reads the body directly into the structure of arrays, after the count in the header has been
+//!    checked against the bytes in the file. Memory is bounded by the file's actual size, whatever the header claims.
+//!    `compressed` reads packed bodies.
+//! 4. `kinds`: converts the Gaussians of 2DGS and Mip-Splatting into plain ones.
 //! 5. Gaussians with values that no renderer could draw are dropped and counted.
 
 mod ascii;
@@ -34,7 +34,7 @@ pub use super::loaded::Loaded;
 pub use ascii::RowProblem;
 pub use write::write;
 
-/// A PLY file that cannot be read as a splat. The message is whole: it holds the problem's.
+/// A PLY file that cannot be read as a splat. The message is complete: it includes that of the problem.
 #[derive(Debug, Error)]
 #[error("`{}`: {problem}", path.display())]
 pub struct PlyError {
@@ -42,7 +42,7 @@ pub struct PlyError {
     pub problem: Problem,
 }
 
-/// What is wrong with a PLY, and what to do.
+/// An error in a PLY, and what to do about it.
 #[derive(Debug, Error)]
 pub enum Problem {
     #[error("cannot be read: {0}")]
@@ -111,14 +111,14 @@ impl From<std::io::Error> for Problem {
 /// Reads the splat at `path`.
 ///
 /// # Errors
-/// [`PlyError`] says which file, what is wrong with it and what to do.
+/// [`PlyError`], which says which file is affected, what is wrong with it and what to do.
 pub fn read(path: &Path) -> Result<Loaded, PlyError> {
     let in_file = |problem| PlyError { path: path.to_owned(), problem };
     let file = FileBytes::open(path).map_err(|e| in_file(e.into()))?;
     read_bytes(&file).map_err(in_file)
 }
 
-/// Whether the file at `path` has the header of a splat; a damaged splat counts, a point cloud or a mesh does not.
+/// True if the file at `path` has the header of a splat; a damaged splat counts, a point cloud or a mesh does not.
 pub(super) fn is_splat(path: &Path) -> bool {
     let Ok(file) = FileBytes::open(path) else { return false };
     let Ok(header) = header::read(&file) else { return false };
@@ -128,7 +128,7 @@ pub(super) fn is_splat(path: &Path) -> bool {
 /// Reads a splat from memory, as [`read`] does from a file.
 ///
 /// # Errors
-/// [`Problem`] says what is wrong.
+/// [`Problem`], which says what is wrong.
 pub fn parse(bytes: &[u8]) -> Result<Loaded, Problem> {
     read_bytes(&bytes)
 }
@@ -160,10 +160,10 @@ fn finished(body: Body, mut loaded: Loaded) -> Result<Loaded, Problem> {
     Ok(loaded)
 }
 
-/// What a body reader hands back.
+/// The result of reading a body.
 struct Body {
     gaussians: Gaussians,
-    /// False where some Gaussian may not be [`Gaussians::is_usable`].
+    /// False if some Gaussian may not be [usable](Gaussians::is_usable).
     surely_usable: bool,
     warning: Option<String>,
 }

@@ -1,4 +1,4 @@
-//! One element of an ascii body or a header, as ply-rs hands it over.
+//! The element type for ply-rs' parser: one row of an ascii body. Parsing the header needs the type too.
 
 use ply_rs::ply::{Property, PropertyAccess};
 

@@ -1,4 +1,4 @@
-//! Where the bytes come from: a file that several threads read at once, or memory.
+//! Sources of bytes: a file that several threads read at once, or memory.
 
 use std::fs::File;
 use std::io::{self, BufReader, Read};
@@ -9,17 +9,17 @@ use std::path::Path;
 pub(super) trait Bytes: Sync {
     fn size(&self) -> u64;
 
-    /// Fills `buffer` with the bytes from `offset` on.
+    /// Fills `buffer` with the bytes starting at `offset`.
     fn read_at(&self, offset: u64, buffer: &mut [u8]) -> io::Result<()>;
 
-    /// The bytes from `offset` on, one after the other.
+    /// A sequential reader of the bytes starting at `offset`.
     fn reader_from(&self, offset: u64) -> BufReader<Sequential<'_, Self>> {
         const CAPACITY: usize = 1 << 16;
         BufReader::with_capacity(CAPACITY, Sequential { bytes: self, offset })
     }
 }
 
-/// A file whose size was taken when it was opened.
+/// A file with its size at the time it was opened.
 pub(super) struct FileBytes {
     file: File,
     size: u64,

@@ -1,4 +1,4 @@
-//! Writing a cloud as 3DGS trainers write it, so that every splat viewer opens it.
+//! Writes a cloud in the form used by 3DGS trainers, so that every splat viewer opens it.
 
 use std::collections::HashSet;
 use std::io::{self, Write};
@@ -9,12 +9,12 @@ use crate::scene::gaussians::{ExtraProperty, Gaussians};
 /// Rows encoded at once.
 const ROWS_PER_CHUNK: usize = 1024;
 
-/// Writes `gaussians` as a binary little endian PLY of float32 properties in the order of the original 3DGS code: x y z,
-/// nx ny nz where the cloud has them, f_dc, f_rest, opacity, scale, rot; then `extra`, then what the cloud's own file
-/// held beyond these and `extra` does not replace. What was read from float32 is written back bit for bit.
+/// Writes `gaussians` as a binary little endian PLY of float32 properties in the order of the original 3DGS code: x y
+/// z, nx ny nz if the cloud has them, f_dc, f_rest, opacity, scale, rot; then `extra`, then the other properties of the
+/// cloud's own file that `extra` does not replace. Values read from float32 are written back bit for bit.
 ///
 /// # Errors
-/// `InvalidInput` where an array does not have one value a Gaussian or a name is not a PLY name; what `writer` reports.
+/// `InvalidInput` if an array does not have one value per Gaussian or a name is not a PLY name; any error of `writer`.
 pub fn write(mut writer: impl Write, gaussians: &Gaussians, extra: &[ExtraProperty]) -> io::Result<()> {
     let columns = columns(gaussians, extra);
     check(&columns, gaussians.len())?;
@@ -34,7 +34,7 @@ pub fn write(mut writer: impl Write, gaussians: &Gaussians, extra: &[ExtraProper
     writer.flush()
 }
 
-/// One array with a name for each of a Gaussian's values.
+/// One array, with a name for each value of a Gaussian.
 struct Column<'a> {
     names: Vec<String>,
     values: &'a [f32],

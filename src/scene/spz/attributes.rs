@@ -1,4 +1,4 @@
-//! What the bytes of each attribute mean, after the format's public description.
+//! Decodes the bytes of each attribute, following the format's public description.
 
 use rayon::prelude::*;
 
@@ -8,8 +8,8 @@ use crate::scene::quantized::{opacity_logit_of_byte, quaternion_of_smallest_thre
 /// Colours are stored as 0.5 + this * f_dc, which leaves room for colours beyond 0 and 1.
 const COLOR_SCALE: f32 = 0.15;
 
-/// The signs that half a turn about x gives to the real spherical harmonics of degree 1 to 3: -1 where the polynomial is odd
-/// in y and z together.
+/// The signs that a half turn about x gives to the real spherical harmonics of degree 1 to 3: -1 where the polynomial
+/// is odd in y and z together.
 #[rustfmt::skip]
 const SH_SIGNS: [f32; 15] = [
     -1.0, -1.0, 1.0,
@@ -17,12 +17,12 @@ const SH_SIGNS: [f32; 15] = [
     -1.0, 1.0, -1.0, -1.0, 1.0, -1.0, 1.0,
 ];
 
-/// Half a turn about x.
+/// Applies a half turn about x.
 fn turned([x, y, z]: [f32; 3]) -> [f32; 3] {
     [x, -y, -z]
 }
 
-/// Fixed point of 24 bits, or half floats in version 1.
+/// Positions: 24-bit fixed point, or half floats in version 1.
 pub(super) fn positions(header: &Header, bytes: &[u8]) -> Vec<[f32; 3]> {
     if header.version == 1 {
         let (rows, _) = bytes.as_chunks::<6>();
@@ -38,7 +38,7 @@ pub(super) fn positions(header: &Header, bytes: &[u8]) -> Vec<[f32; 3]> {
     rows.par_iter().map(|row| turned([0, 3, 6].map(|at| coordinate(row, at)))).collect()
 }
 
-/// Log scales in sixteenths from -10 on.
+/// Log scales in steps of one sixteenth, starting at -10.
 pub(super) fn log_scales(bytes: &[u8]) -> Vec<[f32; 3]> {
     let (rows, _) = bytes.as_chunks::<3>();
     rows.par_iter().map(|row| row.map(|byte| f32::from(byte) / 16.0 - 10.0)).collect()
@@ -57,8 +57,8 @@ pub(super) fn rotations(header: &Header, bytes: &[u8]) -> Vec<[f32; 4]> {
     quaternions.into_iter().map(|[w, x, y, z]| [w, x, -y, -z]).collect()
 }
 
-/// Two bits say which of x y z w is the largest; the others follow from the top, each a sign and nine bits of size, of which
-/// 511 is sqrt(1/2), the most that a smaller component can have.
+/// Two bits say which of x y z w is the largest; the others follow from the highest bits down, each as a sign and nine
+/// bits of magnitude, where 511 is sqrt(1/2), the largest value that a smaller component can have.
 fn smallest_three(packed: u32) -> [f32; 4] {
     let component = |field: u32| {
         let bits = packed >> (20 - 10 * field);
@@ -78,7 +78,8 @@ pub(super) fn sh_dc(bytes: &[u8]) -> Vec<[f32; 3]> {
     rows.par_iter().map(|row| row.map(|byte| (f32::from(byte) / 255.0 - 0.5) / COLOR_SCALE)).collect()
 }
 
-/// The file has the three colours of a coefficient side by side, a PLY all coefficients of a colour.
+/// The coefficients in the order of a PLY: the file stores the three colours of a coefficient side by side, a PLY all
+/// coefficients of a colour.
 pub(super) fn sh_rest(header: &Header, bytes: &[u8]) -> Vec<f32> {
     let bands = usize::from(header.sh_degree) + 1;
     let per_channel = bands * bands - 1;
@@ -96,7 +97,7 @@ pub(super) fn sh_rest(header: &Header, bytes: &[u8]) -> Vec<f32> {
     values
 }
 
-/// IEEE 754 binary16.
+/// Decodes an IEEE 754 binary16.
 fn half_float(bytes: [u8; 2]) -> f32 {
     let bits = u16::from_le_bytes(bytes);
     let sign = if bits & 0x8000 == 0 { 1.0 } else { -1.0 };

@@ -1,5 +1,6 @@
-//! From the file to the bytes of each attribute, never decompressing more than the header's count accounts for. A file that
-//! is damaged, cut off or longer than it should be is refused: checksums and lengths are checked to the last byte.
+//! Unpacks the file into the bytes of each attribute, never decompressing more than the count in the header requires. A
+//! file that is damaged, cut off or longer than it should be is refused: checksums and lengths are checked to the last
+//! byte.
 
 use std::io::{self, Read};
 
@@ -12,21 +13,21 @@ const MAGIC: [u8; 4] = *b"NGSP";
 const GZIP_MAGIC: [u8; 2] = [0x1f, 0x8b];
 const LEGACY_HEADER: usize = 16;
 const HEADER: usize = 32;
-/// Bytes of an entry of version 4's list of streams: compressed and uncompressed size.
+/// Bytes per entry in version 4's list of streams: compressed and uncompressed size.
 const STREAM_ENTRY: usize = 16;
 const FLAG_ANTIALIASED: u8 = 1;
-/// Records of other programs follow the attributes; in version 4 they come before the list of streams.
+/// Flag: records of other programs follow the attributes; in version 4 they come before the list of streams.
 const FLAG_EXTENDED: u8 = 2;
 
-/// Trained splats shrink to a third at best, constant harmonics to a tenth. A header that promises more than this many bytes
-/// a byte of the file is not believed...
+/// Trained splats compress to a third at best, and to a tenth if their harmonics are constant. A header that promises
+/// more than this many bytes per byte of the file is rejected...
 const MOST_BYTES_PER_BYTE: u64 = 64;
-/// ... unless the promise is small anyway: made-up files of equal Gaussians compress without limit.
+/// ... unless the promised size is small anyway: synthetic files of equal Gaussians compress without limit.
 const ALWAYS_ALLOWED: u64 = 1 << 16;
 
 type Attributes = [Vec<u8>; 6];
 
-/// The header and the bytes of each attribute, of just the lengths that [`Header::lengths`] gives.
+/// Returns the header and the bytes of each attribute, with exactly the lengths that [`Header::lengths`] gives.
 pub(super) fn unpack(bytes: &[u8]) -> Result<(Header, Attributes), Problem> {
     if bytes.starts_with(&GZIP_MAGIC) {
         let mut stream = GzDecoder::new(bytes);
@@ -51,7 +52,7 @@ pub(super) fn unpack(bytes: &[u8]) -> Result<(Header, Attributes), Problem> {
     let start = bytes.first_chunk().ok_or(Problem::Truncated { size: bytes.len() })?;
     let header = header(start, bytes.len())?;
     match header.version {
-        // What a viewer's cache keeps: the legacy layout without its gzip.
+        // The form in which a viewer's cache keeps it: the legacy layout without gzip.
         1..=3 => {
             let mut stream = &bytes[LEGACY_HEADER..];
             let attributes = one_after_the_other(&header, &mut stream)?;
@@ -91,7 +92,7 @@ fn header(start: &[u8; LEGACY_HEADER], size: usize) -> Result<Header, Problem> {
     Ok(header)
 }
 
-/// Most bytes that a file of `size` bytes is taken to hold.
+/// The largest number of uncompressed bytes accepted for a file of `size` bytes.
 fn most_bytes(size: usize) -> u64 {
     ALWAYS_ALLOWED.max(MOST_BYTES_PER_BYTE * size as u64)
 }
@@ -105,7 +106,7 @@ fn one_after_the_other(header: &Header, stream: &mut impl Read) -> Result<Attrib
     Ok(attributes)
 }
 
-/// Reads the stream to its end, where its checksum is; only extensions may come before that.
+/// Reads the stream to its end and so checks its checksum; only extensions may come before the end.
 fn skip_extensions(header: &Header, size: usize, stream: &mut impl Read) -> Result<(), Problem> {
     const LAST: &str = "end";
     if header.extended {
@@ -115,7 +116,7 @@ fn skip_extensions(header: &Header, size: usize, stream: &mut impl Read) -> Resu
     ends(header, LAST, stream)
 }
 
-/// Whether the stream ends here, with its checksum.
+/// Checks that the stream ends here, with a valid checksum.
 fn ends(header: &Header, attribute: &'static str, stream: &mut impl Read) -> Result<(), Problem> {
     match stream.read(&mut [0]) {
         Ok(0) => Ok(()),
@@ -142,7 +143,7 @@ fn streams(header: &Header, bytes: &[u8]) -> Result<Attributes, Problem> {
     let mut entries = entries.iter();
     let mut attributes = Attributes::default();
     for (decoded, (attribute, length)) in attributes.iter_mut().zip(header.lengths()) {
-        // A cloud without harmonics may leave their stream out.
+        // A cloud without harmonics may omit their stream.
         let Some(entry) = entries.next() else {
             if length == 0 {
                 continue;
@@ -171,7 +172,7 @@ fn streams(header: &Header, bytes: &[u8]) -> Result<Attributes, Problem> {
 }
 
 fn zstd(header: &Header, attribute: &'static str, length: u64, stream: &[u8]) -> Result<Vec<u8>, Problem> {
-    /// The format's floor for what a decoder should allow (RFC 8878, 3.1.1.1.2).
+    /// The smallest window size that the format recommends decoders to support (RFC 8878, 3.1.1.1.2).
     const LEAST_WINDOW: u64 = 8 << 20;
     let window = length.next_power_of_two().clamp(1 << 10, LEAST_WINDOW.max(length.next_power_of_two()));
     let broken = |reason: String| Problem::Compression { attribute, reason };
@@ -187,7 +188,7 @@ fn zstd(header: &Header, attribute: &'static str, length: u64, stream: &[u8]) ->
     Ok(bytes)
 }
 
-/// Reads `length` bytes and not one more.
+/// Reads exactly `length` bytes.
 fn exactly(header: &Header, attribute: &'static str, length: u64, stream: &mut impl Read) -> Result<Vec<u8>, Problem> {
     let mut bytes = Vec::new();
     let read = stream.take(length).read_to_end(&mut bytes);

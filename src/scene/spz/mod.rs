@@ -1,11 +1,11 @@
 //! Niantic's `.spz`, versions 1 to 4: quantised Gaussians, attribute by attribute, compressed.
 //!
-//! 1. [`container`]: versions 1 to 3 are one gzip stream behind a 16-byte header; version 4 has a plain header of 32 bytes
-//!    and a zstd stream an attribute.
-//! 2. [`attributes`]: from the bytes of an attribute to the values that a 3DGS PLY holds.
+//! 1. [`container`]: versions 1 to 3 are one gzip stream that begins with a 16-byte header; version 4 has an
+//!    uncompressed header of 32 bytes and one zstd stream per attribute.
+//! 2. [`attributes`]: converts the bytes of an attribute to the values that a 3DGS PLY holds.
 //!
-//! The format's axes are right, up, back; a 3DGS PLY's are right, down, front. The cloud is turned by half a turn about x, as
-//! the format's own converters do.
+//! The format's axes are right, up, back; a 3DGS PLY's are right, down, front. The cloud is rotated by a half turn
+//! about x, as the format's own converters do.
 
 mod attributes;
 mod container;
@@ -15,7 +15,7 @@ use thiserror::Error;
 use super::gaussians::Gaussians;
 use super::loaded::{Loaded, drop_unusable};
 
-/// What is wrong with an `.spz`.
+/// An error in an `.spz`.
 #[derive(Debug, Error)]
 pub enum Problem {
     #[error("is no .spz file: neither gzip nor the letters NGSP at its start; export the splat again")]
@@ -46,13 +46,13 @@ pub enum Problem {
     NothingFinite { count: u32 },
 }
 
-/// Version, count and flags: what both kinds of header say.
+/// Version, count and flags, which both kinds of header contain.
 #[derive(Debug, Clone, Copy)]
 struct Header {
     version: u32,
     count: u32,
     sh_degree: u8,
-    /// Binary digits behind the point of a coordinate.
+    /// Number of fractional bits of a coordinate.
     fractional_bits: u8,
     antialiased: bool,
     /// Whether records of other programs follow.
@@ -80,7 +80,7 @@ impl Header {
 /// Reads an `.spz` from memory.
 ///
 /// # Errors
-/// [`Problem`] says what is wrong.
+/// [`Problem`], which says what is wrong.
 pub fn parse(bytes: &[u8]) -> Result<Loaded, Problem> {
     let (header, [positions, opacities, colors, scales, rotations, sh]) = container::unpack(bytes)?;
     let mut gaussians = Gaussians {

@@ -1,10 +1,10 @@
-//! A COCO data set of the segments, their masks as compressed run lengths: what `pycocotools.mask.decode` reads.
+//! A COCO data set of the segments, with their masks as compressed run lengths, as read by `pycocotools.mask.decode`.
 
 use serde_json::{Value, json};
 
 use super::super::{LabelMap, Segment, ViewSegments};
 
-/// The segments of the views, as they lie in the label maps: `images`, `annotations` and the one category `segment`.
+/// The segments of the views, as in the label maps: `images`, `annotations` and the one category `segment`.
 pub fn coco(views: &[ViewSegments]) -> Value {
     let (mut images, mut annotations) = (Vec::new(), Vec::new());
     for (index, view) in views.iter().enumerate() {
@@ -28,9 +28,10 @@ pub fn coco(views: &[ViewSegments]) -> Value {
     json!({ "images": images, "annotations": annotations, "categories": [{ "id": 1, "name": "segment" }] })
 }
 
-/// Of each segment the lengths of runs without and with it in turn, beginning without, column by column.
+/// For each segment, the lengths of the alternating runs outside and inside it, column by column, beginning with
+/// outside.
 fn column_runs(map: &LabelMap, segments: &[Segment]) -> Vec<Vec<u32>> {
-    // Per label: where in column order its last run ended, and its runs so far.
+    // Per label: the position in column order where its last run ended, and its runs so far.
     let largest = segments.iter().map(|segment| segment.id).max().unwrap_or(0);
     let mut runs: Vec<(u32, Vec<u32>)> = vec![(0, Vec::new()); usize::from(largest) + 1];
     let mut position = 0;
@@ -55,8 +56,8 @@ fn column_runs(map: &LabelMap, segments: &[Segment]) -> Vec<Vec<u32>> {
     segments.iter().map(finished).collect()
 }
 
-/// COCO's `rleToString`: from the fourth number on the difference to the one before the last, each in groups of five bits,
-/// the lowest first, with a sixth bit where more follow, as characters from `0` on.
+/// COCO's `rleToString`: from the fourth number on, the difference from the number two before it. Each is written in
+/// groups of five bits, the lowest first, with a sixth bit set if more follow, as characters starting at `0`.
 fn compressed(runs: &[u32]) -> String {
     let mut text = String::new();
     for (index, &run) in runs.iter().enumerate() {

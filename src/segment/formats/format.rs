@@ -1,4 +1,4 @@
-//! The forms by name.
+//! The formats of label maps, by name.
 
 use serde::Serialize;
 
@@ -15,7 +15,8 @@ pub enum Format {
 }
 
 impl Format {
-    /// How many planes its arrays have, where it is arrays: `Some(None)` for no such axis.
+    /// The number of planes of its arrays: `None` if the form has no arrays, `Some(None)` if its arrays have no such
+    /// axis.
     pub fn npy_planes(self) -> Option<Option<u64>> {
         match self {
             Self::Npy => Some(None),

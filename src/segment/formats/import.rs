@@ -1,4 +1,4 @@
-//! Masks made elsewhere: a label PNG or an `_s.npy` for each view, in one folder.
+//! Imports masks from other programs: a label PNG or an `_s.npy` for each view, in one folder.
 
 use std::path::{Path, PathBuf};
 
@@ -6,7 +6,7 @@ use super::super::paint::segment_list;
 use super::super::{LabelMap, LabelMapError, Level, ViewSegments};
 use crate::files;
 
-/// Masks that cannot be used. Each message is whole.
+/// The reason why masks cannot be used. Each message is complete.
 #[derive(Debug, thiserror::Error)]
 pub enum ImportError {
     #[error(
@@ -21,15 +21,15 @@ pub enum ImportError {
     Size { path: PathBuf, expected: (u32, u32), found: (u32, u32) },
 }
 
-/// The file in `folder` that holds a view's masks; the PNG where there are both.
+/// The file in `folder` that holds a view's masks; the PNG if there are both.
 pub fn file_of_view(folder: &Path, view: &str) -> Result<PathBuf, ImportError> {
     let files = [format!("{view}.png"), format!("{view}_s.npy")].map(|name| folder.join(name));
     let found = files.into_iter().find(|path| files::is_there(path));
     found.ok_or_else(|| ImportError::Missing { folder: folder.to_owned(), view: view.to_owned() })
 }
 
-/// A view's segments as `folder` holds them, for a photo of `size`. Of an array with LangSplat's levels `level` is
-/// taken. Nobody says how good such masks are: their scores are 1.
+/// Reads a view's segments from `folder`, for a photo of `size`. From an array with LangSplat's levels, `level` is
+/// taken. The quality of such masks is unknown, so their scores are 1.
 pub fn import_view(folder: &Path, view: &str, size: (u32, u32), level: Level) -> Result<ViewSegments, ImportError> {
     let path = file_of_view(folder, view)?;
     let bytes = files::read(&path).map_err(|source| ImportError::Read { path: path.clone(), source })?;

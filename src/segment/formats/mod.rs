@@ -1,4 +1,4 @@
-//! Label maps as other programs keep them, written beside gprop's own 16-bit PNG and read in its place.
+//! Label maps in the formats of other programs, written in addition to gprop's own 16-bit PNG and read in place of it.
 
 mod coco;
 mod format;

@@ -8,7 +8,7 @@ use super::super::{LabelMap, LabelMapError, Level};
 use crate::npz::open_array;
 
 impl LabelMap {
-    /// Writes the map as `[height, width]`, or as that many equal `planes` of it.
+    /// Writes the map as `[height, width]`, or as `planes` identical copies of it.
     pub fn write_npy(&self, planes: Option<u64>, out: &mut dyn Write) -> io::Result<()> {
         let mut shape: Vec<u64> = planes.into_iter().collect();
         shape.extend([u64::from(self.height), u64::from(self.width)]);
@@ -19,8 +19,8 @@ impl LabelMap {
         writer.finish()
     }
 
-    /// The map in an array of int32 or int64: `[height, width]`, or planes of that, of which LangSplat's four are default,
-    /// small, middle and large. Ids are renumbered from 1.
+    /// Reads the map from an array of int32 or int64: `[height, width]`, or planes of that; LangSplat's four planes are
+    /// default, small, middle and large. Ids are renumbered from 1.
     pub fn from_npy(bytes: &[u8], level: Level) -> Result<Self, LabelMapError> {
         let broken = |error: io::Error| LabelMapError::Npy(error.to_string());
         let file = open_array(bytes).map_err(broken)?;
@@ -31,7 +31,7 @@ impl LabelMap {
             _ => return Err(LabelMapError::NpyShape(shape)),
         };
         let count = planes.checked_mul(height).and_then(|count| count.checked_mul(width));
-        // Also keeps a wrong header from asking for memory that the file cannot fill.
+        // Also prevents a wrong header from requesting memory that the file cannot fill.
         let fits = count.is_some_and(|count| count > 0 && count <= bytes.len() as u64);
         let (Ok(height), Ok(width), true) = (u32::try_from(height), u32::try_from(width), fits) else {
             return Err(LabelMapError::NpyShape(shape));
@@ -116,7 +116,7 @@ mod tests {
         let header = |kind: &str| format!("{{'descr': '{kind}', 'fortran_order': False, 'shape': (20, 30), }}\n");
         let objects = message(&npy(&header("|O"), &[0x80; 700]));
         assert!(objects.contains("Python objects, not numbers"), "{objects}");
-        // Cut off a little, far, in the header, and in what comes before that.
+        // Truncated slightly, heavily, within the header, and before the header.
         let whole = npy(&header("<i4"), &[0; 2400]);
         assert!(LabelMap::from_npy(&whole, Level::Small).is_ok());
         for left in [2399, 100, 0] {

@@ -1,4 +1,4 @@
-//! Embeddings on disk: what one encoder made of one picture, as little-endian float32 without a header.
+//! Embeddings on disk: the output of one encoder for one picture, as little-endian float32 without a header.
 
 use std::fs;
 use std::io;
@@ -9,7 +9,7 @@ use sha2::{Digest, Sha256};
 use super::{EMBEDDING, Embedding};
 use crate::workdir::{hexadecimal, sha256_of_file, write_atomic};
 
-/// A folder of embeddings that one encoder made.
+/// A folder of embeddings from one encoder.
 pub struct Cache {
     folder: PathBuf,
     /// SHA-256 of the encoder's file.
@@ -17,12 +17,12 @@ pub struct Cache {
 }
 
 impl Cache {
-    /// The embeddings in `folder` that the encoder at `encoder` made.
+    /// Opens the cache in `folder` for the embeddings of the encoder at `encoder`.
     pub fn open(folder: &Path, encoder: &Path) -> io::Result<Self> {
         Ok(Self { folder: folder.to_owned(), encoder: sha256_of_file(encoder)? })
     }
 
-    /// Where the embedding of a preprocessed picture lies, or would.
+    /// The path of a preprocessed picture's embedding, whether or not it exists.
     pub fn path(&self, input: &[f32]) -> PathBuf {
         let mut hasher = Sha256::new().chain_update(self.encoder);
         for row in input.chunks(4096) {
@@ -31,7 +31,7 @@ impl Cache {
         self.folder.join(hexadecimal(&hasher.finalize()) + ".f32")
     }
 
-    /// The embedding at `path`; `None` where there is none, or not all of it.
+    /// Reads the embedding at `path`; `None` if it is missing or incomplete.
     pub fn read(path: &Path) -> Option<Embedding> {
         let bytes = fs::read(path).ok()?;
         let values = bytes.chunks_exact(4).map(|b| f32::from_le_bytes([b[0], b[1], b[2], b[3]])).collect::<Vec<_>>();

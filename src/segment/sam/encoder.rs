@@ -1,4 +1,5 @@
-//! The image encoder: `[1,3,1024,1024]` float32 to `[1,256,64,64]`, as MobileSAM's and SAM's ViT-B, L and H are exported.
+//! The image encoder: `[1,3,1024,1024]` float32 to `[1,256,64,64]`, as in the exports of MobileSAM and of SAM's ViT-B,
+//! L and H.
 
 use std::fs;
 use std::path::Path;
@@ -13,7 +14,8 @@ use super::{EMBEDDING, Embedding, MODEL_SIDE, Mismatch, not_sam, unloadable};
 
 const ENCODER: &str = "a SAM image encoder ([1,3,1024,1024] float32 to [1,256,64,64])";
 const INPUT: [i64; 4] = [1, 3, MODEL_SIDE as i64, MODEL_SIDE as i64];
-/// An encoder of more bytes (ViT-B, L, H) is loaded once and its threads take turns: a copy each would fill the memory.
+/// An encoder of more bytes (ViT-B, L, H) is loaded once, and the threads take turns: one copy per thread would take
+/// too much memory.
 const COPIED_BYTES: u64 = 128 << 20;
 
 /// The encoder, ready to run.
@@ -22,7 +24,7 @@ pub struct Encoder {
 }
 
 impl Encoder {
-    /// Loads the model at `path` for use on `threads` threads. Weights in files beside it are found there.
+    /// Loads the model at `path` for use on `threads` threads. Weights in files beside the model are found as well.
     pub fn open(runtime: &Runtime, path: &Path, threads: usize) -> Result<Self, SegmentError> {
         let length = fs::metadata(path).map_err(|source| SegmentError::Read { path: path.to_owned(), source })?.len();
         let copies = if length > COPIED_BYTES { 1 } else { threads };
@@ -51,7 +53,7 @@ impl Encoder {
 
 fn check(session: &Session) -> Result<(), Mismatch> {
     let is = |dtype: &ValueType, expected: &[i64]| {
-        // Negative dimensions are dynamic and may turn out right.
+        // Negative dimensions are dynamic and may match at run time.
         dtype.tensor_shape().is_some_and(|shape| {
             shape.len() == expected.len() && shape.iter().zip(expected).all(|(is, should)| *is < 0 || is == should)
         })

@@ -1,11 +1,11 @@
-//! An ONNX model as a graph of named values: enough of the format (`onnx.proto`) to find values and constants in it, and
-//! to make other values its outputs. What gprop does not look into stays as the bytes it was.
+//! An ONNX model as a graph of named values: enough of the format (`onnx.proto`) to find values and constants in it,
+//! and to make other values its outputs. Parts that gprop does not read are kept as raw bytes.
 
 use std::collections::{BTreeMap, BTreeSet, VecDeque};
 
 use prost::Message;
 
-/// Nodes that have other graphs inside, which may use any value outside of them.
+/// Operators that contain other graphs, which may use any value outside of them.
 const OPERATORS_WITH_GRAPHS: [&str; 3] = ["If", "Loop", "Scan"];
 /// `TensorProto.DataType.FLOAT`.
 const FLOAT: i32 = 1;
@@ -40,7 +40,7 @@ struct Graph {
     sparse_initializer: Vec<Vec<u8>>,
 }
 
-/// `NodeProto`. Values are named by strings; an empty name is an optional input left out.
+/// `NodeProto`. Values are named by strings; an empty name stands for an omitted optional input.
 #[derive(Clone, PartialEq, Message)]
 struct Node {
     #[prost(string, repeated, tag = "1")]
@@ -91,7 +91,7 @@ struct Shape {
     dimension: Vec<Dimension>,
 }
 
-/// `TensorShapeProto.Dimension`: a number, or none where it is dynamic.
+/// `TensorShapeProto.Dimension`: a number, or none if it is dynamic.
 #[derive(Clone, PartialEq, Message)]
 struct Dimension {
     #[prost(int64, optional, tag = "1")]
@@ -109,12 +109,12 @@ struct Tensor {
     floats: Vec<f32>,
     #[prost(string, optional, tag = "8")]
     name: Option<String>,
-    /// Little-endian; `floats` where this is not there.
+    /// Little-endian; if this is missing, `floats` is used.
     #[prost(bytes = "vec", optional, tag = "9")]
     raw: Option<Vec<u8>>,
 }
 
-/// The constants of a model that are floats, by name.
+/// The float constants of a model, by name.
 pub struct Constants(BTreeMap<String, Floats>);
 
 struct Floats {
@@ -123,12 +123,13 @@ struct Floats {
 }
 
 impl Model {
-    /// Reads a model; `None` where the bytes are none, or hold no graph.
+    /// Reads a model; `None` if the bytes are not a model or hold no graph.
     pub fn parse(bytes: &[u8]) -> Option<Self> {
         Self::decode(bytes).ok().filter(|model| model.graph.is_some())
     }
 
-    /// The dimensions of an input, `None` for a dynamic one; and no list at all where it does not say.
+    /// The dimensions of an input, `None` for a dynamic one; `None` instead of a list if the model does not declare
+    /// them.
     pub fn input_shape(&self, name: &str) -> Option<Vec<Option<i64>>> {
         let input = self.graph().input.iter().find(|input| input.name() == name)?;
         let shape = input.value_type.as_ref()?.tensor.as_ref()?.shape.as_ref()?;
@@ -143,8 +144,8 @@ impl Model {
         self.graph().output.iter().map(ValueInfo::name).collect()
     }
 
-    /// The values that `name` is computed from, nearest first, itself included, at most `count`. The search does not pass
-    /// through an `ArgMax`: what only decides which values are taken is none of them.
+    /// The values that `name` is computed from, nearest first, itself included, at most `count`. The search does not
+    /// pass through an `ArgMax`, since its inputs only decide which values are taken.
     pub fn ancestors<'a>(&'a self, name: &'a str, count: usize) -> Vec<&'a str> {
         let producers = self.producers();
         let (mut found, mut open) = (Vec::new(), VecDeque::from([name]));
@@ -161,12 +162,12 @@ impl Model {
         found
     }
 
-    /// The inputs of the operator of this kind that gives `value`.
+    /// The inputs of the operator of this kind that produces `value`.
     pub fn producer(&self, value: &str, operator: &str) -> Option<&[String]> {
         self.nodes(operator).find(|node| node.output.iter().any(|output| output == value)).map(|node| &*node.input)
     }
 
-    /// The inputs of the first operator of this kind that takes `value`.
+    /// The inputs of the first operator of this kind that consumes `value`.
     pub fn consumer(&self, value: &str, operator: &str) -> Option<&[String]> {
         self.nodes(operator).find(|node| node.input.iter().any(|input| input == value)).map(|node| &*node.input)
     }
@@ -174,7 +175,7 @@ impl Model {
     /// The inputs of the operators of this kind that depend on `value`, in the order of the graph.
     pub fn consumers_after<'a>(&'a self, value: &str, operator: &'a str) -> impl Iterator<Item = &'a [String]> {
         let mut reached = BTreeSet::from([value]);
-        // Nodes stand after those that they read from, as the format demands.
+        // Nodes come after those that they read from, as the format requires.
         for node in &self.graph().node {
             if node.input.iter().any(|input| reached.contains(input.as_str())) {
                 reached.extend(node.output.iter().map(String::as_str));
@@ -191,7 +192,7 @@ impl Model {
         Constants(tensors.filter_map(Tensor::into_floats).collect())
     }
 
-    /// The model with these outputs only, and only what they need.
+    /// The model reduced to these outputs and the nodes that they need.
     pub fn with_outputs(&self, outputs: &[&str]) -> Vec<u8> {
         let graph = self.graph();
         let keep_all = graph.node.iter().any(|node| OPERATORS_WITH_GRAPHS.contains(&node.op_type()));
@@ -226,7 +227,7 @@ impl Model {
         self.graph().node.iter().filter(move |node| node.op_type() == operator)
     }
 
-    /// Which nodes are needed for `outputs`.
+    /// For each node, whether it is needed for `outputs`.
     fn needed_nodes(&self, outputs: &[&str]) -> Vec<bool> {
         let mut wanted: BTreeSet<&str> = outputs.iter().copied().collect();
         let mut needed = vec![false; self.graph().node.len()];
@@ -241,26 +242,26 @@ impl Model {
 }
 
 impl Constants {
-    /// The value of this name, where it has this shape.
+    /// The constant with this name, if it has this shape.
     pub fn get(&self, name: &str, shape: &[usize]) -> Option<&[f32]> {
         self.0.get(name).filter(|floats| floats.shape == shape).map(|floats| &*floats.values)
     }
 
-    /// The name that ends so.
+    /// The name with this ending.
     pub fn name_ending_in(&self, ending: &str) -> Option<&str> {
         self.0.keys().map(String::as_str).find(|name| name.ends_with(ending))
     }
 }
 
 impl ValueInfo {
-    /// ONNX Runtime finds the type out by itself.
+    /// An output without a type; ONNX Runtime infers it.
     fn untyped(name: &str) -> Self {
         Self { name: Some(name.to_owned()), value_type: None }
     }
 }
 
 impl Tensor {
-    /// Its name and what it holds, if these are floats.
+    /// Its name and values, if these are floats.
     fn into_floats(self) -> Option<(String, Floats)> {
         let (name, element) = (self.name().to_owned(), self.element());
         let shape = self.dimensions.iter().map(|&side| usize::try_from(side).ok()).collect::<Option<Vec<usize>>>()?;

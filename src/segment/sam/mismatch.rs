@@ -1,13 +1,13 @@
-//! In what a model differs from SAM's, or why ONNX Runtime cannot run it.
+//! Differences between a model and SAM's, or reasons why ONNX Runtime cannot run it.
 
-/// Why a file's network does not serve as one of SAM's.
+/// The reason why a file's network cannot be used as one of SAM's.
 #[derive(Debug, thiserror::Error)]
 pub enum Mismatch {
     #[error("it is not an ONNX model, or one cut short")]
     NotOnnx,
     #[error("its graph cannot be cut")]
     Uncut,
-    /// What ONNX Runtime says while it loads or runs the network.
+    /// An error from ONNX Runtime while it loads or runs the network.
     #[error("{0}")]
     Runtime(#[from] ort::Error),
 

@@ -1,7 +1,7 @@
-//! SAM's two networks: a picture becomes an embedding once, then each prompt becomes three nested masks.
+//! SAM's two networks: a picture is encoded as an embedding once, then each prompt is decoded to three nested masks.
 //!
-//! [`encoder`] and [`decoder`] know the models; `graph` reads and cuts ONNX files; `runtime` and `pool` run them;
-//! `cache` keeps embeddings.
+//! [`encoder`] and [`decoder`] implement the two networks; `graph` reads and reduces ONNX files; `runtime` and `pool`
+//! run them; `cache` stores embeddings.
 
 mod cache;
 mod decoder;
@@ -24,7 +24,7 @@ pub use mismatch::Mismatch;
 
 /// Side of the square picture that the encoder sees.
 pub const MODEL_SIDE: usize = 1024;
-/// Side of the square logits that the decoder gives.
+/// Side of the square of logits that the decoder returns.
 pub const LOGITS_SIDE: usize = 256;
 
 const EMBEDDING: [i64; 4] = [1, 256, 64, 64];
@@ -36,28 +36,28 @@ pub struct Sam {
     cache: Option<Cache>,
 }
 
-/// What the encoder makes of one picture, `[1,256,64,64]`.
+/// The encoder's output for one picture, `[1,256,64,64]`.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Embedding(Vec<f32>);
 
-/// What the decoder needs of one picture, whatever the prompt.
+/// The data that the decoder needs for one picture, whatever the prompt.
 pub struct PreparedEmbedding(Prepared);
 
 /// The three nested masks of one prompt: small, middle, large.
 #[derive(Debug, Clone, Copy)]
 pub struct Decoded<'a> {
-    /// Each 256 x 256, row by row; `None` where it was not wanted.
+    /// Each 256 x 256, row by row; `None` if it was not wanted.
     pub logits: [Option<&'a [f32]>; 3],
     pub predicted_iou: [f32; 3],
 }
 
 impl Sam {
-    /// Loads the networks for use on `threads` threads at once. Without a `decoder` gprop computes the mask decoder itself
-    /// if it can.
+    /// Loads the networks for use on `threads` threads at once. Without a `decoder`, gprop computes the mask decoder
+    /// itself if possible.
     ///
     /// # Errors
-    /// ONNX Runtime or a model cannot be loaded, a model has not the tensors of SAM, or gprop cannot compute the mask decoder
-    /// although [`DecoderRuntime::Native`] is asked for.
+    /// If ONNX Runtime or a model cannot be loaded, a model does not have SAM's tensors, or gprop cannot compute the
+    /// mask decoder although [`DecoderRuntime::Native`] is asked for.
     pub fn open(files: &ModelFiles, decoder: Option<DecoderRuntime>, threads: usize) -> Result<Self, SegmentError> {
         let runtime = runtime::load(&files.onnxruntime)?;
         let read =
@@ -70,22 +70,23 @@ impl Sam {
         Ok(Self { encoder: encoder?, decoder: decoder?, cache: None })
     }
 
-    /// Whether gprop computes the mask decoder itself; else ONNX Runtime runs the export as it is.
+    /// True if gprop computes the mask decoder itself; otherwise ONNX Runtime runs the whole export.
     pub fn decodes_natively(&self) -> bool {
         self.decoder.is_native()
     }
 
-    /// Keeps embeddings in `folder`, and takes them from there where the same encoder made them of the same picture.
+    /// Stores embeddings in `folder`, and reads them from there if the same encoder has already encoded the same
+    /// picture.
     ///
     /// # Errors
-    /// Where the encoder's file cannot be read.
+    /// If the encoder's file cannot be read.
     pub fn caching_embeddings(self, folder: &Path, files: &ModelFiles) -> Result<Self, SegmentError> {
         let cache = Cache::open(folder, &files.encoder);
         let cache = cache.map_err(|source| SegmentError::Read { path: files.encoder.clone(), source })?;
         Ok(Self { cache: Some(cache), ..self })
     }
 
-    /// Encodes a preprocessed picture, `[3,1024,1024]` as [`super::preprocess`] makes it.
+    /// Encodes a preprocessed picture, `[3,1024,1024]`, made by [`super::preprocess`].
     pub fn encode(&self, input: &[f32]) -> Result<Embedding, SegmentError> {
         let encode = || self.encoder.run(input).map_err(|source| SegmentError::Run { what: "the SAM encoder", source });
         let Some(cache) = &self.cache else { return encode() };
@@ -98,18 +99,19 @@ impl Sam {
         Ok(embedding)
     }
 
-    /// Does the decoder's work that no prompt changes.
+    /// Does the decoder's work that does not depend on the prompt.
     pub fn prepare(&self, embedding: &Embedding) -> Result<PreparedEmbedding, SegmentError> {
         self.decoder.prepare(embedding).map(PreparedEmbedding).map_err(decoder_failed)
     }
 
-    /// How many prompts to decode at once: what the decoder was exported for. More gain nothing on a CPU.
+    /// Number of prompts to decode at once, for which the decoder was exported. More would gain nothing on a CPU.
     pub fn batch(&self) -> usize {
         self.decoder.batch()
     }
 
-    /// Decodes up to [`Self::batch`] point prompts, (x, y) in the frame of the scaled picture (its longest side is 1024),
-    /// and hands the masks of each that are `wanted`, given their predicted IoU, to `take`, with the prompt's index.
+    /// Decodes up to [`Self::batch`] point prompts, (x, y) in the frame of the scaled picture (its longest side is
+    /// 1024), and passes those masks of each that are `wanted`, given their predicted IoU, to `take`, with the prompt's
+    /// index.
     pub fn decode(
         &self,
         embedding: &PreparedEmbedding,
@@ -121,10 +123,10 @@ impl Sam {
     }
 }
 
-/// Whether the bytes are the ONNX file of a decoder that gprop computes itself, without running any of it.
+/// Checks that the bytes are the ONNX file of a decoder that gprop can compute itself, without running any of it.
 ///
 /// # Errors
-/// Says in what they differ from SAM's.
+/// [`Mismatch`], which says how they differ from SAM's.
 pub fn check_decoder(bytes: &[u8]) -> Result<(), Mismatch> {
     decoder::check(bytes)
 }

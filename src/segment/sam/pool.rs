@@ -1,8 +1,8 @@
-//! A handful of sessions shared by as many threads: `ort` lets only one thread at a time run a session.
+//! A few sessions shared by as many threads: `ort` lets only one thread at a time run a session.
 
 use std::sync::{Condvar, Mutex, PoisonError};
 
-/// Things of which one thread at a time may use each.
+/// A pool of items, each of which only one thread at a time may use.
 pub struct Pool<T> {
     idle: Mutex<Vec<T>>,
     returned: Condvar,
@@ -13,7 +13,7 @@ impl<T> Pool<T> {
         Self { idle: Mutex::new(all), returned: Condvar::new() }
     }
 
-    /// Runs `work` on one that is idle, waiting for one if need be. `work` must not come back here.
+    /// Runs `work` on an idle item, waiting for one if necessary. `work` must not call this method again.
     pub fn with<R>(&self, work: impl FnOnce(&mut T) -> R) -> R {
         let mut idle = self.idle.lock().unwrap_or_else(PoisonError::into_inner);
         let mut item = loop {

@@ -1,4 +1,4 @@
-//! ONNX Runtime in this process: loaded once, from an explicit path, quiet on stderr.
+//! ONNX Runtime in this process: loaded once, from an explicit path, without messages on stderr.
 
 use std::path::{Path, PathBuf};
 use std::sync::{Arc, Mutex, PoisonError};
@@ -10,11 +10,11 @@ use ort::session::builder::SessionBuilder;
 
 use super::super::error::SegmentError;
 
-/// Adding and normalising in one go, which takes ONNX Runtime longer than one after the other (measured in 1.31.1: 4.4
-/// milliseconds against 0.9 for `[4096,256]`, a fifth of a prompt's time in all).
+/// Adding and normalising in one step, which takes ONNX Runtime longer than two separate steps (measured in 1.31.1: 4.4
+/// milliseconds against 0.9 for `[4096,256]`, in total a fifth of a prompt's time).
 const SLOW_FUSION: &str = "SkipLayerNormFusion";
 
-/// The environment and where its library came from. Lives as long as the process: `ort` allows one for all time.
+/// The environment and the path of its library. It lives as long as the process: `ort` allows only one.
 static LOADED: Mutex<Option<(PathBuf, Runtime)>> = Mutex::new(None);
 
 /// Loads ONNX Runtime from `path`, or returns what is already loaded from there.
@@ -40,13 +40,13 @@ pub fn load(path: &Path) -> Result<Runtime, SegmentError> {
     Ok(environment)
 }
 
-/// A session of the model in `model` that computes on the calling thread alone: gprop runs pictures and prompts side by
-/// side, and a sum that is split among threads could round differently from run to run.
+/// A session of the model in `model` that computes on the calling thread only: gprop runs pictures and prompts in
+/// parallel, and a sum that is split among threads could round differently from run to run.
 pub fn session(runtime: &Runtime, model: &[u8]) -> ort::Result<Session> {
     builder(runtime)?.commit_from_memory(model)
 }
 
-/// As [`session`], of a model in a file.
+/// As [`session`], for a model in a file.
 pub fn session_of_file(runtime: &Runtime, path: &Path) -> ort::Result<Session> {
     builder(runtime)?.commit_from_file(path)
 }

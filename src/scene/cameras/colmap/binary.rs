@@ -39,7 +39,7 @@ pub(super) fn images(bytes: &[u8]) -> Result<Vec<Image>, Problem> {
     Ok(images)
 }
 
-/// Takes values off the front; knows which entry it is in.
+/// Reads values one after the other and keeps track of the entry it is in.
 struct Reader<'a> {
     rest: &'a [u8],
     what: &'static str,
@@ -68,7 +68,7 @@ impl<'a> Reader<'a> {
         self.take().map(f64::from_le_bytes)
     }
 
-    /// Text up to a zero byte.
+    /// Reads text up to a zero byte.
     fn name(&mut self) -> Result<String, Problem> {
         let end = self.rest.iter().position(|byte| *byte == 0).ok_or_else(|| self.truncated())?;
         let name = String::from_utf8_lossy(&self.rest[..end]).into_owned();

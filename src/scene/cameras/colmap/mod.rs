@@ -1,7 +1,8 @@
 //! COLMAP's sparse model: `cameras` and `images`, each as `.bin` or `.txt`. Points are not read.
 //!
-//! An image's pose is world-to-camera in OpenCV axes, a quaternion w x y z and a translation; pixels are counted from the
-//! upper left corner, whose pixel has its centre at (0.5, 0.5). See COLMAP's documentation, "Output Format".
+//! An image's pose is world-to-camera in OpenCV axes, a quaternion w x y z and a translation; pixel coordinates start
+//! at the upper left corner, and the centre of the first pixel is at (0.5, 0.5). See COLMAP's documentation, "Output
+//! Format".
 
 mod binary;
 mod models;
@@ -32,7 +33,7 @@ pub struct Image {
 }
 
 impl Image {
-    /// Checks and normalises a pose as the files give it.
+    /// Checks and normalises a pose from the files.
     fn new(id: u32, camera: u32, name: String, [w, x, y, z]: [f64; 4], translation: [f64; 3]) -> Result<Self, Problem> {
         let quaternion = UnitQuaternion::try_new(Quaternion::new(w, x, y, z), 1e-12);
         let quaternion = quaternion.filter(|q| q.coords.iter().all(|v| v.is_finite())).ok_or(Problem::Pose { id })?;
@@ -47,7 +48,7 @@ impl Image {
 /// Reads `cameras.bin` from memory.
 ///
 /// # Errors
-/// [`Problem`]: truncated, or a camera that makes no sense.
+/// [`Problem`] if the data are truncated or a camera is invalid.
 pub fn parse_cameras_binary(bytes: &[u8]) -> Result<Cameras, Problem> {
     binary::cameras(bytes)
 }
@@ -55,7 +56,7 @@ pub fn parse_cameras_binary(bytes: &[u8]) -> Result<Cameras, Problem> {
 /// Reads `images.bin` from memory.
 ///
 /// # Errors
-/// [`Problem`]: truncated, or a pose that makes no sense.
+/// [`Problem`] if the data are truncated or a pose is invalid.
 pub fn parse_images_binary(bytes: &[u8]) -> Result<Vec<Image>, Problem> {
     binary::images(bytes)
 }
@@ -63,7 +64,7 @@ pub fn parse_images_binary(bytes: &[u8]) -> Result<Vec<Image>, Problem> {
 /// Reads `cameras.txt` from memory.
 ///
 /// # Errors
-/// [`Problem`]: a line that is not a camera.
+/// [`Problem`] if a line is not a camera.
 pub fn parse_cameras_text(text: &str) -> Result<Cameras, Problem> {
     text::cameras(text)
 }
@@ -71,26 +72,27 @@ pub fn parse_cameras_text(text: &str) -> Result<Cameras, Problem> {
 /// Reads `images.txt` from memory.
 ///
 /// # Errors
-/// [`Problem`]: a line that is not an image.
+/// [`Problem`] if a line is not an image.
 pub fn parse_images_text(text: &str) -> Result<Vec<Image>, Problem> {
     text::images(text)
 }
 
-/// Whether `folder` holds a model.
+/// True if `folder` holds a model.
 pub(super) fn is_model(folder: &Path) -> bool {
     ["bin", "txt"]
         .iter()
         .any(|end| ["cameras", "images"].iter().all(|name| files::is_there(&folder.join(format!("{name}.{end}")))))
 }
 
-/// The two files of the model in `folder` that are read: the binary ones where both are there.
+/// The two files of the model in `folder` that are read: the binary ones if both exist.
 pub(super) fn model_files(folder: &Path) -> [PathBuf; 2] {
     let binary = ["cameras.bin", "images.bin"].iter().all(|name| files::is_there(&folder.join(name)));
     let end = if binary { "bin" } else { "txt" };
     ["cameras", "images"].map(|name| folder.join(format!("{name}.{end}")))
 }
 
-/// Reads the model in `folder`, the binary one where both are there; the images in the order of their names, as 3DGS has them.
+/// Reads the model in `folder`, preferring the binary one if its two files exist; the images are sorted by name, as in
+/// 3DGS.
 pub(super) fn read(folder: &Path) -> Result<(Capture, Vec<PathBuf>), SceneError> {
     let in_file = |path: &Path| {
         let path = path.to_owned();

@@ -1,10 +1,11 @@
-//! COLMAP's camera models: number, name, and what the parameters mean (`colmap/sensor/models.h` and its documentation).
+//! COLMAP's camera models: number, name, and meaning of the parameters (`colmap/sensor/models.h` and its
+//! documentation).
 
 use super::Problem;
 use crate::camera::{Distortion, Polynomial};
 use crate::scene::cameras::frame::{Declared, Focal};
 
-/// Name and number of parameters, in the order of COLMAP's numbers.
+/// Name and parameter count of each model, in the order of COLMAP's model numbers.
 const MODELS: [(&str, usize); 17] = [
     ("SIMPLE_PINHOLE", 3),
     ("PINHOLE", 4),
@@ -25,7 +26,7 @@ const MODELS: [(&str, usize); 17] = [
     ("EUCM", 6),
 ];
 
-/// Name and number of parameters of the model with COLMAP's number `number`.
+/// Name and parameter count of COLMAP's model `number`.
 pub(super) fn of_number(id: u32, number: i32) -> Result<(&'static str, usize), Problem> {
     let model = usize::try_from(number).ok().and_then(|number| MODELS.get(number));
     model.copied().ok_or_else(|| Problem::Model { id, model: format!("number {number}") })
@@ -44,7 +45,7 @@ pub(super) fn declared(id: u32, model: &str, size: (u64, u64), parameters: &[f64
     }
     let side = |side: u64| u32::try_from(side).ok().filter(|side| *side > 0);
     let (width, height) = side(size.0).zip(side(size.1)).ok_or(bad("its width or height makes no sense"))?;
-    // The simple models share one focal length; RADIAL and RADIAL_FISHEYE do too.
+    // The simple models have a single focal length, and so do RADIAL and RADIAL_FISHEYE.
     let (fx, fy, rest) = match (name.starts_with("SIMPLE_") || name.starts_with("RADIAL"), parameters) {
         (true, [f, rest @ ..]) => (f, f, rest),
         (false, [fx, fy, rest @ ..]) => (fx, fy, rest),
@@ -64,7 +65,7 @@ pub(super) fn declared(id: u32, model: &str, size: (u64, u64), parameters: &[f64
     })
 }
 
-/// The lens of a model, whose parameters behind the principal point are `lens`.
+/// The lens distortion of a model; `lens` are its parameters after the principal point.
 fn distortion(model: &str, lens: &[f64]) -> Option<Distortion> {
     let radial = |k: &[f64]| std::array::from_fn(|i| k.get(i).copied().unwrap_or(0.0));
     let polynomial = match *lens {
@@ -97,7 +98,7 @@ fn distortion(model: &str, lens: &[f64]) -> Option<Distortion> {
             prism: [sx1, 0.0, sy1, 0.0],
             ..Default::default()
         },
-        // Project Aria counts its tangential parameters the other way round: p0 goes with x.
+        // Project Aria orders its tangential parameters the other way round: p0 goes with x.
         [k0, k1, k2, k3, k4, k5, p0, p1, s0, s1, s2, s3] => Polynomial {
             radial: [k0, k1, k2, k3, k4, k5],
             tangential: [p1, p0],

@@ -1,8 +1,8 @@
-//! What can be wrong with a COLMAP model.
+//! Errors in the files of a COLMAP model.
 
 use thiserror::Error;
 
-/// What is wrong with a file of the model.
+/// An error in a file of the model.
 #[derive(Debug, Error)]
 pub enum Problem {
     #[error("is truncated: it ends within {what} {index} of {count}; copy or export the model again")]

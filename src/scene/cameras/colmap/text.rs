@@ -1,5 +1,5 @@
-//! `cameras.txt` (a line a camera) and `images.txt` (two lines an image, of which the second lists its points and may be
-//! empty). Lines that start with `#` are remarks.
+//! `cameras.txt` (one line per camera) and `images.txt` (two lines per image, the second of which lists its points and
+//! may be empty). Lines that start with `#` are comments.
 
 use std::str::FromStr;
 
@@ -33,7 +33,7 @@ pub(super) fn images(text: &str) -> Result<Vec<Image>, Problem> {
         let quaternion = [words.number("QW")?, words.number("QX")?, words.number("QY")?, words.number("QZ")?];
         let translation = [words.number("TX")?, words.number("TY")?, words.number("TZ")?];
         let camera = words.number("CAMERA_ID")?;
-        // A name may hold blanks.
+        // A name may contain spaces.
         let first = words.word("NAME")?;
         let name = text[offset(text, first)..].to_owned();
         images.push(Image::new(id, camera, name, quaternion, translation)?);
@@ -51,7 +51,7 @@ fn is_remark(text: &str) -> bool {
     text.starts_with('#')
 }
 
-/// Where `part`, a slice of `text`, begins in it.
+/// The offset at which `part`, a slice of `text`, begins in it.
 fn offset(text: &str, part: &str) -> usize {
     part.as_ptr() as usize - text.as_ptr() as usize
 }

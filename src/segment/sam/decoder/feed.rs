@@ -1,4 +1,4 @@
-//! The inputs of the standard export and what is fed to them.
+//! The inputs of the standard export and the tensors fed to them.
 
 use ort::session::Session;
 use ort::value::TensorRef;
@@ -11,20 +11,21 @@ pub const PICTURE_INPUTS: [&str; 4] = ["image_embeddings", "mask_input", "has_ma
 pub const OUTPUTS: [&str; 2] = ["low_res_masks", "iou_predictions"];
 static NO_MASK: [f32; LOGITS_SIDE * LOGITS_SIDE] = [0.0; LOGITS_SIDE * LOGITS_SIDE];
 
-/// Most points that a run may take: more than any export is made for, and what a damaged one may ask memory for.
+/// Maximum number of points in a run: more than any export is made for. It limits the memory that a damaged export can
+/// request.
 const MOST_POINTS: usize = 1 << 16;
 
-/// A named float tensor to be fed.
+/// A named float tensor to feed to the model.
 pub type Fed<'a> = (&'a str, Vec<i64>, &'a [f32]);
 
-/// `point_coords` is `[batch, points, 2]`.
+/// The shape of a run: `point_coords` is `[batch, points, 2]`.
 #[derive(Debug, Clone, Copy)]
 pub struct PromptShape {
     pub batch: usize,
     points: usize,
 }
 
-/// Points and labels of a run.
+/// The points and labels of a run.
 pub struct Prompt {
     points: Vec<f32>,
     labels: Vec<f32>,
@@ -32,7 +33,7 @@ pub struct Prompt {
 
 impl PromptShape {
     pub fn of(model: &Model) -> Result<Self, Mismatch> {
-        // Without a box the export wants a padding point after the prompt, where it lets us have one.
+        // Without a box, the export expects a padding point after the prompt, if it takes more than one point.
         let unknown = || vec![None; 3];
         let shape = model.input_shape(PROMPT_INPUTS[0]).unwrap_or_else(unknown);
         let side = |dimension: Option<i64>, otherwise: usize| match dimension {
@@ -48,11 +49,11 @@ impl PromptShape {
         .ok_or(Mismatch::PromptShape { name: PROMPT_INPUTS[0], shape, most: MOST_POINTS })
     }
 
-    /// A run of these prompts of one point each; the rest of the batch repeats the last.
+    /// A run with these prompts of one point each; the rest of the batch repeats the last.
     pub fn fill(self, points: &[[f32; 2]]) -> Prompt {
         let mut prompt = Prompt {
             points: vec![0.0; self.batch * self.points * 2],
-            // Label -1 pads.
+            // Label -1 marks padding.
             labels: vec![-1.0; self.batch * self.points],
         };
         let last = points.last().copied().unwrap_or([MODEL_SIDE as f32 / 2.0; 2]);
@@ -84,7 +85,8 @@ pub fn standard_inputs<'a>(embedding: &'a Embedding, prompt: &'a Prompt, shape: 
     picture_inputs(embedding).into_iter().chain(prompt.inputs(shape)).collect()
 }
 
-/// No mask to start from, and the model's own frame as the picture's size.
+/// The inputs that depend only on the picture: its embedding, no initial mask, and the model's own frame as the
+/// picture's size.
 pub fn picture_inputs(embedding: &Embedding) -> [Fed<'_>; 4] {
     let side = LOGITS_SIDE as i64;
     [
@@ -95,7 +97,7 @@ pub fn picture_inputs(embedding: &Embedding) -> [Fed<'_>; 4] {
     ]
 }
 
-/// The inputs that a session has, out of those that are there.
+/// Selects from all inputs those that the session has.
 pub fn feed<'a>(session: &Session, all: &'a [Fed<'a>]) -> Result<Vec<(String, TensorRef<'a, f32>)>, Mismatch> {
     let find = |name: &str| {
         let known = all.iter().find(|fed| fed.0 == name);
@@ -105,7 +107,7 @@ pub fn feed<'a>(session: &Session, all: &'a [Fed<'a>]) -> Result<Vec<(String, Te
     session.inputs().iter().map(|input| find(input.name())).collect()
 }
 
-/// Whether the model has the names of the standard export.
+/// Checks that the model has the names of the standard export.
 pub fn check_names(model: &Model) -> Result<(), Mismatch> {
     let missing = |kind, name, found: Vec<&str>| Mismatch::Missing {
         kind,

@@ -1,15 +1,16 @@
-//! Where a decoder has its masks: an export that returns only the best of its four has all of them as values inside.
+//! Finds the masks inside a decoder: an export that returns only the best of its four masks still computes all of them
+//! as internal values.
 
 use super::super::graph::Model;
 use super::super::runtime::{self, Runtime};
 use super::super::{Embedding, LOGITS_SIDE, Mismatch};
 use super::feed::{OUTPUTS, PromptShape, feed, standard_inputs};
 
-/// How far back from an output the values of all masks are searched for. From the public export's single mask they are
-/// a dozen steps away.
+/// Number of values, going back from an output, that are searched for the values of all masks. From the public export's
+/// single mask they are a dozen steps away.
 pub const SEARCHED_VALUES: usize = 48;
 
-/// Where the logits, `[batch, count, 256, 256]`, and the predicted IoU, `[batch, count]`, of all masks are.
+/// The values that hold the logits, `[batch, count, 256, 256]`, and the predicted IoU, `[batch, count]`, of all masks.
 pub struct FourMasks {
     pub logits: String,
     pub scores: String,
@@ -17,7 +18,7 @@ pub struct FourMasks {
 }
 
 impl FourMasks {
-    /// Looks back from the outputs for the nearest values that have the shapes of three or four masks.
+    /// Searches backwards from the outputs for the nearest values that have the shapes of three or four masks.
     pub fn find(runtime: &Runtime, model: &Model, prompt: PromptShape) -> Result<Self, Mismatch> {
         let (batch, side) = (prompt.batch as i64, LOGITS_SIDE as i64);
         let [masks, scores] = OUTPUTS.map(|output| model.ancestors(output, SEARCHED_VALUES));

@@ -1,11 +1,11 @@
-//! From a prompt to masks: SAM's prompt encoder and mask decoder, which exports hold in one graph.
+//! From a prompt to masks: SAM's prompt encoder and mask decoder, which exports contain in one graph.
 //!
 //! 1. `feed`: the inputs of the standard export.
-//! 2. `four_masks`: where the logits of all masks and their predicted IoU lie. An export that returns only the best of
-//!    its four masks has all of them as values inside.
-//! 3. `onnx_runtime`: ONNX Runtime runs the export as it is, for every prompt.
-//! 4. `native`: ONNX Runtime runs the prompt encoder, and gprop the mask decoder (`mask_decoder`), several times faster. It
-//!    serves if the export has SAM's parameters by their names and both ways agree on a trial.
+//! 2. `four_masks`: finds the logits of all masks and their predicted IoU. An export that returns only the best of its
+//!    four masks still computes all of them as internal values.
+//! 3. `onnx_runtime`: ONNX Runtime runs the whole export for every prompt.
+//! 4. `native`: ONNX Runtime runs the prompt encoder, and gprop the mask decoder (`mask_decoder`), several times
+//!    faster. It is used if the export has SAM's parameters under their names and the results of both agree on a trial.
 
 mod feed;
 mod four_masks;
@@ -26,12 +26,12 @@ use native::Native;
 use onnx_runtime::OnnxRuntime;
 
 const DECODER: &str = "a SAM prompt decoder (the standard export)";
-/// Pixels of one mask's logits.
+/// Number of pixels in one mask's logits.
 const LOGITS: usize = LOGITS_SIDE * LOGITS_SIDE;
-/// How far apart both ways may be on the trial: predicted IoU, and logits in units of their spread.
+/// Largest difference between the two on the trial: predicted IoU, and logits in units of their spread.
 const AGREEMENT: f32 = 1e-3;
 
-/// Which of the three masks are worth making, given the predicted IoU of all.
+/// Selects which of the three masks to compute, given the predicted IoU of all.
 pub type Wanted<'a> = dyn Fn(&[f32; 3]) -> [bool; 3] + 'a;
 
 /// The decoder, ready to run on several threads at once.
@@ -45,14 +45,14 @@ enum Backend {
     OnnxRuntime(OnnxRuntime),
 }
 
-/// An image's embedding with the decoder's work that no prompt changes.
+/// An image's embedding with the parts of the decoder's work that do not depend on the prompt.
 pub enum Prepared {
     Native(mask_decoder::PreparedEmbedding),
     OnnxRuntime(Embedding),
 }
 
-/// Reads what gprop itself makes of an export, without running any of it: names, the prompt's shape, the parameters, the
-/// graph cut to other outputs.
+/// Checks everything that gprop itself reads from an export, without running any of it: names, the prompt's shape, the
+/// parameters, the graph reduced to other outputs.
 pub fn check(bytes: &[u8]) -> Result<(), Mismatch> {
     let model = Model::parse(bytes).ok_or(Mismatch::NotOnnx)?;
     let names = check_names(&model);
@@ -66,8 +66,8 @@ pub fn check(bytes: &[u8]) -> Result<(), Mismatch> {
 }
 
 impl Decoder {
-    /// Loads the model in `bytes`, read from `path`, for use on `threads` threads at once. Without a `choice` gprop's own
-    /// mask decoder serves if it can.
+    /// Loads the model in `bytes`, read from `path`, for use on `threads` threads at once. Without a `choice`, gprop's
+    /// own mask decoder is used if possible.
     pub fn open(
         runtime: &Runtime,
         path: &Path,
@@ -76,7 +76,7 @@ impl Decoder {
         threads: usize,
     ) -> Result<Self, SegmentError> {
         let model = Model::parse(bytes).ok_or(Mismatch::NotOnnx).map_err(unloadable(path, DECODER))?;
-        // What is wrong with the file as a whole is ONNX Runtime's to say.
+        // ONNX Runtime reports errors in the file as a whole.
         runtime::session(runtime, bytes).map_err(unloadable(path, DECODER))?;
         let not_sam = not_sam(path, DECODER);
         check_names(&model).map_err(&not_sam)?;
@@ -114,17 +114,17 @@ impl Decoder {
         Ok(native)
     }
 
-    /// Whether gprop computes the mask decoder itself.
+    /// True if gprop computes the mask decoder itself.
     pub fn is_native(&self) -> bool {
         matches!(self.backend, Backend::Native(_))
     }
 
-    /// How many prompts a run takes.
+    /// Number of prompts in a run.
     pub fn batch(&self) -> usize {
         self.prompt.batch
     }
 
-    /// Does the work that no prompt changes.
+    /// Does the work that does not depend on the prompt.
     pub fn prepare(&self, embedding: &Embedding) -> Result<Prepared, Mismatch> {
         match &self.backend {
             Backend::Native(native) => native.prepare(embedding).map(Prepared::Native),
@@ -132,7 +132,7 @@ impl Decoder {
         }
     }
 
-    /// Decodes up to [`Self::batch`] point prompts and hands the masks of each to `take`, with the prompt's index.
+    /// Decodes up to [`Self::batch`] point prompts and passes the masks of each to `take`, with the prompt's index.
     pub fn run(
         &self,
         image: &Prepared,
@@ -147,9 +147,9 @@ impl Decoder {
         }
     }
 
-    /// Whether both decode a prompt to a made-up picture alike.
+    /// Checks that both decoders give the same result for a prompt on a made-up picture.
     fn check_against(&self, other: &Self) -> Result<(), Mismatch> {
-        // Any values will do that are as large as an embedding's and the same every time.
+        // Any values will do that are as large as those of an embedding and the same every time.
         let mut state = 1_u32;
         let mut next = || {
             state = state.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);

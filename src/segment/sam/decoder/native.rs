@@ -1,5 +1,5 @@
-//! The mask decoder as gprop computes it ([`super::mask_decoder`]). ONNX Runtime runs what comes before the transformer: the
-//! prompt encoder, and once per image the embedding and its positional encoding.
+//! The mask decoder computed by gprop ([`super::mask_decoder`]). ONNX Runtime runs what comes before the transformer:
+//! the prompt encoder, and once per image the embedding and its positional encoding.
 
 use ort::session::{Session, SessionOutputs};
 
@@ -22,7 +22,7 @@ pub struct Native {
 }
 
 impl Native {
-    /// For use on `threads` threads at once. The error says in what the model differs from SAM's.
+    /// Loads the decoder for use on `threads` threads at once. The error says how the model differs from SAM's.
     pub fn open(runtime: &Runtime, model: &Model, prompt: PromptShape, threads: usize) -> Result<Self, Mismatch> {
         let constants = model.constants();
         let mask_decoder = MaskDecoder::read(model, &constants)?;
@@ -81,7 +81,7 @@ impl Native {
         Ok(())
     }
 
-    /// `[batch, tokens, CHANNELS]`, and no other number of tokens than SAM's prompts have.
+    /// Computes the tokens, `[batch, tokens, CHANNELS]`, and checks that there are as many as SAM's prompts have.
     fn tokens_of(&self, points: &[[f32; 2]]) -> Result<Vec<f32>, Mismatch> {
         let prompt = self.prompt.fill(points);
         let of_prompt = prompt.inputs(self.prompt);

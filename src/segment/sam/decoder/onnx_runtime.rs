@@ -1,4 +1,4 @@
-//! The decoder as ONNX Runtime runs it, all of it for every prompt.
+//! The decoder run by ONNX Runtime, completely for every prompt.
 
 use ort::session::Session;
 
@@ -10,7 +10,7 @@ use super::feed::{PromptShape, feed, standard_inputs};
 use super::four_masks::FourMasks;
 use super::{LOGITS, Wanted};
 
-/// ONNX Runtime with the export, cut to the values of all masks.
+/// ONNX Runtime with the export, reduced to the values of all masks.
 pub struct OnnxRuntime {
     sessions: Pool<Session>,
     prompt: PromptShape,
@@ -18,7 +18,7 @@ pub struct OnnxRuntime {
 }
 
 impl OnnxRuntime {
-    /// For use on `threads` threads at once.
+    /// Loads the decoder for use on `threads` threads at once.
     pub fn open(runtime: &Runtime, model: &Model, prompt: PromptShape, threads: usize) -> Result<Self, Mismatch> {
         let outputs = FourMasks::find(runtime, model, prompt)?;
         let cut = model.with_outputs(&[&outputs.logits, &outputs.scores]);
@@ -43,7 +43,8 @@ impl OnnxRuntime {
             let scores = outputs[four.scores.as_str()].try_extract_tensor::<f32>()?.1;
             let of_prompt = logits.chunks_exact(four.count * LOGITS).zip(scores.chunks_exact(four.count));
             for (index, (logits, scores)) in of_prompt.enumerate().take(points.len()) {
-                // Of four masks the first is the one for unambiguous prompts; the others are the three levels.
+                // If there are four masks, the first is the one for unambiguous prompts; the others are the three
+                // levels.
                 let first = four.count - 3;
                 let predicted_iou = [scores[first], scores[first + 1], scores[first + 2]];
                 let is_wanted = wanted(&predicted_iou);

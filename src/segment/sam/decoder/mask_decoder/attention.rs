@@ -1,10 +1,10 @@
 //! Attention between the tokens of a prompt and the pixels of the picture's embedding.
 //!
-//! The tokens are few and the pixels many, so every projection is moved from the pixels to the tokens: with x a pixel, q a
-//! token's query and W the matrix of keys of one head, `q (x W)ᵀ = x (W qᵀ)`, and with p the weights of the pixels and W
-//! the matrix of values, `p (x W) = (p x) W`. Instead of each head's projection of all pixels there is one product with
-//! as many columns as there are pairs of token and head: column `token * HEADS + head`. A key's bias adds the same to all pixels
-//! of a column, which a softmax over pixels does not see.
+//! The tokens are few and the pixels many, so every projection is moved from the pixels to the tokens: with x a pixel,
+//! q a token's query and W the matrix of keys of one head, `q (x W)ᵀ = x (W qᵀ)`, and with p the weights of the pixels
+//! and W the matrix of values, `p (x W) = (p x) W`. Instead of each head's projection of all pixels there is one
+//! product with one column per pair of token and head: column `token * HEADS + head`. A key's bias adds the same value
+//! to all pixels of a column, which does not change a softmax over pixels.
 
 use super::layers::{exp, increase};
 use super::matrix::{Left, Product, Right, Start, multiply};
@@ -13,14 +13,14 @@ use super::weights::{Attention, Linear, Norm};
 use super::{BLOCK, CHANNELS, HEADS, INNER, PAIRS, TOKENS, WIDTH};
 use crate::simd::Vector;
 
-/// How a token weighs pixels by what they hold: `[CHANNELS, PAIRS]`, and what is added to each column.
+/// The matrix that turns pixels into the scores of the pairs, `[CHANNELS, PAIRS]`, and the value added to each column.
 pub struct Scores {
     columns: Vec<f32>,
     added: [f32; PAIRS],
 }
 
 impl Scores {
-    /// Of what is projected of the tokens, and the projection of the pixels.
+    /// Computes the matrix from the projected tokens and the projection for the pixels.
     #[inline(always)]
     pub fn new<V: Vector>(tokens: &Projected, pixels: &Linear) -> Self {
         let scale = 1.0 / (WIDTH as f32).sqrt();
@@ -44,7 +44,7 @@ impl Scores {
         Self { columns, added }
     }
 
-    /// `[BLOCK, CHANNELS]` to `[BLOCK, PAIRS]`.
+    /// Maps pixels, `[BLOCK, CHANNELS]`, to scores, `[BLOCK, PAIRS]`.
     #[inline(always)]
     pub fn of<V: Vector>(&self, block: &[f32], scores: &mut [f32; BLOCK * PAIRS]) {
         multiply::<V>(
@@ -57,8 +57,8 @@ impl Scores {
     }
 }
 
-/// What the pairs saw of the pixels so far, with the softmax over all pixels made up as they come (the sums are scaled to the
-/// greatest score so far).
+/// The weighted sums of pixels that each pair has collected so far. The softmax over all pixels is computed
+/// incrementally (the sums are scaled to the greatest score so far).
 pub struct OnlineSoftmax {
     most: [f32; PAIRS],
     sums: [f32; PAIRS],
@@ -71,7 +71,8 @@ impl OnlineSoftmax {
         Self { most: [f32::NEG_INFINITY; PAIRS], sums: [0.0; PAIRS], values: vec![0.0; PAIRS * CHANNELS] }
     }
 
-    /// Adds the pixels of `block`, `[BLOCK, CHANNELS]`, by their `scores`, `[BLOCK, PAIRS]`, which become weights.
+    /// Adds the pixels of `block`, `[BLOCK, CHANNELS]`, weighted by their `scores`, `[BLOCK, PAIRS]`, which are turned
+    /// into weights in place.
     #[inline(always)]
     pub fn add<V: Vector>(&mut self, scores: &mut [f32; BLOCK * PAIRS], block: &[f32]) {
         let mut factors = [0.0; PAIRS];
@@ -108,7 +109,7 @@ impl OnlineSoftmax {
         );
     }
 
-    /// What each token found, by this projection of the pixels.
+    /// The attention's result for each token, with this projection of the pixels.
     #[inline(always)]
     pub fn found<V: Vector>(&self, pixels: &Linear) -> Projected {
         let mut projected = [0.0; PAIRS * INNER];
@@ -130,7 +131,7 @@ impl OnlineSoftmax {
     }
 }
 
-/// What the pixels take of the tokens: a row for each pair of token and head, `[PAIRS, CHANNELS]`.
+/// The values that pixels receive from the tokens: a row for each pair of token and head, `[PAIRS, CHANNELS]`.
 pub struct TokenValues<'a> {
     rows: Vec<f32>,
     bias: &'a [f32],
@@ -138,7 +139,7 @@ pub struct TokenValues<'a> {
 }
 
 impl<'a> TokenValues<'a> {
-    /// Of the values projected of the tokens.
+    /// Computes the rows from the projected values of the tokens.
     #[inline(always)]
     pub fn new<V: Vector>(tokens: &Projected, attention: &'a Attention, norm: &'a Norm) -> Self {
         let mut by_head = [0.0; PAIRS * INNER];
@@ -158,7 +159,8 @@ impl<'a> TokenValues<'a> {
         Self { rows, bias: &attention.out.bias, norm }
     }
 
-    /// Adds them to the pixels of `block`, `[BLOCK, CHANNELS]`, by `weights`, `[BLOCK, PAIRS]` by the strides given.
+    /// Adds the rows to the pixels of `block`, `[BLOCK, CHANNELS]`, weighted by `weights`, `[BLOCK, PAIRS]` with the
+    /// given strides.
     #[inline(always)]
     pub fn add_to<V: Vector>(&self, weights: Left<'_>, block: &mut [f32]) {
         for row in block.chunks_exact_mut(CHANNELS) {

@@ -1,5 +1,5 @@
-//! The first layer's attention, both ways: the pixels come as the encoder made them, so no prompt changes what is projected of
-//! them.
+//! The first layer's attention in both directions. Its pixels come directly from the encoder, so their projections do
+//! not depend on the prompt.
 
 use super::layers::exp;
 use super::matrix::{Left, Product, Right, Start, multiply};
@@ -8,7 +8,7 @@ use super::weights::Attention;
 use super::{BLOCK, HEADS, INNER, PAIRS, PIXELS, TOKENS, WIDTH};
 use crate::simd::{MOST_LANES, Vector};
 
-/// What is projected of the pixels of one picture.
+/// The projections of one picture's pixels.
 pub struct FirstLayer {
     /// Keys of the pixels, `[INNER, PIXELS]`, and their values, `[PIXELS, INNER]`.
     keys: Vec<f32>,
@@ -18,7 +18,7 @@ pub struct FirstLayer {
 }
 
 impl FirstLayer {
-    /// `picture`, and `placed`, the picture with its positions, are `[PIXELS, CHANNELS]`.
+    /// Both `picture` and `placed`, the picture with its positions added, are `[PIXELS, CHANNELS]`.
     #[inline(always)]
     pub fn new<V: Vector>(picture: &[f32], placed: &[f32], tokens: &Attention, pixels: &Attention) -> Self {
         let mut projected = vec![0.0; PIXELS * INNER];
@@ -30,7 +30,7 @@ impl FirstLayer {
         Self { keys, values: projected, queries }
     }
 
-    /// What each token finds in the picture, by its `queries`.
+    /// The attention's result for each token, given the tokens' `queries`.
     #[inline(always)]
     pub fn found<V: Vector>(&self, queries: &Projected, scores: &mut [f32]) -> Projected {
         let scale = 1.0 / (WIDTH as f32).sqrt();
@@ -63,7 +63,7 @@ impl FirstLayer {
         found
     }
 
-    /// How the pixels from `first` on weigh the tokens by their `keys`: `[PAIRS, BLOCK]`.
+    /// The weights that the pixels starting at `first` give to the tokens, given the tokens' `keys`: `[PAIRS, BLOCK]`.
     #[inline(always)]
     pub fn weights<V: Vector>(&self, keys: &Projected, count: usize, first: usize, weights: &mut [f32; PAIRS * BLOCK]) {
         let scale = V::splat(1.0 / (WIDTH as f32).sqrt());
@@ -100,7 +100,7 @@ impl FirstLayer {
     }
 }
 
-/// Makes scores exponentials of `scale` times their distance from the greatest, and returns the sum.
+/// Replaces scores with exponentials of `scale` times their difference from the greatest, and returns the sum.
 #[inline(always)]
 fn exponentials<V: Vector>(scores: &mut [f32], scale: f32) -> f32 {
     let mut most = V::splat(f32::NEG_INFINITY);
@@ -122,7 +122,7 @@ fn exponentials<V: Vector>(scores: &mut [f32], scale: f32) -> f32 {
     sum.sum()
 }
 
-/// `[PIXELS, INNER]` to `[INNER, PIXELS]`.
+/// Transposes `[PIXELS, INNER]` to `[INNER, PIXELS]`.
 fn transposed(values: &[f32]) -> Vec<f32> {
     (0..values.len()).map(|i| values[i % PIXELS * INNER + i / PIXELS]).collect()
 }

@@ -5,7 +5,7 @@ use super::weights::{Linear, Norm};
 use crate::simd::{self, Vector};
 
 impl Linear {
-    /// `[rows, inputs]` to `[rows, outputs]`.
+    /// Linear layer from `[rows, inputs]` to `[rows, outputs]`.
     #[inline(always)]
     pub fn apply<V: Vector>(&self, from: &[f32], to: &mut [f32], rows: usize) {
         multiply::<V>(
@@ -45,7 +45,7 @@ impl Norm {
     }
 }
 
-/// Exponential of numbers of either sign and any size.
+/// Exponential of numbers of either sign and any magnitude.
 #[inline(always)]
 pub fn exp<V: Vector>(x: V) -> V {
     simd::exp(x, simd::MOST_EXPONENT)
@@ -82,7 +82,7 @@ pub fn gelu<V: Vector>(values: &mut [f32]) {
     }
 }
 
-/// A perceptron of three layers on one row, ReLU between them.
+/// A perceptron of three layers applied to one row, with ReLU between them.
 #[inline(always)]
 pub fn perceptron<V: Vector>(layers: &[Linear; 3], from: &[f32], to: &mut [f32]) {
     let [mut first, mut second] = [[0.0; super::CHANNELS]; 2];

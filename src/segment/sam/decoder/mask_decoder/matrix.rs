@@ -2,7 +2,7 @@
 
 use crate::simd::Vector;
 
-/// A matrix to read: value (i, j) is `values[i * row + j * column]`.
+/// A left factor: value (i, j) is `values[i * row + j * column]`.
 #[derive(Clone, Copy)]
 pub struct Left<'a> {
     pub values: &'a [f32],
@@ -10,26 +10,26 @@ pub struct Left<'a> {
     pub column: usize,
 }
 
-/// A matrix to read, rows one after the other, `row` values apart.
+/// A right factor, whose rows are `row` values apart.
 #[derive(Clone, Copy)]
 pub struct Right<'a> {
     pub values: &'a [f32],
     pub row: usize,
 }
 
-/// The product's place, rows `row` values apart.
+/// The memory for the product, with rows `row` values apart.
 pub struct Product<'a> {
     pub values: &'a mut [f32],
     pub row: usize,
 }
 
-/// What the product is added to.
+/// The values that the product is added to.
 #[derive(Clone, Copy)]
 pub enum Start<'a> {
     Zero,
-    /// This row, in every row.
+    /// This row, added to every row.
     Row(&'a [f32]),
-    /// What stands in the product's place.
+    /// The values already in the product's memory.
     There,
 }
 
@@ -54,7 +54,7 @@ pub fn multiply<V: Vector>(
     }
     let mut column = 0;
     while column < columns {
-        // Many sums at once hide how long each takes: of many rows, or of many columns.
+        // Computing many sums at once, over many rows or many columns, hides the latency of each.
         let vectors_left = (columns - column) / V::WIDTH;
         let vectors = match (rows, vectors_left) {
             (..4, 8..) => 8,
@@ -75,16 +75,17 @@ pub fn multiply<V: Vector>(
                 // SAFETY: `column < columns`, and `right` has `columns` values at least, as asserted above.
                 right: unsafe { right.values.as_ptr().add(column) },
                 right_row: right.row,
-                // SAFETY: `row < rows`, `column < columns`, and `product` has `(rows - 1) * product.row + columns` values at
-                // least, as asserted above.
+                // SAFETY: `row < rows`, `column < columns`, and `product` has `(rows - 1) * product.row + columns`
+                // values at least, as asserted above.
                 product: unsafe { product.values.as_mut_ptr().add(row * product.row + column) },
                 product_row: product.row,
                 inner,
             };
-            // SAFETY: the tile has no more rows than are left (`rows - row` in the patterns), and no more columns: `vectors` is at
-            // most `vectors_left`, so `column + vectors * WIDTH <= columns`. With the asserts above, row `rows - 1` of `left`
-            // ends with value `inner - 1`, row `inner - 1` of `right` and row `rows - 1` of `product` with value
-            // `columns - 1`, all inside their slices; `Start::Row` has `columns - column` values left.
+            // SAFETY: the tile has no more rows than are left (`rows - row` in the patterns), and no more columns:
+            // `vectors` is at most `vectors_left`, so `column + vectors * WIDTH <= columns`. With the asserts above,
+            // row `rows - 1` of `left` ends with value `inner - 1`, row `inner - 1` of `right` and row `rows - 1` of
+            // `product` with value `columns - 1`, all inside their slices; `Start::Row` has `columns - column` values
+            // left.
             row += unsafe {
                 // AVX-512 has twice the registers.
                 match (V::WIDTH, rows - row, vectors) {
@@ -102,7 +103,7 @@ pub fn multiply<V: Vector>(
     }
 }
 
-/// Where a piece of the product is made whose sums stay in registers.
+/// The memory for a tile of the product, whose sums stay in registers.
 struct Tile {
     left: *const f32,
     left_row: usize,
@@ -115,12 +116,12 @@ struct Tile {
 }
 
 impl Tile {
-    /// Makes `ROWS` rows of `VECTORS` vectors; returns `ROWS`.
+    /// Computes `ROWS` rows of `VECTORS` vectors; returns `ROWS`.
     ///
     /// # Safety
-    /// From [`Self::left`] on, `ROWS` rows of [`Self::inner`] values can be read by the strides given; from [`Self::right`] on,
-    /// [`Self::inner`] rows of `VECTORS * V::WIDTH` values; from [`Self::product`] on, `ROWS` rows of as many can be read and
-    /// written; and [`Start::Row`] holds as many.
+    /// From [`Self::left`] on, `ROWS` rows of [`Self::inner`] values can be read with the given strides; from
+    /// [`Self::right`] on, [`Self::inner`] rows of `VECTORS * V::WIDTH` values; from [`Self::product`] on, `ROWS` rows
+    /// of as many can be read and written; and [`Start::Row`] holds as many.
     #[inline(always)]
     unsafe fn run<V: Vector, const ROWS: usize, const VECTORS: usize>(&self, start: Start<'_>) -> usize {
         let mut sums = [[V::splat(0.0); VECTORS]; ROWS];
@@ -152,7 +153,8 @@ impl Tile {
         }
         for (row, sums) in sums.iter().enumerate() {
             for (vector, sum) in sums.iter().enumerate() {
-                // SAFETY: `row < ROWS` and the vector ends within `VECTORS * WIDTH`, which the caller says can be written.
+                // SAFETY: `row < ROWS` and the vector ends within `VECTORS * WIDTH`, which the caller says can be
+                // written.
                 unsafe { sum.write(self.product.add(row * self.product_row + vector * V::WIDTH)) };
             }
         }

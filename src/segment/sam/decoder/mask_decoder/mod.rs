@@ -1,11 +1,12 @@
 //! SAM's mask decoder, written for many prompts to one picture on a CPU.
 //!
-//! It computes what the exported graph computes, in an order that saves most of the work: projections move from the 4096
-//! pixels to the few tokens (`attention`, `first_layer`), every pixel is read once a layer while it is in the cache, and masks that are
-//! not wanted, which their predicted IoU tells before, are not made. `weights` finds the parameters in the export, `tokens`
-//! and `upscale` are the rest of the network, and `layers` and `matrix` what they are made of.
+//! It computes what the exported graph computes, in an order that saves most of the work: projections move from the
+//! 4096 pixels to the few tokens (`attention`, `first_layer`), every pixel is read once per layer while it is in the
+//! cache, and masks that are not wanted are not computed, since their predicted IoU is known beforehand. `weights`
+//! finds the parameters in the export, `tokens` and `upscale` are the rest of the network, and `layers` and `matrix`
+//! are their building blocks.
 //!
-//! The network is that of Kirillov et al., Segment Anything (2023), section A; names of layers are those of the public
+//! The network is that of Kirillov et al., Segment Anything (2023), section A; layer names are those of the public
 //! implementation (`TwoWayTransformer`, `MaskDecoder`).
 
 mod attention;
@@ -37,19 +38,20 @@ pub const CHANNELS: usize = 256;
 const INNER: usize = 128;
 const HEADS: usize = 8;
 const WIDTH: usize = INNER / HEADS;
-/// Most tokens of a prompt: one for the predicted IoU, one a mask, and those of its points.
+/// Maximum number of tokens of a prompt: one for the predicted IoU, one per mask, and those of its points.
 pub const TOKENS: usize = 8;
-/// Pairs of token and head.
+/// Number of pairs of token and head.
 const PAIRS: usize = TOKENS * HEADS;
-/// Pixels that go through a layer at once: with the matrices they meet they fill half of a second-level cache.
+/// Number of pixels that go through a layer at once: together with the matrices they are multiplied with, they fill
+/// half of a second-level cache.
 const BLOCK: usize = 64;
-/// Masks that the network makes.
+/// Number of masks that the network computes.
 pub const MASKS: usize = 4;
 /// Channels after one and two transposed convolutions.
 const UPSCALED: usize = 64;
 const UPSCALED_TWICE: usize = 32;
 
-/// Which of the masks are to be made, given the predicted IoU of all.
+/// Selects the masks to compute, given the predicted IoU of all.
 pub type Wanted<'a> = dyn Fn(&[f32; MASKS]) -> [bool; MASKS] + 'a;
 
 /// The mask decoder.
@@ -58,7 +60,7 @@ pub struct MaskDecoder {
     instructions: Instructions,
 }
 
-/// An image's embedding with the decoder's work that no prompt changes.
+/// An image's embedding with the parts of the decoder's work that do not depend on the prompt.
 pub struct PreparedEmbedding {
     /// `[PIXELS, CHANNELS]`.
     embedding: Vec<f32>,
@@ -66,23 +68,24 @@ pub struct PreparedEmbedding {
     first_layer: FirstLayer,
 }
 
-/// Memory that decoding uses, to be used again.
+/// Scratch buffers, reused between prompts.
 pub struct Scratch {
     /// `[PIXELS, CHANNELS]`.
     pixels: Vec<f32>,
-    /// Of one head of the first layer: `[TOKENS, PIXELS]`.
+    /// Scores of one head of the first layer: `[TOKENS, PIXELS]`.
     scores: Vec<f32>,
-    /// Of the masks that were wanted, in order.
+    /// Logits of the masks that were wanted, in order.
     pub logits: Vec<[f32; LOGITS_SIDE * LOGITS_SIDE]>,
 }
 
 impl MaskDecoder {
-    /// The error says what of SAM's mask decoder was not found.
+    /// Reads the decoder from an export; the error says which part of SAM's mask decoder was not found.
     pub fn read(model: &Model, constants: &Constants) -> Result<Self, Mismatch> {
         Ok(Self { weights: Weights::read(model, constants)?, instructions: Instructions::of_this_processor() })
     }
 
-    /// `embedding` and `positions`, its positional encoding, are `[PIXELS, CHANNELS]`.
+    /// Does the work that does not depend on the prompt. `embedding` and `positions`, its positional encoding, are
+    /// `[PIXELS, CHANNELS]`.
     pub fn prepare(&self, embedding: Vec<f32>, positions: Vec<f32>) -> PreparedEmbedding {
         assert!(embedding.len() == PIXELS * CHANNELS && positions.len() == PIXELS * CHANNELS);
         let kernel = FirstLayerOf { weights: &self.weights, embedding: &embedding, positions: &positions };
@@ -90,8 +93,8 @@ impl MaskDecoder {
         PreparedEmbedding { embedding, positions, first_layer }
     }
 
-    /// Decodes a prompt of `[count, CHANNELS]` tokens. Leaves the logits of the masks that are `wanted`, given the predicted
-    /// IoU of all, in `scratch`, and returns the predicted IoU.
+    /// Decodes a prompt of `[count, CHANNELS]` tokens. Leaves the logits of the masks that are `wanted`, given the
+    /// predicted IoU of all, in `scratch`, and returns the predicted IoU.
     pub fn decode(
         &self,
         image: &PreparedEmbedding,
@@ -110,7 +113,7 @@ impl Scratch {
     }
 }
 
-/// The first layer of a picture.
+/// The first layer, prepared for a picture.
 struct FirstLayerOf<'a> {
     weights: &'a Weights,
     embedding: &'a [f32],
@@ -167,7 +170,7 @@ impl Kernel for Decoding<'_> {
     }
 }
 
-/// The two-way transformer: returns the tokens, and leaves the pixels in `scratch`.
+/// Runs the two-way transformer: returns the tokens and leaves the pixels in `scratch`.
 #[inline(always)]
 fn transform<V: Vector>(weights: &Weights, image: &PreparedEmbedding, tokens: &[f32], scratch: &mut Scratch) -> Tokens {
     let [first, second] = &weights.layers;
@@ -186,7 +189,7 @@ fn transform<V: Vector>(weights: &Weights, image: &PreparedEmbedding, tokens: &[
     let queries = tokens.project_placed::<V>(&second.token_to_image.query);
     let scores = Scores::new::<V>(&queries, &second.token_to_image.key);
 
-    // Pixels take from the tokens of the first layer, then those of the second look at them.
+    // The pixels attend to the tokens of the first layer; then the tokens of the second layer attend to the pixels.
     let mut softmax = OnlineSoftmax::new();
     let (mut weighed, mut placed) = ([0.0; BLOCK * PAIRS], [0.0; BLOCK * CHANNELS]);
     for start in (0..PIXELS).step_by(BLOCK) {
@@ -210,7 +213,7 @@ fn transform<V: Vector>(weights: &Weights, image: &PreparedEmbedding, tokens: &[
     let queries = tokens.project_placed::<V>(&last.query);
     let scores = Scores::new::<V>(&queries, &last.key);
 
-    // The same of the second layer and the last attention.
+    // The same for the second layer and the final attention.
     let mut softmax = OnlineSoftmax::new();
     for start in (0..PIXELS).step_by(BLOCK) {
         let range = start * CHANNELS..(start + BLOCK) * CHANNELS;
@@ -236,7 +239,7 @@ mod tests {
     use super::weights::{Attention, HIDDEN, Layer, Linear, Norm};
     use super::*;
 
-    /// Numbers as if at random, the same every time, in [-1, 1].
+    /// Pseudo-random numbers in [-1, 1], the same every time.
     struct Numbers(Cell<u32>);
 
     impl Numbers {

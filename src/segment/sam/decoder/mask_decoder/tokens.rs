@@ -1,30 +1,30 @@
-//! The few tokens of a prompt: what the transformer does with them alone.
+//! The few tokens of a prompt, and the layers of the transformer that involve only tokens.
 
 use super::layers::{add, increase, relu};
 use super::weights::{Attention, HIDDEN, Linear, Norm};
 use super::{CHANNELS, HEADS, INNER, TOKENS};
 use crate::simd::Vector;
 
-/// Tokens, `[TOKENS, CHANNELS]`; those after the first `count` mean nothing.
+/// Tokens, `[TOKENS, CHANNELS]`; those after the first `count` are meaningless.
 pub struct Tokens {
     pub values: [f32; TOKENS * CHANNELS],
-    /// What they were at first, which the transformer takes for their positions.
+    /// The initial tokens, which the transformer uses as their positions.
     positions: [f32; TOKENS * CHANNELS],
     pub count: usize,
 }
 
-/// One vector of a cross-attention's width for each token, `[TOKENS, INNER]`.
+/// One vector with the width of the cross-attention for each token, `[TOKENS, INNER]`.
 pub type Projected = [f32; TOKENS * INNER];
 
 impl Tokens {
-    /// `values` is `[count, CHANNELS]`.
+    /// Makes tokens from `values`, `[count, CHANNELS]`.
     pub fn new(values: &[f32]) -> Self {
         let mut padded = [0.0; TOKENS * CHANNELS];
         padded[..values.len()].copy_from_slice(values);
         Self { values: padded, positions: padded, count: values.len() / CHANNELS }
     }
 
-    /// The first layer's self-attention, which knows no positions and replaces what was there.
+    /// The first layer's self-attention, which uses no positions and replaces the tokens.
     #[inline(always)]
     pub fn begin<V: Vector>(&mut self, attention: &Attention, norm: &Norm) {
         let values = self.values;
@@ -52,7 +52,7 @@ impl Tokens {
         norm.apply::<V>(&mut self.values);
     }
 
-    /// Adds what an attention to the picture found.
+    /// Adds the result of attention to the picture.
     #[inline(always)]
     pub fn add_attended<V: Vector>(&mut self, found: &Projected, out: &Linear, norm: &Norm) {
         let mut change = [0.0; TOKENS * CHANNELS];
@@ -61,7 +61,7 @@ impl Tokens {
         norm.apply::<V>(&mut self.values);
     }
 
-    /// The tokens with their positions, projected.
+    /// The tokens with their positions added, projected.
     #[inline(always)]
     pub fn project_placed<V: Vector>(&self, by: &Linear) -> Projected {
         let mut projected = [0.0; TOKENS * INNER];

@@ -1,12 +1,12 @@
-//! From the picture's embedding to the logits of masks: two transposed convolutions, and for each mask a product of every
-//! pixel with the mask's own vector.
+//! Computes the logits of masks from the picture's embedding: two transposed convolutions, and for each mask a product
+//! of every pixel with the mask's vector.
 
 use super::layers::gelu;
 use super::weights::Weights;
 use super::{CHANNELS, LOGITS_SIDE, PIXELS, SIDE, UPSCALED, UPSCALED_TWICE};
 use crate::simd::Vector;
 
-/// Pixels of the embedding that are upscaled at once: what they become stays in the first cache.
+/// Number of pixels of the embedding that are upscaled at once: their results stay in the first-level cache.
 const BLOCK: usize = 16;
 
 /// The logits of the masks with these vectors, each `LOGITS_SIDE` x `LOGITS_SIDE`, row by row.

@@ -1,7 +1,7 @@
-//! SAM's mask decoder as its parameters, found in an export by the names that the public implementation gives them.
+//! The parameters of SAM's mask decoder, found in an export by their names in the public implementation.
 //!
-//! Exporters rename the matrices of linear layers (`onnx::MatMul_1926`) but not the biases, so a matrix is what is
-//! multiplied before its bias is added.
+//! Exporters rename the matrices of linear layers (`onnx::MatMul_1926`) but not the biases, so a matrix is identified
+//! as the factor of the product to which its bias is added.
 
 use super::super::super::Mismatch;
 use super::super::super::graph::{Constants, Model};
@@ -53,16 +53,16 @@ pub struct Weights {
     pub layers: [Layer; 2],
     pub final_attention: Attention,
     pub final_norm: Norm,
-    /// The two transposed convolutions of 2 x 2 pixels and stride 2 as products: an output pixel (dy, dx) is the group of
-    /// columns `2 dy + dx`.
+    /// The two transposed convolutions of 2 x 2 pixels and stride 2 as products: an output pixel (dy, dx) is the group
+    /// of columns `2 dy + dx`.
     pub upscaling: [Linear; 2],
     pub upscaling_norm: Norm,
-    /// For each mask.
+    /// One per mask.
     pub hypernetworks: [[Linear; 3]; MASKS],
     pub predicted_iou: [Linear; 3],
 }
 
-/// The values of the model that the decoder starts from.
+/// The names of the values in the model from which the decoder starts.
 pub struct Sources {
     /// `[batch, tokens, 256]`: output tokens, then those of the prompt.
     pub tokens: String,
@@ -72,7 +72,7 @@ pub struct Sources {
 }
 
 impl Weights {
-    /// What of SAM's mask decoder is not there by its name and shape is the error.
+    /// Finds the parameters; the error names the one that is missing or has the wrong shape.
     pub fn read(model: &Model, constants: &Constants) -> Result<Self, Mismatch> {
         let reader = Reader { model, constants };
         Ok(Self {
@@ -161,8 +161,8 @@ impl<'a> Reader<'a> {
         Ok(Norm { weight: of("weight")?, bias: of("bias")?, epsilon: NORM_EPSILON })
     }
 
-    /// The norm over the channels that follows a convolution: exporters write it as its elementary operations, of which
-    /// the first product and the first sum with a value per channel are scale and shift.
+    /// The norm over the channels that follows a convolution: exporters write it as elementary operations, in which the
+    /// first product and the first sum with one value per channel are scale and shift.
     fn norm_of_channels(&self, convolution: &str, channels: usize) -> Result<Norm, Mismatch> {
         let weight = self.name_of(&format!("{convolution}.weight"))?;
         let of = |operator: &str| {
@@ -193,7 +193,7 @@ impl<'a> Reader<'a> {
         let layer = |index: usize, outputs: usize| -> Result<Linear, Mismatch> {
             let rows = self.parameter(&format!("{name}.layers.{index}.weight"), &[outputs, CHANNELS])?;
             let mut bias = self.parameter(&format!("{name}.layers.{index}.bias"), &[outputs])?;
-            // As many columns as fill vectors, those that are too many zero.
+            // The number of columns is rounded up to fill whole vectors; the additional columns are zero.
             let columns = outputs.next_multiple_of(MOST_LANES);
             bias.resize(columns, 0.0);
             let mut weight = vec![0.0; CHANNELS * columns];
@@ -205,7 +205,7 @@ impl<'a> Reader<'a> {
         Ok([layer(0, CHANNELS)?, layer(1, CHANNELS)?, layer(2, outputs)?])
     }
 
-    /// What is multiplied, and with which matrix, before this bias is added.
+    /// The value that is multiplied before this bias is added, and the matrix it is multiplied with.
     fn product_before(&self, bias: &str) -> Result<(&'a str, &'a str), Mismatch> {
         let bias = self.name_of(bias)?;
         let sum = self.model.consumer(bias, "Add").ok_or_else(|| Mismatch::NotAdded(bias.to_owned()))?;
@@ -224,7 +224,7 @@ impl<'a> Reader<'a> {
         values.ok_or_else(|| Mismatch::NoConstant { name: name.to_owned(), shape: shape.to_vec() })
     }
 
-    /// The parameter of this name in the mask decoder, whatever stands before it.
+    /// The full name of the mask decoder's parameter with this name, whatever its prefix.
     fn name_of(&self, name: &str) -> Result<&str, Mismatch> {
         let found = self.constants.name_ending_in(&format!("mask_decoder.{name}"));
         found.ok_or_else(|| Mismatch::NoParameter(name.to_owned()))
