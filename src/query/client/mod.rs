@@ -75,7 +75,7 @@ const MAX_REPLY_BYTES: usize = 64_000_000;
 const TICK: Duration = Duration::from_secs(1);
 
 impl Client {
-    /// The client that the options ask for; `None` without `--lmm-url`. It opens a connection only if `network` allows it.
+    /// The client for the options; `None` without `--lmm-url`. It opens a connection only if `network` allows it.
     pub fn new(
         options: &Options,
         key: Option<ApiKey>,
@@ -194,7 +194,8 @@ impl Client {
         self.repeat(retries, async || self.exchange_once(request(), most_bytes, &read).await.result, || false).await
     }
 
-    /// An attempt, repeated while it fails for a passing reason; waits end early when all `is_over`.
+    /// Makes an attempt, and retries while it fails for a transient reason; waits end early once `is_over` returns
+    /// true.
     async fn repeat<T>(
         &self,
         retries: u32,
@@ -240,7 +241,7 @@ impl Client {
         }
         let mut response = match request.send().await {
             Ok(response) => response,
-            // Once the connection stands, the request may be with the server, answered or not.
+            // Once connected, the server may have received the request, whether it answered or not.
             Err(error) => {
                 let may_be_billed = !error.is_connect() && !error.is_builder();
                 return failed(response::transport(error), may_be_billed);

@@ -7,7 +7,7 @@ use super::hencky::{Strain, norm};
 use crate::simd::Lanes;
 use crate::simulate::mpm::matrix::{Mat3, Sym3};
 
-/// The stress, and the elastic deformation where any particle flowed.
+/// The stress, and the elastic deformation if any particle flowed.
 #[inline(always)]
 pub(super) fn stress<L: Lanes>(point: Point<L>, viscosity_pa_s: f32, dt_s: f32) -> (Sym3<L>, Option<Mat3<L>>) {
     let Point { elastic, mu, lambda, state } = point;
