@@ -45,7 +45,7 @@
 //!
 //! The method follows *GaussianProperty: Integrating Physical Properties to 3D Gaussians with LMMs* (Xu et al., 2024).
 
-// A module's docs list its parts in order for whoever reads the source, private ones too.
+// A module's docs list its parts in order for readers of the source, including private ones.
 #![allow(rustdoc::private_intra_doc_links)]
 
 pub mod batch;
