@@ -65,8 +65,8 @@ fn escaped(text: &str, keep: impl Fn(char) -> bool) -> Cow<'_, str> {
     Cow::Owned(shown)
 }
 
-/// Control characters (C0, DEL, C1), line and paragraph separators, and the embeddings, overrides and isolates of Unicode's
-/// bidirectional algorithm (UAX #9).
+/// Control characters (C0, DEL, C1), line and paragraph separators, and the embeddings, overrides and isolates of
+/// Unicode's bidirectional algorithm (UAX #9).
 fn acts_on_a_terminal(c: char) -> bool {
     c.is_control() || matches!(c, '\u{2028}'..='\u{202e}' | '\u{2066}'..='\u{2069}')
 }

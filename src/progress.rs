@@ -12,7 +12,7 @@ use crate::output;
 /// All bars of the process, one line each: several stages or threads may show one at the same time.
 static BARS: LazyLock<MultiProgress> = LazyLock::new(MultiProgress::new);
 
-/// Interval between log lines about a wait that is still going on.
+/// Interval between log lines about a wait that has not ended.
 const REMINDER: Duration = Duration::from_secs(30);
 
 /// How progress is shown.

@@ -51,7 +51,7 @@ const FOLDER: &str = "batch";
 pub struct Batch {
     /// The data set's folder.
     folder: PathBuf,
-    /// Where work folders go; each scene's own folder if not given.
+    /// Folder for the work folders; each scene's own folder if not given.
     out: Option<PathBuf>,
     options: Options,
     /// The last stage to do.
@@ -72,7 +72,7 @@ pub struct Batch {
     warnings: Vec<String>,
 }
 
-/// What to do with every scene.
+/// The task for every scene.
 #[derive(Debug, Clone)]
 pub struct Task {
     pub to: Stage,

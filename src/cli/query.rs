@@ -16,7 +16,7 @@ use super::arguments::BatchApiStep;
 use super::scene;
 use super::{Global, QueryArgs, print, shown};
 
-/// What to do with the queries instead of answering them.
+/// The actions on queries other than answering them.
 enum QueryAction<'a> {
     Export(&'a Path),
     Import(&'a Path),

@@ -93,8 +93,8 @@ pub struct GraspReport {
 /// places where the fingers fit; without a `surface` on which to look for them, on the part that was named or is
 /// nearest to the centre of mass.
 ///
-/// `labels` are the field's, with the properties of each part; a part and its label share an id. `meters_per_unit` is for
-/// the user's point, which is in scene units.
+/// `labels` are the field's, with the properties of each part; a part and its label share an id. `meters_per_unit` is
+/// for the user's point, which is in scene units.
 ///
 /// # Errors
 /// If a lift angle, curvature or margin is outside its domain; if a part does not exist or its name is ambiguous; if a

@@ -77,7 +77,7 @@ pub enum Relation {
     Fibre,
 }
 
-/// A row of `deviations.csv`: a finding that is correct as it is, and why.
+/// A row of `deviations.csv`: a finding that needs no correction, with the reason.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Deviation {
     /// The material's name, or `family:NAME` for a finding about a whole family.

@@ -47,7 +47,7 @@ impl Builder {
         Self { plan, ..self }
     }
 
-    /// What is shown on stderr while stages run; by default only warnings, which go to `tracing`.
+    /// The progress shown on stderr while stages run; by default only warnings, which go to `tracing`.
     pub fn progress(self, progress: Progress) -> Self {
         Self { progress, ..self }
     }

@@ -64,8 +64,9 @@ use record::{Left, Output, RunRecord, StageRecord};
 /// read the results that exist. Every command of the program uses this type, so the library and the program can use
 /// each other's work folders.
 ///
-/// Nothing is sent to a model unless the options name its server (`options.query.lmm_url`): answers come from recordings.
-/// SAM and ONNX Runtime are taken from the cache, or downloaded if they are missing and `options.setup.offline` is off.
+/// Nothing is sent to a model unless the options name its server (`options.query.lmm_url`): answers come from
+/// recordings. SAM and ONNX Runtime are taken from the cache, or downloaded if they are missing and
+/// `options.setup.offline` is off.
 pub struct Pipeline {
     folder: PathBuf,
     work: WorkDir,

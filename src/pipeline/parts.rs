@@ -12,7 +12,7 @@ use super::{Done, Pipeline, Stage, get_or_load};
 /// The content of `parts.json` if the metric scale is unknown.
 #[derive(Serialize)]
 struct UnscaledFile<'a> {
-    /// What is missing and how to give it.
+    /// A note that the scale is missing and how to give it.
     scale: String,
     object: Option<()>,
     parts: [(); 0],

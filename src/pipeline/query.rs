@@ -51,7 +51,7 @@ impl Pipeline {
         get_or_load(&self.answers, || read_answers(&self.work))
     }
 
-    /// What a query would send, and its cost.
+    /// Estimates what a query would send, and its cost.
     pub(crate) fn query_preview(&self) -> Result<Preview> {
         let session = self.query_session()?;
         Ok(session.preview(&session.queries()?))

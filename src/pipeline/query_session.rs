@@ -100,7 +100,7 @@ impl<'a> QuerySession<'a> {
         Ok(Queries::prepare(&inputs, &self.library, &self.prompts, self.options)?)
     }
 
-    /// What would be sent, and its cost.
+    /// Estimates what would be sent, and its cost.
     pub fn preview(&self, queries: &Queries) -> Preview {
         queries.preview(&self.recordings, self.client.as_ref().map(Asker::answerer), self.price())
     }

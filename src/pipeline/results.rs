@@ -15,8 +15,8 @@ use crate::simulate::SimulationReport;
 use crate::vote::MaterialField;
 
 impl Pipeline {
-    /// The segments that SAM cuts out of each chosen photo: a label map in pixels of the photo, and for each segment its
-    /// area, box and quality.
+    /// The segments that SAM cuts out of each chosen photo: a label map in pixels of the photo, and for each segment
+    /// its area, box and quality.
     ///
     /// # Errors
     /// If SAM or ONNX Runtime is missing, a photo cannot be read, or the work folder cannot be written.
@@ -34,8 +34,8 @@ impl Pipeline {
         self.stored_answers().map_err(Error)
     }
 
-    /// The label, votes and confidence of each Gaussian, in the order of the splat, and what each label stands for, in SI
-    /// units.
+    /// The label, votes and confidence of each Gaussian, in the order of the splat, and what each label stands for, in
+    /// SI units.
     ///
     /// # Errors
     /// As for [`answers`](Self::answers); also if no view has a segment with an answer.
@@ -62,8 +62,8 @@ impl Pipeline {
         self.stored_simulation().map_err(Error)
     }
 
-    /// The forces with which a gripper may hold the object, in newtons, and the places to grasp at, in metres in the world
-    /// frame.
+    /// The forces with which a gripper may hold the object, in newtons, and the places to grasp at, in metres in the
+    /// world frame.
     ///
     /// # Errors
     /// As for [`parts`](Self::parts); also if a part or point that the options name does not exist.

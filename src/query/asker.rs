@@ -33,7 +33,7 @@ pub struct Reply {
     pub served_model: Option<String>,
 }
 
-/// What a model replies to a question.
+/// A model's reply to a question.
 #[derive(Debug, Clone, PartialEq)]
 pub enum ReplyContent {
     Text(String),

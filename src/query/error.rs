@@ -39,9 +39,9 @@ pub enum QueryError {
     #[error("{source}; nothing more was asked. {}", where_kept(.folder, .spare.as_deref()))]
     Unkept {
         source: RecordingError,
-        /// Where recordings are normally written.
+        /// The folder in which recordings are normally written.
         folder: PathBuf,
-        /// Where the recordings are that could not be written there; `None` if their text was printed.
+        /// The folder of the recordings that could not be written there; `None` if their text was printed.
         spare: Option<PathBuf>,
     },
     #[error("{message}; {left} segments are not answered, what was answered is recorded ({spent})")]

@@ -83,7 +83,7 @@ impl Ledger {
         Self { price, max_usd, books: Mutex::new(Books { spent, ..Books::default() }) }
     }
 
-    /// What the model costs, if that is known.
+    /// The model's price, if it is known.
     pub fn price(&self) -> Option<&Price> {
         self.price.as_ref()
     }

@@ -78,7 +78,7 @@ pub struct Answer {
     /// 0 to 1, as the model states it.
     pub confidence: f64,
     pub matched: Match,
-    /// What was corrected or is doubtful, in words.
+    /// The corrections and doubts about the answer, in words.
     pub flags: Vec<String>,
 }
 

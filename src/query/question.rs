@@ -43,7 +43,7 @@ pub struct Questions {
     by_family: BTreeMap<String, Question>,
 }
 
-/// What a valid response leads to.
+/// The result of a valid response.
 pub enum Reading<'a> {
     Answered(Box<Answer>),
     Next(&'a Question),

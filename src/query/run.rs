@@ -21,7 +21,7 @@ use super::sha256::Sha256Hex;
 use super::{Answers, Match, Outcome, SegmentAnswer};
 use crate::progress::Progress;
 
-/// What is known before anything is sent.
+/// The estimate before anything is sent.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Preview {
     pub segments: usize,

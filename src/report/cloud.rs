@@ -33,8 +33,8 @@ pub struct Cloud {
     pub bounds: Bounds,
     /// Centre of the camera of the first view, world frame, scene units.
     pub eye: Point3<f64>,
-    /// Gzip of columns, little endian: centre (3 u16), log scale (3 u8), quaternion x y z w (4 i8), opacity (u8), sRGB colour
-    /// (3 u8), label (u16), confidence (u8).
+    /// Gzip of columns, little endian: centre (3 u16), log scale (3 u8), quaternion x y z w (4 i8), opacity (u8), sRGB
+    /// colour (3 u8), label (u16), confidence (u8).
     pub gzip: Vec<u8>,
 }
 

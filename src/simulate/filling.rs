@@ -9,7 +9,7 @@ use std::collections::BTreeMap;
 
 use super::error::SimulateError;
 
-/// A piece of the object's inside: a cell from the parts stage, or from any other source that knows where matter is.
+/// A piece of the object's inside: a cell from the parts stage, or from any other model of the inside.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct FillPoint {
     /// World frame, scene units.

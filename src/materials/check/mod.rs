@@ -5,7 +5,7 @@
 //! fabrics against their constituents), [`whole`] (duplicates, copied rows, class defaults, labels), [`mod@reference`]
 //! (against textbook values from which no row was made).
 //!
-//! A finding that is correct as it is is listed in `deviations.csv` with its reason; a deviation that matches no
+//! A finding that needs no correction is listed in `deviations.csv` with its reason; a deviation that matches no
 //! finding is itself a finding, so that the list stays current.
 
 mod physics;
@@ -30,7 +30,7 @@ pub struct Finding {
     pub check: &'static str,
     pub severity: Severity,
     pub message: String,
-    /// Why it is correct as it is, if `deviations.csv` says so.
+    /// The reason why it needs no correction, if `deviations.csv` has one.
     pub excuse: Option<String>,
 }
 

@@ -234,7 +234,7 @@ pub fn import(
     Ok(imported)
 }
 
-/// What is wrong with a line of `answers.jsonl`.
+/// The error in a line of `answers.jsonl`.
 #[derive(Debug, thiserror::Error)]
 enum LineProblem {
     #[error("{0}")]

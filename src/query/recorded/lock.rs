@@ -34,7 +34,7 @@ impl QuestionLock {
 
 impl Drop for QuestionLock {
     fn drop(&mut self) {
-        // Removed while the lock is held. A file that cannot be removed blocks nobody.
+        // Removed while the lock is held. A file that cannot be removed does no harm.
         let _ = fs::remove_file(&self.path);
     }
 }

@@ -21,7 +21,7 @@ pub use store::{Miss, RecordingError, Recordings, Who};
 /// Lowest overlap at which a recording of another mask is used. Below it, the mask may well be another segment's.
 pub const MASK_IOU: f64 = 0.9;
 
-/// What was asked, independent of who answers.
+/// A question, independent of who answers it.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Asked {
     /// Name of the view, for display.
@@ -48,7 +48,7 @@ impl Asked {
     }
 }
 
-/// Who answers, with which settings.
+/// The model or person that answers, with its settings.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Answerer {
     pub model: String,
@@ -85,7 +85,7 @@ pub struct Recording {
     pub served_model: Option<String>,
     pub parameters: Value,
     pub asked: Asked,
-    /// What the model wrote, word for word.
+    /// The model's response, word for word.
     pub response: String,
     /// The sum over all requests that led to this answer.
     pub usage: Option<Usage>,

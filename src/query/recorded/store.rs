@@ -102,7 +102,7 @@ impl Recordings {
         Ok(Self { spare: Some(folder.into()), ..self })
     }
 
-    /// Where new recordings go.
+    /// The folder for new recordings.
     pub fn folder(&self) -> &Path {
         &self.write_to
     }

@@ -59,8 +59,8 @@ fn from_the_side(report: &SimulationReport) -> f64 {
     along - FROM_SIDE_RAD
 }
 
-/// Axes of an OpenCV camera at the world's origin that looks back from the direction of an azimuth (from +x towards +y) and
-/// an elevation above the ground.
+/// Axes of an OpenCV camera at the world's origin that looks back from the direction of an azimuth (from +x towards +y)
+/// and an elevation above the ground.
 fn looking_from(azimuth: f64, elevation: f64) -> Isometry3<f64> {
     let toward_camera = Vector3::new(azimuth.cos() * elevation.cos(), azimuth.sin() * elevation.cos(), elevation.sin());
     let look = Isometry3::look_at_rh(&Point3::origin(), &Point3::from(-toward_camera), &Vector3::z());

@@ -1,7 +1,8 @@
 //! The peer's JSON configuration: every key that it reads, under the peer's names (misspelt ones too), with its
 //! defaults. An unknown key is an error here; the peer silently ignores it.
 //!
-//! Lengths are in the peer's box, a cube of side `grid_lim` with the object's middle at (1, 1, 1); numbers carry no units.
+//! Lengths are in the peer's box, a cube of side `grid_lim` with the object's middle at (1, 1, 1); the numbers have no
+//! units.
 
 use serde::Deserialize;
 use serde_json::{Map, Value};

@@ -2,7 +2,7 @@
 //! inside.
 //!
 //! A cell lies inside if it is empty, every ray along the axes (but an excluded one) meets density above the search
-//! threshold, and a ray along one direction enters it an odd number of times. Directions: 0 x, 1 -x, 2 y, 3 -y, 4 z, 5 -z.
+//! threshold, and a ray along one direction enters it an odd number of times. Directions 0 to 5: x, -x, y, -y, z, -z.
 //! New particles lie at random positions in their cells; the random numbers differ from the peer's.
 
 use nalgebra::{Matrix3, Vector3};

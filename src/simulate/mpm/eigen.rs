@@ -63,7 +63,7 @@ fn with_sign_of<L: Lanes>(determinant: L, [a, b, c]: [L; 3]) -> [L; 3] {
 pub fn symmetric_eigen<L: Lanes>(s: Sym3<L>) -> ([L; 3], Mat3<L>) {
     /// Convergence is cubic or better; six sweeps bring any 3x3 matrix far below f32 rounding.
     const SWEEPS: usize = 6;
-    /// Off-diagonal share of the norm, squared, below which functions of the matrix no longer change in f32.
+    /// Off-diagonal share of the norm, squared, below which functions of the matrix stay the same in f32.
     const CONVERGED: f32 = 1e-14;
     let (zero, one) = (L::splat(0.0), L::splat(1.0));
     let mut diagonal = [s.xx, s.yy, s.zz];

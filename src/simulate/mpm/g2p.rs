@@ -1,7 +1,7 @@
 //! Grid to particles: velocity, APIC's affine velocity, the new position, and the deformation gradient.
 //!
-//! v = sum w v_i; C = (4/dx^2) sum w v_i (x_i - x_p)^T; x += dt v; F <- (I + dt C) F. C serves as the velocity gradient,
-//! as in MLS-MPM.
+//! v = sum w v_i; C = (4/dx^2) sum w v_i (x_i - x_p)^T; x += dt v; F <- (I + dt C) F. C serves as the velocity
+//! gradient, as in MLS-MPM.
 
 use rayon::prelude::*;
 

@@ -9,8 +9,8 @@
 //! Hu et al., *A Moving Least Squares Material Point Method*, 2018; Jiang et al., *The Affine Particle-In-Cell Method*,
 //! 2015; Jiang et al., *The Material Point Method for Simulating Continuum Materials*, 2016 (course notes).
 //!
-//! Arithmetic is f32 in packs of eight ([`Lanes`](crate::simd::Lanes)); the same input gives the same bytes on any number of threads of one
-//! machine.
+//! Arithmetic is f32 in packs of eight ([`Lanes`](crate::simd::Lanes)); the same input gives the same bytes on any
+//! number of threads of one machine.
 
 pub mod eigen;
 mod g2p;

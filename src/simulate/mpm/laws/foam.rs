@@ -1,5 +1,5 @@
-//! Viscoplastic foam on Hencky strain (Yue et al., *Continuum Foam*, 2015, without thickening): above the yield radius the
-//! deviatoric stress s relaxes at a rate that the plastic viscosity eta sets; within a step of dt it falls by
+//! Viscoplastic foam on Hencky strain (Yue et al., *Continuum Foam*, 2015, without thickening): above the yield radius
+//! the deviatoric stress s relaxes at a rate that the plastic viscosity eta sets; within a step of dt it falls by
 //! excess / (1 + eta / (2 mu' dt)), mu' = mu tr(b) / 3. Without viscosity this is von Mises.
 
 use super::Point;
