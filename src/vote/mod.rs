@@ -40,7 +40,7 @@ pub struct ViewInput<'a> {
     /// Its name, as in the answers.
     pub name: &'a str,
     pub camera: &'a Camera,
-    /// Its label map, in the size of the camera's picture.
+    /// Its label map, of the same size as the camera's picture.
     pub map: &'a LabelMap,
 }
 

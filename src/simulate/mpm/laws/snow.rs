@@ -1,6 +1,6 @@
-//! Snow (Stomakhin et al., *A Material Point Method for Snow Simulation*, 2013): principal stretches stay within 1 -
-//! theta_c and 1 + theta_s, and anything beyond is plastic; compacted snow hardens and torn snow softens, by exp(xi (1
-//! - J_P)), with J_P the volume ratio of the plastic part; the stress is fixed corotated.
+//! Snow (Stomakhin et al., *A Material Point Method for Snow Simulation*, 2013): principal stretches stay within
+//! 1 - theta_c and 1 + theta_s, and anything beyond is plastic; compacted snow hardens and torn snow softens, by
+//! exp(xi (1 - J_P)), with J_P the volume ratio of the plastic part; the stress is fixed corotated.
 
 use super::Point;
 use super::exp;
