@@ -64,7 +64,7 @@ impl<'a> Questions<'a> {
 
     /// Segments all scenes and sends the questions that are neither recorded nor in progress. The first question is
     /// asked at once: a wrong key or model then shows immediately and not a day later. The cost of all questions is
-    /// added up before.
+    /// added up beforehand.
     pub fn submit(&self) -> Result<(Sent, Failures)> {
         self.client.ready().map_err(QueryError::BatchApi)?;
         let mut submitted = self.submitted()?;

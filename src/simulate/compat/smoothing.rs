@@ -164,8 +164,8 @@ mod tests {
         }
     }
 
-    /// Results of PyMCubes 0.1.6, the peer's library, for a staircase and for a cube: `mcubes.smooth(inside,
-    /// 'constrained')` and its energy over the band.
+    /// Results of PyMCubes 0.1.6, the peer's library, for a staircase and for a cube: the output of
+    /// `mcubes.smooth(inside, 'constrained')` and its energy over the band.
     #[test]
     fn smooths_as_the_peers_library() {
         let cells = 16;
