@@ -1,12 +1,12 @@
-//! The two files that options may stand in: `gprop.toml` in a scene's folder, and the user's own `config.toml`. A key is
-//! the long name of a flag. The command line wins over the scene's file, and that over the user's.
+//! The two configuration files: `gprop.toml` in a scene's folder, and the user's own `config.toml`. A key is the long
+//! name of a flag. The command line takes precedence over the scene's file, and that over the user's.
 //!
-//! Both files are turned into flags that stand before those the user typed, so every option has one definition, one
-//! default and one check, whether it was typed or written.
+//! Both files are turned into flags that are inserted before those on the command line, so every option has one
+//! definition, one default and one check, wherever it is set.
 //!
-//! A scene folder may come from anybody, so its file is data and not a program: each stage lists beside its options the
-//! [keys that a scene may set](SceneKey), and any other is refused. Paths are relative to the file that names them; those
-//! of a scene stay inside its folder.
+//! A scene folder may come from anybody, so its file is treated as data and not as a program: each stage lists beside
+//! its options the [keys that a scene may set](SceneKey), and any other key is refused. Paths are relative to the file
+//! that names them; those of a scene must stay inside its folder.
 
 use std::ffi::{OsStr, OsString};
 use std::path::{Component, Path, PathBuf};
@@ -19,10 +19,10 @@ use crate::read_scope::ReadScope;
 /// Name of the file in the scene folder.
 pub const FILE_NAME: &str = "gprop.toml";
 
-/// Where the user's file lies, for people.
+/// Path of the user's file, for display.
 pub const USER_FILE: &str = "~/.config/gprop/config.toml";
 
-/// What can be wrong with a configuration file.
+/// Errors in a configuration file.
 #[derive(Debug, Error)]
 pub enum ConfigError {
     #[error("cannot read {path:?}: {source}")]
@@ -45,7 +45,7 @@ pub enum ConfigError {
     BadValue { path: PathBuf, line: usize, key: String },
 }
 
-/// What a scene may set a key to.
+/// The values that a scene may give to a key.
 #[derive(Debug, Clone, Copy)]
 pub enum SceneValue {
     /// Anything that the option takes.
@@ -65,17 +65,17 @@ pub struct SceneKey {
 }
 
 impl SceneKey {
-    /// A key that takes anything that its option takes.
+    /// A key with any value that its option takes.
     pub const fn any(name: &'static str) -> Self {
         Self { name, value: SceneValue::Any }
     }
 
-    /// A key that takes a path inside the scene folder.
+    /// A key with a path inside the scene folder as its value.
     pub const fn path(name: &'static str) -> Self {
         Self { name, value: SceneValue::Path }
     }
 
-    /// A key that takes a name for which `is_name` is true, or a path inside the scene folder.
+    /// A key whose value is a name for which `is_name` is true, or a path inside the scene folder.
     pub const fn name_or_path(name: &'static str, is_name: fn(&str) -> bool) -> Self {
         Self { name, value: SceneValue::NameOrPath(is_name) }
     }
@@ -86,25 +86,25 @@ impl SceneKey {
 pub struct Flag {
     /// Without the dashes.
     pub name: String,
-    /// False for a switch, which stands alone.
+    /// False for a switch, which takes no value.
     pub takes_value: bool,
-    /// A list becomes one flag for each of its items, not one flag with commas.
+    /// A list becomes one flag per item, instead of one flag with commas.
     pub repeats: bool,
-    /// Takes a path and nothing else.
+    /// Its value is always a path.
     pub is_path: bool,
-    /// What a scene may set it to; `None` if only the user may.
+    /// The values that a scene may give it; `None` if only the user may set it.
     pub scene: Option<SceneValue>,
 }
 
-/// Whose file it is.
+/// The owner of a configuration file.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Owner {
     Scene,
     User,
 }
 
-/// The user's file: `$XDG_CONFIG_HOME/gprop/config.toml`, else `~/.config/gprop/config.toml`; `None` where neither XDG_CONFIG_HOME
-/// nor HOME is set.
+/// The user's file: `$XDG_CONFIG_HOME/gprop/config.toml`, else `~/.config/gprop/config.toml`; `None` if neither
+/// XDG_CONFIG_HOME nor HOME is set.
 pub fn user_file() -> Option<PathBuf> {
     let set = |name: &str| std::env::var_os(name).filter(|value| !value.is_empty()).map(PathBuf::from);
     // The XDG base directory specification: a relative path is invalid and ignored.
@@ -113,7 +113,7 @@ pub fn user_file() -> Option<PathBuf> {
     base.map(|base| base.join("gprop/config.toml"))
 }
 
-/// The flags that `gprop.toml` in the folder `scene` stands for; none where there is no such file.
+/// The flags for `gprop.toml` in the folder `scene`; none if there is no such file.
 ///
 /// # Errors
 /// [`ConfigError`] names the file, the line and the key.
@@ -121,7 +121,7 @@ pub fn flags_of_scene(scene: &Path, known: &[Flag]) -> Result<Vec<OsString>, Con
     flags(&scene.join(FILE_NAME), Owner::Scene, known)
 }
 
-/// The flags that the user's file at `path` stands for; none where there is no such file.
+/// The flags for the user's file at `path`; none if there is no such file.
 ///
 /// # Errors
 /// [`ConfigError`] names the file, the line and the key.
@@ -139,7 +139,8 @@ fn flags(path: &Path, owner: Owner, known: &[Flag]) -> Result<Vec<OsString>, Con
     }
 }
 
-/// The flags that `text` stands for, as if the file at `path` held it. Tables group keys for the reader and mean nothing.
+/// The flags for `text`, treated as the content of the file at `path`. Tables only group keys for the reader and have
+/// no meaning.
 ///
 /// # Errors
 /// [`ConfigError`] names the file, the line and the key.
@@ -197,7 +198,7 @@ impl Reader<'_> {
         Ok(())
     }
 
-    /// `--name=value`, a path joined to the folder of the file.
+    /// `--name=value`; a path is joined to the folder of the file.
     fn flag(&self, flag: &Flag, value: &str, key: &str, line: usize) -> Result<OsString, ConfigError> {
         let is_path = match flag.scene {
             Some(SceneValue::NameOrPath(is_name)) => !is_name(value),
@@ -234,9 +235,10 @@ impl Reader<'_> {
     }
 }
 
-/// Where a path that a scene names leads if it is absolute, climbs with `..`, or meets a link that leaves the folder `scene`.
+/// The target of a path in a scene's file if it is absolute, goes up with `..`, or meets a link that leaves the folder
+/// `scene`.
 fn leads_out_of_scene(scene: &Path, value: &str) -> Option<PathBuf> {
-    // Windows' separators and drives mean nothing here, but the scene may be opened there next.
+    // Windows' separators and drives have no meaning here, but the scene may be opened on Windows later.
     let plain = value.replace('\\', "/");
     let climbs = Path::new(&plain).components().any(|part| !matches!(part, Component::Normal(_) | Component::CurDir));
     if climbs || plain.as_bytes().get(1) == Some(&b':') {
@@ -245,7 +247,7 @@ fn leads_out_of_scene(scene: &Path, value: &str) -> Option<PathBuf> {
     ReadScope::new(scene).leads_out_below(&scene.join(value)).map(|(_, real)| real)
 }
 
-/// A value as it would be typed; a list as its items between commas.
+/// A value as it would be typed; a list as its items separated by commas.
 fn scalar(value: &DeValue) -> Option<String> {
     match value {
         DeValue::Boolean(on) => Some(on.to_string()),

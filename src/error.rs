@@ -1,15 +1,15 @@
-//! The errors that every room may report, and how an error is told.
+//! The errors that every module can report, and their messages.
 
 use std::fmt;
 
 use thiserror::Error as ThisError;
 
-/// Why a [`Pipeline`](crate::Pipeline) could not do something, in the program's words: what failed, where, why, and what to
-/// do. [`kind`](Self::kind) is the exit code that the program would end with.
+/// Why a [`Pipeline`](crate::Pipeline) failed, in the program's words: what failed, where, why, and the remedy.
+/// [`kind`](Self::kind) is the exit code with which the program would end.
 pub struct Error(pub(crate) anyhow::Error);
 
 impl Error {
-    /// The first of the causes that is a `T`, such as [`SceneError`](crate::scene::SceneError).
+    /// The first cause that is a `T`, such as [`SceneError`](crate::scene::SceneError).
     pub fn downcast_ref<T: std::error::Error + 'static>(&self) -> Option<&T> {
         self.0.chain().find_map(|cause| cause.downcast_ref())
     }
@@ -27,20 +27,20 @@ impl fmt::Debug for Error {
     }
 }
 
-// Its text holds those of its causes, so it names none as its source.
+// Its text includes those of its causes, so it has no source.
 impl std::error::Error for Error {}
 
-/// A request that cannot be carried out as it was typed.
+/// A request that cannot be carried out as given.
 #[derive(Debug, ThisError)]
 #[error("{0}")]
 pub struct UsageError(pub String);
 
-/// An error in one line: what failed, then each cause that is not told yet.
+/// An error in one line: what failed, then each cause that is not yet part of the text.
 pub fn message(error: &anyhow::Error) -> String {
     joined(error.chain().map(ToString::to_string))
 }
 
-/// Causes in one text, each that is not told yet behind the one that it caused.
+/// Joins causes into one text; each that is not yet part of it follows the one that it caused.
 pub fn joined(causes: impl Iterator<Item = String>) -> String {
     causes.fold(String::new(), |told, cause| match told.as_str() {
         "" => cause,

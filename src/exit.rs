@@ -1,4 +1,4 @@
-//! The exit codes and which error leads to which: the one place that knows.
+//! The exit codes and the errors that lead to them, all in one place.
 
 use crate::batch::BatchError;
 use crate::config::ConfigError;
@@ -26,7 +26,7 @@ use crate::simulate::SimulateError;
 use crate::vote::VoteError;
 use crate::workdir::WorkDirError;
 
-/// How gprop ends. The numbers are part of the command-line contract.
+/// The exit codes of gprop. The numbers are part of the command-line contract.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 #[repr(u8)]
 pub enum Exit {
@@ -47,7 +47,7 @@ pub enum Exit {
 }
 
 impl Error {
-    /// What kind of error it is: the exit code that the program ends with.
+    /// The kind of the error: the exit code with which the program would end.
     pub fn kind(&self) -> Exit {
         of(&self.0)
     }
@@ -58,7 +58,8 @@ pub fn of(error: &anyhow::Error) -> Exit {
     error.chain().find_map(code).unwrap_or(Exit::Bug)
 }
 
-/// An error in words: what failed, then each cause that is not told yet. One line, but for those that list what is wrong.
+/// The text of an error: what failed, then each cause that is not yet part of the text. One line, except for errors
+/// that list several problems.
 pub fn message(error: &anyhow::Error) -> String {
     error::joined(error.chain().map(text_of))
 }

@@ -1,7 +1,7 @@
-//! Files that somebody else put there: a scene's, a work folder's.
+//! Opens files from other sources: a scene's, a work folder's.
 //!
-//! Whoever opens a named pipe waits until somebody writes into it, and a device may never end. So nothing is opened
-//! before it is known to be a regular file (or a link to one), and everything else is refused at once.
+//! Opening a named pipe blocks until something is written to it, and a device may never end. So a path is opened only
+//! if it is a regular file (or a link to one), and everything else is refused at once.
 
 use std::fs::{self, File, FileType};
 use std::io::{self, BufRead, BufReader, Cursor, ErrorKind, Read, Seek};
@@ -10,7 +10,7 @@ use std::path::Path;
 /// Opens a regular file.
 ///
 /// # Errors
-/// As [`File::open`], and at once if the path leads to a folder, a named pipe, a socket or a device.
+/// As for [`File::open`]; also, without waiting, if the path leads to a folder, a named pipe, a socket or a device.
 pub fn open(path: &Path) -> io::Result<File> {
     require_regular(path)?;
     File::open(path)
@@ -24,7 +24,7 @@ pub trait BufReadSeek: BufRead + Seek {}
 
 impl<T: BufRead + Seek> BufReadSeek for T {}
 
-/// The picture in a regular file; errors as of [`open`].
+/// The picture in a regular file; errors as for [`open`].
 pub fn picture(path: &Path) -> io::Result<PictureSource<'static>> {
     Ok(Box::new(BufReader::new(open(path)?)))
 }
@@ -34,32 +34,32 @@ pub fn picture_of(bytes: &[u8]) -> PictureSource<'_> {
     Box::new(Cursor::new(bytes))
 }
 
-/// The bytes of a regular file; errors as of [`open`].
+/// The bytes of a regular file; errors as for [`open`].
 pub fn read(path: &Path) -> io::Result<Vec<u8>> {
     let mut bytes = Vec::new();
     open(path)?.read_to_end(&mut bytes)?;
     Ok(bytes)
 }
 
-/// The text of a regular file; errors as of [`open`].
+/// The text of a regular file; errors as for [`open`].
 pub fn read_to_string(path: &Path) -> io::Result<String> {
     let mut text = String::new();
     open(path)?.read_to_string(&mut text)?;
     Ok(text)
 }
 
-/// Whether a file lies at `path`, or something in its place that [`open`] will refuse: what is looked for and found to be a
-/// named pipe shall be named, not passed over.
+/// True if there is a file at `path`, or something in its place that [`open`] will refuse: if a file that is looked for
+/// turns out to be a named pipe, this must be reported, not ignored.
 pub fn is_there(path: &Path) -> bool {
     fs::metadata(path).is_ok_and(|found| !found.is_dir())
 }
 
-/// Whether something lies at `path` that is neither a file nor a folder.
+/// True if there is something at `path` that is neither a file nor a folder.
 pub fn is_special(path: &Path) -> bool {
     is_there(path) && require_regular(path).is_err()
 }
 
-/// Fails unless a regular file lies at `path`.
+/// Fails unless there is a regular file at `path`.
 pub fn require_regular(path: &Path) -> io::Result<()> {
     let found = fs::metadata(path)?;
     if found.is_file() {

@@ -1,5 +1,6 @@
 //! gprop gives every Gaussian of a 3D Gaussian Splatting scene a material and its physical properties, without
-//! training, and uses them: mass per part, a dynamic simulation, and the force with which a gripper may hold the object.
+//! training, and uses them: mass per part, a dynamic simulation, and the force with which a gripper may hold the
+//! object.
 //!
 //! # As a library
 //! A [`Pipeline`] works on a scene folder as `gprop run` does. Each of its results does what is still missing for it:
@@ -39,13 +40,13 @@
 //!                                                                                     report/ export/
 //! ```
 //!
-//! [`render`] draws Gaussians for every stage after [`scene`]; [`pictures`] holds the pictures that several stages make,
-//! [`plots`] draws their plots, [`simd`] has the vector registers that SAM's decoder and the simulation compute with.
-//! Imports never lead back, neither between these modules nor between files; `tests/structure.rs` checks it.
+//! [`render`] draws Gaussians for every stage after [`scene`]; [`pictures`] holds the pictures that several stages
+//! make, [`plots`] draws their plots, [`simd`] has the vector registers that SAM's decoder and the simulation compute
+//! with. Imports never lead back, neither between these modules nor between files; `tests/structure.rs` checks it.
 //!
 //! The method follows *GaussianProperty: Integrating Physical Properties to 3D Gaussians with LMMs* (Xu et al., 2024).
 
-// A module's docs list its parts in order for whoever reads the source, private ones too.
+// A module's docs list its parts in order for readers of the source, including private ones.
 #![allow(rustdoc::private_intra_doc_links)]
 
 pub mod batch;

@@ -1,4 +1,4 @@
-//! NumPy arrays, and archives of them: a ZIP of arrays.
+//! NumPy arrays, and archives of them (NPZ): a ZIP of arrays.
 
 use std::io::{self, Cursor, Read, Write};
 
@@ -7,7 +7,8 @@ use thiserror::Error;
 use zip::write::{SimpleFileOptions, StreamWriter};
 use zip::{CompressionMethod, ZipArchive, ZipWriter};
 
-/// Most bytes of one array: a reference trajectory has some hundred megabytes. What unpacks to more was made to fill the memory.
+/// Most bytes of one array: a reference trajectory has some hundred megabytes. An array that unpacks to more was made
+/// to exhaust the memory.
 const MOST_BYTES: u64 = 1 << 30;
 
 /// Why an array cannot be read.
@@ -28,12 +29,12 @@ pub struct Npz(ZipArchive<Cursor<Vec<u8>>>);
 
 impl Npz {
     /// # Errors
-    /// The bytes are no ZIP archive.
+    /// If the bytes are not a ZIP archive.
     pub fn new(bytes: Vec<u8>) -> Result<Self, NpzError> {
         Ok(Self(ZipArchive::new(Cursor::new(bytes))?))
     }
 
-    /// Whether it holds an array of this name.
+    /// True if it contains an array of this name.
     pub fn has(&self, name: &str) -> bool {
         self.0.index_for_name(&format!("{name}.npy")).is_some()
     }
@@ -55,7 +56,7 @@ impl Npz {
         self.read(name, "int32")
     }
 
-    /// A string: an array of one.
+    /// A string: an array with one element.
     pub fn text(&mut self, name: &str) -> Result<String, NpzError> {
         Ok(self.read::<String>(name, "a string")?.concat())
     }
@@ -76,18 +77,20 @@ impl Npz {
     }
 }
 
-/// An array in memory, its header read.
+/// An array in memory whose header has been read.
 ///
 /// # Errors
-/// It is not an array, its header has more brackets than that of an array of numbers, it holds Python objects, or it is cut off.
+/// If it is not an array, its header has more brackets than that of an array of numbers, it contains Python objects, or
+/// it is cut off.
 pub fn open_array(bytes: &[u8]) -> io::Result<NpyFile<&[u8]>> {
-    /// The header is a Python dictionary with a tuple in it. Its parser takes time exponential in the depth of brackets.
+    /// The header is a Python dictionary with a tuple in it. Its parser takes time that is exponential in the depth of
+    /// brackets.
     const MOST_BRACKETS: usize = 8;
     let wrong = |problem: String| io::Error::new(io::ErrorKind::InvalidData, problem);
     if !bytes.starts_with(b"\x93NUMPY") {
         return Err(wrong("it does not begin as NumPy's files do".to_owned()));
     }
-    // Magic, version, length of the header in two bytes or, from version 2 on, in four.
+    // Magic, version, then the length of the header in two bytes or, from version 2 on, in four.
     let (header_at, length) = match *bytes {
         [_, _, _, _, _, _, 1, _, a, b, ..] => (10, usize::from(u16::from_le_bytes([a, b]))),
         [_, _, _, _, _, _, _, _, a, b, c, d, ..] => (12, u32::from_le_bytes([a, b, c, d]) as usize),
@@ -103,7 +106,8 @@ pub fn open_array(bytes: &[u8]) -> io::Result<NpyFile<&[u8]>> {
     if kind.uses_pickled_array() {
         return Err(wrong("it holds Python objects, not numbers; save numbers, with array.astype(...)".to_owned()));
     }
-    // A header may claim more than follows it. An element without a size takes no memory here, but one for each would.
+    // A header may claim more elements than follow it. An element of size zero takes no memory here, but a value for
+    // each element would.
     let size = kind.num_bytes().unwrap_or(0).max(1) as u64;
     let expected = array.shape().iter().try_fold(size, |bytes, side| bytes.checked_mul(*side));
     let found = (bytes.len() - header_at - header.len()) as u64;
@@ -129,7 +133,7 @@ impl<W: Write> NpzWriter<W> {
     /// An array of f32, row-major.
     ///
     /// # Errors
-    /// What the writer reports; as many `values` as the `shape` has are needed.
+    /// If writing fails. There must be as many `values` as the `shape` has.
     pub fn array(&mut self, name: &str, shape: &[u64], values: impl Iterator<Item = f32>) -> io::Result<()> {
         let options = SimpleFileOptions::default().compression_method(CompressionMethod::Deflated).large_file(true);
         self.0.start_file(format!("{name}.npy"), options)?;
@@ -139,7 +143,7 @@ impl<W: Write> NpzWriter<W> {
     }
 
     /// # Errors
-    /// What the writer reports.
+    /// If writing fails.
     pub fn finish(self) -> io::Result<()> {
         self.0.finish()?;
         Ok(())
@@ -157,7 +161,7 @@ mod tests {
         Npz::new(zip.finish().unwrap().into_inner()).unwrap()
     }
 
-    /// An array that says to be f32 of `shape`, with `bytes` behind its header.
+    /// An array whose header says f32 of `shape`, followed by `bytes`.
     fn array(shape: &str, bytes: usize) -> Vec<u8> {
         let header = format!("{{'descr': '<f4', 'fortran_order': False, 'shape': {shape}, }}\n");
         let mut npy = b"\x93NUMPY\x01\x00".to_vec();
@@ -182,7 +186,7 @@ mod tests {
 
     #[test]
     fn a_header_of_nested_brackets_is_refused_at_once() {
-        // Each bracket doubles what the parser of headers tries, for hours at forty of them.
+        // Each bracket doubles the work of the header's parser, which takes hours for forty of them.
         for brackets in ["{", "[", "("] {
             let nested = array(&format!("(3, {})", brackets.repeat(43)), 24);
             let read = archive(&nested).f32s("a");
@@ -192,7 +196,7 @@ mod tests {
 
     #[test]
     fn what_unpacks_to_gigabytes_is_refused() {
-        // A thousandth of it on disk: zeros compress so.
+        // A thousandth of it on disk, because zeros compress so well.
         let read = archive(&array("(268435456,)", 1 << 30)).f32s("a");
         assert!(matches!(read, Err(NpzError::TooLarge { .. })));
     }

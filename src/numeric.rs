@@ -1,10 +1,10 @@
-//! Numbers that several modules need: medians, and directions spread evenly over a sphere.
+//! Numerical functions for several modules: medians, and directions spread evenly over a sphere.
 
 use std::f64::consts::PI;
 
 use nalgebra::Vector3;
 
-/// The median; of an even number of values the mean of the two in the middle. `None` if there are none.
+/// The median; for an even number of values the mean of the two in the middle. `None` if there are none.
 pub fn median(mut values: Vec<f64>) -> Option<f64> {
     values.sort_by(f64::total_cmp);
     let half = values.len() / 2;
@@ -12,7 +12,8 @@ pub fn median(mut values: Vec<f64>) -> Option<f64> {
     Some(if values.len() % 2 == 1 { upper } else { 0.5 * (values[half - 1] + upper) })
 }
 
-/// The median as one of the values: of an even number the larger of the two in the middle. `None` if there are none.
+/// The median as one of the values: for an even number of them, the larger of the two in the middle. `None` if there
+/// are none.
 pub fn upper_median(mut values: Vec<f64>) -> Option<f64> {
     let half = values.len() / 2;
     (!values.is_empty()).then(|| *values.select_nth_unstable_by(half, f64::total_cmp).1)
@@ -46,7 +47,7 @@ mod tests {
     fn directions_are_units_and_even() {
         let directions: Vec<_> = sphere_directions(500).collect();
         assert!(directions.iter().all(|direction| (direction.norm() - 1.0).abs() < 1e-12));
-        // Their mean is the origin, and no direction has less than its share of neighbours within a tenth of the sphere.
+        // Their mean is the origin, and every direction has its share of neighbours within a tenth of the sphere.
         assert!(directions.iter().sum::<Vector3<f64>>().norm() / 500.0 < 1e-3);
         let within = |axis: Vector3<f64>| directions.iter().filter(|one| one.dot(&axis) > 0.8).count();
         for axis in [Vector3::x(), Vector3::y(), Vector3::z(), -Vector3::z()] {

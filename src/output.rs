@@ -1,28 +1,29 @@
-//! What people read at a terminal. Captions, server texts, file headers and names come from elsewhere and may hold
-//! characters that move the cursor, colour what follows, retitle the window or turn the direction of reading; they are shown
-//! as escapes.
+//! Output for people at a terminal. Captions, server texts, file headers and names come from outside and may contain
+//! characters that move the cursor, colour the text after them, change the window's title or reverse the reading
+//! direction; they are shown as escapes.
 //!
-//! Everything that gprop prints passes through here: stdout and pages through [`harmless`], stderr through [`tell`] and [`Log`].
+//! Everything that gprop prints goes through this module: stdout and pages through [`harmless`], stderr through
+//! [`tell`] and [`Log`].
 
 use std::borrow::Cow;
 use std::io::{self, Write};
 
-/// `text` with such characters in JSON's escapes (`\u001b`), so that JSON stays the same JSON. New lines and tabs are kept.
+/// `text` with such characters as JSON escapes (`\u001b`), so that JSON keeps its meaning. Newlines and tabs are kept.
 pub fn harmless(text: &str) -> Cow<'_, str> {
     escaped(text, |c| matches!(c, '\n' | '\t'))
 }
 
-/// As [`harmless`], with new lines and tabs as escapes too: for what stands in one line or in a table's cell.
+/// Like [`harmless`], but also escapes newlines and tabs: for text on one line or in a table's cell.
 pub fn one_line(text: &str) -> Cow<'_, str> {
     escaped(text, |_| false)
 }
 
-/// Prints lines on stderr. If stderr cannot be written, the work goes on without them.
+/// Prints lines on stderr. If stderr cannot be written, this is ignored.
 pub fn tell(text: &str) {
     let _ = io::stderr().write_all(format!("{}\n", harmless(text)).as_bytes());
 }
 
-/// The log: one line on stderr for each event.
+/// The log: one line on stderr per event.
 #[derive(Debug, Clone, Copy)]
 pub struct Log;
 
@@ -37,7 +38,7 @@ impl Write for Log {
     }
 }
 
-/// What is wrong with a TOML text, on one line.
+/// The error in a TOML text, on one line.
 pub fn toml_problem(error: &toml::de::Error, text: &str) -> String {
     let line = |start| text[..start].matches('\n').count() + 1;
     match error.span() {
@@ -64,8 +65,8 @@ fn escaped(text: &str, keep: impl Fn(char) -> bool) -> Cow<'_, str> {
     Cow::Owned(shown)
 }
 
-/// Control characters (C0, DEL, C1), line and paragraph separators, and the embeddings, overrides and isolates of Unicode's
-/// bidirectional algorithm (UAX #9).
+/// Control characters (C0, DEL, C1), line and paragraph separators, and the embeddings, overrides and isolates of
+/// Unicode's bidirectional algorithm (UAX #9).
 fn acts_on_a_terminal(c: char) -> bool {
     c.is_control() || matches!(c, '\u{2028}'..='\u{202e}' | '\u{2066}'..='\u{2069}')
 }

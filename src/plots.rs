@@ -1,6 +1,6 @@
-//! Plots as SVG: panels below one another, each with its axes, a grid, and curves or dots with their names.
+//! Plots as SVG: panels below each other, each with its axes, a grid, and curves or dots with their names.
 //!
-//! The texts are black and so are the axes, on white; a page in other colours may restyle them by these.
+//! Texts and axes are black on white; a page with other colours can restyle them by these.
 
 use std::ops::Range;
 
@@ -11,7 +11,8 @@ use plotters::element::Circle;
 use plotters::series::LineSeries;
 use plotters::style::{BLACK, Color, IntoFont, RGBColor, TextStyle, WHITE};
 
-/// Size of a panel, pixels. The library places everything on whole pixels: a picture larger than it is shown is smooth.
+/// Size of a panel, pixels. The library places everything on whole pixels, so a picture that is larger than its display
+/// size looks smooth.
 const PANEL: (u32, u32) = (1600, 600);
 /// Space for the numbers along the two axes, and for the names of several series, pixels.
 const NUMBERS_BELOW: u32 = 90;
@@ -21,30 +22,30 @@ const MARGIN: u32 = 24;
 const FONT: &str = "sans-serif";
 const CAPTION_SIZE: u32 = 36;
 const TEXT_SIZE: u32 = 28;
-/// Distance of a name from the next.
+/// Distance between two names.
 const LINE: i32 = 36;
 const CURVE_WIDTH: u32 = 4;
 const DOT_RADIUS: u32 = 6;
-/// Numbers along an axis, about.
+/// Approximate number of labels along an axis.
 const NUMBERS: usize = 8;
-/// Told apart by the colour-blind (Okabe and Ito, 2008), dark enough on white.
+/// Distinguishable for colour-blind readers (Okabe and Ito, 2008), and dark enough on white.
 const COLORS: [RGBColor; 4] =
     [RGBColor(0, 114, 178), RGBColor(213, 94, 0), RGBColor(0, 158, 115), RGBColor(204, 121, 167)];
-/// Share of their extent by which an axis reaches beyond its values.
+/// Fraction of the values' extent by which an axis is longer than it.
 const BEYOND: f64 = 0.04;
 
-/// Series over one quantity, in one unit.
+/// Series over the same quantity, in the same unit.
 pub struct Panel {
-    /// What is drawn, with its unit.
+    /// The quantity drawn, with its unit.
     pub title: String,
-    /// What runs to the right, with its unit.
+    /// The quantity on the horizontal axis, with its unit.
     pub along: &'static str,
     pub series: Vec<Series>,
 }
 
-/// Points (x, y). Those that are not finite are left out.
+/// Points (x, y). Points that are not finite are left out.
 pub struct Series {
-    /// Shown, in the colour of the series, if the panel has several.
+    /// Shown in the colour of the series if the panel has several.
     pub name: &'static str,
     pub mark: Mark,
     pub points: Vec<(f64, f64)>,
@@ -108,7 +109,8 @@ fn draw(panels: &[Panel], text: &mut String) -> Result<(), DrawingAreaErrorKind<
     whole.present()
 }
 
-/// From the least to the greatest coordinate and `beyond` that share of them; never empty, whatever the points are.
+/// From the smallest to the largest coordinate, extended by the fraction `beyond`; never empty, whatever the points
+/// are.
 fn axis(panel: &Panel, coordinate: impl Fn(&(f64, f64)) -> f64, beyond: f64) -> Range<f64> {
     let points = panel.series.iter().flat_map(|series| &series.points);
     let values = points.map(coordinate).filter(|value| value.is_finite());
@@ -117,7 +119,7 @@ fn axis(panel: &Panel, coordinate: impl Fn(&(f64, f64)) -> f64, beyond: f64) -> 
         return 0.0..1.0;
     }
     let (extent, size) = (high - low, low.abs().max(high.abs()));
-    // Among values nearer to each other than this, numbers of six digits are all the same.
+    // If the values are closer to each other than this, all numbers of six digits would be the same.
     if extent > 1e-6 * size {
         return low - beyond * extent..high + beyond * extent;
     }
@@ -125,7 +127,7 @@ fn axis(panel: &Panel, coordinate: impl Fn(&(f64, f64)) -> f64, beyond: f64) -> 
     low - half..high + half
 }
 
-/// A number along `axis`: up to six digits, with an exponent if it is very large or small; 0 for what rounding leaves of it.
+/// A number along `axis`: up to six digits, with an exponent if it is very large or small; 0 for a residue of rounding.
 fn number(value: f64, axis: &Range<f64>) -> String {
     let is_zero = value.abs() < 1e-9 * (axis.end - axis.start);
     let rounded: f64 = if is_zero { 0.0 } else { format!("{value:.5e}").parse().unwrap_or(value) };

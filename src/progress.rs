@@ -1,5 +1,5 @@
-//! Progress on stderr: bars at a terminal, lines elsewhere, nothing where the user wants quiet. A stage is handed a
-//! [`Progress`] and never prints.
+//! Progress on stderr: bars at a terminal, lines elsewhere, nothing if the user wants none. A stage is given a
+//! [`Progress`] and never prints itself.
 
 use std::fmt::Write;
 use std::sync::LazyLock;
@@ -12,21 +12,21 @@ use crate::output;
 /// All bars of the process, one line each: several stages or threads may show one at the same time.
 static BARS: LazyLock<MultiProgress> = LazyLock::new(MultiProgress::new);
 
-/// How often a log says that something is still waiting.
+/// Interval between log lines about a wait that has not ended.
 const REMINDER: Duration = Duration::from_secs(30);
 
-/// Who may be told how far a stage is.
+/// How progress is shown.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Progress {
-    /// Bars and lines: somebody is looking.
+    /// Bars and lines, for a terminal.
     Shown,
-    /// Lines only: a log.
+    /// Lines only, for a log.
     Lines,
     Hidden,
 }
 
 impl Progress {
-    /// A bar of `length` steps headed by `what`; one that draws nothing where progress is hidden.
+    /// A bar of `length` steps with the title `what`; it draws nothing if progress is hidden.
     pub fn bar(self, what: &'static str, length: u64) -> ProgressBar {
         match self {
             Self::Lines | Self::Hidden => ProgressBar::hidden(),
@@ -35,7 +35,7 @@ impl Progress {
                     ProgressStyle::with_template("{prefix:>10} [{bar:30}] {pos}/{len} {msg} ({rate}, {eta} left)")
                         .expect("the template is a constant")
                         .with_key("rate", |state: &ProgressState, out: &mut dyn Write| {
-                            // A formatter that fails leaves the bar without its rate.
+                            // If formatting fails, the bar has no rate.
                             let _ = out.write_str(&rate(state.per_sec()));
                         })
                         .progress_chars("=> ");
@@ -46,14 +46,14 @@ impl Progress {
         }
     }
 
-    /// One line for what takes a while or is done.
+    /// One line about something that takes a while or is done.
     pub fn line(self, text: &str) {
         if self != Self::Hidden {
             notice(text);
         }
     }
 
-    /// Shows how much is left of a wait for `reason`, such as "as the server asks".
+    /// Shows the remaining time of a wait for `reason`, such as "as the server asks".
     pub fn countdown(self, reason: &'static str) -> Countdown {
         let bar = match self {
             Self::Lines | Self::Hidden => ProgressBar::hidden(),
@@ -66,17 +66,17 @@ impl Progress {
     }
 }
 
-/// A wait whose remaining time is shown; the line goes when it is dropped.
+/// A wait whose remaining time is shown; the line is removed when this is dropped.
 pub struct Countdown {
     progress: Progress,
     reason: &'static str,
     bar: ProgressBar,
-    /// What was left when a log was last told.
+    /// The remaining time in the last log line.
     told: Option<Duration>,
 }
 
 impl Countdown {
-    /// Tells that this much is left.
+    /// Shows the remaining time.
     pub fn show(&mut self, left: Duration) {
         let text = format!("waiting {} s, {}", left.as_secs_f64().round().max(1.0), self.reason);
         match self.progress {
@@ -96,12 +96,12 @@ impl Drop for Countdown {
     }
 }
 
-/// One line that the user must not miss: shown also where progress is hidden.
+/// One line that the user must not miss: also shown if progress is hidden.
 pub fn notice(text: &str) {
     BARS.suspend(|| output::tell(&output::one_line(text)));
 }
 
-/// Steps a second as a person reads them: where a step takes longer than a second, the seconds that it takes.
+/// Steps per second in readable form: if a step takes longer than a second, seconds per step.
 fn rate(steps_per_second: f64) -> String {
     if steps_per_second >= 1.0 {
         format!("{steps_per_second:.1}/s")

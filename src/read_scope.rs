@@ -1,39 +1,40 @@
-//! Which files may be read for a scene: those inside its folder, wherever links lead, and those that the user allowed.
+//! Which files may be read for a scene: those inside its folder, after following links, and those that the user
+//! allowed.
 //!
 //! A scene folder may come from anybody. Its files name other files (photos, masks, training data) and may be links, so
-//! every file that the scene names or that is found in it is asked for here before it is opened.
+//! every file that the scene names or contains is checked here before it is opened.
 
 use std::collections::HashSet;
 use std::fs;
 use std::path::{Path, PathBuf};
 
-/// The folders that files may be read from, links resolved.
+/// The folders from which files may be read, with links resolved.
 #[derive(Debug, Clone)]
 pub struct ReadScope {
     folders: Vec<PathBuf>,
 }
 
 impl ReadScope {
-    /// The folder of a scene alone.
+    /// Allows only the folder of a scene.
     pub fn new(scene: &Path) -> Self {
         Self { folders: Vec::new() }.and([scene])
     }
 
-    /// The same and more folders. One that does not exist allows nothing.
+    /// Allows more folders. One that does not exist allows nothing.
     pub fn and<'a>(mut self, folders: impl IntoIterator<Item = &'a Path>) -> Self {
         let here = |folder: &'a Path| if folder.as_os_str().is_empty() { Path::new(".") } else { folder };
         self.folders.extend(folders.into_iter().filter_map(|folder| here(folder).canonicalize().ok()));
         self
     }
 
-    /// Where `path` leads if that is outside of every folder; `None` if it is inside, or if there is nothing to read.
+    /// The target of `path` if that is outside every folder; `None` if it is inside, or if there is nothing to read.
     pub fn leads_out(&self, path: &Path) -> Option<PathBuf> {
         let real = path.canonicalize().ok()?;
         let inside = self.folders.iter().any(|folder| real.starts_with(folder));
         (!inside).then_some(real)
     }
 
-    /// The first path that leads out, and where to: `path` itself or, if it is a folder, anything below it.
+    /// The first path that leads out, and its target: `path` itself or, if it is a folder, anything below it.
     pub fn leads_out_below(&self, path: &Path) -> Option<(PathBuf, PathBuf)> {
         let mut open = vec![path.to_owned()];
         let mut seen = HashSet::new();
@@ -41,7 +42,7 @@ impl ReadScope {
             if let Some(real) = self.leads_out(&path) {
                 return Some((path, real));
             }
-            // A link to a folder above itself would go round forever.
+            // A link to a folder above itself would otherwise be followed forever.
             if path.is_dir() && path.canonicalize().is_ok_and(|real| seen.insert(real)) {
                 let mut below: Vec<PathBuf> =
                     fs::read_dir(&path).into_iter().flatten().flatten().map(|entry| entry.path()).collect();
@@ -72,7 +73,7 @@ mod tests {
         symlink(outside.join("a"), scene.join("to-outside")).unwrap();
         symlink(outside, scene.join("folder")).unwrap();
         symlink(scene, outside.join("scene")).unwrap();
-        // The scene folder itself may be reached by a link.
+        // The scene folder itself may be a link.
         for root in [scene, &outside.join("scene")] {
             let scope = ReadScope::new(root);
             for inside in ["a", "to-a", "missing", "folder/scene/a", "../../no/such/file"] {

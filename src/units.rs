@@ -1,5 +1,5 @@
-//! SI everywhere: m, kg, s, Pa, N; angles in radians. Ranges, estimates, Shore hardness, metric scale: the one place
-//! for the conventions that numbers follow.
+//! SI units everywhere: m, kg, s, Pa, N; angles in radians. Ranges, estimates, Shore hardness, metric scale: this
+//! module defines the conventions for numbers.
 
 use serde::{Deserialize, Serialize};
 
@@ -26,7 +26,7 @@ impl Range {
         Self::new(value, value)
     }
 
-    /// The arithmetic middle: the value to use where one number is needed.
+    /// The arithmetic middle: the value to use if one number is needed.
     pub fn mid(self) -> f64 {
         0.5 * (self.low + self.high)
     }
@@ -36,12 +36,12 @@ impl Range {
         Self::new(self.low.min(other.low), self.high.max(other.high))
     }
 
-    /// This range cut to what lies within `bounds`; the nearest bound where nothing does.
+    /// The intersection of this range with `bounds`; the nearest bound if there is none.
     pub fn clipped(self, bounds: Self) -> Self {
         Self::new(self.low.clamp(bounds.low, bounds.high), self.high.clamp(bounds.low, bounds.high))
     }
 
-    /// Both ends finite and in order.
+    /// True if both ends are finite and in order.
     pub fn is_valid(self) -> bool {
         self.low.is_finite() && self.high.is_finite() && self.low <= self.high
     }
@@ -79,7 +79,7 @@ impl Estimate {
         Self::new(value, value, value)
     }
 
-    /// Sum of two estimates whose errors may go the same way: bounds add.
+    /// Sum of two estimates whose errors may have the same sign: bounds add.
     pub fn plus(self, other: Self) -> Self {
         Self::new(self.low + other.low, self.mid + other.mid, self.high + other.high)
     }

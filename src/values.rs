@@ -1,6 +1,6 @@
-//! Parsers of options' values: numbers within the domain that makes sense, files and folders that are there. What cannot be
-//! used is refused before anything is done, with the option's name, wherever it was given: typed, or in `gprop.toml`.
-//! Default values stand beside their options and nowhere else: [`defaults`].
+//! Parsers of options' values: numbers within a sensible domain, files and folders that exist. Invalid values are
+//! refused before anything is done, with the option's name, whether they were typed or set in `gprop.toml`. Default
+//! values are defined only beside their options: [`defaults`].
 
 use std::fmt::Display;
 use std::path::{Path, PathBuf};
@@ -8,15 +8,15 @@ use std::str::FromStr;
 
 use clap::builder::{PathBufValueParser, TypedValueParser};
 
-/// The options as a command line without any of them gives them.
+/// The options of a command line without any of them.
 pub fn defaults<T: clap::Args>() -> T {
     typed(&[]).expect("no option is required, and every default is a value of its option")
 }
 
-/// The options as a command line with `arguments` gives them.
+/// The options of a command line with `arguments`.
 ///
 /// # Errors
-/// What clap says of an argument that is none, or of a value outside its domain.
+/// clap's error for an unknown argument or a value outside its domain.
 pub fn typed<T: clap::Args>(arguments: &[&str]) -> Result<T, clap::Error> {
     let command = T::augment_args(clap::Command::new("gprop").no_binary_name(true));
     T::from_arg_matches(&command.try_get_matches_from(arguments)?)
@@ -37,17 +37,17 @@ pub fn below<T: Number>(low: T, high: T) -> impl Parser<T> {
     within(move |value: &T| *value >= low && *value < high, format!("from {low} to below {high}"))
 }
 
-/// What is counted, measured or shared.
+/// A numeric type of an option's value.
 pub trait Number: FromStr + PartialOrd + Display + Copy + Send + Sync + 'static {}
 
 impl<T: FromStr + PartialOrd + Display + Copy + Send + Sync + 'static> Number for T {}
 
-/// A parser as clap takes it.
+/// A value parser as clap expects it.
 pub trait Parser<T>: Fn(&str) -> Result<T, String> + Clone + Send + Sync + 'static {}
 
 impl<T, F: Fn(&str) -> Result<T, String> + Clone + Send + Sync + 'static> Parser<T> for F {}
 
-/// NaN is in no domain, for it compares with nothing.
+/// NaN is in no domain, because it compares with nothing.
 fn within<T: Number>(is_within: impl Fn(&T) -> bool + Clone + Send + Sync + 'static, domain: String) -> impl Parser<T> {
     move |text: &str| match text.trim().parse() {
         Ok(value) if is_within(&value) => Ok(value),
@@ -55,22 +55,22 @@ fn within<T: Number>(is_within: impl Fn(&T) -> bool + Clone + Send + Sync + 'sta
     }
 }
 
-/// A file that is there. A pipe serves as well.
+/// An existing file, which may be a pipe.
 pub fn file() -> impl TypedValueParser<Value = PathBuf> {
     existing("file", |path| !path.is_dir())
 }
 
-/// A folder that is there.
+/// An existing folder.
 pub fn folder() -> impl TypedValueParser<Value = PathBuf> {
     existing("folder", Path::is_dir)
 }
 
-/// A file or folder that is there.
+/// An existing file or folder.
 pub fn file_or_folder() -> impl TypedValueParser<Value = PathBuf> {
     existing("file or folder", |_| true)
 }
 
-/// A folder that is there or can be made.
+/// A folder that exists or can be created.
 pub fn new_folder() -> impl TypedValueParser<Value = PathBuf> {
     PathBufValueParser::new().try_map(|path| match path.exists() && !path.is_dir() {
         true => Err("this is a file; give a folder".to_owned()),
@@ -78,7 +78,7 @@ pub fn new_folder() -> impl TypedValueParser<Value = PathBuf> {
     })
 }
 
-/// Why there is no such `kind` of thing at `path`, if there is none.
+/// The reason why there is no such `kind` of thing at `path`; `None` if there is one.
 pub fn missing(path: &Path, kind: &str, is_kind: impl Fn(&Path) -> bool) -> Option<String> {
     match path.try_exists() {
         Ok(true) if is_kind(path) => None,

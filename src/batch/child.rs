@@ -1,7 +1,7 @@
-//! One scene in a process of its own: the same gprop, `run` on the scene, quiet.
+//! Runs one scene in its own process: `gprop run` on the scene, without progress output.
 //!
-//! Its stdin is a pipe that the batch never writes to. When the batch dies, however it does, the pipe closes and the scene's
-//! process [ends too](end_with_the_batch): a batch that is started again finds the scene free.
+//! The process's stdin is a pipe that the batch never writes to. When the batch ends, in whatever way, the pipe closes
+//! and the scene's process [ends too](end_with_the_batch): a batch that is started again finds the scene unlocked.
 
 use std::ffi::OsString;
 use std::fs::File;
@@ -16,27 +16,27 @@ use super::BatchError;
 use super::outcome::Ended;
 use super::select::Selected;
 
-/// The hidden flag that makes a gprop a batch's.
+/// The hidden flag that makes gprop end with its batch.
 const FLAG: &str = "--end-with-stdin";
 
-/// As much of what a process said as an outcome needs.
+/// Most bytes of a process's stderr that an outcome keeps.
 const MAX_STDERR_BYTES: u64 = 1 << 20;
 
-/// What every scene's process is told.
+/// The task of every scene's process.
 #[derive(Debug, Clone)]
 pub struct Task {
     pub to: Stage,
     pub from: Option<Stage>,
     /// The stages' options.
     pub flags: Vec<OsString>,
-    /// Threads of one process.
+    /// Threads per process.
     pub threads: usize,
 }
 
 /// A scene's process.
 pub struct Running {
     process: Child,
-    /// What it says, kept off the disk's visible part.
+    /// Its stderr, in an unnamed temporary file.
     stderr: File,
     since: Instant,
 }
@@ -56,7 +56,7 @@ impl Running {
                 command.args(["--from", &from.name()]);
             }
             command.args(&task.flags).stdin(Stdio::piped()).stdout(Stdio::null()).stderr(stderr.try_clone()?);
-            // A group of its own, to be ended with the processes that it starts.
+            // In its own process group, so that it can be killed together with the processes that it starts.
             #[cfg(unix)]
             std::os::unix::process::CommandExt::process_group(&mut command, 0);
             Ok(Self { process: command.spawn()?, stderr, since: Instant::now() })
@@ -74,17 +74,17 @@ impl Running {
         self.process.id()
     }
 
-    /// How it ended, if it has.
+    /// The result of the process if it has ended.
     pub fn ended(&mut self, peak_memory_bytes: u64) -> Result<Option<Ended>, BatchError> {
-        // `wait` would close its stdin, `try_wait` does not.
+        // `wait` would close its stdin; `try_wait` does not.
         match self.process.try_wait().map_err(BatchError::Start)? {
             Some(status) => Ok(Some(self.left(status, peak_memory_bytes))),
             None => Ok(None),
         }
     }
 
-    /// Kills it with all the processes that it started. What it has finished stays, and it goes on from there when it is
-    /// started again.
+    /// Kills it with all the processes that it started. Finished work stays, and the scene continues from there when it
+    /// is started again.
     pub fn kill(&mut self, peak_memory_bytes: u64) -> Result<Ended, BatchError> {
         #[cfg(unix)]
         kill_group(rustix::process::Pid::from_child(&self.process));
@@ -94,15 +94,15 @@ impl Running {
 
     fn left(&mut self, status: ExitStatus, peak_memory_bytes: u64) -> Ended {
         let mut words = Vec::new();
-        // What cannot be read back is missing from a message, nothing else.
+        // If this cannot be read back, only the message is incomplete.
         let _ = self.stderr.rewind().and_then(|()| (&mut self.stderr).take(MAX_STDERR_BYTES).read_to_end(&mut words));
         let stderr = String::from_utf8_lossy(&words).into_owned();
         Ended { status, stderr, seconds: self.since.elapsed().as_secs_f64(), peak_memory_bytes }
     }
 }
 
-/// Ends this process, and those that it started, as soon as its stdin closes. At once, like a kill: every file of a work
-/// folder is whole at any time.
+/// Ends this process, and those that it started, as soon as its stdin closes. This happens at once, like a kill: every
+/// file of a work folder is complete at any time.
 pub fn end_with_the_batch() {
     std::thread::spawn(|| {
         let _ = io::copy(&mut io::stdin(), &mut io::sink());
@@ -114,7 +114,7 @@ pub fn end_with_the_batch() {
     });
 }
 
-/// Kills a process and those that it started, which are its group. One that has ended already is as good as killed.
+/// Kills a process and those that it started, which form its group. A process that has already ended is not an error.
 #[cfg(unix)]
 fn kill_group(leader: rustix::process::Pid) {
     let _ = rustix::process::kill_process_group(leader, rustix::process::Signal::KILL);

@@ -1,4 +1,4 @@
-//! What can go wrong with a batch as a whole.
+//! Errors of a batch as a whole.
 
 use std::path::PathBuf;
 
@@ -7,7 +7,7 @@ use thiserror::Error;
 use crate::output::one_line;
 use crate::workdir::lock::Holder;
 
-/// A batch that cannot be run, or did not come out whole.
+/// Why a batch cannot be run, or did not finish all scenes.
 #[derive(Debug, Error)]
 pub enum BatchError {
     #[error("--split {given}: {problem}")]
@@ -43,7 +43,7 @@ pub enum BatchError {
     Incomplete { scenes: usize, failed: Vec<(String, String)>, missing: Vec<String> },
 }
 
-/// A line a scene.
+/// One line per scene.
 fn listed(failed: &[(String, String)], missing: &[String]) -> String {
     let first_line = |text: &str| one_line(text.lines().next().unwrap_or_default()).into_owned();
     let failed = failed.iter().map(|(name, why)| format!("\n  {}: {}", one_line(name), first_line(why)));

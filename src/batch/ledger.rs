@@ -1,5 +1,5 @@
-//! What became of the scenes, on disk: a file a shard, a line a scene, sorted by scene. A shard's file is replaced as a whole
-//! each time a scene ends, so it is never half-written; no two shards write the same file.
+//! The outcomes of the scenes on disk: one file per shard with one line per scene, sorted by scene. A shard's file is
+//! replaced as a whole each time a scene ends, so it is never half-written; no two shards write the same file.
 
 use std::collections::BTreeMap;
 use std::fs::{self, File};
@@ -12,12 +12,12 @@ use crate::workdir::{self, TEMPORARY};
 use super::select::Selected;
 use super::{BatchError, Outcome, Shard, State};
 
-/// The outcomes of one shard, which no other process may write meanwhile.
+/// The outcomes of one shard, which no other process can write in the meantime.
 #[derive(Debug)]
 pub struct Ledger {
     path: PathBuf,
     outcomes: BTreeMap<String, Outcome>,
-    /// Held, never read.
+    /// Held but never read.
     _lock: File,
 }
 
@@ -42,7 +42,7 @@ impl Ledger {
         self.outcomes.values()
     }
 
-    /// Forgets everything but these, and saves where that changes anything.
+    /// Removes all outcomes but these, and saves if that changes anything.
     pub fn keep(&mut self, outcomes: impl Iterator<Item = Outcome>) -> Result<(), BatchError> {
         let kept: BTreeMap<String, Outcome> = outcomes.map(|outcome| (outcome.scene.clone(), outcome)).collect();
         if kept == self.outcomes && self.path.exists() {
@@ -52,7 +52,7 @@ impl Ledger {
         self.save()
     }
 
-    /// Adds what became of a scene and saves.
+    /// Adds the outcome of a scene and saves.
     pub fn put(&mut self, outcome: Outcome) -> Result<(), BatchError> {
         self.outcomes.insert(outcome.scene.clone(), outcome);
         self.save()
@@ -69,7 +69,7 @@ impl Ledger {
     }
 }
 
-/// A shard's own temporary files: those of other shards are none of its business.
+/// The prefix of a shard's own temporary files; those of other shards are left alone.
 fn temporary_prefix(path: &Path) -> String {
     format!("{TEMPORARY}{}-", path.file_name().expect("a shard's file has a name").to_string_lossy())
 }
@@ -90,7 +90,7 @@ pub fn all(folder: &Path) -> Result<Vec<(Shard, Outcome)>, BatchError> {
     Ok(found)
 }
 
-/// Into how many shards the files in `folder` divide the data set.
+/// The number of shards into which the files in `folder` divide the data set.
 pub fn one_division(folder: &Path, known: &[(Shard, Outcome)]) -> Result<usize, BatchError> {
     let mut divisions: Vec<usize> = known.iter().map(|(shard, _)| shard.of).collect();
     divisions.sort_unstable();
@@ -105,7 +105,8 @@ pub fn one_division(folder: &Path, known: &[(Shard, Outcome)]) -> Result<usize, 
     }
 }
 
-/// What became of `scene` as it is asked for now: whichever shard it fell to, done beats failed.
+/// The outcome of `scene` for the current task, whichever shard the scene was in; a done outcome takes precedence over
+/// a failed one.
 pub fn of<'a>(scene: &Selected, key: &str, known: &'a [(Shard, Outcome)]) -> Option<&'a Outcome> {
     let matching = known.iter().map(|(_, outcome)| outcome);
     let matching =

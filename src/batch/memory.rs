@@ -1,4 +1,4 @@
-//! Memory: what is there, what a scene is taken to need, what processes hold.
+//! Memory: how much is free, how much a scene is estimated to need, and how much processes use.
 
 use sysinfo::{MemoryRefreshKind, Pid, ProcessRefreshKind, ProcessesToUpdate, System};
 
@@ -7,29 +7,29 @@ use crate::pipeline::Stage;
 use super::BatchError;
 use super::select::Selected;
 
-/// Bytes in a GB as disks and clusters count it.
+/// Bytes per GB, as disks and clusters count it.
 pub const GIGABYTE: f64 = 1e9;
 
-/// Of what is free, the share that a batch takes by itself: the rest is for files' pages and for others.
+/// The share of the free memory that a batch uses by default: the rest is for cached files and other programs.
 const SHARE: f64 = 0.8;
 
-/// Bytes that any run takes: the program, its materials, a view's photo, the grids of parts and simulation at their default
-/// sizes. The fixtures' scenes peak at 0.25 GB or a little more without SAM (docs/batch.md).
+/// Bytes that any run needs: the program, its materials, a view's photo, and the grids of parts and simulation at their
+/// default sizes. The fixtures' scenes peak at 0.25 GB or a little more without SAM (docs/batch.md).
 const BASE: u64 = 300_000_000;
-/// Bytes that SAM takes for each thread, which has an encoder of its own: 0.69 GB in all on one thread, 1.27 GB on two.
+/// Bytes that SAM needs per thread, because each has its own encoder: 0.69 GB in all on one thread, 1.27 GB on two.
 const SAM_A_THREAD: u64 = 500_000_000;
-/// Bytes that vote, parts and simulation take for each byte of the splat as plain floats: half a kilobyte for the 248 bytes
-/// of a Gaussian on one thread (docs/batch.md), and twice that to be safe.
+/// Bytes that vote, parts and simulation need for each byte of the splat as plain floats: half a kilobyte for the 248
+/// bytes of a Gaussian on one thread (docs/batch.md), and twice that to be safe.
 const PER_SPLAT_BYTE: u64 = 4;
 
-/// How much memory all scenes of a batch may hold together.
+/// How much memory all scenes of a batch may use together.
 #[derive(Debug, Clone, Copy)]
 pub struct Budget {
     pub bytes: u64,
 }
 
 impl Budget {
-    /// What was typed in GB, else most of what is free on the machine or in this container.
+    /// The given number of GB, or most of the free memory of the machine or of this container.
     pub fn new(gigabytes: Option<f64>) -> Result<Self, BatchError> {
         if let Some(gigabytes) = gigabytes {
             return Ok(Self { bytes: (gigabytes * GIGABYTE) as u64 });
@@ -39,7 +39,7 @@ impl Budget {
     }
 }
 
-/// Bytes that are free on the machine, or in the control group that this process was put into by a container or a cluster.
+/// Bytes that are free on the machine, or in the control group that a container or a cluster put this process into.
 fn free() -> Option<u64> {
     let mut system = System::new().ok()?;
     system.refresh_memory_specifics(MemoryRefreshKind::nothing().with_ram());
@@ -50,16 +50,16 @@ fn free() -> Option<u64> {
     Some(group.map_or(free, |group| free.min(group.free_memory)))
 }
 
-/// Memory in bytes that a scene is taken to need up to a stage on so many threads. Stages run one after the other, so SAM's
-/// need and that of the Gaussians do not add up.
+/// Estimated memory in bytes that a scene needs up to a stage with this many threads. Stages run one after the other,
+/// so the needs of SAM and of the Gaussians do not add up.
 pub fn need(scene: &Selected, to: Stage, threads: usize) -> u64 {
     let sam = if to >= Stage::Segment { SAM_A_THREAD * threads as u64 } else { 0 };
     BASE + sam.max(PER_SPLAT_BYTE * scene.splat_bytes)
 }
 
-/// Reads what processes hold.
+/// Measures the memory that processes use.
 pub struct Gauge {
-    /// None where the system does not tell.
+    /// `None` if the system does not report it.
     system: Option<System>,
 }
 
@@ -68,7 +68,7 @@ impl Gauge {
         Self { system: System::new().ok() }
     }
 
-    /// Resident memory in bytes of each process; 0 of one that has ended, or where the system does not tell.
+    /// Resident memory in bytes of each process; 0 if it has ended or the system does not report it.
     pub fn read(&mut self, ids: &[u32]) -> Vec<u64> {
         let Some(system) = &mut self.system else { return vec![0; ids.len()] };
         let ids: Vec<Pid> = ids.iter().map(|id| Pid::from_u32(*id)).collect();

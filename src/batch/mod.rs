@@ -1,12 +1,14 @@
-//! Many scenes: which, in what order, how many side by side, and what became of each.
+//! Runs many scenes: selects them, orders them, runs several side by side, and keeps the outcome of each.
 //!
-//! 1. [`select`] lists the data set's scenes, cuts it by split, filter and range, and deals them to [`shard`]s by size.
-//! 2. [`ledger`] knows what became of each scene so far, so that done scenes are skipped.
-//! 3. [`scheduler`] runs the others, each in a [`child`] process: whatever happens to one, a panic or too little
-//!    [`memory`], stops no other, and a child that is killed goes on where it was when it is started again.
-//! 4. [`summary`] puts it all in a table and [`index`] on a page; those of several shards are [merged](Batch::merge).
+//! 1. [`select`] lists the data set's scenes, narrows them by split, filter and range, and distributes them to
+//!    [`shard`]s by size.
+//! 2. [`ledger`] holds the outcome of each scene so far, so that done scenes are skipped.
+//! 3. [`scheduler`] runs the others, each in a [`child`] process: a panic or a lack of [`memory`] in one does not stop
+//!    the others, and a child that was killed continues where it was when it is started again.
+//! 4. [`summary`] lists all outcomes in a table and [`index`] on a page; those of several shards are
+//!    [merged](Batch::merge).
 //!
-//! [`questions`] sends the segments' questions of all scenes by the Batch API.
+//! [`questions`] sends the questions of all scenes through the Batch API.
 
 mod child;
 mod error;
@@ -41,20 +43,20 @@ pub use summary::Summary;
 use memory::Budget;
 use scheduler::Scheduler;
 
-/// The folder for what concerns all scenes, inside the batch's output folder.
+/// The folder for files about all scenes, inside the batch's output folder.
 const FOLDER: &str = "batch";
 
-/// A batch as it was asked for.
+/// A batch with its options.
 #[derive(Debug)]
 pub struct Batch {
     /// The data set's folder.
     folder: PathBuf,
-    /// Where work folders go; each scene's own folder where it is not given.
+    /// Folder for the work folders; each scene's own folder if not given.
     out: Option<PathBuf>,
     options: Options,
     /// The last stage to do.
     to: Stage,
-    /// Stages from this on are done again in every scene.
+    /// This stage and those after it are done again in every scene.
     from: Option<Stage>,
     /// The stages' options as they were typed.
     flags: Vec<OsString>,
@@ -70,20 +72,20 @@ pub struct Batch {
     warnings: Vec<String>,
 }
 
-/// What is to be done with every scene.
+/// The task for every scene.
 #[derive(Debug, Clone)]
 pub struct Task {
     pub to: Stage,
     pub from: Option<Stage>,
     /// The stages' options as they were typed. A scene's process reads the configuration files itself.
     pub flags: Vec<OsString>,
-    /// The budget of all scenes together, typed or configured.
+    /// The budget of all scenes together, from the command line or a configuration file.
     pub max_usd: Option<f64>,
-    /// Threads for all scenes together; all cores where it is not given.
+    /// Threads for all scenes together; all cores if not given.
     pub threads: Option<usize>,
 }
 
-/// How a scene stands before the batch runs.
+/// The status of a scene before the batch runs.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, serde::Serialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Standing {
@@ -96,7 +98,7 @@ impl Batch {
     /// Lists the scenes of `folder` that `options` choose.
     ///
     /// # Errors
-    /// Where there is no such data set, no scene is left, or the shard cannot be.
+    /// If there is no such data set, no scene is selected, or the shard is invalid.
     pub fn new(folder: &Path, out: Option<&Path>, options: Options, task: Task) -> anyhow::Result<Self> {
         let shard = options.shard()?;
         let listed = dataset::list(folder, options.layout)?;
@@ -125,12 +127,12 @@ impl Batch {
         })
     }
 
-    /// What was odd about the data set.
+    /// Warnings about the data set.
     pub fn warnings(&self) -> &[String] {
         &self.warnings
     }
 
-    /// The scenes that cannot be run, in whichever shard.
+    /// Outcomes for the scenes that cannot be run, in whichever shard.
     pub fn skipped(&self) -> impl Iterator<Item = Outcome> {
         self.skipped.iter().map(|name| Outcome::skipped(name))
     }
@@ -140,31 +142,32 @@ impl Batch {
         self.all.iter().filter(|scene| scene.shard == self.shard.index)
     }
 
-    /// Which part of the data set this is.
+    /// The shard that this batch runs.
     pub fn shard(&self) -> Shard {
         self.shard
     }
 
-    /// Where the files of the batch as a whole lie.
+    /// The folder of the files about the batch as a whole.
     pub fn home(&self) -> PathBuf {
         self.out.clone().unwrap_or_else(|| self.folder.join(workdir::DEFAULT_NAME)).join(FOLDER)
     }
 
-    /// The scenes of this shard with what became of them so far.
+    /// The scenes of this shard with their status so far.
     pub fn standing(&self) -> anyhow::Result<Vec<(&Selected, Standing)>> {
         let known = ledger::all(&self.home())?;
         Ok(self.scenes().map(|scene| (scene, self.standing_of(scene, &known))).collect())
     }
 
-    /// Memory that a scene is taken to need, in bytes.
+    /// Estimated memory that a scene needs, in bytes.
     pub fn need(&self, scene: &Selected) -> u64 {
         memory::need(scene, self.to, self.threads_a_scene())
     }
 
-    /// Runs what is open of this shard; `tell` hears of each scene as it ends. The summary is of the shard.
+    /// Runs the open scenes of this shard; `tell` is called with each outcome as soon as the scene ends. Returns the
+    /// shard's summary.
     ///
     /// # Errors
-    /// Where the batch as a whole cannot go on. Scenes that failed are in the summary.
+    /// If the batch as a whole cannot continue. Scenes that failed are in the summary.
     pub fn run(&self, tell: &mut dyn FnMut(&Outcome)) -> anyhow::Result<Summary> {
         let mut ledger = Ledger::open(&self.home(), self.shard)?;
         self.skipped().for_each(|outcome| tell(&outcome));
@@ -196,7 +199,7 @@ impl Batch {
     /// The summary of all shards' files.
     ///
     /// # Errors
-    /// Where the files are of several divisions, or cannot be read.
+    /// If the files belong to different divisions into shards, or cannot be read.
     pub fn merge(&self) -> anyhow::Result<Summary> {
         let known = ledger::all(&self.home())?;
         let of = ledger::one_division(&self.home(), &known)?;
@@ -207,7 +210,7 @@ impl Batch {
         Ok(summary)
     }
 
-    /// Writes the summary and the page of it.
+    /// Writes the summary and its page.
     fn save(&self, summary: &Summary) -> Result<(), BatchError> {
         let folder = std::path::absolute(&self.folder).unwrap_or_else(|_| self.folder.clone());
         let title = folder.file_name().unwrap_or(folder.as_os_str()).to_string_lossy();
@@ -225,7 +228,7 @@ impl Batch {
         Ok(Scheduler { jobs: self.jobs(), budget, max_minutes: self.options.max_minutes, task })
     }
 
-    /// Scenes side by side.
+    /// Number of scenes to run side by side.
     fn jobs(&self) -> usize {
         self.options.jobs.map_or_else(|| (self.threads / scheduler::THREADS_A_SCENE).max(1), usize::from)
     }
@@ -245,8 +248,8 @@ impl Batch {
         }
     }
 
-    /// Hash of what is asked of a scene and of what it is told apart by without opening it: an outcome with another key
-    /// says nothing.
+    /// Hash of the task and of those properties of the scene that can be checked without opening it: an outcome with
+    /// another key does not count.
     fn key(&self, scene: &Selected) -> String {
         let mut hasher = Hasher::new("batch").with_json(&self.to).with(&scene.bytes.to_le_bytes());
         for flag in &self.flags {

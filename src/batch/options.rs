@@ -1,4 +1,4 @@
-//! What the user may choose about a batch.
+//! The user's options for a batch.
 
 use std::num::NonZeroUsize;
 
@@ -7,11 +7,11 @@ use crate::values::above;
 
 use super::{BatchError, Shard};
 
-/// Each is a process of its own.
+/// Each job is a separate process.
 const MOST_JOBS: NonZeroUsize = NonZeroUsize::new(1024).expect("it is not zero");
 /// A petabyte: more than any machine has.
 const MOST_GB: f64 = 1e6;
-/// Two years: more is a slip.
+/// Two years: a larger value is a mistake.
 const MOST_MINUTES: f64 = 1e6;
 
 /// Which scenes, how many at a time, and what to do with those that failed before.
@@ -75,7 +75,7 @@ fn gigabytes(text: &str) -> Result<f64, String> {
 }
 
 impl Options {
-    /// The shard that was typed, else that of the cluster's job, else the whole.
+    /// The shard from the command line, else that of the cluster's job, else the whole data set.
     pub fn shard(&self) -> Result<Shard, BatchError> {
         match self.shard {
             Some(shard) => Ok(shard),

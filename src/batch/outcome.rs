@@ -1,4 +1,4 @@
-//! What became of a scene: a line of a shard's file.
+//! The outcome of a scene: a line of a shard's file.
 
 use std::path::{Path, PathBuf};
 use std::process::ExitStatus;
@@ -11,63 +11,64 @@ use crate::units::Estimate;
 use crate::vote::FieldLabel;
 use crate::workdir::{self, Artifact};
 
-/// Whether a scene came to its end.
+/// How a scene ended.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum State {
     Done,
     Failed,
-    /// It was not tried: nothing that is written about it could name it.
+    /// Not tried: its name cannot be written to the batch's files.
     Skipped,
 }
 
-/// What became of a scene.
+/// The outcome of a scene.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Outcome {
     pub scene: String,
     pub state: State,
     /// The scene's work folder.
     pub work: PathBuf,
-    /// The exit code of its gprop; none where that was killed.
+    /// The exit code of its gprop process; `None` if that was killed.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub exit: Option<i32>,
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub error: Option<String>,
     /// From start to end of its last process.
     pub seconds: f64,
-    /// Most resident memory seen, sampled; 0 where the system does not tell or it ended before the first look.
+    /// Largest resident memory seen by sampling; 0 if the system does not report it or the scene ended before the first
+    /// sample.
     pub peak_memory_bytes: u64,
     /// Warnings of all stages.
     pub warnings: usize,
     #[serde(flatten)]
     pub results: Results,
-    /// What was asked of which scene, hashed.
+    /// Hash of the task and the scene.
     pub key: String,
 }
 
-/// What a scene that is done came to, as far as its run went.
+/// The results of a done scene, as far as its run went.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
 #[serde(default)]
 pub struct Results {
-    /// 3D parts.
+    /// Number of 3D parts.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub parts: Option<usize>,
     #[serde(skip_serializing_if = "Option::is_none")]
     pub mass_kg: Option<Estimate>,
     #[serde(skip_serializing_if = "Option::is_none")]
     pub volume_m3: Option<Estimate>,
-    /// By falling mass; in the order of parts where masses are unknown.
+    /// By decreasing mass; in the order of parts if masses are unknown.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub materials: Vec<String>,
-    /// Gaussians of the object.
+    /// Number of Gaussians of the object.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub gaussians: Option<usize>,
-    /// Chosen views.
+    /// Number of chosen views.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub views: Option<usize>,
 }
 
-/// What is left of a scene's process.
+/// How a scene's process ended.
 pub struct Ended {
     pub status: ExitStatus,
     pub stderr: String,
@@ -76,7 +77,7 @@ pub struct Ended {
 }
 
 impl Outcome {
-    /// The outcome of a scene whose process has ended by itself.
+    /// The outcome of a scene whose process ended by itself.
     pub fn of(scene: &str, work: &Path, key: String, ended: &Ended) -> Self {
         let done = ended.status.success();
         let run = workdir::read_json::<Value>(&work.join(Artifact::Run.path())).unwrap_or_default();
@@ -95,7 +96,7 @@ impl Outcome {
         }
     }
 
-    /// The outcome of a scene whose folder's name, printed as `scene`, is not UTF-8.
+    /// The outcome of a scene whose folder has a name that is not UTF-8; `scene` is the name in printable form.
     pub fn skipped(scene: &str) -> Self {
         Self {
             scene: scene.to_owned(),
@@ -118,7 +119,8 @@ impl Outcome {
 }
 
 impl Results {
-    /// Reads what the `stages` of `run.json` left in the work folder; what cannot be read is unknown.
+    /// Reads the results that the `stages` of `run.json` left in the work folder; results that cannot be read are
+    /// unknown.
     fn read(work: &Path, stages: &[Value]) -> Self {
         let did = |name: &str| stages.iter().any(|stage| stage["name"] == name);
         let views: Value = workdir::read_json(&work.join(Artifact::Views.path())).unwrap_or_default();
@@ -132,7 +134,7 @@ impl Results {
             results.parts = Some(labels.len());
             results.materials = distinct(labels.into_iter().map(|label| label.material));
         }
-        // Without a metric scale the file is of another form.
+        // Without a metric scale the file has another format.
         let parts = || workdir::read_json::<Parts>(&work.join(Artifact::Parts.path())).ok();
         if let Some(mut parts) = did("parts").then(parts).flatten() {
             results.parts = Some(parts.parts.len());
@@ -146,7 +148,7 @@ impl Results {
     }
 }
 
-/// Each once, where it stands first.
+/// The distinct names, in order of their first occurrence.
 fn distinct(names: impl Iterator<Item = String>) -> Vec<String> {
     let mut found = Vec::new();
     for name in names {
@@ -157,7 +159,7 @@ fn distinct(names: impl Iterator<Item = String>) -> Vec<String> {
     found
 }
 
-/// The error with which a gprop ended, as it printed it; how it ended where it could not print any more.
+/// The error that a gprop process printed at its end; its exit status if it could not print one.
 fn error_in(stderr: &str, status: ExitStatus) -> String {
     const MARK: &str = "error: ";
     let begins = |at: &usize| *at == 0 || stderr.as_bytes()[at - 1] == b'\n';

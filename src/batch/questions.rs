@@ -1,6 +1,6 @@
 //! The questions of all scenes in one submission to the Batch API: every scene is segmented, its open questions are
-//! gathered, and what was sent is noted in the batch's folder, each question with its scene. Answers are recorded where the
-//! scene would have recorded them itself, so that the next run of the batch finds them.
+//! gathered, and the questions that were sent are noted in the batch's folder, each with its scene. Answers are
+//! recorded where the scene itself would have recorded them, so that the next run of the batch finds them.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
@@ -30,26 +30,26 @@ pub enum QuestionStep {
     Collect,
 }
 
-/// Scenes that a step could not be done for, with the reason.
+/// Scenes for which a step failed, with the reason.
 pub type Failures = Vec<(String, String)>;
 
 /// The questions of a batch's scenes.
 pub struct Questions<'a> {
     batch: &'a Batch,
     client: Client,
-    /// What the submission may cost.
+    /// The budget of the submission.
     ledger: query::ledger::Ledger,
-    /// A scene's options, its `gprop.toml` included.
+    /// Returns a scene's options, including those of its `gprop.toml`.
     options_of: &'a dyn Fn(&Path) -> Result<pipeline::Options>,
-    /// No other process sends or collects the questions of this shard.
+    /// Prevents other processes from sending or collecting the questions of this shard.
     _lock: Ledger,
 }
 
 impl<'a> Questions<'a> {
-    /// The questions of `batch`, to be put to the endpoint of `options`.
+    /// The questions of `batch`, for the endpoint that `options` name.
     ///
     /// # Errors
-    /// Where no endpoint is named, or another process works on the shard.
+    /// If no endpoint is named, or another process works on the shard.
     pub fn new(
         batch: &'a Batch,
         options: &pipeline::Options,
@@ -62,8 +62,9 @@ impl<'a> Questions<'a> {
         Ok(Self { batch, client, ledger, options_of, _lock: lock })
     }
 
-    /// Segments all scenes and sends what is neither recorded nor under way. The first question is asked at once: a wrong key
-    /// or model shows now and not a day later. What all may cost is added up before.
+    /// Segments all scenes and sends the questions that are neither recorded nor in progress. The first question is
+    /// asked at once: a wrong key or model then shows immediately and not a day later. The cost of all questions is
+    /// added up beforehand.
     pub fn submit(&self) -> Result<(Sent, Failures)> {
         self.client.ready().map_err(QueryError::BatchApi)?;
         let mut submitted = self.submitted()?;
@@ -86,7 +87,7 @@ impl<'a> Questions<'a> {
                 Vec::new()
             })
         };
-        // Two scenes may ask the same; a job takes each question once.
+        // Two scenes may have the same question; a job takes each question once.
         let mut seen = BTreeSet::new();
         let requests = scenes.iter().flat_map(gather).filter(|request| seen.insert(request.waiting.key.clone()));
         let mut sent = 0;
@@ -98,8 +99,8 @@ impl<'a> Questions<'a> {
         Ok((Sent { sent, waiting }, failures))
     }
 
-    /// Fetches the jobs that have ended and records their answers, each with its scene. What was answered for a scene that
-    /// cannot be opened now stays to be collected.
+    /// Fetches the jobs that have ended and records their answers, each with its scene. Answers for a scene that cannot
+    /// be opened remain to be collected.
     pub fn collect(&self) -> Result<(Collected, Failures)> {
         let mut submitted = self.submitted()?;
         if submitted.jobs.is_empty() {
@@ -151,7 +152,7 @@ impl<'a> Questions<'a> {
         })
     }
 
-    /// The scenes that could be segmented, and the others.
+    /// The scenes that could be segmented, and the failures.
     fn segmented(&self) -> Result<(Vec<&'a Selected>, Failures)> {
         let all: Vec<&Selected> = self.batch.scenes().collect();
         let mut failures = Failures::new();
@@ -167,14 +168,14 @@ impl<'a> Questions<'a> {
         Ok((all.into_iter().filter(|scene| !failed(scene)).collect(), failures))
     }
 
-    /// Puts the first open question of the first scene that has one.
+    /// Asks the first open question of the first scene that has one.
     fn ask_first(&self, scenes: &[&Selected], under_way: &Submitted) -> Result<()> {
         for scene in scenes {
             let asked = self.with_session(scene, |session, queries| {
                 let open = !session.requests(&self.client, queries, under_way, &scene.name).is_empty();
                 Ok(open.then(|| session.ask_first(&self.client, queries, &self.ledger)))
             });
-            // A scene that cannot be opened is told of when its questions are gathered.
+            // A scene that cannot be opened is reported when its questions are gathered.
             if let Ok(Some(answer)) = asked {
                 return answer;
             }
@@ -182,8 +183,9 @@ impl<'a> Questions<'a> {
         Ok(())
     }
 
-    /// How many questions are neither answered nor under way, what asking the first of them now costs, and what the others
-    /// cost by the Batch API. A scene that cannot be opened is told of when its questions are gathered.
+    /// The number of questions that are neither answered nor in progress, the cost of asking the first of them live,
+    /// and the cost of the others through the Batch API. A scene that cannot be opened is reported when its questions
+    /// are gathered.
     fn open(&self, scenes: &[&Selected], under_way: &Submitted) -> (usize, Cost, Cost) {
         let (mut keys, mut now, mut later) = (BTreeSet::new(), Cost::default(), Cost::default());
         for scene in scenes {
@@ -202,7 +204,7 @@ impl<'a> Questions<'a> {
         (keys.len(), now, later)
     }
 
-    /// Does something with the questions of a scene that is segmented.
+    /// Applies `work` to the questions of a scene that is segmented.
     fn with_session<T>(&self, scene: &Selected, work: impl FnOnce(&QuerySession, &Queries) -> Result<T>) -> Result<T> {
         let plan = Plan { to: Stage::Segment, from: None };
         let options = (self.options_of)(&scene.folder)?;

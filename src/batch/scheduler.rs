@@ -1,9 +1,9 @@
-//! Scenes side by side, within a memory budget.
+//! Runs scenes side by side, within a memory budget.
 //!
-//! A scene is started when the [estimates](super::memory) of all that run leave room for its own. Estimates can be wrong, so
-//! what the processes really hold is sampled: where it passes the budget, the scene started last is killed and waits until
-//! there is room for what it was seen to need. A scene that passes the budget all by itself fails, and so does one that
-//! takes longer than `--max-minutes`.
+//! A scene is started if the [estimates](super::memory) of all running scenes leave room for its own. Estimates can be
+//! wrong, so the memory that the processes use is sampled: if it exceeds the budget, the scene started last is killed
+//! and waits until there is room for the memory that it was seen to need. A scene that exceeds the budget all by itself
+//! fails, and so does one that takes longer than `--max-minutes`.
 
 use std::collections::VecDeque;
 use std::time::Duration;
@@ -13,29 +13,29 @@ use super::memory::{self, Budget, Gauge};
 use super::select::Selected;
 use super::{BatchError, Outcome};
 
-/// Up to here a scene's stages make good use of threads: views and prompts are done side by side.
+/// Up to this number, a scene's stages make good use of threads: views and prompts are processed in parallel.
 pub const THREADS_A_SCENE: usize = 4;
 
 const POLL: Duration = Duration::from_millis(20);
-/// A killed scene that was growing asks for this much more than it was seen to hold.
+/// A scene that was killed while growing is assumed to need this many times the memory that it used.
 const GROWTH: f64 = 1.5;
 
 /// How scenes are run.
 pub struct Scheduler {
     pub jobs: usize,
     pub budget: Budget,
-    /// Of one scene's process.
+    /// Limit for one scene's process.
     pub max_minutes: Option<f64>,
     pub task: Task,
 }
 
-/// A scene that is to be run, with what it is taken to need.
+/// A scene that is to be run, with its estimated need of memory.
 struct Waiting<'a> {
     scene: &'a Selected,
     need: u64,
 }
 
-/// A scene that runs.
+/// A running scene.
 struct Worker<'a> {
     scene: &'a Selected,
     need: u64,
@@ -45,7 +45,7 @@ struct Worker<'a> {
 }
 
 impl Scheduler {
-    /// Runs all of `scenes`, in order as far as the budget allows; `keep` is told of each that has ended.
+    /// Runs all of `scenes`, in order as far as the budget allows; `keep` is called with each outcome.
     pub fn run(
         &self,
         scenes: &[&Selected],
@@ -84,7 +84,7 @@ impl Scheduler {
         Ok(())
     }
 
-    /// What became of a scene that has ended, or that is ended here since it took too long.
+    /// The outcome of a scene that has ended, or that is killed here because it took too long.
     fn outcome(&self, worker: &mut Worker, key: &dyn Fn(&Selected) -> String) -> Result<Option<Outcome>, BatchError> {
         let Worker { scene, running, peak, .. } = worker;
         if let Some(ended) = running.ended(*peak)? {
@@ -97,7 +97,7 @@ impl Scheduler {
         Ok(Some(Outcome::stopped(&scene.name, &scene.work, key(scene), &running.kill(*peak)?, why)))
     }
 
-    /// The first that fits beside those that run; whatever it needs, the first of all where none runs.
+    /// The first scene that fits beside the running ones; if none is running, the first of all, whatever it needs.
     fn next(&self, waiting: &VecDeque<Waiting>, workers: &[Worker]) -> Option<usize> {
         if workers.len() >= self.jobs {
             return None;
@@ -107,7 +107,7 @@ impl Scheduler {
         fits.or((workers.is_empty() && !waiting.is_empty()).then_some(0))
     }
 
-    /// Kills the scene started last where all together hold more than the budget.
+    /// Kills the scene started last if all together use more than the budget.
     fn relieve<'a>(
         &self,
         workers: &mut Vec<Worker<'a>>,

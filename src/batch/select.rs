@@ -1,4 +1,4 @@
-//! Which scenes of a data set a batch is about.
+//! Selects the scenes of a batch from a data set.
 
 use std::collections::BTreeSet;
 use std::fs;
@@ -13,7 +13,7 @@ use crate::workdir;
 use super::shard::deal;
 use super::{BatchError, Options};
 
-/// Folders of a scene that a run writes into: what lies there says nothing of the scene's size.
+/// Folders of a scene that a run writes into: their files do not count towards the scene's size.
 const WRITTEN: [&str; 2] = [workdir::DEFAULT_NAME, "recorded"];
 
 /// A scene of the batch.
@@ -24,15 +24,16 @@ pub struct Selected {
     pub folder: PathBuf,
     /// Its work folder.
     pub work: PathBuf,
-    /// Length of all its files together.
+    /// Total size of all its files.
     pub bytes: u64,
-    /// Length of its largest splat as the file's format would be as plain PLY floats.
+    /// Size of its largest splat, converted to plain PLY floats.
     pub splat_bytes: u64,
-    /// The shard that it falls to.
+    /// The shard to which it belongs.
     pub shard: usize,
 }
 
-/// The scenes that `options` choose, dealt to `shards`; of the names in `skipped`, those that are left.
+/// The scenes that `options` choose, distributed to `shards`; removes from `skipped` the names that `options` do not
+/// choose.
 pub fn select(
     mut scenes: Vec<Entry>,
     skipped: &mut Vec<String>,
@@ -44,7 +45,7 @@ pub fn select(
     let listed = scenes.len();
     if let Some(split) = &options.split {
         scenes = of_split(scenes, split, warnings)?;
-        // No split can name them.
+        // A split cannot name them.
         skipped.clear();
     }
     if let Some(filter) = &options.filter {
@@ -95,14 +96,14 @@ fn of_split(scenes: Vec<Entry>, split: &str, warnings: &mut Vec<String>) -> Resu
     Ok(scenes.iter().filter(|scene| scene.split.as_deref() == Some(split)).cloned().collect())
 }
 
-/// What `--filter` asks of a name.
+/// The condition of `--filter` on a name.
 enum Filter {
     Holds(String),
     Fits(Pattern),
 }
 
 impl Filter {
-    /// A pattern where the text has a wildcard.
+    /// A pattern if the text has a wildcard.
     fn new(filter: &str) -> Result<Self, BatchError> {
         if !filter.contains(['*', '?', '[']) {
             return Ok(Self::Holds(filter.to_owned()));
@@ -120,8 +121,8 @@ impl Filter {
     }
 }
 
-/// Bytes of all files below a scene's folder, and of its largest splat; what a run writes and what is hidden does not count.
-/// Links to folders are not followed.
+/// Bytes of all files below a scene's folder, and of its largest splat; files that a run writes and hidden files do not
+/// count. Links to folders are not followed.
 fn sizes(folder: &Path, is_top: bool) -> (u64, u64) {
     let (mut bytes, mut splat) = (0, 0);
     for entry in fs::read_dir(folder).into_iter().flatten().flatten() {

@@ -1,14 +1,14 @@
-//! Dividing a data set among machines.
+//! Divides a data set among machines.
 
 use std::fmt;
 use std::str::FromStr;
 
 use super::BatchError;
 
-/// Most parts of a data set: cluster schedulers start no arrays of more jobs, and no data set has more scenes.
+/// Most shards of a data set: cluster schedulers start no arrays of more jobs, and no data set has more scenes.
 const MOST_SHARDS: usize = 1_000_000;
 
-/// Part `index` of `of`, counted from 0.
+/// Shard `index` of `of`, counted from 0.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 pub struct Shard {
     pub index: usize,
@@ -16,11 +16,11 @@ pub struct Shard {
 }
 
 impl Shard {
-    /// All there is.
+    /// The whole data set.
     pub const WHOLE: Self = Self { index: 0, of: 1 };
 
-    /// The shard that a cluster's job is, by the variables that Slurm and Kubernetes set; the whole where there is no such
-    /// job. A Slurm array may begin anywhere and take steps.
+    /// The shard of a cluster job, from the variables that Slurm and Kubernetes set; the whole data set outside such a
+    /// job. A Slurm array may start at any index and use any step.
     pub fn from_environment(get: &dyn Fn(&str) -> Option<String>) -> Result<Self, BatchError> {
         let (index, count) = match (get("SLURM_ARRAY_TASK_ID"), get("JOB_COMPLETION_INDEX")) {
             (Some(_), _) => ("SLURM_ARRAY_TASK_ID", "SLURM_ARRAY_TASK_COUNT"),
@@ -56,7 +56,7 @@ impl Shard {
         format!("shard-{}-of-{}.jsonl", self.index, self.of)
     }
 
-    /// The shard that a file of outcomes is of.
+    /// The shard to which a file of outcomes belongs.
     pub(super) fn of_file_name(name: &str) -> Option<Self> {
         let (index, of) = name.strip_prefix("shard-")?.strip_suffix(".jsonl")?.split_once("-of-")?;
         Self::new(index.parse().ok()?, of.parse().ok()?)
@@ -79,12 +79,13 @@ impl fmt::Display for Shard {
     }
 }
 
-/// Deals things of the given sizes out to `count` shards, the largest first and each to the shard that has least so far, so
-/// that no shard has much more than another. Gives the shard of each. The order of the sizes decides where they are equal.
+/// Distributes items of the given sizes to `count` shards, the largest first and each to the shard with the smallest
+/// total so far, so that the shards' totals are about equal. Returns the shard of each item. Among equal sizes, their
+/// order decides.
 pub(super) fn deal(sizes: &[u64], count: usize) -> Vec<usize> {
     let mut order: Vec<usize> = (0..sizes.len()).collect();
     order.sort_by_key(|&index| (std::cmp::Reverse(sizes[index]), index));
-    // More shards than things leave the last ones empty.
+    // If there are more shards than items, the last ones stay empty.
     let count = count.min(sizes.len());
     let mut loads = vec![(0_u64, 0_usize); count];
     let mut shards = vec![0; sizes.len()];
@@ -144,7 +145,7 @@ mod tests {
         let loads: Vec<u64> = (0..4).map(load).collect();
         assert_eq!(loads.iter().sum::<u64>(), sizes.iter().sum::<u64>());
         let (least, most) = (loads.iter().min().unwrap(), loads.iter().max().unwrap());
-        // Longest-first dealing: two loads differ by no more than the last, smallest, thing dealt.
+        // Longest-first distribution: two loads differ by no more than the last, smallest item.
         assert!(most - least <= *sizes.iter().max().unwrap() / 10, "{loads:?}");
         assert_eq!(deal(&sizes, 4), shards);
         assert_eq!(deal(&[3, 5], 1_000_000_000_000), [1, 0], "no memory for shards that stay empty");

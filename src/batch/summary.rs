@@ -1,4 +1,4 @@
-//! What became of all scenes: a table for people, `summary.json` for programs.
+//! The outcomes of all scenes: a table for people, `summary.json` for programs.
 
 use std::collections::BTreeMap;
 use std::fmt::Write;
@@ -15,26 +15,26 @@ use super::{BatchError, Outcome, State};
 /// Name of the file.
 const FILE: &str = "summary.json";
 
-/// What became of the scenes of a batch.
+/// The outcomes of the scenes of a batch.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Summary {
     pub scenes: usize,
     pub done: usize,
     pub failed: usize,
-    /// Scenes that were not tried.
+    /// Number of scenes that were not tried.
     pub skipped: usize,
-    /// Scenes of which nothing is known.
+    /// Scenes without an outcome.
     pub missing: Vec<String>,
-    /// Of all scenes' last processes together.
+    /// Sum over the last processes of all scenes.
     pub seconds: f64,
-    /// Of the scene that took most.
+    /// That of the scene that used most.
     pub peak_memory_bytes: u64,
-    /// By scene.
+    /// Sorted by scene.
     pub outcomes: Vec<Outcome>,
 }
 
 impl Summary {
-    /// The summary of `scenes`, of which `outcomes` are known, and of those that were `skipped`.
+    /// The summary of `scenes` with their known `outcomes`, and of the `skipped` scenes.
     pub(super) fn new<'a>(
         scenes: impl Iterator<Item = &'a Selected>,
         outcomes: impl Iterator<Item = &'a Outcome>,
@@ -73,7 +73,7 @@ impl Summary {
         written.map_err(|source| BatchError::Io { path, source })
     }
 
-    /// A line a scene and one for all.
+    /// One line per scene, and one for all.
     pub fn table(&self) -> String {
         let widest =
             self.outcomes.iter().map(|outcome| one_line(&outcome.scene).chars().count()).max().unwrap_or(0).max(5);
@@ -105,10 +105,10 @@ impl Summary {
         )
     }
 
-    /// Whether every scene is done.
+    /// Checks that every scene is done.
     ///
     /// # Errors
-    /// [`BatchError::Incomplete`] with those that are not.
+    /// [`BatchError::Incomplete`] with the scenes that are not.
     pub fn require_all(&self) -> Result<(), BatchError> {
         let failed = self.outcomes.iter().filter(|outcome| outcome.state == State::Failed);
         let failed: Vec<(String, String)> =

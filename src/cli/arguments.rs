@@ -1,4 +1,4 @@
-//! What can be typed: subcommands and their flags.
+//! The command-line arguments: subcommands and their flags.
 
 use std::ffi::OsString;
 use std::path::PathBuf;
@@ -11,7 +11,7 @@ use crate::pipeline::{self, Stage};
 use crate::values::{self, from_to};
 use crate::{batch, export, inspect, materials, setup};
 
-/// More than any machine has that gprop was run on. Each takes a stack of 2 MB and milliseconds to start.
+/// More than on any machine on which gprop was run. Each takes a stack of 2 MB and milliseconds to start.
 const MOST_THREADS: usize = 1024;
 
 /// Materials and physical properties for every Gaussian of a 3D Gaussian Splatting scene.

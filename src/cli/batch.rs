@@ -1,4 +1,4 @@
-//! `gprop batch`: many scenes, or what is known of them.
+//! `gprop batch`: runs many scenes, or lists their state.
 
 use std::path::Path;
 
@@ -13,7 +13,7 @@ use crate::query::client;
 
 use super::{BatchArgs, Global, options_of, print, print_text};
 
-/// What a dry run says of a scene.
+/// A scene in the output of a dry run.
 #[derive(Serialize)]
 struct DryScene<'a> {
     name: &'a str,
@@ -22,7 +22,7 @@ struct DryScene<'a> {
     need_bytes: u64,
 }
 
-/// Does what the arguments ask for.
+/// Runs the command.
 pub fn run(global: &Global, args: &BatchArgs) -> anyhow::Result<()> {
     let (flags, max_usd) = (global.typed.clone(), args.options.query.max_usd);
     let task = Task { to: args.to, from: args.from, flags, max_usd, threads: global.threads };
@@ -53,8 +53,8 @@ pub fn run(global: &Global, args: &BatchArgs) -> anyhow::Result<()> {
     Ok(summary.require_all()?)
 }
 
-/// Tells the user who may be asked about the scenes' pictures. How many pictures these are shows only when a scene is
-/// segmented, and stands in what its process says.
+/// Tells the user which server may be asked about the scenes' pictures. The number of pictures is known only when a
+/// scene is segmented; the scene's own process reports it.
 fn announce(options: &pipeline::Options, scenes: usize) -> anyhow::Result<()> {
     let query = &options.query;
     let destination = client::destination(query)?.filter(|_| query.answers != AnswerSource::Replay);
@@ -70,18 +70,18 @@ fn announce(options: &pipeline::Options, scenes: usize) -> anyhow::Result<()> {
     Ok(())
 }
 
-/// A line of JSON on stdout, or one for people on stderr.
+/// Reports an outcome as a line of JSON on stdout, or as a line for people on stderr.
 fn tell(global: &Global, progress: Progress, outcome: &Outcome, ended: usize, total: usize) {
     if global.json {
         let line = serde_json::to_string(outcome).expect("an outcome is plain data");
-        // A reader that has gone away shall not stop the batch: everything is in its file too.
+        // A closed stdout must not stop the batch: everything is in its file too.
         let _ = print_text(&line);
         return;
     }
     let state = match outcome.state {
         State::Done => "done",
         State::Failed => "FAILED",
-        // A warning has named it.
+        // A warning has already named it.
         State::Skipped => return,
     };
     progress.line(&format!("{:<9} {ended}/{total} {} {:.1} s", state, outcome.scene, outcome.seconds));

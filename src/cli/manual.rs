@@ -1,4 +1,4 @@
-//! What describes the command line itself: shell completions and manual pages, made from the flags' own definitions.
+//! Shell completions and manual pages, generated from the definitions of the flags.
 
 use std::path::Path;
 
@@ -23,7 +23,7 @@ pub fn page(global: &Global) -> anyhow::Result<()> {
     print_text(global, page)
 }
 
-/// `gprop man --out DIR`: a page for each command.
+/// `gprop man --out DIR`: one page per command.
 pub fn pages(global: &Global, folder: &Path) -> anyhow::Result<()> {
     let cannot = |error| UsageError(format!("cannot write manual pages into {folder:?}: {error}"));
     std::fs::create_dir_all(folder).map_err(cannot)?;

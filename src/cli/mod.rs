@@ -1,4 +1,5 @@
-//! Subcommands and flags: what the user typed becomes a call into the pipeline or a stage, and a result on stdout.
+//! Subcommands and flags: turns command-line arguments into a call of the pipeline or a stage, and prints the result on
+//! stdout.
 
 mod arguments;
 mod batch;
@@ -29,8 +30,8 @@ use arguments::{
     ShowArgs, SimulateArgs, WorkArgs,
 };
 
-/// The program: does what the process was called with, prints an error once, and says how to end. A panic ends the process
-/// as a bug; usage that clap refuses, help and version end it as clap does.
+/// The program: runs the command line, prints an error once, and returns the exit code. A panic ends the process as a
+/// bug; clap handles invalid usage, help and version, and ends the process itself.
 pub fn main() -> ExitCode {
     exit::report_panics_as_bugs();
     match run(std::env::args_os().collect()) {
@@ -42,10 +43,10 @@ pub fn main() -> ExitCode {
     }
 }
 
-/// Does what `arguments` (the program's name first) ask for.
+/// Runs the command line in `arguments` (the program's name first).
 ///
 /// # Errors
-/// Whatever went wrong, with a typed error in its chain from which [`exit::of`] finds the exit code.
+/// Any failure, with a typed error in its chain from which [`exit::of`] finds the exit code.
 fn run(arguments: Vec<OsString>) -> anyhow::Result<()> {
     let cli = parse(&arguments)?;
     let global = &cli.global;
@@ -87,18 +88,18 @@ fn run(arguments: Vec<OsString>) -> anyhow::Result<()> {
     }
 }
 
-/// The command line of the program: all that can be typed, with its help.
+/// The program's clap command: all arguments, with their help.
 pub fn command() -> clap::Command {
     Cli::command()
 }
 
-/// Parses what was typed behind the flags that the configuration files stand for.
+/// Parses the arguments, with the flags of the configuration files inserted before them.
 fn parse(arguments: &[OsString]) -> anyhow::Result<Cli> {
     parse_with(arguments, config::user_file().as_deref())
 }
 
-/// As [`parse`], with the user's configuration in `user_file`. A first look, which forgives everything, finds the command and
-/// the scene.
+/// Like [`parse`], with the user's configuration in `user_file`. A first pass, which ignores errors, finds the command
+/// and the scene.
 fn parse_with(arguments: &[OsString], user_file: Option<&Path>) -> anyhow::Result<Cli> {
     let first_look = Cli::command().ignore_errors(true).try_get_matches_from(arguments);
     let mut all = arguments.to_vec();
@@ -110,9 +111,9 @@ fn parse_with(arguments: &[OsString], user_file: Option<&Path>) -> anyhow::Resul
         if let Ok(Some(scene)) = matches.try_get_one::<PathBuf>("scene") {
             flags.extend(config::flags_of_scene(scene, &known)?);
         }
-        // The files speak to every command; each takes the options that it has.
+        // The files apply to all commands; each command takes the options that it has.
         let takes = |flag: &OsString| match config::name_of(flag) {
-            // Typed before the command's name it would not win over what stands behind it.
+            // Inserted after the command's name, it would override one typed before that name.
             THREADS => !matches.contains_id(THREADS),
             name => command.get_arguments().any(|argument| argument.get_long() == Some(name)),
         };
@@ -126,7 +127,7 @@ fn parse_with(arguments: &[OsString], user_file: Option<&Path>) -> anyhow::Resul
     Ok(cli)
 }
 
-/// The innermost subcommand that was typed, what was typed for it, and the place in `arguments` behind its name.
+/// The innermost subcommand, its matches, and the index in `arguments` after its name.
 fn innermost<'a>(
     arguments: &[OsString],
     mut matches: &'a clap::ArgMatches,
@@ -140,12 +141,12 @@ fn innermost<'a>(
     (place.min(arguments.len()), command, matches)
 }
 
-/// Ends the process as clap would: with help and version on stdout, or with what is wrong with the usage.
+/// Ends the process as clap would: with help or version on stdout, or with a usage error.
 fn refuse(mut error: clap::Error) -> ! {
     if !error.use_stderr() {
         error.exit();
     }
-    // What was given may come from a scene's `gprop.toml`.
+    // The given values may come from a scene's `gprop.toml`.
     let given: Vec<_> = error.context().map(|(kind, value)| (kind, value.clone())).collect();
     for (kind, value) in given {
         if let ContextValue::String(text) = value {
@@ -156,7 +157,7 @@ fn refuse(mut error: clap::Error) -> ! {
     std::process::exit(error.exit_code());
 }
 
-/// The stages' flags that were given in `matches`, as they may be given again.
+/// The stages' flags in `matches`, in a form in which they can be passed on.
 fn stage_flags(matches: &clap::ArgMatches) -> Vec<OsString> {
     let stages = pipeline::Options::augment_args(clap::Command::new("stages"));
     let mut typed = Vec::new();
@@ -180,7 +181,7 @@ fn stage_flags(matches: &clap::ArgMatches) -> Vec<OsString> {
     typed
 }
 
-/// The options of a scene that was named with some `flags` or none: the defaults, the user's configuration, the scene's
+/// The options of a scene that was named with `flags`, if any: the defaults, the user's configuration, the scene's
 /// `gprop.toml`, the flags.
 fn options_of(scene: &Path, flags: &[OsString]) -> anyhow::Result<pipeline::Options> {
     let typed = [OsStr::new("gprop"), OsStr::new("parts"), scene.as_os_str()].map(OsStr::to_owned);
@@ -201,12 +202,12 @@ fn start_log(global: &Global) {
     log.with_target(global.verbose > 0).init();
 }
 
-/// Prints a result: as JSON where that is asked for, else as text. A reader that has gone away is not an error.
+/// Prints a result: as JSON if requested, else as text. A closed stdout is not an error.
 fn print(global: &Global, value: &impl Serialize, text: impl FnOnce() -> String) -> anyhow::Result<()> {
     print_text(&if global.json { serde_json::to_string_pretty(value)? } else { text() })
 }
 
-/// Prints a text. A reader that has gone away is not an error.
+/// Prints a text. A closed stdout is not an error.
 fn print_text(text: &str) -> anyhow::Result<()> {
     match writeln!(io::stdout(), "{}", output::harmless(text.trim_end())) {
         Err(error) if error.kind() != io::ErrorKind::BrokenPipe => {
@@ -256,7 +257,7 @@ mod tests {
         assert_eq!(flags("gprop batch DATA --also npy,coco"), ["--also=npy,coco"]);
     }
 
-    /// The stages' options and the list of keys that stands beside each.
+    /// The stages' options, each with its list of keys.
     fn stages() -> Vec<(clap::Command, &'static [config::SceneKey])> {
         fn stage<T: Args>(keys: &'static [config::SceneKey]) -> (clap::Command, &'static [config::SceneKey]) {
             (T::augment_args(clap::Command::new("stage")), keys)
@@ -274,8 +275,8 @@ mod tests {
         ]
     }
 
-    /// What no scene may set: what runs code, sends, pays, waits, writes or reads elsewhere. A new option belongs here or into
-    /// its stage's `SCENE_KEYS`.
+    /// Options that no scene may set: those that run code, send, pay, wait, write, or read elsewhere. A new option must
+    /// be added here or to its stage's `SCENE_KEYS`.
     const USER_ONLY: &[&str] = &[
         "allow-read",
         "also",

@@ -5,7 +5,8 @@ use crate::workdir::Artifact;
 
 use super::{Global, SceneArgs, print, shown};
 
-/// Segments the picture that `args` names and writes what a scene's view gets, into `--out` or a folder beside it.
+/// Segments the picture that `args` name and writes the same files as for a view of a scene, into `--out` or a folder
+/// beside it.
 pub fn segment(global: &Global, args: &SceneArgs) -> anyhow::Result<()> {
     let (path, out, options) = (&args.scene, args.work.out.as_deref(), args.work.options.clone());
     if args.work.dry_run {

@@ -1,4 +1,4 @@
-//! `gprop query`: answers the queries of a scene or of one picture, or moves them out and answers in.
+//! `gprop query`: answers the queries of a scene or of one picture, exports them, or imports answers.
 
 use std::path::Path;
 
@@ -16,7 +16,7 @@ use super::arguments::BatchApiStep;
 use super::scene;
 use super::{Global, QueryArgs, print, shown};
 
-/// What is to be done with the queries besides answering them.
+/// The actions on queries other than answering them.
 enum QueryAction<'a> {
     Export(&'a Path),
     Import(&'a Path),
@@ -25,13 +25,13 @@ enum QueryAction<'a> {
     Collect,
 }
 
-/// What a dry run says of a picture.
+/// A picture in the output of a dry run.
 #[derive(Serialize)]
 struct DryPicture {
     queries: Option<crate::query::Preview>,
 }
 
-/// Does what the arguments ask for.
+/// Runs the command.
 pub fn query(global: &Global, args: &QueryArgs) -> anyhow::Result<()> {
     if args.scene.scene.is_file() {
         return of_picture(global, args);

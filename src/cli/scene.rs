@@ -13,14 +13,14 @@ use crate::workdir::{self, Artifact};
 
 use super::{ExportArgs, Global, ShowArgs, WorkArgs, print, shown};
 
-/// What a dry run says of a stage.
+/// A stage in the output of a dry run.
 #[derive(Serialize)]
 struct DryStage {
     name: Stage,
     reusable: bool,
 }
 
-/// Runs the stage `to`, after those that it needs, and prints what the last one made.
+/// Runs the stage `to`, after those that it needs, and prints its result.
 pub fn run(global: &Global, folder: &Path, work: &WorkArgs, to: Stage) -> anyhow::Result<()> {
     let plan = plan(work, to)?;
     if work.dry_run && Pipeline::is_untouched(folder, work.out.as_deref(), &work.options)? {
@@ -29,7 +29,7 @@ pub fn run(global: &Global, folder: &Path, work: &WorkArgs, to: Stage) -> anyhow
     let mut pipeline = open(global, folder, work, to)?;
     if work.dry_run {
         let reusable = pipeline.reusable()?;
-        // What is asked can be told only once the segments are known.
+        // The questions are known only once the segments are.
         let asked = to >= Stage::Query && reusable.contains(&Stage::Segment) && !reusable.contains(&Stage::Query);
         let queries = if asked { Some(pipeline.query_preview()?) } else { None };
         return dry_run(global, plan, &reusable, queries.as_ref());
@@ -48,7 +48,7 @@ pub fn run(global: &Global, folder: &Path, work: &WorkArgs, to: Stage) -> anyhow
     print(global, &value, || shown(&path))
 }
 
-/// Draws the field, after the stages up to the vote.
+/// Draws the field, after running the stages up to the vote.
 pub fn show(global: &Global, args: &ShowArgs) -> anyhow::Result<()> {
     let mut pipeline = open(global, &args.scene, &args.work, Stage::Vote)?;
     pipeline.run()?;
@@ -58,7 +58,7 @@ pub fn show(global: &Global, args: &ShowArgs) -> anyhow::Result<()> {
     print(global, &args.to, || shown(&args.to))
 }
 
-/// Exports the parts, after the stages up to them.
+/// Exports the parts, after running the stages up to them.
 pub fn export(global: &Global, args: &ExportArgs) -> anyhow::Result<()> {
     let plan = Plan { to: Stage::Parts, from: None };
     let work = args.work.as_deref();
@@ -70,7 +70,7 @@ pub fn export(global: &Global, args: &ExportArgs) -> anyhow::Result<()> {
 
 pub fn open(global: &Global, folder: &Path, work: &WorkArgs, to: Stage) -> anyhow::Result<Pipeline> {
     let pipeline = open_with(global, folder, work.out.as_deref(), &work.options, plan(work, to)?)?;
-    // The server's address is left out: the answers are recorded, and the address is nobody else's business.
+    // The server's address is left out: the answers are recorded, and the address is private.
     let typed = global.effective.iter().map(|flag| flag.to_string_lossy().into_owned());
     Ok(pipeline.typed(typed.filter(|flag| !flag.starts_with("--lmm-url=")).collect()))
 }
@@ -119,7 +119,7 @@ fn dry_run(global: &Global, plan: Plan, reusable: &[Stage], queries: Option<&Pre
     })
 }
 
-/// The file that holds what a stage made.
+/// The file with a stage's main result.
 fn result_of(stage: Stage) -> Artifact<'static> {
     match stage {
         Stage::Scene => Artifact::Views,
@@ -133,7 +133,7 @@ fn result_of(stage: Stage) -> Artifact<'static> {
     }
 }
 
-/// An artifact as one JSON value; of the field, the labels that its numbers stand for.
+/// An artifact as one JSON value; for the field, the labels that its numbers stand for.
 fn json_of(pipeline: &mut Pipeline, artifact: Artifact) -> anyhow::Result<Value> {
     Ok(match artifact {
         Artifact::Answers => serde_json::to_value(&pipeline.answers()?.segments)?,

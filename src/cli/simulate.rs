@@ -1,4 +1,4 @@
-//! `gprop simulate`: the stage, or a foreign configuration.
+//! `gprop simulate`: runs the stage, or the configuration of another program.
 
 use crate::pipeline::{Stage, compat};
 use crate::simulate::script::{KNOWN, Known};
@@ -6,7 +6,7 @@ use crate::workdir::{Artifact, DEFAULT_NAME};
 
 use super::{Compat, Global, SimulateArgs, print, scene, shown};
 
-/// Where a foreign configuration's run lies in the work folder.
+/// Folder in the work folder for the run of another program's configuration.
 const COMPAT_FOLDER: &str = "physgaussian";
 
 pub fn run(global: &Global, args: &SimulateArgs) -> anyhow::Result<()> {

@@ -1,10 +1,10 @@
-//! Why numbers could not be compared with their truth.
+//! Why predictions could not be compared with the truth.
 
 use std::path::PathBuf;
 
 use crate::segment::LabelMapError;
 
-/// What is wrong with predictions or truth, where, and what to do.
+/// An error in predictions or truth, with its place and the remedy.
 #[derive(Debug, thiserror::Error)]
 pub enum EvaluateError {
     #[error("cannot read {path:?}{remedy}")]

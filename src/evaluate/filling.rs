@@ -1,5 +1,5 @@
-//! gprop's version of the public solver's particle filling against a run of the peer's: the same cells must be filled,
-//! whatever random place a new particle takes in its cell.
+//! Compares gprop's version of the public solver's particle filling with a run of the public solver (the peer): the
+//! same cells must be filled, whatever random position a new particle has in its cell.
 
 use nalgebra::Vector3;
 use serde::{Deserialize, Serialize};
@@ -9,20 +9,21 @@ use crate::npz::Npz;
 use crate::simulate::compat::config::Filling;
 use crate::simulate::compat::filling::{Blob, fill, volumes};
 
-/// What differs.
+/// The differences.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct FillComparison {
     pub cells: usize,
-    /// Cells whose number of particles differs: before, after the dense cells, after the inside.
+    /// Cells whose number of particles differs: before the filling, after filling the dense cells, after filling the
+    /// inside.
     pub counts_differ: usize,
     pub dense_differ: usize,
     pub inside_differ: usize,
     pub added: usize,
     pub reference_added: i64,
-    /// Largest difference of a cell's density, over the largest density; before and after smoothing.
+    /// Largest difference of a cell's density, relative to the largest density; before and after smoothing.
     pub density_rel_max: f64,
     pub density_used_rel_max: f64,
-    /// Largest difference of a particle's volume, over the volume.
+    /// Largest difference of a particle's volume, relative to the volume.
     pub volume_rel_max: f64,
 }
 
@@ -52,13 +53,13 @@ struct Meta {
     smooth: bool,
 }
 
-/// Cells each way of the grid that the reference's volumes are of, and its side.
+/// The grid of the reference's volumes: cells each way, and its side.
 const VOLUME_GRID: (usize, f32) = (48, 2.0);
 
-/// Fills the reference's shell and compares cell by cell.
+/// Fills the reference's shell and compares the result cell by cell.
 ///
 /// # Errors
-/// A reference that cannot be read.
+/// If the reference cannot be read.
 pub fn compare(npz: &mut Npz) -> Result<FillComparison, SimulationError> {
     let meta: Meta = serde_json::from_str(&npz.text("meta")?)?;
     let filling = Filling {

@@ -13,11 +13,11 @@ use crate::grasp::options::MAX_CURVATURE_1_M;
 use crate::output::one_line;
 use crate::units::GRAVITY_M_S2;
 
-/// The paper's fixed-force policies: normalised inputs of 15, 60 and 100, where its gripper obeys 15 to 100. As shares of
-/// the enabled commands, for any gripper.
+/// The paper's fixed-force policies: normalised inputs of 15, 60 and 100, with a gripper that obeys 15 to 100. Given as
+/// fractions of the enabled commands, for any gripper.
 const FIXED: [(&str, f64); 3] = [("MinGF", 0.0), ("MidGF", 45.0 / 85.0), ("MaxGF", 1.0)];
 
-/// What is wrong with a table.
+/// An error in a table.
 #[derive(Debug, thiserror::Error)]
 pub enum OutcomesError {
     #[error("{path:?}: {message}; the header is {header}")]
@@ -38,8 +38,8 @@ pub struct Outcome {
     pub undamaged: bool,
 }
 
-/// An object's true properties, those of the part that bears the force where they are not of the whole, and what gprop would
-/// press it with.
+/// An object's true properties (those of the part that bears the force, unless they are of the whole), and the force
+/// that gprop would use.
 #[derive(Debug, Clone, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct TrueObject {
@@ -59,7 +59,7 @@ pub struct Rates {
     pub pur: f64,
     /// Share not damaged.
     pub ndr: f64,
-    /// Share of which both hold.
+    /// Share for which both hold.
     pub sr: f64,
     pub count: usize,
 }
@@ -67,7 +67,7 @@ pub struct Rates {
 /// The rates of every policy.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Evaluation {
-    /// Whether the outcomes were predicted rather than seen.
+    /// True if the outcomes were predicted rather than observed.
     pub predicted: bool,
     pub policies: BTreeMap<String, Rates>,
 }
@@ -75,15 +75,15 @@ pub struct Evaluation {
 /// Reads recorded outcomes.
 ///
 /// # Errors
-/// The file cannot be read, is no such table, or is empty.
+/// If the file cannot be read, is not such a table, or is empty.
 pub fn outcomes(path: &Path) -> Result<Vec<Outcome>, OutcomesError> {
     read(path, "object,policy,picked_up,undamaged")
 }
 
-/// Reads true objects.
+/// Reads the true properties of objects.
 ///
 /// # Errors
-/// The file cannot be read, is no such table or empty, or a number in it is not above 0.
+/// If the file cannot be read, is not such a table or is empty, or a number in it is not above 0.
 pub fn objects(path: &Path) -> Result<Vec<TrueObject>, OutcomesError> {
     let header = "object,mass_kg,friction,strength_pa,youngs_modulus_pa,thickness_m,f_star_n";
     let objects: Vec<TrueObject> = read(path, header)?;
@@ -112,8 +112,8 @@ fn read<T: DeserializeOwned>(path: &Path, header: &'static str) -> Result<Vec<T>
     if rows.is_empty() { Err(OutcomesError::Empty { path: path.to_owned() }) } else { Ok(rows) }
 }
 
-/// What would happen to each object, lifted straight up, under gprop's force and the three fixed ones: picked up where the
-/// force is at least the true F_min, undamaged where it is at most the true F_max.
+/// The outcome for each object, lifted straight up with gprop's force and with the three fixed ones: picked up if the
+/// force is at least the true F_min, undamaged if it is at most the true F_max.
 pub fn predict(objects: &[TrueObject], gripper: &GripperProfile) -> Vec<Outcome> {
     let [from, full] = gripper.enabled();
     let fixed = FIXED.map(|(name, share)| (name, Some(gripper.force_for(from + share * (full - from)))));
@@ -150,7 +150,7 @@ impl Evaluation {
         Self { predicted, policies }
     }
 
-    /// A table for the terminal, in percent as the paper's.
+    /// A table for the terminal, in percent as in the paper.
     pub fn text(&self) -> String {
         let mut text = format!("{:<12} {:>7} {:>7} {:>7} {:>7}\n", "policy", "PUR %", "NDR %", "SR %", "grasps");
         for (policy, r) in &self.policies {

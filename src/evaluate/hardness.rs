@@ -1,7 +1,7 @@
-//! Hardness at points, against what a durometer read there: the protocol of GaussianProperty's supplement (C.1).
+//! Compares hardness at points with a durometer's readings: the protocol of GaussianProperty's supplement (C.1).
 //!
-//! A point is a pixel of a view with a reading on Shore A or D. Both scales are put on one axis, A as 0 to 100 and D as 100
-//! to 200: only the scores know it, since the scales are not comparable as numbers.
+//! A point is a pixel of a view with a reading on Shore A or D. Both scales are put on one axis, A from 0 to 100 and D
+//! from 100 to 200. Only the scores use this axis, because the scales are not comparable as numbers.
 
 use std::path::{Path, PathBuf};
 
@@ -29,7 +29,7 @@ pub struct Reading {
     pub hardness: f64,
 }
 
-/// A reading with what the field says there.
+/// A reading with the field's value at the same point.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Measured {
     #[serde(flatten)]
@@ -37,11 +37,11 @@ pub struct Measured {
     pub predicted: Result<ShoreHardness, Missing>,
 }
 
-/// Why the field says nothing of a point.
+/// Why the field has no value at a point.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Missing {
-    /// The view shows none of the object there.
+    /// The view does not show the object there.
     OffTheObject,
     /// The material there has no Shore hardness.
     NoHardness,
@@ -52,7 +52,7 @@ pub enum Missing {
 pub struct HardnessEvaluation {
     #[serde(flatten)]
     pub scores: Scores,
-    /// Points that the field says nothing of: not in the scores.
+    /// Number of points at which the field has no value; they are not in the scores.
     pub missing: usize,
     pub points: Vec<Measured>,
 }
@@ -81,7 +81,7 @@ pub fn read_points(path: &Path) -> Result<Vec<(u64, Reading)>, EvaluateError> {
 
 const COLUMNS: &str = "scene,view,x,y,shore,hardness";
 
-/// What the field says at places (pixels) of one view.
+/// The field's values at positions (pixels) of one view.
 pub fn field_at(
     gaussians: &Gaussians,
     field: &MaterialField,
@@ -99,7 +99,7 @@ pub fn field_at(
     places.iter().map(at).collect()
 }
 
-/// Scores all points of which the field says something: the middle of its range against the reading.
+/// Scores all points at which the field has a value: the middle of its range against the reading.
 pub fn evaluate(points: Vec<Measured>) -> Result<HardnessEvaluation, EvaluateError> {
     let pair = |point: &Measured| {
         let predicted = point.predicted.ok()?;

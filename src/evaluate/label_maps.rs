@@ -1,9 +1,9 @@
-//! Hand-labelled maps in a folder: one PNG a view, named like it, and one file that says what their values mean.
+//! Hand-labelled maps in a folder: one PNG per view, with the view's name, and one file that explains their values.
 //!
 //! That file is `labels.json`, an object of names by pixel value (`{"0": "oak, white", "1": "fabric"}`), or EISeg's
-//! `autosave_label.txt`, a line a label with its number, its name and, if it likes, a colour. A value without a name is
-//! background. Of EISeg's pictures the grey ones (`VIEW.png`) count; the coloured ones (`VIEW_pseudo.png`,
-//! `VIEW_cutout.png`) are passed over.
+//! `autosave_label.txt`, with one line per label: its number, its name and optionally a colour. A value without a name
+//! is background. Of EISeg's pictures only the grey ones (`VIEW.png`) are read; the coloured ones (`VIEW_pseudo.png`,
+//! `VIEW_cutout.png`) are ignored.
 
 use std::collections::BTreeMap;
 use std::fs;
@@ -15,7 +15,7 @@ use crate::segment::LabelMap;
 
 const NAMES_JSON: &str = "labels.json";
 const NAMES_EISEG: &str = "autosave_label.txt";
-/// Ends of the names of pictures that EISeg writes beside its label maps.
+/// Name endings of the pictures that EISeg writes beside its label maps.
 const OTHER_PICTURES: [&str; 2] = ["_pseudo", "_cutout"];
 
 /// A folder of hand-labelled maps.
@@ -23,12 +23,12 @@ const OTHER_PICTURES: [&str; 2] = ["_pseudo", "_cutout"];
 pub struct LabelMaps {
     /// Names by pixel value.
     pub names: BTreeMap<u16, String>,
-    /// The maps by the view's name, sorted.
+    /// The maps by view name, sorted.
     paths: BTreeMap<String, PathBuf>,
 }
 
 impl LabelMaps {
-    /// Lists the maps of a folder and reads what their values mean.
+    /// Lists the maps of a folder and reads the meaning of their values.
     pub fn open(folder: &Path) -> Result<Self, EvaluateError> {
         let entries = fs::read_dir(folder).map_err(|source| read_error(folder, source))?;
         let mut paths = BTreeMap::new();
@@ -51,7 +51,7 @@ impl LabelMaps {
         self.paths.keys().map(String::as_str)
     }
 
-    /// The map of a view, whose picture has `size` pixels; `None` where it has none.
+    /// The map of a view, whose picture has `size` pixels; `None` if the view has no map.
     pub fn of(&self, view: &str, size: (u32, u32)) -> Result<Option<LabelMap>, EvaluateError> {
         let Some(path) = self.paths.get(view) else { return Ok(None) };
         let bytes = files::read(path).map_err(|source| read_error(path, source))?;

@@ -1,8 +1,8 @@
-//! gprop's masks against those that a reference generator made of the same picture with the same settings.
+//! Compares gprop's masks with those that a reference generator made from the same picture with the same settings.
 //!
-//! The reference is JSON: the generator's settings, and a list `all` of masks as uncompressed COCO run lengths (column by
-//! column, starting with the run of zeros) with their scores; also `small`, `middle`, `large` where the generator keeps the
-//! levels apart.
+//! The reference is JSON: the generator's settings, and a list `all` of masks as uncompressed COCO run lengths (column
+//! by column, starting with the run of zeros) with their scores; also `small`, `middle`, `large` if the generator keeps
+//! the levels apart.
 
 use std::collections::BTreeMap;
 
@@ -14,7 +14,7 @@ use crate::segment::mask::Mask;
 use crate::segment::sam::Sam;
 use crate::segment::{Candidate, GeneratorOptions, Level, Observer, SegmentError};
 
-/// Two masks that overlap less are not the same mask.
+/// Two masks that overlap less than this are not the same mask.
 const LEAST_IOU_OF_A_MATCH: f64 = 0.5;
 
 /// A reference file.
@@ -65,15 +65,15 @@ pub enum MasksError {
     Segment(#[from] SegmentError),
 }
 
-/// How one list of masks compares.
+/// The comparison of one list of masks.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Comparison {
     pub count: usize,
     pub reference_count: usize,
-    /// Of the pairs; where there are none, 1 if both lists are empty, else 0.
+    /// Over the pairs; without pairs, 1 if both lists are empty, else 0.
     pub matched_mean_iou: f64,
     pub matched_min_iou: f64,
-    /// Masks without a partner, of both sides.
+    /// Masks without a partner, on both sides.
     pub unmatched: usize,
     /// Largest differences within the pairs.
     pub predicted_iou_max_difference: f64,
@@ -86,7 +86,7 @@ impl Reference {
         Ok(serde_json::from_str(json)?)
     }
 
-    /// The settings it was made with. What it does not say is the public generator's default.
+    /// The settings with which it was made. Missing settings have the public generator's defaults.
     pub fn generator_options(&self) -> GeneratorOptions {
         GeneratorOptions {
             points_per_side: self.points_per_side,
@@ -100,7 +100,7 @@ impl Reference {
         }
     }
 
-    /// The lists that it holds, with their level; of all levels together where there is none.
+    /// The lists that it holds, with their level; `None` for the list of all levels together.
     fn lists(&self) -> impl Iterator<Item = (&'static str, Option<Level>, &[ReferenceMask])> {
         let lists = [
             ("small", Some(Level::Small), self.small.as_ref()),

@@ -1,8 +1,8 @@
-//! Masses against the true ones, as NeRF2Physics' evaluation does: a prediction is the mean of its [low, high], and an
-//! object's truth is found under what comes before the first underscore of its id.
+//! Compares masses with the true ones, as NeRF2Physics' evaluation does: a prediction is the mean of its [low, high],
+//! and the part of an object's id before the first underscore is the key of its truth.
 //!
-//! Its JSON files are read as they are: predictions `{"ID_MORE": [low, high], ...}`, truth `{"ID": kilograms, ...}`. Scene
-//! folders with ground truth are read too, part by part.
+//! NeRF2Physics' JSON files are read without conversion: predictions `{"ID_MORE": [low, high], ...}`, truth `{"ID":
+//! kilograms, ...}`. Scene folders with ground truth can be read too, part by part.
 
 use std::collections::BTreeMap;
 use std::path::Path;
@@ -22,14 +22,14 @@ pub struct Weighed {
     pub id: String,
     pub predicted: Range,
     pub truth: f64,
-    /// Whether the range holds the truth.
+    /// True if the range contains the truth.
     pub covered: bool,
-    /// Where a scene's ground truth tells them.
+    /// Only if a scene's ground truth gives them.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub parts: Vec<WeighedPart>,
 }
 
-/// A part as gprop found it, and the true part of its name where there is one.
+/// A part as gprop found it, and the true part of the same name, if any.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct WeighedPart {
     pub name: String,
@@ -45,12 +45,12 @@ pub struct WeighedPart {
 pub struct MassEvaluation {
     #[serde(flatten)]
     pub scores: Scores,
-    /// Share of the objects whose range holds the truth.
+    /// Share of the objects whose range contains the truth.
     pub coverage: f64,
     pub objects: Vec<Weighed>,
 }
 
-/// A prediction as numpy takes it for a row of two: one number stands for both.
+/// A prediction as numpy reads a row of two: a single number stands for both.
 #[derive(Deserialize)]
 #[serde(untagged)]
 enum Prediction {
@@ -92,7 +92,7 @@ pub fn from_json(predictions: &Path, truth: &Path) -> Result<Vec<Weighed>, Evalu
     Ok(objects)
 }
 
-/// The object of a scene folder: `parts` is its `parts.json` as the parts stage wrote it.
+/// The object of a scene folder: `parts` is the `parts.json` that the parts stage wrote.
 pub fn from_scene(id: &str, parts: &Path, truth: &Path) -> Result<Weighed, EvaluateError> {
     let measured: Parts = read_json(parts, "parts in kilograms", "; run `gprop run` on the scene first")?;
     let truth: SceneTruth = read_json(truth, "true parts", "; give --predictions and --truth where a scene has none")?;

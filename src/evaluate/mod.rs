@@ -1,4 +1,4 @@
-//! Measuring what gprop makes, with the measures that the field reports.
+//! Evaluates gprop's results with the measures that the field reports.
 
 mod error;
 pub mod filling;

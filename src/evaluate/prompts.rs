@@ -1,7 +1,8 @@
-//! What asking SAM adaptively saves and costs: the same views segmented both ways and measured against true part maps.
+//! The savings and costs of prompting SAM adaptively: the same views are segmented both ways and compared with true
+//! part maps.
 //!
-//! A segment counts as the part that it covers most of, so the IoU of a part says how well it could be told from the others
-//! by labels that are right for every segment.
+//! A segment counts as the part that it covers most of, so the IoU of a part tells how well labels that are correct for
+//! every segment would separate it from the others.
 
 use std::collections::BTreeMap;
 use std::sync::atomic::{AtomicUsize, Ordering};
@@ -14,10 +15,10 @@ use super::segmentation::IouTally;
 use crate::scene::Photo;
 use crate::segment::{LabelMap, Observer, Options, PointPrompts, SegmentError, Segmenter};
 
-/// Value of a true part map where there is no part.
+/// Value in a true part map for pixels without a part.
 const NO_PART: u8 = 255;
 
-/// How the two ways compare on one scene.
+/// Comparison of the two ways on one scene.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Comparison {
     pub scene: String,
@@ -26,12 +27,12 @@ pub struct Comparison {
     pub adaptive: Outcome,
 }
 
-/// What one way took and gave.
+/// The cost and the result of one way.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Outcome {
     pub prompts: usize,
     pub seconds: f64,
-    /// Mean over the true parts, each over all views; `None` where there is none.
+    /// Mean over the true parts, each over all views; `None` if there are none.
     pub mean_iou: Option<f64>,
     pub per_part: BTreeMap<u8, f64>,
 }
@@ -40,7 +41,7 @@ pub struct Outcome {
 pub struct TrueView {
     pub name: String,
     pub photo: Photo,
-    /// 255 where there is no part.
+    /// 255 for pixels without a part.
     pub parts: GrayImage,
 }
 
@@ -76,7 +77,7 @@ fn add_view(tally: &mut IouTally<u8>, map: &LabelMap, truth: &GrayImage) {
     for (label, part) in pixels().filter(|&(label, part)| label > 0 && part != NO_PART) {
         *shared.entry(label).or_default().entry(part).or_default() += 1;
     }
-    // Of parts that a segment covers alike the one with the lower number.
+    // Among parts of which a segment covers equally many pixels, the one with the lower number.
     let most = |parts: &BTreeMap<u8, u32>| parts.iter().rev().max_by_key(|(_, count)| **count).map(|(part, _)| *part);
     let part_of: BTreeMap<u16, Option<u8>> = shared.iter().map(|(label, parts)| (*label, most(parts))).collect();
     let taken_for = |label: u16| part_of.get(&label).copied().flatten();
@@ -101,7 +102,8 @@ mod tests {
 
     #[test]
     fn segments_count_as_the_part_they_cover_most_of() {
-        // Segments 1 and 2 lie on part 0, segment 3 on two pixels of part 7 and one of part 0; one of part 7 has none.
+        // Segments 1 and 2 lie on part 0; segment 3 lies on two pixels of part 7 and one of part 0; one pixel of part 7
+        // has no segment.
         let map = LabelMap { width: 4, height: 2, labels: vec![1, 1, 2, 3, 3, 3, 0, 0] };
         let truth = GrayImage::from_raw(4, 2, vec![0, 0, 0, 0, 7, 7, 7, NO_PART]).unwrap();
         let mut tally = IouTally::default();

@@ -1,5 +1,5 @@
-//! How near predicted numbers come to true ones: the measures of NeRF2Physics (Zhai et al. 2024), with which the field
-//! compares masses and hardnesses.
+//! How close predicted numbers are to true ones: the measures of NeRF2Physics (Zhai et al. 2024), which the field uses
+//! to compare masses and hardnesses.
 
 use serde::Serialize;
 
@@ -10,7 +10,7 @@ pub struct Pair {
     pub truth: f64,
 }
 
-/// The measures over all pairs, p a prediction and t its truth.
+/// The measures over all pairs; p is a prediction and t its truth.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 pub struct Scores {
     /// Absolute difference error: mean of |p - t|, in the unit of the numbers.
@@ -21,14 +21,14 @@ pub struct Scores {
     pub ape: f64,
     /// Min ratio error: mean of min(p/t, t/p); 1 is best.
     pub mnre: f64,
-    /// Pairwise relationship accuracy: over all ordered pairs of two objects, how often p_i > p_j just where t_i > t_j
-    /// (GaussianProperty, supplement C.2). `None` of fewer than two objects.
+    /// Pairwise relationship accuracy: over all ordered pairs of two objects, how often p_i > p_j exactly when t_i >
+    /// t_j (GaussianProperty, supplement C.2). `None` for fewer than two objects.
     pub pra: Option<f64>,
     pub count: usize,
 }
 
 impl Scores {
-    /// The scores of these pairs; `None` where there are none.
+    /// The scores of these pairs; `None` if there are none.
     pub fn of(pairs: &[Pair]) -> Option<Self> {
         let mean = |error: fn(&Pair) -> f64| pairs.iter().map(error).sum::<f64>() / pairs.len() as f64;
         (!pairs.is_empty()).then(|| Self {

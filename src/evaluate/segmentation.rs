@@ -1,5 +1,5 @@
-//! How well labels fit a hand-labelled map: intersection over union (IoU) by label, and their mean (mIoU), the paper's
-//! measure for materials rendered into a view.
+//! How well labels match a hand-labelled map: intersection over union (IoU) by label, and their mean (mIoU), the
+//! paper's measure for materials rendered into a view.
 
 use std::collections::BTreeMap;
 
@@ -32,8 +32,8 @@ impl<L> Default for IouTally<L> {
 }
 
 impl<L: Ord + Copy> IouTally<L> {
-    /// Adds pixels: what a pixel is and what it was taken for; `None` is background, which is no label of its own but
-    /// counts against the label that it was confused with.
+    /// Adds pixels, each as its true label and its predicted label; `None` is background, which is not a label itself
+    /// but counts against the label with which it was confused.
     pub fn add(&mut self, pixels: impl Iterator<Item = (Option<L>, Option<L>)>) {
         for (truth, predicted) in pixels {
             if let Some(label) = truth {
@@ -47,7 +47,7 @@ impl<L: Ord + Copy> IouTally<L> {
         }
     }
 
-    /// Adds the pixels that another tally has counted.
+    /// Adds the pixels of another tally.
     pub fn join(&mut self, other: &Self) {
         for (label, counts) in &other.counts {
             let own = self.counts.entry(*label).or_default();
@@ -63,7 +63,7 @@ impl<L: Ord + Copy> IouTally<L> {
         real.map(|(label, c)| (*label, c.both as f64 / (c.truth + c.predicted - c.both) as f64)).collect()
     }
 
-    /// Mean over the labels that occur in the truth; `None` where there is none.
+    /// Mean over the labels that occur in the truth; `None` if there are none.
     pub fn mean(&self) -> Option<f64> {
         let ious = self.per_label();
         (!ious.is_empty()).then(|| ious.values().sum::<f64>() / ious.len() as f64)
@@ -76,7 +76,7 @@ pub struct LabelledView<'a> {
     pub truth: Vec<Option<&'a str>>,
 }
 
-/// Counts the pixels of the views, each as the label that owns most of its light. `names` are the labels of
+/// Counts the pixels of the views, each as the label that contributes most to its light. `names` are the labels of
 /// `field.labels`.
 pub fn tally<'a>(
     gaussians: &Gaussians,
@@ -87,7 +87,7 @@ pub fn tally<'a>(
     let mut distinct = names.to_vec();
     distinct.sort_unstable();
     distinct.dedup();
-    // Parts of one label blend as one.
+    // Parts of one label are blended as one.
     let place = |name: &str| distinct.iter().position(|other| *other == name).expect("listed above") as u32;
     let of_label: Vec<u32> = names.iter().map(|name| place(name)).collect();
     let labels: Vec<u32> = field.part_label.iter().map(|&label| of_label[label as usize]).collect();
@@ -100,10 +100,10 @@ pub fn tally<'a>(
     tally
 }
 
-/// How well labels fit.
+/// How well labels match.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Score {
-    /// Mean over the labels; `None` where the truth has none.
+    /// Mean over the labels; `None` if the truth has none.
     pub mean_iou: Option<f64>,
     pub per_label: BTreeMap<String, f64>,
 }
@@ -115,7 +115,7 @@ impl Score {
     }
 }
 
-/// One way of labelling over all objects: the pixels of all are counted together.
+/// The result of one way of labelling over all objects: the pixels of all are counted together.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Column {
     #[serde(flatten)]
@@ -132,14 +132,14 @@ impl Column {
     }
 }
 
-/// What was counted of one object.
+/// The counts for one object.
 pub struct ObjectTallies<'a> {
     pub object: String,
-    /// Of the whole method.
+    /// For the whole method.
     pub voted: IouTally<&'a str>,
-    /// Of answers to sheets without the global picture, where they are recorded.
+    /// For answers to sheets without the global picture, if they are recorded.
     pub local_only: Option<IouTally<&'a str>>,
-    /// Of each view alone, by its name.
+    /// For each view alone, by its name.
     pub single_views: Vec<(String, IouTally<&'a str>)>,
 }
 
@@ -149,18 +149,18 @@ pub struct SegmentationEvaluation {
     pub labels: Vocabulary,
     #[serde(flatten)]
     pub voted: Column,
-    /// Of the objects that have it recorded; `None` where none has.
+    /// For the objects that have it recorded; `None` if none has.
     pub local_only: Option<Column>,
     /// The whole method on the objects of `local_only`.
     pub voted_beside_local_only: Option<Column>,
-    /// Of every object the single view that scores best.
+    /// For every object, the single view with the best score.
     pub no_vote: Column,
-    /// That view by object.
+    /// That view, by object.
     pub best_view: BTreeMap<String, String>,
 }
 
 impl SegmentationEvaluation {
-    /// Scores what was counted.
+    /// Computes the scores from the counts.
     pub fn of(labels: Vocabulary, objects: Vec<ObjectTallies>) -> Self {
         let (mut voted, mut local, mut beside, mut single) = (vec![], vec![], vec![], vec![]);
         let mut best_view = BTreeMap::new();
@@ -169,7 +169,7 @@ impl SegmentationEvaluation {
                 local.push((object.clone(), tally));
                 beside.push((object.clone(), own.clone()));
             }
-            // The first of equals.
+            // Among equals, the first.
             let best =
                 single_views.into_iter().rev().max_by(|a, b| a.1.mean().partial_cmp(&b.1.mean()).expect("no NaN"));
             if let Some((view, tally)) = best {
@@ -189,7 +189,7 @@ impl SegmentationEvaluation {
         }
     }
 
-    /// The table: a row a label and a mean for every object, then for all.
+    /// The table: one row per label and a mean for every object, then for all.
     pub fn text(&self) -> String {
         let mut text =
             format!("{:<16} {:<10} {:>8} {:>11} {:>8}\n", "object", "label", "voted", "local only", "no vote");

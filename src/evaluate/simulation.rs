@@ -1,7 +1,7 @@
-//! A run of `--compat physgaussian` against a trajectory of the public solver.
+//! Compares a run of `--compat physgaussian` with a trajectory of the public solver.
 //!
 //! The reference is an NPZ: particles at the start (`x0`, `v0`, `vol`, `mass`), `meta` with the solver's parameters,
-//! boundary conditions and steps as JSON, and what the peer's run looked like frame by frame.
+//! boundary conditions and steps as JSON, and statistics of the public solver's run frame by frame.
 
 use std::time::Instant;
 
@@ -37,17 +37,17 @@ pub enum SimulationError {
 pub struct Comparison {
     pub particles: usize,
     pub substeps: usize,
-    /// Distance of the centres of mass.
+    /// Distance between the centres of mass.
     pub com_max_m: f64,
-    /// Kinetic energies, over the reference's largest.
+    /// Difference of the kinetic energies, relative to the reference's largest.
     pub ke_rel_max: f64,
-    /// Distance of a sampled particle.
+    /// Distance between a sampled particle and its reference.
     pub position_max_m: f64,
-    /// Mean of |F - I| over all particles (Frobenius), F before the return map; over the reference's largest.
+    /// Mean of |F - I| over all particles (Frobenius), F before the return map; relative to the reference's largest.
     pub fi_rel_max: f64,
-    /// The largest |F - I| of any particle, likewise.
+    /// The largest |F - I| of any particle; relative as above.
     pub largest_fi_rel_max: f64,
-    /// Smallest and largest yield stress, over the reference's largest.
+    /// Smallest and largest yield stress, relative to the reference's largest.
     pub yield_rel_max: f64,
     /// Particle substeps per second, wall clock.
     pub substeps_per_s: f64,
@@ -66,7 +66,7 @@ impl Comparison {
         ]
     }
 
-    /// Whether every difference is within its tolerance. A NaN is not.
+    /// True if every difference is within its tolerance. A NaN is not.
     pub fn within(&self) -> bool {
         self.rows().iter().all(|(_, value, tolerance)| value <= tolerance)
     }
@@ -96,10 +96,10 @@ struct Meta {
     substeps_per_frame: usize,
 }
 
-/// Runs the reference's setting and compares it frame by frame.
+/// Runs the reference's configuration and compares it frame by frame.
 ///
 /// # Errors
-/// [`SimulationError`]: a reference that cannot be read, a particle that is lost.
+/// [`SimulationError`] if the reference cannot be read or a particle is lost.
 pub fn compare(npz: &mut Npz, progress: Progress) -> Result<Comparison, SimulationError> {
     let meta: Meta = serde_json::from_str(&npz.text("meta")?)?;
     let config = config(&meta)?;
@@ -165,7 +165,7 @@ fn particles(npz: &mut Npz, config: &Config) -> Result<Vec<Particle>, Simulation
     Ok((0..count).map(particle).collect())
 }
 
-/// What the peer's run looked like.
+/// The statistics of the public solver's run.
 struct Reference {
     com: Vec<f64>,
     energy: Vec<f64>,
@@ -253,14 +253,14 @@ impl Worst {
     }
 }
 
-/// Keeps the larger one, and a NaN for good.
+/// Keeps the larger value; a NaN is kept forever.
 fn raise(worst: &mut f64, value: f64) {
     if value.is_nan() || value > *worst {
         *worst = value;
     }
 }
 
-/// Difference to `series[frame]`, as a share of the largest of the series.
+/// Difference to `series[frame]`, relative to the largest value of the series.
 fn relative(value: f64, series: &[f64], frame: usize) -> f64 {
     let most = series.iter().fold(0.0_f64, |m, v| m.max(v.abs()));
     let apart = (value - series[frame]).abs();

@@ -1,5 +1,5 @@
-//! The label sets of the paper's evaluation: what a material of the library, or a name in a hand-labelled map, is called in
-//! each.
+//! The label sets of the paper's evaluation: the label in each set for a material of the library or a name in a
+//! hand-labelled map.
 
 use std::collections::BTreeMap;
 
@@ -21,11 +21,11 @@ pub enum Vocabulary {
     Mvimgnet,
 }
 
-/// A name that no label set, material or family knows, and where to look.
+/// A name that is not in any label set, material or family, with a hint where to look.
 #[derive(Debug, Clone, PartialEq)]
 pub struct UnknownName {
     pub name: String,
-    /// Begins with a semicolon; empty where nothing comes near.
+    /// Begins with a semicolon; empty if no name is similar.
     pub hint: String,
 }
 
@@ -37,7 +37,7 @@ impl Vocabulary {
         }
     }
 
-    /// The label of a name: a label of this set, a material of the library or one of its families.
+    /// The label for a name: a label of this set, a material of the library or one of its families.
     pub fn label<'a>(self, name: &str, library: &'a MaterialLibrary) -> Option<&'a str> {
         let own = library.materials().iter().map(|material| self.of(&material.labels));
         let itself = own.into_iter().find(|label| fold(&label.name) == fold(name));
@@ -66,7 +66,7 @@ impl Vocabulary {
             .collect()
     }
 
-    /// The label of every label of a field. Answers were checked against the library, so each material is in it.
+    /// The label for every label of a field. Answers were checked against the library, so it contains each material.
     pub fn of_field<'a>(self, field: &MaterialField, library: &'a MaterialLibrary) -> Vec<&'a str> {
         let checked = "answers were checked against the library";
         field.labels.iter().map(|label| self.label(&label.material, library).expect(checked)).collect()

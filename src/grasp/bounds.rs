@@ -9,21 +9,21 @@
 //! dF    = max(0, [F_max]_G - [F_min]_G)
 //! ```
 //!
-//! `[f]_G` cuts a force to the gripper's range G. mu, sigma_y, E, d and kappa_max are those of the part that bears the
-//! force, rho_i and V_i those of every part.
+//! `[f]_G` clamps a force to the gripper's range G. mu, sigma_y, E, d and kappa_max are those of the part that bears
+//! the force, rho_i and V_i those of every part.
 //!
 //! Source: Xu et al., *GaussianProperty*, arXiv 2412.11258, section 3.5 and supplement A.
 
 use super::Limit;
 
-/// The least force of one finger, in N, that holds `mass_kg` (the sum of rho_i V_i) against slip. Never negative: where
-/// tan(theta) > 1/mu the object rests on the finger and needs no force. Infinite for zero friction below 90 degrees.
+/// The smallest force of one finger, in N, that holds `mass_kg` (the sum of rho_i V_i) against slip. Never negative: if
+/// tan(theta) > 1/mu, the object rests on the finger and needs no force. Infinite for zero friction below 90 degrees.
 pub fn f_min(mass_kg: f64, friction: f64, lift_angle_rad: f64, gravity_m_s2: f64) -> f64 {
     let per_weight = lift_angle_rad.cos() / friction - lift_angle_rad.sin();
     (0.5 * mass_kg * gravity_m_s2 * per_weight).max(0.0)
 }
 
-/// What bears the force of one finger.
+/// The properties of the part that bears the force of one finger.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Bearing {
     pub area_m2: f64,
@@ -33,7 +33,7 @@ pub struct Bearing {
     pub max_curvature_1_m: f64,
 }
 
-/// The greatest force that a part bears, and what would go first.
+/// The largest force that a part bears, and the limit that sets it.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct ForceMax {
     pub newtons: f64,
@@ -41,7 +41,7 @@ pub struct ForceMax {
     pub limit: Limit,
 }
 
-/// The greatest force of one finger that neither crushes nor bends the part. Yield is named where both are equal.
+/// The largest force of one finger that neither crushes nor bends the part. Yield is named if both limits are equal.
 pub fn f_max(bearing: &Bearing) -> ForceMax {
     let crush = bearing.area_m2 * bearing.strength_pa;
     let bend = 0.5 * bearing.area_m2 * bearing.youngs_modulus_pa * bearing.thickness_m * bearing.max_curvature_1_m;
@@ -62,14 +62,15 @@ pub struct ForceStar {
 
 /// F*, by the paper's two cases. `gripper_n` is the gripper's range G, `margin` is eta, 0 to 0.5.
 ///
-/// **F_min < F_max**: the mean, kept off both ends of what the gripper can do between the bounds by eta times its length.
-/// Feasible where F* then lies between F_min and F_max, that is where the gripper reaches that far. Limited by what sets
-/// F_max, or by the gripper where its range moved the force.
+/// **F_min < F_max**: the mean, kept away from both ends of the gripper's range between the bounds by eta times its
+/// length. Feasible if F* then lies between F_min and F_max, that is, if the gripper can reach it. Limited by what sets
+/// F_max, or by the gripper if its range changed the force.
 ///
-/// **F_min >= F_max**: no force holds the object and spares the part; the mean cut to the gripper's range. Infeasible,
-/// limited by slip.
+/// **F_min >= F_max**: no force holds the object without damaging the part; the mean, clamped to the gripper's range.
+/// Infeasible, limited by slip.
 ///
-/// F* is continuous over both cases, always within the gripper's range, and never falls where F_min or F_max rises.
+/// F* is continuous over both cases, always within the gripper's range, and never decreases if F_min or F_max
+/// increases.
 pub fn f_star(f_min_n: f64, upper: ForceMax, gripper_n: [f64; 2], margin: f64) -> ForceStar {
     let in_gripper = |force: f64| force.clamp(gripper_n[0], gripper_n[1]);
     let mean = 0.5 * (f_min_n + upper.newtons);

@@ -1,5 +1,5 @@
-//! From commands to forces and back: a polynomial of 5th order through repeated measurements, as in the paper's
-//! supplement B.1, refused where it does not rise over the commands that the gripper obeys.
+//! Converts commands to forces and back: a polynomial of 5th order through repeated measurements, as in the paper's
+//! supplement B.1, refused if it does not increase over the commands that the gripper obeys.
 //!
 //! The fit is in t = (command - center) / half_span, which runs from -1 to 1 over the measured commands: powers of the
 //! command itself would lose six digits to rounding.
@@ -9,7 +9,7 @@ use serde::{Deserialize, Serialize};
 
 /// The paper's order.
 pub const ORDER: usize = 5;
-/// Places at which the fit must rise from each to the next: a dip narrower than 0.1 % of the range moves no finger.
+/// Places at which the fit must increase from each to the next: a dip narrower than 0.1 % of the range moves no finger.
 const CHECKED: usize = 1000;
 
 /// A command and the force of one finger that was measured for it.
@@ -21,7 +21,7 @@ pub struct CalibrationPoint {
     pub force_n: f64,
 }
 
-/// Why measurements make no calibration.
+/// Why measurements cannot be used as a calibration.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 pub enum CalibrationError {
     #[error("measurement {index} is command {command}, force {force_n} N: give finite numbers, the force not negative")]
@@ -40,29 +40,29 @@ pub enum CalibrationError {
     NotMonotone { at: f64, before_n: f64, after_n: f64 },
 }
 
-/// The fitted curve, rising over the enabled commands.
+/// The fitted curve, increasing over the enabled commands.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Fit {
     pub center: f64,
     pub half_span: f64,
-    /// Of 1, t, t^2 ... t^5, N.
+    /// Coefficients of 1, t, t^2 ... t^5, N.
     pub coefficients: [f64; ORDER + 1],
-    /// The commands that the gripper obeys, least and greatest.
+    /// The smallest and largest command that the gripper obeys.
     pub enabled: [f64; 2],
     /// Force at both ends of `enabled`, N.
     pub force_n: [f64; 2],
     /// Root mean square of the residuals, N.
     pub rms_residual_n: f64,
     pub max_residual_n: f64,
-    /// Measurements below `enabled`, left out.
+    /// Number of measurements below `enabled`, which were left out.
     pub left_out: usize,
 }
 
 impl Fit {
-    /// Fits `points`, any number of them at each command, those below `enabled` left out.
+    /// Fits `points`, with any number of them at each command; those below `enabled` are left out.
     ///
     /// # Errors
-    /// [`CalibrationError`].
+    /// [`CalibrationError`] if they cannot be used.
     pub fn of(points: &[CalibrationPoint], enabled: [f64; 2]) -> Result<Self, CalibrationError> {
         let [from, full] = enabled;
         let wrong = |p: &CalibrationPoint| !(p.command.is_finite() && p.force_n.is_finite() && p.force_n >= 0.0);
@@ -118,7 +118,7 @@ impl Fit {
         self.coefficients.iter().rev().fold(0.0, |sum, c| sum * t + c)
     }
 
-    /// The command that makes a force, by bisection; that of the nearer end for a force beyond the range.
+    /// The command for a force, by bisection; for a force outside the range, the command of the nearer end.
     pub fn command_for(&self, force_n: f64) -> f64 {
         let [mut low, mut high] = self.enabled;
         if force_n <= self.force_n[0] {
@@ -127,7 +127,7 @@ impl Fit {
         if force_n >= self.force_n[1] {
             return high;
         }
-        // Until no number lies between.
+        // Until there is no number in between.
         loop {
             let middle = 0.5 * (low + high);
             if middle <= low || middle >= high {

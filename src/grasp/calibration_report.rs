@@ -1,4 +1,4 @@
-//! What `gprop grasp calibrate` shows: the fit, its residuals by command, a plot.
+//! The report of `gprop grasp calibrate`: the fit, its residuals by command, a plot.
 
 use std::path::Path;
 
@@ -9,12 +9,12 @@ use super::calibration::{CalibrationPoint, Fit};
 use super::gripper::GripperProfile;
 use crate::plots::{self, Mark, Panel, Series};
 
-/// A fit beside what it was made from.
+/// A fit together with its measurements.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct CalibrationReport {
     pub gripper: String,
     pub fit: Fit,
-    /// By rising command.
+    /// In ascending order.
     pub commands: Vec<MeasuredCommand>,
     #[serde(skip)]
     points: Vec<CalibrationPoint>,
@@ -26,10 +26,10 @@ pub struct MeasuredCommand {
     pub command: f64,
     pub count: usize,
     pub mean_force_n: f64,
-    /// Between the least and the greatest measurement.
+    /// Difference of the largest and the smallest measurement.
     pub spread_n: f64,
     pub fitted_force_n: f64,
-    /// Mean less fitted.
+    /// Mean minus fitted force.
     pub residual_n: f64,
 }
 
@@ -37,14 +37,14 @@ impl CalibrationReport {
     /// Calibrates `gripper` with the measurements in a CSV file with the header `command,force_n`.
     ///
     /// # Errors
-    /// The file cannot be read or is no such CSV; its measurements make no rising curve.
+    /// If the file cannot be read or is not such a CSV, or its measurements give no increasing curve.
     pub fn of_file(path: &Path, gripper: &mut GripperProfile) -> Result<Self, GraspError> {
         let points = read(path)?;
         let fit = gripper.calibrate(points.clone(), &path.display().to_string())?.clone();
         Ok(Self { gripper: gripper.name.clone(), commands: by_command(&points, &fit), fit, points })
     }
 
-    /// The measurements and the curve, force over command, and below the residuals, as SVG.
+    /// The measurements and the curve, force over command, and the residuals below, as SVG.
     pub fn plot(&self) -> String {
         const CURVE_POINTS: usize = 200;
         let [from, full] = self.fit.enabled;

@@ -16,11 +16,11 @@ use crate::vote::FieldLabel;
 
 /// How many places are reported.
 pub const REPORTED: usize = 5;
-/// Places are ranked by the sum of three shares, least first, those without a feasible force last: distance of the line of
-/// the contacts from the centre of mass (near a `--point`, of a contact from that point) over the object's radius; F_min
-/// over F_max; and misalignment over the friction cone, which weighs this much.
+/// Places are ranked by the sum of three terms, smallest first, those without a feasible force last: distance of the
+/// line of the contacts from the centre of mass (near a `--point`, of a contact from that point) over the object's
+/// radius; F_min over F_max; and misalignment over the friction cone, with this weight.
 const MISALIGNMENT_WEIGHT: f64 = 0.25;
-/// Two places are the same where their middles are within a finger's side and their axes within 30 degrees.
+/// Two places are the same if their middles are within a finger's side and their axes within 30 degrees.
 const SAME_AXIS: f64 = 0.866;
 
 /// A place to grasp at. Forces are those of one finger.
@@ -61,8 +61,8 @@ pub struct Object<'a> {
 /// The [`REPORTED`] best places, the best first.
 ///
 /// # Errors
-/// Every antipodal place is wider than the gripper's stroke; there is none with free space for the fingers; a part that
-/// bears no force.
+/// If every antipodal place is wider than the gripper's stroke, none has free space for the fingers, or a part bears no
+/// force.
 pub fn candidates(
     object: &Object,
     place: Where,
@@ -128,7 +128,7 @@ fn part_of(parts: &Parts, id: u32) -> Option<&Part> {
     parts.parts.iter().find(|part| part.id == id)
 }
 
-/// The forces at a place; `None` if its part weighs nothing and so is no part of the object.
+/// The forces at a place; `None` if its part has no mass and so is not part of the object.
 fn forces_at(
     object: &Object,
     place: &Place,
@@ -142,7 +142,7 @@ fn forces_at(
     let label = &object.labels[place.part as usize];
     let thickness = match (label.form, part.thickness_m) {
         (Form::Shell { .. }, Some(wall)) => wall,
-        // As uncertain for its size as the part's own.
+        // With the same relative uncertainty of its size as the part's own.
         (Form::Solid, Some(of_part)) => of_part.scaled(place.thickness_m / of_part.mid),
         (_, None) => Estimate::exactly(place.thickness_m),
     };
@@ -185,9 +185,9 @@ fn candidate(
 
 /// Torque about the line of the contacts that two fingers hold beside the weight, N m.
 ///
-/// A disc of radius r pressed evenly with F and friction mu resists being turned by 2/3 mu F r. Force along the surface
-/// and torque share the friction: to a good approximation (f / (mu F))^2 + (tau / tau_max)^2 = 1 (Howe and Cutkosky,
-/// *Practical force-motion models for sliding manipulation*, 1996). The weight takes f / (mu F) = F_min / F.
+/// A disc of radius r pressed evenly with F and friction mu resists rotation with up to 2/3 mu F r. Force along the
+/// surface and torque share the friction: to a good approximation (f / (mu F))^2 + (tau / tau_max)^2 = 1 (Howe and
+/// Cutkosky, *Practical force-motion models for sliding manipulation*, 1996). The weight takes f / (mu F) = F_min / F.
 fn torque_capacity_n_m(forces: &Forces, contact_radius_m: f64) -> f64 {
     let most = 2.0 * (2.0 / 3.0) * forces.friction * forces.star.newtons * contact_radius_m;
     let taken = forces.f_min_n / forces.star.newtons;

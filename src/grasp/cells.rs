@@ -1,10 +1,10 @@
-//! Points in cubic cells, to find those near a place.
+//! Points in cubic cells, to find those near a position.
 
 use std::collections::HashMap;
 
 use nalgebra::Point3;
 
-/// Where the points of a cloud lie.
+/// The points of a cloud, sorted into cells.
 pub struct Cells<'a> {
     points: &'a [Point3<f64>],
     side: f64,
@@ -20,7 +20,7 @@ impl<'a> Cells<'a> {
         Self { points, side, of_cell }
     }
 
-    /// The points within `radius` of a place, in an order that depends on nothing but the points.
+    /// The points within `radius` of a position, in an order that depends only on the points.
     pub fn near(&self, place: Point3<f64>, radius: f64) -> impl Iterator<Item = usize> {
         let reach = nalgebra::Vector3::repeat(radius);
         let (low, high) = (cell(&(place - reach), self.side), cell(&(place + reach), self.side));

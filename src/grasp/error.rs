@@ -1,4 +1,4 @@
-//! What can be wrong with a grasp's inputs.
+//! Errors in a grasp's inputs.
 
 use std::path::PathBuf;
 
@@ -6,7 +6,7 @@ use super::calibration::CalibrationError;
 use crate::parts::NoVolume;
 use crate::units::Estimate;
 
-/// Why there are no forces.
+/// Why no forces can be computed.
 #[derive(Debug, thiserror::Error)]
 pub enum GraspError {
     #[error("--lift-angle-deg is {degrees}: give the angle between the lift and straight up, 0 to 90")]
@@ -68,7 +68,7 @@ pub enum GraspError {
     NoPlace { what: String },
 }
 
-/// A point as it is typed.
+/// A point as the user types it.
 fn coordinates([x, y, z]: &[f64; 3]) -> String {
     format!("{x},{y},{z}")
 }

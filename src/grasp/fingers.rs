@@ -1,4 +1,4 @@
-//! The shape that the fingers are taken to have, and whether it fits beside the object.
+//! The assumed shape of the fingers, and the test whether they fit beside the object.
 
 use nalgebra::{Point3, Vector3};
 
@@ -9,13 +9,13 @@ use super::places::Place;
 pub const FINGER_LENGTH_M: f64 = 0.04;
 /// Thickness of a finger, m.
 pub const FINGER_THICKNESS_M: f64 = 0.01;
-/// Thickness of the palm that is looked at, m.
+/// Thickness of the palm that is tested, m.
 pub const PALM_M: f64 = 0.02;
-/// Free space that is not looked at between the contact and the finger: what the splat's surface is off by, m.
+/// Space between the contact and the finger that is not tested: the error of the splat's surface, m.
 const GAP_M: f64 = 0.003;
 /// Directions around the axis from which the hand may come.
 const APPROACHES: usize = 16;
-/// So few Gaussians in the way are strays.
+/// Up to this many Gaussians in the way are taken for strays.
 const STRAYS: usize = 2;
 
 /// A box in space: centre, unit axes, half sides along them.
@@ -32,7 +32,8 @@ impl OrientedBox {
     }
 }
 
-/// Two fingers and the palm between them, for a hand that comes along -`approach`. `gap` is left free at the contacts.
+/// Two fingers and the palm between them, for a hand that moves along -`approach`. `gap_m` is left free at the
+/// contacts.
 pub fn hand(contacts: [Point3<f64>; 2], approach: Vector3<f64>, side_m: f64, gap_m: f64) -> [OrientedBox; 3] {
     let axis = (contacts[1] - contacts[0]).normalize();
     let axes = [axis, approach, axis.cross(&approach)];
@@ -51,11 +52,11 @@ pub fn hand(contacts: [Point3<f64>; 2], approach: Vector3<f64>, side_m: f64, gap
     [finger(contacts[0], -axis), finger(contacts[1], axis), palm]
 }
 
-/// From where a hand can reach the place without running into the object: the direction from the contacts to the palm, the
-/// most upward (+z) of those that are free.
+/// The direction from which a hand can reach the place without colliding with the object: from the contacts to the
+/// palm, the most upward (+z) of the free directions.
 pub fn free_approach(place: &Place, side_m: f64, obstacles: &[Point3<f64>], cells: &Cells) -> Option<Vector3<f64>> {
     let axis = place.axis();
-    // The approach that is as upward as the axis lets it be, and the one square to it.
+    // The most upward approach that is square to the axis, and the one square to both.
     let least = if axis.z.abs() < 0.99 { Vector3::z() } else { Vector3::x() };
     let up = (least - axis * least.dot(&axis)).normalize();
     let aside = axis.cross(&up);
@@ -63,7 +64,7 @@ pub fn free_approach(place: &Place, side_m: f64, obstacles: &[Point3<f64>], cell
         let (sin, cos) = (std::f64::consts::TAU * k as f64 / APPROACHES as f64).sin_cos();
         up * cos + aside * sin
     };
-    // Upward first, then turned ever further to either side.
+    // Upward first, then rotated further and further to either side.
     let order = (0..APPROACHES).map(|n| if n % 2 == 0 { n / 2 } else { APPROACHES - n.div_ceil(2) });
     order.map(direction).find(|approach| {
         let boxes = hand(place.contacts, *approach, side_m, GAP_M);

@@ -1,4 +1,4 @@
-//! The formulas applied: intervals of the inputs to intervals of the forces, and the policy that makes one force of them.
+//! Applies the formulas: from intervals of the inputs to intervals of the forces, and by the policy to a single force.
 
 use serde::{Deserialize, Serialize};
 
@@ -39,7 +39,7 @@ pub struct Intervals {
 pub struct Forces {
     pub inputs: Inputs,
     pub intervals: Intervals,
-    /// As the policy reads the intervals; so the others.
+    /// The value of the interval that the policy selects; so for the others.
     pub f_min_n: f64,
     pub upper: ForceMax,
     pub star: ForceStar,
@@ -47,10 +47,10 @@ pub struct Forces {
 }
 
 impl Inputs {
-    /// The inputs where the part of `label` bears the force with this thickness.
+    /// The inputs if the part of `label` bears the force with this thickness.
     ///
     /// # Errors
-    /// A lift angle, curvature or margin outside its domain.
+    /// If a lift angle, curvature or margin is outside its domain.
     pub fn of(
         parts: &Parts,
         label: &FieldLabel,
@@ -73,7 +73,7 @@ impl Inputs {
     /// The forces on `part`.
     ///
     /// # Errors
-    /// Friction, strength, stiffness, thickness or mass that is not positive.
+    /// If friction, strength, stiffness, thickness or mass is not positive.
     pub fn forces(self, part: &str, gripper: &GripperProfile, options: &Options) -> Result<Forces, GraspError> {
         self.check(part)?;
         let star = |f_min_n, upper| f_star(f_min_n, upper, gripper.force_n, options.force_margin);
@@ -112,8 +112,8 @@ impl Inputs {
         Ok(())
     }
 
-    /// The lowest, middle or highest value of both bounds: F_min is greatest for the heaviest object with the least
-    /// friction, F_max least for the weakest, softest and thinnest part.
+    /// The low, middle or high value of both bounds: F_min is largest for the heaviest object with the least friction,
+    /// F_max smallest for the weakest, softest and thinnest part.
     fn bounds(&self, reading: Reading) -> (f64, ForceMax) {
         let at = |e: Estimate| reading.of(e);
         let friction = reading.opposite().of(self.friction);

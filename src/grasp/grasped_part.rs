@@ -1,4 +1,4 @@
-//! Which part the fingers press on.
+//! The choice of the part that the fingers press on.
 
 use serde::{Deserialize, Serialize};
 
@@ -19,11 +19,11 @@ pub enum PartChoice {
 }
 
 /// The part called `name`, or without a name the one whose outer surface is nearest to the object's centre of mass (the
-/// lowest id among equals). A name is an id, a caption, or a piece of a caption or material that only one part has; case does
-/// not matter.
+/// lowest id among equals). A name is an id, a caption, or a substring of a caption or material that only one part has;
+/// case does not matter.
 ///
 /// # Errors
-/// No part, or more than one, answers to the name; no part has a surface.
+/// If no part, or more than one, matches the name, or no part has a surface.
 pub fn choose<'a>(parts: &'a Parts, name: Option<&str>) -> Result<(&'a Part, PartChoice), GraspError> {
     match name {
         Some(name) => Ok((named(parts, name)?, PartChoice::Named)),

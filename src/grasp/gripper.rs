@@ -1,4 +1,4 @@
-//! Gripper profiles: the range of force, the finger, and the command that makes a force. Format: grippers/README.md.
+//! Gripper profiles: the range of force, the finger, and the command for a force. Format: grippers/README.md.
 
 use std::path::Path;
 
@@ -8,7 +8,7 @@ use super::GraspError;
 use super::calibration::{CalibrationPoint, Fit};
 use crate::output::toml_problem;
 
-/// The profiles compiled in, by name.
+/// The built-in profiles, by name.
 const BUILTIN: [(&str, &str); 3] = [
     ("paper", include_str!("../../grippers/paper.toml")),
     ("robotiq-2f-85", include_str!("../../grippers/robotiq-2f-85.toml")),
@@ -20,7 +20,7 @@ const BUILTIN: [(&str, &str); 3] = [
 #[serde(deny_unknown_fields)]
 pub struct GripperProfile {
     pub name: String,
-    /// Least and greatest force of one finger, N.
+    /// Smallest and largest force of one finger, N.
     pub force_n: [f64; 2],
     /// Contact area A under one finger, m^2.
     pub finger_area_m2: f64,
@@ -28,10 +28,10 @@ pub struct GripperProfile {
     /// Widest opening between the fingers, m.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub stroke_m: Option<f64>,
-    /// The commands in use; those of the calibration where it is not given.
+    /// The commands in use; those of the calibration if not given.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub command: Option<Command>,
-    /// Measured pairs in any order, any number at each command; empty where nobody measured.
+    /// Measured pairs in any order, any number at each command; empty without measurements.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub calibration: Vec<CalibrationPoint>,
     /// The curve through `calibration`.
@@ -39,14 +39,14 @@ pub struct GripperProfile {
     fit: Option<Fit>,
 }
 
-/// What the fingers touch with: which friction of a material holds.
+/// The material of the contact pads, which selects a material's friction.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Pad {
     Rubber,
 }
 
-/// The commands, in the controller's own unit, at which the fingers begin to press and press most.
+/// The commands, in the controller's own unit, at which the fingers begin to press and press hardest.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Command {
@@ -55,7 +55,7 @@ pub struct Command {
 }
 
 impl GripperProfile {
-    /// Whether a profile of this name is compiled in.
+    /// True if there is a built-in profile of this name.
     pub fn is_builtin(name: &str) -> bool {
         BUILTIN.iter().any(|(known, _)| *known == name)
     }
@@ -63,7 +63,7 @@ impl GripperProfile {
     /// The built-in profile called `name_or_path`, or else the file there.
     ///
     /// # Errors
-    /// Neither exists, the file cannot be read, or it is not a valid profile.
+    /// If neither exists, the file cannot be read, or it is not a valid profile.
     pub fn load(name_or_path: &str) -> Result<Self, GraspError> {
         if let Some((name, text)) = BUILTIN.iter().find(|(name, _)| *name == name_or_path) {
             return Self::from_toml(text, name);
@@ -79,11 +79,11 @@ impl GripperProfile {
         }
     }
 
-    /// A profile from TOML text; `origin` says in errors where it came from.
+    /// A profile from TOML text; `origin` names its source in errors.
     ///
     /// # Errors
-    /// The text is no TOML, has a key that profiles do not know, a value outside its domain, neither commands nor a
-    /// calibration, or a calibration that makes no rising curve.
+    /// If the text is not TOML, or has an unknown key, a value outside its domain, neither commands nor a calibration,
+    /// or a calibration that gives no increasing curve.
     pub fn from_toml(text: &str, origin: &str) -> Result<Self, GraspError> {
         let mut profile: Self = toml::from_str(text).map_err(|error| GraspError::ParseProfile {
             origin: origin.to_owned(),
@@ -101,11 +101,11 @@ impl GripperProfile {
         Ok(profile)
     }
 
-    /// Puts measured pairs in the place of whatever made the profile's command until now. The range of force is then what
-    /// the fitted curve makes of the enabled commands.
+    /// Replaces the profile's commands or calibration by measured pairs. The range of force is then that of the fitted
+    /// curve over the enabled commands.
     ///
     /// # Errors
-    /// The pairs make no rising curve.
+    /// If the pairs give no increasing curve.
     pub fn calibrate(&mut self, points: Vec<CalibrationPoint>, origin: &str) -> Result<&Fit, GraspError> {
         let commands = points.iter().map(|p| p.command);
         let enabled = self.command.map_or_else(
@@ -134,12 +134,12 @@ impl GripperProfile {
         }
     }
 
-    /// Whether the command rests on measured pairs.
+    /// True if the command is based on measured pairs.
     pub fn is_calibrated(&self) -> bool {
         self.fit.is_some()
     }
 
-    /// The commands that the gripper obeys, least and greatest.
+    /// The smallest and largest command that the gripper obeys.
     pub fn enabled(&self) -> [f64; 2] {
         match (&self.fit, self.command) {
             (Some(fit), _) => fit.enabled,
@@ -148,8 +148,9 @@ impl GripperProfile {
         }
     }
 
-    /// The command for a force of one finger in N: by the calibration, or without one linear between the least command at
-    /// the least force and the greatest at the most. A force beyond either end gets that end's command.
+    /// The command for a force of one finger in N: from the calibration, or without one by linear interpolation between
+    /// the smallest command at the smallest force and the largest at the largest. A force beyond either end gets that
+    /// end's command.
     pub fn command_for(&self, force_n: f64) -> f64 {
         if let Some(fit) = &self.fit {
             return fit.command_for(force_n);
@@ -158,8 +159,8 @@ impl GripperProfile {
         from + (full - from) * ((force_n - low) / (high - low)).clamp(0.0, 1.0)
     }
 
-    /// The force of one finger in N at a command, the inverse of [`Self::command_for`]; that of the nearer end for a command
-    /// that the gripper does not obey.
+    /// The force of one finger in N at a command, the inverse of [`Self::command_for`]; for a command that the gripper
+    /// does not obey, the force at the nearer end.
     pub fn force_for(&self, command: f64) -> f64 {
         let ([from, full], [low, high]) = (self.enabled(), self.force_n);
         match &self.fit {
@@ -168,12 +169,12 @@ impl GripperProfile {
         }
     }
 
-    /// Side of the square that a finger touches with, m.
+    /// Side of a finger's square contact area, m.
     pub fn finger_side_m(&self) -> f64 {
         self.finger_area_m2.sqrt()
     }
 
-    /// Radius of the disc of the finger's area, m.
+    /// Radius of a disc with the finger's area, m.
     pub fn contact_radius_m(&self) -> f64 {
         (self.finger_area_m2 / std::f64::consts::PI).sqrt()
     }

@@ -1,11 +1,12 @@
 //! The force with which a gripper may lift the object without slip or damage.
 //!
-//! - [`options`]: what the user may choose;
-//! - [`gripper`]: the hand: its range of force, its finger, its command; [`calibration`]: the command from measurements;
+//! - [`options`]: the user's options;
+//! - [`gripper`]: the gripper: its range of force, its finger, its command; [`calibration`]: the command from
+//!   measurements;
 //! - [`bounds`]: the paper's formulas, on numbers alone; [`forces`]: applied to intervals;
-//! - [`grasped_part`]: which part the fingers press on where no place is chosen;
-//! - where to press: the [`surface`], opposite [`places`] on it, room for the [`fingers`], the best [`candidates`];
-//! - [`picture`]: the best of them, drawn.
+//! - [`grasped_part`]: which part the fingers press on if no place is chosen;
+//! - where to press: the [`surface`], opposite [`places`] on it, space for the [`fingers`], the best [`candidates`];
+//! - [`picture`]: a drawing of the best candidates.
 
 pub mod bounds;
 pub mod calibration;
@@ -88,17 +89,18 @@ pub struct GraspReport {
     pub warnings: Vec<String>,
 }
 
-/// Forces to lift the object with `gripper`, after the paper (see [`bounds`] for the formulas), at the best of the places
-/// where the fingers fit; without a `surface` to look for them on, on the part that was named or is nearest to the centre
-/// of mass.
+/// The forces to lift the object with `gripper`, after the paper (see [`bounds`] for the formulas), at the best of the
+/// places where the fingers fit; without a `surface` on which to look for them, on the part that was named or is
+/// nearest to the centre of mass.
 ///
-/// `labels` are the field's, with the properties of each part; a part and its label share an id. `meters_per_unit` is for
-/// the user's point, which is in scene units.
+/// `labels` are the field's, with the properties of each part; a part and its label share an id. `meters_per_unit` is
+/// for the user's point, which is in scene units.
 ///
 /// # Errors
-/// A lift angle, curvature or margin outside its domain; a part that does not exist or is not told apart by its name; a
-/// part whose friction, strength, stiffness or thickness is not positive; a mass that is not positive. Where the user says
-/// where to grasp: a point farther from the object than a finger is long, no place there with room for the fingers within the stroke; otherwise that is a warning.
+/// If a lift angle, curvature or margin is outside its domain; if a part does not exist or its name is ambiguous; if a
+/// part's friction, strength, stiffness or thickness, or a mass, is not positive. If the user says where to grasp: if a
+/// point is farther from the object than a finger's length, or no place there has space for the fingers within the
+/// stroke; otherwise this is only a warning.
 pub fn grasp(
     parts: &Parts,
     labels: &[FieldLabel],

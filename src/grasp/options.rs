@@ -1,4 +1,4 @@
-//! What the user may choose about a grasp.
+//! The user's options for a grasp.
 
 use clap::Args;
 use serde::{Deserialize, Serialize};
@@ -12,12 +12,12 @@ use crate::values;
 pub const MAX_CURVATURE_1_M: f64 = 0.5;
 /// A radius of a micrometre.
 const SHARPEST_CURVATURE_1_M: f64 = 1e6;
-/// The paper keeps F* off both ends of the usable forces by a margin eta and gives no value; 5 % is ours.
+/// The paper keeps F* away from both ends of the usable forces by a margin eta but gives no value; 5 % is our choice.
 const FORCE_MARGIN: f64 = 0.05;
 /// The gripper of the paper's experiments.
 const GRIPPER: &str = "paper";
 
-/// The keys that a scene may set: all of them; they decide nothing but this scene's result.
+/// The keys that a scene may set: all of them, because they affect only this scene's result.
 pub const SCENE_KEYS: &[SceneKey] = &[
     SceneKey::any("part"),
     SceneKey::any("point"),
@@ -79,15 +79,15 @@ impl Default for Options {
 }
 
 impl Options {
-    /// Whether the user says where to grasp.
+    /// True if the user says where to grasp.
     pub fn names_a_place(&self) -> bool {
         self.part.is_some() || self.point.is_some() || self.auto
     }
 
-    /// The lift angle in radians, after every option was found to be within its domain.
+    /// The lift angle in radians, after checking that every option is within its domain.
     ///
     /// # Errors
-    /// One is not.
+    /// If one is not.
     pub fn checked_lift_angle_rad(&self) -> Result<f64, GraspError> {
         if !(0.0..=90.0).contains(&self.lift_angle_deg) {
             return Err(GraspError::LiftAngle { degrees: self.lift_angle_deg });

@@ -1,5 +1,5 @@
-//! The best places drawn on the splat. Fingers are drawn as the splat is, as small flat Gaussians over their faces, so that
-//! the object hides them where it stands before them.
+//! Draws the best places on the splat. Fingers are drawn like the splat, as small flat Gaussians over their faces, so
+//! that the object hides them where it is in front of them.
 
 use image::RgbImage;
 use nalgebra::{Isometry3, Point3, UnitQuaternion, Vector3};
@@ -13,17 +13,17 @@ use crate::scene::gaussians::{Gaussians, SH_C0};
 
 /// Gaussians along a finger's side.
 const PER_SIDE: f64 = 8.0;
-/// Half side of the mark of a place that is not the best, as a share of the finger's.
+/// Half side of the mark of a place other than the best, as a fraction of the finger's.
 const MARK: f64 = 0.25;
 
-/// Side of the picture, px, and of those that tell how much of the hand a camera sees.
+/// Side of the picture, px, and of the pictures that measure how much of the hand a camera sees.
 const SIDE_PX: u32 = 640;
 const LOOK_PX: u32 = 96;
-/// Width of what the picture shows around the hand, in its lengths.
+/// Width of the region that the picture shows around the hand, in hand lengths.
 const SHOWN: f64 = 5.0;
 
-/// Draws the cloud with the hand at the first candidate and a mark at either contact of the others, close by, from the
-/// camera that sees most of the hand. `None` where there is no candidate or no camera.
+/// Draws the cloud with the hand at the first candidate and a mark at both contacts of each other candidate, in
+/// close-up, from the camera that sees most of the hand. `None` if there is no candidate or no camera.
 pub fn picture(
     gaussians: &Gaussians,
     cameras: &[Camera],
@@ -52,7 +52,7 @@ pub fn picture(
     Some(image::DynamicImage::ImageRgba8(picture).into_rgb8())
 }
 
-/// The camera on whose picture the Gaussians from `hand` on own the most pixels.
+/// The camera in whose picture the Gaussians from index `hand` on cover the most pixels.
 fn sees_most<'a>(
     cameras: &'a [Camera],
     drawn: &Gaussians,
@@ -66,11 +66,11 @@ fn sees_most<'a>(
         let pixels = render_labels(drawn, &near, &labels, &RenderOptions::default());
         pixels.into_iter().filter(|label| *label == Some(1)).count()
     };
-    // Of equals the first.
+    // Among equals, the first.
     cameras.iter().rev().max_by_key(seen)
 }
 
-/// The camera turned and zoomed to the hand: same place, a square picture of `side` px.
+/// The camera, rotated and zoomed to the hand: same position, a square picture of `side` px.
 fn close_by(camera: &Camera, best: &Candidate, meters_per_unit: f64, side: u32) -> Camera {
     let contacts = best.contacts_m.map(Point3::from);
     let middle = nalgebra::center(&contacts[0], &contacts[1]) + Vector3::from(best.approach) * (0.5 * FINGER_LENGTH_M);
@@ -80,7 +80,7 @@ fn close_by(camera: &Camera, best: &Candidate, meters_per_unit: f64, side: u32) 
     let half = 0.5 * f64::from(side);
     let distortion = Distortion::default();
     let intrinsics = Intrinsics { width: side, height: side, fx: focal, fy: focal, cx: half, cy: half, distortion };
-    // The camera's own up, so that a picture that stands upright still does.
+    // The camera's own up direction, so that an upright picture stays upright.
     let down = camera.camera_from_world.rotation.inverse() * Vector3::y();
     Camera { intrinsics, camera_from_world: Isometry3::face_towards(&eye, &target, &down).inverse() }
 }
@@ -89,7 +89,7 @@ fn mark(center: Point3<f64>, half: f64) -> OrientedBox {
     OrientedBox { center, axes: [Vector3::x(), Vector3::y(), Vector3::z()], half: [half; 3] }
 }
 
-/// The six faces of a box in metres as flat Gaussians in scene units, shaded by where they face.
+/// The six faces of a box in metres as flat Gaussians in scene units, shaded by their orientation.
 fn faces(shape: &OrientedBox, spacing: f64, color: [f32; 3], sh_degree: u8, meters_per_unit: f64) -> Gaussians {
     /// Opacity 0.99.
     const LOGIT: f32 = 4.6;

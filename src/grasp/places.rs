@@ -1,8 +1,9 @@
 //! Antipodal places: two opposite contacts on one part, each within the friction cone of the line between them.
 //!
-//! Seeds spread over the surface look straight inward for surface that faces the other way. The nearest such is the other
-//! side of what they lie on, the farthest the other side of the object as a whole (of a mug: its wall, or all of it); each
-//! makes a pair. Normals are averaged over the finger's contact first: a finger feels no single Gaussian.
+//! Seeds spread over the surface look straight inward for surface that faces the other way. The nearest such surface is
+//! the other side of the wall on which they lie, the farthest is the other side of the whole object (for a mug: of its
+//! wall, or of all of it); each makes a pair. Normals are first averaged over the finger's contact, because a finger
+//! does not feel single Gaussians.
 
 use nalgebra::{Point3, Vector3};
 use rayon::prelude::*;
@@ -12,17 +13,17 @@ use super::surface::{Surface, SurfacePoint};
 
 /// Seeds, spread evenly over the points.
 const SEEDS: usize = 2000;
-/// Thinner than this, two sides are not told apart from the noise of one, m.
+/// If a part is thinner than this, its two sides cannot be distinguished from the noise of one, m.
 const THINNEST_M: f64 = 0.002;
 
-/// Where to look.
+/// Where to look for places.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Where {
     /// On the whole object.
     Anywhere,
     /// On the part with this label.
     Part(u32),
-    /// As near as can be to this point, m.
+    /// As near as possible to this point, m.
     Near(Point3<f64>),
 }
 
@@ -31,16 +32,16 @@ pub enum Where {
 pub struct Place {
     /// World frame, m.
     pub contacts: [Point3<f64>; 2],
-    /// Label of the part that both are on.
+    /// Label of the part that both contacts are on.
     pub part: u32,
-    /// Through the part at the contact, m: the width, or less where the line leaves the part and enters it again.
+    /// Thickness of the part at the contact, m: the width, or less if the line leaves the part and enters it again.
     pub thickness_m: f64,
     /// The larger of the angles between the line and the two normals, radians.
     pub misalignment_rad: f64,
 }
 
 impl Place {
-    /// Distance of the contacts, m.
+    /// Distance between the contacts, m.
     pub fn width_m(&self) -> f64 {
         (self.contacts[1] - self.contacts[0]).norm()
     }
@@ -56,7 +57,7 @@ impl Place {
     }
 }
 
-/// All antipodal pairs that the seeds find, of any width. `friction` is by label, `contact_radius_m` the finger's.
+/// All antipodal pairs that the seeds find, of any width. `friction` is by label; `contact_radius_m` is the finger's.
 pub fn places(surface: &Surface, place: Where, friction: &[f64], contact_radius_m: f64) -> Vec<Place> {
     let smooth = smoothed(&surface.points, contact_radius_m);
     let wanted = |p: &&SurfacePoint| match place {
@@ -76,9 +77,10 @@ pub fn places(surface: &Surface, place: Where, friction: &[f64], contact_radius_
     pairs.collect()
 }
 
-/// The points with normal and place averaged over those of the same part within a contact's radius that face alike.
+/// The points with normal and position averaged over those of the same part within a contact's radius that face the
+/// same way.
 fn smoothed(points: &[SurfacePoint], radius_m: f64) -> Vec<SurfacePoint> {
-    /// Facing alike: within 60 degrees.
+    /// Facing the same way: within 60 degrees.
     const ALIKE: f64 = 0.5;
     let positions: Vec<Point3<f64>> = points.iter().map(|p| p.position).collect();
     let cells = Cells::new(&positions, radius_m);
@@ -115,7 +117,7 @@ fn opposite(seed: &SurfacePoint, points: &[SurfacePoint], friction: f64, radius_
         }
         let contacts = [seed.position, other.position];
         let place = Place { contacts, part: seed.part, thickness_m: width, misalignment_rad };
-        // Of those in one sheet the best aligned: as if it lay deeper by how far it is off the line.
+        // Among those in one sheet, the best aligned: each counts as deeper by its distance from the line.
         let off = width * misalignment_rad.sin();
         if nearest.is_none_or(|(least, _)| depth + off < least) {
             nearest = Some((depth + off, place));

@@ -1,8 +1,9 @@
-//! The surface that fingers can touch: places with outward normals, from the Gaussians that some view sees.
+//! The surface that fingers can touch: points with outward normals, from the Gaussians that some view sees.
 //!
-//! A normal has two sources. The depth map of every view that sees the Gaussian gives one by finite differences, outward
-//! for sure but rough; the Gaussian itself, as far as it is flat, gives its shortest axis, exact but for its sign. The
-//! place is the Gaussian's near side: its centre lies under the surface by about a deviation.
+//! A normal has two sources. The depth map of every view that sees the Gaussian gives one by finite differences, which
+//! is surely outward but rough; the Gaussian itself, if it is flat, gives its shortest axis, which is exact except for
+//! its sign. The point is on the near side of the Gaussian, whose centre lies below the surface by about one standard
+//! deviation.
 
 use nalgebra::{Point3, Vector3};
 use rayon::prelude::*;
@@ -14,34 +15,35 @@ use crate::scene::gaussians::Gaussians;
 
 /// A Gaussian fainter than this is not a surface.
 const OPACITY_MIN: f64 = 0.3;
-/// More views see no more of the scenes that grasps were looked for on.
+/// More views did not see more of the scenes on which grasps were tested.
 const VIEWS_MAX: usize = 40;
-/// Depth is differentiated over so many pixels to either side.
+/// Depth is differentiated over this many pixels to either side.
 const REACH_PX: i64 = 2;
-/// Neighbours in depth further apart than this multiple of their distance across are not one surface (80 degrees).
+/// Neighbours whose difference in depth exceeds this multiple of their lateral distance are not on one surface (80
+/// degrees).
 const STEEP: f64 = 5.7;
-/// A Gaussian's own axis counts where it is within 60 degrees of the normal from depth.
+/// A Gaussian's own axis is used if it is within 60 degrees of the normal from depth.
 const AGREES: f64 = 0.5;
 
-/// The surface in metres, world frame scaled.
+/// The surface in metres, in the scaled world frame.
 pub struct Surface {
     pub points: Vec<SurfacePoint>,
     /// Centres of all opaque Gaussians, m: what a finger must not run into.
     pub obstacles: Vec<Point3<f64>>,
 }
 
-/// A place on the surface.
+/// A point on the surface.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct SurfacePoint {
     pub position: Point3<f64>,
-    /// Outward, of length 1.
+    /// Outward unit normal.
     pub normal: Vector3<f64>,
     /// Label of the part.
     pub part: u32,
 }
 
 impl Surface {
-    /// The surface that `cameras` see. `labels` are one a Gaussian; `meters_per_unit` is the scene's scale.
+    /// The surface that `cameras` see. There is one of `labels` per Gaussian; `meters_per_unit` is the scene's scale.
     pub fn of(gaussians: &Gaussians, labels: &[u32], cameras: &[Camera], meters_per_unit: f64) -> Self {
         let opaque: Vec<usize> = (0..gaussians.len()).filter(|&i| gaussians.opacity(i) >= OPACITY_MIN).collect();
         let from_depth = normals_from_depth(gaussians, cameras);
@@ -59,7 +61,7 @@ impl Surface {
 }
 
 impl Surface {
-    /// How far a point is from the object, m; 0 within it. `None` where no surface is seen.
+    /// Distance of a point from the object, m; 0 within it. `None` if no surface is seen.
     pub fn distance_m(&self, point: Point3<f64>) -> Option<f64> {
         let distance = |p: &SurfacePoint| (point - p.position).norm();
         let nearest = self.points.iter().min_by(|a, b| distance(a).total_cmp(&distance(b)))?;
@@ -68,7 +70,7 @@ impl Surface {
     }
 }
 
-/// Per Gaussian the sum over the views that see it of the normals of their depth maps, world frame; zero where none does.
+/// For each Gaussian, the sum of the depth-map normals over the views that see it, world frame; zero if none does.
 fn normals_from_depth(gaussians: &Gaussians, cameras: &[Camera]) -> Vec<Vector3<f64>> {
     let test = DepthTest::new(gaussians);
     let options = RenderOptions::default();
@@ -95,8 +97,8 @@ fn depth_at(drawn: &Render, x: i64, y: i64) -> Option<f64> {
     depth.is_finite().then_some(depth)
 }
 
-/// Normal of the depth map at a pixel, world frame, towards the camera, as long as its cosine with the line of sight: a view
-/// that grazes the surface knows little of it. Lens distortion over a few pixels is left out.
+/// Normal of the depth map at a pixel, world frame, towards the camera, with its cosine to the line of sight as its
+/// length: a view that grazes the surface measures it badly. Lens distortion over a few pixels is ignored.
 fn depth_normal(drawn: &Render, camera: &Camera, x: i64, y: i64) -> Option<Vector3<f64>> {
     let i = &camera.intrinsics;
     let point = |x: i64, y: i64| {
@@ -114,7 +116,7 @@ fn depth_normal(drawn: &Render, camera: &Camera, x: i64, y: i64) -> Option<Vecto
     Some(camera.camera_from_world.rotation.inverse() * toward * toward.dot(&ray).abs())
 }
 
-/// The normal from depth pulled towards the Gaussian's shortest axis by how flat it is.
+/// The normal from depth, shifted towards the Gaussian's shortest axis by how flat it is.
 fn refined(gaussians: &Gaussians, i: usize, from_depth: Vector3<f64>) -> Vector3<f64> {
     let scale = gaussians.scale(i);
     let shortest = scale.imin();

@@ -1,14 +1,14 @@
-//! What the numbers rest on: the references, the entries of them that were read, and the deviations that were argued.
+//! The sources of the library's numbers: the references, the entries read in them, and the justified deviations.
 
 use serde::{Deserialize, Serialize};
 
 use crate::units::Range;
 
-/// Sources of a number that is not a transcribed fact: engineering knowledge given as a range wide enough to be true, and
-/// what a user's own library says without naming a source.
+/// Sources of numbers that are not transcribed from a reference: engineering knowledge, given as a range wide enough to
+/// be true, and a user's own numbers without a named source.
 pub const UNCITED: [&str; 2] = ["handbook", USER];
 
-/// The source of a user's number that names none.
+/// The source of a user's number if none is named.
 pub const USER: &str = "user";
 
 /// A row of `bibliography.csv`.
@@ -25,15 +25,15 @@ pub struct Reference {
 
 /// A row of `evidence.csv`: one entry of a source, with the values read there.
 ///
-/// A share-alike table is cited by its entries alone; its values stay where they are and the ranges here are `None`.
+/// A share-alike table is cited by its entries only; its values are not copied and the ranges here are `None`.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Evidence {
     pub source: String,
-    /// The key that follows the colon in a citation.
+    /// The key after the colon in a citation.
     pub entry: String,
-    /// What the source calls it.
+    /// The name of the material in the source.
     pub title: String,
-    /// What `values` says of density, E, nu and strength, in the order of [`Evidence::PROPERTIES`].
+    /// The values in `values` for density, E, nu and strength, in the order of [`Evidence::PROPERTIES`].
     pub values: [Option<Range>; 4],
 }
 
@@ -41,14 +41,14 @@ impl Evidence {
     /// The properties whose values are kept with an entry, named as in [`Sources::by_property`](super::Sources).
     pub const PROPERTIES: [&'static str; 4] = ["density", "youngs_modulus", "poisson_ratio", "strength"];
 
-    /// What was read there of `property`.
+    /// The value that the entry gives for `property`.
     pub fn value(&self, property: &str) -> Option<Range> {
         let at = Self::PROPERTIES.iter().position(|name| *name == property)?;
         self.values[at]
     }
 }
 
-/// A row of `constituents.csv`: what a foam, a composite or a fabric is made of.
+/// A row of `constituents.csv`: a constituent of a foam, a composite or a fabric.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Constituent {
     pub material: String,
@@ -63,7 +63,7 @@ pub struct Constituent {
     pub source: String,
 }
 
-/// What a constituent is to the whole.
+/// The role of a constituent in the whole.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Relation {
@@ -71,13 +71,13 @@ pub enum Relation {
     CellWall,
     /// The stiff phase of a composite.
     Reinforcement,
-    /// The phase that holds it together.
+    /// The phase that holds the composite together.
     Matrix,
-    /// What a cloth is spun of.
+    /// The fibre of which a cloth is spun.
     Fibre,
 }
 
-/// A row of `deviations.csv`: a finding that is right as it stands, and why.
+/// A row of `deviations.csv`: a finding that needs no correction, with the reason.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Deviation {
     /// The material's name, or `family:NAME` for a finding about a whole family.
@@ -87,7 +87,7 @@ pub struct Deviation {
     pub reason: String,
 }
 
-/// A citation taken apart: the reference's id, and the entry in it.
+/// Splits a citation into the reference's id and the entry in it.
 pub fn split_citation(citation: &str) -> (&str, Option<&str>) {
     match citation.split_once(':') {
         Some((source, entry)) => (source, Some(entry)),

@@ -1,4 +1,4 @@
-//! What `gprop materials list`, `show` and `check` print: text for people, values for `--json`.
+//! The output of `gprop materials list`, `show` and `check`: text for people, values for `--json`.
 
 use std::fmt::Write;
 
@@ -16,7 +16,7 @@ pub struct Card {
     pub name: String,
     pub family: String,
     pub aliases: Vec<String>,
-    /// How well the name asked for fits, 1 for an exact one.
+    /// How well the requested name matches; 1 is an exact match.
     pub match_score: f64,
     pub density_kg_m3: Range,
     pub youngs_modulus_pa: Range,
@@ -28,7 +28,7 @@ pub struct Card {
     pub hardness: Option<ShoreHardness>,
     pub law: Law,
     pub labels: Labels,
-    /// Property, and what it rests on.
+    /// Each property with its sources.
     pub sources: serde_json::Map<String, serde_json::Value>,
 }
 
@@ -76,7 +76,7 @@ fn entry_title<'a>(library: &'a MaterialLibrary, id: &str, entry: &str) -> Optio
     found.map(|evidence| evidence.title.as_str())
 }
 
-/// The card as text: what it is, its numbers in everyday units, the sources they rest on.
+/// The card as text: the description, the numbers in everyday units, their sources.
 pub fn show_text(library: &MaterialLibrary, name: &str) -> Option<String> {
     let (material, score) = library.nearest(name)?;
     let mut text = String::new();
@@ -122,7 +122,7 @@ pub fn list_text(library: &MaterialLibrary, family: Option<&str>) -> Option<Stri
     Some(text)
 }
 
-/// What `check` prints, and whether the library may ship.
+/// The output of `check`, and true if the library can be released.
 pub fn check_text(library: &MaterialLibrary, with_stats: bool) -> (String, bool) {
     let findings = check(library);
     let mut text = String::new();
@@ -177,7 +177,7 @@ fn span(range: Range, unit: &str) -> String {
     format!("{} to {}{space}{unit}", range.low, range.high)
 }
 
-/// A stress in the unit in which its upper end reads best.
+/// A stress in the unit that suits its upper end best.
 fn stress(range: Range) -> String {
     let (unit, size) = match range.high {
         high if high >= 1e9 => ("GPa", 1e9),
@@ -199,7 +199,7 @@ fn law_text(law: &Law) -> String {
     parts.collect::<Vec<_>>().join(", ")
 }
 
-/// A number as one writes it: powers of ten from ten thousand on.
+/// A number in usual notation: with powers of ten from ten thousand on.
 fn plain(value: f64) -> String {
     if value.abs() >= 1e4 { format!("{value:e}") } else { value.to_string() }
 }

@@ -1,4 +1,4 @@
-//! [`MaterialLibrary`]: the rows in their order, and the ways to find one.
+//! [`MaterialLibrary`]: the rows in their order, and look-up by name.
 
 use std::collections::HashMap;
 use std::fs;
@@ -19,7 +19,7 @@ macro_rules! builtin_tables {
     };
 }
 
-/// The tables that are compiled in.
+/// The built-in tables.
 const BUILTIN: [Table<'static>; 21] = builtin_tables![
     "families.csv",
     "bibliography.csv",
@@ -44,14 +44,14 @@ const BUILTIN: [Table<'static>; 21] = builtin_tables![
     "granular_soft.csv",
 ];
 
-/// Families and materials in the order of the files, found by name.
+/// Families and materials in the order of the files, with look-up by name.
 #[derive(Debug, Clone)]
 pub struct MaterialLibrary {
     families: Vec<Family>,
     materials: Vec<Material>,
     pub(super) references: Vec<Reference>,
     pub(super) evidence: Vec<Evidence>,
-    /// Textbook values to test against; their `entry` is a material's name.
+    /// Textbook values for the checks; their `entry` is a material's name.
     pub(super) reference: Vec<Evidence>,
     pub(super) constituents: Vec<Constituent>,
     pub(super) deviations: Vec<Deviation>,
@@ -61,17 +61,17 @@ pub struct MaterialLibrary {
 }
 
 impl MaterialLibrary {
-    /// The library that is compiled in, parsed on first use.
+    /// The built-in library, parsed on first use.
     ///
     /// # Panics
-    /// If the compiled-in tables do not parse, which the tests rule out.
+    /// If the built-in tables do not parse, which the tests rule out.
     pub fn builtin() -> &'static Self {
         static LIBRARY: LazyLock<MaterialLibrary> =
             LazyLock::new(|| MaterialLibrary::parse_builtin().unwrap_or_else(|error| panic!("{error}")));
         &LIBRARY
     }
 
-    /// Parses the compiled-in tables anew.
+    /// Parses the built-in tables again.
     pub fn parse_builtin() -> Result<Self, LibraryError> {
         let mut library = Self {
             families: Vec::new(),
@@ -88,11 +88,11 @@ impl MaterialLibrary {
         Ok(library)
     }
 
-    /// The compiled-in library with a user's on top: a CSV of materials, or a folder of such CSVs which may also hold
-    /// its own `families.csv`, `bibliography.csv` and other tables that the built-in folder has.
+    /// The built-in library plus a user's: a CSV of materials, or a folder of such CSVs, which may also hold its own
+    /// `families.csv`, `bibliography.csv` and other tables of the built-in folder.
     ///
-    /// A row whose name the library has replaces the library's row; a new name adds a row. Files are taken in the
-    /// order of their names.
+    /// A row whose name is in the library replaces that row; a new name adds a row. Files are read in the order of
+    /// their names.
     pub fn load(path: &Path) -> Result<Self, LibraryError> {
         let files = csv_files(path)?;
         let mut texts = Vec::with_capacity(files.len());
@@ -118,7 +118,7 @@ impl MaterialLibrary {
         &self.families
     }
 
-    /// The family of that name, case and punctuation aside.
+    /// The family with this name, ignoring case and punctuation.
     pub fn family(&self, name: &str) -> Option<&Family> {
         let wanted = fold(name);
         self.families.iter().find(|family| fold(&family.name) == wanted)
@@ -129,13 +129,13 @@ impl MaterialLibrary {
         self.materials.iter().filter(move |material| material.family == family)
     }
 
-    /// The material of that name or alias; case, punctuation, British and American spelling aside, and "white oak"
-    /// for "oak, white".
+    /// The material with this name or alias, ignoring case, punctuation, and British or American spelling; "white oak"
+    /// also matches "oak, white".
     pub fn get(&self, name: &str) -> Option<&Material> {
         self.by_name.get(&fold(name)).map(|row| &self.materials[*row])
     }
 
-    /// The material whose name or alias shares most words with `name`, and how much from 0 to 1; `None` if none
+    /// The material whose name or alias shares most words with `name`, and the similarity from 0 to 1; `None` if none
     /// shares any. A name that [`get`](Self::get) finds scores 1.
     pub fn nearest(&self, name: &str) -> Option<(&Material, f64)> {
         if let Some(material) = self.get(name) {
@@ -145,12 +145,12 @@ impl MaterialLibrary {
         Some((&self.materials[row], score))
     }
 
-    /// The references that sources name.
+    /// The references that the sources name.
     pub fn references(&self) -> &[Reference] {
         &self.references
     }
 
-    /// The library with those materials only that `keep` wants, and the families that have any.
+    /// The library with only those materials for which `keep` is true, and with the families that have any.
     pub fn restricted_to(&self, keep: impl Fn(&Material) -> bool) -> Self {
         let mut library = self.clone();
         let mut new_row = vec![None; self.materials.len()];
@@ -173,7 +173,7 @@ impl MaterialLibrary {
         TokenIndex::new(names.into_iter())
     }
 
-    /// Puts `tables` on top of what is there.
+    /// Adds `tables` to the library, replacing rows of the same name.
     fn add(&mut self, tables: Tables) -> Result<(), LibraryError> {
         reject_duplicates(&tables.materials)?;
         for family in tables.families {
@@ -251,7 +251,7 @@ impl MaterialLibrary {
     }
 }
 
-/// The file itself, or the folder's CSV files by name.
+/// The file itself, or the folder's CSV files in the order of their names.
 fn csv_files(path: &Path) -> Result<Vec<PathBuf>, LibraryError> {
     let unreadable = |source| LibraryError::Unreadable { path: path.to_owned(), source };
     if !fs::metadata(path).map_err(unreadable)?.is_dir() {
@@ -268,7 +268,7 @@ fn csv_files(path: &Path) -> Result<Vec<PathBuf>, LibraryError> {
     if files.is_empty() { Err(LibraryError::Empty { path: path.to_owned() }) } else { Ok(files) }
 }
 
-/// A name or alias may stand for one row of a set of tables only.
+/// A name or alias may stand for only one row in a set of tables.
 fn reject_duplicates(rows: &[Placed]) -> Result<(), LibraryError> {
     let mut owners: HashMap<String, &str> = HashMap::new();
     for row in rows {

@@ -1,8 +1,8 @@
-//! The material library: fifteen families, ranges of every property in SI with a source each, look-up by name, and
-//! the checks that keep it plausible.
+//! The material library: fifteen families, ranges of every property in SI units with their sources, look-up by name,
+//! and the checks that keep it plausible.
 //!
-//! The data lie in the crate's `materials/` folder, one CSV a family, and are compiled in; its README describes the
-//! columns. [`MaterialLibrary`] reads them, [`check`](check::check) tests them, [`cli`] prints them.
+//! The data is in the crate's `materials/` folder, one CSV per family, and is compiled in; its README describes the
+//! columns. [`MaterialLibrary`] reads it, [`check`](check::check) tests it, [`cli`] prints it.
 
 pub mod bibliography;
 pub mod check;
@@ -35,21 +35,21 @@ pub struct Material {
     pub density_kg_m3: Range,
     pub youngs_modulus_pa: Range,
     pub poisson_ratio: Range,
-    /// The stress at which it fails or flows, of the kind `strength_kind` says.
+    /// The stress at which it fails or flows, of the kind in `strength_kind`.
     pub strength_pa: Range,
     pub strength_kind: StrengthKind,
     /// Coulomb friction, static and dry, against a rubber gripper pad.
     pub friction_rubber: Range,
     /// Coulomb friction, static and dry, against smooth steel.
     pub friction_steel: Range,
-    /// `None` where a Shore durometer says nothing about it.
+    /// `None` if Shore hardness does not apply.
     pub hardness: Option<ShoreHardness>,
     pub law: Law,
     pub labels: Labels,
     pub sources: Sources,
 }
 
-/// Which stress a strength is.
+/// The kind of stress that a strength is.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum StrengthKind {
@@ -63,13 +63,13 @@ pub enum StrengthKind {
     Compressive,
     /// Plateau of a foam in compression.
     Plateau,
-    /// Stress at fracture, whichever the loading.
+    /// Stress at fracture under any loading.
     Fracture,
     /// Cohesion of a granular or plastic mass; 0 for dry sand.
     Cohesion,
 }
 
-/// Writes the word that stands for it in the CSV and in JSON.
+/// Writes the name used in the CSV and in JSON.
 impl fmt::Display for StrengthKind {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         self.serialize(f)
@@ -101,7 +101,7 @@ pub enum Law {
     Fluid,
 }
 
-/// What the two data sets of the paper's evaluation call a material.
+/// Labels of the material in the two data sets of the paper's evaluation.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Labels {
     pub abo: Label,
@@ -112,11 +112,11 @@ pub struct Labels {
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Label {
     pub name: String,
-    /// Whether the label means this material; otherwise it is merely the nearest of the set.
+    /// True if the label means exactly this material; otherwise it is the nearest of the set.
     pub exact: bool,
 }
 
-/// Where each number of a row comes from: ids of the bibliography, mostly with the entry of that source after a colon.
+/// Where each number of a row comes from: ids of the bibliography, usually with that source's entry after a colon.
 #[derive(Debug, Clone, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Sources {
     pub density: Vec<String>,
@@ -130,7 +130,7 @@ pub struct Sources {
 }
 
 impl Sources {
-    /// Every property with its sources, in the order of the columns.
+    /// Every property with its sources, in column order.
     pub fn by_property(&self) -> [(&'static str, &[String]); 8] {
         [
             ("density", &self.density),
@@ -145,9 +145,9 @@ impl Sources {
     }
 }
 
-/// What holds for every material of a family: bounds wide enough for all of them, and defaults.
+/// Values that hold for every material of a family: bounds wide enough for all of them, and defaults.
 ///
-/// This is the row for an answer that names no more than the family ("metal", "wood").
+/// This is the row for an answer that names only the family ("metal", "wood").
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Family {
     pub name: String,
@@ -155,13 +155,13 @@ pub struct Family {
     pub youngs_modulus_pa: Range,
     pub poisson_ratio: Range,
     pub strength_pa: Range,
-    /// What the family's strength usually is, in words.
+    /// The usual meaning of strength in the family, in words.
     pub strength_meaning: String,
     pub friction_rubber: Range,
     pub friction_steel: Range,
     /// The softest and the hardest reading.
     pub hardness: [ShoreReading; 2],
-    /// The law of a member of which no more is known.
+    /// The law of a member about which nothing more is known.
     pub law: Law,
     pub labels: Labels,
 }
@@ -174,7 +174,7 @@ pub struct ShoreReading {
 }
 
 impl ShoreReading {
-    /// Orders readings of both scales: any A below any D. Only for bounds; the scales overlap in truth.
+    /// Compares readings on both scales: any A is below any D. For bounds only; in reality the scales overlap.
     pub fn is_at_most(self, other: Self) -> bool {
         match (self.scale, other.scale) {
             (ShoreScale::A, ShoreScale::D) => true,

@@ -1,8 +1,8 @@
-//! How names are compared: folded for equality, by weighted tokens for nearness.
+//! Compares names: folded for equality, by weighted tokens for similarity.
 
 use std::collections::HashMap;
 
-/// American and variant spellings, and the one the library uses.
+/// American and variant spellings, with the spelling that the library uses.
 const SPELLINGS: [(&str, &str); 24] = [
     ("aluminum", "aluminium"),
     ("anodised", "anodized"),
@@ -30,13 +30,14 @@ const SPELLINGS: [(&str, &str); 24] = [
     ("woollen", "wool"),
 ];
 
-/// Two tokens this alike (1 minus edit distance over the longer length) count as a misspelling of each other.
+/// Two tokens with at least this similarity (1 minus edit distance over the longer length) count as misspellings of
+/// each other.
 const MISSPELLING: f64 = 0.74;
 
-/// No name has more tokens. Of what somebody writes in a name's place no more are compared with every name there is.
+/// No name has more tokens. If the text given as a name is longer, only this many tokens are compared with every name.
 const MOST_TOKENS: usize = 32;
 
-/// Lower case, punctuation as single spaces, one spelling: names equal after this are the same name.
+/// Lower case, punctuation as single spaces, one spelling: names that are equal after this are the same name.
 pub fn fold(name: &str) -> String {
     let lower = name.to_lowercase();
     let mut folded = String::with_capacity(lower.len());
@@ -50,16 +51,16 @@ pub fn fold(name: &str) -> String {
     folded
 }
 
-/// "oak, white" as it is said: "white oak". `None` without exactly one comma.
+/// "oak, white" in its usual order: "white oak". `None` without exactly one comma.
 pub fn inverted(name: &str) -> Option<String> {
     let (head, rest) = name.split_once(',')?;
     (!rest.contains(',')).then(|| format!("{} {}", rest.trim(), head.trim()))
 }
 
-/// Names as bags of tokens, each weighted by how rare it is.
+/// Names as bags of tokens, each weighted by its rarity.
 #[derive(Debug, Clone)]
 pub struct TokenIndex {
-    /// The tokens of each name, and which row the name belongs to.
+    /// The tokens of each name, and the row to which the name belongs.
     names: Vec<(Vec<String>, usize)>,
     weights: HashMap<String, f64>,
     unknown_weight: f64,
@@ -79,7 +80,7 @@ impl TokenIndex {
         Self { names, weights, unknown_weight: (1.0 + total).ln() }
     }
 
-    /// The row whose name shares most with `name`, and how much from 0 to 1 (1: the same words in any order).
+    /// The row whose name is most similar to `name`, and the similarity from 0 to 1 (1: the same words in any order).
     ///
     /// The score is Dice's coefficient of the two token bags, each token weighted by ln(1 + N / frequency) so that
     /// "oak" decides and "wood" hardly counts. Equal scores go to the name with fewer tokens, then to the first row.
@@ -119,7 +120,8 @@ impl TokenIndex {
     }
 }
 
-/// 1 for equal tokens, less by the Levenshtein distance over the longer length. Tokens with digits are grades: equal
+/// 1 for equal tokens, reduced by the Levenshtein distance over the longer length. Tokens with digits are grades: equal
+/// or different, never misspelt.
 /// or different, never misspelt.
 fn likeness(a: &str, b: &str) -> f64 {
     if a == b {

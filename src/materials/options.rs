@@ -1,4 +1,4 @@
-//! What the user may choose about the library.
+//! The user's options for the library.
 
 use std::borrow::Cow;
 use std::path::PathBuf;
@@ -9,7 +9,7 @@ use super::{LibraryError, MaterialLibrary};
 use crate::config::SceneKey;
 use crate::values;
 
-/// The keys that a scene may set: a library of its own, for what it is made of.
+/// The keys that a scene may set: a library with the scene's own materials.
 pub const SCENE_KEYS: &[SceneKey] = &[SceneKey::path("materials")];
 
 /// Which materials there are.
@@ -24,7 +24,7 @@ pub struct Options {
 }
 
 impl Options {
-    /// The built-in library with what the user adds.
+    /// The built-in library with the user's additions.
     ///
     /// # Errors
     /// [`LibraryError`] names the file, line and column.

@@ -1,24 +1,24 @@
-//! How much of the library rests on cited tables, and how much on handbook knowledge.
+//! The shares of the library that are based on cited tables and on handbook knowledge.
 
 use serde::Serialize;
 
 use super::bibliography::UNCITED;
 use super::{Material, MaterialLibrary};
 
-/// Families of hard goods: open tables exist for them, so their densities and moduli must mostly be cited.
+/// Families of hard goods: open tables exist for them, so most of their densities and moduli must be cited.
 pub const WELL_MEASURED: [&str; 8] =
     ["wood", "metal", "thermoplastic", "thermoset_composite", "glass", "ceramic", "stone", "concrete"];
 
-/// The least share of cited densities and of cited moduli in each of [`WELL_MEASURED`].
+/// The smallest allowed share of cited densities and of cited moduli in each of [`WELL_MEASURED`].
 pub const LEAST_CITED: [(&str, f64); 2] = [("density", 0.9), ("youngs_modulus", 0.7)];
 
-/// The cited share of each property over some materials.
+/// The cited share of each property among some materials.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Shares {
     /// A family, `well measured` for [`WELL_MEASURED`] together, or `all`.
     pub of: String,
     pub materials: usize,
-    /// Property, and the share from 0 to 1 of its values that come from a cited table.
+    /// Each property with the share from 0 to 1 of its values that come from a cited table.
     pub cited: Vec<(&'static str, f64)>,
 }
 
@@ -39,7 +39,7 @@ pub fn stats(library: &MaterialLibrary) -> Vec<Shares> {
     shares
 }
 
-/// Whether a property's citations name a table, not handbook knowledge.
+/// True if a property's citations name a table rather than handbook knowledge.
 pub fn is_cited(citations: &[String]) -> bool {
     !citations.is_empty() && citations.iter().all(|citation| !UNCITED.contains(&citation.as_str()))
 }

@@ -1,4 +1,5 @@
-//! The queries of a session by the Batch API: submitted now, collected later. What is under way is noted in `batch_api.json`.
+//! The queries of a session through the Batch API: submitted first, collected later. Jobs in progress are noted in
+//! `batch_api.json`.
 
 use std::collections::BTreeMap;
 
@@ -26,30 +27,31 @@ pub enum NotUsable {
     Answer(Failure),
 }
 
-/// What `--batch-api submit` did.
+/// The result of `--batch-api submit`.
 #[derive(Debug, Serialize)]
 pub struct Sent {
-    /// Questions sent now.
+    /// Questions sent by this call.
     pub sent: usize,
     /// Questions of earlier submissions that are not collected yet.
     pub waiting: usize,
 }
 
-/// What `--batch-api collect` did.
+/// The result of `--batch-api collect`.
 #[derive(Debug, Default, Serialize)]
 pub struct Collected {
     pub recorded: usize,
-    /// Questions that were not answered, or not usably, by reason.
+    /// Questions without a usable answer, by reason.
     pub failed: BTreeMap<String, usize>,
-    /// Jobs that are still worked on, with how many of their requests are done.
+    /// Jobs in progress, with how many of their requests are done.
     pub running: usize,
     pub running_done: usize,
     pub running_total: usize,
 }
 
 impl QuerySession<'_> {
-    /// Sends what is neither recorded nor under way. The first question is asked at once: a wrong key or model shows now
-    /// and not a day later, and the others are put as the server takes them.
+    /// Sends the questions that are neither recorded nor in progress. The first question is asked at once: a wrong key
+    /// or model then shows immediately and not a day later, and the other requests take the form that the server
+    /// accepts.
     pub fn submit(&self) -> Result<Sent> {
         let client = self.batch_api_client()?;
         client.ready().map_err(QueryError::BatchApi)?;
@@ -76,8 +78,8 @@ impl QuerySession<'_> {
         Ok(Sent { sent, waiting })
     }
 
-    /// What asking about the first `count` open segments may cost, about the first `at_once` of them now and about the
-    /// others by the Batch API.
+    /// The cost of asking about the first `count` open segments: about the first `at_once` of them live, and about the
+    /// others through the Batch API.
     pub fn submission_cost(&self, client: &Client, queries: &Queries, count: usize, at_once: usize) -> (Cost, Cost) {
         queries.submission_cost(&self.recordings, client.answerer(), self.price(), count, at_once)
     }
@@ -85,7 +87,7 @@ impl QuerySession<'_> {
     /// Asks the first open question at once.
     ///
     /// # Errors
-    /// Where the endpoint cannot answer it.
+    /// If the endpoint cannot answer it.
     pub fn ask_first(&self, client: &Client, queries: &Queries, ledger: &Ledger) -> Result<()> {
         match queries.ask_first(&self.recordings, client, ledger)? {
             Some(Outcome::Failed(Failure::Endpoint { message })) => {
@@ -95,7 +97,7 @@ impl QuerySession<'_> {
         }
     }
 
-    /// The open questions that `submitted` does not wait for, as `owner`'s.
+    /// The open questions that are not already in `submitted`, with the owner `owner`.
     pub fn requests(&self, client: &Client, queries: &Queries, submitted: &Submitted, owner: &str) -> Vec<Request> {
         let open = queries.unanswered(&self.recordings, Some(client.answerer()));
         let mut requests: BTreeMap<_, Request> = BTreeMap::new();
@@ -111,7 +113,7 @@ impl QuerySession<'_> {
         requests.into_values().collect()
     }
 
-    /// Fetches the jobs that have ended, and records their answers.
+    /// Fetches the jobs that have ended and records their answers.
     pub fn collect(&self) -> Result<Collected> {
         let (client, queries) = (self.batch_api_client()?, self.queries()?);
         let mut submitted = self.submitted()?;
@@ -138,7 +140,7 @@ impl QuerySession<'_> {
         Ok(collected)
     }
 
-    /// Records an answer, or says why it is none.
+    /// Records an answer, or returns why it is not usable.
     pub fn record(
         &self,
         queries: &Queries,
@@ -170,7 +172,8 @@ impl QuerySession<'_> {
     }
 }
 
-/// Whether a submission, which cannot be stopped, keeps within the budget even at the longest answers.
+/// Checks that a submission, which cannot be stopped, stays within the budget even if all answers have the maximum
+/// length.
 pub fn check_submission(cost: &Cost, ledger: &Ledger, answerer: &Answerer) -> Result<(), QueryError> {
     let Some(max_usd) = ledger.max_usd().filter(|_| ledger.might_pass(cost.most_usd)) else { return Ok(()) };
     Err(match cost.most_usd {
@@ -180,22 +183,22 @@ pub fn check_submission(cost: &Cost, ledger: &Ledger, answerer: &Answerer) -> Re
 }
 
 impl Collected {
-    /// Counts a job of `total` questions that is still worked on.
+    /// Counts a job of `total` questions that is still in progress.
     pub fn add_running(&mut self, counts: RequestCounts, total: usize) {
         self.running += 1;
         self.running_done += counts.completed + counts.failed;
         self.running_total += total;
     }
 
-    /// Counts a question that was not answered usably.
+    /// Counts a question without a usable answer.
     pub fn add_failed(&mut self, reason: &impl ToString) {
         *self.failed.entry(reason.to_string()).or_default() += 1;
     }
 
-    /// Whether everything that was submitted is recorded now.
+    /// Checks that everything that was submitted is recorded.
     ///
     /// # Errors
-    /// [`QueryError::BatchApiRunning`] or [`QueryError::BatchApiPartial`] where it is not.
+    /// [`QueryError::BatchApiRunning`] or [`QueryError::BatchApiPartial`] if it is not.
     pub fn require_all(&self) -> Result<(), QueryError> {
         let failed: usize = self.failed.values().sum();
         if failed > 0 {

@@ -1,4 +1,4 @@
-//! Where a pipeline works, and with which options.
+//! The builder of a pipeline: its folders and options.
 
 use std::path::{Path, PathBuf};
 
@@ -10,7 +10,7 @@ use crate::grasp::gripper::GripperProfile;
 use crate::progress::Progress;
 use crate::workdir::{self, WorkDir};
 
-/// How a [`Pipeline`] is to be opened; from [`Pipeline::builder`].
+/// Settings for opening a [`Pipeline`]; from [`Pipeline::builder`].
 #[derive(Debug, Clone)]
 pub struct Builder {
     folder: PathBuf,
@@ -31,31 +31,31 @@ impl Builder {
         }
     }
 
-    /// The work folder. Without it, `gprop/` in the scene's folder.
+    /// The work folder; by default `gprop/` in the scene's folder.
     pub fn out(self, folder: impl AsRef<Path>) -> Self {
         Self { out: Some(folder.as_ref().to_owned()), ..self }
     }
 
-    /// The options. Without them, [`Options::of_scene`].
+    /// The options; by default [`Options::of_scene`].
     pub fn options(self, options: Options) -> Self {
         Self { options: Some(options), ..self }
     }
 
-    /// The last stage that [`Pipeline::run`] does, and from which stage on nothing of an earlier run is used. Without it,
-    /// all stages, and none is done again.
+    /// The last stage that [`Pipeline::run`] does, and the stage from which on results of an earlier run are not
+    /// reused. By default, all stages are done and any results can be reused.
     pub fn plan(self, plan: Plan) -> Self {
         Self { plan, ..self }
     }
 
-    /// What is shown on stderr while stages run. Without it, nothing but warnings, which go to `tracing`.
+    /// The progress shown on stderr while stages run; by default only warnings, which go to `tracing`.
     pub fn progress(self, progress: Progress) -> Self {
         Self { progress, ..self }
     }
 
-    /// Loads the scene and locks its work folder, which is made if it does not exist.
+    /// Loads the scene and locks its work folder, which is created if it does not exist.
     ///
     /// # Errors
-    /// The scene cannot be read, an option is outside its domain, or the work folder cannot be used.
+    /// If the scene cannot be read, an option is outside its domain, or the work folder cannot be used.
     pub fn open(self) -> Result<Pipeline, Error> {
         let options = match self.options {
             Some(options) => options,

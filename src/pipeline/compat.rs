@@ -1,4 +1,4 @@
-//! A configuration of the public PhysGaussian solver, run on a scene: no parts, no answers, no materials of gprop's.
+//! Runs a configuration of the public PhysGaussian solver on a scene, without gprop's parts, answers or materials.
 
 use std::fs;
 use std::path::Path;
@@ -17,11 +17,11 @@ use crate::workdir::{Artifact, WorkDir};
 
 use super::simulate::NOT_KEPT;
 
-/// Runs the configuration in `config` on the Gaussians of `scene`, a folder or a PLY, and writes frames, states and
-/// `simulation.json` into `out`.
+/// Runs the configuration in the file `config` on the Gaussians of `scene`, a folder or a PLY, and writes frames,
+/// states and `simulation.json` into `out`.
 ///
 /// # Errors
-/// A file that cannot be read, and what the run reports; what was written before stays.
+/// If a file cannot be read or the run fails; files that were already written stay.
 pub fn run(
     scene: &Path,
     options: &crate::scene::Options,

@@ -9,7 +9,7 @@ use crate::export::{self, Format, Model};
 use super::Pipeline;
 
 impl Pipeline {
-    /// Writes the object into `folder`, once the parts are done, and names the files.
+    /// Writes the object into `folder` once the parts are done, and returns the paths of the files.
     pub(crate) fn export(&self, format: Format, folder: &Path) -> Result<Vec<PathBuf>> {
         let parts = self.stored_parts()?;
         let model = Model {

@@ -1,4 +1,4 @@
-//! Grasps on disk; `null` where the metric scale is unknown, for newtons need kilograms.
+//! Grasps on disk; `null` if the metric scale is unknown, because forces in newtons need masses in kilograms.
 
 use anyhow::Result;
 
@@ -14,7 +14,8 @@ impl Pipeline {
         self.key_after_inputs(Stage::Grasp).with_json(&self.options.grasp).with_json(&self.gripper).hex()
     }
 
-    /// Where the user asks for a grasp, what stands in its way is an error; on the way to a report it is a warning.
+    /// If the user asks for a grasp, a grasp that cannot be computed is an error; if it is only needed for a report, it
+    /// is a warning.
     pub(super) fn do_grasp(&self) -> Result<Done> {
         let asked = self.plan.to == Stage::Grasp || self.options.grasp.names_a_place();
         let (Some(parts), Some(scale)) = (self.stored_parts()?, &self.scene.scale) else {
@@ -46,12 +47,12 @@ impl Pipeline {
         Ok(Done::writing(outputs).warning(report.warnings))
     }
 
-    /// The forces.
+    /// The stored forces.
     pub(super) fn stored_grasp(&self) -> Result<Option<GraspReport>> {
         Ok(self.work.read_json(Artifact::Grasp)?)
     }
 
-    /// The picture of the places to grasp at, as PNG; `None` where there is no place.
+    /// The picture of the best places to grasp at, as PNG; `None` if there is no place.
     pub(super) fn grasp_picture(&self) -> Result<Option<Vec<u8>>> {
         let drawn = self.work.size(Artifact::GraspPicture).is_some();
         Ok(if drawn { Some(self.work.read(Artifact::GraspPicture)?) } else { None })

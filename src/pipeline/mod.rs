@@ -1,9 +1,9 @@
-//! The stages in order; which artifacts are still good; resume.
+//! Runs the stages in order, decides which artifacts can be reused, and resumes runs.
 //!
-//! A stage is done again when its key changes, the hash of its options and of what the stages before it made, or when a
-//! file that it wrote holds other bytes now. What it made is then written, and only after that its record, so a run that
-//! is killed finds its way at the next start. Stages with costly items (views, answers, frames) save each item with a
-//! checksum and take up where they were killed.
+//! A stage is done again if its key changes (the hash of its options and of the results of the stages before it) or if
+//! the content of a file that it wrote has changed. Its results are written first and its record only after them, so
+//! the next run can continue after a run that was killed. Stages with costly items (views, answers, frames) save each
+//! item with a checksum and resume where they were killed.
 
 mod batch_api;
 mod builder;
@@ -57,14 +57,16 @@ pub use plan::{Plan, Stage};
 pub use record::Hasher;
 use record::{Left, Output, RunRecord, StageRecord};
 
-/// A scene on its way through the stages, with its work folder, which it holds the lock of.
+/// A scene being processed by the stages, with its work folder, whose lock it holds.
 ///
-/// Its results ([`segments`](Self::segments), [`answers`](Self::answers), [`field`](Self::field), [`parts`](Self::parts),
-/// [`simulation`](Self::simulation), [`grasp`](Self::grasp)) do what is missing and read what is there. It is what every
-/// command of the program works with, so a library's work folders are the program's and the other way round.
+/// Its results ([`segments`](Self::segments), [`answers`](Self::answers), [`field`](Self::field),
+/// [`parts`](Self::parts), [`simulation`](Self::simulation), [`grasp`](Self::grasp)) do the stages that are missing and
+/// read the results that exist. Every command of the program uses this type, so the library and the program can use
+/// each other's work folders.
 ///
-/// Nothing is sent to a model unless the options name its server (`options.query.lmm_url`): answers come from recordings.
-/// SAM and ONNX Runtime are taken from the cache, and fetched if they are not there yet and `options.setup.offline` is off.
+/// Nothing is sent to a model unless the options name its server (`options.query.lmm_url`): answers come from
+/// recordings. SAM and ONNX Runtime are taken from the cache, or downloaded if they are missing and
+/// `options.setup.offline` is off.
 pub struct Pipeline {
     folder: PathBuf,
     work: WorkDir,
@@ -73,7 +75,7 @@ pub struct Pipeline {
     typed: Vec<String>,
     progress: Progress,
     record: RunRecord,
-    /// The stages that this process has done or found done.
+    /// The stages that this process has done or found already done.
     done: Vec<Stage>,
     library: Cow<'static, MaterialLibrary>,
     gripper: GripperProfile,
@@ -85,12 +87,12 @@ pub struct Pipeline {
     interior: OnceLock<Interior>,
 }
 
-/// What a stage says of itself when it is done.
+/// The result of doing a stage.
 struct Done {
     /// The files it wrote.
     outputs: Vec<PathBuf>,
     warnings: Vec<String>,
-    /// Hash of what it made where its key does not determine it.
+    /// Hash of its results if its key does not determine them.
     digest: Option<String>,
 }
 
@@ -99,17 +101,17 @@ impl Pipeline {
     /// [`Options::of_scene`], the work folder is `folder`/gprop.
     ///
     /// # Errors
-    /// As of [`Builder::open`].
+    /// As for [`Builder::open`].
     pub fn open(folder: impl AsRef<Path>) -> Result<Self, Error> {
         Self::builder(folder).open()
     }
 
-    /// The same with another work folder or other options.
+    /// Like [`open`](Self::open), but the work folder and the options can be set.
     pub fn builder(folder: impl AsRef<Path>) -> Builder {
         Builder::new(folder.as_ref())
     }
 
-    /// The scene with its work folder.
+    /// Opens the scene with its work folder.
     fn within(
         folder: &Path,
         work: WorkDir,
@@ -148,15 +150,15 @@ impl Pipeline {
         })
     }
 
-    /// The same with the flags that stand for its options, for the report to say how it was made.
+    /// Adds the flags that stand for its options, so that the report can show how it was made.
     pub(crate) fn typed(self, typed: Vec<String>) -> Self {
         Self { typed, ..self }
     }
 
-    /// Whether nothing has been done in the work folder yet; makes none.
+    /// True if nothing has been done in the work folder yet; does not create one.
     ///
     /// # Errors
-    /// Where the scene cannot be read or the options do not fit it.
+    /// If the scene cannot be read or the options do not fit it.
     pub(crate) fn is_untouched(folder: &Path, out: Option<&Path>, options: &Options) -> Result<bool> {
         if work_folder(folder, out).exists() {
             return Ok(false);
@@ -165,10 +167,10 @@ impl Pipeline {
         Ok(true)
     }
 
-    /// Does the stages of the plan that neither an earlier run nor this pipeline did.
+    /// Does the stages of the plan that neither an earlier run nor this pipeline has done.
     ///
     /// # Errors
-    /// Those of the stages.
+    /// The errors of the stages.
     pub fn run(&mut self) -> Result<(), Error> {
         self.carry_out().map_err(Error)
     }
@@ -210,7 +212,7 @@ impl Pipeline {
         }
     }
 
-    /// Stages of the plan that an earlier run left as this one would.
+    /// The stages of the plan whose results from an earlier run can be reused.
     pub(crate) fn reusable(&self) -> Result<Vec<Stage>> {
         let mut found: Vec<Stage> = Vec::new();
         for stage in self.plan.stages() {
@@ -222,7 +224,7 @@ impl Pipeline {
         Ok(found)
     }
 
-    /// The record of a stage that needs not be done; warns of files that somebody changed.
+    /// The record of a stage that need not be done again; warns about files that were changed.
     fn left(&self, stage: Stage, key: &str) -> Option<&StageRecord> {
         if self.must_redo(stage) {
             return None;
@@ -243,7 +245,7 @@ impl Pipeline {
         &self.work
     }
 
-    /// Does a stage unless what an earlier run left of it is still good.
+    /// Does a stage unless its results from an earlier run can be reused.
     fn step(&mut self, stage: Stage) -> Result<()> {
         let key = self.key(stage)?;
         let options = serde_json::to_value(&self.options)?;
@@ -257,7 +259,7 @@ impl Pipeline {
         self.record.forget(stage, &self.work)?;
         let start = Instant::now();
         let done = self.work_on(stage, &key)?;
-        // Recordings are part of the query's key, and what was asked is recorded now.
+        // Recordings are part of the query's key, and this run has added some.
         let key = if stage == Stage::Query { self.key(stage)? } else { key };
         let output = |path: PathBuf| Ok(Output { checksum: self.work.checksum(&path)?, path });
         let record = StageRecord {
@@ -276,12 +278,12 @@ impl Pipeline {
         Ok(self.record.put(record, &self.work)?)
     }
 
-    /// Whether the user wants a stage done again whatever was left of it.
+    /// True if the user wants a stage done again in any case.
     fn must_redo(&self, stage: Stage) -> bool {
         self.plan.redoes(stage) || (stage == Stage::Query && self.asks_anew())
     }
 
-    /// A hash that begins with the digests of the stages that `stage` reads from.
+    /// A hasher that has already taken in the digests of the stages that `stage` reads from.
     fn key_after_inputs(&self, stage: Stage) -> Hasher {
         let name = serde_json::to_string(&stage).expect("a stage is a word");
         self.inputs_of(stage).fold(Hasher::new(&name), |hasher, (_, digest)| hasher.with(digest.as_bytes()))
@@ -297,7 +299,7 @@ impl Pipeline {
 }
 
 impl Done {
-    /// A stage that wrote `outputs` and found nothing to warn of.
+    /// A stage that wrote `outputs` and has no warnings.
     fn writing<'a>(outputs: impl IntoIterator<Item = Artifact<'a>>) -> Self {
         Self {
             outputs: outputs.into_iter().map(|artifact| artifact.path()).collect(),
@@ -316,7 +318,7 @@ pub fn work_folder(scene: &Path, out: Option<&Path>) -> PathBuf {
     out.map_or_else(|| scene.join(workdir::DEFAULT_NAME), Path::to_owned)
 }
 
-/// The value in `cell`, made by `make` at the first need.
+/// The value in `cell`, created by `make` when first needed.
 fn get_or_load<T>(cell: &OnceLock<T>, make: impl FnOnce() -> Result<T>) -> Result<&T> {
     if cell.get().is_none() {
         let _ = cell.set(make()?);

@@ -34,11 +34,11 @@ pub struct Options {
 }
 
 impl Options {
-    /// The defaults with what `gprop.toml` in the folder `scene` sets, which is what `gprop run` works with if it is given
-    /// no flags and the user has no `config.toml`.
+    /// The defaults, changed by `gprop.toml` in the folder `scene`. These are the options of `gprop run` without flags
+    /// if the user has no `config.toml`.
     ///
     /// # Errors
-    /// `gprop.toml` cannot be read, has a key that a scene may not set, or a value that the key does not take.
+    /// If `gprop.toml` cannot be read, has a key that a scene may not set, or a value that the key does not accept.
     pub fn of_scene(scene: impl AsRef<Path>) -> Result<Self, Error> {
         let scene = scene.as_ref();
         let read = || -> Result<Self> {
@@ -57,7 +57,7 @@ impl Options {
     }
 }
 
-/// The keys of all stages' options that a scene's `gprop.toml` may set. Every other option is the user's alone.
+/// The keys of all stages' options that a scene's `gprop.toml` may set. Every other option is only for the user to set.
 pub fn scene_keys() -> Vec<SceneKey> {
     let stages = [
         crate::scene::SCENE_KEYS,
@@ -73,11 +73,11 @@ pub fn scene_keys() -> Vec<SceneKey> {
     stages.concat()
 }
 
-/// The one flag besides the stages' that a configuration file may set.
+/// The one flag, besides those of the stages, that a configuration file may set.
 pub const THREADS: &str = "threads";
 
-/// The flags that a configuration file may set, a scene's those with [`config::Flag::scene`]: those of the stages, not those
-/// of the command, and how many threads there are.
+/// The flags that a configuration file may set: those of the stages, but not those of the command, and the number of
+/// threads. A scene's file may set those with [`config::Flag::scene`].
 pub fn known_flags() -> Vec<config::Flag> {
     let stages = Options::augment_args(stages());
     let scene_keys = scene_keys();
@@ -95,7 +95,7 @@ pub fn known_flags() -> Vec<config::Flag> {
     stages.get_arguments().filter_map(flag).chain([threads]).collect()
 }
 
-/// A command with no arguments, for those of the stages.
+/// A command without arguments, to which those of the stages are added.
 fn stages() -> clap::Command {
     clap::Command::new("stages")
 }

@@ -1,5 +1,5 @@
-//! Parts on disk: in metres and kilograms where the scale is known, else in scene units without masses; and the object's
-//! inside, which the stages after it fill with material.
+//! Parts on disk: in metres and kilograms if the scale is known, otherwise in scene units and without masses; and the
+//! object's inside, which later stages fill with material.
 
 use anyhow::Result;
 use serde::Serialize;
@@ -12,7 +12,7 @@ use super::{Done, Pipeline, Stage, get_or_load};
 /// The content of `parts.json` if the metric scale is unknown.
 #[derive(Serialize)]
 struct UnscaledFile<'a> {
-    /// What is missing and how to give it.
+    /// A note that the scale is missing and how to give it.
     scale: String,
     object: Option<()>,
     parts: [(); 0],
@@ -44,7 +44,7 @@ impl Pipeline {
         Ok(Done::writing([Artifact::Parts, Artifact::Interior]).warning(warnings))
     }
 
-    /// Which part fills each cell of the object's inside.
+    /// For each cell of the object's inside, the part that fills it.
     pub(super) fn interior(&self) -> Result<&Interior> {
         get_or_load(&self.interior, || {
             let bytes = self.work.read(Artifact::Interior)?;
@@ -54,7 +54,7 @@ impl Pipeline {
         })
     }
 
-    /// The parts in metres and kilograms; `None` where the scale is unknown.
+    /// The parts in metres and kilograms; `None` if the scale is unknown.
     pub(super) fn stored_parts(&self) -> Result<Option<Parts>> {
         if self.scene.scale.is_none() {
             return Ok(None);

@@ -1,5 +1,5 @@
-//! One picture instead of a scene: its segments, what they are made of, and a map of it. The first half of the method,
-//! for which a single view is enough.
+//! Processes one picture instead of a scene: its segments, their materials, and a map of the materials. This is the
+//! first half of the method, for which a single view is enough.
 
 use std::borrow::Cow;
 use std::path::{Path, PathBuf};
@@ -23,32 +23,32 @@ use super::scene::file_digest;
 use super::segment::{SegmentsFile, ViewEntry, models_key, open_segmenter, stored_segments, write_other_formats};
 use super::{Options, png};
 
-/// A picture on its way through segmentation and queries.
+/// A picture being segmented and queried.
 pub struct Picture {
     work: WorkDir,
     options: Options,
     library: Cow<'static, MaterialLibrary>,
     photo: Photo,
-    /// Width and height of the picture as it is stored, upright.
+    /// Width and height of the stored picture after it is turned upright.
     size: (u32, u32),
-    /// The segments in pixels of `photo`, which is smaller than the picture where that is huge.
+    /// The segments in pixels of `photo`, which is smaller than the picture if the picture is huge.
     segments: ViewSegments,
     progress: Progress,
 }
 
-/// The picture's name among views.
+/// The view name of the picture.
 fn view_name(path: &Path) -> String {
     path.file_stem().unwrap_or_default().to_string_lossy().into_owned()
 }
 
-/// The picture's work folder: beside it and of its name, where the user names none.
+/// The picture's work folder: by default beside it, with a name derived from it.
 fn work_folder(path: &Path, out: Option<&Path>) -> PathBuf {
     out.map_or_else(|| path.with_extension(crate::workdir::DEFAULT_NAME), Path::to_owned)
 }
 
 impl Picture {
-    /// Reads the picture in `path`, its foreground by `mask` or its alpha, and finds its segments; those that an
-    /// earlier run found are taken where they are still good.
+    /// Reads the picture in `path`, with its foreground from `mask` or its alpha, and finds its segments; segments from
+    /// an earlier run are reused if they are still valid.
     pub fn open(
         path: &Path,
         mask: Option<&Path>,
@@ -75,14 +75,15 @@ impl Picture {
         Ok(Self { work, library: options.materials.library()?, options, photo, size, segments, progress })
     }
 
-    /// Whether an earlier run found the picture's segments and they are still good; makes and does nothing.
+    /// True if an earlier run found the picture's segments and they are still valid; does not create or change
+    /// anything.
     pub fn is_segmented(path: &Path, mask: Option<&Path>, out: Option<&Path>, options: &Options) -> Result<bool> {
         Photo::open(path, mask)?;
         let (folder, key) = (work_folder(path, out), segments_key(path, mask, options)?);
         Ok(folder.exists() && segmented_before(&WorkDir::open(&folder)?, &view_name(path), &key).is_some())
     }
 
-    /// Writes the segments in the other formats that were asked for, and gives them in pixels of the picture.
+    /// Writes the segments in the other formats that were requested, and returns them in pixels of the picture.
     pub fn segments(&self) -> Result<ViewSegments> {
         let segments = [at_size(self.segments.clone(), self.size)];
         write_other_formats(&self.work, &self.options.segment.also, &segments)?;
@@ -90,10 +91,10 @@ impl Picture {
         Ok(segments)
     }
 
-    /// The queries of the picture's segments; recordings lie in the work folder.
+    /// The queries of the picture's segments; recordings are in the work folder.
     ///
     /// # Errors
-    /// Besides what reading prompts and recordings may meet, a picture without a foreground.
+    /// If prompts or recordings cannot be read, or the picture has no foreground.
     pub fn query_session(&self) -> Result<QuerySession<'_>> {
         if self.segments.segments.is_empty() {
             let view = &self.segments.view;
@@ -106,7 +107,7 @@ impl Picture {
         QuerySession::new(query, vec![view], &self.library, home, &self.work, network, self.progress)
     }
 
-    /// Answers the queries and draws the map of materials.
+    /// Answers the queries and draws the material map.
     pub fn run(&self) -> Result<Answers> {
         let session = self.query_session()?;
         let queries = session.queries()?;
@@ -125,7 +126,7 @@ impl Picture {
     }
 }
 
-/// What the segments depend on.
+/// Hash of everything that the segments depend on.
 fn segments_key(path: &Path, mask: Option<&Path>, options: &Options) -> Result<String> {
     let mut hasher =
         Hasher::new("picture").with_json(&options.segment.deciding()).with(models_key(&options.setup).as_bytes());
@@ -142,7 +143,8 @@ fn segmented_before(work: &WorkDir, view: &str, key: &str) -> Option<ViewSegment
     Some(ViewSegments { view: view.to_owned(), map, segments: entry.segments })
 }
 
-/// Finds the segments and writes them in pixels of the picture, whose size is `size`; gives them in pixels of `photo`.
+/// Finds the segments and writes them in pixels of the picture, whose size is `size`; returns them in pixels of
+/// `photo`.
 fn segment(
     work: &WorkDir,
     view: &str,
@@ -163,7 +165,7 @@ fn segment(
     Ok(found)
 }
 
-/// The segments as they are in the picture at another size.
+/// The segments, scaled to another size of the picture.
 fn at_size(found: ViewSegments, (width, height): (u32, u32)) -> ViewSegments {
     let small = (found.map.width, found.map.height);
     if small == (width, height) {

@@ -1,4 +1,4 @@
-//! The stages, which of them read from which, and which of them a run does.
+//! The stages, the stages that each reads from, and the selection of stages for a run.
 
 use serde::{Deserialize, Serialize};
 
@@ -36,12 +36,12 @@ impl Stage {
         }
     }
 
-    /// Whether it cannot be done before `other` is.
+    /// True if it cannot be done before `other` is.
     fn needs(self, other: Self) -> bool {
         self.inputs().iter().any(|input| *input == other || input.needs(other))
     }
 
-    /// Of [`Options`](super::Options), those that it reads.
+    /// The fields of [`Options`](super::Options) that it reads.
     pub(super) fn rooms(self) -> &'static [&'static str] {
         match self {
             Self::Scene => &["scene"],
@@ -55,23 +55,23 @@ impl Stage {
         }
     }
 
-    /// As it is typed, and stands in `run.json`.
+    /// Its name, as typed on the command line and written in `run.json`.
     pub fn name(self) -> String {
         format!("{self:?}").to_lowercase()
     }
 }
 
-/// What to do, and what to do again in any case.
+/// The stages to do, and those to do again in any case.
 #[derive(Debug, Clone, Copy)]
 pub struct Plan {
-    /// The last stage to do. Those before it are done as far as it needs them.
+    /// The last stage to do. Earlier stages are done if it needs them.
     pub to: Stage,
-    /// This stage and those after it are done again, whatever an earlier run left.
+    /// This stage and those after it are done again, regardless of earlier runs.
     pub from: Option<Stage>,
 }
 
 impl Plan {
-    /// The stages to do or to find done, in order.
+    /// The stages that must be done or already be done, in order.
     pub fn stages(self) -> impl Iterator<Item = Stage> {
         let asked = move |stage| stage == self.to || self.to.needs(stage) || self.redoes(stage);
         Stage::ALL.into_iter().filter(move |stage| *stage <= self.to && asked(*stage))

@@ -1,4 +1,4 @@
-//! Queries on disk: one sheet per segment, recordings as they come, `answers.jsonl` when all are there.
+//! Queries on disk: one sheet per segment, recordings as they arrive, `answers.jsonl` when all are complete.
 
 use std::collections::BTreeMap;
 use std::fs;
@@ -51,7 +51,7 @@ impl Pipeline {
         get_or_load(&self.answers, || read_answers(&self.work))
     }
 
-    /// What a query would send, and what it would cost.
+    /// Estimates what a query would send, and its cost.
     pub(crate) fn query_preview(&self) -> Result<Preview> {
         let session = self.query_session()?;
         Ok(session.preview(&session.queries()?))
@@ -62,7 +62,7 @@ impl Pipeline {
         self.query_session_with(&self.options.query)
     }
 
-    /// As [`Self::query_session`], with other options than the run's.
+    /// Like [`Self::query_session`], but with other options than the run's.
     pub(super) fn query_session_with<'a>(&'a self, options: &'a Options) -> Result<QuerySession<'a>> {
         let views = self.views.iter().zip(&self.segmentation()?.views).map(|(view, segments)| {
             Ok(QueryView { name: &view.name, photo: photo_with_foreground(&self.scene, view)?, segments })
@@ -73,8 +73,8 @@ impl Pipeline {
         QuerySession::new(options, views, &self.library, &self.folder, &self.work, network, self.progress)
     }
 
-    /// Whether what an earlier run was answered does not count: the model is to be asked whatever is recorded, or it may
-    /// be asked again what it failed to answer.
+    /// True if answers of an earlier run are not to be reused: either the model is to be asked regardless of
+    /// recordings, or it can be asked again about segments that it failed to answer.
     pub(super) fn asks_anew(&self) -> bool {
         let options = &self.options.query;
         let failed = || read_answers(&self.work).is_ok_and(|answers| answers.failed().next().is_some());
@@ -92,8 +92,8 @@ fn read_answers(work: &WorkDir) -> Result<Answers> {
     Ok(Answers::from_jsonl(&text).map_err(|problem| damaged(&problem))?)
 }
 
-/// The answers as any later run finds them: what was asked just now is recorded for exactly this query. So a run that was
-/// killed while it asked comes to the same bytes as one that was not, and a rerun of either has nothing to redo.
+/// The answers as any later run finds them: answers that were asked live are recorded for exactly this query. So a run
+/// that was killed while asking ends in the same bytes as one that was not, and a rerun of either has nothing to redo.
 fn settled(mut answers: Answers) -> Answers {
     for segment in &mut answers.segments {
         if let Outcome::Answered(answer) = &mut segment.outcome
@@ -113,7 +113,7 @@ pub(super) fn write_sheets(work: &WorkDir, queries: &Queries) -> Result<(), Work
         .try_for_each(|segment| work.write(Artifact::Sheet(&segment.view, segment.segment), &segment.jpeg))
 }
 
-/// The recordings in a folder, sorted; none where it cannot be read.
+/// The recordings in a folder, sorted; none if it cannot be read.
 fn recordings_in(folder: &Path) -> Vec<PathBuf> {
     let entries = fs::read_dir(folder).into_iter().flatten().flatten().map(|entry| entry.path());
     let mut found: Vec<_> = entries.filter(|path| path.extension().is_some_and(|end| end == "json")).collect();
@@ -121,8 +121,8 @@ fn recordings_in(folder: &Path) -> Vec<PathBuf> {
     found
 }
 
-/// Every failure by itself; what was corrected or doubted once, with the number of segments it holds for; how many
-/// answers were recorded for slightly other masks.
+/// Each failure separately; each correction or doubt once, with the number of segments that it applies to; and the
+/// number of answers that were recorded for slightly different masks.
 fn warnings(answers: &Answers) -> Vec<String> {
     let mut warnings = Vec::new();
     let mut overlaps: Vec<f64> = Vec::new();

@@ -1,5 +1,5 @@
-//! What can be done with the queries of some views, a scene's or one picture: plan them, answer them, move them out and
-//! answers in, prune what is recorded. Sending them by the Batch API is in `batch_api.rs`.
+//! The queries of some views, of a scene or of a single picture: estimates them, answers them, exports questions,
+//! imports answers and prunes recordings. Sending them through the Batch API is in `batch_api.rs`.
 
 use std::borrow::Cow;
 use std::fs;
@@ -23,20 +23,20 @@ use crate::segment::ViewSegments;
 use crate::setup::Offline;
 use crate::workdir::{self, WorkDir};
 
-/// Recordings lie beside what they are of, so that they travel with it.
+/// Recordings are stored beside their scene or picture, so that they are copied together with it.
 const RECORDINGS: &str = "recorded";
 
-/// Where in the work folder those lie that could not be written there.
+/// The folder in the work folder for recordings that could not be written to their own.
 const SPARE_RECORDINGS: &str = "unrecorded";
 
-/// Views with what the options say of how they are asked about.
+/// Views, with the options for asking about them.
 pub struct QuerySession<'a> {
     pub(super) options: &'a Options,
     views: Vec<QueryView<'a>>,
     prompts: Prompts,
-    /// The materials to choose among.
+    /// The materials to choose from.
     pub(super) library: Cow<'a, MaterialLibrary>,
-    /// What the model costs, if that is known.
+    /// The price of the model, if known.
     price: Option<Price>,
     own_recordings: PathBuf,
     pub(super) recordings: Recordings,
@@ -52,7 +52,7 @@ pub struct QueryView<'a> {
     pub segments: &'a ViewSegments,
 }
 
-/// What `--prune` did.
+/// The result of `--prune`.
 #[derive(Debug, Serialize)]
 pub struct Pruned {
     pub kept: usize,
@@ -90,7 +90,7 @@ impl<'a> QuerySession<'a> {
         })
     }
 
-    /// The questions, with every sheet drawn.
+    /// The questions, with all sheets drawn.
     pub fn queries(&self) -> Result<Queries<'_>> {
         let inputs: Vec<_> = self
             .views
@@ -100,12 +100,12 @@ impl<'a> QuerySession<'a> {
         Ok(Queries::prepare(&inputs, &self.library, &self.prompts, self.options)?)
     }
 
-    /// What would be sent, and what it would cost.
+    /// Estimates what would be sent, and its cost.
     pub fn preview(&self, queries: &Queries) -> Preview {
         queries.preview(&self.recordings, self.client.as_ref().map(Asker::answerer), self.price())
     }
 
-    /// Answers all queries; each answer is recorded as it comes. Says before and after what it costs.
+    /// Answers all queries; each answer is recorded as it arrives. Reports the cost before and after.
     pub fn run(&self, queries: &Queries) -> Result<Run> {
         let asker = self.client.as_ref().map(|client| client as &dyn Asker);
         let run = queries.run(&self.recordings, asker, self.price(), &mut |_, _| Ok(()), self.progress)?;
@@ -116,21 +116,23 @@ impl<'a> QuerySession<'a> {
         Ok(run)
     }
 
-    /// Writes the segments that have no recorded answer, with everything needed to answer them, into a new folder.
+    /// Writes the segments that have no recorded answer, with everything needed to answer them, into a new folder;
+    /// returns the number of questions.
+    /// returns their number.
     pub fn export(&self, folder: &Path) -> Result<usize> {
         let queries = self.queries()?;
         Ok(exchange::export(folder, &queries.unanswered(&self.recordings, None))?)
     }
 
-    /// Checks the answers in a folder that [`Self::export`] wrote, and records the good ones.
+    /// Checks the answers in a folder that [`Self::export`] wrote, and records the valid ones.
     pub fn import(&self, folder: &Path) -> Result<Imported> {
         let model = self.options.lmm_model.as_deref();
         let questions = &self.queries()?.questions;
         Ok(exchange::import(folder, model, questions, &self.library, &self.recordings)?)
     }
 
-    /// Removes the recordings of the views' own folder that no segment of them uses with these options, whoever answered. A
-    /// folder given with `--recordings` may serve other scenes too and is left alone.
+    /// Removes recordings from the views' own folder that none of their segments uses with these options, whoever
+    /// answered. A folder given with `--recordings` may be used by other scenes too and is not changed.
     pub fn prune(&self) -> Result<Pruned> {
         let own = Recordings::open(&[], &self.own_recordings)?;
         let used = self.queries()?.used(&own);
@@ -146,8 +148,8 @@ impl<'a> QuerySession<'a> {
     }
 }
 
-/// Refuses recordings beside the scene or picture in `home`, or in the work folder, that lead out of `scope`. A folder given
-/// with `--recordings` is read as it is.
+/// Refuses recordings beside the scene or picture in `home`, or in the work folder, that lead outside `scope`. A folder
+/// given with `--recordings` is not checked.
 pub fn check_recordings(home: &Path, work: &WorkDir, scope: ReadScope) -> Result<(), SceneError> {
     let scope = scope.and([work.root()]);
     for folder in [home.join(RECORDINGS), work.root().join(SPARE_RECORDINGS)] {
@@ -158,7 +160,7 @@ pub fn check_recordings(home: &Path, work: &WorkDir, scope: ReadScope) -> Result
     Ok(())
 }
 
-/// Where recordings are read; new ones go to the last.
+/// The folders from which recordings are read; new ones go to the last.
 pub fn recording_folders(options: &Options, home: &Path) -> Vec<PathBuf> {
     [home.join(RECORDINGS)].into_iter().chain(options.recordings.clone()).collect()
 }
@@ -168,7 +170,7 @@ pub fn prompts(options: &Options) -> Result<Prompts> {
     Ok(options.prompts.as_deref().map_or_else(|| Ok(Prompts::builtin()), Prompts::from_folder)?)
 }
 
-/// The materials that a model may choose among.
+/// The materials that a model may choose from.
 pub fn candidates<'a>(options: &Options, library: &'a MaterialLibrary) -> Result<Cow<'a, MaterialLibrary>> {
     Ok(match &options.labels {
         Some(labels) => Cow::Owned(labels.restrict(library)?),
@@ -176,7 +178,7 @@ pub fn candidates<'a>(options: &Options, library: &'a MaterialLibrary) -> Result
     })
 }
 
-/// What the model costs, if the user's price table or the built-in one has it.
+/// The price of the model, if the user's price table or the built-in one has it.
 pub fn price(options: &Options) -> Result<Option<Price>> {
     let table = match &options.prices {
         None => PriceTable::builtin(),

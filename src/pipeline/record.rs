@@ -1,4 +1,4 @@
-//! `run.json`: what was done with which inputs, so that a rerun knows what is still good.
+//! `run.json`: which stages were done with which inputs, so that a rerun knows what it can reuse.
 
 use std::path::{Path, PathBuf};
 
@@ -16,7 +16,7 @@ use super::Stage;
 pub struct RunRecord {
     /// gprop's version.
     pub version: String,
-    /// The options by room, each as the stage that reads it was last done with.
+    /// The options of each stage, as they were when the stage was last done.
     pub options: serde_json::Map<String, Value>,
     /// The finished stages, in the order of the data flow.
     pub stages: Vec<StageRecord>,
@@ -26,16 +26,16 @@ pub struct RunRecord {
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct StageRecord {
     pub name: Stage,
-    /// How long it took when it was last done.
+    /// How long the stage took when it was last done.
     pub seconds: f64,
-    /// Whether the last run found it done.
+    /// True if the last run found it already done.
     pub reused: bool,
     pub warnings: Vec<String>,
     /// Hash of everything it depends on: its options and the digests of its inputs.
     pub key: String,
     /// The digests of its inputs when it was done.
     pub inputs: Vec<(Stage, String)>,
-    /// Hash of what it made, which the stages after it depend on.
+    /// Hash of its results, on which the stages after it depend.
     pub digest: String,
     /// The files it wrote.
     pub outputs: Vec<Output>,
@@ -50,18 +50,18 @@ pub struct Output {
     pub checksum: Checksum,
 }
 
-/// What an earlier run left of a stage.
+/// The results of a stage that an earlier run left.
 pub enum Left<'a> {
-    /// All of what this run would make.
+    /// The results that this run would produce.
     Good(&'a StageRecord),
-    /// Nothing that serves.
+    /// Nothing that can be reused.
     Nothing,
-    /// What this run would make, but other bytes in these files.
+    /// The results that this run would produce, except that the content of these files has changed.
     Changed(Vec<&'a Path>),
 }
 
 impl RunRecord {
-    /// The record of an earlier run; an empty one where there is none or an older gprop wrote it.
+    /// The record of an earlier run; empty if there is none or it is from an older gprop.
     pub fn load(work: &WorkDir) -> Self {
         work.read_json::<Self>(Artifact::Run)
             .ok()
@@ -74,7 +74,7 @@ impl RunRecord {
         self.stages.iter().find(|record| record.name == stage)
     }
 
-    /// What is left of a stage whose key is `key` now.
+    /// The results left by a stage whose current key is `key`.
     pub fn left(&self, stage: Stage, key: &str, work: &WorkDir) -> Left<'_> {
         let Some(record) = self.of(stage).filter(|record| record.key == key) else { return Left::Nothing };
         let standing: Vec<_> = record.standing(work);
@@ -87,15 +87,15 @@ impl RunRecord {
         }
     }
 
-    /// Keeps the options that a stage which is done now was done with; `all` has those of every room.
+    /// Stores the options of a stage that has just been done; `all` has the options of all stages.
     pub fn keep_options(&mut self, stage: Stage, all: &Value) {
         for room in stage.rooms() {
             self.options.insert((*room).to_owned(), all[*room].clone());
         }
     }
 
-    /// Puts a stage's record in its place and saves. In a folder that may only be read, all that is lost is that this run
-    /// found the stage done.
+    /// Inserts a stage's record at its place and saves. In a read-only folder, only the note that this run reused the
+    /// stage is lost.
     pub fn put(&mut self, record: StageRecord, work: &WorkDir) -> Result<(), WorkDirError> {
         self.stages.retain(|old| old.name != record.name);
         let place = self.stages.partition_point(|old| old.name < record.name);
@@ -103,7 +103,8 @@ impl RunRecord {
         if work.is_writable() { work.write_json(Artifact::Run, self) } else { Ok(()) }
     }
 
-    /// Forgets a stage that is about to be done again, so that a killed run is not taken for a finished one.
+    /// Removes the record of a stage that is about to be done again, so that a killed run is not taken for a finished
+    /// one.
     pub fn forget(&mut self, stage: Stage, work: &WorkDir) -> Result<(), WorkDirError> {
         let before = self.stages.len();
         self.stages.retain(|old| old.name != stage);
@@ -112,7 +113,7 @@ impl RunRecord {
 }
 
 impl StageRecord {
-    /// Its files, and whether they are what it wrote.
+    /// Its files, and for each whether it is still as written.
     pub fn standing(&self, work: &WorkDir) -> Vec<(&Path, Standing)> {
         let of = |output: &Output| work.standing(&output.path, &output.checksum);
         self.outputs.par_iter().map(|output| (output.path.as_path(), of(output))).collect()
@@ -124,7 +125,7 @@ pub fn version() -> String {
     format!("{}+format.{FORMAT_VERSION}", env!("CARGO_PKG_VERSION"))
 }
 
-/// SHA-256 over labelled pieces, each with its length, so that no two lists of pieces give the same bytes.
+/// SHA-256 over labelled pieces, each with its length, so that no two lists of pieces hash the same bytes.
 #[derive(Clone)]
 pub struct Hasher(Sha256);
 

@@ -1,4 +1,4 @@
-//! The report: everything the stages before it left, as one JSON file and one page.
+//! The report: the results of all stages before it, as one JSON file and one page.
 
 use std::path::PathBuf;
 
@@ -85,7 +85,7 @@ impl Pipeline {
         })
     }
 
-    /// The command line that makes this result from the folder above the scene's.
+    /// The command line that reproduces this result from the folder above the scene's.
     fn command(&self) -> String {
         let words = ["gprop", "run", &self.scene.name].into_iter().chain(self.typed.iter().map(String::as_str));
         words.map(quoted).collect::<Vec<_>>().join(" ")
@@ -101,7 +101,7 @@ impl Pipeline {
     }
 }
 
-/// A word as a shell reads it back.
+/// A word, quoted for the shell if necessary.
 fn quoted(word: &str) -> String {
     let plain = |c: char| c.is_ascii_alphanumeric() || "-_./:=,@%+".contains(c);
     if !word.is_empty() && word.chars().all(plain) {

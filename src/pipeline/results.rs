@@ -1,7 +1,7 @@
-//! What the stages make, for those who call gprop as a library.
+//! The results of the stages, for callers that use gprop as a library.
 //!
-//! Each result does the stages that it needs, unless this pipeline or an earlier run did them with the same options, and
-//! reads what they left in the work folder.
+//! Each result does the stages that it needs, unless this pipeline or an earlier run did them with the same options,
+//! and reads their results from the work folder.
 
 use anyhow::Result;
 
@@ -15,11 +15,11 @@ use crate::simulate::SimulationReport;
 use crate::vote::MaterialField;
 
 impl Pipeline {
-    /// The segments that SAM cuts out of each chosen photo: a label map in pixels of the photo, and for each segment its
-    /// area, box and quality.
+    /// The segments that SAM cuts out of each chosen photo: a label map in pixels of the photo, and for each segment
+    /// its area, box and quality.
     ///
     /// # Errors
-    /// SAM or ONNX Runtime is missing, a photo cannot be read, or the work folder cannot be written.
+    /// If SAM or ONNX Runtime is missing, a photo cannot be read, or the work folder cannot be written.
     pub fn segments(&mut self) -> Result<&Segmentation, Error> {
         self.up_to(Stage::Segment)?;
         self.segmentation().map_err(Error)
@@ -28,17 +28,17 @@ impl Pipeline {
     /// The answer for each segment, in SI units, or why there is none.
     ///
     /// # Errors
-    /// As of [`segments`](Self::segments); an answer is neither recorded nor to be had from a server.
+    /// As for [`segments`](Self::segments); also if an answer is not recorded and no server can give it.
     pub fn answers(&mut self) -> Result<&Answers, Error> {
         self.up_to(Stage::Query)?;
         self.stored_answers().map_err(Error)
     }
 
-    /// The label, votes and confidence of each Gaussian, in the order of the splat, and what each label stands for, in SI
-    /// units.
+    /// The label, votes and confidence of each Gaussian, in the order of the splat, and what each label stands for, in
+    /// SI units.
     ///
     /// # Errors
-    /// As of [`answers`](Self::answers); no view has a segment with an answer.
+    /// As for [`answers`](Self::answers); also if no view has a segment with an answer.
     pub fn field(&mut self) -> Result<&MaterialField, Error> {
         self.up_to(Stage::Vote)?;
         self.stored_field().map_err(Error)
@@ -47,26 +47,26 @@ impl Pipeline {
     /// The object and its parts in metres and kilograms, positions in the world frame.
     ///
     /// # Errors
-    /// As of [`field`](Self::field); the metric scale is unknown; nothing is inside the object.
+    /// As for [`field`](Self::field); also if the metric scale is unknown, or nothing is inside the object.
     pub fn parts(&mut self) -> Result<Parts, Error> {
         self.up_to(Stage::Parts)?;
         metric(self.stored_parts())
     }
 
-    /// The simulation frame by frame, in SI units; the frames themselves lie in the work folder.
+    /// The simulation frame by frame, in SI units; the frames themselves are in the work folder.
     ///
     /// # Errors
-    /// As of [`parts`](Self::parts), but without a metric scale one is assumed; what the simulation refuses.
+    /// As for [`parts`](Self::parts), but an unknown metric scale is assumed; also if the simulation fails.
     pub fn simulation(&mut self) -> Result<SimulationReport, Error> {
         self.up_to(Stage::Simulate)?;
         self.stored_simulation().map_err(Error)
     }
 
-    /// The forces with which a gripper may hold the object, in newtons, and the places to grasp at, in metres in the world
-    /// frame.
+    /// The forces with which a gripper may hold the object, in newtons, and the places to grasp at, in metres in the
+    /// world frame.
     ///
     /// # Errors
-    /// As of [`parts`](Self::parts); a part or point that the options name is not there.
+    /// As for [`parts`](Self::parts); also if a part or point that the options name does not exist.
     pub fn grasp(&mut self) -> Result<GraspReport, Error> {
         self.up_to(Stage::Grasp)?;
         metric(self.stored_grasp())
@@ -79,7 +79,7 @@ impl Pipeline {
     }
 }
 
-/// A result that exists only in metres.
+/// A result that exists only if the metric scale is known.
 fn metric<T>(found: Result<Option<T>>) -> Result<T, Error> {
     found.and_then(|found| Ok(found.ok_or(PartsError::ScaleUnknown)?)).map_err(Error)
 }

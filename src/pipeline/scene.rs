@@ -1,4 +1,4 @@
-//! The scene on disk: its key is what its files hold; its artifact is the list of the chosen views.
+//! The scene on disk: its key is a hash of its files; its artifact is the list of the chosen views.
 
 use std::iter;
 use std::path::Path;
@@ -17,7 +17,7 @@ use super::{Done, Pipeline};
 /// The content of `views.json`.
 #[derive(Serialize)]
 struct ViewsFile<'a> {
-    /// How many the object has.
+    /// Number of Gaussians of the object.
     gaussians: usize,
     scale: Option<&'a MetricScale>,
     views: Vec<ViewEntry<'a>>,
@@ -33,7 +33,7 @@ struct ViewEntry<'a> {
 }
 
 impl Pipeline {
-    /// Every byte that is read counts, whatever the files' dates say.
+    /// The hash covers every byte that is read; modification times do not matter.
     pub(super) fn scene_key(&self) -> Result<String> {
         let mut hasher = Hasher::new("scene").with_json(&self.options.scene);
         let photos = self.views.iter().flat_map(|view| iter::once(&view.image).chain(&view.mask));
@@ -59,7 +59,7 @@ impl Pipeline {
     }
 }
 
-/// What pictures rendered from the splat depend on, short enough for a folder's name.
+/// Hash of everything that pictures rendered from the splat depend on, short enough for a folder's name.
 pub(super) fn rendering_key(scene: &Scene, options: &Options) -> Result<String> {
     let mut hasher = Hasher::new("rendered").with_json(options);
     for path in &scene.files {
@@ -71,7 +71,7 @@ pub(super) fn rendering_key(scene: &Scene, options: &Options) -> Result<String> 
 /// SHA-256 of the content of one of the user's files.
 ///
 /// # Errors
-/// [`SceneError::Io`], also where the file has gone since the scene was loaded.
+/// [`SceneError::Io`], including if the file has disappeared since the scene was loaded.
 pub(super) fn file_digest(path: &Path) -> Result<[u8; 32], SceneError> {
     sha256_of_file(path).map_err(|reason| SceneError::Io { path: path.to_owned(), reason })
 }

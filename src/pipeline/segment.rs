@@ -1,4 +1,4 @@
-//! Segmentation on disk: a label map a view and `segments.json`, both written as soon as a view is done.
+//! Segmentation on disk: one label map per view and `segments.json`, both written as soon as a view is done.
 
 use std::collections::BTreeMap;
 use std::path::Path;
@@ -27,10 +27,10 @@ pub(super) struct SegmentsFile {
 
 #[derive(Debug, Serialize, Deserialize)]
 pub(super) struct ViewEntry {
-    /// Hash of what the view's segments depend on; a view with another one is segmented again.
+    /// Hash of everything that the view's segments depend on; if it differs, the view is segmented again.
     pub key: String,
     pub segments: Vec<Segment>,
-    /// Of the label map's file.
+    /// Checksum of the label map's file.
     pub map: Checksum,
     /// Hash of the entry with the view's name.
     pub seal: String,
@@ -43,7 +43,7 @@ impl ViewEntry {
         Self { seal: seal(view, &key, &segments, &map), key, segments, map }
     }
 
-    /// Whether it is the view's, as it was made.
+    /// True if the entry belongs to the view and is unchanged.
     fn is_whole(&self, view: &str) -> bool {
         self.seal == seal(view, &self.key, &self.segments, &self.map)
     }
@@ -54,8 +54,8 @@ fn seal(view: &str, key: &str, segments: &[Segment], map: &Checksum) -> String {
 }
 
 impl SegmentsFile {
-    /// Takes out the entry of a view whose key is `key`, with its label map's file, if both are as they were written; warns
-    /// if somebody changed one of them.
+    /// Removes and returns the entry of a view whose key is `key`, with its label map's file, if both are as they were
+    /// written; warns if one of them was changed.
     pub fn take(&mut self, work: &WorkDir, view: &str, key: &str) -> Option<(ViewEntry, Vec<u8>)> {
         const REMEDY: &str = "what it holds of the view is made again";
         let (entry, artifact) = (self.views.remove(view)?, Artifact::LabelMap(view));
@@ -63,7 +63,7 @@ impl SegmentsFile {
             work.warn_changed(&Artifact::Segments.path(), REMEDY);
             return None;
         }
-        // A label map that is gone is made again without a word.
+        // A missing label map is recreated without a warning.
         let png = work.read(artifact).ok().filter(|_| entry.key == key)?;
         if Checksum::of(&png) != entry.map {
             work.warn_changed(&artifact.path(), REMEDY);
@@ -73,7 +73,7 @@ impl SegmentsFile {
     }
 }
 
-/// What an earlier run left of `segments.json`; nothing, with a warning, where that is not what gprop wrote.
+/// The `segments.json` of an earlier run; empty, with a warning, if gprop did not write it.
 pub(super) fn stored_segments(work: &WorkDir) -> SegmentsFile {
     match work.read_json(Artifact::Segments) {
         Ok(file) => file,
@@ -162,7 +162,7 @@ impl Pipeline {
         })
     }
 
-    /// What an earlier run finished of the chosen views and is still good.
+    /// The chosen views that an earlier run finished and that are still valid.
     fn finished_views(&self) -> Result<SegmentsFile> {
         let mut good = SegmentsFile::default();
         if self.must_redo(Stage::Segment) {
@@ -181,7 +181,8 @@ impl Pipeline {
         self.views.iter().find(|view| view.name == name).expect("only chosen views are segmented")
     }
 
-    /// A view's segments depend on its photo, the options and the models, not on the other views.
+    /// The hash of everything that a view's segments depend on: its photo, the options and the models, but not the
+    /// other views.
     fn view_key(&self, view: &View) -> Result<String> {
         let mut hasher =
             Hasher::new("view").with(&file_digest(&view.image)?).with_json(&self.options.segment.deciding());
@@ -198,24 +199,24 @@ impl Pipeline {
         Ok(hasher.with(models_key(&self.options.setup).as_bytes()).hex())
     }
 
-    /// Which models make the masks, if any do.
+    /// Identifies the models that make the masks, if any do.
     fn masks_key(&self) -> String {
         if self.options.segment.segments.is_some() { String::new() } else { models_key(&self.options.setup) }
     }
 }
 
-/// Which models make the masks: the catalogue's by their pins, the user's own by their content.
+/// Identifies the models that make the masks: those of the catalogue by their pins, the user's by their content.
 pub(super) fn models_key(setup: &setup::Options) -> String {
     let own = [&setup.sam_encoder, &setup.sam_decoder];
     let mut hasher = Hasher::new("models").with(setup::catalog::SAM.requirement.as_bytes());
     for path in own.into_iter().flatten() {
-        // A file that cannot be read is the set-up's to report, with its remedy.
+        // A file that cannot be read is reported by the set-up, with its remedy.
         hasher = hasher.with(&file_digest(path).unwrap_or_default());
     }
     hasher.hex()
 }
 
-/// SAM as the options want it, fetched where need be.
+/// Opens SAM with the given options, downloading it if need be.
 pub fn open_segmenter(setup: &setup::Options, options: &segment::Options, progress: Progress) -> Result<Segmenter> {
     let models = setup::obtain(setup, progress)?;
     let segmenter = Segmenter::new(&models, options.decoder, rayon::current_num_threads())?;
@@ -225,7 +226,7 @@ pub fn open_segmenter(setup: &setup::Options, options: &segment::Options, progre
     Ok(segmenter.caching_embeddings(&setup::embeddings_folder()?, &models)?)
 }
 
-/// Writes the label maps in the forms that were asked for besides.
+/// Writes the label maps in the other formats that were requested.
 pub(super) fn write_other_formats<'a>(
     work: &WorkDir,
     formats: &[Format],

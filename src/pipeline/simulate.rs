@@ -1,4 +1,4 @@
-//! The simulation on disk: a frame and a checkpoint at a time, so that a killed run goes on at its last frame.
+//! The simulation on disk: one frame and checkpoint at a time, so that a killed run continues at its last frame.
 
 use std::io::{BufWriter, IntoInnerError, Write};
 use std::path::PathBuf;
@@ -20,7 +20,7 @@ use crate::workdir::{Artifact, Checksum, Checksumming, Standing};
 use super::record::Output;
 use super::{Done, Pipeline, Stage};
 
-/// Told before the reason, which is the work folder's.
+/// Context for an error of the work folder.
 pub(super) const NOT_KEPT: &str = "a frame could not be kept";
 
 impl Pipeline {
@@ -77,7 +77,7 @@ impl Pipeline {
         Ok(Some(&view.camera))
     }
 
-    /// The film where ffmpeg makes one; else none, and none of an earlier run.
+    /// Writes the film if ffmpeg is available; otherwise removes that of an earlier run.
     fn write_movie(&self, pictures: &[RgbImage]) -> Result<Option<Artifact<'static>>> {
         match animation::mp4(pictures) {
             Ok(Some(bytes)) => {
@@ -93,12 +93,12 @@ impl Pipeline {
         Ok(None)
     }
 
-    /// What the simulation did.
+    /// The stored report of the simulation.
     pub(super) fn stored_simulation(&self) -> Result<SimulationReport> {
         Ok(self.work.read_json(Artifact::Simulation)?)
     }
 
-    /// Keeps all that is needed to go on after the frame `last`, the checksums of the frames so far included.
+    /// Saves everything needed to continue after the frame `last`, including the checksums of the frames so far.
     fn save_checkpoint(&self, key: &str, last: usize, snapshot: &Snapshot) -> Result<()> {
         let files = frame_files(last + 1).map(|path| Ok(Output { checksum: self.work.checksum(&path)?, path }));
         let files = serde_json::to_vec(&files.collect::<Result<Vec<_>>>()?)?;
@@ -113,8 +113,8 @@ impl Pipeline {
         })?)
     }
 
-    /// Where a killed run stopped, if it was this one: a checkpoint begins with the key of its stage. One that somebody
-    /// changed, or whose frames, does not serve.
+    /// The state in which a killed run of this stage stopped: a checkpoint begins with the key of its stage. It is not
+    /// used if it or one of its frames was changed.
     fn checkpoint(&self, key: &str) -> Option<Checkpoint> {
         let bytes = self.work.read(Artifact::Checkpoint).ok().filter(|_| !self.must_redo(Stage::Simulate))?;
         let rest = bytes.strip_prefix(key.as_bytes())?;
@@ -132,7 +132,7 @@ impl Pipeline {
         standing.iter().all(|standing| *standing == Standing::Whole).then_some(checkpoint)
     }
 
-    /// Frames of an earlier, longer run would be taken for this one's.
+    /// Removes frames of an earlier, longer run, which would be taken for this one's.
     fn remove_frames_from(&self, first: usize) -> Result<()> {
         let mut index = first;
         while self.work.size(Artifact::Frame(index)).is_some() {
@@ -161,7 +161,7 @@ fn frame_files(frames: usize) -> impl Iterator<Item = PathBuf> {
     (0..frames).flat_map(|index| [Artifact::Frame(index).path(), Artifact::States(index).path()])
 }
 
-/// A checkpoint's frames with their checksums and its snapshot; `None` where it is not as it was written.
+/// A checkpoint's frames with their checksums, and its snapshot; `None` if it is not as it was written.
 fn opened(bytes: &[u8]) -> Option<(Vec<Output>, &[u8])> {
     let (sealed, seal) = bytes.split_last_chunk::<{ 2 * 32 }>()?;
     if Checksum::of(sealed).sha256.as_bytes() != seal {

@@ -1,7 +1,8 @@
-//! What a run left, opened to be measured: with the options that it was made with, without changing anything on disk.
+//! Opens the results of a run for evaluation, with the options that the run used, without changing anything on disk.
 //!
-//! A work folder may come with a scene from elsewhere, so its `run.json` is believed only as far as it does no harm: no
-//! server is asked, no library is opened, and files outside the scene are read only if the user named the work folder.
+//! A work folder may come with a scene from elsewhere, so its `run.json` is trusted only as far as it can do no harm:
+//! no server is asked, no library is opened, and files outside the scene are read only if the user named the work
+//! folder.
 
 use std::path::{Path, PathBuf};
 
@@ -19,7 +20,7 @@ use super::record::{RunRecord, version};
 use super::vote::stored_field;
 use super::{Options, Pipeline, Plan, Stage, work_folder};
 
-/// The work folder of a scene, of which some stages are done and whole.
+/// The work folder of a scene in which some stages are completely done.
 pub struct Stored {
     work: WorkDir,
     record: RunRecord,
@@ -27,11 +28,11 @@ pub struct Stored {
 }
 
 impl Stored {
-    /// Opens what a run left of the scene in `folder` (in `out` if that is given); `stages` are to be read.
+    /// Opens the results of a run on the scene in `folder` (in `out` if given), from which `stages` are to be read.
     ///
     /// # Errors
-    /// [`WorkDirError::Unfinished`] if one of the stages is not done, was done before a stage that it reads from was done
-    /// again, or wrote files that hold something else now.
+    /// [`WorkDirError::Unfinished`] if one of the stages is not done, was done before a stage that it reads from was
+    /// done again, or wrote files that have changed since.
     pub fn open(folder: &Path, out: Option<&Path>, stages: &[Stage]) -> Result<Self, WorkDirError> {
         let root = work_folder(folder, out);
         let command = match out {
@@ -63,7 +64,7 @@ impl Stored {
         Ok(Self { work, record, command })
     }
 
-    /// Where an artifact lies.
+    /// Path of an artifact.
     pub fn path(&self, artifact: Artifact) -> PathBuf {
         self.work.path(artifact)
     }
@@ -71,15 +72,15 @@ impl Stored {
     /// The Gaussians and their material field; the vote must be among the stages.
     ///
     /// # Errors
-    /// They are not what gprop wrote.
+    /// If they are not what gprop wrote.
     pub fn field(&self) -> Result<(Gaussians, MaterialField)> {
         stored_field(self.work.root())
     }
 
-    /// The options that it was made with, as far as they say what was read.
+    /// The options of the run, as far as they determine what was read.
     ///
     /// # Errors
-    /// `run.json` holds something else, or names files outside the scene `folder` while the user did not name the work
+    /// If `run.json` is invalid, or names files outside the scene `folder` although the user did not name the work
     /// folder (`trusted`).
     pub fn options(&self, folder: &Path, trusted: bool) -> Result<Options, WorkDirError> {
         let options = Options {
@@ -104,7 +105,7 @@ impl Stored {
     }
 }
 
-/// Why what a stage left cannot be read.
+/// Why a stage's results cannot be read.
 #[derive(Debug, thiserror::Error)]
 enum NotDone {
     #[error("the {} stage is not done", .0.name())]
@@ -113,7 +114,7 @@ enum NotDone {
     BeforeItsInput { input: Stage, stage: Stage },
 }
 
-/// Fails with the reason unless `stage` is done, and after those that it reads from.
+/// Fails with the reason unless `stage` is done, and was done after those that it reads from.
 fn require_done(stage: Stage, record: &RunRecord) -> Result<(), NotDone> {
     let done = record.of(stage).ok_or(NotDone::Never(stage))?;
     for input in stage.inputs() {
@@ -127,7 +128,7 @@ fn require_done(stage: Stage, record: &RunRecord) -> Result<(), NotDone> {
     Ok(())
 }
 
-/// The files and folders of the user's that options name.
+/// The files and folders of the user that the options name.
 fn paths(options: &Options) -> Vec<&PathBuf> {
     let scene = &options.scene;
     let labels = match &options.query.labels {
@@ -144,11 +145,11 @@ fn is_within(path: &Path, folder: &Path) -> bool {
 }
 
 impl Pipeline {
-    /// Opens what a run left of the scene in `folder` (in `out` if that is given) to read what the stages up to the vote
-    /// made, with the options that it was made with. Changes nothing on disk.
+    /// Opens the results of a run on the scene in `folder` (in `out` if given), to read those of the stages up to the
+    /// vote, with the options of the run. Changes nothing on disk.
     ///
     /// # Errors
-    /// As [`Stored::open`], also if the scene's files have changed since; and what loading the scene meets.
+    /// As for [`Stored::open`]; also if the scene's files have changed since, or the scene cannot be loaded.
     pub(crate) fn stored(folder: &Path, out: Option<&Path>, progress: Progress) -> Result<Self> {
         let stored = Stored::open(folder, out, &[Stage::Scene, Stage::Segment, Stage::Query, Stage::Vote])?;
         let options = stored.options(folder, out.is_some())?;

@@ -1,4 +1,4 @@
-//! What the vote makes of a finished run, and of the same segments under the paper's ablations.
+//! The material field of a finished run, and the fields from the same segments under the paper's ablations.
 
 use anyhow::Result;
 
@@ -10,17 +10,17 @@ use super::Pipeline;
 
 /// The fields of one scene.
 pub struct Variants {
-    /// Of the whole method, as the run left it.
+    /// Of the whole method, as the run stored it.
     pub voted: MaterialField,
-    /// Of answers to sheets that show the segment without the object; `None` where a segment's is not recorded.
+    /// From answers to sheets that show the segment without the object; `None` if one of them is not recorded.
     pub local_only: Option<MaterialField>,
-    /// Of every chosen view alone, by its name; without those that have no segment with an answer. What the view does
-    /// not see takes the nearest label.
+    /// From each chosen view alone, by its name; without views that have no segment with an answer. Gaussians that the
+    /// view does not see take the nearest label.
     pub single_views: Vec<(String, MaterialField)>,
 }
 
 impl Pipeline {
-    /// The fields under the ablations; the scene must be voted on. Asks nobody.
+    /// The fields under the ablations; the scene must be voted on. Uses recordings only.
     pub(crate) fn variants(&self) -> Result<Variants> {
         let (voters, answers) = (self.voters()?, self.stored_answers()?);
         let mut single_views = Vec::new();
@@ -56,7 +56,7 @@ impl Pipeline {
         &self.scene
     }
 
-    /// Whether a view is among those that vote.
+    /// True if a view is among those that vote.
     pub(crate) fn votes(&self, view: &str) -> bool {
         self.views.iter().any(|chosen| chosen.name == view)
     }

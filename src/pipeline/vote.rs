@@ -1,4 +1,5 @@
-//! The vote on disk: `field.ply` for any splat viewer, `labels.json` and `materials.json` for what its numbers mean.
+//! The vote on disk: `field.ply` for any splat viewer, and `labels.json` and `materials.json`, which explain its
+//! numbers.
 
 use std::path::Path;
 
@@ -39,8 +40,8 @@ impl Pipeline {
         Ok(Done::writing(written).warning(field.warnings))
     }
 
-    /// The field as a view of the scene sees it, whether or not it voted, as PNG; the first chosen view where none is
-    /// named. The scene must be voted on.
+    /// The field as seen by a view of the scene, even one that did not vote, as PNG; by default the first chosen view.
+    /// The scene must be voted on.
     pub(crate) fn show(&self, shown: Shown, view: Option<&str>) -> Result<Vec<u8>> {
         let chosen = match view {
             None => self.views.first(),
@@ -67,12 +68,12 @@ impl Pipeline {
             .collect())
     }
 
-    /// The field that these views and answers give.
+    /// The field that results from these views and answers.
     pub(super) fn vote(&self, views: &[ViewInput], answers: &Answers) -> Result<MaterialField> {
         Ok(vote(&self.scene.gaussians, views, answers, &self.library, &self.options.vote, self.progress)?)
     }
 
-    /// The part of every Gaussian.
+    /// The stored material field.
     pub(super) fn stored_field(&self) -> Result<&MaterialField> {
         get_or_load(&self.field, || Ok(stored_field(self.work.root())?.1))
     }
@@ -81,7 +82,7 @@ impl Pipeline {
 /// The Gaussians and their material field in the work folder `root`, as the vote stage wrote them.
 ///
 /// # Errors
-/// There is no field, or it is not what gprop wrote.
+/// If there is no field, or gprop did not write it.
 pub fn stored_field(root: &Path) -> Result<(Gaussians, MaterialField)> {
     let path = root.join(Artifact::Field.path());
     let labels = workdir::read_json(&root.join(Artifact::Labels.path()))?;

@@ -1,12 +1,13 @@
-//! From a model's JSON to an [`Answer`]: units to SI, material to a library row, numbers to what is possible.
+//! Turns a model's JSON into an [`Answer`]: converts units to SI, finds the material's row in the library and keeps
+//! numbers within what is possible.
 //!
-//! The library is trusted over the model, and the model is used to narrow it. For every property:
+//! The library takes precedence; the model narrows its ranges. For every property:
 //!
-//! 1. What the model says is cut to the bounds of the material's family; a cut is flagged.
-//! 2. Where that overlaps the range of the library's row, the answer is the overlap.
-//! 3. Where it does not, the answer is the row's range, flagged.
+//! 1. The model's range is clamped to the bounds of the material's family; a clamped range is flagged.
+//! 2. If that overlaps the range of the library's row, the answer is the overlap.
+//! 3. Otherwise the answer is the row's range, flagged.
 //!
-//! The model's own words stay in the recording.
+//! The model's own text stays in the recording.
 
 use serde::Deserialize;
 use serde_json::Value;
@@ -15,25 +16,25 @@ use super::{Answer, Failure, Form, Match};
 use crate::materials::{Family, Material, MaterialLibrary};
 use crate::units::{Range, ShoreHardness, ShoreScale};
 
-/// Pascal in a megapascal, metres in a millimetre.
+/// Pascals per megapascal.
 const PA_PER_MPA: f64 = 1e6;
 const M_PER_MM: f64 = 1e-3;
-/// Walls thinner than foil or thicker than a metre are no walls of things that a gripper holds.
+/// Walls thinner than foil or thicker than a metre do not occur in objects that a gripper holds.
 const WALL_THICKNESS_M: Range = Range::new(1e-6, 1.0);
 const SHORE: Range = Range::new(0.0, 100.0);
-/// Least likeness of a name to a library name, of 1, at which it may stand for it.
+/// Lowest similarity (0 to 1) at which a name is taken for a library name.
 const LIKENESS: f64 = 0.5;
 
 /// Why a response cannot be used.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Problem {
-    /// In words, for the model to mend it.
+    /// An explanation that lets the model correct the response.
     pub reason: String,
     pub failure: Failure,
 }
 
 impl Problem {
-    /// A response that is not what was asked for.
+    /// A response that does not have the requested form.
     pub fn invalid(reason: String) -> Self {
         Self { failure: Failure::Invalid { message: reason.clone() }, reason }
     }
@@ -42,7 +43,7 @@ impl Problem {
 /// What to do with a material that the library does not have.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Unknown {
-    /// Report it, so that whoever answered can mend it.
+    /// Report it, so that the answer can be corrected.
     Refuse,
     /// Take the library's nearest name and flag it.
     TakeNearest,
@@ -81,7 +82,8 @@ enum WrittenForm {
     Shell,
 }
 
-/// Reads an answer that follows the schema. It is marked as asked just now; who found it recorded says so.
+/// Reads an answer that follows the schema. It is marked as asked live; the caller changes that if it comes from a
+/// recording.
 pub fn read(value: Value, library: &MaterialLibrary, unknown: Unknown) -> Result<Answer, Problem> {
     let written: Written = serde_json::from_value(value).map_err(|error| Problem::invalid(format!("{error}.")))?;
     let mut flags = Vec::new();
@@ -183,7 +185,8 @@ fn settle(written: Written, material: &Material, family: &Family, form: Form, mu
     }
 }
 
-/// The scales cannot be converted: a reading on the other scale than the library's gives way to the library's.
+/// The two scales cannot be converted into each other: a value on another scale than the library's is replaced by the
+/// library's.
 fn hardness(
     scale: WrittenScale,
     said: Option<Range>,

@@ -1,4 +1,4 @@
-//! Who answers questions: the client of a server, or in a test whoever plays it.
+//! The interface of whatever answers questions: the client of a server, or a stand-in in a test.
 
 use super::cost::Cost;
 use super::ledger::{Account, NotSent};
@@ -6,7 +6,7 @@ use super::question::Question;
 use super::recorded::{Answerer, Usage};
 use crate::setup::Offline;
 
-/// A picture with a question.
+/// A question with its picture.
 #[derive(Debug, Clone, Copy)]
 pub struct Ask<'a> {
     pub question: &'a Question,
@@ -23,36 +23,36 @@ pub struct Correction<'a> {
     pub prompt: &'a str,
 }
 
-/// What came back.
+/// The response to a question.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Reply {
     pub content: ReplyContent,
-    /// `None` where the server does not count, or not credibly.
+    /// `None` if the server reports no usage or an implausible one.
     pub usage: Option<Usage>,
     /// The name that the server gives its model.
     pub served_model: Option<String>,
 }
 
-/// What a model replies to a question.
+/// A model's reply to a question.
 #[derive(Debug, Clone, PartialEq)]
 pub enum ReplyContent {
     Text(String),
-    /// It would not answer; why.
+    /// The model refused to answer; the reason.
     Refusal(String),
-    /// It used up its tokens without a word; in which way.
+    /// The model used up its tokens without answering; how.
     Empty(String),
 }
 
-/// Why nothing came back.
+/// Why there is no reply.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 pub enum AskError {
-    /// This request failed, also when repeated; another may not.
+    /// This request failed, even after retries; another may succeed.
     #[error("{0}")]
     Failed(String),
-    /// No request can succeed: wrong key, no such model, nobody there.
+    /// No request can succeed: wrong key, unknown model, unreachable server.
     #[error("{0}")]
     Fatal(String),
-    /// The ledger lets no further request be sent.
+    /// The ledger does not permit another request.
     #[error(transparent)]
     NotSent(#[from] NotSent),
     /// No connection may be opened.
@@ -62,21 +62,22 @@ pub enum AskError {
 
 /// Answers one question at a time; called from several threads at once.
 pub trait Asker: Sync {
-    /// Under which name and settings answers are recorded.
+    /// The name and settings under which answers are recorded.
     fn answerer(&self) -> &Answerer;
 
-    /// How many questions may be under way at once.
+    /// How many questions may be in progress at the same time.
     fn parallel(&self) -> usize;
 
-    /// Whether anything can be asked at all.
+    /// Checks that questions can be asked at all.
     ///
     /// # Errors
-    /// It cannot, and trying would be in vain.
+    /// If they cannot, so that every request would fail.
     fn ready(&self) -> Result<(), AskError> {
         Ok(())
     }
 
-    /// Tells the user, before the first request of a run, who is sent how many pictures at which cost.
+    /// Tells the user, before the first request of a run, where the pictures are sent, how many there are and what they
+    /// may cost.
     fn announce(&self, _pictures: usize, _cost: &Cost) {}
 
     /// Waits for the answer. Every request has its own entry in the account.

@@ -1,17 +1,17 @@
-//! What queries cost: a price table, and an estimate before anything is sent.
+//! The cost of queries: a price table, and an estimate before anything is sent.
 
 use serde::{Deserialize, Serialize};
 
 use super::recorded::Usage;
 
-/// English text in tokens; names of materials take more of them than prose (4).
+/// Characters per token of English; prose has 4, but names of materials take more tokens.
 const CHARACTERS_PER_TOKEN: f64 = 3.5;
-/// What an answer of thirteen fields takes.
+/// Tokens of an answer with thirteen fields.
 const USUAL_OUTPUT_TOKENS: u64 = 300;
-/// A vision model of which nothing is known: a token for each square of so many pixels (Qwen2-VL's).
+/// For a vision model about which nothing is known: one token per square of this many pixels a side (as for Qwen2-VL).
 const UNKNOWN_PATCH: u32 = 28;
 const TOKENS_PER_MTOK: f64 = 1e6;
-/// The share of the usual price that OpenAI takes for a request by the Batch API (its guide to it).
+/// The share of the usual price that OpenAI charges for a request through the Batch API (its Batch API guide).
 const BATCH_API_SHARE: f64 = 0.5;
 
 /// Prices by model.
@@ -20,7 +20,7 @@ pub struct PriceTable {
     prices: Vec<Price>,
 }
 
-/// What a model takes, in US dollars for a million tokens, and how it counts a picture.
+/// The price of a model in US dollars per million tokens, and how it counts a picture.
 #[derive(Debug, Clone, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Price {
@@ -36,23 +36,23 @@ pub struct Price {
     pub source: String,
 }
 
-/// How many tokens a picture is, as OpenAI's guide to images describes its models.
+/// How many tokens a picture takes, as OpenAI's guide to images describes it for its models.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum ImageTokens {
-    /// `base`, and `tile` for each 512-pixel tile once the picture is shrunk into 2048 x 2048 and to a short side of
-    /// 768. Written `tiles BASE TILE`.
+    /// `base`, plus `tile` for each 512-pixel tile after the picture is shrunk to fit 2048 x 2048 and then to a short
+    /// side of 768. Written `tiles BASE TILE`.
     Tiles { base: u64, tile: u64 },
-    /// `factor` for each square of `side` pixels, of which there are at most `most`. Written
-    /// `patches SIDE MOST FACTOR`.
+    /// `factor` for each square of `side` pixels a side, of which there are at most `most`. Written `patches SIDE MOST
+    /// FACTOR`.
     Patches { side: u32, most: u64, factor: f64 },
 }
 
-/// An amount in dollars, or that the price is unknown.
+/// An amount in dollars, or a note that the price is unknown.
 pub(super) fn dollars(usd: Option<f64>) -> String {
     usd.map_or_else(|| "an unknown price (give a table with --prices)".to_owned(), |usd| format!("{usd:.4} USD"))
 }
 
-/// A number of things in words.
+/// A count with its noun.
 pub(super) fn counted(count: usize, noun: &str) -> String {
     format!("{count} {noun}{}", if count == 1 { "" } else { "s" })
 }
@@ -62,22 +62,22 @@ pub(super) fn counted(count: usize, noun: &str) -> String {
 #[error("the price table cannot be read: {0}; its columns are those of prompts/prices.csv")]
 pub struct PriceError(#[from] csv::Error);
 
-/// What a number of requests will take.
+/// The estimated cost of a number of requests.
 #[derive(Debug, Clone, Copy, PartialEq, Default, Serialize)]
 pub struct Cost {
     pub requests: usize,
     pub input_tokens: u64,
-    /// Of answers as long as usual.
+    /// If the answers are of the usual length.
     pub output_tokens: u64,
-    /// Of answers as long as allowed.
+    /// If the answers are as long as allowed.
     pub most_output_tokens: u64,
-    /// `None` where the price table does not have the model.
+    /// `None` if the price table does not have the model.
     pub usd: Option<f64>,
     pub most_usd: Option<f64>,
 }
 
 impl PriceTable {
-    /// The table that is compiled in.
+    /// The built-in table.
     pub fn builtin() -> Self {
         Self::from_csv(include_str!("../../prompts/prices.csv")).expect("a test reads the built-in table")
     }
@@ -102,7 +102,7 @@ impl PriceTable {
 }
 
 impl Price {
-    /// What tokens cost, in US dollars.
+    /// The price of this usage in US dollars.
     pub fn usd(&self, usage: Usage) -> f64 {
         (usage.input_tokens as f64 * self.input_usd_per_mtok + usage.output_tokens as f64 * self.output_usd_per_mtok)
             / TOKENS_PER_MTOK
@@ -112,7 +112,7 @@ impl Price {
 impl ImageTokens {
     const UNKNOWN: Self = Self::Patches { side: UNKNOWN_PATCH, most: u64::MAX, factor: 1.0 };
 
-    /// Tokens of a picture of so many pixels.
+    /// Tokens of a picture of this size in pixels.
     pub fn count(self, (width, height): (u32, u32)) -> u64 {
         match self {
             Self::Tiles { base, tile } => {
@@ -131,7 +131,7 @@ impl ImageTokens {
 }
 
 impl Cost {
-    /// Of one request with some texts and a sheet of so many pixels.
+    /// The cost of one request with these texts and a sheet of this size in pixels.
     pub fn of_request(texts: &[&str], sheet: (u32, u32), max_output_tokens: u32, price: Option<&Price>) -> Self {
         let characters: usize = texts.iter().map(|text| text.chars().count()).sum();
         let text = (characters as f64 / CHARACTERS_PER_TOKEN).ceil() as u64;
@@ -150,13 +150,13 @@ impl Cost {
         }
     }
 
-    /// The same by the Batch API.
+    /// The same cost through the Batch API.
     pub fn by_batch_api(self) -> Self {
         let share = |usd: Option<f64>| usd.map(|usd| usd * BATCH_API_SHARE);
         Self { usd: share(self.usd), most_usd: share(self.most_usd), ..self }
     }
 
-    /// Both together.
+    /// The sum of both.
     pub fn plus(self, other: Self) -> Self {
         match (self.requests, other.requests) {
             (0, _) => return other,
@@ -183,7 +183,7 @@ impl std::fmt::Display for Cost {
     }
 }
 
-/// A price that no budget can be kept with, such as NaN, is refused.
+/// Refuses a price with which no budget can be kept, such as NaN.
 fn usd_per_mtok<'de, D: serde::Deserializer<'de>>(deserializer: D) -> Result<f64, D::Error> {
     let usd = f64::deserialize(deserializer)?;
     if usd.is_finite() && usd >= 0.0 {

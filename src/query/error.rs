@@ -1,4 +1,4 @@
-//! What can go wrong with the queries as a whole. What goes wrong with one segment is a [`super::Failure`].
+//! Errors of the queries as a whole. The failure of a single segment is a [`super::Failure`].
 
 use std::path::{Path, PathBuf};
 
@@ -8,7 +8,7 @@ use super::prompt::PromptError;
 use super::recorded::{Miss, RecordingError};
 use super::{Answers, Failure, Outcome};
 
-/// Why a stage of queries ends without answers.
+/// Why the query stage ends without answers.
 #[derive(Debug, thiserror::Error)]
 pub enum QueryError {
     #[error("view {view}: the label map has no pixel of segment {segment}; segment the scene again")]
@@ -39,9 +39,9 @@ pub enum QueryError {
     #[error("{source}; nothing more was asked. {}", where_kept(.folder, .spare.as_deref()))]
     Unkept {
         source: RecordingError,
-        /// Where recordings belong.
+        /// The folder in which recordings are normally written.
         folder: PathBuf,
-        /// Where those are that could not be written there; `None` if their text was printed.
+        /// The folder of the recordings that could not be written there; `None` if their text was printed.
         spare: Option<PathBuf>,
     },
     #[error("{message}; {left} segments are not answered, what was answered is recorded ({spent})")]
@@ -49,7 +49,7 @@ pub enum QueryError {
     #[error("none of {segments} segments is answered: {}", counted(.failures))]
     AllFailed {
         segments: usize,
-        /// Each failure with the number of segments that it holds for, the most frequent first.
+        /// Each failure with the number of segments that it applies to, the most frequent first.
         failures: Vec<(Failure, usize)>,
     },
     #[error(
@@ -83,7 +83,7 @@ impl From<AskError> for QueryError {
     }
 }
 
-/// A segment of which no answer is recorded.
+/// A segment without a recorded answer.
 #[derive(Debug, Clone, PartialEq)]
 pub struct MissingSegment {
     pub view: String,
@@ -92,10 +92,10 @@ pub struct MissingSegment {
 }
 
 impl Answers {
-    /// Whether there is anything to go on with.
+    /// Checks that there is at least one answer to continue with.
     ///
     /// # Errors
-    /// [`QueryError::AllFailed`] where there are segments and none of them is answered.
+    /// [`QueryError::AllFailed`] if there are segments and none of them is answered.
     pub fn require_any(&self) -> Result<(), QueryError> {
         let mut failures: Vec<(Failure, usize)> = Vec::new();
         for segment in &self.segments {
@@ -113,7 +113,7 @@ impl Answers {
     }
 }
 
-/// As many failures as a person reads; the error's value has them all.
+/// Number of failures in the message; the error value holds all of them.
 const SHOWN_FAILURES: usize = 3;
 
 fn counted(failures: &[(Failure, usize)]) -> String {
@@ -138,7 +138,7 @@ fn where_kept(folder: &Path, spare: Option<&Path>) -> String {
     }
 }
 
-/// Every missing segment, those of one view with one reason together.
+/// Every missing segment, grouped by view and reason.
 fn listed(missing: &[MissingSegment]) -> String {
     let mut lines: Vec<(&str, String, Vec<String>)> = Vec::new();
     for segment in missing {

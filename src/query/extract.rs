@@ -1,24 +1,24 @@
-//! The JSON object in what a model wrote: bare, fenced, after some thinking aloud, or cut off at the end.
+//! Finds the JSON object in a model's text: bare, fenced, after some reasoning, or cut off at the end.
 
 use serde_json::{Deserializer, Value};
 
-/// Why a text yields no JSON object.
+/// Why a text contains no JSON object.
 #[derive(Debug, PartialEq)]
 pub enum NoJson {
-    /// No opening brace starts one.
+    /// It has no opening brace that starts one.
     None,
-    /// One starts but cannot be read, not even when closed at its end.
+    /// One starts but cannot be parsed, not even when closed at its end.
     Broken(String),
 }
 
-/// An answer is an object of ranges: two levels. No answer has so many.
+/// An answer is an object of ranges, which is two levels; no answer nests this deeply.
 const MOST_NESTED: usize = 16;
 
-/// Closes the thinking of models that write it into their answer; nothing before it is the answer.
+/// Ends the reasoning of models that write it into their response; nothing before it is the answer.
 const END_OF_THOUGHT: &str = "</think>";
 
-/// The first JSON object in `text`. One that was cut off is closed where it ends: what it lacks then is for the schema
-/// to say.
+/// The first JSON object in `text`. An object that was cut off is closed where it ends; the schema then reports what is
+/// missing.
 pub fn json_object(text: &str) -> Result<Value, NoJson> {
     let text = text.rsplit_once(END_OF_THOUGHT).map_or(text, |(_, answer)| answer);
     let text = text.trim_end().trim_end_matches('`').trim_end();
@@ -40,8 +40,8 @@ pub fn json_object(text: &str) -> Result<Value, NoJson> {
     Err(problem)
 }
 
-/// Whether the value that `text` begins with opens more than [`MOST_NESTED`] brackets within each other. Without this, every
-/// brace of a deep text would be tried in turn.
+/// True if the value that `text` begins with nests brackets more than [`MOST_NESTED`] deep. Without this check, every
+/// brace of a deeply nested text would be tried in turn.
 fn nests_too_deeply(text: &str) -> bool {
     let mut brackets = Brackets::default();
     for character in text.chars() {
@@ -56,7 +56,7 @@ fn nests_too_deeply(text: &str) -> bool {
     false
 }
 
-/// A cut-off object closed at its last complete value.
+/// A cut-off object, closed after its last complete value.
 fn closed(text: &str) -> Option<Value> {
     let mut brackets = Brackets::default();
     text.chars().for_each(|character| brackets.read(character));
@@ -65,10 +65,10 @@ fn closed(text: &str) -> Option<Value> {
     serde_json::from_str(&format!("{}{closed_string}{end}", text.trim_end_matches([',', ' ', '\n']))).ok()
 }
 
-/// What is open in a JSON text that is read character by character.
+/// The open brackets of a JSON text that is read character by character.
 #[derive(Default)]
 struct Brackets {
-    /// The closing brackets that are owed, the last first.
+    /// The closing brackets that are still missing, the last first.
     open: Vec<char>,
     in_string: bool,
     escaped: bool,

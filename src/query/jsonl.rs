@@ -6,7 +6,7 @@ use super::{Answers, Outcome, SegmentAnswer};
 #[derive(Debug, thiserror::Error)]
 #[error("line {line}: {problem}")]
 pub struct AnswersError {
-    /// From 1.
+    /// Counted from 1.
     pub line: usize,
     pub problem: serde_json::Error,
 }
@@ -33,7 +33,7 @@ impl Answers {
 }
 
 impl SegmentAnswer {
-    /// One line, ended.
+    /// One line, with its line break.
     pub fn to_jsonl(&self) -> String {
         let mut line = serde_json::to_string(self).expect("an answer has string keys and finite numbers");
         line.push('\n');

@@ -1,4 +1,4 @@
-//! A choice of materials narrowed to what an evaluation tells apart.
+//! Narrows the choice of materials to those that an evaluation tells apart.
 
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -12,11 +12,11 @@ use crate::values::missing;
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum LabelSet {
-    /// Those that mean a label of ABO's evaluation.
+    /// Those that map to a label of ABO's evaluation.
     Abo,
-    /// Those that mean a label of MVImgNet's evaluation.
+    /// Those that map to a label of MVImgNet's evaluation.
     Mvimgnet,
-    /// Those that a text file names, one a line: a material, a family, or a label of the evaluations. Blank lines and
+    /// Those that a text file names, one per line: a material, a family, or a label of the evaluations. Blank lines and
     /// lines that begin with `#` are skipped.
     File(PathBuf),
 }
@@ -33,15 +33,15 @@ pub enum LabelsError {
 }
 
 impl LabelSet {
-    /// Whether `text` names the labels of an evaluation; else it is taken for the path of a file.
+    /// True if `text` names the labels of an evaluation; otherwise it is taken for the path of a file.
     pub fn is_name(text: &str) -> bool {
         matches!(text, "abo" | "mvimgnet")
     }
 
-    /// What `--labels` takes.
+    /// Parses the value of `--labels`.
     ///
     /// # Errors
-    /// Neither a set of labels nor a file that is there.
+    /// If it is neither a set of labels nor an existing file.
     pub fn parse(text: &str) -> Result<Self, String> {
         match text {
             "abo" => Ok(Self::Abo),
@@ -82,11 +82,11 @@ impl LabelSet {
     }
 }
 
-/// What a line of a file means.
+/// The meaning of a line of a label file.
 enum Meaning<'a> {
     Family(&'a str),
     Material(&'a str),
-    /// Folded.
+    /// Case-folded.
     Label(String),
 }
 

@@ -1,8 +1,9 @@
-//! What requests cost so far and what those under way may cost, kept within a budget.
+//! Keeps what requests cost so far, plus what those in progress may cost, within a budget.
 //!
-//! Whoever sends requests opens an [`Entry`] for each of them, repetitions included: that sets aside the most that the
-//! request may cost. The entry is closed with what became of it. Anything that the server may have billed counts, an
-//! answer that was lost on the way as much as one that arrived; only what was certainly not billed is given back.
+//! The sender of requests opens an [`Entry`] for each of them, retries included, which reserves the most that the
+//! request may cost. The entry is closed with the outcome of the request. Anything that the server may have billed
+//! counts, an answer that was lost on the way as much as one that arrived; only a request that was certainly not billed
+//! is given back.
 
 use std::sync::{Mutex, MutexGuard, PoisonError};
 
@@ -11,7 +12,7 @@ use serde::Serialize;
 use super::cost::{Cost, Price, counted, dollars};
 use super::recorded::Usage;
 
-/// The books of a run.
+/// The account book of a run.
 #[derive(Debug)]
 pub struct Ledger {
     price: Option<Price>,
@@ -26,15 +27,15 @@ struct Books {
     is_closed: bool,
 }
 
-/// What was asked and paid.
+/// The requests sent and their cost.
 #[derive(Debug, Clone, Copy, PartialEq, Default, Serialize)]
 pub struct Spent {
     /// Requests that were billed or may have been.
     pub requests: usize,
-    /// Those of them that brought no usable reply; each counts at the most that it may have cost.
+    /// The requests among them that brought no usable reply; each counts with the most that it may have cost.
     pub unanswered: usize,
     pub usage: Usage,
-    /// By the price table; `None` where it does not have the model.
+    /// By the price table; `None` if it does not have the model.
     pub usd: Option<f64>,
 }
 
@@ -58,15 +59,15 @@ pub enum NotSent {
     Closed,
 }
 
-/// A question's requests in the ledger.
+/// The requests of one question in the ledger.
 #[derive(Debug, Clone, Copy)]
 pub struct Account<'a> {
     ledger: &'a Ledger,
-    /// Of one request.
+    /// Cost of one request.
     cost: Cost,
 }
 
-/// A request that is under way. One that is dropped without being closed counts as unanswered.
+/// A request in progress. If it is dropped without being closed, it counts as unanswered.
 #[derive(Debug)]
 #[must_use]
 pub struct Entry<'a> {
@@ -82,7 +83,7 @@ impl Ledger {
         Self { price, max_usd, books: Mutex::new(Books { spent, ..Books::default() }) }
     }
 
-    /// What the model costs, if that is known.
+    /// The model's price, if it is known.
     pub fn price(&self) -> Option<&Price> {
         self.price.as_ref()
     }
@@ -92,32 +93,32 @@ impl Ledger {
         self.max_usd
     }
 
-    /// The account of a question of which each request costs `cost`.
+    /// The account of a question whose requests cost `cost` each.
     pub fn account(&self, cost: Cost) -> Account<'_> {
         Account { ledger: self, cost }
     }
 
-    /// Lets no further request be sent.
+    /// Permits no further request.
     pub fn close(&self) {
         self.books().is_closed = true;
     }
 
-    /// Whether no further request may be sent.
+    /// True if no further request may be sent.
     pub fn is_closed(&self) -> bool {
         self.books().is_closed
     }
 
-    /// What was spent so far.
+    /// The amount spent so far.
     pub fn spent(&self) -> Spent {
         self.books().spent
     }
 
-    /// Whether this much more might pass the budget; a cost that nobody knows might.
+    /// True if this much more might exceed the budget; an unknown cost might.
     pub fn might_pass(&self, most_usd: Option<f64>) -> bool {
         self.books().might_pass(self.max_usd, most_usd)
     }
 
-    /// A thread that panicked while it held the lock left the books whole: every change is one of numbers.
+    /// A thread that panicked while it held the lock left the books consistent: every change only sets numbers.
     fn books(&self) -> MutexGuard<'_, Books> {
         self.books.lock().unwrap_or_else(PoisonError::into_inner)
     }
@@ -132,10 +133,10 @@ impl Books {
 }
 
 impl<'a> Account<'a> {
-    /// Sets a request's highest cost aside.
+    /// Reserves a request's highest cost.
     ///
     /// # Errors
-    /// It might pass the budget, or the ledger is closed.
+    /// If it might exceed the budget, or the ledger is closed.
     pub fn open(&self) -> Result<Entry<'a>, NotSent> {
         let Self { ledger, cost } = *self;
         let mut books = ledger.books();
@@ -149,20 +150,20 @@ impl<'a> Account<'a> {
         Ok(Entry { ledger, cost, is_open: true })
     }
 
-    /// Whether no further request may be sent.
+    /// True if no further request may be sent.
     pub fn is_closed(&self) -> bool {
         self.ledger.is_closed()
     }
 }
 
 impl Entry<'_> {
-    /// Closes the entry of a request that was answered. A server that does not count its tokens is taken to have used as
-    /// many as it was allowed.
+    /// Closes the entry of a request that was answered. If the server does not report its tokens, it is assumed to have
+    /// used as many as it was allowed.
     pub fn answered(mut self, usage: Option<Usage>) {
         self.bill(usage, 0);
     }
 
-    /// Closes the entry of a request that brought nothing usable and may have been billed all the same.
+    /// Closes the entry of a request that brought nothing usable but may have been billed.
     pub fn unanswered(mut self) {
         self.bill(None, 1);
     }

@@ -1,4 +1,5 @@
-//! Answers from whoever is asked: each read, corrected once where need be, and recorded before anything else happens.
+//! Asks the questions that are not recorded: each response is checked, corrected once if need be, and recorded before
+//! anything else happens.
 
 use std::path::PathBuf;
 
@@ -14,7 +15,7 @@ use super::recorded::{Asked, QuestionLock, Recording, RecordingError, Recordings
 use super::{Failure, Match, Outcome};
 use crate::progress::{self, Progress};
 
-/// What asking takes.
+/// Everything that asking needs.
 pub struct Live<'a> {
     pub queries: &'a Queries<'a>,
     pub recordings: &'a Recordings,
@@ -26,26 +27,26 @@ pub struct Live<'a> {
 /// Why asking stops for all segments.
 #[derive(Debug)]
 pub enum Stop {
-    /// The next request might pass the budget.
+    /// The next request might exceed the budget.
     Budget,
     Endpoint(String),
     Error(QueryError),
 }
 
 impl Stop {
-    /// Whether an answer that was paid for could not be kept where it belongs.
+    /// True if an answer that was paid for could not be saved in its folder.
     pub fn is_unkept(&self) -> bool {
         matches!(self, Self::Error(QueryError::Unkept { .. }))
     }
 }
 
-/// A reply with what it says, or why it cannot be used.
+/// A reply with its meaning, or with the reason why it cannot be used.
 struct CheckedReply<'a> {
     reading: Result<Reading<'a>, Problem>,
     reply: ModelReply,
 }
 
-/// What a model wrote, and the tokens of all requests that led to it.
+/// The model's text, and the tokens of all requests that led to it.
 struct ModelReply {
     text: String,
     served_model: Option<String>,
@@ -53,7 +54,8 @@ struct ModelReply {
 }
 
 impl<'a> Live<'a> {
-    /// Asks about a segment, from `question` on; `None` if the ledger was closed for another segment meanwhile.
+    /// Asks about a segment, starting with `question`; `None` if the ledger was closed because of another segment in
+    /// the meantime.
     pub fn answer(
         &self,
         segment: &SegmentQuery,
@@ -80,7 +82,8 @@ impl<'a> Live<'a> {
         }
     }
 
-    /// The recorded answer to one question: recorded by another gprop while this one waited for it, or asked now.
+    /// The recorded answer to one question: recorded by another gprop process while this one waited for it, or asked
+    /// live.
     fn answer_one(&self, segment: &SegmentQuery, question: &'a Question) -> Result<Reading<'a>, Halt> {
         let asked = segment.asked(question);
         let _lock = self.lock(segment, &asked)?;
@@ -94,7 +97,7 @@ impl<'a> Live<'a> {
         Ok(reading)
     }
 
-    /// Waits until no other gprop has the question out.
+    /// Waits until no other gprop process is asking this question.
     fn lock(&self, segment: &SegmentQuery, asked: &Asked) -> Result<QuestionLock, Halt> {
         let key = key(self.asker.answerer(), asked);
         let mut is_told = false;
@@ -123,7 +126,8 @@ impl<'a> Live<'a> {
         Ok(recording.and_then(|recording| self.read(question, &recording.response, Unknown::TakeNearest).ok()))
     }
 
-    /// Keeps an answer that was paid for: if not where it belongs then somewhere else, and nothing more is asked.
+    /// Saves an answer that was paid for. If it cannot be written to its folder, it is saved elsewhere and nothing more
+    /// is asked.
     fn record(&self, recording: &Recording) -> Result<(), Halt> {
         let Err(error) = self.recordings.insert(recording) else { return Ok(()) };
         self.ledger.close();
@@ -139,7 +143,7 @@ impl<'a> Live<'a> {
         Err(Halt::All(Stop::Error(QueryError::Unkept { source: error, folder, spare })))
     }
 
-    /// Asks nothing more because of `error`.
+    /// Stops all asking because of `error`.
     fn stop(&self, error: RecordingError) -> Halt {
         self.ledger.close();
         Halt::All(Stop::Error(error.into()))
@@ -195,6 +199,6 @@ impl<'a> Live<'a> {
 enum Halt {
     Segment(Failure),
     All(Stop),
-    /// The ledger lets nothing more be asked.
+    /// The ledger permits no further request.
     Closed,
 }

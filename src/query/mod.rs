@@ -1,9 +1,10 @@
-//! What each segment is made of: a sheet and a prompt for a large multimodal model, its answers checked and recorded.
+//! Asks what each segment is made of: a sheet and a prompt for a large multimodal model, whose answers are checked and
+//! recorded.
 //!
 //! [`Queries::prepare`] draws every segment's [`sheet`] and writes the [`question`]s. [`Queries::run`] is the stage: it
-//! takes an answer from the [recordings](recorded) where there is one, asks whoever may be asked for the rest (an
-//! [`asker`]: the [`client`] of a server), and checks every response against the [`schema`] and the material library
-//! ([`answer`]). [`exchange`] moves the questions out and the answers in, for people and other programs to answer.
+//! takes answers from the [recordings](recorded) if there are any, asks an [`asker`] (the [`client`] of a server) for
+//! the rest, and checks every response against the [`schema`] and the material library ([`answer`]). [`exchange`]
+//! exports the questions and imports the answers of people and other programs.
 
 pub mod answer;
 pub mod asker;
@@ -41,7 +42,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::units::{Range, ShoreHardness};
 
-/// What is known of one segment of one view. A line of `answers.jsonl`.
+/// The result for one segment of one view. A line of `answers.jsonl`.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct SegmentAnswer {
     pub view: String,
@@ -51,7 +52,7 @@ pub struct SegmentAnswer {
     pub outcome: Outcome,
 }
 
-/// An answer or why there is none.
+/// An answer, or why there is none.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(tag = "status", rename_all = "snake_case")]
 #[expect(clippy::large_enum_variant, reason = "nearly all outcomes are answers")]
@@ -74,10 +75,10 @@ pub struct Answer {
     pub hardness: Option<ShoreHardness>,
     pub friction_rubber: Range,
     pub form: Form,
-    /// 0 to 1, the model's own.
+    /// 0 to 1, as the model states it.
     pub confidence: f64,
     pub matched: Match,
-    /// What was corrected or doubted on the way, in words.
+    /// The corrections and doubts about the answer, in words.
     pub flags: Vec<String>,
 }
 
@@ -97,11 +98,11 @@ pub enum Form {
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(tag = "matched", rename_all = "snake_case")]
 pub enum Match {
-    /// Asked just now.
+    /// Asked live in this run.
     Live,
-    /// By its key.
+    /// Found by its key.
     Exact,
-    /// By view and mask overlap.
+    /// Found by view and mask overlap.
     Mask { iou: f64 },
 }
 
@@ -109,11 +110,11 @@ pub enum Match {
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(tag = "failure", rename_all = "snake_case")]
 pub enum Failure {
-    /// The model would not answer.
+    /// The model refused to answer.
     Refused { message: String },
-    /// What came back is not an answer, also after asking once more.
+    /// The response is not a valid answer, even after one correction.
     Invalid { message: String },
-    /// It names a material that the library does not have.
+    /// The answer names a material that the library does not have.
     UnknownMaterial { material: String },
     /// The endpoint could not be reached or kept failing.
     Endpoint { message: String },

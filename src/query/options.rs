@@ -1,4 +1,4 @@
-//! What the user may set about the queries.
+//! The user's options for the queries.
 
 use std::path::PathBuf;
 
@@ -16,22 +16,22 @@ const SHEET_SIZE: u32 = 1536;
 const MAX_TOKENS: u32 = 2000;
 const PARALLEL: usize = 4;
 const TIMEOUT_S: u64 = 120;
-/// A server that wants to be left alone for longer is as good as down.
+/// A server that asks for a longer wait is as good as down.
 const WAIT_S: u64 = 300;
-/// A day: more is a slip.
+/// One day: a larger value is a mistake.
 const MOST_S: u64 = 86_400;
 const RETRIES: u32 = 6;
-/// The hottest that OpenAI's API takes; others take less.
+/// The highest temperature that OpenAI's API takes; others take less.
 const HOTTEST: f64 = 2.0;
-/// No model writes so much at once.
+/// No model writes this much at once.
 const MOST_TOKENS: u32 = 1_000_000;
-/// Each takes a thread and a connection.
+/// Each parallel request takes a thread and a connection.
 const MOST_PARALLEL: usize = 256;
-/// With the pauses between them these take hours.
+/// With the pauses between them, this many retries take hours.
 const MOST_RETRIES: u32 = 100;
 
-/// The keys that a scene may set: what is asked about it, which its recordings depend on. Whether anything is sent, to whom,
-/// in which words and for how much money, and where answers are written, is for the user to say.
+/// The keys that a scene may set: those that define what is asked about it, on which its recordings depend. Whether
+/// anything is sent, to whom, with which prompts, at which cost, and where answers are written, is up to the user.
 pub const SCENE_KEYS: &[SceneKey] = &[
     SceneKey::any("guidance"),
     SceneKey::any("context"),

@@ -12,7 +12,7 @@ use serde_json::Value;
 use super::sha256::Sha256Hex;
 use super::sheet::Context;
 
-/// Everything that is said to the model.
+/// All texts that are sent to the model.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Prompts {
     material: String,
@@ -46,12 +46,12 @@ const FAMILY: &str = "family.txt";
 const CORRECTION: &str = "correction.txt";
 
 impl Prompts {
-    /// The prompts that are compiled in.
+    /// The built-in prompts.
     pub fn builtin() -> Self {
         Self::read(&|_| None).expect("a test renders every built-in prompt")
     }
 
-    /// The prompts of a folder; a file that it does not have is the built-in one.
+    /// The prompts of a folder; a file that is missing there is replaced by the built-in one.
     pub fn from_folder(folder: &Path) -> Result<Self, PromptError> {
         if !folder.is_dir() {
             return Err(PromptError::NoFolder(folder.into()));
@@ -92,19 +92,19 @@ impl Prompts {
         Ok(prompts)
     }
 
-    /// The question for a segment's material and properties, out of `candidates`.
+    /// The question for a segment's material and properties, with `candidates` to choose from.
     pub fn material(&self, context: Context, candidates: &str) -> Result<String, PromptError> {
         let picture = self.picture(context);
         render(MATERIAL, &self.material, context! { picture, candidates })
     }
 
-    /// The question for a segment's family, out of `candidates`.
+    /// The question for a segment's family, with `candidates` to choose from.
     pub fn family(&self, context: Context, candidates: &str) -> Result<String, PromptError> {
         let picture = self.picture(context);
         render(FAMILY, &self.family, context! { picture, candidates })
     }
 
-    /// What is said to an answer that cannot be used.
+    /// The message that asks the model to correct an answer.
     pub fn correction(&self, reason: &str) -> Result<String, PromptError> {
         render(CORRECTION, &self.correction, context! { reason })
     }
@@ -119,7 +119,7 @@ impl Prompts {
         &self.family_schema
     }
 
-    /// Changes whenever anything said to the model changes.
+    /// A hash that changes whenever any text sent to the model changes.
     pub fn sha256(&self) -> Sha256Hex {
         Sha256Hex::of_fields(&[
             self.material.as_bytes(),

@@ -1,4 +1,4 @@
-//! Every segment of every view with its sheet and its questions: what may be replayed, asked or exported.
+//! Every segment of every view with its sheet and its questions: what can be replayed, asked or exported.
 
 use rayon::prelude::*;
 
@@ -20,7 +20,7 @@ pub struct ViewInput<'a> {
     /// Unique among the views.
     pub name: &'a str,
     pub photo: &'a Photo,
-    /// Of the photo's size.
+    /// As large as the photo.
     pub segments: &'a ViewSegments,
 }
 
@@ -31,7 +31,7 @@ pub struct SegmentQuery {
     pub segment: u16,
     pub photo_sha256: Sha256Hex,
     pub mask: Mask,
-    /// Of the sheet's pixels before JPEG.
+    /// Hash of the sheet's pixels before JPEG.
     pub sheet_sha256: Sha256Hex,
     /// Width and height of the sheet.
     pub sheet_size: (u32, u32),
@@ -39,7 +39,7 @@ pub struct SegmentQuery {
     pub jpeg: Vec<u8>,
 }
 
-/// All that may be asked of a scene.
+/// Everything that may be asked about a scene.
 #[derive(Debug)]
 pub struct Queries<'a> {
     /// By view in the order of the views, then by segment id.
@@ -51,7 +51,7 @@ pub struct Queries<'a> {
 }
 
 impl SegmentQuery {
-    /// What identifies `question` asked about this segment.
+    /// The identity of `question` when asked about this segment.
     pub fn asked(&self, question: &Question) -> Asked {
         Asked {
             view: self.view.clone(),
@@ -80,7 +80,8 @@ impl<'a> Queries<'a> {
         Ok(Self { segments, questions, library, prompts, options })
     }
 
-    /// The most that asking `segments` may take: every question of the longest chain, each answered at once.
+    /// The most that asking about `segments` may cost: every question of the longest chain, each answered at the first
+    /// try.
     pub fn cost<'p>(&self, segments: impl Iterator<Item = &'p SegmentQuery>, price: Option<&Price>) -> Cost {
         let chain = self.questions.longest_chain();
         segments.flat_map(|segment| chain.iter().map(move |question| (segment, *question))).fold(

@@ -1,7 +1,7 @@
-//! What is asked about every segment: a prompt and a schema, or a chain of two.
+//! The questions about every segment: one prompt and schema, or a chain of two.
 //!
-//! Neither depends on the segment (its picture does), so servers that cache the beginning of a request read the long
-//! list of materials once.
+//! Neither depends on the segment (only its picture does), so servers that cache the beginning of a request process the
+//! long list of materials once.
 
 use std::collections::BTreeMap;
 
@@ -39,18 +39,18 @@ impl Question {
 #[derive(Debug)]
 pub struct Questions {
     first: Question,
-    /// The question for the materials of one family; empty where the first question has them all.
+    /// The question for the materials of one family; empty if the first question has them all.
     by_family: BTreeMap<String, Question>,
 }
 
-/// Where a usable response leads.
+/// The result of a valid response.
 pub enum Reading<'a> {
     Answered(Box<Answer>),
     Next(&'a Question),
 }
 
 impl Questions {
-    /// The questions for a library, in the user's words or the built-in ones.
+    /// The questions for a library, with the given prompts.
     pub fn new(
         prompts: &Prompts,
         library: &MaterialLibrary,
@@ -74,7 +74,7 @@ impl Questions {
         }
     }
 
-    /// What is asked first about every segment.
+    /// The first question about every segment.
     pub fn first(&self) -> &Question {
         &self.first
     }

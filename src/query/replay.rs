@@ -1,4 +1,4 @@
-//! Answers out of recordings.
+//! Answers from recordings.
 
 use super::answer::{Problem, Unknown};
 use super::options::{AnswerSource, Options};
@@ -7,16 +7,16 @@ use super::question::{Question, Reading};
 use super::recorded::{Answerer, Miss, Recordings, Who};
 use super::{Failure, Match, Outcome};
 
-/// What the recordings have on a segment.
+/// The result of replaying a segment.
 pub enum Replayed<'a> {
     Answered(Outcome),
-    /// The question at which they end, and how the ones before it were found.
+    /// The question that has no recording, and how the ones before it were found.
     Missing {
         question: &'a Question,
         miss: Miss,
         so_far: Match,
     },
-    /// There is one, but it is not an answer.
+    /// There is a recording, but it is not a valid answer.
     Unusable {
         question: &'a Question,
         problem: Problem,
@@ -24,8 +24,8 @@ pub enum Replayed<'a> {
     },
 }
 
-/// Whose recordings serve: those of the model that would be asked; without one, those of the model the user names, or
-/// anybody's.
+/// Whose recordings may be used: those of the model that would be asked; without one, those of the model that the user
+/// names, or anyone's.
 pub fn who<'a>(answerer: Option<&'a Answerer>, options: &'a Options) -> Who<'a> {
     match (options.answers, answerer) {
         (AnswerSource::Record | AnswerSource::Live, Some(answerer)) => Who::Exactly(answerer),
@@ -33,7 +33,7 @@ pub fn who<'a>(answerer: Option<&'a Answerer>, options: &'a Options) -> Who<'a> 
     }
 }
 
-/// Follows a segment's questions through the recordings as far as they go.
+/// Follows a segment's questions through the recordings as far as possible.
 pub fn replay<'a>(queries: &'a Queries, segment: &SegmentQuery, recordings: &Recordings, who: Who) -> Replayed<'a> {
     let mut question = queries.questions.first();
     let mut so_far = Match::Exact;

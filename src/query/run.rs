@@ -1,4 +1,4 @@
-//! The stage: recordings first, then whoever is asked, several segments at once.
+//! The stage: answers from recordings first, then from the asker, several segments at once.
 
 use std::collections::BTreeSet;
 use std::sync::atomic::{AtomicUsize, Ordering};
@@ -21,13 +21,13 @@ use super::sha256::Sha256Hex;
 use super::{Answers, Match, Outcome, SegmentAnswer};
 use crate::progress::Progress;
 
-/// What is known before anything is sent.
+/// The estimate before anything is sent.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Preview {
     pub segments: usize,
     /// Segments whose answer is recorded.
     pub recorded: usize,
-    /// Of asking the others.
+    /// Cost of asking about the others.
     pub cost: Cost,
 }
 
@@ -44,7 +44,7 @@ pub struct Run {
     pub spent: Spent,
 }
 
-/// A segment that must be asked about, by its place among the segments.
+/// A segment that must be asked about, by its index among the segments.
 struct Open<'a> {
     index: usize,
     question: &'a Question,
@@ -52,17 +52,17 @@ struct Open<'a> {
     miss: Miss,
 }
 
-/// How each segment stands with the recordings.
+/// The segments by what the recordings hold for them.
 struct Sorted<'a> {
     answered: Vec<(usize, Outcome)>,
     open: Vec<Open<'a>>,
 }
 
-/// Told of each answer as soon as it is there.
+/// Called with each answer as soon as it arrives.
 pub type OnAnswer<'a> = dyn FnMut(&SegmentQuery, &SegmentAnswer) -> std::io::Result<()> + 'a;
 
 impl Queries<'_> {
-    /// What of the segments is recorded, and what asking the rest would cost. `answerer` is who would be asked.
+    /// How much is recorded, and what asking about the rest would cost. `answerer` is the one that would be asked.
     pub fn preview(&self, recordings: &Recordings, answerer: Option<&Answerer>, price: Option<&Price>) -> Preview {
         let sorted = self.sort(recordings, answerer);
         Preview {
@@ -72,7 +72,8 @@ impl Queries<'_> {
         }
     }
 
-    /// The segments that are not recorded, each with the question to be asked next. `answerer` is who would be asked.
+    /// The segments that are not recorded, each with the question to be asked next. `answerer` is the one that would be
+    /// asked.
     pub fn unanswered(&self, recordings: &Recordings, answerer: Option<&Answerer>) -> Vec<(&SegmentQuery, &Question)> {
         self.sort(recordings, answerer)
             .open
@@ -81,7 +82,7 @@ impl Queries<'_> {
             .collect()
     }
 
-    /// Asks about the first segment that is not recorded; `None` where all are. Nothing is announced.
+    /// Asks about the first segment that is not recorded; `None` if all are. Nothing is announced.
     pub fn ask_first(
         &self,
         recordings: &Recordings,
@@ -104,7 +105,7 @@ impl Queries<'_> {
         Ok(asked)
     }
 
-    /// The recordings that answer any segment, whoever answered: all others are of no use to these views and options.
+    /// The recordings that answer any segment, whoever answered: all others are unused by these views and options.
     pub fn used(&self, recordings: &Recordings) -> BTreeSet<Sha256Hex> {
         let segments = self.segments.par_iter();
         segments
@@ -113,14 +114,14 @@ impl Queries<'_> {
             .collect()
     }
 
-    /// Answers every segment: from `recordings`, and where they end from `asker`.
+    /// Answers every segment: from `recordings`, and from `asker` if they have no answer.
     ///
-    /// `on_answer` is told of each answer as soon as it is there; the result has them in the order of the segments. A
-    /// segment that could not be answered is a typed failure among the answers and is not recorded.
+    /// `on_answer` is called with each answer as soon as it arrives; the result has them in the order of the segments.
+    /// A segment that could not be answered is a typed failure among the answers and is not recorded.
     ///
     /// # Errors
-    /// [`QueryError::Missing`] where something is not recorded and nobody may be asked; a budget that does not suffice;
-    /// an endpoint that cannot answer anything; a recording or answer that cannot be saved.
+    /// [`QueryError::Missing`] if an answer is not recorded and there is no asker. An error if the budget does not
+    /// suffice, if the endpoint cannot answer at all, or if a recording or answer cannot be saved.
     pub fn run(
         &self,
         recordings: &Recordings,
@@ -203,8 +204,8 @@ impl Queries<'_> {
         }
     }
 
-    /// What asking about the first `count` open segments may cost: about the first `at_once` of them now, and about the
-    /// others by the Batch API.
+    /// The cost of asking about the first `count` open segments: about the first `at_once` of them live, and about the
+    /// others through the Batch API.
     pub fn submission_cost(
         &self,
         recordings: &Recordings,
@@ -229,12 +230,13 @@ impl Queries<'_> {
     }
 }
 
-/// Whether any of `segments` open segments can be asked about.
+/// Checks that the asker can be asked about `segments` open segments.
 fn check_ready(asker: &dyn Asker, segments: usize) -> Result<(), QueryError> {
     asker.ready().map_err(|error| QueryError::NotReady { error, segments })
 }
 
-/// Asks about all open segments with as many threads as the asker takes; answers are kept on this thread as they come.
+/// Asks about all open segments with as many threads as the asker allows; answers are saved on this thread as they
+/// arrive.
 fn ask_all(
     live: &Live,
     open: &[Open],
@@ -271,7 +273,7 @@ fn ask_all(
             };
             if let Err(reason) = kept {
                 live.ledger.close();
-                // The first reason is told, but a paid answer that could not be kept comes before any other.
+                // The first reason is reported, but a paid answer that could not be saved takes precedence.
                 if stop.as_ref().is_none_or(|told: &Stop| reason.is_unkept() && !told.is_unkept()) {
                     stop = Some(reason);
                 }

@@ -1,4 +1,4 @@
-//! A JSON schema as it is sent to the model and as its answers are checked here, whatever the server promises.
+//! A JSON schema that is sent to the model and that its answers are checked against, whatever the server promises.
 
 use jsonschema::Validator;
 use serde_json::{Value, json};
@@ -8,7 +8,7 @@ use super::prompt::PromptError;
 use super::sha256::Sha256Hex;
 use crate::materials::fold;
 
-/// A schema, compiled.
+/// A compiled schema.
 #[derive(Debug)]
 pub struct Schema {
     value: Value,
@@ -17,14 +17,14 @@ pub struct Schema {
     families: Vec<String>,
 }
 
-/// What is wrong with a response, in words for the model.
+/// The error in a response, in words that the model can act on.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 pub enum ResponseProblem {
     #[error("it holds no JSON object.")]
     NoJson,
     #[error("its JSON cannot be read: {0}.")]
     BrokenJson(String),
-    /// Each with the place in the object.
+    /// Each violation with its place in the object.
     #[error("{}.", .0.join("; "))]
     OffSchema(Vec<String>),
 }
@@ -46,12 +46,12 @@ impl Schema {
         &self.value
     }
 
-    /// Of its compact JSON text.
+    /// Hash of its compact JSON text.
     pub fn sha256(&self) -> &Sha256Hex {
         &self.sha256
     }
 
-    /// The JSON object in a model's response, if it follows the schema. A family may be in capitals.
+    /// The JSON object in a model's response, if it follows the schema. The family's name may differ in case.
     pub fn check(&self, response: &str) -> Result<Value, ResponseProblem> {
         let mut value = match extract::json_object(response) {
             Ok(value) => value,
@@ -70,7 +70,7 @@ impl Schema {
         if problems.is_empty() { Ok(value) } else { Err(ResponseProblem::OffSchema(problems)) }
     }
 
-    /// Writes the answer's family as the schema does where only case, spelling or punctuation differ.
+    /// Replaces the answer's family by the schema's spelling if only case, spelling or punctuation differ.
     fn respell_family(&self, value: &mut Value) {
         if let Some(Value::String(written)) = value.get_mut("family")
             && let Some(family) = self.families.iter().find(|family| fold(family) == fold(written))

@@ -1,4 +1,4 @@
-//! SHA-256 as lower-case hexadecimal: what recordings are found by.
+//! SHA-256 as lower-case hexadecimal: the keys of recordings.
 
 use std::fmt;
 
@@ -11,12 +11,12 @@ use sha2::{Digest, Sha256};
 pub struct Sha256Hex(String);
 
 impl Sha256Hex {
-    /// Of some bytes.
+    /// Hash of some bytes.
     pub fn of(bytes: impl AsRef<[u8]>) -> Self {
         Self(format!("{:x}", Sha256::digest(bytes)))
     }
 
-    /// Of several fields, each preceded by its length, so that no two lists of fields look the same.
+    /// Hash of several fields, each preceded by its length, so that no two lists of fields hash the same bytes.
     pub fn of_fields(fields: &[&[u8]]) -> Self {
         let mut hasher = Sha256::new();
         for field in fields {
@@ -26,7 +26,7 @@ impl Sha256Hex {
         Self(format!("{:x}", hasher.finalize()))
     }
 
-    /// Of decoded pixels: width and height as little-endian u32, then the samples row by row.
+    /// Hash of decoded pixels: width and height as little-endian u32, then the samples row by row.
     pub fn of_picture((width, height): (u32, u32), samples: &[u8]) -> Self {
         let mut hasher = Sha256::new();
         hasher.update(width.to_le_bytes());

@@ -1,4 +1,4 @@
-//! The object's Gaussians as the page's viewer takes them: few and small enough for a file that is sent around.
+//! The object's Gaussians for the page's viewer: few and small enough for a file that is passed around.
 
 use std::io::Write;
 
@@ -13,33 +13,33 @@ use crate::vote::MaterialField;
 
 /// Most Gaussians on a page: with 20 bytes each, 1.1 MB in base64 before compression, beside 1.4 MB of viewer.
 const LIMIT: usize = 40_000;
-/// Gaussians smaller than this share of the largest are drawn as large as it: e^-10.
+/// Gaussians smaller than this fraction of the largest, e^-10, are drawn as large as the fraction.
 const LOG_SCALE_SPAN: f32 = 10.0;
-/// Fainter Gaussians change no pixel of 8 bits.
+/// Fainter Gaussians change no 8-bit pixel.
 const FAINTEST: f64 = 1.0 / 255.0;
 
 /// The cloud of a page.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Cloud {
-    /// Gaussians in it.
+    /// Number of Gaussians in it.
     pub count: usize,
-    /// Visible Gaussians of the object, every one or an even share of which is in it.
+    /// Number of visible Gaussians of the object; the cloud has all of them or an evenly chosen share.
     pub of: usize,
     /// Lowest and highest centre, world frame, scene units.
     pub corners: [[f32; 3]; 2],
-    /// What 0 and 255 stand for in a logarithm of a standard deviation, scene units.
+    /// Logarithms of a standard deviation (scene units) that 0 and 255 stand for.
     pub log_scales: [f32; 2],
-    /// Where the object is, but for strays.
+    /// Bounds of the object without strays.
     pub bounds: Bounds,
-    /// Centre of the camera that the first view was taken with, world frame, scene units.
+    /// Centre of the camera of the first view, world frame, scene units.
     pub eye: Point3<f64>,
-    /// Gzip of columns, little endian: centre (3 u16), log scale (3 u8), quaternion x y z w (4 i8), opacity (u8), sRGB colour
-    /// (3 u8), label (u16), confidence (u8).
+    /// Gzip of columns, little endian: centre (3 u16), log scale (3 u8), quaternion x y z w (4 i8), opacity (u8), sRGB
+    /// colour (3 u8), label (u16), confidence (u8).
     pub gzip: Vec<u8>,
 }
 
 impl Cloud {
-    /// The cloud of `gaussians` with the labels of `field`, to be looked at from `eye` first.
+    /// The cloud of `gaussians` with the labels of `field`, to be viewed from `eye` first.
     pub fn new(gaussians: &Gaussians, field: &MaterialField, eye: Point3<f64>) -> Self {
         Self::of_at_most(LIMIT, gaussians, field, eye)
     }
@@ -48,7 +48,7 @@ impl Cloud {
         let visible: Vec<usize> = (0..gaussians.len()).filter(|&i| gaussians.opacity(i) >= FAINTEST).collect();
         let count = visible.len().min(limit);
         let chosen: Vec<usize> = (0..count).map(|k| visible[k * visible.len() / count]).collect();
-        // Fewer Gaussians on the same surface are larger: areas go with the inverse of their number.
+        // Fewer Gaussians on the same surface must be larger: their areas are inversely proportional to their number.
         let growth = 0.5 * (visible.len().max(1) as f32 / count.max(1) as f32).ln();
         let extent = |values: &dyn Fn(usize) -> f32| {
             let values = chosen.iter().map(|&i| values(i));
@@ -89,7 +89,7 @@ impl Cloud {
     }
 }
 
-/// 0 to 1 as 0 to 255.
+/// Maps 0 to 1 to 0 to 255.
 fn byte(share: f32) -> u8 {
     (share * 255.0).round() as u8
 }

@@ -1,4 +1,4 @@
-//! The scale of forces on the page, as places in its SVG.
+//! The scale of forces on the page, as positions in its SVG.
 
 use minijinja::{Value, context};
 
@@ -9,7 +9,7 @@ use super::numbers::significant;
 /// Left and right end of the force scale in its drawing.
 const SCALE: (f64, f64) = (20.0, 980.0);
 
-/// Where slip, grip and damage lie on a scale that ends a little beyond what matters.
+/// Positions of slip, grip and damage on a scale that ends a little above the largest relevant force.
 pub fn force_scale(grasp: &GraspReport) -> Value {
     let interesting = grasp.f_star_n.max(grasp.f_min_n);
     let end = round_up(1.25 * interesting.max(grasp.f_max_n.min(4.0 * interesting)));
@@ -25,7 +25,7 @@ pub fn force_scale(grasp: &GraspReport) -> Value {
     }
 }
 
-/// The next 1, 2 or 5 times a power of ten.
+/// The next larger 1, 2 or 5 times a power of ten.
 fn round_up(value: f64) -> f64 {
     let power = 10f64.powf(value.max(1e-9).log10().floor());
     [1.0, 2.0, 5.0, 10.0].map(|step| step * power).into_iter().find(|step| *step >= value).unwrap_or(value)

@@ -22,7 +22,8 @@ pub use page::page;
 pub use pictures::{PictureError, Pictures, SheetPicture, ViewPictures};
 pub use summary::summary;
 
-/// Version of `report.json`'s form, which `docs/report.schema.json` describes: raised when a key changes its meaning or goes.
+/// Version of the format of `report.json`, which `docs/report.schema.json` describes: raised when a key changes its
+/// meaning or is removed.
 pub const SCHEMA_VERSION: u32 = 1;
 
 /// The whole result of `gprop run`. SI throughout: m, kg, s, Pa, N, rad. The world frame is that of the input splat; lengths
@@ -141,7 +142,7 @@ impl AnswerCounts {
             match &segment.outcome {
                 Outcome::Failed(_) => counts.failed += 1,
                 Outcome::Answered(answer) => match answer.matched {
-                    // What is asked is recorded first.
+                    // Live answers are recorded first.
                     Match::Exact | Match::Live => counts.exact += 1,
                     Match::Mask { .. } => counts.by_mask += 1,
                 },
@@ -150,7 +151,7 @@ impl AnswerCounts {
         counts
     }
 
-    /// Segments that have an answer.
+    /// Number of segments with an answer.
     pub fn answered(&self) -> usize {
         self.exact + self.by_mask
     }
@@ -158,7 +159,7 @@ impl AnswerCounts {
 
 #[cfg(test)]
 mod schema {
-    //! `docs/report.schema.json` is made from the types: their fields, and their doc comments as descriptions.
+    //! `docs/report.schema.json` is generated from the types: their fields, with their doc comments as descriptions.
 
     use std::path::Path;
     use std::{env, fs};
@@ -171,18 +172,19 @@ mod schema {
     use super::Report;
     use crate::pipeline::Stage;
 
-    /// Has the test write the file.
+    /// If set, the test writes the file.
     const UPDATE: &str = "GPROP_UPDATE_SCHEMA";
 
-    /// The names of the stages that a report tells of.
+    /// The names of the stages that a report includes.
     pub fn stage_before_the_report(_: &mut SchemaGenerator) -> Schema {
         let names: Vec<String> =
             Stage::ALL.into_iter().filter(|stage| *stage < Stage::Report).map(Stage::name).collect();
         json_schema!({ "enum": names })
     }
 
-    /// Allows no key that is not described. Descriptions are for readers of JSON: without links and line breaks, with null
-    /// for `None`. Formats of numbers are Rust's, not the standard's; defaults are for reading, and nothing reads a report.
+    /// Forbids keys that are not described. Descriptions are for readers of JSON: without links and line breaks, and
+    /// with null for `None`. Number formats are Rust's, not the standard's, so they are removed; so are defaults,
+    /// because no program reads a report back.
     fn published(schema: &mut Schema) {
         if schema.get("properties").is_some() {
             schema.insert("additionalProperties".to_owned(), false.into());

@@ -1,8 +1,8 @@
-//! Numbers and names as a person reads them.
+//! Numbers and names in readable form.
 
 use crate::units::Estimate;
 
-/// Three significant digits, without an exponent where the number is of everyday size.
+/// Three significant digits, without an exponent if the number is of everyday size.
 pub fn significant(value: f64) -> String {
     if value == 0.0 {
         return "0".to_owned();
@@ -21,7 +21,7 @@ pub fn significant(value: f64) -> String {
     }
 }
 
-/// `low to high` times a factor; one number where they read the same.
+/// `low to high` times a factor; one number if both look the same.
 pub fn interval(estimate: Estimate, factor: f64) -> String {
     let (low, high) = (significant(estimate.low * factor), significant(estimate.high * factor));
     if low == high { low } else { format!("{low} to {high}") }
@@ -40,7 +40,7 @@ pub fn thousands(number: u64) -> String {
     text
 }
 
-/// What a caption begins with: the part's name, without how it looks.
+/// The beginning of a caption: the part's name, without its appearance.
 pub fn short(caption: &str) -> &str {
     caption.split([';', ',']).next().unwrap_or(caption).trim()
 }

@@ -1,5 +1,5 @@
-//! The report's pictures: each view's photo, the segments found in it, the materials of the Gaussians seen from there;
-//! the sheets that were asked about.
+//! The report's pictures: each view's photo, its segments, the materials of the Gaussians seen from there, and the
+//! sheets of its questions.
 
 use image::{ImageError, ImageFormat, ImageReader, ImageResult, RgbImage};
 
@@ -12,12 +12,12 @@ use crate::scene::{SceneError, View};
 use crate::segment::LabelMap;
 use crate::vote::MaterialField;
 
-/// Longest side of a report's picture in pixels: three fit side by side on a screen.
+/// Longest side of a report's picture in pixels: three fit next to each other on a screen.
 const LONGEST_SIDE: u32 = 640;
-/// Longest side of a sheet on the page: its three panels can still be told apart.
+/// Longest side of a sheet on the page: its three panels are still recognizable.
 const SHEET_LONGEST_SIDE: u32 = 480;
 
-/// Why a view's pictures cannot be drawn.
+/// Why a view's pictures could not be drawn.
 #[derive(Debug, thiserror::Error)]
 pub enum PictureError {
     #[error("{0}")]
@@ -33,7 +33,7 @@ pub struct Pictures {
     pub sheets: Vec<SheetPicture>,
     /// Animated GIF of the simulation.
     pub animation: Vec<u8>,
-    /// PNG of the places to grasp at.
+    /// PNG of the best places to grasp at.
     pub grasp: Option<Vec<u8>>,
 }
 
@@ -46,7 +46,7 @@ pub struct ViewPictures {
     pub materials: Vec<u8>,
 }
 
-/// The picture that a segment of a view was asked about with, as JPEG.
+/// The sheet of a segment of a view, as JPEG.
 #[derive(Debug, Clone)]
 pub struct SheetPicture {
     pub view: String,
@@ -58,7 +58,7 @@ impl SheetPicture {
     /// Shrinks the `sheet` that was sent.
     ///
     /// # Errors
-    /// Where it is not a picture.
+    /// If it is not a picture.
     pub fn shrink(view: &str, segment: u16, sheet: &[u8]) -> ImageResult<Self> {
         let picture = ImageReader::with_format(files::picture_of(sheet), ImageFormat::Jpeg).decode()?.into_rgb8();
         Ok(Self { view: view.to_owned(), segment, jpeg: jpeg(&picture, SHEET_LONGEST_SIDE)? })
@@ -69,7 +69,7 @@ impl ViewPictures {
     /// Draws the pictures of `view`.
     ///
     /// # Errors
-    /// The photo can no longer be read, or a picture does not encode.
+    /// If the photo cannot be read, or a picture cannot be encoded.
     pub fn draw(
         view: &View,
         map: &LabelMap,
@@ -86,7 +86,7 @@ impl ViewPictures {
     }
 }
 
-/// The splat from the view's camera, each Gaussian in the colour of its part.
+/// The splat as seen by the view's camera, each Gaussian in the colour of its part.
 fn material_map(view: &View, gaussians: &Gaussians, field: &MaterialField) -> RgbImage {
     let colors = field_colors::label_colors(field);
     let options = RenderOptions { colors: Colors::Fixed(&colors), ..RenderOptions::default() };

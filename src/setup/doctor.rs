@@ -1,4 +1,4 @@
-//! `gprop doctor`: what is there, without fetching anything.
+//! `gprop doctor`: checks what is installed, without fetching anything.
 
 use std::fmt;
 use std::path::PathBuf;
@@ -10,22 +10,22 @@ use super::environment::Environment;
 use super::error::SetupError;
 use super::locate::{self, LOOKUP_ORDER, Source};
 
-/// The state of everything that gprop needs beside itself. Printed by `gprop doctor`, also as JSON.
+/// The state of everything that gprop needs besides itself. Printed by `gprop doctor`, also as JSON.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize)]
 pub struct Doctor {
-    /// Everything is there and is what it should be.
+    /// True if everything is present and valid.
     pub ok: bool,
     pub onnxruntime: RuntimeState,
     pub sam: SamState,
-    /// ffmpeg on the search path, which makes the simulation's film; all else works without it.
+    /// ffmpeg on the search path, which encodes the simulation's film; everything else works without it.
     pub ffmpeg: Option<PathBuf>,
-    /// Where fetched files lie; `null` where the environment names no home.
+    /// Folder of fetched files; `null` if the environment names no home.
     pub cache: Option<PathBuf>,
-    /// What is wrong, each with its remedy.
+    /// The problems, each with its remedy.
     pub problems: Vec<String>,
 }
 
-/// ONNX Runtime, `null` where it is missing or unusable.
+/// ONNX Runtime; `null` if it is missing or unusable.
 #[derive(Debug, Clone, Default, PartialEq, Eq, Serialize)]
 pub struct RuntimeState {
     pub path: Option<PathBuf>,
@@ -33,7 +33,7 @@ pub struct RuntimeState {
     pub source: Option<Source>,
 }
 
-/// Paths of the two networks, `null` where one is missing or damaged.
+/// Paths of the two networks; `null` if one is missing or damaged.
 #[derive(Debug, Clone, Default, PartialEq, Eq, Serialize)]
 pub struct SamState {
     pub encoder: Option<PathBuf>,

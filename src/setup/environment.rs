@@ -1,18 +1,18 @@
-//! What the process environment says to set-up, read in one place so that everything below is a function of values.
+//! The process environment as set-up needs it, read in one place so that everything below is a function of values.
 
 use std::ffi::OsString;
 use std::path::PathBuf;
 
-/// The environment variables that set-up heeds.
+/// The environment variables that set-up uses.
 #[derive(Debug, Clone, Default)]
 pub struct Environment {
-    /// `$XDG_CACHE_HOME/gprop`, else `$HOME/.cache/gprop`; `None` where neither is set.
+    /// `$XDG_CACHE_HOME/gprop`, else `$HOME/.cache/gprop`; `None` if neither is set.
     pub cache: Option<PathBuf>,
     /// `ORT_DYLIB_PATH`.
     pub ort_dylib_path: Option<PathBuf>,
-    /// `GPROP_OFFLINE` is set and neither empty nor `0`.
+    /// True if `GPROP_OFFLINE` is set and neither empty nor `0`.
     pub offline: bool,
-    /// `PATH`, where `python3` and `npm` are looked for.
+    /// `PATH`, in which `python3` and `npm` are searched.
     pub path: Option<OsString>,
 }
 
@@ -26,7 +26,7 @@ pub enum Offline {
 }
 
 impl Environment {
-    /// That of this process.
+    /// The environment of this process.
     pub fn of_process() -> Self {
         let set = |name: &str| std::env::var_os(name).filter(|value| !value.is_empty());
         // The XDG base directory specification: a relative path is invalid and ignored.
@@ -40,10 +40,10 @@ impl Environment {
         }
     }
 
-    /// Whether connections may be opened when `--offline` is given or not. Nothing else decides this.
+    /// Checks that connections may be opened, given whether `--offline` is set. Nothing else decides this.
     ///
     /// # Errors
-    /// Connections are forbidden; by what.
+    /// If connections are forbidden; the error says by what.
     pub fn network(&self, offline_flag: bool) -> Result<(), Offline> {
         match (self.offline, offline_flag) {
             (true, _) => Err(Offline::Variable),

@@ -1,8 +1,8 @@
-//! Why set-up failed, each with its remedy. All of them end gprop with [`crate::exit::Exit::Model`].
+//! The errors of set-up, each with its remedy. All of them end gprop with [`crate::exit::Exit::Model`].
 
 use std::path::PathBuf;
 
-/// A failure to find, fetch or trust ONNX Runtime or SAM.
+/// A failure to find, fetch or validate ONNX Runtime or SAM.
 #[derive(Debug, thiserror::Error)]
 pub enum SetupError {
     #[error(

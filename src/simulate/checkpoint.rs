@@ -1,5 +1,5 @@
-//! All that a run needs to go on after a frame, as bytes: a run resumed from a checkpoint ends in the same bytes as one
-//! that was never stopped.
+//! The state that a run needs to continue after a frame, as bytes: a run resumed from a checkpoint produces the same
+//! bytes as one that was never interrupted.
 //!
 //! Layout, little endian: magic, version (u32), identity of the run (32 bytes), length of the record (u64), the record
 //! as JSON, number of particles (u64), then each particle as 39 words.
@@ -16,7 +16,7 @@ use super::states;
 
 const MAGIC: &[u8; 8] = b"gpropmpm";
 const VERSION: u32 = 2;
-/// Words of a particle.
+/// 32-bit words per particle.
 const WORDS: usize = 39;
 
 /// A frame in numbers.
@@ -33,17 +33,17 @@ pub struct FrameSummary {
     pub bounds: [[f64; 3]; 2],
 }
 
-/// What a run has to show so far.
+/// The results of a run so far.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Record {
     pub substeps: u64,
     /// Longest step taken; 0 before the first.
     pub longest_dt_s: f64,
-    /// Of the frames done; the next one to do is number `frames.len()`.
+    /// The completed frames; the next one is number `frames.len()`.
     pub frames: Vec<FrameSummary>,
 }
 
-/// The state after a frame, as the run hands it out.
+/// The state after a frame, as passed to the caller.
 pub struct Snapshot<'a> {
     pub(super) identity: &'a [u8; 32],
     pub(super) record: &'a Record,
@@ -54,7 +54,7 @@ impl Snapshot<'_> {
     /// Writes a checkpoint that [`Checkpoint::from_bytes`] reads.
     ///
     /// # Errors
-    /// What the writer reports.
+    /// If writing fails.
     pub fn write(&self, out: &mut dyn Write) -> io::Result<()> {
         let record = serde_json::to_vec(self.record)?;
         out.write_all(MAGIC)?;
@@ -69,7 +69,7 @@ impl Snapshot<'_> {
     /// Writes the particles for other programs.
     ///
     /// # Errors
-    /// What the writer reports.
+    /// If writing fails.
     pub fn write_states(&self, out: &mut dyn Write) -> io::Result<()> {
         states::write(out, self.particles.count(), |i| self.particles.get(i).into())
     }
@@ -84,13 +84,13 @@ pub struct Checkpoint {
 }
 
 impl Checkpoint {
-    /// Frames done.
+    /// Number of completed frames.
     pub fn frames(&self) -> usize {
         self.record.frames.len()
     }
 
     /// # Errors
-    /// [`SimulateError::Checkpoint`] where the bytes are no whole checkpoint of this version.
+    /// [`SimulateError::Checkpoint`] if the bytes are not a complete checkpoint of this version.
     pub fn from_bytes(bytes: &[u8]) -> Result<Self, SimulateError> {
         let mut rest = bytes;
         if take(&mut rest, MAGIC.len())? != MAGIC {
@@ -127,7 +127,7 @@ fn array<const N: usize>(bytes: &[u8]) -> [u8; N] {
     bytes.try_into().expect("taken with this length")
 }
 
-/// Names a run: its first particles and all that its course depends on.
+/// The identity of a run: a hash of its first particles and of everything that its course depends on.
 pub fn identity(particles: &[Particle], setting: &str) -> [u8; 32] {
     let mut hash = Sha256::new();
     for particle in particles {

@@ -1,8 +1,8 @@
-//! What can go wrong in a simulation.
+//! Errors of a simulation.
 
 use thiserror::Error;
 
-/// Why a simulation could not start or go on.
+/// Why a simulation could not start or continue.
 #[derive(Debug, Error)]
 pub enum SimulateError {
     #[error("there is nothing to simulate: the scene has no Gaussians")]

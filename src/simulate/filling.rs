@@ -1,25 +1,26 @@
 //! From Gaussians and the filled interior to bodies with a volume.
 //!
-//! Space is cut into cubes of half a grid cell, eight particles a cell being what MPM wants. The interior's volume in
-//! a cube goes in equal shares to the Gaussians of the same part in it; where there is none, to one particle of its own
-//! at the volume's centre. So solids are full, shells stay shells, and every part keeps its volume to rounding.
+//! Space is divided into cubes of half a grid cell, because MPM wants eight particles per cell. The interior's volume
+//! in a cube is divided equally among the Gaussians of the same part in it; if there are none, it goes to one new
+//! particle at the volume's centre. So solids are full, shells stay shells, and every part keeps its volume up to
+//! rounding.
 
 use std::collections::BTreeMap;
 
 use super::error::SimulateError;
 
-/// A piece of the object's inside: the parts stage's cell, or whatever else knows where matter is.
+/// A piece of the object's inside: a cell from the parts stage, or from any other model of the inside.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct FillPoint {
     /// World frame, scene units.
     pub position: [f64; 3],
-    /// Of the part that fills it.
+    /// Label of the part that fills it.
     pub label: u32,
-    /// Of the matter in it, scene units cubed.
+    /// Volume of the matter in it, scene units cubed.
     pub volume: f64,
 }
 
-/// What becomes a particle.
+/// A body that becomes a particle.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Body {
     /// World frame, m.
@@ -28,11 +29,11 @@ pub struct Body {
     pub volume_m3: f64,
 }
 
-/// Bodies: one a Gaussian, in their order, then those of the interior.
+/// The bodies: one per Gaussian, in the Gaussians' order, then those of the interior.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Filled {
     pub bodies: Vec<Body>,
-    /// Labels of Gaussians of whose inside nothing is known: each cube that holds one of them counts as full.
+    /// Labels of Gaussians whose inside is unknown: each cube that holds one of them counts as full.
     pub assumed_full: Vec<u32>,
 }
 
@@ -48,7 +49,7 @@ struct Cube {
 /// Gives every Gaussian a volume and adds particles where the interior has no Gaussian. `spacing_m` is the grid's.
 ///
 /// # Errors
-/// A fill point without a place or with a volume that is none.
+/// If a fill point has no finite position or an invalid volume.
 pub fn fill(
     positions_m: &[[f64; 3]],
     labels: &[u32],
@@ -106,8 +107,8 @@ pub fn fill(
     Ok(Filled { bodies, assumed_full })
 }
 
-/// Gaussians without a volume, since their part's inside does not reach them, get the mean of their part's bodies; then
-/// the part is scaled back to its volume.
+/// Gaussians without a volume, because their part's inside does not reach them, get the mean of their part's bodies;
+/// then the part is scaled back to its volume.
 fn give_strays_a_volume(bodies: &mut [Body], known: &BTreeMap<u32, f64>) {
     let mut with_volume = BTreeMap::<u32, f64>::new();
     let mut strays = BTreeMap::<u32, f64>::new();

@@ -1,8 +1,8 @@
-//! Frames: the Gaussians where the particles are, turned and stretched as the matter around them.
+//! Frames: the Gaussians at the particles' positions, rotated and stretched with the matter around them.
 //!
-//! A Gaussian's covariance becomes F Sigma F^T with the particle's whole deformation gradient F, plastic stretch and the
-//! scenario's tilt included, and is stored again as scale and rotation; its spherical harmonics turn with the rotation
-//! of F's polar decomposition (after Xie et al., *PhysGaussian*, 2024).
+//! A Gaussian's covariance becomes F Sigma F^T with the particle's whole deformation gradient F, plastic stretch and
+//! the scenario's tilt included, and is stored again as scale and rotation; its spherical harmonics are rotated by the
+//! rotation of F's polar decomposition (after Xie et al., *PhysGaussian*, 2024).
 
 use nalgebra::{Matrix3, Rotation3, SVD, UnitQuaternion, Vector3};
 use rayon::prelude::*;
@@ -16,7 +16,7 @@ use crate::scene::robust_bounds;
 /// One moment of the simulation.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Frame {
-    /// From 0, the start.
+    /// Counted from 0, the start.
     pub index: usize,
     pub summary: FrameSummary,
     /// World frame and scene units of the input.
@@ -51,9 +51,10 @@ pub fn summary(particles: &InOrder, gaussians: &Gaussians, to_world: ToWorld, t_
     }
 }
 
-/// The Gaussians as `particles` carried and deformed them: particle k is Gaussian `carried[k]`. Others stay as they are.
+/// The Gaussians, moved and deformed with `particles`: particle k is Gaussian `carried[k]`. Other Gaussians are
+/// unchanged.
 pub fn deformed(gaussians: &Gaussians, carried: &[u32], particles: &InOrder, to_world: ToWorld) -> Gaussians {
-    /// Gaussians worked out before they are stored: their spherical harmonics are most of a scene.
+    /// Gaussians computed before they are stored: their spherical harmonics are most of a scene's memory.
     const AT_ONCE: usize = 1 << 14;
     let moved = |(id, &i): (usize, &u32)| {
         let particle = particles.get(id);
@@ -71,7 +72,7 @@ pub fn deformed(gaussians: &Gaussians, carried: &[u32], particles: &InOrder, to_
     out
 }
 
-/// What changes of a Gaussian.
+/// The attributes of a Gaussian that change.
 pub struct Moved {
     position: [f32; 3],
     log_scale: [f32; 3],
@@ -80,7 +81,7 @@ pub struct Moved {
 }
 
 impl Moved {
-    /// Gaussian `i` carried to `position` (world frame, scene units) with the deformation gradient `f`.
+    /// Gaussian `i` moved to `position` (world frame, scene units) with the deformation gradient `f`.
     pub fn new(gaussians: &Gaussians, i: usize, position: Vector3<f64>, f: &Matrix3<f64>) -> Self {
         let axes = f * gaussians.rotation(i).to_rotation_matrix() * Matrix3::from_diagonal(&gaussians.scale(i));
         let (log_scale, rotation) = scale_and_rotation(&axes);
@@ -89,7 +90,7 @@ impl Moved {
         Self { position: position.map(|x| x as f32).into(), log_scale, rotation, sh_rest }
     }
 
-    /// Puts it in the place of Gaussian `i`.
+    /// Stores the result in Gaussian `i`.
     pub fn store(&self, gaussians: &mut Gaussians, i: usize) {
         let rest = 3 * gaussians.sh_rest_per_channel();
         gaussians.positions[i] = self.position;
@@ -107,12 +108,12 @@ fn scale_and_rotation(axes: &Matrix3<f64>) -> ([f32; 3], [f32; 4]) {
         turn.column_mut(0).neg_mut();
     }
     let q = UnitQuaternion::from_rotation_matrix(&Rotation3::from_matrix_unchecked(turn));
-    // A Gaussian pressed flat keeps a thickness that a logarithm can hold.
+    // A Gaussian pressed flat keeps a thickness whose logarithm is finite.
     let scales = svd.singular_values.map(|s| s.max(f64::from(f32::MIN_POSITIVE)).ln() as f32);
     (scales.into(), [q.w, q.i, q.j, q.k].map(|x| x as f32))
 }
 
-/// The rotation R of F = R S; where F is inside out the nearest proper rotation.
+/// The rotation R of F = R S; if F is inverted, the nearest proper rotation.
 fn polar_rotation(f: &Matrix3<f64>) -> Rotation3<f64> {
     let svd = f.svd(true, true);
     let (u, v_t) = (svd.u.expect("asked for"), svd.v_t.expect("asked for"));

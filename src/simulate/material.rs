@@ -1,4 +1,4 @@
-//! Materials as the solver needs them: checked, softened to what can be stepped through, in Lame's constants.
+//! Materials as the solver needs them: checked, softened to what can be simulated, with Lame's constants.
 
 use serde::Serialize;
 
@@ -8,15 +8,15 @@ use super::mpm::laws::{self, drucker_prager, von_mises};
 use crate::materials::Law;
 use crate::vote::FieldLabel;
 
-/// Poisson's ratio above which a material counts as this one: its bulk modulus, and with it the number of time steps,
-/// grows beyond bounds towards 0.5, while its shape hardly changes any more.
+/// Materials with a larger Poisson's ratio are simulated with this one: towards 0.5 the bulk modulus, and with it the
+/// number of time steps, grows without bound, while the shape hardly changes.
 pub const POISSON_CAP: f64 = 0.45;
 
-/// What one label is made of.
+/// The material of one label.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Material {
     pub name: String,
-    /// What the part is called.
+    /// Name of the part.
     pub caption: String,
     pub density_kg_m3: f64,
     pub youngs_modulus_pa: f64,
@@ -62,7 +62,7 @@ pub struct Prepared {
     pub mu_pa: f64,
     pub lambda_pa: f64,
     pub law: laws::Law,
-    /// What the law's state starts with.
+    /// Initial value of the law's state.
     pub state: f64,
 }
 
@@ -74,20 +74,21 @@ impl Prepared {
     }
 }
 
-/// All materials prepared, and what was done to them.
+/// All prepared materials, with the changes made to them.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct Materials {
-    /// In the order given.
+    /// In the given order.
     pub prepared: Vec<Prepared>,
     pub softened: Vec<Softened>,
     pub poisson_capped: Vec<PoissonCapped>,
 }
 
 impl Materials {
-    /// Checks `materials` and softens to `max_stiffness_pa`. Strength is scaled like stiffness: the yield strain stays.
+    /// Checks `materials` and softens to `max_stiffness_pa`. Strength is scaled like stiffness, so the yield strain
+    /// stays.
     ///
     /// # Errors
-    /// A property that no material can have.
+    /// If a property has a value that no material can have.
     pub fn prepare(materials: &[Material], max_stiffness_pa: f64) -> Result<Self, SimulateError> {
         let mut all = Self::default();
         for material in materials {
@@ -109,8 +110,8 @@ impl Materials {
     }
 }
 
-/// The solver's law for a material's, and what its state starts with. Every strength is scaled by `factor` like the
-/// stiffness, and viscosity alike, so that it yields at the same strains and flows at the same rates.
+/// The solver's law for a material's, and the initial value of its state. Every strength and viscosity is scaled by
+/// `factor` like the stiffness, so that the material yields at the same strains and flows at the same rates.
 fn solver_law(law: Law, factor: f64) -> (laws::Law, f64) {
     let radius = |yield_stress_pa: f64| von_mises::yield_radius(yield_stress_pa * factor);
     match law {
@@ -136,7 +137,7 @@ fn solver_law(law: Law, factor: f64) -> (laws::Law, f64) {
     }
 }
 
-/// Lame's constants (mu, lambda) of Young's modulus and Poisson's ratio.
+/// Lame's constants (mu, lambda) from Young's modulus and Poisson's ratio.
 pub fn lame(youngs_modulus_pa: f64, poisson_ratio: f64) -> (f64, f64) {
     let (e, nu) = (youngs_modulus_pa, poisson_ratio);
     (e / (2.0 * (1.0 + nu)), e * nu / ((1.0 + nu) * (1.0 - 2.0 * nu)))

@@ -1,7 +1,7 @@
-//! The Material Point Method on the Gaussians: every Gaussian a particle with its own density, stiffness and law, the
-//! inside filled up, dropped onto the ground.
+//! The Material Point Method on the Gaussians: every Gaussian is a particle with its own density, stiffness and law,
+//! the inside is filled with particles, and the object is dropped onto the ground.
 //!
-//! In order:
+//! The phases, in order:
 //! 1. [`material`]: properties checked, too stiff ones softened;
 //! 2. [`filling`]: a volume for every Gaussian, particles for the inside;
 //! 3. [`scenario`]: first pose, ground, domain;
@@ -44,24 +44,25 @@ use setup::Setup;
 pub use setup::{ASSUMED_LONGEST_SIDE_M, script_of};
 use time_step::StepBound;
 
-/// What is simulated.
+/// The input of a simulation.
 #[derive(Debug, Clone, Copy)]
 pub struct Input<'a> {
     pub gaussians: &'a Gaussians,
     /// Per Gaussian: index into `materials`.
     pub labels: &'a [u32],
     pub materials: &'a [Material],
-    /// All of the object's inside, cell by cell, near the surface too. May be empty: then Gaussians alone carry volume.
+    /// The whole inside of the object, cell by cell, including near the surface. If empty, only Gaussians carry volume.
     pub interior: &'a [FillPoint],
-    /// `None` where unknown: the longest side is then taken to be [`ASSUMED_LONGEST_SIDE_M`].
+    /// `None` if unknown: the longest side is then taken to be [`ASSUMED_LONGEST_SIDE_M`].
     pub meters_per_unit: Option<f64>,
 }
 
-/// Drops the object and hands `on_frame` each frame as it is done, with what a later call needs to resume
-/// right after it. Frames before the checkpoint are not handed out again; the report holds all.
+/// Drops the object and passes each frame to `on_frame` when it is complete, with the state that a later call needs to
+/// resume right after it. Frames before the checkpoint are not passed again; the report holds all of them.
 ///
 /// # Errors
-/// [`SimulateError`]: input that cannot be simulated, a particle that is lost. Errors of `on_frame` as they are.
+/// [`SimulateError`] if the input cannot be simulated or a particle is lost. Errors of `on_frame` are returned
+/// unchanged.
 pub fn simulate<E: From<SimulateError>>(
     input: &Input,
     options: &Options,
@@ -109,7 +110,7 @@ pub fn simulate<E: From<SimulateError>>(
     Ok(report)
 }
 
-/// A lost particle and when.
+/// A lost particle, and the time of the loss.
 struct Failure {
     lost: Lost,
     t_s: f64,
@@ -133,7 +134,8 @@ impl Failure {
     }
 }
 
-/// Goes from the start of `span` to its end. The solver is renewed for each frame, as that of a resumed run is new.
+/// Advances from the start of `span` to its end. The solver is renewed for each frame because a resumed run starts with
+/// a new one.
 fn advance(
     solver: &mut Solver,
     bound: &StepBound,

@@ -1,4 +1,4 @@
-//! What the user may choose about the simulation.
+//! The user's options for the simulation.
 
 use serde::Serialize;
 
@@ -8,8 +8,8 @@ use super::script;
 use crate::config::SceneKey;
 use crate::values::{self, above, from_to};
 
-/// The keys that a scene may set: what happens to its object and how it is filmed. How long the user is willing to wait is
-/// not among them.
+/// The keys that a scene may set: what happens to its object and how it is filmed. How long the user is willing to wait
+/// is not among them.
 pub const SCENE_KEYS: &[SceneKey] = &[
     SceneKey::any("drop-height"),
     SceneKey::any("tilt-deg"),
@@ -31,15 +31,15 @@ pub const SCENE_KEYS: &[SceneKey] = &[
     SceneKey::any("turntable"),
 ];
 
-/// From a thousand times its height an object falls for longer than is worth simulating.
+/// An object that falls from more than a thousand times its height falls for longer than is worth simulating.
 const HIGHEST_DROP: f64 = 1000.0;
 /// An hour.
 const LONGEST_S: f64 = 3600.0;
 /// Two years.
 const MOST_MINUTES: f64 = 1e6;
-/// More than three times the sun's.
+/// More than three times the sun's surface gravity.
 const MOST_GRAVITY: f64 = 1000.0;
-/// Ten times what the stickiest rubber reaches.
+/// Ten times the friction of the stickiest rubber.
 const MOST_FRICTION: f64 = 100.0;
 /// Ten times as stiff as diamond.
 const STIFFEST_PA: f64 = 1e13;
@@ -127,7 +127,7 @@ pub enum Ground {
 }
 
 impl Options {
-    /// The ground as the grid knows it.
+    /// The ground's boundary condition on the grid.
     pub(super) fn contact(&self) -> Contact {
         match self.ground {
             Ground::Separate => Contact::Separate { friction: self.ground_friction as f32 },

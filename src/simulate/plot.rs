@@ -1,10 +1,10 @@
-//! Energies and the centre of mass over time, as an SVG.
+//! Plots energies and the centre of mass over time, as SVG.
 
 use super::{FrameSummary, SimulationReport};
 use crate::plots::{self, Mark, Panel, Series};
 
-/// Above kinetic, potential and elastic energy and their sum, in J, the potential energy being 0 with the centre of mass on
-/// the ground; below the centre of mass, in m from where it was at the start.
+/// The upper plot shows kinetic, potential and elastic energy and their sum, in J, where the potential energy is 0 with
+/// the centre of mass on the ground; the lower plot shows the centre of mass, in m from its start.
 pub fn svg(report: &SimulationReport) -> String {
     let weight_n = report.mass_kg * report.gravity_m_s2;
     let kinetic = |frame: &FrameSummary| frame.kinetic_energy_j;
@@ -22,7 +22,7 @@ pub fn svg(report: &SimulationReport) -> String {
     plots::svg(&[over_time("energy, J", energies), over_time("centre of mass, m", center)])
 }
 
-/// For the report's page: the height of the centre of mass, and the kinetic energy.
+/// For the report page: the height of the centre of mass, and the kinetic energy.
 pub fn height_and_energy(report: &SimulationReport) -> String {
     let height = curve("z", report, |frame| frame.center_of_mass_m[2]);
     let energy = curve("kinetic", report, |frame| frame.kinetic_energy_j);

@@ -1,4 +1,4 @@
-//! What a simulation did.
+//! The result of a simulation.
 
 use serde::{Deserialize, Serialize};
 
@@ -38,7 +38,7 @@ pub struct SimulationReport {
 }
 
 impl SimulationReport {
-    /// All places the object passes: lowest and highest corner, world frame, scene units.
+    /// The bounds of everywhere the object goes: lowest and highest corner, world frame, scene units.
     pub fn bounds(&self) -> [[f64; 3]; 2] {
         let lows = |a: usize| self.frames.iter().map(move |f| f.bounds[0][a]);
         let highs = |a: usize| self.frames.iter().map(move |f| f.bounds[1][a]);

@@ -1,33 +1,33 @@
 //! The scenario `drop`: the object, tilted, falls from a small height onto the ground.
 //!
-//! Up is +z of the world frame. The ground lies where the object's lowest point is in the scene: where it stood. Tilt is
-//! a turn about the horizontal axis across the object's longer side, and a little about the other one so that it
-//! touches down on a corner.
+//! Up is +z of the world frame. The ground is at the height of the object's lowest point in the scene, where it stood.
+//! The tilt is a rotation about the horizontal axis across the object's longer side, and slightly about the other one,
+//! so that it lands on a corner.
 
 use nalgebra::{Rotation3, Vector3};
 
 use super::boundary::{Boundary, Contact};
 use crate::scene::Bounds;
 
-/// How much of the tilt goes about the other horizontal axis.
+/// Share of the tilt about the other horizontal axis.
 const SECOND_AXIS: f64 = 0.4;
 
-/// Grid cells between the ground and the plane on which the grid stops what falls. A particle pushes against the plane
-/// through nodes up to 1.5 cells away; a body's face comes to rest this far above it (measured by the test
-/// `rests_on_the_ground`), so the plane lies as much lower.
+/// Grid cells between the ground and the plane on which the grid stops falling material. A particle pushes against the
+/// plane through nodes up to 1.5 cells away; a body's face comes to rest this far above it (measured by the test
+/// `rests_on_the_ground`), so the plane lies lower by this distance.
 pub const CONTACT_DEPTH_CELLS: f64 = 0.9;
 
-/// Room around the object, in times its longest side: how far it may roll before the run stops. It costs
-/// nothing but the precision of places: the grid lies around the object alone.
+/// Space around the object, in multiples of its longest side: how far it may roll before the run stops. It costs
+/// nothing but precision of positions: the grid surrounds only the object.
 const ROOM: f64 = 8.0;
 
-/// The object's first pose and what it falls onto, in metres.
+/// The object's first pose and the ground below it, in metres.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Drop {
-    /// Turns the object about [`Self::center_m`].
+    /// Rotates the object about [`Self::center_m`].
     pub rotation: Rotation3<f64>,
     pub center_m: Vector3<f64>,
-    /// Then lifts it.
+    /// Lifts it after the rotation.
     pub lift_m: f64,
     /// World z of the ground.
     pub ground_z_m: f64,
@@ -35,12 +35,13 @@ pub struct Drop {
     pub origin_m: Vector3<f64>,
     /// Edge of the cubic domain.
     pub domain_m: f64,
-    /// Height above the origin of the plane that stops what falls.
+    /// Height above the origin of the plane that stops falling material.
     plane_m: f64,
 }
 
 impl Drop {
-    /// The drop from `height` (in times the longest side), tilted, of an object whose body lies within `object` (metres, world frame), with bodies at `positions_m`.
+    /// The drop from `height` (in multiples of the longest side), tilted, of an object whose body lies within `object`
+    /// (metres, world frame), with bodies at `positions_m`.
     pub fn new(object: &Bounds, positions_m: &[[f64; 3]], spacing_m: f64, [height, tilt_deg]: [f64; 2]) -> Self {
         let size = object.size();
         let longest = size.max();
@@ -57,7 +58,7 @@ impl Drop {
         let ground_z_m = object.min.z;
         let lift_m = ground_z_m + height * longest - lowest;
         let domain_m = longest * (2.0 * ROOM + 1.0 + height);
-        // The plane acts on whole nodes: it lies on a layer of them, a hair above for the rounding.
+        // The plane acts on whole nodes: it lies on a layer of them, slightly above to allow for rounding.
         let layer = (ROOM * longest / spacing_m).ceil();
         let floor = ground_z_m - (layer + CONTACT_DEPTH_CELLS) * spacing_m;
         let origin_m = Vector3::new(center_m.x - domain_m / 2.0, center_m.y - domain_m / 2.0, floor);
@@ -65,7 +66,7 @@ impl Drop {
         Self { rotation, center_m, lift_m, ground_z_m, origin_m, domain_m, plane_m }
     }
 
-    /// First position of a point of the object, in the simulation's frame.
+    /// Initial position of a point of the object, in the simulation's frame.
     pub fn placed(&self, position_m: [f64; 3]) -> Vector3<f64> {
         let turned = self.rotation * (Vector3::from(position_m) - self.center_m) + self.center_m;
         turned + Vector3::z() * self.lift_m - self.origin_m

@@ -1,6 +1,6 @@
 //! Scenarios by name and parameters, and from TOML files: a first pose and a list of steps, each on a part or a region.
 //!
-//! A named scenario is the same thing as a file, written in code: [`named`] turns parameters into a [`Script`].
+//! A named scenario is equivalent to a file, but written in code: [`named`] turns parameters into a [`Script`].
 
 use std::collections::BTreeMap;
 
@@ -11,14 +11,14 @@ use super::error::SimulateError;
 use super::mpm::particles::Particle;
 use crate::output::toml_problem;
 
-/// A scenario: name, what it does, its parameters with their defaults.
+/// A scenario: its name, a description, and its parameters with their defaults.
 pub struct Known {
     pub name: &'static str,
     pub what: &'static str,
     pub parameters: &'static [(&'static str, f64, &'static str)],
 }
 
-/// The scenarios that need no file. Times are shares of the simulated time.
+/// The scenarios that need no file. Times are fractions of the simulated time.
 pub const KNOWN: [Known; 8] = [
     Known {
         name: "drop",
@@ -58,16 +58,16 @@ pub const KNOWN: [Known; 8] = [
     },
 ];
 
-/// Whether `--scenario` gives a scenario's name; else it is the path of a file.
+/// True if the value of `--scenario` is a scenario's name; otherwise it is the path of a file.
 pub fn is_name(text: &str) -> bool {
     !text.ends_with(".toml")
 }
 
-/// A scenario as a file states it.
+/// A scenario as written in a file.
 #[derive(Debug, Clone, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Script {
-    /// Height above the ground, in times the longest side.
+    /// Height above the ground, in multiples of the longest side.
     #[serde(default)]
     pub drop_height: f64,
     #[serde(default)]
@@ -76,13 +76,13 @@ pub struct Script {
     pub steps: Vec<Step>,
 }
 
-/// One thing done to one region.
+/// One action on one region.
 #[derive(Debug, Clone, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Step {
-    /// `all`, `top`, `bottom`, `low_end`, `high_end`, or parts: by caption or material, or by words of these.
+    /// `all`, `top`, `bottom`, `low_end`, `high_end`, or parts: by caption or material, or by words from these.
     pub on: String,
-    /// Shares of the simulated time.
+    /// Fractions of the simulated time.
     #[serde(default)]
     pub from: f64,
     #[serde(default = "one")]
@@ -91,11 +91,11 @@ pub struct Step {
     pub what: What,
 }
 
-/// What is done. World axes.
+/// The kind of action. World axes.
 #[derive(Debug, Clone, Copy, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields, rename_all = "snake_case")]
 pub enum What {
-    /// Total force, in weights of the object.
+    /// Total force, in multiples of the object's weight.
     Force {
         weights: [f64; 3],
     },
@@ -103,7 +103,7 @@ pub enum What {
     Move {
         velocity_m_s: [f64; 3],
     },
-    /// Moves along the longest side, in longest sides a second.
+    /// Moves along the longest side, in longest sides per second.
     Draw {
         speed: f64,
     },
@@ -122,7 +122,7 @@ pub enum What {
     },
 }
 
-/// What something turns about, through the object's middle.
+/// The axis of a rotation, through the object's middle.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum About {
@@ -137,10 +137,10 @@ fn one() -> f64 {
 }
 
 impl Script {
-    /// A scenario file.
+    /// Reads a scenario file.
     ///
     /// # Errors
-    /// [`SimulateError::Scenario`]: no TOML, unknown keys.
+    /// [`SimulateError::Scenario`] for invalid TOML or unknown keys.
     pub fn from_toml(text: &str) -> Result<Self, SimulateError> {
         toml::from_str(text).map_err(|error| SimulateError::Scenario(toml_problem(&error, text)))
     }
@@ -149,7 +149,7 @@ impl Script {
 /// The scenario `name` with parameters given as `key=value`.
 ///
 /// # Errors
-/// [`SimulateError::Scenario`]: an unknown scenario or parameter, a value that is not a number.
+/// [`SimulateError::Scenario`] for an unknown scenario or parameter, or a value that is not a number.
 pub fn named(name: &str, given: &[String]) -> Result<Script, SimulateError> {
     let bad = |text: String| SimulateError::Scenario(text);
     let known = KNOWN.iter().find(|k| k.name == name).ok_or_else(|| {
@@ -205,12 +205,12 @@ pub fn named(name: &str, given: &[String]) -> Result<Script, SimulateError> {
     Ok(script)
 }
 
-/// The object that a script acts on, as it stands at the start.
+/// The object that a script acts on, in its initial pose.
 pub struct Standing<'a> {
     pub particles: &'a [Particle],
     /// Per particle: index into `names`.
     pub labels: &'a [u32],
-    /// What parts may be called: several words for each.
+    /// Names of the parts: several words for each.
     pub names: &'a [Vec<&'a str>],
     pub longest_m: f64,
     pub gravity_m_s2: f64,
@@ -221,7 +221,7 @@ impl Standing<'_> {
     /// The steps with their particles.
     ///
     /// # Errors
-    /// [`SimulateError::Scenario`]: a part that is not there.
+    /// [`SimulateError::Scenario`] for a part that does not exist.
     pub fn actions(&self, steps: &[Step]) -> Result<Vec<Action>, SimulateError> {
         steps.iter().map(|step| self.action(step)).collect()
     }
@@ -264,7 +264,7 @@ impl Standing<'_> {
 
     /// The particles of a region or a part.
     fn region(&self, on: &str) -> Result<Vec<bool>, SimulateError> {
-        /// Shares of the object's extent.
+        /// Fractions of the object's extent.
         const TOP: f32 = 1.0 / 3.0;
         const BOTTOM: f32 = 0.1;
         const END: f32 = 0.1;
@@ -312,8 +312,8 @@ impl Standing<'_> {
     }
 }
 
-/// Whether the words of `part` stand in `name`, in their order and in singular or plural: "handle" in "body and handles of a
-/// pot", "legs" in "front leg".
+/// True if the words of `part` occur in `name`, in their order and in singular or plural: "handle" in "body and handles
+/// of a pot", "legs" in "front leg".
 fn mentions(name: &str, part: &str) -> bool {
     let words = |text: &str| -> Vec<String> {
         let words = text.split(|c: char| !c.is_alphanumeric()).filter(|word| !word.is_empty());
@@ -323,7 +323,7 @@ fn mentions(name: &str, part: &str) -> bool {
     !wanted.is_empty() && words(name).windows(wanted.len()).any(|found| found == wanted)
 }
 
-/// A word without the s of a plural: "legs" is "leg", "glass" and "gas" stay.
+/// A word without a plural s: "legs" becomes "leg"; "glass" and "gas" stay.
 fn singular(word: &str) -> &str {
     match word.strip_suffix('s') {
         Some(stem) if stem.len() > 2 && !stem.ends_with('s') => stem,

@@ -1,4 +1,4 @@
-//! Everything that is settled before the first substep.
+//! Everything that is decided before the first substep.
 
 use std::collections::BTreeSet;
 
@@ -19,40 +19,41 @@ use super::time_step::StepBound;
 use crate::scene::{Bounds, robust_bounds};
 use crate::units::GRAVITY_M_S2;
 
-/// Length in metres that the longest side of an object of unknown scale is taken to have.
+/// Length in metres that is assumed for the longest side of an object of unknown scale.
 pub const ASSUMED_LONGEST_SIDE_M: f64 = 0.5;
 
-/// Simulated time, in times sqrt(longest side / g), where the user gives none: what is k times as large falls, swings
-/// and tumbles sqrt(k) times as long.
+/// Default simulated time, in multiples of sqrt(longest side / g): an object k times as large falls, swings and tumbles
+/// sqrt(k) times as long.
 const FALLS: f64 = 4.8;
 
-/// What a slow core does; the bench `simulate` shows how much faster a given machine is.
+/// The speed of a slow core; the bench `simulate` shows how much faster a given machine is.
 const PARTICLE_SUBSTEPS_PER_S: f64 = 3e6;
 
-/// A Gaussian further than this outside of the object's bounds, in times the longest side, is no part of the object.
+/// A Gaussian that is further than this outside the object's bounds, in multiples of the longest side, is not part of
+/// the object.
 const STRAY: f64 = 1.0;
 
-/// Everything that is settled before the first substep.
+/// Everything that is decided before the first substep.
 pub struct Setup {
     pub setting: Setting,
-    /// Those of Gaussians first, then those of the inside.
+    /// Particles of Gaussians first, then those of the inside.
     pub start: Vec<Particle>,
-    /// Which Gaussians the first particles carry.
+    /// For each of the first particles, the index of its Gaussian.
     pub carried: Vec<u32>,
-    /// Per particle.
+    /// The label of each particle.
     pub labels: Vec<u32>,
     pub bound: StepBound,
     pub to_world: ToWorld,
     pub duration_s: f64,
-    /// What the scenario does while it runs.
+    /// The scenario's actions during the run.
     pub actions: Vec<Action>,
-    /// How long the run is expected to take.
+    /// Expected duration of the run.
     pub minutes: f64,
-    /// Without what the run will show.
+    /// The report, without the results of the run.
     pub report: SimulationReport,
 }
 
-/// Checks the input and lays out the run.
+/// Checks the input and sets up the run.
 pub fn set_up(input: &Input, options: &Options) -> Result<Setup, SimulateError> {
     check(input)?;
     let materials = Materials::prepare(input.materials, options.max_stiffness)?;
@@ -153,10 +154,10 @@ pub fn set_up(input: &Input, options: &Options) -> Result<Setup, SimulateError> 
     })
 }
 
-/// The scenario's script; none for the drop without parameters, whose pose has options of its own.
+/// The scenario's script; `None` for the drop without parameters, whose pose has its own options.
 ///
 /// # Errors
-/// [`SimulateError::Scenario`]: no such scenario, or a file that cannot be read as one.
+/// [`SimulateError::Scenario`] if there is no such scenario, or its file cannot be read as one.
 pub fn script_of(options: &Options) -> Result<Option<Script>, SimulateError> {
     match options.scenario.as_str() {
         "drop" if options.set.is_empty() => Ok(None),
@@ -202,7 +203,7 @@ fn check(input: &Input) -> Result<(), SimulateError> {
     }
 }
 
-/// A resting particle in the scenario's first pose.
+/// A resting particle in the scenario's initial pose.
 fn particle(body: &Body, material: &Prepared, drop: &Drop, laws: &mut Vec<Law>) -> Particle {
     let law = laws.iter().position(|l| *l == material.law).unwrap_or_else(|| {
         laws.push(material.law);
@@ -225,7 +226,7 @@ fn particle(body: &Body, material: &Prepared, drop: &Drop, laws: &mut Vec<Law>) 
     }
 }
 
-/// What every label in use was filled with; the first `carried` bodies are Gaussians.
+/// The particles of every label in use; the first `carried` bodies are Gaussians.
 fn filled_report(input: &Input, filled: &Filled, carried: usize) -> Vec<FilledReport> {
     let used: BTreeSet<u32> = filled.bodies.iter().map(|b| b.label).collect();
     let of = |label: u32| {

@@ -1,6 +1,6 @@
-//! The particles of a frame for other programs: a NumPy archive with the arrays that PhysGaussian keeps in its HDF5 files,
-//! `x` (n, 3), `v` (n, 3), `f_tensor` (n, 3, 3; the elastic deformation gradient) and `C` (n, 3, 3; the affine velocity),
-//! and `mass` and `volume` (n). Frame and units are the solver's: metres in the simulation's box.
+//! The particles of a frame for other programs: a NumPy archive with the arrays that PhysGaussian writes to its HDF5
+//! files, `x` (n, 3), `v` (n, 3), `f_tensor` (n, 3, 3; the elastic deformation gradient) and `C` (n, 3, 3; the affine
+//! velocity), and `mass` and `volume` (n). Frame and units are the solver's: metres in the simulation's box.
 
 use std::io::{self, Write};
 
@@ -8,7 +8,7 @@ use super::compat::particle::Particle as CompatParticle;
 use super::mpm::particles::Particle;
 use crate::npz::NpzWriter;
 
-/// One particle's; matrices row by row.
+/// The state of one particle; matrices row by row.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct State {
     x: [f32; 3],
@@ -34,10 +34,10 @@ impl From<&CompatParticle> for State {
     }
 }
 
-/// Writes an NPZ file of `count` particles, array by array, so that no array is in memory whole.
+/// Writes an NPZ file of `count` particles, array by array, so that no array is in memory as a whole.
 ///
 /// # Errors
-/// What the writer reports.
+/// If writing fails.
 pub fn write(out: impl Write, count: usize, state: impl Fn(usize) -> State) -> io::Result<()> {
     let n = count as u64;
     let states = || (0..count).map(&state);

@@ -1,4 +1,4 @@
-//! The segments that may be voted for: those of all views that have an answer.
+//! The segments that can be voted for: those of all views that have an answer.
 
 use super::{ViewInput, VoteError};
 use crate::materials::MaterialLibrary;
@@ -20,18 +20,18 @@ pub(super) struct AnsweredSegments<'a> {
     pub segments: Vec<AnsweredSegment<'a>>,
     /// Names of the materials that the answers give, sorted.
     pub materials: Vec<&'a str>,
-    /// Of every view, by segment id: index into `segments`.
+    /// For every view, by segment id: index into `segments`.
     index: Vec<Vec<Option<u32>>>,
     pub warnings: Vec<String>,
-    /// How many segments the label maps hold.
+    /// Number of segments in the label maps.
     pub in_maps: usize,
 }
 
 impl<'a> AnsweredSegments<'a> {
-    /// Segments of the label maps without an answer are counted in the warnings, and so are views without segments.
+    /// Segments of the label maps without an answer are counted in the warnings, as are views without segments.
     ///
     /// # Errors
-    /// [`VoteError::UnknownMaterial`] where an answer names a material that `library` does not have.
+    /// [`VoteError::UnknownMaterial`] if an answer names a material that `library` does not have.
     pub fn new(views: &[ViewInput], answers: &'a Answers, library: &MaterialLibrary) -> Result<Self, VoteError> {
         let mut found = Self { segments: vec![], materials: vec![], index: vec![], warnings: vec![], in_maps: 0 };
         let mut unanswered = Vec::new();
@@ -87,7 +87,7 @@ impl<'a> AnsweredSegments<'a> {
     }
 }
 
-/// By id: whether the view's label map holds it. The background, 0, is not a segment.
+/// By id: true if the view's label map contains it. The background, 0, is not a segment.
 fn ids_of(view: &ViewInput) -> Vec<bool> {
     let largest = view.map.labels.iter().copied().max().unwrap_or(0);
     let mut present = vec![false; usize::from(largest) + 1];

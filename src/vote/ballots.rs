@@ -1,10 +1,10 @@
-//! What each view says of each Gaussian: its ballots.
+//! The votes of each view for each Gaussian: its ballots.
 //!
 //! Under [`Rule::Frequency`] a view gives a Gaussian that it sees one vote for the segment at its centre (the paper's
-//! rule). Under [`Rule::Contribution`] every pixel gives each Gaussian that it shows a vote for its segment as large as
-//! the Gaussian's share of the pixel's light, alpha times transmittance. That is right at the border of two segments,
-//! where the centre of a large Gaussian says nothing about the rest of it, and needs no depth test: what is hidden adds
-//! no light.
+//! rule). Under [`Rule::Contribution`] every pixel gives each Gaussian that it shows a vote for the pixel's segment,
+//! weighted by the Gaussian's share of the pixel's light, alpha times transmittance. This is correct at the border of
+//! two segments, where the centre of a large Gaussian says nothing about the rest of it, and needs no depth test:
+//! hidden Gaussians add no light.
 
 use rayon::prelude::*;
 
@@ -16,8 +16,8 @@ use crate::render::{LANES, Projected, RenderOptions, Sink, Splat, TILE, TRANSMIT
 use crate::scene::gaussians::Gaussians;
 use crate::segment::LabelMap;
 
-/// A view sees a Gaussian if at least this share of its light arrives, the rest being taken by what is in front. A closed
-/// surface of trained Gaussians lets a few hundredths through; one in front of which nothing stands sends all of it.
+/// A view sees a Gaussian if at least this share of its light arrives; the rest is blocked by what is in front. A
+/// closed surface of trained Gaussians lets a few hundredths through; an unobstructed Gaussian sends all of its light.
 const VISIBLE_SHARE: f32 = 0.1;
 
 /// Votes of one view for one segment to one Gaussian.
@@ -33,12 +33,12 @@ pub(super) struct Ballot {
 pub(super) struct Ballots {
     /// Gaussian `i` has `ballots[starts[i]..starts[i + 1]]`.
     starts: Vec<u32>,
-    /// By Gaussian, then by view, then by segment.
+    /// Sorted by Gaussian, then by view, then by segment.
     ballots: Vec<Ballot>,
 }
 
 impl Ballots {
-    /// Lets every view vote.
+    /// Collects the votes of every view.
     pub fn cast(
         gaussians: &Gaussians,
         views: &[ViewInput],
@@ -71,8 +71,8 @@ impl Ballots {
         self.starts.len() - 1
     }
 
-    /// Sorts by Gaussian: a counting sort, so within one the order stays, by view and by segment. Each view is dropped
-    /// as soon as it is read.
+    /// Sorts by Gaussian with a counting sort, so the order by view and segment stays within a Gaussian. Each view is
+    /// dropped as soon as it is read.
     fn sorted(gaussians: usize, of_views: Vec<Vec<(u32, Ballot)>>) -> Self {
         let mut starts = vec![0u32; gaussians + 1];
         for (gaussian, _) in of_views.iter().flatten() {
@@ -92,7 +92,7 @@ impl Ballots {
     }
 }
 
-/// [`Rule::Frequency`].
+/// Ballots under [`Rule::Frequency`].
 fn by_center(
     projected: &Projected,
     test: DepthTest,
@@ -108,7 +108,7 @@ fn by_center(
     projected.splats().par_iter().filter_map(vote).collect()
 }
 
-/// [`Rule::Contribution`].
+/// Ballots under [`Rule::Contribution`].
 fn by_light(
     gaussians: usize,
     projected: Projected,
@@ -116,9 +116,9 @@ fn by_light(
     find: impl Fn(u16) -> Option<u32> + Sync,
 ) -> Vec<(u32, Ballot)> {
     let width = projected.size().0;
-    // Light that arrives and light sent out, by Gaussian.
+    // Light that arrives and light that is emitted, by Gaussian.
     let mut light = vec![[0.0f32; 2]; gaussians];
-    // Room for a Gaussian's share of four tiles or segments: a list that grows leaves holes of its former sizes.
+    // Capacity for four tiles or segments per Gaussian: a growing list would leave holes of its former sizes in memory.
     let mut ballots: Vec<(u32, Ballot)> = Vec::with_capacity(4 * gaussians);
     projected.visit_in_bands(
         |rect| LightSink::new(rect, map, width),
@@ -136,7 +136,7 @@ fn by_light(
         let [arrived, sent] = light[*gaussian as usize];
         arrived >= VISIBLE_SHARE * sent
     });
-    // A stable sort: what a tile border has split is added up in the order of the tiles.
+    // A stable sort: contributions that a tile border has split are added up in the order of the tiles.
     ballots.par_sort_by_key(|(gaussian, ballot)| (*gaussian, ballot.segment));
     ballots.dedup_by(|next, kept| {
         let same = (next.0, next.1.segment) == (kept.0, kept.1.segment);
@@ -147,7 +147,7 @@ fn by_light(
     ballots
 }
 
-/// What the pixels of one label within one tile see of one Gaussian, in pixels.
+/// How much the pixels of one label within one tile see of one Gaussian, in pixels.
 #[derive(Debug, Clone, Copy)]
 struct Contribution {
     gaussian: u32,
@@ -193,7 +193,8 @@ impl Sink for LightSink {
         if self.contributions.last().is_none_or(|last| last.gaussian != gaussian) {
             self.current = self.contributions.len();
         }
-        // The light before the splat is what it takes and what it leaves; a finished pixel counts as neither.
+        // The light before the splat is the sum of what it takes and what it leaves; a finished pixel counts as
+        // neither.
         let sent: [f32; LANES] =
             std::array::from_fn(|lane| weights[lane] / (weights[lane] + transmittance[lane]).max(TRANSMITTANCE_MIN));
         let labels: [u16; LANES] = std::array::from_fn(|lane| self.labels[first + lane]);

@@ -1,4 +1,4 @@
-//! What makes a vote impossible.
+//! Errors that make a vote impossible.
 
 /// Why there is no [`super::MaterialField`].
 #[derive(Debug, thiserror::Error)]

@@ -5,7 +5,7 @@ use crate::materials::{Material, MaterialLibrary};
 use crate::scene::gaussians::ExtraProperty;
 use crate::units::Estimate;
 
-/// Names of the materials that the labels use, sorted: `material_id` is the place in this list.
+/// Names of the materials that the labels use, sorted: `material_id` is the index into this list.
 pub fn material_names(labels: &[FieldLabel]) -> Vec<&str> {
     let mut names: Vec<&str> = labels.iter().map(|label| label.material.as_str()).collect();
     names.sort_unstable();
@@ -18,9 +18,9 @@ pub fn materials<'a>(labels: &[FieldLabel], library: &'a MaterialLibrary) -> Vec
     material_names(labels).into_iter().filter_map(|name| library.get(name)).collect()
 }
 
-/// The columns of `field.ply`, one value a Gaussian: `part_label`, `material_id`, `density` (kg/m3), `E` (Pa), `nu`,
-/// `yield_stress` (Pa), `friction` (on a rubber pad), `hardness` (Shore, on the scale of the label's material; NaN where it
-/// has none), `conf` (0 to 1), `votes`, `views` (0: label taken from the nearest seen Gaussians).
+/// The columns of `field.ply`, one value per Gaussian: `part_label`, `material_id`, `density` (kg/m3), `E` (Pa), `nu`,
+/// `yield_stress` (Pa), `friction` (on a rubber pad), `hardness` (Shore, on the scale of the label's material; NaN if
+/// it has none), `conf` (0 to 1), `votes`, `views` (0: label taken from the nearest seen Gaussians).
 pub fn columns(field: &MaterialField) -> Vec<ExtraProperty> {
     let names = material_names(&field.labels);
     let of_label = |name: &str, value: &dyn Fn(&FieldLabel) -> f64| {
@@ -47,7 +47,7 @@ fn property(name: &str, values: impl Iterator<Item = f32>) -> ExtraProperty {
     ExtraProperty { name: name.to_owned(), values: values.collect() }
 }
 
-/// The field that [`columns`] wrote for `labels`; `None` where a column is missing or holds what no field can.
+/// The field that [`columns`] wrote for `labels`; `None` if a column is missing or has invalid values.
 pub fn read(columns: &[ExtraProperty], labels: Vec<FieldLabel>) -> Option<MaterialField> {
     let column = |name: &str| columns.iter().find(|column| column.name == name).map(|column| &column.values);
     let whole = |value: &f32, below: usize| {

@@ -1,19 +1,19 @@
-//! Which segments of different views are the same part of the object, and what it is made of.
+//! Finds which segments of different views are the same part of the object, and its material.
 //!
-//! Two views' segments are compared on the Gaussians that both views vote on: how much of their light carries both
-//! segments, and how much carries either. Groups of segments are joined by average linkage, always the two that agree
-//! best, all counts summed over their views:
+//! Two views' segments are compared on the Gaussians for which both views vote: how much of their light is in both
+//! segments, and how much is in either. Groups of segments are joined by average linkage, always the two with the
+//! largest overlap, where all counts are summed over their views:
 //!
-//! 1. as long as more than half of what carries either carries both (Jaccard above [`SAME_PART_OVERLAP`]): the same part
-//!    seen from different sides;
-//! 2. then, among groups whose views agree on one material, as long as more than half of the smaller lies within the
-//!    larger (containment): the same part cut finer in some views than in others.
+//! 1. while more than half of what is in either group is in both (Jaccard index above [`SAME_PART_OVERLAP`]): the same
+//!    part seen from different sides;
+//! 2. then, among groups whose views agree on one material, while more than half of the smaller lies within the larger
+//!    (containment): the same part, segmented more finely in some views than in others.
 //!
 //! Two segments of one view share nothing, so they count against a union of their groups: touching segments of one
-//! material stay two as long as most views keep them apart, and a view that took them for one does not glue them
-//! together.
+//! material remain two as long as most views separate them, and one view that merged them does not join them.
 //!
-//! A 3D part is of the material that most of its views' answers name, each counting by how much of the part it sees.
+//! The material of a 3D part is the one that most of its views' answers name, each weighted by how much of the part the
+//! view sees.
 
 use rayon::prelude::*;
 
@@ -21,17 +21,17 @@ use super::answered_segments::AnsweredSegments;
 use super::ballots::{Ballot, Ballots};
 use super::plurality::{Tally, add, winner};
 
-/// Overlap from which two groups are one 3D part. Above one half, a segment has at most one partner in another view,
-/// whose segments are disjoint; so this is the lowest threshold that leaves no choice.
+/// Overlap above which two groups are one 3D part. Above one half, a segment has at most one partner in another view,
+/// because that view's segments are disjoint; so this is the lowest threshold that leaves no choice.
 pub(super) const SAME_PART_OVERLAP: f64 = 0.5;
 
 /// The 3D part of every view's segment.
 pub(super) struct Identity {
     /// Numbered in the order of their first view's segment.
     pub part_of_segment: Vec<u32>,
-    /// What each 3D part is made of: index into [`AnsweredSegments::materials`].
+    /// The material of each 3D part: index into [`AnsweredSegments::materials`].
     pub material_of_part: Vec<u32>,
-    /// Per view's segment: the light of the Gaussians that carry it, in [`LIGHT_STEPS`] to the pixel (or vote).
+    /// Per view's segment: the light of the Gaussians in it, in [`LIGHT_STEPS`] per pixel (or vote).
     pub seen: Vec<u64>,
 }
 
@@ -53,7 +53,7 @@ impl Identity {
     }
 }
 
-/// The material that each group agrees on, by the group's name.
+/// The material of each group, indexed by the group's name.
 fn materials(group: &[usize], segments: &AnsweredSegments, seen: &[u64]) -> Vec<u32> {
     let mut tallies: Vec<Tally> = vec![Vec::new(); group.len()];
     for (n, segment) in segments.segments.iter().enumerate() {
@@ -65,8 +65,8 @@ fn materials(group: &[usize], segments: &AnsweredSegments, seen: &[u64]) -> Vec<
 /// Light is counted in whole steps, so that sums do not depend on their order.
 const LIGHT_STEPS: f32 = 256.0;
 
-/// Light of the Gaussians that carry segment `a` in one view and segment `b` in another, the smaller of the two; on the
-/// diagonal, of those that carry `a`.
+/// Light of the Gaussians that are in segment `a` in one view and in segment `b` in another, the smaller of the two; on
+/// the diagonal, of those that are in `a`.
 struct Shared {
     segments: usize,
     light: Vec<u64>,
@@ -74,7 +74,7 @@ struct Shared {
 
 impl Shared {
     fn of(ballots: &Ballots, view_of: &[usize]) -> Self {
-        /// Gaussians counted together: their table must be small beside them.
+        /// Number of Gaussians counted together: large enough that their table is small in comparison.
         const RUN: usize = 1 << 17;
         let segments = view_of.len();
         let runs = ballots.gaussians().div_ceil(RUN);
@@ -104,7 +104,7 @@ impl Shared {
     }
 }
 
-/// Of every view that votes on a Gaussian, the segment it votes for most; the first of equals.
+/// For every view that votes on a Gaussian, the segment with most of its votes; among equals, the first.
 fn main_segments(ballots: &[Ballot], view_of: &[usize], main: &mut Vec<Ballot>) {
     main.clear();
     let same_view = |a: &Ballot, b: &Ballot| view_of[a.segment as usize] == view_of[b.segment as usize];
@@ -113,23 +113,24 @@ fn main_segments(ballots: &[Ballot], view_of: &[usize], main: &mut Vec<Ballot>) 
     }
 }
 
-/// What carries both over what carries either: from `both`, and from what of each group the other's views vote on.
+/// The light in both groups over the light in either: from `both`, and from the light of each group that the other's
+/// views vote on.
 fn jaccard(both: f64, of_a: f64, of_b: f64) -> f64 {
     both / (of_a + of_b - both)
 }
 
-/// What carries both over the smaller of the two.
+/// The light in both groups over that in the smaller of the two.
 fn containment(both: f64, of_a: f64, of_b: f64) -> f64 {
     both / of_a.min(of_b)
 }
 
 /// Groups of segments while they are being joined; a group is named by its first segment.
 struct Groups {
-    /// `both[a * segments + b]`: light that carries a segment of `a` in one view and a segment of `b` in another.
+    /// `both[a * segments + b]`: light that is in a segment of `a` in one view and in a segment of `b` in another.
     both: Vec<f64>,
     /// `visible[a * segments + b]`: light of `a` that the views of `b` vote on, for whatever segment.
     visible: Vec<f64>,
-    /// Of every segment, its group.
+    /// The group of every segment.
     group: Vec<usize>,
     alive: Vec<usize>,
 }
@@ -154,7 +155,7 @@ impl Groups {
         }
     }
 
-    /// Joins the pair of groups with the largest overlap, the first of equals, as long as it exceeds the threshold.
+    /// Joins the pair of groups with the largest overlap (among equals, the first) while it exceeds the threshold.
     fn join_while(&mut self, overlap: fn(f64, f64, f64) -> f64, may_join: impl Fn(usize, usize) -> bool) {
         while let Some((a, b)) = self.best_pair(overlap, &may_join) {
             self.join(a, b);
@@ -171,7 +172,7 @@ impl Groups {
         for (n, &a) in self.alive.iter().enumerate() {
             for &b in self.alive[n + 1..].iter().filter(|&&b| may_join(a, b)) {
                 let (ab, ba) = (a * segments + b, b * segments + a);
-                // Where no Gaussian speaks this is 0 / 0, no number, and exceeds nothing.
+                // Without common Gaussians this is 0 / 0, which is NaN and exceeds nothing.
                 let overlap = overlap(self.both[ab], self.visible[ab], self.visible[ba]);
                 if overlap > best.0 {
                     best = (overlap, Some((a, b)));

@@ -1,4 +1,4 @@
-//! A label's properties, from the answers that won it.
+//! The properties of a label, from the answers that agree with it.
 
 use super::FieldLabel;
 use super::answered_segments::{AnsweredSegment, AnsweredSegments};
@@ -10,7 +10,7 @@ use crate::query::{Answer, Form};
 use crate::units::{Estimate, Range, ShoreHardness};
 
 /// The label with number `id` for `choice`: from the answers for this material among the views' segments of this 3D
-/// part, never from those for another material. The caption is that of the segment seen on most Gaussians.
+/// part, never from those for another material. The caption is that of the segment with most light.
 pub(super) fn label(
     id: u32,
     choice: PartMaterial,
@@ -62,8 +62,8 @@ fn middle_and_hull(ranges: impl Iterator<Item = Range>) -> Estimate {
     )
 }
 
-/// The hull of the readings on the scale that most answers use (the first one's where two are equal): readings on two
-/// scales do not mix.
+/// The hull of the readings on the scale that most answers use (of two equally frequent scales, the first answer's):
+/// readings on two scales are not combined.
 fn hardness(answers: &[&Answer]) -> Option<ShoreHardness> {
     let readings: Vec<ShoreHardness> = answers.iter().filter_map(|answer| answer.hardness).collect();
     let on = |scale| readings.iter().filter(move |reading| reading.scale == scale);
@@ -75,7 +75,7 @@ fn hardness(answers: &[&Answer]) -> Option<ShoreHardness> {
     Some(ShoreHardness { scale, range })
 }
 
-/// Solid or shell as most answers say (solid where as many say either); the wall is the one in the middle of the shells'.
+/// Solid or shell, as most answers say (solid if equally many say either); the wall is the median one of the shells'.
 fn form(answers: &[&Answer]) -> Form {
     let wall = |answer: &&Answer| match answer.form {
         Form::Shell { wall_thickness_m } => Some(wall_thickness_m),

@@ -1,9 +1,9 @@
 //! From label maps to a material for every Gaussian: depth test, ballots, tally.
 //!
 //! In order: [`answered_segments`] lists the views' segments that have an answer; [`ballots`] lets every view vote on
-//! the Gaussians it sees, which [`render::depth_test`] tells; [`identity`] finds which segments of different views are one
-//! part of the object; [`tally`] elects, by [`plurality`], a material and a part for every Gaussian, [`unseen`] for
-//! those that no view sees; [`labels`] gives each elected part its properties.
+//! the Gaussians that it sees, which [`render::depth_test`] determines; [`identity`] finds which segments of different views
+//! are one part of the object; [`tally`] elects, by [`plurality`], a material and a part for every Gaussian, and
+//! [`unseen`] for those that no view sees; [`labels`] gives each elected part its properties.
 
 mod answered_segments;
 mod ballots;
@@ -37,27 +37,27 @@ use tally::{Elected, PartMaterial};
 /// A view that votes.
 #[derive(Debug, Clone, Copy)]
 pub struct ViewInput<'a> {
-    /// As in the answers.
+    /// Its name, as in the answers.
     pub name: &'a str,
     pub camera: &'a Camera,
-    /// At the camera's size.
+    /// Its label map, of the same size as the camera's picture.
     pub map: &'a LabelMap,
 }
 
-/// What the vote decided for every Gaussian.
+/// The result of the vote for every Gaussian.
 #[derive(Debug, Clone, PartialEq)]
 pub struct MaterialField {
     /// The labels that a Gaussian may have; `labels[i].id == i`.
     pub labels: Vec<FieldLabel>,
     /// Per Gaussian: index into `labels`.
     pub part_label: Vec<u32>,
-    /// Per Gaussian: share of its votes that its label won, 0 to 1; 0 where it was never seen.
+    /// Per Gaussian: share of its votes that its label won, 0 to 1; 0 if it was never seen.
     pub confidence: Vec<f32>,
     /// Per Gaussian: votes for the winning label.
     pub votes: Vec<f32>,
-    /// Per Gaussian: views that see it. 0 means the label came from the nearest seen ones.
+    /// Per Gaussian: number of views that see it. 0 means that the label came from the nearest seen Gaussians.
     pub views: Vec<u16>,
-    /// What the user should know: counted, never fatal.
+    /// Warnings for the user.
     pub warnings: Vec<String>,
 }
 
@@ -100,8 +100,8 @@ pub struct FieldLabel {
 /// Gives every Gaussian a material from the segments that the views see it in. See [`tally`] for the rules.
 ///
 /// # Errors
-/// [`VoteError`]: no Gaussians, a label map that is not of its camera's size, an answer that names no material of the
-/// library, or no vote at all.
+/// [`VoteError`] if there are no Gaussians, a label map does not have its camera's size, an answer names a material
+/// that is not in the library, or there is no vote at all.
 pub fn vote(
     gaussians: &Gaussians,
     views: &[ViewInput],
@@ -138,7 +138,7 @@ fn check(gaussians: &Gaussians, views: &[ViewInput]) -> Result<(), VoteError> {
     Ok(())
 }
 
-/// What is strange about the cloud and the cameras, though the vote can take it.
+/// Warnings about oddities of the cloud and the cameras with which the vote can still work.
 fn doubts(gaussians: &Gaussians, views: &[ViewInput]) -> Vec<String> {
     let bounds = robust_bounds(gaussians);
     let mut doubts = Vec::new();
@@ -165,7 +165,7 @@ fn doubts(gaussians: &Gaussians, views: &[ViewInput]) -> Vec<String> {
     doubts
 }
 
-/// Numbers the choices that were made, the most frequent first, and gathers what is known of each.
+/// Numbers the choices that occur, the most frequent first, and gathers the properties of each.
 fn field(
     choices: &[PartMaterial],
     elected: &[Option<Elected>],
@@ -195,7 +195,7 @@ fn field(
     }
 }
 
-/// The choices that occur, the most frequent first; of equals the lower 3D part.
+/// The choices that occur, the most frequent first; among equals, the lower 3D part first.
 fn by_frequency(choices: &[PartMaterial]) -> Vec<PartMaterial> {
     let mut sorted = choices.to_vec();
     sorted.sort_unstable();

@@ -1,4 +1,4 @@
-//! What the user may choose about the vote.
+//! The user's options for the vote.
 
 use std::num::NonZeroUsize;
 
@@ -7,12 +7,13 @@ use serde::{Deserialize, Serialize};
 use crate::config::SceneKey;
 use crate::values::{self, from_to};
 
-/// Seen neighbours that an unseen Gaussian asks: enough that one stray does not decide, few enough to stay local.
+/// Number of seen neighbours that decide for an unseen Gaussian: enough that one stray does not decide, few enough to
+/// stay local.
 const DEFAULT_NEIGHBORS: NonZeroUsize = NonZeroUsize::new(8).expect("eight is not zero");
-/// So many are no neighbourhood any longer but a part of the object.
+/// This many Gaussians are not a neighbourhood but a part of the object.
 const MOST_NEIGHBORS: NonZeroUsize = NonZeroUsize::new(1000).expect("a thousand is not zero");
 
-/// The keys that a scene may set: all of them; they decide nothing but this scene's result.
+/// The keys that a scene may set: all of them, because they affect only this scene's result.
 pub const SCENE_KEYS: &[SceneKey] = &[SceneKey::any("vote"), SceneKey::any("agree"), SceneKey::any("neighbors")];
 
 /// How the views' segments become a material for every Gaussian.

@@ -1,6 +1,6 @@
-//! Counting votes, and who has most: ties go to the larger sum of votes times confidence, then to the first by number.
+//! Counts votes and finds the winner: ties go to the larger sum of votes times confidence, then to the lowest number.
 
-/// Votes and votes times confidence by what they are for, in order of first sight: rarely more than three.
+/// Candidates with their votes and votes times confidence, in the order of their first vote: rarely more than three.
 pub(super) type Tally = Vec<(u32, f64, f64)>;
 
 pub(super) fn add(tally: &mut Tally, for_what: u32, votes: f64, confidence: f64) {
@@ -13,7 +13,7 @@ pub(super) fn add(tally: &mut Tally, for_what: u32, votes: f64, confidence: f64)
     }
 }
 
-/// What has most votes, and how many; ties as the module says.
+/// The candidate with most votes, and its votes; ties as described above.
 pub(super) fn winner(tally: &Tally) -> Option<(u32, f64)> {
     let order =
         |a: &&(u32, f64, f64), b: &&(u32, f64, f64)| a.1.total_cmp(&b.1).then(a.2.total_cmp(&b.2)).then(b.0.cmp(&a.0));

@@ -1,14 +1,14 @@
-//! From ballots to one label a Gaussian.
+//! Elects one label per Gaussian from the ballots.
 //!
-//! 1. Under [`Agreement::Part`] every view's segment stands for the material that its 3D part agrees on (see
+//! 1. Under [`Agreement::Part`] every view's segment stands for the material on which its 3D part agrees (see
 //!    [`super::identity`]): the paper's vote, over all Gaussians of a part at once. A single odd answer then makes no
-//!    patch where few other views look. Under [`Agreement::Gaussian`] every answer stands for itself, which is the
-//!    paper's rule to the letter.
+//!    patch in a region that few other views see. Under [`Agreement::Gaussian`] every answer stands for itself, which
+//!    is exactly the paper's rule.
 //! 2. A Gaussian takes the material with most of its votes.
 //! 3. Among the 3D parts that gave it this material, it takes the one with most of its votes.
 //!
-//! Ties go to the larger sum of votes times the answers' confidence, then to the first material by name, to the first 3D
-//! part. A single view decides alone; where views conflict the majority wins and `confidence` says by how much.
+//! Ties go to the larger sum of votes times the answers' confidence, then to the first material by name, then to the
+//! first 3D part. A single view decides alone; if views conflict, the majority wins and `confidence` tells by how much.
 
 use rayon::prelude::*;
 
@@ -18,7 +18,7 @@ use super::identity::Identity;
 use super::options::Agreement;
 use super::plurality::{add, winner};
 
-/// What a label stands for: a 3D part and its material.
+/// The meaning of a label: a 3D part and its material.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 pub(super) struct PartMaterial {
     pub part: u32,
@@ -30,9 +30,9 @@ pub(super) struct PartMaterial {
 pub(super) struct Elected {
     pub choice: PartMaterial,
     pub votes: f32,
-    /// Votes for anything.
+    /// Sum of all its votes.
     pub cast: f32,
-    /// Views that vote.
+    /// Number of views that vote on it.
     pub views: u16,
 }
 
@@ -49,7 +49,7 @@ pub(super) fn candidates(segments: &AnsweredSegments, identity: &Identity, agree
     own.into_iter().map(agreed).collect()
 }
 
-/// Every Gaussian's choice; `None` for those that no view votes on.
+/// Every Gaussian's choice; `None` for those on which no view votes.
 pub(super) fn elect(
     ballots: &Ballots,
     segments: &AnsweredSegments,

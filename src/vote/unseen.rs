@@ -1,7 +1,7 @@
-//! Gaussians that no view votes on, inside or below the object, take the choice of the nearest seen ones.
+//! Gaussians on which no view votes, inside or below the object, take the choice of the nearest seen ones.
 //!
-//! Near is meant in the Gaussians' own metric: the distance of two centres is measured in deviations of the sum of their
-//! covariances (Mahalanobis). Flat Gaussians of one wall are near each other along the wall and far across it.
+//! Distance is measured in the Gaussians' own metric: that of two centres in standard deviations of the sum of their
+//! covariances (Mahalanobis). Flat Gaussians of one wall are near each other along the wall and far apart across it.
 
 use nalgebra::{Matrix3, Vector3};
 use rayon::prelude::*;
@@ -10,11 +10,11 @@ use super::tally::{Elected, PartMaterial};
 use crate::scene::gaussians::Gaussians;
 use crate::scene::nearest::Nearest;
 
-/// So many times the neighbours wanted are looked at, nearest by plain distance, before the metric picks from them.
+/// Number of candidates per wanted neighbour, nearest by Euclidean distance, from which the metric selects.
 const CANDIDATES_PER_NEIGHBOR: usize = 4;
 
-/// The choice of every Gaussian: its own where it is seen, otherwise the most frequent among its `neighbors` nearest
-/// seen ones; of equals the nearest one's. `None` only where no Gaussian is seen.
+/// The choice of every Gaussian: its own if it is seen, otherwise the most frequent among its `neighbors` nearest seen
+/// ones; among equals, the nearest one's. `None` only if no Gaussian is seen.
 pub(super) fn fill(gaussians: &Gaussians, elected: &[Option<Elected>], neighbors: usize) -> Option<Vec<PartMaterial>> {
     let seen: Vec<usize> = (0..elected.len()).filter(|&i| elected[i].is_some()).collect();
     if seen.is_empty() {
@@ -29,7 +29,7 @@ pub(super) fn fill(gaussians: &Gaussians, elected: &[Option<Elected>], neighbors
     (0..elected.len()).into_par_iter().map(|i| elected[i].map(|e| e.choice).or_else(|| of_neighbors(i))).collect()
 }
 
-/// Sorts by squared distance in deviations, then by index.
+/// Sorts by squared Mahalanobis distance, then by index.
 fn in_own_metric(gaussians: &Gaussians, i: usize, others: impl Iterator<Item = usize>) -> Vec<usize> {
     let covariance = gaussians.covariance(i);
     let mut ranked: Vec<(f64, usize)> = others
@@ -42,12 +42,12 @@ fn in_own_metric(gaussians: &Gaussians, i: usize, others: impl Iterator<Item = u
     ranked.into_iter().map(|(_, j)| j).collect()
 }
 
-/// Infinite where the covariance has no inverse: such a neighbour counts last.
+/// Infinite if the covariance has no inverse: such a neighbour comes last.
 fn squared_deviations(covariance: Matrix3<f64>, offset: Vector3<f64>) -> f64 {
     covariance.cholesky().map_or(f64::INFINITY, |factor| offset.dot(&factor.solve(&offset)))
 }
 
-/// The most frequent choice among the first `count`; of equals the one met first.
+/// The most frequent choice among the first `count`; among equals, the one found first.
 fn most_frequent(neighbors: &[usize], count: usize, elected: &[Option<Elected>]) -> Option<PartMaterial> {
     let mut tally: Vec<(PartMaterial, usize)> = Vec::new();
     for choice in neighbors.iter().take(count).filter_map(|&j| elected[j]).map(|elected| elected.choice) {

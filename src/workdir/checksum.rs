@@ -1,4 +1,4 @@
-//! Checksums of artifacts: SHA-256, since it is taken while a file is written and costs less than the disk does.
+//! Checksums of artifacts: SHA-256, because it is computed while a file is written and costs less time than the disk.
 
 use std::io::{self, Write};
 use std::path::Path;
@@ -17,15 +17,15 @@ pub struct Checksum {
 }
 
 impl Checksum {
-    /// Of bytes in memory.
+    /// The checksum of bytes in memory.
     pub fn of(bytes: &[u8]) -> Self {
         Self { bytes: bytes.len() as u64, sha256: hexadecimal(&Sha256::digest(bytes)) }
     }
 
-    /// Of a file on disk, read piece by piece.
+    /// The checksum of a file on disk, read piece by piece.
     ///
     /// # Errors
-    /// As of [`files::open`].
+    /// As for [`files::open`].
     pub fn of_file(path: &Path) -> io::Result<Self> {
         let (bytes, digest) = digest_of_file(path)?;
         Ok(Self { bytes, sha256: hexadecimal(&digest) })
@@ -35,19 +35,19 @@ impl Checksum {
 /// SHA-256 of a file on disk, read piece by piece.
 ///
 /// # Errors
-/// As of [`files::open`].
+/// As for [`files::open`].
 pub fn sha256_of_file(path: &Path) -> io::Result<[u8; 32]> {
     Ok(digest_of_file(path)?.1)
 }
 
-/// Length and SHA-256.
+/// Length and SHA-256 of a file.
 fn digest_of_file(path: &Path) -> io::Result<(u64, [u8; 32])> {
     let mut hasher = Sha256::new();
     let bytes = io::copy(&mut files::open(path)?, &mut hasher)?;
     Ok((bytes, hasher.finalize().into()))
 }
 
-/// A writer that takes the checksum of what passes through it. Give it large pieces.
+/// A writer that computes the checksum of everything written through it. Write large pieces.
 pub struct Checksumming<W> {
     out: W,
     bytes: u64,

@@ -1,7 +1,8 @@
-//! Locks of files, which the system frees when the process that holds them ends, however it ends.
+//! File locks, which the system releases when the process that holds them ends, however it ends.
 //!
-//! Whoever takes a lock for itself writes into the file who it is, so that whoever is kept out can say so. The files are
-//! opened with `O_CLOEXEC`, as the standard library opens all of them: no child of a process inherits its lock.
+//! A process that takes an exclusive lock writes its identity into the file, so that a process that is kept out can
+//! report it. The files are opened with `O_CLOEXEC`, as the standard library opens all files: no child of a process
+//! inherits its lock.
 
 use std::fmt;
 use std::fs::{File, TryLockError};
@@ -13,21 +14,21 @@ use serde::{Deserialize, Serialize};
 
 use crate::files;
 
-/// For so long a process that was killed may hold its lock while the system takes its memory back: gigabytes take tenths of
-/// a second. Whoever is kept out by a process that lives waits this long in vain, once.
+/// How long a killed process may hold its lock while the system frees its memory: gigabytes take tenths of a second. If
+/// the lock's holder is alive, a process that is kept out waits this long once before it gives up.
 const PATIENCE: Duration = Duration::from_secs(2);
 const POLL: Duration = Duration::from_millis(20);
 
-/// As much of a lock's file as can say who holds it.
+/// Most bytes that are read from a lock's file to find its holder.
 const MAX_SIGNATURE_BYTES: u64 = 4096;
-/// The last second that an HTTP date can name, of the year 9999.
+/// The last second that an HTTP date can express, in the year 9999.
 const LAST_SECOND: u64 = 253_402_300_799;
 
-/// Takes the lock for this process alone; `None` if another process holds it. A process that has ended, however it did, holds
-/// none.
+/// Takes the lock for this process alone; `None` if another process holds it. A process that has ended, however it did,
+/// holds none.
 ///
 /// # Errors
-/// The file cannot be made or written.
+/// If the file cannot be created or written.
 pub fn exclusive(path: &Path) -> io::Result<Option<File>> {
     if files::is_special(path) {
         files::require_regular(path)?;
@@ -35,16 +36,16 @@ pub fn exclusive(path: &Path) -> io::Result<Option<File>> {
     let file = File::options().create(true).truncate(false).write(true).open(path)?;
     let taken = patiently(|| file.try_lock())?;
     if taken {
-        // Only for whoever is kept out: the lock holds without it.
+        // Only informs processes that are kept out: the lock holds without it.
         let _ = sign(&file);
     }
     Ok(taken.then_some(file))
 }
 
-/// Takes the lock together with others that only read; `None` if a process holds it for itself.
+/// Takes the lock together with other readers; `None` if a process holds it exclusively.
 ///
 /// # Errors
-/// The file is not there or cannot be read.
+/// If the file does not exist or cannot be read.
 pub fn shared(path: &Path) -> io::Result<Option<File>> {
     let file = files::open(path)?;
     Ok(patiently(|| file.try_lock_shared())?.then_some(file))
@@ -62,12 +63,12 @@ fn patiently(try_lock: impl Fn() -> Result<(), TryLockError>) -> io::Result<bool
     }
 }
 
-/// What the file of a lock holds.
+/// The content of a lock's file.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 struct Signature {
     process: u32,
     host: String,
-    /// Seconds since 1970.
+    /// Seconds since 1970-01-01 UTC.
     since: u64,
 }
 
@@ -79,7 +80,7 @@ fn sign(mut file: &File) -> io::Result<()> {
     file.write_all(&serde_json::to_vec(&signature)?)
 }
 
-/// Who keeps a process out.
+/// The process that holds a lock.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Holder(Kind);
 
@@ -90,7 +91,7 @@ enum Kind {
 }
 
 impl Holder {
-    /// Whoever holds the lock of the file at `path`, as far as that can be told.
+    /// The holder of the lock of the file at `path`, as far as it is known.
     pub fn of(path: &Path) -> Self {
         let Ok(file) = files::open(path) else { return Self(Kind::Works(None)) };
         if file.try_lock_shared().is_ok() {

@@ -1,11 +1,12 @@
 //! The work folder: every path, file name and format version on disk, atomic reads and writes, checksums.
 //!
 //! A file is written under a temporary name next to its place and renamed into it, so a reader (or a killed run) sees
-//! the old file or the new one, never half of one. What a killed run left under a temporary name is removed by the next.
-//! Nothing is written through a link: a scene from elsewhere cannot have gprop write outside its work folder.
+//! the old file or the new one, never half of one. Files that a killed run left under a temporary name are removed by
+//! the next run. Nothing is written through a link: a scene from elsewhere cannot have gprop write outside its work
+//! folder.
 //!
-//! What is reused later carries the [`Checksum`] that was taken while it was written. A second gprop is kept out by the
-//! [`lock`]; those that only read share it, and need no permission to write.
+//! Artifacts that are reused later have a [`Checksum`], computed while they were written. A second gprop process is
+//! kept out by the [`lock`]; processes that only read share it, and need no permission to write.
 
 mod checksum;
 pub mod lock;
@@ -24,25 +25,25 @@ use tracing::warn;
 use crate::files;
 pub use checksum::{Checksum, Checksumming, hexadecimal, sha256_of_file};
 
-/// Raised when the meaning of any artifact changes: what an older gprop wrote is then made again.
+/// Raised when the meaning of any artifact changes: artifacts of an older gprop are then made again.
 pub const FORMAT_VERSION: u32 = 4;
 
 /// Name of the work folder inside a scene.
 pub const DEFAULT_NAME: &str = "gprop";
 
-/// What temporary names begin with.
+/// Prefix of temporary file names.
 pub const TEMPORARY: &str = ".tmp-";
 
-/// The flag that names a work folder.
+/// The option that names a work folder.
 const OUT: &str = "--out";
 
 /// The lock's file in a work folder.
 const LOCK: &str = ".lock";
 
-/// Every file of the work folder. View names are file-name safe by the time they get here (`scene` sees to it).
+/// Every file of the work folder. View names are already safe as file names here (`scene` ensures it).
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Artifact<'a> {
-    /// Version, options, input hashes, timings, warnings: what a rerun may reuse.
+    /// Version, options, input hashes, timings, warnings: the record from which a rerun knows what it can reuse.
     Run,
     /// The chosen views with their cameras, and the metric scale.
     Views,
@@ -58,7 +59,7 @@ pub enum Artifact<'a> {
     Sheet(&'a str, u16),
     /// One line per segment: the answer or the typed failure.
     Answers,
-    /// Questions sent by the Batch API whose answers have not been collected.
+    /// Questions sent through the Batch API whose answers have not been collected.
     BatchApiJobs,
     /// One picture's materials with their legend.
     MaterialMap,
@@ -70,13 +71,13 @@ pub enum Artifact<'a> {
     Figure,
     /// The first view's photo and materials, small, for a list of scenes.
     Thumbnail,
-    /// The 3D parts that `field.ply` labels.
+    /// The labels of `field.ply`: 3D parts with their properties.
     Labels,
-    /// material_id -> library row.
+    /// Library rows in the order of `material_id`.
     Materials,
     /// 3D parts with volume, thickness, mass, inertia.
     Parts,
-    /// Which part fills each cell of the object's inside, for the stages after the parts.
+    /// For each cell of the object's inside, the part that fills it, for the stages after the parts.
     Interior,
     /// A frame of the simulation.
     Frame(usize),
@@ -84,17 +85,17 @@ pub enum Artifact<'a> {
     States(usize),
     /// The particles after the last written frame, to resume from.
     Checkpoint,
-    /// What the simulation did, frame by frame.
+    /// The report of the simulation, frame by frame.
     Simulation,
-    /// The animated picture.
+    /// The animation as GIF.
     Animation,
-    /// The animation as a film, where ffmpeg is installed.
+    /// The animation as a film, if ffmpeg is installed.
     Movie,
     /// Energies and centre of mass over time.
     Plot,
-    /// Forces, bounds, command, places to grasp at.
+    /// Forces, bounds, command, best places to grasp at.
     Grasp,
-    /// The places drawn on the splat.
+    /// The best places, drawn on the splat.
     GraspPicture,
     /// The whole result, for programs.
     ReportJson,
@@ -139,7 +140,7 @@ impl Artifact<'_> {
     }
 }
 
-/// What can go wrong with the work folder.
+/// Errors of the work folder.
 #[derive(Debug, Error)]
 pub enum WorkDirError {
     #[error("cannot write {path:?}: {source}; make room or choose another folder with --out")]
@@ -160,35 +161,35 @@ pub enum WorkDirError {
     Outside { path: PathBuf },
 }
 
-/// How an artifact on disk stands to the checksum that it was written with.
+/// How an artifact on disk compares to the checksum with which it was written.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Standing {
-    /// It is what was written.
+    /// It is unchanged.
     Whole,
     Missing,
-    /// It holds other bytes.
+    /// Its content has changed.
     Changed,
 }
 
-/// A work folder that this process holds the lock of.
+/// A work folder whose lock this process holds.
 #[derive(Debug)]
 pub struct WorkDir {
     root: PathBuf,
-    /// Held, never read: the lock ends with the process, however that ends. None where nothing can be locked since nothing
-    /// can be written.
+    /// Held but never read: the lock ends with the process, however that ends. `None` if nothing can be locked because
+    /// nothing can be written.
     _lock: Option<File>,
     /// Why nothing may be written; `None` if it may.
     read_only: Option<String>,
-    /// Of what this process has written or found whole, by path inside the folder.
+    /// Checksums of the files that this process has written or verified, by path inside the folder.
     checksums: Mutex<BTreeMap<PathBuf, Checksum>>,
-    /// Changed artifacts that the user has been told of.
+    /// Changed artifacts about which the user has been warned.
     told: Mutex<BTreeSet<PathBuf>>,
 }
 
 impl WorkDir {
-    /// Opens the work folder, making it if it does not exist yet, locks it against a second gprop, and removes what a
-    /// killed one left half-written. One that is there and may not be written is opened to be read: that nothing has to
-    /// be done in it shows later.
+    /// Opens the work folder, creating it if it does not exist, locks it against a second gprop process, and removes
+    /// files that a killed run left half-written. A folder that exists but is not writable is opened for reading; the
+    /// run fails later if it has to write.
     pub fn open(root: &Path) -> Result<Self, WorkDirError> {
         let write_error = |source| WorkDirError::Write { path: root.to_owned(), source };
         fs::create_dir_all(root).map_err(write_error)?;
@@ -207,7 +208,7 @@ impl WorkDir {
         }
     }
 
-    /// Opens a work folder to be read: makes nothing, writes nothing, and keeps out only those who write.
+    /// Opens a work folder for reading: creates and writes nothing, and keeps out only processes that write.
     pub fn open_to_read(root: &Path) -> Result<Self, WorkDirError> {
         Self::read_only(root, "this command only reads the work folder".to_owned())
     }
@@ -220,7 +221,7 @@ impl WorkDir {
             Ok(None) => {
                 return Err(WorkDirError::Locked { path: root.to_owned(), holder: lock::Holder::of(&path) });
             }
-            // Copied without it, or on a file system that has no locks: nobody can be kept out.
+            // The folder was copied without the file, or its file system has no locks: nobody can be kept out.
             Err(_) => None,
         };
         Ok(Self::new(root, lock, Some(why)))
@@ -230,7 +231,7 @@ impl WorkDir {
         Self { root: root.to_owned(), _lock: lock, read_only, checksums: Mutex::default(), told: Mutex::default() }
     }
 
-    /// Whether artifacts may be written.
+    /// True if artifacts may be written.
     pub fn is_writable(&self) -> bool {
         self.read_only.is_none()
     }
@@ -248,12 +249,12 @@ impl WorkDir {
         &self.root
     }
 
-    /// Where an artifact lies, whether or not it is there.
+    /// Path of an artifact, whether it exists or not.
     pub fn path(&self, artifact: Artifact) -> PathBuf {
         self.root.join(artifact.path())
     }
 
-    /// Length of an artifact in bytes; `None` where it does not exist.
+    /// Size of an artifact in bytes; `None` if it does not exist.
     pub fn size(&self, artifact: Artifact) -> Option<u64> {
         fs::metadata(self.path(artifact)).ok().map(|meta| meta.len())
     }
@@ -269,7 +270,7 @@ impl WorkDir {
         Ok(found)
     }
 
-    /// Whether a file inside the folder still holds what was written.
+    /// Compares a file inside the folder with what was written.
     pub fn standing(&self, relative: &Path, written: &Checksum) -> Standing {
         let path = self.root.join(relative);
         if !relative.components().all(|part| matches!(part, Component::Normal(_))) || !files::is_there(&path) {
@@ -283,14 +284,14 @@ impl WorkDir {
         Standing::Whole
     }
 
-    /// Warns, once, that a file inside the folder does not hold what gprop wrote, and says what is done about it.
+    /// Warns, once, that a file inside the folder is not as gprop wrote it, and how this is handled.
     pub fn warn_changed(&self, relative: &Path, remedy: &str) {
         if locked(&self.told).insert(relative.to_owned()) {
             warn!("{:?} has changed since gprop wrote it; {remedy}", self.root.join(relative));
         }
     }
 
-    /// Writes an artifact atomically through a writer, and keeps its checksum.
+    /// Writes an artifact atomically through a writer, and stores its checksum.
     pub fn write_with(
         &self,
         artifact: Artifact,
@@ -315,7 +316,7 @@ impl WorkDir {
         self.write_with(artifact, |out| out.write_all(bytes))
     }
 
-    /// Writes an artifact as indented JSON with a newline at its end.
+    /// Writes an artifact as indented JSON that ends with a newline.
     pub fn write_json(&self, artifact: Artifact, value: &impl Serialize) -> Result<(), WorkDirError> {
         self.write_with(artifact, |out| {
             serde_json::to_writer_pretty(&mut *out, value)?;
@@ -329,17 +330,17 @@ impl WorkDir {
         files::read(&path).map_err(|source| WorkDirError::Read { path, source })
     }
 
-    /// An artifact that is JSON.
+    /// Reads a JSON artifact.
     pub fn read_json<T: DeserializeOwned>(&self, artifact: Artifact) -> Result<T, WorkDirError> {
         read_json(&self.path(artifact))
     }
 
-    /// The error that an artifact holds something else than gprop wrote.
+    /// The error for an artifact whose content gprop did not write.
     pub fn damaged(&self, artifact: Artifact, problem: impl ToString) -> WorkDirError {
         WorkDirError::Damaged { path: self.path(artifact), problem: problem.to_string() }
     }
 
-    /// Removes an artifact; one that is not there is as good as removed.
+    /// Removes an artifact; a missing one is not an error.
     pub fn remove(&self, artifact: Artifact) -> Result<(), WorkDirError> {
         let path = self.writable(artifact)?;
         locked(&self.checksums).remove(&artifact.path());
@@ -349,8 +350,8 @@ impl WorkDir {
         }
     }
 
-    /// Where an artifact may be written: below the root, with no link on the way. (A link in the artifact's own place is
-    /// replaced, not followed.)
+    /// The path at which an artifact may be written: below the root, with no link on the way. (A link in the artifact's
+    /// own place is replaced, not followed.)
     fn writable(&self, artifact: Artifact) -> Result<PathBuf, WorkDirError> {
         self.require_writable()?;
         let relative = artifact.path();
@@ -367,7 +368,8 @@ impl WorkDir {
     }
 }
 
-/// Refuses a path that is a link, which may lead anywhere; `flag` is the one with which the user can name its target.
+/// Refuses a path that is a link, which may lead anywhere; `flag` is the option with which the user can name its
+/// target.
 pub fn refuse_link(path: &Path, flag: &'static str) -> Result<(), WorkDirError> {
     match path.symlink_metadata() {
         Ok(found) if found.is_symlink() => Err(WorkDirError::Link { path: path.to_owned(), flag }),
@@ -375,7 +377,7 @@ pub fn refuse_link(path: &Path, flag: &'static str) -> Result<(), WorkDirError> 
     }
 }
 
-/// A thread that panicked while it held the mutex ended the process, or left a whole map.
+/// A thread that panicked while it held the mutex either ended the process or left the map consistent.
 fn locked<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
     mutex.lock().unwrap_or_else(PoisonError::into_inner)
 }
@@ -391,7 +393,7 @@ pub fn sweep(folder: &Path, prefix: &str) -> io::Result<()> {
     Ok(())
 }
 
-/// Removes temporary files in `folder` and all folders below it that are no links.
+/// Removes temporary files in `folder` and all folders below it that are not links.
 fn sweep_below(folder: &Path) -> io::Result<()> {
     sweep(folder, TEMPORARY)?;
     for entry in fs::read_dir(folder)? {
@@ -403,19 +405,19 @@ fn sweep_below(folder: &Path) -> io::Result<()> {
     Ok(())
 }
 
-/// A file of a work folder that is JSON.
+/// Reads a JSON file of a work folder.
 pub fn read_json<T: DeserializeOwned>(path: &Path) -> Result<T, WorkDirError> {
     let bytes = files::read(path).map_err(|source| WorkDirError::Read { path: path.to_owned(), source })?;
     serde_json::from_slice(&bytes)
         .map_err(|error| WorkDirError::Damaged { path: path.to_owned(), problem: error.to_string() })
 }
 
-/// Writes a file under a temporary name beside its place, then renames it into it. Makes missing folders.
+/// Writes a file under a temporary name beside its final path, then renames it. Creates missing folders.
 pub fn write_atomic(path: &Path, fill: impl FnOnce(&mut dyn Write) -> io::Result<()>) -> io::Result<()> {
     write_atomic_as(path, TEMPORARY, fill)
 }
 
-/// As [`write_atomic`], under a temporary name that begins with `prefix`.
+/// Like [`write_atomic`], with a temporary name that begins with `prefix`.
 pub fn write_atomic_as(
     path: &Path,
     prefix: &str,
@@ -437,7 +439,7 @@ fn replace(path: &Path, prefix: &str, fill: &mut dyn FnMut(&mut dyn Write) -> io
     Ok(())
 }
 
-/// A temporary file is the owner's alone; a result is meant to be shared.
+/// A temporary file is readable only by its owner, but a result should be readable by others.
 #[cfg(unix)]
 fn make_readable(file: &File) -> io::Result<()> {
     use std::os::unix::fs::PermissionsExt;

@@ -1,5 +1,5 @@
-//! `index.html`: all scenes of a batch on one page that opens from disk, to sort and to search, each with a small picture
-//! and a link to its report. Whatever a scene's name or an error says is escaped by the template engine.
+//! `index.html`: all scenes of a batch on one page that opens from disk and can be sorted and searched; each scene has
+//! a small picture and a link to its report. Scene names and error texts are escaped by the template engine.
 
 use std::collections::BTreeMap;
 use std::fs;
@@ -23,16 +23,16 @@ use super::{BatchError, Outcome, State, Summary, memory};
 
 /// Name of the page.
 const FILE: &str = "index.html";
-/// Bytes of a small picture beyond which it is none that gprop wrote: as many as its pixels have.
+/// Largest size in bytes of a small picture that gprop wrote: as many bytes as its pixels have.
 const MOST_PICTURE_BYTES: u64 = 3 * 2 * thumbnail::SIDE as u64 * thumbnail::SIDE as u64;
-/// Materials that a row names.
+/// Number of materials that a row names.
 const MATERIALS: usize = 3;
-/// Characters of an error on the page; `summary.json` has it whole.
+/// Most characters of an error on the page; `summary.json` has the whole text.
 const MOST_OF_AN_ERROR: usize = 1000;
-/// What stands for itself in a link.
+/// Characters that are not escaped in a link.
 const SAFE: &AsciiSet = &NON_ALPHANUMERIC.remove(b'-').remove(b'.').remove(b'_').remove(b'~');
 
-/// Writes the page of a batch into `home`, where its other files lie; `title` says what it was about.
+/// Writes the page of a batch into `home`, beside its other files; `title` describes the batch.
 pub fn write(summary: &Summary, title: &str, home: &Path) -> Result<(), BatchError> {
     let (path, page) = (home.join(FILE), page(summary, title, home));
     workdir::write_atomic(&path, |out| out.write_all(page.as_bytes())).map_err(|source| BatchError::Io { path, source })
@@ -75,7 +75,7 @@ fn duration(seconds: f64) -> String {
     }
 }
 
-/// A scene; `rank` orders states by how much they ask of the reader.
+/// The row of a scene; `rank` sorts states by how urgently they need attention.
 fn row(outcome: &Outcome, home: &Path) -> Value {
     let (state, rank) = match (outcome.state, outcome.warnings) {
         (State::Failed, _) => ("failed", 0),
@@ -111,7 +111,7 @@ fn cell(estimate: Estimate, factor: f64) -> Value {
     context! { value => estimate.mid, mid => significant(estimate.mid * factor), interval => interval(estimate, factor) }
 }
 
-/// First line of an error and the others, as far as there is room for them.
+/// The first line of an error, and the other lines up to the maximum length.
 fn error(text: &str) -> Value {
     let mut shown: String = text.chars().take(MOST_OF_AN_ERROR).collect();
     if shown.len() < text.len() {
@@ -121,7 +121,8 @@ fn error(text: &str) -> Value {
     context! { first, rest }
 }
 
-/// A scene's small picture as a data URI. None is better than a broken one, and nothing says that it is gprop's.
+/// A scene's small picture as a data URI. `None` if it is not one that gprop wrote, because no picture is better than a
+/// broken one.
 fn picture(path: &Path) -> Option<Value> {
     if fs::metadata(path).ok()?.len() > MOST_PICTURE_BYTES {
         return None;
@@ -135,7 +136,7 @@ fn picture(path: &Path) -> Option<Value> {
     Some(Value::from_safe_string(format!("data:image/jpeg;base64,{}", BASE64.encode(jpeg))))
 }
 
-/// The way from a page in `folder` to `file`, as a URL; `None` where there is none, on another drive.
+/// The relative URL from a page in `folder` to `file`; `None` if there is none because the file is on another drive.
 fn link(folder: &Path, file: &Path) -> Option<Value> {
     let (folder, file) = (std::path::absolute(folder).ok()?, std::path::absolute(file).ok()?);
     let way = pathdiff::diff_paths(file, folder)?;

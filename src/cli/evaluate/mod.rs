@@ -1,4 +1,4 @@
-//! `gprop evaluate`: files and scenes to measures, and measures to text.
+//! `gprop evaluate`: reads files and scenes, computes measures and prints them.
 
 mod segmentation;
 
@@ -81,7 +81,7 @@ fn evaluate_hardness(global: &Global, points: &Path, out: Option<&Path>) -> anyh
     print(global, &found, || hardness_text(&found))
 }
 
-/// What the field of one scene says at its points.
+/// The field's values at the points of one scene.
 fn measure(
     points: &Path,
     scene: &Path,
@@ -112,7 +112,7 @@ fn measure(
     }
 }
 
-/// Refuses ground truth in a scene's folder that leads out of it.
+/// Refuses ground truth in a scene's folder that leads out of the folder.
 fn check_truth(path: &Path, scope: &ReadScope) -> Result<(), SceneError> {
     let reached = scope.leads_out_below(path).map(|(path, _)| path);
     let check =

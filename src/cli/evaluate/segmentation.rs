@@ -1,4 +1,4 @@
-//! `gprop evaluate segmentation`: scenes and folders of label maps to the paper's table.
+//! `gprop evaluate segmentation`: reads scenes and folders of label maps and makes the paper's table.
 
 use std::path::{Path, PathBuf};
 
@@ -57,7 +57,7 @@ fn count<'a>(pipeline: &'a Pipeline, folder: &Path, labels: Vocabulary) -> anyho
     })
 }
 
-/// The labelled views that did not vote; where all that are labelled did, these.
+/// The labelled views that did not vote; if all labelled views voted, all of them.
 fn labelled_views<'a>(
     pipeline: &Pipeline,
     folder: &Path,

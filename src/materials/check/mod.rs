@@ -1,12 +1,12 @@
-//! The checks that keep the library plausible: of each row, of its physics, of the whole.
+//! The checks that keep the library plausible: of each row, of its physics, and of the library as a whole.
 //!
 //! [`check`] runs them in this order: [`rows`] (ranges, family bounds, sources, friction, hardness), [`physics`]
 //! (moduli, strength, wave speeds, hardness against stiffness, law parameters), [`structure`] (foams, composites and
-//! fabrics against what they are made of), [`whole`] (duplicates, copied rows, class defaults, labels), [`mod@reference`]
-//! (against values from a textbook that no row was made from).
+//! fabrics against their constituents), [`whole`] (duplicates, copied rows, class defaults, labels), [`mod@reference`]
+//! (against textbook values from which no row was made).
 //!
-//! A finding that is right as it stands is listed in `deviations.csv` with its reason; a deviation that excuses
-//! nothing is a finding itself, so that the list cannot rot.
+//! A finding that needs no correction is listed in `deviations.csv` with its reason; a deviation that matches no
+//! finding is itself a finding, so that the list stays current.
 
 mod physics;
 mod reference;
@@ -21,7 +21,7 @@ use crate::units::Range;
 
 pub use physics::{gent_modulus_pa, qi_modulus_pa};
 
-/// Something a check has to say.
+/// The result of a check.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize)]
 pub struct Finding {
     /// The material's name, `family:NAME`, or `library`.
@@ -30,7 +30,7 @@ pub struct Finding {
     pub check: &'static str,
     pub severity: Severity,
     pub message: String,
-    /// Why it is right as it stands, if `deviations.csv` says so.
+    /// The reason why it needs no correction, if `deviations.csv` has one.
     pub excuse: Option<String>,
 }
 
@@ -38,20 +38,20 @@ pub struct Finding {
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Severity {
-    /// The library must not ship so.
+    /// The library must not be released with it.
     Error,
-    /// Worth a look.
+    /// Should be looked at.
     Warning,
 }
 
 impl Finding {
-    /// Whether it must fail the check: an error without an excuse.
+    /// True if it fails the check: an error without an excuse.
     pub fn fails(&self) -> bool {
         self.severity == Severity::Error && self.excuse.is_none()
     }
 }
 
-/// Runs every check. The library is fit to ship when no finding [fails](Finding::fails).
+/// Runs every check. The library can be released if no finding [fails](Finding::fails).
 pub fn check(library: &MaterialLibrary) -> Vec<Finding> {
     let mut findings = Findings::default();
     rows::check(library, &mut findings);
@@ -62,7 +62,7 @@ pub fn check(library: &MaterialLibrary) -> Vec<Finding> {
     excuse(library, findings.0)
 }
 
-/// What the checks write into.
+/// The findings that the checks collect.
 #[derive(Default)]
 struct Findings(Vec<Finding>);
 
@@ -75,7 +75,7 @@ impl Findings {
         self.push(subject, check, Severity::Warning, message);
     }
 
-    /// An error unless `holds`.
+    /// Adds an error unless `holds`.
     fn require(&mut self, holds: bool, subject: &str, check: &'static str, message: impl FnOnce() -> String) {
         if !holds {
             self.error(subject, check, message());
@@ -109,7 +109,7 @@ fn excuse(library: &MaterialLibrary, mut findings: Vec<Finding>) -> Vec<Finding>
     findings
 }
 
-/// The middle of a range of stiffness or strength, which spread by factors.
+/// The geometric middle of a range of stiffness or strength, because these vary by factors.
 fn geometric_mid(range: Range) -> f64 {
     (range.low * range.high).sqrt()
 }

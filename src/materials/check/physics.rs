@@ -1,4 +1,4 @@
-//! Properties against each other: what physics and measured tables allow at the same time.
+//! Checks properties against each other: what physics and measured tables allow together.
 
 use super::{Findings, geometric_mid};
 use crate::materials::{Law, Material, MaterialLibrary};
@@ -24,7 +24,7 @@ const STIFFEST_BULK: f64 = 5e11;
 /// Bulk moduli of solid rubbers, in Pa; nu = 1/2 - E/6K.
 const RUBBER_BULK: [f64; 2] = [0.5e9, 6e9];
 
-/// Where nu is capped, K says nothing.
+/// If nu is capped, it does not determine K.
 const POISSON_CAP: f64 = 0.4998;
 
 fn bulk_modulus(material: &Material, findings: &mut Findings) {
@@ -44,7 +44,7 @@ fn bulk_modulus(material: &Material, findings: &mut Findings) {
     }
 }
 
-/// Strength over E, 1st to 99th percentile of the source tables; `None` where large strain makes it meaningless.
+/// Strength over E, 1st to 99th percentile of the source tables; `None` if large strain makes it meaningless.
 fn strength_band(material: &Material) -> Option<[f64; 2]> {
     match material.family.as_str() {
         "metal" => Some([0.0002, 0.011]),
@@ -76,7 +76,8 @@ pub fn gent_modulus_pa(shore_a: f64) -> f64 {
     0.0981 * (56.0 + 7.62336 * shore_a) / (0.137505 * (254.0 - 2.54 * shore_a)) * 1e6
 }
 
-/// Young's modulus in Pa after Qi, Joyce and Boyce (2003), to base 10; Shore D counts as A + 50.
+/// Young's modulus in Pa after Qi, Joyce and Boyce (2003), whose formula has a logarithm to base 10; Shore D counts as
+/// A + 50.
 pub fn qi_modulus_pa(hardness: ShoreScale, reading: f64) -> f64 {
     let shore = match hardness {
         ShoreScale::A => reading,
@@ -130,7 +131,8 @@ fn wood(material: &Material, findings: &mut Findings) {
 
 /// Speed of a wave in a thin bar, sqrt(E/density), in m/s.
 ///
-/// Foams reach beyond the 300 m/s of soft ones: ASTM D6817 asks 2.5 MPa of polystyrene of 14.4 kg/m3, 417 m/s.
+/// Foams exceed the 300 m/s of soft ones: ASTM D6817 requires 2.5 MPa of polystyrene of 14.4 kg/m3, which gives 417
+/// m/s.
 fn bar_speed_band(material: &Material) -> [f64; 2] {
     let soft = geometric_mid(material.youngs_modulus_pa) < 1e6;
     match material.family.as_str() {
@@ -157,8 +159,8 @@ fn bar_speed(material: &Material, findings: &mut Findings) {
     });
 }
 
-/// The speed that bounds the time step of an explicit simulation,
-/// sqrt(E (1 - nu) / ((1 + nu)(1 - 2 nu) density)), in m/s: none may be faster than diamond's.
+/// The wave speed that limits the time step of an explicit simulation, sqrt(E (1 - nu) / ((1 + nu)(1 - 2 nu) density)),
+/// in m/s: none may be faster than diamond's.
 fn dilatational_speed(material: &Material, findings: &mut Findings) {
     let nu = material.poisson_ratio.mid();
     let lateral = (1.0 - nu) / ((1.0 + nu) * (1.0 - 2.0 * nu));
@@ -168,7 +170,7 @@ fn dilatational_speed(material: &Material, findings: &mut Findings) {
     });
 }
 
-/// The least yield strain at which von Mises softening still is dough rather than metal.
+/// The smallest yield strain at which von Mises softening still describes dough rather than metal.
 const PLASTICINE_YIELD_STRAIN: f64 = 0.005;
 
 fn law(material: &Material, findings: &mut Findings) {
@@ -198,10 +200,10 @@ fn law(material: &Material, findings: &mut Findings) {
     findings.require(holds, &material.name, "law", || format!("the law needs {wanted}: {:?}", material.law));
 }
 
-/// How far a strip of a family bends before it fails: curvature times thickness, 2 strength / E, the median member.
+/// How far a strip of a family's median member bends before it fails: curvature times thickness, 2 strength / E.
 ///
 /// Brittle solids bend least, then metals, plastics, soft sheets, rubber. Paper is left out: it fails by creasing,
-/// which 2 strength / E does not see.
+/// which 2 strength / E does not describe.
 fn bending(library: &MaterialLibrary, findings: &mut Findings) {
     let order: [&[&str]; 5] =
         [&["glass", "ceramic"], &["metal"], &["thermoplastic"], &["leather", "fabric"], &["rubber"]];

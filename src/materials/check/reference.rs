@@ -1,6 +1,6 @@
-//! The library against `reference.csv`: values of a textbook that no row was made from.
+//! Checks the library against `reference.csv`: textbook values from which no row was made.
 //!
-//! A library may agree with any reference by being vague, so its ranges must not be much wider either.
+//! A library with very wide ranges would agree with any reference, so its ranges must not be much wider either.
 
 use std::collections::BTreeMap;
 
@@ -9,10 +9,10 @@ use crate::materials::bibliography::Evidence;
 use crate::materials::{Material, MaterialLibrary};
 use crate::units::Range;
 
-/// The share of a family's reference values that its ranges must meet.
+/// The share of a family's reference values that its ranges must overlap.
 const AGREEMENT: f64 = 0.95;
 
-/// How much wider than the reference's, in decades of high/low, a range may be.
+/// By how many decades of high/low a range may be wider than the reference's.
 const EXCESS_DECADES: f64 = 0.477_121_254_719_662_4;
 
 pub fn check(library: &MaterialLibrary, findings: &mut Findings) {
@@ -60,7 +60,7 @@ fn overlaps(one: Range, other: Range) -> bool {
     one.low <= other.high && other.low <= one.high
 }
 
-/// The textbook's range with the spread between makers, grades and batches.
+/// The textbook's range, widened by the spread between manufacturers, grades and batches.
 fn widened(range: Range, property: &str, material: &Material) -> Range {
     let family = material.family.as_str();
     let factor = match property {

@@ -1,4 +1,4 @@
-//! Each row by itself: order and width of its ranges, its family's bounds, friction, hardness, sources.
+//! Checks each row by itself: order and width of its ranges, its family's bounds, friction, hardness, sources.
 
 use std::collections::{HashMap, HashSet};
 
@@ -48,8 +48,8 @@ fn ranges(material: &Material, findings: &mut Findings) {
     findings.require(strong, &material.name, "range", || "only a cohesion may be 0".to_owned());
 }
 
-/// Largest high/low of density and of E. The first two columns of solids hold where a material is well defined; a
-/// vaguer name belongs to the family row.
+/// Largest high/low of density and of E. The limits of solids assume a well-defined material; a vaguer name belongs to
+/// the family row.
 fn width_limits(family: &str) -> (f64, f64) {
     match family {
         "metal" | "glass" => (1.25, 1.5),
@@ -62,7 +62,7 @@ fn width_limits(family: &str) -> (f64, f64) {
     }
 }
 
-/// Ratios are of numbers written with four digits.
+/// Tolerance of ratios, because numbers are written with four digits.
 const ROUNDING: f64 = 1.0 + 1e-9;
 
 fn widths(material: &Material, findings: &mut Findings) {
@@ -104,7 +104,7 @@ fn family_bounds(material: &Material, family: &Family, findings: &mut Findings) 
     }
 }
 
-/// The largest nu an isotropic solver is given: the bulk modulus stays finite.
+/// The largest nu for an isotropic solver: the bulk modulus stays finite.
 const POISSON_LIMIT: f64 = 0.4999;
 
 fn poisson(material: &Material, findings: &mut Findings) {
@@ -122,7 +122,8 @@ fn poisson(material: &Material, findings: &mut Findings) {
     }
 }
 
-/// The strength that is measured of a family's members, so that a tensile one is never read as a compressive one.
+/// The kind of strength that is measured for a family's members, so that a tensile one is never taken for a compressive
+/// one.
 fn strength_kind(material: &Material, findings: &mut Findings) {
     use StrengthKind::{Cohesion, Compressive, Flexural, Fracture, Plateau, Uts, Yield};
     let kinds: &[StrengthKind] = match material.family.as_str() {
@@ -183,10 +184,10 @@ fn hardness(material: &Material, findings: &mut Findings) {
     }
 }
 
-/// How far a cited point may lie outside the row's range, as a factor: rounding of units and of the range itself.
+/// How far a cited value may lie outside the row's range, as a factor: rounding of units and of the range itself.
 const CITED_TOLERANCE: [f64; 4] = [1.03, 1.10, 1.08, 1.12];
 
-/// What may be cited.
+/// The citations that exist.
 struct Known<'a> {
     references: HashSet<&'a str>,
     evidence: HashMap<(&'a str, &'a str), &'a Evidence>,
@@ -213,7 +214,7 @@ fn sources(material: &Material, known: &Known, findings: &mut Findings) {
     }
 }
 
-/// The row's range and what the cited entry says must meet.
+/// The row's range and the value of the cited entry must overlap.
 fn agrees(material: &Material, property: &str, evidence: &Evidence, findings: &mut Findings) {
     let ours = [material.density_kg_m3, material.youngs_modulus_pa, material.poisson_ratio, material.strength_pa];
     let Some(at) = Evidence::PROPERTIES.iter().position(|name| *name == property) else { return };

@@ -1,4 +1,4 @@
-//! Foams, composites and fabrics against what they are made of, which `constituents.csv` says.
+//! Checks foams, composites and fabrics against their constituents in `constituents.csv`.
 
 use super::{Findings, geometric_mid};
 use crate::materials::bibliography::{Constituent, Relation};
@@ -34,8 +34,8 @@ pub fn check(library: &MaterialLibrary, findings: &mut Findings) {
 /// Real foams scatter about the scaling laws by this factor (Gibson and Ashby 1997, figures 5.7 and 5.9).
 const FOAM_SCATTER: f64 = 5.0;
 
-/// Open cells: E = Es r^2; faces of closed cells add at most Es r; r is the relative density. The plateau is
-/// 0.05 Es r^2 where cells buckle and 0.3 sigma_s r^1.5 where they yield; the smaller one comes first.
+/// Open cells: E = Es r^2; faces of closed cells add at most Es r; r is the relative density. The plateau is 0.05 Es
+/// r^2 if cells buckle and 0.3 sigma_s r^1.5 if they yield; the smaller one comes first.
 fn foam(material: &Material, wall: &Constituent, findings: &mut Findings) {
     let relative = material.density_kg_m3.mid() / wall.density_kg_m3;
     findings.require(relative < 1.0, &material.name, "foam_scaling", || {
@@ -57,8 +57,8 @@ fn foam(material: &Material, wall: &Constituent, findings: &mut Findings) {
     });
 }
 
-/// The share of a cloth's volume that fibres fill at most: hexagonally packed yarns of packed fibres, 0.907^2, less
-/// the crimp.
+/// Largest fraction of a cloth's volume that fibres fill: hexagonally packed yarns of packed fibres, 0.907^2, minus the
+/// crimp.
 const FIBRE_PACKING: f64 = 0.75;
 
 fn fabric(material: &Material, fibre: &Constituent, findings: &mut Findings) {
@@ -71,7 +71,7 @@ fn fabric(material: &Material, fibre: &Constituent, findings: &mut Findings) {
     });
 }
 
-/// Tables round.
+/// Tolerance for the rounding in tables.
 const BOUND_SLACK: f64 = 1.1;
 
 /// E lies between Reuss (phases in series) and Voigt (in parallel) of fibre and matrix.

@@ -1,5 +1,5 @@
-//! The library as a whole: enough of it, no duplicates, no copied rows, no column filled with a default, labels that
-//! mean what they say.
+//! Checks the library as a whole: its size, no duplicates, no copied rows, no column filled with a default, correct
+//! labels.
 
 use std::collections::{BTreeMap, BTreeSet, HashMap};
 
@@ -18,7 +18,7 @@ pub fn check(library: &MaterialLibrary, findings: &mut Findings) {
     cited_shares(library, findings);
 }
 
-/// What the paper's library had at least: 15 families and 600 materials.
+/// The minimum size of the paper's library: 15 families and 600 materials.
 const FEWEST_FAMILIES: usize = 15;
 const FEWEST_MATERIALS: usize = 600;
 const FEWEST_OF_A_FAMILY: usize = 20;
@@ -65,7 +65,7 @@ fn copied_rows(library: &MaterialLibrary, findings: &mut Findings) {
 
 type Column = fn(&Material) -> Range;
 
-/// A column with fewer distinct ranges than this over more rows than that was filled with a default.
+/// A column that has fewer distinct ranges than this in more rows than the second number was filled with a default.
 const FEWEST_DISTINCT: usize = 10;
 const MANY_ROWS: usize = 50;
 

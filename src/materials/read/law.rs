@@ -1,5 +1,5 @@
-//! Reading a constitutive law: its name in `law`, its parameters in `law_parameters` as `name=number` between `;`. Which
-//! laws there are and what their parameters are called says [`Law`] itself, by serde.
+//! Reads a constitutive law: its name in `law`, its parameters in `law_parameters` as `name=number` separated by `;`.
+//! The laws and the names of their parameters are defined by [`Law`] itself, through serde.
 
 use std::ops::RangeInclusive;
 
@@ -37,7 +37,7 @@ pub fn law(row: &Row) -> Result<Law, LibraryError> {
     }
 }
 
-/// The parameters by name, each with its value and the values that it may have, SI.
+/// The parameters by name, each with its value and the range of valid values, in SI units.
 fn domains(law: Law) -> Vec<(&'static str, f64, RangeInclusive<f64>)> {
     macro_rules! each {
         ($($parameter:ident: $domain:expr),*) => { vec![$((stringify!($parameter), $parameter, $domain)),*] };

@@ -1,5 +1,5 @@
-//! Reading CSV cells: every error says file, line, column and what would be right. [`tables`] knows the tables,
-//! [`law`] the laws, [`word`] the names of variants.
+//! Reads CSV cells: every error states the file, line, column and the remedy. [`tables`] defines the tables, [`law`]
+//! the laws, [`word`] the names of variants.
 
 mod law;
 mod tables;
@@ -19,7 +19,7 @@ use crate::units::{Range, ShoreScale};
 pub use tables::{Placed, Tables, read_tables};
 use word::Mismatch;
 
-/// What can be wrong with a library on disk.
+/// Errors in a library on disk.
 #[derive(Debug, Error)]
 pub enum LibraryError {
     #[error("cannot read the material library {path:?}: {source}; give a CSV file or a folder of them")]
@@ -41,12 +41,12 @@ pub enum LibraryError {
 /// A file of the library.
 #[derive(Debug, Clone, Copy)]
 pub struct Table<'a> {
-    /// For messages, and its stem says which table it is.
+    /// For messages; its stem determines which table it is.
     pub name: &'a str,
     pub text: &'a str,
 }
 
-/// A record with its place and its columns' names.
+/// A record with its place and the names of its columns.
 struct Row<'a> {
     file: &'a str,
     line: u64,
@@ -54,7 +54,7 @@ struct Row<'a> {
     cells: &'a StringRecord,
 }
 
-/// Reads each row of a table that must have the `required` columns and may have the `optional` ones.
+/// Reads each row of a table, which must have the `required` columns and may have the `optional` ones.
 fn rows<T>(
     table: &Table,
     required: &[&str],
@@ -87,7 +87,7 @@ impl Row<'_> {
         self.columns.iter().position(|name| name == column)
     }
 
-    /// The cell's text; empty where an optional column is left out.
+    /// The cell's text; empty if an optional column is left out.
     fn text(&self, column: &str) -> &str {
         self.index(column).and_then(|at| self.cells.get(at)).unwrap_or_default()
     }
@@ -131,7 +131,7 @@ impl Row<'_> {
         Ok(range)
     }
 
-    /// The variant that the column names, as serde writes it; `kind` says what all of them are, for the message.
+    /// The variant that the column names, as serde writes it; `kind` describes all variants, for the message.
     fn variant<'a, T: Deserialize<'a>>(&'a self, column: &str, kind: &str) -> Result<T, LibraryError> {
         word::variant(self.text(column)).map_err(|mismatch| match mismatch {
             Mismatch::Word(known) => self.bad(column, format!("is not {kind}; write {}", word::alternatives(known))),
@@ -163,13 +163,13 @@ impl Row<'_> {
     }
 }
 
-/// Bounds in words; large numbers as powers of ten.
+/// Bounds as text; large numbers as powers of ten.
 fn within(bounds: &RangeInclusive<f64>) -> String {
     let written = |value: &f64| if value.abs() >= 1e4 { format!("{value:e}") } else { value.to_string() };
     format!("{} to {} (SI)", written(bounds.start()), written(bounds.end()))
 }
 
-/// The entries of a list cell, which `;` divides.
+/// The entries of a list cell, which are separated by `;`.
 fn list(cell: &str) -> Vec<String> {
     cell.split(';').map(str::trim).filter(|entry| !entry.is_empty()).map(str::to_owned).collect()
 }

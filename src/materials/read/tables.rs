@@ -1,4 +1,4 @@
-//! The tables of a library: which columns each has, and what a row of it becomes.
+//! The tables of a library: the columns of each, and how its rows are read.
 
 use std::path::Path;
 
@@ -8,7 +8,7 @@ use crate::materials::bibliography::{Constituent, Deviation, Evidence, Reference
 use crate::materials::{Family, Material, ShoreReading, Sources};
 use crate::units::ShoreHardness;
 
-/// What a set of tables holds, each in the order of the files.
+/// The contents of a set of tables, each in the order of the files.
 #[derive(Debug, Default)]
 pub struct Tables {
     pub families: Vec<Family>,
@@ -20,13 +20,13 @@ pub struct Tables {
     pub deviations: Vec<Deviation>,
 }
 
-/// A material and where its row stands, for messages about it.
+/// A material and the place of its row, for messages about it.
 #[derive(Debug)]
 pub struct Placed {
     pub material: Material,
     pub file: String,
     pub line: u64,
-    /// The number of its column `family`.
+    /// The index of its column `family`.
     pub family_column: usize,
 }
 
@@ -81,7 +81,7 @@ const FAMILY_COLUMNS: [&str; 8] = [
     "law",
     "law_parameters",
 ];
-/// Columns of a material beside its ranges.
+/// Columns of a material besides its ranges.
 const MATERIAL_COLUMNS: [&str; 9] = [
     "family",
     "name",
@@ -105,7 +105,7 @@ const OPTIONAL_COLUMNS: [&str; 8] = [
     "law_source",
 ];
 
-/// Reads all tables; which is which says the file's stem.
+/// Reads all tables; the file's stem determines which table it is.
 pub fn read_tables(files: &[Table]) -> Result<Tables, LibraryError> {
     let mut tables = Tables::default();
     let family_columns = [&FAMILY_COLUMNS[..], &RANGE_COLUMNS[..], &LABEL_COLUMNS[..]].concat();
@@ -126,10 +126,12 @@ pub fn read_tables(files: &[Table]) -> Result<Tables, LibraryError> {
     Ok(tables)
 }
 
-/// Smallest accepted density, modulus: below is surely a wrong unit (aerogel 1 kg/m3; a gel 10 Pa).
+/// Smallest accepted density and modulus: a smaller one is surely in a wrong unit (aerogel 1 kg/m3; a gel 10 Pa).
 const LEAST: f64 = 1.0;
 
-/// Poisson's ratios of a solver's isotropic material: beyond, its bulk modulus is negative or without end.
+/// Limits of Poisson's ratio for a solver's isotropic material: at -1 the shear modulus and at 0.5 the bulk modulus
+/// becomes infinite, and negative beyond.
+/// negative.
 const MOST_AUXETIC: f64 = -0.99;
 const INCOMPRESSIBLE: f64 = 0.4999;
 

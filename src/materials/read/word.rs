@@ -1,11 +1,11 @@
-//! Cells as serde takes them, so that the words of a column are the names that the type itself is written with.
+//! Reads cells through serde, so that the words of a column are the names with which the type itself is written.
 
 use serde::de::value::StrDeserializer;
 use serde::de::{self, Deserialize, Deserializer, IntoDeserializer, Visitor};
 use serde::forward_to_deserialize_any;
 use thiserror::Error;
 
-/// Why a cell is none of the values of a type.
+/// Why a cell is not a value of a type.
 #[derive(Debug, Error)]
 pub enum Mismatch {
     #[error("is not {}", alternatives(.0))]

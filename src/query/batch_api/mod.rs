@@ -1,11 +1,14 @@
-//! Questions by OpenAI's Batch API, at half the price and within a day: requests out, answers in.
+//! Questions through OpenAI's Batch API, at half the price and answered within a day.
 //!
-//! 1. [`Request`]s are gathered, of one scene or of many; what [waits](Waiting) already is left out.
-//! 2. [`submit`] sends them in as many jobs as the API's limits need, and has each noted as soon as it is accepted.
-//! 3. [`collect`] asks how each job stands and reads what it holds: all of it, or what was done before it expired.
+//! 1. [`Request`]s are gathered from one scene or from many; questions that are already [waiting](Waiting) are left
+//!    out.
+//! 2. [`submit`] sends them in as many jobs as the API's limits require, and reports each job as soon as it is
+//!    accepted.
+//! 3. [`collect`] asks for the state of a job and reads its results: all of them, or those that were ready before it
+//!    expired.
 //!
-//! A request's `custom_id` is the key of the recording that its answer becomes, so whatever order the answers come in and
-//! however often they are collected, each finds its place.
+//! A request's `custom_id` is the key of the recording that its answer becomes, so each answer finds its place in
+//! whatever order the answers come in and however often they are collected.
 
 mod response;
 
@@ -21,7 +24,7 @@ use super::sha256::Sha256Hex;
 
 pub use response::{AnswerLine, Answered, NotAnswered, lines};
 
-/// Most requests that a job may have, and most bytes: the API's limits are 50,000 and 200 MB.
+/// Most requests per job, and most bytes: the API's limits are 50,000 and 200 MB.
 const MAX_REQUESTS: usize = 50_000;
 const MAX_BYTES: usize = 190_000_000;
 
@@ -29,16 +32,17 @@ const MAX_BYTES: usize = 190_000_000;
 #[derive(Debug, Clone, PartialEq)]
 pub struct Request {
     pub waiting: Waiting,
-    /// The body as Chat Completions takes it.
+    /// The body in the form of Chat Completions.
     pub body: Value,
 }
 
 /// A question that was sent and whose answer has not been collected.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Waiting {
-    /// Of the recording that the answer will be.
+    /// Key of the recording that the answer becomes.
     pub key: Sha256Hex,
-    /// Whose question it is where the questions of many scenes go in one submission; empty where there is one scene.
+    /// The scene that the question belongs to if one submission holds the questions of many; empty if there is only one
+    /// scene.
     #[serde(default, skip_serializing_if = "String::is_empty")]
     pub owner: String,
     pub asked: Asked,
@@ -52,23 +56,23 @@ pub struct BatchApiJob {
     pub waiting: Vec<Waiting>,
 }
 
-/// What has been submitted and not collected: the content of `batch_api.json`.
+/// The jobs that were submitted and are not yet collected: the content of `batch_api.json`.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
 pub struct Submitted {
     pub jobs: Vec<BatchApiJob>,
 }
 
-/// What a job that ended holds.
+/// The results of a job that ended.
 #[derive(Debug)]
 pub struct Ended {
     pub state: JobState,
-    /// By the job's questions that were answered.
+    /// The questions that were answered.
     pub answered: Vec<(Waiting, Answered)>,
     /// The questions that were not, each with the reason.
     pub failed: Vec<(Waiting, NotAnswered)>,
 }
 
-/// How far a job is.
+/// The progress of a job.
 #[derive(Debug)]
 pub enum Progress {
     Running { state: JobState, counts: RequestCounts },
@@ -76,14 +80,14 @@ pub enum Progress {
 }
 
 impl Submitted {
-    /// Whether a question's answer is on its way.
+    /// True if a question's answer is still to come.
     pub fn awaits(&self, key: &Sha256Hex) -> bool {
         self.jobs.iter().any(|job| job.waiting.iter().any(|waiting| waiting.key == *key))
     }
 }
 
 impl Request {
-    /// One line of the input file, ended.
+    /// One line of the input file, with its line break.
     fn line(&self) -> String {
         let line = json!({
             "custom_id": self.waiting.key, "method": "POST", "url": "/v1/chat/completions", "body": self.body,
@@ -92,8 +96,8 @@ impl Request {
     }
 }
 
-/// Sends the requests as they come, each job as large as the API takes; `accepted` is told of each at once. No more than
-/// one job's requests are held.
+/// Sends the requests as they arrive, in jobs as large as the API allows; calls `accepted` for each job at once. Holds
+/// no more than one job's requests in memory.
 pub fn submit<E: From<AskError>>(
     client: &Client,
     requests: impl IntoIterator<Item = Request>,
@@ -118,7 +122,7 @@ pub fn submit<E: From<AskError>>(
     Ok(())
 }
 
-/// Asks how a job stands and, if it has ended, fetches what it holds.
+/// Asks for the state of a job and, if it has ended, fetches its results.
 pub fn collect(client: &Client, job: &BatchApiJob) -> Result<Progress, AskError> {
     let status = client.batch_api_job(&job.id)?;
     if !status.state.is_final() {

@@ -7,7 +7,7 @@ use crate::query::asker::{AskError, ReplyContent};
 use crate::query::client::read_completion;
 use crate::query::recorded::Usage;
 
-/// A model's answer out of a job.
+/// A model's answer from a job.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Answered {
     pub text: String,
@@ -37,7 +37,7 @@ struct Problem {
 /// Why a question of a job has no answer.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 pub enum NotAnswered {
-    /// In the words of the server, or that it gave none.
+    /// The server's message, or a note that it gave none.
     #[error("{0}")]
     Server(String),
     #[error("{0}")]
@@ -54,7 +54,7 @@ pub type AnswerLine = (String, Result<Answered, NotAnswered>);
 /// The lines of a job's output or error file.
 ///
 /// # Errors
-/// A line is not what the Batch API writes.
+/// If a line does not have the form that the Batch API writes.
 pub fn lines(text: &str) -> Result<Vec<AnswerLine>, AskError> {
     (1..)
         .zip(text.lines())

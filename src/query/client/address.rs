@@ -1,4 +1,4 @@
-//! Where the parts of a server's API are: below the path of the URL that the user gave, before its query.
+//! The URLs of a server's endpoints: below the path of the URL that the user gave, before its query.
 
 use reqwest::Url;
 
@@ -15,10 +15,10 @@ pub struct Address {
 }
 
 impl Address {
-    /// The address in `--lmm-url`; one that already ends in `/chat/completions` is taken without that.
+    /// The address in `--lmm-url`; a trailing `/chat/completions` is dropped.
     ///
     /// # Errors
-    /// It is not an http or https URL, or holds what is no part of an address.
+    /// If it is not an http or https URL, or contains something that does not belong in an address.
     pub fn parse(text: &str) -> Result<Self, ClientError> {
         let bad = || ClientError::Url { url: without_credentials(text) };
         let mut base = Url::parse(text).map_err(|_| bad())?;
@@ -37,19 +37,19 @@ impl Address {
         Ok(Self { base })
     }
 
-    /// Chat Completions.
+    /// URL of Chat Completions.
     pub fn chat_completions(&self) -> Url {
         self.below(&["chat", "completions"])
     }
 
-    /// The URL with some segments behind its path; its query stays behind them.
+    /// The URL with some segments appended to its path; its query stays after them.
     pub fn below(&self, segments: &[&str]) -> Url {
         let mut url = self.base.clone();
         url.path_segments_mut().expect("http URLs have paths").pop_if_empty().extend(segments);
         url
     }
 
-    /// Host, and port if it is not the scheme's usual one: what may be shown of an address.
+    /// The host, and the port unless it is the scheme's default: the part of an address that may be shown.
     pub fn host(&self) -> String {
         let host = self.base.host_str().unwrap_or_default();
         self.base.port().map_or_else(|| host.to_owned(), |port| format!("{host}:{port}"))

@@ -12,23 +12,23 @@ use super::retry::Attempt;
 use super::{Client, MAX_REPLY_BYTES, response};
 use crate::query::asker::AskError;
 
-/// The only window that the API offers.
+/// The only completion window that the API offers.
 const WINDOW: &str = "24h";
-/// Largest file of answers: the largest input file that the API takes. Every line of that held a picture, and the answer
-/// to it is shorter.
+/// Largest file of answers: the size of the largest input file that the API takes. Every line of that held a picture,
+/// and the answer to it is shorter.
 const MAX_FILE_BYTES: usize = 200_000_000;
-/// In all. Files are large and lines are slow.
+/// For a whole transfer. Files are large and connections are slow.
 const TRANSFER_TIMEOUT: Duration = Duration::from_secs(3600);
 
-/// How a job stands.
+/// The status of a job.
 #[derive(Debug, Clone, PartialEq, Deserialize)]
 pub struct JobStatus {
     pub id: String,
     #[serde(rename = "status")]
     pub state: JobState,
-    /// The file of the responses; also of a job that expired or was cancelled with part of them.
+    /// The file with the responses; also set for a job that expired or was cancelled after some of them.
     pub output_file_id: Option<String>,
-    /// The file of the requests that failed.
+    /// The file with the requests that failed.
     pub error_file_id: Option<String>,
     #[serde(default)]
     pub request_counts: Option<RequestCounts>,
@@ -36,7 +36,7 @@ pub struct JobStatus {
     errors: Option<JobErrors>,
 }
 
-/// The words of the API.
+/// The states as the API names them.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum JobState {
@@ -46,7 +46,7 @@ pub enum JobState {
     Completed,
     /// The input file was not accepted; nothing was asked.
     Failed,
-    /// The window closed before all was answered.
+    /// The window closed before all requests were answered.
     Expired,
     Cancelling,
     Cancelled,
@@ -77,14 +77,14 @@ struct UploadedFile {
 }
 
 impl JobState {
-    /// Whether nothing more will come.
+    /// True if nothing more will come.
     pub fn is_final(self) -> bool {
         matches!(self, Self::Completed | Self::Failed | Self::Expired | Self::Cancelled)
     }
 }
 
 impl JobStatus {
-    /// What the API says is wrong with the job as a whole.
+    /// The API's errors about the job as a whole.
     pub fn problems(&self) -> String {
         let errors = self.errors.iter().flat_map(|errors| &errors.data);
         errors.filter_map(|error| error.message.as_deref()).collect::<Vec<_>>().join("; ")
@@ -92,10 +92,10 @@ impl JobStatus {
 }
 
 impl Client {
-    /// Uploads requests, one JSON line each, and has them worked off.
+    /// Uploads requests, one JSON line each, and starts a job for them.
     ///
-    /// The upload is repeated like any request. The order to work it off is given once: were it repeated after an answer
-    /// that got lost, everything would be paid for twice.
+    /// The upload is retried like any request. The request that starts the job is sent only once: if its response were
+    /// lost and it were sent again, everything would be paid for twice.
     pub fn start_batch_api_job(&self, lines: &str) -> Result<JobStatus, AskError> {
         self.runtime.block_on(async {
             let files = self.address.below(&["files"]);
@@ -115,7 +115,7 @@ impl Client {
         })
     }
 
-    /// How a job stands.
+    /// The status of a job.
     pub fn batch_api_job(&self, id: &str) -> Result<JobStatus, AskError> {
         let url = self.address.below(&["batches", id]);
         let status = self.exchange(self.retries, MAX_REPLY_BYTES, || self.http.get(url.clone()), json_body);
@@ -144,7 +144,7 @@ fn json_body<T: DeserializeOwned>(status: StatusCode, body: &str, retry_after: O
     })
 }
 
-/// What a failed attempt means to whoever asked.
+/// The error that a failed attempt means for the caller.
 pub fn ask_error(attempt: Attempt) -> AskError {
     match attempt {
         Attempt::Final(error) => error,

@@ -1,8 +1,8 @@
-//! How a request is put: as strict as the server takes it.
+//! The form of a request: as strict as the server accepts.
 //!
-//! Structured answers are asked for in three ways, one after the other: a JSON schema that the server enforces
-//! (OpenAI, vLLM, recent Ollama and llama.cpp), any JSON object (DashScope, older servers), or only in the prompt's
-//! words. Whatever the server promises, the answer is checked here.
+//! Structured answers are asked for in three ways, one after the other: with a JSON schema that the server enforces
+//! (OpenAI, vLLM, recent Ollama and llama.cpp), as any JSON object (DashScope, older servers), or only in the prompt's
+//! text. Whatever the server promises, the answer is checked here.
 
 use base64::Engine;
 use base64::engine::general_purpose::STANDARD;
@@ -10,7 +10,7 @@ use serde_json::{Value, json};
 
 use crate::query::asker::Ask;
 
-/// What of the API a server takes.
+/// The features of the API that a server accepts.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub struct Dialect {
     format: Format,
@@ -27,13 +27,13 @@ enum Format {
     Text,
 }
 
-/// The name of the limit of an answer's tokens.
+/// The name of the field that limits an answer's tokens.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 enum Limit {
-    /// What every server knows.
+    /// Accepted by every server.
     #[default]
     MaxTokens,
-    /// What OpenAI's reasoning models insist on.
+    /// Required by OpenAI's reasoning models.
     MaxCompletionTokens,
 }
 
@@ -41,11 +41,11 @@ enum Limit {
 enum Temperature {
     #[default]
     Sent,
-    /// OpenAI's reasoning models take none.
+    /// OpenAI's reasoning models accept no temperature.
     Unsent,
 }
 
-/// OpenAI's wish for a picture's resolution. Most other servers ignore it, few refuse it.
+/// OpenAI's option for the resolution of a picture. Most other servers ignore it, a few refuse it.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 enum Detail {
     #[default]
@@ -58,8 +58,8 @@ const JSON: &str = "JSON";
 const SAY_JSON: &str = "Answer in JSON.";
 
 impl Dialect {
-    /// The request's body. The text stands before the picture: it is the same for all segments, and servers that keep
-    /// the beginning of earlier requests read it once.
+    /// The request's body. The text comes before the picture: it is the same for all segments, and servers that cache
+    /// the beginning of earlier requests process it once.
     pub fn body(self, model: &str, temperature: f64, max_tokens: u32, ask: Ask) -> Value {
         let picture = format!("data:image/jpeg;base64,{}", STANDARD.encode(ask.picture));
         let mut content = vec![json!({ "type": "text", "text": ask.question.prompt })];
@@ -95,7 +95,7 @@ impl Dialect {
         body
     }
 
-    /// The next plainer dialect after a server refused this one with `message`; `None` where none is left.
+    /// The next plainer dialect after a server refused this one with `message`; `None` if there is none.
     pub fn after_refusal(self, message: &str) -> Option<Self> {
         let message = message.to_lowercase();
         if self.limit == Limit::MaxTokens && message.contains("max_tokens") {

@@ -1,4 +1,4 @@
-//! Why a client cannot be set up.
+//! The error of setting up a client.
 
 /// A client that cannot be set up.
 #[derive(Debug, thiserror::Error)]

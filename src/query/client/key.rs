@@ -1,4 +1,4 @@
-//! The account's key: from the environment, into one header, and nowhere else.
+//! The API key: read from the environment, sent in one header, and used nowhere else.
 
 use std::fmt;
 
@@ -9,7 +9,7 @@ use super::error::ClientError;
 const VARIABLE: &str = "OPENAI_API_KEY";
 const CUT: &str = "[key]";
 
-/// A key that cannot be printed.
+/// An API key that cannot be printed.
 #[derive(Clone)]
 pub struct ApiKey {
     secret: String,
@@ -17,7 +17,7 @@ pub struct ApiKey {
 }
 
 impl ApiKey {
-    /// The key in `OPENAI_API_KEY`; `None` where it is unset or empty, as for servers that need none.
+    /// The key in `OPENAI_API_KEY`; `None` if it is unset or empty, as for servers that need none.
     pub fn from_environment() -> Result<Option<Self>, ClientError> {
         match std::env::var(VARIABLE) {
             Ok(secret) if !secret.trim().is_empty() => Self::new(secret.trim()).map(Some),
@@ -37,7 +37,7 @@ impl ApiKey {
         HeaderMap::from_iter([(AUTHORIZATION, self.header.clone())])
     }
 
-    /// `text` without the key, should a server send it back.
+    /// `text` with the key removed, in case a server sends it back.
     pub(super) fn cut_from(&self, text: &str) -> String {
         text.replace(&self.secret, CUT)
     }
@@ -49,7 +49,7 @@ impl fmt::Debug for ApiKey {
     }
 }
 
-/// A URL without what stands before an `@` or after a `?`: people put keys there.
+/// A URL without the parts before an `@` or after a `?`, where people put keys.
 pub(super) fn without_credentials(url: &str) -> String {
     let url = url.split('?').next().unwrap_or(url);
     match (url.split_once("://"), url.rsplit_once('@')) {

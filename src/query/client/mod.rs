@@ -1,9 +1,9 @@
 //! A client for OpenAI-compatible servers (Chat Completions with pictures): the only place that talks to a network.
 //!
-//! Servers differ in what they accept, so a request starts in its strictest form (`dialect.rs`) and steps down where a
-//! server refuses it; what a server accepted once is used from then on. Requests that fail for a passing reason are
-//! repeated (`retry.rs`), each with an entry of its own in the ledger. The account's key is read from the environment only,
-//! is sent in a header that is marked sensitive, and is cut out of every text that comes back.
+//! Servers differ in what they accept, so a request starts in its strictest form (`dialect.rs`) and is simplified if a
+//! server refuses it; a form that a server accepted once is used from then on. Requests that fail for a transient
+//! reason are retried (`retry.rs`), each try with its own entry in the ledger. The API key is read from the environment
+//! only, is sent in a header that is marked sensitive, and is cut out of every text that comes back.
 //!
 //! A server may send anything at any pace: one request with its response takes [`Options::lmm_timeout_s`] at most, a
 //! body is read up to [`MAX_REPLY_BYTES`] and no further, and the head of a response up to what hyper buffers (400 KB).
@@ -39,11 +39,11 @@ pub use error::ClientError;
 pub use key::ApiKey;
 use retry::{Attempt, Backoff, Wait};
 
-/// A server with a model.
+/// A server and one of its models.
 pub struct Client {
     address: Address,
     key: Option<ApiKey>,
-    /// Whether connections may be opened.
+    /// An error if no connection may be opened.
     network: Result<(), Offline>,
     progress: Progress,
     answerer: Answerer,
@@ -52,30 +52,30 @@ pub struct Client {
     max_usd: Option<f64>,
     parallel: usize,
     retries: u32,
-    /// In all, before a question's request is repeated at the server's wish.
+    /// How long a question may wait in all because the server asks for it.
     longest_wait: Duration,
-    /// What the server is known to accept.
+    /// The form of requests that the server is known to accept.
     dialect: Mutex<Dialect>,
     http: reqwest::Client,
     runtime: Runtime,
 }
 
-/// What came of one request.
+/// The result of one request.
 struct Exchanged<T> {
     result: Result<T, Attempt>,
-    /// False where the server certainly takes nothing for it.
+    /// False if the server certainly charges nothing for it.
     may_be_billed: bool,
 }
 
-/// A connection that does not open within this is not going to.
+/// A connection that does not open within this time is not going to.
 const CONNECT_TIMEOUT: Duration = Duration::from_secs(20);
-/// Largest body of a reply. An answer of [`Options::lmm_max_tokens`] has some kilobytes.
+/// Largest body of a response. An answer of [`Options::lmm_max_tokens`] has a few kilobytes.
 const MAX_REPLY_BYTES: usize = 64_000_000;
-/// How often the rest of a wait is shown, and whether waiting is still of use is looked at.
+/// How often the remaining wait is shown, and how often it is checked whether waiting is still of use.
 const TICK: Duration = Duration::from_secs(1);
 
 impl Client {
-    /// The client that the options ask for; `None` without `--lmm-url`. It opens a connection only if `network` allows it.
+    /// The client for the options; `None` without `--lmm-url`. It opens a connection only if `network` allows it.
     pub fn new(
         options: &Options,
         key: Option<ApiKey>,
@@ -121,13 +121,13 @@ impl Client {
         dialect.body(&self.answerer.model, self.temperature, self.max_tokens, ask)
     }
 
-    /// The model and the host of its server, for people: no path, no query.
+    /// The model and the host of its server, for display: no path, no query.
     fn name(&self) -> String {
         format!("{} at {}", self.answerer.model, self.address.host())
     }
 
-    /// Tells the user, before the first request of a submission to the Batch API, who is sent how many pictures at which
-    /// cost.
+    /// Tells the user, before the first request of a submission to the Batch API, where the pictures are sent, how many
+    /// there are and what they may cost.
     pub fn announce_submission(&self, pictures: usize, cost: &Cost) {
         let pictures = counted(pictures, "picture");
         progress::notice(&format!(
@@ -144,7 +144,7 @@ impl Client {
         }
     }
 
-    /// One question, in whichever dialect the server takes.
+    /// Asks one question, in whichever dialect the server accepts.
     async fn converse(&self, ask: Ask<'_>, account: &Account<'_>) -> Result<Reply, AskError> {
         let mut dialect = *self.dialect.lock().unwrap_or_else(PoisonError::into_inner);
         loop {
@@ -182,8 +182,8 @@ impl Client {
         self.repeat(self.retries, attempt, || account.is_closed()).await
     }
 
-    /// A request that nothing is paid for and what `read` makes of its response of at most `most_bytes`, repeated while it
-    /// fails for a passing reason.
+    /// Sends a request that costs nothing and applies `read` to its response of at most `most_bytes`; retries while it
+    /// fails for a transient reason.
     async fn exchange<T>(
         &self,
         retries: u32,
@@ -194,7 +194,8 @@ impl Client {
         self.repeat(retries, async || self.exchange_once(request(), most_bytes, &read).await.result, || false).await
     }
 
-    /// An attempt, repeated while it fails for a passing reason; waits end early when all `is_over`.
+    /// Makes an attempt, and retries while it fails for a transient reason; waits end early once `is_over` returns
+    /// true.
     async fn repeat<T>(
         &self,
         retries: u32,
@@ -240,7 +241,7 @@ impl Client {
         }
         let mut response = match request.send().await {
             Ok(response) => response,
-            // Once the connection stands, the request may be with the server, answered or not.
+            // Once connected, the server may have received the request, whether it answered or not.
             Err(error) => {
                 let may_be_billed = !error.is_connect() && !error.is_builder();
                 return failed(response::transport(error), may_be_billed);
@@ -282,17 +283,17 @@ impl Asker for Client {
     }
 }
 
-/// Who the options say is to be asked: the model and the host of its server, for people. `None` without `--lmm-url`.
+/// The model and the host of its server that the options name, for display. `None` without `--lmm-url`.
 ///
 /// # Errors
-/// The URL cannot be used.
+/// If the URL cannot be used.
 pub fn destination(options: &Options) -> Result<Option<String>, ClientError> {
     let Some(base) = &options.lmm_url else { return Ok(None) };
     let model = options.lmm_model.as_deref().ok_or(ClientError::NoModel)?;
     Ok(Some(format!("{model} at {}", Address::parse(base)?.host())))
 }
 
-/// What a response to a question says, its status and body given; else what is wrong with it.
+/// Reads the response to a question from its status and body.
 pub fn read_completion(status: u16, body: &str) -> Result<Reply, AskError> {
     let no_status = |_| AskError::Failed(format!("{status} is not an HTTP status"));
     response::read(StatusCode::from_u16(status).map_err(no_status)?, body, None).map_err(batch_api::ask_error)

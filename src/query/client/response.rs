@@ -1,4 +1,4 @@
-//! What a response means: an answer, a refusal, or a failure that passes or does not.
+//! What a response means: an answer, a refusal, or a failure that is transient or final.
 
 use std::time::Duration;
 
@@ -10,7 +10,7 @@ use super::retry::Attempt;
 use crate::query::asker::{AskError, Reply, ReplyContent};
 use crate::query::recorded::Usage;
 
-/// Only the answer itself must be as the API has it: it was paid for, whatever else the server writes.
+/// Only the answer itself must have the API's form: it was paid for, whatever else the server writes.
 #[derive(Deserialize)]
 struct Completion {
     model: Option<Value>,
@@ -30,10 +30,11 @@ struct Message {
     refusal: Option<Value>,
 }
 
-/// More tokens than any model reads or writes in one request (the longest contexts are of 10 million): not a count.
+/// More tokens than any model reads or writes in one request (the longest contexts are of 10 million): not a credible
+/// count.
 const MOST_TOKENS: u64 = 10_000_000;
 
-/// As much of a server's error text as a person reads.
+/// The longest excerpt of a server's error text that is shown, in characters.
 const MESSAGE_CHARACTERS: usize = 300;
 
 /// Reads the response to one question with its status.
@@ -76,7 +77,7 @@ pub async fn body(response: &mut Response, most_bytes: usize) -> Result<Vec<u8>,
     Ok(bytes)
 }
 
-/// A request that got no whole response.
+/// The failure of a request that got no complete response.
 pub fn transport(error: reqwest::Error) -> Attempt {
     let unreachable = error.is_connect();
     let timed_out = error.is_timeout();
@@ -111,7 +112,7 @@ fn answer(completion: Completion) -> Result<Reply, Attempt> {
     Ok(Reply { content, usage: completion.usage.as_ref().and_then(usage), served_model })
 }
 
-/// The tokens that a server says it counted; `None` if these are no numbers of tokens.
+/// The tokens that a server reports; `None` if these are not credible counts.
 fn usage(counted: &Value) -> Option<Usage> {
     let tokens = |name| counted.get(name)?.as_u64().filter(|tokens| *tokens <= MOST_TOKENS);
     Some(Usage { input_tokens: tokens("prompt_tokens")?, output_tokens: tokens("completion_tokens")? })
@@ -126,7 +127,7 @@ fn text_of(content: Value) -> String {
     }
 }
 
-/// What a status that is not a success means.
+/// The failure that an unsuccessful status stands for.
 pub fn failure(status: StatusCode, body: &str, retry_after: Option<Duration>) -> Attempt {
     let message = format!("status {}: {}", status.as_u16(), message(body));
     match status.as_u16() {
@@ -136,7 +137,7 @@ pub fn failure(status: StatusCode, body: &str, retry_after: Option<Duration>) ->
         429 if is_about(body, &["insufficient_quota", "billing_hard_limit"]) => {
             Attempt::Final(AskError::Fatal(message))
         }
-        // llama.cpp and its kin, of a schema that they cannot turn into a grammar.
+        // Sent by llama.cpp and its relatives for a schema that they cannot turn into a grammar.
         500 if is_about(body, &["response_format", "json_schema", "grammar"]) => Attempt::Unaccepted { message },
         400 | 415 | 422 | 501 => Attempt::Unaccepted { message },
         408 | 409 | 425 | 429 | 500.. => Attempt::Passing { message, retry_after },

@@ -1,4 +1,4 @@
-//! When a request is repeated, and after how long.
+//! When a request is retried, and after how long.
 
 use std::time::{Duration, SystemTime};
 
@@ -11,11 +11,11 @@ use crate::query::asker::AskError;
 pub enum Attempt {
     /// May well succeed later: too many requests, an overloaded server, a dropped connection.
     Passing { message: String, retry_after: Option<Duration> },
-    /// Nobody takes the connection; passes when the server is starting.
+    /// The connection is refused; transient if the server is still starting.
     Unreachable { message: String },
-    /// The server does not take this form of request.
+    /// The server does not accept this form of request.
     Unaccepted { message: String },
-    /// Will not get better.
+    /// Retrying would not help.
     Final(AskError),
 }
 
@@ -23,17 +23,17 @@ const FIRST_WAIT: Duration = Duration::from_secs(1);
 const LONGEST_WAIT: Duration = Duration::from_secs(60);
 /// Largest share taken off a wait at random; below one half, so that each wait is longer than the one before.
 const JITTER: f64 = 0.4;
-/// A server that nobody answers at is tried this often at most: it is likely not there.
+/// Most tries to connect to a server that does not accept connections: it is probably not there.
 const CONNECTION_TRIES: u32 = 3;
 
-/// Counts the repetitions of one request.
+/// Counts the retries of one request.
 #[derive(Debug)]
 pub struct Backoff {
     retries: u32,
     done: u32,
-    /// In all, at the server's wish.
+    /// For all waits that the server asks for together.
     longest_wait: Duration,
-    /// So far, at the server's wish.
+    /// The sum of the waits so far that the server asked for.
     waited: Duration,
 }
 
@@ -41,21 +41,22 @@ pub struct Backoff {
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Wait {
     pub length: Duration,
-    /// Whether the server asked for it.
+    /// True if the server asked for it.
     pub at_servers_wish: bool,
 }
 
 impl Backoff {
-    /// At most `retries` repetitions, and `longest_wait` in all that the server may ask to wait.
+    /// Allows at most `retries` retries, and at most `longest_wait` in all of waits that the server asks for.
     pub fn new(retries: u32, longest_wait: Duration) -> Self {
         Self { retries, done: 0, longest_wait, waited: Duration::ZERO }
     }
 
-    /// How long to wait before the next try. What the server asks for goes; otherwise the wait doubles each time, with a
+    /// How long to wait before the next try. A wait that the server asks for is used as is; otherwise the wait doubles
+    /// each time, with a
     /// random share taken off so that parallel requests do not come back together.
     ///
     /// # Errors
-    /// The failure, which nothing is to follow.
+    /// The failure itself if there is to be no further try.
     pub fn wait_after(&mut self, failure: Attempt) -> Result<Wait, Attempt> {
         let (retry_after, most) = match &failure {
             Attempt::Passing { retry_after, .. } => (*retry_after, self.retries),
@@ -99,7 +100,7 @@ impl Backoff {
     }
 }
 
-/// What a server asks for in `Retry-After` (seconds or a date) or OpenAI's `retry-after-ms`.
+/// The wait that a server asks for in `Retry-After` (seconds or a date) or OpenAI's `retry-after-ms`.
 pub fn retry_after(headers: &HeaderMap) -> Option<Duration> {
     let text = |name: &str| headers.get(name)?.to_str().ok().map(str::trim);
     if let Some(milliseconds) = text("retry-after-ms").and_then(|text| text.parse::<u64>().ok()) {
@@ -107,7 +108,7 @@ pub fn retry_after(headers: &HeaderMap) -> Option<Duration> {
     }
     let wait = text(RETRY_AFTER.as_str())?;
     match wait.parse::<f64>() {
-        // More seconds than a duration holds are still a wish.
+        // More seconds than a `Duration` can hold are still a valid request to wait.
         Ok(seconds) if seconds >= 0.0 => Some(Duration::try_from_secs_f64(seconds).unwrap_or(Duration::MAX)),
         Ok(_) => None,
         Err(_) => httpdate::parse_http_date(wait).ok()?.duration_since(SystemTime::now()).ok(),

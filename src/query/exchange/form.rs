@@ -1,4 +1,4 @@
-//! The page on which a person can answer: one file that opens from disk, with no network and no server.
+//! The page on which a person can answer: one file that opens from disk, without a network or a server.
 
 use minijinja::{Environment, context};
 use serde::Serialize;
@@ -14,7 +14,7 @@ pub struct FormQuery<'a> {
     pub text: usize,
 }
 
-/// A prompt with the schema of its answer and the materials to choose among.
+/// A prompt with the schema of its answer and the materials to choose from.
 #[derive(Debug, Serialize)]
 pub struct FormText<'a> {
     pub prompt: &'a str,

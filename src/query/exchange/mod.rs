@@ -1,8 +1,8 @@
-//! Questions out, answers in: for people, batch jobs and models that no endpoint serves.
+//! Exports questions and imports answers: for people, batch jobs and models that no endpoint serves.
 //!
-//! An export is a folder with one sheet a question, the prompts, the schemas, and a form to fill in. Files are named by
-//! hash, so that whoever answers knows the picture and the prompt and nothing else. [`form`] is the page for a person. What an answer belongs to lies in
-//! `origins.jsonl`: an import needs the folder and the library, not the scene.
+//! An export is a folder with one sheet per question, the prompts, the schemas, and a form to fill in ([`form`]). Files
+//! are named by hash, so that whoever answers knows only the picture and the prompt. `origins.jsonl` says what each
+//! answer belongs to: an import needs the folder and the library, but not the scene.
 
 mod form;
 
@@ -27,7 +27,7 @@ const MANIFEST: &str = "manifest.json";
 const FORM: &str = "form.html";
 const FORMAT: u32 = 1;
 
-/// A line of `queries.jsonl`; the files are named relative to the folder.
+/// A line of `queries.jsonl`; file names are relative to the folder.
 #[derive(Debug, Serialize)]
 struct QueryLine<'a> {
     query: &'a str,
@@ -40,9 +40,9 @@ struct QueryLine<'a> {
 #[derive(Debug, Serialize, Deserialize)]
 struct AnswerLine {
     query: String,
-    /// The answer as an object, or a model's whole response as a string; null where there is none yet.
+    /// The answer as an object, or a model's whole response as a string; null if there is none yet.
     answer: Value,
-    /// Who answered, where it is not the manifest's.
+    /// Who answered, if different from the manifest's.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     model: Option<String>,
 }
@@ -62,19 +62,19 @@ struct Manifest {
     queries: usize,
 }
 
-/// What an import did.
+/// The result of an import.
 #[derive(Debug, Default, PartialEq, Serialize)]
 pub struct Imported {
     pub recorded: usize,
     pub unanswered: usize,
-    /// What was not recorded, and why.
+    /// The lines that were not recorded, with the reasons.
     pub bad: Vec<BadLine>,
 }
 
 /// A line of `answers.jsonl` that cannot be used.
 #[derive(Debug, PartialEq, Serialize)]
 pub struct BadLine {
-    /// From 1.
+    /// Counted from 1.
     pub line: usize,
     pub problem: String,
 }
@@ -102,7 +102,8 @@ pub enum ExchangeError {
     Recording(#[from] RecordingError),
 }
 
-/// Writes questions into a new or empty folder; returns how many. Two segments with the same picture are one question.
+/// Writes questions into a new or empty folder; returns their number. Two segments with the same picture share one
+/// question.
 pub fn export(folder: &Path, open: &[(&SegmentQuery, &Question)]) -> Result<usize, ExchangeError> {
     if fs::read_dir(folder).is_ok_and(|mut entries| entries.next().is_some()) {
         return Err(ExchangeError::NotEmpty(folder.into()));
@@ -158,7 +159,7 @@ fn page(queries: &[(String, String, usize)], texts: &BTreeMap<&str, Text>) -> St
     form::page(&queries, &texts)
 }
 
-/// A question's files in the folder, and its place among the questions.
+/// A question's files in the folder, and its index among the questions.
 struct Text<'a> {
     prompt: String,
     schema: String,
@@ -166,7 +167,7 @@ struct Text<'a> {
     question: &'a Question,
 }
 
-/// Writes each prompt and schema once; the files by the prompt's hash.
+/// Writes each prompt and schema once; the files are named by the prompt's hash.
 fn write_texts<'a>(
     folder: &Path,
     open: &[(&SegmentQuery, &'a Question)],
@@ -186,10 +187,11 @@ fn write_texts<'a>(
     Ok(texts)
 }
 
-/// Checks the answers of a folder and records the good ones; every bad line is reported with its number.
+/// Checks the answers of a folder and records the valid ones; every bad line is reported with its number.
 ///
-/// Who answered is `model`, or what the line or the manifest says. `questions` are those of the library, prompts and
-/// options that the scene will be run with; an answer to other ones cannot be checked and is a bad line.
+/// The answering model is `model`, or else the one that the line or the manifest names. `questions` are those of the
+/// library, prompts and options that the scene will be run with; an answer to any other question cannot be checked and
+/// is a bad line.
 pub fn import(
     folder: &Path,
     model: Option<&str>,
@@ -232,7 +234,7 @@ pub fn import(
     Ok(imported)
 }
 
-/// What is wrong with a line of `answers.jsonl`.
+/// The error in a line of `answers.jsonl`.
 #[derive(Debug, thiserror::Error)]
 enum LineProblem {
     #[error("{0}")]
@@ -247,7 +249,7 @@ enum LineProblem {
         "it was asked with other prompts, another library or other options than this run's; export the queries again"
     )]
     OtherQuestion,
-    /// In words, for whoever answered to mend it.
+    /// An explanation that lets the answer be corrected.
     #[error("{0}")]
     Answer(String),
 }
@@ -256,7 +258,7 @@ fn parse(text: &str) -> Result<AnswerLine, LineProblem> {
     Ok(serde_json::from_str(text)?)
 }
 
-/// A recording of an answer, if it is one.
+/// The recording of a line's answer, if the line is valid.
 fn check(
     line: AnswerLine,
     model: Option<String>,

@@ -68,7 +68,7 @@ impl Mask {
         shared
     }
 
-    /// The runs inside the mask as `[start, end)` in pixels from the upper left corner, rising.
+    /// The runs inside the mask as `[start, end)` in pixels from the upper left corner, in ascending order.
     fn spans(&self) -> impl Iterator<Item = (u64, u64)> + '_ {
         let mut at = 0u64;
         self.runs.iter().enumerate().filter_map(move |(index, length)| {
@@ -86,7 +86,7 @@ impl From<Mask> for Written {
     }
 }
 
-/// Why a written mask is none.
+/// Why a written mask is invalid.
 #[derive(Debug, thiserror::Error)]
 enum NoMask {
     #[error("{0:?} is not a run length of a mask")]

@@ -1,10 +1,10 @@
 //! Recorded answers: one JSON file each, found by what was asked or, failing that, by view and mask.
 //!
-//! A recording's key is the SHA-256 of model, parameters, prompt, schema and the decoded pixels of the sheet. Another
-//! processor's last bits may move a mask by a few pixels, and with it the sheet: so a recording also keeps the hash of
-//! its view's photo and the segment's mask, and where no key fits, the recording of the same view, prompt, schema and
-//! model whose mask overlaps best serves ([`MASK_IOU`]). Neither the key of an account nor any header is ever part of
-//! a recording.
+//! A recording's key is the SHA-256 of model, parameters, prompt, schema and the decoded pixels of the sheet.
+//! Floating-point differences between processors may move a mask by a few pixels, and with it the sheet. So a recording
+//! also keeps the hash of its view's photo and the segment's mask, and if no key matches, the recording of the same
+//! view, prompt, schema and model with the best mask overlap is used ([`MASK_IOU`]). A recording never contains an API
+//! key or a header.
 
 mod lock;
 mod mask;
@@ -18,15 +18,15 @@ pub use lock::QuestionLock;
 pub use mask::Mask;
 pub use store::{Miss, RecordingError, Recordings, Who};
 
-/// Least overlap at which a recording of another mask serves. Below it, the mask may well be another segment.
+/// Lowest overlap at which a recording of another mask is used. Below it, the mask may well be another segment's.
 pub const MASK_IOU: f64 = 0.9;
 
-/// What was asked, as far as it does not depend on who answers.
+/// A question, independent of who answers it.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Asked {
-    /// Name of the view, for people.
+    /// Name of the view, for display.
     pub view: String,
-    /// SHA-256 of the view's photo over white, decoded.
+    /// SHA-256 of the view's decoded photo, composited over white.
     pub photo_sha256: Sha256Hex,
     pub mask: Mask,
     /// SHA-256 of the prompt's text.
@@ -38,7 +38,7 @@ pub struct Asked {
 }
 
 impl Asked {
-    /// Names the question whoever answers it.
+    /// Identifies the question, whoever answers it.
     pub fn content_sha256(&self) -> Sha256Hex {
         Sha256Hex::of_fields(&[
             self.prompt_sha256.as_str().as_bytes(),
@@ -48,15 +48,15 @@ impl Asked {
     }
 }
 
-/// Who answers, and set how.
+/// The model or person that answers, with its settings.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Answerer {
     pub model: String,
-    /// Everything that is sent and may change the answer, by name; null where answers came by `--import`.
+    /// All settings that are sent and may change the answer, by name; null for answers that came by `--import`.
     pub parameters: Value,
 }
 
-/// Tokens that a request used, as the server counts them.
+/// Tokens that a request used, as the server reports them.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
 pub struct Usage {
     pub input_tokens: u64,
@@ -64,7 +64,7 @@ pub struct Usage {
 }
 
 impl Usage {
-    /// Both requests together.
+    /// The sum of both.
     pub fn plus(self, other: Self) -> Self {
         Self {
             input_tokens: self.input_tokens.saturating_add(other.input_tokens),
@@ -81,13 +81,13 @@ pub struct Recording {
     pub format: u32,
     pub key: Sha256Hex,
     pub model: String,
-    /// The name the server gave itself, where it did.
+    /// The name that the server gave its model, if any.
     pub served_model: Option<String>,
     pub parameters: Value,
     pub asked: Asked,
-    /// What the model wrote, word for word.
+    /// The model's response, word for word.
     pub response: String,
-    /// Over all requests that led to this answer.
+    /// The sum over all requests that led to this answer.
     pub usage: Option<Usage>,
     /// Seconds since 1970-01-01 UTC.
     pub recorded_at_unix_s: u64,
@@ -97,7 +97,7 @@ pub struct Recording {
 pub const FORMAT: u32 = 1;
 
 impl Recording {
-    /// A recording of `response`, made now.
+    /// A recording of `response` with the current time.
     pub fn new(
         answerer: &Answerer,
         asked: Asked,

@@ -1,4 +1,4 @@
-//! The folder of recordings: read once, looked up in memory, each new one written at once and atomically.
+//! The folder of recordings: read once, looked up in memory; each new one is written at once and atomically.
 
 use std::collections::BTreeMap;
 use std::io::Write;
@@ -10,11 +10,11 @@ use super::{Answerer, Asked, FORMAT, MASK_IOU, Recording, key};
 use crate::query::Match;
 use crate::query::sha256::Sha256Hex;
 
-/// Every recording at hand, and where new ones go.
+/// All recordings that were read, and where new ones are written.
 #[derive(Debug)]
 pub struct Recordings {
     write_to: PathBuf,
-    /// Where a recording goes that `write_to` does not take.
+    /// The folder for recordings that `write_to` cannot take.
     spare: Option<PathBuf>,
     by_key: Mutex<BTreeMap<Sha256Hex, Recording>>,
 }
@@ -35,12 +35,12 @@ pub enum RecordingError {
     NoPlace { folder: PathBuf, source: std::io::Error },
 }
 
-/// Whose recordings serve.
+/// Whose recordings may be used.
 #[derive(Debug, Clone, Copy)]
 pub enum Who<'a> {
-    /// Anybody's: the user named no model.
+    /// Anyone's: the user named no model.
     Anybody,
-    /// Those of a model, set whichever way.
+    /// Those of a model, with any settings.
     Model(&'a str),
     /// Those of exactly this answerer: the one that would be asked.
     Exactly(&'a Answerer),
@@ -61,11 +61,11 @@ impl Who<'_> {
 pub enum Miss {
     /// Recordings were not to be used.
     Live,
-    /// Nothing is recorded of this view's photo.
+    /// There is no recording for this view's photo.
     View,
     /// This segment is recorded, but for another prompt, schema or model.
     Prompt,
-    /// The view is recorded, but no mask of it comes near enough; the best one's overlap.
+    /// The view is recorded, but no mask overlaps enough; the best overlap.
     Mask { iou: f64 },
 }
 
@@ -81,7 +81,7 @@ impl std::fmt::Display for Miss {
 }
 
 impl Recordings {
-    /// Reads every `*.json` of the folders, those that exist; new recordings go to `write_to`, which is read too.
+    /// Reads every `*.json` of those folders that exist; new recordings go to `write_to`, which is read too.
     pub fn open(read_from: &[&Path], write_to: &Path) -> Result<Self, RecordingError> {
         let mut by_key = BTreeMap::new();
         for folder in read_from.iter().copied().chain([write_to]) {
@@ -93,7 +93,7 @@ impl Recordings {
         Ok(Self { write_to: write_to.into(), spare: None, by_key: Mutex::new(by_key) })
     }
 
-    /// The same with a folder for recordings that cannot be kept where they belong. It is read too.
+    /// Adds a folder for recordings that cannot be written to their own. It is read too.
     pub fn with_spare(self, folder: &Path) -> Result<Self, RecordingError> {
         for path in json_files(folder)? {
             let recording = read(&path)?;
@@ -102,12 +102,12 @@ impl Recordings {
         Ok(Self { spare: Some(folder.into()), ..self })
     }
 
-    /// Where new recordings go.
+    /// The folder for new recordings.
     pub fn folder(&self) -> &Path {
         &self.write_to
     }
 
-    /// Tries whether recordings can be kept, by writing as much as a large one has; what was written is gone again.
+    /// Checks that recordings can be saved by writing a file as large as a big recording and removing it.
     pub fn check_writable(&self) -> Result<(), RecordingError> {
         let try_to = || {
             std::fs::create_dir_all(&self.write_to)?;
@@ -118,13 +118,13 @@ impl Recordings {
         try_to().map_err(|source| RecordingError::NoPlace { folder: self.write_to.clone(), source })
     }
 
-    /// Takes the lock on a question that is to be asked; `None` while another has it.
+    /// Takes the lock on a question before it is asked; `None` while another process has it.
     pub fn lock_question(&self, key: &Sha256Hex) -> Result<Option<QuestionLock>, RecordingError> {
         QuestionLock::take(&self.write_to, key)
             .map_err(|source| RecordingError::Unwritable { path: self.path(key), source })
     }
 
-    /// The recording with this key, if anybody has written it by now.
+    /// The recording with this key, if another process has written it in the meantime.
     pub fn written_meanwhile(&self, key: &Sha256Hex) -> Result<Option<Recording>, RecordingError> {
         let path = self.path(key);
         if !path.exists() {
@@ -135,25 +135,26 @@ impl Recordings {
         Ok(Some(recording))
     }
 
-    /// Keeps a recording that could not be written where it belongs in the spare folder; gives the folder, or `None`
-    /// if there is none or it takes nothing either.
+    /// Saves a recording that could not be written to its own folder in the spare folder; returns that folder, or
+    /// `None` if there is none or it cannot be written either.
     pub fn set_aside(&self, recording: &Recording) -> Option<&Path> {
         let spare = self.spare.as_deref()?;
         write(spare, &spare.join(format!("{}.json", recording.key)), recording).ok()?;
         Some(spare)
     }
 
-    /// How many there are.
+    /// Number of recordings.
     pub fn len(&self) -> usize {
         self.lock().len()
     }
 
-    /// True where there are none.
+    /// True if there are none.
     pub fn is_empty(&self) -> bool {
         self.len() == 0
     }
 
-    /// The recording that answers `asked`, and how it was found. Of several, the one with the best overlap and then the
+    /// The recording that answers `asked`, and how it was found. Among several, the one with the best overlap and then
+    /// the smallest key.
     /// smallest key.
     pub fn find(&self, asked: &Asked, who: Who) -> Result<(Recording, Match), Miss> {
         let by_key = self.lock();
@@ -177,7 +178,7 @@ impl Recordings {
         }
     }
 
-    /// The keys of all recordings that may serve for `asked`, whoever answered.
+    /// The keys of all recordings that may be used for `asked`, whoever answered.
     pub fn serving(&self, asked: &Asked) -> Vec<Sha256Hex> {
         let content = asked.content_sha256();
         let serves = |recording: &&Recording| {
@@ -194,7 +195,7 @@ impl Recordings {
         self.lock().keys().cloned().collect()
     }
 
-    /// Removes a recording from the folder that new ones go to; one that is not there is as good as removed.
+    /// Removes a recording from the folder that new ones go to; a missing one is not an error.
     pub fn remove(&self, key: &Sha256Hex) -> Result<(), RecordingError> {
         let path = self.path(key);
         match std::fs::remove_file(&path) {
@@ -212,7 +213,7 @@ impl Recordings {
         self.write_to.join(format!("{key}.json"))
     }
 
-    /// Keeps a recording, on disk first. A second one of the same key replaces the first.
+    /// Saves a recording, first on disk, then in memory. It replaces one with the same key.
     pub fn insert(&self, recording: &Recording) -> Result<(), RecordingError> {
         let path = self.path(&recording.key);
         write(&self.write_to, &path, recording)
@@ -221,7 +222,7 @@ impl Recordings {
         Ok(())
     }
 
-    /// A thread that panicked while it held the lock left the map whole: insertion is the only change.
+    /// A thread that panicked while it held the lock left the map consistent: insertion is the only change.
     fn lock(&self) -> MutexGuard<'_, BTreeMap<Sha256Hex, Recording>> {
         self.by_key.lock().unwrap_or_else(PoisonError::into_inner)
     }
@@ -246,7 +247,7 @@ fn miss(asked: &Asked, by_key: &BTreeMap<Sha256Hex, Recording>, best_of_prompt: 
     }
 }
 
-/// The JSON files of a folder by name; none where there is no such folder.
+/// The JSON files of a folder in order of their names; none if the folder does not exist.
 fn json_files(folder: &Path) -> Result<Vec<PathBuf>, RecordingError> {
     let unreadable = |source| RecordingError::Unreadable { path: folder.into(), source };
     let entries = match std::fs::read_dir(folder) {
@@ -273,10 +274,10 @@ fn read(path: &Path) -> Result<Recording, RecordingError> {
     Ok(recording)
 }
 
-/// More than most recordings have: a mask's run lengths and an answer.
+/// More bytes than most recordings have: a mask's run lengths and an answer.
 const TRIAL_BYTES: usize = 1 << 16;
 
-/// Recordings are shared with the scene; a temporary file would be its owner's alone. The umask still applies.
+/// Recordings are shared with the scene; a temporary file would be readable by its owner only. The umask still applies.
 #[cfg(unix)]
 const READABLE: u32 = 0o666;
 

@@ -1,8 +1,8 @@
 //! The picture that is sent for a segment: the whole object, the same with the segment in red, the segment alone.
 //!
 //! The paper shows its model the object and the segment together (its ablation: 22.17 mIoU with the segment alone,
-//! 55.83 with both). The three panels are labelled and of equal size, in a row, or one below the other where the object
-//! is so wide that a row would make it small. Everything is drawn with integers and IEEE arithmetic, so that the same
+//! 55.83 with both). The three panels are labelled and of equal size, in a row, or one below the other if the object is
+//! so wide that a row would make it small. Everything is drawn with integers and IEEE arithmetic, so that the same
 //! photo and segment give the same pixels on every processor; recordings are found by those pixels, before JPEG.
 
 pub(crate) mod panel;
@@ -38,14 +38,14 @@ pub struct Sheet {
 const JPEG_QUALITY: u8 = 90;
 /// Space between panels and around them, in pixels.
 const GAP: u32 = 8;
-/// The object is shown at most at this many times the photo's resolution: more costs tokens and shows no more.
+/// The object is enlarged to at most this many times the photo's resolution: more would cost tokens and show no more.
 const ENLARGED_AT_MOST: u32 = 2;
 /// An object wider than this times its height gets its panels one below the other.
 const WIDE: f64 = 4.0 / 3.0;
 const PAPER: Rgb<u8> = Rgb([255, 255, 255]);
 
 impl Sheet {
-    /// SHA-256 over width and height (little-endian u32) and the RGB bytes.
+    /// SHA-256 of width and height (little-endian u32) and the RGB bytes.
     pub fn pixels_sha256(&self) -> Sha256Hex {
         Sha256Hex::of_picture(self.picture.dimensions(), self.picture.as_raw())
     }
@@ -65,7 +65,7 @@ pub struct Drawer<'a> {
     photo: &'a Photo,
     map: &'a LabelMap,
     longest_side: u32,
-    /// The sheet with the whole object in its first panel; `None` where only the segment is shown.
+    /// The sheet with the whole object in its first panel; `None` if only the segment is shown.
     begun: Option<Begun>,
 }
 
@@ -76,7 +76,7 @@ struct Begun {
 }
 
 impl<'a> Drawer<'a> {
-    /// A drawer for a view whose label map and photo are of one size. Sheets will be at most `longest_side` pixels.
+    /// A drawer for a view whose label map and photo have the same size. Sheets will be at most `longest_side` pixels.
     pub fn new(photo: &'a Photo, map: &'a LabelMap, context: Context, longest_side: u32) -> Self {
         let begun = match context {
             Context::GlobalLocal => begin(photo, map, longest_side),
@@ -85,7 +85,7 @@ impl<'a> Drawer<'a> {
         Self { photo, map, longest_side, begun }
     }
 
-    /// The sheet of `segment`; `None` where the label map has no pixel of it.
+    /// The sheet of `segment`; `None` if the label map has no pixel of it.
     pub fn sheet(&self, segment: u16) -> Option<Sheet> {
         let mask = mask(self.map, |label| label == segment);
         let segment_box = panel::bounding_box(&mask)?.with_margin(self.map.width, self.map.height);
@@ -107,7 +107,7 @@ impl<'a> Drawer<'a> {
     }
 }
 
-/// The first panel: the object, which is all that is foreground or segment.
+/// The first panel: the object, that is, everything that is foreground or segment.
 fn begin(photo: &Photo, map: &LabelMap, longest_side: u32) -> Option<Begun> {
     let foreground = panel::bounding_box(&photo.foreground);
     let segments = panel::bounding_box(&mask(map, |label| label != 0));
@@ -124,7 +124,7 @@ fn mask(map: &LabelMap, inside: impl Fn(u16) -> bool) -> GrayImage {
     GrayImage::from_raw(map.width, map.height, samples).expect("a label map has a label for every pixel")
 }
 
-/// A sheet being filled, panel after panel.
+/// A sheet that is filled panel by panel.
 #[derive(Clone)]
 struct Canvas {
     picture: RgbImage,

@@ -1,21 +1,21 @@
-//! One panel of a sheet: cropped, put on its ground, scaled to fit.
+//! One panel of a sheet: cropped, put on its background, scaled to fit.
 
 use image::imageops::{self, FilterType};
 use image::{GenericImage, GrayImage, ImageBuffer, Luma, Pixel, Rgb, RgbImage};
 
 use crate::scene::Photo;
 
-/// Ground of the object: light enough for dark objects, dark enough that a white one keeps its edge.
+/// Background of the object: light enough for dark objects, dark enough that a white one keeps its edge.
 const GROUND: Rgb<u8> = Rgb([222, 222, 222]);
-/// Ground of the segment alone.
+/// Background of the segment alone.
 const GREY: Rgb<u8> = Rgb([128, 128, 128]);
 const RED: [u8; 3] = [255, 0, 0];
-/// Share of red over the segment, in tenths: its own look still shows through.
+/// Share of red over the segment, in tenths: its own appearance still shows through.
 const RED_TENTHS: u16 = 4;
-/// Width of the red outline inside the segment's edge and of the white one outside it, in pixels of the sheet. White
-/// tells the edge apart on a red object.
+/// Width of the red outline inside the segment's edge and of the white one outside it, in pixels of the sheet. The
+/// white outline makes the edge visible on a red object.
 const OUTLINE: u32 = 2;
-/// Blank space around a box: this share of its longer side, and no less than so many pixels.
+/// Blank space around a box: this share of its longer side, but at least the number of pixels below.
 const MARGIN_SHARE: u32 = 16;
 const MARGIN_MIN: u32 = 2;
 
@@ -38,7 +38,7 @@ impl Area {
         }
     }
 
-    /// The box with its margin, cut to a picture of `width` x `height`.
+    /// The box with its margin, clipped to a picture of `width` x `height`.
     pub fn with_margin(self, width: u32, height: u32) -> Self {
         let margin = ((self.x1 - self.x0).max(self.y1 - self.y0) / MARGIN_SHARE).max(MARGIN_MIN);
         Self {
@@ -76,7 +76,8 @@ pub fn bounding_box(mask: &GrayImage) -> Option<Area> {
     found
 }
 
-/// The object on its plain ground. The photo lies over white; where its alpha let white through, the ground shows.
+/// The object on its plain background. The photo is composited over white; where its alpha let white through, the
+/// background shows instead.
 pub fn object(photo: &Photo, object_box: Area, size: (u32, u32)) -> RgbImage {
     let crop = crop(object_box, |x, y| {
         let through = u16::from(255 - photo.foreground.get_pixel(x, y)[0]);
@@ -113,7 +114,7 @@ fn is_inside(coverage: &Luma<u8>) -> bool {
     coverage[0] >= 128
 }
 
-/// Whether a pixel lies within [`OUTLINE`] pixels of one on the other side of the mask's edge, row by row.
+/// For each pixel, row by row: true if it lies within [`OUTLINE`] pixels of one on the other side of the mask's edge.
 fn near_edge(mask: &GrayImage) -> Vec<bool> {
     let (width, height) = mask.dimensions();
     let mut near = vec![false; (width * height) as usize];
@@ -147,7 +148,7 @@ fn crop<P: Pixel>(source: Area, pixel: impl Fn(u32, u32) -> P) -> ImageBuffer<P,
     ImageBuffer::from_fn(source.width(), source.height(), |x, y| pixel(source.x0 + x, source.y0 + y))
 }
 
-/// Scales a picture to the largest that fits into `size`, centred on `ground`.
+/// Scales a picture to the largest size that fits into `size`, centred on `ground`.
 fn fit<P: Pixel<Subpixel = u8> + 'static>(
     picture: &ImageBuffer<P, Vec<u8>>,
     ground: P,

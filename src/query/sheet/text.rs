@@ -8,7 +8,7 @@ const GLYPH: u32 = 8;
 const LEADING: u32 = 2;
 const INK: Rgb<u8> = Rgb([20, 20, 20]);
 
-/// Height of a line in pixels when every font pixel is `scale` pixels.
+/// Height of a line in pixels if every font pixel is `scale` pixels.
 pub fn height(scale: u32) -> u32 {
     (GLYPH + 2 * LEADING) * scale
 }
@@ -18,7 +18,7 @@ pub fn width(line: &str, scale: u32) -> u32 {
     GLYPH * scale * line.chars().count() as u32
 }
 
-/// Writes `line`, ASCII, with its upper left corner at `at`; what lies outside the picture is cut.
+/// Writes `line`, which is ASCII, with its upper left corner at `at`; what lies outside the picture is clipped.
 pub fn write(picture: &mut RgbImage, line: &str, at: (u32, u32), scale: u32) {
     for (index, character) in (0..).zip(line.chars()) {
         let Some(glyph) = BASIC_LEGACY.get(character as usize) else { continue };

@@ -1,8 +1,9 @@
-//! `report.html`: one file that opens from disk, pictures and viewer inlined, light and dark.
+//! `report.html`: one file that opens from disk, with inlined pictures and viewer, in light and dark.
 //!
-//! This module turns numbers into the words and places that the template shows, [`viewer`] into what the script shows. The
-//! template, the style and the script hold the page; `splats.js.gz` is three.js and Spark (`scripts/build-viewer`). What
-//! comes from outside (captions, names) is escaped by the template engine, in HTML and in the script's JSON.
+//! This module turns numbers into the texts and positions that the template shows, [`viewer`] into the data for the
+//! script. The template, the style and the script define the page; `splats.js.gz` is three.js and Spark
+//! (`scripts/build-viewer`). Captions and names from outside are escaped by the template engine, in HTML and in the
+//! script's JSON.
 
 mod viewer;
 mod views;
@@ -136,7 +137,7 @@ fn part_row(label: &FieldLabel, report: &Report) -> Value {
     }
 }
 
-/// A colour as CSS writes it.
+/// A colour in CSS notation.
 fn css(color: [f32; 3]) -> String {
     let [r, g, b] = color.map(|channel| (255.0 * channel).round() as u8);
     format!("#{r:02x}{g:02x}{b:02x}")

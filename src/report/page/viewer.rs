@@ -1,4 +1,4 @@
-//! What the page's viewer is told: the cloud, the parts' colours, and their properties in words and in numbers.
+//! The data for the page's viewer: the cloud, the parts' colours, and their properties as text and as numbers.
 
 use base64::Engine;
 use base64::engine::general_purpose::STANDARD as BASE64;
@@ -12,7 +12,7 @@ use crate::vote::{FieldLabel, field_ply};
 
 use super::css;
 
-/// Everything, as the script reads it.
+/// All data, as the script reads it.
 #[derive(Serialize)]
 pub(super) struct Viewer<'a> {
     cloud: Shown<'a>,
@@ -21,7 +21,7 @@ pub(super) struct Viewer<'a> {
     properties: Vec<Property>,
 }
 
-/// The cloud but for its columns.
+/// The cloud without its columns.
 #[derive(Serialize)]
 struct Shown<'a> {
     count: usize,
@@ -41,25 +41,25 @@ struct ViewerPart<'a> {
     material_color: String,
 }
 
-/// A property that the object may be coloured by.
+/// A property by which the object can be coloured.
 #[derive(Serialize)]
 struct Property {
     name: &'static str,
     unit: &'static str,
-    /// Whether it is coloured by its logarithm.
+    /// True if it is coloured by its logarithm.
     log: bool,
-    /// By `part_label`; `None` where the part has none.
+    /// By `part_label`; `None` if the part has no value.
     values: Vec<Option<Shade>>,
 }
 
-/// A value as a number to colour by and in words.
+/// A value, as a number for the colour and as text.
 #[derive(Serialize)]
 struct Shade {
     value: f64,
     text: String,
 }
 
-/// What the script needs to know of `report` and `cloud`.
+/// The viewer's data for `report` and `cloud`.
 pub(super) fn viewer<'a>(report: &'a Report, cloud: &'a Cloud) -> Viewer<'a> {
     let Cloud { count, of, corners, log_scales, bounds, eye, .. } = cloud;
     let names = field_ply::material_names(&report.labels);

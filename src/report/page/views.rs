@@ -14,7 +14,7 @@ pub(super) fn views(pictures: &Pictures, answers: &Answers) -> Vec<Value> {
     pictures.views.iter().map(|view| one(view, pictures, answers)).collect()
 }
 
-/// Where the answers came from.
+/// A sentence about the sources of the answers.
 pub(super) fn sentence(counts: &AnswerCounts) -> String {
     format!(
         "Answers: {}, of which {} to exactly this question and {} from a recording with an overlapping mask; failed: {}.",

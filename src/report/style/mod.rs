@@ -1,17 +1,17 @@
-//! What gprop's pages share: colours in light and dark, type, tables, the button that turns the theme.
+//! The common style of gprop's pages: colours in light and dark, fonts, tables, the button that switches the theme.
 
 use minijinja::{AutoEscape, Environment, Value, escape_formatter};
 
 use super::numbers::thousands;
 use crate::output::harmless;
 
-/// Colours, type, tiles, tables.
+/// Colours, fonts, tiles, tables.
 const STYLE: &str = include_str!("base.css");
-/// What the button `#theme` does.
+/// The script of the button `#theme`.
 const THEME: &str = include_str!("theme.js");
 
-/// An engine for a page's template. It escapes all that comes from outside, shows control characters, and knows `base_style`, `theme_script` and the
-/// filters `thousands` and `seconds`.
+/// A template engine for pages. It escapes all text from outside, makes control characters visible, and provides
+/// `base_style`, `theme_script` and the filters `thousands` and `seconds`.
 pub fn engine() -> Environment<'static> {
     let mut engine = Environment::new();
     engine.set_auto_escape_callback(|_| AutoEscape::Html);

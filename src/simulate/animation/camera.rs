@@ -1,4 +1,4 @@
-//! Where to look from.
+//! The cameras of the animation.
 
 use nalgebra::{Isometry3, Point3, Translation3, Vector3};
 
@@ -13,7 +13,7 @@ const FIELD_RAD: f64 = 30.0 * std::f64::consts::PI / 180.0;
 /// Share of the picture, each way, that the motion may fill.
 const FILLED: f64 = 0.9;
 
-/// A view of all places that the object passes, world frame, scene units: one camera, or one a frame on a turntable.
+/// Cameras that see everywhere the object goes, world frame, scene units: one camera, or one per frame on a turntable.
 pub fn cameras_around(report: &SimulationReport, viewpoint: &Viewpoint, [width, height]: [u32; 2]) -> Vec<Camera> {
     let focal = f64::from(height) / 2.0 / (FIELD_RAD / 2.0).tan();
     let half = [f64::from(width) / 2.0, f64::from(height) / 2.0];
@@ -41,7 +41,7 @@ pub fn cameras_around(report: &SimulationReport, viewpoint: &Viewpoint, [width, 
         let middle = middle(&corners);
         return vec![camera(&turned, &middle, needed(&corners, &middle))];
     }
-    // About one axis and from one distance, so that nothing but the object moves.
+    // Around one axis and at one distance, so that only the object moves.
     let axis = Point3::from(middle(&corners));
     let count = report.frames.len();
     let poses: Vec<Isometry3<f64>> = (0..count)
@@ -51,7 +51,7 @@ pub fn cameras_around(report: &SimulationReport, viewpoint: &Viewpoint, [width, 
     poses.iter().map(|pose| camera(pose, &(pose * axis).coords, distance)).collect()
 }
 
-/// The azimuth of a three-quarter view, most of the object's length across the picture.
+/// The azimuth of a three-quarter view that shows most of the object's length across the picture.
 fn from_the_side(report: &SimulationReport) -> f64 {
     let first = report.frames.first().map_or([[0.0; 3]; 2], |frame| frame.bounds);
     let side = |a: usize| first[1][a] - first[0][a];
@@ -59,8 +59,8 @@ fn from_the_side(report: &SimulationReport) -> f64 {
     along - FROM_SIDE_RAD
 }
 
-/// Axes of an OpenCV camera at the world's origin that looks back from the direction of an azimuth (from +x towards +y) and
-/// an elevation above the ground.
+/// Axes of an OpenCV camera at the world's origin that looks back from the direction of an azimuth (from +x towards +y)
+/// and an elevation above the ground.
 fn looking_from(azimuth: f64, elevation: f64) -> Isometry3<f64> {
     let toward_camera = Vector3::new(azimuth.cos() * elevation.cos(), azimuth.sin() * elevation.cos(), elevation.sin());
     let look = Isometry3::look_at_rh(&Point3::origin(), &Point3::from(-toward_camera), &Vector3::z());

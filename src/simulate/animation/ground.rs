@@ -1,4 +1,4 @@
-//! The ground: a chequered plane that fades into the distance, darker where the object keeps the light off.
+//! The ground: a chequered plane that fades into the distance, with the object's shadow.
 
 use nalgebra::{Point3, Vector3};
 use rayon::prelude::*;
@@ -10,15 +10,15 @@ use crate::simulate::SimulationReport;
 const BACKGROUND: [f32; 3] = [0.96, 0.96, 0.97];
 const LIGHT_SQUARE: [f32; 3] = [0.86, 0.87, 0.88];
 const DARK_SQUARE: [f32; 3] = [0.74, 0.76, 0.78];
-/// Share of the light that a shadow takes.
+/// Share of the light that a full shadow takes away.
 const SHADOW: f32 = 0.55;
-/// Where light goes: down and a little aside, so that the shadow of what hangs in the air lies beside it.
+/// Direction of the light: down and slightly sideways, so that the shadow of an object in the air lies beside it.
 const LIGHT: [f64; 3] = [0.25, 0.15, -1.0];
 /// Squares along the object's longest side.
 const SQUARES: f64 = 4.0;
 /// Shadow cells along the object's longest side.
 const CELLS: f64 = 90.0;
-/// Half-width in cells of the box that softens the shadow, used twice.
+/// Half-width in cells of the box filter that softens the shadow; it is applied twice.
 const BLUR: usize = 2;
 
 /// The plane z = `z` with a shadow on it; world frame, scene units.
@@ -38,7 +38,7 @@ impl Ground {
         Self { z, scale, center, shadow: Shadow::of(gaussians, z, scale, [low, high]) }
     }
 
-    /// What `camera` sees of the ground, row by row.
+    /// The ground as `camera` sees it, row by row.
     pub fn picture(&self, camera: &Camera) -> Vec<[f32; 3]> {
         let i = camera.intrinsics;
         let world_from_camera = camera.camera_from_world.inverse();
@@ -49,7 +49,7 @@ impl Ground {
                 let (x, y) = (f64::from(pixel % i.width) + 0.5, f64::from(pixel / i.width) + 0.5);
                 let ray = world_from_camera * Vector3::new((x - i.cx) / i.fx, (y - i.cy) / i.fy, 1.0);
                 let distance = (self.z - eye.z) / ray.z;
-                // The sky, and what is behind the camera.
+                // The sky, and ground behind the camera.
                 if distance <= 0.0 || !distance.is_finite() {
                     return BACKGROUND;
                 }
@@ -80,7 +80,7 @@ fn soft_sign(phase: f64, width: f64) -> f64 {
     (2.0 * from_edge / width.max(1e-9)).clamp(-1.0, 1.0)
 }
 
-/// How much light the object keeps off the ground, cell by cell.
+/// How much light the object blocks, cell by cell.
 struct Shadow {
     origin: [f64; 2],
     cell: f64,
@@ -116,7 +116,7 @@ impl Shadow {
         Self { origin, cell, dims, dark: depth.into_iter().map(|d| 1.0 - (-d).exp()).collect() }
     }
 
-    /// Darkness at a point of the ground, between cells linearly.
+    /// Darkness at a point of the ground, interpolated linearly between cells.
     fn at(&self, x: f64, y: f64) -> f32 {
         let [u, v] = [(x - self.origin[0]) / self.cell - 0.5, (y - self.origin[1]) / self.cell - 0.5];
         let (i, j) = (u.floor(), v.floor());
@@ -132,7 +132,7 @@ impl Shadow {
     }
 }
 
-/// Rows of `width` averaged over a sliding box, and transposed.
+/// Rows of `width` averaged over a sliding box, then transposed.
 fn blurred(values: &[f32], width: usize, height: usize) -> Vec<f32> {
     let mut out = vec![0.0; values.len()];
     for (y, row) in values.chunks_exact(width).enumerate() {

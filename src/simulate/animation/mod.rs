@@ -1,4 +1,4 @@
-//! The simulation as a moving picture: each frame drawn by the project's rasteriser over a chequered ground with the
+//! The simulation as an animation: each frame is drawn by the project's rasteriser over a chequered ground with the
 //! object's shadow, from a camera that sees the whole motion.
 
 mod camera;
@@ -22,10 +22,10 @@ use serde::Serialize;
 /// Size of the picture in pixels.
 const SIZE: [u32; 2] = [480, 360];
 
-/// How long a frame is shown. The motion is slowed down: a fall of half a second is over too soon to be watched.
+/// How long a frame is shown. The motion is slowed down: a fall of half a second is too short to follow.
 const FRAME_MS: u32 = 70;
 
-/// How long the last frame stays before the motion starts again.
+/// How long the last frame stays before the animation starts again.
 const LAST_FRAME_MS: u32 = 1000;
 
 /// From where the animation is seen.
@@ -49,22 +49,22 @@ pub struct Viewpoint {
     pub turntable: bool,
 }
 
-/// The cameras that film `report`: one, or one a frame. `photo` is the one that [`Viewpoint::film_from`] names.
+/// The cameras that film `report`: one, or one per frame. `photo` is the one that [`Viewpoint::film_from`] names.
 pub fn cameras(report: &SimulationReport, viewpoint: &Viewpoint, photo: Option<&Camera>) -> Vec<Camera> {
     let Some(photo) = photo else { return cameras_around(report, viewpoint, SIZE) };
     let i = photo.intrinsics;
     let factor = (f64::from(SIZE[0]) / f64::from(i.width)).min(f64::from(SIZE[1]) / f64::from(i.height));
-    // Even, as video wants them.
+    // Even, as video encoders require.
     let side = |pixels: u32| ((f64::from(pixels) * factor / 2.0).round() as u32).max(1) * 2;
     let mut intrinsics = i.resized(side(i.width), side(i.height));
     intrinsics.distortion = Distortion::default();
     vec![Camera { intrinsics, ..*photo }]
 }
 
-/// One picture a frame, in their order, by `cameras` in turn. `load` gives the Gaussians of a frame by its index.
+/// One picture per frame, in order, with `cameras` in turn. `load` returns the Gaussians of a frame by its index.
 ///
 /// # Errors
-/// What `load` reports.
+/// The errors of `load`.
 pub fn pictures<E>(
     report: &SimulationReport,
     cameras: &[Camera],
@@ -90,9 +90,10 @@ pub fn pictures<E>(
 /// An endless animated GIF of equally large pictures.
 ///
 /// # Errors
-/// What the encoder reports.
+/// If the encoder fails.
 pub fn gif(pictures: &[RgbImage]) -> image::ImageResult<Vec<u8>> {
-    /// Of 1 (best palette) to 30 (fastest): the sample of pixels that NeuQuant learns a frame's palette from.
+    /// From 1 (best palette) to 30 (fastest): how densely NeuQuant samples the pixels from which it learns a frame's
+    /// palette.
     const SPEED: i32 = 10;
     let mut bytes = Vec::new();
     let mut encoder = GifEncoder::new_with_speed(&mut bytes, SPEED);
@@ -106,7 +107,7 @@ pub fn gif(pictures: &[RgbImage]) -> image::ImageResult<Vec<u8>> {
     Ok(bytes)
 }
 
-/// The object over the ground.
+/// Composites the object over the ground.
 fn over(render: &render::Render, ground: &[[f32; 3]]) -> RgbImage {
     RgbImage::from_fn(render.width, render.height, |x, y| {
         let pixel = (y * render.width + x) as usize;

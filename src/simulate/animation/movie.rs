@@ -1,4 +1,4 @@
-//! The animation as MP4, where ffmpeg is installed.
+//! The animation as MP4, if ffmpeg is installed.
 
 use std::io::{self, Read, Write};
 use std::process::{Command, Stdio};
@@ -7,11 +7,11 @@ use image::RgbImage;
 
 use super::FRAME_MS;
 
-/// H.264 in a fragmented MP4, which needs no second pass over the file; `None` where there is no ffmpeg. Pictures of even
-/// width and height.
+/// Encodes H.264 in a fragmented MP4, which needs no second pass over the file; `None` if ffmpeg is not installed. The
+/// pictures must have even width and height.
 ///
 /// # Errors
-/// ffmpeg fails, most likely since it was built without H.264.
+/// If ffmpeg fails, most likely because it was built without H.264.
 pub fn mp4(pictures: &[RgbImage]) -> io::Result<Option<Vec<u8>>> {
     let Some(first) = pictures.first() else { return Ok(None) };
     let (size, rate) = (format!("{}x{}", first.width(), first.height()), format!("1000/{FRAME_MS}"));

@@ -1,6 +1,6 @@
 //! The peer's boundary conditions. Those on particles act on the ones that lie in their region at set-up, wherever they
-//! go; those on the grid act on the nodes in their region. A condition holds while start <= t < end, with t the time at the
-//! start of the substep, in f32 as the peer compares them.
+//! move later; those on the grid act on the nodes in their region. A condition is active while start <= t < end, with t
+//! the time at the start of the substep, in f32 as the peer compares them.
 
 use nalgebra::Vector3;
 
@@ -9,19 +9,19 @@ use super::particle::Particle;
 
 type Vec3 = Vector3<f32>;
 
-/// Nodes of the grid's rim in which the bounding box stops what flies out.
+/// Nodes at the grid's rim in which the bounding box stops material that would leave.
 const PADDING: usize = 3;
 
-/// When the bounding box ends.
+/// End time of the bounding box.
 const BOX_END: f32 = 999.0;
 
-/// Substeps after its end in which a resetting cuboid still holds the grid.
+/// Number of substeps after its end during which a resetting cuboid still holds the grid.
 const RESET_STEPS: f32 = 15.0;
 
-/// Layers of a sequential release, whatever the configuration says.
+/// Layers of a sequential release, whatever the configuration sets.
 const LAYERS: usize = 50;
 
-/// Where a `cut` collider's gap lies, and the share of the velocity kept in it.
+/// Extent of a `cut` collider's gap, and the share of the velocity kept in it.
 const CUT_GAP: [f32; 2] = [0.4, 0.53];
 const CUT_KEPT: f32 = 0.3;
 
@@ -37,13 +37,14 @@ impl Span {
         t >= self.start as f32 && t < self.end as f32
     }
 
-    /// In f64, as the peer's Python compares: near its ends a cuboid can act and not move, or move and not act.
+    /// In f64, as the peer's Python compares: near its start and end a cuboid can act without moving, or move without
+    /// acting.
     fn moves(&self, t: f64) -> bool {
         t >= self.start && t < self.end
     }
 }
 
-/// What happens to the velocities of the particles in `mask`, before they go to the grid.
+/// A change to the velocities of the particles in `mask`, made before the transfer to the grid.
 #[derive(Debug, Clone)]
 pub struct OnParticles {
     span: Span,
@@ -64,7 +65,7 @@ enum Action {
 struct Turn {
     point: Vec3,
     normal: Vec3,
-    /// Across the axis, at right angles.
+    /// Two unit vectors across the axis, at right angles to each other.
     across: [Vec3; 2],
     rate: f32,
     along: f32,
@@ -79,7 +80,7 @@ impl Turn {
         Self { point, normal, across: [first, first.cross(&normal)], rate, along }
     }
 
-    /// By way of the angle about the axis, which an arc cosine gives badly where it is small: as in the peer.
+    /// Goes through the angle about the axis, for which an arc cosine is inaccurate at small angles: as in the peer.
     fn velocity(&self, position: &Vec3) -> Vec3 {
         let offset = position - self.point;
         let [first, second] = self.across;
@@ -107,31 +108,31 @@ impl OnParticles {
     }
 }
 
-/// What happens to the velocities of the grid.
+/// A change to the velocities of the grid.
 #[derive(Debug, Clone)]
 pub enum OnGrid {
     /// Nothing leaves through the grid's rim.
     BoundingBox { cells: usize },
     /// A box that moves with the velocity it gives.
     Cuboid { span: CuboidSpan, point: Vec3, size: Vec3, velocity: Vec3 },
-    /// Everything behind a plane stands still; a cut leaves a gap.
+    /// Stops everything behind a plane; a cut leaves a gap.
     Plane { span: PlaneSpan, point: Vec3, normal: Vec3, cut: bool },
 }
 
-/// When a cuboid acts.
+/// The times at which a cuboid acts.
 #[derive(Debug, Clone, Copy)]
 pub struct CuboidSpan {
     span: Span,
-    /// Holds the whole grid before it begins and for some steps after its end.
+    /// Holds the whole grid before the cuboid starts and for some steps after its end.
     resets: bool,
 }
 
-/// When a plane acts.
+/// The times at which a plane acts.
 #[derive(Debug, Clone, Copy)]
 pub struct PlaneSpan(Span);
 
 impl OnGrid {
-    /// The velocity that a node keeps.
+    /// The velocity of a node after the condition.
     pub fn apply(&self, node: [usize; 3], dx: f32, velocity: Vec3, t: f32, dt: f32) -> Vec3 {
         let place = Vector3::from(node.map(|i| i as f32 * dx));
         match self {
@@ -169,7 +170,7 @@ impl OnGrid {
         }
     }
 
-    /// Moves on after a substep that began at `t`.
+    /// Moves the condition on after a substep that began at `t`.
     pub fn advance(&mut self, t: f64, dt: f64) {
         if let Self::Cuboid { span, point, velocity, .. } = self
             && span.span.moves(t)
@@ -184,14 +185,15 @@ impl OnGrid {
 /// All conditions of a configuration, each kind in its order.
 #[derive(Debug, Clone, Default)]
 pub struct Conditions {
-    /// Impulses, which act first.
+    /// Impulses, which are applied first.
     pub impulses: Vec<OnParticles>,
     pub modifiers: Vec<OnParticles>,
     pub on_grid: Vec<OnGrid>,
 }
 
 impl Conditions {
-    /// The conditions on `particles` as they lie at set-up, for steps of `dt` on a grid of `cells` cells each way.
+    /// The conditions for `particles` at their positions at set-up, for steps of `dt` on a grid of `cells` cells each
+    /// way.
     pub fn new(boundaries: &[Boundary], particles: &[Particle], dt: f64, cells: usize) -> Self {
         let mut all = Self::default();
         let within = |point: Vec3, size: Vec3| -> Vec<bool> {
@@ -207,7 +209,7 @@ impl Conditions {
                     all.on_grid.push(OnGrid::Cuboid { span, point, size, velocity });
                 }
                 Boundary::SurfaceCollider { point, normal, surface, start_time, end_time, .. } => {
-                    // The peer works out slip, friction and separation, and then stops the node all the same.
+                    // The peer computes slip, friction and separation, but then stops the node anyway.
                     let span = PlaneSpan(Span { start: start_time, end: end_time });
                     let normal = unit(normal);
                     let cut = surface == Surface::Cut;
@@ -256,7 +258,8 @@ impl Conditions {
                     end_time,
                     ..
                 } => {
-                    // Boxes about the end of the release, ever thinner, let go one after the other.
+                    // Boxes around the end position, each thinner than the one before, are released one after the
+                    // other.
                     let axis = (0..3).rfind(|&a| normal[a] != 0.0).expect("checked by the configuration");
                     let mut point = normal.map(|n| if n == 0.0 { 1.0 } else { 0.0 });
                     let mut size = point;
@@ -277,7 +280,7 @@ impl Conditions {
     }
 }
 
-/// `normal` at length one: the root is in f32, the rest in f64, as in the peer.
+/// `normal` scaled to length one: the square root is in f32, the rest in f64, as in the peer.
 fn unit(normal: [f32; 3]) -> Vec3 {
     let normal = normal.map(f64::from);
     let length = f64::from((normal.iter().map(|n| n * n).sum::<f64>() as f32).sqrt());

@@ -1,14 +1,15 @@
-//! The peer's JSON configuration: every key it reads, by the names it gives them (misspelt ones too), with its defaults.
-//! A key it does not know is an error here; there it is silently ignored.
+//! The peer's JSON configuration: every key that it reads, under the peer's names (misspelt ones too), with its
+//! defaults. An unknown key is an error here; the peer silently ignores it.
 //!
-//! Lengths are in the peer's box, a cube of side `grid_lim` with the object's middle at (1, 1, 1); numbers carry no units.
+//! Lengths are in the peer's box, a cube of side `grid_lim` with the object's middle at (1, 1, 1); the numbers have no
+//! units.
 
 use serde::Deserialize;
 use serde_json::{Map, Value};
 
 use crate::simulate::SimulateError;
 
-/// Keys that say how the peer's viewer looks at the scene, and one that its solver reads and never uses.
+/// Keys for the camera of the peer's viewer, and one that its solver reads but never uses.
 const WITHOUT_EFFECT: [&str; 12] = [
     "mpm_space_viewpoint_center",
     "mpm_space_vertical_upward_axis",
@@ -27,7 +28,7 @@ const WITHOUT_EFFECT: [&str; 12] = [
 /// Cells of the largest grid, each way: 2 GB of nodes.
 const MOST_CELLS: usize = 512;
 
-/// The peer's word for a constitutive law.
+/// The peer's name for a constitutive law.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum LawName {
@@ -50,7 +51,7 @@ pub struct Config {
     pub poisson_ratio: f32,
     pub density: f32,
     pub yield_stress: f32,
-    /// Hardens where this is 1.
+    /// Hardens if this is 1.
     pub hardening: f32,
     /// Hardening modulus as a multiple of 2 mu.
     pub xi: f32,
@@ -58,7 +59,7 @@ pub struct Config {
     /// Degrees.
     pub friction_angle: f32,
     pub plastic_viscosity: f32,
-    /// Gravity. The peer's own default, a single number, makes it stop; here it points down.
+    /// Gravity. The peer's own default, a single number, makes it fail; the default here points down.
     pub g: [f32; 3],
     /// 0: APIC; up to 1: RPIC; below -0.001: PIC.
     pub rpic_damping: f32,
@@ -75,7 +76,7 @@ pub struct Config {
     pub rotation_degree: Vec<f64>,
     /// 0, 1, 2 for x, y, z.
     pub rotation_axis: Vec<usize>,
-    /// Lowest and highest x, then y, then z of what is simulated, after the rotations.
+    /// Lowest and highest x, then y, then z of the simulated region, after the rotations.
     pub sim_area: Option<[f64; 6]>,
     /// Longest side of the object in the box.
     pub scale: f64,
@@ -125,7 +126,7 @@ pub struct MaterialBox {
     pub youngs_modulus: f32,
     #[serde(rename = "nu")]
     pub poisson_ratio: f32,
-    /// That of the configuration where it is not given.
+    /// The configuration's if not given.
     pub density: Option<f32>,
 }
 
@@ -133,7 +134,7 @@ pub struct MaterialBox {
 #[derive(Debug, Clone, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct Filling {
-    /// Four times the solver's where it is not given.
+    /// Four times the solver's if not given.
     pub n_grid: Option<usize>,
     pub density_threshold: f32,
     pub search_threshold: f32,
@@ -142,10 +143,10 @@ pub struct Filling {
     pub max_partciels_per_cell: i32,
     pub search_exclude_direction: i32,
     pub ray_cast_direction: i32,
-    /// Lowest and highest x, then y, then z of what is filled, in the box.
+    /// Lowest and highest x, then y, then z of the filled region, in the box.
     pub boundary: Option<[f32; 6]>,
     pub smooth: bool,
-    /// Whether the new particles are drawn as Gaussians too.
+    /// If true, the new particles are drawn as Gaussians too.
     pub visualize: bool,
 }
 
@@ -221,7 +222,7 @@ pub enum Boundary {
         normal: [f32; 3],
         start_position: f64,
         end_position: f64,
-        /// The peer takes 50 whatever stands here.
+        /// The peer uses 50, whatever this value is.
         #[serde(rename = "num_layers")]
         _num_layers: u32,
         start_time: f64,
@@ -229,7 +230,7 @@ pub enum Boundary {
     },
 }
 
-/// What a surface collider is made of.
+/// The kind of a surface collider.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Surface {
@@ -255,7 +256,7 @@ impl Config {
     /// Reads a configuration file.
     ///
     /// # Errors
-    /// [`SimulateError::Configuration`]: no JSON, a key that the peer does not know, a value that cannot be.
+    /// [`SimulateError::Configuration`] for invalid JSON, a key that the peer does not know, or an invalid value.
     pub fn from_json(text: &str) -> Result<Self, SimulateError> {
         let bad = |error: serde_json::Error| SimulateError::Configuration(error.to_string());
         Self::from_map(serde_json::from_str(text).map_err(bad)?)
@@ -275,12 +276,12 @@ impl Config {
         }
     }
 
-    /// Substeps a frame: the peer cuts the quotient off, so that a frame can be short of one.
+    /// Substeps per frame: the peer truncates the quotient, so a frame can be one substep short.
     pub fn substeps_per_frame(&self) -> usize {
         (self.frame_dt / self.substep_dt) as usize
     }
 
-    /// The first thing that cannot be.
+    /// The first invalid value.
     fn fault(&self) -> Option<String> {
         let nu = |nu: f32| (0.0..0.5).contains(&nu);
         let positive = |v: f64| v.is_finite() && v > 0.0;

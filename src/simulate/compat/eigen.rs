@@ -1,8 +1,9 @@
 //! The peer's eigendecomposition of a covariance: Taichi's `sym_eig` in f32, after Kopp, *Efficient numerical
 //! diagonalization of hermitian 3x3 matrices*, 2008.
 //!
-//! Where an eigenvector nearly vanishes Kopp's algorithm falls back on QL iterations. Taichi's end too early, and begin with
-//! what was left of the vectors: such a Gaussian is drawn askew, and so it must be here.
+//! If an eigenvector nearly vanishes, Kopp's algorithm falls back on QL iterations. Taichi's version stops too early
+//! and starts from the unfinished eigenvectors, so such a Gaussian is drawn with a wrong orientation. This is
+//! reproduced here.
 
 use nalgebra::{Matrix3, Vector3};
 
@@ -46,11 +47,11 @@ fn eigenvalues(a: &Mat3) -> Vec3 {
     Vec3::new(middle + c, middle - s, middle + s)
 }
 
-/// QL iterations on the tridiagonal form of `a`, their vectors gathered in `q` upon what it holds: of the two elements
-/// beside the diagonal only the first is brought to zero, the second is dropped.
+/// QL iterations on the tridiagonal form of `a`; their rotations are applied to the vectors already in `q`. Of the two
+/// elements beside the diagonal, only the first is brought to zero; the second is dropped.
 fn iterated(a: &Mat3, mut q: Mat3) -> (Vec3, Mat3) {
     let (mut w, mut off) = tridiagonal(a, &mut q);
-    /// More than ever needed; Taichi has no bound.
+    /// More than are ever needed; Taichi has no bound.
     const MOST: usize = 100;
     for _ in 0..MOST {
         let size = w.x.abs() + w.y.abs();

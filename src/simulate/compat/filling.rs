@@ -1,8 +1,9 @@
-//! The peer's filling: a density on a grid, dense cells topped up with particles, then the cells that lie inside.
+//! The peer's filling: a density on a grid, dense cells topped up with particles, then particles for the cells that lie
+//! inside.
 //!
 //! A cell lies inside if it is empty, every ray along the axes (but an excluded one) meets density above the search
-//! threshold, and a ray along one direction enters it an odd number of times. Directions: 0 x, 1 -x, 2 y, 3 -y, 4 z, 5 -z.
-//! New particles lie at random in their cells; the random numbers are gprop's own.
+//! threshold, and a ray along one direction enters it an odd number of times. Directions 0 to 5: x, -x, y, -y, z, -z.
+//! New particles lie at random positions in their cells; the random numbers differ from the peer's.
 
 use nalgebra::{Matrix3, Vector3};
 
@@ -11,13 +12,13 @@ use super::eigen::symmetric_eigen;
 use super::smoothing;
 use crate::simulate::SimulateError;
 
-/// The least variance of a Gaussian along an axis: the peer's floor.
+/// The smallest variance of a Gaussian along an axis: the peer's floor.
 const LEAST_VARIANCE: f32 = 1e-8;
 
-/// Seed of the places inside a cell.
+/// Seed of the random positions inside a cell.
 const SEED: u64 = 9;
 
-/// A Gaussian as the filling sees it.
+/// A Gaussian with the attributes that the filling needs.
 #[derive(Debug, Clone, Copy)]
 pub struct Blob {
     pub position: Vector3<f32>,
@@ -29,23 +30,23 @@ pub struct Blob {
 /// Cells of the grid, last axis fastest.
 #[derive(Debug, Clone)]
 pub struct Filled {
-    /// Particles in a cell: before, after the dense cells, after the inside.
+    /// Particles in a cell: before the filling, after filling the dense cells, and after filling the inside.
     pub counts: Vec<i32>,
     pub counts_dense: Vec<i32>,
     pub counts_inside: Vec<i32>,
     pub density: Vec<f32>,
-    /// As it was searched: smoothed, if that was asked for.
+    /// The density that was searched: smoothed, if the configuration asks for it.
     pub density_used: Vec<f32>,
-    /// Particles added to dense cells, and all added.
+    /// Number of particles added to dense cells, and in all.
     pub added_dense: usize,
     pub added: Vec<Vector3<f32>>,
 }
 
-/// Fills the box, or the part of it within the filling's boundary, on a grid of `cells` cells each way; `dx` is their edge
-/// where there is no boundary.
+/// Fills the box, or the part of it within the filling's boundary, on a grid of `cells` cells each way; `dx` is their
+/// edge if there is no boundary.
 ///
 /// # Errors
-/// More particles than the configuration allows.
+/// If there are more particles than the configuration allows.
 pub fn fill(blobs: &[Blob], cells: usize, dx: f32, filling: &Filling) -> Result<Filled, SimulateError> {
     let Some([x0, x1, y0, y1, z0, z1]) = filling.boundary else {
         return fill_grid(blobs, cells, dx, filling);
@@ -102,8 +103,8 @@ fn fill_grid(blobs: &[Blob], cells: usize, dx: f32, filling: &Filling) -> Result
     Ok(Filled { counts, counts_dense, counts_inside, density, density_used, added_dense, added })
 }
 
-/// Particles in each cell, and the density: of every Gaussian, its opacity times the mean of its bell over the corners
-/// of the cells within its largest standard deviation.
+/// Particles in each cell, and the density: the sum over all Gaussians of opacity times the mean of the Gaussian over
+/// the corners of the cells within its largest standard deviation.
 fn densified(blobs: &[Blob], cells: usize, dx: f32) -> (Vec<i32>, Vec<f32>) {
     let mut counts = vec![0; cells * cells * cells];
     let mut density = vec![0.0_f32; counts.len()];
@@ -138,7 +139,7 @@ fn densified(blobs: &[Blob], cells: usize, dx: f32) -> (Vec<i32>, Vec<f32>) {
     (counts, density)
 }
 
-/// Numbers too small to be normal are zero, as in the peer: the smoothing asks where the density is any at all.
+/// Subnormal numbers become zero, as in the peer: the smoothing tests whether there is any density at all.
 fn flushed(value: f32) -> f32 {
     if value < f32::MIN_POSITIVE { 0.0 } else { value }
 }
@@ -151,7 +152,7 @@ struct Rays<'a> {
 }
 
 impl Rays<'_> {
-    /// Whether each cell beyond `cell` in a direction is dense, in order.
+    /// For each cell beyond `cell` in a direction, in order: true if it is dense.
     fn beyond(&self, cell: usize, direction: i32) -> impl Iterator<Item = bool> + '_ {
         let stride = [self.cells * self.cells, self.cells, 1][direction as usize / 2];
         let along = cell / stride % self.cells;
@@ -167,7 +168,7 @@ impl Rays<'_> {
         self.beyond(cell, direction).any(|dense| dense)
     }
 
-    /// How often the ray from an empty cell enters density; 1 for a direction that is none.
+    /// How often the ray from an empty cell enters dense cells; 1 for an invalid direction.
     fn entries(&self, cell: usize, direction: i32) -> usize {
         if !(0..6).contains(&direction) {
             return 1;
@@ -182,7 +183,7 @@ impl Rays<'_> {
     }
 }
 
-/// Volume of each particle: its cell's, shared among the particles in it; for `uniform` all take the mean.
+/// Volume of each particle: its cell's, divided equally among the particles in it; if `uniform`, all get the mean.
 pub fn volumes(positions: &[Vector3<f32>], cells: usize, dx: f32, uniform: bool) -> Vec<f32> {
     let cell = |p: &Vector3<f32>| {
         let [i, j, k] = [0, 1, 2].map(|a| ((p[a] / dx).floor() as usize).min(cells - 1));

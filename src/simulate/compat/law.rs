@@ -1,7 +1,8 @@
 //! The peer's constitutive laws: from a trial deformation gradient to the elastic one, and the Kirchhoff stress.
 //!
 //! All are isotropic, so both are functions of the singular values of F = U S V^T. Every operation is in f32 and in the
-//! peer's order: a stiff material's strain is a few hundred roundings of F, so what they add up to shows in its stress.
+//! peer's order: a stiff material's strain is only a few hundred rounding errors of F, so accumulated rounding shows in
+//! its stress.
 
 use nalgebra::{Matrix3, Vector3};
 
@@ -11,11 +12,11 @@ use super::svd::Svd;
 type Vec3 = Vector3<f32>;
 type Mat3 = Matrix3<f32>;
 
-/// Stretches below this count as this much in logarithms; the sand's below the other.
+/// Stretches below this are raised to it before taking logarithms; the second value is for sand.
 const LEAST_STRETCH: f32 = 0.01;
 const LEAST_SAND_STRETCH: f32 = 1e-14;
 
-/// The peer adds it to a strain's norm before it divides by it.
+/// The peer adds this to a strain's norm before dividing by it.
 const NORM_OFFSET: f32 = 1e-6;
 
 #[expect(clippy::approx_constant, reason = "the peer's pi has so many digits")]
@@ -34,7 +35,7 @@ pub struct Law {
     viscosity: f32,
 }
 
-/// What a particle resists with. Metal hardens, plasticine softens and breaks.
+/// A particle's elastic constants and yield stress. Metal hardens; plasticine softens and breaks.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Strength {
     pub mu: f32,
@@ -49,14 +50,14 @@ impl Strength {
         Self { mu: e / (2.0 * (1.0 + nu)), lambda: e * nu / ((1.0 + nu) * (1.0 - 2.0 * nu)), yield_stress }
     }
 
-    /// 2 mu eps + lambda tr(eps), of principal logarithmic strains.
+    /// 2 mu eps + lambda tr(eps), for principal logarithmic strains.
     fn hencky(&self, eps: &Vec3) -> Vec3 {
         (eps * (2.0 * self.mu)).add_scalar(self.lambda * (eps.x + eps.y + eps.z))
     }
 }
 
 impl Law {
-    /// The law of a configuration. The peer takes sine and root in f32.
+    /// The law of a configuration. As in the peer, sine and square root are in f32.
     pub fn new(config: &Config) -> Self {
         let sine = f64::from(((f64::from(config.friction_angle) / 180.0 * PI) as f32).sin());
         let root = f64::from((2.0_f32 / 3.0).sqrt());
@@ -70,7 +71,7 @@ impl Law {
         }
     }
 
-    /// The elastic deformation that `trial` is brought back to, and its Kirchhoff stress.
+    /// The elastic deformation that the return map makes of `trial`, and its Kirchhoff stress.
     pub fn respond(&self, trial: &Mat3, strength: &mut Strength, dt: f32) -> (Mat3, Mat3) {
         if self.name == LawName::Snow {
             return (*trial, Mat3::zeros());
@@ -82,7 +83,7 @@ impl Law {
             LawName::Foam => self.viscoplastic(&svd.s, strength, dt),
             LawName::Sand => self.drucker_prager(&svd.s, strength),
         };
-        // What comes back from the return map is taken apart anew.
+        // The result of the return map is decomposed again.
         let (elastic, svd) = match returned {
             Some(s) => {
                 let elastic = svd.with(&s);
@@ -104,8 +105,8 @@ impl Law {
         (elastic, (stress + stress.transpose()) / 2.0)
     }
 
-    /// Radial return of the stretches `s`; `None` within the yield surface. Metal's yield stress grows with the flow if the
-    /// law hardens; plasticine's falls with it, and at zero the particle breaks and resists no more.
+    /// Radial return of the stretches `s`; `None` within the yield surface. Metal's yield stress grows with the flow if
+    /// the law hardens; plasticine's falls with it, and at zero the particle breaks and has no more strength.
     fn von_mises(&self, s: &Vec3, strength: &mut Strength) -> Option<Vec3> {
         let softens = self.name == LawName::Plasticine;
         let eps = log_stretch(s);

@@ -1,8 +1,8 @@
-//! `--compat physgaussian`: the public PhysGaussian solver's runs, reproduced (Xie et al., *PhysGaussian: Physics-Integrated
-//! 3D Gaussians for Generative Dynamics*, 2024; its solver `mpm_solver_warp`).
+//! `--compat physgaussian`: reproduces runs of the public PhysGaussian solver, here called the peer (Xie et al.,
+//! *PhysGaussian: Physics-Integrated 3D Gaussians for Generative Dynamics*, 2024; its solver `mpm_solver_warp`).
 //!
-//! A plain solver of its own, apart from the fast one in [`super::mpm`]: what it must do is what the peer does, its
-//! defects included, in the peer's order and precision. In order:
+//! This is a simple solver, separate from the fast one in [`super::mpm`]: it does exactly what the peer does, including
+//! its defects, in the peer's order and precision. The phases:
 //! 1. [`config`]: the peer's JSON file, all of its keys;
 //! 2. `setup`: Gaussians selected, turned and scaled into the peer's box; [`filling`], volumes;
 //! 3. [`solver`]: substeps on a dense grid with the [`law`]s and [`condition`]s of the peer;
@@ -26,7 +26,7 @@ use config::Config;
 use law::Strength;
 pub use run::{CompatFrame, CompatReport, run};
 
-/// Strength and density of what lies at `position` in the box: those of the last material box that holds it, else the
+/// Strength and density at `position` in the box: those of the last material box that contains it, else the
 /// configuration's.
 pub fn strength_at(config: &Config, position: &Vector3<f32>) -> (Strength, f32) {
     let (mut e, mut nu, mut density) = (config.youngs_modulus, config.poisson_ratio, config.density);

@@ -13,9 +13,9 @@ pub struct Particle {
     pub position: Vec3,
     pub velocity: Vec3,
     pub affine: Mat3,
-    /// Before the return map.
+    /// Deformation gradient before the return map.
     pub trial: Mat3,
-    /// After it.
+    /// Deformation gradient after the return map.
     pub elastic: Mat3,
     pub stress: Mat3,
     pub volume: f32,

@@ -1,4 +1,4 @@
-//! A configuration's run on a scene, frame by frame.
+//! Runs a configuration on a scene, frame by frame.
 
 use nalgebra::{Matrix3, Vector3};
 use rayon::prelude::*;
@@ -21,25 +21,25 @@ pub struct CompatFrame {
     pub kinetic_energy_j: f64,
 }
 
-/// What a run did. The box's lengths stand for metres.
+/// The result of a run. The box's lengths stand for metres.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct CompatReport {
     pub particles: usize,
-    /// Of these, those that the filling added.
+    /// Of these, the particles that the filling added.
     pub fill_particles: usize,
     pub substeps: u64,
     pub dt_s: f64,
     pub frames: Vec<CompatFrame>,
 }
 
-/// What is done with a frame: its number, its particles in the box, its Gaussians.
+/// Called with each frame: its number, its particles in the box, its Gaussians.
 pub type OnFrame<'a, E> = dyn FnMut(usize, &[Particle], &Gaussians) -> Result<(), E> + 'a;
 
-/// Runs `config` on a scene and hands `on_frame` each frame: its number, its particles in the box, and the scene without
-/// the Gaussians that the configuration drops. Frame 0 is the start.
+/// Runs `config` on a scene and passes each frame to `on_frame`: its number, its particles in the box, and the scene
+/// without the Gaussians that the configuration drops. Frame 0 is the start.
 ///
 /// # Errors
-/// [`SimulateError`]: a scene that cannot be set up, a particle that is lost. Errors of `on_frame` as they are.
+/// [`SimulateError`] if the scene cannot be set up or a particle is lost. Errors of `on_frame` are returned unchanged.
 pub fn run<E: From<SimulateError>>(
     gaussians: &Gaussians,
     config: &Config,
@@ -102,8 +102,8 @@ fn summary(particles: &[Particle], t_s: f64) -> CompatFrame {
     CompatFrame { t_s, center_of_mass_m: (moment / mass).into(), kinetic_energy_j: energy }
 }
 
-/// The scene as the particles carried it: covariance from the trial deformation, as in the peer (so plastic flow leaves the
-/// shape alone), colours turned with it in the world's frame (which the peer does in the box's).
+/// The scene moved with its particles: the covariance comes from the trial deformation, as in the peer (so plastic flow
+/// does not change the shape); colours are rotated with it in the world's frame (the peer does this in the box's).
 fn moved(setup: &Setup, particles: &[Particle]) -> Gaussians {
     let turn = setup.to_box.rotation.matrix();
     let moved: Vec<Moved> = setup

@@ -1,7 +1,8 @@
 //! From a scene's Gaussians to particles in the peer's box.
 //!
-//! Gaussians of low opacity are dropped; the rest is turned, cut to the simulated area, centred at (1, 1, 1) and scaled so
-//! that its longest side is `scale`; the inside is filled; every particle gets its share of its cell's volume.
+//! Gaussians of low opacity are dropped; the others are rotated, cropped to the simulated region, centred at (1, 1, 1)
+//! and scaled so that the longest side is `scale`; the inside is filled; every particle gets its share of its cell's
+//! volume.
 
 use nalgebra::{Matrix3, Rotation3, Vector3};
 
@@ -13,13 +14,13 @@ use crate::scene::gaussians::Gaussians;
 use crate::scene::nearest::Nearest;
 use crate::simulate::SimulateError;
 
-/// From the world (scene units) to the box: turned, moved, scaled, and moved to the middle.
+/// From the world (scene units) to the box: rotated, moved to the origin, scaled, and moved to the box's middle.
 #[derive(Debug, Clone, Copy)]
 pub struct ToBox {
     pub rotation: Rotation3<f64>,
-    /// Middle of the turned object.
+    /// Middle of the rotated object.
     middle: Vector3<f64>,
-    /// Box lengths a scene unit.
+    /// Box lengths per scene unit.
     pub scale: f64,
 }
 
@@ -28,7 +29,7 @@ impl ToBox {
         (turned - self.middle) * self.scale + Vector3::repeat(1.0)
     }
 
-    /// A place of the box in the world.
+    /// The world position of a place in the box.
     pub fn undo(&self, place: &Vector3<f64>) -> Vector3<f64> {
         self.rotation.inverse_transform_vector(&((place - Vector3::repeat(1.0)) / self.scale + self.middle))
     }
@@ -37,24 +38,26 @@ impl ToBox {
 /// A scene in the peer's box.
 #[derive(Debug, Clone)]
 pub struct Setup {
-    /// Those of Gaussians first, then those of the inside.
+    /// Particles of Gaussians first, then those of the inside.
     pub particles: Vec<Particle>,
-    /// Which Gaussians of `scene` the first particles carry.
+    /// For each of the first particles, the index of its Gaussian in `scene`.
     pub carried: Vec<u32>,
-    /// The scene, with a Gaussian for each particle of the inside where the configuration wants them to be seen: a copy of
+    /// The scene, plus a Gaussian for each particle of the inside if the configuration makes them visible: a copy of
     /// the nearest one that is simulated.
     pub scene: Gaussians,
-    /// Particles of the inside.
+    /// Number of particles of the inside.
     pub filled: usize,
-    /// Per Gaussian of the scene: whether its opacity lets it take part. The peer drops the others from the scene.
+    /// Per Gaussian of the scene: true if its opacity is high enough to be simulated. The peer drops the others from
+    /// the scene.
     pub opaque: Vec<bool>,
     pub to_box: ToBox,
 }
 
-/// Lays a scene out.
+/// Sets up a scene.
 ///
 /// # Errors
-/// Nothing to simulate; a Gaussian that is nowhere; a filling that overflows; an object that leaves the box.
+/// If there is nothing to simulate, a Gaussian has no finite position, the filling exceeds its limit, or the object
+/// leaves the box.
 pub fn set_up(gaussians: &Gaussians, config: &Config) -> Result<Setup, SimulateError> {
     let rotation = rotation(config);
     let mut opaque: Vec<bool> = (0..gaussians.len()).map(|i| gaussians.opacity(i) > config.opacity_threshold).collect();
@@ -117,7 +120,7 @@ pub fn set_up(gaussians: &Gaussians, config: &Config) -> Result<Setup, SimulateE
     Ok(Setup { filled: particles.len() - outside, particles, carried, scene, opaque, to_box })
 }
 
-/// The set-up's turns, one after the other.
+/// The configuration's rotations, applied one after the other.
 fn rotation(config: &Config) -> Rotation3<f64> {
     let axes = [Vector3::x_axis(), Vector3::y_axis(), Vector3::z_axis()];
     let turns = config.rotation_degree.iter().zip(&config.rotation_axis);

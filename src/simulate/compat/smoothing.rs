@@ -1,13 +1,13 @@
-//! Smooth level sets of a binary volume: the peer's constrained smoothing of the density before it looks for the inside
-//! (Lempitsky, *Surface Extraction from Binary Volumes with Higher-Order Smoothness*, 2010).
+//! Smooth level sets of a binary volume: the peer's constrained smoothing of the density before it searches for the
+//! inside (Lempitsky, *Surface Extraction from Binary Volumes with Higher-Order Smoothness*, 2010).
 //!
-//! The signed distance to the surface is bent, in a band about it, towards least second differences, each cell on its own
-//! side; projected Jacobi iterations.
+//! In a band around the surface, projected Jacobi iterations change the signed distance so that its second differences
+//! become small, while each cell stays on its side.
 
 /// Half width of the band, cells.
 const BAND: f64 = 4.0;
 const ITERATIONS: usize = 500;
-/// Steps between two looks at the energy, and its least relative fall a step.
+/// Steps between two checks of the energy, and the smallest relative decrease per step.
 const CHECK_EACH: usize = 10;
 const LEAST_FALL: f64 = 1e-6;
 /// Share of a Jacobi step that is taken.
@@ -30,7 +30,7 @@ pub fn smooth(inside: &[bool], cells: usize) -> Vec<f64> {
     distance
 }
 
-/// Euclidean distance from every cell to the nearest one that is `target`; infinite where there is none (Felzenszwalb and
+/// Euclidean distance from every cell to the nearest one that is `target`; infinite if there is none (Felzenszwalb and
 /// Huttenlocher, *Distance Transforms of Sampled Functions*, 2012).
 fn distances(inside: &[bool], cells: usize, target: bool) -> Vec<f64> {
     let mut squared: Vec<f64> = inside.iter().map(|&i| if i == target { 0.0 } else { f64::INFINITY }).collect();
@@ -48,7 +48,7 @@ fn distances(inside: &[bool], cells: usize, target: bool) -> Vec<f64> {
 
 /// min over j of `values[j] + (i - j)^2`, for every i.
 fn lower_envelope(values: &[f64]) -> Vec<f64> {
-    // Parabolas of the envelope, and where each begins.
+    // Parabolas of the envelope, and where each starts.
     let mut parabolas: Vec<(usize, f64)> = Vec::new();
     for (j, value) in values.iter().enumerate().filter(|(_, v)| v.is_finite()) {
         let meets = |&(k, _): &(usize, f64)| {
@@ -71,12 +71,12 @@ fn lower_envelope(values: &[f64]) -> Vec<f64> {
         .collect()
 }
 
-/// Sum of the squared second differences along each axis over the band; where a neighbour lies outside it, the value
-/// there counts as the cell's own.
+/// Sum of the squared second differences along each axis over the band; if a neighbour lies outside it, the cell's own
+/// value is used for it.
 struct Energy {
     /// Per cell of the band and axis: the neighbours before and after.
     neighbours: Vec<[[u32; 2]; 3]>,
-    /// Of the quadratic form.
+    /// Diagonal of the quadratic form.
     diagonal: Vec<f64>,
 }
 
@@ -99,7 +99,7 @@ impl Energy {
         Self { neighbours, diagonal }
     }
 
-    /// The quadratic form's matrix times `x`.
+    /// The product of the quadratic form's matrix and `x`.
     fn times(&self, x: &[f64]) -> Vec<f64> {
         let at = |values: &[f64], n: u32| if n == NONE { 0.0 } else { values[n as usize] };
         let mut result = vec![0.0; x.len()];
@@ -115,7 +115,7 @@ impl Energy {
     }
 
     fn minimized(&self, mut x: Vec<f64>) -> Vec<f64> {
-        // Cells at the surface may come as near to it as they like, all others keep their distance at least.
+        // Cells at the surface may come as close to it as they like; all others keep at least their distance.
         let bound = |d: f64| if d.abs() < 1.0 { 0.0 } else { d };
         let bounds: Vec<[f64; 2]> = x
             .iter()
@@ -142,7 +142,7 @@ impl Energy {
     }
 }
 
-/// Factor of a cell itself in its second difference: -2, and 1 for each neighbour outside the band.
+/// Factor of the cell itself in its second difference: -2, plus 1 for each neighbour outside the band.
 fn own(pair: &[u32; 2]) -> f64 {
     pair.iter().filter(|n| **n == NONE).count() as f64 - 2.0
 }
@@ -164,8 +164,8 @@ mod tests {
         }
     }
 
-    /// What PyMCubes 0.1.6, the peer's library, makes of a staircase and of a cube: `mcubes.smooth(inside, 'constrained')`
-    /// and its energy over the band.
+    /// Results of PyMCubes 0.1.6, the peer's library, for a staircase and for a cube: the output of
+    /// `mcubes.smooth(inside, 'constrained')` and its energy over the band.
     #[test]
     fn smooths_as_the_peers_library() {
         let cells = 16;

@@ -2,13 +2,13 @@
 //!
 //! 1. the grid is cleared;
 //! 2. impulses, then velocity modifiers;
-//! 3. the elastic deformation is brought back from the trial one, and its stress;
+//! 3. the return map takes the trial deformation to the elastic one, whose stress is computed;
 //! 4. particles to grid: quadratic B-splines, nodes at multiples of dx, forces with the kernel's gradient;
 //! 5. velocities, gravity, damping, boundary conditions in their order;
 //! 6. grid to particles: velocity, move, affine velocity, trial deformation.
 //!
-//! The scatter goes through the particles one after the other, everything else through threads, so the bytes are the
-//! same on any number of them.
+//! The scatter processes the particles one after the other and everything else is parallel, so the bytes are the same
+//! on any number of threads.
 
 use nalgebra::{Matrix3, Vector3};
 use rayon::prelude::*;
@@ -24,24 +24,24 @@ type Mat3 = Matrix3<f32>;
 /// Nodes lighter than this have no velocity.
 const LEAST_MASS: f32 = 1e-15;
 
-/// Below this damping the affine velocity is left out: PIC.
+/// Below this damping value the affine velocity is ignored: PIC.
 const PIC: f32 = -0.001;
 
-/// Momentum and mass, then velocity and mass.
+/// Momentum and mass; after the grid update, velocity and mass.
 #[derive(Debug, Clone, Copy, Default)]
 struct Node {
     velocity: Vec3,
     mass: f32,
 }
 
-/// A particle that left the grid or became NaN or infinite; the peer crashes there.
+/// A particle that left the grid or became NaN or infinite; the peer crashes in this case.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Lost {
     pub particle: usize,
     pub time: f64,
 }
 
-/// Particles, their grid, and the step.
+/// The particles, their grid, and the substep.
 #[derive(Debug, Clone)]
 pub struct Solver {
     pub particles: Vec<Particle>,
@@ -52,18 +52,18 @@ pub struct Solver {
     damping: f32,
     cells: usize,
     dx: f32,
-    /// Not 1 / `dx`: both are rounded by themselves.
+    /// Not 1 / `dx`: both are rounded separately.
     per_dx: f32,
     nodes: Vec<Node>,
-    /// Planes of nodes along x that hold something: first and one past the last.
+    /// Planes of nodes along x that hold mass: the first, and one past the last.
     touched: [usize; 2],
     time: f64,
 }
 
-/// What a particle touches: first node and weights along each axis, with their derivatives in cells.
+/// The nodes that a particle touches: the first node and the weights along each axis, with their derivatives in cells.
 struct Stencil {
     base: [usize; 3],
-    /// Particle minus first node, cells.
+    /// Particle position minus first node, in cells.
     offset: Vec3,
     weight: [[f32; 3]; 3],
     slope: [[f32; 3]; 3],
@@ -101,7 +101,7 @@ impl Stencil {
 }
 
 impl Solver {
-    /// A solver at time 0. The particles' places now decide which of them a condition acts on.
+    /// A solver at time 0. The particles' positions at this moment decide which of them a condition acts on.
     pub fn new(config: &Config, particles: Vec<Particle>) -> Self {
         let cells = config.n_grid;
         let conditions = Conditions::new(&config.boundary_conditions, &particles, config.substep_dt, cells);
@@ -124,7 +124,7 @@ impl Solver {
     /// One substep.
     ///
     /// # Errors
-    /// [`Lost`]: a particle does not lie on the grid. The particles are as the step before left them.
+    /// [`Lost`] if a particle does not lie on the grid. The particles then are as the step before left them.
     pub fn step(&mut self, dt: f64) -> Result<(), Lost> {
         self.check()?;
         let (t, step) = (self.time as f32, dt as f32);

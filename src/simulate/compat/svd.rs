@@ -1,8 +1,8 @@
 //! The peer's singular value decomposition: McAdams, Selle, Tamstorf, Teran and Sifakis, *Computing the Singular Value
 //! Decomposition of 3x3 Matrices with Minimal Branching and Elementary Floating Point Operations*, 2011.
 //!
-//! In f32 and with four sweeps, as the peer runs it: what it leaves over adds up where plastic flow rebuilds F from it at
-//! every substep, so an exact decomposition drifts away from the peer's course.
+//! In f32 and with four sweeps, as in the peer: the remaining error accumulates when plastic flow rebuilds F at every
+//! substep, so an exact decomposition drifts away from the peer's results.
 
 use nalgebra::{Matrix3, Vector3};
 
@@ -10,15 +10,16 @@ type Mat3 = Matrix3<f32>;
 
 const SWEEPS: usize = 4;
 
-/// 3 + sqrt(8): beyond it the approximate Givens angle is no good, and pi/8 serves. The peer compares in f64.
+/// 3 + sqrt(8): beyond it the approximate Givens angle is inaccurate, and pi/8 is used. The peer compares in f64.
 const FOUR_GAMMA_SQUARED: f64 = 5.828_427_124;
 /// cos(pi/8), sin(pi/8).
 const EIGHTH_TURN: [f32; 2] = [0.923_879_5, 0.382_683_43];
 
-/// Columns shorter than this are not turned.
+/// Columns shorter than this are not rotated.
 const LEAST_COLUMN: f32 = 1e-6;
 
-/// F = U diag(s) V^T; U and V are rotations, the last of the falling singular values carries the sign of det F.
+/// F = U diag(s) V^T; U and V are rotations; the singular values are in descending order, and the last carries the sign
+/// of det F.
 #[derive(Debug, Clone, Copy)]
 pub struct Svd {
     pub u: Mat3,
@@ -40,23 +41,25 @@ impl Svd {
         Self { u, s: r.diagonal(), v }
     }
 
-    /// The matrix with singular values `s` instead.
+    /// The matrix with its singular values replaced by `s`.
     pub fn with(&self, s: &Vector3<f32>) -> Mat3 {
         self.u * Mat3::from_diagonal(s) * self.v.transpose()
     }
 }
 
-/// Swaps two columns, one of them negated: a rotation stays one.
+/// Swaps two columns and negates one of them, so that a rotation remains a rotation.
 fn exchange(m: &mut Mat3, left: usize, right: usize) {
     m.swap_columns(left, right);
     m.column_mut(right).neg_mut();
 }
 
-/// Eigenvectors of a symmetric matrix, as a rotation: cyclic Jacobi with approximate angles, summed up in a quaternion.
+/// Eigenvectors of a symmetric matrix, as a rotation: cyclic Jacobi with approximate angles, accumulated in a
+/// quaternion.
 fn eigenvectors(s: Mat3) -> Mat3 {
     let mut axis = Vector3::<f32>::zeros();
     let mut w = 1.0_f32;
-    // The lower triangle, its rows and columns renumbered after every turn so that the next one is in the first two.
+    // The lower triangle; its rows and columns are renumbered after every rotation so that the next one is in the first
+    // two.
     let [mut s11, mut s21, mut s22] = [s[(0, 0)], s[(1, 0)], s[(1, 1)]];
     let [mut s31, mut s32, mut s33] = [s[(2, 0)], s[(2, 1)], s[(2, 2)]];
     for (p, q, r) in [(0, 1, 2), (1, 2, 0), (2, 0, 1)].repeat(SWEEPS) {
@@ -94,7 +97,7 @@ fn eigenvectors(s: Mat3) -> Mat3 {
     )
 }
 
-/// Cosine and sine of half the angle that about diagonalizes [[a, b], [b, c]].
+/// Cosine and sine of half the angle that approximately diagonalizes [[a, b], [b, c]].
 fn half_angle(a: f32, b: f32, c: f32) -> (f32, f32) {
     let (cosine, sine) = (2.0 * (a - c), b);
     if FOUR_GAMMA_SQUARED * f64::from(sine) * f64::from(sine) < f64::from(cosine * cosine) {
@@ -105,7 +108,7 @@ fn half_angle(a: f32, b: f32, c: f32) -> (f32, f32) {
     }
 }
 
-/// Q and R of `b` = Q R by three Givens rotations, given by half their angles. Q is their product written out.
+/// Q and R of `b` = Q R by three Givens rotations, given by their half angles. Q is their product, written out.
 fn triangularized(b: Mat3) -> (Mat3, Mat3) {
     let mut r = b;
     let mut halves = [[0.0; 2]; 3];
@@ -120,7 +123,7 @@ fn triangularized(b: Mat3) -> (Mat3, Mat3) {
         *half = [c, s];
     }
     let [[c1, s1], [c2, s2], [c3, s3]] = halves;
-    // Minus the cosines of the whole angles.
+    // The negated cosines of the full angles.
     let [n1, n2, n3] = [s1, s2, s3].map(|s| -1.0 + 2.0 * (s * s));
     let q = Mat3::new(
         n1 * n2,
@@ -136,10 +139,11 @@ fn triangularized(b: Mat3) -> (Mat3, Mat3) {
     (q, r)
 }
 
-/// Cosine and sine of half the angle that turns the entry `below` a `pivot` to zero.
+/// Cosine and sine of half the angle of the rotation that makes the entry `below` a `pivot` zero.
 fn half_turn(pivot: f32, below: f32) -> [f32; 2] {
     let square = pivot * pivot + below * below;
-    // The peer's root, another rounding than the plain one; at zero no number, and so not the larger one.
+    // The peer's square root, which rounds differently from the plain one; at zero it is NaN and therefore not the
+    // larger value.
     let length = square / square.sqrt();
     let mut sine = if length > LEAST_COLUMN { below } else { 0.0 };
     let mut cosine = pivot.abs() + length.max(LEAST_COLUMN);

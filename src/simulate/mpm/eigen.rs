@@ -6,7 +6,7 @@
 use super::matrix::{Mat3, Sym3, dot};
 use crate::simd::Lanes;
 
-/// Singular values of F, with the left singular vectors as the columns of `axes`. Where det F < 0 the smallest is
+/// Singular values of F, with the left singular vectors as the columns of `axes`. If det F < 0, the smallest is
 /// negative.
 #[derive(Clone, Copy)]
 pub struct Stretches<L> {
@@ -18,10 +18,10 @@ impl<L: Lanes> Stretches<L> {
     #[inline(always)]
     pub fn of(f: &Mat3<L>) -> Self {
         let one = L::splat(1.0);
-        // Eigenvalues of b - I: what is small stays precise near the undeformed state.
+        // Eigenvalues of b - I: small strains stay precise near the undeformed state.
         let (mut stretch, axes) = symmetric_eigen(f.times_transposed_symmetric(f).plus_diagonal(-one));
         for s in &mut stretch {
-            // b is positive; the floor only catches what rounding made of a flat F.
+            // b is positive; the floor only catches the rounding errors of a flat F.
             *s = (*s + one).max(L::splat(1e-12)).sqrt();
         }
         Self { stretch: with_sign_of(f.determinant(), stretch), axes }
@@ -40,7 +40,7 @@ impl<L: Lanes> Stretches<L> {
     }
 }
 
-/// The stretches, the smallest with the sign of the determinant.
+/// The stretches, with the sign of the determinant on the smallest.
 #[inline(always)]
 fn with_sign_of<L: Lanes>(determinant: L, [a, b, c]: [L; 3]) -> [L; 3] {
     let inverted = determinant.less(L::splat(0.0));
@@ -61,13 +61,13 @@ fn with_sign_of<L: Lanes>(determinant: L, [a, b, c]: [L; 3]) -> [L; 3] {
 /// Eigenvalues, and eigenvectors as columns, of a symmetric matrix by cyclic Jacobi rotations.
 #[inline(always)]
 pub fn symmetric_eigen<L: Lanes>(s: Sym3<L>) -> ([L; 3], Mat3<L>) {
-    /// Convergence is cubic or better; six sweeps take any 3x3 matrix far below f32 rounding.
+    /// Convergence is cubic or better; six sweeps bring any 3x3 matrix far below f32 rounding.
     const SWEEPS: usize = 6;
-    /// Off-diagonal share of the norm, squared, below which functions of the matrix no longer change in f32.
+    /// Off-diagonal share of the norm, squared, below which functions of the matrix stay the same in f32.
     const CONVERGED: f32 = 1e-14;
     let (zero, one) = (L::splat(0.0), L::splat(1.0));
     let mut diagonal = [s.xx, s.yy, s.zz];
-    // `off[k]` is the entry whose row and column are the two others.
+    // `off[k]` is the entry in the row and column of the two other indices.
     let mut off = [s.yz, s.xz, s.xy];
     let mut axes = [[one, zero, zero], [zero, one, zero], [zero, zero, one]];
     for _ in 0..SWEEPS {
@@ -97,10 +97,10 @@ pub fn symmetric_eigen<L: Lanes>(s: Sym3<L>) -> ([L; 3], Mat3<L>) {
 }
 
 /// The rotation of the polar decomposition F = R S, by Newton's iteration R <- (R + R^-T) / 2 (Higham 1986), which
-/// converges quadratically; by way of the stretches where a particle is nearly flat or inside out.
+/// converges quadratically; computed from the stretches if a particle is nearly flat or inverted.
 #[inline(always)]
 pub fn rotation<L: Lanes>(f: &Mat3<L>) -> Mat3<L> {
-    /// From any stretch between 1/20 and 20 Newton arrives in eight steps.
+    /// From any stretch between 1/20 and 20, Newton's iteration converges in eight steps.
     const STEPS: usize = 10;
     /// The error after a step is half the square of the change it made.
     const SMALL_CHANGE: f32 = 3e-4;

@@ -1,7 +1,7 @@
-//! Grid to particles: velocity, APIC's affine velocity, the move, and the deformation gradient.
+//! Grid to particles: velocity, APIC's affine velocity, the new position, and the deformation gradient.
 //!
-//! v = sum w v_i; C = (4/dx^2) sum w v_i (x_i - x_p)^T; x += dt v; F <- (I + dt C) F. C serves as the velocity gradient,
-//! as in MLS-MPM.
+//! v = sum w v_i; C = (4/dx^2) sum w v_i (x_i - x_p)^T; x += dt v; F <- (I + dt C) F. C serves as the velocity
+//! gradient, as in MLS-MPM.
 
 use rayon::prelude::*;
 
@@ -14,16 +14,16 @@ use super::sort::Sorted;
 use super::stencil::Stencil;
 use crate::simd::{LANES, Lanes, LanesKernel, run_lanes};
 
-/// How the particles moved.
+/// Results of moving the particles.
 #[derive(Debug, Clone, Copy)]
 pub struct Moved {
     /// Largest component of any velocity, m/s.
     pub fastest_m_s: f32,
-    /// First pack (in sorted order) with a particle that left the domain or is not a number.
+    /// First pack (in sorted order) with a particle that left the domain or is not finite.
     pub lost: Option<usize>,
 }
 
-/// What all packs need to know.
+/// The values shared by all packs.
 #[derive(Clone, Copy)]
 struct Context<'a> {
     columns: &'a Columns,
@@ -44,7 +44,7 @@ pub fn gather(
     dt_s: f32,
     domain_m: [[f32; 3]; 2],
 ) -> Moved {
-    /// Packs in a task: long enough to hide the hand-over, short enough to share evenly.
+    /// Packs per task: enough to make the overhead of a task small, few enough to share the work evenly.
     const TASK: usize = 64;
     let context = Context { columns: &sorted.columns, nodes, laws, spacing_m, dt_s, domain_m };
     sorted
@@ -64,7 +64,7 @@ pub fn gather(
         )
 }
 
-/// The packs that a thread takes at once.
+/// The packs that one task moves.
 struct Task<'a> {
     packs: &'a mut [Pack],
     context: Context<'a>,
@@ -90,7 +90,8 @@ impl LanesKernel for Task<'_> {
     }
 }
 
-/// Moves a pack; its fastest velocity component per lane, and whether all are numbers inside the domain.
+/// Moves a pack; returns its fastest velocity component per lane, and true if all positions are numbers inside the
+/// domain.
 #[inline(always)]
 fn gather_pack<L: Lanes>(pack: &mut Pack, context: Context) -> (L, bool) {
     let Context { columns, spacing_m, dt_s, domain_m, .. } = context;
@@ -112,7 +113,7 @@ fn gather_pack<L: Lanes>(pack: &mut Pack, context: Context) -> (L, bool) {
         velocity[a].store(&mut pack.velocity[a]);
         let moved = dt.mul_add(velocity[a], L::load(&pack.position[a]));
         moved.store(&mut pack.position[a]);
-        // Not (low < x) also where x is not a number.
+        // Not (low < x) also holds if x is NaN.
         let within = L::select(L::splat(domain_m[0][a]).less(moved), L::splat(1.0), L::splat(0.0));
         let within = L::select(moved.less(L::splat(domain_m[1][a])), within, L::splat(0.0));
         inside &= !L::any(within.less(L::splat(0.5)));
@@ -126,8 +127,8 @@ fn gather_pack<L: Lanes>(pack: &mut Pack, context: Context) -> (L, bool) {
     (speed, inside)
 }
 
-/// Sixteen sums per particle, four each of x y z and mass: of w v_i, and of w v_i times the node's number (0, 1, 2)
-/// along each of the grid's axes.
+/// Sixteen sums per particle, four components (x, y, z and mass) each: of w v_i, and of w v_i times the node's number
+/// (0, 1, 2) along each of the grid's axes.
 #[inline(always)]
 fn sums<L: Lanes>(stencils: &[Stencil<L>; 3], nodes: &[f32], columns: &Columns, live: usize) -> [L; 16] {
     let [si, sj, sk] = permuted(stencils, columns.axes);

@@ -13,30 +13,30 @@ use std::ops::Range;
 /// Floats in a node: momentum x, y, z, then mass; after the grid update velocity x, y, z, then mass.
 pub const NODE: usize = 4;
 
-/// Width of a slab in cells. A slab's particles touch nodes up to one cell before it and three behind it (one of these
-/// for the drift between sorts), so the slabs of even number never touch the same node, nor do those of odd number.
+/// Width of a slab in cells. A slab's particles touch nodes up to one cell before it and three cells after it (one of
+/// these for the drift between sorts), so slabs of even number never touch the same node, nor do those of odd number.
 pub const SLAB: usize = 4;
 
 /// How far, in cells, a particle may drift between sorts.
 pub const DRIFT: i32 = 1;
 
-/// The span that any hull with another one leaves as that other one.
+/// An empty span: the hull of it and another span is that other span.
 pub const NOTHING: Range<i32> = Range { start: i32::MAX, end: i32::MIN };
 
-/// Where every node is stored.
+/// The place in memory of every node.
 #[derive(Debug, Clone, Default)]
 pub struct Columns {
-    /// Which of x, y, z the grid's first, second and third axis is.
+    /// The grid's first, second and third axis as indices into x, y, z.
     pub axes: [usize; 3],
     /// The node at local (0, 0), in grid axes.
     pub first: [i32; 2],
-    /// Columns along the first and the second axis.
+    /// Number of columns along the first and the second axis.
     pub count: [usize; 2],
     /// Per column, first axis major: index of its node k = 0 (which the column need not hold) among all nodes.
     pub base: Vec<i32>,
-    /// Per column: the k of its nodes.
+    /// Per column: the range of k of its nodes.
     pub span: Vec<Range<i32>>,
-    /// Nodes stored before plane i of the first axis; one more entry than planes.
+    /// Number of nodes stored before plane i of the first axis; one more entry than planes.
     pub plane: Vec<usize>,
 }
 
@@ -73,7 +73,7 @@ impl Columns {
         columns
     }
 
-    /// Nodes stored in all.
+    /// Number of stored nodes.
     pub fn nodes(&self) -> usize {
         self.plane.last().copied().unwrap_or(0)
     }
@@ -87,14 +87,14 @@ impl Columns {
         (i - self.first[0] - DRIFT) as usize / SLAB
     }
 
-    /// Nodes stored before the planes of [`SLAB`]s: those of `slab` come first among what its particles touch, those of
-    /// `slab + 1` last. There is one more than slabs.
+    /// Number of nodes stored before the planes of [`SLAB`]s: those of `slab` come first among the nodes that its
+    /// particles touch, those of `slab + 1` last. There is one more entry than slabs.
     pub fn before_planes_of(&self, slab: usize) -> usize {
         self.plane[slab * SLAB]
     }
 }
 
-/// The span of each column that any stencil starting up to [`DRIFT`] away from its particles' cells reaches.
+/// For each column, the span that any stencil can reach that starts within [`DRIFT`] of its particles' cells.
 fn dilated(own: &[Range<i32>], count: [usize; 2]) -> Vec<Range<i32>> {
     let (before, after) = (2 + DRIFT as usize, DRIFT as usize);
     let hull = |a: Range<i32>, b: &Range<i32>| a.start.min(b.start)..a.end.max(b.end);

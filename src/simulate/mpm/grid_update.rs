@@ -5,7 +5,7 @@ use rayon::prelude::*;
 use super::grid::{Columns, NODE};
 use crate::simulate::boundary::Boundary;
 
-/// Nodes lighter than this, in kg, carry nothing but rounding.
+/// Nodes lighter than this, in kg, hold only rounding errors.
 const LEAST_MASS_KG: f32 = 1e-30;
 
 /// Turns the momentum of every node into its velocity at the end of the substep.

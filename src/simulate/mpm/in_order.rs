@@ -1,10 +1,10 @@
-//! The particles as the outside knows them: in the order in which they were given.
+//! The particles for callers: in the order in which they were given.
 
 use super::laws::{Law, energy};
 use super::particles::{Pack, Particle};
 use crate::simd::LANES;
 
-/// All particles in the order they were given, wherever they lie in their packs.
+/// All particles in the order in which they were given, wherever they are in the packs.
 pub struct InOrder<'a> {
     packs: &'a [Pack],
     laws: &'a [Law],
@@ -36,7 +36,7 @@ impl<'a> InOrder<'a> {
         particle
     }
 
-    /// Energy in its elastic strain.
+    /// Elastic energy of a particle, J.
     pub fn elastic_j(&self, id: usize) -> f64 {
         let particle = self.get(id);
         energy::elastic_j(self.laws[particle.law as usize], &particle)

@@ -77,7 +77,7 @@ impl<L: Lanes> Mat3<L> {
         out
     }
 
-    /// `self` where `mask` holds, exactly `other` elsewhere.
+    /// `self` for the lanes where `mask` is set, exactly `other` for the others.
     #[inline(always)]
     pub fn or_else(mut self, mask: L::Mask, other: &Self) -> Self {
         for r in 0..3 {
@@ -88,7 +88,7 @@ impl<L: Lanes> Mat3<L> {
         self
     }
 
-    /// `self * other^T`, where that is known to be symmetric.
+    /// `self * other^T`, which must be known to be symmetric.
     #[inline(always)]
     pub fn times_transposed_symmetric(&self, other: &Self) -> Sym3<L> {
         let (a, b) = (&self.0, &other.0);

@@ -1,16 +1,16 @@
 //! The Material Point Method in three dimensions: MLS-MPM with quadratic B-splines and APIC transfers.
 //!
 //! A substep ([`Solver::step`]) is, in this order:
-//! 1. `sort`: when particles may have drifted by a cell, into slabs, and a new grid around them;
-//! 2. `p2g`: the grid is cleared; return map, stress, mass and momentum to the nodes;
+//! 1. `sort`: if particles may have drifted by a cell, they are sorted into slabs, with a new grid around them;
+//! 2. `p2g`: the grid is cleared; return map, stress, scatter of mass and momentum to the nodes;
 //! 3. `grid_update`: velocities, gravity, boundary conditions;
-//! 4. `g2p`: velocities back to the particles, their move, their deformation.
+//! 4. `g2p`: velocities back to the particles, their new positions, their deformation.
 //!
 //! Hu et al., *A Moving Least Squares Material Point Method*, 2018; Jiang et al., *The Affine Particle-In-Cell Method*,
 //! 2015; Jiang et al., *The Material Point Method for Simulating Continuum Materials*, 2016 (course notes).
 //!
-//! Arithmetic is f32 in packs of eight ([`Lanes`](crate::simd::Lanes)); the same input gives the same bytes on any number of threads of one
-//! machine.
+//! Arithmetic is f32 in packs of eight ([`Lanes`](crate::simd::Lanes)); the same input gives the same bytes on any
+//! number of threads of one machine.
 
 pub mod eigen;
 mod g2p;
@@ -31,7 +31,7 @@ use particles::{Motion, Pack, Particle};
 use rayon::prelude::*;
 use sort::Sorted;
 
-/// What does not change while the solver runs. SI.
+/// Settings that do not change while the solver runs. SI units.
 #[derive(Debug, Clone)]
 pub struct Setting {
     /// Edge of a grid cell.
@@ -41,31 +41,31 @@ pub struct Setting {
     pub boundaries: Vec<Boundary>,
     /// Lowest and highest position a particle may have.
     pub domain_m: [[f32; 3]; 2],
-    /// The laws that [`Particle::law`] counts.
+    /// The laws that [`Particle::law`] refers to by index.
     pub laws: Vec<Law>,
 }
 
 /// A particle that became NaN or infinite or left the domain.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Lost {
-    /// In the order the particles were given.
+    /// Its index in the order in which the particles were given.
     pub particle: usize,
     pub position_m: [f32; 3],
     pub velocity_m_s: [f32; 3],
 }
 
-/// Particles, their grid, and the step.
+/// The particles, their grid, and the substep.
 pub struct Solver {
     setting: Setting,
     sorted: Sorted,
     nodes: Vec<f32>,
-    /// Cells that some particle may have moved since the last sort.
+    /// Distance, in cells, that some particle may have moved since the last sort.
     drift: f32,
     fastest_m_s: f32,
 }
 
 impl Solver {
-    /// A solver that holds `particles`; their order is their numbering.
+    /// A solver for `particles`; their order is their numbering.
     pub fn new(setting: Setting, particles: Vec<Particle>) -> Self {
         let sorted = Sorted { packs: sort::packed(particles), ..Sorted::default() };
         let mut solver = Self { setting, sorted, nodes: vec![], drift: 0.0, fastest_m_s: 0.0 };
@@ -73,16 +73,16 @@ impl Solver {
         solver
     }
 
-    /// Makes the solver the one that [`Solver::new`] would make of its particles as they are now.
+    /// Resets the solver to what [`Solver::new`] would make of its particles in their current state.
     pub fn renew(&mut self) {
         let velocities = self.sorted.packs.iter().flat_map(|pack| pack.velocity).flatten();
         self.fastest_m_s = velocities.fold(0.0, |m: f32, v| m.max(v.abs()));
         self.sort();
     }
 
-    /// One substep of `dt_s` seconds. On failure the particles are as the substep left them.
+    /// Takes a substep of `dt_s` seconds. On failure the particles are as the substep left them.
     pub fn step(&mut self, dt_s: f32) -> Result<(), Lost> {
-        /// Short of [`grid::DRIFT`] by what rounding may add.
+        /// Slightly below [`grid::DRIFT`], to allow for rounding.
         const LIMIT: f32 = grid::DRIFT as f32 * 0.95;
         if self.drift > LIMIT {
             self.sort();
@@ -104,7 +104,7 @@ impl Solver {
         self.fastest_m_s
     }
 
-    /// Gives every particle the velocity that `change` makes of its number and velocity.
+    /// Sets every particle's velocity to what `change` returns for its number and velocity.
     pub fn change_velocities(&mut self, change: impl Fn(u32, [f32; 3]) -> [f32; 3] + Sync) {
         self.sorted.packs.par_iter_mut().for_each(|pack| {
             for lane in 0..pack.live as usize {
@@ -116,8 +116,8 @@ impl Solver {
         });
     }
 
-    /// As [`Solver::step`], but particles to which `led` gives a motion, by their number and the place where they are, move
-    /// and turn so, and strain no further than they were. They weigh so much that the grid follows them.
+    /// Like [`Solver::step`], but particles to which `led` gives a motion, by their number and current position, move
+    /// and turn accordingly and strain no further. They are so heavy that the grid follows them.
     pub fn step_led(&mut self, dt_s: f32, led: impl Fn(u32, [f32; 3]) -> Option<Motion> + Sync) -> Result<(), Lost> {
         let take = |pack: &mut Pack| {
             for lane in 0..pack.live as usize {
@@ -145,7 +145,7 @@ impl Solver {
         stepped
     }
 
-    /// All particles in the order they were given.
+    /// All particles in the order in which they were given.
     pub fn particles(&self) -> InOrder<'_> {
         InOrder::new(&self.sorted.packs, &self.setting.laws)
     }

@@ -17,7 +17,7 @@ use super::sort::Sorted;
 use super::stencil::Stencil;
 use crate::simd::{LANES, Lanes, LanesKernel, run_lanes};
 
-/// What all slabs need to know.
+/// The values shared by all slabs.
 #[derive(Clone, Copy)]
 pub struct Context<'a> {
     pub columns: &'a Columns,
@@ -29,7 +29,7 @@ pub struct Context<'a> {
 /// The planes of nodes of one slab: its particles touch these and those of the next slab.
 struct Planes<'a> {
     nodes: &'a mut [f32],
-    /// Nodes stored before `nodes`.
+    /// Number of nodes stored before `nodes`.
     before: usize,
 }
 
@@ -42,7 +42,7 @@ struct Slab<'a, 'n> {
     context: Context<'a>,
 }
 
-/// Clears the grid and adds all particles to it. Slabs of one parity share no node and run side by side; an odd one
+/// Clears the grid and adds all particles to it. Slabs of one parity share no node and run in parallel; an odd slab
 /// follows as soon as its two neighbours are done. So every node sums its particles in the same order on any number of
 /// threads.
 pub fn scatter(sorted: &mut Sorted, nodes: &mut [f32], laws: &[Law], spacing_m: f32, dt_s: f32) {
@@ -62,12 +62,12 @@ pub fn scatter(sorted: &mut Sorted, nodes: &mut [f32], laws: &[Law], spacing_m: 
     });
 }
 
-/// What is to be done for each slab. No lock is ever waited for: the order sees to that.
+/// The work for each slab. No lock is ever contended: the order guarantees it.
 struct Order<'a> {
     packs: Vec<Mutex<&'a mut [Pack]>>,
-    /// One more than slabs.
+    /// One more entry than slabs.
     planes: Vec<Mutex<Planes<'a>>>,
-    /// Per odd slab: neighbours that are not done yet.
+    /// Per odd slab: the number of neighbours that are not done yet.
     waits_for: Vec<AtomicUsize>,
     context: Context<'a>,
 }
@@ -89,7 +89,7 @@ impl Order<'_> {
     fn scatter(&self, slab: usize) {
         let own = |planes: usize| self.planes[planes].lock().expect("no slab panicked");
         let (mut left, mut right) = (own(slab), own(slab + 1));
-        // Whoever comes first clears.
+        // The even slabs run first, so they clear the planes.
         if slab.is_multiple_of(2) {
             left.nodes.fill(0.0);
         }
@@ -103,7 +103,7 @@ impl Order<'_> {
     }
 }
 
-/// The nodes, cut at every [`SLAB`]th plane.
+/// The nodes, divided at every [`SLAB`]th plane.
 fn planes<'a>(columns: &Columns, nodes: &'a mut [f32], slabs: usize) -> Vec<Mutex<Planes<'a>>> {
     let before = |planes: usize| columns.before_planes_of(planes);
     let pieces = cut(nodes, (0..=slabs).map(|s| (before(s + 1) - before(s)) * NODE));
@@ -176,8 +176,8 @@ fn scatter_pack<L: Lanes>(pack: &mut Pack, planes: &mut [&mut Planes; 2], first_
     }
 }
 
-/// Weights along a column of particle `p`: of its first and second node, each for four floats; of its third, and zero
-/// for the fourth node of the row.
+/// Weights along a column of particle `p`: those of its first and second node, each repeated for four floats; then that
+/// of its third node, and zero for the fourth node of the row.
 #[inline(always)]
 pub fn row_weights<L: Lanes>(weights_k: &[Row; 3], p: usize) -> [L; 2] {
     let (a, b, c) = (weights_k[0][p], weights_k[1][p], weights_k[2][p]);
@@ -196,8 +196,8 @@ pub fn permuted<L: Lanes>(stencils: &[Stencil<L>; 3], axes: [usize; 3]) -> [Sten
     [stencils[axes[0]], stencils[axes[1]], stencils[axes[2]]]
 }
 
-/// Mass and momentum as a linear function of the node: value at the stencil's first node, and its change per node along
-/// each of the grid's axes. Four floats each, x y z and mass.
+/// Mass and momentum as a linear function of the node: the value at the stencil's first node, and its change per node
+/// along each of the grid's axes. Four floats each: x, y, z and mass.
 struct Linear<L> {
     /// Per particle: the value, then the change along i.
     value_and_i: [L; LANES],
@@ -206,7 +206,7 @@ struct Linear<L> {
 }
 
 impl<L: Lanes> Linear<L> {
-    /// Those of particle `p`, each twice over.
+    /// The values of particle `p`, each repeated twice.
     #[inline(always)]
     fn of(&self, p: usize) -> [L; 4] {
         let (a, b) = (self.value_and_i[p], self.j_and_k[p]);

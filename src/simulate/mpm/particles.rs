@@ -1,5 +1,5 @@
-//! The particles: packs of eight, structure of arrays inside a pack, so that a pack's data lies together in memory and
-//! each quantity fills a vector register.
+//! The particles: packs of eight, with a structure of arrays inside a pack, so that a pack's data is contiguous in
+//! memory and each quantity fills a vector register.
 
 use nalgebra::Matrix3;
 
@@ -8,25 +8,25 @@ use crate::simd::LANES;
 /// One f32 of each particle of a pack in memory.
 pub type Row = [f32; LANES];
 
-/// One particle as the outside gives and takes it. SI; positions relative to the simulation's origin.
+/// One particle as callers pass and receive it. SI units; positions relative to the simulation's origin.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Particle {
     pub position_m: [f32; 3],
     pub velocity_m_s: [f32; 3],
     /// APIC's affine velocity matrix C, 1/s, row by row.
     pub affine: [f32; 9],
-    /// Elastic deformation gradient, row by row. A rotation where nothing strains.
+    /// Elastic deformation gradient, row by row. A rotation if nothing is strained.
     pub elastic: [f32; 9],
-    /// Whole deformation gradient, with the plastic part: what happened to the shape.
+    /// Total deformation gradient, including the plastic part: the change of shape.
     pub deformation: [f32; 9],
     pub mass_kg: f32,
-    /// At rest.
+    /// Volume at rest.
     pub volume_m3: f32,
     /// Lame's second constant (shear modulus), Pa.
     pub mu: f32,
     /// Lame's first constant, Pa.
     pub lambda: f32,
-    /// The scalar its law keeps: see [`laws`](super::laws).
+    /// The law's scalar state: see [`laws`](super::laws).
     pub state: f32,
     /// Index into the solver's laws.
     pub law: u32,
@@ -40,11 +40,12 @@ pub struct Motion {
     pub gradient: Matrix3<f32>,
 }
 
-/// How much heavier a particle is while it is led: of what pushes it, the grid beside it takes this part a step. A power of
-/// two, so that its own mass comes back exactly.
+/// Factor on the mass of a particle while its motion is given: what pushes it changes the motion of the grid beside it
+/// by only about the inverse of this factor per step. A power of two, so that the particle's own mass is restored
+/// exactly.
 const LED_WEIGHT: f32 = 16384.0;
 
-/// Row by row, the identity.
+/// The identity matrix, row by row.
 pub const IDENTITY: [f32; 9] = [1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0];
 
 /// Eight particles of one law. Unused lanes hold a resting particle without mass or volume.
@@ -61,14 +62,14 @@ pub struct Pack {
     pub lambda: Row,
     pub state: Row,
     pub deformation: [Row; 9],
-    /// The particle's number in the order it was given.
+    /// The particle's number in the order in which they were given.
     pub id: [u32; LANES],
     pub live: u32,
     pub law: u32,
 }
 
 impl Pack {
-    /// Makes a lane ready for a substep that it is led through.
+    /// Prepares a lane for a substep with a given motion.
     pub fn take(&mut self, lane: usize, motion: &Motion) {
         self.mass[lane] *= LED_WEIGHT;
         put_matrix(&mut self.affine, lane, &motion.gradient);
@@ -77,11 +78,11 @@ impl Pack {
         }
     }
 
-    /// Gives a lane the `motion` from the place `before` on, instead of what a substep of `dt_s` made of it.
+    /// Gives a lane the `motion` that starts at the position `before`, instead of the result of a substep of `dt_s`.
     pub fn lead(&mut self, lane: usize, before: [f32; 3], motion: &Motion, dt_s: f32) {
         let step = |gradient: Matrix3<f32>| Matrix3::identity() + gradient * dt_s;
         let made = step(lane_matrix(&self.affine, lane));
-        // A step in which matter turns inside out is nothing to go back from.
+        // A step whose matrix is singular cannot be undone.
         if let Some(back) = made.try_inverse() {
             let change = step(motion.gradient) * back;
             for rows in [&mut self.elastic, &mut self.deformation] {
@@ -131,7 +132,7 @@ impl Pack {
         pack
     }
 
-    /// Makes the unused lanes resting particles without mass, beside the first one.
+    /// Turns the unused lanes into resting particles without mass, at the position of the first one.
     pub fn pad(&mut self) {
         let nothing = Particle {
             position_m: self.position.map(|row| row[0]),

@@ -1,8 +1,8 @@
-//! Sorting: particles into slabs, inside a slab by law, then by column and cell; and the grid that fits them.
+//! Sorting: particles into slabs, within a slab by law, then by column and cell; and the grid that fits them.
 //!
-//! Counting sort, stable in the particles' numbers: the order depends on nothing but them and their places. It is redone
-//! only when some particle may have drifted by a cell, which at the CFL step takes tens of substeps. The packs are
-//! rearranged where they are, one quantity after the other, so that sorting needs little more memory than they take.
+//! A counting sort, stable in the particles' numbers: the order depends only on the numbers and the positions. It is
+//! redone only when some particle may have drifted by a cell, which takes tens of substeps at the CFL step. The packs
+//! are rearranged in place, one quantity after the other, so that sorting needs little more memory than they take.
 
 use std::array::{from_fn, from_mut, from_ref};
 use std::ops::Range;
@@ -14,7 +14,7 @@ use super::particles::{Pack, Particle};
 use super::stencil::base_cell;
 use crate::simd::LANES;
 
-/// Particles in the order in which the phases go through them, and their grid.
+/// Particles in the order in which the phases process them, and their grid.
 #[derive(Debug, Clone, Default)]
 pub struct Sorted {
     pub packs: Vec<Pack>,
@@ -23,7 +23,8 @@ pub struct Sorted {
     pub columns: Columns,
 }
 
-/// Particles as packs, each of one law, numbered in the order given. What is packed is freed piece by piece.
+/// Particles as packs, each of one law, numbered in the given order. Particles that are packed are freed piece by
+/// piece.
 pub fn packed(mut particles: Vec<Particle>) -> Vec<Pack> {
     const PIECES: usize = 8;
     let piece = particles.len().div_ceil(PIECES).max(1);
@@ -42,7 +43,7 @@ pub fn packed(mut particles: Vec<Particle>) -> Vec<Pack> {
     packs
 }
 
-/// Where a particle is before the sort, and where it belongs.
+/// A particle's place before the sort, and the keys of its place after it.
 #[derive(Clone, Copy, Default)]
 struct Entry {
     /// Its pack, times [`LANES`], plus its lane.
@@ -53,14 +54,14 @@ struct Entry {
 
 /// The particles of a pack after the sort.
 struct Group {
-    /// Of them in the new order, the first.
+    /// Index of its first particle in the new order.
     first: u32,
     live: u32,
     law: u32,
 }
 
 impl Sorted {
-    /// Sorts all particles and lays out their grid.
+    /// Sorts all particles and builds their grid.
     pub fn sort(&mut self, laws: usize, cells_per_m: f32) {
         let packs = &self.packs;
         let mut entries = vec![Entry::default(); packs.iter().map(|pack| pack.live as usize).sum()];
@@ -100,7 +101,7 @@ impl Sorted {
     }
 }
 
-/// Packs of what lies at `places`, cut into `groups`.
+/// Rearranges into packs the particles at `places`, divided into `groups`.
 fn rearrange(packs: &mut Vec<Pack>, places: &[u32], groups: &[Group]) {
     let most = packs.len().max(groups.len());
     packs.reserve_exact(most - packs.len());
@@ -123,7 +124,7 @@ fn rearrange(packs: &mut Vec<Pack>, places: &[u32], groups: &[Group]) {
     });
 }
 
-/// [`rearrange`] for the `N` rows that `rows` and `rows_mut` show.
+/// [`rearrange`] for the `N` rows that `rows` and `rows_mut` return.
 fn move_rows<T: Copy + Send + Sync, const N: usize>(
     packs: &mut [Pack],
     places: &[u32],
@@ -146,7 +147,7 @@ fn move_rows<T: Copy + Send + Sync, const N: usize>(
     });
 }
 
-/// x, y, z by falling extent of the particles: slabs along the longest, columns along the shortest.
+/// x, y, z by decreasing extent of the particles: slabs along the longest, columns along the shortest.
 fn axes_by_extent(entries: &[Entry]) -> [usize; 3] {
     let extent = |a: usize| {
         let range = entries.iter().fold(NOTHING, |r, e| r.start.min(e.base[a])..r.end.max(e.base[a]));
@@ -157,8 +158,8 @@ fn axes_by_extent(entries: &[Entry]) -> [usize; 3] {
     axes
 }
 
-/// Indices of `entries` by slab, law, column and cell. Neighbours in this order mostly touch the same nodes, so that a node
-/// goes from one to the next in the processor's store buffer.
+/// Indices of `entries` by slab, law, column and cell. Neighbours in this order mostly touch the same nodes, so that a
+/// node is passed from one to the next in the processor's store buffer.
 fn order(entries: &[Entry], columns: &Columns, laws: usize, law: impl Fn(&Entry) -> u32) -> Vec<u32> {
     let [i, j, k] = columns.axes;
     let given: Vec<u32> = (0..entries.len() as u32).collect();
@@ -173,7 +174,7 @@ fn order(entries: &[Entry], columns: &Columns, laws: usize, law: impl Fn(&Entry)
     })
 }
 
-/// `items` by rising key, equal keys in their given order.
+/// `items` by increasing key; equal keys keep their order.
 fn counting_sort(items: &[u32], key: impl Fn(u32) -> usize) -> Vec<u32> {
     let highest = items.iter().map(|&item| key(item)).max().unwrap_or(0);
     let mut next = vec![0_u32; highest + 2];

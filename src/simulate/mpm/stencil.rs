@@ -3,10 +3,10 @@
 use super::particles::Row;
 use crate::simd::{LANES, Lanes};
 
-/// What a pack's particles touch along one axis.
+/// The nodes that a pack's particles touch along one axis.
 #[derive(Clone, Copy)]
 pub struct Stencil<L> {
-    /// First of the three nodes.
+    /// Index of the first of the three nodes.
     pub base: L,
     /// Particle position minus that node, in cells: 0.5 to 1.5.
     pub offset: L,
@@ -14,7 +14,7 @@ pub struct Stencil<L> {
 }
 
 impl<L: Lanes> Stencil<L> {
-    /// For particles at `position` metres.
+    /// The stencils of particles at `position`, in metres.
     #[inline(always)]
     fn at(position: &Row, cells_per_m: f32) -> Self {
         let x = L::load(position) * L::splat(cells_per_m);
@@ -25,14 +25,14 @@ impl<L: Lanes> Stencil<L> {
         Self { base, offset, weight: [half * a * a, L::splat(0.75) - b * b, half * c * c] }
     }
 
-    /// Along x, y, z.
+    /// The stencils along x, y, z.
     #[inline(always)]
     pub fn of(position: &[Row; 3], cells_per_m: f32) -> [Self; 3] {
         let [x, y, z] = position;
         [Self::at(x, cells_per_m), Self::at(y, cells_per_m), Self::at(z, cells_per_m)]
     }
 
-    /// The weights in memory.
+    /// The weights as rows in memory.
     #[inline(always)]
     pub fn weights(&self) -> [Row; 3] {
         let mut rows = [[0.0; LANES]; 3];
@@ -42,7 +42,7 @@ impl<L: Lanes> Stencil<L> {
         rows
     }
 
-    /// `base` as whole numbers.
+    /// `base` as integers.
     #[inline(always)]
     pub fn cells(&self) -> [i32; LANES] {
         self.base.to_whole()

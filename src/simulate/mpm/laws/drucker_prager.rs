@@ -6,24 +6,24 @@ use super::hencky::{Strain, norm};
 use crate::simd::Lanes;
 use crate::simulate::mpm::matrix::{Mat3, Sym3};
 
-/// alpha of an internal friction angle: the cone through the outer edges of Mohr-Coulomb's pyramid.
+/// alpha for an internal friction angle: the cone through the outer edges of Mohr-Coulomb's pyramid.
 pub fn alpha(friction_angle_rad: f64) -> f64 {
     let sine = friction_angle_rad.sin();
     (2.0_f64 / 3.0).sqrt() * 2.0 * sine / (3.0 - sine)
 }
 
-/// The tension at the cone's apex, of a cohesion and an internal friction angle.
+/// The tension at the cone's apex, for a cohesion and an internal friction angle.
 pub fn apex(cohesion_pa: f64, friction_angle_rad: f64) -> f64 {
     cohesion_pa / friction_angle_rad.tan()
 }
 
-/// The stress, and the elastic deformation where any particle yielded.
+/// The stress, and the elastic deformation if any particle yielded.
 #[inline(always)]
 pub(super) fn stress<L: Lanes>(point: Point<L>, apex_pa: f32) -> (Sym3<L>, Option<Mat3<L>>) {
     let Point { elastic, mu, lambda, state } = point;
     let zero = L::splat(0.0);
     let strain = Strain::of(&elastic);
-    // The strain at which every side bears the apex's tension: tr(tau) = (3 lambda + 2 mu) tr(eps).
+    // The strain at which the tension is the apex's in every direction: tr(tau) = (3 lambda + 2 mu) tr(eps).
     let stiffness = (L::splat(3.0) * lambda + mu + mu).max(L::splat(f32::MIN_POSITIVE));
     let apex = L::splat(3.0 * apex_pa) / stiffness;
     let (deviator, trace) = (strain.deviator(), strain.trace() - apex);

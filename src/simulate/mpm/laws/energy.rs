@@ -1,11 +1,12 @@
-//! The elastic energy that the laws' stresses come from, tau = d(psi)/dF F^T: for reports, a particle at a time, in f64.
+//! The elastic energy from which the laws' stresses derive, tau = d(psi)/dF F^T: for reports, one particle at a time,
+//! in f64.
 
 use nalgebra::{Matrix3, Vector3};
 
 use super::{Law, fluid, hencky};
 use crate::simulate::mpm::particles::Particle;
 
-/// Energy in a particle, J, by its law.
+/// Elastic energy of a particle by its law, J.
 pub fn elastic_j(law: Law, particle: &Particle) -> f64 {
     let f = Matrix3::from_row_slice(&particle.elastic.map(f64::from));
     let (mu, lambda) = (f64::from(particle.mu), f64::from(particle.lambda));
@@ -16,7 +17,7 @@ pub fn elastic_j(law: Law, particle: &Particle) -> f64 {
             let eps = f.singular_values().map(|s| s.max(hencky::LEAST_STRETCH.into()).ln());
             mu * eps.norm_squared() + 0.5 * lambda * eps.sum().powi(2)
         }
-        // Of p = K / gamma (J^-gamma - 1), against which the volume was pressed from 1 to J.
+        // The work against p = K / gamma (J^-gamma - 1) when the volume ratio goes from 1 to J.
         Law::Fluid => {
             let (gamma, j) = (f64::from(fluid::GAMMA), f.determinant().clamp(fluid::LEAST_RATIO.into(), 1.0));
             lambda / gamma * ((j.powf(1.0 - gamma) - 1.0) / (gamma - 1.0) + j - 1.0)

@@ -1,5 +1,5 @@
-//! Viscoplastic foam on Hencky strain (Yue et al., *Continuum Foam*, 2015, without thickening): above the yield radius the
-//! deviatoric stress s relaxes at a rate that the plastic viscosity eta sets; within a step of dt it falls by
+//! Viscoplastic foam on Hencky strain (Yue et al., *Continuum Foam*, 2015, without thickening): above the yield radius
+//! the deviatoric stress s relaxes at a rate that the plastic viscosity eta sets; within a step of dt it falls by
 //! excess / (1 + eta / (2 mu' dt)), mu' = mu tr(b) / 3. Without viscosity this is von Mises.
 
 use super::Point;
@@ -7,7 +7,7 @@ use super::hencky::{Strain, norm};
 use crate::simd::Lanes;
 use crate::simulate::mpm::matrix::{Mat3, Sym3};
 
-/// The stress, and the elastic deformation where any particle flowed.
+/// The stress, and the elastic deformation if any particle flowed.
 #[inline(always)]
 pub(super) fn stress<L: Lanes>(point: Point<L>, viscosity_pa_s: f32, dt_s: f32) -> (Sym3<L>, Option<Mat3<L>>) {
     let Point { elastic, mu, lambda, state } = point;

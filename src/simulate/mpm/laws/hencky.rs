@@ -6,10 +6,10 @@ use crate::simd::{Lanes, ln};
 use crate::simulate::mpm::eigen::Stretches;
 use crate::simulate::mpm::matrix::{Mat3, Sym3, dot};
 
-/// Stretches below this count as this much: a crushed particle resists no further.
+/// Stretches below this are raised to it: a crushed particle resists no further.
 pub(super) const LEAST_STRETCH: f32 = 0.01;
 
-/// Principal logarithmic strains, with the frame and the stretches they came from.
+/// Principal logarithmic strains, with their principal axes and stretches.
 #[derive(Clone, Copy)]
 pub struct Strain<L> {
     pub eps: [L; 3],
@@ -55,7 +55,7 @@ impl<L: Lanes> Strain<L> {
         self.stretches.compose([two_mu.mul_add(a, pressure), two_mu.mul_add(b, pressure), two_mu.mul_add(c, pressure)])
     }
 
-    /// The deformation gradient with the strains `eps` instead: U exp(eps) S^-1 U^T F.
+    /// The deformation gradient with its strains replaced by `eps`: U exp(eps) S^-1 U^T F.
     #[inline(always)]
     pub fn replaced(&self, eps: [L; 3], elastic: &Mat3<L>) -> Mat3<L> {
         let [s, e] = [self.stretches.stretch, eps];

@@ -1,6 +1,7 @@
-//! Constitutive laws: from a trial deformation gradient to the elastic one that yield allows, and the Kirchhoff stress.
+//! Constitutive laws: from a trial deformation gradient to the elastic one that the yield condition allows, and the
+//! Kirchhoff stress.
 //!
-//! Every law sees the particle's Lame constants mu and lambda and one scalar `state` of its own, which it may change:
+//! Every law gets the particle's Lame constants mu and lambda and one scalar `state`, which it may change:
 //!
 //! | law | state |
 //! | --- | --- |
@@ -25,7 +26,7 @@ use super::matrix::{Mat3, Sym3};
 use super::particles::{Pack, Row};
 use crate::simd::{self, Lanes};
 
-/// A constitutive law with the constants that all particles of it share.
+/// A constitutive law with the constants that all its particles share.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Law {
     /// Fixed corotated elasticity.
@@ -37,7 +38,7 @@ pub enum Law {
         /// Share of the yield radius lost per plastic strain.
         softening: f32,
     },
-    /// Sand: Hencky elasticity with Drucker-Prager yield; tension up to `apex_pa` on every side, 0 for dry sand.
+    /// Sand: Hencky elasticity with Drucker-Prager yield; tension up to `apex_pa` in every direction, 0 for dry sand.
     DruckerPrager {
         apex_pa: f32,
     },
@@ -46,18 +47,18 @@ pub enum Law {
         viscosity_pa_s: f32,
     },
     Snow(Snow),
-    /// No shear: pressure alone, with lambda as the bulk modulus.
+    /// No shear: only pressure, with lambda as the bulk modulus.
     Fluid,
 }
 
 impl Law {
-    /// Whether the elastic deformation may differ from the whole one.
+    /// True if the elastic deformation may differ from the total one.
     pub fn is_plastic(&self) -> bool {
         !matches!(self, Self::FixedCorotated)
     }
 }
 
-/// The particles of a pack as a law sees them.
+/// The quantities of a pack that a law needs.
 struct Point<'a, L> {
     elastic: Mat3<L>,
     mu: L,
@@ -65,7 +66,7 @@ struct Point<'a, L> {
     state: &'a mut Row,
 }
 
-/// Kirchhoff stress of a pack, Pa; the pack's elastic deformation and state are brought back to what its law allows.
+/// Kirchhoff stress of a pack, Pa; also returns the pack's elastic deformation and state to what its law allows.
 #[inline(always)]
 pub fn stress<L: Lanes>(pack: &mut Pack, laws: &[Law], dt_s: f32) -> Sym3<L> {
     let point = Point {
@@ -92,7 +93,7 @@ pub fn exp<L: Lanes>(x: L) -> L {
     simd::exp(x, 80.0)
 }
 
-/// The stress; keeps the deformation that a return map gave back.
+/// The stress; stores the deformation if the return map changed it.
 #[inline(always)]
 fn returned<L: Lanes>((stress, mapped): (Sym3<L>, Option<Mat3<L>>), elastic: &mut [Row; 9]) -> Sym3<L> {
     if let Some(mapped) = mapped {

@@ -1,5 +1,5 @@
-//! Snow (Stomakhin et al., *A Material Point Method for Snow Simulation*, 2013): principal stretches keep within
-//! 1 - theta_c and 1 + theta_s, what goes beyond is plastic; compacted snow hardens, torn snow softens, by
+//! Snow (Stomakhin et al., *A Material Point Method for Snow Simulation*, 2013): principal stretches stay within
+//! 1 - theta_c and 1 + theta_s, and anything beyond is plastic; compacted snow hardens and torn snow softens, by
 //! exp(xi (1 - J_P)), with J_P the volume ratio of the plastic part; the stress is fixed corotated.
 
 use super::Point;
@@ -8,7 +8,7 @@ use crate::simd::Lanes;
 use crate::simulate::mpm::eigen::Stretches;
 use crate::simulate::mpm::matrix::{Mat3, Sym3};
 
-/// The hardest that snow gets, in times its stiffness: the time step counts on it.
+/// The largest hardening factor of snow's stiffness: the time step relies on it.
 pub const HARDEST: f32 = 10.0;
 
 /// Critical compression and stretch, and the hardening exponent.
@@ -20,13 +20,13 @@ pub struct Snow {
 }
 
 impl Snow {
-    /// What the stiffness is multiplied by where the plastic part's volume ratio is `plastic`.
+    /// The factor on the stiffness if the plastic part's volume ratio is `plastic`.
     pub fn hardening(&self, plastic: f64) -> f64 {
         (f64::from(self.xi) * (1.0 - plastic)).exp().min(HARDEST.into())
     }
 }
 
-/// The stress, and the elastic deformation where any particle yielded. State: J_P.
+/// The stress, and the elastic deformation if any particle yielded. State: J_P.
 #[inline(always)]
 pub(super) fn stress<L: Lanes>(point: Point<L>, Snow { theta_c, theta_s, xi }: Snow) -> (Sym3<L>, Option<Mat3<L>>) {
     let Point { elastic, mu, lambda, state } = point;

@@ -1,19 +1,19 @@
-//! Von Mises plasticity on Hencky strain: where the deviatoric stress 2 mu |dev(eps)| exceeds the yield radius y, the
+//! Von Mises plasticity on Hencky strain: if the deviatoric stress 2 mu |dev(eps)| exceeds the yield radius y, the
 //! deviatoric strain is scaled back to it (radial return; Simo, *Algorithms for static and dynamic multiplicative
-//! plasticity*, 1992). With hardening xi, y grows by 2 mu xi times the plastic strain; with
-//! softening it decays by that share of itself for each unit of plastic strain, as clay that is kneaded.
+//! plasticity*, 1992). With hardening xi, y grows by 2 mu xi times the plastic strain; with softening, y decays by that
+//! fraction of itself per unit of plastic strain, like kneaded clay.
 
 use super::Point;
 use super::hencky::{Strain, norm};
 use crate::simd::Lanes;
 use crate::simulate::mpm::matrix::{Mat3, Sym3};
 
-/// The yield radius of a yield stress in uniaxial tension, both Pa: |dev(tau)| = sqrt(2/3) sigma_y.
+/// The yield radius for a yield stress in uniaxial tension, both Pa: |dev(tau)| = sqrt(2/3) sigma_y.
 pub fn yield_radius(yield_stress_pa: f64) -> f64 {
     (2.0_f64 / 3.0).sqrt() * yield_stress_pa
 }
 
-/// The stress, and the elastic deformation where any particle yielded.
+/// The stress, and the elastic deformation if any particle yielded.
 #[inline(always)]
 pub(super) fn stress<L: Lanes>(point: Point<L>, hardening: f32, softening: f32) -> (Sym3<L>, Option<Mat3<L>>) {
     let Point { elastic, mu, lambda, state } = point;
