@@ -7,7 +7,7 @@ use std::path::{Path, PathBuf};
 use serde::de::DeserializeOwned;
 use serde::{Deserialize, Serialize};
 
-use crate::grasp::bounds::{Bearing, f_max, f_min};
+use crate::grasp::formulas::{Bearing, f_max, f_min};
 use crate::grasp::gripper::GripperProfile;
 use crate::grasp::options::MAX_CURVATURE_1_M;
 use crate::output::one_line;

@@ -5,7 +5,7 @@ use serde::{Deserialize, Serialize};
 
 use super::cells::Cells;
 use super::fingers::free_approach;
-use super::forces::{Forces, Inputs};
+use super::intervals::{Forces, Inputs};
 use super::places::{Place, Where, places};
 use super::surface::Surface;
 use super::{GraspError, GripperProfile, Limit, Options};

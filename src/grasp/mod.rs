@@ -3,21 +3,21 @@
 //! - [`options`]: the user's options;
 //! - [`gripper`]: the gripper: its range of force, its finger, its command; [`calibration`]: the command from
 //!   measurements;
-//! - [`bounds`]: the paper's formulas, on numbers alone; [`forces`]: applied to intervals;
+//! - [`formulas`]: the paper's formulas, on numbers alone; [`intervals`]: applied to intervals;
 //! - [`grasped_part`]: which part the fingers press on if no place is chosen;
 //! - where to press: the [`surface`], opposite [`places`] on it, space for the [`fingers`], the best [`candidates`];
 //! - [`picture`]: a drawing of the best candidates.
 
-pub mod bounds;
 pub mod calibration;
 mod calibration_report;
 pub mod candidates;
 mod cells;
 pub mod error;
 mod fingers;
-pub mod forces;
+pub mod formulas;
 pub mod grasped_part;
 pub mod gripper;
+pub mod intervals;
 pub mod options;
 pub mod picture;
 pub mod places;
@@ -31,9 +31,9 @@ pub use calibration_report::CalibrationReport;
 use candidates::{Candidate, Object};
 pub use error::GraspError;
 use fingers::FINGER_LENGTH_M;
-use forces::{Forces, Inputs, Intervals};
 use grasped_part::PartChoice;
 use gripper::GripperProfile;
+use intervals::{Forces, Inputs, Intervals};
 use nalgebra::Point3;
 pub use options::{Options, Policy, SCENE_KEYS};
 use places::Where;
@@ -89,7 +89,7 @@ pub struct GraspReport {
     pub warnings: Vec<String>,
 }
 
-/// The forces to lift the object with `gripper`, after the paper (see [`bounds`] for the formulas), at the best of the
+/// The forces to lift the object with `gripper`, after the paper (see [`formulas`] for the formulas), at the best of the
 /// places where the fingers fit; without a `surface` on which to look for them, on the part that was named or is
 /// nearest to the centre of mass.
 ///

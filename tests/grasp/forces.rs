@@ -1,6 +1,6 @@
 //! Forces against hand-computed cases, and over their whole domain.
 
-use gprop::grasp::bounds::{Bearing, ForceMax, f_max, f_min, f_star};
+use gprop::grasp::formulas::{Bearing, ForceMax, f_max, f_min, f_star};
 use gprop::grasp::gripper::GripperProfile;
 use gprop::grasp::{GraspError, GraspReport, Limit, Options, Policy, grasp, grasped_part::PartChoice};
 use gprop::materials::Law;

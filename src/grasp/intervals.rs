@@ -2,7 +2,7 @@
 
 use serde::{Deserialize, Serialize};
 
-use super::bounds::{Bearing, ForceMax, ForceStar, f_max, f_min, f_star};
+use super::formulas::{Bearing, ForceMax, ForceStar, f_max, f_min, f_star};
 use super::{GraspError, GripperProfile, Options, Policy};
 use crate::parts::Parts;
 use crate::units::{Estimate, GRAVITY_M_S2, Reading};
