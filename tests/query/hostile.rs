@@ -1,9 +1,9 @@
 //! Servers that send too much, too slowly, too little, or something else than they say they do.
 
 use std::io::{Read, Write};
-use std::net::{SocketAddr, TcpListener, TcpStream};
+use std::net::{TcpListener, TcpStream};
 use std::sync::Arc;
-use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
+use std::sync::atomic::{AtomicUsize, Ordering};
 use std::time::{Duration, SystemTime};
 
 use gprop::progress::Progress;
@@ -14,40 +14,29 @@ use serde_json::{Value, json};
 
 use super::client::{Server, ask, error, ok};
 use super::{a, completion, connect, good_answer, one_segment, prepare, recordings, small, two_segments};
-use crate::support::server::{MockServer, Response};
+use crate::support::server::{Listener, MockServer, Response, read_request};
 
 /// A server that reads each request whole and then does with the connection as it likes.
 pub struct RawServer {
-    address: SocketAddr,
+    listener: Listener,
     requests: Arc<AtomicUsize>,
-    is_over: Arc<AtomicBool>,
 }
 
 impl RawServer {
     /// `respond` is told how many requests came before. The connection closes when it returns.
     pub fn new(respond: impl Fn(usize, &mut TcpStream) + Send + Sync + 'static) -> Self {
-        let listener = TcpListener::bind("127.0.0.1:0").unwrap();
-        let address = listener.local_addr().unwrap();
-        let (requests, is_over) = (Arc::new(AtomicUsize::new(0)), Arc::new(AtomicBool::new(false)));
-        let (count, over, respond) = (Arc::clone(&requests), Arc::clone(&is_over), Arc::new(respond));
-        std::thread::spawn(move || {
-            for stream in listener.incoming() {
-                if over.load(Ordering::SeqCst) {
-                    return;
-                }
-                let (count, respond, mut stream) = (Arc::clone(&count), Arc::clone(&respond), stream.unwrap());
-                std::thread::spawn(move || {
-                    if read_request(&mut stream).is_some() {
-                        respond(count.fetch_add(1, Ordering::SeqCst), &mut stream);
-                    }
-                });
+        let requests = Arc::new(AtomicUsize::new(0));
+        let count = Arc::clone(&requests);
+        let listener = Listener::new(move |mut stream| {
+            if read_request(&mut stream).is_some() {
+                respond(count.fetch_add(1, Ordering::SeqCst), &mut stream);
             }
         });
-        Self { address, requests, is_over }
+        Self { listener, requests }
     }
 
     pub fn options(&self) -> Options {
-        let url = format!("http://{}/v1", self.address);
+        let url = format!("{}/v1", self.listener.uri());
         Options { lmm_url: Some(url), lmm_model: Some("gpt-4o".into()), lmm_parallel: 1, ..small() }
     }
 
@@ -59,33 +48,6 @@ impl RawServer {
     fn ask(&self) -> Result<Reply, AskError> {
         let options = Options { lmm_timeout_s: 1, lmm_retries: 0, ..self.options() };
         ask(&connect(&options, None).unwrap().unwrap(), None)
-    }
-}
-
-impl Drop for RawServer {
-    fn drop(&mut self) {
-        self.is_over.store(true, Ordering::SeqCst);
-        // The listener's thread wakes up and ends.
-        let _ = TcpStream::connect(self.address);
-    }
-}
-
-/// Reads a request to the end of its body; `None` if it does not come whole.
-fn read_request(stream: &mut TcpStream) -> Option<()> {
-    let mut bytes = Vec::new();
-    let mut chunk = [0; 1 << 16];
-    loop {
-        if let Some(end) = bytes.windows(4).position(|window| window == b"\r\n\r\n") {
-            let head = String::from_utf8_lossy(&bytes[..end]).to_lowercase();
-            let length = head.lines().find_map(|line| line.strip_prefix("content-length: ")).unwrap_or("0");
-            if bytes.len() - end - 4 >= length.trim().parse::<usize>().unwrap() {
-                return Some(());
-            }
-        }
-        match stream.read(&mut chunk) {
-            Ok(count) if count > 0 => bytes.extend_from_slice(&chunk[..count]),
-            _ => return None,
-        }
     }
 }
 

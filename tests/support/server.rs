@@ -1,6 +1,9 @@
-//! An HTTP server on loopback that answers as a test tells it to, and remembers what it was asked.
+//! HTTP servers on loopback: one that answers as a test tells it to and remembers what it was asked, and one that does
+//! with a connection as a test likes.
 
-use std::sync::mpsc::{self, Receiver, RecvTimeoutError, Sender};
+use std::io::{self, Read, Write};
+use std::net::{SocketAddr, TcpListener, TcpStream};
+use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Mutex};
 use std::thread;
 use std::time::Duration;
@@ -62,35 +65,69 @@ impl Response {
     }
 }
 
+/// A listener on loopback with a thread for each connection.
+pub struct Listener {
+    address: SocketAddr,
+    is_over: Arc<AtomicBool>,
+}
+
+impl Listener {
+    /// A listener that passes each connection to `serve` and closes it when that returns.
+    pub fn new(serve: impl Fn(TcpStream) + Send + Sync + 'static) -> Self {
+        let listener = TcpListener::bind("127.0.0.1:0").unwrap();
+        let (address, is_over) = (listener.local_addr().unwrap(), Arc::new(AtomicBool::new(false)));
+        let (over, serve) = (Arc::clone(&is_over), Arc::new(serve));
+        thread::spawn(move || {
+            for stream in listener.incoming() {
+                if over.load(Ordering::SeqCst) {
+                    return;
+                }
+                let (serve, stream) = (Arc::clone(&serve), stream.unwrap());
+                thread::spawn(move || serve(stream));
+            }
+        });
+        Self { address, is_over }
+    }
+
+    /// Scheme, address and port.
+    pub fn uri(&self) -> String {
+        format!("http://{}", self.address)
+    }
+}
+
+impl Drop for Listener {
+    fn drop(&mut self) {
+        self.is_over.store(true, Ordering::SeqCst);
+        // The listener's thread wakes up and ends.
+        let _ = TcpStream::connect(self.address);
+    }
+}
+
 pub struct MockServer {
-    server: Arc<tiny_http::Server>,
+    listener: Listener,
     requests: Arc<Mutex<Vec<Request>>>,
-    /// Dropped with the server: whoever delays an answer stops waiting.
-    _ends: Sender<()>,
 }
 
 impl MockServer {
-    /// A server that answers as `respond` says, every request on a thread of its own.
+    /// A server that answers as `respond` says. Connections are kept open for further requests.
     pub fn new(respond: impl Fn(&Request) -> Response + Send + Sync + 'static) -> Self {
-        let server = Arc::new(tiny_http::Server::http("127.0.0.1:0").unwrap());
         let requests = Arc::new(Mutex::new(Vec::new()));
-        let (sender, ended) = mpsc::channel();
-        let (respond, ended) = (Arc::new(respond), Arc::new(Mutex::new(ended)));
-        let (listening, kept) = (Arc::clone(&server), Arc::clone(&requests));
-        thread::spawn(move || {
-            for mut incoming in listening.incoming_requests() {
-                let request = read(&mut incoming);
+        let kept = Arc::clone(&requests);
+        let listener = Listener::new(move |mut stream| {
+            let _ = stream.set_nodelay(true);
+            while let Some(request) = read_request(&mut stream) {
                 kept.lock().unwrap().push(request.clone());
-                let (respond, ended) = (Arc::clone(&respond), Arc::clone(&ended));
-                thread::spawn(move || answer(incoming, respond(&request), &ended));
+                if write_response(&mut stream, &respond(&request)).is_err() {
+                    return;
+                }
             }
         });
-        Self { server, requests, _ends: sender }
+        Self { listener, requests }
     }
 
     /// Where it listens: scheme, address and port.
     pub fn uri(&self) -> String {
-        format!("http://{}", self.server.server_addr())
+        self.listener.uri()
     }
 
     /// Every request so far, in the order of arrival.
@@ -99,41 +136,47 @@ impl MockServer {
     }
 }
 
-impl Drop for MockServer {
-    fn drop(&mut self) {
-        self.server.unblock();
-    }
-}
-
-fn read(incoming: &mut tiny_http::Request) -> Request {
-    let mut body = Vec::new();
-    // A client that was killed sends half a body.
-    let _ = incoming.as_reader().read_to_end(&mut body);
-    let lower = |header: &tiny_http::Header| {
-        (header.field.as_str().as_str().to_ascii_lowercase(), header.value.as_str().to_owned())
+/// Reads a request to the end of its body; `None` if the connection ends before, as that of a killed client does.
+pub fn read_request(stream: &mut TcpStream) -> Option<Request> {
+    let mut bytes = Vec::new();
+    let mut chunk = [0; 1 << 16];
+    let head_length = loop {
+        if let Some(end) = bytes.windows(4).position(|window| window == b"\r\n\r\n") {
+            break end;
+        }
+        read_more(stream, &mut chunk, &mut bytes)?;
     };
-    Request {
-        method: incoming.method().to_string(),
-        url: incoming.url().to_owned(),
-        headers: incoming.headers().iter().map(lower).collect(),
-        body,
+    let mut body = bytes.split_off(head_length + 4);
+    let head = String::from_utf8(bytes).expect("headers are text");
+    let (first, rest) = head.split_once("\r\n").expect("a request line comes first");
+    let mut words = first.split(' ').map(str::to_owned);
+    let (method, url) = (words.next().unwrap(), words.next().unwrap());
+    let header = |line: &str| line.split_once(": ").map(|(name, value)| (name.to_lowercase(), value.to_owned()));
+    let mut request = Request { method, url, headers: rest.lines().filter_map(header).collect(), body: Vec::new() };
+    assert!(request.header("transfer-encoding").is_none(), "gprop sends its bodies whole");
+    let length = request.header("content-length").map_or(0, |length| length.parse().unwrap());
+    while body.len() < length {
+        read_more(stream, &mut chunk, &mut body)?;
     }
+    request.body = body;
+    Some(request)
 }
 
-/// Answers after the delay; not at all if the server ends before.
-fn answer(incoming: tiny_http::Request, response: Response, ended: &Mutex<Receiver<()>>) {
-    if !response.delay.is_zero()
-        && let Ok(ended) = ended.lock()
-        && ended.recv_timeout(response.delay) != Err(RecvTimeoutError::Timeout)
-    {
-        return;
+/// Appends what has come; `None` at the end of the connection.
+fn read_more(stream: &mut TcpStream, chunk: &mut [u8], bytes: &mut Vec<u8>) -> Option<()> {
+    let count = stream.read(chunk).ok().filter(|&count| count > 0)?;
+    bytes.extend_from_slice(&chunk[..count]);
+    Some(())
+}
+
+fn write_response(stream: &mut TcpStream, response: &Response) -> io::Result<()> {
+    // A server that takes its time, or for ever: the thread ends with the tests.
+    thread::sleep(response.delay);
+    let mut bytes = format!("HTTP/1.1 {} of a test\r\ncontent-length: {}\r\n", response.status, response.body.len());
+    for (name, value) in &response.headers {
+        bytes += &format!("{name}: {value}\r\n");
     }
-    let mut reply = tiny_http::Response::from_data(response.body).with_status_code(response.status);
-    for (name, value) in response.headers {
-        reply.add_header(tiny_http::Header::from_bytes(name, value).unwrap());
-    }
-    // A client that was killed hears nothing.
-    let _ = incoming.respond(reply);
+    stream.write_all(&[bytes.as_bytes(), b"\r\n", &response.body].concat())
 }
 
 /// The JSON of a request's body.
