@@ -127,7 +127,7 @@ impl Fit {
         if force_n >= self.force_n[1] {
             return high;
         }
-        // Until there is no number in between.
+        // Until no f64 lies between the two ends.
         loop {
             let middle = 0.5 * (low + high);
             if middle <= low || middle >= high {
