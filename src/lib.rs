@@ -53,6 +53,7 @@ pub mod batch;
 pub mod camera;
 mod cli;
 pub mod config;
+pub mod consensus;
 pub mod error;
 pub mod evaluate;
 pub mod exit;

@@ -17,6 +17,8 @@ mod materials;
 mod query;
 // Rasteriser, depth maps, spherical harmonics.
 mod render;
+// The parts on which views agree.
+mod consensus;
 // Depth test, ballots, tally.
 mod vote;
 // Volume, thickness, mass against closed forms and ground truth.

@@ -349,6 +349,18 @@ pub enum Evaluate {
         #[command(flatten)]
         setup: Box<setup::Options>,
     },
+    /// Find the parts of scenes with true part maps, and compare them with the true parts in views that were not segmented.
+    Parts {
+        /// Scene folders with SCENE/ground_truth/part_maps/VIEW.png: 8-bit part numbers, 255 for no part.
+        #[arg(required = true)]
+        scenes: Vec<PathBuf>,
+        #[command(flatten)]
+        scene: Box<crate::scene::Options>,
+        #[command(flatten)]
+        segment: Box<crate::segment::Options>,
+        #[command(flatten)]
+        setup: Box<setup::Options>,
+    },
     /// Compare masses with true ones: ADE, ALDE, APE, MnRE as NeRF2Physics computes them, and PRA.
     Mass {
         /// Scene folders with results of `gprop run` and with `ground_truth/parts.json`.

@@ -2,12 +2,13 @@
 //!
 //! In order: [`mod@project`] turns Gaussians into 2D splats, [`tiles`] sorts them front to back and bins them,
 //! [`blend`] passes the weight of every splat on every pixel to a [`Sink`]: [`color`] sums colour, alpha and depth,
-//! [`labels`] finds the label that owns a pixel, [`depth_test`] the surface and the Gaussians on it. [`sh`] and
+//! [`labels`] finds the label that owns a pixel, [`contributions`](fn@contributions) how much the pixels of each label see of each Gaussian, [`depth_test`] the surface and the Gaussians on it. [`sh`] and
 //! [`sh_rotation`] evaluate and rotate spherical harmonics. The same input gives the same bytes on any number of
 //! threads: every sum belongs to one tile, and a tile is always blended in the same order.
 
 mod blend;
 mod color;
+mod contributions;
 pub mod depth_test;
 mod labels;
 mod project;
@@ -22,6 +23,7 @@ use crate::camera::Camera;
 use crate::scene::gaussians::Gaussians;
 pub use blend::{ALPHA_MAX, LANES, Sink, TRANSMITTANCE_MIN, TileRect};
 use color::ColorSink;
+pub use contributions::contributions;
 use labels::LabelSink;
 use project::Projector;
 pub use project::{ALPHA_MIN, LOW_PASS_PX2, SURFACE_DEVIATIONS, Splat};

@@ -1,6 +1,7 @@
 //! Chooses the grid points that are worth a prompt: those on the foreground. Every other row and column comes first,
 //! then the points between them, unless the mask of a neighbouring prompt already covers them.
 
+use super::Level;
 use super::candidate::Candidate;
 use super::mask::Mask;
 
@@ -18,6 +19,8 @@ pub struct Adaptive<'a> {
     pub foreground: &'a Mask,
     /// A mask that covers this share of the foreground is the whole object, which explains nothing about its segments.
     pub whole_object: f64,
+    /// Masks of other levels explain nothing: a coarse one may cover details that were not prompted yet.
+    pub level: Level,
 }
 
 impl Adaptive<'_> {
@@ -30,7 +33,8 @@ impl Adaptive<'_> {
     /// True if a mask says something about the pixels in it.
     fn explains(&self, candidate: &Candidate) -> bool {
         let on_foreground = candidate.mask.overlap(self.foreground) as f64;
-        on_foreground >= LEAST_SHARE_ON_FOREGROUND * candidate.mask.area() as f64
+        candidate.level == self.level
+            && on_foreground >= LEAST_SHARE_ON_FOREGROUND * candidate.mask.area() as f64
             && on_foreground < self.whole_object * self.foreground.area() as f64
     }
 }
@@ -59,7 +63,6 @@ pub fn neighbours(index: usize, per_side: usize) -> impl Iterator<Item = usize> 
 
 #[cfg(test)]
 mod tests {
-    use super::super::Level;
     use super::super::mask::Rect;
     use super::*;
 
@@ -96,7 +99,7 @@ mod tests {
     #[test]
     fn what_a_neighbours_mask_covers_is_not_asked_again() {
         let foreground = columns(10, 60);
-        let adaptive = Adaptive { foreground: &foreground, whole_object: 0.9 };
+        let adaptive = Adaptive { foreground: &foreground, whole_object: 0.9, level: Level::Middle };
         let worth = |x, masks: &[&[Candidate]]| adaptive.is_worth_asking(x, 5, masks);
         let segment = [candidate(20, 40)];
         assert!(!worth(30, &[&segment, &[]]));

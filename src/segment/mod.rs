@@ -29,6 +29,7 @@ pub mod regions;
 pub mod resize;
 pub mod sam;
 mod segmenter;
+pub mod tree;
 pub mod upsample;
 mod views;
 

@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use image::{GrayImage, RgbImage};
+use image::GrayImage;
 
 use super::adaptive::Adaptive;
 use super::automatic::Request;
@@ -14,7 +14,8 @@ use super::options::{DecoderRuntime, Options, PointPrompts};
 use super::paint::paint;
 use super::resize::cropped;
 use super::sam::Sam;
-use super::{LabelMap, ViewSegments};
+use super::tree::{SegmentTree, tree};
+use super::{LabelMap, Level, ViewSegments};
 use crate::scene::Photo;
 use crate::setup::ModelFiles;
 
@@ -54,48 +55,66 @@ impl Segmenter {
         options: &Options,
         observer: &dyn Observer,
     ) -> Result<ViewSegments, SegmentError> {
-        let (width, height) = photo.rgb.dimensions();
         let foreground = mask_of(&photo.foreground);
-        let (map, segments) = match foreground.bounds() {
-            Some(bounds) => {
-                let candidates = self.candidates(&photo.rgb, &foreground, &bounds, options, observer)?;
-                paint(&candidates, &foreground, options)
-            }
+        let (width, height) = (foreground.width(), foreground.height());
+        let (map, segments) = match self.masks(photo, &[options.level], options, observer)?.pop() {
+            Some(masks) => paint(&masks, &foreground, options),
             None => (LabelMap { width, height, labels: vec![0; width as usize * height as usize] }, Vec::new()),
         };
         Ok(ViewSegments { view: view.to_owned(), map, segments })
     }
 
-    /// SAM's masks of one level, found in the foreground's bounding box with its margin, at the photo's size.
-    fn candidates(
+    /// The segments of one photo at all levels, nested. Runs on the ambient rayon pool; the result does not depend on its
+    /// size.
+    pub fn segment_tree(
         &self,
-        photo: &RgbImage,
-        foreground: &Mask,
-        bounds: &Rect,
+        photo: &Photo,
         options: &Options,
         observer: &dyn Observer,
-    ) -> Result<Vec<Candidate>, SegmentError> {
-        let (width, height) = photo.dimensions();
+    ) -> Result<SegmentTree, SegmentError> {
+        let masks = self.masks(photo, &[Level::Small, Level::Middle, Level::Large], options, observer)?;
+        Ok(tree(&masks, &mask_of(&photo.foreground), options))
+    }
+
+    /// SAM's masks of each of the levels, found in the foreground's bounding box with its margin, at the photo's size.
+    /// Masks of one level are without duplicates. Nothing at all if the photo has no foreground.
+    ///
+    /// Adaptive prompts are led by the masks of the first level.
+    pub fn masks(
+        &self,
+        photo: &Photo,
+        levels: &[Level],
+        options: &Options,
+        observer: &dyn Observer,
+    ) -> Result<Vec<Vec<Candidate>>, SegmentError> {
+        let (width, height) = photo.rgb.dimensions();
+        let foreground = mask_of(&photo.foreground);
+        let (Some(bounds), Some(&level)) = (foreground.bounds(), levels.first()) else { return Ok(Vec::new()) };
         let region = if options.selection.crop_to_foreground {
-            with_margin(bounds, options.selection.crop_margin, width, height)
+            with_margin(&bounds, options.selection.crop_margin, width, height)
         } else {
             Rect::of_size(width, height)
         };
         let object = foreground.cropped(&region);
         let request = Request {
-            picture: &cropped(photo, &region),
-            adaptive: (options.point_prompts == PointPrompts::Adaptive)
-                .then_some(Adaptive { foreground: &object, whole_object: options.selection.whole_object }),
-            levels: &[options.level],
+            picture: &cropped(&photo.rgb, &region),
+            adaptive: (options.point_prompts == PointPrompts::Adaptive).then_some(Adaptive {
+                foreground: &object,
+                whole_object: options.selection.whole_object,
+                level,
+            }),
+            levels,
             options: &options.generator,
             observer,
         };
-        let found = request.run(&self.sam)?.distinct(Some(options.level), &options.generator);
+        let found = request.run(&self.sam)?;
         let in_photo = |found: Candidate| {
             let mask = found.mask.placed(region.x0, region.y0, width, height);
             Candidate { bounds: mask.bounds().unwrap_or(found.bounds), mask, ..found }
         };
-        Ok(found.into_iter().map(in_photo).collect())
+        let of_level =
+            |&level: &Level| found.distinct(Some(level), &options.generator).into_iter().map(in_photo).collect();
+        Ok(levels.iter().map(of_level).collect())
     }
 }
 

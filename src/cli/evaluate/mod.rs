@@ -1,5 +1,6 @@
 //! `gprop evaluate`: reads files and scenes, computes measures and prints them.
 
+mod parts;
 mod segmentation;
 
 use std::fs;
@@ -43,6 +44,7 @@ pub fn evaluate(global: &Global, what: &Evaluate) -> anyhow::Result<()> {
             segmentation::evaluate(global, scenes, truth, *labels, out.as_deref())
         }
         Evaluate::Prompts { scenes, scene, segment, setup } => evaluate_prompts(global, scenes, scene, segment, setup),
+        Evaluate::Parts { scenes, scene, segment, setup } => parts::evaluate(global, scenes, scene, segment, setup),
         Evaluate::Masks { image, reference, setup } => evaluate_masks(global, image, reference, setup),
         Evaluate::Mass { predictions: Some(predictions), truth: Some(truth), .. } => {
             let found = mass::evaluate(mass::from_json(predictions, truth)?)?;
@@ -221,14 +223,7 @@ fn evaluate_prompts(
     for folder in scenes {
         let scene = scene::load(folder, options)?;
         let true_view = |view: scene::View| -> anyhow::Result<prompts::TrueView> {
-            let path = folder.join("ground_truth/part_maps").join(format!("{}.png", view.name));
-            check_truth(&path, &options.read_scope(folder))?;
-            let parts = read_picture(&path).map_err(|error| UsageError(format!("{path:?}: {error}")))?.into_luma8();
-            let size = (view.camera.intrinsics.width, view.camera.intrinsics.height);
-            if parts.dimensions() != size {
-                let map = parts.dimensions();
-                return Err(EvaluateError::MapSize { path, map, view: view.name, picture: size }.into());
-            }
+            let parts = true_parts(folder, &view, options)?;
             Ok(prompts::TrueView { photo: photo_with_foreground(&scene, &view)?, name: view.name, parts })
         };
         let views: Vec<_> = scene.chosen_views(options)?.into_iter().map(true_view).collect::<anyhow::Result<_>>()?;
@@ -263,6 +258,23 @@ fn evaluate_prompts(
         }
         text
     })
+}
+
+/// The true part map of a view.
+fn true_parts(folder: &Path, view: &scene::View, options: &scene::Options) -> anyhow::Result<image::GrayImage> {
+    let path = true_map(folder, view);
+    check_truth(&path, &options.read_scope(folder))?;
+    let parts = read_picture(&path).map_err(|error| UsageError(format!("{path:?}: {error}")))?.into_luma8();
+    let picture = (view.camera.intrinsics.width, view.camera.intrinsics.height);
+    if parts.dimensions() != picture {
+        let map = parts.dimensions();
+        return Err(EvaluateError::MapSize { path, map, view: view.name.clone(), picture }.into());
+    }
+    Ok(parts)
+}
+
+fn true_map(folder: &Path, view: &scene::View) -> PathBuf {
+    folder.join("ground_truth/part_maps").join(format!("{}.png", view.name))
 }
 
 /// A picture in a file whose first bytes tell the format.

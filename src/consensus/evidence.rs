@@ -1,0 +1,90 @@
+//! Which pairs of Gaussians the views keep apart.
+
+use rayon::prelude::*;
+
+use super::linkage::Border;
+use super::membership::{Membership, Share};
+use super::neighbors::Pairs;
+use crate::segment::tree::SegmentTree;
+
+/// A view of which a Gaussian of the pair shows less, in pixels of light, does not count.
+const LEAST_LIGHT: f32 = 0.3;
+
+/// What the views say of each pair.
+pub(super) struct Evidence {
+    sums: Vec<Sums>,
+}
+
+#[derive(Debug, Clone, Copy, Default)]
+struct Sums {
+    /// Sum over the views that see both: the difference in membership times the view's weight.
+    split: f32,
+    weight: f32,
+}
+
+impl Evidence {
+    pub fn new(pairs: &Pairs) -> Self {
+        Self { sums: vec![Sums::default(); pairs.pairs.len()] }
+    }
+
+    /// Adds one view. It weighs as the square root of the light of the Gaussian of which it shows less.
+    pub fn add(&mut self, pairs: &Pairs, membership: &Membership, tree: &SegmentTree) {
+        self.sums.par_iter_mut().zip(&pairs.pairs).for_each(|(sums, &(a, b))| {
+            let (a, b) = (membership.of(a as usize), membership.of(b as usize));
+            let (of_a, of_b) = (light(a), light(b));
+            let light = of_a.min(of_b);
+            if light > LEAST_LIGHT {
+                sums.split += light.sqrt() * difference(a, of_a, b, of_b, tree);
+                sums.weight += light.sqrt();
+            }
+        });
+    }
+
+    /// Every pair as the border of its two Gaussians; pairs that no view sees are left out.
+    pub fn borders(&self, pairs: &Pairs, angles_deg: &[f32]) -> Vec<(u32, u32, Border)> {
+        let border = |(((&(a, b), &is_far), sums), &angle): (((&(u32, u32), &bool), &Sums), &f32)| {
+            (sums.weight > 0.0).then(|| {
+                let far = f64::from(u8::from(is_far));
+                let near = u32::from(!is_far);
+                let angle_deg = far * f64::from(angle);
+                let (split, weight) = (f64::from(sums.split), f64::from(sums.weight));
+                (a, b, Border { split, weight, angle_deg, angles: far, near })
+            })
+        };
+        pairs.pairs.iter().zip(&pairs.is_far).zip(&self.sums).zip(angles_deg).filter_map(border).collect()
+    }
+}
+
+fn light(shares: &[Share]) -> f32 {
+    shares.iter().map(|share| share.light).sum()
+}
+
+/// The largest difference, over all segments of the view, between the shares of light that the two have in it.
+fn difference(a: &[Share], of_a: f32, b: &[Share], of_b: f32, tree: &SegmentTree) -> f32 {
+    if let ([a], [b]) = (a, b)
+        && a.segment == b.segment
+    {
+        return 0.0;
+    }
+    // Differences by segment; a segment's parent has a lower number, so that each is complete when its turn comes.
+    let mut open: Vec<(u16, f32)> = Vec::with_capacity(a.len() + b.len() + 4);
+    let add = |open: &mut Vec<(u16, f32)>, segment: u16, value: f32| match open
+        .iter_mut()
+        .find(|(other, _)| *other == segment)
+    {
+        Some((_, sum)) => *sum += value,
+        None => open.push((segment, value)),
+    };
+    a.iter().for_each(|share| add(&mut open, share.segment, share.light / of_a));
+    b.iter().for_each(|share| add(&mut open, share.segment, -share.light / of_b));
+    let mut largest = 0.0f32;
+    while let Some(last) = (0..open.len()).max_by_key(|&n| open[n].0) {
+        let (segment, value) = open.swap_remove(last);
+        if segment == 0 {
+            break;
+        }
+        largest = largest.max(value.abs());
+        add(&mut open, tree.parent(segment), value);
+    }
+    largest
+}

@@ -1,0 +1,43 @@
+//! How much of every Gaussian's light each segment of one view shows.
+
+use super::ViewTree;
+use crate::render::{Projected, RenderOptions, contributions};
+use crate::scene::gaussians::Gaussians;
+
+/// The light of one Gaussian in one segment.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) struct Share {
+    /// The smallest segment; 0 for pixels without one.
+    pub segment: u16,
+    /// Pixels of light.
+    pub light: f32,
+}
+
+/// The Gaussians that one view sees.
+pub(super) struct Membership {
+    /// Gaussian `i` has `shares[starts[i]..starts[i + 1]]`, by segment.
+    starts: Vec<u32>,
+    shares: Vec<Share>,
+}
+
+impl Membership {
+    pub fn new(gaussians: &Gaussians, view: &ViewTree) -> Self {
+        let projected = Projected::new(gaussians, view.camera, &RenderOptions::default());
+        let found = contributions(gaussians.len(), projected, &view.tree.map.labels, Some);
+        let mut starts = vec![0u32; gaussians.len() + 1];
+        found.iter().for_each(|(gaussian, ..)| starts[*gaussian as usize + 1] += 1);
+        for i in 0..gaussians.len() {
+            starts[i + 1] += starts[i];
+        }
+        Self { starts, shares: found.into_iter().map(|(_, segment, light)| Share { segment, light }).collect() }
+    }
+
+    pub fn of(&self, i: usize) -> &[Share] {
+        &self.shares[self.starts[i] as usize..self.starts[i + 1] as usize]
+    }
+
+    /// The light of every Gaussian in the view, in pixels.
+    pub fn light(&self) -> impl Iterator<Item = f32> {
+        (0..self.starts.len() - 1).map(|i| self.of(i).iter().map(|share| share.light).sum())
+    }
+}

@@ -1,0 +1,43 @@
+//! Pairs of Gaussians that are compared.
+
+use rayon::prelude::*;
+
+use crate::scene::gaussians::Gaussians;
+use crate::scene::nearest::Nearest;
+
+/// Number of nearest neighbours of each Gaussian.
+const NEAR: usize = 8;
+/// Ranks among a Gaussian's neighbours of those that lie a few Gaussians away. On a border, Gaussians have light on
+/// either side; these pairs reach across.
+const FAR: [usize; 8] = [13, 18, 23, 28, 33, 38, 43, 48];
+
+/// Pairs of Gaussians, each once.
+pub(super) struct Pairs {
+    /// Sorted; the lower index first.
+    pub pairs: Vec<(u32, u32)>,
+    /// True for pairs that are not nearest neighbours of one another.
+    pub is_far: Vec<bool>,
+}
+
+impl Pairs {
+    /// The pairs of the Gaussians in `seen`.
+    pub fn new(gaussians: &Gaussians, seen: &[u32]) -> Self {
+        let position = |&i: &u32| gaussians.positions[i as usize];
+        let nearest = Nearest::new(seen.iter().map(position));
+        let last = FAR[FAR.len() - 1];
+        let of_one = |i: &u32| {
+            let found = nearest.find(position(i), last + 1);
+            let others = found.into_iter().map(|(_, n)| seen[n as usize]).filter(|other| other != i);
+            let ranked = (1usize..).zip(others).filter(|(rank, _)| *rank <= NEAR || FAR.contains(rank));
+            ranked.map(|(rank, other)| (*i.min(&other), *i.max(&other), rank > NEAR)).collect::<Vec<_>>()
+        };
+        let mut all: Vec<(u32, u32, bool)> = seen.par_iter().flat_map_iter(of_one).collect();
+        // A pair that is near from one side is near.
+        all.par_sort_unstable();
+        all.dedup_by_key(|pair| (pair.0, pair.1));
+        Self {
+            pairs: all.iter().map(|&(a, b, _)| (a, b)).collect(),
+            is_far: all.iter().map(|&(.., is_far)| is_far).collect(),
+        }
+    }
+}

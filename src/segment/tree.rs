@@ -1,0 +1,210 @@
+//! The masks of all three levels of one view as a tree: which segment lies in which.
+//!
+//! SAM's masks overlap as they like. [`tree`] makes them nested: masks are painted from large to small, so that every
+//! pixel belongs to the smallest segment that covers it, and to all segments in which that one lies.
+
+use super::LabelMap;
+use super::Segment;
+use super::candidate::Candidate;
+use super::mask::Mask;
+use super::options::Options;
+
+/// A mask with a smaller share of its area on the foreground belongs to the background.
+const LEAST_SHARE_ON_FOREGROUND: f64 = 0.5;
+/// Two masks with a larger IoU are the same segment, found at two levels or from two prompts.
+const SAME_SEGMENT_IOU: f64 = 0.85;
+/// A mask with a larger share of the foreground is the whole object. One with less may still tell a small part from the
+/// rest.
+const WHOLE_OBJECT_SHARE: f64 = 0.95;
+/// A mask lies in another that covers at least this share of it.
+const INSIDE_SHARE: f64 = 0.8;
+/// A segment of which fewer pixels are left after painting is dropped: its pixels go to the segment that it lies in.
+const LEAST_AREA: u64 = 60;
+
+/// The nested segments of one view.
+#[derive(Debug, Clone, PartialEq)]
+pub struct SegmentTree {
+    /// The smallest segment that covers each pixel; 0 if none does.
+    pub map: LabelMap,
+    /// By ascending id, from 1. Areas and boxes include the segments inside.
+    pub segments: Vec<Segment>,
+    /// The segment in which each of them lies, which has a lower id; 0 if it lies in none.
+    pub parents: Vec<u16>,
+}
+
+impl SegmentTree {
+    /// The segment that `id` lies in; 0 if it lies in none, and for 0.
+    pub fn parent(&self, id: u16) -> u16 {
+        usize::from(id).checked_sub(1).map_or(0, |index| self.parents[index])
+    }
+
+    /// A flat label map as a tree in which no segment lies in another.
+    pub fn flat(map: LabelMap, segments: Vec<Segment>) -> Self {
+        Self { map, parents: vec![0; segments.len()], segments }
+    }
+}
+
+/// A mask on the foreground that is a segment.
+struct Layer<'a> {
+    mask: Mask,
+    area: u64,
+    found: &'a Candidate,
+}
+
+/// Nests the masks of all levels. Masks and `foreground` must have the same size. Pixels off the foreground and pixels
+/// that no mask covers have no segment; neither does the object as a whole.
+pub fn tree(candidates: &[Vec<Candidate>], foreground: &Mask, options: &Options) -> SegmentTree {
+    let layers = layers(candidates, foreground, options);
+    let mut parents: Vec<usize> = Vec::with_capacity(layers.len());
+    for (n, layer) in layers.iter().enumerate() {
+        let holds = |outer: &Layer| layer.mask.overlap(&outer.mask) as f64 >= INSIDE_SHARE * layer.area as f64;
+        // The last one is the smallest.
+        parents.push(layers[..n].iter().rposition(holds).map_or(0, |outer| outer + 1));
+    }
+    let (width, height) = (foreground.width(), foreground.height());
+    let mut owner = vec![0usize; width as usize * height as usize];
+    for (n, layer) in layers.iter().enumerate() {
+        for y in 0..height {
+            let row = &mut owner[y as usize * width as usize..][..width as usize];
+            layer.mask.row(y).iter().for_each(|&(start, end)| row[start as usize..end as usize].fill(n + 1));
+        }
+    }
+    let mut areas = vec![0u64; layers.len() + 1];
+    owner.iter().for_each(|&n| areas[n] += 1);
+    for n in (1..=layers.len()).rev() {
+        areas[parents[n - 1]] += areas[n];
+    }
+    numbered(&layers, &parents, &areas, &owner, (width, height))
+}
+
+/// The tree without the segments of which too little is left.
+fn numbered(
+    layers: &[Layer],
+    parents: &[usize],
+    areas: &[u64],
+    owner: &[usize],
+    (width, height): (u32, u32),
+) -> SegmentTree {
+    let mut id = vec![0u16; layers.len() + 1];
+    let mut found =
+        SegmentTree { map: LabelMap { width, height, labels: Vec::new() }, segments: vec![], parents: vec![] };
+    for (n, layer) in (1..).zip(layers) {
+        let parent = id[parents[n - 1]];
+        if areas[n] < LEAST_AREA {
+            id[n] = parent;
+            continue;
+        }
+        id[n] = u16::try_from(found.segments.len() + 1).expect("SAM is not asked often enough for 65,535 segments");
+        found.parents.push(parent);
+        found.segments.push(Segment {
+            id: id[n],
+            area: areas[n] as u32,
+            bbox: [0; 4],
+            predicted_iou: layer.found.predicted_iou,
+            stability_score: layer.found.stability,
+            level: layer.found.level,
+        });
+    }
+    found.map.labels = owner.iter().map(|&n| id[n]).collect();
+    let mut corners = vec![[u32::MAX, u32::MAX, 0, 0]; found.segments.len() + 1];
+    for (index, &label) in found.map.labels.iter().enumerate().filter(|(_, label)| **label > 0) {
+        let (x, y) = (index as u32 % width, index as u32 / width);
+        let of = &mut corners[usize::from(label)];
+        *of = [of[0].min(x), of[1].min(y), of[2].max(x + 1), of[3].max(y + 1)];
+    }
+    for n in (1..=found.segments.len()).rev() {
+        let ([x0, y0, x1, y1], of) = (corners[n], usize::from(found.parents[n - 1]));
+        let outer = corners[of];
+        corners[of] = [outer[0].min(x0), outer[1].min(y0), outer[2].max(x1), outer[3].max(y1)];
+        found.segments[n - 1].bbox = [x0, y0, x1 - x0, y1 - y0];
+    }
+    found
+}
+
+/// The masks that are segments, clipped to the foreground, each once, from large to small.
+fn layers<'a>(candidates: &'a [Vec<Candidate>], foreground: &Mask, options: &Options) -> Vec<Layer<'a>> {
+    let object_area = foreground.area() as f64;
+    let min_area = u64::from(options.generator.min_region_area).max(LEAST_AREA);
+    let on_object = |found: &'a Candidate| {
+        let mask = found.mask.intersected(foreground);
+        let area = mask.area();
+        let is_segment = area >= min_area
+            && area as f64 >= LEAST_SHARE_ON_FOREGROUND * found.mask.area() as f64
+            && (area as f64) < WHOLE_OBJECT_SHARE * object_area;
+        is_segment.then_some(Layer { mask, area, found })
+    };
+    let mut all: Vec<Layer> = candidates.iter().flatten().filter_map(on_object).collect();
+    let score = |layer: &Layer| layer.found.predicted_iou * layer.found.stability;
+    all.sort_by(|a, b| score(b).total_cmp(&score(a)));
+    let mut distinct: Vec<Layer> = Vec::new();
+    for layer in all {
+        if distinct.iter().all(|other| layer.mask.iou(&other.mask) <= SAME_SEGMENT_IOU) {
+            distinct.push(layer);
+        }
+    }
+    distinct.sort_by_key(|layer| std::cmp::Reverse(layer.area));
+    distinct
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::Level;
+    use super::super::mask::Rect;
+    use super::*;
+
+    /// Columns `start..end` of a picture 100 x 10.
+    fn columns(start: u32, end: u32) -> Mask {
+        Mask::from_fn(100, 10, |x, _| (start..end).contains(&x))
+    }
+
+    fn candidate((start, end): (u32, u32), level: Level) -> Candidate {
+        let mask = columns(start, end);
+        Candidate {
+            bounds: mask.bounds().unwrap(),
+            predicted_iou: 0.9,
+            stability: 0.95,
+            level,
+            point: [0.0, 0.0],
+            crop: Rect::of_size(100, 10),
+            mask,
+        }
+    }
+
+    fn nested(small: &[(u32, u32)], large: &[(u32, u32)]) -> SegmentTree {
+        let of = |spans: &[(u32, u32)], level| spans.iter().map(|&span| candidate(span, level)).collect();
+        let mut options = Options::default();
+        options.generator.min_region_area = 0;
+        tree(&[of(small, Level::Small), of(large, Level::Large)], &columns(0, 90), &options)
+    }
+
+    #[test]
+    fn a_segment_lies_in_the_smallest_one_around_it() {
+        let tree = nested(&[(10, 30), (50, 60)], &[(0, 40), (5, 35)]);
+        assert_eq!(tree.parents, [0, 1, 2, 0]);
+        let at = |x: u32| tree.map.at(x, 0);
+        assert_eq!([at(2), at(7), at(20), at(55), at(45), at(95)], [1, 2, 3, 4, 0, 0]);
+        assert_eq!(tree.segments[0].area, 400, "with what lies inside");
+        assert_eq!((tree.segments[1].bbox, tree.segments[3].bbox), ([5, 0, 30, 10], [50, 0, 10, 10]));
+        assert_eq!((tree.segments[2].level, tree.parent(3), tree.parent(0)), (Level::Small, 2, 0));
+    }
+
+    #[test]
+    fn one_segment_found_at_two_levels_is_one() {
+        assert_eq!(nested(&[(10, 40)], &[(10, 41)]).parents, [0]);
+    }
+
+    #[test]
+    fn the_object_and_its_background_are_no_segments() {
+        // The first covers nearly all of the foreground, columns 0 to 90; the second is mostly off it.
+        assert!(nested(&[], &[(0, 88), (85, 100)]).segments.is_empty());
+    }
+
+    #[test]
+    fn a_segment_that_others_cover_goes_to_the_one_around_it() {
+        // Columns 20 to 34 are all but covered by two halves, which do not lie in it.
+        let tree = nested(&[(10, 28), (28, 44)], &[(5, 50), (20, 38)]);
+        assert_eq!(tree.segments.len(), tree.parents.len());
+        assert!(tree.map.labels.iter().all(|&label| usize::from(label) <= tree.segments.len()));
+        assert!(tree.parents.iter().enumerate().all(|(n, &parent)| usize::from(parent) <= n));
+    }
+}

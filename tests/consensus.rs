@@ -1,0 +1,156 @@
+//! The parts that views agree on, from segments drawn by hand.
+
+use gprop::camera::{Camera, Intrinsics};
+use gprop::consensus::{Parts, ViewTree, find};
+use gprop::progress::Progress;
+use gprop::render::{RenderOptions, render_labels};
+use gprop::scene::gaussians::Gaussians;
+use gprop::segment::tree::SegmentTree;
+use gprop::segment::{LabelMap, Level, Segment};
+
+use crate::vote::build::{Blob, camera_at, cloud};
+
+const BOARD: u32 = 1;
+const PLATE: u32 = 2;
+
+/// A board of one by one with a plate of a third by a third on it, `height` above it, with upright sides: flat
+/// Gaussians every 0.02, and what each belongs to.
+fn board_with_plate(height: f32) -> (Gaussians, Vec<u32>) {
+    let (mut blobs, mut labels) = (Vec::new(), Vec::new());
+    let flat = |position, axis: usize| {
+        let mut blob = Blob::round(position, 0.012, 0.95);
+        blob.scale[axis] = 0.001;
+        blob
+    };
+    let steps = |from: i32, to: i32| (from..=to).map(|n| n as f32 * 0.02);
+    for x in steps(-25, 25) {
+        for y in steps(-25, 25) {
+            let on_plate = x.abs() < 0.165 && y.abs() < 0.165;
+            blobs.push(flat([x, y, if on_plate { height } else { 0.0 }], 2));
+            labels.push(if on_plate { PLATE } else { BOARD });
+        }
+    }
+    for along in steps(-8, 8) {
+        for z in steps(0, (height / 0.02) as i32) {
+            for side in [-0.17, 0.17] {
+                blobs.push(flat([side, along, z], 0));
+                blobs.push(flat([along, side, z], 1));
+                labels.extend([PLATE; 2]);
+            }
+        }
+    }
+    (cloud(&blobs), labels)
+}
+
+fn cameras(count: usize) -> Vec<Camera> {
+    let around = (0..count).map(|n| {
+        let angle = n as f64 / count as f64 * std::f64::consts::TAU;
+        let camera = camera_at([1.2 * angle.cos(), 1.2 * angle.sin(), 1.3], [0.0; 3]);
+        let intrinsics =
+            Intrinsics { width: 192, height: 144, fx: 150.0, fy: 150.0, cx: 96.0, cy: 72.0, ..camera.intrinsics };
+        Camera { intrinsics, ..camera }
+    });
+    around.collect()
+}
+
+fn flat_tree(camera: &Camera, labels: Vec<u16>) -> SegmentTree {
+    let (width, height) = (camera.intrinsics.width, camera.intrinsics.height);
+    let last = labels.iter().copied().max().unwrap_or(0);
+    let segment =
+        |id| Segment { id, area: 1, bbox: [0, 0, 1, 1], predicted_iou: 0.9, stability_score: 0.9, level: Level::Small };
+    SegmentTree::flat(LabelMap { width, height, labels }, (1..=last).map(segment).collect())
+}
+
+/// What a view shows of the labels; 0 off the object.
+fn seen(gaussians: &Gaussians, camera: &Camera, labels: &[u32]) -> Vec<u16> {
+    let drawn = render_labels(gaussians, camera, labels, &RenderOptions::default());
+    drawn.into_iter().map(|label| label.map_or(0, |label| label as u16)).collect()
+}
+
+fn found(gaussians: &Gaussians, cameras: &[Camera], trees: &[SegmentTree]) -> Parts {
+    let views: Vec<_> = cameras.iter().zip(trees).map(|(camera, tree)| ViewTree { camera, tree }).collect();
+    find(gaussians, &views, Progress::Hidden)
+}
+
+fn parts(parts: &Parts) -> usize {
+    parts.light.len()
+}
+
+/// Share of the Gaussians of `label` that are in the part in which most of them are.
+fn purity(parts: &Parts, labels: &[u32], label: u32) -> (u32, f64) {
+    let of_label = || parts.part_of_gaussian.iter().zip(labels).filter(|(_, of)| **of == label).map(|(part, _)| *part);
+    let count = |part: u32| of_label().filter(|other| *other == part).count();
+    let most = (0..parts.light.len() as u32).max_by_key(|&part| count(part)).unwrap();
+    (most, count(most) as f64 / of_label().count() as f64)
+}
+
+#[test]
+fn a_plate_that_half_of_the_views_take_for_the_board_is_a_part() {
+    let (gaussians, labels) = board_with_plate(0.1);
+    let cameras = cameras(8);
+    let trees: Vec<_> = (0..).zip(&cameras).map(|(n, camera)| {
+        let map = seen(&gaussians, camera, &labels);
+        flat_tree(camera, if n % 2 == 0 { map } else { map.into_iter().map(|label| label.min(1)).collect() })
+    });
+    let trees: Vec<_> = trees.collect();
+    let result = found(&gaussians, &cameras, &trees);
+    let (plate, board) = (purity(&result, &labels, PLATE), purity(&result, &labels, BOARD));
+    assert_eq!(parts(&result), 2, "{:?} {:?}", result.light, result.separation);
+    assert!(plate.0 != board.0 && plate.1 > 0.95 && board.1 > 0.95, "{plate:?} {board:?}");
+    assert!(result.separation.iter().all(|&share| (0.25..0.6).contains(&share)), "half: {:?}", result.separation);
+}
+
+#[test]
+fn print_is_not_a_part() {
+    let (gaussians, labels) = board_with_plate(0.0);
+    let cameras = cameras(8);
+    let trees: Vec<_> = cameras.iter().map(|camera| flat_tree(camera, seen(&gaussians, camera, &labels))).collect();
+    assert_eq!(parts(&found(&gaussians, &cameras, &trees)), 1, "every view cuts it out, but the surface is one");
+}
+
+#[test]
+fn what_one_view_cuts_is_not_a_part() {
+    let (gaussians, labels) = board_with_plate(0.1);
+    let cameras = cameras(8);
+    let trees: Vec<_> = (0..).zip(&cameras).map(|(n, camera)| {
+        let map = seen(&gaussians, camera, &labels).into_iter();
+        flat_tree(camera, map.map(|label| if n == 3 { label } else { label.min(1) }).collect())
+    });
+    assert_eq!(parts(&found(&gaussians, &cameras, &trees.collect::<Vec<_>>())), 1);
+}
+
+#[test]
+fn a_segment_within_another_counts_as_a_segment() {
+    let (gaussians, labels) = board_with_plate(0.1);
+    let cameras = cameras(6);
+    let trees: Vec<_> = cameras.iter().map(|camera| {
+        let mut tree = flat_tree(camera, seen(&gaussians, camera, &labels));
+        tree.parents = vec![0, 1];
+        tree
+    });
+    assert_eq!(parts(&found(&gaussians, &cameras, &trees.collect::<Vec<_>>())), 2);
+}
+
+#[test]
+fn without_views_or_segments_the_object_is_one_part() {
+    let (gaussians, _) = board_with_plate(0.1);
+    let nothing = found(&gaussians, &[], &[]);
+    assert_eq!((parts(&nothing), nothing.part_of_gaussian.len()), (1, gaussians.len()));
+    let cameras = cameras(3);
+    let trees: Vec<_> = cameras.iter().map(|camera| flat_tree(camera, vec![0; 192 * 144])).collect();
+    let one = found(&gaussians, &cameras, &trees);
+    assert_eq!((parts(&one), one.separation[0]), (1, 1.0));
+    assert_eq!(found(&Gaussians::default(), &[], &[]).part_of_gaussian, []);
+}
+
+#[test]
+fn parts_do_not_depend_on_the_number_of_threads() {
+    let (gaussians, labels) = board_with_plate(0.1);
+    let cameras = cameras(5);
+    let trees: Vec<_> = cameras.iter().map(|camera| flat_tree(camera, seen(&gaussians, camera, &labels))).collect();
+    let on = |threads| {
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
+        pool.install(|| found(&gaussians, &cameras, &trees))
+    };
+    assert_eq!(on(1), on(7));
+}
