@@ -63,6 +63,7 @@ pub mod from_splat;
 pub mod grasp;
 pub mod inspect;
 pub mod materials;
+pub mod npy;
 pub mod npz;
 pub mod numeric;
 pub mod output;

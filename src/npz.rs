@@ -1,11 +1,12 @@
-//! NumPy arrays, and archives of them (NPZ): a ZIP of arrays.
+//! NumPy's archives of arrays (NPZ): a ZIP of arrays.
 
 use std::io::{self, Cursor, Read, Write};
 
-use npyz::{NpyFile, WriterBuilder};
 use thiserror::Error;
 use zip::write::{SimpleFileOptions, StreamWriter};
 use zip::{CompressionMethod, ZipArchive, ZipWriter};
+
+use crate::npy::{NpyArray, NpyError, Number, write_npy};
 
 /// Most bytes of one array: a reference trajectory has some hundred megabytes. An array that unpacks to more was made
 /// to exhaust the memory.
@@ -17,7 +18,9 @@ pub enum NpzError {
     #[error("it is not a NumPy archive ({0})")]
     Archive(#[from] zip::result::ZipError),
     #[error("its array `{name}` cannot be read as {kind} ({source})")]
-    Array { name: String, kind: &'static str, source: io::Error },
+    Array { name: String, kind: &'static str, source: NpyError },
+    #[error("its array `{name}` cannot be unpacked ({source})")]
+    Unpack { name: String, source: io::Error },
     #[error("it has no array `{0}`")]
     Missing(String),
     #[error("its array `{name}` has more than {MOST_BYTES} bytes, the most that gprop reads")]
@@ -41,85 +44,49 @@ impl Npz {
 
     /// An array of f32, row-major as NumPy stores it.
     pub fn f32s(&mut self, name: &str) -> Result<Vec<f32>, NpzError> {
-        self.read(name, "float32")
+        self.numbers(name, "float32")
     }
 
     pub fn f64s(&mut self, name: &str) -> Result<Vec<f64>, NpzError> {
-        self.read(name, "float64")
+        self.numbers(name, "float64")
     }
 
     pub fn i64s(&mut self, name: &str) -> Result<Vec<i64>, NpzError> {
-        self.read(name, "int64")
+        self.numbers(name, "int64")
     }
 
     pub fn i32s(&mut self, name: &str) -> Result<Vec<i32>, NpzError> {
-        self.read(name, "int32")
+        self.numbers(name, "int32")
     }
 
     /// A string: an array with one element.
     pub fn text(&mut self, name: &str) -> Result<String, NpzError> {
-        Ok(self.read::<String>(name, "a string")?.concat())
+        let bytes = self.unpack(name)?;
+        let text = NpyArray::open(&bytes).and_then(|array| array.text());
+        text.map_err(|source| NpzError::Array { name: name.to_owned(), kind: "a string", source })
     }
 
-    fn read<T: npyz::Deserialize>(&mut self, name: &str, kind: &'static str) -> Result<Vec<T>, NpzError> {
+    fn numbers<T: Number>(&mut self, name: &str, kind: &'static str) -> Result<Vec<T>, NpzError> {
+        let bytes = self.unpack(name)?;
+        let array = NpyArray::open(&bytes);
+        let numbers = array.and_then(|array| array.numbers().ok_or_else(|| NpyError::Type(array.kind())));
+        numbers.map_err(|source| NpzError::Array { name: name.to_owned(), kind, source })
+    }
+
+    /// The bytes of an array.
+    fn unpack(&mut self, name: &str) -> Result<Vec<u8>, NpzError> {
         if !self.has(name) {
             return Err(NpzError::Missing(name.to_owned()));
         }
-        let fail = |source| NpzError::Array { name: name.to_owned(), kind, source };
         let mut bytes = Vec::new();
         let mut member = self.0.by_name(&format!("{name}.npy"))?.take(MOST_BYTES + 1);
-        member.read_to_end(&mut bytes).map_err(fail)?;
+        let unpacked = member.read_to_end(&mut bytes);
+        unpacked.map_err(|source| NpzError::Unpack { name: name.to_owned(), source })?;
         if bytes.len() as u64 > MOST_BYTES {
             return Err(NpzError::TooLarge { name: name.to_owned() });
         }
-        let array = open_array(&bytes).map_err(fail)?;
-        array.into_vec().map_err(fail)
+        Ok(bytes)
     }
-}
-
-/// An array in memory whose header has been read.
-///
-/// # Errors
-/// If it is not an array, its header has more brackets than that of an array of numbers, it contains Python objects, or
-/// it is cut off.
-pub fn open_array(bytes: &[u8]) -> io::Result<NpyFile<&[u8]>> {
-    /// The header is a Python dictionary with a tuple in it. Its parser takes time that is exponential in the depth of
-    /// brackets.
-    const MOST_BRACKETS: usize = 8;
-    let wrong = |problem: String| io::Error::new(io::ErrorKind::InvalidData, problem);
-    if !bytes.starts_with(b"\x93NUMPY") {
-        return Err(wrong("it does not begin as NumPy's files do".to_owned()));
-    }
-    // Magic, version, then the length of the header in two bytes or, from version 2 on, in four.
-    let (header_at, length) = match *bytes {
-        [_, _, _, _, _, _, 1, _, a, b, ..] => (10, usize::from(u16::from_le_bytes([a, b]))),
-        [_, _, _, _, _, _, _, _, a, b, c, d, ..] => (12, u32::from_le_bytes([a, b, c, d]) as usize),
-        _ => (bytes.len(), 1),
-    };
-    let header = bytes.get(header_at..header_at.saturating_add(length));
-    let header = header.ok_or_else(|| wrong("it ends within its header; copy or save it again".to_owned()))?;
-    if header.iter().filter(|byte| matches!(byte, b'{' | b'[' | b'(')).count() > MOST_BRACKETS {
-        return Err(wrong("its header is not that of an array of numbers".to_owned()));
-    }
-    let array = NpyFile::new(bytes)?;
-    let kind = array.dtype();
-    if kind.uses_pickled_array() {
-        return Err(wrong("it holds Python objects, not numbers; save numbers, with array.astype(...)".to_owned()));
-    }
-    // A header may claim more elements than follow it. An element of size zero takes no memory here, but a value for
-    // each element would.
-    let size = kind.num_bytes().unwrap_or(0).max(1) as u64;
-    let expected = array.shape().iter().try_fold(size, |bytes, side| bytes.checked_mul(*side));
-    let found = (bytes.len() - header_at - header.len()) as u64;
-    if expected.is_none_or(|expected| expected > found) {
-        let expected = expected.map_or_else(|| "more than 2^64".to_owned(), |bytes| bytes.to_string());
-        return Err(wrong(format!(
-            "it is cut off: an array {:?} of {} takes {expected} bytes, and {found} follow its header; copy or save it again",
-            array.shape(),
-            kind.descr()
-        )));
-    }
-    Ok(array)
 }
 
 /// Writes an archive array by array. The same arrays give the same bytes.
@@ -137,9 +104,10 @@ impl<W: Write> NpzWriter<W> {
     pub fn array(&mut self, name: &str, shape: &[u64], values: impl Iterator<Item = f32>) -> io::Result<()> {
         let options = SimpleFileOptions::default().compression_method(CompressionMethod::Deflated).large_file(true);
         self.0.start_file(format!("{name}.npy"), options)?;
-        let mut array = npyz::WriteOptions::new().default_dtype().shape(shape).writer(&mut self.0).begin_nd()?;
-        array.extend(values)?;
-        array.finish()
+        write_npy(&mut self.0, shape, values)?;
+        // Ends the array with one more empty block. Readers skip it; without it the archive's bytes would differ between
+        // versions of gprop.
+        self.0.flush()
     }
 
     /// # Errors
@@ -186,7 +154,7 @@ mod tests {
 
     #[test]
     fn a_header_of_nested_brackets_is_refused_at_once() {
-        // Each bracket doubles the work of the header's parser, which takes hours for forty of them.
+        // Each bracket would double the work of a parser that tries several kinds of literal at each.
         for brackets in ["{", "[", "("] {
             let nested = array(&format!("(3, {})", brackets.repeat(43)), 24);
             let read = archive(&nested).f32s("a");

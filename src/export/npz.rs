@@ -4,11 +4,11 @@
 
 use std::io::{self, Cursor, Write};
 
-use npyz::{AutoSerialize, WriterBuilder};
 use zip::write::SimpleFileOptions;
 use zip::{DateTime, ZipWriter};
 
 use super::{ExportError, Files, Model, identifier};
+use crate::npy::{Number, write_npy};
 use crate::units::Estimate;
 use crate::vote::{FieldLabel, field_ply};
 
@@ -65,16 +65,9 @@ struct Arrays {
 }
 
 impl Arrays {
-    fn add<T: AutoSerialize>(
-        &mut self,
-        name: &str,
-        shape: &[u64],
-        values: impl IntoIterator<Item = T>,
-    ) -> io::Result<()> {
+    fn add<T: Number>(&mut self, name: &str, shape: &[u64], values: impl IntoIterator<Item = T>) -> io::Result<()> {
         let mut bytes = Vec::new();
-        let mut array = npyz::WriteOptions::new().default_dtype().shape(shape).writer(&mut bytes).begin_nd()?;
-        array.extend(values)?;
-        array.finish()?;
+        write_npy(&mut bytes, shape, values)?;
         // The bytes must not depend on the clock.
         let options = SimpleFileOptions::default().last_modified_time(DateTime::default());
         self.zip.start_file(format!("{name}.npy"), options)?;

@@ -2,29 +2,23 @@
 
 use std::io::{self, Write};
 
-use npyz::{Order, WriterBuilder};
-
 use super::super::{LabelMap, LabelMapError, Level};
-use crate::npz::open_array;
+use crate::npy::{NpyArray, write_npy};
 
 impl LabelMap {
     /// Writes the map as `[height, width]`, or as `planes` identical copies of it.
     pub fn write_npy(&self, planes: Option<u64>, out: &mut dyn Write) -> io::Result<()> {
         let mut shape: Vec<u64> = planes.into_iter().collect();
         shape.extend([u64::from(self.height), u64::from(self.width)]);
-        let mut writer = npyz::WriteOptions::new().default_dtype().shape(&shape).writer(out).begin_nd()?;
-        for _ in 0..planes.unwrap_or(1) {
-            writer.extend(self.labels.iter().map(|&label| i32::from(label) - 1))?;
-        }
-        writer.finish()
+        let planes = 0..planes.unwrap_or(1);
+        write_npy(out, &shape, planes.flat_map(|_| self.labels.iter().map(|&label| i32::from(label) - 1)))
     }
 
     /// Reads the map from an array of int32 or int64: `[height, width]`, or planes of that; LangSplat's four planes are
     /// default, small, middle and large. Ids are renumbered from 1.
     pub fn from_npy(bytes: &[u8], level: Level) -> Result<Self, LabelMapError> {
-        let broken = |error: io::Error| LabelMapError::Npy(error.to_string());
-        let file = open_array(bytes).map_err(broken)?;
-        let shape = file.shape().to_vec();
+        let array = NpyArray::open(bytes).map_err(|error| LabelMapError::Npy(error.to_string()))?;
+        let shape = array.shape.clone();
         let (planes, height, width) = match *shape.as_slice() {
             [height, width] => (1, height, width),
             [planes @ (1 | 4), height, width] => (planes, height, width),
@@ -36,16 +30,11 @@ impl LabelMap {
         let (Ok(height), Ok(width), true) = (u32::try_from(height), u32::try_from(width), fits) else {
             return Err(LabelMapError::NpyShape(shape));
         };
-        if file.order() != Order::C {
+        if array.fortran_order {
             return Err(LabelMapError::Npy("its order is Fortran's; save it with numpy.ascontiguousarray".to_owned()));
         }
-        let ids: Vec<i64> = match file.try_data::<i32>() {
-            Ok(data) => data.map(|id| id.map(i64::from)).collect::<io::Result<_>>().map_err(broken)?,
-            Err(file) => {
-                let data = file.try_data::<i64>().map_err(|file| LabelMapError::NpyType(file.dtype().descr()))?;
-                data.collect::<io::Result<_>>().map_err(broken)?
-            }
-        };
+        let of_int32 = || Some(array.numbers::<i32>()?.into_iter().map(i64::from).collect());
+        let ids: Vec<i64> = array.numbers().or_else(of_int32).ok_or_else(|| LabelMapError::NpyType(array.kind()))?;
         let plane = match (planes, level) {
             (1, _) => 0,
             (_, Level::Small) => 1,
@@ -59,8 +48,6 @@ impl LabelMap {
 
 #[cfg(test)]
 mod tests {
-    use npyz::NpyFile;
-
     use super::*;
 
     fn map() -> LabelMap {
@@ -84,8 +71,8 @@ mod tests {
     fn the_bytes_are_numpys_with_minus_one_for_background() {
         let bytes = written(None);
         assert!(bytes.starts_with(b"\x93NUMPY"));
-        let file = NpyFile::new(&bytes[..]).unwrap();
-        assert_eq!((file.dtype().descr().as_str(), file.shape(), file.order()), ("'<i4'", &[2, 3][..], Order::C));
+        let array = NpyArray::open(&bytes).unwrap();
+        assert_eq!((array.kind().as_str(), &array.shape[..], array.fortran_order), ("'<i4'", &[2, 3][..], false));
         let values: Vec<i32> =
             bytes[bytes.len() - 24..].chunks_exact(4).map(|b| i32::from_le_bytes(b.try_into().unwrap())).collect();
         assert_eq!(values, [-1, 0, 1, -1, -1, 1]);
@@ -95,10 +82,7 @@ mod tests {
     fn ids_are_renumbered_and_the_levels_plane_is_taken() {
         let mut bytes = Vec::new();
         let values = [-1_i64, -1, 9, 9, -1, 40, 30, 30];
-        let options = npyz::WriteOptions::new().default_dtype().shape(&[4, 1, 2]);
-        let mut writer = options.writer(&mut bytes).begin_nd().unwrap();
-        writer.extend(values).unwrap();
-        writer.finish().unwrap();
+        write_npy(&mut bytes, &[4, 1, 2], values).unwrap();
         assert_eq!(LabelMap::from_npy(&bytes, Level::Small).unwrap().labels, [1, 1]);
         assert_eq!(LabelMap::from_npy(&bytes, Level::Middle).unwrap().labels, [0, 1]);
         assert_eq!(LabelMap::from_npy(&bytes, Level::Large).unwrap().labels, [1, 1]);
@@ -138,10 +122,7 @@ mod tests {
             assert!(matches!(LabelMap::from_npy(bytes, Level::Small), Err(LabelMapError::Npy(_))));
         }
         let mut floats = Vec::new();
-        let mut writer =
-            npyz::WriteOptions::new().default_dtype().shape(&[1, 1]).writer(&mut floats).begin_nd().unwrap();
-        writer.push(&1.0_f32).unwrap();
-        writer.finish().unwrap();
+        write_npy(&mut floats, &[1, 1], [1.0_f32]).unwrap();
         assert!(matches!(LabelMap::from_npy(&floats, Level::Small), Err(LabelMapError::NpyType(_))));
     }
 }
