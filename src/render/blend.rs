@@ -1,9 +1,8 @@
 //! Front-to-back alpha blending of one tile: `weight = alpha T`, then `T *= 1 - alpha` (3DGS, Kerbl et al. 2023, eq.
 //! 3).
 //!
-//! The loop runs splat by splat over rows of [`LANES`] pixels, in the processor's widest registers of that many numbers.
-//! It uses no fused multiply-add, so every machine computes the same bits. It only computes weights; a [`Sink`] uses
-//! them.
+//! The loop runs splat by splat over rows of [`LANES`] pixels, in one register each if the processor has AVX2. It uses
+//! no fused multiply-add, so every machine computes the same bits. It only computes weights; a [`Sink`] uses them.
 
 use std::ops::Range;
 
@@ -139,8 +138,8 @@ fn covered(center: f32, reach: f32, length: usize) -> std::ops::Range<usize> {
     start..end
 }
 
-/// Weights of a splat on pixels with the transmittance `left`, the first of whose centres is at (`dx`, `dy`) px from the
-/// splat's.
+/// Weights of a splat on pixels with the transmittance `left`, the first of whose centres is at (`dx`, `dy`) px from
+/// the splat's.
 #[inline(always)]
 fn absorb<L: Lanes>(splat: &Splat, dx: f32, dy: f32, left: L) -> L {
     let [a, b, c] = splat.conic;
