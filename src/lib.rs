@@ -41,8 +41,9 @@
 //! ```
 //!
 //! [`render`] draws Gaussians for every stage after [`scene`]; [`pictures`] holds the pictures that several stages
-//! make, [`plots`] draws their plots, [`simd`] has the vector registers that SAM's decoder and the simulation compute
-//! with. Imports never lead back, neither between these modules nor between files; `tests/structure.rs` checks it.
+//! make, [`plots`] draws their plots, [`simd`] has the vector registers that SAM's decoder, the simulation and
+//! [`render`] compute with. Imports never lead back, neither between these modules nor between files;
+//! `tests/structure.rs` checks it.
 //!
 //! The method follows *GaussianProperty: Integrating Physical Properties to 3D Gaussians with LMMs* (Xu et al., 2024).
 

@@ -26,7 +26,7 @@ use gprop::workdir::DEFAULT_NAME;
 use serde_json::json;
 use tempfile::TempDir;
 
-use crate::run::{QUICK, gprop, hammer};
+use crate::run::{QUICK, give_segments, gprop, hammer};
 use crate::support::{models, skipped};
 
 fn root() -> &'static Path {
@@ -370,11 +370,11 @@ const MORE_WITH_A_RESULT: &[&str] = &[
     "parts my_scene",
     "simulate my_scene",
     "simulate --list",
-    "segment my_scene/images/003.png --out picture",
+    "segment my_scene/images/003.png --points-per-side 8 --out picture",
     "query my_scene/images/003.png --dry-run",
     "evaluate mass my_scene",
     "evaluate hardness readings.csv",
-    "evaluate prompts fixtures/hammer --views 1",
+    "evaluate prompts fixtures/hammer --views 1 --points-per-side 8",
     "evaluate masks my_scene/images/003.png masks.json",
     "evaluate simulation reference/mpm/fill_shell64.npz",
     "simulate my_scene/point_cloud.ply --compat physgaussian --config fall.json --out fall",
@@ -397,7 +397,13 @@ fn every_command_in_a_block_runs_and_prints_json_where_asked_to() {
         return;
     }
     let place = place();
-    let run = |words: &[String]| -> Output { gprop().args(words).current_dir(place.path()).output().unwrap() };
+    give_segments(&place.path().join("my_scene/gprop"));
+    let run = |words: &[String]| -> Output {
+        let started = std::time::Instant::now();
+        let output = gprop().args(words).current_dir(place.path()).output().unwrap();
+        println!("{:.1} s: {words:?}", started.elapsed().as_secs_f64());
+        output
+    };
     let mut ran = 0;
     for path in pages() {
         for Line { command, comment } in lines(&fs::read_to_string(&path).unwrap()) {

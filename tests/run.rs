@@ -3,10 +3,12 @@
 use std::fs;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output, Stdio};
+use std::sync::OnceLock;
 
 use serde_json::Value;
 use tempfile::TempDir;
 
+use crate::batch::contents;
 use crate::support::models;
 
 /// Two of the hammer's ten views, a coarse grid and a short simulation: every stage in seconds.
@@ -39,6 +41,25 @@ pub fn hammer() -> TempDir {
         }
     }
     copy
+}
+
+/// Writes the segments of the views of [`QUICK`] into a work folder of the hammer, where a run finds them as after a kill
+/// and goes on from there. SAM makes them once for all tests.
+pub fn give_segments(work: &Path) {
+    static SEGMENTS: OnceLock<Vec<(PathBuf, Vec<u8>)>> = OnceLock::new();
+    let segments = SEGMENTS.get_or_init(|| {
+        let out = TempDir::new().unwrap();
+        let output =
+            gprop().arg("segment").arg(fixture("hammer")).args(QUICK[..2].iter()).arg("--out").arg(out.path()).output();
+        let output = output.unwrap();
+        assert!(output.status.success(), "{}", stderr(&output));
+        contents(&out.path().join("segments"))
+    });
+    let folder = work.join("segments");
+    fs::create_dir_all(&folder).unwrap();
+    for (name, bytes) in segments {
+        fs::write(folder.join(name), bytes).unwrap();
+    }
 }
 
 fn run(scene: &Path, arguments: &[&str]) -> Output {
@@ -180,6 +201,7 @@ fn a_grasp_that_cannot_be() {
         return;
     }
     let scene = hammer();
+    give_segments(&scene.path().join("gprop"));
     let grasp =
         |arguments: &[&str]| gprop().arg("grasp").arg(scene.path()).args(QUICK).args(arguments).output().unwrap();
     let first = grasp(&[]);
@@ -252,6 +274,7 @@ fn a_rerun_reuses_everything_and_an_option_redoes_what_follows() {
         return;
     }
     let scene = hammer();
+    give_segments(&scene.path().join("gprop"));
     let reused = || -> Vec<(String, bool)> {
         let record = json(scene.path().join("gprop/run.json"));
         let stage = |s: &Value| (s["name"].as_str().unwrap().to_owned(), s["reused"].as_bool().unwrap());

@@ -8,7 +8,7 @@ use serde::Serialize;
 use super::vocabulary::Vocabulary;
 use crate::camera::Camera;
 use crate::output::one_line;
-use crate::render::{RenderOptions, render_labels};
+use crate::render::{RenderOptions, render_labelings};
 use crate::scene::gaussians::Gaussians;
 use crate::vote::MaterialField;
 
@@ -76,28 +76,43 @@ pub struct LabelledView<'a> {
     pub truth: Vec<Option<&'a str>>,
 }
 
-/// Counts the pixels of the views, each as the label that contributes most to its light. `names` are the labels of
-/// `field.labels`.
-pub fn tally<'a>(
-    gaussians: &Gaussians,
-    field: &MaterialField,
-    names: &[&'a str],
-    views: &[LabelledView<'a>],
-) -> IouTally<&'a str> {
-    let mut distinct = names.to_vec();
-    distinct.sort_unstable();
-    distinct.dedup();
-    // Parts of one label are blended as one.
-    let place = |name: &str| distinct.iter().position(|other| *other == name).expect("listed above") as u32;
-    let of_label: Vec<u32> = names.iter().map(|name| place(name)).collect();
-    let labels: Vec<u32> = field.part_label.iter().map(|&label| of_label[label as usize]).collect();
-    let mut tally = IouTally::default();
-    for view in views {
-        let drawn = render_labels(gaussians, &view.camera, &labels, &RenderOptions::default());
-        let drawn = drawn.into_iter().map(|label| label.map(|label| distinct[label as usize]));
-        tally.add(view.truth.iter().copied().zip(drawn));
+/// A material field with the names of its labels.
+pub struct NamedField<'f, 'a> {
+    pub field: &'f MaterialField,
+    /// Names of `field.labels`.
+    pub names: Vec<&'a str>,
+}
+
+impl<'a> NamedField<'_, 'a> {
+    /// The distinct names, and for each Gaussian the index of its own: parts of one name are blended as one.
+    fn labels(&self) -> (Vec<&'a str>, Vec<u32>) {
+        let mut distinct = self.names.clone();
+        distinct.sort_unstable();
+        distinct.dedup();
+        let place = |name: &str| distinct.iter().position(|other| *other == name).expect("listed above") as u32;
+        let of_label: Vec<u32> = self.names.iter().map(|name| place(name)).collect();
+        let labels = self.field.part_label.iter().map(|&label| of_label[label as usize]).collect();
+        (distinct, labels)
     }
-    tally
+}
+
+/// For each field, counts the pixels of the views, each as the label that contributes most to its light.
+pub fn tallies<'a>(
+    gaussians: &Gaussians,
+    fields: &[NamedField<'_, 'a>],
+    views: &[LabelledView<'a>],
+) -> Vec<IouTally<&'a str>> {
+    let labelings: Vec<(Vec<&str>, Vec<u32>)> = fields.iter().map(NamedField::labels).collect();
+    let labels: Vec<&[u32]> = labelings.iter().map(|(_, labels)| labels.as_slice()).collect();
+    let mut tallies = vec![IouTally::default(); fields.len()];
+    for view in views {
+        let drawn = render_labelings(gaussians, &view.camera, &labels, &RenderOptions::default());
+        for ((tally, drawn), (names, _)) in tallies.iter_mut().zip(drawn).zip(&labelings) {
+            let drawn = drawn.into_iter().map(|label| label.map(|label| names[label as usize]));
+            tally.add(view.truth.iter().copied().zip(drawn));
+        }
+    }
+    tallies
 }
 
 /// How well labels match.

@@ -1,6 +1,6 @@
 //! The label that owns most of every pixel.
 
-use super::blend::{LANES, Sink};
+use super::blend::{LANES, Sink, TileRect};
 use super::project::Splat;
 use super::tiles::TILE;
 
@@ -44,6 +44,27 @@ impl Sink for LabelSink<'_> {
         };
         for (sum, weight) in plane[first..first + LANES].iter_mut().zip(weights) {
             *sum += weight;
+        }
+    }
+}
+
+/// The weights of several labelings on the pixels of one tile.
+pub(super) struct LabelingsSink<'a> {
+    pub rect: TileRect,
+    pub sinks: Vec<LabelSink<'a>>,
+}
+
+impl<'a> LabelingsSink<'a> {
+    /// `labelings[n][i]` is the label of Gaussian `i` in labeling `n`.
+    pub fn new(rect: TileRect, labelings: &[&'a [u32]]) -> Self {
+        Self { rect, sinks: labelings.iter().map(|labels| LabelSink::new(labels)).collect() }
+    }
+}
+
+impl Sink for LabelingsSink<'_> {
+    fn add(&mut self, splat: &Splat, first: usize, weights: &[f32; LANES], transmittance: &[f32; LANES]) {
+        for sink in &mut self.sinks {
+            sink.add(splat, first, weights, transmittance);
         }
     }
 }

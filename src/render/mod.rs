@@ -24,7 +24,7 @@ use crate::scene::gaussians::Gaussians;
 pub use blend::{ALPHA_MAX, LANES, Sink, TRANSMITTANCE_MIN, TileRect};
 use color::ColorSink;
 pub use contributions::contributions;
-use labels::LabelSink;
+use labels::LabelingsSink;
 use project::Projector;
 pub use project::{ALPHA_MIN, LOW_PASS_PX2, SURFACE_DEVIATIONS, Splat};
 pub use sh::{basis as sh_basis, color as sh_color};
@@ -116,15 +116,30 @@ pub fn render_labels(
     labels: &[u32],
     options: &RenderOptions,
 ) -> Vec<Option<u32>> {
+    render_labelings(gaussians, camera, &[labels], options).remove(0)
+}
+
+/// As [`render_labels`], for several ways to label the same Gaussians; they are blended once.
+pub fn render_labelings(
+    gaussians: &Gaussians,
+    camera: &Camera,
+    labelings: &[&[u32]],
+    options: &RenderOptions,
+) -> Vec<Vec<Option<u32>>> {
     let (width, height) = size(camera);
-    let mut image = vec![None; width * height];
-    for (rect, sink) in visit(gaussians, camera, options, |_| LabelSink::new(labels)) {
-        for (inside, outside) in pixels(rect, width) {
-            let (label, alpha) = sink.winner(inside);
-            image[outside] = label.filter(|_| alpha >= FOREGROUND_ALPHA);
-        }
-    }
-    image
+    let mut images = vec![vec![None; width * height]; labelings.len()];
+    Projected::new(gaussians, camera, options).visit_in_bands(
+        |rect| LabelingsSink::new(rect, labelings),
+        |tile| {
+            for (image, sink) in images.iter_mut().zip(&tile.sinks) {
+                for (inside, outside) in pixels(tile.rect, width) {
+                    let (label, alpha) = sink.winner(inside);
+                    image[outside] = label.filter(|_| alpha >= FOREGROUND_ALPHA);
+                }
+            }
+        },
+    );
+    images
 }
 
 /// Passes the blend weights of every tile to its own sink, front to back, with tiles processed in parallel. The sinks

@@ -75,8 +75,8 @@ fn masses_that_cannot_be_scored_are_refused() {
 /// true grip A 50 to 70, the handle no hardness.
 fn hammer_with_field() -> (PathBuf, TempDir) {
     let folder = truth::hammer();
-    let (scene, true_parts) = truth::load(&folder);
-    let mut field = truth::field(&scene, &true_parts, &folder);
+    let truth::Known { scene, field, .. } = truth::known(&folder);
+    let mut field = field.clone();
     let shore = |scale, low, high| Some(ShoreHardness { scale, range: Range::new(low, high) });
     field.labels[1].hardness = shore(ShoreScale::D, 60.0, 80.0);
     field.labels[2].hardness = shore(ShoreScale::A, 50.0, 70.0);

@@ -11,24 +11,29 @@ use gprop::progress::Progress;
 use gprop::scene::Scene;
 use gprop::vote::MaterialField;
 
-use crate::parts::truth;
+use crate::parts::truth::{self, Known};
+use crate::support::Shared;
 
 /// A scene up to its parts.
 pub struct Measured {
-    pub scene: Scene,
-    pub field: MaterialField,
+    pub scene: &'static Scene,
+    pub field: &'static MaterialField,
     pub result: PartsResult,
     pub cameras: Vec<Camera>,
 }
 
 impl Measured {
-    pub fn of(folder: &Path) -> Self {
-        let (scene, truth) = truth::load(folder);
-        let field = truth::field(&scene, &truth, folder);
+    pub fn of(folder: &Path) -> &'static Self {
+        static MEASURED: Shared<Measured> = Shared::new();
+        MEASURED.of(folder, || Self::new(folder))
+    }
+
+    fn new(folder: &Path) -> Self {
+        let Known { scene, field, .. } = truth::known(folder);
         let cameras: Vec<_> = scene.views.iter().map(|v| v.camera.clone()).collect();
         let options = parts::Options { volume_cells: 500_000, ..Default::default() };
         let scale = scene.scale.as_ref();
-        let result = parts::parts(&scene.gaussians, &field, &cameras, scale, &options, Progress::Hidden).unwrap();
+        let result = parts::parts(&scene.gaussians, field, &cameras, scale, &options, Progress::Hidden).unwrap();
         Self { scene, field, result, cameras }
     }
 

@@ -7,14 +7,13 @@ use gprop::parts::{Options, Parts, parts};
 use gprop::progress::Progress;
 use gprop::units::Estimate;
 
-use super::truth::{self, Truth};
+use super::truth::{self, Known, Truth};
 
-fn measured(folder: &Path) -> (Parts, Truth) {
-    let (scene, truth) = truth::load(folder);
-    let field = truth::field(&scene, &truth, folder);
+fn measured(folder: &Path) -> (Parts, &'static Truth) {
+    let Known { scene, truth, field } = truth::known(folder);
     let cameras: Vec<_> = scene.views.iter().map(|v| v.camera.clone()).collect();
     let options = Options::default();
-    let result = parts(&scene.gaussians, &field, &cameras, scene.scale.as_ref(), &options, Progress::Hidden).unwrap();
+    let result = parts(&scene.gaussians, field, &cameras, scene.scale.as_ref(), &options, Progress::Hidden).unwrap();
     println!("{}: {:?}", scene.name, result.warnings);
     (result.metric().unwrap().clone(), truth)
 }

@@ -6,11 +6,14 @@ use std::path::{Path, PathBuf};
 use gprop::materials::Law;
 use gprop::query::Form;
 use gprop::render::{RenderOptions, render};
+use gprop::scene::nearest::Nearest;
 use gprop::scene::{self, Scene};
 use gprop::units::{Estimate, Range};
 use gprop::vote::{FieldLabel, MaterialField};
 use rayon::prelude::*;
 use serde::Deserialize;
+
+use crate::support::Shared;
 
 /// What `ground_truth/parts.json` holds of a part.
 #[derive(Debug, Clone, Deserialize)]
@@ -37,6 +40,22 @@ pub struct Truth {
     pub parts: Vec<TruePart>,
 }
 
+/// A scene with its truth and the field of it.
+pub struct Known {
+    pub scene: Scene,
+    pub truth: Truth,
+    pub field: MaterialField,
+}
+
+/// The scene in a folder.
+pub fn known(folder: &Path) -> &'static Known {
+    static KNOWN: Shared<Known> = Shared::new();
+    KNOWN.of(folder, || {
+        let (scene, truth) = load(folder);
+        Known { field: field(&scene, &truth, folder), scene, truth }
+    })
+}
+
 pub fn hammer() -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("fixtures/hammer")
 }
@@ -60,7 +79,7 @@ pub fn load(folder: &Path) -> (Scene, Truth) {
 }
 
 /// Label `i` is the i-th visible true part.
-pub fn field(scene: &Scene, truth: &Truth, folder: &Path) -> MaterialField {
+fn field(scene: &Scene, truth: &Truth, folder: &Path) -> MaterialField {
     let visible: Vec<&TruePart> = truth.parts.iter().filter(|p| p.visible).collect();
     let votes = votes(scene, folder, &visible);
     let winner = |votes: &Vec<u32>| {
@@ -69,12 +88,15 @@ pub fn field(scene: &Scene, truth: &Truth, folder: &Path) -> MaterialField {
     };
     let seen: Vec<Option<u32>> = votes.iter().map(winner).collect();
     let count = scene.gaussians.len();
+    let seen_ones: Vec<usize> = (0..count).filter(|&i| seen[i].is_some()).collect();
+    let nearest = Nearest::new(seen_ones.iter().map(|&i| scene.gaussians.positions[i]));
+    let of_nearest = |i: usize| {
+        let (_, found) = nearest.find(scene.gaussians.positions[i], 1)[0];
+        seen[seen_ones[found as usize]].unwrap()
+    };
     MaterialField {
         labels: visible.iter().enumerate().map(|(l, p)| label(l as u32, p)).collect(),
-        part_label: (0..count)
-            .into_par_iter()
-            .map(|i| seen[i].unwrap_or_else(|| of_nearest(scene, &seen, i)))
-            .collect(),
+        part_label: (0..count).into_par_iter().map(|i| seen[i].unwrap_or_else(|| of_nearest(i))).collect(),
         confidence: vec![1.0; count],
         votes: vec![1.0; count],
         views: seen.iter().map(|s| u16::from(s.is_some())).collect(),
@@ -106,13 +128,6 @@ fn votes(scene: &Scene, folder: &Path, visible: &[&TruePart]) -> Vec<Vec<u32>> {
         }
     }
     votes
-}
-
-fn of_nearest(scene: &Scene, seen: &[Option<u32>], i: usize) -> u32 {
-    let at = scene.gaussians.center(i);
-    let far = |j: &usize| (scene.gaussians.center(*j) - at).norm_squared();
-    let nearest = (0..seen.len()).filter(|&j| seen[j].is_some()).min_by(|a, b| far(a).total_cmp(&far(b)));
-    seen[nearest.unwrap()].unwrap()
 }
 
 fn label(id: u32, part: &TruePart) -> FieldLabel {

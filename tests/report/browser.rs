@@ -18,19 +18,19 @@ impl Page {
         ));
     }
 
-    /// Points at the canvas here and there until it says that something is there.
+    /// Points at the canvas here and there, from its middle outwards, until it says that something is there.
     fn find_object(&self) -> Point {
         let canvas = self.tab.find_element("#object").unwrap().get_box_model().unwrap().content_viewport();
-        for row in 1..PROBES {
-            for column in 1..PROBES {
-                let share = |k: u32| f64::from(k) / f64::from(PROBES);
-                let point =
-                    Point { x: canvas.x + canvas.width * share(column), y: canvas.y + canvas.height * share(row) };
-                self.tab.move_mouse_to_point(point).unwrap();
-                self.settle();
-                if self.evaluate("document.getElementById('object').style.cursor") == "pointer" {
-                    return point;
-                }
+        let mut probes: Vec<[u32; 2]> =
+            (1..PROBES).flat_map(|row| (1..PROBES).map(move |column| [row, column])).collect();
+        probes.sort_by_key(|probe| probe.map(|k| (2 * k).abs_diff(PROBES).pow(2)).iter().sum::<u32>());
+        for [row, column] in probes {
+            let share = |k: u32| f64::from(k) / f64::from(PROBES);
+            let point = Point { x: canvas.x + canvas.width * share(column), y: canvas.y + canvas.height * share(row) };
+            self.tab.move_mouse_to_point(point).unwrap();
+            self.settle();
+            if self.evaluate("document.getElementById('object').style.cursor") == "pointer" {
+                return point;
             }
         }
         panic!("the pointer meets no Gaussian anywhere");

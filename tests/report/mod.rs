@@ -11,7 +11,7 @@ use std::sync::OnceLock;
 use serde_json::{Value, json};
 use tempfile::TempDir;
 
-use crate::run::{QUICK, gprop, hammer};
+use crate::run::{QUICK, give_segments, gprop, hammer};
 use crate::support::models;
 
 /// What an attacker might have a model say of a part. It has no comma and no semicolon, after which a name ends.
@@ -34,6 +34,7 @@ fn hostile_run() -> Option<&'static Path> {
             recording["response"] = json!(answer.to_string());
             fs::write(&path, recording.to_string()).unwrap();
         }
+        give_segments(&scene.path().join("gprop"));
         let output = gprop().arg("run").arg(scene.path()).args(QUICK).args(["--answers", "replay"]).output().unwrap();
         assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
         Some(scene)
@@ -85,6 +86,9 @@ fn the_report_of_every_fixture_follows_the_published_schema() {
     for (fixture, view) in [("hammer", "003"), ("mug", "003"), ("table_lamp", ""), ("chair", "")] {
         let out = TempDir::new().unwrap();
         let scene = Path::new(env!("CARGO_MANIFEST_DIR")).join("fixtures").join(fixture);
+        if fixture == "hammer" {
+            give_segments(out.path());
+        }
         let mut command = gprop();
         command.arg("run").arg(&scene).arg("--out").arg(out.path()).args(&QUICK[2..]).args(["--answers", "replay"]);
         if view.is_empty() {
@@ -131,6 +135,7 @@ fn the_schema_refuses_what_is_not_a_report() {
 fn without_a_scale_the_report_says_null_and_the_page_says_why() {
     let Some(scene) = hostile_run() else { return };
     let work = TempDir::new().unwrap();
+    give_segments(work.path());
     let mut command = gprop();
     command.arg("run").arg(scene).arg("--out").arg(work.path()).args(QUICK).args(["--scale", "auto"]);
     let output = command.args(["--answers", "replay"]).output().unwrap();
@@ -152,6 +157,7 @@ fn the_command_on_the_page_makes_the_same_result() {
     assert_eq!(words.next(), scene.file_name().unwrap().to_str());
     // The same options in another work folder: the same digests.
     let work = TempDir::new().unwrap();
+    give_segments(work.path());
     let mut again = gprop();
     again.arg("run").arg(scene.file_name().unwrap()).args(words).arg("--out").arg(work.path());
     let output = again.current_dir(scene.parent().unwrap()).output().unwrap();

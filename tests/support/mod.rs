@@ -3,10 +3,11 @@ pub mod browser;
 // An HTTP server that answers as a test tells it to.
 pub mod server;
 
+use std::collections::BTreeMap;
 use std::io::Write;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::process::{Command, Output};
-use std::sync::OnceLock;
+use std::sync::{Mutex, OnceLock, PoisonError};
 
 use gprop::progress::Progress;
 use gprop::setup::{self, ModelFiles, SetupError};
@@ -32,6 +33,23 @@ pub fn models(test: &str) -> Option<ModelFiles> {
         Err(error) => panic!("{error}"),
     });
     obtained.as_ref().map_err(|why| skipped(test, why)).ok().cloned()
+}
+
+/// Values that several tests read, made once for each folder by whichever test is first.
+pub struct Shared<T: 'static>(Mutex<BTreeMap<PathBuf, &'static OnceLock<T>>>);
+
+impl<T> Shared<T> {
+    pub const fn new() -> Self {
+        Self(Mutex::new(BTreeMap::new()))
+    }
+
+    pub fn of(&self, folder: &Path, make: impl FnOnce() -> T) -> &'static T {
+        let mut cells = self.0.lock().unwrap_or_else(PoisonError::into_inner);
+        let cell: &'static OnceLock<T> =
+            *cells.entry(folder.to_owned()).or_insert_with(|| Box::leak(Box::new(OnceLock::new())));
+        drop(cells);
+        cell.get_or_init(make)
+    }
 }
 
 /// Whether Python has a package; said aloud where not.

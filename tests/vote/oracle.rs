@@ -71,7 +71,7 @@ fn floor(scene: &str, part: &str) -> f64 {
 fn true_parts_come_back_in_views_that_did_not_vote() {
     let mut total = [0.0; 2];
     let scenes = scenes::all();
-    for measured in &scenes {
+    for measured in scenes {
         for (n, rule) in [Rule::Frequency, Rule::Contribution].into_iter().enumerate() {
             let (field, names) = (voted(measured, &measured.true_maps(), rule), measured.part_names());
             let tally = measure(measured, &field);

@@ -1,6 +1,7 @@
 //! The scenes with ground truth: `hammer` is a fixture; the others are used where they are at hand.
 
 use std::path::{Path, PathBuf};
+use std::sync::OnceLock;
 
 use gprop::camera::Camera;
 use gprop::scene::{self, Scene, View};
@@ -25,7 +26,12 @@ pub struct HeldOut {
 }
 
 /// `hammer`, and the other scenes if the folder that keeps them lies beside this crate's.
-pub fn all() -> Vec<Measured> {
+pub fn all() -> &'static [Measured] {
+    static ALL: OnceLock<Vec<Measured>> = OnceLock::new();
+    ALL.get_or_init(load_all)
+}
+
+fn load_all() -> Vec<Measured> {
     let root = Path::new(env!("CARGO_MANIFEST_DIR"));
     let others = ["../shared/scenes", "../../shared/scenes"].map(|folder| root.join(folder));
     let mut folders = vec![root.join("fixtures/hammer")];

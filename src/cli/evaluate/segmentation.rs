@@ -4,11 +4,10 @@ use std::path::{Path, PathBuf};
 
 use crate::evaluate::EvaluateError;
 use crate::evaluate::label_maps::LabelMaps;
-use crate::evaluate::segmentation::{LabelledView, ObjectTallies, SegmentationEvaluation, tally};
+use crate::evaluate::segmentation::{LabelledView, NamedField, ObjectTallies, SegmentationEvaluation, tallies};
 use crate::evaluate::vocabulary::Vocabulary;
 use crate::materials::MaterialLibrary;
 use crate::pipeline::Pipeline;
-use crate::vote::MaterialField;
 
 use super::super::{Global, options_of, print};
 use super::{check_truth, one_scene_only};
@@ -48,12 +47,17 @@ fn count<'a>(pipeline: &'a Pipeline, folder: &Path, labels: Vocabulary) -> anyho
     let library = pipeline.library();
     let (scene, variants) = (pipeline.scene(), pipeline.variants()?);
     let views = labelled_views(pipeline, folder, labels, library)?;
-    let count = |field: &MaterialField| tally(&scene.gaussians, field, &labels.of_field(field, library), &views);
+    let single = variants.single_views.iter().map(|(_, field)| field);
+    let fields = std::iter::once(&variants.voted).chain(&variants.local_only).chain(single);
+    let fields: Vec<NamedField> =
+        fields.map(|field| NamedField { field, names: labels.of_field(field, library) }).collect();
+    let mut tallies = tallies(&scene.gaussians, &fields, &views).into_iter();
+    let mut next = || tallies.next().expect("one per field");
     Ok(ObjectTallies {
         object: scene.name.clone(),
-        voted: count(&variants.voted),
-        local_only: variants.local_only.as_ref().map(count),
-        single_views: variants.single_views.iter().map(|(view, field)| (view.clone(), count(field))).collect(),
+        voted: next(),
+        local_only: variants.local_only.as_ref().map(|_| next()),
+        single_views: variants.single_views.iter().map(|(view, _)| (view.clone(), next())).collect(),
     })
 }
 

@@ -49,7 +49,7 @@ pub(in crate::scene) fn find_photos(
         return Err(SceneError::NoPhotos { path: camera_file.to_owned(), count, first, tried: places.photos.clone() });
     }
     let files: Vec<String> = present.iter().map(|(_, _, file)| file.clone()).collect();
-    let sized: Vec<(View, Fit)> = present
+    let sized: Vec<Result<(View, Fit), SceneError>> = present
         .par_iter()
         .zip(view_names::of(&files))
         .map(|((index, folder, file), name)| {
@@ -63,7 +63,9 @@ pub(in crate::scene) fn find_photos(
             mask.iter().try_for_each(|mask| places.check_mask(mask, named_in))?;
             Ok((View { name, camera, image, upright: fit.upright, mask }, fit))
         })
-        .collect::<Result<_, SceneError>>()?;
+        .collect();
+    // Of several errors, the first frame's is returned, whatever thread is fastest.
+    let sized: Vec<(View, Fit)> = sized.into_iter().collect::<Result<_, _>>()?;
     let mut warnings = warnings(camera_file, frames.len(), &missing, &sized);
     if let Some(masks) = places.masks {
         warnings.extend(views_without_mask(masks, &sized)?);
