@@ -375,6 +375,7 @@ const MORE_WITH_A_RESULT: &[&str] = &[
     "evaluate mass my_scene",
     "evaluate hardness readings.csv",
     "evaluate prompts fixtures/hammer --views 1 --points-per-side 8",
+    "evaluate parts fixtures/hammer --views 1 --points-per-side 8",
     "evaluate masks my_scene/images/003.png masks.json",
     "evaluate simulation reference/mpm/fill_shell64.npz",
     "simulate my_scene/point_cloud.ply --compat physgaussian --config fall.json --out fall",

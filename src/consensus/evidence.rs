@@ -5,6 +5,7 @@ use rayon::prelude::*;
 use super::linkage::Border;
 use super::membership::{Membership, Share};
 use super::neighbors::Pairs;
+use super::normals::Normals;
 use crate::segment::tree::SegmentTree;
 
 /// A view of which a Gaussian of the pair shows less, in pixels of light, does not count.
@@ -41,17 +42,19 @@ impl Evidence {
     }
 
     /// Every pair as the border of its two Gaussians; pairs that no view sees are left out.
-    pub fn borders(&self, pairs: &Pairs, angles_deg: &[f32]) -> Vec<(u32, u32, Border)> {
-        let border = |(((&(a, b), &is_far), sums), &angle): (((&(u32, u32), &bool), &Sums), &f32)| {
-            (sums.weight > 0.0).then(|| {
-                let far = f64::from(u8::from(is_far));
-                let near = u32::from(!is_far);
-                let angle_deg = far * f64::from(angle);
-                let (split, weight) = (f64::from(sums.split), f64::from(sums.weight));
-                (a, b, Border { split, weight, angle_deg, angles: far, near })
-            })
+    pub fn borders(&self, pairs: &Pairs, normals: &Normals) -> impl Iterator<Item = (u32, u32, Border)> {
+        let border = |((&(a, b), &is_far), sums): ((&(u32, u32), &bool), &Sums)| {
+            let angle_deg = if is_far { f64::from(normals.angle_deg(a, b)) } else { 0.0 };
+            let border = Border {
+                split: f64::from(sums.split),
+                weight: f64::from(sums.weight),
+                angle_deg,
+                angles: u32::from(is_far),
+                near: u32::from(!is_far),
+            };
+            (sums.weight > 0.0).then_some((a, b, border))
         };
-        pairs.pairs.iter().zip(&pairs.is_far).zip(&self.sums).zip(angles_deg).filter_map(border).collect()
+        pairs.pairs.iter().zip(&pairs.is_far).zip(&self.sums).filter_map(border)
     }
 }
 

@@ -13,7 +13,7 @@ pub(super) struct Border {
     pub weight: f64,
     /// Sum of the angles between normals over pairs that are far enough apart, and their number.
     pub angle_deg: f64,
-    pub angles: f64,
+    pub angles: u32,
     /// Number of pairs of nearest neighbours: without any, the groups do not touch.
     pub near: u32,
 }
@@ -62,7 +62,7 @@ impl PartialOrd for Weakest {
 /// joined. Returns the group of every node, named by one of its nodes.
 pub(super) fn link(
     nodes: usize,
-    borders: Vec<(u32, u32, Border)>,
+    borders: &[(u32, u32, Border)],
     limit: f64,
     strength: impl Fn(&Border) -> f64,
 ) -> Vec<u32> {
@@ -72,7 +72,7 @@ pub(super) fn link(
     let weakest = |a: u32, b: u32, border: &Border| {
         (border.near > 0).then(|| Weakest { strength: strength(border), a: a.min(b), b: a.max(b) })
     };
-    for (a, b, border) in borders {
+    for &(a, b, border) in borders {
         heap.extend(weakest(a, b, &border).filter(|weakest| weakest.strength <= limit));
         around[a as usize].insert(b, border);
         around[b as usize].insert(a, border);
@@ -115,11 +115,33 @@ fn roots(mut group: Vec<u32>) -> Vec<u32> {
     group
 }
 
+/// Joins nodes that touch and that views split by at most `limit`, whatever lies between other nodes of theirs. Returns
+/// the group of every node, named by its first node.
+pub(super) fn contract(nodes: usize, borders: impl Iterator<Item = (u32, u32, Border)>, limit: f64) -> Vec<u32> {
+    let mut group: Vec<u32> = (0..nodes as u32).collect();
+    fn root(group: &mut [u32], mut node: u32) -> u32 {
+        while group[node as usize] != node {
+            group[node as usize] = group[group[node as usize] as usize];
+            node = group[node as usize];
+        }
+        node
+    }
+    for (a, b, _) in borders.filter(|(.., border)| border.near > 0 && border.split() <= limit) {
+        let (a, b) = (root(&mut group, a), root(&mut group, b));
+        group[a.max(b) as usize] = a.min(b);
+    }
+    roots(group)
+}
+
 /// The borders between groups, from those between their members; members in no group are left out.
-pub(super) fn between(group: &[u32], groups: usize, borders: &[(u32, u32, Border)]) -> Vec<(u32, u32, Border)> {
+pub(super) fn between(
+    group: &[u32],
+    groups: usize,
+    borders: impl Iterator<Item = (u32, u32, Border)>,
+) -> Vec<(u32, u32, Border)> {
     let is_group = |group: u32| (group as usize) < groups;
     let mut sums: BTreeMap<(u32, u32), Border> = BTreeMap::new();
-    for &(a, b, border) in borders {
+    for (a, b, border) in borders {
         let (a, b) = (group[a as usize], group[b as usize]);
         if a != b && is_group(a) && is_group(b) {
             *sums.entry((a.min(b), a.max(b))).or_default() += border;
@@ -136,7 +158,7 @@ pub(super) fn absorb(part: Vec<u32>, borders: &[(u32, u32, Border)], light: &[f6
     let mut of_part = vec![0.0; part.len()];
     part.iter().zip(light).for_each(|(&part, &light)| of_part[part as usize] += light);
     let mut around: Vec<BTreeMap<u32, Border>> = vec![BTreeMap::new(); part.len()];
-    for (a, b, border) in between(&part, part.len(), borders) {
+    for (a, b, border) in between(&part, part.len(), borders.iter().copied()) {
         around[a as usize].insert(b, border);
         around[b as usize].insert(a, border);
     }
@@ -175,7 +197,7 @@ mod tests {
     }
 
     fn groups(nodes: usize, borders: &[(u32, u32, Border)], limit: f64) -> Vec<u32> {
-        link(nodes, borders.to_vec(), limit, Border::split)
+        link(nodes, borders, limit, Border::split)
     }
 
     #[test]
@@ -189,6 +211,12 @@ mod tests {
         assert_eq!(found[0], found[2], "the weaker side takes it");
         assert_eq!(found[3], found[4]);
         assert_ne!(found[0], found[3]);
+    }
+
+    #[test]
+    fn what_no_view_splits_is_contracted() {
+        let borders = [(1, 2, border(0.01, 1)), (2, 4, border(0.0, 1)), (0, 3, border(0.0, 0)), (3, 4, border(0.5, 1))];
+        assert_eq!(contract(5, borders.into_iter(), 0.02), [0, 1, 1, 3, 1]);
     }
 
     #[test]

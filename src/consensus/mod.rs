@@ -30,7 +30,10 @@ use evidence::Evidence;
 use linkage::{Border, link};
 use membership::Membership;
 use neighbors::Pairs;
+use normals::Normals;
 
+/// Neighbours that views split by less are taken as one from the start, which leaves a sixth of the nodes to link.
+const CORE_SPLIT: f64 = 0.02;
 /// Pieces are joined while views split fewer of the pairs across their border, in the mean, than this. A border that
 /// half of the views see has pairs of soft Gaussians on it, about half of whose light is on either side.
 const PIECE_SPLIT: f64 = 0.2;
@@ -72,41 +75,42 @@ pub struct Parts {
 ///
 /// If no view sees anything, the whole object is one part.
 pub fn find(gaussians: &Gaussians, views: &[ViewTree], progress: Progress) -> Parts {
+    let bar = progress.bar("parts", 2 * views.len() as u64);
     let mut light = vec![0.0f32; gaussians.len()];
     let mut toward_views = vec![Vector3::zeros(); gaussians.len()];
-    let bar = progress.bar("parts", 2 * views.len() as u64);
-    let mut memberships = Vec::with_capacity(views.len());
     for view in views {
-        let membership = Membership::new(gaussians, view);
         let eye = view.camera.center_in_world();
-        for (i, seen) in membership.light().enumerate().filter(|(_, seen)| *seen > 0.0) {
+        for (i, seen) in Membership::new(gaussians, view).light().enumerate().filter(|(_, seen)| *seen > 0.0) {
             light[i] += seen;
             let toward = (eye - gaussians.center(i)).try_normalize(0.0).unwrap_or_default();
-            toward_views[i] += toward * f64::from(seen);
+            toward_views[i] += toward.map(|value| value as f32) * seen;
         }
-        memberships.push(membership);
         bar.inc(1);
     }
     let seen: Vec<u32> = (0..gaussians.len() as u32).filter(|&i| light[i as usize] > LEAST_LIGHT).collect();
+    let normals = Normals::new(gaussians, &seen, &light, &toward_views);
+    drop(toward_views);
     let pairs = Pairs::new(gaussians, &seen);
     let mut evidence = Evidence::new(&pairs);
-    for (view, membership) in views.iter().zip(&memberships) {
-        evidence.add(&pairs, membership, view.tree);
+    for view in views {
+        // A second time, rather than to keep those of all views.
+        evidence.add(&pairs, &Membership::new(gaussians, view), view.tree);
         bar.inc(1);
     }
-    drop(memberships);
-    let angles = normals::angles(gaussians, &seen, &light, &toward_views, &pairs);
     bar.finish_and_clear();
+    let borders = || evidence.borders(&pairs, &normals);
 
-    let borders = evidence.borders(&pairs, &angles);
-    let piece = link(gaussians.len(), borders.clone(), PIECE_SPLIT, Border::split);
-    let (piece_of, pieces) = compact(&piece, &seen);
-    let between = linkage::between(&piece_of, pieces, &borders);
-    let part = link(pieces, between.clone(), PART_STRENGTH, strength);
-    let part = linkage::absorb(part, &between, &sum_by(&piece_of, pieces, &seen, &light), CRUMB_SHARE);
+    let (core_of, cores) = compact(&linkage::contract(gaussians.len(), borders(), CORE_SPLIT), &seen);
+    let between_cores = linkage::between(&core_of, cores, borders());
+    let piece_of_core = link(cores, &between_cores, PIECE_SPLIT, Border::split);
+    let between_pieces = linkage::between(&piece_of_core, cores, between_cores.iter().copied());
+    let part_of_piece = link(cores, &between_pieces, PART_STRENGTH, strength);
+    let part_of_core = piece_of_core.iter().map(|&piece| part_of_piece[piece as usize]).collect();
+    let part_of_core =
+        linkage::absorb(part_of_core, &between_cores, &sum_by(&core_of, cores, &seen, &light), CRUMB_SHARE);
     let part_of: Vec<u32> =
-        piece_of.iter().map(|&piece| part.get(piece as usize).copied().flatten().unwrap_or(NONE)).collect();
-    finish(gaussians, &part_of, &seen, &light, &borders)
+        core_of.iter().map(|&core| part_of_core.get(core as usize).copied().flatten().unwrap_or(NONE)).collect();
+    finish(gaussians, &part_of, &seen, &light, borders())
 }
 
 /// In place of a part's number: none yet.
@@ -114,7 +118,7 @@ const NONE: u32 = u32::MAX;
 
 /// How much a border separates two parts, 0 to 1.
 fn strength(border: &Border) -> f64 {
-    let angle = (border.angle_deg + PRIOR_PAIRS * SURE_EDGE_DEG) / (border.angles + PRIOR_PAIRS);
+    let angle = (border.angle_deg + PRIOR_PAIRS * SURE_EDGE_DEG) / (f64::from(border.angles) + PRIOR_PAIRS);
     let [smooth, edge] = SMOOTH_TO_EDGE_DEG;
     border.split() * ((angle - smooth) / (edge - smooth)).clamp(0.0, 1.0)
 }
@@ -151,7 +155,7 @@ fn finish(
     part_of: &[u32],
     seen: &[u32],
     light: &[f32],
-    borders: &[(u32, u32, Border)],
+    borders: impl Iterator<Item = (u32, u32, Border)>,
 ) -> Parts {
     let (mut part_of, parts) = compact(part_of, seen);
     if parts == 0 {
@@ -171,7 +175,7 @@ fn finish(
         *part = rank[*part as usize];
     });
     let mut around = vec![Border::default(); parts];
-    for &(a, b, border) in borders {
+    for (a, b, border) in borders {
         let (a, b) = (part_of[a as usize], part_of[b as usize]);
         if a != b {
             around[a as usize] += border;

@@ -6,10 +6,10 @@ use crate::scene::gaussians::Gaussians;
 use crate::scene::nearest::Nearest;
 
 /// Number of nearest neighbours of each Gaussian.
-const NEAR: usize = 8;
+const NEAR: usize = 6;
 /// Ranks among a Gaussian's neighbours of those that lie a few Gaussians away. On a border, Gaussians have light on
 /// either side; these pairs reach across.
-const FAR: [usize; 8] = [13, 18, 23, 28, 33, 38, 43, 48];
+const FAR: [usize; 5] = [16, 24, 32, 40, 48];
 
 /// Pairs of Gaussians, each once.
 pub(super) struct Pairs {

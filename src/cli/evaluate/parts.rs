@@ -9,7 +9,7 @@ use crate::error::UsageError;
 use crate::evaluate::parts::{PartsEvaluation, TrueView, compare};
 use crate::from_splat::photo_with_foreground;
 use crate::pipeline::open_segmenter;
-use crate::scene::{self, View};
+use crate::scene::{self, Scene, View};
 use crate::segment::{self, Segmenter};
 use crate::setup;
 
@@ -23,45 +23,59 @@ pub fn evaluate(
     segment: &segment::Options,
     setup: &setup::Options,
 ) -> anyhow::Result<()> {
+    let scenes = scenes.iter().map(|folder| TrueScene::load(folder, options)).collect::<anyhow::Result<Vec<_>>>()?;
     let segmenter = open_segmenter(setup, segment, global.progress())?;
     let mut found = Vec::with_capacity(scenes.len());
-    for folder in scenes {
-        found.push(evaluate_scene(global, &segmenter, folder, options, segment)?);
-        global.progress().line(&format!("{} done", folder.display()));
+    for scene in &scenes {
+        found.push(scene.evaluate(global, &segmenter, segment)?);
+        global.progress().line(&format!("{} done", scene.scene.name));
     }
     print(global, &found, || found.iter().map(PartsEvaluation::text).collect::<Vec<_>>().join("\n"))
 }
 
-fn evaluate_scene(
-    global: &Global,
-    segmenter: &Segmenter,
-    folder: &Path,
-    options: &scene::Options,
-    segment: &segment::Options,
-) -> anyhow::Result<PartsEvaluation> {
-    let scene = scene::load(folder, options)?;
-    let chosen = scene.chosen_views(options)?;
-    let is_chosen = |view: &View| chosen.iter().any(|other| other.name == view.name);
-    let labelled = scene.views.iter().filter(|view| true_map(folder, view).exists());
-    let truth = labelled.map(|view| {
-        let (camera, segmented) = (view.camera.clone(), is_chosen(view));
-        Ok(TrueView { camera, parts: true_parts(folder, view, options)?, segmented })
-    });
-    let truth: Vec<TrueView> = truth.collect::<anyhow::Result<_>>()?;
-    if truth.iter().all(|view| view.segmented) {
-        return Err(UsageError(format!(
-            "{folder:?}: no view with a map in ground_truth/part_maps is left to compare: all are among the {} views that \
-             are segmented; choose fewer with --views or --view-list",
-            chosen.len()
-        ))
-        .into());
+/// A scene with true part maps.
+struct TrueScene {
+    scene: Scene,
+    /// The views to segment.
+    chosen: Vec<View>,
+    truth: Vec<TrueView>,
+}
+
+impl TrueScene {
+    fn load(folder: &Path, options: &scene::Options) -> anyhow::Result<Self> {
+        let scene = scene::load(folder, options)?;
+        let chosen = scene.chosen_views(options)?;
+        let is_chosen = |view: &View| chosen.iter().any(|other| other.name == view.name);
+        let labelled = scene.views.iter().filter(|view| true_map(folder, view).exists());
+        let truth = labelled.map(|view| {
+            let (camera, segmented) = (view.camera.clone(), is_chosen(view));
+            Ok(TrueView { camera, parts: true_parts(folder, view, options)?, segmented })
+        });
+        let truth: Vec<TrueView> = truth.collect::<anyhow::Result<_>>()?;
+        if truth.iter().all(|view| view.segmented) {
+            return Err(UsageError(format!(
+                "{folder:?}: no view with a map in ground_truth/part_maps is left to compare with; {} views are to be \
+                 segmented: choose fewer with --views or --view-list",
+                chosen.len()
+            ))
+            .into());
+        }
+        Ok(Self { scene, chosen, truth })
     }
-    let tree_of = |view: &View| -> anyhow::Result<_> {
-        Ok(segmenter.segment_tree(&photo_with_foreground(&scene, view)?, segment, &())?)
-    };
-    let trees = chosen.par_iter().map(tree_of).collect::<anyhow::Result<Vec<_>>>()?;
-    let views: Vec<ViewTree> =
-        chosen.iter().zip(&trees).map(|(view, tree)| ViewTree { camera: &view.camera, tree }).collect();
-    let parts = consensus::find(&scene.gaussians, &views, global.progress());
-    Ok(compare(&scene.name, &scene.gaussians, &parts.part_of_gaussian, &truth))
+
+    fn evaluate(
+        &self,
+        global: &Global,
+        segmenter: &Segmenter,
+        segment: &segment::Options,
+    ) -> anyhow::Result<PartsEvaluation> {
+        let tree_of = |view: &View| -> anyhow::Result<_> {
+            Ok(segmenter.segment_tree(&photo_with_foreground(&self.scene, view)?, segment, &())?)
+        };
+        let trees = self.chosen.par_iter().map(tree_of).collect::<anyhow::Result<Vec<_>>>()?;
+        let views: Vec<ViewTree> =
+            self.chosen.iter().zip(&trees).map(|(view, tree)| ViewTree { camera: &view.camera, tree }).collect();
+        let parts = consensus::find(&self.scene.gaussians, &views, global.progress());
+        Ok(compare(&self.scene.name, &self.scene.gaussians, &parts.part_of_gaussian, &self.truth))
+    }
 }
