@@ -11,7 +11,7 @@ use crate::pipeline::{self, Stage};
 use crate::values::{self, from_to};
 use crate::{batch, export, inspect, materials, setup};
 
-/// More than on any machine on which gprop was run. Each takes a stack of 2 MB and milliseconds to start.
+/// More than the cores of any machine that gprop was run on. A thread takes a 2 MB stack and milliseconds to start.
 const MOST_THREADS: usize = 1024;
 
 /// Materials and physical properties for every Gaussian of a 3D Gaussian Splatting scene.
@@ -42,7 +42,7 @@ pub struct Global {
     /// The stages' flags as they were typed.
     #[arg(skip)]
     pub typed: Vec<OsString>,
-    /// The stages' flags as they were typed or stand in a configuration file.
+    /// The stages' flags as they were typed or read from a configuration file.
     #[arg(skip)]
     pub effective: Vec<OsString>,
 }
@@ -183,8 +183,8 @@ pub struct ExportArgs {
 
 #[derive(Debug, Args)]
 #[command(
-    after_help = "Options may also stand in files, one `name = value` per line, named like the flags: SCENE/gprop.toml may set \
-                        what concerns the scene alone, ~/.config/gprop/config.toml anything. The command line wins over the \
+    after_help = "Options can also be set in files, one `name = value` per line, named like the flags: in SCENE/gprop.toml those \
+                        that concern only the scene, in ~/.config/gprop/config.toml all. The command line wins over the \
                         scene's file, and that over yours."
 )]
 pub struct RunArgs {
@@ -277,7 +277,7 @@ pub struct QueryArgs {
     pub scene: SceneArgs,
 }
 
-/// The two halves of a submission by the Batch API.
+/// The two halves of a submission through the Batch API.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, clap::ValueEnum)]
 pub enum BatchApiStep {
     /// Send the open queries.
