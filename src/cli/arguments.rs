@@ -218,7 +218,8 @@ pub struct BatchArgs {
     /// Run nothing; write the summary of all shards, which must have had the same choice of scenes.
     #[arg(long, conflicts_with_all = ["dry_run", "queries"])]
     pub merge: bool,
-    /// Send the open queries of all scenes through OpenAI's Batch API (half the price, within a day), or collect the answers.
+    /// Send the open queries of all scenes through OpenAI's Batch API (half the price, within a day), or collect the
+    /// answers.
     #[arg(long, value_name = "STEP", conflicts_with = "dry_run")]
     pub queries: Option<batch::QuestionStep>,
     #[command(flatten)]
@@ -300,7 +301,8 @@ pub enum Evaluate {
         /// Recorded outcomes (CSV with the header object,policy,picked_up,undamaged; true or false).
         #[arg(long, value_name = "FILE.csv", group = "from", value_parser = values::file())]
         outcomes: Option<PathBuf>,
-        /// Predict the outcomes for gprop and three fixed forces from the objects' true properties (CSV; see docs/grasp.md).
+        /// Predict the outcomes for gprop and three fixed forces from the objects' true properties (CSV; see
+        /// docs/grasp.md).
         #[arg(long, value_name = "FILE.csv", group = "from", value_parser = values::file())]
         objects: Option<PathBuf>,
         /// The gripper for the predicted outcomes.
@@ -321,13 +323,14 @@ pub enum Evaluate {
         /// The recorded trajectory with its setting (NPZ).
         reference: PathBuf,
     },
-    /// Render the materials into labelled views and compute the IoU per label: the paper's table with its two ablations.
+    /// Render the materials into labelled views and compute the IoU per label: the paper's table with its two
+    /// ablations.
     Segmentation {
         /// Scene folders on which `gprop run` has done at least the vote.
         #[arg(required = true)]
         scenes: Vec<PathBuf>,
-        /// Label maps (one PNG per view, and labels.json or EISeg's autosave_label.txt): a folder inside each scene, or a
-        /// folder that holds one such folder per scene, named after it, or the folder of a single scene.
+        /// Label maps (one PNG per view, and labels.json or EISeg's autosave_label.txt): a folder inside each scene, or
+        /// a folder that holds one such folder per scene, named after it, or the folder of a single scene.
         #[arg(long, value_name = "DIR")]
         truth: PathBuf,
         /// The label set to which materials and labels are mapped.
@@ -337,7 +340,8 @@ pub enum Evaluate {
         #[arg(long, value_name = "DIR")]
         out: Option<PathBuf>,
     },
-    /// Compare --point-prompts adaptive with --point-prompts grid in prompts, time and part IoU, on scenes with true part maps.
+    /// Compare --point-prompts adaptive with --point-prompts grid in prompts, time and part IoU, on scenes with true
+    /// part maps.
     Prompts {
         /// Scene folders with SCENE/ground_truth/part_maps/VIEW.png: 8-bit part numbers, 255 for no part.
         #[arg(required = true)]
@@ -349,7 +353,8 @@ pub enum Evaluate {
         #[command(flatten)]
         setup: Box<setup::Options>,
     },
-    /// Find the parts of scenes with true part maps, and compare them with the true parts in views that were not segmented.
+    /// Find the parts of scenes with true part maps, and compare them with the true parts in views that were not
+    /// segmented.
     Parts {
         /// Scene folders with SCENE/ground_truth/part_maps/VIEW.png: 8-bit part numbers, 255 for no part.
         #[arg(required = true)]
