@@ -18,7 +18,7 @@ pub enum BatchError {
     NothingSelected { listed: usize },
     #[error("{given}: {problem}")]
     Shard { given: String, problem: String },
-    #[error("how much memory is free cannot be told here; say with --memory GB how much the batch may use")]
+    #[error("cannot find out how much memory is free; give the limit for the batch with --memory GB")]
     UnknownMemory,
     #[error(
         "another gprop {holder} shard {shard} of {folder:?}; wait for it to end or choose another folder with --out"
@@ -30,12 +30,15 @@ pub enum BatchError {
     Line { path: PathBuf, line: usize, source: serde_json::Error },
     #[error("there is nothing to merge in {folder:?}; run the shards first, with the same --out")]
     NothingToMerge { folder: PathBuf },
-    #[error("{folder:?} has shards of {divisions}; remove the files of the divisions that no longer count")]
+    #[error(
+        "{folder:?} has results of different numbers of shards: {divisions}; delete the files that are out of date"
+    )]
     MixedShards { folder: PathBuf, divisions: String },
     #[error("cannot start a scene's process: {0}")]
     Start(std::io::Error),
     #[error(
-        "is not among the scenes that are chosen now; collect with the same --split, --filter, --start, --end and --shard"
+        "is not among the scenes chosen by these options; collect with the same --split, --filter, --start, --end and \
+         --shard"
     )]
     NotOfThisBatch,
     /// Some scenes failed or are not done: exit code 6.
@@ -47,7 +50,7 @@ pub enum BatchError {
 fn listed(failed: &[(String, String)], missing: &[String]) -> String {
     let first_line = |text: &str| one_line(text.lines().next().unwrap_or_default()).into_owned();
     let failed = failed.iter().map(|(name, why)| format!("\n  {}: {}", one_line(name), first_line(why)));
-    let unknown = "nothing is known of it; its shard has not run to the end";
+    let unknown = "it has no result; its shard has not run to the end";
     let missing = missing.iter().map(|name| format!("\n  {}: {unknown}", one_line(name)));
     failed.chain(missing).collect()
 }

@@ -107,7 +107,7 @@ impl Batch {
         if let Some(first) = skipped.first() {
             let count = skipped.len();
             warnings.push(format!(
-                "the names of {count} scene folders are not UTF-8 (first: `{first}`); skipped, rename them to run them"
+                "the names of {count} scene folders are not UTF-8 (first: `{first}`); they are skipped until you rename them"
             ));
         }
         let cores = || std::thread::available_parallelism().map_or(1, usize::from);

@@ -166,7 +166,7 @@ fn error_in(stderr: &str, status: ExitStatus) -> String {
     let at = stderr.match_indices(MARK).map(|(at, _)| at).filter(begins).last();
     match at {
         Some(at) => stderr[at + MARK.len()..].trim().to_owned(),
-        None => format!("its process ended without a word ({status})"),
+        None => format!("its process ended without an error message ({status})"),
     }
 }
 
@@ -182,6 +182,9 @@ mod tests {
         let status = ExitStatus::from_raw(3 << 8);
         let stderr = "WARN an error: in a warning\nerror: no recorded answer:\n  view 003\nAsk a model\n";
         assert_eq!(error_in(stderr, status), "no recorded answer:\n  view 003\nAsk a model");
-        assert_eq!(error_in("", ExitStatus::from_raw(9)), "its process ended without a word (signal: 9 (SIGKILL))");
+        assert_eq!(
+            error_in("", ExitStatus::from_raw(9)),
+            "its process ended without an error message (signal: 9 (SIGKILL))"
+        );
     }
 }

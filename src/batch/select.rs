@@ -89,7 +89,7 @@ fn of_split(scenes: Vec<Entry>, split: &str, warnings: &mut Vec<String>) -> Resu
     if !known.contains(split) {
         let known: Vec<&str> = known.into_iter().collect();
         return Err(refuse(match known.is_empty() {
-            true => "the data set has no splits; give a text file with a scene's name a line".to_owned(),
+            true => "the data set has no splits; give a text file with one scene name per line".to_owned(),
             false => format!("is neither a file nor a split of the data set, which are {}", known.join(", ")),
         }));
     }

@@ -11,7 +11,7 @@ use crate::pipeline::{self, Stage};
 use crate::values::{self, from_to};
 use crate::{batch, export, inspect, materials, setup};
 
-/// More than on any machine on which gprop was run. Each takes a stack of 2 MB and milliseconds to start.
+/// More than the cores of any machine that gprop was run on. A thread takes a 2 MB stack and milliseconds to start.
 const MOST_THREADS: usize = 1024;
 
 /// Materials and physical properties for every Gaussian of a 3D Gaussian Splatting scene.
@@ -42,7 +42,7 @@ pub struct Global {
     /// The stages' flags as they were typed.
     #[arg(skip)]
     pub typed: Vec<OsString>,
-    /// The stages' flags as they were typed or stand in a configuration file.
+    /// The stages' flags as they were typed or read from a configuration file.
     #[arg(skip)]
     pub effective: Vec<OsString>,
 }
@@ -183,8 +183,8 @@ pub struct ExportArgs {
 
 #[derive(Debug, Args)]
 #[command(
-    after_help = "Options may also stand in files, one `name = value` per line, named like the flags: SCENE/gprop.toml may set \
-                        what concerns the scene alone, ~/.config/gprop/config.toml anything. The command line wins over the \
+    after_help = "Options can also be set in files, one `name = value` per line, named like the flags: in SCENE/gprop.toml those \
+                        that concern only the scene, in ~/.config/gprop/config.toml all. The command line wins over the \
                         scene's file, and that over yours."
 )]
 pub struct RunArgs {
@@ -218,7 +218,8 @@ pub struct BatchArgs {
     /// Run nothing; write the summary of all shards, which must have had the same choice of scenes.
     #[arg(long, conflicts_with_all = ["dry_run", "queries"])]
     pub merge: bool,
-    /// Send the open queries of all scenes through OpenAI's Batch API (half the price, within a day), or collect the answers.
+    /// Send the open queries of all scenes through OpenAI's Batch API (half the price, within a day), or collect the
+    /// answers.
     #[arg(long, value_name = "STEP", conflicts_with = "dry_run")]
     pub queries: Option<batch::QuestionStep>,
     #[command(flatten)]
@@ -277,7 +278,7 @@ pub struct QueryArgs {
     pub scene: SceneArgs,
 }
 
-/// The two halves of a submission by the Batch API.
+/// The two halves of a submission through the Batch API.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, clap::ValueEnum)]
 pub enum BatchApiStep {
     /// Send the open queries.
@@ -300,7 +301,8 @@ pub enum Evaluate {
         /// Recorded outcomes (CSV with the header object,policy,picked_up,undamaged; true or false).
         #[arg(long, value_name = "FILE.csv", group = "from", value_parser = values::file())]
         outcomes: Option<PathBuf>,
-        /// Predict the outcomes for gprop and three fixed forces from the objects' true properties (CSV; see docs/grasp.md).
+        /// Predict the outcomes for gprop and three fixed forces from the objects' true properties (CSV; see
+        /// docs/grasp.md).
         #[arg(long, value_name = "FILE.csv", group = "from", value_parser = values::file())]
         objects: Option<PathBuf>,
         /// The gripper for the predicted outcomes.
@@ -321,13 +323,14 @@ pub enum Evaluate {
         /// The recorded trajectory with its setting (NPZ).
         reference: PathBuf,
     },
-    /// Render the materials into labelled views and compute the IoU per label: the paper's table with its two ablations.
+    /// Render the materials into labelled views and compute the IoU per label: the paper's table with its two
+    /// ablations.
     Segmentation {
         /// Scene folders on which `gprop run` has done at least the vote.
         #[arg(required = true)]
         scenes: Vec<PathBuf>,
-        /// Label maps (one PNG per view, and labels.json or EISeg's autosave_label.txt): a folder inside each scene, or a
-        /// folder that holds one such folder per scene, named after it, or the folder of a single scene.
+        /// Label maps (one PNG per view, and labels.json or EISeg's autosave_label.txt): a folder inside each scene, or
+        /// a folder that holds one such folder per scene, named after it, or the folder of a single scene.
         #[arg(long, value_name = "DIR")]
         truth: PathBuf,
         /// The label set to which materials and labels are mapped.
@@ -337,7 +340,8 @@ pub enum Evaluate {
         #[arg(long, value_name = "DIR")]
         out: Option<PathBuf>,
     },
-    /// Compare --point-prompts adaptive with --point-prompts grid in prompts, time and part IoU, on scenes with true part maps.
+    /// Compare --point-prompts adaptive with --point-prompts grid in prompts, time and part IoU, on scenes with true
+    /// part maps.
     Prompts {
         /// Scene folders with SCENE/ground_truth/part_maps/VIEW.png: 8-bit part numbers, 255 for no part.
         #[arg(required = true)]
@@ -349,7 +353,8 @@ pub enum Evaluate {
         #[command(flatten)]
         setup: Box<setup::Options>,
     },
-    /// Find the parts of scenes with true part maps, and compare them with the true parts in views that were not segmented.
+    /// Find the parts of scenes with true part maps, and compare them with the true parts in views that were not
+    /// segmented.
     Parts {
         /// Scene folders with SCENE/ground_truth/part_maps/VIEW.png: 8-bit part numbers, 255 for no part.
         #[arg(required = true)]

@@ -127,7 +127,7 @@ fn questions(global: &Global, step: QuestionStep, batch: &Batch, questions: &Que
         QuestionStep::Submit => {
             let (sent, failures) = questions.submit()?;
             print(global, &sent, || {
-                format!("{} queries sent, {} of earlier submissions waiting", sent.sent, sent.waiting)
+                format!("{} queries sent, {} from earlier submissions waiting", sent.sent, sent.waiting)
             })?;
             failures
         }

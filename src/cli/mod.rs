@@ -71,7 +71,7 @@ fn run(arguments: Vec<OsString>) -> anyhow::Result<()> {
         Command::Simulate(args) => simulate::run(global, args),
         Command::Grasp(GraspArgs { what: Some(what), .. }) => tools::grasp(global, what),
         Command::Grasp(GraspArgs { scene: Some(folder), work, .. }) => scene::run(global, folder, work, Stage::Grasp),
-        Command::Grasp(_) => unreachable!("clap asks for a scene where there is no subcommand"),
+        Command::Grasp(_) => unreachable!("clap asks for a scene if there is no subcommand"),
         Command::Export(args) => scene::export(global, args),
         Command::Inspect(args) => {
             let (inspection, text) = inspect::command(args, global.progress())?;

@@ -101,7 +101,7 @@ fn run(global: &Global, session: &QuerySession, action: &QueryAction) -> anyhow:
         QueryAction::Submit => {
             let sent = session.submit()?;
             print(global, &sent, || {
-                format!("{} queries sent, {} of earlier submissions waiting", sent.sent, sent.waiting)
+                format!("{} queries sent, {} from earlier submissions waiting", sent.sent, sent.waiting)
             })
         }
         QueryAction::Collect => {

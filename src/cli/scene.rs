@@ -105,13 +105,13 @@ fn dry_run(global: &Global, plan: Plan, reusable: &[Stage], queries: Option<&Pre
     print(global, &serde_json::json!({ "stages": stages, "queries": queries }), || {
         let mut text = String::new();
         for stage in &stages {
-            let state = if stage.reusable { "as it is" } else { "to do" };
+            let state = if stage.reusable { "done" } else { "to do" };
             text += &format!("{:<9} {state}\n", stage.name.name());
         }
         match queries {
             Some(plan) => text += &format!("queries: {plan}\n"),
             None if plan.to >= Stage::Query && !reusable.contains(&Stage::Segment) => {
-                text += "queries: how many is known when the views are segmented, which sends nothing: gprop segment SCENE\n";
+                text += "queries: counted once the views are segmented, which sends nothing: gprop segment SCENE\n";
             }
             None => {}
         }

@@ -49,7 +49,8 @@ pub fn materials(global: &Global, what: &Materials) -> anyhow::Result<()> {
     match what {
         Materials::Show { name, library: options } => {
             let all = options.library()?;
-            let card = library::show(&all, name).ok_or_else(|| UsageError(format!("no material is like {name:?}")))?;
+            let card =
+                library::show(&all, name).ok_or_else(|| UsageError(format!("no material has a name like {name:?}")))?;
             print(global, &card, || library::show_text(&all, name).unwrap_or_default())
         }
         Materials::List { family, library: options } => {
@@ -71,5 +72,5 @@ pub fn materials(global: &Global, what: &Materials) -> anyhow::Result<()> {
 
 fn unknown_family(library: &MaterialLibrary, family: Option<&str>) -> UsageError {
     let names: Vec<&str> = library.families().iter().map(|family| family.name.as_str()).collect();
-    UsageError(format!("no family {:?}; there are {}", family.unwrap_or_default(), names.join(", ")))
+    UsageError(format!("there is no family {:?}; the families are {}", family.unwrap_or_default(), names.join(", ")))
 }

@@ -112,7 +112,7 @@ fn material<'a>(
     match (unknown, nearest) {
         (Unknown::TakeNearest, Some((material, likeness))) => {
             flags.push(format!(
-                "{name:?} is not in the library; {} is the nearest name (likeness {likeness:.2})",
+                "{name:?} is not in the library; {} is the nearest name (similarity {likeness:.2})",
                 material.name
             ));
             Ok(material)
@@ -224,7 +224,7 @@ fn in_order(name: &str, said: Range, flags: &mut Vec<String>) -> Range {
 fn cut(name: &str, said: Range, bounds: Range, flags: &mut Vec<String>) -> Range {
     let cut = said.clipped(bounds);
     if cut != said {
-        flags.push(format!("{name}: {} is outside what is possible, {}; it was cut", in_si(said), in_si(bounds)));
+        flags.push(format!("{name}: {} exceeds the possible range {}; it was clamped", in_si(said), in_si(bounds)));
     }
     cut
 }
@@ -234,7 +234,7 @@ fn narrowed(name: &str, said: Range, row: Range, flags: &mut Vec<String>) -> Ran
     if overlap.low <= overlap.high {
         return overlap;
     }
-    flags.push(format!("{name}: {} does not meet the library's {}, which is used", in_si(said), in_si(row)));
+    flags.push(format!("{name}: {} does not overlap the library's {}, which is used", in_si(said), in_si(row)));
     row
 }
 

@@ -28,7 +28,7 @@ pub enum LabelsError {
     Unreadable { path: PathBuf, source: std::io::Error },
     #[error("{path:?} line {line}: {label:?} is not a material, family or label of an evaluation{hint}")]
     Unknown { path: PathBuf, line: usize, label: String, hint: String },
-    #[error("{path:?} names no label; put one a line")]
+    #[error("{path:?} names no label; write one per line")]
     Empty { path: PathBuf },
 }
 

@@ -53,9 +53,9 @@ impl std::fmt::Display for Spent {
 /// Why a request may not be sent.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
 pub enum NotSent {
-    #[error("the next request might pass the budget")]
+    #[error("the next request might exceed the budget")]
     Budget,
-    #[error("the run asks nothing more")]
+    #[error("the run sends no more requests")]
     Closed,
 }
 

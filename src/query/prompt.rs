@@ -31,12 +31,12 @@ pub enum PromptError {
     Unreadable { path: PathBuf, source: std::io::Error },
     #[error("prompt file {file}: {problem}; the placeholders are those of the built-in file of that name")]
     Template { file: String, problem: String },
-    #[error("prompt file {file} is no JSON schema: {problem}")]
+    #[error("prompt file {file} is not a JSON schema: {problem}")]
     Schema { file: String, problem: String },
-    #[error("there is no prompt folder {0:?}: give --prompts a folder with files named as the built-in ones")]
+    #[error("there is no prompt folder {0:?}: give --prompts a folder with files named like the built-in ones")]
     NoFolder(PathBuf),
     #[error(
-        "--prompts {0:?} has no file named as a built-in one (part.txt, family.txt, ...), so it would change nothing"
+        "--prompts {0:?} has no file named like a built-in one (part.txt, family.txt, ...), so it would change nothing"
     )]
     NoFile(PathBuf),
 }

@@ -13,7 +13,8 @@ use crate::vote::MaterialField;
 
 /// Most Gaussians on a page: with 20 bytes each, 1.1 MB in base64 before compression, beside 1.4 MB of viewer.
 const LIMIT: usize = 40_000;
-/// Gaussians smaller than this fraction of the largest, e^-10, are drawn as large as the fraction.
+/// Logarithm of the ratio of the largest scale to the smallest one drawn: Gaussians below e^-10 times the largest are
+/// drawn at that size.
 const LOG_SCALE_SPAN: f32 = 10.0;
 /// Fainter Gaussians change no 8-bit pixel.
 const FAINTEST: f64 = 1.0 / 255.0;

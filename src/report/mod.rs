@@ -26,8 +26,8 @@ pub use summary::summary;
 /// meaning or is removed.
 pub const SCHEMA_VERSION: u32 = 1;
 
-/// The whole result of `gprop run`. SI throughout: m, kg, s, Pa, N, rad. The world frame is that of the input splat; lengths
-/// in scene units say so.
+/// The whole result of `gprop run`. SI throughout: m, kg, s, Pa, N, rad. The world frame is that of the input splat;
+/// lengths in scene units say so.
 #[derive(Debug, Clone, Serialize)]
 #[cfg_attr(test, derive(schemars::JsonSchema))]
 #[cfg_attr(test, schemars(title = "gprop report.json"))]

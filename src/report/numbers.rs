@@ -27,7 +27,7 @@ pub fn interval(estimate: Estimate, factor: f64) -> String {
     if low == high { low } else { format!("{low} to {high}") }
 }
 
-/// Groups of three digits with a thin comma between them.
+/// Groups of three digits with commas between them.
 pub fn thousands(number: u64) -> String {
     let digits = number.to_string();
     let mut text = String::new();

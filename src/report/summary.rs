@@ -39,7 +39,7 @@ pub fn summary(report: &Report, report_page: &Path) -> String {
     if let Some(grasp) = &report.grasp {
         let _ = writeln!(
             text,
-            "grasp  {} N at the {}: slips under {} N, breaks over {} N{}",
+            "grasp  {} N at the {}: slips below {} N, is damaged above {} N{}",
             significant(grasp.f_star_n),
             one_line(short(&grasp.part)),
             significant(grasp.f_min_n),

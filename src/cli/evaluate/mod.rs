@@ -124,14 +124,14 @@ fn check_truth(path: &Path, scope: &ReadScope) -> Result<(), SceneError> {
 
 fn one_scene_only(scenes: usize, out: Option<&Path>) -> Result<(), UsageError> {
     match out {
-        Some(_) if scenes != 1 => Err(UsageError(format!("--out is the work folder of one scene, here are {scenes}"))),
+        Some(_) if scenes != 1 => Err(UsageError(format!("--out is the work folder of one scene, not of {scenes}"))),
         _ => Ok(()),
     }
 }
 
 fn mass_text(found: &MassEvaluation) -> String {
     let mut text =
-        format!("{:<24} {:>10} {:>10} {:>10} {:>10}  holds\n", "object", "low kg", "high kg", "mean kg", "true kg");
+        format!("{:<24} {:>10} {:>10} {:>10} {:>10}  covered\n", "object", "low kg", "high kg", "mean kg", "true kg");
     for object in &found.objects {
         let (range, holds) = (object.predicted, if object.covered { "yes" } else { "no" });
         text += &format!(
@@ -144,7 +144,7 @@ fn mass_text(found: &MassEvaluation) -> String {
         );
         object.parts.iter().for_each(|part| text += &part_line(part));
     }
-    text + &scores_text(&found.scores, "kg") + &format!("\nrange holds the truth: {:.0} %", 100.0 * found.coverage)
+    text + &scores_text(&found.scores, "kg") + &format!("\nrange contains the truth: {:.0} %", 100.0 * found.coverage)
 }
 
 fn part_line(part: &WeighedPart) -> String {
@@ -305,6 +305,6 @@ fn evaluate_masks(global: &Global, image: &Path, reference: &Path, setup: &setup
                 c.stability_max_difference
             );
         }
-        text + "the last two columns are largest differences over the matched pairs"
+        text + "the last two columns are the largest differences over the matched pairs"
     })
 }

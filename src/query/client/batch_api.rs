@@ -140,7 +140,7 @@ fn json_body<T: DeserializeOwned>(status: StatusCode, body: &str, retry_after: O
         return Err(response::failure(status, body, retry_after));
     }
     serde_json::from_str(body).map_err(|error| {
-        Attempt::Final(AskError::Fatal(format!("the server answers otherwise than OpenAI's Batch API: {error}")))
+        Attempt::Final(AskError::Fatal(format!("the server does not answer like OpenAI's Batch API: {error}")))
     })
 }
 

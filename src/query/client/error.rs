@@ -5,15 +5,15 @@
 pub enum ClientError {
     #[error("--lmm-url {url:?} is not an http or https URL; give the server's base, such as https://api.openai.com/v1")]
     Url { url: String },
-    #[error("--lmm-url holds a user name or a password; give the server's key in OPENAI_API_KEY instead")]
+    #[error("--lmm-url contains a user name or a password; give the server's key in OPENAI_API_KEY instead")]
     Credentials,
-    #[error("--lmm-url holds a fragment (#...), which is never sent to a server; leave it out")]
+    #[error("--lmm-url contains a fragment (#...), which is never sent to a server; leave it out")]
     Fragment,
     #[error("--lmm-url needs --lmm-model, the name of the model there")]
     NoModel,
     #[error("the Batch API needs --lmm-url and --lmm-model")]
     NoUrl,
-    #[error("OPENAI_API_KEY holds characters that no key has")]
+    #[error("OPENAI_API_KEY contains characters that no key has")]
     Key,
     #[error("cannot set up the HTTP client: {0}")]
     Http(String),

@@ -131,7 +131,7 @@ impl Client {
     pub fn announce_submission(&self, pictures: usize, cost: &Cost) {
         let pictures = counted(pictures, "picture");
         progress::notice(&format!(
-            "sending {pictures} to {} by the Batch API, the first at once: {cost} ({})",
+            "sending {pictures} to {} through the Batch API, the first at once: {cost} ({})",
             self.name(),
             self.budget()
         ));

@@ -1,4 +1,4 @@
-//! What a response means: an answer, a refusal, or a failure that is transient or final.
+//! The meaning of a response: an answer, a refusal, or a failure that is transient or final.
 
 use std::time::Duration;
 
@@ -93,7 +93,7 @@ pub fn transport(error: reqwest::Error) -> Attempt {
 
 fn answer(completion: Completion) -> Result<Reply, Attempt> {
     let Some(choice) = completion.choices.into_iter().next() else {
-        return Err(Attempt::Passing { message: "the response holds no choice".into(), retry_after: None });
+        return Err(Attempt::Passing { message: "the response contains no choice".into(), retry_after: None });
     };
     let reason = choice.finish_reason.as_ref().and_then(Value::as_str).unwrap_or("none given");
     let text = choice.message.content.map(text_of).unwrap_or_default();
@@ -103,7 +103,7 @@ fn answer(completion: Completion) -> Result<Reply, Attempt> {
         ReplyContent::Refusal("the server's content filter stopped the answer".into())
     } else if text.trim().is_empty() {
         ReplyContent::Empty(format!(
-            "the answer is empty (finish reason: {reason}); a model that thinks at length needs more --lmm-max-tokens"
+            "the answer is empty (finish reason: {reason}); a model that reasons at length needs more --lmm-max-tokens"
         ))
     } else {
         ReplyContent::Text(text)

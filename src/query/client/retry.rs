@@ -52,8 +52,7 @@ impl Backoff {
     }
 
     /// How long to wait before the next try. A wait that the server asks for is used as is; otherwise the wait doubles
-    /// each time, with a
-    /// random share taken off so that parallel requests do not come back together.
+    /// each time, with a random share taken off so that parallel requests do not come back together.
     ///
     /// # Errors
     /// The failure itself if there is to be no further try.

@@ -243,7 +243,7 @@ enum LineProblem {
     Again { query: String, earlier: usize },
     #[error("there is no query {0:?}")]
     NoQuery(String),
-    #[error("it does not say who answered: put the name behind \"model\" in {MANIFEST}")]
+    #[error("it does not say who answered: write the name after \"model\" in {MANIFEST}")]
     NoModel,
     #[error(
         "it was asked with other prompts, another library or other options than this run's; export the queries again"

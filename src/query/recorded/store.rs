@@ -72,10 +72,10 @@ pub enum Miss {
 impl std::fmt::Display for Miss {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         match self {
-            Self::Live => f.write_str("--answers live asks always"),
-            Self::View => f.write_str("nothing is recorded of this photo"),
+            Self::Live => f.write_str("--answers live always asks"),
+            Self::View => f.write_str("nothing is recorded for this photo"),
             Self::Prompt => f.write_str("recorded for another prompt, library or model only"),
-            Self::Mask { iou } => write!(f, "the nearest recorded mask overlaps by IoU {iou:.2}, not {MASK_IOU}"),
+            Self::Mask { iou } => write!(f, "the nearest recorded mask has an IoU of {iou:.2}, below {MASK_IOU}"),
         }
     }
 }
@@ -155,7 +155,6 @@ impl Recordings {
 
     /// The recording that answers `asked`, and how it was found. Among several, the one with the best overlap and then
     /// the smallest key.
-    /// smallest key.
     pub fn find(&self, asked: &Asked, who: Who) -> Result<(Recording, Match), Miss> {
         let by_key = self.lock();
         if let Who::Exactly(answerer) = who
@@ -269,7 +268,7 @@ fn read(path: &Path) -> Result<Recording, RecordingError> {
     }
     let answerer = Answerer { model: recording.model.clone(), parameters: recording.parameters.clone() };
     if recording.key != key(&answerer, &recording.asked) {
-        return Err(broken("its key is not that of what it holds".into()));
+        return Err(broken("its key does not match its content".into()));
     }
     Ok(recording)
 }

@@ -17,7 +17,7 @@ use super::sha256::Sha256Hex;
 use crate::scene::Photo;
 use crate::segment::LabelMap;
 
-/// What of the object the model is shown.
+/// How much of the object the model is shown.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize, clap::ValueEnum)]
 #[serde(rename_all = "snake_case")]
 pub enum Context {

@@ -80,7 +80,7 @@ fn tiles(report: &Report) -> Vec<Value> {
         tiles.push(tile("volume", format!("{} cm³", significant(volume.mid * 1e6)), interval(volume, 1e6)));
     }
     if let Some(grasp) = &report.grasp {
-        let bounds = format!("slips under {}, breaks over {}", significant(grasp.f_min_n), significant(grasp.f_max_n));
+        let bounds = format!("slips below {}, damage above {}", significant(grasp.f_min_n), significant(grasp.f_max_n));
         tiles.push(tile("grip with", format!("{} N", significant(grasp.f_star_n)), bounds));
     }
     let seen = 100.0 * report.scene.seen_gaussians as f64 / report.scene.gaussians.max(1) as f64;
