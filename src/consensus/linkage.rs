@@ -5,6 +5,9 @@ use std::cmp::Ordering;
 use std::collections::{BTreeMap, BinaryHeap};
 use std::ops::AddAssign;
 
+/// In place of a group: none.
+pub(super) const NONE: u32 = u32::MAX;
+
 /// Sums over the pairs that cross the border of two groups.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
 pub(super) struct Border {
@@ -151,12 +154,14 @@ pub(super) fn between(
 }
 
 /// Lets every group with less than `share` of all light join the neighbour from which views split it least, the
-/// smallest first. One without neighbours is dissolved: its nodes are in no group, unless there is no other group. `part`
-/// names the group of every node by one of its nodes.
-pub(super) fn absorb(part: Vec<u32>, borders: &[(u32, u32, Border)], light: &[f64], share: f64) -> Vec<Option<u32>> {
+/// smallest first. One without neighbours is dissolved: its nodes get [`NONE`], unless no group is large enough. `part`
+/// names the group of every node by one of its nodes, or is [`NONE`].
+pub(super) fn absorb(part: Vec<u32>, borders: &[(u32, u32, Border)], light: &[f64], share: f64) -> Vec<u32> {
     let least = share * light.iter().sum::<f64>();
     let mut of_part = vec![0.0; part.len()];
-    part.iter().zip(light).for_each(|(&part, &light)| of_part[part as usize] += light);
+    for (&part, &light) in part.iter().zip(light).filter(|(part, _)| **part != NONE) {
+        of_part[part as usize] += light;
+    }
     let mut around: Vec<BTreeMap<u32, Border>> = vec![BTreeMap::new(); part.len()];
     for (a, b, border) in between(&part, part.len(), borders.iter().copied()) {
         around[a as usize].insert(b, border);
@@ -182,10 +187,10 @@ pub(super) fn absorb(part: Vec<u32>, borders: &[(u32, u32, Border)], light: &[f6
         }
     }
     let joined = roots(joined);
-    let group = |part: &u32| joined[*part as usize];
-    let is_whole = |group: u32| of_part[group as usize] >= least;
-    let any_whole = part.iter().any(|part| is_whole(group(part)));
-    part.iter().map(|part| Some(group(part)).filter(|&group| is_whole(group) || !any_whole)).collect()
+    let group = |&part: &u32| joined.get(part as usize).copied().unwrap_or(NONE);
+    let is_large = |group: u32| group != NONE && of_part[group as usize] >= least;
+    let any_large = part.iter().any(|part| is_large(group(part)));
+    part.iter().map(|part| if is_large(group(part)) || !any_large { group(part) } else { NONE }).collect()
 }
 
 #[cfg(test)]
@@ -230,9 +235,10 @@ mod tests {
     fn crumbs_join_the_neighbour_that_is_split_from_them_least() {
         let borders = [(0, 1, border(0.9, 1)), (1, 2, border(0.4, 1)), (0, 3, border(0.9, 1))];
         let light = [1000.0, 1.0, 500.0, 800.0];
-        assert_eq!(absorb(vec![0, 1, 2, 3], &borders, &light, 0.01), [0, 2, 2, 3].map(Some));
-        assert_eq!(absorb(vec![0, 1, 2, 3], &borders, &light, 0.0), [0, 1, 2, 3].map(Some));
-        assert_eq!(absorb(vec![0, 1], &[], &light[..2], 0.01), [Some(0), None], "nobody to join");
-        assert_eq!(absorb(vec![0], &[], &[0.0], 0.01), [Some(0)], "nothing else is there");
+        assert_eq!(absorb(vec![0, 1, 2, 3], &borders, &light, 0.01), [0, 2, 2, 3]);
+        assert_eq!(absorb(vec![0, 1, 2, 3], &borders, &light, 0.0), [0, 1, 2, 3]);
+        assert_eq!(absorb(vec![0, 1], &[], &light[..2], 0.01), [0, NONE], "nobody to join");
+        assert_eq!(absorb(vec![NONE, 1, 2, 3], &borders, &light, 0.01), [NONE, 2, 2, 3]);
+        assert_eq!(absorb(vec![0], &[], &[0.0], 0.01), [0], "nothing else is there");
     }
 }

@@ -27,7 +27,7 @@ use crate::scene::gaussians::Gaussians;
 use crate::scene::nearest::Nearest;
 use crate::segment::tree::SegmentTree;
 use evidence::Evidence;
-use linkage::{Border, link};
+use linkage::{Border, NONE, link};
 use membership::Membership;
 use neighbors::Pairs;
 use normals::Normals;
@@ -46,6 +46,9 @@ const SMOOTH_TO_EDGE_DEG: [f64; 2] = [20.0, 50.0];
 /// A border is taken for an edge of [`SURE_EDGE_DEG`] until this many pairs say otherwise.
 const PRIOR_PAIRS: f64 = 20.0;
 const SURE_EDGE_DEG: f64 = 60.0;
+/// A piece with a smaller share of the object's light is a scrap, such as lie along borders: it joins a neighbour before
+/// pieces are joined to parts, so that these touch each other.
+const SCRAP_SHARE: f64 = 0.0002;
 /// A part with a smaller share of the object's light is a crumb.
 const CRUMB_SHARE: f64 = 0.003;
 /// A Gaussian of which all views together see less light, in pixels, says nothing about parts.
@@ -102,19 +105,17 @@ pub fn find(gaussians: &Gaussians, views: &[ViewTree], progress: Progress) -> Pa
 
     let (core_of, cores) = compact(&linkage::contract(gaussians.len(), borders(), CORE_SPLIT), &seen);
     let between_cores = linkage::between(&core_of, cores, borders());
+    let light_of_core = sum_by(&core_of, cores, &seen, &light);
     let piece_of_core = link(cores, &between_cores, PIECE_SPLIT, Border::split);
+    let piece_of_core = linkage::absorb(piece_of_core, &between_cores, &light_of_core, SCRAP_SHARE);
     let between_pieces = linkage::between(&piece_of_core, cores, between_cores.iter().copied());
     let part_of_piece = link(cores, &between_pieces, PART_STRENGTH, strength);
-    let part_of_core = piece_of_core.iter().map(|&piece| part_of_piece[piece as usize]).collect();
-    let part_of_core =
-        linkage::absorb(part_of_core, &between_cores, &sum_by(&core_of, cores, &seen, &light), CRUMB_SHARE);
-    let part_of: Vec<u32> =
-        core_of.iter().map(|&core| part_of_core.get(core as usize).copied().flatten().unwrap_or(NONE)).collect();
+    let group_of = |groups: &[u32], member: u32| groups.get(member as usize).copied().unwrap_or(NONE);
+    let part_of_core = piece_of_core.iter().map(|&piece| group_of(&part_of_piece, piece)).collect();
+    let part_of_core = linkage::absorb(part_of_core, &between_cores, &light_of_core, CRUMB_SHARE);
+    let part_of: Vec<u32> = core_of.iter().map(|&core| group_of(&part_of_core, core)).collect();
     finish(gaussians, &part_of, &seen, &light, borders())
 }
-
-/// In place of a part's number: none yet.
-const NONE: u32 = u32::MAX;
 
 /// How much a border separates two parts, 0 to 1.
 fn strength(border: &Border) -> f64 {
