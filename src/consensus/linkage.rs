@@ -100,7 +100,7 @@ pub(super) fn link(
     roots(group)
 }
 
-/// Follows every node to the last of the groups that took it in.
+/// Replaces the group of every node by the group that it finally ended up in.
 fn roots(mut group: Vec<u32>) -> Vec<u32> {
     for n in 0..group.len() {
         let mut root = n as u32;
@@ -129,8 +129,8 @@ pub(super) fn between(group: &[u32], groups: usize, borders: &[(u32, u32, Border
 }
 
 /// Lets every group with less than `share` of all light join the neighbour from which views split it least, the
-/// smallest first. One without neighbours is dissolved: its nodes are in no group, unless there is no other group. `part`
-/// names the group of every node by one of its nodes.
+/// smallest first. One without neighbours is dissolved: its nodes are in no group, unless there is no other group.
+/// `part` names the group of every node by one of its nodes.
 pub(super) fn absorb(part: Vec<u32>, borders: &[(u32, u32, Border)], light: &[f64], share: f64) -> Vec<Option<u32>> {
     let least = share * light.iter().sum::<f64>();
     let mut of_part = vec![0.0; part.len()];
@@ -180,7 +180,7 @@ mod tests {
 
     #[test]
     fn a_chain_of_weak_borders_does_not_leak_through_a_strong_one() {
-        // 0 and 1 are one group, 3 and 4 another. Node 2 lies between: each half of it seems to belong to either.
+        // 0 and 1 are one group, 3 and 4 another. Node 2 lies between: half of it seems to belong to each.
         let near = [(0, 1, 0.0), (1, 2, 0.3), (2, 3, 0.35), (3, 4, 0.0)];
         let far = [(0, 2, 0.3), (1, 3, 1.0), (2, 4, 0.35), (0, 3, 1.0), (1, 4, 1.0)];
         let mut all: Vec<_> = near.iter().map(|&(a, b, split)| (a, b, border(split, 1))).collect();
