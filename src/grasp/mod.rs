@@ -89,9 +89,9 @@ pub struct GraspReport {
     pub warnings: Vec<String>,
 }
 
-/// The forces to lift the object with `gripper`, after the paper (see [`formulas`] for the formulas), at the best of the
-/// places where the fingers fit; without a `surface` on which to look for them, on the part that was named or is
-/// nearest to the centre of mass.
+/// The forces to lift the object with `gripper` by the paper's [`formulas`], at the best of the places where the
+/// fingers fit; without a `surface` on which to look for them, on the part that was named or is nearest to the centre
+/// of mass.
 ///
 /// `labels` are the field's, with the properties of each part; a part and its label share an id. `meters_per_unit` is
 /// for the user's point, which is in scene units.
