@@ -115,8 +115,8 @@ fn a_bad_spz_is_refused() {
         file[at] = byte;
         message(&file)
     };
-    assert!(message(b"ply\n").contains("is no .spz"));
-    assert!(message(&gzip(b"not a splat at all")).contains("is no .spz"));
+    assert!(message(b"ply\n").contains("is not an .spz"));
+    assert!(message(&gzip(b"not a splat at all")).contains("is not an .spz"));
     assert!(message(&good[..10]).contains("ends within its header"));
     assert!(message(&good[..40]).contains("bytes of"));
     assert!(changed(4, 9).contains("version 9"));
@@ -224,7 +224,8 @@ fn compressed_ply(count: usize, with_sh: bool) -> Vec<u8> {
     let high: [f32; 9] = [1.0, 1.0, 3.0, -1.0, -1.0, -1.0, 1.0, 1.0, 1.0];
     file.extend(low.into_iter().chain(high).flat_map(f32::to_le_bytes));
     for _ in 0..count {
-        // x at its maximum, y at its minimum, z in the middle; w is largest, the rest zero; scales at their minimum; red.
+        // x at its maximum, y at its minimum, z in the middle; w is largest, the rest zero; scales at their minimum;
+        // red.
         let position: u32 = 2047 << 21 | 1024;
         let rotation: u32 = 512 << 20 | 512 << 10 | 512;
         for word in [position, rotation, 0, 0xff00_0080] {

@@ -190,7 +190,7 @@ fn scales_that_no_object_can_have_are_refused_with_the_size_they_make() {
 #[test]
 fn unusual_sizes_get_a_warning_that_names_them() {
     let load = |text: &str| scene::load(&hammer(), &options(&["--scale", text]).unwrap()).unwrap();
-    for (text, size) in [("0.02", "mm"), ("100", "m large")] {
+    for (text, size) in [("0.02", "mm"), ("100", "is that its size?")] {
         let scene = load(text);
         let named = |warning: &String| warning.contains(&format!("--scale {text}")) && warning.contains(size);
         assert!(scene.warnings.iter().any(named), "{text}: {:?}", scene.warnings);

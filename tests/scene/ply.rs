@@ -425,7 +425,7 @@ fn what_is_left_out_is_said() {
     let warnings = |file: &[u8]| ply::parse(file).unwrap().warnings;
     assert!(warnings(&[&good[..], b"tail"].concat())[0].starts_with("4 bytes after the last Gaussian"));
     let camera = with_header(&good, |header| header.replace("end_", "element camera 1\nproperty float fov\nend_"));
-    assert_eq!(warnings(&[&camera[..], &[0; 4]].concat()), ["element `camera` (1 rows) is not read nor kept"]);
+    assert_eq!(warnings(&[&camera[..], &[0; 4]].concat()), ["element `camera` (1 rows) is neither read nor kept"]);
     let mut properties = splat(2, 0);
     properties.push(property("id", "int", &[1.0, 2.0]));
     assert!(warnings(&encode(&properties, Encoding::Little))[0].contains("`id` is kept as float32"));
