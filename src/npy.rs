@@ -19,7 +19,7 @@ const ALIGNMENT: usize = 64;
 pub enum NpyError {
     #[error("it does not begin as NumPy's files do")]
     Magic,
-    #[error("it is of version {0}.{1} of NumPy's format, of which gprop reads 1.0, 2.0 and 3.0; save it again")]
+    #[error("it has version {0}.{1} of NumPy's format, and gprop reads 1.0, 2.0 and 3.0; save it again")]
     Version(u8, u8),
     #[error("it ends within its header; copy or save it again")]
     HeaderEnd,

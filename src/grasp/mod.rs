@@ -69,11 +69,11 @@ pub struct GraspReport {
     pub f_min_n: f64,
     /// The greatest force that the part bears, as the policy reads it.
     pub f_max_n: f64,
-    /// Which of the two ways to damage it sets `f_max_n`.
+    /// The limit that sets `f_max_n`: yield or bending.
     pub f_max_limited_by: Limit,
     /// The force to press with; always within the gripper's range.
     pub f_star_n: f64,
-    /// Of slip, yield, bending and gripper, what sets `f_star_n`.
+    /// The limit that sets `f_star_n`: slip, yield, bending or the gripper.
     pub limited_by: Limit,
     /// Whether `f_star_n` holds the object without damaging the part.
     pub feasible: bool,

@@ -16,7 +16,7 @@ pub enum Mismatch {
     Tensor { kind: &'static str, name: String, tensor: String },
     #[error("it has the inputs {} instead of a single picture", inputs.join(", "))]
     Inputs { inputs: Vec<String> },
-    #[error("it gave {given} where {expected:?} is expected")]
+    #[error("it gave {given} instead of {expected:?}")]
     Embedding { given: String, expected: [i64; 4] },
 
     #[error("it has no {kind} {name:?}, only {}", found.join(", "))]
