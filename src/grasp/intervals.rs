@@ -30,7 +30,8 @@ pub struct Inputs {
 pub struct Intervals {
     pub f_min_n: Estimate,
     pub f_max_n: Estimate,
-    /// Over all inputs within their bounds: F* never decreases if F_min or F_max increases, so its ends follow from theirs.
+    /// Over all inputs within their bounds: F* never decreases if F_min or F_max increases, so its ends follow from
+    /// theirs.
     pub f_star_n: Estimate,
 }
 
