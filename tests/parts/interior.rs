@@ -1,4 +1,4 @@
-//! The object's inside as bytes: what is written is read, and nothing else is.
+//! The object's inside as bytes: what was written is read back, and anything else is refused.
 
 use gprop::parts::{Grid, Interior, OUTSIDE, VOID, parts};
 use gprop::progress::Progress;
@@ -28,7 +28,7 @@ fn small() -> Interior {
     Interior { grid, part: vec![0, 0, VOID, OUTSIDE], fraction: vec![1.0, 1.0, 0.0, 0.0] }
 }
 
-/// `small` with other bytes from `at` on.
+/// `small` with its bytes replaced by `other` from `at` on.
 fn with(at: usize, other: &[u8]) -> Vec<u8> {
     let mut bytes = bytes(&small());
     bytes[at..at + other.len()].copy_from_slice(other);
