@@ -295,7 +295,7 @@ impl<'a> Parser<'a> {
         while self.symbol(')').is_none() {
             numbers.push(self.number()?);
             if self.symbol(',').is_none() {
-                // One number in parentheses is no tuple.
+                // One number in parentheses is not a tuple.
                 return (numbers.len() > 1).then_some(numbers).filter(|_| self.symbol(')').is_some());
             }
         }

@@ -45,7 +45,7 @@ mod fuzz;
 mod report;
 // Every command in the README and in docs/.
 mod docs;
-// What a new law, format, export or gripper needs, as far as the compiler does not enforce it.
+// Steps for a new law, format, export or gripper that the compiler does not enforce.
 mod extending;
 // Names, numbers and paths on the command line; a terminal that cannot be written to.
 mod usage;

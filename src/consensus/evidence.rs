@@ -1,4 +1,4 @@
-//! Which pairs of Gaussians the views keep apart.
+//! The evidence of the views that the Gaussians of a pair belong to different parts.
 
 use rayon::prelude::*;
 

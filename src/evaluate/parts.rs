@@ -1,4 +1,4 @@
-//! How well the parts found in 3D match true ones, in views that took no part in finding them.
+//! How well the parts found in 3D match true ones, in views that were not used to find them.
 
 use std::collections::BTreeMap;
 

@@ -61,7 +61,7 @@ pub struct Options {
     /// Also write the label maps in these formats
     #[arg(long, value_name = "FORM,...", value_enum, value_delimiter = ',')]
     pub also: Vec<Format>,
-    /// What computes SAM's mask decoder [default: gprop itself if it can, else ONNX Runtime]
+    /// Implementation of SAM's mask decoder [default: gprop itself if it can, else ONNX Runtime]
     // Left out of the keys of stored results unless it is set.
     #[arg(long, value_enum)]
     #[serde(skip_serializing_if = "Option::is_none")]

@@ -204,7 +204,7 @@ fn a_body_without_an_end_is_not_read_to_it() {
     let error = ask(&connect(&options, None).unwrap().unwrap(), None).unwrap_err();
     assert!(matches!(&error, AskError::Failed(message) if message.contains("64 MB")), "{error}");
     assert_eq!(server.requests(), 1, "the next would be as long");
-    // What the sockets of both sides buffer comes on top.
+    // The margin is for the socket buffers of both sides.
     let sent = receiver.recv().unwrap();
     assert!((64_000_000..96_000_000).contains(&sent), "{sent}");
 }
