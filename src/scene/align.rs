@@ -167,9 +167,7 @@ impl FromStr for Conversion {
         }
         match conversion.is_proper() {
             true => Ok(conversion),
-            false => {
-                Err("it mirrors the cameras' pictures: flip one more or one fewer of the camera's axes".to_owned())
-            }
+            false => Err("it mirrors the pictures: flip one more or one fewer of the camera's axes".to_owned()),
         }
     }
 }

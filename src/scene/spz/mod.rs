@@ -18,7 +18,7 @@ use super::loaded::{Loaded, drop_unusable};
 /// An error in an `.spz`.
 #[derive(Debug, Error)]
 pub enum Problem {
-    #[error("is not an .spz file: it lacks the letters NGSP at its start, plain or within gzip; export the splat again")]
+    #[error("is not an .spz file: no letters NGSP at its start, plain or within gzip; export the splat again")]
     NotSpz,
     #[error("is .spz version {version}; gprop reads versions 1 to 4: convert it to a PLY or to one of these")]
     Version { version: u32 },
