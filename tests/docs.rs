@@ -7,8 +7,8 @@
 //! | comment | what the test does |
 //! | --- | --- |
 //! | `# needs a server`, `# takes minutes` | runs it with `--dry-run`, which sends and computes nothing |
-//! | `# needs setup` | runs it; exit code 4, files missing, is as good as 0 |
-//! | `# needs answers`, `# needs the runs above` | holds its words and flags against the help, as below |
+//! | `# needs setup` | runs it; exit code 4 (files missing) is accepted like 0 |
+//! | `# needs answers`, `# needs the runs above` | checks its words and flags against the help, as below |
 //!
 //! Every command is run with `--json` added, and must print JSON.
 //!

@@ -39,7 +39,7 @@ pub use options::{Options, Policy, SCENE_KEYS};
 use places::Where;
 use surface::Surface;
 
-/// The reason that limits a force.
+/// The limit that determines a force.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[cfg_attr(test, derive(schemars::JsonSchema))]
 #[serde(rename_all = "snake_case")]
