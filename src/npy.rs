@@ -19,7 +19,7 @@ const ALIGNMENT: usize = 64;
 pub enum NpyError {
     #[error("it does not begin as NumPy's files do")]
     Magic,
-    #[error("it is of version {0}.{1} of NumPy's format, of which gprop reads 1.0, 2.0 and 3.0; save it again")]
+    #[error("it has version {0}.{1} of NumPy's format, and gprop reads 1.0, 2.0 and 3.0; save it again")]
     Version(u8, u8),
     #[error("it ends within its header; copy or save it again")]
     HeaderEnd,
@@ -295,7 +295,7 @@ impl<'a> Parser<'a> {
         while self.symbol(')').is_none() {
             numbers.push(self.number()?);
             if self.symbol(',').is_none() {
-                // One number in parentheses is no tuple.
+                // One number in parentheses is not a tuple.
                 return (numbers.len() > 1).then_some(numbers).filter(|_| self.symbol(')').is_some());
             }
         }

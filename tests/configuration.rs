@@ -1,4 +1,4 @@
-//! `gprop.toml` of a scene and `config.toml` of the user: what each may set, and which of them wins.
+//! `gprop.toml` of a scene and `config.toml` of the user: what each may set, and which takes precedence.
 
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -12,7 +12,7 @@ use crate::query::client::{CANARY, Server, error};
 use crate::run::gprop;
 use crate::support::skipped;
 
-/// What no scene may set, each with a value that its option takes.
+/// Keys that no scene may set, each with a value that its option accepts.
 const REFUSED: [(&str, &str); 23] = [
     ("ort-lib", "\"lib.so\""),
     ("ort_lib", "\"lib.so\""),
@@ -68,7 +68,7 @@ fn said(output: &Output) -> String {
     format!("{}{}", String::from_utf8_lossy(&output.stdout), String::from_utf8_lossy(&output.stderr))
 }
 
-/// Puts lines into a scene's file, behind those that are there.
+/// Appends lines to a scene's file.
 fn add(scene: &Path, lines: &str) {
     let path = scene.join("gprop.toml");
     let text = fs::read_to_string(&path).unwrap();
@@ -128,7 +128,7 @@ fn a_scenes_paths_begin_at_its_folder() {
     fs::write(scene.join("cameras of mine.json"), transforms).unwrap();
     fs::remove_file(scene.join("transforms.json")).unwrap();
     add(&scene, "images = \"photos\"\ncameras = \"./cameras of mine.json\"\ngripper = \"franka-hand\"");
-    // From wherever gprop is started.
+    // The result does not depend on the folder in which gprop is started.
     for (folder, name) in [(balls.folder(), "ball-0"), (scene.join("photos"), ".."), (std::env::temp_dir(), "")] {
         let name = if name.is_empty() { scene.clone() } else { PathBuf::from(name) };
         let mut command = gprop();
@@ -138,7 +138,7 @@ fn a_scenes_paths_begin_at_its_folder() {
     }
 }
 
-/// A library that leaves a file behind when it is loaded; `None`, said aloud, where there is no compiler.
+/// A library that writes a file when it is loaded; `None`, with a message, if there is no compiler.
 fn library(test: &str, folder: &Path) -> Option<(PathBuf, PathBuf)> {
     let (source, library, trace) = (folder.join("evil.c"), folder.join("evil.so"), folder.join("was here"));
     let code = format!(
@@ -195,7 +195,7 @@ fn a_scenes_server_hears_nothing() {
     assert!(server.requests().is_empty());
 }
 
-/// How many views a run chose.
+/// The number of views that a run chose.
 #[track_caller]
 fn views(command: &mut Command, scene: &Path) -> usize {
     let output = command.arg("run").arg(scene).args(["--to", "scene"]).output().unwrap();
@@ -248,14 +248,14 @@ fn the_users_server_is_asked_and_the_budget_is_for_all_scenes() {
         command.env_remove("SLURM_ARRAY_TASK_ID").env_remove("JOB_COMPLETION_INDEX");
         command.arg("batch").arg(balls.folder()).args(["--to", "query", "--retry-failed"]).output().unwrap()
     };
-    // Three views of two segments per scene: their price, and a budget of which each scene has half.
+    // Three views of two segments per scene: their price, and a budget of which each scene gets half.
     prices(1.0);
     let dry = home.gprop().arg("segment").arg(balls.scene(0)).output().unwrap();
     assert!(dry.status.success(), "{}", said(&dry));
     let dry = home.gprop().arg("query").arg(balls.scene(0)).args(["--dry-run", "--json"]).output().unwrap();
     let plan: Value = serde_json::from_slice(&dry.stdout).unwrap_or_else(|_| panic!("{}", said(&dry)));
     let most = plan["queries"]["cost"]["most_usd"].as_f64().unwrap_or_else(|| panic!("{plan}"));
-    // All of one scene's questions cost 0.7 dollars then, more than its half.
+    // All of one scene's questions then cost 0.7 dollars, more than its half.
     prices(0.7 / most);
     let refused = batch();
     assert_eq!(refused.status.code(), Some(6), "{}", said(&refused));

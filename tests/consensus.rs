@@ -13,8 +13,8 @@ use crate::vote::build::{Blob, camera_at, cloud};
 const BOARD: u32 = 1;
 const PLATE: u32 = 2;
 
-/// A board of one by one with a plate of a third by a third on it, `height` above it, with upright sides: flat
-/// Gaussians every 0.02, and what each belongs to.
+/// A board of 1 x 1 with a plate of 1/3 x 1/3 on it, `height` thick, with vertical sides: flat Gaussians every 0.02,
+/// and the label of each.
 fn board_with_plate(height: f32) -> (Gaussians, Vec<u32>) {
     let (mut blobs, mut labels) = (Vec::new(), Vec::new());
     let flat = |position, axis: usize| {
@@ -61,7 +61,7 @@ fn flat_tree(camera: &Camera, labels: Vec<u16>) -> SegmentTree {
     SegmentTree::flat(LabelMap { width, height, labels }, (1..=last).map(segment).collect())
 }
 
-/// What a view shows of the labels; 0 off the object.
+/// The label map that a view shows; 0 outside the object.
 fn seen(gaussians: &Gaussians, camera: &Camera, labels: &[u32]) -> Vec<u16> {
     let drawn = render_labels(gaussians, camera, labels, &RenderOptions::default());
     drawn.into_iter().map(|label| label.map_or(0, |label| label as u16)).collect()

@@ -1,22 +1,22 @@
 //! Every command in the README and in `docs/`.
 //!
-//! A command of gprop (also as `cargo run --release --`) in a block marked `sh` is run, in the order of the page, in a folder
-//! with a scene called `my_scene` and the files that the pages speak of. A comment after it says where that is not all there
-//! is to it:
+//! A command of gprop (also as `cargo run --release --`) in a block marked `sh` is run, in the order of the page, in a
+//! folder with a scene called `my_scene` and the files that the pages mention. A comment after the command marks the
+//! exceptions:
 //!
 //! | comment | what the test does |
 //! | --- | --- |
 //! | `# needs a server`, `# takes minutes` | runs it with `--dry-run`, which sends and computes nothing |
-//! | `# needs setup` | runs it; exit code 4, files missing, is as good as 0 |
-//! | `# needs answers`, `# needs the runs above` | holds its words and flags against the help, as below |
+//! | `# needs setup` | runs it; exit code 4 (files missing) is accepted like 0 |
+//! | `# needs answers`, `# needs the runs above` | checks its words and flags against the help, as below |
 //!
 //! Every command is run with `--json` added, and must print JSON.
 //!
-//! Commands elsewhere (in running text, in tables, with words in capitals) are held against the help: the subcommand must exist
-//! and know every flag.
+//! Commands elsewhere (in running text, in tables, with words in capitals) are checked against the help: the
+//! subcommand must exist and accept every flag.
 //!
-//! Every option in any code of the README and of `docs/`, commands or not, is given to a command that has it, with the value
-//! that stands there or, for `DIR` and the like, with one of that kind.
+//! Every option in any code of the README and of `docs/`, in a command or not, is passed to a command that has it, with
+//! the value shown there or, for `DIR` and the like, with one of that kind.
 
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -67,7 +67,7 @@ fn lines(page: &str) -> Vec<Line> {
     found
 }
 
-/// Commands in running text: what stands between backquotes, begins with `gprop` and a word, and is not in an `sh` block.
+/// Commands in running text: text between backquotes that begins with `gprop` and a word, outside of `sh` blocks.
 fn spans(page: &str) -> Vec<String> {
     let outside: String = page.split("```").step_by(2).collect();
     let spans = outside.split('`').skip(1).step_by(2).map(|span| span.replace('\n', " "));
@@ -90,7 +90,7 @@ fn words(command: &str) -> Vec<String> {
     words
 }
 
-/// What is wrong with a command by gprop's own help; `None` where nothing is.
+/// The reason why gprop's own help does not allow a command; `None` if it does.
 fn refused_by_the_help(command: &str) -> Option<String> {
     let words = words(command);
     let plain = |word: &&String| word.chars().all(|c| c.is_ascii_lowercase());
@@ -112,23 +112,24 @@ fn refused_by_the_help(command: &str) -> Option<String> {
     (!unknown.is_empty()).then(|| format!("`{command}`: the help has no {unknown:?}"))
 }
 
-/// A folder with what the pages' commands work on.
+/// A folder with the files that the pages' commands use.
 fn place() -> TempDir {
     let place = TempDir::new().unwrap();
     let at = |name: &str| place.path().join(name);
     let scene = hammer();
-    // The quick options stand in the scene's own configuration, so that the commands are run as they are written.
+    // The options that make runs quick are in the scene's own configuration, so that commands are run as written.
     let mut configuration = fs::read_to_string(scene.path().join("gprop.toml")).unwrap();
     for option in QUICK.chunks(2) {
         configuration += &format!("{} = \"{}\"\n", option[0].trim_start_matches('-'), option[1]);
     }
     fs::write(scene.path().join("gprop.toml"), configuration).unwrap();
     fs::rename(scene.keep(), at("my_scene")).unwrap();
-    // Copies: commands that work on a fixture as a newcomer's do shall not meet the newcomer's own, nor another test run.
+    // Copies, so that commands that work on a fixture do not interfere with a user's own results or with another test
+    // run.
     for folder in ["docs", "fixtures/hammer", "fixtures/mug"] {
         copy(&root().join(folder), &at(folder));
     }
-    // Over all of the commands that the paper's gripper obeys.
+    // Measurements over all commands that the paper's gripper obeys.
     let points: Vec<String> = (0..8)
         .map(|k| 15.0 + 85.0 / 7.0 * f64::from(k))
         .map(|command| format!("{command},{}", 0.4 * command))
@@ -164,7 +165,7 @@ fn place() -> TempDir {
     place
 }
 
-/// Copies a folder without the work folder of whoever uses it.
+/// Copies a folder without work folders in it.
 fn copy(from: &Path, to: &Path) {
     fs::create_dir_all(to).unwrap();
     for entry in fs::read_dir(from).unwrap() {
@@ -188,7 +189,7 @@ fn nothing_that_a_command_writes_lands_in_the_checkout() {
     }
 }
 
-/// What stands in code of a page: spans between backquotes, and the lines of blocks that are commands of gprop.
+/// The code in a page: spans between backquotes, and the lines of blocks that are commands of gprop.
 fn code(page: &str) -> Vec<String> {
     let outside: String = page.split("```").step_by(2).collect();
     let spans = outside.split('`').skip(1).step_by(2).map(|span| span.replace('\n', " "));
@@ -198,7 +199,7 @@ fn code(page: &str) -> Vec<String> {
     spans.filter(|span| span.starts_with("--") || span.contains("gprop ")).chain(commands).collect()
 }
 
-/// The options in a piece of code, each with what stands behind it.
+/// The options in a piece of code, each with the text that follows it.
 fn options(code: &str) -> Vec<(String, Option<String>)> {
     let code = code.split_once(" #").map_or(code, |(command, _)| command).replace("cargo run --release -- ", "");
     let words = words(&code.replace(['[', ']'], " "));
@@ -215,7 +216,7 @@ fn options(code: &str) -> Vec<(String, Option<String>)> {
     found
 }
 
-/// Values of the kind that an option's help names, for a page that says no more than that.
+/// Values of the kind that an option's help names, for a page that shows no actual value.
 fn samples(argument: &clap::Arg, shown: Option<&str>, file: &str, folder: &str) -> Vec<String> {
     let paths = [file.to_owned(), folder.to_owned(), "new".to_owned()];
     let defaults = argument.get_default_values().iter().map(|value| value.to_string_lossy().into_owned());
@@ -281,7 +282,7 @@ fn every_option_on_the_pages_is_taken_with_its_value() {
                     true => {
                         let samples = samples(argument, shown.as_deref(), file, folder);
                         let given = |value: &String| taken(words, &format!("--{flag}={value}"));
-                        // Of alternatives that the page shows each must do, of samples one.
+                        // Each of the alternatives that the page shows must be accepted; of samples, one is enough.
                         let all = shown.as_ref().is_some_and(|text| text.contains('|'))
                             && !samples.contains(&file.to_owned());
                         if all { samples.iter().all(given) } else { samples.iter().any(given) }
@@ -297,7 +298,7 @@ fn every_option_on_the_pages_is_taken_with_its_value() {
     assert_eq!(wrong, Vec::<String>::new());
 }
 
-/// Whether a command has this option and takes its value, whatever else the command needs.
+/// True if a command has this option and accepts its value, whatever else the command needs.
 fn taken(words: &[String], option: &str) -> bool {
     use clap::error::ErrorKind::{InvalidValue, TooManyValues, UnknownArgument, ValueValidation};
     let typed = std::iter::once("gprop").chain(words.iter().map(String::as_str)).chain([option]);
@@ -324,8 +325,8 @@ fn every_command_in_running_text_is_one_that_the_help_knows() {
     assert!(refused_by_the_help("gprop no SCENE").is_some());
 }
 
-/// Phrases of `text` that are not idiomatic English: a guard against the two habits that make readers stumble most, "where" for
-/// a condition and "a line a scene" for a rate.
+/// Phrases of `text` that are not idiomatic English: a guard against the two habits that make readers stumble most,
+/// "where" for a condition and "a line a scene" for a rate.
 fn unidiomatic(text: &str) -> Vec<String> {
     const PHRASES: [&str; 5] =
         ["nobody", "is no number", "where it is not given", "where it is not found", "goes on where"];
@@ -358,7 +359,7 @@ fn pages_and_help_are_idiomatic() {
     assert_eq!(unidiomatic("Writes a line a scene, where it is not given.").len(), 2);
 }
 
-/// Commands with a result that stand in no block.
+/// Commands with a result that are in no block.
 const MORE_WITH_A_RESULT: &[&str] = &[
     "run my_scene --dry-run",
     "segment my_scene",

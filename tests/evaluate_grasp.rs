@@ -19,7 +19,8 @@ fn policies(output: Output) -> Value {
 
 #[test]
 fn the_papers_table_from_outcomes_like_its_own() {
-    // Of 16 objects: MinGF picks up 8 and damages none; MidGF picks up 14, damages 3, 11 are both picked up and whole.
+    // Of 16 objects: MinGF picks up 8 and damages none; MidGF picks up 14 and damages 3; 11 are both
+    // picked up and undamaged.
     let mut table = "object,policy,picked_up,undamaged\n".to_owned();
     for n in 0..16 {
         table += &format!("o{n},MinGF,{},true\no{n},MidGF,{},{}\n", n < 8, n < 14, n >= 3);

@@ -1,5 +1,5 @@
-//! What `docs/extending.md` says has to be done for a new law, format, export or gripper, as far as the compiler does not
-//! see to it: each is in its table, its documentation and its tests.
+//! The steps that `docs/extending.md` lists for a new law, format, export or gripper, as far as the compiler does not
+//! enforce them: each is in its table, its documentation and its tests.
 
 use std::collections::BTreeSet;
 use std::fs;
@@ -57,7 +57,7 @@ fn every_law_of_the_simulation_has_a_material() {
         .iter()
         .map(|material| serde_json::to_value(material.law).unwrap()["law"].as_str().unwrap().to_owned())
         .collect();
-    // The library's materials are solids and heaps; fluids are for users' own.
+    // The library's materials are solids and heaps; fluids are for users' own materials.
     let known = laws().into_iter().map(|(law, _)| law).filter(|law| law != "fluid").collect::<BTreeSet<_>>();
     assert_eq!(used, known);
 }

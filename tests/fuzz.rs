@@ -1,4 +1,4 @@
-//! The corpus of the fuzz targets, file by file: whatever is in one, its reader ends with a value or an error.
+//! The corpus of the fuzz targets, file by file: whatever a file contains, its reader returns a value or an error.
 
 use std::fs;
 use std::path::Path;
@@ -15,7 +15,7 @@ fn no_file_of_the_corpus_trips_its_reader() {
         let mut files = 0;
         for entry in fs::read_dir(corpus.join(target)).unwrap() {
             let path = entry.unwrap().path();
-            // Shown where the reader panics.
+            // Shown if the reader panics.
             println!("{}", path.display());
             read(&fs::read(&path).unwrap());
             files += 1;
@@ -37,7 +37,7 @@ fn random_instructions_trip_nothing_on_the_whole_line() {
             let value = if noise.next() < 0.3 { f32::from_bits(bits) } else { noise.within(-6.0, 6.0) };
             bytes.extend(value.to_le_bytes());
         }
-        // Shown if it trips.
+        // Shown if it panics.
         println!("seed {seed}: {bytes:?}");
         targets::whole_line(&bytes);
     }

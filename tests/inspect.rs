@@ -1,4 +1,4 @@
-//! The fixture as it is, and with its cameras broken in the ways that they come broken.
+//! The fixture as it is, and with its cameras broken in the usual ways.
 
 use std::path::Path;
 use std::sync::OnceLock;
@@ -19,8 +19,8 @@ fn inspected(folder: &Path, options: &Options) -> Inspection {
     inspect(folder, options, Progress::Hidden).unwrap()
 }
 
-/// Every fourth Gaussian of the fixture at twice its size, so that they still cover the object: what is broken is found as
-/// well, in less time.
+/// Every fourth Gaussian of the fixture at twice its size, so that they still cover the object: the faults are found
+/// just as well, in less time.
 fn thinned() -> &'static Gaussians {
     const STEP: usize = 4;
     static THINNED: OnceLock<Gaussians> = OnceLock::new();
@@ -67,7 +67,7 @@ fn the_fixture_is_aligned() {
     let psnr = least(&mut found.views.iter().map(|view| view.psnr_db));
     let iou = least(&mut found.views.iter().filter_map(|view| view.mask_iou));
     println!("{}PSNR from {psnr:.2} dB, IoU from {iou:.3}", to_text(&found));
-    // The splat reaches 38 dB on average on views it was not trained on.
+    // The splat reaches 38 dB on average in views on which it was not trained.
     assert!(psnr > 32.0 && iou > 0.9);
     let json = serde_json::to_value(&found).unwrap();
     for key in ["gaussians", "sh_degree", "scale", "views", "aligned"] {

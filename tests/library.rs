@@ -1,4 +1,4 @@
-//! The crate as others call it.
+//! The crate as other programs use it.
 
 use std::fs;
 

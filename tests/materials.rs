@@ -37,7 +37,7 @@ fn densities_and_moduli_of_hard_goods_are_cited() {
     }
 }
 
-/// What a person or a vision model calls things, and the row that it must find.
+/// Names that people or vision models use, and the row that each must find.
 const EVERYDAY_NAMES: [(&str, &str); 84] = [
     ("oak", "oak, white"),
     ("pine", "pine, scots"),
@@ -258,7 +258,7 @@ fn bad_tables_are_refused_with_line_and_column() {
     assert!(ragged.to_string().contains("line: 3"), "{ragged}");
 }
 
-/// A row with one thing wrong, and the check that must see it.
+/// A row with one error, and the check that must find it.
 const WRONG_ROWS: [(&str, &str, &str); 12] = [
     ("690,720", "290,720", "density_width"),
     ("1.1e10,1.3e10", "4e9,1.3e10", "youngs_width"),

@@ -1,4 +1,4 @@
-//! The whole program as a user meets it: runs, reruns, kills, bad input, exit codes.
+//! The whole program as a user runs it: runs, reruns, kills, bad input, exit codes.
 
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -19,14 +19,14 @@ fn fixture(name: &str) -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("fixtures").join(name)
 }
 
-/// The program, without the configuration of whoever runs the tests.
+/// The program, without the configuration of the user who runs the tests.
 pub fn gprop() -> Command {
     let mut command = Command::new(env!("CARGO_BIN_EXE_gprop"));
     command.env("XDG_CONFIG_HOME", concat!(env!("CARGO_TARGET_TMPDIR"), "/no-configuration"));
     command
 }
 
-/// A copy of the hammer that a test may spoil. Recordings come along, ground truth does not.
+/// A copy of the hammer that a test may change, with its recordings but without its ground truth.
 pub fn hammer() -> TempDir {
     let copy = TempDir::new().unwrap();
     let source = fixture("hammer");
@@ -43,8 +43,8 @@ pub fn hammer() -> TempDir {
     copy
 }
 
-/// Writes the segments of the views of [`QUICK`] into a work folder of the hammer, where a run finds them as after a kill
-/// and goes on from there. SAM makes them once for all tests.
+/// Writes the segments of the views of [`QUICK`] into a work folder of the hammer, where a run finds them and
+/// continues as after a kill. SAM makes them once for all tests.
 pub fn give_segments(work: &Path) {
     static SEGMENTS: OnceLock<Vec<(PathBuf, Vec<u8>)>> = OnceLock::new();
     let segments = SEGMENTS.get_or_init(|| {
@@ -74,7 +74,7 @@ fn json(path: PathBuf) -> Value {
     serde_json::from_slice(&fs::read(&path).unwrap()).unwrap()
 }
 
-/// Fails unless gprop ended with `code`, one error that holds every one of `words`, and left nothing half-written.
+/// Fails unless gprop ended with `code` and one error that contains all `words`, and left nothing half-written.
 fn assert_refused(scene: &Path, arguments: &[&str], code: i32, words: &[&str]) {
     let output = run(scene, arguments);
     let message = stderr(&output);

@@ -1,4 +1,4 @@
-//! No test here needs a network of its own: clients are stand-ins on a PATH made for the test. The real fetch runs in
+//! No test here needs a network: clients are mock programs on a PATH made for the test. The real fetch runs in
 //! `support::models` on first use.
 
 use std::fs;
@@ -102,7 +102,7 @@ fn without_pip_npm_is_tried() {
 #[test]
 fn offline_says_what_is_missing_and_how_to_get_it() {
     let offline_flag = Options { offline: true, ..Options::default() };
-    // A client that would be noticed, were it run.
+    // A client that leaves a trace if it is run.
     let mut machine = Machine::new().with_client("python3", "touch \"$0.was-run\"");
     assert_says(&machine.failure(&offline_flag), &["ONNX Runtime", "gprop setup", "--offline", "--ort-lib"]);
     machine.environment.offline = true;
@@ -113,7 +113,7 @@ fn offline_says_what_is_missing_and_how_to_get_it() {
 #[test]
 fn a_wrong_download_is_refused_and_nothing_is_installed() {
     let Some(files) = support::models("a_wrong_download_is_refused_and_nothing_is_installed") else { return };
-    // The decoder is right and the encoder is not: neither may arrive.
+    // The decoder is correct and the encoder is not: neither may be installed.
     let machine = Machine::new().with_client("npm", &npm_that_packs(&files.decoder, &files.decoder));
     let options = Options { ort_lib: Some(files.onnxruntime), ..Options::default() };
     assert_says(

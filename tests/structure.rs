@@ -1,17 +1,19 @@
-//! How the source is laid out: data moves one way, so no import may lead back.
+//! The layout of the source: data moves one way, so no import may lead back.
 //!
-//! Imports are read from the text of `src/`: `use` lines and paths in the code, followed through re-exports to the file that
-//! defines the name. Not counted are code under `#[cfg(test)]`, the name of a module on its own, and what a file takes from
-//! the `mod.rs` of a folder that it stands in: a folder's `mod.rs` defines what its files share, and calls them.
+//! Imports are read from the text of `src/`: `use` lines and paths in the code, followed through re-exports to the file
+//! that defines the name. Not counted are code under `#[cfg(test)]`, the name of a module on its own, and imports
+//! from the `mod.rs` of a folder that contains the file: a folder's `mod.rs` defines the items that its files share,
+//! and calls them.
 
 use std::collections::{BTreeMap, BTreeSet, VecDeque};
 use std::fs;
 use std::path::Path;
 
-/// The stages in the order in which data passes them. A stage's room and its file in `pipeline/` import earlier ones only.
+/// The stages in the order of the data flow. A stage's room (its folder below `src/`) and its file in `pipeline/`
+/// import only earlier ones.
 const STAGES: [&str; 8] = ["scene", "segment", "query", "vote", "parts", "simulate", "grasp", "report"];
 
-/// Who imports whom, and one name that is imported.
+/// For each importing module, the modules that it imports, each with one imported name.
 type Graph = BTreeMap<String, BTreeMap<String, String>>;
 
 /// The path of a module from the crate's root; the root's own is empty.
@@ -19,10 +21,10 @@ type ModulePath = Vec<String>;
 
 #[derive(Default)]
 struct Module {
-    /// As seen from `src/`.
+    /// Path relative to `src/`.
     file: String,
     tokens: Vec<String>,
-    /// What the module's `use` lines name, and the path behind each name.
+    /// The names in the module's `use` lines, with the path of each.
     names: BTreeMap<String, Vec<String>>,
 }
 
@@ -55,7 +57,7 @@ fn no_stage_imports_a_later_one() {
     }
 }
 
-/// `anyhow` is for the program, which adds what was being done; every other room says by a type what went wrong.
+/// `anyhow` is for the program, which adds context; every other room has typed errors.
 #[test]
 fn only_the_program_uses_anyhow() {
     const PROGRAM: [&str; 5] = ["batch", "cli", "error", "exit", "pipeline"];
@@ -64,7 +66,8 @@ fn only_the_program_uses_anyhow() {
     }
 }
 
-/// A text can only be shown; an error of a type can be told apart, counted and tested. clap wants texts of value parsers.
+/// A text can only be displayed; a typed error can be distinguished, counted and tested. clap requires texts from value
+/// parsers.
 #[test]
 fn no_error_is_a_string_but_a_value_parsers() {
     let source = Source::read();
@@ -138,7 +141,7 @@ impl Source {
         Self(files.into_iter().map(module).collect())
     }
 
-    /// Which file imports which, by their paths.
+    /// The imports of each file, by paths.
     fn imports(&self) -> Graph {
         let mut graph = Graph::new();
         for (path, module) in &self.0 {
@@ -161,8 +164,8 @@ impl Source {
         self.0.contains_key(&[parent, &[child.to_owned()]].concat())
     }
 
-    /// The module that defines what `path` names, seen from the module `from`, and the name; `None` for what is not of this
-    /// crate and for modules.
+    /// The module that defines the item at `path`, as seen from the module `from`, and the item's name; `None` for
+    /// modules and for items of other crates.
     fn defining_module(&self, from: &[String], path: &[String], depth: usize) -> Option<(ModulePath, String)> {
         assert!(depth < 20, "{path:?} in {from:?} names itself");
         let mut module = from.to_vec();
@@ -191,7 +194,7 @@ impl Source {
     }
 }
 
-/// The names of the functions that options are parsed with.
+/// The names of the functions that parse options.
 fn value_parsers(tokens: &[String]) -> Vec<&str> {
     let starts =
         (0..tokens.len()).filter(|&n| tokens[n] == "value_parser" && tokens.get(n + 1).is_some_and(|t| t == "="));
@@ -199,7 +202,7 @@ fn value_parsers(tokens: &[String]) -> Vec<&str> {
     starts.filter_map(|start| tokens[start + 2..].iter().take_while(is_path).last()).map(String::as_str).collect()
 }
 
-/// What each `Result<_, String>` belongs to: the function, type, field or binding whose name came last before it.
+/// The owner of each `Result<_, String>`: the function, type, field or binding whose name comes last before it.
 fn owners_of_string_errors(tokens: &[String]) -> Vec<&str> {
     let mut owner = "";
     let mut found = Vec::new();
@@ -249,7 +252,7 @@ fn rust_files(folder: &Path) -> Vec<String> {
     found
 }
 
-/// Words, `::` and single signs; comments, strings and characters are left out.
+/// Words, `::` and single punctuation characters; comments, strings and character literals are left out.
 fn tokens(text: &str) -> Vec<String> {
     let chars: Vec<char> = text.chars().collect();
     let (mut found, mut at) = (Vec::new(), 0);
@@ -298,7 +301,7 @@ fn tokens(text: &str) -> Vec<String> {
     found
 }
 
-/// The tokens but for what stands in braces after `#[cfg(test)]`.
+/// The tokens without those in braces after `#[cfg(test)]`.
 fn without_tests(mut tokens: Vec<String>) -> Vec<String> {
     let mark = ["#", "[", "cfg", "(", "test", ")", "]"];
     while let Some(start) = tokens.windows(mark.len()).position(|window| window.iter().zip(mark).all(|(a, b)| a == b)) {
@@ -320,7 +323,7 @@ fn without_tests(mut tokens: Vec<String>) -> Vec<String> {
     tokens
 }
 
-/// What the `use` lines name: the name in this module and the path behind it.
+/// The items of the `use` lines: the name in this module and its path.
 fn uses(tokens: &[String]) -> Vec<(String, Vec<String>)> {
     let mut found = Vec::new();
     for start in (0..tokens.len()).filter(|&n| tokens[n] == "use") {
@@ -385,7 +388,7 @@ fn paths(tokens: &[String]) -> Vec<Vec<String>> {
     found
 }
 
-/// The same between the folders and files right below `src/`.
+/// The imports between the folders and files directly below `src/`.
 fn rooms(files: &Graph) -> Graph {
     let mut graph = Graph::new();
     for (file, imported) in files {
@@ -397,12 +400,12 @@ fn rooms(files: &Graph) -> Graph {
     graph
 }
 
-/// The folder or file right below `src/` that a file is in.
+/// The folder or file directly below `src/` that a file is in.
 fn room(file: &str) -> String {
     file.split('/').next().unwrap_or(file).trim_end_matches(".rs").to_owned()
 }
 
-/// The shortest circle through every node that none of the others names: "a -> (name) b -> (name) a".
+/// The shortest cycle through every node that is not part of a cycle already found: "a -> (name) b -> (name) a".
 fn circles(graph: &Graph) -> Vec<String> {
     let mut named = BTreeSet::new();
     let mut found = Vec::new();

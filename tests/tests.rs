@@ -3,9 +3,9 @@
 // Fixtures and helpers shared by the modules.
 mod support;
 
-// Whether photos, cameras and Gaussians agree, and what would make them.
+// Agreement of photos, cameras and Gaussians, and the conversions that bring it about.
 mod inspect;
-// Reading what lies on disk: PLY, cameras, photos, and everything that can be wrong with them.
+// Reading a scene: PLY, cameras, photos, and everything that can be wrong with them.
 mod scene;
 // Finding, fetching and checking ONNX Runtime and SAM.
 mod setup;
@@ -23,7 +23,7 @@ mod consensus;
 mod vote;
 // Volume, thickness, mass against closed forms and ground truth.
 mod parts;
-// Scores of masses and hardness against numbers worked out elsewhere.
+// Scores of masses and hardness against numbers computed independently.
 mod evaluate;
 // The Material Point Method against closed forms.
 mod simulate;
@@ -35,23 +35,23 @@ mod evaluate_grasp;
 mod export;
 // Many scenes: choice, shards, budgets, kills, one submission for all.
 mod batch;
-// The two files of options: what each may set, which of them wins.
+// The two configuration files: what each may set, and which takes precedence.
 mod configuration;
-// Full disks, files that go, clocks that go back, scenes that mean harm.
+// Full disks, files that disappear, clocks that are set back, hostile scenes.
 mod faults;
-// What the fuzz targets found, and what they start from.
+// The corpus of the fuzz targets: their starting files and their findings.
 mod fuzz;
 // The report: its page in a browser, its JSON against the published schema.
 mod report;
 // Every command in the README and in docs/.
 mod docs;
-// What a new law, format, export or gripper needs, where the compiler does not ask for it.
+// Steps for a new law, format, export or gripper that the compiler does not enforce.
 mod extending;
 // Names, numbers and paths on the command line; a terminal that cannot be written to.
 mod usage;
-// The crate as others call it: results, errors, shared work folders.
+// The crate as a library: results, errors, shared work folders.
 mod library;
-// The source's own layout: no import circles, one style of module files.
+// The layout of the source: no import cycles, one style of module files.
 mod structure;
 // The whole program: runs, reruns, kills, bad input, exit codes.
 mod run;

@@ -1,5 +1,5 @@
-//! The command line itself: names that are used once, numbers within their domain, files and folders that are there, a
-//! terminal that cannot be written to.
+//! The command line itself: unique names, numbers within their domain, files and folders that exist, a terminal that
+//! cannot be written to.
 
 use std::any::TypeId;
 use std::collections::BTreeSet;
@@ -17,7 +17,7 @@ use tempfile::TempDir;
 use crate::batch::ball::Balls;
 use crate::run::gprop;
 
-/// Every command with the words that call it, parents before children.
+/// Every command with the words that invoke it, parents before children.
 pub fn commands() -> Vec<(Vec<String>, Command)> {
     fn gather(command: &Command, words: &[String], found: &mut Vec<(Vec<String>, Command)>) {
         found.push((words.to_vec(), command.clone()));
@@ -60,13 +60,13 @@ fn the_command_lines_defaults_are_the_codes() {
     agree::<gprop::batch::Options>();
 }
 
-/// Whether the command line takes `flag` with `value`, as far as that can be told before anything is opened; else the
-/// message.
+/// Checks that the command line accepts `flag` with `value`, as far as this is known before any file is opened; the
+/// error is the message.
 fn parse(words: &[String], flag: &str, value: &str) -> Result<(), String> {
     let arguments = std::iter::once("gprop".to_owned()).chain(words.iter().cloned()).chain([format!("{flag}={value}")]);
     match gprop::command().try_get_matches_from(arguments) {
         Err(error) if error.kind() == ErrorKind::ValueValidation => Err(error.to_string()),
-        // What else the command needs is looked for only when the values are read.
+        // Other required arguments are checked only after the values have been read.
         _ => Ok(()),
     }
 }
@@ -79,7 +79,7 @@ fn long(argument: &Arg) -> Option<String> {
     argument.get_long().map(|name| format!("--{name}"))
 }
 
-/// Where an option's number is looked at.
+/// When an option's number is checked.
 #[derive(Clone, Copy, PartialEq)]
 enum Refused {
     AsItIsRead,
@@ -88,7 +88,7 @@ enum Refused {
 }
 use Refused::{AsItIsRead, AsTheSceneIsOpened};
 
-/// Every option that takes a number: the least and the most that it takes, and the nearest numbers beyond both.
+/// Every option that takes a number: the smallest and the largest valid one, and the nearest invalid numbers beyond.
 const NUMBERS: &[(&str, [&str; 2], [&str; 2], Refused)] = &[
     ("--threads", ["1", "1024"], ["0", "1025"], AsItIsRead),
     ("--views", ["1", "100000"], ["0", "100001"], AsItIsRead),
@@ -139,7 +139,7 @@ const NUMBERS: &[(&str, [&str; 2], [&str; 2], Refused)] = &[
     ("--lift-angle-deg", ["0", "90"], ["-0.01", "90.1"], AsTheSceneIsOpened),
     ("--max-curvature", ["0.001", "1000000"], ["0", "1000001"], AsTheSceneIsOpened),
     ("--force-margin", ["0", "0.5"], ["-0.01", "0.51"], AsTheSceneIsOpened),
-    // A batch's. A range of scenes may be as long as it likes: what is beyond the last scene is empty.
+    // Those of a batch. A range of scenes may have any length: beyond the last scene it is empty.
     ("--start", ["0", "18446744073709551615"], ["-1", "18446744073709551616"], AsItIsRead),
     ("--end", ["0", "18446744073709551615"], ["-1", "18446744073709551616"], AsItIsRead),
     ("--jobs", ["1", "1024"], ["0", "1025"], AsItIsRead),
@@ -151,7 +151,7 @@ const NUMBERS: &[(&str, [&str; 2], [&str; 2], Refused)] = &[
     ("--scale", ["1e-9", "1000000"], ["0", "1000001"], AsItIsRead),
 ];
 
-/// What is a number nowhere, or not one that means anything here.
+/// Texts that are not numbers, or not numbers that make sense for any option.
 const NO_NUMBERS: &[&str] =
     &["NaN", "nan", "inf", "-inf", "1e400", "-1e400", "99999999999999999999999", "", "many", "0x10", "١"];
 
@@ -187,7 +187,7 @@ fn every_number_is_within_a_domain() {
             }
         }
     }
-    // Its own test is with the budgets.
+    // Tested together with the budgets.
     untested.remove("--max-usd");
     assert_eq!(untested, BTreeSet::new(), "give these a domain and a line in NUMBERS");
 }
@@ -201,7 +201,7 @@ fn numbers_beyond_their_domain_end_with_code_2_before_anything_is_done() {
     };
     let of_runs = |flag: &str| !["--start", "--end", "--jobs", "--memory", "--shard"].contains(&flag);
     for (flag, taken, beyond, refused) in NUMBERS.iter().filter(|(flag, ..)| of_runs(flag)) {
-        // The others are refused by one parser, which the test above has.
+        // The others are refused by one parser, which the test above covers.
         let hostile =
             if *refused == AsTheSceneIsOpened { NO_NUMBERS } else { &["NaN", "-99999999999", "99999999999999"] };
         for value in beyond.iter().chain(hostile) {
@@ -229,13 +229,13 @@ fn stderr(output: &Output) -> String {
     String::from_utf8_lossy(&output.stderr).into_owned()
 }
 
-/// What an option's path must be.
+/// The kind of path that an option requires.
 #[derive(Clone, Copy, Debug, PartialEq)]
 enum Wants {
     File,
     Folder,
     FileOrFolder,
-    /// A folder that is made if it is not there.
+    /// A folder that is created if it does not exist.
     NewFolder,
     /// Written, or looked for within each scene: there is nothing to check beforehand.
     Anything,
@@ -275,7 +275,7 @@ const PATHS: &[(&str, Wants)] = &[
     ("--profile", Wants::Anything),
 ];
 
-/// Options whose value may be a name too: they are looked at by those who know the names.
+/// Options whose value may also be a name: they are checked where the names are known.
 const NAMES_OR_PATHS: &[&str] = &["--gripper", "--scenario", "--split"];
 
 #[test]
@@ -332,7 +332,7 @@ fn paths_that_are_not_there_end_with_a_code_and_their_name() {
     let scene = balls.scene(0);
     let data = balls.folder();
     let (scene, data) = (scene.to_str().unwrap(), data.to_str().unwrap());
-    // What is typed, and the words of the message.
+    // The arguments, and the words of the message.
     let table: &[(&[&str], &[&str])] = &[
         (&["run", scene, "--masks", nowhere], &["--masks", nowhere, "no such folder"]),
         (&["run", scene, "--masks", file], &["--masks", file, "this is a file"]),
@@ -409,13 +409,13 @@ fn output_that_cannot_be_written_aborts_nothing() {
         let output = gprop().args(typed).stderr(full()).output().unwrap();
         assert_eq!(output.status.code(), Some(code), "{typed:?}");
     }
-    // A missing photo is warned of, and a batch tells of each scene.
+    // A missing photo causes a warning, and a batch reports each scene.
     std::fs::remove_file(balls.scene(0).join("images/001.png")).unwrap();
     let output = gprop().args(["run", scene, "--to", "scene"]).stderr(full()).output().unwrap();
     assert_eq!(output.status.code(), Some(0));
     let output = gprop().arg("batch").arg(balls.folder()).args(["--to", "scene"]).stderr(full()).output().unwrap();
     assert_eq!(output.status.code(), Some(0));
-    // Nothing can be told at all.
+    // Neither stdout nor stderr can be written.
     let output = gprop().args(["run", scene, "--to", "scene"]).stdout(full()).stderr(full()).status().unwrap();
     assert_eq!(output.code(), Some(2));
 }

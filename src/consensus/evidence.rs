@@ -1,4 +1,4 @@
-//! Which pairs of Gaussians the views keep apart.
+//! The evidence of the views that the Gaussians of a pair belong to different parts.
 
 use rayon::prelude::*;
 
@@ -8,10 +8,10 @@ use super::neighbors::Pairs;
 use super::normals::Normals;
 use crate::segment::tree::SegmentTree;
 
-/// A view of which a Gaussian of the pair shows less, in pixels of light, does not count.
+/// A view counts for a pair only if both Gaussians have more light than this in it, in pixels.
 const LEAST_LIGHT: f32 = 0.3;
 
-/// What the views say of each pair.
+/// The evidence of all views about each pair.
 pub(super) struct Evidence {
     sums: Vec<Sums>,
 }
@@ -28,7 +28,7 @@ impl Evidence {
         Self { sums: vec![Sums::default(); pairs.pairs.len()] }
     }
 
-    /// Adds one view. It weighs as the square root of the light of the Gaussian of which it shows less.
+    /// Adds one view. Its weight is the square root of the light of the fainter Gaussian of the pair.
     pub fn add(&mut self, pairs: &Pairs, membership: &Membership, tree: &SegmentTree) {
         self.sums.par_iter_mut().zip(&pairs.pairs).for_each(|(sums, &(a, b))| {
             let (a, b) = (membership.of(a as usize), membership.of(b as usize));

@@ -103,7 +103,7 @@ pub(super) fn link(
     roots(group)
 }
 
-/// Follows every node to the last of the groups that took it in.
+/// Replaces the group of every node by the group that it finally ended up in.
 fn roots(mut group: Vec<u32>) -> Vec<u32> {
     for n in 0..group.len() {
         let mut root = n as u32;
@@ -207,7 +207,7 @@ mod tests {
 
     #[test]
     fn a_chain_of_weak_borders_does_not_leak_through_a_strong_one() {
-        // 0 and 1 are one group, 3 and 4 another. Node 2 lies between: each half of it seems to belong to either.
+        // 0 and 1 are one group, 3 and 4 another. Node 2 lies between: half of it seems to belong to each.
         let near = [(0, 1, 0.0), (1, 2, 0.3), (2, 3, 0.35), (3, 4, 0.0)];
         let far = [(0, 2, 0.3), (1, 3, 1.0), (2, 4, 0.35), (0, 3, 1.0), (1, 4, 1.0)];
         let mut all: Vec<_> = near.iter().map(|&(a, b, split)| (a, b, border(split, 1))).collect();

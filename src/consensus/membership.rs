@@ -1,4 +1,4 @@
-//! How much of every Gaussian's light each segment of one view shows.
+//! The light of every Gaussian in each segment of one view.
 
 use super::ViewTree;
 use crate::render::{Projected, RenderOptions, contributions};

@@ -1,16 +1,17 @@
 //! The parts of the object in 3D, on which the views agree: found before anything is asked about them.
 //!
-//! One view cuts too much into one segment, another too little. What many views keep apart and what has a shape of its
-//! own is a part:
+//! A single view may merge parts into one segment or split a part into several. A part is what many views separate from
+//! its surroundings and what has a shape of its own:
 //! 1. [`membership`]: how much of every Gaussian's light each segment of a view shows;
 //! 2. [`neighbors`]: pairs of Gaussians, nearest neighbours and others a few Gaussians apart;
 //! 3. [`evidence`]: for every pair, in how many of the views that see both some segment holds one and not the other,
 //!    and the angle between the surface's normals ([`normals`]);
 //! 4. [`linkage`]: joins Gaussians to pieces that views do not split, by average linkage over all pairs that cross
-//!    their border, then pieces to parts across borders without an edge in the surface: print is not a part.
+//!    their border, then pieces to parts across borders without an edge in the surface: a printed pattern is
+//!    not a part.
 //!
-//! Crumbs join the neighbour from which views separate them least. What is in no part then, because no view sees it or it
-//! touches nothing, belongs to the nearest part.
+//! Crumbs join the neighbour from which views separate them least. Gaussians that are then in no part, because no view
+//! sees them or they touch nothing, join the nearest part.
 
 mod evidence;
 mod linkage;
@@ -37,13 +38,13 @@ const CORE_SPLIT: f64 = 0.02;
 /// Pieces are joined while views split fewer of the pairs across their border, in the mean, than this. A border that
 /// half of the views see has pairs of soft Gaussians on it, about half of whose light is on either side.
 const PIECE_SPLIT: f64 = 0.2;
-/// Pieces are joined to parts while their border is weaker: share of views that split it, times [`edge_strength`].
+/// Pieces are joined to parts while their border is weaker: share of views that split it, times [`strength`].
 const PART_STRENGTH: f64 = 0.2;
 /// Angles in degrees between normals across a border: up to the first, the surface goes on smoothly; from the second,
-/// it has an edge. Pairs on smooth print differ by 8 to 22 degrees, those across borders of parts by 42 and more
-/// (`fit/` of the measured objects, and the fixtures).
+/// it has an edge. Pairs on a smooth printed surface differ by 8 to 22 degrees, those across borders of parts by 42 and
+/// more (`fit/` of the measured objects, and the fixtures).
 const SMOOTH_TO_EDGE_DEG: [f64; 2] = [20.0, 50.0];
-/// A border is taken for an edge of [`SURE_EDGE_DEG`] until this many pairs say otherwise.
+/// A border's mean angle starts from this many assumed pairs of [`SURE_EDGE_DEG`], so that few pairs do not decide.
 const PRIOR_PAIRS: f64 = 20.0;
 const SURE_EDGE_DEG: f64 = 60.0;
 /// A piece with a smaller share of the object's light is a scrap, such as lie along borders: it joins a neighbour before
@@ -51,7 +52,7 @@ const SURE_EDGE_DEG: f64 = 60.0;
 const SCRAP_SHARE: f64 = 0.0002;
 /// A part with a smaller share of the object's light is a crumb.
 const CRUMB_SHARE: f64 = 0.003;
-/// A Gaussian of which all views together see less light, in pixels, says nothing about parts.
+/// A Gaussian with less light than this in all views together, in pixels, counts as not seen.
 const LEAST_LIGHT: f32 = 1.0;
 
 /// A view with its segments.

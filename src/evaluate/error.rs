@@ -21,7 +21,7 @@ pub enum EvaluateError {
     NotPositive { what: &'static str, id: String, value: f64 },
     #[error("there is nothing to compare: {0}")]
     Nothing(&'static str),
-    #[error("{path:?} holds no label maps: one PNG a view, named like the view")]
+    #[error("{path:?} holds no label maps: it needs one PNG per view, named like the view")]
     NoMaps { path: PathBuf },
     #[error("{path:?}: {source}")]
     Map { path: PathBuf, source: Box<LabelMapError> },
@@ -32,6 +32,6 @@ pub enum EvaluateError {
     MapSize { path: PathBuf, map: (u32, u32), view: String, picture: (u32, u32) },
     #[error("{path:?} has no map of a view of {scene:?}; a map is named like its view, such as {example:?}.png")]
     NoView { path: PathBuf, scene: String, example: String },
-    #[error("{path:?} names the label {name:?}, which is no label, material or family{hint}")]
+    #[error("{path:?} names the label {name:?}, which is not a label, a material or a family{hint}")]
     Label { path: PathBuf, name: String, hint: String },
 }

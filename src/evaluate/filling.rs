@@ -33,7 +33,7 @@ impl std::fmt::Display for FillComparison {
         let (counts, dense, inside) = (self.counts_differ, self.dense_differ, self.inside_differ);
         writeln!(f, "of {} cells, {counts}, {dense}, {inside} differ (before, dense, inside)", self.cells)?;
         let (before, used) = (self.density_rel_max, self.density_used_rel_max);
-        writeln!(f, "density, largest difference of its maximum: {before:.1e}, as searched {used:.1e}")?;
+        writeln!(f, "density, largest difference relative to its maximum: {before:.1e}, as searched {used:.1e}")?;
         write!(f, "volume, largest relative difference: {:.1e}", self.volume_rel_max)
     }
 }

@@ -95,7 +95,8 @@ pub fn from_json(predictions: &Path, truth: &Path) -> Result<Vec<Weighed>, Evalu
 /// The object of a scene folder: `parts` is the `parts.json` that the parts stage wrote.
 pub fn from_scene(id: &str, parts: &Path, truth: &Path) -> Result<Weighed, EvaluateError> {
     let measured: Parts = read_json(parts, "parts in kilograms", "; run `gprop run` on the scene first")?;
-    let truth: SceneTruth = read_json(truth, "true parts", "; give --predictions and --truth where a scene has none")?;
+    let truth: SceneTruth =
+        read_json(truth, "true parts", "; for a scene without them, give --predictions and --truth")?;
     let part = |part: &crate::parts::Part| {
         let known = truth.parts.iter().find(|known| known.name == part.caption);
         WeighedPart {

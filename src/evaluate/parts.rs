@@ -1,4 +1,4 @@
-//! How well the parts found in 3D match true ones, in views that took no part in finding them.
+//! How well the parts found in 3D match true ones, in views that were not used to find them.
 
 use std::collections::BTreeMap;
 
@@ -92,8 +92,8 @@ impl Pixels {
     }
 }
 
-/// Compares the parts with the true ones in the views that were not segmented. What a found part counts as is told by
-/// the views that were; if none of them has a true map, by the compared views themselves.
+/// Compares the parts with the true ones in the views that were not segmented. The views that were segmented decide as
+/// which true part a found part counts; if none of them has a true map, the compared views themselves do.
 pub fn compare(scene: &str, gaussians: &Gaussians, part_of_gaussian: &[u32], views: &[TrueView]) -> PartsEvaluation {
     let (mut known, mut compared) = (Pixels::default(), Pixels::default());
     for view in views {

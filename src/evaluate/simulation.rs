@@ -81,7 +81,7 @@ impl std::fmt::Display for Comparison {
         }
         let verdict = if self.within() { "reproduced" } else { "not reproduced" };
         let (particles, substeps) = (self.particles, self.substeps);
-        write!(f, "{verdict}: {particles} particles, {substeps} substeps, {:.2e} a second", self.substeps_per_s)
+        write!(f, "{verdict}: {particles} particles, {substeps} substeps, {:.2e} per second", self.substeps_per_s)
     }
 }
 

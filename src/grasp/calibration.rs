@@ -9,7 +9,8 @@ use serde::{Deserialize, Serialize};
 
 /// The paper's order.
 pub const ORDER: usize = 5;
-/// Places at which the fit must increase from each to the next: a dip narrower than 0.1 % of the range moves no finger.
+/// Number of steps over the range, at each of which the fit must increase: a dip narrower than 0.1 % of the range moves
+/// no finger.
 const CHECKED: usize = 1000;
 
 /// A command and the force of one finger that was measured for it.
@@ -29,12 +30,12 @@ pub enum CalibrationError {
     #[error("{found} different commands from {from} up are too few for a polynomial of order {ORDER}: measure at {} or more", ORDER + 1)]
     TooFew { found: usize, from: f64 },
     #[error(
-        "the measurements reach from command {low} to {high}, the gripper obeys {from} to {full}: measure at both ends, the \
-         fit means nothing beyond them"
+        "the measurements reach from command {low} to {high}, but the gripper obeys {from} to {full}: measure at both ends, \
+         since the fit is meaningless beyond the measurements"
     )]
     NotCovered { low: f64, high: f64, from: f64, full: f64 },
     #[error(
-        "the fitted force falls from {before_n:.3} N to {after_n:.3} N near command {at:.2}, so a force has no one command: \
+        "the fitted force falls from {before_n:.3} N to {after_n:.3} N near command {at:.2}, so one force has several commands: \
          measure again around there, or raise enabled_from past it"
     )]
     NotMonotone { at: f64, before_n: f64, after_n: f64 },

@@ -63,7 +63,7 @@ impl CalibrationReport {
                 ],
             ),
             panel(
-                format!("measured less fitted, N: {:.3} rms", self.fit.rms_residual_n),
+                format!("measured minus fitted, N: {:.3} rms", self.fit.rms_residual_n),
                 vec![Series { name: "residual", mark: Mark::Dots, points: residuals }],
             ),
         ])

@@ -35,7 +35,7 @@ pub struct Candidate {
     /// Unit vector from the contacts to the palm: the hand comes along its opposite.
     pub approach: [f64; 3],
     pub width_m: f64,
-    /// Of what the fingers press on, there: a shell's wall, a solid's own thickness along the line of the contacts.
+    /// Thickness of the part at the contacts: a shell's wall, or a solid's own along the line of the contacts.
     pub thickness_m: Estimate,
     /// The larger angle between the line of the contacts and the surface's normals there.
     pub misalignment_rad: f64,
@@ -46,8 +46,8 @@ pub struct Candidate {
     pub f_star_n: f64,
     pub limited_by: Limit,
     pub feasible: bool,
-    /// Torque about the line of the contacts that two fingers pressing with F* still hold beside the weight, less the
-    /// weight's at the worst inclination. Negative: the object may turn between the fingers.
+    /// Torque about the line of the contacts that two fingers pressing with F* can hold besides the weight, minus the
+    /// torque of the weight at the worst inclination. Negative: the object may turn between the fingers.
     pub torque_margin_n_m: f64,
 }
 
@@ -183,7 +183,7 @@ fn candidate(
     }
 }
 
-/// Torque about the line of the contacts that two fingers hold beside the weight, N m.
+/// Torque about the line of the contacts that two fingers hold besides the weight, N m.
 ///
 /// A disc of radius r pressed evenly with F and friction mu resists rotation with up to 2/3 mu F r. Force along the
 /// surface and torque share the friction: to a good approximation (f / (mu F))^2 + (tau / tau_max)^2 = 1 (Howe and

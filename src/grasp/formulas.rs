@@ -4,8 +4,8 @@
 //! F_min = sum_i 1/2 rho_i V_i g (cos(theta) / mu - sin(theta))
 //! F_max = min(A sigma_y, 1/2 A E d kappa_max)
 //! mean  = (F_min + F_max) / 2
-//! F*    = mean cut to [ [F_min]_G + eta dF, [F_max]_G - eta dF ]    where F_min < F_max
-//!       = [mean]_G                                                 where F_min >= F_max
+//! F*    = mean cut to [ [F_min]_G + eta dF, [F_max]_G - eta dF ]    if F_min < F_max
+//!       = [mean]_G                                                 if F_min >= F_max
 //! dF    = max(0, [F_max]_G - [F_min]_G)
 //! ```
 //!

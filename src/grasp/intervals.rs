@@ -24,13 +24,14 @@ pub struct Inputs {
     pub lift_angle_rad: f64,
 }
 
-/// What the bounds of the inputs make of the forces.
+/// The forces that follow from the bounds of the inputs.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(test, derive(schemars::JsonSchema))]
 pub struct Intervals {
     pub f_min_n: Estimate,
     pub f_max_n: Estimate,
-    /// Over all inputs within their bounds: F* never falls where F_min or F_max rises, so its ends are those of theirs.
+    /// Over all inputs within their bounds: F* never decreases if F_min or F_max increases, so its ends follow from
+    /// theirs.
     pub f_star_n: Estimate,
 }
 

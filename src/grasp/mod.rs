@@ -39,7 +39,7 @@ pub use options::{Options, Policy, SCENE_KEYS};
 use places::Where;
 use surface::Surface;
 
-/// What limits a force.
+/// The limit that determines a force.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[cfg_attr(test, derive(schemars::JsonSchema))]
 #[serde(rename_all = "snake_case")]
@@ -69,11 +69,11 @@ pub struct GraspReport {
     pub f_min_n: f64,
     /// The greatest force that the part bears, as the policy reads it.
     pub f_max_n: f64,
-    /// Which of the two ways to damage it sets `f_max_n`.
+    /// The limit that sets `f_max_n`: yield or bending.
     pub f_max_limited_by: Limit,
     /// The force to press with; always within the gripper's range.
     pub f_star_n: f64,
-    /// Of slip, yield, bending and gripper, what sets `f_star_n`.
+    /// The limit that sets `f_star_n`: slip, yield, bending or the gripper.
     pub limited_by: Limit,
     /// Whether `f_star_n` holds the object without damaging the part.
     pub feasible: bool,
@@ -89,9 +89,9 @@ pub struct GraspReport {
     pub warnings: Vec<String>,
 }
 
-/// The forces to lift the object with `gripper`, after the paper (see [`formulas`] for the formulas), at the best of the
-/// places where the fingers fit; without a `surface` on which to look for them, on the part that was named or is
-/// nearest to the centre of mass.
+/// The forces to lift the object with `gripper` by the paper's [`formulas`], at the best of the places where the
+/// fingers fit; without a `surface` on which to look for them, on the part that was named or is nearest to the centre
+/// of mass.
 ///
 /// `labels` are the field's, with the properties of each part; a part and its label share an id. `meters_per_unit` is
 /// for the user's point, which is in scene units.

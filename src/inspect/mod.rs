@@ -96,7 +96,7 @@ pub struct ViewFit {
     pub mask_iou: Option<f64>,
 }
 
-/// What `gprop inspect` takes.
+/// The arguments of `gprop inspect`.
 #[derive(Debug, Clone, clap::Args)]
 pub struct Args {
     /// Folder with a splat, and with photos and cameras if there are any.

@@ -122,7 +122,6 @@ impl TokenIndex {
 
 /// 1 for equal tokens, reduced by the Levenshtein distance over the longer length. Tokens with digits are grades: equal
 /// or different, never misspelt.
-/// or different, never misspelt.
 fn likeness(a: &str, b: &str) -> f64 {
     if a == b {
         return 1.0;

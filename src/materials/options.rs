@@ -12,7 +12,7 @@ use crate::values;
 /// The keys that a scene may set: a library with the scene's own materials.
 pub const SCENE_KEYS: &[SceneKey] = &[SceneKey::path("materials")];
 
-/// Which materials there are.
+/// The materials to choose from.
 #[derive(Debug, Clone, Default, PartialEq, Eq, clap::Args, Serialize, Deserialize)]
 #[serde(default)]
 #[command(next_help_heading = "Materials")]

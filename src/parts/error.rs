@@ -7,7 +7,7 @@ pub enum PartsError {
     Option { flag: &'static str, value: f64, domain: &'static str },
     #[error("the scene has no Gaussians, so it has no volume")]
     NoGaussians,
-    #[error("the material field is of {field} Gaussians but the scene has {gaussians}; run the vote stage again")]
+    #[error("the material field has {field} Gaussians but the scene has {gaussians}; run the vote stage again")]
     FieldSize { field: usize, gaussians: usize },
     #[error("Gaussian {gaussian} has label {label}, but the material field has {labels}; run the vote stage again")]
     Label { gaussian: usize, label: u32, labels: usize },

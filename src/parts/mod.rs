@@ -266,7 +266,7 @@ fn warnings(
     let mut warnings = Vec::new();
     if floaters > 0 {
         let count = field.part_label.len();
-        warnings.push(format!("{floaters} of {count} Gaussians float off the object and count for no volume"));
+        warnings.push(format!("{floaters} of {count} Gaussians float off the object and count towards no volume"));
     }
     for (shape, why) in shapes.iter().filter(|s| s.gaussians > 0).filter_map(|s| Some((s, s.no_volume?))) {
         let (name, count) = (caption(shape.id), shape.gaussians);
@@ -276,17 +276,22 @@ fn warnings(
     let whole: f64 = volumes().map(|(_, volume)| volume).sum();
     for (id, volume) in volumes().filter(|(_, volume)| *volume < min_part_share * whole) {
         let (name, percent) = (caption(id), 100.0 * volume / whole);
-        warnings
-            .push(format!("part {name:?} is {percent:.3} % of the object: a real detail, or a wrong answer's speck"));
+        warnings.push(format!(
+            "part {name:?} is {percent:.3} % of the object: a real detail, or a speck left by a wrong answer"
+        ));
     }
     for (shell, core) in composed.cores.iter().enumerate() {
         if let Some(core) = core {
             let (shell, core) = (caption(shell as u32), caption(*core));
-            warnings.push(format!("{core:?} is taken to go on inside {shell:?}, unseen"));
+            warnings.push(format!("{core:?} is assumed to continue inside {shell:?}, where no view sees it"));
         }
     }
     for (peg, through) in &composed.passages {
-        warnings.push(format!("{:?} is taken to go through {:?}, unseen", caption(*peg), caption(*through)));
+        warnings.push(format!(
+            "{:?} is assumed to go through {:?}, where no view sees it",
+            caption(*peg),
+            caption(*through)
+        ));
     }
     let shells = field.labels.iter().any(|l| matches!(l.form, Form::Shell { .. }));
     if scale_unknown && shells {

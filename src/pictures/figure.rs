@@ -13,7 +13,7 @@ use crate::scene::gaussians::Gaussians;
 use crate::segment::LabelMap;
 use crate::vote::{MaterialField, field_ply};
 
-/// What to show of the field.
+/// The aspect of the field to show.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, ValueEnum)]
 pub enum Shown {
     /// Photo, segments and materials side by side, with a legend

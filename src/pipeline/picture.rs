@@ -139,7 +139,7 @@ fn segments_key(path: &Path, mask: Option<&Path>, options: &Options) -> Result<S
 fn segmented_before(work: &WorkDir, view: &str, key: &str) -> Option<ViewSegments> {
     let (entry, png) = stored_segments(work).take(work, view, key)?;
     let map = LabelMap::from_png(&png).ok()?;
-    info!("the segments found earlier are still good");
+    info!("the segments found earlier are still valid");
     Some(ViewSegments { view: view.to_owned(), map, segments: entry.segments })
 }
 

@@ -143,8 +143,9 @@ fn warnings(answers: &Answers) -> Vec<String> {
     warnings.extend(flags.into_iter().map(|(flag, segments)| format!("{flag} ({segments} of the answers)")));
     if let Some(least) = overlaps.iter().copied().min_by(f64::total_cmp) {
         let (count, all) = (overlaps.len(), answers.segments.len());
-        warnings
-            .push(format!("{count} of {all} answers were recorded for slightly other masks (IoU {least:.3} or more)"));
+        warnings.push(format!(
+            "{count} of {all} answers were recorded for slightly different masks (IoU {least:.3} or more)"
+        ));
     }
     warnings
 }

@@ -118,7 +118,6 @@ impl<'a> QuerySession<'a> {
 
     /// Writes the segments that have no recorded answer, with everything needed to answer them, into a new folder;
     /// returns the number of questions.
-    /// returns their number.
     pub fn export(&self, folder: &Path) -> Result<usize> {
         let queries = self.queries()?;
         Ok(exchange::export(folder, &queries.unanswered(&self.recordings, None))?)

@@ -57,7 +57,7 @@ impl SegmentsFile {
     /// Removes and returns the entry of a view whose key is `key`, with its label map's file, if both are as they were
     /// written; warns if one of them was changed.
     pub fn take(&mut self, work: &WorkDir, view: &str, key: &str) -> Option<(ViewEntry, Vec<u8>)> {
-        const REMEDY: &str = "what it holds of the view is made again";
+        const REMEDY: &str = "the affected view is segmented again";
         let (entry, artifact) = (self.views.remove(view)?, Artifact::LabelMap(view));
         if !entry.is_whole(view) {
             work.warn_changed(&Artifact::Segments.path(), REMEDY);

@@ -1,4 +1,4 @@
-//! How much the pixels of each label see of each Gaussian: its contribution, alpha times transmittance.
+//! The contribution of each Gaussian to the pixels of each label: alpha times transmittance, summed.
 
 use rayon::prelude::*;
 
@@ -11,8 +11,9 @@ use super::{Projected, pixels};
 /// closed surface of trained Gaussians lets a few hundredths through; an unobstructed Gaussian sends all of its light.
 const VISIBLE_SHARE: f32 = 0.1;
 
-/// The contributions to the pixels of each label, by Gaussian, then by label, of the `gaussians` Gaussians that the view
-/// sees. `labels` has a label for every pixel, row by row; `kept` maps it to the one that is counted, if it is.
+/// The contributions of the Gaussians that the view sees to the pixels of each label, sorted by Gaussian, then by
+/// label. `gaussians` is the number of Gaussians in the cloud; `labels` has a label for every pixel, row by row; `kept`
+/// maps it to the label under which it is counted, or to `None` if it is not counted.
 pub fn contributions<L: Copy + Ord + Send>(
     gaussians: usize,
     projected: Projected,
@@ -22,7 +23,7 @@ pub fn contributions<L: Copy + Ord + Send>(
     let width = projected.size().0;
     // Light that arrives and light that is emitted, by Gaussian.
     let mut light = vec![[0.0f32; 2]; gaussians];
-    // Capacity for four tiles or labels per Gaussian: a growing list would leave holes of its former sizes in memory.
+    // Capacity for four tiles or labels per Gaussian: a growing list would leave the memory fragmented.
     let mut found: Vec<(u32, L, f32)> = Vec::with_capacity(4 * gaussians);
     projected.visit_in_bands(
         |rect| LightSink::new(rect, labels, width),
@@ -51,7 +52,7 @@ pub fn contributions<L: Copy + Ord + Send>(
     found
 }
 
-/// How much the pixels of one label within one tile see of one Gaussian, in pixels.
+/// The contribution of one Gaussian to the pixels of one label within one tile, in pixels.
 #[derive(Debug, Clone, Copy)]
 struct Contribution {
     gaussian: u32,

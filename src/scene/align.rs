@@ -144,7 +144,7 @@ impl FromStr for Conversion {
         for part in text.split('+').map(str::trim).filter(|part| *part != "none") {
             let unknown = || {
                 format!(
-                    "`{part}` is none of transposed, transposed-opengl, inverted, camera-AXES, world=A,B,C, scale=F"
+                    "`{part}` is not one of transposed, transposed-opengl, inverted, camera-AXES, world=A,B,C, scale=F"
                 )
             };
             match part.split_once(['=', '-']) {
@@ -167,7 +167,7 @@ impl FromStr for Conversion {
         }
         match conversion.is_proper() {
             true => Ok(conversion),
-            false => Err("it mirrors the cameras' pictures: flip one more or one less of the camera's axes".to_owned()),
+            false => Err("it mirrors the pictures: flip one more or one fewer of the camera's axes".to_owned()),
         }
     }
 }

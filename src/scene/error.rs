@@ -55,7 +55,7 @@ pub enum SceneError {
     #[error("`{}`: {problem}", path.display())]
     Colmap { path: PathBuf, problem: colmap::Problem },
     #[error(
-        "`{}`: {key} do not turn, move and scale as a whole; export the splat and this file again from one training",
+        "`{}`: {key} are not a rotation, a translation and one scale; export the splat and this file again from one training",
         path.display()
     )]
     NotASimilarity { path: PathBuf, key: &'static str },
@@ -67,7 +67,7 @@ pub enum SceneError {
     )]
     NoPhotos { path: PathBuf, count: usize, first: String, tried: Vec<PathBuf> },
     #[error(
-        "no scenes in `{}`, taken as {layout}; give the folder that holds the scene folders, and with --layout how they lie",
+        "no scenes in `{}`, taken as {layout}; give the folder that holds the scene folders, and their layout with --layout",
         folder.display()
     )]
     NoScenes { folder: PathBuf, layout: String },
@@ -93,10 +93,10 @@ pub enum SceneError {
     Frame { path: PathBuf, frame: usize, file: String, problem: FrameProblem },
     #[error("photo `{}` is missing; put it there, or remove its frame from the camera file", path.display())]
     MissingImage { path: PathBuf },
-    #[error("photo `{}` cannot be decoded: {reason}; replace it by a whole PNG, JPEG, WebP, BMP or TIFF", path.display())]
+    #[error("photo `{}` cannot be decoded: {reason}; replace it with a complete PNG, JPEG, WebP, BMP or TIFF", path.display())]
     Image { path: PathBuf, reason: image::ImageError },
     #[error(
-        "photo `{}`, {} x {} pixels, takes {} MB to decode, and gprop uses up to {} MB a photo here; scale it down{}",
+        "photo `{}`, {} x {} pixels, takes {} MB to decode, and gprop uses up to {} MB per photo here; scale it down{}",
         path.display(), size.0, size.1, bytes >> 20, most >> 20, remedy
     )]
     TooLarge { path: PathBuf, size: (u32, u32), bytes: u64, most: u64, remedy: &'static str },
@@ -114,7 +114,7 @@ pub enum SceneError {
 /// A file that a scene refers to but that is not in its folder.
 #[derive(Debug, Error)]
 #[error(
-    "{what} `{}`{} lies outside the scene folder, at `{}`, and nothing outside is read that you did not name. If you trust it, \
+    "{what} `{}`{} lies outside the scene folder, at `{}`, and gprop reads nothing outside that you did not name. If you trust it, \
      add {}--allow-read `{}`; or copy it into the scene folder",
     path.display(),
     named_in.as_deref().map(|file| format!(", which `{}` names,", file.display())).unwrap_or_default(),

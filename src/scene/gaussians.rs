@@ -171,7 +171,7 @@ impl Gaussians {
     /// # Panics
     /// If `kept` does not have one entry per Gaussian.
     pub fn retain(&mut self, kept: &[bool]) {
-        assert_eq!(kept.len(), self.len(), "one entry a Gaussian");
+        assert_eq!(kept.len(), self.len(), "one entry per Gaussian");
         let rest = 3 * self.sh_rest_per_channel();
         retain_rows(&mut self.positions, 1, kept);
         retain_rows(&mut self.log_scales, 1, kept);

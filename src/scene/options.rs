@@ -97,7 +97,7 @@ pub struct Options {
 }
 
 impl Options {
-    /// What may be read for the scene in `folder` without being named by its own flag.
+    /// The files that may be read for the scene in `folder` without being named by their own flag.
     pub fn read_scope(&self, folder: &Path) -> ReadScope {
         ReadScope::new(folder).and(self.allow_read.iter().map(PathBuf::as_path))
     }

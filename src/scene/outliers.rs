@@ -53,8 +53,8 @@ const LONG_REACH: f64 = 0.23;
 /// ... is too much together with an excess above this, which one Gaussian in a thousand has. In coarse clouds Gaussians
 /// reach far without such an excess.
 const UNUSUAL_EXCESS: f64 = 2.0;
-/// If more than this share of the cloud (five times the share measured) has an unusual excess, something went wrong
-/// with many Gaussians together, and all that have such an excess are set aside.
+/// If more than this share of the cloud (five times the share measured) has an unusual excess, many Gaussians went
+/// wrong together, and all that have such an excess are set aside.
 const CROWD: f64 = 0.005;
 
 /// The Gaussians that were set aside.
@@ -229,7 +229,7 @@ impl fmt::Display for SetAside {
         let Self { count, of, first, center, reach, excess, size } = self;
         write!(
             f,
-            "set aside {count} of {of} Gaussians, which no cloud of this object can have: not drawn, not measured, unchanged in \
+            "set aside {count} of {of} Gaussians, which cannot belong to the object: not drawn, not measured, unchanged in \
              field.ply. The first is Gaussian {first} (counted from 0) at {:.3},{:.3},{:.3}: it reaches {reach:.3} scene units \
              past the centres of all others, {:.2} times the object's size and {excess:.1} times the extent of its neighbours",
             center.x,

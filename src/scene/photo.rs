@@ -86,9 +86,9 @@ impl Header {
 
 /// Memory limit for decoding a view's photo: two photos are processed at once, each in a few copies, and every label
 /// map is kept.
-const VIEW_LIMIT: Limit = Limit { bytes: 256 << 20, remedy: ", and its camera where it does not follow by itself" };
+const VIEW_LIMIT: Limit = Limit { bytes: 256 << 20, remedy: ", and its camera if that does not follow by itself" };
 /// Memory limit for decoding a photo on its own: 20,000 x 20,000 pixels of four bytes.
-const ALONE_LIMIT: Limit = Limit { bytes: 1_600_000_000, remedy: ", or save it with 8 bits a channel as PNG" };
+const ALONE_LIMIT: Limit = Limit { bytes: 1_600_000_000, remedy: ", or save it with 8 bits per channel as PNG" };
 /// A photo on its own with more pixels per side than three times this is shrunk by an integer factor. SAM sees 1024 of
 /// them.
 const KEPT_SIDE: u32 = 2048;
@@ -176,7 +176,7 @@ fn shrunk(picture: &DynamicImage, factor: u32) -> DynamicImage {
     }
     let mean = |[r, g, b, alpha, count]: [u64; 5]| [r, g, b, alpha].map(|sum| ((sum + count / 2) / count) as u8);
     let pixels: Vec<u8> = sums.into_iter().flat_map(mean).collect();
-    DynamicImage::ImageRgba8(RgbaImage::from_raw(width, height, pixels).expect("four bytes a pixel"))
+    DynamicImage::ImageRgba8(RgbaImage::from_raw(width, height, pixels).expect("four bytes per pixel"))
 }
 
 fn decode(path: &Path, upright: Upright, limit: Limit) -> Result<DynamicImage, SceneError> {

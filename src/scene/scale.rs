@@ -69,7 +69,7 @@ impl ScaleChoice {
         let size = format!("{} x {} x {}", length(sides.x), length(sides.y), length(sides.z));
         if !(LEAST_SIDE_M..=MOST_SIDE_M).contains(&longest) {
             let problem = format!(
-                "the object would be {size} large ({}); it must be {} to {} along its longest side, since no photo resolves \
+                "the object would be {size} ({}); it must be {} to {} along its longest side, since no photo resolves \
                  less and nothing longer moves as one piece; give another --scale",
                 scale.provenance,
                 length(LEAST_SIDE_M),
@@ -78,7 +78,7 @@ impl ScaleChoice {
             return Err(SceneError::Scale { given: self.to_string(), problem });
         }
         let is_usual = (USUAL_SIDES_M[0]..=USUAL_SIDES_M[1]).contains(&longest);
-        let warning = format!("--scale {self} makes the object {size} large ({}): is it?", scale.provenance);
+        let warning = format!("--scale {self} makes the object {size} ({}): is that its size?", scale.provenance);
         Ok((Some(scale), (!is_usual).then_some(warning)))
     }
 

@@ -27,8 +27,8 @@ pub enum Problem {
     #[error("holds no Gaussians; export the splat again")]
     Empty,
     #[error(
-        "is {size} bytes long, which is no multiple of the 32 that a Gaussian takes: it is cut off or no .splat; copy or \
-         export it again"
+        "is {size} bytes long, which is not a multiple of the 32 that a Gaussian takes: it is cut off or not a .splat; \
+         copy or export it again"
     )]
     Size { size: usize },
     #[error("none of the {count} Gaussians has finite values; export the splat again")]

@@ -1,5 +1,5 @@
-//! The settings of segmentation: those of the public mask generator under its authors' meaning, those of the paper's
-//! culling, and gprop's own.
+//! The settings of segmentation: those of the public mask generator, with the meaning that its authors give them, those
+//! of the paper's culling, and gprop's own.
 
 use std::path::PathBuf;
 
@@ -10,8 +10,8 @@ use super::formats::Format;
 use crate::config::SceneKey;
 use crate::values::{self, below, from_to};
 
-/// The keys that a scene may set: what cuts the photos into segments. Which forms are written besides and what is
-/// cached is the user's business.
+/// The keys that a scene may set: those that decide how its photos are cut into segments. Only the user decides which
+/// additional formats are written and what is cached.
 pub const SCENE_KEYS: &[SceneKey] = &[
     SceneKey::any("level"),
     SceneKey::any("point-prompts"),
@@ -34,11 +34,11 @@ pub const SCENE_KEYS: &[SceneKey] = &[
     SceneKey::any("cull-inner"),
 ];
 
-/// SAM's logits lie between -40 and 40 or so: at a greater distance of the thresholds nothing is left to compare.
+/// SAM's logits lie between -40 and 40 or so: with thresholds farther apart than this, nothing is left to compare.
 const MOST_LOGIT: f32 = 100.0;
 /// Pixels of the largest picture that gprop decodes: 20,000 x 20,000.
 const MOST_PIXELS: u32 = 400_000_000;
-/// The box with ten times its longer side around it holds every picture of an object that is worth cropping.
+/// With a margin of ten times its longer side, the box covers the whole picture unless the object is tiny in it.
 const MOST_MARGIN: f64 = 10.0;
 
 /// How views are segmented.
@@ -61,7 +61,7 @@ pub struct Options {
     /// Also write the label maps in these formats
     #[arg(long, value_name = "FORM,...", value_enum, value_delimiter = ',')]
     pub also: Vec<Format>,
-    /// What computes SAM's mask decoder [default: gprop itself if it can, else ONNX Runtime]
+    /// Implementation of SAM's mask decoder [default: gprop itself if it can, else ONNX Runtime]
     // Left out of the keys of stored results unless it is set.
     #[arg(long, value_enum)]
     #[serde(skip_serializing_if = "Option::is_none")]
@@ -75,7 +75,7 @@ pub struct Options {
     pub selection: SelectionOptions,
 }
 
-/// Which points of the grid SAM is asked at.
+/// The grid points at which SAM is prompted.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Serialize, clap::ValueEnum)]
 #[serde(rename_all = "snake_case")]
 pub enum PointPrompts {
@@ -85,12 +85,12 @@ pub enum PointPrompts {
     Adaptive,
 }
 
-/// What computes SAM's mask decoder. Masks differ by rounding only.
+/// The implementation of SAM's mask decoder. Masks differ by rounding only.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Serialize, clap::ValueEnum)]
 #[serde(rename_all = "lowercase")]
 pub enum DecoderRuntime {
-    /// gprop itself, several times faster; an error if the file is no export that it knows, or if a trial differs from ONNX
-    /// Runtime.
+    /// gprop itself, several times faster; an error if the file is not an export that it knows, or if a trial differs
+    /// from ONNX Runtime.
     Native,
     /// ONNX Runtime, from the file as it is.
     #[value(name = "onnxruntime")]
@@ -98,7 +98,7 @@ pub enum DecoderRuntime {
 }
 
 /// SAM's automatic mask generator. Names in parentheses are those of the public `SamAutomaticMaskGenerator`; the
-/// defaults are those of the paper's code, except that it uses one crop layer.
+/// defaults are those of the paper's code, except that there are no crop layers (the paper's code uses one).
 #[derive(Debug, Clone, PartialEq, Serialize, clap::Args)]
 #[group(skip)]
 pub struct GeneratorOptions {
@@ -200,7 +200,7 @@ mod tests {
         assert!(decoder(&["--decoder", "fast"]).unwrap_err().to_string().contains("native, onnxruntime"));
     }
 
-    /// Results of runs without it stay good, and those with it are never another decoder's.
+    /// Results of runs without the option stay valid, and those with it are never reused for another decoder.
     #[test]
     fn a_decoder_is_part_of_the_key_only_if_it_is_named() {
         let key = |decoder| serde_json::to_value(Options { decoder, ..Options::default() }.deciding()).unwrap();

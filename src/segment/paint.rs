@@ -78,7 +78,7 @@ fn label_map(layers: &[Layer], foreground: &Mask) -> LabelMap {
     let (width, height) = (foreground.width(), foreground.height());
     let mut map = LabelMap { width, height, labels: vec![0; width as usize * height as usize] };
     for (index, layer) in layers.iter().enumerate() {
-        let label = u16::try_from(index + 1).expect("SAM is not asked often enough for 65,535 segments");
+        let label = u16::try_from(index + 1).expect("SAM is not prompted often enough for 65,535 segments");
         for y in 0..height {
             let row = &mut map.labels[y as usize * width as usize..][..width as usize];
             for &(start, end) in layer.mask.row(y) {

@@ -64,8 +64,8 @@ impl Segmenter {
         Ok(ViewSegments { view: view.to_owned(), map, segments })
     }
 
-    /// The segments of one photo at all levels, nested. Runs on the ambient rayon pool; the result does not depend on its
-    /// size.
+    /// The segments of one photo at all levels, nested. Runs on the ambient rayon pool; the result does not depend on
+    /// its size.
     pub fn segment_tree(
         &self,
         photo: &Photo,
@@ -77,9 +77,9 @@ impl Segmenter {
     }
 
     /// SAM's masks of each of the levels, found in the foreground's bounding box with its margin, at the photo's size.
-    /// Masks of one level are without duplicates. Nothing at all if the photo has no foreground.
+    /// The masks of one level contain no duplicates. Empty if the photo has no foreground.
     ///
-    /// Adaptive prompts are led by the masks of the first level.
+    /// Adaptive prompts are chosen by the masks of the first level.
     pub fn masks(
         &self,
         photo: &Photo,

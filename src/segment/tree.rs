@@ -94,7 +94,7 @@ fn numbered(
             id[n] = parent;
             continue;
         }
-        id[n] = u16::try_from(found.segments.len() + 1).expect("SAM is not asked often enough for 65,535 segments");
+        id[n] = u16::try_from(found.segments.len() + 1).expect("SAM is not prompted often enough for 65,535 segments");
         found.parents.push(parent);
         found.segments.push(Segment {
             id: id[n],

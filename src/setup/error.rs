@@ -44,7 +44,7 @@ pub enum SetupError {
     #[error("cannot fetch {title}: {attempts}; {remedy}")]
     Fetch { title: &'static str, attempts: String, remedy: &'static str },
     #[error(
-        "{member} of {package} has SHA-256 {found} where {expected} is expected: the download is damaged or is not the \
+        "{member} of {package} has SHA-256 {found} instead of {expected}: the download is damaged or is not the \
          published file; nothing was installed. Try again; behind a mirror, check what it serves"
     )]
     Hash { member: &'static str, package: &'static str, expected: &'static str, found: String },

@@ -29,7 +29,7 @@ pub struct FrameSummary {
     pub kinetic_energy_j: f64,
     /// Stored in elastic strain.
     pub elastic_energy_j: f64,
-    /// Where the object is but for a few strays: lowest and highest corner, world frame, scene units.
+    /// The object's bounds without a few strays: lowest and highest corner, world frame, scene units.
     pub bounds: [[f64; 3]; 2],
 }
 

@@ -11,7 +11,7 @@ pub enum SimulateError {
     Mismatch { what: &'static str, got: usize, gaussians: usize },
     #[error("Gaussian {gaussian} has the label {label}, but there are only {labels} labels")]
     Label { gaussian: usize, label: u32, labels: usize },
-    #[error("{what} {index} lies at {position:?}, which is not a finite place: remove it from the scene")]
+    #[error("{what} {index} has the position {position:?}, which is not finite: remove it from the scene")]
     Position { what: &'static str, index: usize, position: [f64; 3] },
     #[error("interior point {index} has a volume of {volume}; a volume must be positive and finite")]
     Volume { index: usize, volume: f64 },
@@ -34,7 +34,7 @@ pub enum SimulateError {
     NoExtent,
     #[error(
         "particle {particle} ({material}) {what} at t = {t_s:.6} s, frame {frame} (position {position_m:?} m, velocity \
-         {velocity_m_s:?} m/s): {cause}. The frames before are kept"
+         {velocity_m_s:?} m/s): {cause}. Earlier frames are kept"
     )]
     Lost {
         particle: usize,

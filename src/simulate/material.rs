@@ -37,7 +37,7 @@ impl From<&FieldLabel> for Material {
     }
 }
 
-/// A material made easier to step through.
+/// A material softened to allow longer time steps.
 #[derive(Debug, Clone, PartialEq, Serialize, serde::Deserialize)]
 #[cfg_attr(test, derive(schemars::JsonSchema))]
 pub struct Softened {

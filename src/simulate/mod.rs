@@ -124,8 +124,8 @@ impl Failure {
             false => ("became NaN or infinite", "the time step is too long for its material; lower --cfl"),
             true => (
                 "left the domain",
-                "the domain, eight longest sides around the object, is too small for where the scenario takes it (lower its \
-                 speed or force, or --duration), or a time step too long for its material threw it off (lower --cfl)",
+                "the scenario takes it farther than the domain, which extends eight longest sides around the object (lower its \
+                 speed or force, or --duration), or a time step too long for its material made it fly off (lower --cfl)",
             ),
         };
         let origin = to_world.origin_m;

@@ -114,7 +114,7 @@ pub struct Options {
     pub viewpoint: Viewpoint,
 }
 
-/// What the ground does to what touches it.
+/// How the ground acts on a body that touches it.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, clap::ValueEnum, Serialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Ground {

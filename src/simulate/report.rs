@@ -19,14 +19,14 @@ pub struct SimulationReport {
     /// The bound on the substep.
     pub time_step: StepReport,
     pub mass_kg: f64,
-    /// What each material was filled with, in the order of the labels.
+    /// The particles of each part, in the order of the labels.
     pub filled: Vec<FilledReport>,
     pub gravity_m_s2: f64,
     pub grid_spacing_m: f64,
     pub meters_per_unit: f64,
     /// Whether `meters_per_unit` is an assumption.
     pub scale_assumed: bool,
-    /// Materials that were made easier to step through.
+    /// Materials that were softened to allow longer time steps.
     pub softened: Vec<Softened>,
     /// Materials whose Poisson's ratio was lowered.
     pub poisson_capped: Vec<PoissonCapped>,

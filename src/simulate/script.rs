@@ -42,8 +42,8 @@ pub const KNOWN: [Known; 8] = [
     },
     Known {
         name: "stretch",
-        what: "both ends of the longest side are drawn apart",
-        parameters: &[("speed", 0.2, "longest sides a second")],
+        what: "both ends of the longest side are pulled apart",
+        parameters: &[("speed", 0.2, "longest sides per second")],
     },
     Known { name: "wind", what: "blows along x", parameters: &[("speed", 5.0, "m/s"), ("response", 1.0, "s")] },
     Known {

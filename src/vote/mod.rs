@@ -1,8 +1,8 @@
 //! From label maps to a material for every Gaussian: depth test, ballots, tally.
 //!
 //! In order: [`answered_segments`] lists the views' segments that have an answer; [`ballots`] lets every view vote on
-//! the Gaussians that it sees, which [`render::depth_test`] determines; [`identity`] finds which segments of different views
-//! are one part of the object; [`tally`] elects, by [`plurality`], a material and a part for every Gaussian, and
+//! the Gaussians that it sees, which [`render::depth_test`] determines; [`identity`] finds which segments of different
+//! views are one part of the object; [`tally`] elects, by [`plurality`], a material and a part for every Gaussian, and
 //! [`unseen`] for those that no view sees; [`labels`] gives each elected part its properties.
 
 mod answered_segments;

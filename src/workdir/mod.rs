@@ -151,10 +151,10 @@ pub enum WorkDirError {
     Damaged { path: PathBuf, problem: String },
     #[error("another gprop {holder} {path:?}; wait for it to end or choose another folder with --out")]
     Locked { path: PathBuf, holder: lock::Holder },
-    #[error("{path:?}: {problem}; `{command}` does what is missing")]
+    #[error("{path:?}: {problem}; run `{command}` to complete it")]
     Unfinished { path: PathBuf, problem: String, command: String },
     #[error(
-        "{path:?} is a link, and gprop writes through none that it was not told of; remove it, or give its target with {flag}"
+        "{path:?} is a link, and gprop writes only through links that you name; remove it, or give its target with {flag}"
     )]
     Link { path: PathBuf, flag: &'static str },
     #[error("{path:?} leads out of the work folder")]

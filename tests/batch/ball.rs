@@ -1,4 +1,5 @@
-//! A data set of balls of two materials: three photos each, label maps instead of SAM, a server that always answers the same.
+//! A data set of balls of two materials: three photos each, label maps instead of SAM, and a server that always gives
+//! the same answer.
 
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -29,7 +30,7 @@ impl Balls {
         Self::answering(count, &good_answer(a("wood")))
     }
 
-    /// The same with a server that gives another answer.
+    /// The same with a server that gives this answer.
     pub fn answering(count: usize, answer: &Value) -> Self {
         let answer = Response::new(200).json(completion(&answer.to_string()));
         let server = MockServer::new(move |_| answer.clone());
@@ -51,7 +52,7 @@ impl Balls {
         self.scene(number).join("labels")
     }
 
-    /// True label maps of a scene, in its `ground_truth/maps`: both parts are wood. And true masses.
+    /// True label maps of a scene, in its `ground_truth/maps`: both parts are wood. Also writes true masses.
     pub fn write_truth(&self, number: usize) {
         let maps = self.scene(number).join("ground_truth/maps");
         fs::create_dir_all(&maps).unwrap();
@@ -63,7 +64,7 @@ impl Balls {
         fs::write(maps.with_file_name("parts.json"), r#"{"total_mass_kg": 1.0, "parts": []}"#).unwrap();
     }
 
-    /// Has a scene segmented by SAM, for which models are needed, instead of by its label maps.
+    /// Removes the label maps of a scene, so that it is segmented by SAM, which needs models.
     pub fn forget_labels(&self, number: usize) {
         let path = self.scene(number).join("gprop.toml");
         let options = fs::read_to_string(&path).unwrap();
@@ -71,7 +72,7 @@ impl Balls {
         fs::write(&path, others.join("\n")).unwrap();
     }
 
-    /// The flags by which the server is asked.
+    /// The flags that name the server and its model.
     pub fn answers(&self) -> [String; 4] {
         ["--lmm-url".into(), format!("{}/v1", self.server.uri()), "--lmm-model".into(), "test-model".into()]
     }

@@ -1,4 +1,4 @@
-//! `index.html` of a batch: whole, harmless whatever scenes are called, and sorted and searched in a browser.
+//! `index.html` of a batch: complete, harmless whatever the scenes' names, and sorted and searched in a browser.
 
 use std::fs;
 
@@ -8,10 +8,11 @@ use super::ball::Balls;
 use super::{batch, outcomes, stderr};
 use crate::support::browser::Page;
 
-/// What a data set might call a scene, as far as a file name can hold it.
+/// A hostile name of a scene, as far as a file name can hold it.
 const HOSTILE: &str = "x\"><img src=x onerror=document.title='taken'> {{ 7*7 }} %2e";
 
-/// Three balls after a batch: one is done, one is called [`HOSTILE`], one has failed and says so with markup.
+/// Three balls after a batch: one is done, one is called [`HOSTILE`], and one has failed with markup in its
+/// message.
 fn run() -> (Balls, String) {
     let balls = Balls::new(3);
     fs::rename(balls.scene(1), balls.folder().join(HOSTILE)).unwrap();
@@ -37,7 +38,7 @@ fn the_page_is_whole_and_harmless() {
     assert!(link.starts_with("../../x%22%3E%3Cimg%20src%3Dx") && link.ends_with("%252e/gprop/report.html"), "{link}");
     assert_eq!(page.matches("<a href").count(), 1, "only what is there is linked");
     assert_eq!(page.matches("data:image/jpeg").count(), 2, "two scenes have a picture");
-    // Without pictures, and with one that is none, the page is made all the same.
+    // The page is made even if a picture is missing or is not a picture.
     fs::remove_file(balls.scene(0).join("gprop/thumbnail.jpg")).unwrap();
     fs::write(balls.folder().join(HOSTILE).join("gprop/thumbnail.jpg"), "no picture").unwrap();
     let again = || {
@@ -71,7 +72,7 @@ fn rows_are_sorted_and_found() {
     assert_eq!(press(&page, "state").as_deref(), Some("ascending"));
     assert_eq!(names(&page)[0], "ball-2", "what failed comes first");
     assert_eq!(page.evaluate("document.querySelectorAll('[aria-sort]').length"), 1);
-    // The failed scene has no mass: it comes last whichever way the others stand.
+    // The failed scene has no mass: it comes last in either order of the others.
     let masses = |page: &Page| -> Vec<f64> {
         let masses = page.evaluate(
             "[...document.querySelectorAll('tbody tr')].map((row) => row.cells[4].dataset.v ?? 'none').join()",

@@ -1,6 +1,6 @@
-//! A batch that is killed at random moments and started again comes to the bytes of one that was left alone.
+//! A batch that is killed at random moments and started again ends with the same bytes as one that was not disturbed.
 //!
-//! Excepted are `run.json` of each scene and the outcomes of the batch, which hold how long things took.
+//! The exceptions are `run.json` of each scene and the outcomes of the batch, which contain durations.
 
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -12,7 +12,7 @@ use super::{batch, contents, lines, outcomes};
 use crate::vote::build::Noise;
 
 const KILLS: usize = 20;
-/// Of the moments, as shares of an undisturbed run's length: the same sequence on every machine.
+/// Seed of the moments, which are shares of an undisturbed run's duration: the same sequence on every machine.
 const SEED: u64 = 11;
 const SCENES: usize = 3;
 
@@ -23,7 +23,7 @@ fn twenty_kills_leave_no_trace() {
     let start = |out: &Path| batch(&balls, &["--jobs", "2", "--out", out.to_str().unwrap()]);
     let since = Instant::now();
     outcomes(&mut start(&calm), 0);
-    // How fast the machine is only spreads the kills: what they leave counts, wherever they hit.
+    // The machine's speed only affects when the kills happen; the test holds wherever they hit.
     let mut whole = since.elapsed();
     forget_answers(&balls);
 
@@ -40,20 +40,20 @@ fn twenty_kills_leave_no_trace() {
             hits += 1;
             continue;
         }
-        // It came to its end in spite of the kills before: what it left counts, and the next begins anew, with kills no later
-        // than this end, should the machine have become faster.
+        // The batch finished in spite of the earlier kills: its result is checked and a new one begins, with kills no
+        // later than this duration, in case the machine has become faster.
         whole = whole.min(since.elapsed());
         assert_same(&calm, &killed);
         fs::remove_dir_all(&killed).unwrap();
         forget_answers(&balls);
         wholes += 1;
     }
-    // No waiting: what the last kill left running must not be in the way.
+    // Without waiting: processes that the last kill left running must not interfere.
     outcomes(&mut start(&killed), 0);
     assert_same(&calm, &killed);
 }
 
-/// Answers are asked for again, so that kills hit that too.
+/// Removes the answers, so that they are asked for again and kills hit that too.
 fn forget_answers(balls: &Balls) {
     (0..SCENES).for_each(|scene| fs::remove_dir_all(balls.scene(scene).join("recorded")).unwrap());
 }

@@ -1,4 +1,5 @@
-//! Scenes that hang, and scenes that cannot be named: a batch ends, leaves no process behind, and leaves none out silently.
+//! Scenes that hang, and scenes that cannot be named: a batch ends, leaves no process behind, and skips no scene
+//! silently.
 
 use std::ffi::OsStr;
 use std::fs;
@@ -16,7 +17,7 @@ fn a_scene_that_hangs_is_ended_with_all_that_it_started() {
     let (balls, hanging) = (Balls::new(2), Hanging::new());
     balls.forget_labels(0);
     fs::write(balls.scene(1).join("point_cloud.ply"), "ply\nno splat").unwrap();
-    // Six seconds: to start the program that hangs takes a hundredth of that, and so does refusing the other scene.
+    // Six seconds: starting the program that hangs takes a hundredth of that, and so does refusing the other scene.
     let mut command = batch(&balls, &["--jobs", "1", "--max-minutes", "0.1"]);
     hanging.instead_of_fetching(&mut command);
     let found = outcomes(&mut command, 6);

@@ -4,14 +4,14 @@
 pub mod ball;
 // The page of all scenes, in a browser and as text.
 mod index;
-// A batch that is killed, again and again.
+// A batch that is killed repeatedly.
 mod kills;
 // Scenes that hang, and scenes that cannot be named.
 #[cfg(unix)]
 mod limits;
 // All scenes' queries in one submission.
 mod questions;
-// Which scenes, in which shard.
+// The choice of scenes and shards.
 mod selection;
 
 use std::fs;
@@ -24,7 +24,7 @@ use crate::query::a;
 use crate::run::gprop;
 use ball::Balls;
 
-/// A batch up to the 3D parts on a data set, out of any cluster's environment.
+/// A batch up to the 3D parts on a data set, without the environment variables of a cluster.
 fn batch(balls: &Balls, more: &[&str]) -> Command {
     let mut command = gprop();
     for name in ["SLURM_ARRAY_TASK_ID", "JOB_COMPLETION_INDEX", "OPENAI_API_KEY"] {
@@ -38,7 +38,7 @@ fn stderr(output: &Output) -> String {
     String::from_utf8_lossy(&output.stderr).into_owned()
 }
 
-/// Runs it, expects an exit code, and gives the outcomes that it printed.
+/// Runs the command, expects an exit code, and returns the outcomes that it printed.
 #[track_caller]
 fn outcomes(command: &mut Command, code: i32) -> Vec<Value> {
     let output = command.arg("--json").output().unwrap();
@@ -56,7 +56,7 @@ fn names(outcomes: &[Value]) -> Vec<&str> {
     outcomes.iter().map(|outcome| outcome["scene"].as_str().unwrap()).collect()
 }
 
-/// Every file below a folder, relative to it, with its content; but for what holds timings (`run.json`) and locks.
+/// Every file below a folder, relative to it, with its content, except files with timings (`run.json`) and locks.
 pub fn contents(folder: &Path) -> Vec<(PathBuf, Vec<u8>)> {
     let mut found = Vec::new();
     let mut open = vec![folder.to_owned()];
@@ -116,14 +116,14 @@ fn done_scenes_are_skipped_and_failed_ones_retried_when_asked() {
     let balls = Balls::new(2);
     let labels = balls.labels(1).join("000.png");
     let content = fs::read(&labels).unwrap();
-    // Of the same length: a scene whose files take other bytes is another one.
+    // Of the same length: a scene whose files have different bytes is a different scene.
     fs::write(&labels, vec![b'#'; content.len()]).unwrap();
     assert_eq!(outcomes(&mut batch(&balls, &[]), 6).len(), 2);
     fs::write(&labels, content).unwrap();
     assert!(outcomes(&mut batch(&balls, &[]), 6).is_empty(), "neither done nor failed scenes are run");
     assert_eq!(names(&outcomes(&mut batch(&balls, &["--retry-failed"]), 0)), ["ball-1"]);
     assert!(outcomes(&mut batch(&balls, &[]), 0).is_empty());
-    // What is asked of a scene, and what it holds, make an outcome another one's.
+    // An outcome is not reused if the scene's options or files differ.
     assert_eq!(outcomes(&mut batch(&balls, &["--views=3"]), 0).len(), 2);
     fs::write(balls.scene(0).join("notes.txt"), "one more file").unwrap();
     assert_eq!(names(&outcomes(&mut batch(&balls, &["--views=3"]), 0)), ["ball-0"]);

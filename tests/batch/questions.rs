@@ -27,7 +27,7 @@ fn all_scenes_queries_go_out_and_come_in_together() {
         command
     };
     std::fs::write(balls.scene(1).join("transforms.json"), "{").unwrap();
-    // Two scenes of three views of two segments; the first question is asked at once.
+    // Two scenes with three views of two segments each; the first question is asked at once.
     let sent = json_of(&mut step("submit", &[]), 6);
     assert_eq!((&sent["sent"], &sent["waiting"]), (&json!(11), &json!(0)));
     assert_eq!(server.uploads(), 1, "one submission for all");
@@ -87,7 +87,7 @@ fn a_budget_holds_for_all_scenes_together() {
     assert_eq!(refused.status.code(), Some(5));
     assert!(stderr(&refused).contains("--max-usd 0.001") && server.uploads() == 0, "{}", stderr(&refused));
     assert_eq!(json_of(&mut submit("10"), 0)["sent"], 17);
-    // Without the Batch API each scene may spend its share: a third of too little for one question is too little too.
+    // Without the Batch API each scene may spend its share: a third of this budget, too little for one question.
     let spent = outcomes(&mut batch(&balls, &["--lmm-model", &model, "--lmm-url", &url, "--max-usd", "0.003"]), 6);
     assert!(
         spent.iter().any(|outcome| outcome["error"].as_str().is_some_and(|why| why.contains("--max-usd 0.001"))),

@@ -1,4 +1,4 @@
-//! Which scenes a batch is about, and which shard each falls to.
+//! The scenes that a batch runs, and the shard of each.
 
 use std::collections::BTreeSet;
 use std::fs;
@@ -15,7 +15,7 @@ fn fixture(name: &str) -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("fixtures/datasets").join(name)
 }
 
-/// What a dry run lists.
+/// The scenes that a dry run lists.
 #[track_caller]
 fn listed(command: &mut Command) -> Vec<String> {
     let output = command.args(["--dry-run", "--json"]).output().unwrap();
@@ -91,7 +91,8 @@ fn shards_share_the_scenes_and_are_merged() {
     assert!(home.join("summary.json").is_file());
     assert_eq!(listed(&mut slurm("1")).len(), first.len(), "what was dealt does not change by running");
 
-    // What two shards have done is done for the whole; but two divisions make no one summary.
+    // Scenes that two shards have done count as done for the whole batch, but shards of two divisions have no common
+    // summary.
     assert!(outcomes(&mut batch(&balls, &[]), 0).is_empty());
     let mixed = batch(&balls, &["--merge"]).output().unwrap();
     assert_eq!(mixed.status.code(), Some(2));
@@ -119,12 +120,12 @@ fn the_pods_of_the_kubernetes_job_share_the_scenes() {
     let set = |name: &str| container["env"].as_array().unwrap().iter().find(|set| set["name"] == name).cloned();
     let count = set("JOB_COMPLETIONS").unwrap()["value"].as_str().unwrap().to_owned();
     assert_eq!(count.parse(), Ok(completions), "what gprop is told is what there are");
-    // Kubernetes sets the index itself; a pod of any other mode would have none.
+    // Kubernetes sets the index itself, but only in this completion mode.
     assert!(set("JOB_COMPLETION_INDEX").is_none());
     let mounted: Vec<&str> =
         container["volumeMounts"].as_array().unwrap().iter().map(|at| at["mountPath"].as_str().unwrap()).collect();
 
-    // The pod's command, on balls instead of the claim.
+    // The pod's command, on balls instead of the volume claim.
     let (balls, results) = (Balls::new(7), tempfile::tempdir().unwrap());
     let words: Vec<&str> = container["command"].as_array().unwrap().iter().map(|word| word.as_str().unwrap()).collect();
     assert!(

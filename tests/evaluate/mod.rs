@@ -1,7 +1,7 @@
-//! `gprop evaluate mass` and `hardness`: numbers worked out with numpy by the published definitions, and bad input.
+//! `gprop evaluate mass` and `hardness`: numbers computed with numpy from the published definitions, and bad input.
 
 mod segmentation;
-// What a run left, measured as it is.
+// Evaluation of stored results.
 #[cfg(unix)]
 mod stored;
 
@@ -45,7 +45,7 @@ fn masses_score_as_the_published_evaluation_does() {
     let predictions = r#"{"B07A_X1": [0.5, 1.5], "B07B_Y_Z": [2.0, 4.0], "B07C": [10, 12], "B07D_Q": 0.3}"#;
     let output = masses(&folder, predictions, r#"{"B07A": 1.25, "B07B": 2.0, "B07C": 20.0, "B07D": 0.3, "unused": 5}"#);
     let found: Value = serde_json::from_slice(&output.stdout).unwrap();
-    // numpy's, of rows that are the means of [low, high]; PRA from its definition over the twelve ordered pairs.
+    // Computed with numpy from the means of [low, high]; PRA from its definition over the twelve ordered pairs.
     let expected = [
         ("ade", 2.5625),
         ("alde", 0.3066114150444986),
@@ -130,7 +130,7 @@ fn hardness_is_read_off_the_field_on_one_axis() {
     let output = evaluate(&["hardness", text(&points), "--out", text(work.path())]);
     assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
     let found: Value = serde_json::from_slice(&output.stdout).unwrap();
-    // The head 170 against 150, the grip 60 against 40; handle and background say nothing.
+    // The head 170 against 150, the grip 60 against 40; handle and background have no value.
     let expected = [
         ("ade", 20.0),
         ("ape", (20.0 / 150.0 + 0.5) / 2.0),

@@ -58,7 +58,7 @@ fn a_scene_with_recorded_answers_gives_the_table_and_its_pictures() {
     pictures(&scene, work.path());
 }
 
-/// What the vote drew, and what `gprop show` draws of it.
+/// Checks the pictures of the vote and those of `gprop show`.
 fn pictures(scene: &Path, work: &Path) {
     let field = ply::read(&work.join("field.ply")).unwrap().gaussians;
     let labels = serde_json::from_slice(&fs::read(work.join("labels.json")).unwrap()).unwrap();

@@ -1,4 +1,4 @@
-//! An evaluation measures what a run left, with the options that it was made with, and changes nothing.
+//! An evaluation uses the stored results of a run, with the options of that run, and changes nothing.
 
 use std::fs;
 use std::path::Path;
@@ -27,7 +27,7 @@ fn mass(balls: &Balls, more: &[&str]) -> Output {
     evaluate(&[&["mass", text(&balls.scene(0))], more].concat())
 }
 
-/// Every file below a folder with its content and when it was written, the lock and `run.json` too.
+/// Every file below a folder with its content and modification time, including the lock and `run.json`.
 fn everything(folder: &Path) -> Vec<(String, Vec<u8>, SystemTime)> {
     let mut found = Vec::new();
     for entry in fs::read_dir(folder).unwrap() {
@@ -81,7 +81,7 @@ fn what_is_missing_is_said_with_the_command_that_makes_it() {
     refused(&segmentation(&balls, &[]), &["the query stage is not done", "gprop run"]);
     run(&balls, "parts", &[]);
     measured(&segmentation(&balls, &[]));
-    // Segments of other views than those that voted are not what was voted on.
+    // Segments of different views than those that voted do not belong to the stored vote.
     run(&balls, "segment", &["--views", "2"]);
     refused(&segmentation(&balls, &[]), &["was done again after", "gprop run"]);
     refused(&mass(&balls, &[]), &["was done again after", "gprop run"]);

@@ -1,4 +1,4 @@
-//! Exports, loaded by the programs that they are for. Each test says so where its program is not installed.
+//! Exports, loaded by the programs that they are for. A test whose program is not installed says so.
 
 use std::path::{Path, PathBuf};
 use std::process::Command;
@@ -95,7 +95,7 @@ fn exported_objects_come_to_rest_on_a_plane() {
             let (_folder, files) = exported(&measured, format);
             let found = mujoco("rest", &[&files[0]]);
             println!("{} {format:?} {found}", measured.scene.name);
-            // A tenth of what a fall over 1 mm leaves: the solver's own creep is far below.
+            // A tenth of the speed after a fall of 1 mm: the solver's own creep is far below.
             assert!(found["speed_m_s"].as_f64().unwrap() < 0.014, "{found}");
             assert!(found["turning_rad_s"].as_f64().unwrap() < 0.1, "{found}");
             assert!(found["contacts"].as_u64().unwrap() > 0, "{found}");
@@ -117,7 +117,7 @@ fn lifted(measured: &Measured, model: &Path, place: &Candidate, side_m: f64, for
     found["raised_m"].as_f64().unwrap()
 }
 
-/// F_min is that of flat, upright surfaces.
+/// F_min is derived for flat, upright surfaces, so the part is chosen accordingly.
 #[test]
 fn f_star_lifts_in_mujoco_and_six_tenths_of_f_min_slips() {
     if !python_has("f_star_lifts_in_mujoco_and_six_tenths_of_f_min_slips", "mujoco", "mujoco") {
@@ -126,7 +126,7 @@ fn f_star_lifts_in_mujoco_and_six_tenths_of_f_min_slips() {
     for folder in folders() {
         let measured = Measured::of(&folder);
         let name = &measured.scene.name;
-        // The chair asks for more than the paper's gripper can press.
+        // The chair needs more force than the paper's gripper has.
         let gripper = if name == "chair" { "robotiq-2f-85" } else { "paper" };
         let gripper = GripperProfile::load(gripper).unwrap();
         let lift_at = |options: &Options, forces: fn(&Candidate) -> f64| {
@@ -140,13 +140,14 @@ fn f_star_lifts_in_mujoco_and_six_tenths_of_f_min_slips() {
         let held = lift_at(&anywhere, |place| place.f_star_n);
         assert!(held > 0.09, "{name} is held: raised by {held} m");
         let place = match name.as_str() {
-            // Its base can be grasped at its neck alone, whose flange hangs on pads that press with less; its stem is straight.
+            // Its base can be grasped only at its neck, whose flange rests on the pads even if they press with less;
+            // its stem is straight.
             "table_lamp" => Options { part: Some("stem".to_owned()), ..Options::default() },
-            // Its rungs hang on pads that slide up a leg; over the uppermost slat there is nothing.
+            // Its rungs would rest on pads that slide up a leg; above the uppermost slat there is nothing.
             "chair" => Options { point: Some([0.0, 0.285, 0.83]), ..Options::default() },
             _ => anywhere,
         };
-        // The mug slides only until its lid's rim comes to lie on the pads.
+        // The mug slides only until the rim of its lid rests on the pads.
         let slips = lift_at(&place, |place| 0.6 * place.f_min_n);
         assert!(slips < 0.08, "{name} slips through the fingers: raised by {slips} m");
     }
@@ -236,7 +237,7 @@ fn physgaussian_gets_its_folder() {
     let (folder, files) = exported(&measured, Format::Physgaussian);
     assert_eq!(files[0], folder.path().join("config.json"));
     let config: Value = serde_json::from_slice(&std::fs::read(&files[0]).unwrap()).unwrap();
-    // What decode_param.py insists on: a known material, nu within 0 to 0.5, boxes with point, size, E, nu.
+    // The requirements of decode_param.py: a known material, nu within 0 to 0.5, boxes with point, size, E, nu.
     assert!(["jelly", "metal", "sand", "foam", "snow", "plasticine"].contains(&config["material"].as_str().unwrap()));
     assert!((0.0..0.5).contains(&config["nu"].as_f64().unwrap()));
     let boxes = config["additional_material_params"].as_array().unwrap();

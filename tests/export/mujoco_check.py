@@ -26,7 +26,7 @@ def object_body(model):
 
 
 def as_mjcf(path):
-    """The model as an MJCF tree without file references: what MuJoCo saves of it."""
+    """The model as an MJCF tree without file references, as MuJoCo saves it."""
     model = compiled(path)
     folder = os.path.dirname(os.path.abspath(path))
     with tempfile.NamedTemporaryFile(dir=folder, suffix=".saved.xml", delete=False) as file:

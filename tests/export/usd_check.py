@@ -1,4 +1,4 @@
-"""Opens a USD file, runs every validator that usd-core has, and prints what it holds as JSON."""
+"""Opens a USD file, runs every validator that usd-core has, and prints its contents as JSON."""
 
 import json
 import sys
@@ -14,7 +14,7 @@ root = stage.GetDefaultPrim()
 mass = UsdPhysics.MassAPI(root)
 turn = Gf.Matrix3d(Gf.Quatd(mass.GetPrincipalAxesAttr().Get()))
 diagonal = Gf.Matrix3d(Gf.Vec3d(mass.GetDiagonalInertiaAttr().Get()))
-# Gf's rows are the turned axes.
+# Gf's rows are the rotated axes.
 inertia = turn.GetTranspose() * diagonal * turn
 points = UsdGeom.Points(root.GetChild("Gaussians"))
 colliders = root.GetChild("Colliders").GetChildren()

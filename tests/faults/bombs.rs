@@ -1,4 +1,4 @@
-//! Files that are small on disk and claim or unpack to far more: refused before the memory is asked for.
+//! Files that are small on disk but claim or unpack to far more: refused before the memory is allocated.
 
 use std::fs;
 use std::io::Write;
@@ -17,7 +17,8 @@ fn png_that_claims(width: u32, height: u32) -> Vec<u8> {
     let mut png = std::io::Cursor::new(Vec::new());
     GrayImage::new(1, 1).write_to(&mut png, ImageFormat::Png).unwrap();
     let mut png = png.into_inner();
-    // Signature 8, length 4, then `IHDR`, width, height, five more bytes, and the sum over all but the length.
+    // Signature 8, length 4, then `IHDR`, width, height, five more bytes, and the checksum of everything but the
+    // length.
     png[16..20].copy_from_slice(&width.to_be_bytes());
     png[20..24].copy_from_slice(&height.to_be_bytes());
     let mut sum = flate2::Crc::new();
@@ -39,7 +40,7 @@ fn a_photo_that_claims_gigapixels() {
     assert_refused(&run(&balls, out.path()), 3, &["000.png", "60000 x 60000", "scale it down"]);
 }
 
-/// A zstd frame (RFC 8878) of `count` bytes 128, repeated by one block, that says what window its decoder shall keep.
+/// A zstd frame (RFC 8878) of `count` bytes 128, repeated by one block, that declares its decoder's window size.
 fn zstd_frame(count: u32, window: u8) -> Vec<u8> {
     const MAGIC: u32 = 0xFD2F_B528;
     const LAST: u32 = 1;
@@ -51,7 +52,7 @@ fn zstd_frame(count: u32, window: u8) -> Vec<u8> {
     frame
 }
 
-/// Version 4 of one Gaussian, with `more` bytes in each of its five streams than it has.
+/// An SPZ of version 4 with one Gaussian, with `more` extra bytes in each of its five streams.
 fn spz_of_streams(more: u32, window: u8) -> Vec<u8> {
     let lengths = [9, 1, 3, 3, 4];
     let streams = lengths.map(|length| zstd_frame(length + more, window));
@@ -73,7 +74,7 @@ fn spz_of_streams(more: u32, window: u8) -> Vec<u8> {
 fn an_spz_whose_streams_want_terabytes() {
     // Windows of 1 KiB and of 2 TiB: exponents 0 and 31.
     assert_eq!(spz::parse(&spz_of_streams(0, 0)).unwrap().gaussians.len(), 1);
-    // What a stream has beyond its length is not unpacked.
+    // Bytes of a stream beyond its declared length are not unpacked.
     let problem = spz::parse(&spz_of_streams(100, 0)).expect_err("a stream is longer than it says");
     assert!(SplatProblem::from(problem).to_string().contains("than its 1 Gaussians take"));
     for (more, window) in [(0, 31 << 3), (100_000, 0)] {
@@ -84,14 +85,15 @@ fn an_spz_whose_streams_want_terabytes() {
 
 #[test]
 fn an_spz_that_unpacks_to_gigabytes() {
-    // Version 2: magic, version, count, SH degree, fractional bits, flags, reserved; 19 bytes a Gaussian without harmonics.
+    // Version 2: magic, version, count, SH degree, fractional bits, flags, reserved; 19 bytes per Gaussian without
+    // harmonics.
     let count: u32 = 200_000_000;
     let mut packed = GzEncoder::new(Vec::new(), Compression::best());
     packed.write_all(&0x5053_474e_u32.to_le_bytes()).unwrap();
     packed.write_all(&2_u32.to_le_bytes()).unwrap();
     packed.write_all(&count.to_le_bytes()).unwrap();
     packed.write_all(&[0, 12, 0, 0]).unwrap();
-    // As far as anybody would unpack it to find out.
+    // More than a reader needs to unpack to notice the false count.
     packed.write_all(&vec![0; 20 << 20]).unwrap();
     let bytes = packed.finish().unwrap();
     assert!(bytes.len() < 100_000);

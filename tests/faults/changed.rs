@@ -1,5 +1,5 @@
-//! Files of a work folder that hold other bytes than gprop wrote, at the same length: found before they are used, named,
-//! and made again.
+//! Files of a work folder whose bytes, but not their length, have changed since gprop wrote them: they are noticed
+//! before they are used, named, and made again.
 
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -13,7 +13,7 @@ use crate::batch::ball::Balls;
 use crate::batch::contents;
 use crate::run::gprop;
 
-/// Changes one byte in the middle of a file. Twice gives the file back.
+/// Changes one byte in the middle of a file. A second call restores it.
 pub fn change(path: &Path) {
     let mut bytes = fs::read(path).unwrap();
     let middle = bytes.len() / 2;
@@ -25,7 +25,7 @@ fn stderr(output: &Output) -> String {
     String::from_utf8_lossy(&output.stderr).into_owned()
 }
 
-/// Expects a run that went well and said of each of these files, and of no other, that somebody changed it.
+/// Expects a successful run that reported each of these files, and no other, as changed.
 #[track_caller]
 fn assert_made_again(output: &Output, changed: &[&str]) {
     let said = stderr(output);
@@ -56,7 +56,7 @@ fn every_file_of_a_finished_run() {
         assert_made_again(&run(&balls, out.path()), &[file.to_str().unwrap()]);
         assert!(contents(out.path()) == calm, "{file:?} is not made again");
     }
-    // Whatever a stage is to be done again for, what it reads is looked at first.
+    // Whatever the reason for which a stage is done again, its inputs are checked first.
     change(&out.path().join("labels.json"));
     change(&out.path().join("segments/001.png"));
     let mut from_parts = gprop();
@@ -71,14 +71,14 @@ fn views_that_were_done_before_a_kill() {
     let (balls, out) = (Balls::new(1), tempfile::tempdir().unwrap());
     assert!(run(&balls, out.path()).status.success());
     let calm = contents(out.path());
-    // As a kill after the last view leaves it: the views are there, no stage says that it is done.
+    // The state after a kill that follows the last view: the views are there, but no stage is recorded as done.
     for file in ["segments/001.png", "segments/segments.json"] {
         fs::remove_file(out.path().join("run.json")).unwrap();
         change(&out.path().join(file));
         assert_made_again(&run(&balls, out.path()), &[file]);
         assert!(contents(out.path()) == calm, "{file}");
     }
-    // A list that is still a list, but says something else of a view.
+    // A valid list with a different entry for one view.
     fs::remove_file(out.path().join("run.json")).unwrap();
     let list = out.path().join("segments/segments.json");
     let text = fs::read_to_string(&list).unwrap();
@@ -93,7 +93,7 @@ fn views_that_were_done_before_a_kill() {
 fn answers_that_were_recorded_before_a_kill() {
     let (balls, out) = (Balls::new(1), tempfile::tempdir().unwrap());
     assert!(run(&balls, out.path()).status.success());
-    // A recording is the user's to correct: another answer of the same length is another answer, not an unchanged one.
+    // The user may correct a recording: a different answer of the same length is not taken for the old one.
     let recorded = balls.scene(0).join("recorded");
     let mut changed = 0;
     for entry in fs::read_dir(&recorded).unwrap() {
@@ -114,7 +114,7 @@ fn answers_that_were_recorded_before_a_kill() {
 fn simulate(balls: &Balls, out: &Path) -> Output {
     let mut command = gprop();
     command.arg("simulate").arg(balls.scene(0)).args(["-q", "--frames", "4", "--duration", "0.04", "--grid", "16"]);
-    // Without ffmpeg: whether there is one makes no difference here.
+    // Without ffmpeg, which makes no difference here.
     command.env("PATH", "").arg("--out").arg(out).args(balls.answers()).output().unwrap()
 }
 
@@ -125,7 +125,7 @@ fn frames_that_were_done_before_a_kill() {
     assert_made_again(&simulate(&balls, &calm), &[]);
     let calm = contents(&calm);
     let stopped_at = |frame: &str| {
-        // A folder in a frame's place: no file can be put there, and the run ends.
+        // A folder in the place of a frame: the file cannot be written, and the run ends.
         let wall = out.join("simulation/frames").join(frame);
         fs::create_dir_all(wall.join("wall")).unwrap();
         assert_refused(&simulate(&balls, &out), 2, &["cannot write", frame]);
@@ -155,11 +155,11 @@ fn the_inside_is_read_and_not_carved_again() {
     assert!(contents(&out) == contents(&at_once));
     let reused = |stage: &str| stages(&out).into_iter().find(|done| done["name"] == stage).unwrap()["reused"] == true;
     assert!(reused("parts") && !reused("simulate"));
-    // One that somebody changed is made again.
+    // One that was changed is made again.
     change(&out.join("interior.bin"));
     assert_made_again(&simulate(&balls, &out), &["interior.bin"]);
     assert!(fs::read(out.join("interior.bin")).unwrap() == inside && contents(&out) == contents(&at_once));
-    // One whose checksum was changed along with it is refused by those who read it.
+    // One whose checksum was changed along with it is refused by its readers.
     let damaged = &inside[..inside.len() - 1];
     fs::write(out.join("interior.bin"), damaged).unwrap();
     let mut record: Value = serde_json::from_slice(&fs::read(out.join("run.json")).unwrap()).unwrap();

@@ -1,5 +1,5 @@
 //! Runs that are killed, run out of disk space, or ask a server that fails, at random and one after the other. Whenever
-//! one of them comes to its end with every segment answered, it has made the bytes of a run that nothing disturbed.
+//! one of them finishes with every segment answered, its files are the same bytes as those of an undisturbed run.
 
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -15,12 +15,12 @@ use crate::run::gprop;
 use crate::support::server::{MockServer, Response};
 use crate::vote::build::Noise;
 
-/// As many as a test run has time for; the environment variable `GPROP_CHAOS_RUNS` asks for more.
+/// Number of runs for which a test has time; the environment variable `GPROP_CHAOS_RUNS` sets another.
 const RUNS: usize = 200;
-/// Of the faults: the same sequence on every machine, though the moment that a kill hits depends on its speed.
+/// Seed of the faults: the same sequence on every machine, although the point that a kill hits depends on its speed.
 const SEED: u64 = 17;
 
-/// A server that answers well or fails in one of many ways, as often as it is told.
+/// A server that answers correctly or, for a given share of the requests, fails in one of many ways.
 struct FailingServer {
     server: MockServer,
     failures_in_a_hundred: std::sync::Arc<AtomicU32>,
@@ -33,7 +33,7 @@ impl FailingServer {
         let good = completion(&good_answer(a("wood")).to_string());
         let server = MockServer::new(move |_| {
             let number = count.fetch_add(1, Ordering::Relaxed);
-            // 61 and 100 have no common factor: every hundred requests fail in just that share.
+            // 61 and 100 have no common factor: of every hundred requests exactly this share fails.
             if number.wrapping_mul(61) % 100 >= share.load(Ordering::Relaxed) {
                 return Response::new(200).json(&good);
             }
@@ -53,7 +53,7 @@ impl FailingServer {
     }
 }
 
-/// The scene's own files, without what runs left of it.
+/// Copies the scene's own files without the results of runs.
 fn copy_scene(from: &Path, to: &Path) {
     for (file, bytes) in contents(from) {
         let target = to.join(file);
@@ -106,7 +106,7 @@ fn whatever_disturbed_runs_leave_the_last_one_makes_the_same_bytes() {
         let kind = (noise.next() * 4.0) as u32;
         server.fails(if kind == 2 { (noise.next() * 100.0) as u32 } else { 0 });
         if kind == 1 {
-            // From what the last run left on it to more than a run needs.
+            // From no more space than the last run used to more than a run needs.
             let share = f64::from(noise.next()) * 1.2;
             let limit = own + ((size - own) as f64 * share) as u64;
             disk.remount(&format!("size={}k", limit.max(bytes_in(&scene)) / 1024 + 16));
@@ -114,7 +114,7 @@ fn whatever_disturbed_runs_leave_the_last_one_makes_the_same_bytes() {
         let mut process = start().spawn().unwrap();
         if kind == 0 {
             std::thread::sleep(whole.mul_f32(noise.next()));
-            // Where it has come to its end by itself, there is nobody to kill.
+            // Fails if the process has already ended by itself.
             let _ = process.kill();
         }
         let output = process.wait_with_output().unwrap();

@@ -11,7 +11,7 @@ use crate::batch::ball::Balls;
 use crate::batch::contents;
 use crate::run::gprop;
 
-/// A folder beside the scene that nothing may be written into, with a file that nothing may change.
+/// A folder beside the scene into which nothing may be written, with a file that must not change.
 struct Bystander {
     folder: tempfile::TempDir,
     before: Vec<(PathBuf, Vec<u8>)>,
@@ -49,7 +49,7 @@ fn links_in_a_work_folder_are_not_written_through() {
     symlink(bystander.path().join("precious"), out.path().join(".lock")).unwrap();
     assert_refused(&run(&balls, out.path()), 2, &[".lock", "is a link"]);
     bystander.assert_untouched();
-    // A link in a file's own place is replaced.
+    // A link in the place of a file is replaced.
     let (balls, bystander, out) = (Balls::new(1), Bystander::new(), tempfile::tempdir().unwrap());
     symlink(bystander.path().join("precious"), out.path().join("views.json")).unwrap();
     assert!(run(&balls, out.path()).status.success());
@@ -89,7 +89,7 @@ fn photos_are_named_within_the_scene_and_views_are_no_paths() {
         fs::write(&path, transforms.to_string()).unwrap();
         assert_refused(&run(&balls, out.path()), 3, &["leads out of the scene folder"]);
     }
-    // An absolute path is another machine's: the photo of that name is looked for in the scene, never there.
+    // An absolute path belongs to another machine: the photo of that name is looked for in the scene, never there.
     let elsewhere = bystander.path().join("precious");
     let mut transforms = original.clone();
     transforms["frames"][0]["file_path"] = json!(elsewhere);
@@ -99,7 +99,7 @@ fn photos_are_named_within_the_scene_and_views_are_no_paths() {
     assert!(String::from_utf8_lossy(&output.stderr).contains("1 of the 3 photos"));
     let views: Value = serde_json::from_slice(&fs::read(out.path().join("views.json")).unwrap()).unwrap();
     assert_eq!(views["views"].as_array().map(Vec::len), Some(2));
-    // A name that is odd but within the scene comes to a plain one.
+    // A name that is odd but within the scene is turned into a plain one.
     let odd = "images/a b;$(touch precious)..png";
     fs::rename(balls.scene(0).join("images/000.png"), balls.scene(0).join(odd)).unwrap();
     let mut transforms = original;
@@ -114,7 +114,7 @@ fn photos_are_named_within_the_scene_and_views_are_no_paths() {
 
 #[test]
 fn names_that_no_file_can_have_lead_nowhere() {
-    // A zero byte, which ends a path in C; a drive of Windows; another machine's folder.
+    // A zero byte, which ends a path in C; a Windows drive; another machine's folder.
     for name in ["images/000.png\0", "C:\\shots\\000.bmp", "/shots/of/another/machine/000.bmp"] {
         let (balls, bystander, out) = (Balls::new(1), Bystander::new(), tempfile::tempdir().unwrap());
         let path = balls.scene(0).join("transforms.json");
@@ -165,7 +165,7 @@ fn what_a_work_folder_says_of_itself_is_not_followed() {
 
 #[test]
 fn a_recording_lies_where_its_content_says() {
-    // The name of a recording's file is not a key: one that claims another's, or a path, is refused.
+    // The name of a recording's file is not a key: one that claims the key of another, or a path, is refused.
     let (balls, bystander, out) = (Balls::new(1), Bystander::new(), tempfile::tempdir().unwrap());
     assert!(run(&balls, out.path()).status.success());
     let recorded = balls.scene(0).join("recorded");

@@ -1,4 +1,5 @@
-//! Locks: whoever is kept out hears by whom, and a process that has died keeps nobody out, its children neither.
+//! Locks: a process that is kept out learns which process holds the lock; a process that has ended keeps none out, and
+//! neither do its children.
 
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -11,11 +12,11 @@ use super::{assert_refused, run};
 use crate::batch::ball::Balls;
 use crate::run::gprop;
 
-/// So long is waited for another process before the test fails; a hundred times what it takes.
+/// How long the test waits for another process before it fails: a hundred times what it takes.
 const PATIENCE: Duration = Duration::from_secs(120);
 
-/// Programs by the names of those that fetch models, which wait for ever instead, and the number of the one that was
-/// started: gprop has a child then.
+/// Programs with the names of those that fetch models, which wait forever instead, and the id of the process that was
+/// started: gprop then has a child.
 pub struct Hanging {
     home: tempfile::TempDir,
 }
@@ -44,7 +45,7 @@ impl Hanging {
         command.env_remove("GPROP_OFFLINE");
     }
 
-    /// The process that hangs, as soon as there is one.
+    /// The process that hangs, as soon as it has started.
     pub fn process(&self) -> PathBuf {
         let file = self.home.path().join("pid");
         wait_for("the program that hangs to start", || file.is_file());
@@ -52,7 +53,7 @@ impl Hanging {
     }
 }
 
-/// Waits until something is so: of another process nothing is known but that it comes to it.
+/// Waits until a condition holds: how long another process takes to reach it is unknown.
 pub fn wait_for(what: &str, is_so: impl Fn() -> bool) {
     let since = Instant::now();
     while !is_so() {
@@ -61,7 +62,7 @@ pub fn wait_for(what: &str, is_so: impl Fn() -> bool) {
     }
 }
 
-/// Whether a process, given by its folder in `/proc`, has ended: it is gone, or nobody has asked how it ended.
+/// True if a process, given by its folder in `/proc`, has ended: it is gone, or a zombie.
 pub fn has_ended(process: &Path) -> bool {
     let status = fs::read_to_string(process.join("status")).unwrap_or_default();
     status.lines().find(|line| line.starts_with("State:")).is_none_or(|line| line.contains("zombie"))
@@ -73,7 +74,7 @@ fn kill(process: &Path) {
     assert!(Command::new("kill").arg("-KILL").arg(id).status().unwrap().success());
 }
 
-/// A gprop that works on the first ball for ever, for it waits for its models.
+/// A gprop process that holds the lock of the first ball forever, because it waits for its models.
 fn hanging_run(balls: &Balls, hanging: &Hanging) -> Child {
     balls.forget_labels(0);
     let mut command = gprop();

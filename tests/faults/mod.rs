@@ -1,20 +1,21 @@
-//! What the machine may do to a run: no room, no permission, files that go, a clock that goes back, links that lead away.
-//! Each ends in a message that says what to do, with nothing half-written, and the next run mends it.
+//! Faults of the machine during a run: no disk space, no permission, files that disappear, a clock that is set back,
+//! links that lead elsewhere. Each run ends with a message that says what to do, leaves nothing half-written, and the
+//! next run completes the work.
 
 // Small files that unpack to gigabytes.
 mod bombs;
-// Files of a work folder that somebody changed.
+// Files of a work folder that were changed.
 #[cfg(unix)]
 pub mod changed;
 // Kills, full disks and failing servers in any order.
 mod chaos;
-// Locks: who holds one, and that the dead hold none.
+// Locks: who holds one, and that processes that have ended hold none.
 #[cfg(unix)]
 pub mod locks;
 // Named pipes and devices in place of files.
 #[cfg(unix)]
 mod pipes;
-// Work folders that may only be read.
+// Read-only work folders.
 #[cfg(unix)]
 mod read_only;
 // Scenes that try to have gprop write elsewhere.
@@ -23,7 +24,7 @@ mod hostile;
 mod outside;
 // Splats whose Gaussians no trainer wrote.
 mod splats;
-// Words that would move a terminal's cursor.
+// Text that would move a terminal's cursor.
 mod terminal;
 
 use std::fs::{self, File};
@@ -46,7 +47,7 @@ fn run(balls: &Balls, out: &Path) -> Output {
     command.args(balls.answers()).output().unwrap()
 }
 
-/// Expects a typed refusal with these words in its one message.
+/// Expects exit code `code` and a single error message that contains these words.
 #[track_caller]
 fn assert_refused(output: &Output, code: i32, words: &[&str]) {
     let message = String::from_utf8_lossy(&output.stderr);
@@ -57,7 +58,7 @@ fn assert_refused(output: &Output, code: i32, words: &[&str]) {
     }
 }
 
-/// Every file is whole: it is what an undisturbed run writes in its place.
+/// Checks that every file is complete: the same as the file that an undisturbed run writes.
 #[track_caller]
 fn assert_nothing_half_written(disturbed: &Path, calm: &Path) {
     let calm = contents(calm);
@@ -69,13 +70,13 @@ fn assert_nothing_half_written(disturbed: &Path, calm: &Path) {
     }
 }
 
-/// A file system in memory, unmounted in the end.
+/// A file system in memory, unmounted when this is dropped.
 struct Mounted {
     at: tempfile::TempDir,
 }
 
 impl Mounted {
-    /// `None`, said aloud, where mounting is not permitted.
+    /// `None`, with a message, if mounting is not permitted.
     fn new(test: &str, options: &str) -> Option<Self> {
         let at = tempfile::tempdir().unwrap();
         let mount = Command::new("mount").args(["-t", "tmpfs", "-o", options, "tmpfs"]).arg(at.path()).output();
@@ -118,7 +119,7 @@ fn a_full_disk() {
     let calm = tempfile::tempdir().unwrap();
     assert!(run(&balls, calm.path()).status.success());
     let whole: u64 = contents(calm.path()).iter().map(|(_, bytes)| bytes.len() as u64).sum();
-    // From hardly anything to nearly enough: the disk fills up in every stage.
+    // From hardly any space to nearly enough: the disk fills up in every stage.
     for share in [4, 15, 30, 50, 70, 90] {
         disk.remount(&format!("size={}k", (whole * share / 100 / 1024).max(4)));
         assert_refused(&run(&balls, &disk.folder()), 2, &["cannot write", "No space left", "make room", "--out"]);
@@ -150,7 +151,7 @@ fn open(balls: &Balls, to: Stage) -> Result<Pipeline, gprop::Error> {
 
 #[test]
 fn a_file_goes_while_it_is_worked_on() {
-    // Before the stage that reads it, after everything was found.
+    // The file disappears after loading and before the stage that reads it.
     for gone in ["images/001.png", "point_cloud.ply", "transforms.json"] {
         let balls = Balls::new(1);
         let mut pipeline = open(&balls, Stage::Segment).unwrap();
@@ -159,7 +160,7 @@ fn a_file_goes_while_it_is_worked_on() {
         assert_eq!(error.kind(), Exit::Scene, "{error}");
         assert!(error.to_string().contains(gone), "{error}");
     }
-    // What gprop wrote itself is made again.
+    // Files that gprop wrote itself are made again.
     let balls = Balls::new(1);
     let calm = tempfile::tempdir().unwrap();
     assert!(run(&balls, calm.path()).status.success());
@@ -180,7 +181,7 @@ fn a_clock_that_goes_back() {
     let out = tempfile::tempdir().unwrap();
     assert!(run(&balls, out.path()).status.success());
     let before = contents(out.path());
-    // As if everything had been written in ten years, or long ago: only contents count.
+    // As if everything had been written ten years in the future, or long ago: only contents count.
     let decade = Duration::from_secs(10 * 365 * 24 * 3600);
     for time in [SystemTime::now() + decade, SystemTime::UNIX_EPOCH + Duration::from_secs(1)] {
         for folder in [balls.scene(0), out.path().to_owned()] {

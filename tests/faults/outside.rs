@@ -1,4 +1,5 @@
-//! Scenes, recordings and work folders from elsewhere that lead gprop to the user's files, or the user's key to a server.
+//! Scenes, recordings and work folders from elsewhere that lead gprop to the user's files, or the user's key to a
+//! server.
 
 use std::fs;
 use std::os::unix::fs::symlink;
@@ -101,7 +102,7 @@ fn a_picture_that_claims_to_be_rendered_is_rendered_again() {
     assert_refused(&render(), 2, &["is a link"]);
 }
 
-/// Every text of a value.
+/// Replaces every text in a value.
 fn replace_texts(value: &mut Value, with: &str) {
     match value {
         Value::String(text) => *text = with.to_owned(),
@@ -115,7 +116,7 @@ fn replace_texts(value: &mut Value, with: &str) {
 fn the_key_goes_to_the_named_server_only() {
     let evil = Server::new(|_, _, _| error(500, "nobody named this server"));
     let evil_url = evil.options().lmm_url.unwrap();
-    // A server that sends whoever asks on to another one.
+    // A server that redirects to another one.
     let location = format!("{evil_url}/chat/completions");
     let good = good_answer(a("wood")).to_string();
     let named = Server::new(move |count, _, _| match count {
@@ -132,7 +133,7 @@ fn the_key_goes_to_the_named_server_only() {
         command.env("OPENAI_API_KEY", CANARY).arg(arguments[0]).arg(&scene).args(&arguments[1..]);
         command.args(["--lmm-url", &url, "--lmm-model", &model, "--lmm-retries", "0"]).output().unwrap()
     };
-    // What a run left, with another server in the place of every text that gprop reads again.
+    // The files of a run, with another server's address in place of every text that gprop reads back.
     gprop_with_key(&["query", "--lmm-parallel", "1"]);
     assert!(!named.requests().is_empty(), "the redirect itself was met");
     let mut run: Value = serde_json::from_slice(&fs::read(work.join("run.json")).unwrap()).unwrap();

@@ -1,4 +1,4 @@
-//! Named pipes where files are expected: whoever opens one waits for a writer that never comes.
+//! Named pipes where files are expected: a process that opens one waits for a writer that never comes.
 
 use std::fs;
 use std::path::Path;
@@ -7,10 +7,10 @@ use std::process::{Command, Output};
 use super::assert_refused;
 use crate::batch::ball::Balls;
 
-/// Seconds after which a run counts as hung: a hundred times what it takes here.
+/// Seconds after which a run counts as hung: a hundred times what a run takes here.
 const HUNG: &str = "120";
 
-/// Puts a named pipe in a file's place.
+/// Replaces a file with a named pipe.
 fn pipe(path: &Path) {
     let _ = fs::remove_file(path);
     fs::create_dir_all(path.parent().unwrap()).unwrap();

@@ -1,4 +1,4 @@
-//! A finished work folder on media that may only be read: everything that only reads it goes on working.
+//! A finished work folder on media that may only be read: every command that only reads it keeps working.
 
 use std::fs;
 use std::path::Path;
@@ -21,7 +21,7 @@ fn assert_done(output: &Output) {
     assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
 }
 
-/// Runs, shows, exports and evaluates the work folder `work` of the first ball with programs that `gprop` makes.
+/// Runs, shows, exports and evaluates the work folder `work` of the first ball with the commands that `gprop` creates.
 fn read_everything(balls: &Balls, work: &Path, gprop: &dyn Fn() -> Command, free: &Path) {
     let scene = balls.scene(0);
     let again = output_of(
@@ -45,7 +45,7 @@ fn read_everything(balls: &Balls, work: &Path, gprop: &dyn Fn() -> Command, free
     assert_done(&output_of(
         gprop().arg("run").arg(&scene).args(["--to", "parts", "--dry-run", "--out"]).arg(work).args(balls.answers()),
     ));
-    // What would have to be written is an error that says so.
+    // A command that has to write fails with an error that says so.
     let other = output_of(gprop().arg("run").arg(&scene).args(["--to", "parts", "--views=2", "--out"]).arg(work));
     assert_refused(&other, 2, &["the scene stage is to be done", "cannot write", "--out"]);
 }
@@ -83,7 +83,7 @@ fn a_finished_work_folder_of_another_user() {
     all_may(home.path(), 0o755);
     all_may(free.path(), 0o777);
     all_may(balls.folder().parent().unwrap(), 0o755);
-    // The program may lie where nobody else gets to.
+    // The program may be in a folder that other users cannot enter.
     let program = free.path().join("gprop");
     fs::copy(env!("CARGO_BIN_EXE_gprop"), &program).unwrap();
     let as_nobody = || {

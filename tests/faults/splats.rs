@@ -1,4 +1,4 @@
-//! Splats some or all of whose Gaussians are not what any trainer writes, through the whole program.
+//! Splats in which some or all Gaussians are unlike any that a trainer writes, through the whole program.
 
 use std::fs;
 use std::path::Path;
@@ -35,7 +35,7 @@ fn one_giant_is_named_kept_in_the_field_and_weighs_nothing() {
     assert_eq!((field.len(), field.log_scales[5]), (200, [-1.0; 3]));
     let mass = |out: &Path| json(out.join("parts.json"))["object"]["mass_kg"]["mid"].as_f64().unwrap();
     let ratio = mass(spoilt.path()) / mass(clean.path());
-    // One of two hundred Gaussians less: a dent of their spacing.
+    // One of two hundred Gaussians is missing: a dent as large as their spacing.
     assert!((ratio - 1.0).abs() < 0.03, "{ratio}");
 }
 

@@ -1,4 +1,5 @@
-//! Scenes, servers and files whose words would move a terminal's cursor, retitle its window or turn what is read around.
+//! Scenes, servers and files whose text would move a terminal's cursor, change its window's title or reverse the
+//! reading direction.
 
 use std::fs;
 use std::path::Path;
@@ -15,7 +16,7 @@ use crate::run::gprop;
 /// A title, a colour in C1, a bell, a carriage return, a bidi override, and a line that looks like gprop's own.
 const EVIL: &str = "steel\x1b]0;owned\x07\u{9b}31m\x08\r\u{202e}\nerror: forged";
 
-/// Fails if a terminal would do anything with the text but show it.
+/// Fails if a terminal would do anything but display the text.
 #[track_caller]
 fn assert_harmless(text: &[u8]) {
     let text = std::str::from_utf8(text).expect("gprop prints UTF-8");
@@ -52,7 +53,7 @@ fn names_of_scenes() {
     let batch = |more: &[&str]| gprop().arg("batch").arg(balls.folder()).args(more).output().unwrap();
     assert_shown(&batch(&["--dry-run"]), shown);
     assert_shown(&batch(&["--to", "scene"]), shown);
-    // The same JSON, only spelled so that it can be looked at.
+    // The same JSON, only with escapes, so that it is safe to display.
     let output = batch(&["--dry-run", "--json"]);
     assert_harmless(&output.stdout);
     let value: Value = serde_json::from_slice(&output.stdout).unwrap();
@@ -95,7 +96,7 @@ fn values_in_a_scenes_configuration() {
     }
 }
 
-/// A ball whose parts are called [`EVIL`].
+/// A ball whose parts are named [`EVIL`].
 fn evil_ball() -> Balls {
     let mut answer = good_answer(a("wood"));
     answer["caption"] = json!(EVIL);
@@ -114,7 +115,7 @@ fn captions_of_parts() {
     assert_shown(&report, r"steel\u001b]0");
     assert_shown(&with(&["grasp"], &["--part", "propeller"]), r"steel\u001b]0");
     assert_shown(&with(&["simulate"], &["--anchor", "propeller"]), r"steel\u001b]0");
-    // As JSON the caption is what it was.
+    // In JSON the caption is unchanged.
     let parts = with(&["parts"], &["--json"]);
     assert_harmless(&parts.stdout);
     let value: Value = serde_json::from_slice(&parts.stdout).unwrap();

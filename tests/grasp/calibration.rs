@@ -8,7 +8,7 @@ use proptest::prelude::*;
 
 const ENABLED: [f64; 2] = [15.0, 100.0];
 
-/// Five measurements at each of eighteen commands, off by up to `noise` N either way.
+/// Five measurements at each of eighteen commands, with errors of up to `noise` N in either direction.
 fn measured(force_at: impl Fn(f64) -> f64, noise: f64) -> Vec<CalibrationPoint> {
     let off = [-1.0, -0.5, 0.0, 0.5, 1.0];
     let commands = (0..18).map(|k| 15.0 + 5.0 * f64::from(k));
@@ -16,7 +16,7 @@ fn measured(force_at: impl Fn(f64) -> f64, noise: f64) -> Vec<CalibrationPoint> 
     commands.flat_map(|command| off.map(|off| point(command, off))).collect()
 }
 
-/// A curve as grippers have: flat at first, then steep, then levelling off. Rises from 2 to 38 N.
+/// A curve like that of a real gripper: flat at first, then steep, then levelling off. Rises from 2 to 38 N.
 fn s_curve(command: f64) -> f64 {
     let t = (command - 15.0) / 85.0;
     2.0 + 36.0 * t * t * (3.0 - 2.0 * t) * 0.6 + 36.0 * 0.4 * t
@@ -30,7 +30,7 @@ fn csv(points: &[CalibrationPoint]) -> String {
 #[test]
 fn a_polynomial_is_found_again_and_inverted() {
     let fit = Fit::of(&measured(s_curve, 0.0), ENABLED).unwrap();
-    // A cubic is within reach of order 5: what is left are roundings of a least-squares solution.
+    // A polynomial of order 5 can represent a cubic: only the rounding of a least-squares solution is left.
     assert!(fit.max_residual_n < 1e-11, "{}", fit.max_residual_n);
     for force in [2.0, 5.5, 20.0, 37.9] {
         let command = fit.command_for(force);
@@ -42,7 +42,7 @@ fn a_polynomial_is_found_again_and_inverted() {
 #[test]
 fn noise_is_averaged_and_its_size_told() {
     let fit = Fit::of(&measured(s_curve, 0.4), ENABLED).unwrap();
-    // Symmetric noise leaves the means, and so the fit, as they were; its root mean square is 0.4 sqrt(0.5).
+    // Symmetric noise does not change the means, and so not the fit; its root mean square is 0.4 sqrt(0.5).
     assert!((fit.force_at(57.5) - s_curve(57.5)).abs() < 1e-10);
     assert!((fit.rms_residual_n - 0.4 * 0.5f64.sqrt()).abs() < 1e-10, "{}", fit.rms_residual_n);
     assert!((fit.max_residual_n - 0.4).abs() < 1e-10, "{}", fit.max_residual_n);
@@ -77,7 +77,7 @@ fn measurements_that_make_no_calibration_are_refused() {
 }
 
 proptest! {
-    /// Whatever rises gently enough for order 5 to follow is inverted everywhere.
+    /// Every curve that rises gently enough for order 5 to follow is inverted everywhere.
     #[test]
     fn every_force_between_the_ends_has_its_command(
         linear in 5.0..60.0f64, bend in -0.9..0.9f64, share in 0.0..=1.0f64,
@@ -111,7 +111,7 @@ fn the_command_writes_a_plot_and_a_profile_that_grasps_use() {
     let profile = GripperProfile::load(folder.path().join("mine.toml").to_str().unwrap()).unwrap();
     assert!(profile.is_calibrated());
     assert!((profile.force_for(profile.command_for(20.0)) - 20.0).abs() < 1e-9);
-    // 2 N at 15 and 38 N at 100 are the ends of the curve, and so of what the gripper can do.
+    // 2 N at 15 and 38 N at 100 are the ends of the curve, and so of the gripper's range of force.
     assert!((profile.force_n[0] - 2.0).abs() < 1e-9 && (profile.force_n[1] - 38.0).abs() < 1e-9);
 }
 

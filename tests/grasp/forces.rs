@@ -10,7 +10,7 @@ use gprop::units::{Estimate, GRAVITY_M_S2};
 use gprop::vote::FieldLabel;
 use proptest::prelude::*;
 
-/// What a few roundings of double precision leave.
+/// The error of a few roundings in double precision.
 const ROUNDING: f64 = 1e-13;
 
 fn close(computed: f64, by_hand: f64) {
@@ -133,7 +133,7 @@ fn f_star_by_hand() {
     // Heavier than the gripper can hold.
     let too_heavy = star(41.0, 5500.0);
     assert_eq!((too_heavy.newtons, too_heavy.limit, too_heavy.feasible), (40.0, Limit::Gripper, false));
-    // Lighter than the gripper can press: 10 N at least, the part bears 1.5 N.
+    // The gripper presses with at least 10 N, but the part bears only 1.5 N.
     let delicate = f_star(0.5, bending(1.5), [10.0, 40.0], 0.05);
     assert_eq!((delicate.newtons, delicate.limit, delicate.feasible), (10.0, Limit::Gripper, false));
     // Holding takes 5 N and the part bears 3 N: the paper's second case, (5 + 3) / 2.

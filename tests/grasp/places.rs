@@ -49,7 +49,7 @@ fn normals_of_a_ball_point_outward() {
     let off = |p: &gprop::grasp::surface::SurfacePoint| p.normal.angle(&p.position.coords).to_degrees();
     let mut angles: Vec<f64> = surface.points.iter().map(off).collect();
     angles.sort_by(f64::total_cmp);
-    // The Gaussians are flat, so the normals are theirs but for a part of the depth map's own error.
+    // The Gaussians are flat, so the normals are theirs, except for a part of the depth map's error.
     assert!(angles[angles.len() / 2] < 3.0, "median {}", angles[angles.len() / 2]);
     assert!(angles[angles.len() * 99 / 100] < 15.0, "99 % {}", angles[angles.len() * 99 / 100]);
 }
@@ -63,12 +63,12 @@ fn a_rod_is_grasped_across() {
         let [a, b] = place.contacts_m.map(Point3::from);
         let axis = (b - a).normalize();
         assert!(axis.z.abs() < 0.2, "the fingers close across the rod: {axis}");
-        // The rod's 30 mm, a deviation of its Gaussians to either side, and what the smoothing leaves.
+        // The rod's 30 mm, one deviation of its Gaussians to either side, and the error of the smoothing.
         assert!((place.width_m - 0.03).abs() < 0.003, "{}", place.width_m);
         assert!((place.thickness_m.mid - 0.03).abs() < 0.003, "{:?}", place.thickness_m);
         let middle = nalgebra::center(&a, &b);
         assert!(middle.x.hypot(middle.y) < 0.004, "through the rod's axis: {middle}");
-        // The disc is below: the hand comes from above or aside, never through the disc.
+        // The disc is below: the hand comes from above or from the side, never through the disc.
         assert!(Vector3::from(place.approach).z > -0.1, "{:?}", place.approach);
     }
     // The best is the nearest to the centre of mass, which is near the disc.
@@ -101,7 +101,7 @@ fn a_point_far_from_the_object_is_refused_with_the_distance() {
         assert!((distance_mm - millimeters).abs() < 4.0, "{distance_mm} mm");
         assert!(error.to_string().contains("--point") && error.to_string().contains("40 mm"), "{error}");
     }
-    // The middle of the disc is far from its surface and yet no place outside the object.
+    // The middle of the disc is far from its surface, but not outside the object.
     assert!(scene.surface.distance_m(Point3::new(0.06, 0.0, 0.01)) == Some(0.0));
 }
 
@@ -122,7 +122,7 @@ fn a_stroke_that_is_too_small_is_told() {
     assert!(matches!(error, GraspError::StrokeTooSmall { .. }), "{error}");
     let message = error.to_string();
     assert!(message.contains("90 mm") && message.contains("longer stroke"), "{message}");
-    // Where nobody asked for a place it is a warning, and the forces stand for the part.
+    // If the user did not ask for a place, this is only a warning, and the forces are those of the part.
     let report = run(&scene, "paper", &Options::default()).unwrap();
     assert!(
         report.candidates.is_empty() && report.warnings.iter().any(|w| w.contains("90 mm")),

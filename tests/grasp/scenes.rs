@@ -1,4 +1,4 @@
-//! Grasps on the scenes with ground truth, as flawless segmentation and answers would make them.
+//! Grasps on the scenes with ground truth, with flawless segmentation and answers.
 
 use std::path::Path;
 
@@ -14,7 +14,7 @@ use gprop::vote::MaterialField;
 use crate::parts::truth::{self, Known};
 use crate::support::Shared;
 
-/// A scene up to its parts.
+/// A scene processed up to its parts.
 pub struct Measured {
     pub scene: &'static Scene,
     pub field: &'static MaterialField,
@@ -47,7 +47,7 @@ impl Measured {
     }
 }
 
-/// The scenes that are here: the fixture, and those beside the crate.
+/// The scenes that are available: the fixture, and those beside the crate.
 pub fn folders() -> Vec<std::path::PathBuf> {
     let beside = ["mug", "table_lamp", "chair"].into_iter().filter_map(truth::beside);
     std::iter::once(truth::hammer()).chain(beside).collect()
@@ -89,7 +89,7 @@ fn every_scene_has_places_to_grasp_at() {
         if let Some(folder) = std::env::var_os("GPROP_KEEP_PICTURES") {
             drawn.save(Path::new(&folder).join(format!("{}.png", measured.scene.name))).unwrap();
         }
-        // Orange, in whatever light; no scene has as strong a one.
+        // Orange in any light; no scene has an orange as strong as this.
         let is_hand = |p: &&image::Rgb<u8>| i32::from(p.0[0]) - i32::from(p.0[2]) > 110;
         let share = drawn.pixels().filter(is_hand).count() as f64 / f64::from(drawn.width() * drawn.height());
         assert!(share > 0.02, "the hand fills {share} of the picture");

@@ -1,4 +1,4 @@
-//! Clouds, fields and options that the parts stage must refuse, or answer without falling over.
+//! Clouds, fields and options that the parts stage must refuse, or process without a panic.
 
 use gprop::parts::{Options, PartsError, PartsResult, VolumeMethod, parts};
 use gprop::progress::Progress;
@@ -78,7 +78,7 @@ fn cameras_that_do_not_fit_the_splat_leave_nothing() {
     let cloud = ball(|_| 0);
     let (gaussians, field) = (cloud.gaussians(0.05), cloud.field(&[Form::Solid]));
     let mut eyes = cameras(4.0, 20, |_| true);
-    // Every camera looks past the ball, which leaves its picture.
+    // Every camera looks past the ball, which is then outside its picture.
     for eye in &mut eyes {
         eye.camera_from_world.translation.x += 8.0;
     }
@@ -172,7 +172,7 @@ fn floaters_weigh_nothing() {
     let (clean, littered) = (mass(&clean), mass(&littered));
     assert!(littered.warnings.iter().any(|w| w.contains("3 of 2003")), "{:?}", littered.warnings);
     let ratio = littered.metric().unwrap().object.mass_kg.mid / clean.metric().unwrap().object.mass_kg.mid;
-    // Floaters hide a few pixels of the ball from a few views, no more.
+    // Floaters only hide a few pixels of the ball in a few views.
     assert!((ratio - 1.0).abs() < 0.01, "{ratio}");
 }
 

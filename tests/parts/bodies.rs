@@ -11,7 +11,7 @@ use super::clouds::{Cloud, cameras};
 const SCALE: MetricScale = MetricScale { meters_per_unit: 1.0, source: ScaleSource::Metric, provenance: String::new() };
 const LEGS: [[f64; 2]; 4] = [[0.5, 0.5], [-0.5, 0.5], [0.5, -0.5], [-0.5, -0.5]];
 
-/// A ball on four rods that do not touch each other: part 1 are the rods.
+/// A ball on four rods that do not touch each other; the rods are part 1.
 fn table(bodies: BodiesAs) -> PartsResult {
     let mut cloud = Cloud::sphere(Point3::new(0.0, 0.0, 0.3), 0.8, 6000, |_| 0);
     for [x, y] in LEGS {
@@ -44,7 +44,7 @@ fn four_legs_are_one_part_or_four_of_the_same_mass() {
         (legs.bodies.iter().map(|b| b.mass_kg).sum(), sum(&|p| mass(p).mid)),
         (legs.gaussians as f64, sum(&|p| p.gaussians as f64)),
     ] {
-        // Sums of the same terms in another order.
+        // Sums of the same terms in a different order.
         assert!((whole / sum - 1.0).abs() < 1e-12, "{whole} is not {sum}");
     }
     for leg in &four.parts[1..] {

@@ -10,7 +10,7 @@ use nalgebra::{Point3, Vector3};
 
 use super::clouds::{Cloud, cameras, cameras_of};
 
-/// A scene unit of 0.5 m, so that a slip between the two shows.
+/// A scene unit of 0.5 m, so that a confusion of the two is noticed.
 const SCALE: MetricScale = MetricScale { meters_per_unit: 0.5, source: ScaleSource::Factor, provenance: String::new() };
 
 fn run(cloud: &Cloud, deviation: f64, forms: &[Form], options: &Options) -> PartsResult {
@@ -36,7 +36,8 @@ fn ball(part_of: impl Fn(Vector3<f64>) -> u32) -> Cloud {
     Cloud::sphere(Point3::new(0.1, -0.05, 0.02), 1.0, 8000, part_of)
 }
 
-/// Errors at rising numbers of cells, on photos of 1600 px: none may be above its bound, and each bound is below the last.
+/// Errors at rising numbers of cells, on photos of 1600 px: none may be above its bound, and each bound is below the
+/// last.
 fn converges(cloud: &Cloud, units3: f64, method: VolumeMethod, form: Form, bounds: [(usize, f64); 3]) {
     let (gaussians, field) = (cloud.gaussians(0.02), cloud.field(&[form]));
     let eyes = cameras_of(1600, 4.0, 40, |_| true);
@@ -50,7 +51,7 @@ fn converges(cloud: &Cloud, units3: f64, method: VolumeMethod, form: Form, bound
 
 const CELLS: [usize; 3] = [8_000, 64_000, 512_000];
 
-/// A bound for each number of cells: twice as fine a grid each.
+/// A bound for each number of cells; each grid is twice as fine as the one before.
 fn bounds(bounds: [f64; 3]) -> [(usize, f64); 3] {
     std::array::from_fn(|k| (CELLS[k], bounds[k]))
 }
@@ -60,7 +61,7 @@ fn carved_ball_converges() {
     converges(&ball(|_| 0), 4.0 / 3.0 * PI, VolumeMethod::Carve, Form::Solid, bounds([0.06, 0.03, 0.02]));
 }
 
-// The skin counts as material to about a cell outside of it, so the error shrinks with the cell.
+// The skin counts as material up to about a cell outside of it, so the error shrinks with the cell.
 #[test]
 fn filled_ball_converges() {
     converges(&ball(|_| 0), 4.0 / 3.0 * PI, VolumeMethod::Fill, Form::Solid, bounds([0.45, 0.16, 0.08]));
@@ -93,12 +94,12 @@ fn walls_far_thinner_than_a_cell_weigh_area_times_thickness() {
 fn moments_of_a_ball() {
     let result = run(&ball(|_| 0), 0.02, &[Form::Solid], &with(VolumeMethod::Hybrid, 60_000));
     let object = &result.metric().unwrap().object;
-    // Of the same ball as measured: 2/5 m r^2 with r from the volume.
+    // The inertia of the measured ball: 2/5 m r^2 with r from the volume.
     let radius = (object.volume_m3.mid * 3.0 / (4.0 * PI)).cbrt();
     let inertia = 0.4 * object.mass_kg.mid * radius * radius;
     for axis in 0..3 {
         let center = [0.1, -0.05, 0.02][axis] * 0.5;
-        // A hundredth of the radius: the splat is made of 8,000 pieces, and seen from 40 sides.
+        // A hundredth of the radius: the splat consists of 8,000 pieces and is seen from 40 sides.
         assert!((object.center_of_mass_m[axis] - center).abs() < 0.005, "{:?}", object.center_of_mass_m);
         assert!((object.inertia_kg_m2[axis][axis] / inertia - 1.0).abs() < 0.02, "{:?}", object.inertia_kg_m2);
     }
@@ -106,13 +107,14 @@ fn moments_of_a_ball() {
 
 #[test]
 fn parts_meet_in_the_flat_surface_that_spans_their_seam() {
-    // A cap above z = 0.5: pi h^2 (3 - h) / 3 with h = 0.5. Nearest-surface labels would give it a cone to the middle.
+    // A cap above z = 0.5: pi h^2 (3 - h) / 3 with h = 0.5. Nearest-surface labels would give it a cone to the
+    // centre.
     let cloud = ball(|n| u32::from(n.z > 0.5));
     let result = run(&cloud, 0.02, &[Form::Solid, Form::Solid], &with(VolumeMethod::Hybrid, 200_000));
     let parts = &result.metric().unwrap().parts;
     let cap = PI * 0.25 * 2.5 / 3.0 * 0.125;
     println!("cap: {:+.2} %", 100.0 * (parts[1].volume_m3.unwrap().mid / cap - 1.0));
-    // The least-area dynamics stop within a block of cells of the flat.
+    // The least-area dynamics stop within a block of cells of the flat interface.
     assert!(
         (parts[1].volume_m3.unwrap().mid / cap - 1.0).abs() < 0.15,
         "{} is not {cap}",

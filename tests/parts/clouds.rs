@@ -19,7 +19,7 @@ impl Cloud {
         self.points.push((point, normal, part));
     }
 
-    /// A ball's surface; `part_of` says of each point whose it is.
+    /// A ball's surface; `part_of` gives the part of each point.
     pub fn sphere(center: Point3<f64>, radius: f64, count: usize, part_of: impl Fn(Vector3<f64>) -> u32) -> Self {
         let mut cloud = Self::default();
         for n in directions(count) {
@@ -67,8 +67,8 @@ impl Cloud {
         }
     }
 
-    /// Flat Gaussians of this deviation along the surface, a fiftieth of it across: they mean a solid whose surface lies
-    /// sqrt(5) deviations before their centres, which is not to show here.
+    /// Flat Gaussians of this deviation along the surface, a fiftieth of it across: they represent a solid whose
+    /// surface lies sqrt(5) deviations in front of their centres, an offset that must be negligible here.
     pub fn gaussians(&self, deviation: f64) -> Gaussians {
         let mut gaussians = Gaussians::default();
         for (point, normal, _) in &self.points {
@@ -133,8 +133,8 @@ pub fn cameras(distance: f64, count: usize, from: impl Fn(&Vector3<f64>) -> bool
     cameras_of(400, distance, count, from)
 }
 
-/// Cameras at `distance` from the origin that look at it from the directions that `from` accepts; what is as long as the
-/// distance fills the picture of so many pixels a side.
+/// Cameras at `distance` from the origin that look at it from the directions that `from` accepts; an object as long
+/// as the distance fills the picture, which has `pixels` pixels per side.
 pub fn cameras_of(pixels: u32, distance: f64, count: usize, from: impl Fn(&Vector3<f64>) -> bool) -> Vec<Camera> {
     let side = f64::from(pixels);
     let intrinsics = Intrinsics {

@@ -1,15 +1,15 @@
-//! Where the views put the surface, beside the true depth of held-out views.
+//! The depth at which the views see the surface, compared with the true depth of held-out views.
 
 use gprop::parts::DepthView;
 
 use crate::vote::scenes::{HeldOut, all};
 
-/// Neighbouring depths of one surface differ by less, in metres: past an edge nothing is compared.
+/// Neighbouring depths of one surface differ by less than this, in metres; pixels at an edge are not compared.
 const EDGE_M: f32 = 0.01;
-/// What is seen at more than 60 degrees from its normal is not compared.
+/// Surfaces seen at more than 60 degrees from their normal are not compared.
 const FACING: f64 = 0.5;
 
-/// By how much the surface lies too deep, along its normal, in millimetres, at every pixel that can be compared.
+/// The distance in millimetres, along its normal, by which the surface lies too deep, at every pixel that is compared.
 fn errors_mm(drawn: &DepthView, view: &HeldOut) -> Vec<f64> {
     let c = &drawn.camera.intrinsics;
     let (w, h) = (c.width as usize, c.height as usize);
@@ -31,7 +31,7 @@ fn the_front_is_where_the_surface_is() {
     for measured in all() {
         let mut errors = Vec::new();
         for view in &measured.held_out {
-            // The photos are of 512 px: drawn as they are.
+            // The photos have 512 px: drawn at full size.
             errors.extend(errors_mm(&DepthView::of(&measured.scene.gaussians, &view.camera, 512), view));
         }
         errors.sort_by(f64::total_cmp);

@@ -1,4 +1,4 @@
-//! What no photo shows: rods in sleeves and drums, hollow bases, undersides of tables.
+//! Volumes that no photo shows: rods in sleeves and drums, hollow bases, undersides of tables.
 
 use std::f64::consts::PI;
 
@@ -11,7 +11,7 @@ use nalgebra::{Point3, Vector3};
 use super::clouds::{Cloud, cameras};
 
 const SCALE: MetricScale = MetricScale { meters_per_unit: 1.0, source: ScaleSource::Metric, provenance: String::new() };
-/// Of the Gaussians, along the surfaces they lie on.
+/// Spacing of the Gaussians along the surfaces on which they lie.
 const SPACING: f64 = 0.03;
 
 fn measured(cloud: &Cloud, forms: &[Form], from: impl Fn(&Vector3<f64>) -> bool) -> Parts {
@@ -25,7 +25,7 @@ fn wall(thickness_m: f64) -> Form {
     Form::Shell { wall_thickness_m: Range::exactly(thickness_m) }
 }
 
-/// Prints a part's volume beside the true one and gives the relative error.
+/// Prints a part's volume beside the true one and returns the relative error.
 fn error(parts: &Parts, part: usize, truth: f64) -> f64 {
     let volume = parts.parts[part].volume_m3.unwrap();
     let error = volume.mid / truth - 1.0;
@@ -97,11 +97,12 @@ fn the_interval_of_a_table_holds_what_lies_under_it_unseen() {
     let mut cloud = Cloud::default();
     cloud.add_cylinder(0.9, [0.0, 0.12], [true, true], SPACING, 0);
     cloud.add_cylinder(0.12, [-0.9, 0.0], [true, false], SPACING, 0);
-    // The underside is in no photo, so no training put Gaussians there.
+    // No photo shows the underside, so training would not have put Gaussians there.
     cloud.points.retain(|(_, n, _)| n.z > -0.5);
     let parts = measured(&cloud, &[Form::Solid], |n| (0.1..0.98).contains(&n.z));
     let table = PI * (0.81 * 0.12 + 0.12f64.powi(2) * 0.9);
-    // Few views are low enough to look under the top, so the middle is up to twice too much: the interval says so.
+    // Few views are low enough to look under the top, so the middle is up to twice the true volume: the interval says
+    // so.
     assert!(error(&parts, 0, table).abs() < 1.0);
     assert!(holds(&parts, 0, table), "{:?}", parts.parts[0].volume_m3);
 }
@@ -122,7 +123,7 @@ fn an_open_cup_holds_air() {
 
 #[test]
 fn an_open_bowl_of_one_sheet_is_counted_once() {
-    // Half a ball's surface, seen from inside and outside, with a wall of 0.01: far less than the splat is soft.
+    // Half a ball's surface, seen from inside and outside, with a wall of 0.01: far thinner than the splat is soft.
     let mut cloud = Cloud::sphere(Point3::origin(), 0.9, 12_000, |_| 0);
     cloud.points.retain(|(p, _, _)| p.z < 0.0);
     let parts = measured(&cloud, &[wall(0.01)], |_| true);

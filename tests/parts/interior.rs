@@ -1,4 +1,4 @@
-//! The object's inside as bytes: what is written is read, and nothing else is.
+//! The object's inside as bytes: what was written is read back, and anything else is refused.
 
 use gprop::parts::{Grid, Interior, OUTSIDE, VOID, parts};
 use gprop::progress::Progress;
@@ -28,7 +28,7 @@ fn small() -> Interior {
     Interior { grid, part: vec![0, 0, VOID, OUTSIDE], fraction: vec![1.0, 1.0, 0.0, 0.0] }
 }
 
-/// `small` with other bytes from `at` on.
+/// `small` with its bytes replaced by `other` from `at` on.
 fn with(at: usize, other: &[u8]) -> Vec<u8> {
     let mut bytes = bytes(&small());
     bytes[at..at + other.len()].copy_from_slice(other);
@@ -74,10 +74,10 @@ fn numbers_that_cannot_be_are_refused() {
         (ORIGIN, &f64::NAN.to_le_bytes(), "a side of"),
         (CELL, &0.0_f64.to_le_bytes(), "a side of"),
         (CELL, &1e200_f64.to_le_bytes(), "a side of"),
-        (DIMS, &0_u64.to_le_bytes(), "never one of 0 x 1 x 2"),
+        (DIMS, &0_u64.to_le_bytes(), "cannot have 0 x 1 x 2"),
         (DIMS, &u64::MAX.to_le_bytes(), "a grid of about 1000 cells"),
         (DIMS, &3_u64.to_le_bytes(), "of 4 cells, not 6"),
-        (RUNS, &3_u32.to_le_bytes(), "part 3, and there are 3"),
+        (RUNS, &3_u32.to_le_bytes(), "part 3, but there are only 3 parts"),
         (RUNS + 4, &1.5_f32.to_le_bytes(), "1.5 of a cell"),
         (RUNS + 8, &u32::MAX.to_le_bytes(), "more than 4 cells"),
     ];

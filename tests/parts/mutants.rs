@@ -1,8 +1,9 @@
-//! The whole line from a splat file to masses, with splats some of whose Gaussians were given other scales, opacities, positions or
-//! quaternions: the mass stays within what the untouched splat's mass allows, or the run says why it does not.
+//! The whole line from a splat file to masses, with splats in which some Gaussians were given other scales,
+//! opacities, positions or quaternions: the mass stays within the tolerance of the unchanged splat's mass, or the run
+//! says why it does not.
 //!
-//! The hammer's true part maps stand for SAM and true answers for the model. `GPROP_MUTANTS=N` runs N cases; each prints its
-//! seed, and `GPROP_MUTANT_SEED=S` starts at another one.
+//! The hammer's true part maps stand for SAM and true answers for the model. `GPROP_MUTANTS=N` runs N cases; each
+//! prints its seed, and `GPROP_MUTANT_SEED=S` starts at another one.
 
 use std::fmt;
 use std::fs;
@@ -25,7 +26,7 @@ use crate::vote::build::Noise;
 use crate::vote::oracle::true_answers;
 use crate::vote::scenes::{self as measured_scenes, Measured};
 
-/// Of a scene with ground truth, all that is needed to weigh it without a model.
+/// The data of a scene with ground truth that are needed to weigh it without a model.
 struct Line {
     measured: Measured,
     maps: Vec<(View, LabelMap)>,
@@ -35,7 +36,7 @@ struct Line {
     out: TempDir,
 }
 
-/// What a run came to.
+/// The result of a run.
 struct Weighed {
     parts: Parts,
     warnings: Vec<String>,
@@ -46,7 +47,7 @@ impl Line {
         let measured = measured_scenes::hammer();
         let maps = measured.true_maps();
         let answers = true_answers(&measured, &maps);
-        // Half of the views vote as well on one object in two parts, in half the time.
+        // For an object of two parts, half of the views vote just as well, in half the time.
         let maps = maps.into_iter().step_by(2).collect();
         let (_, truth) = truth::load(&truth::hammer());
         let mut line =
@@ -70,7 +71,7 @@ impl Line {
         &self.measured.scene.gaussians
     }
 
-    /// From a splat to masses, through a file as the program reads it.
+    /// From a splat to masses; the splat goes through a file, as in the program.
     fn weigh(&self, gaussians: &Gaussians) -> anyhow::Result<Weighed> {
         let splat = self.out.path().join("point_cloud.ply");
         ply::write(fs::File::create(&splat)?, gaussians, &[])?;
@@ -80,7 +81,7 @@ impl Line {
         let (library, hidden) = (MaterialLibrary::builtin(), Progress::Hidden);
         let field = vote(&scene.gaussians, &views, &self.answers, library, &vote::Options::default(), hidden)?;
         assert_eq!(field.part_label.len(), scene.gaussians.len(), "every Gaussian has a label");
-        // Coarser than a user's run, which takes twenty times as long: cells of 2 mm.
+        // Cells of 2 mm, coarser than in a user's run, which would take twenty times as long.
         let options = Options { volume_cells: 100_000, carve_views: 12, ..Options::default() };
         let result = parts(&scene.gaussians, &field, &scene.cameras(), scene.scale.as_ref(), &options, hidden)?;
         let parts = result.metric()?.clone();
@@ -106,15 +107,15 @@ enum Change {
     OneLogScaleTo(f32),
     /// The logit.
     OpacityTo(f32),
-    /// By so many times the object's size in a direction of each Gaussian's own.
+    /// Moved by this multiple of the object's size, in a different direction for each Gaussian.
     MovedBy(f32),
     /// Every coordinate.
     PositionTo(f32),
-    /// A direction of each Gaussian's own, of this length.
+    /// A quaternion of this length, with a different direction for each Gaussian.
     QuaternionOf(f32),
 }
 
-/// A change and the share of the Gaussians that it is made to; one of them if the share is 0.
+/// A change and the share of the Gaussians to which it is applied; a single one if the share is 0.
 #[derive(Clone, Copy)]
 struct Mutation {
     seed: u64,
@@ -209,7 +210,7 @@ fn one_large_gaussian_is_set_aside_and_changes_no_mass() {
             |warning: &String| warning.contains("set aside 1 of 28736") && warning.contains(&format!("Gaussian {i} "));
         assert!(found.warnings.iter().any(named), "{log_scale}: {:?}", found.warnings);
         let ratio = found.parts.object.mass_kg.mid / clean.parts.object.mass_kg.mid;
-        // One Gaussian less of 28,736.
+        // One of 28,736 Gaussians is missing.
         assert!((ratio - 1.0).abs() < 0.005, "{log_scale}: {ratio}");
     }
 }

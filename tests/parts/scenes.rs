@@ -39,7 +39,7 @@ fn row(name: &str, [volume, mass]: [Estimate; 2], [true_volume, true_mass]: [f64
     );
 }
 
-/// The bounds that the issue of this stage set itself: min ratio error (1 is best) and absolute log difference.
+/// The required accuracy of this stage: min ratio error (1 is best) and absolute log difference error.
 const MNRE_LEAST: f64 = 0.85;
 const ALDE_MOST: f64 = 0.2;
 /// Share of the visible parts whose interval must hold the truth. The lampshade's does not: see docs/parts.md.
@@ -61,7 +61,7 @@ fn masses_of_the_scenes_are_near_the_truth() {
         let true_volume = truth.parts.iter().filter(|p| p.visible).map(|p| p.volume_m3).sum();
         row("object", [parts.object.volume_m3, mass], [true_volume, truth.total_mass_kg]);
         assert!(holds(mass, truth.total_mass_kg), "{folder:?}: {mass:?} does not hold {}", truth.total_mass_kg);
-        // As NeRF2Physics' evaluation reads an interval.
+        // The mean of the interval, as in NeRF2Physics' evaluation.
         pairs.push(Pair { predicted: 0.5 * (mass.low + mass.high), truth: truth.total_mass_kg });
     }
     let scores = Scores::of(&pairs).unwrap();

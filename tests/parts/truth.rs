@@ -1,5 +1,5 @@
 //! Scenes with ground truth, and the material field that flawless segmentation and answers would give: labels from the
-//! true part maps, materials, forms and walls from the true parts. What is measured with it is the volume alone.
+//! true part maps, materials, forms and walls from the true parts. Only the error of the volume remains.
 
 use std::path::{Path, PathBuf};
 
@@ -15,7 +15,7 @@ use serde::Deserialize;
 
 use crate::support::Shared;
 
-/// What `ground_truth/parts.json` holds of a part.
+/// A part in `ground_truth/parts.json`.
 #[derive(Debug, Clone, Deserialize)]
 pub struct TruePart {
     pub id: u8,
@@ -40,7 +40,7 @@ pub struct Truth {
     pub parts: Vec<TruePart>,
 }
 
-/// A scene with its truth and the field of it.
+/// A scene with its truth and the field made from it.
 pub struct Known {
     pub scene: Scene,
     pub truth: Truth,
@@ -60,7 +60,7 @@ pub fn hammer() -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("fixtures/hammer")
 }
 
-/// The folder of a scene where it lies beside the crate, or else its fixture, whose splat is compressed.
+/// The folder of a scene beside the crate if it exists, or else its fixture, whose splat is compressed.
 pub fn beside(name: &str) -> Option<PathBuf> {
     let root = Path::new(env!("CARGO_MANIFEST_DIR"));
     let folders = ["../shared/scenes", "../../shared/scenes", "fixtures"].map(|folder| root.join(folder).join(name));
@@ -104,9 +104,9 @@ fn field(scene: &Scene, truth: &Truth, folder: &Path) -> MaterialField {
     }
 }
 
-/// Per Gaussian and label: in how many views the true part at the Gaussian's centre is this label's.
+/// Per Gaussian and label: the number of views in which the true part at the Gaussian's centre has this label.
 fn votes(scene: &Scene, folder: &Path, visible: &[&TruePart]) -> Vec<Vec<u32>> {
-    /// A Gaussian up to so far behind the surface is taken as on it: the splats' softness, in metres.
+    /// A Gaussian up to this far behind the surface counts as on it, in metres: splats are soft.
     const BEHIND_M: f64 = 0.01;
     let gaussians = &scene.gaussians;
     let mut votes = vec![vec![0; visible.len()]; gaussians.len()];

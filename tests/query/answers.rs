@@ -72,7 +72,7 @@ fn deep_json_is_refused_as_it_is_read() {
         let problem = read_as(&response, Unknown::Refuse).expect_err("nothing answers so");
         assert!(problem.reason.contains("nested more than 16 deep"), "{}", problem.reason);
     }
-    // Brackets in a text are no nesting.
+    // Brackets inside a string are not nesting.
     let caption = with(good(), "caption", json!("{[".repeat(100)));
     assert!(read(&caption).is_ok());
 }

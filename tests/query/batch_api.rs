@@ -1,4 +1,4 @@
-//! A server that speaks the Batch API: what it holds is set by each test.
+//! A server with the Batch API, whose state each test sets.
 
 use std::path::{Path, PathBuf};
 use std::sync::{Arc, Mutex};
@@ -13,7 +13,7 @@ use serde_json::{Value, json};
 use super::{View, a, completion, good_answer, small, two_segments};
 use crate::support::server::{MockServer, Response, json_of};
 
-/// What the server has been sent, and what it says of its batch.
+/// The requests that the server has received, and the state of its batch.
 #[derive(Default)]
 struct Held {
     /// The lines of every uploaded file.
@@ -108,7 +108,7 @@ pub fn completed() -> Value {
     json!({ "id": "batch-1", "status": "completed", "output_file_id": "output", "error_file_id": null })
 }
 
-/// Views in a folder of their own.
+/// Views with their own folder.
 pub struct Place {
     home: tempfile::TempDir,
     views: Vec<View>,
@@ -239,7 +239,7 @@ fn a_batch_keeps_to_the_budget_at_half_the_price() {
     let options = with(100.0);
     let session = place.query_session(&options);
     let most = session.preview(&session.queries().unwrap()).cost.most_usd.unwrap();
-    // One of the four at the full price, three at half of it: 2.5 of 4.
+    // One of the four at full price, three at half price: 2.5 of 4.
     let tight = with(0.62 * most);
     assert!(place.query_session(&tight).submit().is_err());
     assert_eq!((server.uploads(), place.home.path().join("recorded").exists()), (0, false), "nothing was sent");

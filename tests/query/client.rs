@@ -1,4 +1,4 @@
-//! The client against a server that misbehaves in every way known of servers.
+//! The client against a server that misbehaves in every way that servers are known to.
 
 use std::sync::atomic::{AtomicUsize, Ordering};
 use std::time::Duration;
@@ -14,7 +14,7 @@ use serde_json::{Value, json};
 
 use super::{a, completion, connect, good_answer, grid, prepare, recordings, run, small, two_segments};
 
-/// What a key looks like; found anywhere it must not be, it fails the test.
+/// A key; a test fails if it appears anywhere it must not be.
 pub const CANARY: &str = "sk-canary-5f2e8c1d9b7a";
 
 pub struct Server(MockServer);
@@ -158,7 +158,7 @@ fn retry_after_is_kept_to() {
         0 => error(429, "slow down").header("retry-after", "1"),
         _ => ok("{}"),
     });
-    // At least what the server asks for: however slow the machine is, it is not less.
+    // At least as long as the server asks for; a slow machine only makes it longer.
     let start = std::time::Instant::now();
     server.ask().unwrap();
     assert!(start.elapsed() >= Duration::from_secs(1), "{:?}", start.elapsed());
@@ -178,7 +178,7 @@ fn a_server_that_never_recovers_fails_after_the_retries() {
 
 #[test]
 fn a_slow_server_runs_into_the_time_out() {
-    // Longer than any test takes: a slow machine waits no less for it, and nobody waits to its end.
+    // Longer than any test takes, so that no machine waits to its end.
     let server = Server::new(|_, _, _| ok("{}").delay(Duration::from_secs(3600)));
     let options = Options { lmm_timeout_s: 1, lmm_retries: 0, ..server.options() };
     let client = connect(&options, None).unwrap().unwrap();
@@ -339,7 +339,7 @@ fn five_hundred_queries_with_faults_end_with_five_hundred_answers_each_paid_once
     assert_eq!(pictures.len(), 500);
     let answered = server.requests().len() - server.requests().len().div_ceil(20);
     assert!(answered.abs_diff(500) <= 1, "{answered} were charged");
-    // All is recorded: a second run asks nothing.
+    // Everything is recorded: a second run asks nothing.
     let before = server.requests().len();
     run(&queries, &recordings(folder.path()), Some(&client)).unwrap();
     assert_eq!(server.requests().len(), before);

@@ -37,7 +37,8 @@ fn a_users_table_replaces_the_prices_and_its_mistakes_are_named() {
 #[test]
 fn the_ledger_never_commits_more_than_the_budget() {
     let price = PriceTable::builtin().price("gpt-4o").cloned();
-    // 700 characters are 200 tokens, a 512 x 512 picture 255: 455 tokens in at 2.50, 1000 out at 10 a million.
+    // 700 characters are 200 tokens, a 512 x 512 picture 255: 455 input tokens at 2.50
+    // and 1000 output tokens at 10 dollars per million.
     let cost = Cost::of_request(&[&"x".repeat(700)], (512, 512), 1000, price.as_ref());
     assert_eq!(cost.input_tokens, 455);
     let most = 455.0 * 2.5e-6 + 1000.0 * 10e-6;
@@ -78,7 +79,7 @@ fn a_budget_that_is_no_number_lets_nothing_through() {
         let ledger = Ledger::new(price.clone(), Some(budget));
         assert_eq!(ledger.account(cost).open().unwrap_err(), NotSent::Budget, "{budget}");
     }
-    // A cost that nobody knows fits no budget.
+    // An unknown cost fits no budget.
     let unknown = Cost::of_request(&["a question"], (512, 512), 1000, None);
     assert_eq!(Ledger::new(None, Some(9.0)).account(unknown).open().unwrap_err(), NotSent::Budget);
     assert!(Ledger::new(None, None).account(unknown).open().is_ok());

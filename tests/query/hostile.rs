@@ -1,4 +1,4 @@
-//! Servers that send too much, too slowly, too little, or something else than they say they do.
+//! Servers that send too much, too slowly, too little, or something other than they declare.
 
 use std::io::{Read, Write};
 use std::net::{TcpListener, TcpStream};
@@ -16,14 +16,14 @@ use super::client::{Server, ask, error, ok};
 use super::{a, completion, connect, good_answer, one_segment, prepare, recordings, small, two_segments};
 use crate::support::server::{Listener, MockServer, Response, read_request};
 
-/// A server that reads each request whole and then does with the connection as it likes.
+/// A server that reads each request completely and then passes the connection to a closure.
 pub struct RawServer {
     listener: Listener,
     requests: Arc<AtomicUsize>,
 }
 
 impl RawServer {
-    /// `respond` is told how many requests came before. The connection closes when it returns.
+    /// `respond` gets the number of requests that came before. The connection closes when it returns.
     pub fn new(respond: impl Fn(usize, &mut TcpStream) + Send + Sync + 'static) -> Self {
         let requests = Arc::new(AtomicUsize::new(0));
         let count = Arc::clone(&requests);
@@ -44,20 +44,20 @@ impl RawServer {
         self.requests.load(Ordering::SeqCst)
     }
 
-    /// Asks one made-up question, without repetitions and for a second at most.
+    /// Asks one made-up question, without retries and for at most a second.
     fn ask(&self) -> Result<Reply, AskError> {
         let options = Options { lmm_timeout_s: 1, lmm_retries: 0, ..self.options() };
         ask(&connect(&options, None).unwrap().unwrap(), None)
     }
 }
 
-/// Sends a whole response; that the client has gone away is its own business.
+/// Sends a whole response; it is not an error if the client has disconnected.
 fn send(stream: &mut TcpStream, status: &str, headers: &str, body: &str) {
     let length = body.len();
     let _ = write!(stream, "HTTP/1.1 {status}\r\ncontent-length: {length}\r\n{headers}\r\n{body}");
 }
 
-/// Sends the same again and again until the client has had enough; says how many bytes that took.
+/// Sends the same bytes repeatedly until the client disconnects; returns the number of bytes sent.
 fn send_forever(stream: &mut TcpStream, bytes: &[u8], pause: Duration) -> usize {
     let mut sent = 0;
     while stream.write_all(bytes).and_then(|()| stream.flush()).is_ok() {
@@ -71,7 +71,7 @@ fn gpt_4o() -> Option<Price> {
     PriceTable::builtin().price("gpt-4o").cloned()
 }
 
-/// Asks about one segment under a budget of so many requests at their most.
+/// Asks about one segment with a budget for this many requests of maximum cost.
 fn run_within(options: &Options, requests: f64) -> Result<Run, QueryError> {
     let (folder, prompts, price) = (tempfile::tempdir().unwrap(), Prompts::builtin(), gpt_4o());
     let most = {
@@ -157,7 +157,7 @@ fn every_request_that_may_have_been_billed_counts_against_the_cap() {
             let _ = stream.read(&mut [0]);
         }),
     ];
-    // They wait for one another's pauses, not one after the other.
+    // They wait at the same time, not one after the other.
     std::thread::scope(|scope| {
         for (name, respond) in servers {
             scope.spawn(move || {
@@ -184,7 +184,7 @@ fn what_was_certainly_not_billed_does_not_count() {
     assert!(matches!(&run.answers.segments[0].outcome, Outcome::Answered(_)), "{:?}", run.answers);
     assert_eq!((server.requests(), run.spent.requests, run.spent.unanswered), (7, 1, 0));
 
-    // Nobody takes the connection.
+    // No server listens on this port.
     let port = TcpListener::bind("127.0.0.1:0").unwrap().local_addr().unwrap().port();
     let nobody = Options { lmm_url: Some(format!("http://127.0.0.1:{port}/v1")), lmm_retries: 0, ..server.options() };
     let error = run_within(&nobody, 1.5).unwrap_err();
@@ -204,7 +204,7 @@ fn a_body_without_an_end_is_not_read_to_it() {
     let error = ask(&connect(&options, None).unwrap().unwrap(), None).unwrap_err();
     assert!(matches!(&error, AskError::Failed(message) if message.contains("64 MB")), "{error}");
     assert_eq!(server.requests(), 1, "the next would be as long");
-    // What the sockets of both sides buffer comes on top.
+    // The margin is for the socket buffers of both sides.
     let sent = receiver.recv().unwrap();
     assert!((64_000_000..96_000_000).contains(&sent), "{sent}");
 }
@@ -226,7 +226,7 @@ fn a_body_that_says_it_is_too_long_is_not_read_at_all() {
 
 #[test]
 fn compressed_bodies_are_not_blown_up() {
-    // 64 MB of spaces in some kilobytes; read as they came, they are not an answer.
+    // 64 MB of spaces in some kilobytes; without decompression, they are not an answer.
     let mut bomb = flate2::write::GzEncoder::new(Vec::new(), flate2::Compression::best());
     for _ in 0..64 {
         bomb.write_all(&[b' '; 1 << 20]).unwrap();

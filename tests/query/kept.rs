@@ -1,4 +1,4 @@
-//! What is paid for is kept, and paid for once.
+//! Answers that were paid for are kept, and paid for only once.
 
 use std::fs;
 use std::path::Path;
@@ -12,7 +12,7 @@ use super::{
     Scripted, a, connect, good_answer, grid, one_segment, prepare, recordings, run, small, text, two_segments,
 };
 
-/// Names of what lies in a folder.
+/// The names of the entries of a folder.
 fn names(folder: &Path) -> Vec<String> {
     let mut names: Vec<String> =
         fs::read_dir(folder).unwrap().map(|entry| entry.unwrap().file_name().into_string().unwrap()).collect();
@@ -20,7 +20,7 @@ fn names(folder: &Path) -> Vec<String> {
     names
 }
 
-/// Whether a folder holds so many recordings and nothing else.
+/// Checks that a folder holds this many recordings and nothing else.
 fn assert_only_recordings(folder: &Path, count: usize) {
     let names = names(folder);
     assert!(names.iter().all(|name| name.len() == 64 + ".json".len() && name.ends_with(".json")), "{names:?}");
@@ -33,7 +33,7 @@ fn two_runs_on_one_scene_pay_once() {
     let (folder, prompts) = (tempfile::tempdir().unwrap(), Prompts::builtin());
     let options = Options { lmm_parallel: 4, ..server.options() };
     let queries = prepare(&[grid(50)], &prompts, &options);
-    // Both find nothing recorded when they begin.
+    // Neither finds anything recorded when it begins.
     let stores = [recordings(folder.path()), recordings(folder.path())];
     std::thread::scope(|scope| {
         for store in &stores {
@@ -140,7 +140,8 @@ fn an_answer_that_cannot_be_stored_is_set_aside_and_stops_the_asking() {
     let (folder, prompts, options) = (tempfile::tempdir().unwrap(), Prompts::builtin(), small());
     let (place, spare) = (folder.path().join("recorded"), folder.path().join("unrecorded"));
     let store = recordings(&place).with_spare(&spare).unwrap();
-    // The folder goes while the first questions are out; renamed, since others may be making their locks in it.
+    // The folder disappears while the first questions are in progress; it is renamed, since other threads may be
+    // creating their locks in it.
     let go = Once::new();
     let wood = Scripted::new(|_| {
         go.call_once(|| {

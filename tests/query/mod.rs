@@ -1,23 +1,23 @@
 //! Sheets, prompts, answers, recordings, servers.
 
-// What becomes of a model's text.
+// Reading a model's text.
 mod answers;
 // OpenAI's Batch API: submitted, expired, collected.
 pub mod batch_api;
-// A server that misbehaves in every way known of servers.
+// A server that misbehaves in every way that servers are known to.
 pub mod client;
 mod cost;
-// Questions out, answers in.
+// Export of questions, import of answers.
 mod exchange;
-// Servers that send too much, too slowly or too little; what may have been billed counts.
+// Servers that send too much, too slowly or too little; requests that may have been billed count.
 mod hostile;
-// Recordings that two runs write, that nobody may write, that find no room.
+// Recordings that two runs write, that cannot be written, or for which there is no disk space.
 mod kept;
 mod labels;
-// GPROP_OFFLINE and --offline, seen from the socket.
+// GPROP_OFFLINE and --offline, tested with sockets.
 mod offline;
 mod options;
-// Stand-ins for a server that others wrote, where they are installed.
+// Mock servers of other projects, if they are installed.
 mod peers;
 // The whole program with a server: keys, kills, prices, exit codes, one picture.
 mod program;
@@ -42,15 +42,15 @@ use gprop::segment::{LabelMap, Level, Segment, ViewSegments};
 use image::{GrayImage, Luma, Rgb, RgbImage};
 use serde_json::{Value, json};
 
-/// A view that was made up: a photo and a label map of one size.
+/// A made-up view: a photo and a label map of one size.
 struct View {
     name: &'static str,
     photo: Photo,
     segments: ViewSegments,
 }
 
-/// A view whose pixel (x, y) belongs to segment `label(x, y)`; 0 is white background with alpha 0. Every segment has its own
-/// shade, and `tint` sets one view's photo apart from another's.
+/// A view whose pixel (x, y) belongs to segment `label(x, y)`; 0 is white background with alpha 0. Every segment has
+/// its own shade, and `tint` sets one view's photo apart from another's.
 fn view(name: &'static str, (width, height): (u32, u32), tint: u8, label: impl Fn(u32, u32) -> u16) -> View {
     let labels: Vec<u16> =
         (0..height).flat_map(|y| (0..width).map(move |x| (x, y))).map(|(x, y)| label(x, y)).collect();
@@ -106,7 +106,7 @@ fn recordings(folder: &Path) -> Recordings {
     Recordings::open(&[], folder).expect("the folder is readable")
 }
 
-/// The client that the options ask for, online and without a word.
+/// The client that the options ask for, online and without progress messages.
 fn connect(options: &Options, key: Option<ApiKey>) -> Result<Option<Client>, ClientError> {
     Client::new(options, key, Ok(()), Progress::Hidden)
 }
@@ -115,7 +115,7 @@ fn run(queries: &Queries, recordings: &Recordings, asker: Option<&dyn Asker>) ->
     queries.run(recordings, asker, None, &mut |_, _| Ok(()), Progress::Hidden)
 }
 
-/// An answer that names `material` and keeps to what the library says of it, as a model would write it.
+/// An answer that names `material` with the library's values, as a model would write it.
 pub fn good_answer(material: &str) -> Value {
     let row = MaterialLibrary::builtin().get(material).expect("the library has the test's material");
     json!({
@@ -135,13 +135,13 @@ pub fn good_answer(material: &str) -> Value {
     })
 }
 
-/// The answer with one field set otherwise.
+/// The answer with one field changed.
 fn with(mut answer: Value, field: &str, value: Value) -> Value {
     answer[field] = value;
     answer
 }
 
-/// An asker that says what a closure tells it to, and remembers what it was asked.
+/// An asker that returns the result of a closure and stores the questions.
 struct Scripted<F> {
     answerer: Answerer,
     say: F,
@@ -183,12 +183,12 @@ impl<F: Fn(&Ask) -> Result<ReplyContent, AskError> + Sync> Asker for Scripted<F>
     }
 }
 
-/// A text that the model says.
+/// A text from the model.
 fn text(text: impl ToString) -> Result<ReplyContent, AskError> {
     Ok(ReplyContent::Text(text.to_string()))
 }
 
-/// A chat completion that says `text`.
+/// A chat completion with the content `text`.
 pub fn completion(text: &str) -> Value {
     json!({
         "id": "1", "object": "chat.completion", "model": "test-model-0001",

@@ -12,7 +12,7 @@ use gprop::setup::{Environment, Offline};
 use super::client::ask;
 use super::{prepare, recordings, small, two_segments};
 
-/// A listener that accepts nobody; its address as `--lmm-url` takes it.
+/// A listener that accepts no connection, and its address as `--lmm-url` takes it.
 pub fn listener() -> (TcpListener, String) {
     let listener = TcpListener::bind("127.0.0.1:0").unwrap();
     listener.set_nonblocking(true).unwrap();
@@ -20,7 +20,7 @@ pub fn listener() -> (TcpListener, String) {
     (listener, url)
 }
 
-/// Fails if anybody has connected.
+/// Fails if a connection was opened.
 pub fn assert_untouched(listener: &TcpListener) {
     let accepted = listener.accept().map(|(_, from)| from);
     assert!(matches!(&accepted, Err(error) if error.kind() == ErrorKind::WouldBlock), "{accepted:?}");

@@ -1,4 +1,5 @@
-//! The client against servers that others wrote: `scripts/test-peers` installs them; a test says so where they are not.
+//! The client against mock servers of other projects, which `scripts/test-peers` installs; a test says so if its server
+//! is not installed.
 
 use std::net::{TcpListener, TcpStream};
 use std::path::{Path, PathBuf};
@@ -24,7 +25,7 @@ impl Peer {
         let port = TcpListener::bind("127.0.0.1:0").unwrap().local_addr().unwrap().port();
         let child = command(port).stdout(Stdio::null()).stderr(Stdio::null()).spawn().unwrap();
         let peer = Self { child, port };
-        // Another program: all that is known is that it comes to listen, in a second or so.
+        // It is another program: it usually starts to listen within about a second.
         let start = Instant::now();
         while TcpStream::connect(("127.0.0.1", port)).is_err() {
             assert!(start.elapsed() < Duration::from_secs(60), "the peer does not listen");
@@ -53,7 +54,7 @@ fn peers() -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("target/peers")
 }
 
-/// PyPI's llmock; `None`, said aloud, where it is not installed.
+/// llmock from PyPI; `None`, with a message, if it is not installed.
 fn llmock(test: &str, arguments: &[&str]) -> Option<Command> {
     let packages = peers().join("python");
     let program = packages.join("bin/llmock");
@@ -66,7 +67,8 @@ fn llmock(test: &str, arguments: &[&str]) -> Option<Command> {
     Some(command)
 }
 
-/// npm's aimock with one fixture that answers every question so; `None`, said aloud, where it is not installed.
+/// aimock from npm with one fixture that answers every question with `answer`; `None`, with a message, if it is not
+/// installed.
 fn aimock(test: &str, folder: &Path, answer: &Value, arguments: &[&str]) -> Option<Command> {
     let program = peers().join("node_modules/.bin/llmock");
     if !program.is_file() {
@@ -187,7 +189,7 @@ fn aimock_works_off_a_batch_and_its_answers_are_checked() {
     });
     let (place, options) = (Place::new(), peer.options());
     assert_eq!(place.query_session(&options).submit().unwrap().sent, 3);
-    // Another program works it off by its own clock, in a second or so.
+    // The other program processes it at its own pace, usually within about a second.
     let start = Instant::now();
     let ended = loop {
         let collected = place.query_session(&options).collect().unwrap();
@@ -198,7 +200,8 @@ fn aimock_works_off_a_batch_and_its_answers_are_checked() {
             _ => break collected,
         }
     };
-    // It answers every question of a batch with the words "Mock batch completion": an answer that came and is none.
+    // It answers every question of a batch with the text "Mock batch completion": a reply that is not
+    // an answer.
     let why: Vec<_> = ended.failed.into_iter().collect();
     assert!(matches!(&why[..], [(reason, 3)] if reason.contains("no JSON")), "{why:?}");
     let session = place.query_session(&options);

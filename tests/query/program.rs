@@ -17,10 +17,10 @@ use super::{a, good_answer, with};
 use crate::run::{gprop, hammer};
 use crate::support::models;
 
-/// Few prompts and little to simulate: what the queries need of the other stages takes seconds.
+/// Few prompts and little to simulate: the other stages that the queries need take seconds.
 const FEW_PROMPTS: &[&str] = &["--points-per-side", "6", "--level", "small"];
 
-/// A picture of a brown bar with a grey head on nothing.
+/// A picture of a brown bar with a grey head on a transparent background.
 fn picture(folder: &Path) -> PathBuf {
     let path = folder.join("tool.png");
     let picture = RgbaImage::from_fn(160, 120, |x, y| match (x, y) {
@@ -79,7 +79,7 @@ fn one_picture_is_enough() {
     let lines: Value = serde_json::from_slice(&replayed.stdout).unwrap();
     assert_eq!((lines.as_array().unwrap().len(), &lines[0]["matched"]["matched"]), (segments, &json!("exact")));
 
-    // With other labels the questions are others: what is recorded serves nobody, and goes.
+    // With other labels the questions differ: no question uses the recordings, and they are pruned.
     let missed = query(&path, None, &["--answers", "replay", "--labels", "abo"]).output().unwrap();
     assert_eq!(missed.status.code(), Some(5), "{}", said(&missed));
     assert!(said(&missed).contains("view tool segment"), "{}", said(&missed));
@@ -97,7 +97,7 @@ fn who_is_asked_about_how_many_pictures_is_told_before_the_first_request() {
     }
     let folder = tempfile::tempdir().unwrap();
     let path = picture(folder.path());
-    // The server answers nothing before the test has read who is asked.
+    // The server does not answer before the test has read which server is asked.
     let (told, wait) = std::sync::mpsc::channel::<()>();
     let wait = std::sync::Mutex::new(wait);
     let server = Server::new(move |count, _, _| {
@@ -126,7 +126,7 @@ fn who_is_asked_about_how_many_pictures_is_told_before_the_first_request() {
         assert!(!bytes.windows(CANARY.len()).any(|window| window == CANARY.as_bytes()), "the key is in {file:?}");
     }
 
-    // Where all is recorded nobody is asked, and nothing is told.
+    // If everything is recorded, no server is asked, and no notice is printed.
     let replayed = query(&path, None, &["-q", "--lmm-url", &url, "--lmm-model", "gpt-4o"]).output().unwrap();
     assert!(replayed.status.success() && said(&replayed).is_empty(), "{}", said(&replayed));
 }
@@ -172,7 +172,7 @@ fn offline_opens_no_connection() {
     }
     assert!(!folder.path().join("tool.gprop/recorded").exists());
 
-    // What is recorded needs no connection.
+    // Recorded answers need no connection.
     let server = Server::new(|_, _, _| ok(&good_answer(a("wood")).to_string()));
     assert!(query(&path, Some(&server), &[]).output().unwrap().status.success());
     let asked = server.requests().len();
@@ -180,7 +180,7 @@ fn offline_opens_no_connection() {
     assert!(offline.status.success(), "{}", said(&offline));
     assert_eq!(server.requests().len(), asked);
 
-    // A submission that is to be collected is not.
+    // Collecting a submission needs a connection.
     let waiting = json!({ "jobs": [{ "id": "b", "waiting": [] }] });
     fs::write(folder.path().join("tool.gprop/batch_api.json"), waiting.to_string()).unwrap();
     let output =
@@ -257,7 +257,7 @@ fn a_scene_says_what_asking_would_cost_once_it_is_segmented() {
     let cost = &plan["queries"]["cost"];
     let requests = fs::read_to_string(export.join("queries.jsonl")).unwrap().lines().count();
     assert_eq!(cost["requests"], requests);
-    // A dollar a token, by the user's own table.
+    // A dollar per token, by the user's own table.
     assert_eq!(cost["usd"].as_f64(), cost["input_tokens"].as_f64());
 
     let budget = ["--max-usd", "1", "--prices", prices.to_str().unwrap()];
@@ -292,7 +292,8 @@ fn a_kill_loses_no_answer() {
         return;
     }
     let scene = one_view();
-    // Before the kill the server keeps silent from its third answer on, so that the run is still there on any machine.
+    // Before the kill the server does not respond from its third answer on, so that the run is still going on any
+    // machine.
     let killed = Arc::new(AtomicBool::new(false));
     let answers = Arc::clone(&killed);
     let server = Server::new(move |count, _, _| {
@@ -305,7 +306,7 @@ fn a_kill_loses_no_answer() {
     let mut child = command.stdout(Stdio::null()).stderr(Stdio::null()).spawn().unwrap();
     while server.requests().len() < 3 {
         assert!(child.try_wait().unwrap().is_none(), "it ended before it was killed");
-        // The run comes to its third question in its own time.
+        // The run takes an unknown time to reach its third question.
         std::thread::sleep(Duration::from_millis(20));
     }
     child.kill().unwrap();
@@ -330,7 +331,7 @@ fn the_key_is_in_no_file_and_no_word() {
         return;
     }
     let scene = one_view();
-    // A server that gives the key back in all it says.
+    // A server that repeats the key in every response.
     let server = Server::new(|count, _, request| {
         let header = request.header("authorization").unwrap().to_owned();
         match count {

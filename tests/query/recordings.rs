@@ -219,14 +219,14 @@ fn an_endpoint_beyond_hope_ends_the_run_and_keeps_what_was_answered() {
         if ask.picture == first {
             return text(good_answer(a("wood")));
         }
-        // The first answer, asked for at the same time, is recorded by now, however long that takes.
+        // Waits until the first answer, which was asked for at the same time, is recorded.
         while recordings(folder.path()).is_empty() {
             std::thread::sleep(std::time::Duration::from_millis(1));
         }
         Err(AskError::Fatal("wrong key".into()))
     });
     let error = run(&queries, &recordings(folder.path()), Some(&asker)).unwrap_err();
-    // Which of the two is heard of first is a matter of threads.
+    // Which of the two is reported first depends on the threads.
     assert!(matches!(&error, QueryError::Endpoint { left: 3 | 4, .. }), "{error:?}");
     assert_eq!(recordings(folder.path()).len(), 1);
 }
@@ -273,7 +273,7 @@ fn the_budget_stops_before_and_during_the_run() {
     assert_eq!(asker.count(), 0);
     assert_eq!((preview.segments, preview.recorded, preview.cost.requests), (4, 0, 4));
 
-    // Enough for what the answers usually take, too little for all of them at their longest.
+    // Enough for answers of the usual length, too little if all of them had the maximum length.
     let (_, result) = with_budget(preview.cost.usd.unwrap() * 1.01);
     let asked = asker.count();
     match result {

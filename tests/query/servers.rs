@@ -1,4 +1,4 @@
-//! Servers as people have them: each takes its own part of the API, and each must end in a checked answer.
+//! Servers that people use: each supports a different part of the API, and each must lead to a checked answer.
 
 use gprop::query::{Options, Outcome, Prompts};
 use serde_json::Value;
@@ -7,7 +7,7 @@ use super::client::{Server, error, ok};
 use super::{a, completion, connect, good_answer, prepare, recordings, run, two_segments};
 use crate::support::server::Response;
 
-/// Both segments of a view are answered, in so many requests.
+/// Checks that both segments of a view are answered, with this many requests.
 fn assert_answered(server: &Server, prompts: &Prompts, requests: usize) -> gprop::query::Run {
     let folder = tempfile::tempdir().unwrap();
     let options = Options { lmm_parallel: 1, ..server.options() };
@@ -58,7 +58,7 @@ fn ollama_takes_pictures_as_base64_only_and_fences_its_json() {
 
 #[test]
 fn a_server_that_ignores_detail_is_paid_what_it_counts() {
-    // It sees the picture at its own resolution: 256 tokens, whatever was estimated.
+    // It processes the picture at its own resolution: 256 tokens, whatever was estimated.
     let server = Server::new(|_, _, _| {
         let mut body = completion(&good());
         body["usage"] = serde_json::json!({ "prompt_tokens": 256, "completion_tokens": 10 });
@@ -106,7 +106,7 @@ fn dashscope_refuses_the_schema_and_demands_the_word_json() {
     };
     assert_answered(&dashscope(), &Prompts::builtin(), 3);
 
-    // A user's own prompt that never says it: the client does.
+    // A user's own prompt that never mentions JSON: the client adds it.
     let folder = tempfile::tempdir().unwrap();
     std::fs::write(folder.path().join("part.txt"), "What is it? One of: {{ candidates }}").unwrap();
     assert_answered(&dashscope(), &Prompts::from_folder(folder.path()).unwrap(), 3);

@@ -46,7 +46,8 @@ fn the_segment_is_red_in_the_second_panel_and_alone_in_the_third() {
     assert!(has(&left, Rgb([255, 0, 0])), "no outline");
     assert!(has(&left, GREY), "no grey ground");
     assert!(has(&left, Rgb([222; 3])), "no plain ground");
-    // The object is twice as wide as high, so the panels stand one below the other: the first does not know the segment.
+    // The object is twice as wide as high, so the panels are below each other; the first does not depend on the
+    // segment.
     let first_panel = |picture: &RgbImage| picture.as_raw()[..picture.as_raw().len() / 4].to_vec();
     assert_eq!(first_panel(&left), first_panel(&right));
     assert_ne!(left, right);

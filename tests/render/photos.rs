@@ -1,4 +1,4 @@
-//! Held-out photos and depths of the scenes against what the rasteriser draws.
+//! Held-out photos and depths of the scenes against the rasteriser's pictures.
 
 use gprop::render::{Render, RenderOptions, render};
 
@@ -40,7 +40,7 @@ fn held_out_photos_look_as_in_the_reference_renderer() {
             total[1] += theirs / measured.held_out.len() as f64;
         }
         println!("{}: {:.3} dB on the object, reference {:.3} dB", measured.scene.name, total[0], total[1]);
-        // The trainer's own renderer reaches 27.5 to 29.7 dB on these views; the mean of six decibels hides a little.
+        // The trainer's own renderer reaches 27.5 to 29.7 dB on these views; the mean over six views hides a little.
         assert!(total[0] > 26.5);
     }
 }

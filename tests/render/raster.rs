@@ -12,7 +12,7 @@ fn splats(blobs: &[Blob], camera: &Camera) -> Vec<Splat> {
 }
 
 /// Largest difference a pixel may have from the double-precision reference: f32 sums of up to a hundred terms (1e-5)
-/// and what lies behind a pixel when the rasteriser stops (transmittance 1e-4 times a colour of up to 2).
+/// and the light from behind at which the rasteriser stops (transmittance 1e-4 times a colour of up to 2).
 const PIXEL_TOLERANCE: f64 = 3e-4;
 
 /// A thin sheet across the optical axis that fills the picture.
@@ -49,11 +49,11 @@ fn the_depth_of_a_tilted_disc_follows_its_plane() {
     disc.scale[2] = 1e-4;
     disc.rotation = [half_turn.cos(), 0.0, half_turn.sin(), 0.0];
     let splat = splats(&[disc], &camera())[0];
-    // One pixel is 2 / 50 scene units at depth 2, where a step along x moves the plane as far along z; the low-pass
-    // takes 0.3 px^2 of about 28 px^2 off, in all 1%.
+    // One pixel is 2 / 50 scene units at depth 2, where a step along x moves the plane equally far along z; the
+    // low-pass takes 0.3 px^2 of about 28 px^2 off, in all 1%.
     assert!((splat.depth_slope[0] + 0.04).abs() < 0.01 * 0.04 + 2e-4, "{:?}", splat.depth_slope);
     assert!(splat.depth_slope[1].abs() < 1e-6);
-    // Half a pixel of low-pass across a slope of 0.04 is all the extent that is left along the ray.
+    // The only extent left along the ray comes from half a pixel of low-pass across a slope of 0.04.
     assert!(splat.depth_deviation < 0.03, "{}", splat.depth_deviation);
 }
 
@@ -96,10 +96,10 @@ fn two_layers_blend_and_give_the_depths_computed_by_hand() {
     // (0.6 * 2 + 0.36 * 4) / 0.96 = 2.75; half of the light comes from the red layer alone.
     assert!((picture.expected_depth[at_center] - 2.75).abs() < 1e-2, "{}", picture.expected_depth[at_center]);
     assert!((picture.median_depth[at_center] - 2.0).abs() < 1e-2, "{}", picture.median_depth[at_center]);
-    // With alpha 0.3 in front, the blue layer takes the light past one half.
+    // With alpha 0.3 in front, half of the light is reached in the blue layer.
     let picture = draw(&[Blob { opacity: 0.3, ..red }, blue]);
     assert!((picture.median_depth[at_center] - 4.0).abs() < 1e-2, "{}", picture.median_depth[at_center]);
-    // One layer of 0.3 never does.
+    // A single layer of 0.3 never reaches it.
     let picture = draw(&[Blob { opacity: 0.3, ..red }]);
     assert_eq!(picture.median_depth[at_center], f32::INFINITY);
     // Over white, 0.2 red and 0.8 white: 204 of 255.
@@ -159,7 +159,7 @@ fn a_pixel_belongs_to_the_label_that_gives_most_of_its_light() {
     assert_eq!(at_center([7, 8, 9]), Some(7));
     assert_eq!(at_center([7, 8, 8]), Some(8));
     assert_eq!(at_center([9, 7, 9]), Some(9));
-    // 0.4 of alpha is not a foreground.
+    // An alpha of 0.4 is not foreground.
     let thin = cloud(&[front]);
     assert_eq!(render_labels(&thin, &camera(), &[7], &Default::default())[24 * 64 + 32], None);
 }

@@ -1,6 +1,6 @@
-//! An independent renderer in double precision: no tiles, no early stop, no vector code, and its own way to everything
-//! the rasteriser computes: the Jacobian by finite differences of the projection, spherical harmonics from associated
-//! Legendre functions, the inverse of the covariance by nalgebra.
+//! An independent renderer in double precision: no tiles, no early stop, no vector code, and different methods for
+//! everything that the rasteriser computes: the Jacobian by finite differences of the projection, spherical harmonics
+//! from associated Legendre functions, the inverse of the covariance by nalgebra.
 
 use gprop::camera::Camera;
 use gprop::scene::gaussians::Gaussians;
@@ -60,12 +60,12 @@ fn range(center: f64, radius: f64, length: usize) -> std::ops::Range<usize> {
     cut(center - radius - 1.0)..cut(center + radius + 1.0)
 }
 
-/// d pixel / d point in camera (2, 3) by central differences, taken where the line of sight is cut to 1.3 times the
-/// half picture (3DGS).
+/// d pixel / d point in camera (2, 3) by central differences, evaluated with the line of sight clamped to 1.3 times
+/// the half picture (3DGS).
 fn jacobian(camera: &Camera, center: Point3<f64>) -> Matrix2x3<f64> {
     let i = &camera.intrinsics;
     let (width, height) = (f64::from(i.width), f64::from(i.height));
-    // Pixel positions of an undistorted lens, so cut that the picture's border is 1 and its outside at most 1.3.
+    // Pixel positions of an undistorted lens, clamped: the picture's border is at 1, positions outside at most at 1.3.
     let cut = |tangent: f64, focal: f64, principal: f64, length: f64| {
         let from_middle = (tangent * focal + principal - 0.5 * length).clamp(-0.65 * length, 0.65 * length);
         (from_middle + 0.5 * length - principal) / focal

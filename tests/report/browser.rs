@@ -6,7 +6,7 @@ use crate::support::browser::Page;
 
 use super::{HOSTILE, hostile_run, json_file};
 
-/// Points a row and a column at which the object is looked for.
+/// Number of points per row and column at which the object is looked for.
 const PROBES: u32 = 9;
 
 impl Page {
@@ -18,7 +18,7 @@ impl Page {
         ));
     }
 
-    /// Points at the canvas here and there, from its middle outwards, until it says that something is there.
+    /// Moves the pointer over the canvas, from its middle outwards, until the page reports a part there.
     fn find_object(&self) -> Point {
         let canvas = self.tab.find_element("#object").unwrap().get_box_model().unwrap().content_viewport();
         let mut probes: Vec<[u32; 2]> =
@@ -53,7 +53,7 @@ fn a_click_on_the_object_reads_the_parts_number() {
     page.evaluate("document.getElementById('spin').getAttribute('aria-pressed') === 'true' && document.getElementById('spin').click()");
     page.color_by("density");
 
-    // The object: a click on it singles a part out, in the list too, and says its density.
+    // The object: a click on it selects a part, in the list too, and shows its density.
     let point = page.find_object();
     page.tab.click_point(point).unwrap();
     page.settle();
@@ -66,13 +66,13 @@ fn a_click_on_the_object_reads_the_parts_number() {
     let lit = page.evaluate("[...document.querySelectorAll('tr.lit')].map((row) => row.dataset.parts).join()");
     assert!(lit.as_str().unwrap().split(',').all(|id| id == part.to_string()), "rows {lit} for part {part}");
 
-    // The list: another part's row changes what the object shows.
+    // The list: a click on another part's row redraws the object.
     let picture = "document.getElementById('object').toDataURL()";
     let before = page.evaluate(picture);
     page.evaluate("document.querySelector('.list [aria-pressed=false]').click()");
     assert!(page.changes(picture, &before), "the object is drawn anew");
 
-    // Keys: Escape lets go, an arrow turns.
+    // Keys: Escape clears the selection, an arrow rotates the object.
     page.tab.find_element("#object").unwrap().focus().unwrap();
     let before = page.evaluate(picture);
     page.tab.press_key("Escape").unwrap();
@@ -83,7 +83,7 @@ fn a_click_on_the_object_reads_the_parts_number() {
     page.tab.press_key("ArrowLeft").unwrap();
     assert!(page.changes(picture, &before), "the object is turned");
 
-    // Every colouring has a legend, and the theme turns.
+    // Every colouring has a legend, and the theme can be switched.
     let modes =
         page.evaluate("[...document.getElementById('color-by').options].map((option) => option.text).join('|')");
     let modes: Vec<&str> = modes.as_str().unwrap().split('|').collect();
@@ -109,13 +109,13 @@ fn a_click_on_the_object_reads_the_parts_number() {
     page.tab.find_element("#theme").unwrap().click().unwrap();
     assert_ne!(page.evaluate(ground), before, "light and dark differ");
 
-    // What a caption says is text.
+    // A caption is shown as text.
     assert!(page.text(".list button span").contains(HOSTILE), "{}", page.text(".list button span"));
     assert_eq!(page.evaluate("document.querySelectorAll('img[src=x]').length"), 0);
     assert_ne!(page.tab.get_title().unwrap(), "taken");
     assert_eq!(page.complaints(), Vec::<String>::new());
 
-    // And a complaint would have been heard.
+    // An error on the console would have been noticed.
     page.evaluate("console.error('one')");
     page.settle();
     assert_eq!(page.complaints().len(), 1);

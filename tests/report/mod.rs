@@ -1,5 +1,5 @@
-//! What a run leaves for people and for programs: the page is opened in a browser and used, the JSON is held against the
-//! published schema.
+//! The report of a run, for people and for programs: the page is opened in a browser and used, the JSON is checked
+//! against the published schema.
 
 mod browser;
 
@@ -14,9 +14,9 @@ use tempfile::TempDir;
 use crate::run::{QUICK, give_segments, gprop, hammer};
 use crate::support::models;
 
-/// What an attacker might have a model say of a part. It has no comma and no semicolon, after which a name ends.
+/// A hostile caption that an attacker might get from a model. It has no comma or semicolon, at which a name would end.
 const HOSTILE: &str = "</script><img src=x onerror=document.title='taken'> {{ 7*7 }}";
-/// Bytes of a page but for its pictures.
+/// Maximum bytes of a page without its pictures.
 const PAGE_BUDGET: usize = 3_000_000;
 
 /// The hammer after a quick run, every one of its recorded answers with a hostile caption.
@@ -60,7 +60,7 @@ fn a_caption_is_text_wherever_it_stands() {
     assert!(page.matches("taken").count() > 3, "the caption is on the page");
     assert!(!page.contains("<img src=x"), "raw markup from a caption");
     assert!(!page.contains("</script><img"), "a caption ends a script");
-    // What ends a script element is there once for every script element.
+    // There is exactly one end tag for each script element.
     assert_eq!(page.matches("</script").count(), page.matches("<script").count());
 }
 

@@ -40,7 +40,8 @@ proptest! {
 
     #[test]
     fn distortion_jacobian_is_the_slope_of_apply(lens in distortions(), x in -0.8..0.8, y in -0.8..0.8) {
-        // Central differences of four points err by h^4/30 times the fifth derivative, plus rounding, 1e-16/h.
+        // Central differences with four points have an error of h^4/30 times the fifth derivative, plus rounding,
+        // 1e-16/h.
         const H: f64 = 1e-4;
         const TOLERANCE: f64 = 1e-8;
         let slope = |dx: f64, dy: f64| {
@@ -59,8 +60,8 @@ proptest! {
 
     #[test]
     fn a_lens_folds_back_where_its_radius_shrinks(lens in distortions(), r in 0.01..3.0) {
-        // Walks outwards; the test passes over radii within a step of the turning point, and over lenses that turn back over
-        // less than one of the 64 steps that gprop looks at.
+        // Goes outwards; the test skips radii within a step of the turning point, and lenses that turn back over less
+        // than one of the 64 steps that gprop examines.
         const STEPS: usize = 3200;
         let radial_only = match lens {
             Distortion::Perspective(p) => Distortion::Perspective(radial_part(p)),
@@ -91,8 +92,8 @@ proptest! {
 
     #[test]
     fn what_a_lens_shows_can_be_inverted(lens in brown(), x in -0.8..0.8f64, y in -0.8..0.8f64) {
-        // One to one there: until well beyond the point its radius grows faster than the tangential terms, at most 0.02 each,
-        // may change within 0.8, (6 + 2 + 2 + 2) 0.02 0.8 = 0.19.
+        // The lens is one to one there: until well beyond the point, its radius grows faster than the tangential terms,
+        // at most 0.02 each, can change within 0.8: (6 + 2 + 2 + 2) 0.02 0.8 = 0.19.
         const STEPS: usize = 100;
         const LEAST_SLOPE: f64 = 0.2;
         let Distortion::Perspective(polynomial) = lens else { unreachable!("brown makes no other") };
@@ -195,8 +196,8 @@ fn a_point_on_the_axis_meets_the_principal_point() {
     assert_eq!((half.fx, half.fy, half.cx, half.cy), (250.0, 127.5, 160.0, 60.0));
 }
 
-/// Nothing of the splat may stand before the ground-truth surface, and nearly all of it projects onto the object: a wrong
-/// axis, a transposed rotation or a shifted principal point breaks both.
+/// No part of the splat may lie in front of the ground-truth surface, and nearly all of it projects onto the object: a
+/// wrong axis, a transposed rotation or a shifted principal point breaks both.
 #[test]
 fn gaussians_project_onto_the_ground_truth() {
     // The splat was trained on views whose depth is off by a few millimetres (fixture README).

@@ -1,4 +1,4 @@
-//! Cameras of every program: built in code, each beside what its format's documentation says.
+//! Cameras of every program, built in code and compared with the documentation of each format.
 
 use gprop::camera::{Distortion, Polynomial};
 use gprop::scene::align::{Conversion, SignedPermutation};
@@ -13,7 +13,7 @@ use serde_json::json;
 use super::folder::{MadeUp, assert_message, hammer, options};
 use super::formats::shared;
 
-/// COLMAP's models with their numbers, parameters, and the lens that they mean.
+/// COLMAP's models with their numbers, parameters, and the lens that these describe.
 fn colmap_models() -> Vec<(i32, &'static str, Vec<f64>, Distortion)> {
     let fisheye = |radial: [f64; 6], tangential, prism, prism_after_radial| {
         Distortion::Fisheye(Polynomial { radial, tangential, prism, prism_after_radial, ..Default::default() })
@@ -186,7 +186,7 @@ fn a_folder_with_a_colmap_model() {
     assert_same_cameras(&original, &scene);
     assert!(scene.notes.iter().any(|note| note == "cameras: `sparse/0`"), "{:?}", scene.notes);
     assert_eq!(scene.files.len(), 3);
-    // A photo that was registered but is gone.
+    // A photo that was registered but is missing.
     std::fs::remove_file(made_up.path("images/001.png")).unwrap();
     let scene = made_up.load_as_is(&Options::default()).unwrap();
     assert_eq!(scene.views.len(), 3);
@@ -258,7 +258,7 @@ fn cfg_args_is_read_as_text() {
     assert_eq!(parse("source_path='unfinished"), TrainingArguments::default());
 }
 
-/// The made-up scene as a Blender exporter writes it: an angle for a focal length, no size, no extensions.
+/// The made-up scene as a Blender exporter writes it: an angle instead of a focal length, no size, no file extensions.
 pub fn as_blender(made_up: &MadeUp) {
     let mut frames = made_up.transforms["frames"].clone();
     for frame in frames.as_array_mut().unwrap() {
@@ -297,7 +297,8 @@ fn the_cameras_that_are_asked_for_are_used() {
     assert_message(made_up.load_as_is(&other), &["point_cloud.ply", "is not a camera file that gprop knows"]);
 }
 
-/// Trains nothing: applies nerfstudio's transform to the splat's one Gaussian and checks that it is seen where it was.
+/// Without training: applies nerfstudio's transform to the splat's one Gaussian and checks that it is seen in the same
+/// place.
 #[test]
 fn an_exported_splat_is_met_in_its_own_frame() {
     let mut made_up = MadeUp::new();
@@ -316,7 +317,8 @@ fn an_exported_splat_is_met_in_its_own_frame() {
     for (applied, applied_scale) in [(Isometry3::identity(), 1.0), (applied, 1.0), (applied, 2.0)] {
         made_up.transforms["applied_transform"] = json!(rows(applied));
         made_up.transforms["applied_scale"] = json!(applied_scale);
-        // nerfstudio's dataparser: it trains in scale (trained x), and writes what it did with the applied part worked in.
+        // nerfstudio's dataparser: it trains in scale (trained x), and writes its transform including the applied
+        // part.
         let scale = 0.25;
         let written = json!({"transform": rows(trained * applied), "scale": scale * applied_scale});
         std::fs::write(made_up.path("dataparser_transforms.json"), written.to_string()).unwrap();
@@ -410,7 +412,7 @@ fn exif_orientation_is_honoured() {
         frame["file_path"] = json!("images/side.jpg");
     }
     made_up.transforms["frames"].as_array_mut().unwrap().truncate(1);
-    // 6: the camera was turned by a quarter; the picture is to be turned clockwise.
+    // 6: the camera was turned by a quarter turn; the picture has to be turned clockwise.
     std::fs::write(made_up.path("images/side.jpg"), jpeg_on_its_side(6)).unwrap();
     // Calibrated on the upright picture.
     (made_up.transforms["w"], made_up.transforms["h"]) = (json!(6), json!(8));
@@ -472,7 +474,7 @@ fn align_undoes_another_convention() {
     assert!(near(apply("inverted"), pose.inverse()));
     let opengl = Isometry3::rotation(Vector3::x() * std::f64::consts::PI) * pose;
     assert!(near(apply("camera-yz"), opengl));
-    // The new world's x is the old y and so on: a point moves along, the camera sees it where it was.
+    // The new world's x is the old y and so on: a point moves with it, so the camera sees it in the same place.
     let old = Point3::new(0.4, 0.5, 9.0);
     let new = Point3::new(old.y, old.z, old.x);
     assert!((apply("world=y,z,x") * new - pose * old).norm() < 1e-12);

@@ -1,4 +1,4 @@
-//! Whole scene folders: the fixture, and made-up ones with one thing wrong.
+//! Whole scene folders: the fixture, and made-up ones with one error each.
 
 use std::path::{Path, PathBuf};
 
@@ -35,7 +35,7 @@ impl MadeUp {
         self.load_as_is(options)
     }
 
-    /// Loads what lies in the folder.
+    /// Loads the folder as it is.
     pub fn load_as_is(&self, options: &Options) -> Result<Scene, SceneError> {
         scene::load(self.folder.path(), options)
     }
@@ -48,7 +48,7 @@ impl MadeUp {
         self.folder.path().join(name)
     }
 
-    /// The message of loading it, which must hold all of `needles`.
+    /// Checks that loading fails with a message that contains all `needles`.
     #[track_caller]
     pub fn assert_refused(&self, needles: &[&str]) {
         assert_message(self.load(), needles);
@@ -120,7 +120,7 @@ fn chosen_views_are_spread_and_always_the_same() {
     assert_eq!(chosen.len(), 10);
     assert!(chosen.is_sorted(), "{chosen:?} is not in camera-file order");
     assert_eq!(chosen, names(&scene, &Options::default()));
-    // Nearest neighbours among the chosen are further apart than among the first ten.
+    // Nearest neighbours are farther apart among the chosen views than among the first ten.
     let center = scene.object_bounds().center();
     let least_angle = |names: &[String]| {
         let views = names.iter().map(|name| scene.views.iter().find(|view| view.name == *name).unwrap());
@@ -139,7 +139,7 @@ fn views_by_number_and_by_name() {
     let scene = made_up.load().unwrap();
     assert_eq!(names(&scene, &options(&["--views", "9"]).unwrap()), ["000", "001", "002", "003"]);
     assert_eq!(names(&scene, &options(&["--views", "1"]).unwrap()).len(), 1);
-    // The first taken is arbitrary among equals, the second lies opposite.
+    // The first view is arbitrary among equals; the second lies opposite.
     let opposite = names(&scene, &options(&["--views", "2"]).unwrap());
     assert!(opposite == ["000", "002"] || opposite == ["001", "003"], "{opposite:?}");
     assert_eq!(names(&scene, &options(&["--view-list", "003,001"]).unwrap()), ["001", "003"]);
@@ -253,7 +253,7 @@ fn blurred_views_and_those_that_cut_the_object_off_are_left_out() {
     let chosen = names(&original, &options);
     let folder = tempfile::tempdir().unwrap();
     let mut scene = original.clone();
-    // Blur what would be chosen first, by one pixel and a half; its alpha stays.
+    // Blurs the views that would be chosen first by one and a half pixels; their alpha does not change.
     for name in &chosen[..2] {
         let view = scene.views.iter_mut().find(|view| view.name == *name).unwrap();
         let picture = image::open(&view.image).unwrap().into_rgba8();

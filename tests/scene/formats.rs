@@ -1,4 +1,4 @@
-//! Compact splats: built in code, damaged, and compared with the same Gaussians as PLY where the files are at hand.
+//! Compact splats: built in code, damaged, and compared with the same Gaussians as PLY if the files are available.
 
 use std::io::Write;
 use std::path::{Path, PathBuf};
@@ -8,7 +8,7 @@ use gprop::scene::gaussians::Gaussians;
 use gprop::scene::{self, Options, ply, splat, spz};
 use proptest::prelude::*;
 
-/// A file of the shared data; a message and `None` where it is not there.
+/// A file of the shared data; `None`, with a message, if it does not exist.
 pub fn shared(path: &str) -> Option<PathBuf> {
     let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("../shared").join(path);
     if !path.exists() {
@@ -115,8 +115,8 @@ fn a_bad_spz_is_refused() {
         file[at] = byte;
         message(&file)
     };
-    assert!(message(b"ply\n").contains("is no .spz"));
-    assert!(message(&gzip(b"not a splat at all")).contains("is no .spz"));
+    assert!(message(b"ply\n").contains("is not an .spz"));
+    assert!(message(&gzip(b"not a splat at all")).contains("is not an .spz"));
     assert!(message(&good[..10]).contains("ends within its header"));
     assert!(message(&good[..40]).contains("bytes of"));
     assert!(changed(4, 9).contains("version 9"));
@@ -129,7 +129,7 @@ fn a_bad_spz_is_refused() {
     assert!(message(&truncated).contains("cannot be decompressed"), "{}", message(&truncated));
 }
 
-/// As gzip and as it is, with `more` at the end of what is compressed.
+/// The file as gzip and uncompressed, with `more` at the end of the uncompressed data.
 fn legacy(flags: u8, more: &[u8]) -> [Vec<u8>; 2] {
     let mut file = spz_plain(3, &FIXED, &[0; 4]);
     file[14] = flags;
@@ -142,7 +142,7 @@ fn an_spz_is_checked_to_its_last_byte() {
     let message = |file: &[u8]| spz::parse(file).expect_err("it is damaged").to_string();
     let good = gzip(&spz_plain(3, &FIXED, &[0; 4]));
     assert!(spz::parse(&good).is_ok());
-    // The trailer: CRC-32 and length of what was compressed, four bytes each.
+    // The trailer: CRC-32 and length of the uncompressed data, four bytes each.
     for at in good.len() - 8..good.len() {
         let mut damaged = good.clone();
         damaged[at] ^= 0x10;
@@ -166,7 +166,7 @@ fn an_spz_is_checked_to_its_last_byte() {
             assert!(message(&file[..file.len() - 1]).contains("cannot be decompressed"));
         }
     }
-    // A stored block: what is damaged in it decompresses without a complaint of its own.
+    // A stored block: damaged data in it decompress without an error, so only the checksum can tell.
     let mut encoder = flate2::write::GzEncoder::new(Vec::new(), flate2::Compression::none());
     encoder.write_all(&spz_plain(3, &FIXED, &[0; 4])).unwrap();
     let mut stored = encoder.finish().unwrap();
@@ -224,7 +224,8 @@ fn compressed_ply(count: usize, with_sh: bool) -> Vec<u8> {
     let high: [f32; 9] = [1.0, 1.0, 3.0, -1.0, -1.0, -1.0, 1.0, 1.0, 1.0];
     file.extend(low.into_iter().chain(high).flat_map(f32::to_le_bytes));
     for _ in 0..count {
-        // x at its maximum, y at its minimum, z in the middle; w is largest, the rest zero; scales at their minimum; red.
+        // x at its maximum, y at its minimum, z in the middle; w is largest, the rest zero; scales at their minimum;
+        // red.
         let position: u32 = 2047 << 21 | 1024;
         let rotation: u32 = 512 << 20 | 512 << 10 | 512;
         for word in [position, rotation, 0, 0xff00_0080] {

@@ -1,4 +1,4 @@
-//! Reading what lies on disk, and everything that can be wrong with it.
+//! Reading the files of a scene, and everything that can be wrong with them.
 
 // Intrinsics, distortion, poses.
 mod camera;
@@ -6,7 +6,7 @@ mod camera;
 mod cameras;
 // Data sets: ABO-500, MVImgNet.
 mod dataset;
-// Loading a whole scene folder: what is found, what is missing, which views are chosen.
+// Loading a whole scene folder: files found and missing, the choice of views.
 mod folder;
 // Compact splats: .splat, .spz, .compressed.ply.
 mod formats;

@@ -1,4 +1,4 @@
-//! The k-d tree against looking at every point.
+//! The k-d tree against an exhaustive search.
 
 use gprop::scene::nearest::Nearest;
 use proptest::prelude::*;

@@ -1,4 +1,4 @@
-//! Gaussians that no cloud of the object can have are set aside; scales that no object can have are refused.
+//! Gaussians that cannot belong to the object are set aside; scales that no object can have are refused.
 
 use std::path::Path;
 
@@ -24,7 +24,7 @@ fn ball() -> Gaussians {
     cloud(&(0..COUNT).map(blob).collect::<Vec<_>>())
 }
 
-/// Which are set aside once `change` was made to the ball.
+/// The Gaussians of the ball that are set aside after `change`.
 fn found(change: impl FnOnce(&mut Gaussians)) -> Vec<usize> {
     let mut gaussians = ball();
     change(&mut gaussians);
@@ -125,7 +125,7 @@ fn what_is_set_aside_is_transparent_and_stays_in_the_file() {
     assert_eq!(bytes(&gaussians), before);
     assert_eq!((gaussians.opacity(2), gaussians.opacity(3)), (0.0, clean.opacity(3)));
 
-    // The mark goes with its Gaussian.
+    // The mark stays with its Gaussian.
     let mut moved = gaussians.clone();
     moved.retain(&(0..3000).map(|i| i != 0).collect::<Vec<_>>());
     assert!(moved.is_set_aside(1) && !moved.is_set_aside(2));
@@ -190,7 +190,7 @@ fn scales_that_no_object_can_have_are_refused_with_the_size_they_make() {
 #[test]
 fn unusual_sizes_get_a_warning_that_names_them() {
     let load = |text: &str| scene::load(&hammer(), &options(&["--scale", text]).unwrap()).unwrap();
-    for (text, size) in [("0.02", "mm"), ("100", "m large")] {
+    for (text, size) in [("0.02", "mm"), ("100", "is that its size?")] {
         let scene = load(text);
         let named = |warning: &String| warning.contains(&format!("--scale {text}")) && warning.contains(size);
         assert!(scene.warnings.iter().any(named), "{text}: {:?}", scene.warnings);

@@ -1,4 +1,4 @@
-//! A scene reads its own files, and others only where the user says so.
+//! A scene reads its own files, and others only if the user allows it.
 
 use std::fs;
 use std::os::unix::fs::symlink;
@@ -28,7 +28,7 @@ fn made_up() -> MadeUp {
     scene
 }
 
-/// Refused as it is, with these words and where the file leads; read with each of `allowing`.
+/// Checks that the scene is refused, with these words and the target of the file, but read with each of `allowing`.
 #[track_caller]
 fn assert_outside(scene: &MadeUp, target: &Path, words: &[&str], allowing: &[Options]) {
     let refused = scene.load_as_is(&Options::default());
@@ -62,7 +62,7 @@ fn photos() {
 
 #[test]
 fn a_colmap_model_finds_no_photos_in_the_folder_above_the_scene() {
-    // The third folder above `sparse/0` is the one that the scene lies in, with other people's scenes.
+    // The third folder above `sparse/0` is the one that contains the scene, and scenes of other people.
     let home = tempfile::tempdir().unwrap();
     let scene = made_up();
     as_colmap(&scene);
@@ -133,7 +133,7 @@ fn nerfstudios_transform_belongs_to_what_lies_beside_it() {
     fs::write(scene.path("dataparser_transforms.json"), &identity).unwrap();
     let (_outside, target) = moved_out(&scene, "dataparser_transforms.json");
     assert_outside(&scene, &target, &["camera file `", "dataparser_transforms.json"], &[]);
-    // A splat that the user names brings its own along.
+    // If the user names a splat, the files beside it are allowed too.
     let (scene, export) = (made_up(), tempfile::tempdir().unwrap());
     fs::write(export.path().join("dataparser_transforms.json"), &identity).unwrap();
     fs::copy(scene.path("point_cloud.ply"), export.path().join("splat.ply")).unwrap();

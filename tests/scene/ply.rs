@@ -11,7 +11,7 @@ enum Encoding {
     Big,
 }
 
-/// One property of a file to be built: its name, its PLY type, a value a row.
+/// One property of a file to be built: its name, its PLY type, one value per row.
 #[derive(Debug, Clone)]
 struct Property {
     name: String,
@@ -425,11 +425,11 @@ fn what_is_left_out_is_said() {
     let warnings = |file: &[u8]| ply::parse(file).unwrap().warnings;
     assert!(warnings(&[&good[..], b"tail"].concat())[0].starts_with("4 bytes after the last Gaussian"));
     let camera = with_header(&good, |header| header.replace("end_", "element camera 1\nproperty float fov\nend_"));
-    assert_eq!(warnings(&[&camera[..], &[0; 4]].concat()), ["element `camera` (1 rows) is not read nor kept"]);
+    assert_eq!(warnings(&[&camera[..], &[0; 4]].concat()), ["element `camera` (1 rows) is neither read nor kept"]);
     let mut properties = splat(2, 0);
     properties.push(property("id", "int", &[1.0, 2.0]));
     assert!(warnings(&encode(&properties, Encoding::Little))[0].contains("`id` is kept as float32"));
-    // An element of plain rows before the vertices is passed over.
+    // An element of plain rows before the vertices is skipped.
     let before = with_header(&good, |header| {
         header.replace("element vertex", "element camera 1\nproperty float fov\nelement vertex")
     });
@@ -457,7 +457,7 @@ fn a_smoothing_filter_is_worked_in() {
     assert!(loaded.gaussians.antialiased && loaded.notes[0].starts_with("Mip-Splatting"));
     let gaussians = loaded.gaussians;
     assert!(gaussians.extra.is_empty());
-    // No filter, no change.
+    // A filter of zero changes nothing.
     assert!((gaussians.scale(0) - plain.scale(0)).amax() < 1e-6);
     assert!((gaussians.opacity(0) - plain.opacity(0)).abs() < 1e-6);
     let (before, after) = (plain.scale(1), gaussians.scale(1));

@@ -1,5 +1,5 @@
-//! Every row of the README's table "you have ... type": the folder is made as the row says, the command is run as it stands
-//! there (to a stage that needs no model), and what it found is looked at.
+//! Every row of the README's table "you have ... type": the folder is made as the row says, the command is run as
+//! written there (up to a stage that needs no model), and its result is checked.
 
 use std::path::{Path, PathBuf};
 use std::process::Command;
@@ -19,7 +19,7 @@ fn commands() -> Vec<String> {
     rows.map(last_cell).collect()
 }
 
-/// Runs a row's command on `folder`, with what stands in it for files and folders replaced, and returns `views.json`.
+/// Runs a row's command on `folder`, with its placeholders for files and folders replaced, and returns `views.json`.
 fn run(command: &str, folder: &Path, replaced: &[(&str, PathBuf)]) -> Value {
     run_to("scene", command, folder, replaced)
 }
@@ -79,7 +79,7 @@ fn every_row_of_the_readme_works() {
     cameras::as_colmap(&scene);
     assert_eq!(views(&run(next(), &scene.path(""), &[])), 4);
 
-    // A nerfstudio export: trained at a quarter of the size, so the cameras come nearer.
+    // A nerfstudio export: trained at a quarter of the size, so the cameras move closer.
     let scene = with_splat_at(made_up(), "splat.ply");
     let identity = json!({"transform": [[1, 0, 0, 0], [0, 1, 0, 0], [0, 0, 1, 0]], "scale": 0.25});
     std::fs::write(scene.path("dataparser_transforms.json"), identity.to_string()).unwrap();

@@ -2,7 +2,7 @@
 
 // Every form of a SAM export, broken ones, kept embeddings.
 mod models;
-// Pictures of every kind, and what is written of them.
+// Pictures of every kind, and the files written for them.
 mod pictures;
 
 use std::fs;
@@ -26,7 +26,7 @@ fn root() -> &'static Path {
     Path::new(env!("CARGO_MANIFEST_DIR"))
 }
 
-/// The reference masks, which are not gprop's to ship.
+/// The reference masks, which are not distributed with gprop.
 fn references(test: &str) -> Option<PathBuf> {
     let folder = root().join("../shared/reference/sam");
     let folder = folder.is_dir().then_some(folder).or_else(|| std::env::var_os("GPROP_SAM_REFERENCE").map(Into::into));
@@ -36,7 +36,7 @@ fn references(test: &str) -> Option<PathBuf> {
     folder
 }
 
-/// The same count within 2%, overlaps of 0.98 in the mean and none under 0.90, scores alike.
+/// The same count within 2%, overlaps of at least 0.98 on average and 0.90 each, and similar scores.
 fn assert_conforms(list: &str, comparison: &Comparison) {
     let slack = 0.02 * comparison.reference_count as f64;
     assert!(comparison.count.abs_diff(comparison.reference_count) as f64 <= slack, "{list}: {comparison:?}");
@@ -51,7 +51,7 @@ fn check_reference(name: &str, folder: &Path, files: &ModelFiles) {
     let picture = image::open(folder.join(format!("{name}.png"))).unwrap().into_rgb8();
     let json = fs::read_to_string(folder.join(format!("{name}.json"))).unwrap();
     let reference = Reference::from_json(&json).unwrap();
-    // For whoever reads along; nothing is asserted of it.
+    // Only printed, not checked.
     let started = std::time::Instant::now();
     let comparisons = compare(segmenter(files).sam(), &picture, &reference, &()).unwrap();
     println!("{name}: {:.1} s", started.elapsed().as_secs_f64());

@@ -1,5 +1,5 @@
-//! Every SAM in the standard two-file form, told apart by inputs and outputs: the tiny models of `fixtures/sam`, whose
-//! arithmetic `make.py` there tells.
+//! Every variant of SAM in the standard two-file form, recognised by inputs and outputs: the tiny models of
+//! `fixtures/sam`, whose arithmetic is defined in `make.py` there.
 
 use std::fs;
 use std::path::Path;
@@ -14,7 +14,7 @@ use image::{GrayImage, Luma, Rgb, RgbImage};
 use super::root;
 use crate::support;
 
-/// Decoders and how many prompts they take at once.
+/// Decoders and the number of prompts that each takes at once.
 const DECODERS: [(&str, usize); 6] = [
     ("multi_mask", 1),
     ("single_mask", 1),
@@ -47,7 +47,7 @@ fn plain_input(rgb: [f32; 3]) -> Vec<f32> {
     rgb.into_iter().flat_map(|value| std::iter::repeat_n(value, MODEL_SIDE * MODEL_SIDE)).collect()
 }
 
-/// What the tiny encoder makes of a picture of one colour, averaged over its channels: weights `(i % 5 - 1) / 3`.
+/// The tiny encoder's embedding of a picture of one colour, averaged over its channels: weights `(i % 5 - 1) / 3`.
 fn mean_embedding(rgb: [f32; 3]) -> f32 {
     let weight = |output: usize, channel: usize| ((output * 3 + channel) % 5) as f32 / 3.0 - 1.0 / 3.0;
     let value = |output| rgb.iter().enumerate().map(|(channel, value)| weight(output, channel) * value).sum::<f32>();
@@ -85,7 +85,7 @@ fn every_form_of_the_export_gives_the_three_levels() {
     }
 }
 
-/// gprop's own decoder beside the same export run by ONNX Runtime, on a real picture's embedding.
+/// gprop's own decoder against the same export run by ONNX Runtime, on a real picture's embedding.
 #[test]
 fn the_decoder_computes_what_onnx_runtime_computes() {
     let Some(files) = support::models("the_decoder_computes_what_onnx_runtime_computes") else { return };
@@ -127,7 +127,8 @@ fn the_decoder_computes_what_onnx_runtime_computes() {
     }
 }
 
-/// An export with SAM's graph under other names of the parameters: ONNX Runtime runs it unless gprop itself is to.
+/// An export of SAM's graph with other parameter names: ONNX Runtime runs it, unless gprop is told to compute it
+/// itself.
 #[test]
 fn a_native_decoder_that_cannot_be_is_an_error_only_if_it_is_asked_for() {
     let Some(files) = support::models("a_native_decoder_that_cannot_be_is_an_error_only_if_it_is_asked_for") else {
@@ -154,7 +155,7 @@ fn a_native_decoder_that_cannot_be_is_an_error_only_if_it_is_asked_for() {
     }
 }
 
-/// Without ONNX Runtime: a graph of the right names that is not SAM's mask decoder, and bytes that are no graph.
+/// Without ONNX Runtime: a graph with the right names that is not SAM's mask decoder, and bytes that are not a graph.
 #[test]
 fn what_differs_from_sams_mask_decoder_is_told_apart() {
     let decoder = fs::read(root().join("fixtures/sam/multi_mask.onnx")).unwrap();
@@ -167,7 +168,7 @@ fn what_differs_from_sams_mask_decoder_is_told_apart() {
 
 #[test]
 fn every_form_of_the_export_finds_the_same_segments() {
-    // Bright above, dark below; all of it the object.
+    // Bright at the top, dark at the bottom; the object is the whole picture.
     let photo = Photo {
         rgb: RgbImage::from_fn(120, 90, |x, y| if y < 40 { Rgb([255 - x as u8, 250, 240]) } else { Rgb([20, 10, 30]) }),
         foreground: GrayImage::from_pixel(120, 90, Luma([255])),
@@ -234,7 +235,7 @@ fn embeddings_are_kept_by_picture_and_model() {
     let made = sam.encode(&picture).unwrap();
     assert_eq!((made.clone(), kept().len()), (sam.encode(&picture).unwrap(), 1));
 
-    // What lies there is what is taken, unless it is not whole.
+    // The stored embedding is used unless it is incomplete.
     let path = kept().remove(0);
     let bytes = fs::read(&path).unwrap();
     fs::write(&path, vec![0; bytes.len()]).unwrap();

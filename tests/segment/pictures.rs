@@ -1,5 +1,5 @@
-//! `gprop segment PICTURE` as a user types it, with pictures of every kind and what is written of them. The tiny models of
-//! `fixtures/sam` answer where it does not matter what SAM sees.
+//! `gprop segment PICTURE` as a user types it, with pictures of every kind and the files written for them. The tiny
+//! models of `fixtures/sam` are used if SAM's result does not matter.
 
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -14,7 +14,7 @@ use super::root;
 use crate::run::gprop;
 use crate::support::{models, python, python_has};
 
-/// `gprop segment PICTURE` with the tiny models; `None` where there is no ONNX Runtime to run them.
+/// `gprop segment PICTURE` with the tiny models; `None` if there is no ONNX Runtime to run them.
 fn segment(test: &str, picture: &Path, arguments: &[&str]) -> Option<Output> {
     let files = tiny(test, "multi_mask")?;
     let mut command = gprop();
@@ -36,7 +36,7 @@ fn map_of(picture: &Path) -> LabelMap {
     LabelMap::from_png(&fs::read(written(picture, &name)).unwrap()).unwrap()
 }
 
-/// A red square on a green ground, on nothing.
+/// A red square on a green ground, with a transparent border.
 fn coloured(width: u32, height: u32) -> RgbaImage {
     RgbaImage::from_fn(width, height, |x, y| match (x * 10 / width, y * 10 / height) {
         (3..5, 3..6) => Rgba([230, 40, 20, 255]),
@@ -189,7 +189,7 @@ fn other_forms_are_read_by_the_programs_that_they_are_for() {
     }
 }
 
-/// A label map, as the 16-bit PNG or as the array that others write, comes back as it was.
+/// A label map, as the 16-bit PNG or as the array of other programs, is read back unchanged.
 #[test]
 fn masks_made_elsewhere_replace_the_stage() {
     let (scene, masks) = (crate::run::hammer(), tempfile::tempdir().unwrap());

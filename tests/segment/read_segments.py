@@ -1,4 +1,4 @@
-"""Reads a label map and the same segments in another form, by the libraries that users of that form have."""
+"""Reads a label map and the same segments in another form, with the libraries that users of that form have."""
 
 import json
 import sys

@@ -14,7 +14,7 @@ use nalgebra::Vector3;
 
 use crate::support::skipped;
 
-/// The reference `name`; `None`, said aloud, where this is not a development checkout.
+/// The reference `name`; `None`, with a message, if this is not a development checkout.
 fn reference(test: &str, name: &str) -> Option<Npz> {
     let root = Path::new(env!("CARGO_MANIFEST_DIR"));
     let folders = ["../shared/reference/mpm", "../../shared/reference/mpm"].map(|folder| root.join(folder));
@@ -48,7 +48,7 @@ fn fills_the_peers_cells() {
     }
 }
 
-/// Every key of the peer's own configurations, its misspelt ones too.
+/// Every key of the peer's own configurations, including the misspelt ones.
 const ALL_KEYS: &str = r#"{
     "opacity_threshold": 0.02, "rotation_degree": [45.0, 6.5], "rotation_axis": [1, 2], "substep_dt": 1e-4,
     "frame_dt": 1e-2, "frame_num": 2, "E": 1e5, "yield_stress": 1e2, "nu": 0.3, "material": "metal", "hardening": 1,
@@ -97,7 +97,7 @@ fn reads_all_keys_and_refuses_others() {
     assert_eq!(Config::from_json(r#"{"frame_dt": 0.04, "substep_dt": 2e-5}"#).unwrap().substeps_per_frame(), 1999);
 }
 
-/// Particles at rest on a lattice of 2 x 2 x 2 a cell about the box's middle.
+/// Particles at rest on a lattice of 2 x 2 x 2 per cell around the box's middle.
 fn lattice(config: &Config, side: usize) -> Vec<Particle> {
     let dx = (config.grid_lim / config.n_grid as f64) as f32;
     let at = |i: usize| 1.0 + (i as f32 + 0.5 - side as f32 / 2.0) * dx / 2.0;
@@ -120,8 +120,8 @@ fn stepped(json: &str, side: usize, steps: usize) -> Solver {
     solver
 }
 
-/// A positive rate turns negatively about the normal, as in the peer: at +x from the axis z, towards -y. Where all nodes
-/// of a particle are surrounded by particles, splines hand a linear velocity on exactly.
+/// A positive rate turns negatively about the normal, as in the peer: at +x from the axis z, towards -y. If all nodes
+/// of a particle are surrounded by particles, splines transfer a linear velocity exactly.
 #[test]
 fn rotation_is_left_handed() {
     let solver = stepped(
@@ -138,25 +138,25 @@ fn rotation_is_left_handed() {
     for p in solver.particles.iter().filter(near) {
         let (x, y) = from_axis(p);
         let expected = Vector3::new(1.5 * y, -1.5 * x, 0.25);
-        // A step of 1e-4 s turns the place by 1.5e-4.
+        // A step of 1e-4 s turns the position by 1.5e-4.
         assert!((p.velocity - expected).norm() < 5e-5, "at {x}, {y}: {} not {expected}", p.velocity);
     }
 }
 
-/// Released from the far end to `end_position`, layer by layer: what lies beyond a layer's box falls freely.
+/// Released from the far end to `end_position`, layer by layer: particles beyond a layer's box fall freely.
 #[test]
 fn releases_layer_by_layer() {
     let json = r#"{"material": "sand", "n_grid": 32, "boundary_conditions": [{"type": "release_particles_sequentially",
         "normal": [1, 0, 0], "start_position": 1.5, "end_position": 0.5, "num_layers": 50, "start_time": 0,
         "end_time": 0.1}]}"#;
-    // Layer i reaches 0.5 + (50 - i) / 50 and is let go after 0.002 (i + 1) s: at 0.05 s those beyond x = 1 fall.
+    // Layer i reaches 0.5 + (50 - i) / 50 and is released after 0.002 (i + 1) s: at 0.05 s those beyond x = 1 fall.
     let solver = stepped(json, 8, 500);
     let (far, near): (Vec<&Particle>, Vec<&Particle>) = solver.particles.iter().partition(|p| p.position.x > 1.0);
     let fall = |ps: &[&Particle]| ps.iter().map(|p| -p.velocity.z).sum::<f32>() / ps.len() as f32;
     assert!(fall(&far) > 0.02 && fall(&near) < 0.25 * fall(&far), "{} {}", fall(&far), fall(&near));
 }
 
-/// A resetting cuboid holds the whole grid before it begins; another one does not.
+/// A resetting cuboid holds the whole grid before it begins; any other one does not.
 #[test]
 fn reset_holds_the_grid_before_its_start() {
     let fall = |reset: i32| {
@@ -170,7 +170,7 @@ fn reset_holds_the_grid_before_its_start() {
     assert!((fall(0) + 9.8 * 0.002).abs() < 1e-4, "{}", fall(0));
 }
 
-/// Material boxes are open, the last one that holds a place counts, and density is inherited.
+/// Material boxes are open, the last one that contains a position counts, and density is inherited.
 #[test]
 fn material_boxes_override() {
     let config = Config::from_json(ALL_KEYS).unwrap();
@@ -179,7 +179,7 @@ fn material_boxes_override() {
     assert_eq!(strength_at(&config, &Vector3::new(1.0, 1.0, 1.0)).0, Strength::new(1e5, 0.3, 1e2));
 }
 
-/// A small ball through the whole of it: selected, turned, filled, simulated, turned back.
+/// A small ball through all steps: selected, rotated, filled, simulated, rotated back.
 #[test]
 fn runs_a_configuration_on_a_scene() {
     let mut ball = Gaussians::default();
@@ -210,17 +210,18 @@ fn runs_a_configuration_on_a_scene() {
         Err(SimulateError::Configuration(why)) => assert!(why.contains("lower `scale`"), "{why}"),
         other => panic!("{other:?}"),
     }
-    // A ball of 10 cells' radius, but for its shell.
+    // A ball with a radius of 10 cells, without its shell.
     assert!(report.fill_particles > 2000 && report.fill_particles < 4200, "{}", report.fill_particles);
     let start = &ball.positions[1];
     for a in 0..3 {
         assert!((frames[0].positions[0][a] - start[a]).abs() < 1e-4, "{:?} {start:?}", frames[0].positions[0]);
     }
-    // It falls along the box's -z, which the turn made of the world's -y; lengths there are half the scene's.
+    // It falls along the box's -z, which the rotation made from the world's -y; lengths in the box are half the
+    // scene's.
     let fallen = start[1] - frames[2].positions[0][1];
     assert!((fallen - 2.0 * 0.5 * 9.8 * 0.04 * 0.04).abs() < 1e-3, "{fallen}");
 
-    // To be seen, each particle of the inside gets a Gaussian that looks like the nearest one.
+    // To be visible, each particle of the inside gets a Gaussian that looks like the nearest one.
     let seen = json.replace("\"search_threshold\"", "\"visualize\": true, \"search_threshold\"");
     let config = Config::from_json(&seen.replace("\"frame_num\": 2", "\"frame_num\": 0")).unwrap();
     let mut frames = Vec::new();

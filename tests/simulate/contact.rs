@@ -10,7 +10,7 @@ fn ground(contact: Contact) -> Vec<Boundary> {
     vec![Boundary { point_m: [0.0, 0.0, GROUND_M], normal: [0.0, 0.0, 1.0], contact }]
 }
 
-/// A block set down close to the ground.
+/// A block close to the ground.
 fn block(velocity_m_s: fn(Vector3<f64>) -> Vector3<f64>) -> Block {
     Block { low_m: [0.8, 0.8, GROUND_M + 0.06], youngs_modulus_pa: 1e6, velocity_m_s, ..Block::default() }
 }
@@ -34,11 +34,11 @@ fn friction_stops_a_sliding_block_after_coulombs_distance() {
     let slid = end.x - start.x;
     // The block bounces a little when it is set down and tips forward while it brakes.
     assert!((slid / expected - 1.0).abs() < 0.05, "slid {slid} m, expected {expected} m");
-    // Its base rests; the rest of it still sways by the shear it was stopped with.
+    // Its base is at rest; the block above it still sways from the shear with which it was stopped.
     assert!((momentum.x / mass).abs() < 0.02 * SPEED, "still slides at {} m/s", momentum.x / mass);
 }
 
-/// Without friction it keeps its speed; held by a sticky ground it does not slide at all.
+/// Without friction it keeps its speed; on a sticky ground it does not slide at all.
 #[test]
 fn slip_keeps_and_sticky_takes_the_speed() {
     let block = block(|_| Vector3::new(1.0, 0.0, 0.0));
@@ -56,8 +56,8 @@ fn slip_keeps_and_sticky_takes_the_speed() {
     assert!(held.abs() < 0.5, "{held} m/s");
 }
 
-/// A block let go near the ground comes to rest on it, its face as far above the plane as the stage lays the plane below
-/// the ground.
+/// A block released near the ground comes to rest on it, with its face as far above the plane as the stage places the
+/// plane below the ground.
 #[test]
 fn rests_on_the_ground() {
     let block = block(|_| Vector3::zeros());

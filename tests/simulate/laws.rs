@@ -56,7 +56,7 @@ fn small_strains_follow_hooke() {
     for law in [Law::FixedCorotated, Law::VonMises { hardening: 0.0, softening: 0.0 }] {
         let tau = tau(&mut pack(diagonal(1.0 + eps[0], 1.0 + eps[1], 1.0 + eps[2]), 1e9), law);
         for i in 0..3 {
-            // Second order in the strain, and f32.
+            // Errors of second order in the strain, and of f32.
             assert!((tau[(i, i)] - expected(i)).abs() < 0.01 * 2.0 * mu * 2e-3, "{law:?}: {tau}");
         }
     }
@@ -74,7 +74,7 @@ fn von_mises_holds_its_yield_stress_in_tension() {
     for step in 1..=100 {
         let pull = 1.0002_f64;
         stretch *= pull;
-        // The sides move so that they bear nothing.
+        // The sides move so that they are free of stress.
         let loaded = |side: f64| {
             let mut trial = matter.clone();
             for (row, factor) in [(0, pull), (4, side), (8, side)] {
@@ -97,8 +97,8 @@ fn von_mises_holds_its_yield_stress_in_tension() {
     assert!(E * stretch.ln() > 3.0 * YIELD, "the pull should go far beyond yield");
 }
 
-/// Sheared under pressure, sand slides on the cone |dev tau| = 3 alpha p of its friction angle; pulled, it bears nothing;
-/// squeezed evenly, it is elastic.
+/// Sheared under pressure, sand slides on the cone |dev tau| = 3 alpha p of its friction angle; pulled, it
+/// bears no stress; compressed evenly, it is elastic.
 #[test]
 fn sand_slides_on_its_cone_and_bears_no_tension() {
     let (mu, lambda) = lame(E, NU);
@@ -115,7 +115,7 @@ fn sand_slides_on_its_cone_and_bears_no_tension() {
     assert!((squeezed[(0, 0)] - expected).abs() < 1e-3 * expected.abs(), "{squeezed}");
 }
 
-/// Held at a stretch, foam's stress relaxes to its yield stress; the more viscous, the slower.
+/// At a constant stretch, the stress of foam relaxes to its yield stress: the more viscous, the slower.
 #[test]
 fn foam_relaxes_to_its_yield_stress() {
     const YIELD: f64 = 5e3;
@@ -127,7 +127,7 @@ fn foam_relaxes_to_its_yield_stress() {
     };
     let radius = von_mises::yield_radius(YIELD);
     assert!((after(0.0, 1) - radius).abs() < 2e-2 * radius, "{}", after(0.0, 1));
-    // excess / (1 + eta / (2 mu dt)) a step: with eta = 2 mu dt about half of it is left after one.
+    // excess / (1 + eta / (2 mu dt)) per step: with eta = 2 mu dt about half of it is left after one.
     let (mu, _) = lame(E, NU);
     let viscosity = (2.0 * mu * 1e-4) as f32;
     let start = size(tau(&mut pack(stretched, 1e12), Law::Foam { viscosity_pa_s: 0.0 }));
@@ -149,8 +149,8 @@ fn plasticine_softens_as_it_flows() {
     assert!((kept - 1.0 / (1.0 + 3.0 * flow)).abs() < 1e-3, "{kept}");
 }
 
-/// Snow keeps its elastic stretch within its bounds, packs to something harder and tears to something softer, and has
-/// stress all along.
+/// Snow keeps its elastic stretch within its bounds, hardens if packed, softens if torn, and keeps its stress in both
+/// cases.
 #[test]
 fn snow_yields_at_its_bounds_and_hardens_when_packed() {
     let law = Law::Snow(Snow { theta_c: 0.025, theta_s: 0.0075, xi: 10.0 });
@@ -170,7 +170,7 @@ fn snow_yields_at_its_bounds_and_hardens_when_packed() {
     assert!(torn.state[0] > 1.05 && torn_stress > 0.0 && torn_stress < 0.0075 * (2.0 * mu + lambda), "{torn_stress}");
 }
 
-/// Cohesion lets sand bear the tension c cot(phi) on every side, and no more.
+/// With cohesion, sand bears the tension c cot(phi) in every direction, and no more.
 #[test]
 fn cohesion_bears_tension_up_to_the_apex() {
     let phi = 30.0_f64.to_radians();
@@ -183,7 +183,7 @@ fn cohesion_bears_tension_up_to_the_apex() {
     assert!((held[(0, 0)] / (0.5 * apex) - 1.0).abs() < 0.02, "{held}");
 }
 
-/// A fluid's pressure is K times its compression, whatever its shape; pulled apart, it bears nothing.
+/// A fluid's pressure is K times its compression, whatever its shape; pulled apart, it bears no tension.
 #[test]
 fn fluid_bears_pressure_alone() {
     let (_, bulk) = lame(E, NU);
@@ -220,7 +220,7 @@ fn stress_is_the_slope_of_the_energy() {
                 assert!((slope - tau[(i, j)]).abs() < 2e-3 * E * 0.1, "{law:?} {i} {j}: {slope}, not {}", tau[(i, j)]);
             }
         }
-        // A law that is missing in the list above does not compile.
+        // This match does not compile if a law is missing.
         match law {
             Law::FixedCorotated | Law::VonMises { .. } | Law::DruckerPrager { .. } => {}
             Law::Foam { .. } | Law::Snow(_) | Law::Fluid => {}
@@ -249,14 +249,14 @@ fn value(lanes: Plain) -> f64 {
 proptest! {
     #![proptest_config(ProptestConfig { failure_persistence: None, ..ProptestConfig::default() })]
 
-    /// Against nalgebra's SVD in f64, for moderate deformations, turned and inside out as well.
+    /// Against nalgebra's SVD in f64, for moderate deformations, including rotated and inverted ones.
     #[test]
     fn stretches_and_rotation_agree_with_an_svd(entries in prop::array::uniform9(-1.5_f64..1.5)) {
         let f = Matrix3::from_row_slice(&entries);
         let SVD { u, v_t, singular_values } = f.svd(true, true);
         let (u, v_t) = (u.unwrap(), v_t.unwrap());
         prop_assume!(singular_values.min() > 0.05);
-        // Where two stretches nearly cancel in the signed sum, the rotation itself is ill-defined.
+        // If two stretches nearly cancel in the signed sum, the rotation itself is ill-defined.
         let sign = f.determinant().signum();
         prop_assume!(sign > 0.0 || singular_values[1] - singular_values.min() > 0.1);
         let stretches = Stretches::of(&lanes_of(&f));
@@ -264,7 +264,8 @@ proptest! {
         found.sort_by(|a, b| b.abs().total_cmp(&a.abs()));
         let expected = [singular_values[0], singular_values[1], singular_values[2] * sign];
         for i in 0..3 {
-            // Through F F^T the smallest stretch loses as many digits as it is smaller than the largest.
+            // Computed from F F^T, the smallest stretch loses digits in proportion to how much smaller than the largest
+            // it is.
             prop_assert!((found[i] - expected[i]).abs() < 2e-5 * singular_values.max() / singular_values.min(), "{found:?} {expected:?}");
         }
         let r = rotation(&lanes_of(&f));

@@ -1,10 +1,10 @@
-// Free motion: what the transfers must conserve.
+// Free motion: the quantities that the transfers must conserve.
 mod motion;
 // Stress, yield and waves against closed forms.
 mod laws;
 // The ground.
 mod contact;
-// What rests: a bent beam, a column of water, a heap of sand.
+// Equilibria: a bent beam, a column of water, a heap of sand.
 mod statics;
 // Trajectories of the public solver, in the default mode.
 mod peer;
@@ -22,7 +22,7 @@ use gprop::simulate::mpm::particles::{IDENTITY, Particle};
 use gprop::simulate::mpm::{Setting, Solver};
 use nalgebra::Vector3;
 
-/// An elastic or plastic block for tests, eight particles a grid cell.
+/// An elastic or plastic block for tests, with eight particles per grid cell.
 struct Block {
     low_m: [f32; 3],
     size_m: [f32; 3],
@@ -32,7 +32,7 @@ struct Block {
     poisson_ratio: f64,
     velocity_m_s: fn(Vector3<f64>) -> Vector3<f64>,
     law: Law,
-    /// What the law's state starts with.
+    /// The initial value of the law's state.
     state: f64,
 }
 
@@ -112,7 +112,7 @@ impl Block {
     }
 }
 
-/// The solver's particles in the order they were given.
+/// The solver's particles in the order in which they were given.
 fn particles_of(solver: &Solver) -> Vec<Particle> {
     solver.particles().iter().collect()
 }

@@ -24,7 +24,8 @@ fn falls_freely() {
     assert!(stretch < 1.0 + 1e-4, "free fall must not strain: {stretch}");
 }
 
-/// sum m (x cross v) plus what APIC's affine velocity carries: m dx^2 / 4 times the axial vector of C (Jiang et al. 2015).
+/// sum m (x cross v) plus the part in APIC's affine velocity: m dx^2 / 4 times the axial vector of C (Jiang et al.
+/// 2015).
 fn angular_momentum(particles: &[Particle], spacing_m: f64) -> Vector3<f64> {
     let inertia = spacing_m * spacing_m / 4.0;
     particles
@@ -66,7 +67,7 @@ fn keeps_momentum_and_angular_momentum_over_a_thousand_steps() {
     assert!(turned.count() > before.len() / 2, "the block should have moved and turned");
 }
 
-/// A wave runs along a bar without lateral strain (nu = 0) at c = sqrt(E / rho); free ends make its first mode swing with
+/// A wave runs along a bar without lateral strain (nu = 0) at c = sqrt(E / rho); with free ends, its first mode has
 /// the period 2 L / c.
 #[test]
 fn bar_swings_with_the_period_of_its_waves() {
@@ -102,13 +103,13 @@ fn bar_swings_with_the_period_of_its_waves() {
         }
     }
     let period = crossings[2] - crossings[0];
-    // Particles end half a spacing inside the bar's faces and the grid rounds the free ends off by some of a cell of the
-    // 32: the bar swings as one up to a cell longer.
+    // The outermost particles are half a spacing inside the bar's faces, and the grid rounds off the free ends by a
+    // part of one of the 32 cells: the bar oscillates like one that is up to a cell longer.
     assert!((period / expected - 1.0).abs() < 0.03, "period {period} s, expected {expected} s");
 }
 
 /// Thrown obliquely onto smooth ground: parabolas between the bounces, no speed lost along the ground. A block without
-/// lateral strain that falls flat rebounds by one wave up and down: with the speed it came, after 2 H / c (St. Venant).
+/// lateral strain that falls flat rebounds by one wave up and down: with its initial speed, after 2 H / c (St. Venant).
 #[test]
 fn oblique_throw_bounces_with_its_speed() {
     const GRAVITY: f64 = 9.8;
@@ -131,7 +132,7 @@ fn oblique_throw_bounces_with_its_speed() {
         course.push((step as f64 * dt, place, momentum / mass));
         solver.step(block.dt_s()).unwrap();
     }
-    // In touch with the ground while it is slowed by more than its weight.
+    // In contact with the ground while its upward acceleration exceeds half of g.
     let pushed = |pair: &[(f64, Vector3<f64>, Vector3<f64>)]| (pair[1].2.z - pair[0].2.z) / dt > 0.5 * GRAVITY;
     let first = course.windows(2).position(pushed).unwrap();
     let last = first + course[first..].windows(2).position(|pair| !pushed(pair)).unwrap();
@@ -139,7 +140,7 @@ fn oblique_throw_bounces_with_its_speed() {
     let restitution = -leaving.2.z / landing.2.z;
     assert!(restitution > 0.9 && restitution <= 1.0, "restitution {restitution}");
     let (contact_s, expected_s) = (leaving.0 - landing.0, 2.0 * 0.4 / block.wave_speed_m_s());
-    // The grid feels the ground about a cell before it is there.
+    // On the grid, the ground acts about a cell before the block reaches it.
     let early_s = f64::from(block.spacing_m) / -landing.2.z;
     assert!(
         contact_s > 0.95 * expected_s && contact_s < expected_s + early_s,

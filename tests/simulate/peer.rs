@@ -1,6 +1,6 @@
 //! Against trajectories of the public PhysGaussian solver, kept beside the repository where it is developed. gprop's
-//! transfer differs from the peer's (MLS instead of B-spline gradients in force and deformation), so the courses agree
-//! as closely as two discretisations of one problem do, not to rounding.
+//! transfer differs from the peer's (MLS instead of B-spline gradients in force and deformation), so the
+//! trajectories agree as closely as two discretisations of one problem do, not to rounding.
 
 use std::io::{Cursor, Read};
 use std::path::Path;
@@ -20,7 +20,7 @@ use crate::support::skipped;
 struct Npz(zip::ZipArchive<Cursor<Vec<u8>>>);
 
 impl Npz {
-    /// The reference `name`; `None` where this is not a development checkout.
+    /// The reference `name`; `None` if this is not a development checkout.
     fn reference(name: &str) -> Option<Self> {
         let root = Path::new(env!("CARGO_MANIFEST_DIR"));
         let folders = ["../shared/reference/mpm", "../../shared/reference/mpm"].map(|folder| root.join(folder));
@@ -124,7 +124,7 @@ fn deviation(name: &str) -> Option<(f64, f64)> {
 #[test]
 fn follows_the_peer() {
     for (name, com_m, ke) in [
-        // Free motion differs least; where a body of 0.4 m hits the ground, by a tenth of a cell of 0.04 m.
+        // Free motion differs least; if a body of 0.4 m hits the ground, by a tenth of a cell of 0.04 m.
         ("spin5k_g48_apic.npz", 1e-6, 1e-3),
         ("drop_cube10k_g48_jelly.npz", 5e-3, 5e-2),
         ("drop_cube10k_g48_metal.npz", 5e-3, 5e-2),

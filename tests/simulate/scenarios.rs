@@ -3,7 +3,7 @@ use gprop::simulate::mpm::particles::{IDENTITY, Particle};
 use gprop::simulate::script::{KNOWN, Script, Standing, named};
 use gprop::simulate::{Options, SimulateError};
 
-/// A column of ten particles, the lower five a foot, the others a seat.
+/// A column of ten particles; the lower five are a foot, the others a seat.
 fn column() -> Vec<Particle> {
     (0..10)
         .map(|i| Particle {
@@ -39,7 +39,7 @@ fn every_known_scenario_plays() {
     }
 }
 
-/// A force in weights of the object, on a part by its name, in its share of the time.
+/// A force in weights of the object, on a named part, during its share of the time.
 #[test]
 fn file_pushes_a_part_by_name() {
     let script = Script::from_toml(
@@ -60,7 +60,7 @@ fn file_pushes_a_part_by_name() {
     let actions = standing(&particles, &names).actions(&script.steps).unwrap();
     assert_eq!((actions[0].from_s, actions[0].to_s), (0.5, 1.0));
     assert_eq!(actions[0].mask, LABELS.map(|l| l == 1));
-    // Half of the mass takes two weights of the whole: four times gravity.
+    // A force of two weights of the object acts on half of its mass: four times gravity.
     match actions[0].effect {
         Effect::Accelerate([x, y, z]) => assert!(x == 0.0 && y == 0.0 && (z + 4.0 * 9.8).abs() < 1e-4, "{z}"),
         other => panic!("{other:?}"),
@@ -68,7 +68,7 @@ fn file_pushes_a_part_by_name() {
     assert_eq!((actions[1].mask.clone(), actions[1].effect), (LABELS.map(|l| l == 0).to_vec(), Effect::Move([0.0; 3])));
 }
 
-/// A caption is a sentence: a word of it will do, unless a part is called just so.
+/// A caption is a sentence: one word of it is enough, unless it is the exact name of a part.
 #[test]
 fn parts_are_found_by_words_of_their_caption() {
     let particles = column();

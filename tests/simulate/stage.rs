@@ -13,7 +13,7 @@ use nalgebra::{Matrix3, UnitQuaternion, Vector3};
 
 use crate::support::skipped;
 
-/// A bar of two materials: Gaussians on its faces, its inside in cells.
+/// A bar of two materials: Gaussians on its faces, cells inside.
 struct Bar {
     gaussians: Gaussians,
     labels: Vec<u32>,
@@ -48,7 +48,7 @@ impl Bar {
         bar
     }
 
-    /// A flat Gaussian whose look depends on the direction.
+    /// Adds a flat Gaussian whose colour depends on the direction.
     fn push(&mut self, n: usize, position: [f64; 3]) {
         let wave = |k: usize| ((n * 7 + k * 13) % 29) as f32 / 29.0 - 0.5;
         let g = &mut self.gaussians;
@@ -128,9 +128,9 @@ fn drops_the_object_and_reports_what_it_did() {
     let (mu, lambda) = gprop::simulate::material::lame(2e5, 0.35);
     let wave = ((lambda + 2.0 * mu) / 700.0_f64).sqrt();
     assert!(report.dt_s <= 0.4 * report.grid_spacing_m / wave, "{} s", report.dt_s);
-    // The longest step, so often, is at least the whole time: a frame's last step is cut to end with it.
+    // The longest step times their number is at least the whole time, since steps are shortened to end with a frame.
     assert!(report.substeps as f64 * report.dt_s >= 0.2 - 1e-9 && report.substeps > 100);
-    // It falls freely by g t^2 / 2 within the first frame, and lies on the ground, to a grid cell, in the last.
+    // It falls freely by g t^2 / 2 within the first frame, and lies on the ground, to within a grid cell, in the last.
     let fallen = frames[0].summary.center_of_mass_m[2] - frames[1].summary.center_of_mass_m[2];
     assert!((fallen - 0.5 * 9.8 * 0.04 * 0.04).abs() < 1e-4, "{fallen} m");
     let lowest = frames[5].gaussians.positions.iter().map(|p| f64::from(p[2])).fold(f64::INFINITY, f64::min);
@@ -139,7 +139,7 @@ fn drops_the_object_and_reports_what_it_did() {
     assert!((lowest - ground).abs() < spacing, "lowest at {lowest}, ground {ground}, spacing {spacing}");
 }
 
-/// The first frame is the scene, tilted as a whole: places, covariances, colours from turned directions.
+/// The first frame is the scene, tilted as a whole: positions, covariances, colours from rotated directions.
 #[test]
 fn first_frame_is_the_tilted_scene() {
     let bar = Bar::new();
@@ -208,7 +208,7 @@ fn resumed_run_ends_in_the_same_bytes() {
     }
 }
 
-/// Parts keep their volume, solids are filled, and what is known of no inside counts as full.
+/// Parts keep their volume, solids are filled, and parts whose inside is unknown count as full.
 #[test]
 fn filling_keeps_every_parts_volume() {
     let bar = Bar::new();
@@ -231,7 +231,7 @@ fn filling_keeps_every_parts_volume() {
     assert_eq!((bare.bodies.len(), bare.assumed_full), (positions.len(), vec![0, 1]));
 }
 
-/// A corner that lands on a sticky ground stays there; on another one it glides off and springs up again.
+/// A corner that lands on a sticky ground stays there; on any other it slides and bounces up again.
 #[test]
 fn ground_may_hold_what_lands() {
     let bar = Bar::new();
@@ -282,7 +282,7 @@ fn bad_input_is_refused_with_a_reason() {
     assert!(refused(&Input { gaussians: &point, ..bar.input() }).contains("Gaussian 3"));
 }
 
-/// A floater of the training stays where it is and troubles nobody.
+/// A floater stays in its place and does not disturb the simulation.
 #[test]
 fn strays_stay_in_place() {
     let bar = Bar::new();
@@ -296,7 +296,7 @@ fn strays_stay_in_place() {
     assert!(report.warnings.iter().any(|w| w.starts_with("1 Gaussians lie far")), "{:?}", report.warnings);
 }
 
-/// The estimate comes before the work: ten hours are refused.
+/// The duration is estimated first: ten hours are refused.
 #[test]
 fn too_long_a_run_is_refused_before_it_starts() {
     let bar = Bar::new();
@@ -309,7 +309,7 @@ fn too_long_a_run_is_refused_before_it_starts() {
     run(&bar.input(), &options());
 }
 
-/// What the scenario carries out of the domain, or into what is not a number, stops the run with particle, time and cause.
+/// A particle that leaves the domain or becomes NaN stops the run with an error that names particle, time and cause.
 #[test]
 fn domain_too_small_or_no_number_stops_the_run() {
     let bar = Bar::new();
@@ -320,14 +320,14 @@ fn domain_too_small_or_no_number_stops_the_run() {
             other => panic!("{other:?}"),
         }
     };
-    // Eight longest sides of room at 100 a second each way: after 0.08 s.
+    // Eight longest sides of room at 100 per second in each direction: after 0.08 s.
     let (t_s, why) = stopped("stretch", "speed=200");
     assert!((t_s - 0.08).abs() < 0.01 && why.contains("the domain") && why.contains("particle"), "{t_s}: {why}");
     let (t_s, why) = stopped("push", "force=1e40");
     assert!(t_s < 0.01 && why.contains("became NaN or infinite") && why.contains("lower"), "{t_s}: {why}");
 }
 
-/// A step ten times the bound blows up; the run says so instead of writing nonsense, and keeps what it had.
+/// A step ten times the bound blows up; the run reports it instead of writing nonsense, and keeps the earlier frames.
 #[test]
 fn explosion_stops_the_run_and_keeps_the_frames() {
     let bar = Bar::new();
@@ -345,7 +345,7 @@ fn explosion_stops_the_run_and_keeps_the_frames() {
     }
 }
 
-/// The bar is in every picture, whole, and the GIF holds them all.
+/// Every picture shows the whole bar, and the GIF contains all pictures.
 #[test]
 fn animation_shows_the_object_in_every_frame() {
     let bar = Bar::new();

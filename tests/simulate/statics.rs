@@ -6,8 +6,9 @@ use nalgebra::{Matrix3, Vector3};
 
 use super::{Block, particles_of};
 
-/// A beam of length L and thickness h, clamped at one end and left to its weight, swings about Timoshenko's deflection
-/// 3 rho g L^4 / (2 E h^2) + rho g L^2 / (2 kappa G), kappa = 5/6, with the period 2 pi / 3.516 sqrt(12 rho L^4 / (E h^2)).
+/// A beam of length L and thickness h, clamped at one end under its weight, oscillates about Timoshenko's deflection
+/// 3 rho g L^4 / (2 E h^2) + rho g L^2 / (2 kappa G), kappa = 5/6, with the period 2 pi / 3.516 sqrt(12 rho L^4 / (E
+/// h^2)).
 #[test]
 fn cantilever_swings_about_its_deflection() {
     const LENGTH: f64 = 1.0;
@@ -56,8 +57,8 @@ fn cantilever_swings_about_its_deflection() {
         .filter(|(p, _)| p.position_m[0] < clamped_to - 0.05)
         .map(|(p, q)| (Vector3::from(p.position_m) - Vector3::from(q.position_m)).norm());
     assert!(crept.fold(0.0, f32::max) < 1e-5, "what is held must stay");
-    // Let go at rest, it swings as far beyond its deflection. Nodes up to 1.5 cells from what is held are held with it: the
-    // beam is about a cell of its 40 shorter, a tenth less in the fourth power.
+    // Released at rest, it swings equally far beyond its deflection. Nodes up to 1.5 cells from held particles are held
+    // too: the beam is about one of its 40 cells shorter, which is a tenth less in the fourth power.
     let (found, expected) = ((start - lowest) / 2.0, bending + shear);
     assert!((found / expected - 0.95).abs() < 0.1, "deflection {found} m, expected {expected} m");
     assert!((2.0 * lowest_at / period - 0.97).abs() < 0.08, "period {} s, expected {period} s", 2.0 * lowest_at);
@@ -67,13 +68,13 @@ fn wall(point_m: [f32; 3], normal: [f32; 3], contact: Contact) -> Boundary {
     Boundary { point_m, normal, contact }
 }
 
-/// Water poured into a box without friction sounds up and down about rho g times the depth.
+/// The pressure of water in a box without friction oscillates about rho g times the depth.
 #[test]
 fn fluid_bears_its_weight() {
     const GRAVITY: f64 = 9.8;
     let block = Block { youngs_modulus_pa: 1e6, law: Law::Fluid, ..Block::default() };
     let [low, high] = [0.8_f32, 1.2];
-    // On layers of nodes, a hair inside for the rounding.
+    // On layers of nodes, slightly inside to allow for rounding.
     let gap = -0.001 * block.spacing_m;
     let walls = vec![
         wall([low - gap, 0.0, 0.0], [1.0, 0.0, 0.0], Contact::Slip),
@@ -84,7 +85,7 @@ fn fluid_bears_its_weight() {
     ];
     let mut solver = block.solver([0.0, 0.0, -GRAVITY as f32], walls);
     let (_, bulk_pa) = gprop::simulate::material::lame(block.youngs_modulus_pa, block.poisson_ratio);
-    // The period of its first sound, 4 H / c.
+    // The period of its lowest acoustic mode, 4 H / c.
     let period = 4.0 * 0.4 / (bulk_pa / block.density_kg_m3).sqrt();
     let dt = f64::from(block.dt_s());
     let steps_of = |periods: f64| (periods * period / dt) as usize;
@@ -103,7 +104,7 @@ fn fluid_bears_its_weight() {
     }
     let count = (to - from) as f64;
     let points: Vec<[f64; 2]> = sums.iter().map(|[z, p]| [z / count, p / count]).collect();
-    // Pressure against height clear of floor and surface, least squares.
+    // Pressure against height, away from floor and surface, by least squares.
     let points: Vec<[f64; 2]> = points.into_iter().filter(|[z, _]| (0.9..1.1).contains(z)).collect();
     let mean = |a: usize| points.iter().map(|p| p[a]).sum::<f64>() / points.len() as f64;
     let [z, p] = [mean(0), mean(1)];
@@ -115,8 +116,8 @@ fn fluid_bears_its_weight() {
     assert!((surface - f64::from(high)).abs() < f64::from(block.spacing_m), "no pressure at {surface} m");
 }
 
-/// A long heap of sand, `slope_deg` steep on both sides, on rough ground between smooth walls: its slope after `seconds`,
-/// in degrees, of a line through the surface's middle half.
+/// A long heap of sand, `slope_deg` steep on both sides, on rough ground between smooth walls: the slope in
+/// degrees, after `seconds`, of a line through the middle half of its surface.
 fn slope_after(slope_deg: f64, friction_deg: f64, seconds: f64) -> f64 {
     const GROUND: f32 = 0.5;
     let rise = slope_deg.to_radians().tan();
@@ -160,7 +161,7 @@ fn slope_after(slope_deg: f64, friction_deg: f64, seconds: f64) -> f64 {
     (-fall).atan().to_degrees()
 }
 
-/// A heap less steep than its friction angle stays; a steeper one slides down to less than it.
+/// A heap that is less steep than its friction angle stays; a steeper one slides until it is less steep.
 #[test]
 fn sand_keeps_its_angle_of_repose() {
     let gentle = slope_after(20.0, 35.0, 1.5);

@@ -11,9 +11,9 @@ use serde_json::Value;
 
 use super::skipped;
 
-/// Software WebGL on a busy machine draws a few frames a second.
+/// Software WebGL on a busy machine draws a few frames per second.
 const PATIENCE: Duration = Duration::from_secs(120);
-/// A page and what it complained of.
+/// A page and its error messages.
 pub struct Page {
     _browser: Browser,
     pub tab: Arc<Tab>,
@@ -21,7 +21,7 @@ pub struct Page {
 }
 
 impl Page {
-    /// Opens `url` and waits for what `ready` selects; `None`, said aloud, where there is no Chromium.
+    /// Opens `url` and waits for the element that `ready` selects; `None`, with a message, if there is no Chromium.
     pub fn open(test: &str, url: &str, ready: &str) -> Option<Self> {
         let Ok(path) = default_executable() else {
             skipped(test, "no Chromium or Chrome; `apt-get install chromium` brings one");
@@ -29,7 +29,7 @@ impl Page {
         };
         let options = LaunchOptions::default_builder()
             .path(Some(path))
-            // Chromium's sandbox does not start for root, as whom tests in a container run.
+            // Chromium's sandbox does not start for root, the user of tests in a container.
             .sandbox(false)
             .enable_gpu(true)
             .window_size(Some((1280, 1000)))
@@ -72,7 +72,7 @@ impl Page {
         self.evaluate("new Promise((done) => requestAnimationFrame(() => requestAnimationFrame(() => done(1))))");
     }
 
-    /// Waits until a script no longer gives `before`, and says whether it came to that.
+    /// Waits until a script returns something other than `before`; false if it does not happen in time.
     pub fn changes(&self, script: &str, before: &Value) -> bool {
         let since = Instant::now();
         while since.elapsed() < PATIENCE {
@@ -84,7 +84,7 @@ impl Page {
         false
     }
 
-    /// Errors and whatever else the page said to the console.
+    /// Errors and all other console messages of the page.
     pub fn complaints(&self) -> Vec<String> {
         self.complaints.lock().unwrap().clone()
     }

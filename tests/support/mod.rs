@@ -13,13 +13,13 @@ use gprop::progress::Progress;
 use gprop::setup::{self, ModelFiles, SetupError};
 use serde_json::Value;
 
-/// Says on stderr, past the harness's capture, that a test did not run and why.
+/// Reports on stderr, bypassing the harness's capture, that a test did not run and why.
 pub fn skipped(test: &str, why: &str) {
     let _ = writeln!(std::io::stderr(), "skipped {test}: {why}");
 }
 
-/// ONNX Runtime and SAM as any user gets them; `None`, said aloud, where they cannot be had here (no network, offline,
-/// another platform). Anything else that is wrong with them fails the test.
+/// ONNX Runtime and SAM as any user gets them; `None`, with a message, if they cannot be obtained (no network, offline,
+/// another platform). Any other problem with them fails the test.
 pub fn models(test: &str) -> Option<ModelFiles> {
     static MODELS: OnceLock<Result<ModelFiles, String>> = OnceLock::new();
     let obtained = MODELS.get_or_init(|| match setup::obtain(&setup::Options::default(), Progress::Hidden) {
@@ -35,7 +35,7 @@ pub fn models(test: &str) -> Option<ModelFiles> {
     obtained.as_ref().map_err(|why| skipped(test, why)).ok().cloned()
 }
 
-/// Values that several tests read, made once for each folder by whichever test is first.
+/// Values that several tests read, made once for each folder by the first test that needs them.
 pub struct Shared<T: 'static>(Mutex<BTreeMap<PathBuf, &'static OnceLock<T>>>);
 
 impl<T> Shared<T> {
@@ -52,7 +52,7 @@ impl<T> Shared<T> {
     }
 }
 
-/// Whether Python has a package; said aloud where not.
+/// True if Python has a package; prints a message if not.
 pub fn python_has(test: &str, package: &str, import: &str) -> bool {
     let found = Command::new("python3").args(["-c", &format!("import {import}")]).output();
     let found = found.is_ok_and(|output| output.status.success());

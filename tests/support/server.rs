@@ -1,5 +1,5 @@
-//! HTTP servers on loopback: one that answers as a test tells it to and remembers what it was asked, and one that does
-//! with a connection as a test likes.
+//! HTTP servers on loopback: one that answers as a test tells it to and stores its requests, and one that passes each
+//! connection to the test.
 
 use std::io::{self, Read, Write};
 use std::net::{SocketAddr, TcpListener, TcpStream};
@@ -10,7 +10,7 @@ use std::time::Duration;
 
 use serde_json::Value;
 
-/// What the server was sent.
+/// A request that the server received.
 #[derive(Clone)]
 pub struct Request {
     pub method: String,
@@ -21,7 +21,7 @@ pub struct Request {
 }
 
 impl Request {
-    /// The value of a header, whose name is in small letters.
+    /// The value of a header, whose name is given in lower case.
     pub fn header(&self, name: &str) -> Option<&str> {
         self.headers.iter().find(|(known, _)| known == name).map(|(_, value)| value.as_str())
     }
@@ -32,7 +32,7 @@ impl Request {
     }
 }
 
-/// What the server answers.
+/// The server's answer.
 #[derive(Clone)]
 pub struct Response {
     status: u16,
@@ -98,7 +98,7 @@ impl Listener {
 impl Drop for Listener {
     fn drop(&mut self) {
         self.is_over.store(true, Ordering::SeqCst);
-        // The listener's thread wakes up and ends.
+        // Wakes the listener's thread, which then ends.
         let _ = TcpStream::connect(self.address);
     }
 }
@@ -125,7 +125,7 @@ impl MockServer {
         Self { listener, requests }
     }
 
-    /// Where it listens: scheme, address and port.
+    /// Its address: scheme, host and port.
     pub fn uri(&self) -> String {
         self.listener.uri()
     }
@@ -136,7 +136,7 @@ impl MockServer {
     }
 }
 
-/// Reads a request to the end of its body; `None` if the connection ends before, as that of a killed client does.
+/// Reads a request to the end of its body; `None` if the connection ends earlier, as that of a killed client does.
 pub fn read_request(stream: &mut TcpStream) -> Option<Request> {
     let mut bytes = Vec::new();
     let mut chunk = [0; 1 << 16];
@@ -162,7 +162,7 @@ pub fn read_request(stream: &mut TcpStream) -> Option<Request> {
     Some(request)
 }
 
-/// Appends what has come; `None` at the end of the connection.
+/// Appends the bytes that have arrived; `None` at the end of the connection.
 fn read_more(stream: &mut TcpStream, chunk: &mut [u8], bytes: &mut Vec<u8>) -> Option<()> {
     let count = stream.read(chunk).ok().filter(|&count| count > 0)?;
     bytes.extend_from_slice(&chunk[..count]);
@@ -170,7 +170,7 @@ fn read_more(stream: &mut TcpStream, chunk: &mut [u8], bytes: &mut Vec<u8>) -> O
 }
 
 fn write_response(stream: &mut TcpStream, response: &Response) -> io::Result<()> {
-    // A server that takes its time, or for ever: the thread ends with the tests.
+    // A slow server, or one that never answers: the thread ends with the tests.
     thread::sleep(response.delay);
     let mut bytes = format!("HTTP/1.1 {} of a test\r\ncontent-length: {}\r\n", response.status, response.body.len());
     for (name, value) in &response.headers {

@@ -1,9 +1,9 @@
-//! What no vote can do better: the best labels that the splat's Gaussians could have for the held-out views, found with the
-//! true maps of these very views. What is missing to 1 is then the splat's and the drawing's, not the vote's.
+//! An upper bound for any vote: the best labels that the splat's Gaussians could have for the held-out views, found
+//! with the true maps of these views. The remaining error is due to the splat and its rendering, not to the vote.
 //!
-//! Coordinate ascent: a pixel shows the label with the largest sum of blend weights; a Gaussian takes another label where
-//! that makes more pixels right, until none does. It starts from what the held-out views vote themselves and finds a local
-//! optimum, so the true bound may lie a little higher.
+//! Coordinate ascent: a pixel shows the label with the largest sum of blend weights; a Gaussian takes another label
+//! if that makes more pixels right, until no change does. It starts from the vote of the held-out views themselves and
+//! finds a local optimum, so the true bound may lie a little higher.
 
 use gprop::evaluate::segmentation::IouTally;
 use gprop::render::{FOREGROUND_ALPHA, LANES, RenderOptions, Sink, Splat, TileRect, pixels, visit};
@@ -13,7 +13,7 @@ use super::scenes::{HeldOut, Measured};
 /// Part ids of the scenes are lower than this.
 const PARTS: usize = 4;
 
-/// What each splat adds to each pixel of one tile.
+/// The weight of each splat on each pixel of one tile.
 struct Weights {
     rect: TileRect,
     /// Gaussian, pixel within the tile, weight.
@@ -109,7 +109,7 @@ impl Pixels {
     }
 }
 
-/// IoU by part of the best labels that are found from `labels` on.
+/// IoU by part of the best labels found when starting from `labels`.
 pub fn best(measured: &Measured, mut labels: Vec<u32>) -> IouTally<u32> {
     let mut pixels = Pixels::new(measured, &labels);
     pixels.climb(&mut labels);

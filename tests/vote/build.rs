@@ -54,7 +54,7 @@ pub fn cloud(blobs: &[Blob]) -> Gaussians {
     cloud
 }
 
-/// Numbers in 0..1 that look random and are the same everywhere (SplitMix64).
+/// Pseudo-random numbers in 0..1, the same on every machine (SplitMix64).
 pub struct Noise(pub u64);
 
 impl Noise {

@@ -1,4 +1,5 @@
-//! The vote on built clouds: who wins, what unseen Gaussians get, which segments are one part, what is said of bad input.
+//! The vote on built clouds: the winners, the labels of unseen Gaussians, the segments that are one part, and the
+//! errors for bad input.
 
 use gprop::camera::Camera;
 use gprop::materials::MaterialLibrary;
@@ -27,7 +28,7 @@ fn wall(y: f32) -> Vec<Blob> {
         .collect()
 }
 
-/// A stage for votes: views with their maps, and what they say.
+/// The input of a vote: views with their maps, and their answers.
 #[derive(Default)]
 struct Ballot {
     views: Vec<(String, Camera, LabelMap)>,
@@ -177,7 +178,7 @@ fn one_part_under_three_numbers_is_one_label() {
             let (left, right) = (n as u32 + 1, n as u32 + 5);
             let labels = labels_by(&gaussians, |[x, ..]| if x < 0.0 { left } else { right });
             ballot.view(&gaussians, front(n), &labels);
-            // One view takes the left half for something else.
+            // One view gives a different material for the left half.
             ballot.says(left as u16, answer("left", if n == 1 { 2 } else { 0 })).says(right as u16, answer("right", 1));
         }
         let field = ballot.count(&gaussians, &Options { vote: rule, ..Default::default() }).unwrap();

@@ -9,5 +9,5 @@ pub mod scenes;
 mod field;
 // The best labels that a splat's Gaussians could have.
 mod bound;
-// The vote with true parts: its own loss.
+// The vote with true parts: the error of the vote alone.
 pub mod oracle;

@@ -1,5 +1,5 @@
-//! The vote's own loss: the ground truth's part maps in place of SAM, an answer of its own for each part in place of the
-//! model's, and the outcome rendered into held-out views.
+//! The error of the vote alone: the ground truth's part maps instead of SAM, a different answer for each part instead
+//! of the model's, and the result rendered into held-out views.
 
 use gprop::evaluate::segmentation::IouTally;
 use gprop::materials::MaterialLibrary;
@@ -47,7 +47,7 @@ fn measure(measured: &Measured, field: &MaterialField) -> IouTally<u32> {
     tally
 }
 
-/// The field that `rule` makes of true maps.
+/// The field that results from true maps under `rule`.
 fn voted(measured: &Measured, maps: &[(View, LabelMap)], rule: Rule) -> MaterialField {
     let answers = true_answers(measured, maps);
     let views: Vec<_> =
@@ -56,7 +56,7 @@ fn voted(measured: &Measured, maps: &[(View, LabelMap)], rule: Rule) -> Material
     vote(&measured.scene.gaussians, &views, &answers, MaterialLibrary::builtin(), &options, Progress::Hidden).unwrap()
 }
 
-/// The lowest IoU that a scene's parts may have. What is lost is a pixel's width at the borders, where splats are soft.
+/// The lowest IoU that a scene's parts may have. The loss is a pixel's width at the borders, where splats are soft.
 /// The lamp's stem ends in wires two to three pixels wide in front of a shade of nearly their colour. The splat itself
 /// blurs them: see `the_best_labels_are_little_better_than_the_vote`.
 fn floor(scene: &str, part: &str) -> f64 {
@@ -91,7 +91,7 @@ fn true_parts_come_back_in_views_that_did_not_vote() {
     assert!(total[1] > 0.96 && total[1] >= total[0] - 1e-3, "the default scores best: {total:?}");
 }
 
-/// The held-out views with their true maps, to vote themselves.
+/// The held-out views with their true maps, as views that vote.
 fn held_out_maps(measured: &Measured) -> Vec<(View, LabelMap)> {
     let of_view = |(n, view): (usize, &scenes::HeldOut)| {
         let labels = view.parts.pixels().map(|p| if p.0[0] == 255 { 0 } else { u16::from(p.0[0]) + 1 }).collect();

@@ -1,4 +1,4 @@
-//! The scenes with ground truth: `hammer` is a fixture; the others are used where they are at hand.
+//! The scenes with ground truth: `hammer` is a fixture; the others are used if they are available.
 
 use std::path::{Path, PathBuf};
 use std::sync::OnceLock;
@@ -14,7 +14,7 @@ pub struct Measured {
     pub held_out: Vec<HeldOut>,
 }
 
-/// A view that nothing was trained or voted on.
+/// A view that was used neither for training nor for the vote.
 pub struct HeldOut {
     pub camera: Camera,
     /// RGBA, straight alpha.
@@ -25,7 +25,7 @@ pub struct HeldOut {
     pub depth: Vec<f32>,
 }
 
-/// `hammer`, and the other scenes if the folder that keeps them lies beside this crate's.
+/// `hammer`, and the other scenes if their folder is beside this crate's.
 pub fn all() -> &'static [Measured] {
     static ALL: OnceLock<Vec<Measured>> = OnceLock::new();
     ALL.get_or_init(load_all)

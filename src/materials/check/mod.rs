@@ -101,7 +101,7 @@ fn excuse(library: &MaterialLibrary, mut findings: Vec<Finding>) -> Vec<Finding>
                 subject: deviation.subject.clone(),
                 check: "stale_deviation",
                 severity: Severity::Error,
-                message: format!("deviations.csv excuses `{}`, which finds nothing or lacks a reason", deviation.check),
+                message: format!("deviations.csv excuses `{}`, which finds nothing or has no reason", deviation.check),
                 excuse: None,
             });
         }

@@ -90,7 +90,10 @@ fn family_bounds(material: &Material, family: &Family, findings: &mut Findings) 
         let cohesionless = property == "strength" && material.strength_kind == StrengthKind::Cohesion;
         let inside = (range.low >= bounds.low || cohesionless) && range.high <= bounds.high;
         findings.require(inside, &material.name, "family_bounds", || {
-            format!("{property} {:e} to {:e} leaves {:e} to {:e}", range.low, range.high, bounds.low, bounds.high)
+            format!(
+                "{property} {:e} to {:e} is not within {:e} to {:e}",
+                range.low, range.high, bounds.low, bounds.high
+            )
         });
     }
     if let Some(hardness) = material.hardness {
@@ -99,7 +102,7 @@ fn family_bounds(material: &Material, family: &Family, findings: &mut Findings) 
         let inside =
             softest.is_at_most(reading(hardness.range.low)) && reading(hardness.range.high).is_at_most(hardest);
         findings.require(inside, &material.name, "family_bounds", || {
-            format!("Shore hardness {hardness:?} leaves {softest:?} to {hardest:?}")
+            format!("Shore hardness {hardness:?} is not within {softest:?} to {hardest:?}")
         });
     }
 }
@@ -110,7 +113,7 @@ const POISSON_LIMIT: f64 = 0.4999;
 fn poisson(material: &Material, findings: &mut Findings) {
     let nu = material.poisson_ratio;
     findings.require(nu.low > -1.0 && nu.high <= POISSON_LIMIT, &material.name, "poisson", || {
-        format!("nu {} to {} leaves -1 to {POISSON_LIMIT}", nu.low, nu.high)
+        format!("nu {} to {} is not within -1 to {POISSON_LIMIT}", nu.low, nu.high)
     });
     let may_be_auxetic = matches!(material.family.as_str(), "foam" | "fabric" | "paper" | "food");
     if nu.low < 0.0 && !may_be_auxetic {

@@ -92,12 +92,12 @@ fn composite(library: &MaterialLibrary, material: &Material, fibre: &Constituent
     let voigt = (share.high * stiff + (1.0 - share.high) * soft) * BOUND_SLACK;
     let youngs = material.youngs_modulus_pa;
     findings.require(youngs.low >= reuss && youngs.high <= voigt, &material.name, "composite_bounds", || {
-        format!("E {:.2e} to {:.2e} Pa leaves Reuss {reuss:.2e} and Voigt {voigt:.2e}", youngs.low, youngs.high)
+        format!("E {:.2e} to {:.2e} Pa is not within Reuss {reuss:.2e} and Voigt {voigt:.2e}", youngs.low, youngs.high)
     });
     let mixed = |share: f64| share * fibre.density_kg_m3 + (1.0 - share) * matrix.density_kg_m3;
     let (light, heavy) = (mixed(share.low) / BOUND_SLACK, mixed(share.high) * BOUND_SLACK);
     let density = material.density_kg_m3;
     findings.require(density.low >= light && density.high <= heavy, &material.name, "composite_bounds", || {
-        format!("density {} to {} leaves the mixture's {light:.0} to {heavy:.0}", density.low, density.high)
+        format!("density {} to {} is not within the mixture's {light:.0} to {heavy:.0}", density.low, density.high)
     });
 }

@@ -26,12 +26,12 @@ const FEWEST_OF_A_FAMILY: usize = 20;
 fn counts(library: &MaterialLibrary, findings: &mut Findings) {
     let (families, materials) = (library.families().len(), library.materials().len());
     findings.require(families >= FEWEST_FAMILIES && materials >= FEWEST_MATERIALS, "library", "count", || {
-        format!("{families} families and {materials} materials; {FEWEST_FAMILIES} and {FEWEST_MATERIALS} are the least")
+        format!("{families} families and {materials} materials; at least {FEWEST_FAMILIES} and {FEWEST_MATERIALS} are needed")
     });
     for family in library.families() {
         let members = library.of_family(&family.name).count();
         findings.require(members >= FEWEST_OF_A_FAMILY, &format!("family:{}", family.name), "count", || {
-            format!("{members} members; {FEWEST_OF_A_FAMILY} are the least")
+            format!("{members} members; at least {FEWEST_OF_A_FAMILY} are needed")
         });
     }
 }

@@ -131,7 +131,6 @@ const LEAST: f64 = 1.0;
 
 /// Limits of Poisson's ratio for a solver's isotropic material: at -1 the shear modulus and at 0.5 the bulk modulus
 /// becomes infinite, and negative beyond.
-/// negative.
 const MOST_AUXETIC: f64 = -0.99;
 const INCOMPRESSIBLE: f64 = 0.4999;
 

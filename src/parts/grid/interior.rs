@@ -102,7 +102,7 @@ impl Interior {
                 return Err(damaged(format!("its runs are of more than {total} cells")));
             }
             if part < VOID && part as usize >= parts {
-                return Err(damaged(format!("it is filled with part {part}, and there are {parts}")));
+                return Err(damaged(format!("it is filled with part {part}, but there are only {parts} parts")));
             }
             if !(0.0..=1.0).contains(&share) {
                 return Err(damaged(format!("{share} of a cell is material")));
@@ -129,7 +129,7 @@ fn read_grid(rest: &mut &[u8], volume_cells: usize) -> Result<Grid, PartsError> 
         (dims.iter().try_fold(1, |all: usize, &cells| all.checked_mul(cells)), Grid::most_cells(volume_cells));
     if !all.is_some_and(|all| (1..=most).contains(&all)) {
         let [x, y, z] = dims;
-        return Err(damaged(format!("a grid of about {volume_cells} cells is never one of {x} x {y} x {z}")));
+        return Err(damaged(format!("a grid of about {volume_cells} cells cannot have {x} x {y} x {z}")));
     }
     let grid = Grid { origin, cell, dims };
     let is_finite =

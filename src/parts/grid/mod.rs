@@ -12,6 +12,9 @@ pub use interior::{Interior, OUTSIDE, VOID};
 const MARGIN: usize = 3;
 /// A box's shortest side is treated as at least this share of its longest.
 const LEAST_SIDE: f64 = 1e-3;
+/// Extent in scene units of a box around a single point: less than the distance between any two f32 positions, and so
+/// much that the product of three such extents is not zero.
+const LEAST_EXTENT: f64 = 1e-50;
 
 /// Cubic cells aligned with the world's axes; x varies fastest, then y, then z.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -28,7 +31,7 @@ impl Grid {
     /// in some direction is widened a little, so that the cell size is never zero.
     pub fn around(low: Point3<f64>, high: Point3<f64>, cells: usize) -> Self {
         let extent = high - low;
-        let least = extent.max().max(f64::MIN_POSITIVE.sqrt()) * LEAST_SIDE;
+        let least = extent.max().max(LEAST_EXTENT) * LEAST_SIDE;
         let extent = extent.map(|e| e.max(least));
         let cell = (extent.x * extent.y * extent.z / cells as f64).cbrt();
         let counts = extent.map(|e| (e / cell).ceil().max(1.0));

@@ -127,7 +127,7 @@ pub(in crate::scene) struct Places<'a> {
     pub photos_are_named: bool,
     /// `--masks`.
     pub masks: Option<&'a Path>,
-    /// What may be read without being named by a flag.
+    /// The files that may be read without being named by a flag.
     pub scope: ReadScope,
     /// The `cfg_args` that names the training data, and the folder of the training data.
     training: Option<(PathBuf, PathBuf)>,

@@ -177,8 +177,8 @@ fn views_without_mask(masks: &Path, sized: &[(View, Fit)]) -> Result<Option<Stri
     Ok((count > 0).then(|| {
         let folder = masks.display();
         format!(
-            "--masks `{folder}` has no mask for {count} of {views} views: {}; what tells the foreground of the other \
-             photos tells theirs too: alpha, else the Gaussians",
+            "--masks `{folder}` has no mask for {count} of {views} views: {}; their foreground is taken from \
+             their alpha, else from the Gaussians",
             without.join(", ")
         )
     }))
@@ -197,7 +197,7 @@ fn warnings(camera_file: &Path, frames: usize, missing: &[&str], sized: &[(View,
     if let Some((view, (width, height))) = resized.first() {
         let Intrinsics { width: true_width, height: true_height, .. } = view.camera.intrinsics;
         warnings.push(format!(
-            "{} photos are not of the size that `{file}` declares (first: `{}` {width} x {height}, found {true_width} x \
+            "{} photos do not have the size that `{file}` declares (first: `{}` {width} x {height}, found {true_width} x \
              {true_height}); their intrinsics were rescaled",
             resized.len(),
             view.name
@@ -206,14 +206,14 @@ fn warnings(camera_file: &Path, frames: usize, missing: &[&str], sized: &[(View,
     let turned: Vec<_> = sized.iter().filter(|(_, fit)| fit.turned).collect();
     if let Some((view, _)) = turned.first() {
         let done = match turned.iter().filter(|(view, _)| view.upright == Upright::Turned).count() {
-            0 => "the cameras were calibrated on them as they are stored, so they are left so".to_owned(),
+            0 => "the cameras were calibrated on them as they are stored, so they are not turned".to_owned(),
             all if all == turned.len() => "they were turned upright".to_owned(),
             some => format!(
-                "{some} were turned upright, the cameras of the rest were calibrated on them as they are stored"
+                "{some} were turned upright; the cameras of the others were calibrated on them as they are stored"
             ),
         };
         warnings.push(format!(
-            "{} photos lie on their side by their EXIF orientation (first: `{}`); {done}",
+            "{} photos lie on their side according to their EXIF orientation (first: `{}`); {done}",
             turned.len(),
             view.name
         ));

@@ -26,7 +26,7 @@ pub(super) fn recognise(gaussians: &mut Gaussians, flat: bool, comments: &[Strin
         let filter = gaussians.extra.remove(at).values;
         fuse(gaussians, &filter);
         gaussians.antialiased = true;
-        notes.push(format!("Mip-Splatting: {SMOOTHING_FILTER} is worked into scales and opacities"));
+        notes.push(format!("Mip-Splatting: {SMOOTHING_FILTER} is merged into scales and opacities"));
     } else if comments.iter().any(|comment| is_mip_comment(comment)) {
         gaussians.antialiased = true;
         notes.push("trained with an antialiased rasteriser".to_owned());

@@ -165,7 +165,7 @@ impl Layout {
 
     fn warn_of_other_elements(&mut self, elements: &[ElementDef]) {
         for element in elements.iter().filter(|e| e.name != "vertex" && e.count > 0) {
-            self.warnings.push(format!("element `{}` ({} rows) is not read nor kept", element.name, element.count));
+            self.warnings.push(format!("element `{}` ({} rows) is neither read nor kept", element.name, element.count));
         }
     }
 

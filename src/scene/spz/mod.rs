@@ -18,7 +18,7 @@ use super::loaded::{Loaded, drop_unusable};
 /// An error in an `.spz`.
 #[derive(Debug, Error)]
 pub enum Problem {
-    #[error("is no .spz file: neither gzip nor the letters NGSP at its start; export the splat again")]
+    #[error("is not an .spz file: no letters NGSP at its start, plain or within gzip; export the splat again")]
     NotSpz,
     #[error("is .spz version {version}; gprop reads versions 1 to 4: convert it to a PLY or to one of these")]
     Version { version: u32 },
@@ -36,7 +36,7 @@ pub enum Problem {
     Truncated { size: usize },
     #[error("has {found} bytes of {attribute} where its {count} Gaussians take {expected}; copy or export it again")]
     Length { attribute: &'static str, count: u32, found: u64, expected: u64 },
-    #[error("has more at its {attribute} than its {count} Gaussians take; copy or export it again")]
+    #[error("has more bytes of {attribute} than its {count} Gaussians take; copy or export it again")]
     Longer { attribute: &'static str, count: u32 },
     #[error("has {bytes} bytes after its end; copy or export it again")]
     Trailing { bytes: usize },

@@ -31,7 +31,7 @@ impl LabelMap {
             return Err(LabelMapError::NpyShape(shape));
         };
         if array.fortran_order {
-            return Err(LabelMapError::Npy("its order is Fortran's; save it with numpy.ascontiguousarray".to_owned()));
+            return Err(LabelMapError::Npy("it is in Fortran order; save it with numpy.ascontiguousarray".to_owned()));
         }
         let of_int32 = || Some(array.numbers::<i32>()?.into_iter().map(i64::from).collect());
         let ids: Vec<i64> = array.numbers().or_else(of_int32).ok_or_else(|| LabelMapError::NpyType(array.kind()))?;

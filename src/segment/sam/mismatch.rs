@@ -14,14 +14,14 @@ pub enum Mismatch {
     /// `kind` is "input" or "output"; `tensor` its type and shape.
     #[error("its {kind} {name:?} is {tensor}")]
     Tensor { kind: &'static str, name: String, tensor: String },
-    #[error("it has no single input of a picture but {}", inputs.join(", "))]
+    #[error("it has the inputs {} instead of a single picture", inputs.join(", "))]
     Inputs { inputs: Vec<String> },
-    #[error("it gave {given} where {expected:?} is expected")]
+    #[error("it gave {given} instead of {expected:?}")]
     Embedding { given: String, expected: [i64; 4] },
 
     #[error("it has no {kind} {name:?}, only {}", found.join(", "))]
     Missing { kind: &'static str, name: &'static str, found: Vec<String> },
-    #[error("it has an input {0:?} besides")]
+    #[error("it has an additional input {0:?}")]
     Besides(String),
     #[error("its input {name:?} is {shape:?}, not [prompts, points, 2] with {most} points at most")]
     PromptShape { name: &'static str, shape: Vec<Option<i64>>, most: usize },

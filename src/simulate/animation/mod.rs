@@ -28,7 +28,7 @@ const FRAME_MS: u32 = 70;
 /// How long the last frame stays before the animation starts again.
 const LAST_FRAME_MS: u32 = 1000;
 
-/// From where the animation is seen.
+/// The viewpoint of the animation.
 #[derive(Debug, Clone, PartialEq, clap::Args, Serialize)]
 pub struct Viewpoint {
     /// Film with the camera of this photo, given by its name [default: a camera that sees the whole motion]
