@@ -20,7 +20,7 @@ fn model(measured: &Measured) -> Model<'_> {
     Model {
         name: &measured.scene.name,
         gaussians: &measured.scene.gaussians,
-        field: &measured.field,
+        field: measured.field,
         interior: &measured.result.interior,
         scale: measured.scene.scale.as_ref(),
         parts: Some(measured.parts()),
@@ -73,7 +73,7 @@ fn mujoco_loads_mjcf_and_urdf_with_the_same_body() {
     for folder in folders() {
         let measured = Measured::of(&folder);
         for format in [Format::Mjcf, Format::Urdf] {
-            let (_folder, files) = exported(&measured, format);
+            let (_folder, files) = exported(measured, format);
             let found = mujoco("load", &[&files[0]]);
             println!("{} {format:?} {found}", measured.scene.name);
             assert_same_body(&found, &measured.parts().object, 1e-6);
@@ -92,7 +92,7 @@ fn exported_objects_come_to_rest_on_a_plane() {
     for folder in folders() {
         let measured = Measured::of(&folder);
         for format in [Format::Mjcf, Format::Urdf] {
-            let (_folder, files) = exported(&measured, format);
+            let (_folder, files) = exported(measured, format);
             let found = mujoco("rest", &[&files[0]]);
             println!("{} {format:?} {found}", measured.scene.name);
             // A tenth of the speed after a fall of 1 mm: the solver's own creep is far below.
@@ -132,9 +132,9 @@ fn f_star_lifts_in_mujoco_and_six_tenths_of_f_min_slips() {
         let lift_at = |options: &Options, forces: fn(&Candidate) -> f64| {
             let report = measured.grasp(&gripper, options);
             assert!(report.feasible, "{report:?}");
-            let (_folder, files) = exported(&measured, Format::Mjcf);
+            let (_folder, files) = exported(measured, Format::Mjcf);
             let place = &report.candidates[0];
-            lifted(&measured, &files[0], place, gripper.finger_side_m(), forces(place))
+            lifted(measured, &files[0], place, gripper.finger_side_m(), forces(place))
         };
         let anywhere = Options { auto: true, ..Options::default() };
         let held = lift_at(&anywhere, |place| place.f_star_n);
@@ -160,7 +160,7 @@ fn usd_core_opens_the_usda_and_its_validators_pass() {
     }
     for folder in folders() {
         let measured = Measured::of(&folder);
-        let (_folder, files) = exported(&measured, Format::Usda);
+        let (_folder, files) = exported(measured, Format::Usda);
         let found = python("usd_check.py", &[&files[0]]);
         println!("{} {found}", measured.scene.name);
         assert_eq!(found["errors"], json!([]));
@@ -183,7 +183,7 @@ fn splat_transform_opens_field_ply_and_keeps_the_properties() {
     let measured = Measured::of(&folders()[0]);
     let folder = TempDir::new().unwrap();
     let [from, to] = ["field.ply", "copy.ply"].map(|name| folder.path().join(name));
-    let columns = field_ply::columns(&measured.field);
+    let columns = field_ply::columns(measured.field);
     let file = std::fs::File::create(&from).unwrap();
     gprop::scene::ply::write(std::io::BufWriter::new(file), &measured.scene.gaussians, &columns).unwrap();
     let output = Command::new("splat-transform").args([&from, &to]).output().unwrap();
@@ -204,7 +204,7 @@ fn a_body_without_a_mass_is_refused() {
     let measured = Measured::of(&folders()[0]);
     let mut parts = measured.parts().clone();
     parts.object.mass_kg = gprop::units::Estimate::exactly(0.0);
-    let model = Model { parts: Some(&parts), ..model(&measured) };
+    let model = Model { parts: Some(&parts), ..model(measured) };
     for format in [Format::Mjcf, Format::Urdf, Format::Usda] {
         let folder = TempDir::new().unwrap();
         let error = export(&model, format, folder.path()).unwrap_err();
@@ -219,7 +219,7 @@ fn numpy_reads_the_npz() {
         return;
     }
     let measured = Measured::of(&folders()[0]);
-    let (_folder, files) = exported(&measured, Format::Npz);
+    let (_folder, files) = exported(measured, Format::Npz);
     let found = python("npz_check.py", &[&files[0]]);
     let (count, parts) = (measured.scene.gaussians.len(), measured.parts());
     assert_eq!(found["gaussian_position"]["shape"], json!([count, 3]));
@@ -234,7 +234,7 @@ fn numpy_reads_the_npz() {
 #[test]
 fn physgaussian_gets_its_folder() {
     let measured = Measured::of(&folders()[0]);
-    let (folder, files) = exported(&measured, Format::Physgaussian);
+    let (folder, files) = exported(measured, Format::Physgaussian);
     assert_eq!(files[0], folder.path().join("config.json"));
     let config: Value = serde_json::from_slice(&std::fs::read(&files[0]).unwrap()).unwrap();
     // The requirements of decode_param.py: a known material, nu within 0 to 0.5, boxes with point, size, E, nu.
@@ -260,7 +260,7 @@ fn exports_are_the_same_bytes_again() {
     let measured = Measured::of(&folders()[0]);
     for &format in Format::value_variants() {
         let read = |files: &[PathBuf]| files.iter().map(|file| std::fs::read(file).unwrap()).collect::<Vec<_>>();
-        let ((_one, first), (_two, second)) = (exported(&measured, format), exported(&measured, format));
+        let ((_one, first), (_two, second)) = (exported(measured, format), exported(measured, format));
         assert!(read(&first) == read(&second), "{format:?}");
     }
 }
@@ -268,7 +268,7 @@ fn exports_are_the_same_bytes_again() {
 #[test]
 fn without_a_scale_rigid_bodies_are_refused_and_fields_are_not() {
     let measured = Measured::of(&folders()[0]);
-    let unscaled = Model { scale: None, parts: None, ..model(&measured) };
+    let unscaled = Model { scale: None, parts: None, ..model(measured) };
     for format in [Format::Mjcf, Format::Urdf, Format::Usda] {
         let folder = TempDir::new().unwrap();
         let error = export(&unscaled, format, folder.path()).unwrap_err();

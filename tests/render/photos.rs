@@ -31,7 +31,7 @@ fn held_out_photos_look_as_in_the_reference_renderer() {
     for measured in scenes::all() {
         let mut total = [0.0; 2];
         for view in &measured.held_out {
-            let ours = draw(&measured, view);
+            let ours = draw(measured, view);
             let theirs = reference::render(&measured.scene.gaussians, &view.camera);
             let ours = psnr(&view.photo, |pixel| ours.rgb[pixel].map(f64::from));
             let theirs = psnr(&view.photo, |pixel| theirs.rgb[pixel]);
@@ -61,8 +61,8 @@ fn depth_error(measured: &scenes::Measured, depth: impl Fn(&Render) -> &Vec<f32>
 #[test]
 fn depths_are_within_six_thousandths_of_the_diagonal() {
     for measured in scenes::all() {
-        let median = depth_error(&measured, |r| &r.median_depth);
-        let expected = depth_error(&measured, |r| &r.expected_depth);
+        let median = depth_error(measured, |r| &r.median_depth);
+        let expected = depth_error(measured, |r| &r.expected_depth);
         println!("{}: median depth {:.3}%, expected {:.3}%", measured.scene.name, 100.0 * median, 100.0 * expected);
         // Depths of the Gaussians' centres are off by 0.4 to 1.2%.
         assert!(median < 0.006 && expected < 0.006);

@@ -46,7 +46,7 @@ impl<T> Shared<T> {
     pub fn of(&self, folder: &Path, make: impl FnOnce() -> T) -> &'static T {
         let mut cells = self.0.lock().unwrap_or_else(PoisonError::into_inner);
         let cell: &'static OnceLock<T> =
-            *cells.entry(folder.to_owned()).or_insert_with(|| Box::leak(Box::new(OnceLock::new())));
+            cells.entry(folder.to_owned()).or_insert_with(|| Box::leak(Box::new(OnceLock::new())));
         drop(cells);
         cell.get_or_init(make)
     }

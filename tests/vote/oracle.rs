@@ -106,10 +106,10 @@ fn held_out_maps(measured: &Measured) -> Vec<(View, LabelMap)> {
 fn the_best_labels_are_little_better_than_the_vote() {
     for measured in scenes::all() {
         let names = measured.part_names();
-        let found = measure(&measured, &voted(&measured, &measured.true_maps(), Rule::default())).per_label();
-        let knowing = voted(&measured, &held_out_maps(&measured), Rule::default());
-        let own = measure(&measured, &knowing).per_label();
-        let best = super::bound::best(&measured, true_parts(&measured, &knowing));
+        let found = measure(measured, &voted(measured, &measured.true_maps(), Rule::default())).per_label();
+        let knowing = voted(measured, &held_out_maps(measured), Rule::default());
+        let own = measure(measured, &knowing).per_label();
+        let best = super::bound::best(measured, true_parts(measured, &knowing));
         println!("{}: best mIoU {:.4}", measured.scene.name, best.mean().unwrap());
         for (part, best) in best.per_label() {
             let (name, found, own) = (&names[part as usize], found[&part], own[&part]);
