@@ -31,7 +31,7 @@ fn board_with_plate(height: f32) -> (Gaussians, Vec<u32>) {
         }
     }
     for along in steps(-8, 8) {
-        for z in steps(0, (height / 0.02) as i32) {
+        for z in steps(1, (height / 0.02) as i32) {
             for side in [-0.17, 0.17] {
                 blobs.push(flat([side, along, z], 0));
                 blobs.push(flat([along, side, z], 1));

@@ -42,7 +42,7 @@ const PIECE_SPLIT: f64 = 0.2;
 const PART_STRENGTH: f64 = 0.2;
 /// Angles in degrees between normals across a border: up to the first, the surface goes on smoothly; from the second,
 /// it has an edge. Pairs on a smooth printed surface differ by 8 to 22 degrees, those across borders of parts by 42 and
-/// more (`fit/` of the measured objects, and the fixtures).
+/// more (the four fixtures and six measured objects).
 const SMOOTH_TO_EDGE_DEG: [f64; 2] = [20.0, 50.0];
 /// A border's mean angle starts from this many assumed pairs of [`SURE_EDGE_DEG`], so that few pairs do not decide.
 const PRIOR_PAIRS: f64 = 20.0;
