@@ -150,6 +150,6 @@ mod tests {
         let list = BatchError::Incomplete { scenes: 2, failed, missing: vec!["c".to_owned()] };
         let lines: Vec<String> = message(&list.into()).lines().skip(1).map(str::to_owned).collect();
         assert_eq!(lines[0], r"  a\nb: no\u0007 splat");
-        assert!(lines.len() == 2 && lines[1].starts_with("  c: nothing is known"), "{lines:?}");
+        assert!(lines.len() == 2 && lines[1].starts_with("  c: it has no result"), "{lines:?}");
     }
 }

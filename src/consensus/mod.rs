@@ -7,8 +7,8 @@
 //! 3. [`evidence`]: for every pair, in how many of the views that see both some segment holds one and not the other,
 //!    and the angle between the surface's normals ([`normals`]);
 //! 4. [`linkage`]: joins Gaussians to pieces that views do not split, by average linkage over all pairs that cross
-//!    their border, then pieces to parts across borders without an edge in the surface: a printed pattern is
-//!    not a part.
+//!    their border, then pieces to parts across borders without an edge in the surface: a printed pattern is not a
+//!    part.
 //!
 //! Crumbs join the neighbour from which views separate them least. Gaussians that are then in no part, because no view
 //! sees them or they touch nothing, join the nearest part.
@@ -38,7 +38,7 @@ const CORE_SPLIT: f64 = 0.02;
 /// Pieces are joined while views split fewer of the pairs across their border, in the mean, than this. A border that
 /// half of the views see has pairs of soft Gaussians on it, about half of whose light is on either side.
 const PIECE_SPLIT: f64 = 0.2;
-/// Pieces are joined to parts while their border is weaker: share of views that split it, times [`strength`].
+/// Pieces are joined to parts while the [`strength`] of their border is at most this.
 const PART_STRENGTH: f64 = 0.2;
 /// Angles in degrees between normals across a border: up to the first, the surface goes on smoothly; from the second,
 /// it has an edge. Pairs on a smooth printed surface differ by 8 to 22 degrees, those across borders of parts by 42 and
@@ -118,7 +118,7 @@ pub fn find(gaussians: &Gaussians, views: &[ViewTree], progress: Progress) -> Pa
     finish(gaussians, &part_of, &seen, &light, borders())
 }
 
-/// How much a border separates two parts, 0 to 1.
+/// How much a border separates two parts, 0 to 1: the share of views that split it, times how much of an edge it is.
 fn strength(border: &Border) -> f64 {
     let angle = (border.angle_deg + PRIOR_PAIRS * SURE_EDGE_DEG) / (f64::from(border.angles) + PRIOR_PAIRS);
     let [smooth, edge] = SMOOTH_TO_EDGE_DEG;
