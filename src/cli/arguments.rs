@@ -293,6 +293,21 @@ pub struct SetupArgs {
     pub options: setup::Options,
 }
 
+/// Scenes with true part maps, and how to segment their views.
+#[derive(Debug, clap::Args)]
+#[group(skip)]
+pub struct TrueParts {
+    /// Scene folders with SCENE/ground_truth/part_maps/VIEW.png: 8-bit part numbers, 255 for no part.
+    #[arg(required = true)]
+    pub scenes: Vec<PathBuf>,
+    #[command(flatten)]
+    pub scene: Box<crate::scene::Options>,
+    #[command(flatten)]
+    pub segment: Box<crate::segment::Options>,
+    #[command(flatten)]
+    pub setup: Box<setup::Options>,
+}
+
 #[derive(Debug, Subcommand)]
 pub enum Evaluate {
     /// Compute pick-up, no-damage and success rates of gripping policies, recorded or predicted.
@@ -343,28 +358,14 @@ pub enum Evaluate {
     /// Compare --point-prompts adaptive with --point-prompts grid in prompts, time and part IoU, on scenes with true
     /// part maps.
     Prompts {
-        /// Scene folders with SCENE/ground_truth/part_maps/VIEW.png: 8-bit part numbers, 255 for no part.
-        #[arg(required = true)]
-        scenes: Vec<PathBuf>,
         #[command(flatten)]
-        scene: Box<crate::scene::Options>,
-        #[command(flatten)]
-        segment: Box<crate::segment::Options>,
-        #[command(flatten)]
-        setup: Box<setup::Options>,
+        asked: TrueParts,
     },
     /// Find the parts of scenes with true part maps, and compare them with the true parts in views that were not
     /// segmented.
     Parts {
-        /// Scene folders with SCENE/ground_truth/part_maps/VIEW.png: 8-bit part numbers, 255 for no part.
-        #[arg(required = true)]
-        scenes: Vec<PathBuf>,
         #[command(flatten)]
-        scene: Box<crate::scene::Options>,
-        #[command(flatten)]
-        segment: Box<crate::segment::Options>,
-        #[command(flatten)]
-        setup: Box<setup::Options>,
+        asked: TrueParts,
     },
     /// Compare masses with true ones: ADE, ALDE, APE, MnRE as NeRF2Physics computes them, and PRA.
     Mass {

@@ -92,9 +92,10 @@ pub fn find(gaussians: &Gaussians, views: &[ViewTree], progress: Progress) -> Pa
         bar.inc(1);
     }
     let seen: Vec<u32> = (0..gaussians.len() as u32).filter(|&i| light[i as usize] > LEAST_LIGHT).collect();
-    let normals = Normals::new(gaussians, &seen, &light, &toward_views);
+    let nearest = Nearest::new(seen.iter().map(|&i| gaussians.positions[i as usize]));
+    let normals = Normals::new(gaussians, &seen, &nearest, &light, &toward_views);
     drop(toward_views);
-    let pairs = Pairs::new(gaussians, &seen);
+    let pairs = Pairs::new(gaussians, &seen, &nearest);
     let mut evidence = Evidence::new(&pairs);
     for view in views {
         // A second time, rather than to keep those of all views.

@@ -20,13 +20,11 @@ pub(super) struct Pairs {
 }
 
 impl Pairs {
-    /// The pairs of the Gaussians in `seen`.
-    pub fn new(gaussians: &Gaussians, seen: &[u32]) -> Self {
-        let position = |&i: &u32| gaussians.positions[i as usize];
-        let nearest = Nearest::new(seen.iter().map(position));
+    /// The pairs of the Gaussians in `seen`, whose positions `nearest` holds.
+    pub fn new(gaussians: &Gaussians, seen: &[u32], nearest: &Nearest) -> Self {
         let last = FAR[FAR.len() - 1];
         let of_one = |i: &u32| {
-            let found = nearest.find(position(i), last + 1);
+            let found = nearest.find(gaussians.positions[*i as usize], last + 1);
             let others = found.into_iter().map(|(_, n)| seen[n as usize]).filter(|other| other != i);
             let ranked = (1usize..).zip(others).filter(|(rank, _)| *rank <= NEAR || FAR.contains(rank));
             ranked.map(|(rank, other)| (*i.min(&other), *i.max(&other), rank > NEAR)).collect::<Vec<_>>()

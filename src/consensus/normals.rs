@@ -19,10 +19,17 @@ pub(super) struct Normals {
 
 impl Normals {
     /// `toward_views` points from each Gaussian to the views that see it, and `light` is what they see of it, in pixels.
-    pub fn new(gaussians: &Gaussians, seen: &[u32], light: &[f32], toward_views: &[Vector3<f32>]) -> Self {
+    ///
+    /// `nearest` holds the positions of `seen`.
+    pub fn new(
+        gaussians: &Gaussians,
+        seen: &[u32],
+        nearest: &Nearest,
+        light: &[f32],
+        toward_views: &[Vector3<f32>],
+    ) -> Self {
         let own = |&i: &u32| own_normal(gaussians, i as usize, &toward_views[i as usize]);
         let own: Vec<Vector3<f32>> = seen.par_iter().map(own).collect();
-        let nearest = Nearest::new(seen.iter().map(|&i| gaussians.positions[i as usize]));
         let smoothed = |&i: &u32| {
             let i = i as usize;
             let around = nearest.find(gaussians.positions[i], SMOOTHED_OVER).into_iter();

@@ -1,6 +1,6 @@
 //! How well the parts found in 3D match true ones, in views that were not used to find them.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 
 use image::GrayImage;
 use serde::Serialize;
@@ -101,7 +101,7 @@ pub fn compare(scene: &str, gaussians: &Gaussians, part_of_gaussian: &[u32], vie
     }
     let counts_as = if known.both.is_empty() { compared.most_shown() } else { known.most_shown() };
     let object = compared.count(|_, truth| truth.is_some());
-    let values: std::collections::BTreeSet<u8> = compared.both.keys().filter_map(|(_, truth)| *truth).collect();
+    let values: BTreeSet<u8> = compared.both.keys().filter_map(|(_, truth)| *truth).collect();
     let of_value = |&value: &u8| {
         let pieces: Vec<u32> = counts_as.iter().filter(|(_, of)| **of == value).map(|(&found, _)| found).collect();
         let single = counts_as.keys().map(|&found| compared.iou(value, |other| other == found));

@@ -11,12 +11,10 @@ use std::time::Instant;
 use image::GrayImage;
 use serde::Serialize;
 
+use super::parts::NO_PART;
 use super::segmentation::IouTally;
 use crate::scene::Photo;
 use crate::segment::{LabelMap, Observer, Options, PointPrompts, SegmentError, Segmenter};
-
-/// Value in a true part map for pixels without a part.
-const NO_PART: u8 = 255;
 
 /// Comparison of the two ways on one scene.
 #[derive(Debug, Clone, PartialEq, Serialize)]

@@ -10,8 +10,6 @@ const STRIDES: [usize; 2] = [2, 1];
 /// A point with fewer prompted neighbours lies at the object's edge or on a thin part of it, about which little is
 /// known.
 const LEAST_NEIGHBOURS: usize = 2;
-/// A mask with a smaller share of its area on the foreground belongs to the background and explains nothing.
-const LEAST_SHARE_ON_FOREGROUND: f64 = 0.5;
 
 /// The data that decide which points to prompt.
 pub struct Adaptive<'a> {
@@ -32,10 +30,10 @@ impl Adaptive<'_> {
 
     /// True if a mask says something about the pixels in it.
     fn explains(&self, candidate: &Candidate) -> bool {
-        let on_foreground = candidate.mask.overlap(self.foreground) as f64;
+        let area = candidate.mask.overlap(self.foreground);
         candidate.level == self.level
-            && on_foreground >= LEAST_SHARE_ON_FOREGROUND * candidate.mask.area() as f64
-            && on_foreground < self.whole_object * self.foreground.area() as f64
+            && candidate.is_on_foreground(area)
+            && (area as f64) < self.whole_object * self.foreground.area() as f64
     }
 }
 

@@ -3,6 +3,9 @@
 use super::Level;
 use super::mask::{Mask, Rect};
 
+/// A mask with a smaller share of its area on the foreground belongs to the background.
+const LEAST_SHARE_ON_FOREGROUND: f64 = 0.5;
+
 /// The mask of one prompt at one level.
 #[derive(Debug, Clone)]
 pub struct Candidate {
@@ -17,4 +20,11 @@ pub struct Candidate {
     pub point: [f64; 2],
     /// The crop it was found in.
     pub crop: Rect,
+}
+
+impl Candidate {
+    /// True if the mask belongs to the foreground, on which it has `area` pixels.
+    pub fn is_on_foreground(&self, area: u64) -> bool {
+        area as f64 >= LEAST_SHARE_ON_FOREGROUND * self.mask.area() as f64
+    }
 }

@@ -12,9 +12,6 @@ use super::options::Options;
 use super::regions::drop_small_islands;
 use super::{LabelMap, Level, Segment};
 
-/// A mask with a smaller share of its area on the foreground belongs to the background.
-const LEAST_SHARE_ON_FOREGROUND: f64 = 0.5;
-
 /// A mask on the foreground with SAM's scores; they are zero if it is not one of SAM's masks.
 struct Layer {
     mask: Mask,
@@ -55,7 +52,7 @@ fn segment_layers(candidates: &[Candidate], foreground: &Mask, options: &Options
         let mask = candidate.mask.intersected(foreground);
         let area = mask.area();
         let is_segment = area >= min_area
-            && area as f64 >= LEAST_SHARE_ON_FOREGROUND * candidate.mask.area() as f64
+            && candidate.is_on_foreground(area)
             && (area as f64) < options.selection.whole_object * object_area;
         is_segment.then_some(Layer { mask, predicted_iou: candidate.predicted_iou, stability: candidate.stability })
     };

@@ -9,8 +9,6 @@ use super::candidate::Candidate;
 use super::mask::Mask;
 use super::options::Options;
 
-/// A mask with a smaller share of its area on the foreground belongs to the background.
-const LEAST_SHARE_ON_FOREGROUND: f64 = 0.5;
 /// Two masks with a larger IoU are the same segment, found at two levels or from two prompts.
 const SAME_SEGMENT_IOU: f64 = 0.85;
 /// A mask with a larger share of the foreground is the whole object. One with less may still tell a small part from the
@@ -128,9 +126,8 @@ fn layers<'a>(candidates: &'a [Vec<Candidate>], foreground: &Mask, options: &Opt
     let on_object = |found: &'a Candidate| {
         let mask = found.mask.intersected(foreground);
         let area = mask.area();
-        let is_segment = area >= min_area
-            && area as f64 >= LEAST_SHARE_ON_FOREGROUND * found.mask.area() as f64
-            && (area as f64) < WHOLE_OBJECT_SHARE * object_area;
+        let is_segment =
+            area >= min_area && found.is_on_foreground(area) && (area as f64) < WHOLE_OBJECT_SHARE * object_area;
         is_segment.then_some(Layer { mask, area, found })
     };
     let mut all: Vec<Layer> = candidates.iter().flatten().filter_map(on_object).collect();

@@ -31,6 +31,7 @@ use crate::segment;
 use crate::setup;
 use crate::workdir::Artifact;
 
+use super::arguments::TrueParts;
 use super::{Evaluate, Global, options_of, print};
 
 /// `gprop evaluate`.
@@ -43,8 +44,8 @@ pub fn evaluate(global: &Global, what: &Evaluate) -> anyhow::Result<()> {
         Evaluate::Segmentation { scenes, truth, labels, out } => {
             segmentation::evaluate(global, scenes, truth, *labels, out.as_deref())
         }
-        Evaluate::Prompts { scenes, scene, segment, setup } => evaluate_prompts(global, scenes, scene, segment, setup),
-        Evaluate::Parts { scenes, scene, segment, setup } => parts::evaluate(global, scenes, scene, segment, setup),
+        Evaluate::Prompts { asked } => evaluate_prompts(global, asked),
+        Evaluate::Parts { asked } => parts::evaluate(global, asked),
         Evaluate::Masks { image, reference, setup } => evaluate_masks(global, image, reference, setup),
         Evaluate::Mass { predictions: Some(predictions), truth: Some(truth), .. } => {
             let found = mass::evaluate(mass::from_json(predictions, truth)?)?;
@@ -211,13 +212,8 @@ fn evaluate_simulation(global: &Global, reference: &Path) -> anyhow::Result<()> 
     print(global, &comparison, || comparison.to_string())
 }
 
-fn evaluate_prompts(
-    global: &Global,
-    scenes: &[PathBuf],
-    options: &scene::Options,
-    segment: &segment::Options,
-    setup: &setup::Options,
-) -> anyhow::Result<()> {
+fn evaluate_prompts(global: &Global, asked: &TrueParts) -> anyhow::Result<()> {
+    let TrueParts { scenes, scene: options, segment, setup } = asked;
     let segmenter = open_segmenter(setup, segment, global.progress())?;
     let mut rows = Vec::new();
     for folder in scenes {

@@ -1,6 +1,6 @@
 //! `gprop evaluate parts`: finds the parts of scenes and compares them with true ones.
 
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
 use rayon::prelude::*;
 
@@ -11,18 +11,13 @@ use crate::from_splat::photo_with_foreground;
 use crate::pipeline::open_segmenter;
 use crate::scene::{self, Scene, View};
 use crate::segment::{self, Segmenter};
-use crate::setup;
 
+use super::super::arguments::TrueParts;
 use super::super::{Global, print};
 use super::{true_map, true_parts};
 
-pub fn evaluate(
-    global: &Global,
-    scenes: &[PathBuf],
-    options: &scene::Options,
-    segment: &segment::Options,
-    setup: &setup::Options,
-) -> anyhow::Result<()> {
+pub fn evaluate(global: &Global, asked: &TrueParts) -> anyhow::Result<()> {
+    let TrueParts { scenes, scene: options, segment, setup } = asked;
     let scenes = scenes.iter().map(|folder| TrueScene::load(folder, options)).collect::<anyhow::Result<Vec<_>>>()?;
     let segmenter = open_segmenter(setup, segment, global.progress())?;
     let mut found = Vec::with_capacity(scenes.len());
