@@ -5,6 +5,7 @@ use std::hint::black_box;
 use criterion::{Criterion, criterion_group, criterion_main};
 use gprop::materials::MaterialLibrary;
 use gprop::progress::Progress;
+use gprop::query::ledger::Ledger;
 use gprop::query::recorded::{Answerer, Recording, Recordings};
 use gprop::query::{Options, Prompts, Queries, ViewInput};
 use gprop::scene::{ForegroundSource, Photo};
@@ -34,6 +35,7 @@ fn view() -> (Photo, ViewSegments) {
         predicted_iou: 0.9,
         stability_score: 0.95,
         level: Level::Middle,
+        parent: 0,
     };
     let map = LabelMap { width: SIDE, height: SIDE, labels };
     (
@@ -45,7 +47,7 @@ fn view() -> (Photo, ViewSegments) {
 fn answer(library: &MaterialLibrary) -> String {
     let row = &library.materials()[0];
     json!({
-        "caption": "a part", "family": row.family, "material": row.name,
+        "caption": "a part", "several_materials": false, "family": row.family, "material": row.name,
         "density_kg_m3": row.density_kg_m3, "youngs_modulus_mpa": [1, 1e6], "poisson_ratio": row.poisson_ratio,
         "yield_strength_mpa": [0.001, 1e4], "shore_scale": "none", "shore_hardness": null,
         "friction_rubber": row.friction_rubber, "form": "solid", "wall_thickness_mm": null, "confidence": 0.5
@@ -57,7 +59,8 @@ fn bench(criterion: &mut Criterion) {
     let (photo, segments) = view();
     let library = MaterialLibrary::builtin();
     let (prompts, options) = (Prompts::builtin(), Options::default());
-    let inputs = [ViewInput { name: "view", photo: &photo, segments: &segments }];
+    let ids: Vec<u16> = (1..=SEGMENTS).collect();
+    let inputs = [ViewInput { name: "view", photo: &photo, map: &segments.map, ids: &ids }];
     criterion.bench_function("query/sheets of a view with 8 segments", |bencher| {
         bencher.iter(|| Queries::prepare(black_box(&inputs), library, &prompts, &options).expect("the view is sound"));
     });
@@ -73,7 +76,9 @@ fn bench(criterion: &mut Criterion) {
     }
     criterion.bench_function("query/replay of 8 segments", |bencher| {
         bencher.iter(|| {
-            queries.run(&recordings, None, None, &mut |_, _| Ok(()), Progress::Hidden).expect("all is recorded")
+            queries
+                .run(&recordings, None, &Ledger::new(None, None), &mut |_, _| Ok(()), Progress::Hidden)
+                .expect("all is recorded")
         });
     });
 }

@@ -78,6 +78,7 @@ fn answers(names: &[String]) -> Answers {
         hardness: material.hardness,
         friction_rubber: material.friction_rubber,
         form: Form::Solid,
+        several_materials: false,
         confidence: 1.0,
         matched: Match::Exact,
         flags: Vec::new(),

@@ -32,12 +32,13 @@
 //! Data moves to the right only; [`pipeline`] alone knows all the stages:
 //!
 //! ```text
-//!  scene/        segment/        query/          vote/           parts/        simulate/      grasp/
-//!  PLY, cameras, SAM segments    LMM names each  depth-tested    3D parts:     MPM on the     F_min, F_max,
-//!  images     -> in each view -> segment's    -> projection,  -> volume,    -> Gaussians   -> F*, gripper
-//!  (Scene)       (Segmentation)  material        frequency       thickness,    (Frames)       (GraspReport)
-//!                                (Answers)       (MaterialField) mass (Parts)
-//!                                                                                     report/ export/
+//!  scene/     segment/         consensus/   query/       vote/            parts/        simulate/   grasp/
+//!  PLY,       SAM's masks      the parts    LMM names    every view       volume,       MPM on the  F_min, F_max,
+//!  cameras -> of each view, -> of the    -> each part's  votes on the  -> thickness, -> Gaussians-> F*, gripper
+//!  images     nested           object in    material in  Gaussians that   mass          (Frames)    (GraspReport)
+//!  (Scene)    (Segmentation)   3D           its best     it sees          (Parts)
+//!                              (consensus:: views        (MaterialField)
+//!                              Parts)       (Answers)                                       report/ export/
 //! ```
 //!
 //! [`render`] draws Gaussians for every stage after [`scene`]; [`pictures`] holds the pictures that several stages

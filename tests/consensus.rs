@@ -1,12 +1,11 @@
 //! The parts that views agree on, from segments drawn by hand.
 
 use gprop::camera::{Camera, Intrinsics};
-use gprop::consensus::{Parts, ViewTree, find};
+use gprop::consensus::{Parts, SegmentedView, find};
 use gprop::progress::Progress;
 use gprop::render::{RenderOptions, render_labels};
 use gprop::scene::gaussians::Gaussians;
-use gprop::segment::tree::SegmentTree;
-use gprop::segment::{LabelMap, Level, Segment};
+use gprop::segment::{LabelMap, Level, Segment, ViewSegments};
 
 use crate::vote::build::{Blob, camera_at, cloud};
 
@@ -53,12 +52,20 @@ fn cameras(count: usize) -> Vec<Camera> {
     around.collect()
 }
 
-fn flat_tree(camera: &Camera, labels: Vec<u16>) -> SegmentTree {
+fn flat(camera: &Camera, labels: Vec<u16>) -> ViewSegments {
     let (width, height) = (camera.intrinsics.width, camera.intrinsics.height);
     let last = labels.iter().copied().max().unwrap_or(0);
-    let segment =
-        |id| Segment { id, area: 1, bbox: [0, 0, 1, 1], predicted_iou: 0.9, stability_score: 0.9, level: Level::Small };
-    SegmentTree::flat(LabelMap { width, height, labels }, (1..=last).map(segment).collect())
+    let segment = |id| Segment {
+        id,
+        area: 1,
+        bbox: [0, 0, 1, 1],
+        predicted_iou: 0.9,
+        stability_score: 0.9,
+        level: Level::Small,
+        parent: 0,
+    };
+    let map = LabelMap { width, height, labels };
+    ViewSegments { view: "view".into(), map, segments: (1..=last).map(segment).collect() }
 }
 
 /// The label map that a view shows; 0 outside the object.
@@ -67,20 +74,22 @@ fn seen(gaussians: &Gaussians, camera: &Camera, labels: &[u32]) -> Vec<u16> {
     drawn.into_iter().map(|label| label.map_or(0, |label| label as u16)).collect()
 }
 
-fn found(gaussians: &Gaussians, cameras: &[Camera], trees: &[SegmentTree]) -> Parts {
-    let views: Vec<_> = cameras.iter().zip(trees).map(|(camera, tree)| ViewTree { camera, tree }).collect();
+fn found(gaussians: &Gaussians, cameras: &[Camera], segments: &[ViewSegments]) -> Parts {
+    let views = cameras.iter().zip(segments);
+    let views: Vec<_> = views.map(|(camera, segments)| SegmentedView { camera, segments }).collect();
     find(gaussians, &views, Progress::Hidden)
 }
 
 fn parts(parts: &Parts) -> usize {
-    parts.light.len()
+    parts.count()
 }
 
 /// Share of the Gaussians of `label` that are in the part in which most of them are.
-fn purity(parts: &Parts, labels: &[u32], label: u32) -> (u32, f64) {
-    let of_label = || parts.part_of_gaussian.iter().zip(labels).filter(|(_, of)| **of == label).map(|(part, _)| *part);
-    let count = |part: u32| of_label().filter(|other| *other == part).count();
-    let most = (0..parts.light.len() as u32).max_by_key(|&part| count(part)).unwrap();
+fn purity(parts: &Parts, labels: &[u32], label: u32) -> (u16, f64) {
+    let part_of_gaussian = parts.part_of_gaussian();
+    let of_label = || part_of_gaussian.iter().zip(labels).filter(|(_, of)| **of == label).map(|(part, _)| *part);
+    let count = |part: u16| of_label().filter(|other| *other == part).count();
+    let most = (1..=parts.count() as u16).max_by_key(|&part| count(part)).unwrap();
     (most, count(most) as f64 / of_label().count() as f64)
 }
 
@@ -88,69 +97,69 @@ fn purity(parts: &Parts, labels: &[u32], label: u32) -> (u32, f64) {
 fn a_plate_that_half_of_the_views_take_for_the_board_is_a_part() {
     let (gaussians, labels) = board_with_plate(0.1);
     let cameras = cameras(8);
-    let trees = (0..).zip(&cameras).map(|(n, camera)| {
+    let segmented = (0..).zip(&cameras).map(|(n, camera)| {
         let map = seen(&gaussians, camera, &labels);
-        flat_tree(camera, if n % 2 == 0 { map } else { map.into_iter().map(|label| label.min(1)).collect() })
+        flat(camera, if n % 2 == 0 { map } else { map.into_iter().map(|label| label.min(1)).collect() })
     });
-    let trees: Vec<_> = trees.collect();
-    let result = found(&gaussians, &cameras, &trees);
+    let segmented: Vec<_> = segmented.collect();
+    let result = found(&gaussians, &cameras, &segmented);
     let (plate, board) = (purity(&result, &labels, PLATE), purity(&result, &labels, BOARD));
-    assert_eq!(parts(&result), 2, "{:?} {:?}", result.light, result.separation);
+    assert_eq!(parts(&result), 2, "{:?}", result.parts);
     assert!(plate.0 != board.0 && plate.1 > 0.95 && board.1 > 0.95, "{plate:?} {board:?}");
-    assert!(result.separation.iter().all(|&share| (0.25..0.6).contains(&share)), "half: {:?}", result.separation);
+    assert!(result.parts.iter().all(|part| (0.25..0.6).contains(&part.separation)), "half: {:?}", result.parts);
 }
 
 #[test]
 fn print_is_not_a_part() {
     let (gaussians, labels) = board_with_plate(0.0);
     let cameras = cameras(8);
-    let trees: Vec<_> = cameras.iter().map(|camera| flat_tree(camera, seen(&gaussians, camera, &labels))).collect();
-    assert_eq!(parts(&found(&gaussians, &cameras, &trees)), 1, "every view cuts it out, but the surface is one");
+    let segmented: Vec<_> = cameras.iter().map(|camera| flat(camera, seen(&gaussians, camera, &labels))).collect();
+    assert_eq!(parts(&found(&gaussians, &cameras, &segmented)), 1, "every view cuts it out, but the surface is one");
 }
 
 #[test]
 fn what_one_view_cuts_is_not_a_part() {
     let (gaussians, labels) = board_with_plate(0.1);
     let cameras = cameras(8);
-    let trees = (0..).zip(&cameras).map(|(n, camera)| {
+    let segmented = (0..).zip(&cameras).map(|(n, camera)| {
         let map = seen(&gaussians, camera, &labels).into_iter();
-        flat_tree(camera, map.map(|label| if n == 3 { label } else { label.min(1) }).collect())
+        flat(camera, map.map(|label| if n == 3 { label } else { label.min(1) }).collect())
     });
-    assert_eq!(parts(&found(&gaussians, &cameras, &trees.collect::<Vec<_>>())), 1);
+    assert_eq!(parts(&found(&gaussians, &cameras, &segmented.collect::<Vec<_>>())), 1);
 }
 
 #[test]
 fn a_segment_within_another_counts_as_a_segment() {
     let (gaussians, labels) = board_with_plate(0.1);
     let cameras = cameras(6);
-    let trees = cameras.iter().map(|camera| {
-        let mut tree = flat_tree(camera, seen(&gaussians, camera, &labels));
-        tree.parents = vec![0, 1];
-        tree
+    let segmented = cameras.iter().map(|camera| {
+        let mut segments = flat(camera, seen(&gaussians, camera, &labels));
+        segments.segments[1].parent = 1;
+        segments
     });
-    assert_eq!(parts(&found(&gaussians, &cameras, &trees.collect::<Vec<_>>())), 2);
+    assert_eq!(parts(&found(&gaussians, &cameras, &segmented.collect::<Vec<_>>())), 2);
 }
 
 #[test]
 fn without_views_or_segments_the_object_is_one_part() {
     let (gaussians, _) = board_with_plate(0.1);
     let nothing = found(&gaussians, &[], &[]);
-    assert_eq!((parts(&nothing), nothing.part_of_gaussian.len()), (1, gaussians.len()));
+    assert_eq!((parts(&nothing), nothing.id_of_gaussian.len()), (1, gaussians.len()));
     let cameras = cameras(3);
-    let trees: Vec<_> = cameras.iter().map(|camera| flat_tree(camera, vec![0; 192 * 144])).collect();
-    let one = found(&gaussians, &cameras, &trees);
-    assert_eq!((parts(&one), one.separation[0]), (1, 1.0));
-    assert!(found(&Gaussians::default(), &[], &[]).part_of_gaussian.is_empty());
+    let segmented: Vec<_> = cameras.iter().map(|camera| flat(camera, vec![0; 192 * 144])).collect();
+    let one = found(&gaussians, &cameras, &segmented);
+    assert_eq!((parts(&one), one.parts[0].separation), (1, 1.0));
+    assert!(found(&Gaussians::default(), &[], &[]).part_of_gaussian().is_empty());
 }
 
 #[test]
 fn parts_do_not_depend_on_the_number_of_threads() {
     let (gaussians, labels) = board_with_plate(0.1);
     let cameras = cameras(5);
-    let trees: Vec<_> = cameras.iter().map(|camera| flat_tree(camera, seen(&gaussians, camera, &labels))).collect();
+    let segmented: Vec<_> = cameras.iter().map(|camera| flat(camera, seen(&gaussians, camera, &labels))).collect();
     let on = |threads| {
         let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
-        pool.install(|| found(&gaussians, &cameras, &trees))
+        pool.install(|| found(&gaussians, &cameras, &segmented))
     };
     assert_eq!(on(1), on(7));
 }

@@ -11,7 +11,7 @@ use std::path::Path;
 
 /// The stages in the order of the data flow. A stage's room (its folder below `src/`) and its file in `pipeline/`
 /// import only earlier ones.
-const STAGES: [&str; 8] = ["scene", "segment", "query", "vote", "parts", "simulate", "grasp", "report"];
+const STAGES: [&str; 9] = ["scene", "segment", "consensus", "query", "vote", "parts", "simulate", "grasp", "report"];
 
 /// For each importing module, the modules that it imports, each with one imported name.
 type Graph = BTreeMap<String, BTreeMap<String, String>>;

@@ -92,6 +92,7 @@ use Refused::{AsItIsRead, AsTheSceneIsOpened};
 const NUMBERS: &[(&str, [&str; 2], [&str; 2], Refused)] = &[
     ("--threads", ["1", "1024"], ["0", "1025"], AsItIsRead),
     ("--views", ["1", "100000"], ["0", "100001"], AsItIsRead),
+    ("--ask-views", ["1", "1000"], ["0", "1001"], AsItIsRead),
     ("--render-views", ["1", "100000"], ["0", "100001"], AsItIsRead),
     ("--points-per-side", ["1", "256"], ["0", "257"], AsItIsRead),
     ("--min-predicted-iou", ["0", "1"], ["-0.01", "1.01"], AsItIsRead),

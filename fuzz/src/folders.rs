@@ -177,7 +177,7 @@ fn answer_all(server: &TcpListener) {
     let wood = MaterialLibrary::builtin().of_family("wood").next().expect("the library has wood");
     let range = |range: Range, unit: f64| json!([range.low / unit, range.high / unit]);
     let answer = json!({
-        "caption": "half a ball", "family": wood.family, "material": wood.name,
+        "caption": "half a ball", "several_materials": false, "family": wood.family, "material": wood.name,
         "density_kg_m3": range(wood.density_kg_m3, 1.0), "youngs_modulus_mpa": range(wood.youngs_modulus_pa, 1e6),
         "poisson_ratio": range(wood.poisson_ratio, 1.0), "yield_strength_mpa": range(wood.strength_pa, 1e6),
         "shore_scale": "none", "shore_hardness": null, "friction_rubber": range(wood.friction_rubber, 1.0),

@@ -157,6 +157,7 @@ fn answers() -> Answers {
             hardness: material.hardness,
             friction_rubber: material.friction_rubber,
             form: Form::Solid,
+            several_materials: false,
             confidence: 1.0,
             matched: Match::Exact,
             flags: Vec::new(),

@@ -206,7 +206,7 @@ impl<'a> Questions<'a> {
 
     /// Applies `work` to the questions of a scene that is segmented.
     fn with_session<T>(&self, scene: &Selected, work: impl FnOnce(&QuerySession, &Queries) -> Result<T>) -> Result<T> {
-        let plan = Plan { to: Stage::Segment, from: None };
+        let plan = Plan { to: Stage::Consensus, from: None };
         let options = (self.options_of)(&scene.folder)?;
         let mut pipeline = Pipeline::builder(&scene.folder).out(&scene.work).options(options).plan(plan).open()?;
         pipeline.run()?;

@@ -53,7 +53,7 @@ pub enum Command {
     Run(RunArgs),
     /// Cut the chosen views of a scene, or a single picture, into segments with SAM.
     Segment(SceneArgs),
-    /// Get the material of each segment from recorded answers or a model; or export queries and import answers.
+    /// Get the material of each part from recorded answers or a model; or export queries and import answers.
     Query(QueryArgs),
     /// Give every Gaussian a material by a vote of the views.
     Vote(SceneArgs),

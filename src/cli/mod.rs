@@ -18,11 +18,11 @@ use std::process::ExitCode;
 
 use clap::error::ContextValue;
 use clap::parser::ValueSource;
-use clap::{Args, CommandFactory, FromArgMatches};
+use clap::{Args, CommandFactory, FromArgMatches, ValueEnum};
 use serde::Serialize;
 
 use crate::error::UsageError;
-use crate::pipeline::{self, Stage, THREADS, known_flags};
+use crate::pipeline::{self, Preset, Stage, THREADS, known_flags};
 use crate::progress::Progress;
 use crate::{config, exit, inspect, output};
 use arguments::{
@@ -107,7 +107,9 @@ fn parse_with(arguments: &[OsString], user_file: Option<&Path>) -> anyhow::Resul
     if let Ok(matches) = &first_look {
         let (place, command, matches) = innermost(arguments, matches);
         let known = known_flags();
-        let mut flags = user_file.map_or_else(|| Ok(Vec::new()), |path| config::flags_of_user(path, &known))?;
+        let of_user = user_file.map_or_else(|| Ok(Vec::new()), |path| config::flags_of_user(path, &known))?;
+        let mut flags: Vec<OsString> = preset(matches, &of_user).flags().iter().map(OsString::from).collect();
+        flags.extend(of_user);
         if let Ok(Some(scene)) = matches.try_get_one::<PathBuf>("scene") {
             flags.extend(config::flags_of_scene(scene, &known)?);
         }
@@ -125,6 +127,17 @@ fn parse_with(arguments: &[OsString], user_file: Option<&Path>) -> anyhow::Resul
     let effective = matches.subcommand().map_or_else(Vec::new, |(_, matches)| stage_flags(matches));
     (cli.global.typed, cli.global.effective) = (typed, effective);
     Ok(cli)
+}
+
+/// The preset that the command line names, or else the user's file.
+fn preset(matches: &clap::ArgMatches, of_user: &[OsString]) -> Preset {
+    if let Ok(Some(named)) = matches.try_get_one::<Preset>("preset")
+        && matches.value_source("preset") == Some(ValueSource::CommandLine)
+    {
+        return *named;
+    }
+    let of_file = of_user.iter().rev().find_map(|flag| flag.to_str()?.strip_prefix("--preset="));
+    of_file.and_then(|name| Preset::from_str(name, false).ok()).unwrap_or_default()
 }
 
 /// The innermost subcommand, its matches, and the index in `arguments` after its name.
@@ -265,6 +278,7 @@ mod tests {
         vec![
             stage::<crate::scene::Options>(crate::scene::SCENE_KEYS),
             stage::<crate::segment::Options>(crate::segment::SCENE_KEYS),
+            stage::<crate::consensus::Options>(crate::consensus::SCENE_KEYS),
             stage::<crate::setup::Options>(crate::setup::SCENE_KEYS),
             stage::<crate::query::Options>(crate::query::SCENE_KEYS),
             stage::<crate::materials::Options>(crate::materials::SCENE_KEYS),
@@ -295,6 +309,7 @@ mod tests {
         "max-usd",
         "offline",
         "ort-lib",
+        "preset",
         "prices",
         "prompts",
         "recordings",

@@ -29,8 +29,8 @@ pub fn run(global: &Global, folder: &Path, work: &WorkArgs, to: Stage) -> anyhow
     let mut pipeline = open(global, folder, work, to)?;
     if work.dry_run {
         let reusable = pipeline.reusable()?;
-        // The questions are known only once the segments are.
-        let asked = to >= Stage::Query && reusable.contains(&Stage::Segment) && !reusable.contains(&Stage::Query);
+        // The questions are known only once the parts are.
+        let asked = to >= Stage::Query && reusable.contains(&Stage::Consensus) && !reusable.contains(&Stage::Query);
         let queries = if asked { Some(pipeline.query_preview()?) } else { None };
         return dry_run(global, plan, &reusable, queries.as_ref());
     }
@@ -110,8 +110,9 @@ fn dry_run(global: &Global, plan: Plan, reusable: &[Stage], queries: Option<&Pre
         }
         match queries {
             Some(plan) => text += &format!("queries: {plan}\n"),
-            None if plan.to >= Stage::Query && !reusable.contains(&Stage::Segment) => {
-                text += "queries: counted once the views are segmented, which sends nothing: gprop segment SCENE\n";
+            None if plan.to >= Stage::Query && !reusable.contains(&Stage::Consensus) => {
+                text +=
+                    "queries: counted once the parts are found, which sends nothing: gprop run SCENE --to consensus\n";
             }
             None => {}
         }
@@ -124,6 +125,7 @@ fn result_of(stage: Stage) -> Artifact<'static> {
     match stage {
         Stage::Scene => Artifact::Views,
         Stage::Segment => Artifact::Segments,
+        Stage::Consensus => Artifact::FoundParts,
         Stage::Query => Artifact::Answers,
         Stage::Vote => Artifact::Field,
         Stage::Parts => Artifact::Parts,

@@ -6,7 +6,7 @@ use super::linkage::Border;
 use super::membership::{Membership, Share};
 use super::neighbors::Pairs;
 use super::normals::Normals;
-use crate::segment::tree::SegmentTree;
+use crate::segment::ViewSegments;
 
 /// A view counts for a pair only if both Gaussians have more light than this in it, in pixels.
 const LEAST_LIGHT: f32 = 0.3;
@@ -29,13 +29,13 @@ impl Evidence {
     }
 
     /// Adds one view. Its weight is the square root of the light of the fainter Gaussian of the pair.
-    pub fn add(&mut self, pairs: &Pairs, membership: &Membership, tree: &SegmentTree) {
+    pub fn add(&mut self, pairs: &Pairs, membership: &Membership, segments: &ViewSegments) {
         self.sums.par_iter_mut().zip(&pairs.pairs).for_each(|(sums, &(a, b))| {
             let (a, b) = (membership.of(a as usize), membership.of(b as usize));
             let (of_a, of_b) = (light(a), light(b));
             let light = of_a.min(of_b);
             if light > LEAST_LIGHT {
-                sums.split += light.sqrt() * difference(a, of_a, b, of_b, tree);
+                sums.split += light.sqrt() * difference(a, of_a, b, of_b, segments);
                 sums.weight += light.sqrt();
             }
         });
@@ -63,7 +63,7 @@ fn light(shares: &[Share]) -> f32 {
 }
 
 /// The largest difference, over all segments of the view, between the shares of light that the two have in it.
-fn difference(a: &[Share], of_a: f32, b: &[Share], of_b: f32, tree: &SegmentTree) -> f32 {
+fn difference(a: &[Share], of_a: f32, b: &[Share], of_b: f32, segments: &ViewSegments) -> f32 {
     if let ([a], [b]) = (a, b)
         && a.segment == b.segment
     {
@@ -87,7 +87,7 @@ fn difference(a: &[Share], of_a: f32, b: &[Share], of_b: f32, tree: &SegmentTree
             break;
         }
         largest = largest.max(value.abs());
-        add(&mut open, tree.parent(segment), value);
+        add(&mut open, segments.parent(segment), value);
     }
     largest
 }

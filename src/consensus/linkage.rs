@@ -17,7 +17,7 @@ pub(super) struct Border {
     /// Sum of the angles between normals over pairs that are far enough apart, and their number.
     pub angle_deg: f64,
     pub angles: u32,
-    /// Number of pairs of nearest neighbours: without any, the groups do not touch.
+    /// Number of pairs of nearest neighbours: without any, the groups lie a few Gaussians apart.
     pub near: u32,
 }
 
@@ -61,7 +61,7 @@ impl PartialOrd for Weakest {
     }
 }
 
-/// Joins nodes `0..nodes` while the strength of the weakest border is at most `limit`. Groups that do not touch are not
+/// Joins nodes `0..nodes` while the strength of the weakest border is at most `limit`. Groups without a border are not
 /// joined. Returns the group of every node, named by one of its nodes.
 pub(super) fn link(
     nodes: usize,
@@ -72,11 +72,12 @@ pub(super) fn link(
     let mut group: Vec<u32> = (0..nodes as u32).collect();
     let mut around: Vec<BTreeMap<u32, Border>> = vec![BTreeMap::new(); nodes];
     let mut heap = BinaryHeap::new();
-    let weakest = |a: u32, b: u32, border: &Border| {
-        (border.near > 0).then(|| Weakest { strength: strength(border), a: a.min(b), b: a.max(b) })
+    let push = |heap: &mut BinaryHeap<Weakest>, a: u32, b: u32, border: &Border| {
+        let weakest = Weakest { strength: strength(border), a: a.min(b), b: a.max(b) };
+        heap.extend((weakest.strength <= limit).then_some(weakest));
     };
     for &(a, b, border) in borders {
-        heap.extend(weakest(a, b, &border).filter(|weakest| weakest.strength <= limit));
+        push(&mut heap, a, b, &border);
         around[a as usize].insert(b, border);
         around[b as usize].insert(a, border);
     }
@@ -97,7 +98,7 @@ pub(super) fn link(
             *sum += border;
             let sum = *sum;
             around[other as usize].insert(into, sum);
-            heap.extend(weakest(into, other, &sum).filter(|weakest| weakest.strength <= limit));
+            push(&mut heap, into, other, &sum);
         }
     }
     roots(group)
@@ -225,8 +226,9 @@ mod tests {
     }
 
     #[test]
-    fn groups_that_do_not_touch_stay_apart() {
-        assert_eq!(groups(2, &[(0, 1, border(0.0, 0))], 0.5), [0, 1]);
+    fn groups_are_joined_only_across_a_border_that_is_weak() {
+        assert_eq!(groups(2, &[], 0.5), [0, 1]);
+        assert_eq!(groups(2, &[(0, 1, border(0.6, 1))], 0.5), [0, 1]);
         let joined = groups(2, &[(0, 1, border(0.5, 1))], 0.5);
         assert_eq!(joined[0], joined[1]);
     }

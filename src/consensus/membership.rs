@@ -1,6 +1,6 @@
 //! The light of every Gaussian in each segment of one view.
 
-use super::ViewTree;
+use super::SegmentedView;
 use crate::render::{Projected, RenderOptions, contributions};
 use crate::scene::gaussians::Gaussians;
 
@@ -21,9 +21,9 @@ pub(super) struct Membership {
 }
 
 impl Membership {
-    pub fn new(gaussians: &Gaussians, view: &ViewTree) -> Self {
+    pub fn new(gaussians: &Gaussians, view: &SegmentedView) -> Self {
         let projected = Projected::new(gaussians, view.camera, &RenderOptions::default());
-        let found = contributions(gaussians.len(), projected, &view.tree.map.labels, Some);
+        let found = contributions(gaussians.len(), projected, &view.segments.map.labels, Some);
         let mut starts = vec![0u32; gaussians.len() + 1];
         found.iter().for_each(|(gaussian, ..)| starts[*gaussian as usize + 1] += 1);
         for i in 0..gaussians.len() {

@@ -8,30 +8,40 @@
 //!    and the angle between the surface's normals ([`normals`]);
 //! 4. [`linkage`]: joins Gaussians to pieces that views do not split, by average linkage over all pairs that cross
 //!    their border, then pieces to parts across borders without an edge in the surface: a printed pattern is not a
-//!    part.
+//!    part. The pieces are kept, in case that the part turns out to consist of several materials;
+//! 5. [`masks`]: the parts in each view, and [`best_views`]: those in which each part is seen best.
 //!
 //! Crumbs join the neighbour from which views separate them least. Gaussians that are then in no part, because no view
 //! sees them or they touch nothing, join the nearest part.
 
+mod best_views;
 mod evidence;
 mod linkage;
+pub mod masks;
 mod membership;
 mod neighbors;
 mod normals;
+mod options;
+
+use std::collections::BTreeMap;
 
 use nalgebra::Vector3;
 use rayon::prelude::*;
+use serde::{Deserialize, Serialize};
 
 use crate::camera::Camera;
 use crate::progress::Progress;
 use crate::scene::gaussians::Gaussians;
 use crate::scene::nearest::Nearest;
-use crate::segment::tree::SegmentTree;
+use crate::segment::ViewSegments;
 use evidence::Evidence;
 use linkage::{Border, NONE, link};
 use membership::Membership;
 use neighbors::Pairs;
 use normals::Normals;
+
+pub use best_views::{PartView, best_views, sharpness};
+pub use options::{Asked, Options, SCENE_KEYS};
 
 /// Neighbours that views split by less are taken as one from the start, which leaves a sixth of the nodes to link.
 const CORE_SPLIT: f64 = 0.02;
@@ -39,7 +49,11 @@ const CORE_SPLIT: f64 = 0.02;
 /// half of the views see has pairs of soft Gaussians on it, about half of whose light is on either side.
 const PIECE_SPLIT: f64 = 0.2;
 /// Pieces are joined to parts while the [`strength`] of their border is at most this.
-const PART_STRENGTH: f64 = 0.2;
+const PART_STRENGTH: f64 = 0.3;
+/// The pieces of a part that are asked about one by one, if it consists of several materials, are those that views split
+/// more often than this, each with at least this share of the object's light.
+const ASKED_PIECE_SPLIT: f64 = 0.4;
+const ASKED_PIECE_SHARE: f64 = 0.01;
 /// Angles in degrees between normals across a border: up to the first, the surface goes on smoothly; from the second,
 /// it has an edge. Pairs on a smooth printed surface differ by 8 to 22 degrees, those across borders of parts by 42 and
 /// more (the four fixtures and six measured objects).
@@ -57,28 +71,60 @@ const LEAST_LIGHT: f32 = 1.0;
 
 /// A view with its segments.
 #[derive(Debug, Clone, Copy)]
-pub struct ViewTree<'a> {
+pub struct SegmentedView<'a> {
     pub camera: &'a Camera,
     /// Of the same size as the camera's picture.
-    pub tree: &'a SegmentTree,
+    pub segments: &'a ViewSegments,
+}
+
+/// A part of the object, or a piece of one that views tell apart but whose border with the others is no edge.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Part {
+    /// From 1: parts first, those with the most light first; then the pieces of each.
+    pub id: u16,
+    /// The part of which this is a piece; `None` for a part.
+    pub piece_of: Option<u16>,
+    /// Number of its Gaussians.
+    pub gaussians: usize,
+    /// The light of its Gaussians in all views, in pixels.
+    pub light: f64,
+    /// The mean, over the pairs of Gaussians on its border, of the share of views that split them; 1 if it has no border.
+    pub separation: f64,
 }
 
 /// The parts of the object.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Parts {
-    /// The part of every Gaussian, from 0; part 0 has the most light.
-    pub part_of_gaussian: Vec<u32>,
-    /// For every part, the light of its Gaussians in all views, in pixels.
-    pub light: Vec<f64>,
-    /// The mean, over the pairs of Gaussians on its border, of the share of views that split them; 1 if the part has no
-    /// border.
-    pub separation: Vec<f64>,
+    /// For every Gaussian, the id of its piece; of its part if that has no pieces.
+    pub id_of_gaussian: Vec<u16>,
+    /// For every Gaussian, the share of the views' evidence about its pairs that agrees with the parts, 0 to 1; 0 if no
+    /// view sees it.
+    pub confidence: Vec<f32>,
+    /// By id. A part has either no pieces or several.
+    pub parts: Vec<Part>,
+}
+
+impl Parts {
+    /// The part that an id stands for: that of a piece, or itself.
+    pub fn part_of(&self, id: u16) -> u16 {
+        self.parts[usize::from(id) - 1].piece_of.unwrap_or(id)
+    }
+
+    /// For every Gaussian, the id of its part.
+    pub fn part_of_gaussian(&self) -> Vec<u16> {
+        self.id_of_gaussian.iter().map(|&id| self.part_of(id)).collect()
+    }
+
+    /// Number of parts, without pieces.
+    pub fn count(&self) -> usize {
+        self.parts.iter().filter(|part| part.piece_of.is_none()).count()
+    }
 }
 
 /// Finds the parts. The result does not depend on the number of threads.
 ///
 /// If no view sees anything, the whole object is one part.
-pub fn find(gaussians: &Gaussians, views: &[ViewTree], progress: Progress) -> Parts {
+pub fn find(gaussians: &Gaussians, views: &[SegmentedView], progress: Progress) -> Parts {
     let bar = progress.bar("parts", 2 * views.len() as u64);
     let mut light = vec![0.0f32; gaussians.len()];
     let mut toward_views = vec![Vector3::zeros(); gaussians.len()];
@@ -99,7 +145,7 @@ pub fn find(gaussians: &Gaussians, views: &[ViewTree], progress: Progress) -> Pa
     let mut evidence = Evidence::new(&pairs);
     for view in views {
         // A second time, rather than to keep those of all views.
-        evidence.add(&pairs, &Membership::new(gaussians, view), view.tree);
+        evidence.add(&pairs, &Membership::new(gaussians, view), view.segments);
         bar.inc(1);
     }
     bar.finish_and_clear();
@@ -108,15 +154,36 @@ pub fn find(gaussians: &Gaussians, views: &[ViewTree], progress: Progress) -> Pa
     let (core_of, cores) = compact(&linkage::contract(gaussians.len(), borders(), CORE_SPLIT), &seen);
     let between_cores = linkage::between(&core_of, cores, borders());
     let light_of_core = sum_by(&core_of, cores, &seen, &light);
-    let piece_of_core = link(cores, &between_cores, PIECE_SPLIT, Border::split);
+    let near_split = |border: &Border| if border.near > 0 { border.split() } else { f64::INFINITY };
+    let piece_of_core = link(cores, &between_cores, PIECE_SPLIT, near_split);
     let piece_of_core = linkage::absorb(piece_of_core, &between_cores, &light_of_core, SCRAP_SHARE);
     let between_pieces = linkage::between(&piece_of_core, cores, between_cores.iter().copied());
     let part_of_piece = link(cores, &between_pieces, PART_STRENGTH, strength);
     let group_of = |groups: &[u32], member: u32| groups.get(member as usize).copied().unwrap_or(NONE);
     let part_of_core = piece_of_core.iter().map(|&piece| group_of(&part_of_piece, piece)).collect();
     let part_of_core = linkage::absorb(part_of_core, &between_cores, &light_of_core, CRUMB_SHARE);
-    let part_of: Vec<u32> = core_of.iter().map(|&core| group_of(&part_of_core, core)).collect();
-    finish(gaussians, &part_of, &seen, &light, borders())
+    let piece_of_core = pieces(&piece_of_core, &part_of_core, &between_cores, &light_of_core);
+    let of_gaussian = |of_core: &[u32]| -> Vec<u32> { core_of.iter().map(|&core| group_of(of_core, core)).collect() };
+    finish(gaussians, &of_gaussian(&part_of_core), &of_gaussian(&piece_of_core), &seen, &light, &borders)
+}
+
+/// The pieces to ask about within parts, named by one of their cores; [`NONE`] where there is none.
+fn pieces(piece_of: &[u32], part_of: &[u32], borders: &[(u32, u32, Border)], light: &[f64]) -> Vec<u32> {
+    let inside: Vec<(u32, u32, Border)> = borders
+        .iter()
+        .copied()
+        .filter(|&(a, b, _)| part_of[a as usize] == part_of[b as usize] && part_of[a as usize] != NONE)
+        .collect();
+    // What joined a part as a crumb may lie in another part than the rest of its piece.
+    let mut first: BTreeMap<(u32, u32), u32> = BTreeMap::new();
+    let within: Vec<u32> = (0..)
+        .zip(piece_of.iter().zip(part_of))
+        .map(|(core, (&piece, &part))| *first.entry((part, piece)).or_insert(core))
+        .collect();
+    let between = linkage::between(&within, within.len(), inside.iter().copied());
+    let joined = link(within.len(), &between, ASKED_PIECE_SPLIT, Border::split);
+    let joined = within.iter().map(|&piece| joined[piece as usize]).collect();
+    linkage::absorb(joined, &inside, light, ASKED_PIECE_SHARE)
 }
 
 /// How much a border separates two parts, 0 to 1: the share of views that split it, times how much of an edge it is.
@@ -152,39 +219,123 @@ fn sum_by(group: &[u32], groups: usize, seen: &[u32], light: &[f32]) -> Vec<f64>
     sums
 }
 
-/// Numbers the parts by their light and gives what is in none of them to the nearest one.
-fn finish(
+/// Numbers the parts and their pieces by their light, and gives Gaussians in none of them to the nearest.
+fn finish<B: Iterator<Item = (u32, u32, Border)>>(
     gaussians: &Gaussians,
     part_of: &[u32],
+    piece_of: &[u32],
     seen: &[u32],
     light: &[f32],
-    borders: impl Iterator<Item = (u32, u32, Border)>,
+    borders: &impl Fn() -> B,
 ) -> Parts {
-    let (mut part_of, parts) = compact(part_of, seen);
+    let (part_of, parts) = compact(part_of, seen);
     if parts == 0 {
-        return Parts { part_of_gaussian: vec![0; gaussians.len()], light: vec![0.0], separation: vec![1.0] };
+        let whole = Part { id: 1, piece_of: None, gaussians: gaussians.len(), light: 0.0, separation: 1.0 };
+        let confidence = vec![0.0; gaussians.len()];
+        return Parts { id_of_gaussian: vec![1; gaussians.len()], confidence, parts: vec![whole] };
     }
-    let light = sum_by(&part_of, parts, seen, light);
-    let mut order: Vec<usize> = (0..parts).collect();
-    order.sort_by(|&a, &b| light[b].total_cmp(&light[a]));
-    let mut rank = vec![0u32; parts];
-    (0..).zip(&order).for_each(|(n, &part)| rank[part] = n);
-    let known: Vec<(usize, u32)> = part_of.iter().copied().enumerate().filter(|(_, part)| *part != NONE).collect();
-    let nearest = Nearest::new(known.iter().map(|&(i, _)| gaussians.positions[i]));
-    part_of.par_iter_mut().enumerate().for_each(|(i, part)| {
-        if *part == NONE {
-            *part = nearest.find(gaussians.positions[i], 1).first().map_or(0, |&(_, n)| known[n as usize].1);
-        }
-        *part = rank[*part as usize];
+    let numbers = Numbers::new(&part_of, parts, piece_of, seen, light);
+    let mut ids: Vec<u16> = (0..gaussians.len()).map(|i| numbers.id(part_of[i], piece_of[i])).collect();
+    let known: Vec<usize> = (0..gaussians.len()).filter(|&i| ids[i] > 0).collect();
+    let nearest = Nearest::new(known.iter().map(|&i| gaussians.positions[i]));
+    let of_known: Vec<u16> = known.iter().map(|&i| ids[i]).collect();
+    ids.par_iter_mut().enumerate().filter(|(_, id)| **id == 0).for_each(|(i, id)| {
+        *id = nearest.find(gaussians.positions[i], 1).first().map_or(1, |&(_, n)| of_known[n as usize]);
     });
-    let mut around = vec![Border::default(); parts];
-    for (a, b, border) in borders {
-        let (a, b) = (part_of[a as usize], part_of[b as usize]);
-        if a != b {
-            around[a as usize] += border;
-            around[b as usize] += border;
+    let mut found = Parts { id_of_gaussian: ids, confidence: vec![0.0; gaussians.len()], parts: numbers.parts };
+    for &id in &found.id_of_gaussian {
+        let part = &mut found.parts[usize::from(id) - 1];
+        part.gaussians += 1;
+        if let Some(whole) = part.piece_of {
+            found.parts[usize::from(whole) - 1].gaussians += 1;
         }
     }
-    let separation = around.iter().map(|border| if border.weight > 0.0 { border.split() } else { 1.0 }).collect();
-    Parts { part_of_gaussian: part_of, light: order.iter().map(|&part| light[part]).collect(), separation }
+    measure(&mut found, borders());
+    found
+}
+
+/// Fills in how clearly the parts and their Gaussians are separated.
+fn measure(found: &mut Parts, borders: impl Iterator<Item = (u32, u32, Border)>) {
+    let mut around = vec![Border::default(); found.parts.len()];
+    let mut agreement = vec![[0.0f64; 2]; found.id_of_gaussian.len()];
+    for (a, b, border) in borders {
+        let ids = [a, b].map(|i| found.id_of_gaussian[i as usize]);
+        let parts = ids.map(|id| found.part_of(id));
+        let agrees = if parts[0] == parts[1] { border.weight - border.split } else { border.split };
+        for i in [a, b] {
+            agreement[i as usize][0] += agrees;
+            agreement[i as usize][1] += border.weight;
+        }
+        if ids[0] != ids[1] {
+            for side in 0..2 {
+                around[usize::from(ids[side]) - 1] += border;
+                if parts[0] != parts[1] && parts[side] != ids[side] {
+                    around[usize::from(parts[side]) - 1] += border;
+                }
+            }
+        }
+    }
+    for (part, border) in found.parts.iter_mut().zip(&around) {
+        part.separation = if border.weight > 0.0 { border.split() } else { 1.0 };
+    }
+    for (confidence, [agrees, all]) in found.confidence.iter_mut().zip(agreement) {
+        *confidence = if all > 0.0 { (agrees / all) as f32 } else { 0.0 };
+    }
+}
+
+/// The ids of parts and pieces.
+struct Numbers {
+    parts: Vec<Part>,
+    /// By the number of the part: its id, and those of its pieces by the name of each; none if it has only one.
+    ids: Vec<(u16, Vec<(u32, u16)>)>,
+}
+
+impl Numbers {
+    fn new(part_of: &[u32], parts: usize, piece_of: &[u32], seen: &[u32], light: &[f32]) -> Self {
+        let mut of_part = vec![(0.0, BTreeMap::<u32, f64>::new()); parts];
+        for &i in seen {
+            let (i, part) = (i as usize, part_of[i as usize]);
+            if part != NONE {
+                let (sum, pieces) = &mut of_part[part as usize];
+                *sum += f64::from(light[i]);
+                *pieces.entry(piece_of[i]).or_default() += f64::from(light[i]);
+            }
+        }
+        let mut order: Vec<usize> = (0..parts).collect();
+        order.sort_by(|&a, &b| of_part[b].0.total_cmp(&of_part[a].0));
+        let mut found = Self { parts: Vec::new(), ids: vec![(0, Vec::new()); parts] };
+        for &part in &order {
+            found.ids[part].0 = found.add(None, of_part[part].0);
+        }
+        for &part in &order {
+            // Gaussians in no piece belong to the part's largest.
+            let mut pieces: Vec<(u32, f64)> = of_part[part]
+                .1
+                .iter()
+                .filter(|(piece, _)| **piece != NONE)
+                .map(|(&piece, &light)| (piece, light))
+                .collect();
+            pieces.sort_by(|a, b| b.1.total_cmp(&a.1).then(a.0.cmp(&b.0)));
+            if pieces.len() > 1 {
+                let whole = found.ids[part].0;
+                found.ids[part].1 =
+                    pieces.into_iter().map(|(piece, light)| (piece, found.add(Some(whole), light))).collect();
+            }
+        }
+        found
+    }
+
+    fn add(&mut self, piece_of: Option<u16>, light: f64) -> u16 {
+        // Each holds more than one of CRUMB_SHARE's shares of the light.
+        let id = u16::try_from(self.parts.len() + 1).expect("parts are few");
+        self.parts.push(Part { id, piece_of, gaussians: 0, light, separation: 1.0 });
+        id
+    }
+
+    /// The id of a Gaussian in this part and piece; 0 if it is in no part.
+    fn id(&self, part: u32, piece: u32) -> u16 {
+        let Some((whole, pieces)) = self.ids.get(part as usize) else { return 0 };
+        let of_piece = pieces.iter().find(|(name, _)| *name == piece).or(pieces.first());
+        of_piece.map_or(*whole, |(_, id)| *id)
+    }
 }

@@ -60,8 +60,9 @@ struct Pixels {
 }
 
 impl Pixels {
-    fn add(&mut self, gaussians: &Gaussians, part_of_gaussian: &[u32], view: &TrueView) {
-        let drawn = render_labels(gaussians, &view.camera, part_of_gaussian, &RenderOptions::default());
+    fn add(&mut self, gaussians: &Gaussians, part_of_gaussian: &[u16], view: &TrueView) {
+        let labels: Vec<u32> = part_of_gaussian.iter().map(|&part| u32::from(part)).collect();
+        let drawn = render_labels(gaussians, &view.camera, &labels, &RenderOptions::default());
         for (found, truth) in drawn.into_iter().zip(view.parts.as_raw()) {
             *self.both.entry((found, (*truth != NO_PART).then_some(*truth))).or_default() += 1;
         }
@@ -94,7 +95,7 @@ impl Pixels {
 
 /// Compares the parts with the true ones in the views that were not segmented. The views that were segmented decide as
 /// which true part a found part counts; if none of them has a true map, the compared views themselves do.
-pub fn compare(scene: &str, gaussians: &Gaussians, part_of_gaussian: &[u32], views: &[TrueView]) -> PartsEvaluation {
+pub fn compare(scene: &str, gaussians: &Gaussians, part_of_gaussian: &[u16], views: &[TrueView]) -> PartsEvaluation {
     let (mut known, mut compared) = (Pixels::default(), Pixels::default());
     for view in views {
         if view.segmented { &mut known } else { &mut compared }.add(gaussians, part_of_gaussian, view);
@@ -126,7 +127,7 @@ pub fn compare(scene: &str, gaussians: &Gaussians, part_of_gaussian: &[u32], vie
     PartsEvaluation {
         scene: scene.to_owned(),
         views: views.iter().filter(|view| !view.segmented).count(),
-        parts: part_of_gaussian.iter().max().map_or(0, |&last| last as usize + 1),
+        parts: part_of_gaussian.iter().collect::<BTreeSet<_>>().len(),
         mean_iou: mean(true_parts.values().map(|part| part.iou).sum(), true_parts.len()),
         true_parts_per_part: mean(shown.iter().sum::<usize>() as f64, shown.len()),
         true_parts,

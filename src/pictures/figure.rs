@@ -1,5 +1,5 @@
 //! The material field as one camera sees it: materials, parts or confidence of the Gaussians, and the paper's figure of
-//! photo, segments and materials.
+//! photo, parts and materials.
 
 use clap::ValueEnum;
 use image::{DynamicImage, RgbImage};
@@ -16,7 +16,7 @@ use crate::vote::{MaterialField, field_ply};
 /// The aspect of the field to show.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, ValueEnum)]
 pub enum Shown {
-    /// Photo, segments and materials side by side, with a legend
+    /// Photo, parts and materials side by side, with a legend
     #[default]
     Figure,
     /// Each Gaussian in its material's colour, with a legend
@@ -27,7 +27,7 @@ pub enum Shown {
     Confidence,
 }
 
-/// Draws the field as `camera` sees it. `map` are the segments found in the photo; if there are none, the figure shows
+/// Draws the field as `camera` sees it. `map` are the parts or segments in the photo; if there are none, the figure shows
 /// the field's parts.
 pub fn draw(
     shown: Shown,

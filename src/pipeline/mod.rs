@@ -8,12 +8,14 @@
 mod batch_api;
 mod builder;
 pub mod compat;
+mod consensus;
 mod export;
 mod grasp;
 mod options;
 mod parts;
 pub mod picture;
 mod plan;
+mod preset;
 mod query;
 pub mod query_session;
 mod record;
@@ -54,6 +56,7 @@ pub use batch_api::{Collected, Sent, check_submission};
 pub use builder::Builder;
 pub use options::{Options, THREADS, known_flags, scene_keys};
 pub use plan::{Plan, Stage};
+pub use preset::Preset;
 pub use record::Hasher;
 use record::{Left, Output, RunRecord, StageRecord};
 
@@ -82,6 +85,7 @@ pub struct Pipeline {
     scene: Scene,
     views: Vec<View>,
     segmentation: OnceLock<Segmentation>,
+    found: OnceLock<consensus::FoundParts>,
     answers: OnceLock<Answers>,
     field: OnceLock<MaterialField>,
     interior: OnceLock<Interior>,
@@ -144,6 +148,7 @@ impl Pipeline {
             gripper,
             scene,
             segmentation: OnceLock::new(),
+            found: OnceLock::new(),
             answers: OnceLock::new(),
             field: OnceLock::new(),
             interior: OnceLock::new(),
@@ -190,6 +195,7 @@ impl Pipeline {
         Ok(match stage {
             Stage::Scene => self.scene_key()?,
             Stage::Segment => self.segment_key()?,
+            Stage::Consensus => self.consensus_key(),
             Stage::Query => self.query_key()?,
             Stage::Vote => self.vote_key(),
             Stage::Parts => self.parts_key(),
@@ -203,6 +209,7 @@ impl Pipeline {
         match stage {
             Stage::Scene => self.do_scene(),
             Stage::Segment => self.do_segment(),
+            Stage::Consensus => self.do_consensus(),
             Stage::Query => self.do_query(),
             Stage::Vote => self.do_vote(),
             Stage::Parts => self.do_parts(),

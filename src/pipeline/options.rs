@@ -10,13 +10,21 @@ use serde::Serialize;
 use crate::config::{self, SceneKey};
 use crate::error::{Error, UsageError};
 
+use super::preset::Preset;
+
 /// The options of all stages.
 #[derive(Debug, Clone, Default, Serialize, clap::Args)]
 pub struct Options {
+    /// Set of defaults; other options override it
+    // Set by the command line, which has applied it. For a library, see `Preset::options`.
+    #[arg(long, value_enum, default_value_t = Preset::default(), help_heading = "Presets")]
+    pub preset: Preset,
     #[command(flatten)]
     pub scene: crate::scene::Options,
     #[command(flatten)]
     pub segment: crate::segment::Options,
+    #[command(flatten)]
+    pub consensus: crate::consensus::Options,
     #[command(flatten)]
     pub setup: crate::setup::Options,
     #[command(flatten)]
@@ -57,11 +65,22 @@ impl Options {
     }
 }
 
+impl Preset {
+    /// The default options with those of the preset.
+    pub fn options(self) -> Options {
+        let command = Options::augment_args(stages().no_binary_name(true));
+        let matches = command.try_get_matches_from(self.flags()).expect("a test parses the flags of every preset");
+        let options = Options::from_arg_matches(&matches).expect("the same");
+        Options { preset: self, ..options }
+    }
+}
+
 /// The keys of all stages' options that a scene's `gprop.toml` may set. Every other option is only for the user to set.
 pub fn scene_keys() -> Vec<SceneKey> {
     let stages = [
         crate::scene::SCENE_KEYS,
         crate::segment::SCENE_KEYS,
+        crate::consensus::SCENE_KEYS,
         crate::setup::SCENE_KEYS,
         crate::query::SCENE_KEYS,
         crate::materials::SCENE_KEYS,

@@ -12,8 +12,9 @@ use crate::materials::MaterialLibrary;
 use crate::pictures::material_map;
 use crate::progress::Progress;
 use crate::query::Answers;
+use crate::query::rounds::Subject;
 use crate::scene::Photo;
-use crate::segment::{LabelMap, Segment, SegmentError, ViewSegments, segment_views};
+use crate::segment::{self, LabelMap, Segment, SegmentError, ViewSegments, segment_views};
 use crate::workdir::{Artifact, WorkDir};
 
 use super::query::write_sheets;
@@ -100,19 +101,18 @@ impl Picture {
             let view = &self.segments.view;
             return Err(UsageError(format!("{view} has no foreground: its alpha or its mask is empty")).into());
         }
-        let view = QueryView { name: &self.segments.view, photo: self.photo.clone(), segments: &self.segments };
+        let maps = vec![Cow::Borrowed(&self.segments.map)];
+        let view = QueryView { name: &self.segments.view, photo: self.photo.clone(), maps };
+        let subjects = self.segments.segments.iter().map(|segment| Subject::segment(0, segment.id)).collect();
         let home = self.work.root();
         check_recordings(home, &self.work, self.options.scene.read_scope(home))?;
         let (query, network) = (&self.options.query, self.options.setup.network());
-        QuerySession::new(query, vec![view], &self.library, home, &self.work, network, self.progress)
+        QuerySession::new(query, vec![view], (subjects, 1), &self.library, home, &self.work, network, self.progress)
     }
 
     /// Answers the queries and draws the material map.
     pub fn run(&self) -> Result<Answers> {
-        let session = self.query_session()?;
-        let queries = session.queries()?;
-        write_sheets(&self.work, &queries)?;
-        let answers = session.run(&queries)?.answers;
+        let answers = self.query_session()?.answer_all(&|round| Ok(write_sheets(&self.work, round)?))?;
         self.work.write(Artifact::Answers, answers.to_jsonl().as_bytes())?;
         answers.require_any()?;
         let map = material_map::draw(&self.photo, &self.segments.map, &answers);
@@ -154,8 +154,9 @@ fn segment(
     progress: Progress,
 ) -> Result<ViewSegments> {
     let segmenter = open_segmenter(&options.setup, &options.segment, progress)?;
+    let flat = segment::Options { level: Some(options.segment.flat_level()), ..options.segment.clone() };
     let load = |_: &str| Ok::<_, SegmentError>(photo.clone());
-    let found = segment_views(&segmenter, &[view], &load, &options.segment, progress, &|_| Ok(()))?;
+    let found = segment_views(&segmenter, &[view], &load, &flat, progress, &|_| Ok(()))?;
     let found = found.views.into_iter().next().context("one picture has one view")?;
     let written = at_size(found.clone(), size);
     let png = written.map.to_png()?;

@@ -8,6 +8,7 @@ use serde::{Deserialize, Serialize};
 pub enum Stage {
     Scene,
     Segment,
+    Consensus,
     Query,
     Vote,
     Parts,
@@ -18,21 +19,38 @@ pub enum Stage {
 
 impl Stage {
     /// All stages in order.
-    pub const ALL: [Self; 8] =
-        [Self::Scene, Self::Segment, Self::Query, Self::Vote, Self::Parts, Self::Simulate, Self::Grasp, Self::Report];
+    pub const ALL: [Self; 9] = [
+        Self::Scene,
+        Self::Segment,
+        Self::Consensus,
+        Self::Query,
+        Self::Vote,
+        Self::Parts,
+        Self::Simulate,
+        Self::Grasp,
+        Self::Report,
+    ];
 
     /// The stages whose results it reads.
     pub(super) fn inputs(self) -> &'static [Self] {
         match self {
             Self::Scene => &[],
             Self::Segment => &[Self::Scene],
-            Self::Query => &[Self::Scene, Self::Segment],
-            Self::Vote => &[Self::Scene, Self::Segment, Self::Query],
+            Self::Consensus => &[Self::Scene, Self::Segment],
+            Self::Query => &[Self::Scene, Self::Segment, Self::Consensus],
+            Self::Vote => &[Self::Scene, Self::Segment, Self::Consensus, Self::Query],
             Self::Parts => &[Self::Scene, Self::Vote],
             Self::Simulate | Self::Grasp => &[Self::Scene, Self::Vote, Self::Parts],
-            Self::Report => {
-                &[Self::Scene, Self::Segment, Self::Query, Self::Vote, Self::Parts, Self::Simulate, Self::Grasp]
-            }
+            Self::Report => &[
+                Self::Scene,
+                Self::Segment,
+                Self::Consensus,
+                Self::Query,
+                Self::Vote,
+                Self::Parts,
+                Self::Simulate,
+                Self::Grasp,
+            ],
         }
     }
 
@@ -46,6 +64,7 @@ impl Stage {
         match self {
             Self::Scene => &["scene"],
             Self::Segment => &["segment", "setup"],
+            Self::Consensus => &["consensus"],
             Self::Query => &["query", "materials"],
             Self::Vote => &["vote"],
             Self::Parts => &["parts"],
@@ -94,8 +113,8 @@ mod tests {
     fn a_stage_takes_along_what_it_needs() {
         assert_eq!(stages(Stage::Report, None), Stage::ALL);
         assert_eq!(stages(Stage::Segment, None), [Stage::Scene, Stage::Segment]);
-        assert_eq!(stages(Stage::Grasp, None), [&Stage::ALL[..5], &[Stage::Grasp]].concat(), "no simulation");
-        assert_eq!(stages(Stage::Grasp, Some(Stage::Simulate)), Stage::ALL[..7], "asked for");
+        assert_eq!(stages(Stage::Grasp, None), [&Stage::ALL[..6], &[Stage::Grasp]].concat(), "no simulation");
+        assert_eq!(stages(Stage::Grasp, Some(Stage::Simulate)), Stage::ALL[..8], "asked for");
     }
 
     #[test]

@@ -1,4 +1,4 @@
-//! Queries on disk: one sheet per segment, recordings as they arrive, `answers.jsonl` when all are complete.
+//! Queries on disk: one sheet per question, recordings as they arrive, `answers.jsonl` when all are complete.
 
 use std::collections::BTreeMap;
 use std::fs;
@@ -21,6 +21,7 @@ impl Pipeline {
         let mut hasher = self
             .key_after_inputs(Stage::Query)
             .with_json(options)
+            .with_json(&self.options.consensus.ask_views)
             .with_json(&query_session::candidates(options, &self.library)?.materials())
             .with_json(&query_session::prompts(options)?.sha256());
         for folder in query_session::recording_folders(options, &self.folder) {
@@ -35,13 +36,11 @@ impl Pipeline {
 
     pub(super) fn do_query(&self) -> Result<Done> {
         let session = self.query_session()?;
-        let queries = session.queries()?;
-        write_sheets(&self.work, &queries)?;
-        let answers = settled(session.run(&queries)?.answers);
+        let answers = settled(session.answer_all(&|round| Ok(write_sheets(&self.work, round)?))?);
         let jsonl = answers.to_jsonl();
         self.work.write(Artifact::Answers, jsonl.as_bytes())?;
         answers.require_any()?;
-        let sheets = queries.segments.iter().map(|segment| Artifact::Sheet(&segment.view, segment.segment));
+        let sheets = answers.segments.iter().map(|answer| Artifact::Sheet(&answer.view, answer.segment));
         let done = Done::writing(sheets.chain([Artifact::Answers])).warning(warnings(&answers));
         Ok(Done { digest: Some(Hasher::new("answers").with(jsonl.as_bytes()).hex()), ..done })
     }
@@ -57,20 +56,30 @@ impl Pipeline {
         Ok(session.preview(&session.queries()?))
     }
 
-    /// The queries of the chosen views; the scene must be segmented.
+    /// The queries of the chosen views; the parts must have been found.
     pub(crate) fn query_session(&self) -> Result<QuerySession<'_>> {
         self.query_session_with(&self.options.query)
     }
 
     /// Like [`Self::query_session`], but with other options than the run's.
     pub(super) fn query_session_with<'a>(&'a self, options: &'a Options) -> Result<QuerySession<'a>> {
-        let views = self.views.iter().zip(&self.segmentation()?.views).map(|(view, segments)| {
-            Ok(QueryView { name: &view.name, photo: photo_with_foreground(&self.scene, view)?, segments })
+        let views = self.views.iter().enumerate().map(|(number, view)| {
+            let photo = photo_with_foreground(&self.scene, view)?;
+            Ok(QueryView { name: &view.name, photo, maps: self.asked_maps(number)? })
         });
         let views = views.collect::<Result<_>>()?;
         query_session::check_recordings(&self.folder, &self.work, self.options.scene.read_scope(&self.folder))?;
         let network = self.options.setup.network();
-        QuerySession::new(options, views, &self.library, &self.folder, &self.work, network, self.progress)
+        QuerySession::new(
+            options,
+            views,
+            self.subjects()?,
+            &self.library,
+            &self.folder,
+            &self.work,
+            network,
+            self.progress,
+        )
     }
 
     /// True if answers of an earlier run are not to be reused: either the model is to be asked regardless of

@@ -2,6 +2,7 @@
 //! imports answers and prunes recordings. Sending them through the Batch API is in `batch_api.rs`.
 
 use std::borrow::Cow;
+use std::collections::BTreeMap;
 use std::fs;
 use std::path::{Path, PathBuf};
 
@@ -15,11 +16,13 @@ use crate::query::asker::Asker;
 use crate::query::client::{ApiKey, Client};
 use crate::query::cost::{Price, PriceTable};
 use crate::query::exchange::{self, Imported};
+use crate::query::ledger::Ledger;
 use crate::query::recorded::Recordings;
-use crate::query::{Options, Preview, Prompts, Queries, Run, ViewInput};
+use crate::query::rounds::{Ask, Outcomes, Subject};
+use crate::query::{Answers, Options, Outcome, Preview, Prompts, Queries, SegmentAnswer, ViewInput};
 use crate::read_scope::ReadScope;
 use crate::scene::{Photo, Reference, SceneError};
-use crate::segment::ViewSegments;
+use crate::segment::LabelMap;
 use crate::setup::Offline;
 use crate::workdir::{self, WorkDir};
 
@@ -33,6 +36,9 @@ const SPARE_RECORDINGS: &str = "unrecorded";
 pub struct QuerySession<'a> {
     pub(super) options: &'a Options,
     views: Vec<QueryView<'a>>,
+    subjects: Vec<Subject>,
+    /// Number of views in which each subject is asked about first.
+    ask_views: usize,
     prompts: Prompts,
     /// The materials to choose from.
     pub(super) library: Cow<'a, MaterialLibrary>,
@@ -49,7 +55,9 @@ pub struct QuerySession<'a> {
 pub struct QueryView<'a> {
     pub name: &'a str,
     pub photo: Photo,
-    pub segments: &'a ViewSegments,
+    /// Label maps of the photo's size. Each question is about an id of the first that has it: segments in one, or parts
+    /// and then their pieces.
+    pub maps: Vec<Cow<'a, LabelMap>>,
 }
 
 /// The result of `--prune`.
@@ -60,10 +68,12 @@ pub struct Pruned {
 }
 
 impl<'a> QuerySession<'a> {
-    /// A session for `views`, with recordings in `home` and in the folder that the options name.
+    /// A session about the subjects in `views`, each in `ask_views` of them at first, with recordings in `home` and in
+    /// the folder that the options name.
     pub fn new(
         options: &'a Options,
         views: Vec<QueryView<'a>>,
+        (subjects, ask_views): (Vec<Subject>, usize),
         library: &'a MaterialLibrary,
         home: &Path,
         work: &'a WorkDir,
@@ -79,6 +89,8 @@ impl<'a> QuerySession<'a> {
         Ok(Self {
             options,
             views,
+            subjects,
+            ask_views,
             prompts: prompts(options)?,
             library: candidates(options, library)?,
             price: price(options)?,
@@ -90,30 +102,95 @@ impl<'a> QuerySession<'a> {
         })
     }
 
-    /// The questions, with all sheets drawn.
+    /// The questions that are due, given the recorded answers, with all sheets drawn: more may follow from the answers to
+    /// those that are not recorded.
     pub fn queries(&self) -> Result<Queries<'_>> {
-        let inputs: Vec<_> = self
-            .views
+        let answerer = self.client.as_ref().map(Asker::answerer);
+        let mut answers = BTreeMap::new();
+        let mut queries = self.prepare(&[])?;
+        loop {
+            let due = self.due(&answers);
+            let round = self.prepare(&due)?;
+            let recorded = round.recorded(&self.recordings, answerer);
+            let is_open = due.is_empty() || recorded.iter().any(Option::is_none);
+            answers.extend(due.into_iter().zip(recorded).filter_map(|(ask, outcome)| Some((ask, outcome?))));
+            queries.segments.extend(round.segments);
+            if is_open {
+                queries.segments.sort_by_key(|query| self.place(&query.view, query.segment));
+                return Ok(queries);
+            }
+        }
+    }
+
+    /// What is to be asked next, by view and id.
+    fn due(&self, answers: &BTreeMap<Ask, Outcome>) -> Vec<Ask> {
+        let outcomes: Outcomes = answers.iter().map(|(&ask, outcome)| (ask, outcome)).collect();
+        let mut due: Vec<Ask> =
+            self.subjects.iter().flat_map(|subject| subject.due(self.ask_views, &outcomes)).collect();
+        due.sort_unstable();
+        due
+    }
+
+    /// The questions `asks`, which are sorted, with their sheets.
+    fn prepare(&self, asks: &[Ask]) -> Result<Queries<'_>> {
+        let ids_of = |view: usize, map: usize| -> Vec<u16> {
+            let ids = asks.iter().filter(|ask| ask.view == view).map(|ask| ask.id);
+            let maps = &self.views[view].maps;
+            // An id that is in no map is refused with those of the last one.
+            let map_of = |id: u16| maps.iter().position(|map| map.labels.contains(&id)).unwrap_or(maps.len() - 1);
+            ids.filter(|id| map_of(*id) == map).collect()
+        };
+        let mut inputs = Vec::new();
+        for (number, view) in self.views.iter().enumerate() {
+            inputs.extend(view.maps.iter().enumerate().map(|(map, labels)| (view, labels, ids_of(number, map))));
+        }
+        let inputs: Vec<ViewInput> = inputs
             .iter()
-            .map(|view| ViewInput { name: view.name, photo: &view.photo, segments: view.segments })
+            .filter(|(.., ids)| !ids.is_empty())
+            .map(|(view, map, ids)| ViewInput { name: view.name, photo: &view.photo, map, ids })
             .collect();
         Ok(Queries::prepare(&inputs, &self.library, &self.prompts, self.options)?)
     }
 
-    /// Estimates what would be sent, and its cost.
-    pub fn preview(&self, queries: &Queries) -> Preview {
-        queries.preview(&self.recordings, self.client.as_ref().map(Asker::answerer), self.price())
+    fn place(&self, view: &str, id: u16) -> Ask {
+        let view = self.views.iter().position(|other| other.name == view);
+        Ask { view: view.expect("questions are about the session's views"), id }
     }
 
-    /// Answers all queries; each answer is recorded as it arrives. Reports the cost before and after.
-    pub fn run(&self, queries: &Queries) -> Result<Run> {
+    /// Estimates what would be sent, and its cost.
+    pub fn preview(&self, queries: &Queries) -> Preview {
+        let preview = queries.preview(&self.recordings, self.client.as_ref().map(Asker::answerer), self.price());
+        Preview { at_most: self.subjects.iter().map(|subject| subject.all().len()).sum(), ..preview }
+    }
+
+    /// Asks everything that has to be asked, round by round; `begin` gets the questions of each round before they are
+    /// asked. Each answer is recorded as it arrives. Reports the cost before and after.
+    pub fn answer_all(&self, begin: &dyn Fn(&Queries) -> Result<()>) -> Result<Answers> {
         let asker = self.client.as_ref().map(|client| client as &dyn Asker);
-        let run = queries.run(&self.recordings, asker, self.price(), &mut |_, _| Ok(()), self.progress)?;
-        if run.spent.requests > 0 {
-            let (failed, segments) = (run.answers.failed().count(), queries.segments.len());
-            progress::notice(&format!("asked: {}; {failed} of {segments} segments failed", run.spent));
+        let ledger = Ledger::new(self.price.clone(), self.options.max_usd);
+        let mut answers = BTreeMap::new();
+        loop {
+            let due = self.due(&answers);
+            if due.is_empty() {
+                break;
+            }
+            let round = self.prepare(&due)?;
+            begin(&round)?;
+            let run = round.run(&self.recordings, asker, &ledger, &mut |_, _| Ok(()), self.progress)?;
+            answers.extend(due.into_iter().zip(run.answers.segments.into_iter().map(|answer| answer.outcome)));
         }
-        Ok(run)
+        let segments = answers.into_iter().map(|(Ask { view, id }, outcome)| SegmentAnswer {
+            view: self.views[view].name.to_owned(),
+            segment: id,
+            outcome,
+        });
+        let answers = Answers { segments: segments.collect() };
+        let spent = ledger.spent();
+        if spent.requests > 0 {
+            let (failed, all) = (answers.failed().count(), answers.segments.len());
+            progress::notice(&format!("asked: {spent}; {failed} of {all} questions failed"));
+        }
+        Ok(answers)
     }
 
     /// Writes the segments that have no recorded answer, with everything needed to answer them, into a new folder;

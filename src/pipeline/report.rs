@@ -23,10 +23,10 @@ impl Pipeline {
 
     pub(super) fn do_report(&self) -> Result<Done> {
         let report = self.report()?;
-        let segmentation = self.segmentation()?;
-        let views = self.views.par_iter().zip(&segmentation.views);
+        let maps = self.settled_maps(self.stored_answers()?)?;
+        let views = self.views.par_iter().zip(&maps);
         let (gaussians, field) = (&self.scene.gaussians, self.stored_field()?);
-        let views = views.map(|(view, segments)| ViewPictures::draw(view, &segments.map, gaussians, field));
+        let views = views.map(|(view, map)| ViewPictures::draw(view, map, gaussians, field));
         let answers = self.stored_answers()?;
         let sheets = answers.segments.par_iter().map(|segment| {
             let sheet = self.work.read(Artifact::Sheet(&segment.view, segment.segment))?;

@@ -15,8 +15,8 @@ use crate::simulate::SimulationReport;
 use crate::vote::MaterialField;
 
 impl Pipeline {
-    /// The segments that SAM cuts out of each chosen photo: a label map in pixels of the photo, and for each segment
-    /// its area, box and quality.
+    /// The segments that SAM cuts out of each chosen photo, nested: a label map in pixels of the photo, and for each
+    /// segment its area, box, quality and the segment in which it lies.
     ///
     /// # Errors
     /// If SAM or ONNX Runtime is missing, a photo cannot be read, or the work folder cannot be written.
@@ -25,7 +25,7 @@ impl Pipeline {
         self.segmentation().map_err(Error)
     }
 
-    /// The answer for each segment, in SI units, or why there is none.
+    /// The answer to each question about a part (or a segment, with `--ask segments`), in SI units, or why there is none.
     ///
     /// # Errors
     /// As for [`segments`](Self::segments); also if an answer is not recorded and no server can give it.

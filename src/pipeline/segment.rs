@@ -132,7 +132,7 @@ impl Pipeline {
         for name in open {
             let view = self.view(name);
             let size = (view.camera.intrinsics.width, view.camera.intrinsics.height);
-            let imported = import_view(folder, name, size, self.options.segment.level)?;
+            let imported = import_view(folder, name, size, self.options.segment.flat_level())?;
             self.save_view(&imported, self.view_key(view)?, file)?;
         }
         Ok(())

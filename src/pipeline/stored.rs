@@ -151,7 +151,8 @@ impl Pipeline {
     /// # Errors
     /// As for [`Stored::open`]; also if the scene's files have changed since, or the scene cannot be loaded.
     pub(crate) fn stored(folder: &Path, out: Option<&Path>, progress: Progress) -> Result<Self> {
-        let stored = Stored::open(folder, out, &[Stage::Scene, Stage::Segment, Stage::Query, Stage::Vote])?;
+        let stored =
+            Stored::open(folder, out, &[Stage::Scene, Stage::Segment, Stage::Consensus, Stage::Query, Stage::Vote])?;
         let options = stored.options(folder, out.is_some())?;
         let scene = crate::scene::load(folder, &options.scene)?;
         let library = options.materials.library()?;

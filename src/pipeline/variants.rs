@@ -7,6 +7,7 @@ use crate::scene::Scene;
 use crate::vote::{MaterialField, VoteError};
 
 use super::Pipeline;
+use super::vote::voters;
 
 /// The fields of one scene.
 pub struct Variants {
@@ -22,7 +23,9 @@ pub struct Variants {
 impl Pipeline {
     /// The fields under the ablations; the scene must be voted on. Uses recordings only.
     pub(crate) fn variants(&self) -> Result<Variants> {
-        let (voters, answers) = (self.voters()?, self.stored_answers()?);
+        let answers = self.stored_answers()?;
+        let maps = self.settled_maps(answers)?;
+        let voters = voters(&self.views, &maps);
         let mut single_views = Vec::new();
         for view in &voters {
             match self.vote(std::slice::from_ref(view), answers) {
@@ -41,11 +44,11 @@ impl Pipeline {
         let session = self.query_session_with(&options)?;
         let queries = session.queries()?;
         match queries.unanswered(&session.recordings, None).len() {
-            0 => Ok(Some(session.run(&queries)?.answers)),
+            0 => Ok(Some(session.answer_all(&|_| Ok(()))?)),
             open => {
                 let (name, all) = (&self.scene.name, queries.segments.len());
                 self.progress
-                    .line(&format!("{name}: {open} of {all} segments have no answer recorded without the object"));
+                    .line(&format!("{name}: {open} of {all} questions have no answer recorded without the object"));
                 Ok(None)
             }
         }

@@ -1,6 +1,7 @@
 //! The vote on disk: `field.ply` for any splat viewer, and `labels.json` and `materials.json`, which explain its
 //! numbers.
 
+use std::borrow::Cow;
 use std::path::Path;
 
 use anyhow::Result;
@@ -12,7 +13,8 @@ use crate::pictures::{field_colors, thumbnail};
 use crate::query::Answers;
 use crate::scene::gaussians::Gaussians;
 use crate::scene::{View, ply};
-use crate::vote::{MaterialField, ViewInput, field_ply, vote};
+use crate::segment::LabelMap;
+use crate::vote::{MaterialField, ViewInput, field_ply, vote, vote_on_parts};
 use crate::workdir::{self, Artifact, WorkDirError};
 
 use super::{Done, Pipeline, Stage, get_or_load, png};
@@ -24,7 +26,8 @@ impl Pipeline {
 
     pub(super) fn do_vote(&self) -> Result<Done> {
         let gaussians = &self.scene.gaussians;
-        let field = self.vote(&self.voters()?, self.stored_answers()?)?;
+        let answers = self.stored_answers()?;
+        let field = self.vote(&voters(&self.views, &self.settled_maps(answers)?), answers)?;
         self.work.write_with(Artifact::Field, |out| ply::write(out, gaussians, &field_ply::columns(&field)))?;
         self.work.write_json(Artifact::Labels, &field.labels)?;
         self.work.write_json(Artifact::Materials, &field_ply::materials(&field.labels, &self.library))?;
@@ -56,27 +59,30 @@ impl Pipeline {
 
     fn draw(&self, shown: Shown, view: &View, field: &MaterialField) -> Result<RgbImage> {
         let place = self.views.iter().position(|chosen| chosen.name == view.name);
-        let map = place.map(|place| Ok::<_, anyhow::Error>(&self.segmentation()?.views[place].map)).transpose()?;
+        let maps = self.settled_maps(self.stored_answers()?)?;
+        let map = place.map(|place| &*maps[place]);
         Ok(figure::draw(shown, &view.camera, &view.photo()?, map, &self.scene.gaussians, field))
-    }
-
-    /// The chosen views with their segments.
-    pub(super) fn voters(&self) -> Result<Vec<ViewInput<'_>>> {
-        let views = self.views.iter().zip(&self.segmentation()?.views);
-        Ok(views
-            .map(|(view, segments)| ViewInput { name: &view.name, camera: &view.camera, map: &segments.map })
-            .collect())
     }
 
     /// The field that results from these views and answers.
     pub(super) fn vote(&self, views: &[ViewInput], answers: &Answers) -> Result<MaterialField> {
-        Ok(vote(&self.scene.gaussians, views, answers, &self.library, &self.options.vote, self.progress)?)
+        let (gaussians, library, options) = (&self.scene.gaussians, &*self.library, &self.options.vote);
+        Ok(match self.found_parts()? {
+            None => vote(gaussians, views, answers, library, options, self.progress)?,
+            Some(found) => vote_on_parts(gaussians, views, &found.answered(answers), library, options, self.progress)?,
+        })
     }
 
     /// The stored material field.
     pub(super) fn stored_field(&self) -> Result<&MaterialField> {
         get_or_load(&self.field, || Ok(stored_field(self.work.root())?.1))
     }
+}
+
+/// The views with the label maps that they vote by.
+pub(super) fn voters<'a>(views: &'a [View], maps: &'a [Cow<LabelMap>]) -> Vec<ViewInput<'a>> {
+    let with_map = views.iter().zip(maps);
+    with_map.map(|(view, map)| ViewInput { name: &view.name, camera: &view.camera, map }).collect()
 }
 
 /// The Gaussians and their material field in the work folder `root`, as the vote stage wrote them.

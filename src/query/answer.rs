@@ -63,6 +63,7 @@ struct Written {
     shore_hardness: Option<Range>,
     friction_rubber: Range,
     form: WrittenForm,
+    several_materials: bool,
     wall_thickness_mm: Option<Range>,
     confidence: f64,
 }
@@ -179,6 +180,7 @@ fn settle(written: Written, material: &Material, family: &Family, form: Form, mu
         hardness,
         friction_rubber,
         form,
+        several_materials: written.several_materials,
         confidence,
         matched: Match::Live,
         flags,

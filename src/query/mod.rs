@@ -1,7 +1,7 @@
-//! Asks what each segment is made of: a sheet and a prompt for a large multimodal model, whose answers are checked and
-//! recorded.
+//! Asks what each part or segment is made of: a sheet and a prompt for a large multimodal model, whose answers are
+//! checked and recorded.
 //!
-//! [`Queries::prepare`] draws every segment's [`sheet`] and writes the [`question`]s. [`Queries::run`] is the stage: it
+//! [`rounds`] says what to ask next. [`Queries::prepare`] draws the [`sheet`]s and writes the [`question`]s. [`Queries::run`] is the stage: it
 //! takes answers from the [recordings](recorded) if there are any, asks an [`asker`] (the [`client`] of a server) for
 //! the rest, and checks every response against the [`schema`] and the material library ([`answer`]). [`exchange`]
 //! exports the questions and imports the answers of people and other programs.
@@ -24,6 +24,7 @@ mod queries;
 pub mod question;
 pub mod recorded;
 mod replay;
+pub mod rounds;
 mod run;
 pub mod schema;
 mod sha256;
@@ -46,7 +47,7 @@ use crate::units::{Range, ShoreHardness};
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct SegmentAnswer {
     pub view: String,
-    /// Id of the segment in the view's label map.
+    /// Id of the segment or part in the view's label map.
     pub segment: u16,
     #[serde(flatten)]
     pub outcome: Outcome,
@@ -75,6 +76,8 @@ pub struct Answer {
     pub hardness: Option<ShoreHardness>,
     pub friction_rubber: Range,
     pub form: Form,
+    /// True if the model sees more than one material in it and answered for the one that covers most of it.
+    pub several_materials: bool,
     /// 0 to 1, as the model states it.
     pub confidence: f64,
     pub matched: Match,

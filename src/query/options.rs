@@ -12,7 +12,7 @@ use crate::values::{self, from_to};
 
 /// Longest side of a sheet in pixels: three 512-pixel panels in a row, the tile size that vision models bill by.
 const SHEET_SIZE: u32 = 1536;
-/// Tokens an answer may take: thirteen fields need about 250; the rest is room for models that think aloud.
+/// Tokens an answer may take: fourteen fields need about 250; the rest is room for models that think aloud.
 const MAX_TOKENS: u32 = 2000;
 const PARALLEL: usize = 4;
 const TIMEOUT_S: u64 = 120;
@@ -52,7 +52,7 @@ pub enum AnswerSource {
     Live,
 }
 
-/// How a segment is asked about.
+/// How a part or segment is asked about.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize, ValueEnum)]
 #[serde(rename_all = "snake_case")]
 pub enum Guidance {
@@ -66,17 +66,17 @@ pub enum Guidance {
 /// Options of the queries to the large multimodal model.
 #[derive(Debug, Clone, Args, Serialize, Deserialize)]
 #[serde(default)]
-#[command(next_help_heading = "Segment queries")]
+#[command(next_help_heading = "Queries")]
 pub struct Options {
     /// Where answers come from; nothing is sent without --lmm-url
     #[arg(long, value_enum, default_value_t)]
     pub answers: AnswerSource,
 
-    /// Requests per segment: one, or two shorter ones (the family first, then only that family's materials)
+    /// Requests per question: one, or two shorter ones (the family first, then only that family's materials)
     #[arg(long, value_enum, default_value_t)]
     pub guidance: Guidance,
 
-    /// Content of the picture: object and segment (as in the paper), or the segment alone (its ablation)
+    /// Content of the picture: the object and the part in it (as in the paper), or the part alone (its ablation)
     #[arg(long, value_enum, default_value_t)]
     pub context: Context,
 
@@ -85,7 +85,7 @@ pub struct Options {
     #[arg(long, value_name = "abo|mvimgnet|FILE", value_parser = LabelSet::parse)]
     pub labels: Option<LabelSet>,
 
-    /// Longest side of the picture sent for a segment, in pixels
+    /// Longest side of the picture sent with a question, in pixels
     #[arg(long, value_name = "PIXELS", default_value_t = SHEET_SIZE)]
     #[arg(value_parser = clap::value_parser!(u32).range(256..=8192))]
     pub sheet_size: u32,

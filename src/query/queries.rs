@@ -12,16 +12,18 @@ use super::sha256::Sha256Hex;
 use super::sheet::Drawer;
 use crate::materials::MaterialLibrary;
 use crate::scene::Photo;
-use crate::segment::ViewSegments;
+use crate::segment::LabelMap;
 
-/// One view with its segments.
+/// One view with its segments or parts.
 #[derive(Debug, Clone, Copy)]
 pub struct ViewInput<'a> {
     /// Unique among the views.
     pub name: &'a str,
     pub photo: &'a Photo,
     /// As large as the photo.
-    pub segments: &'a ViewSegments,
+    pub map: &'a LabelMap,
+    /// What to ask about: ids in the map.
+    pub ids: &'a [u16],
 }
 
 /// A segment and the picture that is sent for it.
@@ -95,7 +97,7 @@ impl<'a> Queries<'a> {
 }
 
 fn segments_of(view: &ViewInput, context: Context, sheet_size: u32) -> Result<Vec<SegmentQuery>, QueryError> {
-    let (map, photo) = (&view.segments.map, view.photo);
+    let (map, photo) = (view.map, view.photo);
     if (map.width, map.height) != photo.rgb.dimensions() {
         return Err(QueryError::SizeMismatch {
             view: view.name.into(),
@@ -105,7 +107,7 @@ fn segments_of(view: &ViewInput, context: Context, sheet_size: u32) -> Result<Ve
     }
     let photo_sha256 = Sha256Hex::of_picture(photo.rgb.dimensions(), photo.rgb.as_raw());
     let drawer = Drawer::new(photo, map, context, sheet_size);
-    let mut ids: Vec<u16> = view.segments.segments.iter().map(|segment| segment.id).collect();
+    let mut ids = view.ids.to_vec();
     ids.sort_unstable();
     ids.into_par_iter()
         .map(|segment| {

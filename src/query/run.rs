@@ -24,16 +24,21 @@ use crate::progress::Progress;
 /// The estimate before anything is sent.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Preview {
+    /// Questions that are due, given the recorded answers.
     pub segments: usize,
-    /// Segments whose answer is recorded.
+    /// Questions whose answer is recorded.
     pub recorded: usize,
+    /// The most questions that there may be in all, if answers disagree and parts consist of several materials.
+    pub at_most: usize,
     /// Cost of asking about the others.
     pub cost: Cost,
 }
 
 impl std::fmt::Display for Preview {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        write!(f, "{} segments, {} recorded; to ask: {}", self.segments, self.recorded, self.cost)
+        let Self { segments, recorded, at_most, cost } = self;
+        let more = if at_most > segments { format!(" (at most {at_most} if answers disagree)") } else { String::new() };
+        write!(f, "{segments} questions{more}, {recorded} recorded; to ask: {cost}")
     }
 }
 
@@ -68,8 +73,18 @@ impl Queries<'_> {
         Preview {
             segments: self.segments.len(),
             recorded: sorted.answered.len(),
+            at_most: self.segments.len(),
             cost: self.cost_of(&sorted.open, price),
         }
+    }
+
+    /// The outcome of every segment that is recorded, in their order. `answerer` is the one that would be asked.
+    pub fn recorded(&self, recordings: &Recordings, answerer: Option<&Answerer>) -> Vec<Option<Outcome>> {
+        let mut outcomes: Vec<Option<Outcome>> = vec![None; self.segments.len()];
+        for (index, outcome) in self.sort(recordings, answerer).answered {
+            outcomes[index] = Some(outcome);
+        }
+        outcomes
     }
 
     /// The segments that are not recorded, each with the question to be asked next. `answerer` is the one that would be
@@ -117,7 +132,8 @@ impl Queries<'_> {
     /// Answers every segment: from `recordings`, and from `asker` if they have no answer.
     ///
     /// `on_answer` is called with each answer as soon as it arrives; the result has them in the order of the segments.
-    /// A segment that could not be answered is a typed failure among the answers and is not recorded.
+    /// A segment that could not be answered is a typed failure among the answers and is not recorded. Requests are entered
+    /// in `ledger`, which holds the budget and may have entries of earlier runs.
     ///
     /// # Errors
     /// [`QueryError::Missing`] if an answer is not recorded and there is no asker. An error if the budget does not
@@ -126,13 +142,12 @@ impl Queries<'_> {
         &self,
         recordings: &Recordings,
         asker: Option<&dyn Asker>,
-        price: Option<&Price>,
+        ledger: &Ledger,
         on_answer: &mut OnAnswer,
         progress: Progress,
     ) -> Result<Run, QueryError> {
         let asker = asker.filter(|_| self.options.answers != AnswerSource::Replay);
         let sorted = self.sort(recordings, asker.map(Asker::answerer));
-        let ledger = Ledger::new(price.cloned(), self.options.max_usd);
         let bar = progress.bar("query", self.segments.len() as u64);
         let mut outcomes: Vec<Option<SegmentAnswer>> = vec![None; self.segments.len()];
         let mut keep = |index: usize, outcome: Outcome| {
@@ -149,16 +164,16 @@ impl Queries<'_> {
             None => return Err(self.missing(&sorted.open)),
             Some(asker) => {
                 check_ready(asker, sorted.open.len())?;
-                self.check_budget(&sorted.open, asker.answerer(), price)?;
+                self.check_budget(&sorted.open, asker.answerer(), ledger)?;
                 recordings.check_writable()?;
-                asker.announce(sorted.open.len(), &self.cost_of(&sorted.open, price));
+                asker.announce(sorted.open.len(), &self.cost_of(&sorted.open, ledger.price()));
             }
         }
         for (index, outcome) in sorted.answered {
             keep(index, outcome)?;
         }
         if let Some(asker) = asker {
-            let live = Live { queries: self, recordings, asker, ledger: &ledger, progress };
+            let live = Live { queries: self, recordings, asker, ledger, progress };
             ask_all(&live, &sorted.open, &mut keep)?;
         }
         bar.finish_and_clear();
@@ -194,12 +209,14 @@ impl Queries<'_> {
         self.cost(open.iter().map(|open| &self.segments[open.index]), price)
     }
 
-    fn check_budget(&self, open: &[Open], answerer: &Answerer, price: Option<&Price>) -> Result<(), QueryError> {
-        let Some(max_usd) = self.options.max_usd else { return Ok(()) };
-        let cost = self.cost_of(open, price);
+    fn check_budget(&self, open: &[Open], answerer: &Answerer, ledger: &Ledger) -> Result<(), QueryError> {
+        let Some(max_usd) = ledger.max_usd() else { return Ok(()) };
+        let cost = self.cost_of(open, ledger.price());
         match cost.usd {
             None => Err(QueryError::NoPrice { model: answerer.model.clone() }),
-            Some(usd) if usd > max_usd => Err(QueryError::OverBudget { requests: cost.requests, usd, max_usd }),
+            Some(usd) if usd + ledger.spent().usd.unwrap_or(0.0) > max_usd => {
+                Err(QueryError::OverBudget { requests: cost.requests, usd, max_usd })
+            }
             Some(_) => Ok(()),
         }
     }

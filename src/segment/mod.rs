@@ -57,15 +57,23 @@ pub struct LabelMap {
 pub struct Segment {
     /// Its value in the label map.
     pub id: u16,
-    /// Number of its pixels in the label map.
+    /// Number of its pixels in the label map, with those of the segments that lie in it.
     pub area: u32,
-    /// x, y, width, height in pixels.
+    /// x, y, width, height in pixels, around the same pixels.
     pub bbox: [u32; 4],
     /// SAM's own estimate of the mask's IoU; 0 for the rest of the object, which SAM's masks do not cover.
     pub predicted_iou: f32,
     /// As [`upsample::ScoredMask::stability`]; 0 for the rest of the object, which SAM's masks do not cover.
     pub stability_score: f32,
     pub level: Level,
+    /// The segment in which it lies, which has a lower id; 0 if it lies in none.
+    #[serde(default, skip_serializing_if = "is_none")]
+    pub parent: u16,
+}
+
+/// True for the id of no segment.
+fn is_none(id: &u16) -> bool {
+    *id == 0
 }
 
 impl Segment {
@@ -91,20 +99,25 @@ pub enum Level {
 pub struct ViewSegments {
     /// Name of the view.
     pub view: String,
+    /// The smallest segment that covers each pixel.
     pub map: LabelMap,
     /// By ascending id.
     pub segments: Vec<Segment>,
 }
 
 impl ViewSegments {
+    /// The segment that `id` lies in; 0 if it lies in none, and for 0.
+    pub fn parent(&self, id: u16) -> u16 {
+        usize::from(id).checked_sub(1).map_or(0, |index| self.segments[index].parent)
+    }
+
     /// A warning about the view for the user, if there is one.
     pub fn warning(&self) -> Option<String> {
         match self.segments.as_slice() {
             [] => Some(format!("view {}: it has no foreground and so no segments", self.view)),
-            [only] if only.is_rest() => Some(format!(
-                "SAM found no segments in view {}; using the whole object as one segment. Try --level small",
-                self.view
-            )),
+            [only] if only.is_rest() => {
+                Some(format!("SAM found no segments in view {}; using the whole object as one segment", self.view))
+            }
             _ => None,
         }
     }

@@ -46,10 +46,10 @@ const MOST_MARGIN: f64 = 10.0;
 #[command(next_help_heading = "Segmentation")]
 #[group(skip)]
 pub struct Options {
-    /// Which of SAM's three nested masks of a prompt become segments (middle in the paper, with SAM ViT-H). With the fetched
-    /// MobileSAM, middle often merges parts of different materials that small keeps apart
-    #[arg(long, value_enum, default_value_t = Level::Middle)]
-    pub level: Level,
+    /// Use only one of SAM's three levels, as flat segments for --ask segments (middle in the paper) [default: all three, as
+    /// nested segments; for a single picture, middle]
+    #[arg(long, value_enum)]
+    pub level: Option<Level>,
     /// Where SAM is prompted: adaptively on the object, or at every point of the grid. `gprop evaluate prompts` measures what
     /// adaptive prompts cost in quality
     #[arg(long, value_enum, default_value_t = PointPrompts::Adaptive)]
@@ -160,6 +160,11 @@ pub struct SelectionOptions {
 }
 
 impl Options {
+    /// The level of segments that are not nested.
+    pub fn flat_level(&self) -> Level {
+        self.level.unwrap_or_default()
+    }
+
     /// The options without those that change nothing about the segments.
     pub fn deciding(&self) -> Self {
         Self { also: Vec::new(), cache_embeddings: false, ..self.clone() }

@@ -34,7 +34,7 @@ pub fn paint(candidates: &[Candidate], foreground: &Mask, options: &Options) -> 
     loop {
         let map = label_map(&layers, foreground);
         let scores: Vec<(f32, f32)> = layers.iter().map(|layer| (layer.predicted_iou, layer.stability)).collect();
-        let segments = segment_list(&map, &scores, options.level);
+        let segments = segment_list(&map, &scores, options.flat_level());
         // A layer below others may be left with scraps; it is dropped, and its scraps go to the layer below it.
         let scrap =
             segments.iter().filter(|segment| u64::from(segment.area) < min_area).min_by_key(|segment| segment.area);
@@ -86,7 +86,7 @@ fn label_map(layers: &[Layer], foreground: &Mask) -> LabelMap {
     map
 }
 
-/// The segments of the map. `scores` are the predicted IoU and stability of the segments from 1 on.
+/// The segments of the map, none of which lies in another. `scores` are the predicted IoU and stability of the segments from 1 on.
 pub(super) fn segment_list(map: &LabelMap, scores: &[(f32, f32)], level: Level) -> Vec<Segment> {
     let mut kept = vec![Kept::default(); scores.len() + 1];
     for (index, &label) in map.labels.iter().enumerate() {
@@ -100,6 +100,7 @@ pub(super) fn segment_list(map: &LabelMap, scores: &[(f32, f32)], level: Level) 
         predicted_iou,
         stability_score,
         level,
+        parent: 0,
     };
     scores.iter().zip(&kept[1..]).enumerate().map(segment).collect()
 }

@@ -14,7 +14,7 @@ use super::options::{DecoderRuntime, Options, PointPrompts};
 use super::paint::paint;
 use super::resize::cropped;
 use super::sam::Sam;
-use super::tree::{SegmentTree, tree};
+use super::tree::tree;
 use super::{LabelMap, Level, ViewSegments};
 use crate::scene::Photo;
 use crate::setup::ModelFiles;
@@ -46,8 +46,8 @@ impl Segmenter {
         &self.sam
     }
 
-    /// The segments of one photo: none if it has no foreground, and the whole foreground if SAM finds none. Runs on the
-    /// ambient rayon pool; the result does not depend on its size.
+    /// The segments of one photo: none if it has no foreground, and the whole foreground if SAM finds none. They are
+    /// nested unless the options name a level. Runs on the ambient rayon pool; the result does not depend on its size.
     pub fn segment_view(
         &self,
         view: &str,
@@ -57,23 +57,20 @@ impl Segmenter {
     ) -> Result<ViewSegments, SegmentError> {
         let foreground = mask_of(&photo.foreground);
         let (width, height) = (foreground.width(), foreground.height());
-        let (map, segments) = match self.masks(photo, &[options.level], options, observer)?.pop() {
-            Some(masks) => paint(&masks, &foreground, options),
-            None => (LabelMap { width, height, labels: vec![0; width as usize * height as usize] }, Vec::new()),
+        let levels = match &options.level {
+            Some(level) => std::slice::from_ref(level),
+            None => &[Level::Small, Level::Middle, Level::Large],
+        };
+        let masks = self.masks(photo, levels, options, observer)?;
+        let (map, segments) = match masks.as_slice() {
+            [] => (LabelMap { width, height, labels: vec![0; width as usize * height as usize] }, Vec::new()),
+            [masks] => paint(masks, &foreground, options),
+            levels => match tree(levels, &foreground, options) {
+                (_, none) if none.is_empty() => paint(&[], &foreground, options),
+                nested => nested,
+            },
         };
         Ok(ViewSegments { view: view.to_owned(), map, segments })
-    }
-
-    /// The segments of one photo at all levels, nested. Runs on the ambient rayon pool; the result does not depend on
-    /// its size.
-    pub fn segment_tree(
-        &self,
-        photo: &Photo,
-        options: &Options,
-        observer: &dyn Observer,
-    ) -> Result<SegmentTree, SegmentError> {
-        let masks = self.masks(photo, &[Level::Small, Level::Middle, Level::Large], options, observer)?;
-        Ok(tree(&masks, &mask_of(&photo.foreground), options))
     }
 
     /// SAM's masks of each of the levels, found in the foreground's bounding box with its margin, at the photo's size.

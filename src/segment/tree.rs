@@ -19,29 +19,6 @@ const INSIDE_SHARE: f64 = 0.8;
 /// A segment of which fewer pixels are left after painting is dropped: its pixels go to the segment that it lies in.
 const LEAST_AREA: u64 = 60;
 
-/// The nested segments of one view.
-#[derive(Debug, Clone, PartialEq)]
-pub struct SegmentTree {
-    /// The smallest segment that covers each pixel; 0 if none does.
-    pub map: LabelMap,
-    /// By ascending id, from 1. Areas and boxes include the segments inside.
-    pub segments: Vec<Segment>,
-    /// The segment in which each of them lies, which has a lower id; 0 if it lies in none.
-    pub parents: Vec<u16>,
-}
-
-impl SegmentTree {
-    /// The segment that `id` lies in; 0 if it lies in none, and for 0.
-    pub fn parent(&self, id: u16) -> u16 {
-        usize::from(id).checked_sub(1).map_or(0, |index| self.parents[index])
-    }
-
-    /// A flat label map as a tree in which no segment lies in another.
-    pub fn flat(map: LabelMap, segments: Vec<Segment>) -> Self {
-        Self { map, parents: vec![0; segments.len()], segments }
-    }
-}
-
 /// A mask on the foreground that is a segment.
 struct Layer<'a> {
     mask: Mask,
@@ -49,9 +26,10 @@ struct Layer<'a> {
     found: &'a Candidate,
 }
 
-/// Nests the masks of all levels. Masks and `foreground` must have the same size. Pixels off the foreground and pixels
-/// that no mask covers have no segment; neither does the object as a whole.
-pub fn tree(candidates: &[Vec<Candidate>], foreground: &Mask, options: &Options) -> SegmentTree {
+/// Nests the masks of all levels: the smallest segment that covers each pixel, and the segments. Masks and `foreground`
+/// must have the same size. Pixels off the foreground and pixels that no mask covers have no segment; neither does the
+/// object as a whole.
+pub fn tree(candidates: &[Vec<Candidate>], foreground: &Mask, options: &Options) -> (LabelMap, Vec<Segment>) {
     let layers = layers(candidates, foreground, options);
     let mut parents: Vec<usize> = Vec::with_capacity(layers.len());
     for (n, layer) in layers.iter().enumerate() {
@@ -82,41 +60,40 @@ fn numbered(
     areas: &[u64],
     owner: &[usize],
     (width, height): (u32, u32),
-) -> SegmentTree {
+) -> (LabelMap, Vec<Segment>) {
     let mut id = vec![0u16; layers.len() + 1];
-    let mut found =
-        SegmentTree { map: LabelMap { width, height, labels: Vec::new() }, segments: vec![], parents: vec![] };
+    let mut segments: Vec<Segment> = Vec::new();
     for (n, layer) in (1..).zip(layers) {
         let parent = id[parents[n - 1]];
         if areas[n] < LEAST_AREA {
             id[n] = parent;
             continue;
         }
-        id[n] = u16::try_from(found.segments.len() + 1).expect("SAM is not prompted often enough for 65,535 segments");
-        found.parents.push(parent);
-        found.segments.push(Segment {
+        id[n] = u16::try_from(segments.len() + 1).expect("SAM is not prompted often enough for 65,535 segments");
+        segments.push(Segment {
             id: id[n],
             area: areas[n] as u32,
             bbox: [0; 4],
             predicted_iou: layer.found.predicted_iou,
             stability_score: layer.found.stability,
             level: layer.found.level,
+            parent,
         });
     }
-    found.map.labels = owner.iter().map(|&n| id[n]).collect();
-    let mut corners = vec![[u32::MAX, u32::MAX, 0, 0]; found.segments.len() + 1];
-    for (index, &label) in found.map.labels.iter().enumerate().filter(|(_, label)| **label > 0) {
+    let labels: Vec<u16> = owner.iter().map(|&n| id[n]).collect();
+    let mut corners = vec![[u32::MAX, u32::MAX, 0, 0]; segments.len() + 1];
+    for (index, &label) in labels.iter().enumerate().filter(|(_, label)| **label > 0) {
         let (x, y) = (index as u32 % width, index as u32 / width);
         let of = &mut corners[usize::from(label)];
         *of = [of[0].min(x), of[1].min(y), of[2].max(x + 1), of[3].max(y + 1)];
     }
-    for n in (1..=found.segments.len()).rev() {
-        let ([x0, y0, x1, y1], of) = (corners[n], usize::from(found.parents[n - 1]));
+    for n in (1..=segments.len()).rev() {
+        let ([x0, y0, x1, y1], of) = (corners[n], usize::from(segments[n - 1].parent));
         let outer = corners[of];
         corners[of] = [outer[0].min(x0), outer[1].min(y0), outer[2].max(x1), outer[3].max(y1)];
-        found.segments[n - 1].bbox = [x0, y0, x1 - x0, y1 - y0];
+        segments[n - 1].bbox = [x0, y0, x1 - x0, y1 - y0];
     }
-    found
+    (LabelMap { width, height, labels }, segments)
 }
 
 /// The masks that are segments, clipped to the foreground, each once, from large to small.
@@ -167,41 +144,44 @@ mod tests {
         }
     }
 
-    fn nested(small: &[(u32, u32)], large: &[(u32, u32)]) -> SegmentTree {
+    fn nested(small: &[(u32, u32)], large: &[(u32, u32)]) -> (LabelMap, Vec<Segment>) {
         let of = |spans: &[(u32, u32)], level| spans.iter().map(|&span| candidate(span, level)).collect();
         let mut options = Options::default();
         options.generator.min_region_area = 0;
         tree(&[of(small, Level::Small), of(large, Level::Large)], &columns(0, 90), &options)
     }
 
+    fn parents(segments: &[Segment]) -> Vec<u16> {
+        segments.iter().map(|segment| segment.parent).collect()
+    }
+
     #[test]
     fn a_segment_lies_in_the_smallest_one_around_it() {
-        let tree = nested(&[(10, 30), (50, 60)], &[(0, 40), (5, 35)]);
-        assert_eq!(tree.parents, [0, 1, 2, 0]);
-        let at = |x: u32| tree.map.at(x, 0);
+        let (map, segments) = nested(&[(10, 30), (50, 60)], &[(0, 40), (5, 35)]);
+        assert_eq!(parents(&segments), [0, 1, 2, 0]);
+        let at = |x: u32| map.at(x, 0);
         assert_eq!([at(2), at(7), at(20), at(55), at(45), at(95)], [1, 2, 3, 4, 0, 0]);
-        assert_eq!(tree.segments[0].area, 400, "with what lies inside");
-        assert_eq!((tree.segments[1].bbox, tree.segments[3].bbox), ([5, 0, 30, 10], [50, 0, 10, 10]));
-        assert_eq!((tree.segments[2].level, tree.parent(3), tree.parent(0)), (Level::Small, 2, 0));
+        assert_eq!(segments[0].area, 400, "with what lies inside");
+        assert_eq!((segments[1].bbox, segments[3].bbox), ([5, 0, 30, 10], [50, 0, 10, 10]));
+        assert_eq!(segments[2].level, Level::Small);
     }
 
     #[test]
     fn one_segment_found_at_two_levels_is_one() {
-        assert_eq!(nested(&[(10, 40)], &[(10, 41)]).parents, [0]);
+        assert_eq!(parents(&nested(&[(10, 40)], &[(10, 41)]).1), [0]);
     }
 
     #[test]
     fn the_object_and_its_background_are_no_segments() {
         // The first covers nearly all of the foreground, columns 0 to 90; the second is mostly off it.
-        assert!(nested(&[], &[(0, 88), (85, 100)]).segments.is_empty());
+        assert!(nested(&[], &[(0, 88), (85, 100)]).1.is_empty());
     }
 
     #[test]
     fn a_segment_that_others_cover_goes_to_the_one_around_it() {
         // Columns 20 to 34 are all but covered by two halves, which do not lie in it.
-        let tree = nested(&[(10, 28), (28, 44)], &[(5, 50), (20, 38)]);
-        assert_eq!(tree.segments.len(), tree.parents.len());
-        assert!(tree.map.labels.iter().all(|&label| usize::from(label) <= tree.segments.len()));
-        assert!(tree.parents.iter().enumerate().all(|(n, &parent)| usize::from(parent) <= n));
+        let (map, segments) = nested(&[(10, 28), (28, 44)], &[(5, 50), (20, 38)]);
+        assert!(map.labels.iter().all(|&label| usize::from(label) <= segments.len()));
+        assert!(segments.iter().all(|segment| segment.parent < segment.id));
     }
 }

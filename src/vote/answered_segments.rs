@@ -1,15 +1,16 @@
-//! The segments that can be voted for: those of all views that have an answer.
+//! The segments or parts that can be voted for: those of all views that have an answer.
 
-use super::{ViewInput, VoteError};
+use super::{AnsweredPart, ViewInput, VoteError};
 use crate::materials::MaterialLibrary;
 use crate::query::{Answer, Answers, Outcome};
 
-/// A segment of one view, with its answer.
+/// A segment of one view, or a part as one view shows it.
 pub(super) struct AnsweredSegment<'a> {
     /// Index of the view.
     pub view: usize,
     /// Id in the view's label map.
     pub segment: u16,
+    /// Of the segment; of the part, that with most weight.
     pub answer: &'a Answer,
     /// Index into [`AnsweredSegments::materials`].
     pub material: u32,
@@ -33,17 +34,37 @@ impl<'a> AnsweredSegments<'a> {
     /// # Errors
     /// [`VoteError::UnknownMaterial`] if an answer names a material that `library` does not have.
     pub fn new(views: &[ViewInput], answers: &'a Answers, library: &MaterialLibrary) -> Result<Self, VoteError> {
+        let mut found = Self::of_answers(views, "segment", |view, id| answer_of(answers, views[view].name, id));
+        found.name_materials(&[], |segment| views[segment.view].name, library)?;
+        Ok(found)
+    }
+
+    /// As [`Self::new`], for label maps whose ids are those of `parts` in all views.
+    pub fn of_parts(
+        views: &[ViewInput],
+        parts: &'a [AnsweredPart],
+        library: &MaterialLibrary,
+    ) -> Result<Self, VoteError> {
+        let main = |id: u16| parts.iter().find(|part| part.id == id)?.answers.first().map(|(answer, _)| *answer);
+        let mut found = Self::of_answers(views, "part", |_, id| main(id));
+        let all: Vec<&str> =
+            parts.iter().flat_map(|part| part.answers.iter()).map(|(a, _)| a.material.as_str()).collect();
+        found.name_materials(&all, |segment| views[segment.view].name, library)?;
+        Ok(found)
+    }
+
+    fn of_answers(views: &[ViewInput], what: &str, answer: impl Fn(usize, u16) -> Option<&'a Answer>) -> Self {
         let mut found = Self { segments: vec![], materials: vec![], index: vec![], warnings: vec![], in_maps: 0 };
         let mut unanswered = Vec::new();
         for (number, view) in views.iter().enumerate() {
             let present = ids_of(view);
             found.in_maps += present.iter().filter(|present| **present).count();
             if !present.contains(&true) {
-                found.warnings.push(format!("view `{}` has no segments and casts no votes", view.name));
+                found.warnings.push(format!("view `{}` has no {what}s and casts no votes", view.name));
             }
             let mut index = vec![None; present.len()];
             for id in (0..present.len()).filter(|&id| present[id]) {
-                match answer_of(answers, view.name, id as u16) {
+                match answer(number, id as u16) {
                     Some(answer) => {
                         index[id] = Some(found.segments.len() as u32);
                         found.segments.push(AnsweredSegment { view: number, segment: id as u16, answer, material: 0 });
@@ -57,20 +78,26 @@ impl<'a> AnsweredSegments<'a> {
             let (count, list) = (unanswered.len(), shortened(&unanswered));
             found
                 .warnings
-                .push(format!("{count} of {} segments have no answer and cast no votes: {list}", found.in_maps));
+                .push(format!("{count} of {} {what}s have no answer and cast no votes: {list}", found.in_maps));
         }
-        found.name_materials(views, library)?;
-        Ok(found)
+        found
     }
 
-    fn name_materials(&mut self, views: &[ViewInput], library: &MaterialLibrary) -> Result<(), VoteError> {
+    /// Numbers the materials of the segments' answers and those in `more`.
+    fn name_materials<'v>(
+        &mut self,
+        more: &[&'a str],
+        view: impl Fn(&AnsweredSegment) -> &'v str,
+        library: &MaterialLibrary,
+    ) -> Result<(), VoteError> {
         for segment in &self.segments {
             if library.get(&segment.answer.material).is_none() {
-                let (view, material) = (views[segment.view].name.to_owned(), segment.answer.material.clone());
+                let (view, material) = (view(segment).to_owned(), segment.answer.material.clone());
                 return Err(VoteError::UnknownMaterial { view, segment: segment.segment, material });
             }
         }
         self.materials = self.segments.iter().map(|segment| segment.answer.material.as_str()).collect();
+        self.materials.extend(more);
         self.materials.sort_unstable();
         self.materials.dedup();
         for segment in &mut self.segments {
@@ -78,6 +105,11 @@ impl<'a> AnsweredSegments<'a> {
             segment.material = place.expect("every answer's material is listed") as u32;
         }
         Ok(())
+    }
+
+    /// The number of a material that some answer names.
+    pub fn material(&self, name: &str) -> u32 {
+        self.materials.binary_search(&name).expect("every answer's material is listed") as u32
     }
 
     /// Index of the segment with this id in the view's label map; `None` for the background and for segments without an

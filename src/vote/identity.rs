@@ -17,26 +17,31 @@
 
 use rayon::prelude::*;
 
+use super::AnsweredPart;
 use super::answered_segments::AnsweredSegments;
 use super::ballots::{Ballot, Ballots};
 use super::plurality::{Tally, add, winner};
+use crate::query::Answer;
 
 /// Overlap above which two groups are one 3D part. Above one half, a segment has at most one partner in another view,
 /// because that view's segments are disjoint; so this is the lowest threshold that leaves no choice.
 pub(super) const SAME_PART_OVERLAP: f64 = 0.5;
 
 /// The 3D part of every view's segment.
-pub(super) struct Identity {
+pub(super) struct Identity<'a> {
     /// Numbered in the order of their first view's segment.
     pub part_of_segment: Vec<u32>,
     /// The material of each 3D part: index into [`AnsweredSegments::materials`].
     pub material_of_part: Vec<u32>,
+    /// The answers about each 3D part with their weights, the heaviest first.
+    pub answers_of_part: Vec<Vec<(&'a Answer, f64)>>,
     /// Per view's segment: the light of the Gaussians in it, in [`LIGHT_STEPS`] per pixel (or vote).
     pub seen: Vec<u64>,
 }
 
-impl Identity {
-    pub fn new(ballots: &Ballots, segments: &AnsweredSegments) -> Self {
+impl<'a> Identity<'a> {
+    /// Finds out which segments are one part.
+    pub fn new(ballots: &Ballots, segments: &AnsweredSegments<'a>) -> Self {
         let view_of: Vec<usize> = segments.segments.iter().map(|segment| segment.view).collect();
         let shared = Shared::of(ballots, &view_of);
         let seen: Vec<u64> = (0..view_of.len()).map(|p| shared.get(p, p)).collect();
@@ -48,8 +53,45 @@ impl Identity {
         let mut firsts = groups.alive;
         firsts.sort_unstable();
         let number = |of: &usize| firsts.binary_search(of).expect("every group is alive") as u32;
+        let part_of_segment: Vec<u32> = groups.group.iter().map(number).collect();
+        let mut answers_of_part = vec![Vec::new(); firsts.len()];
+        for ((segment, &part), &seen) in segments.segments.iter().zip(&part_of_segment).zip(&seen) {
+            answers_of_part[part as usize].push((segment.answer, seen as f64));
+        }
+        answers_of_part.iter_mut().for_each(|answers| answers.sort_by(|a, b| b.1.total_cmp(&a.1)));
         let material_of_part = firsts.iter().map(|&first| materials[first]).collect();
-        Self { part_of_segment: groups.group.iter().map(number).collect(), material_of_part, seen }
+        Self { part_of_segment, material_of_part, answers_of_part, seen }
+    }
+
+    /// Takes the parts as they are: ids are the same in all views. `parts` is not empty.
+    pub fn of_parts(ballots: &Ballots, segments: &AnsweredSegments<'a>, parts: &[AnsweredPart<'a>]) -> Self {
+        let number = |id: u16| parts.iter().position(|part| part.id == id).expect("segments are those of parts") as u32;
+        let mut seen = vec![0.0f64; segments.segments.len()];
+        for i in 0..ballots.gaussians() {
+            ballots.of(i).iter().for_each(|ballot| seen[ballot.segment as usize] += f64::from(ballot.weight));
+        }
+        let material = |part: &AnsweredPart| {
+            let mut tally: Tally = Vec::new();
+            for (answer, weight) in &part.answers {
+                add(&mut tally, segments.material(&answer.material), *weight, answer.confidence);
+            }
+            winner(&tally).map_or(0, |(material, _)| material)
+        };
+        Self {
+            part_of_segment: segments.segments.iter().map(|segment| number(segment.segment)).collect(),
+            material_of_part: parts.iter().map(material).collect(),
+            answers_of_part: parts.iter().map(|part| part.answers.clone()).collect(),
+            seen: seen.into_iter().map(|seen| (seen * f64::from(LIGHT_STEPS)) as u64).collect(),
+        }
+    }
+
+    /// The share of the weight of a part's answers that name this material, 0 to 1.
+    pub fn agreement(&self, part: u32, material: &str) -> f64 {
+        let answers = &self.answers_of_part[part as usize];
+        let of_material = answers.iter().filter(|(answer, _)| answer.material == material);
+        let agreeing: f64 = of_material.map(|(_, weight)| weight).sum();
+        let all: f64 = answers.iter().map(|(_, weight)| weight).sum();
+        if all > 0.0 { agreeing / all } else { 1.0 }
     }
 }
 

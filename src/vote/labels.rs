@@ -1,7 +1,6 @@
 //! The properties of a label, from the answers that agree with it.
 
 use super::FieldLabel;
-use super::answered_segments::{AnsweredSegment, AnsweredSegments};
 use super::identity::Identity;
 use super::tally::PartMaterial;
 use crate::materials::MaterialLibrary;
@@ -9,20 +8,18 @@ use crate::numeric::median;
 use crate::query::{Answer, Form};
 use crate::units::{Estimate, Range, ShoreHardness};
 
-/// The label with number `id` for `choice`: from the answers for this material among the views' segments of this 3D
-/// part, never from those for another material. The caption is that of the segment with most light.
+/// The label with number `id` for `choice`: from the answers for this material about this 3D part, never from those for
+/// another material. The caption is that of the answer with most weight.
 pub(super) fn label(
     id: u32,
     choice: PartMaterial,
-    segments: &AnsweredSegments,
+    material: &str,
     identity: &Identity,
     library: &MaterialLibrary,
 ) -> FieldLabel {
-    let mut won: Vec<(&AnsweredSegment, u64)> = members(choice, segments, identity);
-    won.sort_by_key(|(_, seen)| std::cmp::Reverse(*seen));
-    let answers: Vec<&Answer> = won.iter().map(|(segment, _)| segment.answer).collect();
+    let of_part = identity.answers_of_part[choice.part as usize].iter().map(|(answer, _)| *answer);
+    let answers: Vec<&Answer> = of_part.filter(|answer| answer.material == material).collect();
     let first = answers[0];
-    let material = segments.materials[choice.material as usize];
     let estimate = |property: fn(&Answer) -> Range| middle_and_hull(answers.iter().map(|answer| property(answer)));
     FieldLabel {
         id,
@@ -38,17 +35,6 @@ pub(super) fn label(
         form: form(&answers),
         law: library.get(material).expect("answers were checked against the library").law,
     }
-}
-
-fn members<'a>(
-    choice: PartMaterial,
-    segments: &'a AnsweredSegments,
-    identity: &Identity,
-) -> Vec<(&'a AnsweredSegment<'a>, u64)> {
-    let all = segments.segments.iter().zip(&identity.part_of_segment).zip(&identity.seen);
-    all.filter(|((segment, part), _)| **part == choice.part && segment.material == choice.material)
-        .map(|((segment, _), seen)| (segment, *seen))
-        .collect()
 }
 
 /// The median of the middles within the hull of the ranges.

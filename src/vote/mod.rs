@@ -1,8 +1,8 @@
 //! From label maps to a material for every Gaussian: depth test, ballots, tally.
 //!
-//! In order: [`answered_segments`] lists the views' segments that have an answer; [`ballots`] lets every view vote on
-//! the Gaussians that it sees, which [`render::depth_test`] determines; [`identity`] finds which segments of different
-//! views are one part of the object; [`tally`] elects, by [`plurality`], a material and a part for every Gaussian, and
+//! In order: [`answered_segments`] lists the views' segments, or the parts in the views, that have an answer;
+//! [`ballots`] lets every view vote on the Gaussians that it sees, which [`render::depth_test`] determines; [`identity`]
+//! finds which segments of different views are one part of the object, unless the parts are known; [`tally`] elects, by [`plurality`], a material and a part for every Gaussian, and
 //! [`unseen`] for those that no view sees; [`labels`] gives each elected part its properties.
 
 mod answered_segments;
@@ -21,7 +21,7 @@ use serde::{Deserialize, Serialize};
 use crate::camera::Camera;
 use crate::materials::{Law, MaterialLibrary};
 use crate::progress::Progress;
-use crate::query::{Answers, Form};
+use crate::query::{Answer, Answers, Form};
 use crate::render;
 use crate::scene::gaussians::Gaussians;
 use crate::scene::robust_bounds;
@@ -44,6 +44,15 @@ pub struct ViewInput<'a> {
     pub map: &'a LabelMap,
 }
 
+/// A part of the object with the answers about it.
+#[derive(Debug, Clone)]
+pub struct AnsweredPart<'a> {
+    /// Its value in the label maps.
+    pub id: u16,
+    /// The answers, each with how much of the part its view shows, the one that shows most first.
+    pub answers: Vec<(&'a Answer, f64)>,
+}
+
 /// The result of the vote for every Gaussian.
 #[derive(Debug, Clone, PartialEq)]
 pub struct MaterialField {
@@ -51,9 +60,10 @@ pub struct MaterialField {
     pub labels: Vec<FieldLabel>,
     /// Per Gaussian: index into `labels`.
     pub part_label: Vec<u32>,
-    /// Per Gaussian: share of its votes that its label won, 0 to 1; 0 if it was never seen.
+    /// Per Gaussian: share of its votes that its material won, times the share of the answers about its part that name
+    /// this material, 0 to 1; 0 if it was never seen.
     pub confidence: Vec<f32>,
-    /// Per Gaussian: votes for the winning label.
+    /// Per Gaussian: votes for the winning material.
     pub votes: Vec<f32>,
     /// Per Gaussian: number of views that see it. 0 means that the label came from the nearest seen Gaussians.
     pub views: Vec<u16>,
@@ -115,8 +125,42 @@ pub fn vote(
     segments.warnings.extend(doubts(gaussians, views));
     let ballots = Ballots::cast(gaussians, views, &segments, options.vote, progress);
     let identity = Identity::new(&ballots, &segments);
+    elect(gaussians, views, (&ballots, segments, identity), library, options)
+}
+
+/// As [`vote`], for label maps in which an id stands for the same part in all views.
+///
+/// A part's material is the one that its answers name with the most weight, whatever `options.agree` says.
+///
+/// # Errors
+/// As for [`vote`].
+pub fn vote_on_parts(
+    gaussians: &Gaussians,
+    views: &[ViewInput],
+    parts: &[AnsweredPart],
+    library: &MaterialLibrary,
+    options: &Options,
+    progress: Progress,
+) -> Result<MaterialField, VoteError> {
+    check(gaussians, views)?;
+    let mut segments = AnsweredSegments::of_parts(views, parts, library)?;
+    segments.warnings.extend(doubts(gaussians, views));
+    let ballots = Ballots::cast(gaussians, views, &segments, options.vote, progress);
+    let identity = Identity::of_parts(&ballots, &segments, parts);
+    let options = Options { agree: Agreement::Part, ..options.clone() };
+    elect(gaussians, views, (&ballots, segments, identity), library, &options)
+}
+
+/// Elects a label for every Gaussian.
+fn elect(
+    gaussians: &Gaussians,
+    views: &[ViewInput],
+    (ballots, segments, identity): (&Ballots, AnsweredSegments, Identity),
+    library: &MaterialLibrary,
+    options: &Options,
+) -> Result<MaterialField, VoteError> {
     let candidates = tally::candidates(&segments, &identity, options.agree);
-    let elected = tally::elect(&ballots, &segments, &candidates);
+    let elected = tally::elect(ballots, &segments, &candidates);
     let Some(choices) = unseen::fill(gaussians, &elected, options.neighbors.get()) else {
         let (segments, answered) = (segments.in_maps, segments.segments.len());
         return Err(VoteError::NoVotes { views: views.len(), segments, answered });
@@ -175,10 +219,12 @@ fn field(
     views: &[ViewInput],
 ) -> MaterialField {
     let made = by_frequency(choices);
+    let name = |choice: PartMaterial| segments.materials[choice.material as usize];
     let labels =
-        (0..).zip(&made).map(|(id, &choice)| labels::label(id, choice, &segments, identity, library)).collect();
+        (0..).zip(&made).map(|(id, &choice)| labels::label(id, choice, name(choice), identity, library)).collect();
     let label_of = |choice: &PartMaterial| made.iter().position(|other| other == choice).expect("listed above") as u32;
-    let of_elected = |value: fn(&Elected) -> f32| elected.iter().map(|e| e.as_ref().map_or(0.0, value)).collect();
+    let agreement: Vec<f32> = made.iter().map(|&choice| identity.agreement(choice.part, name(choice)) as f32).collect();
+    let confidence = |e: &Elected| e.votes / e.cast * agreement[label_of(&e.choice) as usize];
     let mut warnings = segments.warnings;
     let invisible = segments.segments.iter().zip(&identity.seen).filter(|(_, seen)| **seen == 0);
     for (segment, _) in invisible {
@@ -188,8 +234,8 @@ fn field(
     MaterialField {
         labels,
         part_label: choices.iter().map(label_of).collect(),
-        confidence: of_elected(|e| e.votes / e.cast),
-        votes: of_elected(|e| e.votes),
+        confidence: elected.iter().map(|e| e.as_ref().map_or(0.0, confidence)).collect(),
+        votes: elected.iter().map(|e| e.as_ref().map_or(0.0, |e| e.votes)).collect(),
         views: elected.iter().map(|e| e.as_ref().map_or(0, |e| e.views)).collect(),
         warnings,
     }

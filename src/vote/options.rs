@@ -25,7 +25,7 @@ pub struct Options {
     #[arg(long, value_enum, default_value_t = Rule::default())]
     pub vote: Rule,
 
-    /// Who decides on a material if the answers of the views differ
+    /// Who decides on a material if the answers of the views differ; matters only with --ask segments
     #[arg(long, value_enum, default_value_t = Agreement::default())]
     pub agree: Agreement,
 
@@ -45,9 +45,9 @@ impl Default for Options {
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, clap::ValueEnum, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Rule {
-    /// As in the paper: one vote per view, for the segment at the Gaussian's centre, if the Gaussian passes the depth test
+    /// As in the paper: one vote per view, for the part or segment at the Gaussian's centre, if the Gaussian passes the depth test
     Frequency,
-    /// A vote for the segment of every pixel, weighted by the Gaussian's contribution to the pixel's light
+    /// A vote for the part or segment of every pixel, weighted by the Gaussian's contribution to the pixel's light
     #[default]
     Contribution,
 }

@@ -29,6 +29,7 @@ pub(super) struct PartMaterial {
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Elected {
     pub choice: PartMaterial,
+    /// Votes for the material, whichever part they name.
     pub votes: f32,
     /// Sum of all its votes.
     pub cast: f32,
@@ -69,7 +70,7 @@ fn elect_one(ballots: &[Ballot], segments: &AnsweredSegments, candidates: &[Part
         let material = candidates[ballot.segment as usize].material;
         add(&mut materials, material, f64::from(ballot.weight), segment.answer.confidence);
     }
-    let (material, _) = winner(&materials)?;
+    let (material, votes) = winner(&materials)?;
     for ballot in ballots {
         let choice = candidates[ballot.segment as usize];
         if choice.material == material {
@@ -77,7 +78,7 @@ fn elect_one(ballots: &[Ballot], segments: &AnsweredSegments, candidates: &[Part
             add(&mut parts, choice.part, f64::from(ballot.weight), confidence);
         }
     }
-    let (part, votes) = winner(&parts)?;
+    let (part, _) = winner(&parts)?;
     let cast = ballots.iter().map(|ballot| ballot.weight).sum();
     Some(Elected { choice: PartMaterial { part, material }, votes: votes as f32, cast, views })
 }

@@ -55,9 +55,15 @@ pub enum Artifact<'a> {
     Coco,
     /// Per segment: view, id, area, box, predicted IoU, stability, level.
     Segments,
-    /// The picture sent for a segment of a view.
+    /// The parts in 3D, with the views that show each.
+    FoundParts,
+    /// 16-bit label map of the parts in a view.
+    PartMap(&'a str),
+    /// The part of every Gaussian.
+    PartOfGaussian,
+    /// The picture sent for a segment or part of a view.
     Sheet(&'a str, u16),
-    /// One line per segment: the answer or the typed failure.
+    /// One line per question: the answer or the typed failure.
     Answers,
     /// Questions sent through the Batch API whose answers have not been collected.
     BatchApiJobs,
@@ -67,7 +73,7 @@ pub enum Artifact<'a> {
     Field,
     /// The input PLY in the colours of the materials, for any viewer.
     Recolored,
-    /// A view's photo, segments and materials side by side, with a legend.
+    /// A view's photo, parts and materials side by side, with a legend.
     Figure,
     /// The first view's photo and materials, small, for a list of scenes.
     Thumbnail,
@@ -113,6 +119,9 @@ impl Artifact<'_> {
             Self::LabelArray(view) => Path::new("segments").join(format!("{view}_s.npy")),
             Self::Coco => "segments/coco.json".into(),
             Self::Segments => "segments/segments.json".into(),
+            Self::FoundParts => "consensus/consensus.json".into(),
+            Self::PartMap(view) => Path::new("consensus").join(format!("{view}.png")),
+            Self::PartOfGaussian => "consensus/gaussians.npz".into(),
             Self::Sheet(view, segment) => Path::new("sheets").join(format!("{view}_{segment}.jpg")),
             Self::Answers => "answers.jsonl".into(),
             Self::BatchApiJobs => "batch_api.json".into(),

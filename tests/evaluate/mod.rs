@@ -99,8 +99,9 @@ fn hammer_with_field() -> (PathBuf, TempDir) {
     let stages = [
         stage("scene", &[], &[]),
         stage("segment", &["scene"], &[]),
-        stage("query", &["scene", "segment"], &[]),
-        stage("vote", &["scene", "segment", "query"], &["field.ply", "labels.json"]),
+        stage("consensus", &["scene", "segment"], &[]),
+        stage("query", &["scene", "segment", "consensus"], &[]),
+        stage("vote", &["scene", "segment", "consensus", "query"], &["field.ply", "labels.json"]),
     ];
     let version = format!("{}+format.{FORMAT_VERSION}", env!("CARGO_PKG_VERSION"));
     let record = json!({ "version": version, "options": {}, "stages": stages });

@@ -1,11 +1,13 @@
 //! A server with the Batch API, whose state each test sets.
 
+use std::borrow::Cow;
 use std::path::{Path, PathBuf};
 use std::sync::{Arc, Mutex};
 
 use gprop::materials::MaterialLibrary;
 use gprop::pipeline::query_session::{QuerySession, QueryView};
 use gprop::progress::Progress;
+use gprop::query::rounds::Subject;
 use gprop::query::{AnswerSource, Options, QueryError};
 use gprop::workdir::WorkDir;
 use serde_json::{Value, json};
@@ -124,10 +126,18 @@ impl Place {
     }
 
     pub fn query_session<'a>(&'a self, options: &'a Options) -> QuerySession<'a> {
-        let view = |view: &'a View| QueryView { name: view.name, photo: view.photo.clone(), segments: &view.segments };
+        let view = |view: &'a View| QueryView {
+            name: view.name,
+            photo: view.photo.clone(),
+            maps: vec![Cow::Borrowed(&view.segments.map)],
+        };
         let views = self.views.iter().map(view).collect();
+        let segments =
+            (0..).zip(&self.views).flat_map(|(n, view)| view.segments.segments.iter().map(move |of| (n, of.id)));
+        let subjects = segments.map(|(view, id)| Subject::segment(view, id)).collect();
         let (home, hidden) = (self.home.path(), Progress::Hidden);
-        QuerySession::new(options, views, MaterialLibrary::builtin(), home, &self.work, Ok(()), hidden).unwrap()
+        QuerySession::new(options, views, (subjects, 1), MaterialLibrary::builtin(), home, &self.work, Ok(()), hidden)
+            .unwrap()
     }
 
     fn recorded(&self) -> Vec<PathBuf> {
@@ -174,8 +184,8 @@ fn a_batch_goes_out_and_its_answers_are_replayed() {
 
     let replay = Options { answers: AnswerSource::Replay, lmm_url: None, ..options.clone() };
     let session = place.query_session(&replay);
-    let run = session.run(&session.queries().unwrap()).unwrap();
-    assert_eq!((run.answers.segments.len(), run.answers.failed().count()), (4, 0));
+    let answers = session.answer_all(&|_| Ok(())).unwrap();
+    assert_eq!((answers.segments.len(), answers.failed().count()), (4, 0));
     assert!(place.query_session(&options).collect().is_err(), "nothing is waiting any more");
     assert_eq!(place.query_session(&options).submit().unwrap().sent, 0, "nothing is open any more");
 }

@@ -293,7 +293,7 @@ fn the_key_appears_nowhere_but_in_its_header() {
     let result = queries.run(
         &recordings(folder.path()),
         Some(&client),
-        None,
+        &Ledger::new(None, None),
         &mut |_, answer| {
             lines.push_str(&answer.to_jsonl());
             Ok(())

@@ -34,7 +34,7 @@ use gprop::materials::MaterialLibrary;
 use gprop::progress::Progress;
 use gprop::query::asker::{Ask, AskError, Asker, Reply, ReplyContent};
 use gprop::query::client::{ApiKey, Client, ClientError};
-use gprop::query::ledger::Account;
+use gprop::query::ledger::{Account, Ledger};
 use gprop::query::recorded::{Answerer, Recordings, Usage};
 use gprop::query::{Options, Prompts, Queries, QueryError, Run, ViewInput};
 use gprop::scene::{ForegroundSource, Photo};
@@ -72,6 +72,7 @@ fn view(name: &'static str, (width, height): (u32, u32), tint: u8, label: impl F
             predicted_iou: 0.9,
             stability_score: 0.95,
             level: Level::Middle,
+            parent: 0,
         })
         .collect();
     let segments = ViewSegments { view: name.into(), map: LabelMap { width, height, labels }, segments };
@@ -93,8 +94,15 @@ fn two_segments(name: &'static str, tint: u8, border: u32) -> View {
 }
 
 fn prepare<'a>(views: &[View], prompts: &'a Prompts, options: &'a Options) -> Queries<'a> {
-    let inputs: Vec<ViewInput> =
-        views.iter().map(|view| ViewInput { name: view.name, photo: &view.photo, segments: &view.segments }).collect();
+    let ids: Vec<Vec<u16>> =
+        views.iter().map(|view| view.segments.segments.iter().map(|segment| segment.id).collect()).collect();
+    let inputs = views.iter().zip(&ids).map(|(view, ids)| ViewInput {
+        name: view.name,
+        photo: &view.photo,
+        map: &view.segments.map,
+        ids,
+    });
+    let inputs: Vec<ViewInput> = inputs.collect();
     Queries::prepare(&inputs, MaterialLibrary::builtin(), prompts, options).expect("made-up views are sound")
 }
 
@@ -112,7 +120,7 @@ fn connect(options: &Options, key: Option<ApiKey>) -> Result<Option<Client>, Cli
 }
 
 fn run(queries: &Queries, recordings: &Recordings, asker: Option<&dyn Asker>) -> Result<Run, QueryError> {
-    queries.run(recordings, asker, None, &mut |_, _| Ok(()), Progress::Hidden)
+    queries.run(recordings, asker, &Ledger::new(None, queries.options.max_usd), &mut |_, _| Ok(()), Progress::Hidden)
 }
 
 /// An answer that names `material` with the library's values, as a model would write it.
@@ -120,6 +128,7 @@ pub fn good_answer(material: &str) -> Value {
     let row = MaterialLibrary::builtin().get(material).expect("the library has the test's material");
     json!({
         "caption": "a part",
+        "several_materials": false,
         "family": row.family,
         "material": material,
         "density_kg_m3": [row.density_kg_m3.low, row.density_kg_m3.high],

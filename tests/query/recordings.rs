@@ -2,6 +2,7 @@ use std::fs;
 
 use gprop::progress::Progress;
 use gprop::query::asker::{AskError, ReplyContent};
+use gprop::query::ledger::Ledger;
 use gprop::query::recorded::{RecordingError, Recordings};
 use gprop::query::{AnswerSource, Failure, Guidance, Match, Options, Outcome, Prompts, QueryError};
 
@@ -35,7 +36,7 @@ fn what_was_asked_once_is_replayed_from_disk() {
         .run(
             &recordings(folder.path()),
             Some(&asker),
-            None,
+            &Ledger::new(None, None),
             &mut |_, _| {
                 told += 1;
                 Ok(())
@@ -265,7 +266,13 @@ fn the_budget_stops_before_and_during_the_run() {
         let queries = prepare(&views, &prompts, &options);
         let preview = queries.preview(&recordings(folder.path()), None, price.as_ref());
         let store = recordings(folder.path());
-        let run = queries.run(&store, Some(&asker), price.as_ref(), &mut |_, _| Ok(()), Progress::Hidden);
+        let run = queries.run(
+            &store,
+            Some(&asker),
+            &Ledger::new(price.clone(), Some(max_usd)),
+            &mut |_, _| Ok(()),
+            Progress::Hidden,
+        );
         (preview, run)
     };
     let (preview, result) = with_budget(1e-6);

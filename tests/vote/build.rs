@@ -105,6 +105,7 @@ pub fn answer(name: &str, row: usize) -> Answer {
         hardness: material.hardness,
         friction_rubber: material.friction_rubber,
         form: Form::Solid,
+        several_materials: false,
         confidence: 1.0,
         matched: Match::Exact,
         flags: Vec::new(),

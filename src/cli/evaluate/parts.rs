@@ -4,7 +4,7 @@ use std::path::Path;
 
 use rayon::prelude::*;
 
-use crate::consensus::{self, ViewTree};
+use crate::consensus::{self, SegmentedView};
 use crate::error::UsageError;
 use crate::evaluate::parts::{PartsEvaluation, TrueView, compare};
 use crate::from_splat::photo_with_foreground;
@@ -64,13 +64,14 @@ impl TrueScene {
         segmenter: &Segmenter,
         segment: &segment::Options,
     ) -> anyhow::Result<PartsEvaluation> {
-        let tree_of = |view: &View| -> anyhow::Result<_> {
-            Ok(segmenter.segment_tree(&photo_with_foreground(&self.scene, view)?, segment, &())?)
+        let segments_of = |view: &View| -> anyhow::Result<_> {
+            Ok(segmenter.segment_view(&view.name, &photo_with_foreground(&self.scene, view)?, segment, &())?)
         };
-        let trees = self.chosen.par_iter().map(tree_of).collect::<anyhow::Result<Vec<_>>>()?;
-        let views: Vec<ViewTree> =
-            self.chosen.iter().zip(&trees).map(|(view, tree)| ViewTree { camera: &view.camera, tree }).collect();
+        let found = self.chosen.par_iter().map(segments_of).collect::<anyhow::Result<Vec<_>>>()?;
+        let views = self.chosen.iter().zip(&found);
+        let views: Vec<SegmentedView> =
+            views.map(|(view, segments)| SegmentedView { camera: &view.camera, segments }).collect();
         let parts = consensus::find(&self.scene.gaussians, &views, global.progress());
-        Ok(compare(&self.scene.name, &self.scene.gaussians, &parts.part_of_gaussian, &self.truth))
+        Ok(compare(&self.scene.name, &self.scene.gaussians, &parts.part_of_gaussian(), &self.truth))
     }
 }

@@ -97,8 +97,15 @@ mod tests {
     #[test]
     fn runs_go_column_by_column() {
         let map = LabelMap { width: 3, height: 2, labels: vec![0, 1, 2, 1, 1, 2] };
-        let segment =
-            |id| Segment { id, area: 0, bbox: [0; 4], predicted_iou: 0.9, stability_score: 0.9, level: Level::Small };
+        let segment = |id| Segment {
+            id,
+            area: 0,
+            bbox: [0; 4],
+            predicted_iou: 0.9,
+            stability_score: 0.9,
+            level: Level::Small,
+            parent: 0,
+        };
         // Columns: (0, 1), (1, 1), (2, 2).
         assert_eq!(column_runs(&map, &[segment(1), segment(2)]), [vec![1, 3, 2], vec![4, 2]]);
     }

@@ -1,0 +1,153 @@
+//! The parts in one view: which pixels show which, and whether the view's segments agree.
+
+use std::collections::BTreeMap;
+
+use super::{Parts, SegmentedView};
+use crate::camera::Camera;
+use crate::render::{RenderOptions, render_labels};
+use crate::scene::gaussians::Gaussians;
+use crate::segment::LabelMap;
+
+/// Where at least this share of a segment's pixels shows one part, its border is that of the part.
+const SNAP_SHARE: f64 = 0.6;
+/// Another part in that segment is its own only if a larger share of it lies there; otherwise it is a fringe that the
+/// Gaussians' softness left.
+const FRINGE_SHARE: f64 = 0.25;
+/// Pixels of a part that touch each other, but are fewer than this share of those in the view, are a speck.
+const SPECK_SHARE: f64 = 0.02;
+/// A segment with at least this IoU shows the part.
+const SHOWS_IOU: f64 = 0.5;
+
+/// The parts in one view.
+#[derive(Debug, Clone, PartialEq)]
+pub struct PartMasks {
+    /// The id of each pixel's piece, or of its part if that has no pieces; 0 if it shows none.
+    pub map: LabelMap,
+    /// By id - 1: the view's largest IoU of one of its segments with the part; `None` if it does not see the part.
+    pub agreement: Vec<Option<f64>>,
+}
+
+/// Draws the parts by the Gaussians' contributions and moves their borders to those of the view's segments.
+pub fn part_masks(gaussians: &Gaussians, parts: &Parts, view: &SegmentedView) -> PartMasks {
+    let mut map = drawn(gaussians, parts, view.camera);
+    let count = parts.parts.len();
+    let shared = shared_pixels(&map, view);
+    let mut of_id = vec![0u64; count + 1];
+    shared.iter().for_each(|(&(_, id), &pixels)| of_id[usize::from(id)] += pixels);
+    let agreement = agreement(parts, view, &shared);
+    let snapped = snapped(&shared, &of_id);
+    for (id, segment) in map.labels.iter_mut().zip(&view.segments.map.labels).filter(|(id, _)| **id > 0) {
+        *id = snapped.get(&(*segment, *id)).copied().unwrap_or(*id);
+    }
+    PartMasks { map: without_specks(&map), agreement }
+}
+
+impl PartMasks {
+    /// True if one of the view's segments shows the part; `None` if the view does not see it.
+    pub fn backs(&self, id: u16) -> Option<bool> {
+        self.agreement[usize::from(id) - 1].map(|iou| iou >= SHOWS_IOU)
+    }
+}
+
+fn drawn(gaussians: &Gaussians, parts: &Parts, camera: &Camera) -> LabelMap {
+    let ids: Vec<u32> = parts.id_of_gaussian.iter().map(|&id| u32::from(id)).collect();
+    let pixels = render_labels(gaussians, camera, &ids, &RenderOptions::default());
+    let labels = pixels.into_iter().map(|id| id.map_or(0, |id| id as u16)).collect();
+    LabelMap { width: camera.intrinsics.width, height: camera.intrinsics.height, labels }
+}
+
+/// The number of pixels of each smallest segment (0: none) that show each id.
+fn shared_pixels(map: &LabelMap, view: &SegmentedView) -> BTreeMap<(u16, u16), u64> {
+    let mut shared = BTreeMap::new();
+    for (&id, &segment) in map.labels.iter().zip(&view.segments.map.labels).filter(|(id, _)| **id > 0) {
+        *shared.entry((segment, id)).or_default() += 1;
+    }
+    shared
+}
+
+/// The id that pixels of a segment take in place of the one drawn there.
+fn snapped(shared: &BTreeMap<(u16, u16), u64>, of_id: &[u64]) -> BTreeMap<(u16, u16), u16> {
+    let mut main: BTreeMap<u16, (u64, u16, u64)> = BTreeMap::new();
+    for (&(segment, id), &pixels) in shared {
+        let (all, most, of_most) = main.entry(segment).or_default();
+        *all += pixels;
+        if pixels > *of_most {
+            (*most, *of_most) = (id, pixels);
+        }
+    }
+    let moves = |(&(segment, id), &pixels): (&(u16, u16), &u64)| {
+        let (all, most, of_most) = main[&segment];
+        let fills = segment > 0 && of_most as f64 >= SNAP_SHARE * all as f64;
+        let is_fringe = pixels as f64 <= FRINGE_SHARE * of_id[usize::from(id)] as f64;
+        (fills && id != most && is_fringe).then_some(((segment, id), most))
+    };
+    shared.iter().filter_map(moves).collect()
+}
+
+/// The map in which specks have the label that most of the pixels around them have; among equals, the lowest.
+fn without_specks(map: &LabelMap) -> LabelMap {
+    let (width, height) = (map.width as usize, map.height as usize);
+    let mut of_id: BTreeMap<u16, usize> = BTreeMap::new();
+    map.labels.iter().for_each(|&id| *of_id.entry(id).or_default() += 1);
+    let mut cleaned = map.clone();
+    let mut visited = vec![false; map.labels.len()];
+    for start in 0..map.labels.len() {
+        let id = map.labels[start];
+        if id == 0 || visited[start] {
+            continue;
+        }
+        let (mut patch, mut next) = (vec![start], 0);
+        let mut around: BTreeMap<u16, usize> = BTreeMap::new();
+        visited[start] = true;
+        while let Some(&at) = patch.get(next) {
+            next += 1;
+            let (x, y) = (at % width, at / width);
+            let beside = [
+                (x > 0).then(|| at - 1),
+                (x + 1 < width).then(|| at + 1),
+                (y > 0).then(|| at - width),
+                (y + 1 < height).then(|| at + width),
+            ];
+            for other in beside.into_iter().flatten() {
+                if map.labels[other] != id {
+                    *around.entry(map.labels[other]).or_default() += 1;
+                } else if !visited[other] {
+                    visited[other] = true;
+                    patch.push(other);
+                }
+            }
+        }
+        if (patch.len() as f64) < SPECK_SHARE * of_id[&id] as f64
+            && let Some((&label, _)) = around.iter().rev().max_by_key(|(_, count)| **count)
+        {
+            patch.iter().for_each(|&at| cleaned.labels[at] = label);
+        }
+    }
+    cleaned
+}
+
+/// By id - 1: the largest IoU of a segment, whether or not others lie in it, with the part's pixels.
+fn agreement(parts: &Parts, view: &SegmentedView, shared: &BTreeMap<(u16, u16), u64>) -> Vec<Option<f64>> {
+    // Pixels of a segment include those of the segments in it, and pixels of a part those of its pieces.
+    let mut both: BTreeMap<(u16, u16), u64> = BTreeMap::new();
+    let mut of_id = vec![0u64; parts.parts.len() + 1];
+    let mut of_segment: BTreeMap<u16, u64> = BTreeMap::new();
+    for (&(smallest, id), &pixels) in shared {
+        let part = parts.part_of(id);
+        let ids = [Some(id), (part != id).then_some(part)];
+        ids.iter().flatten().for_each(|&id| of_id[usize::from(id)] += pixels);
+        let mut segment = smallest;
+        while segment > 0 {
+            *of_segment.entry(segment).or_default() += pixels;
+            ids.iter().flatten().for_each(|&id| *both.entry((segment, id)).or_default() += pixels);
+            segment = view.segments.parent(segment);
+        }
+    }
+    let mut best: Vec<Option<f64>> = of_id[1..].iter().map(|&pixels| (pixels > 0).then_some(0.0)).collect();
+    for (&(segment, id), &pixels) in &both {
+        let iou = pixels as f64 / (of_segment[&segment] + of_id[usize::from(id)] - pixels) as f64;
+        let best = &mut best[usize::from(id) - 1];
+        *best = best.map(|best| best.max(iou));
+    }
+    best
+}

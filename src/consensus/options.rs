@@ -1,0 +1,48 @@
+//! The user's options for what the model is asked about.
+
+use std::num::NonZeroUsize;
+
+use serde::{Deserialize, Serialize};
+
+use crate::config::SceneKey;
+use crate::values::{self, from_to};
+
+/// Three answers have a majority, and three directions show a part from most sides.
+const ASK_VIEWS: NonZeroUsize = NonZeroUsize::new(3).expect("three is not zero");
+/// More views than this show nothing new.
+const MOST_ASK_VIEWS: NonZeroUsize = NonZeroUsize::new(1000).expect("a thousand is not zero");
+
+/// The keys that a scene may set: all of them, because they affect only this scene's result.
+pub const SCENE_KEYS: &[SceneKey] = &[SceneKey::any("ask"), SceneKey::any("ask-views")];
+
+/// What the model is asked about.
+#[derive(Debug, Clone, PartialEq, clap::Args, Serialize, Deserialize)]
+#[serde(default)]
+#[command(next_help_heading = "Parts")]
+pub struct Options {
+    /// What the model is asked about
+    #[arg(long, value_enum, default_value_t = Asked::default())]
+    pub ask: Asked,
+
+    /// Number of views in which each part is asked about; more if their answers disagree. With --ask segments, every view is asked
+    /// about
+    #[arg(long, value_name = "N", default_value_t = ASK_VIEWS, value_parser = from_to(NonZeroUsize::MIN, MOST_ASK_VIEWS))]
+    pub ask_views: NonZeroUsize,
+}
+
+impl Default for Options {
+    fn default() -> Self {
+        values::defaults()
+    }
+}
+
+/// `--ask`.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, clap::ValueEnum, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Asked {
+    /// The parts of the object, found in 3D from the segments of all views, each in the views that show it best
+    #[default]
+    Parts,
+    /// As in the paper: every segment of every view
+    Segments,
+}

@@ -1,0 +1,243 @@
+//! The parts on disk: a label map per view, `consensus.json`, and the part of every Gaussian. Nothing if the
+//! model is asked about segments.
+
+use std::borrow::Cow;
+use std::collections::BTreeMap;
+
+use anyhow::Result;
+use rayon::prelude::*;
+use serde::{Deserialize, Serialize};
+
+use crate::consensus::masks::{PartMasks, part_masks};
+use crate::consensus::{self, Asked, Part, Parts, SegmentedView};
+use crate::npz::NpzWriter;
+use crate::query::rounds::{Ask, Outcomes, Subject};
+use crate::query::{Answer, Answers, Outcome, SegmentAnswer};
+use crate::scene::View;
+use crate::segment::{LabelMap, ViewSegments};
+use crate::vote::AnsweredPart;
+use crate::workdir::Artifact;
+
+use super::{Done, Pipeline, Stage, get_or_load};
+
+/// The parts as the stages after them need them.
+pub(super) struct FoundParts {
+    parts: Vec<FoundPart>,
+    /// For every chosen view, the id of each pixel's piece, or of its part if that has no pieces.
+    maps: Vec<LabelMap>,
+}
+
+/// The content of `consensus.json`.
+#[derive(Serialize, Deserialize)]
+struct PartsFile {
+    parts: Vec<FoundPart>,
+}
+
+/// A part or piece with the views that show it.
+#[derive(Serialize, Deserialize)]
+struct FoundPart {
+    #[serde(flatten)]
+    part: Part,
+    /// Number of views in which a segment shows it, and of those that see it but have no such segment.
+    backed_by: usize,
+    opposed_by: usize,
+    /// The views that show it, those first in which it is best asked about.
+    views: Vec<ShownIn>,
+}
+
+#[derive(Serialize, Deserialize)]
+struct ShownIn {
+    view: String,
+    /// Number of pixels that show the part.
+    pixels: u32,
+}
+
+impl Pipeline {
+    pub(super) fn consensus_key(&self) -> String {
+        self.key_after_inputs(Stage::Consensus).with_json(&self.options.consensus.ask).hex()
+    }
+
+    pub(super) fn do_consensus(&self) -> Result<Done> {
+        if self.options.consensus.ask == Asked::Segments {
+            return Ok(Done::writing([]));
+        }
+        let gaussians = &self.scene.gaussians;
+        let views = self.views.iter().zip(&self.segmentation()?.views);
+        let views: Vec<SegmentedView> =
+            views.map(|(view, segments)| SegmentedView { camera: &view.camera, segments }).collect();
+        let parts = consensus::find(gaussians, &views, self.progress);
+        let masks: Vec<PartMasks> = views.iter().map(|view| part_masks(gaussians, &parts, view)).collect();
+        let sharpness = |view: &View| Ok(consensus::sharpness(&view.photo()?.rgb));
+        let sharpness = self.views.par_iter().map(sharpness).collect::<Result<Vec<_>>>()?;
+        let cameras: Vec<_> = views.iter().map(|view| view.camera).collect();
+        let best = consensus::best_views(gaussians, &parts, &cameras, &masks, &sharpness);
+
+        self.work.write_with(Artifact::PartOfGaussian, |out| write_gaussians(out, &parts))?;
+        for (view, masks) in self.views.iter().zip(&masks) {
+            self.work.write(Artifact::PartMap(&view.name), &masks.map.to_png()?)?;
+        }
+        let found = parts.parts.iter().zip(best).map(|(part, best)| {
+            let backing = |expected: bool| masks.iter().filter(|masks| masks.backs(part.id) == Some(expected)).count();
+            let shown = |shown: consensus::PartView| ShownIn {
+                view: self.views[shown.view].name.clone(),
+                pixels: shown.pixels,
+            };
+            FoundPart {
+                part: part.clone(),
+                backed_by: backing(true),
+                opposed_by: backing(false),
+                views: best.into_iter().map(shown).collect(),
+            }
+        });
+        let file = PartsFile { parts: found.collect() };
+        self.work.write_json(Artifact::FoundParts, &file)?;
+        let maps = self.views.iter().map(|view| Artifact::PartMap(&view.name));
+        let written = maps.chain([Artifact::FoundParts, Artifact::PartOfGaussian]);
+        Ok(Done::writing(written).warning(warnings(&file.parts)))
+    }
+
+    /// The parts; `None` if the model is asked about segments.
+    pub(super) fn found_parts(&self) -> Result<Option<&FoundParts>> {
+        if self.options.consensus.ask == Asked::Segments {
+            return Ok(None);
+        }
+        get_or_load(&self.found, || {
+            let PartsFile { parts } = self.work.read_json(Artifact::FoundParts)?;
+            let map = |view: &View| {
+                let artifact = Artifact::PartMap(&view.name);
+                let map = LabelMap::from_png(&self.work.read(artifact)?)
+                    .map_err(|problem| self.work.damaged(artifact, problem))?;
+                let is_known = |&id: &u16| usize::from(id) <= parts.len();
+                if !map.labels.iter().all(is_known) {
+                    return Err(self.work.damaged(artifact, "it shows parts that are not in consensus.json").into());
+                }
+                Ok(map)
+            };
+            Ok(FoundParts { maps: self.views.iter().map(map).collect::<Result<_>>()?, parts })
+        })
+        .map(Some)
+    }
+
+    /// What the model is asked about, and in how many views at first.
+    pub(super) fn subjects(&self) -> Result<(Vec<Subject>, usize)> {
+        let Some(found) = self.found_parts()? else {
+            let views = self.segmentation()?.views.iter().enumerate();
+            // Segments that lie in it may cover all of a segment.
+            let is_left = |of: &ViewSegments, id: u16| of.map.labels.contains(&id);
+            let segments = views.flat_map(|(view, of)| {
+                of.segments.iter().filter(move |found| is_left(of, found.id)).map(move |found| (view, found.id))
+            });
+            return Ok((segments.map(|(view, id)| Subject::segment(view, id)).collect(), 1));
+        };
+        let index: BTreeMap<&str, usize> = self.views.iter().map(|view| view.name.as_str()).zip(0..).collect();
+        Ok((found.subjects(&index), self.options.consensus.ask_views.get()))
+    }
+
+    /// The label maps whose ids the questions are about, for the view with this number.
+    pub(super) fn asked_maps(&self, view: usize) -> Result<Vec<Cow<'_, LabelMap>>> {
+        Ok(match self.found_parts()? {
+            None => vec![Cow::Borrowed(&self.segmentation()?.views[view].map)],
+            Some(found) => vec![Cow::Owned(found.whole_parts(view)), Cow::Borrowed(&found.maps[view])],
+        })
+    }
+
+    /// For every chosen view, the label map whose ids the answers settle: of segments; or of parts, and of the pieces of
+    /// those that consist of several materials.
+    pub(super) fn settled_maps(&self, answers: &Answers) -> Result<Vec<Cow<'_, LabelMap>>> {
+        let Some(found) = self.found_parts()? else {
+            return Ok(self.segmentation()?.views.iter().map(|view| Cow::Borrowed(&view.map)).collect());
+        };
+        let index: BTreeMap<&str, usize> = self.views.iter().map(|view| view.name.as_str()).zip(0..).collect();
+        let ask = |answer: &SegmentAnswer| Some(Ask { view: *index.get(answer.view.as_str())?, id: answer.segment });
+        let outcomes: Outcomes =
+            answers.segments.iter().filter_map(|answer| Some((ask(answer)?, &answer.outcome))).collect();
+        let split: Vec<u16> = found
+            .subjects(&index)
+            .iter()
+            .filter(|subject| subject.is_split(&outcomes))
+            .map(|subject| subject.id)
+            .collect();
+        let settled = |id: u16| match found.part_of(id) {
+            part if split.contains(&part) => id,
+            part => part,
+        };
+        Ok(found.maps.iter().map(|map| Cow::Owned(renamed(map, settled))).collect())
+    }
+}
+
+impl FoundParts {
+    /// The part that an id stands for: that of a piece, or itself; 0 for 0.
+    fn part_of(&self, id: u16) -> u16 {
+        usize::from(id).checked_sub(1).map_or(0, |index| self.parts[index].part.piece_of.unwrap_or(id))
+    }
+
+    /// The parts and pieces that have answers, weighed by how many of their pixels each view shows.
+    pub(super) fn answered<'a>(&self, answers: &'a Answers) -> Vec<AnsweredPart<'a>> {
+        let of_part = |found: &FoundPart| {
+            let shown = |view: &str| found.views.iter().find(|shown| shown.view == view).map(|shown| shown.pixels);
+            let weighed = |answer: &'a SegmentAnswer| match &answer.outcome {
+                Outcome::Answered(said) if answer.segment == found.part.id => {
+                    Some((said, f64::from(shown(&answer.view)?)))
+                }
+                _ => None,
+            };
+            let mut answers: Vec<(&Answer, f64)> = answers.segments.iter().filter_map(weighed).collect();
+            answers.sort_by(|a, b| b.1.total_cmp(&a.1));
+            AnsweredPart { id: found.part.id, answers }
+        };
+        self.parts.iter().map(of_part).filter(|part| !part.answers.is_empty()).collect()
+    }
+
+    fn whole_parts(&self, view: usize) -> LabelMap {
+        renamed(&self.maps[view], |id| self.part_of(id))
+    }
+
+    fn subjects(&self, index: &BTreeMap<&str, usize>) -> Vec<Subject> {
+        let subject = |found: &FoundPart, pieces| Subject {
+            id: found.part.id,
+            views: found.views.iter().filter_map(|shown| index.get(shown.view.as_str()).copied()).collect(),
+            pieces,
+        };
+        let pieces = |id: u16| {
+            let of_part = self.parts.iter().filter(|found| found.part.piece_of == Some(id));
+            of_part.map(|piece| subject(piece, Vec::new())).collect()
+        };
+        let whole = self.parts.iter().filter(|found| found.part.piece_of.is_none());
+        whole.map(|found| subject(found, pieces(found.part.id))).collect()
+    }
+}
+
+fn renamed(map: &LabelMap, name: impl Fn(u16) -> u16) -> LabelMap {
+    LabelMap { labels: map.labels.iter().map(|&id| name(id)).collect(), ..*map }
+}
+
+/// `part` (the id of the Gaussian's piece or part) and `confidence`, in the order of the splat.
+fn write_gaussians(out: &mut dyn std::io::Write, parts: &Parts) -> std::io::Result<()> {
+    let mut archive = NpzWriter::new(out);
+    let shape = [parts.id_of_gaussian.len() as u64];
+    archive.array("part", &shape, parts.id_of_gaussian.iter().map(|&id| f32::from(id)))?;
+    archive.array("confidence", &shape, parts.confidence.iter().copied())?;
+    archive.finish()
+}
+
+fn warnings(parts: &[FoundPart]) -> Vec<String> {
+    let whole: Vec<&FoundPart> = parts.iter().filter(|found| found.part.piece_of.is_none()).collect();
+    let mut warnings = Vec::new();
+    if let [only] = whole.as_slice()
+        && only.part.light == 0.0
+    {
+        warnings.push(
+            "no view sees any Gaussian: the object counts as one part. Do cameras and splat belong together? gprop \
+             inspect SCENE says"
+                .to_owned(),
+        );
+    }
+    let hidden = whole.iter().filter(|found| found.views.is_empty()).count();
+    if hidden > 0 {
+        warnings.push(format!(
+            "{hidden} of {} parts are too small in every view to be asked about; they take their neighbours' material",
+            whole.len()
+        ));
+    }
+    warnings
+}

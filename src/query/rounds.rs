@@ -1,0 +1,163 @@
+//! The order of the questions: every part is asked about in a few views first, in more of them while the answers
+//! disagree, and piece by piece if it consists of several materials.
+
+use std::collections::BTreeMap;
+
+use super::{Answer, Outcome};
+
+/// A question about one segment of one view, or about one part or piece as one view shows it.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
+pub struct Ask {
+    /// Index of the view.
+    pub view: usize,
+    /// Its id in the view's label map.
+    pub id: u16,
+}
+
+/// Something that is made of one material, as far as is known before the model is asked.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Subject {
+    pub id: u16,
+    /// The views that show it, by index; those first in which it is asked about first.
+    pub views: Vec<usize>,
+    /// What to ask about instead if it consists of several materials.
+    pub pieces: Vec<Subject>,
+}
+
+/// The outcomes so far.
+pub type Outcomes<'a> = BTreeMap<Ask, &'a Outcome>;
+
+impl Subject {
+    /// A segment, which one view shows.
+    pub fn segment(view: usize, id: u16) -> Self {
+        Self { id, views: vec![view], pieces: Vec::new() }
+    }
+
+    /// What must be asked next, given the outcomes so far: nothing if the answers suffice, or if all views are spent.
+    /// The first questions go to the first `views` views.
+    pub fn due(&self, views: usize, outcomes: &Outcomes) -> Vec<Ask> {
+        let mut own = self.due_about_itself(views, outcomes);
+        if own.is_empty() && self.is_split(outcomes) {
+            own = self.pieces.iter().flat_map(|piece| piece.due(views, outcomes)).collect();
+        }
+        own
+    }
+
+    fn due_about_itself(&self, views: usize, outcomes: &Outcomes) -> Vec<Ask> {
+        for count in views.min(self.views.len())..=self.views.len() {
+            let asks = || self.asks().take(count);
+            let open: Vec<Ask> = asks().filter(|ask| !outcomes.contains_key(ask)).collect();
+            if !open.is_empty() {
+                return open;
+            }
+            if agree(&answers(asks(), outcomes)) {
+                break;
+            }
+        }
+        Vec::new()
+    }
+
+    /// True if most of its answers say that it consists of several materials, and it has pieces to ask about instead.
+    pub fn is_split(&self, outcomes: &Outcomes) -> bool {
+        let answers = answers(self.asks(), outcomes);
+        let several = answers.iter().filter(|answer| answer.several_materials).count();
+        !self.pieces.is_empty() && 2 * several > answers.len()
+    }
+
+    /// All questions that it may lead to.
+    pub fn all(&self) -> Vec<Ask> {
+        self.asks().chain(self.pieces.iter().flat_map(Self::all)).collect()
+    }
+
+    fn asks(&self) -> impl Iterator<Item = Ask> {
+        self.views.iter().map(|&view| Ask { view, id: self.id })
+    }
+}
+
+fn answers<'a>(asks: impl Iterator<Item = Ask>, outcomes: &Outcomes<'a>) -> Vec<&'a Answer> {
+    let answered = |ask| match outcomes.get(&ask) {
+        Some(Outcome::Answered(answer)) => Some(answer),
+        _ => None,
+    };
+    asks.filter_map(answered).collect()
+}
+
+/// True if more than half name one material, or all name materials of one family.
+fn agree(answers: &[&Answer]) -> bool {
+    let Some(first) = answers.first() else { return false };
+    let naming = |material: &str| answers.iter().filter(|answer| answer.material == material).count();
+    answers.iter().any(|answer| 2 * naming(&answer.material) > answers.len())
+        || answers.iter().all(|answer| answer.family == first.family)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::{Failure, Form, Match};
+    use super::*;
+    use crate::units::Range;
+
+    fn answer(family: &str, material: &str, several_materials: bool) -> Outcome {
+        let range = Range::new(1.0, 2.0);
+        Outcome::Answered(Answer {
+            caption: "a part".to_owned(),
+            family: family.to_owned(),
+            material: material.to_owned(),
+            density_kg_m3: range,
+            youngs_modulus_pa: range,
+            poisson_ratio: range,
+            yield_strength_pa: range,
+            hardness: None,
+            friction_rubber: range,
+            form: Form::Solid,
+            several_materials,
+            confidence: 0.9,
+            matched: Match::Exact,
+            flags: Vec::new(),
+        })
+    }
+
+    fn failed() -> Outcome {
+        Outcome::Failed(Failure::Refused { message: "no".to_owned() })
+    }
+
+    fn part(id: u16, views: &[usize]) -> Subject {
+        Subject { id, views: views.to_vec(), pieces: Vec::new() }
+    }
+
+    /// What is due about `subject` once its questions have these outcomes, in the order in which they are asked.
+    fn due(subject: &Subject, given: &[Outcome]) -> Vec<usize> {
+        let outcomes: Outcomes = subject.views.iter().map(|&view| Ask { view, id: subject.id }).zip(given).collect();
+        subject.due(3, &outcomes).iter().map(|ask| ask.view).collect()
+    }
+
+    #[test]
+    fn a_part_is_asked_about_in_its_best_views_and_in_more_while_answers_disagree() {
+        let part = part(1, &[4, 2, 7, 0, 5]);
+        let (oak, ash) = (answer("wood", "oak", false), answer("wood", "ash", false));
+        let (steel, nylon) = (answer("metal", "steel", false), answer("plastic", "nylon", false));
+        assert_eq!(due(&part, &[]), [4, 2, 7]);
+        assert_eq!(due(&part, &[oak.clone(), steel.clone()]), [7]);
+        assert!(due(&part, &[oak.clone(), oak.clone(), steel.clone()]).is_empty(), "a majority");
+        assert!(due(&part, &[oak.clone(), ash.clone(), answer("wood", "elm", false)]).is_empty(), "one family");
+        assert_eq!(due(&part, &[oak.clone(), steel.clone(), nylon.clone()]), [0]);
+        assert!(
+            due(&part, &[oak.clone(), steel.clone(), nylon.clone(), ash, failed()]).is_empty(),
+            "all views are spent"
+        );
+        assert!(due(&part, &[oak, failed(), failed()]).is_empty(), "one answer is better than none");
+        assert_eq!(due(&part, &[failed(), failed(), failed()]), [0]);
+    }
+
+    #[test]
+    fn a_part_of_several_materials_is_asked_about_piece_by_piece() {
+        let whole = Subject { pieces: vec![part(5, &[1]), part(6, &[0, 1])], ..part(2, &[0, 1]) };
+        let outcome = [answer("wood", "oak", true), answer("metal", "steel", false), answer("wood", "oak", true)];
+        let mut outcomes: Outcomes = [(Ask { view: 0, id: 2 }, &outcome[0])].into();
+        assert_eq!(whole.due(1, &outcomes), [Ask { view: 1, id: 5 }, Ask { view: 0, id: 6 }]);
+        assert!(whole.is_split(&outcomes));
+        outcomes.insert(Ask { view: 1, id: 2 }, &outcome[1]);
+        assert!(!whole.is_split(&outcomes), "one of two says so");
+        assert!(!part(2, &[0]).is_split(&outcomes), "there is nothing else to ask about");
+        assert_eq!(whole.all().len(), 5);
+    }
+}
