@@ -248,9 +248,9 @@ fn the_users_server_is_asked_and_the_budget_is_for_all_scenes() {
         command.env_remove("SLURM_ARRAY_TASK_ID").env_remove("JOB_COMPLETION_INDEX");
         command.arg("batch").arg(balls.folder()).args(["--to", "query", "--retry-failed"]).output().unwrap()
     };
-    // Three views of two segments per scene: their price, and a budget of which each scene gets half.
+    // Three views of two parts per scene: their price, and a budget of which each scene gets half.
     prices(1.0);
-    let dry = home.gprop().arg("segment").arg(balls.scene(0)).output().unwrap();
+    let dry = home.gprop().arg("run").arg(balls.scene(0)).args(["--to", "consensus"]).output().unwrap();
     assert!(dry.status.success(), "{}", said(&dry));
     let dry = home.gprop().arg("query").arg(balls.scene(0)).args(["--dry-run", "--json"]).output().unwrap();
     let plan: Value = serde_json::from_slice(&dry.stdout).unwrap_or_else(|_| panic!("{}", said(&dry)));

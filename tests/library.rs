@@ -57,7 +57,7 @@ fn it_shares_its_work_folder_with_the_program() {
             serde_json::from_slice(&fs::read(out.path().join("run.json")).unwrap()).unwrap();
         record["stages"].as_array().unwrap().iter().filter(|stage| stage["reused"] == true).count()
     };
-    assert_eq!((program(&own), program(&theirs)), (5, 0), "stages that were reused");
+    assert_eq!((program(&own), program(&theirs)), (6, 0), "stages that were reused");
     assert!(contents(own.path()) == contents(theirs.path()));
     let mut again = Pipeline::builder(balls.scene(0)).out(theirs.path()).open().unwrap();
     assert_eq!(again.parts().unwrap(), parts);

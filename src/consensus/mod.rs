@@ -64,8 +64,10 @@ const SURE_EDGE_DEG: f64 = 60.0;
 /// A piece with a smaller share of the object's light is a scrap, such as lie along borders: it joins a neighbour before
 /// pieces are joined to parts, so that these touch each other.
 const SCRAP_SHARE: f64 = 0.0002;
-/// A part with a smaller share of the object's light is a crumb.
+/// A part with a smaller share of the object's light is a crumb, as is one with less light than this many Gaussians have
+/// in the mean.
 const CRUMB_SHARE: f64 = 0.003;
+const CRUMB_GAUSSIANS: f64 = 10.0;
 /// A Gaussian with less light than this in all views together, in pixels, counts as not seen.
 const LEAST_LIGHT: f32 = 1.0;
 
@@ -161,14 +163,20 @@ pub fn find(gaussians: &Gaussians, views: &[SegmentedView], progress: Progress) 
     let part_of_piece = link(cores, &between_pieces, PART_STRENGTH, strength);
     let group_of = |groups: &[u32], member: u32| groups.get(member as usize).copied().unwrap_or(NONE);
     let part_of_core = piece_of_core.iter().map(|&piece| group_of(&part_of_piece, piece)).collect();
-    let part_of_core = linkage::absorb(part_of_core, &between_cores, &light_of_core, CRUMB_SHARE);
-    let piece_of_core = pieces(&piece_of_core, &part_of_core, &between_cores, &light_of_core);
+    let crumb_share = CRUMB_SHARE.max(CRUMB_GAUSSIANS / seen.len().max(1) as f64);
+    let part_of_core = linkage::absorb(part_of_core, &between_cores, &light_of_core, crumb_share);
+    let shown = (&between_cores[..], &light_of_core[..], crumb_share.max(ASKED_PIECE_SHARE));
+    let piece_of_core = pieces(&piece_of_core, &part_of_core, shown);
     let of_gaussian = |of_core: &[u32]| -> Vec<u32> { core_of.iter().map(|&core| group_of(of_core, core)).collect() };
     finish(gaussians, &of_gaussian(&part_of_core), &of_gaussian(&piece_of_core), &seen, &light, &borders)
 }
 
 /// The pieces to ask about within parts, named by one of their cores; [`NONE`] where there is none.
-fn pieces(piece_of: &[u32], part_of: &[u32], borders: &[(u32, u32, Border)], light: &[f64]) -> Vec<u32> {
+fn pieces(
+    piece_of: &[u32],
+    part_of: &[u32],
+    (borders, light, least_share): (&[(u32, u32, Border)], &[f64], f64),
+) -> Vec<u32> {
     let inside: Vec<(u32, u32, Border)> = borders
         .iter()
         .copied()
@@ -183,7 +191,7 @@ fn pieces(piece_of: &[u32], part_of: &[u32], borders: &[(u32, u32, Border)], lig
     let between = linkage::between(&within, within.len(), inside.iter().copied());
     let joined = link(within.len(), &between, ASKED_PIECE_SPLIT, Border::split);
     let joined = within.iter().map(|&piece| joined[piece as usize]).collect();
-    linkage::absorb(joined, &inside, light, ASKED_PIECE_SHARE)
+    linkage::absorb(joined, &inside, light, least_share)
 }
 
 /// How much a border separates two parts, 0 to 1: the share of views that split it, times how much of an edge it is.

@@ -85,6 +85,7 @@ impl Stored {
     pub fn options(&self, folder: &Path, trusted: bool) -> Result<Options, WorkDirError> {
         let options = Options {
             scene: self.room("scene")?,
+            consensus: self.room("consensus")?,
             query: self.room("query")?,
             materials: self.room("materials")?,
             vote: self.room("vote")?,

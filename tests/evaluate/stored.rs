@@ -78,7 +78,7 @@ fn what_is_missing_is_said_with_the_command_that_makes_it() {
     let out = balls.folder().with_file_name("out");
     refused(&mass(&balls, &["--out", text(&out)]), &["there is no run.json", "--out", text(&out)]);
     run(&balls, "segment", &[]);
-    refused(&segmentation(&balls, &[]), &["the query stage is not done", "gprop run"]);
+    refused(&segmentation(&balls, &[]), &["the consensus stage is not done", "gprop run"]);
     run(&balls, "parts", &[]);
     measured(&segmentation(&balls, &[]));
     // Segments of different views than those that voted do not belong to the stored vote.

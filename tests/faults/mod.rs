@@ -201,7 +201,7 @@ fn a_clock_that_goes_back() {
         let record: serde_json::Value =
             serde_json::from_slice(&fs::read(out.path().join("run.json")).unwrap()).unwrap();
         let stages = record["stages"].as_array().unwrap();
-        assert!(stages.len() == 5 && stages.iter().all(|stage| stage["reused"] == true), "{record}");
+        assert!(stages.len() == 6 && stages.iter().all(|stage| stage["reused"] == true), "{record}");
     }
     assert!(contents(out.path()) == before);
 }

@@ -228,7 +228,7 @@ fn a_dry_run_makes_nothing() {
     let url = ["--dry-run", "--lmm-url", "http://127.0.0.1:9/v1", "--lmm-model", "gpt-4o"];
     let output = query(scene.path(), None, &url).output().unwrap();
     assert!(output.status.success(), "{}", said(&output));
-    assert!(said(&output).contains("segment   to do") && said(&output).contains("gprop segment"), "{}", said(&output));
+    assert!(said(&output).contains("segment   to do") && said(&output).contains("--to consensus"), "{}", said(&output));
     assert_eq!(files(scene.path()), before);
 
     let folder = tempfile::tempdir().unwrap();
