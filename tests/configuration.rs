@@ -91,7 +91,7 @@ fn a_scene_sets_only_what_concerns_it() {
         add(&balls.scene(0), &format!("[more]\n{key} = {value}"));
         let output = gprop().arg("run").arg(balls.scene(0)).args(["--to", "scene"]).output().unwrap();
         let flag = format!("--{}", key.replace('_', "-"));
-        let words = ["gprop.toml", "line 6", "a scene may not set", key, &flag, "~/.config/gprop/config.toml"];
+        let words = ["gprop.toml", "line 7", "a scene may not set", key, &flag, "~/.config/gprop/config.toml"];
         assert_refused(&output, &words);
         assert!(!balls.scene(0).join("gprop").exists(), "{key}: nothing was begun");
     }
@@ -113,7 +113,7 @@ fn a_scene_names_paths_of_its_own_only() {
             let output = gprop().arg("run").arg(&scene).args(["--to", "scene"]).output().unwrap();
             assert_refused(
                 &output,
-                &["gprop.toml", "line 4", key, "leads out of the scene folder", &format!("--{key}")],
+                &["gprop.toml", "line 5", key, "leads out of the scene folder", &format!("--{key}")],
             );
         }
     }
@@ -248,7 +248,7 @@ fn the_users_server_is_asked_and_the_budget_is_for_all_scenes() {
         command.env_remove("SLURM_ARRAY_TASK_ID").env_remove("JOB_COMPLETION_INDEX");
         command.arg("batch").arg(balls.folder()).args(["--to", "query", "--retry-failed"]).output().unwrap()
     };
-    // Three views of two parts per scene: their price, and a budget of which each scene gets half.
+    // Three views of two segments per scene: their price, and a budget of which each scene gets half.
     prices(1.0);
     let dry = home.gprop().arg("run").arg(balls.scene(0)).args(["--to", "consensus"]).output().unwrap();
     assert!(dry.status.success(), "{}", said(&dry));

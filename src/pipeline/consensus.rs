@@ -1,9 +1,6 @@
 //! The parts on disk: a label map per view, `consensus.json`, and the part of every Gaussian. Nothing if the
 //! model is asked about segments.
 
-use std::borrow::Cow;
-use std::collections::BTreeMap;
-
 use anyhow::Result;
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
@@ -11,20 +8,17 @@ use serde::{Deserialize, Serialize};
 use crate::consensus::masks::{PartMasks, part_masks};
 use crate::consensus::{self, Asked, Part, Parts, SegmentedView};
 use crate::npz::NpzWriter;
-use crate::query::rounds::{Ask, Outcomes, Subject};
-use crate::query::{Answer, Answers, Outcome, SegmentAnswer};
 use crate::scene::View;
-use crate::segment::{LabelMap, ViewSegments};
-use crate::vote::AnsweredPart;
+use crate::segment::LabelMap;
 use crate::workdir::Artifact;
 
 use super::{Done, Pipeline, Stage, get_or_load};
 
 /// The parts as the stages after them need them.
 pub(super) struct FoundParts {
-    parts: Vec<FoundPart>,
+    pub parts: Vec<FoundPart>,
     /// For every chosen view, the id of each pixel's piece, or of its part if that has no pieces.
-    maps: Vec<LabelMap>,
+    pub maps: Vec<LabelMap>,
 }
 
 /// The content of `consensus.json`.
@@ -35,21 +29,21 @@ struct PartsFile {
 
 /// A part or piece with the views that show it.
 #[derive(Serialize, Deserialize)]
-struct FoundPart {
+pub(super) struct FoundPart {
     #[serde(flatten)]
-    part: Part,
+    pub part: Part,
     /// Number of views in which a segment shows it, and of those that see it but have no such segment.
     backed_by: usize,
     opposed_by: usize,
     /// The views that show it, those first in which it is best asked about.
-    views: Vec<ShownIn>,
+    pub views: Vec<ShownIn>,
 }
 
 #[derive(Serialize, Deserialize)]
-struct ShownIn {
-    view: String,
+pub(super) struct ShownIn {
+    pub view: String,
     /// Number of pixels that show the part.
-    pixels: u32,
+    pub pixels: u32,
 }
 
 impl Pipeline {
@@ -117,97 +111,20 @@ impl Pipeline {
         })
         .map(Some)
     }
-
-    /// What the model is asked about, and in how many views at first.
-    pub(super) fn subjects(&self) -> Result<(Vec<Subject>, usize)> {
-        let Some(found) = self.found_parts()? else {
-            let views = self.segmentation()?.views.iter().enumerate();
-            // Segments that lie in it may cover all of a segment.
-            let is_left = |of: &ViewSegments, id: u16| of.map.labels.contains(&id);
-            let segments = views.flat_map(|(view, of)| {
-                of.segments.iter().filter(move |found| is_left(of, found.id)).map(move |found| (view, found.id))
-            });
-            return Ok((segments.map(|(view, id)| Subject::segment(view, id)).collect(), 1));
-        };
-        let index: BTreeMap<&str, usize> = self.views.iter().map(|view| view.name.as_str()).zip(0..).collect();
-        Ok((found.subjects(&index), self.options.consensus.ask_views.get()))
-    }
-
-    /// The label maps whose ids the questions are about, for the view with this number.
-    pub(super) fn asked_maps(&self, view: usize) -> Result<Vec<Cow<'_, LabelMap>>> {
-        Ok(match self.found_parts()? {
-            None => vec![Cow::Borrowed(&self.segmentation()?.views[view].map)],
-            Some(found) => vec![Cow::Owned(found.whole_parts(view)), Cow::Borrowed(&found.maps[view])],
-        })
-    }
-
-    /// For every chosen view, the label map whose ids the answers settle: of segments; or of parts, and of the pieces of
-    /// those that consist of several materials.
-    pub(super) fn settled_maps(&self, answers: &Answers) -> Result<Vec<Cow<'_, LabelMap>>> {
-        let Some(found) = self.found_parts()? else {
-            return Ok(self.segmentation()?.views.iter().map(|view| Cow::Borrowed(&view.map)).collect());
-        };
-        let index: BTreeMap<&str, usize> = self.views.iter().map(|view| view.name.as_str()).zip(0..).collect();
-        let ask = |answer: &SegmentAnswer| Some(Ask { view: *index.get(answer.view.as_str())?, id: answer.segment });
-        let outcomes: Outcomes =
-            answers.segments.iter().filter_map(|answer| Some((ask(answer)?, &answer.outcome))).collect();
-        let split: Vec<u16> = found
-            .subjects(&index)
-            .iter()
-            .filter(|subject| subject.is_split(&outcomes))
-            .map(|subject| subject.id)
-            .collect();
-        let settled = |id: u16| match found.part_of(id) {
-            part if split.contains(&part) => id,
-            part => part,
-        };
-        Ok(found.maps.iter().map(|map| Cow::Owned(renamed(map, settled))).collect())
-    }
 }
 
 impl FoundParts {
     /// The part that an id stands for: that of a piece, or itself; 0 for 0.
-    fn part_of(&self, id: u16) -> u16 {
+    pub fn part_of(&self, id: u16) -> u16 {
         usize::from(id).checked_sub(1).map_or(0, |index| self.parts[index].part.piece_of.unwrap_or(id))
     }
 
-    /// The parts and pieces that have answers, weighed by how many of their pixels each view shows.
-    pub(super) fn answered<'a>(&self, answers: &'a Answers) -> Vec<AnsweredPart<'a>> {
-        let of_part = |found: &FoundPart| {
-            let shown = |view: &str| found.views.iter().find(|shown| shown.view == view).map(|shown| shown.pixels);
-            let weighed = |answer: &'a SegmentAnswer| match &answer.outcome {
-                Outcome::Answered(said) if answer.segment == found.part.id => {
-                    Some((said, f64::from(shown(&answer.view)?)))
-                }
-                _ => None,
-            };
-            let mut answers: Vec<(&Answer, f64)> = answers.segments.iter().filter_map(weighed).collect();
-            answers.sort_by(|a, b| b.1.total_cmp(&a.1));
-            AnsweredPart { id: found.part.id, answers }
-        };
-        self.parts.iter().map(of_part).filter(|part| !part.answers.is_empty()).collect()
-    }
-
-    fn whole_parts(&self, view: usize) -> LabelMap {
+    pub fn whole_parts(&self, view: usize) -> LabelMap {
         renamed(&self.maps[view], |id| self.part_of(id))
-    }
-
-    fn subjects(&self, index: &BTreeMap<&str, usize>) -> Vec<Subject> {
-        let subject = |found: &FoundPart, pieces| Subject {
-            id: found.part.id,
-            views: found.views.iter().filter_map(|shown| index.get(shown.view.as_str()).copied()).collect(),
-            pieces,
-        };
-        let pieces = |id: u16| {
-            let of_part = self.parts.iter().filter(|found| found.part.piece_of == Some(id));
-            of_part.map(|piece| subject(piece, Vec::new())).collect()
-        };
-        let whole = self.parts.iter().filter(|found| found.part.piece_of.is_none());
-        whole.map(|found| subject(found, pieces(found.part.id))).collect()
     }
 }
 
-fn renamed(map: &LabelMap, name: impl Fn(u16) -> u16) -> LabelMap {
+pub(super) fn renamed(map: &LabelMap, name: impl Fn(u16) -> u16) -> LabelMap {
     LabelMap { labels: map.labels.iter().map(|&id| name(id)).collect(), ..*map }
 }
 

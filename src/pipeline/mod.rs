@@ -5,6 +5,7 @@
 //! the next run can continue after a run that was killed. Stages with costly items (views, answers, frames) save each
 //! item with a checksum and resume where they were killed.
 
+mod asked;
 mod batch_api;
 mod builder;
 pub mod compat;

@@ -61,7 +61,7 @@ pub struct MaterialField {
     /// Per Gaussian: index into `labels`.
     pub part_label: Vec<u32>,
     /// Per Gaussian: share of its votes that its material won, times the share of the answers about its part that name
-    /// this material, 0 to 1; 0 if it was never seen.
+    /// this material (under [`Agreement::Part`]), 0 to 1; 0 if it was never seen.
     pub confidence: Vec<f32>,
     /// Per Gaussian: votes for the winning material.
     pub votes: Vec<f32>,
@@ -165,7 +165,7 @@ fn elect(
         let (segments, answered) = (segments.in_maps, segments.segments.len());
         return Err(VoteError::NoVotes { views: views.len(), segments, answered });
     };
-    Ok(field(&choices, &elected, segments, &identity, library, views))
+    Ok(field(&choices, &elected, segments, &identity, library, (views, options.agree)))
 }
 
 fn check(gaussians: &Gaussians, views: &[ViewInput]) -> Result<(), VoteError> {
@@ -216,14 +216,19 @@ fn field(
     segments: AnsweredSegments,
     identity: &Identity,
     library: &MaterialLibrary,
-    views: &[ViewInput],
+    (views, agree): (&[ViewInput], Agreement),
 ) -> MaterialField {
     let made = by_frequency(choices);
     let name = |choice: PartMaterial| segments.materials[choice.material as usize];
     let labels =
         (0..).zip(&made).map(|(id, &choice)| labels::label(id, choice, name(choice), identity, library)).collect();
     let label_of = |choice: &PartMaterial| made.iter().position(|other| other == choice).expect("listed above") as u32;
-    let agreement: Vec<f32> = made.iter().map(|&choice| identity.agreement(choice.part, name(choice)) as f32).collect();
+    // Gaussians that choose for themselves count every answer in their own votes.
+    let agreement = |&choice: &PartMaterial| match agree {
+        Agreement::Part => identity.agreement(choice.part, name(choice)) as f32,
+        Agreement::Gaussian => 1.0,
+    };
+    let agreement: Vec<f32> = made.iter().map(agreement).collect();
     let confidence = |e: &Elected| e.votes / e.cast * agreement[label_of(&e.choice) as usize];
     let mut warnings = segments.warnings;
     let invisible = segments.segments.iter().zip(&identity.seen).filter(|(_, seen)| **seen == 0);

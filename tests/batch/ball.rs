@@ -97,7 +97,11 @@ impl Balls {
             "cx": intrinsics.cx, "cy": intrinsics.cy, "frames": frames,
         });
         fs::write(scene.join("transforms.json"), transforms.to_string()).unwrap();
-        let options = "scale = \"metric\"\nsegments = \"labels\"\nvolume-cells = 20000\nsheet-size = 256\n";
+        // A few hundred Gaussians are too few to find parts in.
+        let options = concat!(
+            "scale = \"metric\"\nsegments = \"labels\"\nask = \"segments\"\n",
+            "volume-cells = 20000\nsheet-size = 256\n"
+        );
         fs::write(scene.join("gprop.toml"), options).unwrap();
     }
 }
