@@ -171,12 +171,11 @@ pub fn find(gaussians: &Gaussians, views: &[SegmentedView], progress: Progress) 
     finish(gaussians, &of_gaussian(&part_of_core), &of_gaussian(&piece_of_core), &seen, &light, &borders)
 }
 
+/// Borders between nodes.
+type Borders<'a> = &'a [(u32, u32, Border)];
+
 /// The pieces to ask about within parts, named by one of their cores; [`NONE`] where there is none.
-fn pieces(
-    piece_of: &[u32],
-    part_of: &[u32],
-    (borders, light, least_share): (&[(u32, u32, Border)], &[f64], f64),
-) -> Vec<u32> {
+fn pieces(piece_of: &[u32], part_of: &[u32], (borders, light, least_share): (Borders, &[f64], f64)) -> Vec<u32> {
     let inside: Vec<(u32, u32, Border)> = borders
         .iter()
         .copied()

@@ -18,7 +18,7 @@ use crate::segment::{self, LabelMap, Segment, SegmentError, ViewSegments, segmen
 use crate::workdir::{Artifact, WorkDir};
 
 use super::query::write_sheets;
-use super::query_session::{QuerySession, QueryView, check_recordings};
+use super::query_session::{QuerySession, QueryView, Subjects, check_recordings};
 use super::record::Hasher;
 use super::scene::file_digest;
 use super::segment::{SegmentsFile, ViewEntry, models_key, open_segmenter, stored_segments, write_other_formats};
@@ -107,7 +107,8 @@ impl Picture {
         let home = self.work.root();
         check_recordings(home, &self.work, self.options.scene.read_scope(home))?;
         let (query, network) = (&self.options.query, self.options.setup.network());
-        QuerySession::new(query, vec![view], (subjects, 1), &self.library, home, &self.work, network, self.progress)
+        let subjects = Subjects { views: vec![view], subjects, ask_views: 1 };
+        QuerySession::new(query, subjects, &self.library, home, &self.work, network, self.progress)
     }
 
     /// Answers the queries and draws the material map.

@@ -10,7 +10,7 @@ use crate::from_splat::photo_with_foreground;
 use crate::query::{AnswerSource, Answers, Match, Options, Outcome, Preview, Queries};
 use crate::workdir::{Artifact, WorkDir, WorkDirError};
 
-use super::query_session::{self, QuerySession, QueryView};
+use super::query_session::{self, QuerySession, QueryView, Subjects};
 use super::record::Hasher;
 use super::scene::file_digest;
 use super::{Done, Pipeline, Stage, get_or_load};
@@ -70,16 +70,9 @@ impl Pipeline {
         let views = views.collect::<Result<_>>()?;
         query_session::check_recordings(&self.folder, &self.work, self.options.scene.read_scope(&self.folder))?;
         let network = self.options.setup.network();
-        QuerySession::new(
-            options,
-            views,
-            self.subjects()?,
-            &self.library,
-            &self.folder,
-            &self.work,
-            network,
-            self.progress,
-        )
+        let (subjects, ask_views) = self.subjects()?;
+        let subjects = Subjects { views, subjects, ask_views };
+        QuerySession::new(options, subjects, &self.library, &self.folder, &self.work, network, self.progress)
     }
 
     /// True if answers of an earlier run are not to be reused: either the model is to be asked regardless of

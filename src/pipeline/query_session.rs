@@ -51,6 +51,14 @@ pub struct QuerySession<'a> {
     progress: Progress,
 }
 
+/// What a session asks about.
+pub struct Subjects<'a> {
+    pub views: Vec<QueryView<'a>>,
+    pub subjects: Vec<Subject>,
+    /// Number of views in which each subject is asked about first.
+    pub ask_views: usize,
+}
+
 /// A view of a session.
 pub struct QueryView<'a> {
     pub name: &'a str,
@@ -68,12 +76,10 @@ pub struct Pruned {
 }
 
 impl<'a> QuerySession<'a> {
-    /// A session about the subjects in `views`, each in `ask_views` of them at first, with recordings in `home` and in
-    /// the folder that the options name.
+    /// A session about the subjects, with recordings in `home` and in the folder that the options name.
     pub fn new(
         options: &'a Options,
-        views: Vec<QueryView<'a>>,
-        (subjects, ask_views): (Vec<Subject>, usize),
+        Subjects { views, subjects, ask_views }: Subjects<'a>,
         library: &'a MaterialLibrary,
         home: &Path,
         work: &'a WorkDir,

@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 use std::sync::{Arc, Mutex};
 
 use gprop::materials::MaterialLibrary;
-use gprop::pipeline::query_session::{QuerySession, QueryView};
+use gprop::pipeline::query_session::{QuerySession, QueryView, Subjects};
 use gprop::progress::Progress;
 use gprop::query::rounds::Subject;
 use gprop::query::{AnswerSource, Options, QueryError};
@@ -136,8 +136,8 @@ impl Place {
             (0..).zip(&self.views).flat_map(|(n, view)| view.segments.segments.iter().map(move |of| (n, of.id)));
         let subjects = segments.map(|(view, id)| Subject::segment(view, id)).collect();
         let (home, hidden) = (self.home.path(), Progress::Hidden);
-        QuerySession::new(options, views, (subjects, 1), MaterialLibrary::builtin(), home, &self.work, Ok(()), hidden)
-            .unwrap()
+        let subjects = Subjects { views, subjects, ask_views: 1 };
+        QuerySession::new(options, subjects, MaterialLibrary::builtin(), home, &self.work, Ok(()), hidden).unwrap()
     }
 
     fn recorded(&self) -> Vec<PathBuf> {
