@@ -100,7 +100,7 @@ def scene(folder):
     shutil.copytree(SCENE / "images", folder / "images")
     shutil.copy(SCENE / "transforms.json", folder)
     shutil.copy(SCENE / "point_cloud.ply", folder)
-    (folder / "gprop.toml").write_text('scale = "metric"\nlevel = "small"\n')
+    (folder / "gprop.toml").write_text('scale = "metric"\nlevel = "small"\nask = "segments"\n')
     return folder
 
 

@@ -1,7 +1,8 @@
 //! The parts that views agree on, from segments drawn by hand.
 
 use gprop::camera::{Camera, Intrinsics};
-use gprop::consensus::{Parts, SegmentedView, find};
+use gprop::consensus::masks::{PartMasks, part_masks};
+use gprop::consensus::{PartView, Parts, SegmentedView, best_views, find};
 use gprop::progress::Progress;
 use gprop::render::{RenderOptions, render_labels};
 use gprop::scene::gaussians::Gaussians;
@@ -195,4 +196,83 @@ fn a_scene_without_views_to_compare_is_refused() {
     let told = String::from_utf8_lossy(&output.stderr);
     assert_eq!(output.status.code(), Some(2), "{told}");
     assert!(told.contains("no view with a map in ground_truth/part_maps"), "{told}");
+}
+
+/// The masks in each view, and the views that show each part, best first.
+fn shown(
+    gaussians: &Gaussians,
+    cameras: &[Camera],
+    segmented: &[ViewSegments],
+) -> (Parts, Vec<PartMasks>, Vec<Vec<PartView>>) {
+    let parts = found(gaussians, cameras, segmented);
+    let views = cameras.iter().zip(segmented);
+    let views: Vec<_> = views.map(|(camera, segments)| SegmentedView { camera, segments }).collect();
+    let masks: Vec<_> = views.iter().map(|view| part_masks(gaussians, &parts, view)).collect();
+    let sharp = vec![vec![1.0; 192 * 144]; cameras.len()];
+    let best = best_views(gaussians, &parts, &cameras.iter().collect::<Vec<_>>(), &masks, &sharp);
+    (parts, masks, best)
+}
+
+#[test]
+fn a_view_backs_the_parts_that_it_separates() {
+    let (gaussians, labels) = board_with_plate(0.1);
+    let cameras = cameras(8);
+    let segmented = (0..).zip(&cameras).map(|(n, camera)| {
+        let map = seen(&gaussians, camera, &labels);
+        flat(camera, if n % 2 == 0 { map } else { map.into_iter().map(|label| label.min(1)).collect() })
+    });
+    let segmented: Vec<_> = segmented.collect();
+    let (parts, masks, best) = shown(&gaussians, &cameras, &segmented);
+    let plate = purity(&parts, &labels, PLATE).0;
+    let backing: Vec<_> = masks.iter().map(|masks| masks.backs(plate)).collect();
+    assert_eq!(backing, [Some(true), Some(false)].repeat(4), "every other view takes it for the board");
+    // Drawn from the Gaussians, it is there in the views that do not separate it too.
+    for (camera, masks) in cameras.iter().zip(&masks) {
+        let truth = seen(&gaussians, camera, &labels);
+        let both = |a: bool, b: bool| {
+            masks
+                .map
+                .labels
+                .iter()
+                .zip(&truth)
+                .filter(|&(&id, &of)| (id == plate) == a && (u32::from(of) == PLATE) == b)
+                .count()
+        };
+        let iou = both(true, true) as f64 / (both(true, true) + both(true, false) + both(false, true)) as f64;
+        assert!(iou > 0.95, "{iou}");
+    }
+    let order: Vec<usize> = best[usize::from(plate) - 1].iter().map(|shown| shown.view).collect();
+    assert_eq!(order.len(), 8, "every view shows it");
+    let apart =
+        (order[0] as i32 - order[1] as i32).rem_euclid(8).min((order[1] as i32 - order[0] as i32).rem_euclid(8));
+    assert!(apart >= 2, "the second view shows another side: {order:?}");
+}
+
+#[test]
+fn a_view_that_is_far_away_or_blurred_is_asked_about_later() {
+    let (gaussians, labels) = board_with_plate(0.1);
+    let mut cameras = cameras(4);
+    cameras[2] =
+        Camera { intrinsics: Intrinsics { fx: 40.0, fy: 40.0, ..cameras[2].intrinsics }, ..cameras[2].clone() };
+    let segmented: Vec<_> = cameras.iter().map(|camera| flat(camera, seen(&gaussians, camera, &labels))).collect();
+    let (parts, masks, best) = shown(&gaussians, &cameras, &segmented);
+    let board = usize::from(purity(&parts, &labels, BOARD).0) - 1;
+    assert_eq!(best[board].last().map(|shown| shown.view), Some(2), "{best:?}");
+    let mut sharp = vec![vec![1.0; 192 * 144]; 4];
+    sharp[0].fill(0.1);
+    let ordered = best_views(&gaussians, &parts, &cameras.iter().collect::<Vec<_>>(), &masks, &sharp);
+    assert!(ordered[board][0].view != 0, "{ordered:?}");
+}
+
+#[test]
+fn a_view_without_segments_and_views_that_share_nothing_do_no_harm() {
+    let (gaussians, labels) = board_with_plate(0.1);
+    let cameras = cameras(8);
+    let segmented = (0..)
+        .zip(&cameras)
+        .map(|(n, camera)| flat(camera, if n == 5 { vec![0; 192 * 144] } else { seen(&gaussians, camera, &labels) }));
+    assert_eq!(parts(&found(&gaussians, &cameras, &segmented.collect::<Vec<_>>())), 2);
+    // One view alone decides what it sees.
+    let one = [flat(&cameras[0], seen(&gaussians, &cameras[0], &labels))];
+    assert_eq!(parts(&found(&gaussians, &cameras[..1], &one)), 2);
 }

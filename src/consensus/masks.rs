@@ -151,3 +151,36 @@ fn agreement(parts: &Parts, view: &SegmentedView, shared: &BTreeMap<(u16, u16), 
     }
     best
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_fringe_goes_to_the_part_that_fills_the_segment() {
+        // Part 1 fills segment 5 but for a fringe of part 2, most of which lies elsewhere; part 3 lies in it whole.
+        let shared = BTreeMap::from([((5, 1), 80), ((5, 2), 8), ((5, 3), 12), ((6, 2), 100), ((0, 2), 1)]);
+        let moved = snapped(&shared, &[0, 80, 109, 12]);
+        assert_eq!(moved, BTreeMap::from([((5, 2), 1)]));
+        // Without a part that fills most of it, a segment says nothing about borders.
+        let shared = BTreeMap::from([((5, 1), 50), ((5, 2), 40), ((6, 2), 400)]);
+        assert!(snapped(&shared, &[0, 50, 440]).is_empty());
+    }
+
+    #[test]
+    fn specks_take_the_label_around_them() {
+        let mut map = LabelMap { width: 40, height: 20, labels: vec![1; 800] };
+        for y in 0..20 {
+            map.labels[y * 40..y * 40 + 15].fill(2);
+            map.labels[y * 40 + 38..y * 40 + 40].fill(0);
+        }
+        let clean = map.clone();
+        map.labels[5 * 40 + 30] = 2;
+        map.labels[9 * 40 + 3] = 1;
+        assert_eq!(without_specks(&map), clean);
+        // A part that is small in the view is no speck: all of it is there.
+        map = clean.clone();
+        map.labels[5 * 40 + 30] = 3;
+        assert_eq!(without_specks(&map), map);
+    }
+}

@@ -11,8 +11,10 @@ use std::sync::OnceLock;
 use serde_json::{Value, json};
 use tempfile::TempDir;
 
+use crate::query::{a, completion, good_answer};
 use crate::run::{QUICK, give_segments, gprop, hammer};
 use crate::support::models;
+use crate::support::server::{MockServer, Response};
 
 /// A hostile caption that an attacker might get from a model. It has no comma or semicolon, at which a name would end.
 const HOSTILE: &str = "</script><img src=x onerror=document.title='taken'> {{ 7*7 }}";
@@ -83,19 +85,23 @@ fn the_report_of_every_fixture_follows_the_published_schema() {
     if models("the_report_of_every_fixture_follows_the_published_schema").is_none() {
         return;
     }
-    for (fixture, view) in [("hammer", "003"), ("mug", "003"), ("table_lamp", ""), ("chair", "")] {
-        let out = TempDir::new().unwrap();
+    // Runs on one view ask other questions than those recorded, but for the hammer.
+    let answer = Response::new(200).json(completion(&good_answer(a("wood")).to_string()));
+    let server = MockServer::new(move |_| answer.clone());
+    for fixture in ["hammer", "mug", "table_lamp", "chair"] {
+        let (out, recordings) = (TempDir::new().unwrap(), TempDir::new().unwrap());
         let scene = Path::new(env!("CARGO_MANIFEST_DIR")).join("fixtures").join(fixture);
+        let mut command = gprop();
+        command.arg("run").arg(&scene).arg("--out").arg(out.path()).args(&QUICK[2..]);
         if fixture == "hammer" {
             give_segments(out.path());
-        }
-        let mut command = gprop();
-        command.arg("run").arg(&scene).arg("--out").arg(out.path()).args(&QUICK[2..]).args(["--answers", "replay"]);
-        if view.is_empty() {
-            command.args(["--views", "1"])
+            command.args(["--view-list", "003", "--answers", "replay"]);
         } else {
-            command.args(["--view-list", view])
-        };
+            command
+                .args(["--views", "1", "--lmm-model", "test-model", "--lmm-url"])
+                .arg(format!("{}/v1", server.uri()));
+            command.arg("--recordings").arg(recordings.path());
+        }
         let output = command.arg("--json").output().unwrap();
         assert!(output.status.success(), "{fixture}: {}", String::from_utf8_lossy(&output.stderr));
         let report = json_file(out.path().join("report.json"));
