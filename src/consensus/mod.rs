@@ -9,7 +9,7 @@
 //! 4. [`linkage`]: joins Gaussians to pieces that views do not split, by average linkage over all pairs that cross
 //!    their border, then pieces to parts across borders without an edge in the surface: a printed pattern is not a
 //!    part. The pieces are kept, in case that the part turns out to consist of several materials;
-//! 5. [`masks`]: the parts in each view, and [`best_views`]: those in which each part is seen best.
+//! 5. [`masks`]: the parts in each view, and [`mod@best_views`]: those in which each part is seen best.
 //!
 //! Crumbs join the neighbour from which views separate them least. Gaussians that are then in no part, because no view
 //! sees them or they touch nothing, join the nearest part.
