@@ -75,6 +75,15 @@ fn seen(gaussians: &Gaussians, camera: &Camera, labels: &[u32]) -> Vec<u16> {
     drawn.into_iter().map(|label| label.map_or(0, |label| label as u16)).collect()
 }
 
+/// Every other view takes the plate for the board.
+fn plate_in_every_other_view(gaussians: &Gaussians, cameras: &[Camera], labels: &[u32]) -> Vec<ViewSegments> {
+    let of_view = |(n, camera): (usize, &Camera)| {
+        let map = seen(gaussians, camera, labels);
+        flat(camera, if n % 2 == 0 { map } else { map.into_iter().map(|label| label.min(1)).collect() })
+    };
+    cameras.iter().enumerate().map(of_view).collect()
+}
+
 fn found(gaussians: &Gaussians, cameras: &[Camera], segments: &[ViewSegments]) -> Parts {
     let views = cameras.iter().zip(segments);
     let views: Vec<_> = views.map(|(camera, segments)| SegmentedView { camera, segments }).collect();
@@ -98,11 +107,7 @@ fn purity(parts: &Parts, labels: &[u32], label: u32) -> (u16, f64) {
 fn a_plate_that_half_of_the_views_take_for_the_board_is_a_part() {
     let (gaussians, labels) = board_with_plate(0.1);
     let cameras = cameras(8);
-    let segmented = (0..).zip(&cameras).map(|(n, camera)| {
-        let map = seen(&gaussians, camera, &labels);
-        flat(camera, if n % 2 == 0 { map } else { map.into_iter().map(|label| label.min(1)).collect() })
-    });
-    let segmented: Vec<_> = segmented.collect();
+    let segmented = plate_in_every_other_view(&gaussians, &cameras, &labels);
     let result = found(&gaussians, &cameras, &segmented);
     let (plate, board) = (purity(&result, &labels, PLATE), purity(&result, &labels, BOARD));
     assert_eq!(parts(&result), 2, "{:?}", result.parts);
@@ -217,11 +222,7 @@ fn shown(
 fn a_view_backs_the_parts_that_it_separates() {
     let (gaussians, labels) = board_with_plate(0.1);
     let cameras = cameras(8);
-    let segmented = (0..).zip(&cameras).map(|(n, camera)| {
-        let map = seen(&gaussians, camera, &labels);
-        flat(camera, if n % 2 == 0 { map } else { map.into_iter().map(|label| label.min(1)).collect() })
-    });
-    let segmented: Vec<_> = segmented.collect();
+    let segmented = plate_in_every_other_view(&gaussians, &cameras, &labels);
     let (parts, masks, best) = shown(&gaussians, &cameras, &segmented);
     let plate = purity(&parts, &labels, PLATE).0;
     let backing: Vec<_> = masks.iter().map(|masks| masks.backs(plate)).collect();
