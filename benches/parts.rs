@@ -2,6 +2,8 @@
 //! assignment, thickness, mass; then the places to grasp at and the forces. Then the parts stage again with each Gaussian split into
 //! 35 pieces, 1,005,760 in all.
 
+mod pieces;
+
 use std::hint::black_box;
 use std::path::Path;
 
@@ -17,34 +19,11 @@ use gprop::scene::gaussians::Gaussians;
 use gprop::scene::{self, Scene};
 use gprop::units::{Estimate, MetricScale, ScaleSource};
 use gprop::vote::{FieldLabel, MaterialField};
-use nalgebra::Vector3;
+use pieces::in_pieces;
 
 fn hammer() -> Scene {
     let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("fixtures/hammer");
     scene::load(&folder, &scene::Options::default()).expect("the fixture is a scene")
-}
-
-/// Pieces per Gaussian for a cloud of a million.
-const PIECES: usize = 35;
-
-/// The same surface from many times as many Gaussians: each is split into pieces, spread over it (R3 sequence, Roberts 2018),
-/// that together cover the same area.
-fn in_pieces(cloud: &Gaussians) -> Gaussians {
-    let mut fine = Gaussians { antialiased: cloud.antialiased, ..Gaussians::default() };
-    let shrink = 0.5 * (PIECES as f32).ln();
-    for i in 0..cloud.len() {
-        for piece in 1..=PIECES {
-            let spread =
-                [0.819_172_5, 0.671_043_6, 0.549_700_5].map(|step: f64| 2.0 * (step * piece as f64).fract() - 1.0);
-            let offset = cloud.rotation(i) * cloud.scale(i).component_mul(&Vector3::from(spread));
-            fine.positions.push((cloud.center(i) + offset).coords.map(|v| v as f32).into());
-            fine.log_scales.push(cloud.log_scales[i].map(|s| s - shrink));
-            fine.rotations.push(cloud.rotations[i]);
-            fine.opacity_logits.push(cloud.opacity_logits[i]);
-            fine.sh_dc.push(cloud.sh_dc[i]);
-        }
-    }
-    fine
 }
 
 fn label(id: u32, density_kg_m3: f64) -> FieldLabel {

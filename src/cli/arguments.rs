@@ -362,10 +362,24 @@ pub enum Evaluate {
         asked: TrueParts,
     },
     /// Find the parts of scenes with true part maps, and compare them with the true parts in views that were not
-    /// segmented.
+    /// segmented; and the segments of each view by themselves.
     Parts {
         #[command(flatten)]
         asked: TrueParts,
+    },
+    /// Compute the IoU of labels if half of the segments are merged with a neighbour, a tenth of the answers is wrong, or
+    /// fewer views vote, on scenes with true part maps, which answer.
+    Robustness {
+        /// Scene folders with SCENE/ground_truth/part_maps/VIEW.png on which `gprop run` has done at least the vote: asked
+        /// about and voted on as the options of that run say.
+        #[arg(required = true)]
+        scenes: Vec<PathBuf>,
+        /// Number of views that vote where fewer do.
+        #[arg(long, value_name = "N", default_value = "6")]
+        few_views: std::num::NonZeroUsize,
+        /// Work folder of the scene, for a single scene only [default: SCENE/gprop]
+        #[arg(long, value_name = "DIR")]
+        out: Option<PathBuf>,
     },
     /// Compare masses with true ones: ADE, ALDE, APE, MnRE as NeRF2Physics computes them, and PRA.
     Mass {

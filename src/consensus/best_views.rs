@@ -3,7 +3,6 @@
 use image::RgbImage;
 use nalgebra::{Point3, Vector3};
 use rayon::prelude::*;
-use serde::{Deserialize, Serialize};
 
 use super::Parts;
 use super::masks::PartMasks;
@@ -22,7 +21,7 @@ const OTHER_SIDE_DEG: f64 = 60.0;
 const SAME_SIDE_WORTH: f64 = 0.25;
 
 /// A view that shows a part.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq)]
 pub struct PartView {
     /// Index of the view.
     pub view: usize,
@@ -36,10 +35,12 @@ pub fn best_views(
     parts: &Parts,
     cameras: &[&Camera],
     masks: &[PartMasks],
-    sharpness: &[Vec<f32>],
+    sharpness: &[impl AsRef<[f32]> + Sync],
 ) -> Vec<Vec<PartView>> {
-    let shown: Vec<Vec<Shown>> =
-        (masks, sharpness).into_par_iter().map(|(masks, sharpness)| shown(parts, &masks.map, sharpness)).collect();
+    let shown: Vec<Vec<Shown>> = (masks, sharpness)
+        .into_par_iter()
+        .map(|(masks, sharpness)| shown(parts, &masks.map, sharpness.as_ref()))
+        .collect();
     let centers = centers(gaussians, parts);
     (0..parts.parts.len()).map(|index| order(centers[index], cameras, &shown, index)).collect()
 }

@@ -9,6 +9,7 @@ pub mod masks;
 pub mod mass;
 pub mod parts;
 pub mod prompts;
+pub mod robustness;
 pub mod scores;
 pub mod segmentation;
 pub mod simulation;

@@ -1,4 +1,5 @@
-//! How well the parts found in 3D match true ones, in views that were not used to find them.
+//! How well the parts found in 3D match true ones, in views that were not used to find them; and how well the segments of
+//! single views do, in these views.
 
 use std::collections::{BTreeMap, BTreeSet};
 
@@ -9,6 +10,7 @@ use crate::camera::Camera;
 use crate::output::one_line;
 use crate::render::{RenderOptions, render_labels};
 use crate::scene::gaussians::Gaussians;
+use crate::segment::LabelMap;
 
 /// Value in a true part map for pixels without a part.
 pub const NO_PART: u8 = 255;
@@ -17,6 +19,7 @@ const SHOWN_SHARE: f64 = 0.1;
 
 /// A view with the true part of each of its pixels.
 pub struct TrueView {
+    pub name: String,
     pub camera: Camera,
     /// [`NO_PART`] for pixels without a part.
     pub parts: GrayImage,
@@ -38,6 +41,23 @@ pub struct PartsEvaluation {
     pub true_parts_per_part: Option<f64>,
     /// By the value in the true part maps.
     pub true_parts: BTreeMap<u8, TruePart>,
+    /// The segments of the segmented views, each view by itself; `None` if none of them has a true map.
+    pub segments: Option<SegmentsEvaluation>,
+}
+
+/// How well the smallest segments of single views match the true parts that the same view shows.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct SegmentsEvaluation {
+    pub views: usize,
+    /// Mean number of segments of a view.
+    pub segments: f64,
+    /// Mean over the true parts of [`TruePart::iou`].
+    pub mean_iou: Option<f64>,
+    /// Mean number of true parts that a segment shows.
+    pub true_parts_per_segment: Option<f64>,
+    /// By the value in the true part maps. Of each, all views' pixels count together; the best segment and the number of
+    /// pieces are means over the views that show it.
+    pub true_parts: BTreeMap<u8, TruePart>,
 }
 
 /// One true part.
@@ -50,7 +70,7 @@ pub struct TruePart {
     /// IoU of the best single found part.
     pub best_iou: f64,
     /// Number of found parts that show more of it than of any other.
-    pub pieces: usize,
+    pub pieces: f64,
 }
 
 /// Pixels by what they show: found part, then true part.
@@ -62,10 +82,41 @@ struct Pixels {
 impl Pixels {
     fn add(&mut self, gaussians: &Gaussians, part_of_gaussian: &[u16], view: &TrueView) {
         let labels: Vec<u32> = part_of_gaussian.iter().map(|&part| u32::from(part)).collect();
-        let drawn = render_labels(gaussians, &view.camera, &labels, &RenderOptions::default());
-        for (found, truth) in drawn.into_iter().zip(view.parts.as_raw()) {
+        self.count_all(render_labels(gaussians, &view.camera, &labels, &RenderOptions::default()), &view.parts);
+    }
+
+    fn count_all(&mut self, found: impl IntoIterator<Item = Option<u32>>, parts: &GrayImage) {
+        for (found, truth) in found.into_iter().zip(parts.as_raw()) {
             *self.both.entry((found, (*truth != NO_PART).then_some(*truth))).or_default() += 1;
         }
+    }
+
+    /// The true parts, sorted.
+    fn values(&self) -> BTreeSet<u8> {
+        self.both.keys().filter_map(|(_, truth)| *truth).collect()
+    }
+
+    fn share(&self, value: u8) -> f64 {
+        self.count(|_, truth| truth == Some(value)) as f64 / self.count(|_, truth| truth.is_some()) as f64
+    }
+
+    /// The largest IoU of one of `found`.
+    fn best_iou(&self, value: u8, found: impl Iterator<Item = u32>) -> f64 {
+        found.map(|found| self.iou(value, |other| other == found)).fold(0.0, f64::max)
+    }
+
+    /// The mean number of true parts that each of `found` shows; `None` if none shows any.
+    fn shown_by_each(&self, found: impl Iterator<Item = u32>) -> Option<f64> {
+        let shown: Vec<usize> = found.filter_map(|found| self.shown_by(found)).collect();
+        mean(shown.iter().sum::<usize>() as f64, shown.len())
+    }
+
+    /// The number of true parts that a found part shows; `None` if it lies on none.
+    fn shown_by(&self, found: u32) -> Option<usize> {
+        let all = self.count(|of, truth| of == Some(found) && truth.is_some()) as f64;
+        let shows =
+            |value: &u8| self.count(|of, truth| of == Some(found) && truth == Some(*value)) as f64 >= SHOWN_SHARE * all;
+        (all > 0.0).then(|| self.values().iter().filter(|value| shows(value)).count())
     }
 
     fn count(&self, holds: impl Fn(Option<u32>, Option<u8>) -> bool) -> u64 {
@@ -101,37 +152,80 @@ pub fn compare(scene: &str, gaussians: &Gaussians, part_of_gaussian: &[u16], vie
         if view.segmented { &mut known } else { &mut compared }.add(gaussians, part_of_gaussian, view);
     }
     let counts_as = if known.both.is_empty() { compared.most_shown() } else { known.most_shown() };
-    let object = compared.count(|_, truth| truth.is_some());
-    let values: BTreeSet<u8> = compared.both.keys().filter_map(|(_, truth)| *truth).collect();
     let of_value = |&value: &u8| {
         let pieces: Vec<u32> = counts_as.iter().filter(|(_, of)| **of == value).map(|(&found, _)| found).collect();
-        let single = counts_as.keys().map(|&found| compared.iou(value, |other| other == found));
         let scored = TruePart {
-            share: compared.count(|_, truth| truth == Some(value)) as f64 / object as f64,
+            share: compared.share(value),
             iou: compared.iou(value, |found| pieces.contains(&found)),
-            best_iou: single.fold(0.0, f64::max),
-            pieces: pieces.len(),
+            best_iou: compared.best_iou(value, counts_as.keys().copied()),
+            pieces: pieces.len() as f64,
         };
         (value, scored)
     };
-    let true_parts: BTreeMap<u8, TruePart> = values.iter().map(of_value).collect();
-    let shown_by = |found: u32| {
-        let all = compared.count(|of, truth| of == Some(found) && truth.is_some()) as f64;
-        let shows = |value: &&u8| {
-            compared.count(|of, truth| of == Some(found) && truth == Some(**value)) as f64 >= SHOWN_SHARE * all
-        };
-        (all > 0.0).then(|| values.iter().filter(shows).count())
-    };
-    let shown: Vec<usize> = counts_as.keys().filter_map(|&found| shown_by(found)).collect();
-    let mean = |sum: f64, count: usize| (count > 0).then(|| sum / count as f64);
+    let true_parts: BTreeMap<u8, TruePart> = compared.values().iter().map(of_value).collect();
     PartsEvaluation {
         scene: scene.to_owned(),
         views: views.iter().filter(|view| !view.segmented).count(),
         parts: part_of_gaussian.iter().collect::<BTreeSet<_>>().len(),
-        mean_iou: mean(true_parts.values().map(|part| part.iou).sum(), true_parts.len()),
-        true_parts_per_part: mean(shown.iter().sum::<usize>() as f64, shown.len()),
+        mean_iou: mean_of_ious(&true_parts),
+        true_parts_per_part: compared.shown_by_each(counts_as.keys().copied()),
         true_parts,
+        segments: None,
     }
+}
+
+/// Compares the label maps of single views with their true maps. A segment counts as the true part that it mostly shows.
+pub fn compare_segments(views: &[(&LabelMap, &GrayImage)]) -> Option<SegmentsEvaluation> {
+    let (mut all, mut count, mut shown) = (Pixels::default(), 0, Vec::new());
+    let mut of_part: BTreeMap<u8, (f64, f64, usize)> = BTreeMap::new();
+    for (map, truth) in views {
+        let mut own = Pixels::default();
+        own.count_all(map.labels.iter().map(|&id| (id > 0).then_some(u32::from(id))), truth);
+        let counts_as = own.most_shown();
+        all.count_all(map.labels.iter().map(|&id| counts_as.get(&u32::from(id)).map(|&of| u32::from(of))), truth);
+        count += map.labels.iter().filter(|id| **id > 0).collect::<BTreeSet<_>>().len();
+        shown.extend(counts_as.keys().filter_map(|&segment| own.shown_by(segment)));
+        for value in own.values() {
+            let (best, pieces, views) = of_part.entry(value).or_default();
+            *best += own.best_iou(value, counts_as.keys().copied());
+            *pieces += counts_as.values().filter(|of| **of == value).count() as f64;
+            *views += 1;
+        }
+    }
+    let of_value = |(&value, &(best, pieces, views)): (&u8, &(f64, f64, usize))| {
+        let scored = TruePart {
+            share: all.share(value),
+            iou: all.iou(value, |found| found == u32::from(value)),
+            best_iou: best / views as f64,
+            pieces: pieces / views as f64,
+        };
+        (value, scored)
+    };
+    let true_parts: BTreeMap<u8, TruePart> = of_part.iter().map(of_value).collect();
+    (!views.is_empty()).then(|| SegmentsEvaluation {
+        views: views.len(),
+        segments: count as f64 / views.len() as f64,
+        mean_iou: mean_of_ious(&true_parts),
+        true_parts_per_segment: mean(shown.iter().sum::<usize>() as f64, shown.len()),
+        true_parts,
+    })
+}
+
+/// By true part, the IoU of the Gaussians labelled as this part: `label_of_gaussian` is the true part plus 1, or 0 for
+/// none.
+pub(super) fn label_ious(gaussians: &Gaussians, label_of_gaussian: &[u16], views: &[TrueView]) -> BTreeMap<u8, f64> {
+    let mut pixels = Pixels::default();
+    views.iter().for_each(|view| pixels.add(gaussians, label_of_gaussian, view));
+    let iou = |value| (value, pixels.iou(value, |found| found == u32::from(value) + 1));
+    pixels.values().into_iter().map(iou).collect()
+}
+
+fn mean(sum: f64, count: usize) -> Option<f64> {
+    (count > 0).then(|| sum / count as f64)
+}
+
+fn mean_of_ious(true_parts: &BTreeMap<u8, TruePart>) -> Option<f64> {
+    mean(true_parts.values().map(|part| part.iou).sum(), true_parts.len())
 }
 
 impl PartsEvaluation {
@@ -146,11 +240,26 @@ impl PartsEvaluation {
             self.views,
             number(self.true_parts_per_part)
         );
-        text += &format!("{:>10} {:>10} {:>8} {:>10} {:>8}\n", "true part", "share", "IoU", "best IoU", "pieces");
-        for (value, part) in &self.true_parts {
-            let TruePart { share, iou, best_iou, pieces } = part;
-            text += &format!("{value:>10} {:>8.2} % {iou:>8.3} {best_iou:>10.3} {pieces:>8}\n", 100.0 * share);
+        text += &table(&self.true_parts);
+        if let Some(SegmentsEvaluation { views, segments, mean_iou, true_parts_per_segment, true_parts }) =
+            &self.segments
+        {
+            text += &format!(
+                "the {views} segmented views, each by itself: {segments:.1} segments, mean IoU {}, {} true parts per \
+                 segment\n",
+                number(*mean_iou),
+                number(*true_parts_per_segment)
+            );
+            text += &table(true_parts);
         }
         text
     }
+}
+
+fn table(true_parts: &BTreeMap<u8, TruePart>) -> String {
+    let mut text = format!("{:>10} {:>10} {:>8} {:>10} {:>8}\n", "true part", "share", "IoU", "best IoU", "pieces");
+    for (value, TruePart { share, iou, best_iou, pieces }) in true_parts {
+        text += &format!("{value:>10} {:>8.2} % {iou:>8.3} {best_iou:>10.3} {pieces:>8.1}\n", 100.0 * share);
+    }
+    text
 }

@@ -6,9 +6,10 @@ use anyhow::Result;
 use nalgebra::Point3;
 use rayon::prelude::*;
 
+use crate::consensus::Asked;
 use crate::report::{
-    self, AnswerCounts, Cloud, InputFile, Pictures, Report, Reproduction, SceneSummary, SheetPicture, StageTime,
-    ViewPictures, Warning,
+    self, AnswerCounts, Cloud, Disagreement, InputFile, Pictures, Report, Reproduction, SceneSummary, SheetPicture,
+    StageTime, ViewPictures, Warning,
 };
 use crate::vote::MaterialField;
 use crate::workdir::{Artifact, hexadecimal};
@@ -70,6 +71,10 @@ impl Pipeline {
                 })
                 .collect(),
             answers: AnswerCounts::of(self.stored_answers()?),
+            disagreements: match self.options.consensus.ask {
+                Asked::Parts => Disagreement::all(self.stored_answers()?),
+                Asked::Segments => Vec::new(),
+            },
             parts: self.stored_parts()?,
             labels: field.labels.clone(),
             gaussians_per_label: gaussians_per_label(field),

@@ -12,7 +12,9 @@ use serde::de::DeserializeOwned;
 use crate::grasp::gripper::GripperProfile;
 use crate::progress::Progress;
 use crate::query::LabelSet;
+use crate::scene::View;
 use crate::scene::gaussians::Gaussians;
+use crate::segment::ViewSegments;
 use crate::vote::MaterialField;
 use crate::workdir::{Artifact, Standing, WorkDir, WorkDirError};
 
@@ -146,19 +148,18 @@ fn is_within(path: &Path, folder: &Path) -> bool {
 }
 
 impl Pipeline {
-    /// Opens the results of a run on the scene in `folder` (in `out` if given), to read those of the stages up to the
-    /// vote, with the options of the run. Changes nothing on disk.
+    /// Opens the results of a run on the scene in `folder` (in `out` if given), to read those of `last`, at most the
+    /// vote, and of the stages that it needs, with the options of the run. Changes nothing on disk.
     ///
     /// # Errors
     /// As for [`Stored::open`]; also if the scene's files have changed since, or the scene cannot be loaded.
-    pub(crate) fn stored(folder: &Path, out: Option<&Path>, progress: Progress) -> Result<Self> {
-        let stored =
-            Stored::open(folder, out, &[Stage::Scene, Stage::Segment, Stage::Consensus, Stage::Query, Stage::Vote])?;
+    pub(crate) fn stored(folder: &Path, out: Option<&Path>, last: Stage, progress: Progress) -> Result<Self> {
+        let plan = Plan { to: last, from: None };
+        let stored = Stored::open(folder, out, &plan.stages().collect::<Vec<_>>())?;
         let options = stored.options(folder, out.is_some())?;
         let scene = crate::scene::load(folder, &options.scene)?;
         let library = options.materials.library()?;
         let gripper = GripperProfile::load(&options.grasp.gripper)?;
-        let plan = Plan { to: Stage::Vote, from: None };
         let Stored { work, command, .. } = stored;
         let pipeline = Self::within(folder, work, scene, (library, gripper), options, plan, progress)?;
         let key = pipeline.scene_key()?;
@@ -167,5 +168,15 @@ impl Pipeline {
             return Err(WorkDirError::Unfinished { path, problem, command }.into());
         }
         Ok(pipeline)
+    }
+
+    /// The options of the run.
+    pub(crate) fn options(&self) -> &Options {
+        &self.options
+    }
+
+    /// The views that vote, each with its segments.
+    pub(crate) fn segmented_views(&self) -> Result<impl Iterator<Item = (&View, &ViewSegments)>> {
+        Ok(self.views.iter().zip(&self.segmentation()?.views))
     }
 }

@@ -1,6 +1,7 @@
 //! The whole result: `report.json` for programs, `report.html` for people, a few lines for the terminal.
 
 mod cloud;
+mod disagreement;
 mod force_scale;
 pub(crate) mod numbers;
 mod page;
@@ -18,6 +19,7 @@ use crate::units::MetricScale;
 use crate::vote::FieldLabel;
 
 pub use cloud::Cloud;
+pub use disagreement::{Disagreement, NamedMaterial};
 pub use page::page;
 pub use pictures::{PictureError, Pictures, SheetPicture, ViewPictures};
 pub use summary::summary;
@@ -43,6 +45,8 @@ pub struct Report {
     pub stages: Vec<StageTime>,
     /// Number of answers by how they were found.
     pub answers: AnswerCounts,
+    /// Parts about which the answers disagree, which lowers the confidence of their Gaussians; empty with `--ask segments`.
+    pub disagreements: Vec<Disagreement>,
     /// `None` if the metric scale is unknown.
     pub parts: Option<Parts>,
     /// The properties of each part, in the order of `part_label` in `field.ply`.

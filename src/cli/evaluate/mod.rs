@@ -1,6 +1,7 @@
 //! `gprop evaluate`: reads files and scenes, computes measures and prints them.
 
 mod parts;
+mod robustness;
 mod segmentation;
 
 use std::fs;
@@ -46,6 +47,9 @@ pub fn evaluate(global: &Global, what: &Evaluate) -> anyhow::Result<()> {
         }
         Evaluate::Prompts { asked } => evaluate_prompts(global, asked),
         Evaluate::Parts { asked } => parts::evaluate(global, asked),
+        Evaluate::Robustness { scenes, few_views, out } => {
+            robustness::evaluate(global, scenes, *few_views, out.as_deref())
+        }
         Evaluate::Masks { image, reference, setup } => evaluate_masks(global, image, reference, setup),
         Evaluate::Mass { predictions: Some(predictions), truth: Some(truth), .. } => {
             let found = mass::evaluate(mass::from_json(predictions, truth)?)?;

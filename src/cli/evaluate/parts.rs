@@ -6,7 +6,7 @@ use rayon::prelude::*;
 
 use crate::consensus::{self, SegmentedView};
 use crate::error::UsageError;
-use crate::evaluate::parts::{PartsEvaluation, TrueView, compare};
+use crate::evaluate::parts::{PartsEvaluation, TrueView, compare, compare_segments};
 use crate::from_splat::photo_with_foreground;
 use crate::pipeline::open_segmenter;
 use crate::scene::{self, Scene, View};
@@ -43,8 +43,8 @@ impl TrueScene {
         let is_chosen = |view: &View| chosen.iter().any(|other| other.name == view.name);
         let labelled = scene.views.iter().filter(|view| true_map(folder, view).exists());
         let truth = labelled.map(|view| {
-            let (camera, segmented) = (view.camera.clone(), is_chosen(view));
-            Ok(TrueView { camera, parts: true_parts(folder, view, options)?, segmented })
+            let (name, camera, segmented) = (view.name.clone(), view.camera.clone(), is_chosen(view));
+            Ok(TrueView { name, camera, parts: true_parts(folder, view, options)?, segmented })
         });
         let truth: Vec<TrueView> = truth.collect::<anyhow::Result<_>>()?;
         if truth.iter().all(|view| view.segmented) {
@@ -72,6 +72,9 @@ impl TrueScene {
         let views: Vec<SegmentedView> =
             views.map(|(view, segments)| SegmentedView { camera: &view.camera, segments }).collect();
         let parts = consensus::find(&self.scene.gaussians, &views, global.progress());
-        Ok(compare(&self.scene.name, &self.scene.gaussians, &parts.part_of_gaussian(), &self.truth))
+        let of_views = compare(&self.scene.name, &self.scene.gaussians, &parts.part_of_gaussian(), &self.truth);
+        let truth_of = |name: &str| self.truth.iter().find(|view| view.name == name).map(|view| &view.parts);
+        let maps: Vec<_> = found.iter().filter_map(|view| Some((&view.map, truth_of(&view.view)?))).collect();
+        Ok(PartsEvaluation { segments: compare_segments(&maps), ..of_views })
     }
 }

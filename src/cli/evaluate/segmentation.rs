@@ -7,7 +7,7 @@ use crate::evaluate::label_maps::LabelMaps;
 use crate::evaluate::segmentation::{LabelledView, NamedField, ObjectTallies, SegmentationEvaluation, tallies};
 use crate::evaluate::vocabulary::Vocabulary;
 use crate::materials::MaterialLibrary;
-use crate::pipeline::Pipeline;
+use crate::pipeline::{Pipeline, Stage};
 
 use super::super::{Global, options_of, print};
 use super::{check_truth, one_scene_only};
@@ -20,7 +20,7 @@ pub fn evaluate(
     out: Option<&Path>,
 ) -> anyhow::Result<()> {
     one_scene_only(scenes.len(), out)?;
-    let pipelines = scenes.iter().map(|scene| Pipeline::stored(scene, out, global.progress()));
+    let pipelines = scenes.iter().map(|scene| Pipeline::stored(scene, out, Stage::Vote, global.progress()));
     let pipelines: Vec<Pipeline> = pipelines.collect::<anyhow::Result<_>>()?;
     let objects = pipelines.iter().zip(scenes).map(|(pipeline, scene)| {
         let maps = folder_of(truth, scene, &pipeline.scene().name, scenes.len());

@@ -41,6 +41,7 @@ pub fn page(report: &Report, answers: &Answers, pictures: &Pictures, cloud: &Clo
         grasp => report.grasp.as_ref().map(|report| grasp(report, pictures)),
         simulation => simulation(report, pictures),
         views => views::views(pictures, answers),
+        disagreements => views::disagreements(&report.disagreements, pictures, answers),
         answers => views::sentence(&report.answers),
         style => Value::from_safe_string(include_str!("page.css").to_owned()),
         script => Value::from_safe_string(include_str!("page.js").to_owned()),

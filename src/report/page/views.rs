@@ -5,7 +5,7 @@ use minijinja::{Value, context};
 use crate::pictures::palette;
 use crate::query::{Answers, Match, Outcome, SegmentAnswer};
 use crate::report::numbers::significant;
-use crate::report::{AnswerCounts, Pictures, ViewPictures};
+use crate::report::{AnswerCounts, Disagreement, Pictures, ViewPictures};
 
 use super::{css, data_uri};
 
@@ -23,6 +23,21 @@ pub(super) fn sentence(counts: &AnswerCounts) -> String {
         counts.by_mask,
         counts.failed,
     )
+}
+
+/// The parts about which the answers disagree, each with all its sheets.
+pub(super) fn disagreements(all: &[Disagreement], pictures: &Pictures, answers: &Answers) -> Vec<Value> {
+    let views = |count: usize| if count == 1 { "1 view".to_owned() } else { format!("{count} views") };
+    let one = |of: &Disagreement| {
+        let named = of.materials.iter().map(|named| format!("{} in {}", named.material, views(named.views.len())));
+        let about = answers.segments.iter().filter(|segment| segment.segment == of.part);
+        context! {
+            part => of.part,
+            materials => named.collect::<Vec<_>>().join(", "),
+            rows => about.map(|segment| context! { view => segment.view, ..row(segment, pictures) }).collect::<Vec<_>>(),
+        }
+    };
+    all.iter().map(one).collect()
 }
 
 fn one(view: &ViewPictures, pictures: &Pictures, answers: &Answers) -> Value {

@@ -1,0 +1,55 @@
+//! `gprop evaluate robustness`: labels from bad segments, wrong answers and few views.
+
+use std::num::NonZeroUsize;
+use std::path::{Path, PathBuf};
+
+use crate::consensus::sharpness;
+use crate::error::UsageError;
+use crate::evaluate::parts::TrueView;
+use crate::evaluate::robustness::{Robustness, VotingView, measure, text};
+use crate::from_splat::photo_with_foreground;
+use crate::pipeline::{Pipeline, Stage};
+use crate::scene::View;
+
+use super::super::{Global, print};
+use super::{one_scene_only, true_map, true_parts};
+
+pub fn evaluate(global: &Global, scenes: &[PathBuf], few: NonZeroUsize, out: Option<&Path>) -> anyhow::Result<()> {
+    one_scene_only(scenes.len(), out)?;
+    let mut measured: Vec<Robustness> = Vec::with_capacity(scenes.len());
+    for folder in scenes {
+        let pipeline = Pipeline::stored(folder, out, Stage::Vote, global.progress())?;
+        measured.push(of_scene(folder, &pipeline, few)?);
+        global.progress().line(&format!("{folder:?} done"));
+    }
+    print(global, &measured, || text(&measured))
+}
+
+fn of_scene(folder: &Path, pipeline: &Pipeline, few: NonZeroUsize) -> anyhow::Result<Robustness> {
+    let (scene, options) = (pipeline.scene(), pipeline.options());
+    let parts = |view: &View| true_parts(folder, view, &options.scene);
+    let others = scene.views.iter().filter(|view| !pipeline.votes(&view.name) && true_map(folder, view).exists());
+    let compared = others.map(|view| {
+        let (name, camera) = (view.name.clone(), view.camera.clone());
+        Ok(TrueView { name, camera, parts: parts(view)?, segmented: false })
+    });
+    let compared: Vec<TrueView> = compared.collect::<anyhow::Result<_>>()?;
+    if compared.is_empty() {
+        return Err(UsageError(format!(
+            "{folder:?}: every view with a map in ground_truth/part_maps votes, so none is left to compare with; run it \
+             with fewer --views, or with others in --view-list"
+        ))
+        .into());
+    }
+    let voting = pipeline.segmented_views()?.map(|(view, segments)| {
+        Ok(VotingView {
+            name: &view.name,
+            camera: &view.camera,
+            parts: parts(view)?,
+            sharpness: sharpness(&photo_with_foreground(scene, view)?.rgb),
+            segments,
+        })
+    });
+    let voting: Vec<VotingView> = voting.collect::<anyhow::Result<_>>()?;
+    Ok(measure(scene, &voting, few, &compared, (&options.consensus, &options.vote))?)
+}

@@ -1,0 +1,207 @@
+//! Both ways from segmented views to a label for every Gaussian, with answers from true part maps.
+
+use std::collections::BTreeMap;
+
+use fastrand::Rng;
+use image::GrayImage;
+
+use super::{VotingView, merged};
+use crate::consensus::masks::{PartMasks, part_masks};
+use crate::consensus::{self, Asked, Parts, SegmentedView, best_views};
+use crate::evaluate::parts::NO_PART;
+use crate::materials::{Material, MaterialLibrary};
+use crate::progress::Progress;
+use crate::query::rounds::{Ask, Outcomes, Subject};
+use crate::query::{Answer, Answers, Form, Match, Outcome, SegmentAnswer};
+use crate::scene::gaussians::Gaussians;
+use crate::segment::{LabelMap, ViewSegments};
+use crate::vote::{self, AnsweredPart, MaterialField, ViewInput, VoteError};
+
+/// A mask of which a true part covers less than this shows several materials.
+const ONE_MATERIAL_SHARE: f64 = 0.9;
+
+/// Views that vote under one condition.
+pub struct Voters<'a> {
+    pub gaussians: &'a Gaussians,
+    pub views: &'a [&'a VotingView<'a>],
+    /// Probabilities that a segment is merged with a neighbour and that an answer is wrong.
+    pub merged: f64,
+    pub wrong: f64,
+}
+
+impl Voters<'_> {
+    /// The true part, plus 1, that every Gaussian is labelled as.
+    pub fn labels(
+        &self,
+        (asked, vote): (&consensus::Options, &vote::Options),
+        random: &mut Rng,
+    ) -> Result<Vec<u16>, VoteError> {
+        let oracle = Oracle::new(self.views, self.wrong);
+        let segments: Vec<ViewSegments> =
+            self.views.iter().map(|view| merged(view.segments, self.merged, random)).collect();
+        let field = match asked.ask {
+            Asked::Parts => self.on_parts(&segments, asked.ask_views.get(), vote, &oracle, random),
+            Asked::Segments => self.on_segments(&segments, vote, &oracle, random),
+        }?;
+        Ok(oracle.labels(&field))
+    }
+
+    fn on_parts(
+        &self,
+        segments: &[ViewSegments],
+        ask_views: usize,
+        options: &vote::Options,
+        oracle: &Oracle,
+        random: &mut Rng,
+    ) -> Result<MaterialField, VoteError> {
+        let views = self.views.iter().zip(segments);
+        let views: Vec<SegmentedView> =
+            views.map(|(view, segments)| SegmentedView { camera: view.camera, segments }).collect();
+        let parts = consensus::find(self.gaussians, &views, Progress::Hidden);
+        let masks: Vec<PartMasks> = views.iter().map(|view| part_masks(self.gaussians, &parts, view)).collect();
+        let shows = |id: u16, asked: u16| id > 0 && (id == asked || parts.part_of(id) == asked);
+        let subjects = self.subjects(&parts, &masks);
+        let mut answers: BTreeMap<Ask, Outcome> = BTreeMap::new();
+        loop {
+            let outcomes = answers.iter().map(|(&ask, outcome)| (ask, outcome)).collect();
+            let due: Vec<Ask> = subjects.iter().flat_map(|subject| subject.due(ask_views, &outcomes)).collect();
+            if due.is_empty() {
+                break;
+            }
+            for ask in due {
+                let map = &masks[ask.view].map;
+                let answer = oracle.answer(&self.views[ask.view].parts, map, |id| shows(id, ask.id), random);
+                answers.insert(ask, Outcome::Answered(answer));
+            }
+        }
+        let outcomes: Outcomes = answers.iter().map(|(&ask, outcome)| (ask, outcome)).collect();
+        let split: Vec<u16> =
+            subjects.iter().filter(|subject| subject.is_split(&outcomes)).map(|subject| subject.id).collect();
+        let settled = |&id: &u16| if id == 0 || split.contains(&parts.part_of(id)) { id } else { parts.part_of(id) };
+        let settled = |map: &LabelMap| LabelMap { labels: map.labels.iter().map(settled).collect(), ..*map };
+        let maps: Vec<LabelMap> = masks.iter().map(|masks| settled(&masks.map)).collect();
+        let mut answered: BTreeMap<u16, Vec<(&Answer, f64)>> = BTreeMap::new();
+        for (ask, outcome) in &answers {
+            if let Outcome::Answered(answer) = outcome {
+                let pixels = masks[ask.view].map.labels.iter().filter(|&&id| shows(id, ask.id)).count();
+                answered.entry(ask.id).or_default().push((answer, pixels as f64));
+            }
+        }
+        answered.values_mut().for_each(|answers| answers.sort_by(|a, b| b.1.total_cmp(&a.1)));
+        let answered: Vec<AnsweredPart> =
+            answered.into_iter().map(|(id, answers)| AnsweredPart { id, answers }).collect();
+        let (inputs, library) = (self.inputs(maps.iter()), MaterialLibrary::builtin());
+        vote::vote_on_parts(self.gaussians, &inputs, &answered, library, options, Progress::Hidden)
+    }
+
+    fn on_segments(
+        &self,
+        segments: &[ViewSegments],
+        options: &vote::Options,
+        oracle: &Oracle,
+        random: &mut Rng,
+    ) -> Result<MaterialField, VoteError> {
+        let mut answers = Answers::default();
+        for (view, of) in self.views.iter().zip(segments) {
+            for segment in of.segments.iter().filter(|segment| of.map.labels.contains(&segment.id)) {
+                let answer = oracle.answer(&view.parts, &of.map, |id| id == segment.id, random);
+                let (view, outcome) = (view.name.to_owned(), Outcome::Answered(answer));
+                answers.segments.push(SegmentAnswer { view, segment: segment.id, outcome });
+            }
+        }
+        let inputs = self.inputs(segments.iter().map(|of| &of.map));
+        vote::vote(self.gaussians, &inputs, &answers, MaterialLibrary::builtin(), options, Progress::Hidden)
+    }
+
+    fn inputs<'m>(&'m self, maps: impl Iterator<Item = &'m LabelMap>) -> Vec<ViewInput<'m>> {
+        let input =
+            |(view, map): (&&'m VotingView, &'m LabelMap)| ViewInput { name: view.name, camera: view.camera, map };
+        self.views.iter().zip(maps).map(input).collect()
+    }
+
+    /// What to ask about, as `gprop run` asks.
+    fn subjects(&self, parts: &Parts, masks: &[PartMasks]) -> Vec<Subject> {
+        let cameras: Vec<_> = self.views.iter().map(|view| view.camera).collect();
+        let sharpness: Vec<&[f32]> = self.views.iter().map(|view| view.sharpness.as_slice()).collect();
+        let best = best_views(self.gaussians, parts, &cameras, masks, &sharpness);
+        let subject = |id: u16, pieces| {
+            let views = best[usize::from(id) - 1].iter().map(|shown| shown.view).collect();
+            Subject { id, views, pieces }
+        };
+        let whole = parts.parts.iter().filter(|part| part.piece_of.is_none());
+        whole
+            .map(|part| {
+                let pieces = parts.parts.iter().filter(|piece| piece.piece_of == Some(part.id));
+                subject(part.id, pieces.map(|piece| subject(piece.id, Vec::new())).collect())
+            })
+            .collect()
+    }
+}
+
+/// Answers from true part maps. Each true part has a material of its own, of another family than the others.
+struct Oracle {
+    /// The true parts in the voting views.
+    parts: Vec<u8>,
+    materials: Vec<&'static Material>,
+    wrong: f64,
+}
+
+impl Oracle {
+    fn new(views: &[&VotingView], wrong: f64) -> Self {
+        let mut parts: Vec<u8> = views.iter().flat_map(|view| view.parts.as_raw().iter().copied()).collect();
+        parts.sort_unstable();
+        parts.dedup();
+        parts.retain(|&part| part != NO_PART);
+        let library = MaterialLibrary::builtin();
+        let of_family = |family: &'static crate::materials::Family| library.of_family(&family.name).next();
+        // One family after the other, then the second material of each, and so on.
+        let materials = library.families().iter().filter_map(of_family).chain(library.materials()).take(parts.len());
+        Self { materials: materials.collect(), parts, wrong }
+    }
+
+    /// The answer about the pixels whose id `shows` is true for.
+    fn answer(&self, truth: &GrayImage, map: &LabelMap, shows: impl Fn(u16) -> bool, random: &mut Rng) -> Answer {
+        let mut pixels = vec![0u64; self.parts.len()];
+        for (&id, part) in map.labels.iter().zip(truth.as_raw()) {
+            if shows(id)
+                && let Ok(n) = self.parts.binary_search(part)
+            {
+                pixels[n] += 1;
+            }
+        }
+        let all: u64 = pixels.iter().sum();
+        let most = (0..pixels.len()).rev().max_by_key(|&n| pixels[n]).unwrap_or(0);
+        let several = (pixels.get(most).copied().unwrap_or(0) as f64) < ONE_MATERIAL_SHARE * all as f64;
+        let is_wrong = random.f64() < self.wrong && self.parts.len() > 1;
+        let named = if is_wrong { (most + 1 + random.usize(..self.parts.len() - 1)) % self.parts.len() } else { most };
+        answer(self.materials[named], several)
+    }
+
+    fn labels(&self, field: &MaterialField) -> Vec<u16> {
+        let part = |label: &vote::FieldLabel| {
+            let named = self.materials.iter().position(|material| material.name == label.material);
+            named.map_or(0, |n| u16::from(self.parts[n]) + 1)
+        };
+        let of_label: Vec<u16> = field.labels.iter().map(part).collect();
+        field.part_label.iter().map(|&label| of_label[label as usize]).collect()
+    }
+}
+
+fn answer(material: &Material, several_materials: bool) -> Answer {
+    Answer {
+        caption: material.name.clone(),
+        family: material.family.clone(),
+        material: material.name.clone(),
+        density_kg_m3: material.density_kg_m3,
+        youngs_modulus_pa: material.youngs_modulus_pa,
+        poisson_ratio: material.poisson_ratio,
+        yield_strength_pa: material.strength_pa,
+        hardness: material.hardness,
+        friction_rubber: material.friction_rubber,
+        form: Form::Solid,
+        several_materials,
+        confidence: 1.0,
+        matched: Match::Live,
+        flags: Vec::new(),
+    }
+}

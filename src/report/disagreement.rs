@@ -1,0 +1,95 @@
+//! Parts about which the answers disagree.
+
+use std::collections::BTreeMap;
+
+use serde::Serialize;
+
+use crate::query::{Answers, Outcome};
+
+/// A part that answers give several materials.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize)]
+#[cfg_attr(test, derive(schemars::JsonSchema))]
+pub struct Disagreement {
+    /// The part's number on the sheets, `segment` in `answers.jsonl`.
+    pub part: u16,
+    /// The materials, that with the most answers first; among equals, by name.
+    pub materials: Vec<NamedMaterial>,
+}
+
+/// A material that some answers about a part name.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize)]
+#[cfg_attr(test, derive(schemars::JsonSchema))]
+pub struct NamedMaterial {
+    pub material: String,
+    /// The views whose sheets it was answered to.
+    pub views: Vec<String>,
+}
+
+impl Disagreement {
+    /// The parts whose answers name more than one material, by number. The answers must be about parts: a segment's
+    /// number means something else in every view.
+    pub fn all(answers: &Answers) -> Vec<Self> {
+        let mut named: BTreeMap<u16, BTreeMap<&str, Vec<String>>> = BTreeMap::new();
+        for answer in &answers.segments {
+            if let Outcome::Answered(said) = &answer.outcome {
+                let views = named.entry(answer.segment).or_default().entry(&said.material).or_default();
+                views.push(answer.view.clone());
+            }
+        }
+        let disagreement = |(part, materials): (u16, BTreeMap<&str, Vec<String>>)| {
+            let named = materials.into_iter();
+            let mut materials: Vec<NamedMaterial> =
+                named.map(|(material, views)| NamedMaterial { material: material.to_owned(), views }).collect();
+            materials.sort_by_key(|named| std::cmp::Reverse(named.views.len()));
+            (materials.len() > 1).then_some(Self { part, materials })
+        };
+        named.into_iter().filter_map(disagreement).collect()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::query::{Answer, Failure, Form, Match, SegmentAnswer};
+    use crate::units::Range;
+
+    fn answer(view: &str, part: u16, material: &str) -> SegmentAnswer {
+        let range = Range::new(1.0, 2.0);
+        let said = Answer {
+            caption: "a part".to_owned(),
+            family: "wood".to_owned(),
+            material: material.to_owned(),
+            density_kg_m3: range,
+            youngs_modulus_pa: range,
+            poisson_ratio: range,
+            yield_strength_pa: range,
+            hardness: None,
+            friction_rubber: range,
+            form: Form::Solid,
+            several_materials: false,
+            confidence: 0.9,
+            matched: Match::Exact,
+            flags: Vec::new(),
+        };
+        SegmentAnswer { view: view.to_owned(), segment: part, outcome: Outcome::Answered(said) }
+    }
+
+    #[test]
+    fn parts_with_several_materials_are_listed_with_their_views() {
+        let refused = Outcome::Failed(Failure::Refused { message: "no".to_owned() });
+        let segments = vec![
+            answer("a", 1, "oak"),
+            answer("a", 2, "pine"),
+            answer("b", 1, "oak"),
+            answer("b", 2, "ash"),
+            answer("c", 2, "pine"),
+            SegmentAnswer { view: "c".to_owned(), segment: 1, outcome: refused },
+        ];
+        let named = |material: &str, views: &[&str]| NamedMaterial {
+            material: material.to_owned(),
+            views: views.iter().map(|view| (*view).to_owned()).collect(),
+        };
+        let expected = Disagreement { part: 2, materials: vec![named("pine", &["a", "c"]), named("ash", &["b"])] };
+        assert_eq!(Disagreement::all(&Answers { segments }), [expected]);
+    }
+}
