@@ -52,13 +52,21 @@ impl Balls {
         self.scene(number).join("labels")
     }
 
-    /// True label maps of a scene, in its `ground_truth/maps`: both parts are wood. Also writes true masses.
+    /// True label maps of a scene, in its `ground_truth/maps`: both parts are wood. Also writes true part maps and masses.
     pub fn write_truth(&self, number: usize) {
         let maps = self.scene(number).join("ground_truth/maps");
+        let part_maps = maps.with_file_name("part_maps");
         fs::create_dir_all(&maps).unwrap();
+        fs::create_dir_all(&part_maps).unwrap();
         for entry in fs::read_dir(self.labels(number)).unwrap() {
             let entry = entry.unwrap();
             fs::copy(entry.path(), maps.join(entry.file_name())).unwrap();
+            let mut parts = image::open(entry.path()).unwrap().into_luma16();
+            parts.pixels_mut().for_each(|pixel| pixel.0[0] = pixel.0[0].wrapping_sub(1).min(255));
+            let parts = image::GrayImage::from_fn(parts.width(), parts.height(), |x, y| {
+                image::Luma([parts.get_pixel(x, y).0[0] as u8])
+            });
+            parts.save(part_maps.join(entry.file_name())).unwrap();
         }
         fs::write(maps.join("labels.json"), r#"{"1": "wood", "2": "wood"}"#).unwrap();
         fs::write(maps.with_file_name("parts.json"), r#"{"total_mass_kg": 1.0, "parts": []}"#).unwrap();

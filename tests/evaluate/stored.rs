@@ -58,6 +58,16 @@ fn what_was_run_with_other_options_is_measured_as_it_is() {
     let found = measured(&segmentation(&balls, &[]));
     assert!(found["mean_iou"].as_f64() > Some(0.5), "wood is found to be wood: {found:#}");
     measured(&mass(&balls, &[]));
+    let robustness = || measured(&evaluate(&["robustness", "--few-views", "1", text(&balls.scene(0))]));
+    let found = &robustness()[0];
+    assert_eq!(
+        (&found["asked"], &found["voting_views"], &found["few_views"]),
+        (&"segments".into(), &2.into(), &1.into())
+    );
+    let iou = |n: usize| found["rows"][n]["mean_iou"].as_f64().unwrap();
+    assert!(iou(0) > 0.7, "perfect answers: {found:#}");
+    assert!(iou(1) < iou(0) && iou(4) < iou(0), "merged segments cost: {found:#}");
+    assert_eq!(*found, robustness()[0], "the same chance every time");
     let readings = balls.folder().join("readings.csv");
     fs::write(&readings, "scene,view,x,y,shore,hardness\nball-0,001,1,1,A,50\n").unwrap();
     refused(&evaluate(&["hardness", text(&readings)]), &["nothing to compare"]);
