@@ -25,8 +25,13 @@ impl Pipeline {
             });
             return Ok((segments.map(|(view, id)| Subject::segment(view, id)).collect(), 1));
         };
-        let index: BTreeMap<&str, usize> = self.views.iter().map(|view| view.name.as_str()).zip(0..).collect();
+        let index = self.view_indices();
         Ok((found.subjects(&index), self.options.consensus.ask_views.get()))
+    }
+
+    /// By name, the index of each chosen view.
+    fn view_indices(&self) -> BTreeMap<&str, usize> {
+        self.views.iter().map(|view| view.name.as_str()).zip(0..).collect()
     }
 
     /// The label maps whose ids the questions are about, for the view with this number.
@@ -43,7 +48,7 @@ impl Pipeline {
         let Some(found) = self.found_parts()? else {
             return Ok(self.segmentation()?.views.iter().map(|view| Cow::Borrowed(&view.map)).collect());
         };
-        let index: BTreeMap<&str, usize> = self.views.iter().map(|view| view.name.as_str()).zip(0..).collect();
+        let index = self.view_indices();
         let ask = |answer: &SegmentAnswer| Some(Ask { view: *index.get(answer.view.as_str())?, id: answer.segment });
         let outcomes: Outcomes =
             answers.segments.iter().filter_map(|answer| Some((ask(answer)?, &answer.outcome))).collect();
