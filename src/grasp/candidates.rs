@@ -5,11 +5,10 @@ use serde::{Deserialize, Serialize};
 
 use super::cells::Cells;
 use super::fingers::free_approach;
-use super::infeasible::Reason;
 use super::intervals::{Forces, Inputs};
 use super::places::{Place, Where, places};
 use super::surface::Surface;
-use super::{GraspError, GripperProfile, Limit, Options};
+use super::{GraspError, GripperProfile, Limit, Options, Reason};
 use crate::parts::{Part, Parts};
 use crate::query::Form;
 use crate::units::{Estimate, GRAVITY_M_S2};

@@ -14,8 +14,7 @@
 //!
 //! Source: Xu et al., *GaussianProperty*, arXiv 2412.11258, section 3.5 and supplement A.
 
-use super::Limit;
-use super::infeasible::Reason;
+use super::{Limit, Reason};
 
 /// The smallest force of one finger, in N, that holds `mass_kg` (the sum of rho_i V_i) against slip. Never negative: if
 /// tan(theta) > 1/mu, the object rests on the finger and needs no force. Infinite for zero friction below 90 degrees.

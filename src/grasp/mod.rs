@@ -59,6 +59,21 @@ pub enum Limit {
     Gripper,
 }
 
+/// Why no safe force was found.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[cfg_attr(test, derive(schemars::JsonSchema))]
+#[serde(rename_all = "snake_case")]
+pub enum Reason {
+    /// Holding the object takes at least as much force as damages the part: F_min >= F_max.
+    Damage,
+    /// Holding the object takes more force than the gripper has.
+    TooWeak,
+    /// The gripper's least force damages the part.
+    TooStrong,
+    /// The object's weight can turn it between the fingers: the torque margin is negative.
+    Turns,
+}
+
 /// The forces for one object, one part of it and one gripper. Written as `grasp.json`. Forces are those of one finger.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(test, derive(schemars::JsonSchema))]

@@ -5,9 +5,9 @@ use std::process::Command;
 
 use clap::ValueEnum;
 use gprop::export::{ExportError, Format, Model, export};
-use gprop::grasp::Options;
 use gprop::grasp::candidates::Candidate;
 use gprop::grasp::gripper::GripperProfile;
+use gprop::grasp::{Options, Reason};
 use gprop::parts::{Object, PartsError};
 use gprop::vote::field_ply;
 use serde_json::{Value, json};
@@ -103,54 +103,59 @@ fn exported_objects_come_to_rest_on_a_plane() {
     }
 }
 
-/// A lift at a place with the given force of one finger.
-fn lifted(measured: &Measured, model: &Path, place: &Candidate, side_m: f64, force_n: f64) -> f64 {
+/// How far MuJoCo raises the object when a hand grasps it at a place with this force of one finger and rises by 0.1 m.
+fn raised_m(measured: &Measured, place: &Candidate, side_m: f64, force_n: f64, frictionless: bool) -> f64 {
+    let (_folder, files) = exported(measured, Format::Mjcf);
+    let model = &files[0];
     let grasp = json!({
         "name": measured.scene.name, "contacts_m": place.contacts_m, "approach": place.approach,
-        "finger_side_m": side_m, "force_n": force_n,
+        "finger_side_m": side_m, "force_n": force_n, "frictionless": frictionless,
     });
     let path = model.with_extension("grasp.json");
     std::fs::write(&path, grasp.to_string()).unwrap();
     let found = mujoco("lift", &[model, &path]);
-    println!("{} at the {}, {force_n:.2} N: {found}", measured.scene.name, place.part);
+    let without = if frictionless { " without friction" } else { "" };
+    println!("{} at the {}, {force_n:.2} N{without}: {found}", measured.scene.name, place.part);
     assert!((found["hand_raised_m"].as_f64().unwrap() - 0.1).abs() < 0.01, "the hand rises by 0.1 m: {found}");
     found["raised_m"].as_f64().unwrap()
 }
 
-/// F_min is derived for flat, upright surfaces, so the part is chosen accordingly.
+/// At the place that gprop proposes. F_min is derived for flat, upright surfaces; if the object's shape rests on the
+/// pads, it is held by less, which shows in that it is raised without any friction.
 #[test]
-fn f_star_lifts_in_mujoco_and_six_tenths_of_f_min_slips() {
-    if !python_has("f_star_lifts_in_mujoco_and_six_tenths_of_f_min_slips", "mujoco", "mujoco") {
+fn f_star_lifts_in_mujoco_and_six_tenths_of_f_min_slips_unless_the_shape_rests_on_the_pads() {
+    const TEST: &str = "f_star_lifts_in_mujoco_and_six_tenths_of_f_min_slips_unless_the_shape_rests_on_the_pads";
+    if !python_has(TEST, "mujoco", "mujoco") {
         return;
     }
+    let mut slipped = Vec::new();
     for folder in folders() {
         let measured = Measured::of(&folder);
         let name = &measured.scene.name;
         // The chair needs more force than the paper's gripper has.
         let gripper = if name == "chair" { "robotiq-2f-85" } else { "paper" };
         let gripper = GripperProfile::load(gripper).unwrap();
-        let lift_at = |options: &Options, forces: fn(&Candidate) -> f64| {
-            let report = measured.grasp(&gripper, options);
-            assert!(report.feasible, "{report:?}");
-            let (_folder, files) = exported(measured, Format::Mjcf);
-            let place = &report.candidates[0];
-            lifted(measured, &files[0], place, gripper.finger_side_m(), forces(place))
-        };
-        let anywhere = Options { auto: true, ..Options::default() };
-        let held = lift_at(&anywhere, |place| place.f_star_n);
+        let report = measured.grasp(&gripper, &Options { auto: true, ..Options::default() });
+        // MuJoCo lifts straight up; that the object may turn when it is tilted does not matter here.
+        let why = report.infeasible.as_ref().map(|why| why.reason);
+        assert!(why.is_none_or(|reason| reason == Reason::Turns), "{report:?}");
+        let place = &report.candidates[0];
+        let raised = |force_n, frictionless| raised_m(measured, place, gripper.finger_side_m(), force_n, frictionless);
+        let held = raised(place.f_star_n, false);
         assert!(held > 0.09, "{name} is held: raised by {held} m");
-        let place = match name.as_str() {
-            // Its base can be grasped only at its neck, whose flange rests on the pads even if they press with less;
-            // its stem is straight.
-            "table_lamp" => Options { part: Some("stem".to_owned()), ..Options::default() },
-            // Its rungs would rest on pads that slide up a leg; above the uppermost slat there is nothing.
-            "chair" => Options { point: Some([0.0, 0.285, 0.83]), ..Options::default() },
-            _ => anywhere,
-        };
-        // The mug slides only until the rim of its lid rests on the pads.
-        let slips = lift_at(&place, |place| 0.6 * place.f_min_n);
-        assert!(slips < 0.08, "{name} slips through the fingers: raised by {slips} m");
+        let weakly = raised(0.6 * place.f_min_n, false);
+        if weakly < 0.08 {
+            slipped.push(name.clone());
+        } else {
+            let smooth = raised(0.6 * place.f_min_n, true);
+            assert!(
+                smooth > 0.05,
+                "{name} is held by {weakly} m with too little force, but by {smooth} m without friction"
+            );
+        }
     }
+    println!("slipped: {slipped:?}");
+    assert!(slipped.iter().any(|name| name == "hammer"), "{slipped:?}");
 }
 
 #[test]

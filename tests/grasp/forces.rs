@@ -2,8 +2,7 @@
 
 use gprop::grasp::formulas::{Bearing, ForceMax, f_max, f_min, f_star};
 use gprop::grasp::gripper::GripperProfile;
-use gprop::grasp::infeasible::Reason;
-use gprop::grasp::{GraspError, GraspReport, Limit, Options, Policy, grasp, grasped_part::PartChoice};
+use gprop::grasp::{GraspError, GraspReport, Limit, Options, Policy, Reason, grasp, grasped_part::PartChoice};
 use gprop::materials::Law;
 use gprop::parts::{NoVolume, Object, Part, Parts};
 use gprop::query::Form;

@@ -1,9 +1,8 @@
 //! Places to grasp at, on clouds whose best places are known.
 
 use gprop::grasp::gripper::GripperProfile;
-use gprop::grasp::infeasible::Reason;
 use gprop::grasp::surface::Surface;
-use gprop::grasp::{GraspError, GraspReport, Options, grasp};
+use gprop::grasp::{GraspError, GraspReport, Options, Reason, grasp};
 use gprop::parts::{self, PartsResult};
 use gprop::progress::Progress;
 use gprop::query::Form;

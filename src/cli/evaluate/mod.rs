@@ -88,8 +88,9 @@ fn evaluate_data_set(global: &Global, folder: &Path, split: Option<&str>, out: O
     }
     if objects.is_empty() {
         let of_split = split.map(|split| format!(" of the split {split:?}")).unwrap_or_default();
-        let problem =
-            format!("{folder:?} states the weights of {weights} scenes{of_split}, none of which has been run");
+        let problem = format!(
+            "no scene{of_split} has been run whose weight {folder:?} states (it states {weights}); run `gprop batch` first"
+        );
         return Err(UsageError(problem).into());
     }
     let found = MassEvaluation { missing, ..mass::evaluate(objects)? };
