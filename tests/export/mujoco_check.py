@@ -2,8 +2,7 @@
 
 mujoco_check.py load MODEL                     mass, centre of mass, inertia of the object
 mujoco_check.py rest MODEL                     how it moves after 2 s on a plane under its lowest vertex
-mujoco_check.py lift MODEL GRASP.json          how far two pads raise it; GRASP: contacts_m, approach, finger_side_m, force_n,
-                                               frictionless
+mujoco_check.py lift MODEL GRASP.json          how far two pads raise it; GRASP: contacts_m, approach, finger_side_m, force_n
 """
 
 import json
@@ -123,10 +122,6 @@ def lift(path, grasp):
     half, thick, gap, mass = grasp["finger_side_m"] / 2, 0.005, 0.005, 0.05
     text = lambda values: " ".join(repr(float(v)) for v in values)
 
-    if grasp["frictionless"]:
-        for geom in tree.iter("geom"):
-            if geom.get("type") == "mesh":
-                geom.set("friction", "0 0 0")
     option = tree.find("option")
     option.set("cone", "elliptic")
     option.set("impratio", "10")
