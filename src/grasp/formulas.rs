@@ -83,10 +83,7 @@ pub fn f_star(f_min_n: f64, upper: ForceMax, gripper_n: [f64; 2], margin: f64) -
     let inset = margin * (most - least);
     let newtons = mean.max(least + inset).min(most - inset);
     let untouched = (least, most) == (f_min_n, upper.newtons) || newtons == mean;
-    let infeasible_because = match newtons {
-        _ if newtons < f_min_n => Some(Reason::TooWeak),
-        _ if newtons > upper.newtons => Some(Reason::TooStrong),
-        _ => None,
-    };
+    let infeasible_because =
+        if newtons < f_min_n { Some(Reason::TooWeak) } else { (newtons > upper.newtons).then_some(Reason::TooStrong) };
     ForceStar { newtons, limit: if untouched { upper.limit } else { Limit::Gripper }, infeasible_because }
 }
