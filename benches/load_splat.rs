@@ -2,12 +2,17 @@
 //! runs it beside its peer.
 //!
 //! Prints `load_s`, `read_s` (seconds, best of five) and `peak_over_size` (peak resident memory of the first load over the
-//! file's size; Linux).
+//! file's size; Linux); then the same of ply-rs, which reads bodies into a map of properties for each Gaussian, as
+//! `ply_rs_s` and `ply_rs_peak_over_size`.
 
+use std::fs::File;
+use std::io::BufReader;
 use std::path::Path;
 use std::time::Instant;
 
 use gprop::scene::ply;
+use ply_rs::parser::Parser;
+use ply_rs::ply::DefaultElement;
 
 const RUNS: usize = 5;
 
@@ -22,6 +27,12 @@ fn main() -> anyhow::Result<()> {
     println!("load_s {}", best(|| ply::read(path).map(|loaded| loaded.gaussians.len()))?);
     println!("read_s {}", best(|| std::fs::read(path).map(|bytes| bytes.len()))?);
     println!("peak_over_size {}", peak as f64 / size as f64);
+    let with_ply_rs = || Parser::<DefaultElement>::new().read_ply(&mut BufReader::new(File::open(path)?));
+    let before = resident_peak();
+    drop(with_ply_rs()?);
+    let peak = resident_peak() - before;
+    println!("ply_rs_s {}", best(with_ply_rs)?);
+    println!("ply_rs_peak_over_size {}", peak as f64 / size as f64);
     Ok(())
 }
 

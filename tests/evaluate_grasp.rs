@@ -1,15 +1,25 @@
-//! `gprop evaluate grasp`: the paper's rates, recorded and predicted.
+//! `gprop evaluate grasp`: the paper's rates, of recorded trials and of grasps that runs proposed.
 
 use std::process::{Command, Output};
 
+use gprop::evaluate::grasp::predicted::GraspedObject;
+use gprop::evaluate::grasp::{Evaluation, truth};
+use gprop::grasp::Options;
+use gprop::grasp::gripper::GripperProfile;
+use gprop::materials::MaterialLibrary;
 use serde_json::Value;
 
-fn evaluate(flag: &str, table: &str, more: &[&str]) -> Output {
+use crate::batch::ball::Balls;
+use crate::grasp::scenes::Measured;
+use crate::parts::truth::hammer;
+use crate::run::gprop;
+
+fn evaluate(table: &str, more: &[&str]) -> Output {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("table.csv");
     std::fs::write(&path, table).unwrap();
     let mut command = Command::new(env!("CARGO_BIN_EXE_gprop"));
-    command.args(["evaluate", "grasp", flag]).arg(path).args(more).output().unwrap()
+    command.args(["evaluate", "grasp", "--outcomes"]).arg(path).args(more).output().unwrap()
 }
 
 fn policies(output: Output) -> Value {
@@ -25,52 +35,96 @@ fn the_papers_table_from_outcomes_like_its_own() {
     for n in 0..16 {
         table += &format!("o{n},MinGF,{},true\no{n},MidGF,{},{}\n", n < 8, n < 14, n >= 3);
     }
-    let policies = policies(evaluate("--outcomes", &table, &["--json"]));
+    let policies = policies(evaluate(&table, &["--json"]));
     // The paper's table 3: 50, 100, 50 and 87.5, 81.25, 68.75 percent.
     assert_eq!(policies["MinGF"], serde_json::json!({ "pur": 0.5, "ndr": 1.0, "sr": 0.5, "count": 16 }));
     assert_eq!(policies["MidGF"], serde_json::json!({ "pur": 0.875, "ndr": 0.8125, "sr": 0.6875, "count": 16 }));
 }
 
-#[test]
-fn predictions_by_hand() {
-    // A block: F_min 1/2 * 2 * 9.8 / 0.5 = 19.6 N, F_max 1.1e-4 * 50e6 = 5500 N. A paper cup: F_min 0.098 N, F_max
-    // 1/2 * 1.1e-4 * 2e9 * 4e-4 * 0.5 = 22 N. The paper's gripper presses with 0, 21.18 and 40 N.
-    let table = "object,mass_kg,friction,strength_pa,youngs_modulus_pa,thickness_m,f_star_n\n\
-                 block,2.0,0.5,50e6,12e9,0.05,29.8\ncup,0.01,0.5,20e6,2e9,0.0004,11\n";
-    let policies = policies(evaluate("--objects", table, &["--json"]));
-    let rates = |pur, ndr, sr| serde_json::json!({ "pur": pur, "ndr": ndr, "sr": sr, "count": 2 });
-    assert_eq!(policies["MinGF"], rates(0.0, 1.0, 0.0));
-    assert_eq!(policies["MidGF"], rates(1.0, 1.0, 1.0));
-    assert_eq!(policies["MaxGF"], rates(1.0, 0.5, 0.5));
-    assert_eq!(policies["gprop"], rates(1.0, 1.0, 1.0));
-    let text = String::from_utf8(evaluate("--objects", table, &[]).stdout).unwrap();
-    assert!(text.contains("predicted"), "{text}");
+/// A ball with its `grasp.json` for the gripper in the second folder's `wide.toml`, and without ground truth.
+fn grasped_ball() -> (Balls, tempfile::TempDir) {
+    let (balls, home) = (Balls::new(1), tempfile::tempdir().unwrap());
+    let wide = "name = \"wide\"\nforce_n = [1.0, 101.0]\nfinger_area_m2 = 1e-3\npad = \"rubber\"\nstroke_m = 0.4\n\
+                [command]\nenabled_from = 0.0\nfull = 100.0\n";
+    std::fs::write(home.path().join("wide.toml"), wide).unwrap();
+    let mut run = gprop();
+    run.env_remove("OPENAI_API_KEY").arg("grasp").arg(balls.scene(0)).args(balls.answers());
+    let output = run.arg("--gripper").arg(home.path().join("wide.toml")).output().unwrap();
+    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+    (balls, home)
 }
 
 #[test]
-fn the_readmes_table_of_the_scenes() {
-    let policies = policies(evaluate("--objects", include_str!("../docs/grasp_scenes.csv"), &["--json"]));
-    let readme = include_str!("../README.md");
-    for policy in ["MinGF", "MidGF", "MaxGF", "gprop"] {
-        let [pur, ndr, sr] = ["pur", "ndr", "sr"].map(|rate| 100.0 * policies[policy][rate].as_f64().unwrap());
-        assert!(
-            readme.contains(&format!("| {policy} | {pur:.0} | {ndr:.0} | {sr:.0} |")),
-            "{policy}: {pur} {ndr} {sr}"
-        );
+fn a_proposal_is_judged_by_the_true_part_at_its_contacts() {
+    let measured = Measured::of(&hammer());
+    let gripper = GripperProfile::load("paper").unwrap();
+    let report = measured.grasp(&gripper, &Options { auto: true, ..Options::default() });
+    let place = &report.candidates[0];
+    let truth = truth::of(place, measured.scene, &hammer().join("ground_truth"), MaterialLibrary::builtin()).unwrap();
+    // The parts of this scene were named like the true ones.
+    assert_eq!((&truth.part, truth.thickness_m), (&place.part, place.thickness_m.mid));
+    let by_hand = 0.5 * 0.6014543244497264 * 9.8 / truth.friction;
+    let object = GraspedObject::new("hammer", &report, truth, &gripper);
+    assert_eq!((object.f_star_n, object.normalized_command), (report.f_star_n, report.normalized_command));
+    assert!((object.true_f_min_n - by_hand).abs() < 1e-12, "{} is not {by_hand}", object.true_f_min_n);
+    // Commands 15, 60 and 100 of a gripper that is linear from 0 N at 15 to 40 N at 100.
+    let forces = [("MinGF", 0.0), ("MidGF", 40.0 * 45.0 / 85.0), ("MaxGF", 40.0), ("gprop", report.f_star_n)];
+    for (policy, force) in forces {
+        let grasp = object.grasps[policy];
+        assert!((grasp.force_n - force).abs() < 1e-9, "{policy}: {grasp:?}");
+        assert_eq!((grasp.picked_up, grasp.undamaged), (force > by_hand, true), "{policy}");
     }
+    let found = Evaluation::of_objects(vec![object]);
+    assert_eq!((found.policies["MinGF"].pur, found.policies["gprop"].sr), (0.0, 1.0));
+    let text = found.text();
+    assert!(text.contains("own formulas") && text.contains("MidGF 21.2 N") && text.contains("slips"), "{text}");
+}
+
+#[test]
+fn what_cannot_be_judged_is_refused() {
+    let (balls, home) = grasped_ball();
+    let refused = |gripper: &str, words: &[&str]| {
+        let mut command = gprop();
+        let output = command.args(["evaluate", "grasp", "--gripper", gripper]).arg(balls.scene(0)).output().unwrap();
+        let message = String::from_utf8_lossy(&output.stderr).into_owned();
+        assert_eq!(output.status.code(), Some(2), "{message}");
+        assert!(words.iter().all(|word| message.contains(word)), "{message}");
+    };
+    // Forces of another gripper say nothing about these.
+    refused("paper", &["is for the gripper \"wide\"", "--gripper"]);
+    refused(&home.path().join("wide.toml").display().to_string(), &["ground_truth/parts.json"]);
+}
+
+#[test]
+fn a_fixed_force_of_zero_is_called_an_artefact_of_the_profile() {
+    let paper = GripperProfile::load("paper").unwrap();
+    assert_eq!(paper.force_for(15.0), 0.0, "the paper does not say how hard the fingers press at command 15");
+    let (balls, _home) = grasped_ball();
+    let report = std::fs::read(balls.scene(0).join("gprop/grasp.json")).unwrap();
+    let report = serde_json::from_slice(&report).unwrap();
+    let truth = truth::Truth {
+        part: "half".to_owned(),
+        family: "glass".to_owned(),
+        mass_kg: 1.0,
+        friction: 0.5,
+        strength_pa: 1e7,
+        youngs_modulus_pa: 7e10,
+        thickness_m: 0.001,
+    };
+    let object = GraspedObject::new("ball", &report, truth, &paper);
+    let text = Evaluation::of_objects(vec![object]).text();
+    assert!(text.contains("MinGF 0.0 N") && text.contains("the rates of MinGF say nothing"), "{text}");
 }
 
 #[test]
 fn tables_that_are_wrong_are_refused() {
-    let refused = |flag: &str, table: &str, needle: &str| {
-        let output = evaluate(flag, table, &[]);
+    let refused = |table: &str, needle: &str| {
+        let output = evaluate(table, &[]);
         let message = String::from_utf8_lossy(&output.stderr).into_owned();
         assert_eq!(output.status.code(), Some(2), "{message}");
         assert!(message.contains(needle) && message.contains("table.csv"), "{message}");
     };
-    refused("--outcomes", "object,policy,picked_up,undamaged\n", "no rows");
-    refused("--outcomes", "object,policy,picked_up\na,b,true\n", "undamaged");
-    refused("--outcomes", "object,policy,picked_up,undamaged\na,b,perhaps,true\n", "line: 2");
-    let header = "object,mass_kg,friction,strength_pa,youngs_modulus_pa,thickness_m,f_star_n\n";
-    refused("--objects", &format!("{header}cup,0.3,0,1e7,1e9,0.004,9\n"), "friction");
+    refused("object,policy,picked_up,undamaged\n", "no rows");
+    refused("object,policy,picked_up\na,b,true\n", "undamaged");
+    refused("object,policy,picked_up,undamaged\na,b,perhaps,true\n", "line: 2");
 }

@@ -66,6 +66,26 @@ fn only_the_program_uses_anyhow() {
     }
 }
 
+/// Ground truth is for measuring: only `gprop evaluate` may know where it lies. Comments may mention it.
+#[test]
+fn only_the_evaluation_knows_of_ground_truth() {
+    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("src");
+    let evaluates = |file: &str| file.starts_with("evaluate/") || file.starts_with("cli/evaluate/");
+    let (mut within, mut found) = (0, Vec::new());
+    for file in rust_files(&folder) {
+        let text = fs::read_to_string(folder.join(&file)).unwrap();
+        let code = text.lines().filter(|line| !line.trim_start().starts_with("//"));
+        let lines = code.filter(|line| line.contains("ground_truth")).count();
+        if evaluates(&file) {
+            within += lines;
+        } else if lines > 0 {
+            found.push(file);
+        }
+    }
+    assert!(within > 0, "the evaluation names the folder");
+    assert_eq!(found, Vec::<String>::new());
+}
+
 /// A text can only be displayed; a typed error can be distinguished, counted and tested. clap requires texts from value
 /// parsers.
 #[test]

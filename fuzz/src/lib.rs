@@ -145,7 +145,7 @@ pub fn recordings(bytes: &[u8]) {
         let _ = recording.asked.content_sha256();
     }
     static QUESTIONS: LazyLock<Questions> = LazyLock::new(|| {
-        Questions::new(&Prompts::builtin(), MaterialLibrary::builtin(), Guidance::Single, Context::GlobalLocal)
+        Questions::new(&Prompts::builtin(), MaterialLibrary::builtin(), Guidance::OneQuestion, Context::GlobalLocal)
             .expect("the built-in prompts are good")
     });
     let mut files = bytes.splitn(3, |byte| *byte == 0);
@@ -204,10 +204,9 @@ pub fn evaluation(bytes: &[u8]) {
     ]);
     let table = folder.path().join("table");
     let _ = hardness::read_points(&table);
-    let _ = policies::outcomes(&table).map(|outcomes| Evaluation::of(&outcomes, false).text());
-    let gripper = || GripperProfile::load("paper").expect("it is built in");
-    let _ = policies::objects(&table).map(|objects| policies::predict(&objects, &gripper()));
-    let _ = CalibrationReport::of_file(&table, &mut gripper()).map(|report| (report.text(), report.plot()));
+    let _ = policies::outcomes(&table).map(|outcomes| Evaluation::of_recorded(&outcomes).text());
+    let mut gripper = GripperProfile::load("paper").expect("it is built in");
+    let _ = CalibrationReport::of_file(&table, &mut gripper).map(|report| (report.text(), report.plot()));
     let _ = mass::from_json(&table, &table).map(mass::evaluate);
     let _ = mass::from_scene("one", &table, &table);
     let _ = masks::Reference::from_json(&String::from_utf8_lossy(bytes));

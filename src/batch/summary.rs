@@ -1,8 +1,9 @@
-//! The outcomes of all scenes: a table for people, `summary.json` for programs.
+//! The outcomes of all scenes: a table for people, `summary.json` for programs, and the masses in the form of
+//! NeRF2Physics' predictions, `mass_predictions.json`.
 
 use std::collections::BTreeMap;
 use std::fmt::Write;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 use serde::Serialize;
 
@@ -12,8 +13,9 @@ use crate::workdir;
 use super::select::Selected;
 use super::{BatchError, Outcome, State};
 
-/// Name of the file.
+/// Names of the files.
 const FILE: &str = "summary.json";
+const MASSES: &str = "mass_predictions.json";
 
 /// The outcomes of the scenes of a batch.
 #[derive(Debug, Clone, PartialEq, Serialize)]
@@ -63,14 +65,16 @@ impl Summary {
         }
     }
 
-    /// Writes it into the batch's folder.
+    /// Writes it and the masses into the batch's folder.
     pub(super) fn write(&self, folder: &Path) -> Result<(), BatchError> {
-        let path = folder.join(FILE);
-        let written = workdir::write_atomic(&path, |out| {
-            serde_json::to_writer_pretty(&mut *out, self)?;
-            out.write_all(b"\n")
-        });
-        written.map_err(|source| BatchError::Io { path, source })
+        write_json(folder.join(FILE), self)?;
+        write_json(folder.join(MASSES), &self.masses())
+    }
+
+    /// [low, high] in kilograms of each scene that has a mass, which is what NeRF2Physics' evaluation reads.
+    fn masses(&self) -> BTreeMap<&str, [f64; 2]> {
+        let mass = |outcome: &Outcome| outcome.results.mass_kg.map(|mass| [mass.low, mass.high]);
+        self.outcomes.iter().filter_map(|outcome| Some((outcome.scene.as_str(), mass(outcome)?))).collect()
     }
 
     /// One line per scene, and one for all.
@@ -118,4 +122,12 @@ impl Summary {
         }
         Err(BatchError::Incomplete { scenes: self.scenes, failed, missing: self.missing.clone() })
     }
+}
+
+fn write_json(path: PathBuf, value: &impl Serialize) -> Result<(), BatchError> {
+    let written = workdir::write_atomic(&path, |out| {
+        serde_json::to_writer_pretty(&mut *out, value)?;
+        out.write_all(b"\n")
+    });
+    written.map_err(|source| BatchError::Io { path, source })
 }

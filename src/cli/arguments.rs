@@ -310,17 +310,20 @@ pub struct TrueParts {
 
 #[derive(Debug, Subcommand)]
 pub enum Evaluate {
-    /// Compute pick-up, no-damage and success rates of gripping policies, recorded or predicted.
-    #[command(group(clap::ArgGroup::new("from").required(true)))]
+    /// Compute pick-up, no-damage and success rates of gripping policies: of recorded trials, or predicted for the grasps
+    /// that runs proposed.
     Grasp {
+        /// Scene folders with results of `gprop run` and with a `ground_truth` folder (`parts.json`, `part_maps`): the
+        /// outcomes of gprop's force and of three fixed ones are predicted.
+        #[arg(required_unless_present = "outcomes")]
+        scenes: Vec<PathBuf>,
+        /// Work folder of the scene, for a single scene only [default: SCENE/gprop]
+        #[arg(long, value_name = "DIR")]
+        out: Option<PathBuf>,
         /// Recorded outcomes (CSV with the header object,policy,picked_up,undamaged; true or false).
-        #[arg(long, value_name = "FILE.csv", group = "from", value_parser = values::file())]
+        #[arg(long, value_name = "FILE.csv", value_parser = values::file(), conflicts_with_all = ["scenes", "out"])]
         outcomes: Option<PathBuf>,
-        /// Predict the outcomes for gprop and three fixed forces from the objects' true properties (CSV; see
-        /// docs/grasp.md).
-        #[arg(long, value_name = "FILE.csv", group = "from", value_parser = values::file())]
-        objects: Option<PathBuf>,
-        /// The gripper for the predicted outcomes.
+        /// The gripper of the runs.
         #[arg(long, value_name = "NAME|FILE", default_value = "paper")]
         gripper: String,
     },
@@ -384,13 +387,19 @@ pub enum Evaluate {
     /// Compare masses with true ones: ADE, ALDE, APE, MnRE as NeRF2Physics computes them, and PRA.
     Mass {
         /// Scene folders with results of `gprop run` and with `ground_truth/parts.json`.
-        #[arg(required_unless_present = "predictions")]
+        #[arg(required_unless_present_any = ["predictions", "data_set"])]
         scenes: Vec<PathBuf>,
-        /// Work folder of the scene, for a single scene only [default: SCENE/gprop]
+        /// Work folder of a single scene [default: SCENE/gprop], or of a data set the folder that `gprop batch --out` wrote
         #[arg(long, value_name = "DIR")]
         out: Option<PathBuf>,
+        /// Folder of a data set that states weights (ABO-500), after `gprop batch`
+        #[arg(long, value_name = "DIR", conflicts_with = "scenes", value_parser = values::folder())]
+        data_set: Option<PathBuf>,
+        /// Only the scenes of this split of the data set
+        #[arg(long, value_name = "NAME", requires = "data_set")]
+        split: Option<String>,
         /// Predictions in NeRF2Physics' format: [low, high] in kilograms by id.
-        #[arg(long, value_name = "FILE", requires = "truth", conflicts_with_all = ["scenes", "out"])]
+        #[arg(long, value_name = "FILE", requires = "truth", conflicts_with_all = ["scenes", "out", "data_set"])]
         #[arg(value_parser = values::file())]
         predictions: Option<PathBuf>,
         /// True masses: kilograms by the part of an id before its first underscore.

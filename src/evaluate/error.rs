@@ -32,6 +32,10 @@ pub enum EvaluateError {
     MapSize { path: PathBuf, map: (u32, u32), view: String, picture: (u32, u32) },
     #[error("{path:?} has no map of a view of {scene:?}; a map is named like its view, such as {example:?}.png")]
     NoView { path: PathBuf, scene: String, example: String },
+    #[error("{path:?} proposes no place to grasp at; run `gprop grasp` on the scene, with a metric scale, to see why")]
+    NoPlace { path: PathBuf },
+    #[error("no view of {scene:?} with a map in {path:?} shows where the fingers press")]
+    Unseen { scene: String, path: PathBuf },
     #[error("{path:?} names the label {name:?}, which is not a label, a material or a family{hint}")]
     Label { path: PathBuf, name: String, hint: String },
 }

@@ -1,8 +1,9 @@
-//! Compares masses with the true ones, as NeRF2Physics' evaluation does: a prediction is the mean of its [low, high],
-//! and the part of an object's id before the first underscore is the key of its truth.
+//! Compares masses with the true ones. What is scored is the `mid` of gprop's estimate, the number that people are
+//! shown.
 //!
-//! NeRF2Physics' JSON files are read without conversion: predictions `{"ID_MORE": [low, high], ...}`, truth `{"ID":
-//! kilograms, ...}`. Scene folders with ground truth can be read too, part by part.
+//! NeRF2Physics' JSON files are read without conversion and as its evaluation reads them: predictions `{"ID_MORE": [low,
+//! high], ...}`, of which the mean is scored; truth `{"ID": kilograms, ...}`, whose key is the part of an id before its
+//! first underscore.
 
 use std::collections::BTreeMap;
 use std::path::Path;
@@ -20,9 +21,10 @@ use crate::units::{Estimate, Range};
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Weighed {
     pub id: String,
-    pub predicted: Range,
+    /// `mid` is scored.
+    pub predicted: Estimate,
     pub truth: f64,
-    /// True if the range contains the truth.
+    /// True if the interval contains the truth.
     pub covered: bool,
     /// Only if a scene's ground truth gives them.
     #[serde(skip_serializing_if = "Vec::is_empty")]
@@ -45,9 +47,12 @@ pub struct WeighedPart {
 pub struct MassEvaluation {
     #[serde(flatten)]
     pub scores: Scores,
-    /// Share of the objects whose range contains the truth.
+    /// Share of the objects whose interval contains the truth.
     pub coverage: f64,
     pub objects: Vec<Weighed>,
+    /// Scenes of the data set whose weight is known, but which have no mass yet.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub missing: Vec<String>,
 }
 
 /// A prediction as numpy reads a row of two: a single number stands for both.
@@ -87,14 +92,14 @@ pub fn from_json(predictions: &Path, truth: &Path) -> Result<Vec<Weighed>, Evalu
         };
         let key = id.split('_').next().unwrap_or_default();
         let truth = truths.get(key).ok_or_else(|| EvaluateError::NoTruth { id: id.clone(), key: key.to_owned() })?;
-        objects.push(weighed(id, range, *truth, Vec::new()));
+        objects.push(weighed(id, Estimate::new(range.low, range.mid(), range.high), *truth, Vec::new()));
     }
     Ok(objects)
 }
 
 /// The object of a scene folder: `parts` is the `parts.json` that the parts stage wrote.
 pub fn from_scene(id: &str, parts: &Path, truth: &Path) -> Result<Weighed, EvaluateError> {
-    let measured: Parts = read_json(parts, "parts in kilograms", "; run `gprop run` on the scene first")?;
+    let measured = measured(parts)?;
     let truth: SceneTruth =
         read_json(truth, "true parts", "; for a scene without them, give --predictions and --truth")?;
     let part = |part: &crate::parts::Part| {
@@ -107,12 +112,20 @@ pub fn from_scene(id: &str, parts: &Path, truth: &Path) -> Result<Weighed, Evalu
             true_mass_kg: known.map(|known| known.mass_kg),
         }
     };
-    let mass = measured.object.mass_kg;
     let parts = measured.parts.iter().map(part).collect();
-    Ok(weighed(id.to_owned(), Range::new(mass.low, mass.high), truth.total_mass_kg, parts))
+    Ok(weighed(id.to_owned(), measured.object.mass_kg, truth.total_mass_kg, parts))
 }
 
-fn weighed(id: String, predicted: Range, truth: f64, parts: Vec<WeighedPart>) -> Weighed {
+/// The object of a data set that states its weight.
+pub fn from_weight(id: &str, parts: &Path, weight_kg: f64) -> Result<Weighed, EvaluateError> {
+    Ok(weighed(id.to_owned(), measured(parts)?.object.mass_kg, weight_kg, Vec::new()))
+}
+
+fn measured(parts: &Path) -> Result<Parts, EvaluateError> {
+    read_json(parts, "parts in kilograms", "; run `gprop run` on the scene first")
+}
+
+fn weighed(id: String, predicted: Estimate, truth: f64, parts: Vec<WeighedPart>) -> Weighed {
     Weighed { id, predicted, truth, covered: predicted.low <= truth && truth <= predicted.high, parts }
 }
 
@@ -120,7 +133,7 @@ fn weighed(id: String, predicted: Range, truth: f64, parts: Vec<WeighedPart>) ->
 pub fn evaluate(objects: Vec<Weighed>) -> Result<MassEvaluation, EvaluateError> {
     let mut pairs = Vec::with_capacity(objects.len());
     for object in &objects {
-        let pair = Pair { predicted: object.predicted.mid(), truth: object.truth };
+        let pair = Pair { predicted: object.predicted.mid, truth: object.truth };
         for (what, value) in [("the prediction", pair.predicted), ("the truth", pair.truth)] {
             if !(value > 0.0 && value.is_finite()) {
                 return Err(EvaluateError::NotPositive { what, id: object.id.clone(), value });
@@ -130,7 +143,7 @@ pub fn evaluate(objects: Vec<Weighed>) -> Result<MassEvaluation, EvaluateError> 
     }
     let scores = Scores::of(&pairs).ok_or(EvaluateError::Nothing("the predictions are empty"))?;
     let covered = objects.iter().filter(|object| object.covered).count();
-    Ok(MassEvaluation { scores, coverage: covered as f64 / objects.len() as f64, objects })
+    Ok(MassEvaluation { scores, coverage: covered as f64 / objects.len() as f64, objects, missing: Vec::new() })
 }
 
 fn read_json<T: DeserializeOwned>(

@@ -8,7 +8,7 @@ use super::fingers::free_approach;
 use super::intervals::{Forces, Inputs};
 use super::places::{Place, Where, places};
 use super::surface::Surface;
-use super::{GraspError, GripperProfile, Limit, Options};
+use super::{GraspError, GripperProfile, Limit, Options, Reason};
 use crate::parts::{Part, Parts};
 use crate::query::Form;
 use crate::units::{Estimate, GRAVITY_M_S2};
@@ -16,9 +16,10 @@ use crate::vote::FieldLabel;
 
 /// How many places are reported.
 pub const REPORTED: usize = 5;
-/// Places are ranked by the sum of three terms, smallest first, those without a feasible force last: distance of the
-/// line of the contacts from the centre of mass (near a `--point`, of a contact from that point) over the object's
-/// radius; F_min over F_max; and misalignment over the friction cone, with this weight.
+/// Places are ranked by the sum of three terms, smallest first: distance of the line of the contacts from the centre of
+/// mass (near a `--point`, of a contact from that point) over the object's radius; F_min over F_max; and misalignment
+/// over the friction cone, with this weight. Those at which the object may turn between the fingers come after the
+/// others, and those without a feasible force last.
 const MISALIGNMENT_WEIGHT: f64 = 0.25;
 /// Two places are the same if their middles are within a finger's side and their axes within 30 degrees.
 const SAME_AXIS: f64 = 0.866;
@@ -45,7 +46,10 @@ pub struct Candidate {
     pub f_max_n: f64,
     pub f_star_n: f64,
     pub limited_by: Limit,
+    /// Whether F* holds the object without damaging the part, and without letting it turn between the fingers.
     pub feasible: bool,
+    /// Why not; `None` if it is feasible.
+    pub infeasible_because: Option<Reason>,
     /// Torque about the line of the contacts that two fingers pressing with F* can hold besides the weight, minus the
     /// torque of the weight at the worst inclination. Negative: the object may turn between the fingers.
     pub torque_margin_n_m: f64,
@@ -99,7 +103,8 @@ pub fn candidates(
     let mut ranked = Vec::with_capacity(fitting.len());
     for p in &fitting {
         if let Some(forces) = forces_at(object, p, gripper, options)? {
-            ranked.push((!forces.star.feasible, cost(p, &forces), p, forces));
+            let turns = torque_margin_n_m(&forces, p.lever_m(center), gripper.contact_radius_m()) < 0.0;
+            ranked.push(((forces.star.infeasible_because.is_some(), turns), cost(p, &forces), p, forces));
         }
     }
     ranked.sort_by(|a, b| a.0.cmp(&b.0).then(a.1.total_cmp(&b.1)));
@@ -164,7 +169,8 @@ fn candidate(
 ) -> Candidate {
     let center = Point3::from(object.parts.object.center_of_mass_m);
     let lever_m = place.lever_m(center);
-    let torque_n_m = object.parts.object.mass_kg.mid * GRAVITY_M_S2 * lever_m;
+    let torque_margin_n_m = torque_margin_n_m(forces, lever_m, gripper.contact_radius_m());
+    let infeasible_because = forces.star.infeasible_because.or((torque_margin_n_m < 0.0).then_some(Reason::Turns));
     Candidate {
         part: part_of(object.parts, place.part).map_or_else(String::new, |part| part.caption.clone()),
         part_id: place.part,
@@ -178,9 +184,15 @@ fn candidate(
         f_max_n: forces.upper.newtons,
         f_star_n: forces.star.newtons,
         limited_by: forces.star.limit,
-        feasible: forces.star.feasible,
-        torque_margin_n_m: torque_capacity_n_m(forces, gripper.contact_radius_m()) - torque_n_m,
+        feasible: infeasible_because.is_none(),
+        infeasible_because,
+        torque_margin_n_m,
     }
+}
+
+/// Torque that two fingers hold besides the weight, minus that of the weight at the worst inclination, N m.
+fn torque_margin_n_m(forces: &Forces, lever_m: f64, contact_radius_m: f64) -> f64 {
+    torque_capacity_n_m(forces, contact_radius_m) - forces.mass_kg * GRAVITY_M_S2 * lever_m
 }
 
 /// Torque about the line of the contacts that two fingers hold besides the weight, N m.

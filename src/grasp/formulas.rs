@@ -14,7 +14,7 @@
 //!
 //! Source: Xu et al., *GaussianProperty*, arXiv 2412.11258, section 3.5 and supplement A.
 
-use super::Limit;
+use super::{Limit, Reason};
 
 /// The smallest force of one finger, in N, that holds `mass_kg` (the sum of rho_i V_i) against slip. Never negative: if
 /// tan(theta) > 1/mu, the object rests on the finger and needs no force. Infinite for zero friction below 90 degrees.
@@ -57,7 +57,8 @@ pub fn f_max(bearing: &Bearing) -> ForceMax {
 pub struct ForceStar {
     pub newtons: f64,
     pub limit: Limit,
-    pub feasible: bool,
+    /// Why it does not hold the object without damaging the part; `None` if it does.
+    pub infeasible_because: Option<Reason>,
 }
 
 /// F*, by the paper's two cases. `gripper_n` is the gripper's range G, `margin` is eta, 0 to 0.5.
@@ -75,15 +76,14 @@ pub fn f_star(f_min_n: f64, upper: ForceMax, gripper_n: [f64; 2], margin: f64) -
     let in_gripper = |force: f64| force.clamp(gripper_n[0], gripper_n[1]);
     let mean = 0.5 * (f_min_n + upper.newtons);
     if f_min_n >= upper.newtons {
-        return ForceStar { newtons: in_gripper(mean), limit: Limit::Slip, feasible: false };
+        let infeasible_because = Some(Reason::Damage);
+        return ForceStar { newtons: in_gripper(mean), limit: Limit::Slip, infeasible_because };
     }
     let (least, most) = (in_gripper(f_min_n), in_gripper(upper.newtons));
     let inset = margin * (most - least);
     let newtons = mean.max(least + inset).min(most - inset);
     let untouched = (least, most) == (f_min_n, upper.newtons) || newtons == mean;
-    ForceStar {
-        newtons,
-        limit: if untouched { upper.limit } else { Limit::Gripper },
-        feasible: f_min_n <= newtons && newtons <= upper.newtons,
-    }
+    let infeasible_because =
+        if newtons < f_min_n { Some(Reason::TooWeak) } else { (newtons > upper.newtons).then_some(Reason::TooStrong) };
+    ForceStar { newtons, limit: if untouched { upper.limit } else { Limit::Gripper }, infeasible_because }
 }

@@ -45,6 +45,7 @@ pub struct Forces {
     pub upper: ForceMax,
     pub star: ForceStar,
     pub friction: f64,
+    pub mass_kg: f64,
 }
 
 impl Inputs {
@@ -66,7 +67,7 @@ impl Inputs {
             youngs_modulus_pa: label.youngs_modulus_pa,
             thickness_m,
             contact_area_m2: gripper.finger_area_m2,
-            max_curvature_1_m: options.max_curvature,
+            max_curvature_1_m: options.max_curvature_of(&label.family),
             lift_angle_rad: options.checked_lift_angle_rad()?,
         })
     }
@@ -88,11 +89,11 @@ impl Inputs {
                 star(high.0, high.1).newtons,
             ),
         };
-        let (f_min_n, upper, friction) = match options.policy {
-            Policy::Mid => (mid.0, mid.1, self.friction.mid),
-            Policy::Safe => (high.0, low.1, self.friction.low),
+        let ((f_min_n, _), (_, upper), friction, mass_kg) = match options.policy {
+            Policy::Mid => (mid, mid, self.friction.mid, self.mass_kg.mid),
+            Policy::Safe => (high, low, self.friction.low, self.mass_kg.high),
         };
-        Ok(Forces { inputs: self, intervals, f_min_n, upper, star: star(f_min_n, upper), friction })
+        Ok(Forces { inputs: self, intervals, f_min_n, upper, star: star(f_min_n, upper), friction, mass_kg })
     }
 
     fn check(&self, part: &str) -> Result<(), GraspError> {

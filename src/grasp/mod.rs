@@ -3,7 +3,9 @@
 //! - [`options`]: the user's options;
 //! - [`gripper`]: the gripper: its range of force, its finger, its command; [`calibration`]: the command from
 //!   measurements;
-//! - [`formulas`]: the paper's formulas, on numbers alone; [`intervals`]: applied to intervals;
+//! - [`formulas`]: the paper's formulas, on numbers alone; [`intervals`]: applied to intervals; [`curvature`]: how far a
+//!   part may bend;
+//! - [`infeasible`]: why a grasp is not safe;
 //! - [`grasped_part`]: which part the fingers press on if no place is chosen;
 //! - where to press: the [`surface`], opposite [`places`] on it, space for the [`fingers`], the best [`candidates`];
 //! - [`picture`]: a drawing of the best candidates.
@@ -12,11 +14,13 @@ pub mod calibration;
 mod calibration_report;
 pub mod candidates;
 mod cells;
+pub mod curvature;
 pub mod error;
 mod fingers;
 pub mod formulas;
 pub mod grasped_part;
 pub mod gripper;
+pub mod infeasible;
 pub mod intervals;
 pub mod options;
 pub mod picture;
@@ -33,6 +37,7 @@ pub use error::GraspError;
 use fingers::FINGER_LENGTH_M;
 use grasped_part::PartChoice;
 use gripper::GripperProfile;
+use infeasible::Infeasible;
 use intervals::{Forces, Inputs, Intervals};
 use nalgebra::Point3;
 pub use options::{Options, Policy, SCENE_KEYS};
@@ -52,6 +57,21 @@ pub enum Limit {
     Bending,
     /// The force is cut to what the gripper can do.
     Gripper,
+}
+
+/// Why no safe force was found.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[cfg_attr(test, derive(schemars::JsonSchema))]
+#[serde(rename_all = "snake_case")]
+pub enum Reason {
+    /// Holding the object takes at least as much force as damages the part: F_min >= F_max.
+    Damage,
+    /// Holding the object takes more force than the gripper has.
+    TooWeak,
+    /// The gripper's least force damages the part.
+    TooStrong,
+    /// The object's weight can turn it between the fingers: the torque margin is negative.
+    Turns,
 }
 
 /// The forces for one object, one part of it and one gripper. Written as `grasp.json`. Forces are those of one finger.
@@ -75,8 +95,11 @@ pub struct GraspReport {
     pub f_star_n: f64,
     /// The limit that sets `f_star_n`: slip, yield, bending or the gripper.
     pub limited_by: Limit,
-    /// Whether `f_star_n` holds the object without damaging the part.
+    /// Whether `f_star_n` holds the object without damaging the part, and at the best place without letting it turn
+    /// between the fingers.
     pub feasible: bool,
+    /// Why not, and what to do about it; `None` if it is feasible.
+    pub infeasible: Option<Infeasible>,
     /// The command for the gripper's controller that gives `f_star_n`.
     pub normalized_command: f64,
     /// Whether the command inverts a curve through measured pairs; linear in the force otherwise.
@@ -152,14 +175,12 @@ pub fn grasp(
     };
     let inputs = Inputs::of(parts, label(part.id)?, thickness_m, gripper, options)?;
     let Forces { inputs, intervals, f_min_n, upper, star, .. } = inputs.forces(&part.caption, gripper, options)?;
-    if !star.feasible {
-        let [least, most] = gripper.force_n;
-        warnings.push(format!(
-            "no force of {} ({least} to {most} N) both holds the object ({f_min_n:.3} N or more) and spares the part ({:.3} \
-             N or less); grasp another part with --part, or use a gripper with a larger finger",
-            gripper.name, upper.newtons
-        ));
-    }
+    let infeasible = match (star.infeasible_because, candidates.first()) {
+        (Some(reason), _) => Some(Infeasible::of_force(reason, f_min_n, upper.newtons, gripper)),
+        (None, Some(best)) if !best.feasible => Some(Infeasible::of_torque(best, options)),
+        (None, _) => None,
+    };
+    warnings.extend(infeasible.as_ref().map(|why| format!("no safe grip: {why}")));
     if !gripper.is_calibrated() {
         warnings.push(format!(
             "gripper {} has no calibration points: its command is taken as linear in the force",
@@ -177,7 +198,8 @@ pub fn grasp(
         f_max_limited_by: upper.limit,
         f_star_n: star.newtons,
         limited_by: star.limit,
-        feasible: star.feasible,
+        feasible: infeasible.is_none(),
+        infeasible,
         normalized_command: gripper.command_for(star.newtons),
         command_calibrated: gripper.is_calibrated(),
         intervals,

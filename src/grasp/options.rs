@@ -4,12 +4,11 @@ use clap::Args;
 use serde::{Deserialize, Serialize};
 
 use super::GraspError;
+use super::curvature;
 use super::gripper::GripperProfile;
 use crate::config::SceneKey;
 use crate::values;
 
-/// The paper's kappa_max, in 1/m.
-pub const MAX_CURVATURE_1_M: f64 = 0.5;
 /// A radius of a micrometre.
 const SHARPEST_CURVATURE_1_M: f64 = 1e6;
 /// The paper keeps F* away from both ends of the usable forces by a margin eta but gives no value; 5 % is our choice.
@@ -61,9 +60,10 @@ pub struct Options {
     /// Angle between the lift and straight up, in degrees from 0 to 90
     #[arg(long, value_name = "DEG", default_value_t = 0.0)]
     pub lift_angle_deg: f64,
-    /// Largest curvature kappa_max that the grasped part tolerates, in 1/m (0.5 in the paper)
-    #[arg(long, value_name = "1/M", default_value_t = MAX_CURVATURE_1_M)]
-    pub max_curvature: f64,
+    /// Largest curvature kappa_max that the grasped part tolerates, in 1/m [default: by the material's family, 0.5 for most;
+    /// the paper takes 0.5 for all]
+    #[arg(long, value_name = "1/M")]
+    pub max_curvature: Option<f64>,
     /// Margin eta at both ends of the usable forces, as a fraction of their span, from 0 to 0.5
     #[arg(long, value_name = "SHARE", default_value_t = FORCE_MARGIN)]
     pub force_margin: f64,
@@ -84,6 +84,11 @@ impl Options {
         self.part.is_some() || self.point.is_some() || self.auto
     }
 
+    /// The largest curvature that a part of this family tolerates, in 1/m.
+    pub fn max_curvature_of(&self, family: &str) -> f64 {
+        self.max_curvature.unwrap_or_else(|| curvature::of_family(family))
+    }
+
     /// The lift angle in radians, after checking that every option is within its domain.
     ///
     /// # Errors
@@ -92,8 +97,8 @@ impl Options {
         if !(0.0..=90.0).contains(&self.lift_angle_deg) {
             return Err(GraspError::LiftAngle { degrees: self.lift_angle_deg });
         }
-        if !(self.max_curvature > 0.0 && self.max_curvature <= SHARPEST_CURVATURE_1_M) {
-            return Err(GraspError::Curvature { value: self.max_curvature });
+        if let Some(value) = self.max_curvature.filter(|given| !(*given > 0.0 && *given <= SHARPEST_CURVATURE_1_M)) {
+            return Err(GraspError::Curvature { value });
         }
         if !(0.0..=0.5).contains(&self.force_margin) {
             return Err(GraspError::Margin { value: self.force_margin });

@@ -9,8 +9,9 @@ pub enum Preset {
     /// Parts first, then questions about them
     #[default]
     Parts,
-    /// The paper to the letter: SAM's middle level from a 32 x 32 grid with one layer of crops, a question about every segment of
-    /// every view, one vote per view at the Gaussian's centre if it passes the depth test, and every Gaussian by itself
+    /// The paper's way: SAM's middle level from a 32 x 32 grid with one layer of crops, a question about every segment of
+    /// every view, one vote per view at the Gaussian's centre if it passes the depth test, every Gaussian by itself, and the same
+    /// largest curvature for every material
     Paper,
 }
 
@@ -27,6 +28,7 @@ impl Preset {
                 "--crop-layers=1",
                 "--vote=frequency",
                 "--agree=gaussian",
+                "--max-curvature=0.5",
             ],
         }
     }
@@ -36,7 +38,7 @@ impl Preset {
 mod tests {
     use super::*;
     use crate::consensus::Asked;
-    use crate::segment::{Level, PointPrompts};
+    use crate::segment::{GeneratorOptions, Level, PointPrompts};
     use crate::vote::{Agreement, Rule};
 
     #[test]
@@ -46,7 +48,24 @@ mod tests {
         assert_eq!(paper.segment.point_prompts, PointPrompts::Grid);
         assert_eq!((paper.segment.generator.points_per_side, paper.segment.generator.crop_layers), (32, 1));
         assert_eq!((paper.vote.vote, paper.vote.agree), (Rule::Frequency, Agreement::Gaussian));
+        assert_eq!(paper.grasp.max_curvature, Some(crate::grasp::curvature::PAPER_1_M));
         let default = Preset::Parts.options();
         assert_eq!((default.consensus.ask, default.segment.level), (Asked::Parts, None));
+    }
+
+    #[test]
+    fn the_method_lists_the_flags() {
+        let page: Vec<&str> = include_str!("../../docs/method.md").split_whitespace().collect();
+        let flags = Preset::Paper.flags().join(" ").replace('=', " ");
+        assert!(page.join(" ").contains(&flags), "docs/method.md does not list {flags}");
+    }
+
+    /// As the help and docs/segment.md say.
+    #[test]
+    fn the_generators_defaults_are_the_papers_but_for_crop_layers() {
+        let (paper, default) = (Preset::Paper.options().segment, Preset::Parts.options().segment);
+        assert_eq!(default.generator.crop_layers, 0);
+        assert_eq!(GeneratorOptions { crop_layers: 1, ..default.generator }, paper.generator);
+        assert_eq!(default.selection, paper.selection);
     }
 }

@@ -56,11 +56,11 @@ pub enum AnswerSource {
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize, ValueEnum)]
 #[serde(rename_all = "snake_case")]
 pub enum Guidance {
-    /// One request, with every material of the library to choose from.
+    /// One question that goes step by step, as in the paper: caption, material out of all candidates, numbers.
     #[default]
-    Single,
-    /// First the family, then a second request with that family's materials only.
-    Gradual,
+    OneQuestion,
+    /// Two shorter questions, which are gprop's own: the family, then a material of that family with its numbers.
+    FamilyFirst,
 }
 
 /// Options of the queries to the large multimodal model.
@@ -72,7 +72,7 @@ pub struct Options {
     #[arg(long, value_enum, default_value_t)]
     pub answers: AnswerSource,
 
-    /// Requests per question: one, or two shorter ones (the family first, then only that family's materials)
+    /// How a part is asked about: in one question, or in two shorter ones
     #[arg(long, value_enum, default_value_t)]
     pub guidance: Guidance,
 

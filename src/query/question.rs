@@ -59,10 +59,10 @@ impl Questions {
     ) -> Result<Self, PromptError> {
         let families: Vec<&str> = library.families().iter().map(|family| family.name.as_str()).collect();
         match guidance {
-            Guidance::Single => {
+            Guidance::OneQuestion => {
                 Ok(Self { first: material(prompts, library, &families, context)?, by_family: BTreeMap::new() })
             }
-            Guidance::Gradual => {
+            Guidance::FamilyFirst => {
                 let schema = Schema::new("family.schema.json", prompts.family_schema().clone(), &families)?;
                 let prompt = prompts.family(context, &families.join("; "))?;
                 let by_family = families

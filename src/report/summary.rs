@@ -37,15 +37,17 @@ pub fn summary(report: &Report, report_page: &Path) -> String {
         let _ = writeln!(text, "mass   {} kg ({})", significant(mass.mid), interval(mass, 1.0));
     }
     if let Some(grasp) = &report.grasp {
-        let _ = writeln!(
-            text,
-            "grasp  {} N at the {}: slips below {} N, is damaged above {} N{}",
-            significant(grasp.f_star_n),
-            one_line(short(&grasp.part)),
-            significant(grasp.f_min_n),
-            significant(grasp.f_max_n),
-            if grasp.feasible { "" } else { "; not a safe grasp" }
-        );
+        let part = one_line(short(&grasp.part));
+        let _ = match &grasp.infeasible {
+            None => writeln!(
+                text,
+                "grasp  {} N at the {part}: slips below {} N, is damaged above {} N",
+                significant(grasp.f_star_n),
+                significant(grasp.f_min_n),
+                significant(grasp.f_max_n),
+            ),
+            Some(why) => writeln!(text, "grasp  no safe grip at the {part}: {}", one_line(&why.explanation)),
+        };
     }
     if !report.warnings.is_empty() {
         let _ = writeln!(text, "{} warnings, listed in the report", report.warnings.len());

@@ -21,7 +21,6 @@ use crate::units::{MetricScale, ScaleSource};
 
 const SPLITS: &str = "splits.json";
 const MASSES: &str = "filtered_product_weights.json";
-const TRUTH: &str = "ground_truth/parts.json";
 
 /// How a data set lays its scenes out.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, clap::ValueEnum)]
@@ -89,23 +88,15 @@ pub fn list(folder: &Path, layout: Option<Layout>) -> Result<DataSet, SceneError
     Ok(DataSet { layout, scenes, skipped, warnings })
 }
 
-/// The metric scale of the data set that the scene `folder` belongs to: the cameras of ABO-500 are in metres, and so
-/// are those of the project's own scenes, which are recognised by the ground truth file beside them (it is not opened).
+/// The metric scale of the data set that the scene `folder` belongs to: the cameras of ABO-500 are in metres.
 pub(super) fn convention_of(folder: &Path, splat_units_per_camera_unit: f64) -> Option<MetricScale> {
     let folder = folder.canonicalize().ok()?;
     let scenes = folder.parent().filter(|parent| parent.file_name().is_some_and(|name| name == "scenes"));
-    let root = scenes.and_then(Path::parent);
-    let provenance = if root.is_some_and(|root| root.join(MASSES).is_file() || root.join(SPLITS).is_file()) {
-        "ABO-500 is in metres"
-    } else if folder.join(TRUTH).is_file() {
-        "gprop's own scenes are in metres"
-    } else {
-        return None;
-    };
-    Some(MetricScale {
+    let root = scenes.and_then(Path::parent)?;
+    (root.join(MASSES).is_file() || root.join(SPLITS).is_file()).then(|| MetricScale {
         meters_per_unit: 1.0 / splat_units_per_camera_unit,
         source: ScaleSource::DataSet,
-        provenance: provenance.to_owned(),
+        provenance: "ABO-500 is in metres".to_owned(),
     })
 }
 

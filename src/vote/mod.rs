@@ -1,10 +1,10 @@
-//! From label maps to a material for every Gaussian: depth test, ballots, tally.
+//! From label maps to a material for every Gaussian: ballots, tally.
 //!
 //! In order: [`answered_segments`] lists the views' segments, or the parts in the views, that have an answer;
-//! [`ballots`] lets every view vote on the Gaussians that it sees, which [`render::depth_test`] determines; [`identity`]
-//! finds which segments of different views are one part of the object, unless the parts are known; [`tally`] elects, by
-//! [`plurality`], a material and a part for every Gaussian, and [`unseen`] for those that no view sees; [`labels`] gives
-//! each elected part its properties.
+//! [`ballots`] lets every view vote on the Gaussians that it sees, by the light that arrives from them or, as in the
+//! paper, by a depth test; [`identity`] finds which segments of different views are one part of the object, unless the
+//! parts are known; [`tally`] elects, by [`plurality`], a material and a part for every Gaussian, and [`unseen`] for
+//! those that no view sees; [`labels`] gives each elected part its properties.
 
 mod answered_segments;
 mod ballots;

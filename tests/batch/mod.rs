@@ -183,3 +183,39 @@ fn two_batches_on_one_shard_do_not_meet() {
     assert_eq!(output.status.code(), Some(2));
     assert!(stderr(&output).contains("is working in shard 0/1"), "{}", stderr(&output));
 }
+
+#[test]
+fn masses_of_a_data_set_are_scored_by_its_weights() {
+    let balls = Balls::new(2);
+    let home = balls.folder().parent().unwrap().to_owned();
+    let (splits, weights) = (home.join("splits.json"), home.join("filtered_product_weights.json"));
+    fs::write(&splits, json!({ "test": ["ball-0"], "train": ["ball-1"] }).to_string()).unwrap();
+    fs::write(&weights, json!({ "ball-0": 1.5, "ball-1": 2.5 }).to_string()).unwrap();
+    let mut run = gprop();
+    run.env_remove("OPENAI_API_KEY").arg("batch").arg(&home).args(["--to", "parts", "--split", "test"]);
+    let output = run.args(balls.answers()).output().unwrap();
+    assert!(output.status.success(), "{}", stderr(&output));
+    let read = |path: PathBuf| serde_json::from_slice::<Value>(&fs::read(path).unwrap()).unwrap();
+    let mass = read(balls.scene(0).join("gprop/parts.json"))["object"]["mass_kg"].clone();
+    let [low, mid, high] = ["low", "mid", "high"].map(|key| mass[key].as_f64().unwrap());
+    let predictions = home.join("gprop/batch/mass_predictions.json");
+    assert_eq!(read(predictions.clone()), json!({ "ball-0": [low, high] }));
+    let evaluate =
+        |arguments: &[&std::ffi::OsStr]| gprop().args(["evaluate", "mass", "--json"]).args(arguments).output().unwrap();
+    let scores = |arguments: &[&std::ffi::OsStr]| {
+        let output = evaluate(arguments);
+        assert!(output.status.success(), "{}", stderr(&output));
+        serde_json::from_slice::<Value>(&output.stdout).unwrap()
+    };
+    let off = |found: &Value, predicted: f64| (found["ade"].as_f64().unwrap() - (predicted - 1.5).abs()).abs();
+    // What people are shown is scored, except in files of NeRF2Physics' form, which hold no middle.
+    let all = scores(&["--data-set".as_ref(), home.as_ref()]);
+    assert!(off(&all, mid) < 1e-12 && all["missing"] == json!(["ball-1"]), "{all}");
+    let split = scores(&["--data-set".as_ref(), home.as_ref(), "--split".as_ref(), "test".as_ref()]);
+    assert!(split["count"] == 1 && split.get("missing").is_none(), "{split}");
+    let file = scores(&["--predictions".as_ref(), predictions.as_ref(), "--truth".as_ref(), weights.as_ref()]);
+    assert!(off(&file, 0.5 * (low + high)) < 1e-12 && off(&file, mid) > 1e-6, "{file}");
+    let none = evaluate(&["--data-set".as_ref(), home.as_ref(), "--split".as_ref(), "train".as_ref()]);
+    assert_eq!(none.status.code(), Some(2));
+    assert!(stderr(&none).contains("no scene of the split \"train\" has been run"), "{}", stderr(&none));
+}

@@ -9,6 +9,7 @@ use serde_json::Value;
 
 use super::{evaluate, refused, text};
 use crate::batch::ball::Balls;
+use crate::batch::contents;
 use crate::faults::changed::change;
 use crate::run::gprop;
 
@@ -73,6 +74,33 @@ fn what_was_run_with_other_options_is_measured_as_it_is() {
     refused(&evaluate(&["hardness", text(&readings)]), &["nothing to compare"]);
     fs::remove_file(readings).unwrap();
     assert!(everything(&balls.scene(0)) == before, "an evaluation changes nothing");
+}
+
+/// The scale comes from `--scale`, the scene's `gprop.toml` or the layout of its data set, never from the truth.
+#[test]
+fn a_false_ground_truth_changes_no_result() {
+    let balls = Balls::new(1);
+    let scene = balls.scene(0);
+    let options = fs::read_to_string(scene.join("gprop.toml")).unwrap();
+    let without_scale: String =
+        options.lines().filter(|line| !line.starts_with("scale")).map(|line| format!("{line}\n")).collect();
+    for options in [&options, &without_scale] {
+        fs::write(scene.join("gprop.toml"), options).unwrap();
+        let results = || {
+            let _ = fs::remove_dir_all(scene.join("gprop"));
+            run(&balls, "run", &["--frames", "2", "--duration", "0.01", "--grid", "8"]);
+            // The report says how many seconds each stage took.
+            let mut results = contents(&scene.join("gprop"));
+            results.retain(|(path, _)| !path.to_string_lossy().starts_with("report."));
+            assert!(results.iter().any(|(path, _)| path.ends_with("grasp.json")));
+            results
+        };
+        let _ = fs::remove_dir_all(scene.join("ground_truth"));
+        let without = results();
+        balls.write_truth(0);
+        fs::write(scene.join("ground_truth/maps/labels.json"), r#"{"1": "lead", "2": "lead"}"#).unwrap();
+        assert!(without == results(), "with these options:\n{options}");
+    }
 }
 
 #[test]

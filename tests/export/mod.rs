@@ -5,9 +5,9 @@ use std::process::Command;
 
 use clap::ValueEnum;
 use gprop::export::{ExportError, Format, Model, export};
-use gprop::grasp::Options;
 use gprop::grasp::candidates::Candidate;
 use gprop::grasp::gripper::GripperProfile;
+use gprop::grasp::{Options, Reason};
 use gprop::parts::{Object, PartsError};
 use gprop::vote::field_ply;
 use serde_json::{Value, json};
@@ -103,8 +103,10 @@ fn exported_objects_come_to_rest_on_a_plane() {
     }
 }
 
-/// A lift at a place with the given force of one finger.
-fn lifted(measured: &Measured, model: &Path, place: &Candidate, side_m: f64, force_n: f64) -> f64 {
+/// How far MuJoCo raises the object when a hand grasps it at a place with this force of one finger and rises by 0.1 m.
+fn raised_m(measured: &Measured, place: &Candidate, side_m: f64, force_n: f64) -> f64 {
+    let (_folder, files) = exported(measured, Format::Mjcf);
+    let model = &files[0];
     let grasp = json!({
         "name": measured.scene.name, "contacts_m": place.contacts_m, "approach": place.approach,
         "finger_side_m": side_m, "force_n": force_n,
@@ -117,39 +119,33 @@ fn lifted(measured: &Measured, model: &Path, place: &Candidate, side_m: f64, for
     found["raised_m"].as_f64().unwrap()
 }
 
-/// F_min is derived for flat, upright surfaces, so the part is chosen accordingly.
+/// Scenes that six tenths of F_min hold too at the place that gprop proposes: F_min is derived for flat, upright surfaces,
+/// but the flange of the lamp's neck and the slats of the chair's back rest on the pads.
+const HELD_BY_THEIR_SHAPE: [&str; 2] = ["table_lamp", "chair"];
+
+/// At the place that gprop proposes, whatever it is. docs/grasp.md has the outcomes.
 #[test]
-fn f_star_lifts_in_mujoco_and_six_tenths_of_f_min_slips() {
-    if !python_has("f_star_lifts_in_mujoco_and_six_tenths_of_f_min_slips", "mujoco", "mujoco") {
+fn f_star_lifts_in_mujoco_and_six_tenths_of_f_min_slips_unless_the_shape_holds() {
+    const TEST: &str = "f_star_lifts_in_mujoco_and_six_tenths_of_f_min_slips_unless_the_shape_holds";
+    if !python_has(TEST, "mujoco", "mujoco") {
         return;
     }
     for folder in folders() {
         let measured = Measured::of(&folder);
-        let name = &measured.scene.name;
+        let name = measured.scene.name.as_str();
         // The chair needs more force than the paper's gripper has.
         let gripper = if name == "chair" { "robotiq-2f-85" } else { "paper" };
         let gripper = GripperProfile::load(gripper).unwrap();
-        let lift_at = |options: &Options, forces: fn(&Candidate) -> f64| {
-            let report = measured.grasp(&gripper, options);
-            assert!(report.feasible, "{report:?}");
-            let (_folder, files) = exported(measured, Format::Mjcf);
-            let place = &report.candidates[0];
-            lifted(measured, &files[0], place, gripper.finger_side_m(), forces(place))
-        };
-        let anywhere = Options { auto: true, ..Options::default() };
-        let held = lift_at(&anywhere, |place| place.f_star_n);
+        let report = measured.grasp(&gripper, &Options { auto: true, ..Options::default() });
+        // MuJoCo lifts straight up; that the object may turn when it is tilted does not matter here.
+        let why = report.infeasible.as_ref().map(|why| why.reason);
+        assert!(why.is_none_or(|reason| reason == Reason::Turns), "{report:?}");
+        let place = &report.candidates[0];
+        let held = raised_m(measured, place, gripper.finger_side_m(), place.f_star_n);
         assert!(held > 0.09, "{name} is held: raised by {held} m");
-        let place = match name.as_str() {
-            // Its base can be grasped only at its neck, whose flange rests on the pads even if they press with less;
-            // its stem is straight.
-            "table_lamp" => Options { part: Some("stem".to_owned()), ..Options::default() },
-            // Its rungs would rest on pads that slide up a leg; above the uppermost slat there is nothing.
-            "chair" => Options { point: Some([0.0, 0.285, 0.83]), ..Options::default() },
-            _ => anywhere,
-        };
         // The mug slides only until the rim of its lid rests on the pads.
-        let slips = lift_at(&place, |place| 0.6 * place.f_min_n);
-        assert!(slips < 0.08, "{name} slips through the fingers: raised by {slips} m");
+        let weakly = raised_m(measured, place, gripper.finger_side_m(), 0.6 * place.f_min_n);
+        assert_eq!(weakly < 0.08, !HELD_BY_THEIR_SHAPE.contains(&name), "{name} is raised by {weakly} m");
     }
 }
 

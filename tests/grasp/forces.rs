@@ -2,7 +2,7 @@
 
 use gprop::grasp::formulas::{Bearing, ForceMax, f_max, f_min, f_star};
 use gprop::grasp::gripper::GripperProfile;
-use gprop::grasp::{GraspError, GraspReport, Limit, Options, Policy, grasp, grasped_part::PartChoice};
+use gprop::grasp::{GraspError, GraspReport, Limit, Options, Policy, Reason, grasp, grasped_part::PartChoice};
 use gprop::materials::Law;
 use gprop::parts::{NoVolume, Object, Part, Parts};
 use gprop::query::Form;
@@ -120,27 +120,36 @@ fn f_star_by_hand() {
     let star = |f_min, f_max| f_star(f_min, bending(f_max), [0.0, 40.0], 0.05);
     // (4 + 20) / 2 = 12 N, within 4 + 0.05 * 16 and 20 - 0.05 * 16.
     let middle = star(4.0, 20.0);
-    assert_eq!((middle.newtons, middle.limit, middle.feasible), (12.0, Limit::Bending, true));
+    assert_eq!((middle.newtons, middle.limit, middle.infeasible_because), (12.0, Limit::Bending, None));
     // The mean, 2752 N, is cut to 40 - 0.05 * (40 - 4) = 38.2 N.
     let strong = star(4.0, 5500.0);
-    assert_eq!((strong.newtons, strong.limit, strong.feasible), (38.2, Limit::Gripper, true));
+    assert_eq!((strong.newtons, strong.limit, strong.infeasible_because), (38.2, Limit::Gripper, None));
     // 40 - 0.05 * (40 - 39) = 39.95 N.
     let heavy = star(39.0, 5500.0);
-    assert_eq!((heavy.newtons, heavy.limit, heavy.feasible), (39.95, Limit::Gripper, true));
+    assert_eq!((heavy.newtons, heavy.limit, heavy.infeasible_because), (39.95, Limit::Gripper, None));
     // (0.5 + 1.5) / 2, well within the gripper's range.
     let tender = star(0.5, 1.5);
-    assert_eq!((tender.newtons, tender.limit, tender.feasible), (1.0, Limit::Bending, true));
+    assert_eq!((tender.newtons, tender.limit, tender.infeasible_because), (1.0, Limit::Bending, None));
     // Heavier than the gripper can hold.
     let too_heavy = star(41.0, 5500.0);
-    assert_eq!((too_heavy.newtons, too_heavy.limit, too_heavy.feasible), (40.0, Limit::Gripper, false));
+    assert_eq!(
+        (too_heavy.newtons, too_heavy.limit, too_heavy.infeasible_because),
+        (40.0, Limit::Gripper, Some(Reason::TooWeak))
+    );
     // The gripper presses with at least 10 N, but the part bears only 1.5 N.
     let delicate = f_star(0.5, bending(1.5), [10.0, 40.0], 0.05);
-    assert_eq!((delicate.newtons, delicate.limit, delicate.feasible), (10.0, Limit::Gripper, false));
+    assert_eq!(
+        (delicate.newtons, delicate.limit, delicate.infeasible_because),
+        (10.0, Limit::Gripper, Some(Reason::TooStrong))
+    );
     // Holding takes 5 N and the part bears 3 N: the paper's second case, (5 + 3) / 2.
     let impossible = star(5.0, 3.0);
-    assert_eq!((impossible.newtons, impossible.limit, impossible.feasible), (4.0, Limit::Slip, false));
+    assert_eq!(
+        (impossible.newtons, impossible.limit, impossible.infeasible_because),
+        (4.0, Limit::Slip, Some(Reason::Damage))
+    );
     // F_min = F_max is the second case.
-    assert!(!star(5.0, 5.0).feasible);
+    assert_eq!(star(5.0, 5.0).infeasible_because, Some(Reason::Damage));
 }
 
 #[test]
@@ -215,10 +224,52 @@ fn options_outside_their_domain_are_refused() {
         let options = Options { lift_angle_deg, ..Options::default() };
         assert!(matches!(run(&options), Err(GraspError::LiftAngle { .. })), "{lift_angle_deg}");
     }
-    let curvature = Options { max_curvature: 0.0, ..Options::default() };
+    let curvature = Options { max_curvature: Some(0.0), ..Options::default() };
     assert!(matches!(run(&curvature), Err(GraspError::Curvature { .. })));
     let margin = Options { force_margin: 0.51, ..Options::default() };
     assert!(matches!(run(&margin), Err(GraspError::Margin { .. })));
+}
+
+#[test]
+fn why_no_force_is_safe_is_told_with_advice_that_fits() {
+    let (parts, labels) = hammer();
+    let verdict = |force_n: [f64; 2], strength_pa: f64| {
+        let mut labels = labels.clone();
+        labels[0].yield_strength_pa = Estimate::exactly(strength_pa);
+        let [least, most] = force_n;
+        let profile = format!(
+            "name = \"g\"\nforce_n = [{least:?}, {most:?}]\nfinger_area_m2 = 1.1e-4\npad = \"rubber\"\n\
+             [command]\nenabled_from = 0.0\nfull = 1.0\n"
+        );
+        let gripper = GripperProfile::from_toml(&profile, "test").unwrap();
+        let report = grasp(&parts, &labels, None, 1.0, &gripper, &of_part("handle")).unwrap();
+        assert!(!report.feasible);
+        report.infeasible.unwrap()
+    };
+    // F_min is 3.92 N; a strength of 1e4 Pa on 1.1e-4 m2 bears 1.1 N, of 1e5 Pa 11 N.
+    let weak = verdict([0.0, 3.0], 5e7);
+    assert_eq!(weak.reason, Reason::TooWeak);
+    assert!(weak.explanation.contains("3.920 N") && weak.explanation.contains("3 N"), "{weak}");
+    assert!(weak.advice.contains("stronger gripper") && weak.advice.contains("two hands"), "{weak}");
+    let strong = verdict([20.0, 40.0], 1e5);
+    assert_eq!(strong.reason, Reason::TooStrong);
+    assert!(strong.explanation.contains("11.000 N") && strong.advice.contains("gentler"), "{strong}");
+    let tender = verdict([0.0, 40.0], 1e4);
+    assert_eq!(tender.reason, Reason::Damage);
+    assert!(tender.explanation.contains("1.100 N") && tender.advice.contains("wider fingers"), "{tender}");
+    assert!(!tender.advice.contains("stronger"), "{tender}");
+}
+
+#[test]
+fn kappa_max_is_that_of_the_parts_family_unless_it_is_given() {
+    let (parts, mut labels) = hammer();
+    labels[0].family = "glass".to_owned();
+    let curvature = |max_curvature| {
+        let options = Options { max_curvature, ..of_part("handle") };
+        grasp(&parts, &labels, None, 1.0, &paper(), &options).unwrap().inputs.max_curvature_1_m
+    };
+    assert!(curvature(None) < 0.5, "glass breaks sooner than metal");
+    assert_eq!(curvature(Some(0.5)), 0.5);
 }
 
 #[test]
@@ -267,7 +318,7 @@ proptest! {
         let star = f_star(f_min, ForceMax { newtons: f_max, limit: Limit::Yield }, [low, low + span], margin);
         prop_assert!((low..=low + span).contains(&star.newtons));
         let spares_and_holds = f_min < f_max && (f_min..=f_max).contains(&star.newtons);
-        prop_assert_eq!(star.feasible, spares_and_holds);
+        prop_assert_eq!(star.infeasible_because.is_none(), spares_and_holds);
         if f_min >= f_max {
             prop_assert_eq!(star.limit, Limit::Slip);
         }

@@ -2,7 +2,7 @@
 
 use gprop::grasp::gripper::GripperProfile;
 use gprop::grasp::surface::Surface;
-use gprop::grasp::{GraspError, GraspReport, Options, grasp};
+use gprop::grasp::{GraspError, GraspReport, Options, Reason, grasp};
 use gprop::parts::{self, PartsResult};
 use gprop::progress::Progress;
 use gprop::query::Form;
@@ -142,4 +142,23 @@ fn torque_by_hand() {
     let held = 2.0 * 2.0 / 3.0 * 0.5 * place.f_star_n * radius * (1.0 - taken * taken).max(0.0).sqrt();
     let by_hand = held - mass * 9.8 * place.lever_m;
     assert!((place.torque_margin_n_m - by_hand).abs() < 1e-12, "{} is not {by_hand}", place.torque_margin_n_m);
+}
+
+/// Nothing can be held at the end of the rod: the disc below weighs too much for its lever.
+#[test]
+fn an_object_that_turns_between_the_fingers_is_no_safe_grip() {
+    let scene = scene(&lollipop(), &[Form::Solid, Form::Solid]);
+    let at_the_end = Options { point: Some([0.0, 0.015, 0.16]), ..Options::default() };
+    let report = run(&scene, "paper", &at_the_end).unwrap();
+    let best = &report.candidates[0];
+    assert!(report.f_min_n < report.f_star_n && report.f_star_n < report.f_max_n, "the forces alone fit");
+    assert!(best.torque_margin_n_m < 0.0 && best.infeasible_because == Some(Reason::Turns), "{best:?}");
+    let why = report.infeasible.as_ref().unwrap();
+    assert!(!report.feasible && why.reason == Reason::Turns, "{why}");
+    assert!(["nearer to the centre of mass", "wider", "two hands"].iter().all(|a| why.advice.contains(a)), "{why}");
+    assert!(report.warnings.iter().any(|warning| warning.contains("no safe grip")), "{:?}", report.warnings);
+    // Among places at which it turns and others, the others come first.
+    let anywhere = run(&scene, "robotiq-2f-85", &Options { auto: true, ..Options::default() }).unwrap();
+    let turns: Vec<bool> = anywhere.candidates.iter().map(|place| place.torque_margin_n_m < 0.0).collect();
+    assert!(turns.is_sorted(), "{turns:?}");
 }

@@ -9,10 +9,10 @@ use super::{a, good_answer, with};
 
 fn read_as(response: &str, unknown: Unknown) -> Result<Answer, Problem> {
     let library = MaterialLibrary::builtin();
-    let questions = Questions::new(&Prompts::builtin(), library, Guidance::Single, Context::GlobalLocal).unwrap();
+    let questions = Questions::new(&Prompts::builtin(), library, Guidance::OneQuestion, Context::GlobalLocal).unwrap();
     match questions.read(questions.first(), response, library, unknown)? {
         Reading::Answered(answer) => Ok(*answer),
-        Reading::Next(_) => panic!("single guidance has one question"),
+        Reading::Next(_) => panic!("there is only one question"),
     }
 }
 
@@ -84,7 +84,7 @@ fn a_family_is_taken_in_any_case() {
         assert_eq!((answer.family.as_str(), answer.flags), ("wood", vec![]), "{written}");
     }
     let (prompts, library) = (Prompts::builtin(), MaterialLibrary::builtin());
-    let questions = Questions::new(&prompts, library, Guidance::Gradual, Context::GlobalLocal).unwrap();
+    let questions = Questions::new(&prompts, library, Guidance::FamilyFirst, Context::GlobalLocal).unwrap();
     let response = json!({ "caption": "a part", "family": "WOOD" }).to_string();
     let reading = questions.read(questions.first(), &response, library, Unknown::Refuse).unwrap();
     assert!(matches!(reading, Reading::Next(next) if next.prompt.contains(a("wood"))));

@@ -13,8 +13,8 @@ fn parse(arguments: &[&str]) -> Result<Options, clap::Error> {
 
 #[test]
 fn flags_are_read_and_bounded() {
-    let options = parse(&["--answers", "live", "--guidance", "gradual", "--lmm-url", "http://h/v1"]).unwrap();
-    assert_eq!((options.answers, options.guidance), (AnswerSource::Live, Guidance::Gradual));
+    let options = parse(&["--answers", "live", "--guidance", "family-first", "--lmm-url", "http://h/v1"]).unwrap();
+    assert_eq!((options.answers, options.guidance), (AnswerSource::Live, Guidance::FamilyFirst));
     assert!(parse(&["--sheet-size", "100"]).is_err());
     assert!(parse(&["--answers", "guess"]).is_err());
 }

@@ -5,7 +5,7 @@ use gprop::query::{Context, Guidance, PromptError, Prompts};
 #[test]
 fn the_single_prompt_lists_every_material_of_the_library() {
     let library = MaterialLibrary::builtin();
-    let questions = Questions::new(&Prompts::builtin(), library, Guidance::Single, Context::GlobalLocal).unwrap();
+    let questions = Questions::new(&Prompts::builtin(), library, Guidance::OneQuestion, Context::GlobalLocal).unwrap();
     let prompt = &questions.first().prompt;
     for family in library.families() {
         for material in library.of_family(&family.name) {
@@ -18,10 +18,10 @@ fn the_single_prompt_lists_every_material_of_the_library() {
 }
 
 #[test]
-fn gradual_guidance_asks_the_family_first() {
+fn family_first_asks_for_the_family_and_then_for_its_materials() {
     let library = MaterialLibrary::builtin();
-    let questions = Questions::new(&Prompts::builtin(), library, Guidance::Gradual, Context::GlobalLocal).unwrap();
-    let single = Questions::new(&Prompts::builtin(), library, Guidance::Single, Context::GlobalLocal).unwrap();
+    let questions = Questions::new(&Prompts::builtin(), library, Guidance::FamilyFirst, Context::GlobalLocal).unwrap();
+    let single = Questions::new(&Prompts::builtin(), library, Guidance::OneQuestion, Context::GlobalLocal).unwrap();
     let chain = questions.longest_chain();
     assert_eq!(chain.len(), 2);
     assert!(!chain[0].prompt.contains("youngs_modulus_mpa"));

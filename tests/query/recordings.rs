@@ -233,11 +233,11 @@ fn an_endpoint_beyond_hope_ends_the_run_and_keeps_what_was_answered() {
 }
 
 #[test]
-fn gradual_guidance_records_both_questions_and_replays_through_moved_masks() {
+fn family_first_records_both_questions_and_replays_through_moved_masks() {
     let folder = tempfile::tempdir().unwrap();
     let prompts = Prompts::builtin();
-    let options = Options { guidance: Guidance::Gradual, ..small() };
-    let replay = Options { guidance: Guidance::Gradual, ..replay() };
+    let options = Options { guidance: Guidance::FamilyFirst, ..small() };
+    let replay = Options { guidance: Guidance::FamilyFirst, ..replay() };
     let asker = Scripted::new(|ask| {
         if ask.question.prompt.contains("youngs_modulus_mpa") {
             assert!(!ask.question.prompt.contains("\nmetal:"), "only the family's materials");

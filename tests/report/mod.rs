@@ -11,6 +11,7 @@ use std::sync::OnceLock;
 use serde_json::{Value, json};
 use tempfile::TempDir;
 
+use crate::batch::ball::Balls;
 use crate::query::{a, completion, good_answer};
 use crate::run::{QUICK, give_segments, gprop, hammer};
 use crate::support::models;
@@ -135,6 +136,32 @@ fn the_schema_refuses_what_is_not_a_report() {
     };
     assert_eq!(spoilt(&without_volume), 0, "a part may have no volume");
     assert!(spoilt(&|r| r["parts"]["parts"][0]["no_volume"] = json!("lost")) > 0, "a reason is one of two");
+}
+
+#[test]
+fn a_grip_that_is_not_safe_is_no_number_on_the_tile() {
+    let balls = Balls::new(1);
+    let gripper = balls.folder().with_file_name("weak.toml");
+    let weak = "name = \"weak\"\nforce_n = [0.0, 0.5]\nfinger_area_m2 = 1e-3\npad = \"rubber\"\nstroke_m = 0.4\n\
+                [command]\nenabled_from = 0.0\nfull = 100.0\n";
+    fs::write(&gripper, weak).unwrap();
+    let mut run = gprop();
+    run.env_remove("OPENAI_API_KEY")
+        .arg("run")
+        .arg(balls.scene(0))
+        .args(balls.answers())
+        .arg("--gripper")
+        .arg(&gripper);
+    let output = run.args(["--frames", "2", "--duration", "0.01", "--grid", "8"]).output().unwrap();
+    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+    let said = String::from_utf8_lossy(&output.stdout);
+    assert!(said.contains("no safe grip"), "{said}");
+    let work = balls.scene(0).join("gprop");
+    let grasp = json_file(work.join("report.json"))["grasp"].clone();
+    assert_eq!((&grasp["feasible"], &grasp["infeasible"]["reason"]), (&json!(false), &json!("too_weak")), "{grasp}");
+    let page = fs::read_to_string(work.join("report.html")).unwrap();
+    assert!(!page.contains(">grip with<") && page.contains("not safely"), "the tile shows no force");
+    assert!(page.contains(grasp["infeasible"]["advice"].as_str().unwrap()), "the page gives the advice");
 }
 
 #[test]

@@ -31,16 +31,6 @@ fn abo_500_is_listed_with_split_and_mass() {
 }
 
 #[test]
-fn our_own_scenes_are_in_metres() {
-    let made_up = super::folder::MadeUp::new();
-    assert_eq!(made_up.load().unwrap().scale, None);
-    std::fs::create_dir(made_up.path("ground_truth")).unwrap();
-    std::fs::write(made_up.path("ground_truth/parts.json"), "never opened").unwrap();
-    let scale = made_up.load().unwrap().scale.unwrap();
-    assert_eq!((scale.meters_per_unit, scale.source), (1.0, ScaleSource::DataSet));
-}
-
-#[test]
 fn mvimgnet_is_listed_with_class() {
     let found = dataset::list(&fixture("mvimgnet"), None).unwrap();
     assert_eq!(found.layout, Layout::MvImgNet);

@@ -1,5 +1,6 @@
 //! `gprop evaluate`: reads files and scenes, computes measures and prints them.
 
+mod grasp;
 mod parts;
 mod robustness;
 mod segmentation;
@@ -12,7 +13,6 @@ use anyhow::Context;
 use crate::error::UsageError;
 use crate::evaluate::EvaluateError;
 use crate::evaluate::filling;
-use crate::evaluate::grasp as grasp_rates;
 use crate::evaluate::hardness::{self, HardnessEvaluation, Measured, Reading};
 use crate::evaluate::masks::{Reference, compare};
 use crate::evaluate::mass::{self, MassEvaluation, WeighedPart};
@@ -21,16 +21,15 @@ use crate::evaluate::scores::Scores;
 use crate::evaluate::simulation::{self, SimulationError};
 use crate::files;
 use crate::from_splat::photo_with_foreground;
-use crate::grasp::gripper::GripperProfile;
 use crate::npz::Npz;
 use crate::output::one_line;
 use crate::pipeline::stored::Stored;
 use crate::pipeline::{Stage, open_segmenter};
 use crate::read_scope::ReadScope;
-use crate::scene::{self, SceneError};
+use crate::scene::{self, SceneError, dataset};
 use crate::segment;
 use crate::setup;
-use crate::workdir::Artifact;
+use crate::workdir::{Artifact, WorkDirError};
 
 use super::arguments::TrueParts;
 use super::{Evaluate, Global, options_of, print};
@@ -38,8 +37,8 @@ use super::{Evaluate, Global, options_of, print};
 /// `gprop evaluate`.
 pub fn evaluate(global: &Global, what: &Evaluate) -> anyhow::Result<()> {
     match what {
-        Evaluate::Grasp { outcomes, objects, gripper } => {
-            evaluate_grasp(global, outcomes.as_deref(), objects.as_deref(), gripper)
+        Evaluate::Grasp { scenes, out, outcomes, gripper } => {
+            grasp::evaluate(global, scenes, out.as_deref(), outcomes.as_deref(), gripper)
         }
         Evaluate::Simulation { reference } => evaluate_simulation(global, reference),
         Evaluate::Segmentation { scenes, truth, labels, out } => {
@@ -54,6 +53,9 @@ pub fn evaluate(global: &Global, what: &Evaluate) -> anyhow::Result<()> {
         Evaluate::Mass { predictions: Some(predictions), truth: Some(truth), .. } => {
             let found = mass::evaluate(mass::from_json(predictions, truth)?)?;
             print(global, &found, || mass_text(&found))
+        }
+        Evaluate::Mass { data_set: Some(folder), split, out, .. } => {
+            evaluate_data_set(global, folder, split.as_deref(), out.as_deref())
         }
         Evaluate::Mass { scenes, out, .. } => evaluate_masses(global, scenes, out.as_deref()),
         Evaluate::Hardness { points, out } => evaluate_hardness(global, points, out.as_deref()),
@@ -70,6 +72,32 @@ fn evaluate_masses(global: &Global, scenes: &[PathBuf], out: Option<&Path>) -> a
         Ok(mass::from_scene(&id, &parts, &truth)?)
     };
     let found = mass::evaluate(scenes.iter().map(weigh).collect::<anyhow::Result<_>>()?)?;
+    print(global, &found, || mass_text(&found))
+}
+
+/// The scenes of a data set that states their weights.
+fn evaluate_data_set(global: &Global, folder: &Path, split: Option<&str>, out: Option<&Path>) -> anyhow::Result<()> {
+    let listed = dataset::list(folder, None)?.scenes;
+    let chosen = listed.into_iter().filter(|entry| split.is_none() || entry.split.as_deref() == split);
+    let (mut objects, mut missing, mut weights) = (Vec::new(), Vec::new(), 0);
+    for entry in chosen {
+        let Some(weight_kg) = entry.mass_kg else { continue };
+        weights += 1;
+        let work = out.map(|out| out.join(&entry.name));
+        match Stored::open(&entry.folder, work.as_deref(), &[Stage::Parts]) {
+            Ok(stored) => objects.push(mass::from_weight(&entry.name, &stored.path(Artifact::Parts), weight_kg)?),
+            Err(WorkDirError::Unfinished { .. }) => missing.push(entry.name),
+            Err(error) => return Err(error.into()),
+        }
+    }
+    if objects.is_empty() {
+        let of_split = split.map(|split| format!(" of the split {split:?}")).unwrap_or_default();
+        let problem = format!(
+            "no scene{of_split} has been run whose weight {folder:?} states (it states {weights}); run `gprop batch` first"
+        );
+        return Err(UsageError(problem).into());
+    }
+    let found = MassEvaluation { missing, ..mass::evaluate(objects)? };
     print(global, &found, || mass_text(&found))
 }
 
@@ -136,31 +164,36 @@ fn one_scene_only(scenes: usize, out: Option<&Path>) -> Result<(), UsageError> {
 
 fn mass_text(found: &MassEvaluation) -> String {
     let mut text =
-        format!("{:<24} {:>10} {:>10} {:>10} {:>10}  covered\n", "object", "low kg", "high kg", "mean kg", "true kg");
+        format!("{:<24} {:>10} {:>10} {:>10} {:>10}  covered\n", "object", "low kg", "mid kg", "high kg", "true kg");
     for object in &found.objects {
         let (range, holds) = (object.predicted, if object.covered { "yes" } else { "no" });
         text += &format!(
             "{:<24} {:>10.4} {:>10.4} {:>10.4} {:>10.4}  {holds}\n",
             one_line(&object.id),
             range.low,
+            range.mid,
             range.high,
-            range.mid(),
             object.truth
         );
         object.parts.iter().for_each(|part| text += &part_line(part));
     }
-    text + &scores_text(&found.scores, "kg") + &format!("\nrange contains the truth: {:.0} %", 100.0 * found.coverage)
+    text += &scores_text(&found.scores, "kg");
+    text += &format!("\ninterval contains the truth: {:.0} %", 100.0 * found.coverage);
+    match found.missing.first() {
+        Some(first) => text + &format!("\nwithout a mass: {} scenes (first: {})", found.missing.len(), one_line(first)),
+        None => text,
+    }
 }
 
 fn part_line(part: &WeighedPart) -> String {
     let truth = part.true_mass_kg.map_or_else(|| "-".to_owned(), |mass| format!("{mass:.4}"));
     let name: String = one_line(&part.name).chars().take(22).collect();
     let columns = match part.mass_kg {
-        Some(mass) => [mass.low, mass.high, mass.mid].map(|kg| format!("{kg:.4}")),
+        Some(mass) => [mass.low, mass.mid, mass.high].map(|kg| format!("{kg:.4}")),
         None => ["none", "none", "none"].map(str::to_owned),
     };
-    let [low, high, mid] = columns;
-    format!("  {name:<22} {low:>10} {high:>10} {mid:>10} {truth:>10}\n")
+    let [low, mid, high] = columns;
+    format!("  {name:<22} {low:>10} {mid:>10} {high:>10} {truth:>10}\n")
 }
 
 fn hardness_text(found: &HardnessEvaluation) -> String {
@@ -185,24 +218,6 @@ fn scores_text(scores: &Scores, unit: &str) -> String {
         "ADE {:.3} {unit}  ALDE {:.3}  APE {:.3}  MnRE {:.3}  PRA {pra}  of {}",
         scores.ade, scores.alde, scores.ape, scores.mnre, scores.count
     )
-}
-
-fn evaluate_grasp(
-    global: &Global,
-    outcomes: Option<&Path>,
-    objects: Option<&Path>,
-    gripper: &str,
-) -> anyhow::Result<()> {
-    let (recorded, predicted) = match (outcomes, objects) {
-        (Some(path), _) => (grasp_rates::outcomes(path)?, false),
-        (None, Some(path)) => {
-            let gripper = GripperProfile::load(gripper)?;
-            (grasp_rates::predict(&grasp_rates::objects(path)?, &gripper), true)
-        }
-        (None, None) => unreachable!("clap asks for one of the two"),
-    };
-    let evaluation = grasp_rates::Evaluation::of(&recorded, predicted);
-    print(global, &evaluation, || evaluation.text())
 }
 
 fn evaluate_simulation(global: &Global, reference: &Path) -> anyhow::Result<()> {

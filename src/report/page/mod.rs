@@ -81,8 +81,12 @@ fn tiles(report: &Report) -> Vec<Value> {
         tiles.push(tile("volume", format!("{} cm³", significant(volume.mid * 1e6)), interval(volume, 1e6)));
     }
     if let Some(grasp) = &report.grasp {
-        let bounds = format!("slips below {}, damage above {}", significant(grasp.f_min_n), significant(grasp.f_max_n));
-        tiles.push(tile("grip with", format!("{} N", significant(grasp.f_star_n)), bounds));
+        let bounds =
+            || format!("slips below {}, damage above {}", significant(grasp.f_min_n), significant(grasp.f_max_n));
+        tiles.push(match &grasp.infeasible {
+            None => tile("grip with", format!("{} N", significant(grasp.f_star_n)), bounds()),
+            Some(why) => tile("grip", "not safely".to_owned(), why.explanation.clone()),
+        });
     }
     let seen = 100.0 * report.scene.seen_gaussians as f64 / report.scene.gaussians.max(1) as f64;
     tiles.push(tile("Gaussians seen", format!("{seen:.0} %"), "the rest took their neighbours' part".to_owned()));
@@ -145,20 +149,20 @@ fn css(color: [f32; 3]) -> String {
 }
 
 fn grasp(grasp: &GraspReport, pictures: &Pictures) -> Value {
-    let verdict = if grasp.feasible {
-        "holds the object without damaging the part".to_owned()
-    } else {
-        let limit = serde_json::to_value(grasp.limited_by).expect("a limit is a word");
-        format!("not a safe grasp, limited by {}", limit.as_str().unwrap_or_default())
+    let star = significant(grasp.f_star_n);
+    let sentence = match &grasp.infeasible {
+        None => format!(
+            "press with {star} N ({}, command {} of 100): holds the object without damaging the part.",
+            grasp.gripper,
+            significant(grasp.normalized_command),
+        ),
+        Some(why) => format!("no safe grip with {}: {why}.", grasp.gripper),
     };
     context! {
         part => short(&grasp.part),
-        sentence => format!(
-            "press with {} N ({}, command {} of 100): {verdict}.",
-            significant(grasp.f_star_n), grasp.gripper, significant(grasp.normalized_command),
-        ),
+        sentence,
         scale => force_scale(grasp),
-        star => significant(grasp.f_star_n),
+        star,
         f_min => significant(grasp.f_min_n),
         f_max => significant(grasp.f_max_n),
         picture => pictures.grasp.as_ref().map(|png| data_uri("image/png", png)),

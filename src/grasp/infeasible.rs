@@ -1,0 +1,68 @@
+//! Why a grasp is not safe, and what would make it so.
+
+use serde::{Deserialize, Serialize};
+
+use super::candidates::Candidate;
+use super::{GripperProfile, Limit, Options, Reason};
+
+/// Why a grasp is not safe, in words.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(test, derive(schemars::JsonSchema))]
+pub struct Infeasible {
+    pub reason: Reason,
+    /// The numbers that do not fit together.
+    pub explanation: String,
+    /// What could be changed.
+    pub advice: String,
+}
+
+impl Infeasible {
+    /// The verdict on forces of one finger that do not fit together.
+    pub fn of_force(reason: Reason, f_min_n: f64, f_max_n: f64, gripper: &GripperProfile) -> Self {
+        let ([least, most], name) = (gripper.force_n, &gripper.name);
+        let (explanation, advice) = match reason {
+            Reason::TooWeak => (
+                format!("each finger must press with {f_min_n:.3} N or more, but {name} has at most {most} N"),
+                "use a stronger gripper, or lift with two hands",
+            ),
+            Reason::TooStrong => (
+                format!("{name} presses with at least {least} N, but the part bears at most {f_max_n:.3} N"),
+                "use a gentler gripper or wider fingers, or grasp another part with --part",
+            ),
+            Reason::Damage | Reason::Turns => (
+                format!(
+                    "each finger must press with {f_min_n:.3} N or more, but the part bears at most {f_max_n:.3} N"
+                ),
+                "use wider fingers, grasp another part with --part, or lift with two hands",
+            ),
+        };
+        Self { reason, explanation, advice: advice.to_owned() }
+    }
+
+    /// The verdict if the object may turn between the fingers even at the `best` place.
+    pub fn of_torque(best: &Candidate, options: &Options) -> Self {
+        let mut advice = vec!["use wider fingers".to_owned()];
+        if best.limited_by == Limit::Gripper {
+            advice.push("a stronger gripper".to_owned());
+        }
+        if options.part.is_some() || options.point.is_some() {
+            advice.push("grasp nearer to the centre of mass (--auto)".to_owned());
+        }
+        Self {
+            reason: Reason::Turns,
+            explanation: format!(
+                "the weight can turn the object between the fingers: at {:.1} mm from the centre of mass, they resist {:.3} N m \
+                 too little",
+                best.lever_m * 1e3,
+                -best.torque_margin_n_m
+            ),
+            advice: format!("{}, or lift with two hands", advice.join(", ")),
+        }
+    }
+}
+
+impl std::fmt::Display for Infeasible {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        write!(f, "{}; {}", self.explanation, self.advice)
+    }
+}
