@@ -44,7 +44,7 @@ use crate::from_splat;
 use crate::grasp::gripper::GripperProfile;
 use crate::materials::MaterialLibrary;
 use crate::parts::Interior;
-use crate::progress::Progress;
+use crate::progress::{Progress, StageNumber};
 use crate::query::Answers;
 use crate::scene::{Scene, View};
 use crate::segment::Segmentation;
@@ -182,8 +182,10 @@ impl Pipeline {
     }
 
     fn carry_out(&mut self) -> Result<()> {
-        for stage in self.plan.stages() {
+        let stages: Vec<Stage> = self.plan.stages().collect();
+        for (index, &stage) in stages.iter().enumerate() {
             if !self.done.contains(&stage) {
+                self.progress = self.progress.of_stage(StageNumber { number: index + 1, of: stages.len() });
                 self.step(stage)?;
                 self.done.push(stage);
             }
@@ -280,7 +282,7 @@ impl Pipeline {
             outputs: done.outputs.into_iter().map(output).collect::<Result<_>>()?,
             key,
         };
-        self.progress.line(&format!("{:<9} {:.1} s", stage.name(), record.seconds));
+        self.progress.stage_done(&stage.name(), record.seconds);
         record.warnings.iter().for_each(|warning| warn!("{warning}"));
         self.record.keep_options(stage, &options);
         Ok(self.record.put(record, &self.work)?)

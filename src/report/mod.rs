@@ -20,7 +20,7 @@ use crate::vote::FieldLabel;
 pub use cloud::Cloud;
 pub use page::page;
 pub use pictures::{PictureError, Pictures, SheetPicture, ViewPictures};
-pub use summary::summary;
+pub use summary::{grasp_line, mass_line, part_lines, summary};
 
 /// Version of the format of `report.json`, which `docs/report.schema.json` describes: raised when a key changes its
 /// meaning or is removed.
