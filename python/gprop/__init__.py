@@ -99,12 +99,14 @@ def load(work: str | Path) -> Result:
     labels = _json(folder / "labels.json")
     measured = _json_if_there(folder / "parts.json")
     grasp = _json_if_there(folder / "grasp.json")
+    # Without a metric scale there is no object.
+    whole = (measured or {}).get("object") or {}
     field = _read_ply(folder / "field.ply")
     return Result(
         folder=folder,
         field=field,
         parts=_parts(labels, measured, field),
-        mass_kg=_numbers((measured or {}).get("object") and measured["object"]["mass_kg"], _ESTIMATE),
+        mass_kg=_numbers(whole.get("mass_kg"), _ESTIMATE),
         grasps=_grasps(grasp),
         grasp=grasp,
     )

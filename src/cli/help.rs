@@ -9,34 +9,20 @@ use crate::pipeline;
 
 use super::{command, refuse};
 
-/// The options of the stages that every command on a scene shows: where the scene's parts are, and how large it is.
-const OF_THE_SCENE: &[&str] = &["views", "splat", "cameras", "images", "masks", "scale"];
+/// The options of the stages that every command on a scene shows: where the scene's files are.
+const OF_THE_SCENE: &[&str] = &["views", "splat", "cameras", "images"];
+/// And how large it is, from the parts on.
+const OF_SIZE: &[&str] = &["scale"];
 
 /// The heading of the options that name ONNX Runtime and SAM.
 const SETUP: &str = "ONNX Runtime and SAM";
 
-/// The options of other stages that `gprop run`, `report` and `batch` show, besides [`OF_THE_SCENE`]: those that people set
-/// for one run.
-const OF_A_RUN: &[&str] = &[
-    "preset",
-    "view-list",
-    "align",
-    "object-box",
-    "render-views",
-    "segments",
-    "ask-views",
-    "offline",
-    "answers",
-    "lmm-url",
-    "lmm-model",
-    "max-usd",
-    "materials",
-    "scenario",
-    "drop-height",
-    "part",
-    "gripper",
-    "policy",
-];
+/// The options of the stages that commands with all stages show besides: those that people set for one run.
+const OF_A_RUN: &[&str] = &["preset", "masks", "offline", "lmm-url", "lmm-model", "max-usd", "scenario", "gripper"];
+
+/// Those of them that concern a single scene.
+const OF_ONE_SCENE: &[&str] =
+    &["view-list", "align", "object-box", "render-views", "ask-views", "answers", "part", "policy"];
 
 /// The headings of the stages' options that are a command's own.
 fn own_headings(command: &str) -> &'static [&'static str] {
@@ -79,8 +65,10 @@ pub fn with_help(program: clap::Command) -> clap::Command {
 /// The stages' options that `command` shows although they are not its own.
 fn common_options(command: &str) -> Vec<&'static str> {
     match command {
-        "run" | "batch" | "report" => [OF_THE_SCENE, OF_A_RUN].concat(),
-        _ => OF_THE_SCENE.to_vec(),
+        "run" | "report" => [OF_THE_SCENE, OF_SIZE, OF_A_RUN, OF_ONE_SCENE].concat(),
+        "batch" => [OF_THE_SCENE, OF_SIZE, OF_A_RUN].concat(),
+        "segment" | "query" | "vote" | "show" => OF_THE_SCENE.to_vec(),
+        _ => [OF_THE_SCENE, OF_SIZE].concat(),
     }
 }
 
@@ -144,8 +132,21 @@ mod tests {
             let all = command.render_long_help().to_string();
             let options: Vec<&str> =
                 command.get_arguments().filter(|a| !a.is_hide_set()).filter_map(|a| a.get_long()).collect();
-            let missing: Vec<_> = options.iter().filter(|flag| !has(&all, &format!("--{flag}"))).collect();
+            let missing: Vec<_> = options.iter().filter(|flag| !all.contains(&format!("--{flag}"))).collect();
             assert!(missing.is_empty(), "gprop {name} --help-all lacks {missing:?}");
+        }
+    }
+
+    #[test]
+    fn every_heading_is_shown_by_a_command() {
+        let stages = pipeline::Options::augment_args(clap::Command::new("stages"));
+        let program = command();
+        let own: Vec<&str> =
+            program.get_subcommands().flat_map(|command| own_headings(command.get_name())).copied().collect();
+        for argument in stages.get_arguments() {
+            let (long, heading) =
+                (argument.get_long().unwrap_or_default(), argument.get_help_heading().unwrap_or_default());
+            assert!(own.contains(&heading) || OF_A_RUN.contains(&long), "no command shows --{long} ({heading})");
         }
     }
 
@@ -153,7 +154,10 @@ mod tests {
     fn every_name_in_the_lists_is_an_option_or_a_heading() {
         let stages = pipeline::Options::augment_args(clap::Command::new("stages"));
         let is_option = |name: &&&str| stages.get_arguments().any(|argument| argument.get_long() == Some(**name));
-        assert_eq!(OF_THE_SCENE.iter().chain(OF_A_RUN).filter(|name| !is_option(name)).count(), 0);
+        assert_eq!(
+            [OF_THE_SCENE, OF_SIZE, OF_A_RUN, OF_ONE_SCENE].concat().iter().filter(|name| !is_option(name)).count(),
+            0
+        );
         for command in command().get_subcommands() {
             for heading in own_headings(command.get_name()) {
                 let has = stages.get_arguments().any(|argument| argument.get_help_heading() == Some(*heading));

@@ -96,7 +96,10 @@ pub struct Pipeline {
 struct Done {
     /// The files it wrote.
     outputs: Vec<PathBuf>,
+    /// What the user should check, because the result may be wrong.
     warnings: Vec<String>,
+    /// What the user may want to know.
+    notes: Vec<String>,
     /// Hash of its results if its key does not determine them.
     digest: Option<String>,
 }
@@ -277,6 +280,7 @@ impl Pipeline {
             seconds: start.elapsed().as_secs_f64(),
             reused: false,
             warnings: done.warnings,
+            notes: done.notes,
             inputs: self.inputs_of(stage).map(|(input, digest)| (input, digest.to_owned())).collect(),
             digest: done.digest.unwrap_or_else(|| key.clone()),
             outputs: done.outputs.into_iter().map(output).collect::<Result<_>>()?,
@@ -284,6 +288,7 @@ impl Pipeline {
         };
         self.progress.stage_done(&stage.name(), record.seconds);
         record.warnings.iter().for_each(|warning| warn!("{warning}"));
+        record.notes.iter().for_each(|note| info!("{note}"));
         self.record.keep_options(stage, &options);
         Ok(self.record.put(record, &self.work)?)
     }
@@ -314,12 +319,17 @@ impl Done {
         Self {
             outputs: outputs.into_iter().map(|artifact| artifact.path()).collect(),
             warnings: Vec::new(),
+            notes: Vec::new(),
             digest: None,
         }
     }
 
     fn warning(self, warnings: Vec<String>) -> Self {
         Self { warnings, ..self }
+    }
+
+    fn noting(self, notes: Vec<String>) -> Self {
+        Self { notes, ..self }
     }
 }
 

@@ -52,8 +52,10 @@ pub struct Report {
     pub simulation: SimulationReport,
     /// `None` if the metric scale is unknown.
     pub grasp: Option<GraspReport>,
-    /// Warnings, each with its stage.
-    pub warnings: Vec<Warning>,
+    /// What the user should check, because a result may be wrong, each with its stage.
+    pub warnings: Vec<Remark>,
+    /// What the user may want to know, each with its stage.
+    pub notes: Vec<Remark>,
     /// How to reproduce this result.
     pub reproduction: Reproduction,
 }
@@ -117,7 +119,7 @@ pub struct StageTime {
 /// Something the user should know.
 #[derive(Debug, Clone, Serialize)]
 #[cfg_attr(test, derive(schemars::JsonSchema))]
-pub struct Warning {
+pub struct Remark {
     pub stage: String,
     pub message: String,
 }

@@ -27,8 +27,10 @@ pub fn summary(report: &Report, report_page: &Path) -> String {
     if let Some(grasp) = &report.grasp {
         text += &grasp_line(grasp);
     }
-    if !report.warnings.is_empty() {
-        let _ = writeln!(text, "{} warnings, listed in the report", report.warnings.len());
+    match report.warnings.len() {
+        0 => {}
+        1 => text += "1 thing to check, at the top of the report\n",
+        several => text += &format!("{several} things to check, at the top of the report\n"),
     }
     let _ = write!(text, "report {}", one_line(&report_page.to_string_lossy()));
     text

@@ -41,7 +41,7 @@ pub fn segment_views<E: From<SegmentError> + Send>(
 }
 
 /// A progress bar over the views. How many prompts a view takes is known only while it is segmented, and some turn up
-/// late; so each view has an equal part of the bar, which its prompts fill and never empty.
+/// late; so each view has an equal part of the bar, which its prompts fill up to [`BY_PROMPTS`] and never empty.
 struct Tally {
     bar: ProgressBar,
     views: u64,
@@ -49,6 +49,10 @@ struct Tally {
     /// The sum over the views of the parts that are filled, in [`WHOLE`]ths of a view.
     filled: AtomicU64,
 }
+
+/// How much of a view's part its prompts fill, in [`WHOLE`]ths. Sorting out the masks that they bring takes about as
+/// long as they do.
+const BY_PROMPTS: u64 = WHOLE / 2;
 
 /// The part of one view.
 struct ViewTally<'a> {
@@ -105,7 +109,7 @@ impl Observer for ViewTally<'_> {
 
     fn prompted(&self) {
         let prompted = self.prompted.fetch_add(1, Ordering::Relaxed) + 1;
-        self.fill(WHOLE * prompted / self.planned.load(Ordering::Relaxed).max(prompted));
+        self.fill(BY_PROMPTS * prompted / self.planned.load(Ordering::Relaxed).max(prompted));
     }
 }
 
