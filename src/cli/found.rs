@@ -18,7 +18,6 @@ use crate::simulate::SimulationReport;
 use crate::vote::MaterialField;
 use crate::workdir::Artifact;
 
-use super::scene::result_of;
 use super::shown;
 
 /// The result of `stage`, which must be done.
@@ -26,6 +25,9 @@ pub fn text(pipeline: &mut Pipeline, stage: Stage) -> anyhow::Result<String> {
     let mut text = match stage {
         Stage::Scene | Stage::Report => String::new(),
         Stage::Segment => segments(pipeline.segments()?),
+        Stage::Consensus if pipeline.work().size(Artifact::FoundParts).is_none() => {
+            return Ok("no parts: the model is asked about segments".to_owned());
+        }
         Stage::Consensus => parts_of_views(&pipeline.work().read_json(Artifact::FoundParts)?),
         Stage::Query => answers(pipeline.answers()?),
         Stage::Vote => materials(pipeline.field()?),
@@ -44,6 +46,21 @@ pub fn text(pipeline: &mut Pipeline, stage: Stage) -> anyhow::Result<String> {
     };
     artifacts.iter().for_each(|artifact| text += &format!("{}\n", shown(&pipeline.work().path(*artifact))));
     Ok(text)
+}
+
+/// The file with a stage's main result.
+pub fn result_of(stage: Stage) -> Artifact<'static> {
+    match stage {
+        Stage::Scene => Artifact::Views,
+        Stage::Segment => Artifact::Segments,
+        Stage::Consensus => Artifact::FoundParts,
+        Stage::Query => Artifact::Answers,
+        Stage::Vote => Artifact::Field,
+        Stage::Parts => Artifact::Parts,
+        Stage::Simulate => Artifact::Simulation,
+        Stage::Grasp => Artifact::Grasp,
+        Stage::Report => Artifact::ReportHtml,
+    }
 }
 
 /// A result that does not exist if the metric scale is unknown.

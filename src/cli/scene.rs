@@ -42,7 +42,7 @@ pub fn run(global: &Global, folder: &Path, work: &WorkArgs, to: Stage) -> anyhow
         let report = pipeline.report()?;
         return print(global, &report, || report::summary(&report, &pipeline.work().path(Artifact::ReportHtml)));
     }
-    let artifact = result_of(to);
+    let artifact = found::result_of(to);
     if global.json {
         return print(global, &json_of(&mut pipeline, artifact)?, String::new);
     }
@@ -119,21 +119,6 @@ fn dry_run(global: &Global, plan: Plan, reusable: &[Stage], queries: Option<&Pre
         }
         text
     })
-}
-
-/// The file with a stage's main result.
-pub fn result_of(stage: Stage) -> Artifact<'static> {
-    match stage {
-        Stage::Scene => Artifact::Views,
-        Stage::Segment => Artifact::Segments,
-        Stage::Consensus => Artifact::FoundParts,
-        Stage::Query => Artifact::Answers,
-        Stage::Vote => Artifact::Field,
-        Stage::Parts => Artifact::Parts,
-        Stage::Simulate => Artifact::Simulation,
-        Stage::Grasp => Artifact::Grasp,
-        Stage::Report => Artifact::ReportHtml,
-    }
 }
 
 /// An artifact as one JSON value; for the field, the labels that its numbers stand for.
