@@ -208,7 +208,10 @@ fn doctor_names_what_is_there_without_fetching() {
     assert!(!doctor.ok);
     assert_eq!(doctor.problems.len(), 3, "{:?}", doctor.problems);
     assert!(!empty.folder.path().join("bin/python3.was-run").exists());
-    assert_says(&doctor.to_string(), &["--ort-lib, then ORT_DYLIB_PATH, then the cache"]);
+    assert_says(
+        &doctor.to_string(),
+        &["--ort-lib, then ORT_DYLIB_PATH, then the Python environment of gprop's wheel, then the cache"],
+    );
 
     let Some(files) = support::models("doctor_names_what_is_there_without_fetching") else { return };
     let options = Options {

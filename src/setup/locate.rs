@@ -14,7 +14,7 @@ use crate::workdir::Checksum;
 
 /// The order in which gprop looks for files, for display. [`onnxruntime`], [`encoder`] and [`decoder`] follow it.
 pub const LOOKUP_ORDER: &str = "\
-ONNX Runtime: --ort-lib, then ORT_DYLIB_PATH, then the Python environment into which gprop was installed, then the cache
+ONNX Runtime: --ort-lib, then ORT_DYLIB_PATH, then the Python environment of gprop's wheel, then the cache
 SAM encoder:  --sam-encoder, then the cache
 SAM decoder:  --sam-decoder, then the cache
 cache:        $XDG_CACHE_HOME/gprop, by default ~/.cache/gprop";
