@@ -54,6 +54,7 @@ fn labelled(gaussians: &Gaussians) -> MaterialField {
         votes: vec![1.0; count],
         views: vec![1; count],
         warnings: Vec::new(),
+        notes: Vec::new(),
     }
 }
 

@@ -24,6 +24,7 @@ fn bench(criterion: &mut Criterion) {
         votes: vec![1.0; count],
         views: vec![1; count],
         warnings: Vec::new(),
+        notes: Vec::new(),
     };
     let draw = || ViewPictures::draw(view, &map, &scene.gaussians, &field).expect("the photo is there");
     criterion.bench_function("report/view", |bencher| bencher.iter(|| black_box(draw())));

@@ -29,7 +29,7 @@ pub enum ConfigError {
     Read { path: PathBuf, source: std::io::Error },
     #[error("{path:?} line {line}: {message}")]
     Syntax { path: PathBuf, line: usize, message: String },
-    #[error("{path:?} line {line}: unknown key `{key}`; keys are the long flags of `gprop run --help`{hint}")]
+    #[error("{path:?} line {line}: unknown key `{key}`; keys are the long flags of `gprop run --help-all`{hint}")]
     UnknownKey { path: PathBuf, line: usize, key: String, hint: String },
     #[error(
         "{path:?} line {line}: a scene may not set `{key}`, because a scene folder is data and may come from anybody; if you want \

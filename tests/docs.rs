@@ -97,10 +97,10 @@ fn refused_by_the_help(command: &str) -> Option<String> {
     let path: Vec<&String> = words[1..].iter().take_while(plain).take(2).collect();
     // The second word may be a subcommand (`grasp calibrate`) or an argument (`inspect folder`).
     let help = (1..=path.len()).rev().find_map(|length| {
-        let output = gprop().args(&path[..length]).arg("--help").output().unwrap();
+        let output = gprop().args(&path[..length]).arg("--help-all").output().unwrap();
         output.status.success().then(|| String::from_utf8(output.stdout).unwrap())
     });
-    let top = || String::from_utf8(gprop().arg("--help").output().unwrap().stdout).unwrap();
+    let top = || String::from_utf8(gprop().arg("--help-all").output().unwrap().stdout).unwrap();
     let help = match (help, path.is_empty()) {
         (Some(help), _) => help,
         (None, true) => top(),

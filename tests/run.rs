@@ -331,3 +331,101 @@ fn a_killed_run_resumes_to_the_same_bytes() {
         assert!(read(&undisturbed) == read(&killed), "{name} differs after the kills");
     }
 }
+
+/// The lines of a command's stderr that say which stage is done.
+fn stage_lines(output: &Output) -> Vec<String> {
+    let lines = stderr(output);
+    lines.lines().filter(|line| line.starts_with("stage ")).map(str::to_owned).collect()
+}
+
+#[test]
+fn commands_say_what_they_found_and_which_stage_of_how_many_is_done() {
+    if models("commands_say_what_they_found_and_which_stage_of_how_many_is_done").is_none() {
+        return;
+    }
+    let scene = hammer();
+    give_segments(&scene.path().join("gprop"));
+    let command = |name: &str| gprop().arg(name).arg(scene.path()).args(QUICK).output().unwrap();
+    let said = |name: &str, words: &[&str], file: &str| {
+        let output = command(name);
+        assert!(output.status.success(), "{}", stderr(&output));
+        let text = String::from_utf8(output.stdout.clone()).unwrap();
+        assert!(words.iter().all(|word| text.contains(word)), "gprop {name}: {text}");
+        assert!(text.lines().count() <= 15, "gprop {name} prints more than a few lines: {text}");
+        assert_eq!(text.lines().last(), Some(&*scene.path().join("gprop").join(file).to_string_lossy()));
+        output
+    };
+    let grasp = said("grasp", &["grasp  ", " N at the ", "places, best first:", " mm wide"], "grasp.json");
+    let stages = stage_lines(&grasp);
+    let names = ["scene", "segment", "consensus", "query", "vote", "parts", "grasp"];
+    assert_eq!(stages.len(), names.len(), "{stages:?}");
+    for (n, (line, name)) in stages.iter().zip(names).enumerate() {
+        let begin = format!("stage {} of 7  {name}", n + 1);
+        assert!(line.starts_with(&begin) && line.ends_with(" s"), "{line} is not {begin}");
+    }
+    let again = said("segment", &[" segments in 2 views"], "segments/segments.json");
+    assert_eq!(stage_lines(&again), Vec::<String>::new(), "nothing is left to do");
+    said("query", &[" answers", "hickory"], "answers.jsonl");
+    said("vote", &[" Gaussians: "], "field.ply");
+    said("parts", &[" g (", "mass   ", " kg ("], "parts.json");
+}
+
+#[cfg(unix)]
+#[test]
+fn the_report_is_opened_by_the_users_program_and_only_if_it_is_there() {
+    use std::os::unix::fs::PermissionsExt;
+
+    if models("the_report_is_opened_by_the_users_program_and_only_if_it_is_there").is_none() {
+        return;
+    }
+    let (scene, tools) = (hammer(), TempDir::new().unwrap());
+    let (opener, opened) = (tools.path().join("xdg-open"), tools.path().join("opened"));
+    fs::write(&opener, format!("#!/bin/sh\nprintf %s \"$1\" > '{}'\n", opened.display())).unwrap();
+    fs::set_permissions(&opener, fs::Permissions::from_mode(0o755)).unwrap();
+    let open = |arguments: &[&str]| {
+        let mut command = gprop();
+        command.arg(arguments[0]).arg(scene.path()).args(&arguments[1..]);
+        command.env("PATH", format!("{}:/usr/bin:/bin", tools.path().display())).output().unwrap()
+    };
+    let nothing = open(&["view"]);
+    assert_eq!(nothing.status.code(), Some(2));
+    assert!(stderr(&nothing).contains("has no report yet") && !opened.exists(), "{}", stderr(&nothing));
+
+    give_segments(&scene.path().join("gprop"));
+    let report = open(&[&["report", "--open"], QUICK].concat());
+    assert!(report.status.success(), "{}", stderr(&report));
+    assert!(String::from_utf8_lossy(&report.stdout).contains("mass   "), "the summary is printed too");
+    let page = scene.path().join("gprop/report.html");
+    assert_eq!(fs::read_to_string(&opened).unwrap(), page.to_str().unwrap());
+
+    fs::remove_file(&opened).unwrap();
+    assert!(open(&["view"]).status.success() && opened.exists());
+    // A link could make a browser open anything.
+    fs::rename(&page, tools.path().join("elsewhere.html")).unwrap();
+    std::os::unix::fs::symlink(tools.path().join("elsewhere.html"), &page).unwrap();
+    fs::remove_file(&opened).unwrap();
+    assert_eq!(open(&["view"]).status.code(), Some(2));
+    assert!(!opened.exists());
+    fs::remove_file(&page).unwrap();
+    fs::rename(tools.path().join("elsewhere.html"), &page).unwrap();
+    fs::write(&opener, "#!/bin/sh\nexit 3\n").unwrap();
+    let broken = open(&["view"]);
+    assert!(
+        stderr(&broken).contains("cannot open a browser") && broken.status.code() == Some(2),
+        "{}",
+        stderr(&broken)
+    );
+}
+
+#[test]
+fn help_is_found_in_three_ways() {
+    let said = |arguments: &[&str]| String::from_utf8(gprop().args(arguments).output().unwrap().stdout).unwrap();
+    let short = said(&["grasp", "--help"]);
+    assert!(short.contains("--force-margin") && !short.contains("--sam-encoder"), "{short}");
+    assert_eq!(said(&["grasp", "-h"]), short);
+    assert_eq!(said(&["help", "grasp"]), short);
+    assert!(said(&["grasp", "--help-all"]).contains("--sam-encoder"));
+    assert!(said(&["help", "evaluate", "mass"]).contains("--predictions"));
+    assert_eq!(said(&["help"]), said(&["--help"]));
+    assert_eq!(gprop().args(["help", "nonsense"]).output().unwrap().status.code(), Some(2));
+}

@@ -27,6 +27,7 @@ impl Machine {
             ort_dylib_path: None,
             offline: false,
             path: Some(folder.path().join("bin").into()),
+            program: None,
         };
         Self { folder, environment }
     }
@@ -207,7 +208,10 @@ fn doctor_names_what_is_there_without_fetching() {
     assert!(!doctor.ok);
     assert_eq!(doctor.problems.len(), 3, "{:?}", doctor.problems);
     assert!(!empty.folder.path().join("bin/python3.was-run").exists());
-    assert_says(&doctor.to_string(), &["--ort-lib, then ORT_DYLIB_PATH, then the cache"]);
+    assert_says(
+        &doctor.to_string(),
+        &["--ort-lib, then ORT_DYLIB_PATH, then the Python environment of gprop's wheel, then the cache"],
+    );
 
     let Some(files) = support::models("doctor_names_what_is_there_without_fetching") else { return };
     let options = Options {
@@ -220,4 +224,34 @@ fn doctor_names_what_is_there_without_fetching() {
     assert_eq!(json["ok"], true, "{json}");
     assert!(json["onnxruntime"]["path"].is_string() && json["onnxruntime"]["version"].is_string(), "{json}");
     assert!(json["sam"]["encoder"].is_string() && json["sam"]["decoder"].is_string(), "{json}");
+}
+
+#[test]
+fn the_wheels_dependency_is_found_beside_the_program_and_only_as_published() {
+    let name = "the_wheels_dependency_is_found_beside_the_program_and_only_as_published";
+    let Some(files) = support::models(name) else { return };
+    let mut machine = Machine::new();
+    let environment = machine.folder.path().join("venv");
+    machine.environment.program = Some(environment.join("bin/gprop"));
+    let file = &ONNXRUNTIME_WHEEL.files[0];
+    let library = environment.join("lib/python3.11/site-packages").join(file.member);
+    fs::create_dir_all(library.parent().unwrap()).unwrap();
+    fs::copy(&files.onnxruntime, &library).unwrap();
+    let published = gprop::workdir::Checksum::of_file(&library).unwrap().sha256 == file.sha256;
+    let found = doctor_in(&Options::default(), &machine.environment).onnxruntime;
+    assert_eq!(found.path.is_some(), published, "{found:?}");
+    if published {
+        assert_eq!((found.path, found.version.as_deref()), (Some(library.clone()), Some(ONNXRUNTIME_WHEEL.version)));
+    }
+    // One byte more, and it is some other file.
+    let mut bytes = fs::read(&library).unwrap();
+    bytes.push(0);
+    fs::write(&library, bytes).unwrap();
+    assert_eq!(doctor_in(&Options::default(), &machine.environment).onnxruntime.path, None);
+}
+
+#[test]
+fn the_wheel_depends_on_the_pinned_onnxruntime() {
+    let project = fs::read_to_string(Path::new(env!("CARGO_MANIFEST_DIR")).join("pyproject.toml")).unwrap();
+    assert!(project.contains(&format!("\"{}\"", ONNXRUNTIME_WHEEL.requirement)), "{project}");
 }

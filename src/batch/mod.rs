@@ -94,6 +94,11 @@ pub enum Standing {
     Failed,
 }
 
+/// The page of a batch that was run on the scenes in `folder`, without `--out`.
+pub fn page(folder: &Path) -> PathBuf {
+    folder.join(workdir::DEFAULT_NAME).join(FOLDER).join(index::FILE)
+}
+
 impl Batch {
     /// Lists the scenes of `folder` that `options` choose.
     ///

@@ -51,6 +51,10 @@ pub struct Global {
 pub enum Command {
     /// Run every stage in order, reusing the results of earlier runs.
     Run(RunArgs),
+    /// Run every stage as `gprop run` does, and show the report in the browser with --open.
+    Report(ReportArgs),
+    /// Open the report of an earlier run, or the page of an earlier batch, in the browser.
+    View(ViewArgs),
     /// Cut the chosen views of a scene, or a single picture, into segments with SAM.
     Segment(SceneArgs),
     /// Get the material of each part from recorded answers or a model; or export queries and import answers.
@@ -82,6 +86,12 @@ pub enum Command {
     Setup(SetupArgs),
     /// Check ONNX Runtime and SAM without fetching anything.
     Doctor(SetupArgs),
+    /// Print the help of a command.
+    Help {
+        /// The command, such as `grasp` or `evaluate mass` [default: gprop itself]
+        #[arg(value_name = "COMMAND")]
+        of: Vec<String>,
+    },
     /// Print a completion script for a shell.
     Completions {
         /// Shell to write the script for.
@@ -196,6 +206,21 @@ pub struct RunArgs {
     pub end_with_stdin: bool,
     #[command(flatten)]
     pub scene: SceneArgs,
+}
+
+#[derive(Debug, Args)]
+pub struct ReportArgs {
+    /// Open the report in the browser.
+    #[arg(long)]
+    pub open: bool,
+    #[command(flatten)]
+    pub scene: SceneArgs,
+}
+
+#[derive(Debug, Args)]
+pub struct ViewArgs {
+    /// Scene folder, work folder, or folder on which `gprop batch` was run.
+    pub folder: PathBuf,
 }
 
 #[derive(Debug, Args)]

@@ -2,24 +2,21 @@
 
 use std::path::Path;
 
-use clap::CommandFactory;
-
 use crate::error::UsageError;
 
-use super::arguments::Cli;
-use super::{Global, print, shown};
+use super::{Global, command, print, shown};
 
 /// `gprop completions SHELL`.
 pub fn completions(global: &Global, shell: clap_complete::Shell) -> anyhow::Result<()> {
     let mut script = Vec::new();
-    clap_complete::generate(shell, &mut Cli::command(), "gprop", &mut script);
+    clap_complete::generate(shell, &mut command(), "gprop", &mut script);
     print_text(global, script)
 }
 
 /// `gprop man`.
 pub fn page(global: &Global) -> anyhow::Result<()> {
     let mut page = Vec::new();
-    clap_mangen::Man::new(Cli::command()).render(&mut page)?;
+    clap_mangen::Man::new(command()).render(&mut page)?;
     print_text(global, page)
 }
 
@@ -27,7 +24,7 @@ pub fn page(global: &Global) -> anyhow::Result<()> {
 pub fn pages(global: &Global, folder: &Path) -> anyhow::Result<()> {
     let cannot = |error| UsageError(format!("cannot write manual pages into {folder:?}: {error}"));
     std::fs::create_dir_all(folder).map_err(cannot)?;
-    clap_mangen::generate_to(Cli::command(), folder).map_err(cannot)?;
+    clap_mangen::generate_to(command(), folder).map_err(cannot)?;
     print(global, &folder, || shown(folder))
 }
 

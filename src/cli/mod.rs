@@ -4,12 +4,15 @@
 mod arguments;
 mod batch;
 mod evaluate;
+mod found;
+mod help;
 mod manual;
 mod picture;
 mod query;
 mod scene;
 mod simulate;
 mod tools;
+mod view;
 
 use std::ffi::{OsStr, OsString};
 use std::io::{self, IsTerminal, Write};
@@ -26,8 +29,8 @@ use crate::pipeline::{self, Preset, Stage, THREADS, known_flags};
 use crate::progress::Progress;
 use crate::{config, exit, inspect, output};
 use arguments::{
-    BatchArgs, Cli, Command, Compat, Evaluate, ExportArgs, Global, Grasp, GraspArgs, Materials, QueryArgs, SceneArgs,
-    ShowArgs, SimulateArgs, WorkArgs,
+    BatchArgs, Cli, Command, Compat, Evaluate, ExportArgs, Global, Grasp, GraspArgs, Materials, QueryArgs, ReportArgs,
+    SceneArgs, ShowArgs, SimulateArgs, ViewArgs, WorkArgs,
 };
 
 /// The program: runs the command line, prints an error once, and returns the exit code. A panic ends the process as a
@@ -62,6 +65,8 @@ fn run(arguments: Vec<OsString>) -> anyhow::Result<()> {
             }
             scene::run(global, &args.scene.scene, &args.scene.work, args.to)
         }
+        Command::Report(args) => view::report(global, args),
+        Command::View(args) => view::view(global, args),
         Command::Segment(args) if args.scene.is_file() => picture::segment(global, args),
         Command::Segment(args) => scene::run(global, &args.scene, &args.work, Stage::Segment),
         Command::Query(args) => query::query(global, args),
@@ -82,6 +87,7 @@ fn run(arguments: Vec<OsString>) -> anyhow::Result<()> {
         Command::Materials(what) => tools::materials(global, what),
         Command::Setup(args) => tools::set_up(global, &args.options),
         Command::Doctor(args) => tools::doctor(global, &args.options),
+        Command::Help { of } => help::show(of),
         Command::Completions { shell } => manual::completions(global, *shell),
         Command::Man { out: None } => manual::page(global),
         Command::Man { out: Some(folder) } => manual::pages(global, folder),
@@ -90,7 +96,7 @@ fn run(arguments: Vec<OsString>) -> anyhow::Result<()> {
 
 /// The program's clap command: all arguments, with their help.
 pub fn command() -> clap::Command {
-    Cli::command()
+    help::with_help(Cli::command())
 }
 
 /// Parses the arguments, with the flags of the configuration files inserted before them.
@@ -101,7 +107,7 @@ fn parse(arguments: &[OsString]) -> anyhow::Result<Cli> {
 /// Like [`parse`], with the user's configuration in `user_file`. A first pass, which ignores errors, finds the command
 /// and the scene.
 fn parse_with(arguments: &[OsString], user_file: Option<&Path>) -> anyhow::Result<Cli> {
-    let first_look = Cli::command().ignore_errors(true).try_get_matches_from(arguments);
+    let first_look = command().ignore_errors(true).try_get_matches_from(arguments);
     let mut all = arguments.to_vec();
     let mut typed = Vec::new();
     if let Ok(matches) = &first_look {
@@ -122,7 +128,7 @@ fn parse_with(arguments: &[OsString], user_file: Option<&Path>) -> anyhow::Resul
         all.splice(place..place, flags.into_iter().filter(takes));
         typed = stage_flags(matches);
     }
-    let matches = Cli::command().try_get_matches_from(all).unwrap_or_else(|error| refuse(error));
+    let matches = command().try_get_matches_from(all).unwrap_or_else(|error| refuse(error));
     let mut cli = Cli::from_arg_matches(&matches).unwrap_or_else(|error| refuse(error));
     let effective = matches.subcommand().map_or_else(Vec::new, |(_, matches)| stage_flags(matches));
     (cli.global.typed, cli.global.effective) = (typed, effective);
@@ -145,7 +151,7 @@ fn innermost<'a>(
     arguments: &[OsString],
     mut matches: &'a clap::ArgMatches,
 ) -> (usize, clap::Command, &'a clap::ArgMatches) {
-    let (mut place, mut command) = (1, Cli::command());
+    let (mut place, mut command) = (1, command());
     while let Some((name, inner)) = matches.subcommand() {
         let behind = arguments.iter().skip(place).position(|argument| argument == name);
         let (Some(behind), Some(found)) = (behind, command.find_subcommand(name)) else { break };
@@ -239,8 +245,8 @@ impl Global {
     fn progress(&self) -> Progress {
         match (self.quiet, io::stderr().is_terminal()) {
             (true, _) => Progress::Hidden,
-            (false, true) => Progress::Shown,
-            (false, false) => Progress::Lines,
+            (false, true) => Progress::Shown(None),
+            (false, false) => Progress::Lines(None),
         }
     }
 }

@@ -11,7 +11,7 @@ use crate::query::Preview;
 use crate::report;
 use crate::workdir::{self, Artifact};
 
-use super::{ExportArgs, Global, ShowArgs, WorkArgs, print, shown};
+use super::{ExportArgs, Global, ShowArgs, WorkArgs, found, print, print_text, shown};
 
 /// A stage in the output of a dry run.
 #[derive(Serialize)]
@@ -42,10 +42,11 @@ pub fn run(global: &Global, folder: &Path, work: &WorkArgs, to: Stage) -> anyhow
         let report = pipeline.report()?;
         return print(global, &report, || report::summary(&report, &pipeline.work().path(Artifact::ReportHtml)));
     }
-    let artifact = result_of(to);
-    let path = pipeline.work().path(artifact);
-    let value: Value = if global.json { json_of(&mut pipeline, artifact)? } else { Value::Null };
-    print(global, &value, || shown(&path))
+    let artifact = found::result_of(to);
+    if global.json {
+        return print(global, &json_of(&mut pipeline, artifact)?, String::new);
+    }
+    print_text(&found::text(&mut pipeline, to)?)
 }
 
 /// Draws the field, after running the stages up to the vote.
@@ -118,21 +119,6 @@ fn dry_run(global: &Global, plan: Plan, reusable: &[Stage], queries: Option<&Pre
         }
         text
     })
-}
-
-/// The file with a stage's main result.
-fn result_of(stage: Stage) -> Artifact<'static> {
-    match stage {
-        Stage::Scene => Artifact::Views,
-        Stage::Segment => Artifact::Segments,
-        Stage::Consensus => Artifact::FoundParts,
-        Stage::Query => Artifact::Answers,
-        Stage::Vote => Artifact::Field,
-        Stage::Parts => Artifact::Parts,
-        Stage::Simulate => Artifact::Simulation,
-        Stage::Grasp => Artifact::Grasp,
-        Stage::Report => Artifact::ReportHtml,
-    }
 }
 
 /// An artifact as one JSON value; for the field, the labels that its numbers stand for.

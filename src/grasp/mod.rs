@@ -108,8 +108,11 @@ pub struct GraspReport {
     pub inputs: Inputs,
     /// The best places to grasp at, best first; the forces above are for the first. Empty if none was found.
     pub candidates: Vec<Candidate>,
-    /// Warnings.
+    /// What the user should check.
     pub warnings: Vec<String>,
+    /// What the user may want to know.
+    #[serde(default)]
+    pub notes: Vec<String>,
 }
 
 /// The forces to lift the object with `gripper` by the paper's [`formulas`], at the best of the places where the
@@ -181,9 +184,11 @@ pub fn grasp(
         (None, _) => None,
     };
     warnings.extend(infeasible.as_ref().map(|why| format!("no safe grip: {why}")));
+    let mut notes = Vec::new();
     if !gripper.is_calibrated() {
-        warnings.push(format!(
-            "gripper {} has no calibration points: its command is taken as linear in the force",
+        notes.push(format!(
+            "gripper {} has no calibration points: its command is taken as linear in the force; `gprop grasp calibrate` \
+             makes a profile from measurements",
             gripper.name
         ));
     }
@@ -206,5 +211,6 @@ pub fn grasp(
         inputs,
         candidates,
         warnings,
+        notes,
     })
 }

@@ -10,7 +10,7 @@ use crate::scene::{ForegroundSource, Scene, SceneError, View};
 /// Compares every view, one after the other: the rasteriser uses all threads.
 pub(super) fn compare(scene: &Scene, views: &[View], progress: Progress) -> Result<Vec<ViewFit>, SceneError> {
     let cloud = scene.whole_cloud();
-    let bar = progress.bar("inspect", views.len() as u64);
+    let bar = progress.bar("inspect", views.len() as u64).with_message("views");
     let fit = |view: &View| {
         let photo = view.photo()?;
         let picture = render(&cloud, &view.camera, &RenderOptions::default());

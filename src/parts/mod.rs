@@ -48,8 +48,10 @@ pub struct PartsResult {
     pub interior: Interior,
     /// By label of the field, including labels that fill nothing.
     pub shapes: Vec<Shape>,
-    /// Messages about problems that are not fatal, with counts.
+    /// What the user should check, because masses may be wrong, with counts.
     pub warnings: Vec<String>,
+    /// What the user may want to know, with counts.
+    pub notes: Vec<String>,
     parts: Option<Parts>,
 }
 
@@ -121,12 +123,13 @@ pub fn parts(
         mass::combined(&weighables(&shapes, &field.labels, &pieces)).ok_or_else(|| no_volume(field, &shapes))?;
     set_distances(&mut shapes, &mut pieces, &bodies, &cells, whole.center);
     let floaters = (0..kept.len()).filter(|&i| !kept[i] && !gaussians.is_set_aside(i)).count();
-    let warnings = warnings(field, floaters, &shapes, &composed, scale.is_none(), options.min_part_share);
+    let warnings = warnings(field, floaters, &shapes, scale.is_none());
+    let notes = notes(field, floaters, &shapes, &composed, options.min_part_share);
     let parts = meters_per_unit.map(|scale| {
         let (object, parts) = mass::weigh(&whole, &weighables(&shapes, &field.labels, &pieces), scale, options.bodies);
-        Parts { object, parts, warnings: warnings.clone() }
+        Parts { object, parts, warnings: warnings.clone(), notes: notes.clone() }
     });
-    Ok(PartsResult { interior: composed.interior, shapes, warnings, parts })
+    Ok(PartsResult { interior: composed.interior, shapes, warnings, notes, parts })
 }
 
 fn weighables<'a>(shapes: &'a [Shape], labels: &'a [FieldLabel], pieces: &'a [Vec<Piece>]) -> Vec<Weighable<'a>> {
@@ -254,48 +257,88 @@ fn no_volume(field: &MaterialField, shapes: &[Shape]) -> PartsError {
     PartsError::NoVolume { parts: used.len(), why: why.collect::<Vec<_>>().join("; ") }
 }
 
-fn warnings(
+/// Up to this share of an object's Gaussians, what they lack changes no mass that matters.
+const FEW: f64 = 0.001;
+/// Clouds have floaters; up to this share of the Gaussians they are no sign of a second object.
+const USUAL_FLOATERS: f64 = 0.01;
+
+fn is_few(gaussians: usize, field: &MaterialField) -> bool {
+    gaussians as f64 <= FEW * field.part_label.len() as f64
+}
+
+fn are_usual(floaters: usize, field: &MaterialField) -> bool {
+    floaters as f64 <= USUAL_FLOATERS * field.part_label.len() as f64
+}
+
+/// What may make the masses wrong, and what to do.
+fn warnings(field: &MaterialField, floaters: usize, shapes: &[Shape], scale_unknown: bool) -> Vec<String> {
+    let mut warnings = Vec::new();
+    if !are_usual(floaters, field) {
+        let all = field.part_label.len();
+        warnings.push(format!(
+            "{floaters} of {all} Gaussians ({:.1} %) float off the object and count towards no volume; if they are a part of it, \
+             lower --min-body-share",
+            100.0 * floaters as f64 / all as f64
+        ));
+    }
+    for (shape, why) in without_volume(shapes).filter(|(shape, _)| !is_few(shape.gaussians, field)) {
+        let (name, count) = (&field.labels[shape.id as usize].caption, shape.gaussians);
+        warnings.push(format!(
+            "part {name:?} ({count} Gaussians) {why}: no volume, no mass; if it is a part of the object, see whether its pictures \
+             in the report show it"
+        ));
+    }
+    let shells = field.labels.iter().any(|l| matches!(l.form, Form::Shell { .. }));
+    if scale_unknown && shells {
+        warnings.push("walls are known in metres only: without --scale, shells count as solid".to_owned());
+    }
+    warnings
+}
+
+/// The parts with Gaussians but without a volume, and why.
+fn without_volume(shapes: &[Shape]) -> impl Iterator<Item = (&Shape, NoVolume)> {
+    shapes.iter().filter(|shape| shape.gaussians > 0).filter_map(|shape| Some((shape, shape.no_volume?)))
+}
+
+/// What was assumed, and specks that change no mass that matters.
+fn notes(
     field: &MaterialField,
     floaters: usize,
     shapes: &[Shape],
     composed: &Composed,
-    scale_unknown: bool,
     min_part_share: f64,
 ) -> Vec<String> {
     let caption = |l: u32| &field.labels[l as usize].caption;
-    let mut warnings = Vec::new();
-    if floaters > 0 {
+    let mut notes = Vec::new();
+    if floaters > 0 && are_usual(floaters, field) {
         let count = field.part_label.len();
-        warnings.push(format!("{floaters} of {count} Gaussians float off the object and count towards no volume"));
+        notes.push(format!("{floaters} of {count} Gaussians float off the object and count towards no volume"));
     }
-    for (shape, why) in shapes.iter().filter(|s| s.gaussians > 0).filter_map(|s| Some((s, s.no_volume?))) {
+    for (shape, why) in without_volume(shapes).filter(|(shape, _)| is_few(shape.gaussians, field)) {
         let (name, count) = (caption(shape.id), shape.gaussians);
-        warnings.push(format!("part {name:?} ({count} Gaussians) {why}: no volume, no mass"));
+        notes
+            .push(format!("part {name:?} ({count} of {} Gaussians) {why}: no volume, no mass", field.part_label.len()));
     }
     let volumes = || shapes.iter().filter_map(|shape| Some((shape.id, shape.volume?.mid)));
     let whole: f64 = volumes().map(|(_, volume)| volume).sum();
     for (id, volume) in volumes().filter(|(_, volume)| *volume < min_part_share * whole) {
         let (name, percent) = (caption(id), 100.0 * volume / whole);
-        warnings.push(format!(
-            "part {name:?} is {percent:.3} % of the object: a real detail, or a speck left by a wrong answer"
+        notes.push(format!(
+            "part {name:?} is {percent:.3} % of the object's volume: a real detail, or a speck left by a wrong answer"
         ));
     }
     for (shell, core) in composed.cores.iter().enumerate() {
         if let Some(core) = core {
             let (shell, core) = (caption(shell as u32), caption(*core));
-            warnings.push(format!("{core:?} is assumed to continue inside {shell:?}, where no view sees it"));
+            notes.push(format!("{core:?} is assumed to continue inside {shell:?}, where no view sees it"));
         }
     }
     for (peg, through) in &composed.passages {
-        warnings.push(format!(
+        notes.push(format!(
             "{:?} is assumed to go through {:?}, where no view sees it",
             caption(*peg),
             caption(*through)
         ));
     }
-    let shells = field.labels.iter().any(|l| matches!(l.form, Form::Shell { .. }));
-    if scale_unknown && shells {
-        warnings.push("walls are known in metres only: without a scale, shells count as solid".to_owned());
-    }
-    warnings
+    notes
 }

@@ -14,8 +14,11 @@ pub struct Parts {
     pub object: Object,
     /// By id.
     pub parts: Vec<Part>,
-    /// Warnings.
+    /// What the user should check.
     pub warnings: Vec<String>,
+    /// What the user may want to know.
+    #[serde(default)]
+    pub notes: Vec<String>,
 }
 
 /// The whole object. It has a volume; without one there is no result.

@@ -44,7 +44,7 @@ impl Pipeline {
             None => self.work.remove(Artifact::GraspPicture)?,
         }
         self.work.write_json(Artifact::Grasp, &report)?;
-        Ok(Done::writing(outputs).warning(report.warnings))
+        Ok(Done::writing(outputs).warning(report.warnings).noting(report.notes))
     }
 
     /// The stored forces.

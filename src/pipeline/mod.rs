@@ -44,7 +44,7 @@ use crate::from_splat;
 use crate::grasp::gripper::GripperProfile;
 use crate::materials::MaterialLibrary;
 use crate::parts::Interior;
-use crate::progress::Progress;
+use crate::progress::{Progress, StageNumber};
 use crate::query::Answers;
 use crate::scene::{Scene, View};
 use crate::segment::Segmentation;
@@ -96,7 +96,10 @@ pub struct Pipeline {
 struct Done {
     /// The files it wrote.
     outputs: Vec<PathBuf>,
+    /// What the user should check, because the result may be wrong.
     warnings: Vec<String>,
+    /// What the user may want to know.
+    notes: Vec<String>,
     /// Hash of its results if its key does not determine them.
     digest: Option<String>,
 }
@@ -182,8 +185,10 @@ impl Pipeline {
     }
 
     fn carry_out(&mut self) -> Result<()> {
-        for stage in self.plan.stages() {
+        let stages: Vec<Stage> = self.plan.stages().collect();
+        for (index, &stage) in stages.iter().enumerate() {
             if !self.done.contains(&stage) {
+                self.progress = self.progress.of_stage(StageNumber { number: index + 1, of: stages.len() });
                 self.step(stage)?;
                 self.done.push(stage);
             }
@@ -275,13 +280,15 @@ impl Pipeline {
             seconds: start.elapsed().as_secs_f64(),
             reused: false,
             warnings: done.warnings,
+            notes: done.notes,
             inputs: self.inputs_of(stage).map(|(input, digest)| (input, digest.to_owned())).collect(),
             digest: done.digest.unwrap_or_else(|| key.clone()),
             outputs: done.outputs.into_iter().map(output).collect::<Result<_>>()?,
             key,
         };
-        self.progress.line(&format!("{:<9} {:.1} s", stage.name(), record.seconds));
+        self.progress.stage_done(&stage.name(), record.seconds);
         record.warnings.iter().for_each(|warning| warn!("{warning}"));
+        record.notes.iter().for_each(|note| info!("{note}"));
         self.record.keep_options(stage, &options);
         Ok(self.record.put(record, &self.work)?)
     }
@@ -312,12 +319,17 @@ impl Done {
         Self {
             outputs: outputs.into_iter().map(|artifact| artifact.path()).collect(),
             warnings: Vec::new(),
+            notes: Vec::new(),
             digest: None,
         }
     }
 
     fn warning(self, warnings: Vec<String>) -> Self {
         Self { warnings, ..self }
+    }
+
+    fn noting(self, notes: Vec<String>) -> Self {
+        Self { notes, ..self }
     }
 }
 

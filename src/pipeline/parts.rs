@@ -41,7 +41,7 @@ impl Pipeline {
             }
         }
         self.work.write_with(Artifact::Interior, |out| result.interior.write(out))?;
-        Ok(Done::writing([Artifact::Parts, Artifact::Interior]).warning(warnings))
+        Ok(Done::writing([Artifact::Parts, Artifact::Interior]).warning(warnings).noting(result.notes))
     }
 
     /// For each cell of the object's inside, the part that fills it.

@@ -7,7 +7,7 @@ use std::path::{Path, PathBuf};
 use anyhow::Result;
 
 use crate::from_splat::photo_with_foreground;
-use crate::query::{AnswerSource, Answers, Match, Options, Outcome, Preview, Queries};
+use crate::query::{AnswerSource, Answers, Match, Options, Outcome, Preview, Queries, SegmentAnswer};
 use crate::workdir::{Artifact, WorkDir, WorkDirError};
 
 use super::query_session::{self, QuerySession, QueryView, Subjects};
@@ -41,7 +41,7 @@ impl Pipeline {
         self.work.write(Artifact::Answers, jsonl.as_bytes())?;
         answers.require_any()?;
         let sheets = answers.segments.iter().map(|answer| Artifact::Sheet(&answer.view, answer.segment));
-        let done = Done::writing(sheets.chain([Artifact::Answers])).warning(warnings(&answers));
+        let done = Done::writing(sheets.chain([Artifact::Answers])).warning(failures(&answers)).noting(notes(&answers));
         Ok(Done { digest: Some(Hasher::new("answers").with(jsonl.as_bytes()).hex()), ..done })
     }
 
@@ -123,31 +123,35 @@ fn recordings_in(folder: &Path) -> Vec<PathBuf> {
     found
 }
 
-/// Each failure separately; each correction or doubt once, with the number of segments that it applies to; and the
-/// number of answers that were recorded for slightly different masks.
-fn warnings(answers: &Answers) -> Vec<String> {
-    let mut warnings = Vec::new();
+/// The questions without an answer.
+fn failures(answers: &Answers) -> Vec<String> {
+    let failure = |segment: &SegmentAnswer| match &segment.outcome {
+        Outcome::Failed(failure) => Some(format!("view {} segment {}: {failure}", segment.view, segment.segment)),
+        Outcome::Answered(_) => None,
+    };
+    answers.segments.iter().filter_map(failure).collect()
+}
+
+/// Each correction or doubt once, with the number of answers that it applies to; and the number of answers that were
+/// recorded for slightly different masks.
+fn notes(answers: &Answers) -> Vec<String> {
+    let mut notes = Vec::new();
     let mut overlaps: Vec<f64> = Vec::new();
     let mut flags: BTreeMap<&str, usize> = BTreeMap::new();
     for segment in &answers.segments {
-        match &segment.outcome {
-            Outcome::Failed(failure) => {
-                warnings.push(format!("view {} segment {}: {failure}", segment.view, segment.segment));
-            }
-            Outcome::Answered(answer) => {
-                answer.flags.iter().for_each(|flag| *flags.entry(flag).or_default() += 1);
-                if let Match::Mask { iou } = answer.matched {
-                    overlaps.push(iou);
-                }
+        if let Outcome::Answered(answer) = &segment.outcome {
+            answer.flags.iter().for_each(|flag| *flags.entry(flag).or_default() += 1);
+            if let Match::Mask { iou } = answer.matched {
+                overlaps.push(iou);
             }
         }
     }
-    warnings.extend(flags.into_iter().map(|(flag, segments)| format!("{flag} ({segments} of the answers)")));
+    notes.extend(flags.into_iter().map(|(flag, segments)| format!("{flag} ({segments} of the answers)")));
     if let Some(least) = overlaps.iter().copied().min_by(f64::total_cmp) {
         let (count, all) = (overlaps.len(), answers.segments.len());
-        warnings.push(format!(
+        notes.push(format!(
             "{count} of {all} answers were recorded for slightly different masks (IoU {least:.3} or more)"
         ));
     }
-    warnings
+    notes
 }

@@ -31,6 +31,8 @@ pub struct StageRecord {
     /// True if the last run found it already done.
     pub reused: bool,
     pub warnings: Vec<String>,
+    #[serde(default)]
+    pub notes: Vec<String>,
     /// Hash of everything it depends on: its options and the digests of its inputs.
     pub key: String,
     /// The digests of its inputs when it was done.

@@ -8,12 +8,13 @@ use rayon::prelude::*;
 
 use crate::consensus::Asked;
 use crate::report::{
-    self, AnswerCounts, Cloud, Disagreement, InputFile, Pictures, Report, Reproduction, SceneSummary, SheetPicture,
-    StageTime, ViewPictures, Warning,
+    self, AnswerCounts, Cloud, Disagreement, InputFile, Pictures, Remark, Report, Reproduction, SceneSummary,
+    SheetPicture, StageTime, ViewPictures,
 };
 use crate::vote::MaterialField;
 use crate::workdir::{Artifact, hexadecimal};
 
+use super::record::StageRecord;
 use super::scene::file_digest;
 use super::{Done, Pipeline, Stage};
 
@@ -80,12 +81,8 @@ impl Pipeline {
             gaussians_per_label: gaussians_per_label(field),
             simulation: self.stored_simulation()?,
             grasp: self.stored_grasp()?,
-            warnings: before
-                .flat_map(|stage| {
-                    let warn = |message: &String| Warning { stage: stage.name.name(), message: message.clone() };
-                    stage.warnings.iter().map(warn)
-                })
-                .collect(),
+            warnings: before.clone().flat_map(|stage| remarks(stage, &stage.warnings)).collect(),
+            notes: before.flat_map(|stage| remarks(stage, &stage.notes)).collect(),
             reproduction: Reproduction { command: self.command(), inputs: self.inputs()? },
         })
     }
@@ -104,6 +101,10 @@ impl Pipeline {
         };
         self.scene.files.iter().map(input).collect()
     }
+}
+
+fn remarks(stage: &StageRecord, messages: &[String]) -> Vec<Remark> {
+    messages.iter().map(|message| Remark { stage: stage.name.name(), message: message.clone() }).collect()
 }
 
 /// A word, quoted for the shell if necessary.

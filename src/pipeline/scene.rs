@@ -55,7 +55,7 @@ impl Pipeline {
             views: views.collect(),
         };
         self.work.write_json(Artifact::Views, &file)?;
-        Ok(Done::writing([Artifact::Views]).warning(self.scene.warnings.clone()))
+        Ok(Done::writing([Artifact::Views]).warning(self.scene.warnings.clone()).noting(self.scene.notes.clone()))
     }
 }
 

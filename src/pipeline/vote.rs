@@ -40,7 +40,7 @@ impl Pipeline {
             self.work.write(Artifact::Thumbnail, &small)?;
             written.extend([Artifact::Figure, Artifact::Thumbnail]);
         }
-        Ok(Done::writing(written).warning(field.warnings))
+        Ok(Done::writing(written).warning(field.warnings).noting(field.notes))
     }
 
     /// The field as seen by a view of the scene, even one that did not vote, as PNG; by default the first chosen view.

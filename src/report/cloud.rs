@@ -122,6 +122,7 @@ mod tests {
             votes: vec![1.0; count],
             views: vec![1; count],
             warnings: Vec::new(),
+            notes: Vec::new(),
         };
         (gaussians, field)
     }

@@ -22,7 +22,7 @@ pub use cloud::Cloud;
 pub use disagreement::{Disagreement, NamedMaterial};
 pub use page::page;
 pub use pictures::{PictureError, Pictures, SheetPicture, ViewPictures};
-pub use summary::summary;
+pub use summary::{grasp_line, mass_line, part_lines, summary};
 
 /// Version of the format of `report.json`, which `docs/report.schema.json` describes: raised when a key changes its
 /// meaning or is removed.
@@ -56,8 +56,10 @@ pub struct Report {
     pub simulation: SimulationReport,
     /// `None` if the metric scale is unknown.
     pub grasp: Option<GraspReport>,
-    /// Warnings, each with its stage.
-    pub warnings: Vec<Warning>,
+    /// What the user should check, because a result may be wrong, each with its stage.
+    pub warnings: Vec<Remark>,
+    /// What the user may want to know, each with its stage.
+    pub notes: Vec<Remark>,
     /// How to reproduce this result.
     pub reproduction: Reproduction,
 }
@@ -121,7 +123,7 @@ pub struct StageTime {
 /// Something the user should know.
 #[derive(Debug, Clone, Serialize)]
 #[cfg_attr(test, derive(schemars::JsonSchema))]
-pub struct Warning {
+pub struct Remark {
     pub stage: String,
     pub message: String,
 }

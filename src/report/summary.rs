@@ -5,7 +5,10 @@ use std::path::Path;
 
 use super::Report;
 use super::numbers::{interval, short, significant, thousands};
+use crate::grasp::GraspReport;
 use crate::output::one_line;
+use crate::parts::Parts;
+use crate::vote::FieldLabel;
 
 /// A few lines: the parts, the object, the grasp, the path of the report.
 pub fn summary(report: &Report, report_page: &Path) -> String {
@@ -17,9 +20,28 @@ pub fn summary(report: &Report, report_page: &Path) -> String {
         scene.views.len(),
         report.labels.len()
     );
-    let name_width = report.labels.iter().map(|label| one_line(&label.material).chars().count()).max().unwrap_or(0);
-    for label in &report.labels {
-        let part = report.parts.as_ref().and_then(|parts| parts.parts.iter().find(|part| part.id == label.id));
+    text += &part_lines(&report.labels, report.parts.as_ref());
+    if let Some(parts) = &report.parts {
+        text += &mass_line(parts);
+    }
+    if let Some(grasp) = &report.grasp {
+        text += &grasp_line(grasp);
+    }
+    match report.warnings.len() {
+        0 => {}
+        1 => text += "1 thing to check, at the top of the report\n",
+        several => text += &format!("{several} things to check, at the top of the report\n"),
+    }
+    let _ = write!(text, "report {}", one_line(&report_page.to_string_lossy()));
+    text
+}
+
+/// A line for each part: its number, material, mass and name.
+pub fn part_lines(labels: &[FieldLabel], parts: Option<&Parts>) -> String {
+    let mut text = String::new();
+    let name_width = labels.iter().map(|label| one_line(&label.material).chars().count()).max().unwrap_or(0);
+    for label in labels {
+        let part = parts.and_then(|parts| parts.parts.iter().find(|part| part.id == label.id));
         let mass = part.map_or_else(String::new, |part| match part.mass_kg {
             Some(mass) => format!("{:>7} g ({})  ", significant(mass.mid * 1e3), interval(mass, 1e3)),
             None => "no mass  ".to_owned(),
@@ -32,26 +54,25 @@ pub fn summary(report: &Report, report_page: &Path) -> String {
             one_line(short(&label.caption))
         );
     }
-    if let Some(parts) = &report.parts {
-        let mass = parts.object.mass_kg;
-        let _ = writeln!(text, "mass   {} kg ({})", significant(mass.mid), interval(mass, 1.0));
-    }
-    if let Some(grasp) = &report.grasp {
-        let part = one_line(short(&grasp.part));
-        let _ = match &grasp.infeasible {
-            None => writeln!(
-                text,
-                "grasp  {} N at the {part}: slips below {} N, is damaged above {} N",
-                significant(grasp.f_star_n),
-                significant(grasp.f_min_n),
-                significant(grasp.f_max_n),
-            ),
-            Some(why) => writeln!(text, "grasp  no safe grip at the {part}: {}", one_line(&why.explanation)),
-        };
-    }
-    if !report.warnings.is_empty() {
-        let _ = writeln!(text, "{} warnings, listed in the report", report.warnings.len());
-    }
-    let _ = write!(text, "report {}", one_line(&report_page.to_string_lossy()));
     text
+}
+
+/// The mass of the object.
+pub fn mass_line(parts: &Parts) -> String {
+    let mass = parts.object.mass_kg;
+    format!("mass   {} kg ({})\n", significant(mass.mid), interval(mass, 1.0))
+}
+
+/// The force at the best place, or why no grip there is safe.
+pub fn grasp_line(grasp: &GraspReport) -> String {
+    let part = one_line(short(&grasp.part));
+    match &grasp.infeasible {
+        None => format!(
+            "grasp  {} N at the {part}: slips below {} N, is damaged above {} N\n",
+            significant(grasp.f_star_n),
+            significant(grasp.f_min_n),
+            significant(grasp.f_max_n),
+        ),
+        Some(why) => format!("grasp  no safe grip at the {part}: {}\n", one_line(&why.explanation)),
+    }
 }

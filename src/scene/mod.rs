@@ -133,7 +133,10 @@ pub fn load(folder: &Path, options: &Options) -> Result<Scene, SceneError> {
     let separated = object::separate(splat.gaussians, &views, options)?;
     found.notes.push(separated.note);
     let mut object = separated.object;
-    found.warnings.extend(outliers::set_aside(&mut object)?.map(|set_aside| set_aside.to_string()));
+    if let Some(set_aside) = outliers::set_aside(&mut object)? {
+        let kind = if set_aside.are_few() { &mut found.notes } else { &mut found.warnings };
+        kind.push(set_aside.to_string());
+    }
     let measured = scale::Measured {
         object: robust_bounds(&object),
         views: &views,

@@ -76,6 +76,16 @@ pub struct SetAside {
     pub size: f64,
 }
 
+/// Up to this share of a cloud, outliers are the strays that training leaves, and their absence changes no result.
+const FEW: f64 = 0.001;
+
+impl SetAside {
+    /// True if they are so few that the user need not look.
+    pub fn are_few(&self) -> bool {
+        self.count as f64 <= FEW * self.of as f64
+    }
+}
+
 /// The error that no Gaussian of a cloud is left.
 #[derive(Debug, Clone, PartialEq, Error)]
 #[error("nothing is left of the splat: {0}; train it again, or export it in the units that its positions are in")]

@@ -10,7 +10,7 @@ use super::observer::Observer;
 use super::options::Options;
 use super::segmenter::Segmenter;
 use super::{Segmentation, ViewSegments};
-use crate::progress::Progress;
+use crate::progress::{Progress, WHOLE};
 use crate::scene::Photo;
 
 /// Segments the named views on the ambient rayon pool. `load` reads a view's photo when its turn comes; `finished` gets
@@ -30,8 +30,7 @@ pub fn segment_views<E: From<SegmentError> + Send>(
     let tally = Tally::new(progress, names.len());
     let segment_one = |name: &&str| -> Result<ViewSegments, E> {
         let photo = load(name)?;
-        tally.view_begun();
-        let segments = segmenter.segment_view(name, &photo, options, &tally)?;
+        let segments = segmenter.segment_view(name, &photo, options, &tally.view())?;
         finished(&segments)?;
         tally.view_done();
         Ok(segments)
@@ -41,31 +40,44 @@ pub fn segment_views<E: From<SegmentError> + Send>(
     Ok(Segmentation { views: views? })
 }
 
-/// A progress bar over all prompts of all views. The number of prompts of a view is known only once it has begun, so
-/// the total is the mean of the views begun times the number of views.
+/// A progress bar over the views. How many prompts a view takes is known only while it is segmented, and some turn up
+/// late; so each view has an equal part of the bar, which its prompts fill up to [`BY_PROMPTS`] and never empty.
 struct Tally {
     bar: ProgressBar,
     views: u64,
-    views_begun: AtomicU64,
-    prompts_planned: AtomicU64,
     views_done: AtomicU64,
+    /// The sum over the views of the parts that are filled, in [`WHOLE`]ths of a view.
+    filled: AtomicU64,
+}
+
+/// How much of a view's part its prompts fill, in [`WHOLE`]ths. Sorting out the masks that they bring takes about as
+/// long as they do.
+const BY_PROMPTS: u64 = WHOLE / 2;
+
+/// The part of one view.
+struct ViewTally<'a> {
+    tally: &'a Tally,
+    planned: AtomicU64,
+    prompted: AtomicU64,
+    /// How much of its part is filled, in [`WHOLE`]ths.
+    filled: AtomicU64,
 }
 
 impl Tally {
     fn new(progress: Progress, views: usize) -> Self {
         let tally = Self {
-            bar: progress.bar("segment", 0),
+            bar: progress.share_bar("segment"),
             views: views as u64,
-            views_begun: AtomicU64::new(0),
-            prompts_planned: AtomicU64::new(0),
             views_done: AtomicU64::new(0),
+            filled: AtomicU64::new(0),
         };
         tally.show_views(0);
         tally
     }
 
-    fn view_begun(&self) {
-        self.views_begun.fetch_add(1, Ordering::Relaxed);
+    fn view(&self) -> ViewTally<'_> {
+        let zero = || AtomicU64::new(0);
+        ViewTally { tally: self, planned: zero(), prompted: zero(), filled: zero() }
     }
 
     fn view_done(&self) {
@@ -73,17 +85,63 @@ impl Tally {
     }
 
     fn show_views(&self, done: u64) {
-        self.bar.set_message(format!("prompts, {done} of {} views done", self.views));
+        self.bar.set_message(format!("{done} of {} views", self.views));
+    }
+
+    fn fill(&self, more: u64) {
+        let filled = self.filled.fetch_add(more, Ordering::Relaxed) + more;
+        self.bar.set_position(filled / self.views.max(1));
     }
 }
 
-impl Observer for Tally {
+impl ViewTally<'_> {
+    /// Fills the view's part up to `to`, if it is not fuller already.
+    fn fill(&self, to: u64) {
+        let before = self.filled.fetch_max(to, Ordering::Relaxed);
+        self.tally.fill(to.saturating_sub(before));
+    }
+}
+
+impl Observer for ViewTally<'_> {
     fn planned(&self, prompts: usize) {
-        let prompts = self.prompts_planned.fetch_add(prompts as u64, Ordering::Relaxed) + prompts as u64;
-        self.bar.set_length(prompts * self.views / self.views_begun.load(Ordering::Relaxed).max(1));
+        self.planned.fetch_add(prompts as u64, Ordering::Relaxed);
     }
 
     fn prompted(&self) {
-        self.bar.inc(1);
+        let prompted = self.prompted.fetch_add(1, Ordering::Relaxed) + 1;
+        self.fill(BY_PROMPTS * prompted / self.planned.load(Ordering::Relaxed).max(prompted));
+    }
+}
+
+/// A view that is done, or has failed, keeps nobody waiting.
+impl Drop for ViewTally<'_> {
+    fn drop(&mut self) {
+        self.fill(WHOLE);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_bar_only_moves_forwards_and_ends_full() {
+        let tally = Tally::new(Progress::Hidden, 2);
+        let mut positions = Vec::new();
+        for late in [0, 7] {
+            let view = tally.view();
+            view.planned(3);
+            for prompt in 0..3 + late {
+                if prompt == 2 {
+                    view.planned(late);
+                }
+                view.prompted();
+                positions.push(tally.bar.position());
+            }
+            drop(view);
+            positions.push(tally.bar.position());
+        }
+        assert!(positions.is_sorted(), "{positions:?}");
+        assert_eq!((positions[3], positions.last()), (WHOLE / 2, Some(&WHOLE)));
     }
 }

@@ -14,6 +14,9 @@ pub struct Environment {
     pub offline: bool,
     /// `PATH`, in which `python3` and `npm` are searched.
     pub path: Option<OsString>,
+    /// This program's file, without links. A wheel puts it into `bin` of a Python environment, whose packages lie
+    /// beside it.
+    pub program: Option<PathBuf>,
 }
 
 /// Why no connection may be opened.
@@ -37,6 +40,7 @@ impl Environment {
             ort_dylib_path: set("ORT_DYLIB_PATH").map(PathBuf::from),
             offline: set("GPROP_OFFLINE").is_some_and(|value| value != "0"),
             path: set("PATH"),
+            program: std::env::current_exe().and_then(|path| path.canonicalize()).ok(),
         }
     }
 

@@ -1,6 +1,6 @@
 //! Finds the files and checks that they are valid. Fetches nothing.
 
-use std::fs::File;
+use std::fs::{self, File};
 use std::io;
 use std::path::{Path, PathBuf};
 
@@ -14,7 +14,7 @@ use crate::workdir::Checksum;
 
 /// The order in which gprop looks for files, for display. [`onnxruntime`], [`encoder`] and [`decoder`] follow it.
 pub const LOOKUP_ORDER: &str = "\
-ONNX Runtime: --ort-lib, then ORT_DYLIB_PATH, then the cache
+ONNX Runtime: --ort-lib, then ORT_DYLIB_PATH, then the Python environment of gprop's wheel, then the cache
 SAM encoder:  --sam-encoder, then the cache
 SAM decoder:  --sam-decoder, then the cache
 cache:        $XDG_CACHE_HOME/gprop, by default ~/.cache/gprop";
@@ -30,6 +30,9 @@ pub enum Source {
     SamEncoder,
     #[serde(rename = "--sam-decoder")]
     SamDecoder,
+    /// The Python environment in which this program is installed.
+    #[serde(rename = "python environment")]
+    PythonEnvironment,
     #[serde(rename = "cache")]
     Cache,
 }
@@ -42,6 +45,7 @@ impl Source {
             Self::OrtDylibPath => "ORT_DYLIB_PATH",
             Self::SamEncoder => "--sam-encoder",
             Self::SamDecoder => "--sam-decoder",
+            Self::PythonEnvironment => "the Python environment",
             Self::Cache => "the cache",
         }
     }
@@ -55,7 +59,8 @@ pub struct Runtime {
     pub source: Source,
 }
 
-/// ONNX Runtime: one that the user named is loaded to get its version, one in the cache is recognized by its hash.
+/// ONNX Runtime: one that the user named is loaded to get its version; one in the program's Python environment or in the
+/// cache is recognized by its hash.
 pub fn onnxruntime(options: &Options, environment: &Environment) -> Result<Runtime, SetupError> {
     let flag = options.ort_lib.as_ref().map(|path| (Source::OrtLib, path));
     let named = flag.or_else(|| environment.ort_dylib_path.as_ref().map(|path| (Source::OrtDylibPath, path)));
@@ -64,12 +69,31 @@ pub fn onnxruntime(options: &Options, environment: &Environment) -> Result<Runti
         let version = library::version(path, source.name())?;
         return Ok(Runtime { path: path.clone(), version, source });
     }
+    if let Some(path) = in_python_environment(environment) {
+        let version = ONNXRUNTIME_WHEEL.version.to_owned();
+        return Ok(Runtime { path, version, source: Source::PythonEnvironment });
+    }
     let in_cache = |package: &super::catalog::Package| {
         let path = cached(environment, &package.files[0], Source::OrtLib)?;
         Ok(Runtime { path, version: package.version.to_owned(), source: Source::Cache })
     };
     // If neither is there, the message is about the one that would be fetched first.
     in_cache(&ONNXRUNTIME_WHEEL).or_else(|missing| in_cache(&ONNXRUNTIME_NODE).map_err(|_| missing))
+}
+
+/// ONNX Runtime as the package on which gprop's wheel depends installs it: for the program `E/bin/gprop`, in
+/// `E/lib/python3.N/site-packages` (in Debian's own Python, `dist-packages`). Neither the working folder, nor the scene,
+/// nor the interpreter that happens to be first on the `PATH` has a say; and only the published file counts.
+fn in_python_environment(environment: &Environment) -> Option<PathBuf> {
+    let bin = environment.program.as_ref()?.parent()?;
+    let file = &ONNXRUNTIME_WHEEL.files[0];
+    let versions = fs::read_dir(bin.parent()?.join("lib")).ok()?;
+    let mut versions: Vec<PathBuf> = versions.filter_map(|entry| Some(entry.ok()?.path())).collect();
+    versions.retain(|path| path.file_name().is_some_and(|name| name.to_string_lossy().starts_with("python3")));
+    versions.sort();
+    let packages = versions.iter().flat_map(|path| ["site-packages", "dist-packages"].map(|name| path.join(name)));
+    let mut libraries = packages.map(|packages| packages.join(file.member));
+    libraries.find(|path| Checksum::of_file(path).is_ok_and(|found| found.sha256 == file.sha256))
 }
 
 /// The SAM encoder.

@@ -24,6 +24,7 @@ pub(super) struct AnsweredSegments<'a> {
     /// For every view, by segment id: index into `segments`.
     index: Vec<Vec<Option<u32>>>,
     pub warnings: Vec<String>,
+    pub notes: Vec<String>,
     /// Number of segments in the label maps.
     pub in_maps: usize,
 }
@@ -54,7 +55,8 @@ impl<'a> AnsweredSegments<'a> {
     }
 
     fn of_answers(views: &[ViewInput], what: &str, answer: impl Fn(usize, u16) -> Option<&'a Answer>) -> Self {
-        let mut found = Self { segments: vec![], materials: vec![], index: vec![], warnings: vec![], in_maps: 0 };
+        let mut found =
+            Self { segments: vec![], materials: vec![], index: vec![], warnings: vec![], notes: vec![], in_maps: 0 };
         let mut unanswered = Vec::new();
         for (number, view) in views.iter().enumerate() {
             let present = ids_of(view);

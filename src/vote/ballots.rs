@@ -42,7 +42,7 @@ impl Ballots {
         rule: Rule,
         progress: Progress,
     ) -> Self {
-        let bar = progress.bar("vote", views.len() as u64);
+        let bar = progress.bar("vote", views.len() as u64).with_message("views");
         let test = DepthTest::new(gaussians);
         let mut of_views = Vec::new();
         for (number, view) in views.iter().enumerate() {

@@ -61,6 +61,7 @@ pub fn read(columns: &[ExtraProperty], labels: Vec<FieldLabel>) -> Option<Materi
         confidence: column("conf")?.clone(),
         votes: column("votes")?.clone(),
         warnings: Vec::new(),
+        notes: Vec::new(),
         labels,
     })
 }

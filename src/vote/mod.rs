@@ -68,8 +68,10 @@ pub struct MaterialField {
     pub votes: Vec<f32>,
     /// Per Gaussian: number of views that see it. 0 means that the label came from the nearest seen Gaussians.
     pub views: Vec<u16>,
-    /// Warnings for the user.
+    /// What the user should check.
     pub warnings: Vec<String>,
+    /// What the user may want to know.
+    pub notes: Vec<String>,
 }
 
 impl MaterialField {
@@ -123,7 +125,8 @@ pub fn vote(
 ) -> Result<MaterialField, VoteError> {
     check(gaussians, views)?;
     let mut segments = AnsweredSegments::new(views, answers, library)?;
-    segments.warnings.extend(doubts(gaussians, views));
+    segments.warnings.extend(cameras_inside(gaussians, views));
+    segments.notes.extend(strange_gaussians(gaussians));
     let ballots = Ballots::cast(gaussians, views, &segments, options.vote, progress);
     let identity = Identity::new(&ballots, &segments);
     elect(gaussians, views, (&ballots, segments, identity), library, options)
@@ -145,7 +148,8 @@ pub fn vote_on_parts(
 ) -> Result<MaterialField, VoteError> {
     check(gaussians, views)?;
     let mut segments = AnsweredSegments::of_parts(views, parts, library)?;
-    segments.warnings.extend(doubts(gaussians, views));
+    segments.warnings.extend(cameras_inside(gaussians, views));
+    segments.notes.extend(strange_gaussians(gaussians));
     let ballots = Ballots::cast(gaussians, views, &segments, options.vote, progress);
     let identity = Identity::of_parts(&ballots, &segments, parts);
     let options = Options { agree: Agreement::Part, ..options.clone() };
@@ -183,11 +187,10 @@ fn check(gaussians: &Gaussians, views: &[ViewInput]) -> Result<(), VoteError> {
     Ok(())
 }
 
-/// Warnings about oddities of the cloud and the cameras with which the vote can still work.
-fn doubts(gaussians: &Gaussians, views: &[ViewInput]) -> Vec<String> {
-    let bounds = robust_bounds(gaussians);
+/// Oddities of the cloud with which the vote works all the same.
+fn strange_gaussians(gaussians: &Gaussians) -> Vec<String> {
     let mut doubts = Vec::new();
-    let diagonal = bounds.diagonal();
+    let diagonal = robust_bounds(gaussians).diagonal();
     match (0..gaussians.len()).filter(|&i| !gaussians.is_set_aside(i) && gaussians.scale(i).max() > diagonal).count() {
         0 => {}
         1 => doubts.push("1 Gaussian is larger than the object: it votes and is voted on like any other".to_owned()),
@@ -201,13 +204,24 @@ fn doubts(gaussians: &Gaussians, views: &[ViewInput]) -> Vec<String> {
         1 => doubts.push("1 Gaussian is too faint to be drawn: it takes its neighbours' material".to_owned()),
         n => doubts.push(format!("{n} Gaussians are too faint to be drawn: they take their neighbours' material")),
     }
-    for view in views {
-        let eye = view.camera.center_in_world();
-        if (0..3).all(|axis| bounds.min[axis] <= eye[axis] && eye[axis] <= bounds.max[axis]) {
-            doubts.push(format!("the camera of view `{}` stands inside the object", view.name));
-        }
-    }
     doubts
+}
+
+/// The views whose cameras cannot be where they are said to be.
+fn cameras_inside(gaussians: &Gaussians, views: &[ViewInput]) -> Vec<String> {
+    let bounds = robust_bounds(gaussians);
+    let is_inside = |view: &&ViewInput| {
+        let eye = view.camera.center_in_world();
+        (0..3).all(|axis| bounds.min[axis] <= eye[axis] && eye[axis] <= bounds.max[axis])
+    };
+    let text = |view: &ViewInput| {
+        format!(
+            "the camera of view `{}` stands inside the object: `gprop inspect SCENE --html FILE` shows whether cameras and splat \
+             belong together",
+            view.name
+        )
+    };
+    views.iter().filter(is_inside).map(text).collect()
 }
 
 /// Numbers the choices that occur, the most frequent first, and gathers the properties of each.
@@ -231,11 +245,11 @@ fn field(
     };
     let agreement: Vec<f32> = made.iter().map(agreement).collect();
     let confidence = |e: &Elected| e.votes / e.cast * agreement[label_of(&e.choice) as usize];
-    let mut warnings = segments.warnings;
+    let mut notes = segments.notes;
     let invisible = segments.segments.iter().zip(&identity.seen).filter(|(_, seen)| **seen == 0);
     for (segment, _) in invisible {
         let (view, caption) = (views[segment.view].name, &segment.answer.caption);
-        warnings.push(format!("segment {} of view `{view}` ({caption}) is on no Gaussian", segment.segment));
+        notes.push(format!("segment {} of view `{view}` ({caption}) is on no Gaussian", segment.segment));
     }
     MaterialField {
         labels,
@@ -243,7 +257,8 @@ fn field(
         confidence: elected.iter().map(|e| e.as_ref().map_or(0.0, confidence)).collect(),
         votes: elected.iter().map(|e| e.as_ref().map_or(0.0, |e| e.votes)).collect(),
         views: elected.iter().map(|e| e.as_ref().map_or(0, |e| e.views)).collect(),
-        warnings,
+        warnings: segments.warnings,
+        notes,
     }
 }
 

@@ -95,6 +95,7 @@ impl Cloud {
             votes: vec![1.0; count],
             views: vec![1; count],
             warnings: Vec::new(),
+            notes: Vec::new(),
         }
     }
 }

@@ -56,7 +56,7 @@ fn rod_in_sleeve() -> Cloud {
 #[test]
 fn a_rod_goes_on_in_its_sleeve() {
     let parts = measured(&rod_in_sleeve(), &[Form::Solid, wall(0.08)], |_| true);
-    assert!(parts.warnings.iter().any(|w| w.contains("inside")), "{:?}", parts.warnings);
+    assert!(parts.notes.iter().any(|w| w.contains("inside")), "{:?}", parts.notes);
     let (rod, sleeve) = (PI * 0.04 * 2.0, PI * (0.28f64.powi(2) * 1.08 - 0.04));
     assert!(error(&parts, 0, rod).abs() < 0.15);
     assert!(error(&parts, 1, sleeve).abs() < 0.15);
@@ -71,7 +71,7 @@ fn a_rod_goes_through_a_drum() {
     cloud.add_cylinder(0.6, [-0.3, 0.3], [true, true], SPACING, 1);
     cloud.points.retain(|(p, n, part)| *part == 0 || n.z.abs() < 0.5 || p.coords.xy().norm() > 0.2);
     let parts = measured(&cloud, &[Form::Solid; 2], |_| true);
-    assert!(parts.warnings.iter().any(|w| w.contains("through")), "{:?}", parts.warnings);
+    assert!(parts.notes.iter().any(|w| w.contains("through")), "{:?}", parts.notes);
     let (rod, drum) = (PI * 0.04 * 2.0, PI * (0.36 - 0.04) * 0.6);
     assert!(error(&parts, 0, rod).abs() < 0.15);
     assert!(error(&parts, 1, drum).abs() < 0.15);
@@ -85,7 +85,7 @@ fn a_thin_stem_does_not_fill_the_hollow_base_under_it() {
     cloud.add_cylinder(0.6, [-0.6, 0.0], [true, true], SPACING, 1);
     cloud.points.retain(|(p, n, part)| *part == 0 || n.z < 0.5 || p.coords.xy().norm() > 0.12);
     let parts = measured(&cloud, &[Form::Solid, wall(0.05)], |_| true);
-    assert!(!parts.warnings.iter().any(|w| w.contains("inside")), "{:?}", parts.warnings);
+    assert!(!parts.notes.iter().any(|w| w.contains("inside")), "{:?}", parts.notes);
     let (stem, base) = (PI * 0.12f64.powi(2), PI * (0.6f64.powi(2) * 0.6 - 0.55f64.powi(2) * 0.5));
     assert!(error(&parts, 0, stem).abs() < 0.25);
     assert!(error(&parts, 1, base).abs() < 0.15);

@@ -85,7 +85,8 @@ impl Line {
         let options = Options { volume_cells: 100_000, carve_views: 12, ..Options::default() };
         let result = parts(&scene.gaussians, &field, &scene.cameras(), scene.scale.as_ref(), &options, hidden)?;
         let parts = result.metric()?.clone();
-        let warnings = scene.warnings.into_iter().chain(field.warnings).chain(result.warnings).collect();
+        let of_scene = scene.warnings.into_iter().chain(scene.notes);
+        let warnings = of_scene.chain(field.warnings).chain(field.notes).chain(result.warnings).collect();
         Ok(Weighed { parts, warnings })
     }
 

@@ -101,6 +101,7 @@ fn field(scene: &Scene, truth: &Truth, folder: &Path) -> MaterialField {
         votes: vec![1.0; count],
         views: seen.iter().map(|s| u16::from(s.is_some())).collect(),
         warnings: Vec::new(),
+        notes: Vec::new(),
     }
 }
 

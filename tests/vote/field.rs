@@ -122,7 +122,7 @@ fn a_segment_on_no_gaussian_is_named() {
     for rule in BOTH_RULES {
         let field = ballot.count(&gaussians, &Options { vote: rule, ..Default::default() }).unwrap();
         assert_eq!(field.labels.len(), 1);
-        assert_eq!(field.warnings, ["segment 2 of view `view0` (ghost) is on no Gaussian"]);
+        assert_eq!(field.notes, ["segment 2 of view `view0` (ghost) is on no Gaussian"]);
     }
 }
 
@@ -329,9 +329,10 @@ fn strange_gaussians_and_a_camera_inside_do_no_harm() {
         assert!(field.part_label.iter().all(|&label| label == 0));
         let faint = [field.views[blobs.len() - 3], field.views[blobs.len() - 2]];
         assert_eq!(faint, [0, 0], "what is too faint to be drawn is not seen");
+        let noted = field.notes.join("\n");
+        assert!(noted.contains("2 Gaussians are too faint to be drawn"), "{noted}");
+        assert!(noted.contains("1 Gaussian is larger than the object"), "{noted}");
         let said = field.warnings.join("\n");
-        assert!(said.contains("2 Gaussians are too faint to be drawn"), "{said}");
-        assert!(said.contains("1 Gaussian is larger than the object"), "{said}");
         assert!(said.contains("camera of view `view1` stands inside the object"), "{said}");
     }
 }

@@ -22,7 +22,7 @@ use crate::workdir::{self, Artifact};
 use super::{BatchError, Outcome, State, Summary, memory};
 
 /// Name of the page.
-const FILE: &str = "index.html";
+pub const FILE: &str = "index.html";
 /// Largest size in bytes of a small picture that gprop wrote: as many bytes as its pixels have.
 const MOST_PICTURE_BYTES: u64 = 3 * 2 * thumbnail::SIDE as u64 * thumbnail::SIDE as u64;
 /// Number of materials that a row names.

@@ -118,7 +118,7 @@ fn depth_views(
     }
     let count = options.carve_views.min(cameras.len());
     let pixels_max = (PIXELS_PER_CELL * (options.volume_cells as f64).cbrt()).round() as u32;
-    let bar = progress.bar("parts", count as u64);
+    let bar = progress.bar("parts", count as u64).with_message("views");
     let views = (0..count).map(|k| {
         let view = DepthView::of(gaussians, &cameras[k * cameras.len() / count], pixels_max);
         bar.inc(1);

@@ -1,0 +1,154 @@
+//! The result of a stage in a few lines, for people at a terminal: what was found, then where it is.
+
+use std::collections::BTreeMap;
+use std::fmt::Write;
+
+use serde_json::Value;
+
+use crate::error::Error;
+use crate::grasp::GraspReport;
+use crate::output::one_line;
+use crate::parts::PartsError;
+use crate::pipeline::{Pipeline, Stage};
+use crate::query::{Answers, Outcome};
+use crate::report::numbers::{short, significant, thousands};
+use crate::report::{grasp_line, mass_line, part_lines};
+use crate::segment::Segmentation;
+use crate::simulate::SimulationReport;
+use crate::vote::MaterialField;
+use crate::workdir::Artifact;
+
+use super::shown;
+
+/// The result of `stage`, which must be done.
+pub fn text(pipeline: &mut Pipeline, stage: Stage) -> anyhow::Result<String> {
+    let mut text = match stage {
+        Stage::Scene | Stage::Report => String::new(),
+        Stage::Segment => segments(pipeline.segments()?),
+        Stage::Consensus if pipeline.work().size(Artifact::FoundParts).is_none() => {
+            return Ok("no parts: the model is asked about segments".to_owned());
+        }
+        Stage::Consensus => parts_of_views(&pipeline.work().read_json(Artifact::FoundParts)?),
+        Stage::Query => answers(pipeline.answers()?),
+        Stage::Vote => materials(pipeline.field()?),
+        Stage::Parts => {
+            let parts = if_metric(pipeline.parts())?;
+            let labels = &pipeline.field()?.labels;
+            part_lines(labels, parts.as_ref()) + &parts.as_ref().map_or_else(no_scale, mass_line)
+        }
+        Stage::Simulate => simulation(&pipeline.simulation()?),
+        Stage::Grasp => if_metric(pipeline.grasp())?.as_ref().map_or_else(no_scale, grasp),
+    };
+    let artifacts: &[Artifact] = match stage {
+        Stage::Segment => &[Artifact::Segments],
+        Stage::Simulate => &[Artifact::Animation, Artifact::Simulation],
+        other => &[result_of(other)],
+    };
+    artifacts.iter().for_each(|artifact| text += &format!("{}\n", shown(&pipeline.work().path(*artifact))));
+    Ok(text)
+}
+
+/// The file with a stage's main result.
+pub fn result_of(stage: Stage) -> Artifact<'static> {
+    match stage {
+        Stage::Scene => Artifact::Views,
+        Stage::Segment => Artifact::Segments,
+        Stage::Consensus => Artifact::FoundParts,
+        Stage::Query => Artifact::Answers,
+        Stage::Vote => Artifact::Field,
+        Stage::Parts => Artifact::Parts,
+        Stage::Simulate => Artifact::Simulation,
+        Stage::Grasp => Artifact::Grasp,
+        Stage::Report => Artifact::ReportHtml,
+    }
+}
+
+/// A result that does not exist if the metric scale is unknown.
+fn if_metric<T>(found: Result<T, Error>) -> Result<Option<T>, Error> {
+    match found {
+        Err(error) if matches!(error.downcast_ref(), Some(PartsError::ScaleUnknown)) => Ok(None),
+        found => found.map(Some),
+    }
+}
+
+fn no_scale() -> String {
+    "no kilograms and newtons: the metric scale is unknown (see --scale)\n".to_owned()
+}
+
+fn segments(found: &Segmentation) -> String {
+    let counts: Vec<usize> = found.views.iter().map(|view| view.segments.len()).collect();
+    let each = match (counts.iter().min(), counts.iter().max()) {
+        (Some(least), Some(most)) if least < most => format!(", {least} to {most} in each"),
+        _ => String::new(),
+    };
+    format!("{} in {}{each}\n", counted(counts.iter().sum(), "segment"), counted(counts.len(), "view"))
+}
+
+/// `file` is `consensus.json`.
+fn parts_of_views(file: &Value) -> String {
+    let all = file["parts"].as_array().map_or(&[][..], Vec::as_slice);
+    let pieces = all.iter().filter(|part| !part["piece_of"].is_null()).count();
+    let with_pieces = if pieces > 0 { format!(", some of which have {pieces} pieces") } else { String::new() };
+    format!("{}{with_pieces}\n", counted(all.len() - pieces, "part"))
+}
+
+fn answers(found: &Answers) -> String {
+    let mut by_material: BTreeMap<&str, usize> = BTreeMap::new();
+    let mut failed = 0;
+    for answer in &found.segments {
+        match &answer.outcome {
+            Outcome::Answered(answer) => *by_material.entry(&answer.material).or_default() += 1,
+            Outcome::Failed(_) => failed += 1,
+        }
+    }
+    let mut text = counted(found.segments.len() - failed, "answer");
+    if failed > 0 {
+        text += &format!(", {} without one", counted(failed, "question"));
+    }
+    text.push('\n');
+    let mut materials: Vec<_> = by_material.into_iter().collect();
+    materials.sort_by_key(|(_, answers)| std::cmp::Reverse(*answers));
+    for (material, answers) in materials {
+        let _ = writeln!(text, "  {answers:>3}  {}", one_line(material));
+    }
+    text
+}
+
+fn materials(field: &MaterialField) -> String {
+    let mut text = String::new();
+    for label in &field.labels {
+        let gaussians = field.part_label.iter().filter(|&&id| id == label.id).count();
+        let (material, name) = (one_line(&label.material), one_line(short(&label.caption)));
+        let _ = writeln!(text, "  {:>2}  {material}, {} Gaussians: {name}", label.id, thousands(gaussians as u64));
+    }
+    text
+}
+
+fn simulation(report: &SimulationReport) -> String {
+    let seconds = report.frames.last().map_or(0.0, |frame| frame.t_s);
+    let particles = thousands(report.particles as u64);
+    format!("{particles} particles, {} s in {}\n", significant(seconds), counted(report.frames.len(), "frame"))
+}
+
+fn grasp(report: &GraspReport) -> String {
+    let mut text = grasp_line(report);
+    if report.candidates.len() > 1 {
+        text += "places, best first:\n";
+    }
+    for place in report.candidates.iter().skip_while(|_| report.candidates.len() < 2) {
+        let may_turn = if place.torque_margin_n_m < 0.0 { "; the object may turn between the fingers" } else { "" };
+        let _ = writeln!(
+            text,
+            "  {} N at the {}, {} mm wide, {} mm from the centre of mass{may_turn}",
+            significant(place.f_star_n),
+            one_line(short(&place.part)),
+            significant(place.width_m * 1e3),
+            significant(place.lever_m * 1e3),
+        );
+    }
+    text
+}
+
+fn counted(number: usize, what: &str) -> String {
+    format!("{} {what}{}", thousands(number as u64), if number == 1 { "" } else { "s" })
+}

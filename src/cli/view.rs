@@ -1,0 +1,58 @@
+//! `gprop report` and `gprop view`: the report in the browser.
+
+use std::path::{Path, PathBuf};
+use std::process::{Command, Stdio};
+
+use crate::batch;
+use crate::error::UsageError;
+use crate::pipeline::{Stage, work_folder};
+use crate::workdir::{self, Artifact};
+
+use super::{Global, ReportArgs, ViewArgs, print, scene, shown};
+
+/// The program that opens a file with the user's choice of program for its kind.
+const OPENER: &str = if cfg!(target_os = "macos") { "open" } else { "xdg-open" };
+
+/// `gprop report`: every stage, then the report in the browser if the user wants it there.
+pub fn report(global: &Global, args: &ReportArgs) -> anyhow::Result<()> {
+    let (folder, work) = (&args.scene.scene, &args.scene.work);
+    scene::run(global, folder, work, Stage::Report)?;
+    if args.open && !work.dry_run {
+        open(&work_folder(folder, work.out.as_deref()).join(Artifact::ReportHtml.path()))?;
+    }
+    Ok(())
+}
+
+/// `gprop view`: the page that an earlier run or batch left.
+pub fn view(global: &Global, args: &ViewArgs) -> anyhow::Result<()> {
+    let page = page_of(&args.folder)?;
+    workdir::refuse_link(&page, "--out")?;
+    open(&page)?;
+    print(global, &page, || shown(&page))
+}
+
+/// The page in a scene, a work folder or a folder of scenes.
+fn page_of(folder: &Path) -> Result<PathBuf, UsageError> {
+    let report = Artifact::ReportHtml.path();
+    let places = [work_folder(folder, None).join(&report), folder.join(&report), batch::page(folder)];
+    let found = places.into_iter().find(|page| page.is_file());
+    found.ok_or_else(|| {
+        UsageError(format!(
+            "{folder:?} has no report yet; `gprop report {folder:?} --open` makes one, and `gprop inspect {folder:?} --html FILE` \
+             shows photos and splat side by side before that"
+        ))
+    })
+}
+
+/// Opens a page in the browser.
+fn open(page: &Path) -> Result<(), UsageError> {
+    let cannot = |why: String| UsageError(format!("cannot open a browser ({OPENER} {why}); the page is {page:?}"));
+    let absolute = std::path::absolute(page).map_err(|error| cannot(error.to_string()))?;
+    let mut opener = Command::new(OPENER);
+    opener.arg(absolute).stdin(Stdio::null()).stdout(Stdio::null()).stderr(Stdio::null());
+    let status = opener.status().map_err(|error| match error.kind() {
+        std::io::ErrorKind::NotFound => cannot("is not installed".to_owned()),
+        _ => cannot(format!("failed: {error}")),
+    })?;
+    if status.success() { Ok(()) } else { Err(cannot("failed".to_owned())) }
+}
