@@ -60,7 +60,8 @@ fn run(arguments: Vec<OsString>) -> anyhow::Result<()> {
             if args.end_with_stdin {
                 crate::batch::end_with_the_batch();
             }
-            scene::run(global, &args.scene.scene, &args.scene.work, args.to)
+            let run = if args.no_simulate { scene::run_without_simulation } else { scene::run };
+            run(global, &args.scene.scene, &args.scene.work, args.to)
         }
         Command::Segment(args) if args.scene.is_file() => picture::segment(global, args),
         Command::Segment(args) => scene::run(global, &args.scene, &args.work, Stage::Segment),

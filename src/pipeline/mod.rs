@@ -76,6 +76,8 @@ pub struct Pipeline {
     work: WorkDir,
     options: Options,
     plan: Plan,
+    /// Whether runs and reports include the simulation.
+    simulates: bool,
     typed: Vec<String>,
     progress: Progress,
     record: RunRecord,
@@ -141,6 +143,7 @@ impl Pipeline {
             work,
             options,
             plan,
+            simulates: true,
             typed: Vec::new(),
             progress,
             record,
@@ -182,7 +185,7 @@ impl Pipeline {
     }
 
     fn carry_out(&mut self) -> Result<()> {
-        for stage in self.plan.stages() {
+        for stage in self.stages().collect::<Vec<_>>() {
             if !self.done.contains(&stage) {
                 self.step(stage)?;
                 self.done.push(stage);
@@ -223,8 +226,8 @@ impl Pipeline {
     /// The stages of the plan whose results from an earlier run can be reused.
     pub(crate) fn reusable(&self) -> Result<Vec<Stage>> {
         let mut found: Vec<Stage> = Vec::new();
-        for stage in self.plan.stages() {
-            let has_inputs = stage.inputs().iter().all(|input| found.contains(input));
+        for stage in self.stages() {
+            let has_inputs = self.inputs(stage).all(|input| found.contains(&input));
             if has_inputs && self.left(stage, &self.key(stage)?).is_some() {
                 found.push(stage);
             }
@@ -299,10 +302,22 @@ impl Pipeline {
 
     /// The stages that `stage` reads from, which must be done, with their digests.
     fn inputs_of(&self, stage: Stage) -> impl Iterator<Item = (Stage, &str)> {
-        stage.inputs().iter().map(|input| {
-            let record = self.record.of(*input).expect("stages run in order");
-            (*input, record.digest.as_str())
+        self.inputs(stage).map(|input| {
+            let record = self.record.of(input).expect("stages run in order");
+            (input, record.digest.as_str())
         })
+    }
+
+    /// The stages of the plan.
+    pub(crate) fn stages(&self) -> impl Iterator<Item = Stage> + use<> {
+        let simulates = self.simulates;
+        self.plan.stages().filter(move |stage| simulates || *stage != Stage::Simulate)
+    }
+
+    /// The stages that `stage` reads from.
+    fn inputs(&self, stage: Stage) -> impl Iterator<Item = Stage> + use<> {
+        let simulates = self.simulates;
+        stage.inputs().iter().copied().filter(move |input| simulates || *input != Stage::Simulate)
     }
 }
 

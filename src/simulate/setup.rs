@@ -4,15 +4,18 @@ use std::collections::BTreeSet;
 
 use super::Input;
 use super::action::Action;
+use super::boundary::Boundary;
 use super::error::SimulateError;
 use super::filling::{self, Body, Filled};
 use super::frames::ToWorld;
-use super::material::{Materials, Prepared};
+use super::material::{self, Material, Materials, Prepared, SOFT_PA};
 use super::mpm::Setting;
 use super::mpm::laws::Law;
 use super::mpm::particles::Particle;
+use super::object::Bodies;
 use super::options::Options;
-use super::report::{FilledReport, SimulationReport, StepReport};
+use super::report::{FilledReport, RigidReport, SimulationReport, StepReport};
+use super::rigid::choice::{self, Choice, Load};
 use super::scenario::Drop;
 use super::script::{self, Script, Standing, Step, What};
 use super::time_step::StepBound;
@@ -29,6 +32,13 @@ const FALLS: f64 = 4.8;
 /// The speed of a slow core; the bench `simulate` shows how much faster a given machine is.
 const PARTICLE_SUBSTEPS_PER_S: f64 = 3e6;
 
+/// The cost of rigid bodies, in particles.
+const RIGID_PARTICLES: usize = 300;
+
+/// How long the simulation may be expected to take with the true stiffness of everything that deforms; beyond that,
+/// stiff parts are softened unless the user says how much.
+const LONGEST_MINUTES: f64 = 5.0;
+
 /// A Gaussian that is further than this outside the object's bounds, in multiples of the longest side, is not part of
 /// the object.
 const STRAY: f64 = 1.0;
@@ -36,6 +46,9 @@ const STRAY: f64 = 1.0;
 /// Everything that is decided before the first substep.
 pub struct Setup {
     pub setting: Setting,
+    /// The ground as rigid bodies meet it.
+    pub ground: Boundary,
+    pub bodies: Bodies,
     /// Particles of Gaussians first, then those of the inside.
     pub start: Vec<Particle>,
     /// For each of the first particles, the index of its Gaussian.
@@ -56,7 +69,6 @@ pub struct Setup {
 /// Checks the input and sets up the run.
 pub fn set_up(input: &Input, options: &Options) -> Result<Setup, SimulateError> {
     check(input)?;
-    let materials = Materials::prepare(input.materials, options.max_stiffness)?;
     let object = robust_bounds(input.gaussians);
     let longest = object.size().max();
     if longest <= 0.0 {
@@ -80,8 +92,42 @@ pub fn set_up(input: &Input, options: &Options) -> Result<Setup, SimulateError> 
         Some(script) => [script.drop_height, script.tilt_deg],
         None => [options.drop_height, options.tilt_deg],
     };
-    let bodies_m: Vec<[f64; 3]> = filled.bodies.iter().map(|b| b.position_m).collect();
-    let drop = Drop::new(&object, &bodies_m, spacing_m, pose);
+    let anchors = options.anchor.iter().map(|part| Step { on: part.clone(), from: 0.0, to: 2.0, what: What::Hold });
+    let steps: Vec<Step> = script.into_iter().flat_map(|script| script.steps).chain(anchors).collect();
+    let load = Load::new(pose[0] * longest_m, options.gravity, longest_m, &steps);
+    let choice = choice::choose(&options.rigid, &load, input.materials, &filled.bodies, spacing_m)?;
+
+    let fixed_s = options.fixed_step;
+    let duration_s = options.duration.unwrap_or_else(|| FALLS * (longest_m / GRAVITY_M_S2).sqrt());
+    let bound_with = |materials: &Materials| {
+        let stiffest = stiffest(&filled.bodies, &choice, &materials.prepared);
+        let wave_speed_m_s = match stiffest {
+            Some(label) => materials.prepared[label].wave_speed_m_s(),
+            None => (2.0 * options.gravity.abs() * longest_m).sqrt(),
+        };
+        (StepBound { cfl: options.cfl, spacing_m, wave_speed_m_s, fixed_s }, stiffest)
+    };
+    let minutes_with = |bound: &StepBound, stiffest: Option<usize>| {
+        let substeps = duration_s / fixed_s.unwrap_or_else(|| bound.longest_s(load.impact_m_s));
+        // A rigid body costs no more than a few hundred particles.
+        let particles = if stiffest.is_some() { filled.bodies.len() } else { RIGID_PARTICLES };
+        substeps * particles as f64 / PARTICLE_SUBSTEPS_PER_S / 60.0
+    };
+    let prepare = |max_pa: f64| {
+        let materials = Materials::prepare(input.materials, |label| choice.body_of[label].is_none(), max_pa);
+        let (bound, stiffest) = bound_with(&materials);
+        let minutes = minutes_with(&bound, stiffest);
+        (materials, bound, stiffest, minutes)
+    };
+    let at_true_stiffness = prepare(options.max_stiffness.unwrap_or(f64::INFINITY));
+    let is_too_long = options.max_stiffness.is_none() && at_true_stiffness.3 > LONGEST_MINUTES;
+    let (materials, bound, stiffest, minutes) = if is_too_long { prepare(SOFT_PA) } else { at_true_stiffness };
+    if minutes > options.max_simulation_minutes {
+        return Err(SimulateError::TooLong { minutes, max_minutes: options.max_simulation_minutes });
+    }
+
+    let solid_m: Vec<[f64; 3]> = filled.bodies.iter().filter(|b| b.backed).map(|b| b.position_m).collect();
+    let drop = Drop::new(&object, &solid_m, spacing_m, pose);
     let mut laws = vec![];
     let prepared = &materials.prepared;
     let start: Vec<Particle> =
@@ -94,10 +140,7 @@ pub fn set_up(input: &Input, options: &Options) -> Result<Setup, SimulateError> 
         laws,
     };
     let labels: Vec<u32> = filled.bodies.iter().map(|b| b.label).collect();
-    let stiffest = stiffest(&labels, prepared).ok_or(SimulateError::NoParticles)?;
-    let wave_speed_m_s = prepared[stiffest].wave_speed_m_s();
     let strays = input.gaussians.len() - carried.len();
-    let duration_s = options.duration.unwrap_or_else(|| FALLS * (longest_m / GRAVITY_M_S2).sqrt());
     let names: Vec<Vec<&str>> = input.materials.iter().map(|m| vec![m.caption.as_str(), m.name.as_str()]).collect();
     let standing = Standing {
         particles: &start,
@@ -107,17 +150,13 @@ pub fn set_up(input: &Input, options: &Options) -> Result<Setup, SimulateError> 
         gravity_m_s2: options.gravity,
         duration_s,
     };
-    let anchors = options.anchor.iter().map(|part| Step { on: part.clone(), from: 0.0, to: 2.0, what: What::Hold });
-    let steps: Vec<Step> = script.into_iter().flat_map(|script| script.steps).chain(anchors).collect();
     let actions = standing.actions(&steps)?;
-    let fixed_s = options.fixed_step;
-    let bound = StepBound { cfl: options.cfl, spacing_m, wave_speed_m_s, fixed_s };
-    let fall_m_s = (2.0 * GRAVITY_M_S2 * pose[0] * longest_m).sqrt();
-    let substeps = duration_s / fixed_s.unwrap_or_else(|| bound.longest_s(fall_m_s));
-    let minutes = substeps * start.len() as f64 / PARTICLE_SUBSTEPS_PER_S / 60.0;
-    if minutes > options.max_simulation_minutes {
-        return Err(SimulateError::TooLong { minutes, max_minutes: options.max_simulation_minutes });
-    }
+    let bodies = Bodies {
+        body_of: labels.iter().map(|&label| choice.body_of[label as usize]).collect(),
+        part_of: labels.clone(),
+        is_solid: filled.bodies.iter().map(|body| body.backed).collect(),
+        plane_modulus_pa: input.materials.iter().map(Material::plane_modulus_pa).collect(),
+    };
     let report = SimulationReport {
         particles: start.len(),
         fill_particles: start.len() - carried.len(),
@@ -125,8 +164,8 @@ pub fn set_up(input: &Input, options: &Options) -> Result<Setup, SimulateError> 
         dt_s: 0.0,
         time_step: StepReport {
             cfl: options.cfl,
-            stiffest_material: input.materials[stiffest].name.clone(),
-            wave_speed_m_s,
+            stiffest_material: stiffest.map(|label| input.materials[label].name.clone()),
+            wave_speed_m_s: bound.wave_speed_m_s,
         },
         mass_kg: start.iter().map(|p| f64::from(p.mass_kg)).sum(),
         filled: filled_report(input, &filled, carried.len()),
@@ -134,6 +173,7 @@ pub fn set_up(input: &Input, options: &Options) -> Result<Setup, SimulateError> 
         grid_spacing_m: spacing_m,
         meters_per_unit,
         scale_assumed: input.meters_per_unit.is_none(),
+        rigid: rigid_report(input, &choice, &load),
         softened: materials.softened,
         poisson_capped: materials.poisson_capped,
         ground_z_m: drop.ground_z_m,
@@ -142,6 +182,8 @@ pub fn set_up(input: &Input, options: &Options) -> Result<Setup, SimulateError> 
     };
     Ok(Setup {
         setting,
+        ground: drop.ground_of_bodies(options.contact()),
+        bodies,
         start,
         carried,
         labels,
@@ -170,11 +212,11 @@ pub fn script_of(options: &Options) -> Result<Option<Script>, SimulateError> {
     }
 }
 
-/// The material in use with the fastest waves.
-fn stiffest(labels: &[u32], prepared: &[Prepared]) -> Option<usize> {
-    let used: BTreeSet<u32> = labels.iter().copied().collect();
+/// The label that deforms with the fastest waves.
+fn stiffest(bodies: &[Body], choice: &Choice, prepared: &[Prepared]) -> Option<usize> {
+    let used: BTreeSet<usize> = bodies.iter().map(|body| body.label as usize).collect();
     let speed = |label: usize| prepared[label].wave_speed_m_s();
-    used.into_iter().map(|label| label as usize).max_by(|&a, &b| speed(a).total_cmp(&speed(b)))
+    used.into_iter().filter(|&label| choice.body_of[label].is_none()).max_by(|&a, &b| speed(a).total_cmp(&speed(b)))
 }
 
 fn check(input: &Input) -> Result<(), SimulateError> {
@@ -193,6 +235,7 @@ fn check(input: &Input) -> Result<(), SimulateError> {
         return Err(SimulateError::Label { gaussian: point, label: input.interior[point].label, labels });
     }
     let no_place = |p: &[f32; 3]| p.iter().any(|x| !x.is_finite());
+    input.materials.iter().try_for_each(material::check)?;
     match input.gaussians.positions.iter().position(no_place) {
         Some(index) => Err(SimulateError::Position {
             what: "Gaussian",
@@ -242,6 +285,25 @@ fn filled_report(input: &Input, filled: &Filled, carried: usize) -> Vec<FilledRe
         }
     };
     used.into_iter().map(of).collect()
+}
+
+/// The rigid parts, before they touched anything.
+fn rigid_report(input: &Input, choice: &Choice, load: &Load) -> Vec<RigidReport> {
+    let of = |(label, body): (usize, &Option<u32>)| {
+        let material = &input.materials[label];
+        Some(RigidReport {
+            label: label as u32,
+            part: material.caption.clone(),
+            material: material.name.clone(),
+            body: (*body)?,
+            strain: load.strain(material),
+            is_layer: choice.layer[label],
+            peak_pressure_pa: 0.0,
+            strength_pa: material.strength_pa,
+            dents: false,
+        })
+    };
+    choice.body_of.iter().enumerate().filter_map(of).collect()
 }
 
 fn warnings(input: &Input, longest_m: f64, assumed_full: &[u32], strays: usize) -> Vec<String> {

@@ -78,6 +78,7 @@ fn materials() -> Vec<Material> {
         density_kg_m3: 700.0,
         youngs_modulus_pa: 1e10,
         poisson_ratio: 0.35,
+        strength_pa: 5e7,
         law: Law::Elastic,
     };
     let lead = Material {
@@ -86,6 +87,7 @@ fn materials() -> Vec<Material> {
         density_kg_m3: 11340.0,
         youngs_modulus_pa: 1.6e10,
         poisson_ratio: 0.48,
+        strength_pa: 1.2e7,
         law: Law::VonMises { yield_stress_pa: 1.2e7 },
     };
     vec![wood, lead]
