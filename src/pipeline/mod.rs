@@ -227,7 +227,7 @@ impl Pipeline {
     pub(crate) fn reusable(&self) -> Result<Vec<Stage>> {
         let mut found: Vec<Stage> = Vec::new();
         for stage in self.stages() {
-            let has_inputs = self.inputs(stage).all(|input| found.contains(&input));
+            let has_inputs = self.reads_from(stage).all(|input| found.contains(&input));
             if has_inputs && self.left(stage, &self.key(stage)?).is_some() {
                 found.push(stage);
             }
@@ -302,7 +302,7 @@ impl Pipeline {
 
     /// The stages that `stage` reads from, which must be done, with their digests.
     fn inputs_of(&self, stage: Stage) -> impl Iterator<Item = (Stage, &str)> {
-        self.inputs(stage).map(|input| {
+        self.reads_from(stage).map(|input| {
             let record = self.record.of(input).expect("stages run in order");
             (input, record.digest.as_str())
         })
@@ -315,7 +315,7 @@ impl Pipeline {
     }
 
     /// The stages that `stage` reads from.
-    fn inputs(&self, stage: Stage) -> impl Iterator<Item = Stage> + use<> {
+    fn reads_from(&self, stage: Stage) -> impl Iterator<Item = Stage> + use<> {
         let simulates = self.simulates;
         stage.inputs().iter().copied().filter(move |input| simulates || *input != Stage::Simulate)
     }

@@ -13,8 +13,8 @@ use crate::report::{
 use crate::vote::MaterialField;
 use crate::workdir::{Artifact, hexadecimal};
 
-use super::scene::file_digest;
 use super::record::StageRecord;
+use super::scene::file_digest;
 use super::{Done, Pipeline, Stage};
 
 impl Pipeline {
@@ -49,9 +49,8 @@ impl Pipeline {
     /// The result of a finished run.
     pub(crate) fn report(&self) -> Result<Report> {
         let (scene, field) = (&self.scene, self.stored_field()?);
-        let is_in = |record: &&StageRecord| {
-            record.name < Stage::Report && (self.simulates || record.name != Stage::Simulate)
-        };
+        let is_in =
+            |record: &&StageRecord| record.name < Stage::Report && (self.simulates || record.name != Stage::Simulate);
         let before = self.record.stages.iter().filter(is_in);
         Ok(Report {
             schema_version: report::SCHEMA_VERSION,

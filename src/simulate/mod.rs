@@ -33,6 +33,7 @@ pub mod time_step;
 use crate::progress::Progress;
 use crate::scene::gaussians::Gaussians;
 use action::Acting;
+use boundary::Boundary;
 pub use checkpoint::FrameSummary;
 use checkpoint::{Checkpoint, Record, Snapshot};
 pub use error::SimulateError;
@@ -40,9 +41,9 @@ use filling::FillPoint;
 pub use frames::Frame;
 use frames::ToWorld;
 use material::Material;
-use mpm::Lost;
 use mpm::particles::Particle;
-use object::Object;
+use mpm::{Lost, Setting};
+use object::{Bodies, Object};
 pub use options::{Ground, Options, SCENE_KEYS};
 pub use report::{RigidReport, SimulationReport, StepReport};
 use rigid::body::Body;
@@ -95,26 +96,18 @@ pub fn simulate<E: From<SimulateError>>(
         "simulate  {} particles, {deforming} of which deform, for {duration_s:.2} s: at most {minutes:.1} minutes",
         start.len()
     ));
-    let course = format!("{setting:?} {ground:?} {bodies:?} {bound:?} {actions:?} {} {duration_s}", options.frames);
+    let course =
+        format!("{setting:?} {ground:?} {:?} {bound:?} {actions:?} {} {duration_s}", report.rigid, options.frames);
     let identity = checkpoint::identity(&start, &course);
-    let mut record = Record { substeps: 0, longest_dt_s: 0.0, frames: vec![] };
-    let mut object = match resume {
-        None => Object::new(setting, &start, &bodies, Some(&ground)),
-        Some(Checkpoint { identity: of, record: so_far, bodies: numbers, particles }) if of == identity => {
-            record = so_far;
-            // What a rigid body consists of, it has from the start.
-            let place = |(id, now): (usize, &Particle)| if bodies.body_of[id].is_some() { start[id] } else { *now };
-            let particles: Vec<Particle> = particles.iter().enumerate().map(place).collect();
-            let mut object = Object::new(setting, &particles, &bodies, Some(&ground));
-            if !object.restore(&numbers) {
-                let problem = "the state of its rigid bodies is damaged".to_owned();
-                return Err(SimulateError::Checkpoint(problem).into());
-            }
-            object
-        }
+    let (mut record, mut object) = match resume {
+        Some(checkpoint) if checkpoint.identity == identity => resumed(checkpoint, start, setting, &bodies, &ground)?,
         Some(_) => {
             let problem = "it belongs to another scene or other options".to_owned();
             return Err(SimulateError::Checkpoint(problem).into());
+        }
+        None => {
+            let record = Record { substeps: 0, longest_dt_s: 0.0, frames: vec![] };
+            (record, Object::new(setting, start, &bodies, Some(&ground)))
         }
     };
     let actions = action::on(&object, actions);
@@ -143,6 +136,26 @@ pub fn simulate<E: From<SimulateError>>(
     report.frames = record.frames;
     report.note_pressures(object.bodies().iter().flat_map(Body::faces).map(|face| (face.part, face.peak_pressure_pa)));
     Ok(report)
+}
+
+/// The object as a checkpoint holds it; what its rigid bodies consist of, they have from the start.
+fn resumed(
+    checkpoint: Checkpoint,
+    mut start: Vec<Particle>,
+    setting: Setting,
+    bodies: &Bodies,
+    ground: &Boundary,
+) -> Result<(Record, Object), SimulateError> {
+    for ((particle, now), body) in start.iter_mut().zip(checkpoint.particles).zip(&bodies.body_of) {
+        if body.is_none() {
+            *particle = now;
+        }
+    }
+    let mut object = Object::new(setting, start, bodies, Some(ground));
+    if !object.restore(&checkpoint.bodies) {
+        return Err(SimulateError::Checkpoint("the state of its rigid bodies is damaged".to_owned()));
+    }
+    Ok((checkpoint.record, object))
 }
 
 /// A lost particle, and the time of the loss.

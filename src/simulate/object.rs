@@ -66,7 +66,7 @@ pub trait Influence: Sync {
 
 impl Object {
     /// An object of `particles`, in the order of their numbers, with `bodies` that meet the `ground`.
-    pub fn new(mut setting: Setting, particles: &[Particle], bodies: &Bodies, ground: Option<&Boundary>) -> Self {
+    pub fn new(mut setting: Setting, particles: Vec<Particle>, bodies: &Bodies, ground: Option<&Boundary>) -> Self {
         let count = bodies.body_of.iter().flatten().max().map_or(0, |last| *last as usize + 1);
         let mut members: Vec<Vec<(u32, Particle)>> = vec![vec![]; count];
         let (mut on_grid, mut own, mut places) = (vec![], vec![], Vec::with_capacity(particles.len()));
@@ -74,13 +74,13 @@ impl Object {
             match bodies.body_of.get(id as usize).copied().flatten() {
                 Some(body) => {
                     let member = members[body as usize].len() as u32;
-                    members[body as usize].push((id, *particle));
+                    members[body as usize].push((id, particle));
                     places.push(Place::Body { body, member });
                 }
                 None => {
                     places.push(Place::Grid(on_grid.len() as u32));
                     on_grid.push(id);
-                    own.push(*particle);
+                    own.push(particle);
                 }
             }
         }

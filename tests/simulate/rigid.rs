@@ -2,7 +2,7 @@ use gprop::simulate::action::{self, Action, Effect};
 use gprop::simulate::boundary::{Boundary, Contact};
 use gprop::simulate::mpm::Setting;
 use gprop::simulate::mpm::laws::Law;
-use gprop::simulate::mpm::particles::{IDENTITY, Particle};
+use gprop::simulate::mpm::particles::Particle;
 use gprop::simulate::object::{Bodies, Object};
 use nalgebra::{Matrix3, Vector3};
 
@@ -34,7 +34,7 @@ fn object(
         is_solid: vec![true; particles.len()],
         plane_modulus_pa: vec![STEEL_PA],
     };
-    Object::new(setting, particles, &bodies, ground)
+    Object::new(setting, particles.to_vec(), &bodies, ground)
 }
 
 fn plane(normal: [f32; 3], contact: Contact) -> Boundary {
@@ -126,7 +126,7 @@ fn free_box_tumbles_with_its_momentum_and_energy() {
     let spinning = Block {
         size_m: [0.6, 0.4, 0.2],
         velocity_m_s: |x| {
-            Vector3::new(0.1, 5.0, 0.1).cross(&(x - Vector3::new(1.1, 1.0, 0.9))) + Vector3::new(0.3, 0.2, -0.1)
+            Vector3::new(0.8, 8.0, 0.8).cross(&(x - Vector3::new(1.1, 1.0, 0.9))) + Vector3::new(0.3, 0.2, -0.1)
         },
         ..Block::default()
     };
@@ -154,7 +154,8 @@ fn free_box_tumbles_with_its_momentum_and_energy() {
         farthest = farthest.max((body(&object).3 - spin).norm());
     }
     let (p_end, l_end, e_end, _) = body(&object);
-    assert!(farthest > spin.norm(), "it should tumble, but its spin changed by {farthest} rad/s");
+    // Its part along the angular momentum cannot change.
+    assert!(farthest > 0.2 * spin.norm(), "it should tumble, but its spin changed by {farthest} rad/s");
     assert!((p - p_end).norm() < 1e-4 * p.norm() && (l - l_end).norm() < 1e-4 * l.norm(), "{p_end} {l_end}");
     assert!((e_end / e - 1.0).abs() < 1e-4, "{e} J became {e_end} J");
     // The cubes of its particles turn as well: a^2 / 6 of their edge, half a percent of the box's inertia.
@@ -248,7 +249,6 @@ fn soft_and_rigid_exchange_momentum() {
     // The particles' own cubes and f32 rounding: below a thousandth.
     let change = (spun_after - spun).norm() / spun.norm();
     assert!(change < 1e-3, "angular momentum {spun} became {spun_after}");
-    assert_eq!(particles_of(&object)[0].deformation.len(), IDENTITY.len());
 }
 
 /// Actions on a body are those on its particles: a push above the centre of mass turns it, a held part holds the whole.
@@ -258,24 +258,27 @@ fn actions_move_bodies() {
     let particles = block.particles();
     let top: Vec<bool> = particles.iter().map(|p| p.position_m[2] > 1.2).collect();
     let share = top.iter().filter(|t| **t).count() as f64 / particles.len() as f64;
-    let after = |effect: Effect| {
+    let after = |mask: &[bool], effect: Effect| {
         let mut object = object(&particles, particles.len(), 0.05, GRAVITY, vec![], None);
-        let action = Action { from_s: 0.0, to_s: 0.05, mask: top.clone(), effect };
+        let action = Action { from_s: 0.0, to_s: 0.05, mask: mask.to_vec(), effect };
         let actions = action::on(&object, vec![action]);
         for step in 0..100 {
             action::step(&actions, &mut object, f64::from(step) * 1e-3, 1e-3).unwrap();
         }
         (object.bodies()[0].state().velocity_m_s, object.bodies()[0].spin())
     };
-    let (velocity, spin) = after(Effect::Accelerate([20.0, 0.0, 0.0]));
+    let (velocity, spin) = after(&top, Effect::Accelerate([20.0, 0.0, 0.0]));
     assert!((velocity - Vector3::new(20.0 * 0.05 * share, 0.0, -GRAVITY * 0.1)).norm() < 1e-5, "{velocity}");
     assert!(spin.y > 1.0 && spin.x.abs() < 1e-4 && spin.z.abs() < 1e-4, "{spin}");
     // Held for half the time, it falls for the other half.
-    let (velocity, spin) = after(Effect::Move([0.0; 3]));
+    let (velocity, spin) = after(&top, Effect::Move([0.0; 3]));
     assert!((velocity + Vector3::z() * (GRAVITY * 0.05)).norm() < 1e-6 && spin.norm() < 1e-9, "{velocity} {spin}");
-    let (velocity, _) = after(Effect::Wind { velocity: [2.0, 0.0, 0.0], response_s: 0.1 });
-    let expected = 2.0 * (1.0 - (-share * 0.5_f64).exp());
-    assert!((velocity.x / expected - 1.0).abs() < 0.05, "{velocity}, expected {expected}");
-    let turned = after(Effect::Turn { axis: 2, center: [0.9, 0.9, 0.0], rate: 3.0 }).1;
+    let all = vec![true; particles.len()];
+    let (velocity, spin) = after(&all, Effect::Wind { velocity: [2.0, 0.0, 0.0], response_s: 0.1 });
+    let expected = 2.0 * (1.0 - (-0.5_f64).exp());
+    assert!((velocity.x - expected).abs() < 1e-5 && spin.norm() < 1e-5, "{velocity}, expected {expected}");
+    // A wind on its top alone turns it.
+    assert!(after(&top, Effect::Wind { velocity: [2.0, 0.0, 0.0], response_s: 0.1 }).1.y > 0.5);
+    let turned = after(&top, Effect::Turn { axis: 2, center: [0.9, 0.9, 0.0], rate: 3.0 }).1;
     assert!((turned - Vector3::z() * 3.0).norm() < 1e-5, "{turned}");
 }

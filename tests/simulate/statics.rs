@@ -40,7 +40,7 @@ fn cantilever_swings_about_its_deflection() {
         std::f64::consts::TAU / 3.516 * (12.0 * density * LENGTH.powi(4) / (stiffness * THICKNESS.powi(2))).sqrt();
 
     let setting = block.setting([0.0, 0.0, -GRAVITY as f32], vec![]);
-    let mut object = Object::new(setting, &particles, &Bodies::default(), None);
+    let mut object = Object::new(setting, particles.clone(), &Bodies::default(), None);
     let clamp = action::on(&object, vec![clamp]);
     let (start, dt) = (height(&particles), f64::from(block.dt_s()));
     let (mut lowest, mut lowest_at) = (start, 0.0);

@@ -195,7 +195,8 @@ fn simulation(simulation: &SimulationReport, pictures: &Pictures) -> Value {
         .into_iter()
         .map(|(material, factor)| context! { material, factor => significant(1.0 / factor) })
         .collect();
-    let is_whole = simulation.filled.len() == simulation.rigid.len() && simulation.rigid.iter().all(|part| part.body == 0);
+    let is_whole =
+        simulation.filled.len() == simulation.rigid.len() && simulation.rigid.iter().all(|part| part.body == 0);
     let moves = match (is_whole, simulation.rigid.len()) {
         (true, _) => " It moves as one rigid body.".to_owned(),
         (false, 0) => String::new(),

@@ -13,6 +13,8 @@
 
 use nalgebra::{Matrix2, Matrix3, Point3, Vector2, Vector3};
 
+use rayon::prelude::*;
+
 use super::body::Body;
 use crate::simulate::boundary::{Boundary, Contact};
 
@@ -49,7 +51,8 @@ pub struct Face {
 impl Face {
     /// The outermost of `points_m`, given in the simulation's frame.
     pub fn new(part: u32, points_m: &[Vector3<f64>], plane_modulus_pa: f64, least_area_m2: f64) -> Self {
-        let mut outermost: Vec<usize> = (0..DIRECTIONS).filter_map(|n| farthest(points_m, &evenly_spread(n))).collect();
+        let mut outermost: Vec<usize> =
+            (0..DIRECTIONS).into_par_iter().filter_map(|n| farthest(points_m, &evenly_spread(n))).collect();
         outermost.sort_unstable();
         outermost.dedup();
         let points_m = outermost.into_iter().map(|i| points_m[i]).collect();
@@ -260,7 +263,7 @@ impl Ground {
 fn area_of_hull(mut points: Vec<[f64; 2]>) -> f64 {
     points.sort_by(|a, b| a[0].total_cmp(&b[0]).then(a[1].total_cmp(&b[1])));
     let turn = |o: &[f64; 2], a: &[f64; 2], b: &[f64; 2]| (a[0] - o[0]) * (b[1] - o[1]) - (a[1] - o[1]) * (b[0] - o[0]);
-    let mut chain = |points: &mut dyn Iterator<Item = &[f64; 2]>| {
+    let chain = |points: &mut dyn Iterator<Item = &[f64; 2]>| {
         let mut hull: Vec<[f64; 2]> = Vec::new();
         for point in points {
             while hull.len() > 1 && turn(&hull[hull.len() - 2], &hull[hull.len() - 1], point) <= 0.0 {
