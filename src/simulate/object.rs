@@ -6,7 +6,7 @@ use super::boundary::Boundary;
 use super::mpm::in_order::InOrder;
 use super::mpm::laws::Law;
 use super::mpm::particles::{Motion, Particle};
-use super::mpm::{Lost, Setting, Solver};
+use super::mpm::{DRIFT, Lost, Setting, Solver};
 use super::rigid::body::{Body, Moments, State};
 use super::rigid::contact::{Face, Ground};
 use super::rigid::coupling::{self, Guest, Moving};
@@ -43,6 +43,8 @@ pub struct Object {
     places: Vec<Place>,
     bodies: Vec<Body>,
     guests: Vec<Guest>,
+    /// How far a particle of a body may have moved since the guests were chosen.
+    wandered_m: f64,
     /// The ground as the bodies meet it.
     grounds: Vec<Ground>,
     gravity_m_s2: Vector3<f64>,
@@ -100,6 +102,7 @@ impl Object {
             places,
             bodies: members.into_iter().map(body).collect(),
             guests: vec![],
+            wandered_m: 0.0,
             grounds: ground.into_iter().map(Ground::from).collect(),
             gravity_m_s2,
             spacing_m,
@@ -129,6 +132,7 @@ impl Object {
             Particle { law: law as u32, ..body.particle(guest.of(&self.bodies)) }
         };
         self.solver.host(self.guests.iter().map(guest).collect());
+        self.wandered_m = 0.0;
     }
 
     /// The fastest speed of any particle, or a bound on it, m/s.
@@ -164,6 +168,7 @@ impl Object {
             motion.iter().for_each(|motion| body.lead(motion));
         }
         let impulses = if self.is_coupled() { self.step_on_grid(dt_s, &motions, influence)? } else { vec![] };
+        let mut fastest_m_s = 0.0_f64;
         for (number, body) in self.bodies.iter_mut().enumerate() {
             if motions[number].is_none() {
                 body.push(self.gravity_m_s2 * (dt_s * body.mass_kg()), Vector3::zeros());
@@ -172,11 +177,13 @@ impl Object {
                 }
                 self.grounds.iter().for_each(|ground| ground.act(body, &self.gravity_m_s2, dt_s));
             }
+            fastest_m_s = fastest_m_s.max(body.fastest_m_s());
             body.advance(dt_s);
             if motions[number].is_none() {
                 self.grounds.iter().for_each(|ground| ground.lift(body));
             }
         }
+        self.wandered_m += fastest_m_s * dt_s;
         self.bodies.iter().find_map(|body| self.lost(body)).map_or(Ok(()), Err)
     }
 
@@ -190,8 +197,13 @@ impl Object {
         let moving: Vec<Moving> = self.bodies.iter().map(Moving::from).collect();
         let (bodies, guests) = (&self.bodies, &self.guests);
         self.solver.place_guests(|guest| guests[guest].moved(bodies, &moving));
-        if self.solver.is_due_for_sorting() {
+        // Guests are chosen with room for a drift of a cell; a little less, to allow for rounding.
+        let far_m = 0.95 * f64::from(DRIFT) * f64::from(self.spacing_m);
+        if self.solver.is_due_for_sorting() || self.wandered_m > far_m {
             self.invite();
+        }
+        if self.solver.is_empty() {
+            return Ok(vec![]);
         }
         let (bodies, guests, on_grid) = (&self.bodies, &self.guests, &self.on_grid);
         let guided = |id: u32, position_m: [f32; 3]| match on_grid.get(id as usize) {

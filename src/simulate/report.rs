@@ -4,6 +4,7 @@ use serde::{Deserialize, Serialize};
 
 use super::checkpoint::FrameSummary;
 use super::material::{PoissonCapped, Softened};
+use super::rigid::choice::Reason;
 
 /// The simulation and its result. Written as `simulation.json`.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -92,8 +93,8 @@ pub struct RigidReport {
     pub body: u32,
     /// Estimate of the largest strain in the scenario if it deformed.
     pub strain: f64,
-    /// Whether it is rigid only because it is a layer on rigid parts, too thin for the grid.
-    pub is_layer: bool,
+    /// Why it is rigid.
+    pub because: Reason,
     /// Highest pressure on the ground; 0 if it never touched it.
     pub peak_pressure_pa: f64,
     /// The stress at which its material is damaged.

@@ -66,6 +66,55 @@ pub struct Setup {
     pub report: SimulationReport,
 }
 
+/// What decides how stiff the parts are simulated, and how long that takes.
+struct Plan<'a> {
+    input: &'a Input<'a>,
+    options: &'a Options,
+    bodies: &'a [Body],
+    load: Load,
+    spacing_m: f64,
+    duration_s: f64,
+}
+
+/// Which parts are rigid, and how the others deform.
+struct Planned {
+    choice: Choice,
+    materials: Materials,
+    bound: StepBound,
+    /// The label that deforms with the fastest waves.
+    stiffest: Option<usize>,
+    minutes: f64,
+}
+
+impl Plan<'_> {
+    /// With true stiffness, if that does not take too long.
+    fn made(&self) -> Result<Planned, SimulateError> {
+        let most_pa = self.options.max_stiffness;
+        let planned = self.with(most_pa.unwrap_or(f64::INFINITY), f64::INFINITY)?;
+        if most_pa.is_some() || planned.minutes <= LONGEST_MINUTES {
+            return Ok(planned);
+        }
+        self.with(SOFT_PA, choice::MOST_SOFTENED * SOFT_PA)
+    }
+
+    /// With parts that deform softened to `most_pa`, and those stiffer than `rigid_pa` rigid.
+    fn with(&self, most_pa: f64, rigid_pa: f64) -> Result<Planned, SimulateError> {
+        let Self { input, options, bodies, load, spacing_m, duration_s } = *self;
+        let choice = choice::choose(&options.rigid, &load, input.materials, (bodies, spacing_m), rigid_pa)?;
+        let materials = Materials::prepare(input.materials, |label| choice.body_of[label].is_none(), most_pa);
+        let stiffest = stiffest(bodies, &choice, &materials.prepared);
+        let wave_speed_m_s = match stiffest {
+            Some(label) => materials.prepared[label].wave_speed_m_s(),
+            None => (2.0 * options.gravity.abs() * load.longest_m).sqrt(),
+        };
+        let bound = StepBound { cfl: options.cfl, spacing_m, wave_speed_m_s, fixed_s: options.fixed_step };
+        let substeps = duration_s / options.fixed_step.unwrap_or_else(|| bound.longest_s(load.impact_m_s));
+        let particles = if stiffest.is_some() { bodies.len() } else { RIGID_PARTICLES };
+        let minutes = substeps * particles as f64 / PARTICLE_SUBSTEPS_PER_S / 60.0;
+        Ok(Planned { choice, materials, bound, stiffest, minutes })
+    }
+}
+
 /// Checks the input and sets up the run.
 pub fn set_up(input: &Input, options: &Options) -> Result<Setup, SimulateError> {
     check(input)?;
@@ -95,33 +144,9 @@ pub fn set_up(input: &Input, options: &Options) -> Result<Setup, SimulateError> 
     let anchors = options.anchor.iter().map(|part| Step { on: part.clone(), from: 0.0, to: 2.0, what: What::Hold });
     let steps: Vec<Step> = script.into_iter().flat_map(|script| script.steps).chain(anchors).collect();
     let load = Load::new(pose[0] * longest_m, options.gravity, longest_m, &steps);
-    let choice = choice::choose(&options.rigid, &load, input.materials, &filled.bodies, spacing_m)?;
-
-    let fixed_s = options.fixed_step;
     let duration_s = options.duration.unwrap_or_else(|| FALLS * (longest_m / GRAVITY_M_S2).sqrt());
-    let bound_with = |materials: &Materials| {
-        let stiffest = stiffest(&filled.bodies, &choice, &materials.prepared);
-        let wave_speed_m_s = match stiffest {
-            Some(label) => materials.prepared[label].wave_speed_m_s(),
-            None => (2.0 * options.gravity.abs() * longest_m).sqrt(),
-        };
-        (StepBound { cfl: options.cfl, spacing_m, wave_speed_m_s, fixed_s }, stiffest)
-    };
-    let minutes_with = |bound: &StepBound, stiffest: Option<usize>| {
-        let substeps = duration_s / fixed_s.unwrap_or_else(|| bound.longest_s(load.impact_m_s));
-        // A rigid body costs no more than a few hundred particles.
-        let particles = if stiffest.is_some() { filled.bodies.len() } else { RIGID_PARTICLES };
-        substeps * particles as f64 / PARTICLE_SUBSTEPS_PER_S / 60.0
-    };
-    let prepare = |max_pa: f64| {
-        let materials = Materials::prepare(input.materials, |label| choice.body_of[label].is_none(), max_pa);
-        let (bound, stiffest) = bound_with(&materials);
-        let minutes = minutes_with(&bound, stiffest);
-        (materials, bound, stiffest, minutes)
-    };
-    let at_true_stiffness = prepare(options.max_stiffness.unwrap_or(f64::INFINITY));
-    let is_too_long = options.max_stiffness.is_none() && at_true_stiffness.3 > LONGEST_MINUTES;
-    let (materials, bound, stiffest, minutes) = if is_too_long { prepare(SOFT_PA) } else { at_true_stiffness };
+    let plan = Plan { input, options, bodies: &filled.bodies, load, spacing_m, duration_s };
+    let Planned { choice, materials, bound, stiffest, minutes } = plan.made()?;
     if minutes > options.max_simulation_minutes {
         return Err(SimulateError::TooLong { minutes, max_minutes: options.max_simulation_minutes });
     }
@@ -297,7 +322,7 @@ fn rigid_report(input: &Input, choice: &Choice, load: &Load) -> Vec<RigidReport>
             material: material.name.clone(),
             body: (*body)?,
             strain: load.strain(material),
-            is_layer: choice.layer[label],
+            because: choice.reasons[label]?,
             peak_pressure_pa: 0.0,
             strength_pa: material.strength_pa,
             dents: false,

@@ -8,6 +8,7 @@ use gprop::simulate::animation::{self, Viewpoint};
 use gprop::simulate::checkpoint::{Checkpoint, Snapshot};
 use gprop::simulate::filling::{FillPoint, fill};
 use gprop::simulate::material::Material;
+use gprop::simulate::rigid::choice::{Load, Reason, choose};
 use gprop::simulate::{Frame, Ground, Input, Options, SimulateError, SimulationReport, simulate};
 use nalgebra::{Matrix3, UnitQuaternion, Vector3};
 
@@ -179,8 +180,8 @@ fn stiff_parts_move_as_one_body() {
     let bar = Bar::new();
     let long = Options { duration: Some(1.0), ..true_stiffness() };
     let (frames, report) = run(&bar.input(), &long);
-    let rigid: Vec<(&str, u32, bool)> = report.rigid.iter().map(|p| (p.part.as_str(), p.body, p.is_layer)).collect();
-    assert_eq!(rigid, [("handle", 0, false), ("head", 0, false)]);
+    let rigid: Vec<(&str, u32, Reason)> = report.rigid.iter().map(|p| (p.part.as_str(), p.body, p.because)).collect();
+    assert_eq!(rigid, [("handle", 0, Reason::Stiff), ("head", 0, Reason::Stiff)]);
     assert!(report.softened.is_empty() && report.time_step.stiffest_material.is_none());
     assert!(report.substeps < 100 * 5, "{} steps for five frames", report.substeps);
     // v sqrt(rho / E) + rho g l / E with v from 0.1 longest sides of 0.4 m.
@@ -235,6 +236,38 @@ fn the_user_chooses_what_is_rigid() {
     assert!(run(&bar.input(), &pulled).1.rigid.is_empty());
 }
 
+/// Softened from 3e9 to 2e7 Pa, the handle would bend far more than it does, which is hardly at all: if its true
+/// stiffness cannot be simulated in time, it is rigid. The head is soft enough for a softening that hardly shows.
+#[test]
+fn what_is_far_too_stiff_to_simulate_in_time_is_rigid() {
+    let mut bar = Bar::new();
+    (bar.materials[0].youngs_modulus_pa, bar.materials[1].youngs_modulus_pa) = (3e9, 3e7);
+    let positions: Vec<[f64; 3]> =
+        (0..bar.gaussians.len()).map(|i| (bar.gaussians.center(i) * METERS_PER_UNIT).into()).collect();
+    let bodies = fill(&positions, &bar.labels, &bar.interior, METERS_PER_UNIT, 0.025).unwrap().bodies;
+    let load = Load::new(2.0, 9.8, 0.4, &[]);
+    let reasons = |asked: &str, stiffest_pa: f64| {
+        choose(&[asked.to_owned()], &load, &bar.materials, (&bodies, 0.025), stiffest_pa).unwrap().reasons
+    };
+    assert_eq!(reasons("auto", f64::INFINITY), [None, None]);
+    assert_eq!(reasons("auto", 8e7), [Some(Reason::TooSlow), None]);
+    assert_eq!(reasons("never", 8e7), [None, None]);
+    // A drop of an hour in steps of microseconds cannot wait.
+    let hour = Options {
+        drop_height: 5.0,
+        duration: Some(3600.0),
+        frames: 2,
+        max_simulation_minutes: 0.01,
+        ..Options::default()
+    };
+    let refused = simulate(&bar.input(), &hour, None, &mut |_, _| panic!("it began"), Progress::Hidden);
+    let Err(SimulateError::TooLong { minutes, .. }) = refused else { panic!("{refused:?}") };
+    let alone = Options { max_stiffness: Some(2e7), rigid: vec!["handle".to_owned()], ..hour };
+    let refused = simulate(&bar.input(), &alone, None, &mut |_, _| panic!("it began"), Progress::Hidden);
+    let Err(SimulateError::TooLong { minutes: expected, .. }) = refused else { panic!("{refused:?}") };
+    assert_eq!(minutes, expected, "the head is softened to 2e7 Pa, and the handle rigid");
+}
+
 /// A thin soft sleeve on a rigid bar moves with it.
 #[test]
 fn layers_move_with_what_they_lie_on() {
@@ -256,8 +289,8 @@ fn layers_move_with_what_they_lie_on() {
         }
     }
     let report = run(&bar.input(), &Options { duration: Some(0.01), frames: 2, ..true_stiffness() }).1;
-    let layers: Vec<(&str, bool)> = report.rigid.iter().map(|part| (part.part.as_str(), part.is_layer)).collect();
-    assert_eq!(layers, [("handle", false), ("head", false), ("sleeve", true)]);
+    let layers: Vec<(&str, Reason)> = report.rigid.iter().map(|part| (part.part.as_str(), part.because)).collect();
+    assert_eq!(layers, [("handle", Reason::Stiff), ("head", Reason::Stiff), ("sleeve", Reason::Layer)]);
     assert!(report.rigid.iter().all(|part| part.body == 0), "{:?}", report.rigid);
 }
 

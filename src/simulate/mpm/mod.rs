@@ -220,6 +220,11 @@ impl Solver {
         InOrder::new(&self.sorted.packs, &self.setting.laws)
     }
 
+    /// Whether it has neither particles of its own nor guests.
+    pub fn is_empty(&self) -> bool {
+        self.sorted.packs.is_empty()
+    }
+
     /// Number of laws.
     pub fn laws(&self) -> usize {
         self.setting.laws.len()
@@ -235,6 +240,8 @@ impl Solver {
 
     fn sort(&mut self) {
         if self.sorted.packs.is_empty() {
+            self.sorted = Sorted::default();
+            self.drift = 0.0;
             return;
         }
         self.sorted.sort(self.setting.laws.len(), 1.0 / self.setting.spacing_m);

@@ -6,9 +6,13 @@
 //! long as the object, l, under the acceleration a.
 //!
 //! A softer part is rigid too if it is a layer on rigid parts: one that lies within a grid cell of them moves with the
-//! nodes that it shares with them, and the grid cannot show how it deforms.
+//! nodes that it shares with them, and the grid cannot show how it deforms. And so is one that would have to be softened
+//! by more than [`MOST_SOFTENED`] to be simulated in time: the strain of an impact grows with the root of that factor,
+//! so that beyond it a rigid body is closer to the truth than the softened part.
 
 use std::collections::{BTreeMap, BTreeSet};
+
+use serde::{Deserialize, Serialize};
 
 use super::super::error::SimulateError;
 use super::super::filling::Body;
@@ -21,6 +25,9 @@ pub const INVISIBLE: f64 = 1e-3;
 
 /// Share of a part's particles that must lie on rigid parts for it to be a layer.
 const LAYER: f64 = 0.5;
+
+/// The factor beyond which softening changes a strain e by more than e: sqrt(4) e - e = e.
+pub const MOST_SOFTENED: f64 = 4.0;
 
 /// Half-cell cubes within which two particles share most of their nodes: a grid cell.
 const NEAR_CUBES: i64 = 2;
@@ -67,11 +74,11 @@ impl Load {
         self.impact_m_s * (density / stiffness).sqrt() + density * self.acceleration_m_s2 * self.longest_m / stiffness
     }
 
-    /// Whether a part of `material` deforms visibly.
+    /// Whether a part of `material` deforms visibly, as far as nothing forces it.
     fn deforms(&self, material: &Material) -> bool {
         // These flow under any load.
         let flows = matches!(material.law, Law::Fluid | Law::DruckerPrager { .. } | Law::Snow { .. });
-        self.is_forced || flows || self.strain(material) > INVISIBLE
+        flows || self.strain(material) > INVISIBLE
     }
 }
 
@@ -80,11 +87,27 @@ impl Load {
 pub struct Choice {
     /// Per label: the number of the body that it belongs to; `None` if it deforms.
     pub body_of: Vec<Option<u32>>,
-    /// Per label: whether it is rigid only because it is a layer on rigid parts.
-    pub layer: Vec<bool>,
+    /// Per label: why it is rigid; `None` if it deforms.
+    pub reasons: Vec<Option<Reason>>,
 }
 
-/// Chooses among the parts that have `bodies` (metres, with labels), on a grid of `spacing_m`, as `--rigid` says.
+/// Why a part is rigid.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[cfg_attr(test, derive(schemars::JsonSchema))]
+#[serde(rename_all = "snake_case")]
+pub enum Reason {
+    /// Its deformation would be invisible.
+    Stiff,
+    /// It is a layer on rigid parts, too thin for the grid.
+    Layer,
+    /// At its true stiffness, which is far above what can be simulated, the run would take too long.
+    TooSlow,
+    /// The user asked for it.
+    Asked,
+}
+
+/// Chooses among the parts that have `bodies` (metres, with labels), on a grid of `spacing_m`, as `--rigid` says. Parts
+/// stiffer than `stiffest_pa` are rigid unless the scenario forces them to deform.
 ///
 /// # Errors
 /// [`SimulateError::Rigid`] if `asked` names a part that does not exist.
@@ -92,23 +115,26 @@ pub fn choose(
     asked: &[String],
     load: &Load,
     materials: &[Material],
-    bodies: &[Body],
-    spacing_m: f64,
+    (bodies, spacing_m): (&[Body], f64),
+    stiffest_pa: f64,
 ) -> Result<Choice, SimulateError> {
     let cubes = Cubes::new(bodies, spacing_m);
-    let mut layer = vec![false; materials.len()];
-    let rigid = match asked {
-        [word] if word == NEVER => vec![false; materials.len()],
+    let reasons = match asked {
+        [word] if word == NEVER => vec![None; materials.len()],
+        [word] if word == AUTO && load.is_forced => vec![None; materials.len()],
         [word] if word == AUTO => {
-            let stiff: Vec<bool> = materials.iter().map(|material| !load.deforms(material)).collect();
-            if !load.is_forced {
-                layer = cubes.share_near(&stiff).iter().zip(&stiff).map(|(share, s)| !s && *share >= LAYER).collect();
+            let too_slow = |m: &Material| (m.youngs_modulus_pa > stiffest_pa).then_some(Reason::TooSlow);
+            let reason = |m: &Material| if load.deforms(m) { too_slow(m) } else { Some(Reason::Stiff) };
+            let mut reasons: Vec<Option<Reason>> = materials.iter().map(reason).collect();
+            for (reason, share) in reasons.iter_mut().zip(cubes.share_near(&reasons.clone())) {
+                *reason = reason.or((share >= LAYER).then_some(Reason::Layer));
             }
-            stiff.iter().zip(&layer).map(|(stiff, layer)| *stiff || *layer).collect()
+            reasons
         }
-        parts => named(parts, materials)?,
+        parts => named(parts, materials)?.into_iter().map(|named| named.then_some(Reason::Asked)).collect(),
     };
-    Ok(Choice { body_of: cubes.joined(&rigid), layer })
+    let body_of = cubes.joined(&reasons.iter().map(Option::is_some).collect::<Vec<_>>());
+    Ok(Choice { body_of, reasons })
 }
 
 /// Per label, whether `--rigid` names it by its caption or material, or by words of them.
@@ -164,12 +190,12 @@ impl Cubes {
     }
 
     /// Per label: the share of its bodies that lie within a grid cell of a `rigid` part.
-    fn share_near(&self, rigid: &[bool]) -> Vec<f64> {
+    fn share_near(&self, rigid: &[Option<Reason>]) -> Vec<f64> {
         let around = self.around();
         let mut counts = vec![[0.0; 2]; rigid.len()];
         for (cube, label) in &self.bodies {
             let count = &mut counts[*label as usize];
-            count[0] += f64::from(u8::from(around[cube].iter().any(|&l| rigid[l as usize])));
+            count[0] += f64::from(u8::from(around[cube].iter().any(|&l| rigid[l as usize].is_some())));
             count[1] += 1.0;
         }
         counts.iter().map(|[near, all]| near / f64::max(*all, 1.0)).collect()
