@@ -137,6 +137,10 @@ impl Influence for Due<'_> {
         !self.forces.is_empty()
     }
 
+    fn has_leads(&self) -> bool {
+        !self.leads.is_empty()
+    }
+
     fn on_particle(&self, id: u32, velocity_m_s: [f32; 3]) -> [f32; 3] {
         let acting = self.forces.iter().map(|a| &a.action).filter(|action| action.mask[id as usize]);
         acting.fold(velocity_m_s, |v, action| action.effect.changed(v, self.t_s, self.dt_s as f32))

@@ -60,6 +60,8 @@ pub trait Influence: Sync {
     fn on_particle(&self, id: u32, velocity_m_s: [f32; 3]) -> [f32; 3];
     /// Impulse and angular impulse of the forces on a body.
     fn on_body(&self, number: usize, body: &Body) -> coupling::Impulse;
+    /// Whether there are given motions at all.
+    fn has_leads(&self) -> bool;
     /// The motion given to a deforming particle at a position.
     fn leads(&self, id: u32, position_m: [f32; 3]) -> Option<Motion>;
     /// The motion given to a body.
@@ -213,7 +215,8 @@ impl Object {
                 motions[guest.body as usize].map(|_| guest.moved(bodies, &moving).1)
             }
         };
-        let stepped = self.solver.step_led(dt_s as f32, guided);
+        let dt = dt_s as f32;
+        let stepped = if influence.has_leads() { self.solver.step_led(dt, guided) } else { self.solver.step(dt) };
         let number = |id: usize| match on_grid.get(id) {
             Some(own) => *own,
             None => guests[id - on_grid.len()].of(bodies).id,

@@ -239,7 +239,8 @@ pub fn script_of(options: &Options) -> Result<Option<Script>, SimulateError> {
 
 /// The label that deforms with the fastest waves.
 fn stiffest(bodies: &[Body], choice: &Choice, prepared: &[Prepared]) -> Option<usize> {
-    let used: BTreeSet<usize> = bodies.iter().map(|body| body.label as usize).collect();
+    let with_volume = bodies.iter().filter(|body| body.volume_m3 > 0.0);
+    let used: BTreeSet<usize> = with_volume.map(|body| body.label as usize).collect();
     let speed = |label: usize| prepared[label].wave_speed_m_s();
     used.into_iter().filter(|&label| choice.body_of[label].is_none()).max_by(|&a, &b| speed(a).total_cmp(&speed(b)))
 }

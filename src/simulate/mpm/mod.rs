@@ -126,7 +126,7 @@ impl Solver {
         self.drift += farthest / self.setting.spacing_m;
     }
 
-    /// What the guests gathered in the last substep, summed over each [`SUM`] packs by `add` and then in order: the
+    /// What the guests gathered in the last substep, summed by `add` over pieces of fixed length: the
     /// same on any number of threads.
     pub fn sum_guests<S: Send>(
         &self,

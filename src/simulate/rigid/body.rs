@@ -214,8 +214,10 @@ impl Body {
     /// The first cell of each particle's stencil, x y z, on a grid of `spacing_m`.
     pub fn cells(&self, spacing_m: f32) -> impl Iterator<Item = [i32; 3]> + '_ {
         let (pose, cells_per_m) = (self.pose(), 1.0 / spacing_m);
-        let place = move |member: &Member| pose * Point3::from(member.place_m);
-        self.members.iter().map(move |member| [0, 1, 2].map(|a| base_cell(place(member)[a] as f32, cells_per_m)))
+        self.members.iter().map(move |member| {
+            let place = pose * Point3::from(member.place_m);
+            [0, 1, 2].map(|a| base_cell(place[a] as f32, cells_per_m))
+        })
     }
 
     /// The moments of the particles whose number is in `mask`.

@@ -126,7 +126,8 @@ pub fn choose(
             let too_slow = |m: &Material| (m.youngs_modulus_pa > stiffest_pa).then_some(Reason::TooSlow);
             let reason = |m: &Material| if load.deforms(m) { too_slow(m) } else { Some(Reason::Stiff) };
             let mut reasons: Vec<Option<Reason>> = materials.iter().map(reason).collect();
-            for (reason, share) in reasons.iter_mut().zip(cubes.share_near(&reasons.clone())) {
+            let shares = cubes.share_near(&reasons);
+            for (reason, share) in reasons.iter_mut().zip(shares) {
                 *reason = reason.or((share >= LAYER).then_some(Reason::Layer));
             }
             reasons
