@@ -87,6 +87,7 @@ pub fn simulate<E: From<SimulateError>>(
         bound,
         to_world,
         duration_s,
+        falls_until_s,
         actions,
         minutes,
         mut report,
@@ -117,7 +118,8 @@ pub fn simulate<E: From<SimulateError>>(
     for index in record.frames.len()..options.frames as usize {
         if index > 0 {
             let span = [time_of(index - 1), time_of(index)];
-            advance(&mut object, &bound, &actions, span, &mut record).map_err(|failure| {
+            let started_s = fall(&mut object, falls_until_s, span, &mut record);
+            advance(&mut object, &bound, &actions, [started_s, span[1]], &mut record).map_err(|failure| {
                 let label = labels[failure.lost.particle] as usize;
                 failure.into_error(index, input.materials[label].name.clone(), to_world)
             })?;
@@ -180,6 +182,17 @@ impl Failure {
         let position_m = [0, 1, 2].map(|a| position_m[a] + origin[a] as f32);
         SimulateError::Lost { particle, material, what, t_s: self.t_s, frame, position_m, velocity_m_s, cause }
     }
+}
+
+/// Lets the object fall freely from the start of `span` for as long as it does, in one step; returns the time then.
+fn fall(object: &mut Object, until_s: f64, [from_s, to_s]: [f64; 2], record: &mut Record) -> f64 {
+    let end_s = until_s.min(to_s);
+    if end_s <= from_s {
+        return from_s;
+    }
+    object.fall(end_s - from_s);
+    record.substeps += 1;
+    end_s
 }
 
 /// Advances from the start of `span` to its end. The object is renewed for each frame because a resumed run starts with

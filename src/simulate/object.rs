@@ -147,6 +147,17 @@ impl Object {
         &self.bodies
     }
 
+    /// Lets it fall freely for `dt_s`, along the parabola of each of its particles: as long as they all move alike,
+    /// nothing strains.
+    pub fn fall(&mut self, dt_s: f64) {
+        self.solver.fall(dt_s as f32);
+        for body in &mut self.bodies {
+            body.shift((body.state().velocity_m_s + self.gravity_m_s2 * (dt_s / 2.0)) * dt_s);
+            body.push(self.gravity_m_s2 * (dt_s * body.mass_kg()), Vector3::zeros());
+        }
+        self.renew();
+    }
+
     /// Takes a substep of `dt_s`.
     ///
     /// # Errors

@@ -8,7 +8,7 @@ use super::boundary::Boundary;
 use super::error::SimulateError;
 use super::filling::{self, Body, Filled};
 use super::frames::ToWorld;
-use super::material::{self, Material, Materials, Prepared, SOFT_PA};
+use super::material::{self, Material, Materials, Prepared, SOFT_PA, Softened};
 use super::mpm::Setting;
 use super::mpm::laws::Law;
 use super::mpm::particles::Particle;
@@ -58,6 +58,8 @@ pub struct Setup {
     pub bound: StepBound,
     pub to_world: ToWorld,
     pub duration_s: f64,
+    /// Until then, nothing touches the object: it falls as it is.
+    pub falls_until_s: f64,
     /// The scenario's actions during the run.
     pub actions: Vec<Action>,
     /// Expected duration of the run.
@@ -182,6 +184,10 @@ pub fn set_up(input: &Input, options: &Options) -> Result<Setup, SimulateError> 
         is_solid: filled.bodies.iter().map(|body| body.backed).collect(),
         plane_modulus_pa: input.materials.iter().map(Material::plane_modulus_pa).collect(),
     };
+    let mut warnings = warnings(input, longest_m, &filled.assumed_full, strays);
+    if options.max_stiffness.is_none() {
+        warnings.extend(materials.softened.iter().map(softened_warning));
+    }
     let report = SimulationReport {
         particles: start.len(),
         fill_particles: start.len() - carried.len(),
@@ -203,7 +209,7 @@ pub fn set_up(input: &Input, options: &Options) -> Result<Setup, SimulateError> 
         poisson_capped: materials.poisson_capped,
         ground_z_m: drop.ground_z_m,
         frames: vec![],
-        warnings: warnings(input, longest_m, &filled.assumed_full, strays),
+        warnings,
     };
     Ok(Setup {
         setting,
@@ -215,10 +221,23 @@ pub fn set_up(input: &Input, options: &Options) -> Result<Setup, SimulateError> 
         bound,
         to_world: ToWorld { origin_m: drop.origin_m, meters_per_unit },
         duration_s,
+        falls_until_s: falls_until_s(pose[0] * longest_m, spacing_m, options, &actions),
         actions,
         minutes,
         report,
     })
+}
+
+/// The time for which an object at rest at a height falls freely, s: until it is near the ground or an action begins.
+fn falls_until_s(height_m: f64, spacing_m: f64, options: &Options, actions: &[Action]) -> f64 {
+    /// A particle meets the plane of the ground, which lies below it, through nodes up to 1.5 cells away.
+    const CLEAR_CELLS: f64 = 2.0;
+    let clear_m = height_m - CLEAR_CELLS * spacing_m;
+    if clear_m <= 0.0 || options.gravity <= 0.0 || options.fixed_step.is_some() {
+        return 0.0;
+    }
+    let first_s = actions.iter().map(|action| action.from_s).fold(f64::INFINITY, f64::min);
+    (2.0 * clear_m / options.gravity).sqrt().min(first_s)
 }
 
 /// The scenario's script; `None` for the drop without parameters, whose pose has its own options.
@@ -330,6 +349,15 @@ fn rigid_report(input: &Input, choice: &Choice, load: &Load) -> Vec<RigidReport>
         })
     };
     choice.body_of.iter().enumerate().filter_map(of).collect()
+}
+
+fn softened_warning(softened: &Softened) -> String {
+    format!(
+        "{} is softened by a factor of {:.1} in the simulation, which would take too long otherwise: it bends more than \
+         it would; --max-stiffness sets the limit",
+        softened.material,
+        1.0 / softened.factor
+    )
 }
 
 fn warnings(input: &Input, longest_m: f64, assumed_full: &[u32], strays: usize) -> Vec<String> {

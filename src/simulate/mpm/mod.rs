@@ -174,6 +174,19 @@ impl Solver {
         self.fastest_m_s
     }
 
+    /// Moves every particle as gravity alone does in `dt_s`. To be followed by [`Solver::host`].
+    pub fn fall(&mut self, dt_s: f32) {
+        let gravity = self.setting.gravity_m_s2;
+        self.sorted.packs.par_iter_mut().for_each(|pack| {
+            for a in 0..3 {
+                for (x, v) in pack.position[a].iter_mut().zip(&mut pack.velocity[a]) {
+                    *x += (*v + gravity[a] * dt_s / 2.0) * dt_s;
+                    *v += gravity[a] * dt_s;
+                }
+            }
+        });
+    }
+
     /// Sets every particle's velocity to what `change` returns for its number and velocity.
     pub fn change_velocities(&mut self, change: impl Fn(u32, [f32; 3]) -> [f32; 3] + Sync) {
         self.sorted.packs.par_iter_mut().for_each(|pack| {
