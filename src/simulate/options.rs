@@ -110,7 +110,7 @@ pub struct Options {
 
     /// Largest Young's modulus to simulate, in Pa: stiffer parts that deform are softened to it, and their strength in
     /// proportion, so that they yield at the same strain; the running time grows with its square root [default: none if the
-    /// simulation then takes less than five minutes, else 2e7]
+    /// simulation then takes less than a minute, else 2e7]
     #[arg(long, value_name = "PA", value_parser = above(0.0, STIFFEST_PA))]
     pub max_stiffness: Option<f64>,
 

@@ -35,9 +35,10 @@ const PARTICLE_SUBSTEPS_PER_S: f64 = 3e6;
 /// The cost of rigid bodies, in particles.
 const RIGID_PARTICLES: usize = 300;
 
-/// How long the simulation may be expected to take with the true stiffness of everything that deforms; beyond that,
-/// stiff parts are softened unless the user says how much.
-const LONGEST_MINUTES: f64 = 5.0;
+/// How long the simulation may be expected to take with everything that deforms at its true stiffness. Beyond that,
+/// parts that deform hardly visibly are rigid, and if that is not enough, stiff parts are softened, unless the user says
+/// how much.
+const LONGEST_MINUTES: f64 = 1.0;
 
 /// A Gaussian that is further than this outside the object's bounds, in multiples of the longest side, is not part of
 /// the object.
@@ -92,17 +93,18 @@ impl Plan<'_> {
     /// With true stiffness, if that does not take too long.
     fn made(&self) -> Result<Planned, SimulateError> {
         let most_pa = self.options.max_stiffness;
-        let planned = self.with(most_pa.unwrap_or(f64::INFINITY), f64::INFINITY)?;
+        let planned = self.with(most_pa.unwrap_or(f64::INFINITY), choice::INVISIBLE)?;
         if most_pa.is_some() || planned.minutes <= LONGEST_MINUTES {
             return Ok(planned);
         }
-        self.with(SOFT_PA, choice::MOST_SOFTENED * SOFT_PA)
+        let planned = self.with(f64::INFINITY, choice::HARDLY_VISIBLE)?;
+        if planned.minutes <= LONGEST_MINUTES { Ok(planned) } else { self.with(SOFT_PA, choice::HARDLY_VISIBLE) }
     }
 
-    /// With parts that deform softened to `most_pa`, and those stiffer than `rigid_pa` rigid.
-    fn with(&self, most_pa: f64, rigid_pa: f64) -> Result<Planned, SimulateError> {
+    /// With parts that deform softened to `most_pa`, and those that strain by less than `visible` rigid.
+    fn with(&self, most_pa: f64, visible: f64) -> Result<Planned, SimulateError> {
         let Self { input, options, bodies, load, spacing_m, duration_s } = *self;
-        let choice = choice::choose(&options.rigid, &load, input.materials, (bodies, spacing_m), rigid_pa)?;
+        let choice = choice::choose(&options.rigid, &load, input.materials, (bodies, spacing_m), visible)?;
         let materials = Materials::prepare(input.materials, |label| choice.body_of[label].is_none(), most_pa);
         let stiffest = stiffest(bodies, &choice, &materials.prepared);
         let wave_speed_m_s = match stiffest {

@@ -6,9 +6,9 @@
 //! long as the object, l, under the acceleration a.
 //!
 //! A softer part is rigid too if it is a layer on rigid parts: one that lies within a grid cell of them moves with the
-//! nodes that it shares with them, and the grid cannot show how it deforms. And so is one that would have to be softened
-//! by more than [`MOST_SOFTENED`] to be simulated in time: the strain of an impact grows with the root of that factor,
-//! so that beyond it a rigid body is closer to the truth than the softened part.
+//! nodes that it shares with them, and the grid cannot show how it deforms. And so is one whose strain is hardly visible,
+//! less than [`HARDLY_VISIBLE`], if the simulation would take too long otherwise: to soften it would be further from the
+//! truth, because the strain of an impact grows with the root of the factor.
 
 use std::collections::{BTreeMap, BTreeSet};
 
@@ -26,8 +26,8 @@ pub const INVISIBLE: f64 = 1e-3;
 /// Share of a part's particles that must lie on rigid parts for it to be a layer.
 const LAYER: f64 = 0.5;
 
-/// The factor beyond which softening changes a strain e by more than e: sqrt(4) e - e = e.
-pub const MOST_SOFTENED: f64 = 4.0;
+/// Strain below which a change of shape is hardly visible: a few pixels of such a film.
+pub const HARDLY_VISIBLE: f64 = 1e-2;
 
 /// Half-cell cubes within which two particles share most of their nodes: a grid cell.
 const NEAR_CUBES: i64 = 2;
@@ -73,13 +73,11 @@ impl Load {
         let (density, stiffness) = (material.density_kg_m3, material.youngs_modulus_pa);
         self.impact_m_s * (density / stiffness).sqrt() + density * self.acceleration_m_s2 * self.longest_m / stiffness
     }
+}
 
-    /// Whether a part of `material` deforms visibly, as far as nothing forces it.
-    fn deforms(&self, material: &Material) -> bool {
-        // These flow under any load.
-        let flows = matches!(material.law, Law::Fluid | Law::DruckerPrager { .. } | Law::Snow { .. });
-        flows || self.strain(material) > INVISIBLE
-    }
+/// Whether a material flows under any load.
+fn flows(material: &Material) -> bool {
+    matches!(material.law, Law::Fluid | Law::DruckerPrager { .. } | Law::Snow { .. })
 }
 
 /// The rigid parts.
@@ -100,14 +98,14 @@ pub enum Reason {
     Stiff,
     /// It is a layer on rigid parts, too thin for the grid.
     Layer,
-    /// At its true stiffness, which is far above what can be simulated, the run would take too long.
+    /// Its deformation would be hardly visible, and computing it would take too long.
     TooSlow,
     /// The user asked for it.
     Asked,
 }
 
-/// Chooses among the parts that have `bodies` (metres, with labels), on a grid of `spacing_m`, as `--rigid` says. Parts
-/// stiffer than `stiffest_pa` are rigid unless the scenario forces them to deform.
+/// Chooses among the parts that have `bodies` (metres, with labels), on a grid of `spacing_m`, as `--rigid` says: of
+/// its own accord, those that strain by less than `visible`.
 ///
 /// # Errors
 /// [`SimulateError::Rigid`] if `asked` names a part that does not exist.
@@ -116,15 +114,18 @@ pub fn choose(
     load: &Load,
     materials: &[Material],
     (bodies, spacing_m): (&[Body], f64),
-    stiffest_pa: f64,
+    visible: f64,
 ) -> Result<Choice, SimulateError> {
     let cubes = Cubes::new(bodies, spacing_m);
     let reasons = match asked {
         [word] if word == NEVER => vec![None; materials.len()],
         [word] if word == AUTO && load.is_forced => vec![None; materials.len()],
         [word] if word == AUTO => {
-            let too_slow = |m: &Material| (m.youngs_modulus_pa > stiffest_pa).then_some(Reason::TooSlow);
-            let reason = |m: &Material| if load.deforms(m) { too_slow(m) } else { Some(Reason::Stiff) };
+            let reason = |material: &Material| match load.strain(material) {
+                _ if flows(material) => None,
+                strain if strain <= INVISIBLE => Some(Reason::Stiff),
+                strain => (strain <= visible).then_some(Reason::TooSlow),
+            };
             let mut reasons: Vec<Option<Reason>> = materials.iter().map(reason).collect();
             let shares = cubes.share_near(&reasons);
             for (reason, share) in reasons.iter_mut().zip(shares) {
