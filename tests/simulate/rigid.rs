@@ -163,11 +163,11 @@ fn free_box_tumbles_with_its_momentum_and_energy() {
     assert!(change < 1e-2, "the particles' angular momentum changed by {change}");
 }
 
-/// Foam that cannot give sideways (nu = 0), under a plate that weighs on it: it is pressed by (m g / A + rho g H / 2) H
-/// / E.
+/// Foam that cannot give sideways (nu = 0), under a plate that weighs on it, swings about the depth (m g / A + rho g H /
+/// 2) H / E.
 #[test]
 fn plate_settles_on_foam_at_its_depth() {
-    const STIFFNESS: f64 = 2e4;
+    const STIFFNESS: f64 = 4e4;
     const HEIGHT: f64 = 0.8;
     let foam = Block {
         low_m: [0.8, 0.8, GROUND_M as f32],
@@ -180,7 +180,7 @@ fn plate_settles_on_foam_at_its_depth() {
     let plate = Block {
         low_m: [0.8, 0.8, (GROUND_M + HEIGHT) as f32],
         size_m: [0.4, 0.4, 0.1],
-        density_kg_m3: 1000.0,
+        density_kg_m3: 2000.0,
         ..Block::default()
     };
     let mut particles = plate.particles();
@@ -195,19 +195,20 @@ fn plate_settles_on_foam_at_its_depth() {
     let mut object = object(&particles, rigid, foam.spacing_m, GRAVITY, vec![floor], None);
     let start = object.bodies()[0].state().center_m.z;
     let dt = f64::from(foam.dt_s());
-    // The plate swings about its depth; its mean over whole periods is that of the equilibrium.
+    // Its mean over a whole period is that of the equilibrium.
     let mass = object.bodies()[0].mass_kg() + foam.density_kg_m3 * 0.4 * 0.4 * HEIGHT / 3.0;
     let period = std::f64::consts::TAU * (mass * HEIGHT / (STIFFNESS * 0.16)).sqrt();
-    let steps = (4.0 * period / dt) as usize;
+    let steps = (period / dt) as usize;
     let mut sum = 0.0;
     for _ in 0..steps {
         run(&mut object, dt, 1);
         sum += start - object.bodies()[0].state().center_m.z;
     }
-    let pressure = 1000.0 * 0.1 * GRAVITY + foam.density_kg_m3 * GRAVITY * HEIGHT / 2.0;
+    let pressure = 2000.0 * 0.1 * GRAVITY + foam.density_kg_m3 * GRAVITY * HEIGHT / 2.0;
     let (found, expected) = (sum / steps as f64, pressure * HEIGHT / STIFFNESS);
-    // The plate and the ground hold the nodes beside them: the foam is shorter by about a cell of sixteen.
-    assert!((found / expected - 0.95).abs() < 0.06, "pressed by {found} m, expected {expected} m");
+    // The plate and the ground hold the nodes beside them: the foam is shorter by about a cell of sixteen. At the plate it
+    // creeps by sigma dt / (rho dx) of the plate, a tenth of the depth in a period.
+    assert!((found / expected - 1.0).abs() < 0.12, "pressed by {found} m, expected {expected} m");
     let body = &object.bodies()[0];
     assert!(body.spin().norm() < 1e-2, "the plate tilts at {}", body.spin());
 }

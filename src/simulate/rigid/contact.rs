@@ -11,7 +11,7 @@
 //! k = 2 a E / (1 - nu^2) with a = sqrt(A / pi), so that a mass m that arrives at v presses with at most v sqrt(k m).
 //! The mass is that which the impulse stopped, m = J / v; the ground is taken to be rigid.
 
-use nalgebra::{Matrix2, Matrix3, Point3, Vector2, Vector3};
+use nalgebra::{Matrix3, Point3, Vector2, Vector3};
 
 use rayon::prelude::*;
 
@@ -211,8 +211,10 @@ impl Ground {
         let across = |normal: f64| {
             // The change of the normal impulse moves the point sideways as well.
             let slip = Vector2::new(velocity.y, velocity.z) + Vector2::new(k.m21, k.m31) * (normal - old.x);
-            let sideways = Matrix2::new(k.m22, k.m23, k.m32, k.m33);
-            Vector2::new(old.y, old.z) - sideways.try_inverse().map_or_else(Vector2::zeros, |inverse| inverse * slip)
+            // The same factor in every direction, so that friction ends up opposite to the slip that remains: that of the
+            // most compliant one, for which the iteration is stable.
+            let (mean, half) = ((k.m22 + k.m33) / 2.0, (k.m22 - k.m33) / 2.0);
+            Vector2::new(old.y, old.z) - slip / (mean + half.hypot(k.m23))
         };
         let (normal, tangent) = match self.contact {
             Contact::Separate { friction } => {
