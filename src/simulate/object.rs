@@ -8,8 +8,9 @@ use super::mpm::laws::Law;
 use super::mpm::particles::{Motion, Particle};
 use super::mpm::{DRIFT, Lost, Setting, Solver};
 use super::rigid::body::{Body, Moments, State};
-use super::rigid::contact::{Face, Ground};
+use super::rigid::contact::Ground;
 use super::rigid::coupling::{self, Guest, Moving};
+use super::rigid::face::Face;
 
 /// How the particles of an object belong together.
 #[derive(Debug, Clone, Default, PartialEq)]

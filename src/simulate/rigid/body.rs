@@ -5,7 +5,7 @@
 
 use nalgebra::{Isometry3, Matrix3, Point3, Quaternion, Translation3, UnitQuaternion, Vector3};
 
-use super::contact::Face;
+use super::face::Face;
 use crate::simulate::mpm::base_cell;
 use crate::simulate::mpm::particles::{Motion, Particle};
 
