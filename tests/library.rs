@@ -94,3 +94,33 @@ fn errors_say_what_kind_they_are() {
         assert!(error.to_string().contains("gprop.toml"), "{error}");
     }
 }
+
+/// The report is made without the simulation, which a later run adds.
+#[test]
+fn the_simulation_may_be_left_out() {
+    let balls = Balls::new(1);
+    let out = tempfile::tempdir().unwrap();
+    let run = |flags: &[&str]| {
+        let mut command = gprop();
+        command.arg("run").arg(balls.scene(0)).args(["-q", "--frames", "3", "--duration", "0.02", "--grid", "16"]);
+        command.arg("--out").arg(out.path()).args(balls.answers()).args(flags);
+        let done = command.output().unwrap();
+        assert!(done.status.success(), "{}", String::from_utf8_lossy(&done.stderr));
+        let report = fs::read(out.path().join("report.json")).unwrap();
+        let page = fs::read_to_string(out.path().join("report.html")).unwrap();
+        (serde_json::from_slice::<serde_json::Value>(&report).unwrap(), page)
+    };
+    let (report, page) = run(&["--no-simulate"]);
+    assert!(report["simulation"].is_null() && !page.contains("<h2>Simulation</h2>"));
+    assert!(report["reproduction"]["command"].as_str().unwrap().contains(" --no-simulate"), "{report}");
+    assert!(!out.path().join("simulation").exists());
+    let (report, page) = run(&[]);
+    assert_eq!(report["simulation"]["frames"].as_array().unwrap().len(), 3);
+    assert!(page.contains("<h2>Simulation</h2>") && out.path().join("simulation/simulation.json").exists());
+    // What was simulated stays, but is not in the report.
+    let (report, _) = run(&["--no-simulate"]);
+    assert!(report["simulation"].is_null() && out.path().join("simulation/simulation.json").exists());
+    let mut command = gprop();
+    command.arg("run").arg(balls.scene(0)).args(["--to", "simulate", "--no-simulate"]);
+    assert_eq!(command.output().unwrap().status.code(), Some(2));
+}

@@ -201,6 +201,9 @@ pub struct RunArgs {
     /// Last stage to run; earlier stages are run as far as it needs them.
     #[arg(long, value_name = "STAGE", default_value = "report")]
     pub to: Stage,
+    /// Leave out the simulation and its film.
+    #[arg(long)]
+    pub no_simulate: bool,
     /// For `gprop batch`: end when stdin closes.
     #[arg(long, hide = true)]
     pub end_with_stdin: bool,

@@ -63,7 +63,8 @@ fn run(arguments: Vec<OsString>) -> anyhow::Result<()> {
             if args.end_with_stdin {
                 crate::batch::end_with_the_batch();
             }
-            scene::run(global, &args.scene.scene, &args.scene.work, args.to)
+            let run = if args.no_simulate { scene::run_without_simulation } else { scene::run };
+            run(global, &args.scene.scene, &args.scene.work, args.to)
         }
         Command::Report(args) => view::report(global, args),
         Command::View(args) => view::view(global, args),

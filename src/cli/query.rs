@@ -41,7 +41,7 @@ pub fn query(global: &Global, args: &QueryArgs) -> anyhow::Result<()> {
     }
     match action(args) {
         Some(action) if !args.scene.work.dry_run => {
-            let mut pipeline = scene::open(global, &args.scene.scene, &args.scene.work, Stage::Consensus)?;
+            let mut pipeline = scene::open(global, &args.scene.scene, &args.scene.work, (Stage::Consensus, true))?;
             pipeline.run()?;
             run(global, &pipeline.query_session()?, &action)
         }

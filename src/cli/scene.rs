@@ -22,17 +22,31 @@ struct DryStage {
 
 /// Runs the stage `to`, after those that it needs, and prints its result.
 pub fn run(global: &Global, folder: &Path, work: &WorkArgs, to: Stage) -> anyhow::Result<()> {
-    let plan = plan(work, to)?;
-    if work.dry_run && Pipeline::is_untouched(folder, work.out.as_deref(), &work.options)? {
-        return dry_run(global, plan, &[], None);
+    carry_out(global, folder, work, to, true)
+}
+
+/// As [`run`], but leaves out the simulation.
+pub fn run_without_simulation(global: &Global, folder: &Path, work: &WorkArgs, to: Stage) -> anyhow::Result<()> {
+    if to == Stage::Simulate {
+        return Err(UsageError("--no-simulate leaves out the stage that --to asks for".to_owned()).into());
     }
-    let mut pipeline = open(global, folder, work, to)?;
+    carry_out(global, folder, work, to, false)
+}
+
+fn carry_out(global: &Global, folder: &Path, work: &WorkArgs, to: Stage, simulates: bool) -> anyhow::Result<()> {
+    if work.dry_run && Pipeline::is_untouched(folder, work.out.as_deref(), &work.options)? {
+        let stages: Vec<Stage> =
+            plan(work, to)?.stages().filter(|stage| simulates || *stage != Stage::Simulate).collect();
+        return dry_run(global, (to, &stages), &[], None);
+    }
+    let mut pipeline = open(global, folder, work, (to, simulates))?;
     if work.dry_run {
         let reusable = pipeline.reusable()?;
         // The questions are known only once the parts are.
         let asked = to >= Stage::Query && reusable.contains(&Stage::Consensus) && !reusable.contains(&Stage::Query);
         let queries = if asked { Some(pipeline.query_preview()?) } else { None };
-        return dry_run(global, plan, &reusable, queries.as_ref());
+        let stages: Vec<Stage> = pipeline.stages().collect();
+        return dry_run(global, (to, &stages), &reusable, queries.as_ref());
     }
     pipeline.run()?;
     if global.quiet && !global.json {
@@ -51,7 +65,7 @@ pub fn run(global: &Global, folder: &Path, work: &WorkArgs, to: Stage) -> anyhow
 
 /// Draws the field, after running the stages up to the vote.
 pub fn show(global: &Global, args: &ShowArgs) -> anyhow::Result<()> {
-    let mut pipeline = open(global, &args.scene, &args.work, Stage::Vote)?;
+    let mut pipeline = open(global, &args.scene, &args.work, (Stage::Vote, true))?;
     pipeline.run()?;
     let png = pipeline.show(args.what, args.view.as_deref())?;
     workdir::write_atomic(&args.to, |out| out.write_all(&png))
@@ -63,14 +77,20 @@ pub fn show(global: &Global, args: &ShowArgs) -> anyhow::Result<()> {
 pub fn export(global: &Global, args: &ExportArgs) -> anyhow::Result<()> {
     let plan = Plan { to: Stage::Parts, from: None };
     let work = args.work.as_deref();
-    let mut pipeline = open_with(global, &args.scene, work, &args.options, plan)?;
+    let mut pipeline = open_with(global, &args.scene, work, &args.options, (plan, true))?;
     pipeline.run()?;
     let files = pipeline.export(args.format, &args.out)?;
     print(global, &files, || files.iter().map(|file| shown(file) + "\n").collect())
 }
 
-pub fn open(global: &Global, folder: &Path, work: &WorkArgs, to: Stage) -> anyhow::Result<Pipeline> {
-    let pipeline = open_with(global, folder, work.out.as_deref(), &work.options, plan(work, to)?)?;
+/// Opens a scene to do the stages up to one, with or without the simulation.
+pub fn open(
+    global: &Global,
+    folder: &Path,
+    work: &WorkArgs,
+    (to, simulates): (Stage, bool),
+) -> anyhow::Result<Pipeline> {
+    let pipeline = open_with(global, folder, work.out.as_deref(), &work.options, (plan(work, to)?, simulates))?;
     // The server's address is left out: the answers are recorded, and the address is private.
     let typed = global.effective.iter().map(|flag| flag.to_string_lossy().into_owned());
     Ok(pipeline.typed(typed.filter(|flag| !flag.starts_with("--lmm-url=")).collect()))
@@ -81,9 +101,10 @@ fn open_with(
     folder: &Path,
     out: Option<&Path>,
     options: &Options,
-    plan: Plan,
+    (plan, simulates): (Plan, bool),
 ) -> Result<Pipeline, Error> {
     let builder = Pipeline::builder(folder).options(options.clone()).plan(plan).progress(global.progress());
+    let builder = if simulates { builder } else { builder.without_simulation() };
     match out {
         Some(out) => builder.out(out),
         None => builder,
@@ -100,9 +121,14 @@ fn plan(work: &WorkArgs, to: Stage) -> Result<Plan, UsageError> {
     }
 }
 
-fn dry_run(global: &Global, plan: Plan, reusable: &[Stage], queries: Option<&Preview>) -> anyhow::Result<()> {
+fn dry_run(
+    global: &Global,
+    (to, stages): (Stage, &[Stage]),
+    reusable: &[Stage],
+    queries: Option<&Preview>,
+) -> anyhow::Result<()> {
     let stages: Vec<DryStage> =
-        plan.stages().map(|name| DryStage { name, reusable: reusable.contains(&name) }).collect();
+        stages.iter().map(|&name| DryStage { name, reusable: reusable.contains(&name) }).collect();
     print(global, &serde_json::json!({ "stages": stages, "queries": queries }), || {
         let mut text = String::new();
         for stage in &stages {
@@ -111,7 +137,7 @@ fn dry_run(global: &Global, plan: Plan, reusable: &[Stage], queries: Option<&Pre
         }
         match queries {
             Some(plan) => text += &format!("queries: {plan}\n"),
-            None if plan.to >= Stage::Query && !reusable.contains(&Stage::Consensus) => {
+            None if to >= Stage::Query && !reusable.contains(&Stage::Consensus) => {
                 text +=
                     "queries: counted once the parts are found, which sends nothing: gprop run SCENE --to consensus\n";
             }

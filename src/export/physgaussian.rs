@@ -71,7 +71,7 @@ fn config(model: &Model) -> Value {
 }
 
 fn softened(label: &FieldLabel) -> f64 {
-    label.youngs_modulus_pa.mid.min(simulate::Options::default().max_stiffness)
+    label.youngs_modulus_pa.mid.min(simulate::material::SOFT_PA)
 }
 
 fn nu(label: &FieldLabel) -> f64 {

@@ -17,6 +17,7 @@ pub struct Builder {
     out: Option<PathBuf>,
     options: Option<Options>,
     plan: Plan,
+    simulates: bool,
     progress: Progress,
 }
 
@@ -27,6 +28,7 @@ impl Builder {
             out: None,
             options: None,
             plan: Plan { to: Stage::Report, from: None },
+            simulates: true,
             progress: Progress::Hidden,
         }
     }
@@ -47,6 +49,11 @@ impl Builder {
         Self { plan, ..self }
     }
 
+    /// Leaves the simulation out of the run and of the report.
+    pub fn without_simulation(self) -> Self {
+        Self { simulates: false, ..self }
+    }
+
     /// The progress shown on stderr while stages run; by default only warnings, which go to `tracing`.
     pub fn progress(self, progress: Progress) -> Self {
         Self { progress, ..self }
@@ -62,6 +69,7 @@ impl Builder {
             None => Options::of_scene(&self.folder)?,
         };
         let opened = Self::load(&self.folder, self.out.as_deref(), options, self.plan, self.progress);
+        let opened = opened.map(|pipeline| Pipeline { simulates: self.simulates, ..pipeline });
         opened.map_err(Error)
     }
 

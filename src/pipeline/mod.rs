@@ -76,6 +76,8 @@ pub struct Pipeline {
     work: WorkDir,
     options: Options,
     plan: Plan,
+    /// Whether runs and reports include the simulation.
+    simulates: bool,
     typed: Vec<String>,
     progress: Progress,
     record: RunRecord,
@@ -144,6 +146,7 @@ impl Pipeline {
             work,
             options,
             plan,
+            simulates: true,
             typed: Vec::new(),
             progress,
             record,
@@ -185,7 +188,7 @@ impl Pipeline {
     }
 
     fn carry_out(&mut self) -> Result<()> {
-        let stages: Vec<Stage> = self.plan.stages().collect();
+        let stages: Vec<Stage> = self.stages().collect();
         for (index, &stage) in stages.iter().enumerate() {
             if !self.done.contains(&stage) {
                 self.progress = self.progress.of_stage(StageNumber { number: index + 1, of: stages.len() });
@@ -228,8 +231,8 @@ impl Pipeline {
     /// The stages of the plan whose results from an earlier run can be reused.
     pub(crate) fn reusable(&self) -> Result<Vec<Stage>> {
         let mut found: Vec<Stage> = Vec::new();
-        for stage in self.plan.stages() {
-            let has_inputs = stage.inputs().iter().all(|input| found.contains(input));
+        for stage in self.stages() {
+            let has_inputs = self.reads_from(stage).all(|input| found.contains(&input));
             if has_inputs && self.left(stage, &self.key(stage)?).is_some() {
                 found.push(stage);
             }
@@ -306,10 +309,22 @@ impl Pipeline {
 
     /// The stages that `stage` reads from, which must be done, with their digests.
     fn inputs_of(&self, stage: Stage) -> impl Iterator<Item = (Stage, &str)> {
-        stage.inputs().iter().map(|input| {
-            let record = self.record.of(*input).expect("stages run in order");
-            (*input, record.digest.as_str())
+        self.reads_from(stage).map(|input| {
+            let record = self.record.of(input).expect("stages run in order");
+            (input, record.digest.as_str())
         })
+    }
+
+    /// The stages of the plan.
+    pub(crate) fn stages(&self) -> impl Iterator<Item = Stage> + use<> {
+        let simulates = self.simulates;
+        self.plan.stages().filter(move |stage| simulates || *stage != Stage::Simulate)
+    }
+
+    /// The stages that `stage` reads from.
+    fn reads_from(&self, stage: Stage) -> impl Iterator<Item = Stage> + use<> {
+        let simulates = self.simulates;
+        stage.inputs().iter().copied().filter(move |input| simulates || *input != Stage::Simulate)
     }
 }
 

@@ -37,7 +37,7 @@ impl Pipeline {
         let pictures = Pictures {
             views: views.collect::<Result<_, _>>()?,
             sheets: sheets.collect::<Result<_>>()?,
-            animation: self.work.read(Artifact::Animation)?,
+            animation: if self.simulates { self.work.read(Artifact::Animation)? } else { vec![] },
             grasp: self.grasp_picture()?,
         };
         self.work.write_json(Artifact::ReportJson, &report)?;
@@ -50,7 +50,9 @@ impl Pipeline {
     /// The result of a finished run.
     pub(crate) fn report(&self) -> Result<Report> {
         let (scene, field) = (&self.scene, self.stored_field()?);
-        let before = self.record.stages.iter().filter(|record| record.name < Stage::Report);
+        let is_in =
+            |record: &&StageRecord| record.name < Stage::Report && (self.simulates || record.name != Stage::Simulate);
+        let before = self.record.stages.iter().filter(is_in);
         Ok(Report {
             schema_version: report::SCHEMA_VERSION,
             version: env!("CARGO_PKG_VERSION"),
@@ -79,7 +81,7 @@ impl Pipeline {
             parts: self.stored_parts()?,
             labels: field.labels.clone(),
             gaussians_per_label: gaussians_per_label(field),
-            simulation: self.stored_simulation()?,
+            simulation: self.simulates.then(|| self.stored_simulation()).transpose()?,
             grasp: self.stored_grasp()?,
             warnings: before.clone().flat_map(|stage| remarks(stage, &stage.warnings)).collect(),
             notes: before.flat_map(|stage| remarks(stage, &stage.notes)).collect(),
@@ -89,7 +91,9 @@ impl Pipeline {
 
     /// The command line that reproduces this result from the folder above the scene's.
     fn command(&self) -> String {
-        let words = ["gprop", "run", &self.scene.name].into_iter().chain(self.typed.iter().map(String::as_str));
+        let left_out = (!self.simulates).then_some("--no-simulate");
+        let typed = self.typed.iter().map(String::as_str);
+        let words = ["gprop", "run", &self.scene.name].into_iter().chain(left_out).chain(typed);
         words.map(quoted).collect::<Vec<_>>().join(" ")
     }
 

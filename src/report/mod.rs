@@ -53,7 +53,8 @@ pub struct Report {
     pub labels: Vec<FieldLabel>,
     /// Number of Gaussians with each label.
     pub gaussians_per_label: Vec<usize>,
-    pub simulation: SimulationReport,
+    /// `None` if it was left out.
+    pub simulation: Option<SimulationReport>,
     /// `None` if the metric scale is unknown.
     pub grasp: Option<GraspReport>,
     /// What the user should check, because a result may be wrong, each with its stage.

@@ -1,10 +1,14 @@
 //! Actions of a scenario on the object while it runs. Forces change the velocities of chosen particles before a
-//! substep; held or guided particles follow their given motion instead of the grid's.
+//! substep; held or guided particles follow their given motion instead of the grid's. On a rigid body, forces add up to
+//! an impulse and an angular impulse.
 
 use nalgebra::{Matrix3, Vector3};
 
+use super::mpm::Lost;
 use super::mpm::particles::Motion;
-use super::mpm::{Lost, Solver};
+use super::object::{Influence, Object};
+use super::rigid::body::{Body, Moments};
+use super::rigid::coupling::Impulse;
 
 /// The start and end of an action, s, and the particles it acts on.
 #[derive(Debug, Clone, PartialEq)]
@@ -55,6 +59,25 @@ impl Effect {
         }
     }
 
+    /// The impulse and angular impulse of a force that acts for `dt_s` on the part of a rigid body that has `moments`.
+    fn impulse(&self, body: &Body, moments: &Moments, t_s: f64, dt_s: f64) -> Impulse {
+        let Moments { mass_kg, first, inertia } = body.turned(moments);
+        let vector = |v: [f32; 3]| Vector3::from(v.map(f64::from));
+        let uniform = |acceleration: Vector3<f64>| [acceleration * (mass_kg * dt_s), first.cross(&acceleration) * dt_s];
+        match *self {
+            Self::Accelerate(a) => uniform(vector(a)),
+            Self::Shake { acceleration, frequency_hz } => {
+                uniform(vector(acceleration) * (std::f64::consts::TAU * frequency_hz * t_s).sin())
+            }
+            Self::Wind { velocity, response_s } => {
+                let share = 1.0 - (-dt_s / f64::from(response_s)).exp();
+                let (against, spin) = (vector(velocity) - body.state().velocity_m_s, body.spin());
+                [(against * mass_kg - spin.cross(&first)) * share, (first.cross(&against) - inertia * spin) * share]
+            }
+            Self::Move(_) | Self::Turn { .. } => [Vector3::zeros(); 2],
+        }
+    }
+
     /// The velocity `v` after a force acted on it for `dt` at time `t_s`.
     fn changed(&self, v: [f32; 3], t_s: f64, dt: f32) -> [f32; 3] {
         let plus = |a: [f32; 3], s: f32| [v[0] + a[0] * s, v[1] + a[1] * s, v[2] + a[2] * s];
@@ -72,21 +95,69 @@ impl Effect {
     }
 }
 
+/// An action, and what it acts on of each rigid body.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Acting {
+    action: Action,
+    on_bodies: Vec<Moments>,
+}
+
+/// The actions on an object.
+pub fn on(object: &Object, actions: Vec<Action>) -> Vec<Acting> {
+    actions.into_iter().map(|action| Acting { on_bodies: object.moments(&action.mask), action }).collect()
+}
+
+/// The next time after `t_s` at which an action begins or ends, s.
+pub fn next_change_s(actions: &[Acting], t_s: f64) -> f64 {
+    let times = actions.iter().flat_map(|acting| [acting.action.from_s, acting.action.to_s]);
+    times.filter(|time| *time > t_s).fold(f64::INFINITY, f64::min)
+}
+
 /// Takes a substep of `dt_s` at time `t_s` with the actions that are active then. Of several motions the last one
-/// counts.
+/// counts; a rigid body with a particle that is moved follows as a whole.
 ///
 /// # Errors
 /// If a particle is lost.
-pub fn step(actions: &[Action], solver: &mut Solver, t_s: f64, dt_s: f64) -> Result<(), Lost> {
-    let dt = dt_s as f32;
-    let due = actions.iter().filter(|a| a.from_s <= t_s && t_s < a.to_s);
-    let (leads, forces): (Vec<&Action>, Vec<&Action>) = due.partition(|a| a.effect.led([0.0; 3]).is_some());
-    for action in forces {
-        let acts_on = |id: u32| action.mask[id as usize];
-        solver.change_velocities(|id, v| if acts_on(id) { action.effect.changed(v, t_s, dt) } else { v });
+pub fn step(actions: &[Acting], object: &mut Object, t_s: f64, dt_s: f64) -> Result<(), Lost> {
+    let due = actions.iter().filter(|a| a.action.from_s <= t_s && t_s < a.action.to_s);
+    let (leads, forces) = due.partition(|a| a.action.effect.led([0.0; 3]).is_some());
+    object.step(dt_s, &Due { leads, forces, t_s, dt_s })
+}
+
+/// The actions that are active in a substep.
+struct Due<'a> {
+    leads: Vec<&'a Acting>,
+    forces: Vec<&'a Acting>,
+    t_s: f64,
+    dt_s: f64,
+}
+
+impl Influence for Due<'_> {
+    fn has_forces(&self) -> bool {
+        !self.forces.is_empty()
     }
-    if leads.is_empty() {
-        return solver.step(dt);
+
+    fn has_leads(&self) -> bool {
+        !self.leads.is_empty()
     }
-    solver.step_led(dt, |id, x| leads.iter().rev().find(|a| a.mask[id as usize]).and_then(|a| a.effect.led(x)))
+
+    fn on_particle(&self, id: u32, velocity_m_s: [f32; 3]) -> [f32; 3] {
+        let acting = self.forces.iter().map(|a| &a.action).filter(|action| action.mask[id as usize]);
+        acting.fold(velocity_m_s, |v, action| action.effect.changed(v, self.t_s, self.dt_s as f32))
+    }
+
+    fn on_body(&self, number: usize, body: &Body) -> Impulse {
+        let impulse = |a: &&Acting| a.action.effect.impulse(body, &a.on_bodies[number], self.t_s, self.dt_s);
+        self.forces.iter().map(impulse).fold([Vector3::zeros(); 2], |sum, one| [sum[0] + one[0], sum[1] + one[1]])
+    }
+
+    fn leads(&self, id: u32, position_m: [f32; 3]) -> Option<Motion> {
+        let last = self.leads.iter().rev().map(|a| &a.action).find(|action| action.mask[id as usize]);
+        last.and_then(|action| action.effect.led(position_m))
+    }
+
+    fn leads_body(&self, number: usize, center_m: [f32; 3]) -> Option<Motion> {
+        let last = self.leads.iter().rev().find(|a| a.on_bodies[number].mass_kg > 0.0);
+        last.and_then(|a| a.action.effect.led(center_m))
+    }
 }

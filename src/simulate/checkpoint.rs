@@ -2,7 +2,8 @@
 //! bytes as one that was never interrupted.
 //!
 //! Layout, little endian: magic, version (u32), identity of the run (32 bytes), length of the record (u64), the record
-//! as JSON, number of particles (u64), then each particle as 39 words.
+//! as JSON, how many numbers the rigid bodies' state has (u64) and these (f64), number of particles (u64), then each
+//! particle as 39 words.
 
 use std::io::{self, Write};
 
@@ -10,12 +11,12 @@ use serde::{Deserialize, Serialize};
 use sha2::{Digest, Sha256};
 
 use super::error::SimulateError;
-use super::mpm::in_order::InOrder;
 use super::mpm::particles::Particle;
+use super::object::Particles;
 use super::states;
 
 const MAGIC: &[u8; 8] = b"gpropmpm";
-const VERSION: u32 = 2;
+const VERSION: u32 = 3;
 /// 32-bit words per particle.
 const WORDS: usize = 39;
 
@@ -47,7 +48,7 @@ pub struct Record {
 pub struct Snapshot<'a> {
     pub(super) identity: &'a [u8; 32],
     pub(super) record: &'a Record,
-    pub(super) particles: &'a InOrder<'a>,
+    pub(super) particles: &'a Particles<'a>,
 }
 
 impl Snapshot<'_> {
@@ -62,6 +63,9 @@ impl Snapshot<'_> {
         out.write_all(self.identity)?;
         out.write_all(&(record.len() as u64).to_le_bytes())?;
         out.write_all(&record)?;
+        let bodies = self.particles.body_numbers();
+        out.write_all(&(bodies.len() as u64).to_le_bytes())?;
+        bodies.iter().try_for_each(|number| out.write_all(&number.to_le_bytes()))?;
         out.write_all(&(self.particles.count() as u64).to_le_bytes())?;
         self.particles.iter().flat_map(|p| words(&p)).try_for_each(|word| out.write_all(&word.to_le_bytes()))
     }
@@ -80,6 +84,8 @@ impl Snapshot<'_> {
 pub struct Checkpoint {
     pub(super) identity: [u8; 32],
     pub(super) record: Record,
+    /// See [`Object::numbers`](super::object::Object::numbers).
+    pub(super) bodies: Vec<f64>,
     pub(super) particles: Vec<Particle>,
 }
 
@@ -104,6 +110,9 @@ impl Checkpoint {
         let length = u64::from_le_bytes(array(take(&mut rest, 8)?));
         let record = serde_json::from_slice(take(&mut rest, usize::try_from(length).unwrap_or(usize::MAX))?)
             .map_err(|error| SimulateError::Checkpoint(format!("its record is damaged ({error})")))?;
+        let numbers = u64::from_le_bytes(array(take(&mut rest, 8)?));
+        let bytes = usize::try_from(numbers).ok().and_then(|n| n.checked_mul(8)).unwrap_or(usize::MAX);
+        let bodies = take(&mut rest, bytes)?.chunks_exact(8).map(|n| f64::from_le_bytes(array(n))).collect();
         let count = u64::from_le_bytes(array(take(&mut rest, 8)?));
         if u64::try_from(rest.len()).ok() != count.checked_mul(4 * WORDS as u64) {
             return Err(SimulateError::Checkpoint(format!("{count} particles do not fit its length")));
@@ -112,7 +121,7 @@ impl Checkpoint {
             .chunks_exact(4 * WORDS)
             .map(|p| particle(&std::array::from_fn(|w| u32::from_le_bytes(array(&p[4 * w..4 * w + 4])))))
             .collect();
-        Ok(Self { identity, record, particles })
+        Ok(Self { identity, record, bodies, particles })
     }
 }
 

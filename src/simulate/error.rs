@@ -50,6 +50,8 @@ pub enum SimulateError {
     Checkpoint(String),
     #[error("cannot read the PhysGaussian configuration: {0}")]
     Configuration(String),
+    #[error("--rigid: there is no part `{part}`; there are {names}; or give auto or never")]
+    Rigid { part: String, names: String },
     #[error("--scenario cannot be played: {0}")]
     Scenario(String),
     #[error(

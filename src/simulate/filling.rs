@@ -27,6 +27,8 @@ pub struct Body {
     pub position_m: [f64; 3],
     pub label: u32,
     pub volume_m3: f64,
+    /// Whether the part's inside reaches it, or is unknown: other bodies are strays of the cloud.
+    pub backed: bool,
 }
 
 /// The bodies: one per Gaussian, in the Gaussians' order, then those of the interior.
@@ -91,16 +93,16 @@ pub fn fill(
     let mut bodies: Vec<Body> = labels
         .iter()
         .zip(positions_m)
-        .map(|(&label, &position_m)| Body { position_m, label, volume_m3: 0.0 })
+        .map(|(&label, &position_m)| Body { position_m, label, volume_m3: 0.0, backed: false })
         .collect();
     for ((label, _), cube) in &cubes {
         let share = cube.volume_m3 / cube.gaussians.len().max(1) as f64;
         for &i in &cube.gaussians {
-            bodies[i as usize].volume_m3 = share;
+            (bodies[i as usize].volume_m3, bodies[i as usize].backed) = (share, share > 0.0);
         }
         if cube.gaussians.is_empty() {
             let position_m = cube.moment.map(|m| m / cube.volume_m3);
-            bodies.push(Body { position_m, label: *label, volume_m3: cube.volume_m3 });
+            bodies.push(Body { position_m, label: *label, volume_m3: cube.volume_m3, backed: true });
         }
     }
     give_strays_a_volume(&mut bodies, &known);

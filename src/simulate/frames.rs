@@ -8,7 +8,7 @@ use nalgebra::{Matrix3, Rotation3, SVD, UnitQuaternion, Vector3};
 use rayon::prelude::*;
 
 use super::checkpoint::FrameSummary;
-use super::mpm::in_order::InOrder;
+use super::object::Particles;
 use crate::render::sh_rotation;
 use crate::scene::gaussians::Gaussians;
 use crate::scene::robust_bounds;
@@ -32,20 +32,19 @@ pub struct ToWorld {
 }
 
 /// Centre of mass and energies of all particles at `t_s`, and the bounds of their `gaussians`.
-pub fn summary(particles: &InOrder, gaussians: &Gaussians, to_world: ToWorld, t_s: f64) -> FrameSummary {
-    let (mut mass, mut moment, mut energy) = (0.0, Vector3::zeros(), 0.0);
+pub fn summary(particles: &Particles, gaussians: &Gaussians, to_world: ToWorld, t_s: f64) -> FrameSummary {
+    let (mut mass, mut moment) = (0.0, Vector3::zeros());
     for p in particles.iter() {
         let m = f64::from(p.mass_kg);
         mass += m;
         moment += m * Vector3::from(p.position_m.map(f64::from));
-        energy += 0.5 * m * Vector3::from(p.velocity_m_s.map(f64::from)).norm_squared();
     }
     let elastic: Vec<f64> = (0..particles.count()).into_par_iter().map(|id| particles.elastic_j(id)).collect();
     let bounds = robust_bounds(gaussians);
     FrameSummary {
         t_s,
         center_of_mass_m: (moment / mass + to_world.origin_m).into(),
-        kinetic_energy_j: energy,
+        kinetic_energy_j: particles.kinetic_j(),
         elastic_energy_j: elastic.iter().sum(),
         bounds: [bounds.min.into(), bounds.max.into()],
     }
@@ -53,7 +52,7 @@ pub fn summary(particles: &InOrder, gaussians: &Gaussians, to_world: ToWorld, t_
 
 /// The Gaussians, moved and deformed with `particles`: particle k is Gaussian `carried[k]`. Other Gaussians are
 /// unchanged.
-pub fn deformed(gaussians: &Gaussians, carried: &[u32], particles: &InOrder, to_world: ToWorld) -> Gaussians {
+pub fn deformed(gaussians: &Gaussians, carried: &[u32], particles: &Particles, to_world: ToWorld) -> Gaussians {
     /// Gaussians computed before they are stored: their spherical harmonics are most of a scene's memory.
     const AT_ONCE: usize = 1 << 14;
     let moved = |(id, &i): (usize, &u32)| {

@@ -12,6 +12,9 @@ use crate::vote::FieldLabel;
 /// number of time steps, grows without bound, while the shape hardly changes.
 pub const POISSON_CAP: f64 = 0.45;
 
+/// Young's modulus to which stiffer parts that deform are softened if their own would make the simulation very long.
+pub const SOFT_PA: f64 = 2e7;
+
 /// The material of one label.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Material {
@@ -21,7 +24,16 @@ pub struct Material {
     pub density_kg_m3: f64,
     pub youngs_modulus_pa: f64,
     pub poisson_ratio: f64,
+    /// The stress at which it is damaged.
+    pub strength_pa: f64,
     pub law: Law,
+}
+
+impl Material {
+    /// E / (1 - nu^2), Pa.
+    pub fn plane_modulus_pa(&self) -> f64 {
+        self.youngs_modulus_pa / (1.0 - self.poisson_ratio.powi(2))
+    }
 }
 
 impl From<&FieldLabel> for Material {
@@ -32,6 +44,7 @@ impl From<&FieldLabel> for Material {
             density_kg_m3: label.density_kg_m3.mid,
             youngs_modulus_pa: label.youngs_modulus_pa.mid,
             poisson_ratio: label.poisson_ratio.mid,
+            strength_pa: label.yield_strength_pa.mid,
             law: label.law,
         }
     }
@@ -84,29 +97,29 @@ pub struct Materials {
 }
 
 impl Materials {
-    /// Checks `materials` and softens to `max_stiffness_pa`. Strength is scaled like stiffness, so the yield strain
-    /// stays.
-    ///
-    /// # Errors
-    /// If a property has a value that no material can have.
-    pub fn prepare(materials: &[Material], max_stiffness_pa: f64) -> Result<Self, SimulateError> {
+    /// Softens the `materials` that `deform` to `max_stiffness_pa`. Strength is scaled like stiffness, so the yield
+    /// strain stays.
+    pub fn prepare(materials: &[Material], deform: impl Fn(usize) -> bool, max_stiffness_pa: f64) -> Self {
         let mut all = Self::default();
-        for material in materials {
-            check(material)?;
+        for (label, material) in materials.iter().enumerate() {
             let name = || material.name.clone();
-            let factor = (max_stiffness_pa / material.youngs_modulus_pa).min(1.0);
+            let most_pa = if deform(label) { max_stiffness_pa } else { f64::INFINITY };
+            let factor = (most_pa / material.youngs_modulus_pa).min(1.0);
             if factor < 1.0 && all.softened.iter().all(|s| s.material != material.name || s.factor != factor) {
                 all.softened.push(Softened { material: name(), factor });
             }
             let nu = material.poisson_ratio.min(POISSON_CAP);
-            if nu < material.poisson_ratio && all.poisson_capped.iter().all(|c| c.material != material.name) {
+            if deform(label)
+                && nu < material.poisson_ratio
+                && all.poisson_capped.iter().all(|c| c.material != material.name)
+            {
                 all.poisson_capped.push(PoissonCapped { material: name(), from: material.poisson_ratio, to: nu });
             }
             let (mu_pa, lambda_pa) = lame(material.youngs_modulus_pa * factor, nu);
             let (law, state) = solver_law(material.law, factor);
             all.prepared.push(Prepared { density_kg_m3: material.density_kg_m3, mu_pa, lambda_pa, law, state });
         }
-        Ok(all)
+        all
     }
 }
 
@@ -143,7 +156,9 @@ pub fn lame(youngs_modulus_pa: f64, poisson_ratio: f64) -> (f64, f64) {
     (e / (2.0 * (1.0 + nu)), e * nu / ((1.0 + nu) * (1.0 - 2.0 * nu)))
 }
 
-fn check(material: &Material) -> Result<(), SimulateError> {
+/// # Errors
+/// If a property has a value that no material can have.
+pub fn check(material: &Material) -> Result<(), SimulateError> {
     let positive = |v: f64| v.is_finite() && v > 0.0;
     let name = || material.name.clone();
     let Material { density_kg_m3, youngs_modulus_pa, poisson_ratio, .. } = *material;

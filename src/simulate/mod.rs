@@ -2,11 +2,12 @@
 //! the inside is filled with particles, and the object is dropped onto the ground.
 //!
 //! The phases, in order:
-//! 1. [`material`]: properties checked, too stiff ones softened;
-//! 2. [`filling`]: a volume for every Gaussian, particles for the inside;
-//! 3. [`scenario`]: first pose, ground, domain;
-//! 4. [`mpm`] in substeps of [`time_step`], frame by frame;
-//! 5. `frames`: the Gaussians moved, turned and stretched; a [`checkpoint`] with each.
+//! 1. [`filling`]: a volume for every Gaussian, particles for the inside;
+//! 2. [`rigid::choice`]: the parts that move as rigid bodies;
+//! 3. [`material`]: what deforms, softened if it would take too long;
+//! 4. [`scenario`]: first pose, ground, domain;
+//! 5. [`object`] in substeps of [`time_step`], frame by frame: [`mpm`] for what deforms, [`rigid`] for the rest;
+//! 6. `frames`: the Gaussians moved, turned and stretched; a [`checkpoint`] with each.
 
 pub mod action;
 pub mod animation;
@@ -18,9 +19,11 @@ pub mod filling;
 mod frames;
 pub mod material;
 pub mod mpm;
+pub mod object;
 mod options;
 pub mod plot;
 mod report;
+pub mod rigid;
 pub mod scenario;
 pub mod script;
 mod setup;
@@ -29,7 +32,8 @@ pub mod time_step;
 
 use crate::progress::Progress;
 use crate::scene::gaussians::Gaussians;
-use action::Action;
+use action::Acting;
+use boundary::Boundary;
 pub use checkpoint::FrameSummary;
 use checkpoint::{Checkpoint, Record, Snapshot};
 pub use error::SimulateError;
@@ -37,9 +41,12 @@ use filling::FillPoint;
 pub use frames::Frame;
 use frames::ToWorld;
 use material::Material;
-use mpm::{Lost, Solver};
+use mpm::particles::Particle;
+use mpm::{Lost, Setting};
+use object::{Bodies, Object};
 pub use options::{Ground, Options, SCENE_KEYS};
-pub use report::{SimulationReport, StepReport};
+pub use report::{RigidReport, SimulationReport, StepReport};
+use rigid::body::Body;
 use setup::Setup;
 pub use setup::{ASSUMED_LONGEST_SIDE_M, script_of};
 use time_step::StepBound;
@@ -70,32 +77,54 @@ pub fn simulate<E: From<SimulateError>>(
     on_frame: &mut dyn FnMut(&Frame, &Snapshot) -> Result<(), E>,
     progress: Progress,
 ) -> Result<SimulationReport, E> {
-    let Setup { setting, start, carried, labels, bound, to_world, duration_s, actions, minutes, mut report } =
-        setup::set_up(input, options)?;
-    progress.line(&format!("simulate  {} particles for {duration_s:.2} s: at most {minutes:.1} minutes", start.len()));
-    let identity =
-        checkpoint::identity(&start, &format!("{setting:?} {bound:?} {actions:?} {} {duration_s}", options.frames));
-    let (mut record, particles) = match resume {
-        Some(checkpoint) if checkpoint.identity == identity => (checkpoint.record, checkpoint.particles),
+    let Setup {
+        setting,
+        ground,
+        bodies,
+        start,
+        carried,
+        labels,
+        bound,
+        to_world,
+        duration_s,
+        falls_until_s,
+        actions,
+        minutes,
+        mut report,
+    } = setup::set_up(input, options)?;
+    let deforming = bodies.body_of.iter().filter(|body| body.is_none()).count();
+    progress.line(&format!(
+        "simulate  {} particles, {deforming} of which deform, for {duration_s:.2} s: at most {minutes:.1} minutes",
+        start.len()
+    ));
+    let course =
+        format!("{setting:?} {ground:?} {:?} {bound:?} {actions:?} {} {duration_s}", report.rigid, options.frames);
+    let identity = checkpoint::identity(&start, &course);
+    let (mut record, mut object) = match resume {
+        Some(checkpoint) if checkpoint.identity == identity => resumed(checkpoint, start, setting, &bodies, &ground)?,
         Some(_) => {
             let problem = "it belongs to another scene or other options".to_owned();
             return Err(SimulateError::Checkpoint(problem).into());
         }
-        None => (Record { substeps: 0, longest_dt_s: 0.0, frames: vec![] }, start),
+        None => {
+            let record = Record { substeps: 0, longest_dt_s: 0.0, frames: vec![] };
+            (record, Object::new(setting, start, &bodies, Some(&ground)))
+        }
     };
-    let mut solver = Solver::new(setting, particles);
+    let actions = action::on(&object, actions);
     let bar = progress.bar("simulate", u64::from(options.frames));
     bar.set_position(record.frames.len() as u64);
     let time_of = |frame: usize| duration_s * frame as f64 / f64::from(options.frames - 1);
     for index in record.frames.len()..options.frames as usize {
         if index > 0 {
             let span = [time_of(index - 1), time_of(index)];
-            advance(&mut solver, &bound, &actions, span, &mut record).map_err(|failure| {
+            let started_s = fall(&mut object, falls_until_s, span, &mut record);
+            advance(&mut object, &bound, &actions, [started_s, span[1]], &mut record).map_err(|failure| {
                 let label = labels[failure.lost.particle] as usize;
                 failure.into_error(index, input.materials[label].name.clone(), to_world)
             })?;
         }
-        let particles = solver.particles();
+        let particles = object.particles();
         let gaussians = frames::deformed(input.gaussians, &carried, &particles, to_world);
         record.frames.push(frames::summary(&particles, &gaussians, to_world, time_of(index)));
         let frame = Frame { index, summary: record.frames[index], gaussians };
@@ -107,7 +136,28 @@ pub fn simulate<E: From<SimulateError>>(
     report.substeps = record.substeps;
     report.dt_s = record.longest_dt_s;
     report.frames = record.frames;
+    report.note_pressures(object.bodies().iter().flat_map(Body::faces).map(|face| (face.part, face.peak_pressure_pa)));
     Ok(report)
+}
+
+/// The object as a checkpoint holds it; what its rigid bodies consist of, they have from the start.
+fn resumed(
+    checkpoint: Checkpoint,
+    mut start: Vec<Particle>,
+    setting: Setting,
+    bodies: &Bodies,
+    ground: &Boundary,
+) -> Result<(Record, Object), SimulateError> {
+    for ((particle, now), body) in start.iter_mut().zip(checkpoint.particles).zip(&bodies.body_of) {
+        if body.is_none() {
+            *particle = now;
+        }
+    }
+    let mut object = Object::new(setting, start, bodies, Some(ground));
+    if !object.restore(&checkpoint.bodies) {
+        return Err(SimulateError::Checkpoint("the state of its rigid bodies is damaged".to_owned()));
+    }
+    Ok((checkpoint.record, object))
 }
 
 /// A lost particle, and the time of the loss.
@@ -134,21 +184,33 @@ impl Failure {
     }
 }
 
-/// Advances from the start of `span` to its end. The solver is renewed for each frame because a resumed run starts with
+/// Lets the object fall freely from the start of `span` for as long as it does, in one step; returns the time then.
+fn fall(object: &mut Object, until_s: f64, [from_s, to_s]: [f64; 2], record: &mut Record) -> f64 {
+    let end_s = until_s.min(to_s);
+    if end_s <= from_s {
+        return from_s;
+    }
+    object.fall(end_s - from_s);
+    record.substeps += 1;
+    end_s
+}
+
+/// Advances from the start of `span` to its end. The object is renewed for each frame because a resumed run starts with
 /// a new one.
 fn advance(
-    solver: &mut Solver,
+    object: &mut Object,
     bound: &StepBound,
-    actions: &[Action],
+    actions: &[Acting],
     [from_s, to_s]: [f64; 2],
     record: &mut Record,
 ) -> Result<(), Failure> {
-    solver.renew();
+    object.renew();
     let mut left_s = to_s - from_s;
     while left_s > 0.0 {
-        let dt_s = bound.next_s(left_s, f64::from(solver.fastest_m_s()));
+        let t_s = to_s - left_s;
+        let dt_s = bound.next_s(left_s, object.fastest_m_s()).min(action::next_change_s(actions, t_s) - t_s);
         let after_s = if dt_s < left_s { left_s - dt_s } else { 0.0 };
-        action::step(actions, solver, to_s - left_s, dt_s).map_err(|lost| Failure { lost, t_s: to_s - after_s })?;
+        action::step(actions, object, t_s, dt_s).map_err(|lost| Failure { lost, t_s: to_s - after_s })?;
         left_s = after_s;
         record.substeps += 1;
         record.longest_dt_s = record.longest_dt_s.max(dt_s);

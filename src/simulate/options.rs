@@ -4,6 +4,7 @@ use serde::Serialize;
 
 use super::animation::Viewpoint;
 use super::boundary::Contact;
+use super::rigid::choice;
 use super::script;
 use crate::config::SceneKey;
 use crate::values::{self, above, from_to};
@@ -24,6 +25,7 @@ pub const SCENE_KEYS: &[SceneKey] = &[
     SceneKey::any("ground"),
     SceneKey::any("ground-friction"),
     SceneKey::any("max-stiffness"),
+    SceneKey::any("rigid"),
     SceneKey::any("cfl"),
     SceneKey::any("film-from"),
     SceneKey::any("azimuth-deg"),
@@ -101,10 +103,16 @@ pub struct Options {
     #[arg(long, value_name = "MU", default_value_t = 0.4, value_parser = from_to(0.0, MOST_FRICTION))]
     pub ground_friction: f64,
 
-    /// Largest Young's modulus to simulate, in Pa: stiffer materials are softened to it, and their strength in proportion, so
-    /// that they yield at the same strain; the running time grows with its square root
-    #[arg(long, value_name = "PA", default_value_t = 2e7, value_parser = above(0.0, STIFFEST_PA))]
-    pub max_stiffness: f64,
+    /// Parts that move as rigid bodies: `auto` (those whose deformation would be invisible), `never`, or the names of parts;
+    /// may be given several times
+    #[arg(long, value_name = "auto|never|PART", default_values_t = [choice::AUTO.to_owned()])]
+    pub rigid: Vec<String>,
+
+    /// Largest Young's modulus to simulate, in Pa: stiffer parts that deform are softened to it, and their strength in
+    /// proportion, so that they yield at the same strain; the running time grows with its square root [default: none if the
+    /// simulation then takes less than a minute, else 2e7]
+    #[arg(long, value_name = "PA", value_parser = above(0.0, STIFFEST_PA))]
+    pub max_stiffness: Option<f64>,
 
     /// Time step, as a fraction of the time in which the fastest wave crosses a grid cell
     #[arg(long, value_name = "SHARE", default_value_t = 0.4, value_parser = above(0.0, 1.0))]

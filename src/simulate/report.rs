@@ -4,6 +4,7 @@ use serde::{Deserialize, Serialize};
 
 use super::checkpoint::FrameSummary;
 use super::material::{PoissonCapped, Softened};
+use super::rigid::choice::Reason;
 
 /// The simulation and its result. Written as `simulation.json`.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -26,6 +27,8 @@ pub struct SimulationReport {
     pub meters_per_unit: f64,
     /// Whether `meters_per_unit` is an assumption.
     pub scale_assumed: bool,
+    /// The parts that moved as rigid bodies.
+    pub rigid: Vec<RigidReport>,
     /// Materials that were softened to allow longer time steps.
     pub softened: Vec<Softened>,
     /// Materials whose Poisson's ratio was lowered.
@@ -46,6 +49,15 @@ impl SimulationReport {
             [0, 1, 2].map(|a| lows(a).fold(f64::INFINITY, f64::min)),
             [0, 1, 2].map(|a| highs(a).fold(f64::NEG_INFINITY, f64::max)),
         ]
+    }
+
+    /// Notes the peak pressures on rigid parts, by label.
+    pub(super) fn note_pressures(&mut self, peaks: impl Iterator<Item = (u32, f64)>) {
+        for (label, peak_pressure_pa) in peaks {
+            for part in self.rigid.iter_mut().filter(|part| part.label == label) {
+                (part.peak_pressure_pa, part.dents) = (peak_pressure_pa, peak_pressure_pa > part.strength_pa);
+            }
+        }
     }
 
     /// Longest side of the object in its first pose, scene units.
@@ -69,12 +81,35 @@ pub struct FilledReport {
     pub skin: bool,
 }
 
+/// A part that moved as a rigid body.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(test, derive(schemars::JsonSchema))]
+pub struct RigidReport {
+    /// The part's value of `part_label` in `field.ply`.
+    pub label: u32,
+    pub part: String,
+    pub material: String,
+    /// The body's number: parts that are joined have the same.
+    pub body: u32,
+    /// Estimate of the largest strain in the scenario if it deformed.
+    pub strain: f64,
+    /// Why it is rigid.
+    pub because: Reason,
+    /// Highest pressure on the ground; 0 if it never touched it.
+    pub peak_pressure_pa: f64,
+    /// The stress at which its material is damaged.
+    pub strength_pa: f64,
+    /// Whether the pressure exceeds the strength.
+    pub dents: bool,
+}
+
 /// The bound on the substep: dt <= cfl * spacing / (wave speed + speed).
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(test, derive(schemars::JsonSchema))]
 pub struct StepReport {
     pub cfl: f64,
-    /// Whose pressure waves are the fastest.
-    pub stiffest_material: String,
+    /// Whose pressure waves are the fastest; `None` if nothing deforms.
+    pub stiffest_material: Option<String>,
+    /// Of these waves; if nothing deforms, the speed after a fall from the height of the object's longest side.
     pub wave_speed_m_s: f64,
 }

@@ -72,6 +72,12 @@ impl Drop {
         turned + Vector3::z() * self.lift_m - self.origin_m
     }
 
+    /// The ground as rigid bodies meet it, in the simulation's frame: at its own height.
+    pub fn ground_of_bodies(&self, contact: Contact) -> Boundary {
+        let height = self.ground_z_m - self.origin_m.z;
+        Boundary { point_m: [0.0, 0.0, height as f32], ..self.ground(contact) }
+    }
+
     /// The ground, in the simulation's frame.
     pub fn ground(&self, contact: Contact) -> Boundary {
         Boundary { point_m: [0.0, 0.0, self.plane_m as f32], normal: [0.0, 0.0, 1.0], contact }

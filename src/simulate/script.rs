@@ -122,6 +122,13 @@ pub enum What {
     },
 }
 
+impl What {
+    /// Whether it gives its particles their motion, instead of a force.
+    pub fn guides(&self) -> bool {
+        matches!(self, Self::Hold | Self::Move { .. } | Self::Draw { .. } | Self::Turn { .. })
+    }
+}
+
 /// The axis of a rotation, through the object's middle.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Deserialize)]
 #[serde(rename_all = "snake_case")]
@@ -314,7 +321,7 @@ impl Standing<'_> {
 
 /// True if the words of `part` occur in `name`, in their order and in singular or plural: "handle" in "body and handles
 /// of a pot", "legs" in "front leg".
-fn mentions(name: &str, part: &str) -> bool {
+pub(super) fn mentions(name: &str, part: &str) -> bool {
     let words = |text: &str| -> Vec<String> {
         let words = text.split(|c: char| !c.is_alphanumeric()).filter(|word| !word.is_empty());
         words.map(|word| singular(&word.to_lowercase()).to_owned()).collect()

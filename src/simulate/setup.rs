@@ -4,15 +4,18 @@ use std::collections::BTreeSet;
 
 use super::Input;
 use super::action::Action;
+use super::boundary::Boundary;
 use super::error::SimulateError;
 use super::filling::{self, Body, Filled};
 use super::frames::ToWorld;
-use super::material::{Materials, Prepared};
+use super::material::{self, Material, Materials, Prepared, SOFT_PA, Softened};
 use super::mpm::Setting;
 use super::mpm::laws::Law;
 use super::mpm::particles::Particle;
+use super::object::Bodies;
 use super::options::Options;
-use super::report::{FilledReport, SimulationReport, StepReport};
+use super::report::{FilledReport, RigidReport, SimulationReport, StepReport};
+use super::rigid::choice::{self, Choice, Load};
 use super::scenario::Drop;
 use super::script::{self, Script, Standing, Step, What};
 use super::time_step::StepBound;
@@ -29,6 +32,14 @@ const FALLS: f64 = 4.8;
 /// The speed of a slow core; the bench `simulate` shows how much faster a given machine is.
 const PARTICLE_SUBSTEPS_PER_S: f64 = 3e6;
 
+/// The cost of rigid bodies, in particles.
+const RIGID_PARTICLES: usize = 300;
+
+/// How long the simulation may be expected to take with everything that deforms at its true stiffness. Beyond that,
+/// parts that deform hardly visibly are rigid, and if that is not enough, stiff parts are softened, unless the user says
+/// how much.
+const LONGEST_MINUTES: f64 = 1.0;
+
 /// A Gaussian that is further than this outside the object's bounds, in multiples of the longest side, is not part of
 /// the object.
 const STRAY: f64 = 1.0;
@@ -36,6 +47,9 @@ const STRAY: f64 = 1.0;
 /// Everything that is decided before the first substep.
 pub struct Setup {
     pub setting: Setting,
+    /// The ground as rigid bodies meet it.
+    pub ground: Boundary,
+    pub bodies: Bodies,
     /// Particles of Gaussians first, then those of the inside.
     pub start: Vec<Particle>,
     /// For each of the first particles, the index of its Gaussian.
@@ -45,6 +59,8 @@ pub struct Setup {
     pub bound: StepBound,
     pub to_world: ToWorld,
     pub duration_s: f64,
+    /// Until then, nothing touches the object: it falls as it is.
+    pub falls_until_s: f64,
     /// The scenario's actions during the run.
     pub actions: Vec<Action>,
     /// Expected duration of the run.
@@ -53,10 +69,59 @@ pub struct Setup {
     pub report: SimulationReport,
 }
 
+/// What decides how stiff the parts are simulated, and how long that takes.
+struct Plan<'a> {
+    input: &'a Input<'a>,
+    options: &'a Options,
+    bodies: &'a [Body],
+    load: Load,
+    spacing_m: f64,
+    duration_s: f64,
+}
+
+/// Which parts are rigid, and how the others deform.
+struct Planned {
+    choice: Choice,
+    materials: Materials,
+    bound: StepBound,
+    /// The label that deforms with the fastest waves.
+    stiffest: Option<usize>,
+    minutes: f64,
+}
+
+impl Plan<'_> {
+    /// With true stiffness, if that does not take too long.
+    fn made(&self) -> Result<Planned, SimulateError> {
+        let most_pa = self.options.max_stiffness;
+        let planned = self.with(most_pa.unwrap_or(f64::INFINITY), choice::INVISIBLE)?;
+        if most_pa.is_some() || planned.minutes <= LONGEST_MINUTES {
+            return Ok(planned);
+        }
+        let planned = self.with(f64::INFINITY, choice::HARDLY_VISIBLE)?;
+        if planned.minutes <= LONGEST_MINUTES { Ok(planned) } else { self.with(SOFT_PA, choice::HARDLY_VISIBLE) }
+    }
+
+    /// With parts that deform softened to `most_pa`, and those that strain by less than `visible` rigid.
+    fn with(&self, most_pa: f64, visible: f64) -> Result<Planned, SimulateError> {
+        let Self { input, options, bodies, load, spacing_m, duration_s } = *self;
+        let choice = choice::choose(&options.rigid, &load, input.materials, (bodies, spacing_m), visible)?;
+        let materials = Materials::prepare(input.materials, |label| choice.body_of[label].is_none(), most_pa);
+        let stiffest = stiffest(bodies, &choice, &materials.prepared);
+        let wave_speed_m_s = match stiffest {
+            Some(label) => materials.prepared[label].wave_speed_m_s(),
+            None => (2.0 * options.gravity.abs() * load.longest_m).sqrt(),
+        };
+        let bound = StepBound { cfl: options.cfl, spacing_m, wave_speed_m_s, fixed_s: options.fixed_step };
+        let substeps = duration_s / options.fixed_step.unwrap_or_else(|| bound.longest_s(load.impact_m_s));
+        let particles = if stiffest.is_some() { bodies.len() } else { RIGID_PARTICLES };
+        let minutes = substeps * particles as f64 / PARTICLE_SUBSTEPS_PER_S / 60.0;
+        Ok(Planned { choice, materials, bound, stiffest, minutes })
+    }
+}
+
 /// Checks the input and sets up the run.
 pub fn set_up(input: &Input, options: &Options) -> Result<Setup, SimulateError> {
     check(input)?;
-    let materials = Materials::prepare(input.materials, options.max_stiffness)?;
     let object = robust_bounds(input.gaussians);
     let longest = object.size().max();
     if longest <= 0.0 {
@@ -80,8 +145,18 @@ pub fn set_up(input: &Input, options: &Options) -> Result<Setup, SimulateError> 
         Some(script) => [script.drop_height, script.tilt_deg],
         None => [options.drop_height, options.tilt_deg],
     };
-    let bodies_m: Vec<[f64; 3]> = filled.bodies.iter().map(|b| b.position_m).collect();
-    let drop = Drop::new(&object, &bodies_m, spacing_m, pose);
+    let anchors = options.anchor.iter().map(|part| Step { on: part.clone(), from: 0.0, to: 2.0, what: What::Hold });
+    let steps: Vec<Step> = script.into_iter().flat_map(|script| script.steps).chain(anchors).collect();
+    let load = Load::new(pose[0] * longest_m, options.gravity, longest_m, &steps);
+    let duration_s = options.duration.unwrap_or_else(|| FALLS * (longest_m / GRAVITY_M_S2).sqrt());
+    let plan = Plan { input, options, bodies: &filled.bodies, load, spacing_m, duration_s };
+    let Planned { choice, materials, bound, stiffest, minutes } = plan.made()?;
+    if minutes > options.max_simulation_minutes {
+        return Err(SimulateError::TooLong { minutes, max_minutes: options.max_simulation_minutes });
+    }
+
+    let solid_m: Vec<[f64; 3]> = filled.bodies.iter().filter(|b| b.backed).map(|b| b.position_m).collect();
+    let drop = Drop::new(&object, &solid_m, spacing_m, pose);
     let mut laws = vec![];
     let prepared = &materials.prepared;
     let start: Vec<Particle> =
@@ -94,10 +169,7 @@ pub fn set_up(input: &Input, options: &Options) -> Result<Setup, SimulateError> 
         laws,
     };
     let labels: Vec<u32> = filled.bodies.iter().map(|b| b.label).collect();
-    let stiffest = stiffest(&labels, prepared).ok_or(SimulateError::NoParticles)?;
-    let wave_speed_m_s = prepared[stiffest].wave_speed_m_s();
     let strays = input.gaussians.len() - carried.len();
-    let duration_s = options.duration.unwrap_or_else(|| FALLS * (longest_m / GRAVITY_M_S2).sqrt());
     let names: Vec<Vec<&str>> = input.materials.iter().map(|m| vec![m.caption.as_str(), m.name.as_str()]).collect();
     let standing = Standing {
         particles: &start,
@@ -107,16 +179,16 @@ pub fn set_up(input: &Input, options: &Options) -> Result<Setup, SimulateError> 
         gravity_m_s2: options.gravity,
         duration_s,
     };
-    let anchors = options.anchor.iter().map(|part| Step { on: part.clone(), from: 0.0, to: 2.0, what: What::Hold });
-    let steps: Vec<Step> = script.into_iter().flat_map(|script| script.steps).chain(anchors).collect();
     let actions = standing.actions(&steps)?;
-    let fixed_s = options.fixed_step;
-    let bound = StepBound { cfl: options.cfl, spacing_m, wave_speed_m_s, fixed_s };
-    let fall_m_s = (2.0 * GRAVITY_M_S2 * pose[0] * longest_m).sqrt();
-    let substeps = duration_s / fixed_s.unwrap_or_else(|| bound.longest_s(fall_m_s));
-    let minutes = substeps * start.len() as f64 / PARTICLE_SUBSTEPS_PER_S / 60.0;
-    if minutes > options.max_simulation_minutes {
-        return Err(SimulateError::TooLong { minutes, max_minutes: options.max_simulation_minutes });
+    let bodies = Bodies {
+        body_of: labels.iter().map(|&label| choice.body_of[label as usize]).collect(),
+        part_of: labels.clone(),
+        is_solid: filled.bodies.iter().map(|body| body.backed).collect(),
+        plane_modulus_pa: input.materials.iter().map(Material::plane_modulus_pa).collect(),
+    };
+    let mut warnings = warnings(input, longest_m, &filled.assumed_full, strays);
+    if options.max_stiffness.is_none() {
+        warnings.extend(materials.softened.iter().map(softened_warning));
     }
     let report = SimulationReport {
         particles: start.len(),
@@ -125,8 +197,8 @@ pub fn set_up(input: &Input, options: &Options) -> Result<Setup, SimulateError> 
         dt_s: 0.0,
         time_step: StepReport {
             cfl: options.cfl,
-            stiffest_material: input.materials[stiffest].name.clone(),
-            wave_speed_m_s,
+            stiffest_material: stiffest.map(|label| input.materials[label].name.clone()),
+            wave_speed_m_s: bound.wave_speed_m_s,
         },
         mass_kg: start.iter().map(|p| f64::from(p.mass_kg)).sum(),
         filled: filled_report(input, &filled, carried.len()),
@@ -134,24 +206,40 @@ pub fn set_up(input: &Input, options: &Options) -> Result<Setup, SimulateError> 
         grid_spacing_m: spacing_m,
         meters_per_unit,
         scale_assumed: input.meters_per_unit.is_none(),
+        rigid: rigid_report(input, &choice, &load),
         softened: materials.softened,
         poisson_capped: materials.poisson_capped,
         ground_z_m: drop.ground_z_m,
         frames: vec![],
-        warnings: warnings(input, longest_m, &filled.assumed_full, strays),
+        warnings,
     };
     Ok(Setup {
         setting,
+        ground: drop.ground_of_bodies(options.contact()),
+        bodies,
         start,
         carried,
         labels,
         bound,
         to_world: ToWorld { origin_m: drop.origin_m, meters_per_unit },
         duration_s,
+        falls_until_s: falls_until_s(pose[0] * longest_m, spacing_m, options, &actions),
         actions,
         minutes,
         report,
     })
+}
+
+/// The time for which an object at rest at a height falls freely, s: until it is near the ground or an action begins.
+fn falls_until_s(height_m: f64, spacing_m: f64, options: &Options, actions: &[Action]) -> f64 {
+    /// A particle meets the plane of the ground, which lies below it, through nodes up to 1.5 cells away.
+    const CLEAR_CELLS: f64 = 2.0;
+    let clear_m = height_m - CLEAR_CELLS * spacing_m;
+    if clear_m <= 0.0 || options.gravity <= 0.0 || options.fixed_step.is_some() {
+        return 0.0;
+    }
+    let first_s = actions.iter().map(|action| action.from_s).fold(f64::INFINITY, f64::min);
+    (2.0 * clear_m / options.gravity).sqrt().min(first_s)
 }
 
 /// The scenario's script; `None` for the drop without parameters, whose pose has its own options.
@@ -170,11 +258,12 @@ pub fn script_of(options: &Options) -> Result<Option<Script>, SimulateError> {
     }
 }
 
-/// The material in use with the fastest waves.
-fn stiffest(labels: &[u32], prepared: &[Prepared]) -> Option<usize> {
-    let used: BTreeSet<u32> = labels.iter().copied().collect();
+/// The label that deforms with the fastest waves.
+fn stiffest(bodies: &[Body], choice: &Choice, prepared: &[Prepared]) -> Option<usize> {
+    let with_volume = bodies.iter().filter(|body| body.volume_m3 > 0.0);
+    let used: BTreeSet<usize> = with_volume.map(|body| body.label as usize).collect();
     let speed = |label: usize| prepared[label].wave_speed_m_s();
-    used.into_iter().map(|label| label as usize).max_by(|&a, &b| speed(a).total_cmp(&speed(b)))
+    used.into_iter().filter(|&label| choice.body_of[label].is_none()).max_by(|&a, &b| speed(a).total_cmp(&speed(b)))
 }
 
 fn check(input: &Input) -> Result<(), SimulateError> {
@@ -193,6 +282,7 @@ fn check(input: &Input) -> Result<(), SimulateError> {
         return Err(SimulateError::Label { gaussian: point, label: input.interior[point].label, labels });
     }
     let no_place = |p: &[f32; 3]| p.iter().any(|x| !x.is_finite());
+    input.materials.iter().try_for_each(material::check)?;
     match input.gaussians.positions.iter().position(no_place) {
         Some(index) => Err(SimulateError::Position {
             what: "Gaussian",
@@ -242,6 +332,34 @@ fn filled_report(input: &Input, filled: &Filled, carried: usize) -> Vec<FilledRe
         }
     };
     used.into_iter().map(of).collect()
+}
+
+/// The rigid parts, before they touched anything.
+fn rigid_report(input: &Input, choice: &Choice, load: &Load) -> Vec<RigidReport> {
+    let of = |(label, body): (usize, &Option<u32>)| {
+        let material = &input.materials[label];
+        Some(RigidReport {
+            label: label as u32,
+            part: material.caption.clone(),
+            material: material.name.clone(),
+            body: (*body)?,
+            strain: load.strain(material),
+            because: choice.reasons[label]?,
+            peak_pressure_pa: 0.0,
+            strength_pa: material.strength_pa,
+            dents: false,
+        })
+    };
+    choice.body_of.iter().enumerate().filter_map(of).collect()
+}
+
+fn softened_warning(softened: &Softened) -> String {
+    format!(
+        "{} is softened by a factor of {:.1} in the simulation, which would take too long otherwise: it bends more than \
+         it would; --max-stiffness sets the limit",
+        softened.material,
+        1.0 / softened.factor
+    )
 }
 
 fn warnings(input: &Input, longest_m: f64, assumed_full: &[u32], strays: usize) -> Vec<String> {

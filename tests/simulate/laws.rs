@@ -206,6 +206,7 @@ fn stress_is_the_slope_of_the_energy() {
         (Law::Foam { viscosity_pa_s: 1.0 }, 1e9),
         (snow, 0.95),
         (Law::Fluid, 0.0),
+        (Law::Rigid, 0.0),
     ] {
         let energy = |f: &Matrix3<f64>| elastic_j(law, &pack(rows(f), state).particle(0));
         let tau = tau(&mut pack(rows(&f), state), law);
@@ -223,7 +224,7 @@ fn stress_is_the_slope_of_the_energy() {
         // This match does not compile if a law is missing.
         match law {
             Law::FixedCorotated | Law::VonMises { .. } | Law::DruckerPrager { .. } => {}
-            Law::Foam { .. } | Law::Snow(_) | Law::Fluid => {}
+            Law::Foam { .. } | Law::Snow(_) | Law::Fluid | Law::Rigid => {}
         }
         // At rest there is none.
         assert!(energy(&Matrix3::identity()).abs() < 1e-9, "{law:?}");

@@ -4,6 +4,8 @@ mod motion;
 mod laws;
 // The ground.
 mod contact;
+// Rigid bodies: on the ground, in free flight, beside soft material.
+mod rigid;
 // Equilibria: a bent beam, a column of water, a heap of sand.
 mod statics;
 // Trajectories of the public solver, in the default mode.
@@ -101,14 +103,17 @@ impl Block {
 
     /// A solver of some of its particles.
     fn solver_of(&self, particles: &[Particle], gravity_m_s2: [f32; 3], boundaries: Vec<Boundary>) -> Solver {
-        let setting = Setting {
+        Solver::new(self.setting(gravity_m_s2, boundaries), particles.to_vec())
+    }
+
+    fn setting(&self, gravity_m_s2: [f32; 3], boundaries: Vec<Boundary>) -> Setting {
+        Setting {
             spacing_m: self.spacing_m,
             gravity_m_s2,
             boundaries,
             domain_m: [[0.0; 3], [10.0; 3]],
             laws: vec![self.law],
-        };
-        Solver::new(setting, particles.to_vec())
+        }
     }
 }
 

@@ -2,6 +2,7 @@ use gprop::simulate::action::{self, Action, Effect};
 use gprop::simulate::boundary::{Boundary, Contact};
 use gprop::simulate::mpm::laws::{Law, drucker_prager};
 use gprop::simulate::mpm::particles::Particle;
+use gprop::simulate::object::{Bodies, Object};
 use nalgebra::{Matrix3, Vector3};
 
 use super::{Block, particles_of};
@@ -26,7 +27,7 @@ fn cantilever_swings_about_its_deflection() {
     let particles = block.particles();
     let clamped_to = 0.8 + CLAMPED as f32;
     let mask = particles.iter().map(|p| p.position_m[0] < clamped_to).collect();
-    let clamp = [Action { from_s: 0.0, to_s: f64::INFINITY, mask, effect: Effect::Move([0.0; 3]) }];
+    let clamp = Action { from_s: 0.0, to_s: f64::INFINITY, mask, effect: Effect::Move([0.0; 3]) };
     let tip: Vec<usize> =
         (0..particles.len()).filter(|&i| particles[i].position_m[0] > clamped_to + LENGTH as f32 - 0.02).collect();
     let height = |particles: &[Particle]| {
@@ -38,19 +39,21 @@ fn cantilever_swings_about_its_deflection() {
     let period =
         std::f64::consts::TAU / 3.516 * (12.0 * density * LENGTH.powi(4) / (stiffness * THICKNESS.powi(2))).sqrt();
 
-    let mut solver = block.solver_of(&particles, [0.0, 0.0, -GRAVITY as f32], vec![]);
+    let setting = block.setting([0.0, 0.0, -GRAVITY as f32], vec![]);
+    let mut object = Object::new(setting, particles.clone(), &Bodies::default(), None);
+    let clamp = action::on(&object, vec![clamp]);
     let (start, dt) = (height(&particles), f64::from(block.dt_s()));
     let (mut lowest, mut lowest_at) = (start, 0.0);
     for step in 0..(0.8 * period / dt) as usize {
-        action::step(&clamp, &mut solver, step as f64 * dt, dt).unwrap();
+        action::step(&clamp, &mut object, step as f64 * dt, dt).unwrap();
         if step % 10 == 0 {
-            let now = height(&particles_of(&solver));
+            let now = height(&object.particles().iter().collect::<Vec<_>>());
             if now < lowest {
                 (lowest, lowest_at) = (now, (step + 1) as f64 * dt);
             }
         }
     }
-    let end = particles_of(&solver);
+    let end: Vec<Particle> = object.particles().iter().collect();
     let crept = particles
         .iter()
         .zip(&end)

@@ -19,7 +19,7 @@ use crate::grasp::candidates::Candidate;
 use crate::parts::Part;
 use crate::pictures::palette;
 use crate::query::{Answers, Form};
-use crate::simulate::plot;
+use crate::simulate::{RigidReport, SimulationReport, plot};
 use crate::units::{Estimate, ShoreScale};
 use crate::vote::FieldLabel;
 
@@ -39,7 +39,7 @@ pub fn page(report: &Report, answers: &Answers, pictures: &Pictures, cloud: &Clo
         cloud_note => cloud_note(cloud),
         parts => report.labels.iter().map(|label| part_row(label, report)).collect::<Vec<_>>(),
         grasp => report.grasp.as_ref().map(|report| grasp(report, pictures)),
-        simulation => simulation(report, pictures),
+        simulation => report.simulation.as_ref().map(|run| simulation(run, pictures)),
         views => views::views(pictures, answers),
         disagreements => views::disagreements(&report.disagreements, pictures, answers),
         answers => views::sentence(&report.answers),
@@ -189,25 +189,51 @@ fn place_row((rank, place): (usize, &Candidate)) -> Value {
     }
 }
 
-fn simulation(report: &Report, pictures: &Pictures) -> Value {
-    let simulation = &report.simulation;
+fn simulation(simulation: &SimulationReport, pictures: &Pictures) -> Value {
     let duration = simulation.frames.last().map_or(0.0, |frame| frame.t_s);
     let mut least: BTreeMap<&str, f64> = BTreeMap::new();
     for row in &simulation.softened {
         let factor = least.entry(&row.material).or_insert(row.factor);
         *factor = factor.min(row.factor);
     }
-    let softened: Vec<_> =
-        least.into_iter().map(|(material, factor)| context! { material, share => significant(factor) }).collect();
+    let softened: Vec<_> = least
+        .into_iter()
+        .map(|(material, factor)| context! { material, factor => significant(1.0 / factor) })
+        .collect();
+    let is_whole =
+        simulation.filled.len() == simulation.rigid.len() && simulation.rigid.iter().all(|part| part.body == 0);
+    let moves = match (is_whole, simulation.rigid.len()) {
+        (true, _) => " It moves as one rigid body.".to_owned(),
+        (false, 0) => String::new(),
+        (false, 1) => " One part moves as a rigid body.".to_owned(),
+        (false, parts) => format!(" {parts} parts move as rigid bodies."),
+    };
     context! {
         sentence => format!(
-            "{} particles, {} steps of up to {} µs, {} s simulated.",
+            "{} particles, {} steps of up to {} µs, {} s simulated.{moves}",
             thousands(simulation.particles as u64), thousands(simulation.substeps),
             significant(simulation.dt_s * 1e6), significant(duration),
         ),
         caption => "Dropped onto the ground; slower than real time",
         animation => data_uri("image/gif", &pictures.animation),
         plot => plot::height_and_energy(simulation),
+        rigid => simulation.rigid.iter().map(rigid_row).collect::<Vec<_>>(),
         softened,
+    }
+}
+
+/// A rigid part: how hard it hit the ground, and what it can bear.
+fn rigid_row(part: &RigidReport) -> Value {
+    let verdict = match (part.dents, part.peak_pressure_pa > 0.0) {
+        (true, _) => "the face would dent",
+        (false, true) => "no damage",
+        (false, false) => "never touches the ground",
+    };
+    context! {
+        part => short(&part.part),
+        material => &part.material,
+        pressure => significant(part.peak_pressure_pa / 1e6),
+        strength => significant(part.strength_pa / 1e6),
+        verdict,
     }
 }

@@ -6,6 +6,8 @@
 //! 3. `grid_update`: velocities, gravity, boundary conditions;
 //! 4. `g2p`: velocities back to the particles, their new positions, their deformation.
 //!
+//! Guests ([`Solver::host`]) take part in a substep, but are moved by the caller: the particles of rigid bodies.
+//!
 //! Hu et al., *A Moving Least Squares Material Point Method*, 2018; Jiang et al., *The Affine Particle-In-Cell Method*,
 //! 2015; Jiang et al., *The Material Point Method for Simulating Continuum Materials*, 2016 (course notes).
 //!
@@ -24,12 +26,16 @@ pub mod particles;
 mod sort;
 mod stencil;
 
+use nalgebra::Matrix3;
+
 use super::boundary::Boundary;
+pub use grid::DRIFT;
 use in_order::InOrder;
 use laws::Law;
 use particles::{Motion, Pack, Particle};
 use rayon::prelude::*;
 use sort::Sorted;
+pub use stencil::base_cell;
 
 /// Settings that do not change while the solver runs. SI units.
 #[derive(Debug, Clone)]
@@ -45,6 +51,9 @@ pub struct Setting {
     pub laws: Vec<Law>,
 }
 
+/// Packs in a partial sum over the guests: enough to make the overhead of a task small.
+const SUM: usize = 128;
+
 /// A particle that became NaN or infinite or left the domain.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Lost {
@@ -54,9 +63,20 @@ pub struct Lost {
     pub velocity_m_s: [f32; 3],
 }
 
+/// What a guest found on the grid in a substep.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Gathered {
+    pub mass_kg: f32,
+    pub velocity_m_s: [f32; 3],
+    /// As [`Particle::affine`].
+    pub affine: Matrix3<f32>,
+}
+
 /// The particles, their grid, and the substep.
 pub struct Solver {
     setting: Setting,
+    /// Number of particles that are not guests.
+    own: usize,
     sorted: Sorted,
     nodes: Vec<f32>,
     /// Distance, in cells, that some particle may have moved since the last sort.
@@ -67,10 +87,62 @@ pub struct Solver {
 impl Solver {
     /// A solver for `particles`; their order is their numbering.
     pub fn new(setting: Setting, particles: Vec<Particle>) -> Self {
-        let sorted = Sorted { packs: sort::packed(particles), ..Sorted::default() };
-        let mut solver = Self { setting, sorted, nodes: vec![], drift: 0.0, fastest_m_s: 0.0 };
+        let own = particles.len();
+        let sorted = Sorted { packs: sort::packed(0, particles), ..Sorted::default() };
+        let mut solver = Self { setting, own, sorted, nodes: vec![], drift: 0.0, fastest_m_s: 0.0 };
         solver.renew();
         solver
+    }
+
+    /// Replaces its guests, which are numbered after its own particles. Their law is the last of the setting's,
+    /// [`Law::Rigid`].
+    pub fn host(&mut self, guests: Vec<Particle>) {
+        let own = self.own;
+        self.sorted.packs.retain(|pack| (pack.id[0] as usize) < own);
+        self.sorted.packs.extend(sort::packed(own, guests));
+        self.renew();
+    }
+
+    /// Whether a particle may have moved so far that the next substep begins with sorting.
+    pub fn is_due_for_sorting(&self) -> bool {
+        /// Slightly below [`grid::DRIFT`], to allow for rounding.
+        const LIMIT: f32 = grid::DRIFT as f32 * 0.95;
+        self.drift > LIMIT
+    }
+
+    /// Moves each guest, by its number among them, to where `place` puts it.
+    pub fn place_guests(&mut self, place: impl Fn(usize) -> ([f32; 3], Motion) + Sync) {
+        let own = self.own;
+        let put = |pack: &mut Pack| {
+            let mut farthest = 0.0_f32;
+            for lane in 0..pack.live as usize {
+                let (position_m, motion) = place(pack.id[lane] as usize - own);
+                farthest = farthest.max(pack.place(lane, position_m, &motion));
+            }
+            farthest
+        };
+        let guests = self.sorted.packs.par_iter_mut().filter(|pack| pack.id[0] as usize >= own);
+        let farthest = guests.map(put).reduce(|| 0.0, f32::max);
+        self.drift += farthest / self.setting.spacing_m;
+    }
+
+    /// What the guests gathered in the last substep, summed by `add` over pieces of fixed length: the
+    /// same on any number of threads.
+    pub fn sum_guests<S: Send>(
+        &self,
+        nothing: impl Fn() -> S + Sync,
+        add: impl Fn(&mut S, usize, Gathered) + Sync,
+    ) -> Vec<S> {
+        let sum = |packs: &[Pack]| {
+            let mut sum = nothing();
+            for pack in packs.iter().filter(|pack| pack.id[0] as usize >= self.own) {
+                for lane in 0..pack.live as usize {
+                    add(&mut sum, pack.id[lane] as usize - self.own, pack.gathered(lane));
+                }
+            }
+            sum
+        };
+        self.sorted.packs.par_chunks(SUM).map(sum).collect()
     }
 
     /// Resets the solver to what [`Solver::new`] would make of its particles in their current state.
@@ -82,9 +154,7 @@ impl Solver {
 
     /// Takes a substep of `dt_s` seconds. On failure the particles are as the substep left them.
     pub fn step(&mut self, dt_s: f32) -> Result<(), Lost> {
-        /// Slightly below [`grid::DRIFT`], to allow for rounding.
-        const LIMIT: f32 = grid::DRIFT as f32 * 0.95;
-        if self.drift > LIMIT {
+        if self.is_due_for_sorting() {
             self.sort();
         }
         let Setting { spacing_m, gravity_m_s2, ref boundaries, domain_m, ref laws } = self.setting;
@@ -102,6 +172,19 @@ impl Solver {
     /// Largest component of any particle's velocity, m/s.
     pub fn fastest_m_s(&self) -> f32 {
         self.fastest_m_s
+    }
+
+    /// Moves every particle as gravity alone does in `dt_s`. To be followed by [`Solver::host`].
+    pub fn fall(&mut self, dt_s: f32) {
+        let gravity = self.setting.gravity_m_s2;
+        self.sorted.packs.par_iter_mut().for_each(|pack| {
+            for a in 0..3 {
+                for (x, v) in pack.position[a].iter_mut().zip(&mut pack.velocity[a]) {
+                    *x += (*v + gravity[a] * dt_s / 2.0) * dt_s;
+                    *v += gravity[a] * dt_s;
+                }
+            }
+        });
     }
 
     /// Sets every particle's velocity to what `change` returns for its number and velocity.
@@ -150,7 +233,30 @@ impl Solver {
         InOrder::new(&self.sorted.packs, &self.setting.laws)
     }
 
+    /// Whether it has neither particles of its own nor guests.
+    pub fn is_empty(&self) -> bool {
+        self.sorted.packs.is_empty()
+    }
+
+    /// Number of laws.
+    pub fn laws(&self) -> usize {
+        self.setting.laws.len()
+    }
+
+    /// The first cell of each own particle's stencil, x y z.
+    pub fn cells(&self) -> impl Iterator<Item = [i32; 3]> + '_ {
+        let cells_per_m = 1.0 / self.setting.spacing_m;
+        let own = self.sorted.packs.iter().filter(|pack| (pack.id[0] as usize) < self.own);
+        let places = own.flat_map(|pack| (0..pack.live as usize).map(|lane| pack.position.map(|row| row[lane])));
+        places.map(move |place| place.map(|x| stencil::base_cell(x, cells_per_m)))
+    }
+
     fn sort(&mut self) {
+        if self.sorted.packs.is_empty() {
+            self.sorted = Sorted::default();
+            self.drift = 0.0;
+            return;
+        }
         self.sorted.sort(self.setting.laws.len(), 1.0 / self.setting.spacing_m);
         self.nodes.resize(self.sorted.columns.nodes() * grid::NODE, 0.0);
         self.drift = 0.0;

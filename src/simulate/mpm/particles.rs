@@ -3,6 +3,7 @@
 
 use nalgebra::Matrix3;
 
+use super::Gathered;
 use crate::simd::LANES;
 
 /// One f32 of each particle of a pack in memory.
@@ -97,6 +98,24 @@ impl Pack {
             velocity[lane] = v;
             position[lane] = x + v * dt_s;
         }
+    }
+
+    /// Moves a lane to `position_m` with a `motion`; returns how far, along the axis along which it is farthest.
+    pub fn place(&mut self, lane: usize, position_m: [f32; 3], motion: &Motion) -> f32 {
+        let mut farthest = 0.0_f32;
+        for a in 0..3 {
+            farthest = farthest.max((position_m[a] - self.position[a][lane]).abs());
+            self.position[a][lane] = position_m[a];
+            self.velocity[a][lane] = motion.velocity_m_s[a];
+        }
+        put_matrix(&mut self.affine, lane, &motion.gradient);
+        farthest
+    }
+
+    /// What a lane gathered from the grid.
+    pub fn gathered(&self, lane: usize) -> Gathered {
+        let velocity_m_s = self.velocity.map(|row| row[lane]);
+        Gathered { mass_kg: self.mass[lane], velocity_m_s, affine: lane_matrix(&self.affine, lane) }
     }
 
     /// A pack without particles.

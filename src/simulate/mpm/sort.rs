@@ -25,7 +25,7 @@ pub struct Sorted {
 
 /// Particles as packs, each of one law, numbered in the given order. Particles that are packed are freed piece by
 /// piece.
-pub fn packed(mut particles: Vec<Particle>) -> Vec<Pack> {
+pub fn packed(first: usize, mut particles: Vec<Particle>) -> Vec<Pack> {
     const PIECES: usize = 8;
     let piece = particles.len().div_ceil(PIECES).max(1);
     let mut packs = Vec::with_capacity(particles.len().div_ceil(LANES));
@@ -35,7 +35,8 @@ pub fn packed(mut particles: Vec<Particle>) -> Vec<Pack> {
         let law = |id: &u32| particles[*id as usize].law;
         ids.sort_by_key(law);
         for run in ids.chunk_by(|a, b| law(a) == law(b)) {
-            packs.extend(run.chunks(LANES).map(|ids| Pack::gather(ids.iter().map(|&id| (id, particles[id as usize])))));
+            let numbered = |&id: &u32| (first as u32 + id, particles[id as usize]);
+            packs.extend(run.chunks(LANES).map(|ids| Pack::gather(ids.iter().map(numbered))));
         }
         particles.truncate(start);
         particles.shrink_to_fit();

@@ -11,6 +11,7 @@ pub fn elastic_j(law: Law, particle: &Particle) -> f64 {
     let f = Matrix3::from_row_slice(&particle.elastic.map(f64::from));
     let (mu, lambda) = (f64::from(particle.mu), f64::from(particle.lambda));
     let psi = match law {
+        Law::Rigid => 0.0,
         Law::FixedCorotated => corotated(&f, mu, lambda),
         Law::Snow(snow) => snow.hardening(particle.state.into()) * corotated(&f, mu, lambda),
         Law::VonMises { .. } | Law::DruckerPrager { .. } | Law::Foam { .. } => {

@@ -7,6 +7,7 @@
 //! | --- | --- |
 //! | [`Law::FixedCorotated`] | none |
 //! | [`Law::Fluid`] | none |
+//! | [`Law::Rigid`] | none |
 //! | [`Law::VonMises`], [`Law::Foam`] | radius of the yield surface: Frobenius norm of the deviatoric Kirchhoff stress at yield, Pa |
 //! | [`Law::DruckerPrager`] | alpha, the slope of the yield cone |
 //! | [`Law::Snow`] | volume ratio of the plastic part |
@@ -49,12 +50,14 @@ pub enum Law {
     Snow(Snow),
     /// No shear: only pressure, with lambda as the bulk modulus.
     Fluid,
+    /// No stress: the particle moves with a [rigid body](crate::simulate::rigid).
+    Rigid,
 }
 
 impl Law {
     /// True if the elastic deformation may differ from the total one.
     pub fn is_plastic(&self) -> bool {
-        !matches!(self, Self::FixedCorotated)
+        !matches!(self, Self::FixedCorotated | Self::Rigid)
     }
 }
 
@@ -84,6 +87,7 @@ pub fn stress<L: Lanes>(pack: &mut Pack, laws: &[Law], dt_s: f32) -> Sym3<L> {
         Law::Foam { viscosity_pa_s } => returned(foam::stress(point, viscosity_pa_s, dt_s), &mut pack.elastic),
         Law::Snow(snow) => returned(snow::stress(point, snow), &mut pack.elastic),
         Law::Fluid => returned(fluid::stress(&point), &mut pack.elastic),
+        Law::Rigid => Sym3::zero(),
     }
 }
 

@@ -1,0 +1,352 @@
+//! The object in motion: the particles that deform, on the grid, and the rigid bodies.
+
+use nalgebra::Vector3;
+
+use super::boundary::Boundary;
+use super::mpm::in_order::InOrder;
+use super::mpm::laws::Law;
+use super::mpm::particles::{Motion, Particle};
+use super::mpm::{DRIFT, Lost, Setting, Solver};
+use super::rigid::body::{Body, Moments, State};
+use super::rigid::contact::Ground;
+use super::rigid::coupling::{self, Guest, Moving};
+use super::rigid::face::Face;
+
+/// How the particles of an object belong together.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub struct Bodies {
+    /// Per particle: the number of its rigid body; `None` if it deforms.
+    pub body_of: Vec<Option<u32>>,
+    /// Per particle: its part.
+    pub part_of: Vec<u32>,
+    /// Per particle: whether it may touch the ground; strays of the cloud may not.
+    pub is_solid: Vec<bool>,
+    /// Per part: E / (1 - nu^2), Pa.
+    pub plane_modulus_pa: Vec<f64>,
+}
+
+/// Where a particle is.
+#[derive(Debug, Clone, Copy)]
+enum Place {
+    /// Its number in the solver.
+    Grid(u32),
+    Body {
+        body: u32,
+        member: u32,
+    },
+}
+
+/// The object in motion.
+pub struct Object {
+    solver: Solver,
+    /// Per particle of the solver: its number in the object.
+    on_grid: Vec<u32>,
+    places: Vec<Place>,
+    bodies: Vec<Body>,
+    guests: Vec<Guest>,
+    /// How far a particle of a body may have moved since the guests were chosen.
+    wandered_m: f64,
+    /// The ground as the bodies meet it.
+    grounds: Vec<Ground>,
+    gravity_m_s2: Vector3<f64>,
+    spacing_m: f32,
+    domain_m: [[f32; 3]; 2],
+}
+
+/// What acts on an object during a substep, besides gravity and the ground.
+pub trait Influence: Sync {
+    /// Whether there are forces at all.
+    fn has_forces(&self) -> bool;
+    /// The velocity of a deforming particle after the forces on it.
+    fn on_particle(&self, id: u32, velocity_m_s: [f32; 3]) -> [f32; 3];
+    /// Impulse and angular impulse of the forces on a body.
+    fn on_body(&self, number: usize, body: &Body) -> coupling::Impulse;
+    /// Whether there are given motions at all.
+    fn has_leads(&self) -> bool;
+    /// The motion given to a deforming particle at a position.
+    fn leads(&self, id: u32, position_m: [f32; 3]) -> Option<Motion>;
+    /// The motion given to a body.
+    fn leads_body(&self, number: usize, center_m: [f32; 3]) -> Option<Motion>;
+}
+
+impl Object {
+    /// An object of `particles`, in the order of their numbers, with `bodies` that meet the `ground`.
+    pub fn new(mut setting: Setting, particles: Vec<Particle>, bodies: &Bodies, ground: Option<&Boundary>) -> Self {
+        let count = bodies.body_of.iter().flatten().max().map_or(0, |last| *last as usize + 1);
+        let mut members: Vec<Vec<(u32, Particle)>> = vec![vec![]; count];
+        let (mut on_grid, mut own, mut places) = (vec![], vec![], Vec::with_capacity(particles.len()));
+        for (id, particle) in (0..).zip(particles) {
+            match bodies.body_of.get(id as usize).copied().flatten() {
+                Some(body) => {
+                    let member = members[body as usize].len() as u32;
+                    members[body as usize].push((id, particle));
+                    places.push(Place::Body { body, member });
+                }
+                None => {
+                    places.push(Place::Grid(on_grid.len() as u32));
+                    on_grid.push(id);
+                    own.push(particle);
+                }
+            }
+        }
+        setting.laws.push(Law::Rigid);
+        let (spacing_m, domain_m) = (setting.spacing_m, setting.domain_m);
+        let gravity_m_s2 = Vector3::from(setting.gravity_m_s2.map(f64::from));
+        let is_coupled = !own.is_empty() || count > 1;
+        let spread_m2 = if is_coupled { coupling::spread_m2(spacing_m.into()) } else { 0.0 };
+        let least_area_m2 = (f64::from(spacing_m) / 2.0).powi(2);
+        let body = |members: Vec<(u32, Particle)>| {
+            let faces = faces(&members, bodies, least_area_m2);
+            Body::new(members, faces, spread_m2)
+        };
+        let mut object = Self {
+            solver: Solver::new(setting, own),
+            on_grid,
+            places,
+            bodies: members.into_iter().map(body).collect(),
+            guests: vec![],
+            wandered_m: 0.0,
+            grounds: ground.into_iter().map(Ground::from).collect(),
+            gravity_m_s2,
+            spacing_m,
+            domain_m,
+        };
+        object.renew();
+        object
+    }
+
+    /// Resets it to what [`Object::new`] would make of its present state.
+    pub fn renew(&mut self) {
+        if self.is_coupled() {
+            self.invite();
+        }
+    }
+
+    fn is_coupled(&self) -> bool {
+        !self.on_grid.is_empty() || self.bodies.len() > 1
+    }
+
+    /// Chooses the guests anew.
+    fn invite(&mut self) {
+        self.guests = coupling::guests(&self.solver, &self.bodies, self.spacing_m);
+        let law = self.solver.laws() - 1;
+        let guest = |guest: &Guest| {
+            let body = &self.bodies[guest.body as usize];
+            Particle { law: law as u32, ..body.particle(guest.of(&self.bodies)) }
+        };
+        self.solver.host(self.guests.iter().map(guest).collect());
+        self.wandered_m = 0.0;
+    }
+
+    /// The fastest speed of any particle, or a bound on it, m/s.
+    pub fn fastest_m_s(&self) -> f64 {
+        let bodies = self.bodies.iter().map(Body::fastest_m_s);
+        bodies.fold(if self.is_coupled() { self.solver.fastest_m_s().into() } else { 0.0 }, f64::max)
+    }
+
+    pub fn bodies(&self) -> &[Body] {
+        &self.bodies
+    }
+
+    /// Lets it fall freely for `dt_s`, along the parabola of each of its particles: as long as they all move alike,
+    /// nothing strains.
+    pub fn fall(&mut self, dt_s: f64) {
+        self.solver.fall(dt_s as f32);
+        for body in &mut self.bodies {
+            body.shift((body.state().velocity_m_s + self.gravity_m_s2 * (dt_s / 2.0)) * dt_s);
+            body.push(self.gravity_m_s2 * (dt_s * body.mass_kg()), Vector3::zeros());
+        }
+        self.renew();
+    }
+
+    /// Takes a substep of `dt_s`.
+    ///
+    /// # Errors
+    /// If a particle is lost.
+    pub fn step(&mut self, dt_s: f64, influence: &impl Influence) -> Result<(), Lost> {
+        if influence.has_forces() {
+            let ids = &self.on_grid;
+            self.solver.change_velocities(|own, v| match ids.get(own as usize) {
+                Some(id) => influence.on_particle(*id, v),
+                None => v,
+            });
+            for (number, body) in self.bodies.iter_mut().enumerate() {
+                let [push, turn] = influence.on_body(number, body);
+                body.push(push, turn);
+            }
+        }
+        let center = |body: &Body| -> [f32; 3] { body.state().center_m.map(|x| x as f32).into() };
+        let lead = |(number, body): (usize, &Body)| influence.leads_body(number, center(body));
+        let motions: Vec<Option<Motion>> = self.bodies.iter().enumerate().map(lead).collect();
+        for (body, motion) in self.bodies.iter_mut().zip(&motions) {
+            motion.iter().for_each(|motion| body.lead(motion));
+        }
+        let impulses = if self.is_coupled() { self.step_on_grid(dt_s, &motions, influence)? } else { vec![] };
+        let mut fastest_m_s = 0.0_f64;
+        for (number, body) in self.bodies.iter_mut().enumerate() {
+            if motions[number].is_none() {
+                body.push(self.gravity_m_s2 * (dt_s * body.mass_kg()), Vector3::zeros());
+                if let Some([push, turn]) = impulses.get(number) {
+                    body.push(*push, *turn);
+                }
+                self.grounds.iter().for_each(|ground| ground.act(body, &self.gravity_m_s2, dt_s));
+            }
+            fastest_m_s = fastest_m_s.max(body.fastest_m_s());
+            body.advance(dt_s);
+            if motions[number].is_none() {
+                self.grounds.iter().for_each(|ground| ground.lift(body));
+            }
+        }
+        self.wandered_m += fastest_m_s * dt_s;
+        self.bodies.iter().find_map(|body| self.lost(body)).map_or(Ok(()), Err)
+    }
+
+    /// Takes a substep on the grid; returns the impulses on the bodies.
+    fn step_on_grid(
+        &mut self,
+        dt_s: f64,
+        motions: &[Option<Motion>],
+        influence: &impl Influence,
+    ) -> Result<Vec<coupling::Impulse>, Lost> {
+        let moving: Vec<Moving> = self.bodies.iter().map(Moving::from).collect();
+        let (bodies, guests) = (&self.bodies, &self.guests);
+        self.solver.place_guests(|guest| guests[guest].moved(bodies, &moving));
+        // Guests are chosen with room for a drift of a cell; a little less, to allow for rounding.
+        let far_m = 0.95 * f64::from(DRIFT) * f64::from(self.spacing_m);
+        if self.solver.is_due_for_sorting() || self.wandered_m > far_m {
+            self.invite();
+        }
+        if self.solver.is_empty() {
+            return Ok(vec![]);
+        }
+        let (bodies, guests, on_grid) = (&self.bodies, &self.guests, &self.on_grid);
+        let guided = |id: u32, position_m: [f32; 3]| match on_grid.get(id as usize) {
+            Some(own) => influence.leads(*own, position_m),
+            None => {
+                let guest = &guests[id as usize - on_grid.len()];
+                motions[guest.body as usize].map(|_| guest.moved(bodies, &moving).1)
+            }
+        };
+        let dt = dt_s as f32;
+        let stepped = if influence.has_leads() { self.solver.step_led(dt, guided) } else { self.solver.step(dt) };
+        let number = |id: usize| match on_grid.get(id) {
+            Some(own) => *own,
+            None => guests[id - on_grid.len()].of(bodies).id,
+        };
+        stepped.map_err(|lost| Lost { particle: number(lost.particle) as usize, ..lost })?;
+        let spacing_m = f64::from(self.spacing_m);
+        Ok(coupling::impulses(&self.solver, (guests, bodies, &moving), self.gravity_m_s2, spacing_m, dt_s))
+    }
+
+    /// The first particle of a body that left the domain or is not finite.
+    fn lost(&self, body: &Body) -> Option<Lost> {
+        let (center, radius) = (body.state().center_m, body.radius_m());
+        let [low, high] = self.domain_m.map(|corner| Vector3::from(corner.map(f64::from)));
+        // False also if the centre is NaN.
+        let is_inside = (0..3).all(|a| low[a] < center[a] - radius && center[a] + radius < high[a]);
+        let member = body.members().first()?;
+        let particle = body.particle(member);
+        (!is_inside).then_some(Lost {
+            particle: member.id as usize,
+            position_m: particle.position_m,
+            velocity_m_s: particle.velocity_m_s,
+        })
+    }
+
+    /// All particles in the order in which they were given.
+    pub fn particles(&self) -> Particles<'_> {
+        Particles { grid: self.solver.particles(), object: self }
+    }
+
+    /// Moments of the masked particles of each body.
+    pub fn moments(&self, mask: &[bool]) -> Vec<Moments> {
+        self.bodies.iter().map(|body| body.moments(mask)).collect()
+    }
+
+    /// The state of its bodies: for each its motion, then the peak pressure on each of its faces.
+    pub fn numbers(&self) -> Vec<f64> {
+        let of = |body: &Body| {
+            let peaks: Vec<f64> = body.faces().iter().map(|face| face.peak_pressure_pa).collect();
+            body.state().to_numbers().into_iter().chain(peaks)
+        };
+        self.bodies.iter().flat_map(of).collect()
+    }
+
+    /// Gives its bodies a state from [`Self::numbers`]; false if it is that of other bodies.
+    #[must_use]
+    pub fn restore(&mut self, mut numbers: &[f64]) -> bool {
+        for body in &mut self.bodies {
+            let Some((state, rest)) = numbers.split_first_chunk::<{ State::NUMBERS }>() else { return false };
+            body.set_state(State::from_numbers(state));
+            let Some((peaks, rest)) = rest.split_at_checked(body.faces().len()) else { return false };
+            for (face, peak) in body.faces_mut().iter_mut().zip(peaks) {
+                face.peak_pressure_pa = *peak;
+            }
+            numbers = rest;
+        }
+        self.renew();
+        numbers.is_empty()
+    }
+}
+
+/// The faces of a body, part by part.
+fn faces(members: &[(u32, Particle)], bodies: &Bodies, least_area_m2: f64) -> Vec<Face> {
+    let part_of = |id: u32| bodies.part_of[id as usize];
+    let mut parts: Vec<u32> = members.iter().map(|(id, _)| part_of(*id)).collect();
+    parts.sort_unstable();
+    parts.dedup();
+    let face = |part: u32| {
+        let own = members.iter().filter(|(id, _)| part_of(*id) == part && bodies.is_solid[*id as usize]);
+        let points: Vec<Vector3<f64>> = own.map(|(_, p)| Vector3::from(p.position_m.map(f64::from))).collect();
+        Face::new(part, &points, bodies.plane_modulus_pa[part as usize], least_area_m2)
+    };
+    parts.into_iter().map(face).collect()
+}
+
+/// All particles of an object in the order in which they were given.
+pub struct Particles<'a> {
+    grid: InOrder<'a>,
+    object: &'a Object,
+}
+
+impl Particles<'_> {
+    pub fn count(&self) -> usize {
+        self.object.places.len()
+    }
+
+    pub fn get(&self, id: usize) -> Particle {
+        match self.object.places[id] {
+            Place::Grid(own) => self.grid.get(own as usize),
+            Place::Body { body, member } => {
+                let body = &self.object.bodies[body as usize];
+                body.particle(&body.members()[member as usize])
+            }
+        }
+    }
+
+    /// Elastic energy of a particle, J.
+    pub fn elastic_j(&self, id: usize) -> f64 {
+        match self.object.places[id] {
+            Place::Grid(own) => self.grid.elastic_j(own as usize),
+            Place::Body { .. } => 0.0,
+        }
+    }
+
+    /// Kinetic energy of everything, J.
+    pub fn kinetic_j(&self) -> f64 {
+        let own = self.object.on_grid.iter().enumerate().map(|(own, _)| {
+            let p = self.grid.get(own);
+            0.5 * f64::from(p.mass_kg) * Vector3::from(p.velocity_m_s.map(f64::from)).norm_squared()
+        });
+        own.sum::<f64>() + self.object.bodies.iter().map(Body::kinetic_j).sum::<f64>()
+    }
+
+    pub fn iter(&self) -> impl Iterator<Item = Particle> + '_ {
+        (0..self.count()).map(|id| self.get(id))
+    }
+
+    /// The state of the rigid bodies: see [`Object::numbers`].
+    pub fn body_numbers(&self) -> Vec<f64> {
+        self.object.numbers()
+    }
+}

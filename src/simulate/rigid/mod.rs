@@ -1,0 +1,16 @@
+//! Parts that move as rigid bodies, coupled to the grid on which the others deform.
+//!
+//! 1. [`choice`]: the parts whose strain would stay invisible are rigid; those that touch move as one [`body`];
+//! 2. [`coupling`]: where a body may share nodes with anything else, its particles scatter and gather with the others;
+//!    what they gather beyond the body's own motion is the impulse on it;
+//! 3. [`contact`]: impulses at the body's lowest points keep it off the ground, with Coulomb friction; these points are its [`face`]s;
+//! 4. [`body`]: it moves on with its new momentum and angular momentum.
+//!
+//! A rigid body takes no part in the bound on the time step but by its speed: an object that is rigid as a whole needs a
+//! handful of steps per frame.
+
+pub mod body;
+pub mod choice;
+pub mod contact;
+pub mod coupling;
+pub mod face;

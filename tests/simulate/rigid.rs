@@ -1,0 +1,285 @@
+use gprop::simulate::action::{self, Action, Effect};
+use gprop::simulate::boundary::{Boundary, Contact};
+use gprop::simulate::mpm::Setting;
+use gprop::simulate::mpm::laws::Law;
+use gprop::simulate::mpm::particles::Particle;
+use gprop::simulate::object::{Bodies, Object};
+use nalgebra::{Matrix3, Vector3};
+
+use super::{Block, totals};
+
+const GRAVITY: f64 = 9.8;
+const GROUND_M: f64 = 0.5;
+const STEEL_PA: f64 = 2e11;
+
+/// An object of `particles`, the first `rigid` of which are one rigid body.
+fn object(
+    particles: &[Particle],
+    rigid: usize,
+    spacing_m: f32,
+    gravity_m_s2: f64,
+    boundaries: Vec<Boundary>,
+    ground: Option<&Boundary>,
+) -> Object {
+    let setting = Setting {
+        spacing_m,
+        gravity_m_s2: [0.0, 0.0, -gravity_m_s2 as f32],
+        boundaries,
+        domain_m: [[-20.0; 3], [20.0; 3]],
+        laws: vec![Law::FixedCorotated],
+    };
+    let bodies = Bodies {
+        body_of: (0..particles.len()).map(|id| (id < rigid).then_some(0)).collect(),
+        part_of: vec![0; particles.len()],
+        is_solid: vec![true; particles.len()],
+        plane_modulus_pa: vec![STEEL_PA],
+    };
+    Object::new(setting, particles.to_vec(), &bodies, ground)
+}
+
+fn plane(normal: [f32; 3], contact: Contact) -> Boundary {
+    Boundary { point_m: [0.0, 0.0, GROUND_M as f32], normal, contact }
+}
+
+fn run(object: &mut Object, dt_s: f64, steps: usize) {
+    for step in 0..steps {
+        action::step(&[], object, step as f64 * dt_s, dt_s).unwrap();
+    }
+}
+
+fn particles_of(object: &Object) -> Vec<Particle> {
+    object.particles().iter().collect()
+}
+
+fn lowest_m(object: &Object) -> f64 {
+    object.particles().iter().map(|p| f64::from(p.position_m[2])).fold(f64::INFINITY, f64::min)
+}
+
+/// A ball of particles on a lattice, and its radius: the distance of its farthest particle from its centre.
+fn ball() -> (Vec<Particle>, f64) {
+    let block = Block { low_m: [0.8, 0.8, 1.0], ..Block::default() };
+    let middle = Vector3::new(1.0, 1.0, 1.2);
+    let from_middle = |p: &Particle| (Vector3::from(p.position_m) - middle).norm();
+    let ball: Vec<Particle> = block.particles().into_iter().filter(|p| from_middle(p) < 0.2).collect();
+    let radius = ball.iter().map(from_middle).fold(0.0, f32::max);
+    (ball, radius.into())
+}
+
+/// It falls by g t^2 / 2 (symplectic Euler adds g t dt / 2) until it is as far above the ground as it is low, and
+/// stays there: it neither rebounds nor sinks.
+#[test]
+fn ball_drops_without_a_bounce() {
+    let (ball, _) = ball();
+    let ground = plane([0.0, 0.0, 1.0], Contact::Separate { friction: 0.4 });
+    let mut object = object(&ball, ball.len(), 0.05, GRAVITY, vec![], Some(&ground));
+    let (start, fall) = (totals(&ball).1.z, lowest_m(&object) - GROUND_M);
+    let (dt, impact_s) = (1e-3, (2.0 * fall / GRAVITY).sqrt());
+    let before = (impact_s / dt) as usize - 1;
+    run(&mut object, dt, before);
+    let t = before as f64 * dt;
+    let fallen = start - totals(&particles_of(&object)).1.z;
+    assert!((fallen - 0.5 * GRAVITY * t * (t + dt)).abs() < 1e-6, "fell {fallen} m in {t} s");
+    for step in before..1500 {
+        run(&mut object, dt, 1);
+        let gap = lowest_m(&object) - GROUND_M;
+        assert!(gap > -1e-6, "{gap} m below the ground after step {step}");
+        assert!(step < before + 4 || gap < 1e-5, "{gap} m above the ground after step {step}");
+    }
+    let speed = object.bodies()[0].fastest_m_s();
+    assert!(speed < 1e-6, "still moves at {speed} m/s");
+}
+
+/// Down a slope of the angle a it is slowed by g (mu cos a - sin a): it stops after v^2 / 2 of that, and stays.
+#[test]
+fn block_slides_to_rest_on_an_incline() {
+    const FRICTION: f64 = 0.5;
+    const SPEED: f64 = 1.5;
+    let angle = 15_f64.to_radians();
+    let turn = nalgebra::Rotation3::from_axis_angle(&Vector3::y_axis(), angle);
+    let (normal, downhill) = (turn * Vector3::z(), turn * Vector3::x());
+    let ground = plane(normal.map(|x| x as f32).into(), Contact::Separate { friction: FRICTION as f32 });
+    let flat = Block { low_m: [-0.2, -0.2, 0.0], size_m: [0.4, 0.4, 0.1], ..Block::default() };
+    let mut particles = flat.particles();
+    let foot = particles.iter().map(|p| p.position_m[2]).fold(f32::INFINITY, f32::min);
+    for p in &mut particles {
+        let place = Vector3::from(p.position_m.map(f64::from)) - Vector3::z() * f64::from(foot);
+        let place = turn * place + Vector3::z() * GROUND_M;
+        p.position_m = place.map(|x| x as f32).into();
+        p.velocity_m_s = (downhill * SPEED).map(|v| v as f32).into();
+    }
+    let mut object = object(&particles, particles.len(), 0.05, GRAVITY, vec![], Some(&ground));
+    let start = totals(&particles).1;
+    let braking = GRAVITY * (FRICTION * angle.cos() - angle.sin());
+    run(&mut object, 1e-3, (1.5 * SPEED / braking / 1e-3) as usize);
+    let moved = totals(&particles_of(&object)).1 - start;
+    let expected = SPEED * SPEED / (2.0 * braking);
+    // Symplectic Euler loses v dt / 2, a thousandth; rounding of the particles' f32 positions is far less.
+    assert!((moved.dot(&downhill) / expected - 1.0).abs() < 3e-3, "slid {} m, not {expected} m", moved.dot(&downhill));
+    assert!(moved.dot(&normal).abs() < 1e-5 && moved.y.abs() < 1e-4, "left the slope by {moved}");
+    let speed = object.bodies()[0].fastest_m_s();
+    assert!(speed < 1e-6, "still slides at {speed} m/s");
+}
+
+/// About its middle axis a free box tumbles: its angular velocity changes, its angular momentum and energy do not.
+#[test]
+fn free_box_tumbles_with_its_momentum_and_energy() {
+    let spinning = Block {
+        size_m: [0.6, 0.4, 0.2],
+        velocity_m_s: |x| {
+            Vector3::new(0.8, 8.0, 0.8).cross(&(x - Vector3::new(1.1, 1.0, 0.9))) + Vector3::new(0.3, 0.2, -0.1)
+        },
+        ..Block::default()
+    };
+    let particles = spinning.particles();
+    let mut object = object(&particles, particles.len(), 0.05, 0.0, vec![], None);
+    let body = |object: &Object| {
+        let body = &object.bodies()[0];
+        (body.state().velocity_m_s * body.mass_kg(), body.state().angular_momentum, body.kinetic_j(), body.spin())
+    };
+    // About the centre of mass, from the particles alone.
+    let spun = |object: &Object| -> Vector3<f64> {
+        let particles = particles_of(object);
+        let (mass, center, momentum) = totals(&particles);
+        let of = |p: &Particle| {
+            let (x, v) = (Vector3::from(p.position_m.map(f64::from)), Vector3::from(p.velocity_m_s.map(f64::from)));
+            f64::from(p.mass_kg) * (x - center).cross(&(v - momentum / mass))
+        };
+        particles.iter().map(of).sum()
+    };
+    let (p, l, e, spin) = body(&object);
+    let from_particles = spun(&object);
+    let mut farthest = 0.0_f64;
+    for _ in 0..1000 {
+        run(&mut object, 1e-3, 1);
+        farthest = farthest.max((body(&object).3 - spin).norm());
+    }
+    let (p_end, l_end, e_end, _) = body(&object);
+    // Its part along the angular momentum cannot change.
+    assert!(farthest > 0.2 * spin.norm(), "it should tumble, but its spin changed by {farthest} rad/s");
+    assert!((p - p_end).norm() < 1e-4 * p.norm() && (l - l_end).norm() < 1e-4 * l.norm(), "{p_end} {l_end}");
+    assert!((e_end / e - 1.0).abs() < 1e-4, "{e} J became {e_end} J");
+    // The cubes of its particles turn as well: a^2 / 6 of their edge, half a percent of the box's inertia.
+    let change = (spun(&object) - from_particles).norm() / from_particles.norm();
+    assert!(change < 1e-2, "the particles' angular momentum changed by {change}");
+}
+
+/// Foam that cannot give sideways (nu = 0), under a plate that weighs on it, swings about the depth (m g / A + rho g H /
+/// 2) H / E.
+#[test]
+fn plate_settles_on_foam_at_its_depth() {
+    const STIFFNESS: f64 = 4e4;
+    const HEIGHT: f64 = 0.8;
+    let foam = Block {
+        low_m: [0.8, 0.8, GROUND_M as f32],
+        size_m: [0.4, 0.4, HEIGHT as f32],
+        density_kg_m3: 50.0,
+        youngs_modulus_pa: STIFFNESS,
+        poisson_ratio: 0.0,
+        ..Block::default()
+    };
+    let plate = Block {
+        low_m: [0.8, 0.8, (GROUND_M + HEIGHT) as f32],
+        size_m: [0.4, 0.4, 0.1],
+        density_kg_m3: 2000.0,
+        ..Block::default()
+    };
+    let mut particles = plate.particles();
+    let rigid = particles.len();
+    particles.extend(foam.particles());
+    // On a layer of nodes, slightly above to allow for rounding.
+    let floor = Boundary {
+        point_m: [0.0, 0.0, GROUND_M as f32 + 5e-4],
+        normal: [0.0, 0.0, 1.0],
+        contact: Contact::Separate { friction: 0.0 },
+    };
+    let mut object = object(&particles, rigid, foam.spacing_m, GRAVITY, vec![floor], None);
+    let start = object.bodies()[0].state().center_m.z;
+    let dt = f64::from(foam.dt_s());
+    // Its mean over a whole period is that of the equilibrium.
+    let mass = object.bodies()[0].mass_kg() + foam.density_kg_m3 * 0.4 * 0.4 * HEIGHT / 3.0;
+    let period = std::f64::consts::TAU * (mass * HEIGHT / (STIFFNESS * 0.16)).sqrt();
+    let steps = (period / dt) as usize;
+    let mut sum = 0.0;
+    for _ in 0..steps {
+        run(&mut object, dt, 1);
+        sum += start - object.bodies()[0].state().center_m.z;
+    }
+    let pressure = 2000.0 * 0.1 * GRAVITY + foam.density_kg_m3 * GRAVITY * HEIGHT / 2.0;
+    let (found, expected) = (sum / steps as f64, pressure * HEIGHT / STIFFNESS);
+    // The plate and the ground hold the nodes beside them: the foam is shorter by about a cell of sixteen. At the plate it
+    // creeps by sigma dt / (rho dx) of the plate, a tenth of the depth in a period.
+    assert!((found / expected - 1.0).abs() < 0.12, "pressed by {found} m, expected {expected} m");
+    let body = &object.bodies()[0];
+    assert!(body.spin().norm() < 1e-2, "the plate tilts at {}", body.spin());
+}
+
+/// sum m (x cross v) of all particles, with the momentum that the grid spreads over each of them.
+fn angular_momentum(object: &Object, spacing_m: f64) -> Vector3<f64> {
+    let of = |p: &Particle| {
+        let (x, v) = (Vector3::from(p.position_m.map(f64::from)), Vector3::from(p.velocity_m_s.map(f64::from)));
+        let c = Matrix3::from_row_slice(&p.affine.map(f64::from));
+        let spin = Vector3::new(c.m32 - c.m23, c.m13 - c.m31, c.m21 - c.m12) * (spacing_m * spacing_m / 4.0);
+        f64::from(p.mass_kg) * (x.cross(&v) + spin)
+    };
+    object.particles().iter().map(|p| of(&p)).sum()
+}
+
+/// A soft block flies into a rigid one, off its centre, and pushes it away: what one loses, the other gains.
+#[test]
+fn soft_and_rigid_exchange_momentum() {
+    let rigid = Block { size_m: [0.2, 0.4, 0.4], density_kg_m3: 3000.0, ..Block::default() };
+    let soft = Block {
+        low_m: [1.1, 0.9, 0.9],
+        size_m: [0.3, 0.4, 0.4],
+        velocity_m_s: |_| Vector3::new(-1.0, 0.2, 0.1),
+        ..Block::default()
+    };
+    let mut particles = rigid.particles();
+    let first = particles.len();
+    particles.extend(soft.particles());
+    let dx = f64::from(soft.spacing_m);
+    let mut object = object(&particles, first, soft.spacing_m, 0.0, vec![], None);
+    let momentum = |object: &Object| totals(&particles_of(object)).2;
+    let (before, spun) = (momentum(&object), angular_momentum(&object, dx));
+    run(&mut object, f64::from(soft.dt_s()), 800);
+    let (after, spun_after) = (momentum(&object), angular_momentum(&object, dx));
+    let body = &object.bodies()[0];
+    let pushed = body.mass_kg() * body.state().velocity_m_s.norm() / before.norm();
+    assert!(pushed > 0.3 && body.spin().norm() > 0.05, "hardly pushed: {pushed}, {}", body.spin());
+    assert!((after - before).norm() < 1e-5 * before.norm(), "{before} became {after}");
+    // The particles' own cubes and f32 rounding: below a thousandth.
+    let change = (spun_after - spun).norm() / spun.norm();
+    assert!(change < 1e-3, "angular momentum {spun} became {spun_after}");
+}
+
+/// Actions on a body are those on its particles: a push above the centre of mass turns it, a held part holds the whole.
+#[test]
+fn actions_move_bodies() {
+    let block = Block { size_m: [0.2, 0.2, 0.6], ..Block::default() };
+    let particles = block.particles();
+    let top: Vec<bool> = particles.iter().map(|p| p.position_m[2] > 1.2).collect();
+    let share = top.iter().filter(|t| **t).count() as f64 / particles.len() as f64;
+    let after = |mask: &[bool], effect: Effect| {
+        let mut object = object(&particles, particles.len(), 0.05, GRAVITY, vec![], None);
+        let action = Action { from_s: 0.0, to_s: 0.05, mask: mask.to_vec(), effect };
+        let actions = action::on(&object, vec![action]);
+        for step in 0..100 {
+            action::step(&actions, &mut object, f64::from(step) * 1e-3, 1e-3).unwrap();
+        }
+        (object.bodies()[0].state().velocity_m_s, object.bodies()[0].spin())
+    };
+    let (velocity, spin) = after(&top, Effect::Accelerate([20.0, 0.0, 0.0]));
+    assert!((velocity - Vector3::new(20.0 * 0.05 * share, 0.0, -GRAVITY * 0.1)).norm() < 1e-5, "{velocity}");
+    assert!(spin.y > 1.0 && spin.x.abs() < 1e-4 && spin.z.abs() < 1e-4, "{spin}");
+    // Held for half the time, it falls for the other half.
+    let (velocity, spin) = after(&top, Effect::Move([0.0; 3]));
+    assert!((velocity + Vector3::z() * (GRAVITY * 0.05)).norm() < 1e-6 && spin.norm() < 1e-9, "{velocity} {spin}");
+    let all = vec![true; particles.len()];
+    let (velocity, spin) = after(&all, Effect::Wind { velocity: [2.0, 0.0, 0.0], response_s: 0.1 });
+    let expected = 2.0 * (1.0 - (-0.5_f64).exp());
+    assert!((velocity.x - expected).abs() < 1e-5 && spin.norm() < 1e-5, "{velocity}, expected {expected}");
+    // A wind on its top alone turns it.
+    assert!(after(&top, Effect::Wind { velocity: [2.0, 0.0, 0.0], response_s: 0.1 }).1.y > 0.5);
+    let turned = after(&top, Effect::Turn { axis: 2, center: [0.9, 0.9, 0.0], rate: 3.0 }).1;
+    assert!((turned - Vector3::z() * 3.0).norm() < 1e-5, "{turned}");
+}
