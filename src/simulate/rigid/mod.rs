@@ -3,7 +3,7 @@
 //! 1. [`choice`]: the parts whose strain would stay invisible are rigid; those that touch move as one [`body`];
 //! 2. [`coupling`]: where a body may share nodes with anything else, its particles scatter and gather with the others;
 //!    what they gather beyond the body's own motion is the impulse on it;
-//! 3. [`contact`]: impulses at the body's lowest points keep it off the ground, with Coulomb friction; these points are its [`face`]s;
+//! 3. [`contact`]: impulses at the lowest points of the body's [`face`]s keep it off the ground, with Coulomb friction;
 //! 4. [`body`]: it moves on with its new momentum and angular momentum.
 //!
 //! A rigid body takes no part in the bound on the time step but by its speed: an object that is rigid as a whole needs a
