@@ -216,6 +216,9 @@ pub struct ReportArgs {
     /// Open the report in the browser.
     #[arg(long)]
     pub open: bool,
+    /// Leave out the simulation and its film.
+    #[arg(long)]
+    pub no_simulate: bool,
     #[command(flatten)]
     pub scene: SceneArgs,
 }

@@ -16,7 +16,8 @@ const OPENER: &str = if cfg!(target_os = "macos") { "open" } else { "xdg-open" }
 /// `gprop report`: every stage, then the report in the browser if the user wants it there.
 pub fn report(global: &Global, args: &ReportArgs) -> anyhow::Result<()> {
     let (folder, work) = (&args.scene.scene, &args.scene.work);
-    scene::run(global, folder, work, Stage::Report)?;
+    let run = if args.no_simulate { scene::run_without_simulation } else { scene::run };
+    run(global, folder, work, Stage::Report)?;
     if args.open && !work.dry_run {
         open(&work_folder(folder, work.out.as_deref()).join(Artifact::ReportHtml.path()))?;
     }
