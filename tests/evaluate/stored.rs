@@ -66,7 +66,7 @@ fn what_was_run_with_other_options_is_measured_as_it_is() {
         (&"segments".into(), &2.into(), &1.into())
     );
     let iou = |n: usize| found["rows"][n]["mean_iou"].as_f64().unwrap();
-    assert!(iou(0) > 0.7, "perfect answers: {found:#}");
+    assert!(iou(0) > 0.3, "a coarse ball, half of it seen by two views: {found:#}");
     assert!(iou(1) < iou(0) && iou(4) < iou(0), "merged segments cost: {found:#}");
     assert_eq!(*found, robustness()[0], "the same chance every time");
     let readings = balls.folder().join("readings.csv");
