@@ -93,6 +93,7 @@ const NUMBERS: &[(&str, [&str; 2], [&str; 2], Refused)] = &[
     ("--threads", ["1", "1024"], ["0", "1025"], AsItIsRead),
     ("--views", ["1", "100000"], ["0", "100001"], AsItIsRead),
     ("--ask-views", ["1", "1000"], ["0", "1001"], AsItIsRead),
+    ("--few-views", ["1", "1000"], ["0", "1001"], AsItIsRead),
     ("--render-views", ["1", "100000"], ["0", "100001"], AsItIsRead),
     ("--points-per-side", ["1", "256"], ["0", "257"], AsItIsRead),
     ("--min-predicted-iou", ["0", "1"], ["-0.01", "1.01"], AsItIsRead),
@@ -200,7 +201,7 @@ fn numbers_beyond_their_domain_end_with_code_2_before_anything_is_done() {
         let mut command = gprop();
         command.arg("run").arg(balls.scene(0)).arg(format!("{flag}={value}")).args(["--to", "scene"]).output().unwrap()
     };
-    let of_runs = |flag: &str| !["--start", "--end", "--jobs", "--memory", "--shard"].contains(&flag);
+    let of_runs = |flag: &str| !["--start", "--end", "--jobs", "--memory", "--shard", "--few-views"].contains(&flag);
     for (flag, taken, beyond, refused) in NUMBERS.iter().filter(|(flag, ..)| of_runs(flag)) {
         // The others are refused by one parser, which the test above covers.
         let hostile =

@@ -1,6 +1,7 @@
 //! The command-line arguments: subcommands and their flags.
 
 use std::ffi::OsString;
+use std::num::NonZeroUsize;
 use std::path::PathBuf;
 
 use clap::{Args, Parser, Subcommand};
@@ -339,6 +340,11 @@ pub struct TrueParts {
     pub setup: Box<setup::Options>,
 }
 
+/// Fewer than the ten views that vote by default, and enough to see an object from all sides.
+const FEW_VIEWS: NonZeroUsize = NonZeroUsize::new(6).expect("six is not zero");
+/// More than this are not few.
+const MOST_FEW_VIEWS: NonZeroUsize = NonZeroUsize::new(1000).expect("a thousand is not zero");
+
 #[derive(Debug, Subcommand)]
 pub enum Evaluate {
     /// Compute pick-up, no-damage and success rates of gripping policies: of recorded trials, or predicted for the grasps
@@ -409,8 +415,8 @@ pub enum Evaluate {
         #[arg(required = true)]
         scenes: Vec<PathBuf>,
         /// Number of views that vote where fewer do.
-        #[arg(long, value_name = "N", default_value = "6")]
-        few_views: std::num::NonZeroUsize,
+        #[arg(long, value_name = "N", default_value_t = FEW_VIEWS, value_parser = from_to(NonZeroUsize::MIN, MOST_FEW_VIEWS))]
+        few_views: NonZeroUsize,
         /// Work folder of the scene, for a single scene only [default: SCENE/gprop]
         #[arg(long, value_name = "DIR")]
         out: Option<PathBuf>,
