@@ -178,10 +178,11 @@ impl Solver {
     pub fn fall(&mut self, dt_s: f32) {
         let gravity = self.setting.gravity_m_s2;
         self.sorted.packs.par_iter_mut().for_each(|pack| {
-            for a in 0..3 {
-                for (x, v) in pack.position[a].iter_mut().zip(&mut pack.velocity[a]) {
-                    *x += (*v + gravity[a] * dt_s / 2.0) * dt_s;
-                    *v += gravity[a] * dt_s;
+            let rows = pack.position.iter_mut().zip(&mut pack.velocity).zip(gravity);
+            for ((positions, velocities), g) in rows {
+                for (x, v) in positions.iter_mut().zip(velocities) {
+                    *x += (*v + g * dt_s / 2.0) * dt_s;
+                    *v += g * dt_s;
                 }
             }
         });

@@ -103,10 +103,12 @@ impl Pack {
     /// Moves a lane to `position_m` with a `motion`; returns how far, along the axis along which it is farthest.
     pub fn place(&mut self, lane: usize, position_m: [f32; 3], motion: &Motion) -> f32 {
         let mut farthest = 0.0_f32;
-        for a in 0..3 {
-            farthest = farthest.max((position_m[a] - self.position[a][lane]).abs());
-            self.position[a][lane] = position_m[a];
-            self.velocity[a][lane] = motion.velocity_m_s[a];
+        for (row, x) in self.position.iter_mut().zip(position_m) {
+            farthest = farthest.max((x - row[lane]).abs());
+            row[lane] = x;
+        }
+        for (row, v) in self.velocity.iter_mut().zip(motion.velocity_m_s) {
+            row[lane] = v;
         }
         put_matrix(&mut self.affine, lane, &motion.gradient);
         farthest
