@@ -41,6 +41,7 @@ pub use sha256::Sha256Hex;
 
 use serde::{Deserialize, Serialize};
 
+use crate::materials::Material;
 use crate::units::{Range, ShoreHardness};
 
 /// The result for one segment of one view. A line of `answers.jsonl`.
@@ -83,6 +84,28 @@ pub struct Answer {
     pub matched: Match,
     /// The corrections and doubts about the answer, in words.
     pub flags: Vec<String>,
+}
+
+impl Answer {
+    /// What the library says of a material, for a solid part that consists of nothing else.
+    pub fn of(material: &Material) -> Self {
+        Self {
+            caption: material.name.clone(),
+            family: material.family.clone(),
+            material: material.name.clone(),
+            density_kg_m3: material.density_kg_m3,
+            youngs_modulus_pa: material.youngs_modulus_pa,
+            poisson_ratio: material.poisson_ratio,
+            yield_strength_pa: material.strength_pa,
+            hardness: material.hardness,
+            friction_rubber: material.friction_rubber,
+            form: Form::Solid,
+            several_materials: false,
+            confidence: 1.0,
+            matched: Match::Live,
+            flags: Vec::new(),
+        }
+    }
 }
 
 /// Whether a part is material through and through.

@@ -17,6 +17,8 @@ mod plurality;
 mod tally;
 mod unseen;
 
+use std::collections::BTreeMap;
+
 use serde::{Deserialize, Serialize};
 
 use crate::camera::Camera;
@@ -52,6 +54,22 @@ pub struct AnsweredPart<'a> {
     pub id: u16,
     /// The answers, each with how much of the part its view shows, the one that shows most first.
     pub answers: Vec<(&'a Answer, f64)>,
+}
+
+impl<'a> AnsweredPart<'a> {
+    /// The parts with their answers, from any order of answers: the part's id, the answer, and how much of the part its
+    /// view shows.
+    pub fn collect(answers: impl IntoIterator<Item = (u16, &'a Answer, f64)>) -> Vec<Self> {
+        let mut of_part: BTreeMap<u16, Vec<(&Answer, f64)>> = BTreeMap::new();
+        for (id, answer, shown) in answers {
+            of_part.entry(id).or_default().push((answer, shown));
+        }
+        let of_part = of_part.into_iter().map(|(id, mut answers)| {
+            answers.sort_by(|a, b| b.1.total_cmp(&a.1));
+            Self { id, answers }
+        });
+        of_part.collect()
+    }
 }
 
 /// The result of the vote for every Gaussian.
