@@ -66,6 +66,8 @@ mod tests {
             hardness: None,
             friction_rubber: range,
             form: Form::Solid,
+            inside: None,
+            bulk_reason: None,
             several_materials: false,
             confidence: 0.9,
             matched: Match::Exact,

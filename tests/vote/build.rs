@@ -105,6 +105,8 @@ pub fn answer(name: &str, row: usize) -> Answer {
         hardness: material.hardness,
         friction_rubber: material.friction_rubber,
         form: Form::Solid,
+        inside: None,
+        bulk_reason: None,
         several_materials: false,
         confidence: 1.0,
         matched: Match::Exact,

@@ -199,6 +199,8 @@ fn answer(material: &Material, several_materials: bool) -> Answer {
         hardness: material.hardness,
         friction_rubber: material.friction_rubber,
         form: Form::Solid,
+        inside: None,
+        bulk_reason: None,
         several_materials,
         confidence: 1.0,
         matched: Match::Live,
