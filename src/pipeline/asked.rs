@@ -5,6 +5,7 @@ use std::collections::BTreeMap;
 
 use anyhow::Result;
 
+use crate::query::question::About;
 use crate::query::rounds::{self, Ask, Outcomes, PartOrPiece, Subject};
 use crate::query::{Answers, Outcome, SegmentAnswer};
 use crate::segment::{LabelMap, ViewSegments};
@@ -12,21 +13,24 @@ use crate::vote::AnsweredPart;
 
 use super::Pipeline;
 use super::consensus::{FoundPart, FoundParts, renamed};
+use super::query_session::{QueryView, Subjects};
 
 impl Pipeline {
-    /// What the model is asked about, and in how many views at first.
-    pub(super) fn subjects(&self) -> Result<(Vec<Subject>, usize)> {
+    /// What the model is asked about.
+    pub(super) fn subjects<'a>(&self, views: Vec<QueryView<'a>>) -> Result<Subjects<'a>> {
         let Some(found) = self.found_parts()? else {
-            let views = self.segmentation()?.views.iter().enumerate();
+            let of_views = self.segmentation()?.views.iter().enumerate();
             // Segments that lie in it may cover all of a segment.
             let is_left = |of: &ViewSegments, id: u16| of.map.labels.contains(&id);
-            let segments = views.flat_map(|(view, of)| {
+            let segments = of_views.flat_map(|(view, of)| {
                 of.segments.iter().filter(move |found| is_left(of, found.id)).map(move |found| (view, found.id))
             });
-            return Ok((segments.map(|(view, id)| Subject::segment(view, id)).collect(), 1));
+            let subjects = segments.map(|(view, id)| Subject::segment(view, id)).collect();
+            return Ok(Subjects { views, subjects, ask_views: 1, about: About::Segments });
         };
         let index = self.view_indices();
-        Ok((found.subjects(&index), self.options.consensus.ask_views.get()))
+        let (subjects, ask_views) = (found.subjects(&index), self.options.consensus.ask_views.get());
+        Ok(Subjects { views, subjects, ask_views, about: About::Parts })
     }
 
     /// By name, the index of each chosen view.
