@@ -1,7 +1,7 @@
 //! The checks that keep the library plausible: of each row, of its physics, and of the library as a whole.
 //!
-//! [`check`] runs them in this order: [`rows`] (ranges, family bounds, sources, friction, hardness), [`physics`]
-//! (moduli, strength, wave speeds, hardness against stiffness, law parameters), [`structure`] (foams, composites and
+//! [`check`] runs them in this order: [`rows`] (ranges, family bounds, friction, hardness, sources, with [`rules`] for
+//! those that are rules for a class), [`physics`] (moduli, strength, wave speeds, hardness against stiffness, law parameters), [`structure`] (foams, composites and
 //! fabrics against their constituents), [`whole`] (duplicates, copied rows, class defaults, labels), [`mod@reference`]
 //! (against textbook values from which no row was made).
 //!
@@ -11,6 +11,7 @@
 mod physics;
 mod reference;
 mod rows;
+mod rules;
 mod structure;
 mod whole;
 
