@@ -4,9 +4,11 @@ use serde::{Deserialize, Serialize};
 
 use crate::units::Range;
 
-/// Sources of numbers that no reference supports: engineering judgement, given as a range wide enough to be true, and a
-/// user's own numbers without a named source.
-pub const UNCITED: [&str; 2] = ["judgement", USER];
+/// The source of a number that no reference supports: engineering judgement, given as a range wide enough to be true.
+pub const JUDGEMENT: &str = "judgement";
+
+/// Sources that are not citations: judgement, and a user's own numbers without a named source.
+pub const UNCITED: [&str; 2] = [JUDGEMENT, USER];
 
 /// The source of a user's number if none is named.
 pub const USER: &str = "user";

@@ -1,13 +1,20 @@
 //! Checks that a row agrees with the rule of `rules.csv` that it cites: at least half of the narrower of the two ranges
-//! must lie in the other. Stiffness and strength are compared by their logarithms, because they vary by factors.
+//! must lie in the other. Stiffness and strength are compared by their logarithms, because they vary by factors. A range
+//! that is computed from another number of the row is only as good as that number, which must not be judgement.
 
 use super::Findings;
 use super::physics::gent_modulus_pa;
 use crate::materials::Material;
-use crate::materials::bibliography::{ClassRelation, Rule};
+use crate::materials::bibliography::{ClassRelation, JUDGEMENT, Rule};
 use crate::units::{Range, ShoreScale};
 
 pub fn agrees(material: &Material, rule: &Rule, findings: &mut Findings) {
+    if let Some((base, citations)) = basis(material, rule) {
+        let judged = citations.iter().any(|citation| citation == JUDGEMENT);
+        findings.require(!judged, &material.name, "source", || {
+            format!("the rule `{}` computes {} from {base}, which is judgement", rule.id, rule.property)
+        });
+    }
     let Some(ours) = range_of(material, &rule.property) else {
         let message = format!("has no {} for the rule `{}`", rule.property, rule.id);
         findings.error(&material.name, "source", message);
@@ -22,6 +29,18 @@ pub fn agrees(material: &Material, rule: &Rule, findings: &mut Findings) {
             rule.property, ours.low, ours.high, rule.id, theirs.low, theirs.high
         )
     });
+}
+
+/// The number of the row from which the rule computes its range, and that number's sources.
+fn basis<'a>(material: &'a Material, rule: &Rule) -> Option<(&'static str, &'a [String])> {
+    let sources = &material.sources;
+    match rule.relation {
+        ClassRelation::ShoreDOfStrength => Some(("strength", &sources.strength)),
+        ClassRelation::ShoreDOfWood | ClassRelation::FoamScaling => Some(("density", &sources.density)),
+        ClassRelation::ShoreAOfModulus => Some(("youngs_modulus", &sources.youngs_modulus)),
+        ClassRelation::ShoreToStiffness if rule.property == "youngs_modulus" => Some(("hardness", &sources.hardness)),
+        ClassRelation::Interval | ClassRelation::ShoreToStiffness | ClassRelation::CompositeBounds => None,
+    }
 }
 
 fn range_of(material: &Material, property: &str) -> Option<Range> {
