@@ -211,6 +211,9 @@ fn sources(material: &Material, known: &Known, findings: &mut Findings) {
         findings
             .require(!citations.is_empty() || absent, &material.name, "source", || format!("{property} has no source"));
         for citation in citations {
+            if UNCITED.contains(&citation.as_str()) {
+                continue;
+            }
             let (source, entry) = split_citation(citation);
             if source == RULE {
                 match entry.and_then(|id| known.rules.get(id)).filter(|rule| rule.is_about(property)) {

@@ -35,10 +35,12 @@ pub fn agrees(material: &Material, rule: &Rule, findings: &mut Findings) {
 fn basis<'a>(material: &'a Material, rule: &Rule) -> Option<(&'static str, &'a [String])> {
     let sources = &material.sources;
     match rule.relation {
-        ClassRelation::ShoreDOfStrength => Some(("strength", &sources.strength)),
-        ClassRelation::ShoreDOfWood | ClassRelation::FoamScaling => Some(("density", &sources.density)),
-        ClassRelation::ShoreAOfModulus => Some(("youngs_modulus", &sources.youngs_modulus)),
-        ClassRelation::ShoreToStiffness if rule.property == "youngs_modulus" => Some(("hardness", &sources.hardness)),
+        ClassRelation::ShoreDOfStrength => Some(("strength", sources.strength.as_slice())),
+        ClassRelation::ShoreDOfWood | ClassRelation::FoamScaling => Some(("density", sources.density.as_slice())),
+        ClassRelation::ShoreAOfModulus => Some(("youngs_modulus", sources.youngs_modulus.as_slice())),
+        ClassRelation::ShoreToStiffness if rule.property == "youngs_modulus" => {
+            Some(("hardness", sources.hardness.as_slice()))
+        }
         ClassRelation::Interval | ClassRelation::ShoreToStiffness | ClassRelation::CompositeBounds => None,
     }
 }
