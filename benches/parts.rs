@@ -39,6 +39,8 @@ fn label(id: u32, density_kg_m3: f64) -> FieldLabel {
         hardness: None,
         friction_rubber: Estimate::exactly(0.7),
         form: Form::Solid,
+        inside: None,
+        bulk_reason: None,
         law: Law::Elastic,
     }
 }

@@ -6,6 +6,7 @@ use criterion::{Criterion, criterion_group, criterion_main};
 use gprop::materials::MaterialLibrary;
 use gprop::progress::Progress;
 use gprop::query::ledger::Ledger;
+use gprop::query::question::About;
 use gprop::query::recorded::{Answerer, Recording, Recordings};
 use gprop::query::{Options, Prompts, Queries, ViewInput};
 use gprop::scene::{ForegroundSource, Photo};
@@ -62,12 +63,15 @@ fn bench(criterion: &mut Criterion) {
     let ids: Vec<u16> = (1..=SEGMENTS).collect();
     let inputs = [ViewInput { name: "view", photo: &photo, map: &segments.map, ids: &ids }];
     criterion.bench_function("query/sheets of a view with 8 segments", |bencher| {
-        bencher.iter(|| Queries::prepare(black_box(&inputs), library, &prompts, &options).expect("the view is sound"));
+        bencher.iter(|| {
+            Queries::prepare(black_box(&inputs), library, &prompts, &options, About::Segments)
+                .expect("the view is sound")
+        });
     });
 
     let folder = tempfile::tempdir().expect("a temporary folder");
     let recordings = Recordings::open(&[], folder.path()).expect("the folder is empty");
-    let queries = Queries::prepare(&inputs, library, &prompts, &options).expect("the view is sound");
+    let queries = Queries::prepare(&inputs, library, &prompts, &options, About::Segments).expect("the view is sound");
     let answerer = Answerer { model: "bench".into(), parameters: Value::Null };
     for segment in &queries.segments {
         let asked = segment.asked(queries.questions.first());

@@ -10,7 +10,7 @@ use criterion::{Criterion, criterion_group, criterion_main};
 use gprop::camera::{Camera, Distortion, Intrinsics};
 use gprop::materials::MaterialLibrary;
 use gprop::progress::Progress;
-use gprop::query::{Answer, Answers, Form, Match, Outcome, SegmentAnswer};
+use gprop::query::{Answer, Answers, Outcome, SegmentAnswer};
 use gprop::render::{LANES, RenderOptions, Sink, Splat, render, visit};
 use gprop::scene::gaussians::Gaussians;
 use gprop::segment::LabelMap;
@@ -66,23 +66,7 @@ fn map() -> LabelMap {
 }
 
 fn answers(names: &[String]) -> Answers {
-    let material = &MaterialLibrary::builtin().materials()[0];
-    let answer = Answer {
-        caption: "half".to_owned(),
-        family: material.family.clone(),
-        material: material.name.clone(),
-        density_kg_m3: material.density_kg_m3,
-        youngs_modulus_pa: material.youngs_modulus_pa,
-        poisson_ratio: material.poisson_ratio,
-        yield_strength_pa: material.strength_pa,
-        hardness: material.hardness,
-        friction_rubber: material.friction_rubber,
-        form: Form::Solid,
-        several_materials: false,
-        confidence: 1.0,
-        matched: Match::Exact,
-        flags: Vec::new(),
-    };
+    let answer = Answer::of(&MaterialLibrary::builtin().materials()[0]);
     let segment = |view: &String, segment| SegmentAnswer {
         view: view.clone(),
         segment,

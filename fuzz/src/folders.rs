@@ -181,7 +181,8 @@ fn answer_all(server: &TcpListener) {
         "density_kg_m3": range(wood.density_kg_m3, 1.0), "youngs_modulus_mpa": range(wood.youngs_modulus_pa, 1e6),
         "poisson_ratio": range(wood.poisson_ratio, 1.0), "yield_strength_mpa": range(wood.strength_pa, 1e6),
         "shore_scale": "none", "shore_hardness": null, "friction_rubber": range(wood.friction_rubber, 1.0),
-        "form": "solid", "wall_thickness_mm": null, "confidence": 0.8,
+        "form": "shell", "wall_thickness_mm": [1, 2], "inside": "filled", "filling": "water", "fill_share": [0.9, 1.0],
+        "bulk_density_kg_m3": null, "bulk_reason": null, "confidence": 0.8,
     });
     let completion = json!({
         "choices": [{ "index": 0, "finish_reason": "stop", "message": { "role": "assistant", "content": answer.to_string() } }],

@@ -22,7 +22,7 @@ use gprop::query::answer::{self, Unknown};
 use gprop::query::batch_api::Submitted;
 use gprop::query::client::{self, JobStatus};
 use gprop::query::cost::PriceTable;
-use gprop::query::question::Questions;
+use gprop::query::question::{About, Questions};
 use gprop::query::recorded::{Recording, Recordings};
 use gprop::query::{Answers, Context, Guidance, LabelSet, Prompts, batch_api, exchange};
 use gprop::scene::cameras::{colmap, dataparser, gaussian_splatting, transforms};
@@ -145,7 +145,8 @@ pub fn recordings(bytes: &[u8]) {
         let _ = recording.asked.content_sha256();
     }
     static QUESTIONS: LazyLock<Questions> = LazyLock::new(|| {
-        Questions::new(&Prompts::builtin(), MaterialLibrary::builtin(), Guidance::OneQuestion, Context::GlobalLocal)
+        let how = (Guidance::OneQuestion, Context::GlobalLocal);
+        Questions::new(&Prompts::builtin(), MaterialLibrary::builtin(), how, About::Parts)
             .expect("the built-in prompts are good")
     });
     let mut files = bytes.splitn(3, |byte| *byte == 0);

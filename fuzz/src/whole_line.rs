@@ -7,7 +7,7 @@ use gprop::camera::{Camera, Distortion, Intrinsics};
 use gprop::materials::MaterialLibrary;
 use gprop::parts::{self, parts};
 use gprop::progress::Progress;
-use gprop::query::{Answer, Answers, Form, Match, Outcome, SegmentAnswer};
+use gprop::query::{Answer, Answers, Outcome, SegmentAnswer};
 use gprop::scene::gaussians::Gaussians;
 use gprop::scene::{outliers, ply};
 use gprop::segment::LabelMap;
@@ -144,25 +144,7 @@ pub(super) fn seen_by(camera: &Camera) -> LabelMap {
 
 /// The upper half is of the library's first material, the lower of its second.
 fn answers() -> Answers {
-    let answer = |row: usize| {
-        let material = &MaterialLibrary::builtin().materials()[row];
-        Answer {
-            caption: format!("part {row}"),
-            family: material.family.clone(),
-            material: material.name.clone(),
-            density_kg_m3: material.density_kg_m3,
-            youngs_modulus_pa: material.youngs_modulus_pa,
-            poisson_ratio: material.poisson_ratio,
-            yield_strength_pa: material.strength_pa,
-            hardness: material.hardness,
-            friction_rubber: material.friction_rubber,
-            form: Form::Solid,
-            several_materials: false,
-            confidence: 1.0,
-            matched: Match::Exact,
-            flags: Vec::new(),
-        }
-    };
+    let answer = |row: usize| Answer::of(&MaterialLibrary::builtin().materials()[row]);
     let of_view = |view: usize| {
         let segment = move |row: usize| SegmentAnswer {
             view: view.to_string(),

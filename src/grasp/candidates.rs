@@ -148,7 +148,7 @@ fn forces_at(
     let thickness = match (label.form, part.thickness_m) {
         (Form::Shell { .. }, Some(wall)) => wall,
         // With the same relative uncertainty of its size as the part's own.
-        (Form::Solid, Some(of_part)) => of_part.scaled(place.thickness_m / of_part.mid),
+        (Form::Solid | Form::Mixed, Some(of_part)) => of_part.scaled(place.thickness_m / of_part.mid),
         (_, None) => Estimate::exactly(place.thickness_m),
     };
     let inputs = Inputs::of(object.parts, label, thickness, gripper, options)?;

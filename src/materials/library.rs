@@ -6,6 +6,7 @@ use std::path::{Path, PathBuf};
 use std::sync::{LazyLock, OnceLock};
 
 use super::bibliography::{Constituent, Deviation, Evidence, Reference, Rule};
+use super::fillings::Filling;
 use super::names::{TokenIndex, fold, inverted};
 use super::read::{LibraryError, Placed, Table, Tables, read_tables};
 use super::{Family, Material};
@@ -20,7 +21,7 @@ macro_rules! builtin_tables {
 }
 
 /// The built-in tables.
-const BUILTIN: [Table<'static>; 22] = builtin_tables![
+const BUILTIN: [Table<'static>; 23] = builtin_tables![
     "families.csv",
     "bibliography.csv",
     "evidence.csv",
@@ -43,6 +44,7 @@ const BUILTIN: [Table<'static>; 22] = builtin_tables![
     "paper.csv",
     "food.csv",
     "granular_soft.csv",
+    "fillings.csv",
 ];
 
 /// Families and materials in the order of the files, with look-up by name.
@@ -50,6 +52,7 @@ const BUILTIN: [Table<'static>; 22] = builtin_tables![
 pub struct MaterialLibrary {
     families: Vec<Family>,
     materials: Vec<Material>,
+    fillings: Vec<Filling>,
     pub(super) references: Vec<Reference>,
     pub(super) evidence: Vec<Evidence>,
     pub(super) rules: Vec<Rule>,
@@ -78,6 +81,7 @@ impl MaterialLibrary {
         let mut library = Self {
             families: Vec::new(),
             materials: Vec::new(),
+            fillings: Vec::new(),
             references: Vec::new(),
             evidence: Vec::new(),
             rules: Vec::new(),
@@ -92,7 +96,7 @@ impl MaterialLibrary {
     }
 
     /// The built-in library plus a user's: a CSV of materials, or a folder of such CSVs, which may also hold its own
-    /// `families.csv`, `bibliography.csv` and other tables of the built-in folder.
+    /// `families.csv`, `fillings.csv` and other tables of the built-in folder.
     ///
     /// A row whose name is in the library replaces that row; a new name adds a row. Files are read in the order of
     /// their names.
@@ -114,6 +118,17 @@ impl MaterialLibrary {
     /// Every material, in the order of the files.
     pub fn materials(&self) -> &[Material] {
         &self.materials
+    }
+
+    /// Every filling, in the order of `fillings.csv`.
+    pub fn fillings(&self) -> &[Filling] {
+        &self.fillings
+    }
+
+    /// The filling with this name, ignoring case, punctuation, and British or American spelling.
+    pub fn filling(&self, name: &str) -> Option<&Filling> {
+        let wanted = fold(name);
+        self.fillings.iter().find(|filling| fold(&filling.name) == wanted)
     }
 
     /// Every family, in the order of `families.csv`.
@@ -188,6 +203,12 @@ impl MaterialLibrary {
             match self.families.iter_mut().find(|known| known.name == family.name) {
                 Some(known) => *known = family,
                 None => self.families.push(family),
+            }
+        }
+        for filling in tables.fillings {
+            match self.fillings.iter_mut().find(|known| fold(&known.name) == fold(&filling.name)) {
+                Some(known) => *known = filling,
+                None => self.fillings.push(filling),
             }
         }
         self.references.extend(tables.references);

@@ -2,11 +2,12 @@
 //! and the checks that keep it plausible.
 //!
 //! The data is in the crate's `materials/` folder, one CSV per family, and is compiled in; its README describes the
-//! columns. [`MaterialLibrary`] reads it, [`check`](check::check) tests it, [`cli`] prints it.
+//! columns. What fills hollow things is a table of its own, [`fillings`]. [`MaterialLibrary`] reads both, [`check`](check::check) tests them, [`cli`] prints them.
 
 pub mod bibliography;
 pub mod check;
 pub mod cli;
+pub mod fillings;
 
 mod library;
 mod names;

@@ -189,8 +189,8 @@ fn check(gaussians: &Gaussians, field: &MaterialField) -> Result<(), PartsError>
 /// How to fill a label's volume.
 fn construction(label: &FieldLabel, meters_per_unit: Option<f64>, options: &Options) -> Construction {
     let wall_m = match (options.volume, label.form) {
-        (VolumeMethod::Fill | VolumeMethod::Carve, _) | (VolumeMethod::Hybrid, Form::Solid) => None,
-        (VolumeMethod::Shell, Form::Solid) => Some(Estimate::exactly(options.wall_m)),
+        (VolumeMethod::Fill | VolumeMethod::Carve, _) | (VolumeMethod::Hybrid, Form::Solid | Form::Mixed) => None,
+        (VolumeMethod::Shell, Form::Solid | Form::Mixed) => Some(Estimate::exactly(options.wall_m)),
         (_, Form::Shell { wall_thickness_m }) => Some(Estimate::from(wall_thickness_m)),
     };
     match (wall_m, meters_per_unit) {

@@ -12,6 +12,7 @@ use crate::materials::MaterialLibrary;
 use crate::pictures::material_map;
 use crate::progress::Progress;
 use crate::query::Answers;
+use crate::query::question::About;
 use crate::query::rounds::Subject;
 use crate::scene::Photo;
 use crate::segment::{self, LabelMap, Segment, SegmentError, ViewSegments, segment_views};
@@ -107,7 +108,7 @@ impl Picture {
         let home = self.work.root();
         check_recordings(home, &self.work, self.options.scene.read_scope(home))?;
         let (query, network) = (&self.options.query, self.options.setup.network());
-        let subjects = Subjects { views: vec![view], subjects, ask_views: 1 };
+        let subjects = Subjects { views: vec![view], subjects, ask_views: 1, about: About::Segments };
         QuerySession::new(query, subjects, &self.library, home, &self.work, network, self.progress)
     }
 

@@ -10,7 +10,7 @@ use crate::from_splat::photo_with_foreground;
 use crate::query::{AnswerSource, Answers, Match, Options, Outcome, Preview, Queries, SegmentAnswer};
 use crate::workdir::{Artifact, WorkDir, WorkDirError};
 
-use super::query_session::{self, QuerySession, QueryView, Subjects};
+use super::query_session::{self, QuerySession, QueryView};
 use super::record::Hasher;
 use super::scene::file_digest;
 use super::{Done, Pipeline, Stage, get_or_load};
@@ -23,6 +23,7 @@ impl Pipeline {
             .with_json(options)
             .with_json(&self.options.consensus.ask_views)
             .with_json(&query_session::candidates(options, &self.library)?.materials())
+            .with_json(&self.library.fillings())
             .with_json(&query_session::prompts(options)?.sha256());
         for folder in query_session::recording_folders(options, &self.folder) {
             for path in recordings_in(&folder) {
@@ -70,8 +71,7 @@ impl Pipeline {
         let views = views.collect::<Result<_>>()?;
         query_session::check_recordings(&self.folder, &self.work, self.options.scene.read_scope(&self.folder))?;
         let network = self.options.setup.network();
-        let (subjects, ask_views) = self.subjects()?;
-        let subjects = Subjects { views, subjects, ask_views };
+        let subjects = self.subjects(views)?;
         QuerySession::new(options, subjects, &self.library, &self.folder, &self.work, network, self.progress)
     }
 

@@ -17,6 +17,7 @@ use crate::query::client::{ApiKey, Client};
 use crate::query::cost::{Price, PriceTable};
 use crate::query::exchange::{self, Imported};
 use crate::query::ledger::Ledger;
+use crate::query::question::About;
 use crate::query::recorded::Recordings;
 use crate::query::rounds::{Ask, Outcomes, Subject};
 use crate::query::{Answers, Options, Outcome, Preview, Prompts, Queries, SegmentAnswer, ViewInput};
@@ -39,6 +40,7 @@ pub struct QuerySession<'a> {
     subjects: Vec<Subject>,
     /// Number of views in which each subject is asked about first.
     ask_views: usize,
+    about: About,
     prompts: Prompts,
     /// The materials to choose from.
     pub(super) library: Cow<'a, MaterialLibrary>,
@@ -57,6 +59,7 @@ pub struct Subjects<'a> {
     pub subjects: Vec<Subject>,
     /// Number of views in which each subject is asked about first.
     pub ask_views: usize,
+    pub about: About,
 }
 
 /// A view of a session.
@@ -79,7 +82,7 @@ impl<'a> QuerySession<'a> {
     /// A session about the subjects, with recordings in `home` and in the folder that the options name.
     pub fn new(
         options: &'a Options,
-        Subjects { views, subjects, ask_views }: Subjects<'a>,
+        Subjects { views, subjects, ask_views, about }: Subjects<'a>,
         library: &'a MaterialLibrary,
         home: &Path,
         work: &'a WorkDir,
@@ -97,6 +100,7 @@ impl<'a> QuerySession<'a> {
             views,
             subjects,
             ask_views,
+            about,
             prompts: prompts(options)?,
             library: candidates(options, library)?,
             price: price(options)?,
@@ -155,7 +159,7 @@ impl<'a> QuerySession<'a> {
             .filter(|(.., ids)| !ids.is_empty())
             .map(|(view, map, ids)| ViewInput { name: view.name, photo: &view.photo, map, ids })
             .collect();
-        Ok(Queries::prepare(&inputs, &self.library, &self.prompts, self.options)?)
+        Ok(Queries::prepare(&inputs, &self.library, &self.prompts, self.options, self.about)?)
     }
 
     fn place(&self, view: &str, id: u16) -> Ask {

@@ -21,7 +21,11 @@ use super::{Done, Pipeline, Stage, get_or_load, png};
 
 impl Pipeline {
     pub(super) fn vote_key(&self) -> String {
-        self.key_after_inputs(Stage::Vote).with_json(&self.library.materials()).with_json(&self.options.vote).hex()
+        self.key_after_inputs(Stage::Vote)
+            .with_json(&self.library.materials())
+            .with_json(&self.library.fillings())
+            .with_json(&self.options.vote)
+            .hex()
     }
 
     pub(super) fn do_vote(&self) -> Result<Done> {

@@ -12,7 +12,7 @@
 use serde::Deserialize;
 use serde_json::Value;
 
-use super::{Answer, Failure, Form, Match};
+use super::{Answer, Failure, Form, Inside, Match};
 use crate::materials::{Family, Material, MaterialLibrary};
 use crate::units::{Range, ShoreHardness, ShoreScale};
 
@@ -21,6 +21,10 @@ const PA_PER_MPA: f64 = 1e6;
 const M_PER_MM: f64 = 1e-3;
 /// Walls thinner than foil or thicker than a metre do not occur in objects that a gripper holds.
 const WALL_THICKNESS_M: Range = Range::new(1e-6, 1.0);
+/// Lighter things than aerogel and denser ones than tungsten do not occur; a mixed part is in between.
+const BULK_DENSITY_KG_M3: Range = Range::new(1.0, 20_000.0);
+/// Less of a filling than this is not worth a part of its own.
+const FILL_SHARE: Range = Range::new(0.01, 1.0);
 const SHORE: Range = Range::new(0.0, 100.0);
 /// Lowest similarity (0 to 1) at which a name is taken for a library name.
 const LIKENESS: f64 = 0.5;
@@ -49,7 +53,8 @@ pub enum Unknown {
     TakeNearest,
 }
 
-/// The fields of `prompts/answer.schema.json`, in its units.
+/// The fields of `prompts/answer.schema.json`, in its units. Answers about segments lack those that are not required
+/// here.
 #[derive(Debug, Deserialize)]
 struct Written {
     caption: String,
@@ -65,6 +70,11 @@ struct Written {
     form: WrittenForm,
     several_materials: bool,
     wall_thickness_mm: Option<Range>,
+    inside: Option<WrittenInside>,
+    filling: Option<String>,
+    fill_share: Option<Range>,
+    bulk_density_kg_m3: Option<Range>,
+    bulk_reason: Option<String>,
     confidence: f64,
 }
 
@@ -81,6 +91,17 @@ enum WrittenScale {
 enum WrittenForm {
     Solid,
     Shell,
+    Mixed,
+}
+
+#[derive(Debug, Clone, Copy, Deserialize)]
+enum WrittenInside {
+    #[serde(rename = "empty")]
+    Empty,
+    #[serde(rename = "filled")]
+    Filled,
+    #[serde(rename = "not known")]
+    Unknown,
 }
 
 /// Reads an answer that follows the schema. It is marked as asked live; the caller changes that if it comes from a
@@ -96,7 +117,11 @@ pub fn read(value: Value, library: &MaterialLibrary, unknown: Unknown) -> Result
         flags.push(format!("{} is of the family {}, not {}", material.name, material.family, written.family));
     }
     let form = form(&written, &mut flags)?;
-    Ok(settle(written, material, family, form, flags))
+    let inside = match form {
+        Form::Shell { .. } => Some(inside(&written, library, &mut flags)?),
+        Form::Solid | Form::Mixed => None,
+    };
+    Ok(settle(written, material, family, (form, inside), flags))
 }
 
 fn material<'a>(
@@ -131,6 +156,10 @@ fn material<'a>(
 fn form(written: &Written, flags: &mut Vec<String>) -> Result<Form, Problem> {
     match (written.form, written.wall_thickness_mm) {
         (WrittenForm::Solid, _) => Ok(Form::Solid),
+        (WrittenForm::Mixed, _) if written.bulk_density_kg_m3.is_none() => Err(Problem::invalid(
+            "form is \"mixed\" but bulk_density_kg_m3 is null; give the density of the whole part.".into(),
+        )),
+        (WrittenForm::Mixed, _) => Ok(Form::Mixed),
         (WrittenForm::Shell, None) => {
             Err(Problem::invalid("form is \"shell\" but wall_thickness_mm is null; give the wall's thickness.".into()))
         }
@@ -141,13 +170,53 @@ fn form(written: &Written, flags: &mut Vec<String>) -> Result<Form, Problem> {
     }
 }
 
-fn settle(written: Written, material: &Material, family: &Family, form: Form, mut flags: Vec<String>) -> Answer {
+/// What is inside a shell. Where nothing is said, nothing is known.
+fn inside(written: &Written, library: &MaterialLibrary, flags: &mut Vec<String>) -> Result<Inside, Problem> {
+    match written.inside {
+        None | Some(WrittenInside::Unknown) => return Ok(Inside::Unknown),
+        Some(WrittenInside::Empty) => return Ok(Inside::Empty),
+        Some(WrittenInside::Filled) => {}
+    }
+    let lacking = |field: &str| Problem::invalid(format!("inside is \"filled\" but {field} is null; give it."));
+    let name = written.filling.as_deref().ok_or_else(|| lacking("filling"))?;
+    let filling = library.filling(name).ok_or_else(|| {
+        Problem::invalid(format!("the filling {name:?} is not in the list. Copy a name from the list exactly."))
+    })?;
+    let said = in_order("fill share", written.fill_share.ok_or_else(|| lacking("fill_share"))?, flags);
+    Ok(Inside::Filled { filling: filling.name.clone(), share: cut("fill share", said, FILL_SHARE, flags) })
+}
+
+/// The density of a part: of a mixed one, that of the whole, which no material of the library bounds.
+fn density(written: &Written, material: &Material, family: &Family, flags: &mut Vec<String>) -> Range {
+    let bulk = matches!(written.form, WrittenForm::Mixed).then_some(written.bulk_density_kg_m3).flatten();
+    let name = if bulk.is_some() { "bulk density" } else { "density" };
+    let said = in_order(name, bulk.unwrap_or(written.density_kg_m3), flags);
+    match bulk {
+        Some(_) => cut(name, said, BULK_DENSITY_KG_M3, flags),
+        None => {
+            let said = cut(name, said, family.density_kg_m3, flags);
+            narrowed(name, said, material.density_kg_m3, flags)
+        }
+    }
+}
+
+fn settle(
+    written: Written,
+    material: &Material,
+    family: &Family,
+    (form, inside): (Form, Option<Inside>),
+    mut flags: Vec<String>,
+) -> Answer {
+    let density_kg_m3 = density(&written, material, family, &mut flags);
+    let bulk_reason = written.bulk_reason.filter(|_| form == Form::Mixed);
+    if form == Form::Mixed && bulk_reason.as_deref().is_none_or(|reason| reason.trim().is_empty()) {
+        flags.push("the bulk density comes without a reason".to_owned());
+    }
     let mut property = |name: &str, said: Range, family: Range, row: Range| {
         let said = in_order(name, said, &mut flags);
         let said = cut(name, said, family, &mut flags);
         narrowed(name, said, row, &mut flags)
     };
-    let density_kg_m3 = property("density", written.density_kg_m3, family.density_kg_m3, material.density_kg_m3);
     let youngs_modulus_pa = property(
         "Young's modulus",
         scaled(written.youngs_modulus_mpa, PA_PER_MPA),
@@ -180,6 +249,8 @@ fn settle(written: Written, material: &Material, family: &Family, form: Form, mu
         hardness,
         friction_rubber,
         form,
+        inside,
+        bulk_reason,
         several_materials: written.several_materials,
         confidence,
         matched: Match::Live,

@@ -6,8 +6,8 @@ use super::recorded::Usage;
 
 /// Characters per token of English; prose has 4, but names of materials take more tokens.
 const CHARACTERS_PER_TOKEN: f64 = 3.5;
-/// Tokens of an answer with fourteen fields.
-const USUAL_OUTPUT_TOKENS: u64 = 300;
+/// Tokens of an answer with nineteen fields.
+const USUAL_OUTPUT_TOKENS: u64 = 370;
 /// For a vision model about which nothing is known: one token per square of this many pixels a side (as for Qwen2-VL).
 const UNKNOWN_PATCH: u32 = 28;
 const TOKENS_PER_MTOK: f64 = 1e6;

@@ -41,6 +41,7 @@ pub use sha256::Sha256Hex;
 
 use serde::{Deserialize, Serialize};
 
+use crate::materials::Material;
 use crate::units::{Range, ShoreHardness};
 
 /// The result for one segment of one view. A line of `answers.jsonl`.
@@ -69,6 +70,7 @@ pub struct Answer {
     pub family: String,
     /// Name of a row of the library.
     pub material: String,
+    /// Of the material; of a mixed part, its mass by the volume within its outer surface.
     pub density_kg_m3: Range,
     pub youngs_modulus_pa: Range,
     pub poisson_ratio: Range,
@@ -76,6 +78,12 @@ pub struct Answer {
     pub hardness: Option<ShoreHardness>,
     pub friction_rubber: Range,
     pub form: Form,
+    /// What is behind the wall of a shell; `None` for everything else.
+    #[serde(default)]
+    pub inside: Option<Inside>,
+    /// Why a mixed part has the density that it has, in the model's words.
+    #[serde(default)]
+    pub bulk_reason: Option<String>,
     /// True if the model sees more than one material in it and answered for the one that covers most of it.
     pub several_materials: bool,
     /// 0 to 1, as the model states it.
@@ -85,16 +93,58 @@ pub struct Answer {
     pub flags: Vec<String>,
 }
 
-/// Whether a part is material through and through.
+impl Answer {
+    /// What the library says of a material, for a solid part that consists of nothing else.
+    pub fn of(material: &Material) -> Self {
+        Self {
+            caption: material.name.clone(),
+            family: material.family.clone(),
+            material: material.name.clone(),
+            density_kg_m3: material.density_kg_m3,
+            youngs_modulus_pa: material.youngs_modulus_pa,
+            poisson_ratio: material.poisson_ratio,
+            yield_strength_pa: material.strength_pa,
+            hardness: material.hardness,
+            friction_rubber: material.friction_rubber,
+            form: Form::Solid,
+            inside: None,
+            bulk_reason: None,
+            several_materials: false,
+            confidence: 1.0,
+            matched: Match::Live,
+            flags: Vec::new(),
+        }
+    }
+}
+
+/// How a part's material fills it.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(test, derive(schemars::JsonSchema))]
 #[serde(tag = "form", rename_all = "snake_case")]
 pub enum Form {
+    /// Material through and through.
     Solid,
     /// A wall around a void or around another part.
-    Shell {
-        wall_thickness_m: Range,
+    Shell { wall_thickness_m: Range },
+    /// Neither: several things, known by their density as a whole, such as a book or a motor in its housing. The material
+    /// is that of the outside.
+    Mixed,
+}
+
+/// What is behind the wall of a shell.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(tag = "inside", rename_all = "snake_case")]
+pub enum Inside {
+    /// Air.
+    Empty,
+    Filled {
+        /// Name of a row of `fillings.csv`.
+        filling: String,
+        /// Its share of the hollow, with the gaps between its pieces, 0 to 1.
+        share: Range,
     },
+    /// The model cannot tell, or was not asked.
+    Unknown,
 }
 
 /// How a recording was found.

@@ -15,12 +15,14 @@ use super::sheet::Context;
 /// All texts that are sent to the model.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Prompts {
-    material: String,
+    part: String,
+    segment: String,
     family: String,
     correction: String,
     picture_global_local: String,
     picture_local: String,
-    answer_schema: Value,
+    part_schema: Value,
+    segment_schema: Value,
     family_schema: Value,
 }
 
@@ -41,7 +43,10 @@ pub enum PromptError {
     NoFile(PathBuf),
 }
 
-const MATERIAL: &str = "part.txt";
+const PART: &str = "part.txt";
+const SEGMENT: &str = "segment.txt";
+const PART_SCHEMA: &str = "answer.schema.json";
+const SEGMENT_SCHEMA: &str = "segment.schema.json";
 const FAMILY: &str = "family.txt";
 const CORRECTION: &str = "correction.txt";
 
@@ -75,7 +80,8 @@ impl Prompts {
                 .map_err(|error| PromptError::Schema { file: name.into(), problem: error.to_string() })
         };
         let prompts = Self {
-            material: text(MATERIAL, include_str!("../../prompts/part.txt"))?,
+            part: text(PART, include_str!("../../prompts/part.txt"))?,
+            segment: text(SEGMENT, include_str!("../../prompts/segment.txt"))?,
             family: text(FAMILY, include_str!("../../prompts/family.txt"))?,
             correction: text(CORRECTION, include_str!("../../prompts/correction.txt"))?,
             picture_global_local: text(
@@ -83,22 +89,30 @@ impl Prompts {
                 include_str!("../../prompts/picture_global_local.txt"),
             )?,
             picture_local: text("picture_local.txt", include_str!("../../prompts/picture_local.txt"))?,
-            answer_schema: json("answer.schema.json", include_str!("../../prompts/answer.schema.json"))?,
+            part_schema: json(PART_SCHEMA, include_str!("../../prompts/answer.schema.json"))?,
+            segment_schema: json(SEGMENT_SCHEMA, include_str!("../../prompts/segment.schema.json"))?,
             family_schema: json("family.schema.json", include_str!("../../prompts/family.schema.json"))?,
         };
-        prompts.material(Context::GlobalLocal, "")?;
+        prompts.part(Context::GlobalLocal, "", "")?;
+        prompts.segment(Context::GlobalLocal, "")?;
         prompts.family(Context::GlobalLocal, "")?;
         prompts.correction("")?;
         Ok(prompts)
     }
 
-    /// The question for a segment's material and properties, with `candidates` to choose from.
-    pub fn material(&self, context: Context, candidates: &str) -> Result<String, PromptError> {
+    /// The question for a part's material, properties and contents, with `candidates` and `fillings` to choose from.
+    pub fn part(&self, context: Context, candidates: &str, fillings: &str) -> Result<String, PromptError> {
         let picture = self.picture(context);
-        render(MATERIAL, &self.material, context! { picture, candidates })
+        render(PART, &self.part, context! { picture, candidates, fillings })
     }
 
-    /// The question for a segment's family, with `candidates` to choose from.
+    /// The question for a segment's material and properties, with `candidates` to choose from.
+    pub fn segment(&self, context: Context, candidates: &str) -> Result<String, PromptError> {
+        let picture = self.picture(context);
+        render(SEGMENT, &self.segment, context! { picture, candidates })
+    }
+
+    /// The question for the family of a part or segment, with `candidates` to choose from.
     pub fn family(&self, context: Context, candidates: &str) -> Result<String, PromptError> {
         let picture = self.picture(context);
         render(FAMILY, &self.family, context! { picture, candidates })
@@ -109,9 +123,14 @@ impl Prompts {
         render(CORRECTION, &self.correction, context! { reason })
     }
 
-    /// The schema of an answer to [`Self::material`], as in the file.
-    pub fn answer_schema(&self) -> &Value {
-        &self.answer_schema
+    /// The schema of an answer to [`Self::part`], with its file's name.
+    pub fn part_schema(&self) -> (&'static str, &Value) {
+        (PART_SCHEMA, &self.part_schema)
+    }
+
+    /// The schema of an answer to [`Self::segment`], with its file's name.
+    pub fn segment_schema(&self) -> (&'static str, &Value) {
+        (SEGMENT_SCHEMA, &self.segment_schema)
     }
 
     /// The schema of an answer to [`Self::family`], as in the file.
@@ -122,12 +141,14 @@ impl Prompts {
     /// A hash that changes whenever any text sent to the model changes.
     pub fn sha256(&self) -> Sha256Hex {
         Sha256Hex::of_fields(&[
-            self.material.as_bytes(),
+            self.part.as_bytes(),
+            self.segment.as_bytes(),
             self.family.as_bytes(),
             self.correction.as_bytes(),
             self.picture_global_local.as_bytes(),
             self.picture_local.as_bytes(),
-            self.answer_schema.to_string().as_bytes(),
+            self.part_schema.to_string().as_bytes(),
+            self.segment_schema.to_string().as_bytes(),
             self.family_schema.to_string().as_bytes(),
         ])
     }

@@ -6,7 +6,7 @@ use super::cost::{Cost, Price};
 use super::error::QueryError;
 use super::options::{Context, Options};
 use super::prompt::Prompts;
-use super::question::{Question, Questions};
+use super::question::{About, Question, Questions};
 use super::recorded::{Asked, Mask};
 use super::sha256::Sha256Hex;
 use super::sheet::Drawer;
@@ -73,8 +73,9 @@ impl<'a> Queries<'a> {
         library: &'a MaterialLibrary,
         prompts: &'a Prompts,
         options: &'a Options,
+        about: About,
     ) -> Result<Self, QueryError> {
-        let questions = Questions::new(prompts, library, options.guidance, options.context)?;
+        let questions = Questions::new(prompts, library, (options.guidance, options.context), about)?;
         let mut segments = Vec::new();
         for view in views {
             segments.extend(segments_of(view, options.context, options.sheet_size)?);

@@ -13,6 +13,7 @@ use super::recorded::Asked;
 use super::schema::Schema;
 use super::sha256::Sha256Hex;
 use crate::materials::MaterialLibrary;
+use crate::materials::fillings::FillingKind;
 
 /// One prompt with the schema of its answer.
 #[derive(Debug)]
@@ -21,6 +22,15 @@ pub struct Question {
     pub prompt_sha256: Sha256Hex,
     pub schema: Schema,
     asks_for: AsksFor,
+}
+
+/// What the questions are about.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum About {
+    /// Parts of the object: also what is inside of them.
+    Parts,
+    /// Segments of a view, as the paper asks.
+    Segments,
 }
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -54,20 +64,20 @@ impl Questions {
     pub fn new(
         prompts: &Prompts,
         library: &MaterialLibrary,
-        guidance: Guidance,
-        context: Context,
+        (guidance, context): (Guidance, Context),
+        about: About,
     ) -> Result<Self, PromptError> {
         let families: Vec<&str> = library.families().iter().map(|family| family.name.as_str()).collect();
         match guidance {
             Guidance::OneQuestion => {
-                Ok(Self { first: material(prompts, library, &families, context)?, by_family: BTreeMap::new() })
+                Ok(Self { first: material(prompts, library, &families, (context, about))?, by_family: BTreeMap::new() })
             }
             Guidance::FamilyFirst => {
-                let schema = Schema::new("family.schema.json", prompts.family_schema().clone(), &families)?;
+                let schema = Schema::new("family.schema.json", prompts.family_schema().clone(), &families, &[])?;
                 let prompt = prompts.family(context, &families.join("; "))?;
                 let by_family = families
                     .iter()
-                    .map(|family| Ok(((*family).to_owned(), material(prompts, library, &[family], context)?)))
+                    .map(|family| Ok(((*family).to_owned(), material(prompts, library, &[family], (context, about))?)))
                     .collect::<Result<_, PromptError>>()?;
                 Ok(Self { first: Question::new(AsksFor::Family, prompt, schema), by_family })
             }
@@ -123,9 +133,8 @@ fn material(
     prompts: &Prompts,
     library: &MaterialLibrary,
     families: &[&str],
-    context: Context,
+    (context, about): (Context, About),
 ) -> Result<Question, PromptError> {
-    let schema = Schema::new("answer.schema.json", prompts.answer_schema().clone(), families)?;
     let candidates: Vec<String> = families
         .iter()
         .map(|family| {
@@ -133,5 +142,22 @@ fn material(
             format!("{family}: {}", names.join("; "))
         })
         .collect();
-    Ok(Question::new(AsksFor::Material, prompts.material(context, &candidates.join("\n"))?, schema))
+    let candidates = candidates.join("\n");
+    let (prompt, (file, schema)) = match about {
+        About::Parts => (prompts.part(context, &candidates, &by_kind(library))?, prompts.part_schema()),
+        About::Segments => (prompts.segment(context, &candidates)?, prompts.segment_schema()),
+    };
+    let fillings: Vec<&str> = library.fillings().iter().map(|filling| filling.name.as_str()).collect();
+    Ok(Question::new(AsksFor::Material, prompt, Schema::new(file, schema.clone(), families, &fillings)?))
+}
+
+/// The names of the fillings, one line for each kind.
+fn by_kind(library: &MaterialLibrary) -> String {
+    let line = |kind: FillingKind| {
+        let of_kind = library.fillings().iter().filter(|filling| filling.kind == kind);
+        let names: Vec<&str> = of_kind.map(|filling| filling.name.as_str()).collect();
+        (!names.is_empty()).then(|| format!("{}: {}", kind.name(), names.join("; ")))
+    };
+    let lines: Vec<String> = FillingKind::ALL.into_iter().filter_map(line).collect();
+    lines.join("\n")
 }

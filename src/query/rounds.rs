@@ -27,6 +27,34 @@ pub struct Subject {
 /// The outcomes so far.
 pub type Outcomes<'a> = BTreeMap<Ask, &'a Outcome>;
 
+/// A part of the object, or a piece of one.
+#[derive(Debug, Clone, PartialEq)]
+pub struct PartOrPiece {
+    pub id: u16,
+    /// The part of which this is a piece; `None` for a part.
+    pub piece_of: Option<u16>,
+    /// As in [`Subject`].
+    pub views: Vec<usize>,
+}
+
+/// The parts, each with its pieces.
+pub fn subjects(parts: impl IntoIterator<Item = PartOrPiece>) -> Vec<Subject> {
+    let (whole, pieces): (Vec<_>, Vec<_>) = parts.into_iter().partition(|part| part.piece_of.is_none());
+    let subject = |part: PartOrPiece| Subject { id: part.id, views: part.views, pieces: Vec::new() };
+    let of_part = |part: PartOrPiece| {
+        let of_this = pieces.iter().filter(|piece| piece.piece_of == Some(part.id));
+        Subject { pieces: of_this.cloned().map(subject).collect(), ..subject(part) }
+    };
+    whole.into_iter().map(of_part).collect()
+}
+
+/// By the id of a part or piece, what the outcomes settle: a piece if its part consists of several materials, else the
+/// part. Other ids stand for themselves.
+pub fn settled(subjects: &[Subject], outcomes: &Outcomes) -> BTreeMap<u16, u16> {
+    let whole = subjects.iter().filter(|subject| !subject.is_split(outcomes));
+    whole.flat_map(|part| part.pieces.iter().map(|piece| (piece.id, part.id))).collect()
+}
+
 impl Subject {
     /// A segment, which one view shows.
     pub fn segment(view: usize, id: u16) -> Self {
@@ -92,28 +120,14 @@ fn agree(answers: &[&Answer]) -> bool {
 
 #[cfg(test)]
 mod tests {
-    use super::super::{Failure, Form, Match};
+    use super::super::Failure;
     use super::*;
-    use crate::units::Range;
+    use crate::materials::MaterialLibrary;
 
     fn answer(family: &str, material: &str, several_materials: bool) -> Outcome {
-        let range = Range::new(1.0, 2.0);
-        Outcome::Answered(Answer {
-            caption: "a part".to_owned(),
-            family: family.to_owned(),
-            material: material.to_owned(),
-            density_kg_m3: range,
-            youngs_modulus_pa: range,
-            poisson_ratio: range,
-            yield_strength_pa: range,
-            hardness: None,
-            friction_rubber: range,
-            form: Form::Solid,
-            several_materials,
-            confidence: 0.9,
-            matched: Match::Exact,
-            flags: Vec::new(),
-        })
+        let (family, material) = (family.to_owned(), material.to_owned());
+        let any = &MaterialLibrary::builtin().materials()[0];
+        Outcome::Answered(Answer { family, material, several_materials, ..Answer::of(any) })
     }
 
     fn failed() -> Outcome {
@@ -150,13 +164,21 @@ mod tests {
 
     #[test]
     fn a_part_of_several_materials_is_asked_about_piece_by_piece() {
-        let whole = Subject { pieces: vec![part(5, &[1]), part(6, &[0, 1])], ..part(2, &[0, 1]) };
+        let named = |id, piece_of, views: &[usize]| PartOrPiece { id, piece_of, views: views.to_vec() };
+        let parts =
+            [named(2, None, &[0, 1]), named(3, None, &[2]), named(5, Some(2), &[1]), named(6, Some(2), &[0, 1])];
+        let subjects = subjects(parts);
+        let whole = &subjects[0];
+        assert_eq!(*whole, Subject { pieces: vec![part(5, &[1]), part(6, &[0, 1])], ..part(2, &[0, 1]) });
+        assert_eq!(subjects[1..], [part(3, &[2])]);
         let outcome = [answer("wood", "oak", true), answer("metal", "steel", false), answer("wood", "oak", true)];
         let mut outcomes: Outcomes = [(Ask { view: 0, id: 2 }, &outcome[0])].into();
         assert_eq!(whole.due(1, &outcomes), [Ask { view: 1, id: 5 }, Ask { view: 0, id: 6 }]);
         assert!(whole.is_split(&outcomes));
+        assert!(settled(&subjects, &outcomes).is_empty(), "pieces stand for themselves");
         outcomes.insert(Ask { view: 1, id: 2 }, &outcome[1]);
         assert!(!whole.is_split(&outcomes), "one of two says so");
+        assert_eq!(settled(&subjects, &outcomes), [(5, 2), (6, 2)].into());
         assert!(!part(2, &[0]).is_split(&outcomes), "there is nothing else to ask about");
         assert_eq!(whole.all().len(), 5);
     }

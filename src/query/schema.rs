@@ -8,13 +8,17 @@ use super::prompt::PromptError;
 use super::sha256::Sha256Hex;
 use crate::materials::fold;
 
+/// The properties whose value is one of a list of names: of the families, of the fillings.
+const NAMED: [&str; 2] = ["family", "filling"];
+
 /// A compiled schema.
 #[derive(Debug)]
 pub struct Schema {
     value: Value,
     validator: Validator,
     sha256: Sha256Hex,
-    families: Vec<String>,
+    /// The names that the properties of [`NAMED`] may have, if the schema has them.
+    names: [Vec<String>; 2],
 }
 
 /// The error in a response, in words that the model can act on.
@@ -30,15 +34,20 @@ pub enum ResponseProblem {
 }
 
 impl Schema {
-    /// The schema `value` with its `family` narrowed to `families`.
-    pub fn new(file: &str, mut value: Value, families: &[&str]) -> Result<Self, PromptError> {
-        if let Some(family) = value.pointer_mut("/properties/family").and_then(Value::as_object_mut) {
-            family.insert("enum".into(), json!(families));
+    /// The schema `value` with its `family` narrowed to `families` and its `filling`, if it has one, to `fillings` or
+    /// null.
+    pub fn new(file: &str, mut value: Value, families: &[&str], fillings: &[&str]) -> Result<Self, PromptError> {
+        let or_null = fillings.iter().map(|name| json!(name)).chain([Value::Null]).collect();
+        for (property, choices) in NAMED.into_iter().zip([json!(families), Value::Array(or_null)]) {
+            if let Some(property) = value["properties"].get_mut(property).and_then(Value::as_object_mut) {
+                property.insert("enum".into(), choices);
+            }
         }
         let validator = jsonschema::validator_for(&value)
             .map_err(|error| PromptError::Schema { file: file.into(), problem: error.to_string() })?;
         let sha256 = Sha256Hex::of(value.to_string());
-        Ok(Self { value, validator, sha256, families: families.iter().map(|&family| family.to_owned()).collect() })
+        let names = [families, fillings].map(|names| names.iter().map(|&name| name.to_owned()).collect());
+        Ok(Self { value, validator, sha256, names })
     }
 
     /// The schema itself.
@@ -51,14 +60,15 @@ impl Schema {
         &self.sha256
     }
 
-    /// The JSON object in a model's response, if it follows the schema. The family's name may differ in case.
+    /// The JSON object in a model's response, if it follows the schema. The names of family and
+    /// filling may differ in case, spelling or punctuation.
     pub fn check(&self, response: &str) -> Result<Value, ResponseProblem> {
         let mut value = match extract::json_object(response) {
             Ok(value) => value,
             Err(NoJson::None) => return Err(ResponseProblem::NoJson),
             Err(NoJson::Broken(problem)) => return Err(ResponseProblem::BrokenJson(problem)),
         };
-        self.respell_family(&mut value);
+        self.respell_names(&mut value);
         let problems: Vec<String> = self
             .validator
             .iter_errors(&value)
@@ -70,12 +80,14 @@ impl Schema {
         if problems.is_empty() { Ok(value) } else { Err(ResponseProblem::OffSchema(problems)) }
     }
 
-    /// Replaces the answer's family by the schema's spelling if only case, spelling or punctuation differ.
-    fn respell_family(&self, value: &mut Value) {
-        if let Some(Value::String(written)) = value.get_mut("family")
-            && let Some(family) = self.families.iter().find(|family| fold(family) == fold(written))
-        {
-            family.clone_into(written);
+    /// Replaces names in the answer by the schema's spelling if only case, spelling or punctuation differ.
+    fn respell_names(&self, value: &mut Value) {
+        for (property, names) in NAMED.into_iter().zip(&self.names) {
+            if let Some(Value::String(written)) = value.get_mut(property)
+                && let Some(name) = names.iter().find(|name| fold(name) == fold(written))
+            {
+                name.clone_into(written);
+            }
         }
     }
 }

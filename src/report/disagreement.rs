@@ -50,27 +50,12 @@ impl Disagreement {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::query::{Answer, Failure, Form, Match, SegmentAnswer};
-    use crate::units::Range;
+    use crate::materials::MaterialLibrary;
+    use crate::query::{Answer, Failure, SegmentAnswer};
 
     fn answer(view: &str, part: u16, material: &str) -> SegmentAnswer {
-        let range = Range::new(1.0, 2.0);
-        let said = Answer {
-            caption: "a part".to_owned(),
-            family: "wood".to_owned(),
-            material: material.to_owned(),
-            density_kg_m3: range,
-            youngs_modulus_pa: range,
-            poisson_ratio: range,
-            yield_strength_pa: range,
-            hardness: None,
-            friction_rubber: range,
-            form: Form::Solid,
-            several_materials: false,
-            confidence: 0.9,
-            matched: Match::Exact,
-            flags: Vec::new(),
-        };
+        let any = &MaterialLibrary::builtin().materials()[0];
+        let said = Answer { material: material.to_owned(), ..Answer::of(any) };
         SegmentAnswer { view: view.to_owned(), segment: part, outcome: Outcome::Answered(said) }
     }
 

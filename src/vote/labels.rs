@@ -1,6 +1,7 @@
 //! The properties of a label, from the answers that agree with it.
 
 use super::FieldLabel;
+use super::contents::contents;
 use super::identity::Identity;
 use super::tally::PartMaterial;
 use crate::materials::MaterialLibrary;
@@ -20,25 +21,30 @@ pub(super) fn label(
     let of_part = identity.answers_of_part[choice.part as usize].iter().map(|(answer, _)| *answer);
     let answers: Vec<&Answer> = of_part.filter(|answer| answer.material == material).collect();
     let first = answers[0];
+    let form = form(&answers);
+    let is_mixed = |answer: &Answer| answer.form == Form::Mixed;
+    let same_density = answers.iter().filter(|answer| is_mixed(answer) == (form == Form::Mixed));
     let estimate = |property: fn(&Answer) -> Range| middle_and_hull(answers.iter().map(|answer| property(answer)));
     FieldLabel {
         id,
         caption: first.caption.clone(),
         material: material.to_owned(),
         family: first.family.clone(),
-        density_kg_m3: estimate(|answer| answer.density_kg_m3),
+        density_kg_m3: middle_and_hull(same_density.map(|answer| answer.density_kg_m3)),
         youngs_modulus_pa: estimate(|answer| answer.youngs_modulus_pa),
         poisson_ratio: estimate(|answer| answer.poisson_ratio),
         yield_strength_pa: estimate(|answer| answer.yield_strength_pa),
         hardness: hardness(&answers),
         friction_rubber: estimate(|answer| answer.friction_rubber),
-        form: form(&answers),
+        inside: contents(form, &answers, library),
+        bulk_reason: answers.iter().filter(|_| form == Form::Mixed).find_map(|answer| answer.bulk_reason.clone()),
+        form,
         law: library.get(material).expect("answers were checked against the library").law,
     }
 }
 
 /// The median of the middles within the hull of the ranges.
-fn middle_and_hull(ranges: impl Iterator<Item = Range>) -> Estimate {
+pub(super) fn middle_and_hull(ranges: impl Iterator<Item = Range>) -> Estimate {
     let ranges: Vec<Range> = ranges.collect();
     let hull = ranges.iter().copied().reduce(Range::hull).expect("a label is won by an answer");
     Estimate::new(
@@ -61,15 +67,21 @@ fn hardness(answers: &[&Answer]) -> Option<ShoreHardness> {
     Some(ShoreHardness { scale, range })
 }
 
-/// Solid or shell, as most answers say (solid if equally many say either); the wall is the median one of the shells'.
+/// The form that most answers name; of equally frequent ones, solid before mixed before shell. The wall is the median
+/// one of the shells'.
 fn form(answers: &[&Answer]) -> Form {
     let wall = |answer: &&Answer| match answer.form {
         Form::Shell { wall_thickness_m } => Some(wall_thickness_m),
-        Form::Solid => None,
+        Form::Solid | Form::Mixed => None,
     };
     let mut walls: Vec<Range> = answers.iter().filter_map(wall).collect();
-    if 2 * walls.len() <= answers.len() {
+    let mixed = answers.iter().filter(|answer| answer.form == Form::Mixed).count();
+    let solid = answers.len() - mixed - walls.len();
+    if solid >= mixed && solid >= walls.len() {
         return Form::Solid;
+    }
+    if mixed >= walls.len() {
+        return Form::Mixed;
     }
     walls.sort_by(|a, b| a.mid().total_cmp(&b.mid()));
     Form::Shell { wall_thickness_m: walls[(walls.len() - 1) / 2] }

@@ -8,6 +8,7 @@
 
 mod answered_segments;
 mod ballots;
+mod contents;
 mod error;
 pub mod field_ply;
 mod identity;
@@ -16,6 +17,8 @@ mod options;
 mod plurality;
 mod tally;
 mod unseen;
+
+use std::collections::BTreeMap;
 
 use serde::{Deserialize, Serialize};
 
@@ -52,6 +55,22 @@ pub struct AnsweredPart<'a> {
     pub id: u16,
     /// The answers, each with how much of the part its view shows, the one that shows most first.
     pub answers: Vec<(&'a Answer, f64)>,
+}
+
+impl<'a> AnsweredPart<'a> {
+    /// The parts with their answers, from any order of answers: the part's id, the answer, and how much of the part its
+    /// view shows.
+    pub fn collect(answers: impl IntoIterator<Item = (u16, &'a Answer, f64)>) -> Vec<Self> {
+        let mut of_part: BTreeMap<u16, Vec<(&Answer, f64)>> = BTreeMap::new();
+        for (id, answer, shown) in answers {
+            of_part.entry(id).or_default().push((answer, shown));
+        }
+        let of_part = of_part.into_iter().map(|(id, mut answers)| {
+            answers.sort_by(|a, b| b.1.total_cmp(&a.1));
+            Self { id, answers }
+        });
+        of_part.collect()
+    }
 }
 
 /// The result of the vote for every Gaussian.
@@ -99,6 +118,7 @@ pub struct FieldLabel {
     /// Name of the library row.
     pub material: String,
     pub family: String,
+    /// Of the material; of a mixed part, its mass by the volume within its outer surface.
     pub density_kg_m3: Estimate,
     pub youngs_modulus_pa: Estimate,
     pub poisson_ratio: Estimate,
@@ -107,6 +127,40 @@ pub struct FieldLabel {
     pub hardness: Option<ShoreHardness>,
     pub friction_rubber: Estimate,
     pub form: Form,
+    /// What is behind the wall of a shell; `None` for everything else.
+    #[serde(default)]
+    pub inside: Option<Contents>,
+    /// Why a mixed part has the density that it has, in the words of an answer.
+    #[serde(default)]
+    pub bulk_reason: Option<String>,
+    pub law: Law,
+}
+
+/// What is behind the wall of a shell, as the answers agree on it.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(test, derive(schemars::JsonSchema))]
+#[serde(tag = "inside", rename_all = "snake_case")]
+pub enum Contents {
+    /// Air.
+    Empty,
+    /// What nobody sees, of a kind that the answers name.
+    Filled(Filled),
+    /// The answers do not say, or do not agree.
+    Unknown,
+}
+
+/// The filling of a shell.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(test, derive(schemars::JsonSchema))]
+pub struct Filled {
+    /// Name of a row of `fillings.csv`.
+    pub filling: String,
+    /// Its share of the hollow, with the gaps between its pieces, 0 to 1.
+    pub share: Estimate,
+    /// Mass by the volume that the filling takes up, including the gaps between its pieces.
+    pub density_kg_m3: Estimate,
+    pub youngs_modulus_pa: Estimate,
+    pub poisson_ratio: Estimate,
     pub law: Law,
 }
 

@@ -49,6 +49,8 @@ fn label(id: u32, friction: Estimate, strength_pa: Estimate, youngs_modulus_pa: 
         hardness: None,
         friction_rubber: friction,
         form: Form::Solid,
+        inside: None,
+        bulk_reason: None,
         law: Law::Elastic,
     }
 }

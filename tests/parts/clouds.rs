@@ -113,6 +113,8 @@ fn label(id: u32, form: Form) -> FieldLabel {
         hardness: None,
         friction_rubber: Estimate::exactly(0.5),
         form,
+        inside: None,
+        bulk_reason: None,
         law: Law::Elastic,
     }
 }

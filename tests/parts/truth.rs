@@ -148,6 +148,8 @@ fn label(id: u32, part: &TruePart) -> FieldLabel {
             Some(wall) => Form::Shell { wall_thickness_m: Range::exactly(wall) },
             None => Form::Solid,
         },
+        inside: None,
+        bulk_reason: None,
         law: Law::Elastic,
     }
 }

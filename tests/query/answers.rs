@@ -1,15 +1,17 @@
 use gprop::materials::MaterialLibrary;
 use gprop::query::answer::{Problem, Unknown};
-use gprop::query::question::{Questions, Reading};
-use gprop::query::{Answer, Answers, Context, Failure, Form, Guidance, Match, Outcome, Prompts, SegmentAnswer};
+use gprop::query::question::{About, Questions, Reading};
+use gprop::query::{Answer, Answers, Context, Failure, Form, Guidance, Inside, Match, Outcome, Prompts, SegmentAnswer};
 use gprop::units::{Range, ShoreScale};
 use serde_json::{Value, json};
 
-use super::{a, good_answer, with};
+use super::{a, good_answer, good_answer_about_part, with};
 
 fn read_as(response: &str, unknown: Unknown) -> Result<Answer, Problem> {
     let library = MaterialLibrary::builtin();
-    let questions = Questions::new(&Prompts::builtin(), library, Guidance::OneQuestion, Context::GlobalLocal).unwrap();
+    let questions =
+        Questions::new(&Prompts::builtin(), library, (Guidance::OneQuestion, Context::GlobalLocal), About::Parts)
+            .unwrap();
     match questions.read(questions.first(), response, library, unknown)? {
         Reading::Answered(answer) => Ok(*answer),
         Reading::Next(_) => panic!("there is only one question"),
@@ -21,7 +23,7 @@ fn read(answer: &Value) -> Result<Answer, Problem> {
 }
 
 fn good() -> Value {
-    good_answer(a("wood"))
+    good_answer_about_part(a("wood"))
 }
 
 #[test]
@@ -84,7 +86,8 @@ fn a_family_is_taken_in_any_case() {
         assert_eq!((answer.family.as_str(), answer.flags), ("wood", vec![]), "{written}");
     }
     let (prompts, library) = (Prompts::builtin(), MaterialLibrary::builtin());
-    let questions = Questions::new(&prompts, library, Guidance::FamilyFirst, Context::GlobalLocal).unwrap();
+    let questions =
+        Questions::new(&prompts, library, (Guidance::FamilyFirst, Context::GlobalLocal), About::Parts).unwrap();
     let response = json!({ "caption": "a part", "family": "WOOD" }).to_string();
     let reading = questions.read(questions.first(), &response, library, Unknown::Refuse).unwrap();
     assert!(matches!(reading, Reading::Next(next) if next.prompt.contains(a("wood"))));
@@ -153,7 +156,7 @@ fn numbers_narrow_the_librarys_range_and_cannot_leave_it() {
     let row = MaterialLibrary::builtin().get(a("metal")).unwrap();
     let Range { low, high } = row.density_kg_m3;
     let mid = 0.5 * (low + high);
-    let metal = || good_answer(a("metal"));
+    let metal = || good_answer_about_part(a("metal"));
     let density = |said: [f64; 2]| {
         let answer = read(&with(metal(), "density_kg_m3", json!(said))).unwrap();
         (answer.density_kg_m3, answer.flags)
@@ -185,7 +188,7 @@ fn hardness_keeps_to_the_librarys_scale() {
         ShoreScale::D => ("D", "A"),
     };
     let said = |scale: &str, range: Value| {
-        let answer = with(good_answer(&row.name), "shore_scale", json!(scale));
+        let answer = with(good_answer_about_part(&row.name), "shore_scale", json!(scale));
         read(&with(answer, "shore_hardness", range)).unwrap()
     };
     let top = hardness.range.high;
@@ -227,4 +230,64 @@ fn answers_survive_json_lines() {
     assert_eq!(answers.failed().count(), 2);
     let error = Answers::from_jsonl(&format!("{text}\n{{\"view\":1}}\n")).unwrap_err();
     assert_eq!(error.line, 6);
+}
+
+/// A shell with what is said to be in it.
+fn shell(inside: Value, filling: Value, share: Value) -> Value {
+    let shell = with(with(good(), "form", json!("shell")), "wall_thickness_mm", json!([1, 2]));
+    with(with(with(shell, "inside", inside), "filling", filling), "fill_share", share)
+}
+
+#[test]
+fn what_is_inside_a_shell_is_read_and_checked() {
+    let inside = |answer| read(&answer).map(|answer| answer.inside);
+    assert_eq!(read(&good()).unwrap().inside, None, "a solid has no inside");
+    assert_eq!(inside(shell(Value::Null, Value::Null, Value::Null)).unwrap(), Some(Inside::Unknown));
+    assert_eq!(inside(shell(json!("not known"), Value::Null, Value::Null)).unwrap(), Some(Inside::Unknown));
+    assert_eq!(inside(shell(json!("empty"), json!("water"), json!([1, 1]))).unwrap(), Some(Inside::Empty));
+    let soup = inside(shell(json!("filled"), json!("Soup; thick or condensed"), json!([0.98, 0.9]))).unwrap();
+    let filling = "soup, thick or condensed".to_owned();
+    assert_eq!(soup, Some(Inside::Filled { filling, share: Range::new(0.9, 0.98) }));
+    let too_full = read(&shell(json!("filled"), json!("water"), json!([0.5, 20]))).unwrap();
+    assert_eq!(too_full.inside, Some(Inside::Filled { filling: "water".to_owned(), share: Range::new(0.5, 1.0) }));
+    assert_eq!(too_full.flags.len(), 1, "{:?}", too_full.flags);
+    for (answer, named) in [
+        (shell(json!("filled"), Value::Null, json!([0.9, 1])), "filling is null"),
+        (shell(json!("filled"), json!("water"), Value::Null), "fill_share is null"),
+        (shell(json!("filled"), json!("caviar"), json!([0.9, 1])), "filling"),
+        (shell(json!("perhaps"), Value::Null, Value::Null), "inside"),
+    ] {
+        let problem = read(&answer).expect_err(named);
+        assert!(problem.reason.contains(named), "{named}: {}", problem.reason);
+    }
+}
+
+#[test]
+fn a_mixed_part_has_the_density_of_the_whole() {
+    let mixed = with(with(good(), "form", json!("mixed")), "bulk_density_kg_m3", json!([2600, 2400]));
+    let answer = read(&with(mixed.clone(), "bulk_reason", json!("a motor in a wooden case"))).unwrap();
+    assert_eq!((answer.form, answer.inside), (Form::Mixed, None));
+    assert_eq!(answer.density_kg_m3, Range::new(2400.0, 2600.0), "denser than any wood");
+    assert_eq!(answer.bulk_reason.as_deref(), Some("a motor in a wooden case"));
+    assert!(read(&mixed).unwrap().flags.iter().any(|flag| flag.contains("without a reason")));
+    let heavy = read(&with(mixed, "bulk_density_kg_m3", json!([1000, 1e6]))).unwrap();
+    assert_eq!(heavy.density_kg_m3, Range::new(1000.0, 20_000.0));
+    let problem = read(&with(good(), "form", json!("mixed"))).unwrap_err();
+    assert!(problem.reason.contains("bulk_density_kg_m3"), "{}", problem.reason);
+}
+
+#[test]
+fn an_answer_about_a_segment_leaves_the_inside_unknown() {
+    let library = MaterialLibrary::builtin();
+    let how = (Guidance::OneQuestion, Context::GlobalLocal);
+    let questions = Questions::new(&Prompts::builtin(), library, how, About::Segments).unwrap();
+    let of_segment = with(with(good_answer(a("wood")), "form", json!("shell")), "wall_thickness_mm", json!([1, 2]));
+    let Ok(Reading::Answered(answer)) =
+        questions.read(questions.first(), &of_segment.to_string(), library, Unknown::Refuse)
+    else {
+        panic!("it follows the schema of segments")
+    };
+    assert_eq!(answer.inside, Some(Inside::Unknown));
+    let about_part = shell(json!("filled"), json!("water"), json!([0.9, 1])).to_string();
+    assert!(questions.read(questions.first(), &about_part, library, Unknown::Refuse).is_err(), "it was not asked");
 }

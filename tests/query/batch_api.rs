@@ -7,6 +7,7 @@ use std::sync::{Arc, Mutex};
 use gprop::materials::MaterialLibrary;
 use gprop::pipeline::query_session::{QuerySession, QueryView, Subjects};
 use gprop::progress::Progress;
+use gprop::query::question::About;
 use gprop::query::rounds::Subject;
 use gprop::query::{AnswerSource, Options, QueryError};
 use gprop::workdir::WorkDir;
@@ -136,7 +137,7 @@ impl Place {
             (0..).zip(&self.views).flat_map(|(n, view)| view.segments.segments.iter().map(move |of| (n, of.id)));
         let subjects = segments.map(|(view, id)| Subject::segment(view, id)).collect();
         let (home, hidden) = (self.home.path(), Progress::Hidden);
-        let subjects = Subjects { views, subjects, ask_views: 1 };
+        let subjects = Subjects { views, subjects, ask_views: 1, about: About::Segments };
         QuerySession::new(options, subjects, MaterialLibrary::builtin(), home, &self.work, Ok(()), hidden).unwrap()
     }
 

@@ -35,6 +35,7 @@ use gprop::progress::Progress;
 use gprop::query::asker::{Ask, AskError, Asker, Reply, ReplyContent};
 use gprop::query::client::{ApiKey, Client, ClientError};
 use gprop::query::ledger::{Account, Ledger};
+use gprop::query::question::About;
 use gprop::query::recorded::{Answerer, Recordings, Usage};
 use gprop::query::{Options, Prompts, Queries, QueryError, Run, ViewInput};
 use gprop::scene::{ForegroundSource, Photo};
@@ -103,7 +104,8 @@ fn prepare<'a>(views: &[View], prompts: &'a Prompts, options: &'a Options) -> Qu
         ids,
     });
     let inputs: Vec<ViewInput> = inputs.collect();
-    Queries::prepare(&inputs, MaterialLibrary::builtin(), prompts, options).expect("made-up views are sound")
+    Queries::prepare(&inputs, MaterialLibrary::builtin(), prompts, options, About::Segments)
+        .expect("made-up views are sound")
 }
 
 fn small() -> Options {
@@ -123,7 +125,16 @@ fn run(queries: &Queries, recordings: &Recordings, asker: Option<&dyn Asker>) ->
     queries.run(recordings, asker, &Ledger::new(None, queries.options.max_usd), &mut |_, _| Ok(()), Progress::Hidden)
 }
 
-/// An answer that names `material` with the library's values, as a model would write it.
+/// An answer about a part that names `material` with the library's values, as a model would write it.
+pub fn good_answer_about_part(material: &str) -> Value {
+    let mut answer = good_answer(material);
+    for field in ["inside", "filling", "fill_share", "bulk_density_kg_m3", "bulk_reason"] {
+        answer[field] = Value::Null;
+    }
+    answer
+}
+
+/// As [`good_answer_about_part`], about a segment.
 pub fn good_answer(material: &str) -> Value {
     let row = MaterialLibrary::builtin().get(material).expect("the library has the test's material");
     json!({

@@ -13,7 +13,7 @@ use serde_json::{Value, json};
 
 use super::client::{CANARY, Server, error, ok};
 use super::offline::{assert_untouched, listener};
-use super::{a, good_answer, with};
+use super::{a, good_answer, good_answer_about_part, with};
 use crate::run::{gprop, hammer};
 use crate::support::models;
 
@@ -299,7 +299,7 @@ fn a_kill_loses_no_answer() {
     let server = Server::new(move |count, _, _| {
         let silent = count >= 2 && !answers.load(Ordering::SeqCst);
         let delay = if silent { Duration::from_secs(3600) } else { Duration::ZERO };
-        ok(&good_answer(a("wood")).to_string()).delay(delay)
+        ok(&good_answer_about_part(a("wood")).to_string()).delay(delay)
     });
     let one_by_one = [ONE_VIEW, &["--lmm-parallel", "1"]].concat();
     let mut command = query(scene.path(), Some(&server), &one_by_one);
@@ -338,7 +338,7 @@ fn the_key_is_in_no_file_and_no_word() {
             0 => error(400, &format!("no json_schema for {header}")),
             1 => error(503, &header).header("retry-after-ms", "1"),
             2 => ok(&format!("{header} is what I got")),
-            _ => ok(&with(good_answer(a("wood")), "caption", json!(header)).to_string()),
+            _ => ok(&with(good_answer_about_part(a("wood")), "caption", json!(header)).to_string()),
         }
     });
     let quick = ["--frames", "2", "--duration", "0.02", "--grid", "16", "--volume-cells", "50000"];

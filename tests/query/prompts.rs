@@ -1,17 +1,25 @@
+use std::path::Path;
+
 use gprop::materials::MaterialLibrary;
-use gprop::query::question::Questions;
+use gprop::query::question::{About, Questions};
 use gprop::query::{Context, Guidance, PromptError, Prompts};
+use serde_json::Value;
 
 #[test]
 fn the_single_prompt_lists_every_material_of_the_library() {
     let library = MaterialLibrary::builtin();
-    let questions = Questions::new(&Prompts::builtin(), library, Guidance::OneQuestion, Context::GlobalLocal).unwrap();
+    let questions =
+        Questions::new(&Prompts::builtin(), library, (Guidance::OneQuestion, Context::GlobalLocal), About::Parts)
+            .unwrap();
     let prompt = &questions.first().prompt;
     for family in library.families() {
         for material in library.of_family(&family.name) {
             assert!(prompt.contains(&material.name), "{} is not in the prompt", material.name);
             assert!(!material.name.contains(';'), "{} holds the separator", material.name);
         }
+    }
+    for filling in library.fillings() {
+        assert!(prompt.contains(&filling.name), "{} is not in the prompt", filling.name);
     }
     assert!(prompt.contains("JSON"), "DashScope wants the word");
     assert!(!prompt.contains("{{"));
@@ -20,8 +28,12 @@ fn the_single_prompt_lists_every_material_of_the_library() {
 #[test]
 fn family_first_asks_for_the_family_and_then_for_its_materials() {
     let library = MaterialLibrary::builtin();
-    let questions = Questions::new(&Prompts::builtin(), library, Guidance::FamilyFirst, Context::GlobalLocal).unwrap();
-    let single = Questions::new(&Prompts::builtin(), library, Guidance::OneQuestion, Context::GlobalLocal).unwrap();
+    let questions =
+        Questions::new(&Prompts::builtin(), library, (Guidance::FamilyFirst, Context::GlobalLocal), About::Parts)
+            .unwrap();
+    let single =
+        Questions::new(&Prompts::builtin(), library, (Guidance::OneQuestion, Context::GlobalLocal), About::Parts)
+            .unwrap();
     let chain = questions.longest_chain();
     assert_eq!(chain.len(), 2);
     assert!(!chain[0].prompt.contains("youngs_modulus_mpa"));
@@ -33,7 +45,7 @@ fn family_first_asks_for_the_family_and_then_for_its_materials() {
 fn the_context_changes_what_the_prompt_says_of_the_picture() {
     let prompts = Prompts::builtin();
     let (both, local) =
-        (prompts.material(Context::GlobalLocal, "").unwrap(), prompts.material(Context::Local, "").unwrap());
+        (prompts.part(Context::GlobalLocal, "", "").unwrap(), prompts.part(Context::Local, "", "").unwrap());
     assert!(both.contains("three panels") && !local.contains("three panels"));
 }
 
@@ -42,7 +54,7 @@ fn a_folder_replaces_single_prompts() {
     let folder = tempfile::tempdir().unwrap();
     std::fs::write(folder.path().join("part.txt"), "Mine: {{ candidates }}").unwrap();
     let prompts = Prompts::from_folder(folder.path()).unwrap();
-    assert_eq!(prompts.material(Context::Local, "wood: oak").unwrap(), "Mine: wood: oak");
+    assert_eq!(prompts.part(Context::Local, "wood: oak", "").unwrap(), "Mine: wood: oak");
     assert_eq!(prompts.family(Context::Local, "x").unwrap(), Prompts::builtin().family(Context::Local, "x").unwrap());
     assert_ne!(prompts.sha256(), Prompts::builtin().sha256());
 }
@@ -59,4 +71,23 @@ fn a_misspelt_placeholder_and_a_broken_schema_are_errors() {
     let other = tempfile::tempdir().unwrap();
     std::fs::write(other.path().join("parts.txt"), "misspelt").unwrap();
     assert!(matches!(Prompts::from_folder(other.path()), Err(PromptError::NoFile(_))));
+}
+
+/// The paper's questions must stay word for word what they were when `recorded_paper/` was answered.
+#[test]
+fn the_question_about_a_segment_is_the_recorded_one() {
+    let how = (Guidance::OneQuestion, Context::GlobalLocal);
+    let questions = Questions::new(&Prompts::builtin(), MaterialLibrary::builtin(), how, About::Segments).unwrap();
+    for fixture in ["hammer", "mug"] {
+        let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("fixtures").join(fixture).join("recorded_paper");
+        let mut recordings = 0;
+        for entry in std::fs::read_dir(folder).unwrap() {
+            let recording: Value = serde_json::from_slice(&std::fs::read(entry.unwrap().path()).unwrap()).unwrap();
+            let asked = &recording["asked"];
+            assert_eq!(asked["prompt_sha256"], questions.first().prompt_sha256.as_str());
+            assert_eq!(asked["schema_sha256"], questions.first().schema.sha256().as_str());
+            recordings += 1;
+        }
+        assert!(recordings > 0, "{fixture} has no recordings");
+    }
 }

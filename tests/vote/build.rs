@@ -2,7 +2,7 @@
 
 use gprop::camera::{Camera, Distortion, Intrinsics};
 use gprop::materials::MaterialLibrary;
-use gprop::query::{Answer, Form, Match};
+use gprop::query::Answer;
 use gprop::scene::gaussians::Gaussians;
 use nalgebra::{Isometry3, Point3, Vector3};
 
@@ -94,20 +94,5 @@ pub fn jumble(count: usize, seed: u64) -> Gaussians {
 /// The answer "`name` is made of the library's row number `row`".
 pub fn answer(name: &str, row: usize) -> Answer {
     let material = &MaterialLibrary::builtin().materials()[row];
-    Answer {
-        caption: name.to_owned(),
-        family: material.family.clone(),
-        material: material.name.clone(),
-        density_kg_m3: material.density_kg_m3,
-        youngs_modulus_pa: material.youngs_modulus_pa,
-        poisson_ratio: material.poisson_ratio,
-        yield_strength_pa: material.strength_pa,
-        hardness: material.hardness,
-        friction_rubber: material.friction_rubber,
-        form: Form::Solid,
-        several_materials: false,
-        confidence: 1.0,
-        matched: Match::Exact,
-        flags: Vec::new(),
-    }
+    Answer { caption: name.to_owned(), ..Answer::of(material) }
 }

@@ -11,8 +11,8 @@ use crate::consensus::{self, Asked, Parts, SegmentedView, best_views};
 use crate::evaluate::parts::NO_PART;
 use crate::materials::{Material, MaterialLibrary};
 use crate::progress::Progress;
-use crate::query::rounds::{Ask, Outcomes, Subject};
-use crate::query::{Answer, Answers, Form, Match, Outcome, SegmentAnswer};
+use crate::query::rounds::{self, Ask, Outcomes, PartOrPiece, Subject};
+use crate::query::{Answer, Answers, Outcome, SegmentAnswer};
 use crate::scene::gaussians::Gaussians;
 use crate::segment::{LabelMap, ViewSegments};
 use crate::vote::{self, AnsweredPart, MaterialField, ViewInput, VoteError};
@@ -75,21 +75,17 @@ impl Voters<'_> {
             }
         }
         let outcomes: Outcomes = answers.iter().map(|(&ask, outcome)| (ask, outcome)).collect();
-        let split: Vec<u16> =
-            subjects.iter().filter(|subject| subject.is_split(&outcomes)).map(|subject| subject.id).collect();
-        let settled = |&id: &u16| if id == 0 || split.contains(&parts.part_of(id)) { id } else { parts.part_of(id) };
+        let settled = rounds::settled(&subjects, &outcomes);
+        let settled = |id: &u16| settled.get(id).copied().unwrap_or(*id);
         let settled = |map: &LabelMap| LabelMap { labels: map.labels.iter().map(settled).collect(), ..*map };
         let maps: Vec<LabelMap> = masks.iter().map(|masks| settled(&masks.map)).collect();
-        let mut answered: BTreeMap<u16, Vec<(&Answer, f64)>> = BTreeMap::new();
-        for (ask, outcome) in &answers {
-            if let Outcome::Answered(answer) = outcome {
+        let answered = AnsweredPart::collect(answers.iter().filter_map(|(ask, outcome)| match outcome {
+            Outcome::Answered(answer) => {
                 let pixels = masks[ask.view].map.labels.iter().filter(|&&id| shows(id, ask.id)).count();
-                answered.entry(ask.id).or_default().push((answer, pixels as f64));
+                Some((ask.id, answer, pixels as f64))
             }
-        }
-        answered.values_mut().for_each(|answers| answers.sort_by(|a, b| b.1.total_cmp(&a.1)));
-        let answered: Vec<AnsweredPart> =
-            answered.into_iter().map(|(id, answers)| AnsweredPart { id, answers }).collect();
+            Outcome::Failed(_) => None,
+        }));
         let (inputs, library) = (self.inputs(maps.iter()), MaterialLibrary::builtin());
         vote::vote_on_parts(self.gaussians, &inputs, &answered, library, options, Progress::Hidden)
     }
@@ -124,17 +120,11 @@ impl Voters<'_> {
         let cameras: Vec<_> = self.views.iter().map(|view| view.camera).collect();
         let sharpness: Vec<&[f32]> = self.views.iter().map(|view| view.sharpness.as_slice()).collect();
         let best = best_views(self.gaussians, parts, &cameras, masks, &sharpness);
-        let subject = |id: u16, pieces| {
-            let views = best[usize::from(id) - 1].iter().map(|shown| shown.view).collect();
-            Subject { id, views, pieces }
-        };
-        let whole = parts.parts.iter().filter(|part| part.piece_of.is_none());
-        whole
-            .map(|part| {
-                let pieces = parts.parts.iter().filter(|piece| piece.piece_of == Some(part.id));
-                subject(part.id, pieces.map(|piece| subject(piece.id, Vec::new())).collect())
-            })
-            .collect()
+        rounds::subjects(parts.parts.iter().zip(best).map(|(part, best)| PartOrPiece {
+            id: part.id,
+            piece_of: part.piece_of,
+            views: best.iter().map(|shown| shown.view).collect(),
+        }))
     }
 }
 
@@ -174,7 +164,7 @@ impl Oracle {
         let several = (pixels.get(most).copied().unwrap_or(0) as f64) < ONE_MATERIAL_SHARE * all as f64;
         let is_wrong = random.f64() < self.wrong && self.parts.len() > 1;
         let named = if is_wrong { (most + 1 + random.usize(..self.parts.len() - 1)) % self.parts.len() } else { most };
-        answer(self.materials[named], several)
+        Answer { several_materials: several, ..Answer::of(self.materials[named]) }
     }
 
     fn labels(&self, field: &MaterialField) -> Vec<u16> {
@@ -184,24 +174,5 @@ impl Oracle {
         };
         let of_label: Vec<u16> = field.labels.iter().map(part).collect();
         field.part_label.iter().map(|&label| of_label[label as usize]).collect()
-    }
-}
-
-fn answer(material: &Material, several_materials: bool) -> Answer {
-    Answer {
-        caption: material.name.clone(),
-        family: material.family.clone(),
-        material: material.name.clone(),
-        density_kg_m3: material.density_kg_m3,
-        youngs_modulus_pa: material.youngs_modulus_pa,
-        poisson_ratio: material.poisson_ratio,
-        yield_strength_pa: material.strength_pa,
-        hardness: material.hardness,
-        friction_rubber: material.friction_rubber,
-        form: Form::Solid,
-        several_materials,
-        confidence: 1.0,
-        matched: Match::Live,
-        flags: Vec::new(),
     }
 }

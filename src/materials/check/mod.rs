@@ -1,13 +1,15 @@
 //! The checks that keep the library plausible: of each row, of its physics, and of the library as a whole.
 //!
 //! [`check`] runs them in this order: [`rows`] (ranges, family bounds, friction, hardness, sources, with [`rules`] for
-//! those that are rules for a class), [`physics`] (moduli, strength, wave speeds, hardness against stiffness, law parameters), [`structure`] (foams, composites and
-//! fabrics against their constituents), [`whole`] (duplicates, copied rows, class defaults, labels), [`mod@reference`]
+//! those that are rules for a class), [`physics`] (moduli, strength, wave speeds, hardness against stiffness, law
+//! parameters), [`structure`] (foams, composites and fabrics against their constituents), [`fillings`] (names,
+//! densities, sources), [`whole`] (duplicates, copied rows, class defaults, labels), [`mod@reference`]
 //! (against textbook values from which no row was made).
 //!
 //! A finding that needs no correction is listed in `deviations.csv` with its reason; a deviation that matches no
 //! finding is itself a finding, so that the list stays current.
 
+mod fillings;
 mod physics;
 mod reference;
 mod rows;
@@ -58,6 +60,7 @@ pub fn check(library: &MaterialLibrary) -> Vec<Finding> {
     rows::check(library, &mut findings);
     physics::check(library, &mut findings);
     structure::check(library, &mut findings);
+    fillings::check(library, &mut findings);
     whole::check(library, &mut findings);
     reference::check(library, &mut findings);
     excuse(library, findings.0)

@@ -196,7 +196,7 @@ fn hardness(material: &Material, findings: &mut Findings) {
 }
 
 /// How far a cited value may lie outside the row's range, as a factor: rounding of units and of the range itself.
-const CITED_TOLERANCE: [f64; 4] = [1.03, 1.10, 1.08, 1.12];
+pub(super) const CITED_TOLERANCE: [f64; 4] = [1.03, 1.10, 1.08, 1.12];
 
 /// The citations that exist.
 struct Known<'a> {

@@ -5,6 +5,7 @@ use std::path::Path;
 use super::law::law;
 use super::{LibraryError, Row, Table, list, rows};
 use crate::materials::bibliography::{Constituent, Deviation, Evidence, Reference, Rule};
+use crate::materials::fillings::Filling;
 use crate::materials::{Family, Material, ShoreReading, Sources};
 use crate::units::{Range, ShoreHardness};
 
@@ -13,6 +14,7 @@ use crate::units::{Range, ShoreHardness};
 pub struct Tables {
     pub families: Vec<Family>,
     pub materials: Vec<Placed>,
+    pub fillings: Vec<Filling>,
     pub references: Vec<Reference>,
     pub evidence: Vec<Evidence>,
     pub rules: Vec<Rule>,
@@ -56,6 +58,19 @@ const CONSTITUENT_COLUMNS: [&str; 9] = [
     "volume_fraction_low",
     "volume_fraction_high",
     "source",
+];
+const FILLING_COLUMNS: [&str; 11] = [
+    "kind",
+    "name",
+    "density_kg_m3_low",
+    "density_kg_m3_high",
+    "basis",
+    "youngs_modulus_pa_low",
+    "youngs_modulus_pa_high",
+    "poisson_ratio_low",
+    "poisson_ratio_high",
+    "law",
+    "law_parameters",
 ];
 const DEVIATION_COLUMNS: [&str; 3] = ["subject", "check", "reason"];
 const LABEL_COLUMNS: [&str; 4] = ["label_abo", "label_abo_exact", "label_mvimgnet", "label_mvimgnet_exact"];
@@ -122,6 +137,7 @@ pub fn read_tables(files: &[Table]) -> Result<Tables, LibraryError> {
             "rules" => tables.rules.extend(rows(file, &RULE_COLUMNS, &[], rule)?),
             "reference" => tables.reference.extend(rows(file, &EVIDENCE_COLUMNS, &[], evidence)?),
             "constituents" => tables.constituents.extend(rows(file, &CONSTITUENT_COLUMNS, &[], constituent)?),
+            "fillings" => tables.fillings.extend(rows(file, &FILLING_COLUMNS, &["density_source"], filling)?),
             "deviations" => tables.deviations.extend(rows(file, &DEVIATION_COLUMNS, &[], deviation)?),
             _ => tables.materials.extend(rows(file, &material_columns, &optional_columns, material)?),
         }
@@ -255,6 +271,19 @@ fn constituent(row: &Row) -> Result<Constituent, LibraryError> {
         strength_pa: strength,
         volume_fraction: row.range("volume_fraction", 0.0..=1.0)?,
         source: row.filled("source")?,
+    })
+}
+
+fn filling(row: &Row) -> Result<Filling, LibraryError> {
+    Ok(Filling {
+        name: row.filled("name")?,
+        kind: row.variant("kind", "a kind of filling")?,
+        density_kg_m3: row.range("density_kg_m3", LEAST..=1e5)?,
+        density_sources: row.sources("density_source"),
+        basis: row.text("basis").to_owned(),
+        youngs_modulus_pa: row.range("youngs_modulus_pa", LEAST..=1e13)?,
+        poisson_ratio: row.range("poisson_ratio", MOST_AUXETIC..=INCOMPRESSIBLE)?,
+        law: law(row)?,
     })
 }
 

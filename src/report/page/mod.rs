@@ -124,7 +124,7 @@ fn part_row(label: &FieldLabel, report: &Report) -> Value {
         material => &label.material,
         family => &label.family,
         gaussians => report.gaussians_per_label[label.id as usize],
-        form => match label.form { Form::Shell { .. } => "shell", Form::Solid => "solid" },
+        form => match label.form { Form::Shell { .. } => "shell", Form::Solid => "solid", Form::Mixed => "mixed" },
         numbers => vec![
             measured(|part| part.volume_m3, 1e6),
             measured(|part| part.thickness_m, 1e3),
