@@ -37,6 +37,29 @@ fn densities_and_moduli_of_hard_goods_are_cited() {
     }
 }
 
+/// The least share of the values of each property that must be cited, over the whole library.
+const LEAST_CITED_OF_ALL: [(&str, f64); 6] = [
+    ("density", 0.84),
+    ("youngs_modulus", 0.63),
+    ("poisson_ratio", 0.74),
+    ("strength", 0.61),
+    ("friction_rubber", 1.0),
+    ("hardness", 0.61),
+];
+
+#[test]
+fn most_numbers_of_the_whole_library_are_cited() {
+    let shares = stats(MaterialLibrary::builtin());
+    let all = shares.iter().find(|one| one.of == "all").expect("all");
+    for (property, least) in LEAST_CITED_OF_ALL {
+        let cited = all.cited(property).expect(property);
+        assert!(cited >= least, "{:.1}% of {property} cited", 100.0 * cited);
+    }
+    for ((property, cited), (_, by_rule)) in all.cited.iter().zip(&all.by_rule) {
+        assert!(by_rule <= cited, "{property}: {by_rule} by a rule, {cited} cited");
+    }
+}
+
 /// Names that people or vision models use, and the row that each must find.
 const EVERYDAY_NAMES: [(&str, &str); 84] = [
     ("oak", "oak, white"),
@@ -173,6 +196,11 @@ fn a_card_has_the_keys_of_the_contract() {
     assert!(json["sources"]["density"][0]["title"].is_string());
     let text = cli::show_text(library, "stainless steel 304").expect("the material");
     assert!(text.starts_with("stainless steel 304\n") && text.contains("GPa"), "{text}");
+    for part in ["by a rule for its class: ", "engineering judgement: ", "rule:poisson-"] {
+        let text = cli::show_text(library, "leather, suede").expect("the material")
+            + &cli::show_text(library, "pine, scots").expect("the material");
+        assert!(text.contains(part), "{part:?} is not in {text}");
+    }
     let wood = cli::list_text(library, Some("Wood")).expect("the family");
     assert!(wood.contains("oak, white") && !wood.contains("brass"), "{wood}");
     assert!(cli::list_text(library, Some("plasma")).is_none());
@@ -286,6 +314,39 @@ fn each_check_sees_what_it_is_for() {
     }
     let copies = load(&[GOOD, &GOOD.replace("our oak,shop oak", "copied oak,")]).expect("two rows");
     assert!(check(&copies).iter().any(|one| one.check == "copied_row" && one.subject == "copied oak"));
+}
+
+#[test]
+fn a_row_must_agree_with_the_rule_that_it_cites() {
+    let cases = [
+        ("0.35,0.4", "rule:poisson-hardwood", None),
+        ("0.1,0.12", "rule:poisson-hardwood", Some("is not that of the rule `poisson-hardwood`")),
+        ("0.35,0.4", "rule:no-such-rule", Some("rule:no-such-rule")),
+        ("0.35,0.4", "rule:density-leather", Some("rule:density-leather")),
+        ("0.35,0.4", "rule:poisson-hardwood;judgement", Some("judged")),
+    ];
+    for (range, source, expected) in cases {
+        let row = GOOD.replacen("0.35,0.4", range, 1);
+        let library = load_text(&format!("{HEADER},poisson_ratio_source\n{row},{source}\n")).expect(source);
+        let findings = check(&library);
+        let ours = findings.iter().filter(|one| one.subject == "our oak" && one.check == "source");
+        let messages: Vec<&str> = ours.map(|one| one.message.as_str()).collect();
+        match expected {
+            Some(part) => assert!(messages.iter().any(|one| one.contains(part)), "{source} {range}: {messages:?}"),
+            None => assert!(messages.is_empty(), "{source} {range}: {messages:?}"),
+        }
+    }
+}
+
+#[test]
+fn a_number_computed_from_judgement_is_not_cited() {
+    let columns = format!("{HEADER},density_source,hardness_source");
+    for (density, refused) in [("wooddb:scots-pine", false), ("judgement", true)] {
+        let text = format!("{columns}\n{},{density},rule:shore-d-wood\n", GOOD.replace("690,720", "590,620"));
+        let findings = check(&load_text(&text).expect(density));
+        let found = findings.iter().any(|one| one.subject == "our oak" && one.message.contains("which is judgement"));
+        assert_eq!(found, refused, "{density}: {findings:#?}");
+    }
 }
 
 /// The values that Gent's and Qi, Joyce and Boyce's papers give, to the digits printed there.

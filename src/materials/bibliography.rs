@@ -4,12 +4,17 @@ use serde::{Deserialize, Serialize};
 
 use crate::units::Range;
 
-/// Sources of numbers that are not transcribed from a reference: engineering knowledge, given as a range wide enough to
-/// be true, and a user's own numbers without a named source.
-pub const UNCITED: [&str; 2] = ["handbook", USER];
+/// The source of a number that no reference supports: engineering judgement, given as a range wide enough to be true.
+pub const JUDGEMENT: &str = "judgement";
+
+/// Sources that are not citations: judgement, and a user's own numbers without a named source.
+pub const UNCITED: [&str; 2] = [JUDGEMENT, USER];
 
 /// The source of a user's number if none is named.
 pub const USER: &str = "user";
+
+/// Stands for the reference in the citation of a row of `rules.csv`: `rule:poisson-steel`.
+pub const RULE: &str = "rule";
 
 /// A row of `bibliography.csv`.
 #[derive(Debug, Clone, PartialEq, Serialize)]
@@ -46,6 +51,48 @@ impl Evidence {
         let at = Self::PROPERTIES.iter().position(|name| *name == property)?;
         self.values[at]
     }
+}
+
+/// A row of `rules.csv`: what references say of a class of materials.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Rule {
+    pub id: String,
+    /// The property, named as in [`Sources::by_property`](super::Sources); hardness as `shore_a` or `shore_d`.
+    pub property: String,
+    /// Meant as `relation` says; `None` if another check tests the relation.
+    pub bounds: Option<Range>,
+    pub relation: ClassRelation,
+    /// Ids of the bibliography.
+    pub references: Vec<String>,
+    /// The rule in words.
+    pub statement: String,
+}
+
+impl Rule {
+    /// True if the rule is about `property`, named as in [`Sources::by_property`](super::Sources).
+    pub fn is_about(&self, property: &str) -> bool {
+        self.property == property || (property == "hardness" && self.property.starts_with("shore_"))
+    }
+}
+
+/// How a rule's range follows for a member of the class.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum ClassRelation {
+    /// The bounds are the range.
+    Interval,
+    /// Shore D at which the cone's pressure is three times the strength; the bounds are points added to either end.
+    ShoreDOfStrength,
+    /// Shore D at which the cone's pressure is that of the Janka test for the density; points added likewise.
+    ShoreDOfWood,
+    /// Shore A of an elastic solid of the row's E; points added likewise.
+    ShoreAOfModulus,
+    /// The check `foam_scaling` tests it.
+    FoamScaling,
+    /// The check `shore_to_stiffness` tests it.
+    ShoreToStiffness,
+    /// The check `composite_bounds` tests it.
+    CompositeBounds,
 }
 
 /// A row of `constituents.csv`: a constituent of a foam, a composite or a fabric.

@@ -4,9 +4,9 @@ use std::fmt::Write;
 
 use serde::Serialize;
 
-use super::bibliography::{Reference, split_citation};
+use super::bibliography::{RULE, Reference, Rule, split_citation};
 use super::check::{Finding, Severity, check};
-use super::stats::{Shares, stats};
+use super::stats::{Provenance, Shares, stats};
 use super::{Labels, Law, Material, MaterialLibrary, StrengthKind};
 use crate::units::{Range, ShoreHardness};
 
@@ -28,6 +28,8 @@ pub struct Card {
     pub hardness: Option<ShoreHardness>,
     pub law: Law,
     pub labels: Labels,
+    /// The properties by the kind of their sources.
+    pub provenance: Provenance,
     /// Each property with its sources.
     pub sources: serde_json::Map<String, serde_json::Value>,
 }
@@ -54,12 +56,16 @@ pub fn show(library: &MaterialLibrary, name: &str) -> Option<Card> {
         hardness: material.hardness,
         law: material.law,
         labels: material.labels.clone(),
+        provenance: Provenance::of(material),
         sources,
     })
 }
 
 fn cited(library: &MaterialLibrary, citation: &str) -> serde_json::Value {
     let (id, entry) = split_citation(citation);
+    if let Some(rule) = rule_of(library, citation) {
+        return serde_json::json!({ "id": citation, "title": rule.statement, "references": rule.references });
+    }
     let reference = library.references().iter().find(|reference| reference.id == id);
     let title = entry.and_then(|entry| entry_title(library, id, entry));
     serde_json::json!({
@@ -69,6 +75,14 @@ fn cited(library: &MaterialLibrary, citation: &str) -> serde_json::Value {
         "locator": reference.map(|reference| &reference.locator),
         "licence": reference.map(|reference| &reference.licence),
     })
+}
+
+/// The rule that a citation names, if it names one.
+fn rule_of<'a>(library: &'a MaterialLibrary, citation: &str) -> Option<&'a Rule> {
+    match split_citation(citation) {
+        (RULE, Some(id)) => library.rule(id),
+        _ => None,
+    }
 }
 
 fn entry_title<'a>(library: &'a MaterialLibrary, id: &str, entry: &str) -> Option<&'a str> {
@@ -159,13 +173,20 @@ fn stats_text(shares: &[Shares]) -> String {
         let _ = write!(text, " {property:>15}");
     }
     text.push('\n');
-    for one in shares {
-        let _ = write!(text, "{:<22} {:>4}", one.of, one.materials);
-        for (_, share) in &one.cited {
+    let mut line = |of: &str, materials: usize, shares: &[(&'static str, f64)]| {
+        let _ = write!(text, "{of:<22} {materials:>4}");
+        for (_, share) in shares {
             let _ = write!(text, " {:>15.0}", 100.0 * share);
         }
         text.push('\n');
+    };
+    for one in shares {
+        line(&one.of, one.materials, &one.cited);
     }
+    if let Some(all) = shares.last() {
+        line("of these by a rule", all.materials, &all.by_rule);
+    }
+    text.push_str("The rest is engineering judgement.\n");
     text
 }
 
@@ -216,19 +237,34 @@ fn labels_text(labels: &Labels) -> String {
 }
 
 fn sources_text(library: &MaterialLibrary, material: &Material) -> String {
-    let mut text = String::from("sources\n");
-    let mut used: Vec<&Reference> = Vec::new();
+    let mut text = format!("sources\n  {}\n", Provenance::of(material));
+    let mut named: Vec<&str> = Vec::new();
+    let mut rules: Vec<&Rule> = Vec::new();
     for (property, citations) in material.sources.by_property() {
         if citations.is_empty() {
             continue;
         }
-        let mut ids: Vec<&str> = citations.iter().map(|citation| split_citation(citation).0).collect();
+        let mut ids: Vec<&str> = Vec::new();
+        for citation in citations {
+            match rule_of(library, citation) {
+                Some(rule) => {
+                    ids.push(citation);
+                    named.extend(rule.references.iter().map(String::as_str));
+                    if !rules.contains(&rule) {
+                        rules.push(rule);
+                    }
+                }
+                None => ids.push(split_citation(citation).0),
+            }
+        }
         ids.dedup();
         let _ = writeln!(text, "  {property:<18} {}", ids.join(", "));
-        let named = library.references().iter().filter(|reference| ids.contains(&reference.id.as_str()));
-        used.extend(named.filter(|reference| !used.contains(reference)).collect::<Vec<_>>());
+        named.extend(ids);
     }
-    for reference in used {
+    for rule in rules {
+        let _ = writeln!(text, "  [{RULE}:{}] {} ({})", rule.id, rule.statement, rule.references.join(", "));
+    }
+    for reference in library.references().iter().filter(|reference| named.contains(&reference.id.as_str())) {
         let Reference { id, title, publisher, year, locator, licence } = reference;
         let said = [title, publisher, year, locator, licence].into_iter().filter(|part| !part.is_empty());
         let _ = writeln!(text, "  [{id}] {}", said.map(String::as_str).collect::<Vec<_>>().join("; "));

@@ -16,7 +16,7 @@ pub struct Filling {
     pub kind: FillingKind,
     /// Mass by the volume that the filling takes up, including the gaps between its pieces.
     pub density_kg_m3: Range,
-    /// Citations as for a material, or `handbook`.
+    /// Citations as for a material, or `judgement`.
     pub density_sources: Vec<String>,
     /// The rule by which the density was estimated, or what its ends stand for.
     pub basis: String,

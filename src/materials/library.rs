@@ -5,7 +5,7 @@ use std::fs;
 use std::path::{Path, PathBuf};
 use std::sync::{LazyLock, OnceLock};
 
-use super::bibliography::{Constituent, Deviation, Evidence, Reference};
+use super::bibliography::{Constituent, Deviation, Evidence, Reference, Rule};
 use super::fillings::Filling;
 use super::names::{TokenIndex, fold, inverted};
 use super::read::{LibraryError, Placed, Table, Tables, read_tables};
@@ -21,10 +21,11 @@ macro_rules! builtin_tables {
 }
 
 /// The built-in tables.
-const BUILTIN: [Table<'static>; 22] = builtin_tables![
+const BUILTIN: [Table<'static>; 23] = builtin_tables![
     "families.csv",
     "bibliography.csv",
     "evidence.csv",
+    "rules.csv",
     "reference.csv",
     "constituents.csv",
     "deviations.csv",
@@ -54,6 +55,7 @@ pub struct MaterialLibrary {
     fillings: Vec<Filling>,
     pub(super) references: Vec<Reference>,
     pub(super) evidence: Vec<Evidence>,
+    pub(super) rules: Vec<Rule>,
     /// Textbook values for the checks; their `entry` is a material's name.
     pub(super) reference: Vec<Evidence>,
     pub(super) constituents: Vec<Constituent>,
@@ -82,6 +84,7 @@ impl MaterialLibrary {
             fillings: Vec::new(),
             references: Vec::new(),
             evidence: Vec::new(),
+            rules: Vec::new(),
             reference: Vec::new(),
             constituents: Vec::new(),
             deviations: Vec::new(),
@@ -165,6 +168,11 @@ impl MaterialLibrary {
         &self.references
     }
 
+    /// The rule of `rules.csv` with this id.
+    pub fn rule(&self, id: &str) -> Option<&Rule> {
+        self.rules.iter().find(|rule| rule.id == id)
+    }
+
     /// The library with only those materials for which `keep` is true, and with the families that have any.
     pub fn restricted_to(&self, keep: impl Fn(&Material) -> bool) -> Self {
         let mut library = self.clone();
@@ -205,6 +213,7 @@ impl MaterialLibrary {
         }
         self.references.extend(tables.references);
         self.evidence.extend(tables.evidence);
+        self.rules.extend(tables.rules);
         self.reference.extend(tables.reference);
         self.constituents.extend(tables.constituents);
         self.deviations.extend(tables.deviations);

@@ -1,8 +1,9 @@
 //! The checks that keep the library plausible: of each row, of its physics, and of the library as a whole.
 //!
-//! [`check`] runs them in this order: [`rows`] (ranges, family bounds, sources, friction, hardness), [`physics`]
-//! (moduli, strength, wave speeds, hardness against stiffness, law parameters), [`structure`] (foams, composites and
-//! fabrics against their constituents), [`fillings`] (names, densities, sources), [`whole`] (duplicates, copied rows, class defaults, labels), [`mod@reference`]
+//! [`check`] runs them in this order: [`rows`] (ranges, family bounds, friction, hardness, sources, with [`rules`] for
+//! those that are rules for a class), [`physics`] (moduli, strength, wave speeds, hardness against stiffness, law
+//! parameters), [`structure`] (foams, composites and fabrics against their constituents), [`fillings`] (names,
+//! densities, sources), [`whole`] (duplicates, copied rows, class defaults, labels), [`mod@reference`]
 //! (against textbook values from which no row was made).
 //!
 //! A finding that needs no correction is listed in `deviations.csv` with its reason; a deviation that matches no
@@ -12,6 +13,7 @@ mod fillings;
 mod physics;
 mod reference;
 mod rows;
+mod rules;
 mod structure;
 mod whole;
 

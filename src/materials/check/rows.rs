@@ -2,8 +2,8 @@
 
 use std::collections::{HashMap, HashSet};
 
-use super::Findings;
-use crate::materials::bibliography::{Evidence, UNCITED, split_citation};
+use super::{Findings, rules};
+use crate::materials::bibliography::{Evidence, RULE, Rule, UNCITED, split_citation};
 use crate::materials::{Family, Law, Material, MaterialLibrary, ShoreReading, StrengthKind};
 use crate::units::{Range, ShoreScale};
 
@@ -11,7 +11,15 @@ pub fn check(library: &MaterialLibrary, findings: &mut Findings) {
     let known = Known {
         references: library.references.iter().map(|reference| reference.id.as_str()).collect(),
         evidence: library.evidence.iter().map(|one| ((one.source.as_str(), one.entry.as_str()), one)).collect(),
+        rules: library.rules.iter().map(|rule| (rule.id.as_str(), rule)).collect(),
     };
+    for rule in &library.rules {
+        for id in &rule.references {
+            findings.require(known.references.contains(id.as_str()), &rule.id, "source", || {
+                format!("the rule cites `{id}`, which bibliography.csv does not have")
+            });
+        }
+    }
     for material in library.materials() {
         ranges(material, findings);
         widths(material, findings);
@@ -194,6 +202,7 @@ pub(super) const CITED_TOLERANCE: [f64; 4] = [1.03, 1.10, 1.08, 1.12];
 struct Known<'a> {
     references: HashSet<&'a str>,
     evidence: HashMap<(&'a str, &'a str), &'a Evidence>,
+    rules: HashMap<&'a str, &'a Rule>,
 }
 
 fn sources(material: &Material, known: &Known, findings: &mut Findings) {
@@ -202,7 +211,21 @@ fn sources(material: &Material, known: &Known, findings: &mut Findings) {
         findings
             .require(!citations.is_empty() || absent, &material.name, "source", || format!("{property} has no source"));
         for citation in citations {
+            if UNCITED.contains(&citation.as_str()) {
+                continue;
+            }
             let (source, entry) = split_citation(citation);
+            if source == RULE {
+                match entry.and_then(|id| known.rules.get(id)).filter(|rule| rule.is_about(property)) {
+                    Some(rule) => rules::agrees(material, rule, findings),
+                    None => findings.error(
+                        &material.name,
+                        "source",
+                        format!("{property} cites `{citation}`, but rules.csv has no such rule about it"),
+                    ),
+                }
+                continue;
+            }
             findings.require(known.references.contains(source), &material.name, "source", || {
                 format!("{property} cites `{source}`, which bibliography.csv does not have")
             });
@@ -213,7 +236,7 @@ fn sources(material: &Material, known: &Known, findings: &mut Findings) {
             }
         }
         let mixed = citations.len() > 1 && citations.iter().any(|citation| UNCITED.contains(&citation.as_str()));
-        findings.require(!mixed, &material.name, "source", || format!("{property} is both cited and handbook"));
+        findings.require(!mixed, &material.name, "source", || format!("{property} is both cited and judged"));
     }
 }
 

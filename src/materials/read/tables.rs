@@ -4,10 +4,10 @@ use std::path::Path;
 
 use super::law::law;
 use super::{LibraryError, Row, Table, list, rows};
-use crate::materials::bibliography::{Constituent, Deviation, Evidence, Reference};
+use crate::materials::bibliography::{Constituent, Deviation, Evidence, Reference, Rule};
 use crate::materials::fillings::Filling;
 use crate::materials::{Family, Material, ShoreReading, Sources};
-use crate::units::ShoreHardness;
+use crate::units::{Range, ShoreHardness};
 
 /// The contents of a set of tables, each in the order of the files.
 #[derive(Debug, Default)]
@@ -17,6 +17,7 @@ pub struct Tables {
     pub fillings: Vec<Filling>,
     pub references: Vec<Reference>,
     pub evidence: Vec<Evidence>,
+    pub rules: Vec<Rule>,
     pub reference: Vec<Evidence>,
     pub constituents: Vec<Constituent>,
     pub deviations: Vec<Deviation>,
@@ -46,6 +47,7 @@ const EVIDENCE_COLUMNS: [&str; 11] = [
     "strength_pa_low",
     "strength_pa_high",
 ];
+const RULE_COLUMNS: [&str; 7] = ["rule", "property", "low", "high", "relation", "references", "statement"];
 const CONSTITUENT_COLUMNS: [&str; 9] = [
     "material",
     "relation",
@@ -132,6 +134,7 @@ pub fn read_tables(files: &[Table]) -> Result<Tables, LibraryError> {
             "families" => tables.families.extend(rows(file, &family_columns, &[], family)?),
             "bibliography" => tables.references.extend(rows(file, &REFERENCE_COLUMNS, &[], reference)?),
             "evidence" => tables.evidence.extend(rows(file, &EVIDENCE_COLUMNS, &[], evidence)?),
+            "rules" => tables.rules.extend(rows(file, &RULE_COLUMNS, &[], rule)?),
             "reference" => tables.reference.extend(rows(file, &EVIDENCE_COLUMNS, &[], evidence)?),
             "constituents" => tables.constituents.extend(rows(file, &CONSTITUENT_COLUMNS, &[], constituent)?),
             "fillings" => tables.fillings.extend(rows(file, &FILLING_COLUMNS, &["density_source"], filling)?),
@@ -233,6 +236,24 @@ fn evidence(row: &Row) -> Result<Evidence, LibraryError> {
         entry: row.filled("entry")?,
         title: row.filled("title")?,
         values: [value("density_kg_m3")?, value("youngs_modulus_pa")?, value("poisson_ratio")?, value("strength_pa")?],
+    })
+}
+
+fn rule(row: &Row) -> Result<Rule, LibraryError> {
+    let bounds = match row.text("low") {
+        "" => None,
+        _ => Some(Range::new(row.number("low")?, row.number("high")?)),
+    };
+    if bounds.is_some_and(|bounds| !bounds.is_valid()) {
+        return Err(row.bad("high", "is less than `low`"));
+    }
+    Ok(Rule {
+        id: row.filled("rule")?,
+        property: row.filled("property")?,
+        bounds,
+        relation: row.variant("relation", "a relation")?,
+        references: list(row.text("references")),
+        statement: row.filled("statement")?,
     })
 }
 

@@ -16,6 +16,8 @@ use minijinja::{Value, context};
 
 use crate::grasp::GraspReport;
 use crate::grasp::candidates::Candidate;
+use crate::materials::MaterialLibrary;
+use crate::materials::stats::Provenance;
 use crate::parts::Part;
 use crate::pictures::palette;
 use crate::query::{Answers, Form};
@@ -135,6 +137,7 @@ fn part_row(label: &FieldLabel, report: &Report) -> Value {
             interval(label.yield_strength_pa, 1e-6),
             interval(label.friction_rubber, 1.0),
         ],
+        provenance => MaterialLibrary::builtin().get(&label.material).map(|row| Provenance::of(row).to_string()),
         hardness => label.hardness.map(|hardness| {
             let scale = match hardness.scale { ShoreScale::A => "A", ShoreScale::D => "D" };
             format!("{} Shore {scale}", interval(hardness.range.into(), 1.0))
