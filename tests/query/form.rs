@@ -28,7 +28,9 @@ struct Effort {
 
 impl Page {
     fn type_keys(&self, text: &str) -> usize {
-        text.chars().for_each(|key| drop(self.tab.press_key(&key.to_string()).unwrap()));
+        for key in text.chars() {
+            self.tab.press_key(&key.to_string()).unwrap();
+        }
         text.chars().count()
     }
 

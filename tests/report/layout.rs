@@ -102,7 +102,9 @@ fn the_object_fits_into_its_frame_however_it_turns() {
         page.tab.find_element("#object").unwrap().focus().unwrap();
         let mut widest: f64 = 0.0;
         for (key, presses) in TURNS {
-            (0..presses).for_each(|_| drop(page.tab.press_key(key).unwrap()));
+            for _ in 0..presses {
+                page.tab.press_key(key).unwrap();
+            }
             widest = widest.max(page.span_of_object(&format!("{width} px, {presses} times {key}")));
         }
         // A hammer is as long as the ball around it is wide, so from its side it nearly fills the frame.

@@ -230,9 +230,9 @@
       camera.aspect = width / height;
       camera.updateProjectionMatrix();
       // Whatever the user sees of the object stays in view.
-      const before = fitted;
+      const before = fitted, from = away();
       fitted = fit();
-      camera.position.copy(controls.target).addScaledVector(away(), fitted / before);
+      camera.position.copy(controls.target).addScaledVector(from, fitted / before);
       stale = true;
     }
     new ResizeObserver(resize).observe(canvas.parentElement);
