@@ -69,6 +69,7 @@ pub mod npy;
 pub mod npz;
 pub mod numeric;
 pub mod output;
+mod part_name;
 pub mod parts;
 pub mod pictures;
 pub mod pipeline;

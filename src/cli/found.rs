@@ -8,10 +8,11 @@ use serde_json::Value;
 use crate::error::Error;
 use crate::grasp::GraspReport;
 use crate::output::one_line;
+use crate::part_name::part_name;
 use crate::parts::PartsError;
 use crate::pipeline::{Pipeline, Stage};
 use crate::query::{Answers, Outcome};
-use crate::report::numbers::{short, significant, thousands};
+use crate::report::numbers::{significant, thousands};
 use crate::report::{grasp_line, mass_line, part_lines};
 use crate::segment::Segmentation;
 use crate::simulate::SimulationReport;
@@ -118,7 +119,8 @@ fn materials(field: &MaterialField) -> String {
     let mut text = String::new();
     for label in &field.labels {
         let gaussians = field.part_label.iter().filter(|&&id| id == label.id).count();
-        let (material, name) = (one_line(&label.material), one_line(short(&label.caption)));
+        let name = part_name(&label.caption, &label.material);
+        let (material, name) = (one_line(&label.material), one_line(&name));
         let _ = writeln!(text, "  {:>2}  {material}, {} Gaussians: {name}", label.id, thousands(gaussians as u64));
     }
     text
@@ -141,7 +143,7 @@ fn grasp(report: &GraspReport) -> String {
             text,
             "  {} N at the {}, {} mm wide, {} mm from the centre of mass{may_turn}",
             significant(place.f_star_n),
-            one_line(short(&place.part)),
+            one_line(&part_name(&place.part, "")),
             significant(place.width_m * 1e3),
             significant(place.lever_m * 1e3),
         );

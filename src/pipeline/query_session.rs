@@ -20,7 +20,7 @@ use crate::query::ledger::Ledger;
 use crate::query::question::About;
 use crate::query::recorded::Recordings;
 use crate::query::rounds::{Ask, Outcomes, Subject};
-use crate::query::{Answers, Options, Outcome, Preview, Prompts, Queries, SegmentAnswer, ViewInput};
+use crate::query::{Answers, Options, Outcome, Preview, Prompts, Queries, SegmentAnswer, SegmentQuery, ViewInput};
 use crate::read_scope::ReadScope;
 use crate::scene::{Photo, Reference, SceneError};
 use crate::segment::LabelMap;
@@ -207,7 +207,13 @@ impl<'a> QuerySession<'a> {
     /// returns the number of questions.
     pub fn export(&self, folder: &Path) -> Result<usize> {
         let queries = self.queries()?;
-        Ok(exchange::export(folder, &queries.unanswered(&self.recordings, None))?)
+        // Segments of different views have nothing in common, even if their numbers are the same; parts have.
+        let part_of = |query: &SegmentQuery| {
+            let is_its = |ask: &Ask| self.views[ask.view].name == query.view && ask.id == query.segment;
+            let subject = self.subjects.iter().position(|subject| subject.all().iter().any(is_its));
+            (subject.unwrap_or(self.subjects.len()), query.segment)
+        };
+        Ok(exchange::export(folder, &queries.unanswered(&self.recordings, None), &self.library, &part_of)?)
     }
 
     /// Checks the answers in a folder that [`Self::export`] wrote, and records the valid ones.

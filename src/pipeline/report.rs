@@ -8,9 +8,12 @@ use rayon::prelude::*;
 
 use crate::consensus::Asked;
 use crate::report::{
-    self, AnswerCounts, Cloud, Disagreement, InputFile, Pictures, Remark, Report, Reproduction, SceneSummary,
+    self, AnswerCounts, Cloud, Disagreement, InputFile, Motion, Pictures, Remark, Report, Reproduction, SceneSummary,
     SheetPicture, StageTime, ViewPictures,
 };
+use crate::scene::gaussians::Gaussians;
+use crate::scene::ply;
+use crate::simulate::SimulationReport;
 use crate::vote::MaterialField;
 use crate::workdir::{Artifact, hexadecimal};
 
@@ -42,7 +45,9 @@ impl Pipeline {
         };
         self.work.write_json(Artifact::ReportJson, &report)?;
         let eye = self.views.first().map_or_else(Point3::origin, |view| view.camera.center_in_world());
-        let page = report::page(&report, answers, &pictures, &Cloud::new(gaussians, field, eye));
+        let cloud = Cloud::new(gaussians, field, eye);
+        let motion = report.simulation.as_ref().map(|simulation| self.motion(&cloud, simulation)).transpose()?;
+        let page = report::page(&report, answers, &pictures, &cloud, motion.as_ref());
         self.work.write(Artifact::ReportHtml, page.as_bytes())?;
         Ok(Done::writing([Artifact::ReportJson, Artifact::ReportHtml]))
     }
@@ -87,6 +92,13 @@ impl Pipeline {
             notes: before.flat_map(|stage| remarks(stage, &stage.notes)).collect(),
             reproduction: Reproduction { command: self.command(), inputs: self.inputs()? },
         })
+    }
+
+    /// How the Gaussians of `cloud` move in the simulation.
+    fn motion(&self, cloud: &Cloud, simulation: &SimulationReport) -> Result<Motion> {
+        let mut load =
+            |frame| -> Result<Gaussians> { Ok(ply::read(&self.work.path(Artifact::Frame(frame)))?.gaussians) };
+        Motion::new(cloud, &self.scene.gaussians, simulation, &mut load)
     }
 
     /// The command line that reproduces this result from the folder above the scene's.

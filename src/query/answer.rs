@@ -17,7 +17,7 @@ use crate::materials::{Family, Material, MaterialLibrary};
 use crate::units::{Range, ShoreHardness, ShoreScale};
 
 /// Pascals per megapascal.
-const PA_PER_MPA: f64 = 1e6;
+pub(super) const PA_PER_MPA: f64 = 1e6;
 const M_PER_MM: f64 = 1e-3;
 /// Walls thinner than foil or thicker than a metre do not occur in objects that a gripper holds.
 const WALL_THICKNESS_M: Range = Range::new(1e-6, 1.0);

@@ -1,9 +1,5 @@
 //! The object's Gaussians for the page's viewer: few and small enough for a file that is passed around.
 
-use std::io::Write;
-
-use flate2::Compression;
-use flate2::write::GzEncoder;
 use nalgebra::Point3;
 
 use crate::scene::gaussians::Gaussians;
@@ -11,13 +7,26 @@ use crate::scene::gaussians::SH_C0;
 use crate::scene::{Bounds, robust_bounds};
 use crate::vote::MaterialField;
 
+use super::motion::gzip;
+
 /// Most Gaussians on a page: with 20 bytes each, 1.1 MB in base64 before compression, beside 1.4 MB of viewer.
 const LIMIT: usize = 40_000;
 /// Logarithm of the ratio of the largest scale to the smallest one drawn: Gaussians below e^-10 times the largest are
 /// drawn at that size.
-const LOG_SCALE_SPAN: f32 = 10.0;
+pub(super) const LOG_SCALE_SPAN: f32 = 10.0;
 /// Fainter Gaussians change no 8-bit pixel.
 const FAINTEST: f64 = 1.0 / 255.0;
+
+/// Share of the diagonal by which a Gaussian may lie outside the bounds without strays and still be one of the object's.
+const STRAY_MARGIN: f64 = 0.1;
+
+/// A ball around the object.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Sphere {
+    /// World frame, scene units.
+    pub center: Point3<f64>,
+    pub radius: f64,
+}
 
 /// The cloud of a page.
 #[derive(Debug, Clone, PartialEq)]
@@ -30,13 +39,16 @@ pub struct Cloud {
     pub corners: [[f32; 3]; 2],
     /// Logarithms of a standard deviation (scene units) that 0 and 255 stand for.
     pub log_scales: [f32; 2],
-    /// Bounds of the object without strays.
-    pub bounds: Bounds,
+    /// Holds the object, without strays: what the camera shows however it turns.
+    pub sphere: Sphere,
     /// Centre of the camera of the first view, world frame, scene units.
     pub eye: Point3<f64>,
     /// Gzip of columns, little endian: centre (3 u16), log scale (3 u8), quaternion x y z w (4 i8), opacity (u8), sRGB
     /// colour (3 u8), label (u16), confidence (u8).
     pub gzip: Vec<u8>,
+    /// The Gaussians in it, by their index in the scene, and the label of each.
+    pub(super) chosen: Vec<usize>,
+    pub(super) labels: Vec<u32>,
 }
 
 impl Cloud {
@@ -51,12 +63,9 @@ impl Cloud {
         let chosen: Vec<usize> = (0..count).map(|k| visible[k * visible.len() / count]).collect();
         // Fewer Gaussians on the same surface must be larger: their areas are inversely proportional to their number.
         let growth = 0.5 * (visible.len().max(1) as f32 / count.max(1) as f32).ln();
-        let extent = |values: &dyn Fn(usize) -> f32| {
-            let values = chosen.iter().map(|&i| values(i));
-            values.fold([f32::INFINITY, f32::NEG_INFINITY], |[low, high], v| [low.min(v), high.max(v)])
-        };
-        let axes = [0, 1, 2].map(|axis| extent(&|i| gaussians.positions[i][axis]));
-        let [_, largest] = extent(&|i| gaussians.log_scales[i].into_iter().fold(f32::NEG_INFINITY, f32::max) + growth);
+        let axes = [0, 1, 2].map(|axis| extent(chosen.iter().map(|&i| gaussians.positions[i][axis])));
+        let largest_of = |&i: &usize| gaussians.log_scales[i].into_iter().fold(f32::NEG_INFINITY, f32::max);
+        let [_, largest] = extent(chosen.iter().map(largest_of)).map(|largest| largest + growth);
         let log_scales = [largest - LOG_SCALE_SPAN, largest];
 
         let mut bytes = Vec::new();
@@ -83,22 +92,36 @@ impl Cloud {
             of: visible.len(),
             corners: [axes.map(|axis| axis[0]), axes.map(|axis| axis[1])],
             log_scales,
-            bounds: robust_bounds(gaussians),
+            sphere: sphere(gaussians, &chosen),
             eye,
             gzip: gzip(&bytes),
+            labels: chosen.iter().map(|&i| field.part_label[i]).collect(),
+            chosen,
         }
     }
 }
 
-/// Maps 0 to 1 to 0 to 255.
-fn byte(share: f32) -> u8 {
-    (share * 255.0).round() as u8
+/// The ball around the middle of the bounds that holds every Gaussian in or near them, to one standard deviation.
+fn sphere(gaussians: &Gaussians, chosen: &[usize]) -> Sphere {
+    let Bounds { min, max } = robust_bounds(gaussians);
+    let (center, margin) = (nalgebra::center(&min, &max), STRAY_MARGIN * (max - min).norm());
+    let is_near = |at: &Point3<f64>| (0..3).all(|a| at[a] >= min[a] - margin && at[a] <= max[a] + margin);
+    let reach = |&i: &usize| {
+        let at = gaussians.center(i);
+        is_near(&at).then(|| (at - center).norm() + gaussians.scale(i).max().min(margin))
+    };
+    let radius = chosen.iter().filter_map(reach).fold(0.0, f64::max);
+    Sphere { center, radius: if radius > 0.0 { radius } else { 1.0 } }
 }
 
-fn gzip(bytes: &[u8]) -> Vec<u8> {
-    let mut encoder = GzEncoder::new(Vec::new(), Compression::best());
-    encoder.write_all(bytes).expect("memory takes everything");
-    encoder.finish().expect("memory takes everything")
+/// The lowest and the highest value.
+pub(super) fn extent(values: impl Iterator<Item = f32>) -> [f32; 2] {
+    values.fold([f32::INFINITY, f32::NEG_INFINITY], |[low, high], v| [low.min(v), high.max(v)])
+}
+
+/// Maps 0 to 1 to 0 to 255.
+pub(super) fn byte(share: f32) -> u8 {
+    (share * 255.0).round() as u8
 }
 
 #[cfg(test)]
@@ -158,6 +181,20 @@ mod tests {
         assert!((cloud.log_scales[1] - (-3.0 + 2.0f32.ln())).abs() < 1e-6, "a quarter of them, twice as large");
         let labels: Vec<u8> = unpacked(&cloud)[100 * 17..].chunks(2).take(3).map(|label| label[0]).collect();
         assert_eq!(labels, [1, 5, 9]);
+    }
+
+    #[test]
+    fn the_ball_holds_the_ends_of_a_rod_and_leaves_a_stray_out() {
+        let (mut gaussians, field) = line(1001);
+        gaussians.positions.push([5000.0, 0.0, -1.0]);
+        gaussians.log_scales.push([-3.0; 3]);
+        gaussians.rotations.push([1.0, 0.0, 0.0, 0.0]);
+        gaussians.opacity_logits.push(20.0);
+        gaussians.sh_dc.push([0.0; 3]);
+        let field = MaterialField { part_label: vec![0; 1002], confidence: vec![1.0; 1002], ..field };
+        let Sphere { center, radius } = Cloud::new(&gaussians, &field, Point3::origin()).sphere;
+        assert!((499.0..=503.0).contains(&center.x), "{center}");
+        assert!(center.x - radius <= 1.0 && center.x + radius >= 1000.0 && radius < 510.0, "{radius}");
     }
 
     #[test]

@@ -1,4 +1,4 @@
-//! The scale of forces on the page, as positions in its SVG.
+//! The scale of forces on the page, as shares of its length.
 
 use minijinja::{Value, context};
 
@@ -6,22 +6,19 @@ use crate::grasp::GraspReport;
 
 use super::numbers::significant;
 
-/// Left and right end of the force scale in its drawing.
-const SCALE: (f64, f64) = (20.0, 980.0);
-
-/// Positions of slip, grip and damage on a scale that ends a little above the largest relevant force.
+/// Positions of slip, grip and damage, in percent of a scale that ends a little above the largest relevant force.
 pub fn force_scale(grasp: &GraspReport) -> Value {
     let interesting = grasp.f_star_n.max(grasp.f_min_n);
     let end = round_up(1.25 * interesting.max(grasp.f_max_n.min(4.0 * interesting)));
-    let x = |force: f64| SCALE.0 + (SCALE.1 - SCALE.0) * (force / end).clamp(0.0, 1.0);
-    let (slip, damage, star) = (x(grasp.f_min_n.max(0.0)), x(grasp.f_max_n), x(grasp.f_star_n));
+    let percent = |force: f64| 100.0 * (force / end).clamp(0.0, 1.0);
+    let (slip, damage, star) = (percent(grasp.f_min_n), percent(grasp.f_max_n), percent(grasp.f_star_n));
     context! {
         end => significant(end),
-        slip_width => slip - SCALE.0,
-        safe_x => slip,
-        safe_width => (damage - slip).max(0.0),
-        star_x => star,
-        star_anchor => if star > 0.5 * (SCALE.0 + SCALE.1) { "end" } else { "start" },
+        slip,
+        safe => (damage - slip).max(0.0),
+        star,
+        // The text beside the mark stands where there is more room.
+        is_right => star > 50.0,
     }
 }
 

@@ -3,11 +3,13 @@
 mod cloud;
 mod disagreement;
 mod force_scale;
+mod motion;
 pub(crate) mod numbers;
 mod page;
 mod pictures;
 pub(crate) mod style;
 mod summary;
+mod tables;
 
 use serde::Serialize;
 
@@ -18,8 +20,9 @@ use crate::simulate::SimulationReport;
 use crate::units::MetricScale;
 use crate::vote::FieldLabel;
 
-pub use cloud::Cloud;
+pub use cloud::{Cloud, Sphere};
 pub use disagreement::{Disagreement, NamedMaterial};
+pub use motion::Motion;
 pub use page::page;
 pub use pictures::{PictureError, Pictures, SheetPicture, ViewPictures};
 pub use summary::{grasp_line, mass_line, part_lines, summary};

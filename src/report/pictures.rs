@@ -1,5 +1,5 @@
-//! The report's pictures: each view's photo, its segments, the materials of the Gaussians seen from there, and the
-//! sheets of its questions.
+//! The report's pictures: each view's photo, the splat, its segments and the materials of the Gaussians seen from there,
+//! and the sheets of its questions.
 
 use image::{ImageError, ImageFormat, ImageReader, ImageResult, RgbImage};
 
@@ -37,11 +37,13 @@ pub struct Pictures {
     pub grasp: Option<Vec<u8>>,
 }
 
-/// The three pictures of a view, as JPEG.
+/// The pictures of a view, all of the same size, as JPEG.
 #[derive(Debug, Clone)]
 pub struct ViewPictures {
     pub name: String,
     pub photo: Vec<u8>,
+    /// The splat as the photo's camera sees it.
+    pub splat: Vec<u8>,
     pub segments: Vec<u8>,
     pub materials: Vec<u8>,
 }
@@ -77,18 +79,20 @@ impl ViewPictures {
         field: &MaterialField,
     ) -> Result<Self, PictureError> {
         let photo = view.photo()?;
+        let labels = field_colors::label_colors(field);
+        let seen = |colors| jpeg(&seen(view, gaussians, colors), LONGEST_SIDE);
         Ok(Self {
             name: view.name.clone(),
+            splat: seen(Colors::Sh)?,
             segments: jpeg(&tinted(&photo, map), LONGEST_SIDE)?,
-            materials: jpeg(&material_map(view, gaussians, field), LONGEST_SIDE)?,
+            materials: seen(Colors::Fixed(&labels))?,
             photo: jpeg(&photo.rgb, LONGEST_SIDE)?,
         })
     }
 }
 
-/// The splat as seen by the view's camera, each Gaussian in the colour of its part.
-fn material_map(view: &View, gaussians: &Gaussians, field: &MaterialField) -> RgbImage {
-    let colors = field_colors::label_colors(field);
-    let options = RenderOptions { colors: Colors::Fixed(&colors), ..RenderOptions::default() };
+/// The splat as seen by the view's camera.
+fn seen(view: &View, gaussians: &Gaussians, colors: Colors) -> RgbImage {
+    let options = RenderOptions { colors, ..RenderOptions::default() };
     image::DynamicImage::ImageRgba8(render(gaussians, &view.camera, &options).to_image([1.0; 3])).into_rgb8()
 }

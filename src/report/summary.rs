@@ -4,9 +4,10 @@ use std::fmt::Write;
 use std::path::Path;
 
 use super::Report;
-use super::numbers::{interval, short, significant, thousands};
+use super::numbers::{figures, significant, thousands};
 use crate::grasp::GraspReport;
 use crate::output::one_line;
+use crate::part_name::part_name;
 use crate::parts::Parts;
 use crate::vote::FieldLabel;
 
@@ -43,7 +44,10 @@ pub fn part_lines(labels: &[FieldLabel], parts: Option<&Parts>) -> String {
     for label in labels {
         let part = parts.and_then(|parts| parts.parts.iter().find(|part| part.id == label.id));
         let mass = part.map_or_else(String::new, |part| match part.mass_kg {
-            Some(mass) => format!("{:>7} g ({})  ", significant(mass.mid * 1e3), interval(mass, 1e3)),
+            Some(mass) => {
+                let grams = figures(mass, 1e3);
+                format!("{:>7} g ({})  ", grams.mid, grams.interval)
+            }
             None => "no mass  ".to_owned(),
         });
         let _ = writeln!(
@@ -51,7 +55,7 @@ pub fn part_lines(labels: &[FieldLabel], parts: Option<&Parts>) -> String {
             "  {:>2}  {:name_width$}  {mass}{}",
             label.id,
             one_line(&label.material),
-            one_line(short(&label.caption))
+            one_line(&part_name(&label.caption, &label.material))
         );
     }
     text
@@ -59,13 +63,14 @@ pub fn part_lines(labels: &[FieldLabel], parts: Option<&Parts>) -> String {
 
 /// The mass of the object.
 pub fn mass_line(parts: &Parts) -> String {
-    let mass = parts.object.mass_kg;
-    format!("mass   {} kg ({})\n", significant(mass.mid), interval(mass, 1.0))
+    let mass = figures(parts.object.mass_kg, 1.0);
+    format!("mass   {} kg ({})\n", mass.mid, mass.interval)
 }
 
 /// The force at the best place, or why no grip there is safe.
 pub fn grasp_line(grasp: &GraspReport) -> String {
-    let part = one_line(short(&grasp.part));
+    let name = part_name(&grasp.part, "");
+    let part = one_line(&name);
     match &grasp.infeasible {
         None => format!(
             "grasp  {} N at the {part}: slips below {} N, is damaged above {} N\n",

@@ -1,8 +1,10 @@
 use std::fs;
+use std::path::Path;
 
 use gprop::materials::MaterialLibrary;
 use gprop::query::exchange::{self, ExchangeError};
-use gprop::query::{AnswerSource, Match, Options, Outcome, Prompts};
+use gprop::query::recorded::Recordings;
+use gprop::query::{AnswerSource, Match, Options, Outcome, Prompts, Queries, SegmentQuery};
 use serde_json::{Value, json};
 
 use super::{a, good_answer, prepare, recordings, run, small, two_segments, with};
@@ -11,6 +13,12 @@ fn names(text: &str) -> Vec<String> {
     text.lines()
         .map(|line| serde_json::from_str::<Value>(line).unwrap()["query"].as_str().unwrap().to_owned())
         .collect()
+}
+
+/// Writes the unanswered questions, those about segments of one number together; returns how many.
+pub fn export(out: &Path, queries: &Queries, store: &Recordings) -> usize {
+    let part_of = |query: &SegmentQuery| (0, query.segment);
+    exchange::export(out, &queries.unanswered(store, None), MaterialLibrary::builtin(), &part_of).unwrap()
 }
 
 #[test]
@@ -22,7 +30,7 @@ fn what_goes_out_comes_back_and_is_replayed() {
     let views = [two_segments("secret_name", 80, 80)];
     let queries = prepare(&views, &prompts, &options);
     let store = recordings(&recorded);
-    assert_eq!(exchange::export(&out, &queries.unanswered(&store, None)).unwrap(), 2);
+    assert_eq!(export(&out, &queries, &store), 2);
 
     let listed = fs::read_to_string(out.join("queries.jsonl")).unwrap();
     assert!(!listed.contains("secret_name"), "names give nothing away");
@@ -35,7 +43,10 @@ fn what_goes_out_comes_back_and_is_replayed() {
             serde_json::from_str(&fs::read_to_string(out.join(line["schema"].as_str().unwrap())).unwrap()).unwrap();
         assert_eq!(&schema, queries.questions.first().schema.value());
     }
-    assert!(matches!(exchange::export(&out, &[]), Err(ExchangeError::NotEmpty(_))));
+    assert!(matches!(
+        exchange::export(&out, &[], MaterialLibrary::builtin(), &|_| (0, 0)),
+        Err(ExchangeError::NotEmpty(_))
+    ));
 
     let form = fs::read_to_string(out.join("answers.jsonl")).unwrap();
     let names = names(&form);
@@ -72,7 +83,7 @@ fn the_page_holds_every_question_and_no_text_can_break_out_of_it() {
     fs::write(mine.join("part.txt"), "</script><script>alert(1)</script> {{ candidates }} JSON").unwrap();
     let (prompts, options) = (Prompts::from_folder(&mine).unwrap(), small());
     let queries = prepare(&[two_segments("secret_name", 80, 80)], &prompts, &options);
-    exchange::export(&out, &queries.unanswered(&recordings(&home.path().join("recorded")), None)).unwrap();
+    export(&out, &queries, &recordings(&home.path().join("recorded")));
     let page = fs::read_to_string(out.join("form.html")).unwrap();
     for name in names(&fs::read_to_string(out.join("queries.jsonl")).unwrap()) {
         assert!(page.contains(&format!("sheets/{name}.jpg")), "{name} is not on the page");
@@ -92,7 +103,7 @@ fn bad_lines_are_numbered_and_good_ones_kept() {
     let views = [two_segments("000", 80, 80), two_segments("001", 90, 80), two_segments("002", 70, 80)];
     let queries = prepare(&views, &prompts, &options);
     let store = recordings(&recorded);
-    exchange::export(&out, &queries.unanswered(&store, None)).unwrap();
+    export(&out, &queries, &store);
     let names = names(&fs::read_to_string(out.join("answers.jsonl")).unwrap());
     let good = || good_answer(a("wood"));
     let lines = [

@@ -9,6 +9,8 @@ pub mod client;
 mod cost;
 // Export of questions, import of answers.
 mod exchange;
+// The form for people.
+mod form;
 // Servers that send too much, too slowly or too little; requests that may have been billed count.
 mod hostile;
 // Recordings that two runs write, that cannot be written, or for which there is no disk space.

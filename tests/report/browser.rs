@@ -2,6 +2,9 @@
 
 use headless_chrome::browser::tab::point::Point;
 
+use gprop::scene::ply;
+use serde_json::Value;
+
 use crate::support::browser::Page;
 
 use super::{HOSTILE, hostile_run, json_file};
@@ -59,10 +62,13 @@ fn a_click_on_the_object_reads_the_parts_number() {
     page.settle();
     let pressed = page.evaluate("document.querySelector('.list [aria-pressed=true]')?.dataset.parts ?? 'none'");
     let part: usize = pressed.as_str().unwrap().parse().unwrap_or_else(|_| panic!("no part is singled out"));
-    let density = report["labels"][part]["density_kg_m3"]["mid"].as_f64().unwrap();
-    let read = number_after(&page.text("#reading"), "density");
-    assert!((read / density - 1.0).abs() < 0.005, "{read} on the page, {density} in report.json");
-    assert!((number_after(&page.text("#details"), "density") / density - 1.0).abs() < 0.005);
+    let density = |end: &str| report["labels"][part]["density_kg_m3"][end].as_f64().unwrap();
+    // Numbers have the digits that half their interval allows, which is at least 3.5 units of the last one.
+    let rounding = 0.5 * (density("high") - density("low")) / 3.5;
+    for place in ["#reading", "#details"] {
+        let read = number_after(&page.text(place), "density");
+        assert!((read - density("mid")).abs() <= rounding, "{read} in {place}, {} in report.json", density("mid"));
+    }
     let lit = page.evaluate("[...document.querySelectorAll('tr.lit')].map((row) => row.dataset.parts).join()");
     assert!(lit.as_str().unwrap().split(',').all(|id| id == part.to_string()), "rows {lit} for part {part}");
 
@@ -109,8 +115,10 @@ fn a_click_on_the_object_reads_the_parts_number() {
     page.tab.find_element("#theme").unwrap().click().unwrap();
     assert_ne!(page.evaluate(ground), before, "light and dark differ");
 
-    // A caption is shown as text.
-    assert!(page.text(".list button span").contains(HOSTILE), "{}", page.text(".list button span"));
+    // A caption is shown as text, where it unfolds and beside the numbers of the part that is singled out.
+    assert!(page.text("td details.caption").contains(HOSTILE), "{}", page.text("td details.caption"));
+    page.evaluate("document.querySelector('.list button').click()");
+    assert!(page.text("#details").contains(HOSTILE), "{}", page.text("#details"));
     assert_eq!(page.evaluate("document.querySelectorAll('img[src=x]').length"), 0);
     assert_ne!(page.tab.get_title().unwrap(), "taken");
     assert_eq!(page.complaints(), Vec::<String>::new());
@@ -119,4 +127,126 @@ fn a_click_on_the_object_reads_the_parts_number() {
     page.evaluate("console.error('one')");
     page.settle();
     assert_eq!(page.complaints().len(), 1);
+}
+
+/// The mean of the centres of the Gaussians at the simulation's time `seconds`, from the page's data.
+fn mean_on_page(page: &Page, seconds: f64) -> Vec<f64> {
+    let script = "(async () => {
+        const { cloud, motion } = JSON.parse(document.getElementById('scene').textContent);
+        const unpacked = async (id) => {
+            const packed = Uint8Array.from(atob(document.getElementById(id).textContent.trim()), (c) => c.charCodeAt(0));
+            return new Response(new Blob([packed]).stream().pipeThrough(new DecompressionStream('gzip'))).arrayBuffer();
+        };
+        const { Vector3, Quaternion } = Splats, columns = new DataView(await unpacked('cloud')), n = cloud.count;
+        const moves = motionOf(motion, new Vector3(...cloud.sphere.center), n, await unpacked('motion'));
+        const place = moves.pose(SECONDS), sum = new Vector3(), center = new Vector3(), scales = new Vector3();
+        for (let i = 0; i < n; i++) {
+            const at = (axis) => columns.getUint16(2 * (n * axis + i), true) / 65535;
+            center.set(...[0, 1, 2].map((a) => cloud.corners[0][a] + at(a) * (cloud.corners[1][a] - cloud.corners[0][a])));
+            if (!place(i, columns.getUint16(17 * n + 2 * i, true), center, scales, new Quaternion())) throw new Error('hidden');
+            sum.add(center);
+        }
+        return JSON.stringify(sum.multiplyScalar(1 / n).toArray());
+    })()";
+    let means = page.evaluate(&script.replace("SECONDS", &seconds.to_string()));
+    serde_json::from_str(means.as_str().unwrap()).unwrap()
+}
+
+/// The mean of the centres of the visible Gaussians of a frame.
+fn mean_in_frame(work: &std::path::Path, frame: usize) -> [f64; 3] {
+    let gaussians = ply::read(&work.join(format!("simulation/frames/{frame:04}.ply"))).unwrap().gaussians;
+    let visible: Vec<usize> = (0..gaussians.len()).filter(|&i| gaussians.opacity(i) >= 1.0 / 255.0).collect();
+    [0, 1, 2].map(|axis| visible.iter().map(|&i| gaussians.center(i)[axis]).sum::<f64>() / visible.len() as f64)
+}
+
+#[test]
+fn the_page_plays_the_simulation() {
+    let Some(scene) = hostile_run() else { return };
+    let work = scene.join("gprop");
+    let url = format!("file://{}", work.join("report.html").display());
+    let Some(page) = Page::open("the_page_plays_the_simulation", &url, ".frame.ready") else { return };
+    page.show_at([1300, 900], "light");
+    let frames = json_file(work.join("report.json"))["simulation"]["frames"].as_array().unwrap().clone();
+    let seconds: Vec<f64> = frames.iter().map(|frame| frame["t_s"].as_f64().unwrap()).collect();
+
+    // The Gaussians are where the frames have them, at frames and half-way between.
+    let extent = json_file(work.join("report.json"))["simulation"]["frames"][0]["bounds"].clone();
+    let longest = (0..3).map(|a| extent[1][a].as_f64().unwrap() - extent[0][a].as_f64().unwrap()).fold(0.0, f64::max);
+    let near = |page_mean: &[f64], wanted: [f64; 3]| {
+        let distance = (0..3).map(|a| (page_mean[a] - wanted[a]).powi(2)).sum::<f64>().sqrt();
+        assert!(distance < 1e-3 * longest, "{page_mean:?} on the page, {wanted:?} in the frame");
+    };
+    let means: Vec<[f64; 3]> = (0..seconds.len()).map(|frame| mean_in_frame(&work, frame)).collect();
+    for (&at, &mean) in seconds.iter().zip(&means) {
+        near(&mean_on_page(&page, at), mean);
+    }
+    let half = [0, 1, 2].map(|axis| 0.5 * (means[0][axis] + means[1][axis]));
+    near(&mean_on_page(&page, 0.5 * (seconds[0] + seconds[1])), half);
+
+    // The controls: the time slider moves the object, the other button puts it back.
+    let picture = "document.getElementById('object').toDataURL()";
+    page.settle();
+    let at_rest = page.evaluate(picture);
+    let slide = |to: f64| {
+        page.evaluate(&format!(
+            "{{ const time = document.getElementById('time'); time.value = {to}; time.dispatchEvent(new Event('input')); }}"
+        ))
+    };
+    slide(0.0);
+    assert!(page.changes(picture, &at_rest), "the ground appears");
+    let start = page.evaluate(picture);
+    slide(*seconds.last().unwrap());
+    assert!(page.changes(picture, &start), "the object is elsewhere");
+    page.tab.find_element("#rest").unwrap().click().unwrap();
+    assert_eq!(page.evaluate("document.getElementById('rest').disabled"), true);
+
+    // Playing ends at the last frame, at which the button plays again.
+    page.tab.find_element("#play").unwrap().click().unwrap();
+    let clock = "document.getElementById('clock').textContent";
+    let end = format!("{0:.2} s of {0:.2} s", seconds.last().unwrap());
+    while page.evaluate(clock) != end {
+        assert!(page.changes(clock, &page.evaluate(clock)), "the clock stands still before {end}");
+    }
+    assert_eq!(page.text("#play"), "Play");
+    assert_eq!(page.complaints(), Vec::<String>::new());
+}
+
+#[test]
+fn photo_and_splat_lie_over_each_other_and_tables_can_be_saved() {
+    let Some(scene) = hostile_run() else { return };
+    let url = format!("file://{}", scene.join("gprop/report.html").display());
+    let test = "photo_and_splat_lie_over_each_other_and_tables_can_be_saved";
+    let Some(page) = Page::open(test, &url, ".frame.ready") else { return };
+    // Both pictures are loaded and cover the same pixels; the slider says how much of the photo is seen.
+    page.evaluate("Promise.all([...document.querySelectorAll('#over img')].map((img) => img.decode()))");
+    let boxes = "JSON.stringify([...document.querySelectorAll('#over img')].map((img) => [img.naturalWidth, img.naturalHeight, \
+                 ...Object.values(img.getBoundingClientRect().toJSON())]))";
+    let boxes: Vec<Vec<f64>> = serde_json::from_str(page.evaluate(boxes).as_str().unwrap()).unwrap();
+    assert!(boxes[0][0] > 100.0 && boxes[0] == boxes[1], "{boxes:?}");
+    let clip = "getComputedStyle(document.getElementById('over-photo')).clipPath";
+    let before = page.evaluate(clip);
+    page.evaluate(
+        "{ const cut = document.getElementById('cut'); cut.value = 20; cut.dispatchEvent(new Event('input')); }",
+    );
+    assert_ne!(page.evaluate(clip), before);
+    // Another view has other pictures.
+    let source = "document.getElementById('over-splat').src";
+    let first = page.evaluate(source);
+    page.evaluate("{ const view = document.getElementById('over-view'); view.selectedIndex = 1; view.dispatchEvent(new Event('change')); }");
+    assert_ne!(page.evaluate(source), first);
+
+    // Every table as CSV, with the numbers of report.json.
+    let files = page.evaluate(
+        "JSON.stringify([...document.querySelectorAll('a.csv')].map((a) => [a.download, atob(a.href.split(',')[1])]))",
+    );
+    let files: Vec<[String; 2]> = serde_json::from_str(files.as_str().unwrap()).unwrap();
+    let names: Vec<&str> = files.iter().filter_map(|[name, _]| name.rsplit('_').next()).collect();
+    assert_eq!(names, ["parts.csv", "properties.csv", "grasp.csv", "simulation.csv", "answers.csv"]);
+    let mut parts = csv::Reader::from_reader(files[0][1].as_bytes());
+    let column = parts.headers().unwrap().iter().position(|name| name == "mass_kg_mid").unwrap();
+    let masses: Vec<Option<f64>> = parts.records().map(|row| row.unwrap()[column].parse().ok()).collect();
+    let report: Value = json_file(scene.join("gprop/report.json"));
+    let wanted: Vec<Option<f64>> =
+        report["parts"]["parts"].as_array().unwrap().iter().map(|part| part["mass_kg"]["mid"].as_f64()).collect();
+    assert_eq!(masses, wanted);
 }

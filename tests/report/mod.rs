@@ -2,6 +2,7 @@
 //! against the published schema.
 
 mod browser;
+mod layout;
 
 use std::fs;
 use std::path::{Path, PathBuf};

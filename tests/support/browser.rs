@@ -5,9 +5,11 @@ use std::sync::{Arc, Mutex};
 use std::time::{Duration, Instant};
 
 use headless_chrome::browser::default_executable;
+use headless_chrome::protocol::cdp::Emulation::{SetDeviceMetricsOverride, SetEmulatedMedia};
+use headless_chrome::protocol::cdp::Page::{CaptureScreenshotFormatOption, Viewport};
 use headless_chrome::protocol::cdp::types::Event;
 use headless_chrome::{Browser, LaunchOptions, Tab};
-use serde_json::Value;
+use serde_json::{Value, json};
 
 use super::skipped;
 
@@ -82,6 +84,25 @@ impl Page {
             }
         }
         false
+    }
+
+    /// Shows the page on a screen of this size, in `light` or `dark`, without animations of its own.
+    pub fn show_at(&self, [width, height]: [u32; 2], theme: &str) {
+        let screen = json!({ "width": width, "height": height, "deviceScaleFactor": 1.0, "mobile": false });
+        let screen: SetDeviceMetricsOverride = serde_json::from_value(screen).unwrap();
+        self.tab.call_method(screen).unwrap();
+        let features = [("prefers-color-scheme", theme), ("prefers-reduced-motion", "reduce")];
+        let features = features.map(|(name, value)| json!({ "name": name, "value": value }));
+        let media: SetEmulatedMedia = serde_json::from_value(json!({ "features": features })).unwrap();
+        self.tab.call_method(media).unwrap();
+        self.settle();
+    }
+
+    /// The whole page as PNG, however long it is.
+    pub fn screenshot(&self) -> Vec<u8> {
+        let side = |name: &str| self.evaluate(&format!("document.documentElement.{name}")).as_f64().unwrap();
+        let clip = Viewport { x: 0.0, y: 0.0, width: side("clientWidth"), height: side("scrollHeight"), scale: 1.0 };
+        self.tab.capture_screenshot(CaptureScreenshotFormatOption::Png, None, Some(clip), true).unwrap()
     }
 
     /// Errors and all other console messages of the page.

@@ -14,7 +14,7 @@ use rayon::prelude::*;
 
 use crate::files;
 use crate::pictures::thumbnail;
-use crate::report::numbers::{interval, significant};
+use crate::report::numbers::figures;
 use crate::report::style;
 use crate::units::Estimate;
 use crate::workdir::{self, Artifact};
@@ -108,7 +108,8 @@ fn row(outcome: &Outcome, home: &Path) -> Value {
 }
 
 fn cell(estimate: Estimate, factor: f64) -> Value {
-    context! { value => estimate.mid, mid => significant(estimate.mid * factor), interval => interval(estimate, factor) }
+    let shown = figures(estimate, factor);
+    context! { value => estimate.mid, mid => shown.mid, interval => shown.interval }
 }
 
 /// The first line of an error, and the other lines up to the maximum length.

@@ -1,8 +1,11 @@
-//! The page on which a person can answer: one file that opens from disk, without a network or a server.
+//! The page on which a person can answer: one file that opens from disk, without a network or a server. Its fields are
+//! those of the schema; choosing a material fills in what the library knows.
 
 use minijinja::{Environment, context};
 use serde::Serialize;
 use serde_json::Value;
+
+use super::filled::Filled;
 
 /// One question as the page shows it.
 #[derive(Debug, Serialize)]
@@ -12,6 +15,8 @@ pub struct FormQuery<'a> {
     pub sheet: String,
     /// Index of its text and schema among the [`FormText`]s.
     pub text: usize,
+    /// Questions with the same one are about the same part.
+    pub part: String,
 }
 
 /// A prompt with the schema of its answer and the materials to choose from.
@@ -21,10 +26,18 @@ pub struct FormText<'a> {
     pub schema: &'a Value,
 }
 
+/// A material to choose.
+#[derive(Debug, Serialize)]
+pub struct FormMaterial<'a> {
+    /// Other names, by which it is found too.
+    pub aliases: &'a [String],
+    pub fields: Filled<'a>,
+}
+
 /// The page. What it embeds is escaped by the template engine's `tojson`, so that no text can end the script.
-pub fn page(queries: &[FormQuery], texts: &[FormText]) -> String {
-    let template = include_str!("form.html.j2");
+pub fn page(queries: &[FormQuery], texts: &[FormText], materials: &[FormMaterial]) -> String {
+    let (style, script) = (include_str!("form.css"), include_str!("form.js"));
     Environment::new()
-        .render_str(template, context! { queries, texts })
+        .render_str(include_str!("form.html.j2"), context! { queries, texts, materials, style, script })
         .expect("a test renders the page with every value that it names")
 }

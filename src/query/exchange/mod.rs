@@ -4,6 +4,7 @@
 //! are named by hash, so that whoever answers knows only the picture and the prompt. `origins.jsonl` says what each
 //! answer belongs to: an import needs the folder and the library, but not the scene.
 
+mod filled;
 mod form;
 
 use std::collections::{BTreeMap, BTreeSet};
@@ -18,7 +19,7 @@ use crate::query::answer::{Problem, Unknown};
 use crate::query::queries::SegmentQuery;
 use crate::query::question::{Question, Questions};
 use crate::query::recorded::{Answerer, Asked, Recording, RecordingError, Recordings};
-use form::{FormQuery, FormText};
+use form::{FormMaterial, FormQuery, FormText};
 
 const QUERIES: &str = "queries.jsonl";
 const ANSWERS: &str = "answers.jsonl";
@@ -103,8 +104,14 @@ pub enum ExchangeError {
 }
 
 /// Writes questions into a new or empty folder; returns their number. Two segments with the same picture share one
-/// question.
-pub fn export(folder: &Path, open: &[(&SegmentQuery, &Question)]) -> Result<usize, ExchangeError> {
+/// question. `part_of` returns the same for the same part: the form puts the questions about one part together, and offers
+/// the answer to one of them for the next.
+pub fn export(
+    folder: &Path,
+    open: &[(&SegmentQuery, &Question)],
+    library: &MaterialLibrary,
+    part_of: &dyn Fn(&SegmentQuery) -> (usize, u16),
+) -> Result<usize, ExchangeError> {
     if fs::read_dir(folder).is_ok_and(|mut entries| entries.next().is_some()) {
         return Err(ExchangeError::NotEmpty(folder.into()));
     }
@@ -124,14 +131,15 @@ pub fn export(folder: &Path, open: &[(&SegmentQuery, &Question)]) -> Result<usiz
         let sheet = format!("sheets/{query}.jpg");
         write(&folder.join(&sheet), &segment.jpeg)?;
         let Text { prompt, schema, index, .. } = &texts[question.prompt_sha256.as_str()];
-        on_page.push((query.to_owned(), sheet.clone(), *index));
+        on_page.push((query.to_owned(), sheet.clone(), *index, part_of(segment)));
         push_line(&mut queries, &QueryLine { query, sheet, prompt, schema });
         push_line(&mut answers, &AnswerLine { query: query.into(), answer: Value::Null, model: None });
         push_line(&mut origins, &OriginLine { query: query.into(), asked });
     }
     let mut manifest = String::new();
     push_line(&mut manifest, &Manifest { format: FORMAT, model: None, queries: names.len() });
-    let page = page(&on_page, &texts);
+    on_page.sort_by_key(|(.., part)| *part);
+    let page = page(&on_page, &texts, library);
     let readme = include_str!("../../../prompts/export_readme.txt");
     let files = [
         (QUERIES, &*queries),
@@ -147,16 +155,29 @@ pub fn export(folder: &Path, open: &[(&SegmentQuery, &Question)]) -> Result<usiz
     Ok(names.len())
 }
 
-fn page(queries: &[(String, String, usize)], texts: &BTreeMap<&str, Text>) -> String {
-    let queries: Vec<_> =
-        queries.iter().map(|(query, sheet, text)| FormQuery { query, sheet: sheet.clone(), text: *text }).collect();
+/// The form for questions with their sheets, texts and parts.
+fn page(
+    queries: &[(String, String, usize, (usize, u16))],
+    texts: &BTreeMap<&str, Text>,
+    library: &MaterialLibrary,
+) -> String {
+    let queries = queries.iter().map(|(query, sheet, text, part)| FormQuery {
+        query,
+        sheet: sheet.clone(),
+        text: *text,
+        part: format!("{}-{}", part.0, part.1),
+    });
+    let queries: Vec<_> = queries.collect();
     let mut texts: Vec<&Text> = texts.values().collect();
     texts.sort_by_key(|text| text.index);
     let texts: Vec<_> = texts
         .iter()
         .map(|text| FormText { prompt: &text.question.prompt, schema: text.question.schema.value() })
         .collect();
-    form::page(&queries, &texts)
+    let materials = library.materials().iter();
+    let materials: Vec<_> =
+        materials.map(|material| FormMaterial { aliases: &material.aliases, fields: material.into() }).collect();
+    form::page(&queries, &texts, &materials)
 }
 
 /// A question's files in the folder, and its index among the questions.

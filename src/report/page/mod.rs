@@ -16,37 +16,49 @@ use minijinja::{Value, context};
 
 use crate::grasp::GraspReport;
 use crate::grasp::candidates::Candidate;
+<<<<<<< HEAD
 use crate::materials::MaterialLibrary;
 use crate::materials::stats::Provenance;
+=======
+use crate::part_name::part_name;
+>>>>>>> page
 use crate::parts::Part;
 use crate::pictures::palette;
-use crate::query::{Answers, Form};
+use crate::query::Answers;
 use crate::simulate::{RigidReport, SimulationReport, plot};
-use crate::units::{Estimate, ShoreScale};
+use crate::units::Estimate;
 use crate::vote::FieldLabel;
 
 use super::force_scale::force_scale;
-use super::numbers::{interval, short, significant, thousands};
+use super::numbers::{figures, interval, significant, thousands};
 use super::style;
-use super::{Cloud, Pictures, Report};
+use super::tables;
+use super::{Cloud, Motion, Pictures, Report};
 
-/// The page of a report.
-pub fn page(report: &Report, answers: &Answers, pictures: &Pictures, cloud: &Cloud) -> String {
+/// The page's own scripts, in the order in which they build on each other.
+const SCRIPTS: [&str; 4] =
+    [include_str!("motion.js"), include_str!("ground.js"), include_str!("page.js"), include_str!("compare.js")];
+
+/// The page of a report. `motion` is that of the cloud in the simulation.
+pub fn page(report: &Report, answers: &Answers, pictures: &Pictures, cloud: &Cloud, motion: Option<&Motion>) -> String {
     let data = context! {
         report,
         scale => scale(report),
         tiles => tiles(report),
-        viewer => viewer::viewer(report, cloud),
-        cloud => Value::from_safe_string(viewer::columns(cloud)),
+        viewer => viewer::viewer(report, cloud, motion),
+        cloud => Value::from_safe_string(BASE64.encode(&cloud.gzip)),
+        motion => motion.map(|motion| Value::from_safe_string(BASE64.encode(&motion.gzip))),
         cloud_note => cloud_note(cloud),
+        motion_note => motion.map(motion_note),
         parts => report.labels.iter().map(|label| part_row(label, report)).collect::<Vec<_>>(),
         grasp => report.grasp.as_ref().map(|report| grasp(report, pictures)),
         simulation => report.simulation.as_ref().map(|run| simulation(run, pictures)),
         views => views::views(pictures, answers),
+        csv => csv(report, answers),
         disagreements => views::disagreements(&report.disagreements, pictures, answers),
         answers => views::sentence(&report.answers),
         style => Value::from_safe_string(include_str!("page.css").to_owned()),
-        script => Value::from_safe_string(include_str!("page.js").to_owned()),
+        script => Value::from_safe_string(SCRIPTS.concat()),
         viewer_code => Value::from_safe_string(BASE64.encode(include_bytes!("splats.js.gz"))),
         licences => include_str!("splats.licences.txt"),
     };
@@ -59,6 +71,37 @@ fn cloud_note(cloud: &Cloud) -> String {
         format!("All {all} visible Gaussians are shown.")
     } else {
         format!("{shown} of {all} visible Gaussians are shown, evenly thinned and enlarged, to keep this file small.")
+    }
+}
+
+/// What is left out while the object moves; empty if nothing is.
+fn motion_note(motion: &Motion) -> String {
+    let mut notes = Vec::new();
+    let (shown, all) = (motion.tracks.shown.len(), motion.tracks.of);
+    if shown < all {
+        notes.push(format!(
+            "While the object moves, {} of the {} Gaussians that move on their own are shown, enlarged, to keep this file \
+             small.",
+            thousands(shown as u64),
+            thousands(all as u64)
+        ));
+    }
+    let (frames, of_frames) = (motion.times_s.len(), motion.of_frames);
+    if frames < of_frames {
+        notes.push(format!("It moves through {frames} of the {of_frames} frames; between them it is interpolated."));
+    }
+    notes.join(" ")
+}
+
+/// The tables to download, as data URIs.
+fn csv(report: &Report, answers: &Answers) -> Value {
+    let uri = |csv: String| data_uri("text/csv", csv.as_bytes());
+    context! {
+        parts => uri(tables::parts(report)),
+        properties => uri(tables::properties(report)),
+        grasp => report.grasp.as_ref().map(|grasp| uri(tables::places(&grasp.candidates))),
+        simulation => uri(tables::simulation(report)),
+        answers => uri(tables::answers(answers)),
     }
 }
 
@@ -78,13 +121,16 @@ fn scale(report: &Report) -> String {
 fn tiles(report: &Report) -> Vec<Value> {
     let mut tiles = Vec::new();
     if let Some(parts) = &report.parts {
-        let (mass, volume) = (parts.object.mass_kg, parts.object.volume_m3);
-        tiles.push(tile("mass", format!("{} kg", significant(mass.mid)), interval(mass, 1.0)));
-        tiles.push(tile("volume", format!("{} cm³", significant(volume.mid * 1e6)), interval(volume, 1e6)));
+        let measured = |name, unit, estimate, factor| {
+            let shown = figures(estimate, factor);
+            tile(name, format!("{} {unit}", shown.mid), format!("{} {unit}", shown.interval))
+        };
+        tiles.push(measured("mass", "kg", parts.object.mass_kg, 1.0));
+        tiles.push(measured("volume", "cm³", parts.object.volume_m3, 1e6));
     }
     if let Some(grasp) = &report.grasp {
         let bounds =
-            || format!("slips below {}, damage above {}", significant(grasp.f_min_n), significant(grasp.f_max_n));
+            || format!("slips below {} N, damage above {} N", significant(grasp.f_min_n), significant(grasp.f_max_n));
         tiles.push(match &grasp.infeasible {
             None => tile("grip with", format!("{} N", significant(grasp.f_star_n)), bounds()),
             Some(why) => tile("grip", "not safely".to_owned(), why.explanation.clone()),
@@ -101,7 +147,7 @@ fn tile(name: &str, value: String, note: String) -> Value {
 
 fn part_row(label: &FieldLabel, report: &Report) -> Value {
     let cell = |estimate: Option<Estimate>, factor: f64| match estimate {
-        Some(e) => context! { mid => significant(e.mid * factor), interval => interval(e, factor) },
+        Some(estimate) => Value::from_serialize(figures(estimate, factor)),
         None => context! { mid => "unknown", interval => "" },
     };
     let part = report.parts.as_ref().and_then(|parts| parts.parts.iter().find(|part| part.id == label.id));
@@ -116,15 +162,19 @@ fn part_row(label: &FieldLabel, report: &Report) -> Value {
         id => label.id,
         color => css(palette::color(label.id)),
         caption => &label.caption,
-        name => short(&label.caption),
+        name => part_name(&label.caption, &label.material),
         mass => part.map_or_else(String::new, |part| match part.mass_kg {
-            Some(mass) => format!("{} g", significant(mass.mid * 1e3)),
+            Some(mass) => format!("{} g", figures(mass, 1e3).mid),
             None => "no mass".to_owned(),
         }),
         material => &label.material,
         family => &label.family,
         gaussians => report.gaussians_per_label[label.id as usize],
+<<<<<<< HEAD
         form => match label.form { Form::Shell { .. } => "shell", Form::Solid => "solid", Form::Mixed => "mixed" },
+=======
+        form => tables::form(label.form),
+>>>>>>> page
         numbers => vec![
             measured(|part| part.volume_m3, 1e6),
             measured(|part| part.thickness_m, 1e3),
@@ -139,8 +189,7 @@ fn part_row(label: &FieldLabel, report: &Report) -> Value {
         ],
         provenance => MaterialLibrary::builtin().get(&label.material).map(|row| Provenance::of(row).to_string()),
         hardness => label.hardness.map(|hardness| {
-            let scale = match hardness.scale { ShoreScale::A => "A", ShoreScale::D => "D" };
-            format!("{} Shore {scale}", interval(hardness.range.into(), 1.0))
+            format!("{} Shore {}", interval(hardness.range.into(), 1.0), tables::shore(hardness.scale))
         }),
     }
 }
@@ -162,7 +211,7 @@ fn grasp(grasp: &GraspReport, pictures: &Pictures) -> Value {
         Some(why) => format!("no safe grip with {}: {why}.", grasp.gripper),
     };
     context! {
-        part => short(&grasp.part),
+        part => part_name(&grasp.part, ""),
         sentence,
         scale => force_scale(grasp),
         star,
@@ -178,11 +227,12 @@ fn place_row((rank, place): (usize, &Candidate)) -> Value {
     context! {
         color => css(palette::color(rank as u32)),
         rank => rank + 1,
-        part => short(&place.part),
+        part => part_name(&place.part, ""),
+        caption => &place.part,
         part_id => place.part_id,
         numbers => vec![
             significant(place.width_m * 1e3),
-            significant(place.thickness_m.mid * 1e3),
+            figures(place.thickness_m, 1e3).mid,
             significant(place.lever_m * 1e3),
             significant(place.f_min_n),
             significant(place.f_star_n),
@@ -233,7 +283,8 @@ fn rigid_row(part: &RigidReport) -> Value {
         (false, false) => "never touches the ground",
     };
     context! {
-        part => short(&part.part),
+        part => part_name(&part.part, &part.material),
+        caption => &part.part,
         material => &part.material,
         pressure => significant(part.peak_pressure_pa / 1e6),
         strength => significant(part.strength_pa / 1e6),

@@ -1,18 +1,20 @@
-// The page's own script: the object in 3D, its colours and picking; highlighting of the rows that belong to a part.
+// The page's main script: the object in 3D, its colours, picking and motion; highlighting of the rows that belong to a part.
 // `Splats` is three.js and Spark in one file (scripts/viewer). Without WebGL 2 the page keeps its pictures and tables.
 "use strict";
 (() => {
   const byId = (id) => document.getElementById(id);
   const scene = JSON.parse(byId("scene").textContent);
-  const { cloud, parts, properties } = scene;
+  const { cloud, parts, properties, motion } = scene;
   const canvas = byId("object"), reading = byId("reading"), legend = byId("legend"), details = byId("details"), choice = byId("color-by");
 
   // Viridis, from low to high.
   const RAMP = [[68, 1, 84], [71, 44, 122], [59, 81, 139], [44, 113, 142], [33, 144, 141], [39, 173, 129], [92, 200, 99], [170, 220, 50], [253, 231, 37]];
   const NO_VALUE = [150, 150, 150];
   const TURN_PER_KEY = Math.PI / 24, ZOOM_PER_KEY = 1.15, CLICK_PIXELS = 4;
-  // Initial distance of the camera, as a share of the distance at which the object's bounding sphere fills the view: few objects are spheres.
-  const FILL = 0.8;
+  // Distance of the camera, in distances at which the sphere around the object just fits into the view.
+  const MARGIN = 1.03;
+  // Lowest height of the camera above the moving object, as an angle.
+  const LOOK_DOWN = Math.PI / 10;
 
   const rgb = (hex) => [1, 3, 5].map((at) => parseInt(hex.slice(at, at + 2), 16));
   const css = (color) => `rgb(${color.map(Math.round).join(" ")})`;
@@ -104,13 +106,14 @@
     light();
   };
   function showDetails(p) {
-    const rows = p === null ? [] : properties.filter(({ values }) => values[p]).map(({ name, values }) => [name, values[p].text]);
+    const rows = p === null ? [] : [["", parts[p].caption], ...properties.filter(({ values }) => values[p]).map(({ name, values }) => [name, values[p].text])];
     details.replaceChildren(...rows.flatMap(([name, text]) => ["dt", "dd"].map((tag, at) => Object.assign(document.createElement(tag), { textContent: at ? text : name }))));
   }
   const linked = (event) => idsOf(event.target.closest?.("[data-parts]"));
   for (const [kind, act] of [["mouseover", linked], ["focusin", linked], ["mouseout", () => null], ["focusout", () => null]])
     document.addEventListener(kind, (event) => { if (linked(event)) point(act(event)); });
-  document.addEventListener("click", (event) => { const ids = linked(event); if (ids) pin(ids); });
+  // A caption that unfolds highlights nothing.
+  document.addEventListener("click", (event) => { const ids = linked(event); if (ids && !event.target.closest("details.caption, a")) pin(ids); });
   document.addEventListener("keydown", (event) => { if (event.key === "Escape" && pinned) pin(pinned); });
 
   // --- Large pictures.
@@ -132,11 +135,16 @@
   function columns(buffer) {
     const n = cloud.count, bytes = new Uint8Array(buffer), words = new DataView(buffer);
     const u16 = (column, i) => words.getUint16(column + 2 * i, true), u8 = (column, k, i) => bytes[n * (column + k) + i];
-    const share = (i, axis) => u16(2 * n * axis, i) / 65535;
+    const share = (i, axis) => u16(2 * n * axis, i) / 65535, mixed = ([low, high], share) => low + share * (high - low);
+    // Numbers by Gaussian: while the object moves, all are read for every picture.
+    const all = (width, value) => Float32Array.from({ length: width * n }, (_, at) => value(Math.floor(at / width), at % width));
+    const centers = all(3, (i, a) => mixed([cloud.corners[0][a], cloud.corners[1][a]], share(i, a)));
+    const scales = all(3, (i, a) => Math.exp(mixed(cloud.log_scales, u8(6, a, i) / 255)));
+    const turns = all(4, (i, a) => words.getInt8(n * (9 + a) + i));
     return {
-      center: (i, out) => out.set(...[0, 1, 2].map((a) => cloud.corners[0][a] + share(i, a) * (cloud.corners[1][a] - cloud.corners[0][a]))),
-      scales: (i, out) => out.set(...[0, 1, 2].map((a) => Math.exp(cloud.log_scales[0] + (u8(6, a, i) / 255) * (cloud.log_scales[1] - cloud.log_scales[0])))),
-      turn: (i, out) => out.set(...[0, 1, 2, 3].map((a) => words.getInt8(n * (9 + a) + i))).normalize(),
+      center: (i, out) => out.fromArray(centers, 3 * i),
+      scales: (i, out) => out.fromArray(scales, 3 * i),
+      turn: (i, out) => out.fromArray(turns, 4 * i).normalize(),
       opacity: (i) => u8(13, 0, i) / 255,
       color: (i) => [0, 1, 2].map((c) => u8(14, c, i)),
       part: (i) => u16(17 * n, i),
@@ -150,15 +158,17 @@
     document.head.append(code);
     const { Color, PerspectiveCamera, Quaternion, Raycaster, Scene, Vector2, Vector3, WebGLRenderer, OrbitControls, SparkRenderer, SplatMesh } = Splats;
     const splat = columns(await (await unpacked("cloud")).arrayBuffer());
+    const moves = motion && motionOf(motion, new Vector3(...cloud.sphere.center), cloud.count, await (await unpacked("motion")).arrayBuffer());
 
     const renderer = new WebGLRenderer({ canvas, alpha: true, antialias: false, preserveDrawingBuffer: true });
-    const world = new Scene(), camera = new PerspectiveCamera(40, 1, cloud.radius / 100, cloud.radius * 100);
+    const reach = Math.max(cloud.sphere.radius, motion ? motion.sphere.radius : 0);
+    const world = new Scene(), camera = new PerspectiveCamera(40, 1, cloud.sphere.radius / 100, reach * 100);
     camera.up.set(0, 0, 1);
-    const controls = new OrbitControls(camera, canvas), middle = new Vector3(...cloud.center);
+    const controls = new OrbitControls(camera, canvas);
     controls.enableDamping = true;
     controls.enablePan = false;
-    controls.minDistance = cloud.radius * 0.5;
-    controls.maxDistance = cloud.radius * 20;
+    controls.minDistance = cloud.sphere.radius * 0.5;
+    controls.maxDistance = reach * 20;
     let stale = true;
     const spark = new SparkRenderer({ renderer, onDirty: () => { stale = true; } });
     world.add(spark);
@@ -166,6 +176,8 @@
     const center = new Vector3(), scales = new Vector3(), turn = new Quaternion(), color = new Color();
     // Opacity factor of parts that are not highlighted.
     const FADED = 0.12;
+    // Moves a Gaussian from where it is at rest to where it is shown; false if it is not shown.
+    let place = () => true;
     function each(put) {
       const { color: colorOf } = mode(), ids = lit();
       for (let i = 0; i < cloud.count; i++) {
@@ -173,26 +185,43 @@
         const shown = colorOf ? colorOf(p, splat.confidence(i)) : splat.color(i);
         color.setRGB(shown[0] / 255, shown[1] / 255, shown[2] / 255);
         splat.center(i, center); splat.scales(i, scales); splat.turn(i, turn);
-        put(i, center, scales, turn, splat.opacity(i) * (faded ? FADED : 1), color);
+        const isShown = place(i, p, center, scales, turn);
+        put(i, center, scales, turn, isShown ? splat.opacity(i) * (faded ? FADED : 1) : 0, color);
       }
     }
     const mesh = new SplatMesh({ maxSplats: cloud.count, constructSplats: (splats) => each((_, ...rest) => splats.pushSplat(...rest)), minRaycastOpacity: 0.5 });
     world.add(mesh);
     await mesh.initialized;
+    let ground = null;
     recolor = () => {
-      each((i, ...rest) => mesh.packedSplats.setSplat(i, ...rest));
+      ground?.begin();
+      each((i, ...rest) => {
+        mesh.packedSplats.setSplat(i, ...rest);
+        ground?.under(rest[0], rest[3]);
+      });
+      ground?.end();
       mesh.packedSplats.needsUpdate = true;
       mesh.updateVersion();
       stale = true;
     };
 
-    function home() {
-      const away = new Vector3(...cloud.eye).sub(middle);
-      if (away.length() === 0) away.set(1, 1, 0.5);
-      const fit = (FILL * cloud.radius) / Math.sin((camera.fov * Math.PI) / 360) / Math.min(1, camera.aspect);
-      camera.position.copy(middle).addScaledVector(away.normalize(), fit);
-      controls.target.copy(middle);
+    // --- The camera: the sphere around the object, or around its whole motion, fits into the view in both directions.
+    let ball = cloud.sphere, fitted = 1;
+    function fit() {
+      const up = (camera.fov * Math.PI) / 360, across = Math.atan(Math.tan(up) * camera.aspect);
+      return (MARGIN * ball.radius) / Math.sin(Math.min(up, across));
+    }
+    function look(away) {
+      fitted = fit();
+      controls.target.set(...ball.center);
+      camera.position.copy(controls.target).addScaledVector(away.normalize(), fitted);
       stale = true;
+    }
+    const away = () => camera.position.clone().sub(controls.target);
+    function home() {
+      const from = new Vector3(...cloud.eye).sub(new Vector3(...cloud.sphere.center));
+      if (from.length() === 0) from.set(1, 1, 0.5);
+      look(from);
     }
     function resize() {
       const { width, height } = canvas.parentElement.getBoundingClientRect();
@@ -200,6 +229,10 @@
       renderer.setSize(width, height, false);
       camera.aspect = width / height;
       camera.updateProjectionMatrix();
+      // Whatever the user sees of the object stays in view.
+      const before = fitted, from = away();
+      fitted = fit();
+      camera.position.copy(controls.target).addScaledVector(from, fitted / before);
       stale = true;
     }
     new ResizeObserver(resize).observe(canvas.parentElement);
@@ -217,16 +250,16 @@
     byId("home").addEventListener("click", home);
     const orbit = (around, up, closer) => {
       setSpin(false);
-      const away = camera.position.clone().sub(middle), radius = away.length() / closer;
-      const angle = Math.atan2(away.y, away.x) + around;
-      const rise = Math.min(Math.max(Math.asin(away.z / away.length()) + up, -1.5), 1.5);
-      camera.position.set(Math.cos(rise) * Math.cos(angle), Math.cos(rise) * Math.sin(angle), Math.sin(rise)).multiplyScalar(radius).add(middle);
+      const from = away(), radius = from.length() / closer;
+      const angle = Math.atan2(from.y, from.x) + around;
+      const rise = Math.min(Math.max(Math.asin(from.z / from.length()) + up, -1.5), 1.5);
+      camera.position.set(Math.cos(rise) * Math.cos(angle), Math.cos(rise) * Math.sin(angle), Math.sin(rise)).multiplyScalar(radius).add(controls.target);
     };
     const keys = {
       ArrowLeft: () => orbit(-TURN_PER_KEY, 0, 1), ArrowRight: () => orbit(TURN_PER_KEY, 0, 1),
       ArrowUp: () => orbit(0, TURN_PER_KEY, 1), ArrowDown: () => orbit(0, -TURN_PER_KEY, 1),
       "+": () => orbit(0, 0, ZOOM_PER_KEY), "=": () => orbit(0, 0, ZOOM_PER_KEY), "-": () => orbit(0, 0, 1 / ZOOM_PER_KEY),
-      " ": () => setSpin(!controls.autoRotate), Home: home,
+      " ": () => setSpin(!controls.autoRotate), Home: home, p: () => timeline?.toggle(),
     };
     canvas.addEventListener("keydown", (event) => { if (keys[event.key]) { event.preventDefault(); keys[event.key](); } });
 
@@ -240,8 +273,9 @@
       if (!hits.length) return null;
       let best = null, least = Infinity;
       for (let i = 0; i < cloud.count; i++) {
-        const distance = splat.center(i, center).distanceToSquared(hits[0].point);
-        if (distance < least && splat.opacity(i) > 0.2) { least = distance; best = i; }
+        splat.center(i, center); splat.scales(i, scales); splat.turn(i, turn);
+        const isShown = place(i, splat.part(i), center, scales, turn), distance = center.distanceToSquared(hits[0].point);
+        if (isShown && distance < least && splat.opacity(i) > 0.2) { least = distance; best = i; }
       }
       return best;
     }
@@ -259,11 +293,37 @@
       say(words(ids[0], splat.confidence(i)));
     });
 
-    let visible = true;
+    // --- The simulation.
+    const timeline = moves && timelineOf(moves.duration, (seconds) => {
+      const isMoving = seconds !== null;
+      place = isMoving ? moves.pose(seconds) : () => true;
+      if (isMoving !== !!ground) {
+        const from = away();
+        if (isMoving) {
+          setSpin(false);
+          ground = groundOf(motion);
+          world.add(ground.group);
+          from.z = Math.max(from.z, Math.tan(LOOK_DOWN) * Math.hypot(from.x, from.y));
+        } else {
+          world.remove(ground.group);
+          ground = null;
+        }
+        ball = isMoving ? motion.sphere : cloud.sphere;
+        look(from);
+      }
+      recolor();
+    });
+
+    // A frame that took longer than this, in seconds, does not make the motion jump.
+    const LONGEST_FRAME = 0.2;
+    let visible = true, drawn = 0;
     new IntersectionObserver(([entry]) => { visible = entry.isIntersecting; }).observe(canvas);
     choice.addEventListener("change", recolor);
-    renderer.setAnimationLoop(() => {
+    renderer.setAnimationLoop((now) => {
+      const elapsed = Math.min((now - drawn) / 1000, LONGEST_FRAME);
+      drawn = now;
       if (!visible) return;
+      timeline?.tick(elapsed);
       controls.update();
       if (moved) {
         const i = under(moved);

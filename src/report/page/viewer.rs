@@ -1,12 +1,12 @@
 //! The data for the page's viewer: the cloud, the parts' colours, and their properties as text and as numbers.
 
-use base64::Engine;
-use base64::engine::general_purpose::STANDARD as BASE64;
 use serde::Serialize;
 
+use crate::part_name::part_name;
 use crate::pictures::palette;
-use crate::report::numbers::{interval, short, significant};
-use crate::report::{Cloud, Report};
+use crate::report::motion::Path;
+use crate::report::numbers::figures;
+use crate::report::{Cloud, Motion, Report, Sphere};
 use crate::units::{Estimate, ShoreScale};
 use crate::vote::{FieldLabel, field_ply};
 
@@ -19,6 +19,7 @@ pub(super) struct Viewer<'a> {
     /// By `part_label`.
     parts: Vec<ViewerPart<'a>>,
     properties: Vec<Property>,
+    motion: Option<Moves<'a>>,
 }
 
 /// The cloud without its columns.
@@ -28,14 +29,40 @@ struct Shown<'a> {
     of: usize,
     corners: &'a [[f32; 3]; 2],
     log_scales: [f32; 2],
-    center: [f64; 3],
-    radius: f64,
+    sphere: Ball,
     eye: [f64; 3],
 }
 
 #[derive(Serialize)]
+struct Ball {
+    center: [f64; 3],
+    radius: f64,
+}
+
+impl From<Sphere> for Ball {
+    fn from(Sphere { center, radius }: Sphere) -> Self {
+        Self { center: center.into(), radius }
+    }
+}
+
+/// The motion without its tracks. Paths turn about the centre of the cloud's sphere.
+#[derive(Serialize)]
+struct Moves<'a> {
+    times_s: &'a [f64],
+    ground_z: f64,
+    sphere: Ball,
+    /// By `part_label`.
+    paths: &'a [Path],
+    /// Number of Gaussians with a track of their own.
+    tracks: usize,
+    corners: &'a [[f32; 3]; 2],
+    log_scales: [f32; 2],
+}
+
+#[derive(Serialize)]
 struct ViewerPart<'a> {
-    name: &'a str,
+    name: String,
+    caption: &'a str,
     material: &'a str,
     color: String,
     material_color: String,
@@ -59,12 +86,13 @@ struct Shade {
     text: String,
 }
 
-/// The viewer's data for `report` and `cloud`.
-pub(super) fn viewer<'a>(report: &'a Report, cloud: &'a Cloud) -> Viewer<'a> {
-    let Cloud { count, of, corners, log_scales, bounds, eye, .. } = cloud;
+/// The viewer's data for `report`, `cloud` and its `motion`.
+pub(super) fn viewer<'a>(report: &'a Report, cloud: &'a Cloud, motion: Option<&'a Motion>) -> Viewer<'a> {
+    let Cloud { count, of, corners, log_scales, sphere, eye, .. } = cloud;
     let names = field_ply::material_names(&report.labels);
     let part = |label: &'a FieldLabel| ViewerPart {
-        name: short(&label.caption),
+        name: part_name(&label.caption, &label.material),
+        caption: &label.caption,
         material: &label.material,
         color: css(palette::color(label.id)),
         material_color: css(palette::color(names.iter().position(|name| *name == label.material).unwrap_or(0) as u32)),
@@ -75,18 +103,21 @@ pub(super) fn viewer<'a>(report: &'a Report, cloud: &'a Cloud) -> Viewer<'a> {
             of: *of,
             corners,
             log_scales: *log_scales,
-            center: bounds.center().into(),
-            radius: 0.5 * bounds.diagonal(),
+            sphere: (*sphere).into(),
             eye: (*eye).into(),
         },
         parts: report.labels.iter().map(part).collect(),
         properties: properties(&report.labels),
+        motion: motion.map(|motion| Moves {
+            times_s: &motion.times_s,
+            ground_z: motion.ground_z,
+            sphere: motion.sphere.into(),
+            paths: &motion.paths,
+            tracks: motion.tracks.shown.len(),
+            corners: &motion.tracks.corners,
+            log_scales: motion.tracks.log_scales,
+        }),
     }
-}
-
-/// The cloud's columns in base64.
-pub(super) fn columns(cloud: &Cloud) -> String {
-    BASE64.encode(&cloud.gzip)
 }
 
 fn properties(labels: &[FieldLabel]) -> Vec<Property> {
@@ -119,9 +150,9 @@ fn property(
     of: impl Fn(&FieldLabel) -> Option<Estimate>,
 ) -> Property {
     let shade = |estimate: Estimate| {
-        let mid = significant(estimate.mid * factor);
+        let shown = figures(estimate, factor);
         let space = if unit.is_empty() { "" } else { " " };
-        Shade { value: estimate.mid * factor, text: format!("{mid}{space}{unit} ({})", interval(estimate, factor)) }
+        Shade { value: estimate.mid * factor, text: format!("{}{space}{unit} ({})", shown.mid, shown.interval) }
     };
     Property { name, unit, log, values: labels.iter().map(|label| of(label).map(shade)).collect() }
 }

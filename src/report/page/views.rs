@@ -2,6 +2,7 @@
 
 use minijinja::{Value, context};
 
+use crate::part_name::part_name;
 use crate::pictures::palette;
 use crate::query::{Answers, Match, Outcome, SegmentAnswer};
 use crate::report::numbers::significant;
@@ -50,6 +51,7 @@ fn one(view: &ViewPictures, pictures: &Pictures, answers: &Answers) -> Value {
         name,
         pictures => vec![
             picture(&view.photo, "photo of"),
+            picture(&view.splat, "splat seen in"),
             picture(&view.segments, "segments of"),
             picture(&view.materials, "Gaussians seen in"),
         ],
@@ -75,6 +77,7 @@ fn row(segment: &SegmentAnswer, pictures: &Pictures) -> Value {
     };
     let own = match &segment.outcome {
         Outcome::Answered(answer) => context! {
+            name => part_name(&answer.caption, &answer.material),
             caption => &answer.caption,
             confidence => significant(answer.confidence),
             flags => &answer.flags,
@@ -83,7 +86,7 @@ fn row(segment: &SegmentAnswer, pictures: &Pictures) -> Value {
                 Match::Mask { iou } => format!("recorded, mask IoU {iou:.3}"),
             },
         },
-        Outcome::Failed(failure) => context! { caption => failure.to_string(), found => "failed" },
+        Outcome::Failed(failure) => context! { name => failure.to_string(), found => "failed" },
     };
     context! { ..common, ..own }
 }
