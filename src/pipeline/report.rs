@@ -41,7 +41,7 @@ impl Pipeline {
             grasp: self.grasp_picture()?,
         };
         self.work.write_json(Artifact::ReportJson, &report)?;
-        let eye = self.views.first().map_or_else(Point3::origin, |view| view.camera.center_in_world());
+        let eye = self.showing_view(field).map_or_else(Point3::origin, |view| view.camera.center_in_world());
         let page = report::page(&report, answers, &pictures, &Cloud::new(gaussians, field, eye));
         self.work.write(Artifact::ReportHtml, page.as_bytes())?;
         Ok(Done::writing([Artifact::ReportJson, Artifact::ReportHtml]))

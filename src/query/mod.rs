@@ -103,7 +103,7 @@ pub enum Form {
 pub enum Match {
     /// Asked live in this run.
     Live,
-    /// Found by its key.
+    /// Found by its key, or by view, prompt and the same mask.
     Exact,
     /// Found by view and mask overlap.
     Mask { iou: f64 },

@@ -1,5 +1,6 @@
 //! Numbers and names in readable form.
 
+pub use crate::pictures::short;
 use crate::units::Estimate;
 
 /// Three significant digits, without an exponent if the number is of everyday size.
@@ -38,11 +39,6 @@ pub fn thousands(number: u64) -> String {
         text.push(digit);
     }
     text
-}
-
-/// The beginning of a caption: the part's name, without its appearance.
-pub fn short(caption: &str) -> &str {
-    caption.split([';', ',']).next().unwrap_or(caption).trim()
 }
 
 #[cfg(test)]

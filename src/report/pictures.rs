@@ -1,12 +1,14 @@
 //! The report's pictures: each view's photo, its segments, the materials of the Gaussians seen from there, and the
 //! sheets of its questions.
 
+use std::collections::BTreeMap;
+
 use image::{ImageError, ImageFormat, ImageReader, ImageResult, RgbImage};
 
 use crate::files;
 
-use crate::pictures::{field_colors, jpeg, tinted};
-use crate::render::{Colors, RenderOptions, render};
+use crate::pictures::{field_colors, jpeg, labels_of_segments, palette, tinted};
+use crate::render::{Colors, RenderOptions, render, render_labels};
 use crate::scene::gaussians::Gaussians;
 use crate::scene::{SceneError, View};
 use crate::segment::LabelMap;
@@ -43,7 +45,10 @@ pub struct ViewPictures {
     pub name: String,
     pub photo: Vec<u8>,
     pub segments: Vec<u8>,
+    /// The Gaussians in the colours of their parts.
     pub materials: Vec<u8>,
+    /// The part that each segment shows, as its `part_label` in `field.ply`.
+    pub part_of_segment: BTreeMap<u16, u32>,
 }
 
 /// The sheet of a segment of a view, as JPEG.
@@ -77,18 +82,22 @@ impl ViewPictures {
         field: &MaterialField,
     ) -> Result<Self, PictureError> {
         let photo = view.photo()?;
+        let labels = render_labels(gaussians, &view.camera, &field.part_label, &RenderOptions::default());
+        let part_of_segment = labels_of_segments(map, &labels);
+        let color = |segment| part_of_segment.get(&segment).map_or(palette::NOTHING, |part| palette::part(*part));
         Ok(Self {
             name: view.name.clone(),
-            segments: jpeg(&tinted(&photo, map), LONGEST_SIDE)?,
+            segments: jpeg(&tinted(&photo, map, color), LONGEST_SIDE)?,
             materials: jpeg(&material_map(view, gaussians, field), LONGEST_SIDE)?,
             photo: jpeg(&photo.rgb, LONGEST_SIDE)?,
+            part_of_segment,
         })
     }
 }
 
 /// The splat as seen by the view's camera, each Gaussian in the colour of its part.
 fn material_map(view: &View, gaussians: &Gaussians, field: &MaterialField) -> RgbImage {
-    let colors = field_colors::label_colors(field);
+    let colors = field_colors::part_colors(field);
     let options = RenderOptions { colors: Colors::Fixed(&colors), ..RenderOptions::default() };
     image::DynamicImage::ImageRgba8(render(gaussians, &view.camera, &options).to_image([1.0; 3])).into_rgb8()
 }

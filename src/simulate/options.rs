@@ -31,6 +31,8 @@ pub const SCENE_KEYS: &[SceneKey] = &[
     SceneKey::any("azimuth-deg"),
     SceneKey::any("elevation-deg"),
     SceneKey::any("turntable"),
+    SceneKey::any("size"),
+    SceneKey::any("fps"),
 ];
 
 /// An object that falls from more than a thousand times its height falls for longer than is worth simulating.

@@ -112,7 +112,7 @@ fn part_row(label: &FieldLabel, report: &Report) -> Value {
     };
     context! {
         id => label.id,
-        color => css(palette::color(label.id)),
+        color => css(palette::part(label.id)),
         caption => &label.caption,
         name => short(&label.caption),
         mass => part.map_or_else(String::new, |part| match part.mass_kg {
@@ -173,7 +173,7 @@ fn grasp(grasp: &GraspReport, pictures: &Pictures) -> Value {
 /// A place to grasp at: forces in N, lengths in mm, torque in N mm.
 fn place_row((rank, place): (usize, &Candidate)) -> Value {
     context! {
-        color => css(palette::color(rank as u32)),
+        color => css(palette::place(rank)),
         rank => rank + 1,
         part => short(&place.part),
         part_id => place.part_id,
