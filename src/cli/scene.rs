@@ -6,6 +6,7 @@ use serde::Serialize;
 use serde_json::Value;
 
 use crate::error::{Error, UsageError};
+use crate::film;
 use crate::pipeline::{Options, Pipeline, Plan, Stage};
 use crate::query::Preview;
 use crate::report;

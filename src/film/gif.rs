@@ -195,24 +195,33 @@ mod tests {
 
     #[test]
     fn every_picture_of_the_film_is_nearly_the_one_that_was_added() {
-        let frames = GifDecoder::new(std::io::Cursor::new(film(24, 9))).unwrap().into_frames().collect_frames().unwrap();
+        let frames =
+            GifDecoder::new(std::io::Cursor::new(film(24, 9))).unwrap().into_frames().collect_frames().unwrap();
         assert_eq!(frames.len(), 9);
         for (n, frame) in (0..).zip(&frames) {
-            let apart = |(a, b): (&image::Rgba<u8>, &Rgb<u8>)| (0..3).map(|c| f64::from(a[c].abs_diff(b[c]))).sum::<f64>();
+            let apart =
+                |(a, b): (&image::Rgba<u8>, &Rgb<u8>)| (0..3).map(|c| f64::from(a[c].abs_diff(b[c]))).sum::<f64>();
             let added = picture(n);
             let error: f64 = frame.buffer().pixels().zip(added.pixels()).map(apart).sum();
             let mean = error / 3.0 / f64::from(120 * 80);
             // The dither moves a channel by up to 5, a palette of 255 colours by a little less.
             assert!(mean < 6.0, "picture {n} is off by {mean}");
         }
-        let seconds: f64 = frames[..8].iter().map(|frame| { let (ms, by) = frame.delay().numer_denom_ms(); f64::from(ms) / f64::from(by) / 1e3 }).sum();
+        let seconds: f64 = frames[..8]
+            .iter()
+            .map(|frame| {
+                let (ms, by) = frame.delay().numer_denom_ms();
+                f64::from(ms) / f64::from(by) / 1e3
+            })
+            .sum();
         assert!((seconds - 8.0 / 24.0).abs() < 0.011, "{seconds}");
         assert_eq!(film(24, 9), film(24, 9));
     }
 
     #[test]
     fn a_film_with_too_many_pictures_per_second_leaves_some_out() {
-        let frames = GifDecoder::new(std::io::Cursor::new(film(60, 7))).unwrap().into_frames().collect_frames().unwrap();
+        let frames =
+            GifDecoder::new(std::io::Cursor::new(film(60, 7))).unwrap().into_frames().collect_frames().unwrap();
         assert!((4..7).contains(&frames.len()), "{}", frames.len());
     }
 

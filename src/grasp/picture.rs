@@ -125,11 +125,7 @@ impl Scene<'_> {
             Limit::Slip | Limit::Gripper => "it is damaged",
         };
         let mut lines = vec![
-            format!(
-                "F* {}: press with this, command {:.0}",
-                newtons(report.f_star_n),
-                report.normalized_command
-            ),
+            format!("F* {}: press with this, command {:.0}", newtons(report.f_star_n), report.normalized_command),
             format!("F_min {}: below it the object slips", newtons(report.f_min_n)),
             format!("F_max {}: above it {damage}", newtons(report.f_max_n)),
         ];

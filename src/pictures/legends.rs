@@ -15,8 +15,10 @@ pub fn parts(field: &MaterialField) -> Vec<Entry> {
 
 /// The materials.
 pub fn materials(field: &MaterialField) -> Vec<Entry> {
-    let entry =
-        |(n, name): (u32, &str)| Entry { text: name.to_owned(), key: Key::Square(palette::bytes(palette::material(n))) };
+    let entry = |(n, name): (u32, &str)| Entry {
+        text: name.to_owned(),
+        key: Key::Square(palette::bytes(palette::material(n))),
+    };
     (0..).zip(field_ply::material_names(&field.labels)).map(entry).collect()
 }
 

@@ -1,5 +1,7 @@
 //! Where a picture is taken from and what it cuts out: the view that shows most of the object, cropped to it.
 
+use std::collections::BTreeMap;
+
 use image::{DynamicImage, RgbImage, imageops};
 
 use crate::camera::{Camera, Intrinsics};
@@ -7,7 +9,6 @@ use crate::query::sheet::panel::{Area, bounding_box};
 use crate::render::{Colors, FOREGROUND_ALPHA, RenderOptions, render, render_labels};
 use crate::scene::Photo;
 use crate::scene::gaussians::Gaussians;
-use crate::vote::MaterialField;
 
 /// Longest side of the pictures that measure how much a camera sees, px.
 const LOOK_PX: u32 = 160;
@@ -15,18 +16,18 @@ const LOOK_PX: u32 = 160;
 const SHOWN_PX: usize = 12;
 
 /// The camera that shows most of the object: the largest product of the area of its outline, in scene units, and the
-/// number of parts in sight. A camera that is so near that the object does not fit into its picture sees less of the
+/// number of parts in sight; `parts[i]` is the part of Gaussian `i`. A camera that is so near that the object does not fit into its picture sees less of the
 /// outline. Among equals the first; `None` if there is no camera.
 pub fn shows_most<'a>(
     cameras: impl Iterator<Item = &'a Camera>,
     gaussians: &Gaussians,
-    field: &MaterialField,
+    parts: &[u32],
 ) -> Option<usize> {
-    let shown: Vec<f64> = cameras.map(|camera| shown(camera, gaussians, field)).collect();
+    let shown: Vec<f64> = cameras.map(|camera| shown(camera, gaussians, parts)).collect();
     (0..shown.len()).rev().max_by(|a, b| shown[*a].total_cmp(&shown[*b]))
 }
 
-fn shown(camera: &Camera, gaussians: &Gaussians, field: &MaterialField) -> f64 {
+fn shown(camera: &Camera, gaussians: &Gaussians, parts: &[u32]) -> f64 {
     let i = camera.intrinsics;
     let longest = i.width.max(i.height).max(1);
     let side = |length: u32| (length * LOOK_PX / longest).max(1);
@@ -37,12 +38,12 @@ fn shown(camera: &Camera, gaussians: &Gaussians, field: &MaterialField) -> f64 {
     let pixels = seen.alpha.iter().zip(&seen.median_depth);
     let covered = pixels.filter(|(alpha, depth)| **alpha >= FOREGROUND_ALPHA && depth.is_finite());
     let area: f64 = covered.map(|(_, depth)| f64::from(*depth).powi(2)).sum();
-    let mut counts = vec![0; field.labels.len()];
-    for label in render_labels(gaussians, &small, &field.part_label, &options).into_iter().flatten() {
-        counts[label as usize] += 1;
+    let mut counts: BTreeMap<u32, usize> = BTreeMap::new();
+    for part in render_labels(gaussians, &small, parts, &options).into_iter().flatten() {
+        *counts.entry(part).or_default() += 1;
     }
-    let parts = counts.iter().filter(|count| **count >= SHOWN_PX).count();
-    area / (small.intrinsics.fx * small.intrinsics.fy) * parts as f64
+    let in_sight = counts.values().filter(|count| **count >= SHOWN_PX).count();
+    area / (small.intrinsics.fx * small.intrinsics.fy) * in_sight as f64
 }
 
 /// A camera's picture cropped to the object.
@@ -148,7 +149,44 @@ pub fn middles(labels: &[Option<u32>], width: usize, count: usize) -> Vec<Option
 
 #[cfg(test)]
 mod tests {
+    use nalgebra::{Isometry3, Point3, Vector3};
+
     use super::*;
+    use crate::camera::Distortion;
+
+    /// A camera at `eye` that looks at `target`.
+    fn camera(eye: [f64; 3], target: [f64; 3]) -> Camera {
+        let intrinsics = Intrinsics {
+            width: 400,
+            height: 300,
+            fx: 400.0,
+            fy: 400.0,
+            cx: 200.0,
+            cy: 150.0,
+            distortion: Distortion::default(),
+        };
+        let world_from_camera = Isometry3::face_towards(&Point3::from(eye), &Point3::from(target), &-Vector3::z());
+        Camera { intrinsics, camera_from_world: world_from_camera.inverse() }
+    }
+
+    #[test]
+    fn the_view_of_the_whole_object_is_chosen() {
+        // A plate of 2 x 1 in the plane y = 0: a body and, to the right, a leg.
+        let places = (0..40).flat_map(|x| (0..20).map(move |z| [0.05 * x as f32 - 1.0, 0.0, 0.05 * z as f32 - 0.5]));
+        let mut gaussians = Gaussians { positions: places.collect(), ..Gaussians::default() };
+        let count = gaussians.positions.len();
+        gaussians.log_scales = vec![[(0.03f32).ln(); 3]; count];
+        gaussians.rotations = vec![[1.0, 0.0, 0.0, 0.0]; count];
+        gaussians.opacity_logits = vec![4.0; count];
+        gaussians.sh_dc = vec![[0.0; 3]; count];
+        let parts: Vec<u32> = gaussians.positions.iter().map(|place| u32::from(place[0] > 0.7)).collect();
+        let near_the_leg = camera([0.9, -0.6, 0.0], [0.9, 0.0, 0.0]);
+        let from_the_edge = camera([4.0, -0.3, 0.0], [0.0, 0.0, 0.0]);
+        let whole = camera([0.0, -4.0, 0.5], [0.0, 0.0, 0.0]);
+        let cameras = [near_the_leg, from_the_edge, whole.clone(), whole];
+        assert_eq!(shows_most(cameras.iter(), &gaussians, &parts), Some(2));
+        assert_eq!(shows_most([].iter(), &gaussians, &parts), None);
+    }
 
     #[test]
     fn a_narrow_area_is_widened_within_the_picture() {

@@ -58,8 +58,7 @@ impl<'a> Turntable<'a> {
         let count = (TURN_S * film.fps) as usize;
         let bounds = robust_bounds(subject.gaussians);
         let margin = bounds.size() * BEYOND;
-        let corners: Vec<_> =
-            orbit::corners([(bounds.min - margin).into(), (bounds.max + margin).into()]).collect();
+        let corners: Vec<_> = orbit::corners([(bounds.min - margin).into(), (bounds.max + margin).into()]).collect();
         // Of the layouts, the one that shows the object largest.
         let layouts = [(panels.len() as u32, 1), (2.min(panels.len() as u32), (panels.len() as u32).div_ceil(2))];
         let with_cameras = layouts.into_iter().map(|(columns, rows)| {
@@ -68,8 +67,7 @@ impl<'a> Turntable<'a> {
             let pixels_per_unit = cameras[0].intrinsics.fx / cameras[0].point_in_camera(bounds.center()).z;
             (layout, cameras, pixels_per_unit)
         });
-        let (layout, cameras, _) =
-            with_cameras.max_by(|a, b| a.2.total_cmp(&b.2)).expect("there are two layouts");
+        let (layout, cameras, _) = with_cameras.max_by(|a, b| a.2.total_cmp(&b.2)).expect("there are two layouts");
         let sheet = layout.sheet(&panels);
         Self { subject, panels, layout, cameras, sheet }
     }
@@ -97,11 +95,8 @@ impl<'a> Turntable<'a> {
 fn panels_of(shown: Shown, subject: Subject) -> Vec<Panel> {
     let field = subject.field;
     let photo = || Panel { title: "Photo colours", colors: None, legend: Vec::new() };
-    let parts = || Panel {
-        title: "Parts",
-        colors: Some(field_colors::part_colors(field)),
-        legend: legends::parts(field),
-    };
+    let parts =
+        || Panel { title: "Parts", colors: Some(field_colors::part_colors(field)), legend: legends::parts(field) };
     let materials = || Panel {
         title: "Materials",
         colors: Some(field_colors::material_colors(field)),

@@ -10,10 +10,10 @@ use crate::camera::Camera;
 use crate::error::UsageError;
 use crate::scene::gaussians::Gaussians;
 use crate::scene::ply;
+use crate::simulate::animation::{Film, Shooting};
 use crate::simulate::checkpoint::{Checkpoint, Snapshot};
 use crate::simulate::filling::FillPoint;
 use crate::simulate::material::Material;
-use crate::simulate::animation::{Film, Shooting};
 use crate::simulate::{Frame, Input, SimulationReport, plot, simulate};
 use crate::workdir::{Artifact, Checksum, Checksumming, Standing};
 

@@ -86,7 +86,7 @@ impl Pipeline {
     /// The chosen view that shows most of the object.
     pub(super) fn showing_view(&self, field: &MaterialField) -> Option<&View> {
         let cameras = self.views.iter().map(|view| &view.camera);
-        sight::shows_most(cameras, &self.scene.gaussians, field).map(|index| &self.views[index])
+        sight::shows_most(cameras, &self.scene.gaussians, &field.part_label).map(|index| &self.views[index])
     }
 
     /// The field that results from these views and answers.

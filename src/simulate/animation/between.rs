@@ -99,9 +99,7 @@ fn tangent(before: f32, after: f32) -> f32 {
 /// Hermite's cubic from the first value to the second.
 fn cubic([from, to]: [f32; 2], [leaving, arriving]: [f32; 2], t: f32) -> f32 {
     let (square, cube) = (t * t, t * t * t);
-    from + (3.0 * square - 2.0 * cube) * (to - from)
-        + (cube - 2.0 * square + t) * leaving
-        + (cube - square) * arriving
+    from + (3.0 * square - 2.0 * cube) * (to - from) + (cube - 2.0 * square + t) * leaving + (cube - square) * arriving
 }
 
 #[cfg(test)]
