@@ -140,7 +140,8 @@ pub struct ShowArgs {
     /// What the picture shows.
     #[arg(long, value_enum, default_value_t)]
     pub what: Shown,
-    /// Name of the view, whether it voted or not [default: of the views that voted, the one that shows most of the object]
+    /// Name of the view, whether it voted or not [default: of the views that voted, the one that shows most of the
+    /// object]
     #[arg(long, value_name = "NAME")]
     pub view: Option<String>,
     #[command(flatten)]

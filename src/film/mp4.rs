@@ -14,9 +14,9 @@ pub struct Mp4 {
 }
 
 impl Mp4 {
-    /// Starts a film of pictures of `width` x `height` pixels, both even; `None` if ffmpeg is not installed. The file is a
-    /// fragmented MP4, which needs no second pass, and depends neither on the number of threads nor on ffmpeg's version
-    /// text.
+    /// Starts a film of pictures of `width` x `height` pixels, both even; `None` if ffmpeg is not installed. The file
+    /// is a fragmented MP4, which needs no second pass, and depends neither on the number of threads nor on ffmpeg's
+    /// version text.
     ///
     /// # Errors
     /// If ffmpeg cannot be started.

@@ -19,8 +19,8 @@ pub fn still(points: &[Point3<f64>], azimuth: f64, elevation: f64, size: Size) -
     camera(&pose, &middle, needed(&seen, &middle, size), size)
 }
 
-/// `count` cameras on a circle, once around, that all see all `points`: around one axis and at one distance, so that only
-/// the object moves.
+/// `count` cameras on a circle, once around, that all see all `points`: around one axis and at one distance, so that
+/// only the object moves.
 pub fn turntable(points: &[Point3<f64>], azimuth: f64, elevation: f64, count: usize, size: Size) -> Vec<Camera> {
     let axis = Point3::from(middle(points));
     let pose = |i: usize| looking_from(azimuth + std::f64::consts::TAU * i as f64 / count as f64, elevation);

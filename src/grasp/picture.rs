@@ -1,6 +1,6 @@
 //! Draws the best places on the splat: the whole object with the places numbered, and the best one in close-up with its
-//! forces. Fingers are drawn like the splat, as small flat Gaussians over their faces, so that the object hides them where
-//! it is in front of them.
+//! forces. Fingers are drawn like the splat, as small flat Gaussians over their faces, so that the object hides them
+//! where it is in front of them.
 
 use image::RgbImage;
 use nalgebra::{Isometry3, Point2, Point3, UnitQuaternion, Vector3};

@@ -1,8 +1,8 @@
 //! Lettering on pictures: Inter in two weights, anti-aliased.
 //!
-//! The files are the Latin subset of Inter 4 (version 5.3.0 of the package `@fontsource/inter`) without layout tables and
-//! hints, as TrueType; their licence is `OFL.txt`. Outlines are rasterised with IEEE arithmetic alone, so the same text
-//! gives the same pixels on every processor.
+//! The files are the Latin subset of Inter 4 (version 5.3.0 of the package `@fontsource/inter`) without layout tables
+//! and hints, as TrueType; their licence is `OFL.txt`. Outlines are rasterised with IEEE arithmetic alone, so the same
+//! text gives the same pixels on every processor.
 
 use std::sync::LazyLock;
 

@@ -1,9 +1,9 @@
 //! The pictures that several stages draw: a photo's segments and materials, and the field as a camera sees it.
 //!
 //! [`palette`] and [`field_colors`] give parts, materials and Gaussians their colours, [`sight`] chooses the view and
-//! crops it to the object, [`strokes`] draws on pictures, [`panels`] puts them side by side; [`figure`] shows the field,
-//! [`material_map`] the answers for one photo, [`thumbnail`] a scene at a
-//! glance, [`turntable`] the object from all sides.
+//! crops it to the object, [`strokes`] draws on pictures, [`panels`] puts them side by side; [`figure`] shows the
+//! field, [`material_map`] the answers for one photo, [`thumbnail`] a scene at a glance, [`turntable`] the object from
+//! all sides.
 
 pub mod field_colors;
 pub mod figure;
@@ -45,8 +45,8 @@ pub fn short(caption: &str) -> &str {
     caption.split([';', ',']).next().unwrap_or(caption).trim()
 }
 
-/// For every segment of `map`, the label of the Gaussians that most of its pixels show. `labels` are those of the pixels,
-/// row by row.
+/// For every segment of `map`, the label of the Gaussians that most of its pixels show. `labels` are those of the
+/// pixels, row by row.
 pub fn labels_of_segments(map: &LabelMap, labels: &[Option<u32>]) -> BTreeMap<u16, u32> {
     let mut counts: BTreeMap<(u16, u32), usize> = BTreeMap::new();
     for (&segment, label) in map.labels.iter().zip(labels) {

@@ -16,8 +16,8 @@ const LOOK_PX: u32 = 160;
 const SHOWN_PX: usize = 12;
 
 /// The camera that shows most of the object: the largest product of the area of its outline, in scene units, and the
-/// number of parts in sight; `parts[i]` is the part of Gaussian `i`. A camera that is so near that the object does not fit into its picture sees less of the
-/// outline. Among equals the first; `None` if there is no camera.
+/// number of parts in sight; `parts[i]` is the part of Gaussian `i`. A camera that is so near that the object does not
+/// fit into its picture sees less of the outline. Among equals the first; `None` if there is no camera.
 pub fn shows_most<'a>(
     cameras: impl Iterator<Item = &'a Camera>,
     gaussians: &Gaussians,

@@ -1,8 +1,8 @@
 //! The object between two frames of the simulation.
 //!
-//! Positions follow a cubic through both frames whose slopes are the harmonic means of the neighbouring intervals' (Fritsch
-//! and Butland, 1984), and zero where the motion turns: smooth in flight, and never beyond the two frames, so that nothing
-//! sinks into the ground. Everything else is interpolated linearly, rotations along the shorter way.
+//! Positions follow a cubic through both frames whose slopes are the harmonic means of the neighbouring intervals'
+//! (Fritsch and Butland, 1984), and zero where the motion turns: smooth in flight, and never beyond the two frames, so
+//! that nothing sinks into the ground. Everything else is interpolated linearly, rotations along the shorter way.
 
 use rayon::prelude::*;
 

@@ -1,5 +1,5 @@
-//! The simulation as a film: each picture is drawn by the project's rasteriser over a chequered ground with the object's
-//! shadow, from a camera that sees the whole motion.
+//! The simulation as a film: each picture is drawn by the project's rasteriser over a chequered ground with the
+//! object's shadow, from a camera that sees the whole motion.
 //!
 //! A film has more pictures than the simulation has frames: [`between`] interpolates. [`camera`] places the cameras,
 //! [`ground`] draws the ground.
@@ -9,6 +9,7 @@ mod camera;
 mod ground;
 
 use image::{RgbImage, imageops};
+use rayon::prelude::*;
 use serde::Serialize;
 
 use super::SimulationReport;
@@ -43,7 +44,8 @@ pub struct Viewpoint {
     #[arg(long, value_name = "VIEW", conflicts_with_all = ["azimuth_deg", "turntable"])]
     pub film_from: Option<String>,
 
-    /// Film from this direction, in degrees from +x towards +y [default: the side that shows most of the object's length]
+    /// Film from this direction, in degrees from +x towards +y [default: the side that shows most of the object's
+    /// length]
     #[arg(long, value_name = "DEGREES", allow_negative_numbers = true, value_parser = from_to(-360.0, 360.0))]
     pub azimuth_deg: Option<f64>,
 
@@ -244,10 +246,13 @@ fn small(picture: &RgbImage) -> RgbImage {
 
 /// Composites the object over the ground.
 fn over(render: &render::Render, ground: &[[f32; 3]]) -> RgbImage {
-    RgbImage::from_fn(render.width, render.height, |x, y| {
-        let pixel = (y * render.width + x) as usize;
-        let rest = 1.0 - render.alpha[pixel];
-        let light: [f32; 3] = std::array::from_fn(|c| render.rgb[pixel][c] + rest * ground[pixel][c]);
-        image::Rgb(light.map(|v| (v.clamp(0.0, 1.0) * 255.0).round() as u8))
-    })
+    let mut picture = RgbImage::new(render.width, render.height);
+    let pixels = picture.par_chunks_exact_mut(3).zip(&render.rgb).zip(&render.alpha).zip(ground);
+    pixels.for_each(|(((pixel, rgb), alpha), ground)| {
+        for c in 0..3 {
+            let light = rgb[c] + (1.0 - alpha) * ground[c];
+            pixel[c] = (light.clamp(0.0, 1.0) * 255.0).round() as u8;
+        }
+    });
+    picture
 }
