@@ -36,7 +36,7 @@ pub struct Options {
     pub size: Size,
 
     /// Pictures per second of the film
-    #[arg(long, value_name = "N", default_value_t = 24, value_parser = from_to(1, 60))]
+    #[arg(long, value_name = "N", default_value_t = 24, value_parser = from_to(1u32, 60))]
     pub fps: u32,
 }
 
