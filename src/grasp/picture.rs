@@ -91,11 +91,11 @@ impl Scene<'_> {
         }
         let entry = |(rank, candidate): (usize, &Candidate)| Entry {
             text: format!(
-                "{}, {:.0} mm wide: {}{}",
-                short(&candidate.part),
-                1e3 * candidate.width_m,
+                "{}{}, {:.0} mm wide: {}",
                 newtons(candidate.f_star_n),
-                if candidate.feasible { "" } else { ", not safe" }
+                if candidate.feasible { "" } else { " (not safe)" },
+                1e3 * candidate.width_m,
+                short(&candidate.part),
             ),
             key: Key::Number(color(rank), rank as u32 + 1),
         };

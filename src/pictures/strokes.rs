@@ -44,7 +44,7 @@ pub fn arrow(picture: &mut RgbImage, from: Point2<f64>, tip: Point2<f64>, width:
 pub fn numbered(picture: &mut RgbImage, center: Point2<f64>, radius: f64, color: Rgb<u8>, number: u32) {
     disc(picture, center, radius + 1.5, WHITE);
     disc(picture, center, radius, color);
-    let light = color.0.iter().map(|&c| u32::from(c)).sum::<u32>() > 3 * 110;
+    let light = color.0.iter().map(|&c| u32::from(c)).sum::<u32>() > 3 * 125;
     let style = Style::semibold((1.25 * radius).round() as u32).inked(if light { INK } else { WHITE });
     let text = number.to_string();
     let corner = center - Vector2::new(f64::from(style.width(&text)), f64::from(style.height())) * 0.5;
