@@ -31,9 +31,6 @@ const NUMBERS: usize = 8;
 /// Distinguishable for colour-blind readers (Okabe and Ito, 2008), and dark enough on white.
 const COLORS: [RGBColor; 4] =
     [RGBColor(0, 114, 178), RGBColor(213, 94, 0), RGBColor(0, 158, 115), RGBColor(204, 121, 167)];
-/// Fraction of the values' extent by which an axis is longer than it.
-const BEYOND: f64 = 0.04;
-
 /// Series over the same quantity, in the same unit.
 pub struct Panel {
     /// The quantity drawn, with its unit.
@@ -69,9 +66,10 @@ fn draw(panels: &[Panel], text: &mut String) -> Result<(), DrawingAreaErrorKind<
     let (width, height) = PANEL;
     let whole = SVGBackend::with_string(text, (width, height * panels.len() as u32)).into_drawing_area();
     whole.fill(&WHITE)?;
+    // The same for all panels, so that their axes are below each other.
+    let names = if panels.iter().any(|panel| panel.series.len() > 1) { NAMES_RIGHT } else { 0 };
     for (area, panel) in whole.split_evenly((panels.len(), 1)).iter().zip(panels) {
-        let names = if panel.series.len() > 1 { NAMES_RIGHT } else { 0 };
-        let (along, up) = (axis(panel, |point| point.0, 0.0), axis(panel, |point| point.1, BEYOND));
+        let (along, up) = (axis(panel, |point| point.0), axis(panel, |point| point.1));
         let mut chart = ChartBuilder::on(area)
             .caption(&panel.title, (FONT, CAPTION_SIZE))
             .margin(MARGIN)
@@ -99,7 +97,7 @@ fn draw(panels: &[Panel], text: &mut String) -> Result<(), DrawingAreaErrorKind<
                     chart.draw_series(points.map(|point| Circle::new(point, DOT_RADIUS, color.mix(0.6).filled())))?
                 }
             };
-            if names > 0 {
+            if panel.series.len() > 1 {
                 let style = TextStyle::from((FONT, TEXT_SIZE).into_font()).color(&color);
                 let below_the_title = (CAPTION_SIZE + 2 * MARGIN) as i32;
                 area.draw_text(series.name, &style, ((width - names) as i32, below_the_title + line * LINE))?;
@@ -109,9 +107,8 @@ fn draw(panels: &[Panel], text: &mut String) -> Result<(), DrawingAreaErrorKind<
     whole.present()
 }
 
-/// From the smallest to the largest coordinate, extended by the fraction `beyond`; never empty, whatever the points
-/// are.
-fn axis(panel: &Panel, coordinate: impl Fn(&(f64, f64)) -> f64, beyond: f64) -> Range<f64> {
+/// From the smallest to the largest coordinate, extended to round numbers; never empty, whatever the points are.
+fn axis(panel: &Panel, coordinate: impl Fn(&(f64, f64)) -> f64) -> Range<f64> {
     let points = panel.series.iter().flat_map(|series| &series.points);
     let values = points.map(coordinate).filter(|value| value.is_finite());
     let (low, high) = values.fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), v| (low.min(v), high.max(v)));
@@ -121,10 +118,24 @@ fn axis(panel: &Panel, coordinate: impl Fn(&(f64, f64)) -> f64, beyond: f64) -> 
     let (extent, size) = (high - low, low.abs().max(high.abs()));
     // If the values are closer to each other than this, all numbers of six digits would be the same.
     if extent > 1e-6 * size {
-        return low - beyond * extent..high + beyond * extent;
+        return rounded(low..high);
     }
     let half = if size > 0.0 { 0.5 * size } else { 1.0 };
-    low - half..high + half
+    rounded(low - half..high + half)
+}
+
+/// The range, extended to multiples of 1, 2 or 5 times a power of ten, about as far apart as the numbers along an axis.
+fn rounded(range: Range<f64>) -> Range<f64> {
+    let wanted = (range.end - range.start) / NUMBERS as f64;
+    let power = 10f64.powf(wanted.log10().floor());
+    let step = [1.0, 2.0, 5.0, 10.0].map(|step| step * power).into_iter().find(|step| *step >= wanted);
+    match step {
+        // A billionth for rounding: an end that is round stays.
+        Some(step) if step.is_finite() && step > 0.0 => {
+            ((range.start / step + 1e-9).floor() * step)..((range.end / step - 1e-9).ceil() * step)
+        }
+        _ => range,
+    }
 }
 
 /// A number along `axis`: up to six digits, with an exponent if it is very large or small; 0 for a residue of rounding.
@@ -175,6 +186,16 @@ mod tests {
                 circle[from..].split('"').next().unwrap().parse().unwrap()
             };
             assert!(place("cx=\"") < width && place("cy=\"") < height, "{circle}");
+        }
+    }
+
+    #[test]
+    fn axes_end_at_round_numbers() {
+        let cases = [(0.0..0.89, 0.0..1.0), (15.0..100.0, 0.0..100.0), (-0.87..1.2, -1.0..1.5), (0.0..40.0, 0.0..40.0)];
+        for (values, axis) in cases {
+            let found = rounded(values);
+            let apart = (found.start - axis.start).abs() + (found.end - axis.end).abs();
+            assert!(apart < 1e-9, "{found:?}, not {axis:?}");
         }
     }
 

@@ -138,6 +138,7 @@ const NUMBERS: &[(&str, [&str; 2], [&str; 2], Refused)] = &[
     ("--cfl", ["0.001", "1"], ["0", "1.01"], AsItIsRead),
     ("--azimuth-deg", ["-360", "360"], ["-361", "361"], AsItIsRead),
     ("--elevation-deg", ["-90", "90"], ["-91", "91"], AsItIsRead),
+    ("--fps", ["1", "60"], ["0", "61"], AsItIsRead),
     ("--lift-angle-deg", ["0", "90"], ["-0.01", "90.1"], AsTheSceneIsOpened),
     ("--max-curvature", ["0.001", "1000000"], ["0", "1000001"], AsTheSceneIsOpened),
     ("--force-margin", ["0", "0.5"], ["-0.01", "0.51"], AsTheSceneIsOpened),
@@ -147,6 +148,7 @@ const NUMBERS: &[(&str, [&str; 2], [&str; 2], Refused)] = &[
     ("--jobs", ["1", "1024"], ["0", "1025"], AsItIsRead),
     ("--memory", ["0.001", "1000000"], ["0", "1000001"], AsItIsRead),
     // Several numbers in one value.
+    ("--size", ["64x64", "4096x4096"], ["62x64", "64x4098"], AsItIsRead),
     ("--shard", ["0/1", "999999/1000000"], ["1/1", "0/4294967296"], AsItIsRead),
     ("--point", ["0,0,0", "-1e9,1e9,0"], ["0,0", "0,0,1e400"], AsItIsRead),
     ("--object-box", ["0,0,0:1,1,1", "-1e9,0,0:1,1,1"], ["0,0,0", "0,0,0:1,1,1e400"], AsItIsRead),

@@ -62,7 +62,7 @@ pub enum Command {
     Query(QueryArgs),
     /// Give every Gaussian a material by a vote of the views.
     Vote(SceneArgs),
-    /// Draw the materials, the parts or the confidence as seen from any view of the scene.
+    /// Draw the materials, the parts or the confidence from any view of the scene, or film them on a turntable.
     Show(ShowArgs),
     /// Compute volume, thickness and mass of the 3D parts.
     Parts(SceneArgs),
@@ -134,12 +134,14 @@ pub struct WorkArgs {
 pub struct ShowArgs {
     /// Folder with a 3DGS PLY, cameras and photos; stages up to the vote that have not run yet are run first.
     pub scene: PathBuf,
-    /// PNG file to write.
+    /// File to write: a .png from one view, or a .gif or .mp4 (with ffmpeg) of the object on a turntable, with photo
+    /// colours, parts, materials and Young's modulus side by side.
     pub to: PathBuf,
     /// What the picture shows.
     #[arg(long, value_enum, default_value_t)]
     pub what: Shown,
-    /// Name of the view, whether it voted or not [default: the first view that voted]
+    /// Name of the view, whether it voted or not [default: of the views that voted, the one that shows most of the
+    /// object]
     #[arg(long, value_name = "NAME")]
     pub view: Option<String>,
     #[command(flatten)]

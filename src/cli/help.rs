@@ -24,6 +24,9 @@ const OF_A_RUN: &[&str] = &["preset", "masks", "offline", "lmm-url", "lmm-model"
 const OF_ONE_SCENE: &[&str] =
     &["view-list", "align", "object-box", "render-views", "ask-views", "answers", "part", "policy"];
 
+/// Those of a film.
+const OF_A_FILM: &[&str] = &["turntable", "size", "fps"];
+
 /// The headings of the stages' options that are a command's own.
 fn own_headings(command: &str) -> &'static [&'static str] {
     match command {
@@ -67,7 +70,8 @@ fn common_options(command: &str) -> Vec<&'static str> {
     match command {
         "run" | "report" => [OF_THE_SCENE, OF_SIZE, OF_A_RUN, OF_ONE_SCENE].concat(),
         "batch" => [OF_THE_SCENE, OF_SIZE, OF_A_RUN].concat(),
-        "segment" | "query" | "vote" | "show" => OF_THE_SCENE.to_vec(),
+        "segment" | "query" | "vote" => OF_THE_SCENE.to_vec(),
+        "show" => [OF_THE_SCENE, OF_A_FILM].concat(),
         _ => [OF_THE_SCENE, OF_SIZE].concat(),
     }
 }

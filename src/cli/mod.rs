@@ -304,6 +304,7 @@ mod tests {
         "answers",
         "cache-embeddings",
         "decoder",
+        "fps",
         "lmm-max-tokens",
         "lmm-model",
         "lmm-parallel",
@@ -322,6 +323,7 @@ mod tests {
         "recordings",
         "sam-decoder",
         "sam-encoder",
+        "size",
         "threads",
     ];
 

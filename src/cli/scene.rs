@@ -6,6 +6,7 @@ use serde::Serialize;
 use serde_json::Value;
 
 use crate::error::{Error, UsageError};
+use crate::film;
 use crate::pipeline::{Options, Pipeline, Plan, Stage};
 use crate::query::Preview;
 use crate::report;
@@ -65,10 +66,17 @@ fn carry_out(global: &Global, folder: &Path, work: &WorkArgs, to: Stage, simulat
 
 /// Draws the field, after running the stages up to the vote.
 pub fn show(global: &Global, args: &ShowArgs) -> anyhow::Result<()> {
+    let film = film::Format::of(&args.to);
+    if film.is_none() && global.typed.iter().any(|flag| flag == "--turntable") {
+        return Err(UsageError(format!("a turntable is a film: name a .gif or .mp4 instead of {:?}", args.to)).into());
+    }
     let mut pipeline = open(global, &args.scene, &args.work, (Stage::Vote, true))?;
     pipeline.run()?;
-    let png = pipeline.show(args.what, args.view.as_deref())?;
-    workdir::write_atomic(&args.to, |out| out.write_all(&png))
+    let bytes = match film {
+        Some(format) => pipeline.turntable(args.what, format)?,
+        None => pipeline.show(args.what, args.view.as_deref())?,
+    };
+    workdir::write_atomic(&args.to, |out| out.write_all(&bytes))
         .map_err(|error| UsageError(format!("cannot write {:?}: {error}", args.to)))?;
     print(global, &args.to, || shown(&args.to))
 }

@@ -27,7 +27,7 @@ fn text(rigid: &Rigid) -> String {
         let (name, label) = (piece.name(), rigid.label(piece));
         let vertices = spaced(piece.vertices.iter().flat_map(|v| [v.x, v.y, v.z]));
         let _ = writeln!(assets, r#"    <mesh name="{name}" vertex="{vertices}"/>"#);
-        let color = spaced(palette::color(piece.part).map(f64::from));
+        let color = spaced(palette::part(piece.part).map(f64::from));
         let (friction, time) = (label.friction_rubber.mid, time_constant_s(rigid, label));
         let softness = time.map_or_else(String::new, |time| format!(r#" solref="{time} 1""#));
         let _ = writeln!(

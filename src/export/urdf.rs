@@ -19,7 +19,7 @@ fn text(rigid: &Rigid) -> String {
     let (mass, center, i) = rigid.inertial();
     let mut shapes = String::new();
     for piece in &rigid.pieces {
-        let (name, color) = (piece.name(), spaced(palette::color(piece.part).map(f64::from)));
+        let (name, color) = (piece.name(), spaced(palette::part(piece.part).map(f64::from)));
         let geometry = format!(r#"<geometry><mesh filename="meshes/{name}.obj"/></geometry>"#);
         let _ = write!(
             shapes,

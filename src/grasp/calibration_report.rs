@@ -53,7 +53,7 @@ impl CalibrationReport {
         let used = || self.points.iter().filter(|p| (from..=full).contains(&p.command));
         let measured = used().map(|p| (p.command, p.force_n)).collect();
         let residuals = used().map(|p| (p.command, p.force_n - self.fit.force_at(p.command))).collect();
-        let panel = |title: String, series| Panel { title, along: "command", series };
+        let panel = |title: String, series| Panel { title, along: "command, in the controller's unit", series };
         plots::svg(&[
             panel(
                 format!("{}: force of one finger, N", self.gripper),

@@ -1,40 +1,57 @@
-//! Draws the best places on the splat. Fingers are drawn like the splat, as small flat Gaussians over their faces, so
-//! that the object hides them where it is in front of them.
+//! Draws the best places on the splat: the whole object with the places numbered, and the best one in close-up with its
+//! forces. Fingers are drawn like the splat, as small flat Gaussians over their faces, so that the object hides them
+//! where it is in front of them.
 
 use image::RgbImage;
-use nalgebra::{Isometry3, Point3, UnitQuaternion, Vector3};
+use nalgebra::{Isometry3, Point2, Point3, UnitQuaternion, Vector3};
 
 use super::candidates::Candidate;
-use super::fingers::{FINGER_LENGTH_M, OrientedBox, PALM_M, hand};
+use super::fingers::{FINGER_LENGTH_M, FINGER_THICKNESS_M, OrientedBox, PALM_M, hand};
+use super::{GraspReport, Limit};
 use crate::camera::{Camera, Distortion, Intrinsics};
-use crate::pictures::palette;
+use crate::lettering::Style;
+use crate::pictures::panels::{Entry, Key, Panel, compose};
+use crate::pictures::{palette, short, strokes};
 use crate::render::{RenderOptions, render, render_labels};
 use crate::scene::gaussians::{Gaussians, SH_C0};
+use crate::scene::robust_bounds;
 
 /// Gaussians along a finger's side.
 const PER_SIDE: f64 = 8.0;
 /// Half side of the mark of a place other than the best, as a fraction of the finger's.
 const MARK: f64 = 0.25;
 
-/// Side of the picture, px, and of the pictures that measure how much of the hand a camera sees.
+/// Longest side of a panel, px, and of the pictures that measure how much of the hand a camera sees.
 const SIDE_PX: u32 = 640;
 const LOOK_PX: u32 = 96;
-/// Width of the region that the picture shows around the hand, in hand lengths.
-const SHOWN: f64 = 5.0;
+/// Width of the region that the close-up shows around the hand, in hand lengths.
+const SHOWN: f64 = 3.6;
+/// Share of a panel that the whole object fills.
+const FILLED: f64 = 0.9;
+/// A panel of the whole object is at least this share as wide as high, and as high as wide.
+const NARROWEST: f64 = 0.6;
+/// Length of a force's arrow, m.
+const ARROW_M: f64 = 0.03;
+const ARROW_PX: f64 = 5.0;
+/// An arrow shorter than this says nothing: the camera looks along it.
+const SHORTEST_ARROW_PX: f64 = 14.0;
+const LABEL_PX: u32 = 20;
+/// Radius of a place's number.
+const NUMBER_PX: f64 = 13.0;
 
-/// Draws the cloud with the hand at the first candidate and a mark at both contacts of each other candidate, in
-/// close-up, from the camera that sees most of the hand. `None` if there is no candidate or no camera.
+/// Draws the cloud with the hand at the first candidate and a mark at both contacts of each other candidate, as the
+/// camera that sees most of the hand sees it. `None` if there is no candidate or no camera.
 pub fn picture(
     gaussians: &Gaussians,
     cameras: &[Camera],
-    candidates: &[Candidate],
+    report: &GraspReport,
     finger_side_m: f64,
     meters_per_unit: f64,
 ) -> Option<RgbImage> {
-    let best = candidates.first()?;
+    let best = report.candidates.first()?;
     let mut drawn = gaussians.clone();
     let spacing = finger_side_m / PER_SIDE;
-    for (rank, candidate) in candidates.iter().enumerate() {
+    for (rank, candidate) in report.candidates.iter().enumerate() {
         let contacts = candidate.contacts_m.map(Point3::from);
         let approach = Vector3::from(candidate.approach);
         let shapes = if rank == 0 {
@@ -43,13 +60,120 @@ pub fn picture(
             contacts.iter().map(|contact| mark(*contact, 0.5 * MARK * finger_side_m)).collect()
         };
         for shape in shapes {
-            drawn.append(&faces(&shape, spacing, palette::color(rank as u32), gaussians.sh_degree, meters_per_unit));
+            drawn.append(&faces(&shape, spacing, palette::place(rank), gaussians.sh_degree, meters_per_unit));
         }
     }
     let camera = sees_most(cameras, &drawn, gaussians.len(), best, meters_per_unit)?;
-    let camera = close_by(camera, best, meters_per_unit, SIDE_PX);
-    let picture = render(&drawn, &camera, &RenderOptions::default()).to_image([1.0; 3]);
-    Some(image::DynamicImage::ImageRgba8(picture).into_rgb8())
+    let whole = whole(camera, &drawn, gaussians.len());
+    let near = close_by(camera, best, meters_per_unit, SIDE_PX);
+    let scene = Scene { drawn: &drawn, meters_per_unit, report };
+    Some(compose(&[scene.places(&whole), scene.forces(&near, best)]))
+}
+
+struct Scene<'a> {
+    drawn: &'a Gaussians,
+    meters_per_unit: f64,
+    report: &'a GraspReport,
+}
+
+impl Scene<'_> {
+    /// The whole object, each place with its number.
+    fn places(&self, camera: &Camera) -> Panel {
+        let mut picture = self.rendered(camera, self.report.candidates[0].contacts_m[0]);
+        let mut taken: Vec<Point2<f64>> = Vec::new();
+        let candidates = || (0..).zip(&self.report.candidates);
+        for (rank, candidate) in candidates() {
+            let contacts = candidate.contacts_m.map(|contact| self.pixel(camera, Point3::from(contact)));
+            let Some((_, nearer)) = contacts.into_iter().flatten().min_by(|a, b| a.0.total_cmp(&b.0)) else { continue };
+            let place = beside(nearer, &taken, picture.dimensions());
+            strokes::numbered(&mut picture, place, NUMBER_PX, color(rank), rank as u32 + 1);
+            taken.push(place);
+        }
+        let entry = |(rank, candidate): (usize, &Candidate)| Entry {
+            text: format!(
+                "{}{}, {:.0} mm wide: {}",
+                newtons(candidate.f_star_n),
+                if candidate.feasible { "" } else { " (not safe)" },
+                1e3 * candidate.width_m,
+                short(&candidate.part),
+            ),
+            key: Key::Number(color(rank), rank as u32 + 1),
+        };
+        Panel::new("Places to grasp", picture).with_legend(candidates().map(entry).collect())
+    }
+
+    /// The best place with the forces of the fingers.
+    fn forces(&self, camera: &Camera, best: &Candidate) -> Panel {
+        let report = self.report;
+        let mut picture = self.rendered(camera, best.contacts_m[0]);
+        let contacts = best.contacts_m.map(Point3::from);
+        for (contact, other) in [(contacts[0], contacts[1]), (contacts[1], contacts[0])] {
+            let outward = (contact - other).normalize();
+            let ends = [FINGER_THICKNESS_M + ARROW_M, FINGER_THICKNESS_M]
+                .map(|out| self.pixel(camera, contact + outward * out).map(|(_, pixel)| pixel));
+            if let [Some(from), Some(tip)] = ends
+                && (tip - from).norm() >= SHORTEST_ARROW_PX
+            {
+                strokes::arrow(&mut picture, from, tip, ARROW_PX, color(0));
+                let away = (from - tip).normalize() * 1.4 * f64::from(LABEL_PX);
+                strokes::centered(&mut picture, Style::semibold(LABEL_PX), &newtons(report.f_star_n), from + away);
+            }
+        }
+        let damage = match report.f_max_limited_by {
+            Limit::Yield => "its strength is reached",
+            Limit::Bending => "it bends too far",
+            Limit::Slip | Limit::Gripper => "it is damaged",
+        };
+        let mut lines = vec![
+            format!("F* {}: press with this, command {:.0}", newtons(report.f_star_n), report.normalized_command),
+            format!("F_min {}: below it the object slips", newtons(report.f_min_n)),
+            format!("F_max {}: above it {damage}", newtons(report.f_max_n)),
+        ];
+        if let Some(why) = &report.infeasible {
+            lines[0] = format!("F* {}: the most that is possible", newtons(report.f_star_n));
+            lines.extend(Style::regular(LABEL_PX).wrapped(&format!("Not safe: {why}"), picture.width()));
+        }
+        let legend = lines.into_iter().map(|text| Entry { text, key: Key::None }).collect();
+        Panel::new(&format!("Place 1, each finger, {}", report.gripper), picture).with_legend(legend)
+    }
+
+    /// The cloud with a scale bar for the depth of a point in metres.
+    fn rendered(&self, camera: &Camera, at_m: [f64; 3]) -> RgbImage {
+        let picture = render(self.drawn, camera, &RenderOptions::default()).to_image([1.0; 3]);
+        let mut picture = image::DynamicImage::ImageRgba8(picture).into_rgb8();
+        if let Some((depth, _)) = self.pixel(camera, Point3::from(at_m)) {
+            strokes::scale_bar(&mut picture, camera.intrinsics.fx / (depth * self.meters_per_unit));
+        }
+        picture
+    }
+
+    /// Depth in scene units and pixel of a point in metres.
+    fn pixel(&self, camera: &Camera, point_m: Point3<f64>) -> Option<(f64, Point2<f64>)> {
+        let in_camera = camera.point_in_camera(point_m / self.meters_per_unit);
+        Some((in_camera.z, camera.pixel(in_camera)?))
+    }
+}
+
+fn color(rank: usize) -> image::Rgb<u8> {
+    palette::bytes(palette::place(rank))
+}
+
+fn newtons(force: f64) -> String {
+    if force < 100.0 { format!("{force:.1} N") } else { format!("{force:.0} N") }
+}
+
+/// A point near `at`, inside a picture of this size, for a number that covers none of those already there.
+fn beside(at: Point2<f64>, taken: &[Point2<f64>], (width, height): (u32, u32)) -> Point2<f64> {
+    let apart = 2.2 * NUMBER_PX;
+    let inside = |value: f64, size: u32| value.clamp(apart, (f64::from(size) - apart).max(apart));
+    let candidate = |n: u32| {
+        // A spiral of steps around the point.
+        let (sin, cos) = (f64::from(n) * 2.4).sin_cos();
+        let out = apart * (0.6 + 0.25 * f64::from(n));
+        Point2::new(inside(at.x + out * cos, width), inside(at.y + out * sin, height))
+    };
+    let free = |place: &Point2<f64>| taken.iter().all(|other| (place - other).norm() >= apart);
+    (0..60).map(candidate).find(free).unwrap_or_else(|| candidate(0))
 }
 
 /// The camera in whose picture the Gaussians from index `hand` on cover the most pixels.
@@ -70,6 +194,54 @@ fn sees_most<'a>(
     cameras.iter().rev().max_by_key(seen)
 }
 
+/// The camera, rotated and zoomed to the whole object and the Gaussians from index `hand` on: same position.
+fn whole(camera: &Camera, drawn: &Gaussians, hand: usize) -> Camera {
+    /// Beyond the robust bounds, as a share of their size, a Gaussian is a stray.
+    const BEYOND: f64 = 0.15;
+    let bounds = robust_bounds(drawn);
+    let margin = bounds.size() * BEYOND;
+    let (low, high) = (bounds.min - margin, bounds.max + margin);
+    let belongs = |i: &usize| {
+        let at = drawn.center(*i);
+        *i >= hand || drawn.opacity_logits[*i] >= 0.0 && (0..3).all(|a| low[a] <= at[a] && at[a] <= high[a])
+    };
+    let points: Vec<Point3<f64>> = (0..drawn.len()).filter(belongs).map(|i| drawn.center(i)).collect();
+    let turned = towards(camera, bounds.center());
+    let seen: Vec<[f64; 2]> = points
+        .iter()
+        .map(|point| turned * point)
+        .filter(|point| point.z > 0.0)
+        .map(|point| [point.x / point.z, point.y / point.z])
+        .collect();
+    let range = |axis: usize| {
+        let values = seen.iter().map(|point| point[axis]);
+        values.fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), v| (low.min(v), high.max(v)))
+    };
+    let (x, y) = (range(0), range(1));
+    let (wide, high) = (x.1 - x.0, y.1 - y.0);
+    let longest = wide.max(high).max(1e-9);
+    let side = |length: f64| (f64::from(SIDE_PX) * (length / longest).max(NARROWEST)).round();
+    let (width, height) = (side(wide), side(high));
+    let focal = FILLED * f64::from(SIDE_PX) / longest;
+    let intrinsics = Intrinsics {
+        width: width as u32,
+        height: height as u32,
+        fx: focal,
+        fy: focal,
+        cx: 0.5 * width - focal * 0.5 * (x.0 + x.1),
+        cy: 0.5 * height - focal * 0.5 * (y.0 + y.1),
+        distortion: Distortion::default(),
+    };
+    Camera { intrinsics, camera_from_world: turned }
+}
+
+/// The pose of the camera rotated to look at `target`. The camera's own up direction stays, so that an upright picture
+/// stays upright.
+fn towards(camera: &Camera, target: Point3<f64>) -> Isometry3<f64> {
+    let down = camera.camera_from_world.rotation.inverse() * Vector3::y();
+    Isometry3::face_towards(&camera.center_in_world(), &target, &down).inverse()
+}
+
 /// The camera, rotated and zoomed to the hand: same position, a square picture of `side` px.
 fn close_by(camera: &Camera, best: &Candidate, meters_per_unit: f64, side: u32) -> Camera {
     let contacts = best.contacts_m.map(Point3::from);
@@ -80,9 +252,7 @@ fn close_by(camera: &Camera, best: &Candidate, meters_per_unit: f64, side: u32) 
     let half = 0.5 * f64::from(side);
     let distortion = Distortion::default();
     let intrinsics = Intrinsics { width: side, height: side, fx: focal, fy: focal, cx: half, cy: half, distortion };
-    // The camera's own up direction, so that an upright picture stays upright.
-    let down = camera.camera_from_world.rotation.inverse() * Vector3::y();
-    Camera { intrinsics, camera_from_world: Isometry3::face_towards(&eye, &target, &down).inverse() }
+    Camera { intrinsics, camera_from_world: towards(camera, target) }
 }
 
 fn mark(center: Point3<f64>, half: f64) -> OrientedBox {

@@ -2,21 +2,26 @@
 //! photo, parts and materials.
 
 use clap::ValueEnum;
-use image::{DynamicImage, RgbImage};
+use image::RgbImage;
+use nalgebra::Point2;
 
-use super::panels::{Entry, color, compose};
-use super::{field_colors, tinted};
+use super::panels::{Panel, compose};
+use super::sight::{Sight, middles};
+use super::{field_colors, legends, palette, strokes};
 use crate::camera::Camera;
-use crate::render::{Colors, RenderOptions, render};
 use crate::scene::Photo;
 use crate::scene::gaussians::Gaussians;
-use crate::segment::LabelMap;
-use crate::vote::{MaterialField, field_ply};
+use crate::vote::MaterialField;
+
+/// Longest side of a panel, px.
+const PANEL_PX: u32 = 720;
+/// A panel is at least this many times as wide as high: a narrower one leaves no room for its legend.
+const NARROWEST: f64 = 0.6;
 
 /// The aspect of the field to show.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, ValueEnum)]
 pub enum Shown {
-    /// Photo, parts and materials side by side, with a legend
+    /// Photo, parts and materials side by side, with legends and a scale bar
     #[default]
     Figure,
     /// Each Gaussian in its material's colour, with a legend
@@ -27,42 +32,53 @@ pub enum Shown {
     Confidence,
 }
 
-/// Draws the field as `camera` sees it. `map` are the parts or segments in the photo; if there are none, the figure shows
-/// the field's parts.
-pub fn draw(
-    shown: Shown,
-    camera: &Camera,
-    photo: &Photo,
-    map: Option<&LabelMap>,
-    gaussians: &Gaussians,
-    field: &MaterialField,
-) -> RgbImage {
-    let seen = |colors: &[[f32; 3]]| {
-        let options = RenderOptions { colors: Colors::Fixed(colors), ..RenderOptions::default() };
-        DynamicImage::ImageRgba8(render(gaussians, camera, &options).to_image([1.0; 3])).into_rgb8()
-    };
-    let materials = || seen(&field_colors::material_colors(field));
-    let parts = || seen(&field_colors::label_colors(field));
-    match shown {
-        Shown::Figure => {
-            let middle = map.map_or_else(parts, |map| tinted(photo, map));
-            compose(&[photo.rgb.clone(), middle, materials()], &material_legend(field))
+/// A field with all that is needed to draw it.
+#[derive(Clone, Copy)]
+pub struct Subject<'a> {
+    pub gaussians: &'a Gaussians,
+    pub field: &'a MaterialField,
+    /// `None` if unknown: there is no scale bar then.
+    pub meters_per_unit: Option<f64>,
+}
+
+/// Draws the field as `camera` sees it, cropped to the object in its `photo`.
+pub fn draw(shown: Shown, camera: &Camera, photo: &Photo, subject: Subject) -> RgbImage {
+    let sight = Sight::new(camera, photo, PANEL_PX, NARROWEST);
+    let with_bar = |mut picture: RgbImage| {
+        if let Some(meters_per_unit) = subject.meters_per_unit {
+            strokes::scale_bar(&mut picture, sight.pixels_per_meter(subject.gaussians, meters_per_unit));
         }
-        Shown::Materials => compose(&[materials()], &material_legend(field)),
-        Shown::Parts => compose(&[parts()], &part_legend(field)),
-        Shown::Confidence => seen(&field_colors::confidence_colors(field)),
+        picture
+    };
+    let shot = || Panel::new("Photo", with_bar(sight.photo(photo)));
+    let alone = |panel: Panel| Panel { picture: with_bar(panel.picture), ..panel };
+    match shown {
+        Shown::Figure => compose(&[shot(), parts(&sight, subject), materials(&sight, subject)]),
+        Shown::Materials => compose(&[alone(materials(&sight, subject))]),
+        Shown::Parts => compose(&[alone(parts(&sight, subject))]),
+        Shown::Confidence => compose(&[alone(confidence(&sight, subject))]),
     }
 }
 
-fn material_legend(field: &MaterialField) -> Vec<Entry> {
-    let names = field_ply::material_names(&field.labels);
-    (0..).zip(names).map(|(n, name)| Entry { text: name.to_owned(), color: color(n) }).collect()
+fn materials(sight: &Sight, Subject { gaussians, field, .. }: Subject) -> Panel {
+    let picture = sight.colored(gaussians, &field_colors::material_colors(field));
+    Panel::new("Materials", picture).with_legend(legends::materials(field))
 }
 
-fn part_legend(field: &MaterialField) -> Vec<Entry> {
-    let entry = |label: &crate::vote::FieldLabel| Entry {
-        text: format!("{}: {}", label.material, label.caption),
-        color: color(label.id),
-    };
-    field.labels.iter().map(entry).collect()
+/// The parts, each with its number where the picture shows it.
+fn parts(sight: &Sight, Subject { gaussians, field, .. }: Subject) -> Panel {
+    let mut picture = sight.colored(gaussians, &field_colors::part_colors(field));
+    let labels = sight.labels(gaussians, &field.part_label);
+    let radius = (f64::from(picture.width().min(picture.height())) / 36.0).clamp(9.0, 15.0);
+    for (label, place) in field.labels.iter().zip(middles(&labels, picture.width() as usize, field.labels.len())) {
+        let Some((x, y)) = place else { continue };
+        let center = Point2::new(f64::from(x) + 0.5, f64::from(y) + 0.5);
+        strokes::numbered(&mut picture, center, radius, palette::bytes(palette::part(label.id)), label.id);
+    }
+    Panel::new("Parts", picture).with_legend(legends::parts(field))
+}
+
+fn confidence(sight: &Sight, Subject { gaussians, field, .. }: Subject) -> Panel {
+    let picture = sight.colored(gaussians, &field_colors::confidence_colors(field));
+    Panel::new("Confidence", picture).with_legend(legends::confidence())
 }

@@ -5,7 +5,8 @@ use std::collections::BTreeMap;
 
 use image::{Rgb, RgbImage};
 
-use super::panels::{self, Entry, color};
+use super::palette;
+use super::panels::{self, Entry, Key, Panel};
 use crate::query::{Answers, Outcome};
 use crate::scene::Photo;
 use crate::segment::LabelMap;
@@ -40,9 +41,10 @@ pub fn draw(photo: &Photo, map: &LabelMap, answers: &Answers) -> RgbImage {
     let all = map.labels.iter().filter(|label| **label != 0).count().max(1) as f64;
     let line = |seen: &Seen| Entry {
         text: format!("{}  {:.0} %", seen.name, 100.0 * seen.pixels as f64 / all),
-        color: seen.color,
+        key: Key::Square(seen.color),
     };
-    panels::compose(&[photo.rgb.clone(), colored], &legend.iter().map(line).collect::<Vec<_>>())
+    let legend = legend.iter().map(line).collect();
+    panels::compose(&[Panel::new("Photo", photo.rgb.clone()), Panel::new("Materials", colored).with_legend(legend)])
 }
 
 /// The materials by decreasing area; unnamed segments come last.
@@ -60,8 +62,10 @@ fn legend<'a>(map: &LabelMap, answers: &'a Answers) -> Vec<Seen<'a>> {
     }
     let mut sorted: Vec<_> = pixels.into_iter().collect();
     sorted.sort_by_key(|(_, pixels)| std::cmp::Reverse(*pixels));
-    let mut legend: Vec<Seen> =
-        (0..).zip(sorted).map(|(n, (name, pixels))| Seen { name, pixels, color: color(n) }).collect();
+    let mut legend: Vec<Seen> = (0..)
+        .zip(sorted)
+        .map(|(n, (name, pixels))| Seen { name, pixels, color: palette::bytes(palette::material(n)) })
+        .collect();
     if unnamed > 0 {
         legend.push(Seen { name: "(no answer)", pixels: unnamed, color: UNNAMED });
     }

@@ -1,14 +1,22 @@
 //! The pictures that several stages draw: a photo's segments and materials, and the field as a camera sees it.
 //!
-//! [`palette`] and [`field_colors`] give parts, materials and Gaussians their colours, [`panels`] puts pictures side by
-//! side; [`figure`] shows the field, [`material_map`] the answers for one photo, [`thumbnail`] a scene at a glance.
+//! [`palette`] and [`field_colors`] give parts, materials and Gaussians their colours, [`sight`] chooses the view and
+//! crops it to the object, [`strokes`] draws on pictures, [`panels`] puts them side by side; [`figure`] shows the
+//! field, [`material_map`] the answers for one photo, [`thumbnail`] a scene at a glance, [`turntable`] the object from
+//! all sides.
 
 pub mod field_colors;
 pub mod figure;
+mod legends;
 pub mod material_map;
 pub mod palette;
-mod panels;
+pub(crate) mod panels;
+pub mod sight;
+pub(crate) mod strokes;
 pub mod thumbnail;
+pub mod turntable;
+
+use std::collections::BTreeMap;
 
 use image::codecs::jpeg::JpegEncoder;
 use image::{ImageResult, Rgb, RgbImage};
@@ -21,15 +29,39 @@ const QUALITY: u8 = 85;
 /// Share of a segment's colour over the photo.
 const TINT: f32 = 0.6;
 
-/// The photo with every segment in a different colour.
-pub fn tinted(photo: &Photo, map: &LabelMap) -> RgbImage {
+/// The photo with every segment in the colour that `color` gives it.
+pub fn tinted(photo: &Photo, map: &LabelMap, color: impl Fn(u16) -> [f32; 3]) -> RgbImage {
     let mut picture = photo.rgb.clone();
     for (pixel, &label) in picture.pixels_mut().zip(&map.labels) {
         if label > 0 {
-            *pixel = mix(*pixel, palette::color(u32::from(label) - 1));
+            *pixel = mix(*pixel, color(label));
         }
     }
     picture
+}
+
+/// The beginning of a caption: the part's name, without its appearance.
+pub fn short(caption: &str) -> &str {
+    caption.split([';', ',']).next().unwrap_or(caption).trim()
+}
+
+/// For every segment of `map`, the label of the Gaussians that most of its pixels show. `labels` are those of the
+/// pixels, row by row.
+pub fn labels_of_segments(map: &LabelMap, labels: &[Option<u32>]) -> BTreeMap<u16, u32> {
+    let mut counts: BTreeMap<(u16, u32), usize> = BTreeMap::new();
+    for (&segment, label) in map.labels.iter().zip(labels) {
+        if let (1.., Some(label)) = (segment, label) {
+            *counts.entry((segment, *label)).or_default() += 1;
+        }
+    }
+    let mut found: BTreeMap<u16, (usize, u32)> = BTreeMap::new();
+    for ((segment, label), count) in counts {
+        let best = found.entry(segment).or_insert((count, label));
+        if count > best.0 {
+            *best = (count, label);
+        }
+    }
+    found.into_iter().map(|(segment, (_, label))| (segment, label)).collect()
 }
 
 fn mix(Rgb(under): Rgb<u8>, over: [f32; 3]) -> Rgb<u8> {

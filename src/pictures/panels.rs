@@ -1,53 +1,104 @@
-//! Pictures side by side on a white background with a legend below.
+//! Pictures side by side on a white background, each with its title above and its legend below.
 
 use image::imageops::{self, FilterType};
 use image::{GenericImage, Rgb, RgbImage};
+use nalgebra::Point2;
 
-use super::palette;
-use crate::query::sheet::text;
+use super::strokes;
+use crate::lettering::Style;
 
 const PAPER: Rgb<u8> = Rgb([255; 3]);
 /// Longest side of a panel in pixels; a larger picture is shrunk.
 const LONGEST_SIDE: u32 = 1024;
-/// Space between and around the panels and the legend's lines.
-const GAP: u32 = 12;
-const TEXT_SCALE: u32 = 2;
+/// A panel is at least this wide, so that its legend can be read.
+const NARROWEST: u32 = 280;
+/// Space between and around the panels.
+const GAP: u32 = 24;
+const TITLE_PX: u32 = 24;
+const TEXT_PX: u32 = 20;
 
-/// A line of the legend.
+/// A picture with its title and legend.
+pub struct Panel {
+    pub title: String,
+    pub picture: RgbImage,
+    pub legend: Vec<Entry>,
+}
+
+/// A line of a legend.
 pub struct Entry {
     pub text: String,
-    pub color: Rgb<u8>,
+    pub key: Key,
 }
 
-/// Colour `n` of the palette.
-pub fn color(n: u32) -> Rgb<u8> {
-    Rgb(palette::color(n).map(|channel| (255.0 * channel).round() as u8))
+/// What stands before a line of a legend.
+pub enum Key {
+    /// A colour.
+    Square(Rgb<u8>),
+    /// A colour and the number in the picture.
+    Number(Rgb<u8>, u32),
+    None,
 }
 
-/// The panels, all of the same size, from left to right, and the legend.
-pub fn compose(panels: &[RgbImage], legend: &[Entry]) -> RgbImage {
-    let panels: Vec<RgbImage> = panels.iter().map(fitted).collect();
-    let (width, height) = panels.first().map_or((0, 0), RgbImage::dimensions);
-    let line_height = text::height(TEXT_SCALE);
-    let swatch = line_height + GAP;
-    let widest = legend.iter().map(|entry| text::width(&entry.text, TEXT_SCALE)).max().unwrap_or(0) + swatch;
-    let count = panels.len() as u32;
-    let legend_top = height + 2 * GAP;
-    let size = (
-        (count * width + (count + 1) * GAP).max(widest + 2 * GAP),
-        legend_top + legend.len() as u32 * (line_height + GAP / 2) + GAP,
-    );
-    let mut sheet = RgbImage::from_pixel(size.0, size.1, PAPER);
-    for (n, panel) in (0..).zip(&panels) {
-        sheet.copy_from(panel, GAP + n * (width + GAP), GAP).expect("the sheet was made for its panels");
+impl Panel {
+    pub fn new(title: &str, picture: RgbImage) -> Self {
+        Self { title: title.to_owned(), picture, legend: Vec::new() }
     }
-    for (row, entry) in (0..).zip(legend) {
-        let y = legend_top + row * (line_height + GAP / 2);
-        let square = RgbImage::from_pixel(line_height, line_height, entry.color);
-        sheet.copy_from(&square, GAP, y).expect("the sheet was made for its legend");
-        text::write(&mut sheet, &entry.text, (GAP + swatch, y), TEXT_SCALE);
+
+    pub fn with_legend(self, legend: Vec<Entry>) -> Self {
+        Self { legend, ..self }
+    }
+}
+
+/// The panels from left to right.
+pub fn compose(panels: &[Panel]) -> RgbImage {
+    let (title, text) = (Style::semibold(TITLE_PX), Style::regular(TEXT_PX));
+    let pictures: Vec<RgbImage> = panels.iter().map(|panel| fitted(&panel.picture)).collect();
+    let widths: Vec<u32> = pictures.iter().map(|picture| picture.width().max(NARROWEST)).collect();
+    let tallest = pictures.iter().map(RgbImage::height).max().unwrap_or(0);
+    let lines = panels.iter().map(|panel| panel.legend.len()).max().unwrap_or(0) as u32;
+    let legend_top = 2 * GAP + title.height() + tallest;
+    let line_height = text.height() + 6;
+    let width = widths.iter().map(|width| width + GAP).sum::<u32>() + GAP;
+    let height = legend_top + if lines > 0 { lines * line_height + GAP } else { 0 };
+    let mut sheet = RgbImage::from_pixel(width, height, PAPER);
+    let mut x = GAP;
+    for ((panel, picture), width) in panels.iter().zip(&pictures).zip(&widths) {
+        let titled = title.fitted(&panel.title, *width);
+        title.write(&mut sheet, &titled, (x as i32, (GAP / 2) as i32));
+        let left = x + (width - picture.width()) / 2;
+        let top = GAP + title.height() + (tallest - picture.height()) / 2;
+        sheet.copy_from(picture, left, top).expect("the sheet was made for its panels");
+        for (row, entry) in (0..).zip(&panel.legend) {
+            write_entry(&mut sheet, entry, (x, legend_top + row * line_height), *width, TEXT_PX);
+        }
+        x += width + GAP;
     }
     sheet
+}
+
+/// A line of a legend with type of `px` pixels in a column of `width` pixels, its upper left corner at `at`.
+pub fn write_entry(sheet: &mut RgbImage, entry: &Entry, at: (u32, u32), width: u32, px: u32) {
+    let style = Style::regular(px);
+    let side = px;
+    let top = at.1 + (style.height() - side) / 2;
+    let indent = match entry.key {
+        Key::Square(color) => {
+            let half = 0.5 * f64::from(side);
+            let (left, middle) = (f64::from(at.0), f64::from(top) + half);
+            let ends = [left, left + f64::from(side)].map(|x| Point2::new(x, middle));
+            strokes::bar(sheet, ends, half, color);
+            side + px / 2
+        }
+        Key::Number(color, number) => {
+            let radius = 0.5 * f64::from(side) + 2.0;
+            let center = Point2::new(f64::from(at.0) + radius, f64::from(top) + 0.5 * f64::from(side));
+            strokes::numbered(sheet, center, radius, color, number);
+            side + 6 + px / 2
+        }
+        Key::None => 0,
+    };
+    let text = style.fitted(&entry.text, width.saturating_sub(indent));
+    style.write(sheet, &text, ((at.0 + indent) as i32, at.1 as i32));
 }
 
 fn fitted(picture: &RgbImage) -> RgbImage {

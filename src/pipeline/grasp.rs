@@ -34,7 +34,7 @@ impl Pipeline {
         let surface = Surface::of(gaussians, &field.part_label, &cameras, meters_per_unit);
         let report = grasp::grasp(&parts, &field.labels, Some(&surface), meters_per_unit, &self.gripper, &options)?;
         let side = self.gripper.finger_side_m();
-        let picture = grasp::picture::picture(gaussians, &cameras, &report.candidates, side, meters_per_unit);
+        let picture = grasp::picture::picture(gaussians, &cameras, &report, side, meters_per_unit);
         let mut outputs = vec![Artifact::Grasp];
         match picture {
             Some(picture) => {

@@ -44,7 +44,7 @@ impl Pipeline {
             grasp: self.grasp_picture()?,
         };
         self.work.write_json(Artifact::ReportJson, &report)?;
-        let eye = self.views.first().map_or_else(Point3::origin, |view| view.camera.center_in_world());
+        let eye = self.showing_view(field).map_or_else(Point3::origin, |view| view.camera.center_in_world());
         let cloud = Cloud::new(gaussians, field, eye);
         let motion = report.simulation.as_ref().map(|simulation| self.motion(&cloud, simulation)).transpose()?;
         let page = report::page(&report, answers, &pictures, &cloud, motion.as_ref());

@@ -4,17 +4,17 @@ use std::io::{BufWriter, IntoInnerError, Write};
 use std::path::PathBuf;
 
 use anyhow::{Context, Result};
-use image::RgbImage;
 use rayon::prelude::*;
 
 use crate::camera::Camera;
 use crate::error::UsageError;
 use crate::scene::gaussians::Gaussians;
 use crate::scene::ply;
+use crate::simulate::animation::{Film, Shooting};
 use crate::simulate::checkpoint::{Checkpoint, Snapshot};
 use crate::simulate::filling::FillPoint;
 use crate::simulate::material::Material;
-use crate::simulate::{Frame, Input, SimulationReport, animation, plot, simulate};
+use crate::simulate::{Frame, Input, SimulationReport, plot, simulate};
 use crate::workdir::{Artifact, Checksum, Checksumming, Standing};
 
 use super::record::Output;
@@ -53,17 +53,19 @@ impl Pipeline {
             let frame = ply::read(&self.work.path(Artifact::Frame(index)))?.gaussians;
             Ok(Gaussians { set_aside: self.scene.gaussians.set_aside.clone(), ..frame })
         };
-        let cameras = animation::cameras(&report, &options.viewpoint, photo);
-        let pictures = animation::pictures(&report, &cameras, &mut load, self.progress)?;
-        self.work.write(Artifact::Animation, &animation::gif(&pictures).context("the animation")?)?;
-        let movie = self.write_movie(&pictures)?;
+        let films = Shooting::new(&report, &options.viewpoint, photo).films(&mut load, self.progress)?;
+        self.work.write(Artifact::Animation, &films.animation)?;
+        let film = self.write_film(films.film)?;
+        if let Some(error) = films.failure {
+            self.progress.line(&format!("no MP4, but a GIF: {error}"));
+        }
         self.work.write(Artifact::Plot, plot::svg(&report).as_bytes())?;
         self.work.write_json(Artifact::Simulation, &report)?;
         self.remove_frames_from(report.frames.len())?;
         self.work.remove(Artifact::Checkpoint)?;
         let frames = (0..report.frames.len()).map(Artifact::Frame);
         let states = (0..report.frames.len()).map(Artifact::States);
-        let others = [Artifact::Animation, Artifact::Plot, Artifact::Simulation].into_iter().chain(movie);
+        let others = [Artifact::Animation, Artifact::Plot, Artifact::Simulation].into_iter().chain([film]);
         let done = Done::writing(frames.chain(states).chain(others));
         Ok(done.warning(report.warnings))
     }
@@ -77,20 +79,17 @@ impl Pipeline {
         Ok(Some(&view.camera))
     }
 
-    /// Writes the film if ffmpeg is available; otherwise removes that of an earlier run.
-    fn write_movie(&self, pictures: &[RgbImage]) -> Result<Option<Artifact<'static>>> {
-        match animation::mp4(pictures) {
-            Ok(Some(bytes)) => {
-                self.work.write(Artifact::Movie, &bytes)?;
-                return Ok(Some(Artifact::Movie));
-            }
-            Ok(None) => {}
-            Err(error) => self.progress.line(&format!("no film: {error}")),
+    /// Writes the film and removes that of an earlier run in the other format.
+    fn write_film(&self, film: Film) -> Result<Artifact<'static>> {
+        let (artifact, bytes, other) = match film {
+            Film::Mp4(bytes) => (Artifact::FilmMp4, bytes, Artifact::FilmGif),
+            Film::Gif(bytes) => (Artifact::FilmGif, bytes, Artifact::FilmMp4),
+        };
+        self.work.write(artifact, &bytes)?;
+        if self.work.size(other).is_some() {
+            self.work.remove(other)?;
         }
-        if self.work.size(Artifact::Movie).is_some() {
-            self.work.remove(Artifact::Movie)?;
-        }
-        Ok(None)
+        Ok(artifact)
     }
 
     /// The stored report of the simulation.

@@ -8,8 +8,10 @@ use anyhow::Result;
 use image::RgbImage;
 
 use crate::error::UsageError;
-use crate::pictures::figure::{self, Shown};
-use crate::pictures::{field_colors, thumbnail};
+use crate::film;
+use crate::pictures::figure::{self, Shown, Subject};
+use crate::pictures::turntable::Turntable;
+use crate::pictures::{field_colors, sight, thumbnail};
 use crate::query::Answers;
 use crate::scene::gaussians::Gaussians;
 use crate::scene::{View, ply};
@@ -38,7 +40,7 @@ impl Pipeline {
         let recolored = field_colors::recolored(gaussians, &field_colors::material_colors(&field));
         self.work.write_with(Artifact::Recolored, |out| ply::write(out, &recolored, &[]))?;
         let mut written = vec![Artifact::Field, Artifact::Labels, Artifact::Materials, Artifact::Recolored];
-        if let Some(view) = self.views.first() {
+        if let Some(view) = self.showing_view(&field) {
             self.work.write(Artifact::Figure, &png(&self.draw(Shown::Figure, view, &field)?)?)?;
             let small = thumbnail::draw(&view.camera, &view.photo()?, gaussians, &field)?;
             self.work.write(Artifact::Thumbnail, &small)?;
@@ -47,25 +49,48 @@ impl Pipeline {
         Ok(Done::writing(written).warning(field.warnings).noting(field.notes))
     }
 
-    /// The field as seen by a view of the scene, even one that did not vote, as PNG; by default the first chosen view.
+    /// The field as seen by a view of the scene, even one that did not vote, as PNG; by default the chosen view that shows most
+    /// of the object.
     /// The scene must be voted on.
     pub(crate) fn show(&self, shown: Shown, view: Option<&str>) -> Result<Vec<u8>> {
+        let field = self.stored_field()?;
         let chosen = match view {
-            None => self.views.first(),
+            None => self.showing_view(field),
             Some(name) => self.scene.views.iter().find(|view| view.name == name),
         };
         let chosen = chosen.ok_or_else(|| {
             let known: Vec<&str> = self.scene.views.iter().map(|view| view.name.as_str()).collect();
             UsageError(format!("the scene has no view {:?}; it has {}", view.unwrap_or_default(), known.join(", ")))
         })?;
-        png(&self.draw(shown, chosen, self.stored_field()?)?)
+        png(&self.draw(shown, chosen, field)?)
+    }
+
+    /// The object on a turntable, as a film. The scene must be voted on.
+    pub(crate) fn turntable(&self, shown: Shown, format: film::Format) -> Result<Vec<u8>> {
+        let film = self.options.simulate.viewpoint.film;
+        let turntable = Turntable::new(shown, self.subject(self.stored_field()?), film);
+        let bar = self.progress.bar("film", turntable.count() as u64);
+        let bytes = format.encode(film.fps, turntable.count(), |index| {
+            bar.inc(1);
+            turntable.picture(index)
+        });
+        bar.finish_and_clear();
+        Ok(bytes?)
     }
 
     fn draw(&self, shown: Shown, view: &View, field: &MaterialField) -> Result<RgbImage> {
-        let place = self.views.iter().position(|chosen| chosen.name == view.name);
-        let maps = self.settled_maps(self.stored_answers()?)?;
-        let map = place.map(|place| &*maps[place]);
-        Ok(figure::draw(shown, &view.camera, &view.photo()?, map, &self.scene.gaussians, field))
+        Ok(figure::draw(shown, &view.camera, &view.photo()?, self.subject(field)))
+    }
+
+    fn subject<'a>(&'a self, field: &'a MaterialField) -> Subject<'a> {
+        let meters_per_unit = self.scene.scale.as_ref().map(|scale| scale.meters_per_unit);
+        Subject { gaussians: &self.scene.gaussians, field, meters_per_unit }
+    }
+
+    /// The chosen view that shows most of the object.
+    pub(super) fn showing_view(&self, field: &MaterialField) -> Option<&View> {
+        let cameras = self.views.iter().map(|view| &view.camera);
+        sight::shows_most(cameras, &self.scene.gaussians, &field.part_label).map(|index| &self.views[index])
     }
 
     /// The field that results from these views and answers.

@@ -153,7 +153,7 @@ pub enum Inside {
 pub enum Match {
     /// Asked live in this run.
     Live,
-    /// Found by its key.
+    /// Found by its key, or by view, prompt and the same mask.
     Exact,
     /// Found by view and mask overlap.
     Mask { iou: f64 },

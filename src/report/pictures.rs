@@ -1,12 +1,14 @@
 //! The report's pictures: each view's photo, the splat, its segments and the materials of the Gaussians seen from there,
 //! and the sheets of its questions.
 
+use std::collections::BTreeMap;
+
 use image::{ImageError, ImageFormat, ImageReader, ImageResult, RgbImage};
 
 use crate::files;
 
-use crate::pictures::{field_colors, jpeg, tinted};
-use crate::render::{Colors, RenderOptions, render};
+use crate::pictures::{field_colors, jpeg, labels_of_segments, palette, tinted};
+use crate::render::{Colors, RenderOptions, render, render_labels};
 use crate::scene::gaussians::Gaussians;
 use crate::scene::{SceneError, View};
 use crate::segment::LabelMap;
@@ -45,7 +47,10 @@ pub struct ViewPictures {
     /// The splat as the photo's camera sees it.
     pub splat: Vec<u8>,
     pub segments: Vec<u8>,
+    /// The Gaussians in the colours of their parts.
     pub materials: Vec<u8>,
+    /// The part that each segment shows, as its `part_label` in `field.ply`.
+    pub part_of_segment: BTreeMap<u16, u32>,
 }
 
 /// The sheet of a segment of a view, as JPEG.
@@ -79,14 +84,18 @@ impl ViewPictures {
         field: &MaterialField,
     ) -> Result<Self, PictureError> {
         let photo = view.photo()?;
-        let labels = field_colors::label_colors(field);
+        let labels = render_labels(gaussians, &view.camera, &field.part_label, &RenderOptions::default());
+        let part_of_segment = labels_of_segments(map, &labels);
+        let color = |segment| part_of_segment.get(&segment).map_or(palette::NOTHING, |part| palette::part(*part));
+        let of_parts = field_colors::part_colors(field);
         let seen = |colors| jpeg(&seen(view, gaussians, colors), LONGEST_SIDE);
         Ok(Self {
             name: view.name.clone(),
             splat: seen(Colors::Sh)?,
-            segments: jpeg(&tinted(&photo, map), LONGEST_SIDE)?,
-            materials: seen(Colors::Fixed(&labels))?,
+            segments: jpeg(&tinted(&photo, map, color), LONGEST_SIDE)?,
+            materials: seen(Colors::Fixed(&of_parts))?,
             photo: jpeg(&photo.rgb, LONGEST_SIDE)?,
+            part_of_segment,
         })
     }
 }

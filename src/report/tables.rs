@@ -158,6 +158,7 @@ pub(super) fn form(form: Form) -> &'static str {
     match form {
         Form::Shell { .. } => "shell",
         Form::Solid => "solid",
+        Form::Mixed => "mixed",
     }
 }
 

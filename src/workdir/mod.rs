@@ -93,10 +93,12 @@ pub enum Artifact<'a> {
     Checkpoint,
     /// The report of the simulation, frame by frame.
     Simulation,
-    /// The animation as GIF.
+    /// The small animation for pages, GIF.
     Animation,
-    /// The animation as a film, if ffmpeg is installed.
-    Movie,
+    /// The film, if ffmpeg is installed.
+    FilmMp4,
+    /// The film without ffmpeg.
+    FilmGif,
     /// Energies and centre of mass over time.
     Plot,
     /// Forces, bounds, command, best places to grasp at.
@@ -139,7 +141,8 @@ impl Artifact<'_> {
             Self::Checkpoint => "simulation/checkpoint.bin".into(),
             Self::Simulation => "simulation/simulation.json".into(),
             Self::Animation => "simulation/animation.gif".into(),
-            Self::Movie => "simulation/animation.mp4".into(),
+            Self::FilmMp4 => "simulation/film.mp4".into(),
+            Self::FilmGif => "simulation/film.gif".into(),
             Self::Plot => "simulation/plot.svg".into(),
             Self::Grasp => "grasp.json".into(),
             Self::GraspPicture => "grasp.png".into(),

@@ -79,6 +79,21 @@ fn pictures(scene: &Path, work: &Path) {
         assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
         assert!(image::open(&to).unwrap().width() >= 512, "{what}");
     }
+    let film = work.join("turntable.gif");
+    let output = Command::new(env!("CARGO_BIN_EXE_gprop"))
+        .args(["show", text(scene), text(&film), "--turntable", "--size", "320x180", "--fps", "2", "--out", text(work)])
+        .output()
+        .unwrap();
+    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+    let decoder = image::codecs::gif::GifDecoder::new(fs::File::open(&film).map(std::io::BufReader::new).unwrap());
+    let turned = image::AnimationDecoder::into_frames(decoder.unwrap()).collect_frames().unwrap();
+    assert_eq!((turned.len(), turned[0].buffer().dimensions()), (12, (320, 180)), "a turn takes six seconds");
+    assert!(turned[0].buffer() != turned[6].buffer());
+    let output = Command::new(env!("CARGO_BIN_EXE_gprop"))
+        .args(["show", text(scene), text(&work.join("turned.png")), "--turntable", "--out", text(work)])
+        .output()
+        .unwrap();
+    refused(&output, &["turned.png", ".gif", ".mp4"]);
     let nowhere = work.join("nowhere.png");
     let output = Command::new(env!("CARGO_BIN_EXE_gprop"))
         .args(["show", text(scene), text(&nowhere), "--view", "nobody", "--out", text(work)])

@@ -78,20 +78,26 @@ fn every_scene_has_places_to_grasp_at() {
         for place in &report.candidates {
             assert!(place.width_m <= 0.09 && place.misalignment_rad < 1.0f64.atan(), "{place:?}");
         }
-        let drawn = picture::picture(
-            &measured.scene.gaussians,
-            &measured.cameras,
-            &report.candidates,
-            gripper.finger_side_m(),
-            1.0,
-        );
+        let drawn =
+            picture::picture(&measured.scene.gaussians, &measured.cameras, &report, gripper.finger_side_m(), 1.0);
         let drawn = drawn.unwrap();
         if let Some(folder) = std::env::var_os("GPROP_KEEP_PICTURES") {
             drawn.save(Path::new(&folder).join(format!("{}.png", measured.scene.name))).unwrap();
         }
-        // Orange in any light; no scene has an orange as strong as this.
-        let is_hand = |p: &&image::Rgb<u8>| i32::from(p.0[0]) - i32::from(p.0[2]) > 110;
-        let share = drawn.pixels().filter(is_hand).count() as f64 / f64::from(drawn.width() * drawn.height());
-        assert!(share > 0.02, "the hand fills {share} of the picture");
+        // Magenta in any light; no scene has a magenta as strong as this.
+        let is_hand = |p: &image::Rgb<u8>| {
+            let [red, green, blue] = p.0.map(i32::from);
+            red - green > 100 && blue - green > 20
+        };
+        let hand: Vec<(u32, u32)> =
+            drawn.enumerate_pixels().filter(|(_, _, p)| is_hand(p)).map(|(x, y, _)| (x, y)).collect();
+        let share = hand.len() as f64 / f64::from(drawn.width() * drawn.height());
+        assert!(share > 0.01, "the hand fills {share} of the picture");
+        // The whole object with the hand is on the left, the hand close by on the right.
+        let half = drawn.width() / 2;
+        assert!(hand.iter().any(|(x, _)| *x < half - 50) && hand.iter().any(|(x, _)| *x > half + 50));
+        let is_paper = |x: u32, y: u32| drawn.get_pixel(x, y).0.iter().all(|channel| *channel > 245);
+        // A margin around everything, within the left panel: nothing of the object touches its left edge.
+        assert!((60..drawn.height() - 250).all(|y| is_paper(26, y)), "{}: the object is cut", measured.scene.name);
     }
 }

@@ -1,10 +1,12 @@
 use std::collections::BTreeSet;
+use std::error::Error;
 
+use gprop::film::{self, Size};
 use gprop::materials::Law;
 use gprop::progress::Progress;
 use gprop::render::sh_color;
 use gprop::scene::gaussians::Gaussians;
-use gprop::simulate::animation::{self, Viewpoint};
+use gprop::simulate::animation::{Film, Shooting, Viewpoint};
 use gprop::simulate::checkpoint::{Checkpoint, Snapshot};
 use gprop::simulate::filling::{FillPoint, fill};
 use gprop::simulate::material::Material;
@@ -479,21 +481,36 @@ fn explosion_stops_the_run_and_keeps_the_frames() {
     }
 }
 
-/// Every picture shows the whole bar, and the GIF contains all pictures.
+/// Every picture shows the whole bar, and the films contain all pictures.
 #[test]
-fn animation_shows_the_object_in_every_frame() {
+fn film_shows_the_object_in_every_picture() {
     let bar = Bar::new();
     let (frames, report) = run(&bar.input(), &options());
-    let mut load = |index: usize| Ok::<_, SimulateError>(frames[index].gaussians.clone());
-    let view = |change: &dyn Fn(&mut Viewpoint)| {
+    let mut load = |index: usize| Ok::<_, Box<dyn Error>>(frames[index].gaussians.clone());
+    let viewpoint = |change: &dyn Fn(&mut Viewpoint)| {
         let mut viewpoint = Options::default().viewpoint;
+        viewpoint.film = film::Options { size: Size { width: 480, height: 360 }, fps: 24 };
         change(&mut viewpoint);
-        animation::cameras(&report, &viewpoint, None)
+        viewpoint
     };
-    let pictures = animation::pictures(&report, &view(&|_| ()), &mut load, Progress::Hidden).unwrap();
-    let turned = animation::pictures(&report, &view(&|v| v.turntable = true), &mut load, Progress::Hidden).unwrap();
-    let above = animation::pictures(&report, &view(&|v| v.elevation_deg = 80.0), &mut load, Progress::Hidden).unwrap();
-    assert_eq!([pictures.len(), turned.len(), above.len()], [6; 3]);
+    let mut shoot = |change: &dyn Fn(&mut Viewpoint)| {
+        let mut pictures = Vec::new();
+        let shooting = Shooting::new(&report, &viewpoint(change), None);
+        let mut keep = |picture| {
+            pictures.push(picture);
+            Ok(())
+        };
+        shooting.draw(&mut load, &mut keep, Progress::Hidden).unwrap();
+        assert_eq!(pictures.len(), shooting.count());
+        pictures
+    };
+    let pictures = shoot(&|_| ());
+    let turned = shoot(&|v| v.turntable = true);
+    let above = shoot(&|v| v.elevation_deg = 80.0);
+    // At half speed, 24 pictures per second; the first and the last frame are both shown.
+    let simulated_s = report.frames.last().unwrap().t_s;
+    assert_eq!(pictures.len(), (2.0 * 24.0 * simulated_s).round() as usize + 1);
+    assert!(pictures.len() > report.frames.len(), "pictures between the frames");
     assert!(pictures[1] != above[1] && pictures[3] != turned[3]);
     for (index, picture) in pictures.iter().chain(&turned).chain(&above).enumerate() {
         // The Gaussians are red, the ground is grey.
@@ -507,13 +524,14 @@ fn animation_shows_the_object_in_every_frame() {
         let at_edge = |&(x, y): &(u32, u32)| x == 0 || y == 0 || x + 1 == picture.width() || y + 1 == picture.height();
         assert!(!red.iter().any(at_edge), "frame {index}: the bar is cut off");
     }
-    match animation::mp4(&pictures).unwrap() {
-        Some(film) => assert_eq!(&film[4..8], b"ftyp"),
-        None => skipped("animation_shows_the_object_in_every_frame", "no ffmpeg: no film"),
+    let films = Shooting::new(&report, &viewpoint(&|_| ()), None).films(&mut load, Progress::Hidden).unwrap();
+    match films.film {
+        Film::Mp4(film) => assert_eq!(&film[4..8], b"ftyp"),
+        Film::Gif(_) => skipped("film_shows_the_object_in_every_picture", "no ffmpeg: no MP4"),
     }
-    let gif = animation::gif(&pictures).unwrap();
-    let decoder = image::codecs::gif::GifDecoder::new(std::io::Cursor::new(gif)).unwrap();
+    let decoder = image::codecs::gif::GifDecoder::new(std::io::Cursor::new(films.animation)).unwrap();
     let decoded = image::AnimationDecoder::into_frames(decoder).collect_frames().unwrap();
-    assert_eq!(decoded.len(), 6);
+    // Every second picture: 12 per second.
+    assert_eq!(decoded.len(), pictures.len().div_ceil(2));
     assert_eq!(decoded[0].buffer().dimensions(), pictures[0].dimensions());
 }

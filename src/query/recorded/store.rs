@@ -172,6 +172,8 @@ impl Recordings {
         };
         let best = best_overlap(asked, candidates.by_ref().filter(same_prompt));
         match best {
+            // The same segment of the same photo with the same prompt: the question is the same, however it was drawn.
+            Some((recording, 1.0)) => Ok((recording.clone(), Match::Exact)),
             Some((recording, iou)) if iou >= MASK_IOU => Ok((recording.clone(), Match::Mask { iou })),
             best => Err(miss(asked, &by_key, best.map(|(_, iou)| iou))),
         }

@@ -6,7 +6,6 @@
 //! photo and segment give the same pixels on every processor; recordings are found by those pixels, before JPEG.
 
 pub(crate) mod panel;
-pub mod text;
 
 use image::codecs::jpeg::JpegEncoder;
 use image::{GenericImage, GrayImage, Rgb, RgbImage};
@@ -14,6 +13,7 @@ use panel::Area;
 use serde::{Deserialize, Serialize};
 
 use super::sha256::Sha256Hex;
+use crate::lettering::Style;
 use crate::scene::Photo;
 use crate::segment::LabelMap;
 
@@ -36,6 +36,8 @@ pub struct Sheet {
 
 /// Compression of the sheet that is sent and saved; at this quality text and outlines stay clean.
 const JPEG_QUALITY: u8 = 90;
+/// Size of the labels' type on a sheet of up to 1399 pixels, in pixels; twice as large on the next 700, and so on.
+const LABEL_PX: u32 = 13;
 /// Space between panels and around them, in pixels.
 const GAP: u32 = 8;
 /// The object is enlarged to at most this many times the photo's resolution: more would cost tokens and show no more.
@@ -130,7 +132,7 @@ struct Canvas {
     picture: RgbImage,
     /// Width and height of each panel.
     panel: (u32, u32),
-    label_scale: u32,
+    label: Style,
     in_a_row: bool,
     placed: u32,
 }
@@ -140,26 +142,24 @@ impl Canvas {
     /// most `most_height` high.
     fn new(longest_side: u32, panels: u32, aspect: f64, most_height: u32) -> Self {
         let in_a_row = aspect <= WIDE;
-        let label_scale = (longest_side / 700).max(1);
-        let label = text::height(label_scale);
+        let label = Style::semibold(LABEL_PX * (longest_side / 700).max(1));
         let (columns, rows) = if in_a_row { (panels, 1) } else { (1, panels) };
         let widest = (longest_side - GAP * (columns + 1)) / columns;
-        let highest = (longest_side - (GAP + label) * rows - GAP) / rows;
+        let highest = (longest_side - (GAP + label.height()) * rows - GAP) / rows;
         let height = highest.min((f64::from(widest) / aspect) as u32).clamp(1, most_height.max(1));
-        let width =
-            ((f64::from(height) * aspect) as u32).max(text::width("2 the part, in red", label_scale)).min(widest);
-        let picture = RgbImage::from_pixel(columns * (width + GAP) + GAP, rows * (height + label + GAP) + GAP, PAPER);
-        Self { picture, panel: (width, height), label_scale, in_a_row, placed: 0 }
+        let width = ((f64::from(height) * aspect) as u32).max(label.width("2 the part, in red")).min(widest);
+        let picture =
+            RgbImage::from_pixel(columns * (width + GAP) + GAP, rows * (height + label.height() + GAP) + GAP, PAPER);
+        Self { picture, panel: (width, height), label, in_a_row, placed: 0 }
     }
 
     fn place(&mut self, label: &str, panel: &RgbImage) {
         let (width, height) = self.panel;
-        let label_height = text::height(self.label_scale);
         let (column, row) = if self.in_a_row { (self.placed, 0) } else { (0, self.placed) };
         let x = GAP + column * (width + GAP);
-        let y = GAP + row * (height + label_height + GAP);
-        text::write(&mut self.picture, label, (x, y), self.label_scale);
-        self.picture.copy_from(panel, x, y + label_height).expect("the canvas was made for its panels");
+        let y = GAP + row * (height + self.label.height() + GAP);
+        self.label.write(&mut self.picture, label, (x as i32, y as i32));
+        self.picture.copy_from(panel, x, y + self.label.height()).expect("the canvas was made for its panels");
         self.placed += 1;
     }
 }

@@ -16,12 +16,9 @@ use minijinja::{Value, context};
 
 use crate::grasp::GraspReport;
 use crate::grasp::candidates::Candidate;
-<<<<<<< HEAD
 use crate::materials::MaterialLibrary;
 use crate::materials::stats::Provenance;
-=======
 use crate::part_name::part_name;
->>>>>>> page
 use crate::parts::Part;
 use crate::pictures::palette;
 use crate::query::Answers;
@@ -160,7 +157,7 @@ fn part_row(label: &FieldLabel, report: &Report) -> Value {
     };
     context! {
         id => label.id,
-        color => css(palette::color(label.id)),
+        color => css(palette::part(label.id)),
         caption => &label.caption,
         name => part_name(&label.caption, &label.material),
         mass => part.map_or_else(String::new, |part| match part.mass_kg {
@@ -170,11 +167,7 @@ fn part_row(label: &FieldLabel, report: &Report) -> Value {
         material => &label.material,
         family => &label.family,
         gaussians => report.gaussians_per_label[label.id as usize],
-<<<<<<< HEAD
-        form => match label.form { Form::Shell { .. } => "shell", Form::Solid => "solid", Form::Mixed => "mixed" },
-=======
         form => tables::form(label.form),
->>>>>>> page
         numbers => vec![
             measured(|part| part.volume_m3, 1e6),
             measured(|part| part.thickness_m, 1e3),
@@ -225,7 +218,7 @@ fn grasp(grasp: &GraspReport, pictures: &Pictures) -> Value {
 /// A place to grasp at: forces in N, lengths in mm, torque in N mm.
 fn place_row((rank, place): (usize, &Candidate)) -> Value {
     context! {
-        color => css(palette::color(rank as u32)),
+        color => css(palette::place(rank)),
         rank => rank + 1,
         part => part_name(&place.part, ""),
         caption => &place.part,

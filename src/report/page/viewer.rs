@@ -94,8 +94,10 @@ pub(super) fn viewer<'a>(report: &'a Report, cloud: &'a Cloud, motion: Option<&'
         name: part_name(&label.caption, &label.material),
         caption: &label.caption,
         material: &label.material,
-        color: css(palette::color(label.id)),
-        material_color: css(palette::color(names.iter().position(|name| *name == label.material).unwrap_or(0) as u32)),
+        color: css(palette::part(label.id)),
+        material_color: css(palette::material(
+            names.iter().position(|name| *name == label.material).unwrap_or(0) as u32
+        )),
     };
     Viewer {
         cloud: Shown {

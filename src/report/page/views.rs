@@ -68,10 +68,12 @@ fn material(segment: &SegmentAnswer) -> &str {
 }
 
 fn row(segment: &SegmentAnswer, pictures: &Pictures) -> Value {
+    let view = pictures.views.iter().find(|view| view.name == segment.view);
+    let part = view.and_then(|view| view.part_of_segment.get(&segment.segment));
     let sheet = pictures.sheets.iter().find(|sheet| sheet.view == segment.view && sheet.segment == segment.segment);
     let common = context! {
         segment => segment.segment,
-        color => css(palette::color(u32::from(segment.segment) - 1)),
+        color => css(part.map_or(palette::NOTHING, |part| palette::part(*part))),
         sheet => sheet.map(|sheet| data_uri("image/jpeg", &sheet.jpeg)),
         material => material(segment),
     };

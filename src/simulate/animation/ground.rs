@@ -21,57 +21,65 @@ const CELLS: f64 = 90.0;
 /// Half-width in cells of the box filter that softens the shadow; it is applied twice.
 const BLUR: usize = 2;
 
-/// The plane z = `z` with a shadow on it; world frame, scene units.
+/// The plane z = `z` as a camera sees it; world frame, scene units.
 pub struct Ground {
     z: f64,
     /// Longest side of the object.
     scale: f64,
-    center: [f64; 2],
-    shadow: Shadow,
+    bounds: [[f64; 3]; 2],
+    /// Per pixel: the colour without a shadow.
+    lit: Vec<[f32; 3]>,
+    /// Per pixel: x and y on the plane; not finite in the sky.
+    places: Vec<[f64; 2]>,
 }
 
 impl Ground {
-    pub fn new(z: f64, report: &SimulationReport, gaussians: &Gaussians) -> Self {
-        let [low, high] = report.bounds();
+    pub fn new(z: f64, report: &SimulationReport, camera: &Camera) -> Self {
+        let bounds @ [low, high] = report.bounds();
         let scale = report.longest_side();
         let center = [(low[0] + high[0]) / 2.0, (low[1] + high[1]) / 2.0];
-        Self { z, scale, center, shadow: Shadow::of(gaussians, z, scale, [low, high]) }
-    }
-
-    /// The ground as `camera` sees it, row by row.
-    pub fn picture(&self, camera: &Camera) -> Vec<[f32; 3]> {
         let i = camera.intrinsics;
         let world_from_camera = camera.camera_from_world.inverse();
         let eye = world_from_camera * Point3::origin();
-        (0..i.height * i.width)
-            .into_par_iter()
-            .map(|pixel| {
-                let (x, y) = (f64::from(pixel % i.width) + 0.5, f64::from(pixel / i.width) + 0.5);
-                let ray = world_from_camera * Vector3::new((x - i.cx) / i.fx, (y - i.cy) / i.fy, 1.0);
-                let distance = (self.z - eye.z) / ray.z;
-                // The sky, and ground behind the camera.
-                if distance <= 0.0 || !distance.is_finite() {
-                    return BACKGROUND;
-                }
-                // Size of the pixel on the ground along the line of sight, for soft edges between the squares.
-                let footprint = distance * ray.norm() / i.fx / (-ray.z / ray.norm());
-                self.color(eye + ray * distance, footprint)
-            })
-            .collect()
+        let seen = |pixel: u32| {
+            let (x, y) = (f64::from(pixel % i.width) + 0.5, f64::from(pixel / i.width) + 0.5);
+            let ray = world_from_camera * Vector3::new((x - i.cx) / i.fx, (y - i.cy) / i.fy, 1.0);
+            let distance = (z - eye.z) / ray.z;
+            // The sky, and ground behind the camera.
+            if distance <= 0.0 || !distance.is_finite() {
+                return (BACKGROUND, [f64::NAN; 2]);
+            }
+            // Size of the pixel on the ground along the line of sight, for soft edges between the squares.
+            let footprint = distance * ray.norm() / i.fx / (-ray.z / ray.norm());
+            let at = eye + ray * distance;
+            (color(at, footprint, scale, center), [at.x, at.y])
+        };
+        let (lit, places) = (0..i.height * i.width).into_par_iter().map(seen).unzip();
+        Self { z, scale, bounds, lit, places }
     }
 
-    fn color(&self, at: Point3<f64>, footprint: f64) -> [f32; 3] {
-        let square = self.scale / SQUARES;
-        let wave = |v: f64| soft_sign((v / square).rem_euclid(2.0), footprint / square);
-        let even = (0.5 + 0.5 * wave(at.x) * wave(at.y)) as f32;
-        let away = (at.x - self.center[0]).hypot(at.y - self.center[1]) / self.scale;
-        let seen = (1.0 - ((away - 1.0) / 2.0).clamp(0.0, 1.0)) as f32;
-        let lit = 1.0 - SHADOW * self.shadow.at(at.x, at.y);
-        std::array::from_fn(|c| {
-            let plane = DARK_SQUARE[c] + even * (LIGHT_SQUARE[c] - DARK_SQUARE[c]);
-            (BACKGROUND[c] + seen * (plane - BACKGROUND[c])) * lit
-        })
+    /// The ground with the shadow of these Gaussians, row by row.
+    pub fn under(&self, gaussians: &Gaussians) -> Vec<[f32; 3]> {
+        let shadow = Shadow::of(gaussians, self.z, self.scale, self.bounds);
+        let shaded = |(lit, place): (&[f32; 3], &[f64; 2])| {
+            let light = 1.0 - SHADOW * shadow.at(place[0], place[1]);
+            lit.map(|channel| channel * light)
+        };
+        self.lit.par_iter().zip(&self.places).map(shaded).collect()
     }
+}
+
+/// The colour of the plane at a point, around a `center` from which it fades.
+fn color(at: Point3<f64>, footprint: f64, scale: f64, center: [f64; 2]) -> [f32; 3] {
+    let square = scale / SQUARES;
+    let wave = |v: f64| soft_sign((v / square).rem_euclid(2.0), footprint / square);
+    let even = (0.5 + 0.5 * wave(at.x) * wave(at.y)) as f32;
+    let away = (at.x - center[0]).hypot(at.y - center[1]) / scale;
+    let seen = (1.0 - ((away - 1.0) / 2.0).clamp(0.0, 1.0)) as f32;
+    std::array::from_fn(|c| {
+        let plane = DARK_SQUARE[c] + even * (LIGHT_SQUARE[c] - DARK_SQUARE[c]);
+        BACKGROUND[c] + seen * (plane - BACKGROUND[c])
+    })
 }
 
 /// 1 for a phase in (0, 1), -1 in (1, 2), with edges `width` wide.

@@ -1,32 +1,41 @@
-//! The simulation as an animation: each frame is drawn by the project's rasteriser over a chequered ground with the
+//! The simulation as a film: each picture is drawn by the project's rasteriser over a chequered ground with the
 //! object's shadow, from a camera that sees the whole motion.
+//!
+//! A film has more pictures than the simulation has frames: [`between`] interpolates. [`camera`] places the cameras,
+//! [`ground`] draws the ground.
 
+mod between;
 mod camera;
 mod ground;
-mod movie;
 
-use image::codecs::gif::{GifEncoder, Repeat};
-use image::{Delay, DynamicImage, Frame, RgbImage};
+use image::{RgbImage, imageops};
+use rayon::prelude::*;
+use serde::Serialize;
 
 use super::SimulationReport;
 use crate::camera::{Camera, Distortion};
+use crate::film::gif::Gif;
+use crate::film::mp4::Mp4;
+use crate::film::{self, FilmError, GIF_SAMPLES, Size};
 use crate::progress::Progress;
 use crate::render::{self, RenderOptions};
 use crate::scene::gaussians::Gaussians;
 use crate::values::from_to;
+use between::Motion;
 use camera::cameras_around;
 use ground::Ground;
-pub use movie::mp4;
-use serde::Serialize;
 
-/// Size of the picture in pixels.
-const SIZE: [u32; 2] = [480, 360];
+/// How many times slower than real the film runs: a fall of half a second is too short to follow.
+const SLOWED: f64 = 2.0;
+/// A simulated time from which the film runs in real time.
+const LONG_S: f64 = 4.0;
+/// The longest film: one of a longer time runs faster.
+const LONGEST_S: f64 = 20.0;
 
-/// How long a frame is shown. The motion is slowed down: a fall of half a second is too short to follow.
-const FRAME_MS: u32 = 70;
-
-/// How long the last frame stays before the animation starts again.
-const LAST_FRAME_MS: u32 = 1000;
+/// Longest side of the animation for pages, px.
+const SMALL_PX: u32 = 640;
+/// Pictures per second of the animation for pages.
+const SMALL_FPS: u32 = 12;
 
 /// The viewpoint of the animation.
 #[derive(Debug, Clone, PartialEq, clap::Args, Serialize)]
@@ -35,7 +44,8 @@ pub struct Viewpoint {
     #[arg(long, value_name = "VIEW", conflicts_with_all = ["azimuth_deg", "turntable"])]
     pub film_from: Option<String>,
 
-    /// Film from this direction, in degrees from +x towards +y [default: the side that shows most of the object's length]
+    /// Film from this direction, in degrees from +x towards +y [default: the side that shows most of the object's
+    /// length]
     #[arg(long, value_name = "DEGREES", allow_negative_numbers = true, value_parser = from_to(-360.0, 360.0))]
     pub azimuth_deg: Option<f64>,
 
@@ -44,75 +54,205 @@ pub struct Viewpoint {
     #[arg(value_parser = from_to(-90.0, 90.0))]
     pub elevation_deg: f64,
 
-    /// Circle once around the object while it moves
+    /// Film the object from a circle around it, once around
     #[arg(long)]
     pub turntable: bool,
+
+    #[command(flatten)]
+    pub film: film::Options,
 }
 
-/// The cameras that film `report`: one, or one per frame. `photo` is the one that [`Viewpoint::film_from`] names.
-pub fn cameras(report: &SimulationReport, viewpoint: &Viewpoint, photo: Option<&Camera>) -> Vec<Camera> {
-    let Some(photo) = photo else { return cameras_around(report, viewpoint, SIZE) };
+/// The pictures of a simulation: where they are taken from, and when.
+pub struct Shooting<'a> {
+    report: &'a SimulationReport,
+    film: film::Options,
+    /// One camera, or one per picture.
+    cameras: Vec<Camera>,
+    /// Number of pictures.
+    count: usize,
+}
+
+/// The film of a simulation.
+pub struct Films {
+    /// The film as MP4, or as GIF if ffmpeg is not installed or fails.
+    pub film: Film,
+    /// A small GIF for pages.
+    pub animation: Vec<u8>,
+    /// Why there is no MP4 although ffmpeg is installed.
+    pub failure: Option<std::io::Error>,
+}
+
+/// A film as a file.
+pub enum Film {
+    Mp4(Vec<u8>),
+    Gif(Vec<u8>),
+}
+
+impl<'a> Shooting<'a> {
+    /// The film of `report`. `photo` is the camera that [`Viewpoint::film_from`] names.
+    pub fn new(report: &'a SimulationReport, viewpoint: &Viewpoint, photo: Option<&Camera>) -> Self {
+        let simulated_s = report.frames.last().map_or(0.0, |frame| frame.t_s);
+        let slowed = if simulated_s < LONG_S { SLOWED } else { 1.0 };
+        let film_s = (simulated_s * slowed).min(LONGEST_S);
+        let count = (film_s * f64::from(viewpoint.film.fps)).round() as usize + 1;
+        let size = viewpoint.film.size;
+        let cameras = match photo {
+            None => cameras_around(report, viewpoint, count, size),
+            Some(photo) => vec![fitted(photo, size)],
+        };
+        Self { report, film: viewpoint.film, cameras, count }
+    }
+
+    /// Number of pictures.
+    pub fn count(&self) -> usize {
+        self.count
+    }
+
+    /// Draws the pictures in order and passes each to `take`. `load` returns the Gaussians of a frame by its index.
+    ///
+    /// # Errors
+    /// The errors of `load` and of `take`.
+    pub fn draw<E>(
+        &self,
+        load: &mut dyn FnMut(usize) -> Result<Gaussians, E>,
+        take: &mut dyn FnMut(RgbImage) -> Result<(), E>,
+        progress: Progress,
+    ) -> Result<(), E> {
+        let bar = progress.bar("film", self.count as u64);
+        let mut motion = Motion::new(self.report.frames.len(), load);
+        let mut ground = None;
+        for index in 0..self.count {
+            let gaussians = motion.at(self.frame_at(index))?;
+            take(self.picture(index, &gaussians, &mut ground))?;
+            bar.inc(1);
+        }
+        bar.finish_and_clear();
+        Ok(())
+    }
+
+    /// The film and the animation for pages.
+    ///
+    /// # Errors
+    /// The errors of `load`, and [`FilmError`].
+    pub fn films<E: From<FilmError>>(
+        &self,
+        load: &mut dyn FnMut(usize) -> Result<Gaussians, E>,
+        progress: Progress,
+    ) -> Result<Films, E> {
+        let samples = self.samples(load)?;
+        let small_samples: Vec<RgbImage> = samples.iter().map(small).collect();
+        let every = (self.film.fps / SMALL_FPS).max(1);
+        let mut animation = Gif::new(self.film.fps.div_ceil(every), &small_samples).map_err(FilmError::from)?;
+        let size = samples[0].dimensions();
+        let (mut mp4, mut failure) = match Mp4::start(size, self.film.fps) {
+            Ok(started) => (started, None),
+            Err(error) => (None, Some(error)),
+        };
+        let mut gif = match mp4 {
+            Some(_) => None,
+            None => Some(Gif::new(self.film.fps, &samples).map_err(FilmError::from)?),
+        };
+        let mut index = 0;
+        let mut take = |picture: RgbImage| -> Result<(), E> {
+            if index % every == 0 {
+                animation.add(&small(&picture)).map_err(FilmError::from)?;
+            }
+            index += 1;
+            if let Some(gif) = &mut gif {
+                gif.add(&picture).map_err(FilmError::from)?;
+            }
+            if let Some(Err(error)) = mp4.as_mut().map(|film| film.add(&picture)) {
+                (mp4, failure) = (None, Some(error));
+            }
+            Ok(())
+        };
+        self.draw(load, &mut take, progress)?;
+        let animation = animation.finish().map_err(FilmError::from)?;
+        let film = match (mp4.map(Mp4::finish), gif) {
+            (Some(Ok(bytes)), _) => Some(Film::Mp4(bytes)),
+            (ended, Some(gif)) => {
+                failure = failure.or(ended.and_then(Result::err));
+                Some(Film::Gif(gif.finish().map_err(FilmError::from)?))
+            }
+            (ended, None) => {
+                failure = failure.or(ended.and_then(Result::err));
+                None
+            }
+        };
+        // ffmpeg failed after the pictures had been passed to it alone: they are drawn again.
+        let film = match film {
+            Some(film) => film,
+            None => {
+                let mut gif = Gif::new(self.film.fps, &samples).map_err(FilmError::from)?;
+                let mut take = |picture: RgbImage| -> Result<(), E> { Ok(gif.add(&picture).map_err(FilmError::from)?) };
+                self.draw(load, &mut take, progress)?;
+                Film::Gif(gif.finish().map_err(FilmError::from)?)
+            }
+        };
+        Ok(Films { film, animation, failure })
+    }
+
+    /// A few pictures of the film, spread evenly.
+    fn samples<E>(&self, load: &mut dyn FnMut(usize) -> Result<Gaussians, E>) -> Result<Vec<RgbImage>, E> {
+        let frames = self.report.frames.len();
+        let of = |n: usize| n * (self.count - 1) / (GIF_SAMPLES - 1);
+        (0..GIF_SAMPLES)
+            .map(|n| {
+                let frame = (self.frame_at(of(n)).round() as usize).min(frames - 1);
+                Ok(self.picture(of(n), &load(frame)?, &mut None))
+            })
+            .collect()
+    }
+
+    /// The frame, with its fraction, that a picture shows.
+    fn frame_at(&self, index: usize) -> f64 {
+        let frames = self.report.frames.len();
+        (frames - 1) as f64 * index as f64 / (self.count - 1).max(1) as f64
+    }
+
+    /// A picture. The ground is drawn once for a camera that stays.
+    fn picture(&self, index: usize, gaussians: &Gaussians, ground: &mut Option<Ground>) -> RgbImage {
+        let camera = &self.cameras[index % self.cameras.len()];
+        if self.cameras.len() > 1 {
+            *ground = None;
+        }
+        let ground_z = self.report.ground_z_m / self.report.meters_per_unit;
+        let ground = ground.get_or_insert_with(|| Ground::new(ground_z, self.report, camera));
+        let render = render::render(gaussians, camera, &RenderOptions::default());
+        over(&render, &ground.under(gaussians))
+    }
+}
+
+/// The photo's camera with a picture that fits into `size`.
+fn fitted(photo: &Camera, size: Size) -> Camera {
     let i = photo.intrinsics;
-    let factor = (f64::from(SIZE[0]) / f64::from(i.width)).min(f64::from(SIZE[1]) / f64::from(i.height));
+    let factor = (f64::from(size.width) / f64::from(i.width)).min(f64::from(size.height) / f64::from(i.height));
     // Even, as video encoders require.
     let side = |pixels: u32| ((f64::from(pixels) * factor / 2.0).round() as u32).max(1) * 2;
     let mut intrinsics = i.resized(side(i.width), side(i.height));
     intrinsics.distortion = Distortion::default();
-    vec![Camera { intrinsics, ..*photo }]
+    Camera { intrinsics, ..*photo }
 }
 
-/// One picture per frame, in order, with `cameras` in turn. `load` returns the Gaussians of a frame by its index.
-///
-/// # Errors
-/// The errors of `load`.
-pub fn pictures<E>(
-    report: &SimulationReport,
-    cameras: &[Camera],
-    load: &mut dyn FnMut(usize) -> Result<Gaussians, E>,
-    progress: Progress,
-) -> Result<Vec<RgbImage>, E> {
-    let scene_units = 1.0 / report.meters_per_unit;
-    let ground_z = report.ground_z_m * scene_units;
-    let bar = progress.bar("animate", report.frames.len() as u64);
-    let mut pictures = Vec::with_capacity(report.frames.len());
-    for index in 0..report.frames.len() {
-        let gaussians = load(index)?;
-        let camera = &cameras[index % cameras.len()];
-        let render = render::render(&gaussians, camera, &RenderOptions::default());
-        let ground = Ground::new(ground_z, report, &gaussians);
-        pictures.push(over(&render, &ground.picture(camera)));
-        bar.inc(1);
+/// The picture as it is on a page.
+fn small(picture: &RgbImage) -> RgbImage {
+    let longest = picture.width().max(picture.height());
+    if longest <= SMALL_PX {
+        return picture.clone();
     }
-    bar.finish_and_clear();
-    Ok(pictures)
-}
-
-/// An endless animated GIF of equally large pictures.
-///
-/// # Errors
-/// If the encoder fails.
-pub fn gif(pictures: &[RgbImage]) -> image::ImageResult<Vec<u8>> {
-    /// From 1 (best palette) to 30 (fastest): how densely NeuQuant samples the pixels from which it learns a frame's
-    /// palette.
-    const SPEED: i32 = 10;
-    let mut bytes = Vec::new();
-    let mut encoder = GifEncoder::new_with_speed(&mut bytes, SPEED);
-    encoder.set_repeat(Repeat::Infinite)?;
-    for (index, picture) in pictures.iter().enumerate() {
-        let shown_ms = if index + 1 == pictures.len() { LAST_FRAME_MS } else { FRAME_MS };
-        let picture = DynamicImage::ImageRgb8(picture.clone()).into_rgba8();
-        encoder.encode_frame(Frame::from_parts(picture, 0, 0, Delay::from_numer_denom_ms(shown_ms, 1)))?;
-    }
-    drop(encoder);
-    Ok(bytes)
+    let side = |length: u32| (length * SMALL_PX / longest).max(1);
+    imageops::thumbnail(picture, side(picture.width()), side(picture.height()))
 }
 
 /// Composites the object over the ground.
 fn over(render: &render::Render, ground: &[[f32; 3]]) -> RgbImage {
-    RgbImage::from_fn(render.width, render.height, |x, y| {
-        let pixel = (y * render.width + x) as usize;
-        let rest = 1.0 - render.alpha[pixel];
-        let light: [f32; 3] = std::array::from_fn(|c| render.rgb[pixel][c] + rest * ground[pixel][c]);
-        image::Rgb(light.map(|v| (v.clamp(0.0, 1.0) * 255.0).round() as u8))
-    })
+    let mut picture = RgbImage::new(render.width, render.height);
+    let pixels = picture.par_chunks_exact_mut(3).zip(&render.rgb).zip(&render.alpha).zip(ground);
+    pixels.for_each(|(((pixel, rgb), alpha), ground)| {
+        for c in 0..3 {
+            let light = rgb[c] + (1.0 - alpha) * ground[c];
+            pixel[c] = (light.clamp(0.0, 1.0) * 255.0).round() as u8;
+        }
+    });
+    picture
 }

@@ -1,0 +1,216 @@
+//! The object on a turntable: photo colours, parts, materials and stiffness side by side.
+
+use image::{DynamicImage, GenericImage, Rgb, RgbImage};
+
+use super::figure::{Shown, Subject};
+use super::panels::{self, Entry, Key};
+use super::{field_colors, legends, palette};
+use crate::camera::Camera;
+use crate::film::{self, Size, orbit};
+use crate::lettering::Style;
+use crate::render::{Colors, RenderOptions, render};
+use crate::scene::robust_bounds;
+
+const PAPER: Rgb<u8> = Rgb([255; 3]);
+/// How long a turn takes.
+const TURN_S: u32 = 6;
+/// From the direction in which it looks down: into a cup, but not onto a table top alone.
+const ELEVATION_RAD: f64 = 22.0 * std::f64::consts::PI / 180.0;
+/// Beyond the robust bounds by this share of their size lie the tips of long objects.
+const BEYOND: f64 = 0.03;
+/// Share of a cell's width that its legend takes if it is beside the picture.
+const LEGEND_SHARE: f64 = 0.36;
+
+/// The film of a turn.
+pub struct Turntable<'a> {
+    subject: Subject<'a>,
+    panels: Vec<Panel>,
+    layout: Layout,
+    cameras: Vec<Camera>,
+    /// Titles and legends.
+    sheet: RgbImage,
+}
+
+struct Panel {
+    title: &'static str,
+    /// One colour per Gaussian; those of the photos if `None`.
+    colors: Option<Vec<[f32; 3]>>,
+    legend: Vec<Entry>,
+}
+
+/// Cells of equal size, each with a title, a legend and a picture.
+struct Layout {
+    size: Size,
+    columns: u32,
+    rows: u32,
+    text_px: u32,
+    /// Legend beside the picture, otherwise below it.
+    beside: bool,
+    /// Lines of the longest legend.
+    lines: u32,
+}
+
+impl<'a> Turntable<'a> {
+    /// The film of `subject`: photo colours, parts, materials and Young's modulus, or only what is `shown`.
+    pub fn new(shown: Shown, subject: Subject<'a>, film: film::Options) -> Self {
+        let panels = panels_of(shown, subject);
+        let lines = panels.iter().map(|panel| panel.legend.len() as u32).max().unwrap_or(0);
+        let count = (TURN_S * film.fps) as usize;
+        let bounds = robust_bounds(subject.gaussians);
+        let margin = bounds.size() * BEYOND;
+        let corners: Vec<_> = orbit::corners([(bounds.min - margin).into(), (bounds.max + margin).into()]).collect();
+        // Of the layouts, the one that shows the object largest.
+        let layouts = [(panels.len() as u32, 1), (2.min(panels.len() as u32), (panels.len() as u32).div_ceil(2))];
+        let with_cameras = layouts.into_iter().map(|(columns, rows)| {
+            let layout = Layout::new(film.size, columns, rows, lines);
+            let cameras = orbit::turntable(&corners, 0.0, ELEVATION_RAD, count, layout.picture());
+            let pixels_per_unit = cameras[0].intrinsics.fx / cameras[0].point_in_camera(bounds.center()).z;
+            (layout, cameras, pixels_per_unit)
+        });
+        let (layout, cameras, _) = with_cameras.max_by(|a, b| a.2.total_cmp(&b.2)).expect("there are two layouts");
+        let sheet = layout.sheet(&panels);
+        Self { subject, panels, layout, cameras, sheet }
+    }
+
+    /// Number of pictures.
+    pub fn count(&self) -> usize {
+        self.cameras.len()
+    }
+
+    /// A picture of the film.
+    pub fn picture(&self, index: usize) -> RgbImage {
+        let mut sheet = self.sheet.clone();
+        for (n, panel) in (0..).zip(&self.panels) {
+            let colors = panel.colors.as_deref().map_or(Colors::Sh, Colors::Fixed);
+            let options = RenderOptions { colors, ..RenderOptions::default() };
+            let picture = render(self.subject.gaussians, &self.cameras[index], &options).to_image([1.0; 3]);
+            let (x, y) = self.layout.picture_at(n);
+            let picture = DynamicImage::ImageRgba8(picture).into_rgb8();
+            sheet.copy_from(&picture, x, y).expect("the sheet was made for its pictures");
+        }
+        sheet
+    }
+}
+
+fn panels_of(shown: Shown, subject: Subject) -> Vec<Panel> {
+    let field = subject.field;
+    let photo = || Panel { title: "Photo colours", colors: None, legend: Vec::new() };
+    let parts =
+        || Panel { title: "Parts", colors: Some(field_colors::part_colors(field)), legend: legends::parts(field) };
+    let materials = || Panel {
+        title: "Materials",
+        colors: Some(field_colors::material_colors(field)),
+        legend: legends::materials(field),
+    };
+    let stiffness = || Panel {
+        title: "Young's modulus",
+        colors: Some(field_colors::stiffness_colors(field)),
+        legend: stiffness_legend(subject),
+    };
+    let confidence = || Panel {
+        title: "Confidence",
+        colors: Some(field_colors::confidence_colors(field)),
+        legend: legends::confidence(),
+    };
+    match shown {
+        Shown::Figure => vec![photo(), parts(), materials(), stiffness()],
+        Shown::Materials => vec![materials()],
+        Shown::Parts => vec![parts()],
+        Shown::Confidence => vec![confidence()],
+    }
+}
+
+/// Each Young's modulus with the materials that have it, the stiffest first.
+fn stiffness_legend(Subject { field, .. }: Subject) -> Vec<Entry> {
+    let mut rows: Vec<(f64, &str)> =
+        field.labels.iter().map(|label| (label.youngs_modulus_pa.mid, label.material.as_str())).collect();
+    rows.sort_by(|a, b| b.0.total_cmp(&a.0).then(a.1.cmp(b.1)));
+    rows.dedup();
+    let [low, high] = field_colors::stiffness_range(field);
+    let entry = |(pascals, material): (f64, &str)| {
+        let shade = palette::scale(((pascals / low).ln() / (high / low).ln()) as f32);
+        Entry { text: format!("{} {material}", pressure(pascals)), key: Key::Square(palette::bytes(shade)) }
+    };
+    rows.into_iter().map(entry).collect()
+}
+
+/// Two digits and a unit.
+fn pressure(pascals: f64) -> String {
+    let (value, unit) = match pascals {
+        p if p >= 1e9 => (p / 1e9, "GPa"),
+        p if p >= 1e6 => (p / 1e6, "MPa"),
+        p => (p / 1e3, "kPa"),
+    };
+    if value < 10.0 { format!("{value:.1} {unit}") } else { format!("{value:.0} {unit}") }
+}
+
+impl Layout {
+    fn new(size: Size, columns: u32, rows: u32, lines: u32) -> Self {
+        // A cell of 320 pixels has type of 15.
+        let text_px = (size.width / columns.max(2) / 24).clamp(9, size.height / 36);
+        Self { size, columns, rows, text_px: text_px.max(9), beside: rows > 1, lines }
+    }
+
+    fn cell(&self) -> (u32, u32) {
+        (self.size.width / self.columns, self.size.height / self.rows)
+    }
+
+    fn title(&self) -> Style {
+        Style::semibold(self.text_px * 5 / 4)
+    }
+
+    fn margin(&self) -> u32 {
+        self.text_px
+    }
+
+    fn line_height(&self) -> u32 {
+        Style::regular(self.text_px).height() + self.text_px / 4
+    }
+
+    /// Height above the legend or the picture.
+    fn head(&self) -> u32 {
+        self.margin() / 2 + self.title().height()
+    }
+
+    fn legend_width(&self) -> u32 {
+        let width = self.cell().0;
+        if self.beside { (LEGEND_SHARE * f64::from(width)) as u32 } else { width - 2 * self.margin() }
+    }
+
+    fn picture(&self) -> Size {
+        let (width, height) = self.cell();
+        let (beside, below) = match self.beside {
+            true => (self.legend_width(), 0),
+            false => (0, self.lines * self.line_height() + self.margin() / 2),
+        };
+        let least = |length: u32| length.max(16);
+        let side = |whole: u32, taken: u32| least(whole.saturating_sub(taken));
+        Size { width: side(width, beside), height: side(height, below + if self.beside { 0 } else { self.head() }) }
+    }
+
+    fn corner(&self, n: u32) -> (u32, u32) {
+        let (width, height) = self.cell();
+        (n % self.columns * width, n / self.columns * height)
+    }
+
+    fn picture_at(&self, n: u32) -> (u32, u32) {
+        let (x, y) = self.corner(n);
+        let (width, _) = self.cell();
+        if self.beside { (x + width - self.picture().width, y) } else { (x, y + self.head()) }
+    }
+
+    fn sheet(&self, all: &[Panel]) -> RgbImage {
+        let mut sheet = RgbImage::from_pixel(self.size.width, self.size.height, PAPER);
+        for (n, panel) in (0..).zip(all) {
+            let (x, y) = self.corner(n);
+            let x = x + self.margin();
+            self.title().write(&mut sheet, panel.title, (x as i32, (y + self.margin() / 2) as i32));
+            let top = y + self.head() + if self.beside { self.margin() / 2 } else { self.picture().height };
+            for (row, entry) in (0..).zip(&panel.legend) {
+                let at = (x, top + row * self.line_height());
+                panels::write_entry(&mut sheet, entry, at, self.legend_width(), self.text_px);
+            }
+        }
+        sheet
+    }
+}
