@@ -8,6 +8,7 @@ mod page;
 mod pictures;
 pub(crate) mod style;
 mod summary;
+mod weighing;
 
 use serde::Serialize;
 

@@ -26,6 +26,7 @@ use crate::vote::FieldLabel;
 use super::force_scale::force_scale;
 use super::numbers::{interval, short, significant, thousands};
 use super::style;
+use super::weighing::sentences;
 use super::{Cloud, Pictures, Report};
 
 /// The page of a report.
@@ -38,6 +39,7 @@ pub fn page(report: &Report, answers: &Answers, pictures: &Pictures, cloud: &Clo
         cloud => Value::from_safe_string(viewer::columns(cloud)),
         cloud_note => cloud_note(cloud),
         parts => report.labels.iter().map(|label| part_row(label, report)).collect::<Vec<_>>(),
+        weighing => report.parts.as_ref().map(sentences),
         grasp => report.grasp.as_ref().map(|report| grasp(report, pictures)),
         simulation => report.simulation.as_ref().map(|run| simulation(run, pictures)),
         views => views::views(pictures, answers),
