@@ -5,7 +5,7 @@ use serde::{Deserialize, Serialize};
 
 use super::PartsError;
 use crate::config::SceneKey;
-use crate::values;
+use crate::values::{self, from_to};
 
 /// About 130 cells along each side of a box-shaped object: under a millimetre on a hammer.
 const VOLUME_CELLS: usize = 2_000_000;
@@ -89,10 +89,10 @@ pub struct Options {
     #[arg(long, value_enum, value_name = "AS", default_value_t)]
     pub bodies: BodiesAs,
     /// What the whole object weighs in kg, as a kitchen scale shows it: narrows the masses of all parts
-    #[arg(long, value_name = "KG")]
+    #[arg(long, value_name = "KG", value_parser = from_to(MASS_MIN_KG, MASS_MAX_KG))]
     pub known_mass: Option<f64>,
     /// How far that reading may be off, in kg, with a probability of 90 % [default: a hundredth of it]
-    #[arg(long, value_name = "KG", requires = "known_mass")]
+    #[arg(long, value_name = "KG", requires = "known_mass", value_parser = from_to(MASS_MIN_KG, MASS_MAX_KG))]
     pub known_mass_error: Option<f64>,
 }
 
