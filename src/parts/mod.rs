@@ -19,6 +19,7 @@ mod inside;
 mod mass;
 mod options;
 mod result;
+mod scale;
 
 use nalgebra::Point3;
 use serde::{Deserialize, Serialize};
@@ -38,7 +39,7 @@ use inside::{grid_around, inside};
 use mass::bodies::Bodies;
 use mass::moments::Moments;
 pub use mass::unknowns::Source;
-use mass::weights::{Weight, Weights};
+use mass::weights::{self, Weight, Weights};
 use mass::{Piece, Weighable};
 pub use options::{BodiesAs, Options, SCENE_KEYS, VolumeMethod};
 pub use result::{Filling, KnownMass, NoVolume, Object, Part, PartBody, Parts, Width};
@@ -103,31 +104,37 @@ pub fn parts(
 ) -> Result<PartsResult, PartsError> {
     options.check()?;
     check(gaussians, field)?;
-    let meters_per_unit = scale.map(|s| s.meters_per_unit);
-    let constructions: Vec<Construction> =
-        field.labels.iter().map(|l| construction(l, meters_per_unit, options)).collect();
+    let labels = &field.labels;
     let kept = clean::without_floaters(gaussians, options.min_body_share);
     let grid = grid_around(gaussians, &kept, options.volume_cells);
 
     let inside = inside(gaussians, &kept, &grid, cameras, options, progress)?;
     let surface = Surface::of(&grid, &inside.cells);
     let in_view = inside.in_view(&surface);
-    let cells = assign::assign(gaussians, &kept, &field.part_label, constructions.len(), grid, surface, &in_view);
+    let cells = assign::assign(gaussians, &kept, &field.part_label, labels.len(), grid, surface, &in_view);
     let chords = thickness::chords(&cells);
-    let thickness = thickness::thickness(&chords, constructions.len());
+    let thickness = thickness::thickness(&chords, labels.len());
+    let of_mass = |kg| {
+        let build = |label: &FieldLabel, meters| construction(label, Some(meters), options);
+        scale::meters_per_unit(kg, &cells, &chords, inside.uncertainty, labels, build)
+    };
+    let known_scale = scale.map(|s| s.meters_per_unit);
+    let meters_per_unit = known_scale.or_else(|| options.known_mass.and_then(of_mass));
+    let constructions: Vec<Construction> = labels.iter().map(|l| construction(l, meters_per_unit, options)).collect();
     let (composed, cells) = compose::compose(cells, &constructions, &chords, inside.uncertainty);
 
     let mut shapes = shapes(field, &composed, &cells, &constructions, &thickness);
     let interior = &composed.interior;
     let bodies = Bodies::of(interior, constructions.len());
     let mut pieces = pieces(interior, &bodies, &shapes, gaussians, &field.part_label);
-    let mut weights = Weights::new(&weighables(&shapes, field, &composed, &pieces), meters_per_unit.unwrap_or(1.0));
+    let scaled = weights::Scale { meters_per_unit: meters_per_unit.unwrap_or(1.0), is_known: known_scale.is_some() };
+    let mut weights = Weights::new(&weighables(&shapes, field, &composed, &pieces), scaled);
     let known_mass = meters_per_unit.and(options.known_mass).map(|kg| known_mass(&mut weights, kg, options));
     let whole = weights.whole(&weighables(&shapes, field, &composed, &pieces));
     let whole = whole.ok_or_else(|| no_volume(field, &shapes))?;
     set_distances(&mut shapes, &mut pieces, &bodies, &cells, whole.center);
     let floaters = (0..kept.len()).filter(|&i| !kept[i] && !gaussians.is_set_aside(i)).count();
-    let mut warnings = warnings(field, floaters, &shapes, scale.is_none());
+    let mut warnings = warnings(field, floaters, &shapes, meters_per_unit.is_none());
     let enclosed = cells.label.iter().filter(|label| **label != NONE).count() as f64 * cells.grid.cell_volume();
     let enclosed_m3 = enclosed * meters_per_unit.unwrap_or(1.0).powi(3);
     warnings.extend(known_mass.as_ref().and_then(|known| known.problem(enclosed_m3)));
@@ -141,6 +148,7 @@ pub fn parts(
             parts: solids.iter().flat_map(|weight| of(weight).parts(&weights, weight, options.bodies)).collect(),
             fillings: fillings.iter().filter_map(|weight| of(weight).filling_part(&weights, weight)).collect(),
             known_mass,
+            meters_per_unit: weights.unknown_scale(),
             warnings: warnings.clone(),
             notes: notes.clone(),
         }

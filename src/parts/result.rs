@@ -5,7 +5,7 @@ use std::fmt;
 use serde::{Deserialize, Serialize};
 
 use super::mass::unknowns::Source;
-use crate::units::{Estimate, Range};
+use crate::units::{Estimate, MetricScale, Range, ScaleSource};
 
 /// The object and its parts, in metres and kilograms. Written as `parts.json`.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -22,11 +22,24 @@ pub struct Parts {
     #[serde(default, skip_serializing_if = "Option::is_none")]
     #[cfg_attr(test, schemars(with = "KnownMass"))]
     pub known_mass: Option<KnownMass>,
+    /// Metres in a scene unit, if they follow from the known mass; missing if the scale is known.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[cfg_attr(test, schemars(with = "Estimate"))]
+    pub meters_per_unit: Option<Estimate>,
     /// What the user should check.
     pub warnings: Vec<String>,
     /// What the user may want to know.
     #[serde(default)]
     pub notes: Vec<String>,
+}
+
+impl Parts {
+    /// The metric scale, if it follows from the known mass.
+    pub fn scale(&self) -> Option<MetricScale> {
+        let Estimate { low, mid, high } = self.meters_per_unit?;
+        let provenance = format!("from the known mass of the object: {low:.4} to {high:.4} m");
+        Some(MetricScale { meters_per_unit: mid, source: ScaleSource::KnownMass, provenance })
+    }
 }
 
 /// The whole object with its fillings. It has a volume; without one there is no result.

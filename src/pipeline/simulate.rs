@@ -38,7 +38,7 @@ impl Pipeline {
             labels: &field.part_label,
             materials: &materials,
             interior: &interior,
-            meters_per_unit: self.scene.scale.as_ref().map(|scale| scale.meters_per_unit),
+            meters_per_unit: self.metric_scale()?.map(|scale| scale.meters_per_unit),
         };
         let save = |frame: &Frame, snapshot: &Snapshot| {
             self.work.write_with(Artifact::Frame(frame.index), |out| ply::write(out, &frame.gaussians, &[]))?;
@@ -155,7 +155,7 @@ impl Pipeline {
         let mut materials: Vec<Material> = field.labels.iter().map(Material::from).collect();
         let mut points: Vec<FillPoint> = interior.filled().map(point).collect();
         let fillings = self.options.simulate.fillings;
-        let (Some(parts), Some(scale)) = (self.stored_parts()?, &self.scene.scale) else {
+        let (Some(parts), Some(scale)) = (self.stored_parts()?, self.metric_scale()?) else {
             return Ok((materials, points));
         };
         if fillings == Fillings::Ignore {

@@ -51,6 +51,7 @@ fn cause(source: Source) -> &'static str {
         Source::UnseenDepth => "what no photo shows",
         Source::Density => "the density of the materials",
         Source::Filling => "what is inside",
+        Source::Scale => "the length of a scene unit",
     }
 }
 
@@ -73,6 +74,7 @@ fn remedy(parts: &Parts) -> Option<String> {
         Source::UnseenDepth => "Photos of the sides that none shows, such as one from below,",
         Source::Density => "A reading of a scale (--known-mass), or surer answers about the material,",
         Source::Filling => "A reading of a scale (--known-mass), or a look inside,",
+        Source::Scale => "A length that you measured (--scale)",
     };
     Some(format!("{what} would take the mass from {} kg to about {} kg.", interval(mass, 1.0), interval(narrowed, 1.0)))
 }

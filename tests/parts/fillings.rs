@@ -6,8 +6,9 @@ use gprop::materials::Law;
 use gprop::parts::{Options, Parts, Source, parts};
 use gprop::progress::Progress;
 use gprop::query::Form;
+use gprop::scene::gaussians::Gaussians;
 use gprop::units::{Estimate, MetricScale, Range, ScaleSource};
-use gprop::vote::{Contents, Filled};
+use gprop::vote::{Contents, Filled, MaterialField};
 use nalgebra::Point3;
 
 use super::clouds::{Cloud, cameras};
@@ -38,9 +39,13 @@ fn ball(inside: Contents, options: &Options) -> Parts {
     let wall_thickness_m = Range::new(0.8 * WALL_M, 1.2 * WALL_M);
     let (gaussians, mut field) = (cloud.gaussians(0.02), cloud.field(&[Form::Shell { wall_thickness_m }]));
     field.labels[0].inside = Some(inside);
+    measured(&gaussians, &field, Some(&SCALE), options)
+}
+
+fn measured(gaussians: &Gaussians, field: &MaterialField, scale: Option<&MetricScale>, options: &Options) -> Parts {
     let options = Options { volume_cells: 60_000, ..options.clone() };
     let eyes = cameras(4.0, 40, |_| true);
-    parts(&gaussians, &field, &eyes, Some(&SCALE), &options, Progress::Hidden).unwrap().metric().unwrap().clone()
+    parts(gaussians, field, &eyes, scale, &options, Progress::Hidden).unwrap().metric().unwrap().clone()
 }
 
 fn close(found: f64, expected: f64, error: f64) {
@@ -121,5 +126,28 @@ fn a_reading_that_nothing_explains_is_said_and_changes_nothing() {
         assert!(!known.known_mass.as_ref().unwrap().is_possible);
         let said = known.warnings.iter().any(|warning| warning.to_lowercase().contains(words));
         assert!(said, "{words}: {:?}", known.warnings);
+    }
+}
+
+#[test]
+fn a_scale_follows_from_the_mass() {
+    let cloud = Cloud::sphere(Point3::new(0.1, -0.05, 0.02), 1.0, 8000, |_| 0);
+    let gaussians = cloud.gaussians(0.02);
+    let wall = Form::Shell { wall_thickness_m: Range::new(0.8 * WALL_M, 1.2 * WALL_M) };
+    for form in [Form::Solid, wall] {
+        let field = cloud.field(&[form]);
+        let known = measured(&gaussians, &field, Some(&SCALE), &Options::default());
+        let options = Options { known_mass: Some(known.object.mass_kg.mid), ..Options::default() };
+        let found = measured(&gaussians, &field, None, &options);
+        let scale = found.meters_per_unit.unwrap();
+        // Trials end within 1e-4 of the scale.
+        close(scale.mid, SCALE.meters_per_unit, 1e-3);
+        close(found.object.mass_kg.mid, known.object.mass_kg.mid, 0.01);
+        let width = (scale.high / scale.low).ln();
+        let expected = (known.object.mass_kg.high / known.object.mass_kg.low).ln();
+        // The mass grows with the third power of the scale, a wall's with the second.
+        let power = if form == Form::Solid { 3.0 } else { 2.0 };
+        assert!(width > 0.8 * expected / power && width < 1.5 * expected / power, "{form:?}: {width}, {expected}");
+        assert_eq!(found.scale().unwrap().meters_per_unit, scale.mid);
     }
 }

@@ -28,6 +28,8 @@ pub enum Source {
     Density,
     /// How much of a filling there is, and its density.
     Filling,
+    /// The length of a scene unit, if only the mass tells it.
+    Scale,
 }
 
 /// The change of a logarithm at the low and the high end of an unknown.

@@ -30,14 +30,27 @@ pub struct Weights {
     pub all: Vec<Weight>,
     /// Metres in a scene unit.
     pub scale: f64,
+    /// The same as a quantity, if the mass alone tells it.
+    unknown_scale: Option<Quantity>,
 }
+
+/// The length of a scene unit.
+#[derive(Debug, Clone, Copy)]
+pub struct Scale {
+    pub meters_per_unit: f64,
+    /// Whether anything but the mass tells it.
+    pub is_known: bool,
+}
+
+/// Logarithm of the factor by which a scale of which nothing is known may be off.
+const ANY_SCALE: f64 = 7.0;
 
 /// The unknown that all volumes share.
 const SURFACE: &str = "surface";
 
 impl Weights {
-    /// The masses of `weighables` in kilograms; a scene unit is `scale` metres.
-    pub fn new(weighables: &[Weighable], scale: f64) -> Self {
+    /// The masses of `weighables` in kilograms.
+    pub fn new(weighables: &[Weighable], Scale { meters_per_unit: scale, is_known }: Scale) -> Self {
         let mut unknowns = Unknowns::default();
         let mut all = Vec::new();
         for (of, weighable) in weighables.iter().enumerate() {
@@ -46,7 +59,19 @@ impl Weights {
         for (of, weighable) in weighables.iter().enumerate() {
             all.extend(filling(of, weighable, scale, &mut unknowns));
         }
-        Self { belief: Belief::prior(&unknowns), unknowns, all, scale }
+        let mut unknown_scale = None;
+        if !is_known {
+            let unknown = unknowns.number(Source::Scale, SURFACE);
+            let effect = |power: f64| (unknown, Effect { low: -power * ANY_SCALE, high: power * ANY_SCALE });
+            for weight in &mut all {
+                // The area of a wall grows with the square of the scale, its thickness not at all.
+                let power = if weight.wall.is_some() { 2.0 } else { 3.0 };
+                weight.volume.effects.push(effect(power));
+                weight.mass.effects.push(effect(power));
+            }
+            unknown_scale = Some(Quantity { mid: scale, effects: vec![effect(1.0)] });
+        }
+        Self { belief: Belief::prior(&unknowns), unknowns, all, scale, unknown_scale }
     }
 
     /// Takes into account that a scale read `reading_kg`, within `error_kg`. Returns the mass that was expected before,
@@ -59,6 +84,11 @@ impl Weights {
             self.belief = Belief::after(&self.unknowns, &masses, reading_kg, error_kg / reading_kg);
         }
         (before, [least, most])
+    }
+
+    /// Metres in a scene unit, if the mass alone tells it.
+    pub fn unknown_scale(&self) -> Option<Estimate> {
+        self.unknown_scale.as_ref().map(|scale| self.of(scale))
     }
 
     /// The moments of everything together, weighted by mass in kg; `None` if nothing has mass. World frame, scene units.
