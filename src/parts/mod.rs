@@ -379,6 +379,9 @@ fn notes(
             "part {name:?} is {percent:.3} % of the object's volume: a real detail, or a speck left by a wrong answer"
         ));
     }
+    if composed.is_mirrored {
+        notes.push("the side that no view shows is taken to be like the opposite one".to_owned());
+    }
     let is_hollow = |l: usize| shapes[l].volume.is_some() && composed.cores[l].is_none();
     let unknown = field.labels.iter().filter(|label| label.inside == Some(Contents::Unknown));
     for label in unknown.filter(|label| is_hollow(label.id as usize)) {

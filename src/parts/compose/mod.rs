@@ -2,14 +2,15 @@
 //!
 //! A volume is known within bounds for three reasons, each varied by itself:
 //! - the surface may lie further in or out by the splat's own uncertainty, so the volume of a solid or of a hollow may be
-//!   off by area times uncertainty, and by [`volume::METHOD_SPREAD`] for errors that no rule covers;
+//!   off by area times uncertainty; beyond that, [`volume`] has spreads for errors that no rule covers;
 //! - a shell's wall is between the answer's low and high thickness;
-//! - for solids whose other side is unseen, see [`unseen`]; for the hidden walls of shells, see [`wall`].
+//! - for solids whose other side is unseen, see [`unseen`] and [`mirror`]; for the hidden walls of shells, see [`wall`].
 //!
 //! The core of a shell fills the space that the wall leaves, see [`cores`]; so does a filling.
 
 mod contact;
 mod cores;
+mod mirror;
 pub mod thickness;
 mod unseen;
 pub mod volume;
@@ -24,7 +25,7 @@ use super::mass::moments::Moments;
 use crate::units::{Estimate, Reading};
 use thickness::{Chord, thickness};
 use unseen::Doubt;
-use volume::{READINGS, Volume};
+use volume::{READINGS, SOLID_SPREAD, Volume, WALL_SPREAD};
 use wall::{AROUND_CORE, AROUND_VOID, WallDepths};
 
 /// A ray through a shell goes through one wall, not two, if it is no longer than the wall plus this many uncertainties:
@@ -51,6 +52,8 @@ pub struct Composed {
     pub hollows: Vec<Option<Hollow>>,
     /// Per label, the solid within this shell, if any.
     pub cores: Vec<Option<u32>>,
+    /// Whether its unseen side is taken to be like the opposite one.
+    pub is_mirrored: bool,
     /// Solids that go through other solids, each with the solid that it goes through.
     pub passages: Vec<(u32, u32)>,
 }
@@ -73,7 +76,8 @@ pub fn compose(
 ) -> (Composed, Labelled) {
     let is_solid: Vec<bool> = constructions.iter().map(|c| *c == Construction::Solid).collect();
     let passages = cores::run_through(&mut cells, &is_solid);
-    let doubt = unseen::doubts(&cells, &unseen::thin(&thickness(chords, constructions.len()), &is_solid));
+    let mut doubt = unseen::doubts(&cells, &unseen::thin(&thickness(chords, constructions.len()), &is_solid));
+    let is_mirrored = mirror::doubt_unlike_the_seen_side(&cells, &is_solid, &mut doubt);
     let wall_of = |label: u32| match constructions[label as usize] {
         Construction::Solid => Estimate::exactly(0.0),
         Construction::Wall { thickness, .. } => thickness,
@@ -91,12 +95,15 @@ pub fn compose(
 
     let slacks: Vec<f64> = areas(&cells, constructions.len()).into_iter().map(|area| area * uncertainty).collect();
     let (own, hollow) = contents.volumes();
-    let volume = |l: usize| Volume::of(own[l], if is_solid[l] { slacks[l] } else { 0.0 });
+    let volume = |l: usize| {
+        if is_solid[l] { Volume::of(own[l], slacks[l], SOLID_SPREAD) } else { Volume::of(own[l], 0.0, WALL_SPREAD) }
+    };
     let composed = Composed {
         volumes: (0..constructions.len()).map(volume).collect(),
         hollows: contents.hollows(&hollow, &slacks),
         interior: contents.interior(),
         cores: cores.clone(),
+        is_mirrored,
         passages: passages.into_iter().map(|(peg, through, _)| (peg, through)).collect(),
     };
     (composed, cells)
@@ -173,7 +180,7 @@ impl Contents<'_> {
         let shares = cells.map(|(i, l)| (i, *l as usize, self.shares(i, Reading::Mid, Reading::Mid).1));
         let moments = Moments::of(&self.cells.grid, shares, readings.len());
         let hollow = |(l, moments): (usize, Option<Moments>)| {
-            Some(Hollow { volume: Volume::of(readings[l], slacks[l]), moments: moments? })
+            Some(Hollow { volume: Volume::of(readings[l], slacks[l], SOLID_SPREAD), moments: moments? })
         };
         moments.into_iter().enumerate().map(hollow).collect()
     }

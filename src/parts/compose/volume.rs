@@ -3,9 +3,11 @@
 use crate::parts::mass::unknowns::Effect;
 use crate::units::{Estimate, Reading};
 
-/// Error of a part's volume that no other rule covers, as the half-width of a 90 % interval of its logarithm: surfaces
-/// dented by reflections, seams slightly off, edges rounded by the splat. See `docs/parts.md` for how it was fitted.
-const METHOD_SPREAD: f64 = 0.15;
+/// Error of the volume of a solid or a hollow that no other rule covers, as the half-width of a 90 % interval of its
+/// logarithm: surfaces dented by reflections, seams slightly off. `docs/parts.md` says how both were fitted.
+pub const SOLID_SPREAD: f64 = 0.10;
+/// The same of the area of a wall, to which the roughness of a splat adds.
+pub const WALL_SPREAD: f64 = 0.15;
 
 /// A bound is at most this factor away from the middle.
 const FARTHEST: f64 = 20.0;
@@ -33,14 +35,15 @@ pub struct Volume {
 }
 
 impl Volume {
-    /// The volume with these [`READINGS`]; `slack` is what the uncertainty of the surface may add or take away.
-    pub fn of(readings: [f64; READINGS.len()], slack: f64) -> Self {
+    /// The volume with these [`READINGS`]; `slack` is what the uncertainty of the surface may add or take away, `spread`
+    /// the error that no other rule covers.
+    pub fn of(readings: [f64; READINGS.len()], slack: f64, spread: f64) -> Self {
         let [mid, thin, thick, least, most] = readings;
         let ln = |volume: f64| (volume / mid).clamp(1.0 / FARTHEST, FARTHEST).ln();
         let effect =
             |low: f64, high: f64| if mid > 0.0 { Effect { low: ln(low), high: ln(high) } } else { Effect::NONE };
         let surface = effect(mid - slack, mid + slack);
-        let method = Effect { low: -surface.low.hypot(METHOD_SPREAD), high: surface.high.hypot(METHOD_SPREAD) };
+        let method = Effect { low: -surface.low.hypot(spread), high: surface.high.hypot(spread) };
         Self { mid, method, wall: effect(thin, thick), unseen: effect(least, most) }
     }
 
