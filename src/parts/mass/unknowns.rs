@@ -56,6 +56,15 @@ impl Effect {
     pub fn slope(self, raises: bool) -> f64 {
         if (self.high >= self.low) == raises { self.high } else { -self.low }
     }
+
+    /// The slope at `z`: where the unknown is in its middle, that which raises the quantity, or the one that lowers it.
+    fn slope_at(self, z: f64, raises: bool) -> f64 {
+        match z {
+            z if z > 0.0 => self.high,
+            z if z < 0.0 => -self.low,
+            _ => self.slope(raises),
+        }
+    }
 }
 
 /// The unknowns, each by its source and by what it belongs to.
@@ -165,7 +174,7 @@ impl Belief {
     fn width(&self, effects: &[(usize, Effect)], raises: bool) -> f64 {
         let (mut squares, mut along) = (0.0, 0.0);
         for (unknown, effect) in effects {
-            let slope = effect.slope(raises);
+            let slope = effect.slope_at(self.middle[*unknown], raises);
             squares += slope * slope;
             along += slope * self.direction[*unknown];
         }
@@ -214,12 +223,7 @@ fn slopes(masses: &[Quantity], z: &[f64], raises: bool) -> Vec<f64> {
     for mass in masses {
         let share = mass.mid * mass.log_factor(z).exp() / mid;
         for (unknown, effect) in &mass.effects {
-            let slope = match z[*unknown] {
-                z if z > 0.0 => effect.high,
-                z if z < 0.0 => -effect.low,
-                _ => effect.slope(raises),
-            };
-            slopes[*unknown] += share * slope;
+            slopes[*unknown] += share * effect.slope_at(z[*unknown], raises);
         }
     }
     slopes
