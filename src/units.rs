@@ -169,4 +169,6 @@ pub enum ScaleSource {
     BoundingBox,
     /// The user knows the distance of two cameras.
     Cameras,
+    /// The user knows what the object weighs.
+    KnownMass,
 }

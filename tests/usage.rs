@@ -122,6 +122,8 @@ const NUMBERS: &[(&str, [&str; 2], [&str; 2], Refused)] = &[
     ("--carve-views", ["1", "100000"], ["0", "100001"], AsTheSceneIsOpened),
     ("--fill-density", ["0.001", "1000"], ["0", "1001"], AsTheSceneIsOpened),
     ("--wall-m", ["0.0001", "100"], ["0", "101"], AsTheSceneIsOpened),
+    ("--known-mass", ["0.000001", "1000000"], ["0", "1000001"], AsItIsRead),
+    ("--known-mass-error", ["0.000001", "1000000"], ["0", "1000001"], AsItIsRead),
     ("--min-body-share", ["0", "0.99"], ["-0.01", "1"], AsTheSceneIsOpened),
     ("--min-part-share", ["0", "0.99"], ["-0.01", "1"], AsTheSceneIsOpened),
     ("--drop-height", ["0", "1000"], ["-0.01", "1001"], AsItIsRead),

@@ -19,6 +19,7 @@ mod inside;
 mod mass;
 mod options;
 mod result;
+mod scale;
 
 use nalgebra::Point3;
 use serde::{Deserialize, Serialize};
@@ -27,19 +28,21 @@ use crate::camera::Camera;
 use crate::progress::Progress;
 use crate::query::Form;
 use crate::scene::gaussians::Gaussians;
-use crate::units::{Estimate, MetricScale};
-use crate::vote::{FieldLabel, MaterialField};
+use crate::units::{Estimate, MetricScale, Range};
+use crate::vote::{Contents, FieldLabel, MaterialField};
 use compose::{Composed, Construction, thickness};
 pub use error::PartsError;
 use grid::surface::{NONE, Surface};
-pub use grid::{Grid, Interior, OUTSIDE, VOID};
+pub use grid::{FILLING, Grid, Interior, OUTSIDE, VOID};
 pub use inside::depth_view::DepthView;
 use inside::{grid_around, inside};
 use mass::bodies::Bodies;
 use mass::moments::Moments;
+pub use mass::unknowns::Source;
+use mass::weights::{self, Weight, Weights};
 use mass::{Piece, Weighable};
 pub use options::{BodiesAs, Options, SCENE_KEYS, VolumeMethod};
-pub use result::{NoVolume, Object, Part, PartBody, Parts};
+pub use result::{Filling, KnownMass, NoVolume, Object, Part, PartBody, Parts, Width};
 
 /// The result of the parts stage.
 #[derive(Debug, Clone, PartialEq)]
@@ -101,42 +104,81 @@ pub fn parts(
 ) -> Result<PartsResult, PartsError> {
     options.check()?;
     check(gaussians, field)?;
-    let meters_per_unit = scale.map(|s| s.meters_per_unit);
-    let constructions: Vec<Construction> =
-        field.labels.iter().map(|l| construction(l, meters_per_unit, options)).collect();
+    let labels = &field.labels;
     let kept = clean::without_floaters(gaussians, options.min_body_share);
     let grid = grid_around(gaussians, &kept, options.volume_cells);
 
     let inside = inside(gaussians, &kept, &grid, cameras, options, progress)?;
     let surface = Surface::of(&grid, &inside.cells);
     let in_view = inside.in_view(&surface);
-    let cells = assign::assign(gaussians, &kept, &field.part_label, constructions.len(), grid, surface, &in_view);
+    let cells = assign::assign(gaussians, &kept, &field.part_label, labels.len(), grid, surface, &in_view);
     let chords = thickness::chords(&cells);
-    let thickness = thickness::thickness(&chords, constructions.len());
+    let thickness = thickness::thickness(&chords, labels.len());
+    let of_mass = |kg| {
+        let build = |label: &FieldLabel, meters| construction(label, Some(meters), options);
+        scale::meters_per_unit(kg, &cells, &chords, inside.uncertainty, labels, build)
+    };
+    let known_scale = scale.map(|s| s.meters_per_unit);
+    let meters_per_unit = known_scale.or_else(|| options.known_mass.and_then(of_mass));
+    let constructions: Vec<Construction> = labels.iter().map(|l| construction(l, meters_per_unit, options)).collect();
     let (composed, cells) = compose::compose(cells, &constructions, &chords, inside.uncertainty);
 
     let mut shapes = shapes(field, &composed, &cells, &constructions, &thickness);
     let interior = &composed.interior;
     let bodies = Bodies::of(interior, constructions.len());
     let mut pieces = pieces(interior, &bodies, &shapes, gaussians, &field.part_label);
-    let whole =
-        mass::combined(&weighables(&shapes, &field.labels, &pieces)).ok_or_else(|| no_volume(field, &shapes))?;
+    let scaled = weights::Scale { meters_per_unit: meters_per_unit.unwrap_or(1.0), is_known: known_scale.is_some() };
+    let mut weights = Weights::new(&weighables(&shapes, field, &composed, &pieces), scaled);
+    let known_mass = meters_per_unit.and(options.known_mass).map(|kg| known_mass(&mut weights, kg, options));
+    let whole = weights.whole(&weighables(&shapes, field, &composed, &pieces));
+    let whole = whole.ok_or_else(|| no_volume(field, &shapes))?;
     set_distances(&mut shapes, &mut pieces, &bodies, &cells, whole.center);
     let floaters = (0..kept.len()).filter(|&i| !kept[i] && !gaussians.is_set_aside(i)).count();
-    let warnings = warnings(field, floaters, &shapes, scale.is_none());
+    let mut warnings = warnings(field, floaters, &shapes, meters_per_unit.is_none());
+    let enclosed = cells.label.iter().filter(|label| **label != NONE).count() as f64 * cells.grid.cell_volume();
+    let enclosed_m3 = enclosed * meters_per_unit.unwrap_or(1.0).powi(3);
+    warnings.extend(known_mass.as_ref().and_then(|known| known.problem(enclosed_m3)));
     let notes = notes(field, floaters, &shapes, &composed, options.min_part_share);
-    let parts = meters_per_unit.map(|scale| {
-        let (object, parts) = mass::weigh(&whole, &weighables(&shapes, &field.labels, &pieces), scale, options.bodies);
-        Parts { object, parts, warnings: warnings.clone(), notes: notes.clone() }
+    let parts = meters_per_unit.map(|_| {
+        let weighables = weighables(&shapes, field, &composed, &pieces);
+        let of = |weight: &Weight| &weighables[weight.of];
+        let (fillings, solids): (Vec<&Weight>, Vec<&Weight>) = weights.all.iter().partition(|weight| weight.is_filling);
+        Parts {
+            object: mass::object(&weights, &whole),
+            parts: solids.iter().flat_map(|weight| of(weight).parts(&weights, weight, options.bodies)).collect(),
+            fillings: fillings.iter().filter_map(|weight| of(weight).filling_part(&weights, weight)).collect(),
+            known_mass,
+            meters_per_unit: weights.unknown_scale(),
+            warnings: warnings.clone(),
+            notes: notes.clone(),
+        }
     });
     Ok(PartsResult { interior: composed.interior, shapes, warnings, notes, parts })
 }
 
-fn weighables<'a>(shapes: &'a [Shape], labels: &'a [FieldLabel], pieces: &'a [Vec<Piece>]) -> Vec<Weighable<'a>> {
-    let all = shapes.iter().zip(labels).zip(pieces);
-    all.filter(|((shape, _), _)| shape.gaussians > 0)
-        .map(|((shape, label), pieces)| Weighable { shape, label, pieces })
-        .collect()
+fn weighables<'a>(
+    shapes: &'a [Shape],
+    field: &'a MaterialField,
+    composed: &'a Composed,
+    pieces: &'a [Vec<Piece>],
+) -> Vec<Weighable<'a>> {
+    let used = (0..shapes.len()).filter(|&l| shapes[l].gaussians > 0);
+    used.map(|l| Weighable {
+        shape: &shapes[l],
+        label: &field.labels[l],
+        volume: &composed.volumes[l],
+        pieces: &pieces[l],
+        hollow: composed.hollows[l].as_ref(),
+    })
+    .collect()
+}
+
+/// Weighs the object: the reading of a scale is shared out among everything that is uncertain.
+fn known_mass(weights: &mut Weights, reading_kg: f64, options: &Options) -> KnownMass {
+    let error_kg = options.known_mass_error.unwrap_or(READING_ERROR * reading_kg);
+    let (expected_kg, [low, high]) = weights.weigh(reading_kg, error_kg);
+    let is_possible = (low - error_kg..=high + error_kg).contains(&reading_kg);
+    KnownMass { reading_kg, error_kg, expected_kg, possible_kg: Range::new(low, high), is_possible }
 }
 
 /// Per label, its bodies, which together have its volume.
@@ -147,7 +189,8 @@ fn pieces(
     gaussians: &Gaussians,
     part_label: &[u32],
 ) -> Vec<Vec<Piece>> {
-    let moments = Moments::of(interior, &bodies.of_cell, bodies.label.len());
+    let shares = interior.filled().map(|(i, _, share)| (i, bodies.of_cell[i] as usize, share));
+    let moments = Moments::of(&interior.grid, shares, bodies.label.len());
     let counts = bodies.gaussians(gaussians, part_label, &interior.grid);
     let mut filled = vec![0.0; shapes.len()];
     for (label, moments) in bodies.label.iter().zip(&moments) {
@@ -194,7 +237,13 @@ fn construction(label: &FieldLabel, meters_per_unit: Option<f64>, options: &Opti
         (_, Form::Shell { wall_thickness_m }) => Some(Estimate::from(wall_thickness_m)),
     };
     match (wall_m, meters_per_unit) {
-        (Some(wall), Some(scale)) => Construction::Wall(wall.scaled(1.0 / scale)),
+        (Some(wall), Some(scale)) => {
+            let filled = match &label.inside {
+                Some(Contents::Filled(filled)) => Some(filled.share),
+                _ => None,
+            };
+            Construction::Wall { thickness: wall.scaled(1.0 / scale), filled }
+        }
         _ => Construction::Solid,
     }
 }
@@ -211,7 +260,7 @@ fn shapes(
     let mut owns_places = vec![false; constructions.len()];
     cells.label.iter().filter(|&&l| l != NONE).for_each(|&l| owns_places[l as usize] = true);
     let shape = |l: usize| {
-        let volume = Some(composed.volumes[l]).filter(|volume| volume.mid > 0.0);
+        let volume = Some(composed.volumes[l].interval()).filter(|volume| volume.mid > 0.0);
         let why = if owns_places[l] { NoVolume::NoMaterial } else { NoVolume::OwnsNoPlace };
         Shape {
             id: l as u32,
@@ -219,7 +268,7 @@ fn shapes(
             volume,
             no_volume: volume.is_none().then_some(why),
             thickness: match constructions[l] {
-                Construction::Wall(wall) => volume.and(Some(wall)),
+                Construction::Wall { thickness, .. } => volume.and(Some(thickness)),
                 Construction::Solid => thickness[l],
             },
             surface_to_center_of_mass: None,
@@ -256,6 +305,9 @@ fn no_volume(field: &MaterialField, shapes: &[Shape]) -> PartsError {
     });
     PartsError::NoVolume { parts: used.len(), why: why.collect::<Vec<_>>().join("; ") }
 }
+
+/// A kitchen scale shows grams and is off by about a hundredth.
+const READING_ERROR: f64 = 0.01;
 
 /// Up to this share of an object's Gaussians, what they lack changes no mass that matters.
 const FEW: f64 = 0.001;
@@ -326,6 +378,14 @@ fn notes(
         notes.push(format!(
             "part {name:?} is {percent:.3} % of the object's volume: a real detail, or a speck left by a wrong answer"
         ));
+    }
+    if composed.is_mirrored {
+        notes.push("the side that no view shows is taken to be like the opposite one".to_owned());
+    }
+    let is_hollow = |l: usize| shapes[l].volume.is_some() && composed.cores[l].is_none();
+    let unknown = field.labels.iter().filter(|label| label.inside == Some(Contents::Unknown));
+    for label in unknown.filter(|label| is_hollow(label.id as usize)) {
+        notes.push(format!("what is inside {:?} is not known: it is weighed as empty", label.caption));
     }
     for (shell, core) in composed.cores.iter().enumerate() {
         if let Some(core) = core {

@@ -5,7 +5,7 @@ use serde::{Deserialize, Serialize};
 
 use super::PartsError;
 use crate::config::SceneKey;
-use crate::values;
+use crate::values::{self, from_to};
 
 /// About 130 cells along each side of a box-shaped object: under a millimetre on a hammer.
 const VOLUME_CELLS: usize = 2_000_000;
@@ -30,6 +30,8 @@ pub const SCENE_KEYS: &[SceneKey] = &[
     SceneKey::any("min-body-share"),
     SceneKey::any("min-part-share"),
     SceneKey::any("bodies"),
+    SceneKey::any("known-mass"),
+    SceneKey::any("known-mass-error"),
 ];
 
 /// How the inside of the object is found.
@@ -86,6 +88,12 @@ pub struct Options {
     /// How to write the connected bodies of one part (such as the four legs of a chair)
     #[arg(long, value_enum, value_name = "AS", default_value_t)]
     pub bodies: BodiesAs,
+    /// What the whole object weighs in kg, as a kitchen scale shows it: narrows the masses of all parts
+    #[arg(long, value_name = "KG", value_parser = from_to(MASS_MIN_KG, MASS_MAX_KG))]
+    pub known_mass: Option<f64>,
+    /// How far that reading may be off, in kg, with a probability of 90 % [default: a hundredth of it]
+    #[arg(long, value_name = "KG", requires = "known_mass", value_parser = from_to(MASS_MIN_KG, MASS_MAX_KG))]
+    pub known_mass_error: Option<f64>,
 }
 
 impl Default for Options {
@@ -102,6 +110,11 @@ const CARVE_VIEWS_MAX: usize = 100_000;
 const FILL_DENSITY_MAX: f64 = 1000.0;
 /// Thicker than any wall of an object or a building.
 const WALL_MAX_M: f64 = 100.0;
+
+/// A milligram: no grain of sand weighs less.
+const MASS_MIN_KG: f64 = 1e-6;
+/// A thousand tonnes: no object in front of a camera weighs more.
+const MASS_MAX_KG: f64 = 1e6;
 
 impl Options {
     /// Checks that every number is within its domain.
@@ -121,6 +134,11 @@ impl Options {
         }
         if !(self.wall_m > 0.0 && self.wall_m <= WALL_MAX_M) {
             return wrong("--wall-m", self.wall_m, "above 0, up to 100, in metres");
+        }
+        for (flag, mass) in [("--known-mass", self.known_mass), ("--known-mass-error", self.known_mass_error)] {
+            if let Some(kg) = mass.filter(|kg| !(MASS_MIN_KG..=MASS_MAX_KG).contains(kg)) {
+                return wrong(flag, kg, "0.000001 to 1,000,000, in kilograms");
+            }
         }
         if !(0.0..1.0).contains(&self.min_body_share) {
             return wrong("--min-body-share", self.min_body_share, "0 or more and below 1");

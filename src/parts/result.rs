@@ -4,7 +4,8 @@ use std::fmt;
 
 use serde::{Deserialize, Serialize};
 
-use crate::units::Estimate;
+use super::mass::unknowns::Source;
+use crate::units::{Estimate, MetricScale, Range, ScaleSource};
 
 /// The object and its parts, in metres and kilograms. Written as `parts.json`.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -14,6 +15,17 @@ pub struct Parts {
     pub object: Object,
     /// By id.
     pub parts: Vec<Part>,
+    /// What fills the hollows of shells, which nobody sees. Its mass is part of the object's.
+    #[serde(default)]
+    pub fillings: Vec<Filling>,
+    /// What the object was known to weigh; missing if it was not.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[cfg_attr(test, schemars(with = "KnownMass"))]
+    pub known_mass: Option<KnownMass>,
+    /// Metres in a scene unit, if they follow from the known mass; missing if the scale is known.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[cfg_attr(test, schemars(with = "Estimate"))]
+    pub meters_per_unit: Option<Estimate>,
     /// What the user should check.
     pub warnings: Vec<String>,
     /// What the user may want to know.
@@ -21,12 +33,24 @@ pub struct Parts {
     pub notes: Vec<String>,
 }
 
-/// The whole object. It has a volume; without one there is no result.
+impl Parts {
+    /// The metric scale, if it follows from the known mass.
+    pub fn scale(&self) -> Option<MetricScale> {
+        let Estimate { low, mid, high } = self.meters_per_unit?;
+        let provenance = format!("from the known mass of the object: {low:.4} to {high:.4} m");
+        Some(MetricScale { meters_per_unit: mid, source: ScaleSource::KnownMass, provenance })
+    }
+}
+
+/// The whole object with its fillings. It has a volume; without one there is no result.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(test, derive(schemars::JsonSchema))]
 pub struct Object {
     pub volume_m3: Estimate,
     pub mass_kg: Estimate,
+    /// Where the width of the mass comes from.
+    #[serde(default)]
+    pub width: Vec<Width>,
     /// World frame, metres.
     pub center_of_mass_m: [f64; 3],
     /// About the centre of mass, world axes.
@@ -76,6 +100,9 @@ pub struct Part {
     pub thickness_m: Option<Estimate>,
     pub density_kg_m3: Estimate,
     pub mass_kg: Option<Estimate>,
+    /// Where the width of the mass comes from.
+    #[serde(default)]
+    pub width: Vec<Width>,
     /// World frame, metres.
     pub center_of_mass_m: Option<[f64; 3]>,
     /// About the part's centre of mass, world axes.
@@ -94,4 +121,86 @@ pub struct PartBody {
     pub mass_kg: f64,
     /// World frame, metres.
     pub center_of_mass_m: [f64; 3],
+}
+
+/// What fills the hollow of a shell, as an entry of its own.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(test, derive(schemars::JsonSchema))]
+pub struct Filling {
+    /// The `id` of the shell.
+    pub inside_of: u32,
+    pub caption: String,
+    /// Name of a row of `fillings.csv`.
+    pub filling: String,
+    /// True: no view shows it. That it is there, an answer says.
+    pub unseen: bool,
+    /// The share of the hollow that it takes up, 0 to 1.
+    pub share_of_hollow: Estimate,
+    /// With the gaps between its pieces.
+    pub volume_m3: Estimate,
+    pub density_kg_m3: Estimate,
+    pub mass_kg: Estimate,
+    /// Where the width of the mass comes from.
+    pub width: Vec<Width>,
+    /// World frame, metres.
+    pub center_of_mass_m: [f64; 3],
+    /// About its centre of mass, world axes.
+    pub inertia_kg_m2: [[f64; 3]; 3],
+}
+
+/// The share of one cause in the width of a mass.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(test, derive(schemars::JsonSchema))]
+pub struct Width {
+    pub source: Source,
+    /// The interval of the mass if only this were uncertain.
+    pub mass_kg: Range,
+}
+
+impl Width {
+    pub(super) fn new(source: Source, mass_kg: Estimate) -> Self {
+        Self { source, mass_kg: Range::new(mass_kg.low, mass_kg.high) }
+    }
+
+    /// How many times as heavy its high end is as its low end.
+    pub fn factor(&self) -> f64 {
+        self.mass_kg.high / self.mass_kg.low
+    }
+}
+
+/// One reading of a kitchen scale.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(test, derive(schemars::JsonSchema))]
+pub struct KnownMass {
+    pub reading_kg: f64,
+    /// Half-width of its 90 % interval.
+    pub error_kg: f64,
+    /// The mass as it was expected without the reading.
+    pub expected_kg: Estimate,
+    /// The least and the greatest mass that the answers and the surface allow.
+    pub possible_kg: Range,
+    /// Whether it is possible; if not, the masses are those that were expected.
+    pub is_possible: bool,
+}
+
+/// Density of carbon steel.
+const STEEL_KG_M3: f64 = 7850.0;
+
+impl KnownMass {
+    /// Why nothing can weigh that much, and the nearest mass that is possible. The object's surface encloses
+    /// `enclosed_m3`.
+    pub(super) fn problem(&self, enclosed_m3: f64) -> Option<String> {
+        if self.is_possible {
+            return None;
+        }
+        let (reading, Range { low, high }) = (self.reading_kg, self.possible_kg);
+        let (side, nearest) = if reading > high { ("high", high) } else { ("low", low) };
+        let density = reading / enclosed_m3;
+        let steel = if density > STEEL_KG_M3 { ", heavier than solid steel" } else { "" };
+        Some(format!(
+            "--known-mass {reading} kg cannot be: the answers allow {low:.3} to {high:.3} kg. The nearest is {nearest:.3} kg, with every \
+             wall, density, filling and unseen depth at its {side} end. {reading} kg would be {density:.0} kg/m3 of all that the \
+             surface encloses{steel}. Check the reading, the metric scale and the answers; the masses are as without --known-mass"
+        ))
+    }
 }

@@ -18,7 +18,7 @@ impl Pipeline {
     /// is a warning.
     pub(super) fn do_grasp(&self) -> Result<Done> {
         let asked = self.plan.to == Stage::Grasp || self.options.grasp.names_a_place();
-        let (Some(parts), Some(scale)) = (self.stored_parts()?, &self.scene.scale) else {
+        let (Some(parts), Some(scale)) = (self.stored_parts()?, self.metric_scale()?) else {
             if asked {
                 return Err(PartsError::ScaleUnknown.into());
             }

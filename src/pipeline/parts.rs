@@ -5,6 +5,7 @@ use anyhow::Result;
 use serde::Serialize;
 
 use crate::parts::{self, Interior, Parts, Shape};
+use crate::units::MetricScale;
 use crate::workdir::Artifact;
 
 use super::{Done, Pipeline, Stage, get_or_load};
@@ -54,9 +55,17 @@ impl Pipeline {
         })
     }
 
+    /// The metric scale: the scene's, or what the mass of the object tells.
+    pub(super) fn metric_scale(&self) -> Result<Option<MetricScale>> {
+        Ok(match &self.scene.scale {
+            Some(scale) => Some(scale.clone()),
+            None => self.stored_parts()?.and_then(|parts| parts.scale()),
+        })
+    }
+
     /// The parts in metres and kilograms; `None` if the scale is unknown.
     pub(super) fn stored_parts(&self) -> Result<Option<Parts>> {
-        if self.scene.scale.is_none() {
+        if self.scene.scale.is_none() && self.options.parts.known_mass.is_none() {
             return Ok(None);
         }
         Ok(Some(self.work.read_json(Artifact::Parts)?))

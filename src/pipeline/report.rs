@@ -65,7 +65,7 @@ impl Pipeline {
                 name: scene.name.clone(),
                 gaussians: scene.gaussians.len(),
                 sh_degree: scene.gaussians.sh_degree,
-                scale: scene.scale.clone(),
+                scale: self.metric_scale()?,
                 views: self.views.iter().map(|view| view.name.clone()).collect(),
                 seen_gaussians: field.views.iter().filter(|&&views| views > 0).count(),
             },

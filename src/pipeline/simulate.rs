@@ -14,7 +14,8 @@ use crate::simulate::animation::{Film, Shooting};
 use crate::simulate::checkpoint::{Checkpoint, Snapshot};
 use crate::simulate::filling::FillPoint;
 use crate::simulate::material::Material;
-use crate::simulate::{Frame, Input, SimulationReport, plot, simulate};
+use crate::simulate::{Fillings, Frame, Input, SimulationReport, plot, simulate};
+use crate::vote::{Contents, MaterialField};
 use crate::workdir::{Artifact, Checksum, Checksumming, Standing};
 
 use super::record::Output;
@@ -31,14 +32,13 @@ impl Pipeline {
     pub(super) fn do_simulate(&self, key: &str) -> Result<Done> {
         let photo = self.filming_camera()?;
         let field = self.stored_field()?;
-        let materials: Vec<Material> = field.labels.iter().map(Material::from).collect();
-        let interior = self.fill_points()?;
+        let (materials, interior) = self.matter(field)?;
         let input = Input {
             gaussians: &self.scene.gaussians,
             labels: &field.part_label,
             materials: &materials,
             interior: &interior,
-            meters_per_unit: self.scene.scale.as_ref().map(|scale| scale.meters_per_unit),
+            meters_per_unit: self.metric_scale()?.map(|scale| scale.meters_per_unit),
         };
         let save = |frame: &Frame, snapshot: &Snapshot| {
             self.work.write_with(Artifact::Frame(frame.index), |out| ply::write(out, &frame.gaussians, &[]))?;
@@ -142,8 +142,8 @@ impl Pipeline {
         Ok(())
     }
 
-    /// The object's inside, cell by cell.
-    fn fill_points(&self) -> Result<Vec<FillPoint>> {
+    /// The materials of the labels, then those of the fillings; and the object's inside, cell by cell.
+    fn matter(&self, field: &MaterialField) -> Result<(Vec<Material>, Vec<FillPoint>)> {
         let interior = self.interior()?;
         let cell_volume = interior.grid.cell.powi(3);
         let point = |(index, label, share): (usize, u32, f64)| FillPoint {
@@ -151,7 +151,32 @@ impl Pipeline {
             label,
             volume: share * cell_volume,
         };
-        Ok(interior.filled().map(point).collect())
+        let mut materials: Vec<Material> = field.labels.iter().map(Material::from).collect();
+        let mut points: Vec<FillPoint> = interior.filled().map(point).collect();
+        let fillings = self.options.simulate.fillings;
+        let (Some(parts), Some(scale)) = (self.stored_parts()?, self.metric_scale()?) else {
+            return Ok((materials, points));
+        };
+        if fillings == Fillings::Ignore {
+            return Ok((materials, points));
+        }
+        for filling in &parts.fillings {
+            let Some(shell) = field.labels.get(filling.inside_of as usize) else { continue };
+            let Some(Contents::Filled(filled)) = &shell.inside else { continue };
+            let own: Vec<_> = interior.fillings().filter(|(_, of, _)| *of == shell.id).collect();
+            let shares: f64 = own.iter().map(|(.., share)| share).sum();
+            if shares <= 0.0 {
+                continue;
+            }
+            // Cells at the wall hold wall alone; what they lack of the filling, the others get as density.
+            let shown_m3 = shares * cell_volume * scale.meters_per_unit.powi(3);
+            let label = materials.len() as u32;
+            let material =
+                Material::of_filling(filled, &shell.caption, (fillings == Fillings::Weigh).then_some(shell.id));
+            materials.push(Material { density_kg_m3: filling.mass_kg.mid / shown_m3, ..material });
+            points.extend(own.into_iter().map(|(index, _, share)| point((index, label, share))));
+        }
+        Ok((materials, points))
     }
 }
 

@@ -10,6 +10,7 @@ mod pictures;
 pub(crate) mod style;
 mod summary;
 mod tables;
+mod weighing;
 
 use serde::Serialize;
 

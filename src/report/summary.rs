@@ -40,7 +40,9 @@ pub fn summary(report: &Report, report_page: &Path) -> String {
 /// A line for each part: its number, material, mass and name.
 pub fn part_lines(labels: &[FieldLabel], parts: Option<&Parts>) -> String {
     let mut text = String::new();
-    let name_width = labels.iter().map(|label| one_line(&label.material).chars().count()).max().unwrap_or(0);
+    let fillings = parts.into_iter().flat_map(|parts| &parts.fillings);
+    let names = labels.iter().map(|label| &label.material).chain(fillings.map(|filling| &filling.filling));
+    let name_width = names.map(|name| one_line(name).chars().count()).max().unwrap_or(0);
     for label in labels {
         let part = parts.and_then(|parts| parts.parts.iter().find(|part| part.id == label.id));
         let mass = part.map_or_else(String::new, |part| match part.mass_kg {
@@ -56,6 +58,17 @@ pub fn part_lines(labels: &[FieldLabel], parts: Option<&Parts>) -> String {
             label.id,
             one_line(&label.material),
             one_line(&part_name(&label.caption, &label.material))
+        );
+    }
+    for filling in parts.into_iter().flat_map(|parts| &parts.fillings) {
+        let mass = filling.mass_kg;
+        let _ = writeln!(
+            text,
+            "      {:name_width$}  {:>7} g ({})  unseen, in part {}",
+            one_line(&filling.filling),
+            significant(mass.mid * 1e3),
+            interval(mass, 1e3),
+            filling.inside_of
         );
     }
     text

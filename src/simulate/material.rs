@@ -6,7 +6,7 @@ use super::error::SimulateError;
 use super::mpm::laws::snow::{self, Snow};
 use super::mpm::laws::{self, drucker_prager, von_mises};
 use crate::materials::Law;
-use crate::vote::FieldLabel;
+use crate::vote::{FieldLabel, Filled};
 
 /// Materials with a larger Poisson's ratio are simulated with this one: towards 0.5 the bulk modulus, and with it the
 /// number of time steps, grows without bound, while the shape hardly changes.
@@ -27,9 +27,33 @@ pub struct Material {
     /// The stress at which it is damaged.
     pub strength_pa: f64,
     pub law: Law,
+    /// The label of the shell with which it moves if that is rigid, although it could deform.
+    pub moves_with: Option<u32>,
 }
 
 impl Material {
+    /// Of what fills the shell named `caption`; it moves with the shell `moves_with`, if any.
+    pub fn of_filling(filled: &Filled, caption: &str, moves_with: Option<u32>) -> Self {
+        let youngs_modulus_pa = filled.youngs_modulus_pa.mid;
+        let strength_pa = match filled.law {
+            Law::VonMises { yield_stress_pa }
+            | Law::Foam { yield_stress_pa, .. }
+            | Law::Plasticine { yield_stress_pa, .. } => yield_stress_pa,
+            // Nothing says when it is damaged, and nothing but its shell touches it.
+            Law::Elastic | Law::DruckerPrager { .. } | Law::Snow { .. } | Law::Fluid => youngs_modulus_pa,
+        };
+        Self {
+            name: filled.filling.clone(),
+            caption: format!("{} in {caption}", filled.filling),
+            density_kg_m3: filled.density_kg_m3.mid,
+            youngs_modulus_pa,
+            poisson_ratio: filled.poisson_ratio.mid,
+            strength_pa,
+            law: filled.law,
+            moves_with,
+        }
+    }
+
     /// E / (1 - nu^2), Pa.
     pub fn plane_modulus_pa(&self) -> f64 {
         self.youngs_modulus_pa / (1.0 - self.poisson_ratio.powi(2))
@@ -46,6 +70,7 @@ impl From<&FieldLabel> for Material {
             poisson_ratio: label.poisson_ratio.mid,
             strength_pa: label.yield_strength_pa.mid,
             law: label.law,
+            moves_with: None,
         }
     }
 }

@@ -44,7 +44,7 @@ use material::Material;
 use mpm::particles::Particle;
 use mpm::{Lost, Setting};
 use object::{Bodies, Object};
-pub use options::{Ground, Options, SCENE_KEYS};
+pub use options::{Fillings, Ground, Options, SCENE_KEYS};
 pub use report::{RigidReport, SimulationReport, StepReport};
 use rigid::body::Body;
 use setup::Setup;

@@ -26,6 +26,7 @@ pub const SCENE_KEYS: &[SceneKey] = &[
     SceneKey::any("ground-friction"),
     SceneKey::any("max-stiffness"),
     SceneKey::any("rigid"),
+    SceneKey::any("fillings"),
     SceneKey::any("cfl"),
     SceneKey::any("film-from"),
     SceneKey::any("azimuth-deg"),
@@ -45,6 +46,19 @@ const MOST_GRAVITY: f64 = 1000.0;
 const MOST_FRICTION: f64 = 100.0;
 /// Ten times as stiff as diamond.
 const STIFFEST_PA: f64 = 1e13;
+
+/// `--fillings`.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, serde::Deserialize, clap::ValueEnum)]
+#[serde(rename_all = "snake_case")]
+pub enum Fillings {
+    /// They move with their shell if that is rigid, and deform with it if it is not: takes no longer.
+    #[default]
+    Weigh,
+    /// Each follows its own law: liquids slosh, grains shift, foams give.
+    Simulate,
+    /// Shells are empty.
+    Ignore,
+}
 
 /// How the object is dropped, how finely and for how long it is simulated.
 #[derive(Debug, Clone, PartialEq, clap::Args, Serialize)]
@@ -107,6 +121,10 @@ pub struct Options {
     /// may be given several times
     #[arg(long, value_name = "auto|never|PART", default_values_t = [choice::AUTO.to_owned()])]
     pub rigid: Vec<String>,
+
+    /// What becomes of the fillings of shells, which nobody sees
+    #[arg(long, value_enum, default_value_t)]
+    pub fillings: Fillings,
 
     /// Largest Young's modulus to simulate, in Pa: stiffer parts that deform are softened to it, and their strength in
     /// proportion, so that they yield at the same strain; the running time grows with its square root [default: none if the

@@ -1,6 +1,6 @@
 //! What is inside of a part, from the answers that agree on its material and form.
 
-use super::labels::middle_and_hull;
+use super::estimate::middle_and_hull;
 use super::{Contents, Filled};
 use crate::materials::MaterialLibrary;
 use crate::materials::fillings::Filling;

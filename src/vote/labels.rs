@@ -2,12 +2,12 @@
 
 use super::FieldLabel;
 use super::contents::contents;
+use super::estimate::middle_and_hull;
 use super::identity::Identity;
 use super::tally::PartMaterial;
 use crate::materials::MaterialLibrary;
-use crate::numeric::median;
 use crate::query::{Answer, Form};
-use crate::units::{Estimate, Range, ShoreHardness};
+use crate::units::{Range, ShoreHardness};
 
 /// The label with number `id` for `choice`: from the answers for this material about this 3D part, never from those for
 /// another material. The caption is that of the answer with most weight.
@@ -41,17 +41,6 @@ pub(super) fn label(
         form,
         law: library.get(material).expect("answers were checked against the library").law,
     }
-}
-
-/// The median of the middles within the hull of the ranges.
-pub(super) fn middle_and_hull(ranges: impl Iterator<Item = Range>) -> Estimate {
-    let ranges: Vec<Range> = ranges.collect();
-    let hull = ranges.iter().copied().reduce(Range::hull).expect("a label is won by an answer");
-    Estimate::new(
-        hull.low,
-        median(ranges.iter().map(|range| range.mid()).collect()).expect("somebody answered"),
-        hull.high,
-    )
 }
 
 /// The hull of the readings on the scale that most answers use (of two equally frequent scales, the first answer's):

@@ -10,6 +10,7 @@ mod answered_segments;
 mod ballots;
 mod contents;
 mod error;
+mod estimate;
 pub mod field_ply;
 mod identity;
 mod labels;

@@ -29,6 +29,7 @@ fn part(id: u32, caption: &str, mass_kg: Estimate, thickness_m: Estimate, to_cen
         thickness_m: Some(thickness_m),
         density_kg_m3: Estimate::exactly(1000.0),
         mass_kg: Some(mass_kg),
+        width: Vec::new(),
         center_of_mass_m: Some([0.0; 3]),
         inertia_kg_m2: Some([[0.0; 3]; 3]),
         bodies: Vec::new(),
@@ -65,6 +66,7 @@ fn hammer() -> (Parts, Vec<FieldLabel>) {
     let object = Object {
         volume_m3: Estimate::exactly(2e-4),
         mass_kg: mass,
+        width: Vec::new(),
         center_of_mass_m: [0.0; 3],
         inertia_kg_m2: [[0.0; 3]; 3],
     };
@@ -72,7 +74,16 @@ fn hammer() -> (Parts, Vec<FieldLabel>) {
         label(0, Estimate::new(0.6, 0.7, 0.8), Estimate::new(40e6, 50e6, 60e6), Estimate::new(10e9, 12e9, 14e9)),
         label(1, Estimate::new(0.5, 0.6, 0.7), Estimate::exactly(300e6), Estimate::exactly(200e9)),
     ];
-    (Parts { object, parts, warnings: Vec::new(), notes: Vec::new() }, labels)
+    let parts = Parts {
+        object,
+        parts,
+        fillings: Vec::new(),
+        known_mass: None,
+        meters_per_unit: None,
+        warnings: Vec::new(),
+        notes: Vec::new(),
+    };
+    (parts, labels)
 }
 
 fn paper() -> GripperProfile {

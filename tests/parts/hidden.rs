@@ -131,3 +131,33 @@ fn an_open_bowl_of_one_sheet_is_counted_once() {
     assert!(error(&parts, 0, bowl).abs() < 0.3);
     assert!(holds(&parts, 0, bowl), "{:?}", parts.parts[0].volume_m3);
 }
+
+#[test]
+fn a_rod_that_lies_on_a_table_is_as_round_below_as_above() {
+    let mut upright = Cloud::default();
+    upright.add_cylinder(0.3, [-1.0, 1.0], [true, true], SPACING, 0);
+    let mut cloud = Cloud::default();
+    for (p, n, part) in &upright.points {
+        cloud.add(Point3::new(p.z, p.y, -p.x), Vector3::new(n.z, n.y, -n.x), *part);
+    }
+    // No photo shows the underside, so training would not have put Gaussians there.
+    cloud.points.retain(|(_, n, _)| n.z > -0.7);
+    let parts = measured(&cloud, &[Form::Solid], |n| (-0.1..0.98).contains(&n.z));
+    assert!(parts.notes.iter().any(|note| note.contains("like the opposite one")), "{:?}", parts.notes);
+    let rod = PI * 0.09 * 2.0;
+    assert!(error(&parts, 0, rod).abs() < 0.06);
+    assert!(holds(&parts, 0, rod), "{:?}", parts.parts[0].volume_m3);
+}
+
+#[test]
+fn what_stands_on_a_broad_foot_is_not_mirrored() {
+    let mut cloud = Cloud::default();
+    cloud.add_cylinder(0.7, [-0.9, -0.6], [true, true], SPACING, 0);
+    cloud.add_cylinder(0.2, [-0.6, 0.9], [false, true], SPACING, 0);
+    cloud.points.retain(|(p, n, _)| n.z > -0.7 && (p.z != -0.6 || p.coords.xy().norm() > 0.2));
+    let parts = measured(&cloud, &[Form::Solid], |n| (-0.1..0.98).contains(&n.z));
+    assert!(parts.notes.iter().all(|note| !note.contains("like the opposite one")), "{:?}", parts.notes);
+    let stand = PI * (0.49 * 0.3 + 0.04 * 1.5);
+    // What the views do not look through beside the foot stays full.
+    assert!(error(&parts, 0, stand).abs() < 0.2);
+}

@@ -1,6 +1,6 @@
 //! The object's inside as bytes: what was written is read back, and anything else is refused.
 
-use gprop::parts::{Grid, Interior, OUTSIDE, VOID, parts};
+use gprop::parts::{FILLING, Grid, Interior, OUTSIDE, VOID, parts};
 use gprop::progress::Progress;
 use gprop::query::Form;
 use gprop::units::{MetricScale, Range, ScaleSource};
@@ -22,10 +22,10 @@ fn read(bytes: &[u8]) -> Result<Interior, String> {
     Interior::from_bytes(bytes, CELLS, PARTS).map_err(|error| error.to_string())
 }
 
-/// Four cells: two of part 0, one empty, one outside.
+/// Four cells: one of part 0, one of what fills part 2, one empty, one outside.
 fn small() -> Interior {
     let grid = Grid { origin: Point3::new(-1.0, 0.5, 2.0), cell: 0.1, dims: [2, 1, 2] };
-    Interior { grid, part: vec![0, 0, VOID, OUTSIDE], fraction: vec![1.0, 1.0, 0.0, 0.0] }
+    Interior { grid, part: vec![0, FILLING + 2, VOID, OUTSIDE], fraction: vec![1.0, 1.0, 0.0, 0.0] }
 }
 
 /// `small` with its bytes replaced by `other` from `at` on.
@@ -70,7 +70,7 @@ fn numbers_that_cannot_be_are_refused() {
     const RUNS: usize = DIMS + 32;
     let cases: [(usize, &[u8], &str); 11] = [
         (0, b"G", "the inside of an object"),
-        (8, &9_u32.to_le_bytes(), "version is 9, not 1"),
+        (8, &9_u32.to_le_bytes(), "version is 9, not 2"),
         (ORIGIN, &f64::NAN.to_le_bytes(), "a side of"),
         (CELL, &0.0_f64.to_le_bytes(), "a side of"),
         (CELL, &1e200_f64.to_le_bytes(), "a side of"),

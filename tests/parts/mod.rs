@@ -5,6 +5,7 @@ mod bodies;
 mod closed_forms;
 pub mod clouds;
 mod depth_view;
+mod fillings;
 mod hidden;
 mod interior;
 mod mutants;

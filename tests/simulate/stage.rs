@@ -83,6 +83,7 @@ fn materials() -> Vec<Material> {
         poisson_ratio: 0.35,
         strength_pa: 5e7,
         law: Law::Elastic,
+        moves_with: None,
     };
     let lead = Material {
         name: "lead".to_owned(),
@@ -92,6 +93,7 @@ fn materials() -> Vec<Material> {
         poisson_ratio: 0.48,
         strength_pa: 1.2e7,
         law: Law::VonMises { yield_stress_pa: 1.2e7 },
+        moves_with: None,
     };
     vec![wood, lead]
 }

@@ -5,12 +5,14 @@ use gprop::camera::Camera;
 use gprop::materials::MaterialLibrary;
 use gprop::pictures::field_colors;
 use gprop::progress::Progress;
-use gprop::query::{Answer, Answers, Failure, Form, Outcome, SegmentAnswer};
+use gprop::query::{Answer, Answers, Failure, Form, Inside, Outcome, SegmentAnswer};
 use gprop::render::{RenderOptions, render, render_labels};
 use gprop::scene::gaussians::Gaussians;
 use gprop::segment::LabelMap;
-use gprop::units::{Range, ShoreHardness, ShoreScale};
-use gprop::vote::{Agreement, MaterialField, Options, Rule, ViewInput, VoteError, field_ply, vote};
+use gprop::units::{Estimate, Range, ShoreHardness, ShoreScale};
+use gprop::vote::{
+    Agreement, Contents, FieldLabel, MaterialField, Options, Rule, ViewInput, VoteError, field_ply, vote,
+};
 
 use super::build::{Blob, answer, camera_at, cloud};
 
@@ -250,6 +252,56 @@ fn numbers_come_from_the_winning_answers_alone() {
     assert_eq!(label.hardness, shore(40.0, 70.0));
     assert_eq!(label.form, wall_of(0.001, 0.002));
     assert_eq!(label.law, MaterialLibrary::builtin().get(material_of(0)).unwrap().law);
+}
+
+/// The label of a wall about which views say these things.
+fn label_of(answers: Vec<Answer>) -> FieldLabel {
+    let gaussians = cloud(&wall(0.0));
+    let whole = vec![1; gaussians.len()];
+    let mut ballot = Ballot::default();
+    for (n, answer) in answers.into_iter().enumerate() {
+        ballot.view(&gaussians, front(n), &whole).says(1, answer);
+    }
+    ballot.count(&gaussians, &Options::default()).unwrap().labels.remove(0)
+}
+
+#[test]
+fn what_is_inside_is_what_most_answers_say() {
+    let form = Form::Shell { wall_thickness_m: Range::new(0.001, 0.002) };
+    let says = |inside| Answer { form, inside: Some(inside), ..answer("wall", 0) };
+    let full = |filling: &str, low| says(Inside::Filled { filling: filling.to_owned(), share: Range::new(low, 1.0) });
+    let contents = |answers: Vec<Answer>| label_of(answers).inside.unwrap();
+
+    let Contents::Filled(filled) = contents(vec![full("sugar", 0.8), full("salt", 0.9), full("salt", 0.7)]) else {
+        panic!("all say that it is full")
+    };
+    let library = MaterialLibrary::builtin();
+    let (sugar, salt) = (library.filling("sugar").unwrap(), library.filling("salt").unwrap());
+    assert_eq!((filled.filling.as_str(), filled.law), ("salt", salt.law));
+    assert_eq!((filled.share.low, filled.share.high), (0.7, 1.0));
+    assert_eq!(
+        (filled.density_kg_m3.low, filled.density_kg_m3.high),
+        (sugar.density_kg_m3.low, salt.density_kg_m3.high)
+    );
+    assert_eq!(filled.density_kg_m3.mid, salt.density_kg_m3.mid());
+
+    assert_eq!(contents(vec![says(Inside::Empty), says(Inside::Empty), full("salt", 0.9)]), Contents::Empty);
+    assert_eq!(contents(vec![says(Inside::Empty), full("salt", 0.9)]), Contents::Unknown);
+    assert_eq!(contents(vec![says(Inside::Unknown)]), Contents::Unknown);
+    assert_eq!(label_of(vec![answer("wall", 0)]).inside, None, "a solid has no inside");
+}
+
+#[test]
+fn a_mixed_part_takes_its_density_from_the_answers_that_give_the_whole() {
+    let bulk = Range::new(900.0, 1500.0);
+    let reason = || Some("a motor in its housing".to_owned());
+    let mixed = || Answer { form: Form::Mixed, density_kg_m3: bulk, bulk_reason: reason(), ..answer("wall", 0) };
+    let label = label_of(vec![answer("wall", 0), mixed(), mixed()]);
+    assert_eq!((label.form, label.bulk_reason), (Form::Mixed, reason()));
+    assert_eq!(label.density_kg_m3, Estimate::from(bulk));
+    let label = label_of(vec![answer("wall", 0), mixed()]);
+    assert_eq!((label.form, label.bulk_reason), (Form::Solid, None), "solid, if as many say either");
+    assert_eq!(label.density_kg_m3, Estimate::from(answer("wall", 0).density_kg_m3));
 }
 
 #[test]

@@ -1,6 +1,7 @@
 //! `gprop evaluate`: reads files and scenes, computes measures and prints them.
 
 mod grasp;
+mod mass;
 mod parts;
 mod robustness;
 mod segmentation;
@@ -15,7 +16,8 @@ use crate::evaluate::EvaluateError;
 use crate::evaluate::filling;
 use crate::evaluate::hardness::{self, HardnessEvaluation, Measured, Reading};
 use crate::evaluate::masks::{Reference, compare};
-use crate::evaluate::mass::{self, MassEvaluation, WeighedPart};
+use crate::evaluate::mass as masses;
+use crate::evaluate::mass::MassEvaluation;
 use crate::evaluate::prompts;
 use crate::evaluate::scores::Scores;
 use crate::evaluate::simulation::{self, SimulationError};
@@ -51,8 +53,8 @@ pub fn evaluate(global: &Global, what: &Evaluate) -> anyhow::Result<()> {
         }
         Evaluate::Masks { image, reference, setup } => evaluate_masks(global, image, reference, setup),
         Evaluate::Mass { predictions: Some(predictions), truth: Some(truth), .. } => {
-            let found = mass::evaluate(mass::from_json(predictions, truth)?)?;
-            print(global, &found, || mass_text(&found))
+            let found = masses::evaluate(masses::from_json(predictions, truth)?)?;
+            print(global, &found, || mass::text(&found))
         }
         Evaluate::Mass { data_set: Some(folder), split, out, .. } => {
             evaluate_data_set(global, folder, split.as_deref(), out.as_deref())
@@ -69,10 +71,10 @@ fn evaluate_masses(global: &Global, scenes: &[PathBuf], out: Option<&Path>) -> a
         let parts = Stored::open(scene, out, &[Stage::Parts])?.path(Artifact::Parts);
         let truth = scene.join("ground_truth/parts.json");
         check_truth(&truth, &options_of(scene, &[])?.scene.read_scope(scene))?;
-        Ok(mass::from_scene(&id, &parts, &truth)?)
+        Ok(masses::from_scene(&id, &parts, &truth)?)
     };
-    let found = mass::evaluate(scenes.iter().map(weigh).collect::<anyhow::Result<_>>()?)?;
-    print(global, &found, || mass_text(&found))
+    let found = masses::evaluate(scenes.iter().map(weigh).collect::<anyhow::Result<_>>()?)?;
+    print(global, &found, || mass::text(&found))
 }
 
 /// The scenes of a data set that states their weights.
@@ -85,7 +87,7 @@ fn evaluate_data_set(global: &Global, folder: &Path, split: Option<&str>, out: O
         weights += 1;
         let work = out.map(|out| out.join(&entry.name));
         match Stored::open(&entry.folder, work.as_deref(), &[Stage::Parts]) {
-            Ok(stored) => objects.push(mass::from_weight(&entry.name, &stored.path(Artifact::Parts), weight_kg)?),
+            Ok(stored) => objects.push(masses::from_weight(&entry.name, &stored.path(Artifact::Parts), weight_kg)?),
             Err(WorkDirError::Unfinished { .. }) => missing.push(entry.name),
             Err(error) => return Err(error.into()),
         }
@@ -97,8 +99,8 @@ fn evaluate_data_set(global: &Global, folder: &Path, split: Option<&str>, out: O
         );
         return Err(UsageError(problem).into());
     }
-    let found = MassEvaluation { missing, ..mass::evaluate(objects)? };
-    print(global, &found, || mass_text(&found))
+    let found = MassEvaluation { missing, ..masses::evaluate(objects)? };
+    print(global, &found, || mass::text(&found))
 }
 
 fn evaluate_hardness(global: &Global, points: &Path, out: Option<&Path>) -> anyhow::Result<()> {
@@ -160,40 +162,6 @@ fn one_scene_only(scenes: usize, out: Option<&Path>) -> Result<(), UsageError> {
         Some(_) if scenes != 1 => Err(UsageError(format!("--out is the work folder of one scene, not of {scenes}"))),
         _ => Ok(()),
     }
-}
-
-fn mass_text(found: &MassEvaluation) -> String {
-    let mut text =
-        format!("{:<24} {:>10} {:>10} {:>10} {:>10}  covered\n", "object", "low kg", "mid kg", "high kg", "true kg");
-    for object in &found.objects {
-        let (range, holds) = (object.predicted, if object.covered { "yes" } else { "no" });
-        text += &format!(
-            "{:<24} {:>10.4} {:>10.4} {:>10.4} {:>10.4}  {holds}\n",
-            one_line(&object.id),
-            range.low,
-            range.mid,
-            range.high,
-            object.truth
-        );
-        object.parts.iter().for_each(|part| text += &part_line(part));
-    }
-    text += &scores_text(&found.scores, "kg");
-    text += &format!("\ninterval contains the truth: {:.0} %", 100.0 * found.coverage);
-    match found.missing.first() {
-        Some(first) => text + &format!("\nwithout a mass: {} scenes (first: {})", found.missing.len(), one_line(first)),
-        None => text,
-    }
-}
-
-fn part_line(part: &WeighedPart) -> String {
-    let truth = part.true_mass_kg.map_or_else(|| "-".to_owned(), |mass| format!("{mass:.4}"));
-    let name: String = one_line(&part.name).chars().take(22).collect();
-    let columns = match part.mass_kg {
-        Some(mass) => [mass.low, mass.mid, mass.high].map(|kg| format!("{kg:.4}")),
-        None => ["none", "none", "none"].map(str::to_owned),
-    };
-    let [low, mid, high] = columns;
-    format!("  {name:<22} {low:>10} {mid:>10} {high:>10} {truth:>10}\n")
 }
 
 fn hardness_text(found: &HardnessEvaluation) -> String {

@@ -21,6 +21,7 @@ const WEIGHT_MIN: f32 = 0.05;
 const LEAST_DEVIATION: f64 = 0.5;
 
 /// The object's inside, divided into parts.
+#[derive(Clone)]
 pub struct Labelled {
     pub grid: Grid,
     pub surface: Surface,

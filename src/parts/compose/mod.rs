@@ -1,54 +1,69 @@
-//! From labelled cells to material: solids, walls, voids and cores, and the low, middle and high volume of each part.
+//! From labelled cells to material: solids, walls, cores, fillings and voids, and the volume of each.
 //!
-//! Rules for the bounds of the volumes, all taken at once:
-//! - a solid's surface may lie further in or out by the splat's own uncertainty, so its volume may be off by area times
-//!   uncertainty;
-//! - for solids whose other side is unseen, see [`unseen`];
-//! - a shell's wall is between the answer's low and high thickness; for its hidden walls, see [`wall`];
-//! - the core of a shell fills the space that the wall leaves, see [`cores`];
-//! - every bound is widened by [`METHOD_SPREAD`] for errors that these rules do not cover.
+//! A volume is known within bounds for three reasons, each varied by itself:
+//! - the surface may lie further in or out by the splat's own uncertainty, so the volume of a solid or of a hollow may be
+//!   off by area times uncertainty; beyond that, [`volume`] has spreads for errors that no rule covers;
+//! - a shell's wall is between the answer's low and high thickness;
+//! - for solids whose other side is unseen, see [`unseen`] and [`mirror`]; for the hidden walls of shells, see [`wall`].
+//!
+//! The core of a shell fills the space that the wall leaves, see [`cores`]; so does a filling.
 
 mod contact;
 mod cores;
+mod mirror;
 pub mod thickness;
 mod unseen;
+pub mod volume;
 mod wall;
 
 use rayon::prelude::*;
 
 use super::assign::Labelled;
 use super::grid::surface::NONE;
-use super::grid::{Interior, OUTSIDE, VOID};
+use super::grid::{FILLING, Interior, OUTSIDE, VOID};
+use super::mass::moments::Moments;
 use crate::units::{Estimate, Reading};
 use thickness::{Chord, thickness};
 use unseen::Doubt;
+use volume::{READINGS, SOLID_SPREAD, Volume, WALL_SPREAD};
 use wall::{AROUND_CORE, AROUND_VOID, WallDepths};
 
 /// A ray through a shell goes through one wall, not two, if it is no longer than the wall plus this many uncertainties:
 /// three on either side, the depth that carving tolerates.
 const SHEET_SLACK: f64 = 6.0;
 
-/// Error of a part's volume beyond what the other rules cover, as a standard deviation of its logarithm: surfaces
-/// dented by reflections, seams slightly off, edges rounded by the splat. Measured on the twelve visible parts of the
-/// four scenes with ground truth.
-const METHOD_SPREAD: f64 = 0.15;
-
-/// How a label's volume is filled: solid, or a shell with a wall thickness in scene units.
+/// How a label's volume is filled.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Construction {
     Solid,
-    Wall(Estimate),
+    /// A wall of a thickness in scene units, and the share of the hollow behind it that a filling takes up.
+    Wall {
+        thickness: Estimate,
+        filled: Option<Estimate>,
+    },
 }
 
 /// The object's inside, filled with material.
 pub struct Composed {
     pub interior: Interior,
-    /// Per label, scene units cubed.
-    pub volumes: Vec<Estimate>,
+    /// Per label.
+    pub volumes: Vec<Volume>,
+    /// Per label, the hollow behind the wall of a shell that holds a filling.
+    pub hollows: Vec<Option<Hollow>>,
     /// Per label, the solid within this shell, if any.
     pub cores: Vec<Option<u32>>,
+    /// Whether its unseen side is taken to be like the opposite one.
+    pub is_mirrored: bool,
     /// Solids that go through other solids, each with the solid that it goes through.
     pub passages: Vec<(u32, u32)>,
+}
+
+/// A hollow that holds a filling.
+#[derive(Debug, Clone, Copy)]
+pub struct Hollow {
+    pub volume: Volume,
+    /// Of the hollow as the middle volume has it.
+    pub moments: Moments,
 }
 
 /// Fills the cells. `constructions` are per label, `chords` per surface cell; `uncertainty` is the possible error of
@@ -61,10 +76,11 @@ pub fn compose(
 ) -> (Composed, Labelled) {
     let is_solid: Vec<bool> = constructions.iter().map(|c| *c == Construction::Solid).collect();
     let passages = cores::run_through(&mut cells, &is_solid);
-    let doubt = unseen::doubts(&cells, &unseen::thin(&thickness(chords, constructions.len()), &is_solid));
+    let mut doubt = unseen::doubts(&cells, &unseen::thin(&thickness(chords, constructions.len()), &is_solid));
+    let is_mirrored = mirror::doubt_unlike_the_seen_side(&cells, &is_solid, &mut doubt);
     let wall_of = |label: u32| match constructions[label as usize] {
         Construction::Solid => Estimate::exactly(0.0),
-        Construction::Wall(wall) => wall,
+        Construction::Wall { thickness, .. } => thickness,
     };
     let sheet = |s: usize| {
         let wall = wall_of(cells.label[cells.surface.cells[s] as usize]).high;
@@ -75,26 +91,26 @@ pub fn compose(
     let is_void = |i: usize| f64::from(walls.seen[i]) > wall_of(cells.label[i]).mid;
     let is_material = |i: usize| doubt[i] < Doubt::Strong;
     let cores = cores::cores(&cells, &is_solid, is_void, is_material);
-    let filling = Filling { cells: &cells, constructions, cores: &cores, doubt: &doubt, walls: &walls };
+    let contents = Contents { cells: &cells, constructions, cores: &cores, doubt: &doubt, walls: &walls };
 
-    let areas = areas(&cells, constructions.len());
-    let [low, mid, high] = [Reading::Low, Reading::Mid, Reading::High].map(|r| filling.volumes(r));
-    let volumes = (0..constructions.len()).map(|l| {
-        let slack = if is_solid[l] { areas[l] * uncertainty } else { 0.0 };
-        let (least, most) = (low[l].min(mid[l]).min(high[l]), low[l].max(mid[l]).max(high[l]));
-        widened(Estimate::new((least - slack).max(0.0), mid[l], most + slack))
-    });
+    let slacks: Vec<f64> = areas(&cells, constructions.len()).into_iter().map(|area| area * uncertainty).collect();
+    let (own, hollow) = contents.volumes();
+    let volume = |l: usize| {
+        if is_solid[l] { Volume::of(own[l], slacks[l], SOLID_SPREAD) } else { Volume::of(own[l], 0.0, WALL_SPREAD) }
+    };
     let composed = Composed {
-        volumes: volumes.collect(),
-        interior: filling.interior(),
+        volumes: (0..constructions.len()).map(volume).collect(),
+        hollows: contents.hollows(&hollow, &slacks),
+        interior: contents.interior(),
         cores: cores.clone(),
+        is_mirrored,
         passages: passages.into_iter().map(|(peg, through, _)| (peg, through)).collect(),
     };
     (composed, cells)
 }
 
-/// The contents of each cell, for any reading (low, middle or high).
-struct Filling<'a> {
+/// The contents of each cell, for any reading (low, middle or high) of the walls and of what no view sees.
+struct Contents<'a> {
     cells: &'a Labelled,
     constructions: &'a [Construction],
     cores: &'a [Option<u32>],
@@ -102,77 +118,92 @@ struct Filling<'a> {
     walls: &'a WallDepths,
 }
 
-impl Filling<'_> {
-    /// The share of cell `i` that its own part fills, and the share that the core of its part fills.
-    fn shares(&self, i: usize, reading: Reading) -> (f64, f64) {
+/// The material of one part, and the space behind its wall, in the readings [`READINGS`]: scene units cubed.
+type Readings = [f64; READINGS.len()];
+
+impl Contents<'_> {
+    /// The share of cell `i` that its own part fills, and the rest behind the wall of a shell.
+    fn shares(&self, i: usize, wall: Reading, unseen: Reading) -> (f64, f64) {
         let label = self.cells.label[i] as usize;
         match self.constructions[label] {
             Construction::Solid => {
-                let beyond = match reading {
+                let beyond = match unseen {
                     Reading::Low => Doubt::Slight,
                     Reading::Mid => Doubt::Strong,
                     Reading::High => Doubt::Empty,
                 };
                 (if self.doubt[i] < beyond { 1.0 } else { 0.0 }, 0.0)
             }
-            Construction::Wall(wall) => {
+            Construction::Wall { thickness, .. } => {
                 let hidden = if self.cores[label].is_some() { AROUND_CORE } else { AROUND_VOID };
-                let (unseen, seam) = (reading.of(hidden.unseen), reading.of(hidden.seam));
-                let own = self.walls.share(i, reading.of(wall), unseen, seam, self.cells.grid.cell);
-                (own, if self.cores[label].is_some() { 1.0 - own } else { 0.0 })
+                let (open, seam) = (unseen.of(hidden.unseen), unseen.of(hidden.seam));
+                let own = self.walls.share(i, wall.of(thickness), open, seam, self.cells.grid.cell);
+                (own, 1.0 - own)
             }
         }
     }
 
-    /// Volume of every label.
-    fn volumes(&self, reading: Reading) -> Vec<f64> {
+    /// Per label, the volume of its material and that of the hollow behind its wall that no core fills.
+    fn volumes(&self) -> (Vec<Readings>, Vec<Readings>) {
         let grid = &self.cells.grid;
+        let labels = self.constructions.len();
         let of_layer = |z: usize| {
-            let mut shares = vec![0.0; self.constructions.len()];
+            let mut sums = vec![[0.0; READINGS.len()]; 2 * labels];
             for i in (z * grid.layer()..(z + 1) * grid.layer()).filter(|&i| self.cells.label[i] != NONE) {
                 let label = self.cells.label[i] as usize;
-                let (own, core) = self.shares(i, reading);
-                shares[label] += own;
-                if let Some(peg) = self.cores[label] {
-                    shares[peg as usize] += core;
+                let behind = self.cores[label].map_or(labels + label, |peg| peg as usize);
+                for (k, (wall, unseen)) in READINGS.into_iter().enumerate() {
+                    let (own, rest) = self.shares(i, wall, unseen);
+                    sums[label][k] += own;
+                    sums[behind][k] += rest;
                 }
             }
-            shares
+            sums
         };
-        let layers: Vec<Vec<f64>> = (0..grid.dims[2]).into_par_iter().map(of_layer).collect();
-        let total = |l: usize| layers.iter().map(|layer| layer[l]).sum::<f64>() * grid.cell_volume();
-        (0..self.constructions.len()).map(total).collect()
+        let layers: Vec<_> = (0..grid.dims[2]).into_par_iter().map(of_layer).collect();
+        let total = |l: usize| -> Readings {
+            std::array::from_fn(|k| layers.iter().map(|layer| layer[l][k]).sum::<f64>() * grid.cell_volume())
+        };
+        ((0..labels).map(total).collect(), (labels..2 * labels).map(total).collect())
+    }
+
+    /// Per label, the hollow that holds a filling. The surface in front of it may lie further in or out by its
+    /// uncertainty, as that of a solid.
+    fn hollows(&self, readings: &[Readings], slacks: &[f64]) -> Vec<Option<Hollow>> {
+        let is_filled = |l: usize| {
+            self.cores[l].is_none() && matches!(self.constructions[l], Construction::Wall { filled: Some(_), .. })
+        };
+        if !(0..readings.len()).any(is_filled) {
+            return vec![None; readings.len()];
+        }
+        let cells = self.cells.label.iter().enumerate().filter(|(_, l)| **l != NONE && is_filled(**l as usize));
+        let shares = cells.map(|(i, l)| (i, *l as usize, self.shares(i, Reading::Mid, Reading::Mid).1));
+        let moments = Moments::of(&self.cells.grid, shares, readings.len());
+        let hollow = |(l, moments): (usize, Option<Moments>)| {
+            Some(Hollow { volume: Volume::of(readings[l], slacks[l], SOLID_SPREAD), moments: moments? })
+        };
+        moments.into_iter().enumerate().map(hollow).collect()
     }
 
     /// The middle reading cell by cell. A cell shared by a wall and its core goes entirely to the one that fills more
-    /// of it.
+    /// of it; one shared by a wall and a filling holds the wall.
     fn interior(&self) -> Interior {
         let cell = |i: usize| {
             let label = self.cells.label[i];
             if label == NONE {
                 return (OUTSIDE, 0.0);
             }
-            let (own, core) = self.shares(i, Reading::Mid);
-            match self.cores[label as usize] {
-                Some(peg) => (if own >= core { label } else { peg }, 1.0),
-                None if own > 0.0 => (label, own as f32),
-                None if self.constructions[label as usize] == Construction::Solid => (OUTSIDE, 0.0),
-                None => (VOID, 0.0),
+            let (own, rest) = self.shares(i, Reading::Mid, Reading::Mid);
+            match (self.cores[label as usize], self.constructions[label as usize]) {
+                (Some(peg), _) => (if own >= rest { label } else { peg }, 1.0),
+                (None, _) if own > 0.0 => (label, own as f32),
+                (None, Construction::Solid) => (OUTSIDE, 0.0),
+                (None, Construction::Wall { filled: Some(share), .. }) => (FILLING + label, share.mid as f32),
+                (None, Construction::Wall { filled: None, .. }) => (VOID, 0.0),
             }
         };
         let (part, fraction) = (0..self.cells.label.len()).into_par_iter().map(cell).unzip();
         Interior { grid: self.cells.grid, part, fraction }
-    }
-}
-
-/// Moves the bounds out by [`METHOD_SPREAD`]. This error is independent of the known ones, so the squares of the
-/// logarithms add up.
-fn widened(volume: Estimate) -> Estimate {
-    let out = |bound: f64| (bound / volume.mid).ln().hypot(METHOD_SPREAD).exp();
-    if volume.mid > 0.0 {
-        Estimate::new(volume.mid / out(volume.low), volume.mid, volume.mid * out(volume.high))
-    } else {
-        volume
     }
 }
 

@@ -17,6 +17,9 @@ pub const OUTSIDE: u32 = u32::MAX;
 /// An empty cell enclosed by a shell.
 pub const VOID: u32 = u32::MAX - 1;
 
+/// A cell filled by something inside of a shell has this number plus the shell's id.
+pub const FILLING: u32 = 1 << 31;
+
 const MAGIC: &[u8; 8] = b"gpropins";
 /// Bytes per run.
 const RUN: usize = 12;
@@ -25,7 +28,8 @@ const RUN: usize = 12;
 #[derive(Debug, Clone, PartialEq)]
 pub struct Interior {
     pub grid: Grid,
-    /// Per cell: id of the part that fills it, [`OUTSIDE`] or [`VOID`].
+    /// Per cell: id of the part that fills it, [`FILLING`] plus the id of the shell whose filling does, [`OUTSIDE`] or
+    /// [`VOID`].
     pub part: Vec<u32>,
     /// Per cell: share of it that is material, 0 to 1. Below 1 where a wall is thinner than the cell.
     pub fraction: Vec<f32>,
@@ -33,12 +37,20 @@ pub struct Interior {
 
 impl Interior {
     /// Incremented when the layout of the bytes or their meaning changes.
-    pub const VERSION: u32 = 1;
+    pub const VERSION: u32 = 2;
 
-    /// Cells that hold material: index, part, share.
+    /// Cells that hold material of a part, not a filling: index, part, share.
     pub fn filled(&self) -> impl Iterator<Item = (usize, u32, f64)> + '_ {
         let cells = self.part.iter().zip(&self.fraction).enumerate();
-        cells.filter(|(_, (part, _))| **part < VOID).map(|(i, (part, share))| (i, *part, f64::from(*share)))
+        cells.filter(|(_, (part, _))| **part < FILLING).map(|(i, (part, share))| (i, *part, f64::from(*share)))
+    }
+
+    /// Cells that hold a filling: index, the shell that it is in, share.
+    pub fn fillings(&self) -> impl Iterator<Item = (usize, u32, f64)> + '_ {
+        let cells = self.part.iter().zip(&self.fraction).enumerate();
+        cells
+            .filter(|(_, (part, _))| (FILLING..VOID).contains(*part))
+            .map(|(i, (part, share))| (i, *part - FILLING, f64::from(*share)))
     }
 
     /// Writes the bytes that [`from_bytes`](Self::from_bytes) reads.
@@ -101,8 +113,9 @@ impl Interior {
             if end > total {
                 return Err(damaged(format!("its runs are of more than {total} cells")));
             }
-            if part < VOID && part as usize >= parts {
-                return Err(damaged(format!("it is filled with part {part}, but there are only {parts} parts")));
+            let owner = part & !FILLING;
+            if part < VOID && owner as usize >= parts {
+                return Err(damaged(format!("it is filled with part {owner}, but there are only {parts} parts")));
             }
             if !(0.0..=1.0).contains(&share) {
                 return Err(damaged(format!("{share} of a cell is material")));

@@ -6,7 +6,7 @@ pub mod surface;
 
 use nalgebra::{Point3, Vector3};
 
-pub use interior::{Interior, OUTSIDE, VOID};
+pub use interior::{FILLING, Interior, OUTSIDE, VOID};
 
 /// Empty cells kept around the object, so that its outside is one connected piece and filters need no edge cases.
 const MARGIN: usize = 3;

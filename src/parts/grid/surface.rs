@@ -13,6 +13,7 @@ use super::Grid;
 const TRUSTED_CELLS: f64 = 1.5;
 
 /// The surface around a mask of cells.
+#[derive(Clone)]
 pub struct Surface {
     /// Inside cells that touch the outside, by ascending index.
     pub cells: Vec<u32>,

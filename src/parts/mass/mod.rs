@@ -1,20 +1,26 @@
-//! Converts volumes in scene units to kilograms, and the bounds of volume and density to those of mass.
+//! Converts volumes in scene units to kilograms: of parts, of what fills shells, and of the object.
 //!
-//! Rule: low = low density x low volume, mid = mid x mid, high = high x high; the object's bounds are the sums of its
-//! parts', since an error in one part (a splat that is too thick, a library density that is too high) tends to affect
-//! all.
+//! A mass is a volume times a density, and uncertain as both are; [`unknowns`] says how the causes add up, and what a
+//! reading of a scale teaches. The surface is one unknown for the whole object, since an error in how a splat shows it
+//! recurs in all parts; walls and unseen depths are unknowns of each part; a density is one of each material.
 //!
-//! [`bodies`] finds the connected pieces of a part, [`moments`] their volume, centre of mass and inertia.
+//! [`bodies`] finds the connected pieces of a part, [`moments`] their volume, centre of mass and inertia, [`weights`] the
+//! masses.
 
 pub mod bodies;
 pub mod moments;
+pub mod unknowns;
+pub mod weights;
 
 use nalgebra::Matrix3;
 
+use super::compose::Hollow;
+use super::compose::volume::Volume;
+use super::result::{Filling, Width};
 use super::{BodiesAs, Object, Part, PartBody, Shape};
-use crate::units::Estimate;
-use crate::vote::FieldLabel;
+use crate::vote::{Contents, FieldLabel, Filled};
 use moments::Moments;
+use weights::{Weight, Weights};
 
 /// A connected body of a part.
 pub(super) struct Piece {
@@ -23,79 +29,108 @@ pub(super) struct Piece {
     pub surface_to_center_of_mass: Option<f64>,
 }
 
-/// A part's bodies with their density.
+/// A part's bodies with their density, and the hollow behind its wall.
 pub(super) struct Weighable<'a> {
     pub shape: &'a Shape,
     pub label: &'a FieldLabel,
+    pub volume: &'a Volume,
     pub pieces: &'a [Piece],
-}
-
-/// The moments of all parts together, weighted by mass; `None` if nothing has mass. World frame, scene units.
-pub(super) fn combined(weighables: &[Weighable]) -> Option<Moments> {
-    let pieces = weighables.iter().flat_map(|w| w.pieces.iter().map(|p| (w.label.density_kg_m3.mid, p.moments)));
-    Moments::combined(&pieces.collect::<Vec<_>>())
-}
-
-/// The object and its parts in metres and kilograms; a scene unit is `scale` metres. `whole` is the result of
-/// [`combined`].
-pub(super) fn weigh(whole: &Moments, weighables: &[Weighable], scale: f64, bodies: BodiesAs) -> (Object, Vec<Part>) {
-    let whole_parts = weighables.iter().map(|w| w.part(w.pieces, 1.0, scale));
-    let zero = Estimate::exactly(0.0);
-    let measured = whole_parts.filter_map(|part| part.volume_m3.zip(part.mass_kg));
-    let (volume_m3, mass_kg) =
-        measured.fold((zero, zero), |(volumes, masses), (volume, mass)| (volumes.plus(volume), masses.plus(mass)));
-    let object = Object {
-        volume_m3,
-        mass_kg,
-        center_of_mass_m: (whole.center * scale).into(),
-        inertia_kg_m2: rows(whole.inertia() * scale.powi(5)),
-    };
-    (object, weighables.iter().flat_map(|w| w.parts(scale, bodies)).collect())
+    pub hollow: Option<&'a Hollow>,
 }
 
 impl Weighable<'_> {
+    /// What fills its hollow.
+    pub fn filling(&self) -> Option<(&Hollow, &Filled)> {
+        match (&self.label.inside, self.hollow) {
+            (Some(Contents::Filled(filled)), Some(hollow)) => Some((hollow, filled)),
+            _ => None,
+        }
+    }
+
     /// One part with all bodies, or one part per body.
-    fn parts(&self, scale: f64, bodies: BodiesAs) -> Vec<Part> {
+    pub fn parts(&self, weights: &Weights, weight: &Weight, bodies: BodiesAs) -> Vec<Part> {
         let count = self.pieces.len();
         let Some(whole) = self.shape.volume.filter(|_| bodies == BodiesAs::Parts && count >= 2) else {
-            return vec![self.part(self.pieces, 1.0, scale)];
+            return vec![self.part(self.pieces, 1.0, weights, weight)];
         };
         let part = |(k, piece): (usize, &Piece)| Part {
             caption: format!("{} ({} of {count})", self.label.caption, k + 1),
             gaussians: piece.gaussians,
-            surface_to_center_of_mass_m: piece.surface_to_center_of_mass.map(|d| d * scale),
-            ..self.part(std::slice::from_ref(piece), piece.moments.volume / whole.mid, scale)
+            surface_to_center_of_mass_m: piece.surface_to_center_of_mass.map(|d| d * weights.scale),
+            ..self.part(std::slice::from_ref(piece), piece.moments.volume / whole.mid, weights, weight)
         };
         self.pieces.iter().enumerate().map(part).collect()
     }
 
     /// The part that consists of these bodies, which have this share of the whole part's volume.
-    fn part(&self, pieces: &[Piece], share: f64, scale: f64) -> Part {
-        let density = self.label.density_kg_m3;
-        let volume = self.shape.volume.map(|volume| volume.scaled(share * scale.powi(3)));
+    fn part(&self, pieces: &[Piece], share: f64, weights: &Weights, weight: &Weight) -> Part {
+        let scale = weights.scale;
+        let is_there = self.shape.volume.is_some();
+        let (volume, density) = (weights.of(&weight.volume), weights.of(&weight.density));
+        // What was weighed may have changed the volume; its shape is the same.
+        let grown = if weight.volume.mid > 0.0 { volume.mid / weight.volume.mid } else { 1.0 };
         // The sum over bodies of unit density, so mass is volume.
         let moments = Moments::combined(&pieces.iter().map(|p| (1.0, p.moments)).collect::<Vec<_>>());
         let body = |piece: &Piece| PartBody {
-            volume_m3: piece.moments.volume * scale.powi(3),
-            mass_kg: piece.moments.volume * scale.powi(3) * density.mid,
+            volume_m3: piece.moments.volume * scale.powi(3) * grown,
+            mass_kg: piece.moments.volume * scale.powi(3) * grown * density.mid,
             center_of_mass_m: (piece.moments.center * scale).into(),
         };
+        let width = |(source, mass): (_, crate::units::Estimate)| Width::new(source, mass.scaled(share));
         Part {
             id: self.label.id,
             caption: self.label.caption.clone(),
             material: self.label.material.clone(),
             family: self.label.family.clone(),
             gaussians: self.shape.gaussians,
-            volume_m3: volume,
+            volume_m3: is_there.then(|| volume.scaled(share)),
             no_volume: self.shape.no_volume,
-            thickness_m: self.shape.thickness.map(|thickness| thickness.scaled(scale)),
+            thickness_m: match &weight.wall {
+                Some(wall) => self.shape.thickness.and(Some(weights.of(wall))),
+                None => self.shape.thickness.map(|thickness| thickness.scaled(scale)),
+            },
             density_kg_m3: density,
-            mass_kg: volume.map(|v| Estimate::new(v.low * density.low, v.mid * density.mid, v.high * density.high)),
+            mass_kg: is_there.then(|| weights.of(&weight.mass).scaled(share)),
+            width: if is_there { weights.by_source(&weight.mass).into_iter().map(width).collect() } else { Vec::new() },
             center_of_mass_m: moments.map(|m| (m.center * scale).into()),
-            inertia_kg_m2: moments.map(|m| rows(m.inertia() * (density.mid * scale.powi(5)))),
+            inertia_kg_m2: moments.map(|m| rows(m.inertia() * (grown * density.mid * scale.powi(5)))),
             bodies: pieces.iter().map(body).collect(),
             surface_to_center_of_mass_m: self.shape.surface_to_center_of_mass.map(|d| d * scale),
         }
+    }
+
+    /// The filling as an entry of its own.
+    pub fn filling_part(&self, weights: &Weights, weight: &Weight) -> Option<Filling> {
+        let (hollow, filled) = self.filling()?;
+        let (volume, density) = (weights.of(&weight.volume), weights.of(&weight.density));
+        let moments = hollow.moments.with_volume(volume.mid / weights.scale.powi(3));
+        let inertia = moments.inertia() * (density.mid * weights.scale.powi(5));
+        Some(Filling {
+            inside_of: self.label.id,
+            caption: format!("{} in {}", filled.filling, self.label.caption),
+            filling: filled.filling.clone(),
+            unseen: true,
+            share_of_hollow: filled.share,
+            volume_m3: volume,
+            density_kg_m3: density,
+            mass_kg: weights.of(&weight.mass),
+            width: weights.by_source(&weight.mass).into_iter().map(|(source, mass)| Width::new(source, mass)).collect(),
+            center_of_mass_m: (moments.center * weights.scale).into(),
+            inertia_kg_m2: rows(inertia),
+        })
+    }
+}
+
+/// The whole object; `whole` are its moments, by mass.
+pub(super) fn object(weights: &Weights, whole: &Moments) -> Object {
+    let volumes: Vec<_> = weights.all.iter().map(|weight| weight.volume.clone()).collect();
+    let masses = weights.masses();
+    Object {
+        volume_m3: weights.belief.of_sum(&volumes),
+        mass_kg: weights.belief.of_sum(&masses),
+        width: weights.sum_by_source(&masses).into_iter().map(|(source, mass)| Width::new(source, mass)).collect(),
+        center_of_mass_m: (whole.center * weights.scale).into(),
+        inertia_kg_m2: rows(whole.inertia() * weights.scale.powi(2)),
     }
 }
 

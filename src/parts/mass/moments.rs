@@ -2,7 +2,7 @@
 
 use nalgebra::{Matrix3, Point3, Vector3};
 
-use crate::parts::grid::Interior;
+use crate::parts::grid::Grid;
 
 /// Integrals of 1, x and x x^T over a body, scaled to a given volume. World frame, scene units.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -14,16 +14,15 @@ pub struct Moments {
 }
 
 impl Moments {
-    /// The moments of the material in each owner's cells; `None` if it has none. `owner` is per cell and below `owners`
-    /// if the cell holds material.
-    pub fn of(interior: &Interior, owner: &[u32], owners: usize) -> Vec<Option<Self>> {
-        let grid = &interior.grid;
+    /// The moments of what each of `owners` owners has in the cells; `None` if it has nothing. `shares` are its cells:
+    /// index, owner, share of the cell.
+    pub fn of(grid: &Grid, shares: impl Iterator<Item = (usize, usize, f64)>, owners: usize) -> Vec<Option<Self>> {
         // Computed about the grid's middle rather than the world's origin, which may be far away.
         let origin = grid.middle();
         let mut sums = vec![(0.0, Vector3::zeros(), Matrix3::zeros()); owners];
-        for (i, _, share) in interior.filled() {
+        for (i, owner, share) in shares {
             let x = grid.center(grid.coords(i)) - origin;
-            let (volume, first, second) = &mut sums[owner[i] as usize];
+            let (volume, first, second) = &mut sums[owner];
             *volume += share;
             *first += x * share;
             *second += x * x.transpose() * share;

@@ -30,6 +30,7 @@ use super::force_scale::force_scale;
 use super::numbers::{figures, interval, significant, thousands};
 use super::style;
 use super::tables;
+use super::weighing::sentences;
 use super::{Cloud, Motion, Pictures, Report};
 
 /// The page's own scripts, in the order in which they build on each other.
@@ -48,6 +49,7 @@ pub fn page(report: &Report, answers: &Answers, pictures: &Pictures, cloud: &Clo
         cloud_note => cloud_note(cloud),
         motion_note => motion.map(motion_note),
         parts => report.labels.iter().map(|label| part_row(label, report)).collect::<Vec<_>>(),
+        weighing => report.parts.as_ref().map(sentences),
         grasp => report.grasp.as_ref().map(|report| grasp(report, pictures)),
         simulation => report.simulation.as_ref().map(|run| simulation(run, pictures)),
         views => views::views(pictures, answers),

@@ -102,6 +102,8 @@ pub enum Reason {
     TooSlow,
     /// The user asked for it.
     Asked,
+    /// It fills a rigid shell.
+    InShell,
 }
 
 /// Chooses among the parts that have `bodies` (metres, with labels), on a grid of `spacing_m`, as `--rigid` says: of
@@ -117,7 +119,7 @@ pub fn choose(
     visible: f64,
 ) -> Result<Choice, SimulateError> {
     let cubes = Cubes::new(bodies, spacing_m);
-    let reasons = match asked {
+    let mut reasons = match asked {
         [word] if word == NEVER => vec![None; materials.len()],
         [word] if word == AUTO && load.is_forced => vec![None; materials.len()],
         [word] if word == AUTO => {
@@ -135,6 +137,11 @@ pub fn choose(
         }
         parts => named(parts, materials)?.into_iter().map(|named| named.then_some(Reason::Asked)).collect(),
     };
+    for (label, material) in materials.iter().enumerate() {
+        if let Some(shell) = material.moves_with {
+            reasons[label] = reasons[label].or(reasons[shell as usize].map(|_| Reason::InShell));
+        }
+    }
     let body_of = cubes.joined(&reasons.iter().map(Option::is_some).collect::<Vec<_>>());
     Ok(Choice { body_of, reasons })
 }

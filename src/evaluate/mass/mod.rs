@@ -5,15 +5,22 @@
 //! high], ...}`, of which the mean is scored; truth `{"ID": kilograms, ...}`, whose key is the part of an id before its
 //! first underscore.
 
+mod causes;
+
 use std::collections::BTreeMap;
 use std::path::Path;
 
+use nalgebra::{Matrix3, Vector3};
 use serde::de::DeserializeOwned;
 use serde::{Deserialize, Serialize};
+
+use causes::TruePart;
+pub use causes::{Causes, ComparedPart};
 
 use super::EvaluateError;
 use super::scores::{Pair, Scores};
 use crate::files;
+use crate::numeric::median;
 use crate::parts::Parts;
 use crate::units::{Estimate, Range};
 
@@ -26,9 +33,27 @@ pub struct Weighed {
     pub truth: f64,
     /// True if the interval contains the truth.
     pub covered: bool,
+    /// What the error came from, if the ground truth says where the parts are.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub causes: Option<Causes>,
+    /// The true parts, if the ground truth says where they are.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub true_parts: Vec<ComparedPart>,
+    /// If the ground truth gives centre of mass and inertia.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub balance: Option<Balance>,
     /// Only if a scene's ground truth gives them.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub parts: Vec<WeighedPart>,
+}
+
+/// How far centre of mass and inertia are off.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+pub struct Balance {
+    /// Distance of the centres of mass, as a share of the object's longest side.
+    pub center_error: f64,
+    /// The largest relative error of the three principal moments of inertia.
+    pub inertia_error: f64,
 }
 
 /// A part as gprop found it, and the true part of the same name, if any.
@@ -49,6 +74,8 @@ pub struct MassEvaluation {
     pub scores: Scores,
     /// Share of the objects whose interval contains the truth.
     pub coverage: f64,
+    /// Median over the objects of high / low.
+    pub median_width: f64,
     pub objects: Vec<Weighed>,
     /// Scenes of the data set whose weight is known, but which have no mass yet.
     #[serde(skip_serializing_if = "Vec::is_empty")]
@@ -68,13 +95,12 @@ enum Prediction {
 struct SceneTruth {
     total_mass_kg: f64,
     parts: Vec<TruePart>,
-}
-
-#[derive(Deserialize)]
-struct TruePart {
-    name: String,
-    volume_m3: f64,
-    mass_kg: f64,
+    #[serde(default)]
+    bounding_box_m: Option<[[f64; 3]; 2]>,
+    #[serde(default)]
+    center_of_mass_m: Option<[f64; 3]>,
+    #[serde(default)]
+    inertia_at_com_kg_m2: Option<[[f64; 3]; 3]>,
 }
 
 /// Every object of a file of predictions with its truth.
@@ -113,7 +139,27 @@ pub fn from_scene(id: &str, parts: &Path, truth: &Path) -> Result<Weighed, Evalu
         }
     };
     let parts = measured.parts.iter().map(part).collect();
-    Ok(weighed(id.to_owned(), measured.object.mass_kg, truth.total_mass_kg, parts))
+    let (causes, true_parts) = causes::compare(&truth.parts, &measured).unzip();
+    let balance = balance(&truth, &measured);
+    let true_parts = true_parts.unwrap_or_default();
+    let weighed = weighed(id.to_owned(), measured.object.mass_kg, truth.total_mass_kg, parts);
+    Ok(Weighed { causes, true_parts, balance, ..weighed })
+}
+
+fn balance(truth: &SceneTruth, measured: &Parts) -> Option<Balance> {
+    let [low, high] = truth.bounding_box_m?;
+    let longest = (0..3).map(|a| high[a] - low[a]).fold(0.0, f64::max);
+    let found = &measured.object;
+    let off = Vector3::from(found.center_of_mass_m) - Vector3::from(truth.center_of_mass_m?);
+    let principal = |inertia: [[f64; 3]; 3]| {
+        let matrix = Matrix3::from_fn(|r, c| inertia[r][c]);
+        let mut moments: [f64; 3] = matrix.symmetric_eigenvalues().into();
+        moments.sort_by(f64::total_cmp);
+        moments
+    };
+    let (found, truth) = (principal(found.inertia_kg_m2), principal(truth.inertia_at_com_kg_m2?));
+    let errors = found.iter().zip(truth).map(|(found, truth)| (found / truth - 1.0).abs());
+    Some(Balance { center_error: off.norm() / longest, inertia_error: errors.fold(0.0, f64::max) })
 }
 
 /// The object of a data set that states its weight.
@@ -126,7 +172,8 @@ fn measured(parts: &Path) -> Result<Parts, EvaluateError> {
 }
 
 fn weighed(id: String, predicted: Estimate, truth: f64, parts: Vec<WeighedPart>) -> Weighed {
-    Weighed { id, predicted, truth, covered: predicted.low <= truth && truth <= predicted.high, parts }
+    let covered = predicted.low <= truth && truth <= predicted.high;
+    Weighed { id, predicted, truth, covered, causes: None, true_parts: Vec::new(), balance: None, parts }
 }
 
 /// Scores all objects.
@@ -143,7 +190,10 @@ pub fn evaluate(objects: Vec<Weighed>) -> Result<MassEvaluation, EvaluateError> 
     }
     let scores = Scores::of(&pairs).ok_or(EvaluateError::Nothing("the predictions are empty"))?;
     let covered = objects.iter().filter(|object| object.covered).count();
-    Ok(MassEvaluation { scores, coverage: covered as f64 / objects.len() as f64, objects, missing: Vec::new() })
+    let coverage = covered as f64 / objects.len() as f64;
+    let widths = objects.iter().map(|object| object.predicted.high / object.predicted.low).collect();
+    let median_width = median(widths).unwrap_or(1.0);
+    Ok(MassEvaluation { scores, coverage, median_width, objects, missing: Vec::new() })
 }
 
 fn read_json<T: DeserializeOwned>(

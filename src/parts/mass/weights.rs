@@ -1,0 +1,176 @@
+//! The masses of all parts and fillings, with the unknowns that they depend on.
+
+use super::Weighable;
+use super::moments::Moments;
+use super::unknowns::{Belief, Effect, Quantity, Source, Unknowns, extremes};
+use crate::parts::compose::volume::Volume;
+use crate::query::Form;
+use crate::units::Estimate;
+
+/// The mass of a part or of a filling.
+pub struct Weight {
+    /// Index of the part among the weighables.
+    pub of: usize,
+    pub is_filling: bool,
+    /// m3.
+    pub volume: Quantity,
+    /// kg/m3.
+    pub density: Quantity,
+    /// kg.
+    pub mass: Quantity,
+    /// m; only for shells.
+    pub wall: Option<Quantity>,
+}
+
+/// All masses, before or after the object was weighed.
+pub struct Weights {
+    unknowns: Unknowns,
+    pub belief: Belief,
+    /// Parts first, then fillings.
+    pub all: Vec<Weight>,
+    /// Metres in a scene unit.
+    pub scale: f64,
+    /// The same as a quantity, if the mass alone tells it.
+    unknown_scale: Option<Quantity>,
+}
+
+/// The length of a scene unit.
+#[derive(Debug, Clone, Copy)]
+pub struct Scale {
+    pub meters_per_unit: f64,
+    /// Whether anything but the mass tells it.
+    pub is_known: bool,
+}
+
+/// Logarithm of the factor by which a scale of which nothing is known may be off.
+const ANY_SCALE: f64 = 7.0;
+
+/// The unknown that all volumes share.
+const SURFACE: &str = "surface";
+
+impl Weights {
+    /// The masses of `weighables` in kilograms.
+    pub fn new(weighables: &[Weighable], Scale { meters_per_unit: scale, is_known }: Scale) -> Self {
+        let mut unknowns = Unknowns::default();
+        let mut all = Vec::new();
+        for (of, weighable) in weighables.iter().enumerate() {
+            all.push(part(of, weighable, scale, &mut unknowns));
+        }
+        for (of, weighable) in weighables.iter().enumerate() {
+            all.extend(filling(of, weighable, scale, &mut unknowns));
+        }
+        let mut unknown_scale = None;
+        if !is_known {
+            let unknown = unknowns.number(Source::Scale, SURFACE);
+            let effect = |power: f64| (unknown, Effect { low: -power * ANY_SCALE, high: power * ANY_SCALE });
+            for weight in &mut all {
+                // The area of a wall grows with the square of the scale, its thickness not at all.
+                let power = if weight.wall.is_some() { 2.0 } else { 3.0 };
+                weight.volume.effects.push(effect(power));
+                weight.mass.effects.push(effect(power));
+            }
+            unknown_scale = Some(Quantity { mid: scale, effects: vec![effect(1.0)] });
+        }
+        Self { belief: Belief::prior(&unknowns), unknowns, all, scale, unknown_scale }
+    }
+
+    /// Takes into account that a scale read `reading_kg`, within `error_kg`. Returns the mass that was expected before,
+    /// and the bounds that no combination of the unknowns' ends goes beyond; a reading outside of them changes nothing.
+    pub fn weigh(&mut self, reading_kg: f64, error_kg: f64) -> (Estimate, [f64; 2]) {
+        let masses = self.masses();
+        let before = self.belief.of_sum(&masses);
+        let [least, most] = extremes(&self.unknowns, &masses);
+        if (least - error_kg..=most + error_kg).contains(&reading_kg) {
+            self.belief = Belief::after(&self.unknowns, &masses, reading_kg, error_kg / reading_kg);
+        }
+        (before, [least, most])
+    }
+
+    /// Metres in a scene unit, if the mass alone tells it.
+    pub fn unknown_scale(&self) -> Option<Estimate> {
+        self.unknown_scale.as_ref().map(|scale| self.of(scale))
+    }
+
+    /// The moments of everything together, weighted by mass in kg; `None` if nothing has mass. World frame, scene units.
+    pub fn whole(&self, weighables: &[Weighable]) -> Option<Moments> {
+        let mut pieces = Vec::new();
+        for weight in &self.all {
+            let weighable = &weighables[weight.of];
+            let mass = self.of(&weight.mass).mid;
+            let moments: Vec<Moments> = match weighable.hollow.filter(|_| weight.is_filling) {
+                Some(hollow) => vec![hollow.moments],
+                None => weighable.pieces.iter().map(|piece| piece.moments).collect(),
+            };
+            let volume: f64 = moments.iter().map(|moments| moments.volume).sum();
+            pieces.extend(moments.into_iter().map(|moments| (mass / volume, moments)));
+        }
+        Moments::combined(&pieces)
+    }
+
+    pub fn of(&self, quantity: &Quantity) -> Estimate {
+        self.belief.of(quantity)
+    }
+
+    pub fn masses(&self) -> Vec<Quantity> {
+        self.all.iter().map(|weight| weight.mass.clone()).collect()
+    }
+
+    /// The interval of a mass if only the unknowns of one source were uncertain.
+    pub fn by_source(&self, mass: &Quantity) -> Vec<(Source, Estimate)> {
+        self.sum_by_source(std::slice::from_ref(mass))
+    }
+
+    /// As [`Self::by_source`], of a sum.
+    pub fn sum_by_source(&self, masses: &[Quantity]) -> Vec<(Source, Estimate)> {
+        self.belief.by_source(&self.unknowns, masses)
+    }
+}
+
+fn part(of: usize, weighable: &Weighable, scale: f64, unknowns: &mut Unknowns) -> Weight {
+    let label = weighable.label;
+    let owner = label.id.to_string();
+    let volume = volume(weighable.volume, scale, &owner, unknowns);
+    // A mixed part has a density of its own; all parts of one material have the same.
+    let name = if label.form == Form::Mixed { &owner } else { &label.material };
+    let density = Quantity {
+        mid: label.density_kg_m3.mid,
+        effects: vec![(unknowns.number(Source::Density, name), Effect::of(label.density_kg_m3))],
+    };
+    let wall =
+        weighable.shape.thickness.filter(|_| matches!(label.form, Form::Shell { .. })).map(|thickness| Quantity {
+            mid: thickness.mid * scale,
+            effects: vec![(unknowns.number(Source::Wall, &owner), Effect::of(thickness))],
+        });
+    Weight { of, is_filling: false, mass: product(&volume, &density), volume, density, wall }
+}
+
+fn filling(of: usize, weighable: &Weighable, scale: f64, unknowns: &mut Unknowns) -> Option<Weight> {
+    let (hollow, filled) = weighable.filling()?;
+    let owner = weighable.label.id.to_string();
+    let share = Quantity {
+        mid: filled.share.mid,
+        effects: vec![(unknowns.number(Source::Filling, &owner), Effect::of(filled.share))],
+    };
+    let volume = product(&volume(&hollow.volume, scale, &owner, unknowns), &share);
+    let density = Quantity {
+        mid: filled.density_kg_m3.mid,
+        effects: vec![(unknowns.number(Source::Filling, &filled.filling), Effect::of(filled.density_kg_m3))],
+    };
+    Some(Weight { of, is_filling: true, mass: product(&volume, &density), volume, density, wall: None })
+}
+
+fn volume(volume: &Volume, scale: f64, owner: &str, unknowns: &mut Unknowns) -> Quantity {
+    let effects = [
+        (unknowns.number(Source::Method, SURFACE), volume.method),
+        (unknowns.number(Source::Wall, owner), volume.wall),
+        (unknowns.number(Source::UnseenDepth, owner), volume.unseen),
+    ];
+    Quantity {
+        mid: volume.mid * scale.powi(3),
+        effects: effects.into_iter().filter(|(_, e)| *e != Effect::NONE).collect(),
+    }
+}
+
+fn product(a: &Quantity, b: &Quantity) -> Quantity {
+    Quantity { mid: a.mid * b.mid, effects: [a.effects.clone(), b.effects.clone()].concat() }
+}

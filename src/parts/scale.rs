@@ -1,0 +1,49 @@
+//! The metric scale that follows from what the object weighs.
+
+use super::assign::Labelled;
+use super::compose::{Construction, compose, thickness::Chord};
+use crate::vote::{Contents, FieldLabel};
+
+/// A trial changes the scale by less than this once it has converged.
+const CONVERGED: f64 = 1e-4;
+/// Where all is solid, the first trial is exact; walls, whose mass grows with the square of the scale, take a few more.
+const TRIALS: usize = 30;
+
+/// Metres in a scene unit so that the object weighs `kg`, everything else being in the middle. `construction` says how
+/// a label is built at a scale.
+pub fn meters_per_unit(
+    kg: f64,
+    cells: &Labelled,
+    chords: &[Option<Chord>],
+    uncertainty: f64,
+    labels: &[FieldLabel],
+    construction: impl Fn(&FieldLabel, f64) -> Construction,
+) -> Option<f64> {
+    let weigh = |meters: f64| {
+        let constructions: Vec<Construction> = labels.iter().map(|label| construction(label, meters)).collect();
+        let (composed, _) = compose(cells.clone(), &constructions, chords, uncertainty);
+        let of = |(l, label): (usize, &FieldLabel)| {
+            let filling = match (&composed.hollows[l], &label.inside) {
+                (Some(hollow), Some(Contents::Filled(filled))) => {
+                    hollow.volume.mid * filled.share.mid * filled.density_kg_m3.mid
+                }
+                _ => 0.0,
+            };
+            composed.volumes[l].mid * label.density_kg_m3.mid + filling
+        };
+        labels.iter().enumerate().map(of).sum::<f64>() * meters.powi(3)
+    };
+    let mut meters = 1.0;
+    for _ in 0..TRIALS {
+        let weight = weigh(meters);
+        if weight <= 0.0 {
+            return None;
+        }
+        let factor = (kg / weight).cbrt();
+        meters *= factor;
+        if factor.ln().abs() < CONVERGED {
+            break;
+        }
+    }
+    Some(meters)
+}

@@ -1,0 +1,80 @@
+//! What the object's mass consists of beside its parts, where the width of its interval comes from, and what would
+//! narrow it, in sentences.
+
+use super::numbers::{interval, significant};
+use crate::parts::{Parts, Source, Width};
+use crate::units::Estimate;
+
+/// A cause that widens an interval by less than this factor is not worth a sentence.
+const WORTH_SAYING: f64 = 1.05;
+
+/// The sentences, the most important first.
+pub fn sentences(parts: &Parts) -> Vec<String> {
+    let filling = |filling: &crate::parts::Filling| {
+        format!(
+            "No photo shows {}: {} g ({}), as the answers say that the part is filled.",
+            filling.caption,
+            significant(filling.mass_kg.mid * 1e3),
+            interval(filling.mass_kg, 1e3)
+        )
+    };
+    let weighed = parts.known_mass.as_ref().filter(|known| known.is_possible).map(|known| {
+        format!(
+            "The object weighs {} kg, give or take {} g; without that reading, {} kg would be expected.",
+            significant(known.reading_kg),
+            significant(known.error_kg * 1e3),
+            interval(known.expected_kg, 1.0)
+        )
+    });
+    let fillings = parts.fillings.iter().map(filling);
+    weighed.into_iter().chain(fillings).chain(causes(parts)).chain(remedy(parts)).collect()
+}
+
+/// The causes of the width of the object's mass, the widest first.
+fn causes(parts: &Parts) -> Option<String> {
+    let mut causes: Vec<&Width> = parts.object.width.iter().filter(|width| width.factor() > WORTH_SAYING).collect();
+    causes.sort_by(|a, b| b.factor().total_cmp(&a.factor()));
+    let said: Vec<String> = causes
+        .iter()
+        .map(|width| {
+            let alone = Estimate::new(width.mass_kg.low, parts.object.mass_kg.mid, width.mass_kg.high);
+            format!("{} ({} kg if nothing else were uncertain)", cause(width.source), interval(alone, 1.0))
+        })
+        .collect();
+    (!said.is_empty()).then(|| format!("The mass is uncertain because of {}.", said.join(", ")))
+}
+
+fn cause(source: Source) -> &'static str {
+    match source {
+        Source::Method => "how exactly the splat shows the surface",
+        Source::Wall => "the thickness of the walls",
+        Source::UnseenDepth => "what no photo shows",
+        Source::Density => "the density of the materials",
+        Source::Filling => "what is inside",
+        Source::Scale => "the length of a scene unit",
+    }
+}
+
+/// What would narrow the mass most, and to which interval.
+fn remedy(parts: &Parts) -> Option<String> {
+    let mass = parts.object.mass_kg;
+    let widest = parts.object.width.iter().max_by(|a, b| a.factor().total_cmp(&b.factor()))?;
+    if widest.factor() <= WORTH_SAYING {
+        return None;
+    }
+    // Causes add up in quadrature, so a cause that goes takes its square along.
+    let left = |end: f64, alone: f64| {
+        let (all, own) = ((end / mass.mid).ln(), (alone / mass.mid).ln());
+        mass.mid * (all.signum() * (all * all - own * own).max(0.0).sqrt()).exp()
+    };
+    let narrowed = Estimate::new(left(mass.low, widest.mass_kg.low), mass.mid, left(mass.high, widest.mass_kg.high));
+    let what = match widest.source {
+        Source::Method => "Sharper or more photos",
+        Source::Wall => "The wall thickness, measured and given in the answers,",
+        Source::UnseenDepth => "Photos of the sides that none shows, such as one from below,",
+        Source::Density => "A reading of a scale (--known-mass), or surer answers about the material,",
+        Source::Filling => "A reading of a scale (--known-mass), or a look inside,",
+        Source::Scale => "A length that you measured (--scale)",
+    };
+    Some(format!("{what} would take the mass from {} kg to about {} kg.", interval(mass, 1.0), interval(narrowed, 1.0)))
+}

@@ -1,0 +1,153 @@
+//! What fills a shell, against the closed forms of a hollow ball; and one reading of a kitchen scale.
+
+use std::f64::consts::PI;
+
+use gprop::materials::Law;
+use gprop::parts::{Options, Parts, Source, parts};
+use gprop::progress::Progress;
+use gprop::query::Form;
+use gprop::scene::gaussians::Gaussians;
+use gprop::units::{Estimate, MetricScale, Range, ScaleSource};
+use gprop::vote::{Contents, Filled, MaterialField};
+use nalgebra::Point3;
+
+use super::clouds::{Cloud, cameras};
+
+/// A scene unit of 0.5 m, so that a confusion of the two is noticed.
+const SCALE: MetricScale = MetricScale { meters_per_unit: 0.5, source: ScaleSource::Factor, provenance: String::new() };
+/// Of the ball, m.
+const RADIUS_M: f64 = 0.5;
+const WALL_M: f64 = 0.02;
+const CENTER_M: [f64; 3] = [0.05, -0.025, 0.01];
+/// The cells are 1.6 % of the diameter; the closed forms of carved balls hold to 4 % on this grid.
+const VOLUME_ERROR: f64 = 0.04;
+
+fn filling(density_kg_m3: f64, share: Estimate) -> Contents {
+    Contents::Filled(Filled {
+        filling: "water".to_owned(),
+        share,
+        density_kg_m3: Estimate::new(0.9 * density_kg_m3, density_kg_m3, 1.1 * density_kg_m3),
+        youngs_modulus_pa: Estimate::exactly(1e6),
+        poisson_ratio: Estimate::exactly(0.4),
+        law: Law::Fluid,
+    })
+}
+
+/// A hollow ball with a wall of 1000 kg/m3.
+fn ball(inside: Contents, options: &Options) -> Parts {
+    let cloud = Cloud::sphere(Point3::new(0.1, -0.05, 0.02), 1.0, 8000, |_| 0);
+    let wall_thickness_m = Range::new(0.8 * WALL_M, 1.2 * WALL_M);
+    let (gaussians, mut field) = (cloud.gaussians(0.02), cloud.field(&[Form::Shell { wall_thickness_m }]));
+    field.labels[0].inside = Some(inside);
+    measured(&gaussians, &field, Some(&SCALE), options)
+}
+
+fn measured(gaussians: &Gaussians, field: &MaterialField, scale: Option<&MetricScale>, options: &Options) -> Parts {
+    let options = Options { volume_cells: 60_000, ..options.clone() };
+    let eyes = cameras(4.0, 40, |_| true);
+    parts(gaussians, field, &eyes, scale, &options, Progress::Hidden).unwrap().metric().unwrap().clone()
+}
+
+fn close(found: f64, expected: f64, error: f64) {
+    assert!((found / expected - 1.0).abs() <= error, "{found} is not {expected}");
+}
+
+#[test]
+fn a_full_ball_weighs_and_turns_like_a_solid_one() {
+    let full = ball(filling(1000.0, Estimate::exactly(1.0)), &Options::default());
+    let [filling] = full.fillings.as_slice() else { panic!("one filling: {:?}", full.fillings) };
+    assert!(filling.unseen && filling.inside_of == 0 && filling.caption == "water in part 0");
+    let inner = 4.0 / 3.0 * PI * (RADIUS_M - WALL_M).powi(3);
+    close(filling.volume_m3.mid, inner, VOLUME_ERROR);
+    let outer_kg = 4.0 / 3.0 * PI * RADIUS_M.powi(3) * 1000.0;
+    close(full.object.mass_kg.mid, outer_kg, VOLUME_ERROR);
+    let center = full.object.center_of_mass_m;
+    let off = (0..3).map(|a| (center[a] - CENTER_M[a]).powi(2)).sum::<f64>().sqrt();
+    assert!(off < 0.01 * RADIUS_M, "the centre is off by {off} m");
+    // A solid ball has 2/5 m r^2; a hollow one of the same mass would have nearly 2/3 m r^2.
+    let solid = 0.4 * full.object.mass_kg.mid * RADIUS_M.powi(2);
+    for axis in 0..3 {
+        close(full.object.inertia_kg_m2[axis][axis], solid, 2.0 * VOLUME_ERROR);
+    }
+}
+
+#[test]
+fn a_half_full_ball_holds_half_and_an_empty_one_nothing() {
+    let full = ball(filling(1000.0, Estimate::exactly(1.0)), &Options::default());
+    let half = ball(filling(1000.0, Estimate::new(0.4, 0.5, 0.6)), &Options::default());
+    let empty = ball(Contents::Empty, &Options::default());
+    close(half.fillings[0].mass_kg.mid, 0.5 * full.fillings[0].mass_kg.mid, 1e-9);
+    assert!(empty.fillings.is_empty());
+    close(empty.object.mass_kg.mid, full.object.mass_kg.mid - full.fillings[0].mass_kg.mid, 1e-9);
+    let factor = |parts: &Parts| parts.object.mass_kg.high / parts.object.mass_kg.low;
+    assert!(factor(&half) > factor(&full), "how full it is, is uncertain");
+    let unknown = ball(Contents::Unknown, &Options::default());
+    assert_eq!(unknown.object.mass_kg, empty.object.mass_kg);
+    assert!(unknown.notes.iter().any(|note| note.contains("not known")), "{:?}", unknown.notes);
+}
+
+#[test]
+fn the_width_of_a_mass_names_its_sources() {
+    let full = ball(filling(1000.0, Estimate::new(0.5, 0.9, 1.0)), &Options::default());
+    let sources = |width: &[gprop::parts::Width]| width.iter().map(|width| width.source).collect::<Vec<_>>();
+    assert_eq!(sources(&full.parts[0].width), [Source::Method, Source::Wall]);
+    assert_eq!(sources(&full.fillings[0].width), [Source::Method, Source::Wall, Source::Filling]);
+    let widest = full.object.width.iter().max_by(|a, b| a.factor().total_cmp(&b.factor())).unwrap();
+    assert_eq!(widest.source, Source::Filling);
+    let mass = full.object.mass_kg;
+    assert!(full.object.width.iter().all(|width| width.mass_kg.low >= mass.low && width.mass_kg.high <= mass.high));
+}
+
+#[test]
+fn a_reading_of_a_scale_narrows_what_is_inside() {
+    let contents = || filling(1000.0, Estimate::new(0.5, 0.9, 1.0));
+    let expected = ball(contents(), &Options::default());
+    let reading = 0.8 * expected.object.mass_kg.mid;
+    let known = ball(contents(), &Options { known_mass: Some(reading), ..Options::default() });
+    let told = known.known_mass.as_ref().unwrap();
+    assert!(told.is_possible && told.expected_kg == expected.object.mass_kg);
+    close(known.object.mass_kg.mid, reading, 0.01);
+    assert!(known.object.mass_kg.high / known.object.mass_kg.low < 1.03, "{:?}", known.object.mass_kg);
+    let sum = known.parts[0].mass_kg.unwrap().mid + known.fillings[0].mass_kg.mid;
+    close(sum, known.object.mass_kg.mid, 1e-9);
+    let moved = |parts: &Parts| parts.fillings[0].mass_kg.mid / parts.parts[0].mass_kg.unwrap().mid;
+    assert!(moved(&known) < moved(&expected), "the filling is less certain than the wall, so it gives way");
+    let filling = known.fillings[0].clone();
+    close(filling.volume_m3.mid * filling.density_kg_m3.mid, filling.mass_kg.mid, 1e-9);
+}
+
+#[test]
+fn a_reading_that_nothing_explains_is_said_and_changes_nothing() {
+    let contents = || filling(1000.0, Estimate::exactly(1.0));
+    let expected = ball(contents(), &Options::default());
+    for (reading, words) in [(1e5, "heavier than solid steel"), (1.0, "the nearest is")] {
+        let known = ball(contents(), &Options { known_mass: Some(reading), ..Options::default() });
+        assert_eq!(known.object, expected.object);
+        assert!(!known.known_mass.as_ref().unwrap().is_possible);
+        let said = known.warnings.iter().any(|warning| warning.to_lowercase().contains(words));
+        assert!(said, "{words}: {:?}", known.warnings);
+    }
+}
+
+#[test]
+fn a_scale_follows_from_the_mass() {
+    let cloud = Cloud::sphere(Point3::new(0.1, -0.05, 0.02), 1.0, 8000, |_| 0);
+    let gaussians = cloud.gaussians(0.02);
+    let wall = Form::Shell { wall_thickness_m: Range::new(0.8 * WALL_M, 1.2 * WALL_M) };
+    for form in [Form::Solid, wall] {
+        let field = cloud.field(&[form]);
+        let known = measured(&gaussians, &field, Some(&SCALE), &Options::default());
+        let options = Options { known_mass: Some(known.object.mass_kg.mid), ..Options::default() };
+        let found = measured(&gaussians, &field, None, &options);
+        let scale = found.meters_per_unit.unwrap();
+        // Trials end within 1e-4 of the scale.
+        close(scale.mid, SCALE.meters_per_unit, 1e-3);
+        close(found.object.mass_kg.mid, known.object.mass_kg.mid, 0.01);
+        let width = (scale.high / scale.low).ln();
+        let expected = (known.object.mass_kg.high / known.object.mass_kg.low).ln();
+        // The mass grows with the third power of the scale, a wall's with the second.
+        let power = if form == Form::Solid { 3.0 } else { 2.0 };
+        assert!(width > 0.8 * expected / power && width < 1.5 * expected / power, "{form:?}: {width}, {expected}");
+        assert_eq!(found.scale().unwrap().meters_per_unit, scale.mid);
+    }
+}
