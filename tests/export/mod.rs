@@ -24,6 +24,8 @@ fn model(measured: &Measured) -> Model<'_> {
         interior: &measured.result.interior,
         scale: measured.scene.scale.as_ref(),
         parts: Some(measured.parts()),
+        grasps: &[],
+        source: "point_cloud.ply",
     }
 }
 
