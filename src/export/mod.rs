@@ -27,6 +27,7 @@ use std::path::{Path, PathBuf};
 use nalgebra::Point3;
 use serde::{Deserialize, Serialize};
 
+use crate::camera::Camera;
 use crate::grasp::candidates::Candidate;
 use crate::parts::{Interior, Parts, PartsError};
 use crate::scene::gaussians::Gaussians;
@@ -76,6 +77,8 @@ pub struct Model<'a> {
     /// Both `None` if the metric scale is unknown.
     pub scale: Option<&'a MetricScale>,
     pub parts: Option<&'a Parts>,
+    /// The cameras of its photos, for the colours of its surface.
+    pub cameras: &'a [Camera],
     /// Where to grasp it, best first.
     pub grasps: &'a [Candidate],
     /// Name of the file that holds the splat.

@@ -18,6 +18,7 @@ impl Pipeline {
         let parts = self.stored_parts()?;
         let splat = self.scene.files.first().and_then(|path| path.file_name());
         let source = splat.map_or_else(String::new, |name| name.to_string_lossy().into_owned());
+        let cameras = self.scene.cameras();
         let model = Model {
             name: &self.scene.name,
             gaussians: &self.scene.gaussians,
@@ -25,6 +26,7 @@ impl Pipeline {
             interior: self.interior()?,
             scale: self.scene.scale.as_ref(),
             parts: parts.as_ref(),
+            cameras: &cameras,
             grasps: &grasps,
             source: &source,
         };

@@ -1,5 +1,5 @@
 """Validates a USD asset against SimReady's profile Robotics-Prop; prints the profile's version and, for each feature, whether
-it is required and the requirements that it fails, as JSON."""
+it passed, whether it failed although it is required, and the requirements that it failed, as JSON."""
 
 import contextlib
 import json
@@ -12,8 +12,8 @@ with contextlib.redirect_stdout(sys.stderr):
     config = simready.validate.AssetValidationConfig(asset_path=sys.argv[1], profile_id="Robotics-Prop")
     result = simready.validate.validate_asset(config)
 features = {
-    name: {"passed": found["passed"], "optional": bool(found.get("optional")),
-           "failing": [str(r) for r in found.get("failing requirements", [])]}
+    name: {"passed": found["passed"], "blocking": found.get("blocking_failure", not found["passed"]),
+           "failing": found.get("failing requirements", "")}
     for name, found in result.features_summary.items()
 }
 print(json.dumps({"version": result.profile_version, "features": features}, default=str))

@@ -1,6 +1,7 @@
 //! A picture for a mesh, without seams: each triangle has half of a square tile of its own, with the pixels around it
 //! that a viewer blends with. Tiles grow with their triangles in powers of two, so that rows of equal tiles fill the
-//! picture.
+//! picture. Neighbours on the object are neighbours on the picture as far as possible, because viewers blend pixels of
+//! neighbouring tiles from afar.
 
 use nalgebra::Point3;
 
@@ -49,7 +50,7 @@ pub fn layout(mesh: &Mesh) -> (Vec<Tile>, [u32; 2]) {
         let middle = 0.5 * (fine + coarse);
         if height(&longest, middle) > SIDE { fine = middle } else { coarse = middle }
     }
-    let tiles = place(&longest, coarse);
+    let tiles = place(&longest, &along_a_curve(mesh), coarse);
     let rows = height(&longest, coarse);
     (tiles, [SIDE, rows.max(1)])
 }
@@ -73,14 +74,32 @@ fn height(longest: &[f64], pixel: f64) -> u32 {
     STEPS.iter().zip(&count).map(rows).sum()
 }
 
-fn place(longest: &[f64], pixel: f64) -> Vec<Tile> {
+/// The triangles in the order of a curve through space (Morton 1966).
+fn along_a_curve(mesh: &Mesh) -> Vec<usize> {
+    let middle =
+        |t: usize| mesh.corners(mesh.triangles[t]).iter().map(|p| p.coords).sum::<nalgebra::Vector3<f64>>() / 3.0;
+    let middles: Vec<_> = (0..mesh.triangles.len()).map(middle).collect();
+    let Some(first) = middles.first() else { return Vec::new() };
+    let (low, high) = middles.iter().fold((*first, *first), |(low, high), p| (low.inf(p), high.sup(p)));
+    let size = (high - low).max().max(f64::MIN_POSITIVE);
+    let code = |t: &usize| {
+        let cell = ((middles[*t] - low) / size * 1023.0).map(|c| c as u64);
+        (0..10)
+            .fold(0u64, |code, bit| (0..3).fold(code, |code, axis| code | (cell[axis] >> bit & 1) << (3 * bit + axis)))
+    };
+    let mut order: Vec<usize> = (0..middles.len()).collect();
+    order.sort_by_cached_key(|t| (code(t), *t));
+    order
+}
+
+fn place(longest: &[f64], order: &[usize], pixel: f64) -> Vec<Tile> {
     let mut tiles = vec![Tile { origin: [0; 2], steps: 0, second: false }; longest.len()];
     let mut top = 0;
     for (n, &steps) in STEPS.iter().enumerate() {
         let tile = steps + EXTRA;
         let per_row = SIDE / tile;
         let mut placed = 0;
-        for t in (0..longest.len()).filter(|t| class(longest[*t], pixel) == n) {
+        for t in order.iter().copied().filter(|t| class(longest[*t], pixel) == n) {
             let square = placed / 2;
             let origin = [square % per_row * tile, top + square / per_row * tile];
             tiles[t] = Tile { origin, steps, second: placed % 2 == 1 };
@@ -102,7 +121,7 @@ mod tests {
         let pixel = 0.2;
         let rows = height(&longest, pixel);
         let mut used = vec![false; (SIDE * rows) as usize];
-        for tile in place(&longest, pixel) {
+        for tile in place(&longest, &(0..3000).collect::<Vec<_>>(), pixel) {
             for x in 0..=tile.steps + 1 {
                 for y in 0..=tile.steps + 1 - x {
                     let [x, y] = tile.pixel([x, y]);

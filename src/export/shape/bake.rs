@@ -1,7 +1,8 @@
 //! The colours of the splat on a surface: what a camera would see that looks at each place along the normal.
 //!
 //! Gaussians within a few cells of the place are blended along the line of sight, the outermost first, as a renderer
-//! does. Where the splat shows nothing, the colour is that of the nearest Gaussian.
+//! does. The colour of each is the mean of those that it shows to the cameras that face the surface best: nobody
+//! trained what it shows to other sides. Where the splat shows nothing, the colour is that of the nearest Gaussian.
 
 use image::{Rgb, RgbImage};
 use nalgebra::{Matrix3, Point3, Vector3};
@@ -9,6 +10,7 @@ use rayon::prelude::*;
 
 use super::atlas::Tile;
 use super::{Mesh, REACH, reach_of};
+use crate::camera::Camera;
 use crate::parts::Grid;
 use crate::render::sh_color;
 use crate::scene::gaussians::Gaussians;
@@ -21,6 +23,9 @@ const DEPTH_CELLS: f64 = 4.0;
 /// Below this opacity, the splat shows nothing.
 const LEAST_OPACITY: f64 = 0.2;
 
+/// Cameras whose colours are averaged.
+const VIEWS: usize = 4;
+
 /// Paints with the colours of a splat.
 pub struct Painter<'a> {
     gaussians: &'a Gaussians,
@@ -31,11 +36,13 @@ pub struct Painter<'a> {
     members: Vec<u32>,
     precision: Vec<Matrix3<f64>>,
     nearest: Nearest,
+    /// Unit directions from the object to the cameras.
+    towards: Vec<Vector3<f64>>,
 }
 
 impl<'a> Painter<'a> {
     /// For surfaces on a grid.
-    pub fn new(gaussians: &'a Gaussians, grid: &Grid) -> Self {
+    pub fn new(gaussians: &'a Gaussians, cameras: &[Camera], grid: &Grid) -> Self {
         let coarse = grid.coarser(COARSE);
         let spans: Vec<Option<[[usize; 2]; 3]>> = (0..gaussians.len())
             .into_par_iter()
@@ -76,6 +83,7 @@ impl<'a> Painter<'a> {
             members,
             precision: precision.collect(),
             nearest: Nearest::new(gaussians.positions.iter().copied()),
+            towards: cameras.iter().filter_map(|c| (c.center_in_world() - grid.middle()).try_normalize(1e-9)).collect(),
         }
     }
 
@@ -84,7 +92,11 @@ impl<'a> Painter<'a> {
         let normals = mesh.normals();
         let painted: Vec<Vec<([u32; 2], [u8; 3])>> =
             mesh.triangles.par_iter().zip(layout).map(|(t, tile)| self.tile(mesh, &normals, *t, tile)).collect();
-        let mut picture = RgbImage::new(width, height);
+        // What no tile covers is as grey as the rest, for viewers that blend it in from afar.
+        let count = painted.iter().map(Vec::len).sum::<usize>().max(1) as f64;
+        let sum = |channel: usize| painted.iter().flatten().map(|(_, color)| f64::from(color[channel])).sum::<f64>();
+        let mean = [0, 1, 2].map(|channel| (sum(channel) / count) as u8);
+        let mut picture = RgbImage::from_pixel(width, height, Rgb(mean));
         for ([x, y], color) in painted.into_iter().flatten() {
             picture.put_pixel(x, y, Rgb(color));
         }
@@ -123,11 +135,11 @@ impl<'a> Painter<'a> {
     fn color(&self, at: Point3<f64>, normal: Vector3<f64>) -> [u8; 3] {
         let mut met: Vec<(f64, f64, u32)> = self.around(at).iter().filter_map(|&i| self.meet(i, at, normal)).collect();
         met.sort_by(|a, b| b.0.total_cmp(&a.0).then(a.2.cmp(&b.2)));
-        let view = normal.map(|c| -c as f32).into();
+        let views = self.views(normal);
         let (mut color, mut left) = ([0.0; 3], 1.0);
         for (_, alpha, i) in met {
-            let own = sh_color(self.gaussians, i as usize, view);
-            (0..3).for_each(|c| color[c] += left * alpha * f64::from(own[c]));
+            let own = self.seen(i, &views);
+            (0..3).for_each(|c| color[c] += left * alpha * own[c]);
             left *= 1.0 - alpha;
             if left < 1e-3 {
                 break;
@@ -135,10 +147,32 @@ impl<'a> Painter<'a> {
         }
         if 1.0 - left < LEAST_OPACITY {
             let (_, i) = self.nearest.find(at.map(|c| c as f32).into(), 1)[0];
-            color = sh_color(self.gaussians, i as usize, view).map(f64::from);
+            color = self.seen(i, &views);
             left = 0.0;
         }
         color.map(|c| (c / (1.0 - left) * 255.0).round().clamp(0.0, 255.0) as u8)
+    }
+
+    /// Directions of sight of the cameras that face a surface best; along its normal if there are no cameras.
+    fn views(&self, normal: Vector3<f64>) -> Vec<[f32; 3]> {
+        let sight = |towards: &Vector3<f64>| towards.map(|c| -c as f32).into();
+        let mut facing: Vec<(f64, usize)> =
+            self.towards.iter().enumerate().map(|(n, towards)| (-towards.dot(&normal), n)).collect();
+        if facing.is_empty() {
+            return vec![sight(&normal)];
+        }
+        facing.sort_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
+        facing.iter().take(VIEWS).map(|(_, n)| sight(&self.towards[*n])).collect()
+    }
+
+    /// The mean colour that a Gaussian shows.
+    fn seen(&self, i: u32, views: &[[f32; 3]]) -> [f64; 3] {
+        let mut sum = [0.0; 3];
+        for view in views {
+            let color = sh_color(self.gaussians, i as usize, *view);
+            (0..3).for_each(|c| sum[c] += f64::from(color[c].clamp(0.0, 1.0)) / views.len() as f64);
+        }
+        sum
     }
 
     fn around(&self, at: Point3<f64>) -> &[u32] {

@@ -86,7 +86,7 @@ pub struct Skin {
 
 /// The outer surface of the whole object with the splat's colours.
 pub fn skin(model: &Model, solid: &Solid, meters_per_unit: f64) -> Skin {
-    let painter = Painter::new(model.gaussians, &solid.grid);
+    let painter = Painter::new(model.gaussians, model.cameras, &solid.grid);
     let mesh = simplify::simplified(surface::of(&solid.grid, &solid.mask(None)), TRIANGLES, 0.5 * solid.grid.cell);
     let (layout, size) = atlas::layout(&mesh);
     let picture = painter.picture(&mesh, &layout, size);
@@ -97,7 +97,7 @@ pub fn skin(model: &Model, solid: &Solid, meters_per_unit: f64) -> Skin {
 
 /// The surface of each part with a colour for every vertex: part, mesh in metres, sRGB.
 pub fn part_meshes(model: &Model, solid: &Solid, meters_per_unit: f64) -> Vec<(u32, Mesh, Vec<[u8; 3]>)> {
-    let painter = Painter::new(model.gaussians, &solid.grid);
+    let painter = Painter::new(model.gaussians, model.cameras, &solid.grid);
     let parts = solid.parts();
     let cells = |part: u32| solid.part.iter().filter(|owner| **owner == part).count();
     let most = parts.iter().map(|part| cells(*part)).max().unwrap_or(1);

@@ -21,11 +21,11 @@ const LEAST_CELLS: f64 = 2.0;
 /// Pieces per part at most: more, and simulators become slow.
 const PIECES: usize = 32;
 /// Positions at which a plane of each direction is tried.
-const CUTS: usize = 11;
+const CUTS: usize = 8;
 /// Cost of cuts whose sides differ in size, as a share of the volume: among nearly equal ones, the middle is taken.
 const BALANCE: f64 = 0.02;
 /// Points that stand for a body while cuts are compared.
-const SAMPLES: usize = 500;
+const SAMPLES: usize = 200;
 /// Bodies with a smaller share of their part's cells are crumbs, which are left out.
 const CRUMB: f64 = 5e-4;
 
@@ -192,9 +192,10 @@ impl<'a> Decomposition<'a> {
 
     /// The plane, as normal and position, that leaves the least volume in the hulls of both sides.
     fn best_cut(&self, body: &Body) -> Option<(Vector3<f64>, f64)> {
-        let step = body.border.len().div_ceil(SAMPLES);
-        let samples: Vec<Point3<f64>> =
-            body.hull.vertices.iter().chain(body.border.iter().step_by(step)).copied().collect();
+        let some = |points: &'_ [Point3<f64>]| -> Vec<Point3<f64>> {
+            points.iter().step_by(points.len().div_ceil(SAMPLES).max(1)).copied().collect()
+        };
+        let samples = [some(&body.hull.vertices), some(&body.border)].concat();
         let notch = self.grid.center(self.grid.coords(body.lie.cell));
         let mut cuts = Vec::new();
         for normal in directions(&samples) {
@@ -220,36 +221,53 @@ impl<'a> Decomposition<'a> {
 
     /// Joins pairs of bodies whose common hull does not lie, those with the smallest first.
     fn join(&mut self) {
-        let touch = |a: &Body, b: &Body| {
-            let ([low, high], [others_low, others_high]) = (a.hull.extent(), b.hull.extent());
-            (0..3).all(|axis| {
-                low[axis] <= others_high[axis] + self.grid.cell && others_low[axis] <= high[axis] + self.grid.cell
-            })
-        };
-        let joined = |a: &Body, b: &Body| {
-            let points: Vec<_> = a.hull.vertices.iter().chain(&b.hull.vertices).copied().collect();
+        let mut bodies: Vec<Option<Body>> = self.bodies.drain(..).map(Some).collect();
+        let all: Vec<(usize, usize)> = (0..bodies.len()).flat_map(|b| (0..b).map(move |a| (a, b))).collect();
+        let mut fitting = self.joints(&bodies, all);
+        loop {
+            let best = fitting.iter().min_by(|x, y| x.volume.total_cmp(&y.volume).then(x.pair.cmp(&y.pair)));
+            let Some((a, b)) = best.map(|joint| joint.pair) else { break };
+            let (Some(one), Some(other)) = (bodies[a].take(), bodies[b].take()) else { break };
+            let place = fitting.iter().position(|joint| joint.pair == (a, b)).expect("it is the best");
+            let Joint { hull, lie, .. } = fitting.swap_remove(place);
+            fitting.retain(|joint| ![joint.pair.0, joint.pair.1].iter().any(|n| [a, b].contains(n)));
+            let (cells, border) = ([one.cells, other.cells].concat(), [one.border, other.border].concat());
+            bodies[a] = Some(Body { cells, border, hull, lie });
+            let beside = (0..bodies.len()).filter(|n| *n != a && bodies[*n].is_some()).map(|n| (a.min(n), a.max(n)));
+            fitting.extend(self.joints(&bodies, beside.collect()));
+        }
+        self.bodies = bodies.into_iter().flatten().collect();
+    }
+
+    /// The pairs that can be joined.
+    fn joints(&self, bodies: &[Option<Body>], pairs: Vec<(usize, usize)>) -> Vec<Joint> {
+        let joint = |pair: (usize, usize)| {
+            let (one, other) = (bodies[pair.0].as_ref()?, bodies[pair.1].as_ref()?);
+            if !self.touch(one, other) {
+                return None;
+            }
+            let points = [one.hull.vertices.as_slice(), &other.hull.vertices].concat();
             let hull = Hull::of(&points)?;
             let lie = self.clearance.lie(&hull);
-            let allowed = self.tolerance.max(a.lie.depth).max(b.lie.depth);
-            (lie.depth <= allowed).then_some((hull, lie))
+            let allowed = self.tolerance.max(one.lie.depth).max(other.lie.depth);
+            (lie.depth <= allowed).then(|| Joint { pair, volume: hull.volume(), hull, lie })
         };
-        loop {
-            let count = self.bodies.len();
-            let pairs: Vec<(usize, usize)> = (0..count).flat_map(|a| (a + 1..count).map(move |b| (a, b))).collect();
-            let fitting = pairs.into_par_iter().filter_map(|(a, b)| {
-                let (one, other) = (&self.bodies[a], &self.bodies[b]);
-                let (hull, lie) = touch(one, other).then(|| joined(one, other)).flatten()?;
-                Some((hull.volume(), a, b, hull, lie))
-            });
-            let best = fitting.min_by(|x, y| x.0.total_cmp(&y.0).then((x.1, x.2).cmp(&(y.1, y.2))));
-            let Some((_, a, b, hull, lie)) = best else { break };
-            let other = self.bodies.swap_remove(b);
-            let one = &mut self.bodies[a];
-            one.cells.extend(other.cells);
-            one.border.extend(other.border);
-            (one.hull, one.lie) = (hull, lie);
-        }
+        pairs.into_par_iter().filter_map(joint).collect()
     }
+
+    fn touch(&self, one: &Body, other: &Body) -> bool {
+        let ([low, high], [others_low, others_high]) = (one.hull.extent(), other.hull.extent());
+        let gap = self.grid.cell;
+        (0..3).all(|axis| low[axis] <= others_high[axis] + gap && others_low[axis] <= high[axis] + gap)
+    }
+}
+
+/// Two bodies as one.
+struct Joint {
+    pair: (usize, usize),
+    volume: f64,
+    hull: Hull,
+    lie: Lie,
 }
 
 /// The world's axes, and the body's own as far as they differ.

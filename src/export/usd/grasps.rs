@@ -2,8 +2,11 @@
 
 use std::fmt::Write;
 
-use super::text::{extent, list, quoted, tuple};
+use super::text::{extent, list, quoted, triple, tuple};
 use crate::export::Rigid;
+
+/// Half the width with which a line is drawn, m.
+const RADIUS: f64 = 0.001;
 
 pub fn write(text: &mut String, rigid: &Rigid) {
     if rigid.grasps.is_empty() {
@@ -23,7 +26,7 @@ pub fn write(text: &mut String, rigid: &Rigid) {
             point3f[] points = {points}
             uniform token purpose = "guide"
             uniform token type = "linear"
-            float[] widths = [0.002, 0.002] (
+            float[] widths = [{diameter}, {diameter}] (
                 interpolation = "vertex"
             )
             custom double gprop:forceMax = {f_max}
@@ -40,8 +43,11 @@ pub fn write(text: &mut String, rigid: &Rigid) {
                  object and whose y leads from finger to finger; width between the fingers in m",
                 grasp.part
             )),
-            extent = extent(grasp.contacts_m.iter().flat_map(|c| [-0.001, 0.001].map(|d| c.map(|x| x + d)))),
-            points = list(grasp.contacts_m.iter().map(|c| tuple(*c, 6))),
+            extent = extent(
+                grasp.contacts_m.iter().flat_map(|c| [-RADIUS, RADIUS].map(|d| c.map(|x| f64::from(x as f32) + d)))
+            ),
+            points = list(grasp.contacts_m.iter().map(|c| triple(*c))),
+            diameter = 2.0 * RADIUS,
             f_max = grasp.f_max_n,
             f_min = grasp.f_min_n,
             f_star = grasp.f_star_n,

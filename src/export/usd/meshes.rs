@@ -73,7 +73,10 @@ fn write_collider(text: &mut String, object: &str, piece: &Piece) {
             prepend apiSchemas = ["PhysicsCollisionAPI", "PhysicsMeshCollisionAPI", "MaterialBindingAPI"]
         )
         {{
-{topology}            uniform token physics:approximation = "convexHull"
+{topology}            normal3f[] normals = {normals} (
+                interpolation = "uniform"
+            )
+            uniform token physics:approximation = "convexHull"
             uniform token purpose = "guide"
             rel material:binding:physics = </{object}/materials/part{part}> (
                 bindMaterialAs = "weakerThanDescendants"
@@ -82,8 +85,16 @@ fn write_collider(text: &mut String, object: &str, piece: &Piece) {
 "#,
         name = piece.name(),
         topology = topology(&piece.vertices, &piece.triangles),
+        normals = list(piece.triangles.iter().map(|t| face_normal(&piece.vertices, *t))),
         part = piece.part,
     );
+}
+
+/// The unit normal of a face.
+fn face_normal(vertices: &[Point3<f64>], triangle: [u32; 3]) -> String {
+    let [a, b, c] = triangle.map(|v| vertices[v as usize]);
+    let normal = (b - a).cross(&(c - a)).try_normalize(0.0).unwrap_or_else(nalgebra::Vector3::z);
+    tuple(normal.iter().copied(), 6)
 }
 
 fn topology(vertices: &[Point3<f64>], triangles: &[[u32; 3]]) -> String {
