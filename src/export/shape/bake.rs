@@ -105,6 +105,7 @@ impl<'a> Painter<'a> {
 
     fn tile(&self, mesh: &Mesh, normals: &[Vector3<f64>], triangle: [u32; 3], tile: &Tile) -> Vec<([u32; 2], [u8; 3])> {
         let (corners, normals) = (mesh.corners(triangle), triangle.map(|v| normals[v as usize]));
+        let views = self.views(normals.iter().sum::<Vector3<f64>>().try_normalize(1e-9).unwrap_or(normals[0]));
         let steps = f64::from(tile.steps);
         let mut pixels = Vec::new();
         // One row more than the triangle has, for viewers to blend with; of the row after that, which is nobody's, too.
@@ -118,7 +119,7 @@ impl<'a> Painter<'a> {
                 let normal: Vector3<f64> = (0..3).map(|k| normals[k] * share[k]).sum();
                 let normal = normal.try_normalize(1e-9).unwrap_or(normals[0]);
                 if x + y < tile.steps + 2 || !tile.second {
-                    pixels.push((tile.pixel([x, y]), self.color(at.into(), normal)));
+                    pixels.push((tile.pixel([x, y]), self.color(at.into(), normal, &views)));
                 }
             }
         }
@@ -128,17 +129,20 @@ impl<'a> Painter<'a> {
     /// A colour for each vertex of a mesh in scene units.
     pub fn vertex_colors(&self, mesh: &Mesh) -> Vec<[u8; 3]> {
         let normals = mesh.normals();
-        mesh.vertices.par_iter().zip(&normals).map(|(at, normal)| self.color(*at, *normal)).collect()
+        mesh.vertices
+            .par_iter()
+            .zip(&normals)
+            .map(|(at, normal)| self.color(*at, *normal, &self.views(*normal)))
+            .collect()
     }
 
     /// The colour at a place on a surface, sRGB.
-    fn color(&self, at: Point3<f64>, normal: Vector3<f64>) -> [u8; 3] {
+    fn color(&self, at: Point3<f64>, normal: Vector3<f64>, views: &[[f32; 3]]) -> [u8; 3] {
         let mut met: Vec<(f64, f64, u32)> = self.around(at).iter().filter_map(|&i| self.meet(i, at, normal)).collect();
         met.sort_by(|a, b| b.0.total_cmp(&a.0).then(a.2.cmp(&b.2)));
-        let views = self.views(normal);
         let (mut color, mut left) = ([0.0; 3], 1.0);
         for (_, alpha, i) in met {
-            let own = self.seen(i, &views);
+            let own = self.seen(i, views);
             (0..3).for_each(|c| color[c] += left * alpha * own[c]);
             left *= 1.0 - alpha;
             if left < 1e-3 {
@@ -147,7 +151,7 @@ impl<'a> Painter<'a> {
         }
         if 1.0 - left < LEAST_OPACITY {
             let (_, i) = self.nearest.find(at.map(|c| c as f32).into(), 1)[0];
-            color = self.seen(i, &views);
+            color = self.seen(i, views);
             left = 0.0;
         }
         color.map(|c| (c / (1.0 - left) * 255.0).round().clamp(0.0, 255.0) as u8)
