@@ -249,8 +249,7 @@ impl<'a> Decomposition<'a> {
             let points = [one.hull.vertices.as_slice(), &other.hull.vertices].concat();
             let hull = Hull::of(&points)?;
             let lie = self.clearance.lie(&hull);
-            let allowed = self.tolerance.max(one.lie.depth).max(other.lie.depth);
-            (lie.depth <= allowed).then(|| Joint { pair, volume: hull.volume(), hull, lie })
+            (lie.depth <= self.tolerance).then(|| Joint { pair, volume: hull.volume(), hull, lie })
         };
         pairs.into_par_iter().filter_map(joint).collect()
     }
