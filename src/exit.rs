@@ -81,7 +81,7 @@ fn code(cause: &(dyn std::error::Error + 'static)) -> Option<Exit> {
     if let Some(SceneError::UnknownView { .. }) = cause.downcast_ref() {
         return Some(Exit::Usage);
     }
-    if let Some(ExportError::Scale(_) | ExportError::NoMass) = cause.downcast_ref() {
+    if let Some(ExportError::Scale(_) | ExportError::NoMass | ExportError::NoShape) = cause.downcast_ref() {
         return Some(Exit::Scene);
     }
     if let Some(PartsError::Option { .. }) = cause.downcast_ref() {

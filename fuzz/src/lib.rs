@@ -26,7 +26,7 @@ use gprop::query::question::{About, Questions};
 use gprop::query::recorded::{Recording, Recordings};
 use gprop::query::{Answers, Context, Guidance, LabelSet, Prompts, batch_api, exchange};
 use gprop::scene::cameras::{colmap, dataparser, gaussian_splatting, transforms};
-use gprop::scene::{dataset, ply, splat, spz};
+use gprop::scene::{dataset, ksplat, ply, sog, splat, spz};
 use gprop::segment::{LabelMap, Level, Segment, sam};
 use gprop::simulate::checkpoint::Checkpoint;
 use gprop::simulate::script::Script;
@@ -40,12 +40,13 @@ pub use whole_line::whole_line;
 pub type Read = fn(&[u8]);
 
 /// Every target by its name.
-pub const TARGETS: [(&str, Read); 18] = [
+pub const TARGETS: [(&str, Read); 20] = [
     ("answers", answers),
     ("checkpoint", checkpoint),
     ("colmap", colmap),
     ("evaluation", evaluation),
     ("finished_folder", finished_folder),
+    ("ksplat", ksplat),
     ("label_map", label_map),
     ("materials", materials),
     ("npz", npz),
@@ -54,6 +55,7 @@ pub const TARGETS: [(&str, Read); 18] = [
     ("sam_decoder", sam_decoder),
     ("scene_folder", scene_folder),
     ("settings", settings),
+    ("sog", sog),
     ("splat", splat),
     ("spz", spz),
     ("transforms", transforms),
@@ -69,6 +71,16 @@ pub fn ply(bytes: &[u8]) {
 /// The 32-byte rows of a .splat.
 pub fn splat(bytes: &[u8]) {
     let _ = splat::parse(bytes);
+}
+
+/// The sections and buckets of a .ksplat of any compression level.
+pub fn ksplat(bytes: &[u8]) {
+    let _ = ksplat::parse(bytes);
+}
+
+/// A SOG bundle: the archive, its description and its pictures.
+pub fn sog(bytes: &[u8]) {
+    let _ = sog::parse(bytes);
 }
 
 /// SPZ of all versions, gzip and zstd streams included.

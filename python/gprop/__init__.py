@@ -37,6 +37,8 @@ _MEASURES = {
 _GRASP = {
     "contacts_m": (2, 3),
     "approach": _VECTOR,
+    "position_m": _VECTOR,
+    "quaternion_wxyz": (4,),
     "width_m": (),
     "thickness_m": _ESTIMATE,
     "lever_m": (),

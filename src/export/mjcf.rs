@@ -1,12 +1,12 @@
-//! MuJoCo's XML: one free body with the object's mass, centre of mass and full inertia, and a geom for every convex
-//! piece.
+//! MuJoCo's XML: one free body with the object's mass, centre of mass and full inertia, a geom for every convex piece,
+//! and the skin, which collides with nothing; and a scene with this body on a floor.
 //!
 //! Friction is the part's on rubber, the only one in the library: MuJoCo uses the larger friction of two geoms in
-//! contact.
+//! contact. As in MuJoCo's own models, visual geoms are in group 2 and colliders in group 3, which viewers hide.
 
 use std::fmt::Write;
 
-use super::{ExportError, Files, Rigid, spaced};
+use super::{ExportError, Files, Rigid, obj, spaced};
 use crate::pictures::palette;
 use crate::vote::FieldLabel;
 
@@ -16,41 +16,92 @@ const DEFAULT_TIME_CONSTANT_S: f64 = 0.02;
 const OTHER_FRICTION: &str = "0.005 0.0001";
 
 pub(super) fn write(rigid: &Rigid, files: &mut Files) -> Result<(), ExportError> {
-    files.write(format!("{}.xml", rigid.name), |out| out.write_all(text(rigid).as_bytes()))
+    files.write(format!("{}.xml", rigid.name), |out| out.write_all(body(rigid).as_bytes()))?;
+    files.write("scene.xml", |out| out.write_all(scene(rigid).as_bytes()))?;
+    for piece in &rigid.pieces {
+        let mesh = obj::mesh(&piece.vertices, &piece.triangles);
+        files.write(format!("meshes/{}.obj", piece.name()), |out| out.write_all(mesh.as_bytes()))?;
+    }
+    obj::write_skin(rigid, files)
 }
 
-fn text(rigid: &Rigid) -> String {
+fn body(rigid: &Rigid) -> String {
     let (mass, center, i) = rigid.inertial();
     let mut assets = String::new();
     let mut geoms = String::new();
     for piece in &rigid.pieces {
         let (name, label) = (piece.name(), rigid.label(piece));
-        let vertices = spaced(piece.vertices.iter().flat_map(|v| [v.x, v.y, v.z]));
-        let _ = writeln!(assets, r#"    <mesh name="{name}" vertex="{vertices}"/>"#);
+        let _ = writeln!(assets, r#"    <mesh name="{name}" file="meshes/{name}.obj"/>"#);
         let color = spaced(palette::part(piece.part).map(f64::from));
         let (friction, time) = (label.friction_rubber.mid, time_constant_s(rigid, label));
         let softness = time.map_or_else(String::new, |time| format!(r#" solref="{time} 1""#));
         let _ = writeln!(
             geoms,
-            r#"      <geom name="{name}" type="mesh" mesh="{name}" friction="{friction} {OTHER_FRICTION}"{softness} rgba="{color} 1"/>"#
+            r#"      <geom name="{name}" class="{model}_collision" mesh="{name}" friction="{friction} {OTHER_FRICTION}"{softness} rgba="{color} 1"/>"#,
+            model = rigid.name,
         );
     }
     // fullinertia: xx yy zz xy xz yz.
     let inertia = spaced([i[0][0], i[1][1], i[2][2], i[0][1], i[0][2], i[1][2]]);
     format!(
         r#"<mujoco model="{name}">
+  <default>
+    <default class="{name}_visual">
+      <geom type="mesh" contype="0" conaffinity="0" group="2" mass="0"/>
+    </default>
+    <default class="{name}_collision">
+      <geom type="mesh" group="3"/>
+    </default>
+  </default>
   <asset>
+    <texture name="{name}_skin" type="2d" file="meshes/skin.png"/>
+    <material name="{name}_skin" texture="{name}_skin" specular="0.2" shininess="0.2"/>
+    <mesh name="{name}_skin" file="meshes/skin.obj"/>
 {assets}  </asset>
   <worldbody>
     <body name="{name}">
       <freejoint name="{name}_free"/>
       <inertial pos="{center}" mass="{mass}" fullinertia="{inertia}"/>
+      <geom name="{name}_skin" class="{name}_visual" mesh="{name}_skin" material="{name}_skin"/>
 {geoms}    </body>
   </worldbody>
 </mujoco>
 "#,
         name = rigid.name,
         center = spaced(center),
+    )
+}
+
+/// The body on a floor under its lowest point, lit and seen from the front.
+fn scene(rigid: &Rigid) -> String {
+    let (low, high) = rigid.extent();
+    let middle = nalgebra::center(&low, &high);
+    let size = (high - low).norm();
+    let at = spaced([middle.x, middle.y, middle.z]);
+    format!(
+        r#"<mujoco model="{name} on a floor">
+  <include file="{name}.xml"/>
+  <statistic center="{at}" extent="{size}"/>
+  <visual>
+    <headlight ambient="0.35 0.35 0.35" diffuse="0.4 0.4 0.4" specular="0 0 0"/>
+    <rgba haze="0.85 0.88 0.92 1"/>
+    <global azimuth="125" elevation="-25" offwidth="1280" offheight="960"/>
+  </visual>
+  <asset>
+    <texture type="skybox" builtin="gradient" rgb1="0.9 0.93 0.96" rgb2="0.6 0.65 0.7" width="256" height="1536"/>
+    <texture name="floor" type="2d" builtin="checker" rgb1="0.8 0.8 0.8" rgb2="0.72 0.72 0.72" width="256" height="256"/>
+    <material name="floor" texture="floor" texuniform="true" texrepeat="10 10" reflectance="0.05"/>
+  </asset>
+  <worldbody>
+    <light pos="{light}" dir="{down}" directional="true" diffuse="0.5 0.5 0.5" castshadow="true"/>
+    <geom name="floor" type="plane" size="0 0 0.05" pos="0 0 {floor}" material="floor"/>
+  </worldbody>
+</mujoco>
+"#,
+        name = rigid.name,
+        floor = low.z,
+        light = spaced([middle.x + size, middle.y - size, middle.z + 3.0 * size]),
+        down = "-0.3 0.3 -0.9",
     )
 }
 

@@ -1,45 +1,70 @@
 //! The result in the formats of other programs, with one module per format:
 //!
-//! - [`mjcf`], [`urdf`]: a rigid body for simulators, with its shape as convex [`pieces`];
-//! - [`usda`]: the same with its Gaussians as points, for USD;
+//! - [`mjcf`], [`urdf`]: a rigid body for simulators, with its [`shape`] as convex pieces and as a picture on a mesh;
+//! - [`usd`]: the same with its Gaussians and the places to grasp at;
+//! - [`glb`]: meshes of the parts, or the convex pieces; [`gltf_splat`]: the Gaussians;
+//! - [`ply_parts`]: the Gaussians of each part;
 //! - [`npz`]: every number as NumPy arrays;
 //! - [`physgaussian`]: a model folder and configuration for the MPM simulator PhysGaussian and its forks.
 //!
 //! Everything rigid is in metres, in the world frame of the splat, z up. Gaussians that were set aside are left out.
 
+mod glb;
+mod gltf;
+mod gltf_splat;
 mod mjcf;
 mod npz;
+mod obj;
 mod physgaussian;
-mod pieces;
+mod ply_parts;
+mod shape;
 mod urdf;
-mod usda;
+mod usd;
 
 use std::io;
 use std::path::{Path, PathBuf};
 
+use nalgebra::Point3;
 use serde::{Deserialize, Serialize};
 
+use crate::camera::Camera;
+use crate::grasp::candidates::Candidate;
 use crate::parts::{Interior, Parts, PartsError};
 use crate::scene::gaussians::Gaussians;
 use crate::units::MetricScale;
 use crate::vote::{FieldLabel, MaterialField};
 use crate::workdir::write_atomic;
-use pieces::Piece;
+use shape::{Piece, Skin, Solid, pieces};
 
 /// A format to write.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, clap::ValueEnum)]
 #[serde(rename_all = "snake_case")]
 pub enum Format {
-    /// MuJoCo: a free body with mass, inertia, convex geoms, friction
+    /// MuJoCo: a free body with mass, inertia, visual mesh, convex geoms, friction; a scene with a floor
     Mjcf,
-    /// Robot description: a link on a floating joint, convex meshes
+    /// Robot description: a link on a floating joint, visual mesh, convex meshes, friction
     Urdf,
     /// NumPy: per-Gaussian and per-part arrays
     Npz,
     /// PhysGaussian: configuration and a PLY with per-particle properties
     Physgaussian,
-    /// USD as text: rigid body, mass, colliders, physics materials, points
+    /// USD as text: rigid body, visual mesh, colliders, materials, Gaussians, places to grasp at
     Usda,
+    /// The same as one package
+    Usdz,
+    /// glTF: a mesh for each part with its properties; a second file with the convex pieces
+    Glb,
+    /// glTF with the Gaussians (`KHR_gaussian_splatting`)
+    GltfSplat,
+    /// A 3DGS PLY for each part
+    PlyParts,
+}
+
+impl Format {
+    /// Whether its files name places to grasp at.
+    pub fn has_grasps(self) -> bool {
+        matches!(self, Self::Usda | Self::Usdz)
+    }
 }
 
 /// The data to export.
@@ -52,6 +77,12 @@ pub struct Model<'a> {
     /// Both `None` if the metric scale is unknown.
     pub scale: Option<&'a MetricScale>,
     pub parts: Option<&'a Parts>,
+    /// The cameras of its photos, for the colours of its surface.
+    pub cameras: &'a [Camera],
+    /// Where to grasp it, best first.
+    pub grasps: &'a [Candidate],
+    /// Name of the file that holds the splat.
+    pub source: &'a str,
 }
 
 /// An error of the export.
@@ -63,6 +94,11 @@ pub enum ExportError {
         "the object has no mass, so it is not a rigid body: no part fills any volume; see the warnings of the parts stage"
     )]
     NoMass,
+    #[error(
+        "the object's shape has no surface that could be closed: no part fills enough cells; raise --volume-cells, or see \
+         the warnings of the parts stage"
+    )]
+    NoShape,
     #[error("cannot write {path:?}: {source}; make room or choose another folder with --out")]
     Write { path: PathBuf, source: io::Error },
 }
@@ -82,7 +118,11 @@ pub fn export(model: &Model, format: Format, folder: &Path) -> Result<Vec<PathBu
     match format {
         Format::Mjcf => mjcf::write(&Rigid::of(model)?, &mut files)?,
         Format::Urdf => urdf::write(&Rigid::of(model)?, &mut files)?,
-        Format::Usda => usda::write(model, &Rigid::of(model)?, &mut files)?,
+        Format::Usda => usd::write_usda(model, &Rigid::of(model)?, &mut files)?,
+        Format::Usdz => usd::write_usdz(model, &Rigid::of(model)?, &mut files)?,
+        Format::Glb => glb::write(model, &mut files)?,
+        Format::GltfSplat => gltf_splat::write(model, &mut files)?,
+        Format::PlyParts => ply_parts::write(model, &mut files)?,
         Format::Npz => npz::write(model, &mut files)?,
         Format::Physgaussian => physgaussian::write(model, &mut files)?,
     }
@@ -108,6 +148,9 @@ struct Rigid<'a> {
     parts: &'a Parts,
     labels: &'a [FieldLabel],
     pieces: Vec<Piece>,
+    skin: Skin,
+    grasps: &'a [Candidate],
+    source: &'a str,
 }
 
 impl<'a> Rigid<'a> {
@@ -118,11 +161,20 @@ impl<'a> Rigid<'a> {
         if parts.object.mass_kg.mid <= 0.0 {
             return Err(ExportError::NoMass);
         }
+        let (solid, meters_per_unit) = (Solid::of(model.interior), scale.meters_per_unit);
+        let pieces = pieces::pieces(&solid, meters_per_unit);
+        let skin = shape::skin(model, &solid, meters_per_unit);
+        if pieces.is_empty() || skin.mesh.volume() <= 0.0 {
+            return Err(ExportError::NoShape);
+        }
         Ok(Self {
             name: identifier(model.name),
             parts,
             labels: &model.field.labels,
-            pieces: pieces::pieces(model.interior, scale.meters_per_unit),
+            pieces,
+            skin,
+            grasps: model.grasps,
+            source: model.source,
         })
     }
 
@@ -130,6 +182,13 @@ impl<'a> Rigid<'a> {
     fn inertial(&self) -> (f64, [f64; 3], [[f64; 3]; 3]) {
         let object = &self.parts.object;
         (object.mass_kg.mid, object.center_of_mass_m, object.inertia_kg_m2)
+    }
+
+    /// The corners of the box around the pieces, m.
+    fn extent(&self) -> (Point3<f64>, Point3<f64>) {
+        let mut vertices = self.pieces.iter().flat_map(|piece| &piece.vertices);
+        let first = *vertices.next().expect("an object with a mass has pieces");
+        vertices.fold((first, first), |(low, high), v| (low.inf(v), high.sup(v)))
     }
 
     fn label(&self, piece: &Piece) -> &FieldLabel {

@@ -1,46 +1,54 @@
 //! URDF: one link on a floating joint to the world. A root link without a joint would be welded to the world and lose
-//! its mass. The pieces are OBJ files in `meshes/`. URDF supports neither friction nor soft contacts.
+//! its mass. Meshes are OBJ files in `meshes/`: the skin with its picture, and the convex pieces.
+//!
+//! URDF itself knows no friction. It is written in the three ways that readers take: per collider for Drake, per link
+//! for PyBullet and Gazebo, which get the least of the parts'. Nor does it know soft contacts.
 
 use std::fmt::Write;
 
-use super::pieces::Piece;
-use super::{ExportError, Files, Rigid, spaced};
-use crate::pictures::palette;
+use super::{ExportError, Files, Rigid, obj, spaced};
 
 pub(super) fn write(rigid: &Rigid, files: &mut Files) -> Result<(), ExportError> {
     files.write(format!("{}.urdf", rigid.name), |out| out.write_all(text(rigid).as_bytes()))?;
     for piece in &rigid.pieces {
-        files.write(format!("meshes/{}.obj", piece.name()), |out| out.write_all(obj(piece).as_bytes()))?;
+        let mesh = obj::mesh(&piece.vertices, &piece.triangles);
+        files.write(format!("meshes/{}.obj", piece.name()), |out| out.write_all(mesh.as_bytes()))?;
     }
-    Ok(())
+    obj::write_skin(rigid, files)
 }
 
 fn text(rigid: &Rigid) -> String {
     let (mass, center, i) = rigid.inertial();
-    let mut shapes = String::new();
+    let mut colliders = String::new();
     for piece in &rigid.pieces {
-        let (name, color) = (piece.name(), spaced(palette::part(piece.part).map(f64::from)));
-        let geometry = format!(r#"<geometry><mesh filename="meshes/{name}.obj"/></geometry>"#);
+        let (name, friction) = (piece.name(), rigid.label(piece).friction_rubber.mid);
         let _ = write!(
-            shapes,
-            r#"    <visual name="{name}">{geometry}<material name="part{part}"><color rgba="{color} 1"/></material></visual>
-    <collision name="{name}">{geometry}</collision>
+            colliders,
+            r#"    <collision name="{name}">
+      <geometry><mesh filename="meshes/{name}.obj"><drake:declare_convex/></mesh></geometry>
+      <drake:proximity_properties><drake:mu_static value="{friction}"/><drake:mu_dynamic value="{friction}"/></drake:proximity_properties>
+    </collision>
 "#,
-            part = piece.part,
         );
     }
+    let frictions = rigid.pieces.iter().map(|piece| rigid.label(piece).friction_rubber.mid);
+    let least = frictions.fold(f64::INFINITY, f64::min);
+    let friction = if least.is_finite() { least } else { 0.0 };
     format!(
-        r#"<robot name="{name}">
-  <mujoco><compiler strippath="false"/></mujoco>
+        r#"<robot name="{name}" xmlns:drake="http://drake.mit.edu">
+  <mujoco><compiler strippath="false" discardvisual="false"/></mujoco>
   <link name="world"/>
   <joint name="{name}_free" type="floating"><parent link="world"/><child link="{name}"/></joint>
   <link name="{name}">
+    <contact><lateral_friction value="{friction}"/></contact>
     <inertial>
       <origin xyz="{center}" rpy="0 0 0"/>
       <mass value="{mass}"/>
       <inertia ixx="{}" iyy="{}" izz="{}" ixy="{}" ixz="{}" iyz="{}"/>
     </inertial>
-{shapes}  </link>
+    <visual name="skin"><geometry><mesh filename="meshes/skin.obj"/></geometry></visual>
+{colliders}  </link>
+  <gazebo reference="{name}"><mu1>{friction}</mu1><mu2>{friction}</mu2></gazebo>
 </robot>
 "#,
         i[0][0],
@@ -52,15 +60,4 @@ fn text(rigid: &Rigid) -> String {
         name = rigid.name,
         center = spaced(center),
     )
-}
-
-fn obj(piece: &Piece) -> String {
-    let mut text = String::new();
-    for v in &piece.vertices {
-        let _ = writeln!(text, "v {} {} {}", v.x, v.y, v.z);
-    }
-    for [a, b, c] in &piece.triangles {
-        let _ = writeln!(text, "f {} {} {}", a + 1, b + 1, c + 1);
-    }
-    text
 }

@@ -1,6 +1,6 @@
 //! The best places to grasp at: forces, torque, free space, ranked.
 
-use nalgebra::{Point3, Vector3};
+use nalgebra::{Matrix3, Point3, Rotation3, UnitQuaternion, Vector3};
 use serde::{Deserialize, Serialize};
 
 use super::cells::Cells;
@@ -33,6 +33,11 @@ pub struct Candidate {
     pub part_id: u32,
     /// Where the fingers press, world frame, m.
     pub contacts_m: [[f64; 3]; 2],
+    /// Midway between the contacts, world frame, m: the gripper's tool centre point.
+    pub position_m: [f64; 3],
+    /// Rotation from the gripper's axes to the world's, as w x y z: its z points at the object, its y leads from the
+    /// first contact to the second, as Franka's hand has them.
+    pub quaternion_wxyz: [f64; 4],
     /// Unit vector from the contacts to the palm: the hand comes along its opposite.
     pub approach: [f64; 3],
     pub width_m: f64,
@@ -53,6 +58,16 @@ pub struct Candidate {
     /// Torque about the line of the contacts that two fingers pressing with F* can hold besides the weight, minus the
     /// torque of the weight at the worst inclination. Negative: the object may turn between the fingers.
     pub torque_margin_n_m: f64,
+}
+
+/// The orientation of a gripper that presses on two contacts, with the palm in the direction `approach` from them:
+/// [`Candidate::quaternion_wxyz`].
+fn orientation(contacts: [Point3<f64>; 2], approach: Vector3<f64>) -> [f64; 4] {
+    let y = (contacts[1] - contacts[0]).normalize();
+    let z = -(approach - y * approach.dot(&y)).normalize();
+    let axes = Matrix3::from_columns(&[y.cross(&z), y, z]);
+    let turn = UnitQuaternion::from_rotation_matrix(&Rotation3::from_matrix_unchecked(axes));
+    [turn.w, turn.i, turn.j, turn.k]
 }
 
 /// The object that is grasped.
@@ -175,6 +190,8 @@ fn candidate(
         part: part_of(object.parts, place.part).map_or_else(String::new, |part| part.caption.clone()),
         part_id: place.part,
         contacts_m: place.contacts.map(Into::into),
+        position_m: nalgebra::center(&place.contacts[0], &place.contacts[1]).into(),
+        quaternion_wxyz: orientation(place.contacts, approach),
         approach: approach.into(),
         width_m: place.width_m(),
         thickness_m: forces.inputs.thickness_m,

@@ -3,15 +3,23 @@
 use std::path::{Path, PathBuf};
 
 use anyhow::Result;
+use tracing::warn;
 
 use crate::export::{self, Format, Model};
+use crate::grasp::GraspError;
+use crate::grasp::candidates::Candidate;
 
-use super::Pipeline;
+use super::{Pipeline, Stage};
 
 impl Pipeline {
     /// Writes the object into `folder` once the parts are done, and returns the paths of the files.
-    pub(crate) fn export(&self, format: Format, folder: &Path) -> Result<Vec<PathBuf>> {
-        let (parts, scale) = (self.stored_parts()?, self.metric_scale()?);
+    pub(crate) fn export(&mut self, format: Format, folder: &Path) -> Result<Vec<PathBuf>> {
+        let grasps = if format.has_grasps() { self.places_to_grasp()? } else { Vec::new() };
+        let parts = self.stored_parts()?;
+        let splat = self.scene.files.first().and_then(|path| path.file_name());
+        let source = splat.map_or_else(String::new, |name| name.to_string_lossy().into_owned());
+        let cameras = self.scene.cameras();
+        let scale = self.metric_scale()?;
         let model = Model {
             name: &self.scene.name,
             gaussians: &self.scene.gaussians,
@@ -19,7 +27,26 @@ impl Pipeline {
             interior: self.interior()?,
             scale: scale.as_ref(),
             parts: parts.as_ref(),
+            cameras: &cameras,
+            grasps: &grasps,
+            source: &source,
         };
         Ok(export::export(&model, format, folder)?)
+    }
+
+    /// Where to grasp the object, best first. An object that cannot be grasped can still be exported.
+    fn places_to_grasp(&mut self) -> Result<Vec<Candidate>> {
+        if self.stored_parts()?.is_none() {
+            return Ok(Vec::new());
+        }
+        let done = self.step(Stage::Grasp).and_then(|()| self.stored_grasp());
+        match done {
+            Ok(report) => Ok(report.map_or_else(Vec::new, |report| report.candidates)),
+            Err(error) if error.is::<GraspError>() || !self.work.is_writable() => {
+                warn!("the export names no place to grasp at: {error:#}");
+                Ok(Vec::new())
+            }
+            Err(error) => Err(error),
+        }
     }
 }

@@ -9,9 +9,12 @@ use crate::workdir::Artifact;
 
 use super::{Done, Pipeline, Stage, png};
 
+/// What a place to grasp at holds. Changing it does the stage again.
+const CONTENTS: &[u8] = b"places with poses";
+
 impl Pipeline {
     pub(super) fn grasp_key(&self) -> String {
-        self.key_after_inputs(Stage::Grasp).with_json(&self.options.grasp).with_json(&self.gripper).hex()
+        self.key_after_inputs(Stage::Grasp).with(CONTENTS).with_json(&self.options.grasp).with_json(&self.gripper).hex()
     }
 
     /// If the user asks for a grasp, a grasp that cannot be computed is an error; if it is only needed for a report, it

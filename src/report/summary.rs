@@ -61,13 +61,13 @@ pub fn part_lines(labels: &[FieldLabel], parts: Option<&Parts>) -> String {
         );
     }
     for filling in parts.into_iter().flat_map(|parts| &parts.fillings) {
-        let mass = filling.mass_kg;
+        let grams = figures(filling.mass_kg, 1e3);
         let _ = writeln!(
             text,
             "      {:name_width$}  {:>7} g ({})  unseen, in part {}",
             one_line(&filling.filling),
-            significant(mass.mid * 1e3),
-            interval(mass, 1e3),
+            grams.mid,
+            grams.interval,
             filling.inside_of
         );
     }

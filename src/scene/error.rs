@@ -7,15 +7,12 @@ use thiserror::Error;
 use super::cameras::{FrameProblem, colmap};
 use super::outliers::AllSetAside;
 use super::ply::PlyError;
-use super::{splat, spz};
+use super::{ksplat, sog, splat, spz};
 
 /// The trainers whose splats gprop reads, and how each exports them.
 const TRAINERS: &str = "3DGS writes point_cloud/iteration_N/point_cloud.ply as it trains (point gprop at its output folder), \
     nerfstudio's splatfacto exports with `ns-export gaussian-splat` (copy splat.ply and dataparser_transforms.json beside \
     transforms.json), gsplat writes ply/point_cloud_N.ply with --save_ply, Brush exports export_N.ply";
-
-/// File name endings of splats that gprop does not read but PlayCanvas' splat-transform converts.
-pub(super) const CONVERTIBLE: [&str; 2] = [".sog", ".ksplat"];
 
 /// A scene that is missing, incomplete or broken. Each message is complete: it includes that of its cause.
 #[derive(Debug, Error)]
@@ -27,10 +24,9 @@ pub enum SceneError {
     #[error("cannot read `{}`: {reason}", path.display())]
     Io { path: PathBuf, reason: std::io::Error },
     #[error(
-        "no splat in `{}`{}{}; gprop needs the trained Gaussians: {TRAINERS}; --splat FILE names one elsewhere",
+        "no splat in `{}`{}; gprop needs the trained Gaussians: {TRAINERS}; --splat FILE names one elsewhere",
         folder.display(),
         others_found(others),
-        convertible(others),
     )]
     NoSplat { folder: PathBuf, others: Vec<String> },
     #[error("`{}`: {problem}", path.display())]
@@ -141,6 +137,10 @@ pub enum SplatProblem {
     #[error("is not a splat format that gprop reads: the name must end in one of {endings}")]
     Format { endings: String },
     #[error(transparent)]
+    Ksplat(#[from] ksplat::Problem),
+    #[error(transparent)]
+    Sog(#[from] sog::Problem),
+    #[error(transparent)]
     Splat(#[from] splat::Problem),
     #[error(transparent)]
     Spz(#[from] spz::Problem),
@@ -151,13 +151,6 @@ fn others_found(others: &[String]) -> String {
         [] => String::new(),
         _ => format!(" (there is {}, which gprop does not read)", others.join(", ")),
     }
-}
-
-fn convertible(others: &[String]) -> String {
-    let other = others.iter().find(|name| CONVERTIBLE.iter().any(|end| name.to_lowercase().ends_with(end)));
-    other.map_or_else(String::new, |name| {
-        format!("; `npx @playcanvas/splat-transform {name} point_cloud.ply` converts what gprop cannot read")
-    })
 }
 
 fn listed(paths: &[PathBuf]) -> String {

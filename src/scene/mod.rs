@@ -1,8 +1,8 @@
 //! The scene: Gaussians, calibrated photos, metric scale. All input about the scene is read here.
 //!
 //! [`load`] finds the splat, the cameras and the photos in a folder:
-//! 1. `splat_file` finds the file that holds the Gaussians; `splat_formats` selects its reader: [`ply`], [`spz`] or
-//!    [`splat`].
+//! 1. `splat_file` finds the file that holds the Gaussians; `splat_formats` selects its reader: [`ply`], [`spz`],
+//!    [`splat`], [`ksplat`] or [`sog`].
 //! 2. [`cameras`] finds and reads the camera file and matches each camera with its photo; `align` converts the cameras.
 //! 3. `object` separates the object's Gaussians from its surroundings; [`outliers`] finds those that cannot belong to
 //!    any object.
@@ -20,6 +20,7 @@ pub mod dataset;
 mod error;
 pub mod gaussians;
 mod jpeg;
+pub mod ksplat;
 mod loaded;
 pub mod nearest;
 mod object;
@@ -31,6 +32,7 @@ mod quantized;
 mod reference;
 mod scale;
 mod sharpness;
+pub mod sog;
 pub mod splat;
 mod splat_file;
 mod splat_formats;

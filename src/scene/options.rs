@@ -52,7 +52,7 @@ pub struct Options {
     #[arg(long, value_name = "NAME,...", value_delimiter = ',', overrides_with = "views")]
     pub view_list: Vec<String>,
 
-    /// Splat file, .ply, .compressed.ply, .spz or .splat [default: found in the scene folder]
+    /// Splat file, .ply, .compressed.ply, .spz, .splat, .ksplat, .sog or SOG's meta.json [default: found in the scene folder]
     #[arg(long, value_name = "FILE", value_parser = values::file())]
     pub splat: Option<PathBuf>,
 

@@ -20,3 +20,16 @@ pub(super) fn quaternion_of_smallest_three(largest: usize, others: [f32; 3]) -> 
     let mut rest = others.into_iter();
     std::array::from_fn(|i| if i == largest { (1.0 - sum).max(0.0).sqrt() } else { rest.next().unwrap_or(0.0) })
 }
+
+/// Decodes an IEEE 754 binary16.
+pub(super) fn half_float(bytes: [u8; 2]) -> f32 {
+    let bits = u16::from_le_bytes(bytes);
+    let sign = if bits & 0x8000 == 0 { 1.0 } else { -1.0 };
+    let (exponent, fraction) = (i32::from(bits >> 10 & 0x1f), f32::from(bits & 0x3ff));
+    sign * match exponent {
+        0 => fraction * (-24f32).exp2(),
+        31 if fraction == 0.0 => f32::INFINITY,
+        31 => f32::NAN,
+        _ => (1024.0 + fraction) * ((exponent - 25) as f32).exp2(),
+    }
+}

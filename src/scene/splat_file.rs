@@ -4,7 +4,6 @@ use std::fs;
 use std::path::{Path, PathBuf};
 
 use super::SceneError;
-use super::error::CONVERTIBLE;
 use super::splat_formats::SplatFormat;
 use crate::files;
 
@@ -56,7 +55,6 @@ fn loose_splats(folder: &Path) -> (Vec<PathBuf>, Vec<String>) {
         match SplatFormat::of(&path) {
             Some(format) if format.is_splat(&path) => splats.push(path),
             Some(_) => others.push(name),
-            None if CONVERTIBLE.iter().any(|end| name.to_lowercase().ends_with(end)) => others.push(name),
             None => {}
         }
     }

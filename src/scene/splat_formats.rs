@@ -5,7 +5,7 @@ use std::path::Path;
 
 use super::error::SplatProblem;
 use super::loaded::Loaded;
-use super::{SceneError, ply, splat, spz};
+use super::{SceneError, ksplat, ply, sog, splat, spz};
 use crate::files;
 
 /// A format that splats are stored in.
@@ -38,12 +38,23 @@ pub const SPLAT_FORMATS: &[SplatFormat] = &[
         read: |path| read_bytes(path, |bytes| Ok(splat::parse(bytes)?)),
         is_splat: |_| true,
     },
+    // 24 bytes per Gaussian at least.
+    SplatFormat {
+        ending: ".ksplat",
+        inflation: 11,
+        read: |path| read_bytes(path, |bytes| Ok(ksplat::parse(bytes)?)),
+        is_splat: |_| true,
+    },
+    // About 13 bytes per Gaussian.
+    SplatFormat { ending: ".sog", inflation: 20, read: read_sog, is_splat: is_sog },
 ];
 
 impl SplatFormat {
     /// The format of a file with this name.
     pub fn of(path: &Path) -> Option<&'static Self> {
         let name = path.file_name()?.to_string_lossy().to_lowercase();
+        // SOG's files without their bundle.
+        let name = if name == sog::META { "meta.sog".to_owned() } else { name };
         SPLAT_FORMATS.iter().find(|format| name.len() > format.ending.len() && name.ends_with(format.ending))
     }
 
@@ -71,6 +82,23 @@ fn read_ply(path: &Path) -> Result<Loaded, SceneError> {
 
 fn is_splat_ply(path: &Path) -> bool {
     files::is_special(path) || ply::is_splat(path)
+}
+
+/// A bundle, or the files beside a `meta.json`.
+fn read_sog(path: &Path) -> Result<Loaded, SceneError> {
+    if is_bundle(path) {
+        return read_bytes(path, |bytes| Ok(sog::parse(bytes)?));
+    }
+    let wrong = |problem: sog::Problem| SceneError::Splat { path: path.to_owned(), problem: problem.into() };
+    sog::read_folder(path).map_err(wrong)
+}
+
+fn is_sog(path: &Path) -> bool {
+    is_bundle(path) || sog::is_meta(path)
+}
+
+fn is_bundle(path: &Path) -> bool {
+    path.extension().is_some_and(|ending| ending.eq_ignore_ascii_case("sog"))
 }
 
 fn read_bytes(path: &Path, parse: fn(&[u8]) -> Result<Loaded, SplatProblem>) -> Result<Loaded, SceneError> {

@@ -3,7 +3,8 @@
 import json
 import sys
 
-from pxr import Gf, Usd, UsdGeom, UsdPhysics, UsdValidation
+import numpy as np
+from pxr import Gf, Usd, UsdGeom, UsdPhysics, UsdShade, UsdValidation
 
 stage = Usd.Stage.Open(sys.argv[1])
 registry = UsdValidation.ValidationRegistry()
@@ -16,8 +17,22 @@ turn = Gf.Matrix3d(Gf.Quatd(mass.GetPrincipalAxesAttr().Get()))
 diagonal = Gf.Matrix3d(Gf.Vec3d(mass.GetDiagonalInertiaAttr().Get()))
 # Gf's rows are the rotated axes.
 inertia = turn.GetTranspose() * diagonal * turn
-points = UsdGeom.Points(root.GetChild("Gaussians"))
-colliders = root.GetChild("Colliders").GetChildren()
+splat = root.GetChild("splat")
+colliders = root.GetChild("colliders").GetChildren()
+skin = UsdGeom.Mesh(root.GetChild("skin"))
+triangles = np.array(skin.GetFaceVertexIndicesAttr().Get()).reshape(-1, 3)
+edges = np.sort(triangles[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2), axis=1)
+subsets = [child for child in root.GetChild("skin").GetChildren() if child.IsA(UsdGeom.Subset)]
+material, _ = UsdShade.MaterialBindingAPI(subsets[0]).ComputeBoundMaterial()
+texture = material.GetPrim().GetChild("picture").GetAttribute("inputs:file").Get()
+visible = {}
+for choice in root.GetVariantSet("appearance").GetVariantNames():
+    root.GetVariantSet("appearance").SetVariantSelection(choice)
+    visible[choice] = [
+        name for name in ("skin", "splat")
+        if UsdGeom.Imageable(root.GetChild(name)).ComputeVisibility() != UsdGeom.Tokens.invisible
+    ]
+grasps = root.GetChild("grasps")
 print(json.dumps({
     "errors": errors,
     "validators": len(registry.GetOrLoadAllValidators()),
@@ -27,7 +42,15 @@ print(json.dumps({
     "mass_kg": mass.GetMassAttr().Get(),
     "center_of_mass_m": list(mass.GetCenterOfMassAttr().Get()),
     "inertia_kg_m2": [list(inertia.GetRow(row)) for row in range(3)],
-    "points": len(points.GetPointsAttr().Get()),
+    "gaussians": len(splat.GetAttribute("positions").Get()),
+    "harmonics": len(splat.GetAttribute("radiance:sphericalHarmonicsCoefficients").Get()),
+    "kind": str(splat.GetTypeName()),
     "colliders": len(colliders),
     "bound": all(prim.GetRelationship("material:binding:physics").GetTargets() for prim in colliders),
+    "skin_triangles": len(triangles),
+    "skin_closed": bool((np.unique(edges, axis=0, return_counts=True)[1] == 2).all()),
+    "subset_faces": sum(len(UsdGeom.Subset(subset).GetIndicesAttr().Get()) for subset in subsets),
+    "texture": bool(texture.resolvedPath),
+    "visible": visible,
+    "grasps": [len(child.GetAttribute("points").Get()) for child in grasps.GetChildren()] if grasps else [],
 }))

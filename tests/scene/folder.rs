@@ -203,7 +203,7 @@ fn what_is_not_there_is_named() {
         "Brush",
     ]);
     std::fs::write(made_up.path("plush.sog"), "").unwrap();
-    made_up.assert_refused(&["no splat", "npx @playcanvas/splat-transform plush.sog"]);
+    made_up.assert_refused(&["plush.sog", "is not a .sog"]);
 }
 
 #[test]

@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 
 use gprop::render::{RenderOptions, render};
 use gprop::scene::gaussians::Gaussians;
-use gprop::scene::{self, Options, ply, splat, spz};
+use gprop::scene::{self, Options, ksplat, ply, sog, splat, spz};
 use proptest::prelude::*;
 
 /// A file of the shared data; `None`, with a message, if it does not exist.
@@ -354,4 +354,145 @@ proptest! {
             let _ = ply::parse(&whole);
         }
     }
+}
+
+/// A .ksplat of level 0 with Gaussians of SH degree 1, whose harmonics are 0, 1, 2 ...
+fn ksplat_file(count: u32, fitting: u32) -> Vec<u8> {
+    let mut file = vec![0; 4096 + 1024];
+    file[1] = 1;
+    file[4..8].copy_from_slice(&1u32.to_le_bytes());
+    let section = 4096;
+    file[section..section + 4].copy_from_slice(&count.to_le_bytes());
+    file[section + 4..section + 8].copy_from_slice(&fitting.to_le_bytes());
+    file[section + 40] = 1;
+    for _ in 0..fitting {
+        let numbers = [1.0f32, -2.0, 3.5, 0.5, 1.0, 2.0, 1.0, 0.0, 0.0, 0.0];
+        file.extend(numbers.into_iter().flat_map(f32::to_le_bytes));
+        file.extend([255, 0, 128, 64]);
+        file.extend((0..9u8).flat_map(|n| f32::from(n).to_le_bytes()));
+    }
+    file
+}
+
+#[test]
+fn a_ksplat_is_what_it_says() {
+    // There is room for a second Gaussian, which is not in use.
+    let gaussians = ksplat::parse(&ksplat_file(1, 2)).unwrap().gaussians;
+    assert_eq!(gaussians.positions, [[1.0, -2.0, 3.5]]);
+    assert!((gaussians.scale(0) - nalgebra::Vector3::new(0.5, 1.0, 2.0)).amax() < 1e-6);
+    assert!((gaussians.opacity(0) - 64.0 / 255.0).abs() < 1e-6);
+    assert_eq!(gaussians.rotations, [[1.0, 0.0, 0.0, 0.0]]);
+    // Channel by channel within the band, as in a PLY.
+    assert_eq!(gaussians.sh_rest_of(0), [0.0, 1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 7.0, 8.0]);
+}
+
+#[test]
+fn a_bad_ksplat_is_refused() {
+    let file = ksplat_file(2, 2);
+    assert!(ksplat::parse(&file[..100]).unwrap_err().to_string().contains("100 bytes"));
+    assert!(ksplat::parse(&file[..file.len() - 1]).unwrap_err().to_string().contains("section 0 needs"));
+    assert!(ksplat::parse(&ksplat_file(0, 1)).unwrap_err().to_string().contains("no Gaussians"));
+    let with = |at: usize, byte: u8| {
+        let mut changed = file.clone();
+        changed[at] = byte;
+        ksplat::parse(&changed).unwrap_err().to_string()
+    };
+    assert!(with(0, 1).contains("version 1.1"));
+    assert!(with(20, 3).contains("compression level 3"));
+    assert!(with(4096 + 40, 4).contains("degree 4"));
+    assert!(with(7, 255).contains("within its headers"), "four billion sections");
+}
+
+#[test]
+fn the_sample_ksplat_is_read() {
+    let Some(path) = shared("formats/ksplat/minimal.ksplat") else { return };
+    let gaussians = ksplat::parse(&std::fs::read(path).unwrap()).unwrap().gaussians;
+    assert!(!gaussians.is_empty());
+    assert!((0..gaussians.len()).all(|i| gaussians.is_usable(i)));
+}
+
+/// A SOG bundle of two Gaussians with PNGs for pictures; `change` alters its description.
+fn sog_bundle(change: impl Fn(&mut serde_json::Value)) -> Vec<u8> {
+    let png = |pixel: [u8; 4]| {
+        let mut bytes = std::io::Cursor::new(Vec::new());
+        let picture = image::RgbaImage::from_pixel(2, 2, image::Rgba(pixel));
+        picture.write_to(&mut bytes, image::ImageFormat::Png).unwrap();
+        bytes.into_inner()
+    };
+    let mut meta = serde_json::json!({
+        "version": 2, "count": 2,
+        "means": { "mins": [0.0, -1.0, 0.0], "maxs": [1.0, 1.0, 1.0], "files": ["low.png", "high.png"] },
+        "scales": { "codebook": [-3.0, -2.0], "files": ["scales.png"] },
+        "quats": { "files": ["quats.png"] },
+        "sh0": { "codebook": [0.5, -0.5], "files": ["sh0.png"] },
+    });
+    change(&mut meta);
+    let mut archive = zip::ZipWriter::new(std::io::Cursor::new(Vec::new()));
+    let files = [
+        ("meta.json", meta.to_string().into_bytes()),
+        ("low.png", png([255, 255, 0, 255])),
+        ("high.png", png([255, 255, 0, 255])),
+        ("scales.png", png([0, 1, 0, 255])),
+        ("quats.png", png([255, 128, 128, 253])),
+        ("sh0.png", png([0, 1, 1, 128])),
+    ];
+    for (name, bytes) in files {
+        archive.start_file(name, zip::write::SimpleFileOptions::default()).unwrap();
+        archive.write_all(&bytes).unwrap();
+    }
+    archive.finish().unwrap().into_inner()
+}
+
+#[test]
+fn a_sog_is_what_it_says() {
+    let gaussians = sog::parse(&sog_bundle(|_| ())).unwrap().gaussians;
+    assert_eq!(gaussians.len(), 2);
+    // sign(x) (e^|x| - 1) of the ends of the range.
+    let far = 1f32.exp() - 1.0;
+    assert!(close(&gaussians.positions[1], &[far, far, 0.0], 1e-6), "{:?}", gaussians.positions);
+    assert_eq!(gaussians.log_scales[0], [-3.0, -2.0, -3.0]);
+    assert_eq!(gaussians.sh_dc[0], [0.5, -0.5, -0.5]);
+    assert!((gaussians.opacity(0) - 128.0 / 255.0).abs() < 1e-6);
+    // x is the largest component; w, the first of the others, is sqrt(1/2).
+    assert!(close(&gaussians.rotations[0], &[0.707_107, 0.707_096, 0.002_773, 0.002_773], 1e-4), "{gaussians:?}");
+}
+
+#[test]
+fn a_bad_sog_is_refused() {
+    let refused = |change: fn(&mut serde_json::Value)| sog::parse(&sog_bundle(change)).unwrap_err().to_string();
+    assert!(sog::parse(b"PK").unwrap_err().to_string().contains("is not a .sog"));
+    assert!(refused(|meta| meta["version"] = 1.into()).contains("version 1"));
+    assert!(refused(|meta| meta["count"] = 5.into()).contains("2 x 2 pixels"));
+    assert!(refused(|meta| meta["count"] = u64::MAX.into()).contains("far more than"));
+    assert!(refused(|meta| meta["scales"]["codebook"] = serde_json::json!([1.0])).contains("entry 1 of the codebook"));
+    let outside = refused(|meta| meta["quats"]["files"] = serde_json::json!(["../quats.png"]));
+    assert!(outside.contains("not the name of a file"), "{outside}");
+    assert!(refused(|meta| meta["quats"]["files"] = serde_json::json!(["gone.png"])).contains("no gone.png"));
+}
+
+/// splat-transform made the bundle from the splat beside it; its writer sorts the Gaussians.
+#[test]
+fn a_sog_bundle_and_its_folder_are_the_same_splat() {
+    let Some(path) = shared("formats/sog/plant.sog") else { return };
+    let bundle = sog::parse(&std::fs::read(&path).unwrap()).unwrap().gaussians;
+    let folder = tempfile::tempdir().unwrap();
+    let mut archive = zip::ZipArchive::new(std::fs::File::open(&path).unwrap()).unwrap();
+    archive.extract(folder.path()).unwrap();
+    let loose = sog::read_folder(&folder.path().join("meta.json")).unwrap().gaussians;
+    assert_eq!(bundle, loose);
+    assert_eq!(bundle.len(), 113_648);
+    let Some(splat) = shared("formats/splat/plant.splat") else { return };
+    let original = splat::parse(&std::fs::read(splat).unwrap()).unwrap().gaussians;
+    let nearest = scene::nearest::Nearest::new(original.positions.iter().copied());
+    let (mut farthest, mut off) = (0f32, [0f32; 2]);
+    for i in (0..bundle.len()).step_by(97) {
+        let (distance2, twin) = nearest.find(bundle.positions[i], 1)[0];
+        farthest = farthest.max(distance2.sqrt());
+        off[0] += (bundle.opacity(i) - original.opacity(twin as usize)).abs() as f32;
+        off[1] += (bundle.sh_dc[i][0] - original.sh_dc[twin as usize][0]).abs();
+    }
+    let count = bundle.len().div_ceil(97) as f32;
+    println!("farthest {farthest}, mean differences of opacity {} and colour {}", off[0] / count, off[1] / count);
+    // 16 bits over about half a unit; a byte for an opacity; 256 colours.
+    assert!(farthest < 2e-5 && off[0] / count < 0.004 && off[1] / count < 0.02);
 }

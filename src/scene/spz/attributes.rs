@@ -3,7 +3,7 @@
 use rayon::prelude::*;
 
 use super::Header;
-use crate::scene::quantized::{opacity_logit_of_byte, quaternion_of_smallest_three};
+use crate::scene::quantized::{half_float, opacity_logit_of_byte, quaternion_of_smallest_three};
 
 /// Colours are stored as 0.5 + this * f_dc, which leaves room for colours beyond 0 and 1.
 const COLOR_SCALE: f32 = 0.15;
@@ -95,17 +95,4 @@ pub(super) fn sh_rest(header: &Header, bytes: &[u8]) -> Vec<f32> {
         }
     });
     values
-}
-
-/// Decodes an IEEE 754 binary16.
-fn half_float(bytes: [u8; 2]) -> f32 {
-    let bits = u16::from_le_bytes(bytes);
-    let sign = if bits & 0x8000 == 0 { 1.0 } else { -1.0 };
-    let (exponent, fraction) = (i32::from(bits >> 10 & 0x1f), f32::from(bits & 0x3ff));
-    sign * match exponent {
-        0 => fraction * (-24f32).exp2(),
-        31 if fraction == 0.0 => f32::INFINITY,
-        31 => f32::NAN,
-        _ => (1024.0 + fraction) * ((exponent - 25) as f32).exp2(),
-    }
 }

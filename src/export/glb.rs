@@ -1,0 +1,90 @@
+//! Meshes as glTF: `NAME.glb` has a closed mesh for each part, in the splat's colours; `NAME_colliders.glb` has the
+//! convex pieces, below a node for each part. A part's node has its properties as `extras`.
+
+use nalgebra::Point3;
+use serde_json::{Value, json};
+
+use super::gltf::Gltf;
+use super::shape::{Solid, part_meshes, pieces};
+use super::{ExportError, Files, Model, identifier};
+use crate::parts::PartsError;
+use crate::pictures::palette;
+
+pub(super) fn write(model: &Model, files: &mut Files) -> Result<(), ExportError> {
+    let Some(scale) = model.scale else { return Err(PartsError::ScaleUnknown.into()) };
+    let (name, solid) = (identifier(model.name), Solid::of(model.interior));
+    let meshes = part_meshes(model, &solid, scale.meters_per_unit);
+    if meshes.iter().all(|(_, mesh, _)| mesh.volume() <= 0.0) {
+        return Err(ExportError::NoShape);
+    }
+    let mut visual = Gltf::default();
+    visual.materials.push(json!({ "pbrMetallicRoughness": { "metallicFactor": 0.0, "roughnessFactor": 0.7 } }));
+    let mut nodes = Vec::new();
+    for (part, mesh, colors) in meshes.iter().filter(|(_, mesh, _)| mesh.volume() > 0.0) {
+        let positions: Vec<[f32; 3]> = floats(&mesh.vertices);
+        let normals: Vec<[f32; 3]> = mesh.normals().iter().map(|n| [n.x as f32, n.y as f32, n.z as f32]).collect();
+        let attributes = json!({
+            "POSITION": visual.floats(&positions, true),
+            "NORMAL": visual.floats(&normals, false),
+            "COLOR_0": visual.colors(colors),
+        });
+        let primitive =
+            json!({ "attributes": attributes, "indices": visual.triangles(&mesh.triangles), "material": 0 });
+        visual.meshes.push(json!({ "primitives": [primitive] }));
+        let (mesh, label) = (visual.meshes.len() - 1, label(model, *part));
+        nodes.push(visual.node(json!({ "name": label, "mesh": mesh, "extras": extras(model, *part) })));
+    }
+    visual.node_z_up(&name, &nodes);
+    files.write(format!("{name}.glb"), |out| visual.write(&[], out))?;
+
+    let mut colliders = Gltf::default();
+    let pieces = pieces::pieces(&solid, scale.meters_per_unit);
+    let mut nodes = Vec::new();
+    for of_part in pieces.chunk_by(|a, b| a.part == b.part) {
+        let part = of_part[0].part;
+        let [r, g, b] = palette::part(part);
+        colliders
+            .materials
+            .push(json!({ "pbrMetallicRoughness": { "baseColorFactor": [r, g, b, 1.0], "metallicFactor": 0.0 } }));
+        let material = colliders.materials.len() - 1;
+        let mut children = Vec::new();
+        for piece in of_part {
+            let attributes = json!({ "POSITION": colliders.floats(&floats(&piece.vertices), true) });
+            let indices = colliders.triangles(&piece.triangles);
+            colliders.meshes.push(
+                json!({ "primitives": [{ "attributes": attributes, "indices": indices, "material": material }] }),
+            );
+            let mesh = colliders.meshes.len() - 1;
+            children.push(colliders.node(json!({ "name": piece.name(), "mesh": mesh })));
+        }
+        let node = json!({ "name": label(model, part), "children": children, "extras": extras(model, part) });
+        nodes.push(colliders.node(node));
+    }
+    colliders.node_z_up(&name, &nodes);
+    files.write(format!("{name}_colliders.glb"), |out| colliders.write(&[], out))
+}
+
+fn floats(points: &[Point3<f64>]) -> Vec<[f32; 3]> {
+    points.iter().map(|p| [p.x as f32, p.y as f32, p.z as f32]).collect()
+}
+
+/// The name of a part's node: its number makes it unique.
+fn label(model: &Model, part: u32) -> String {
+    format!("part{part} {}", model.field.labels[part as usize].caption)
+}
+
+fn extras(model: &Model, part: u32) -> Value {
+    let label = &model.field.labels[part as usize];
+    let weighed = model.parts.and_then(|parts| parts.parts.iter().find(|weighed| weighed.id == part));
+    json!({
+        "part": part,
+        "caption": label.caption,
+        "material": label.material,
+        "family": label.family,
+        "density_kg_m3": label.density_kg_m3.mid,
+        "mass_kg": weighed.and_then(|part| part.mass_kg).map(|mass| mass.mid),
+        "volume_m3": weighed.and_then(|part| part.volume_m3).map(|volume| volume.mid),
+        "friction_rubber": label.friction_rubber.mid,
+        "youngs_modulus_pa": label.youngs_modulus_pa.mid,
+    })
+}

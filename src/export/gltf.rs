@@ -1,0 +1,132 @@
+//! The container of glTF 2.0: JSON that describes arrays, and the arrays' bytes after it in one `.glb` file.
+//!
+//! glTF is in metres with y up; [`Gltf::node_z_up`] turns gprop's z up into that.
+
+use std::io::{self, Write};
+
+use serde_json::{Value, json};
+
+const MAGIC: &[u8; 4] = b"glTF";
+const VERSION: u32 = 2;
+/// `GL_FLOAT`, `GL_UNSIGNED_INT`, `GL_UNSIGNED_SHORT`.
+const FLOAT: u32 = 5126;
+const UNSIGNED_INT: u32 = 5125;
+const UNSIGNED_SHORT: u32 = 5123;
+/// `GL_ARRAY_BUFFER`, `GL_ELEMENT_ARRAY_BUFFER`.
+const VERTICES: u32 = 34962;
+const INDICES: u32 = 34963;
+
+/// A glTF file while it is made.
+#[derive(Default)]
+pub struct Gltf {
+    bytes: Vec<u8>,
+    views: Vec<Value>,
+    accessors: Vec<Value>,
+    pub meshes: Vec<Value>,
+    pub materials: Vec<Value>,
+    nodes: Vec<Value>,
+    roots: Vec<usize>,
+}
+
+impl Gltf {
+    /// Adds vectors of `N` floats, one for each vertex; `with_bounds` for positions.
+    pub fn floats<const N: usize>(&mut self, values: &[[f32; N]], with_bounds: bool) -> usize {
+        let bytes: Vec<u8> = values.iter().flatten().flat_map(|value| value.to_le_bytes()).collect();
+        let mut accessor = json!({ "componentType": FLOAT, "count": values.len(), "type": kind(N) });
+        if with_bounds {
+            let bound = |pick: fn(f32, f32) -> f32, start: f32| -> Vec<f32> {
+                (0..N).map(|k| values.iter().map(|value| value[k]).fold(start, pick)).collect()
+            };
+            accessor["min"] = json!(bound(f32::min, f32::INFINITY));
+            accessor["max"] = json!(bound(f32::max, f32::NEG_INFINITY));
+        }
+        self.add(&bytes, VERTICES, accessor)
+    }
+
+    /// Adds colours of vertices: sRGB, which glTF stores as linear light.
+    pub fn colors(&mut self, colors: &[[u8; 3]]) -> usize {
+        let linear = |channel: u8| {
+            let c = f64::from(channel) / 255.0;
+            let light = if c <= 0.04045 { c / 12.92 } else { ((c + 0.055) / 1.055).powf(2.4) };
+            (light * 65535.0).round() as u16
+        };
+        let opaque = |color: &[u8; 3]| [linear(color[0]), linear(color[1]), linear(color[2]), u16::MAX];
+        let bytes: Vec<u8> = colors.iter().flat_map(opaque).flat_map(u16::to_le_bytes).collect();
+        let accessor =
+            json!({ "componentType": UNSIGNED_SHORT, "normalized": true, "count": colors.len(), "type": "VEC4" });
+        self.add(&bytes, VERTICES, accessor)
+    }
+
+    /// Adds the vertices' numbers of triangles.
+    pub fn triangles(&mut self, triangles: &[[u32; 3]]) -> usize {
+        let bytes: Vec<u8> = triangles.iter().flatten().flat_map(|v| v.to_le_bytes()).collect();
+        let accessor = json!({ "componentType": UNSIGNED_INT, "count": 3 * triangles.len(), "type": "SCALAR" });
+        self.add(&bytes, INDICES, accessor)
+    }
+
+    fn add(&mut self, bytes: &[u8], target: u32, mut accessor: Value) -> usize {
+        // Every element begins at a multiple of its size.
+        self.bytes.resize(self.bytes.len().next_multiple_of(4), 0);
+        self.views
+            .push(json!({ "buffer": 0, "byteOffset": self.bytes.len(), "byteLength": bytes.len(), "target": target }));
+        self.bytes.extend_from_slice(bytes);
+        accessor["bufferView"] = json!(self.views.len() - 1);
+        self.accessors.push(accessor);
+        self.accessors.len() - 1
+    }
+
+    /// Adds a node of the tree.
+    pub fn node(&mut self, node: Value) -> usize {
+        self.nodes.push(node);
+        self.nodes.len() - 1
+    }
+
+    /// Adds a node without parent, whose children are in axes with z up.
+    pub fn node_z_up(&mut self, name: &str, children: &[usize]) {
+        let half = std::f64::consts::FRAC_1_SQRT_2;
+        let root = self.node(json!({ "name": name, "rotation": [-half, 0.0, 0.0, half], "children": children }));
+        self.roots.push(root);
+    }
+
+    /// The file.
+    pub fn write(mut self, extensions: &[&str], out: &mut dyn Write) -> io::Result<()> {
+        self.bytes.resize(self.bytes.len().next_multiple_of(4), 0);
+        let mut json = json!({
+            "asset": { "version": "2.0", "generator": concat!("gprop ", env!("CARGO_PKG_VERSION")) },
+            "scene": 0,
+            "scenes": [{ "nodes": self.roots }],
+            "nodes": self.nodes,
+            "meshes": self.meshes,
+            "accessors": self.accessors,
+            "bufferViews": self.views,
+            "buffers": [{ "byteLength": self.bytes.len() }],
+        });
+        if !self.materials.is_empty() {
+            json["materials"] = json!(self.materials);
+        }
+        if !extensions.is_empty() {
+            json["extensionsUsed"] = json!(extensions);
+        }
+        let mut text = json.to_string().into_bytes();
+        text.resize(text.len().next_multiple_of(4), b' ');
+        let length = |bytes: usize| u32::try_from(bytes).map_err(|_| io::Error::other("a GLB holds at most 4 GB"));
+        out.write_all(MAGIC)?;
+        out.write_all(&VERSION.to_le_bytes())?;
+        out.write_all(&length(12 + 8 + text.len() + 8 + self.bytes.len())?.to_le_bytes())?;
+        for (kind, chunk) in [(b"JSON", &text), (b"BIN\0", &self.bytes)] {
+            out.write_all(&length(chunk.len())?.to_le_bytes())?;
+            out.write_all(kind)?;
+            out.write_all(chunk)?;
+        }
+        Ok(())
+    }
+}
+
+fn kind(length: usize) -> &'static str {
+    match length {
+        1 => "SCALAR",
+        2 => "VEC2",
+        3 => "VEC3",
+        _ => "VEC4",
+    }
+}

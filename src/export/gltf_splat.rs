@@ -1,0 +1,65 @@
+//! The Gaussians as glTF with Khronos's extension `KHR_gaussian_splatting`: points with a rotation (x y z w), standard
+//! deviations, an opacity from 0 to 1, and spherical harmonics, a colour for each coefficient. The numbers of their
+//! parts are the attribute `_PART`; a plain viewer shows coloured points.
+
+use serde_json::{Map, json};
+
+use super::gltf::Gltf;
+use super::{ExportError, Files, Model, identifier};
+use crate::scene::gaussians::SH_C0;
+
+const EXTENSION: &str = "KHR_gaussian_splatting";
+
+/// In metres if the scale is known, in scene units otherwise.
+pub(super) fn write(model: &Model, files: &mut Files) -> Result<(), ExportError> {
+    let gaussians = model.gaussians;
+    let meters = model.scale.map_or(1.0, |scale| scale.meters_per_unit);
+    let all = || 0..gaussians.len();
+    let mut gltf = Gltf::default();
+    let mut attributes = Map::new();
+    let positions: Vec<[f32; 3]> = all().map(|i| (gaussians.center(i) * meters).map(|c| c as f32).into()).collect();
+    attributes.insert("POSITION".to_owned(), json!(gltf.floats(&positions, true)));
+    let byte = |dc: f32| ((0.5 + SH_C0 * dc).clamp(0.0, 1.0) * 255.0).round() as u8;
+    let colors: Vec<[u8; 3]> = gaussians.sh_dc.iter().map(|dc| dc.map(byte)).collect();
+    attributes.insert("COLOR_0".to_owned(), json!(gltf.colors(&colors)));
+    let rotations: Vec<[f32; 4]> =
+        all().map(|i| gaussians.rotation(i)).map(|q| [q.i, q.j, q.k, q.w].map(|v| v as f32)).collect();
+    let scales: Vec<[f32; 3]> = all().map(|i| gaussians.scale(i).map(|s| (s * meters) as f32).into()).collect();
+    let opacities: Vec<[f32; 1]> = all().map(|i| [gaussians.opacity(i) as f32]).collect();
+    let parts: Vec<[f32; 1]> = model.field.part_label.iter().map(|part| [*part as f32]).collect();
+    attributes.insert(format!("{EXTENSION}:ROTATION"), json!(gltf.floats(&rotations, false)));
+    attributes.insert(format!("{EXTENSION}:SCALE"), json!(gltf.floats(&scales, false)));
+    attributes.insert(format!("{EXTENSION}:OPACITY"), json!(gltf.floats(&opacities, false)));
+    attributes.insert("_PART".to_owned(), json!(gltf.floats(&parts, false)));
+    attributes.insert(format!("{EXTENSION}:SH_DEGREE_0_COEF_0"), json!(gltf.floats(&gaussians.sh_dc, false)));
+    let count = gaussians.sh_rest_per_channel();
+    let mut first = 0;
+    for degree in 1..=usize::from(gaussians.sh_degree) {
+        for n in 0..2 * degree + 1 {
+            let of = |i: usize| [0, 1, 2].map(|channel| gaussians.sh_rest_of(i)[channel * count + first + n]);
+            let values: Vec<[f32; 3]> = all().map(of).collect();
+            attributes.insert(format!("{EXTENSION}:SH_DEGREE_{degree}_COEF_{n}"), json!(gltf.floats(&values, false)));
+        }
+        first += 2 * degree + 1;
+    }
+    gltf.meshes.push(json!({ "primitives": [{
+        "mode": 0,
+        "attributes": attributes,
+        "extensions": { EXTENSION: {
+            "kernel": "ellipse",
+            "colorSpace": "srgb_rec709_display",
+            "projection": "perspective",
+            "sortingMethod": "zDepth",
+        } },
+    }] }));
+    let labels: Vec<_> = model
+        .field
+        .labels
+        .iter()
+        .map(|label| json!({ "part": label.id, "caption": label.caption, "material": label.material }))
+        .collect();
+    let node = gltf.node(json!({ "name": "splat", "mesh": 0, "extras": { "parts": labels } }));
+    let name = identifier(model.name);
+    gltf.node_z_up(&name, &[node]);
+    files.write(format!("{name}_splat.glb"), |out| gltf.write(&[EXTENSION], out))
+}

@@ -1,0 +1,27 @@
+//! A 3DGS PLY for each part, in scene units, with the columns of `field.ply`, so that any editor of splats can show,
+//! move or delete one part.
+
+use super::{ExportError, Files, Model, identifier};
+use crate::scene::gaussians::ExtraProperty;
+use crate::scene::ply;
+use crate::vote::field_ply;
+
+pub(super) fn write(model: &Model, files: &mut Files) -> Result<(), ExportError> {
+    let columns = field_ply::columns(model.field);
+    for label in &model.field.labels {
+        let kept: Vec<bool> = model.field.part_label.iter().map(|part| *part == label.id).collect();
+        if !kept.contains(&true) {
+            continue;
+        }
+        let mut gaussians = model.gaussians.clone();
+        gaussians.retain(&kept);
+        let own = |column: &ExtraProperty| ExtraProperty {
+            name: column.name.clone(),
+            values: column.values.iter().zip(&kept).filter(|(_, kept)| **kept).map(|(value, _)| *value).collect(),
+        };
+        let columns: Vec<ExtraProperty> = columns.iter().map(own).collect();
+        let name = format!("part{}_{}.ply", label.id, identifier(&label.caption));
+        files.write(name, |out| ply::write(out, &gaussians, &columns))?;
+    }
+    Ok(())
+}

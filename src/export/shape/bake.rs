@@ -1,0 +1,206 @@
+//! The colours of the splat on a surface: what a camera would see that looks at each place along the normal.
+//!
+//! Gaussians within a few cells of the place are blended along the line of sight, the outermost first, as a renderer
+//! does. The colour of each is the mean of those that it shows to the cameras that face the surface best: nobody
+//! trained what it shows to other sides. Where the splat shows nothing, the colour is that of the nearest Gaussian.
+
+use image::{Rgb, RgbImage};
+use nalgebra::{Matrix3, Point3, Vector3};
+use rayon::prelude::*;
+
+use super::atlas::Tile;
+use super::{Mesh, REACH, reach_of};
+use crate::camera::Camera;
+use crate::parts::Grid;
+use crate::render::sh_color;
+use crate::scene::gaussians::Gaussians;
+use crate::scene::nearest::Nearest;
+
+/// Side of the cells in which Gaussians are looked up, in cells of the object's grid.
+const COARSE: usize = 4;
+/// How far before and behind a surface Gaussians are blended, in cells of the object's grid.
+const DEPTH_CELLS: f64 = 4.0;
+/// Below this opacity, the splat shows nothing.
+const LEAST_OPACITY: f64 = 0.2;
+
+/// Cameras whose colours are averaged.
+const VIEWS: usize = 4;
+
+/// Paints with the colours of a splat.
+pub struct Painter<'a> {
+    gaussians: &'a Gaussians,
+    grid: Grid,
+    depth: f64,
+    /// Where the list of each coarse cell begins in `members`.
+    starts: Vec<u32>,
+    members: Vec<u32>,
+    precision: Vec<Matrix3<f64>>,
+    nearest: Nearest,
+    /// Unit directions from the object to the cameras.
+    towards: Vec<Vector3<f64>>,
+}
+
+impl<'a> Painter<'a> {
+    /// For surfaces on a grid.
+    pub fn new(gaussians: &'a Gaussians, cameras: &[Camera], grid: &Grid) -> Self {
+        let coarse = grid.coarser(COARSE);
+        let spans: Vec<Option<[[usize; 2]; 3]>> = (0..gaussians.len())
+            .into_par_iter()
+            .map(|i| {
+                // Every cell that the box touches, not only those whose centre it holds.
+                let reach = reach_of(gaussians, i).add_scalar(0.5 * coarse.cell);
+                coarse.cells_between(gaussians.center(i) - reach, gaussians.center(i) + reach)
+            })
+            .collect();
+        let each = |visit: &mut dyn FnMut(usize, usize)| {
+            for (i, [xs, ys, zs]) in spans.iter().enumerate().filter_map(|(i, span)| Some((i, (*span)?))) {
+                for z in zs[0]..=zs[1] {
+                    for y in ys[0]..=ys[1] {
+                        (xs[0]..=xs[1]).for_each(|x| visit(coarse.index([x, y, z]), i));
+                    }
+                }
+            }
+        };
+        let mut starts = vec![0u32; coarse.len() + 1];
+        each(&mut |cell, _| starts[cell + 1] += 1);
+        (1..starts.len()).for_each(|n| starts[n] += starts[n - 1]);
+        let mut members = vec![0; starts[coarse.len()] as usize];
+        let mut next = starts.clone();
+        each(&mut |cell, i| {
+            members[next[cell] as usize] = i as u32;
+            next[cell] += 1;
+        });
+        let least = (1e-3 * grid.cell).powi(2);
+        let precision = (0..gaussians.len()).into_par_iter().map(|i| {
+            let covariance = gaussians.covariance(i) + Matrix3::identity() * least;
+            covariance.try_inverse().unwrap_or_else(Matrix3::zeros)
+        });
+        Self {
+            gaussians,
+            grid: coarse,
+            depth: DEPTH_CELLS * grid.cell,
+            starts,
+            members,
+            precision: precision.collect(),
+            nearest: Nearest::new(gaussians.positions.iter().copied()),
+            towards: cameras.iter().filter_map(|c| (c.center_in_world() - grid.middle()).try_normalize(1e-9)).collect(),
+        }
+    }
+
+    /// The picture for a mesh in scene units.
+    pub fn picture(&self, mesh: &Mesh, layout: &[Tile], [width, height]: [u32; 2]) -> RgbImage {
+        let normals = mesh.normals();
+        let painted: Vec<Vec<([u32; 2], [u8; 3])>> =
+            mesh.triangles.par_iter().zip(layout).map(|(t, tile)| self.tile(mesh, &normals, *t, tile)).collect();
+        // What no tile covers is as grey as the rest, for viewers that blend it in from afar.
+        let count = painted.iter().map(Vec::len).sum::<usize>().max(1) as f64;
+        let sum = |channel: usize| painted.iter().flatten().map(|(_, color)| f64::from(color[channel])).sum::<f64>();
+        let mean = [0, 1, 2].map(|channel| (sum(channel) / count) as u8);
+        let mut picture = RgbImage::from_pixel(width, height, Rgb(mean));
+        for ([x, y], color) in painted.into_iter().flatten() {
+            picture.put_pixel(x, y, Rgb(color));
+        }
+        picture
+    }
+
+    fn tile(&self, mesh: &Mesh, normals: &[Vector3<f64>], triangle: [u32; 3], tile: &Tile) -> Vec<([u32; 2], [u8; 3])> {
+        let (corners, normals) = (mesh.corners(triangle), triangle.map(|v| normals[v as usize]));
+        let views = self.views(normals.iter().sum::<Vector3<f64>>().try_normalize(1e-9).unwrap_or(normals[0]));
+        let steps = f64::from(tile.steps);
+        let mut pixels = Vec::new();
+        // One row more than the triangle has, for viewers to blend with; of the row after that, which is nobody's, too.
+        for x in 0..=tile.steps + 2 {
+            for y in 0..=tile.steps + 2 - x {
+                let (mut one, mut two) = (f64::from(x) / steps, f64::from(y) / steps);
+                let beyond = (one + two).max(1.0);
+                (one, two) = (one / beyond, two / beyond);
+                let share = [1.0 - one - two, one, two];
+                let at: Vector3<f64> = (0..3).map(|k| corners[k].coords * share[k]).sum();
+                let normal: Vector3<f64> = (0..3).map(|k| normals[k] * share[k]).sum();
+                let normal = normal.try_normalize(1e-9).unwrap_or(normals[0]);
+                if x + y < tile.steps + 2 || !tile.second {
+                    pixels.push((tile.pixel([x, y]), self.color(at.into(), normal, &views)));
+                }
+            }
+        }
+        pixels
+    }
+
+    /// A colour for each vertex of a mesh in scene units.
+    pub fn vertex_colors(&self, mesh: &Mesh) -> Vec<[u8; 3]> {
+        let normals = mesh.normals();
+        mesh.vertices
+            .par_iter()
+            .zip(&normals)
+            .map(|(at, normal)| self.color(*at, *normal, &self.views(*normal)))
+            .collect()
+    }
+
+    /// The colour at a place on a surface, sRGB.
+    fn color(&self, at: Point3<f64>, normal: Vector3<f64>, views: &[[f32; 3]]) -> [u8; 3] {
+        let mut met: Vec<(f64, f64, u32)> = self.around(at).iter().filter_map(|&i| self.meet(i, at, normal)).collect();
+        met.sort_by(|a, b| b.0.total_cmp(&a.0).then(a.2.cmp(&b.2)));
+        let (mut color, mut left) = ([0.0; 3], 1.0);
+        for (_, alpha, i) in met {
+            let own = self.seen(i, views);
+            (0..3).for_each(|c| color[c] += left * alpha * own[c]);
+            left *= 1.0 - alpha;
+            if left < 1e-3 {
+                break;
+            }
+        }
+        if 1.0 - left < LEAST_OPACITY {
+            let (_, i) = self.nearest.find(at.map(|c| c as f32).into(), 1)[0];
+            color = self.seen(i, views);
+            left = 0.0;
+        }
+        color.map(|c| (c / (1.0 - left) * 255.0).round().clamp(0.0, 255.0) as u8)
+    }
+
+    /// Directions of sight of the cameras that face a surface best; along its normal if there are no cameras.
+    fn views(&self, normal: Vector3<f64>) -> Vec<[f32; 3]> {
+        let sight = |towards: &Vector3<f64>| towards.map(|c| -c as f32).into();
+        let mut facing: Vec<(f64, usize)> =
+            self.towards.iter().enumerate().map(|(n, towards)| (-towards.dot(&normal), n)).collect();
+        if facing.is_empty() {
+            return vec![sight(&normal)];
+        }
+        facing.sort_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
+        facing.iter().take(VIEWS).map(|(_, n)| sight(&self.towards[*n])).collect()
+    }
+
+    /// The mean colour that a Gaussian shows.
+    fn seen(&self, i: u32, views: &[[f32; 3]]) -> [f64; 3] {
+        let mut sum = [0.0; 3];
+        for view in views {
+            let color = sh_color(self.gaussians, i as usize, *view);
+            (0..3).for_each(|c| sum[c] += f64::from(color[c].clamp(0.0, 1.0)) / views.len() as f64);
+        }
+        sum
+    }
+
+    fn around(&self, at: Point3<f64>) -> &[u32] {
+        match self.grid.cell_at(at) {
+            Some(cell) => &self.members[self.starts[cell] as usize..self.starts[cell + 1] as usize],
+            None => &[],
+        }
+    }
+
+    /// How far outward on the line along `normal` through `at` Gaussian `i` is densest, and its opacity there.
+    fn meet(&self, i: u32, at: Point3<f64>, normal: Vector3<f64>) -> Option<(f64, f64, u32)> {
+        let offset = at - self.gaussians.center(i as usize);
+        let precision = &self.precision[i as usize];
+        let across = precision * normal;
+        let along = across.dot(&normal);
+        if along <= 0.0 {
+            return None;
+        }
+        let place = -across.dot(&offset) / along;
+        let distance2 = offset.dot(&(precision * offset)) - place * place * along;
+        if place.abs() > self.depth || distance2 > REACH * REACH {
+            return None;
+        }
+        let alpha = self.gaussians.opacity(i as usize) * (-0.5 * distance2).exp();
+        (alpha > 1.0 / 255.0).then_some((place, alpha.min(0.99), i))
+    }
+}

@@ -1,0 +1,83 @@
+//! Convex hulls, of few vertices.
+
+use nalgebra::{Point3, Vector3};
+use parry3d_f64::transformation::try_convex_hull;
+
+use super::parry;
+
+/// Vertices of a hull at most: what PhysX and other engines accept.
+const VERTICES: usize = 64;
+
+/// A convex body.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Hull {
+    pub vertices: Vec<Point3<f64>>,
+    /// Counter-clockwise seen from outside.
+    pub triangles: Vec<[u32; 3]>,
+}
+
+impl Hull {
+    /// The hull of points; `None` if they span no volume.
+    pub fn of(points: &[Point3<f64>]) -> Option<Self> {
+        let points: Vec<_> = points.iter().map(parry).collect();
+        let (vertices, triangles) = try_convex_hull(&points).ok()?;
+        let hull = Self { vertices: vertices.iter().map(|v| Point3::new(v.x, v.y, v.z)).collect(), triangles };
+        (hull.volume() > 0.0).then_some(hull)
+    }
+
+    /// The hull of points with at most [`VERTICES`] vertices: of the hull's own, those that lie farthest outside the
+    /// hull of the ones already taken.
+    pub fn simple(points: &[Point3<f64>], error: f64) -> Option<Self> {
+        let whole = Self::of(points)?;
+        let mut taken: Vec<Point3<f64>> = Vec::new();
+        for x in -1..=1 {
+            for y in -1..=1 {
+                for z in -1..=1 {
+                    let direction = Vector3::new(f64::from(x), f64::from(y), f64::from(z));
+                    let far = whole
+                        .vertices
+                        .iter()
+                        .max_by(|a, b| a.coords.dot(&direction).total_cmp(&b.coords.dot(&direction)))?;
+                    if !taken.contains(far) {
+                        taken.push(*far);
+                    }
+                }
+            }
+        }
+        loop {
+            let hull = Self::of(&taken)?;
+            let planes = hull.planes();
+            let beyond = |p: &Point3<f64>| planes.iter().map(|(n, d)| n.dot(&p.coords) - d).fold(0.0, f64::max);
+            let (far, distance) = whole.vertices.iter().map(|p| (p, beyond(p))).max_by(|a, b| a.1.total_cmp(&b.1))?;
+            if distance <= error || taken.len() >= VERTICES || taken.contains(far) {
+                return Some(hull);
+            }
+            taken.push(*far);
+        }
+    }
+
+    /// The enclosed volume.
+    pub fn volume(&self) -> f64 {
+        let cone = |t: &[u32; 3]| {
+            let [a, b, c] = t.map(|v| self.vertices[v as usize].coords);
+            a.dot(&b.cross(&c))
+        };
+        self.triangles.iter().map(cone).sum::<f64>() / 6.0
+    }
+
+    /// Outward unit normal n and distance d of each face: inside, n . p <= d.
+    pub fn planes(&self) -> Vec<(Vector3<f64>, f64)> {
+        let plane = |t: &[u32; 3]| {
+            let [a, b, c] = t.map(|v| self.vertices[v as usize]);
+            let normal = (b - a).cross(&(c - a)).try_normalize(0.0)?;
+            Some((normal, normal.dot(&a.coords)))
+        };
+        self.triangles.iter().filter_map(plane).collect()
+    }
+
+    /// The corners of its box.
+    pub fn extent(&self) -> [Point3<f64>; 2] {
+        let first = self.vertices[0];
+        self.vertices.iter().fold([first, first], |[low, high], v| [low.inf(v), high.sup(v)])
+    }
+}

@@ -1,0 +1,127 @@
+//! The object's shape as meshes, from the cells that the parts stage filled:
+//!
+//! 1. [`solid`] gives every cell of the object, enclosed voids included, to a part;
+//! 2. [`surface`] wraps cells in a closed mesh, [`simplify`] reduces its triangles;
+//! 3. [`atlas`] lays the triangles out on a picture, [`bake`] paints it with the splat;
+//! 4. [`pieces`] decomposes each part into convex [`hull`]s, for collisions.
+
+mod atlas;
+mod bake;
+mod clearance;
+mod hull;
+pub mod pieces;
+mod simplify;
+mod solid;
+mod surface;
+
+use nalgebra::{Point3, Vector3};
+use rayon::prelude::*;
+
+use super::Model;
+use crate::scene::gaussians::Gaussians;
+pub use bake::Painter;
+pub use pieces::Piece;
+pub use solid::Solid;
+
+/// Triangles of a visual mesh: enough for a household object to look round, and few enough to read.
+const TRIANGLES: usize = 12_000;
+
+/// A closed mesh: every edge belongs to two triangles, which run along it in opposite directions.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub struct Mesh {
+    /// World frame; scene units while it is made, then metres.
+    pub vertices: Vec<Point3<f64>>,
+    /// Counter-clockwise seen from outside.
+    pub triangles: Vec<[u32; 3]>,
+}
+
+impl Mesh {
+    pub fn corners(&self, triangle: [u32; 3]) -> [Point3<f64>; 3] {
+        triangle.map(|v| self.vertices[v as usize])
+    }
+
+    /// Normal of a triangle with twice its area as length.
+    fn area_normal(&self, triangle: [u32; 3]) -> Vector3<f64> {
+        let [a, b, c] = self.corners(triangle);
+        (b - a).cross(&(c - a))
+    }
+
+    /// The enclosed volume, by the divergence theorem.
+    pub fn volume(&self) -> f64 {
+        let cone = |triangle: &[u32; 3]| {
+            let [a, b, c] = self.corners(*triangle).map(|p| p.coords);
+            a.dot(&b.cross(&c))
+        };
+        self.triangles.iter().map(cone).sum::<f64>() / 6.0
+    }
+
+    /// Unit normals of the vertices: the mean of their triangles', weighted by area.
+    pub fn normals(&self) -> Vec<Vector3<f64>> {
+        let mut normals = vec![Vector3::zeros(); self.vertices.len()];
+        for triangle in &self.triangles {
+            let normal = self.area_normal(*triangle);
+            triangle.iter().for_each(|v| normals[*v as usize] += normal);
+        }
+        normals.into_iter().map(|n: Vector3<f64>| n.try_normalize(0.0).unwrap_or_else(Vector3::z)).collect()
+    }
+
+    fn scaled(mut self, factor: f64) -> Self {
+        self.vertices.iter_mut().for_each(|v| *v *= factor);
+        self
+    }
+}
+
+/// The outer surface of the whole object with a picture on it.
+#[derive(Debug, Clone)]
+pub struct Skin {
+    /// In metres.
+    pub mesh: Mesh,
+    /// Per triangle: the part that it belongs to.
+    pub part: Vec<u32>,
+    /// Per triangle and corner: where it lies on the picture, from 0 to 1, v upwards.
+    pub uv: Vec<[[f64; 2]; 3]>,
+    /// sRGB.
+    pub picture: image::RgbImage,
+}
+
+/// The outer surface of the whole object with the splat's colours.
+pub fn skin(model: &Model, solid: &Solid, meters_per_unit: f64) -> Skin {
+    let painter = Painter::new(model.gaussians, model.cameras, &solid.grid);
+    let mesh = simplify::simplified(surface::of(&solid.grid, &solid.mask(None)), TRIANGLES, 0.5 * solid.grid.cell);
+    let (layout, size) = atlas::layout(&mesh);
+    let picture = painter.picture(&mesh, &layout, size);
+    let uv = layout.iter().map(|tile| tile.uv(size)).collect();
+    let part = mesh.triangles.iter().map(|t| solid.part_at(&mesh.corners(*t))).collect();
+    Skin { mesh: mesh.scaled(meters_per_unit), part, uv, picture }
+}
+
+/// The surface of each part with a colour for every vertex: part, mesh in metres, sRGB.
+pub fn part_meshes(model: &Model, solid: &Solid, meters_per_unit: f64) -> Vec<(u32, Mesh, Vec<[u8; 3]>)> {
+    let painter = Painter::new(model.gaussians, model.cameras, &solid.grid);
+    let parts = solid.parts();
+    let cells = |part: u32| solid.part.iter().filter(|owner| **owner == part).count();
+    let most = parts.iter().map(|part| cells(*part)).max().unwrap_or(1);
+    let meshed = parts.into_par_iter().map(|part| {
+        // Surfaces grow with the square of the size.
+        let share = (cells(part) as f64 / most as f64).powf(2.0 / 3.0);
+        let triangles = (TRIANGLES as f64 * share).max(200.0) as usize;
+        let mesh = surface::of(&solid.grid, &solid.mask(Some(part)));
+        let mesh = simplify::simplified(mesh, triangles, 0.5 * solid.grid.cell);
+        let colors = painter.vertex_colors(&mesh);
+        (part, mesh.scaled(meters_per_unit), colors)
+    });
+    meshed.collect()
+}
+
+/// A vector of the crate that computes hulls.
+fn parry(p: &Point3<f64>) -> parry3d_f64::math::Vector {
+    parry3d_f64::math::Vector::new(p.x, p.y, p.z)
+}
+
+/// The standard deviations at which a Gaussian ends: beyond, 1.1 % of its opacity is left.
+const REACH: f64 = 3.0;
+
+/// Half the sides of the box that holds Gaussian `i` out to [`REACH`].
+fn reach_of(gaussians: &Gaussians, i: usize) -> Vector3<f64> {
+    gaussians.covariance(i).diagonal().map(|variance| REACH * variance.sqrt())
+}

@@ -1,0 +1,114 @@
+//! The skin and the colliders.
+
+use std::fmt::Write;
+
+use nalgebra::Point3;
+
+use super::text::{extent, list, quoted, rounded, triple, tuple};
+use crate::export::{Piece, Rigid};
+
+/// The visual mesh, with a subset and a material for each part.
+pub fn write_skin(text: &mut String, rigid: &Rigid) {
+    let (name, skin) = (&rigid.name, &rigid.skin);
+    let normals = list(skin.mesh.normals().into_iter().map(|n| tuple([n.x, n.y, n.z], 6)));
+    // Enough for the pixels of any picture.
+    let uv = list(skin.uv.iter().flatten().map(|uv| tuple(*uv, 5)));
+    let _ = write!(
+        text,
+        r#"    def Mesh "skin" (
+        prepend apiSchemas = ["MaterialBindingAPI"]
+    )
+    {{
+{topology}        uniform token subsetFamily:materialBind:familyType = "partition"
+        normal3f[] normals = {normals} (
+            interpolation = "vertex"
+        )
+        texCoord2f[] primvars:st = {uv} (
+            interpolation = "faceVarying"
+        )
+"#,
+        topology = topology(&skin.mesh.vertices, &skin.mesh.triangles),
+    );
+    let mut parts = skin.part.clone();
+    parts.sort_unstable();
+    parts.dedup();
+    if let Some(first) = parts.first() {
+        let _ = writeln!(text, "        rel material:binding = </{name}/materials/part{first}>");
+    }
+    for part in parts {
+        let own = (0..skin.part.len()).filter(|t| skin.part[*t] == part);
+        let label = &rigid.labels[part as usize];
+        let _ = write!(
+            text,
+            r#"
+        def GeomSubset "part{part}" (
+            prepend apiSchemas = ["MaterialBindingAPI", "SemanticsLabelsAPI:class"]
+            displayName = {caption}
+        )
+        {{
+            uniform token elementType = "face"
+            uniform token familyName = "materialBind"
+            int[] indices = {indices}
+            rel material:binding = </{name}/materials/part{part}>
+            token[] semantics:labels:class = [{caption}]
+        }}
+"#,
+            caption = quoted(&label.caption),
+            indices = list(own.map(|t| t.to_string())),
+        );
+    }
+    text.push_str("    }\n\n");
+}
+
+pub fn write_colliders(text: &mut String, rigid: &Rigid) {
+    text.push_str("    def Scope \"colliders\"\n    {\n");
+    rigid.pieces.iter().for_each(|piece| write_collider(text, &rigid.name, piece));
+    text.push_str("    }\n\n");
+}
+
+fn write_collider(text: &mut String, object: &str, piece: &Piece) {
+    let _ = write!(
+        text,
+        r#"        def Mesh "{name}" (
+            prepend apiSchemas = ["PhysicsCollisionAPI", "PhysicsMeshCollisionAPI", "MaterialBindingAPI"]
+        )
+        {{
+{topology}            normal3f[] normals = {normals} (
+                interpolation = "uniform"
+            )
+            uniform token physics:approximation = "convexHull"
+            uniform token purpose = "guide"
+            rel material:binding:physics = </{object}/materials/part{part}> (
+                bindMaterialAs = "weakerThanDescendants"
+            )
+        }}
+"#,
+        name = piece.name(),
+        topology = topology(&piece.vertices, &piece.triangles),
+        normals = list(piece.triangles.iter().map(|t| face_normal(&piece.vertices, *t))),
+        part = piece.part,
+    );
+}
+
+/// The unit normal of a face.
+fn face_normal(vertices: &[Point3<f64>], triangle: [u32; 3]) -> String {
+    let [a, b, c] = triangle.map(|v| vertices[v as usize]);
+    let normal = (b - a).cross(&(c - a)).try_normalize(0.0).unwrap_or_else(nalgebra::Vector3::z);
+    tuple(normal.iter().copied(), 6)
+}
+
+fn topology(vertices: &[Point3<f64>], triangles: &[[u32; 3]]) -> String {
+    let points = || vertices.iter().map(|v| [v.x, v.y, v.z].map(|c| rounded(c, 6).parse().unwrap_or(c)));
+    format!(
+        r#"        float3[] extent = {extent}
+        int[] faceVertexCounts = {counts}
+        int[] faceVertexIndices = {indices}
+        point3f[] points = {points}
+        uniform token subdivisionScheme = "none"
+"#,
+        extent = extent(points()),
+        counts = list(triangles.iter().map(|_| "3".to_owned())),
+        indices = list(triangles.iter().flatten().map(u32::to_string)),
+        points = list(points().map(triple)),
+    )
+}

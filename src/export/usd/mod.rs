@@ -1,0 +1,139 @@
+//! USD, laid out as SimReady's profile `Robotics-Prop` asks: `NAME/usd/NAME.usda` with its picture in `textures/` and a
+//! thumbnail, or all of it as the package `NAME/usdz/NAME.usdz`.
+//!
+//! One rigid body with mass properties; under it
+//! - `skin`, the visual mesh, with a subset and a material for each part,
+//! - `colliders`, a convex mesh for each piece, bound to its part's physics material,
+//! - `splat`, the Gaussians as `ParticleField3DGaussianSplat`,
+//! - `grasps`, a line from finger to finger for each place to grasp at.
+//!
+//! The variant set `appearance` chooses whether `skin` or `splat` is visible. Metres, kilograms, z up.
+
+mod gaussians;
+mod grasps;
+mod meshes;
+mod package;
+mod physics;
+mod text;
+mod thumbnail;
+
+use std::fmt::Write;
+
+use super::{ExportError, Files, Model, Rigid, obj};
+use text::{extent, quoted, triple};
+
+/// Wikidata's item "physical object": gprop does not know what kind of thing it measured.
+const QCODE: &str = "Q223557";
+
+/// The layer as text, with its picture and thumbnail beside it.
+pub(super) fn write_usda(model: &Model, rigid: &Rigid, files: &mut Files) -> Result<(), ExportError> {
+    let (name, stage) = (&rigid.name, stage(model, rigid));
+    files.write(format!("{name}/usd/{name}.usda"), |out| out.write_all(stage.as_bytes()))?;
+    files.write(format!("{name}/usd/textures/{name}.png"), |out| out.write_all(&obj::png(&rigid.skin.picture)?))?;
+    write_thumbnail(model, rigid, &format!("{name}/usd/.thumbs/256x256/{name}.usda.png"), files)
+}
+
+/// The same in one file.
+pub(super) fn write_usdz(model: &Model, rigid: &Rigid, files: &mut Files) -> Result<(), ExportError> {
+    let (name, stage) = (&rigid.name, stage(model, rigid));
+    files.write(format!("{name}/usdz/{name}.usdz"), |out| {
+        let picture = obj::png(&rigid.skin.picture)?;
+        // The first file is the root layer.
+        let contents =
+            [(format!("{name}.usda"), stage.as_bytes()), (format!("textures/{name}.png"), picture.as_slice())];
+        out.write_all(&package::usdz(&contents)?)
+    })?;
+    write_thumbnail(model, rigid, &format!("{name}/usdz/.thumbs/256x256/{name}.usdz.png"), files)
+}
+
+fn write_thumbnail(model: &Model, rigid: &Rigid, path: &str, files: &mut Files) -> Result<(), ExportError> {
+    let picture = thumbnail::draw(model, rigid);
+    files.write(path, |out| out.write_all(&obj::png(&picture)?))
+}
+
+fn stage(model: &Model, rigid: &Rigid) -> String {
+    let name = &rigid.name;
+    let mut text = format!(
+        r#"#usda 1.0
+(
+    customLayerData = {{
+{metadata}    }}
+    defaultPrim = "{name}"
+    kilogramsPerUnit = 1
+    metersPerUnit = 1
+    upAxis = "Z"
+)
+
+def Xform "{name}" (
+    prepend apiSchemas = ["PhysicsRigidBodyAPI", "PhysicsMassAPI", "SemanticsLabelsAPI:class", "SemanticsLabelsAPI:wikidata_qcode"]
+    kind = "component"
+    prepend variantSets = "appearance"
+    variants = {{
+        string appearance = "skin"
+    }}
+)
+{{
+    float3[] extentsHint = {extent}
+{mass}    token[] semantics:labels:class = ["prop"]
+    # Physical object.
+    token[] semantics:labels:wikidata_qcode = ["{QCODE}"]
+
+    variantSet "appearance" = {{
+        "skin" {{
+            over "splat"
+            {{
+                token visibility = "invisible"
+            }}
+        }}
+        "splat" {{
+            over "skin"
+            {{
+                token visibility = "invisible"
+            }}
+        }}
+    }}
+
+"#,
+        metadata = metadata(rigid),
+        extent = {
+            let (low, high) = rigid.extent();
+            extent([low, high].into_iter().map(Into::into))
+        },
+        mass = physics::mass(rigid),
+    );
+    physics::write_materials(&mut text, rigid);
+    meshes::write_skin(&mut text, rigid);
+    meshes::write_colliders(&mut text, rigid);
+    gaussians::write(&mut text, model, rigid);
+    grasps::write(&mut text, rigid);
+    text.push_str("}\n");
+    text
+}
+
+/// What SimReady's validators ask to be told about an asset.
+fn metadata(rigid: &Rigid) -> String {
+    let (low, high) = rigid.extent();
+    let strings = [
+        ("asset_license", "that of the splat"),
+        ("asset_name", rigid.name.as_str()),
+        ("asset_type", "Prop"),
+        ("author", concat!("gprop ", env!("CARGO_PKG_VERSION"))),
+        ("category", "Prop"),
+        ("qcode", QCODE),
+        ("source_file", rigid.source),
+        // Without the clock, so that the same input gives the same bytes.
+        ("usd_date_generated", "not recorded"),
+    ];
+    let mut text = "        dictionary SimReady_Metadata = {\n".to_owned();
+    for (key, value) in strings {
+        let _ = writeln!(text, "            string {key} = {}", quoted(value));
+    }
+    let _ = writeln!(text, "            float3 asset_extents = {}", triple((high - low).into()));
+    let _ = writeln!(text, "            double mass = {}", rigid.parts.object.mass_kg.mid);
+    let _ = writeln!(text, "            int rigid_body_count = 1");
+    text.push_str("            dictionary validation = {\n");
+    text.push_str("                string profile = \"Robotics-Prop\"\n");
+    text.push_str("                string profile_version = \"4.0.0\"\n");
+    text.push_str("            }\n        }\n");
+    text
+}

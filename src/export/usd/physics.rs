@@ -1,0 +1,124 @@
+//! Mass properties and materials. A part's material is both physical and visual: its look is the picture that all
+//! parts share.
+
+use std::fmt::Write;
+
+use nalgebra::{Matrix3, Rotation3, UnitQuaternion};
+
+use super::text::{quoted, triple};
+use crate::export::Rigid;
+
+/// The attributes of the rigid body's mass.
+pub fn mass(rigid: &Rigid) -> String {
+    let (mass, center, inertia) = rigid.inertial();
+    let (diagonal, axes) = principal(inertia);
+    format!(
+        r"    point3f physics:centerOfMass = {center}
+    float3 physics:diagonalInertia = {diagonal}
+    float physics:mass = {mass}
+    quatf physics:principalAxes = ({w}, {i}, {j}, {k})
+",
+        center = triple(center),
+        diagonal = triple(diagonal),
+        w = axes.w,
+        i = axes.i,
+        j = axes.j,
+        k = axes.k,
+    )
+}
+
+/// Principal moments and the rotation from their axes to the body's.
+fn principal(inertia: [[f64; 3]; 3]) -> ([f64; 3], UnitQuaternion<f64>) {
+    let eigen = Matrix3::from_fn(|row, column| inertia[row][column]).symmetric_eigen();
+    let mut axes = eigen.eigenvectors;
+    if axes.determinant() < 0.0 {
+        axes.column_mut(2).neg_mut();
+    }
+    let turn = UnitQuaternion::from_rotation_matrix(&Rotation3::from_matrix_unchecked(axes));
+    (eigen.eigenvalues.into(), turn)
+}
+
+pub fn write_materials(text: &mut String, rigid: &Rigid) {
+    let name = &rigid.name;
+    text.push_str("    def Scope \"materials\"\n    {\n");
+    for label in rigid.labels {
+        let path = format!("/{name}/materials/part{}", label.id);
+        let _ = write!(
+            text,
+            r#"        def Material "part{id}" (
+            prepend apiSchemas = ["PhysicsMaterialAPI", "SemanticsLabelsAPI:material"]
+            doc = {doc}
+        )
+        {{
+            float physics:density = {density}
+            float physics:dynamicFriction = {friction}
+            float physics:staticFriction = {friction}
+            token[] semantics:labels:material = [{family}, {material}]
+            token outputs:surface.connect = <{path}/surface.outputs:surface>
+
+            def Shader "surface"
+            {{
+                uniform token info:id = "UsdPreviewSurface"
+                color3f inputs:diffuseColor.connect = <{path}/picture.outputs:rgb>
+                float inputs:metallic = 0
+                float inputs:roughness = 0.6
+                token outputs:surface
+            }}
+
+            def Shader "picture"
+            {{
+                uniform token info:id = "UsdUVTexture"
+                asset inputs:file = @./textures/{name}.png@
+                token inputs:sourceColorSpace = "sRGB"
+                float2 inputs:st.connect = <{path}/place.outputs:result>
+                token inputs:wrapS = "clamp"
+                token inputs:wrapT = "clamp"
+                float3 outputs:rgb
+            }}
+
+            def Shader "place"
+            {{
+                uniform token info:id = "UsdPrimvarReader_float2"
+                string inputs:varname = "st"
+                float2 outputs:result
+            }}
+        }}
+"#,
+            id = label.id,
+            doc = quoted(&format!("{}: {}", label.material, label.caption)),
+            density = label.density_kg_m3.mid,
+            friction = label.friction_rubber.mid,
+            family = quoted(&label.family),
+            material = quoted(&label.material),
+        );
+    }
+    let _ = write!(
+        text,
+        r#"        # For renderers that draw the Gaussians as points.
+        def Material "splat" (
+            prepend apiSchemas = ["SemanticsLabelsAPI:material"]
+        )
+        {{
+            token[] semantics:labels:material = ["splat"]
+            token outputs:surface.connect = </{name}/materials/splat/surface.outputs:surface>
+
+            def Shader "surface"
+            {{
+                uniform token info:id = "UsdPreviewSurface"
+                color3f inputs:diffuseColor.connect = </{name}/materials/splat/color.outputs:result>
+                float inputs:roughness = 0.6
+                token outputs:surface
+            }}
+
+            def Shader "color"
+            {{
+                uniform token info:id = "UsdPrimvarReader_float3"
+                string inputs:varname = "displayColor"
+                float3 outputs:result
+            }}
+        }}
+    }}
+
+"#
+    );
+}

@@ -1,0 +1,24 @@
+"""Loads a GLB with trimesh and prints, for each mesh, whether it is closed, its volume and its node's extras, as JSON."""
+
+import json
+import sys
+
+import trimesh
+
+scene = trimesh.load(sys.argv[1], force="scene")
+found = {}
+for node in scene.graph.nodes_geometry:
+    turn, name = scene.graph[node]
+    mesh = scene.geometry[name].copy()
+    mesh.apply_transform(turn)
+    parent = scene.graph.transforms.parents.get(node)
+    extras = scene.graph.transforms.node_data[node].get("metadata") or mesh.metadata
+    found[node] = {
+        "closed": bool(mesh.is_watertight and mesh.is_winding_consistent),
+        "volume_m3": float(mesh.volume),
+        "bounds_m": mesh.bounds.tolist(),
+        "colored": mesh.visual.kind == "vertex",
+        "parent": parent,
+        "extras": {key: value for key, value in (extras or {}).items() if isinstance(value, (int, float, str))},
+    }
+print(json.dumps(found))
