@@ -1,12 +1,12 @@
 // The ground below the moving object: a grid, and the object's shadow in light from above.
 "use strict";
 
-function groundOf({ ground_z: height, sphere }) {
+function groundOf({ ground_z: height, sphere }, count) {
   const { DataTexture, DoubleSide, GridHelper, Group, LinearFilter, Mesh, MeshBasicMaterial, PlaneGeometry } = Splats;
   // Sides of the ground in radii of the motion, its squares, and pixels of the shadow.
   const SIDE = 3.2, SQUARES = 16, PIXELS = 128;
-  // How dark one Gaussian makes a pixel, the darkest shadow, and the height in radii from which none falls.
-  const SHADE = 0.25, DARKEST = 0.45, HIGHEST = 1.5;
+  // How dark all Gaussians would make one pixel, the darkest shadow, and the height in radii from which none falls.
+  const SHADE = 900, DARKEST = 0.38, HIGHEST = 1.5;
   const side = SIDE * sphere.radius, group = new Group();
   group.position.set(sphere.center[0], sphere.center[1], height);
 
@@ -42,7 +42,7 @@ function groundOf({ ground_z: height, sphere }) {
     },
     end() {
       for (const step of [1, PIXELS, 1, PIXELS]) blur(step);
-      for (let at = 0; at < depth.length; at++) rgba[4 * at + 3] = 255 * DARKEST * (1 - Math.exp(-SHADE * depth[at]));
+      for (let at = 0; at < depth.length; at++) rgba[4 * at + 3] = 255 * DARKEST * (1 - Math.exp((-SHADE / count) * depth[at]));
       shadow.needsUpdate = true;
     },
   };

@@ -13,8 +13,8 @@
   const TURN_PER_KEY = Math.PI / 24, ZOOM_PER_KEY = 1.15, CLICK_PIXELS = 4;
   // Distance of the camera, in distances at which the sphere around the object just fits into the view.
   const MARGIN = 1.03;
-  // Lowest height of the camera above the moving object, as an angle.
-  const LOOK_DOWN = Math.PI / 10;
+  // Height of the camera above the moving object at first, as an angle: a fall is seen from the side.
+  const LOOK_DOWN = Math.PI / 9;
 
   const rgb = (hex) => [1, 3, 5].map((at) => parseInt(hex.slice(at, at + 2), 16));
   const css = (color) => `rgb(${color.map(Math.round).join(" ")})`;
@@ -301,9 +301,9 @@
         const from = away();
         if (isMoving) {
           setSpin(false);
-          ground = groundOf(motion);
+          ground = groundOf(motion, cloud.count);
           world.add(ground.group);
-          from.z = Math.max(from.z, Math.tan(LOOK_DOWN) * Math.hypot(from.x, from.y));
+          from.z = Math.tan(LOOK_DOWN) * Math.hypot(from.x, from.y);
         } else {
           world.remove(ground.group);
           ground = null;
