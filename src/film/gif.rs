@@ -89,7 +89,7 @@ impl Gif {
     /// If the encoder fails.
     pub fn finish(mut self) -> Result<Vec<u8>, EncodingError> {
         self.write_waiting(self.last_cs)?;
-        Ok(self.encoder.into_inner()?)
+        self.encoder.into_inner()
     }
 
     fn write_waiting(&mut self, shown_cs: u16) -> Result<(), EncodingError> {

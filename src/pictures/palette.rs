@@ -74,9 +74,12 @@ fn unit(rgb: [u8; 3]) -> [f32; 3] {
     rgb.map(|channel| f32::from(channel) / 255.0)
 }
 
+/// Where the hues after the distinct colours begin, in turns: the first of them differs from the last distinct one.
+const FIRST_HUE: f32 = 0.3;
+
 /// A colour of this lightness and chroma in Oklab, both well inside sRGB for every hue; the hue follows from `n`.
 fn hue(n: u32, lightness: f32, chroma: f32) -> [f32; 3] {
-    let (b, a) = (n as f32 * 0.618_034 * std::f32::consts::TAU).sin_cos();
+    let (b, a) = ((n as f32 * 0.618_034 + FIRST_HUE) * std::f32::consts::TAU).sin_cos();
     let [a, b] = [chroma * a, chroma * b];
     let [l, m, s] = [
         lightness + 0.396_337_78 * a + 0.215_803_76 * b,

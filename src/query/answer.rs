@@ -3,7 +3,8 @@
 //!
 //! The library takes precedence; the model narrows its ranges. For every property:
 //!
-//! 1. The model's range is clamped to the bounds of the material's family; a clamped range is flagged.
+//! 1. The model's range is clamped to what the bounds of the material's family and the library's row span; a clamped
+//!    range is flagged.
 //! 2. If that overlaps the range of the library's row, the answer is the overlap.
 //! 3. Otherwise the answer is the row's range, flagged.
 //!
@@ -194,7 +195,7 @@ fn density(written: &Written, material: &Material, family: &Family, flags: &mut 
     match bulk {
         Some(_) => cut(name, said, BULK_DENSITY_KG_M3, flags),
         None => {
-            let said = cut(name, said, family.density_kg_m3, flags);
+            let said = cut(name, said, family.density_kg_m3.hull(material.density_kg_m3), flags);
             narrowed(name, said, material.density_kg_m3, flags)
         }
     }
@@ -214,7 +215,8 @@ fn settle(
     }
     let mut property = |name: &str, said: Range, family: Range, row: Range| {
         let said = in_order(name, said, &mut flags);
-        let said = cut(name, said, family, &mut flags);
+        // A row may lie outside of its family's bounds, as cork does, which is softer than other wood.
+        let said = cut(name, said, family.hull(row), &mut flags);
         narrowed(name, said, row, &mut flags)
     };
     let youngs_modulus_pa = property(

@@ -9,7 +9,7 @@ use super::{Failure, Match, Outcome};
 
 /// The result of replaying a segment.
 pub enum Replayed<'a> {
-    Answered(Outcome),
+    Answered(Box<Outcome>),
     /// The question that has no recording, and how the ones before it were found.
     Missing {
         question: &'a Question,
@@ -46,7 +46,7 @@ pub fn replay<'a>(queries: &'a Queries, segment: &SegmentQuery, recordings: &Rec
         match queries.questions.read(question, &recording.response, queries.library, Unknown::TakeNearest) {
             Ok(Reading::Answered(mut answer)) => {
                 answer.matched = so_far;
-                return Replayed::Answered(Outcome::Answered(*answer));
+                return Replayed::Answered(Box::new(Outcome::Answered(*answer)));
             }
             Ok(Reading::Next(next)) => question = next,
             Err(problem) => return Replayed::Unusable { question, problem, so_far },

@@ -192,7 +192,7 @@ impl Queries<'_> {
         let mut sorted = Sorted { answered: Vec::new(), open: Vec::new() };
         for (index, replayed) in replayed.into_iter().enumerate() {
             match replayed {
-                Replayed::Answered(outcome) => sorted.answered.push((index, outcome)),
+                Replayed::Answered(outcome) => sorted.answered.push((index, *outcome)),
                 Replayed::Missing { question, miss, so_far } => {
                     sorted.open.push(Open { index, question, so_far, miss });
                 }

@@ -7,7 +7,7 @@ use crate::scene::gaussians::SH_C0;
 use crate::scene::{Bounds, robust_bounds};
 use crate::vote::MaterialField;
 
-use super::motion::gzip;
+use super::gzip::gzip;
 
 /// Most Gaussians on a page: with 20 bytes each, 1.1 MB in base64 before compression, beside 1.4 MB of viewer.
 const LIMIT: usize = 40_000;

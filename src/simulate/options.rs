@@ -122,7 +122,7 @@ pub struct Options {
     #[arg(long, value_name = "auto|never|PART", default_values_t = [choice::AUTO.to_owned()])]
     pub rigid: Vec<String>,
 
-    /// What becomes of the fillings of shells, which nobody sees
+    /// What becomes of the fillings of shells, which no photo shows
     #[arg(long, value_enum, default_value_t)]
     pub fillings: Fillings,
 

@@ -454,7 +454,10 @@ fn a_sog_is_what_it_says() {
     assert_eq!(gaussians.sh_dc[0], [0.5, -0.5, -0.5]);
     assert!((gaussians.opacity(0) - 128.0 / 255.0).abs() < 1e-6);
     // x is the largest component; w, the first of the others, is sqrt(1/2).
-    assert!(close(&gaussians.rotations[0], &[0.707_107, 0.707_096, 0.002_773, 0.002_773], 1e-4), "{gaussians:?}");
+    assert!(
+        close(&gaussians.rotations[0], &[std::f32::consts::FRAC_1_SQRT_2, 0.707_096, 0.002_773, 0.002_773], 1e-4),
+        "{gaussians:?}"
+    );
 }
 
 #[test]
