@@ -7,13 +7,9 @@
 mod rigid;
 mod tracks;
 
-use std::io::Write;
-
-use flate2::Compression;
-use flate2::write::GzEncoder;
 use nalgebra::{Point3, UnitQuaternion};
 
-use super::cloud::{Cloud, Sphere};
+use super::cloud::{Cloud, Sphere, gzip};
 use crate::scene::gaussians::Gaussians;
 use crate::simulate::SimulationReport;
 pub use rigid::Path;
@@ -107,12 +103,6 @@ fn evenly(most: usize, count: usize) -> Vec<usize> {
         return (0..count).collect();
     }
     (0..most).map(|k| k * (count - 1) / (most - 1)).collect()
-}
-
-pub(super) fn gzip(bytes: &[u8]) -> Vec<u8> {
-    let mut encoder = GzEncoder::new(Vec::new(), Compression::best());
-    encoder.write_all(bytes).expect("memory takes everything");
-    encoder.finish().expect("memory takes everything")
 }
 
 #[cfg(test)]
