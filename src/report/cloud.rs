@@ -1,13 +1,15 @@
 //! The object's Gaussians for the page's viewer: few and small enough for a file that is passed around.
 
+use std::io::Write;
+
+use flate2::Compression;
+use flate2::write::GzEncoder;
 use nalgebra::Point3;
 
 use crate::scene::gaussians::Gaussians;
 use crate::scene::gaussians::SH_C0;
 use crate::scene::{Bounds, robust_bounds};
 use crate::vote::MaterialField;
-
-use super::gzip::gzip;
 
 /// Most Gaussians on a page: with 20 bytes each, 1.1 MB in base64 before compression, beside 1.4 MB of viewer.
 const LIMIT: usize = 40_000;
@@ -122,6 +124,12 @@ pub(super) fn extent(values: impl Iterator<Item = f32>) -> [f32; 2] {
 /// Maps 0 to 1 to 0 to 255.
 pub(super) fn byte(share: f32) -> u8 {
     (share * 255.0).round() as u8
+}
+
+pub(super) fn gzip(bytes: &[u8]) -> Vec<u8> {
+    let mut encoder = GzEncoder::new(Vec::new(), Compression::best());
+    encoder.write_all(bytes).expect("memory takes everything");
+    encoder.finish().expect("memory takes everything")
 }
 
 #[cfg(test)]

@@ -3,7 +3,6 @@
 mod cloud;
 mod disagreement;
 mod force_scale;
-mod gzip;
 mod motion;
 pub(crate) mod numbers;
 mod page;

@@ -9,8 +9,7 @@ mod tracks;
 
 use nalgebra::{Point3, UnitQuaternion};
 
-use super::cloud::{Cloud, Sphere};
-use super::gzip::gzip;
+use super::cloud::{Cloud, Sphere, gzip};
 use crate::scene::gaussians::Gaussians;
 use crate::simulate::SimulationReport;
 pub use rigid::Path;
