@@ -147,8 +147,8 @@ fn pressure(pascals: f64) -> String {
 impl Layout {
     fn new(size: Size, columns: u32, rows: u32, lines: u32) -> Self {
         // A cell of 320 pixels has type of 15.
-        let text_px = (size.width / columns.max(2) / 24).clamp(9, size.height / 36);
-        Self { size, columns, rows, text_px: text_px.max(9), beside: rows > 1, lines }
+        let text_px = (size.width / columns.max(2) / 24).min(size.height / 36).max(9);
+        Self { size, columns, rows, text_px, beside: rows > 1, lines }
     }
 
     fn cell(&self) -> (u32, u32) {
