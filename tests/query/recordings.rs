@@ -106,7 +106,7 @@ fn masks_that_differ_more_are_missing_each_by_name() {
 fn another_prompt_is_another_question() {
     let folder = tempfile::tempdir().unwrap();
     let mine = tempfile::tempdir().unwrap();
-    fs::write(mine.path().join("part.txt"), "What is it? {{ candidates }} JSON").unwrap();
+    fs::write(mine.path().join("segment.txt"), "What is it? {{ candidates }} JSON").unwrap();
     let (builtin, mine) = (Prompts::builtin(), Prompts::from_folder(mine.path()).unwrap());
     let (options, replay) = (small(), replay());
     let wood = Scripted::new(|_| text(good_answer(a("wood"))));
