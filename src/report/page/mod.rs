@@ -34,8 +34,13 @@ use super::weighing::sentences;
 use super::{Cloud, Motion, Pictures, Report};
 
 /// The page's own scripts, in the order in which they build on each other.
-const SCRIPTS: [&str; 4] =
-    [include_str!("motion.js"), include_str!("ground.js"), include_str!("page.js"), include_str!("compare.js")];
+const SCRIPTS: [&str; 5] = [
+    include_str!("motion.js"),
+    include_str!("ground.js"),
+    include_str!("timeline.js"),
+    include_str!("page.js"),
+    include_str!("compare.js"),
+];
 
 /// The page of a report. `motion` is that of the cloud in the simulation.
 pub fn page(report: &Report, answers: &Answers, pictures: &Pictures, cloud: &Cloud, motion: Option<&Motion>) -> String {
