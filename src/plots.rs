@@ -18,6 +18,8 @@ const PANEL: (u32, u32) = (1600, 600);
 const NUMBERS_BELOW: u32 = 90;
 const NUMBERS_LEFT: u32 = 160;
 const NAMES_RIGHT: u32 = 240;
+/// Half of the number below the right end of an axis.
+const HALF_A_NUMBER: u32 = 24;
 const MARGIN: u32 = 24;
 const FONT: &str = "sans-serif";
 const CAPTION_SIZE: u32 = 36;
@@ -73,7 +75,7 @@ fn draw(panels: &[Panel], text: &mut String) -> Result<(), DrawingAreaErrorKind<
         let mut chart = ChartBuilder::on(area)
             .caption(&panel.title, (FONT, CAPTION_SIZE))
             .margin(MARGIN)
-            .margin_right(MARGIN + names)
+            .margin_right(MARGIN + names.max(HALF_A_NUMBER))
             .x_label_area_size(NUMBERS_BELOW)
             .y_label_area_size(NUMBERS_LEFT)
             .build_cartesian_2d(along.clone(), up.clone())?;
