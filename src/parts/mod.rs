@@ -32,6 +32,7 @@ use crate::units::{Estimate, MetricScale, Range};
 use crate::vote::{Contents, FieldLabel, MaterialField};
 use compose::{Composed, Construction, thickness};
 pub use error::PartsError;
+pub(crate) use grid::surface::blur;
 use grid::surface::{NONE, Surface};
 pub use grid::{FILLING, Grid, Interior, OUTSIDE, VOID};
 pub use inside::depth_view::DepthView;

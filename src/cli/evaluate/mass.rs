@@ -43,7 +43,7 @@ fn causes_text(objects: &[Weighed]) -> String {
     for (object, causes) in with_causes() {
         let Causes { volume_kg, wall_kg, density_kg, filling_kg, missing_kg } = causes;
         let all = object.predicted.mid - object.truth;
-        let name: String = one_line(&object.id).chars().take(24).collect();
+        let name = cut(&object.id, 24);
         text += &format!("{name:<24}");
         for kg in [volume_kg, wall_kg, density_kg, filling_kg, missing_kg, all] {
             text += &format!(" {:>8.1}", 1e3 * kg);
@@ -53,7 +53,7 @@ fn causes_text(objects: &[Weighed]) -> String {
         }
         text.push('\n');
         for part in object.true_parts.iter().filter(|_| object.true_parts.len() > 1) {
-            let name: String = one_line(&part.name).chars().take(22).collect();
+            let name = cut(&part.name, 22);
             let [found, truth] = [part.found_kg, part.true_kg].map(|kg| 1e3 * kg);
             text += &format!("  {name:<22} {found:>8.1} g found, {truth:.1} g true\n");
         }
@@ -63,11 +63,16 @@ fn causes_text(objects: &[Weighed]) -> String {
 
 fn part_line(part: &WeighedPart) -> String {
     let truth = part.true_mass_kg.map_or_else(|| "-".to_owned(), |mass| format!("{mass:.4}"));
-    let name: String = one_line(&part.name).chars().take(22).collect();
+    let name = cut(&part.name, 22);
     let columns = match part.mass_kg {
         Some(mass) => [mass.low, mass.mid, mass.high].map(|kg| format!("{kg:.4}")),
         None => ["none", "none", "none"].map(str::to_owned),
     };
     let [low, mid, high] = columns;
     format!("  {name:<22} {low:>10} {mid:>10} {high:>10} {truth:>10}\n")
+}
+
+/// A name on one line, cut to the width of its column.
+fn cut(name: &str, width: usize) -> String {
+    one_line(name).chars().take(width).collect()
 }

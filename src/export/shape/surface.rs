@@ -9,7 +9,7 @@ use nalgebra::{Point3, Vector3};
 use rayon::prelude::*;
 
 use super::Mesh;
-use crate::parts::Grid;
+use crate::parts::{Grid, blur};
 
 /// The surface crosses the line from an inside to an outside cell at this share of it, at least and at most. One half
 /// is the cells' own border; how far blurring may move it is bounded, because it would dissolve walls of one cell.
@@ -68,23 +68,6 @@ fn crossing(grid: &Grid, blurred: &[f32], inside: usize, outside: usize) -> Poin
     let share = ((inner - 0.5) / (inner - outer).max(1e-6)).clamp(CROSSING[0], CROSSING[1]);
     let [from, to] = [inside, outside].map(|cell| grid.center(grid.coords(cell)));
     from + (to - from) * share
-}
-
-/// The mask blurred by [1 4 6 4 1] / 16 along each axis.
-fn blur(grid: &Grid, mask: &[bool]) -> Vec<f32> {
-    const TAPS: [f32; 5] = [0.0625, 0.25, 0.375, 0.25, 0.0625];
-    let mut from: Vec<f32> = mask.par_iter().map(|&inside| f32::from(u8::from(inside))).collect();
-    for stride in grid.strides() {
-        let reach = 2 * stride;
-        let blurred = (0..from.len()).into_par_iter().map(|i| {
-            if i < reach || i + reach >= from.len() {
-                return 0.0;
-            }
-            TAPS.iter().enumerate().map(|(tap, weight)| weight * from[i - reach + tap * stride]).sum()
-        });
-        from = blurred.collect();
-    }
-    from
 }
 
 /// The polygons that separate a cube's inside corners from the others, each as the edges that it crosses: inside corner,

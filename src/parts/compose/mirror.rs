@@ -4,8 +4,8 @@
 //! out as thick as if it were cast onto the table. But many things are alike above and below. The plane of symmetry is
 //! taken halfway between the two ends of the object along the direction of its unseen side; the lower end is where it
 //! was supported. If nearly all of the surface that is seen on the lower half has its mirror image on or in the upper one,
-//! the object is taken to be symmetric, and cells whose mirror image lies outside of it are in strong doubt: the middle volume does without them,
-//! the high one keeps them.
+//! the object is taken to be symmetric, and cells whose mirror image lies outside of it are in strong doubt: the middle
+//! volume does without them, the high one keeps them.
 
 use nalgebra::{Point3, Vector3};
 use rayon::prelude::*;

@@ -64,7 +64,7 @@ fn gradient(grid: &Grid, blurred: &[f32], i: usize) -> Vector3<f64> {
 }
 
 /// The mask blurred by the binomial filter [1 4 6 4 1]/16 along each axis: a standard deviation of one cell.
-fn blur(grid: &Grid, inside: &[bool]) -> Vec<f32> {
+pub fn blur(grid: &Grid, inside: &[bool]) -> Vec<f32> {
     const TAPS: [f32; 5] = [0.0625, 0.25, 0.375, 0.25, 0.0625];
     let mut from: Vec<f32> = inside.iter().map(|&inside| f32::from(u8::from(inside))).collect();
     for stride in grid.strides() {
