@@ -92,6 +92,8 @@ pub struct Pipeline {
     answers: OnceLock<Answers>,
     field: OnceLock<MaterialField>,
     interior: OnceLock<Interior>,
+    /// The index of the chosen view that shows most of the object.
+    showing: OnceLock<Option<usize>>,
 }
 
 /// The result of doing a stage.
@@ -159,6 +161,7 @@ impl Pipeline {
             answers: OnceLock::new(),
             field: OnceLock::new(),
             interior: OnceLock::new(),
+            showing: OnceLock::new(),
         })
     }
 

@@ -90,7 +90,8 @@ impl Pipeline {
     /// The chosen view that shows most of the object.
     pub(super) fn showing_view(&self, field: &MaterialField) -> Option<&View> {
         let cameras = self.views.iter().map(|view| &view.camera);
-        sight::shows_most(cameras, &self.scene.gaussians, &field.part_label).map(|index| &self.views[index])
+        let index = self.showing.get_or_init(|| sight::shows_most(cameras, &self.scene.gaussians, &field.part_label));
+        index.map(|index| &self.views[index])
     }
 
     /// The field that results from these views and answers.
