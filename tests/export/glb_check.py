@@ -12,13 +12,12 @@ for node in scene.graph.nodes_geometry:
     mesh = scene.geometry[name].copy()
     mesh.apply_transform(turn)
     parent = scene.graph.transforms.parents.get(node)
-    extras = scene.graph.transforms.node_data[node].get("metadata") or mesh.metadata
+    extras = scene.graph.transforms.edge_data[(parent, node)].get("metadata", {})
     found[node] = {
         "closed": bool(mesh.is_watertight and mesh.is_winding_consistent),
         "volume_m3": float(mesh.volume),
         "bounds_m": mesh.bounds.tolist(),
-        "colored": mesh.visual.kind == "vertex",
         "parent": parent,
-        "extras": {key: value for key, value in (extras or {}).items() if isinstance(value, (int, float, str))},
+        "extras": {key: value for key, value in extras.items() if isinstance(value, (int, float, str))},
     }
 print(json.dumps(found))
