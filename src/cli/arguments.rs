@@ -181,9 +181,9 @@ pub enum Grasp {
 pub struct ExportArgs {
     /// Folder with a 3DGS PLY, cameras and photos; stages that have not run yet are run first.
     pub scene: PathBuf,
-    /// Format to write.
-    #[arg(long, value_enum)]
-    pub format: export::Format,
+    /// Formats to write, separated by commas.
+    #[arg(long, value_enum, value_delimiter = ',', required = true)]
+    pub format: Vec<export::Format>,
     /// Folder to write into.
     #[arg(long, value_name = "DIR")]
     pub out: PathBuf,

@@ -87,7 +87,7 @@ pub fn export(global: &Global, args: &ExportArgs) -> anyhow::Result<()> {
     let work = args.work.as_deref();
     let mut pipeline = open_with(global, &args.scene, work, &args.options, (plan, true))?;
     pipeline.run()?;
-    let files = pipeline.export(args.format, &args.out)?;
+    let files = pipeline.export(&args.format, &args.out)?;
     print(global, &files, || files.iter().map(|file| shown(file) + "\n").collect())
 }
 

@@ -5,15 +5,13 @@ use nalgebra::Point3;
 use serde_json::{Value, json};
 
 use super::gltf::Gltf;
-use super::shape::{Solid, part_meshes, pieces};
+use super::shape::{Shape, part_meshes};
 use super::{ExportError, Files, Model, identifier};
-use crate::parts::PartsError;
 use crate::pictures::palette;
 
-pub(super) fn write(model: &Model, files: &mut Files) -> Result<(), ExportError> {
-    let Some(scale) = model.scale else { return Err(PartsError::ScaleUnknown.into()) };
-    let (name, solid) = (identifier(model.name), Solid::of(model.interior));
-    let meshes = part_meshes(model, &solid, scale.meters_per_unit);
+pub(super) fn write(model: &Model, shape: &Shape, files: &mut Files) -> Result<(), ExportError> {
+    let name = identifier(model.name);
+    let meshes = part_meshes(model, shape);
     if meshes.iter().all(|(_, mesh, _)| mesh.volume() <= 0.0) {
         return Err(ExportError::NoShape);
     }
@@ -38,9 +36,8 @@ pub(super) fn write(model: &Model, files: &mut Files) -> Result<(), ExportError>
     files.write(format!("{name}.glb"), |out| visual.write(&[], out))?;
 
     let mut colliders = Gltf::default();
-    let pieces = pieces::pieces(&solid, scale.meters_per_unit);
     let mut nodes = Vec::new();
-    for of_part in pieces.chunk_by(|a, b| a.part == b.part) {
+    for of_part in shape.pieces.chunk_by(|a, b| a.part == b.part) {
         let part = of_part[0].part;
         let [r, g, b] = palette::part(part);
         colliders

@@ -18,7 +18,7 @@ const OTHER_FRICTION: &str = "0.005 0.0001";
 pub(super) fn write(rigid: &Rigid, files: &mut Files) -> Result<(), ExportError> {
     files.write(format!("{}.xml", rigid.name), |out| out.write_all(body(rigid).as_bytes()))?;
     files.write("scene.xml", |out| out.write_all(scene(rigid).as_bytes()))?;
-    for piece in &rigid.pieces {
+    for piece in rigid.pieces {
         let mesh = obj::mesh(&piece.vertices, &piece.triangles);
         files.write(format!("meshes/{}.obj", piece.name()), |out| out.write_all(mesh.as_bytes()))?;
     }
@@ -29,7 +29,7 @@ fn body(rigid: &Rigid) -> String {
     let (mass, center, i) = rigid.inertial();
     let mut assets = String::new();
     let mut geoms = String::new();
-    for piece in &rigid.pieces {
+    for piece in rigid.pieces {
         let (name, label) = (piece.name(), rigid.label(piece));
         let _ = writeln!(assets, r#"    <mesh name="{name}" file="meshes/{name}.obj"/>"#);
         let color = spaced(palette::part(piece.part).map(f64::from));

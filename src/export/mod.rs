@@ -21,6 +21,7 @@ mod shape;
 mod urdf;
 mod usd;
 
+use std::cell::OnceCell;
 use std::io;
 use std::path::{Path, PathBuf};
 
@@ -34,7 +35,7 @@ use crate::scene::gaussians::Gaussians;
 use crate::units::MetricScale;
 use crate::vote::{FieldLabel, MaterialField};
 use crate::workdir::write_atomic;
-use shape::{Piece, Skin, Solid, pieces};
+use shape::{Piece, Shape, Skin};
 
 /// A format to write.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, clap::ValueEnum)]
@@ -103,28 +104,39 @@ pub enum ExportError {
     Write { path: PathBuf, source: io::Error },
 }
 
-/// Writes the model into `folder` and returns the files, the main one first. Each file is written completely or not at
-/// all.
+/// Writes the model into `folder` in each of the formats and returns the files, of each format the main one first. What
+/// several formats need is computed once. Each file is written completely or not at all.
 ///
 /// # Errors
-/// If the scale is unknown and the format needs kilograms, or if a file cannot be written.
-pub fn export(model: &Model, format: Format, folder: &Path) -> Result<Vec<PathBuf>, ExportError> {
+/// If the scale is unknown and a format needs kilograms, before anything is written, or if a file cannot be written.
+pub fn export(model: &Model, formats: &[Format], folder: &Path) -> Result<Vec<PathBuf>, ExportError> {
     let own = without_set_aside(model);
     let model = &match &own {
         Some((gaussians, field)) => Model { gaussians, field, ..*model },
         None => *model,
     };
+    let shared = Shared { model, shape: OnceCell::new(), skin: OnceCell::new() };
+    // What cannot be exported is refused before anything is written.
+    for format in formats {
+        match format {
+            Format::Mjcf | Format::Urdf | Format::Usda | Format::Usdz => drop(shared.rigid()?),
+            Format::Glb => drop(shared.shape()?),
+            Format::GltfSplat | Format::PlyParts | Format::Npz | Format::Physgaussian => {}
+        }
+    }
     let mut files = Files { folder, written: Vec::new() };
-    match format {
-        Format::Mjcf => mjcf::write(&Rigid::of(model)?, &mut files)?,
-        Format::Urdf => urdf::write(&Rigid::of(model)?, &mut files)?,
-        Format::Usda => usd::write_usda(model, &Rigid::of(model)?, &mut files)?,
-        Format::Usdz => usd::write_usdz(model, &Rigid::of(model)?, &mut files)?,
-        Format::Glb => glb::write(model, &mut files)?,
-        Format::GltfSplat => gltf_splat::write(model, &mut files)?,
-        Format::PlyParts => ply_parts::write(model, &mut files)?,
-        Format::Npz => npz::write(model, &mut files)?,
-        Format::Physgaussian => physgaussian::write(model, &mut files)?,
+    for format in formats {
+        match format {
+            Format::Mjcf => mjcf::write(&shared.rigid()?, &mut files)?,
+            Format::Urdf => urdf::write(&shared.rigid()?, &mut files)?,
+            Format::Usda => usd::write_usda(model, &shared.rigid()?, &mut files)?,
+            Format::Usdz => usd::write_usdz(model, &shared.rigid()?, &mut files)?,
+            Format::Glb => glb::write(model, shared.shape()?, &mut files)?,
+            Format::GltfSplat => gltf_splat::write(model, &mut files)?,
+            Format::PlyParts => ply_parts::write(model, &mut files)?,
+            Format::Npz => npz::write(model, &mut files)?,
+            Format::Physgaussian => physgaussian::write(model, &mut files)?,
+        }
     }
     Ok(files.written)
 }
@@ -141,43 +153,54 @@ fn without_set_aside(model: &Model) -> Option<(Gaussians, MaterialField)> {
     Some((gaussians, field))
 }
 
+/// The model with what several formats need, computed when it is first asked for.
+struct Shared<'a> {
+    model: &'a Model<'a>,
+    shape: OnceCell<Shape>,
+    skin: OnceCell<Skin>,
+}
+
+impl Shared<'_> {
+    fn shape(&self) -> Result<&Shape, ExportError> {
+        let scale = self.model.scale.ok_or(PartsError::ScaleUnknown)?;
+        Ok(self.shape.get_or_init(|| Shape::of(self.model.interior, scale.meters_per_unit)))
+    }
+
+    fn rigid(&self) -> Result<Rigid<'_>, ExportError> {
+        let Some(parts) = self.model.parts else { return Err(PartsError::ScaleUnknown.into()) };
+        if parts.object.mass_kg.mid <= 0.0 {
+            return Err(ExportError::NoMass);
+        }
+        let shape = self.shape()?;
+        let skin = self.skin.get_or_init(|| shape::skin(self.model, shape));
+        if shape.pieces.is_empty() || skin.mesh.volume() <= 0.0 {
+            return Err(ExportError::NoShape);
+        }
+        Ok(Rigid {
+            name: identifier(self.model.name),
+            parts,
+            labels: &self.model.field.labels,
+            pieces: &shape.pieces,
+            skin,
+            grasps: self.model.grasps,
+            source: self.model.source,
+        })
+    }
+}
+
 /// The object as a rigid body.
 struct Rigid<'a> {
     /// Name of letters, digits and underscores.
     name: String,
     parts: &'a Parts,
     labels: &'a [FieldLabel],
-    pieces: Vec<Piece>,
-    skin: Skin,
+    pieces: &'a [Piece],
+    skin: &'a Skin,
     grasps: &'a [Candidate],
     source: &'a str,
 }
 
-impl<'a> Rigid<'a> {
-    fn of(model: &Model<'a>) -> Result<Self, ExportError> {
-        let (Some(parts), Some(scale)) = (model.parts, model.scale) else {
-            return Err(PartsError::ScaleUnknown.into());
-        };
-        if parts.object.mass_kg.mid <= 0.0 {
-            return Err(ExportError::NoMass);
-        }
-        let (solid, meters_per_unit) = (Solid::of(model.interior), scale.meters_per_unit);
-        let pieces = pieces::pieces(&solid, meters_per_unit);
-        let skin = shape::skin(model, &solid, meters_per_unit);
-        if pieces.is_empty() || skin.mesh.volume() <= 0.0 {
-            return Err(ExportError::NoShape);
-        }
-        Ok(Self {
-            name: identifier(model.name),
-            parts,
-            labels: &model.field.labels,
-            pieces,
-            skin,
-            grasps: model.grasps,
-            source: model.source,
-        })
-    }
-
+impl Rigid<'_> {
     /// Mass in kg, centre of mass in m, inertia about it in kg m^2 with world axes: the middle estimates.
     fn inertial(&self) -> (f64, [f64; 3], [[f64; 3]; 3]) {
         let object = &self.parts.object;

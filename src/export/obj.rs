@@ -57,7 +57,7 @@ fn write_vertices(text: &mut String, vertices: &[Point3<f64>]) {
 
 /// Writes the skin into `meshes/`.
 pub fn write_skin(rigid: &Rigid, files: &mut Files) -> Result<(), ExportError> {
-    files.write("meshes/skin.obj", |out| out.write_all(skin(&rigid.skin, "skin.mtl").as_bytes()))?;
+    files.write("meshes/skin.obj", |out| out.write_all(skin(rigid.skin, "skin.mtl").as_bytes()))?;
     files.write("meshes/skin.mtl", |out| out.write_all(skin_material("skin.png").as_bytes()))?;
     files.write("meshes/skin.png", |out| out.write_all(&png(&rigid.skin.picture)?))
 }

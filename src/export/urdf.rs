@@ -10,7 +10,7 @@ use super::{ExportError, Files, Rigid, obj, spaced};
 
 pub(super) fn write(rigid: &Rigid, files: &mut Files) -> Result<(), ExportError> {
     files.write(format!("{}.urdf", rigid.name), |out| out.write_all(text(rigid).as_bytes()))?;
-    for piece in &rigid.pieces {
+    for piece in rigid.pieces {
         let mesh = obj::mesh(&piece.vertices, &piece.triangles);
         files.write(format!("meshes/{}.obj", piece.name()), |out| out.write_all(mesh.as_bytes()))?;
     }
@@ -20,7 +20,7 @@ pub(super) fn write(rigid: &Rigid, files: &mut Files) -> Result<(), ExportError>
 fn text(rigid: &Rigid) -> String {
     let (mass, center, i) = rigid.inertial();
     let mut colliders = String::new();
-    for piece in &rigid.pieces {
+    for piece in rigid.pieces {
         let (name, friction) = (piece.name(), rigid.label(piece).friction_rubber.mid);
         let _ = write!(
             colliders,

@@ -13,8 +13,9 @@ use super::{Pipeline, Stage};
 
 impl Pipeline {
     /// Writes the object into `folder` once the parts are done, and returns the paths of the files.
-    pub(crate) fn export(&mut self, format: Format, folder: &Path) -> Result<Vec<PathBuf>> {
-        let grasps = if format.has_grasps() { self.places_to_grasp()? } else { Vec::new() };
+    pub(crate) fn export(&mut self, formats: &[Format], folder: &Path) -> Result<Vec<PathBuf>> {
+        let grasps =
+            if formats.iter().any(|format| format.has_grasps()) { self.places_to_grasp()? } else { Vec::new() };
         let parts = self.stored_parts()?;
         let splat = self.scene.files.first().and_then(|path| path.file_name());
         let source = splat.map_or_else(String::new, |name| name.to_string_lossy().into_owned());
@@ -31,7 +32,7 @@ impl Pipeline {
             grasps: &grasps,
             source: &source,
         };
-        Ok(export::export(&model, format, folder)?)
+        Ok(export::export(&model, formats, folder)?)
     }
 
     /// Where to grasp the object, best first. An object that cannot be grasped can still be exported.

@@ -14,7 +14,7 @@ use serde_json::{Value, json};
 use tempfile::TempDir;
 
 use crate::grasp::scenes::{Measured, folders};
-use crate::support::{self, parsed, python_has, skipped};
+use crate::support::{self, Shared, parsed, python_has, skipped};
 
 fn model(measured: &Measured) -> Model<'_> {
     Model {
@@ -32,16 +32,44 @@ fn model(measured: &Measured) -> Model<'_> {
 
 fn exported(measured: &Measured, format: Format) -> (TempDir, Vec<PathBuf>) {
     let folder = TempDir::new().unwrap();
-    let files = export(&model(measured), format, folder.path()).unwrap();
+    let files = export(&model(measured), &[format], folder.path()).unwrap();
     (folder, files)
 }
 
-fn exported_with_grasps(measured: &Measured, format: Format) -> (TempDir, Vec<PathBuf>) {
-    let gripper = GripperProfile::load("paper").unwrap();
-    let report = measured.grasp(&gripper, &Options { auto: true, ..Options::default() });
-    let folder = TempDir::new().unwrap();
-    let files = export(&Model { grasps: &report.candidates, ..model(measured) }, format, folder.path()).unwrap();
-    (folder, files)
+/// The files of a scene in the formats with colliders, which are written once for all tests.
+struct Rigid {
+    measured: &'static Measured,
+    files: Vec<PathBuf>,
+}
+
+impl Rigid {
+    const FORMATS: [Format; 5] = [Format::Mjcf, Format::Urdf, Format::Usda, Format::Usdz, Format::Glb];
+
+    fn of(scene: &Path) -> &'static Self {
+        static RIGID: Shared<Rigid> = Shared::new();
+        RIGID.of(scene, || {
+            let measured = Measured::of(scene);
+            let gripper = GripperProfile::load("paper").unwrap();
+            let report = measured.grasp(&gripper, &Options { auto: true, ..Options::default() });
+            let folder = Path::new(env!("CARGO_TARGET_TMPDIR")).join("export").join(&measured.scene.name);
+            let model = Model { grasps: &report.candidates, ..model(measured) };
+            Self { measured, files: export(&model, &Self::FORMATS, &folder).unwrap() }
+        })
+    }
+
+    fn name(&self) -> &str {
+        &self.measured.scene.name
+    }
+
+    fn object(&self) -> &Object {
+        &self.measured.parts().object
+    }
+
+    /// The file with this ending.
+    fn file(&self, ending: &str) -> &Path {
+        let name = format!("{}{ending}", self.name());
+        self.files.iter().find(|file| file.file_name().is_some_and(|found| *found == *name)).unwrap()
+    }
 }
 
 fn python(script: &str, arguments: &[&Path]) -> Value {
@@ -82,15 +110,14 @@ fn mujoco_loads_mjcf_and_urdf_with_the_same_body() {
         return;
     }
     for folder in folders() {
-        let measured = Measured::of(&folder);
-        for format in [Format::Mjcf, Format::Urdf] {
-            let (_folder, files) = exported(measured, format);
-            let found = mujoco("load", &[&files[0]]);
-            println!("{} {format:?} {found}", measured.scene.name);
-            assert_same_body(&found, &measured.parts().object, 1e-6);
+        let rigid = Rigid::of(&folder);
+        for ending in [".xml", ".urdf"] {
+            let found = mujoco("load", &[rigid.file(ending)]);
+            println!("{}{ending} {found}", rigid.name());
+            assert_same_body(&found, rigid.object(), 1e-6);
             assert_eq!(found["free_joints"], 1);
             assert_eq!(found["total_mass_kg"], found["mass_kg"], "nothing else weighs");
-            assert!(found["geoms"].as_u64().unwrap() >= measured.parts().parts.len() as u64);
+            assert!(found["geoms"].as_u64().unwrap() >= rigid.measured.parts().parts.len() as u64);
         }
     }
 }
@@ -102,34 +129,31 @@ fn exported_objects_come_to_rest_on_a_plane() {
         return;
     }
     for folder in folders() {
-        let measured = Measured::of(&folder);
-        for format in [Format::Mjcf, Format::Urdf] {
-            let (_folder, files) = exported(measured, format);
-            let found = mujoco("rest", &[&files[0]]);
-            println!("{} {format:?} {found}", measured.scene.name);
+        let rigid = Rigid::of(&folder);
+        for ending in [".xml", ".urdf"] {
+            let found = mujoco("rest", &[rigid.file(ending)]);
+            println!("{}{ending} {found}", rigid.name());
             assert!(found["moved_m"].as_f64().unwrap() < 0.002, "{found}");
             assert!(found["contacts"].as_u64().unwrap() > 0, "{found}");
         }
-        let (_folder, files) = exported(measured, Format::Mjcf);
-        let scene = files[0].with_file_name("scene.xml");
-        assert!(files.contains(&scene));
+        let scene = rigid.file(".xml").with_file_name("scene.xml");
+        assert!(rigid.files.contains(&scene));
         let found = mujoco("load", &[&scene]);
-        assert_same_body(&found, &measured.parts().object, 1e-6);
+        assert_same_body(&found, rigid.object(), 1e-6);
     }
 }
 
 /// How far MuJoCo raises the object when a hand grasps it at a place with this force of one finger and rises by 0.1 m.
-fn raised_m(measured: &Measured, place: &Candidate, side_m: f64, force_n: f64) -> f64 {
-    let (_folder, files) = exported(measured, Format::Mjcf);
-    let model = &files[0];
+fn raised_m(rigid: &Rigid, place: &Candidate, side_m: f64, force_n: f64) -> f64 {
     let grasp = json!({
-        "name": measured.scene.name, "contacts_m": place.contacts_m, "approach": place.approach,
+        "name": rigid.name(), "contacts_m": place.contacts_m, "approach": place.approach,
         "finger_side_m": side_m, "force_n": force_n,
     });
-    let path = model.with_extension("grasp.json");
+    let home = TempDir::new().unwrap();
+    let path = home.path().join("grasp.json");
     std::fs::write(&path, grasp.to_string()).unwrap();
-    let found = mujoco("lift", &[model, &path]);
-    println!("{} at the {}, {force_n:.2} N: {found}", measured.scene.name, place.part);
+    let found = mujoco("lift", &[rigid.file(".xml"), &path]);
+    println!("{} at the {}, {force_n:.2} N: {found}", rigid.name(), place.part);
     assert!((found["hand_raised_m"].as_f64().unwrap() - 0.1).abs() < 0.01, "the hand rises by 0.1 m: {found}");
     found["raised_m"].as_f64().unwrap()
 }
@@ -146,20 +170,20 @@ fn f_star_lifts_in_mujoco_and_six_tenths_of_f_min_slips_unless_the_shape_holds()
         return;
     }
     for folder in folders() {
-        let measured = Measured::of(&folder);
-        let name = measured.scene.name.as_str();
+        let rigid = Rigid::of(&folder);
+        let name = rigid.name();
         // The chair needs more force than the paper's gripper has.
         let gripper = if name == "chair" { "robotiq-2f-85" } else { "paper" };
         let gripper = GripperProfile::load(gripper).unwrap();
-        let report = measured.grasp(&gripper, &Options { auto: true, ..Options::default() });
+        let report = rigid.measured.grasp(&gripper, &Options { auto: true, ..Options::default() });
         // MuJoCo lifts straight up; that the object may turn when it is tilted does not matter here.
         let why = report.infeasible.as_ref().map(|why| why.reason);
         assert!(why.is_none_or(|reason| reason == Reason::Turns), "{report:?}");
         let place = &report.candidates[0];
-        let held = raised_m(measured, place, gripper.finger_side_m(), place.f_star_n);
+        let held = raised_m(rigid, place, gripper.finger_side_m(), place.f_star_n);
         assert!(held > 0.09, "{name} is held: raised by {held} m");
         // The mug slides only until the rim of its lid rests on the pads.
-        let weakly = raised_m(measured, place, gripper.finger_side_m(), 0.6 * place.f_min_n);
+        let weakly = raised_m(rigid, place, gripper.finger_side_m(), 0.6 * place.f_min_n);
         assert_eq!(weakly < 0.08, !HELD_BY_THEIR_SHAPE.contains(&name), "{name} is raised by {weakly} m");
     }
 }
@@ -170,17 +194,17 @@ fn usd_core_opens_the_usd_and_its_validators_pass() {
         return;
     }
     for folder in folders() {
-        let measured = Measured::of(&folder);
-        for format in [Format::Usda, Format::Usdz] {
-            let (_folder, files) = exported_with_grasps(measured, format);
-            let found = python("usd_check.py", &[&files[0]]);
-            println!("{} {format:?} {found}", measured.scene.name);
+        let rigid = Rigid::of(&folder);
+        for ending in [".usda", ".usdz"] {
+            let found = python("usd_check.py", &[rigid.file(ending)]);
+            println!("{}{ending} {found}", rigid.name());
             assert_eq!(found["errors"], json!([]));
             assert!(found["validators"].as_u64().unwrap() > 10);
             assert_eq!((&found["up_axis"], &found["meters_per_unit"]), (&json!("Z"), &json!(1.0)));
             assert_eq!((&found["rigid"], &found["bound"]), (&json!(true), &json!(true)));
-            let gaussians = measured.scene.gaussians.len();
-            let harmonics = gaussians * (measured.scene.gaussians.sh_rest_per_channel() + 1);
+            let scene = rigid.measured.scene;
+            let gaussians = scene.gaussians.len();
+            let harmonics = gaussians * (scene.gaussians.sh_rest_per_channel() + 1);
             assert_eq!(found["kind"], "ParticleField3DGaussianSplat");
             assert_eq!((&found["gaussians"], &found["harmonics"]), (&json!(gaussians), &json!(harmonics)));
             assert_eq!((&found["skin_closed"], &found["texture"]), (&json!(true), &json!(true)));
@@ -188,7 +212,7 @@ fn usd_core_opens_the_usd_and_its_validators_pass() {
             assert_eq!(found["visible"], json!({ "skin": ["skin"], "splat": ["splat"] }));
             assert_eq!(found["grasps"], json!([2, 2, 2, 2, 2]), "points of a line");
             // USD keeps mass properties in 32 bits.
-            assert_same_body(&found, &measured.parts().object, 1e-6);
+            assert_same_body(&found, rigid.object(), 1e-6);
         }
     }
 }
@@ -200,11 +224,10 @@ fn simready_accepts_the_usd_as_a_prop() {
     if !python_has("simready_accepts_the_usd_as_a_prop", PACKAGES, "simready.foundation.tier_core") {
         return;
     }
-    let measured = Measured::of(&folders()[0]);
-    for format in [Format::Usda, Format::Usdz] {
-        let (_folder, files) = exported_with_grasps(measured, format);
-        let found = python("simready_check.py", &[&files[0]]);
-        println!("{format:?} {found}");
+    let rigid = Rigid::of(&folders()[0]);
+    for ending in [".usda", ".usdz"] {
+        let found = python("simready_check.py", &[rigid.file(ending)]);
+        println!("{ending} {found}");
         let features = found["features"].as_object().unwrap();
         assert_eq!(found["version"], "4.0.0");
         assert!(features.len() >= 10, "{features:?}");
@@ -224,13 +247,12 @@ fn newton_imports_the_usd_with_its_gaussians() {
     if !python_has("newton_imports_the_usd_with_its_gaussians", PACKAGES, "newton, newton_usd_schemas, pxr") {
         return;
     }
-    let measured = Measured::of(&folders()[0]);
-    let (_folder, files) = exported_with_grasps(measured, Format::Usda);
-    let found = python("newton_check.py", &[&files[0]]);
+    let rigid = Rigid::of(&folders()[0]);
+    let found = python("newton_check.py", &[rigid.file(".usda")]);
     println!("{found}");
     assert_eq!((&found["bodies"], &found["gaussians"]), (&json!(1), &json!(1)));
-    assert!(found["colliders"].as_u64().unwrap() >= measured.parts().parts.len() as u64);
-    let object = &measured.parts().object;
+    assert!(found["colliders"].as_u64().unwrap() >= rigid.measured.parts().parts.len() as u64);
+    let object = rigid.object();
     // Newton's numbers have 32 bits.
     assert!((found["mass_kg"].as_f64().unwrap() / object.mass_kg.mid - 1.0).abs() < 1e-6, "{found}");
     for (center, expected) in numbers(&found["center_of_mass_m"]).iter().zip(object.center_of_mass_m) {
@@ -244,19 +266,17 @@ fn trimesh_finds_the_glb_closed_with_the_parts_properties() {
         return;
     }
     for folder in folders() {
-        let measured = Measured::of(&folder);
-        let (_folder, files) = exported(measured, Format::Glb);
-        let name = &measured.scene.name;
-        for file in &files {
-            let found = python("glb_check.py", &[file]);
-            let meshes = found.as_object().unwrap();
-            println!("{name} {} meshes, {found}", meshes.len());
-            for (mesh, of_mesh) in meshes {
-                assert_eq!(of_mesh["closed"], true, "{name}: {mesh}");
-                assert!(of_mesh["volume_m3"].as_f64().unwrap() > 0.0, "{name}: {mesh}");
+        let rigid = Rigid::of(&folder);
+        let [found, colliders] = [".glb", "_colliders.glb"].map(|ending| {
+            let found = python("glb_check.py", &[rigid.file(ending)]);
+            for (mesh, of_mesh) in found.as_object().unwrap() {
+                assert_eq!(of_mesh["closed"], true, "{}{ending}: {mesh}", rigid.name());
+                assert!(of_mesh["volume_m3"].as_f64().unwrap() > 0.0, "{}{ending}: {mesh}", rigid.name());
             }
-        }
-        let found = python("glb_check.py", &[&files[0]]);
+            found
+        });
+        let measured = rigid.measured;
+        assert!(colliders.as_object().unwrap().len() >= measured.parts().parts.len(), "{colliders}");
         let parts: Vec<_> = measured.parts().parts.iter().filter(|part| part.volume_m3.is_some()).collect();
         assert_eq!(found.as_object().unwrap().len(), parts.len());
         for part in parts {
@@ -342,7 +362,7 @@ fn a_body_without_a_mass_is_refused() {
     let model = Model { parts: Some(&parts), ..model(measured) };
     for format in [Format::Mjcf, Format::Urdf, Format::Usda, Format::Usdz] {
         let folder = TempDir::new().unwrap();
-        let error = export(&model, format, folder.path()).unwrap_err();
+        let error = export(&model, &[format], folder.path()).unwrap_err();
         assert!(matches!(error, ExportError::NoMass), "{format:?}: {error}");
         assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 0);
     }
@@ -393,10 +413,12 @@ fn physgaussian_gets_its_folder() {
 #[test]
 fn exports_are_the_same_bytes_again() {
     let measured = Measured::of(&folders()[0]);
-    for &format in Format::value_variants() {
-        let read = |files: &[PathBuf]| files.iter().map(|file| std::fs::read(file).unwrap()).collect::<Vec<_>>();
-        let ((_one, first), (_two, second)) = (exported(measured, format), exported(measured, format));
-        assert!(read(&first) == read(&second), "{format:?}");
+    let folders = [TempDir::new().unwrap(), TempDir::new().unwrap()];
+    let [first, second] =
+        folders.each_ref().map(|to| export(&model(measured), Format::value_variants(), to.path()).unwrap());
+    assert_eq!(first.len(), second.len());
+    for (one, two) in first.iter().zip(&second) {
+        assert!(std::fs::read(one).unwrap() == std::fs::read(two).unwrap(), "{one:?}");
     }
 }
 
@@ -406,12 +428,12 @@ fn without_a_scale_rigid_bodies_are_refused_and_fields_are_not() {
     let unscaled = Model { scale: None, parts: None, ..model(measured) };
     for format in [Format::Mjcf, Format::Urdf, Format::Usda, Format::Usdz, Format::Glb] {
         let folder = TempDir::new().unwrap();
-        let error = export(&unscaled, format, folder.path()).unwrap_err();
+        let error = export(&unscaled, &[format], folder.path()).unwrap_err();
         assert!(matches!(error, ExportError::Scale(PartsError::ScaleUnknown)), "{error}");
         assert!(error.to_string().contains("--scale"), "{error}");
         assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 0, "nothing is written");
     }
     for format in [Format::Npz, Format::Physgaussian, Format::GltfSplat, Format::PlyParts] {
-        export(&unscaled, format, TempDir::new().unwrap().path()).unwrap();
+        export(&unscaled, &[format], TempDir::new().unwrap().path()).unwrap();
     }
 }

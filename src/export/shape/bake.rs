@@ -35,6 +35,8 @@ pub struct Painter<'a> {
     starts: Vec<u32>,
     members: Vec<u32>,
     precision: Vec<Matrix3<f64>>,
+    /// Beyond this distance from its centre a Gaussian has ended.
+    radius: Vec<f64>,
     nearest: Nearest,
     /// Unit directions from the object to the cameras.
     towards: Vec<Vector3<f64>>,
@@ -82,6 +84,7 @@ impl<'a> Painter<'a> {
             starts,
             members,
             precision: precision.collect(),
+            radius: (0..gaussians.len()).into_par_iter().map(|i| REACH * gaussians.scale(i).max()).collect(),
             nearest: Nearest::new(gaussians.positions.iter().copied()),
             towards: cameras.iter().filter_map(|c| (c.center_in_world() - grid.middle()).try_normalize(1e-9)).collect(),
         }
@@ -105,7 +108,8 @@ impl<'a> Painter<'a> {
 
     fn tile(&self, mesh: &Mesh, normals: &[Vector3<f64>], triangle: [u32; 3], tile: &Tile) -> Vec<([u32; 2], [u8; 3])> {
         let (corners, normals) = (mesh.corners(triangle), triangle.map(|v| normals[v as usize]));
-        let views = self.views(normals.iter().sum::<Vector3<f64>>().try_normalize(1e-9).unwrap_or(normals[0]));
+        let mut near =
+            self.near(&corners, normals.iter().sum::<Vector3<f64>>().try_normalize(1e-9).unwrap_or(normals[0]));
         let steps = f64::from(tile.steps);
         let mut pixels = Vec::new();
         // One row more than the triangle has, for viewers to blend with; of the row after that, which is nobody's, too.
@@ -119,7 +123,7 @@ impl<'a> Painter<'a> {
                 let normal: Vector3<f64> = (0..3).map(|k| normals[k] * share[k]).sum();
                 let normal = normal.try_normalize(1e-9).unwrap_or(normals[0]);
                 if x + y < tile.steps + 2 || !tile.second {
-                    pixels.push((tile.pixel([x, y]), self.color(at.into(), normal, &views)));
+                    pixels.push((tile.pixel([x, y]), near.color(at.into(), normal)));
                 }
             }
         }
@@ -132,29 +136,36 @@ impl<'a> Painter<'a> {
         mesh.vertices
             .par_iter()
             .zip(&normals)
-            .map(|(at, normal)| self.color(*at, *normal, &self.views(*normal)))
+            .map(|(at, normal)| self.near(&[*at], *normal).color(*at, *normal))
             .collect()
     }
 
-    /// The colour at a place on a surface, sRGB.
-    fn color(&self, at: Point3<f64>, normal: Vector3<f64>, views: &[[f32; 3]]) -> [u8; 3] {
-        let mut met: Vec<(f64, f64, u32)> = self.around(at).iter().filter_map(|&i| self.meet(i, at, normal)).collect();
-        met.sort_by(|a, b| b.0.total_cmp(&a.0).then(a.2.cmp(&b.2)));
-        let (mut color, mut left) = ([0.0; 3], 1.0);
-        for (_, alpha, i) in met {
-            let own = self.seen(i, views);
-            (0..3).for_each(|c| color[c] += left * alpha * own[c]);
-            left *= 1.0 - alpha;
-            if left < 1e-3 {
-                break;
+    /// The Gaussians of which some may be met on a line along a normal near `facing` through a place between `corners`.
+    fn near(&self, corners: &[Point3<f64>], facing: Vector3<f64>) -> Near<'_> {
+        let (low, high) = corners.iter().fold((corners[0], corners[0]), |(low, high), p| (low.inf(p), high.sup(p)));
+        let middle = nalgebra::center(&low, &high);
+        let extent = 0.5 * (high - low).norm() + self.depth;
+        let half = Vector3::repeat(0.5 * self.grid.cell);
+        let mut members = Vec::new();
+        if let Some([xs, ys, zs]) = self.grid.cells_between(low - half, high + half) {
+            for z in zs[0]..=zs[1] {
+                for y in ys[0]..=ys[1] {
+                    (xs[0]..=xs[1]).for_each(|x| members.extend(self.members_of(self.grid.index([x, y, z]))));
+                }
             }
         }
-        if 1.0 - left < LEAST_OPACITY {
-            let (_, i) = self.nearest.find(at.map(|c| c as f32).into(), 1)[0];
-            color = self.seen(i, views);
-            left = 0.0;
-        }
-        color.map(|c| (c / (1.0 - left) * 255.0).round().clamp(0.0, 255.0) as u8)
+        members.sort_unstable();
+        members.dedup();
+        let in_reach = |i: &u32| {
+            let i = *i as usize;
+            (self.gaussians.center(i) - middle).norm() <= extent + self.radius[i]
+        };
+        members.retain(in_reach);
+        Near { painter: self, views: self.views(facing), colors: vec![None; members.len()], members, met: Vec::new() }
+    }
+
+    fn members_of(&self, cell: usize) -> &[u32] {
+        &self.members[self.starts[cell] as usize..self.starts[cell + 1] as usize]
     }
 
     /// Directions of sight of the cameras that face a surface best; along its normal if there are no cameras.
@@ -179,17 +190,10 @@ impl<'a> Painter<'a> {
         sum
     }
 
-    fn around(&self, at: Point3<f64>) -> &[u32] {
-        match self.grid.cell_at(at) {
-            Some(cell) => &self.members[self.starts[cell] as usize..self.starts[cell + 1] as usize],
-            None => &[],
-        }
-    }
-
     /// How far outward on the line along `normal` through `at` Gaussian `i` is densest, and its opacity there.
-    fn meet(&self, i: u32, at: Point3<f64>, normal: Vector3<f64>) -> Option<(f64, f64, u32)> {
-        let offset = at - self.gaussians.center(i as usize);
-        let precision = &self.precision[i as usize];
+    fn meet(&self, i: usize, at: Point3<f64>, normal: Vector3<f64>) -> Option<(f64, f64)> {
+        let offset = at - self.gaussians.center(i);
+        let precision = &self.precision[i];
         let across = precision * normal;
         let along = across.dot(&normal);
         if along <= 0.0 {
@@ -200,7 +204,45 @@ impl<'a> Painter<'a> {
         if place.abs() > self.depth || distance2 > REACH * REACH {
             return None;
         }
-        let alpha = self.gaussians.opacity(i as usize) * (-0.5 * distance2).exp();
-        (alpha > 1.0 / 255.0).then_some((place, alpha.min(0.99), i))
+        let alpha = self.gaussians.opacity(i) * (-0.5 * distance2).exp();
+        (alpha > 1.0 / 255.0).then_some((place, alpha.min(0.99)))
+    }
+}
+
+/// The Gaussians near a triangle or a vertex, each with the colour that it shows once that is known.
+struct Near<'a> {
+    painter: &'a Painter<'a>,
+    /// Directions of sight.
+    views: Vec<[f32; 3]>,
+    members: Vec<u32>,
+    colors: Vec<Option<[f64; 3]>>,
+    /// Of one place: distance outward, opacity, index in `members`.
+    met: Vec<(f64, f64, usize)>,
+}
+
+impl Near<'_> {
+    /// The colour at a place on a surface, sRGB.
+    fn color(&mut self, at: Point3<f64>, normal: Vector3<f64>) -> [u8; 3] {
+        let Self { painter, views, members, colors, met } = self;
+        met.clear();
+        for (n, &i) in members.iter().enumerate() {
+            met.extend(painter.meet(i as usize, at, normal).map(|(place, alpha)| (place, alpha, n)));
+        }
+        met.sort_unstable_by(|a, b| b.0.total_cmp(&a.0).then(a.2.cmp(&b.2)));
+        let (mut color, mut left) = ([0.0; 3], 1.0);
+        for &(_, alpha, n) in met.iter() {
+            let own = *colors[n].get_or_insert_with(|| painter.seen(members[n], views));
+            (0..3).for_each(|c| color[c] += left * alpha * own[c]);
+            left *= 1.0 - alpha;
+            if left < 1e-3 {
+                break;
+            }
+        }
+        if 1.0 - left < LEAST_OPACITY {
+            let (_, i) = painter.nearest.find(at.map(|c| c as f32).into(), 1)[0];
+            color = painter.seen(i, views);
+            left = 0.0;
+        }
+        color.map(|c| (c / (1.0 - left) * 255.0).round().clamp(0.0, 255.0) as u8)
     }
 }

@@ -25,16 +25,15 @@ impl Hull {
         (hull.volume() > 0.0).then_some(hull)
     }
 
-    /// The hull of points with at most [`VERTICES`] vertices: of the hull's own, those that lie farthest outside the
-    /// hull of the ones already taken.
-    pub fn simple(points: &[Point3<f64>], error: f64) -> Option<Self> {
-        let whole = Self::of(points)?;
+    /// A hull of at most [`VERTICES`] of its vertices: those that lie farthest outside the hull of the ones already
+    /// taken, until none does by more than `error`.
+    pub fn simple(&self, error: f64) -> Option<Self> {
         let mut taken: Vec<Point3<f64>> = Vec::new();
         for x in -1..=1 {
             for y in -1..=1 {
                 for z in -1..=1 {
                     let direction = Vector3::new(f64::from(x), f64::from(y), f64::from(z));
-                    let far = whole
+                    let far = self
                         .vertices
                         .iter()
                         .max_by(|a, b| a.coords.dot(&direction).total_cmp(&b.coords.dot(&direction)))?;
@@ -48,7 +47,7 @@ impl Hull {
             let hull = Self::of(&taken)?;
             let planes = hull.planes();
             let beyond = |p: &Point3<f64>| planes.iter().map(|(n, d)| n.dot(&p.coords) - d).fold(0.0, f64::max);
-            let (far, distance) = whole.vertices.iter().map(|p| (p, beyond(p))).max_by(|a, b| a.1.total_cmp(&b.1))?;
+            let (far, distance) = self.vertices.iter().map(|p| (p, beyond(p))).max_by(|a, b| a.1.total_cmp(&b.1))?;
             if distance <= error || taken.len() >= VERTICES || taken.contains(far) {
                 return Some(hull);
             }

@@ -9,7 +9,7 @@ mod atlas;
 mod bake;
 mod clearance;
 mod hull;
-pub mod pieces;
+mod pieces;
 mod simplify;
 mod solid;
 mod surface;
@@ -18,10 +18,11 @@ use nalgebra::{Point3, Vector3};
 use rayon::prelude::*;
 
 use super::Model;
+use crate::parts::Interior;
 use crate::scene::gaussians::Gaussians;
 pub use bake::Painter;
 pub use pieces::Piece;
-pub use solid::Solid;
+use solid::Solid;
 
 /// Triangles of a visual mesh: enough for a household object to look round, and few enough to read.
 const TRIANGLES: usize = 12_000;
@@ -84,19 +85,34 @@ pub struct Skin {
     pub picture: image::RgbImage,
 }
 
+/// The object's cells and their convex pieces.
+pub struct Shape {
+    solid: Solid,
+    meters_per_unit: f64,
+    pub pieces: Vec<Piece>,
+}
+
+impl Shape {
+    pub fn of(interior: &Interior, meters_per_unit: f64) -> Self {
+        let solid = Solid::of(interior);
+        let pieces = pieces::pieces(&solid, meters_per_unit);
+        Self { solid, meters_per_unit, pieces }
+    }
+}
+
 /// The outer surface of the whole object with the splat's colours.
-pub fn skin(model: &Model, solid: &Solid, meters_per_unit: f64) -> Skin {
+pub fn skin(model: &Model, Shape { solid, meters_per_unit, .. }: &Shape) -> Skin {
     let painter = Painter::new(model.gaussians, model.cameras, &solid.grid);
     let mesh = simplify::simplified(surface::of(&solid.grid, &solid.mask(None)), TRIANGLES, 0.5 * solid.grid.cell);
     let (layout, size) = atlas::layout(&mesh);
     let picture = painter.picture(&mesh, &layout, size);
     let uv = layout.iter().map(|tile| tile.uv(size)).collect();
     let part = mesh.triangles.iter().map(|t| solid.part_at(&mesh.corners(*t))).collect();
-    Skin { mesh: mesh.scaled(meters_per_unit), part, uv, picture }
+    Skin { mesh: mesh.scaled(*meters_per_unit), part, uv, picture }
 }
 
 /// The surface of each part with a colour for every vertex: part, mesh in metres, sRGB.
-pub fn part_meshes(model: &Model, solid: &Solid, meters_per_unit: f64) -> Vec<(u32, Mesh, Vec<[u8; 3]>)> {
+pub fn part_meshes(model: &Model, Shape { solid, meters_per_unit, .. }: &Shape) -> Vec<(u32, Mesh, Vec<[u8; 3]>)> {
     let painter = Painter::new(model.gaussians, model.cameras, &solid.grid);
     let parts = solid.parts();
     let cells = |part: u32| solid.part.iter().filter(|owner| **owner == part).count();
@@ -108,7 +124,7 @@ pub fn part_meshes(model: &Model, solid: &Solid, meters_per_unit: f64) -> Vec<(u
         let mesh = surface::of(&solid.grid, &solid.mask(Some(part)));
         let mesh = simplify::simplified(mesh, triangles, 0.5 * solid.grid.cell);
         let colors = painter.vertex_colors(&mesh);
-        (part, mesh.scaled(meters_per_unit), colors)
+        (part, mesh.scaled(*meters_per_unit), colors)
     });
     meshed.collect()
 }

@@ -26,6 +26,8 @@ const CUTS: usize = 8;
 const BALANCE: f64 = 0.02;
 /// Points that stand for a body while cuts are compared.
 const SAMPLES: usize = 200;
+/// Points that are outside a face by less, in cells, lie in it.
+const FLAT: f64 = 1e-3;
 /// Bodies with a smaller share of their part's cells are crumbs, which are left out.
 const CRUMB: f64 = 5e-4;
 
@@ -126,7 +128,7 @@ impl<'a> Decomposition<'a> {
         }
         self.join();
         let error = 0.25 * self.grid.cell;
-        self.bodies.iter().filter_map(|body| Hull::simple(&body.border, error)).collect()
+        self.bodies.iter().filter_map(|body| body.hull.simple(error)).collect()
     }
 
     fn center(&self, cell: u32) -> Point3<f64> {
@@ -166,7 +168,7 @@ impl<'a> Decomposition<'a> {
     }
 
     fn body(&self, cells: Vec<u32>, border: Vec<Point3<f64>>) -> Option<Body> {
-        let hull = hull_of_many(&border)?;
+        let hull = hull_of_many(&border, FLAT * self.grid.cell)?;
         let lie = self.clearance.lie(&hull);
         Some(Body { cells, border, hull, lie })
     }
@@ -285,14 +287,15 @@ fn directions(points: &[Point3<f64>]) -> Vec<Vector3<f64>> {
     directions
 }
 
-/// The hull of many points: those within the hull of a sample are left out before the others' is computed.
-fn hull_of_many(points: &[Point3<f64>]) -> Option<Hull> {
+/// The hull of many points: those within the hull of a sample, or outside it by less than `error`, are left out before
+/// the others' is computed.
+fn hull_of_many(points: &[Point3<f64>], error: f64) -> Option<Hull> {
     if points.len() <= SAMPLES {
         return Hull::of(points);
     }
     let sample: Vec<Point3<f64>> = points.iter().step_by(points.len().div_ceil(SAMPLES)).copied().collect();
     let Some(inner) = Hull::of(&sample) else { return Hull::of(points) };
     let planes = inner.planes();
-    let outside = points.iter().filter(|p| planes.iter().any(|(normal, d)| normal.dot(&p.coords) > *d));
+    let outside = points.iter().filter(|p| planes.iter().any(|(normal, d)| normal.dot(&p.coords) > d + error));
     Hull::of(&outside.chain(&inner.vertices).copied().collect::<Vec<_>>())
 }
