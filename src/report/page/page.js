@@ -242,7 +242,9 @@
     // --- Rotation, automatic and by hand.
     const spin = byId("spin");
     const setSpin = (on) => { controls.autoRotate = on; spin.setAttribute("aria-pressed", String(on)); stale = true; };
-    setSpin(!matchMedia("(prefers-reduced-motion: reduce)").matches);
+    const reduced = matchMedia("(prefers-reduced-motion: reduce)");
+    reduced.addEventListener("change", () => setSpin(!reduced.matches));
+    setSpin(!reduced.matches);
     controls.autoRotateSpeed = 1.5;
     controls.addEventListener("change", () => { stale = true; });
     controls.addEventListener("start", () => setSpin(false));
