@@ -5,7 +5,7 @@ use std::fs;
 use gprop::materials::MaterialLibrary;
 use gprop::query::Prompts;
 use gprop::query::exchange;
-use serde_json::Value;
+use serde_json::{Value, json};
 
 use super::exchange::export;
 use super::{a, prepare, recordings, small, two_segments};
@@ -124,14 +124,14 @@ fn a_mug_is_answered_with_the_keyboard_in_two_minutes() {
 }
 
 #[test]
-fn the_form_asks_for_a_walls_thickness_only_for_a_shell_and_keeps_what_was_typed() {
+fn the_form_asks_what_belongs_to_a_shell_and_keeps_what_was_typed() {
     let home = tempfile::tempdir().unwrap();
     let out = home.path().join("out");
     let (prompts, options) = (Prompts::builtin(), small());
     let queries = prepare(&[two_segments("000", 80, 80)], &prompts, &options);
     export(&out, &queries, &recordings(&home.path().join("recorded")));
     let url = format!("file://{}", out.join("form.html").display());
-    let test = "the_form_asks_for_a_walls_thickness_only_for_a_shell_and_keeps_what_was_typed";
+    let test = "the_form_asks_what_belongs_to_a_shell_and_keeps_what_was_typed";
     let Some(page) = Page::open(test, &url, "#fields input") else { return };
     let wall = "document.querySelector('[data-name=wall_thickness_mm]').checkVisibility()";
     let choose = |name: &str, number: usize| {
@@ -148,7 +148,26 @@ fn the_form_asks_for_a_walls_thickness_only_for_a_shell_and_keeps_what_was_typed
     page.type_keys("2");
     page.enter();
     page.type_keys("4");
+    let is_asked = |name: &str| page.evaluate(&format!("document.querySelector('[data-name={name}]').checkVisibility()"));
+    assert_eq!((is_asked("inside"), is_asked("filling")), (true.into(), false.into()));
+    choose("inside", 1);
+    assert_eq!((is_asked("filling"), is_asked("bulk_reason")), (true.into(), false.into()));
+    let fill_in = |name: &str, text: &str| {
+        page.evaluate(&format!(
+            "for (const input of document.querySelectorAll('[data-name={name}] input')) {{
+                 input.value = {text:?};
+                 input.dispatchEvent(new Event('input'));
+             }}"
+        ));
+    };
+    fill_in("fill_share", "0.9");
+    fill_in("filling", "moon dust");
+    assert_eq!(page.text("#state"), "0 of 2 answered", "a filling has a name of the library");
+    let filling = &MaterialLibrary::builtin().fillings()[0].name;
+    fill_in("filling", filling);
     assert_eq!(page.text("#state"), "1 of 2 answered");
+    let saved: Value = serde_json::from_str(page.evaluate("lines()[0]").as_str().unwrap()).unwrap();
+    assert_eq!((&saved["answer"]["filling"], &saved["answer"]["bulk_reason"]), (&json!(filling), &Value::Null));
     page.tab.reload(false, None).unwrap();
     page.tab.wait_for_element("#fields input").unwrap();
     assert_eq!(page.text("#state"), "1 of 2 answered", "what was typed is kept in the browser");

@@ -21,8 +21,11 @@ const options = (property) => (types(property).includes("boolean") ? [false, tru
 const label = (name) => name.replaceAll("_", " ");
 const wordFor = (option) => (option === false ? "no" : option === true ? "yes" : String(option));
 
-/* A field that may be null in general, but not in this answer: the import refuses a shell whose wall has no thickness. */
-const needed = { wall_thickness_mm: (answer) => answer.form === "shell" };
+/* Fields that belong to some answers only: there they are needed, elsewhere they are hidden and saved as null. */
+const isShell = ({ form }) => form === "shell", isMixed = ({ form }) => form === "mixed", isFilled = (answer) => isShell(answer) && answer.inside === "filled";
+const needed = {
+  wall_thickness_mm: isShell, inside: isShell, filling: isFilled, fill_share: isFilled, bulk_density_kg_m3: isMixed, bulk_reason: isMixed,
+};
 
 /* The end of the prompt lists the materials of each family, one family per line: "wood: ash, white; beech; ...". */
 const known = new Map(materials.map((material) => [material.fields.material, material]));
@@ -108,6 +111,14 @@ function optionsControl(name, property, value, changed) {
   return group;
 }
 
+/* Offers the names of the library's fillings; anything else is no answer. */
+function fillingControl(value, changed) {
+  const input = make("input", { type: "text", value: value ?? "", placeholder: "water, sugar, foam ..." });
+  input.setAttribute("list", "fillings");
+  input.addEventListener("input", () => changed(fillings.includes(input.value.trim()) ? input.value.trim() : undefined));
+  return input;
+}
+
 function materialControl(query, value) {
   const input = make("input", { type: "text", value: value ?? "", placeholder: "steel, oak, cork ..." });
   const list = make("ul", { role: "listbox", hidden: true, id: "materials" });
@@ -161,6 +172,7 @@ function field(query, name) {
     }
   };
   const control = name === "material" ? materialControl(query, value)
+    : name === "filling" ? fillingControl(value, changed)
     : options(property).length ? optionsControl(name, property, value, changed)
     : isRange(property) ? rangeControl(value, changed)
     : textControl(property, value, changed);
@@ -240,7 +252,8 @@ function next() {
 
 function complete(query) {
   if (lacking(query).length) return null;
-  return Object.fromEntries(Object.keys(schemaOf(query).properties).map((name) => [name, answerTo(query)[name] ?? null]));
+  const answer = answerTo(query), kept = (name) => (needed[name]?.(answer) ?? true ? answer[name] : null);
+  return Object.fromEntries(Object.keys(schemaOf(query).properties).map((name) => [name, kept(name) ?? null]));
 }
 
 function lines() {

@@ -34,10 +34,11 @@ pub struct FormMaterial<'a> {
     pub fields: Filled<'a>,
 }
 
-/// The page. What it embeds is escaped by the template engine's `tojson`, so that no text can end the script.
-pub fn page(queries: &[FormQuery], texts: &[FormText], materials: &[FormMaterial]) -> String {
+/// The page, with the names of fillings to choose from. What it embeds is escaped by the template engine, so that no text
+/// can end the script or an element.
+pub fn page(queries: &[FormQuery], texts: &[FormText], materials: &[FormMaterial], fillings: &[&str]) -> String {
     let (style, script) = (include_str!("form.css"), include_str!("form.js"));
     Environment::new()
-        .render_str(include_str!("form.html.j2"), context! { queries, texts, materials, style, script })
+        .render_str(include_str!("form.html.j2"), context! { queries, texts, materials, fillings, style, script })
         .expect("a test renders the page with every value that it names")
 }

@@ -177,7 +177,8 @@ fn page(
     let materials = library.materials().iter();
     let materials: Vec<_> =
         materials.map(|material| FormMaterial { aliases: &material.aliases, fields: material.into() }).collect();
-    form::page(&queries, &texts, &materials)
+    let fillings: Vec<&str> = library.fillings().iter().map(|filling| filling.name.as_str()).collect();
+    form::page(&queries, &texts, &materials, &fillings)
 }
 
 /// A question's files in the folder, and its index among the questions.
