@@ -57,7 +57,7 @@ pub fn with_help(program: clap::Command) -> clap::Command {
         };
         command.mut_args(shorten).mut_subcommands(|nested| nested.mut_args(shorten))
     });
-    let help = Arg::new("help").short('h').long("help").help("Print the options that this command needs most");
+    let help = Arg::new("help").short('h').long("help").help("Print this command's most common options");
     let help_all = Arg::new("help-all").long("help-all").help("Print every option, with the meaning of its values");
     shortened.disable_help_flag(true).disable_help_subcommand(true).args([
         help.action(ArgAction::HelpShort).global(true).display_order(904),

@@ -87,10 +87,12 @@ impl Segment {
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Default, Serialize, Deserialize, clap::ValueEnum)]
 #[serde(rename_all = "snake_case")]
 pub enum Level {
+    /// The smallest mask: often only a detail of a part.
     Small,
     /// The paper's choice: neither details nor the whole object.
     #[default]
     Middle,
+    /// The largest mask: often the whole object.
     Large,
 }
 
