@@ -59,7 +59,7 @@ pub enum Command {
     /// Cut the chosen views of a scene, or a single picture, into segments with SAM.
     #[command(after_help = "SCENE may also be a single picture: its alpha, if it has any, marks the object.")]
     Segment(SceneArgs),
-    /// Get the material of each part from recorded answers or a model; or export queries and import answers.
+    /// Get the material of each part from recorded answers or a model; or export questions and import answers.
     Query(QueryArgs),
     /// Give every Gaussian a material by a vote of the views.
     Vote(SceneArgs),
@@ -251,7 +251,7 @@ pub struct BatchArgs {
     /// Run nothing; write the summary of all shards, which must have been run with the same choice of scenes.
     #[arg(long, conflicts_with_all = ["dry_run", "queries"])]
     pub merge: bool,
-    /// Send the open queries of all scenes through OpenAI's Batch API (half the price, within a day), or collect the
+    /// Send the open questions of all scenes through OpenAI's Batch API (half the price, within a day), or collect the
     /// answers.
     #[arg(long, value_name = "STEP", conflicts_with = "dry_run")]
     pub queries: Option<batch::QuestionStep>,
@@ -292,13 +292,13 @@ pub enum Compat {
                         is drawn."
 )]
 pub struct QueryArgs {
-    /// Write the open queries (sheets, prompt, schema, a form to fill in) into this folder, to answer them elsewhere.
+    /// Write the open questions (sheets, prompt, schema, a form to fill in) into this folder, to answer them elsewhere.
     #[arg(long, value_name = "DIR", group = "action")]
     pub export: Option<PathBuf>,
     /// Read answers from this folder, check them and record them.
     #[arg(long, value_name = "DIR", group = "action", value_parser = values::folder())]
     pub import: Option<PathBuf>,
-    /// Send the open queries through OpenAI's Batch API (half the price, within a day), or collect the answers.
+    /// Send the open questions through OpenAI's Batch API (half the price, within a day), or collect the answers.
     #[arg(long, value_name = "STEP", group = "action")]
     pub batch_api: Option<BatchApiStep>,
     /// Delete the scene's recordings that are not used with these options.
@@ -314,7 +314,7 @@ pub struct QueryArgs {
 /// The two halves of a submission through the Batch API.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, clap::ValueEnum)]
 pub enum BatchApiStep {
-    /// Send the open queries.
+    /// Send the open questions.
     Submit,
     /// Fetch the answers and record them.
     Collect,

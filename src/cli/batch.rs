@@ -11,6 +11,7 @@ use crate::progress::{self, Progress};
 use crate::query::AnswerSource;
 use crate::query::client;
 
+use super::found::counted;
 use super::{BatchArgs, Global, options_of, print, print_text};
 
 /// A scene in the output of a dry run.
@@ -127,13 +128,13 @@ fn questions(global: &Global, step: QuestionStep, batch: &Batch, questions: &Que
         QuestionStep::Submit => {
             let (sent, failures) = questions.submit()?;
             print(global, &sent, || {
-                format!("{} queries sent, {} from earlier submissions waiting", sent.sent, sent.waiting)
+                format!("{} sent, {} from earlier submissions waiting", counted(sent.sent, "question"), sent.waiting)
             })?;
             failures
         }
         QuestionStep::Collect => {
             let (collected, failures) = questions.collect()?;
-            print(global, &collected, || format!("{} answers recorded", collected.recorded))?;
+            print(global, &collected, || format!("{} recorded", counted(collected.recorded, "answer")))?;
             if failures.is_empty() {
                 collected.require_all()?;
             }

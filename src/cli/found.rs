@@ -151,6 +151,7 @@ fn grasp(report: &GraspReport) -> String {
     text
 }
 
-fn counted(number: usize, what: &str) -> String {
+/// A number with its noun.
+pub(super) fn counted(number: usize, what: &str) -> String {
     format!("{} {what}{}", thousands(number as u64), if number == 1 { "" } else { "s" })
 }

@@ -31,7 +31,7 @@ const OF_A_FILM: &[&str] = &["turntable", "size", "fps"];
 fn own_headings(command: &str) -> &'static [&'static str] {
     match command {
         "segment" => &["Segmentation", SETUP],
-        "query" => &["Parts", "Queries", "Materials"],
+        "query" => &["Parts", "Questions", "Materials"],
         "vote" => &["Vote"],
         "parts" => &["Parts and mass"],
         "simulate" => &["Simulation"],

@@ -1,4 +1,4 @@
-//! The user's options for the queries.
+//! The user's options for the questions.
 
 use std::path::PathBuf;
 
@@ -63,10 +63,10 @@ pub enum Guidance {
     FamilyFirst,
 }
 
-/// Options of the queries to the large multimodal model.
+/// Options of the questions to the large multimodal model.
 #[derive(Debug, Clone, Args, Serialize, Deserialize)]
 #[serde(default)]
-#[command(next_help_heading = "Queries")]
+#[command(next_help_heading = "Questions")]
 pub struct Options {
     /// Where answers come from; nothing is sent without --lmm-url
     #[arg(long, value_enum, default_value_t)]

@@ -86,7 +86,8 @@ fn one_picture_is_enough() {
     let kept = query(&path, None, &["--prune"]).output().unwrap();
     assert!(said(&kept).contains(&format!("0 recordings removed, {segments} kept")), "{}", said(&kept));
     let pruned = query(&path, None, &["--prune", "--labels", "abo"]).output().unwrap();
-    assert!(said(&pruned).contains(&format!("{segments} recordings removed, 0 kept")), "{}", said(&pruned));
+    let recordings = if segments == 1 { "recording" } else { "recordings" };
+    assert!(said(&pruned).contains(&format!("{segments} {recordings} removed, 0 kept")), "{}", said(&pruned));
     assert_eq!(recorded(&work), 0);
 }
 
