@@ -61,8 +61,8 @@ fn announce(options: &pipeline::Options, scenes: usize) -> anyhow::Result<()> {
     let destination = client::destination(query)?.filter(|_| query.answers != AnswerSource::Replay);
     let Some(destination) = destination.filter(|_| options.setup.network().is_ok()) else { return Ok(()) };
     let budget = match query.max_usd {
-        Some(max_usd) => format!("at most {max_usd} USD by --max-usd"),
-        None => "no limit by --max-usd".to_owned(),
+        Some(max_usd) => format!("at most {max_usd} USD, as set by --max-usd"),
+        None => "no limit set by --max-usd".to_owned(),
     };
     let scenes = if scenes == 1 { "1 scene".to_owned() } else { format!("up to {scenes} scenes") };
     progress::notice(&format!(

@@ -73,7 +73,7 @@ fn if_metric<T>(found: Result<T, Error>) -> Result<Option<T>, Error> {
 }
 
 fn no_scale() -> String {
-    "no kilograms and newtons: the metric scale is unknown (see --scale)\n".to_owned()
+    "no kilograms or newtons: the metric scale is unknown (see --scale)\n".to_owned()
 }
 
 fn segments(found: &Segmentation) -> String {

@@ -81,7 +81,7 @@ pub fn show(of: &[String]) -> anyhow::Result<()> {
     let words = ["gprop"].into_iter().chain(of.iter().map(String::as_str)).chain(["--help"]);
     match command().try_get_matches_from(words) {
         Err(help) => refuse(help),
-        Ok(_) => Err(UsageError("there is no help about that; `gprop --help` lists the commands".to_owned()).into()),
+        Ok(_) => Err(UsageError("there is no help on that; `gprop --help` lists the commands".to_owned()).into()),
     }
 }
 

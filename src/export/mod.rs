@@ -96,7 +96,7 @@ pub enum ExportError {
     )]
     NoMass,
     #[error(
-        "the object's shape has no surface that could be closed: no part fills enough cells; raise --volume-cells, or see \
+        "the object's shape has no closed surface, because no part fills enough cells; raise --volume-cells, or see \
          the warnings of the parts stage"
     )]
     NoShape,

@@ -116,7 +116,7 @@ impl ViewSegments {
     /// A warning about the view for the user, if there is one.
     pub fn warning(&self) -> Option<String> {
         match self.segments.as_slice() {
-            [] => Some(format!("view {}: it has no foreground and so no segments", self.view)),
+            [] => Some(format!("view {} has no foreground and therefore no segments", self.view)),
             [only] if only.is_rest() => {
                 Some(format!("SAM found no segments in view {}; using the whole object as one segment", self.view))
             }

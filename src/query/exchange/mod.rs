@@ -225,7 +225,7 @@ pub fn import(
         let problem = |problem: String| ExchangeError::Manifest { path: path.clone(), problem };
         let manifest: Manifest = serde_json::from_str(&read(&path)?).map_err(|error| problem(error.to_string()))?;
         if manifest.format != FORMAT {
-            return Err(problem(format!("its format is {}, this gprop reads {FORMAT}", manifest.format)));
+            return Err(problem(format!("its format is {}, but this gprop reads {FORMAT}", manifest.format)));
         }
         manifest
     };
@@ -266,9 +266,7 @@ enum LineProblem {
     NoQuery(String),
     #[error("it does not say who answered: write the name after \"model\" in {MANIFEST}")]
     NoModel,
-    #[error(
-        "it was asked with other prompts, another library or other options than this run's; export the questions again"
-    )]
+    #[error("it was asked with prompts, a library or options that differ from this run's; export the questions again")]
     OtherQuestion,
     /// An explanation that lets the answer be corrected.
     #[error("{0}")]
