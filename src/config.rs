@@ -4,7 +4,7 @@
 //! Both files are turned into flags that are inserted before those on the command line, so every option has one
 //! definition, one default and one check, wherever it is set.
 //!
-//! A scene folder may come from anybody, so its file is treated as data and not as a program: each stage lists beside
+//! A scene folder may come from anyone, so its file is treated as data and not as a program: each stage lists beside
 //! its options the [keys that a scene may set](SceneKey), and any other key is refused. Paths are relative to the file
 //! that names them; those of a scene must stay inside its folder.
 
@@ -32,8 +32,8 @@ pub enum ConfigError {
     #[error("{path:?} line {line}: unknown key `{key}`; keys are the long flags of `gprop run --help-all`{hint}")]
     UnknownKey { path: PathBuf, line: usize, key: String, hint: String },
     #[error(
-        "{path:?} line {line}: a scene may not set `{key}`, because a scene folder is data and may come from anybody; if you want \
-         it, give --{flag} on the command line or write it into {USER_FILE} instead"
+        "{path:?} line {line}: a scene may not set `{key}`, because a scene folder is data and may come from anyone; \
+         if you want it, give --{flag} on the command line or write it into {USER_FILE} instead"
     )]
     NotForScenes { path: PathBuf, line: usize, key: String, flag: String },
     #[error(
@@ -41,7 +41,7 @@ pub enum ConfigError {
          relative to its folder; to use this one, give --{flag} on the command line instead"
     )]
     OutsideScene { path: PathBuf, line: usize, key: String, flag: String, leads_to: PathBuf },
-    #[error("{path:?} line {line}: `{key}` takes a text, a number, true, false or a list of these")]
+    #[error("{path:?} line {line}: `{key}` takes a string, a number, true, false or a list of these")]
     BadValue { path: PathBuf, line: usize, key: String },
 }
 

@@ -17,9 +17,9 @@ const ALIGNMENT: usize = 64;
 /// Why an array cannot be read.
 #[derive(Debug, Error)]
 pub enum NpyError {
-    #[error("it does not begin as NumPy's files do")]
+    #[error("it does not begin like a NumPy file")]
     Magic,
-    #[error("it has version {0}.{1} of NumPy's format, and gprop reads 1.0, 2.0 and 3.0; save it again")]
+    #[error("it has version {0}.{1} of NumPy's format, but gprop reads 1.0, 2.0 and 3.0; save it again")]
     Version(u8, u8),
     #[error("it ends within its header; copy or save it again")]
     HeaderEnd,
@@ -28,7 +28,7 @@ pub enum NpyError {
     #[error("it holds Python objects, not numbers; save numbers, with array.astype(...)")]
     Objects,
     #[error(
-        "it is cut off: an array {shape:?} of {kind} takes {expected} bytes, and {found} follow its header; copy or \
+        "it is cut off: an array {shape:?} of {kind} takes {expected} bytes, but {found} follow its header; copy or \
          save it again"
     )]
     CutOff { shape: Vec<u64>, kind: String, expected: String, found: usize },

@@ -84,7 +84,7 @@ pub fn missing(path: &Path, kind: &str, is_kind: impl Fn(&Path) -> bool) -> Opti
         Ok(true) if is_kind(path) => None,
         Ok(true) => Some(format!("this is a {}; give a {kind}", if path.is_dir() { "folder" } else { "file" })),
         Ok(false) => Some(format!("no such {kind}")),
-        Err(error) => Some(format!("cannot look there: {error}")),
+        Err(error) => Some(format!("cannot be checked: {error}")),
     }
 }
 

@@ -113,7 +113,7 @@ fn a_fixed_force_of_zero_is_called_an_artefact_of_the_profile() {
     };
     let object = GraspedObject::new("ball", &report, truth, &paper);
     let text = Evaluation::of_objects(vec![object]).text();
-    assert!(text.contains("MinGF 0.0 N") && text.contains("the rates of MinGF say nothing"), "{text}");
+    assert!(text.contains("MinGF 0.0 N") && text.contains("the rates of MinGF mean nothing"), "{text}");
 }
 
 #[test]

@@ -18,7 +18,7 @@ pub enum BatchError {
     NothingSelected { listed: usize },
     #[error("{given}: {problem}")]
     Shard { given: String, problem: String },
-    #[error("cannot find out how much memory is free; give the limit for the batch with --memory GB")]
+    #[error("cannot determine how much memory is free; set the limit for the batch with --memory GB")]
     UnknownMemory,
     #[error(
         "another gprop {holder} shard {shard} of {folder:?}; wait for it to end or choose another folder with --out"
@@ -34,7 +34,7 @@ pub enum BatchError {
         "{folder:?} has results of different numbers of shards: {divisions}; delete the files that are out of date"
     )]
     MixedShards { folder: PathBuf, divisions: String },
-    #[error("cannot start a scene's process: {0}")]
+    #[error("cannot start the process for a scene: {0}")]
     Start(std::io::Error),
     #[error(
         "is not among the scenes chosen by these options; collect with the same --split, --filter, --start, --end and \
@@ -50,7 +50,7 @@ pub enum BatchError {
 fn listed(failed: &[(String, String)], missing: &[String]) -> String {
     let first_line = |text: &str| one_line(text.lines().next().unwrap_or_default()).into_owned();
     let failed = failed.iter().map(|(name, why)| format!("\n  {}: {}", one_line(name), first_line(why)));
-    let unknown = "it has no result; its shard has not run to the end";
+    let unknown = "it has no result; its shard has not finished";
     let missing = missing.iter().map(|name| format!("\n  {}: {unknown}", one_line(name)));
     failed.chain(missing).collect()
 }

@@ -63,14 +63,17 @@ pub struct Options {
 fn jobs(text: &str) -> Result<NonZeroUsize, String> {
     let given = text.parse().ok().filter(|jobs| *jobs <= MOST_JOBS);
     given.ok_or_else(|| {
-        format!("give a number of scenes from 1 to {MOST_JOBS}, or leave it out for one for every four threads")
+        format!("give a number of scenes from 1 to {MOST_JOBS}, or omit it to run one scene per four threads")
     })
 }
 
 fn gigabytes(text: &str) -> Result<f64, String> {
     let given = text.parse().ok().filter(|gigabytes: &f64| *gigabytes > 0.0 && *gigabytes <= MOST_GB);
     given.ok_or_else(|| {
-        format!("give GB above 0, up to {MOST_GB}, such as 8 or 1.5, or leave it out for four fifths of what is free")
+        format!(
+            "give a number of GB above 0, up to {MOST_GB}, such as 8 or 1.5, or omit it to use four fifths of the free \
+             memory"
+        )
     })
 }
 

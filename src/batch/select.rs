@@ -81,7 +81,10 @@ fn of_split(scenes: Vec<Entry>, split: &str, warnings: &mut Vec<String>) -> Resu
         let known: BTreeSet<&str> = scenes.iter().map(|scene| scene.name.as_str()).collect();
         let absent: Vec<&&str> = names.difference(&known).collect();
         if let Some(first) = absent.first() {
-            warnings.push(format!("{} scenes of {split} have no folder (first: `{first}`); left out", absent.len()));
+            warnings.push(format!(
+                "{} scenes of {split} have no folder (first: `{first}`); they are left out",
+                absent.len()
+            ));
         }
         return Ok(scenes.iter().filter(|scene| names.contains(scene.name.as_str())).cloned().collect());
     }
@@ -90,7 +93,7 @@ fn of_split(scenes: Vec<Entry>, split: &str, warnings: &mut Vec<String>) -> Resu
         let known: Vec<&str> = known.into_iter().collect();
         return Err(refuse(match known.is_empty() {
             true => "the data set has no splits; give a text file with one scene name per line".to_owned(),
-            false => format!("is neither a file nor a split of the data set, which are {}", known.join(", ")),
+            false => format!("is neither a file nor a split of the data set; its splits are {}", known.join(", ")),
         }));
     }
     Ok(scenes.iter().filter(|scene| scene.split.as_deref() == Some(split)).cloned().collect())

@@ -31,7 +31,7 @@ impl Shard {
         let needed = |name: &str| {
             optional(name).ok_or_else(|| BatchError::Shard {
                 given: format!("{index} is set"),
-                problem: format!("{name} must be set to a number too; or give --shard I/N"),
+                problem: format!("{name} must also be set to a number; or give --shard I/N"),
             })
         };
         let (id, of) = (needed(index)?, needed(count)?);
@@ -43,7 +43,7 @@ impl Shard {
         let shard = id.checked_sub(first).and_then(|distance| Self::new(distance / step, of));
         shard.ok_or_else(|| BatchError::Shard {
             given: format!("{index}={id}"),
-            problem: format!("is not one of the {of} ({count}) tasks from {first} on; give --shard I/N"),
+            problem: format!("is not one of the {of} tasks ({count}) that start at {first}; give --shard I/N"),
         })
     }
 

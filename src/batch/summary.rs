@@ -105,7 +105,7 @@ impl Summary {
         let missing = missing.len();
         let skipped = if self.skipped > 0 { format!(", {} skipped", self.skipped) } else { String::new() };
         text + &format!(
-            "{scenes} scenes: {done} done, {failed} failed, {missing} unknown{skipped}; {seconds:.0} seconds in all"
+            "{scenes} scenes: {done} done, {failed} failed, {missing} unknown{skipped}; {seconds:.0} seconds in total"
         )
     }
 

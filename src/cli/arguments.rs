@@ -52,13 +52,14 @@ pub struct Global {
 pub enum Command {
     /// Run every stage in order, reusing the results of earlier runs.
     Run(RunArgs),
-    /// Run every stage as `gprop run` does, and show the report in the browser with --open.
+    /// Run every stage as `gprop run` does; with --open, open the report in the browser.
     Report(ReportArgs),
     /// Open the report of an earlier run, or the page of an earlier batch, in the browser.
     View(ViewArgs),
     /// Cut the chosen views of a scene, or a single picture, into segments with SAM.
+    #[command(after_help = "SCENE may also be a single picture: its alpha, if it has any, marks the object.")]
     Segment(SceneArgs),
-    /// Get the material of each part from recorded answers or a model; or export queries and import answers.
+    /// Get the material of each part from recorded answers or a model; or export questions and import answers.
     Query(QueryArgs),
     /// Give every Gaussian a material by a vote of the views.
     Vote(SceneArgs),
@@ -108,7 +109,7 @@ pub enum Command {
 
 #[derive(Debug, Args)]
 pub struct SceneArgs {
-    /// Folder with a 3DGS PLY, cameras and photos.
+    /// Folder with a splat, cameras and photos.
     pub scene: PathBuf,
     #[command(flatten)]
     pub work: WorkArgs,
@@ -132,7 +133,7 @@ pub struct WorkArgs {
 
 #[derive(Debug, Args)]
 pub struct ShowArgs {
-    /// Folder with a 3DGS PLY, cameras and photos; stages up to the vote that have not run yet are run first.
+    /// Folder with a splat, cameras and photos; stages up to the vote that have not run yet are run first.
     pub scene: PathBuf,
     /// File to write: a .png from one view, or a .gif or .mp4 (with ffmpeg) of the object on a turntable, with photo
     /// colours, parts, materials and Young's modulus side by side.
@@ -152,7 +153,7 @@ pub struct ShowArgs {
 pub struct GraspArgs {
     #[command(subcommand)]
     pub what: Option<Grasp>,
-    /// Folder with a 3DGS PLY, cameras and photos.
+    /// Folder with a splat, cameras and photos.
     #[arg(required = true)]
     pub scene: Option<PathBuf>,
     #[command(flatten)]
@@ -161,9 +162,9 @@ pub struct GraspArgs {
 
 #[derive(Debug, Subcommand)]
 pub enum Grasp {
-    /// Fit a gripper's command to repeated measurements: a polynomial of 5th order that must rise.
+    /// Fit a rising polynomial of 5th order to forces measured at a gripper's commands.
     Calibrate {
-        /// Measurements (CSV with the header command,force_n; any number at each command).
+        /// Measurements (CSV with the header command,force_n; any number of rows per command).
         points: PathBuf,
         /// The gripper that was measured: a built-in one or a TOML profile.
         #[arg(long, value_name = "NAME|FILE", default_value = "paper")]
@@ -179,7 +180,7 @@ pub enum Grasp {
 
 #[derive(Debug, Args)]
 pub struct ExportArgs {
-    /// Folder with a 3DGS PLY, cameras and photos; stages that have not run yet are run first.
+    /// Folder with a splat, cameras and photos; stages that have not run yet are run first.
     pub scene: PathBuf,
     /// Formats to write, separated by commas.
     #[arg(long, value_enum, value_delimiter = ',', required = true)]
@@ -195,13 +196,11 @@ pub struct ExportArgs {
 }
 
 #[derive(Debug, Args)]
-#[command(
-    after_help = "Options can also be set in files, one `name = value` per line, named like the flags: in SCENE/gprop.toml those \
-                        that concern only the scene, in ~/.config/gprop/config.toml all. The command line wins over the \
-                        scene's file, and that over yours."
-)]
+#[command(after_help = "Options can also be set in files, one `name = value` per line, named like the flags: \
+                        SCENE/gprop.toml takes those that concern only the scene, ~/.config/gprop/config.toml all. The \
+                        command line overrides the scene's file, which overrides yours.")]
 pub struct RunArgs {
-    /// Last stage to run; earlier stages are run as far as it needs them.
+    /// Last stage to run; the stages that it needs are run first.
     #[arg(long, value_name = "STAGE", default_value = "report")]
     pub to: Stage,
     /// Leave out the simulation and its film.
@@ -236,7 +235,7 @@ pub struct ViewArgs {
 pub struct BatchArgs {
     /// Folder with the scenes: ABO-500, MVImgNet, or any folder of scene folders.
     pub folder: PathBuf,
-    /// Last stage to run; earlier stages are run as far as it needs them.
+    /// Last stage to run; the stages that it needs are run first.
     #[arg(long, value_name = "STAGE", default_value = "report")]
     pub to: Stage,
     /// Run this stage and those after it again in every scene, even if an earlier run did them.
@@ -249,10 +248,10 @@ pub struct BatchArgs {
     /// List the scenes, their state and their expected memory, without running them.
     #[arg(long)]
     pub dry_run: bool,
-    /// Run nothing; write the summary of all shards, which must have had the same choice of scenes.
+    /// Run nothing; write the summary of all shards, which must have been run with the same choice of scenes.
     #[arg(long, conflicts_with_all = ["dry_run", "queries"])]
     pub merge: bool,
-    /// Send the open queries of all scenes through OpenAI's Batch API (half the price, within a day), or collect the
+    /// Send the open questions of all scenes through OpenAI's Batch API (half the price, within a day), or collect the
     /// answers.
     #[arg(long, value_name = "STEP", conflicts_with = "dry_run")]
     pub queries: Option<batch::QuestionStep>,
@@ -264,13 +263,13 @@ pub struct BatchArgs {
 
 #[derive(Debug, Args)]
 pub struct SimulateArgs {
-    /// Folder with a 3DGS PLY, cameras and photos.
+    /// Folder with a splat, cameras and photos.
     #[arg(required_unless_present = "list")]
     pub scene: Option<PathBuf>,
     /// List the scenarios with their parameters, without simulating.
     #[arg(long)]
     pub list: bool,
-    /// Run a configuration of this program exactly as that program does: units, laws, boundary conditions, defects.
+    /// Run a configuration of another program exactly as that program would: units, laws, boundary conditions, defects.
     #[arg(long, value_name = "PROGRAM", requires = "config")]
     pub compat: Option<Compat>,
     /// The configuration (PhysGaussian's JSON); SCENE may then be a PLY.
@@ -293,13 +292,13 @@ pub enum Compat {
                         is drawn."
 )]
 pub struct QueryArgs {
-    /// Write the open queries (sheets, prompt, schema, a form to fill in) into this folder, to answer them elsewhere.
+    /// Write the open questions (sheets, prompt, schema, a form to fill in) into this folder, to answer them elsewhere.
     #[arg(long, value_name = "DIR", group = "action")]
     pub export: Option<PathBuf>,
     /// Read answers from this folder, check them and record them.
     #[arg(long, value_name = "DIR", group = "action", value_parser = values::folder())]
     pub import: Option<PathBuf>,
-    /// Send the open queries through OpenAI's Batch API (half the price, within a day), or collect the answers.
+    /// Send the open questions through OpenAI's Batch API (half the price, within a day), or collect the answers.
     #[arg(long, value_name = "STEP", group = "action")]
     pub batch_api: Option<BatchApiStep>,
     /// Delete the scene's recordings that are not used with these options.
@@ -315,7 +314,7 @@ pub struct QueryArgs {
 /// The two halves of a submission through the Batch API.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, clap::ValueEnum)]
 pub enum BatchApiStep {
-    /// Send the open queries.
+    /// Send the open questions.
     Submit,
     /// Fetch the answers and record them.
     Collect,
@@ -375,7 +374,8 @@ pub enum Evaluate {
         #[command(flatten)]
         setup: setup::Options,
     },
-    /// Compare a run with a recorded trajectory of PhysGaussian's solver, or a filling with its filling.
+    /// Compare a run with a recorded trajectory of PhysGaussian's solver, or gprop's filling of the inside with
+    /// PhysGaussian's.
     Simulation {
         /// The recorded trajectory with its setting (NPZ).
         reference: PathBuf,
@@ -397,26 +397,26 @@ pub enum Evaluate {
         #[arg(long, value_name = "DIR")]
         out: Option<PathBuf>,
     },
-    /// Compare --point-prompts adaptive with --point-prompts grid in prompts, time and part IoU, on scenes with true
-    /// part maps.
+    /// Compare --point-prompts adaptive with --point-prompts grid in number of prompts, time and part IoU, on scenes
+    /// with true part maps.
     Prompts {
         #[command(flatten)]
         asked: TrueParts,
     },
     /// Find the parts of scenes with true part maps, and compare them with the true parts in views that were not
-    /// segmented; and the segments of each view by themselves.
+    /// segmented; do the same for the segments of each view by itself.
     Parts {
         #[command(flatten)]
         asked: TrueParts,
     },
-    /// Compute the IoU of labels if half of the segments are merged with a neighbour, a tenth of the answers is wrong, or
-    /// fewer views vote, on scenes with true part maps, which answer.
+    /// Compute the IoU of labels if half of the segments are merged with a neighbour, a tenth of the answers are wrong,
+    /// or fewer views vote, on scenes with true part maps; the true part maps give the answers.
     Robustness {
-        /// Scene folders with SCENE/ground_truth/part_maps/VIEW.png on which `gprop run` has done at least the vote: asked
-        /// about and voted on as the options of that run say.
+        /// Scene folders with SCENE/ground_truth/part_maps/VIEW.png on which `gprop run` has done at least the vote;
+        /// questions and votes follow the options of that run.
         #[arg(required = true)]
         scenes: Vec<PathBuf>,
-        /// Number of views that vote where fewer do.
+        /// Number of views that vote in the condition with fewer views.
         #[arg(long, value_name = "N", default_value_t = FEW_VIEWS, value_parser = from_to(NonZeroUsize::MIN, MOST_FEW_VIEWS))]
         few_views: NonZeroUsize,
         /// Work folder of the scene, for a single scene only [default: SCENE/gprop]
@@ -428,7 +428,8 @@ pub enum Evaluate {
         /// Scene folders with results of `gprop run` and with `ground_truth/parts.json`.
         #[arg(required_unless_present_any = ["predictions", "data_set"])]
         scenes: Vec<PathBuf>,
-        /// Work folder of a single scene [default: SCENE/gprop], or of a data set the folder that `gprop batch --out` wrote
+        /// Work folder of a single scene [default: SCENE/gprop], or, with --data-set, the folder that
+        /// `gprop batch --out` wrote
         #[arg(long, value_name = "DIR")]
         out: Option<PathBuf>,
         /// Folder of a data set that states weights (ABO-500), after `gprop batch`
@@ -437,11 +438,11 @@ pub enum Evaluate {
         /// Only the scenes of this split of the data set
         #[arg(long, value_name = "NAME", requires = "data_set")]
         split: Option<String>,
-        /// Predictions in NeRF2Physics' format: [low, high] in kilograms by id.
+        /// Predictions in NeRF2Physics' format: [low, high] in kilograms, keyed by id.
         #[arg(long, value_name = "FILE", requires = "truth", conflicts_with_all = ["scenes", "out", "data_set"])]
         #[arg(value_parser = values::file())]
         predictions: Option<PathBuf>,
-        /// True masses: kilograms by the part of an id before its first underscore.
+        /// True masses in kilograms, keyed by the id up to its first underscore.
         #[arg(long, value_name = "FILE", requires = "predictions", value_parser = values::file())]
         truth: Option<PathBuf>,
     },
@@ -465,7 +466,7 @@ pub enum Materials {
         #[command(flatten)]
         library: materials::Options,
     },
-    /// List the names of all materials, or of one family.
+    /// List the names of all materials, or of those in one family.
     List {
         /// Only this family.
         #[arg(long, value_name = "NAME")]

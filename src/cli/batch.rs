@@ -11,6 +11,7 @@ use crate::progress::{self, Progress};
 use crate::query::AnswerSource;
 use crate::query::client;
 
+use super::found::counted;
 use super::{BatchArgs, Global, options_of, print, print_text};
 
 /// A scene in the output of a dry run.
@@ -60,8 +61,8 @@ fn announce(options: &pipeline::Options, scenes: usize) -> anyhow::Result<()> {
     let destination = client::destination(query)?.filter(|_| query.answers != AnswerSource::Replay);
     let Some(destination) = destination.filter(|_| options.setup.network().is_ok()) else { return Ok(()) };
     let budget = match query.max_usd {
-        Some(max_usd) => format!("at most {max_usd} USD by --max-usd"),
-        None => "no limit by --max-usd".to_owned(),
+        Some(max_usd) => format!("at most {max_usd} USD, as set by --max-usd"),
+        None => "no limit set by --max-usd".to_owned(),
     };
     let scenes = if scenes == 1 { "1 scene".to_owned() } else { format!("up to {scenes} scenes") };
     progress::notice(&format!(
@@ -127,13 +128,13 @@ fn questions(global: &Global, step: QuestionStep, batch: &Batch, questions: &Que
         QuestionStep::Submit => {
             let (sent, failures) = questions.submit()?;
             print(global, &sent, || {
-                format!("{} queries sent, {} from earlier submissions waiting", sent.sent, sent.waiting)
+                format!("{} sent, {} from earlier submissions waiting", counted(sent.sent, "question"), sent.waiting)
             })?;
             failures
         }
         QuestionStep::Collect => {
             let (collected, failures) = questions.collect()?;
-            print(global, &collected, || format!("{} answers recorded", collected.recorded))?;
+            print(global, &collected, || format!("{} recorded", counted(collected.recorded, "answer")))?;
             if failures.is_empty() {
                 collected.require_all()?;
             }

@@ -73,7 +73,7 @@ fn if_metric<T>(found: Result<T, Error>) -> Result<Option<T>, Error> {
 }
 
 fn no_scale() -> String {
-    "no kilograms and newtons: the metric scale is unknown (see --scale)\n".to_owned()
+    "no kilograms or newtons: the metric scale is unknown (see --scale)\n".to_owned()
 }
 
 fn segments(found: &Segmentation) -> String {
@@ -151,6 +151,7 @@ fn grasp(report: &GraspReport) -> String {
     text
 }
 
-fn counted(number: usize, what: &str) -> String {
+/// A number with its noun.
+pub(super) fn counted(number: usize, what: &str) -> String {
     format!("{} {what}{}", thousands(number as u64), if number == 1 { "" } else { "s" })
 }

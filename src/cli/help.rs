@@ -31,7 +31,7 @@ const OF_A_FILM: &[&str] = &["turntable", "size", "fps"];
 fn own_headings(command: &str) -> &'static [&'static str] {
     match command {
         "segment" => &["Segmentation", SETUP],
-        "query" => &["Parts", "Queries", "Materials"],
+        "query" => &["Parts", "Questions", "Materials"],
         "vote" => &["Vote"],
         "parts" => &["Parts and mass"],
         "simulate" => &["Simulation"],
@@ -57,7 +57,7 @@ pub fn with_help(program: clap::Command) -> clap::Command {
         };
         command.mut_args(shorten).mut_subcommands(|nested| nested.mut_args(shorten))
     });
-    let help = Arg::new("help").short('h').long("help").help("Print the options that this command needs most");
+    let help = Arg::new("help").short('h').long("help").help("Print this command's most common options");
     let help_all = Arg::new("help-all").long("help-all").help("Print every option, with the meaning of its values");
     shortened.disable_help_flag(true).disable_help_subcommand(true).args([
         help.action(ArgAction::HelpShort).global(true).display_order(904),
@@ -81,7 +81,7 @@ pub fn show(of: &[String]) -> anyhow::Result<()> {
     let words = ["gprop"].into_iter().chain(of.iter().map(String::as_str)).chain(["--help"]);
     match command().try_get_matches_from(words) {
         Err(help) => refuse(help),
-        Ok(_) => Err(UsageError("there is no help about that; `gprop --help` lists the commands".to_owned()).into()),
+        Ok(_) => Err(UsageError("there is no help on that; `gprop --help` lists the commands".to_owned()).into()),
     }
 }
 

@@ -1,4 +1,4 @@
-//! `gprop query`: answers the queries of a scene or of one picture, exports them, or imports answers.
+//! `gprop query`: answers the questions of a scene or of one picture, exports them, or imports answers.
 
 use std::path::Path;
 
@@ -13,10 +13,11 @@ use crate::query::QueryError;
 use crate::workdir::Artifact;
 
 use super::arguments::BatchApiStep;
+use super::found::counted;
 use super::scene;
 use super::{Global, QueryArgs, print, shown};
 
-/// The actions on queries other than answering them.
+/// The actions on questions other than answering them.
 enum QueryAction<'a> {
     Export(&'a Path),
     Import(&'a Path),
@@ -59,7 +60,7 @@ fn of_picture(global: &Global, args: &QueryArgs) -> anyhow::Result<()> {
     let session = picture.query_session()?;
     if args.scene.work.dry_run {
         let preview = session.preview(&session.queries()?);
-        let text = format!("queries: {preview}");
+        let text = format!("questions: {preview}");
         return print(global, &DryPicture { queries: Some(preview) }, || text);
     }
     match action(args) {
@@ -89,24 +90,24 @@ fn run(global: &Global, session: &QuerySession, action: &QueryAction) -> anyhow:
         QueryAction::Export(folder) => {
             let queries = session.export(folder)?;
             print(global, &serde_json::json!({ "queries": queries }), || {
-                format!("{queries} queries in {}; its README.txt says how to answer them", shown(folder))
+                format!("{} in {}; its README.txt says how to answer", counted(queries, "question"), shown(folder))
             })
         }
         QueryAction::Import(folder) => import(global, session, folder),
         QueryAction::Prune => {
             let pruned = session.prune()?;
             let Pruned { kept, removed } = pruned;
-            print(global, &pruned, || format!("{removed} recordings removed, {kept} kept"))
+            print(global, &pruned, || format!("{} removed, {kept} kept", counted(removed, "recording")))
         }
         QueryAction::Submit => {
             let sent = session.submit()?;
             print(global, &sent, || {
-                format!("{} queries sent, {} from earlier submissions waiting", sent.sent, sent.waiting)
+                format!("{} sent, {} from earlier submissions waiting", counted(sent.sent, "question"), sent.waiting)
             })
         }
         QueryAction::Collect => {
             let collected = session.collect()?;
-            print(global, &collected, || format!("{} answers recorded", collected.recorded))?;
+            print(global, &collected, || format!("{} recorded", counted(collected.recorded, "answer")))?;
             Ok(collected.require_all()?)
         }
     }
@@ -115,7 +116,11 @@ fn run(global: &Global, session: &QuerySession, action: &QueryAction) -> anyhow:
 fn import(global: &Global, session: &QuerySession, folder: &Path) -> anyhow::Result<()> {
     let imported = session.import(folder)?;
     print(global, &imported, || {
-        format!("{} answers recorded, {} not answered", imported.recorded, imported.unanswered)
+        format!(
+            "{} recorded, {} not answered",
+            counted(imported.recorded, "answer"),
+            counted(imported.unanswered, "question")
+        )
     })?;
     if imported.bad.is_empty() {
         return Ok(());

@@ -144,10 +144,10 @@ fn dry_run(
             text += &format!("{:<9} {state}\n", stage.name.name());
         }
         match queries {
-            Some(plan) => text += &format!("queries: {plan}\n"),
+            Some(plan) => text += &format!("questions: {plan}\n"),
             None if to >= Stage::Query && !reusable.contains(&Stage::Consensus) => {
-                text +=
-                    "queries: counted once the parts are found, which sends nothing: gprop run SCENE --to consensus\n";
+                text += "questions: counted once the parts are found, which sends nothing: \
+                         gprop run SCENE --to consensus\n";
             }
             None => {}
         }

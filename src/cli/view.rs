@@ -39,8 +39,8 @@ fn page_of(folder: &Path) -> Result<PathBuf, UsageError> {
     let found = places.into_iter().find(|page| page.is_file());
     found.ok_or_else(|| {
         UsageError(format!(
-            "{folder:?} has no report yet; `gprop report {folder:?} --open` makes one, and `gprop inspect {folder:?} --html FILE` \
-             shows photos and splat side by side before that"
+            "{folder:?} has no report yet; `gprop report {folder:?} --open` makes one; without one, `gprop inspect \
+             {folder:?} --html FILE` shows photos and splat side by side"
         ))
     })
 }

@@ -14,7 +14,8 @@ pub enum EvaluateError {
     #[error("{path:?} line {line}: {message}")]
     Row { path: PathBuf, line: u64, message: String },
     #[error(
-        "{id:?} is predicted but the truth has no {key:?}; an id is looked up by what comes before its first underscore"
+        "there is a prediction for {id:?}, but the truth has no {key:?}; an id is looked up by the text before its \
+         first underscore"
     )]
     NoTruth { id: String, key: String },
     #[error("{what} of {id:?} is {value}: ratios and logarithms need numbers above 0")]
@@ -36,6 +37,6 @@ pub enum EvaluateError {
     NoPlace { path: PathBuf },
     #[error("no view of {scene:?} with a map in {path:?} shows where the fingers press")]
     Unseen { scene: String, path: PathBuf },
-    #[error("{path:?} names the label {name:?}, which is not a label, a material or a family{hint}")]
+    #[error("{path:?} names {name:?}, which is not a label, a material or a family{hint}")]
     Label { path: PathBuf, name: String, hint: String },
 }

@@ -74,7 +74,7 @@ fn names(folder: &Path) -> Result<BTreeMap<u16, String>, EvaluateError> {
     let text = files::read_to_string(&json).map_err(|source| EvaluateError::Read {
         path: json.clone(),
         source,
-        remedy: ": it names the values of the maps, as {\"1\": \"wood\"}; EISeg's autosave_label.txt serves too",
+        remedy: ": it names the values of the maps, as {\"1\": \"wood\"}; EISeg's autosave_label.txt works too",
     })?;
     let expected = "an object of names by pixel value, such as {\"1\": \"wood\"}";
     serde_json::from_str(&text).map_err(|source| EvaluateError::Json { path: json, expected, source })

@@ -56,7 +56,8 @@ pub enum MasksError {
     #[error("the reference is not a file of reference masks")]
     Json(#[from] serde_json::Error),
     #[error(
-        "the reference is of a picture of {expected:?} pixels, this one has {found:?}: give the picture it was made from"
+        "the reference was made from a picture of {expected:?} pixels, but this one has {found:?}: give the same \
+         picture"
     )]
     Size { expected: (u32, u32), found: (u32, u32) },
     #[error("mask {index} of list {list:?} has run lengths that do not add up to its size")]

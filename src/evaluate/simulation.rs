@@ -58,11 +58,11 @@ impl Comparison {
     pub fn rows(&self) -> [(&'static str, f64, f64); 6] {
         [
             ("centre of mass, m", self.com_max_m, 1e-5),
-            ("kinetic energy, of its maximum", self.ke_rel_max, 1e-3),
+            ("kinetic energy / its maximum", self.ke_rel_max, 1e-3),
             ("sampled positions, m", self.position_max_m, 1e-4),
-            ("mean |F-I|, of its maximum", self.fi_rel_max, 1e-3),
-            ("largest |F-I|, of its maximum", self.largest_fi_rel_max, 1e-3),
-            ("yield stress, of its maximum", self.yield_rel_max, 1e-3),
+            ("mean |F-I| / its maximum", self.fi_rel_max, 1e-3),
+            ("largest |F-I| / its maximum", self.largest_fi_rel_max, 1e-3),
+            ("yield stress / its maximum", self.yield_rel_max, 1e-3),
         ]
     }
 

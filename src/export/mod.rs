@@ -51,7 +51,7 @@ pub enum Format {
     Physgaussian,
     /// USD as text: rigid body, visual mesh, colliders, materials, Gaussians, places to grasp at
     Usda,
-    /// The same as one package
+    /// The same as `usda`, as one package
     Usdz,
     /// glTF: a mesh for each part with its properties; a second file with the convex pieces
     Glb,
@@ -96,7 +96,7 @@ pub enum ExportError {
     )]
     NoMass,
     #[error(
-        "the object's shape has no surface that could be closed: no part fills enough cells; raise --volume-cells, or see \
+        "the object's shape has no closed surface, because no part fills enough cells; raise --volume-cells, or see \
          the warnings of the parts stage"
     )]
     NoShape,

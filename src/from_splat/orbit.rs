@@ -48,7 +48,7 @@ pub fn render_views(scene: &mut Scene, count: usize, folder: &Path, may_write: b
                 }
                 if !may_write {
                     return Err(io::Error::other(format!(
-                        "{name}.png has to be rendered, and the folder may only be read"
+                        "{name}.png has to be rendered, but the folder is read-only"
                     )));
                 }
                 render_into(&image, &scene.gaussians, &camera)?

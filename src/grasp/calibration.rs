@@ -25,9 +25,15 @@ pub struct CalibrationPoint {
 /// Why measurements cannot be used as a calibration.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 pub enum CalibrationError {
-    #[error("measurement {index} is command {command}, force {force_n} N: give finite numbers, the force not negative")]
+    #[error(
+        "measurement {index} is command {command}, force {force_n} N: give finite numbers and a force that is not \
+         negative"
+    )]
     Value { index: usize, command: f64, force_n: f64 },
-    #[error("{found} different commands from {from} up are too few for a polynomial of order {ORDER}: measure at {} or more", ORDER + 1)]
+    #[error(
+        "{found} different commands of {from} or more are too few for a polynomial of order {ORDER}: measure at {} or \
+         more", ORDER + 1
+    )]
     TooFew { found: usize, from: f64 },
     #[error(
         "the measurements reach from command {low} to {high}, but the gripper obeys {from} to {full}: measure at both ends, \

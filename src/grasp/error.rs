@@ -29,7 +29,7 @@ pub enum GraspError {
     )]
     Property { part: String, what: &'static str, estimate: Estimate },
     #[error(
-        "part {part:?} {}, so it has no thickness to bear a grasp; choose another part with --part",
+        "part {part:?} {}, so it has no thickness and cannot be grasped; choose another part with --part",
         why.map_or_else(|| "has no surface that was seen".to_owned(), |why| why.to_string())
     )]
     NoThickness { part: String, why: Option<NoVolume> },

@@ -26,12 +26,12 @@ impl Infeasible {
                 "use a stronger gripper, or lift with two hands",
             ),
             Reason::TooStrong => (
-                format!("{name} presses with at least {least} N, but the part bears at most {f_max_n:.3} N"),
+                format!("{name} presses with at least {least} N, but the part withstands at most {f_max_n:.3} N"),
                 "use a gentler gripper or wider fingers, or grasp another part with --part",
             ),
             Reason::Damage | Reason::Turns => (
                 format!(
-                    "each finger must press with {f_min_n:.3} N or more, but the part bears at most {f_max_n:.3} N"
+                    "each finger must press with {f_min_n:.3} N or more, but the part withstands at most {f_max_n:.3} N"
                 ),
                 "use wider fingers, grasp another part with --part, or lift with two hands",
             ),

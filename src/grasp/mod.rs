@@ -49,7 +49,7 @@ use surface::Surface;
 #[cfg_attr(test, derive(schemars::JsonSchema))]
 #[serde(rename_all = "snake_case")]
 pub enum Limit {
-    /// Holding the object against slip takes more force than the part bears: F_min >= F_max.
+    /// Holding the object against slip takes more force than the part withstands: F_min >= F_max.
     Slip,
     /// Stress under the finger reaches the part's strength.
     Yield,
@@ -87,7 +87,7 @@ pub struct GraspReport {
     pub policy: Policy,
     /// The least force that holds the object, as the policy reads it.
     pub f_min_n: f64,
-    /// The greatest force that the part bears, as the policy reads it.
+    /// The greatest force that the part withstands, as the policy reads it.
     pub f_max_n: f64,
     /// The limit that sets `f_max_n`: yield or bending.
     pub f_max_limited_by: Limit,

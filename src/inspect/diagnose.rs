@@ -197,11 +197,15 @@ fn meaning(conversion: &Conversion) -> String {
     match conversion.reading {
         Reading::AsIs => {}
         Reading::Transposed | Reading::TransposedOpenGl => parts.push("the rotations are transposed".to_owned()),
-        Reading::Inverted => parts.push("the poses are inverted (world-to-camera for camera-to-world)".to_owned()),
+        Reading::Inverted => {
+            parts.push("the poses are inverted (world-to-camera instead of camera-to-world)".to_owned())
+        }
     }
     match conversion.camera_flip {
         [false, false, false] => {}
-        [false, true, true] => parts.push("the cameras' y and z axes are flipped (OpenGL for OpenCV)".to_owned()),
+        [false, true, true] => {
+            parts.push("the cameras' y and z axes are flipped (OpenGL instead of OpenCV)".to_owned())
+        }
         flipped => {
             let axes: Vec<&str> =
                 ["x", "y", "z"].into_iter().zip(flipped).filter(|(_, f)| *f).map(|(a, _)| a).collect();
@@ -210,10 +214,10 @@ fn meaning(conversion: &Conversion) -> String {
     }
     if conversion.world != SignedPermutation::IDENTITY {
         let done = if conversion.world.mirrors() { "mirrored" } else { "turned" };
-        parts.push(format!("the cameras' world is {done} against the splat's"));
+        parts.push(format!("the cameras' world is {done} relative to the splat's"));
     }
     if conversion.scale != 1.0 {
-        parts.push(format!("the cameras are {} times too near", conversion.scale));
+        parts.push(format!("the cameras are {} times too close", conversion.scale));
     }
     parts.join("; ")
 }

@@ -329,21 +329,21 @@ fn warnings(field: &MaterialField, floaters: usize, shapes: &[Shape], scale_unkn
     if !are_usual(floaters, field) {
         let all = field.part_label.len();
         warnings.push(format!(
-            "{floaters} of {all} Gaussians ({:.1} %) float off the object and count towards no volume; if they are a part of it, \
-             lower --min-body-share",
+            "{floaters} of {all} Gaussians ({:.1} %) float off the object and are not counted in any volume; if they \
+             belong to it, lower --min-body-share",
             100.0 * floaters as f64 / all as f64
         ));
     }
     for (shape, why) in without_volume(shapes).filter(|(shape, _)| !is_few(shape.gaussians, field)) {
         let (name, count) = (&field.labels[shape.id as usize].caption, shape.gaussians);
         warnings.push(format!(
-            "part {name:?} ({count} Gaussians) {why}: no volume, no mass; if it is a part of the object, see whether its pictures \
-             in the report show it"
+            "part {name:?} ({count} Gaussians) {why}, so it has no volume and no mass; if it belongs to the object, \
+             check whether its pictures in the report show it"
         ));
     }
     let shells = field.labels.iter().any(|l| matches!(l.form, Form::Shell { .. }));
     if scale_unknown && shells {
-        warnings.push("walls are known in metres only: without --scale, shells count as solid".to_owned());
+        warnings.push("wall thicknesses are known only in metres: without --scale, shells count as solid".to_owned());
     }
     warnings
 }
@@ -365,12 +365,14 @@ fn notes(
     let mut notes = Vec::new();
     if floaters > 0 && are_usual(floaters, field) {
         let count = field.part_label.len();
-        notes.push(format!("{floaters} of {count} Gaussians float off the object and count towards no volume"));
+        notes.push(format!("{floaters} of {count} Gaussians float off the object and are not counted in any volume"));
     }
     for (shape, why) in without_volume(shapes).filter(|(shape, _)| is_few(shape.gaussians, field)) {
         let (name, count) = (caption(shape.id), shape.gaussians);
-        notes
-            .push(format!("part {name:?} ({count} of {} Gaussians) {why}: no volume, no mass", field.part_label.len()));
+        notes.push(format!(
+            "part {name:?} ({count} of {} Gaussians) {why}, so it has no volume and no mass",
+            field.part_label.len()
+        ));
     }
     let volumes = || shapes.iter().filter_map(|shape| Some((shape.id, shape.volume?.mid)));
     let whole: f64 = volumes().map(|(_, volume)| volume).sum();
@@ -381,12 +383,12 @@ fn notes(
         ));
     }
     if composed.is_mirrored {
-        notes.push("the side that no view shows is taken to be like the opposite one".to_owned());
+        notes.push("the side that no view shows is assumed to be like the opposite one".to_owned());
     }
     let is_hollow = |l: usize| shapes[l].volume.is_some() && composed.cores[l].is_none();
     let unknown = field.labels.iter().filter(|label| label.inside == Some(Contents::Unknown));
     for label in unknown.filter(|label| is_hollow(label.id as usize)) {
-        notes.push(format!("what is inside {:?} is not known: it is weighed as empty", label.caption));
+        notes.push(format!("it is unknown what is inside {:?}: it is weighed as empty", label.caption));
     }
     for (shell, core) in composed.cores.iter().enumerate() {
         if let Some(core) = core {

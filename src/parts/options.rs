@@ -70,7 +70,7 @@ pub struct Options {
     /// Number of grid cells over the object's box, on which volumes are measured
     #[arg(long, value_name = "N", default_value_t = VOLUME_CELLS)]
     pub volume_cells: usize,
-    /// Maximum number of the scene's views that carve, spread evenly over their order
+    /// Maximum number of views used for carving, spread evenly over the scene's views
     #[arg(long, value_name = "N", default_value_t = CARVE_VIEWS)]
     pub carve_views: usize,
     /// For `--volume fill`, density above which a cell is skin: opacity times fall-off, summed over the Gaussians

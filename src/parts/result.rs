@@ -71,8 +71,8 @@ pub enum NoVolume {
 impl fmt::Display for NoVolume {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         f.write_str(match self {
-            Self::OwnsNoPlace => "owns no place on the surface",
-            Self::NoMaterial => "holds no material in the places that it owns",
+            Self::OwnsNoPlace => "has no surface of its own",
+            Self::NoMaterial => "has no material in the places that it owns",
         })
     }
 }
@@ -198,9 +198,10 @@ impl KnownMass {
         let density = reading / enclosed_m3;
         let steel = if density > STEEL_KG_M3 { ", heavier than solid steel" } else { "" };
         Some(format!(
-            "--known-mass {reading} kg cannot be: the answers allow {low:.3} to {high:.3} kg. The nearest is {nearest:.3} kg, with every \
-             wall, density, filling and unseen depth at its {side} end. {reading} kg would be {density:.0} kg/m3 of all that the \
-             surface encloses{steel}. Check the reading, the metric scale and the answers; the masses are as without --known-mass"
+            "--known-mass {reading} kg is impossible: the answers allow {low:.3} to {high:.3} kg. The nearest is \
+             {nearest:.3} kg, with every wall, density, filling and unseen depth at its {side} end. {reading} kg would \
+             mean {density:.0} kg/m3 for everything that the surface encloses{steel}. Check the reading, the metric \
+             scale and the answers; the masses are as without --known-mass"
         ))
     }
 }

@@ -21,7 +21,7 @@ use super::query_session::QuerySession;
 /// Why a collected answer is not recorded.
 #[derive(Debug, thiserror::Error)]
 pub enum NotUsable {
-    #[error("it was asked with other prompts, another library or other options than now")]
+    #[error("it was asked with prompts, a library or options that differ from the current ones")]
     OtherQuestion,
     #[error("{0}")]
     Answer(Failure),

@@ -144,8 +144,8 @@ fn warnings(parts: &[FoundPart]) -> Vec<String> {
         && only.part.light == 0.0
     {
         warnings.push(
-            "no view sees any Gaussian: the object counts as one part. Do cameras and splat belong together? gprop \
-             inspect SCENE says"
+            "no view sees any Gaussian: the object counts as one part. Check with `gprop inspect \
+             SCENE` whether cameras and splat belong together"
                 .to_owned(),
         );
     }

@@ -59,9 +59,10 @@ impl Picture {
         progress: Progress,
     ) -> Result<Self> {
         if options.segment.segments.is_some() {
-            return Err(
-                UsageError("--segments is for a scene's views; a picture's segments are found".to_owned()).into()
-            );
+            return Err(UsageError(
+                "--segments is for the views of a scene; gprop finds a picture's segments itself".to_owned(),
+            )
+            .into());
         }
         let (photo, size) = Photo::open(path, mask)?;
         let work = WorkDir::open(&work_folder(path, out))?;

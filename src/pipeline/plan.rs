@@ -6,14 +6,23 @@ use serde::{Deserialize, Serialize};
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize, clap::ValueEnum)]
 #[serde(rename_all = "snake_case")]
 pub enum Stage {
+    /// Read the splat, the cameras and the photos, and choose the views.
     Scene,
+    /// Cut the chosen views into segments with SAM.
     Segment,
+    /// Find the object's parts in 3D from the segments of all views.
     Consensus,
+    /// Get the material of each part from recorded answers or a model.
     Query,
+    /// Give every Gaussian a material by a vote of the views.
     Vote,
+    /// Compute volume, thickness and mass of the 3D parts.
     Parts,
+    /// Simulate the object and film it.
     Simulate,
+    /// Find where and with what force a gripper can lift the object.
     Grasp,
+    /// Write the report and its pictures.
     Report,
 }
 

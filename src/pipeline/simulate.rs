@@ -57,7 +57,7 @@ impl Pipeline {
         self.work.write(Artifact::Animation, &films.animation)?;
         let film = self.write_film(films.film)?;
         if let Some(error) = films.failure {
-            self.progress.line(&format!("no MP4, but a GIF: {error}"));
+            self.progress.line(&format!("the film is a GIF instead of an MP4: {error}"));
         }
         self.work.write(Artifact::Plot, plot::svg(&report).as_bytes())?;
         self.work.write_json(Artifact::Simulation, &report)?;

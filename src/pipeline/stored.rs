@@ -45,11 +45,11 @@ impl Stored {
         let unfinished =
             |problem: String| WorkDirError::Unfinished { path: root.clone(), problem, command: command.clone() };
         if work.size(Artifact::Run).is_none() {
-            return Err(unfinished("nothing has been run, there is no run.json".to_owned()));
+            return Err(unfinished("nothing has been run: there is no run.json".to_owned()));
         }
         let record: RunRecord = work.read_json(Artifact::Run)?;
         if record.version != version() {
-            return Err(unfinished(format!("it was made by gprop {:?}, this is {:?}", record.version, version())));
+            return Err(unfinished(format!("it was made by gprop {:?}, but this is {:?}", record.version, version())));
         }
         for stage in stages {
             require_done(*stage, &record).map_err(|reason| unfinished(reason.to_string()))?;

@@ -48,7 +48,7 @@ impl Pipeline {
             open => {
                 let (name, all) = (&self.scene.name, queries.segments.len());
                 self.progress
-                    .line(&format!("{name}: {open} of {all} questions have no answer recorded without the object"));
+                    .line(&format!("{name}: {open} of {all} questions have no answer recorded for the part alone"));
                 Ok(None)
             }
         }

@@ -44,17 +44,17 @@ pub enum QueryError {
         /// The folder of the recordings that could not be written there; `None` if their text was printed.
         spare: Option<PathBuf>,
     },
-    #[error("{message}; {left} segments are not answered, what was answered is recorded ({spent})")]
+    #[error("{message}; {left} segments are not answered; what was answered is recorded ({spent})")]
     Endpoint { message: String, left: usize, spent: Spent },
-    #[error("none of {segments} segments is answered: {}", counted(.failures))]
+    #[error("none of the {segments} segments was answered: {}", counted(.failures))]
     AllFailed {
         segments: usize,
         /// Each failure with the number of segments that it applies to, the most frequent first.
         failures: Vec<(Failure, usize)>,
     },
     #[error(
-        "a submission to the Batch API cannot be stopped, and at the longest answers its {requests} requests may cost \
-         {usd:.4} USD more than --max-usd {max_usd} leaves after {spent}; nothing was submitted"
+        "a submission to the Batch API cannot be stopped, and with the longest answers its {requests} requests may \
+         cost {usd:.4} USD more than --max-usd {max_usd} leaves after {spent}; nothing was submitted"
     )]
     SubmissionOverBudget { requests: usize, usd: f64, max_usd: f64, spent: Spent },
     #[error("the Batch API: {0}")]
@@ -67,11 +67,11 @@ pub enum QueryError {
     )]
     BatchApiRunning { running: usize, done: usize, total: usize },
     #[error(
-        "{failed} of {total} questions were not answered, the other answers are recorded: {reasons}. --batch-api submit \
-         asks them again"
+        "{failed} of {total} questions were not answered ({reasons}); the other answers are recorded. \
+         --batch-api submit asks the failed ones again"
     )]
     BatchApiPartial { failed: usize, total: usize, reasons: String },
-    #[error("{count} answers in {folder:?} cannot be used, the others are recorded:\n{lines}")]
+    #[error("{count} answers in {folder:?} cannot be used; the others are recorded:\n{lines}")]
     Import { folder: PathBuf, count: usize, lines: String },
     #[error("cannot save an answer: {0}")]
     Save(std::io::Error),

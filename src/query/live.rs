@@ -106,8 +106,9 @@ impl<'a> Live<'a> {
                 Ok(Some(lock)) => return Ok(lock),
                 Ok(None) if !is_told => {
                     let SegmentQuery { view, segment, .. } = segment;
-                    self.progress
-                        .line(&format!("view {view} segment {segment}: waiting for the gprop that is asking about it"));
+                    self.progress.line(&format!(
+                        "view {view} segment {segment}: waiting for another gprop that is asking about it"
+                    ));
                     is_told = true;
                 }
                 Ok(None) => {}
@@ -134,10 +135,7 @@ impl<'a> Live<'a> {
         let spare = self.recordings.set_aside(recording).map(PathBuf::from);
         if spare.is_none() {
             let json = serde_json::to_string(recording).expect("a recording is plain data");
-            progress::notice(&format!(
-                "the answer that could not be kept, to be saved as {}.json:\n{json}",
-                recording.key
-            ));
+            progress::notice(&format!("this answer could not be written; save it as {}.json:\n{json}", recording.key));
         }
         let folder = self.recordings.folder().to_owned();
         Err(Halt::All(Stop::Error(QueryError::Unkept { source: error, folder, spare })))

@@ -176,7 +176,7 @@ pub enum Failure {
 impl std::fmt::Display for Failure {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         match self {
-            Self::Refused { message } => write!(f, "the model would not answer: {message}"),
+            Self::Refused { message } => write!(f, "the model refused to answer: {message}"),
             Self::Invalid { message } => write!(f, "no usable answer: {message}"),
             Self::UnknownMaterial { material } => write!(f, "the library has no material {material:?}"),
             Self::Endpoint { message } => write!(f, "the endpoint failed: {message}"),

@@ -1,4 +1,4 @@
-//! The user's options for the queries.
+//! The user's options for the questions.
 
 use std::path::PathBuf;
 
@@ -48,7 +48,7 @@ pub enum AnswerSource {
     /// From recordings; missing answers are requested and recorded.
     #[default]
     Record,
-    /// Requested anew, even if they are recorded, and recorded.
+    /// Always requested, even if recorded; the new answers are recorded.
     Live,
 }
 
@@ -63,10 +63,10 @@ pub enum Guidance {
     FamilyFirst,
 }
 
-/// Options of the queries to the large multimodal model.
+/// Options of the questions to the large multimodal model.
 #[derive(Debug, Clone, Args, Serialize, Deserialize)]
 #[serde(default)]
-#[command(next_help_heading = "Queries")]
+#[command(next_help_heading = "Questions")]
 pub struct Options {
     /// Where answers come from; nothing is sent without --lmm-url
     #[arg(long, value_enum, default_value_t)]
@@ -125,8 +125,8 @@ pub struct Options {
     #[serde(skip)]
     pub lmm_timeout_s: u64,
 
-    /// Seconds that a question may wait in all because the server asks for it (Retry-After); it fails if the server
-    /// asks for more
+    /// Total seconds that a question may wait because the server asks for it (Retry-After); the question fails if the
+    /// server asks for more
     #[arg(long, value_name = "SECONDS", default_value_t = WAIT_S, value_parser = from_to(0, MOST_S))]
     #[serde(skip)]
     pub lmm_wait_s: u64,

@@ -34,11 +34,12 @@ pub struct Preview {
     pub cost: Cost,
 }
 
+/// To follow "questions: ".
 impl std::fmt::Display for Preview {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         let Self { segments, recorded, at_most, cost } = self;
         let more = if at_most > segments { format!(" (at most {at_most} if answers disagree)") } else { String::new() };
-        write!(f, "{segments} questions{more}, {recorded} recorded; to ask: {cost}")
+        write!(f, "{segments}{more}, {recorded} recorded; to ask: {cost}")
     }
 }
 

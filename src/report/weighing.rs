@@ -46,7 +46,7 @@ fn causes(parts: &Parts) -> Option<String> {
 
 fn cause(source: Source) -> &'static str {
     match source {
-        Source::Method => "how exactly the splat shows the surface",
+        Source::Method => "how accurately the splat shows the surface",
         Source::Wall => "the thickness of the walls",
         Source::UnseenDepth => "what no photo shows",
         Source::Density => "the density of the materials",
@@ -72,9 +72,13 @@ fn remedy(parts: &Parts) -> Option<String> {
         Source::Method => "Sharper or more photos",
         Source::Wall => "The wall thickness, measured and given in the answers,",
         Source::UnseenDepth => "Photos of the sides that none shows, such as one from below,",
-        Source::Density => "A reading of a scale (--known-mass), or surer answers about the material,",
+        Source::Density => "A reading of a scale (--known-mass), or more certain answers about the material,",
         Source::Filling => "A reading of a scale (--known-mass), or a look inside,",
         Source::Scale => "A length that you measured (--scale)",
     };
-    Some(format!("{what} would take the mass from {} kg to about {} kg.", interval(mass, 1.0), interval(narrowed, 1.0)))
+    Some(format!(
+        "{what} would narrow the mass from {} kg to about {} kg.",
+        interval(mass, 1.0),
+        interval(narrowed, 1.0)
+    ))
 }

@@ -136,7 +136,8 @@ fn abo(folder: &Path, warnings: &mut Vec<String>) -> Result<Listed, SceneError> 
     let listed = splits.values().flatten();
     let absent: Vec<&String> = listed.filter(|name| !entries.iter().any(|entry| entry.name == **name)).collect();
     if let Some(first) = absent.first() {
-        warnings.push(format!("{} scenes of {SPLITS} have no folder (first: `{first}`); left out", absent.len()));
+        warnings
+            .push(format!("{} scenes of {SPLITS} have no folder (first: `{first}`); they are left out", absent.len()));
     }
     Ok(Listed { scenes: entries, skipped: skipped.iter().map(|name| printable(name)).collect() })
 }

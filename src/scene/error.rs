@@ -76,7 +76,7 @@ pub enum SceneError {
     #[error("--scale {given}: {problem}")]
     Scale { given: String, problem: String },
     #[error(
-        "--object-box {given}: none of the Gaussians lies in it; the splat goes from {} to {}",
+        "--object-box {given}: none of the Gaussians lies in it; the splat extends from {} to {}",
         corner(low),
         corner(high)
     )]
@@ -97,7 +97,7 @@ pub enum SceneError {
     )]
     TooLarge { path: PathBuf, size: (u32, u32), bytes: u64, most: u64, remedy: &'static str },
     #[error(
-        "photo `{}` is {} x {} pixels but was {} x {} when the scene was loaded; start again",
+        "photo `{}` is {} x {} pixels but was {} x {} when the scene was loaded; run again",
         path.display(), found.0, found.1, expected.0, expected.1
     )]
     ImageChanged { path: PathBuf, expected: (u32, u32), found: (u32, u32) },

@@ -36,13 +36,13 @@ pub enum Problem {
     Truncated { size: usize },
     #[error("is .ksplat version {major}.{minor}; gprop reads 0.1: convert it to a PLY")]
     Version { major: u8, minor: u8 },
-    #[error("has compression level {level}, and .ksplat has 0 to 2; the file is damaged, copy or export it again")]
+    #[error("has compression level {level}, but .ksplat has only 0 to 2; the file is damaged, copy or export it again")]
     Level { level: u16 },
     #[error("has spherical harmonics of degree {degree}; gprop reads 0 to 3: export it with fewer")]
     ShDegree { degree: u16 },
     #[error("holds no Gaussians; export the splat again")]
     Empty,
-    #[error("section {section} needs {needed} bytes where {left} are left; copy or export the file again")]
+    #[error("section {section} needs {needed} bytes, but only {left} are left; copy or export the file again")]
     Section { section: usize, needed: u64, left: usize },
     #[error("section {section} has {gaussians} Gaussians, but its buckets hold fewer; export the splat again")]
     Buckets { section: usize, gaussians: usize },

@@ -52,7 +52,8 @@ pub struct Options {
     #[arg(long, value_name = "NAME,...", value_delimiter = ',', overrides_with = "views")]
     pub view_list: Vec<String>,
 
-    /// Splat file, .ply, .compressed.ply, .spz, .splat, .ksplat, .sog or SOG's meta.json [default: found in the scene folder]
+    /// Splat file: .ply, .compressed.ply, .spz, .splat, .ksplat, .sog or SOG's meta.json [default: found in the scene
+    /// folder]
     #[arg(long, value_name = "FILE", value_parser = values::file())]
     pub splat: Option<PathBuf>,
 
@@ -65,7 +66,7 @@ pub struct Options {
     #[arg(long, value_name = "DIR", value_parser = values::folder())]
     pub images: Option<PathBuf>,
 
-    /// Folder with a mask for each photo, white on the object and named like the photo [default: masks/, if it is there]
+    /// Folder with a mask for each photo, white on the object and named like the photo [default: masks/, if it exists]
     #[arg(long, value_name = "DIR", value_parser = values::folder())]
     pub masks: Option<PathBuf>,
 

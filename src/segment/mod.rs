@@ -87,10 +87,12 @@ impl Segment {
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Default, Serialize, Deserialize, clap::ValueEnum)]
 #[serde(rename_all = "snake_case")]
 pub enum Level {
+    /// The smallest mask: often only a detail of a part.
     Small,
     /// The paper's choice: neither details nor the whole object.
     #[default]
     Middle,
+    /// The largest mask: often the whole object.
     Large,
 }
 
@@ -114,7 +116,7 @@ impl ViewSegments {
     /// A warning about the view for the user, if there is one.
     pub fn warning(&self) -> Option<String> {
         match self.segments.as_slice() {
-            [] => Some(format!("view {}: it has no foreground and so no segments", self.view)),
+            [] => Some(format!("view {} has no foreground and therefore no segments", self.view)),
             [only] if only.is_rest() => {
                 Some(format!("SAM found no segments in view {}; using the whole object as one segment", self.view))
             }

@@ -59,7 +59,7 @@ pub struct Options {
     #[arg(long, value_name = "DIR", value_parser = values::folder())]
     pub segments: Option<PathBuf>,
     /// Also write the label maps in these formats
-    #[arg(long, value_name = "FORM,...", value_enum, value_delimiter = ',')]
+    #[arg(long, value_name = "FORMAT,...", value_enum, value_delimiter = ',')]
     pub also: Vec<Format>,
     /// Implementation of SAM's mask decoder [default: gprop itself if it can, else ONNX Runtime]
     // Left out of the keys of stored results unless it is set.
@@ -108,7 +108,7 @@ pub struct GeneratorOptions {
     /// Minimum IoU that SAM predicts for a mask (pred_iou_thresh)
     #[arg(long, value_name = "IOU", default_value_t = 0.7, value_parser = from_to(0.0_f32, 1.0))]
     pub min_predicted_iou: f32,
-    /// Minimum stability: the IoU of a mask at a stricter and at a laxer threshold (stability_score_thresh)
+    /// Minimum stability: the IoU between the masks at a stricter and a laxer threshold (stability_score_thresh)
     #[arg(long, value_name = "RATIO", default_value_t = 0.85, value_parser = from_to(0.0_f32, 1.0))]
     pub min_stability: f32,
     /// Distance of those two thresholds from the mask's own, in logits (stability_score_offset)
@@ -126,7 +126,7 @@ pub struct GeneratorOptions {
     /// Overlap of neighbouring crops, as a fraction of the picture's shorter side (crop_overlap_ratio)
     #[arg(long, value_name = "SHARE", default_value_t = 512.0 / 1500.0, value_parser = below(0.0, 1.0))]
     pub crop_overlap: f64,
-    /// Factor by which each layer of crops has fewer points per side (crop_n_points_downscale_factor)
+    /// Factor by which the points per side shrink with each layer of crops (crop_n_points_downscale_factor)
     #[arg(long, value_name = "FACTOR", default_value_t = 1, value_parser = clap::value_parser!(u32).range(1..=256))]
     pub crop_points_downscale: u32,
     /// Remove holes, islands and segments of fewer pixels (min_mask_region_area)
@@ -153,8 +153,8 @@ pub struct SelectionOptions {
     /// Minimum score of a segment: predicted IoU times stability (the paper's score_thr)
     #[arg(long, value_name = "SCORE", default_value_t = 0.7, value_parser = from_to(0.0, 1.0))]
     pub cull_score: f64,
-    /// Remove a mask inside another of at least twice its size if 1 - overlap/area x overlap/other area exceeds one minus this
-    /// value (the paper's inner_thr)
+    /// Remove a mask that lies at least 85 % inside another and covers less than half of it, if 1 - (overlap / its
+    /// area) x (overlap / the other's area) exceeds 1 - this value (the paper's inner_thr)
     #[arg(long, value_name = "SHARE", default_value_t = 0.5, value_parser = from_to(0.0, 1.0))]
     pub cull_inner: f64,
 }

@@ -77,7 +77,7 @@ impl fmt::Display for Doctor {
         match &self.ffmpeg {
             Some(path) => writeln!(f, "ffmpeg        {}", path.display())?,
             None => {
-                writeln!(f, "ffmpeg        missing: the simulation has no MP4 beside its GIF; install ffmpeg for it")?;
+                writeln!(f, "ffmpeg        missing: films are written as GIF, not MP4; install ffmpeg to get MP4")?;
             }
         }
         for problem in &self.problems {

@@ -35,11 +35,14 @@ pub enum SetupError {
     )]
     NotCached { title: &'static str, path: PathBuf, state: String, flag: &'static str },
     #[error(
-        "gprop fetches ONNX Runtime for linux x86_64 only and this machine is {platform}: install ONNX Runtime 1.20 or \
-         newer and give its shared library with --ort-lib or ORT_DYLIB_PATH"
+        "gprop fetches ONNX Runtime only for linux x86_64, but this machine is {platform}: install ONNX Runtime 1.20 \
+         or newer and give its shared library with --ort-lib or ORT_DYLIB_PATH"
     )]
     Platform { platform: String },
-    #[error("gprop cannot work yet: {problems} of what it needs are missing or unusable, as listed; run `gprop setup`")]
+    #[error(
+        "gprop is not ready: {problems} {}, as listed; run `gprop setup`",
+        if *.problems == 1 { "problem" } else { "problems" }
+    )]
     Unfit { problems: usize },
     #[error("cannot fetch {title}: {attempts}; {remedy}")]
     Fetch { title: &'static str, attempts: String, remedy: &'static str },
@@ -52,7 +55,7 @@ pub enum SetupError {
         "{package} holds no readable {member} ({reason}): nothing was installed. Try again; behind a mirror, check what it serves"
     )]
     Archive { member: &'static str, package: &'static str, reason: String },
-    #[error("cannot {action} {path:?}: {source}; free or unlock the place, or set XDG_CACHE_HOME to another")]
+    #[error("cannot {action} {path:?}: {source}; make room or unlock it, or set XDG_CACHE_HOME to another folder")]
     Io {
         action: &'static str,
         path: PathBuf,

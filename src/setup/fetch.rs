@@ -106,7 +106,7 @@ fn last_words(stderr: &str) -> String {
     match (errors.is_empty(), lines.last()) {
         (false, _) => errors.join(" / "),
         (true, Some(last)) => (*last).to_owned(),
-        (true, None) => "it said nothing".to_owned(),
+        (true, None) => "it printed nothing".to_owned(),
     }
 }
 
@@ -167,6 +167,6 @@ mod tests {
     fn last_words_prefer_error_lines() {
         assert_eq!(last_words("npm notice hello\nnpm error code E404\nnpm notice bye\n"), "npm error code E404");
         assert_eq!(last_words("one\ntwo\n"), "two");
-        assert_eq!(last_words(""), "it said nothing");
+        assert_eq!(last_words(""), "it printed nothing");
     }
 }

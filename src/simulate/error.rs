@@ -24,13 +24,13 @@ pub enum SimulateError {
     )]
     Stiffness { material: String, youngs_modulus_pa: f64 },
     #[error(
-        "Poisson's ratio of `{material}` is {poisson_ratio}; it must be at least 0 and less than 0.5, where a material \
-         has no finite stiffness against compression: correct the answer for this part (0.49 for rubber)"
+        "Poisson's ratio of `{material}` is {poisson_ratio}; it must be at least 0 and less than 0.5, at which a \
+         material is incompressible: correct the answer for this part (0.49 for rubber)"
     )]
     Poisson { material: String, poisson_ratio: f64 },
     #[error("the strength of `{material}` is {strength}; it must be positive: correct the answer for this part")]
     Strength { material: String, strength: f64 },
-    #[error("all Gaussians lie in one point: the object has no size")]
+    #[error("all Gaussians lie at one point: the object has no size")]
     NoExtent,
     #[error(
         "particle {particle} ({material}) {what} at t = {t_s:.6} s, frame {frame} (position {position_m:?} m, velocity \
@@ -46,13 +46,13 @@ pub enum SimulateError {
         velocity_m_s: [f32; 3],
         cause: &'static str,
     },
-    #[error("the checkpoint cannot be resumed from: {0}; delete it to start from the first frame")]
+    #[error("cannot resume from the checkpoint: {0}; delete it to start from the first frame")]
     Checkpoint(String),
     #[error("cannot read the PhysGaussian configuration: {0}")]
     Configuration(String),
-    #[error("--rigid: there is no part `{part}`; there are {names}; or give auto or never")]
+    #[error("--rigid: there is no part `{part}`; the parts are {names}; or give auto or never")]
     Rigid { part: String, names: String },
-    #[error("--scenario cannot be played: {0}")]
+    #[error("--scenario cannot be run: {0}")]
     Scenario(String),
     #[error(
         "the simulation would take about {minutes:.0} minutes, more than --max-simulation-minutes {max_minutes}: lower --grid, \

@@ -88,7 +88,7 @@ pub struct Options {
     #[arg(long, value_name = "SECONDS", value_parser = above(0.0, LONGEST_S))]
     pub fixed_step: Option<f64>,
 
-    /// Refuse a simulation that is expected to take more minutes
+    /// Refuse a simulation that is expected to take longer than this many minutes
     #[arg(long, value_name = "MINUTES", default_value_t = 120.0, value_parser = above(0.0, MOST_MINUTES))]
     pub max_simulation_minutes: f64,
 
@@ -122,7 +122,7 @@ pub struct Options {
     #[arg(long, value_name = "auto|never|PART", default_values_t = [choice::AUTO.to_owned()])]
     pub rigid: Vec<String>,
 
-    /// What becomes of the fillings of shells, which no photo shows
+    /// How to treat what fills the shells, which no photo shows
     #[arg(long, value_enum, default_value_t)]
     pub fillings: Fillings,
 

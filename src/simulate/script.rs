@@ -161,7 +161,7 @@ pub fn named(name: &str, given: &[String]) -> Result<Script, SimulateError> {
     let bad = |text: String| SimulateError::Scenario(text);
     let known = KNOWN.iter().find(|k| k.name == name).ok_or_else(|| {
         let names: Vec<&str> = KNOWN.iter().map(|k| k.name).collect();
-        bad(format!("there is no scenario `{name}`; there are {}, and TOML files", names.join(", ")))
+        bad(format!("there is no scenario `{name}`; the scenarios are {}; or give a TOML file", names.join(", ")))
     })?;
     let mut values: BTreeMap<&str, f64> = known.parameters.iter().map(|(key, value, _)| (*key, *value)).collect();
     for text in given {
@@ -299,7 +299,7 @@ impl Standing<'_> {
                     names.sort_unstable();
                     names.dedup();
                     return Err(SimulateError::Scenario(format!(
-                        "there is no part `{part}`; there are {}; and all, top, bottom, low_end, high_end",
+                        "there is no part `{part}`; the parts are {}; or give all, top, bottom, low_end or high_end",
                         names.join(", ")
                     )));
                 }

@@ -356,7 +356,7 @@ fn rigid_report(input: &Input, choice: &Choice, load: &Load) -> Vec<RigidReport>
 fn softened_warning(softened: &Softened) -> String {
     format!(
         "{} is softened by a factor of {:.1} in the simulation, which would take too long otherwise: it bends more than \
-         it would; --max-stiffness sets the limit",
+         the real object would; --max-stiffness sets the limit",
         softened.material,
         1.0 / softened.factor
     )
@@ -373,7 +373,7 @@ fn warnings(input: &Input, longest_m: f64, assumed_full: &[u32], strays: usize) 
     if !assumed_full.is_empty() {
         let names: Vec<&str> = assumed_full.iter().map(|&l| input.materials[l as usize].name.as_str()).collect();
         warnings.push(format!(
-            "nothing is known of the inside of {}: it is simulated as a skin one cell thick",
+            "nothing is known about the inside of {}: it is simulated as a skin one cell thick",
             names.join(", ")
         ));
     }

@@ -304,7 +304,7 @@ fn field(
     let invisible = segments.segments.iter().zip(&identity.seen).filter(|(_, seen)| **seen == 0);
     for (segment, _) in invisible {
         let (view, caption) = (views[segment.view].name, &segment.answer.caption);
-        notes.push(format!("segment {} of view `{view}` ({caption}) is on no Gaussian", segment.segment));
+        notes.push(format!("segment {} of view `{view}` ({caption}) covers no Gaussian", segment.segment));
     }
     MaterialField {
         labels,

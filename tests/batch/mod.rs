@@ -169,7 +169,7 @@ fn a_budget_that_is_none_is_refused() {
             let message = stderr(&output);
             assert_eq!(output.status.code(), Some(2), "{typed:?}: {message}");
             assert!(message.contains(given) && message.contains(flag), "{typed:?}: {message}");
-            assert!(message.contains("or leave it out"), "{typed:?} says not what to do: {message}");
+            assert!(message.contains("or omit it"), "{typed:?} says not what to do: {message}");
         }
     }
 }

@@ -78,7 +78,7 @@ fn shards_share_the_scenes_and_are_merged() {
     };
     let (half, message) = merge(6);
     assert_eq!(half["done"].as_u64(), Some(first.len() as u64));
-    assert!(message.contains("its shard has not run"), "{message}");
+    assert!(message.contains("its shard has not finished"), "{message}");
 
     let second = outcomes(&mut batch(&balls, &["--shard", "1/2"]), 0);
     let all: BTreeSet<&str> = names(&first).into_iter().chain(names(&second)).collect();

@@ -299,7 +299,7 @@ fn properties_that_bear_no_force_are_refused() {
     parts.parts[1].thickness_m = None;
     parts.parts[1].no_volume = Some(NoVolume::OwnsNoPlace);
     let error = grasp(&parts, &labels, None, 1.0, &paper(), &of_part("1")).unwrap_err().to_string();
-    assert!(error.contains("owns no place") && error.contains("--part"), "{error}");
+    assert!(error.contains("no surface of its own") && error.contains("--part"), "{error}");
 }
 
 #[test]

@@ -86,7 +86,8 @@ fn one_picture_is_enough() {
     let kept = query(&path, None, &["--prune"]).output().unwrap();
     assert!(said(&kept).contains(&format!("0 recordings removed, {segments} kept")), "{}", said(&kept));
     let pruned = query(&path, None, &["--prune", "--labels", "abo"]).output().unwrap();
-    assert!(said(&pruned).contains(&format!("{segments} recordings removed, 0 kept")), "{}", said(&pruned));
+    let recordings = if segments == 1 { "recording" } else { "recordings" };
+    assert!(said(&pruned).contains(&format!("{segments} {recordings} removed, 0 kept")), "{}", said(&pruned));
     assert_eq!(recorded(&work), 0);
 }
 
@@ -119,7 +120,7 @@ fn who_is_asked_about_how_many_pictures_is_told_before_the_first_request() {
     let pictures = recorded(&folder.path().join("tool.gprop"));
     let noun = if pictures == 1 { "picture" } else { "pictures" };
     assert!(first.starts_with(&format!("asking gpt-4o at {host} about {pictures} {noun}: ")), "{first}");
-    assert!(first.contains(" USD") && first.contains("at most 5 USD by --max-usd"), "{first}");
+    assert!(first.contains(" USD") && first.contains("at most 5 USD, as set by --max-usd"), "{first}");
     assert!(!first.contains(CANARY) && !rest.join("\n").contains(CANARY), "{first} {rest:?}");
     for file in files(folder.path()) {
         let bytes = fs::read(&file).unwrap();
@@ -279,7 +280,7 @@ fn a_run_without_one_answer_exits_5_and_the_next_asks_again() {
         assert_eq!(output.status.code(), Some(5), "{}", said(&output));
         let answers = fs::read_to_string(scene.path().join("gprop/answers.jsonl")).unwrap();
         let segments = answers.lines().count();
-        assert!(said(&output).contains(&format!("none of {segments} segments")), "{}", said(&output));
+        assert!(said(&output).contains(&format!("none of the {segments} segments")), "{}", said(&output));
         assert!(answers.lines().all(|line| line.contains("\"failure\":\"invalid\"")), "{answers}");
         assert_eq!(server.requests().len(), round * 2 * segments, "each segment is asked twice a run");
     }

@@ -95,7 +95,8 @@ fn evaluate_data_set(global: &Global, folder: &Path, split: Option<&str>, out: O
     if objects.is_empty() {
         let of_split = split.map(|split| format!(" of the split {split:?}")).unwrap_or_default();
         let problem = format!(
-            "no scene{of_split} has been run whose weight {folder:?} states (it states {weights}); run `gprop batch` first"
+            "no scene{of_split} whose weight {folder:?} states (there are {weights}) has been run; run `gprop batch` \
+             first"
         );
         return Err(UsageError(problem).into());
     }

@@ -143,7 +143,8 @@ pub(super) fn table(objects: &[GraspedObject]) -> String {
         FIXED.iter().map(|(name, _)| format!("{name} {:.1} N", first.grasps[name].force_n)).collect();
     text += &format!("\nfixed forces: {}", forces.join(", "));
     if first.grasps[FIXED[0].0].force_n == 0.0 {
-        text += "; the profile takes the least command for no force at all, so the rates of MinGF say nothing";
+        text +=
+            "; according to the profile, the lowest command gives no force at all, so the rates of MinGF mean nothing";
     }
     text + "\n\n"
 }

@@ -15,7 +15,7 @@ pub fn check(library: &MaterialLibrary, findings: &mut Findings) {
     let mut names = HashSet::new();
     for filling in library.fillings() {
         let subject = format!("filling:{}", filling.name);
-        findings.require(names.insert(fold(&filling.name)), &subject, "duplicate", || "is there twice".to_owned());
+        findings.require(names.insert(fold(&filling.name)), &subject, "duplicate", || "is listed twice".to_owned());
         findings.require(!filling.name.contains(';'), &subject, "duplicate", || {
             "its name holds a semicolon, which separates names in the prompt".to_owned()
         });

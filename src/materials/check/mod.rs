@@ -105,7 +105,10 @@ fn excuse(library: &MaterialLibrary, mut findings: Vec<Finding>) -> Vec<Finding>
                 subject: deviation.subject.clone(),
                 check: "stale_deviation",
                 severity: Severity::Error,
-                message: format!("deviations.csv excuses `{}`, which finds nothing or has no reason", deviation.check),
+                message: format!(
+                    "deviations.csv excuses `{}`, but that check finds nothing here, or the reason is missing",
+                    deviation.check
+                ),
                 excuse: None,
             });
         }

@@ -23,7 +23,7 @@ pub fn check(library: &MaterialLibrary, findings: &mut Findings) {
             format!("reference.csv cites `{}`, which bibliography.csv does not have", reference.source)
         });
         let Some(material) = library.get(&reference.entry) else {
-            let message = "reference.csv has it, the library does not".to_owned();
+            let message = "reference.csv has it, but the library does not".to_owned();
             findings.error(&reference.entry, "reference", message);
             continue;
         };

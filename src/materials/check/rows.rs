@@ -158,7 +158,7 @@ fn friction(material: &Material, findings: &mut Findings) {
     let (rubber, steel) = (material.friction_rubber, material.friction_steel);
     findings.require(rubber.low >= steel.low && rubber.high >= steel.high, &material.name, "friction", || {
         format!(
-            "rubber ({} to {}) must grip no less than steel ({} to {})",
+            "rubber ({} to {}) must have at least the friction of steel ({} to {})",
             rubber.low, rubber.high, steel.low, steel.high
         )
     });

@@ -139,8 +139,8 @@ impl Client {
 
     fn budget(&self) -> String {
         match self.max_usd {
-            Some(max_usd) => format!("at most {max_usd} USD by --max-usd"),
-            None => "no limit by --max-usd".to_owned(),
+            Some(max_usd) => format!("at most {max_usd} USD, as set by --max-usd"),
+            None => "no limit set by --max-usd".to_owned(),
         }
     }
 

@@ -83,7 +83,7 @@ pub fn transport(error: reqwest::Error) -> Attempt {
     let timed_out = error.is_timeout();
     let mut message = error.without_url().to_string();
     if timed_out {
-        message = format!("no response in time ({message}); --lmm-timeout-s gives it more");
+        message = format!("no response in time ({message}); raise --lmm-timeout-s to wait longer");
     }
     if unreachable {
         return Attempt::Unreachable { message: format!("cannot connect to --lmm-url: {message}") };
@@ -93,7 +93,7 @@ pub fn transport(error: reqwest::Error) -> Attempt {
 
 fn answer(completion: Completion) -> Result<Reply, Attempt> {
     let Some(choice) = completion.choices.into_iter().next() else {
-        return Err(Attempt::Passing { message: "the response contains no choice".into(), retry_after: None });
+        return Err(Attempt::Passing { message: "the response contains no choices".into(), retry_after: None });
     };
     let reason = choice.finish_reason.as_ref().and_then(Value::as_str).unwrap_or("none given");
     let text = choice.message.content.map(text_of).unwrap_or_default();
@@ -103,7 +103,7 @@ fn answer(completion: Completion) -> Result<Reply, Attempt> {
         ReplyContent::Refusal("the server's content filter stopped the answer".into())
     } else if text.trim().is_empty() {
         ReplyContent::Empty(format!(
-            "the answer is empty (finish reason: {reason}); a model that reasons at length needs more --lmm-max-tokens"
+            "the answer is empty (finish reason: {reason}); raise --lmm-max-tokens for a model that reasons at length"
         ))
     } else {
         ReplyContent::Text(text)
@@ -141,7 +141,9 @@ pub fn failure(status: StatusCode, body: &str, retry_after: Option<Duration>) ->
         500 if is_about(body, &["response_format", "json_schema", "grammar"]) => Attempt::Unaccepted { message },
         400 | 415 | 422 | 501 => Attempt::Unaccepted { message },
         408 | 409 | 425 | 429 | 500.. => Attempt::Passing { message, retry_after },
-        300..400 => Attempt::Final(AskError::Fatal(format!("{message}; the server points elsewhere, check --lmm-url"))),
+        300..400 => {
+            Attempt::Final(AskError::Fatal(format!("{message}; the server redirects elsewhere; check --lmm-url")))
+        }
         _ => Attempt::Final(AskError::Failed(message)),
     }
 }

@@ -95,7 +95,7 @@ pub enum ExchangeError {
     Unwritable { path: PathBuf, source: std::io::Error },
     #[error("cannot read {path:?}: {source}; --import takes a folder that --export wrote")]
     Unreadable { path: PathBuf, source: std::io::Error },
-    #[error("{path:?} line {line}: {problem}; export the queries again")]
+    #[error("{path:?} line {line}: {problem}; export the questions again")]
     Broken { path: PathBuf, line: usize, problem: String },
     #[error("{path:?}: {problem}")]
     Manifest { path: PathBuf, problem: String },
@@ -226,7 +226,7 @@ pub fn import(
         let problem = |problem: String| ExchangeError::Manifest { path: path.clone(), problem };
         let manifest: Manifest = serde_json::from_str(&read(&path)?).map_err(|error| problem(error.to_string()))?;
         if manifest.format != FORMAT {
-            return Err(problem(format!("its format is {}, this gprop reads {FORMAT}", manifest.format)));
+            return Err(problem(format!("its format is {}, but this gprop reads {FORMAT}", manifest.format)));
         }
         manifest
     };
@@ -261,15 +261,13 @@ pub fn import(
 enum LineProblem {
     #[error("{0}")]
     Json(#[from] serde_json::Error),
-    #[error("query {query} is answered on line {earlier} already")]
+    #[error("question {query} is already answered on line {earlier}")]
     Again { query: String, earlier: usize },
-    #[error("there is no query {0:?}")]
+    #[error("there is no question {0:?}")]
     NoQuery(String),
     #[error("it does not say who answered: write the name after \"model\" in {MANIFEST}")]
     NoModel,
-    #[error(
-        "it was asked with other prompts, another library or other options than this run's; export the queries again"
-    )]
+    #[error("it was asked with prompts, a library or options that differ from this run's; export the questions again")]
     OtherQuestion,
     /// An explanation that lets the answer be corrected.
     #[error("{0}")]

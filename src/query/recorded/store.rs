@@ -74,7 +74,7 @@ impl std::fmt::Display for Miss {
         match self {
             Self::Live => f.write_str("--answers live always asks"),
             Self::View => f.write_str("nothing is recorded for this photo"),
-            Self::Prompt => f.write_str("recorded for another prompt, library or model only"),
+            Self::Prompt => f.write_str("recorded only for another prompt, library or model"),
             Self::Mask { iou } => write!(f, "the nearest recorded mask has an IoU of {iou:.2}, below {MASK_IOU}"),
         }
     }
@@ -266,7 +266,7 @@ fn read(path: &Path) -> Result<Recording, RecordingError> {
     let broken = |problem: String| RecordingError::Broken { path: path.into(), problem };
     let recording: Recording = serde_json::from_slice(&bytes).map_err(|error| broken(error.to_string()))?;
     if recording.format != FORMAT {
-        return Err(broken(format!("its format is {}, this gprop reads {FORMAT}", recording.format)));
+        return Err(broken(format!("its format is {}, but this gprop reads {FORMAT}", recording.format)));
     }
     let answerer = Answerer { model: recording.model.clone(), parameters: recording.parameters.clone() };
     if recording.key != key(&answerer, &recording.asked) {

@@ -21,10 +21,10 @@ use crate::segment::LabelMap;
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize, clap::ValueEnum)]
 #[serde(rename_all = "snake_case")]
 pub enum Context {
-    /// Whole object, segment in it, segment alone, as in the paper.
+    /// Whole object, part in it, part alone, as in the paper.
     #[default]
     GlobalLocal,
-    /// The segment alone, for the ablation.
+    /// The part alone, for the ablation.
     Local,
 }
 

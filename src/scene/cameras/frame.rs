@@ -22,7 +22,8 @@ pub enum FrameProblem {
     #[error("{name} = {value} makes no sense; it must be finite{}", if *.positive { " and above zero" } else { "" })]
     Number { name: &'static str, value: f64, positive: bool },
     #[error(
-        "gprop does not know the camera_model {model}, or it has no flat picture; undistort the photos to PINHOLE first"
+        "gprop does not know the camera_model {model}, or it does not project onto a plane; undistort the photos to \
+         PINHOLE first"
     )]
     CameraModel { model: String },
     #[error(

@@ -190,7 +190,7 @@ fn warnings(camera_file: &Path, frames: usize, missing: &[&str], sized: &[(View,
     if let Some(first) = missing.first() {
         let count = missing.len();
         warnings.push(format!(
-            "{count} of the {frames} photos that `{file}` names are missing (first: `{first}`); left out"
+            "{count} of the {frames} photos that `{file}` names are missing (first: `{first}`); they are left out"
         ));
     }
     let resized: Vec<_> = sized.iter().filter_map(|(view, fit)| fit.resized_from.map(|size| (view, size))).collect();

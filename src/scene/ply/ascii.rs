@@ -14,7 +14,7 @@ use super::{Body, Problem};
 /// An error in a row of text.
 #[derive(Debug, thiserror::Error)]
 pub enum RowProblem {
-    #[error("{expected} values were expected, {found} found")]
+    #[error("{expected} values were expected, but {found} were found")]
     Count { expected: usize, found: usize },
     #[error("`{0}` is not a number")]
     NotANumber(String),
@@ -44,7 +44,7 @@ pub(super) fn read(bytes: &impl Bytes, header: &Header, layout: &Layout) -> Resu
         store(&row, layout, index as usize, &mut arrays);
     }
     if !layout.followed && lines.next()? {
-        warning = Some("lines after the last Gaussian belong to nothing the header declares; ignored".to_owned());
+        warning = Some("the lines after the last Gaussian are not declared in the header; they are ignored".to_owned());
     }
     let surely_usable = layout::surely_usable(&arrays);
     Ok(Body { gaussians, surely_usable, warning })

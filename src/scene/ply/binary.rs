@@ -46,7 +46,7 @@ pub(super) fn read(bytes: &impl Bytes, header: &Header, layout: &Layout, order: 
         .try_reduce(|| true, |a, b| Ok(a & b))?;
 
     let warning = (left_over > 0 && !layout.followed)
-        .then(|| format!("{left_over} bytes after the last Gaussian belong to nothing the header declares; ignored"));
+        .then(|| format!("{left_over} bytes after the last Gaussian are not declared in the header; they are ignored"));
     Ok(Body { gaussians, surely_usable, warning })
 }
 

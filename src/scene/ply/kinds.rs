@@ -20,7 +20,9 @@ pub(super) fn recognise(gaussians: &mut Gaussians, flat: bool, comments: &[Strin
         for [a, b, thickness] in &mut gaussians.log_scales {
             *thickness = a.min(*b) + FLAT_SHARE.ln();
         }
-        notes.push(format!("2DGS: no scale_2; the flat Gaussians are taken as {FLAT_SHARE} of their width thick"));
+        notes.push(format!(
+            "2DGS: there is no scale_2; the thickness of the flat Gaussians is taken as {FLAT_SHARE} of their width"
+        ));
     }
     if let Some(at) = gaussians.extra.iter().position(|extra| extra.name == SMOOTHING_FILTER) {
         let filter = gaussians.extra.remove(at).values;

@@ -75,7 +75,7 @@ pub enum Problem {
     #[error("is a compressed splat without its element `chunk`, the bounds of its values; export it again")]
     NoChunks,
     #[error(
-        "is a compressed splat of {count} Gaussians with {chunks} chunks, one for each 256 is needed; export it again"
+        "is a compressed splat of {count} Gaussians with {chunks} chunks, but needs one for every 256; export it again"
     )]
     TooFewChunks { chunks: u64, count: u64 },
     #[error(
@@ -94,7 +94,9 @@ pub enum Problem {
          {found}; copy or export it again"
     )]
     Truncated { count: u64, expected: u128, found: u64 },
-    #[error("is truncated: the header claims {count} Gaussians, the text ends after {found}; copy or export it again")]
+    #[error(
+        "is truncated: the header claims {count} Gaussians, but the text ends after {found}; copy or export it again"
+    )]
     TruncatedText { count: u64, found: u64 },
     #[error("line {line}, Gaussian {index}: {reason}; export the splat again")]
     Row { line: u64, index: u64, reason: RowProblem },

@@ -26,7 +26,9 @@ pub enum Problem {
     Empty,
     #[error("has spherical harmonics of degree {degree}; gprop reads 0 to 3: export it with fewer")]
     ShDegree { degree: u8 },
-    #[error("has {bits} fractional bits, of 24 in a coordinate at most; the file is damaged, copy or export it again")]
+    #[error(
+        "has {bits} fractional bits, but a coordinate has at most 24; the file is damaged, copy or export it again"
+    )]
     FractionalBits { bits: u8 },
     #[error(
         "claims {count} Gaussians, far more than its {size} bytes can hold; the file is damaged, copy or export it again"
@@ -34,7 +36,7 @@ pub enum Problem {
     Count { count: u32, size: usize },
     #[error("ends within its header or its list of streams, after {size} bytes; copy or export it again")]
     Truncated { size: usize },
-    #[error("has {found} bytes of {attribute} where its {count} Gaussians take {expected}; copy or export it again")]
+    #[error("has {found} bytes of {attribute}, but its {count} Gaussians take {expected}; copy or export it again")]
     Length { attribute: &'static str, count: u32, found: u64, expected: u64 },
     #[error("has more bytes of {attribute} than its {count} Gaussians take; copy or export it again")]
     Longer { attribute: &'static str, count: u32 },

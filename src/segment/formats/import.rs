@@ -17,7 +17,10 @@ pub enum ImportError {
     Read { path: PathBuf, source: std::io::Error },
     #[error("{path:?}: {problem}")]
     Map { path: PathBuf, problem: LabelMapError },
-    #[error("{path:?} is {} x {} pixels, its photo {} x {}; make both of one size", found.0, found.1, expected.0, expected.1)]
+    #[error(
+        "{path:?} is {} x {} pixels, its photo {} x {}; make both the same size",
+        found.0, found.1, expected.0, expected.1
+    )]
     Size { path: PathBuf, expected: (u32, u32), found: (u32, u32) },
 }
 

@@ -112,7 +112,7 @@ mod tests {
         }
         assert!(message(&whole[..30]).contains("within its header"));
         assert!(message(&whole[..8]).contains("within its header"));
-        assert!(message(b"PK\x03\x04 a zip file").contains("does not begin as NumPy's files do"));
+        assert!(message(b"PK\x03\x04 a zip file").contains("does not begin like a NumPy file"));
     }
 
     #[test]

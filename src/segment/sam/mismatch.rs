@@ -3,7 +3,7 @@
 /// The reason why a file's network cannot be used as one of SAM's.
 #[derive(Debug, thiserror::Error)]
 pub enum Mismatch {
-    #[error("it is not an ONNX model, or one cut short")]
+    #[error("it is not an ONNX model, or it is cut off")]
     NotOnnx,
     #[error("its graph cannot be cut")]
     Uncut,

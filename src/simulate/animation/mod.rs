@@ -54,7 +54,7 @@ pub struct Viewpoint {
     #[arg(value_parser = from_to(-90.0, 90.0))]
     pub elevation_deg: f64,
 
-    /// Film the object from a circle around it, once around
+    /// Film the object with a camera that circles it once
     #[arg(long)]
     pub turntable: bool,
 

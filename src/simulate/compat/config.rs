@@ -286,7 +286,7 @@ impl Config {
         let nu = |nu: f32| (0.0..0.5).contains(&nu);
         let positive = |v: f64| v.is_finite() && v > 0.0;
         if !nu(self.poisson_ratio) || self.additional_material_params.iter().any(|b| !nu(b.poisson_ratio)) {
-            return Some("`nu` must be at least 0 and less than 0.5, where a material cannot be compressed".to_owned());
+            return Some("`nu` must be at least 0 and less than 0.5, at which a material is incompressible".to_owned());
         }
         let moduli = self.additional_material_params.iter().map(|b| b.youngs_modulus);
         if moduli.chain([self.youngs_modulus]).any(|e| !positive(e.into())) {

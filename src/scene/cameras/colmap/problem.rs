@@ -9,7 +9,7 @@ pub enum Problem {
     Truncated { what: &'static str, index: u64, count: u64 },
     #[error("line {line}: {reason}; export the model again")]
     Line { line: usize, reason: String },
-    #[error("camera {id} has the model {model}, which gprop does not know or which has no flat picture")]
+    #[error("camera {id} has the model {model}, which gprop does not know or which does not project onto a plane")]
     Model { id: u32, model: String },
     #[error("camera {id}: {found} parameters where its model {model} has {expected}; export the model again")]
     Parameters { id: u32, model: String, expected: usize, found: usize },
