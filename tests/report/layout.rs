@@ -13,7 +13,7 @@ const SCREENS: [[u32; 2]; 3] = [[1300, 900], [768, 1024], [400, 800]];
 /// What is wrong with the layout.
 const FAULTS: &str = include_str!("layout.js");
 
-/// The shares of the canvas's width and height that the object spans, and the share of the canvas's edge on which it is.
+/// How much of the canvas's shorter side the object spans across and down, and the number of its pixels on the canvas's edge.
 const SPAN: &str = "(() => {
     const canvas = document.getElementById('object'), [w, h] = [canvas.width, canvas.height];
     const flat = new OffscreenCanvas(w, h).getContext('2d');
@@ -24,7 +24,7 @@ const SPAN: &str = "(() => {
         [left, right, top, bottom] = [Math.min(left, x), Math.max(right, x), Math.min(top, y), Math.max(bottom, y)];
         if (x === 0 || y === 0 || x === w - 1 || y === h - 1) edge++;
     }
-    return JSON.stringify([(right - left) / w, (bottom - top) / h, edge]);
+    return JSON.stringify([(right - left) / Math.min(w, h), (bottom - top) / Math.min(w, h), edge]);
 })()";
 
 impl Page {
@@ -36,8 +36,8 @@ impl Page {
     fn calm(&self) {
         let picture = "document.getElementById('object').toDataURL()";
         let mut last = self.evaluate(picture);
-        for _ in 0..50 {
-            (0..4).for_each(|_| self.settle());
+        for _ in 0..100 {
+            (0..2).for_each(|_| self.settle());
             let now = self.evaluate(picture);
             if now == last {
                 return;
@@ -47,7 +47,7 @@ impl Page {
         panic!("the object never comes to rest");
     }
 
-    /// The longer of the two shares that the object spans; none of it may be cut off.
+    /// The longer of the two spans; none of the object may be cut off.
     fn span_of_object(&self, when: &str) -> f64 {
         self.calm();
         let [across, down, edge]: [f64; 3] = serde_json::from_str(self.evaluate(SPAN).as_str().unwrap()).unwrap();
@@ -89,9 +89,8 @@ fn the_page_is_whole_on_every_screen_in_light_and_dark() {
 
 #[test]
 fn the_object_fits_into_its_frame_however_it_turns() {
-    /// Keys after which the object is looked at: once round in steps of 7.5 degrees, then from above.
-    const TURNS: [(&str, usize); 5] =
-        [("ArrowLeft", 0), ("ArrowLeft", 12), ("ArrowLeft", 12), ("ArrowUp", 8), ("ArrowLeft", 6)];
+    /// Keys after which the object is looked at: from two sides, in steps of 7.5 degrees, then from above.
+    const TURNS: [(&str, usize); 3] = [("ArrowLeft", 0), ("ArrowLeft", 12), ("ArrowUp", 8)];
     let Some(scene) = hostile_run() else { return };
     let url = format!("file://{}", scene.join("gprop/report.html").display());
     let test = "the_object_fits_into_its_frame_however_it_turns";
@@ -107,7 +106,7 @@ fn the_object_fits_into_its_frame_however_it_turns() {
             }
             widest = widest.max(page.span_of_object(&format!("{width} px, {presses} times {key}")));
         }
-        // A hammer is as long as the ball around it is wide, so from its side it nearly fills the frame.
-        assert!(widest > 0.6, "{width} px: the object spans only {widest} of the frame");
+        // A hammer is as long as the ball around it is wide, so from its side it nearly fills the shorter side.
+        assert!(widest > 0.6, "{width} px: the object spans only {widest} of the frame's shorter side");
     }
 }

@@ -15,6 +15,12 @@ use super::skipped;
 
 /// Software WebGL on a busy machine draws a few frames per second.
 const PATIENCE: Duration = Duration::from_secs(120);
+/// Pixels, few enough for WebGL in software.
+const WINDOW: (u32, u32) = (800, 700);
+/// WebGL without a graphics card; a page as wide as its screen.
+const FLAGS: [&str; 4] =
+    ["--use-gl=angle", "--use-angle=swiftshader", "--enable-unsafe-swiftshader", "--hide-scrollbars"];
+
 /// A page and its error messages.
 pub struct Page {
     _browser: Browser,
@@ -34,9 +40,9 @@ impl Page {
             // Chromium's sandbox does not start for root, the user of tests in a container.
             .sandbox(false)
             .enable_gpu(true)
-            .window_size(Some((1280, 1000)))
+            .window_size(Some(WINDOW))
             .idle_browser_timeout(PATIENCE)
-            .args(["--use-gl=angle", "--use-angle=swiftshader", "--enable-unsafe-swiftshader"].map(OsStr::new).to_vec())
+            .args(FLAGS.map(OsStr::new).to_vec())
             .build()
             .unwrap();
         let browser = Browser::new(options).unwrap();
