@@ -24,6 +24,10 @@ pub struct Subject {
     pub pieces: Vec<Subject>,
 }
 
+/// A piece is asked about in one view, unless that answer fails: a part has up to a dozen pieces, and its own answers have
+/// told that they differ.
+const VIEWS_OF_PIECE: usize = 1;
+
 /// The outcomes so far.
 pub type Outcomes<'a> = BTreeMap<Ask, &'a Outcome>;
 
@@ -66,7 +70,7 @@ impl Subject {
     pub fn due(&self, views: usize, outcomes: &Outcomes) -> Vec<Ask> {
         let mut own = self.due_about_itself(views, outcomes);
         if own.is_empty() && self.is_split(outcomes) {
-            own = self.pieces.iter().flat_map(|piece| piece.due(views, outcomes)).collect();
+            own = self.pieces.iter().flat_map(|piece| piece.due(VIEWS_OF_PIECE, outcomes)).collect();
         }
         own
     }

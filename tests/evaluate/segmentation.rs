@@ -32,29 +32,25 @@ fn a_scene_with_recorded_answers_gives_the_table_and_its_pictures() {
     let run = gprop().arg("vote").arg(&scene).args(["-q", "--out"]).arg(work.path()).output();
     let run = run.unwrap();
     assert!(run.status.success(), "{}", String::from_utf8_lossy(&run.stderr));
-    let score = |labels: &str| {
-        let output = evaluate(&[
-            "segmentation",
-            "--truth",
-            "ground_truth/part_maps",
-            "--labels",
-            labels,
-            "--out",
-            text(work.path()),
-            text(&scene),
-        ]);
-        assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
-        serde_json::from_slice::<Value>(&output.stdout).unwrap()
-    };
-    let found = score("abo");
+    let output = evaluate(&[
+        "segmentation",
+        "--truth",
+        "ground_truth/part_maps",
+        "--labels",
+        "abo",
+        "--out",
+        text(work.path()),
+        text(&scene),
+    ]);
+    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+    let found: Value = serde_json::from_slice(&output.stdout).unwrap();
     let labels: Vec<&String> = found["per_label"].as_object().unwrap().keys().collect();
-    assert_eq!(labels, ["ceramic", "plastic", "wood"], "rubber is plastic and cork is wood in both label sets");
+    assert_eq!(labels, ["ceramic", "plastic", "wood"], "rubber is plastic and cork is wood");
     let mean = |column: &Value| column["mean_iou"].as_f64().unwrap();
     println!("{found:#}");
     assert!(mean(&found) > 0.9 && mean(&found["local_only"]) > 0.9, "{found:#}");
     assert!(mean(&found["no_vote"]) < mean(&found), "the views together know more than the best of them");
     assert_eq!(found["per_object"]["mug"]["mean_iou"], found["mean_iou"]);
-    assert_eq!(score("mvimgnet")["per_label"], found["per_label"]);
     pictures(&scene, work.path());
 }
 
