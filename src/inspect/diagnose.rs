@@ -198,13 +198,13 @@ fn meaning(conversion: &Conversion) -> String {
         Reading::AsIs => {}
         Reading::Transposed | Reading::TransposedOpenGl => parts.push("the rotations are transposed".to_owned()),
         Reading::Inverted => {
-            parts.push("the poses are inverted (world-to-camera instead of camera-to-world)".to_owned())
+            parts.push("the poses are inverted (world-to-camera instead of camera-to-world)".to_owned());
         }
     }
     match conversion.camera_flip {
         [false, false, false] => {}
         [false, true, true] => {
-            parts.push("the cameras' y and z axes are flipped (OpenGL instead of OpenCV)".to_owned())
+            parts.push("the cameras' y and z axes are flipped (OpenGL instead of OpenCV)".to_owned());
         }
         flipped => {
             let axes: Vec<&str> =

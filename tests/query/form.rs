@@ -5,10 +5,11 @@ use std::fs;
 use gprop::materials::MaterialLibrary;
 use gprop::query::Prompts;
 use gprop::query::exchange;
+use gprop::query::question::About;
 use serde_json::{Value, json};
 
 use super::exchange::export;
-use super::{a, prepare, recordings, small, two_segments};
+use super::{a, prepare, prepare_about, recordings, small, two_segments};
 use crate::support::browser::Page;
 
 /// Seconds that a practised person needs to press a key and to decide on the next step, from the keystroke-level model
@@ -128,7 +129,7 @@ fn the_form_asks_what_belongs_to_a_shell_and_keeps_what_was_typed() {
     let home = tempfile::tempdir().unwrap();
     let out = home.path().join("out");
     let (prompts, options) = (Prompts::builtin(), small());
-    let queries = prepare(&[two_segments("000", 80, 80)], &prompts, &options);
+    let queries = prepare_about(About::Parts, &[two_segments("000", 80, 80)], &prompts, &options);
     export(&out, &queries, &recordings(&home.path().join("recorded")));
     let url = format!("file://{}", out.join("form.html").display());
     let test = "the_form_asks_what_belongs_to_a_shell_and_keeps_what_was_typed";
@@ -148,7 +149,9 @@ fn the_form_asks_what_belongs_to_a_shell_and_keeps_what_was_typed() {
     page.type_keys("2");
     page.enter();
     page.type_keys("4");
-    let is_asked = |name: &str| page.evaluate(&format!("document.querySelector('[data-name={name}]').checkVisibility()"));
+    assert_eq!(page.text("#state"), "0 of 2 answered", "what is inside is not answered");
+    let is_asked =
+        |name: &str| page.evaluate(&format!("document.querySelector('[data-name={name}]').checkVisibility()"));
     assert_eq!((is_asked("inside"), is_asked("filling")), (true.into(), false.into()));
     choose("inside", 1);
     assert_eq!((is_asked("filling"), is_asked("bulk_reason")), (true.into(), false.into()));

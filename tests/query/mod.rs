@@ -97,6 +97,10 @@ fn two_segments(name: &'static str, tint: u8, border: u32) -> View {
 }
 
 fn prepare<'a>(views: &[View], prompts: &'a Prompts, options: &'a Options) -> Queries<'a> {
+    prepare_about(About::Segments, views, prompts, options)
+}
+
+fn prepare_about<'a>(about: About, views: &[View], prompts: &'a Prompts, options: &'a Options) -> Queries<'a> {
     let ids: Vec<Vec<u16>> =
         views.iter().map(|view| view.segments.segments.iter().map(|segment| segment.id).collect()).collect();
     let inputs = views.iter().zip(&ids).map(|(view, ids)| ViewInput {
@@ -106,8 +110,7 @@ fn prepare<'a>(views: &[View], prompts: &'a Prompts, options: &'a Options) -> Qu
         ids,
     });
     let inputs: Vec<ViewInput> = inputs.collect();
-    Queries::prepare(&inputs, MaterialLibrary::builtin(), prompts, options, About::Segments)
-        .expect("made-up views are sound")
+    Queries::prepare(&inputs, MaterialLibrary::builtin(), prompts, options, about).expect("made-up views are sound")
 }
 
 fn small() -> Options {
