@@ -100,7 +100,7 @@ fn the_report_of_every_fixture_follows_the_published_schema() {
             command.args(["--view-list", "003", "--answers", "replay"]);
         } else {
             command
-                .args(["--views", "1", "--lmm-model", "test-model", "--lmm-url"])
+                .args(["--views", "1", "--points-per-side", "8", "--lmm-model", "test-model", "--lmm-url"])
                 .arg(format!("{}/v1", server.uri()));
             command.arg("--recordings").arg(recordings.path());
         }

@@ -1,6 +1,6 @@
 //! A volume with its bounds, by what makes them wide.
 
-use crate::parts::mass::unknowns::Effect;
+use crate::parts::mass::unknowns::{Effect, OVERCONFIDENCE};
 use crate::units::{Estimate, Reading};
 
 /// Error of the volume of a solid or a hollow that no other rule covers, as the half-width of a 90 % interval of its
@@ -28,7 +28,7 @@ pub struct Volume {
     pub mid: f64,
     /// How exactly the views and the splat show the surface.
     pub method: Effect,
-    /// The thickness of the wall.
+    /// The thickness of the wall, with [`OVERCONFIDENCE`].
     pub wall: Effect,
     /// What no view sees.
     pub unseen: Effect,
@@ -44,7 +44,7 @@ impl Volume {
             |low: f64, high: f64| if mid > 0.0 { Effect { low: ln(low), high: ln(high) } } else { Effect::NONE };
         let surface = effect(mid - slack, mid + slack);
         let method = Effect { low: -surface.low.hypot(spread), high: surface.high.hypot(spread) };
-        Self { mid, method, wall: effect(thin, thick), unseen: effect(least, most) }
+        Self { mid, method, wall: effect(thin, thick).wider(OVERCONFIDENCE), unseen: effect(least, most) }
     }
 
     /// Its bounds at 90 %: the three causes are independent.

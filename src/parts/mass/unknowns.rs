@@ -13,6 +13,11 @@ use serde::{Deserialize, Serialize};
 
 use crate::units::Estimate;
 
+/// What nobody sees, the model answers as a range that it takes for likely: a wall's thickness, how full a hollow is, the
+/// density of a mixed part. Ranges that people call 90 % sure hold the truth in about half of the cases (Klayman et al.,
+/// Organizational Behavior and Human Decision Processes 79, 1999), that is out to 0.67 instead of 1.64 standard deviations.
+pub const OVERCONFIDENCE: f64 = 2.4;
+
 /// What makes an interval wide.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
 #[cfg_attr(test, derive(schemars::JsonSchema))]
@@ -46,6 +51,11 @@ impl Effect {
     pub fn of(estimate: Estimate) -> Self {
         let ln = |end: f64| if end > 0.0 && estimate.mid > 0.0 { (end / estimate.mid).ln() } else { 0.0 };
         Self { low: ln(estimate.low), high: ln(estimate.high) }
+    }
+
+    /// With ends that are farther apart by this factor.
+    pub fn wider(self, factor: f64) -> Self {
+        Self { low: self.low * factor, high: self.high * factor }
     }
 
     fn at(self, z: f64) -> f64 {

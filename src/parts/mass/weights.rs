@@ -2,7 +2,7 @@
 
 use super::Weighable;
 use super::moments::Moments;
-use super::unknowns::{Belief, Effect, Quantity, Source, Unknowns, extremes};
+use super::unknowns::{Belief, Effect, OVERCONFIDENCE, Quantity, Source, Unknowns, extremes};
 use crate::parts::compose::volume::Volume;
 use crate::query::Form;
 use crate::units::Estimate;
@@ -132,14 +132,15 @@ fn part(of: usize, weighable: &Weighable, scale: f64, unknowns: &mut Unknowns) -
     let volume = volume(weighable.volume, scale, &owner, unknowns);
     // A mixed part has a density of its own; all parts of one material have the same.
     let name = if label.form == Form::Mixed { &owner } else { &label.material };
+    let guessed = if label.form == Form::Mixed { OVERCONFIDENCE } else { 1.0 };
     let density = Quantity {
         mid: label.density_kg_m3.mid,
-        effects: vec![(unknowns.number(Source::Density, name), Effect::of(label.density_kg_m3))],
+        effects: vec![(unknowns.number(Source::Density, name), Effect::of(label.density_kg_m3).wider(guessed))],
     };
     let wall =
         weighable.shape.thickness.filter(|_| matches!(label.form, Form::Shell { .. })).map(|thickness| Quantity {
             mid: thickness.mid * scale,
-            effects: vec![(unknowns.number(Source::Wall, &owner), Effect::of(thickness))],
+            effects: vec![(unknowns.number(Source::Wall, &owner), Effect::of(thickness).wider(OVERCONFIDENCE))],
         });
     Weight { of, is_filling: false, mass: product(&volume, &density), volume, density, wall }
 }
@@ -149,7 +150,7 @@ fn filling(of: usize, weighable: &Weighable, scale: f64, unknowns: &mut Unknowns
     let owner = weighable.label.id.to_string();
     let share = Quantity {
         mid: filled.share.mid,
-        effects: vec![(unknowns.number(Source::Filling, &owner), Effect::of(filled.share))],
+        effects: vec![(unknowns.number(Source::Filling, &owner), Effect::of(filled.share).wider(OVERCONFIDENCE))],
     };
     let volume = product(&volume(&hollow.volume, scale, &owner, unknowns), &share);
     let density = Quantity {

@@ -14,6 +14,8 @@ let place = 0;
 
 const answerTo = (query) => answers[query.query] || {};
 const schemaOf = (query) => texts[query.text].schema;
+/* The names of the fields, in the order in which the schema requires them. */
+const namesOf = (query) => { const { required, properties } = schemaOf(query); return [...new Set([...required, ...Object.keys(properties)])]; };
 const types = (property) => [].concat(property.type);
 const mayBeNull = (property) => types(property).includes("null");
 const isRange = (property) => types(property).includes("array");
@@ -48,7 +50,7 @@ function matching(query, text) {
 
 /* The fields of a question: the material first, then what only a person can say, then what the library fills in. */
 function fieldsOf(query) {
-  const names = Object.keys(schemaOf(query).properties);
+  const names = namesOf(query);
   const first = names.includes("material") ? ["material"] : [];
   const fills = new Set(first.length ? Object.keys(materials[0]?.fields || {}) : []);
   return { first, own: names.filter((name) => !fills.has(name)), filled: names.filter((name) => fills.has(name) && name !== "material") };
@@ -253,7 +255,7 @@ function next() {
 function complete(query) {
   if (lacking(query).length) return null;
   const answer = answerTo(query), kept = (name) => (needed[name]?.(answer) ?? true ? answer[name] : null);
-  return Object.fromEntries(Object.keys(schemaOf(query).properties).map((name) => [name, kept(name) ?? null]));
+  return Object.fromEntries(namesOf(query).map((name) => [name, kept(name) ?? null]));
 }
 
 function lines() {
