@@ -5,23 +5,20 @@
 //! then its wall, then its density, and the rest is what was taken to be inside. The steps, in kilograms, add up to the
 //! error.
 
-use serde::{Deserialize, Serialize};
+use serde::Serialize;
 
 use crate::parts::{Part, Parts};
 
-/// A part of `ground_truth/parts.json`.
-#[derive(Debug, Clone, Deserialize)]
+/// A part whose true mass is known.
+#[derive(Debug, Clone)]
 pub struct TruePart {
     pub name: String,
     pub volume_m3: f64,
     pub mass_kg: f64,
-    #[serde(default)]
     pub form: String,
     /// Of a shell's wall; if a shell has none, its volume is that within its outer surface.
-    #[serde(default)]
     pub thickness_m: Option<f64>,
     /// Lowest and highest corner, world frame.
-    #[serde(default)]
     pub bounding_box_m: Option<[[f64; 3]; 2]>,
 }
 

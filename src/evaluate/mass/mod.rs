@@ -94,13 +94,38 @@ enum Prediction {
 #[derive(Deserialize)]
 struct SceneTruth {
     total_mass_kg: f64,
-    parts: Vec<TruePart>,
+    parts: Vec<StatedPart>,
     #[serde(default)]
     bounding_box_m: Option<[[f64; 3]; 2]>,
     #[serde(default)]
     center_of_mass_m: Option<[f64; 3]>,
     #[serde(default)]
     inertia_at_com_kg_m2: Option<[[f64; 3]; 3]>,
+}
+
+/// A part of `ground_truth/parts.json`; what is not known of it is null.
+#[derive(Deserialize)]
+struct StatedPart {
+    name: String,
+    volume_m3: Option<f64>,
+    mass_kg: Option<f64>,
+    #[serde(default)]
+    form: String,
+    thickness_m: Option<f64>,
+    bounding_box_m: Option<[[f64; 3]; 2]>,
+}
+
+impl StatedPart {
+    fn known(&self) -> Option<TruePart> {
+        Some(TruePart {
+            name: self.name.clone(),
+            volume_m3: self.volume_m3?,
+            mass_kg: self.mass_kg?,
+            form: self.form.clone(),
+            thickness_m: self.thickness_m,
+            bounding_box_m: self.bounding_box_m,
+        })
+    }
 }
 
 /// Every object of a file of predictions with its truth.
@@ -134,12 +159,13 @@ pub fn from_scene(id: &str, parts: &Path, truth: &Path) -> Result<Weighed, Evalu
             name: part.caption.clone(),
             volume_m3: part.volume_m3,
             mass_kg: part.mass_kg,
-            true_volume_m3: known.map(|known| known.volume_m3),
-            true_mass_kg: known.map(|known| known.mass_kg),
+            true_volume_m3: known.and_then(|known| known.volume_m3),
+            true_mass_kg: known.and_then(|known| known.mass_kg),
         }
     };
     let parts = measured.parts.iter().map(part).collect();
-    let (causes, true_parts) = causes::compare(&truth.parts, &measured).unzip();
+    let known: Option<Vec<TruePart>> = truth.parts.iter().map(StatedPart::known).collect();
+    let (causes, true_parts) = known.and_then(|known| causes::compare(&known, &measured)).unzip();
     let balance = balance(&truth, &measured);
     let true_parts = true_parts.unwrap_or_default();
     let weighed = weighed(id.to_owned(), measured.object.mass_kg, truth.total_mass_kg, parts);
@@ -204,4 +230,17 @@ fn read_json<T: DeserializeOwned>(
     let text = files::read_to_string(path);
     let text = text.map_err(|source| EvaluateError::Read { path: path.to_owned(), source, remedy })?;
     serde_json::from_str(&text).map_err(|source| EvaluateError::Json { path: path.to_owned(), expected, source })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_part_of_unknown_mass_has_no_causes() {
+        let stated = |mass: &str| format!(r#"{{ "name": "head", "volume_m3": 1e-4, "mass_kg": {mass} }}"#);
+        let read = |mass: &str| serde_json::from_str::<StatedPart>(&stated(mass)).unwrap().known();
+        assert!(read("null").is_none());
+        assert_eq!(read("0.4").unwrap().mass_kg, 0.4);
+    }
 }
