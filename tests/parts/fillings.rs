@@ -94,6 +94,10 @@ fn the_width_of_a_mass_names_its_sources() {
     assert_eq!(sources(&full.fillings[0].width), [Source::Method, Source::Wall, Source::Filling]);
     let widest = full.object.width.iter().max_by(|a, b| a.factor().total_cmp(&b.factor())).unwrap();
     assert_eq!(widest.source, Source::Filling);
+    // A hollow holds no more than all of it, however uncertain the share: 1 / 0.9 of the middle, and a density 1.1 times it.
+    let most = (1.0f64 / 0.9).ln().hypot(1.1f64.ln()).exp() * (1.0 + 1e-9);
+    let filling = full.fillings[0].width.iter().find(|width| width.source == Source::Filling).unwrap();
+    assert!(filling.mass_kg.high <= full.fillings[0].mass_kg.mid * most, "{filling:?}");
     let mass = full.object.mass_kg;
     assert!(full.object.width.iter().all(|width| width.mass_kg.low >= mass.low && width.mass_kg.high <= mass.high));
 }
@@ -107,7 +111,7 @@ fn a_reading_of_a_scale_narrows_what_is_inside() {
     let told = known.known_mass.as_ref().unwrap();
     assert!(told.is_possible && told.expected_kg == expected.object.mass_kg);
     close(known.object.mass_kg.mid, reading, 0.01);
-    assert!(known.object.mass_kg.high / known.object.mass_kg.low < 1.06, "{:?}", known.object.mass_kg);
+    assert!(known.object.mass_kg.high / known.object.mass_kg.low < 1.03, "{:?}", known.object.mass_kg);
     let sum = known.parts[0].mass_kg.unwrap().mid + known.fillings[0].mass_kg.mid;
     close(sum, known.object.mass_kg.mid, 1e-9);
     let moved = |parts: &Parts| parts.fillings[0].mass_kg.mid / parts.parts[0].mass_kg.unwrap().mid;

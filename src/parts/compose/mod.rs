@@ -95,12 +95,15 @@ pub fn compose(
 
     let slacks: Vec<f64> = areas(&cells, constructions.len()).into_iter().map(|area| area * uncertainty).collect();
     let (own, hollow) = contents.volumes();
-    let volume = |l: usize| {
-        if is_solid[l] { Volume::of(own[l], slacks[l], SOLID_SPREAD) } else { Volume::of(own[l], 0.0, WALL_SPREAD) }
+    let mut enclosed = vec![0.0; constructions.len()];
+    cells.label.iter().filter(|label| **label != NONE).for_each(|&l| enclosed[l as usize] += cells.grid.cell_volume());
+    let volume = |l: usize| match is_solid[l] {
+        true => Volume::of(own[l], slacks[l], SOLID_SPREAD),
+        false => Volume::of(own[l], 0.0, WALL_SPREAD).within(enclosed[l]),
     };
     let composed = Composed {
         volumes: (0..constructions.len()).map(volume).collect(),
-        hollows: contents.hollows(&hollow, &slacks),
+        hollows: contents.hollows(&hollow, &slacks, &enclosed),
         interior: contents.interior(),
         cores: cores.clone(),
         is_mirrored,
@@ -169,7 +172,7 @@ impl Contents<'_> {
 
     /// Per label, the hollow that holds a filling. The surface in front of it may lie further in or out by its
     /// uncertainty, as that of a solid.
-    fn hollows(&self, readings: &[Readings], slacks: &[f64]) -> Vec<Option<Hollow>> {
+    fn hollows(&self, readings: &[Readings], slacks: &[f64], enclosed: &[f64]) -> Vec<Option<Hollow>> {
         let is_filled = |l: usize| {
             self.cores[l].is_none() && matches!(self.constructions[l], Construction::Wall { filled: Some(_), .. })
         };
@@ -180,7 +183,8 @@ impl Contents<'_> {
         let shares = cells.map(|(i, l)| (i, *l as usize, self.shares(i, Reading::Mid, Reading::Mid).1));
         let moments = Moments::of(&self.cells.grid, shares, readings.len());
         let hollow = |(l, moments): (usize, Option<Moments>)| {
-            Some(Hollow { volume: Volume::of(readings[l], slacks[l], SOLID_SPREAD), moments: moments? })
+            let volume = Volume::of(readings[l], slacks[l], SOLID_SPREAD).within(enclosed[l]);
+            Some(Hollow { volume, moments: moments? })
         };
         moments.into_iter().enumerate().map(hollow).collect()
     }

@@ -47,6 +47,12 @@ impl Volume {
         Self { mid, method, wall: effect(thin, thick).wider(OVERCONFIDENCE), unseen: effect(least, most) }
     }
 
+    /// The same if no thickness of a wall can make it more than `most`, the volume inside the part's surface.
+    pub fn within(self, most: f64) -> Self {
+        let limit = if self.mid > 0.0 { (most / self.mid).ln().max(0.0) } else { 0.0 };
+        Self { wall: self.wall.at_most(limit), ..self }
+    }
+
     /// Its bounds at 90 %: the three causes are independent.
     pub fn interval(&self) -> Estimate {
         let width = |raises: bool| {

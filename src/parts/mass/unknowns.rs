@@ -58,6 +58,11 @@ impl Effect {
         Self { low: self.low * factor, high: self.high * factor }
     }
 
+    /// With ends that raise the logarithm by no more than `limit`.
+    pub fn at_most(self, limit: f64) -> Self {
+        Self { low: self.low.min(limit), high: self.high.min(limit) }
+    }
+
     fn at(self, z: f64) -> f64 {
         if z > 0.0 { self.high * z } else { -self.low * z }
     }
