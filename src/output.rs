@@ -8,6 +8,24 @@
 use std::borrow::Cow;
 use std::io::{self, Write};
 
+/// Groups of three digits with commas between them.
+pub fn thousands(number: u64) -> String {
+    let digits = number.to_string();
+    let mut text = String::new();
+    for (place, digit) in digits.chars().enumerate() {
+        if place > 0 && (digits.len() - place).is_multiple_of(3) {
+            text.push(',');
+        }
+        text.push(digit);
+    }
+    text
+}
+
+/// A count with its noun: "1 view", "2,000 views".
+pub fn counted(count: usize, noun: &str) -> String {
+    format!("{} {noun}{}", thousands(count as u64), if count == 1 { "" } else { "s" })
+}
+
 /// `text` with such characters as JSON escapes (`\u001b`), so that JSON keeps its meaning. Newlines and tabs are kept.
 pub fn harmless(text: &str) -> Cow<'_, str> {
     escaped(text, |c| matches!(c, '\n' | '\t'))

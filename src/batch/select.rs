@@ -6,6 +6,7 @@ use std::path::{Path, PathBuf};
 
 use glob::Pattern;
 
+use crate::output::counted;
 use crate::scene::SplatFormat;
 use crate::scene::dataset::Entry;
 use crate::workdir;
@@ -82,8 +83,8 @@ fn of_split(scenes: Vec<Entry>, split: &str, warnings: &mut Vec<String>) -> Resu
         let absent: Vec<&&str> = names.difference(&known).collect();
         if let Some(first) = absent.first() {
             warnings.push(format!(
-                "{} scenes of {split} have no folder (first: `{first}`); they are left out",
-                absent.len()
+                "left out because they have no folder: {} of {split} (first: `{first}`)",
+                counted(absent.len(), "scene")
             ));
         }
         return Ok(scenes.iter().filter(|scene| names.contains(scene.name.as_str())).cloned().collect());

@@ -7,7 +7,7 @@ use std::path::{Path, PathBuf};
 
 use serde::Serialize;
 
-use crate::output::one_line;
+use crate::output::{counted, one_line};
 use crate::workdir;
 
 use super::select::Selected;
@@ -105,7 +105,8 @@ impl Summary {
         let missing = missing.len();
         let skipped = if self.skipped > 0 { format!(", {} skipped", self.skipped) } else { String::new() };
         text + &format!(
-            "{scenes} scenes: {done} done, {failed} failed, {missing} unknown{skipped}; {seconds:.0} seconds in total"
+            "{}: {done} done, {failed} failed, {missing} unknown{skipped}; {seconds:.0} seconds in total",
+            counted(*scenes, "scene")
         )
     }
 

@@ -11,8 +11,8 @@ use crate::progress::{self, Progress};
 use crate::query::AnswerSource;
 use crate::query::client;
 
-use super::found::counted;
 use super::{BatchArgs, Global, options_of, print, print_text};
+use crate::output::counted;
 
 /// A scene in the output of a dry run.
 #[derive(Serialize)]
@@ -119,7 +119,7 @@ fn dry_run(global: &Global, batch: &Batch) -> anyhow::Result<()> {
         };
         let skipped = skipped.iter().map(|name| format!("{name}  skipped\n"));
         scenes.iter().map(line).chain(skipped).collect::<String>()
-            + &format!("{} scenes in shard {index}/{of}", scenes.len())
+            + &format!("{} in shard {index}/{of}", counted(scenes.len(), "scene"))
     })
 }
 

@@ -8,11 +8,12 @@ use serde_json::Value;
 use crate::error::Error;
 use crate::grasp::GraspReport;
 use crate::output::one_line;
+use crate::output::{counted, thousands};
 use crate::part_name::part_name;
 use crate::parts::PartsError;
 use crate::pipeline::{Pipeline, Stage};
 use crate::query::{Answers, Outcome};
-use crate::report::numbers::{significant, thousands};
+use crate::report::numbers::significant;
 use crate::report::{grasp_line, mass_line, part_lines};
 use crate::segment::Segmentation;
 use crate::simulate::SimulationReport;
@@ -149,9 +150,4 @@ fn grasp(report: &GraspReport) -> String {
         );
     }
     text
-}
-
-/// A number with its noun.
-pub(super) fn counted(number: usize, what: &str) -> String {
-    format!("{} {what}{}", thousands(number as u64), if number == 1 { "" } else { "s" })
 }

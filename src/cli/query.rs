@@ -13,9 +13,9 @@ use crate::query::QueryError;
 use crate::workdir::Artifact;
 
 use super::arguments::BatchApiStep;
-use super::found::counted;
 use super::scene;
 use super::{Global, QueryArgs, print, shown};
+use crate::output::counted;
 
 /// The actions on questions other than answering them.
 enum QueryAction<'a> {

@@ -52,11 +52,6 @@ pub(super) fn dollars(usd: Option<f64>) -> String {
     usd.map_or_else(|| "an unknown price (give a table with --prices)".to_owned(), |usd| format!("{usd:.4} USD"))
 }
 
-/// A count with its noun.
-pub(super) fn counted(count: usize, noun: &str) -> String {
-    format!("{count} {noun}{}", if count == 1 { "" } else { "s" })
-}
-
 /// A price table that cannot be read.
 #[derive(Debug, thiserror::Error)]
 #[error("the price table cannot be read: {0}; its columns are those of prompts/prices.csv")]

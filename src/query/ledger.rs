@@ -9,8 +9,9 @@ use std::sync::{Mutex, MutexGuard, PoisonError};
 
 use serde::Serialize;
 
-use super::cost::{Cost, Price, counted, dollars};
+use super::cost::{Cost, Price, dollars};
 use super::recorded::Usage;
+use crate::output::counted;
 
 /// The account book of a run.
 #[derive(Debug)]

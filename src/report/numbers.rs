@@ -91,19 +91,6 @@ fn grouped(text: &str) -> String {
     whole.parse().map_or_else(|_| text.to_owned(), |whole| format!("{sign}{}{fraction}", thousands(whole)))
 }
 
-/// Groups of three digits with commas between them.
-pub fn thousands(number: u64) -> String {
-    let digits = number.to_string();
-    let mut text = String::new();
-    for (place, digit) in digits.chars().enumerate() {
-        if place > 0 && (digits.len() - place).is_multiple_of(3) {
-            text.push(',');
-        }
-        text.push(digit);
-    }
-    text
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;

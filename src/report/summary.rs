@@ -4,9 +4,10 @@ use std::fmt::Write;
 use std::path::Path;
 
 use super::Report;
-use super::numbers::{figures, significant, thousands};
+use super::numbers::{figures, significant};
 use crate::grasp::GraspReport;
 use crate::output::one_line;
+use crate::output::thousands;
 use crate::part_name::part_name;
 use crate::parts::Parts;
 use crate::vote::FieldLabel;

@@ -17,6 +17,7 @@ use serde::{Deserialize, Serialize};
 
 use super::{SceneError, cameras, splat_file};
 use crate::files;
+use crate::output::counted;
 use crate::units::{MetricScale, ScaleSource};
 
 const SPLITS: &str = "splits.json";
@@ -136,8 +137,10 @@ fn abo(folder: &Path, warnings: &mut Vec<String>) -> Result<Listed, SceneError> 
     let listed = splits.values().flatten();
     let absent: Vec<&String> = listed.filter(|name| !entries.iter().any(|entry| entry.name == **name)).collect();
     if let Some(first) = absent.first() {
-        warnings
-            .push(format!("{} scenes of {SPLITS} have no folder (first: `{first}`); they are left out", absent.len()));
+        warnings.push(format!(
+            "left out because they have no folder: {} of {SPLITS} (first: `{first}`)",
+            counted(absent.len(), "scene")
+        ));
     }
     Ok(Listed { scenes: entries, skipped: skipped.iter().map(|name| printable(name)).collect() })
 }

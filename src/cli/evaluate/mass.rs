@@ -2,7 +2,7 @@
 
 use super::scores_text;
 use crate::evaluate::mass::{Balance, Causes, MassEvaluation, Weighed, WeighedPart};
-use crate::output::one_line;
+use crate::output::{counted, one_line};
 
 /// The table of masses, the causes of the errors, the scores.
 pub fn text(found: &MassEvaluation) -> String {
@@ -25,7 +25,9 @@ pub fn text(found: &MassEvaluation) -> String {
     let (coverage, width) = (100.0 * found.coverage, found.median_width);
     text += &format!("\ninterval contains the truth: {coverage:.0} %, median width (high / low) {width:.2}");
     match found.missing.first() {
-        Some(first) => text + &format!("\nwithout a mass: {} scenes (first: {})", found.missing.len(), one_line(first)),
+        Some(first) => {
+            text + &format!("\nwithout a mass: {} (first: {})", counted(found.missing.len(), "scene"), one_line(first))
+        }
         None => text,
     }
 }

@@ -150,8 +150,7 @@ fn filling(of: usize, weighable: &Weighable, scale: f64, unknowns: &mut Unknowns
     let owner = weighable.label.id.to_string();
     let full = (1.0 / filled.share.mid).ln();
     let likely = Effect::of(filled.share).wider(OVERCONFIDENCE).at_most(full);
-    let share =
-        Quantity { mid: filled.share.mid, effects: vec![(unknowns.number(Source::Filling, &owner), likely)] };
+    let share = Quantity { mid: filled.share.mid, effects: vec![(unknowns.number(Source::Filling, &owner), likely)] };
     let volume = product(&volume(&hollow.volume, scale, &owner, unknowns), &share);
     let density = Quantity {
         mid: filled.density_kg_m3.mid,

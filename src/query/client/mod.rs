@@ -26,10 +26,11 @@ use serde_json::{Value, json};
 use tokio::runtime::Runtime;
 
 use super::asker::{Ask, AskError, Asker, Reply};
-use super::cost::{Cost, counted};
+use super::cost::Cost;
 use super::ledger::Account;
 use super::options::Options;
 use super::recorded::Answerer;
+use crate::output::counted;
 use crate::progress::{self, Progress};
 use crate::setup::Offline;
 use address::Address;

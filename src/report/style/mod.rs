@@ -2,8 +2,8 @@
 
 use minijinja::{AutoEscape, Environment, Value, escape_formatter};
 
-use super::numbers::thousands;
 use crate::output::harmless;
+use crate::output::thousands;
 
 /// Colours, fonts, tiles, tables.
 const STYLE: &str = include_str!("base.css");
