@@ -10,8 +10,9 @@ use super::fingers::{FINGER_LENGTH_M, FINGER_THICKNESS_M, OrientedBox, PALM_M, h
 use super::{GraspReport, Limit};
 use crate::camera::{Camera, Distortion, Intrinsics};
 use crate::lettering::Style;
+use crate::part_name::part_name;
 use crate::pictures::panels::{Entry, Key, Panel, compose};
-use crate::pictures::{palette, short, strokes};
+use crate::pictures::{palette, strokes};
 use crate::render::{RenderOptions, render, render_labels};
 use crate::scene::gaussians::{Gaussians, SH_C0};
 use crate::scene::robust_bounds;
@@ -95,7 +96,7 @@ impl Scene<'_> {
                 newtons(candidate.f_star_n),
                 if candidate.feasible { "" } else { " (not safe)" },
                 1e3 * candidate.width_m,
-                short(&candidate.part),
+                part_name(&candidate.part, ""),
             ),
             key: Key::Number(color(rank), rank as u32 + 1),
         };

@@ -1,13 +1,14 @@
 //! The legends of parts, materials and confidence.
 
+use super::palette;
 use super::panels::{Entry, Key};
-use super::{palette, short};
+use crate::part_name::part_name;
 use crate::vote::{FieldLabel, MaterialField, field_ply};
 
 /// The parts with their numbers.
 pub fn parts(field: &MaterialField) -> Vec<Entry> {
     let entry = |label: &FieldLabel| Entry {
-        text: short(&label.caption).to_owned(),
+        text: part_name(&label.caption, &label.material),
         key: Key::Number(palette::bytes(palette::part(label.id)), label.id),
     };
     field.labels.iter().map(entry).collect()

@@ -40,11 +40,6 @@ pub fn tinted(photo: &Photo, map: &LabelMap, color: impl Fn(u16) -> [f32; 3]) ->
     picture
 }
 
-/// The beginning of a caption: the part's name, without its appearance.
-pub fn short(caption: &str) -> &str {
-    caption.split([';', ',']).next().unwrap_or(caption).trim()
-}
-
 /// For every segment of `map`, the label of the Gaussians that most of its pixels show. `labels` are those of the
 /// pixels, row by row.
 pub fn labels_of_segments(map: &LabelMap, labels: &[Option<u32>]) -> BTreeMap<u16, u32> {

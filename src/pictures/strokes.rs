@@ -51,7 +51,8 @@ pub fn numbered(picture: &mut RgbImage, center: Point2<f64>, radius: f64, color:
     style.write(picture, &text, (corner.x.round() as i32, corner.y.round() as i32));
 }
 
-/// A bar of a round length in the lower left corner, with its length above it. Nothing if no round length fits.
+/// A bar of a round length with its length above it, in the corner in which it covers least of what the picture shows on
+/// white: of equal ones the lower left. Nothing if no round length fits.
 pub fn scale_bar(picture: &mut RgbImage, pixels_per_meter: f64) {
     /// Longest bar, as a share of the picture's width.
     const LONGEST: f64 = 0.3;
@@ -59,8 +60,18 @@ pub fn scale_bar(picture: &mut RgbImage, pixels_per_meter: f64) {
     let Some((meters, text)) = round_length(LONGEST * width / pixels_per_meter) else { return };
     let style = Style::semibold((width / 32.0).clamp(12.0, 20.0) as u32);
     let thick = f64::from(style.px) / 5.0;
-    let (x, y) = (0.03 * width, height - 0.03 * width - thick);
     let length = meters * pixels_per_meter;
+    let (wide, high) = (length.max(f64::from(style.width(&text))), 3.0 * thick + f64::from(style.height()));
+    let edge = 0.03 * width;
+    let (lower, upper) = (height - edge - thick, edge + high - thick);
+    let places = [(edge, lower), (width - edge - wide, lower), (edge, upper), (width - edge - wide, upper)];
+    let covered = |&(x, y): &(f64, f64)| {
+        let within = |from: f64, length: f64, room: u32| from.max(0.0) as u32..((from + length) as u32).min(room);
+        let rows = within(y + thick - high, high, picture.height());
+        let columns = || within(x, wide, picture.width());
+        rows.map(|row| columns().filter(|&column| *picture.get_pixel(column, row) != WHITE).count()).sum::<usize>()
+    };
+    let (x, y) = places.into_iter().min_by_key(covered).expect("four corners");
     let ends = [Point2::new(x, y), Point2::new(x + length, y)];
     let tick = Vector2::new(0.0, 2.0 * thick);
     for (more, color) in [(3.0, WHITE), (0.0, INK)] {
@@ -159,5 +170,12 @@ mod tests {
         let row = 400 - 18 - 4;
         let dark = (0..600).filter(|x| picture.get_pixel(*x, row)[0] < 60).count();
         assert!((98..=106).contains(&dark), "{dark}");
+
+        // An object in the lower left corner keeps clear of it.
+        let mut picture = RgbImage::from_pixel(600, 400, WHITE);
+        let object = Rgb([120, 180, 90]);
+        (300..400).for_each(|y| (0..200).for_each(|x| picture.put_pixel(x, y, object)));
+        scale_bar(&mut picture, 500.0);
+        assert_eq!(picture.pixels().filter(|pixel| **pixel == object).count(), 100 * 200);
     }
 }
