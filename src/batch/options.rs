@@ -55,7 +55,7 @@ pub struct Options {
     #[arg(long, value_name = "N", allow_negative_numbers = true, value_parser = above(0.0, MOST_MINUTES))]
     pub max_minutes: Option<f64>,
 
-    /// Run scenes that failed again
+    /// Run failed scenes again
     #[arg(long)]
     pub retry_failed: bool,
 }
