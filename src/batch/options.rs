@@ -38,7 +38,7 @@ pub struct Options {
     #[arg(long, value_name = "N")]
     pub end: Option<usize>,
 
-    /// Only shard I of N of these scenes, counted from 0; the shards are of about equal size [default: from
+    /// Only shard I of N of these scenes, with I from 0; the shards are of about equal size [default: from
     /// SLURM_ARRAY_TASK_ID and SLURM_ARRAY_TASK_COUNT, or JOB_COMPLETION_INDEX and JOB_COMPLETIONS, if they are set]
     #[arg(long, value_name = "I/N")]
     pub shard: Option<Shard>,
@@ -55,7 +55,7 @@ pub struct Options {
     #[arg(long, value_name = "N", allow_negative_numbers = true, value_parser = above(0.0, MOST_MINUTES))]
     pub max_minutes: Option<f64>,
 
-    /// Run scenes that failed again
+    /// Run failed scenes again
     #[arg(long)]
     pub retry_failed: bool,
 }

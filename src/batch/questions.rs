@@ -24,7 +24,7 @@ use super::{Batch, BatchError, Ledger, Outcome, State};
 /// The two halves of a submission.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, clap::ValueEnum)]
 pub enum QuestionStep {
-    /// Segment all scenes and send their open questions.
+    /// Segment all scenes and send the questions that are due.
     Submit,
     /// Fetch the answers and record them.
     Collect,

@@ -162,7 +162,7 @@ pub struct GraspArgs {
 
 #[derive(Debug, Subcommand)]
 pub enum Grasp {
-    /// Fit a rising polynomial of 5th order to forces measured at a gripper's commands.
+    /// Fit a rising polynomial of fifth order to forces measured at a gripper's commands.
     Calibrate {
         /// Measurements (CSV with the header command,force_n; any number of rows per command).
         points: PathBuf,
@@ -251,8 +251,8 @@ pub struct BatchArgs {
     /// Run nothing; write the summary of all shards, which must have been run with the same choice of scenes.
     #[arg(long, conflicts_with_all = ["dry_run", "queries"])]
     pub merge: bool,
-    /// Send the open questions of all scenes through OpenAI's Batch API (half the price, within a day), or collect the
-    /// answers.
+    /// Send the questions of all scenes that are due through OpenAI's Batch API (half the price, within a day), or
+    /// collect the answers.
     #[arg(long, value_name = "STEP", conflicts_with = "dry_run")]
     pub queries: Option<batch::QuestionStep>,
     #[command(flatten)]
@@ -292,13 +292,15 @@ pub enum Compat {
                         is drawn."
 )]
 pub struct QueryArgs {
-    /// Write the open questions (sheets, prompt, schema, a form to fill in) into this folder, to answer them elsewhere.
+    /// Write the questions that are due (sheets, prompt, schema, a form to fill in) into this folder, to answer them
+    /// elsewhere.
     #[arg(long, value_name = "DIR", group = "action")]
     pub export: Option<PathBuf>,
     /// Read answers from this folder, check them and record them.
     #[arg(long, value_name = "DIR", group = "action", value_parser = values::folder())]
     pub import: Option<PathBuf>,
-    /// Send the open questions through OpenAI's Batch API (half the price, within a day), or collect the answers.
+    /// Send the questions that are due through OpenAI's Batch API (half the price, within a day), or collect the
+    /// answers.
     #[arg(long, value_name = "STEP", group = "action")]
     pub batch_api: Option<BatchApiStep>,
     /// Delete the scene's recordings that are not used with these options.
@@ -314,7 +316,7 @@ pub struct QueryArgs {
 /// The two halves of a submission through the Batch API.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, clap::ValueEnum)]
 pub enum BatchApiStep {
-    /// Send the open questions.
+    /// Send the questions that are due.
     Submit,
     /// Fetch the answers and record them.
     Collect,
@@ -348,8 +350,8 @@ const MOST_FEW_VIEWS: NonZeroUsize = NonZeroUsize::new(1000).expect("a thousand 
 
 #[derive(Debug, Subcommand)]
 pub enum Evaluate {
-    /// Compute pick-up, no-damage and success rates of gripping policies: of recorded trials, or predicted for the grasps
-    /// that runs proposed.
+    /// Compute pick-up, no-damage and success rates of gripping policies, from recorded trials or as predicted for the
+    /// grasps that runs proposed.
     Grasp {
         /// Scene folders with results of `gprop run` and with a `ground_truth` folder (`parts.json`, `part_maps`): the
         /// outcomes of gprop's force and of three fixed ones are predicted.

@@ -57,7 +57,7 @@ pub struct Options {
     /// Built-in gripper or TOML profile (see grippers/README.md)
     #[arg(long, value_name = "NAME|FILE", default_value_t = GRIPPER.to_owned())]
     pub gripper: String,
-    /// Angle between the lift and straight up, in degrees from 0 to 90
+    /// Angle between the direction of the lift and straight up, in degrees from 0 to 90
     #[arg(long, value_name = "DEG", default_value_t = 0.0)]
     pub lift_angle_deg: f64,
     /// Largest curvature kappa_max that the grasped part tolerates, in 1/m [default: by the material's family, 0.5 for most;

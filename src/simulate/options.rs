@@ -51,7 +51,7 @@ const STIFFEST_PA: f64 = 1e13;
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, serde::Deserialize, clap::ValueEnum)]
 #[serde(rename_all = "snake_case")]
 pub enum Fillings {
-    /// They move with their shell if that is rigid, and deform with it if it is not: takes no longer.
+    /// They move with their shell if it is rigid, and deform with it if it is not; takes no longer.
     #[default]
     Weigh,
     /// Each follows its own law: liquids slosh, grains shift, foams give.
@@ -80,7 +80,7 @@ pub struct Options {
     #[arg(long, value_name = "KEY=VALUE")]
     pub set: Vec<String>,
 
-    /// Hold this part in place, given by its name; may be given several times
+    /// Hold the part with this name in place; may be given several times
     #[arg(long, value_name = "PART")]
     pub anchor: Vec<String>,
 
