@@ -110,7 +110,7 @@ def Xform "{name}" (
     text
 }
 
-/// What SimReady's validators ask to be told about an asset.
+/// The metadata that SimReady's validators require of an asset.
 fn metadata(rigid: &Rigid) -> String {
     let (low, high) = rigid.extent();
     let strings = [
