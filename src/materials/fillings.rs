@@ -1,4 +1,4 @@
-//! What fills the hollow of a shell: liquids, grains, stuffing, machinery, with the density of the whole filling.
+//! Fillings of the hollows of shells: liquids, grains, stuffing, machinery, with the density of the whole filling.
 //!
 //! A filling is not a material: its density counts the gaps between its pieces, and nothing of it is seen. Its table is
 //! `materials/fillings.csv`.
@@ -38,7 +38,7 @@ pub enum FillingKind {
     Grains,
     /// Pieces that a person would count or name.
     Pieces,
-    /// What gives a cushion, a toy or a panel its body.
+    /// Material that gives a cushion, a toy or a panel its body.
     Stuffing,
     /// Batteries, motors, electronics, as one solid.
     Machinery,
