@@ -26,7 +26,7 @@ const MATERIALS: [[u8; 3]; DISTINCT] =
 const BEST_PLACE: [u8; 3] = [230, 0, 120];
 const OTHER_PLACE: [u8; 3] = [95, 100, 108];
 
-/// Grey, for what is no part.
+/// Grey, for anything that is not a part.
 pub const NOTHING: [f32; 3] = [0.6; 3];
 
 /// Viridis (Smith and van der Walt, 2015), for numbers: from dark to light also without colour.
