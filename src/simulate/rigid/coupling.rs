@@ -56,7 +56,7 @@ impl Owner {
     }
 }
 
-/// What is added to the square of a particle's distance from an axis: dx^2/4 from each of two directions.
+/// The addition to the square of a particle's distance from an axis: dx^2/4 from each of two directions.
 pub fn spread_m2(spacing_m: f64) -> f64 {
     spacing_m * spacing_m / 2.0
 }
