@@ -30,7 +30,7 @@ pub fn text(found: &MassEvaluation) -> String {
     }
 }
 
-/// The causes of the errors, object by object; nothing if no ground truth tells them.
+/// The causes of the errors, object by object; nothing if no ground truth is detailed enough.
 fn causes_text(objects: &[Weighed]) -> String {
     let with_causes = || objects.iter().filter_map(|object| Some((object, object.causes?)));
     if with_causes().next().is_none() {
