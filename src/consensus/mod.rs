@@ -293,7 +293,8 @@ fn measure(found: &mut Parts, borders: impl Iterator<Item = (u32, u32, Border)>)
 /// The ids of parts and pieces.
 struct Numbers {
     parts: Vec<Part>,
-    /// By the number of the part: its id, and those of its pieces by the name of each; none if it has only one.
+    /// By the number of the part: its id, and the id of each of its pieces by the piece's name; no pieces if it has
+    /// only one.
     ids: Vec<(u16, Vec<(u32, u16)>)>,
 }
 
