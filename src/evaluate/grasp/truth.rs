@@ -49,7 +49,7 @@ struct TruePart {
     id: u16,
     name: String,
     family: String,
-    /// Of a shell.
+    /// Thickness of a shell's wall.
     thickness_m: Option<f64>,
     youngs_modulus_pa: f64,
     friction_rubber_pad: f64,

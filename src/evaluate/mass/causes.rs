@@ -1,4 +1,4 @@
-//! The causes of the error of an object's mass, if its ground truth tells them.
+//! The causes of the error of an object's mass, if its ground truth is detailed enough.
 //!
 //! Every found part counts towards the true part in whose box its centre of mass lies (the smallest such box, otherwise
 //! the nearest). Then the true mass of each true part becomes the found one step by step: first its extent is replaced,
@@ -16,7 +16,7 @@ pub struct TruePart {
     pub volume_m3: f64,
     pub mass_kg: f64,
     pub form: String,
-    /// Of a shell's wall; if a shell has none, its volume is that within its outer surface.
+    /// Thickness of a shell's wall; if a shell has none, its volume is that within its outer surface.
     pub thickness_m: Option<f64>,
     /// Lowest and highest corner, world frame.
     pub bounding_box_m: Option<[[f64; 3]; 2]>,
@@ -52,7 +52,7 @@ struct Found {
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct ComparedPart {
     pub name: String,
-    /// Of the found parts and what fills them.
+    /// Mass of the found parts and of what fills them.
     pub found_kg: f64,
     pub true_kg: f64,
 }
