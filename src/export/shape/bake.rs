@@ -44,7 +44,7 @@ pub struct Painter<'a> {
 }
 
 impl<'a> Painter<'a> {
-    /// For surfaces on a grid.
+    /// A painter for surfaces on a grid.
     pub fn new(gaussians: &'a Gaussians, cameras: &[Camera], grid: &Grid) -> Self {
         let coarse = grid.coarser(COARSE);
         let spans: Vec<Option<[[usize; 2]; 3]>> = (0..gaussians.len())
@@ -218,7 +218,7 @@ struct Near<'a> {
     views: Vec<[f32; 3]>,
     members: Vec<u32>,
     colors: Vec<Option<[f64; 3]>>,
-    /// Of one place: distance outward, opacity, index in `members`.
+    /// The Gaussians met at one place: distance outward, opacity, index in `members`.
     met: Vec<(f64, f64, usize)>,
 }
 
