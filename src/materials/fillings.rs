@@ -14,7 +14,7 @@ pub struct Filling {
     /// Unique after folding case and punctuation.
     pub name: String,
     pub kind: FillingKind,
-    /// Mass by the volume that the filling takes up, including the gaps between its pieces.
+    /// Mass divided by the volume that the filling takes up, including the gaps between its pieces.
     pub density_kg_m3: Range,
     /// Citations as for a material, or `judgement`.
     pub density_sources: Vec<String>,
