@@ -22,7 +22,7 @@ const LEAST_UNSEEN: f64 = 0.02;
 /// the near half is well seen, so that an image there is a test; an image on the far half mostly falls into what was
 /// left full.
 const SYMMETRIC: f64 = 0.85;
-/// Less of the seen surface than this on the far half tells nothing.
+/// If less of the seen surface than this is on the far half, the test says nothing.
 const LEAST_EVIDENCE: f64 = 0.1;
 /// Cells by which a mirror image may miss the object: the surface is known to a cell or two, and so is the plane.
 const NEAR_CELLS: isize = 2;

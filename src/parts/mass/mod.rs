@@ -1,4 +1,4 @@
-//! Converts volumes in scene units to kilograms: of parts, of what fills shells, and of the object.
+//! Converts volumes in scene units to kilograms: of parts, of the fillings of shells, and of the object.
 //!
 //! A mass is a volume times a density, and uncertain as both are; [`unknowns`] says how the causes add up, and what is
 //! learned from a reading of a scale. The surface is one unknown for the whole object, since an error in how a splat
