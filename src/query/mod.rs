@@ -70,7 +70,7 @@ pub struct Answer {
     pub family: String,
     /// Name of a row of the library.
     pub material: String,
-    /// Of the material; of a mixed part, its mass by the volume within its outer surface.
+    /// Density of the material; of a mixed part, its mass divided by the volume within its outer surface.
     pub density_kg_m3: Range,
     pub youngs_modulus_pa: Range,
     pub poisson_ratio: Range,
