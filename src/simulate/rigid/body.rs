@@ -33,7 +33,7 @@ pub struct State {
 }
 
 impl State {
-    /// Numbers in [`Self::to_numbers`].
+    /// How many numbers [`Self::to_numbers`] returns.
     pub const NUMBERS: usize = 13;
 
     pub fn to_numbers(self) -> [f64; Self::NUMBERS] {
