@@ -19,8 +19,8 @@ const ONE_SIDE: f64 = 0.5;
 /// Less of the surface than this is a gap between views rather than a side.
 const LEAST_UNSEEN: f64 = 0.02;
 /// Share of the seen surface on the far half, next to the unseen side, whose mirror image must lie on or in the object:
-/// the near half is well seen, so that an image there is a test; an image on the far half mostly falls into what was
-/// left full.
+/// the near half is well seen, so an image there is a real test; an image on the far half mostly falls into cells that
+/// carving left full.
 const SYMMETRIC: f64 = 0.85;
 /// If less of the seen surface than this is on the far half, the test says nothing.
 const LEAST_EVIDENCE: f64 = 0.1;

@@ -8,7 +8,7 @@
 //!
 //! A reading of a kitchen scale is a measurement of the sum of masses. [`Belief::after`] finds the most likely unknowns
 //! given the reading (Gauss-Newton on the posterior) and their covariance there (Laplace's approximation): everything
-//! that has a share in the mass is then known better, and what is uncertain most moves most.
+//! that has a share in the mass is then known better, and the most uncertain things move most.
 
 use serde::{Deserialize, Serialize};
 
