@@ -1,7 +1,7 @@
 //! The colours of parts, materials and places to grasp at. A colour means one thing: light colours are parts, dark ones
 //! materials, so that neither can be taken for the other, in any kind of colour vision.
 //!
-//! In Oklab (Ottosson, 2020), a part's lightness is at least 0.73 and a material's at most 0.61, also as people without
+//! In Oklab (Ottosson, 2020), a part's lightness is at least 0.73 and a material's at most 0.61, even as people without
 //! red, green or blue cones see them (Machado et al., 2009). Among the first [`DISTINCT`] parts, and among as many
 //! materials, any two colours are at least 0.1 apart for all of these people; a random search maximised the least
 //! distance. Pictures also number the parts.
