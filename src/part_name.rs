@@ -16,7 +16,7 @@ const WORDS: usize = 3;
 /// Most characters of one of its words: longer than any word of a material or tool.
 const CHARACTERS: usize = 24;
 
-/// Words at which the name of a thing ends and what it does, has or lies at begins.
+/// Words that end the name of a thing: what it does, has or lies at comes next.
 const ENDS: [&str; 74] = [
     "a",
     "an",
@@ -115,7 +115,7 @@ pub fn part_name(caption: &str, material: &str) -> String {
     name.into_iter().map(shortened).collect::<Vec<_>>().join(" ")
 }
 
-/// The words before the first that ends a name, and the latter.
+/// The words before the first one that ends a name, and that one.
 fn noun_phrase<'a>(words: &mut impl Iterator<Item = &'a str>) -> (Vec<&'a str>, Option<&'a str>) {
     let mut phrase = Vec::new();
     for word in words {

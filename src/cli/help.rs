@@ -11,13 +11,13 @@ use super::{command, refuse};
 
 /// The options of the stages that every command on a scene shows: where the scene's files are.
 const OF_THE_SCENE: &[&str] = &["views", "splat", "cameras", "images"];
-/// And how large it is, from the parts on.
+/// The option for the object's size, which is shown from the parts on.
 const OF_SIZE: &[&str] = &["scale"];
 
 /// The heading of the options that name ONNX Runtime and SAM.
 const SETUP: &str = "ONNX Runtime and SAM";
 
-/// The options of the stages that commands with all stages show besides: those that people set for one run.
+/// The stages' options that commands with all stages show as well: those that people set for one run.
 const OF_A_RUN: &[&str] = &["preset", "masks", "offline", "lmm-url", "lmm-model", "max-usd", "scenario", "gripper"];
 
 /// Those of them that concern a single scene.

@@ -1,4 +1,4 @@
-//! The views in which a part is best asked about: it is large, sharp and seen from different sides.
+//! The best views in which to ask about a part: those that show it large, sharp and from different sides.
 
 use image::RgbImage;
 use nalgebra::{Point3, Vector3};
@@ -10,10 +10,10 @@ use crate::camera::Camera;
 use crate::scene::gaussians::Gaussians;
 use crate::segment::LabelMap;
 
-/// A part shows itself in a view if this many of its pixels lie inside its mask, not on its edge: a hairline of two
-/// pixels has none.
+/// A view shows a part if this many of the part's pixels lie inside its mask, not on the mask's edge: a line two pixels
+/// wide has none.
 const LEAST_INSIDE: u32 = 16;
-/// A view as blurred as can be still counts this much of a sharp one: a blurred picture of the whole part shows more
+/// Even the most blurred view still counts this much of a sharp one: a blurred picture of the whole part shows more
 /// than a sharp one of its rim.
 const BLURRED_WORTH: f64 = 0.5;
 /// Two views this far apart show different sides of a part; nearer ones count less, down to [`SAME_SIDE_WORTH`].
@@ -29,7 +29,7 @@ pub struct PartView {
     pub pixels: u32,
 }
 
-/// For every part and piece, by id - 1, the views that show it, those first in which it is best asked about.
+/// For every part and piece, by id - 1, the views that show it, the best ones to ask about it in first.
 pub fn best_views(
     gaussians: &Gaussians,
     parts: &Parts,
@@ -45,7 +45,7 @@ pub fn best_views(
     (0..parts.parts.len()).map(|index| order(centers[index], cameras, &shown, index)).collect()
 }
 
-/// The gradient of the picture's brightness at every pixel, by which blur is told.
+/// The gradient of the picture's brightness at every pixel, from which blur is judged.
 pub fn sharpness(photo: &RgbImage) -> Vec<f32> {
     let (width, height) = photo.dimensions();
     let grey = |x: u32, y: u32| photo.get_pixel(x, y).0.iter().map(|&value| f32::from(value)).sum::<f32>() / 3.0;
@@ -114,7 +114,7 @@ fn centers(gaussians: &Gaussians, parts: &Parts) -> Vec<Point3<f64>> {
     sums.into_iter().map(|(sum, count)| Point3::from(sum / count.max(1.0))).collect()
 }
 
-/// Takes one view after the other: always the one that shows most that the views before it do not show.
+/// Takes one view after the other: always the one that adds most to what the views before it show.
 fn order(center: Point3<f64>, cameras: &[&Camera], shown: &[Vec<Shown>], index: usize) -> Vec<PartView> {
     let mean_sharpness = |shown: &Shown| shown.sharpness / f64::from(shown.inside.max(1));
     let mut left: Vec<usize> = (0..shown.len()).filter(|&view| shown[view][index].inside >= LEAST_INSIDE).collect();

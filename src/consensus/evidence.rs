@@ -1,4 +1,4 @@
-//! The evidence of the views that the Gaussians of a pair belong to different parts.
+//! The evidence from the views that the two Gaussians of a pair belong to different parts.
 
 use rayon::prelude::*;
 
@@ -11,7 +11,7 @@ use crate::segment::ViewSegments;
 /// A view counts for a pair only if both Gaussians have more light than this in it, in pixels.
 const LEAST_LIGHT: f32 = 0.3;
 
-/// The evidence of all views about each pair.
+/// The evidence from all views about each pair.
 pub(super) struct Evidence {
     sums: Vec<Sums>,
 }

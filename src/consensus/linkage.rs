@@ -5,7 +5,7 @@ use std::cmp::Ordering;
 use std::collections::{BTreeMap, BinaryHeap};
 use std::ops::AddAssign;
 
-/// In place of a group: none.
+/// Stands for no group.
 pub(super) const NONE: u32 = u32::MAX;
 
 /// Sums over the pairs that cross the border of two groups.
@@ -119,8 +119,8 @@ fn roots(mut group: Vec<u32>) -> Vec<u32> {
     group
 }
 
-/// Joins nodes that touch and that views split by at most `limit`, whatever lies between other nodes of theirs. Returns
-/// the group of every node, named by its first node.
+/// Joins nodes that touch and that views split by at most `limit`, however much views split other nodes of their
+/// groups. Returns the group of every node, named by its first node.
 pub(super) fn contract(nodes: usize, borders: impl Iterator<Item = (u32, u32, Border)>, limit: f64) -> Vec<u32> {
     let mut group: Vec<u32> = (0..nodes as u32).collect();
     fn root(group: &mut [u32], mut node: u32) -> u32 {

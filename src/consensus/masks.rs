@@ -8,10 +8,10 @@ use crate::render::{RenderOptions, render_labels};
 use crate::scene::gaussians::Gaussians;
 use crate::segment::LabelMap;
 
-/// Where at least this share of a segment's pixels shows one part, its border is that of the part.
+/// If at least this share of a segment's pixels shows one part, the part takes over the segment's border.
 const SNAP_SHARE: f64 = 0.6;
-/// Another part in that segment is its own only if a larger share of it lies there; otherwise it is a fringe that the
-/// Gaussians' softness left.
+/// Another part in that segment stays there only if a larger share of that part lies in the segment; otherwise it is a
+/// fringe that the Gaussians' softness left.
 const FRINGE_SHARE: f64 = 0.25;
 /// Pixels of a part that touch each other, but are fewer than this share of those in the view, are a speck.
 const SPECK_SHARE: f64 = 0.02;
@@ -178,7 +178,7 @@ mod tests {
         map.labels[5 * 40 + 30] = 2;
         map.labels[9 * 40 + 3] = 1;
         assert_eq!(without_specks(&map), clean);
-        // A part that is small in the view is no speck: all of it is there.
+        // A part that is small in the view is not a speck: all of it is there.
         map = clean.clone();
         map.labels[5 * 40 + 30] = 3;
         assert_eq!(without_specks(&map), map);

@@ -6,10 +6,10 @@
 //! 2. [`neighbors`]: pairs of Gaussians, nearest neighbours and others a few Gaussians apart;
 //! 3. [`evidence`]: for every pair, in how many of the views that see both some segment holds one and not the other,
 //!    and the angle between the surface's normals ([`normals`]);
-//! 4. [`linkage`]: joins Gaussians to pieces that views do not split, by average linkage over all pairs that cross
-//!    their border, then pieces to parts across borders without an edge in the surface: a printed pattern is not a
-//!    part. The pieces are kept, in case that the part turns out to consist of several materials;
-//! 5. [`masks`]: the parts in each view, and [`mod@best_views`]: those in which each part is seen best.
+//! 4. [`linkage`]: joins Gaussians into pieces that views do not split, by average linkage over all pairs that cross
+//!    their border, then pieces into parts across borders without an edge in the surface: a printed pattern is not a
+//!    part. The pieces are kept, in case the part turns out to consist of several materials;
+//! 5. [`masks`]: the parts in each view, and [`mod@best_views`]: the views that show each part best.
 //!
 //! Crumbs join the neighbour from which views separate them least. Gaussians that are then in no part, because no view
 //! sees them or they touch nothing, join the nearest part.
@@ -45,10 +45,10 @@ pub use options::{Asked, Options, SCENE_KEYS};
 
 /// Neighbours that views split by less are taken as one from the start, which leaves a sixth of the nodes to link.
 const CORE_SPLIT: f64 = 0.02;
-/// Pieces are joined while views split fewer of the pairs across their border, in the mean, than this. A border that
-/// half of the views see has pairs of soft Gaussians on it, about half of whose light is on either side.
+/// Pieces are joined while views split, on average, fewer of the pairs across their border than this. A border that
+/// half of the views see has pairs of soft Gaussians on it, with about half of their light on either side.
 const PIECE_SPLIT: f64 = 0.2;
-/// Pieces are joined to parts while the [`strength`] of their border is at most this.
+/// Pieces are joined into parts while the [`strength`] of their border is at most this.
 const PART_STRENGTH: f64 = 0.3;
 /// The pieces of a part that are asked about one by one, if it consists of several materials, are those that views split
 /// more often than this, each with at least this share of the object's light.
@@ -61,11 +61,11 @@ const SMOOTH_TO_EDGE_DEG: [f64; 2] = [20.0, 50.0];
 /// A border's mean angle starts from this many assumed pairs of [`SURE_EDGE_DEG`], so that few pairs do not decide.
 const PRIOR_PAIRS: f64 = 20.0;
 const SURE_EDGE_DEG: f64 = 60.0;
-/// A piece with a smaller share of the object's light is a scrap, such as lie along borders: it joins a neighbour before
-/// pieces are joined to parts, so that these touch each other.
+/// A piece with a smaller share of the object's light is a scrap, as found along borders: it joins a neighbour before
+/// pieces are joined into parts, so that the pieces touch each other.
 const SCRAP_SHARE: f64 = 0.0002;
-/// A part with a smaller share of the object's light is a crumb, as is one with less light than this many Gaussians have
-/// in the mean.
+/// A part with a smaller share of the object's light is a crumb, as is one with less light than this many Gaussians
+/// have on average.
 const CRUMB_SHARE: f64 = 0.003;
 const CRUMB_GAUSSIANS: f64 = 10.0;
 /// A Gaussian with less light than this in all views together, in pixels, counts as not seen.
@@ -79,7 +79,7 @@ pub struct SegmentedView<'a> {
     pub segments: &'a ViewSegments,
 }
 
-/// A part of the object, or a piece of one that views tell apart but whose border with the others is no edge.
+/// A part of the object, or a piece of one that views tell apart but whose border with the others is not an edge.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Part {
     /// From 1: parts first, those with the most light first; then the pieces of each.
@@ -174,14 +174,14 @@ pub fn find(gaussians: &Gaussians, views: &[SegmentedView], progress: Progress) 
 /// Borders between nodes.
 type Borders<'a> = &'a [(u32, u32, Border)];
 
-/// The pieces to ask about within parts, named by one of their cores; [`NONE`] where there is none.
+/// The pieces to ask about within parts, named by one of their cores; [`NONE`] if there is none.
 fn pieces(piece_of: &[u32], part_of: &[u32], (borders, light, least_share): (Borders, &[f64], f64)) -> Vec<u32> {
     let inside: Vec<(u32, u32, Border)> = borders
         .iter()
         .copied()
         .filter(|&(a, b, _)| part_of[a as usize] == part_of[b as usize] && part_of[a as usize] != NONE)
         .collect();
-    // What joined a part as a crumb may lie in another part than the rest of its piece.
+    // A crumb may have joined another part than the rest of its piece did.
     let mut first: BTreeMap<(u32, u32), u32> = BTreeMap::new();
     let within: Vec<u32> = (0..)
         .zip(piece_of.iter().zip(part_of))
@@ -293,7 +293,8 @@ fn measure(found: &mut Parts, borders: impl Iterator<Item = (u32, u32, Border)>)
 /// The ids of parts and pieces.
 struct Numbers {
     parts: Vec<Part>,
-    /// By the number of the part: its id, and those of its pieces by the name of each; none if it has only one.
+    /// By the number of the part: its id, and the id of each of its pieces by the piece's name; no pieces if it has
+    /// only one.
     ids: Vec<(u16, Vec<(u32, u16)>)>,
 }
 

@@ -30,7 +30,7 @@ impl Pairs {
             ranked.map(|(rank, other)| (*i.min(&other), *i.max(&other), rank > NEAR)).collect::<Vec<_>>()
         };
         let mut all: Vec<(u32, u32, bool)> = seen.par_iter().flat_map_iter(of_one).collect();
-        // A pair that is near from one side is near.
+        // A pair is near if it is near from either side.
         all.par_sort_unstable();
         all.dedup_by_key(|pair| (pair.0, pair.1));
         Self {

@@ -8,7 +8,7 @@ use crate::scene::nearest::Nearest;
 
 /// Number of Gaussians, with itself, over which a normal is smoothed.
 const SMOOTHED_OVER: usize = 12;
-/// Light in pixels above which a Gaussian weighs no more in the mean.
+/// Gaussians weigh by their light in pixels, up to this much.
 const MOST_LIGHT: f32 = 20.0;
 
 /// The surface's normals at the Gaussians that views see.

@@ -14,7 +14,7 @@ use crate::segment::LabelMap;
 
 /// Value in a true part map for pixels without a part.
 pub const NO_PART: u8 = 255;
-/// A found part shows a true one if at least this share of its pixels lies on it.
+/// A found part shows a true one if at least this share of the found part's pixels lies on the true one.
 const SHOWN_SHARE: f64 = 0.1;
 
 /// A view with the true part of each of its pixels.
@@ -144,8 +144,8 @@ impl Pixels {
     }
 }
 
-/// Compares the parts with the true ones in the views that were not segmented. The views that were segmented decide as
-/// which true part a found part counts; if none of them has a true map, the compared views themselves do.
+/// Compares the parts with the true ones in the views that were not segmented. The views that were segmented decide
+/// which true part a found part counts as; if none of them has a true map, the compared views themselves do.
 pub fn compare(scene: &str, gaussians: &Gaussians, part_of_gaussian: &[u16], views: &[TrueView]) -> PartsEvaluation {
     let (mut known, mut compared) = (Pixels::default(), Pixels::default());
     for view in views {

@@ -150,11 +150,11 @@ impl Column {
 /// The counts for one object.
 pub struct ObjectTallies<'a> {
     pub object: String,
-    /// For the whole method.
+    /// The counts for the whole method.
     pub voted: IouTally<&'a str>,
-    /// For answers to sheets without the global picture, if they are recorded.
+    /// The counts for answers to sheets without the global picture, if they are recorded.
     pub local_only: Option<IouTally<&'a str>>,
-    /// For each view alone, by its name.
+    /// The counts for each view alone, by its name.
     pub single_views: Vec<(String, IouTally<&'a str>)>,
 }
 
@@ -164,7 +164,7 @@ pub struct SegmentationEvaluation {
     pub labels: Vocabulary,
     #[serde(flatten)]
     pub voted: Column,
-    /// For the objects that have it recorded; `None` if none has.
+    /// The result for the objects that have it recorded; `None` if none has.
     pub local_only: Option<Column>,
     /// The whole method on the objects of `local_only`.
     pub voted_beside_local_only: Option<Column>,

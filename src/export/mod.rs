@@ -104,8 +104,8 @@ pub enum ExportError {
     Write { path: PathBuf, source: io::Error },
 }
 
-/// Writes the model into `folder` in each of the formats and returns the files, of each format the main one first. What
-/// several formats need is computed once. Each file is written completely or not at all.
+/// Writes the model into `folder` in each of the formats and returns the files, of each format the main one first.
+/// Values that several formats need are computed once. Each file is written completely or not at all.
 ///
 /// # Errors
 /// If the scale is unknown and a format needs kilograms, before anything is written, or if a file cannot be written.
@@ -116,7 +116,7 @@ pub fn export(model: &Model, formats: &[Format], folder: &Path) -> Result<Vec<Pa
         None => *model,
     };
     let shared = Shared { model, shape: OnceCell::new(), skin: OnceCell::new() };
-    // What cannot be exported is refused before anything is written.
+    // Anything that cannot be exported is refused before a file is written.
     for format in formats {
         match format {
             Format::Mjcf | Format::Urdf | Format::Usda | Format::Usdz => drop(shared.rigid()?),
@@ -153,7 +153,7 @@ fn without_set_aside(model: &Model) -> Option<(Gaussians, MaterialField)> {
     Some((gaussians, field))
 }
 
-/// The model with what several formats need, computed when it is first asked for.
+/// The model with the values that several formats need, each computed when it is first asked for.
 struct Shared<'a> {
     model: &'a Model<'a>,
     shape: OnceCell<Shape>,

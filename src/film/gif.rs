@@ -1,8 +1,8 @@
 //! Animated GIF with one palette for all pictures.
 //!
 //! In order: [`Palette`] finds 255 colours for samples of the film (NeuQuant; Dekker, 1994) and maps any colour to its
-//! nearest; an ordered dither (Bayer, 1973), which depends on the pixel's place alone, keeps what stands still the same
-//! in every picture; and each picture stores only the rectangle that changed, and in it only the pixels that did.
+//! nearest; an ordered dither (Bayer, 1973), which depends on the pixel's place alone, keeps still areas the same in
+//! every picture; and each picture stores only the rectangle that changed, and in it only the pixels that did.
 
 use std::borrow::Cow;
 

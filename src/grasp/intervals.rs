@@ -40,7 +40,7 @@ pub struct Intervals {
 pub struct Forces {
     pub inputs: Inputs,
     pub intervals: Intervals,
-    /// The value of the interval that the policy selects; so for the others.
+    /// The value of the interval that the policy selects; likewise below.
     pub f_min_n: f64,
     pub upper: ForceMax,
     pub star: ForceStar,

@@ -34,7 +34,7 @@ const NARROWEST: f64 = 0.6;
 /// Length of a force's arrow, m.
 const ARROW_M: f64 = 0.03;
 const ARROW_PX: f64 = 5.0;
-/// An arrow shorter than this says nothing: the camera looks along it.
+/// An arrow shorter than this is of no use: the camera looks along it.
 const SHORTEST_ARROW_PX: f64 = 14.0;
 const LABEL_PX: u32 = 20;
 /// Radius of a place's number.

@@ -53,7 +53,7 @@ impl Evidence {
     }
 }
 
-/// A row of `rules.csv`: what references say of a class of materials.
+/// A row of `rules.csv`: a statement of references about a class of materials.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Rule {
     pub id: String,

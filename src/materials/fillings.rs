@@ -1,4 +1,4 @@
-//! What fills the hollow of a shell: liquids, grains, stuffing, machinery, with the density of the whole filling.
+//! Fillings of the hollows of shells: liquids, grains, stuffing, machinery, with the density of the whole filling.
 //!
 //! A filling is not a material: its density counts the gaps between its pieces, and nothing of it is seen. Its table is
 //! `materials/fillings.csv`.
@@ -14,7 +14,7 @@ pub struct Filling {
     /// Unique after folding case and punctuation.
     pub name: String,
     pub kind: FillingKind,
-    /// Mass by the volume that the filling takes up, including the gaps between its pieces.
+    /// Mass divided by the volume that the filling takes up, including the gaps between its pieces.
     pub density_kg_m3: Range,
     /// Citations as for a material, or `judgement`.
     pub density_sources: Vec<String>,
@@ -38,7 +38,7 @@ pub enum FillingKind {
     Grains,
     /// Pieces that a person would count or name.
     Pieces,
-    /// What gives a cushion, a toy or a panel its body.
+    /// Material that gives a cushion, a toy or a panel its body.
     Stuffing,
     /// Batteries, motors, electronics, as one solid.
     Machinery,

@@ -2,7 +2,8 @@
 //! and the checks that keep it plausible.
 //!
 //! The data is in the crate's `materials/` folder, one CSV per family, and is compiled in; its README describes the
-//! columns. What fills hollow things is a table of its own, [`fillings`]. [`MaterialLibrary`] reads both, [`check`](check::check) tests them, [`cli`] prints them.
+//! columns. The fillings of hollow things have a table of their own, [`fillings`]. [`MaterialLibrary`] reads both,
+//! [`check`](check::check) tests them, [`cli`] prints them.
 
 pub mod bibliography;
 pub mod check;

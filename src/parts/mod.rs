@@ -52,9 +52,9 @@ pub struct PartsResult {
     pub interior: Interior,
     /// By label of the field, including labels that fill nothing.
     pub shapes: Vec<Shape>,
-    /// What the user should check, because masses may be wrong, with counts.
+    /// Messages about what the user should check because masses may be wrong, with counts.
     pub warnings: Vec<String>,
-    /// What the user may want to know, with counts.
+    /// Messages about what the user may want to know, with counts.
     pub notes: Vec<String>,
     parts: Option<Parts>,
 }
@@ -310,9 +310,9 @@ fn no_volume(field: &MaterialField, shapes: &[Shape]) -> PartsError {
 /// A kitchen scale shows grams and is off by about a hundredth.
 const READING_ERROR: f64 = 0.01;
 
-/// Up to this share of an object's Gaussians, what they lack changes no mass that matters.
+/// Up to this share of an object's Gaussians may have no volume without changing a mass that matters.
 const FEW: f64 = 0.001;
-/// Clouds have floaters; up to this share of the Gaussians they are no sign of a second object.
+/// Clouds have floaters; up to this share of the Gaussians, they are not a sign of a second object.
 const USUAL_FLOATERS: f64 = 0.01;
 
 fn is_few(gaussians: usize, field: &MaterialField) -> bool {
@@ -323,7 +323,7 @@ fn are_usual(floaters: usize, field: &MaterialField) -> bool {
     floaters as f64 <= USUAL_FLOATERS * field.part_label.len() as f64
 }
 
-/// What may make the masses wrong, and what to do.
+/// Messages about what may make the masses wrong, and what to do.
 fn warnings(field: &MaterialField, floaters: usize, shapes: &[Shape], scale_unknown: bool) -> Vec<String> {
     let mut warnings = Vec::new();
     if !are_usual(floaters, field) {
@@ -353,7 +353,7 @@ fn without_volume(shapes: &[Shape]) -> impl Iterator<Item = (&Shape, NoVolume)> 
     shapes.iter().filter(|shape| shape.gaussians > 0).filter_map(|shape| Some((shape, shape.no_volume?)))
 }
 
-/// What was assumed, and specks that change no mass that matters.
+/// Messages about assumptions, and about specks that change no mass that matters.
 fn notes(
     field: &MaterialField,
     floaters: usize,

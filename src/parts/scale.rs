@@ -6,7 +6,8 @@ use crate::vote::{Contents, FieldLabel};
 
 /// A trial changes the scale by less than this once it has converged.
 const CONVERGED: f64 = 1e-4;
-/// Where all is solid, the first trial is exact; walls, whose mass grows with the square of the scale, take a few more.
+/// If everything is solid, the first trial is exact; walls, whose mass grows with the square of the scale, take a few
+/// more.
 const TRIALS: usize = 30;
 
 /// Metres in a scene unit so that the object weighs `kg`, everything else being in the middle. `construction` says how

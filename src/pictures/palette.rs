@@ -1,7 +1,7 @@
 //! The colours of parts, materials and places to grasp at. A colour means one thing: light colours are parts, dark ones
 //! materials, so that neither can be taken for the other, in any kind of colour vision.
 //!
-//! In Oklab (Ottosson, 2020), a part's lightness is at least 0.73 and a material's at most 0.61, also as people without
+//! In Oklab (Ottosson, 2020), a part's lightness is at least 0.73 and a material's at most 0.61, even as people without
 //! red, green or blue cones see them (Machado et al., 2009). Among the first [`DISTINCT`] parts, and among as many
 //! materials, any two colours are at least 0.1 apart for all of these people; a random search maximised the least
 //! distance. Pictures also number the parts.
@@ -26,7 +26,7 @@ const MATERIALS: [[u8; 3]; DISTINCT] =
 const BEST_PLACE: [u8; 3] = [230, 0, 120];
 const OTHER_PLACE: [u8; 3] = [95, 100, 108];
 
-/// Grey, for what is no part.
+/// Grey, for anything that is not a part.
 pub const NOTHING: [f32; 3] = [0.6; 3];
 
 /// Viridis (Smith and van der Walt, 2015), for numbers: from dark to light also without colour.

@@ -30,7 +30,7 @@ pub struct Entry {
     pub key: Key,
 }
 
-/// What stands before a line of a legend.
+/// The symbol before a line of a legend.
 pub enum Key {
     /// A colour.
     Square(Rgb<u8>),

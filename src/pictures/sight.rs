@@ -1,4 +1,4 @@
-//! Where a picture is taken from and what it cuts out: the view that shows most of the object, cropped to it.
+//! The viewpoint and the cropping of a picture: the view that shows most of the object, cropped to it.
 
 use std::collections::BTreeMap;
 

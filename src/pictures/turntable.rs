@@ -14,9 +14,9 @@ use crate::scene::robust_bounds;
 const PAPER: Rgb<u8> = Rgb([255; 3]);
 /// How long a turn takes.
 const TURN_S: u32 = 6;
-/// From the direction in which it looks down: into a cup, but not onto a table top alone.
+/// Angle by which the cameras look down: enough to see into a cup, but not so much that only a table top shows.
 const ELEVATION_RAD: f64 = 22.0 * std::f64::consts::PI / 180.0;
-/// Beyond the robust bounds by this share of their size lie the tips of long objects.
+/// The tips of long objects lie beyond the robust bounds by this share of their size.
 const BEYOND: f64 = 0.03;
 /// Share of a cell's width that its legend takes if it is beside the picture.
 const LEGEND_SHARE: f64 = 0.36;
@@ -44,7 +44,7 @@ struct Layout {
     columns: u32,
     rows: u32,
     text_px: u32,
-    /// Legend beside the picture, otherwise below it.
+    /// Whether the legend is beside the picture; otherwise it is below.
     beside: bool,
     /// Lines of the longest legend.
     lines: u32,

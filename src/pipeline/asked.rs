@@ -1,4 +1,5 @@
-//! What the model is asked about and what its answers settle: parts of the object, or segments of each view.
+//! The subjects that the model is asked about and that its answers settle: parts of the object, or segments of each
+//! view.
 
 use std::borrow::Cow;
 use std::collections::BTreeMap;
@@ -16,7 +17,7 @@ use super::consensus::{FoundPart, FoundParts, renamed};
 use super::query_session::{QueryView, Subjects};
 
 impl Pipeline {
-    /// What the model is asked about.
+    /// The subjects that the model is asked about.
     pub(super) fn subjects<'a>(&self, views: Vec<QueryView<'a>>) -> Result<Subjects<'a>> {
         let Some(found) = self.found_parts()? else {
             let of_views = self.segmentation()?.views.iter().enumerate();

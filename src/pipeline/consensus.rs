@@ -35,7 +35,7 @@ pub(super) struct FoundPart {
     /// Number of views in which a segment shows it, and of those that see it but have no such segment.
     backed_by: usize,
     opposed_by: usize,
-    /// The views that show it, those first in which it is best asked about.
+    /// The views that show it, the best ones to ask about it in first.
     pub views: Vec<ShownIn>,
 }
 

@@ -9,7 +9,7 @@ use crate::workdir::Artifact;
 
 use super::{Done, Pipeline, Stage, png};
 
-/// What a place to grasp at holds. Changing it does the stage again.
+/// Describes the data of a place to grasp at. Changing this text makes the stage run again.
 const CONTENTS: &[u8] = b"places with poses";
 
 impl Pipeline {

@@ -100,9 +100,9 @@ pub struct Pipeline {
 struct Done {
     /// The files it wrote.
     outputs: Vec<PathBuf>,
-    /// What the user should check, because the result may be wrong.
+    /// Messages about what the user should check because the result may be wrong.
     warnings: Vec<String>,
-    /// What the user may want to know.
+    /// Messages about what the user may want to know.
     notes: Vec<String>,
     /// Hash of its results if its key does not determine them.
     digest: Option<String>,

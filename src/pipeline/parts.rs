@@ -55,7 +55,7 @@ impl Pipeline {
         })
     }
 
-    /// The metric scale: the scene's, or what the mass of the object tells.
+    /// The metric scale: the scene's, or the one that follows from the mass of the object.
     pub(super) fn metric_scale(&self) -> Result<Option<MetricScale>> {
         Ok(match &self.scene.scale {
             Some(scale) => Some(scale.clone()),

@@ -53,7 +53,7 @@ pub struct QuerySession<'a> {
     progress: Progress,
 }
 
-/// What a session asks about.
+/// The subjects that a session asks about.
 pub struct Subjects<'a> {
     pub views: Vec<QueryView<'a>>,
     pub subjects: Vec<Subject>,
@@ -132,7 +132,7 @@ impl<'a> QuerySession<'a> {
         }
     }
 
-    /// What is to be asked next, by view and id.
+    /// The questions to ask next, by view and id.
     fn due(&self, answers: &BTreeMap<Ask, Outcome>) -> Vec<Ask> {
         let outcomes: Outcomes = answers.iter().map(|(&ask, outcome)| (ask, outcome)).collect();
         let mut due: Vec<Ask> =

@@ -168,7 +168,8 @@ impl Pipeline {
             if shares <= 0.0 {
                 continue;
             }
-            // Cells at the wall hold wall alone; what they lack of the filling, the others get as density.
+            // Cells at the wall hold the wall alone; a higher density of the others makes up for the filling that these
+            // lack.
             let shown_m3 = shares * cell_volume * scale.meters_per_unit.powi(3);
             let label = materials.len() as u32;
             let material =

@@ -11,12 +11,13 @@ use super::vote::voters;
 
 /// The fields of one scene.
 pub struct Variants {
-    /// Of the whole method, as the run stored it.
+    /// The field of the whole method, as the run stored it.
     pub voted: MaterialField,
-    /// From answers to sheets that show the segment without the object; `None` if one of them is not recorded.
+    /// The field from answers to sheets that show the segment without the object; `None` if one of them is not
+    /// recorded.
     pub local_only: Option<MaterialField>,
-    /// From each chosen view alone, by its name; without views that have no segment with an answer. Gaussians that the
-    /// view does not see take the nearest label.
+    /// The field from each chosen view alone, by its name; without views that have no segment with an answer. Gaussians
+    /// that the view does not see take the nearest label.
     pub single_views: Vec<(String, MaterialField)>,
 }
 

@@ -45,7 +45,7 @@ impl Problem {
     }
 }
 
-/// What to do with a material that the library does not have.
+/// How to treat a material that the library does not have.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Unknown {
     /// Report it, so that the answer can be corrected.
@@ -171,7 +171,7 @@ fn form(written: &Written, flags: &mut Vec<String>) -> Result<Form, Problem> {
     }
 }
 
-/// What is inside a shell. Where nothing is said, nothing is known.
+/// The contents of a shell; unknown if the answer does not state them.
 fn inside(written: &Written, library: &MaterialLibrary, flags: &mut Vec<String>) -> Result<Inside, Problem> {
     match written.inside {
         None | Some(WrittenInside::Unknown) => return Ok(Inside::Unknown),

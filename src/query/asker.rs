@@ -37,9 +37,9 @@ pub struct Reply {
 #[derive(Debug, Clone, PartialEq)]
 pub enum ReplyContent {
     Text(String),
-    /// The model refused to answer; the reason.
+    /// The model refused to answer, with its reason.
     Refusal(String),
-    /// The model used up its tokens without answering; how.
+    /// The model used up its tokens without answering; the text says how.
     Empty(String),
 }
 

@@ -8,7 +8,8 @@ use super::recorded::Usage;
 const CHARACTERS_PER_TOKEN: f64 = 3.5;
 /// Tokens of an answer with nineteen fields.
 const USUAL_OUTPUT_TOKENS: u64 = 370;
-/// For a vision model about which nothing is known: one token per square of this many pixels a side (as for Qwen2-VL).
+/// For a vision model about which nothing is known: one token per square of this many pixels per side (as for
+/// Qwen2-VL).
 const UNKNOWN_PATCH: u32 = 28;
 const TOKENS_PER_MTOK: f64 = 1e6;
 /// The share of the usual price that OpenAI charges for a request through the Batch API (its Batch API guide).
@@ -42,8 +43,8 @@ pub enum ImageTokens {
     /// `base`, plus `tile` for each 512-pixel tile after the picture is shrunk to fit 2048 x 2048 and then to a short
     /// side of 768. Written `tiles BASE TILE`.
     Tiles { base: u64, tile: u64 },
-    /// `factor` for each square of `side` pixels a side, of which there are at most `most`. Written `patches SIDE MOST
-    /// FACTOR`.
+    /// `factor` for each square of `side` pixels per side, of which there are at most `most`. Written `patches SIDE
+    /// MOST FACTOR`.
     Patches { side: u32, most: u64, factor: f64 },
 }
 

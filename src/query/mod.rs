@@ -70,7 +70,7 @@ pub struct Answer {
     pub family: String,
     /// Name of a row of the library.
     pub material: String,
-    /// Of the material; of a mixed part, its mass by the volume within its outer surface.
+    /// Density of the material; of a mixed part, its mass divided by the volume within its outer surface.
     pub density_kg_m3: Range,
     pub youngs_modulus_pa: Range,
     pub poisson_ratio: Range,
@@ -78,7 +78,7 @@ pub struct Answer {
     pub hardness: Option<ShoreHardness>,
     pub friction_rubber: Range,
     pub form: Form,
-    /// What is behind the wall of a shell; `None` for everything else.
+    /// The contents of a shell; `None` for everything else.
     #[serde(default)]
     pub inside: Option<Inside>,
     /// Why a mixed part has the density that it has, in the model's words.
@@ -94,7 +94,7 @@ pub struct Answer {
 }
 
 impl Answer {
-    /// What the library says of a material, for a solid part that consists of nothing else.
+    /// The answer that the library gives for a solid part that consists of this material alone.
     pub fn of(material: &Material) -> Self {
         Self {
             caption: material.name.clone(),
@@ -131,7 +131,7 @@ pub enum Form {
     Mixed,
 }
 
-/// What is behind the wall of a shell.
+/// The contents of a shell.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(tag = "inside", rename_all = "snake_case")]
 pub enum Inside {

@@ -22,7 +22,7 @@ pub struct ViewInput<'a> {
     pub photo: &'a Photo,
     /// As large as the photo.
     pub map: &'a LabelMap,
-    /// What to ask about: ids in the map.
+    /// The ids in the map to ask about.
     pub ids: &'a [u16],
 }
 

@@ -24,10 +24,10 @@ pub struct Question {
     asks_for: AsksFor,
 }
 
-/// What the questions are about.
+/// The subjects of the questions.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum About {
-    /// Parts of the object: also what is inside of them.
+    /// Parts of the object, including their contents.
     Parts,
     /// Segments of a view, as the paper asks.
     Segments,

@@ -18,14 +18,14 @@ pub struct Ask {
 #[derive(Debug, Clone, PartialEq)]
 pub struct Subject {
     pub id: u16,
-    /// The views that show it, by index; those first in which it is asked about first.
+    /// The views that show it, by index, in the order in which it is asked about in them.
     pub views: Vec<usize>,
-    /// What to ask about instead if it consists of several materials.
+    /// The pieces to ask about instead if it consists of several materials.
     pub pieces: Vec<Subject>,
 }
 
-/// A piece is asked about in one view, unless that answer fails: a part has up to a dozen pieces, and its own answers have
-/// told that they differ.
+/// A piece is asked about in one view, unless that answer fails: a part has up to a dozen pieces, and the answers about
+/// the part have said that they differ.
 const VIEWS_OF_PIECE: usize = 1;
 
 /// The outcomes so far.
@@ -52,8 +52,8 @@ pub fn subjects(parts: impl IntoIterator<Item = PartOrPiece>) -> Vec<Subject> {
     whole.into_iter().map(of_part).collect()
 }
 
-/// By the id of a part or piece, what the outcomes settle: a piece if its part consists of several materials, else the
-/// part. Other ids stand for themselves.
+/// For the id of each piece whose part does not consist of several materials, the id of that part, which the outcomes
+/// settle instead. Other ids stand for themselves.
 pub fn settled(subjects: &[Subject], outcomes: &Outcomes) -> BTreeMap<u16, u16> {
     let whole = subjects.iter().filter(|subject| !subject.is_split(outcomes));
     whole.flat_map(|part| part.pieces.iter().map(|piece| (piece.id, part.id))).collect()
@@ -65,7 +65,7 @@ impl Subject {
         Self { id, views: vec![view], pieces: Vec::new() }
     }
 
-    /// What must be asked next, given the outcomes so far: nothing if the answers suffice, or if all views are spent.
+    /// The questions to ask next, given the outcomes so far: none if the answers suffice, or if all views are used up.
     /// The first questions go to the first `views` views.
     pub fn due(&self, views: usize, outcomes: &Outcomes) -> Vec<Ask> {
         let mut own = self.due_about_itself(views, outcomes);
@@ -142,7 +142,8 @@ mod tests {
         Subject { id, views: views.to_vec(), pieces: Vec::new() }
     }
 
-    /// What is due about `subject` once its questions have these outcomes, in the order in which they are asked.
+    /// The views in which to ask about `subject` next, once its questions, in the order in which they are asked, have
+    /// these outcomes.
     fn due(subject: &Subject, given: &[Outcome]) -> Vec<usize> {
         let outcomes: Outcomes = subject.views.iter().map(|&view| Ask { view, id: subject.id }).zip(given).collect();
         subject.due(3, &outcomes).iter().map(|ask| ask.view).collect()

@@ -34,7 +34,7 @@ pub struct Preview {
     pub cost: Cost,
 }
 
-/// To follow "questions: ".
+/// The text that follows "questions: ".
 impl std::fmt::Display for Preview {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         let Self { segments, recorded, at_most, cost } = self;

@@ -41,7 +41,7 @@ pub struct Cloud {
     pub corners: [[f32; 3]; 2],
     /// Logarithms of a standard deviation (scene units) that 0 and 255 stand for.
     pub log_scales: [f32; 2],
-    /// Holds the object, without strays: what the camera shows however it turns.
+    /// Holds the object, without strays; the camera shows all of it however it turns.
     pub sphere: Sphere,
     /// Centre of the camera of the first view, world frame, scene units.
     pub eye: Point3<f64>,

@@ -29,7 +29,8 @@ impl<'a, T> Columns<'a, T> {
         self.push(heading, move |row| value(row).map_or_else(String::new, |number| number.to_string()))
     }
 
-    /// A text from outside. A spreadsheet would take one that begins like a formula for one, so it is marked as text.
+    /// A text from outside. A spreadsheet would take text that begins like a formula for a formula, so it is marked as
+    /// text.
     fn text(self, heading: &str, value: impl Fn(&T) -> String + 'a) -> Self {
         self.push(heading, move |row| {
             let text = value(row);

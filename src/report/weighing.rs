@@ -1,5 +1,5 @@
-//! What the object's mass consists of beside its parts, where the width of its interval comes from, and what would
-//! narrow it, in sentences.
+//! Sentences about the object's mass: what it consists of besides the parts, where the width of its interval comes
+//! from, and what would narrow it.
 
 use super::numbers::{interval, significant};
 use crate::parts::{Parts, Source, Width};
@@ -55,14 +55,14 @@ fn cause(source: Source) -> &'static str {
     }
 }
 
-/// What would narrow the mass most, and to which interval.
+/// The remedy that would narrow the mass most, and to which interval.
 fn remedy(parts: &Parts) -> Option<String> {
     let mass = parts.object.mass_kg;
     let widest = parts.object.width.iter().max_by(|a, b| a.factor().total_cmp(&b.factor()))?;
     if widest.factor() <= WORTH_SAYING {
         return None;
     }
-    // Causes add up in quadrature, so a cause that goes takes its square along.
+    // Causes add up in quadrature, so removing a cause removes its square.
     let left = |end: f64, alone: f64| {
         let (all, own) = ((end / mass.mid).ln(), (alone / mass.mid).ln());
         mass.mid * (all.signum() * (all * all - own * own).max(0.0).sqrt()).exp()

@@ -22,7 +22,7 @@ use super::quantized::{half_float, opacity_logit_of_byte, sh_dc_of_color};
 
 const HEADER: usize = 4096;
 const SECTION_HEADER: usize = 1024;
-/// Steps from a bucket's centre to its border if the file does not say.
+/// Steps from a bucket's centre to its border if the file does not give them.
 const RANGE: u32 = 32767;
 /// Harmonics of a level-2 file that gives no range lie within this.
 const HARMONICS: [f32; 2] = [-1.5, 1.5];

@@ -48,10 +48,11 @@ const OUTSIDE: f64 = 0.25;
 const REACH_MOST: f64 = 1.0;
 /// Twice the largest excess measured.
 const EXCESS_MOST: f64 = 9.0;
-/// Twice the largest reach measured, as a share of the object's size ...
+/// Twice the largest reach measured, as a share of the object's size. A longer one is too much if the excess is unusual
+/// as well.
 const LONG_REACH: f64 = 0.23;
-/// ... is too much together with an excess above this, which one Gaussian in a thousand has. In coarse clouds Gaussians
-/// reach far without such an excess.
+/// An excess above this is unusual: one Gaussian in a thousand has it. In coarse clouds Gaussians reach far without
+/// such an excess.
 const UNUSUAL_EXCESS: f64 = 2.0;
 /// If more than this share of the cloud (five times the share measured) has an unusual excess, many Gaussians went
 /// wrong together, and all that have such an excess are set aside.

@@ -93,7 +93,8 @@ const ALONE_LIMIT: Limit = Limit { bytes: 1_600_000_000, remedy: ", or save it w
 /// them.
 const KEPT_SIDE: u32 = 2048;
 
-/// The number of bytes that a decoded picture may take, and what the user can do besides shrinking it if it takes more.
+/// The number of bytes that a decoded picture may take, and what else than shrinking it the user can do if it takes
+/// more.
 #[derive(Clone, Copy)]
 struct Limit {
     bytes: u64,

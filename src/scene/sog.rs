@@ -5,9 +5,10 @@
 //!   the high ones in another.
 //! - `quats`: red, green and blue are three components of a quaternion w x y z from -1 to 1 over sqrt(2); alpha - 252 is
 //!   the number of the largest, which is positive.
-//! - `scales`: log scales, `sh0`: the constant harmonics, both as places in a `codebook`; alpha of `sh0`: the opacity.
-//! - `shN`: the number of a palette's entry (16 bits), and the palette: 64 entries in a row, each as many pixels as there
-//!   are coefficients, whose bytes are places in a codebook.
+//! - `scales`: log scales, `sh0`: the constant harmonics, both as indices into a `codebook`; alpha of `sh0`: the
+//!   opacity.
+//! - `shN`: the number of a palette's entry (16 bits), and the palette: 64 entries in a row, each as many pixels as
+//!   there are coefficients, whose bytes are indices into a codebook.
 
 use std::io::{Cursor, Read};
 use std::path::Path;
@@ -25,9 +26,10 @@ use crate::files;
 
 /// The file that describes the others.
 pub const META: &str = "meta.json";
-/// No writer packs Gaussians closer: a byte of a file for this many.
+/// No writer packs more Gaussians than this into a byte of the file.
 const DENSEST: usize = 32;
-/// A picture may have this many times the pixels that its Gaussians need, and these besides: pictures are rectangles.
+/// A picture may have this many times the pixels that its Gaussians need, plus this many, since pictures are
+/// rectangles.
 const SPARE: (usize, usize) = (4, 1 << 16);
 /// Entries of a palette in a row of its picture.
 const PER_ROW: usize = 64;
@@ -227,7 +229,7 @@ fn code(byte: u8, codebook: &[f32], key: &'static str) -> Result<f32, Problem> {
     codebook.get(entry).copied().ok_or(Problem::Entry { key, entry, length: codebook.len() })
 }
 
-/// Red, green and blue as places in a codebook.
+/// Red, green and blue as indices into a codebook.
 fn coded(pixels: &[[u8; 4]], codebook: &[f32], key: &'static str) -> Result<Vec<[f32; 3]>, Problem> {
     let values = |pixel: &[u8; 4]| {
         Ok([code(pixel[0], codebook, key)?, code(pixel[1], codebook, key)?, code(pixel[2], codebook, key)?])

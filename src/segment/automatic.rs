@@ -6,8 +6,8 @@
 //! 3. suppress duplicates by their boxes.
 //!
 //! Then, over all crops: suppress duplicates between crops, remove small holes and islands, and suppress masks that
-//! became duplicates by that. The order and every comparison are those of the public `SamAutomaticMaskGenerator`, in
-//! the variant that keeps the three levels apart (LangSplat's, which the paper uses).
+//! this made duplicates. The order and every comparison are those of the public `SamAutomaticMaskGenerator`, in the
+//! variant that keeps the three levels apart (LangSplat's, which the paper uses).
 
 use image::RgbImage;
 use rayon::prelude::*;
@@ -205,7 +205,7 @@ impl Candidates {
     }
 }
 
-/// Removes small regions, then masks that became duplicates by that; masks that did not change are preferred.
+/// Removes small regions, then masks that this made duplicates; masks that did not change are preferred.
 fn without_small_regions(candidates: Vec<Candidate>, options: &GeneratorOptions) -> Vec<Candidate> {
     let mend = |mut candidate: Candidate| {
         let (mask, changed) = remove_small_regions(candidate.mask, u64::from(options.min_region_area));

@@ -3,9 +3,9 @@
 use super::mask::Mask;
 use super::options::SelectionOptions;
 
-/// A mask inside another covers less than this share of it...
+/// A mask that lies inside another covers less than this share of the other.
 const SMALL_SHARE_OF_OTHER: f64 = 0.5;
-/// ...and has at least this share of its own area in it.
+/// A mask that lies inside another has at least this share of its own area there.
 const INSIDE_SHARE: f64 = 0.85;
 /// Number of masks that are kept if none scores well enough.
 const KEPT_ANYWAY: usize = 3;

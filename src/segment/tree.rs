@@ -1,6 +1,6 @@
 //! The masks of all three levels of one view as a tree: which segment lies in which.
 //!
-//! SAM's masks overlap as they like. [`tree`] makes them nested: masks are painted from large to small, so that every
+//! SAM's masks overlap in any way. [`tree`] makes them nested: masks are painted from large to small, so that every
 //! pixel belongs to the smallest segment that covers it, and to all segments in which that one lies.
 
 use super::LabelMap;
@@ -53,7 +53,7 @@ pub fn tree(candidates: &[Vec<Candidate>], foreground: &Mask, options: &Options)
     numbered(&layers, &parents, &areas, &owner, (width, height))
 }
 
-/// The tree without the segments of which too little is left.
+/// The tree without the segments that have too few pixels left.
 fn numbered(
     layers: &[Layer],
     parents: &[usize],

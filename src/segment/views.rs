@@ -40,8 +40,8 @@ pub fn segment_views<E: From<SegmentError> + Send>(
     Ok(Segmentation { views: views? })
 }
 
-/// A progress bar over the views. How many prompts a view takes is known only while it is segmented, and some turn up
-/// late; so each view has an equal part of the bar, which its prompts fill up to [`BY_PROMPTS`] and never empty.
+/// A progress bar over the views. How many prompts a view takes is known only while it is segmented, and may still grow
+/// then; so each view has an equal part of the bar, which its prompts fill up to [`BY_PROMPTS`] and never empty.
 struct Tally {
     bar: ProgressBar,
     views: u64,
@@ -50,8 +50,8 @@ struct Tally {
     filled: AtomicU64,
 }
 
-/// How much of a view's part its prompts fill, in [`WHOLE`]ths. Sorting out the masks that they bring takes about as
-/// long as they do.
+/// How much of a view's part its prompts fill, in [`WHOLE`]ths. Filtering their masks takes about as long as the
+/// prompts themselves.
 const BY_PROMPTS: u64 = WHOLE / 2;
 
 /// The part of one view.
@@ -95,7 +95,7 @@ impl Tally {
 }
 
 impl ViewTally<'_> {
-    /// Fills the view's part up to `to`, if it is not fuller already.
+    /// Fills the view's part up to `to`, unless it is fuller already.
     fn fill(&self, to: u64) {
         let before = self.filled.fetch_max(to, Ordering::Relaxed);
         self.tally.fill(to.saturating_sub(before));
@@ -113,7 +113,7 @@ impl Observer for ViewTally<'_> {
     }
 }
 
-/// A view that is done, or has failed, keeps nobody waiting.
+/// A view that is done, or has failed, fills its whole part of the bar.
 impl Drop for ViewTally<'_> {
     fn drop(&mut self) {
         self.fill(WHOLE);

@@ -6,7 +6,7 @@ use super::avx2::Avx2;
 use super::avx512::Avx512;
 use super::{Lanes, Plain, Vector};
 
-/// Instructions that this processor has: a value is only made after the processor was checked for them.
+/// Instructions that this processor has: a value is only made after the processor has been checked for them.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Instructions(Set);
 

@@ -10,8 +10,8 @@
 //! Code over vectors uses loops and functions marked `#[inline(always)]`, never closures or iterator adapters: those
 //! are separate functions, compiled without the processor's features, and are three times slower.
 //!
-//! A fused multiply-add rounds once where the plain version rounds twice, so results are the same bytes on any number
-//! of threads of one machine, and agree to rounding between machines.
+//! A fused multiply-add rounds once, the plain version twice, so results are the same bytes on any number of threads of
+//! one machine, and agree to rounding between machines.
 
 #[cfg(target_arch = "x86_64")]
 mod avx2;

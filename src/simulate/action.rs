@@ -95,7 +95,7 @@ impl Effect {
     }
 }
 
-/// An action, and what it acts on of each rigid body.
+/// An action, and the moments of the particles of each rigid body that it acts on.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Acting {
     action: Action,

@@ -32,14 +32,14 @@ pub struct Material {
 }
 
 impl Material {
-    /// Of what fills the shell named `caption`; it moves with the shell `moves_with`, if any.
+    /// The material of the filling of the shell named `caption`; it moves with the shell `moves_with`, if any.
     pub fn of_filling(filled: &Filled, caption: &str, moves_with: Option<u32>) -> Self {
         let youngs_modulus_pa = filled.youngs_modulus_pa.mid;
         let strength_pa = match filled.law {
             Law::VonMises { yield_stress_pa }
             | Law::Foam { yield_stress_pa, .. }
             | Law::Plasticine { yield_stress_pa, .. } => yield_stress_pa,
-            // Nothing says when it is damaged, and nothing but its shell touches it.
+            // It is unknown when it is damaged, and nothing but its shell touches it.
             Law::Elastic | Law::DruckerPrager { .. } | Law::Snow { .. } | Law::Fluid => youngs_modulus_pa,
         };
         Self {

@@ -140,7 +140,7 @@ pub fn simulate<E: From<SimulateError>>(
     Ok(report)
 }
 
-/// The object as a checkpoint holds it; what its rigid bodies consist of, they have from the start.
+/// The object as a checkpoint holds it; the particles of its rigid bodies are those of the start.
 fn resumed(
     checkpoint: Checkpoint,
     mut start: Vec<Particle>,

@@ -53,7 +53,7 @@ pub struct Object {
     domain_m: [[f32; 3]; 2],
 }
 
-/// What acts on an object during a substep, besides gravity and the ground.
+/// The influences on an object during a substep, besides gravity and the ground.
 pub trait Influence: Sync {
     /// Whether there are forces at all.
     fn has_forces(&self) -> bool;

@@ -10,7 +10,7 @@ use crate::config::SceneKey;
 use crate::values::{self, above, from_to};
 
 /// The keys that a scene may set: what happens to its object and how it is filmed. How long the user is willing to wait
-/// and how large a film they want is not among them.
+/// and how large a film they want are not among them.
 pub const SCENE_KEYS: &[SceneKey] = &[
     SceneKey::any("drop-height"),
     SceneKey::any("tilt-deg"),

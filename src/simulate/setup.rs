@@ -69,7 +69,7 @@ pub struct Setup {
     pub report: SimulationReport,
 }
 
-/// What decides how stiff the parts are simulated, and how long that takes.
+/// The inputs that decide how stiff the parts are simulated, and how long that takes.
 struct Plan<'a> {
     input: &'a Input<'a>,
     options: &'a Options,
@@ -90,7 +90,7 @@ struct Planned {
 }
 
 impl Plan<'_> {
-    /// With true stiffness, if that does not take too long.
+    /// The parts with their true stiffness, if that does not take too long.
     fn made(&self) -> Result<Planned, SimulateError> {
         let most_pa = self.options.max_stiffness;
         let planned = self.with(most_pa.unwrap_or(f64::INFINITY), choice::INVISIBLE)?;
@@ -101,7 +101,7 @@ impl Plan<'_> {
         if planned.minutes <= LONGEST_MINUTES { Ok(planned) } else { self.with(SOFT_PA, choice::HARDLY_VISIBLE) }
     }
 
-    /// With parts that deform softened to `most_pa`, and those that strain by less than `visible` rigid.
+    /// The parts that deform softened to `most_pa`, and those that strain by less than `visible` rigid.
     fn with(&self, most_pa: f64, visible: f64) -> Result<Planned, SimulateError> {
         let Self { input, options, bodies, load, spacing_m, duration_s } = *self;
         let choice = choice::choose(&options.rigid, &load, input.materials, (bodies, spacing_m), visible)?;

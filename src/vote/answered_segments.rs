@@ -10,7 +10,7 @@ pub(super) struct AnsweredSegment<'a> {
     pub view: usize,
     /// Id in the view's label map.
     pub segment: u16,
-    /// Of the segment; of the part, that with most weight.
+    /// The answer about the segment; for a part, the one with most weight.
     pub answer: &'a Answer,
     /// Index into [`AnsweredSegments::materials`].
     pub material: u32,

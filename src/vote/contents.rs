@@ -1,4 +1,4 @@
-//! What is inside of a part, from the answers that agree on its material and form.
+//! The contents of a part, from the answers that agree on its material and form.
 
 use super::estimate::middle_and_hull;
 use super::{Contents, Filled};
@@ -7,7 +7,7 @@ use crate::materials::fillings::Filling;
 use crate::query::{Answer, Form, Inside};
 use crate::units::{Estimate, Range};
 
-/// What is behind the wall of a shell: what more than half of the answers that see a shell say, otherwise unknown. Of
+/// The contents of a shell: those that more than half of the answers that see a shell state, otherwise unknown. Of
 /// several fillings, the one that most answers name gives its name and law; all of them span the ranges.
 pub(super) fn contents(form: Form, answers: &[&Answer], library: &MaterialLibrary) -> Option<Contents> {
     if !matches!(form, Form::Shell { .. }) {

@@ -2,7 +2,7 @@
 //!
 //! Two views' segments are compared on the Gaussians for which both views vote: how much of their light is in both
 //! segments, and how much is in either. Groups of segments are joined by average linkage, always the two with the
-//! largest overlap, where all counts are summed over their views:
+//! largest overlap; all counts are summed over their views:
 //!
 //! 1. while more than half of what is in either group is in both (Jaccard index above [`SAME_PART_OVERLAP`]): the same
 //!    part seen from different sides;

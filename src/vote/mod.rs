@@ -88,9 +88,9 @@ pub struct MaterialField {
     pub votes: Vec<f32>,
     /// Per Gaussian: number of views that see it. 0 means that the label came from the nearest seen Gaussians.
     pub views: Vec<u16>,
-    /// What the user should check.
+    /// Messages about what the user should check.
     pub warnings: Vec<String>,
-    /// What the user may want to know.
+    /// Messages about what the user may want to know.
     pub notes: Vec<String>,
 }
 
@@ -242,7 +242,7 @@ fn check(gaussians: &Gaussians, views: &[ViewInput]) -> Result<(), VoteError> {
     Ok(())
 }
 
-/// Oddities of the cloud with which the vote works all the same.
+/// Warnings about oddities of the cloud that do not prevent the vote.
 fn strange_gaussians(gaussians: &Gaussians) -> Vec<String> {
     let mut doubts = Vec::new();
     let diagonal = robust_bounds(gaussians).diagonal();

@@ -10,7 +10,7 @@ use crate::values::{self, from_to};
 /// Number of seen neighbours that decide for an unseen Gaussian: enough that one stray does not decide, few enough to
 /// stay local.
 const DEFAULT_NEIGHBORS: NonZeroUsize = NonZeroUsize::new(8).expect("eight is not zero");
-/// This many Gaussians are not a neighbourhood but a part of the object.
+/// More Gaussians than this are not a neighbourhood but a part of the object.
 const MOST_NEIGHBORS: NonZeroUsize = NonZeroUsize::new(1000).expect("a thousand is not zero");
 
 /// The keys that a scene may set: all of them, because they affect only this scene's result.

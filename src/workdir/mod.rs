@@ -233,7 +233,7 @@ impl WorkDir {
             Ok(None) => {
                 return Err(WorkDirError::Locked { path: root.to_owned(), holder: lock::Holder::of(&path) });
             }
-            // The folder was copied without the file, or its file system has no locks: nobody can be kept out.
+            // The folder was copied without the file, or its file system has no locks: no process can be kept out.
             Err(_) => None,
         };
         Ok(Self::new(root, lock, Some(why)))

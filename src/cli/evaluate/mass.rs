@@ -32,7 +32,7 @@ pub fn text(found: &MassEvaluation) -> String {
     }
 }
 
-/// What the errors came from, object by object; nothing if no ground truth allows to say so.
+/// The causes of the errors, object by object; nothing if no ground truth is detailed enough.
 fn causes_text(objects: &[Weighed]) -> String {
     let with_causes = || objects.iter().filter_map(|object| Some((object, object.causes?)));
     if with_causes().next().is_none() {

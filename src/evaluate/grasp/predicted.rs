@@ -114,7 +114,7 @@ impl Predicted {
     }
 }
 
-/// One line per object, and what the fixed forces are; empty without objects.
+/// One line per object, and the values of the fixed forces; empty without objects.
 pub(super) fn table(objects: &[GraspedObject]) -> String {
     let Some(first) = objects.first() else { return String::new() };
     let policies = FIXED.map(|(name, _)| name).into_iter().chain([GPROP]);

@@ -19,7 +19,7 @@ use crate::scene::{Scene, robust_bounds};
 
 /// A contact lies on the side of the object that a view sees if it is at most this far behind the view's depth map, as
 /// a share of the object's diagonal: more than the depth's error (0.3 %) and the reach of a Gaussian in front of its
-/// centre. Of thin things the far side passes too, which is mostly the same part.
+/// centre. On thin things the far side passes too, but it is mostly the same part.
 const BEHIND: f64 = 0.05;
 
 /// The true properties that decide how a grasp ends: the mass of the whole object, and the others of the part that the
@@ -49,7 +49,7 @@ struct TruePart {
     id: u16,
     name: String,
     family: String,
-    /// Of a shell.
+    /// Thickness of a shell's wall.
     thickness_m: Option<f64>,
     youngs_modulus_pa: f64,
     friction_rubber_pad: f64,

@@ -1,8 +1,8 @@
-//! What the error of an object's mass came from, where its ground truth allows to say so.
+//! The causes of the error of an object's mass, if its ground truth is detailed enough.
 //!
 //! Every found part counts towards the true part in whose box its centre of mass lies (the smallest such box, otherwise
 //! the nearest). Then the true mass of each true part becomes the found one step by step: first its extent is replaced,
-//! then its wall, then its density, and the rest is what was taken to be inside. The steps, in kilograms, add up to the
+//! then its wall, then its density, and the rest is due to the assumed contents. The steps, in kilograms, add up to the
 //! error.
 
 use serde::Serialize;
@@ -16,7 +16,7 @@ pub struct TruePart {
     pub volume_m3: f64,
     pub mass_kg: f64,
     pub form: String,
-    /// Of a shell's wall; if a shell has none, its volume is that within its outer surface.
+    /// Thickness of a shell's wall; if a shell has none, its volume is that within its outer surface.
     pub thickness_m: Option<f64>,
     /// Lowest and highest corner, world frame.
     pub bounding_box_m: Option<[[f64; 3]; 2]>,
@@ -30,13 +30,13 @@ pub struct Causes {
     /// The thickness of walls.
     pub wall_kg: f64,
     pub density_kg: f64,
-    /// What is inside of shells, or was not taken to be there.
+    /// The contents of shells, whether assumed or missed.
     pub filling_kg: f64,
     /// True parts of which nothing was found.
     pub missing_kg: f64,
 }
 
-/// What was found of a true part.
+/// The sum of what was found of a true part.
 #[derive(Default)]
 struct Found {
     volume_m3: f64,
@@ -52,7 +52,7 @@ struct Found {
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct ComparedPart {
     pub name: String,
-    /// Of the found parts and what fills them.
+    /// Mass of the found parts and of what fills them.
     pub found_kg: f64,
     pub true_kg: f64,
 }

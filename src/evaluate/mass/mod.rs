@@ -1,5 +1,4 @@
-//! Compares masses with the true ones. What is scored is the `mid` of gprop's estimate, the number that people are
-//! shown.
+//! Compares masses with the true ones. The `mid` of gprop's estimate is scored, the number that people are shown.
 //!
 //! NeRF2Physics' JSON files are read without conversion and as its evaluation reads them: predictions `{"ID_MORE": [low,
 //! high], ...}`, of which the mean is scored; truth `{"ID": kilograms, ...}`, whose key is the part of an id before its
@@ -33,7 +32,7 @@ pub struct Weighed {
     pub truth: f64,
     /// True if the interval contains the truth.
     pub covered: bool,
-    /// What the error came from, if the ground truth says where the parts are.
+    /// The causes of the error, if the ground truth says where the parts are.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub causes: Option<Causes>,
     /// The true parts, if the ground truth says where they are.
@@ -103,7 +102,7 @@ struct SceneTruth {
     inertia_at_com_kg_m2: Option<[[f64; 3]; 3]>,
 }
 
-/// A part of `ground_truth/parts.json`; what is not known of it is null.
+/// A part of `ground_truth/parts.json`; unknown values are null.
 #[derive(Deserialize)]
 struct StatedPart {
     name: String,

@@ -115,7 +115,7 @@ impl Voters<'_> {
         self.views.iter().zip(maps).map(input).collect()
     }
 
-    /// What to ask about, as `gprop run` asks.
+    /// The subjects of the questions, as in `gprop run`.
     fn subjects(&self, parts: &Parts, masks: &[PartMasks]) -> Vec<Subject> {
         let cameras: Vec<_> = self.views.iter().map(|view| view.camera).collect();
         let sharpness: Vec<&[f32]> = self.views.iter().map(|view| view.sharpness.as_slice()).collect();

@@ -1,4 +1,4 @@
-//! Views whose segments are merged with neighbours at random, as SAM does where it takes two things for one.
+//! Views whose segments are merged with neighbours at random, as SAM merges them if it takes two things for one.
 
 use std::collections::{BTreeMap, BTreeSet};
 
@@ -140,7 +140,7 @@ mod tests {
             }
             let covered = |view: &ViewSegments| view.map.labels.iter().map(|&id| id > 0).collect::<Vec<_>>();
             assert_eq!(covered(&view), covered(&row()));
-            // What was one segment is in one still.
+            // Pixels that were in one segment still are.
             assert_eq!(view.map.labels[0], view.map.labels[1]);
             assert_eq!(view.map.labels[5], view.map.labels[6]);
         }

@@ -1,8 +1,8 @@
 //! How much of the labels' accuracy is left if views are cut badly, answers are wrong or views are few.
 //!
 //! Answers are perfect but for those that are made wrong on purpose: each names the true part that most of the mask
-//! shows. What is asked about, and how views vote, is as in a run, so that a run with `--preset paper` measures the
-//! paper's way.
+//! shows. The subjects of the questions, and the way in which views vote, are as in a run, so that a run with `--preset
+//! paper` measures the paper's way.
 
 mod answers;
 mod merge;
@@ -78,7 +78,7 @@ const CONDITIONS: [Condition; 5] = [
     Condition { name: "all three", merged: MERGED, wrong: WRONG, few: true },
 ];
 
-/// Votes under every condition. Where fewer views vote, these are `few` of them, evenly spread over their order.
+/// Votes under every condition. If fewer views vote, these are `few` of them, evenly spread over their order.
 ///
 /// # Errors
 /// [`VoteError`] as for [`vote::vote`].

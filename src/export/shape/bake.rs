@@ -1,8 +1,9 @@
-//! The colours of the splat on a surface: what a camera would see that looks at each place along the normal.
+//! The colours of the splat on a surface: those that a camera would see if it looked at each place along the normal.
 //!
 //! Gaussians within a few cells of the place are blended along the line of sight, the outermost first, as a renderer
-//! does. The colour of each is the mean of those that it shows to the cameras that face the surface best: nobody
-//! trained what it shows to other sides. Where the splat shows nothing, the colour is that of the nearest Gaussian.
+//! does. The colour of each is the mean of those that it shows to the cameras that face the surface best: the colours
+//! that it shows to other sides were never trained. Where the splat shows nothing, the colour is that of the nearest
+//! Gaussian.
 
 use image::{Rgb, RgbImage};
 use nalgebra::{Matrix3, Point3, Vector3};
@@ -43,7 +44,7 @@ pub struct Painter<'a> {
 }
 
 impl<'a> Painter<'a> {
-    /// For surfaces on a grid.
+    /// A painter for surfaces on a grid.
     pub fn new(gaussians: &'a Gaussians, cameras: &[Camera], grid: &Grid) -> Self {
         let coarse = grid.coarser(COARSE);
         let spans: Vec<Option<[[usize; 2]; 3]>> = (0..gaussians.len())
@@ -95,7 +96,7 @@ impl<'a> Painter<'a> {
         let normals = mesh.normals();
         let painted: Vec<Vec<([u32; 2], [u8; 3])>> =
             mesh.triangles.par_iter().zip(layout).map(|(t, tile)| self.tile(mesh, &normals, *t, tile)).collect();
-        // What no tile covers is as grey as the rest, for viewers that blend it in from afar.
+        // Pixels that no tile covers have the mean colour, because viewers blend them in from afar.
         let count = painted.iter().map(Vec::len).sum::<usize>().max(1) as f64;
         let sum = |channel: usize| painted.iter().flatten().map(|(_, color)| f64::from(color[channel])).sum::<f64>();
         let mean = [0, 1, 2].map(|channel| (sum(channel) / count) as u8);
@@ -112,7 +113,8 @@ impl<'a> Painter<'a> {
             self.near(&corners, normals.iter().sum::<Vector3<f64>>().try_normalize(1e-9).unwrap_or(normals[0]));
         let steps = f64::from(tile.steps);
         let mut pixels = Vec::new();
-        // One row more than the triangle has, for viewers to blend with; of the row after that, which is nobody's, too.
+        // One row more than the triangle has, for viewers to blend with, and the next row too if no other triangle has
+        // it.
         for x in 0..=tile.steps + 2 {
             for y in 0..=tile.steps + 2 - x {
                 let (mut one, mut two) = (f64::from(x) / steps, f64::from(y) / steps);
@@ -216,7 +218,7 @@ struct Near<'a> {
     views: Vec<[f32; 3]>,
     members: Vec<u32>,
     colors: Vec<Option<[f64; 3]>>,
-    /// Of one place: distance outward, opacity, index in `members`.
+    /// The Gaussians met at one place: distance outward, opacity, index in `members`.
     met: Vec<(f64, f64, usize)>,
 }
 

@@ -10,10 +10,10 @@ pub struct Clearance {
     distance: Vec<f32>,
 }
 
-/// What a hull covers that is not the object.
+/// The space that a hull covers beyond the object.
 #[derive(Debug, Clone, Copy)]
 pub struct Lie {
-    /// The largest distance from the object, scene units, and where.
+    /// The largest distance from the object, scene units, and the cell that has it.
     pub depth: f64,
     pub cell: usize,
 }
@@ -45,7 +45,7 @@ impl Clearance {
         Self { grid, distance }
     }
 
-    /// What a hull covers beside the object.
+    /// The space that `hull` covers beyond the object.
     pub fn lie(&self, hull: &Hull) -> Lie {
         let planes = hull.planes();
         let [low, high] = hull.extent();

@@ -5,7 +5,7 @@ use parry3d_f64::transformation::try_convex_hull;
 
 use super::parry;
 
-/// Vertices of a hull at most: what PhysX and other engines accept.
+/// Maximum number of vertices of a hull that PhysX and other engines accept.
 const VERTICES: usize = 64;
 
 /// A convex body.

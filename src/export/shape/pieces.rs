@@ -1,10 +1,10 @@
 //! The object's shape as convex pieces, for collisions: simulators use the convex hull of any mesh, and the hull of a
 //! mug is solid.
 //!
-//! A hull lies as deep as the farthest place within it is from the object. Of each part, the body whose hull lies
-//! deepest is cut by the plane that leaves the least volume in the hulls of both sides, until no hull lies deeper than a
-//! tolerance. Then neighbours are joined whose common hull does not either. A hole is open if a ball wider than the
-//! tolerance fits through it.
+//! A hull reaches beyond the object by the distance from the object to the farthest place within the hull (its
+//! [`Lie`]). Of each part, the body whose hull reaches farthest is cut by the plane that leaves the least volume in the
+//! hulls of both sides, until no hull reaches farther than a tolerance. Then neighbours are joined if their common hull
+//! does not either. A hole is open if a ball wider than the tolerance fits through it.
 
 use nalgebra::{Matrix3, Point3, Vector3};
 use rayon::prelude::*;
@@ -14,11 +14,11 @@ use super::clearance::{Clearance, Lie};
 use super::hull::Hull;
 use crate::parts::{Grid, OUTSIDE};
 
-/// How deep a hull may lie, as a share of the object's diagonal, and in cells at least: below that, a hull only rounds
-/// off the cells' steps.
+/// How far a hull may reach beyond the object, as a share of the object's diagonal, and in cells at least: below that,
+/// a hull only rounds off the cells' steps.
 const TOLERANCE: f64 = 0.006;
 const LEAST_CELLS: f64 = 2.0;
-/// Pieces per part at most: more, and simulators become slow.
+/// Maximum number of pieces per part: with more, simulators become slow.
 const PIECES: usize = 32;
 /// Positions at which a plane of each direction is tried.
 const CUTS: usize = 8;
@@ -26,7 +26,7 @@ const CUTS: usize = 8;
 const BALANCE: f64 = 0.02;
 /// Points that stand for a body while cuts are compared.
 const SAMPLES: usize = 200;
-/// Points that are outside a face by less, in cells, lie in it.
+/// Points that are outside a face by less than this, in cells, lie in it.
 const FLAT: f64 = 1e-3;
 /// Bodies with a smaller share of their part's cells are crumbs, which are left out.
 const CRUMB: f64 = 5e-4;
@@ -117,7 +117,7 @@ impl<'a> Decomposition<'a> {
             let Some(deepest) = deepest.filter(|n| self.bodies[*n].lie.depth > self.tolerance) else { break };
             let body = self.bodies.swap_remove(deepest);
             let Some((normal, position)) = self.best_cut(&body) else {
-                // It cannot be cut: it stays as it is, and no longer counts as lying.
+                // It cannot be cut: it stays as it is, and counts as if its hull did not reach beyond the object.
                 self.bodies.push(Body { lie: Lie { depth: 0.0, cell: 0 }, ..body });
                 continue;
             };
@@ -221,7 +221,8 @@ impl<'a> Decomposition<'a> {
         Some(cuts[best])
     }
 
-    /// Joins pairs of bodies whose common hull does not lie, those with the smallest first.
+    /// Joins pairs of bodies whose common hull does not reach too far beyond the object, those with the smallest hull
+    /// first.
     fn join(&mut self) {
         let mut bodies: Vec<Option<Body>> = self.bodies.drain(..).map(Some).collect();
         let all: Vec<(usize, usize)> = (0..bodies.len()).flat_map(|b| (0..b).map(move |a| (a, b))).collect();

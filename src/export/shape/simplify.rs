@@ -11,7 +11,7 @@ use super::Mesh;
 
 /// A triangle may turn by less than this cosine's angle (78 degrees) when a vertex moves.
 const LEAST_TURN: f64 = 0.2;
-/// Weight of the vertex's own position beside the planes of its triangles: decides where these do not.
+/// Weight of the vertex's own position beside the planes of its triangles: decides if these do not.
 const STAY: f64 = 1e-3;
 
 /// Sum of squared distances to planes, weighted by area: x^T A x - 2 b^T x + c.

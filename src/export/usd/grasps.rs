@@ -1,4 +1,4 @@
-//! Where to grasp, as SimReady's feature "grasp physics" asks: a line through each place, from finger to finger.
+//! The places to grasp at, as SimReady's feature "grasp physics" requires: a line through each, from finger to finger.
 
 use std::fmt::Write;
 

@@ -1,5 +1,5 @@
-//! USD, laid out as SimReady's profile `Robotics-Prop` asks: `NAME/usd/NAME.usda` with its picture in `textures/` and a
-//! thumbnail, or all of it as the package `NAME/usdz/NAME.usdz`.
+//! USD, laid out as SimReady's profile `Robotics-Prop` requires: `NAME/usd/NAME.usda` with its picture in `textures/`
+//! and a thumbnail, or all of it as the package `NAME/usdz/NAME.usdz`.
 //!
 //! One rigid body with mass properties; under it
 //! - `skin`, the visual mesh, with a subset and a material for each part,
@@ -110,7 +110,7 @@ def Xform "{name}" (
     text
 }
 
-/// What SimReady's validators ask to be told about an asset.
+/// The metadata that SimReady's validators require of an asset.
 fn metadata(rigid: &Rigid) -> String {
     let (low, high) = rigid.extent();
     let strings = [

@@ -19,10 +19,10 @@ const ONE_SIDE: f64 = 0.5;
 /// Less of the surface than this is a gap between views rather than a side.
 const LEAST_UNSEEN: f64 = 0.02;
 /// Share of the seen surface on the far half, next to the unseen side, whose mirror image must lie on or in the object:
-/// the near half is well seen, so that an image there is a test; an image on the far half mostly falls into what was
-/// left full.
+/// the near half is well seen, so an image there is a real test; an image on the far half mostly falls into cells that
+/// carving left full.
 const SYMMETRIC: f64 = 0.85;
-/// Less of the seen surface than this on the far half tells nothing.
+/// If less of the seen surface than this is on the far half, the test says nothing.
 const LEAST_EVIDENCE: f64 = 0.1;
 /// Cells by which a mirror image may miss the object: the surface is known to a cell or two, and so is the plane.
 const NEAR_CELLS: isize = 2;

@@ -62,7 +62,7 @@ pub struct Composed {
 #[derive(Debug, Clone, Copy)]
 pub struct Hollow {
     pub volume: Volume,
-    /// Of the hollow as the middle volume has it.
+    /// The moments of the hollow in the middle volume.
     pub moments: Moments,
 }
 

@@ -1,4 +1,4 @@
-//! A volume with its bounds, by what makes them wide.
+//! A volume, and the causes that widen its bounds.
 
 use crate::parts::mass::unknowns::{Effect, OVERCONFIDENCE};
 use crate::units::{Estimate, Reading};
@@ -30,13 +30,13 @@ pub struct Volume {
     pub method: Effect,
     /// The thickness of the wall, with [`OVERCONFIDENCE`].
     pub wall: Effect,
-    /// What no view sees.
+    /// How deep a part goes where no view sees it, and whether a shell is closed there.
     pub unseen: Effect,
 }
 
 impl Volume {
-    /// The volume with these [`READINGS`]; `slack` is what the uncertainty of the surface may add or take away, `spread`
-    /// the error that no other rule covers.
+    /// The volume with these [`READINGS`]; `slack` is the volume that the uncertainty of the surface may add or remove,
+    /// `spread` the error that no other rule covers.
     pub fn of(readings: [f64; READINGS.len()], slack: f64, spread: f64) -> Self {
         let [mid, thin, thick, least, most] = readings;
         let ln = |volume: f64| (volume / mid).clamp(1.0 / FARTHEST, FARTHEST).ln();

@@ -41,10 +41,10 @@ pub fn carve(grid: &Grid, views: &[DepthView], tolerance: f64, inside: &mut [boo
     });
 }
 
-/// A surface is seen if a view looks at it within this angle of its normal, given as a cosine (a place that is only
-/// grazed is as often the edge of a hidden region as a surface) ...
+/// A surface is seen only if a view looks at it within this angle of its normal, given as a cosine: a place that is
+/// only grazed is as often the edge of a hidden region as a surface.
 const FACING: f64 = 0.2;
-/// ... and if the surface in the view is within this many tolerances of it.
+/// A surface is seen only if the surface in the view is within this many tolerances of it.
 const TOLERANCES: f64 = 3.0;
 
 /// True if some view sees this place of the surface, whose outward unit normal is `normal`. `tolerance` in scene units.

@@ -27,7 +27,7 @@ const CARVE_TOLERANCE_PIXELS: f64 = 3.0;
 /// Views are rendered with at most this many pixels per cell along the side of a cube that has as many cells as the
 /// grid: a pixel is then smaller than a cell, and the result improves with a finer grid as far as the photos allow.
 const PIXELS_PER_CELL: f64 = 5.0;
-/// In tolerances: views that see a surface farther away than this see a different one.
+/// Views that see a surface farther away than this many tolerances see a different one.
 const REFINE_REACH: f64 = 2.0;
 
 /// A grid around the kept Gaussians' centres and one standard deviation beyond.

@@ -1,8 +1,9 @@
-//! Converts volumes in scene units to kilograms: of parts, of what fills shells, and of the object.
+//! Converts volumes in scene units to kilograms: of parts, of the fillings of shells, and of the object.
 //!
-//! A mass is a volume times a density, and uncertain as both are; [`unknowns`] says how the causes add up, and what a
-//! reading of a scale teaches. The surface is one unknown for the whole object, since an error in how a splat shows it
-//! recurs in all parts; walls and unseen depths are unknowns of each part; a density is one of each material.
+//! A mass is a volume times a density, and as uncertain as both; [`unknowns`] says how the causes add up, and what is
+//! learned from a reading of a scale. The surface is one unknown for the whole object, since an error in how a splat
+//! shows it recurs in all parts; each part has unknowns of its own for its wall and its unseen depth, each material one
+//! for its density.
 //!
 //! [`bodies`] finds the connected pieces of a part, [`moments`] their volume, centre of mass and inertia, [`weights`] the
 //! masses.
@@ -39,7 +40,7 @@ pub(super) struct Weighable<'a> {
 }
 
 impl Weighable<'_> {
-    /// What fills its hollow.
+    /// Its hollow and the filling in it.
     pub fn filling(&self) -> Option<(&Hollow, &Filled)> {
         match (&self.label.inside, self.hollow) {
             (Some(Contents::Filled(filled)), Some(hollow)) => Some((hollow, filled)),
@@ -67,7 +68,7 @@ impl Weighable<'_> {
         let scale = weights.scale;
         let is_there = self.shape.volume.is_some();
         let (volume, density) = (weights.of(&weight.volume), weights.of(&weight.density));
-        // What was weighed may have changed the volume; its shape is the same.
+        // The weighing may have changed the volume; the shape is the same.
         let grown = if weight.volume.mid > 0.0 { volume.mid / weight.volume.mid } else { 1.0 };
         // The sum over bodies of unit density, so mass is volume.
         let moments = Moments::combined(&pieces.iter().map(|p| (1.0, p.moments)).collect::<Vec<_>>());

@@ -1,4 +1,5 @@
-//! What masses depend on and nobody knows exactly: the surface, walls, what no view sees, densities, fillings.
+//! The things that masses depend on and that are not known exactly: the surface, walls, unseen depths, densities,
+//! fillings.
 //!
 //! Each unknown z is normal, with a standard deviation of 1 / 1.645, so that it lies within -1 to 1 with a probability
 //! of 90 %. The logarithm of a [`Quantity`] (a volume, a mass) changes in proportion to each unknown, with one slope
@@ -7,15 +8,16 @@
 //!
 //! A reading of a kitchen scale is a measurement of the sum of masses. [`Belief::after`] finds the most likely unknowns
 //! given the reading (Gauss-Newton on the posterior) and their covariance there (Laplace's approximation): everything
-//! that has a share in the mass is then known better, and what is uncertain most moves most.
+//! that has a share in the mass is then known better, and the most uncertain things move most.
 
 use serde::{Deserialize, Serialize};
 
 use crate::units::Estimate;
 
-/// What nobody sees, the model answers as a range that it takes for likely: a wall's thickness, how full a hollow is, the
-/// density of a mixed part. Ranges that people call 90 % sure hold the truth in about half of the cases (Klayman et al.,
-/// Organizational Behavior and Human Decision Processes 79, 1999), that is out to 0.67 instead of 1.64 standard deviations.
+/// Factor by which the model's ranges are widened if they are about something that no view shows: a wall's thickness,
+/// how full a hollow is, the density of a mixed part. Ranges that people call 90 % sure hold the truth in about half of
+/// the cases (Klayman et al., Organizational Behavior and Human Decision Processes 79, 1999), that is out to 0.67
+/// instead of 1.64 standard deviations.
 pub const OVERCONFIDENCE: f64 = 2.4;
 
 /// What makes an interval wide.
@@ -47,18 +49,18 @@ pub struct Effect {
 impl Effect {
     pub const NONE: Self = Self { low: 0.0, high: 0.0 };
 
-    /// Of a quantity that the unknown is the logarithm of.
+    /// The effect on a quantity whose logarithm is the unknown itself.
     pub fn of(estimate: Estimate) -> Self {
         let ln = |end: f64| if end > 0.0 && estimate.mid > 0.0 { (end / estimate.mid).ln() } else { 0.0 };
         Self { low: ln(estimate.low), high: ln(estimate.high) }
     }
 
-    /// With ends that are farther apart by this factor.
+    /// The same effect with ends that are farther apart by this factor.
     pub fn wider(self, factor: f64) -> Self {
         Self { low: self.low * factor, high: self.high * factor }
     }
 
-    /// With ends that raise the logarithm by no more than `limit`.
+    /// The same effect with ends that raise the logarithm by no more than `limit`.
     pub fn at_most(self, limit: f64) -> Self {
         Self { low: self.low.min(limit), high: self.high.min(limit) }
     }
@@ -72,7 +74,8 @@ impl Effect {
         if (self.high >= self.low) == raises { self.high } else { -self.low }
     }
 
-    /// The slope at `z`: where the unknown is in its middle, that which raises the quantity, or the one that lowers it.
+    /// The slope at `z`: if the unknown is at its middle, the slope that raises the quantity, or the one that lowers
+    /// it.
     fn slope_at(self, z: f64, raises: bool) -> f64 {
         match z {
             z if z > 0.0 => self.high,
@@ -121,7 +124,7 @@ impl Quantity {
     }
 }
 
-/// What is known about the unknowns: their middle, and how much less uncertain they are along one direction.
+/// The belief about the unknowns: their middle, and how much less uncertain they are along one direction.
 #[derive(Debug, Clone)]
 pub struct Belief {
     middle: Vec<f64>,
@@ -136,12 +139,12 @@ const STEPS: usize = 100;
 const DAMPING: f64 = 0.5;
 
 impl Belief {
-    /// Before anything was weighed.
+    /// The belief before anything was weighed.
     pub fn prior(unknowns: &Unknowns) -> Self {
         Self { middle: vec![0.0; unknowns.count()], direction: vec![0.0; unknowns.count()], gain: 0.0 }
     }
 
-    /// After the sum of `masses` was found to be `reading`, within the relative `error` at 90 %.
+    /// The belief after the sum of `masses` was found to be `reading`, within the relative `error` at 90 %.
     pub fn after(unknowns: &Unknowns, masses: &[Quantity], reading: f64, error: f64) -> Self {
         let mut belief = Self::prior(unknowns);
         for _ in 0..STEPS {
@@ -306,7 +309,7 @@ mod tests {
         let masses = [mass(1.0, &[(1, 0.05)]), mass(1.0, &[(2, 0.5)])];
         let belief = Belief::after(&unknowns(3), &masses, 2.4, 0.01);
         let [sure, unsure] = masses.each_ref().map(|mass| belief.of(mass).mid);
-        // The prior holds against an error of 1 % with (0.01 / 0.25)^2, some 0.2 % of the difference.
+        // Against an error of 1 %, the prior weighs (0.01 / 0.25)^2: some 0.2 % of the difference.
         assert!((sure + unsure - 2.4).abs() < 0.003, "{sure} + {unsure}");
         assert!(sure - 1.0 < 0.02 && unsure > 1.38, "{sure}, {unsure}");
     }

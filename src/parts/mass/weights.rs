@@ -30,7 +30,7 @@ pub struct Weights {
     pub all: Vec<Weight>,
     /// Metres in a scene unit.
     pub scale: f64,
-    /// The same as a quantity, if the mass alone tells it.
+    /// The same as a quantity, if it is known only from the mass.
     unknown_scale: Option<Quantity>,
 }
 
@@ -38,11 +38,11 @@ pub struct Weights {
 #[derive(Debug, Clone, Copy)]
 pub struct Scale {
     pub meters_per_unit: f64,
-    /// Whether anything but the mass tells it.
+    /// Whether it is known from anything but the mass.
     pub is_known: bool,
 }
 
-/// Logarithm of the factor by which a scale of which nothing is known may be off.
+/// Logarithm of the factor by which an unknown scale may be off.
 const ANY_SCALE: f64 = 7.0;
 
 /// The unknown that all volumes share.
@@ -86,7 +86,7 @@ impl Weights {
         (before, [least, most])
     }
 
-    /// Metres in a scene unit, if the mass alone tells it.
+    /// Metres in a scene unit, if this is known only from the mass.
     pub fn unknown_scale(&self) -> Option<Estimate> {
         self.unknown_scale.as_ref().map(|scale| self.of(scale))
     }

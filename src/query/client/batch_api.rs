@@ -14,10 +14,10 @@ use crate::query::asker::AskError;
 
 /// The only completion window that the API offers.
 const WINDOW: &str = "24h";
-/// Largest file of answers: the size of the largest input file that the API takes. Every line of that held a picture,
-/// and the answer to it is shorter.
+/// Largest file of answers: the size of the largest input file that the API takes. Every line of the input file held a
+/// picture, and the answer to it is shorter.
 const MAX_FILE_BYTES: usize = 200_000_000;
-/// For a whole transfer. Files are large and connections are slow.
+/// Limit for a whole transfer: files are large, and connections may be slow.
 const TRANSFER_TIMEOUT: Duration = Duration::from_secs(3600);
 
 /// The status of a job.

@@ -53,7 +53,7 @@ pub struct Client {
     max_usd: Option<f64>,
     parallel: usize,
     retries: u32,
-    /// How long a question may wait in all because the server asks for it.
+    /// How long a question may wait in total because the server asks for it.
     longest_wait: Duration,
     /// The form of requests that the server is known to accept.
     dialect: Mutex<Dialect>,

@@ -31,7 +31,7 @@ const CONNECTION_TRIES: u32 = 3;
 pub struct Backoff {
     retries: u32,
     done: u32,
-    /// For all waits that the server asks for together.
+    /// Limit for all waits that the server asks for, added up.
     longest_wait: Duration,
     /// The sum of the waits so far that the server asked for.
     waited: Duration,
@@ -46,7 +46,7 @@ pub struct Wait {
 }
 
 impl Backoff {
-    /// Allows at most `retries` retries, and at most `longest_wait` in all of waits that the server asks for.
+    /// Allows at most `retries` retries, and at most `longest_wait` in total of waits that the server asks for.
     pub fn new(retries: u32, longest_wait: Duration) -> Self {
         Self { retries, done: 0, longest_wait, waited: Duration::ZERO }
     }

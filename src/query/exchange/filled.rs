@@ -6,7 +6,7 @@ use crate::materials::Material;
 use crate::query::answer::PA_PER_MPA;
 use crate::units::{Range, ShoreScale};
 
-/// Fields of `prompts/answer.schema.json`, in its units, as far as the library knows them.
+/// Fields of `prompts/answer.schema.json`, in its units, as far as the library has them.
 #[derive(Debug, Serialize)]
 pub struct Filled<'a> {
     family: &'a str,

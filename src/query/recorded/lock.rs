@@ -2,8 +2,8 @@
 //! it answered.
 //!
 //! The lock is a hidden file beside the recordings, without the extension `.json`, so it is never taken for a
-//! recording. It exists only while the question is being asked. The file of a gprop process that was killed blocks
-//! nobody, and is removed by the next process that takes the lock.
+//! recording. It exists only while the question is being asked. The file of a gprop process that was killed does not
+//! block anyone, and is removed by the next process that takes the lock.
 
 use std::fs::{self, File};
 use std::io;

@@ -1,4 +1,4 @@
-//! What moves as one: the Gaussians of a part that keep their distances share its path.
+//! Rigid motions: the Gaussians of a part that keep their distances share its path.
 //!
 //! The path is fitted to the Gaussians themselves (Kabsch 1976), frame by frame: first to all of a part's, then to the
 //! half of them that fit best, so that a few that stay behind do not spoil it.

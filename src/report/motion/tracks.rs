@@ -21,7 +21,7 @@ pub enum Kind {
     Hidden = 2,
 }
 
-/// What the tracks' numbers stand for.
+/// The tracks of a cloud, with the meaning of their numbers.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Tracks {
     /// For each Gaussian of the cloud.

@@ -79,7 +79,7 @@ fn cloud_note(cloud: &Cloud) -> String {
     }
 }
 
-/// What is left out while the object moves; empty if nothing is.
+/// A note about what is left out while the object moves; empty if nothing is.
 fn motion_note(motion: &Motion) -> String {
     let mut notes = Vec::new();
     let (shown, all) = (motion.tracks.shown.len(), motion.tracks.of);

@@ -16,7 +16,7 @@ use super::{Options, SceneError, View};
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "snake_case")]
 pub enum ObjectSource {
-    /// Not separated: all Gaussians are the object, since its photos show it alone or there are none.
+    /// Not separated: all Gaussians belong to the object, since the photos show it alone or there are no photos.
     Whole,
     /// `--object-box`.
     Box,

@@ -8,8 +8,8 @@ use crate::scene::quantized::{half_float, opacity_logit_of_byte, quaternion_of_s
 /// Colours are stored as 0.5 + this * f_dc, which leaves room for colours beyond 0 and 1.
 const COLOR_SCALE: f32 = 0.15;
 
-/// The signs that a half turn about x gives to the real spherical harmonics of degree 1 to 3: -1 where the polynomial
-/// is odd in y and z together.
+/// The signs that a half turn about x gives to the real spherical harmonics of degree 1 to 3: -1 if the polynomial is
+/// odd in y and z together.
 #[rustfmt::skip]
 const SH_SIGNS: [f32; 15] = [
     -1.0, -1.0, 1.0,

@@ -20,9 +20,9 @@ const FLAG_ANTIALIASED: u8 = 1;
 const FLAG_EXTENDED: u8 = 2;
 
 /// Trained splats compress to a third at best, and to a tenth if their harmonics are constant. A header that promises
-/// more than this many bytes per byte of the file is rejected...
+/// more than this many bytes per byte of the file is rejected, unless they are few.
 const MOST_BYTES_PER_BYTE: u64 = 64;
-/// ... unless the promised size is small anyway: synthetic files of equal Gaussians compress without limit.
+/// A header may always promise this many bytes: synthetic files of equal Gaussians compress without limit.
 const ALWAYS_ALLOWED: u64 = 1 << 16;
 
 type Attributes = [Vec<u8>; 6];

@@ -37,8 +37,8 @@ impl Span {
         t >= self.start as f32 && t < self.end as f32
     }
 
-    /// In f64, as the peer's Python compares: near its start and end a cuboid can act without moving, or move without
-    /// acting.
+    /// Compares in f64, as the peer's Python does: near its start and end a cuboid can act without moving, or move
+    /// without acting.
     fn moves(&self, t: f64) -> bool {
         t >= self.start && t < self.end
     }

@@ -44,7 +44,7 @@ pub struct Strength {
 }
 
 impl Strength {
-    /// From Young's modulus and Poisson's ratio.
+    /// A particle's strength from Young's modulus, Poisson's ratio and the yield stress.
     pub fn new(youngs_modulus: f32, poisson_ratio: f32, yield_stress: f32) -> Self {
         let (e, nu) = (youngs_modulus, poisson_ratio);
         Self { mu: e / (2.0 * (1.0 + nu)), lambda: e * nu / ((1.0 + nu) * (1.0 - 2.0 * nu)), yield_stress }

@@ -25,7 +25,7 @@ pub struct CompatFrame {
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct CompatReport {
     pub particles: usize,
-    /// Of these, the particles that the filling added.
+    /// Number of these particles that the filling added.
     pub fill_particles: usize,
     pub substeps: u64,
     pub dt_s: f64,

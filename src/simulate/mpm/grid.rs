@@ -20,7 +20,7 @@ pub const SLAB: usize = 4;
 /// How far, in cells, a particle may drift between sorts.
 pub const DRIFT: i32 = 1;
 
-/// An empty span: the hull of it and another span is that other span.
+/// An empty span: the hull of this and another span is the other span.
 pub const NOTHING: Range<i32> = Range { start: i32::MAX, end: i32::MIN };
 
 /// The place in memory of every node.
@@ -94,7 +94,7 @@ impl Columns {
     }
 }
 
-/// For each column, the span that any stencil can reach that starts within [`DRIFT`] of its particles' cells.
+/// For each column, the span that any stencil starting within [`DRIFT`] of its particles' cells can reach.
 fn dilated(own: &[Range<i32>], count: [usize; 2]) -> Vec<Range<i32>> {
     let (before, after) = (2 + DRIFT as usize, DRIFT as usize);
     let hull = |a: Range<i32>, b: &Range<i32>| a.start.min(b.start)..a.end.max(b.end);

@@ -63,7 +63,7 @@ pub struct Lost {
     pub velocity_m_s: [f32; 3],
 }
 
-/// What a guest found on the grid in a substep.
+/// The values that a guest gathered from the grid in a substep.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Gathered {
     pub mass_kg: f32,
@@ -126,8 +126,8 @@ impl Solver {
         self.drift += farthest / self.setting.spacing_m;
     }
 
-    /// What the guests gathered in the last substep, summed by `add` over pieces of fixed length: the
-    /// same on any number of threads.
+    /// The values that the guests gathered in the last substep, summed by `add` over pieces of fixed length: the same
+    /// on any number of threads.
     pub fn sum_guests<S: Send>(
         &self,
         nothing: impl Fn() -> S + Sync,

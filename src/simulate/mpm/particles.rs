@@ -114,7 +114,7 @@ impl Pack {
         farthest
     }
 
-    /// What a lane gathered from the grid.
+    /// The values that a lane gathered from the grid.
     pub fn gathered(&self, lane: usize) -> Gathered {
         let velocity_m_s = self.velocity.map(|row| row[lane]);
         Gathered { mass_kg: self.mass[lane], velocity_m_s, affine: lane_matrix(&self.affine, lane) }

@@ -1,7 +1,7 @@
 //! A rigid body: its particles at fixed places in its own frame, and its motion.
 //!
-//! Momentum and angular momentum are the state; a free body keeps both to rounding. The rotation follows from them by
-//! the Runge-Kutta method of fourth order: q' = omega q / 2, omega = R I^-1 R^T L.
+//! Momentum and angular momentum are the state; a free body conserves both up to rounding. The rotation follows from
+//! them by the Runge-Kutta method of fourth order: q' = omega q / 2, omega = R I^-1 R^T L.
 
 use nalgebra::{Isometry3, Matrix3, Point3, Quaternion, Translation3, UnitQuaternion, Vector3};
 
@@ -33,7 +33,7 @@ pub struct State {
 }
 
 impl State {
-    /// Numbers in [`Self::to_numbers`].
+    /// How many numbers [`Self::to_numbers`] returns.
     pub const NUMBERS: usize = 13;
 
     pub fn to_numbers(self) -> [f64; Self::NUMBERS] {

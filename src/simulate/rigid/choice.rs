@@ -32,11 +32,11 @@ pub const HARDLY_VISIBLE: f64 = 1e-2;
 /// Half-cell cubes within which two particles share most of their nodes: a grid cell.
 const NEAR_CUBES: i64 = 2;
 
-/// The words of `--rigid` that are no part.
+/// The words of `--rigid` that are not parts.
 pub const AUTO: &str = "auto";
 pub const NEVER: &str = "never";
 
-/// What the object has to bear in the scenario.
+/// The load on the object in the scenario.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Load {
     /// The speed at which it hits the ground.

@@ -2,11 +2,11 @@
 //! others, gravity and the ground gave to their nodes.
 //!
 //! At a node that only one body reaches, nothing changes the body's own motion but gravity: APIC's transfer reproduces
-//! a rigid motion exactly. So only those particles of a body take part, as the solver's guests, that may share a node
-//! with something else before the next sort. A guest of mass m that scattered the velocity v and gathered v' and C'
-//! gives its body the impulse m (v' - v - g dt), and beside the moment of it, the angular impulse
-//! m dx^2/4 (axial(C') - 2 omega) of the momentum that it spread over its nodes (Jiang et al. 2015). What it gains, the
-//! nodes' other particles lose, so that momentum and angular momentum are kept. As seen from the grid, each of its
+//! a rigid motion exactly. So the only particles of a body that take part, as the solver's guests, are those that may
+//! share a node with something else before the next sort. A guest of mass m that scattered the velocity v and gathered
+//! v' and C' gives its body the impulse m (v' - v - g dt), and, besides the moment of that impulse, the angular impulse
+//! m dx^2/4 (axial(C') - 2 omega) of the momentum that it spread over its nodes (Jiang et al. 2015). The nodes' other
+//! particles lose what it gains, so momentum and angular momentum are conserved. As seen from the grid, each of its
 //! particles is spread out by dx^2/4 along every axis, which its inertia includes ([`spread_m2`]).
 
 use std::collections::HashMap;
@@ -56,7 +56,7 @@ impl Owner {
     }
 }
 
-/// What is added to the square of a particle's distance from an axis: dx^2/4 from each of two directions.
+/// The addition to the square of a particle's distance from an axis: dx^2/4 from each of two directions.
 pub fn spread_m2(spacing_m: f64) -> f64 {
     spacing_m * spacing_m / 2.0
 }

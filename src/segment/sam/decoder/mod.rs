@@ -149,7 +149,7 @@ impl Decoder {
 
     /// Checks that both decoders give the same result for a prompt on a made-up picture.
     fn check_against(&self, other: &Self) -> Result<(), Mismatch> {
-        // Any values will do that are as large as those of an embedding and the same every time.
+        // Any values will do if they are as large as those of an embedding and the same every time.
         let mut state = 1_u32;
         let mut next = || {
             state = state.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
