@@ -59,7 +59,7 @@ impl From<Range> for [f64; 2] {
     }
 }
 
-/// A number that gprop derived, with the bounds it is sure of: `low <= mid <= high` (SI).
+/// A number that gprop derived, with its 90 % interval: `low <= mid <= high` (SI).
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(test, derive(schemars::JsonSchema))]
 pub struct Estimate {

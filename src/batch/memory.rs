@@ -16,7 +16,7 @@ const SHARE: f64 = 0.8;
 /// Bytes that any run needs: the program, its materials, a view's photo, and the grids of parts and simulation at their
 /// default sizes. The fixtures' scenes peak at 0.25 GB or a little more without SAM (docs/batch.md).
 const BASE: u64 = 300_000_000;
-/// Bytes that SAM needs per thread, because each has its own encoder: 0.69 GB in all on one thread, 1.27 GB on two.
+/// Bytes that SAM needs per thread, because each has its own encoder: 0.69 GB in all on one thread, 1.15 GB on two.
 const SAM_A_THREAD: u64 = 500_000_000;
 /// Bytes that vote, parts and simulation need for each byte of the splat as plain floats: half a kilobyte for the 248
 /// bytes of a Gaussian on one thread (docs/batch.md), and twice that to be safe.

@@ -111,9 +111,9 @@ const FILL_DENSITY_MAX: f64 = 1000.0;
 /// Thicker than any wall of an object or a building.
 const WALL_MAX_M: f64 = 100.0;
 
-/// A milligram: no grain of sand weighs less.
+/// A milligram: kitchen scales and most laboratory scales read no less.
 const MASS_MIN_KG: f64 = 1e-6;
-/// A thousand tonnes: no object in front of a camera weighs more.
+/// A thousand tonnes: more than any scale weighs at once.
 const MASS_MAX_KG: f64 = 1e6;
 
 impl Options {

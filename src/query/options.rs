@@ -12,7 +12,7 @@ use crate::values::{self, from_to};
 
 /// Longest side of a sheet in pixels: three 512-pixel panels in a row, the tile size that vision models bill by.
 const SHEET_SIZE: u32 = 1536;
-/// Tokens an answer may take: nineteen fields need about 320; the rest is room for models that think aloud.
+/// Tokens an answer may take: nineteen fields need about 370; the rest is room for models that think aloud.
 const MAX_TOKENS: u32 = 2000;
 const PARALLEL: usize = 4;
 const TIMEOUT_S: u64 = 120;

@@ -9,7 +9,7 @@ use crate::numeric::sphere_directions;
 use crate::parts::grid::Grid;
 use crate::scene::gaussians::Gaussians;
 
-/// Directions in which the extent is measured, spread evenly (Fibonacci sphere), in addition to the six axes. With 250
+/// Directions in which the extent is measured, spread evenly (Fibonacci sphere), in addition to the two directions of each axis. With 250
 /// of them the bound of a ball is 1 % too large.
 const DIRECTIONS: usize = 250;
 /// A Gaussian with a lower opacity than this is ignored.
