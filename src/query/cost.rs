@@ -3,6 +3,7 @@
 use serde::{Deserialize, Serialize};
 
 use super::recorded::Usage;
+use crate::output::counted;
 
 /// Characters per token of English; prose has 4, but names of materials take more tokens.
 const CHARACTERS_PER_TOKEN: f64 = 3.5;

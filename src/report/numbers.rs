@@ -1,5 +1,6 @@
 //! Numbers and names in readable form.
 
+use crate::output::thousands;
 use serde::Serialize;
 
 use crate::units::Estimate;
