@@ -262,6 +262,7 @@ pub struct BatchArgs {
 }
 
 #[derive(Debug, Args)]
+#[command(group = clap::ArgGroup::new("solver_input").multiple(true))]
 pub struct SimulateArgs {
     /// Folder with a splat, cameras and photos.
     #[arg(required_unless_present = "list")]
@@ -269,12 +270,17 @@ pub struct SimulateArgs {
     /// List the scenarios with their parameters, without simulating.
     #[arg(long)]
     pub list: bool,
-    /// Run a configuration of another program exactly as that program would: units, laws, boundary conditions, defects.
-    #[arg(long, value_name = "PROGRAM", requires = "config")]
+    /// Run another program's solver exactly as that program would: units, laws, boundary conditions, defects.
+    #[arg(long, value_name = "PROGRAM", requires = "solver_input")]
     pub compat: Option<Compat>,
-    /// The configuration (PhysGaussian's JSON); SCENE may then be a PLY.
-    #[arg(long, value_name = "FILE", requires = "compat", value_parser = values::file())]
+    /// Its configuration (PhysGaussian's JSON); without --field, SCENE may be a PLY.
+    #[arg(long, value_name = "FILE", requires = "compat", group = "solver_input", value_parser = values::file())]
     pub config: Option<PathBuf>,
+    /// Give each particle the law, E, nu and density that the scene's field.ply has for its Gaussian, instead of the
+    /// configuration's; without --config, the object falls under the configuration that `gprop export --format
+    /// physgaussian` writes.
+    #[arg(long, requires = "compat", group = "solver_input")]
+    pub field: bool,
     #[command(flatten)]
     pub work: WorkArgs,
 }
