@@ -75,6 +75,9 @@ pub fn show(global: &Global, args: &ShowArgs) -> anyhow::Result<()> {
         return Err(UsageError(problem).into());
     }
     let needed = if args.what == What::Levels { Stage::Scene } else { Stage::Vote };
+    if args.work.dry_run {
+        return run(global, &args.scene, &args.work, needed);
+    }
     let mut pipeline = open(global, &args.scene, &args.work, (needed, true))?;
     pipeline.run()?;
     let view = args.view.as_deref();
