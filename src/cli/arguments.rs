@@ -4,6 +4,7 @@ use std::ffi::OsString;
 use std::num::NonZeroUsize;
 use std::path::PathBuf;
 
+use clap::builder::PossibleValue;
 use clap::{Args, Parser, Subcommand};
 
 use crate::evaluate::vocabulary::Vocabulary;
@@ -133,20 +134,56 @@ pub struct WorkArgs {
 
 #[derive(Debug, Args)]
 pub struct ShowArgs {
-    /// Folder with a splat, cameras and photos; stages up to the vote that have not run yet are run first.
+    /// Folder with a splat, cameras and photos; the stages that the picture needs and that have not run yet are run first.
     pub scene: PathBuf,
     /// File to write: a .png from one view, or a .gif or .mp4 (with ffmpeg) of the object on a turntable, with photo
     /// colours, parts, materials and Young's modulus side by side.
     pub to: PathBuf,
     /// What the picture shows.
     #[arg(long, value_enum, default_value_t)]
-    pub what: Shown,
-    /// Name of the view, whether it voted or not [default: of the views that voted, the one that shows most of the
-    /// object]
+    pub what: What,
+    /// Name of the view, whether it voted or not (for `--what vote`, it must have) [default: of the views that voted, the
+    /// one that shows most of the object]
     #[arg(long, value_name = "NAME")]
     pub view: Option<String>,
     #[command(flatten)]
     pub work: WorkArgs,
+}
+
+/// What `gprop show` draws.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum What {
+    /// The field.
+    Field(Shown),
+    /// One view's answers beside the vote of all views.
+    Vote,
+    /// One view's segments at SAM's three levels.
+    Levels,
+}
+
+impl Default for What {
+    fn default() -> Self {
+        Self::Field(Shown::default())
+    }
+}
+
+impl clap::ValueEnum for What {
+    fn value_variants<'a>() -> &'a [Self] {
+        static ALL: std::sync::LazyLock<Vec<What>> = std::sync::LazyLock::new(|| {
+            let of_field = Shown::value_variants().iter().copied().map(What::Field);
+            of_field.chain([What::Vote, What::Levels]).collect()
+        });
+        &ALL
+    }
+
+    fn to_possible_value(&self) -> Option<PossibleValue> {
+        let picture = |name: &'static str, help: &'static str| Some(PossibleValue::new(name).help(help));
+        match self {
+            Self::Field(shown) => shown.to_possible_value(),
+            Self::Vote => picture("vote", "Photo, the materials in the answers about this view, and the vote of all views"),
+            Self::Levels => picture("levels", "Photo and its segments at SAM's levels small, middle and large"),
+        }
+    }
 }
 
 #[derive(Debug, Args)]
@@ -262,6 +299,7 @@ pub struct BatchArgs {
 }
 
 #[derive(Debug, Args)]
+#[command(group = clap::ArgGroup::new("solver_input").multiple(true))]
 pub struct SimulateArgs {
     /// Folder with a splat, cameras and photos.
     #[arg(required_unless_present = "list")]
@@ -269,12 +307,17 @@ pub struct SimulateArgs {
     /// List the scenarios with their parameters, without simulating.
     #[arg(long)]
     pub list: bool,
-    /// Run a configuration of another program exactly as that program would: units, laws, boundary conditions, defects.
-    #[arg(long, value_name = "PROGRAM", requires = "config")]
+    /// Run another program's solver exactly as that program would: units, laws, boundary conditions, defects.
+    #[arg(long, value_name = "PROGRAM", requires = "solver_input")]
     pub compat: Option<Compat>,
-    /// The configuration (PhysGaussian's JSON); SCENE may then be a PLY.
-    #[arg(long, value_name = "FILE", requires = "compat", value_parser = values::file())]
+    /// Its configuration (PhysGaussian's JSON); without --field, SCENE may be a PLY.
+    #[arg(long, value_name = "FILE", requires = "compat", group = "solver_input", value_parser = values::file())]
     pub config: Option<PathBuf>,
+    /// Give each particle the law, E, nu and density that the scene's field.ply has for its Gaussian, instead of the
+    /// configuration's; without --config, the object falls under the configuration that `gprop export --format
+    /// physgaussian` writes.
+    #[arg(long, requires = "compat", group = "solver_input")]
+    pub field: bool,
     #[command(flatten)]
     pub work: WorkArgs,
 }

@@ -30,7 +30,7 @@ use crate::progress::Progress;
 use crate::{config, exit, inspect, output};
 use arguments::{
     BatchArgs, Cli, Command, Compat, Evaluate, ExportArgs, Global, Grasp, GraspArgs, Materials, QueryArgs, ReportArgs,
-    SceneArgs, ShowArgs, SimulateArgs, ViewArgs, WorkArgs,
+    SceneArgs, ShowArgs, SimulateArgs, ViewArgs, What, WorkArgs,
 };
 
 /// The program: runs the command line, prints an error once, and returns the exit code. A panic ends the process as a

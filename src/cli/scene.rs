@@ -12,7 +12,7 @@ use crate::query::Preview;
 use crate::report;
 use crate::workdir::{self, Artifact};
 
-use super::{ExportArgs, Global, ShowArgs, WorkArgs, found, print, print_text, shown};
+use super::{ExportArgs, Global, ShowArgs, What, WorkArgs, found, print, print_text, shown};
 
 /// A stage in the output of a dry run.
 #[derive(Serialize)]
@@ -64,17 +64,28 @@ fn carry_out(global: &Global, folder: &Path, work: &WorkArgs, to: Stage, simulat
     print_text(&found::text(&mut pipeline, to)?)
 }
 
-/// Draws the field, after running the stages up to the vote.
+/// Draws a picture or film, after running the stages that it needs.
 pub fn show(global: &Global, args: &ShowArgs) -> anyhow::Result<()> {
     let film = film::Format::of(&args.to);
     if film.is_none() && global.typed.iter().any(|flag| flag == "--turntable") {
         return Err(UsageError(format!("a turntable is a film: name a .gif or .mp4 instead of {:?}", args.to)).into());
     }
-    let mut pipeline = open(global, &args.scene, &args.work, (Stage::Vote, true))?;
+    if film.is_some() && !matches!(args.what, What::Field(_)) {
+        let problem = format!("--what vote and levels are pictures of one view: name a .png instead of {:?}", args.to);
+        return Err(UsageError(problem).into());
+    }
+    let needed = if args.what == What::Levels { Stage::Scene } else { Stage::Vote };
+    if args.work.dry_run {
+        return run(global, &args.scene, &args.work, needed);
+    }
+    let mut pipeline = open(global, &args.scene, &args.work, (needed, true))?;
     pipeline.run()?;
-    let bytes = match film {
-        Some(format) => pipeline.turntable(args.what, format)?,
-        None => pipeline.show(args.what, args.view.as_deref())?,
+    let view = args.view.as_deref();
+    let bytes = match (args.what, film) {
+        (What::Field(shown), Some(format)) => pipeline.turntable(shown, format)?,
+        (What::Field(shown), None) => pipeline.show(shown, view)?,
+        (What::Vote, _) => pipeline.show_vote(view)?,
+        (What::Levels, _) => pipeline.show_levels(view)?,
     };
     workdir::write_atomic(&args.to, |out| out.write_all(&bytes))
         .map_err(|error| UsageError(format!("cannot write {:?}: {error}", args.to)))?;

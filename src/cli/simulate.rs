@@ -1,24 +1,36 @@
-//! `gprop simulate`: runs the stage, or the configuration of another program.
+//! `gprop simulate`: runs the stage, or another program's solver.
 
+use crate::error::UsageError;
 use crate::pipeline::{Stage, compat};
 use crate::simulate::script::{KNOWN, Known};
 use crate::workdir::{Artifact, DEFAULT_NAME};
 
 use super::{Compat, Global, SimulateArgs, print, scene, shown};
 
-/// Folder in the work folder for the run of another program's configuration.
-const COMPAT_FOLDER: &str = "physgaussian";
-
 pub fn run(global: &Global, args: &SimulateArgs) -> anyhow::Result<()> {
     let Some(folder) = args.scene.as_ref().filter(|_| !args.list) else {
         return list(global);
     };
-    let (Some(Compat::PhysGaussian), Some(config)) = (args.compat, &args.config) else {
-        return scene::run(global, folder, &args.work, Stage::Simulate);
+    let (report, out) = match (args.compat, &args.config) {
+        (Some(Compat::PhysGaussian), config) if args.field => {
+            if folder.is_file() {
+                let problem = format!("--field takes the materials of a scene: give its folder instead of {folder:?}");
+                return Err(UsageError(problem).into());
+            }
+            if args.work.dry_run {
+                return scene::run(global, folder, &args.work, Stage::Vote);
+            }
+            let mut pipeline = scene::open(global, folder, &args.work, (Stage::Vote, true))?;
+            pipeline.run()?;
+            pipeline.run_compat(config.as_deref())?
+        }
+        (Some(Compat::PhysGaussian), Some(config)) => {
+            let beside = if folder.is_file() { folder.with_extension("") } else { folder.clone() };
+            let out = args.work.out.clone().unwrap_or_else(|| beside.join(DEFAULT_NAME));
+            compat::run(folder, &args.work.options.scene, config, &out, global.progress())?
+        }
+        _ => return scene::run(global, folder, &args.work, Stage::Simulate),
     };
-    let beside = if folder.is_file() { folder.with_extension("") } else { folder.clone() };
-    let out = args.work.out.clone().unwrap_or_else(|| beside.join(DEFAULT_NAME)).join(COMPAT_FOLDER);
-    let report = compat::run(folder, &args.work.options.scene, config, &out, global.progress())?;
     print(global, &report, || shown(&out.join(Artifact::Simulation.path())))
 }
 

@@ -1,27 +1,22 @@
 //! PhysGaussian (Xie et al., 2024): a model folder as its loader expects it, with the additional columns that its forks
 //! read for each Gaussian, and a configuration with the keys of its `utils/decode_param.py`.
 //!
-//! Numbers are SI. PhysGaussian scales the simulated object to a box of side 1 and uses E, density and g unchanged: the
-//! object then moves like one that is 1 m long. E in the configuration is reduced to a value at which its explicit
-//! steps are stable; the PLY keeps the true one.
+//! [`Estimated`] maps the field to the peer's numbers. The peer has one law per run: that of the label with the most
+//! Gaussians. The others get boxes, which may only differ in E, nu and density. E in the configuration is reduced to a
+//! value at which the explicit steps are stable; the PLY keeps the true one.
 
 use serde_json::{Value, json};
 
 use super::{ExportError, Files, Model};
-use crate::materials::Law;
 use crate::scene::ply;
-use crate::simulate;
-use crate::vote::{FieldLabel, field_ply};
+use crate::simulate::compat::estimated::Estimated;
+use crate::simulate::material::{SOFT_PA, Soften};
+use crate::vote::field_ply;
 
 /// The path where 3DGS puts a trained cloud and PhysGaussian looks for it.
 const CLOUD: &str = "point_cloud/iteration_30000/point_cloud.ply";
 /// The columns, in the order used by the forks.
 const COLUMNS: [&str; 6] = ["part_label", "density", "E", "nu", "material_id", "conf"];
-/// Number of cells along each side of its grid, which has side 2.
-const GRID: u32 = 50;
-/// Length of a step as a share of the time in which the fastest wave crosses a cell.
-const CFL: f64 = 0.4;
-const FRAME_S: f64 = 1e-2;
 
 pub(super) fn write(model: &Model, files: &mut Files) -> Result<(), ExportError> {
     let config = config(model);
@@ -37,52 +32,20 @@ pub(super) fn write(model: &Model, files: &mut Files) -> Result<(), ExportError>
 
 /// The configuration for the label with the most Gaussians, with a separate box for every other label.
 fn config(model: &Model) -> Value {
-    let labels = &model.field.labels;
-    let mut count = vec![0usize; labels.len()];
-    model.field.part_label.iter().for_each(|&l| count[l as usize] += 1);
-    let main = (0..labels.len()).rev().max_by_key(|&l| count[l]).unwrap_or(0);
-    let boxes = (0..labels.len()).filter(|&l| l != main && count[l] > 0).map(|l| {
-        let (point, size) = box_in_unit_space(model, l as u32);
-        let label = &labels[l];
-        json!({ "point": point, "size": size, "E": softened(label), "nu": nu(label), "density": label.density_kg_m3.mid })
+    let (of_gaussian, labels) = (&model.field.part_label, &model.field.labels);
+    let estimated = Estimated::new(of_gaussian, labels, Soften::default(), SOFT_PA);
+    let main = estimated.main();
+    let is_shown = |label: usize| of_gaussian.iter().any(|&of| of as usize == label);
+    let boxes = (0..labels.len()).filter(|&label| label != main && is_shown(label)).map(|label| {
+        let (point, size) = box_in_unit_space(model, label as u32);
+        let material = &estimated.materials[label];
+        let (e, nu, density) = (material.youngs_modulus, material.poisson_ratio, material.density);
+        json!({ "point": point, "size": size, "E": e, "nu": nu, "density": density })
     });
     let boxes: Vec<Value> = boxes.collect();
-    let step = labels.iter().map(step_s).fold(FRAME_S, f64::min);
-    json!({
-        "material": material(labels[main].law),
-        "E": softened(&labels[main]),
-        "nu": nu(&labels[main]),
-        "density": labels[main].density_kg_m3.mid,
-        "g": [0.0, 0.0, -crate::units::GRAVITY_M_S2],
-        "n_grid": GRID,
-        "grid_lim": 2.0,
-        "substep_dt": FRAME_S / (FRAME_S / step).ceil(),
-        "frame_dt": FRAME_S,
-        "frame_num": 100,
-        "opacity_threshold": 0.02,
-        "rotation_degree": [],
-        "rotation_axis": [],
-        "additional_material_params": boxes,
-        "boundary_conditions": [{ "type": "bounding_box" }],
-        "mpm_space_vertical_upward_axis": [0, 0, 1],
-        "mpm_space_viewpoint_center": [1, 1, 1],
-        "default_camera_index": 0,
-    })
-}
-
-fn softened(label: &FieldLabel) -> f64 {
-    label.youngs_modulus_pa.mid.min(simulate::material::SOFT_PA)
-}
-
-fn nu(label: &FieldLabel) -> f64 {
-    label.poisson_ratio.mid.min(simulate::material::POISSON_CAP)
-}
-
-/// The longest step that the pressure wave, c^2 = E (1 - nu) / ((1 + nu) (1 - 2 nu) rho), allows.
-fn step_s(label: &FieldLabel) -> f64 {
-    let (e, nu) = (softened(label), nu(label));
-    let modulus = e * (1.0 - nu) / ((1.0 + nu) * (1.0 - 2.0 * nu));
-    CFL * 2.0 / f64::from(GRID) / (modulus / label.density_kg_m3.mid).sqrt()
+    let mut keys = estimated.configuration(main);
+    keys.insert("additional_material_params".to_owned(), boxes.into());
+    Value::Object(keys)
 }
 
 /// Centre and half sides of the box around a label's Gaussians in PhysGaussian's space: the cloud scaled so that its
@@ -104,16 +67,4 @@ fn box_in_unit_space(model: &Model, label: u32) -> ([f64; 3], [f64; 3]) {
     let middle = |span: &[[f64; 3]; 2], a: usize| 0.5 * (span[0][a] + span[1][a]);
     let point = std::array::from_fn(|a| 1.0 + (middle(&own, a) - middle(&all, a)) / longest);
     (point, std::array::from_fn(|a| 0.5 * (own[1][a] - own[0][a]) / longest))
-}
-
-/// The name of the law that is nearest to gprop's.
-fn material(law: Law) -> &'static str {
-    match law {
-        Law::Elastic | Law::Fluid => "jelly",
-        Law::VonMises { .. } => "metal",
-        Law::DruckerPrager { .. } => "sand",
-        Law::Foam { .. } => "foam",
-        Law::Snow { .. } => "snow",
-        Law::Plasticine { .. } => "plasticine",
-    }
 }

@@ -1,11 +1,12 @@
-//! The material field as one camera sees it: materials, parts or confidence of the Gaussians, and the paper's figure of
-//! photo, parts and materials.
+//! The material field as one camera sees it: materials, parts, confidence or a property of the Gaussians, and the
+//! paper's figure of photo, parts and materials.
 
 use clap::ValueEnum;
 use image::RgbImage;
 use nalgebra::Point2;
 
 use super::panels::{Panel, compose};
+use super::property::Property;
 use super::sight::{Sight, middles};
 use super::{field_colors, legends, palette, strokes};
 use crate::camera::Camera;
@@ -14,9 +15,9 @@ use crate::scene::gaussians::Gaussians;
 use crate::vote::MaterialField;
 
 /// Longest side of a panel, px.
-const PANEL_PX: u32 = 720;
+pub const PANEL_PX: u32 = 720;
 /// A panel is at least this many times as wide as high: a narrower one leaves no room for its legend.
-const NARROWEST: f64 = 0.6;
+pub const PANEL_NARROWEST: f64 = 0.6;
 
 /// The aspect of the field to show.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, ValueEnum)]
@@ -30,6 +31,14 @@ pub enum Shown {
     Parts,
     /// Each Gaussian's confidence: from dark blue, not seen, to yellow, all votes agree
     Confidence,
+    /// Shore hardness: from dark blue, Shore A 0, to yellow, Shore D 100; grey without a hardness
+    Hardness,
+    /// Young's modulus, on a logarithmic scale from dark blue, soft, to yellow, stiff
+    YoungsModulus,
+    /// Density, on a logarithmic scale from dark blue, light, to yellow, heavy
+    Density,
+    /// Friction on rubber, from dark blue, none, to yellow, high
+    Friction,
 }
 
 /// A field with all that is needed to draw it.
@@ -43,7 +52,7 @@ pub struct Subject<'a> {
 
 /// Draws the field as `camera` sees it, cropped to the object in its `photo`.
 pub fn draw(shown: Shown, camera: &Camera, photo: &Photo, subject: Subject) -> RgbImage {
-    let sight = Sight::new(camera, photo, PANEL_PX, NARROWEST);
+    let sight = Sight::new(camera, photo, PANEL_PX, PANEL_NARROWEST);
     let with_bar = |mut picture: RgbImage| {
         if let Some(meters_per_unit) = subject.meters_per_unit {
             strokes::scale_bar(&mut picture, sight.pixels_per_meter(subject.gaussians, meters_per_unit));
@@ -57,6 +66,10 @@ pub fn draw(shown: Shown, camera: &Camera, photo: &Photo, subject: Subject) -> R
         Shown::Materials => compose(&[alone(materials(&sight, subject))]),
         Shown::Parts => compose(&[alone(parts(&sight, subject))]),
         Shown::Confidence => compose(&[alone(confidence(&sight, subject))]),
+        Shown::Hardness => compose(&[alone(property(Property::Hardness, &sight, subject))]),
+        Shown::YoungsModulus => compose(&[alone(property(Property::YoungsModulus, &sight, subject))]),
+        Shown::Density => compose(&[alone(property(Property::Density, &sight, subject))]),
+        Shown::Friction => compose(&[alone(property(Property::Friction, &sight, subject))]),
     }
 }
 
@@ -81,4 +94,9 @@ fn parts(sight: &Sight, Subject { gaussians, field, .. }: Subject) -> Panel {
 fn confidence(sight: &Sight, Subject { gaussians, field, .. }: Subject) -> Panel {
     let picture = sight.colored(gaussians, &field_colors::confidence_colors(field));
     Panel::new("Confidence", picture).with_legend(legends::confidence())
+}
+
+fn property(property: Property, sight: &Sight, Subject { gaussians, field, .. }: Subject) -> Panel {
+    let picture = sight.colored(gaussians, &property.colors(field));
+    Panel::new(property.title(), picture).with_legend(property.legend(field))
 }

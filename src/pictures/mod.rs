@@ -2,7 +2,7 @@
 //!
 //! [`palette`] and [`field_colors`] give parts, materials and Gaussians their colours, [`sight`] chooses the view and
 //! crops it to the object, [`strokes`] draws on pictures, [`panels`] puts them side by side; [`figure`] shows the
-//! field, [`material_map`] the answers for one photo, [`thumbnail`] a scene at a glance, [`turntable`] the object from
+//! field, [`property`] a number of it, [`segmented`] SAM's segments and the answers before the vote, [`material_map`] the answers for one photo, [`thumbnail`] a scene at a glance, [`turntable`] the object from
 //! all sides.
 
 pub mod field_colors;
@@ -11,6 +11,8 @@ mod legends;
 pub mod material_map;
 pub mod palette;
 pub(crate) mod panels;
+pub mod property;
+pub mod segmented;
 pub mod sight;
 pub(crate) mod strokes;
 pub mod thumbnail;

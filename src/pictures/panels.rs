@@ -4,7 +4,7 @@ use image::imageops::{self, FilterType};
 use image::{GenericImage, Rgb, RgbImage};
 use nalgebra::Point2;
 
-use super::strokes;
+use super::{palette, strokes};
 use crate::lettering::Style;
 
 const PAPER: Rgb<u8> = Rgb([255; 3]);
@@ -14,6 +14,8 @@ const LONGEST_SIDE: u32 = 1024;
 const NARROWEST: u32 = 280;
 /// Space between and around the panels.
 const GAP: u32 = 24;
+/// Width of the scale of colours, in multiples of its height.
+const SCALE_SIDES: u32 = 5;
 const TITLE_PX: u32 = 24;
 const TEXT_PX: u32 = 20;
 
@@ -36,6 +38,8 @@ pub enum Key {
     Square(Rgb<u8>),
     /// A colour and the number in the picture.
     Number(Rgb<u8>, u32),
+    /// The scale of colours for numbers, from low to high.
+    Scale,
     None,
 }
 
@@ -94,6 +98,14 @@ pub fn write_entry(sheet: &mut RgbImage, entry: &Entry, at: (u32, u32), width: u
             let center = Point2::new(f64::from(at.0) + radius, f64::from(top) + 0.5 * f64::from(side));
             strokes::numbered(sheet, center, radius, color, number);
             side + 6 + px / 2
+        }
+        Key::Scale => {
+            let wide = SCALE_SIDES * side;
+            for x in 0..wide.min(sheet.width().saturating_sub(at.0)) {
+                let color = palette::bytes(palette::scale((f64::from(x) / f64::from(wide - 1)) as f32));
+                (top..(top + side).min(sheet.height())).for_each(|y| sheet.put_pixel(at.0 + x, y, color));
+            }
+            wide + px / 2
         }
         Key::None => 0,
     };

@@ -3,8 +3,9 @@
 use image::{DynamicImage, GenericImage, Rgb, RgbImage};
 
 use super::figure::{Shown, Subject};
-use super::panels::{self, Entry, Key};
-use super::{field_colors, legends, palette};
+use super::panels::{self, Entry};
+use super::property::Property;
+use super::{field_colors, legends};
 use crate::camera::Camera;
 use crate::film::{self, Size, orbit};
 use crate::lettering::Style;
@@ -102,10 +103,10 @@ fn panels_of(shown: Shown, subject: Subject) -> Vec<Panel> {
         colors: Some(field_colors::material_colors(field)),
         legend: legends::materials(field),
     };
-    let stiffness = || Panel {
-        title: "Young's modulus",
-        colors: Some(field_colors::stiffness_colors(field)),
-        legend: stiffness_legend(subject),
+    let property = |property: Property| Panel {
+        title: property.title(),
+        colors: Some(property.colors(field)),
+        legend: property.legend(field),
     };
     let confidence = || Panel {
         title: "Confidence",
@@ -113,35 +114,15 @@ fn panels_of(shown: Shown, subject: Subject) -> Vec<Panel> {
         legend: legends::confidence(),
     };
     match shown {
-        Shown::Figure => vec![photo(), parts(), materials(), stiffness()],
+        Shown::Figure => vec![photo(), parts(), materials(), property(Property::YoungsModulus)],
         Shown::Materials => vec![materials()],
         Shown::Parts => vec![parts()],
         Shown::Confidence => vec![confidence()],
+        Shown::Hardness => vec![property(Property::Hardness)],
+        Shown::YoungsModulus => vec![property(Property::YoungsModulus)],
+        Shown::Density => vec![property(Property::Density)],
+        Shown::Friction => vec![property(Property::Friction)],
     }
-}
-
-/// Each Young's modulus with the materials that have it, the stiffest first.
-fn stiffness_legend(Subject { field, .. }: Subject) -> Vec<Entry> {
-    let mut rows: Vec<(f64, &str)> =
-        field.labels.iter().map(|label| (label.youngs_modulus_pa.mid, label.material.as_str())).collect();
-    rows.sort_by(|a, b| b.0.total_cmp(&a.0).then(a.1.cmp(b.1)));
-    rows.dedup();
-    let [low, high] = field_colors::stiffness_range(field);
-    let entry = |(pascals, material): (f64, &str)| {
-        let shade = palette::scale(((pascals / low).ln() / (high / low).ln()) as f32);
-        Entry { text: format!("{} {material}", pressure(pascals)), key: Key::Square(palette::bytes(shade)) }
-    };
-    rows.into_iter().map(entry).collect()
-}
-
-/// Two digits and a unit.
-fn pressure(pascals: f64) -> String {
-    let (value, unit) = match pascals {
-        p if p >= 1e9 => (p / 1e9, "GPa"),
-        p if p >= 1e6 => (p / 1e6, "MPa"),
-        p => (p / 1e3, "kPa"),
-    };
-    if value < 10.0 { format!("{value:.1} {unit}") } else { format!("{value:.0} {unit}") }
 }
 
 impl Layout {

@@ -1,7 +1,8 @@
-//! Runs a configuration of the public PhysGaussian solver on a scene, without gprop's parts, answers or materials.
+//! Runs the public PhysGaussian solver on a scene: a configuration as it is, without gprop's parts, answers or materials;
+//! or with the materials of the scene's field.
 
 use std::fs;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 use anyhow::{Context, Result};
 
@@ -10,15 +11,21 @@ use crate::progress::Progress;
 use crate::scene::gaussians::Gaussians;
 use crate::scene::ply;
 use crate::simulate::compat::config::Config;
+use crate::simulate::compat::estimated::Estimated;
 use crate::simulate::compat::particle::Particle;
 use crate::simulate::compat::{self, CompatReport};
+use crate::simulate::material::SOFT_PA;
 use crate::simulate::states;
 use crate::workdir::{Artifact, WorkDir};
 
+use super::Pipeline;
 use super::simulate::NOT_KEPT;
 
+/// Folder in the work folder for such a run.
+const FOLDER: &str = "physgaussian";
+
 /// Runs the configuration in the file `config` on the Gaussians of `scene`, a folder or a PLY, and writes frames,
-/// states and `simulation.json` into `out`.
+/// states and `simulation.json` into a folder in the work folder `out`; also returns that folder.
 ///
 /// # Errors
 /// If a file cannot be read or the run fails; files that were already written stay.
@@ -28,11 +35,40 @@ pub fn run(
     config: &Path,
     out: &Path,
     progress: Progress,
-) -> Result<CompatReport> {
-    let text = fs::read_to_string(config).map_err(|error| UsageError(format!("{config:?}: {error}")))?;
-    let config = Config::from_json(&text).with_context(|| format!("{config:?}"))?;
-    let gaussians = gaussians(scene, options)?;
-    let work = WorkDir::open(out)?;
+) -> Result<(CompatReport, PathBuf)> {
+    let config = configuration(config)?;
+    carry_out(&gaussians(scene, options)?, &config, None, out, progress)
+}
+
+impl Pipeline {
+    /// As [`run()`], but every Gaussian has the material that the field gives it; without `config`, the configuration
+    /// is the one that the export writes. The scene must be voted on.
+    pub(crate) fn run_compat(&self, config: Option<&Path>) -> Result<(CompatReport, PathBuf)> {
+        let (field, options) = (self.stored_field()?, &self.options.simulate);
+        let most_pa = options.max_stiffness.unwrap_or(SOFT_PA);
+        let estimated = Estimated::new(&field.part_label, &field.labels, options.soften, most_pa);
+        let config = match config {
+            Some(path) => configuration(path)?,
+            None => Config::from_map(estimated.configuration(estimated.main()))?,
+        };
+        carry_out(&self.scene.gaussians, &config, Some(&estimated), self.work.root(), self.progress)
+    }
+}
+
+fn configuration(path: &Path) -> Result<Config> {
+    let text = fs::read_to_string(path).map_err(|error| UsageError(format!("{path:?}: {error}")))?;
+    Config::from_json(&text).with_context(|| format!("{path:?}"))
+}
+
+fn carry_out(
+    gaussians: &Gaussians,
+    config: &Config,
+    estimated: Option<&Estimated>,
+    out: &Path,
+    progress: Progress,
+) -> Result<(CompatReport, PathBuf)> {
+    let out = out.join(FOLDER);
+    let work = WorkDir::open(&out)?;
     let save = |frame: usize, particles: &[Particle], gaussians: &Gaussians| -> Result<()> {
         work.write_with(Artifact::Frame(frame), |out| ply::write(out, gaussians, &[]))?;
         let state = |i: usize| (&particles[i]).into();
@@ -41,9 +77,9 @@ pub fn run(
     let mut save = |frame: usize, particles: &[Particle], gaussians: &Gaussians| {
         save(frame, particles, gaussians).context(NOT_KEPT)
     };
-    let report = compat::run(&gaussians, &config, &mut save, progress)?;
+    let report = compat::run(gaussians, config, estimated, &mut save, progress)?;
     work.write_json(Artifact::Simulation, &report)?;
-    Ok(report)
+    Ok((report, out))
 }
 
 fn gaussians(scene: &Path, options: &crate::scene::Options) -> Result<Gaussians> {

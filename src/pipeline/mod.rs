@@ -24,6 +24,7 @@ mod report;
 mod results;
 mod scene;
 mod segment;
+mod show;
 mod simulate;
 pub mod stored;
 mod variants;

@@ -7,10 +7,7 @@ use std::path::Path;
 use anyhow::Result;
 use image::RgbImage;
 
-use crate::error::UsageError;
-use crate::film;
 use crate::pictures::figure::{self, Shown, Subject};
-use crate::pictures::turntable::Turntable;
 use crate::pictures::{field_colors, sight, thumbnail};
 use crate::query::Answers;
 use crate::scene::gaussians::Gaussians;
@@ -49,40 +46,11 @@ impl Pipeline {
         Ok(Done::writing(written).warning(field.warnings).noting(field.notes))
     }
 
-    /// The field as seen by a view of the scene, even one that did not vote, as PNG; by default the chosen view that shows most
-    /// of the object.
-    /// The scene must be voted on.
-    pub(crate) fn show(&self, shown: Shown, view: Option<&str>) -> Result<Vec<u8>> {
-        let field = self.stored_field()?;
-        let chosen = match view {
-            None => self.showing_view(field),
-            Some(name) => self.scene.views.iter().find(|view| view.name == name),
-        };
-        let chosen = chosen.ok_or_else(|| {
-            let known: Vec<&str> = self.scene.views.iter().map(|view| view.name.as_str()).collect();
-            UsageError(format!("the scene has no view {:?}; it has {}", view.unwrap_or_default(), known.join(", ")))
-        })?;
-        png(&self.draw(shown, chosen, field)?)
-    }
-
-    /// The object on a turntable, as a film. The scene must be voted on.
-    pub(crate) fn turntable(&self, shown: Shown, format: film::Format) -> Result<Vec<u8>> {
-        let film = self.options.simulate.viewpoint.film;
-        let turntable = Turntable::new(shown, self.subject(self.stored_field()?), film);
-        let bar = self.progress.bar("film", turntable.count() as u64);
-        let bytes = format.encode(film.fps, turntable.count(), |index| {
-            bar.inc(1);
-            turntable.picture(index)
-        });
-        bar.finish_and_clear();
-        Ok(bytes?)
-    }
-
-    fn draw(&self, shown: Shown, view: &View, field: &MaterialField) -> Result<RgbImage> {
+    pub(super) fn draw(&self, shown: Shown, view: &View, field: &MaterialField) -> Result<RgbImage> {
         Ok(figure::draw(shown, &view.camera, &view.photo()?, self.subject(field)))
     }
 
-    fn subject<'a>(&'a self, field: &'a MaterialField) -> Subject<'a> {
+    pub(super) fn subject<'a>(&'a self, field: &'a MaterialField) -> Subject<'a> {
         let meters_per_unit = self.scene.scale.as_ref().map(|scale| scale.meters_per_unit);
         Subject { gaussians: &self.scene.gaussians, field, meters_per_unit }
     }

@@ -73,6 +73,18 @@ impl Segmenter {
         Ok(ViewSegments { view: view.to_owned(), map, segments })
     }
 
+    /// The flat segments of one photo at each of SAM's levels, from the same prompts.
+    pub fn segment_levels(&self, photo: &Photo, options: &Options) -> Result<Vec<(Level, LabelMap)>, SegmentError> {
+        let levels = [Level::Small, Level::Middle, Level::Large];
+        let foreground = mask_of(&photo.foreground);
+        let masks = self.masks(photo, &levels, options, &())?;
+        let painted = levels.into_iter().zip(masks).map(|(level, masks)| {
+            let flat = Options { level: Some(level), ..options.clone() };
+            (level, paint(&masks, &foreground, &flat).0)
+        });
+        Ok(painted.collect())
+    }
+
     /// SAM's masks of each of the levels, found in the foreground's bounding box with its margin, at the photo's size.
     /// The masks of one level contain no duplicates. Empty if the photo has no foreground.
     ///

@@ -15,6 +15,30 @@ pub const POISSON_CAP: f64 = 0.45;
 /// Young's modulus to which stiffer parts that deform are softened if their own would make the simulation very long.
 pub const SOFT_PA: f64 = 2e7;
 
+/// `--soften`: how the stiffness is lowered to the largest that is simulated.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, serde::Deserialize, clap::ValueEnum)]
+#[serde(rename_all = "snake_case")]
+pub enum Soften {
+    /// Each stiffer material to that stiffness, so all of them become equally soft; softer ones stay as they are
+    #[default]
+    Cap,
+    /// All materials by the factor that the stiffest needs, so the ratios between them stay
+    Common,
+}
+
+impl Soften {
+    /// The factors on Young's moduli that bring the stiffest to `most_pa`; `None` is a material that does not count.
+    pub fn factors(self, moduli_pa: &[Option<f64>], most_pa: f64) -> Vec<f64> {
+        let stiffest_pa = moduli_pa.iter().flatten().copied().fold(0.0, f64::max);
+        let factor = |modulus_pa: &Option<f64>| match (self, modulus_pa) {
+            (_, None) => 1.0,
+            (Self::Cap, Some(modulus_pa)) => (most_pa / modulus_pa).min(1.0),
+            (Self::Common, Some(_)) => (most_pa / stiffest_pa).min(1.0),
+        };
+        moduli_pa.iter().map(factor).collect()
+    }
+}
+
 /// The material of one label.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Material {
@@ -124,12 +148,17 @@ pub struct Materials {
 impl Materials {
     /// Softens the `materials` that `deform` to `max_stiffness_pa`. Strength is scaled like stiffness, so the yield
     /// strain stays.
-    pub fn prepare(materials: &[Material], deform: impl Fn(usize) -> bool, max_stiffness_pa: f64) -> Self {
+    pub fn prepare(
+        materials: &[Material],
+        deform: impl Fn(usize) -> bool,
+        (soften, max_stiffness_pa): (Soften, f64),
+    ) -> Self {
         let mut all = Self::default();
-        for (label, material) in materials.iter().enumerate() {
+        let modulus = |(label, material): (usize, &Material)| deform(label).then_some(material.youngs_modulus_pa);
+        let moduli: Vec<Option<f64>> = materials.iter().enumerate().map(modulus).collect();
+        let factors = soften.factors(&moduli, max_stiffness_pa);
+        for (label, (material, factor)) in materials.iter().zip(factors).enumerate() {
             let name = || material.name.clone();
-            let most_pa = if deform(label) { max_stiffness_pa } else { f64::INFINITY };
-            let factor = (most_pa / material.youngs_modulus_pa).min(1.0);
             if factor < 1.0 && all.softened.iter().all(|s| s.material != material.name || s.factor != factor) {
                 all.softened.push(Softened { material: name(), factor });
             }

@@ -4,6 +4,7 @@ use serde::Serialize;
 
 use super::animation::Viewpoint;
 use super::boundary::Contact;
+use super::material::Soften;
 use super::rigid::choice;
 use super::script;
 use crate::config::SceneKey;
@@ -25,6 +26,7 @@ pub const SCENE_KEYS: &[SceneKey] = &[
     SceneKey::any("ground"),
     SceneKey::any("ground-friction"),
     SceneKey::any("max-stiffness"),
+    SceneKey::any("soften"),
     SceneKey::any("rigid"),
     SceneKey::any("fillings"),
     SceneKey::any("cfl"),
@@ -126,11 +128,15 @@ pub struct Options {
     #[arg(long, value_enum, default_value_t)]
     pub fillings: Fillings,
 
-    /// Largest Young's modulus to simulate, in Pa: stiffer parts that deform are softened to it, and their strength in
-    /// proportion, so that they yield at the same strain; the running time grows with its square root [default: none if the
-    /// simulation then takes less than a minute, else 2e7]
+    /// Largest Young's modulus to simulate, in Pa: if a part that deforms is stiffer, materials are softened (see --soften),
+    /// and their strength in proportion, so that they yield at the same strain; the running time grows with its square root
+    /// [default: none if the simulation then takes less than a minute, else 2e7]
     #[arg(long, value_name = "PA", value_parser = above(0.0, STIFFEST_PA))]
     pub max_stiffness: Option<f64>,
+
+    /// How materials are softened to --max-stiffness
+    #[arg(long, value_enum, default_value_t)]
+    pub soften: Soften,
 
     /// Time step, as a fraction of the time in which the fastest wave crosses a grid cell
     #[arg(long, value_name = "SHARE", default_value_t = 0.4, value_parser = above(0.0, 1.0))]

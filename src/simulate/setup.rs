@@ -105,7 +105,9 @@ impl Plan<'_> {
     fn with(&self, most_pa: f64, visible: f64) -> Result<Planned, SimulateError> {
         let Self { input, options, bodies, load, spacing_m, duration_s } = *self;
         let choice = choice::choose(&options.rigid, &load, input.materials, (bodies, spacing_m), visible)?;
-        let materials = Materials::prepare(input.materials, |label| choice.body_of[label].is_none(), most_pa);
+        let used = in_use(bodies);
+        let deforms = |label: usize| choice.body_of[label].is_none() && used.contains(&label);
+        let materials = Materials::prepare(input.materials, deforms, (options.soften, most_pa));
         let stiffest = stiffest(bodies, &choice, &materials.prepared);
         let wave_speed_m_s = match stiffest {
             Some(label) => materials.prepared[label].wave_speed_m_s(),
@@ -260,10 +262,13 @@ pub fn script_of(options: &Options) -> Result<Option<Script>, SimulateError> {
 
 /// The label that deforms with the fastest waves.
 fn stiffest(bodies: &[Body], choice: &Choice, prepared: &[Prepared]) -> Option<usize> {
-    let with_volume = bodies.iter().filter(|body| body.volume_m3 > 0.0);
-    let used: BTreeSet<usize> = with_volume.map(|body| body.label as usize).collect();
     let speed = |label: usize| prepared[label].wave_speed_m_s();
-    used.into_iter().filter(|&label| choice.body_of[label].is_none()).max_by(|&a, &b| speed(a).total_cmp(&speed(b)))
+    in_use(bodies).into_iter().filter(|&label| choice.body_of[label].is_none()).max_by(|&a, &b| speed(a).total_cmp(&speed(b)))
+}
+
+/// The labels with volume.
+fn in_use(bodies: &[Body]) -> BTreeSet<usize> {
+    bodies.iter().filter(|body| body.volume_m3 > 0.0).map(|body| body.label as usize).collect()
 }
 
 fn check(input: &Input) -> Result<(), SimulateError> {

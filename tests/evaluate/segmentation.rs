@@ -66,7 +66,8 @@ fn pictures(scene: &Path, work: &Path) {
     }
     let figure = image::open(work.join("figure.png")).unwrap();
     assert!(figure.width() > 3 * 512 && figure.height() > 512, "three panels and a legend");
-    for what in ["figure", "materials", "parts", "confidence"] {
+    let of_field = ["figure", "materials", "parts", "confidence", "hardness", "youngs-modulus", "density", "friction"];
+    for what in of_field.into_iter().chain(["vote", "levels"]) {
         let to = work.join(format!("{what}.of-001.png"));
         let output = Command::new(env!("CARGO_BIN_EXE_gprop"))
             .args(["show", text(scene), text(&to), "--what", what, "--view", "001", "--out", text(work)])
@@ -90,6 +91,11 @@ fn pictures(scene: &Path, work: &Path) {
         .output()
         .unwrap();
     refused(&output, &["turned.png", ".gif", ".mp4"]);
+    let output = Command::new(env!("CARGO_BIN_EXE_gprop"))
+        .args(["show", text(scene), text(&work.join("vote.gif")), "--what", "vote", "--out", text(work)])
+        .output()
+        .unwrap();
+    refused(&output, &["vote.gif", ".png"]);
     let nowhere = work.join("nowhere.png");
     let output = Command::new(env!("CARGO_BIN_EXE_gprop"))
         .args(["show", text(scene), text(&nowhere), "--view", "nobody", "--out", text(work)])

@@ -1,15 +1,21 @@
 use std::path::Path;
 
 use gprop::evaluate::{filling, simulation};
+use gprop::materials::Law;
 use gprop::npz::Npz;
 use gprop::progress::Progress;
+use gprop::query::Form;
 use gprop::scene::gaussians::Gaussians;
 use gprop::simulate::SimulateError;
 use gprop::simulate::compat::config::Config;
+use gprop::simulate::compat::estimated::Estimated;
 use gprop::simulate::compat::law::Strength;
 use gprop::simulate::compat::particle::Particle;
 use gprop::simulate::compat::solver::Solver;
 use gprop::simulate::compat::{run, strength_at};
+use gprop::simulate::material::{SOFT_PA, Soften};
+use gprop::units::Estimate;
+use gprop::vote::FieldLabel;
 use nalgebra::Vector3;
 
 use crate::support::skipped;
@@ -179,21 +185,26 @@ fn material_boxes_override() {
     assert_eq!(strength_at(&config, &Vector3::new(1.0, 1.0, 1.0)).0, Strength::new(1e5, 0.3, 1e2));
 }
 
-/// A small ball through all steps: selected, rotated, filled, simulated, rotated back.
-#[test]
-fn runs_a_configuration_on_a_scene() {
+/// The surface of a ball of radius 1; every tenth Gaussian is too faint to take part.
+fn ball(count: usize) -> Gaussians {
     let mut ball = Gaussians::default();
     let golden = std::f32::consts::PI * (3.0 - 5.0_f32.sqrt());
-    for k in 0..4000 {
-        let z = 1.0 - (k as f32 + 0.5) / 2000.0;
+    for k in 0..count {
+        let z = 1.0 - 2.0 * (k as f32 + 0.5) / count as f32;
         let (radius, turn) = ((1.0 - z * z).sqrt(), golden * k as f32);
         ball.positions.push([radius * turn.cos(), radius * turn.sin(), z]);
         ball.log_scales.push([-3.0, -3.0, -3.0]);
         ball.rotations.push([1.0, 0.0, 0.0, 0.0]);
-        // Every tenth is too faint to take part.
         ball.opacity_logits.push(if k % 10 == 0 { -6.0 } else { 2.0 });
         ball.sh_dc.push([0.5, 0.2, 0.1]);
     }
+    ball
+}
+
+/// A small ball through all steps: selected, rotated, filled, simulated, rotated back.
+#[test]
+fn runs_a_configuration_on_a_scene() {
+    let ball = ball(4000);
     let json = r#"{"rotation_degree": [90], "rotation_axis": [0], "scale": 1.0, "n_grid": 32, "g": [0, 0, -9.8],
         "frame_num": 2, "frame_dt": 0.02, "substep_dt": 1e-4, "boundary_conditions": [{"type": "bounding_box"}],
         "particle_filling": {"n_grid": 40, "density_threshold": 100.0, "search_threshold": 0.2}}"#;
@@ -203,10 +214,10 @@ fn runs_a_configuration_on_a_scene() {
         frames.push(gaussians.clone());
         Ok::<_, SimulateError>(())
     };
-    let report = run(&ball, &config, &mut keep, Progress::Hidden).unwrap();
+    let report = run(&ball, &config, None, &mut keep, Progress::Hidden).unwrap();
     assert_eq!((frames.len(), frames[0].len(), report.substeps), (3, 3600, 400));
     let too_large = Config::from_json(&json.replace("\"scale\": 1.0", "\"scale\": 2.5")).unwrap();
-    match run(&ball, &too_large, &mut |_, _, _| Ok(()), Progress::Hidden) {
+    match run(&ball, &too_large, None, &mut |_, _, _| Ok(()), Progress::Hidden) {
         Err(SimulateError::Configuration(why)) => assert!(why.contains("lower `scale`"), "{why}"),
         other => panic!("{other:?}"),
     }
@@ -229,10 +240,139 @@ fn runs_a_configuration_on_a_scene() {
         frames.push(gaussians.clone());
         Ok::<_, SimulateError>(())
     };
-    assert_eq!(run(&ball, &config, &mut keep, Progress::Hidden).unwrap().fill_particles, report.fill_particles);
+    assert_eq!(run(&ball, &config, None, &mut keep, Progress::Hidden).unwrap().fill_particles, report.fill_particles);
     assert_eq!(frames[0].len(), 3600 + report.fill_particles);
     // The shell's Gaussians reach 0.05 beyond the ball, a cell's diagonal is 0.17.
     let inside = |p: &[f32; 3]| p.iter().map(|x| x * x).sum::<f32>().sqrt() < 1.25;
     assert!(frames[0].positions[3600..].iter().all(inside));
     assert!(frames[0].log_scales[3600..].iter().all(|s| s.iter().all(|s| (s + 3.0).abs() < 1e-4)));
+}
+
+fn label(law: Law, youngs_modulus_pa: f64, density_kg_m3: f64) -> FieldLabel {
+    FieldLabel {
+        id: 0,
+        caption: "part".to_owned(),
+        material: "material".to_owned(),
+        family: String::new(),
+        density_kg_m3: Estimate::exactly(density_kg_m3),
+        youngs_modulus_pa: Estimate::exactly(youngs_modulus_pa),
+        poisson_ratio: Estimate::exactly(0.3),
+        yield_strength_pa: Estimate::exactly(1e3),
+        hardness: None,
+        friction_rubber: Estimate::exactly(0.5),
+        form: Form::Solid,
+        inside: None,
+        bulk_reason: None,
+        law,
+    }
+}
+
+/// The last frame of a run: its Gaussians and its particles.
+fn last(gaussians: &Gaussians, config: &Config, estimated: Option<&Estimated>) -> (Gaussians, Vec<Particle>) {
+    let mut last = None;
+    let mut keep = |_: usize, particles: &[Particle], gaussians: &Gaussians| {
+        last = Some((gaussians.clone(), particles.to_vec()));
+        Ok::<_, SimulateError>(())
+    };
+    let report = run(gaussians, config, estimated, &mut keep, Progress::Hidden).unwrap();
+    assert_eq!(report.materials.len(), estimated.map_or(0, |estimated| estimated.materials.len()));
+    last.unwrap()
+}
+
+/// A ball that falls onto the box's ground while it is pressed from above, so that it yields.
+const PRESSED: &str = r#"{"n_grid": 24, "frame_num": 1, "frame_dt": 0.01, "substep_dt": 1e-4, "hardening": 1, "xi": 0.1,
+    "particle_filling": {"n_grid": 30, "density_threshold": 100.0, "search_threshold": 0.2},
+    "boundary_conditions": [{"type": "bounding_box"},
+        {"type": "enforce_particle_translation", "point": [1, 1, 1.5], "size": [1, 1, 0.2], "velocity": [0, 0, -4],
+         "start_time": 0, "end_time": 1}]"#;
+
+/// If the whole field is of the configuration's material, the run has the same bytes as without the field.
+#[test]
+fn a_field_of_the_configurations_material_changes_no_byte() {
+    let radius = (2.0_f64 / 3.0).sqrt() * 1e3;
+    let cases = [
+        (Law::Elastic, r#""material": "jelly""#.to_owned()),
+        (Law::VonMises { yield_stress_pa: 1e3 }, format!(r#""material": "metal", "yield_stress": {radius}"#)),
+        (
+            Law::DruckerPrager { friction_angle_rad: 35_f64.to_radians(), cohesion_pa: 0.0 },
+            r#""material": "sand", "friction_angle": 35"#.to_owned(),
+        ),
+        (
+            Law::Foam { yield_stress_pa: 1e3, viscosity_pa_s: 5.0 },
+            r#""material": "foam", "yield_stress": 1e3, "plastic_viscosity": 5"#.to_owned(),
+        ),
+        (
+            Law::Plasticine { yield_stress_pa: 1e3, softening: 0.5 },
+            format!(r#""material": "plasticine", "yield_stress": {radius}, "softening": {}"#, 0.5 * radius),
+        ),
+    ];
+    let ball = ball(600);
+    let labels_of = vec![0; ball.len()];
+    let mut moved = Vec::new();
+    for (law, material) in cases {
+        let json = |other: &str| Config::from_json(&format!("{PRESSED}, {other}}}")).unwrap();
+        let (same, other) =
+            (json(&format!(r#"{material}, "E": 4e5, "nu": 0.3, "density": 500"#)), json(r#""material": "jelly""#));
+        let labels = [label(law, 4e5, 500.0)];
+        let estimated = Estimated::new(&labels_of, &labels, Soften::Cap, SOFT_PA);
+        let plain = last(&ball, &same, None);
+        assert!(plain.1.len() > 1000, "its inside is filled: {} particles", plain.1.len());
+        assert!(plain == last(&ball, &same, Some(&estimated)), "{material}");
+        // The field decides, not the configuration: with another material in it, hardly anything else is used.
+        assert!(plain == last(&ball, &other, Some(&estimated)), "{material}");
+        assert!(plain != last(&ball, &other, None), "{material}");
+        moved.push(plain.0);
+    }
+    for (a, b) in (0..moved.len()).flat_map(|a| (0..a).map(move |b| (a, b))) {
+        assert!(moved[a] != moved[b], "laws {a} and {b} do the same");
+    }
+}
+
+/// Two balls that share no node move as each does in a run of its own material, inside included.
+#[test]
+fn every_particle_has_the_material_of_its_gaussian() {
+    let one = ball(600);
+    let mut two = one.clone();
+    two.repeat(&(0..600).collect::<Vec<_>>());
+    for (i, position) in two.positions.iter_mut().enumerate() {
+        position[0] += if i < 600 { -2.0 } else { 2.0 };
+    }
+    let of_gaussian: Vec<u32> = (0..1200).map(|i| u32::from(i >= 600)).collect();
+    let json = PRESSED.replace("\"n_grid\": 24", "\"n_grid\": 48").replace("\"n_grid\": 30", "\"n_grid\": 80");
+    let config = Config::from_json(&format!("{json}}}")).unwrap();
+    let laws = [label(Law::Elastic, 4e5, 500.0), label(Law::VonMises { yield_stress_pa: 1e3 }, 2e5, 900.0)];
+    let with = |labels: &[FieldLabel]| {
+        let estimated = Estimated::new(&of_gaussian, labels, Soften::Cap, SOFT_PA);
+        last(&two, &config, Some(&estimated)).1
+    };
+    let both = with(&laws);
+    for (side, law) in laws.iter().enumerate() {
+        let alone = with(&[law.clone(), law.clone()]);
+        let is_here = |p: &&Particle| (p.position.x > 1.0) == (side == 1);
+        let pairs: Vec<_> = both.iter().zip(&alone).filter(|(p, _)| is_here(p)).collect();
+        assert!(pairs.len() > 700, "{} of {} particles", pairs.len(), both.len());
+        for (p, q) in pairs {
+            assert!((p.position, p.trial, p.mass, p.strength) == (q.position, q.trial, q.mass, q.strength), "{p:?} {q:?}");
+        }
+    }
+}
+
+/// Softening multiplies every stress; strains at yield, and ratios with a common factor, stay.
+#[test]
+fn the_field_is_softened_to_what_the_steps_allow() {
+    let labels = [label(Law::VonMises { yield_stress_pa: 4e8 }, 2e11, 7800.0), label(Law::Elastic, 1e6, 1100.0)];
+    let of = |soften| Estimated::new(&[0, 1], &labels, soften, SOFT_PA);
+    let moduli = |soften| of(soften).materials.iter().map(|m| m.youngs_modulus).collect::<Vec<_>>();
+    assert_eq!((moduli(Soften::Cap), moduli(Soften::Common)), (vec![2e7, 1e6], vec![2e7, 1e2]));
+    let steel = &of(Soften::Cap).materials[0];
+    let expected = (2.0_f64 / 3.0).sqrt() * 4e8 / 2e11;
+    assert!((steel.yield_stress.unwrap() / steel.youngs_modulus / expected - 1.0).abs() < 1e-12);
+    // The step suits the stiffest: pressure waves cross less than half a cell of 0.04.
+    let keys = of(Soften::Cap).configuration(1);
+    let wave = (2e7 * 0.7 / (1.3 * 0.4) / 7800.0_f64).sqrt();
+    let light = (1e6 * 0.7 / (1.3 * 0.4) / 1100.0_f64).sqrt();
+    let step = keys["substep_dt"].as_f64().unwrap();
+    assert!(step <= 0.4 * 0.04 / wave.max(light) && step > 0.3 * 0.04 / wave.max(light), "{step}");
+    assert_eq!((keys["material"].as_str().unwrap(), keys["E"].as_f64().unwrap()), ("jelly", 1e6));
+    assert!(Config::from_map(keys).is_ok());
 }

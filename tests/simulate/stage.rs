@@ -9,7 +9,7 @@ use gprop::scene::gaussians::Gaussians;
 use gprop::simulate::animation::{Film, Shooting, Viewpoint};
 use gprop::simulate::checkpoint::{Checkpoint, Snapshot};
 use gprop::simulate::filling::{FillPoint, fill};
-use gprop::simulate::material::Material;
+use gprop::simulate::material::{Material, Soften};
 use gprop::simulate::rigid::choice::{HARDLY_VISIBLE, INVISIBLE, Load, Reason, choose};
 use gprop::simulate::{Frame, Ground, Input, Options, SimulateError, SimulationReport, simulate};
 use nalgebra::{Matrix3, UnitQuaternion, Vector3};
@@ -150,6 +150,23 @@ fn drops_the_object_and_reports_what_it_did() {
     let ground = report.ground_z_m / METERS_PER_UNIT;
     let spacing = report.grid_spacing_m / METERS_PER_UNIT;
     assert!((lowest - ground).abs() < spacing, "lowest at {lowest}, ground {ground}, spacing {spacing}");
+}
+
+/// A common factor keeps the ratio of what deforms; what is rigid, or not there at all, does not count.
+#[test]
+fn softening_by_a_common_factor_keeps_the_ratios() {
+    let mut bar = soft_handle();
+    let stiffer = Material { name: "steel".to_owned(), youngs_modulus_pa: 2e11, ..bar.materials[1].clone() };
+    bar.materials.push(stiffer);
+    let softened = |soften: Soften, rigid: &str| -> Vec<(String, f64)> {
+        let short = Options { soften, rigid: vec![rigid.to_owned()], duration: Some(1e-4), frames: 2, ..options() };
+        run(&bar.input(), &short).1.softened.into_iter().map(|s| (s.material, s.factor)).collect()
+    };
+    let owned = |rows: &[(&str, f64)]| rows.iter().map(|(name, factor)| ((*name).to_owned(), *factor)).collect::<Vec<_>>();
+    // Of the handle, 1e6 Pa, and the head, 1.6e10 Pa, to 2e5 Pa.
+    assert_eq!(softened(Soften::Cap, "never"), owned(&[("oak", 0.2), ("lead", 2e5 / 1.6e10)]));
+    assert_eq!(softened(Soften::Common, "never"), owned(&[("oak", 2e5 / 1.6e10), ("lead", 2e5 / 1.6e10)]));
+    assert_eq!(softened(Soften::Common, "head"), owned(&[("oak", 0.2)]));
 }
 
 /// The first frame is the scene, tilted as a whole: positions, covariances, colours from rotated directions.

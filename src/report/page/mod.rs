@@ -141,9 +141,30 @@ fn tiles(report: &Report) -> Vec<Value> {
             Some(why) => tile("grip", "not safely".to_owned(), why.explanation.clone()),
         });
     }
+    tiles.extend(report.simulation.as_ref().and_then(softened_tile));
     let seen = 100.0 * report.scene.seen_gaussians as f64 / report.scene.gaussians.max(1) as f64;
     tiles.push(tile("Gaussians seen", format!("{seen:.0} %"), "the rest took their neighbours' part".to_owned()));
     tiles
+}
+
+/// What was softened in the simulation, by how much; `None` if everything has its true stiffness.
+fn softened_tile(simulation: &SimulationReport) -> Option<Value> {
+    let softened = softened(simulation);
+    let most = softened.values().copied().reduce(f64::max)?;
+    let each: Vec<String> =
+        softened.iter().map(|(material, times)| format!("{material} {} times", significant(*times))).collect();
+    let note = format!("in the simulation only, where it bends more than the real object: {}", each.join("; "));
+    Some(tile("softened", format!("{} times", significant(most)), note))
+}
+
+/// By material, how many times softer it was simulated than it is: the most, if its parts differ.
+fn softened(simulation: &SimulationReport) -> BTreeMap<&str, f64> {
+    let mut times: BTreeMap<&str, f64> = BTreeMap::new();
+    for row in &simulation.softened {
+        let most = times.entry(&row.material).or_insert(1.0 / row.factor);
+        *most = most.max(1.0 / row.factor);
+    }
+    times
 }
 
 fn tile(name: &str, value: String, note: String) -> Value {
@@ -245,14 +266,9 @@ fn place_row((rank, place): (usize, &Candidate)) -> Value {
 
 fn simulation(simulation: &SimulationReport, pictures: &Pictures) -> Value {
     let duration = simulation.frames.last().map_or(0.0, |frame| frame.t_s);
-    let mut least: BTreeMap<&str, f64> = BTreeMap::new();
-    for row in &simulation.softened {
-        let factor = least.entry(&row.material).or_insert(row.factor);
-        *factor = factor.min(row.factor);
-    }
-    let softened: Vec<_> = least
+    let softened: Vec<_> = softened(simulation)
         .into_iter()
-        .map(|(material, factor)| context! { material, factor => significant(1.0 / factor) })
+        .map(|(material, times)| context! { material, factor => significant(times) })
         .collect();
     let is_whole =
         simulation.filled.len() == simulation.rigid.len() && simulation.rigid.iter().all(|part| part.body == 0);
@@ -290,5 +306,34 @@ fn rigid_row(part: &RigidReport) -> Value {
         pressure => significant(part.peak_pressure_pa / 1e6),
         strength => significant(part.strength_pa / 1e6),
         verdict,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_front_says_what_was_softened_and_by_how_much() {
+        let run = |softened: serde_json::Value| -> SimulationReport {
+            serde_json::from_value(serde_json::json!({
+                "particles": 1, "fill_particles": 0, "substeps": 1, "dt_s": 1e-5, "mass_kg": 1.0, "filled": [],
+                "time_step": { "cfl": 0.4, "stiffest_material": "hickory", "wave_speed_m_s": 170.0 },
+                "gravity_m_s2": 9.8, "grid_spacing_m": 0.01, "meters_per_unit": 1.0, "scale_assumed": false,
+                "rigid": [], "softened": softened, "poisson_capped": [], "ground_z_m": 0.0, "frames": [],
+                "warnings": [],
+            }))
+            .unwrap()
+        };
+        let rows = serde_json::json!([
+            { "material": "hickory", "factor": 0.00125 },
+            { "material": "steel", "factor": 0.001 },
+            { "material": "steel", "factor": 0.0001 },
+        ]);
+        let tile = softened_tile(&run(rows)).unwrap();
+        assert_eq!(tile.get_attr("value").unwrap().to_string(), "10,000 times");
+        let note = tile.get_attr("note").unwrap().to_string();
+        assert!(note.contains("hickory 800 times; steel 10,000 times"), "{note}");
+        assert!(softened_tile(&run(serde_json::json!([]))).is_none());
     }
 }

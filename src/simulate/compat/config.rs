@@ -4,7 +4,7 @@
 //! Lengths are in the peer's box, a cube of side `grid_lim` with the object's middle at (1, 1, 1); the numbers have no
 //! units.
 
-use serde::Deserialize;
+use serde::{Deserialize, Serialize};
 use serde_json::{Map, Value};
 
 use crate::simulate::SimulateError;
@@ -29,7 +29,7 @@ const WITHOUT_EFFECT: [&str; 12] = [
 const MOST_CELLS: usize = 512;
 
 /// The peer's name for a constitutive law.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum LawName {
     Jelly,

@@ -4,6 +4,7 @@
 //! This is a simple solver, separate from the fast one in [`super::mpm`]: it does exactly what the peer does, including
 //! its defects, in the peer's order and precision. The phases:
 //! 1. [`config`]: the peer's JSON file, all of its keys;
+//!    or [`estimated`]: the materials that gprop found, Gaussian by Gaussian;
 //! 2. `setup`: Gaussians selected, turned and scaled into the peer's box; [`filling`], volumes;
 //! 3. [`solver`]: substeps on a dense grid with the [`law`]s and [`condition`]s of the peer;
 //! 4. [`run()`]: frames of Gaussians.
@@ -11,6 +12,7 @@
 pub mod condition;
 pub mod config;
 mod eigen;
+pub mod estimated;
 pub mod filling;
 pub mod law;
 pub mod particle;

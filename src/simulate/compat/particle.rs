@@ -21,6 +21,8 @@ pub struct Particle {
     pub volume: f32,
     pub mass: f32,
     pub strength: Strength,
+    /// Index into the solver's laws; the peer has one.
+    pub law: u32,
 }
 
 impl Particle {
@@ -35,6 +37,7 @@ impl Particle {
             volume,
             mass,
             strength,
+            law: 0,
         }
     }
 }

@@ -5,6 +5,7 @@ use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
 use super::config::Config;
+use super::estimated::{Estimated, EstimatedMaterial};
 use super::particle::Particle;
 use super::setup::{Setup, set_up};
 use super::solver::{Lost, Solver};
@@ -29,6 +30,9 @@ pub struct CompatReport {
     pub fill_particles: usize,
     pub substeps: u64,
     pub dt_s: f64,
+    /// The materials of the field, if they replaced the configuration's.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub materials: Vec<EstimatedMaterial>,
     pub frames: Vec<CompatFrame>,
 }
 
@@ -36,18 +40,23 @@ pub struct CompatReport {
 pub type OnFrame<'a, E> = dyn FnMut(usize, &[Particle], &Gaussians) -> Result<(), E> + 'a;
 
 /// Runs `config` on a scene and passes each frame to `on_frame`: its number, its particles in the box, and the scene
-/// without the Gaussians that the configuration drops. Frame 0 is the start.
+/// without the Gaussians that the configuration drops. Frame 0 is the start. The materials are those of `estimated`, if
+/// given, instead of the configuration's and its boxes'.
 ///
 /// # Errors
 /// [`SimulateError`] if the scene cannot be set up or a particle is lost. Errors of `on_frame` are returned unchanged.
 pub fn run<E: From<SimulateError>>(
     gaussians: &Gaussians,
     config: &Config,
+    estimated: Option<&Estimated>,
     on_frame: &mut OnFrame<E>,
     progress: Progress,
 ) -> Result<CompatReport, E> {
-    let setup = set_up(gaussians, config)?;
-    let mut solver = Solver::new(config, setup.particles.clone());
+    let setup = set_up(gaussians, config, estimated)?;
+    let mut solver = match estimated {
+        None => Solver::new(config, setup.particles.clone()),
+        Some(estimated) => Solver::with_laws(config, estimated.laws(config), setup.particles.clone()),
+    };
     let substeps = config.substeps_per_frame();
     let bar = progress.bar("simulate", config.frame_num as u64);
     let mut report = CompatReport {
@@ -55,12 +64,13 @@ pub fn run<E: From<SimulateError>>(
         fill_particles: setup.filled,
         substeps: 0,
         dt_s: config.substep_dt,
+        materials: estimated.map_or_else(Vec::new, |estimated| estimated.materials.clone()),
         frames: vec![],
     };
     for frame in 0..=config.frame_num {
         if frame > 0 {
             for _ in 0..substeps {
-                solver.step(config.substep_dt).map_err(|lost| left_the_box(&solver, lost, frame))?;
+                solver.step(config.substep_dt).map_err(|lost| left_the_box(&solver, &report.materials, lost, frame))?;
             }
             report.substeps += substeps as u64;
             bar.inc(1);
@@ -72,12 +82,19 @@ pub fn run<E: From<SimulateError>>(
     Ok(report)
 }
 
-fn left_the_box(solver: &Solver, Lost { particle, time }: Lost, frame: usize) -> SimulateError {
+fn left_the_box(
+    solver: &Solver,
+    materials: &[EstimatedMaterial],
+    Lost { particle, time }: Lost,
+    frame: usize,
+) -> SimulateError {
     let p = &solver.particles[particle];
     let finite = p.position.iter().chain(&p.velocity).chain(&p.trial).all(|x| x.is_finite());
     SimulateError::Lost {
         particle,
-        material: "the configuration's".to_owned(),
+        material: materials
+            .get(p.law as usize)
+            .map_or_else(|| "the configuration's".to_owned(), |material| material.name.clone()),
         what: if finite { "left the box" } else { "became NaN or infinite" },
         t_s: time,
         frame,

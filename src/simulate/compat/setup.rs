@@ -7,6 +7,7 @@
 use nalgebra::{Matrix3, Rotation3, Vector3};
 
 use super::config::{Config, LawName};
+use super::estimated::Estimated;
 use super::filling::{self, Blob};
 use super::particle::Particle;
 use super::strength_at;
@@ -53,12 +54,16 @@ pub struct Setup {
     pub to_box: ToBox,
 }
 
-/// Sets up a scene.
+/// Sets up a scene, with the materials of `estimated` instead of the configuration's, if given.
 ///
 /// # Errors
 /// If there is nothing to simulate, a Gaussian has no finite position, the filling exceeds its limit, or the object
 /// leaves the box.
-pub fn set_up(gaussians: &Gaussians, config: &Config) -> Result<Setup, SimulateError> {
+pub fn set_up(
+    gaussians: &Gaussians,
+    config: &Config,
+    estimated: Option<&Estimated>,
+) -> Result<Setup, SimulateError> {
     let rotation = rotation(config);
     let mut opaque: Vec<bool> = (0..gaussians.len()).map(|i| gaussians.opacity(i) > config.opacity_threshold).collect();
     let turned = |i: u32| rotation * gaussians.center(i as usize).coords;
@@ -89,17 +94,22 @@ pub fn set_up(gaussians: &Gaussians, config: &Config) -> Result<Setup, SimulateE
     let mut places: Vec<Vector3<f32>> = carried.iter().map(|&i| to_box.apply(&turned(i)).map(|x| x as f32)).collect();
     let mut scene = gaussians.clone();
     let outside = places.len();
+    // The Gaussian of each particle; of those of the inside, the nearest one.
+    let mut sources = carried.clone();
     if let Some(filling) = &config.particle_filling {
         let blobs: Vec<Blob> =
             carried.iter().zip(&places).map(|(&i, &place)| blob(gaussians, i as usize, place, &to_box)).collect();
         let cells = filling.n_grid.unwrap_or(4 * config.n_grid);
         places.extend(filling::fill(&blobs, cells, (config.grid_lim / cells as f64) as f32, filling)?.added);
-        if filling.visualize {
+        if filling.visualize || estimated.is_some() {
             let nearest = Nearest::new(places[..outside].iter().map(|&p| p.into()));
             let source = |p: &Vector3<f32>| carried[nearest.find((*p).into(), 1)[0].1 as usize];
-            let sources: Vec<u32> = places[outside..].iter().map(source).collect();
-            carried.extend((scene.len() as u32..).take(sources.len()));
-            scene.repeat(&sources);
+            sources.extend(places[outside..].iter().map(source));
+        }
+        if filling.visualize {
+            let inside = &sources[outside..];
+            carried.extend((scene.len() as u32..).take(inside.len()));
+            scene.repeat(inside);
             opaque.resize(scene.len(), true);
         }
     }
@@ -111,12 +121,21 @@ pub fn set_up(gaussians: &Gaussians, config: &Config) -> Result<Setup, SimulateE
         )));
     }
     let dx = (config.grid_lim / config.n_grid as f64) as f32;
-    let volumes = filling::volumes(&places, config.n_grid, dx, config.material == LawName::Sand);
-    let particle = |(place, volume): (&Vector3<f32>, f32)| {
-        let (strength, density) = strength_at(config, place);
-        Particle::at_rest(*place, volume, density * volume, strength)
+    let particles: Vec<Particle> = match estimated {
+        None => {
+            let volumes = filling::volumes(&places, config.n_grid, dx, config.material == LawName::Sand);
+            let particle = |(place, volume): (&Vector3<f32>, f32)| {
+                let (strength, density) = strength_at(config, place);
+                Particle::at_rest(*place, volume, density * volume, strength)
+            };
+            places.iter().zip(volumes).map(particle).collect()
+        }
+        Some(estimated) => {
+            let is_sand = |&i: &u32| estimated.of(i).law == LawName::Sand;
+            let volumes = filling::volumes(&places, config.n_grid, dx, sources.iter().all(is_sand));
+            estimated.particles(config, &places, &volumes, &sources)
+        }
     };
-    let particles: Vec<Particle> = places.iter().zip(volumes).map(particle).collect();
     Ok(Setup { filled: particles.len() - outside, particles, carried, scene, opaque, to_box })
 }
 

@@ -45,7 +45,7 @@ pub struct Lost {
 #[derive(Debug, Clone)]
 pub struct Solver {
     pub particles: Vec<Particle>,
-    law: Law,
+    laws: Vec<Law>,
     conditions: Conditions,
     gravity: Vec3,
     rpic_damping: f32,
@@ -103,11 +103,16 @@ impl Stencil {
 impl Solver {
     /// A solver at time 0. The particles' positions at this moment decide which of them a condition acts on.
     pub fn new(config: &Config, particles: Vec<Particle>) -> Self {
+        Self::with_laws(config, vec![Law::new(config)], particles)
+    }
+
+    /// A solver whose particles follow the `laws` that they name, instead of that of the configuration.
+    pub fn with_laws(config: &Config, laws: Vec<Law>, particles: Vec<Particle>) -> Self {
         let cells = config.n_grid;
         let conditions = Conditions::new(&config.boundary_conditions, &particles, config.substep_dt, cells);
         Self {
             particles,
-            law: Law::new(config),
+            laws,
             conditions,
             gravity: config.g.into(),
             rpic_damping: config.rpic_damping,
@@ -133,9 +138,9 @@ impl Solver {
         for condition in self.conditions.impulses.iter().chain(&self.conditions.modifiers) {
             condition.apply(&mut self.particles, t, step);
         }
-        let law = self.law;
+        let laws = &self.laws;
         self.particles.par_iter_mut().with_min_len(64).for_each(|p| {
-            (p.elastic, p.stress) = law.respond(&p.trial, &mut p.strength, step);
+            (p.elastic, p.stress) = laws[p.law as usize].respond(&p.trial, &mut p.strength, step);
         });
         self.scatter(step);
         self.update_grid(t, step);

@@ -1,0 +1,140 @@
+//! A property of the materials as colours of the Gaussians, with a legend that gives its values.
+
+use super::palette;
+use super::panels::{Entry, Key};
+use crate::units::ShoreScale;
+use crate::vote::{FieldLabel, MaterialField};
+
+/// A property that a picture can show.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Property {
+    Hardness,
+    YoungsModulus,
+    Density,
+    Friction,
+}
+
+/// How values become places on the scale of colours, 0 to 1.
+#[derive(Debug, Clone, Copy, PartialEq)]
+enum Scale {
+    /// Between two powers of ten.
+    Logarithmic([f64; 2]),
+    /// From zero to this value.
+    Linear(f64),
+    /// Shore A on the lower half, Shore D, for harder materials, on the upper one.
+    Shore,
+}
+
+impl Property {
+    /// With the unit of the values in the legend, if it is the same for all.
+    pub fn title(self) -> &'static str {
+        match self {
+            Self::Hardness => "Hardness",
+            Self::YoungsModulus => "Young's modulus",
+            Self::Density => "Density, kg/m³",
+            Self::Friction => "Friction on rubber",
+        }
+    }
+
+    /// One colour per Gaussian, from dark blue, low, through green to yellow, high; grey if its part has no such value.
+    pub fn colors(self, field: &MaterialField) -> Vec<[f32; 3]> {
+        let scale = self.scale(field);
+        let of_label: Vec<[f32; 3]> = field.labels.iter().map(|label| self.color(label, scale)).collect();
+        field.part_label.iter().map(|&label| of_label[label as usize]).collect()
+    }
+
+    /// The scale of colours, and below it each value with a material that has it, the highest first.
+    pub fn legend(self, field: &MaterialField) -> Vec<Entry> {
+        let scale = self.scale(field);
+        let mut labels: Vec<&FieldLabel> = field.labels.iter().collect();
+        let place = |label: &FieldLabel| self.place(label, scale).unwrap_or(-1.0);
+        labels.sort_by(|a, b| place(b).total_cmp(&place(a)).then(a.material.cmp(&b.material)));
+        let entry = |label: &FieldLabel| Entry {
+            text: format!("{} {}", self.text(label), label.material),
+            key: Key::Square(palette::bytes(self.color(label, scale))),
+        };
+        let mut entries: Vec<Entry> = labels.into_iter().map(entry).collect();
+        entries.dedup_by(|a, b| a.text == b.text);
+        entries.insert(0, Entry { text: self.ends(scale), key: Key::Scale });
+        entries
+    }
+
+    /// `None` for a hardness that the material does not have.
+    fn value(self, label: &FieldLabel) -> Option<f64> {
+        match self {
+            Self::Hardness => label.hardness.map(|hardness| hardness.range.mid()),
+            Self::YoungsModulus => Some(label.youngs_modulus_pa.mid),
+            Self::Density => Some(label.density_kg_m3.mid),
+            Self::Friction => Some(label.friction_rubber.mid),
+        }
+    }
+
+    fn scale(self, field: &MaterialField) -> Scale {
+        let values = || field.labels.iter().filter_map(|label| self.value(label));
+        match self {
+            Self::Hardness => Scale::Shore,
+            Self::YoungsModulus | Self::Density => {
+                let powers = || values().map(f64::log10);
+                let low = powers().fold(f64::INFINITY, f64::min).floor();
+                let high = powers().fold(f64::NEG_INFINITY, f64::max).ceil().max(low + 1.0);
+                Scale::Logarithmic([low, high].map(|power| 10f64.powf(power)))
+            }
+            // Friction is about one; a half more keeps the scale's end round.
+            Self::Friction => Scale::Linear((2.0 * values().fold(0.5, f64::max)).ceil() / 2.0),
+        }
+    }
+
+    /// 0 to 1; `None` if the part has no such value.
+    fn place(self, label: &FieldLabel, scale: Scale) -> Option<f32> {
+        let value = self.value(label)?;
+        let place = match scale {
+            Scale::Logarithmic([low, high]) => (value / low).ln() / (high / low).ln(),
+            Scale::Linear(high) => value / high,
+            Scale::Shore => {
+                let half = 0.5 * value / 100.0;
+                if label.hardness?.scale == ShoreScale::D { 0.5 + half } else { half }
+            }
+        };
+        Some(place as f32)
+    }
+
+    fn color(self, label: &FieldLabel, scale: Scale) -> [f32; 3] {
+        self.place(label, scale).map_or(palette::NOTHING, palette::scale)
+    }
+
+    fn text(self, label: &FieldLabel) -> String {
+        match (self, label.hardness) {
+            (Self::Hardness, None) => "no hardness:".to_owned(),
+            (Self::Hardness, Some(hardness)) => {
+                format!("Shore {} {:.0}", if hardness.scale == ShoreScale::D { "D" } else { "A" }, hardness.range.mid())
+            }
+            (Self::YoungsModulus, _) => pressure(label.youngs_modulus_pa.mid),
+            (Self::Density, _) => format!("{:.0}", label.density_kg_m3.mid),
+            (Self::Friction, _) => format!("{:.2}", label.friction_rubber.mid),
+        }
+    }
+
+    /// The two ends of the scale.
+    fn ends(self, scale: Scale) -> String {
+        match (self, scale) {
+            (_, Scale::Shore) => "Shore A 0 to 100, then D 0 to 100".to_owned(),
+            (_, Scale::Linear(high)) => format!("0 to {high}"),
+            (Self::YoungsModulus, Scale::Logarithmic([low, high])) => {
+                format!("{} to {}", pressure(low), pressure(high))
+            }
+            (_, Scale::Logarithmic([low, high])) => format!("{low} to {high}"),
+        }
+    }
+}
+
+/// Two digits and a unit.
+fn pressure(pascals: f64) -> String {
+    // A power of ten may have been rounded down.
+    let (value, unit) = match pascals * (1.0 + f64::EPSILON) {
+        p if p >= 1e9 => (p / 1e9, "GPa"),
+        p if p >= 1e6 => (p / 1e6, "MPa"),
+        p => (p / 1e3, "kPa"),
+    };
+    let is_round = (value - value.round()).abs() < 1e-6;
+    if value < 10.0 && !is_round { format!("{value:.1} {unit}") } else { format!("{value:.0} {unit}") }
+}
