@@ -11,7 +11,8 @@ use nalgebra::{Point3, Vector3};
 use super::clouds::{Cloud, cameras, cameras_of};
 
 /// A scene unit of 0.5 m, so that a confusion of the two is noticed.
-const SCALE: MetricScale = MetricScale { meters_per_unit: 0.5, source: ScaleSource::Factor, provenance: String::new() };
+const SCALE: MetricScale =
+    MetricScale { meters_per_unit: 0.5, source: ScaleSource::Factor, provenance: String::new(), range: None };
 
 fn run(cloud: &Cloud, deviation: f64, forms: &[Form], options: &Options) -> PartsResult {
     let (gaussians, field) = (cloud.gaussians(deviation), cloud.field(forms));
