@@ -65,7 +65,7 @@ fn bench(criterion: &mut Criterion) {
     let field = labelled(&scene.gaussians);
     let cameras = scene.cameras();
     let provenance = "rendered in metres".to_owned();
-    let scale = MetricScale { meters_per_unit: 1.0, source: ScaleSource::Metric, provenance };
+    let scale = MetricScale { meters_per_unit: 1.0, source: ScaleSource::Metric, provenance, range: None };
     let options = parts::Options::default();
     let measure_as = |gaussians: &Gaussians, field: &MaterialField| {
         parts(gaussians, field, &cameras, Some(&scale), &options, Progress::Hidden).expect("a hammer has parts")

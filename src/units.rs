@@ -150,6 +150,10 @@ pub struct MetricScale {
     /// Where the scale comes from, in words.
     #[serde(default)]
     pub provenance: String,
+    /// The 90 % interval of `meters_per_unit`; missing if it is taken to be exact.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[cfg_attr(test, schemars(with = "Range"))]
+    pub range: Option<Range>,
 }
 
 /// Where a metric scale came from.
@@ -169,6 +173,8 @@ pub enum ScaleSource {
     BoundingBox,
     /// The user knows the distance of two cameras.
     Cameras,
+    /// Photos show a printed marker of known size.
+    Marker,
     /// The user knows what the object weighs.
     KnownMass,
 }

@@ -53,7 +53,8 @@ pub fn whole_line(bytes: &[u8]) {
     let views: Vec<_> = views.map(|((name, camera), map)| ViewInput { name, camera, map }).collect();
     let (library, hidden) = (MaterialLibrary::builtin(), Progress::Hidden);
     let Ok(field) = vote(&gaussians, &views, &ball.answers, library, &vote::Options::default(), hidden) else { return };
-    let scale = MetricScale { meters_per_unit: 1.0, source: ScaleSource::Metric, provenance: String::new() };
+    let scale =
+        MetricScale { meters_per_unit: 1.0, source: ScaleSource::Metric, provenance: String::new(), range: None };
     let options = parts::Options { volume_cells: 1000, ..parts::Options::default() };
     let Ok(result) = parts(&gaussians, &field, &ball.cameras, Some(&scale), &options, hidden) else { return };
     let weighed = result.metric().expect("the scale is known");

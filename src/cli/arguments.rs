@@ -10,6 +10,7 @@ use clap::{Args, Parser, Subcommand};
 use crate::evaluate::vocabulary::Vocabulary;
 use crate::pictures::figure::Shown;
 use crate::pipeline::{self, Stage};
+use crate::scene::SizedMarker;
 use crate::values::{self, from_to};
 use crate::{batch, export, inspect, materials, setup};
 
@@ -85,6 +86,9 @@ pub enum Command {
     /// Show, list or check the materials of the library.
     #[command(subcommand)]
     Materials(Materials),
+    /// Make what tells the scale of a scene.
+    #[command(subcommand)]
+    Scale(Scale),
     /// Fetch ONNX Runtime and SAM into the cache, or show where they are.
     Setup(SetupArgs),
     /// Check ONNX Runtime and SAM without fetching anything.
@@ -180,7 +184,9 @@ impl clap::ValueEnum for What {
         let picture = |name: &'static str, help: &'static str| Some(PossibleValue::new(name).help(help));
         match self {
             Self::Field(shown) => shown.to_possible_value(),
-            Self::Vote => picture("vote", "Photo, the materials in the answers about this view, and the vote of all views"),
+            Self::Vote => {
+                picture("vote", "Photo, the materials in the answers about this view, and the vote of all views")
+            }
             Self::Levels => picture("levels", "Photo and its segments at SAM's levels small, middle and large"),
         }
     }
@@ -499,6 +505,19 @@ pub enum Evaluate {
         /// Work folder of the scene, for readings of a single scene only [default: SCENE/gprop]
         #[arg(long, value_name = "DIR")]
         out: Option<PathBuf>,
+    },
+}
+
+#[derive(Debug, Subcommand)]
+pub enum Scale {
+    /// Draw a marker for printing, with its size and a ruler to check the printer.
+    Board {
+        /// File to write.
+        #[arg(long, value_name = "FILE.svg")]
+        out: PathBuf,
+        /// The marker and the side of its black square, as for --scale: apriltag:FAMILY,ID=M or aruco:DICT,ID=M.
+        #[arg(long, value_name = "MARKER=M", default_value = "apriltag:36h11,0=80mm")]
+        marker: SizedMarker,
     },
 }
 

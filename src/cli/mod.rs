@@ -30,7 +30,7 @@ use crate::progress::Progress;
 use crate::{config, exit, inspect, output};
 use arguments::{
     BatchArgs, Cli, Command, Compat, Evaluate, ExportArgs, Global, Grasp, GraspArgs, Materials, QueryArgs, ReportArgs,
-    SceneArgs, ShowArgs, SimulateArgs, ViewArgs, What, WorkArgs,
+    Scale, SceneArgs, ShowArgs, SimulateArgs, ViewArgs, What, WorkArgs,
 };
 
 /// The program: runs the command line, prints an error once, and returns the exit code. A panic ends the process as a
@@ -86,6 +86,7 @@ fn run(arguments: Vec<OsString>) -> anyhow::Result<()> {
         Command::Batch(args) => batch::run(global, args),
         Command::Evaluate(what) => evaluate::evaluate(global, what),
         Command::Materials(what) => tools::materials(global, what),
+        Command::Scale(what) => tools::scale(global, what),
         Command::Setup(args) => tools::set_up(global, &args.options),
         Command::Doctor(args) => tools::doctor(global, &args.options),
         Command::Help { of } => help::show(of),

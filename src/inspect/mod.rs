@@ -150,7 +150,11 @@ pub fn inspect_and_draw(
     options: &Options,
     progress: Progress,
 ) -> Result<(Inspection, (Scene, Vec<View>)), SceneError> {
-    let scene = load(folder, options)?;
+    let mut scene = load(folder, options)?;
+    if let Some((scale, warnings)) = scene.scale_in_photos(&options.scale)? {
+        scene.scale = Some(scale);
+        scene.warnings.extend(warnings);
+    }
     let views = match options.view_list.is_empty() {
         true => scene.spread_views(MOST_VIEWS)?,
         false => scene.chosen_views(options)?,

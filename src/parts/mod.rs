@@ -128,7 +128,10 @@ pub fn parts(
     let interior = &composed.interior;
     let bodies = Bodies::of(interior, constructions.len());
     let mut pieces = pieces(interior, &bodies, &shapes, gaussians, &field.part_label);
-    let scaled = weights::Scale { meters_per_unit: meters_per_unit.unwrap_or(1.0), is_known: known_scale.is_some() };
+    let scaled = match (scale, meters_per_unit) {
+        (Some(scale), _) => weights::Scale { meters_per_unit: scale.meters_per_unit, range: scale.range },
+        (None, of_mass) => weights::Scale::to_be_found(of_mass.unwrap_or(1.0)),
+    };
     let mut weights = Weights::new(&weighables(&shapes, field, &composed, &pieces), scaled);
     let known_mass = meters_per_unit.and(options.known_mass).map(|kg| known_mass(&mut weights, kg, options));
     let whole = weights.whole(&weighables(&shapes, field, &composed, &pieces));
@@ -149,7 +152,7 @@ pub fn parts(
             parts: solids.iter().flat_map(|weight| of(weight).parts(&weights, weight, options.bodies)).collect(),
             fillings: fillings.iter().filter_map(|weight| of(weight).filling_part(&weights, weight)).collect(),
             known_mass,
-            meters_per_unit: weights.unknown_scale(),
+            meters_per_unit: weights.uncertain_scale(),
             warnings: warnings.clone(),
             notes: notes.clone(),
         }

@@ -22,7 +22,7 @@ pub struct Parts {
     #[serde(default, skip_serializing_if = "Option::is_none")]
     #[cfg_attr(test, schemars(with = "KnownMass"))]
     pub known_mass: Option<KnownMass>,
-    /// Metres in a scene unit, if they follow from the known mass; missing if the scale is known.
+    /// Metres in a scene unit, if they have an interval: from a marker, or from the known mass; missing if they are exact.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     #[cfg_attr(test, schemars(with = "Estimate"))]
     pub meters_per_unit: Option<Estimate>,
@@ -38,7 +38,12 @@ impl Parts {
     pub fn scale(&self) -> Option<MetricScale> {
         let Estimate { low, mid, high } = self.meters_per_unit?;
         let provenance = format!("from the known mass of the object: {low:.4} to {high:.4} m");
-        Some(MetricScale { meters_per_unit: mid, source: ScaleSource::KnownMass, provenance })
+        Some(MetricScale {
+            meters_per_unit: mid,
+            source: ScaleSource::KnownMass,
+            provenance,
+            range: Some(Range::new(low, high)),
+        })
     }
 }
 

@@ -197,6 +197,9 @@ impl Pipeline {
             if !self.done.contains(&stage) {
                 self.progress = self.progress.of_stage(StageNumber { number: index + 1, of: stages.len() });
                 self.step(stage)?;
+                if stage == Stage::Scene {
+                    self.recall_scale()?;
+                }
                 self.done.push(stage);
             }
         }

@@ -4,12 +4,12 @@ use std::iter;
 use std::path::Path;
 
 use anyhow::Result;
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
 
 use crate::camera::Camera;
 use crate::scene::{Options, Scene, SceneError};
 use crate::units::MetricScale;
-use crate::workdir::{Artifact, sha256_of_file};
+use crate::workdir::{Artifact, WorkDir, WorkDirError, sha256_of_file};
 
 use super::record::Hasher;
 use super::{Done, Pipeline};
@@ -21,6 +21,12 @@ struct ViewsFile<'a> {
     gaussians: usize,
     scale: Option<&'a MetricScale>,
     views: Vec<ViewEntry<'a>>,
+}
+
+/// The part of `views.json` that is read again.
+#[derive(Deserialize)]
+struct StoredScale {
+    scale: Option<MetricScale>,
 }
 
 #[derive(Serialize)]
@@ -37,6 +43,9 @@ impl Pipeline {
     pub(super) fn scene_key(&self) -> Result<String> {
         let mut hasher = Hasher::new("scene").with_json(&self.options.scene);
         let photos = self.views.iter().flat_map(|view| iter::once(&view.image).chain(&view.mask));
+        let searched =
+            self.scene.views.iter().filter(|_| self.options.scene.scale.is_in_photos()).map(|view| &view.image);
+        let photos = photos.chain(searched);
         for path in self.scene.files.iter().chain(photos) {
             hasher = hasher.with(&file_digest(path)?);
         }
@@ -49,14 +58,32 @@ impl Pipeline {
             image: view.image.strip_prefix(&self.folder).unwrap_or(&view.image),
             camera: &view.camera,
         });
+        let mut warnings = self.scene.warnings.clone();
+        let in_photos = self.scene.scale_in_photos(&self.options.scene.scale)?.map(|(scale, of_scale)| {
+            warnings.extend(of_scale);
+            scale
+        });
         let file = ViewsFile {
             gaussians: self.scene.gaussians.len(),
-            scale: self.scene.scale.as_ref(),
+            scale: in_photos.as_ref().or(self.scene.scale.as_ref()),
             views: views.collect(),
         };
         self.work.write_json(Artifact::Views, &file)?;
-        Ok(Done::writing([Artifact::Views]).warning(self.scene.warnings.clone()).noting(self.scene.notes.clone()))
+        Ok(Done::writing([Artifact::Views]).warning(warnings).noting(self.scene.notes.clone()))
     }
+
+    /// Takes over the scale that the scene stage found in the photos.
+    pub(super) fn recall_scale(&mut self) -> Result<()> {
+        if self.options.scene.scale.is_in_photos() {
+            self.scene.scale = stored_scale(&self.work)?;
+        }
+        Ok(())
+    }
+}
+
+/// The scale in `views.json`.
+pub(super) fn stored_scale(work: &WorkDir) -> Result<Option<MetricScale>, WorkDirError> {
+    Ok(work.read_json::<StoredScale>(Artifact::Views)?.scale)
 }
 
 /// Hash of everything that pictures rendered from the splat depend on, short enough for a folder's name.

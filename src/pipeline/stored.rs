@@ -10,11 +10,13 @@ use anyhow::Result;
 use serde::de::DeserializeOwned;
 
 use crate::grasp::gripper::GripperProfile;
+use crate::parts::Parts;
 use crate::progress::Progress;
 use crate::query::LabelSet;
 use crate::scene::View;
 use crate::scene::gaussians::Gaussians;
 use crate::segment::ViewSegments;
+use crate::units::MetricScale;
 use crate::vote::MaterialField;
 use crate::workdir::{Artifact, Standing, WorkDir, WorkDirError};
 
@@ -77,6 +79,17 @@ impl Stored {
     /// If they are not what gprop wrote.
     pub fn field(&self) -> Result<(Gaussians, MaterialField)> {
         stored_field(self.work.root())
+    }
+
+    /// The metric scale that the run found in the photos or by the object's mass; the scene and grasp stages must be among
+    /// the stages. `None` if the run did not look for it.
+    ///
+    /// # Errors
+    /// If the files are not what gprop wrote.
+    pub fn found_scale(&self) -> Result<Option<MetricScale>> {
+        let in_photos = super::scene::stored_scale(&self.work)?;
+        let of_mass = || self.work.read_json::<Parts>(Artifact::Parts).ok().and_then(|parts| parts.scale());
+        Ok(in_photos.or_else(of_mass))
     }
 
     /// The options of the run, as far as they determine what was read.
@@ -161,12 +174,13 @@ impl Pipeline {
         let library = options.materials.library()?;
         let gripper = GripperProfile::load(&options.grasp.gripper)?;
         let Stored { work, command, .. } = stored;
-        let pipeline = Self::within(folder, work, scene, (library, gripper), options, plan, progress)?;
+        let mut pipeline = Self::within(folder, work, scene, (library, gripper), options, plan, progress)?;
         let key = pipeline.scene_key()?;
         if pipeline.record.of(Stage::Scene).is_none_or(|done| done.key != key) {
             let (path, problem) = (pipeline.work.root().to_owned(), "the scene's files have changed since".to_owned());
             return Err(WorkDirError::Unfinished { path, problem, command }.into());
         }
+        pipeline.recall_scale()?;
         Ok(pipeline)
     }
 

@@ -98,6 +98,7 @@ pub(super) fn convention_of(folder: &Path, splat_units_per_camera_unit: f64) -> 
         meters_per_unit: 1.0 / splat_units_per_camera_unit,
         source: ScaleSource::DataSet,
         provenance: "ABO-500 is in metres".to_owned(),
+        range: None,
     })
 }
 

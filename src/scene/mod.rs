@@ -6,7 +6,7 @@
 //! 2. [`cameras`] finds and reads the camera file and matches each camera with its photo; `align` converts the cameras.
 //! 3. `object` separates the object's Gaussians from its surroundings; [`outliers`] finds those that cannot belong to
 //!    any object.
-//! 4. `scale` determines the length of a scene unit.
+//! 4. `scale` determines the length of a scene unit; a printed [`marker`](Marker) is only sought by [`Scene::scale_in_photos`].
 //!
 //! [`Scene::chosen_views`] picks the views to work on; [`View::photo`] decodes one; [`dataset`] lists the scenes of a
 //! data set.
@@ -22,6 +22,7 @@ pub mod gaussians;
 mod jpeg;
 pub mod ksplat;
 mod loaded;
+mod marker;
 pub mod nearest;
 mod object;
 mod options;
@@ -52,11 +53,13 @@ pub use bounds::Bounds;
 pub(crate) use bounds::robust_bounds;
 pub use error::{SceneError, SplatProblem};
 pub use loaded::Loaded;
+pub use marker::Marker;
+pub use marker::board::svg as marker_board;
 pub use object::ObjectSource;
 pub use options::{DEFAULT_VIEWS, ObjectBox, Options, SCENE_KEYS};
 pub use photo::{ForegroundSource, Photo, Upright};
 pub use reference::Reference;
-pub use scale::ScaleChoice;
+pub use scale::{ScaleChoice, SizedMarker};
 pub use splat_formats::{SPLAT_FORMATS, SplatFormat};
 
 /// The contents of a scene folder.

@@ -11,7 +11,8 @@ use serde::{Deserialize, Deserializer, Serialize, Serializer};
 
 use super::as_typed::as_typed;
 use super::bounds::Bounds;
-use super::{SceneError, View};
+use super::marker::{self, FoundMarker, Marker};
+use super::{Scene, SceneError, View};
 use crate::units::{MetricScale, ScaleSource};
 
 /// Lengths range from a nanometre to a thousand kilometres: no length in a capture is shorter or longer.
@@ -34,6 +35,8 @@ pub enum ScaleChoice {
     BoundingBox { axis: usize, meters: f64 },
     /// Two views, and the distance of their cameras in metres.
     Cameras { a: String, b: String, meters: f64 },
+    /// A printed marker in the photos, and the side of its black square in metres.
+    Marker { marker: Marker, meters: f64 },
 }
 
 /// The data that the choices based on a measurement use.
@@ -60,11 +63,17 @@ impl ScaleChoice {
     /// [`SceneError::Scale`] if a length cannot be measured, or the object would have an impossible size.
     pub(super) fn metric_scale(&self, scene: &Measured) -> Result<(Option<MetricScale>, Option<String>), SceneError> {
         let Some(scale) = self.stated(scene)? else { return Ok((None, None)) };
-        let sides = scene.object.size() * scale.meters_per_unit;
+        let warning = self.check_size(&scale, &scene.object)?;
+        Ok((Some(scale), warning))
+    }
+
+    /// Checks that the object has a possible size at this scale; returns a warning if it is unusual.
+    fn check_size(&self, scale: &MetricScale, object: &Bounds) -> Result<Option<String>, SceneError> {
+        let sides = object.size() * scale.meters_per_unit;
         let longest = sides.max();
         // An object of a single Gaussian has no extent.
         if longest == 0.0 {
-            return Ok((Some(scale), None));
+            return Ok(None);
         }
         let size = format!("{} x {} x {}", length(sides.x), length(sides.y), length(sides.z));
         if !(LEAST_SIDE_M..=MOST_SIDE_M).contains(&longest) {
@@ -79,7 +88,12 @@ impl ScaleChoice {
         }
         let is_usual = (USUAL_SIDES_M[0]..=USUAL_SIDES_M[1]).contains(&longest);
         let warning = format!("--scale {self} makes the object {size} ({}): is that its size?", scale.provenance);
-        Ok((Some(scale), (!is_usual).then_some(warning)))
+        Ok((!is_usual).then_some(warning))
+    }
+
+    /// Whether the photos have to be searched for the scale.
+    pub fn is_in_photos(&self) -> bool {
+        matches!(self, Self::Marker { .. })
     }
 
     fn stated(&self, scene: &Measured) -> Result<Option<MetricScale>, SceneError> {
@@ -89,18 +103,19 @@ impl ScaleChoice {
                 return Err(refused("the length measured in the scene is zero".to_owned()));
             }
             let provenance = format!("{provenance}: {meters} m for {units:.6} scene units");
-            Ok(Some(MetricScale { meters_per_unit: meters / units, source, provenance }))
+            Ok(Some(MetricScale { meters_per_unit: meters / units, source, provenance, range: None }))
         };
         match self {
             Self::Auto => Ok(scene.data_set.clone()),
+            Self::Marker { .. } => Ok(None),
             Self::Metric => {
                 let provenance = "the scene is in metres, as given".to_owned();
-                Ok(Some(MetricScale { meters_per_unit: 1.0, source: ScaleSource::Metric, provenance }))
+                Ok(Some(MetricScale { meters_per_unit: 1.0, source: ScaleSource::Metric, provenance, range: None }))
             }
             Self::Factor(meters_per_unit) => {
                 let provenance = format!("{meters_per_unit} m per scene unit, as given");
                 let source = ScaleSource::Factor;
-                Ok(Some(MetricScale { meters_per_unit: *meters_per_unit, source, provenance }))
+                Ok(Some(MetricScale { meters_per_unit: *meters_per_unit, source, provenance, range: None }))
             }
             Self::KnownLength { from, to, meters } => {
                 let units = (Point3::from(*from) - Point3::from(*to)).norm();
@@ -123,6 +138,20 @@ impl ScaleChoice {
     }
 }
 
+impl Scene {
+    /// The scale, with warnings, if `choice` says that the photos show a marker: all of them are searched.
+    ///
+    /// # Errors
+    /// [`SceneError::Scale`] if the photos do not show it, or the object would have an impossible size; an error if a photo
+    /// cannot be decoded.
+    pub fn scale_in_photos(&self, choice: &ScaleChoice) -> Result<Option<(MetricScale, Vec<String>)>, SceneError> {
+        let ScaleChoice::Marker { marker, meters } = choice else { return Ok(None) };
+        let FoundMarker { scale, warning } = marker::find(*marker, *meters, &self.views)?;
+        let unusual = choice.check_size(&scale, &self.object_bounds())?;
+        Ok(Some((scale, warning.into_iter().chain(unusual).collect())))
+    }
+}
+
 /// A length in metres in a readable unit.
 fn length(meters: f64) -> String {
     match meters {
@@ -137,20 +166,34 @@ fn length(meters: f64) -> String {
 const AXES: [&str; 3] = ["x", "y", "z"];
 
 /// The forms of `--scale`, for messages.
-const FORMS: &str = "auto, metric, metres per scene unit, known-length:X,Y,Z:X,Y,Z=M, bbox:AXIS=M or cameras:A,B=M";
+const FORMS: &str = "auto, metric, metres per scene unit, known-length:X,Y,Z:X,Y,Z=M, bbox:AXIS=M, cameras:A,B=M, \
+                     apriltag:FAMILY,ID=M or aruco:DICT,ID=M";
+
+/// The units in which a length can be given, the longest name first, and how many of them make a metre.
+const UNITS: [(&str, f64); 3] = [("mm", 1e3), ("cm", 1e2), ("m", 1.0)];
+
+/// A length in metres, or with its unit: `0.3`, `30cm`.
+pub(super) fn length_m(text: &str) -> Option<f64> {
+    let text = text.trim();
+    let with_unit = UNITS.iter().find_map(|(unit, per_meter)| Some((text.strip_suffix(unit)?, *per_meter)));
+    let (number, per_meter) = with_unit.unwrap_or((text, 1.0));
+    let meters = number.trim().parse::<f64>().ok()? / per_meter;
+    (SHORTEST_M..=LONGEST_M).contains(&meters).then_some(meters)
+}
 
 impl FromStr for ScaleChoice {
     type Err = String;
 
     fn from_str(text: &str) -> Result<Self, Self::Err> {
-        let length = |text: &str| text.trim().parse().ok().filter(|m| (SHORTEST_M..=LONGEST_M).contains(m));
         let text = text.trim();
         let parsed = match text.split_once([':', ' ']) {
             None if text == "auto" => Some(Self::Auto),
             None if text == "metric" => Some(Self::Metric),
-            None => length(text).map(Self::Factor),
+            // Metres per scene unit, not a length.
+            None => length_m(text).filter(|_| !text.ends_with('m')).map(Self::Factor),
+            Some((kind, _)) if Marker::is_kind(kind) => Some(text.parse::<SizedMarker>()?.into()),
             Some((kind, rest)) => rest.rsplit_once('=').zip(Some(kind)).and_then(|((what, meters), kind)| {
-                let meters = length(meters)?;
+                let meters = length_m(meters)?;
                 match kind {
                     "known-length" => {
                         let (from, to) = what.split_once(':')?;
@@ -168,7 +211,40 @@ impl FromStr for ScaleChoice {
                 }
             }),
         };
-        parsed.ok_or_else(|| format!("not one of {FORMS}, with lengths in metres from {SHORTEST_M} to {LONGEST_M}"))
+        parsed.ok_or_else(|| {
+            format!("not one of {FORMS}, with lengths in metres from {SHORTEST_M} to {LONGEST_M}, or with mm, cm or m after them")
+        })
+    }
+}
+
+/// A marker and the side of its black square in metres: `apriltag:36h11,0=0.08`, `aruco:4x4_50,7=80mm`.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct SizedMarker {
+    pub marker: Marker,
+    pub meters: f64,
+}
+
+impl FromStr for SizedMarker {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<Self, Self::Err> {
+        let (marker, side) = text.trim().rsplit_once('=').ok_or("the side of the black square is missing: MARKER=M")?;
+        let meters = length_m(side).ok_or_else(|| {
+            format!("{side:?} is not a length: metres from {SHORTEST_M} to {LONGEST_M}, or with mm, cm or m after it")
+        })?;
+        Ok(Self { marker: marker.parse()?, meters })
+    }
+}
+
+impl fmt::Display for SizedMarker {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "{}={}", self.marker, self.meters)
+    }
+}
+
+impl From<SizedMarker> for ScaleChoice {
+    fn from(SizedMarker { marker, meters }: SizedMarker) -> Self {
+        Self::Marker { marker, meters }
     }
 }
 
@@ -190,6 +266,7 @@ impl fmt::Display for ScaleChoice {
             }
             Self::BoundingBox { axis, meters } => write!(f, "bbox:{}={meters}", AXES[*axis]),
             Self::Cameras { a, b, meters } => write!(f, "cameras:{a},{b}={meters}"),
+            Self::Marker { marker, meters } => SizedMarker { marker: *marker, meters: *meters }.fmt(f),
         }
     }
 }

@@ -263,7 +263,10 @@ pub fn script_of(options: &Options) -> Result<Option<Script>, SimulateError> {
 /// The label that deforms with the fastest waves.
 fn stiffest(bodies: &[Body], choice: &Choice, prepared: &[Prepared]) -> Option<usize> {
     let speed = |label: usize| prepared[label].wave_speed_m_s();
-    in_use(bodies).into_iter().filter(|&label| choice.body_of[label].is_none()).max_by(|&a, &b| speed(a).total_cmp(&speed(b)))
+    in_use(bodies)
+        .into_iter()
+        .filter(|&label| choice.body_of[label].is_none())
+        .max_by(|&a, &b| speed(a).total_cmp(&speed(b)))
 }
 
 /// The labels with volume.

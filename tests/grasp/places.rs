@@ -29,7 +29,8 @@ struct Scene {
 fn scene(cloud: &Cloud, forms: &[Form]) -> Scene {
     let (gaussians, field) = (cloud.gaussians(0.0015), cloud.field(forms));
     let cameras = cameras(0.8, 24, |_| true);
-    let scale = MetricScale { meters_per_unit: 1.0, source: ScaleSource::Metric, provenance: String::new() };
+    let scale =
+        MetricScale { meters_per_unit: 1.0, source: ScaleSource::Metric, provenance: String::new(), range: None };
     let options = parts::Options { volume_cells: 200_000, ..Default::default() };
     let parts = parts::parts(&gaussians, &field, &cameras, Some(&scale), &options, Progress::Hidden).unwrap();
     let surface = Surface::of(&gaussians, &field.part_label, &cameras, 1.0);

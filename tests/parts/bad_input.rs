@@ -9,7 +9,8 @@ use nalgebra::{Point3, Vector3};
 
 use super::clouds::{Cloud, cameras};
 
-const SCALE: MetricScale = MetricScale { meters_per_unit: 1.0, source: ScaleSource::Metric, provenance: String::new() };
+const SCALE: MetricScale =
+    MetricScale { meters_per_unit: 1.0, source: ScaleSource::Metric, provenance: String::new(), range: None };
 
 fn small() -> Options {
     Options { volume_cells: 20_000, ..Options::default() }
@@ -41,7 +42,8 @@ fn volumes_go_with_the_cube_of_the_scale() {
     let cloud = ball(|_| 0);
     let (gaussians, field) = (cloud.gaussians(0.05), cloud.field(&[Form::Solid]));
     let at = |meters_per_unit| {
-        let scale = MetricScale { meters_per_unit, source: ScaleSource::Factor, provenance: String::new() };
+        let scale =
+            MetricScale { meters_per_unit, source: ScaleSource::Factor, provenance: String::new(), range: None };
         let eyes = cameras(4.0, 20, |_| true);
         let result = parts(&gaussians, &field, &eyes, Some(&scale), &small(), Progress::Hidden).unwrap();
         result.metric().unwrap().object.clone()

@@ -8,7 +8,8 @@ use nalgebra::Point3;
 
 use super::clouds::{Cloud, cameras};
 
-const SCALE: MetricScale = MetricScale { meters_per_unit: 1.0, source: ScaleSource::Metric, provenance: String::new() };
+const SCALE: MetricScale =
+    MetricScale { meters_per_unit: 1.0, source: ScaleSource::Metric, provenance: String::new(), range: None };
 const LEGS: [[f64; 2]; 4] = [[0.5, 0.5], [-0.5, 0.5], [0.5, -0.5], [-0.5, -0.5]];
 
 /// A ball on four rods that do not touch each other; the rods are part 1.

@@ -2,7 +2,7 @@
 
 use std::f64::consts::PI;
 
-use gprop::parts::{Options, Parts, PartsResult, VolumeMethod, parts};
+use gprop::parts::{Options, Parts, PartsResult, Source, VolumeMethod, parts};
 use gprop::progress::Progress;
 use gprop::query::Form;
 use gprop::units::{MetricScale, Range, ScaleSource};
@@ -11,7 +11,8 @@ use nalgebra::{Point3, Vector3};
 use super::clouds::{Cloud, cameras, cameras_of};
 
 /// A scene unit of 0.5 m, so that a confusion of the two is noticed.
-const SCALE: MetricScale = MetricScale { meters_per_unit: 0.5, source: ScaleSource::Factor, provenance: String::new() };
+const SCALE: MetricScale =
+    MetricScale { meters_per_unit: 0.5, source: ScaleSource::Factor, provenance: String::new(), range: None };
 
 fn run(cloud: &Cloud, deviation: f64, forms: &[Form], options: &Options) -> PartsResult {
     let (gaussians, field) = (cloud.gaussians(deviation), cloud.field(forms));
@@ -72,6 +73,36 @@ fn walls_of_a_ball_converge() {
     // 0.04 m is 0.08 units: 4/3 pi (1 - 0.92^3). At 8,000 cells a cell is wider than the wall.
     let units3 = 4.0 / 3.0 * PI * (1.0 - 0.92f64.powi(3));
     converges(&ball(|_| 0), units3, VolumeMethod::Hybrid, wall(0.04), bounds([0.04, 0.03, 0.015]));
+}
+
+/// A mass goes with the cube of the scale, a wall's with its square; nothing else depends on the scale's interval.
+#[test]
+fn the_interval_of_the_scale_widens_every_mass() {
+    let cloud = ball(|_| 0);
+    let (gaussians, eyes) = (cloud.gaussians(0.02), cameras(4.0, 20, |_| true));
+    let options = with(VolumeMethod::Hybrid, 8_000);
+    for (form, power) in [(Form::Solid, 3), (wall(0.04), 2)] {
+        let field = cloud.field(&[form]);
+        let weighed = |scale: &MetricScale| {
+            let result = parts(&gaussians, &field, &eyes, Some(scale), &options, Progress::Hidden).unwrap();
+            result.metric().unwrap().clone()
+        };
+        let range = Range::new(0.48, 0.53);
+        let (exact, uncertain) = (weighed(&SCALE), weighed(&MetricScale { range: Some(range), ..SCALE }));
+        let of_scale = |parts: &Parts| parts.object.width.iter().find(|width| width.source == Source::Scale).cloned();
+        assert!(of_scale(&exact).is_none() && exact.meters_per_unit.is_none());
+        let (width, mass) = (of_scale(&uncertain).unwrap().mass_kg, uncertain.object.mass_kg);
+        for (end, of_range) in [(width.low, range.low), (width.high, range.high)] {
+            // Rounding alone.
+            assert!((end / mass.mid - (of_range / 0.5f64).powi(power)).abs() < 1e-9, "{form:?}: {width:?}");
+        }
+        assert_eq!(mass.mid, exact.object.mass_kg.mid);
+        let quadrature = |exact: f64, alone: f64| (exact / mass.mid).ln().hypot((alone / mass.mid).ln());
+        let expected = quadrature(exact.object.mass_kg.high, width.high);
+        assert!(((mass.high / mass.mid).ln() - expected).abs() < 1e-9, "{form:?}: {mass:?}");
+        let scale = uncertain.meters_per_unit.unwrap();
+        assert!((scale.low - range.low).abs() < 1e-9 && (scale.high - range.high).abs() < 1e-9, "{scale:?}");
+    }
 }
 
 #[test]

@@ -14,7 +14,8 @@ use nalgebra::Point3;
 use super::clouds::{Cloud, cameras};
 
 /// A scene unit of 0.5 m, so that a confusion of the two is noticed.
-const SCALE: MetricScale = MetricScale { meters_per_unit: 0.5, source: ScaleSource::Factor, provenance: String::new() };
+const SCALE: MetricScale =
+    MetricScale { meters_per_unit: 0.5, source: ScaleSource::Factor, provenance: String::new(), range: None };
 /// Of the ball, m.
 const RADIUS_M: f64 = 0.5;
 const WALL_M: f64 = 0.02;

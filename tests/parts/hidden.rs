@@ -10,7 +10,8 @@ use nalgebra::{Point3, Vector3};
 
 use super::clouds::{Cloud, cameras};
 
-const SCALE: MetricScale = MetricScale { meters_per_unit: 1.0, source: ScaleSource::Metric, provenance: String::new() };
+const SCALE: MetricScale =
+    MetricScale { meters_per_unit: 1.0, source: ScaleSource::Metric, provenance: String::new(), range: None };
 /// Spacing of the Gaussians along the surfaces on which they lie.
 const SPACING: f64 = 0.03;
 

@@ -39,7 +39,8 @@ fn with(at: usize, other: &[u8]) -> Vec<u8> {
 fn what_the_stage_makes_is_read_as_it_was() {
     let cloud = Cloud::sphere(Point3::origin(), 1.0, 2000, |p| u32::from(p.z > 0.0));
     let shell = Form::Shell { wall_thickness_m: Range::exactly(0.01) };
-    let scale = MetricScale { meters_per_unit: 1.0, source: ScaleSource::Metric, provenance: String::new() };
+    let scale =
+        MetricScale { meters_per_unit: 1.0, source: ScaleSource::Metric, provenance: String::new(), range: None };
     let options = gprop::parts::Options { volume_cells: 20_000, ..Default::default() };
     let (gaussians, field) = (cloud.gaussians(0.05), cloud.field(&[Form::Solid, shell]));
     let eyes = cameras(4.0, 20, |_| true);

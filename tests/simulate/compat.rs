@@ -352,7 +352,10 @@ fn every_particle_has_the_material_of_its_gaussian() {
         let pairs: Vec<_> = both.iter().zip(&alone).filter(|(p, _)| is_here(p)).collect();
         assert!(pairs.len() > 700, "{} of {} particles", pairs.len(), both.len());
         for (p, q) in pairs {
-            assert!((p.position, p.trial, p.mass, p.strength) == (q.position, q.trial, q.mass, q.strength), "{p:?} {q:?}");
+            assert!(
+                (p.position, p.trial, p.mass, p.strength) == (q.position, q.trial, q.mass, q.strength),
+                "{p:?} {q:?}"
+            );
         }
     }
 }

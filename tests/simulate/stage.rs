@@ -162,7 +162,8 @@ fn softening_by_a_common_factor_keeps_the_ratios() {
         let short = Options { soften, rigid: vec![rigid.to_owned()], duration: Some(1e-4), frames: 2, ..options() };
         run(&bar.input(), &short).1.softened.into_iter().map(|s| (s.material, s.factor)).collect()
     };
-    let owned = |rows: &[(&str, f64)]| rows.iter().map(|(name, factor)| ((*name).to_owned(), *factor)).collect::<Vec<_>>();
+    let owned =
+        |rows: &[(&str, f64)]| rows.iter().map(|(name, factor)| ((*name).to_owned(), *factor)).collect::<Vec<_>>();
     // Of the handle, 1e6 Pa, and the head, 1.6e10 Pa, to 2e5 Pa.
     assert_eq!(softened(Soften::Cap, "never"), owned(&[("oak", 0.2), ("lead", 2e5 / 1.6e10)]));
     assert_eq!(softened(Soften::Common, "never"), owned(&[("oak", 2e5 / 1.6e10), ("lead", 2e5 / 1.6e10)]));

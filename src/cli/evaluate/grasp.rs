@@ -52,7 +52,10 @@ fn grasped(folder: &Path, out: Option<&Path>, gripper: &GripperProfile) -> anyho
     }
     let truth = folder.join("ground_truth");
     check_truth(&truth, &options_of(folder, &[])?.scene.read_scope(folder))?;
-    let scene = scene::load(folder, &options.scene)?;
+    let mut scene = scene::load(folder, &options.scene)?;
+    if scene.scale.is_none() {
+        scene.scale = stored.found_scale()?;
+    }
     let library = options.materials.library()?;
     let truth = truth::of(place, &scene, &truth, &library)?;
     Ok(GraspedObject::new(&scene.name, report, truth, gripper))

@@ -35,7 +35,7 @@ pub enum Source {
     Density,
     /// How much of a filling there is, and its density.
     Filling,
-    /// The length of a scene unit, if only the mass tells it.
+    /// The length of a scene unit, if it has an interval.
     Scale,
 }
 

@@ -5,7 +5,7 @@ use super::moments::Moments;
 use super::unknowns::{Belief, Effect, OVERCONFIDENCE, Quantity, Source, Unknowns, extremes};
 use crate::parts::compose::volume::Volume;
 use crate::query::Form;
-use crate::units::Estimate;
+use crate::units::{Estimate, Range};
 
 /// The mass of a part or of a filling.
 pub struct Weight {
@@ -30,16 +30,24 @@ pub struct Weights {
     pub all: Vec<Weight>,
     /// Metres in a scene unit.
     pub scale: f64,
-    /// The same as a quantity, if it is known only from the mass.
-    unknown_scale: Option<Quantity>,
+    /// The same as a quantity, unless it is exact.
+    uncertain_scale: Option<Quantity>,
 }
 
 /// The length of a scene unit.
 #[derive(Debug, Clone, Copy)]
 pub struct Scale {
     pub meters_per_unit: f64,
-    /// Whether it is known from anything but the mass.
-    pub is_known: bool,
+    /// Its 90 % interval; `None` if it is exact.
+    pub range: Option<Range>,
+}
+
+impl Scale {
+    /// A scale that only the mass tells.
+    pub fn to_be_found(meters_per_unit: f64) -> Self {
+        let factor = ANY_SCALE.exp();
+        Self { meters_per_unit, range: Some(Range::new(meters_per_unit / factor, meters_per_unit * factor)) }
+    }
 }
 
 /// Logarithm of the factor by which an unknown scale may be off.
@@ -50,7 +58,7 @@ const SURFACE: &str = "surface";
 
 impl Weights {
     /// The masses of `weighables` in kilograms.
-    pub fn new(weighables: &[Weighable], Scale { meters_per_unit: scale, is_known }: Scale) -> Self {
+    pub fn new(weighables: &[Weighable], Scale { meters_per_unit: scale, range }: Scale) -> Self {
         let mut unknowns = Unknowns::default();
         let mut all = Vec::new();
         for (of, weighable) in weighables.iter().enumerate() {
@@ -59,19 +67,19 @@ impl Weights {
         for (of, weighable) in weighables.iter().enumerate() {
             all.extend(filling(of, weighable, scale, &mut unknowns));
         }
-        let mut unknown_scale = None;
-        if !is_known {
+        let mut uncertain_scale = None;
+        if let Some(Range { low, high }) = range {
             let unknown = unknowns.number(Source::Scale, SURFACE);
-            let effect = |power: f64| (unknown, Effect { low: -power * ANY_SCALE, high: power * ANY_SCALE });
+            let effect = |power: f64| (unknown, Effect::of(Estimate::new(low, scale, high)).wider(power));
             for weight in &mut all {
                 // The area of a wall grows with the square of the scale, its thickness not at all.
                 let power = if weight.wall.is_some() { 2.0 } else { 3.0 };
                 weight.volume.effects.push(effect(power));
                 weight.mass.effects.push(effect(power));
             }
-            unknown_scale = Some(Quantity { mid: scale, effects: vec![effect(1.0)] });
+            uncertain_scale = Some(Quantity { mid: scale, effects: vec![effect(1.0)] });
         }
-        Self { belief: Belief::prior(&unknowns), unknowns, all, scale, unknown_scale }
+        Self { belief: Belief::prior(&unknowns), unknowns, all, scale, uncertain_scale }
     }
 
     /// Takes into account that a scale read `reading_kg`, within `error_kg`. Returns the mass that was expected before,
@@ -86,9 +94,9 @@ impl Weights {
         (before, [least, most])
     }
 
-    /// Metres in a scene unit, if this is known only from the mass.
-    pub fn unknown_scale(&self) -> Option<Estimate> {
-        self.unknown_scale.as_ref().map(|scale| self.of(scale))
+    /// Metres in a scene unit, unless they are exact.
+    pub fn uncertain_scale(&self) -> Option<Estimate> {
+        self.uncertain_scale.as_ref().map(|scale| self.of(scale))
     }
 
     /// The moments of everything together, weighted by mass in kg; `None` if nothing has mass. World frame, scene units.

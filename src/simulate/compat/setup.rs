@@ -59,11 +59,7 @@ pub struct Setup {
 /// # Errors
 /// If there is nothing to simulate, a Gaussian has no finite position, the filling exceeds its limit, or the object
 /// leaves the box.
-pub fn set_up(
-    gaussians: &Gaussians,
-    config: &Config,
-    estimated: Option<&Estimated>,
-) -> Result<Setup, SimulateError> {
+pub fn set_up(gaussians: &Gaussians, config: &Config, estimated: Option<&Estimated>) -> Result<Setup, SimulateError> {
     let rotation = rotation(config);
     let mut opaque: Vec<bool> = (0..gaussians.len()).map(|i| gaussians.opacity(i) > config.opacity_threshold).collect();
     let turned = |i: u32| rotation * gaussians.center(i as usize).coords;
