@@ -8,7 +8,7 @@ use gprop::export::{ExportError, Format, Model, export};
 use gprop::grasp::candidates::Candidate;
 use gprop::grasp::gripper::GripperProfile;
 use gprop::grasp::{Options, Reason};
-use gprop::parts::{Object, PartsError};
+use gprop::parts::{FILLING, Object, PartsError};
 use gprop::vote::field_ply;
 use serde_json::{Value, json};
 use tempfile::TempDir;
@@ -420,6 +420,28 @@ fn exports_are_the_same_bytes_again() {
     for (one, two) in first.iter().zip(&second) {
         assert!(std::fs::read(one).unwrap() == std::fs::read(two).unwrap(), "{one:?}");
     }
+}
+
+/// What fills a shell is solid to the touch: the colliders are those of a solid part.
+#[test]
+fn a_filling_collides_as_its_shell() {
+    const FORMATS: [Format; 2] = [Format::Mjcf, Format::Glb];
+    let measured = Measured::of(&folders()[0]);
+    let mut interior = measured.result.interior.clone();
+    let shell = measured.parts().parts.last().unwrap().id;
+    let mut filled = 0;
+    for part in interior.part.iter_mut().filter(|part| **part == shell).step_by(2) {
+        *part += FILLING;
+        filled += 1;
+    }
+    assert!(filled > 0);
+    let model = model(measured);
+    let [solid, full] = [&measured.result.interior, &interior].map(|interior| {
+        let folder = TempDir::new().unwrap();
+        let files = export(&Model { interior, ..model }, &FORMATS, folder.path()).unwrap();
+        files.iter().map(|file| std::fs::read(file).unwrap()).collect::<Vec<_>>()
+    });
+    assert!(solid == full, "files differ");
 }
 
 #[test]

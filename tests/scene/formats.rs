@@ -357,7 +357,7 @@ proptest! {
 }
 
 /// A .ksplat of level 0 with Gaussians of SH degree 1, whose harmonics are 0, 1, 2 ...
-fn ksplat_file(count: u32, fitting: u32) -> Vec<u8> {
+pub fn ksplat_file(count: u32, fitting: u32) -> Vec<u8> {
     let mut file = vec![0; 4096 + 1024];
     file[1] = 1;
     file[4..8].copy_from_slice(&1u32.to_le_bytes());

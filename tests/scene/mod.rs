@@ -16,6 +16,8 @@ mod outside;
 mod nearest;
 // Gaussians that are set aside, and scales that are refused.
 mod outliers;
+// Round trips with splat-transform.
+mod peer;
 // Photos: colour types, alpha, size.
 mod photo;
 // PLY files of every kind, good and bad.
