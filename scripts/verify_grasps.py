@@ -3,6 +3,7 @@
 
     pip install mujoco pillow
     scripts/verify_grasps.py fixtures/hammer [fixtures/mug ...] [--work DIR] [--gripper FILE.toml] [--json FILE]
+    scripts/verify_grasps.py --check-pads                               # the pads on a block and on round bars
     scripts/verify_grasps.py --tried FILE.json [FILE.json ...]          # only the tables, from earlier runs
 
 For each scene, the model that `gprop export --format mjcf` writes lies on a plane. A gripper with two parallel pads that have
@@ -49,7 +50,7 @@ PRESSED_S, CLOSED_S, LIFTED_S, SHAKEN_S, END_S = 0.5, 0.8, 2.3, 3.3, 5.3
 TIMESTEP_S = 0.002
 # The object is held if it slid by less, and lost if it slid by more.
 HELD_M, LOST_M = 0.005, 0.02
-# More than the twist of the pads below the torque at which an object turns between them (at most 4 degrees at 0.85 of it).
+# More than the twist of the pads below the torque at which an object turns between them (`--check-pads`).
 TURNED_DEG = 20.0
 # A pad: soft rubber of 5 mm, so that it lies against a round handle too.
 PAD_THICKNESS_M, PAD_YOUNGS_PA, PAD_POINTS, POINT_RADIUS_M = 0.005, 1e6, 12, 0.001
@@ -168,11 +169,15 @@ def lowest(model):
     mujoco.mj_forward(model, data)
     least = math.inf
     for geom in range(model.ngeom):
-        if model.geom_type[geom] != mujoco.mjtGeom.mjGEOM_MESH or not model.geom_contype[geom] & 1:
+        if not model.geom_contype[geom] & 1 or model.geom_type[geom] == mujoco.mjtGeom.mjGEOM_PLANE:
+            continue
+        turn = data.geom_xmat[geom].reshape(3, 3)
+        if model.geom_type[geom] != mujoco.mjtGeom.mjGEOM_MESH:
+            least = min(least, float(data.geom_xpos[geom][2] - np.abs(turn[2]) @ model.geom_aabb[geom][3:]))
             continue
         mesh = model.geom_dataid[geom]
         first, count = model.mesh_vertadr[mesh], model.mesh_vertnum[mesh]
-        turned = model.mesh_vert[first:first + count] @ data.geom_xmat[geom].reshape(3, 3).T + data.geom_xpos[geom]
+        turned = model.mesh_vert[first:first + count] @ turn.T + data.geom_xpos[geom]
         least = min(least, float(turned[:, 2].min()))
     return least
 
@@ -461,6 +466,37 @@ def checks(results):
     ]
 
 
+# Shapes of 40 mm between the pads, which press along x.
+SHAPES = {"block": '<geom type="box" size="0.02 0.05 0.05"', "upright bar": '<geom type="cylinder" size="0.02 0.05"',
+          "lying bar": '<geom type="cylinder" size="0.02 0.05" euler="90 0 0"'}
+
+
+def check_pads(gripper):
+    """The pads against the formulas of F_min and of the torque margin, on shapes for which these are meant."""
+    mass, friction = 0.5, 0.6
+    weight = mass * GRAVITY
+    f_min = weight / 2 / friction
+    print("| shape | N | lever, mm | of F_min | of the torque | outcome | slid, mm | turned, deg |", "| --- " * 8 + "|", sep="\n")
+    trials = [(share * f_min, 0.0, 0.0) for share in (0.8, 0.9, 0.95, 1.1, 1.2)]
+    for force in (10.0, 40.0):
+        most = torque_margin(gripper, friction, force, weight, 0.0) / weight
+        trials += [(force, share * most, share) for share in (0.5, 0.85, 1.1, 1.2)]
+    with tempfile.TemporaryDirectory() as folder:
+        for shape, geom in SHAPES.items():
+            for force, lever, share in trials:
+                if shape == "upright bar" and lever > 0.02:
+                    continue  # It would fall over.
+                with open(os.path.join(folder, "body.xml"), "w") as file:
+                    file.write(f'<mujoco><asset/><worldbody><body name="body"><freejoint/><inertial pos="0 {lever} 0" mass="{mass}" '
+                               f'fullinertia="0.001 0.001 0.001 0 0 0"/>{geom} friction="{friction}"/></body></worldbody></mujoco>')
+                grasp = {"contacts_m": [[-0.02, 0.0, 0.0], [0.02, 0.0, 0.0]], "approach": [0.0, 0.0, 1.0]}
+                truth = {"mass_kg": mass, "friction": friction}
+                model, middle = scene(folder, "body", grasp, gripper, truth, "colliders")
+                tried = attempt(model, "body", middle, force)
+                print(f"| {shape} | {force:.1f} | {1e3 * lever:.1f} | {force / f_min:.2f} | {share:.2f} | {tried['outcome']} | "
+                      f"{1e3 * tried['slid_m']:.1f} | {tried['turned_deg']:.0f} |", flush=True)
+
+
 def main():
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("scenes", nargs="*", metavar="SCENE[=WORK]", help="scene, and its work folder if it is not SCENE/gprop")
@@ -469,15 +505,19 @@ def main():
     parser.add_argument("--gripper", metavar="FILE.toml", default=default, help="the profile with which gprop planned")
     parser.add_argument("--touch", choices=["skin", "colliders"], default="skin", help="what the pads touch [default: skin]")
     parser.add_argument("--gprop", metavar="PROGRAM", default="gprop")
+    parser.add_argument("--check-pads", action="store_true", help="compare the pads with the formulas, on a block and two bars")
     parser.add_argument("--json", metavar="FILE", help="write the outcomes here")
     parser.add_argument("--tried", metavar="FILE", nargs="+", default=[], help="outcomes of earlier runs, to be in the tables too")
     options = parser.parse_args()
     if options.work and len(options.scenes) > 1:
         parser.error("--work is for one scene; write SCENE=WORK")
-    if not options.scenes and not options.tried:
+    if not options.scenes and not options.tried and not options.check_pads:
         parser.error("no scene")
     with open(options.gripper, "rb") as file:
         options.profile = tomllib.load(file)
+    if options.check_pads:
+        check_pads(options.profile)
+        return
     results = []
     for path in options.tried:
         with open(path) as file:

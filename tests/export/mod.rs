@@ -242,9 +242,10 @@ fn simready_accepts_the_usd_as_a_prop() {
 }
 
 #[test]
-fn newton_imports_the_usd_with_its_gaussians() {
-    const PACKAGES: &str = "newton warp-lang newton-usd-schemas usd-core";
-    if !python_has("newton_imports_the_usd_with_its_gaussians", PACKAGES, "newton, newton_usd_schemas, pxr") {
+fn newton_imports_the_usd_with_its_gaussians_and_it_comes_to_rest() {
+    const TEST: &str = "newton_imports_the_usd_with_its_gaussians_and_it_comes_to_rest";
+    const PACKAGES: &str = "newton warp-lang newton-usd-schemas usd-core scipy";
+    if !python_has(TEST, PACKAGES, "newton, newton_usd_schemas, pxr, scipy") {
         return;
     }
     let rigid = Rigid::of(&folders()[0]);
@@ -258,6 +259,9 @@ fn newton_imports_the_usd_with_its_gaussians() {
     for (center, expected) in numbers(&found["center_of_mass_m"]).iter().zip(object.center_of_mass_m) {
         assert!((center - expected).abs() < 1e-6, "{found}");
     }
+    // It was dropped from 2 cm.
+    assert!((found["fell_m"].as_f64().unwrap() - 0.02).abs() < 0.005, "{found}");
+    assert!(found["moved_m"].as_f64().unwrap() < 0.002, "{found}");
 }
 
 #[test]
