@@ -81,8 +81,13 @@ fn sample() -> Gaussians {
 }
 
 fn transformed(from: &Path, to: &Path, options: &[&str]) {
-    let output =
-        Command::new("splat-transform").args(["-q", "-w", "-g", "cpu"]).arg(from).arg(to).args(options).output().unwrap();
+    let output = Command::new("splat-transform")
+        .args(["-q", "-w", "-g", "cpu"])
+        .arg(from)
+        .arg(to)
+        .args(options)
+        .output()
+        .unwrap();
     assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
 }
 
