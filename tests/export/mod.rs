@@ -8,7 +8,7 @@ use gprop::export::{ExportError, Format, Model, export};
 use gprop::grasp::candidates::Candidate;
 use gprop::grasp::gripper::GripperProfile;
 use gprop::grasp::{Options, Reason};
-use gprop::parts::{Object, PartsError};
+use gprop::parts::{FILLING, Object, PartsError};
 use gprop::vote::field_ply;
 use serde_json::{Value, json};
 use tempfile::TempDir;
@@ -242,9 +242,10 @@ fn simready_accepts_the_usd_as_a_prop() {
 }
 
 #[test]
-fn newton_imports_the_usd_with_its_gaussians() {
-    const PACKAGES: &str = "newton warp-lang newton-usd-schemas usd-core";
-    if !python_has("newton_imports_the_usd_with_its_gaussians", PACKAGES, "newton, newton_usd_schemas, pxr") {
+fn newton_imports_the_usd_with_its_gaussians_and_it_comes_to_rest() {
+    const TEST: &str = "newton_imports_the_usd_with_its_gaussians_and_it_comes_to_rest";
+    const PACKAGES: &str = "newton warp-lang newton-usd-schemas usd-core scipy";
+    if !python_has(TEST, PACKAGES, "newton, newton_usd_schemas, pxr, scipy") {
         return;
     }
     let rigid = Rigid::of(&folders()[0]);
@@ -258,6 +259,9 @@ fn newton_imports_the_usd_with_its_gaussians() {
     for (center, expected) in numbers(&found["center_of_mass_m"]).iter().zip(object.center_of_mass_m) {
         assert!((center - expected).abs() < 1e-6, "{found}");
     }
+    // It was dropped from 2 cm.
+    assert!((found["fell_m"].as_f64().unwrap() - 0.02).abs() < 0.005, "{found}");
+    assert!(found["moved_m"].as_f64().unwrap() < 0.002, "{found}");
 }
 
 #[test]
@@ -420,6 +424,28 @@ fn exports_are_the_same_bytes_again() {
     for (one, two) in first.iter().zip(&second) {
         assert!(std::fs::read(one).unwrap() == std::fs::read(two).unwrap(), "{one:?}");
     }
+}
+
+/// What fills a shell is solid to the touch: the colliders are those of a solid part.
+#[test]
+fn a_filling_collides_as_its_shell() {
+    const FORMATS: [Format; 2] = [Format::Mjcf, Format::Glb];
+    let measured = Measured::of(&folders()[0]);
+    let mut interior = measured.result.interior.clone();
+    let shell = measured.parts().parts.last().unwrap().id;
+    let mut filled = 0;
+    for part in interior.part.iter_mut().filter(|part| **part == shell).step_by(2) {
+        *part += FILLING;
+        filled += 1;
+    }
+    assert!(filled > 0);
+    let model = model(measured);
+    let [solid, full] = [&measured.result.interior, &interior].map(|interior| {
+        let folder = TempDir::new().unwrap();
+        let files = export(&Model { interior, ..model }, &FORMATS, folder.path()).unwrap();
+        files.iter().map(|file| std::fs::read(file).unwrap()).collect::<Vec<_>>()
+    });
+    assert!(solid == full, "files differ");
 }
 
 #[test]

@@ -357,10 +357,13 @@ proptest! {
 }
 
 /// A .ksplat of level 0 with Gaussians of SH degree 1, whose harmonics are 0, 1, 2 ...
-fn ksplat_file(count: u32, fitting: u32) -> Vec<u8> {
+pub fn ksplat_file(count: u32, fitting: u32) -> Vec<u8> {
     let mut file = vec![0; 4096 + 1024];
     file[1] = 1;
     file[4..8].copy_from_slice(&1u32.to_le_bytes());
+    // Sections and Gaussians in use, which gprop does not need.
+    file[8..12].copy_from_slice(&1u32.to_le_bytes());
+    file[16..20].copy_from_slice(&count.to_le_bytes());
     let section = 4096;
     file[section..section + 4].copy_from_slice(&count.to_le_bytes());
     file[section + 4..section + 8].copy_from_slice(&fitting.to_le_bytes());

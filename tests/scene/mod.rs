@@ -18,6 +18,8 @@ mod nearest;
 mod outliers;
 // The scale from a printed marker.
 mod marker;
+// Round trips with splat-transform.
+mod peer;
 // Photos: colour types, alpha, size.
 mod photo;
 // PLY files of every kind, good and bad.

@@ -26,6 +26,9 @@ const CUTS: usize = 8;
 const BALANCE: f64 = 0.02;
 /// Points that stand for a body while cuts are compared.
 const SAMPLES: usize = 200;
+/// Points of the border that are this close to a cut, in cells, stand for its section. Faces across an axis lie half a cell
+/// apart from those along it.
+const NEAR: f64 = 0.75;
 /// Points that are outside a face by less than this, in cells, lie in it.
 const FLAT: f64 = 1e-3;
 /// Bodies with a smaller share of their part's cells are crumbs, which are left out.
@@ -209,9 +212,22 @@ impl<'a> Decomposition<'a> {
             let within = |position: &f64| *position > low + self.grid.cell && *position < high - self.grid.cell;
             cuts.extend(regular.chain(at_notch).filter(within).map(|position| (normal, position)));
         }
+        // The border where the plane cuts it belongs to both sides: without it, the samples leave a gap beside the plane,
+        // and cutting thin slices would seem to save volume.
+        let section = |normal: &Vector3<f64>, position: f64| -> Vec<Point3<f64>> {
+            let onto_plane = |p: &Point3<f64>| {
+                let off = normal.dot(&p.coords) - position;
+                (off.abs() <= NEAR * self.grid.cell).then(|| p - normal * off)
+            };
+            some(&body.border.iter().filter_map(onto_plane).collect::<Vec<_>>())
+        };
         let whole = body.hull.volume();
         let cost = |(normal, position): &(Vector3<f64>, f64)| {
-            let (left, right): (Vec<_>, Vec<_>) = samples.iter().partition(|p| normal.dot(&p.coords) < *position);
+            let section = section(normal, *position);
+            let (mut left, mut right): (Vec<_>, Vec<_>) =
+                samples.iter().partition(|p| normal.dot(&p.coords) < *position);
+            left.extend_from_slice(&section);
+            right.extend(section);
             let volume = |points: &[Point3<f64>]| Hull::of(points).map_or(0.0, |hull| hull.volume());
             let [left, right] = [volume(&left), volume(&right)];
             left + right + BALANCE * whole * (left - right).abs() / (left + right).max(f64::MIN_POSITIVE)

@@ -4,20 +4,22 @@ use std::collections::VecDeque;
 
 use nalgebra::{Point3, Vector3};
 
-use crate::parts::{Grid, Interior, OUTSIDE, VOID};
+use crate::parts::{FILLING, Grid, Interior, OUTSIDE, VOID};
 
 /// The cells of the object.
 pub struct Solid {
     pub grid: Grid,
-    /// Per cell: the part that fills it or, in a void, the part whose wall is nearest; [`OUTSIDE`] elsewhere.
+    /// Per cell: the part that fills it, the shell whose filling does or, in a void, the part whose wall is nearest;
+    /// [`OUTSIDE`] elsewhere.
     pub part: Vec<u32>,
 }
 
 impl Solid {
-    /// Fills the voids of shells, each cell with the part from which fewest steps lead to it.
+    /// Gives fillings to their shells, and each cell of a void to the part from which fewest steps lead to it.
     pub fn of(interior: &Interior) -> Self {
         let grid = interior.grid;
-        let mut part = interior.part.clone();
+        let owner = |part: &u32| if (FILLING..VOID).contains(part) { part - FILLING } else { *part };
+        let mut part: Vec<u32> = interior.part.iter().map(owner).collect();
         let is_wall = |i: &usize| part[*i] < VOID && grid.neighbours(*i).any(|n| part[n] == VOID);
         let mut queue: VecDeque<usize> = (0..part.len()).filter(is_wall).collect();
         while let Some(i) = queue.pop_front() {
