@@ -27,6 +27,9 @@ const OF_ONE_SCENE: &[&str] =
 /// Those of a film.
 const OF_A_FILM: &[&str] = &["turntable", "size", "fps"];
 
+/// Numerical settings that gprop chooses itself: only `--help-all` shows them.
+const FOR_EXPERTS: &[&str] = &["cfl", "fixed-step", "max-stiffness", "soften"];
+
 /// The headings of the stages' options that are a command's own.
 fn own_headings(command: &str) -> &'static [&'static str] {
     match command {
@@ -53,7 +56,8 @@ pub fn with_help(program: clap::Command) -> clap::Command {
             let is_other = |heading| headings.contains(&heading) && !own.contains(&heading);
             let is_common = argument.get_long().is_some_and(|long| common.contains(&long));
             let hide = argument.get_help_heading().is_some_and(is_other) && !is_common;
-            argument.hide_short_help(hide)
+            let for_experts = argument.get_long().is_some_and(|long| FOR_EXPERTS.contains(&long));
+            argument.hide_short_help(hide || for_experts)
         };
         command.mut_args(shorten).mut_subcommands(|nested| nested.mut_args(shorten))
     });

@@ -65,11 +65,14 @@ pub fn scale_bar(picture: &mut RgbImage, pixels_per_meter: f64) {
     let edge = 0.03 * width;
     let (lower, upper) = (height - edge - thick, edge + high - thick);
     let places = [(edge, lower), (width - edge - wide, lower), (edge, upper), (width - edge - wide, upper)];
+    // In percent, since corners differ by a row or a column of pixels.
     let covered = |&(x, y): &(f64, f64)| {
         let within = |from: f64, length: f64, room: u32| from.max(0.0) as u32..((from + length) as u32).min(room);
         let rows = within(y + thick - high, high, picture.height());
         let columns = || within(x, wide, picture.width());
-        rows.map(|row| columns().filter(|&column| *picture.get_pixel(column, row) != WHITE).count()).sum::<usize>()
+        let all = (rows.len() * columns().len()).max(1);
+        let shown = |row| columns().filter(|&column| *picture.get_pixel(column, row) != WHITE).count();
+        100 * rows.map(shown).sum::<usize>() / all
     };
     let (x, y) = places.into_iter().min_by_key(covered).expect("four corners");
     let ends = [Point2::new(x, y), Point2::new(x + length, y)];
