@@ -68,9 +68,11 @@ fn pictures(scene: &Path, work: &Path) {
     assert!(figure.width() > 3 * 512 && figure.height() > 512, "three panels and a legend");
     let of_field = ["figure", "materials", "parts", "confidence", "hardness", "youngs-modulus", "density", "friction"];
     for what in of_field.into_iter().chain(["vote", "levels"]) {
+        // Only views that were asked about have answers beside the vote.
+        let view = if what == "vote" { "003" } else { "001" };
         let to = work.join(format!("{what}.of-001.png"));
         let output = Command::new(env!("CARGO_BIN_EXE_gprop"))
-            .args(["show", text(scene), text(&to), "--what", what, "--view", "001", "--out", text(work)])
+            .args(["show", text(scene), text(&to), "--what", what, "--view", view, "--out", text(work)])
             .output()
             .unwrap();
         assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
