@@ -172,17 +172,24 @@ pub struct SegmentationEvaluation {
     pub no_vote: Column,
     /// That view, by object.
     pub best_view: BTreeMap<String, String>,
+    /// For every object, the mean over all single views of their mean IoU: the worth of a view that is not chosen
+    /// with knowledge of the truth.
+    pub mean_view: BTreeMap<String, f64>,
 }
 
 impl SegmentationEvaluation {
     /// Computes the scores from the counts.
     pub fn of(labels: Vocabulary, objects: Vec<ObjectTallies>) -> Self {
         let (mut voted, mut local, mut beside, mut single) = (vec![], vec![], vec![], vec![]);
-        let mut best_view = BTreeMap::new();
+        let (mut best_view, mut mean_view) = (BTreeMap::new(), BTreeMap::new());
         for ObjectTallies { object, voted: own, local_only, single_views } in objects {
             if let Some(tally) = local_only {
                 local.push((object.clone(), tally));
                 beside.push((object.clone(), own.clone()));
+            }
+            let means: Vec<f64> = single_views.iter().filter_map(|(_, tally)| tally.mean()).collect();
+            if !means.is_empty() {
+                mean_view.insert(object.clone(), means.iter().sum::<f64>() / means.len() as f64);
             }
             // Among equals, the first.
             let best =
@@ -201,6 +208,7 @@ impl SegmentationEvaluation {
             voted_beside_local_only: some(&beside),
             no_vote: Column::of(&single),
             best_view,
+            mean_view,
         }
     }
 
@@ -219,7 +227,9 @@ impl SegmentationEvaluation {
             text += &rows(&objects.join(" + "), &beside.overall, Some(&local.overall), None);
         }
         let views: Vec<String> = self.best_view.iter().map(|(object, view)| format!("{view} of {object}")).collect();
-        text + &format!("\nno vote: the single view that scores best ({})", views.join(", "))
+        text += &format!("\nno vote: the single view that scores best ({})", views.join(", "));
+        let means: Vec<String> = self.mean_view.iter().map(|(object, mean)| format!("{object} {mean:.4}")).collect();
+        text + &format!("\nmean over the single views: {}", means.join(", "))
     }
 }
 
@@ -273,6 +283,8 @@ mod tests {
         assert_eq!(found.local_only.as_ref().unwrap().overall.mean_iou, Some(1.0));
         assert_eq!(found.voted_beside_local_only.as_ref().unwrap().overall.mean_iou, Some(0.0));
         assert_eq!(found.best_view["one"], "b");
+        // One view is wrong, two are right.
+        assert!((found.mean_view["one"] - 2.0 / 3.0).abs() < 1e-12, "{:?}", found.mean_view);
         let text = found.text();
         assert!(text.contains("all") && text.contains("0.7500") && text.contains("b of two"), "{text}");
     }

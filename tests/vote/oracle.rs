@@ -91,6 +91,22 @@ fn true_parts_come_back_in_views_that_did_not_vote() {
     assert!(total[1] > 0.96 && total[1] >= total[0] - 1e-3, "the default scores best: {total:?}");
 }
 
+/// The paper's ablation without a vote, with the truth as the answer: one view decides for all Gaussians that it sees.
+#[test]
+fn the_vote_is_better_than_single_views_on_every_scene() {
+    for measured in scenes::all() {
+        let maps = measured.true_maps();
+        let mean =
+            |maps: &[(View, LabelMap)]| measure(measured, &voted(measured, maps, Rule::default())).mean().unwrap();
+        let together = mean(&maps);
+        for (n, map) in maps.iter().enumerate().step_by(4) {
+            let alone = mean(std::slice::from_ref(map));
+            println!("{}: {together:.4}, view {n} alone {alone:.4}", measured.scene.name);
+            assert!(alone < together, "{}: view {n} alone", measured.scene.name);
+        }
+    }
+}
+
 /// The held-out views with their true maps, as views that vote.
 fn held_out_maps(measured: &Measured) -> Vec<(View, LabelMap)> {
     let of_view = |(n, view): (usize, &scenes::HeldOut)| {
