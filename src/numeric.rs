@@ -1,4 +1,4 @@
-//! Numerical functions for several modules: medians, and directions spread evenly over a sphere.
+//! Numerical functions for several modules: medians, directions spread evenly over a sphere, and the light of colours.
 
 use std::f64::consts::PI;
 
@@ -28,6 +28,12 @@ pub fn sphere_directions(count: usize) -> impl Iterator<Item = Vector3<f64>> {
         let across = (1.0 - z * z).sqrt();
         Vector3::new(across * cos, across * sin, z)
     })
+}
+
+/// The light of a channel of sRGB, 0 to 1 (IEC 61966-2-1).
+pub fn srgb_light(channel: u8) -> f64 {
+    let c = f64::from(channel) / 255.0;
+    if c <= 0.04045 { c / 12.92 } else { ((c + 0.055) / 1.055).powf(2.4) }
 }
 
 #[cfg(test)]

@@ -6,6 +6,8 @@ use std::io::{self, Write};
 
 use serde_json::{Value, json};
 
+use crate::numeric::srgb_light;
+
 const MAGIC: &[u8; 4] = b"glTF";
 const VERSION: u32 = 2;
 /// `GL_FLOAT`, `GL_UNSIGNED_INT`, `GL_UNSIGNED_SHORT`.
@@ -45,11 +47,7 @@ impl Gltf {
 
     /// Adds colours of vertices: sRGB, which glTF stores as linear light.
     pub fn colors(&mut self, colors: &[[u8; 3]]) -> usize {
-        let linear = |channel: u8| {
-            let c = f64::from(channel) / 255.0;
-            let light = if c <= 0.04045 { c / 12.92 } else { ((c + 0.055) / 1.055).powf(2.4) };
-            (light * 65535.0).round() as u16
-        };
+        let linear = |channel: u8| (srgb_light(channel) * 65535.0).round() as u16;
         let opaque = |color: &[u8; 3]| [linear(color[0]), linear(color[1]), linear(color[2]), u16::MAX];
         let bytes: Vec<u8> = colors.iter().flat_map(opaque).flat_map(u16::to_le_bytes).collect();
         let accessor =

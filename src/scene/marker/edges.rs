@@ -10,6 +10,7 @@ use nalgebra::{Point2, Vector2};
 use super::plane::Plane;
 use super::quads::Quad;
 use crate::camera::Intrinsics;
+use crate::numeric::upper_median;
 
 /// How far a profile extends to either side of the edge, in cells, in each pass: the border is one cell wide, and so is the
 /// least white margin around it. What is beyond them must not show through a blur in the end. The quadrilateral is off by
@@ -133,9 +134,9 @@ fn edge(across: &Across, reach_cells: f64, plane: &Plane, lens: &Lens) -> Option
             found.push((share - 0.5, profile));
         }
     }
-    let usual = median(found.iter().map(|(_, profile)| profile.contrast).collect())?;
+    let usual = upper_median(found.iter().map(|(_, profile)| profile.contrast).collect())?;
     found.retain(|(_, profile)| profile.contrast >= LEAST_CONTRAST * usual && profile.offset.abs() < reach);
-    let sharpness = median(found.iter().map(|(_, profile)| profile.sharpness).collect())?;
+    let sharpness = upper_median(found.iter().map(|(_, profile)| profile.sharpness).collect())?;
     let mut found: Vec<(f64, f64)> = found.into_iter().map(|(share, profile)| (share, profile.offset)).collect();
     let (mut line, mut scatter) = fit(&found)?;
     found.retain(|(share, offset)| (line.0 + line.1 * share - offset).abs() <= OUTLIER * scatter.max(f64::EPSILON));
@@ -181,12 +182,6 @@ fn fit(places: &[(f64, f64)]) -> Option<((f64, f64), f64)> {
     let (x, y) = (mean(&|place| place.0), mean(&|place| place.1));
     let slope = mean(&|place| (place.0 - x) * (place.1 - y)) / mean(&|place| (place.0 - x).powi(2));
     let line = (y - slope * x, slope);
-    let scatter = median(places.iter().map(|place| (line.0 + line.1 * place.0 - place.1).abs()).collect())?;
+    let scatter = upper_median(places.iter().map(|place| (line.0 + line.1 * place.0 - place.1).abs()).collect())?;
     slope.is_finite().then_some((line, scatter))
-}
-
-/// The upper median.
-pub(super) fn median(mut values: Vec<f64>) -> Option<f64> {
-    values.sort_by(f64::total_cmp);
-    values.get(values.len() / 2).copied()
 }

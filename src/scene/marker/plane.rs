@@ -5,6 +5,8 @@ use std::sync::LazyLock;
 use image::RgbImage;
 use nalgebra::Point2;
 
+use crate::numeric::srgb_light;
+
 /// A grey picture with the photo's own (gamma-encoded) values.
 #[derive(Debug, Clone)]
 pub(super) struct Plane {
@@ -13,14 +15,9 @@ pub(super) struct Plane {
     pub values: Vec<u8>,
 }
 
-/// The light, 0 to 1, for each value of sRGB (IEC 61966-2-1). Blur, whether of a lens or of a pixel, is symmetric in light
+/// The light, 0 to 1, for each value of sRGB. Blur, whether of a lens or of a pixel, is symmetric in light
 /// and not in encoded values, so edges are located in light.
-static LIGHT: LazyLock<[f64; 256]> = LazyLock::new(|| {
-    std::array::from_fn(|value| {
-        let v = value as f64 / 255.0;
-        if v <= 0.04045 { v / 12.92 } else { ((v + 0.055) / 1.055).powf(2.4) }
-    })
-});
+static LIGHT: LazyLock<[f64; 256]> = LazyLock::new(|| std::array::from_fn(|value| srgb_light(value as u8)));
 
 impl Plane {
     pub fn of(picture: &RgbImage) -> Self {

@@ -6,8 +6,8 @@
 use nalgebra::{Matrix2x3, Matrix3, Matrix4, Point3, RowVector4, Vector2, Vector3};
 
 use super::detect::{Detection, side};
-use super::edges::median;
 use crate::camera::Camera;
+use crate::numeric::upper_median;
 
 /// A marker in one view.
 pub(super) struct Sighting<'a> {
@@ -52,7 +52,7 @@ pub(super) fn corners(sightings: &[Sighting]) -> Option<Corners> {
     let mut points = place(sightings, &agreeing)?;
     for _ in 0..ROUNDS {
         let off = |at: &usize| distance(&sightings[*at], &points);
-        let usual = median(agreeing.iter().map(off).collect())?;
+        let usual = upper_median(agreeing.iter().map(off).collect())?;
         let most = (OUTLIER * usual).max(LEAST_OUTLIER_PX);
         let kept = best_of_each_view(sightings, |at| Some(off(&at)).filter(|off| *off <= most));
         if views(sightings, &kept) < 2 || kept == agreeing {
@@ -213,7 +213,7 @@ fn length(sightings: &[Sighting], of: &[usize], points: &[Point3<f64>; 4]) -> Op
     // Student's distribution, to first order in 1 / freedom.
     let ends = NORMAL_90 * (1.0 + (NORMAL_90.powi(2) + 1.0) / (4.0 * freedom));
     let stretched = 0.25 * (sides[0] + sides[2] - sides[1] - sides[3]);
-    let pixels = median(of.iter().map(|at| side(&sightings[*at].detection.corners)).collect())?;
+    let pixels = upper_median(of.iter().map(|at| side(&sightings[*at].detection.corners)).collect())?;
     let moved = 2.0 * EDGE_PX / pixels * mean;
     Some((mean, (ends * independent.max(shared).sqrt()).hypot(stretched).hypot(moved)))
 }
