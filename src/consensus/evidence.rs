@@ -51,6 +51,7 @@ impl Evidence {
                 angle_deg,
                 angles: u32::from(is_far),
                 near: u32::from(!is_far),
+                ..Border::default()
             };
             (sums.weight > 0.0).then_some((a, b, border))
         };

@@ -17,6 +17,9 @@ pub(super) struct Border {
     /// Sum of the angles between normals over pairs that are far enough apart, and their number.
     pub angle_deg: f64,
     pub angles: u32,
+    /// Number of those pairs with a plane at either end, and of those whose planes agree.
+    pub planes: u32,
+    pub smooth: u32,
     /// Number of pairs of nearest neighbours: without any, the groups lie a few Gaussians apart.
     pub near: u32,
 }
@@ -34,6 +37,8 @@ impl AddAssign for Border {
         self.weight += other.weight;
         self.angle_deg += other.angle_deg;
         self.angles += other.angles;
+        self.planes += other.planes;
+        self.smooth += other.smooth;
         self.near += other.near;
     }
 }

@@ -7,8 +7,9 @@
 //! 3. [`evidence`]: for every pair, in how many of the views that see both some segment holds one and not the other,
 //!    and the angle between the surface's normals ([`normals`]);
 //! 4. [`linkage`]: joins Gaussians into pieces that views do not split, by average linkage over all pairs that cross
-//!    their border, then pieces into parts across borders without an edge in the surface: a printed pattern is not a
-//!    part. The pieces are kept, in case the part turns out to consist of several materials;
+//!    their border, then pieces into parts across borders without an edge in the surface ([`normals`]) or on one smooth
+//!    surface ([`planes`]): a printed pattern is not a part. The pieces are kept, in case the part turns out to consist
+//!    of several materials;
 //! 5. [`masks`]: the parts in each view, and [`mod@best_views`]: the views that show each part best.
 //!
 //! Crumbs join the neighbour from which views separate them least. Gaussians that are then in no part, because no view
@@ -22,6 +23,7 @@ mod membership;
 mod neighbors;
 mod normals;
 mod options;
+mod planes;
 
 use std::collections::BTreeMap;
 
@@ -39,6 +41,7 @@ use linkage::{Border, NONE, link};
 use membership::Membership;
 use neighbors::Pairs;
 use normals::Normals;
+use planes::Planes;
 
 pub use best_views::{PartView, best_views, sharpness};
 pub use options::{Asked, Options, SCENE_KEYS};
@@ -58,6 +61,10 @@ const ASKED_PIECE_SHARE: f64 = 0.01;
 /// it has an edge. Pairs on a smooth printed surface differ by 8 to 22 degrees, those across borders of parts by 42 and
 /// more (the four fixtures and six measured objects).
 const SMOOTH_TO_EDGE_DEG: [f64; 2] = [20.0, 50.0];
+/// A border is print if at least this share of its pairs lie on one smooth surface ([`planes`]). Most pairs between
+/// large printed fields do (up to 0.92 of a border's pairs; a soup can and a cracker box), at most 0.2 of those between
+/// parts (the four fixtures and two workshop tools).
+const PRINT_SHARE: f64 = 0.25;
 /// A border's mean angle starts from this many assumed pairs of [`SURE_EDGE_DEG`], so that few pairs do not decide.
 const PRIOR_PAIRS: f64 = 20.0;
 const SURE_EDGE_DEG: f64 = 60.0;
@@ -142,7 +149,6 @@ pub fn find(gaussians: &Gaussians, views: &[SegmentedView], progress: Progress) 
     let seen: Vec<u32> = (0..gaussians.len() as u32).filter(|&i| light[i as usize] > LEAST_LIGHT).collect();
     let nearest = Nearest::new(seen.iter().map(|&i| gaussians.positions[i as usize]));
     let normals = Normals::new(gaussians, &seen, &nearest, &light, &toward_views);
-    drop(toward_views);
     let pairs = Pairs::new(gaussians, &seen, &nearest);
     let mut evidence = Evidence::new(&pairs);
     for view in views {
@@ -159,15 +165,19 @@ pub fn find(gaussians: &Gaussians, views: &[SegmentedView], progress: Progress) 
     let near_split = |border: &Border| if border.near > 0 { border.split() } else { f64::INFINITY };
     let piece_of_core = link(cores, &between_cores, PIECE_SPLIT, near_split);
     let piece_of_core = linkage::absorb(piece_of_core, &between_cores, &light_of_core, SCRAP_SHARE);
-    let between_pieces = linkage::between(&piece_of_core, cores, between_cores.iter().copied());
-    let part_of_piece = link(cores, &between_pieces, PART_STRENGTH, strength);
     let group_of = |groups: &[u32], member: u32| groups.get(member as usize).copied().unwrap_or(NONE);
+    let of_gaussian = |of_core: &[u32]| -> Vec<u32> { core_of.iter().map(|&core| group_of(of_core, core)).collect() };
+    let piece_of = of_gaussian(&piece_of_core);
+    let planes = Planes::new(gaussians, (&seen, &nearest), &toward_views, &piece_of, borders());
+    let planes =
+        planes.borders(&piece_of, borders()).map(|(a, b, border)| (core_of[a as usize], core_of[b as usize], border));
+    let between_pieces = linkage::between(&piece_of_core, cores, between_cores.iter().copied().chain(planes));
+    let part_of_piece = link(cores, &between_pieces, PART_STRENGTH, strength);
     let part_of_core = piece_of_core.iter().map(|&piece| group_of(&part_of_piece, piece)).collect();
     let crumb_share = CRUMB_SHARE.max(CRUMB_GAUSSIANS / seen.len().max(1) as f64);
     let part_of_core = linkage::absorb(part_of_core, &between_cores, &light_of_core, crumb_share);
     let shown = (&between_cores[..], &light_of_core[..], crumb_share.max(ASKED_PIECE_SHARE));
     let piece_of_core = pieces(&piece_of_core, &part_of_core, shown);
-    let of_gaussian = |of_core: &[u32]| -> Vec<u32> { core_of.iter().map(|&core| group_of(of_core, core)).collect() };
     finish(gaussians, &of_gaussian(&part_of_core), &of_gaussian(&piece_of_core), &seen, &light, &borders)
 }
 
@@ -193,8 +203,12 @@ fn pieces(piece_of: &[u32], part_of: &[u32], (borders, light, least_share): (Bor
     linkage::absorb(joined, &inside, light, least_share)
 }
 
-/// How much a border separates two parts, 0 to 1: the share of views that split it, times how much of an edge it is.
+/// How much a border separates two parts, 0 to 1: the share of views that split it, times how much of an edge it is. A
+/// border of print has none.
 fn strength(border: &Border) -> f64 {
+    if f64::from(border.smooth) >= PRINT_SHARE * (f64::from(border.planes) + PRIOR_PAIRS) {
+        return 0.0;
+    }
     let angle = (border.angle_deg + PRIOR_PAIRS * SURE_EDGE_DEG) / (f64::from(border.angles) + PRIOR_PAIRS);
     let [smooth, edge] = SMOOTH_TO_EDGE_DEG;
     border.split() * ((angle - smooth) / (edge - smooth)).clamp(0.0, 1.0)
