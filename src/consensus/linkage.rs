@@ -5,6 +5,8 @@ use std::cmp::Ordering;
 use std::collections::{BTreeMap, BinaryHeap};
 use std::ops::AddAssign;
 
+use super::PRIOR_PAIRS;
+
 /// Stands for no group.
 pub(super) const NONE: u32 = u32::MAX;
 
@@ -28,6 +30,11 @@ impl Border {
     /// The mean share of a pair's membership that a view splits, 0 to 1.
     pub fn split(&self) -> f64 {
         self.split / self.weight
+    }
+
+    /// The share of its pairs that lie on one smooth surface, 0 to 1.
+    pub fn smooth_share(&self) -> f64 {
+        f64::from(self.smooth) / (f64::from(self.planes) + PRIOR_PAIRS)
     }
 }
 

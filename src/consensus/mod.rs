@@ -25,7 +25,7 @@ mod normals;
 mod options;
 mod planes;
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 
 use nalgebra::Vector3;
 use rayon::prelude::*;
@@ -65,7 +65,10 @@ const SMOOTH_TO_EDGE_DEG: [f64; 2] = [20.0, 50.0];
 /// large printed fields do (up to 0.92 of a border's pairs; a soup can and a cracker box), at most 0.2 of those between
 /// parts (the four fixtures and two workshop tools).
 const PRINT_SHARE: f64 = 0.25;
-/// A border's mean angle starts from this many assumed pairs of [`SURE_EDGE_DEG`], so that few pairs do not decide.
+/// Pieces of a part are joined across borders of which more than this share is smooth.
+const SURE_PRINT_SHARE: f64 = 0.5;
+/// A border's mean angle starts from this many assumed pairs of [`SURE_EDGE_DEG`], none of which is smooth, so that few
+/// pairs do not decide.
 const PRIOR_PAIRS: f64 = 20.0;
 const SURE_EDGE_DEG: f64 = 60.0;
 /// A piece with a smaller share of the object's light is a scrap, as found along borders: it joins a neighbour before
@@ -169,9 +172,8 @@ pub fn find(gaussians: &Gaussians, views: &[SegmentedView], progress: Progress) 
     let of_gaussian = |of_core: &[u32]| -> Vec<u32> { core_of.iter().map(|&core| group_of(of_core, core)).collect() };
     let piece_of = of_gaussian(&piece_of_core);
     let planes = Planes::new(gaussians, (&seen, &nearest), &toward_views, &piece_of, borders());
-    let planes =
-        planes.borders(&piece_of, borders()).map(|(a, b, border)| (core_of[a as usize], core_of[b as usize], border));
-    let between_pieces = linkage::between(&piece_of_core, cores, between_cores.iter().copied().chain(planes));
+    let between_cores = linkage::between(&core_of, cores, borders().chain(planes.borders(&piece_of, borders())));
+    let between_pieces = linkage::between(&piece_of_core, cores, between_cores.iter().copied());
     let part_of_piece = link(cores, &between_pieces, PART_STRENGTH, strength);
     let part_of_core = piece_of_core.iter().map(|&piece| group_of(&part_of_piece, piece)).collect();
     let crumb_share = CRUMB_SHARE.max(CRUMB_GAUSSIANS / seen.len().max(1) as f64);
@@ -184,7 +186,8 @@ pub fn find(gaussians: &Gaussians, views: &[SegmentedView], progress: Progress) 
 /// Borders between nodes.
 type Borders<'a> = &'a [(u32, u32, Border)];
 
-/// The pieces to ask about within parts, named by one of their cores; [`NONE`] if there is none.
+/// The pieces to ask about within parts, named by one of their cores; [`NONE`] if there is none. Printed fields are not
+/// pieces of their own, unless a part has no others.
 fn pieces(piece_of: &[u32], part_of: &[u32], (borders, light, least_share): (Borders, &[f64], f64)) -> Vec<u32> {
     let inside: Vec<(u32, u32, Border)> = borders
         .iter()
@@ -198,15 +201,29 @@ fn pieces(piece_of: &[u32], part_of: &[u32], (borders, light, least_share): (Bor
         .map(|(core, (&piece, &part))| *first.entry((part, piece)).or_insert(core))
         .collect();
     let between = linkage::between(&within, within.len(), inside.iter().copied());
-    let joined = link(within.len(), &between, ASKED_PIECE_SPLIT, Border::split);
-    let joined = within.iter().map(|&piece| joined[piece as usize]).collect();
-    linkage::absorb(joined, &inside, light, least_share)
+    let joined = |split: &dyn Fn(&Border) -> f64| {
+        let joined = link(within.len(), &between, ASKED_PIECE_SPLIT, split);
+        let joined = within.iter().map(|&piece| joined[piece as usize]).collect();
+        linkage::absorb(joined, &inside, light, least_share)
+    };
+    let by_shape = joined(&|border| match border.smooth_share() {
+        share if share >= SURE_PRINT_SHARE => -share,
+        _ => border.split(),
+    });
+    let by_color = joined(&Border::split);
+    let mut of_part: BTreeMap<u32, BTreeSet<u32>> = BTreeMap::new();
+    for (&part, &piece) in part_of.iter().zip(&by_shape).filter(|(_, piece)| **piece != NONE) {
+        of_part.entry(part).or_default().insert(piece);
+    }
+    let has_several = |part: &u32| of_part.get(part).is_some_and(|pieces| pieces.len() > 1);
+    let of_core = part_of.iter().zip(by_shape.iter().zip(&by_color));
+    of_core.map(|(part, (&shape, &color))| if has_several(part) { shape } else { color }).collect()
 }
 
 /// How much a border separates two parts, 0 to 1: the share of views that split it, times how much of an edge it is. A
 /// border of print has none.
 fn strength(border: &Border) -> f64 {
-    if f64::from(border.smooth) >= PRINT_SHARE * (f64::from(border.planes) + PRIOR_PAIRS) {
+    if border.smooth_share() >= PRINT_SHARE {
         return 0.0;
     }
     let angle = (border.angle_deg + PRIOR_PAIRS * SURE_EDGE_DEG) / (f64::from(border.angles) + PRIOR_PAIRS);
