@@ -128,9 +128,11 @@ fn exported_objects_come_to_rest_on_a_plane() {
     if !python_has("exported_objects_come_to_rest_on_a_plane", "mujoco", "mujoco") {
         return;
     }
-    for folder in folders() {
-        let rigid = Rigid::of(&folder);
-        for ending in [".xml", ".urdf"] {
+    for (n, folder) in folders().iter().enumerate() {
+        let rigid = Rigid::of(folder);
+        // The body is the same in both.
+        let endings = if n == 0 { &[".xml", ".urdf"][..] } else { &[".xml"] };
+        for ending in endings {
             let found = mujoco("rest", &[rigid.file(ending)]);
             println!("{}{ending} {found}", rigid.name());
             assert!(found["moved_m"].as_f64().unwrap() < 0.002, "{found}");

@@ -204,10 +204,12 @@ fn the_page_plays_the_simulation() {
     page.tab.find_element("#play").unwrap().click().unwrap();
     let clock = "document.getElementById('clock').textContent";
     let end = format!("{0:.2} s of {0:.2} s", seconds.last().unwrap());
-    while page.evaluate(clock) != end {
-        assert!(page.changes(clock, &page.evaluate(clock)), "the clock stands still before {end}");
+    let mut now = page.evaluate(clock);
+    while now != end {
+        assert!(page.changes(clock, &now), "the clock stands still before {end}");
+        now = page.evaluate(clock);
     }
-    assert_eq!(page.text("#play"), "Play");
+    page.tab.wait_for_element("#play[aria-pressed=false]").unwrap();
     assert_eq!(page.complaints(), Vec::<String>::new());
 }
 
