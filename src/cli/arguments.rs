@@ -143,7 +143,7 @@ pub struct ShowArgs {
     /// File to write: a .png from one view, or a .gif or .mp4 (with ffmpeg) of the object on a turntable, with photo
     /// colours, parts, materials and Young's modulus side by side.
     pub to: PathBuf,
-    /// What the picture shows.
+    /// The subject of the picture.
     #[arg(long, value_enum, default_value_t)]
     pub what: What,
     /// Name of the view, whether it voted or not (for `--what vote`, it must have) [default: of the views that voted, the
@@ -154,7 +154,7 @@ pub struct ShowArgs {
     pub work: WorkArgs,
 }
 
-/// What `gprop show` draws.
+/// The subjects of `gprop show`.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum What {
     /// The field.

@@ -15,12 +15,12 @@ const MOST_ASK_VIEWS: NonZeroUsize = NonZeroUsize::new(1000).expect("a thousand 
 /// The keys that a scene may set: all of them, because they affect only this scene's result.
 pub const SCENE_KEYS: &[SceneKey] = &[SceneKey::any("ask"), SceneKey::any("ask-views")];
 
-/// What the model is asked about.
+/// The subjects of the questions to the model.
 #[derive(Debug, Clone, PartialEq, clap::Args, Serialize, Deserialize)]
 #[serde(default)]
 #[command(next_help_heading = "Parts")]
 pub struct Options {
-    /// What the model is asked about
+    /// Subjects of the questions to the model
     #[arg(long, value_enum, default_value_t = Asked::default())]
     pub ask: Asked,
 

@@ -12,7 +12,7 @@ pub struct Infeasible {
     pub reason: Reason,
     /// The numbers that do not fit together.
     pub explanation: String,
-    /// What could be changed.
+    /// Suggested changes.
     pub advice: String,
 }
 

@@ -108,9 +108,9 @@ pub struct GraspReport {
     pub inputs: Inputs,
     /// The best places to grasp at, best first; the forces above are for the first. Empty if none was found.
     pub candidates: Vec<Candidate>,
-    /// What the user should check.
+    /// Messages about results that should be checked.
     pub warnings: Vec<String>,
-    /// What the user may want to know.
+    /// Other messages.
     #[serde(default)]
     pub notes: Vec<String>,
 }

@@ -15,10 +15,10 @@ pub struct Parts {
     pub object: Object,
     /// By id.
     pub parts: Vec<Part>,
-    /// What fills the hollows of shells, which nobody sees. Its mass is part of the object's.
+    /// The fillings of shells, which no photo shows. Their mass is part of the object's.
     #[serde(default)]
     pub fillings: Vec<Filling>,
-    /// What the object was known to weigh; missing if it was not.
+    /// The known mass of the object; missing if it was not given.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     #[cfg_attr(test, schemars(with = "KnownMass"))]
     pub known_mass: Option<KnownMass>,
@@ -26,9 +26,9 @@ pub struct Parts {
     #[serde(default, skip_serializing_if = "Option::is_none")]
     #[cfg_attr(test, schemars(with = "Estimate"))]
     pub meters_per_unit: Option<Estimate>,
-    /// What the user should check.
+    /// Messages about results that should be checked.
     pub warnings: Vec<String>,
-    /// What the user may want to know.
+    /// Other messages.
     #[serde(default)]
     pub notes: Vec<String>,
 }
@@ -128,7 +128,7 @@ pub struct PartBody {
     pub center_of_mass_m: [f64; 3],
 }
 
-/// What fills the hollow of a shell, as an entry of its own.
+/// The filling of a shell, as an entry of its own.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(test, derive(schemars::JsonSchema))]
 pub struct Filling {

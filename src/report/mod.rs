@@ -61,9 +61,9 @@ pub struct Report {
     pub simulation: Option<SimulationReport>,
     /// `None` if the metric scale is unknown.
     pub grasp: Option<GraspReport>,
-    /// What the user should check, because a result may be wrong, each with its stage.
+    /// Messages about results that may be wrong and should be checked, each with its stage.
     pub warnings: Vec<Remark>,
-    /// What the user may want to know, each with its stage.
+    /// Other messages, each with its stage.
     pub notes: Vec<Remark>,
     /// How to reproduce this result.
     pub reproduction: Reproduction,

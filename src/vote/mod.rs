@@ -128,7 +128,7 @@ pub struct FieldLabel {
     pub hardness: Option<ShoreHardness>,
     pub friction_rubber: Estimate,
     pub form: Form,
-    /// What is behind the wall of a shell; `None` for everything else.
+    /// The contents of a shell; `None` for everything else.
     #[serde(default)]
     pub inside: Option<Contents>,
     /// Why a mixed part has the density that it has, in the words of an answer.
@@ -137,14 +137,14 @@ pub struct FieldLabel {
     pub law: Law,
 }
 
-/// What is behind the wall of a shell, as the answers agree on it.
+/// The contents of a shell, as the answers agree on them.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(test, derive(schemars::JsonSchema))]
 #[serde(tag = "inside", rename_all = "snake_case")]
 pub enum Contents {
     /// Air.
     Empty,
-    /// What nobody sees, of a kind that the answers name.
+    /// A filling that no photo shows, of a kind that the answers name.
     Filled(Filled),
     /// The answers do not say, or do not agree.
     Unknown,

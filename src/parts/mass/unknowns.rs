@@ -20,7 +20,7 @@ use crate::units::Estimate;
 /// instead of 1.64 standard deviations.
 pub const OVERCONFIDENCE: f64 = 2.4;
 
-/// What makes an interval wide.
+/// A cause of an interval's width.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
 #[cfg_attr(test, derive(schemars::JsonSchema))]
 #[serde(rename_all = "snake_case")]

@@ -147,7 +147,7 @@ fn tiles(report: &Report) -> Vec<Value> {
     tiles
 }
 
-/// What was softened in the simulation, by how much; `None` if everything has its true stiffness.
+/// The parts that were softened in the simulation, and by how much; `None` if everything has its true stiffness.
 fn softened_tile(simulation: &SimulationReport) -> Option<Value> {
     let softened = softened(simulation);
     let most = softened.values().copied().reduce(f64::max)?;

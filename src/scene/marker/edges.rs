@@ -148,7 +148,7 @@ fn edge(across: &Across, reach_cells: f64, plane: &Plane, lens: &Lens) -> Option
     Some((Line { through: at(0.0), along: at(0.5) - at(-0.5) }, sharpness))
 }
 
-/// What is seen across an edge.
+/// The picture across an edge.
 struct Profile {
     /// Distance of the edge from where it was expected, outwards.
     offset: f64,
@@ -156,7 +156,7 @@ struct Profile {
     sharpness: f64,
 }
 
-/// What is seen across the edge at `middle` in the direction `outward`.
+/// The picture across the edge at `middle` in the direction `outward`.
 fn profile(plane: &Plane, lens: &Lens, middle: Point2<f64>, outward: Vector2<f64>, reach: f64) -> Option<Profile> {
     let steps = (reach / STEP).ceil();
     let mut values = Vec::with_capacity(2 * steps as usize + 1);

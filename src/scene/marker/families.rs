@@ -66,7 +66,7 @@ static FAMILIES: [Family; 21] = [
     family((ARUCO, "mip_36h12"), 6, 250, 5, book!("mip_36h12")),
 ];
 
-/// What is written before the names of families elsewhere: AprilTag's `tag36h11`, OpenCV's `DICT_4X4_50`.
+/// Prefixes of the families' names elsewhere: AprilTag's `tag36h11`, OpenCV's `DICT_4X4_50`.
 const PREFIXES: [&str; 4] = ["dict_apriltag_", "dict_aruco_", "dict_", "tag"];
 
 impl Family {
@@ -170,7 +170,7 @@ impl fmt::Display for Marker {
 mod tests {
     use super::*;
 
-    /// What is correctable follows from the codes themselves.
+    /// The number of correctable bits follows from the codes themselves.
     #[test]
     fn any_two_markers_differ_in_more_than_twice_what_is_correctable() {
         for family in &FAMILIES {

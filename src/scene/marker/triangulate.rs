@@ -16,7 +16,7 @@ pub(super) struct Sighting<'a> {
     pub detection: Detection,
 }
 
-/// What the corners tell.
+/// The result of triangulating the corners.
 pub(super) struct Corners {
     /// The sightings that agree, and the distance in pixels (root mean square over the corners) of those that do not.
     pub agreeing: Vec<usize>,
