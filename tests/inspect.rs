@@ -21,7 +21,7 @@ fn inspected(folder: &Path, options: &Options) -> Inspection {
 
 /// Every fourth Gaussian of the fixture at twice its size, so that they still cover the object: the faults are found
 /// just as well, in less time.
-fn thinned() -> &'static Gaussians {
+pub fn thinned() -> &'static Gaussians {
     const STEP: usize = 4;
     static THINNED: OnceLock<Gaussians> = OnceLock::new();
     THINNED.get_or_init(|| {

@@ -1,5 +1,6 @@
 //! `gprop evaluate segmentation` and `gprop show` on a scene with recorded answers; folders of label maps.
 
+use std::collections::BTreeSet;
 use std::fs;
 use std::path::{Path, PathBuf};
 use std::process::Command;
@@ -11,11 +12,12 @@ use gprop::pictures::field_colors;
 use gprop::scene::gaussians::SH_C0;
 use gprop::scene::ply;
 use gprop::vote::field_ply;
-use image::{GrayImage, Luma};
+use image::{DynamicImage, GrayImage, Luma};
 use serde_json::Value;
 use tempfile::TempDir;
 
 use super::{evaluate, refused, text};
+use crate::batch::ball::Balls;
 use crate::run::gprop;
 use crate::support;
 
@@ -54,6 +56,41 @@ fn a_scene_with_recorded_answers_gives_the_table_and_its_pictures() {
     pictures(&scene, work.path());
 }
 
+/// The picture that `gprop show --what` draws of a view.
+fn shown(scene: &Path, work: &Path, what: &str, view: &str) -> DynamicImage {
+    let to = work.join(format!("{what}.of-{view}.png"));
+    let output =
+        gprop().args(["show", text(scene), text(&to), "--what", what, "--view", view, "--out", text(work)]).output();
+    let output = output.unwrap();
+    assert!(output.status.success(), "{what}: {}", String::from_utf8_lossy(&output.stderr));
+    image::open(&to).unwrap()
+}
+
+#[test]
+fn every_property_can_be_shown() {
+    let (balls, work) = (Balls::new(1), TempDir::new().unwrap());
+    let scene = balls.scene(0);
+    let run = gprop().arg("vote").arg(&scene).args(balls.answers()).args(["-q", "--out"]).arg(work.path()).output();
+    let run = run.unwrap();
+    assert!(run.status.success(), "{}", String::from_utf8_lossy(&run.stderr));
+    let subjects = [
+        "figure",
+        "materials",
+        "parts",
+        "confidence",
+        "hardness",
+        "youngs-modulus",
+        "density",
+        "friction",
+        "vote",
+        "levels",
+    ];
+    let pictures = subjects.map(|what| shown(&scene, work.path(), what, "001"));
+    assert!(pictures.iter().all(|picture| picture.width() >= 64));
+    let maps: BTreeSet<&[u8]> = pictures[1..].iter().map(DynamicImage::as_bytes).collect();
+    assert_eq!(maps.len(), subjects.len() - 1, "no two show the same");
+}
+
 /// Checks the pictures of the vote and those of `gprop show`.
 fn pictures(scene: &Path, work: &Path) {
     let field = ply::read(&work.join("field.ply")).unwrap().gaussians;
@@ -66,17 +103,9 @@ fn pictures(scene: &Path, work: &Path) {
     }
     let figure = image::open(work.join("figure.png")).unwrap();
     assert!(figure.width() > 3 * 512 && figure.height() > 512, "three panels and a legend");
-    let of_field = ["figure", "materials", "parts", "confidence", "hardness", "youngs-modulus", "density", "friction"];
-    for what in of_field.into_iter().chain(["vote", "levels"]) {
-        // Only views that were asked about have answers beside the vote.
-        let view = if what == "vote" { "003" } else { "001" };
-        let to = work.join(format!("{what}.of-001.png"));
-        let output = Command::new(env!("CARGO_BIN_EXE_gprop"))
-            .args(["show", text(scene), text(&to), "--what", what, "--view", view, "--out", text(work)])
-            .output()
-            .unwrap();
-        assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
-        assert!(image::open(&to).unwrap().width() >= 512, "{what}");
+    // Only views that were asked about have answers beside the vote.
+    for (what, view) in [("figure", "001"), ("vote", "003")] {
+        assert!(shown(scene, work, what, view).width() >= 512, "{what}");
     }
     let film = work.join("turntable.gif");
     let output = Command::new(env!("CARGO_BIN_EXE_gprop"))

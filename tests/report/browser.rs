@@ -7,7 +7,7 @@ use serde_json::Value;
 
 use crate::support::browser::Page;
 
-use super::{HOSTILE, hostile_run, json_file};
+use super::{HOSTILE, json_file, small_run};
 
 /// Number of points per row and column at which the object is looked for.
 const PROBES: u32 = 9;
@@ -49,7 +49,7 @@ fn number_after(text: &str, name: &str) -> f64 {
 
 #[test]
 fn a_click_on_the_object_reads_the_parts_number() {
-    let Some(scene) = hostile_run() else { return };
+    let scene = small_run();
     let url = format!("file://{}", scene.join("gprop/report.html").display());
     let Some(page) = Page::open("a_click_on_the_object_reads_the_parts_number", &url, ".frame.ready") else { return };
     let report = json_file(scene.join("gprop/report.json"));
@@ -161,7 +161,7 @@ fn mean_in_frame(work: &std::path::Path, frame: usize) -> [f64; 3] {
 
 #[test]
 fn the_page_plays_the_simulation() {
-    let Some(scene) = hostile_run() else { return };
+    let scene = small_run();
     let work = scene.join("gprop");
     let url = format!("file://{}", work.join("report.html").display());
     let Some(page) = Page::open("the_page_plays_the_simulation", &url, ".frame.ready") else { return };
@@ -215,7 +215,7 @@ fn the_page_plays_the_simulation() {
 
 #[test]
 fn photo_and_splat_lie_over_each_other_and_tables_can_be_saved() {
-    let Some(scene) = hostile_run() else { return };
+    let scene = small_run();
     let url = format!("file://{}", scene.join("gprop/report.html").display());
     let test = "photo_and_splat_lie_over_each_other_and_tables_can_be_saved";
     let Some(page) = Page::open(test, &url, ".frame.ready") else { return };

@@ -6,7 +6,7 @@ use std::path::Path;
 
 use crate::support::browser::Page;
 
-use super::hostile_run;
+use super::small_run;
 
 /// A desktop, a tablet, a phone.
 const SCREENS: [[u32; 2]; 3] = [[1300, 900], [768, 1024], [400, 800]];
@@ -58,7 +58,7 @@ impl Page {
 
 #[test]
 fn the_page_is_whole_on_every_screen_in_light_and_dark() {
-    let Some(scene) = hostile_run() else { return };
+    let scene = small_run();
     let url = format!("file://{}", scene.join("gprop/report.html").display());
     let test = "the_page_is_whole_on_every_screen_in_light_and_dark";
     let Some(page) = Page::open(test, &url, ".frame.ready") else { return };
@@ -91,7 +91,7 @@ fn the_page_is_whole_on_every_screen_in_light_and_dark() {
 fn the_object_fits_into_its_frame_however_it_turns() {
     /// Keys after which the object is looked at: from two sides, in steps of 7.5 degrees, then from above.
     const TURNS: [(&str, usize); 3] = [("ArrowLeft", 0), ("ArrowLeft", 12), ("ArrowUp", 8)];
-    let Some(scene) = hostile_run() else { return };
+    let scene = small_run();
     let url = format!("file://{}", scene.join("gprop/report.html").display());
     let test = "the_object_fits_into_its_frame_however_it_turns";
     let Some(page) = Page::open(test, &url, ".frame.ready") else { return };

@@ -8,12 +8,15 @@ use std::fs;
 use std::path::{Path, PathBuf};
 use std::process::Command;
 use std::sync::OnceLock;
+use std::sync::atomic::{AtomicUsize, Ordering};
 
+use gprop::scene::ply;
 use serde_json::{Value, json};
 use tempfile::TempDir;
 
 use crate::batch::ball::Balls;
-use crate::query::{a, completion, good_answer_about_part};
+use crate::inspect::thinned;
+use crate::query::{a, completion, good_answer, good_answer_about_part};
 use crate::run::{QUICK, give_segments, gprop, hammer};
 use crate::support::models;
 use crate::support::server::{MockServer, Response};
@@ -44,6 +47,40 @@ fn hostile_run() -> Option<&'static Path> {
         Some(scene)
     });
     run.as_ref().map(TempDir::path)
+}
+
+/// The same for a browser without a graphics card, which draws a quarter of the Gaussians: the segments are the true
+/// parts of two views, and a server answers.
+fn small_run() -> &'static Path {
+    static RUN: OnceLock<TempDir> = OnceLock::new();
+    let run = RUN.get_or_init(|| {
+        let scene = hammer();
+        let cloud = fs::File::create(scene.path().join("point_cloud.ply")).unwrap();
+        ply::write(std::io::BufWriter::new(cloud), thinned(), &[]).unwrap();
+        let labels = scene.path().join("labels");
+        fs::create_dir(&labels).unwrap();
+        let part_maps = Path::new(env!("CARGO_MANIFEST_DIR")).join("fixtures/hammer/ground_truth/part_maps");
+        for view in ["003.png", "022.png"] {
+            let mut map = image::open(part_maps.join(view)).unwrap().into_luma8();
+            map.pixels_mut().for_each(|pixel| pixel.0[0] = pixel.0[0].wrapping_add(1));
+            map.save(labels.join(view)).unwrap();
+        }
+        let answers = ["wood", "metal", "rubber"].map(|family| {
+            let mut answer = good_answer(a(family));
+            answer["caption"] = json!(format!("{HOSTILE}; a part of {family}"));
+            Response::new(200).json(completion(&answer.to_string()))
+        });
+        // One question at a time, in the order of the parts, in one view after the other.
+        let asked = AtomicUsize::new(0);
+        let server = MockServer::new(move |_| answers[asked.fetch_add(1, Ordering::Relaxed) % 3].clone());
+        let mut run = gprop();
+        run.env_remove("OPENAI_API_KEY").arg("run").arg(scene.path()).args(QUICK).arg("--segments").arg(&labels);
+        run.args(["--ask", "segments", "--lmm-parallel", "1", "--lmm-model", "test-model", "--lmm-url"]);
+        let output = run.arg(format!("{}/v1", server.uri())).output().unwrap();
+        assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+        scene
+    });
+    run.path()
 }
 
 fn json_file(path: impl AsRef<Path>) -> Value {
