@@ -65,7 +65,7 @@ const SMOOTH_TO_EDGE_DEG: [f64; 2] = [20.0, 50.0];
 /// large printed fields do (up to 0.92 of a border's pairs; a soup can and a cracker box), at most 0.2 of those between
 /// parts (the four fixtures and two workshop tools).
 const PRINT_SHARE: f64 = 0.25;
-/// Pieces of a part are joined across borders of which more than this share is smooth.
+/// Pieces of a part are joined across borders of which at least this share of the pairs is smooth.
 const SURE_PRINT_SHARE: f64 = 0.5;
 /// A border's mean angle starts from this many assumed pairs of [`SURE_EDGE_DEG`], none of which is smooth, so that few
 /// pairs do not decide.

@@ -19,9 +19,10 @@ const LEAST: usize = 6;
 /// line that joins the means of their points: where the surface has a step, that line is steeper.
 const SMOOTH_DEG: f64 = 20.0;
 
-/// The planes at the Gaussians of pairs that lie in different pieces.
+/// The planes at the Gaussians of pairs that lie in different pieces: few of all, so they are kept in a list.
 pub(super) struct Planes {
-    by_gaussian: Vec<Option<Plane>>,
+    /// Sorted by Gaussian.
+    by_gaussian: Vec<(u32, Plane)>,
 }
 
 struct Plane {
@@ -45,19 +46,23 @@ impl Planes {
             is_end[a as usize] = true;
             is_end[b as usize] = true;
         }
-        let plane = |(i, is_end): (usize, bool)| {
-            if !is_end {
-                return None;
-            }
+        let plane = |gaussian: u32| {
+            let i = gaussian as usize;
             let same_side = nearest
                 .find(gaussians.positions[i], OF_NEAREST)
                 .into_iter()
                 .map(|(_, n)| seen[n as usize] as usize)
                 .filter(|&other| piece_of[other] == piece_of[i] && toward_views[other].dot(&toward_views[i]) > 0.0);
             let centers: Vec<Vector3<f64>> = same_side.take(MOST).map(|other| gaussians.center(other).coords).collect();
-            Plane::through(&centers, &toward_views[i].cast())
+            Some((gaussian, Plane::through(&centers, &toward_views[i].cast())?))
         };
-        Self { by_gaussian: is_end.into_par_iter().enumerate().map(plane).collect() }
+        let ends: Vec<u32> = (0..).zip(&is_end).filter(|(_, is_end)| **is_end).map(|(gaussian, _)| gaussian).collect();
+        Self { by_gaussian: ends.into_par_iter().filter_map(plane).collect() }
+    }
+
+    fn at(&self, gaussian: u32) -> Option<&Plane> {
+        let place = self.by_gaussian.binary_search_by_key(&gaussian, |(of, _)| *of).ok()?;
+        Some(&self.by_gaussian[place].1)
     }
 
     /// The pairs that cross between pieces, as borders that only count planes.
@@ -67,8 +72,7 @@ impl Planes {
         borders: impl Iterator<Item = (u32, u32, Border)>,
     ) -> impl Iterator<Item = (u32, u32, Border)> {
         borders.filter(|border| crosses(border, piece_of)).filter_map(|(a, b, _)| {
-            let [of_a, of_b] = [a, b].map(|i| self.by_gaussian[i as usize].as_ref());
-            let smooth = u32::from(of_a?.continues_in(of_b?));
+            let smooth = u32::from(self.at(a)?.continues_in(self.at(b)?));
             Some((a, b, Border { planes: 1, smooth, ..Border::default() }))
         })
     }
