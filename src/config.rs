@@ -50,6 +50,8 @@ pub enum ConfigError {
 pub enum SceneValue {
     /// Anything that the option takes.
     Any,
+    /// Those for which the function is true.
+    AnyOf(fn(&str) -> bool),
     /// A path inside the scene folder.
     Path,
     /// A name for which the function is true, or else a path inside the scene folder.
@@ -68,6 +70,11 @@ impl SceneKey {
     /// A key with any value that its option takes.
     pub const fn any(name: &'static str) -> Self {
         Self { name, value: SceneValue::Any }
+    }
+
+    /// A key with any value for which `is_allowed` is true.
+    pub const fn with(name: &'static str, is_allowed: fn(&str) -> bool) -> Self {
+        Self { name, value: SceneValue::AnyOf(is_allowed) }
     }
 
     /// A key with a path inside the scene folder as its value.
@@ -200,6 +207,13 @@ impl Reader<'_> {
 
     /// `--name=value`; a path is joined to the folder of the file.
     fn flag(&self, flag: &Flag, value: &str, key: &str, line: usize) -> Result<OsString, ConfigError> {
+        if let Some(SceneValue::AnyOf(is_allowed)) = flag.scene
+            && self.owner == Owner::Scene
+            && !is_allowed(value)
+        {
+            let key = format!("{key} = {value}");
+            return Err(ConfigError::NotForScenes { path: self.path.into(), line, key, flag: flag.name.clone() });
+        }
         let is_path = match flag.scene {
             Some(SceneValue::NameOrPath(is_name)) => !is_name(value),
             Some(SceneValue::Path) => true,

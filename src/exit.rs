@@ -68,8 +68,10 @@ fn text_of(cause: &(dyn std::error::Error + 'static)) -> String {
     if let Some(error) = cause.downcast_ref::<Error>() {
         return message(&error.0);
     }
-    let lists = matches!(cause.downcast_ref(), Some(QueryError::Missing { .. } | QueryError::Import { .. }))
-        || matches!(cause.downcast_ref(), Some(BatchError::Incomplete { .. }));
+    let lists = matches!(
+        cause.downcast_ref(),
+        Some(QueryError::Missing { .. } | QueryError::MissingSize { .. } | QueryError::Import { .. })
+    ) || matches!(cause.downcast_ref(), Some(BatchError::Incomplete { .. }));
     let text = cause.to_string();
     if lists { output::harmless(&text).into_owned() } else { output::one_line(&text).into_owned() }
 }

@@ -177,4 +177,6 @@ pub enum ScaleSource {
     Marker,
     /// The user knows what the object weighs.
     KnownMass,
+    /// A model judged how long the object is.
+    Estimated,
 }

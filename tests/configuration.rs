@@ -13,7 +13,7 @@ use crate::run::gprop;
 use crate::support::skipped;
 
 /// Keys that no scene may set, each with a value that its option accepts.
-const REFUSED: [(&str, &str); 23] = [
+const REFUSED: [(&str, &str); 24] = [
     ("ort-lib", "\"lib.so\""),
     ("ort_lib", "\"lib.so\""),
     ("sam-encoder", "\"encoder.onnx\""),
@@ -37,6 +37,7 @@ const REFUSED: [(&str, &str); 23] = [
     ("cache-embeddings", "true"),
     ("decoder", "\"onnxruntime\""),
     ("allow-read", "\"/\""),
+    ("scale", "\"estimate\""),
 ];
 
 /// Paths that a scene may set, to places inside it.

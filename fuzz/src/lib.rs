@@ -22,9 +22,9 @@ use gprop::query::answer::{self, Unknown};
 use gprop::query::batch_api::Submitted;
 use gprop::query::client::{self, JobStatus};
 use gprop::query::cost::PriceTable;
-use gprop::query::question::{About, Questions};
+use gprop::query::question::About;
 use gprop::query::recorded::{Recording, Recordings};
-use gprop::query::{Answers, Context, Guidance, LabelSet, Prompts, batch_api, exchange};
+use gprop::query::{self, Answers, LabelSet, Prompts, Queries, batch_api, exchange};
 use gprop::scene::cameras::{colmap, dataparser, gaussian_splatting, transforms};
 use gprop::scene::{dataset, ksplat, ply, sog, splat, spz};
 use gprop::segment::{LabelMap, Level, Segment, sam};
@@ -156,17 +156,17 @@ pub fn recordings(bytes: &[u8]) {
         assert!((0.0..=1.0).contains(&mask.iou(mask)));
         let _ = recording.asked.content_sha256();
     }
-    static QUESTIONS: LazyLock<Questions> = LazyLock::new(|| {
-        let how = (Guidance::OneQuestion, Context::GlobalLocal);
-        Questions::new(&Prompts::builtin(), MaterialLibrary::builtin(), how, About::Parts)
+    static PROMPTS: LazyLock<Prompts> = LazyLock::new(Prompts::builtin);
+    static OPTIONS: LazyLock<query::Options> = LazyLock::new(query::Options::default);
+    static QUERIES: LazyLock<Queries> = LazyLock::new(|| {
+        Queries::prepare(&[], MaterialLibrary::builtin(), &PROMPTS, &OPTIONS, About::Parts)
             .expect("the built-in prompts are good")
     });
     let mut files = bytes.splitn(3, |byte| *byte == 0);
     let (Some(manifest), Some(answers), Some(origins)) = (files.next(), files.next(), files.next()) else { return };
     let folder = folder_with(&[("manifest.json", manifest), ("answers.jsonl", answers), ("origins.jsonl", origins)]);
-    let library = MaterialLibrary::builtin();
     let recordings = Recordings::open(&[], &folder.path().join("recorded")).expect("there are none yet");
-    let _ = exchange::import(folder.path(), Some("model"), &QUESTIONS, library, &recordings);
+    let _ = exchange::import(folder.path(), Some("model"), &QUERIES, &recordings);
 }
 
 /// What a person writes: `gprop.toml`, `config.toml`, scenarios, grippers, PhysGaussian's configurations, price tables, labels.

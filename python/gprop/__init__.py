@@ -60,6 +60,8 @@ class Result:
     parts: np.ndarray
     #: The mass of the whole object, low, mid and high, in kg; NaN if the metric scale is unknown.
     mass_kg: np.ndarray
+    #: The source of the metric scale if a model estimated it, so that all kilograms and newtons are no better than that; or None.
+    estimated_scale: str | None
     #: A row for each place to grasp at, best first. Empty if there is none, or if the run did not get that far.
     grasps: np.ndarray
     #: The content of grasp.json: the forces at the best place, what limits them, and the gripper's command; or None.
@@ -109,6 +111,7 @@ def load(work: str | Path) -> Result:
         field=field,
         parts=_parts(labels, measured, field),
         mass_kg=_numbers(whole.get("mass_kg"), _ESTIMATE),
+        estimated_scale=(measured or {}).get("estimated_scale"),
         grasps=_grasps(grasp),
         grasp=grasp,
     )

@@ -57,6 +57,9 @@ pub struct Results {
     pub mass_kg: Option<Estimate>,
     #[serde(skip_serializing_if = "Option::is_none")]
     pub volume_m3: Option<Estimate>,
+    /// True if mass and volume follow from a scale that a model estimated; missing otherwise.
+    #[serde(skip_serializing_if = "std::ops::Not::not")]
+    pub estimated_scale: bool,
     /// By decreasing mass; in the order of parts if masses are unknown.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub materials: Vec<String>,
@@ -140,6 +143,7 @@ impl Results {
             results.parts = Some(parts.parts.len());
             results.mass_kg = Some(parts.object.mass_kg);
             results.volume_m3 = Some(parts.object.volume_m3);
+            results.estimated_scale = parts.estimated_scale.is_some();
             let mass = |part: &Part| part.mass_kg.map_or(0.0, |mass| mass.mid);
             parts.parts.sort_by(|a, b| mass(b).total_cmp(&mass(a)));
             results.materials = distinct(parts.parts.into_iter().map(|part| part.material));

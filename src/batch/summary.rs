@@ -8,6 +8,7 @@ use std::path::{Path, PathBuf};
 use serde::Serialize;
 
 use crate::output::{counted, one_line};
+use crate::report::ESTIMATED;
 use crate::workdir;
 
 use super::select::Selected;
@@ -92,7 +93,10 @@ impl Summary {
             let parts = outcome.results.parts.map_or_else(String::new, |parts| parts.to_string());
             let last = match (&outcome.error, &outcome.results.mass_kg) {
                 (Some(error), _) => one_line(error.lines().next().unwrap_or_default()).into_owned(),
-                (None, Some(mass)) => format!("{:.3} ({:.3} to {:.3})", mass.mid, mass.low, mass.high),
+                (None, Some(mass)) => {
+                    let mark = if outcome.results.estimated_scale { ESTIMATED } else { "" };
+                    format!("{:.3} ({:.3} to {:.3}){mark}", mass.mid, mass.low, mass.high)
+                }
                 (None, None) => String::new(),
             };
             let Outcome { scene, seconds, peak_memory_bytes, .. } = outcome;

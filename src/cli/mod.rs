@@ -352,7 +352,7 @@ mod tests {
             let Some(value_names) = argument.and_then(clap::Arg::get_value_names) else { continue };
             let says_path =
                 value_names.iter().any(|name| ["FILE", "DIR", "PATH"].iter().any(|word| name.contains(word)));
-            let unchecked = matches!(flag.scene, Some(config::SceneValue::Any));
+            let unchecked = matches!(flag.scene, Some(config::SceneValue::Any | config::SceneValue::AnyOf(_)));
             assert!(!(unchecked && (says_path || flag.is_path)), "--{} takes a path", flag.name);
         }
     }

@@ -33,7 +33,7 @@ pub(super) fn write(model: &Model, shape: &Shape, files: &mut Files) -> Result<(
         nodes.push(visual.node(json!({ "name": label, "mesh": mesh, "extras": extras(model, *part) })));
     }
     visual.node_z_up(&name, &nodes);
-    files.write(format!("{name}.glb"), |out| visual.write(&[], out))?;
+    files.write(format!("{name}.glb"), |out| visual.write(&[], model.note_on_scale(), out))?;
 
     let mut colliders = Gltf::default();
     let mut nodes = Vec::new();
@@ -58,7 +58,7 @@ pub(super) fn write(model: &Model, shape: &Shape, files: &mut Files) -> Result<(
         nodes.push(colliders.node(node));
     }
     colliders.node_z_up(&name, &nodes);
-    files.write(format!("{name}_colliders.glb"), |out| colliders.write(&[], out))
+    files.write(format!("{name}_colliders.glb"), |out| colliders.write(&[], model.note_on_scale(), out))
 }
 
 fn floats(points: &[Point3<f64>]) -> Vec<[f32; 3]> {

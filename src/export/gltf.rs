@@ -86,8 +86,8 @@ impl Gltf {
         self.roots.push(root);
     }
 
-    /// The file.
-    pub fn write(mut self, extensions: &[&str], out: &mut dyn Write) -> io::Result<()> {
+    /// The file, with a note for whoever reads it.
+    pub fn write(mut self, extensions: &[&str], note: Option<&str>, out: &mut dyn Write) -> io::Result<()> {
         self.bytes.resize(self.bytes.len().next_multiple_of(4), 0);
         let mut json = json!({
             "asset": { "version": "2.0", "generator": concat!("gprop ", env!("CARGO_PKG_VERSION")) },
@@ -99,6 +99,9 @@ impl Gltf {
             "bufferViews": self.views,
             "buffers": [{ "byteLength": self.bytes.len() }],
         });
+        if let Some(note) = note {
+            json["asset"]["extras"] = json!({ "note": note });
+        }
         if !self.materials.is_empty() {
             json["materials"] = json!(self.materials);
         }

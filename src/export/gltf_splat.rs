@@ -61,5 +61,5 @@ pub(super) fn write(model: &Model, files: &mut Files) -> Result<(), ExportError>
     let node = gltf.node(json!({ "name": "splat", "mesh": 0, "extras": { "parts": labels } }));
     let name = identifier(model.name);
     gltf.node_z_up(&name, &[node]);
-    files.write(format!("{name}_splat.glb"), |out| gltf.write(&[EXTENSION], out))
+    files.write(format!("{name}_splat.glb"), |out| gltf.write(&[EXTENSION], model.note_on_scale(), out))
 }

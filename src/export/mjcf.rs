@@ -44,7 +44,7 @@ fn body(rigid: &Rigid) -> String {
     // fullinertia: xx yy zz xy xz yz.
     let inertia = spaced([i[0][0], i[1][1], i[2][2], i[0][1], i[0][2], i[1][2]]);
     format!(
-        r#"<mujoco model="{name}">
+        r#"{note}<mujoco model="{name}">
   <default>
     <default class="{name}_visual">
       <geom type="mesh" contype="0" conaffinity="0" group="2" mass="0"/>
@@ -67,6 +67,7 @@ fn body(rigid: &Rigid) -> String {
   </worldbody>
 </mujoco>
 "#,
+        note = rigid.comment(),
         name = rigid.name,
         center = spaced(center),
     )

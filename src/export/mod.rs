@@ -32,7 +32,7 @@ use crate::camera::Camera;
 use crate::grasp::candidates::Candidate;
 use crate::parts::{Interior, Parts, PartsError};
 use crate::scene::gaussians::Gaussians;
-use crate::units::MetricScale;
+use crate::units::{MetricScale, ScaleSource};
 use crate::vote::{FieldLabel, MaterialField};
 use crate::workdir::write_atomic;
 use shape::{Piece, Shape, Skin};
@@ -84,6 +84,17 @@ pub struct Model<'a> {
     pub grasps: &'a [Candidate],
     /// Name of the file that holds the splat.
     pub source: &'a str,
+}
+
+/// Stands in every export whose scale a model estimated.
+const ESTIMATED_SCALE: &str =
+    "estimated scale: a model judged how long the object is; lengths and masses are no better than that";
+
+impl Model<'_> {
+    /// What a reader must know about the scale.
+    fn note_on_scale(&self) -> Option<&'static str> {
+        self.scale.filter(|scale| scale.source == ScaleSource::Estimated).map(|_| ESTIMATED_SCALE)
+    }
 }
 
 /// An error of the export.
@@ -184,6 +195,7 @@ impl Shared<'_> {
             skin,
             grasps: self.model.grasps,
             source: self.model.source,
+            note_on_scale: self.model.note_on_scale(),
         })
     }
 }
@@ -198,9 +210,15 @@ struct Rigid<'a> {
     skin: &'a Skin,
     grasps: &'a [Candidate],
     source: &'a str,
+    note_on_scale: Option<&'static str>,
 }
 
 impl Rigid<'_> {
+    /// The note on the scale as a comment of XML, or nothing.
+    fn comment(&self) -> String {
+        self.note_on_scale.map(|note| format!("<!-- {note} -->\n")).unwrap_or_default()
+    }
+
     /// Mass in kg, centre of mass in m, inertia about it in kg m^2 with world axes: the middle estimates.
     fn inertial(&self) -> (f64, [f64; 3], [[f64; 3]; 3]) {
         let object = &self.parts.object;

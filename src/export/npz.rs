@@ -9,7 +9,7 @@ use zip::{DateTime, ZipWriter};
 
 use super::{ExportError, Files, Model, identifier};
 use crate::npy::{Number, write_npy};
-use crate::units::Estimate;
+use crate::units::{Estimate, ScaleSource};
 use crate::vote::{FieldLabel, field_ply};
 
 pub(super) fn write(model: &Model, files: &mut Files) -> Result<(), ExportError> {
@@ -28,6 +28,7 @@ fn archive(model: &Model) -> io::Result<Vec<u8>> {
     }
     if let Some(scale) = model.scale {
         arrays.add("meters_per_unit", &[], [scale.meters_per_unit])?;
+        arrays.add("scale_is_estimated", &[], [i32::from(scale.source == ScaleSource::Estimated)])?;
     }
     type Property = (&'static str, fn(&FieldLabel) -> Estimate);
     let of_labels: [Property; 5] = [

@@ -35,7 +35,7 @@ fn text(rigid: &Rigid) -> String {
     let least = frictions.fold(f64::INFINITY, f64::min);
     let friction = if least.is_finite() { least } else { 0.0 };
     format!(
-        r#"<robot name="{name}" xmlns:drake="http://drake.mit.edu">
+        r#"{note}<robot name="{name}" xmlns:drake="http://drake.mit.edu">
   <mujoco><compiler strippath="false" discardvisual="false"/></mujoco>
   <link name="world"/>
   <joint name="{name}_free" type="floating"><parent link="world"/><child link="{name}"/></joint>
@@ -57,6 +57,7 @@ fn text(rigid: &Rigid) -> String {
         i[0][1],
         i[0][2],
         i[1][2],
+        note = rigid.comment(),
         name = rigid.name,
         center = spaced(center),
     )

@@ -106,6 +106,9 @@ pub struct GraspReport {
     pub command_calibrated: bool,
     pub intervals: Intervals,
     pub inputs: Inputs,
+    /// True if all forces follow from a scale that a model estimated; missing otherwise.
+    #[serde(default, skip_serializing_if = "std::ops::Not::not")]
+    pub estimated_scale: bool,
     /// The best places to grasp at, best first; the forces above are for the first. Empty if none was found.
     pub candidates: Vec<Candidate>,
     /// Messages about results that should be checked.
@@ -209,6 +212,7 @@ pub fn grasp(
         command_calibrated: gripper.is_calibrated(),
         intervals,
         inputs,
+        estimated_scale: parts.estimated_scale.is_some(),
         candidates,
         warnings,
         notes,

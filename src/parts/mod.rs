@@ -28,7 +28,7 @@ use crate::camera::Camera;
 use crate::progress::Progress;
 use crate::query::Form;
 use crate::scene::gaussians::Gaussians;
-use crate::units::{Estimate, MetricScale, Range};
+use crate::units::{Estimate, MetricScale, Range, ScaleSource};
 use crate::vote::{Contents, FieldLabel, MaterialField};
 use compose::{Composed, Construction, thickness};
 pub use error::PartsError;
@@ -153,6 +153,7 @@ pub fn parts(
             fillings: fillings.iter().filter_map(|weight| of(weight).filling_part(&weights, weight)).collect(),
             known_mass,
             meters_per_unit: weights.uncertain_scale(),
+            estimated_scale: scale.filter(|scale| scale.source == ScaleSource::Estimated).map(|s| s.provenance.clone()),
             warnings: warnings.clone(),
             notes: notes.clone(),
         }

@@ -22,10 +22,15 @@ pub struct Parts {
     #[serde(default, skip_serializing_if = "Option::is_none")]
     #[cfg_attr(test, schemars(with = "KnownMass"))]
     pub known_mass: Option<KnownMass>,
-    /// Metres in a scene unit, if they have an interval: from a marker, or from the known mass; missing if they are exact.
+    /// Metres in a scene unit, if they have an interval: from a marker, an estimate or the known mass; missing if they are exact.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     #[cfg_attr(test, schemars(with = "Estimate"))]
     pub meters_per_unit: Option<Estimate>,
+    /// The source of the metric scale if a model estimated it: all metres, kilograms and newtons are no better than that;
+    /// missing otherwise.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[cfg_attr(test, schemars(with = "String"))]
+    pub estimated_scale: Option<String>,
     /// Messages about results that should be checked.
     pub warnings: Vec<String>,
     /// Other messages.

@@ -9,6 +9,7 @@ use anyhow::Result;
 use crate::query::question::About;
 use crate::query::rounds::{self, Ask, Outcomes, PartOrPiece, Subject};
 use crate::query::{Answers, Outcome, SegmentAnswer};
+use crate::scene::ScaleChoice;
 use crate::segment::{LabelMap, ViewSegments};
 use crate::vote::AnsweredPart;
 
@@ -19,6 +20,8 @@ use super::query_session::{QueryView, Subjects};
 impl Pipeline {
     /// The subjects that the model is asked about.
     pub(super) fn subjects<'a>(&self, views: Vec<QueryView<'a>>) -> Result<Subjects<'a>> {
+        let asks_size = self.options.scene.scale == ScaleChoice::Estimate;
+        let size_in = if asks_size { self.fullest_view() } else { None };
         let Some(found) = self.found_parts()? else {
             let of_views = self.segmentation()?.views.iter().enumerate();
             // Segments that lie in it may cover all of a segment.
@@ -27,11 +30,11 @@ impl Pipeline {
                 of.segments.iter().filter(move |found| is_left(of, found.id)).map(move |found| (view, found.id))
             });
             let subjects = segments.map(|(view, id)| Subject::segment(view, id)).collect();
-            return Ok(Subjects { views, subjects, ask_views: 1, about: About::Segments });
+            return Ok(Subjects { views, subjects, ask_views: 1, about: About::Segments, size_in });
         };
         let index = self.view_indices();
         let (subjects, ask_views) = (found.subjects(&index), self.options.consensus.ask_views.get());
-        Ok(Subjects { views, subjects, ask_views, about: About::Parts })
+        Ok(Subjects { views, subjects, ask_views, about: About::Parts, size_in })
     }
 
     /// By name, the index of each chosen view.

@@ -148,12 +148,10 @@ impl QuerySession<'_> {
         waiting: Waiting,
         answered: Answered,
     ) -> Result<Result<(), NotUsable>> {
-        let Some(question) = queries.questions.find(&waiting.asked) else {
-            return Ok(Err(NotUsable::OtherQuestion));
-        };
-        let read = queries.questions.read(question, &answered.text, &self.library, Unknown::TakeNearest);
-        if let Err(problem) = read {
-            return Ok(Err(NotUsable::Answer(problem.failure)));
+        match queries.check(&waiting.asked, &answered.text, Unknown::TakeNearest) {
+            None => return Ok(Err(NotUsable::OtherQuestion)),
+            Some(Err(problem)) => return Ok(Err(NotUsable::Answer(problem.failure))),
+            Some(Ok(())) => {}
         }
         let Answered { text, served_model, usage } = answered;
         self.recordings.insert(&Recording::new(client.answerer(), waiting.asked, text, served_model, usage))?;

@@ -197,8 +197,10 @@ impl Pipeline {
             if !self.done.contains(&stage) {
                 self.progress = self.progress.of_stage(StageNumber { number: index + 1, of: stages.len() });
                 self.step(stage)?;
-                if stage == Stage::Scene {
-                    self.recall_scale()?;
+                match stage {
+                    Stage::Scene => self.recall_scale()?,
+                    Stage::Query => self.recall_estimated_scale()?,
+                    _ => {}
                 }
                 self.done.push(stage);
             }

@@ -109,13 +109,13 @@ impl Picture {
         let home = self.work.root();
         check_recordings(home, &self.work, self.options.scene.read_scope(home))?;
         let (query, network) = (&self.options.query, self.options.setup.network());
-        let subjects = Subjects { views: vec![view], subjects, ask_views: 1, about: About::Segments };
+        let subjects = Subjects { views: vec![view], subjects, ask_views: 1, about: About::Segments, size_in: None };
         QuerySession::new(query, subjects, &self.library, home, &self.work, network, self.progress)
     }
 
     /// Answers the queries and draws the material map.
     pub fn run(&self) -> Result<Answers> {
-        let answers = self.query_session()?.answer_all(&|round| Ok(write_sheets(&self.work, round)?))?;
+        let (answers, _) = self.query_session()?.answer_all(&|round| Ok(write_sheets(&self.work, round)?))?;
         self.work.write(Artifact::Answers, answers.to_jsonl().as_bytes())?;
         answers.require_any()?;
         let map = material_map::draw(&self.photo, &self.segments.map, &answers);

@@ -5,15 +5,28 @@ use std::fs;
 use std::path::{Path, PathBuf};
 
 use anyhow::Result;
+use serde::{Deserialize, Serialize};
 
 use crate::from_splat::photo_with_foreground;
-use crate::query::{AnswerSource, Answers, Match, Options, Outcome, Preview, Queries, SegmentAnswer};
+use crate::query::{
+    AnswerSource, Answers, Match, Options, Outcome, Preview, Queries, SegmentAnswer, SizeAnswer, SizeOutcome, SizeQuery,
+};
+use crate::scene::ScaleChoice;
+use crate::units::{MetricScale, Range};
 use crate::workdir::{Artifact, WorkDir, WorkDirError};
 
 use super::query_session::{self, QuerySession, QueryView};
 use super::record::Hasher;
 use super::scene::file_digest;
 use super::{Done, Pipeline, Stage, get_or_load};
+
+/// The content of `size.json`.
+#[derive(Serialize, Deserialize)]
+struct SizeFile {
+    #[serde(flatten)]
+    answer: SizeAnswer,
+    scale: Option<MetricScale>,
+}
 
 impl Pipeline {
     pub(super) fn query_key(&self) -> Result<String> {
@@ -37,13 +50,52 @@ impl Pipeline {
 
     pub(super) fn do_query(&self) -> Result<Done> {
         let session = self.query_session()?;
-        let answers = settled(session.answer_all(&|round| Ok(write_sheets(&self.work, round)?))?);
+        let (answers, size) = session.answer_all(&|round| Ok(write_sheets(&self.work, round)?))?;
+        let answers = settled(answers);
         let jsonl = answers.to_jsonl();
         self.work.write(Artifact::Answers, jsonl.as_bytes())?;
         answers.require_any()?;
         let sheets = answers.segments.iter().map(|answer| Artifact::Sheet(&answer.view, answer.segment));
-        let done = Done::writing(sheets.chain([Artifact::Answers])).warning(failures(&answers)).noting(notes(&answers));
-        Ok(Done { digest: Some(Hasher::new("answers").with(jsonl.as_bytes()).hex()), ..done })
+        let mut outputs: Vec<Artifact> = sheets.chain([Artifact::Answers]).collect();
+        let mut warnings = failures(&answers);
+        let file = size.map(|answer| self.size_file(answer)).transpose()?;
+        if let Some((file, warning)) = &file {
+            self.work.write_json(Artifact::Size, file)?;
+            warnings.push(warning.clone());
+            outputs.extend([Artifact::Size, Artifact::Sheet(&file.answer.view, SizeQuery::WHOLE)]);
+        }
+        let digest = Hasher::new("answers").with(jsonl.as_bytes()).with_json(&file).hex();
+        let done = Done::writing(outputs).warning(warnings).noting(notes(&answers));
+        Ok(Done { digest: Some(digest), ..done })
+    }
+
+    /// The size of the object with the scale that follows from it, and what the user should know about that scale.
+    fn size_file(&self, answer: SizeAnswer) -> Result<(SizeFile, String)> {
+        let size = match &answer.outcome {
+            SizeOutcome::Answered(size) => size,
+            SizeOutcome::Failed(failure) => {
+                let warning = format!("view {}: the model did not say how long the object is: {failure}", answer.view);
+                return Ok((SizeFile { answer, scale: None }, warning));
+            }
+        };
+        let (scale, unusual) = self.scene.estimated_scale(&size.object, size.longest_side_m)?;
+        let Range { low, high } = size.longest_side_m;
+        let warning = format!(
+            "the metric scale is {}; its interval alone makes masses uncertain by a factor of {:.1}. Measure a length \
+             (--scale) or weigh the object (--known-mass)",
+            scale.provenance,
+            (high / low).powi(3)
+        );
+        let warning = [Some(warning), unusual].into_iter().flatten().collect::<Vec<_>>().join("; ");
+        Ok((SizeFile { answer, scale: Some(scale) }, warning))
+    }
+
+    /// Takes over the scale that the query stage found by asking for the size of the object.
+    pub(super) fn recall_estimated_scale(&mut self) -> Result<()> {
+        if self.options.scene.scale == ScaleChoice::Estimate {
+            self.scene.scale = estimated_scale(&self.work)?;
+        }
+        Ok(())
     }
 
     /// The answers of all segments.
@@ -79,13 +131,22 @@ impl Pipeline {
     /// recordings, or it can be asked again about segments that it failed to answer.
     pub(super) fn asks_anew(&self) -> bool {
         let options = &self.options.query;
-        let failed = || read_answers(&self.work).is_ok_and(|answers| answers.failed().next().is_some());
+        let no_size = || {
+            let asked = self.options.scene.scale == ScaleChoice::Estimate;
+            asked && estimated_scale(&self.work).is_ok_and(|scale| scale.is_none())
+        };
+        let failed = || no_size() || read_answers(&self.work).is_ok_and(|answers| answers.failed().next().is_some());
         match options.answers {
             AnswerSource::Replay => false,
             AnswerSource::Record => options.lmm_url.is_some() && failed(),
             AnswerSource::Live => true,
         }
     }
+}
+
+/// The scale in `size.json`; `None` if the model did not say how long the object is.
+pub(super) fn estimated_scale(work: &WorkDir) -> Result<Option<MetricScale>, WorkDirError> {
+    Ok(work.read_json::<SizeFile>(Artifact::Size)?.scale)
 }
 
 fn read_answers(work: &WorkDir) -> Result<Answers> {
@@ -109,9 +170,11 @@ fn settled(mut answers: Answers) -> Answers {
 
 /// Writes the picture of every segment.
 pub(super) fn write_sheets(work: &WorkDir, queries: &Queries) -> Result<(), WorkDirError> {
+    let object = queries.size.map(|size| &size.shown);
     queries
         .segments
         .iter()
+        .chain(object)
         .try_for_each(|segment| work.write(Artifact::Sheet(&segment.view, segment.segment), &segment.jpeg))
 }
 

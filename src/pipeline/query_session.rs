@@ -20,7 +20,9 @@ use crate::query::ledger::Ledger;
 use crate::query::question::About;
 use crate::query::recorded::Recordings;
 use crate::query::rounds::{Ask, Outcomes, Subject};
-use crate::query::{Answers, Options, Outcome, Preview, Prompts, Queries, SegmentAnswer, SegmentQuery, ViewInput};
+use crate::query::{
+    Answers, Options, Outcome, Preview, Prompts, Queries, SegmentAnswer, SegmentQuery, SizeAnswer, SizeQuery, ViewInput,
+};
 use crate::read_scope::ReadScope;
 use crate::scene::{Photo, Reference, SceneError};
 use crate::segment::LabelMap;
@@ -41,6 +43,8 @@ pub struct QuerySession<'a> {
     /// Number of views in which each subject is asked about first.
     ask_views: usize,
     about: About,
+    /// The question about the size of the object, if it is to be asked.
+    size: Option<SizeQuery>,
     prompts: Prompts,
     /// The materials to choose from.
     pub(super) library: Cow<'a, MaterialLibrary>,
@@ -60,6 +64,8 @@ pub struct Subjects<'a> {
     /// Number of views in which each subject is asked about first.
     pub ask_views: usize,
     pub about: About,
+    /// The index of the view in which the size of the object is asked for; `None` if it is not asked for.
+    pub size_in: Option<usize>,
 }
 
 /// A view of a session.
@@ -82,7 +88,7 @@ impl<'a> QuerySession<'a> {
     /// A session about the subjects, with recordings in `home` and in the folder that the options name.
     pub fn new(
         options: &'a Options,
-        Subjects { views, subjects, ask_views, about }: Subjects<'a>,
+        Subjects { views, subjects, ask_views, about, size_in }: Subjects<'a>,
         library: &'a MaterialLibrary,
         home: &Path,
         work: &'a WorkDir,
@@ -95,13 +101,16 @@ impl<'a> QuerySession<'a> {
         workdir::refuse_link(&spare, "--out")?;
         let write_to = folders.last().expect("the home's folder is always among them");
         let read_from: Vec<&Path> = folders.iter().map(PathBuf::as_path).collect();
+        let prompts = prompts(options)?;
+        let size = size_in.map(|index| SizeQuery::new(views[index].name, &views[index].photo, &prompts, options));
         Ok(Self {
             options,
+            size: size.transpose()?,
             views,
             subjects,
             ask_views,
             about,
-            prompts: prompts(options)?,
+            prompts,
             library: candidates(options, library)?,
             price: price(options)?,
             own_recordings: home.join(RECORDINGS),
@@ -117,7 +126,7 @@ impl<'a> QuerySession<'a> {
     pub fn queries(&self) -> Result<Queries<'_>> {
         let answerer = self.client.as_ref().map(Asker::answerer);
         let mut answers = BTreeMap::new();
-        let mut queries = self.prepare(&[])?;
+        let mut queries = self.about_size()?;
         loop {
             let due = self.due(&answers);
             let round = self.prepare(&due)?;
@@ -162,6 +171,11 @@ impl<'a> QuerySession<'a> {
         Ok(Queries::prepare(&inputs, &self.library, &self.prompts, self.options, self.about)?)
     }
 
+    /// The question about the size of the object, if it is to be asked, and none about segments.
+    fn about_size(&self) -> Result<Queries<'_>> {
+        Ok(Queries { size: self.size.as_ref(), ..self.prepare(&[])? })
+    }
+
     fn place(&self, view: &str, id: u16) -> Ask {
         let view = self.views.iter().position(|other| other.name == view);
         Ask { view: view.expect("questions are about the session's views"), id }
@@ -170,14 +184,19 @@ impl<'a> QuerySession<'a> {
     /// Estimates what would be sent, and its cost.
     pub fn preview(&self, queries: &Queries) -> Preview {
         let preview = queries.preview(&self.recordings, self.client.as_ref().map(Asker::answerer), self.price());
-        Preview { at_most: self.subjects.iter().map(|subject| subject.all().len()).sum(), ..preview }
+        let at_most: usize = self.subjects.iter().map(|subject| subject.all().len()).sum();
+        Preview { at_most: at_most + usize::from(self.size.is_some()), ..preview }
     }
 
     /// Asks everything that has to be asked, round by round; `begin` gets the questions of each round before they are
-    /// asked. Each answer is recorded as it arrives. Reports the cost before and after.
-    pub fn answer_all(&self, begin: &dyn Fn(&Queries) -> Result<()>) -> Result<Answers> {
+    /// asked. Each answer is recorded as it arrives. Reports the cost before and after. If the size of the object is to be
+    /// asked, its answer comes first, so that a run without it ends before it costs more.
+    pub fn answer_all(&self, begin: &dyn Fn(&Queries) -> Result<()>) -> Result<(Answers, Option<SizeAnswer>)> {
         let asker = self.client.as_ref().map(|client| client as &dyn Asker);
         let ledger = Ledger::new(self.price.clone(), self.options.max_usd);
+        let object = self.about_size()?;
+        begin(&object)?;
+        let size = object.size(&self.recordings, asker, &ledger, self.progress)?;
         let mut answers = BTreeMap::new();
         loop {
             let due = self.due(&answers);
@@ -200,7 +219,7 @@ impl<'a> QuerySession<'a> {
             let (failed, all) = (answers.failed().count(), answers.segments.len());
             progress::notice(&format!("asked: {spent}; {failed} of {all} questions failed"));
         }
-        Ok(answers)
+        Ok((answers, size))
     }
 
     /// Writes the segments that have no recorded answer, with everything needed to answer them, into a new folder;
@@ -219,8 +238,7 @@ impl<'a> QuerySession<'a> {
     /// Checks the answers in a folder that [`Self::export`] wrote, and records the valid ones.
     pub fn import(&self, folder: &Path) -> Result<Imported> {
         let model = self.options.lmm_model.as_deref();
-        let questions = &self.queries()?.questions;
-        Ok(exchange::import(folder, model, questions, &self.library, &self.recordings)?)
+        Ok(exchange::import(folder, model, &self.queries()?, &self.recordings)?)
     }
 
     /// Removes recordings from the views' own folder that none of their segments uses with these options, whoever

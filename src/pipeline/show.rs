@@ -54,14 +54,18 @@ impl Pipeline {
     /// The segments of one view at each of SAM's levels, found anew, as PNG; by default of the chosen view that shows most
     /// of the object.
     pub(crate) fn show_levels(&self, view: Option<&str>) -> Result<Vec<u8>> {
-        let cameras = self.views.iter().map(|view| &view.camera);
-        let whole = vec![0; self.scene.gaussians.len()];
-        let fullest = sight::shows_most(cameras, &self.scene.gaussians, &whole).map(|index| &self.views[index]);
+        let fullest = self.fullest_view().map(|index| &self.views[index]);
         let view = found(view, fullest, &self.scene.views)?;
         let segmenter = open_segmenter(&self.options.setup, &self.options.segment, self.progress)?;
         let photo = photo_with_foreground(&self.scene, view)?;
         let levels = segmenter.segment_levels(&photo, &self.options.segment)?;
         png(&segmented::levels(&view.camera, &photo, &levels))
+    }
+
+    /// The index of the chosen view that shows most of the object, its parts apart.
+    pub(super) fn fullest_view(&self) -> Option<usize> {
+        let cameras = self.views.iter().map(|view| &view.camera);
+        sight::shows_most(cameras, &self.scene.gaussians, &vec![0; self.scene.gaussians.len()])
     }
 
     /// The object on a turntable, as a film. The scene must be voted on.

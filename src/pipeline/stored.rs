@@ -13,8 +13,8 @@ use crate::grasp::gripper::GripperProfile;
 use crate::parts::Parts;
 use crate::progress::Progress;
 use crate::query::LabelSet;
-use crate::scene::View;
 use crate::scene::gaussians::Gaussians;
+use crate::scene::{ScaleChoice, View};
 use crate::segment::ViewSegments;
 use crate::units::MetricScale;
 use crate::vote::MaterialField;
@@ -81,13 +81,16 @@ impl Stored {
         stored_field(self.work.root())
     }
 
-    /// The metric scale that the run found in the photos or by the object's mass; the scene and grasp stages must be among
-    /// the stages. `None` if the run did not look for it.
+    /// The metric scale that the run found in the photos, by a model's estimate or by the object's mass; the scene and grasp
+    /// stages must be among the stages. `None` if the run did not look for it.
     ///
     /// # Errors
     /// If the files are not what gprop wrote.
     pub fn found_scale(&self) -> Result<Option<MetricScale>> {
         let in_photos = super::scene::stored_scale(&self.work)?;
+        if self.room::<crate::scene::Options>("scene")?.scale == ScaleChoice::Estimate {
+            return Ok(super::query::estimated_scale(&self.work)?);
+        }
         let of_mass = || self.work.read_json::<Parts>(Artifact::Parts).ok().and_then(|parts| parts.scale());
         Ok(in_photos.or_else(of_mass))
     }
@@ -181,6 +184,9 @@ impl Pipeline {
             return Err(WorkDirError::Unfinished { path, problem, command }.into());
         }
         pipeline.recall_scale()?;
+        if last >= Stage::Query {
+            pipeline.recall_estimated_scale()?;
+        }
         Ok(pipeline)
     }
 

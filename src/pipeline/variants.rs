@@ -45,7 +45,7 @@ impl Pipeline {
         let session = self.query_session_with(&options)?;
         let queries = session.queries()?;
         match queries.unanswered(&session.recordings, None).len() {
-            0 => Ok(Some(session.answer_all(&|_| Ok(()))?)),
+            0 => Ok(Some(session.answer_all(&|_| Ok(()))?.0)),
             open => {
                 let (name, all) = (&self.scene.name, queries.segments.len());
                 self.progress

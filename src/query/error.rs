@@ -25,6 +25,12 @@ pub enum QueryError {
         .missing.len(), listed(.missing)
     )]
     Missing { segments: usize, missing: Vec<MissingSegment> },
+    #[error(
+        "no recorded answer for the length of the object ({miss}), which --scale estimate asks for in view {view}\nAsk a model: \
+         --lmm-url URL --lmm-model NAME with the key in OPENAI_API_KEY; or answer by hand or elsewhere: gprop query SCENE \
+         --scale estimate --export DIR, then --import DIR; or give another --scale"
+    )]
+    MissingSize { view: String, miss: Miss },
     #[error("--max-usd cannot be kept: no price is known for {model}; give a price table with --prices FILE")]
     NoPrice { model: String },
     #[error("{requests} requests would cost about {usd:.2} USD, more than --max-usd {max_usd}; nothing was sent")]

@@ -9,9 +9,11 @@ use super::cost::Cost;
 use super::error::QueryError;
 use super::ledger::{Ledger, NotSent};
 use super::options::AnswerSource;
-use super::queries::{Queries, SegmentQuery};
+use super::queries::Queries;
 use super::question::{Question, Reading};
 use super::recorded::{Asked, QuestionLock, Recording, RecordingError, Recordings, Usage, key};
+use super::segment_query::SegmentQuery;
+use super::size::{Size, SizeQuery};
 use super::{Failure, Match, Outcome};
 use crate::progress::{self, Progress};
 
@@ -40,9 +42,12 @@ impl Stop {
     }
 }
 
+/// Reads a response.
+type Read<'r, R> = dyn Fn(&str, Unknown) -> Result<R, Problem> + 'r;
+
 /// A reply with its meaning, or with the reason why it cannot be used.
-struct CheckedReply<'a> {
-    reading: Result<Reading<'a>, Problem>,
+struct CheckedReply<R> {
+    reading: Result<R, Problem>,
     reply: ModelReply,
 }
 
@@ -63,7 +68,10 @@ impl<'a> Live<'a> {
         so_far: Match,
     ) -> Result<Option<Outcome>, Stop> {
         loop {
-            let reading = match self.answer_one(segment, question) {
+            let read = |response: &str, unknown| {
+                self.queries.questions.read(question, response, self.queries.library, unknown)
+            };
+            let reading = match self.answer_one(segment, question, &read) {
                 Ok(reading) => reading,
                 Err(Halt::Segment(failure)) => return Ok(Some(Outcome::Failed(failure))),
                 Err(Halt::All(stop)) => return Err(stop),
@@ -82,15 +90,39 @@ impl<'a> Live<'a> {
         }
     }
 
+    /// Asks about the size of the object.
+    pub fn size(&self, query: &SizeQuery) -> Result<Result<Size, Failure>, Stop> {
+        match self.answer_one(&query.shown, &query.question, &|response: &str, _| query.read(response)) {
+            Ok(size) => Ok(Ok(size)),
+            Err(Halt::Segment(failure)) => Ok(Err(failure)),
+            Err(Halt::All(stop)) => Err(stop),
+            Err(Halt::Closed) => Err(Stop::Budget),
+        }
+    }
+
+    /// The error of a run that stopped with `left` questions unanswered.
+    pub fn error(&self, stop: Stop, left: usize) -> QueryError {
+        let spent = self.ledger.spent();
+        match stop {
+            Stop::Error(error) => error,
+            Stop::Endpoint(message) => QueryError::Endpoint { message, left, spent },
+            Stop::Budget => QueryError::BudgetSpent {
+                max_usd: self.queries.options.max_usd.unwrap_or(f64::INFINITY),
+                spent_usd: spent.usd.unwrap_or(0.0),
+                left,
+            },
+        }
+    }
+
     /// The recorded answer to one question: recorded by another gprop process while this one waited for it, or asked
-    /// live.
-    fn answer_one(&self, segment: &SegmentQuery, question: &'a Question) -> Result<Reading<'a>, Halt> {
+    /// live. `read` reads a response to it.
+    fn answer_one<R>(&self, segment: &SegmentQuery, question: &Question, read: &Read<R>) -> Result<R, Halt> {
         let asked = segment.asked(question);
         let _lock = self.lock(segment, &asked)?;
-        if let Some(reading) = self.answered_meanwhile(question, &asked)? {
+        if let Some(reading) = self.answered_meanwhile(&asked, read)? {
             return Ok(reading);
         }
-        let checked = self.ask_and_correct(segment, question)?;
+        let checked = self.ask_and_correct(segment, question, read)?;
         let reading = checked.reading.map_err(|problem| Halt::Segment(problem.failure))?;
         let ModelReply { text, served_model, usage } = checked.reply;
         self.record(&Recording::new(self.asker.answerer(), asked, text, served_model, usage))?;
@@ -118,13 +150,13 @@ impl<'a> Live<'a> {
         Err(Halt::Closed)
     }
 
-    fn answered_meanwhile(&self, question: &Question, asked: &Asked) -> Result<Option<Reading<'a>>, Halt> {
+    fn answered_meanwhile<R>(&self, asked: &Asked, read: &Read<R>) -> Result<Option<R>, Halt> {
         if self.queries.options.answers == AnswerSource::Live {
             return Ok(None);
         }
         let key = key(self.asker.answerer(), asked);
         let recording = self.recordings.written_meanwhile(&key).map_err(|error| self.stop(error))?;
-        Ok(recording.and_then(|recording| self.read(question, &recording.response, Unknown::TakeNearest).ok()))
+        Ok(recording.and_then(|recording| read(&recording.response, Unknown::TakeNearest).ok()))
     }
 
     /// Saves an answer that was paid for. If it cannot be written to its folder, it is saved elsewhere and nothing more
@@ -148,9 +180,14 @@ impl<'a> Live<'a> {
     }
 
     /// Asks one question; a response that cannot be used is sent back once with the reason.
-    fn ask_and_correct(&self, segment: &SegmentQuery, question: &'a Question) -> Result<CheckedReply<'a>, Halt> {
+    fn ask_and_correct<R>(
+        &self,
+        segment: &SegmentQuery,
+        question: &Question,
+        read: &Read<R>,
+    ) -> Result<CheckedReply<R>, Halt> {
         let first = self.ask(segment, question, None)?;
-        let problem = match self.read(question, &first.text, Unknown::Refuse) {
+        let problem = match read(&first.text, Unknown::Refuse) {
             Ok(reading) => return Ok(CheckedReply { reading: Ok(reading), reply: first }),
             Err(problem) => problem,
         };
@@ -158,12 +195,8 @@ impl<'a> Live<'a> {
         let correction = Correction { response: &first.text, prompt: &prompt };
         let second = self.ask(segment, question, Some(correction))?;
         let usage = first.usage.zip(second.usage).map(|(a, b)| a.plus(b)).or(first.usage).or(second.usage);
-        let reading = self.read(question, &second.text, Unknown::TakeNearest);
+        let reading = read(&second.text, Unknown::TakeNearest);
         Ok(CheckedReply { reading, reply: ModelReply { usage, ..second } })
-    }
-
-    fn read(&self, question: &Question, response: &str, unknown: Unknown) -> Result<Reading<'a>, Problem> {
-        self.queries.questions.read(question, response, self.queries.library, unknown)
     }
 
     fn ask(

@@ -27,17 +27,21 @@ mod replay;
 pub mod rounds;
 mod run;
 pub mod schema;
+mod segment_query;
 mod sha256;
 pub mod sheet;
+mod size;
 
 pub use error::{MissingSegment, QueryError};
 pub use jsonl::AnswersError;
 pub use labels::{LabelSet, LabelsError};
 pub use options::{AnswerSource, Context, Guidance, Options, SCENE_KEYS};
 pub use prompt::{PromptError, Prompts};
-pub use queries::{Queries, SegmentQuery, ViewInput};
+pub use queries::{Queries, ViewInput};
 pub use run::{OnAnswer, Preview, Run};
+pub use segment_query::SegmentQuery;
 pub use sha256::Sha256Hex;
+pub use size::{Size, SizeAnswer, SizeOutcome, SizeQuery};
 
 use serde::{Deserialize, Serialize};
 

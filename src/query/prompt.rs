@@ -24,6 +24,8 @@ pub struct Prompts {
     part_schema: Value,
     segment_schema: Value,
     family_schema: Value,
+    size: String,
+    size_schema: Value,
 }
 
 /// A prompt file that cannot be used.
@@ -49,6 +51,7 @@ const PART_SCHEMA: &str = "answer.schema.json";
 const SEGMENT_SCHEMA: &str = "segment.schema.json";
 const FAMILY: &str = "family.txt";
 const CORRECTION: &str = "correction.txt";
+const SIZE_SCHEMA: &str = "size.schema.json";
 
 impl Prompts {
     /// The built-in prompts.
@@ -92,6 +95,8 @@ impl Prompts {
             part_schema: json(PART_SCHEMA, include_str!("../../prompts/answer.schema.json"))?,
             segment_schema: json(SEGMENT_SCHEMA, include_str!("../../prompts/segment.schema.json"))?,
             family_schema: json("family.schema.json", include_str!("../../prompts/family.schema.json"))?,
+            size: text("size.txt", include_str!("../../prompts/size.txt"))?,
+            size_schema: json(SIZE_SCHEMA, include_str!("../../prompts/size.schema.json"))?,
         };
         prompts.part(Context::GlobalLocal, "", "")?;
         prompts.segment(Context::GlobalLocal, "")?;
@@ -116,6 +121,16 @@ impl Prompts {
     pub fn family(&self, context: Context, candidates: &str) -> Result<String, PromptError> {
         let picture = self.picture(context);
         render(FAMILY, &self.family, context! { picture, candidates })
+    }
+
+    /// The question for the size of the object.
+    pub fn size(&self) -> &str {
+        &self.size
+    }
+
+    /// The schema of an answer to [`Self::size`], with its file's name.
+    pub fn size_schema(&self) -> (&'static str, &Value) {
+        (SIZE_SCHEMA, &self.size_schema)
     }
 
     /// The message that asks the model to correct an answer.
@@ -150,6 +165,8 @@ impl Prompts {
             self.part_schema.to_string().as_bytes(),
             self.segment_schema.to_string().as_bytes(),
             self.family_schema.to_string().as_bytes(),
+            self.size.as_bytes(),
+            self.size_schema.to_string().as_bytes(),
         ])
     }
 

@@ -2,14 +2,17 @@
 
 use rayon::prelude::*;
 
+use super::answer::{Problem, Unknown};
 use super::cost::{Cost, Price};
 use super::error::QueryError;
 use super::options::{Context, Options};
 use super::prompt::Prompts;
-use super::question::{About, Question, Questions};
+use super::question::{About, Questions};
 use super::recorded::{Asked, Mask};
+use super::segment_query::SegmentQuery;
 use super::sha256::Sha256Hex;
 use super::sheet::Drawer;
+use super::size::SizeQuery;
 use crate::materials::MaterialLibrary;
 use crate::scene::Photo;
 use crate::segment::LabelMap;
@@ -26,44 +29,17 @@ pub struct ViewInput<'a> {
     pub ids: &'a [u16],
 }
 
-/// A segment and the picture that is sent for it.
-#[derive(Debug, Clone, PartialEq)]
-pub struct SegmentQuery {
-    pub view: String,
-    pub segment: u16,
-    pub photo_sha256: Sha256Hex,
-    pub mask: Mask,
-    /// Hash of the sheet's pixels before JPEG.
-    pub sheet_sha256: Sha256Hex,
-    /// Width and height of the sheet.
-    pub sheet_size: (u32, u32),
-    /// The sheet as JPEG.
-    pub jpeg: Vec<u8>,
-}
-
 /// Everything that may be asked about a scene.
 #[derive(Debug)]
 pub struct Queries<'a> {
     /// By view in the order of the views, then by segment id.
     pub segments: Vec<SegmentQuery>,
+    /// The question about the size of the object, if it is to be asked.
+    pub size: Option<&'a SizeQuery>,
     pub questions: Questions,
     pub library: &'a MaterialLibrary,
     pub prompts: &'a Prompts,
     pub options: &'a Options,
-}
-
-impl SegmentQuery {
-    /// The identity of `question` when asked about this segment.
-    pub fn asked(&self, question: &Question) -> Asked {
-        Asked {
-            view: self.view.clone(),
-            photo_sha256: self.photo_sha256.clone(),
-            mask: self.mask.clone(),
-            prompt_sha256: question.prompt_sha256.clone(),
-            schema_sha256: question.schema.sha256().clone(),
-            sheet_sha256: self.sheet_sha256.clone(),
-        }
-    }
 }
 
 impl<'a> Queries<'a> {
@@ -80,7 +56,30 @@ impl<'a> Queries<'a> {
         for view in views {
             segments.extend(segments_of(view, options.context, options.sheet_size)?);
         }
-        Ok(Self { segments, questions, library, prompts, options })
+        Ok(Self { segments, size: None, questions, library, prompts, options })
+    }
+
+    /// Checks a response to what was asked.
+    ///
+    /// # Errors
+    /// What is wrong with the response.
+    ///
+    /// # Returns
+    /// `None` if it is none of these questions.
+    pub fn check(&self, asked: &Asked, response: &str, unknown: Unknown) -> Option<Result<(), Problem>> {
+        if let Some(size) = self.size.filter(|size| size.question.is(asked)) {
+            return Some(size.read(response).map(drop));
+        }
+        let question = self.questions.find(asked)?;
+        Some(self.questions.read(question, response, self.library, unknown).map(drop))
+    }
+
+    /// The most that asking about the size may cost, as in [`Self::cost`]; nothing if it is not to be asked.
+    pub fn cost_of_size(&self, price: Option<&Price>) -> Cost {
+        let cost = |size: &SizeQuery| {
+            Cost::of_request(&[&size.question.prompt], size.shown.sheet_size, self.options.lmm_max_tokens, price)
+        };
+        self.size.map_or_else(Cost::default, cost)
     }
 
     /// The most that asking about `segments` may cost: every question of the longest chain, each answered at the first

@@ -21,7 +21,6 @@ pub struct Question {
     pub prompt: String,
     pub prompt_sha256: Sha256Hex,
     pub schema: Schema,
-    asks_for: AsksFor,
 }
 
 /// The subjects of the questions.
@@ -33,15 +32,15 @@ pub enum About {
     Segments,
 }
 
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-enum AsksFor {
-    Family,
-    Material,
-}
-
 impl Question {
-    fn new(asks_for: AsksFor, prompt: String, schema: Schema) -> Self {
-        Self { prompt_sha256: Sha256Hex::of(&prompt), prompt, schema, asks_for }
+    /// The question with this prompt, whose answers follow `schema`.
+    pub fn new(prompt: String, schema: Schema) -> Self {
+        Self { prompt_sha256: Sha256Hex::of(&prompt), prompt, schema }
+    }
+
+    /// True if this is what was asked.
+    pub fn is(&self, asked: &Asked) -> bool {
+        self.prompt_sha256 == asked.prompt_sha256 && *self.schema.sha256() == asked.schema_sha256
     }
 }
 
@@ -49,7 +48,7 @@ impl Question {
 #[derive(Debug)]
 pub struct Questions {
     first: Question,
-    /// The question for the materials of one family; empty if the first question has them all.
+    /// If the first question is for the family, that for the materials of each; otherwise empty.
     by_family: BTreeMap<String, Question>,
 }
 
@@ -79,7 +78,7 @@ impl Questions {
                     .iter()
                     .map(|family| Ok(((*family).to_owned(), material(prompts, library, &[family], (context, about))?)))
                     .collect::<Result<_, PromptError>>()?;
-                Ok(Self { first: Question::new(AsksFor::Family, prompt, schema), by_family })
+                Ok(Self { first: Question::new(prompt, schema), by_family })
             }
         }
     }
@@ -102,9 +101,7 @@ impl Questions {
 
     /// The question that was asked, if it is one of these.
     pub fn find(&self, asked: &Asked) -> Option<&Question> {
-        self.all().find(|question| {
-            question.prompt_sha256 == asked.prompt_sha256 && *question.schema.sha256() == asked.schema_sha256
-        })
+        self.all().find(|question| question.is(asked))
     }
 
     /// Reads a response to `question`.
@@ -116,16 +113,12 @@ impl Questions {
         unknown: Unknown,
     ) -> Result<Reading<'_>, Problem> {
         let value = question.schema.check(response).map_err(|problem| Problem::invalid(problem.to_string()))?;
-        match question.asks_for {
-            AsksFor::Material => {
-                answer::read(value, library, unknown).map(|answer| Reading::Answered(Box::new(answer)))
-            }
-            AsksFor::Family => {
-                let family = value["family"].as_str().unwrap_or_default();
-                let next = self.by_family.get(family);
-                next.map(Reading::Next).ok_or_else(|| Problem::invalid(format!("there is no family {family:?}.")))
-            }
+        if self.by_family.is_empty() || question.prompt_sha256 != self.first.prompt_sha256 {
+            return answer::read(value, library, unknown).map(|answer| Reading::Answered(Box::new(answer)));
         }
+        let family = value["family"].as_str().unwrap_or_default();
+        let next = self.by_family.get(family);
+        next.map(Reading::Next).ok_or_else(|| Problem::invalid(format!("there is no family {family:?}.")))
     }
 }
 
@@ -148,7 +141,7 @@ fn material(
         About::Segments => (prompts.segment(context, &candidates)?, prompts.segment_schema()),
     };
     let fillings: Vec<&str> = library.fillings().iter().map(|filling| filling.name.as_str()).collect();
-    Ok(Question::new(AsksFor::Material, prompt, Schema::new(file, schema.clone(), families, &fillings)?))
+    Ok(Question::new(prompt, Schema::new(file, schema.clone(), families, &fillings)?))
 }
 
 /// The names of the fillings, one line for each kind.

@@ -2,9 +2,11 @@
 
 use super::answer::{Problem, Unknown};
 use super::options::{AnswerSource, Options};
-use super::queries::{Queries, SegmentQuery};
+use super::queries::Queries;
 use super::question::{Question, Reading};
 use super::recorded::{Answerer, Miss, Recordings, Who};
+use super::segment_query::SegmentQuery;
+use super::size::{Size, SizeQuery};
 use super::{Failure, Match, Outcome};
 
 /// The result of replaying a segment.
@@ -52,6 +54,12 @@ pub fn replay<'a>(queries: &'a Queries, segment: &SegmentQuery, recordings: &Rec
             Err(problem) => return Replayed::Unusable { question, problem, so_far },
         }
     }
+}
+
+/// The recorded answer about the size of the object, or why there is none.
+pub fn replay_size(query: &SizeQuery, recordings: &Recordings, who: Who) -> Result<Size, Miss> {
+    let (recording, _) = recordings.find(&query.shown.asked(&query.question), who)?;
+    query.read(&recording.response).map_err(|_| Miss::Prompt)
 }
 
 /// A failure that names the recording as its cause.

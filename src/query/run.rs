@@ -13,11 +13,13 @@ use super::error::{MissingSegment, QueryError};
 use super::ledger::{Ledger, Spent};
 use super::live::{Live, Stop};
 use super::options::AnswerSource;
-use super::queries::{Queries, SegmentQuery};
+use super::queries::Queries;
 use super::question::Question;
 use super::recorded::{Answerer, Miss, Recordings};
 use super::replay::{self, Replayed};
+use super::segment_query::SegmentQuery;
 use super::sha256::Sha256Hex;
+use super::size::{Size, SizeAnswer, SizeOutcome, SizeQuery};
 use super::{Answers, Match, Outcome, SegmentAnswer};
 use crate::progress::Progress;
 
@@ -71,11 +73,13 @@ impl Queries<'_> {
     /// How much is recorded, and what asking about the rest would cost. `answerer` is the one that would be asked.
     pub fn preview(&self, recordings: &Recordings, answerer: Option<&Answerer>, price: Option<&Price>) -> Preview {
         let sorted = self.sort(recordings, answerer);
+        let (asks_size, has_size) = (usize::from(self.size.is_some()), self.has_size(recordings, answerer));
+        let cost_of_size = if has_size { Cost::default() } else { self.cost_of_size(price) };
         Preview {
-            segments: self.segments.len(),
-            recorded: sorted.answered.len(),
-            at_most: self.segments.len(),
-            cost: self.cost_of(&sorted.open, price),
+            segments: self.segments.len() + asks_size,
+            recorded: sorted.answered.len() + usize::from(has_size),
+            at_most: self.segments.len() + asks_size,
+            cost: self.cost_of(&sorted.open, price).plus(cost_of_size),
         }
     }
 
@@ -88,14 +92,61 @@ impl Queries<'_> {
         outcomes
     }
 
-    /// The segments that are not recorded, each with the question to be asked next. `answerer` is the one that would be
-    /// asked.
+    /// The segments that are not recorded, each with the question to be asked next; then the whole object, if its size is
+    /// to be asked and is not recorded. `answerer` is the one that would be asked.
     pub fn unanswered(&self, recordings: &Recordings, answerer: Option<&Answerer>) -> Vec<(&SegmentQuery, &Question)> {
-        self.sort(recordings, answerer)
-            .open
-            .into_iter()
-            .map(|open| (&self.segments[open.index], open.question))
-            .collect()
+        let sorted = self.sort(recordings, answerer);
+        let segments = sorted.open.into_iter().map(|open| (&self.segments[open.index], open.question));
+        let size = self.size.filter(|_| !self.has_size(recordings, answerer));
+        segments.chain(size.map(|size| (&size.shown, &size.question))).collect()
+    }
+
+    /// True if the size is to be asked and is recorded.
+    fn has_size(&self, recordings: &Recordings, answerer: Option<&Answerer>) -> bool {
+        self.size.is_some_and(|size| self.recorded_size(size, recordings, answerer).is_ok())
+    }
+
+    fn recorded_size(
+        &self,
+        size: &SizeQuery,
+        recordings: &Recordings,
+        answerer: Option<&Answerer>,
+    ) -> Result<Size, Miss> {
+        match self.options.answers {
+            AnswerSource::Live => Err(Miss::Live),
+            _ => replay::replay_size(size, recordings, replay::who(answerer, self.options)),
+        }
+    }
+
+    /// The answer about the size of the object: recorded, or asked now and recorded. `None` if it is not asked for.
+    ///
+    /// # Errors
+    /// As for [`Self::run`].
+    pub fn size(
+        &self,
+        recordings: &Recordings,
+        asker: Option<&dyn Asker>,
+        ledger: &Ledger,
+        progress: Progress,
+    ) -> Result<Option<SizeAnswer>, QueryError> {
+        let Some(query) = self.size else { return Ok(None) };
+        let view = query.shown.view.clone();
+        let asker = asker.filter(|_| self.options.answers != AnswerSource::Replay);
+        let outcome = match (self.recorded_size(query, recordings, asker.map(Asker::answerer)), asker) {
+            (Ok(size), _) => SizeOutcome::Answered(size),
+            (Err(miss), None) => return Err(QueryError::MissingSize { view, miss }),
+            (Err(_), Some(asker)) => {
+                check_ready(asker, 1)?;
+                let cost = self.cost_of_size(ledger.price());
+                check_budget(&cost, asker.answerer(), ledger)?;
+                recordings.check_writable()?;
+                asker.announce(1, &cost);
+                let live = Live { queries: self, recordings, asker, ledger, progress };
+                let asked = live.size(query).map_err(|stop| live.error(stop, 1))?;
+                asked.map_or_else(SizeOutcome::Failed, SizeOutcome::Answered)
+            }
+        };
+        Ok(Some(SizeAnswer { view, outcome }))
     }
 
     /// Asks about the first segment that is not recorded; `None` if all are. Nothing is announced.
@@ -126,6 +177,7 @@ impl Queries<'_> {
         let segments = self.segments.par_iter();
         segments
             .flat_map_iter(|segment| self.questions.all().map(move |question| segment.asked(question)))
+            .chain(self.size.map(|size| size.shown.asked(&size.question)))
             .flat_map_iter(|asked| recordings.serving(&asked))
             .collect()
     }
@@ -165,9 +217,10 @@ impl Queries<'_> {
             None => return Err(self.missing(&sorted.open)),
             Some(asker) => {
                 check_ready(asker, sorted.open.len())?;
-                self.check_budget(&sorted.open, asker.answerer(), ledger)?;
+                let cost = self.cost_of(&sorted.open, ledger.price());
+                check_budget(&cost, asker.answerer(), ledger)?;
                 recordings.check_writable()?;
-                asker.announce(sorted.open.len(), &self.cost_of(&sorted.open, ledger.price()));
+                asker.announce(sorted.open.len(), &cost);
             }
         }
         for (index, outcome) in sorted.answered {
@@ -210,18 +263,6 @@ impl Queries<'_> {
         self.cost(open.iter().map(|open| &self.segments[open.index]), price)
     }
 
-    fn check_budget(&self, open: &[Open], answerer: &Answerer, ledger: &Ledger) -> Result<(), QueryError> {
-        let Some(max_usd) = ledger.max_usd() else { return Ok(()) };
-        let cost = self.cost_of(open, ledger.price());
-        match cost.usd {
-            None => Err(QueryError::NoPrice { model: answerer.model.clone() }),
-            Some(usd) if usd + ledger.spent().usd.unwrap_or(0.0) > max_usd => {
-                Err(QueryError::OverBudget { requests: cost.requests, usd, max_usd })
-            }
-            Some(_) => Ok(()),
-        }
-    }
-
     /// The cost of asking about the first `count` open segments: about the first `at_once` of them live, and about the
     /// others through the Batch API.
     pub fn submission_cost(
@@ -245,6 +286,18 @@ impl Queries<'_> {
             MissingSegment { view: segment.view.clone(), segment: segment.segment, miss: open.miss }
         });
         QueryError::Missing { segments: self.segments.len(), missing: missing.collect() }
+    }
+}
+
+/// Checks that asking for `cost` stays within the budget.
+fn check_budget(cost: &Cost, answerer: &Answerer, ledger: &Ledger) -> Result<(), QueryError> {
+    let Some(max_usd) = ledger.max_usd() else { return Ok(()) };
+    match cost.usd {
+        None => Err(QueryError::NoPrice { model: answerer.model.clone() }),
+        Some(usd) if usd + ledger.spent().usd.unwrap_or(0.0) > max_usd => {
+            Err(QueryError::OverBudget { requests: cost.requests, usd, max_usd })
+        }
+        Some(_) => Ok(()),
     }
 }
 
@@ -301,12 +354,6 @@ fn ask_all(
     let left = open.len() - answered;
     match stop {
         None => Ok(()),
-        Some(Stop::Error(error)) => Err(error),
-        Some(Stop::Endpoint(message)) => Err(QueryError::Endpoint { message, left, spent: live.ledger.spent() }),
-        Some(Stop::Budget) => Err(QueryError::BudgetSpent {
-            max_usd: live.queries.options.max_usd.unwrap_or(f64::INFINITY),
-            spent_usd: live.ledger.spent().usd.unwrap_or(0.0),
-            left,
-        }),
+        Some(stop) => Err(live.error(stop, left)),
     }
 }

@@ -26,7 +26,7 @@ pub use disagreement::{Disagreement, NamedMaterial};
 pub use motion::Motion;
 pub use page::page;
 pub use pictures::{PictureError, Pictures, SheetPicture, ViewPictures};
-pub use summary::{grasp_line, mass_line, part_lines, summary};
+pub use summary::{ESTIMATED, grasp_line, mass_line, part_lines, summary};
 
 /// Version of the format of `report.json`, which `docs/report.schema.json` describes: raised when a key changes its
 /// meaning or is removed.

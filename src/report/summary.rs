@@ -78,20 +78,24 @@ pub fn part_lines(labels: &[FieldLabel], parts: Option<&Parts>) -> String {
 /// The mass of the object.
 pub fn mass_line(parts: &Parts) -> String {
     let mass = figures(parts.object.mass_kg, 1.0);
-    format!("mass   {} kg ({})\n", mass.mid, mass.interval)
+    let estimated = if parts.estimated_scale.is_some() { ESTIMATED } else { "" };
+    format!("mass   {} kg ({}){estimated}\n", mass.mid, mass.interval)
 }
 
+/// Stands after what is no better than a model's estimate of the object's length.
+pub const ESTIMATED: &str = ", estimated scale";
 /// The force at the best place, or why no grip there is safe.
 pub fn grasp_line(grasp: &GraspReport) -> String {
     let name = part_name(&grasp.part, "");
     let part = one_line(&name);
+    let estimated = if grasp.estimated_scale { ESTIMATED } else { "" };
     match &grasp.infeasible {
         None => format!(
-            "grasp  {} N at the {part}: slips below {} N, is damaged above {} N\n",
+            "grasp  {} N at the {part}: slips below {} N, is damaged above {} N{estimated}\n",
             significant(grasp.f_star_n),
             significant(grasp.f_min_n),
             significant(grasp.f_max_n),
         ),
-        Some(why) => format!("grasp  no safe grip at the {part}: {}\n", one_line(&why.explanation)),
+        Some(why) => format!("grasp  no safe grip at the {part}: {}{estimated}\n", one_line(&why.explanation)),
     }
 }

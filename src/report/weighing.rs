@@ -27,7 +27,9 @@ pub fn sentences(parts: &Parts) -> Vec<String> {
         )
     });
     let fillings = parts.fillings.iter().map(filling);
-    weighed.into_iter().chain(fillings).chain(causes(parts)).chain(remedy(parts)).collect()
+    let estimated = parts.estimated_scale.as_ref();
+    let estimated = estimated.map(|source| format!("All lengths and masses follow from a scale that is {source}."));
+    estimated.into_iter().chain(weighed).chain(fillings).chain(causes(parts)).chain(remedy(parts)).collect()
 }
 
 /// The causes of the width of the object's mass, the widest first.

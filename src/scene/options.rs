@@ -28,7 +28,7 @@ pub const SCENE_KEYS: &[SceneKey] = &[
     SceneKey::any("align"),
     SceneKey::any("object-box"),
     SceneKey::any("render-views"),
-    SceneKey::any("scale"),
+    SceneKey::with("scale", ScaleChoice::may_be_of_scene),
 ];
 
 /// Far more than any capture has, and few enough to be counted in memory.
@@ -93,8 +93,8 @@ pub struct Options {
     /// Length of a scene unit: `metric` (one metre), a factor in metres per scene unit, `known-length:X,Y,Z:X,Y,Z=M` (two
     /// points of the scene and their distance in metres), `bbox:AXIS=M` (a side of the object's box), `cameras:A,B=M`
     /// (the distance between two views' cameras), `apriltag:FAMILY,ID=M` or `aruco:DICT,ID=M` (the side of a printed
-    /// marker that photos show, see `gprop scale board`), or `auto` (as the data set states it, else unknown). Lengths may
-    /// end in mm or cm
+    /// marker that photos show, see `gprop scale board`), `estimate` (a model is asked how long such an object is), or
+    /// `auto` (as the data set states it, else unknown). Lengths may end in mm or cm
     #[arg(long, value_name = "auto|metric|F|...", default_value_t)]
     pub scale: ScaleChoice,
 }

@@ -10,10 +10,10 @@ use nalgebra::Point3;
 use serde::{Deserialize, Deserializer, Serialize, Serializer};
 
 use super::as_typed::as_typed;
-use super::bounds::Bounds;
+use super::bounds::{Bounds, longest_side};
 use super::marker::{self, FoundMarker, Marker};
 use super::{Scene, SceneError, View};
-use crate::units::{MetricScale, ScaleSource};
+use crate::units::{MetricScale, Range, ScaleSource};
 
 /// Lengths range from a nanometre to a thousand kilometres: no length in a capture is shorter or longer.
 const SHORTEST_M: f64 = 1e-9;
@@ -37,6 +37,8 @@ pub enum ScaleChoice {
     Cameras { a: String, b: String, meters: f64 },
     /// A printed marker in the photos, and the side of its black square in metres.
     Marker { marker: Marker, meters: f64 },
+    /// A model is asked how long the object is.
+    Estimate,
 }
 
 /// The data that the choices based on a measurement use.
@@ -96,6 +98,11 @@ impl ScaleChoice {
         matches!(self, Self::Marker { .. })
     }
 
+    /// False for the choice that costs a question and is no more than a guess: only the user may make it, not a scene.
+    pub fn may_be_of_scene(text: &str) -> bool {
+        text.parse() != Ok(Self::Estimate)
+    }
+
     fn stated(&self, scene: &Measured) -> Result<Option<MetricScale>, SceneError> {
         let refused = |problem: String| SceneError::Scale { given: self.to_string(), problem };
         let measured = |meters: &f64, units: f64, source, provenance: String| {
@@ -107,7 +114,7 @@ impl ScaleChoice {
         };
         match self {
             Self::Auto => Ok(scene.data_set.clone()),
-            Self::Marker { .. } => Ok(None),
+            Self::Marker { .. } | Self::Estimate => Ok(None),
             Self::Metric => {
                 let provenance = "the scene is in metres, as given".to_owned();
                 Ok(Some(MetricScale { meters_per_unit: 1.0, source: ScaleSource::Metric, provenance, range: None }))
@@ -150,6 +157,38 @@ impl Scene {
         let unusual = choice.check_size(&scale, &self.object_bounds())?;
         Ok(Some((scale, warning.into_iter().chain(unusual).collect())))
     }
+
+    /// The scale if the object's longest side is within `longest_side_m`, which a model judged; with a warning if the object
+    /// would have an unusual size. `taken_for` is what the model takes it for.
+    ///
+    /// # Errors
+    /// [`SceneError::Scale`] if the object has no extent or would have an impossible size.
+    pub fn estimated_scale(
+        &self,
+        taken_for: &str,
+        longest_side_m: Range,
+    ) -> Result<(MetricScale, Option<String>), SceneError> {
+        let choice = ScaleChoice::Estimate;
+        let units = longest_side(&self.gaussians);
+        let range = Range::new(longest_side_m.low / units, longest_side_m.high / units);
+        if !(range.low.is_normal() && range.high.is_normal()) {
+            let problem = "the object has no extent, so its length says nothing about the scale".to_owned();
+            return Err(SceneError::Scale { given: choice.to_string(), problem });
+        }
+        let scale = MetricScale {
+            // Lengths are as likely too short by a factor as too long by it.
+            meters_per_unit: (range.low * range.high).sqrt(),
+            source: ScaleSource::Estimated,
+            provenance: format!(
+                "estimated: a model takes the object for {taken_for:?}, {} to {} long, for {units:.6} scene units",
+                length(longest_side_m.low),
+                length(longest_side_m.high)
+            ),
+            range: Some(range),
+        };
+        let warning = choice.check_size(&scale, &self.object_bounds())?;
+        Ok((scale, warning))
+    }
 }
 
 /// A length in metres in a readable unit.
@@ -167,7 +206,7 @@ const AXES: [&str; 3] = ["x", "y", "z"];
 
 /// The forms of `--scale`, for messages.
 const FORMS: &str = "auto, metric, metres per scene unit, known-length:X,Y,Z:X,Y,Z=M, bbox:AXIS=M, cameras:A,B=M, \
-                     apriltag:FAMILY,ID=M or aruco:DICT,ID=M";
+                     apriltag:FAMILY,ID=M, aruco:DICT,ID=M or estimate";
 
 /// The units in which a length can be given, the longest name first, and how many of them make a metre.
 const UNITS: [(&str, f64); 3] = [("mm", 1e3), ("cm", 1e2), ("m", 1.0)];
@@ -189,6 +228,7 @@ impl FromStr for ScaleChoice {
         let parsed = match text.split_once([':', ' ']) {
             None if text == "auto" => Some(Self::Auto),
             None if text == "metric" => Some(Self::Metric),
+            None if text == "estimate" => Some(Self::Estimate),
             // Metres per scene unit, not a length.
             None => length_m(text).filter(|_| !text.ends_with('m')).map(Self::Factor),
             Some((kind, _)) if Marker::is_kind(kind) => Some(text.parse::<SizedMarker>()?.into()),
@@ -260,6 +300,7 @@ impl fmt::Display for ScaleChoice {
         match self {
             Self::Auto => f.write_str("auto"),
             Self::Metric => f.write_str("metric"),
+            Self::Estimate => f.write_str("estimate"),
             Self::Factor(factor) => write!(f, "{factor}"),
             Self::KnownLength { from: [a, b, c], to: [x, y, z], meters } => {
                 write!(f, "known-length:{a},{b},{c}:{x},{y},{z}={meters}")

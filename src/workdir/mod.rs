@@ -61,10 +61,12 @@ pub enum Artifact<'a> {
     PartMap(&'a str),
     /// The part of every Gaussian.
     PartOfGaussian,
-    /// The picture sent for a segment or part of a view.
+    /// The picture sent for a segment or part of a view; 0 is the whole object.
     Sheet(&'a str, u16),
     /// One line per question: the answer or the typed failure.
     Answers,
+    /// The length of the object as a model judged it, with `--scale estimate`.
+    Size,
     /// Questions sent through the Batch API whose answers have not been collected.
     BatchApiJobs,
     /// One picture's materials with their legend.
@@ -126,6 +128,7 @@ impl Artifact<'_> {
             Self::PartOfGaussian => "consensus/gaussians.npz".into(),
             Self::Sheet(view, segment) => Path::new("sheets").join(format!("{view}_{segment}.jpg")),
             Self::Answers => "answers.jsonl".into(),
+            Self::Size => "size.json".into(),
             Self::BatchApiJobs => "batch_api.json".into(),
             Self::MaterialMap => "material_map.png".into(),
             Self::Field => "field.ply".into(),

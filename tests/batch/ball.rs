@@ -13,7 +13,7 @@ use serde_json::{Value, json};
 use tempfile::TempDir;
 
 use crate::query::{a, completion, good_answer};
-use crate::support::server::{MockServer, Response};
+use crate::support::server::{MockServer, Request, Response, json_of};
 use crate::vote::build::{Blob, camera_at, cloud};
 
 const RADIUS_M: f64 = 0.1;
@@ -32,8 +32,15 @@ impl Balls {
 
     /// The same with a server that gives this answer.
     pub fn answering(count: usize, answer: &Value) -> Self {
-        let answer = Response::new(200).json(completion(&answer.to_string()));
-        let server = MockServer::new(move |_| answer.clone());
+        let answer = answer.clone();
+        Self::asked(count, move |_| answer.clone())
+    }
+
+    /// The same with a server that answers each request with what the function makes of its body.
+    pub fn asked(count: usize, answer: impl Fn(&Value) -> Value + Send + Sync + 'static) -> Self {
+        let respond =
+            move |request: &Request| Response::new(200).json(completion(&answer(&json_of(request)).to_string()));
+        let server = MockServer::new(respond);
         let balls = Self { home: tempfile::tempdir().unwrap(), server };
         (0..count).for_each(|number| balls.write(number));
         balls

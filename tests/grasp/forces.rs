@@ -80,6 +80,7 @@ fn hammer() -> (Parts, Vec<FieldLabel>) {
         fillings: Vec::new(),
         known_mass: None,
         meters_per_unit: None,
+        estimated_scale: None,
         warnings: Vec::new(),
         notes: Vec::new(),
     };

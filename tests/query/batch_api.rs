@@ -137,7 +137,7 @@ impl Place {
             (0..).zip(&self.views).flat_map(|(n, view)| view.segments.segments.iter().map(move |of| (n, of.id)));
         let subjects = segments.map(|(view, id)| Subject::segment(view, id)).collect();
         let (home, hidden) = (self.home.path(), Progress::Hidden);
-        let subjects = Subjects { views, subjects, ask_views: 1, about: About::Segments };
+        let subjects = Subjects { views, subjects, ask_views: 1, about: About::Segments, size_in: None };
         QuerySession::new(options, subjects, MaterialLibrary::builtin(), home, &self.work, Ok(()), hidden).unwrap()
     }
 
@@ -185,7 +185,7 @@ fn a_batch_goes_out_and_its_answers_are_replayed() {
 
     let replay = Options { answers: AnswerSource::Replay, lmm_url: None, ..options.clone() };
     let session = place.query_session(&replay);
-    let answers = session.answer_all(&|_| Ok(())).unwrap();
+    let (answers, _) = session.answer_all(&|_| Ok(())).unwrap();
     assert_eq!((answers.segments.len(), answers.failed().count()), (4, 0));
     assert!(place.query_session(&options).collect().is_err(), "nothing is waiting any more");
     assert_eq!(place.query_session(&options).submit().unwrap().sent, 0, "nothing is open any more");

@@ -56,8 +56,7 @@ fn what_goes_out_comes_back_and_is_replayed() {
         json!({ "query": names[1], "answer": fenced, "model": "someone else" }),
     ];
     fs::write(out.join("answers.jsonl"), lines.map(|line| line.to_string()).join("\n")).unwrap();
-    let library = MaterialLibrary::builtin();
-    let imported = exchange::import(&out, Some("by hand"), &queries.questions, library, &store).unwrap();
+    let imported = exchange::import(&out, Some("by hand"), &queries, &store).unwrap();
     assert_eq!((imported.recorded, imported.unanswered, imported.bad.len()), (2, 0, 0), "{imported:?}");
 
     let replay = Options { answers: AnswerSource::Replay, ..small() };
@@ -118,15 +117,14 @@ fn bad_lines_are_numbered_and_good_ones_kept() {
         json!({ "query": names[4], "answer": good() }).to_string(),
     ];
     fs::write(out.join("answers.jsonl"), lines.join("\n")).unwrap();
-    let library = MaterialLibrary::builtin();
 
-    let nameless = exchange::import(&out, None, &queries.questions, library, &store).unwrap();
+    let nameless = exchange::import(&out, None, &queries, &store).unwrap();
     assert_eq!(nameless.recorded, 0);
     assert!(nameless.bad.iter().any(|bad| bad.line == 1 && bad.problem.contains("manifest.json")), "{nameless:?}");
 
     let manifest = fs::read_to_string(out.join("manifest.json")).unwrap();
     fs::write(out.join("manifest.json"), manifest.replace("\"model\":null", "\"model\":\"a person\"")).unwrap();
-    let imported = exchange::import(&out, None, &queries.questions, library, &store).unwrap();
+    let imported = exchange::import(&out, None, &queries, &store).unwrap();
     assert_eq!((imported.recorded, imported.unanswered), (2, 1));
     let bad: Vec<usize> = imported.bad.iter().map(|bad| bad.line).collect();
     assert_eq!(bad, [2, 3, 4, 6, 7]);
@@ -143,7 +141,7 @@ fn a_folder_that_is_no_export_is_refused() {
     let options = small();
     let queries = prepare(&[two_segments("000", 80, 80)], &prompts, &options);
     let store = recordings(&home.path().join("recorded"));
-    let import = || exchange::import(home.path(), Some("m"), &queries.questions, MaterialLibrary::builtin(), &store);
+    let import = || exchange::import(home.path(), Some("m"), &queries, &store);
     assert!(matches!(import(), Err(ExchangeError::Unreadable { .. })));
     fs::write(home.path().join("manifest.json"), "{}").unwrap();
     assert!(matches!(import(), Err(ExchangeError::Manifest { .. })));

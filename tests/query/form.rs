@@ -118,7 +118,7 @@ fn a_mug_is_answered_with_the_keyboard_in_two_minutes() {
         assert_eq!(line["model"], "Ada");
     }
     fs::write(out.join("answers.jsonl"), lines).unwrap();
-    let imported = exchange::import(&out, None, &queries.questions, library, &store).unwrap();
+    let imported = exchange::import(&out, None, &queries, &store).unwrap();
     assert_eq!((imported.recorded, imported.unanswered), (4, 0), "{imported:?}");
     assert!(imported.bad.is_empty(), "{imported:?}");
     assert_eq!(page.complaints(), Vec::<String>::new());

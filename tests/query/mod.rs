@@ -28,6 +28,8 @@ mod recordings;
 // The dialects of vLLM, Ollama, llama.cpp, DashScope.
 mod servers;
 mod sheets;
+// The question about the size of the object.
+mod size;
 
 use std::path::Path;
 use std::sync::Mutex;

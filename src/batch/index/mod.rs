@@ -14,6 +14,7 @@ use rayon::prelude::*;
 
 use crate::files;
 use crate::pictures::thumbnail;
+use crate::report::ESTIMATED;
 use crate::report::numbers::figures;
 use crate::report::style;
 use crate::units::Estimate;
@@ -98,8 +99,8 @@ fn row(outcome: &Outcome, home: &Path) -> Value {
         link => (outcome.state == State::Done && report.is_file()).then(|| link(home, &report)).flatten(),
         materials => named.join("; "),
         more_materials => results.materials.len() - named.len(),
-        mass => results.mass_kg.map(|mass| cell(mass, 1.0)),
-        volume => results.volume_m3.map(|volume| cell(volume, 1e6)),
+        mass => results.mass_kg.map(|mass| cell(mass, 1.0, results.estimated_scale)),
+        volume => results.volume_m3.map(|volume| cell(volume, 1e6, results.estimated_scale)),
         parts => results.parts,
         gaussians => results.gaussians,
         views => results.views,
@@ -107,9 +108,10 @@ fn row(outcome: &Outcome, home: &Path) -> Value {
     }
 }
 
-fn cell(estimate: Estimate, factor: f64) -> Value {
+fn cell(estimate: Estimate, factor: f64, estimated_scale: bool) -> Value {
     let shown = figures(estimate, factor);
-    context! { value => estimate.mid, mid => shown.mid, interval => shown.interval }
+    let mark = if estimated_scale { ESTIMATED } else { "" };
+    context! { value => estimate.mid, mid => shown.mid, interval => format!("{}{mark}", shown.interval) }
 }
 
 /// The first line of an error, and the other lines up to the maximum length.

@@ -125,7 +125,8 @@ fn metadata(rigid: &Rigid) -> String {
         ("usd_date_generated", "not recorded"),
     ];
     let mut text = "        dictionary SimReady_Metadata = {\n".to_owned();
-    for (key, value) in strings {
+    let note = rigid.note_on_scale.map(|note| ("note", note));
+    for (key, value) in strings.into_iter().chain(note) {
         let _ = writeln!(text, "            string {key} = {}", quoted(value));
     }
     let _ = writeln!(text, "            float3 asset_extents = {}", triple((high - low).into()));

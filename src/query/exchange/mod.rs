@@ -16,9 +16,10 @@ use serde_json::Value;
 
 use crate::materials::MaterialLibrary;
 use crate::query::answer::{Problem, Unknown};
-use crate::query::queries::SegmentQuery;
-use crate::query::question::{Question, Questions};
+use crate::query::queries::Queries;
+use crate::query::question::Question;
 use crate::query::recorded::{Answerer, Asked, Recording, RecordingError, Recordings};
+use crate::query::segment_query::SegmentQuery;
 use form::{FormMaterial, FormQuery, FormText};
 
 const QUERIES: &str = "queries.jsonl";
@@ -211,14 +212,13 @@ fn write_texts<'a>(
 
 /// Checks the answers of a folder and records the valid ones; every bad line is reported with its number.
 ///
-/// The answering model is `model`, or else the one that the line or the manifest names. `questions` are those of the
+/// The answering model is `model`, or else the one that the line or the manifest names. `queries` have the questions of the
 /// library, prompts and options that the scene will be run with; an answer to any other question cannot be checked and
 /// is a bad line.
 pub fn import(
     folder: &Path,
     model: Option<&str>,
-    questions: &Questions,
-    library: &MaterialLibrary,
+    queries: &Queries,
     recordings: &Recordings,
 ) -> Result<Imported, ExchangeError> {
     let manifest: Manifest = {
@@ -242,7 +242,7 @@ pub fn import(
                 return Err(LineProblem::Again { query: answer.query, earlier });
             }
             let model = model.or(answer.model.as_deref()).or(manifest.model.as_deref()).map(str::to_owned);
-            check(answer, model, &origins, questions, library).map(Some)
+            check(answer, model, &origins, queries).map(Some)
         });
         match checked {
             Ok(None) => imported.unanswered += 1,
@@ -283,18 +283,16 @@ fn check(
     line: AnswerLine,
     model: Option<String>,
     origins: &BTreeMap<String, Asked>,
-    questions: &Questions,
-    library: &MaterialLibrary,
+    queries: &Queries,
 ) -> Result<Recording, LineProblem> {
     let asked = origins.get(&line.query).ok_or(LineProblem::NoQuery(line.query))?;
     let model = model.filter(|model| !model.trim().is_empty()).ok_or(LineProblem::NoModel)?;
-    let question = questions.find(asked).ok_or(LineProblem::OtherQuestion)?;
     let response = match line.answer {
         Value::String(text) => text,
         answer => answer.to_string(),
     };
-    let read = questions.read(question, &response, library, Unknown::Refuse);
-    read.map_err(|Problem { reason, .. }| LineProblem::Answer(reason))?;
+    let checked = queries.check(asked, &response, Unknown::Refuse).ok_or(LineProblem::OtherQuestion)?;
+    checked.map_err(|Problem { reason, .. }| LineProblem::Answer(reason))?;
     let answerer = Answerer { model, parameters: Value::Null };
     Ok(Recording::new(&answerer, asked.clone(), response, None, None))
 }

@@ -1,5 +1,6 @@
 //! The mask of a segment as run lengths, and how well two masks overlap.
 
+use image::GrayImage;
 use serde::{Deserialize, Serialize};
 
 use crate::segment::LabelMap;
@@ -24,11 +25,21 @@ struct Written {
 impl Mask {
     /// The pixels of `segment` in a label map.
     pub fn of_segment(map: &LabelMap, segment: u16) -> Self {
+        Self::of_pixels((map.width, map.height), map.labels.iter().map(|label| *label == segment))
+    }
+
+    /// The pixels that the object covers at least half.
+    pub fn of_foreground(foreground: &GrayImage) -> Self {
+        Self::of_pixels(foreground.dimensions(), foreground.pixels().map(|pixel| pixel[0] >= 128))
+    }
+
+    /// `pixels` are those of a mask of this size, row by row: true inside.
+    fn of_pixels((width, height): (u32, u32), pixels: impl Iterator<Item = bool>) -> Self {
         let mut runs = Vec::new();
         let mut inside = false;
         let mut length = 0;
-        for label in &map.labels {
-            if (*label == segment) != inside {
+        for pixel in pixels {
+            if pixel != inside {
                 runs.push(length);
                 length = 0;
                 inside = !inside;
@@ -36,7 +47,7 @@ impl Mask {
             length += 1;
         }
         runs.push(length);
-        Self { width: map.width, height: map.height, runs }
+        Self { width, height, runs }
     }
 
     /// Number of pixels inside.

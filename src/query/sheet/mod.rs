@@ -47,6 +47,17 @@ const WIDE: f64 = 4.0 / 3.0;
 const PAPER: Rgb<u8> = Rgb([255, 255, 255]);
 
 impl Sheet {
+    /// The photo beside the object alone, cropped and enlarged, at most `longest_side` pixels.
+    pub fn of_object(photo: &Photo, longest_side: u32) -> Self {
+        let (width, height) = photo.rgb.dimensions();
+        let whole = Area { x0: 0, y0: 0, x1: width, y1: height };
+        let object = panel::bounding_box(&photo.foreground).map_or(whole, |found| found.with_margin(width, height));
+        let mut sheet = Canvas::new(longest_side, 2, whole.aspect(), height.saturating_mul(ENLARGED_AT_MOST));
+        sheet.place("1 the photo", &panel::object(photo, whole, sheet.panel));
+        sheet.place("2 the object", &panel::object(photo, object, sheet.panel));
+        Self { picture: sheet.picture }
+    }
+
     /// SHA-256 of width and height (little-endian u32) and the RGB bytes.
     pub fn pixels_sha256(&self) -> Sha256Hex {
         Sha256Hex::of_picture(self.picture.dimensions(), self.picture.as_raw())

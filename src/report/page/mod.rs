@@ -125,10 +125,12 @@ fn scale(report: &Report) -> String {
 
 fn tiles(report: &Report) -> Vec<Value> {
     let mut tiles = Vec::new();
+    let is_estimated = report.parts.as_ref().is_some_and(|parts| parts.estimated_scale.is_some());
+    let named = |name: &str| if is_estimated { format!("{name} (estimated scale)") } else { name.to_owned() };
     if let Some(parts) = &report.parts {
         let measured = |name, unit, estimate, factor| {
             let shown = figures(estimate, factor);
-            tile(name, format!("{} {unit}", shown.mid), format!("{} {unit}", shown.interval))
+            tile(&named(name), format!("{} {unit}", shown.mid), format!("{} {unit}", shown.interval))
         };
         tiles.push(measured("mass", "kg", parts.object.mass_kg, 1.0));
         tiles.push(measured("volume", "cm³", parts.object.volume_m3, 1e6));
@@ -137,8 +139,8 @@ fn tiles(report: &Report) -> Vec<Value> {
         let bounds =
             || format!("slips below {} N, damage above {} N", significant(grasp.f_min_n), significant(grasp.f_max_n));
         tiles.push(match &grasp.infeasible {
-            None => tile("grip with", format!("{} N", significant(grasp.f_star_n)), bounds()),
-            Some(why) => tile("grip", "not safely".to_owned(), why.explanation.clone()),
+            None => tile(&named("grip with"), format!("{} N", significant(grasp.f_star_n)), bounds()),
+            Some(why) => tile(&named("grip"), "not safely".to_owned(), why.explanation.clone()),
         });
     }
     tiles.extend(report.simulation.as_ref().and_then(softened_tile));
