@@ -7,7 +7,7 @@ mod cache;
 mod decoder;
 mod encoder;
 mod graph;
-mod mismatch;
+pub mod mismatch;
 mod pool;
 mod runtime;
 
@@ -20,7 +20,7 @@ use cache::Cache;
 pub use decoder::Wanted;
 use decoder::{Decoder, Prepared};
 use encoder::Encoder;
-pub use mismatch::Mismatch;
+use mismatch::Mismatch;
 
 /// Side of the square picture that the encoder sees.
 pub const MODEL_SIDE: usize = 1024;

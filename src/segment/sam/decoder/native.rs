@@ -4,9 +4,10 @@
 use ort::session::{Session, SessionOutputs};
 
 use super::super::graph::Model;
+use super::super::mismatch::Mismatch;
 use super::super::pool::Pool;
 use super::super::runtime::{self, Runtime};
-use super::super::{Decoded, Embedding, Mismatch};
+use super::super::{Decoded, Embedding};
 use super::Wanted;
 use super::feed::{PromptShape, feed, standard_inputs};
 use super::mask_decoder::{CHANNELS, MASKS, MaskDecoder, PreparedEmbedding, Scratch, Sources, TOKENS};

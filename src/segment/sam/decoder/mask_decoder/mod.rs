@@ -17,8 +17,9 @@ mod tokens;
 mod upscale;
 mod weights;
 
+use super::super::LOGITS_SIDE;
 use super::super::graph::{Constants, Model};
-use super::super::{LOGITS_SIDE, Mismatch};
+use super::super::mismatch::Mismatch;
 use attention::{OnlineSoftmax, Scores, TokenValues, softmax_over_tokens};
 use first_layer::FirstLayer;
 use layers::{add, perceptron};

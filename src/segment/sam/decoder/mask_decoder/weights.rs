@@ -3,8 +3,8 @@
 //! Exporters rename the matrices of linear layers (`onnx::MatMul_1926`) but not the biases, so a matrix is identified
 //! as the factor of the product to which its bias is added.
 
-use super::super::super::Mismatch;
 use super::super::super::graph::{Constants, Model};
+use super::super::super::mismatch::Mismatch;
 use super::{CHANNELS, INNER, MASKS, UPSCALED, UPSCALED_TWICE};
 use crate::simd::MOST_LANES;
 
