@@ -1,11 +1,15 @@
 //! The object between two frames of the simulation.
 //!
-//! Positions follow a cubic through both frames whose slopes are the harmonic means of the neighbouring intervals'
-//! (Fritsch and Butland, 1984), and zero where the motion turns: smooth in flight, and never beyond the two frames, so
-//! that nothing sinks into the ground. Everything else is interpolated linearly, rotations along the shorter way.
+//! The object's centre follows a cubic through both frames whose slopes are the harmonic means of the neighbouring
+//! intervals' (Fritsch and Butland, 1984), and zero where the motion turns: smooth in flight, and never beyond the two
+//! frames. About it the object turns steadily, by the rotation that fits its Gaussians best, so that what is rigid keeps
+//! its shape between the frames as well. What the Gaussians move besides, and everything else, is interpolated linearly,
+//! rotations along the shorter way.
 
+use nalgebra::{Point3, Vector3};
 use rayon::prelude::*;
 
+use crate::numeric;
 use crate::scene::gaussians::Gaussians;
 
 /// The frames of a simulation as a motion. Times are frames with a fraction, and must not decrease.
@@ -16,8 +20,8 @@ pub struct Motion<'a, E> {
     first: usize,
     /// The frames `first` and `first + 1`.
     pair: Option<[Gaussians; 2]>,
-    /// The positions in the frame before the first.
-    before: Option<Vec<[f32; 3]>>,
+    /// The centre in the frame before the first.
+    before: Option<Point3<f64>>,
     /// Frame `first + 2`.
     next: Option<Gaussians>,
 }
@@ -39,8 +43,7 @@ impl<'a, E> Motion<'a, E> {
         }
         let [from, to] = self.pair.as_ref().expect("loaded above");
         let share = (time - first as f64).clamp(0.0, 1.0) as f32;
-        let after = self.next.as_ref().map(|next| &next.positions);
-        Ok(between([from, to], [self.before.as_ref(), after], share))
+        Ok(between([from, to], [self.before, self.next.as_ref().map(center)], share))
     }
 
     fn advance(&mut self) -> Result<(), E> {
@@ -49,7 +52,7 @@ impl<'a, E> Motion<'a, E> {
             None => [(self.load)(0)?, (self.load)(1.min(last))?],
             Some([from, to]) => {
                 self.first += 1;
-                self.before = Some(from.positions);
+                self.before = Some(center(&from));
                 [to, self.next.take().expect("there is a frame after those in front of the last")]
             }
         });
@@ -58,16 +61,21 @@ impl<'a, E> Motion<'a, E> {
     }
 }
 
-/// The Gaussians at the `share` of the way between two frames. `around` are the positions before and after them.
-fn between([from, to]: [&Gaussians; 2], around: [Option<&Vec<[f32; 3]>>; 2], share: f32) -> Gaussians {
+/// The Gaussians at the `share` of the way between two frames. `around` are the centres before and after them.
+fn between([from, to]: [&Gaussians; 2], around: [Option<Point3<f64>>; 2], share: f32) -> Gaussians {
     let mix = |a: f32, b: f32| a + share * (b - a);
-    let position = |(i, (a, b)): (usize, (&[f32; 3], &[f32; 3]))| {
-        std::array::from_fn(|axis| {
-            let slope = b[axis] - a[axis];
-            let before = around[0].map_or(slope, |before| a[axis] - before[i][axis]);
-            let after = around[1].map_or(slope, |after| after[i][axis] - b[axis]);
-            cubic([a[axis], b[axis]], [tangent(before, slope), tangent(slope, after)], share)
-        })
+    let centers = [center(from), center(to)];
+    let slope = centers[1] - centers[0];
+    let (before, after) =
+        (around[0].map_or(slope, |before| centers[0] - before), around[1].map_or(slope, |after| after - centers[1]));
+    let middle = Point3::from(Vector3::from_fn(|a, _| {
+        cubic([centers[0][a], centers[1][a]], [tangent(before[a], slope[a]), tangent(slope[a], after[a])], share.into())
+    }));
+    let turn = numeric::rigid_motion((0..from.len()).map(|i| (from.center(i), to.center(i)))).rotation;
+    let (turned, back) = (turn.powf(share.into()), turn.inverse());
+    let position = |i: usize| {
+        let (a, b) = (from.center(i) - centers[0], back * (to.center(i) - centers[1]));
+        (middle + turned * a.lerp(&b, share.into())).map(|x| x as f32).into()
     };
     let rotation = |(a, b): (&[f32; 4], &[f32; 4])| {
         let cosine: f32 = a.iter().zip(b).map(|(a, b)| a * b).sum();
@@ -78,7 +86,7 @@ fn between([from, to]: [&Gaussians; 2], around: [Option<&Vec<[f32; 3]>>; 2], sha
     };
     let triple = |(a, b): (&[f32; 3], &[f32; 3])| std::array::from_fn(|c| mix(a[c], b[c]));
     Gaussians {
-        positions: from.positions.par_iter().zip(&to.positions).enumerate().map(position).collect(),
+        positions: (0..from.len()).into_par_iter().map(position).collect(),
         log_scales: from.log_scales.par_iter().zip(&to.log_scales).map(triple).collect(),
         rotations: from.rotations.par_iter().zip(&to.rotations).map(rotation).collect(),
         opacity_logits: to.opacity_logits.clone(),
@@ -91,13 +99,19 @@ fn between([from, to]: [&Gaussians; 2], around: [Option<&Vec<[f32; 3]>>; 2], sha
     }
 }
 
+/// The mean position of the Gaussians.
+fn center(gaussians: &Gaussians) -> Point3<f64> {
+    let sum: Vector3<f64> = (0..gaussians.len()).map(|i| gaussians.center(i).coords).sum();
+    (sum / gaussians.len().max(1) as f64).into()
+}
+
 /// The slope between two intervals.
-fn tangent(before: f32, after: f32) -> f32 {
+fn tangent(before: f64, after: f64) -> f64 {
     if before * after > 0.0 { 2.0 * before * after / (before + after) } else { 0.0 }
 }
 
 /// Hermite's cubic from the first value to the second.
-fn cubic([from, to]: [f32; 2], [leaving, arriving]: [f32; 2], t: f32) -> f32 {
+fn cubic([from, to]: [f64; 2], [leaving, arriving]: [f64; 2], t: f64) -> f64 {
     let (square, cube) = (t * t, t * t * t);
     from + (3.0 * square - 2.0 * cube) * (to - from) + (cube - 2.0 * square + t) * leaving + (cube - square) * arriving
 }
@@ -141,6 +155,28 @@ mod tests {
             last = z;
         }
         assert_eq!(motion.at(7.0).unwrap().positions, [[0.0; 3]]);
+    }
+
+    /// A box of Gaussians that turns by a quarter between two frames: halfway, all distances are those of the frames.
+    #[test]
+    fn what_turns_keeps_its_shape() {
+        let corners = || (0..8).map(|n| [(n & 1) as f32, 0.2 * (n >> 1 & 1) as f32, 0.1 * (n >> 2) as f32]);
+        let frame = |positions: Vec<[f32; 3]>| Gaussians {
+            log_scales: vec![[0.0; 3]; positions.len()],
+            rotations: vec![[1.0, 0.0, 0.0, 0.0]; positions.len()],
+            opacity_logits: vec![1.0; positions.len()],
+            sh_dc: vec![[0.0; 3]; positions.len()],
+            positions,
+            ..Gaussians::default()
+        };
+        let (from, to) = (frame(corners().collect()), frame(corners().map(|[x, y, z]| [-y, x, z - 3.0]).collect()));
+        let half = between([&from, &to], [None; 2], 0.5);
+        for (i, j) in (0..8).flat_map(|i| (0..i).map(move |j| (i, j))) {
+            let distance = |g: &Gaussians| (g.center(i) - g.center(j)).norm();
+            // f32 at lengths of 3.
+            assert!((distance(&half) - distance(&from)).abs() < 1e-6, "{i} {j}: {}", distance(&half));
+        }
+        assert!((center(&half).z - (center(&from).z - 1.5)).abs() < 1e-6);
     }
 
     #[test]
