@@ -5,12 +5,19 @@
 //! frames. About it the object turns steadily, by the rotation that fits its Gaussians best, so that what is rigid keeps
 //! its shape between the frames as well. What the Gaussians move besides, and everything else, is interpolated linearly,
 //! rotations along the shorter way.
+//!
+//! The frames hold covariances as scales along axes, and which axis comes first, and which way it points, may differ from
+//! frame to frame. A Gaussian whose axes differ has the shape that it has in the nearer frame.
 
 use nalgebra::{Point3, Vector3};
 use rayon::prelude::*;
 
 use crate::numeric;
 use crate::scene::gaussians::Gaussians;
+
+/// The cosine of half the angle between axes up to which they are the same axes: about 50 degrees. A flipped or exchanged
+/// axis turns them by 90 degrees or more.
+const ALIKE: f64 = 0.9;
 
 /// The frames of a simulation as a motion. Times are frames with a fraction, and must not decrease.
 pub struct Motion<'a, E> {
@@ -77,18 +84,22 @@ fn between([from, to]: [&Gaussians; 2], around: [Option<Point3<f64>>; 2], share:
         let (a, b) = (from.center(i) - centers[0], back * (to.center(i) - centers[1]));
         (middle + turned * a.lerp(&b, share.into())).map(|x| x as f32).into()
     };
-    let rotation = |(a, b): (&[f32; 4], &[f32; 4])| {
-        let cosine: f32 = a.iter().zip(b).map(|(a, b)| a * b).sum();
-        let sign = if cosine < 0.0 { -1.0 } else { 1.0 };
-        let mixed: [f32; 4] = std::array::from_fn(|c| mix(a[c], sign * b[c]));
-        let norm = mixed.iter().map(|c| c * c).sum::<f32>().sqrt();
-        if norm > 0.0 { mixed.map(|c| c / norm) } else { *b }
+    let shape = |i: usize| {
+        let (a, b) = (from.rotation(i), back * to.rotation(i));
+        let scales = [from.log_scales[i], to.log_scales[i]];
+        let (own, scales) = match a.coords.dot(&b.coords).abs() > ALIKE {
+            true => (a.slerp(&b, share.into()), std::array::from_fn(|c| mix(scales[0][c], scales[1][c]))),
+            false if share < 0.5 => (a, scales[0]),
+            false => (b, scales[1]),
+        };
+        let q = turned * own;
+        ([q.w, q.i, q.j, q.k].map(|c| c as f32), scales)
     };
-    let triple = |(a, b): (&[f32; 3], &[f32; 3])| std::array::from_fn(|c| mix(a[c], b[c]));
+    let (rotations, log_scales) = (0..from.len()).into_par_iter().map(shape).unzip();
     Gaussians {
         positions: (0..from.len()).into_par_iter().map(position).collect(),
-        log_scales: from.log_scales.par_iter().zip(&to.log_scales).map(triple).collect(),
-        rotations: from.rotations.par_iter().zip(&to.rotations).map(rotation).collect(),
+        log_scales,
+        rotations,
         opacity_logits: to.opacity_logits.clone(),
         sh_dc: to.sh_dc.clone(),
         sh_degree: to.sh_degree,
@@ -169,7 +180,20 @@ mod tests {
             positions,
             ..Gaussians::default()
         };
-        let (from, to) = (frame(corners().collect()), frame(corners().map(|[x, y, z]| [-y, x, z - 3.0]).collect()));
+        let (mut from, mut to) =
+            (frame(corners().collect()), frame(corners().map(|[x, y, z]| [-y, x, z - 3.0]).collect()));
+        let sine = std::f32::consts::FRAC_1_SQRT_2;
+        to.rotations.fill([sine, 0.0, 0.0, sine]);
+        // A needle whose turn by a quarter is written as an exchange of its axes.
+        from.log_scales[0] = [0.0, -5.0, -5.0];
+        (to.log_scales[0], to.rotations[0]) = ([-5.0, 0.0, -5.0], [1.0, 0.0, 0.0, 0.0]);
+        for share in [0.3, 0.5, 0.7] {
+            let now = between([&from, &to], [None; 2], share);
+            let needle = now.rotation(0)
+                * Vector3::ith(now.log_scales[0].map(f64::from).into_iter().position(|s| s == 0.0).unwrap(), 1.0);
+            let angle = needle.y.atan2(needle.x).rem_euclid(std::f64::consts::PI);
+            assert!((angle - f64::from(share) * std::f64::consts::FRAC_PI_2).abs() < 1e-6, "{angle} at {share}");
+        }
         let half = between([&from, &to], [None; 2], 0.5);
         for (i, j) in (0..8).flat_map(|i| (0..i).map(move |j| (i, j))) {
             let distance = |g: &Gaussians| (g.center(i) - g.center(j)).norm();
