@@ -25,6 +25,7 @@ use nalgebra::Point3;
 use serde::{Deserialize, Serialize};
 
 use crate::camera::Camera;
+use crate::output::{agreeing, counted};
 use crate::progress::Progress;
 use crate::query::Form;
 use crate::scene::gaussians::Gaussians;
@@ -306,7 +307,7 @@ fn no_volume(field: &MaterialField, shapes: &[Shape]) -> PartsError {
     let used: Vec<&Shape> = shapes.iter().filter(|shape| shape.gaussians > 0).collect();
     let why = used.iter().filter_map(|shape| {
         let (name, count) = (&field.labels[shape.id as usize].caption, shape.gaussians);
-        shape.no_volume.map(|why| format!("{name:?} ({count} Gaussians) {why}"))
+        shape.no_volume.map(|why| format!("{name:?} ({}) {why}", counted(count, "Gaussian")))
     });
     PartsError::NoVolume { parts: used.len(), why: why.collect::<Vec<_>>().join("; ") }
 }
@@ -341,8 +342,9 @@ fn warnings(field: &MaterialField, floaters: usize, shapes: &[Shape], scale_unkn
     for (shape, why) in without_volume(shapes).filter(|(shape, _)| !is_few(shape.gaussians, field)) {
         let (name, count) = (&field.labels[shape.id as usize].caption, shape.gaussians);
         warnings.push(format!(
-            "part {name:?} ({count} Gaussians) {why}, so it has no volume and no mass; if it belongs to the object, \
-             check whether its pictures in the report show it"
+            "part {name:?} ({}) {why}, so it has no volume and no mass; if it belongs to the object, check whether its \
+             pictures in the report show it",
+            counted(count, "Gaussian")
         ));
     }
     let shells = field.labels.iter().any(|l| matches!(l.form, Form::Shell { .. }));
@@ -369,7 +371,8 @@ fn notes(
     let mut notes = Vec::new();
     if floaters > 0 && are_usual(floaters, field) {
         let count = field.part_label.len();
-        notes.push(format!("{floaters} of {count} Gaussians float off the object and are not counted in any volume"));
+        let float = agreeing(floaters, "floats off the object and is", "float off the object and are");
+        notes.push(format!("{floaters} of {count} Gaussians {float} not counted in any volume"));
     }
     for (shape, why) in without_volume(shapes).filter(|(shape, _)| is_few(shape.gaussians, field)) {
         let (name, count) = (caption(shape.id), shape.gaussians);
