@@ -11,7 +11,7 @@ const PAPER: Rgb<u8> = Rgb([255; 3]);
 /// Longest side of a panel in pixels; a larger picture is shrunk.
 const LONGEST_SIDE: u32 = 1024;
 /// A panel is as wide as its legend, up to this width, even if its picture is narrower.
-const WIDEST_LEGEND: u32 = 520;
+const WIDEST_LEGEND: u32 = 640;
 /// Space between and around the panels.
 const GAP: u32 = 24;
 /// Width of the scale of colours, in multiples of its height.
