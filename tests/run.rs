@@ -273,6 +273,23 @@ fn a_missing_recording() {
     assert!(scene.path().join("gprop/segments/003.png").exists(), "what was done before stays");
 }
 
+/// The hammer is run as a whole by `scripts/test-wheel`.
+#[test]
+#[ignore = "takes minutes: SAM on ten views of each fixture; .ci/run runs it"]
+fn every_question_about_the_other_fixtures_has_a_recorded_answer() {
+    if models("every_question_about_the_other_fixtures_has_a_recorded_answer").is_none() {
+        return;
+    }
+    for name in ["mug", "table_lamp", "chair"] {
+        let out = TempDir::new().unwrap();
+        let mut query = gprop();
+        let output =
+            query.arg("query").arg(fixture(name)).args(["--answers", "replay", "--out"]).arg(out.path()).output();
+        let output = output.unwrap();
+        assert!(output.status.success(), "{name}: {}", stderr(&output));
+    }
+}
+
 #[test]
 fn a_rerun_reuses_everything_and_an_option_redoes_what_follows() {
     if models("a_rerun_reuses_everything_and_an_option_redoes_what_follows").is_none() {

@@ -82,8 +82,7 @@ fn small_run() -> &'static Path {
 /// Writes the true parts of a fixture's views as segments.
 pub fn true_segments(fixture: &str, views: &[&str], folder: &Path) {
     fs::create_dir_all(folder).unwrap();
-    let part_maps =
-        Path::new(env!("CARGO_MANIFEST_DIR")).join("fixtures").join(fixture).join("ground_truth/part_maps");
+    let part_maps = Path::new(env!("CARGO_MANIFEST_DIR")).join("fixtures").join(fixture).join("ground_truth/part_maps");
     for file in views.iter().map(|view| format!("{view}.png")) {
         let mut map = image::open(part_maps.join(&file)).unwrap().into_luma8();
         map.pixels_mut().for_each(|pixel| pixel.0[0] = pixel.0[0].wrapping_add(1));
