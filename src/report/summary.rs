@@ -83,6 +83,7 @@ pub fn mass_line(parts: &Parts) -> String {
 
 /// Stands after what is no better than a model's estimate of the object's length.
 pub const ESTIMATED: &str = ", estimated scale";
+
 /// The force at the best place, or why no grip there is safe.
 pub fn grasp_line(grasp: &GraspReport) -> String {
     let name = part_name(&grasp.part, "");
