@@ -59,7 +59,7 @@ fn what_cannot_be_measured_is_refused() {
     let (gaussians, field) = (cloud.gaussians(0.05), cloud.field(&[Form::Solid]));
     let eyes = cameras(4.0, 20, |_| true);
     let run = |gaussians: &Gaussians, field, eyes: &[_]| {
-        parts(gaussians, field, eyes, Some(&SCALE), &small(), Progress::Hidden).unwrap_err()
+        parts(gaussians, field, eyes, &[], Some(&SCALE), &small(), Progress::Hidden).unwrap_err()
     };
     assert_eq!(run(&Gaussians::default(), &field, &eyes), PartsError::NoGaussians);
     assert_eq!(run(&gaussians, &field, &[]), PartsError::NoViews);

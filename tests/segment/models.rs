@@ -6,7 +6,8 @@ use std::path::Path;
 
 use gprop::scene::{ForegroundSource, Photo};
 use gprop::segment::preprocess::prepare;
-use gprop::segment::sam::{LOGITS_SIDE, MODEL_SIDE, Mismatch, Sam, check_decoder};
+use gprop::segment::sam::mismatch::Mismatch;
+use gprop::segment::sam::{LOGITS_SIDE, MODEL_SIDE, Sam, check_decoder};
 use gprop::segment::{DecoderRuntime, Options, SegmentError, Segmenter};
 use gprop::setup::ModelFiles;
 use image::{GrayImage, Luma, Rgb, RgbImage};

@@ -56,6 +56,8 @@ fn fitted(from: &[Point3<f64>], to: &[Point3<f64>], members: &[usize]) -> Isomet
 
 #[cfg(test)]
 mod tests {
+    use nalgebra::{UnitQuaternion, Vector3};
+
     use super::*;
 
     fn still(centers: Vec<Point3<f64>>) -> Still {
