@@ -92,9 +92,9 @@ impl PartsResult {
 }
 
 /// Measures the parts of the object that `gaussians` represent, labelled by `field`. `cameras` are those of all views,
-/// not only of those that were segmented; `coverage`, for each of them, the share of each pixel of its photo that the
-/// object covers (0 to 255), if known: the widths of wires are measured there. Without `scale` there are shapes but no masses, and shells count as solid,
-/// since the thickness of their walls is known in metres only.
+/// not only of those that were segmented. `coverage` is, for each of them, the share of each pixel of its photo that the
+/// object covers (0 to 255), if known: the widths of wires are measured there. Without `scale` there are shapes but no
+/// masses, and shells count as solid, since the thickness of their walls is known in metres only.
 ///
 /// # Errors
 /// If an option is outside its domain, the cloud is empty, not finite or does not match the field, there are no cameras

@@ -160,8 +160,9 @@ def lift(path, grasp):
     start = place().copy()
     forces = []
     while data.time < 2.5:
-        s = np.clip(data.time - 0.5, 0.0, 1.0)
-        data.ctrl[:] = [grasp["force_n"], grasp["force_n"], 0.1 * s**3 * (10 - 15 * s + 6 * s * s)]
+        # The force grows for 0.3 s: pads that it drives with all its strength from the start hit the object at meters per second.
+        force = grasp["force_n"] * smooth(data.time / 0.3)
+        data.ctrl[:] = [force, force, 0.1 * smooth(data.time - 0.5)]
         mujoco.mj_step(model, data)
         if 0.4 < data.time < 0.5:
             forces.append(normal_forces(model, data))
@@ -170,6 +171,12 @@ def lift(path, grasp):
         "hand_raised_m": float(data.qpos[model.joint("raise").qposadr[0]]),
         "pressed_n": np.mean(forces, axis=0).tolist(),
     }
+
+
+def smooth(s):
+    """From 0 at 0 to 1 at 1, at rest at both."""
+    s = np.clip(s, 0.0, 1.0)
+    return s**3 * (10 - 15 * s + 6 * s * s)
 
 
 def normal_forces(model, data):

@@ -130,7 +130,7 @@ fn an_open_bowl_of_one_sheet_is_counted_once() {
     cloud.points.retain(|(p, _, _)| p.z < 0.0);
     let parts = measured(&cloud, &[wall(0.01)], |_| true);
     let bowl = 2.0 * PI * 0.81 * 0.01;
-    assert!(error(&parts, 0, bowl).abs() < 0.1);
+    assert!(error(&parts, 0, bowl).abs() < 0.15);
     assert!(holds(&parts, 0, bowl), "{:?}", parts.parts[0].volume_m3);
 }
 

@@ -211,7 +211,7 @@ fn warnings(camera_file: &Path, frames: usize, missing: &[&str], sized: &[(View,
     let turned: Vec<_> = sized.iter().filter(|(_, fit)| fit.turned).collect();
     if let Some((view, _)) = turned.first() {
         let done = match turned.iter().filter(|(view, _)| view.upright == Upright::Turned).count() {
-            0 => "not turned, because the cameras were calibrated on what is stored".to_owned(),
+            0 => "not turned, because the cameras were calibrated on photos as they are stored".to_owned(),
             all if all == turned.len() => "turned upright".to_owned(),
             some => format!(
                 "{some} were turned upright; the cameras of the others were calibrated on them as they are stored"
