@@ -5,8 +5,8 @@
 //! gives area times thickness for thin walls, and the true volume of the wall, including curvature, for thick ones.
 //!
 //! A wall seen from both sides, such as a lampshade's, is a sheet: it is as thick as the rays through it or thinner,
-//! since a splat is soft. It is counted once, not once from each side: see [`sheet`](super::sheet). Faces toward a
-//! cavity that the views see in part have no wall of their own: see [`cavity`](super::cavity).
+//! since a splat is soft. It is counted once, not once from each side: see [`sheet`]. Faces toward a
+//! cavity that the views see in part have no wall of their own: see [`cavity`].
 //!
 //! Along surfaces that no view saw, and along seams with other parts, a shell may be closed or open (a cup is open
 //! under its lid, but closed on its coaster). The low volume assumes that it is open there, the high one closed, and
