@@ -24,19 +24,26 @@ impl Spread {
     pub fn around(cells: &Labelled, i: usize, reach: usize) -> Self {
         let grid = &cells.grid;
         let at = grid.coords(i);
-        let span = |axis: usize| at[axis].saturating_sub(reach)..(at[axis] + reach + 1).min(grid.dims[axis]);
+        let span =
+            |axis: usize, reach: usize| at[axis].saturating_sub(reach)..(at[axis] + reach + 1).min(grid.dims[axis]);
+        let offset = |axis: usize, place: usize| place as i64 - at[axis] as i64;
         let (mut count, mut sum, mut squares) = (0.0, Vector3::zeros(), Matrix3::zeros());
-        for z in span(2) {
-            for y in span(1) {
-                for x in span(0) {
-                    let offset = Vector3::from_fn(|axis, _| [x, y, z][axis] as f64 - at[axis] as f64);
-                    let is_near = offset.norm_squared() <= (reach * reach) as f64;
-                    if is_near && cells.label[grid.index([x, y, z])] == cells.label[i] {
-                        count += 1.0;
-                        sum += offset;
-                        squares += offset * offset.transpose();
-                    }
+        for z in span(2, reach) {
+            for y in span(1, reach) {
+                let (dy, dz) = (offset(1, y), offset(2, z));
+                let Some(left) = (reach * reach).checked_sub((dy * dy + dz * dz) as usize) else { continue };
+                let row = span(0, left.isqrt());
+                let first = grid.index([row.start, y, z]);
+                // In integers, which a loop over a row adds up many at a time.
+                let (mut n, mut sum_x, mut sum_xx) = (0, 0, 0);
+                for (dx, label) in (offset(0, row.start)..).zip(&cells.label[first..first + row.len()]) {
+                    let own = i64::from(*label == cells.label[i]);
+                    (n, sum_x, sum_xx) = (n + own, sum_x + own * dx, sum_xx + own * dx * dx);
                 }
+                let [n, x, xx, y, z] = [n, sum_x, sum_xx, dy, dz].map(|integer: i64| integer as f64);
+                count += n;
+                sum += Vector3::new(x, n * y, n * z);
+                squares += Matrix3::new(xx, x * y, x * z, x * y, n * y * y, n * y * z, x * z, n * y * z, n * z * z);
             }
         }
         let mean = sum / count;
