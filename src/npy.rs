@@ -2,7 +2,7 @@
 //! header, and the elements one after the other. The header is a Python dictionary, as in
 //! `{'descr': '<f4', 'fortran_order': False, 'shape': (2, 3), }`.
 
-use std::io::{self, Write};
+use std::io::{self, BufWriter, Write};
 
 use thiserror::Error;
 
@@ -13,6 +13,9 @@ const MOST_HEADER_BYTES: usize = 64 << 10;
 
 /// The header and what comes before it are padded to a multiple of this.
 const ALIGNMENT: usize = 64;
+
+/// Bytes that are collected before they are passed on.
+const BUFFER_BYTES: usize = 64 << 10;
 
 /// Why an array cannot be read.
 #[derive(Debug, Error)]
@@ -181,6 +184,8 @@ pub fn write_npy<T: Number>(out: &mut dyn Write, shape: &[u64], values: impl Int
     let length = (before + header.len() + 1).next_multiple_of(ALIGNMENT) - before;
     header.extend(std::iter::repeat_n(' ', length - 1 - header.len()));
     header.push('\n');
+    // A compressing writer clears its buffer at every call.
+    let mut out = BufWriter::with_capacity(BUFFER_BYTES, out);
     out.write_all(MAGIC)?;
     out.write_all(&[1, 0])?;
     let length = u16::try_from(length).map_err(|_| io::Error::other("the shape has too many dimensions"))?;
@@ -188,7 +193,7 @@ pub fn write_npy<T: Number>(out: &mut dyn Write, shape: &[u64], values: impl Int
     out.write_all(header.as_bytes())?;
     let mut count = 0_u64;
     for value in values {
-        value.write(out)?;
+        value.write(&mut out)?;
         count += 1;
     }
     if count != shape.iter().product::<u64>() {
