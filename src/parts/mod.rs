@@ -121,7 +121,7 @@ pub fn parts(
     let chords = thickness::chords(&cells);
     let thickness = thickness::thickness(&chords, labels.len());
     let silhouettes = inside.silhouettes(cameras, coverage, options);
-    let wires = wire::wires(&cells, &silhouettes, SHEET_SLACK * inside.uncertainty, inside.pixel);
+    let wires = wire::wires(&cells, &chords, &silhouettes, SHEET_SLACK * inside.uncertainty, inside.pixel);
     let of_mass = |kg| {
         let build = |label: &FieldLabel, meters| construction(label, Some(meters), options);
         scale::meters_per_unit(kg, &cells, &chords, &wires, inside.uncertainty, labels, build)

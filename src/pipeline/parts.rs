@@ -3,6 +3,7 @@
 
 use anyhow::Result;
 use image::GrayImage;
+use rayon::prelude::*;
 use serde::Serialize;
 
 use crate::parts::{self, Interior, Parts, Shape};
@@ -41,10 +42,11 @@ impl Pipeline {
 
     /// For each view used for carving, the share of each pixel of its photo that the object covers, if known.
     fn coverage(&self) -> Result<Vec<Option<GrayImage>>> {
-        let mut coverage = vec![None; self.scene.views.len()];
-        for view in parts::carving_views(coverage.len(), &self.options.parts) {
-            coverage[view] = self.scene.views[view].coverage()?;
-        }
+        let views = &self.scene.views;
+        let chosen: Vec<usize> = parts::carving_views(views.len(), &self.options.parts).collect();
+        let of_chosen: Vec<_> = chosen.par_iter().map(|&view| views[view].coverage()).collect::<Result<_, _>>()?;
+        let mut coverage = vec![None; views.len()];
+        chosen.into_iter().zip(of_chosen).for_each(|(view, of_view)| coverage[view] = of_view);
         Ok(coverage)
     }
 

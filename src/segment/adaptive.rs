@@ -1,12 +1,16 @@
-//! Chooses the grid points that are worth a prompt: those on the foreground. Every other row and column comes first,
-//! then the points between them, unless the mask of a neighbouring prompt already covers them.
+//! Chooses the grid points that are worth a prompt: those on the foreground. Every fourth row and column comes first,
+//! then, in passes that halve the distance between points by turns along the diagonals and along the axes, the points
+//! between them, unless the mask of a prompt nearby already covers them.
 
 use super::Level;
 use super::candidate::Candidate;
 use super::mask::Mask;
 
-/// The spacing of each pass's points in the grid, along rows and columns. Points of an earlier pass are not repeated.
-const STRIDES: [usize; 2] = [2, 1];
+/// Spacing of the first pass's points in the grid, along rows and columns.
+const FIRST_SPACING: usize = 4;
+/// How far away, in rows and columns, prompts count as near: every point of a later pass has points of the first pass on
+/// both sides of it.
+const NEAR: usize = FIRST_SPACING - 1;
 /// A point with fewer prompted neighbours lies at the object's edge or on a thin part of it, about which little is
 /// known.
 const LEAST_NEIGHBOURS: usize = 2;
@@ -39,22 +43,34 @@ impl Adaptive<'_> {
 
 /// The passes over a grid of `per_side` x `per_side` points: the indices of each pass's points, row by row.
 pub fn passes(per_side: usize) -> Vec<Vec<usize>> {
+    // A square lattice, then the centres of its squares, then the middles of their sides, which together are a lattice of
+    // half the spacing; and so on.
     let pass_of = |index: usize| {
-        let (row, column) = (index / per_side, index % per_side);
-        let on = |stride: usize| row % stride == stride / 2 && column % stride == stride / 2;
-        STRIDES.iter().position(|&stride| on(stride)).unwrap_or(STRIDES.len() - 1)
+        let (row, column) = (index / per_side + FIRST_SPACING / 2, index % per_side + FIRST_SPACING / 2);
+        let on = |spacing: usize| row.is_multiple_of(spacing) && column.is_multiple_of(spacing);
+        let mut pass = 0;
+        let mut spacing = FIRST_SPACING;
+        while !on(spacing) {
+            let half = spacing / 2;
+            if on(half) && (row / half + column / half).is_multiple_of(2) {
+                return pass + 1;
+            }
+            pass += 2;
+            spacing = half;
+        }
+        pass
     };
-    let mut passes = vec![Vec::new(); STRIDES.len()];
+    let mut passes = vec![Vec::new(); 2 * FIRST_SPACING.ilog2() as usize + 1];
     for index in 0..per_side * per_side {
         passes[pass_of(index)].push(index);
     }
     passes
 }
 
-/// The up to eight points around point `index` of a grid.
+/// The other points within [`NEAR`] of point `index` of a grid.
 pub fn neighbours(index: usize, per_side: usize) -> impl Iterator<Item = usize> {
     let (row, column) = (index / per_side, index % per_side);
-    let around = move |at: usize| at.saturating_sub(1)..=(at + 1).min(per_side - 1);
+    let around = move |at: usize| at.saturating_sub(NEAR)..=(at + NEAR).min(per_side - 1);
     let points = around(row).flat_map(move |row| around(column).map(move |column| row * per_side + column));
     points.filter(move |&other| other != index)
 }
@@ -82,15 +98,17 @@ mod tests {
     }
 
     #[test]
-    fn every_point_is_in_one_pass_and_a_quarter_in_the_first() {
-        assert_eq!(passes(4), [vec![5, 7, 13, 15], vec![0, 1, 2, 3, 4, 6, 8, 9, 10, 11, 12, 14]]);
-        assert_eq!(passes(1), [vec![], vec![0]]);
+    fn every_point_is_in_one_pass_and_each_pass_lies_between_the_points_of_earlier_ones() {
+        assert_eq!(passes(4), [vec![10], vec![0], vec![2, 8], vec![5, 7, 13, 15], vec![1, 3, 4, 6, 9, 11, 12, 14]]);
+        assert_eq!(passes(1), [vec![], vec![0], vec![], vec![], vec![]]);
+        let sizes: Vec<usize> = passes(32).iter().map(Vec::len).collect();
+        assert_eq!(sizes, [64, 64, 128, 256, 512]);
     }
 
     #[test]
     fn neighbours_are_around_and_inside_the_grid() {
-        assert_eq!(neighbours(0, 3).collect::<Vec<_>>(), [1, 3, 4]);
         assert_eq!(neighbours(4, 3).collect::<Vec<_>>(), [0, 1, 2, 3, 5, 6, 7, 8]);
+        assert_eq!((neighbours(0, 32).count(), neighbours(330, 32).count()), (15, 48));
         assert_eq!(neighbours(0, 1).count(), 0);
     }
 

@@ -9,6 +9,7 @@
 use rayon::prelude::*;
 
 use super::spread::Spread;
+use super::thickness::Chord;
 use crate::parts::assign::Labelled;
 use crate::parts::grid::surface::NONE;
 use crate::parts::inside::silhouettes::Silhouettes;
@@ -35,14 +36,25 @@ pub struct Wire {
     pub error: f32,
 }
 
-/// The wires among all parts, per cell. A wire is thinner than `soft`; `pixel` is the width of a pixel. Both in scene
-/// units.
-pub fn wires(cells: &Labelled, silhouettes: &Silhouettes, soft: f64, pixel: f64) -> Vec<Wire> {
+/// The wires among all parts, per cell. A wire is thinner than `soft`, and carving makes it thicker by no more than that;
+/// `pixel` is the width of a pixel. Both in scene units. `chords` are per surface cell.
+pub fn wires(
+    cells: &Labelled,
+    chords: &[Option<Chord>],
+    silhouettes: &Silhouettes,
+    soft: f64,
+    pixel: f64,
+) -> Vec<Wire> {
     if silhouettes.views.len() < VIEWS_MIN {
         return vec![Wire::default(); cells.label.len()];
     }
     let reach = (soft / cells.grid.cell + AROUND_CELLS).ceil() as usize;
-    let is_thin = |i: usize| cells.label[i] != NONE && f64::from(cells.surface.depth[i]) <= soft;
+    // Without a ray inward, only the depth tells.
+    let is_thin = |i: usize| {
+        cells.label[i] != NONE
+            && f64::from(cells.surface.depth[i]) <= soft
+            && chords[cells.surface.nearest[i] as usize].is_none_or(|chord| chord.length <= 2.0 * soft)
+    };
     let of_cell = |i: usize| {
         let spread = is_thin(i).then(|| Spread::around(cells, i, reach));
         spread.and_then(|spread| wire(cells, i, &spread, silhouettes, soft, pixel)).unwrap_or_default()
