@@ -69,6 +69,7 @@ pub mod lettering;
 pub mod materials;
 pub mod npy;
 pub mod npz;
+pub(crate) mod numbers;
 pub mod numeric;
 pub mod output;
 mod part_name;

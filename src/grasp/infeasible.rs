@@ -4,6 +4,7 @@ use serde::{Deserialize, Serialize};
 
 use super::candidates::Candidate;
 use super::{GripperProfile, Limit, Options, Reason};
+use crate::numbers::significant;
 
 /// Why a grasp is not safe, in words.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -19,20 +20,23 @@ pub struct Infeasible {
 impl Infeasible {
     /// The verdict on forces of one finger that do not fit together.
     pub fn of_force(reason: Reason, f_min_n: f64, f_max_n: f64, gripper: &GripperProfile) -> Self {
-        let ([least, most], name) = (gripper.force_n, &gripper.name);
+        let (name, [least, most]) = (&gripper.name, gripper.force_n.map(significant));
+        let [f_min, f_max] = [f_min_n, f_max_n].map(significant);
         let (explanation, advice) = match reason {
             Reason::TooWeak => (
-                format!("each finger must press with {f_min_n:.3} N or more, but {name} has at most {most} N"),
+                format!(
+                    "each finger must press with at least {f_min} N, but the gripper {name} presses with at most {most} N"
+                ),
                 "use a stronger gripper, or lift with two hands",
             ),
             Reason::TooStrong => (
-                format!("{name} presses with at least {least} N, but the part withstands at most {f_max_n:.3} N"),
+                format!(
+                    "the gripper {name} presses with at least {least} N, but the part withstands at most {f_max} N"
+                ),
                 "use a gentler gripper or wider fingers, or grasp another part with --part",
             ),
             Reason::Damage | Reason::Turns => (
-                format!(
-                    "each finger must press with {f_min_n:.3} N or more, but the part withstands at most {f_max_n:.3} N"
-                ),
+                format!("each finger must press with at least {f_min} N, but the part withstands at most {f_max} N"),
                 "use wider fingers, grasp another part with --part, or lift with two hands",
             ),
         };
@@ -51,10 +55,10 @@ impl Infeasible {
         Self {
             reason: Reason::Turns,
             explanation: format!(
-                "the weight can turn the object between the fingers: at {:.1} mm from the centre of mass, they resist {:.3} N m \
+                "the weight can turn the object between the fingers: at {} mm from the centre of mass, they resist {} N m \
                  too little",
-                best.lever_m * 1e3,
-                -best.torque_margin_n_m
+                significant(best.lever_m * 1e3),
+                significant(-best.torque_margin_n_m)
             ),
             advice: format!("{}, or lift with two hands", advice.join(", ")),
         }

@@ -4,7 +4,6 @@ mod cloud;
 mod disagreement;
 mod force_scale;
 mod motion;
-pub(crate) mod numbers;
 mod page;
 mod pictures;
 pub(crate) mod style;

@@ -4,8 +4,8 @@ use std::fmt::Write;
 use std::path::Path;
 
 use super::Report;
-use super::numbers::{figures, significant};
 use crate::grasp::GraspReport;
+use crate::numbers::{figures, significant};
 use crate::output::{counted, one_line};
 use crate::part_name::part_name;
 use crate::parts::Parts;

@@ -1,7 +1,7 @@
 //! Sentences about the object's mass: what it consists of besides the parts, where the width of its interval comes
 //! from, and what would narrow it.
 
-use super::numbers::{interval, significant};
+use crate::numbers::{interval, significant};
 use crate::parts::{Parts, Source, Width};
 use crate::units::Estimate;
 

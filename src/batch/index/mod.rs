@@ -13,9 +13,9 @@ use percent_encoding::{AsciiSet, NON_ALPHANUMERIC, utf8_percent_encode};
 use rayon::prelude::*;
 
 use crate::files;
+use crate::numbers::figures;
 use crate::pictures::thumbnail;
 use crate::report::ESTIMATED;
-use crate::report::numbers::figures;
 use crate::report::style;
 use crate::units::Estimate;
 use crate::workdir::{self, Artifact};

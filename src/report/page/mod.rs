@@ -27,11 +27,11 @@ use crate::units::Estimate;
 use crate::vote::FieldLabel;
 
 use super::force_scale::force_scale;
-use super::numbers::{figures, interval, significant};
 use super::style;
 use super::tables;
 use super::weighing::sentences;
 use super::{Cloud, Motion, Pictures, Report};
+use crate::numbers::{figures, interval, significant};
 use crate::output::thousands;
 
 /// The page's own scripts, in the order in which they build on each other.

@@ -2,10 +2,10 @@
 
 use serde::Serialize;
 
+use crate::numbers::figures;
 use crate::part_name::part_name;
 use crate::pictures::palette;
 use crate::report::motion::Path;
-use crate::report::numbers::figures;
 use crate::report::{Cloud, Motion, Report, Sphere};
 use crate::units::{Estimate, ShoreScale};
 use crate::vote::{FieldLabel, field_ply};
