@@ -14,6 +14,7 @@ pub mod cost;
 mod error;
 pub mod exchange;
 mod extract;
+mod json_schema;
 mod jsonl;
 mod labels;
 pub mod ledger;

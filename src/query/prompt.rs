@@ -35,7 +35,7 @@ pub enum PromptError {
     Unreadable { path: PathBuf, source: std::io::Error },
     #[error("prompt file {file}: {problem}; the placeholders are those of the built-in file of that name")]
     Template { file: String, problem: String },
-    #[error("prompt file {file} is not a JSON schema: {problem}")]
+    #[error("cannot use the prompt file {file} as a JSON schema: {problem}")]
     Schema { file: String, problem: String },
     #[error("there is no prompt folder {0:?}: give --prompts a folder with files named like the built-in ones")]
     NoFolder(PathBuf),

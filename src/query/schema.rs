@@ -1,9 +1,10 @@
 //! A JSON schema that is sent to the model and that its answers are checked against, whatever the server promises.
 
-use jsonschema::Validator;
+use serde::Deserialize;
 use serde_json::{Value, json};
 
 use super::extract::{self, NoJson};
+use super::json_schema::JsonSchema;
 use super::prompt::PromptError;
 use super::sha256::Sha256Hex;
 use crate::materials::fold;
@@ -15,7 +16,7 @@ const NAMED: [&str; 2] = ["family", "filling"];
 #[derive(Debug)]
 pub struct Schema {
     value: Value,
-    validator: Validator,
+    rules: JsonSchema,
     sha256: Sha256Hex,
     /// The names that the properties of [`NAMED`] may have, if the schema has them.
     names: [Vec<String>; 2],
@@ -43,11 +44,11 @@ impl Schema {
                 property.insert("enum".into(), choices);
             }
         }
-        let validator = jsonschema::validator_for(&value)
+        let rules = JsonSchema::deserialize(&value)
             .map_err(|error| PromptError::Schema { file: file.into(), problem: error.to_string() })?;
         let sha256 = Sha256Hex::of(value.to_string());
         let names = [families, fillings].map(|names| names.iter().map(|&name| name.to_owned()).collect());
-        Ok(Self { value, validator, sha256, names })
+        Ok(Self { value, rules, sha256, names })
     }
 
     /// The schema itself.
@@ -69,14 +70,7 @@ impl Schema {
             Err(NoJson::Broken(problem)) => return Err(ResponseProblem::BrokenJson(problem)),
         };
         self.respell_names(&mut value);
-        let problems: Vec<String> = self
-            .validator
-            .iter_errors(&value)
-            .map(|error| match error.instance_path.as_str() {
-                "" => format!("{error}"),
-                path => format!("{}: {error}", path.trim_start_matches('/')),
-            })
-            .collect();
+        let problems = self.rules.problems(&value);
         if problems.is_empty() { Ok(value) } else { Err(ResponseProblem::OffSchema(problems)) }
     }
 

@@ -28,7 +28,7 @@ mod stencil;
 
 use nalgebra::Matrix3;
 
-use super::boundary::Boundary;
+use crate::boundary::Boundary;
 pub use grid::DRIFT;
 use in_order::InOrder;
 use laws::Law;
