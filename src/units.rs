@@ -167,11 +167,11 @@ pub enum ScaleSource {
     DataSet,
     /// The user gave the factor.
     Factor,
-    /// The user knows the distance of two points.
+    /// The user knows the distance between two points.
     KnownLength,
     /// The user knows a side of the object's bounding box.
     BoundingBox,
-    /// The user knows the distance of two cameras.
+    /// The user knows the distance between two cameras.
     Cameras,
     /// Photos show a printed marker of known size.
     Marker,

@@ -22,23 +22,23 @@ pub struct Options {
     #[arg(long, value_enum)]
     pub layout: Option<Layout>,
 
-    /// Only the scenes of this split of the data set, or those that a text file names, one per line
+    /// Run only the scenes of this split of the data set, or those that a text file names, one per line
     #[arg(long, value_name = "NAME|FILE")]
     pub split: Option<String>,
 
-    /// Only scenes whose name contains this text, or matches it if it has `*`, `?` or `[...]`
+    /// Run only scenes whose name contains this text, or matches it if it has `*`, `?` or `[...]`
     #[arg(long, value_name = "TEXT|GLOB")]
     pub filter: Option<String>,
 
-    /// Index of the first of these scenes, sorted by name, from 0
+    /// Index of the first of these scenes to run, sorted by name and counted from 0
     #[arg(long, value_name = "N", default_value_t)]
     pub start: usize,
 
-    /// Index after the last of these scenes, counted like --start [default: all]
+    /// Index after the last of these scenes to run, counted like --start [default: all]
     #[arg(long, value_name = "N")]
     pub end: Option<usize>,
 
-    /// Only shard I of N of these scenes, with I from 0; the shards are of about equal size [default: from
+    /// Run only shard I of N of these scenes, with I from 0; the shards are of about equal size [default: from
     /// SLURM_ARRAY_TASK_ID and SLURM_ARRAY_TASK_COUNT, or JOB_COMPLETION_INDEX and JOB_COMPLETIONS, if they are set]
     #[arg(long, value_name = "I/N")]
     pub shard: Option<Shard>,

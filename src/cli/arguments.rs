@@ -86,7 +86,7 @@ pub enum Command {
     /// Show, list or check the materials of the library.
     #[command(subcommand)]
     Materials(Materials),
-    /// Make what tells the scale of a scene.
+    /// Draw a printed marker that gives a scene its scale.
     #[command(subcommand)]
     Scale(Scale),
     /// Fetch ONNX Runtime and SAM into the cache, or show where they are.
@@ -146,8 +146,8 @@ pub struct ShowArgs {
     /// The subject of the picture.
     #[arg(long, value_enum, default_value_t)]
     pub what: What,
-    /// Name of the view, whether it voted or not (for `--what vote`, it must have) [default: of the views that voted, the
-    /// one that shows most of the object]
+    /// Name of the view; it need not have voted, except for `--what vote` [default: the voting view that shows most of the
+    /// object]
     #[arg(long, value_name = "NAME")]
     pub view: Option<String>,
     #[command(flatten)]
@@ -239,9 +239,9 @@ pub struct ExportArgs {
 }
 
 #[derive(Debug, Args)]
-#[command(after_help = "Options can also be set in files, one `name = value` per line, named like the flags: \
-                        SCENE/gprop.toml takes those that concern only the scene, ~/.config/gprop/config.toml all. The \
-                        command line overrides the scene's file, which overrides yours.")]
+#[command(after_help = "Options can also be set in files, one `name = value` per line, with the names of the \
+                        flags: in SCENE/gprop.toml those that concern only the scene, in ~/.config/gprop/config.toml all \
+                        of them. The command line overrides the scene's file, which overrides yours.")]
 pub struct RunArgs {
     /// Last stage to run; the stages that it needs are run first.
     #[arg(long, value_name = "STAGE", default_value = "report")]
@@ -284,8 +284,8 @@ pub struct BatchArgs {
     /// Run this stage and those after it again in every scene, even if an earlier run did them.
     #[arg(long, value_name = "STAGE")]
     pub from: Option<Stage>,
-    /// Folder for the work folders, each named after its scene, and for batch/, the results of all scenes [default:
-    /// SCENE/gprop and FOLDER/gprop/batch]
+    /// Folder to write into: a work folder for each scene, named after it, and batch/ with the results of all scenes
+    /// [default: SCENE/gprop and FOLDER/gprop/batch]
     #[arg(long, value_name = "DIR")]
     pub out: Option<PathBuf>,
     /// List the scenes, their state and their expected memory, without running them.
@@ -294,7 +294,7 @@ pub struct BatchArgs {
     /// Run nothing; write the summary of all shards, which must have been run with the same choice of scenes.
     #[arg(long, conflicts_with_all = ["dry_run", "queries"])]
     pub merge: bool,
-    /// Send the questions of all scenes that are due through OpenAI's Batch API (half the price, within a day), or
+    /// Send the questions that are due in all scenes through OpenAI's Batch API (half the price, within a day), or
     /// collect the answers.
     #[arg(long, value_name = "STEP", conflicts_with = "dry_run")]
     pub queries: Option<batch::QuestionStep>,
@@ -313,10 +313,10 @@ pub struct SimulateArgs {
     /// List the scenarios with their parameters, without simulating.
     #[arg(long)]
     pub list: bool,
-    /// Run another program's solver exactly as that program would: units, laws, boundary conditions, defects.
+    /// Reproduce another program's solver exactly, with its units, laws, boundary conditions and defects.
     #[arg(long, value_name = "PROGRAM", requires = "solver_input")]
     pub compat: Option<Compat>,
-    /// Its configuration (PhysGaussian's JSON); without --field, SCENE may be a PLY.
+    /// Configuration of that program (PhysGaussian's JSON); without --field, SCENE may be a PLY.
     #[arg(long, value_name = "FILE", requires = "compat", group = "solver_input", value_parser = values::file())]
     pub config: Option<PathBuf>,
     /// Give each particle the law, E, nu and density that the scene's field.ply has for its Gaussian, instead of the
@@ -341,8 +341,8 @@ pub enum Compat {
                         is drawn."
 )]
 pub struct QueryArgs {
-    /// Write the questions that are due (sheets, prompt, schema, a form to fill in) into this folder, to answer them
-    /// elsewhere.
+    /// Write the questions that are due (sheets, prompt, schema, a form to fill in) into this folder, so that they can be
+    /// answered elsewhere.
     #[arg(long, value_name = "DIR", group = "action")]
     pub export: Option<PathBuf>,
     /// Read answers from this folder, check them and record them.
@@ -428,7 +428,7 @@ pub enum Evaluate {
     /// Compare a run with a recorded trajectory of PhysGaussian's solver, or gprop's filling of the inside with
     /// PhysGaussian's.
     Simulation {
-        /// The recorded trajectory with its setting (NPZ).
+        /// The recorded trajectory with its settings (NPZ).
         reference: PathBuf,
     },
     /// Render the materials into labelled views and compute the IoU per label: the paper's table with its two
@@ -448,7 +448,7 @@ pub enum Evaluate {
         #[arg(long, value_name = "DIR")]
         out: Option<PathBuf>,
     },
-    /// Compare --point-prompts adaptive with --point-prompts grid in number of prompts, time and part IoU, on scenes
+    /// Compare --point-prompts adaptive with --point-prompts grid in the number of prompts, time and part IoU, on scenes
     /// with true part maps.
     Prompts {
         #[command(flatten)]
@@ -461,7 +461,7 @@ pub enum Evaluate {
         asked: TrueParts,
     },
     /// Compute the IoU of labels if half of the segments are merged with a neighbour, a tenth of the answers are wrong,
-    /// or fewer views vote, on scenes with true part maps; the true part maps give the answers.
+    /// or fewer views vote, on scenes with true part maps; the answers come from the true part maps.
     Robustness {
         /// Scene folders with SCENE/ground_truth/part_maps/VIEW.png on which `gprop run` has done at least the vote;
         /// questions and votes follow the options of that run.

@@ -20,12 +20,12 @@ pub const SCENE_KEYS: &[SceneKey] = &[SceneKey::any("ask"), SceneKey::any("ask-v
 #[serde(default)]
 #[command(next_help_heading = "Parts")]
 pub struct Options {
-    /// Subjects of the questions to the model
+    /// Whether to ask the model about parts or about segments
     #[arg(long, value_enum, default_value_t = Asked::default())]
     pub ask: Asked,
 
-    /// Number of views in which each part is asked about; more if their answers disagree. With --ask segments, every view is asked
-    /// about
+    /// Number of views in which to ask about each part; if the answers disagree, more views follow. With --ask segments, the
+    /// model is asked about every view
     #[arg(long, value_name = "N", default_value_t = ASK_VIEWS, value_parser = from_to(NonZeroUsize::MIN, MOST_ASK_VIEWS))]
     pub ask_views: NonZeroUsize,
 }

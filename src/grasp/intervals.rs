@@ -14,7 +14,7 @@ use crate::vote::FieldLabel;
 pub struct Inputs {
     /// Of the whole object: the sum of rho_i V_i.
     pub mass_kg: Estimate,
-    /// This and what follows: of the part that bears the force.
+    /// Of the grasped part, and so are the next three properties.
     pub friction: Estimate,
     pub strength_pa: Estimate,
     pub youngs_modulus_pa: Estimate,

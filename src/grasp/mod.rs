@@ -55,7 +55,7 @@ pub enum Limit {
     Yield,
     /// The part bends by more than the allowed curvature.
     Bending,
-    /// The force is cut to what the gripper can do.
+    /// The force is limited by the gripper's range.
     Gripper,
 }
 

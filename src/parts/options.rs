@@ -79,7 +79,7 @@ pub struct Options {
     /// For `--volume shell`, wall thickness in metres of parts whose answer gives none
     #[arg(long, value_name = "M", default_value_t = WALL_M)]
     pub wall_m: f64,
-    /// Ignore connected bodies with less than this fraction of the cloud's summed opacity, as floaters
+    /// Ignore connected bodies with less than this fraction of the splat's total opacity: they are floaters
     #[arg(long, value_name = "SHARE", default_value_t = MIN_BODY_SHARE)]
     pub min_body_share: f64,
     /// Warn about parts with less than this fraction of the object's volume

@@ -142,7 +142,7 @@ pub struct Filling {
     pub caption: String,
     /// Name of a row of `fillings.csv`.
     pub filling: String,
-    /// True: no view shows it. That it is there, an answer says.
+    /// True: no view shows it; the answers say that it is there.
     pub unseen: bool,
     /// The share of the hollow that it takes up, 0 to 1.
     pub share_of_hollow: Estimate,

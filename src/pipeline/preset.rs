@@ -6,12 +6,12 @@ use serde::{Deserialize, Serialize};
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, clap::ValueEnum, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Preset {
-    /// Parts first, then questions about them
+    /// Find the parts first, then ask about them
     #[default]
     Parts,
     /// The paper's way: SAM's middle level from a 32 x 32 grid with one layer of crops, a question about every segment of
-    /// every view, one vote per view at the Gaussian's centre if it passes the depth test, every Gaussian by itself, and the same
-    /// largest curvature for every material
+    /// every view, one vote per view at the Gaussian's centre if it passes the depth test, a choice of material by every Gaussian for
+    /// itself, and the same largest curvature for every material
     Paper,
 }
 

@@ -72,7 +72,7 @@ pub struct Options {
     #[arg(long, value_enum, default_value_t)]
     pub answers: AnswerSource,
 
-    /// How a part is asked about: in one question, or in two shorter ones
+    /// How to ask about a part: in one question, or in two shorter ones
     #[arg(long, value_enum, default_value_t)]
     pub guidance: Guidance,
 
@@ -125,8 +125,8 @@ pub struct Options {
     #[serde(skip)]
     pub lmm_timeout_s: u64,
 
-    /// Total seconds that a question may wait because the server asks for it (Retry-After); the question fails if the
-    /// server asks for more
+    /// Total seconds that a question may wait if the server asks it to (Retry-After); the question fails if the server asks
+    /// for more
     #[arg(long, value_name = "SECONDS", default_value_t = WAIT_S, value_parser = from_to(0, MOST_S))]
     #[serde(skip)]
     pub lmm_wait_s: u64,

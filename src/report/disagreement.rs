@@ -12,7 +12,7 @@ use crate::query::{Answers, Outcome};
 pub struct Disagreement {
     /// The part's number on the sheets, `segment` in `answers.jsonl`.
     pub part: u16,
-    /// The materials, that with the most answers first; among equals, by name.
+    /// The materials, starting with the one that has the most answers; among equals, by name.
     pub materials: Vec<NamedMaterial>,
 }
 
@@ -21,7 +21,7 @@ pub struct Disagreement {
 #[cfg_attr(test, derive(schemars::JsonSchema))]
 pub struct NamedMaterial {
     pub material: String,
-    /// The views whose sheets it was answered to.
+    /// The views in which the answer was this material.
     pub views: Vec<String>,
 }
 

@@ -12,7 +12,7 @@ const WORTH_SAYING: f64 = 1.05;
 pub fn sentences(parts: &Parts) -> Vec<String> {
     let filling = |filling: &crate::parts::Filling| {
         format!(
-            "No photo shows {}: {} g ({}), as the answers say that the part is filled.",
+            "No photo shows {}; the answers say that the part is filled, which adds {} g ({}).",
             filling.caption,
             significant(filling.mass_kg.mid * 1e3),
             interval(filling.mass_kg, 1e3)
@@ -20,7 +20,7 @@ pub fn sentences(parts: &Parts) -> Vec<String> {
     };
     let weighed = parts.known_mass.as_ref().filter(|known| known.is_possible).map(|known| {
         format!(
-            "The object weighs {} kg, give or take {} g; without that reading, {} kg would be expected.",
+            "The object weighs {} kg, give or take {} g; without that reading, gprop would expect {} kg.",
             significant(known.reading_kg),
             significant(known.error_kg * 1e3),
             interval(known.expected_kg, 1.0)
@@ -72,11 +72,11 @@ fn remedy(parts: &Parts) -> Option<String> {
     let narrowed = Estimate::new(left(mass.low, widest.mass_kg.low), mass.mid, left(mass.high, widest.mass_kg.high));
     let what = match widest.source {
         Source::Method => "Sharper or more photos",
-        Source::Wall => "The wall thickness, measured and given in the answers,",
+        Source::Wall => "Measuring the wall thickness and giving it in the answers",
         Source::UnseenDepth => "Photos of the sides that none shows, such as one from below,",
-        Source::Density => "A reading of a scale (--known-mass), or more certain answers about the material,",
-        Source::Filling => "A reading of a scale (--known-mass), or a look inside,",
-        Source::Scale => "A length that you measured (--scale)",
+        Source::Density => "Weighing the object (--known-mass), or more certain answers about the material,",
+        Source::Filling => "Weighing the object (--known-mass), or a look inside,",
+        Source::Scale => "Measuring a length (--scale)",
     };
     Some(format!(
         "{what} would narrow the mass from {} kg to about {} kg.",

@@ -70,8 +70,8 @@ pub struct Options {
     #[arg(long, value_name = "DIR", value_parser = values::folder())]
     pub masks: Option<PathBuf>,
 
-    /// A folder outside the scene that its links and its `cfg_args` may lead to; may be given several times. Nothing else
-    /// outside is read, except what the flags above name
+    /// A folder outside the scene to which its links and its `cfg_args` may lead; may be given several times. Nothing else
+    /// outside the scene is read, except what the flags above name
     #[arg(long, value_name = "DIR", value_parser = values::folder())]
     #[serde(skip)]
     pub allow_read: Vec<PathBuf>,
@@ -93,7 +93,7 @@ pub struct Options {
     /// Length of a scene unit: `metric` (one metre), a factor in metres per scene unit, `known-length:X,Y,Z:X,Y,Z=M` (two
     /// points of the scene and their distance in metres), `bbox:AXIS=M` (a side of the object's box), `cameras:A,B=M`
     /// (the distance between two views' cameras), `apriltag:FAMILY,ID=M` or `aruco:DICT,ID=M` (the side of a printed
-    /// marker that photos show, see `gprop scale board`), `estimate` (a model is asked how long such an object is), or
+    /// marker that photos show, see `gprop scale board`), `estimate` (the model is asked how long such an object is), or
     /// `auto` (as the data set states it, else unknown). Lengths may end in mm or cm
     #[arg(long, value_name = "auto|metric|F|...", default_value_t)]
     pub scale: ScaleChoice,

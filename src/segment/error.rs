@@ -3,7 +3,7 @@
 
 use std::path::PathBuf;
 
-use super::sam::Mismatch;
+use super::sam::mismatch::Mismatch;
 
 /// A failure of a model or of ONNX Runtime.
 #[derive(Debug, thiserror::Error)]

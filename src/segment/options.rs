@@ -89,7 +89,7 @@ pub enum PointPrompts {
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Serialize, clap::ValueEnum)]
 #[serde(rename_all = "lowercase")]
 pub enum DecoderRuntime {
-    /// gprop itself, several times faster; an error if the file is not an export that it knows, or if a trial differs
+    /// gprop itself, several times faster; an error if the file is not an export that gprop knows, or if a trial differs
     /// from ONNX Runtime.
     Native,
     /// ONNX Runtime, from the file as it is.

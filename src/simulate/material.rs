@@ -19,10 +19,10 @@ pub const SOFT_PA: f64 = 2e7;
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, serde::Deserialize, clap::ValueEnum)]
 #[serde(rename_all = "snake_case")]
 pub enum Soften {
-    /// Each stiffer material to that stiffness, so all of them become equally soft; softer ones stay as they are
+    /// Soften each stiffer material to that limit, so that all of these become equally soft; softer materials stay as they are
     #[default]
     Cap,
-    /// All materials by the factor that the stiffest needs, so the ratios between them stay
+    /// Soften all materials by the factor that the stiffest needs, so that the ratios between them stay the same
     Common,
 }
 

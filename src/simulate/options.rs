@@ -53,7 +53,7 @@ const STIFFEST_PA: f64 = 1e13;
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, serde::Deserialize, clap::ValueEnum)]
 #[serde(rename_all = "snake_case")]
 pub enum Fillings {
-    /// They move with their shell if it is rigid, and deform with it if it is not; takes no longer.
+    /// They move with their shell if it is rigid, and follow their own law if it deforms; takes no extra time.
     #[default]
     Weigh,
     /// Each follows its own law: liquids slosh, grains shift, foams give.
@@ -134,7 +134,7 @@ pub struct Options {
     #[arg(long, value_name = "PA", value_parser = above(0.0, STIFFEST_PA))]
     pub max_stiffness: Option<f64>,
 
-    /// How materials are softened to --max-stiffness
+    /// How to soften materials that are stiffer than --max-stiffness
     #[arg(long, value_enum, default_value_t)]
     pub soften: Soften,
 

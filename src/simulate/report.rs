@@ -108,8 +108,8 @@ pub struct RigidReport {
 #[cfg_attr(test, derive(schemars::JsonSchema))]
 pub struct StepReport {
     pub cfl: f64,
-    /// Whose pressure waves are the fastest; `None` if nothing deforms.
+    /// Material with the fastest pressure waves; `None` if nothing deforms.
     pub stiffest_material: Option<String>,
-    /// Of these waves; if nothing deforms, the speed after a fall from the height of the object's longest side.
+    /// Speed of its pressure waves; if nothing deforms, the speed after a fall from the height of the object's longest side.
     pub wave_speed_m_s: f64,
 }

@@ -158,7 +158,7 @@ pub struct Filled {
     pub filling: String,
     /// Its share of the hollow, with the gaps between its pieces, 0 to 1.
     pub share: Estimate,
-    /// Mass by the volume that the filling takes up, including the gaps between its pieces.
+    /// Mass divided by the volume that the filling takes up, including the gaps between its pieces.
     pub density_kg_m3: Estimate,
     pub youngs_modulus_pa: Estimate,
     pub poisson_ratio: Estimate,

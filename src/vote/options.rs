@@ -25,7 +25,7 @@ pub struct Options {
     #[arg(long, value_enum, default_value_t = Rule::default())]
     pub vote: Rule,
 
-    /// Who decides on a material if the answers of the views differ; matters only with --ask segments
+    /// What decides on a material if the answers of the views differ; matters only with --ask segments
     #[arg(long, value_enum, default_value_t = Agreement::default())]
     pub agree: Agreement,
 

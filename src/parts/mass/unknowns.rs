@@ -25,7 +25,7 @@ pub const OVERCONFIDENCE: f64 = 2.4;
 #[cfg_attr(test, derive(schemars::JsonSchema))]
 #[serde(rename_all = "snake_case")]
 pub enum Source {
-    /// How exactly views and splat show the surface.
+    /// How accurately the views and the splat show the surface.
     Method,
     /// The thickness of walls.
     Wall,

@@ -93,7 +93,7 @@ fn motion_note(motion: &Motion) -> String {
     }
     let (frames, of_frames) = (motion.times_s.len(), motion.of_frames);
     if frames < of_frames {
-        notes.push(format!("It moves through {frames} of the {of_frames} frames; between them it is interpolated."));
+        notes.push(format!("The animation uses {frames} of the {of_frames} frames and interpolates between them."));
     }
     notes.join(" ")
 }
@@ -155,7 +155,7 @@ fn softened_tile(simulation: &SimulationReport) -> Option<Value> {
     let most = softened.values().copied().reduce(f64::max)?;
     let each: Vec<String> =
         softened.iter().map(|(material, times)| format!("{material} {} times", significant(*times))).collect();
-    let note = format!("in the simulation only, where it bends more than the real object: {}", each.join("; "));
+    let note = format!("only in the simulation, where it bends more than the real object: {}", each.join("; "));
     Some(tile("softened", format!("{} times", significant(most)), note))
 }
 
@@ -228,7 +228,7 @@ fn grasp(grasp: &GraspReport, pictures: &Pictures) -> Value {
     let star = significant(grasp.f_star_n);
     let sentence = match &grasp.infeasible {
         None => format!(
-            "press with {star} N ({}, command {} of 100): holds the object without damaging the part.",
+            "press with {star} N ({}, command {} of 100). This holds the object without damaging the part.",
             grasp.gripper,
             significant(grasp.normalized_command),
         ),

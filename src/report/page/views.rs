@@ -18,7 +18,8 @@ pub(super) fn views(pictures: &Pictures, answers: &Answers) -> Vec<Value> {
 /// A sentence about the sources of the answers.
 pub(super) fn sentence(counts: &AnswerCounts) -> String {
     format!(
-        "Answers: {}, of which {} to exactly this question and {} from a recording with an overlapping mask; failed: {}.",
+        "Answers: {}, of which {} were given to exactly this question and {} come from a recording with an overlapping mask. \
+         Failed questions: {}.",
         counts.answered(),
         counts.exact,
         counts.by_mask,

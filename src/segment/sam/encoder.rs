@@ -8,9 +8,10 @@ use ort::session::Session;
 use ort::value::{Outlet, TensorRef, ValueType};
 
 use super::super::error::SegmentError;
+use super::mismatch::Mismatch;
 use super::pool::Pool;
 use super::runtime::{self, Runtime};
-use super::{EMBEDDING, Embedding, MODEL_SIDE, Mismatch, not_sam, unloadable};
+use super::{EMBEDDING, Embedding, MODEL_SIDE, not_sam, unloadable};
 
 const ENCODER: &str = "a SAM image encoder ([1,3,1024,1024] float32 to [1,256,64,64])";
 const INPUT: [i64; 4] = [1, 3, MODEL_SIDE as i64, MODEL_SIDE as i64];

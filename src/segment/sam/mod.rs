@@ -7,7 +7,7 @@ mod cache;
 mod decoder;
 mod encoder;
 mod graph;
-mod mismatch;
+pub mod mismatch;
 mod pool;
 mod runtime;
 
@@ -21,7 +21,7 @@ pub use decoder::Wanted;
 use decoder::{Decoder, Prepared};
 use encoder::Encoder;
 pub use gprop_kernels::mask_decoder::LOGITS_SIDE;
-pub use mismatch::Mismatch;
+use mismatch::Mismatch;
 
 /// Side of the square picture that the encoder sees.
 pub const MODEL_SIDE: usize = 1024;

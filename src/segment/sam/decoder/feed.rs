@@ -6,7 +6,8 @@ use ort::session::Session;
 use ort::value::TensorRef;
 
 use super::super::graph::Model;
-use super::super::{EMBEDDING, Embedding, LOGITS_SIDE, MODEL_SIDE, Mismatch};
+use super::super::mismatch::Mismatch;
+use super::super::{EMBEDDING, Embedding, LOGITS_SIDE, MODEL_SIDE};
 
 pub const PROMPT_INPUTS: [&str; 2] = ["point_coords", "point_labels"];
 pub const PICTURE_INPUTS: [&str; 4] = ["image_embeddings", "mask_input", "has_mask_input", "orig_im_size"];

@@ -2,8 +2,9 @@
 //! as internal values.
 
 use super::super::graph::Model;
+use super::super::mismatch::Mismatch;
 use super::super::runtime::{self, Runtime};
-use super::super::{Embedding, LOGITS_SIDE, Mismatch};
+use super::super::{Embedding, LOGITS_SIDE};
 use super::feed::{OUTPUTS, PromptShape, feed, standard_inputs};
 
 /// Number of values, going back from an output, that are searched for the values of all masks. From the public export's

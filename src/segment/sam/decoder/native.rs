@@ -5,9 +5,10 @@ use gprop_kernels::mask_decoder::{CHANNELS, MASKS, MaskDecoder, PreparedEmbeddin
 use ort::session::{Session, SessionOutputs};
 
 use super::super::graph::Model;
+use super::super::mismatch::Mismatch;
 use super::super::pool::Pool;
 use super::super::runtime::{self, Runtime};
-use super::super::{Decoded, Embedding, Mismatch};
+use super::super::{Decoded, Embedding};
 use super::Wanted;
 use super::feed::{PromptShape, feed, standard_inputs};
 use super::weights::{self, Sources};

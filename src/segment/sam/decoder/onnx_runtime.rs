@@ -3,9 +3,10 @@
 use ort::session::Session;
 
 use super::super::graph::Model;
+use super::super::mismatch::Mismatch;
 use super::super::pool::Pool;
 use super::super::runtime::{self, Runtime};
-use super::super::{Decoded, Embedding, Mismatch};
+use super::super::{Decoded, Embedding};
 use super::feed::{PromptShape, feed, standard_inputs};
 use super::four_masks::FourMasks;
 use super::{LOGITS, Wanted};

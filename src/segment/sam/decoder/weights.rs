@@ -6,8 +6,8 @@
 use gprop_kernels::mask_decoder::weights::{Attention, HIDDEN, Layer, Linear, Norm, Weights};
 use gprop_kernels::mask_decoder::{CHANNELS, INNER, MASKS, UPSCALED, UPSCALED_TWICE};
 
-use super::super::Mismatch;
 use super::super::graph::{Constants, Model};
+use super::super::mismatch::Mismatch;
 use crate::simd::MOST_LANES;
 
 /// Epsilon of the transformer's layer norms, and of the upscaling's (`LayerNorm2d`).
