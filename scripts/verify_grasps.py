@@ -349,6 +349,11 @@ def verify(options, folder):
         shutil.rmtree(export)
 
 
+def grip_friction(friction, up, sideways):
+    """The friction at which upright surfaces would carry as much as ones that lean by these angles (docs/grasp.md)."""
+    return math.tan(math.acos(math.cos(math.atan(friction)) / math.cos(sideways)) - up)
+
+
 def torque_margin(gripper, friction, force, weight, lever):
     """The torque margin of docs/grasp.md at any force, with the judge's friction and weight."""
     radius, taken = math.sqrt(gripper["finger_area_m2"] / math.pi), weight / 2 / friction / max(force, 1e-9)
@@ -466,28 +471,51 @@ def checks(results):
     ]
 
 
-# Shapes of 40 mm between the pads, which press along x.
-SHAPES = {"block": '<geom type="box" size="0.02 0.05 0.05"', "upright bar": '<geom type="cylinder" size="0.02 0.05"',
-          "lying bar": '<geom type="cylinder" size="0.02 0.05" euler="90 0 0"'}
+UPRIGHT = (0.0, 0.0)
+
+
+def leaning(up_deg, sideways_deg):
+    """A block of 40 mm between the pads whose two walls face up, and towards +y, by these angles."""
+    up, sideways = math.radians(up_deg), math.radians(sideways_deg)
+    corners = []
+    for y in (-0.05, 0.05):
+        for z in (-0.05, 0.05):
+            half = 0.02 - y * math.tan(sideways) - z * math.tan(up)
+            corners += [[-half, y, z], [half, y, z]]
+    # The angle between the normal (1, tan sideways, tan up) and the plane of the fingers' line and of the lift.
+    out = math.asin(math.tan(sideways) / math.sqrt(1 + math.tan(sideways) ** 2 + math.tan(up) ** 2))
+    mesh = f'<asset><mesh name="block" vertex="{numbers(np.ravel(corners))}"/></asset>'
+    return mesh, '<geom type="mesh" mesh="block"', (up, out)
+
+
+# Shapes of 40 mm between the pads, which press along x: assets, geom, inclination under both pads.
+SHAPES = {
+    "block": ("<asset/>", '<geom type="box" size="0.02 0.05 0.05"', UPRIGHT),
+    "upright bar": ("<asset/>", '<geom type="cylinder" size="0.02 0.05"', UPRIGHT),
+    "lying bar": ("<asset/>", '<geom type="cylinder" size="0.02 0.05" euler="90 0 0"', UPRIGHT),
+    "narrows upwards, 7 deg": leaning(7.0, 0.0),
+    "widens upwards, 7 deg": leaning(-7.0, 0.0),
+    "narrows sideways, 14 deg": leaning(0.0, 14.0),
+}
 
 
 def check_pads(gripper):
     """The pads against the formulas of F_min and of the torque margin, on shapes for which these are meant."""
     mass, friction = 0.5, 0.6
     weight = mass * GRAVITY
-    f_min = weight / 2 / friction
     print("| shape | N | lever, mm | of F_min | of the torque | outcome | slid, mm | turned, deg |", "| --- " * 8 + "|", sep="\n")
-    trials = [(share * f_min, 0.0, 0.0) for share in (0.8, 0.9, 0.95, 1.1, 1.2)]
-    for force in (10.0, 40.0):
-        most = torque_margin(gripper, friction, force, weight, 0.0) / weight
-        trials += [(force, share * most, share) for share in (0.5, 0.85, 1.1, 1.2)]
     with tempfile.TemporaryDirectory() as folder:
-        for shape, geom in SHAPES.items():
+        for shape, (asset, geom, inclination) in SHAPES.items():
+            f_min = weight / 2 / grip_friction(friction, *inclination)
+            trials = [(share * f_min, 0.0, 0.0) for share in (0.8, 0.9, 0.95, 1.1, 1.2)]
+            for force in (10.0, 40.0) if inclination is UPRIGHT else ():
+                most = torque_margin(gripper, friction, force, weight, 0.0) / weight
+                trials += [(force, share * most, share) for share in (0.5, 0.85, 1.1, 1.2)]
             for force, lever, share in trials:
                 if shape == "upright bar" and lever > 0.02:
                     continue  # It would fall over.
                 with open(os.path.join(folder, "body.xml"), "w") as file:
-                    file.write(f'<mujoco><asset/><worldbody><body name="body"><freejoint/><inertial pos="0 {lever} 0" mass="{mass}" '
+                    file.write(f'<mujoco>{asset}<worldbody><body name="body"><freejoint/><inertial pos="0 {lever} 0" mass="{mass}" '
                                f'fullinertia="0.001 0.001 0.001 0 0 0"/>{geom} friction="{friction}"/></body></worldbody></mujoco>')
                 grasp = {"contacts_m": [[-0.02, 0.0, 0.0], [0.02, 0.0, 0.0]], "approach": [0.0, 0.0, 1.0]}
                 truth = {"mass_kg": mass, "friction": friction}

@@ -1,8 +1,9 @@
-//! Numerical functions for several modules: medians, directions spread evenly over a sphere, and the light of colours.
+//! Numerical functions for several modules: medians, directions spread evenly over a sphere, rigid motions, and the light
+//! of colours.
 
 use std::f64::consts::PI;
 
-use nalgebra::Vector3;
+use nalgebra::{Isometry3, Matrix3, Point3, Rotation3, SVD, Translation3, UnitQuaternion, Vector3};
 
 /// The median; for an even number of values the mean of the two in the middle. `None` if there are none.
 pub fn median(mut values: Vec<f64>) -> Option<f64> {
@@ -28,6 +29,24 @@ pub fn sphere_directions(count: usize) -> impl Iterator<Item = Vector3<f64>> {
         let across = (1.0 - z * z).sqrt();
         Vector3::new(across * cos, across * sin, z)
     })
+}
+
+/// The rigid motion of the first points of the pairs that brings them nearest to the second ones: with the least sum of
+/// squared distances (Kabsch 1976).
+pub fn rigid_motion(pairs: impl Iterator<Item = (Point3<f64>, Point3<f64>)> + Clone) -> Isometry3<f64> {
+    let (count, from, to) = pairs.clone().fold((0, Vector3::zeros(), Vector3::zeros()), |(count, from, to), (a, b)| {
+        (count + 1, from + a.coords, to + b.coords)
+    });
+    if count == 0 {
+        return Isometry3::identity();
+    }
+    let (from, to) = (from / f64::from(count), to / f64::from(count));
+    let correlation: Matrix3<f64> = pairs.map(|(a, b)| (b.coords - to) * (a.coords - from).transpose()).sum();
+    let svd = SVD::new(correlation, true, true);
+    let (u, v_t) = (svd.u.expect("asked for"), svd.v_t.expect("asked for"));
+    let flip = Matrix3::from_diagonal(&Vector3::new(1.0, 1.0, (u * v_t).determinant().signum()));
+    let turn = UnitQuaternion::from_rotation_matrix(&Rotation3::from_matrix_unchecked(u * flip * v_t));
+    Isometry3::from_parts(Translation3::from(to - turn * from), turn)
 }
 
 /// The light of a channel of sRGB, 0 to 1 (IEC 61966-2-1).

@@ -4,7 +4,7 @@ use std::path::PathBuf;
 
 use thiserror::Error;
 
-use crate::output::one_line;
+use crate::output::{agreeing, counted, one_line};
 use crate::workdir::lock::Holder;
 
 /// Why a batch cannot be run, or did not finish all scenes.
@@ -14,7 +14,7 @@ pub enum BatchError {
     Split { given: String, problem: String },
     #[error("--filter {given}: {problem}")]
     Filter { given: String, problem: String },
-    #[error("none of the {listed} scenes is left after --split, --filter, --start and --end")]
+    #[error("none of the {} is left after --split, --filter, --start and --end", counted(*.listed, "scene"))]
     NothingSelected { listed: usize },
     #[error("{given}: {problem}")]
     Shard { given: String, problem: String },
@@ -42,7 +42,11 @@ pub enum BatchError {
     )]
     NotOfThisBatch,
     /// Some scenes failed or are not done: exit code 6.
-    #[error("{} of {scenes} scenes are not done:{}", .failed.len() + .missing.len(), listed(.failed, .missing))]
+    #[error(
+        "{} of {} {} not done:{}",
+        .failed.len() + .missing.len(), counted(*.scenes, "scene"), agreeing(.failed.len() + .missing.len(), "is", "are"),
+        listed(.failed, .missing)
+    )]
     Incomplete { scenes: usize, failed: Vec<(String, String)>, missing: Vec<String> },
 }
 

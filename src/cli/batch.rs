@@ -12,7 +12,7 @@ use crate::query::AnswerSource;
 use crate::query::client;
 
 use super::{BatchArgs, Global, options_of, print, print_text};
-use crate::output::counted;
+use crate::output::{agreeing, counted};
 
 /// A scene in the output of a dry run.
 #[derive(Serialize)]
@@ -64,7 +64,7 @@ fn announce(options: &pipeline::Options, scenes: usize) -> anyhow::Result<()> {
         Some(max_usd) => format!("at most {max_usd} USD, as set by --max-usd"),
         None => "no limit set by --max-usd".to_owned(),
     };
-    let scenes = if scenes == 1 { "1 scene".to_owned() } else { format!("up to {scenes} scenes") };
+    let scenes = format!("{}{}", agreeing(scenes, "", "up to "), counted(scenes, "scene"));
     progress::notice(&format!(
         "asking {destination} about the pictures of {scenes} that have no recorded answer ({budget})"
     ));

@@ -7,7 +7,7 @@ use image::GrayImage;
 use serde::Serialize;
 
 use crate::camera::Camera;
-use crate::output::one_line;
+use crate::output::{counted, one_line};
 use crate::render::{RenderOptions, render_labels};
 use crate::scene::gaussians::Gaussians;
 use crate::segment::LabelMap;
@@ -233,9 +233,9 @@ impl PartsEvaluation {
     pub fn text(&self) -> String {
         let number = |value: Option<f64>| value.map_or_else(|| "-".to_owned(), |value| format!("{value:.3}"));
         let mut text = format!(
-            "{}: {} parts found, mean IoU {} in {} other views, {} true parts per found part\n",
+            "{}: {} found, mean IoU {} in {} other views, {} true parts per found part\n",
             one_line(&self.scene),
-            self.parts,
+            counted(self.parts, "part"),
             number(self.mean_iou),
             self.views,
             number(self.true_parts_per_part)

@@ -10,6 +10,7 @@ use nalgebra::{Isometry3, Point3, Vector3};
 
 use crate::camera::{Camera, Distortion, Intrinsics};
 use crate::numeric::sphere_directions;
+use crate::output::{agreeing, counted};
 use crate::render::{Render, RenderOptions, render};
 use crate::scene::gaussians::Gaussians;
 use crate::scene::{Bounds, Scene, Upright, View};
@@ -60,7 +61,11 @@ pub fn render_views(scene: &mut Scene, count: usize, folder: &Path, may_write: b
     if found != written {
         write_atomic(&list, |out| Ok(serde_json::to_writer(out, &found)?))?;
     }
-    scene.warnings.push(format!("there are no photos: {count} views were rendered from the splat itself"));
+    scene.warnings.push(format!(
+        "there are no photos: {} {} rendered from the splat itself",
+        counted(count, "view"),
+        agreeing(count, "was", "were")
+    ));
     Ok(())
 }
 

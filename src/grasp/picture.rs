@@ -25,8 +25,10 @@ const MARK: f64 = 0.25;
 /// Longest side of a panel, px, and of the pictures that measure how much of the hand a camera sees.
 const SIDE_PX: u32 = 640;
 const LOOK_PX: u32 = 96;
-/// Width of the region that the close-up shows around the hand, in hand lengths.
-const SHOWN: f64 = 3.6;
+/// Width of the region that the close-up shows around the hand, at least: in hand lengths.
+const SHOWN: f64 = 2.4;
+/// Share of the close-up between the tails of the arrows, beyond which their labels stand.
+const BETWEEN_LABELS: f64 = 0.7;
 /// Share of a panel that the whole object fills.
 const FILLED: f64 = 0.9;
 /// A panel of the whole object is at least this share as wide as high, and as high as wide.
@@ -92,11 +94,11 @@ impl Scene<'_> {
         }
         let entry = |(rank, candidate): (usize, &Candidate)| Entry {
             text: format!(
-                "{}{}, {:.0} mm wide: {}",
-                newtons(candidate.f_star_n),
-                if candidate.feasible { "" } else { " (not safe)" },
-                1e3 * candidate.width_m,
+                "{}: {}, {:.0} mm wide{}",
                 part_name(&candidate.part, ""),
+                newtons(candidate.f_star_n),
+                1e3 * candidate.width_m,
+                if candidate.feasible { "" } else { ", not safe" },
             ),
             key: Key::Number(color(rank), rank as u32 + 1),
         };
@@ -116,8 +118,10 @@ impl Scene<'_> {
                 && (tip - from).norm() >= SHORTEST_ARROW_PX
             {
                 strokes::arrow(&mut picture, from, tip, ARROW_PX, color(0));
-                let away = (from - tip).normalize() * 1.4 * f64::from(LABEL_PX);
-                strokes::centered(&mut picture, Style::semibold(LABEL_PX), &newtons(report.f_star_n), from + away);
+                let (style, text) = (Style::semibold(LABEL_PX), newtons(report.f_star_n));
+                let (along, size) = ((from - tip).normalize(), [style.width(&text), style.height()].map(f64::from));
+                let away = 0.5 * (along.x.abs() * size[0] + along.y.abs() * size[1]) + 2.0 * ARROW_PX;
+                strokes::centered(&mut picture, style, &text, from + along * away);
             }
         }
         let damage = match report.f_max_limited_by {
@@ -127,15 +131,15 @@ impl Scene<'_> {
         };
         let mut lines = vec![
             format!("F* {}: press with this, command {:.0}", newtons(report.f_star_n), report.normalized_command),
-            format!("F_min {}: below it the object slips", newtons(report.f_min_n)),
-            format!("F_max {}: above it {damage}", newtons(report.f_max_n)),
+            format!("F_min {}: with less, the object slips", newtons(report.f_min_n)),
+            format!("F_max {}: with more, {damage}", newtons(report.f_max_n)),
         ];
         if let Some(why) = &report.infeasible {
             lines[0] = format!("F* {}: the most that is possible", newtons(report.f_star_n));
             lines.extend(Style::regular(LABEL_PX).wrapped(&format!("Not safe: {why}"), picture.width()));
         }
         let legend = lines.into_iter().map(|text| Entry { text, key: Key::None }).collect();
-        Panel::new(&format!("Place 1, each finger, {}", report.gripper), picture).with_legend(legend)
+        Panel::new(&format!("Place 1: force of each finger (gripper: {})", report.gripper), picture).with_legend(legend)
     }
 
     /// The cloud with a scale bar for the depth of a point in metres.
@@ -248,7 +252,8 @@ fn close_by(camera: &Camera, best: &Candidate, meters_per_unit: f64, side: u32) 
     let contacts = best.contacts_m.map(Point3::from);
     let middle = nalgebra::center(&contacts[0], &contacts[1]) + Vector3::from(best.approach) * (0.5 * FINGER_LENGTH_M);
     let (eye, target) = (camera.center_in_world(), middle / meters_per_unit);
-    let shown = SHOWN * (FINGER_LENGTH_M + PALM_M).max(best.width_m) / meters_per_unit;
+    let across_m = best.width_m + 2.0 * (FINGER_THICKNESS_M + ARROW_M);
+    let shown = (across_m / BETWEEN_LABELS).max(SHOWN * (FINGER_LENGTH_M + PALM_M)) / meters_per_unit;
     let focal = f64::from(side) * (target - eye).norm() / shown;
     let half = 0.5 * f64::from(side);
     let distortion = Distortion::default();

@@ -10,7 +10,7 @@ use rayon::prelude::*;
 
 use crate::camera::Camera;
 use crate::render::depth_test::DepthTest;
-use crate::render::{Render, RenderOptions, project, render};
+use crate::render::{Projected, Render, RenderOptions};
 use crate::scene::gaussians::Gaussians;
 
 /// A Gaussian fainter than this is not a surface.
@@ -74,14 +74,17 @@ impl Surface {
 fn normals_from_depth(gaussians: &Gaussians, cameras: &[Camera]) -> Vec<Vector3<f64>> {
     let test = DepthTest::new(gaussians);
     let options = RenderOptions::default();
+    // Only depths are needed.
+    let black = vec![[0.0; 3]; gaussians.len()];
     let mut sums = vec![Vector3::zeros(); gaussians.len()];
     let count = cameras.len().min(VIEWS_MAX);
     for camera in (0..count).map(|k| &cameras[k * cameras.len() / count]) {
-        let drawn = render(gaussians, camera, &options);
-        for splat in project(gaussians, camera, &options) {
+        let projected = Projected::new(gaussians, camera, &options);
+        let drawn = projected.draw(&black);
+        for splat in projected.splats() {
             let [x, y] = splat.center.map(|c| f64::from(c).floor() as i64);
             let Some(depth) = depth_at(&drawn, x, y) else { continue };
-            if test.passes(&splat, depth as f32)
+            if test.passes(splat, depth as f32)
                 && let Some(normal) = depth_normal(&drawn, camera, x, y)
             {
                 sums[splat.gaussian as usize] += normal;

@@ -3,7 +3,7 @@
 use std::fmt::Write;
 
 use super::{Inspection, ViewFit};
-use crate::output::one_line;
+use crate::output::{counted, one_line};
 use crate::scene::{ForegroundSource, ObjectSource};
 
 /// Maximum number of views listed one by one; the rest are summarised.
@@ -94,7 +94,10 @@ fn views(fits: &[ViewFit]) -> Vec<(String, String)> {
         let mut sorted: Vec<f64> = fits.iter().map(|fit| fit.psnr_db).collect();
         sorted.sort_by(f64::total_cmp);
         let (low, mid, high) = (sorted[0], sorted[sorted.len() / 2], sorted[sorted.len() - 1]);
-        lines.push(("PSNR".to_owned(), format!("{low:.2} to {high:.2} dB, median {mid:.2} of {} views", fits.len())));
+        lines.push((
+            "PSNR".to_owned(),
+            format!("{low:.2} to {high:.2} dB, median {mid:.2} of {}", counted(fits.len(), "view")),
+        ));
     }
     lines
 }

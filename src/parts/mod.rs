@@ -21,20 +21,23 @@ mod options;
 mod result;
 mod scale;
 
+use image::GrayImage;
 use nalgebra::Point3;
 use serde::{Deserialize, Serialize};
 
 use crate::camera::Camera;
+use crate::output::{agreeing, counted};
 use crate::progress::Progress;
 use crate::query::Form;
 use crate::scene::gaussians::Gaussians;
 use crate::units::{Estimate, MetricScale, Range, ScaleSource};
 use crate::vote::{Contents, FieldLabel, MaterialField};
-use compose::{Composed, Construction, thickness};
+use compose::{Composed, Construction, SHEET_SLACK, thickness, wire};
 pub use error::PartsError;
 pub(crate) use grid::surface::blur;
 use grid::surface::{NONE, Surface};
 pub use grid::{FILLING, Grid, Interior, OUTSIDE, VOID};
+pub use inside::carving_views;
 pub use inside::depth_view::DepthView;
 use inside::{grid_around, inside};
 use mass::bodies::Bodies;
@@ -89,7 +92,8 @@ impl PartsResult {
 }
 
 /// Measures the parts of the object that `gaussians` represent, labelled by `field`. `cameras` are those of all views,
-/// not only of those that were segmented. Without `scale` there are shapes but no masses, and shells count as solid,
+/// not only of those that were segmented; `coverage`, for each of them, the share of each pixel of its photo that the
+/// object covers (0 to 255), if known: the widths of wires are measured there. Without `scale` there are shapes but no masses, and shells count as solid,
 /// since the thickness of their walls is known in metres only.
 ///
 /// # Errors
@@ -99,6 +103,7 @@ pub fn parts(
     gaussians: &Gaussians,
     field: &MaterialField,
     cameras: &[Camera],
+    coverage: &[Option<GrayImage>],
     scale: Option<&MetricScale>,
     options: &Options,
     progress: Progress,
@@ -115,14 +120,16 @@ pub fn parts(
     let cells = assign::assign(gaussians, &kept, &field.part_label, labels.len(), grid, surface, &in_view);
     let chords = thickness::chords(&cells);
     let thickness = thickness::thickness(&chords, labels.len());
+    let silhouettes = inside.silhouettes(cameras, coverage, options);
+    let wires = wire::wires(&cells, &silhouettes, SHEET_SLACK * inside.uncertainty, inside.pixel);
     let of_mass = |kg| {
         let build = |label: &FieldLabel, meters| construction(label, Some(meters), options);
-        scale::meters_per_unit(kg, &cells, &chords, inside.uncertainty, labels, build)
+        scale::meters_per_unit(kg, &cells, &chords, &wires, inside.uncertainty, labels, build)
     };
     let known_scale = scale.map(|s| s.meters_per_unit);
     let meters_per_unit = known_scale.or_else(|| options.known_mass.and_then(of_mass));
     let constructions: Vec<Construction> = labels.iter().map(|l| construction(l, meters_per_unit, options)).collect();
-    let (composed, cells) = compose::compose(cells, &constructions, &chords, inside.uncertainty);
+    let (composed, cells) = compose::compose(cells, &constructions, &chords, &wires, inside.uncertainty);
 
     let mut shapes = shapes(field, &composed, &cells, &constructions, &thickness);
     let interior = &composed.interior;
@@ -306,7 +313,7 @@ fn no_volume(field: &MaterialField, shapes: &[Shape]) -> PartsError {
     let used: Vec<&Shape> = shapes.iter().filter(|shape| shape.gaussians > 0).collect();
     let why = used.iter().filter_map(|shape| {
         let (name, count) = (&field.labels[shape.id as usize].caption, shape.gaussians);
-        shape.no_volume.map(|why| format!("{name:?} ({count} Gaussians) {why}"))
+        shape.no_volume.map(|why| format!("{name:?} ({}) {why}", counted(count, "Gaussian")))
     });
     PartsError::NoVolume { parts: used.len(), why: why.collect::<Vec<_>>().join("; ") }
 }
@@ -341,8 +348,9 @@ fn warnings(field: &MaterialField, floaters: usize, shapes: &[Shape], scale_unkn
     for (shape, why) in without_volume(shapes).filter(|(shape, _)| !is_few(shape.gaussians, field)) {
         let (name, count) = (&field.labels[shape.id as usize].caption, shape.gaussians);
         warnings.push(format!(
-            "part {name:?} ({count} Gaussians) {why}, so it has no volume and no mass; if it belongs to the object, \
-             check whether its pictures in the report show it"
+            "part {name:?} ({}) {why}, so it has no volume and no mass; if it belongs to the object, check whether its \
+             pictures in the report show it",
+            counted(count, "Gaussian")
         ));
     }
     let shells = field.labels.iter().any(|l| matches!(l.form, Form::Shell { .. }));
@@ -369,7 +377,8 @@ fn notes(
     let mut notes = Vec::new();
     if floaters > 0 && are_usual(floaters, field) {
         let count = field.part_label.len();
-        notes.push(format!("{floaters} of {count} Gaussians float off the object and are not counted in any volume"));
+        let float = agreeing(floaters, "floats off the object and is", "float off the object and are");
+        notes.push(format!("{floaters} of {count} Gaussians {float} not counted in any volume"));
     }
     for (shape, why) in without_volume(shapes).filter(|(shape, _)| is_few(shape.gaussians, field)) {
         let (name, count) = (caption(shape.id), shape.gaussians);

@@ -1,7 +1,7 @@
 //! The metric scale that follows from what the object weighs.
 
 use super::assign::Labelled;
-use super::compose::{Construction, compose, thickness::Chord};
+use super::compose::{Construction, compose, thickness::Chord, wire::Wire};
 use crate::vote::{Contents, FieldLabel};
 
 /// A trial changes the scale by less than this once it has converged.
@@ -16,13 +16,14 @@ pub fn meters_per_unit(
     kg: f64,
     cells: &Labelled,
     chords: &[Option<Chord>],
+    wires: &[Wire],
     uncertainty: f64,
     labels: &[FieldLabel],
     construction: impl Fn(&FieldLabel, f64) -> Construction,
 ) -> Option<f64> {
     let weigh = |meters: f64| {
         let constructions: Vec<Construction> = labels.iter().map(|label| construction(label, meters)).collect();
-        let (composed, _) = compose(cells.clone(), &constructions, chords, uncertainty);
+        let (composed, _) = compose(cells.clone(), &constructions, chords, wires, uncertainty);
         let of = |(l, label): (usize, &FieldLabel)| {
             let filling = match (&composed.hollows[l], &label.inside) {
                 (Some(hollow), Some(Contents::Filled(filled))) => {

@@ -10,8 +10,8 @@ use crate::lettering::Style;
 const PAPER: Rgb<u8> = Rgb([255; 3]);
 /// Longest side of a panel in pixels; a larger picture is shrunk.
 const LONGEST_SIDE: u32 = 1024;
-/// A panel is at least this wide, so that its legend can be read.
-const NARROWEST: u32 = 280;
+/// A panel is as wide as its legend, up to this width, even if its picture is narrower.
+const WIDEST_LEGEND: u32 = 640;
 /// Space between and around the panels.
 const GAP: u32 = 24;
 /// Width of the scale of colours, in multiples of its height.
@@ -57,7 +57,12 @@ impl Panel {
 pub fn compose(panels: &[Panel]) -> RgbImage {
     let (title, text) = (Style::semibold(TITLE_PX), Style::regular(TEXT_PX));
     let pictures: Vec<RgbImage> = panels.iter().map(|panel| fitted(&panel.picture)).collect();
-    let widths: Vec<u32> = pictures.iter().map(|picture| picture.width().max(NARROWEST)).collect();
+    let legend_width = |panel: &Panel| {
+        let entries = panel.legend.iter().map(|entry| entry_width(entry, TEXT_PX));
+        entries.chain([title.width(&panel.title)]).max().unwrap_or(0).min(WIDEST_LEGEND)
+    };
+    let widths = panels.iter().zip(&pictures).map(|(panel, picture)| picture.width().max(legend_width(panel)));
+    let widths: Vec<u32> = widths.collect();
     let tallest = pictures.iter().map(RgbImage::height).max().unwrap_or(0);
     let lines = panels.iter().map(|panel| panel.legend.len()).max().unwrap_or(0) as u32;
     let legend_top = 2 * GAP + title.height() + tallest;
@@ -80,24 +85,37 @@ pub fn compose(panels: &[Panel]) -> RgbImage {
     sheet
 }
 
+/// Width of a line of a legend with type of `px` pixels.
+pub fn entry_width(entry: &Entry, px: u32) -> u32 {
+    indent(&entry.key, px) + Style::regular(px).width(&entry.text)
+}
+
+/// Width of the symbol and of the space behind it.
+fn indent(key: &Key, px: u32) -> u32 {
+    match key {
+        Key::Square(_) => px + px / 2,
+        Key::Number(..) => px + 6 + px / 2,
+        Key::Scale => SCALE_SIDES * px + px / 2,
+        Key::None => 0,
+    }
+}
+
 /// A line of a legend with type of `px` pixels in a column of `width` pixels, its upper left corner at `at`.
 pub fn write_entry(sheet: &mut RgbImage, entry: &Entry, at: (u32, u32), width: u32, px: u32) {
     let style = Style::regular(px);
     let side = px;
     let top = at.1 + (style.height() - side) / 2;
-    let indent = match entry.key {
+    match entry.key {
         Key::Square(color) => {
             let half = 0.5 * f64::from(side);
             let (left, middle) = (f64::from(at.0), f64::from(top) + half);
             let ends = [left, left + f64::from(side)].map(|x| Point2::new(x, middle));
             strokes::bar(sheet, ends, half, color);
-            side + px / 2
         }
         Key::Number(color, number) => {
             let radius = 0.5 * f64::from(side) + 2.0;
             let center = Point2::new(f64::from(at.0) + radius, f64::from(top) + 0.5 * f64::from(side));
             strokes::numbered(sheet, center, radius, color, number);
-            side + 6 + px / 2
         }
         Key::Scale => {
             let wide = SCALE_SIDES * side;
@@ -105,10 +123,10 @@ pub fn write_entry(sheet: &mut RgbImage, entry: &Entry, at: (u32, u32), width: u
                 let color = palette::bytes(palette::scale((f64::from(x) / f64::from(wide - 1)) as f32));
                 (top..(top + side).min(sheet.height())).for_each(|y| sheet.put_pixel(at.0 + x, y, color));
             }
-            wide + px / 2
         }
-        Key::None => 0,
-    };
+        Key::None => {}
+    }
+    let indent = indent(&entry.key, px);
     let text = style.fitted(&entry.text, width.saturating_sub(indent));
     style.write(sheet, &text, ((at.0 + indent) as i32, at.1 as i32));
 }

@@ -97,7 +97,7 @@ pub fn centered(picture: &mut RgbImage, style: Style, text: &str, center: Point2
 
 /// A line with a white edge, which sets it off from the picture below.
 fn haloed(picture: &mut RgbImage, style: Style, text: &str, at: (i32, i32)) {
-    for (dx, dy) in [(-1, -1), (0, -1), (1, -1), (-1, 0), (1, 0), (-1, 1), (0, 1), (1, 1)] {
+    for (dx, dy) in (-2..=2).flat_map(|dy| (-2..=2).map(move |dx| (dx, dy))) {
         style.inked(WHITE).write(picture, text, (at.0 + dx, at.1 + dy));
     }
     style.write(picture, text, at);

@@ -19,8 +19,8 @@ const TURN_S: u32 = 6;
 const ELEVATION_RAD: f64 = 22.0 * std::f64::consts::PI / 180.0;
 /// The tips of long objects lie beyond the robust bounds by this share of their size.
 const BEYOND: f64 = 0.03;
-/// Share of a cell's width that its legend takes if it is beside the picture.
-const LEGEND_SHARE: f64 = 0.36;
+/// Largest share of a cell's width that its legend takes if it is beside the picture.
+const LEGEND_SHARE: f64 = 0.5;
 
 /// The film of a turn.
 pub struct Turntable<'a> {
@@ -49,13 +49,14 @@ struct Layout {
     beside: bool,
     /// Lines of the longest legend.
     lines: u32,
+    /// Width of the widest legend.
+    widest: u32,
 }
 
 impl<'a> Turntable<'a> {
     /// The film of `subject`: photo colours, parts, materials and Young's modulus, or only what is `shown`.
     pub fn new(shown: Shown, subject: Subject<'a>, film: film::Options) -> Self {
         let panels = panels_of(shown, subject);
-        let lines = panels.iter().map(|panel| panel.legend.len() as u32).max().unwrap_or(0);
         let count = (TURN_S * film.fps) as usize;
         let bounds = robust_bounds(subject.gaussians);
         let margin = bounds.size() * BEYOND;
@@ -63,7 +64,7 @@ impl<'a> Turntable<'a> {
         // Of the layouts, the one that shows the object largest.
         let layouts = [(panels.len() as u32, 1), (2.min(panels.len() as u32), (panels.len() as u32).div_ceil(2))];
         let with_cameras = layouts.into_iter().map(|(columns, rows)| {
-            let layout = Layout::new(film.size, columns, rows, lines);
+            let layout = Layout::new(film.size, columns, rows, &panels);
             let cameras = orbit::turntable(&corners, 0.0, ELEVATION_RAD, count, layout.picture());
             let pixels_per_unit = cameras[0].intrinsics.fx / cameras[0].point_in_camera(bounds.center()).z;
             (layout, cameras, pixels_per_unit)
@@ -126,10 +127,13 @@ fn panels_of(shown: Shown, subject: Subject) -> Vec<Panel> {
 }
 
 impl Layout {
-    fn new(size: Size, columns: u32, rows: u32, lines: u32) -> Self {
+    fn new(size: Size, columns: u32, rows: u32, panels: &[Panel]) -> Self {
         // A cell of 320 pixels has type of 15.
         let text_px = (size.width / columns.max(2) / 24).min(size.height / 36).max(9);
-        Self { size, columns, rows, text_px, beside: rows > 1, lines }
+        let lines = panels.iter().map(|panel| panel.legend.len() as u32).max().unwrap_or(0);
+        let entries = panels.iter().flat_map(|panel| &panel.legend);
+        let widest = entries.map(|entry| panels::entry_width(entry, text_px)).max().unwrap_or(0);
+        Self { size, columns, rows, text_px, beside: rows > 1, lines, widest }
     }
 
     fn cell(&self) -> (u32, u32) {
@@ -155,13 +159,13 @@ impl Layout {
 
     fn legend_width(&self) -> u32 {
         let width = self.cell().0;
-        if self.beside { (LEGEND_SHARE * f64::from(width)) as u32 } else { width - 2 * self.margin() }
+        if self.beside { self.widest.min((LEGEND_SHARE * f64::from(width)) as u32) } else { width - 2 * self.margin() }
     }
 
     fn picture(&self) -> Size {
         let (width, height) = self.cell();
         let (beside, below) = match self.beside {
-            true => (self.legend_width(), 0),
+            true => (self.margin() + self.legend_width(), 0),
             false => (0, self.lines * self.line_height() + self.margin() / 2),
         };
         let least = |length: u32| length.max(16);

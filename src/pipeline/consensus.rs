@@ -8,6 +8,7 @@ use serde::{Deserialize, Serialize};
 use crate::consensus::masks::{PartMasks, part_masks};
 use crate::consensus::{self, Asked, Part, Parts, SegmentedView};
 use crate::npz::NpzWriter;
+use crate::output::{agreeing, counted};
 use crate::scene::View;
 use crate::segment::LabelMap;
 use crate::workdir::Artifact;
@@ -152,8 +153,10 @@ fn warnings(parts: &[FoundPart]) -> Vec<String> {
     let hidden = whole.iter().filter(|found| found.views.is_empty()).count();
     if hidden > 0 {
         warnings.push(format!(
-            "{hidden} of {} parts are too small in every view to be asked about; they take their neighbours' material",
-            whole.len()
+            "{hidden} of {} {} too small in every view to be asked about; {} neighbours' material",
+            counted(whole.len(), "part"),
+            agreeing(hidden, "is", "are"),
+            agreeing(hidden, "it takes its", "they take their"),
         ));
     }
     warnings

@@ -216,7 +216,7 @@ impl Pipeline {
             Stage::Consensus => self.consensus_key(),
             Stage::Query => self.query_key()?,
             Stage::Vote => self.vote_key(),
-            Stage::Parts => self.parts_key(),
+            Stage::Parts => self.parts_key()?,
             Stage::Simulate => self.simulate_key(),
             Stage::Grasp => self.grasp_key(),
             Stage::Report => self.report_key(),

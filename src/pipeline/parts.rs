@@ -2,12 +2,15 @@
 //! object's inside, which later stages fill with material.
 
 use anyhow::Result;
+use image::GrayImage;
 use serde::Serialize;
 
 use crate::parts::{self, Interior, Parts, Shape};
+use crate::scene::View;
 use crate::units::MetricScale;
 use crate::workdir::Artifact;
 
+use super::scene::file_digest;
 use super::{Done, Pipeline, Stage, get_or_load};
 
 /// The content of `parts.json` if the metric scale is unknown.
@@ -22,16 +25,41 @@ struct UnscaledFile<'a> {
 }
 
 impl Pipeline {
-    pub(super) fn parts_key(&self) -> String {
-        let after_inputs = self.key_after_inputs(Stage::Parts).with_json(&self.options.parts);
-        after_inputs.with(&Interior::VERSION.to_le_bytes()).hex()
+    pub(super) fn parts_key(&self) -> Result<String> {
+        let mut hasher = self.key_after_inputs(Stage::Parts).with_json(&self.options.parts);
+        for view in self.carving_views() {
+            for path in view.mask.iter().chain([&view.image]) {
+                hasher = hasher.with(&file_digest(path)?);
+            }
+        }
+        Ok(hasher.with(&Interior::VERSION.to_le_bytes()).hex())
+    }
+
+    fn carving_views(&self) -> impl Iterator<Item = &View> {
+        parts::carving_views(self.scene.views.len(), &self.options.parts).map(|view| &self.scene.views[view])
+    }
+
+    /// For each view used for carving, the share of each pixel of its photo that the object covers, if known.
+    fn coverage(&self) -> Result<Vec<Option<GrayImage>>> {
+        let mut coverage = vec![None; self.scene.views.len()];
+        for view in parts::carving_views(coverage.len(), &self.options.parts) {
+            coverage[view] = self.scene.views[view].coverage()?;
+        }
+        Ok(coverage)
     }
 
     pub(super) fn do_parts(&self) -> Result<Done> {
         let cameras = self.scene.cameras();
         let (gaussians, scale) = (&self.scene.gaussians, self.scene.scale.as_ref());
-        let result =
-            parts::parts(gaussians, self.stored_field()?, &cameras, scale, &self.options.parts, self.progress)?;
+        let result = parts::parts(
+            gaussians,
+            self.stored_field()?,
+            &cameras,
+            &self.coverage()?,
+            scale,
+            &self.options.parts,
+            self.progress,
+        )?;
         let mut warnings = result.warnings.clone();
         match result.metric() {
             Ok(parts) => self.work.write_json(Artifact::Parts, parts)?,

@@ -8,6 +8,7 @@ use anyhow::Result;
 use serde::{Deserialize, Serialize};
 
 use crate::from_splat::photo_with_foreground;
+use crate::output::{agreeing, counted};
 use crate::query::{
     AnswerSource, Answers, Match, Options, Outcome, Preview, Queries, SegmentAnswer, SizeAnswer, SizeOutcome, SizeQuery,
 };
@@ -213,7 +214,9 @@ fn notes(answers: &Answers) -> Vec<String> {
     if let Some(least) = overlaps.iter().copied().min_by(f64::total_cmp) {
         let (count, all) = (overlaps.len(), answers.segments.len());
         notes.push(format!(
-            "{count} of {all} answers were recorded for slightly different masks (IoU {least:.3} or more)"
+            "{count} of {} {} recorded for slightly different masks (IoU {least:.3} or more)",
+            counted(all, "answer"),
+            agreeing(count, "was", "were"),
         ));
     }
     notes

@@ -7,6 +7,7 @@ use super::ledger::Spent;
 use super::prompt::PromptError;
 use super::recorded::{Miss, RecordingError};
 use super::{Answers, Failure, Outcome};
+use crate::output;
 
 /// Why the query stage ends without answers.
 #[derive(Debug, thiserror::Error)]
@@ -20,9 +21,9 @@ pub enum QueryError {
     #[error(transparent)]
     Recording(#[from] RecordingError),
     #[error(
-        "no recorded answer for {} of {segments} segments:{}\nAsk a model: --lmm-url URL --lmm-model NAME with the key \
+        "no recorded answer for {} of {}:{}\nAsk a model: --lmm-url URL --lmm-model NAME with the key \
          in OPENAI_API_KEY; or answer by hand or elsewhere: gprop query SCENE --export DIR, then --import DIR",
-        .missing.len(), listed(.missing)
+        .missing.len(), output::counted(*.segments, "segment"), listed(.missing)
     )]
     Missing { segments: usize, missing: Vec<MissingSegment> },
     #[error(
@@ -33,14 +34,15 @@ pub enum QueryError {
     MissingSize { view: String, miss: Miss },
     #[error("--max-usd cannot be kept: no price is known for {model}; give a price table with --prices FILE")]
     NoPrice { model: String },
-    #[error("{requests} requests would cost about {usd:.2} USD, more than --max-usd {max_usd}; nothing was sent")]
+    #[error("{} would cost about {usd:.2} USD, more than --max-usd {max_usd}; nothing was sent", output::counted(*.requests, "request"))]
     OverBudget { requests: usize, usd: f64, max_usd: f64 },
     #[error(
-        "--max-usd {max_usd} is reached: {spent_usd:.4} USD spent, {left} segments not asked; what was answered is \
-         recorded. Raise --max-usd to go on"
+        "--max-usd {max_usd} is reached: {spent_usd:.4} USD spent, {} not asked; what was answered is recorded. Raise \
+         --max-usd to go on",
+        output::counted(*.left, "segment")
     )]
     BudgetSpent { max_usd: f64, spent_usd: f64, left: usize },
-    #[error("{error}: {segments} segments have no recorded answer, and no server was asked about them")]
+    #[error("{error}: {} {} no recorded answer, and no server was asked", output::counted(*.segments, "segment"), output::agreeing(*.segments, "has", "have"))]
     NotReady { error: AskError, segments: usize },
     #[error("{source}; nothing more was asked. {}", where_kept(.folder, .spare.as_deref()))]
     Unkept {
@@ -50,9 +52,9 @@ pub enum QueryError {
         /// The folder of the recordings that could not be written there; `None` if their text was printed.
         spare: Option<PathBuf>,
     },
-    #[error("{message}; {left} segments are not answered; what was answered is recorded ({spent})")]
+    #[error("{message}; {} {} not answered; what was answered is recorded ({spent})", output::counted(*.left, "segment"), output::agreeing(*.left, "is", "are"))]
     Endpoint { message: String, left: usize, spent: Spent },
-    #[error("none of the {segments} segments was answered: {}", counted(.failures))]
+    #[error("none of the {} was answered: {}", output::counted(*.segments, "segment"), counted(.failures))]
     AllFailed {
         segments: usize,
         /// Each failure with the number of segments that it applies to, the most frequent first.
@@ -68,16 +70,17 @@ pub enum QueryError {
     #[error("no Batch API job is waiting to be collected; gprop query SCENE --batch-api submit sends one")]
     NothingSubmitted,
     #[error(
-        "Batch API jobs still running: {running}, with {done} of their {total} requests done; run --batch-api collect again \
-         later"
+        "Batch API jobs still running: {running}, with {done} of {} done; run --batch-api collect again later",
+        output::counted(*.total, "request")
     )]
     BatchApiRunning { running: usize, done: usize, total: usize },
     #[error(
-        "{failed} of {total} questions were not answered ({reasons}); the other answers are recorded. \
-         --batch-api submit asks the failed ones again"
+        "{failed} of {} {} not answered ({reasons}); the other answers are recorded. --batch-api submit asks again about \
+         what failed",
+        output::counted(*.total, "question"), output::agreeing(*.failed, "was", "were")
     )]
     BatchApiPartial { failed: usize, total: usize, reasons: String },
-    #[error("{count} answers in {folder:?} cannot be used; the others are recorded:\n{lines}")]
+    #[error("in {folder:?}, {} cannot be used; the others are recorded:\n{lines}", output::counted(*.count, "answer"))]
     Import { folder: PathBuf, count: usize, lines: String },
     #[error("cannot save an answer: {0}")]
     Save(std::io::Error),

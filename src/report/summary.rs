@@ -6,8 +6,7 @@ use std::path::Path;
 use super::Report;
 use super::numbers::{figures, significant};
 use crate::grasp::GraspReport;
-use crate::output::one_line;
-use crate::output::thousands;
+use crate::output::{counted, one_line};
 use crate::part_name::part_name;
 use crate::parts::Parts;
 use crate::vote::FieldLabel;
@@ -16,11 +15,11 @@ use crate::vote::FieldLabel;
 pub fn summary(report: &Report, report_page: &Path) -> String {
     let scene = &report.scene;
     let mut text = format!(
-        "{}: {} Gaussians, {} views, {} parts\n",
+        "{}: {}, {}, {}\n",
         one_line(&scene.name),
-        thousands(scene.gaussians as u64),
-        scene.views.len(),
-        report.labels.len()
+        counted(scene.gaussians, "Gaussian"),
+        counted(scene.views.len(), "view"),
+        counted(report.labels.len(), "part"),
     );
     text += &part_lines(&report.labels, report.parts.as_ref());
     if let Some(parts) = &report.parts {
@@ -84,6 +83,7 @@ pub fn mass_line(parts: &Parts) -> String {
 
 /// Stands after what is no better than a model's estimate of the object's length.
 pub const ESTIMATED: &str = ", estimated scale";
+
 /// The force at the best place, or why no grip there is safe.
 pub fn grasp_line(grasp: &GraspReport) -> String {
     let name = part_name(&grasp.part, "");

@@ -1,6 +1,7 @@
 //! The result of reading a splat, whatever the format.
 
 use super::gaussians::Gaussians;
+use crate::output::{agreeing, counted};
 
 /// A cloud read from a file.
 #[derive(Debug, Clone, PartialEq, Default)]
@@ -28,6 +29,9 @@ pub(super) fn drop_unusable(gaussians: &mut Gaussians) -> Result<Option<String>,
     }
     gaussians.retain(&usable);
     Ok(Some(format!(
-        "{dropped} of {count} Gaussians have values that are NaN, infinite or beyond float32; they were dropped"
+        "{dropped} of {} {} values that are NaN, infinite or beyond float32; {} dropped",
+        counted(count, "Gaussian"),
+        agreeing(dropped, "has", "have"),
+        agreeing(dropped, "it was", "they were"),
     )))
 }

@@ -49,6 +49,7 @@ pub enum Upright {
 pub(super) struct Header {
     stored: (u32, u32),
     orientation: Orientation,
+    has_alpha: bool,
 }
 
 impl Header {
@@ -117,6 +118,28 @@ impl View {
         let mask = self.mask.as_deref().map(|path| decode(path, self.upright, VIEW_LIMIT)).transpose()?;
         Ok(Photo::of(picture, mask))
     }
+
+    /// The share of each pixel that the object covers, 0 to 255: the mask, or the photo's alpha; `None` if the view has
+    /// neither.
+    ///
+    /// # Errors
+    /// As for [`Self::photo`].
+    pub fn coverage(&self) -> Result<Option<GrayImage>, SceneError> {
+        let expected = (self.camera.intrinsics.width, self.camera.intrinsics.height);
+        if let Some(mask) = &self.mask {
+            return Ok(Some(mask_at(decode(mask, self.upright, VIEW_LIMIT)?, expected)));
+        }
+        if !header(&self.image)?.has_alpha {
+            return Ok(None);
+        }
+        let picture = decode(&self.image, self.upright, VIEW_LIMIT)?;
+        let found = (picture.width(), picture.height());
+        if found != expected {
+            return Err(SceneError::ImageChanged { path: self.image.clone(), expected, found });
+        }
+        let alpha = alpha_of(&picture.into_rgba8());
+        Ok((!is_white(&alpha)).then_some(alpha))
+    }
 }
 
 impl Photo {
@@ -139,7 +162,7 @@ impl Photo {
         let (rgb, alpha) = over_white(picture);
         let (width, height) = rgb.dimensions();
         let (foreground, foreground_source) = match (mask, alpha) {
-            (Some(mask), _) => (mask_at(mask, (width, height)), ForegroundSource::Mask),
+            (Some(mask), _) => (thresholded(mask_at(mask, (width, height))), ForegroundSource::Mask),
             (None, Some(alpha)) => (alpha, ForegroundSource::Alpha),
             (None, None) => (GrayImage::from_pixel(width, height, Luma([255])), ForegroundSource::Whole),
         };
@@ -152,11 +175,10 @@ impl Photo {
 fn mask_at(picture: DynamicImage, (width, height): (u32, u32)) -> GrayImage {
     let alpha = picture.color().has_alpha().then(|| alpha_of(&picture.to_rgba8())).filter(|alpha| !is_white(alpha));
     let mask = alpha.unwrap_or_else(|| picture.into_luma8());
-    let mask = match mask.dimensions() == (width, height) {
+    match mask.dimensions() == (width, height) {
         true => mask,
         false => image::imageops::resize(&mask, width, height, image::imageops::FilterType::Triangle),
-    };
-    thresholded(mask)
+    }
 }
 
 /// The picture with each square of `factor` x `factor` pixels replaced by their mean; leftover pixels at the right and
@@ -216,7 +238,7 @@ pub(super) fn header(path: &Path) -> Result<Header, SceneError> {
     let undecodable = |reason| SceneError::Image { path: path.to_owned(), reason };
     let mut decoder = open(path)?.into_decoder().map_err(undecodable)?;
     let orientation = decoder.orientation().unwrap_or(Orientation::NoTransforms);
-    Ok(Header { stored: decoder.dimensions(), orientation })
+    Ok(Header { stored: decoder.dimensions(), orientation, has_alpha: decoder.color_type().has_alpha() })
 }
 
 /// Opens a photo; its format is determined by its first bytes, whatever its name.

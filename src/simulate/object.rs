@@ -9,7 +9,7 @@ use super::mpm::particles::{Motion, Particle};
 use super::mpm::{DRIFT, Lost, Setting, Solver};
 use super::rigid::body::{Body, Moments, State};
 use super::rigid::contact::Ground;
-use super::rigid::coupling::{self, Guest, Moving};
+use super::rigid::coupling::{self, Guest, Joints, Moving};
 use super::rigid::face::Face;
 
 /// How the particles of an object belong together.
@@ -132,7 +132,7 @@ impl Object {
         let law = self.solver.laws() - 1;
         let guest = |guest: &Guest| {
             let body = &self.bodies[guest.body as usize];
-            Particle { law: law as u32, ..body.particle(guest.of(&self.bodies)) }
+            Particle { law: law as u32, mass_kg: 0.0, ..body.particle(guest.of(&self.bodies)) }
         };
         self.solver.host(self.guests.iter().map(guest).collect());
         self.wandered_m = 0.0;
@@ -181,19 +181,17 @@ impl Object {
         for (body, motion) in self.bodies.iter_mut().zip(&motions) {
             motion.iter().for_each(|motion| body.lead(motion));
         }
-        let impulses = if self.is_coupled() { self.step_on_grid(dt_s, &motions, influence)? } else { vec![] };
+        if self.is_coupled() {
+            self.step_on_grid(dt_s, &motions, influence)?;
+        } else {
+            let joints = Joints::none(&self.bodies);
+            accelerate(&mut self.bodies, (&self.grounds, self.gravity_m_s2, dt_s), &motions, &joints);
+        }
         let mut fastest_m_s = 0.0_f64;
-        for (number, body) in self.bodies.iter_mut().enumerate() {
-            if motions[number].is_none() {
-                body.push(self.gravity_m_s2 * (dt_s * body.mass_kg()), Vector3::zeros());
-                if let Some([push, turn]) = impulses.get(number) {
-                    body.push(*push, *turn);
-                }
-                self.grounds.iter().for_each(|ground| ground.act(body, &self.gravity_m_s2, dt_s));
-            }
+        for (body, motion) in self.bodies.iter_mut().zip(&motions) {
             fastest_m_s = fastest_m_s.max(body.fastest_m_s());
             body.advance(dt_s);
-            if motions[number].is_none() {
+            if motion.is_none() {
                 self.grounds.iter().for_each(|ground| ground.lift(body));
             }
         }
@@ -201,13 +199,8 @@ impl Object {
         self.bodies.iter().find_map(|body| self.lost(body)).map_or(Ok(()), Err)
     }
 
-    /// Takes a substep on the grid; returns the impulses on the bodies.
-    fn step_on_grid(
-        &mut self,
-        dt_s: f64,
-        motions: &[Option<Motion>],
-        influence: &impl Influence,
-    ) -> Result<Vec<coupling::Impulse>, Lost> {
+    /// Takes a substep on the grid; the bodies get their new velocities, but keep their places.
+    fn step_on_grid(&mut self, dt_s: f64, motions: &[Option<Motion>], influence: &impl Influence) -> Result<(), Lost> {
         let moving: Vec<Moving> = self.bodies.iter().map(Moving::from).collect();
         let (bodies, guests) = (&self.bodies, &self.guests);
         self.solver.place_guests(|guest| guests[guest].moved(bodies, &moving));
@@ -216,26 +209,32 @@ impl Object {
         if self.solver.is_due_for_sorting() || self.wandered_m > far_m {
             self.invite();
         }
-        if self.solver.is_empty() {
-            return Ok(vec![]);
-        }
-        let (bodies, guests, on_grid) = (&self.bodies, &self.guests, &self.on_grid);
-        let guided = |id: u32, position_m: [f32; 3]| match on_grid.get(id as usize) {
-            Some(own) => influence.leads(*own, position_m),
-            None => {
-                let guest = &guests[id as usize - on_grid.len()];
-                motions[guest.body as usize].map(|_| guest.moved(bodies, &moving).1)
-            }
-        };
         let dt = dt_s as f32;
-        let stepped = if influence.has_leads() { self.solver.step_led(dt, guided) } else { self.solver.step(dt) };
-        let number = |id: usize| match on_grid.get(id) {
+        let on_grid = &self.on_grid;
+        let guided = |id: u32, position_m| influence.leads(*on_grid.get(id as usize)?, position_m);
+        if influence.has_leads() {
+            self.solver.take(guided);
+        }
+        self.solver.scatter(dt);
+        let meeting = (&self.guests[..], &self.bodies[..], &moving[..]);
+        let is_led = |body: usize| motions[body].is_some();
+        let steps = (self.spacing_m.into(), dt_s);
+        let joints = coupling::join(&self.solver, meeting, is_led, self.gravity_m_s2, steps);
+        accelerate(&mut self.bodies, (&self.grounds, self.gravity_m_s2, dt_s), motions, &joints);
+        joints.carry(&mut self.solver, &self.bodies);
+        let gathered = self.solver.gather(dt);
+        if influence.has_leads() {
+            self.solver.lead(dt, guided);
+        }
+        gathered.map_err(|lost| Lost { particle: self.number_of(lost.particle) as usize, ..lost })
+    }
+
+    /// The number in the object of a particle of the solver.
+    fn number_of(&self, id: usize) -> u32 {
+        match self.on_grid.get(id) {
             Some(own) => *own,
-            None => guests[id - on_grid.len()].of(bodies).id,
-        };
-        stepped.map_err(|lost| Lost { particle: number(lost.particle) as usize, ..lost })?;
-        let spacing_m = f64::from(self.spacing_m);
-        Ok(coupling::impulses(&self.solver, (guests, bodies, &moving), self.gravity_m_s2, spacing_m, dt_s))
+            None => self.guests[id - self.on_grid.len()].of(&self.bodies).id,
+        }
     }
 
     /// The first particle of a body that left the domain or is not finite.
@@ -286,6 +285,23 @@ impl Object {
         }
         self.renew();
         numbers.is_empty()
+    }
+}
+
+/// Changes the velocities of the bodies whose motion is not given: by gravity, the impulses at their `joints`, and the
+/// grounds.
+fn accelerate(
+    bodies: &mut [Body],
+    (grounds, gravity_m_s2, dt_s): (&[Ground], Vector3<f64>, f64),
+    motions: &[Option<Motion>],
+    joints: &Joints,
+) {
+    let answers = joints.impulses.iter().zip(&joints.responses);
+    for ((body, motion), ([push, turn], response)) in bodies.iter_mut().zip(motions).zip(answers) {
+        if motion.is_none() {
+            body.push(gravity_m_s2 * (dt_s * body.mass_kg()) + push, *turn);
+            grounds.iter().for_each(|ground| ground.act(body, response, &gravity_m_s2, dt_s));
+        }
     }
 }
 

@@ -10,6 +10,8 @@ use super::rigid::choice::Reason;
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(test, derive(schemars::JsonSchema))]
 pub struct SimulationReport {
+    /// The scenario: its name, or the name of its file.
+    pub scenario: String,
     /// Number of particles: those of the Gaussians and those that fill the inside.
     pub particles: usize,
     /// Number of particles that fill the inside.

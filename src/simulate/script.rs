@@ -15,6 +15,8 @@ use crate::output::toml_problem;
 pub struct Known {
     pub name: &'static str,
     pub what: &'static str,
+    /// For the film on a page.
+    pub caption: &'static str,
     pub parameters: &'static [(&'static str, f64, &'static str)],
 }
 
@@ -23,40 +25,58 @@ pub const KNOWN: [Known; 8] = [
     Known {
         name: "drop",
         what: "falls onto the ground (see --ground), tilted",
+        caption: "Dropped onto the ground",
         parameters: &[("height", 0.5, "longest sides; or --drop-height"), ("tilt", 25.0, "degrees; or --tilt-deg")],
     },
     Known {
         name: "push",
         what: "a steady force on the upper third, straight down or sideways",
+        caption: "Pushed at its upper third",
         parameters: &[("force", 1.0, "in weights of the object"), ("down", 1.0, "1: down; 0: along x")],
     },
     Known {
         name: "poke",
         what: "a short sideways blow at the top",
+        caption: "Hit sideways at the top",
         parameters: &[("force", 5.0, "in weights of the object"), ("lasts", 0.02, "share of the time")],
     },
     Known {
         name: "twist",
         what: "one end of the longest side is held, the other turned about it",
+        caption: "Twisted",
         parameters: &[("rate", 2.0, "rad/s")],
     },
     Known {
         name: "stretch",
         what: "both ends of the longest side are pulled apart",
+        caption: "Stretched",
         parameters: &[("speed", 0.2, "longest sides per second")],
     },
-    Known { name: "wind", what: "blows along x", parameters: &[("speed", 5.0, "m/s"), ("response", 1.0, "s")] },
+    Known {
+        name: "wind",
+        what: "blows along x",
+        caption: "In the wind",
+        parameters: &[("speed", 5.0, "m/s"), ("response", 1.0, "s")],
+    },
     Known {
         name: "shake",
         what: "shaken along x",
+        caption: "Shaken",
         parameters: &[("acceleration", 10.0, "m/s^2"), ("frequency", 4.0, "Hz")],
     },
     Known {
         name: "release",
         what: "hangs by its top, then is let go",
+        caption: "Hung by its top, then let go",
         parameters: &[("height", 0.5, "above the ground, longest sides"), ("after", 0.3, "share of the time")],
     },
 ];
+
+/// A caption for a film of the scenario with this name; that of a file is named after it.
+pub fn caption(scenario: &str) -> String {
+    let known = KNOWN.iter().find(|known| known.name == scenario);
+    known.map_or_else(|| format!("Scenario {scenario}"), |known| known.caption.to_owned())
+}
 
 /// True if the value of `--scenario` is a scenario's name; otherwise it is the path of a file.
 pub fn is_name(text: &str) -> bool {

@@ -1,6 +1,7 @@
 //! Everything that is decided before the first substep.
 
 use std::collections::BTreeSet;
+use std::path::Path;
 
 use super::Input;
 use super::action::Action;
@@ -19,6 +20,7 @@ use super::rigid::choice::{self, Choice, Load};
 use super::scenario::Drop;
 use super::script::{self, Script, Standing, Step, What};
 use super::time_step::StepBound;
+use crate::output::{agreeing, counted};
 use crate::scene::{Bounds, robust_bounds};
 use crate::units::GRAVITY_M_S2;
 
@@ -192,7 +194,9 @@ pub fn set_up(input: &Input, options: &Options) -> Result<Setup, SimulateError> 
     if options.max_stiffness.is_none() {
         warnings.extend(materials.softened.iter().map(softened_warning));
     }
+    let scenario = Path::new(&options.scenario).file_name().unwrap_or_default();
     let report = SimulationReport {
+        scenario: scenario.to_string_lossy().into_owned(),
         particles: start.len(),
         fill_particles: start.len() - carried.len(),
         substeps: 0,
@@ -387,7 +391,13 @@ fn warnings(input: &Input, longest_m: f64, assumed_full: &[u32], strays: usize) 
     }
     if strays > 0 {
         warnings.push(format!(
-            "{strays} Gaussians lie far from the object or were set aside: they are not simulated and stay in place"
+            "{} {}",
+            counted(strays, "Gaussian"),
+            agreeing(
+                strays,
+                "lies far from the object or was set aside: it is not simulated and stays in place",
+                "lie far from the object or were set aside: they are not simulated and stay in place",
+            ),
         ));
     }
     warnings

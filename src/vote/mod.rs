@@ -25,6 +25,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::camera::Camera;
 use crate::materials::{Law, MaterialLibrary};
+use crate::output::{agreeing, counted};
 use crate::progress::Progress;
 use crate::query::{Answer, Answers, Form};
 use crate::render;
@@ -246,18 +247,22 @@ fn check(gaussians: &Gaussians, views: &[ViewInput]) -> Result<(), VoteError> {
 fn strange_gaussians(gaussians: &Gaussians) -> Vec<String> {
     let mut doubts = Vec::new();
     let diagonal = robust_bounds(gaussians).diagonal();
-    match (0..gaussians.len()).filter(|&i| !gaussians.is_set_aside(i) && gaussians.scale(i).max() > diagonal).count() {
-        0 => {}
-        1 => doubts.push("1 Gaussian is larger than the object: it votes and is voted on like any other".to_owned()),
-        n => {
-            doubts.push(format!("{n} Gaussians are larger than the object: they vote and are voted on like any other"));
-        }
+    let is_large = |&i: &usize| !gaussians.is_set_aside(i) && gaussians.scale(i).max() > diagonal;
+    let large = (0..gaussians.len()).filter(is_large).count();
+    if large > 0 {
+        let are = agreeing(
+            large,
+            "is larger than the object: it votes and is",
+            "are larger than the object: they vote and are",
+        );
+        doubts.push(format!("{} {are} voted on like any other", counted(large, "Gaussian")));
     }
     let is_faint = |&i: &usize| !gaussians.is_set_aside(i) && gaussians.opacity(i) < f64::from(render::ALPHA_MIN);
-    match (0..gaussians.len()).filter(is_faint).count() {
-        0 => {}
-        1 => doubts.push("1 Gaussian is too faint to be drawn: it takes its neighbours' material".to_owned()),
-        n => doubts.push(format!("{n} Gaussians are too faint to be drawn: they take their neighbours' material")),
+    let faint = (0..gaussians.len()).filter(is_faint).count();
+    if faint > 0 {
+        let are =
+            agreeing(faint, "is too faint to be drawn: it takes its", "are too faint to be drawn: they take their");
+        doubts.push(format!("{} {are} neighbours' material", counted(faint, "Gaussian")));
     }
     doubts
 }

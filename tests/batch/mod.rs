@@ -105,7 +105,7 @@ fn one_bad_scene_stops_no_other() {
     let table = String::from_utf8_lossy(&text.stdout).into_owned();
     assert!(table.contains("4 scenes: 3 done, 1 failed, 0 unknown"), "{table}");
     assert!(
-        stderr(&text).contains("1 of 4 scenes are not done") && stderr(&text).contains("ball-1:"),
+        stderr(&text).contains("1 of 4 scenes is not done") && stderr(&text).contains("ball-1:"),
         "{}",
         stderr(&text)
     );

@@ -114,7 +114,8 @@ fn answers_that_were_recorded_before_a_kill() {
 fn simulate(balls: &Balls, out: &Path) -> Output {
     let mut command = gprop();
     command.arg("simulate").arg(balls.scene(0)).args(["-q", "--frames", "4", "--duration", "0.04", "--grid", "16"]);
-    // Without ffmpeg, which makes no difference here.
+    // Without ffmpeg and with a small film, which makes no difference here.
+    command.args(["--size", "320x180"]);
     command.env("PATH", "").arg("--out").arg(out).args(balls.answers()).output().unwrap()
 }
 

@@ -113,6 +113,7 @@ fn whatever_disturbed_runs_leave_the_last_one_makes_the_same_bytes() {
         }
         let mut process = start().spawn().unwrap();
         if kind == 0 {
+            // Up to the time of an undisturbed run: what is checked holds wherever the kill hits.
             std::thread::sleep(whole.mul_f32(noise.next()));
             // Fails if the process has already ended by itself.
             let _ = process.kill();

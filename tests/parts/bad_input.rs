@@ -22,7 +22,7 @@ fn ball(part_of: impl Fn(Vector3<f64>) -> u32) -> Cloud {
 
 fn run(cloud: &Cloud, forms: &[Form], options: &Options) -> Result<PartsResult, PartsError> {
     let (gaussians, field) = (cloud.gaussians(0.05), cloud.field(forms));
-    parts(&gaussians, &field, &cameras(4.0, 20, |_| true), Some(&SCALE), options, Progress::Hidden)
+    parts(&gaussians, &field, &cameras(4.0, 20, |_| true), &[], Some(&SCALE), options, Progress::Hidden)
 }
 
 #[test]
@@ -30,7 +30,7 @@ fn without_a_scale_there_are_shapes_but_no_kilograms() {
     let cloud = ball(|_| 0);
     let shell = Form::Shell { wall_thickness_m: Range::exactly(0.01) };
     let (gaussians, field) = (cloud.gaussians(0.05), cloud.field(&[shell]));
-    let result = parts(&gaussians, &field, &cameras(4.0, 20, |_| true), None, &small(), Progress::Hidden).unwrap();
+    let result = parts(&gaussians, &field, &cameras(4.0, 20, |_| true), &[], None, &small(), Progress::Hidden).unwrap();
     assert!(result.shapes[0].volume.unwrap().mid > 3.0);
     assert!(result.warnings.iter().any(|w| w.contains("solid")), "{:?}", result.warnings);
     let error = result.metric().unwrap_err();
@@ -45,7 +45,7 @@ fn volumes_go_with_the_cube_of_the_scale() {
         let scale =
             MetricScale { meters_per_unit, source: ScaleSource::Factor, provenance: String::new(), range: None };
         let eyes = cameras(4.0, 20, |_| true);
-        let result = parts(&gaussians, &field, &eyes, Some(&scale), &small(), Progress::Hidden).unwrap();
+        let result = parts(&gaussians, &field, &eyes, &[], Some(&scale), &small(), Progress::Hidden).unwrap();
         result.metric().unwrap().object.clone()
     };
     let (one, tenth) = (at(1.0), at(0.1));
@@ -84,7 +84,7 @@ fn cameras_that_do_not_fit_the_splat_leave_nothing() {
     for eye in &mut eyes {
         eye.camera_from_world.translation.x += 8.0;
     }
-    let error = parts(&gaussians, &field, &eyes, Some(&SCALE), &small(), Progress::Hidden).unwrap_err();
+    let error = parts(&gaussians, &field, &eyes, &[], Some(&SCALE), &small(), Progress::Hidden).unwrap_err();
     assert!(matches!(error, PartsError::NothingInside { .. }), "{error}");
 }
 

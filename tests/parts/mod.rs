@@ -10,4 +10,5 @@ mod hidden;
 mod interior;
 mod mutants;
 mod scenes;
+mod thin;
 pub mod truth;

@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 
 use gprop::materials::Law;
 use gprop::query::Form;
-use gprop::render::{RenderOptions, render};
+use gprop::render::{Colors, RenderOptions, render};
 use gprop::scene::nearest::Nearest;
 use gprop::scene::{self, Scene};
 use gprop::units::{Estimate, Range};
@@ -110,10 +110,13 @@ fn votes(scene: &Scene, folder: &Path, visible: &[&TruePart]) -> Vec<Vec<u32>> {
     /// A Gaussian up to this far behind the surface counts as on it, in metres: splats are soft.
     const BEHIND_M: f64 = 0.01;
     let gaussians = &scene.gaussians;
+    // Only depths are needed.
+    let black = vec![[0.0; 3]; gaussians.len()];
+    let options = RenderOptions { colors: Colors::Fixed(&black), ..RenderOptions::default() };
     let mut votes = vec![vec![0; visible.len()]; gaussians.len()];
     for view in &scene.views {
         let map = image::open(folder.join(format!("ground_truth/part_maps/{}.png", view.name))).unwrap().into_luma8();
-        let drawn = render(gaussians, &view.camera, &RenderOptions::default());
+        let drawn = render(gaussians, &view.camera, &options);
         for (i, votes) in votes.iter_mut().enumerate() {
             let in_camera = view.camera.point_in_camera(gaussians.center(i));
             let Some(pixel) = view.camera.pixel(in_camera) else { continue };

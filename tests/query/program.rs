@@ -98,7 +98,8 @@ fn who_is_asked_about_how_many_pictures_is_told_before_the_first_request() {
     }
     let folder = tempfile::tempdir().unwrap();
     let path = picture(folder.path());
-    // The server does not answer before the test has read which server is asked.
+    // The server does not answer before the test has read which server is asked. It gives up after far longer than the
+    // line takes on any machine, or else a missing line would hang the test.
     let (told, wait) = std::sync::mpsc::channel::<()>();
     let wait = std::sync::Mutex::new(wait);
     let server = Server::new(move |count, _, _| {

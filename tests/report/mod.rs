@@ -58,13 +58,7 @@ fn small_run() -> &'static Path {
         let cloud = fs::File::create(scene.path().join("point_cloud.ply")).unwrap();
         ply::write(std::io::BufWriter::new(cloud), thinned(), &[]).unwrap();
         let labels = scene.path().join("labels");
-        fs::create_dir(&labels).unwrap();
-        let part_maps = Path::new(env!("CARGO_MANIFEST_DIR")).join("fixtures/hammer/ground_truth/part_maps");
-        for view in ["003.png", "022.png"] {
-            let mut map = image::open(part_maps.join(view)).unwrap().into_luma8();
-            map.pixels_mut().for_each(|pixel| pixel.0[0] = pixel.0[0].wrapping_add(1));
-            map.save(labels.join(view)).unwrap();
-        }
+        true_segments("hammer", &["003", "022"], &labels);
         let answers = ["wood", "metal", "rubber"].map(|family| {
             let mut answer = good_answer(a(family));
             answer["caption"] = json!(format!("{HOSTILE}; a part of {family}"));
@@ -73,14 +67,27 @@ fn small_run() -> &'static Path {
         // One question at a time, in the order of the parts, in one view after the other.
         let asked = AtomicUsize::new(0);
         let server = MockServer::new(move |_| answers[asked.fetch_add(1, Ordering::Relaxed) % 3].clone());
+        // A film as large as a user's, which must fit into the page.
+        let quick = QUICK.chunks(2).filter(|option| option[0] != "--size").flatten();
         let mut run = gprop();
-        run.env_remove("OPENAI_API_KEY").arg("run").arg(scene.path()).args(QUICK).arg("--segments").arg(&labels);
+        run.env_remove("OPENAI_API_KEY").arg("run").arg(scene.path()).args(quick).arg("--segments").arg(&labels);
         run.args(["--ask", "segments", "--lmm-parallel", "1", "--lmm-model", "test-model", "--lmm-url"]);
         let output = run.arg(format!("{}/v1", server.uri())).output().unwrap();
         assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
         scene
     });
     run.path()
+}
+
+/// Writes the true parts of a fixture's views as segments.
+pub fn true_segments(fixture: &str, views: &[&str], folder: &Path) {
+    fs::create_dir_all(folder).unwrap();
+    let part_maps = Path::new(env!("CARGO_MANIFEST_DIR")).join("fixtures").join(fixture).join("ground_truth/part_maps");
+    for file in views.iter().map(|view| format!("{view}.png")) {
+        let mut map = image::open(part_maps.join(&file)).unwrap().into_luma8();
+        map.pixels_mut().for_each(|pixel| pixel.0[0] = pixel.0[0].wrapping_add(1));
+        map.save(folder.join(file)).unwrap();
+    }
 }
 
 fn json_file(path: impl AsRef<Path>) -> Value {
@@ -136,10 +143,11 @@ fn the_report_of_every_fixture_follows_the_published_schema() {
             give_segments(out.path());
             command.args(["--view-list", "003", "--answers", "replay"]);
         } else {
-            command
-                .args(["--views", "1", "--points-per-side", "8", "--lmm-model", "test-model", "--lmm-url"])
-                .arg(format!("{}/v1", server.uri()));
-            command.arg("--recordings").arg(recordings.path());
+            let labels = recordings.path().join("labels");
+            true_segments(fixture, &["003"], &labels);
+            command.args(["--view-list", "003", "--segments"]).arg(&labels);
+            command.args(["--lmm-model", "test-model", "--lmm-url"]).arg(format!("{}/v1", server.uri()));
+            command.arg("--recordings").arg(recordings.path().join("recorded"));
         }
         let output = command.arg("--json").output().unwrap();
         assert!(output.status.success(), "{fixture}: {}", String::from_utf8_lossy(&output.stderr));

@@ -4,6 +4,7 @@ use gprop::simulate::mpm::Setting;
 use gprop::simulate::mpm::laws::Law;
 use gprop::simulate::mpm::particles::Particle;
 use gprop::simulate::object::{Bodies, Object};
+use gprop::simulate::rigid::body::Body;
 use nalgebra::{Matrix3, Vector3};
 
 use super::{Block, totals};
@@ -21,6 +22,19 @@ fn object(
     boundaries: Vec<Boundary>,
     ground: Option<&Boundary>,
 ) -> Object {
+    let body_of = (0..particles.len()).map(|id| (id < rigid).then_some(0)).collect();
+    object_of(particles, body_of, spacing_m, gravity_m_s2, boundaries, ground)
+}
+
+/// An object of `particles`, each with the number of its rigid body.
+fn object_of(
+    particles: &[Particle],
+    body_of: Vec<Option<u32>>,
+    spacing_m: f32,
+    gravity_m_s2: f64,
+    boundaries: Vec<Boundary>,
+    ground: Option<&Boundary>,
+) -> Object {
     let setting = Setting {
         spacing_m,
         gravity_m_s2: [0.0, 0.0, -gravity_m_s2 as f32],
@@ -29,7 +43,7 @@ fn object(
         laws: vec![Law::FixedCorotated],
     };
     let bodies = Bodies {
-        body_of: (0..particles.len()).map(|id| (id < rigid).then_some(0)).collect(),
+        body_of,
         part_of: vec![0; particles.len()],
         is_solid: vec![true; particles.len()],
         plane_modulus_pa: vec![STEEL_PA],
@@ -199,16 +213,24 @@ fn plate_settles_on_foam_at_its_depth() {
     let mass = object.bodies()[0].mass_kg() + foam.density_kg_m3 * 0.4 * 0.4 * HEIGHT / 3.0;
     let period = std::f64::consts::TAU * (mass * HEIGHT / (STIFFNESS * 0.16)).sqrt();
     let steps = (period / dt) as usize;
-    let mut sum = 0.0;
-    for _ in 0..steps {
-        run(&mut object, dt, 1);
-        sum += start - object.bodies()[0].state().center_m.z;
-    }
+    let mut mean_depth = || {
+        let depth = (0..steps).map(|_| {
+            run(&mut object, dt, 1);
+            start - object.bodies()[0].state().center_m.z
+        });
+        depth.sum::<f64>() / steps as f64
+    };
     let pressure = 2000.0 * 0.1 * GRAVITY + foam.density_kg_m3 * GRAVITY * HEIGHT / 2.0;
-    let (found, expected) = (sum / steps as f64, pressure * HEIGHT / STIFFNESS);
-    // The plate and the ground hold the nodes beside them: the foam is shorter by about a cell of sixteen. At the plate it
-    // creeps by sigma dt / (rho dx) of the plate, a tenth of the depth in a period.
-    assert!((found / expected - 1.0).abs() < 0.12, "pressed by {found} m, expected {expected} m");
+    let expected = pressure * HEIGHT / STIFFNESS;
+    // The nodes that plate and ground reach hold half a cell of foam on either side, which raises its stiffness by up to a
+    // sixteenth, and the mean over a period that is estimated is off by about a hundredth.
+    for period in 0..2 {
+        let found = mean_depth();
+        assert!(
+            (found / expected - 1.0).abs() < 0.02,
+            "pressed by {found} m in period {period}, expected {expected} m"
+        );
+    }
     let body = &object.bodies()[0];
     assert!(body.spin().norm() < 1e-2, "the plate tilts at {}", body.spin());
 }
@@ -250,6 +272,37 @@ fn soft_and_rigid_exchange_momentum() {
     // The particles' own cubes and f32 rounding: below a thousandth.
     let change = (spun_after - spun).norm() / spun.norm();
     assert!(change < 1e-3, "angular momentum {spun} became {spun_after}");
+}
+
+/// A rigid block flies into another one, off its centre: what one loses, the other gains.
+#[test]
+fn rigid_bodies_exchange_momentum() {
+    let still = Block { size_m: [0.2, 0.4, 0.4], density_kg_m3: 3000.0, ..Block::default() };
+    let flying = Block {
+        low_m: [1.2, 0.9, 0.9],
+        size_m: [0.3, 0.4, 0.4],
+        velocity_m_s: |_| Vector3::new(-1.0, 0.0, 0.0),
+        ..Block::default()
+    };
+    let mut particles = still.particles();
+    let first = particles.len();
+    particles.extend(flying.particles());
+    let body_of = (0..particles.len()).map(|id| Some(u32::from(id >= first))).collect();
+    let mut object = object_of(&particles, body_of, still.spacing_m, 0.0, vec![], None);
+    let momenta = |object: &Object| -> [Vector3<f64>; 2] {
+        let linear = |body: &Body| body.state().velocity_m_s * body.mass_kg();
+        let angular = |body: &Body| body.state().center_m.cross(&linear(body)) + body.state().angular_momentum;
+        [object.bodies().iter().map(linear).sum(), object.bodies().iter().map(angular).sum()]
+    };
+    let before = momenta(&object);
+    run(&mut object, 1e-3, 800);
+    let after = momenta(&object);
+    let hit = &object.bodies()[0];
+    let pushed = hit.mass_kg() * hit.state().velocity_m_s.norm() / before[0].norm();
+    assert!(pushed > 0.3 && hit.spin().norm() > 0.05, "hardly pushed: {pushed}, {}", hit.spin());
+    for (before, after) in before.iter().zip(after) {
+        assert!((after - before).norm() < 1e-9 * before.norm(), "{before} became {after}");
+    }
 }
 
 /// Actions on a body are those on its particles: a push above the centre of mass turns it, a held part holds the whole.

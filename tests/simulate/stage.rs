@@ -449,7 +449,7 @@ fn strays_stay_in_place() {
     let last = &frames[1].gaussians;
     assert_eq!((last.positions[5], last.log_scales[5]), (cloud.positions[5], cloud.log_scales[5]));
     assert!(last.positions[4] != cloud.positions[4] && last.positions[6] != cloud.positions[6]);
-    assert!(report.warnings.iter().any(|w| w.starts_with("1 Gaussians lie far")), "{:?}", report.warnings);
+    assert!(report.warnings.iter().any(|w| w.starts_with("1 Gaussian lies far")), "{:?}", report.warnings);
 }
 
 /// The duration is estimated first: ten hours are refused.

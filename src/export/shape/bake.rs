@@ -27,6 +27,65 @@ const LEAST_OPACITY: f64 = 0.2;
 /// Cameras whose colours are averaged.
 const VIEWS: usize = 4;
 
+/// A Gaussian as lines along normals meet it.
+#[derive(Clone, Copy)]
+struct Met {
+    center: Point3<f64>,
+    /// A line that passes the centre at a greater squared distance does not meet the Gaussian.
+    reach2: f64,
+    /// 1 less what rounding may take from the squared distance of a place from the centre.
+    certain: f64,
+    precision: Matrix3<f64>,
+    opacity: f64,
+    /// Beyond this distance from its centre it has ended.
+    radius: f64,
+}
+
+impl Met {
+    /// Least opacity with which a Gaussian is met, as in a picture.
+    const LEAST: f64 = 1.0 / 255.0;
+
+    /// `least` is added to the variances, so that none is 0.
+    fn of(gaussians: &Gaussians, i: usize, least: f64) -> Self {
+        /// Far more than what the products below are off by, relative to the largest eigenvalue.
+        const ROUNDING: f64 = 1e-13;
+        let covariance = gaussians.covariance(i) + Matrix3::identity() * least;
+        let precision =
+            covariance.try_inverse().filter(|p| p.iter().all(|v| v.is_finite())).unwrap_or_else(Matrix3::zeros);
+        let opacity = gaussians.opacity(i);
+        // Squared standard deviations at which it has ended or is too faint.
+        let ended = (REACH * REACH).min(2.0 * (opacity / Self::LEAST).ln()) + 1e-6;
+        // A line's squared distance in standard deviations is at least its squared distance times the least eigenvalue.
+        let eigenvalues = precision.symmetric_eigenvalues();
+        let (most, fewest) = (eigenvalues.max(), eigenvalues.min() - ROUNDING * eigenvalues.max());
+        let (reach2, certain) =
+            if fewest > 0.0 { (ended / fewest, 1.0 - ROUNDING * most / fewest) } else { (f64::INFINITY, 0.0) };
+        let radius = REACH * gaussians.scale(i).max();
+        Self { center: gaussians.center(i), reach2, certain, precision, opacity, radius }
+    }
+
+    /// How far outward on the line along the unit vector `normal` through `at` the Gaussian is densest, and its opacity
+    /// there; `None` if that is farther than `depth` or the line does not meet the Gaussian.
+    fn on_line(&self, at: Point3<f64>, normal: Vector3<f64>, depth: f64) -> Option<(f64, f64)> {
+        let offset = at - self.center;
+        if self.certain * offset.norm_squared() - offset.dot(&normal).powi(2) > self.reach2 {
+            return None;
+        }
+        let across = self.precision * normal;
+        let along = across.dot(&normal);
+        if along <= 0.0 {
+            return None;
+        }
+        let place = -across.dot(&offset) / along;
+        let distance2 = offset.dot(&(self.precision * offset)) - place * place * along;
+        if place.abs() > depth || distance2 > REACH * REACH {
+            return None;
+        }
+        let alpha = self.opacity * (-0.5 * distance2).exp();
+        (alpha > Self::LEAST).then_some((place, alpha.min(0.99)))
+    }
+}
+
 /// Paints with the colours of a splat.
 pub struct Painter<'a> {
     gaussians: &'a Gaussians,
@@ -35,9 +94,7 @@ pub struct Painter<'a> {
     /// Where the list of each coarse cell begins in `members`.
     starts: Vec<u32>,
     members: Vec<u32>,
-    precision: Vec<Matrix3<f64>>,
-    /// Beyond this distance from its centre a Gaussian has ended.
-    radius: Vec<f64>,
+    met: Vec<Met>,
     nearest: Nearest,
     /// Unit directions from the object to the cameras.
     towards: Vec<Vector3<f64>>,
@@ -74,18 +131,13 @@ impl<'a> Painter<'a> {
             next[cell] += 1;
         });
         let least = (1e-3 * grid.cell).powi(2);
-        let precision = (0..gaussians.len()).into_par_iter().map(|i| {
-            let covariance = gaussians.covariance(i) + Matrix3::identity() * least;
-            covariance.try_inverse().unwrap_or_else(Matrix3::zeros)
-        });
         Self {
             gaussians,
             grid: coarse,
             depth: DEPTH_CELLS * grid.cell,
             starts,
             members,
-            precision: precision.collect(),
-            radius: (0..gaussians.len()).into_par_iter().map(|i| REACH * gaussians.scale(i).max()).collect(),
+            met: (0..gaussians.len()).into_par_iter().map(|i| Met::of(gaussians, i, least)).collect(),
             nearest: Nearest::new(gaussians.positions.iter().copied()),
             towards: cameras.iter().filter_map(|c| (c.center_in_world() - grid.middle()).try_normalize(1e-9)).collect(),
         }
@@ -158,11 +210,11 @@ impl<'a> Painter<'a> {
         }
         members.sort_unstable();
         members.dedup();
-        let in_reach = |i: &u32| {
-            let i = *i as usize;
-            (self.gaussians.center(i) - middle).norm() <= extent + self.radius[i]
-        };
-        members.retain(in_reach);
+        let members: Vec<(u32, Met)> = members
+            .into_iter()
+            .map(|i| (i, self.met[i as usize]))
+            .filter(|(_, gaussian)| (gaussian.center - middle).norm() <= extent + gaussian.radius)
+            .collect();
         Near { painter: self, views: self.views(facing), colors: vec![None; members.len()], members, met: Vec::new() }
     }
 
@@ -191,24 +243,6 @@ impl<'a> Painter<'a> {
         }
         sum
     }
-
-    /// How far outward on the line along `normal` through `at` Gaussian `i` is densest, and its opacity there.
-    fn meet(&self, i: usize, at: Point3<f64>, normal: Vector3<f64>) -> Option<(f64, f64)> {
-        let offset = at - self.gaussians.center(i);
-        let precision = &self.precision[i];
-        let across = precision * normal;
-        let along = across.dot(&normal);
-        if along <= 0.0 {
-            return None;
-        }
-        let place = -across.dot(&offset) / along;
-        let distance2 = offset.dot(&(precision * offset)) - place * place * along;
-        if place.abs() > self.depth || distance2 > REACH * REACH {
-            return None;
-        }
-        let alpha = self.gaussians.opacity(i) * (-0.5 * distance2).exp();
-        (alpha > 1.0 / 255.0).then_some((place, alpha.min(0.99)))
-    }
 }
 
 /// The Gaussians near a triangle or a vertex, each with the colour that it shows once that is known.
@@ -216,7 +250,7 @@ struct Near<'a> {
     painter: &'a Painter<'a>,
     /// Directions of sight.
     views: Vec<[f32; 3]>,
-    members: Vec<u32>,
+    members: Vec<(u32, Met)>,
     colors: Vec<Option<[f64; 3]>>,
     /// The Gaussians met at one place: distance outward, opacity, index in `members`.
     met: Vec<(f64, f64, usize)>,
@@ -227,13 +261,13 @@ impl Near<'_> {
     fn color(&mut self, at: Point3<f64>, normal: Vector3<f64>) -> [u8; 3] {
         let Self { painter, views, members, colors, met } = self;
         met.clear();
-        for (n, &i) in members.iter().enumerate() {
-            met.extend(painter.meet(i as usize, at, normal).map(|(place, alpha)| (place, alpha, n)));
+        for (n, (_, gaussian)) in members.iter().enumerate() {
+            met.extend(gaussian.on_line(at, normal, painter.depth).map(|(place, alpha)| (place, alpha, n)));
         }
         met.sort_unstable_by(|a, b| b.0.total_cmp(&a.0).then(a.2.cmp(&b.2)));
         let (mut color, mut left) = ([0.0; 3], 1.0);
         for &(_, alpha, n) in met.iter() {
-            let own = *colors[n].get_or_insert_with(|| painter.seen(members[n], views));
+            let own = *colors[n].get_or_insert_with(|| painter.seen(members[n].0, views));
             (0..3).for_each(|c| color[c] += left * alpha * own[c]);
             left *= 1.0 - alpha;
             if left < 1e-3 {

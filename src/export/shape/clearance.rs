@@ -47,7 +47,7 @@ impl Clearance {
 
     /// The space that `hull` covers beyond the object.
     pub fn lie(&self, hull: &Hull) -> Lie {
-        let planes = hull.planes();
+        let planes = hull.bounds();
         let [low, high] = hull.extent();
         let mut lie = Lie { depth: 0.0, cell: 0 };
         let Some([xs, ys, zs]) = self.grid.cells_between(low, high) else { return lie };

@@ -8,6 +8,10 @@ use super::parry;
 /// Maximum number of vertices of a hull that PhysX and other engines accept.
 const VERTICES: usize = 64;
 
+/// A vertex this far beyond a plane, as a share of the hull's size, lies in it: far more than rounding errors, and far less
+/// than a cell.
+const FLAT: f64 = 1e-6;
+
 /// A convex body.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Hull {
@@ -45,7 +49,7 @@ impl Hull {
         }
         loop {
             let hull = Self::of(&taken)?;
-            let planes = hull.planes();
+            let planes = hull.bounds();
             let beyond = |p: &Point3<f64>| planes.iter().map(|(n, d)| n.dot(&p.coords) - d).fold(0.0, f64::max);
             let (far, distance) = self.vertices.iter().map(|p| (p, beyond(p))).max_by(|a, b| a.1.total_cmp(&b.1))?;
             if distance <= error || taken.len() >= VERTICES || taken.contains(far) {
@@ -72,6 +76,15 @@ impl Hull {
             Some((normal, normal.dot(&a.coords)))
         };
         self.triangles.iter().filter_map(plane).collect()
+    }
+
+    /// Those of the planes that no vertex lies beyond. Of points on a grid, many lie in one plane or on one line; among the
+    /// triangles between these are some whose normal is a rounding error.
+    pub fn bounds(&self) -> Vec<(Vector3<f64>, f64)> {
+        let [low, high] = self.extent();
+        let error = FLAT * (high - low).norm();
+        let holds_all = |(n, d): &(Vector3<f64>, f64)| self.vertices.iter().all(|v| n.dot(&v.coords) <= d + error);
+        self.planes().into_iter().filter(holds_all).collect()
     }
 
     /// The corners of its box.

@@ -4,7 +4,8 @@
 //! A hull reaches beyond the object by the distance from the object to the farthest place within the hull (its
 //! [`Lie`]). Of each part, the body whose hull reaches farthest is cut by the plane that leaves the least volume in the
 //! hulls of both sides, until no hull reaches farther than a tolerance. Then neighbours are joined if their common hull
-//! does not either. A hole is open if a ball wider than the tolerance fits through it.
+//! does not either. A hole is open if a ball wider than the tolerance fits through it. At last the surface of every body
+//! is moved inward until its hull has the body's volume.
 
 use nalgebra::{Matrix3, Point3, Vector3};
 use rayon::prelude::*;
@@ -12,11 +13,11 @@ use rayon::prelude::*;
 use super::Solid;
 use super::clearance::{Clearance, Lie};
 use super::hull::Hull;
-use crate::parts::{Grid, OUTSIDE};
+use crate::parts::{Grid, OUTSIDE, blur};
 
 /// How far a hull may reach beyond the object, as a share of the object's diagonal, and in cells at least: below that,
 /// a hull only rounds off the cells' steps.
-const TOLERANCE: f64 = 0.006;
+const TOLERANCE: f64 = 0.009;
 const LEAST_CELLS: f64 = 2.0;
 /// Maximum number of pieces per part: with more, simulators become slow.
 const PIECES: usize = 32;
@@ -29,6 +30,11 @@ const SAMPLES: usize = 200;
 /// Points of the border that are this close to a cut, in cells, stand for its section. Faces across an axis lie half a cell
 /// apart from those along it.
 const NEAR: f64 = 0.75;
+/// How far a hull's surface may be moved inward, in cells, and in how many halvings the distance is found.
+const INWARD_CELLS: f64 = 0.75;
+const HALVINGS: usize = 6;
+/// Slope of the blurred cells, per cell, above which a place is within a cell or so of the object's surface.
+const NEAR_SURFACE: f64 = 0.1;
 /// Points that are outside a face by less than this, in cells, lie in it.
 const FLAT: f64 = 1e-3;
 /// Bodies with a smaller share of their part's cells are crumbs, which are left out.
@@ -56,9 +62,10 @@ impl Piece {
 /// The pieces of every part, ordered by part.
 pub fn pieces(solid: &Solid, meters_per_unit: f64) -> Vec<Piece> {
     let clearance = Clearance::of(solid);
+    let blurred = blur(&solid.grid, &solid.mask(None));
     let tolerance = (TOLERANCE * diagonal(solid)).max(LEAST_CELLS * solid.grid.cell);
     let of_part = |part: u32| {
-        let hulls = Decomposition::new(solid, part, &clearance, tolerance).hulls();
+        let hulls = Decomposition::new(solid, part, &clearance, &blurred, tolerance).hulls();
         hulls.into_iter().enumerate().map(move |(index, hull)| Piece {
             part,
             index,
@@ -83,15 +90,24 @@ fn diagonal(solid: &Solid) -> f64 {
 /// A connected body of cells.
 struct Body {
     cells: Vec<u32>,
-    /// Centres of the faces of its border.
-    border: Vec<Point3<f64>>,
+    border: Vec<Face>,
     hull: Hull,
     lie: Lie,
+}
+
+/// A face between a body's cell and another cell.
+#[derive(Clone, Copy)]
+struct Face {
+    center: Point3<f64>,
+    /// Unit vector out of the object; zero deep inside it, where the body borders on another.
+    outward: Vector3<f64>,
 }
 
 struct Decomposition<'a> {
     grid: Grid,
     clearance: &'a Clearance,
+    /// Per cell: the share of the object in the cells around it.
+    blurred: &'a [f32],
     tolerance: f64,
     crumb: usize,
     /// Per cell: its body, or [`NOBODY`].
@@ -104,11 +120,12 @@ struct Decomposition<'a> {
 const NOBODY: u32 = u32::MAX;
 
 impl<'a> Decomposition<'a> {
-    fn new(solid: &Solid, part: u32, clearance: &'a Clearance, tolerance: f64) -> Self {
+    fn new(solid: &Solid, part: u32, clearance: &'a Clearance, blurred: &'a [f32], tolerance: f64) -> Self {
         let cells: Vec<u32> = (0..solid.part.len() as u32).filter(|i| solid.part[*i as usize] == part).collect();
         let crumb = (CRUMB * cells.len() as f64) as usize;
         let owner = vec![NOBODY; solid.part.len()];
-        let mut new = Self { grid: solid.grid, clearance, tolerance, crumb, owner, named: 0, bodies: Vec::new() };
+        let grid = solid.grid;
+        let mut new = Self { grid, clearance, blurred, tolerance, crumb, owner, named: 0, bodies: Vec::new() };
         new.add(&cells);
         new
     }
@@ -131,7 +148,28 @@ impl<'a> Decomposition<'a> {
         }
         self.join();
         let error = 0.25 * self.grid.cell;
-        self.bodies.iter().filter_map(|body| body.hull.simple(error)).collect()
+        self.bodies.par_iter().filter_map(|body| self.fitted(body)?.simple(error)).collect()
+    }
+
+    /// The hull of a body with its surface moved inward until the hull has the body's volume, but not by more than
+    /// [`INWARD_CELLS`]. Without that, hulls are too large: they reach to the outermost steps of the cells and dents of
+    /// the surface, and over its hollows.
+    fn fitted(&self, body: &Body) -> Option<Hull> {
+        let volume = body.cells.len() as f64 * self.grid.cell_volume();
+        let moved = |inward: f64| {
+            let points: Vec<Point3<f64>> = body.border.iter().map(|face| face.center - face.outward * inward).collect();
+            hull_of_many(&points, FLAT * self.grid.cell)
+        };
+        let (mut least, mut most) = (0.0, INWARD_CELLS * self.grid.cell);
+        if body.hull.volume() <= volume {
+            return moved(least);
+        }
+        for _ in 0..HALVINGS {
+            let middle = 0.5 * (least + most);
+            let is_too_large = moved(middle).is_some_and(|hull| hull.volume() > volume);
+            *(if is_too_large { &mut least } else { &mut most }) = middle;
+        }
+        moved(least)
     }
 
     fn center(&self, cell: u32) -> Point3<f64> {
@@ -170,14 +208,15 @@ impl<'a> Decomposition<'a> {
         }
     }
 
-    fn body(&self, cells: Vec<u32>, border: Vec<Point3<f64>>) -> Option<Body> {
-        let hull = hull_of_many(&border, FLAT * self.grid.cell)?;
+    fn body(&self, cells: Vec<u32>, border: Vec<Face>) -> Option<Body> {
+        let points: Vec<Point3<f64>> = border.iter().map(|face| face.center).collect();
+        let hull = hull_of_many(&points, FLAT * self.grid.cell)?;
         let lie = self.clearance.lie(&hull);
         Some(Body { cells, border, hull, lie })
     }
 
-    /// The centres of the faces between a body and everything else.
-    fn border(&self, cells: &[u32]) -> Vec<Point3<f64>> {
+    /// The faces between a body and everything else.
+    fn border(&self, cells: &[u32]) -> Vec<Face> {
         let strides = self.grid.strides();
         let mut border = Vec::new();
         for &cell in cells {
@@ -185,9 +224,9 @@ impl<'a> Decomposition<'a> {
             for axis in 0..3 {
                 for (beside, side) in [(cell as usize - strides[axis], -0.5), (cell as usize + strides[axis], 0.5)] {
                     if self.owner[beside] != own {
-                        let mut face = at;
-                        face[axis] += side * self.grid.cell;
-                        border.push(face);
+                        let mut center = at;
+                        center[axis] += side * self.grid.cell;
+                        border.push(Face { center, outward: self.outward(cell as usize, beside) });
                     }
                 }
             }
@@ -195,14 +234,23 @@ impl<'a> Decomposition<'a> {
         border
     }
 
+    /// The direction out of the object at the face between two cells; zero deep inside.
+    fn outward(&self, one: usize, other: usize) -> Vector3<f64> {
+        let rise = |i: usize, stride: usize| f64::from(self.blurred[i - stride]) - f64::from(self.blurred[i + stride]);
+        let strides = self.grid.strides();
+        let slope = Vector3::from(strides.map(|stride| 0.25 * (rise(one, stride) + rise(other, stride))));
+        slope.try_normalize(NEAR_SURFACE).unwrap_or_else(Vector3::zeros)
+    }
+
     /// The plane, as normal and position, that leaves the least volume in the hulls of both sides.
     fn best_cut(&self, body: &Body) -> Option<(Vector3<f64>, f64)> {
         let some = |points: &'_ [Point3<f64>]| -> Vec<Point3<f64>> {
             points.iter().step_by(points.len().div_ceil(SAMPLES).max(1)).copied().collect()
         };
-        let samples = [some(&body.hull.vertices), some(&body.border)].concat();
+        let border: Vec<Point3<f64>> = body.border.iter().map(|face| face.center).collect();
+        let samples = [some(&body.hull.vertices), some(&border)].concat();
         let notch = self.grid.center(self.grid.coords(body.lie.cell));
-        let mut cuts = Vec::new();
+        let (mut cuts, mut through_notch) = (Vec::new(), Vec::new());
         for normal in directions(&samples) {
             let along = |p: &Point3<f64>| normal.dot(&p.coords);
             let (low, high) =
@@ -210,6 +258,7 @@ impl<'a> Decomposition<'a> {
             let regular = (1..=CUTS).map(|n| low + (high - low) * n as f64 / (CUTS + 1) as f64);
             let at_notch = [-1.0, 0.0, 1.0].map(|side| along(&notch) + side * body.lie.depth);
             let within = |position: &f64| *position > low + self.grid.cell && *position < high - self.grid.cell;
+            through_notch.extend(Some(along(&notch)).filter(within).map(|position| (normal, position)));
             cuts.extend(regular.chain(at_notch).filter(within).map(|position| (normal, position)));
         }
         // The border where the plane cuts it belongs to both sides: without it, the samples leave a gap beside the plane,
@@ -219,22 +268,40 @@ impl<'a> Decomposition<'a> {
                 let off = normal.dot(&p.coords) - position;
                 (off.abs() <= NEAR * self.grid.cell).then(|| p - normal * off)
             };
-            some(&body.border.iter().filter_map(onto_plane).collect::<Vec<_>>())
+            some(&border.iter().filter_map(onto_plane).collect::<Vec<_>>())
         };
         let whole = body.hull.volume();
+        let volume = |points: &[Point3<f64>]| Hull::of(points).map_or(0.0, |hull| hull.volume());
         let cost = |(normal, position): &(Vector3<f64>, f64)| {
             let section = section(normal, *position);
             let (mut left, mut right): (Vec<_>, Vec<_>) =
                 samples.iter().partition(|p| normal.dot(&p.coords) < *position);
             left.extend_from_slice(&section);
             right.extend(section);
-            let volume = |points: &[Point3<f64>]| Hull::of(points).map_or(0.0, |hull| hull.volume());
             let [left, right] = [volume(&left), volume(&right)];
             left + right + BALANCE * whole * (left - right).abs() / (left + right).max(f64::MIN_POSITIVE)
         };
         let costs: Vec<f64> = cuts.par_iter().map(cost).collect();
         let best = (0..cuts.len()).min_by(|a, b| costs[*a].total_cmp(&costs[*b]))?;
-        Some(cuts[best])
+        // To halve a ring saves nothing, since the hulls of its halves fill the ring's too; to quarter it does.
+        let pairs: Vec<[usize; 2]> = (0..through_notch.len()).flat_map(|b| (0..b).map(move |a| [a, b])).collect();
+        let cost_of_both = |pair: &[usize; 2]| {
+            let cuts = pair.map(|n| through_notch[n]);
+            let mut quarters: [Vec<Point3<f64>>; 4] = Default::default();
+            let side = |n: usize, p: &Point3<f64>| usize::from(cuts[n].0.dot(&p.coords) >= cuts[n].1);
+            samples.iter().for_each(|p| quarters[side(0, p) + 2 * side(1, p)].push(*p));
+            for p in section(&cuts[0].0, cuts[0].1) {
+                (0..2).for_each(|first| quarters[first + 2 * side(1, &p)].push(p));
+            }
+            for p in section(&cuts[1].0, cuts[1].1) {
+                (0..2).for_each(|second| quarters[side(0, &p) + 2 * second].push(p));
+            }
+            quarters.iter().map(|points| volume(points)).sum::<f64>()
+        };
+        let costs_of_both: Vec<f64> = pairs.par_iter().map(cost_of_both).collect();
+        let cross = (0..pairs.len()).min_by(|a, b| costs_of_both[*a].total_cmp(&costs_of_both[*b]));
+        let is_better = |cross: &usize| 0.5 * (whole - costs_of_both[*cross]) > whole - costs[best];
+        Some(cross.filter(is_better).map_or(cuts[best], |cross| through_notch[pairs[cross][0]]))
     }
 
     /// Joins pairs of bodies whose common hull does not reach too far beyond the object, those with the smallest hull
@@ -315,4 +382,55 @@ fn hull_of_many(points: &[Point3<f64>], error: f64) -> Option<Hull> {
     let planes = inner.planes();
     let outside = points.iter().filter(|p| planes.iter().any(|(normal, d)| normal.dot(&p.coords) > d + error));
     Hull::of(&outside.chain(&inner.vertices).copied().collect::<Vec<_>>())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn solid(side: usize, is_inside: impl Fn(Vector3<f64>) -> bool) -> Solid {
+        let grid = Grid { origin: Point3::origin(), cell: 1.0, dims: [side; 3] };
+        let middle = grid.middle();
+        let cell = |i: usize| if is_inside(grid.center(grid.coords(i)) - middle) { 0 } else { OUTSIDE };
+        Solid { grid, part: (0..grid.len()).map(cell).collect() }
+    }
+
+    fn cells(solid: &Solid) -> f64 {
+        solid.part.iter().filter(|part| **part != OUTSIDE).count() as f64
+    }
+
+    fn hulls(solid: &Solid) -> Vec<Hull> {
+        pieces(solid, 1.0).into_iter().map(|p| Hull { vertices: p.vertices, triangles: p.triangles }).collect()
+    }
+
+    /// A wall of 4 cells around a hole of 56: halves of a ring have hulls as large as the ring's.
+    #[test]
+    fn a_ring_stays_open_and_keeps_its_volume() {
+        let ring = solid(80, |p| (28.0..32.0).contains(&p.xy().norm()) && p.z.abs() < 6.0);
+        let hulls = hulls(&ring);
+        assert!((8..=16).contains(&hulls.len()), "{} pieces", hulls.len());
+        // The tolerance of two cells, and half a cell of the steps.
+        let open = ring.grid.middle() + Vector3::new(25.5, 0.0, 0.0);
+        for turn in 0..36 {
+            let turn = nalgebra::Rotation3::from_axis_angle(&Vector3::z_axis(), f64::from(turn).to_radians() * 10.0);
+            let place = ring.grid.middle() + turn * (open - ring.grid.middle());
+            let covers = |hull: &Hull| hull.bounds().iter().all(|(n, d)| n.dot(&place.coords) <= *d);
+            assert!(!hulls.iter().any(covers), "{place}");
+        }
+        // The pieces hardly overlap.
+        let volume: f64 = hulls.iter().map(Hull::volume).sum();
+        assert!((volume / cells(&ring) - 1.0).abs() < 0.05, "{volume} of {}", cells(&ring));
+    }
+
+    /// A bar that is askew to the cells: the hull of its steps is a fifth too large.
+    #[test]
+    fn the_steps_of_the_cells_add_no_volume() {
+        let [along, across] = [Vector3::new(1.0, 0.2, 0.1).normalize(), Vector3::new(-0.2, 1.0, 0.0).normalize()];
+        let third = along.cross(&across);
+        let bar = solid(90, |p| p.dot(&along).abs() < 35.0 && p.dot(&across).abs() < 4.0 && p.dot(&third).abs() < 4.0);
+        let hulls = hulls(&bar);
+        let volume: f64 = hulls.iter().map(Hull::volume).sum();
+        assert_eq!(hulls.len(), 1);
+        assert!((volume / cells(&bar) - 1.0).abs() < 0.05, "{volume} of {}", cells(&bar));
+    }
 }

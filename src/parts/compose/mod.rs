@@ -8,13 +8,17 @@
 //!
 //! The core of a shell fills the space that the wall leaves, see [`cores`]; so does a filling.
 
+mod cavity;
 mod contact;
 mod cores;
 mod mirror;
+mod sheet;
+mod spread;
 pub mod thickness;
 mod unseen;
 pub mod volume;
 mod wall;
+pub mod wire;
 
 use rayon::prelude::*;
 
@@ -27,10 +31,11 @@ use thickness::{Chord, thickness};
 use unseen::Doubt;
 use volume::{READINGS, SOLID_SPREAD, Volume, WALL_SPREAD};
 use wall::{AROUND_CORE, AROUND_VOID, WallDepths};
+use wire::Wire;
 
 /// A ray through a shell goes through one wall, not two, if it is no longer than the wall plus this many uncertainties:
-/// three on either side, the depth that carving tolerates.
-const SHEET_SLACK: f64 = 6.0;
+/// three on either side, the depth that carving tolerates. A wire is thicker than it is by no more.
+pub const SHEET_SLACK: f64 = 6.0;
 
 /// How a label's volume is filled.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -66,12 +71,13 @@ pub struct Hollow {
     pub moments: Moments,
 }
 
-/// Fills the cells. `constructions` are per label, `chords` per surface cell; `uncertainty` is the possible error of
-/// the surface's position, scene units.
+/// Fills the cells. `constructions` are per label, `chords` per surface cell, `wires` per cell; `uncertainty` is the
+/// possible error of the surface's position, scene units.
 pub fn compose(
     mut cells: Labelled,
     constructions: &[Construction],
     chords: &[Option<Chord>],
+    wires: &[Wire],
     uncertainty: f64,
 ) -> (Composed, Labelled) {
     let is_solid: Vec<bool> = constructions.iter().map(|c| *c == Construction::Solid).collect();
@@ -91,9 +97,9 @@ pub fn compose(
     let is_void = |i: usize| f64::from(walls.seen[i]) > wall_of(cells.label[i]).mid;
     let is_material = |i: usize| doubt[i] < Doubt::Strong;
     let cores = cores::cores(&cells, &is_solid, is_void, is_material);
-    let contents = Contents { cells: &cells, constructions, cores: &cores, doubt: &doubt, walls: &walls };
+    let contents = Contents { cells: &cells, constructions, cores: &cores, doubt: &doubt, walls: &walls, wires };
 
-    let slacks: Vec<f64> = areas(&cells, constructions.len()).into_iter().map(|area| area * uncertainty).collect();
+    let slacks = contents.slacks(uncertainty);
     let (own, hollow) = contents.volumes();
     let mut enclosed = vec![0.0; constructions.len()];
     cells.label.iter().filter(|label| **label != NONE).for_each(|&l| enclosed[l as usize] += cells.grid.cell_volume());
@@ -119,6 +125,7 @@ struct Contents<'a> {
     cores: &'a [Option<u32>],
     doubt: &'a [Doubt],
     walls: &'a WallDepths,
+    wires: &'a [Wire],
 }
 
 /// The material of one part, and the space behind its wall, in the readings [`READINGS`]: scene units cubed.
@@ -135,7 +142,8 @@ impl Contents<'_> {
                     Reading::Mid => Doubt::Strong,
                     Reading::High => Doubt::Empty,
                 };
-                (if self.doubt[i] < beyond { 1.0 } else { 0.0 }, 0.0)
+                let whole = if self.wires[i].share > 0.0 { f64::from(self.wires[i].share) } else { 1.0 };
+                (if self.doubt[i] < beyond { whole } else { 0.0 }, 0.0)
             }
             Construction::Wall { thickness, .. } => {
                 let hidden = if self.cores[label].is_some() { AROUND_CORE } else { AROUND_VOID };
@@ -170,6 +178,26 @@ impl Contents<'_> {
         ((0..labels).map(total).collect(), (labels..2 * labels).map(total).collect())
     }
 
+    /// Per label, the volume that the uncertainty of the surface may add or remove, scene units cubed: that of the outer
+    /// area, and for wires, whose width the photos show, that of their cross-section. Bodies that no view saw have no
+    /// label.
+    fn slacks(&self, uncertainty: f64) -> Vec<f64> {
+        let mut slacks = vec![0.0; self.constructions.len()];
+        let of_solid = |label: u32| self.constructions.get(label as usize) == Some(&Construction::Solid);
+        let is_wire = |cell: usize| self.wires[cell].share > 0.0 && of_solid(self.cells.label[cell]);
+        for (&cell, area) in self.cells.surface.cells.iter().zip(&self.cells.surface.areas) {
+            let label = self.cells.label[cell as usize];
+            if let Some(slack) = slacks.get_mut(label as usize).filter(|_| !is_wire(cell as usize)) {
+                *slack += area * uncertainty;
+            }
+        }
+        for cell in (0..self.wires.len()).filter(|&cell| is_wire(cell)) {
+            let Wire { share, error } = self.wires[cell];
+            slacks[self.cells.label[cell] as usize] += f64::from(share * error) * self.cells.grid.cell_volume();
+        }
+        slacks
+    }
+
     /// Per label, the hollow that holds a filling. The surface in front of it may lie further in or out by its
     /// uncertainty, as that of a solid.
     fn hollows(&self, readings: &[Readings], slacks: &[f64], enclosed: &[f64]) -> Vec<Option<Hollow>> {
@@ -200,7 +228,7 @@ impl Contents<'_> {
             let (own, rest) = self.shares(i, Reading::Mid, Reading::Mid);
             match (self.cores[label as usize], self.constructions[label as usize]) {
                 (Some(peg), _) => (if own >= rest { label } else { peg }, 1.0),
-                (None, _) if own > 0.0 => (label, own as f32),
+                (None, _) if own > 0.0 => (label, own.min(1.0) as f32),
                 (None, Construction::Solid) => (OUTSIDE, 0.0),
                 (None, Construction::Wall { filled: Some(share), .. }) => (FILLING + label, share.mid as f32),
                 (None, Construction::Wall { filled: None, .. }) => (VOID, 0.0),
@@ -209,15 +237,4 @@ impl Contents<'_> {
         let (part, fraction) = (0..self.cells.label.len()).into_par_iter().map(cell).unzip();
         Interior { grid: self.cells.grid, part, fraction }
     }
-}
-
-/// Outer area per label, scene units squared. Bodies that no view saw have no label.
-fn areas(cells: &Labelled, labels: usize) -> Vec<f64> {
-    let mut areas = vec![0.0; labels];
-    for (&cell, area) in cells.surface.cells.iter().zip(&cells.surface.areas) {
-        if let Some(sum) = areas.get_mut(cells.label[cell as usize] as usize) {
-            *sum += area;
-        }
-    }
-    areas
 }

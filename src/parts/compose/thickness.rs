@@ -21,6 +21,8 @@ pub struct Chord {
     area: f64,
     /// Whether it ends at a seen surface, on which Gaussians lie.
     pub seen: bool,
+    /// The surface cell at which it leaves the object; `None` if it ends at another part.
+    pub exit: Option<u32>,
 }
 
 /// The ray from every cell of seen surface; `None` for other cells and cells without a normal.
@@ -40,7 +42,8 @@ pub fn thickness(chords: &[Option<Chord>], label_count: usize) -> Vec<Option<Est
     of_label.into_iter().map(pick).collect()
 }
 
-fn chord(cells: &Labelled, s: usize) -> Option<Chord> {
+/// The ray from a surface cell straight inward; `None` if the cell has no normal.
+pub fn chord(cells: &Labelled, s: usize) -> Option<Chord> {
     let surface = &cells.surface;
     let (start, inward) = (surface.points[s], -surface.normals[s]);
     if inward == Vector3::zeros() {
@@ -59,9 +62,10 @@ fn chord(cells: &Labelled, s: usize) -> Option<Chord> {
         end += 1;
     }
     let leaves_object = at(end + 1).is_none_or(|i| cells.label[i] == NONE);
-    let seen = leaves_object && cells.seen[surface.nearest[last] as usize];
+    let exit = leaves_object.then_some(surface.nearest[last]);
+    let seen = exit.is_some_and(|exit| cells.seen[exit as usize]);
     let length = (end as f64 + 0.5) * step;
-    Some(Chord { label, length, area: surface.areas[s], seen })
+    Some(Chord { label, length, area: surface.areas[s], seen, exit })
 }
 
 /// Quartiles of lengths weighted by area.

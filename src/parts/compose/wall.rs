@@ -5,13 +5,14 @@
 //! gives area times thickness for thin walls, and the true volume of the wall, including curvature, for thick ones.
 //!
 //! A wall seen from both sides, such as a lampshade's, is a sheet: it is as thick as the rays through it or thinner,
-//! since a splat is soft. It is counted once, not once from each side: each of its cells holds the wall's share of the
-//! ray.
+//! since a splat is soft. It is counted once, not once from each side: see [`sheet`](super::sheet). Faces toward a
+//! cavity that the views see in part have no wall of their own: see [`cavity`](super::cavity).
 //!
 //! Along surfaces that no view saw, and along seams with other parts, a shell may be closed or open (a cup is open
 //! under its lid, but closed on its coaster). The low volume assumes that it is open there, the high one closed, and
 //! the middle one half closed.
 
+use super::{cavity, sheet};
 use crate::parts::assign::Labelled;
 use crate::parts::grid::surface::{NONE, distance_to};
 use crate::units::Estimate;
@@ -35,19 +36,21 @@ pub struct WallDepths {
     pub seen: Vec<f32>,
     pub unseen: Vec<f32>,
     pub seam: Vec<f32>,
-    /// Length of the ray through the nearest seen wall if that is a sheet, scene units; else 0.
+    /// Carved thickness of the sheet that the cell belongs to, scene units; 0 if it belongs to none.
     sheet: Vec<f32>,
 }
 
 impl WallDepths {
     /// Computes the depths in the cells of labels for which `is_shell` is true; they are infinite elsewhere. `sheet`
     /// gives, for a surface cell, the length of the ray through it if its wall is a sheet.
-    pub fn of(cells: &Labelled, is_shell: impl Fn(u32) -> bool, sheet: impl Fn(usize) -> Option<f64>) -> Self {
+    pub fn of(cells: &Labelled, is_shell: impl Fn(u32) -> bool + Sync, sheet: impl Fn(usize) -> Option<f64>) -> Self {
         let mask: Vec<bool> = cells.label.iter().map(|&l| l != NONE && is_shell(l)).collect();
         let surface = &cells.surface;
         let (mut seen, mut unseen, mut seam) = (Seeds::default(), Seeds::default(), Seeds::default());
         let mut sheets = Vec::new();
-        for s in (0..surface.cells.len()).filter(|&s| mask[surface.cells[s] as usize]) {
+        let in_cavity = cavity::faces(cells, &is_shell);
+        let has_wall = |s: &usize| mask[surface.cells[*s] as usize] && !in_cavity[*s];
+        for s in (0..surface.cells.len()).filter(has_wall) {
             let seeds = if cells.seen[s] { &mut seen } else { &mut unseen };
             seeds.push(surface.cells[s], surface.points[s]);
             if cells.seen[s] {
@@ -61,7 +64,12 @@ impl WallDepths {
             }
         }
         let (seen, nearest) = seen.depths(cells, &mask);
-        let sheet = nearest.into_iter().map(|n| if n == NONE { 0.0 } else { sheets[n as usize] }).collect();
+        // Cells deeper than that belong to a hollow.
+        let ray = |i: usize| match nearest[i] {
+            NONE => None,
+            seed => Some(f64::from(sheets[seed as usize])).filter(|ray| f64::from(seen[i]) <= *ray && *ray > 0.0),
+        };
+        let sheet = sheet::thickness(cells, ray);
         Self { seen, unseen: unseen.depths(cells, &mask).0, seam: seam.depths(cells, &mask).0, sheet }
     }
 

@@ -8,7 +8,9 @@ pub mod depth_view;
 mod fill;
 mod hull;
 mod refine;
+pub mod silhouettes;
 
+use image::GrayImage;
 use nalgebra::{Point3, Vector3};
 use rayon::prelude::*;
 
@@ -20,6 +22,7 @@ use crate::progress::Progress;
 use crate::scene::gaussians::Gaussians;
 use depth_view::DepthView;
 use hull::UnseenBound;
+use silhouettes::{Silhouette, Silhouettes};
 
 /// A surface counts as behind a cell only if it is farther than this many pixels behind it: the depth of a splat is off
 /// by one to three pixels.
@@ -46,11 +49,28 @@ pub(super) struct Inside {
     pub cells: Vec<bool>,
     /// Possible error of the surface's position, scene units.
     pub uncertainty: f64,
-    /// Depth and alpha seen by the views; empty if the volume does not come from views.
+    /// Width of a pixel at the object, scene units; 0 if the volume does not come from views.
+    pub pixel: f64,
+    /// Depth and alpha seen by the [`carving_views`]; empty if the volume does not come from views.
     views: Vec<DepthView>,
 }
 
 impl Inside {
+    /// The outlines of the object in the photos of the views. `cameras` and `coverage` are those of all views.
+    pub fn silhouettes<'a>(
+        &'a self,
+        cameras: &'a [Camera],
+        coverage: &'a [Option<GrayImage>],
+        options: &Options,
+    ) -> Silhouettes<'a> {
+        let views = self.views.iter().zip(carving_views(cameras.len(), options));
+        let known = |(depth, k): (&'a DepthView, usize)| {
+            let coverage = coverage.get(k)?.as_ref()?;
+            Some(Silhouette { depth, camera: &cameras[k], coverage })
+        };
+        Silhouettes { views: views.filter_map(known).collect() }
+    }
+
     /// For each cell of the surface, whether a view sees it. If there are no views, all are taken as seen.
     pub fn in_view(&self, surface: &Surface) -> Vec<bool> {
         let see = |(point, normal): (&Point3<f64>, &Vector3<f64>)| {
@@ -72,10 +92,10 @@ pub(super) fn inside(
     options: &Options,
     progress: Progress,
 ) -> Result<Inside, PartsError> {
-    let (cells, uncertainty, views, why) = match options.volume {
+    let (cells, pixel, uncertainty, views, why) = match options.volume {
         VolumeMethod::Fill => {
             let cells = fill::fill(gaussians, kept, grid, options.fill_density);
-            (cells, grid.cell, Vec::new(), "no cell is dense enough to be the object's skin")
+            (cells, 0.0, grid.cell, Vec::new(), "no cell is dense enough to be the object's skin")
         }
         VolumeMethod::Hybrid | VolumeMethod::Carve | VolumeMethod::Shell => {
             let views = depth_views(gaussians, cameras, options, progress)?;
@@ -86,14 +106,14 @@ pub(super) fn inside(
             carve::carve(grid, &views, tolerance, &mut cells);
             let mut cells = without_border(grid, cells);
             let disagreement = refine::refine(grid, &views, REFINE_REACH * tolerance, &mut cells);
-            (cells, pixel.hypot(disagreement), views, "the views see through every place where the splat is")
+            (cells, pixel, pixel.hypot(disagreement), views, "the views see through every place where the splat is")
         }
     };
     let cells = without_border(grid, cells);
     if !cells.contains(&true) {
         return Err(PartsError::NothingInside { why });
     }
-    Ok(Inside { cells, uncertainty, views })
+    Ok(Inside { cells, uncertainty, pixel, views })
 }
 
 /// Marks the grid's outermost cells as outside, so that filters and neighbour searches need no edge cases.
@@ -106,7 +126,13 @@ fn without_border(grid: &Grid, mut cells: Vec<bool>) -> Vec<bool> {
     cells
 }
 
-/// The surface as seen from up to `carve_views` of the cameras, spread evenly over their order.
+/// The views used for carving: up to `carve_views` of all `count`, spread evenly over their order.
+pub fn carving_views(count: usize, options: &Options) -> impl Iterator<Item = usize> + use<> {
+    let chosen = options.carve_views.min(count);
+    (0..chosen).map(move |k| k * count / chosen)
+}
+
+/// The surface as the [`carving_views`] see it.
 fn depth_views(
     gaussians: &Gaussians,
     cameras: &[Camera],
@@ -116,11 +142,11 @@ fn depth_views(
     if cameras.is_empty() {
         return Err(PartsError::NoViews);
     }
-    let count = options.carve_views.min(cameras.len());
     let pixels_max = (PIXELS_PER_CELL * (options.volume_cells as f64).cbrt()).round() as u32;
-    let bar = progress.bar("parts", count as u64).with_message("views");
-    let views = (0..count).map(|k| {
-        let view = DepthView::of(gaussians, &cameras[k * cameras.len() / count], pixels_max);
+    let chosen = carving_views(cameras.len(), options);
+    let bar = progress.bar("parts", options.carve_views.min(cameras.len()) as u64).with_message("views");
+    let views = chosen.map(|k| {
+        let view = DepthView::of(gaussians, &cameras[k], pixels_max);
         bar.inc(1);
         view
     });

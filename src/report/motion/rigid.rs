@@ -1,12 +1,13 @@
 //! Rigid motions: the Gaussians of a part that keep their distances share its path.
 //!
-//! The path is fitted to the Gaussians themselves (Kabsch 1976), frame by frame: first to all of a part's, then to the
+//! The path is fitted to the Gaussians themselves, frame by frame: first to all of a part's, then to the
 //! half of them that fit best, so that a few that stay behind do not spoil it.
 
-use nalgebra::{Isometry3, Matrix3, Point3, Rotation3, SVD, Translation3, UnitQuaternion, Vector3};
+use nalgebra::{Isometry3, Point3};
 use serde::Serialize;
 
 use super::Still;
+use crate::numeric;
 
 /// For each frame: a unit quaternion x y z w, then where the pivot goes (world frame, scene units).
 #[derive(Debug, Clone, PartialEq, Serialize)]
@@ -45,28 +46,12 @@ fn distance(motion: &Isometry3<f64>, from: Point3<f64>, to: Point3<f64>) -> f64 
 
 /// The rigid motion that most of `members` follow.
 fn fitted(from: &[Point3<f64>], to: &[Point3<f64>], members: &[usize]) -> Isometry3<f64> {
-    let first = kabsch(from, to, members);
+    let of = |members: &[usize]| numeric::rigid_motion(members.iter().map(|&i| (from[i], to[i])));
+    let first = of(members);
     let mut by_distance: Vec<(f64, usize)> = members.iter().map(|&i| (distance(&first, from[i], to[i]), i)).collect();
     by_distance.sort_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
     let best: Vec<usize> = by_distance.iter().take(members.len().div_ceil(2)).map(|&(_, i)| i).collect();
-    kabsch(from, to, &best)
-}
-
-/// The rigid motion with the least squared distances.
-fn kabsch(from: &[Point3<f64>], to: &[Point3<f64>], members: &[usize]) -> Isometry3<f64> {
-    if members.is_empty() {
-        return Isometry3::identity();
-    }
-    let mean =
-        |points: &[Point3<f64>]| members.iter().map(|&i| points[i].coords).sum::<Vector3<f64>>() / members.len() as f64;
-    let (from_mean, to_mean) = (mean(from), mean(to));
-    let correlation: Matrix3<f64> =
-        members.iter().map(|&i| (to[i].coords - to_mean) * (from[i].coords - from_mean).transpose()).sum();
-    let svd = SVD::new(correlation, true, true);
-    let (u, v_t) = (svd.u.expect("asked for"), svd.v_t.expect("asked for"));
-    let flip = Matrix3::from_diagonal(&Vector3::new(1.0, 1.0, (u * v_t).determinant().signum()));
-    let turn = UnitQuaternion::from_rotation_matrix(&Rotation3::from_matrix_unchecked(u * flip * v_t));
-    Isometry3::from_parts(Translation3::from(to_mean - turn * from_mean), turn)
+    of(&best)
 }
 
 #[cfg(test)]

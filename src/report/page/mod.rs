@@ -22,7 +22,7 @@ use crate::part_name::part_name;
 use crate::parts::Part;
 use crate::pictures::palette;
 use crate::query::Answers;
-use crate::simulate::{RigidReport, SimulationReport, plot};
+use crate::simulate::{RigidReport, SimulationReport, animation, plot, script};
 use crate::units::Estimate;
 use crate::vote::FieldLabel;
 
@@ -232,7 +232,7 @@ fn grasp(grasp: &GraspReport, pictures: &Pictures) -> Value {
             grasp.gripper,
             significant(grasp.normalized_command),
         ),
-        Some(why) => format!("no safe grip with {}: {why}.", grasp.gripper),
+        Some(why) => format!("no safe grip with the gripper `{}`: {why}.", grasp.gripper),
     };
     context! {
         part => part_name(&grasp.part, ""),
@@ -286,7 +286,7 @@ fn simulation(simulation: &SimulationReport, pictures: &Pictures) -> Value {
             thousands(simulation.particles as u64), thousands(simulation.substeps),
             significant(simulation.dt_s * 1e6), significant(duration),
         ),
-        caption => "Dropped onto the ground; slower than real time",
+        caption => format!("{}, {}", script::caption(&simulation.scenario), animation::pace(duration)),
         animation => data_uri("image/gif", &pictures.animation),
         plot => plot::height_and_energy(simulation),
         rigid => simulation.rigid.iter().map(rigid_row).collect::<Vec<_>>(),
@@ -319,7 +319,7 @@ mod tests {
     fn the_front_says_what_was_softened_and_by_how_much() {
         let run = |softened: serde_json::Value| -> SimulationReport {
             serde_json::from_value(serde_json::json!({
-                "particles": 1, "fill_particles": 0, "substeps": 1, "dt_s": 1e-5, "mass_kg": 1.0, "filled": [],
+                "scenario": "drop", "particles": 1, "fill_particles": 0, "substeps": 1, "dt_s": 1e-5, "mass_kg": 1.0, "filled": [],
                 "time_step": { "cfl": 0.4, "stiffest_material": "hickory", "wave_speed_m_s": 170.0 },
                 "gravity_m_s2": 9.8, "grid_spacing_m": 0.01, "meters_per_unit": 1.0, "scale_assumed": false,
                 "rigid": [], "softened": softened, "poisson_capped": [], "ground_z_m": 0.0, "frames": [],

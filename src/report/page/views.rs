@@ -2,6 +2,7 @@
 
 use minijinja::{Value, context};
 
+use crate::output::counted;
 use crate::part_name::part_name;
 use crate::pictures::palette;
 use crate::query::{Answers, Match, Outcome, SegmentAnswer};
@@ -29,9 +30,9 @@ pub(super) fn sentence(counts: &AnswerCounts) -> String {
 
 /// The parts about which the answers disagree, each with all its sheets.
 pub(super) fn disagreements(all: &[Disagreement], pictures: &Pictures, answers: &Answers) -> Vec<Value> {
-    let views = |count: usize| if count == 1 { "1 view".to_owned() } else { format!("{count} views") };
     let one = |of: &Disagreement| {
-        let named = of.materials.iter().map(|named| format!("{} in {}", named.material, views(named.views.len())));
+        let named =
+            of.materials.iter().map(|named| format!("{} in {}", named.material, counted(named.views.len(), "view")));
         let about = answers.segments.iter().filter(|segment| segment.segment == of.part);
         context! {
             part => of.part,
@@ -56,7 +57,7 @@ fn one(view: &ViewPictures, pictures: &Pictures, answers: &Answers) -> Value {
             picture(&view.segments, "segments of"),
             picture(&view.materials, "Gaussians seen in"),
         ],
-        caption => format!("{}: {}", if named.len() == 1 { "1 segment".to_owned() } else { format!("{} segments", named.len()) }, named.join("; ")),
+        caption => format!("{}: {}", counted(named.len(), "segment"), named.join("; ")),
         rows => of_view.iter().map(|segment| row(segment, pictures)).collect::<Vec<_>>(),
     }
 }

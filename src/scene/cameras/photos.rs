@@ -8,6 +8,7 @@ use super::Places;
 use super::frame::{Declared, Frame, FrameProblem};
 use crate::camera::{Camera, Intrinsics};
 use crate::files;
+use crate::output::{agreeing, counted};
 use crate::scene::photo::{self, Upright};
 use crate::scene::{SceneError, View, view_names};
 
@@ -177,8 +178,8 @@ fn views_without_mask(masks: &Path, sized: &[(View, Fit)]) -> Result<Option<Stri
     Ok((count > 0).then(|| {
         let folder = masks.display();
         format!(
-            "--masks `{folder}` has no mask for {count} of {views} views: {}; their foreground is taken from \
-             their alpha, else from the Gaussians",
+            "--masks `{folder}` has no mask for {count} of {views} views: {}; the foreground there is taken from \
+             alpha, else from the Gaussians",
             without.join(", ")
         )
     }))
@@ -190,31 +191,36 @@ fn warnings(camera_file: &Path, frames: usize, missing: &[&str], sized: &[(View,
     if let Some(first) = missing.first() {
         let count = missing.len();
         warnings.push(format!(
-            "{count} of the {frames} photos that `{file}` names are missing (first: `{first}`); they are left out"
+            "{count} of the {} that `{file}` names {} missing (first: `{first}`); {} left out",
+            counted(frames, "photo"),
+            agreeing(count, "is", "are"),
+            agreeing(count, "it is", "they are"),
         ));
     }
     let resized: Vec<_> = sized.iter().filter_map(|(view, fit)| fit.resized_from.map(|size| (view, size))).collect();
     if let Some((view, (width, height))) = resized.first() {
         let Intrinsics { width: true_width, height: true_height, .. } = view.camera.intrinsics;
         warnings.push(format!(
-            "{} photos do not have the size that `{file}` declares (first: `{}` {width} x {height}, found {true_width} x \
-             {true_height}); their intrinsics were rescaled",
-            resized.len(),
+            "{} {} not have the size that `{file}` declares (first: `{}` {width} x {height}, found {true_width} x \
+             {true_height}); the intrinsics were rescaled",
+            counted(resized.len(), "photo"),
+            agreeing(resized.len(), "does", "do"),
             view.name
         ));
     }
     let turned: Vec<_> = sized.iter().filter(|(_, fit)| fit.turned).collect();
     if let Some((view, _)) = turned.first() {
         let done = match turned.iter().filter(|(view, _)| view.upright == Upright::Turned).count() {
-            0 => "the cameras were calibrated on them as they are stored, so they are not turned".to_owned(),
-            all if all == turned.len() => "they were turned upright".to_owned(),
+            0 => "not turned, because the cameras were calibrated on what is stored".to_owned(),
+            all if all == turned.len() => "turned upright".to_owned(),
             some => format!(
                 "{some} were turned upright; the cameras of the others were calibrated on them as they are stored"
             ),
         };
         warnings.push(format!(
-            "{} photos lie on their side according to their EXIF orientation (first: `{}`); {done}",
-            turned.len(),
+            "{} {} according to the EXIF orientation (first: `{}`); {done}",
+            counted(turned.len(), "photo"),
+            agreeing(turned.len(), "lies on its side", "lie on their side"),
             view.name
         ));
     }

@@ -1,12 +1,23 @@
 //! The object between two frames of the simulation.
 //!
-//! Positions follow a cubic through both frames whose slopes are the harmonic means of the neighbouring intervals'
-//! (Fritsch and Butland, 1984), and zero where the motion turns: smooth in flight, and never beyond the two frames, so
-//! that nothing sinks into the ground. Everything else is interpolated linearly, rotations along the shorter way.
+//! The object's centre follows a cubic through both frames whose slopes are the harmonic means of the neighbouring
+//! intervals' (Fritsch and Butland, 1984), and zero where the motion turns: smooth in flight, and never beyond the two
+//! frames. About it the object turns steadily, by the rotation that fits its Gaussians best, so that what is rigid keeps
+//! its shape between the frames as well. What the Gaussians move besides, and everything else, is interpolated linearly,
+//! rotations along the shorter way.
+//!
+//! The frames hold covariances as scales along axes, and which axis comes first, and which way it points, may differ from
+//! frame to frame. A Gaussian whose axes differ has the shape that it has in the nearer frame.
 
+use nalgebra::{Point3, Vector3};
 use rayon::prelude::*;
 
+use crate::numeric;
 use crate::scene::gaussians::Gaussians;
+
+/// The cosine of half the angle between axes up to which they are the same axes: about 50 degrees. A flipped or exchanged
+/// axis turns them by 90 degrees or more.
+const ALIKE: f64 = 0.9;
 
 /// The frames of a simulation as a motion. Times are frames with a fraction, and must not decrease.
 pub struct Motion<'a, E> {
@@ -16,8 +27,8 @@ pub struct Motion<'a, E> {
     first: usize,
     /// The frames `first` and `first + 1`.
     pair: Option<[Gaussians; 2]>,
-    /// The positions in the frame before the first.
-    before: Option<Vec<[f32; 3]>>,
+    /// The centre in the frame before the first.
+    before: Option<Point3<f64>>,
     /// Frame `first + 2`.
     next: Option<Gaussians>,
 }
@@ -39,8 +50,7 @@ impl<'a, E> Motion<'a, E> {
         }
         let [from, to] = self.pair.as_ref().expect("loaded above");
         let share = (time - first as f64).clamp(0.0, 1.0) as f32;
-        let after = self.next.as_ref().map(|next| &next.positions);
-        Ok(between([from, to], [self.before.as_ref(), after], share))
+        Ok(between([from, to], [self.before, self.next.as_ref().map(center)], share))
     }
 
     fn advance(&mut self) -> Result<(), E> {
@@ -49,7 +59,7 @@ impl<'a, E> Motion<'a, E> {
             None => [(self.load)(0)?, (self.load)(1.min(last))?],
             Some([from, to]) => {
                 self.first += 1;
-                self.before = Some(from.positions);
+                self.before = Some(center(&from));
                 [to, self.next.take().expect("there is a frame after those in front of the last")]
             }
         });
@@ -58,29 +68,38 @@ impl<'a, E> Motion<'a, E> {
     }
 }
 
-/// The Gaussians at the `share` of the way between two frames. `around` are the positions before and after them.
-fn between([from, to]: [&Gaussians; 2], around: [Option<&Vec<[f32; 3]>>; 2], share: f32) -> Gaussians {
+/// The Gaussians at the `share` of the way between two frames. `around` are the centres before and after them.
+fn between([from, to]: [&Gaussians; 2], around: [Option<Point3<f64>>; 2], share: f32) -> Gaussians {
     let mix = |a: f32, b: f32| a + share * (b - a);
-    let position = |(i, (a, b)): (usize, (&[f32; 3], &[f32; 3]))| {
-        std::array::from_fn(|axis| {
-            let slope = b[axis] - a[axis];
-            let before = around[0].map_or(slope, |before| a[axis] - before[i][axis]);
-            let after = around[1].map_or(slope, |after| after[i][axis] - b[axis]);
-            cubic([a[axis], b[axis]], [tangent(before, slope), tangent(slope, after)], share)
-        })
+    let centers = [center(from), center(to)];
+    let slope = centers[1] - centers[0];
+    let (before, after) =
+        (around[0].map_or(slope, |before| centers[0] - before), around[1].map_or(slope, |after| after - centers[1]));
+    let middle = Point3::from(Vector3::from_fn(|a, _| {
+        cubic([centers[0][a], centers[1][a]], [tangent(before[a], slope[a]), tangent(slope[a], after[a])], share.into())
+    }));
+    let turn = numeric::rigid_motion((0..from.len()).map(|i| (from.center(i), to.center(i)))).rotation;
+    let (turned, back) = (turn.powf(share.into()), turn.inverse());
+    let position = |i: usize| {
+        let (a, b) = (from.center(i) - centers[0], back * (to.center(i) - centers[1]));
+        (middle + turned * a.lerp(&b, share.into())).map(|x| x as f32).into()
     };
-    let rotation = |(a, b): (&[f32; 4], &[f32; 4])| {
-        let cosine: f32 = a.iter().zip(b).map(|(a, b)| a * b).sum();
-        let sign = if cosine < 0.0 { -1.0 } else { 1.0 };
-        let mixed: [f32; 4] = std::array::from_fn(|c| mix(a[c], sign * b[c]));
-        let norm = mixed.iter().map(|c| c * c).sum::<f32>().sqrt();
-        if norm > 0.0 { mixed.map(|c| c / norm) } else { *b }
+    let shape = |i: usize| {
+        let (a, b) = (from.rotation(i), back * to.rotation(i));
+        let scales = [from.log_scales[i], to.log_scales[i]];
+        let (own, scales) = match a.coords.dot(&b.coords).abs() > ALIKE {
+            true => (a.slerp(&b, share.into()), std::array::from_fn(|c| mix(scales[0][c], scales[1][c]))),
+            false if share < 0.5 => (a, scales[0]),
+            false => (b, scales[1]),
+        };
+        let q = turned * own;
+        ([q.w, q.i, q.j, q.k].map(|c| c as f32), scales)
     };
-    let triple = |(a, b): (&[f32; 3], &[f32; 3])| std::array::from_fn(|c| mix(a[c], b[c]));
+    let (rotations, log_scales) = (0..from.len()).into_par_iter().map(shape).unzip();
     Gaussians {
-        positions: from.positions.par_iter().zip(&to.positions).enumerate().map(position).collect(),
-        log_scales: from.log_scales.par_iter().zip(&to.log_scales).map(triple).collect(),
-        rotations: from.rotations.par_iter().zip(&to.rotations).map(rotation).collect(),
+        positions: (0..from.len()).into_par_iter().map(position).collect(),
+        log_scales,
+        rotations,
         opacity_logits: to.opacity_logits.clone(),
         sh_dc: to.sh_dc.clone(),
         sh_degree: to.sh_degree,
@@ -91,13 +110,19 @@ fn between([from, to]: [&Gaussians; 2], around: [Option<&Vec<[f32; 3]>>; 2], sha
     }
 }
 
+/// The mean position of the Gaussians.
+fn center(gaussians: &Gaussians) -> Point3<f64> {
+    let sum: Vector3<f64> = (0..gaussians.len()).map(|i| gaussians.center(i).coords).sum();
+    (sum / gaussians.len().max(1) as f64).into()
+}
+
 /// The slope between two intervals.
-fn tangent(before: f32, after: f32) -> f32 {
+fn tangent(before: f64, after: f64) -> f64 {
     if before * after > 0.0 { 2.0 * before * after / (before + after) } else { 0.0 }
 }
 
 /// Hermite's cubic from the first value to the second.
-fn cubic([from, to]: [f32; 2], [leaving, arriving]: [f32; 2], t: f32) -> f32 {
+fn cubic([from, to]: [f64; 2], [leaving, arriving]: [f64; 2], t: f64) -> f64 {
     let (square, cube) = (t * t, t * t * t);
     from + (3.0 * square - 2.0 * cube) * (to - from) + (cube - 2.0 * square + t) * leaving + (cube - square) * arriving
 }
@@ -141,6 +166,41 @@ mod tests {
             last = z;
         }
         assert_eq!(motion.at(7.0).unwrap().positions, [[0.0; 3]]);
+    }
+
+    /// A box of Gaussians that turns by a quarter between two frames: halfway, all distances are those of the frames.
+    #[test]
+    fn what_turns_keeps_its_shape() {
+        let corners = || (0..8).map(|n| [(n & 1) as f32, 0.2 * (n >> 1 & 1) as f32, 0.1 * (n >> 2) as f32]);
+        let frame = |positions: Vec<[f32; 3]>| Gaussians {
+            log_scales: vec![[0.0; 3]; positions.len()],
+            rotations: vec![[1.0, 0.0, 0.0, 0.0]; positions.len()],
+            opacity_logits: vec![1.0; positions.len()],
+            sh_dc: vec![[0.0; 3]; positions.len()],
+            positions,
+            ..Gaussians::default()
+        };
+        let (mut from, mut to) =
+            (frame(corners().collect()), frame(corners().map(|[x, y, z]| [-y, x, z - 3.0]).collect()));
+        let sine = std::f32::consts::FRAC_1_SQRT_2;
+        to.rotations.fill([sine, 0.0, 0.0, sine]);
+        // A needle whose turn by a quarter is written as an exchange of its axes.
+        from.log_scales[0] = [0.0, -5.0, -5.0];
+        (to.log_scales[0], to.rotations[0]) = ([-5.0, 0.0, -5.0], [1.0, 0.0, 0.0, 0.0]);
+        for share in [0.3, 0.5, 0.7] {
+            let now = between([&from, &to], [None; 2], share);
+            let needle = now.rotation(0)
+                * Vector3::ith(now.log_scales[0].map(f64::from).into_iter().position(|s| s == 0.0).unwrap(), 1.0);
+            let angle = needle.y.atan2(needle.x).rem_euclid(std::f64::consts::PI);
+            assert!((angle - f64::from(share) * std::f64::consts::FRAC_PI_2).abs() < 1e-6, "{angle} at {share}");
+        }
+        let half = between([&from, &to], [None; 2], 0.5);
+        for (i, j) in (0..8).flat_map(|i| (0..i).map(move |j| (i, j))) {
+            let distance = |g: &Gaussians| (g.center(i) - g.center(j)).norm();
+            // f32 at lengths of 3.
+            assert!((distance(&half) - distance(&from)).abs() < 1e-6, "{i} {j}: {}", distance(&half));
+        }
+        assert!((center(&half).z - (center(&from).z - 1.5)).abs() < 1e-6);
     }
 
     #[test]

@@ -32,6 +32,21 @@ const LONG_S: f64 = 4.0;
 /// The longest film: one of a longer time runs faster.
 const LONGEST_S: f64 = 20.0;
 
+/// How many times slower than real a film of `simulated_s` runs.
+fn slowed(simulated_s: f64) -> f64 {
+    let wanted = if simulated_s < LONG_S { SLOWED } else { 1.0 };
+    wanted.min(LONGEST_S / simulated_s)
+}
+
+/// How fast a film of `simulated_s` runs, for its caption.
+pub fn pace(simulated_s: f64) -> &'static str {
+    match slowed(simulated_s) {
+        slowed if slowed > 1.0 => "at half the real speed",
+        slowed if slowed < 1.0 => "faster than real time",
+        _ => "in real time",
+    }
+}
+
 /// Longest side of the animation for pages, px.
 const SMALL_PX: u32 = 640;
 /// Pictures per second of the animation for pages.
@@ -92,8 +107,7 @@ impl<'a> Shooting<'a> {
     /// The film of `report`. `photo` is the camera that [`Viewpoint::film_from`] names.
     pub fn new(report: &'a SimulationReport, viewpoint: &Viewpoint, photo: Option<&Camera>) -> Self {
         let simulated_s = report.frames.last().map_or(0.0, |frame| frame.t_s);
-        let slowed = if simulated_s < LONG_S { SLOWED } else { 1.0 };
-        let film_s = (simulated_s * slowed).min(LONGEST_S);
+        let film_s = simulated_s * slowed(simulated_s);
         let count = (film_s * f64::from(viewpoint.film.fps)).round() as usize + 1;
         let size = viewpoint.film.size;
         let cameras = match photo {

@@ -3,7 +3,7 @@
 //! Momentum and angular momentum are the state; a free body conserves both up to rounding. The rotation follows from
 //! them by the Runge-Kutta method of fourth order: q' = omega q / 2, omega = R I^-1 R^T L.
 
-use nalgebra::{Isometry3, Matrix3, Point3, Quaternion, Translation3, UnitQuaternion, Vector3};
+use nalgebra::{Isometry3, Matrix3, Matrix6, Point3, Quaternion, Translation3, UnitQuaternion, Vector3};
 
 use super::face::Face;
 use crate::simulate::mpm::base_cell;
@@ -150,10 +150,22 @@ impl Body {
         Isometry3::from_parts(Translation3::from(self.state.center_m), self.state.rotation)
     }
 
-    /// I^-1 in the simulation's frame.
-    pub fn inverse_inertia_in_simulation(&self) -> Matrix3<f64> {
+    /// Momentum and angular momentum per velocity and angular velocity, in the simulation's frame.
+    pub fn inertia_in_simulation(&self) -> Matrix6<f64> {
+        self.along_and_about(self.mass_kg, &self.inertia)
+    }
+
+    /// Velocity and angular velocity per impulse and angular impulse, in the simulation's frame.
+    pub fn response_in_simulation(&self) -> Matrix6<f64> {
+        self.along_and_about(1.0 / self.mass_kg, &self.inverse_inertia)
+    }
+
+    fn along_and_about(&self, along: f64, about: &Matrix3<f64>) -> Matrix6<f64> {
         let turn = self.state.rotation.to_rotation_matrix();
-        turn * self.inverse_inertia * turn.inverse()
+        let mut both = Matrix6::zeros();
+        both.fixed_view_mut::<3, 3>(0, 0).fill_diagonal(along);
+        both.fixed_view_mut::<3, 3>(3, 3).copy_from(&(turn * about * turn.inverse()));
+        both
     }
 
     /// Angular velocity, rad/s.
@@ -180,12 +192,17 @@ impl Body {
         self.state.angular_momentum += angular_impulse;
     }
 
+    /// Gives it a velocity of its centre of mass and an angular velocity.
+    pub fn set_motion(&mut self, velocity_m_s: Vector3<f64>, spin: Vector3<f64>) {
+        let turn = self.state.rotation.to_rotation_matrix();
+        self.state.velocity_m_s = velocity_m_s;
+        self.state.angular_momentum = turn * (self.inertia * (turn.inverse() * spin));
+    }
+
     /// Gives it the velocity of `motion` at its centre of mass, and the rotation.
     pub fn lead(&mut self, motion: &Motion) {
         let g = motion.gradient.map(f64::from);
-        let turn = self.state.rotation.to_rotation_matrix();
-        self.state.velocity_m_s = Vector3::from(motion.velocity_m_s.map(f64::from));
-        self.state.angular_momentum = turn * (self.inertia * (turn.inverse() * Vector3::new(g.m32, g.m13, g.m21)));
+        self.set_motion(Vector3::from(motion.velocity_m_s.map(f64::from)), Vector3::new(g.m32, g.m13, g.m21));
     }
 
     /// Moves and turns for `dt_s` with its momentum and angular momentum.

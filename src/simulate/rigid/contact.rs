@@ -11,9 +11,10 @@
 //! / (1 - nu^2) with a = sqrt(A / pi), so that a mass m that arrives at v presses with at most v sqrt(k m). The mass is
 //! the one that the impulse stopped, m = J / v; the ground is taken to be rigid.
 
-use nalgebra::{Matrix3, Point3, Vector2, Vector3};
+use nalgebra::{Matrix3, Matrix3x6, Matrix6, Point3, Vector2, Vector3};
 
 use super::body::Body;
+use super::coupling::about_center;
 use crate::simulate::boundary::{Boundary, Contact};
 
 /// Gap below which a point counts as touching, as a share of the body's radius: a body that rolls over a corner moves
@@ -71,14 +72,13 @@ impl Ground {
         (point_m - self.point_m.coords).dot(&self.normal)
     }
 
-    /// Changes the velocity of `body` so that it ends a step of `dt_s` on or above the ground, and notes how hard its
-    /// faces were pressed; `gravity_m_s2` has already acted on it.
-    pub fn act(&self, body: &mut Body, gravity_m_s2: &Vector3<f64>, dt_s: f64) {
-        let mut touches = self.touches(body, dt_s);
+    /// Changes the velocity of `body`, which answers impulses with `response`, so that it ends a step of `dt_s` on or
+    /// above the ground, and notes how hard its faces were pressed; `gravity_m_s2` has already acted on it.
+    pub fn act(&self, body: &mut Body, response: &Matrix6<f64>, gravity_m_s2: &Vector3<f64>, dt_s: f64) {
+        let mut touches = self.touches(body, response, dt_s);
         if touches.is_empty() {
             return;
         }
-        let inverse_inertia = body.inverse_inertia_in_simulation();
         let frame = Matrix3::from_columns(&[self.normal, self.tangents[0], self.tangents[1]]);
         let (mut velocity, mut spin) = (body.state().velocity_m_s, body.spin());
         let fallen_m_s = -gravity_m_s2.dot(&self.normal) * dt_s;
@@ -90,7 +90,9 @@ impl Ground {
                 let wanted = self.impulse(touch, at_point, dt_s);
                 let more = frame * (wanted - touch.impulse);
                 touch.impulse = wanted;
-                let (dv, dw) = (more / body.mass_kg(), inverse_inertia * touch.arm.cross(&more));
+                let changed = response * about_center(&touch.arm, &more);
+                let dv: Vector3<f64> = changed.fixed_rows::<3>(0).into();
+                let dw: Vector3<f64> = changed.fixed_rows::<3>(3).into();
                 velocity += dv;
                 spin += dw;
                 change = change.max(dv.norm() + dw.norm() * body.radius_m());
@@ -99,10 +101,7 @@ impl Ground {
                 break;
             }
         }
-        for touch in &touches {
-            let impulse = frame * touch.impulse;
-            body.push(impulse, touch.arm.cross(&impulse));
-        }
+        body.set_motion(velocity, spin);
         self.note_pressures(body, &touches, fallen_m_s, dt_s);
     }
 
@@ -115,13 +114,12 @@ impl Ground {
     }
 
     /// The points that come near the ground within a step.
-    fn touches(&self, body: &Body, dt_s: f64) -> Vec<Touch> {
+    fn touches(&self, body: &Body, response: &Matrix6<f64>, dt_s: f64) -> Vec<Touch> {
         let (state, spin) = (body.state(), body.spin());
         if self.gap_m(state.center_m) > body.radius_m() + 2.0 * body.fastest_m_s() * dt_s {
             return vec![];
         }
         let reach = 2.0 * body.fastest_m_s() * dt_s + TOUCHING * body.radius_m();
-        let inverse_inertia = body.inverse_inertia_in_simulation();
         let frame = Matrix3::from_columns(&[self.normal, self.tangents[0], self.tangents[1]]);
         let mut touches = Vec::new();
         for (face, points) in body.faces.iter().enumerate() {
@@ -131,8 +129,9 @@ impl Ground {
                 if gap_m > reach {
                     continue;
                 }
-                let cross = arm.cross_matrix();
-                let compliance = Matrix3::from_diagonal_element(1.0 / body.mass_kg()) - cross * inverse_inertia * cross;
+                let mut at_point = Matrix3x6::identity();
+                at_point.fixed_view_mut::<3, 3>(0, 3).copy_from(&-arm.cross_matrix());
+                let compliance = at_point * response * at_point.transpose();
                 let approach_m_s = -(state.velocity_m_s + spin.cross(&arm)).dot(&self.normal);
                 let compliance = frame.transpose() * compliance * frame;
                 let landed = gap_m <= TOUCHING * body.radius_m();

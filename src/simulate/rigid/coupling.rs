@@ -1,21 +1,26 @@
-//! Rigid bodies on the grid: their particles scatter mass and momentum with the others, and gather the impulse that the
-//! others, gravity and the ground gave to their nodes.
+//! Rigid bodies on the grid: the nodes that their particles reach move with them.
 //!
-//! At a node that only one body reaches, nothing changes the body's own motion but gravity: APIC's transfer reproduces
-//! a rigid motion exactly. So the only particles of a body that take part, as the solver's guests, are those that may
-//! share a node with something else before the next sort. A guest of mass m that scattered the velocity v and gathered
-//! v' and C' gives its body the impulse m (v' - v - g dt), and, besides the moment of that impulse, the angular impulse
-//! m dx^2/4 (axial(C') - 2 omega) of the momentum that it spread over its nodes (Jiang et al. 2015). The nodes' other
-//! particles lose what it gains, so momentum and angular momentum are conserved. As seen from the grid, each of its
-//! particles is spread out by dx^2/4 along every axis, which its inertia includes ([`spread_m2`]).
+//! The particles of a body that may share a node with something else before the next sort are the solver's guests: they
+//! hold nodes for the body, but scatter nothing, because a rigid motion needs no grid.
+//!
+//! At the nodes that a single body reaches, deforming material sticks to it: these nodes move as the body does. Body and
+//! nodes are joined by conservation of momentum and angular momentum: if the body would move with the velocity field U
+//! without them, a node of mass m that would move at v gives it the impulse m (v - U), and m adds to the inertia that
+//! answers it. (If such nodes had a mean velocity of body and material instead, material under a lasting pressure p would
+//! creep into a body of density rho at p dt / (rho dx).) At a node that several bodies reach, they meet without sticking
+//! for good: the node has the mean velocity of all that is there by mass, and gives each body the impulse by which its own
+//! mass there changed. What a body gains at its nodes, the others lose.
+//!
+//! As seen from the grid, each particle of a body is spread out by dx^2/4 along every axis, which its inertia includes
+//! ([`spread_m2`]).
 
-use std::collections::HashMap;
+use std::collections::{BTreeMap, HashMap};
 
-use nalgebra::{Matrix3, Rotation3, Vector3};
+use nalgebra::{Matrix3, Matrix6, Rotation3, Vector3, Vector6};
 
 use super::body::{Body, Member};
-use crate::simulate::mpm::particles::Motion;
-use crate::simulate::mpm::{DRIFT, Gathered, Solver};
+use crate::simulate::mpm::particles::{LED_WEIGHT, Motion};
+use crate::simulate::mpm::{DRIFT, Solver};
 
 /// A particle of a body that takes part in the grid's substeps.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -128,38 +133,150 @@ impl Moving {
 /// Impulse and angular impulse about the centre of mass.
 pub type Impulse = [Vector3<f64>; 2];
 
-/// The impulse that each of the `bodies`, which moved as `moving` says, received in the solver's last substep of `dt_s`,
-/// beyond that of gravity.
-pub fn impulses(
-    solver: &Solver,
-    (guests, bodies, moving): (&[Guest], &[Body], &[Moving]),
-    gravity_m_s2: Vector3<f64>,
-    spacing_m: f64,
-    dt_s: f64,
-) -> Vec<Impulse> {
-    let nothing = || vec![[Vector3::zeros(); 2]; bodies.len()];
-    let add = |sums: &mut Vec<Impulse>, guest: usize, found: Gathered| {
-        let (place_m, body) = (guests[guest].of(bodies).place_m, guests[guest].body as usize);
-        let (moving, sum) = (&moving[body], &mut sums[body]);
-        let vector = |v: [f32; 3]| Vector3::from(v.map(f64::from));
-        let (_, before) = moving.at(&place_m);
-        let mass = f64::from(found.mass_kg);
-        let push = mass * (vector(found.velocity_m_s) - vector(before.velocity_m_s) - gravity_m_s2 * dt_s);
-        let turned = axial(&found.affine) - axial(&before.gradient);
-        sum[0] += push;
-        sum[1] += (moving.turn * place_m).cross(&push) + mass * spacing_m * spacing_m / 4.0 * turned;
-    };
-    let mut total = nothing();
-    for sums in solver.sum_guests(nothing, add) {
-        for (total, sum) in total.iter_mut().zip(sums) {
-            total[0] += sum[0];
-            total[1] += sum[1];
-        }
-    }
-    total
+/// The mass that bodies have at a node.
+#[derive(Clone, Copy)]
+struct Share {
+    cell: [i32; 3],
+    /// The first body that reaches it; `None` if none does.
+    body: Option<u32>,
+    /// That body's mass.
+    mass_kg: f64,
+    several: bool,
 }
 
-/// Twice the angular velocity whose motion has the velocity gradient `m`.
-fn axial(m: &Matrix3<f32>) -> Vector3<f64> {
-    Vector3::new(m.m32 - m.m23, m.m13 - m.m31, m.m21 - m.m12).map(f64::from)
+/// A node that bodies reach.
+struct Carried {
+    node: usize,
+    cell: [i32; 3],
+    with: With,
+}
+
+/// How it moves.
+enum With {
+    /// With a body, at this place from its centre of mass.
+    Body(u32, Vector3<f64>),
+    /// At the mean velocity of several.
+    Mean(Vector3<f64>),
+}
+
+/// The bodies and the nodes that they reach in a substep.
+pub struct Joints {
+    carried: Vec<Carried>,
+    /// Per body: the change of velocity and angular velocity per impulse and angular impulse on body and nodes together.
+    pub responses: Vec<Matrix6<f64>>,
+    /// Per body: what its nodes give it beyond gravity.
+    pub impulses: Vec<Impulse>,
+}
+
+/// Joins the `bodies` with the nodes that their guests reach, halfway through a substep of `dt_s`, which they began as
+/// `moving` says. Gravity does not act on those that are `led`.
+pub fn join(
+    solver: &Solver,
+    (guests, bodies, moving): (&[Guest], &[Body], &[Moving]),
+    led: impl Fn(usize) -> bool,
+    gravity_m_s2: Vector3<f64>,
+    (spacing_m, dt_s): (f64, f64),
+) -> Joints {
+    let (shares, others) = shares(solver, guests, bodies);
+    let free = |body: usize, arm: &Vector3<f64>| {
+        let fallen = if led(body) { Vector3::zeros() } else { gravity_m_s2 * dt_s };
+        moving[body].velocity_m_s + moving[body].spin.cross(arm) + fallen
+    };
+    let mut inertias: Vec<Matrix6<f64>> = bodies.iter().map(Body::inertia_in_simulation).collect();
+    let mut impulses = vec![Vector6::zeros(); bodies.len()];
+    let mut meetings = vec![Vector6::zeros(); bodies.len()];
+    let mut carried = Vec::new();
+    for (node, share) in shares.iter().enumerate() {
+        let Some(body) = share.body else { continue };
+        let (velocity, mass) = solver.node(node);
+        let (velocity, mass) = (Vector3::from(velocity.map(f64::from)), f64::from(mass));
+        let arm = |body: u32| Vector3::from(share.cell.map(f64::from)) * spacing_m - moving[body as usize].center_m;
+        let with = if share.several {
+            let more = others.range((node, 0)..(node + 1, 0)).map(|((_, body), mass_kg)| (*body, *mass_kg));
+            let all: Vec<(u32, f64)> = [(body, share.mass_kg)].into_iter().chain(more).collect();
+            let heavy =
+                |body: u32, mass_kg: f64| if led(body as usize) { f64::from(LED_WEIGHT) * mass_kg } else { mass_kg };
+            let sum = all.iter().fold((velocity * mass, mass), |(momentum, sum), (body, mass_kg)| {
+                let mass_kg = heavy(*body, *mass_kg);
+                (momentum + free(*body as usize, &arm(*body)) * mass_kg, sum + mass_kg)
+            });
+            let mean = sum.0 / sum.1;
+            for (body, mass_kg) in all {
+                let push = (mean - free(body as usize, &arm(body))) * mass_kg;
+                meetings[body as usize] += about_center(&arm(body), &push);
+            }
+            With::Mean(mean)
+        } else if mass > 0.0 {
+            let arm = arm(body);
+            impulses[body as usize] += about_center(&arm, &((velocity - free(body as usize, &arm)) * mass));
+            inertias[body as usize] += inertia_of_point(&arm, mass);
+            With::Body(body, arm)
+        } else {
+            continue;
+        };
+        carried.push(Carried { node, cell: share.cell, with });
+    }
+    let invert = |m: &Matrix6<f64>| m.try_inverse().unwrap_or_else(Matrix6::zeros);
+    let responses: Vec<Matrix6<f64>> = inertias.iter().map(invert).collect();
+    let impulse = |(body, own): (usize, &Body)| {
+        let all = own.inertia_in_simulation() * (responses[body] * impulses[body]) + meetings[body];
+        [all.fixed_rows::<3>(0).into(), all.fixed_rows::<3>(3).into()]
+    };
+    let impulses = bodies.iter().enumerate().map(impulse).collect();
+    Joints { carried, responses, impulses }
+}
+
+impl Joints {
+    /// Those of bodies that share no node with anything.
+    pub fn none(bodies: &[Body]) -> Self {
+        let responses = bodies.iter().map(Body::response_in_simulation).collect();
+        Self { carried: vec![], responses, impulses: vec![[Vector3::zeros(); 2]; bodies.len()] }
+    }
+
+    /// Moves the nodes as the bodies move now.
+    pub fn carry(&self, solver: &mut Solver, bodies: &[Body]) {
+        let motions: Vec<_> = bodies.iter().map(|body| (body.state().velocity_m_s, body.spin())).collect();
+        for Carried { node, cell, with } in &self.carried {
+            let velocity = match with {
+                With::Body(body, arm) => motions[*body as usize].0 + motions[*body as usize].1.cross(arm),
+                With::Mean(velocity) => *velocity,
+            };
+            solver.set_node(*node, *cell, velocity.map(|v| v as f32).into());
+        }
+    }
+}
+
+/// Per node: the mass of the first body that reaches it; and the masses of the others, by node and body.
+fn shares(solver: &Solver, guests: &[Guest], bodies: &[Body]) -> (Vec<Share>, BTreeMap<(usize, u32), f64>) {
+    let nothing = Share { cell: [0; 3], body: None, mass_kg: 0.0, several: false };
+    let (mut shares, mut others) = (vec![nothing; solver.nodes()], BTreeMap::new());
+    solver.reach(|guest, reached| {
+        let (share, guest) = (&mut shares[reached.node], guests[guest]);
+        let mass_kg = f64::from(reached.weight) * f64::from(guest.of(bodies).start.mass_kg);
+        share.cell = reached.cell;
+        if *share.body.get_or_insert(guest.body) == guest.body {
+            share.mass_kg += mass_kg;
+        } else {
+            share.several = true;
+            *others.entry((reached.node, guest.body)).or_insert(0.0) += mass_kg;
+        }
+    });
+    (shares, others)
+}
+
+/// An impulse at `arm` and its moment.
+pub fn about_center(arm: &Vector3<f64>, impulse: &Vector3<f64>) -> Vector6<f64> {
+    let moment = arm.cross(impulse);
+    Vector6::new(impulse.x, impulse.y, impulse.z, moment.x, moment.y, moment.z)
+}
+
+/// Momentum and angular momentum of a mass at `arm` per velocity and angular velocity.
+fn inertia_of_point(arm: &Vector3<f64>, mass_kg: f64) -> Matrix6<f64> {
+    let cross = arm.cross_matrix() * mass_kg;
+    let mut inertia = Matrix6::zeros();
+    inertia.fixed_view_mut::<3, 3>(0, 0).fill_diagonal(mass_kg);
+    inertia.fixed_view_mut::<3, 3>(0, 3).copy_from(&-cross);
+    inertia.fixed_view_mut::<3, 3>(3, 0).copy_from(&cross);
+    inertia.fixed_view_mut::<3, 3>(3, 3).copy_from(&(-arm.cross_matrix() * cross));
+    inertia
 }

@@ -1,8 +1,8 @@
 //! Parts that move as rigid bodies, coupled to the grid on which the others deform.
 //!
 //! 1. [`choice`]: the parts whose strain would stay invisible are rigid; those that touch move as one [`body`];
-//! 2. [`coupling`]: where a body may share nodes with anything else, its particles scatter and gather with the others;
-//!    what they gather beyond the body's own motion is the impulse on it;
+//! 2. [`coupling`]: the nodes that a body shares with deforming material move with it; what they would do otherwise is the
+//!    impulse on it;
 //! 3. [`contact`]: impulses at the lowest points of the body's [`face`]s keep it off the ground, with Coulomb friction;
 //! 4. [`body`]: it moves on with its new momentum and angular momentum.
 //!

@@ -78,6 +78,13 @@ impl Columns {
         self.plane.last().copied().unwrap_or(0)
     }
 
+    /// The number of the node at a cell, x y z, among those stored.
+    pub fn node(&self, cell: [i32; 3]) -> usize {
+        let [i, j, k] = self.axes.map(|a| cell[a]);
+        let column = (i - self.first[0]) as usize * self.count[1] + (j - self.first[1]) as usize;
+        (self.base[column] + k) as usize
+    }
+
     pub fn slabs(&self) -> usize {
         (self.count[0] - SLAB) / SLAB
     }

@@ -6,7 +6,9 @@
 //! 3. `grid_update`: velocities, gravity, boundary conditions;
 //! 4. `g2p`: velocities back to the particles, their new positions, their deformation.
 //!
-//! Guests ([`Solver::host`]) take part in a substep, but are moved by the caller: the particles of rigid bodies.
+//! Guests ([`Solver::host`]) are particles of rigid bodies: they hold nodes, but have no mass here, and are moved by the
+//! caller. Between [`Solver::scatter`] and [`Solver::gather`], the two halves of a substep, the caller may change
+//! velocities of nodes.
 //!
 //! Hu et al., *A Moving Least Squares Material Point Method*, 2018; Jiang et al., *The Affine Particle-In-Cell Method*,
 //! 2015; Jiang et al., *The Material Point Method for Simulating Continuum Materials*, 2016 (course notes).
@@ -23,10 +25,9 @@ pub mod laws;
 pub mod matrix;
 mod p2g;
 pub mod particles;
+pub mod reach;
 mod sort;
 mod stencil;
-
-use nalgebra::Matrix3;
 
 use crate::boundary::Boundary;
 pub use grid::DRIFT;
@@ -51,9 +52,6 @@ pub struct Setting {
     pub laws: Vec<Law>,
 }
 
-/// Packs in a partial sum over the guests: enough to make the overhead of a task small.
-const SUM: usize = 128;
-
 /// A particle that became NaN or infinite or left the domain.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Lost {
@@ -61,15 +59,6 @@ pub struct Lost {
     pub particle: usize,
     pub position_m: [f32; 3],
     pub velocity_m_s: [f32; 3],
-}
-
-/// The values that a guest gathered from the grid in a substep.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Gathered {
-    pub mass_kg: f32,
-    pub velocity_m_s: [f32; 3],
-    /// As [`Particle::affine`].
-    pub affine: Matrix3<f32>,
 }
 
 /// The particles, their grid, and the substep.
@@ -126,25 +115,6 @@ impl Solver {
         self.drift += farthest / self.setting.spacing_m;
     }
 
-    /// The values that the guests gathered in the last substep, summed by `add` over pieces of fixed length: the same
-    /// on any number of threads.
-    pub fn sum_guests<S: Send>(
-        &self,
-        nothing: impl Fn() -> S + Sync,
-        add: impl Fn(&mut S, usize, Gathered) + Sync,
-    ) -> Vec<S> {
-        let sum = |packs: &[Pack]| {
-            let mut sum = nothing();
-            for pack in packs.iter().filter(|pack| pack.id[0] as usize >= self.own) {
-                for lane in 0..pack.live as usize {
-                    add(&mut sum, pack.id[lane] as usize - self.own, pack.gathered(lane));
-                }
-            }
-            sum
-        };
-        self.sorted.packs.par_chunks(SUM).map(sum).collect()
-    }
-
     /// Resets the solver to what [`Solver::new`] would make of its particles in their current state.
     pub fn renew(&mut self) {
         let velocities = self.sorted.packs.iter().flat_map(|pack| pack.velocity).flatten();
@@ -154,12 +124,29 @@ impl Solver {
 
     /// Takes a substep of `dt_s` seconds. On failure the particles are as the substep left them.
     pub fn step(&mut self, dt_s: f32) -> Result<(), Lost> {
+        self.scatter(dt_s);
+        self.gather(dt_s)
+    }
+
+    /// The first half of a substep: up to the velocities of the nodes.
+    pub fn scatter(&mut self, dt_s: f32) {
         if self.is_due_for_sorting() {
             self.sort();
         }
-        let Setting { spacing_m, gravity_m_s2, ref boundaries, domain_m, ref laws } = self.setting;
+        if self.sorted.packs.is_empty() {
+            return;
+        }
+        let Setting { spacing_m, gravity_m_s2, ref boundaries, ref laws, .. } = self.setting;
         p2g::scatter(&mut self.sorted, &mut self.nodes, laws, spacing_m, dt_s);
         grid_update::update(&self.sorted.columns, &mut self.nodes, boundaries, gravity_m_s2, spacing_m, dt_s);
+    }
+
+    /// The second half of a substep.
+    ///
+    /// # Errors
+    /// If a particle is lost.
+    pub fn gather(&mut self, dt_s: f32) -> Result<(), Lost> {
+        let Setting { spacing_m, domain_m, ref laws, .. } = self.setting;
         let moved = g2p::gather(&mut self.sorted, &self.nodes, laws, spacing_m, dt_s, domain_m);
         self.fastest_m_s = moved.fastest_m_s;
         self.drift += moved.fastest_m_s * dt_s / spacing_m;
@@ -200,18 +187,20 @@ impl Solver {
         });
     }
 
-    /// Like [`Solver::step`], but particles to which `led` gives a motion, by their number and current position, move
-    /// and turn accordingly and strain no further. They are so heavy that the grid follows them.
-    pub fn step_led(&mut self, dt_s: f32, led: impl Fn(u32, [f32; 3]) -> Option<Motion> + Sync) -> Result<(), Lost> {
-        let take = |pack: &mut Pack| {
+    /// Makes the particles to which `led` gives a motion, by their number and current position, so heavy that the grid
+    /// follows them in the substep that comes. To be followed by [`Solver::lead`].
+    pub fn take(&mut self, led: impl Fn(u32, [f32; 3]) -> Option<Motion> + Sync) {
+        self.sorted.packs.par_iter_mut().for_each(|pack| {
             for lane in 0..pack.live as usize {
                 if let Some(motion) = led(pack.id[lane], pack.position.map(|row| row[lane])) {
                     pack.take(lane, &motion);
                 }
             }
-        };
-        self.sorted.packs.par_iter_mut().for_each(take);
-        let stepped = self.step(dt_s);
+        });
+    }
+
+    /// After the substep that follows [`Solver::take`]: the particles move and turn as `led` says, and strain no further.
+    pub fn lead(&mut self, dt_s: f32, led: impl Fn(u32, [f32; 3]) -> Option<Motion> + Sync) {
         let lead = |pack: &mut Pack| {
             let mut fastest = 0.0_f32;
             for lane in 0..pack.live as usize {
@@ -226,17 +215,11 @@ impl Solver {
         let fastest = self.sorted.packs.par_iter_mut().map(lead).reduce(|| 0.0, f32::max);
         self.fastest_m_s = self.fastest_m_s.max(fastest);
         self.drift += fastest * dt_s / self.setting.spacing_m;
-        stepped
     }
 
     /// All particles in the order in which they were given.
     pub fn particles(&self) -> InOrder<'_> {
         InOrder::new(&self.sorted.packs, &self.setting.laws)
-    }
-
-    /// Whether it has neither particles of its own nor guests.
-    pub fn is_empty(&self) -> bool {
-        self.sorted.packs.is_empty()
     }
 
     /// Number of laws.

@@ -3,7 +3,6 @@
 
 use nalgebra::Matrix3;
 
-use super::Gathered;
 use crate::simd::LANES;
 
 /// One f32 of each particle of a pack in memory.
@@ -44,7 +43,7 @@ pub struct Motion {
 /// Factor on the mass of a particle while its motion is given: what pushes it changes the motion of the grid beside it
 /// by only about the inverse of this factor per step. A power of two, so that the particle's own mass is restored
 /// exactly.
-const LED_WEIGHT: f32 = 16384.0;
+pub const LED_WEIGHT: f32 = 16384.0;
 
 /// The identity matrix, row by row.
 pub const IDENTITY: [f32; 9] = [1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0];
@@ -112,12 +111,6 @@ impl Pack {
         }
         put_matrix(&mut self.affine, lane, &motion.gradient);
         farthest
-    }
-
-    /// The values that a lane gathered from the grid.
-    pub fn gathered(&self, lane: usize) -> Gathered {
-        let velocity_m_s = self.velocity.map(|row| row[lane]);
-        Gathered { mass_kg: self.mass[lane], velocity_m_s, affine: lane_matrix(&self.affine, lane) }
     }
 
     /// A pack without particles.

@@ -105,8 +105,7 @@ pub fn render(gaussians: &Gaussians, camera: &Camera, options: &RenderOptions) -
             &seen_from_camera
         }
     };
-    let tiles = visit(gaussians, camera, options, |rect| ColorSink::new(rect, colors));
-    assemble(camera, &tiles)
+    Projected::new(gaussians, camera, options).draw(colors)
 }
 
 /// The label with the largest blend weight on every pixel, row by row; `None` where alpha is below
@@ -182,6 +181,11 @@ impl Projected {
         &self.tiles.splats
     }
 
+    /// The picture with a colour for each Gaussian.
+    pub fn draw(&self, colors: &[[f32; 3]]) -> Render {
+        assemble(self.size(), &self.visit(|rect| ColorSink::new(rect, colors)))
+    }
+
     /// As [`visit`].
     pub fn visit<S: Sink>(&self, new_sink: impl Fn(TileRect) -> S + Sync) -> Vec<(TileRect, S)> {
         blend::blend(&self.tiles, 0..self.tiles.rows, self.size(), new_sink)
@@ -216,8 +220,7 @@ fn sh_colors(gaussians: &Gaussians, camera: &Camera) -> Vec<[f32; 3]> {
     (0..gaussians.len()).into_par_iter().map(color).collect()
 }
 
-fn assemble(camera: &Camera, tiles: &[(TileRect, ColorSink)]) -> Render {
-    let (width, height) = size(camera);
+fn assemble((width, height): (usize, usize), tiles: &[(TileRect, ColorSink)]) -> Render {
     let mut render = Render {
         width: width as u32,
         height: height as u32,

@@ -1,0 +1,69 @@
+//! How the cells of a part spread around a cell: a wire's along one direction, a sheet's along two. From the variances
+//! follow the length of a stretch of wire and the area of a piece of sheet, and with the number of cells its carved
+//! cross-section or thickness, whichever way it lies in the grid and however ragged carving left it.
+
+use std::f64::consts::PI;
+
+use nalgebra::{Matrix3, SymmetricEigen, U3, Vector3};
+
+use crate::parts::assign::Labelled;
+
+/// Variance of a cell's own extent along any direction, cells squared.
+const OWN: f64 = 1.0 / 12.0;
+
+/// The cells of one part around a cell. Lengths in cells.
+pub struct Spread {
+    count: f64,
+    principal: SymmetricEigen<f64, U3>,
+    /// The axes in the order of rising variance.
+    order: [usize; 3],
+}
+
+impl Spread {
+    /// The cells of the part of cell `i` at most `reach` cells away from it.
+    pub fn around(cells: &Labelled, i: usize, reach: usize) -> Self {
+        let grid = &cells.grid;
+        let at = grid.coords(i);
+        let span = |axis: usize| at[axis].saturating_sub(reach)..(at[axis] + reach + 1).min(grid.dims[axis]);
+        let (mut count, mut sum, mut squares) = (0.0, Vector3::zeros(), Matrix3::zeros());
+        for z in span(2) {
+            for y in span(1) {
+                for x in span(0) {
+                    let offset = Vector3::from_fn(|axis, _| [x, y, z][axis] as f64 - at[axis] as f64);
+                    let is_near = offset.norm_squared() <= (reach * reach) as f64;
+                    if is_near && cells.label[grid.index([x, y, z])] == cells.label[i] {
+                        count += 1.0;
+                        sum += offset;
+                        squares += offset * offset.transpose();
+                    }
+                }
+            }
+        }
+        let mean = sum / count;
+        let principal = (squares / count - mean * mean.transpose()).symmetric_eigen();
+        let mut order = [0, 1, 2];
+        order.sort_by(|&a, &b| principal.eigenvalues[a].total_cmp(&principal.eigenvalues[b]));
+        Self { count, principal, order }
+    }
+
+    /// The direction in which they spread most.
+    pub fn axis(&self) -> Vector3<f64> {
+        self.principal.eigenvectors.column(self.order[2]).into_owned()
+    }
+
+    /// The variance along the direction in which they spread least (0) to most (2).
+    pub fn variance(&self, rank: usize) -> f64 {
+        self.principal.eigenvalues[self.order[rank]].max(0.0) + OWN
+    }
+
+    /// The thickness of a sheet: its cells over its area, which is that of the ellipse with the same variances. For half
+    /// a disc that is 6 % too large, for a rectangle 5 %.
+    pub fn thickness(&self) -> f64 {
+        self.count / (4.0 * PI * (self.variance(1) * self.variance(2)).sqrt())
+    }
+
+    /// The cross-section of a wire: its cells over its length, which is that of the line with the same variance.
+    pub fn section(&self) -> f64 {
+        self.count / (12.0 * self.variance(2)).sqrt()
+    }
+}
