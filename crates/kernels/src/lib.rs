@@ -1,5 +1,5 @@
-//! The inner loops of gprop and the types on which they work. A crate of its own, because only these are worth compiling
-//! for speed: the rest of gprop is compiled for size, which takes less time, and while it changes, this does not.
+//! The inner loops of gprop and the types on which they work. They are a crate of their own so that they are not compiled
+//! again whenever the rest of gprop changes, and are compiled for speed in the profile `quick`, in which the rest is not.
 //!
 //! [`simd`] has the vector registers with which the others compute; [`mask_decoder`] is SAM's, [`mpm`] the simulation's
 //! solver with its [`boundary`] conditions, [`render`] draws [`gaussians`] as a [`camera`] sees them; [`bounds`] is the
