@@ -42,9 +42,11 @@
 //! ```
 //!
 //! [`render`] draws Gaussians for every stage after [`scene`]; [`pictures`] holds the pictures that several stages
-//! make, [`plots`] draws their plots, [`simd`] has the vector registers that SAM's decoder, the simulation and
-//! [`render`] compute with. Imports never lead back, neither between these modules nor between files;
+//! make, [`plots`] draws their plots. Imports never lead back, neither between these modules nor between files;
 //! `tests/structure.rs` checks it.
+//!
+//! The inner loops are a crate of their own, [`gprop_kernels`]: SAM's mask decoder, the simulation's solver, [`render`],
+//! and [`simd`], the vector registers that they compute with.
 //!
 //! The method follows *GaussianProperty: Integrating Physical Properties to 3D Gaussians with LMMs* (Xu et al., 2024).
 
@@ -52,7 +54,6 @@
 #![allow(rustdoc::private_intra_doc_links)]
 
 pub mod batch;
-pub mod camera;
 mod cli;
 pub mod config;
 pub mod consensus;
@@ -80,12 +81,10 @@ pub mod plots;
 pub mod progress;
 pub mod query;
 pub mod read_scope;
-pub mod render;
 pub mod report;
 pub mod scene;
 pub mod segment;
 pub mod setup;
-pub mod simd;
 pub mod simulate;
 pub mod units;
 pub mod values;
@@ -94,4 +93,5 @@ pub mod workdir;
 
 pub use cli::{command, main};
 pub use error::Error;
+pub use gprop_kernels::{camera, render, simd};
 pub use pipeline::{Builder, Options, Pipeline};

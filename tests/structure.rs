@@ -1,6 +1,6 @@
 //! The layout of the source: data moves one way, so no import may lead back.
 //!
-//! Imports are read from the text of `src/`: `use` lines and paths in the code, followed through re-exports to the file
+//! Imports are read from the text of each crate: `use` lines and paths in the code, followed through re-exports to the file
 //! that defines the name. Not counted are code under `#[cfg(test)]`, the name of a module on its own, and imports
 //! from the `mod.rs` of a folder that contains the file: a folder's `mod.rs` defines the items that its files share,
 //! and calls them.
@@ -30,21 +30,28 @@ struct Module {
 
 struct Source(BTreeMap<ModulePath, Module>);
 
+/// The source of gprop and of its inner loops.
+const CRATES: [&str; 2] = ["src", "crates/kernels/src"];
+
 #[test]
 fn no_files_import_each_other_in_a_circle() {
-    let circles = circles(&Source::read().imports());
-    assert!(circles.is_empty(), "files that import each other:\n{}", circles.join("\n"));
+    for root in CRATES {
+        let circles = circles(&Source::read(root).imports());
+        assert!(circles.is_empty(), "files in {root} that import each other:\n{}", circles.join("\n"));
+    }
 }
 
 #[test]
 fn no_rooms_import_each_other_in_a_circle() {
-    let circles = circles(&rooms(&Source::read().imports()));
-    assert!(circles.is_empty(), "rooms that import each other:\n{}", circles.join("\n"));
+    for root in CRATES {
+        let circles = circles(&rooms(&Source::read(root).imports()));
+        assert!(circles.is_empty(), "rooms in {root} that import each other:\n{}", circles.join("\n"));
+    }
 }
 
 #[test]
 fn no_stage_imports_a_later_one() {
-    let files = Source::read().imports();
+    let files = Source::read("src").imports();
     for (n, stage) in STAGES.iter().enumerate() {
         let of_stage = |file: &str| room(file) == *stage || file == format!("pipeline/{stage}.rs");
         let imports = files.iter().filter(|(file, _)| of_stage(file));
@@ -61,7 +68,7 @@ fn no_stage_imports_a_later_one() {
 #[test]
 fn only_the_program_uses_anyhow() {
     const PROGRAM: [&str; 5] = ["batch", "cli", "error", "exit", "pipeline"];
-    for module in Source::read().0.values().filter(|module| !PROGRAM.contains(&&*room(&module.file))) {
+    for module in Source::read("src").0.values().filter(|module| !PROGRAM.contains(&&*room(&module.file))) {
         assert!(!module.tokens.iter().any(|token| token == "anyhow"), "{} uses anyhow", module.file);
     }
 }
@@ -90,7 +97,7 @@ fn only_the_evaluation_knows_of_ground_truth() {
 /// parsers.
 #[test]
 fn no_error_is_a_string_but_a_value_parsers() {
-    let source = Source::read();
+    let source = Source::read("src");
     let parsers: BTreeSet<&str> = source.0.values().flat_map(|module| value_parsers(&module.tokens)).collect();
     for module in source.0.values().filter(|module| module.file != "values.rs") {
         for owner in owners_of_string_errors(&module.tokens) {
@@ -109,7 +116,7 @@ fn the_reader_of_errors_sees_strings() {
 
 #[test]
 fn a_module_with_a_folder_is_the_folders_mod_rs() {
-    for root in ["src", "tests"] {
+    for root in CRATES.into_iter().chain(["tests"]) {
         for file in rust_files(&Path::new(env!("CARGO_MANIFEST_DIR")).join(root)) {
             let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join(root).join(file.trim_end_matches(".rs"));
             let only_mod_rs = !folder.is_dir() || file == "tests.rs";
@@ -141,8 +148,8 @@ fn the_reader_of_imports_sees_circles() {
 }
 
 impl Source {
-    fn read() -> Self {
-        let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("src");
+    fn read(root: &str) -> Self {
+        let root = Path::new(env!("CARGO_MANIFEST_DIR")).join(root);
         let mut files = rust_files(&root);
         files.retain(|file| file != "main.rs");
         Self::of(files.into_iter().map(|file| (file.clone(), fs::read_to_string(root.join(&file)).unwrap())).collect())

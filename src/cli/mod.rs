@@ -23,6 +23,10 @@ use clap::error::ContextValue;
 use clap::parser::ValueSource;
 use clap::{Args, CommandFactory, FromArgMatches, ValueEnum};
 use serde::Serialize;
+use tracing::Level;
+use tracing_subscriber::filter::Targets;
+use tracing_subscriber::layer::SubscriberExt;
+use tracing_subscriber::util::SubscriberInitExt;
 
 use crate::error::UsageError;
 use crate::pipeline::{self, Preset, Stage, THREADS, known_flags};
@@ -213,14 +217,13 @@ fn options_of(scene: &Path, flags: &[OsString]) -> anyhow::Result<pipeline::Opti
 }
 
 fn start_log(global: &Global) {
-    let level = match (global.quiet, global.verbose) {
-        (true, _) | (false, 0) => "warn",
-        (false, 1) => "gprop=info",
-        (false, _) => "gprop=debug",
+    let filter = match (global.quiet, global.verbose) {
+        (true, _) | (false, 0) => Targets::new().with_default(Level::WARN),
+        (false, 1) => Targets::new().with_target("gprop", Level::INFO),
+        (false, _) => Targets::new().with_target("gprop", Level::DEBUG),
     };
-    let filter = tracing_subscriber::EnvFilter::new(level);
-    let log = tracing_subscriber::fmt().with_env_filter(filter).with_writer(|| output::Log).without_time();
-    log.with_target(global.verbose > 0).init();
+    let log = tracing_subscriber::fmt().with_max_level(Level::DEBUG).with_writer(|| output::Log).without_time();
+    log.with_target(global.verbose > 0).finish().with(filter).init();
 }
 
 /// Prints a result: as JSON if requested, else as text. A closed stdout is not an error.

@@ -13,12 +13,10 @@
 
 pub mod align;
 mod as_typed;
-mod bounds;
 pub mod cameras;
 mod choose;
 pub mod dataset;
 mod error;
-pub mod gaussians;
 mod jpeg;
 pub mod ksplat;
 mod loaded;
@@ -49,9 +47,10 @@ use crate::units::MetricScale;
 use cameras::dataparser;
 use gaussians::Gaussians;
 
-pub use bounds::Bounds;
-pub(crate) use bounds::robust_bounds;
 pub use error::{SceneError, SplatProblem};
+pub use gprop_kernels::bounds::Bounds;
+pub(crate) use gprop_kernels::bounds::robust_bounds;
+pub use gprop_kernels::gaussians;
 pub use loaded::Loaded;
 pub use marker::Marker;
 pub use marker::board::svg as marker_board;
@@ -108,6 +107,11 @@ impl Scene {
         let mut cloud = self.gaussians.clone();
         cloud.append(&self.surroundings);
         Cow::Owned(cloud)
+    }
+
+    /// The box that holds the centres of all opaque Gaussians except a few strays.
+    pub fn object_bounds(&self) -> Bounds {
+        robust_bounds(&self.gaussians)
     }
 
     /// The cameras of all views, in their order.

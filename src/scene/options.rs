@@ -10,11 +10,11 @@ use serde::{Deserialize, Deserializer, Serialize, Serializer};
 
 use super::align::Conversion;
 use super::as_typed::as_typed;
-use super::bounds::Bounds;
 use super::scale::{ScaleChoice, point};
 use crate::config::SceneKey;
 use crate::read_scope::ReadScope;
 use crate::values::{self, from_to};
+use gprop_kernels::bounds::Bounds;
 
 /// The keys that a scene may set: where its own files are, which views show it best, its frame, its object and its
 /// scale. Only the user may allow files outside its folder to be read.

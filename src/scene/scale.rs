@@ -10,10 +10,10 @@ use nalgebra::Point3;
 use serde::{Deserialize, Deserializer, Serialize, Serializer};
 
 use super::as_typed::as_typed;
-use super::bounds::{Bounds, longest_side};
 use super::marker::{self, FoundMarker, Marker};
 use super::{Scene, SceneError, View};
 use crate::units::{MetricScale, Range, ScaleSource};
+use gprop_kernels::bounds::{Bounds, longest_side};
 
 /// Lengths range from a nanometre to a thousand kilometres: no length in a capture is shorter or longer.
 const SHORTEST_M: f64 = 1e-9;

@@ -11,14 +11,12 @@
 
 pub mod action;
 pub mod animation;
-pub mod boundary;
 pub mod checkpoint;
 pub mod compat;
 mod error;
 pub mod filling;
 mod frames;
 pub mod material;
-pub mod mpm;
 pub mod object;
 mod options;
 pub mod plot;
@@ -40,6 +38,7 @@ pub use error::SimulateError;
 use filling::FillPoint;
 pub use frames::Frame;
 use frames::ToWorld;
+pub use gprop_kernels::{boundary, mpm};
 use material::Material;
 use mpm::particles::Particle;
 use mpm::{Lost, Setting};

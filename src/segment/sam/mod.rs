@@ -20,12 +20,11 @@ use cache::Cache;
 pub use decoder::Wanted;
 use decoder::{Decoder, Prepared};
 use encoder::Encoder;
+pub use gprop_kernels::mask_decoder::LOGITS_SIDE;
 use mismatch::Mismatch;
 
 /// Side of the square picture that the encoder sees.
 pub const MODEL_SIDE: usize = 1024;
-/// Side of the square of logits that the decoder returns.
-pub const LOGITS_SIDE: usize = 256;
 
 const EMBEDDING: [i64; 4] = [1, 256, 64, 64];
 

@@ -1,5 +1,7 @@
 //! The inputs of the standard export and the tensors fed to them.
 
+use std::sync::LazyLock;
+
 use ort::session::Session;
 use ort::value::TensorRef;
 
@@ -10,7 +12,8 @@ use super::super::{EMBEDDING, Embedding, LOGITS_SIDE, MODEL_SIDE};
 pub const PROMPT_INPUTS: [&str; 2] = ["point_coords", "point_labels"];
 pub const PICTURE_INPUTS: [&str; 4] = ["image_embeddings", "mask_input", "has_mask_input", "orig_im_size"];
 pub const OUTPUTS: [&str; 2] = ["low_res_masks", "iou_predictions"];
-static NO_MASK: [f32; LOGITS_SIDE * LOGITS_SIDE] = [0.0; LOGITS_SIDE * LOGITS_SIDE];
+/// Made when it is needed: as a constant, its zeros would be a quarter of a megabyte of the program.
+static NO_MASK: LazyLock<Vec<f32>> = LazyLock::new(|| vec![0.0; LOGITS_SIDE * LOGITS_SIDE]);
 
 /// Maximum number of points in a run: more than any export is made for. It limits the memory that a damaged export can
 /// request.

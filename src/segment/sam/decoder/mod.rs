@@ -4,16 +4,18 @@
 //! 2. `four_masks`: finds the logits of all masks and their predicted IoU. An export that returns only the best of its
 //!    four masks still computes all of them as internal values.
 //! 3. `onnx_runtime`: ONNX Runtime runs the whole export for every prompt.
-//! 4. `native`: ONNX Runtime runs the prompt encoder, and gprop the mask decoder (`mask_decoder`), several times
-//!    faster. It is used if the export has SAM's parameters under their names and the results of both agree on a trial.
+//! 4. `native`: ONNX Runtime runs the prompt encoder, and gprop the mask decoder
+//!    ([`gprop_kernels::mask_decoder`]) with the parameters that `weights` finds in the export, several times faster. It is used if the export has SAM's parameters under their names and the results of both agree on a trial.
 
 mod feed;
 mod four_masks;
-mod mask_decoder;
 mod native;
 mod onnx_runtime;
+mod weights;
 
 use std::path::Path;
+
+use gprop_kernels::mask_decoder::PreparedEmbedding;
 
 use super::super::error::SegmentError;
 use super::super::options::DecoderRuntime;
@@ -48,7 +50,7 @@ enum Backend {
 
 /// An image's embedding with the parts of the decoder's work that do not depend on the prompt.
 pub enum Prepared {
-    Native(mask_decoder::PreparedEmbedding),
+    Native(PreparedEmbedding),
     OnnxRuntime(Embedding),
 }
 
@@ -60,10 +62,10 @@ pub fn check(bytes: &[u8]) -> Result<(), Mismatch> {
     let prompt = PromptShape::of(&model).map(PromptShape::blank);
     let inside = model.ancestors(OUTPUTS[0], SEARCHED_VALUES);
     let constants = model.constants();
-    let mask_decoder = mask_decoder::MaskDecoder::read(&model, &constants);
-    let sources = mask_decoder::Sources::find(&model, &constants);
+    let weights = weights::read(&model, &constants);
+    let sources = weights::Sources::find(&model, &constants);
     Model::parse(&model.with_outputs(&inside)).ok_or(Mismatch::Uncut)?;
-    names.and(prompt.map(drop)).and(mask_decoder.map(drop)).and(sources.map(drop))
+    names.and(prompt.map(drop)).and(weights.map(drop)).and(sources.map(drop))
 }
 
 impl Decoder {

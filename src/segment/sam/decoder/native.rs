@@ -1,6 +1,7 @@
-//! The mask decoder computed by gprop ([`super::mask_decoder`]). ONNX Runtime runs what comes before the transformer:
+//! The mask decoder computed by gprop ([`gprop_kernels::mask_decoder`]). ONNX Runtime runs what comes before the transformer:
 //! the prompt encoder, and once per image the embedding and its positional encoding.
 
+use gprop_kernels::mask_decoder::{CHANNELS, MASKS, MaskDecoder, PreparedEmbedding, Scratch, TOKENS};
 use ort::session::{Session, SessionOutputs};
 
 use super::super::graph::Model;
@@ -10,7 +11,7 @@ use super::super::runtime::{self, Runtime};
 use super::super::{Decoded, Embedding};
 use super::Wanted;
 use super::feed::{PromptShape, feed, standard_inputs};
-use super::mask_decoder::{CHANNELS, MASKS, MaskDecoder, PreparedEmbedding, Scratch, Sources, TOKENS};
+use super::weights::{self, Sources};
 
 /// The native mask decoder and the sessions that feed it.
 pub struct Native {
@@ -26,7 +27,7 @@ impl Native {
     /// Loads the decoder for use on `threads` threads at once. The error says how the model differs from SAM's.
     pub fn open(runtime: &Runtime, model: &Model, prompt: PromptShape, threads: usize) -> Result<Self, Mismatch> {
         let constants = model.constants();
-        let mask_decoder = MaskDecoder::read(model, &constants)?;
+        let mask_decoder = MaskDecoder::new(weights::read(model, &constants)?);
         let sources = Sources::find(model, &constants)?;
         let sessions = |outputs: &[&str], count: usize| -> ort::Result<_> {
             let cut = model.with_outputs(outputs);

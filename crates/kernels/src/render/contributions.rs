@@ -20,22 +20,18 @@ pub fn contributions<L: Copy + Ord + Send>(
     labels: &[u16],
     kept: impl Fn(u16) -> Option<L> + Sync,
 ) -> Vec<(u32, L, f32)> {
-    let width = projected.size().0;
     // Light that arrives and light that is emitted, by Gaussian.
     let mut light = vec![[0.0f32; 2]; gaussians];
     // Capacity for four tiles or labels per Gaussian: a growing list would leave the memory fragmented.
     let mut found: Vec<(u32, L, f32)> = Vec::with_capacity(4 * gaussians);
-    projected.visit_in_bands(
-        |rect| LightSink::new(rect, labels, width),
-        |tile| {
-            for Contribution { gaussian, label, arrived, sent } in tile.contributions {
-                let of_gaussian = &mut light[gaussian as usize];
-                of_gaussian[0] += arrived;
-                of_gaussian[1] += sent;
-                found.extend(kept(label).map(|label| (gaussian, label, arrived)));
-            }
-        },
-    );
+    of_tiles(&projected, labels, &mut |contributions| {
+        for &Contribution { gaussian, label, arrived, sent } in contributions {
+            let of_gaussian = &mut light[gaussian as usize];
+            of_gaussian[0] += arrived;
+            of_gaussian[1] += sent;
+            found.extend(kept(label).map(|label| (gaussian, label, arrived)));
+        }
+    });
     drop(projected);
     found.retain(|&(gaussian, ..)| {
         let [arrived, sent] = light[gaussian as usize];
@@ -50,6 +46,12 @@ pub fn contributions<L: Copy + Ord + Send>(
     });
     found.shrink_to_fit();
     found
+}
+
+/// Passes the contributions of each tile to `take`. Not generic, so that blending is compiled here.
+fn of_tiles(projected: &Projected, labels: &[u16], take: &mut dyn FnMut(&[Contribution])) {
+    let width = projected.size().0;
+    projected.visit_in_bands(|rect| LightSink::new(rect, labels, width), |tile| take(&tile.contributions));
 }
 
 /// The contribution of one Gaussian to the pixels of one label within one tile, in pixels.

@@ -2,9 +2,9 @@
 //! tau = 2 mu (F - R) F^T + lambda J (J - 1) I.
 
 use super::Point;
+use crate::mpm::eigen::rotation;
+use crate::mpm::matrix::{Mat3, Sym3};
 use crate::simd::Lanes;
-use crate::simulate::mpm::eigen::rotation;
-use crate::simulate::mpm::matrix::{Mat3, Sym3};
 
 #[inline(always)]
 pub(super) fn stress<L: Lanes>(point: &Point<L>) -> Sym3<L> {

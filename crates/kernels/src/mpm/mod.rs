@@ -29,7 +29,7 @@ pub mod reach;
 mod sort;
 mod stencil;
 
-use super::boundary::Boundary;
+use crate::boundary::Boundary;
 pub use grid::DRIFT;
 use in_order::InOrder;
 use laws::Law;

@@ -2,9 +2,8 @@
 //!
 //! It computes what the exported graph computes, in an order that saves most of the work: projections move from the
 //! 4096 pixels to the few tokens (`attention`, `first_layer`), every pixel is read once per layer while it is in the
-//! cache, and masks that are not wanted are not computed, since their predicted IoU is known beforehand. `weights`
-//! finds the parameters in the export, `tokens` and `upscale` are the rest of the network, and `layers` and `matrix`
-//! are their building blocks.
+//! cache, and masks that are not wanted are not computed, since their predicted IoU is known beforehand. [`weights`]
+//! are the parameters, `tokens` and `upscale` the rest of the network, and `layers` and `matrix` their building blocks.
 //!
 //! The network is that of Kirillov et al., Segment Anything (2023), section A; layer names are those of the public
 //! implementation (`TwoWayTransformer`, `MaskDecoder`).
@@ -15,28 +14,26 @@ mod layers;
 mod matrix;
 mod tokens;
 mod upscale;
-mod weights;
+pub mod weights;
 
-use super::super::LOGITS_SIDE;
-use super::super::graph::{Constants, Model};
-use super::super::mismatch::Mismatch;
 use attention::{OnlineSoftmax, Scores, TokenValues, softmax_over_tokens};
 use first_layer::FirstLayer;
 use layers::{add, perceptron};
 use matrix::Left;
 use tokens::Tokens;
-pub use weights::Sources;
 use weights::Weights;
 
 use crate::simd::{Instructions, Kernel, MOST_LANES, Vector};
 
+/// Side of the square of logits of one mask.
+pub const LOGITS_SIDE: usize = 256;
 /// Side of the picture's embedding.
 const SIDE: usize = 64;
 const PIXELS: usize = SIDE * SIDE;
 /// Width of a token, and of a pixel of the embedding.
 pub const CHANNELS: usize = 256;
 /// Width of the attention between tokens and pixels, its heads, and the width of each.
-const INNER: usize = 128;
+pub const INNER: usize = 128;
 const HEADS: usize = 8;
 const WIDTH: usize = INNER / HEADS;
 /// Maximum number of tokens of a prompt: one for the predicted IoU, one per mask, and those of its points.
@@ -49,8 +46,8 @@ const BLOCK: usize = 64;
 /// Number of masks that the network computes.
 pub const MASKS: usize = 4;
 /// Channels after one and two transposed convolutions.
-const UPSCALED: usize = 64;
-const UPSCALED_TWICE: usize = 32;
+pub const UPSCALED: usize = 64;
+pub const UPSCALED_TWICE: usize = 32;
 
 /// Selects the masks to compute, given the predicted IoU of all.
 pub type Wanted<'a> = dyn Fn(&[f32; MASKS]) -> [bool; MASKS] + 'a;
@@ -80,9 +77,8 @@ pub struct Scratch {
 }
 
 impl MaskDecoder {
-    /// Reads the decoder from an export; the error says which part of SAM's mask decoder was not found.
-    pub fn read(model: &Model, constants: &Constants) -> Result<Self, Mismatch> {
-        Ok(Self { weights: Weights::read(model, constants)?, instructions: Instructions::of_this_processor() })
+    pub fn new(weights: Weights) -> Self {
+        Self { weights, instructions: Instructions::of_this_processor() }
     }
 
     /// Does the work that does not depend on the prompt. `embedding` and `positions`, its positional encoding, are

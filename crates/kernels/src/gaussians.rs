@@ -28,7 +28,7 @@ pub struct Gaussians {
     pub antialiased: bool,
     /// Properties of the file that gprop does not know, in file order, kept for writing back.
     pub extra: Vec<ExtraProperty>,
-    /// For each Gaussian, whether it is set aside (see [`super::outliers`]): it stays in the cloud and in the files
+    /// For each Gaussian, whether it is set aside (gprop's `scene::outliers`): it stays in the cloud and in the files
     /// that are written, but counts as transparent when the cloud is drawn or measured. Empty if none is.
     pub set_aside: Vec<bool>,
 }

@@ -50,7 +50,7 @@ pub enum Law {
     Snow(Snow),
     /// No shear: only pressure, with lambda as the bulk modulus.
     Fluid,
-    /// No stress: the particle moves with a [rigid body](crate::simulate::rigid).
+    /// No stress: the particle moves with a rigid body.
     Rigid,
 }
 

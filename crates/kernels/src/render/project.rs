@@ -11,7 +11,7 @@ use nalgebra::{Matrix2, Matrix2x3, Matrix3, Point3, Vector2, Vector3};
 use rayon::prelude::*;
 
 use crate::camera::{Camera, Distortion, Intrinsics};
-use crate::scene::gaussians::Gaussians;
+use crate::gaussians::Gaussians;
 
 /// Variance in px^2 added to a splat along both axes so that none is thinner than a pixel (3DGS, Kerbl et al. 2023).
 pub const LOW_PASS_PX2: f64 = 0.3;

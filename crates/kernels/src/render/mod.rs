@@ -21,7 +21,7 @@ use image::{Rgba, RgbaImage};
 use rayon::prelude::*;
 
 use crate::camera::Camera;
-use crate::scene::gaussians::Gaussians;
+use crate::gaussians::Gaussians;
 pub use blend::{ALPHA_MAX, LANES, Sink, TRANSMITTANCE_MIN, TileRect};
 use color::ColorSink;
 pub use contributions::contributions;

@@ -3,7 +3,7 @@
 use rayon::prelude::*;
 
 use super::grid::{Columns, NODE};
-use crate::simulate::boundary::Boundary;
+use crate::boundary::Boundary;
 
 /// Nodes lighter than this, in kg, hold only rounding errors.
 const LEAST_MASS_KG: f32 = 1e-30;

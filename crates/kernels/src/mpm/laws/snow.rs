@@ -4,9 +4,9 @@
 
 use super::Point;
 use super::exp;
+use crate::mpm::eigen::Stretches;
+use crate::mpm::matrix::{Mat3, Sym3};
 use crate::simd::Lanes;
-use crate::simulate::mpm::eigen::Stretches;
-use crate::simulate::mpm::matrix::{Mat3, Sym3};
 
 /// The largest hardening factor of snow's stiffness: the time step relies on it.
 pub const HARDEST: f32 = 10.0;

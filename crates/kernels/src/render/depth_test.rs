@@ -5,8 +5,8 @@
 //! behind, where there is nothing.
 
 use super::{FOREGROUND_ALPHA, LANES, Projected, Sink, Splat, TILE, TileRect, pixels};
-use crate::scene::gaussians::Gaussians;
-use crate::scene::robust_bounds;
+use crate::bounds::robust_bounds;
+use crate::gaussians::Gaussians;
 
 /// Number of its own standard deviations along the ray by which a Gaussian's surface may lie behind the depth map and
 /// still count as the surface: Gaussians of one surface interleave, each reaching about one deviation into the next.

@@ -4,8 +4,8 @@
 
 use super::Point;
 use super::hencky::{Strain, norm};
+use crate::mpm::matrix::{Mat3, Sym3};
 use crate::simd::Lanes;
-use crate::simulate::mpm::matrix::{Mat3, Sym3};
 
 /// The stress, and the elastic deformation if any particle flowed.
 #[inline(always)]

@@ -1,7 +1,7 @@
 //! View-dependent colour: real spherical harmonics up to degree 3, in the basis and sign convention of 3DGS
 //! (Kerbl et al. 2023; Sloan, *Efficient Spherical Harmonic Evaluation*, JCGT 2013).
 
-use crate::scene::gaussians::{Gaussians, SH_C0};
+use crate::gaussians::{Gaussians, SH_C0};
 
 /// `sqrt(3 / 4 pi)`.
 const SH_C1: f32 = 0.488_602_51;

@@ -4,7 +4,7 @@
 use nalgebra::{Matrix3, Vector3};
 
 use super::{Law, fluid, hencky};
-use crate::simulate::mpm::particles::Particle;
+use crate::mpm::particles::Particle;
 
 /// Elastic energy of a particle by its law, J.
 pub fn elastic_j(law: Law, particle: &Particle) -> f64 {

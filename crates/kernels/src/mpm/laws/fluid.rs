@@ -4,8 +4,8 @@
 
 use super::Point;
 use super::exp;
+use crate::mpm::matrix::{Mat3, Sym3};
 use crate::simd::{Lanes, ln};
-use crate::simulate::mpm::matrix::{Mat3, Sym3};
 
 /// The exponent for water.
 pub(super) const GAMMA: f32 = 7.0;

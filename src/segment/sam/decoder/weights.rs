@@ -3,64 +3,16 @@
 //! Exporters rename the matrices of linear layers (`onnx::MatMul_1926`) but not the biases, so a matrix is identified
 //! as the factor of the product to which its bias is added.
 
-use super::super::super::graph::{Constants, Model};
-use super::super::super::mismatch::Mismatch;
-use super::{CHANNELS, INNER, MASKS, UPSCALED, UPSCALED_TWICE};
+use gprop_kernels::mask_decoder::weights::{Attention, HIDDEN, Layer, Linear, Norm, Weights};
+use gprop_kernels::mask_decoder::{CHANNELS, INNER, MASKS, UPSCALED, UPSCALED_TWICE};
+
+use super::super::graph::{Constants, Model};
+use super::super::mismatch::Mismatch;
 use crate::simd::MOST_LANES;
 
-/// Feed-forward width of the transformer (`mlp_dim`).
-pub const HIDDEN: usize = 2048;
 /// Epsilon of the transformer's layer norms, and of the upscaling's (`LayerNorm2d`).
 const NORM_EPSILON: f32 = 1e-5;
 const UPSCALING_EPSILON: f32 = 1e-6;
-
-/// `y = x weight + bias`.
-pub struct Linear {
-    /// `[inputs, outputs]`.
-    pub weight: Vec<f32>,
-    pub bias: Vec<f32>,
-    pub inputs: usize,
-    pub outputs: usize,
-}
-
-pub struct Norm {
-    pub weight: Vec<f32>,
-    pub bias: Vec<f32>,
-    pub epsilon: f32,
-}
-
-pub struct Attention {
-    pub query: Linear,
-    pub key: Linear,
-    pub value: Linear,
-    pub out: Linear,
-}
-
-/// One of the two layers of the two-way transformer.
-pub struct Layer {
-    pub self_attention: Attention,
-    pub norm1: Norm,
-    pub token_to_image: Attention,
-    pub norm2: Norm,
-    pub hidden: [Linear; 2],
-    pub norm3: Norm,
-    pub image_to_token: Attention,
-    pub norm4: Norm,
-}
-
-/// The mask decoder.
-pub struct Weights {
-    pub layers: [Layer; 2],
-    pub final_attention: Attention,
-    pub final_norm: Norm,
-    /// The two transposed convolutions of 2 x 2 pixels and stride 2 as products: an output pixel (dy, dx) is the group
-    /// of columns `2 dy + dx`.
-    pub upscaling: [Linear; 2],
-    pub upscaling_norm: Norm,
-    /// One per mask.
-    pub hypernetworks: [[Linear; 3]; MASKS],
-    pub predicted_iou: [Linear; 3],
-}
 
 /// The names of the values in the model from which the decoder starts.
 pub struct Sources {
@@ -71,28 +23,26 @@ pub struct Sources {
     pub positional_encoding: String,
 }
 
-impl Weights {
-    /// Finds the parameters; the error names the one that is missing or has the wrong shape.
-    pub fn read(model: &Model, constants: &Constants) -> Result<Self, Mismatch> {
-        let reader = Reader { model, constants };
-        Ok(Self {
-            layers: [reader.layer(0)?, reader.layer(1)?],
-            final_attention: reader.attention("transformer.final_attn_token_to_image", INNER)?,
-            final_norm: reader.norm("transformer.norm_final_attn")?,
-            upscaling: [
-                reader.transposed_convolution("output_upscaling.0", CHANNELS, UPSCALED)?,
-                reader.transposed_convolution("output_upscaling.3", UPSCALED, UPSCALED_TWICE)?,
-            ],
-            upscaling_norm: reader.norm_of_channels("output_upscaling.0", UPSCALED)?,
-            hypernetworks: [
-                reader.hypernetwork(0)?,
-                reader.hypernetwork(1)?,
-                reader.hypernetwork(2)?,
-                reader.hypernetwork(3)?,
-            ],
-            predicted_iou: reader.perceptron("iou_prediction_head", MASKS)?,
-        })
-    }
+/// Finds the parameters; the error names the one that is missing or has the wrong shape.
+pub fn read(model: &Model, constants: &Constants) -> Result<Weights, Mismatch> {
+    let reader = Reader { model, constants };
+    Ok(Weights {
+        layers: [reader.layer(0)?, reader.layer(1)?],
+        final_attention: reader.attention("transformer.final_attn_token_to_image", INNER)?,
+        final_norm: reader.norm("transformer.norm_final_attn")?,
+        upscaling: [
+            reader.transposed_convolution("output_upscaling.0", CHANNELS, UPSCALED)?,
+            reader.transposed_convolution("output_upscaling.3", UPSCALED, UPSCALED_TWICE)?,
+        ],
+        upscaling_norm: reader.norm_of_channels("output_upscaling.0", UPSCALED)?,
+        hypernetworks: [
+            reader.hypernetwork(0)?,
+            reader.hypernetwork(1)?,
+            reader.hypernetwork(2)?,
+            reader.hypernetwork(3)?,
+        ],
+        predicted_iou: reader.perceptron("iou_prediction_head", MASKS)?,
+    })
 }
 
 impl Sources {

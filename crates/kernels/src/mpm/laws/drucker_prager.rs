@@ -3,8 +3,8 @@
 
 use super::Point;
 use super::hencky::{Strain, norm};
+use crate::mpm::matrix::{Mat3, Sym3};
 use crate::simd::Lanes;
-use crate::simulate::mpm::matrix::{Mat3, Sym3};
 
 /// alpha for an internal friction angle: the cone through the outer edges of Mohr-Coulomb's pyramid.
 pub fn alpha(friction_angle_rad: f64) -> f64 {

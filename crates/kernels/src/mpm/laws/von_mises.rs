@@ -5,8 +5,8 @@
 
 use super::Point;
 use super::hencky::{Strain, norm};
+use crate::mpm::matrix::{Mat3, Sym3};
 use crate::simd::Lanes;
-use crate::simulate::mpm::matrix::{Mat3, Sym3};
 
 /// The yield radius for a yield stress in uniaxial tension, both Pa: |dev(tau)| = sqrt(2/3) sigma_y.
 pub fn yield_radius(yield_stress_pa: f64) -> f64 {

@@ -2,8 +2,7 @@
 
 use nalgebra::{Matrix3, Point3, Vector3};
 
-use super::Scene;
-use super::gaussians::Gaussians;
+use crate::gaussians::Gaussians;
 
 /// An axis-aligned box in the world frame, scene units.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -26,16 +25,9 @@ impl Bounds {
     }
 }
 
-impl Scene {
-    /// The box that holds the centres of all opaque Gaussians except a few strays.
-    pub fn object_bounds(&self) -> Bounds {
-        robust_bounds(&self.gaussians)
-    }
-}
-
 /// Length of the object's longest side in scene units: of the box of least volume among those along the world's axes
 /// and along the principal axes of the centres, each as in [`robust_bounds`].
-pub(super) fn longest_side(gaussians: &Gaussians) -> f64 {
+pub fn longest_side(gaussians: &Gaussians) -> f64 {
     let chosen = opaque(gaussians);
     let center = |&i: &usize| gaussians.center(i).coords;
     // A single far stray would turn the principal axes.
@@ -61,7 +53,7 @@ pub(super) fn longest_side(gaussians: &Gaussians) -> f64 {
 const STRAY_SHARE: f64 = 0.005;
 
 /// The box between the 0.5 and the 99.5 percentile of the centres of the [`opaque`] Gaussians.
-pub(crate) fn robust_bounds(gaussians: &Gaussians) -> Bounds {
+pub fn robust_bounds(gaussians: &Gaussians) -> Bounds {
     let chosen = opaque(gaussians);
     let mut bounds = Bounds { min: Point3::origin(), max: Point3::origin() };
     for axis in 0..3 {

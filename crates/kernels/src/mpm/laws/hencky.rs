@@ -2,9 +2,9 @@
 //! stretches. Return maps are plain vector arithmetic in eps.
 
 use super::exp;
+use crate::mpm::eigen::Stretches;
+use crate::mpm::matrix::{Mat3, Sym3, dot};
 use crate::simd::{Lanes, ln};
-use crate::simulate::mpm::eigen::Stretches;
-use crate::simulate::mpm::matrix::{Mat3, Sym3, dot};
 
 /// Stretches below this are raised to it: a crushed particle resists no further.
 pub(super) const LEAST_STRETCH: f32 = 0.01;
