@@ -138,7 +138,7 @@ pub struct WorkArgs {
 
 #[derive(Debug, Args)]
 pub struct ShowArgs {
-    /// Folder with a splat, cameras and photos; the stages that the picture needs and that have not run yet are run first.
+    /// Folder with a splat, cameras and photos; stages that the picture needs and that have not run yet are run first.
     pub scene: PathBuf,
     /// File to write: a .png from one view, or a .gif or .mp4 (with ffmpeg) of the object on a turntable, with photo
     /// colours, parts, materials and Young's modulus side by side.
@@ -291,7 +291,7 @@ pub struct BatchArgs {
     /// List the scenes, their state and their expected memory, without running them.
     #[arg(long)]
     pub dry_run: bool,
-    /// Run nothing; write the summary of all shards, which must have been run with the same choice of scenes.
+    /// Run nothing; write one summary of all shards, which must all have been run with the same choice of scenes.
     #[arg(long, conflicts_with_all = ["dry_run", "queries"])]
     pub merge: bool,
     /// Send the questions that are due in all scenes through OpenAI's Batch API (half the price, within a day), or
@@ -483,7 +483,7 @@ pub enum Evaluate {
         /// `gprop batch --out` wrote
         #[arg(long, value_name = "DIR")]
         out: Option<PathBuf>,
-        /// Folder of a data set that states weights (ABO-500), after `gprop batch`
+        /// Folder of a data set that states weights (ABO-500), on which `gprop batch` was run
         #[arg(long, value_name = "DIR", conflicts_with = "scenes", value_parser = values::folder())]
         data_set: Option<PathBuf>,
         /// Only the scenes of this split of the data set
@@ -497,7 +497,8 @@ pub enum Evaluate {
         #[arg(long, value_name = "FILE", requires = "predictions", value_parser = values::file())]
         truth: Option<PathBuf>,
     },
-    /// Compare Shore hardness at points of the photos with readings: A as 0 to 100 and D as 100 to 200 on one axis.
+    /// Compare Shore hardness at points of the photos with readings of a durometer. Shore A counts as 0 to 100, Shore D
+    /// as 100 to 200.
     Hardness {
         /// Readings (CSV with the columns scene,view,x,y,shore,hardness: scene is a folder with results of `gprop run`,
         /// relative to the CSV; x and y are pixels of the view; shore is A or D).

@@ -1,5 +1,6 @@
 //! `gprop segment PICTURE`: the segments of one picture without a scene.
 
+use crate::output::counted;
 use crate::pipeline::picture::Picture;
 use crate::workdir::Artifact;
 
@@ -24,6 +25,6 @@ pub fn segment(global: &Global, args: &SceneArgs) -> anyhow::Result<()> {
     });
     print(global, &result, || {
         let map = picture.work().path(Artifact::LabelMap(&segments.view));
-        format!("{} segments in {}", segments.segments.len(), shown(&map))
+        format!("{} in {}", counted(segments.segments.len(), "segment"), shown(&map))
     })
 }

@@ -23,7 +23,7 @@ pub enum QueryError {
     #[error(
         "no recorded answer for {} of {}:{}\nAsk a model: --lmm-url URL --lmm-model NAME with the key \
          in OPENAI_API_KEY; or answer by hand or elsewhere: gprop query SCENE --export DIR, then --import DIR",
-        .missing.len(), output::counted(*.segments, "segment"), listed(.missing)
+        .missing.len(), output::counted(*.segments, "question"), listed(.missing)
     )]
     Missing { segments: usize, missing: Vec<MissingSegment> },
     #[error(
@@ -39,10 +39,10 @@ pub enum QueryError {
     #[error(
         "--max-usd {max_usd} is reached: {spent_usd:.4} USD spent, {} not asked; what was answered is recorded. Raise \
          --max-usd to go on",
-        output::counted(*.left, "segment")
+        output::counted(*.left, "question")
     )]
     BudgetSpent { max_usd: f64, spent_usd: f64, left: usize },
-    #[error("{error}: {} {} no recorded answer, and no server was asked", output::counted(*.segments, "segment"), output::agreeing(*.segments, "has", "have"))]
+    #[error("{error}: {} {} no recorded answer, and no server was asked", output::counted(*.segments, "question"), output::agreeing(*.segments, "has", "have"))]
     NotReady { error: AskError, segments: usize },
     #[error("{source}; nothing more was asked. {}", where_kept(.folder, .spare.as_deref()))]
     Unkept {
@@ -52,9 +52,9 @@ pub enum QueryError {
         /// The folder of the recordings that could not be written there; `None` if their text was printed.
         spare: Option<PathBuf>,
     },
-    #[error("{message}; {} {} not answered; what was answered is recorded ({spent})", output::counted(*.left, "segment"), output::agreeing(*.left, "is", "are"))]
+    #[error("{message}; {} {} not answered; what was answered is recorded ({spent})", output::counted(*.left, "question"), output::agreeing(*.left, "is", "are"))]
     Endpoint { message: String, left: usize, spent: Spent },
-    #[error("none of the {} was answered: {}", output::counted(*.segments, "segment"), counted(.failures))]
+    #[error("none of the {} was answered: {}", output::counted(*.segments, "question"), counted(.failures))]
     AllFailed {
         segments: usize,
         /// Each failure with the number of segments that it applies to, the most frequent first.

@@ -33,7 +33,7 @@ pub struct Prompts {
 pub enum PromptError {
     #[error("cannot read the prompt file {path:?}: {source}")]
     Unreadable { path: PathBuf, source: std::io::Error },
-    #[error("prompt file {file}: {problem}; the placeholders are those of the built-in file of that name")]
+    #[error("prompt file {file}: {problem}; it may use only the placeholders of the built-in file of that name")]
     Template { file: String, problem: String },
     #[error("prompt file {file} is not a JSON schema: {problem}")]
     Schema { file: String, problem: String },

@@ -24,7 +24,7 @@ pub enum SegmentError {
         #[source]
         source: std::io::Error,
     },
-    #[error("ONNX Runtime cannot load {path:?}: {source}; it must be a complete ONNX file with {what}")]
+    #[error("ONNX Runtime cannot load {path:?}: {source}; the file must be complete and contain {what}")]
     Model { path: PathBuf, what: &'static str, source: Mismatch },
     #[error("{path:?} is not {what}: {source}")]
     NotSam { path: PathBuf, what: &'static str, source: Mismatch },

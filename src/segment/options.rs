@@ -81,7 +81,8 @@ pub struct Options {
 pub enum PointPrompts {
     /// At every point, as in the public generator.
     Grid,
-    /// On the foreground only: every other row and column first, then the points that no mask of a neighbouring prompt covers.
+    /// On the foreground only: every fourth row and column first, then the points between them that no mask of a nearby prompt
+    /// covers.
     Adaptive,
 }
 
@@ -89,8 +90,8 @@ pub enum PointPrompts {
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Serialize, clap::ValueEnum)]
 #[serde(rename_all = "lowercase")]
 pub enum DecoderRuntime {
-    /// gprop itself, several times faster; an error if the file is not an export that gprop knows, or if a trial differs
-    /// from ONNX Runtime.
+    /// gprop itself, with a third of the work; an error if the file is not an export that gprop knows, or if a trial
+    /// differs from ONNX Runtime.
     Native,
     /// ONNX Runtime, from the file as it is.
     #[value(name = "onnxruntime")]
@@ -144,8 +145,8 @@ pub struct SelectionOptions {
     /// Margin around that box on each side, as a fraction of its longer side
     #[arg(long, value_name = "SHARE", default_value_t = 0.1, value_parser = from_to(0.0, MOST_MARGIN))]
     pub crop_margin: f64,
-    /// For flat segments and adaptive prompts, leave out masks that cover at least this fraction of the foreground: they
-    /// are the whole object
+    /// Masks that cover at least this fraction of the foreground are the whole object: flat segments leave them out, and
+    /// adaptive prompts ignore them
     #[arg(long, value_name = "SHARE", default_value_t = 0.9, value_parser = from_to(0.0, 1.0))]
     pub whole_object: f64,
     /// For flat segments: if two masks overlap by more than this IoU, keep only the one with the better score (the
@@ -155,8 +156,8 @@ pub struct SelectionOptions {
     /// Minimum score of a flat segment: predicted IoU times stability (the paper's score_thr)
     #[arg(long, value_name = "SCORE", default_value_t = 0.7, value_parser = from_to(0.0, 1.0))]
     pub cull_score: f64,
-    /// For flat segments, remove a mask that lies at least 85 % inside another and covers less than half of it, if 1 -
-    /// (overlap / its area) x (overlap / the other's area) exceeds 1 - this value (the paper's inner_thr)
+    /// For flat segments, remove a mask that lies at least 85 % inside another and covers less than half of it, if
+    /// (overlap / its area) x (overlap / the other's area) is below this value (the paper's inner_thr)
     #[arg(long, value_name = "SHARE", default_value_t = 0.5, value_parser = from_to(0.0, 1.0))]
     pub cull_inner: f64,
 }

@@ -2,6 +2,7 @@
 
 use super::{AnsweredPart, ViewInput, VoteError};
 use crate::materials::MaterialLibrary;
+use crate::output::{agreeing, counted};
 use crate::query::{Answer, Answers, Outcome};
 
 /// A segment of one view, or a part as one view shows it.
@@ -78,9 +79,11 @@ impl<'a> AnsweredSegments<'a> {
         }
         if !unanswered.is_empty() {
             let (count, list) = (unanswered.len(), shortened(&unanswered));
-            found
-                .warnings
-                .push(format!("{count} of {} {what}s have no answer and cast no votes: {list}", found.in_maps));
+            let (of, cast) = (
+                counted(found.in_maps, what),
+                agreeing(count, "has no answer and casts no votes", "have no answer and cast no votes"),
+            );
+            found.warnings.push(format!("{count} of {of} {cast}: {list}"));
         }
         found
     }

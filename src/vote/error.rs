@@ -1,9 +1,11 @@
 //! Errors that make a vote impossible.
 
+use crate::output::counted;
+
 /// Why there is no [`super::MaterialField`].
 #[derive(Debug, thiserror::Error)]
 pub enum VoteError {
-    #[error("the scene has no Gaussians: give a splat that holds some")]
+    #[error("the scene has no Gaussians: give a splat that contains some")]
     NoGaussians,
     #[error(
         "the label map of view `{view}` has {map:?} pixels, its camera {camera:?}: segment the view again, or scale the \
@@ -16,8 +18,9 @@ pub enum VoteError {
     )]
     UnknownMaterial { view: String, segment: u16, material: String },
     #[error(
-        "no Gaussian received a vote: {segments} segments in {views} views, {answered} of them with an answer; look at the \
-         label maps and at the failures in the answers, and whether photos, cameras and splat agree"
+        "no Gaussian received a vote: there are {} in {}, {answered} of them with an answer; look at the label maps and at \
+         the failures in the answers, and check with `gprop inspect` whether photos, cameras and splat agree",
+        counted(*.segments, "segment"), counted(*.views, "view")
     )]
     NoVotes { views: usize, segments: usize, answered: usize },
 }

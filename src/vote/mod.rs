@@ -250,12 +250,9 @@ fn strange_gaussians(gaussians: &Gaussians) -> Vec<String> {
     let is_large = |&i: &usize| !gaussians.is_set_aside(i) && gaussians.scale(i).max() > diagonal;
     let large = (0..gaussians.len()).filter(is_large).count();
     if large > 0 {
-        let are = agreeing(
-            large,
-            "is larger than the object: it votes and is",
-            "are larger than the object: they vote and are",
-        );
-        doubts.push(format!("{} {are} voted on like any other", counted(large, "Gaussian")));
+        let are =
+            agreeing(large, "is larger than the object: it gets its", "are larger than the object: they get their");
+        doubts.push(format!("{} {are} material by vote, like any other", counted(large, "Gaussian")));
     }
     let is_faint = |&i: &usize| !gaussians.is_set_aside(i) && gaussians.opacity(i) < f64::from(render::ALPHA_MIN);
     let faint = (0..gaussians.len()).filter(is_faint).count();

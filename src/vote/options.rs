@@ -25,7 +25,7 @@ pub struct Options {
     #[arg(long, value_enum, default_value_t = Rule::default())]
     pub vote: Rule,
 
-    /// What decides on a material if the answers of the views differ; matters only with --ask segments
+    /// How views whose answers differ agree on a material; matters only with --ask segments
     #[arg(long, value_enum, default_value_t = Agreement::default())]
     pub agree: Agreement,
 

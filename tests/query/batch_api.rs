@@ -226,7 +226,7 @@ fn answers_that_are_none_are_not_recorded_and_those_that_never_came_are_told() {
     let collected = place.query_session(&options).collect().unwrap();
     assert_eq!((collected.recorded, collected.failed.values().sum::<usize>()), (0, 3));
     let reasons = collected.require_all().unwrap_err().to_string();
-    for word in ["family", "temperature", "ended without it"] {
+    for word in ["family", "temperature", "ended without an answer"] {
         assert!(reasons.contains(word), "no {word:?} in {reasons}");
     }
     assert_eq!(place.recorded().len(), 1);

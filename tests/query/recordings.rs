@@ -358,7 +358,7 @@ fn what_refusals_and_empty_answers_took_is_paid_too() {
     assert_eq!((run.spent.requests, run.spent.usage.input_tokens), (2, 2000));
     let error = run.answers.require_any().unwrap_err();
     assert!(
-        error.to_string().contains("none of the 2 segments") && error.to_string().contains("(2 of them)"),
+        error.to_string().contains("none of the 2 questions") && error.to_string().contains("(2 of them)"),
         "{error}"
     );
 }

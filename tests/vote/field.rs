@@ -317,7 +317,7 @@ fn failed_answers_cast_no_votes_and_are_counted() {
     assert_eq!(field.labels[field.part_label[31] as usize].material, material_of(1));
     assert_eq!((field.views[0], field.views[31]), (2, 1));
     let said = field.warnings.join("\n");
-    assert!(said.contains("1 of 4 segments have no answer") && said.contains("view0/2"), "{said}");
+    assert!(said.contains("1 of 4 segments has no answer") && said.contains("view0/2"), "{said}");
     assert!(said.contains("`view2` has no segments"), "{said}");
 
     let mut silent = Ballot::default();

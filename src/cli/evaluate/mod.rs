@@ -24,7 +24,7 @@ use crate::evaluate::simulation::{self, SimulationError};
 use crate::files;
 use crate::from_splat::photo_with_foreground;
 use crate::npz::Npz;
-use crate::output::one_line;
+use crate::output::{counted, one_line};
 use crate::pipeline::stored::Stored;
 use crate::pipeline::{Stage, open_segmenter};
 use crate::read_scope::ReadScope;
@@ -95,8 +95,8 @@ fn evaluate_data_set(global: &Global, folder: &Path, split: Option<&str>, out: O
     if objects.is_empty() {
         let of_split = split.map(|split| format!(" of the split {split:?}")).unwrap_or_default();
         let problem = format!(
-            "no scene{of_split} whose weight {folder:?} states (there are {weights}) has been run; run `gprop batch` \
-             first"
+            "{folder:?} states the weights of {}{of_split}, none of which has been run; run `gprop batch` first",
+            counted(weights, "scene")
         );
         return Err(UsageError(problem).into());
     }

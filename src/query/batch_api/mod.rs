@@ -136,7 +136,7 @@ pub fn collect(client: &Client, job: &BatchApiJob) -> Result<Progress, AskError>
     for waiting in &job.waiting {
         let found = lines.remove(waiting.key.as_str());
         let why_none = || match status.problems() {
-            none if none.is_empty() => format!("the job ended without it ({:?})", status.state),
+            none if none.is_empty() => format!("the job ended without an answer ({:?})", status.state),
             problems => problems,
         };
         match found.unwrap_or_else(|| Err(NotAnswered::Server(why_none()))) {

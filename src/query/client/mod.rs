@@ -132,7 +132,7 @@ impl Client {
     pub fn announce_submission(&self, pictures: usize, cost: &Cost) {
         let pictures = counted(pictures, "picture");
         progress::notice(&format!(
-            "sending {pictures} to {} through the Batch API, the first at once: {cost} ({})",
+            "sending {pictures} to {} through the Batch API, starting at once: {cost} ({})",
             self.name(),
             self.budget()
         ));

@@ -44,12 +44,12 @@ pub enum Mismatch {
     #[error("no layer norm after {0:?}")]
     NoNorm(String),
 
-    #[error("the tokens of its prompts are {0} numbers")]
+    #[error("the tokens of its prompts have {0} numbers each")]
     Tokens(usize),
     #[error("{0:?} is smaller than a picture's embedding")]
     SmallValue(String),
     /// Logits in units of their spread, and predicted IoU.
-    #[error("on a trial its logits are {logits:e} and its predicted IoU {predicted_iou:e} off")]
+    #[error("on a trial, its logits are off by {logits:e} and its predicted IoU by {predicted_iou:e}")]
     Trial { logits: f32, predicted_iou: f32 },
     #[error("the picture was prepared by another decoder")]
     OtherDecoder,
