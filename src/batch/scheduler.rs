@@ -128,8 +128,8 @@ impl Scheduler {
         }
         let gigabytes = |bytes: u64| bytes as f64 / memory::GIGABYTE;
         let why = format!(
-            "it used {:.2} GB, more than the {:.2} GB that all scenes may use; give more with --memory, or try fewer views, \
-             --volume-cells or --grid",
+            "it used {:.2} GB, more than the {:.2} GB that all scenes may use; give more with --memory, or try a smaller \
+             --views, --volume-cells or --grid",
             gigabytes(last.peak),
             gigabytes(self.budget.bytes)
         );

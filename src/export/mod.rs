@@ -88,7 +88,7 @@ pub struct Model<'a> {
 
 /// Stands in every export whose scale a model estimated.
 const ESTIMATED_SCALE: &str =
-    "estimated scale: a model judged how long the object is; lengths and masses are no better than that";
+    "estimated scale: a model judged how long the object is; lengths and masses are no more accurate than that";
 
 impl Model<'_> {
     /// What a reader must know about the scale.

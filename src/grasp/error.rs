@@ -17,14 +17,14 @@ pub enum GraspError {
     Margin { value: f64 },
     #[error("no part is called {name:?}; the parts are: {parts}")]
     NoSuchPart { name: String, parts: String },
-    #[error("{name:?} may be more than one part: {parts}; give --part the number")]
+    #[error("{name:?} could be any of several parts: {parts}; name one by its number with --part")]
     AmbiguousPart { name: String, parts: String },
-    #[error("no part has a surface that a finger could touch; name one with --part")]
+    #[error("no part has a surface that a finger could touch; choose a part with --part")]
     NoSurface,
     #[error("part {part} has no label in the material field; run the vote stage again")]
     NoLabel { part: u32 },
     #[error(
-        "{what} of part {part:?} is {} to {}: a grasp needs a number above 0; correct the part's answer or choose another \
+        "{what} of part {part:?} is {} to {}: it must be above 0 for a grasp; correct the part's answer or choose another \
          part with --part", estimate.low, estimate.high
     )]
     Property { part: String, what: &'static str, estimate: Estimate },
@@ -33,7 +33,10 @@ pub enum GraspError {
         why.map_or_else(|| "has no surface that was seen".to_owned(), |why| why.to_string())
     )]
     NoThickness { part: String, why: Option<NoVolume> },
-    #[error("--gripper {name:?}: no gripper of that name is built in and no such file exists; built in are: {builtin}")]
+    #[error(
+        "--gripper {name:?}: no gripper of that name is built in and no such file exists; the built-in grippers are: \
+         {builtin}"
+    )]
     NoSuchGripper { name: String, builtin: String },
     #[error("cannot read the gripper profile {}", path.display())]
     ReadProfile { path: PathBuf, source: std::io::Error },
@@ -51,8 +54,8 @@ pub enum GraspError {
     #[error("cannot read the measurements {}: {message}", path.display())]
     ReadPoints { path: PathBuf, message: String },
     #[error(
-        "every place where the fingers could press on {what} is wider than the {stroke_mm:.0} mm that {gripper} opens: the \
-         narrowest is {narrowest_mm:.0} mm; grasp another part with --part or use a gripper with a longer stroke"
+        "every place where the fingers could press on {what} is wider than the {stroke_mm:.0} mm to which {gripper} opens: \
+         the narrowest is {narrowest_mm:.0} mm; grasp another part with --part or use a gripper with a longer stroke"
     )]
     StrokeTooSmall { what: String, gripper: String, stroke_mm: f64, narrowest_mm: f64 },
     #[error(
@@ -62,8 +65,8 @@ pub enum GraspError {
     )]
     PointTooFar { point: [f64; 3], distance_mm: f64, finger_mm: f64 },
     #[error(
-        "no two opposite places on {what} can be pressed on with free space for the fingers beside them; grasp another part \
-         with --part, or elsewhere with --point"
+        "no two opposite places on {what} can be pressed on and leave enough space for the fingers; grasp another part with \
+         --part, or elsewhere with --point"
     )]
     NoPlace { what: String },
 }

@@ -47,7 +47,7 @@ impl Infeasible {
     pub fn of_torque(best: &Candidate, options: &Options) -> Self {
         let mut advice = vec!["use wider fingers".to_owned()];
         if best.limited_by == Limit::Gripper {
-            advice.push("a stronger gripper".to_owned());
+            advice.push("use a stronger gripper".to_owned());
         }
         if options.part.is_some() || options.point.is_some() {
             advice.push("grasp nearer to the centre of mass (--auto)".to_owned());

@@ -190,8 +190,8 @@ pub fn grasp(
     let mut notes = Vec::new();
     if !gripper.is_calibrated() {
         notes.push(format!(
-            "gripper {} has no calibration points: its command is taken as linear in the force; `gprop grasp calibrate` \
-             makes a profile from measurements",
+            "gripper {} has no calibration points: its command is taken to be linear in the force; `gprop grasp \
+             calibrate` makes a profile from measurements",
             gripper.name
         ));
     }

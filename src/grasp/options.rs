@@ -111,6 +111,6 @@ fn point(text: &str) -> Result<[f64; 3], String> {
     let numbers: Result<Vec<f64>, _> = text.split(',').map(|number| number.trim().parse::<f64>()).collect();
     match numbers.as_deref() {
         Ok(&[x, y, z]) if [x, y, z].iter().all(|v| v.is_finite()) => Ok([x, y, z]),
-        _ => Err("not three numbers between commas".to_owned()),
+        _ => Err("not three numbers separated by commas".to_owned()),
     }
 }

@@ -125,9 +125,9 @@ impl Scene<'_> {
             }
         }
         let damage = match report.f_max_limited_by {
-            Limit::Yield => "its strength is reached",
-            Limit::Bending => "it bends too far",
-            Limit::Slip | Limit::Gripper => "it is damaged",
+            Limit::Yield => "the part yields",
+            Limit::Bending => "the part bends too far",
+            Limit::Slip | Limit::Gripper => "the part is damaged",
         };
         let mut lines = vec![
             format!("F* {}: press with this, command {:.0}", newtons(report.f_star_n), report.normalized_command),
@@ -135,7 +135,7 @@ impl Scene<'_> {
             format!("F_max {}: with more, {damage}", newtons(report.f_max_n)),
         ];
         if let Some(why) = &report.infeasible {
-            lines[0] = format!("F* {}: the most that is possible", newtons(report.f_star_n));
+            lines[0] = format!("F* {}: the best force that this gripper can give", newtons(report.f_star_n));
             lines.extend(Style::regular(LABEL_PX).wrapped(&format!("Not safe: {why}"), picture.width()));
         }
         let legend = lines.into_iter().map(|text| Entry { text, key: Key::None }).collect();

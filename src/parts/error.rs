@@ -11,9 +11,9 @@ pub enum PartsError {
     FieldSize { field: usize, gaussians: usize },
     #[error("Gaussian {gaussian} has label {label}, but the material field has {labels}; run the vote stage again")]
     Label { gaussian: usize, label: u32, labels: usize },
-    #[error("Gaussian {gaussian} has a position or size that is not a finite number; clean the splat first")]
+    #[error("Gaussian {gaussian} has a position or size that is not a finite number; remove it from the splat")]
     NotFinite { gaussian: usize },
-    #[error("no views: carving needs the scene's cameras; without them use --volume fill")]
+    #[error("there are no views: carving needs the scene's cameras; without them, use --volume fill")]
     NoViews,
     #[error(
         "nothing is inside the object: {why}; check with `gprop inspect` that cameras and splat agree, or use --volume fill \
@@ -22,12 +22,12 @@ pub enum PartsError {
     NothingInside { why: &'static str },
     #[error(
         "none of the {parts} parts has a volume, so the object has no mass: {why}; check with `gprop inspect` that photos, \
-         cameras and splat agree, and look at the warnings of the stages before"
+         cameras and splat agree, and look at the warnings of the earlier stages"
     )]
     NoVolume { parts: usize, why: String },
     #[error(
-        "the metric scale is unknown, so there are no kilograms or newtons: give --scale metric if the scene is \
-         in metres, or --scale F with F metres per scene unit"
+        "the metric scale is unknown, so masses and forces cannot be computed: give --scale metric if the scene is in \
+         metres, or --scale F if a scene unit is F metres long"
     )]
     ScaleUnknown,
     /// An error in a stored [`Interior`](super::Interior).

@@ -355,7 +355,8 @@ fn warnings(field: &MaterialField, floaters: usize, shapes: &[Shape], scale_unkn
     }
     let shells = field.labels.iter().any(|l| matches!(l.form, Form::Shell { .. }));
     if scale_unknown && shells {
-        warnings.push("wall thicknesses are known only in metres: without --scale, shells count as solid".to_owned());
+        warnings
+            .push("wall thicknesses are known only in metres, so without --scale, shells count as solid".to_owned());
     }
     warnings
 }
@@ -392,7 +393,7 @@ fn notes(
     for (id, volume) in volumes().filter(|(_, volume)| *volume < min_part_share * whole) {
         let (name, percent) = (caption(id), 100.0 * volume / whole);
         notes.push(format!(
-            "part {name:?} is {percent:.3} % of the object's volume: a real detail, or a speck left by a wrong answer"
+            "part {name:?} is {percent:.3} % of the object's volume: a small detail, or a speck left by a wrong answer"
         ));
     }
     if composed.is_mirrored {
@@ -401,7 +402,7 @@ fn notes(
     let is_hollow = |l: usize| shapes[l].volume.is_some() && composed.cores[l].is_none();
     let unknown = field.labels.iter().filter(|label| label.inside == Some(Contents::Unknown));
     for label in unknown.filter(|label| is_hollow(label.id as usize)) {
-        notes.push(format!("it is unknown what is inside {:?}: it is weighed as empty", label.caption));
+        notes.push(format!("it is unknown what is inside {:?}, so it is weighed as empty", label.caption));
     }
     for (shell, core) in composed.cores.iter().enumerate() {
         if let Some(core) = core {

@@ -82,7 +82,7 @@ pub struct Options {
     /// Ignore connected bodies with less than this fraction of the splat's total opacity: they are floaters
     #[arg(long, value_name = "SHARE", default_value_t = MIN_BODY_SHARE)]
     pub min_body_share: f64,
-    /// Warn about parts with less than this fraction of the object's volume
+    /// Name parts with less than this fraction of the object's volume in a note
     #[arg(long, value_name = "SHARE", default_value_t = MIN_PART_SHARE)]
     pub min_part_share: f64,
     /// How to write the connected bodies of one part (such as the four legs of a chair)

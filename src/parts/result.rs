@@ -206,12 +206,12 @@ impl KnownMass {
         let (reading, Range { low, high }) = (self.reading_kg, self.possible_kg);
         let (side, nearest) = if reading > high { ("high", high) } else { ("low", low) };
         let density = reading / enclosed_m3;
-        let steel = if density > STEEL_KG_M3 { ", heavier than solid steel" } else { "" };
+        let steel = if density > STEEL_KG_M3 { ", denser than solid steel" } else { "" };
         Some(format!(
             "--known-mass {reading} kg is impossible: the answers allow {low:.3} to {high:.3} kg. The nearest is \
              {nearest:.3} kg, with every wall, density, filling and unseen depth at its {side} end. {reading} kg would \
-             mean {density:.0} kg/m3 for everything that the surface encloses{steel}. Check the reading, the metric \
-             scale and the answers; the masses are as without --known-mass"
+             mean a density of {density:.0} kg/m3 for the whole volume within the surface{steel}. Check the reading, \
+             the metric scale and the answers; the masses are as without --known-mass"
         ))
     }
 }

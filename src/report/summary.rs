@@ -91,7 +91,7 @@ pub fn grasp_line(grasp: &GraspReport) -> String {
     let estimated = if grasp.estimated_scale { ESTIMATED } else { "" };
     match &grasp.infeasible {
         None => format!(
-            "grasp  {} N at the {part}: slips below {} N, is damaged above {} N{estimated}\n",
+            "grasp  {} N at the {part}: slips below {} N, damaged above {} N{estimated}\n",
             significant(grasp.f_star_n),
             significant(grasp.f_min_n),
             significant(grasp.f_max_n),

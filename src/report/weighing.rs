@@ -43,16 +43,16 @@ fn causes(parts: &Parts) -> Option<String> {
             format!("{} ({} kg if nothing else were uncertain)", cause(width.source), interval(alone, 1.0))
         })
         .collect();
-    (!said.is_empty()).then(|| format!("The mass is uncertain because of {}.", said.join(", ")))
+    (!said.is_empty()).then(|| format!("The mass is uncertain because of {}.", said.join("; ")))
 }
 
 fn cause(source: Source) -> &'static str {
     match source {
-        Source::Method => "how accurately the splat shows the surface",
+        Source::Method => "the limited accuracy of the surface in the splat",
         Source::Wall => "the thickness of the walls",
-        Source::UnseenDepth => "what no photo shows",
+        Source::UnseenDepth => "places that no photo shows",
         Source::Density => "the density of the materials",
-        Source::Filling => "what is inside",
+        Source::Filling => "the contents",
         Source::Scale => "the length of a scene unit",
     }
 }

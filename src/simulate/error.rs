@@ -50,7 +50,7 @@ pub enum SimulateError {
     Checkpoint(String),
     #[error("cannot read the PhysGaussian configuration: {0}")]
     Configuration(String),
-    #[error("--rigid: there is no part `{part}`; the parts are {names}; or give auto or never")]
+    #[error("--rigid: there is no part `{part}`: give one of {names}, or auto, or never")]
     Rigid { part: String, names: String },
     #[error("--scenario cannot be run: {0}")]
     Scenario(String),

@@ -14,6 +14,7 @@ use crate::output::toml_problem;
 /// A scenario: its name, a description, and its parameters with their defaults.
 pub struct Known {
     pub name: &'static str,
+    /// What happens to the object, without the subject.
     pub what: &'static str,
     /// For the film on a page.
     pub caption: &'static str,
@@ -26,41 +27,44 @@ pub const KNOWN: [Known; 8] = [
         name: "drop",
         what: "falls onto the ground (see --ground), tilted",
         caption: "Dropped onto the ground",
-        parameters: &[("height", 0.5, "longest sides; or --drop-height"), ("tilt", 25.0, "degrees; or --tilt-deg")],
+        parameters: &[
+            ("height", 0.5, "in longest sides; as --drop-height"),
+            ("tilt", 25.0, "in degrees; as --tilt-deg"),
+        ],
     },
     Known {
         name: "push",
-        what: "a steady force on the upper third, straight down or sideways",
+        what: "is pushed with a steady force on its upper third, straight down or sideways",
         caption: "Pushed at its upper third",
-        parameters: &[("force", 1.0, "in weights of the object"), ("down", 1.0, "1: down; 0: along x")],
+        parameters: &[("force", 1.0, "times the object's weight"), ("down", 1.0, "1: straight down; 0: along x")],
     },
     Known {
         name: "poke",
-        what: "a short sideways blow at the top",
+        what: "gets a short sideways blow at the top",
         caption: "Hit sideways at the top",
-        parameters: &[("force", 5.0, "in weights of the object"), ("lasts", 0.02, "share of the time")],
+        parameters: &[("force", 5.0, "times the object's weight"), ("lasts", 0.02, "fraction of the simulated time")],
     },
     Known {
         name: "twist",
-        what: "one end of the longest side is held, the other turned about it",
+        what: "is held at one end of its longest side and turned about that side at the other",
         caption: "Twisted",
         parameters: &[("rate", 2.0, "rad/s")],
     },
     Known {
         name: "stretch",
-        what: "both ends of the longest side are pulled apart",
+        what: "is pulled apart at both ends of its longest side",
         caption: "Stretched",
-        parameters: &[("speed", 0.2, "longest sides per second")],
+        parameters: &[("speed", 0.2, "in longest sides per second")],
     },
     Known {
         name: "wind",
-        what: "blows along x",
+        what: "stands in wind along x",
         caption: "In the wind",
         parameters: &[("speed", 5.0, "m/s"), ("response", 1.0, "s")],
     },
     Known {
         name: "shake",
-        what: "shaken along x",
+        what: "is shaken along x",
         caption: "Shaken",
         parameters: &[("acceleration", 10.0, "m/s^2"), ("frequency", 4.0, "Hz")],
     },
@@ -68,7 +72,10 @@ pub const KNOWN: [Known; 8] = [
         name: "release",
         what: "hangs by its top, then is let go",
         caption: "Hung by its top, then let go",
-        parameters: &[("height", 0.5, "above the ground, longest sides"), ("after", 0.3, "share of the time")],
+        parameters: &[
+            ("height", 0.5, "above the ground, in longest sides"),
+            ("after", 0.3, "fraction of the simulated time"),
+        ],
     },
 ];
 
@@ -181,7 +188,7 @@ pub fn named(name: &str, given: &[String]) -> Result<Script, SimulateError> {
     let bad = |text: String| SimulateError::Scenario(text);
     let known = KNOWN.iter().find(|k| k.name == name).ok_or_else(|| {
         let names: Vec<&str> = KNOWN.iter().map(|k| k.name).collect();
-        bad(format!("there is no scenario `{name}`; the scenarios are {}; or give a TOML file", names.join(", ")))
+        bad(format!("there is no scenario `{name}`: give one of {}, or a TOML file", names.join(", ")))
     })?;
     let mut values: BTreeMap<&str, f64> = known.parameters.iter().map(|(key, value, _)| (*key, *value)).collect();
     for text in given {
@@ -319,7 +326,7 @@ impl Standing<'_> {
                     names.sort_unstable();
                     names.dedup();
                     return Err(SimulateError::Scenario(format!(
-                        "there is no part `{part}`; the parts are {}; or give all, top, bottom, low_end or high_end",
+                        "there is no part `{part}`: give one of {}, or all, top, bottom, low_end or high_end",
                         names.join(", ")
                     )));
                 }

@@ -125,7 +125,7 @@ fn a_reading_of_a_scale_narrows_what_is_inside() {
 fn a_reading_that_nothing_explains_is_said_and_changes_nothing() {
     let contents = || filling(1000.0, Estimate::exactly(1.0));
     let expected = ball(contents(), &Options::default());
-    for (reading, words) in [(1e5, "heavier than solid steel"), (1.0, "the nearest is")] {
+    for (reading, words) in [(1e5, "denser than solid steel"), (1.0, "the nearest is")] {
         let known = ball(contents(), &Options { known_mass: Some(reading), ..Options::default() });
         assert_eq!(known.object, expected.object);
         assert!(!known.known_mass.as_ref().unwrap().is_possible);

@@ -39,7 +39,7 @@ pub fn write(text: &mut String, rigid: &Rigid) {
 "#,
             number = n + 1,
             doc = quoted(&format!(
-                "Press the {} here. Forces of one finger in N; position and orientation of a gripper whose z points at the \
+                "Press on the {} here. Forces of one finger in N; position and orientation of a gripper whose z points at the \
                  object and whose y leads from finger to finger; width between the fingers in m",
                 grasp.part
             )),

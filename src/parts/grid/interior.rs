@@ -111,20 +111,20 @@ impl Interior {
             let share = f32::from_le_bytes(take(&mut rest)?);
             let end = interior.part.len().saturating_add(u32::from_le_bytes(take(&mut rest)?) as usize);
             if end > total {
-                return Err(damaged(format!("its runs are of more than {total} cells")));
+                return Err(damaged(format!("its runs have more than {total} cells")));
             }
             let owner = part & !FILLING;
             if part < VOID && owner as usize >= parts {
-                return Err(damaged(format!("it is filled with part {owner}, but there are only {parts} parts")));
+                return Err(damaged(format!("its cells name part {owner}, but there are only {parts} parts")));
             }
             if !(0.0..=1.0).contains(&share) {
-                return Err(damaged(format!("{share} of a cell is material")));
+                return Err(damaged(format!("the share of material in a cell is {share}")));
             }
             interior.part.resize(end, part);
             interior.fraction.resize(end, share);
         }
         if interior.part.len() < total {
-            return Err(damaged(format!("its runs are of {} cells, not {total}", interior.part.len())));
+            return Err(damaged(format!("its runs have {} cells, not {total}", interior.part.len())));
         }
         Ok(interior)
     }
@@ -142,7 +142,7 @@ fn read_grid(rest: &mut &[u8], volume_cells: usize) -> Result<Grid, PartsError> 
         (dims.iter().try_fold(1, |all: usize, &cells| all.checked_mul(cells)), Grid::most_cells(volume_cells));
     if !all.is_some_and(|all| (1..=most).contains(&all)) {
         let [x, y, z] = dims;
-        return Err(damaged(format!("a grid of about {volume_cells} cells cannot have {x} x {y} x {z}")));
+        return Err(damaged(format!("a grid of about {volume_cells} cells cannot have {x} x {y} x {z} cells")));
     }
     let grid = Grid { origin, cell, dims };
     let is_finite =

@@ -137,10 +137,10 @@ fn tiles(report: &Report) -> Vec<Value> {
     }
     if let Some(grasp) = &report.grasp {
         let bounds =
-            || format!("slips below {} N, damage above {} N", significant(grasp.f_min_n), significant(grasp.f_max_n));
+            || format!("slips below {} N, damaged above {} N", significant(grasp.f_min_n), significant(grasp.f_max_n));
         tiles.push(match &grasp.infeasible {
             None => tile(&named("grip with"), format!("{} N", significant(grasp.f_star_n)), bounds()),
-            Some(why) => tile(&named("grip"), "not safely".to_owned(), why.explanation.clone()),
+            Some(why) => tile(&named("grip"), "not safe".to_owned(), why.explanation.clone()),
         });
     }
     tiles.extend(report.simulation.as_ref().and_then(softened_tile));
@@ -297,7 +297,7 @@ fn simulation(simulation: &SimulationReport, pictures: &Pictures) -> Value {
 /// A rigid part: how hard it hit the ground, and what it can bear.
 fn rigid_row(part: &RigidReport) -> Value {
     let verdict = match (part.dents, part.peak_pressure_pa > 0.0) {
-        (true, _) => "the face would dent",
+        (true, _) => "the part would dent",
         (false, true) => "no damage",
         (false, false) => "never touches the ground",
     };

@@ -19,7 +19,7 @@ pub(super) fn views(pictures: &Pictures, answers: &Answers) -> Vec<Value> {
 /// A sentence about the sources of the answers.
 pub(super) fn sentence(counts: &AnswerCounts) -> String {
     format!(
-        "Answers: {}, of which {} were given to exactly this question and {} come from a recording with an overlapping mask. \
+        "Answers: {}, of which {} were given to exactly these questions and {} come from recordings with overlapping masks. \
          Failed questions: {}.",
         counts.answered(),
         counts.exact,
@@ -52,10 +52,10 @@ fn one(view: &ViewPictures, pictures: &Pictures, answers: &Answers) -> Value {
     context! {
         name,
         pictures => vec![
-            picture(&view.photo, "photo of"),
-            picture(&view.splat, "splat seen in"),
-            picture(&view.segments, "segments of"),
-            picture(&view.materials, "Gaussians seen in"),
+            picture(&view.photo, "photo of view"),
+            picture(&view.splat, "splat drawn in view"),
+            picture(&view.segments, "segments of view"),
+            picture(&view.materials, "Gaussians drawn in view"),
         ],
         caption => format!("{}: {}", counted(named.len(), "segment"), named.join("; ")),
         rows => of_view.iter().map(|segment| row(segment, pictures)).collect::<Vec<_>>(),

@@ -94,7 +94,7 @@ fn left_the_box(
         particle,
         material: materials
             .get(p.law as usize)
-            .map_or_else(|| "the configuration's".to_owned(), |material| material.name.clone()),
+            .map_or_else(|| "the configuration's material".to_owned(), |material| material.name.clone()),
         what: if finite { "left the box" } else { "became NaN or infinite" },
         t_s: time,
         frame,

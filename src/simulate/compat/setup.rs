@@ -112,7 +112,7 @@ pub fn set_up(gaussians: &Gaussians, config: &Config, estimated: Option<&Estimat
     let side = config.grid_lim as f32;
     if let Some(index) = places.iter().position(|p| p.iter().any(|x| !(0.0..side).contains(x))) {
         return Err(SimulateError::Configuration(format!(
-            "particle {index} lies at {:?}, outside of the box of {side}: lower `scale`",
+            "particle {index} lies at {:?}, outside the box with a side of {side}: lower `scale`",
             places[index].as_slice()
         )));
     }

@@ -9,7 +9,9 @@
 //! The pressure of an impact cannot be read from such impulses, which have no duration. It is that of a flat punch of
 //! the contact's area A on an elastic half space (Johnson, *Contact Mechanics*, 1985, section 3.4): stiffness k = 2 a E
 //! / (1 - nu^2) with a = sqrt(A / pi), so that a mass m that arrives at v presses with at most v sqrt(k m). The mass is
-//! the one that the impulse stopped, m = J / v; the ground is taken to be rigid.
+//! the one that the impulse stopped, m = J / v; the ground is taken to be rigid. Of v, the share g dt that gravity adds
+//! within a step is not an impact, since a body at rest has it too: it counts as weight instead,
+//! F = (v - g dt) sqrt(k m) + m g.
 
 use nalgebra::{Matrix3, Matrix3x6, Matrix6, Point3, Vector2, Vector3};
 
