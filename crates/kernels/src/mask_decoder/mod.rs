@@ -104,8 +104,8 @@ impl MaskDecoder {
     }
 }
 
-impl Scratch {
-    pub fn new() -> Self {
+impl Default for Scratch {
+    fn default() -> Self {
         Self { pixels: vec![0.0; PIXELS * CHANNELS], scores: vec![0.0; TOKENS * PIXELS], logits: Vec::new() }
     }
 }
@@ -301,7 +301,7 @@ mod tests {
         let decoder = MaskDecoder { weights: Numbers(Cell::new(1)).weights(), instructions };
         let numbers = Numbers(Cell::new(7));
         let image = decoder.prepare(numbers.take(PIXELS * CHANNELS, 1.0), numbers.take(PIXELS * CHANNELS, 1.0));
-        let mut scratch = Scratch::new();
+        let mut scratch = Scratch::default();
         let tokens = numbers.take(TOKENS * CHANNELS, 1.0);
         COUNTS.map(|count| {
             let tokens = &tokens[..count * CHANNELS];

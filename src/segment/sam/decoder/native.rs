@@ -35,7 +35,7 @@ impl Native {
         };
         let image = sessions(&[&sources.image_embedding, &sources.positional_encoding], 1)?;
         let tokens = sessions(&[&sources.tokens], threads)?;
-        let scratch = Pool::new((0..threads).map(|_| Scratch::new()).collect());
+        let scratch = Pool::new((0..threads).map(|_| Scratch::default()).collect());
         let native = Self { mask_decoder, sources, prompt, image, tokens, scratch };
         native.tokens_of(&[])?;
         Ok(native)
