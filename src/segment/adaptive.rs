@@ -1,6 +1,6 @@
 //! Chooses the grid points that are worth a prompt: those on the foreground. Every fourth row and column comes first,
 //! then, in passes that halve the distance between points by turns along the diagonals and along the axes, the points
-//! between them, unless the mask of a prompt nearby already covers them.
+//! between them, unless the masks of two prompts nearby already cover them.
 
 use super::Level;
 use super::candidate::Candidate;
@@ -11,9 +11,8 @@ const FIRST_SPACING: usize = 4;
 /// How far away, in rows and columns, prompts count as near: every point of a later pass has points of the first pass on
 /// both sides of it.
 const NEAR: usize = FIRST_SPACING - 1;
-/// A point with fewer prompted neighbours lies at the object's edge or on a thin part of it, about which little is
-/// known.
-const LEAST_NEIGHBOURS: usize = 2;
+/// A mask covers a point by mistake more often than the masks of two prompts do.
+const PROMPTS_THAT_EXPLAIN: usize = 2;
 
 /// The data that decide which points to prompt.
 pub struct Adaptive<'a> {
@@ -28,8 +27,9 @@ pub struct Adaptive<'a> {
 impl Adaptive<'_> {
     /// True if pixel (`x`, `y`) should be prompted, given the masks of each neighbour that was prompted.
     pub fn is_worth_asking(&self, x: u32, y: u32, neighbours: &[&[Candidate]]) -> bool {
-        let is_explained = || neighbours.iter().copied().flatten().any(|c| c.mask.contains(x, y) && self.explains(c));
-        self.foreground.contains(x, y) && (neighbours.len() < LEAST_NEIGHBOURS || !is_explained())
+        let explains = |candidates: &[Candidate]| candidates.iter().any(|c| c.mask.contains(x, y) && self.explains(c));
+        let explaining = || neighbours.iter().filter(|candidates| explains(candidates)).count();
+        self.foreground.contains(x, y) && explaining() < PROMPTS_THAT_EXPLAIN
     }
 
     /// True if a mask says something about the pixels in it.
@@ -113,16 +113,21 @@ mod tests {
     }
 
     #[test]
-    fn what_a_neighbours_mask_covers_is_not_asked_again() {
+    fn what_the_masks_of_two_neighbours_cover_is_not_asked_again() {
         let foreground = columns(10, 60);
         let adaptive = Adaptive { foreground: &foreground, whole_object: 0.9, level: Level::Middle };
-        let worth = |x, masks: &[&[Candidate]]| adaptive.is_worth_asking(x, 5, masks);
-        let segment = [candidate(20, 40)];
-        assert!(!worth(30, &[&segment, &[]]));
-        assert!(worth(45, &[&segment, &[]]), "beside the mask");
-        assert!(worth(30, &[&segment]), "one neighbour is too few");
-        assert!(!worth(5, &[]), "off the object");
-        assert!(worth(30, &[&[candidate(10, 60)], &[]]), "the whole object is not a segment");
-        assert!(worth(55, &[&[candidate(50, 100)], &[]]), "a mask of the background");
+        let worth = |x, mask: [u32; 2]| {
+            let masks = [candidate(mask[0], mask[1])];
+            adaptive.is_worth_asking(x, 5, &[&masks, &[], &masks])
+        };
+        assert!(!worth(30, [20, 40]));
+        assert!(worth(45, [20, 40]), "beside the masks");
+        assert!(
+            adaptive.is_worth_asking(30, 5, &[&[candidate(20, 40), candidate(25, 45)], &[]]),
+            "masks of one prompt"
+        );
+        assert!(!worth(5, [20, 40]) && !adaptive.is_worth_asking(5, 5, &[]), "off the object");
+        assert!(worth(30, [10, 60]), "the whole object is not a segment");
+        assert!(worth(55, [50, 100]), "masks of the background");
     }
 }
