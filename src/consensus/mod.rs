@@ -53,9 +53,8 @@ const CORE_SPLIT: f64 = 0.02;
 const PIECE_SPLIT: f64 = 0.2;
 /// Pieces are joined into parts while the [`strength`] of their border is at most this.
 const PART_STRENGTH: f64 = 0.3;
-/// The pieces of a part that are asked about one by one, if it consists of several materials, are those that views split
-/// more often than this, each with at least this share of the object's light.
-const ASKED_PIECE_SPLIT: f64 = 0.4;
+/// The pieces of a part that are asked about one by one, if it consists of several materials, each have at least this
+/// share of the object's light.
 const ASKED_PIECE_SHARE: f64 = 0.01;
 /// Angles in degrees between normals across a border: up to the first, the surface goes on smoothly; from the second,
 /// it has an edge. Pairs on a smooth printed surface differ by 8 to 22 degrees, those across borders of parts by 42 and
@@ -202,7 +201,7 @@ fn pieces(piece_of: &[u32], part_of: &[u32], (borders, light, least_share): (Bor
         .collect();
     let between = linkage::between(&within, within.len(), inside.iter().copied());
     let joined = |split: &dyn Fn(&Border) -> f64| {
-        let joined = link(within.len(), &between, ASKED_PIECE_SPLIT, split);
+        let joined = link(within.len(), &between, PIECE_SPLIT, split);
         let joined = within.iter().map(|&piece| joined[piece as usize]).collect();
         linkage::absorb(joined, &inside, light, least_share)
     };
