@@ -56,8 +56,8 @@ const PIECE_SPLIT: f64 = 0.2;
 /// Pieces are joined into parts while the [`strength`] of their border is at most this.
 const PART_STRENGTH: f64 = 0.3;
 /// The pieces of a part that are asked about one by one, if it consists of several materials, each have at least this
-/// share of the object's light.
-const ASKED_PIECE_SHARE: f64 = 0.01;
+/// share of the object's light: smaller ones change little, and on a printed can they are where label and metal meet.
+const ASKED_PIECE_SHARE: f64 = 0.02;
 /// Angles in degrees between normals across a border: up to the first, the surface goes on smoothly; from the second,
 /// it has an edge. Pairs on a smooth printed surface differ by 8 to 22 degrees, those across borders of parts by 42 and
 /// more (the four fixtures and six measured objects).

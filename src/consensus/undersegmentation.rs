@@ -31,7 +31,8 @@ pub(super) struct Regions {
 impl Regions {
     pub fn new(membership: &Membership, segments: &ViewSegments) -> Self {
         let light: Vec<f32> = membership.light().collect();
-        let main = |i| membership.of(i).iter().max_by(|a, b| a.light.total_cmp(&b.light)).map_or(0, |most| most.segment);
+        let main =
+            |i| membership.of(i).iter().max_by(|a, b| a.light.total_cmp(&b.light)).map_or(0, |most| most.segment);
         let segment = (0..light.len()).map(main).collect();
         Self { segment, light, is_undersegmented: vec![false; segments.segments.len() + 1] }
     }
