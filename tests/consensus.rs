@@ -2,7 +2,7 @@
 
 use gprop::camera::{Camera, Intrinsics};
 use gprop::consensus::masks::{PartMasks, part_masks};
-use gprop::consensus::{PartView, Parts, SegmentedView, best_views, find};
+use gprop::consensus::{Part, PartView, Parts, SegmentedView, best_views, find};
 use gprop::progress::Progress;
 use gprop::render::{RenderOptions, render_labels};
 use gprop::scene::gaussians::Gaussians;
@@ -156,6 +156,80 @@ fn what_one_view_cuts_is_not_a_part() {
     assert_eq!(parts(&found(&gaussians, &cameras, &segmented.collect::<Vec<_>>())), 1);
 }
 
+/// Of the right half of the board, in views that cut it into halves.
+const RIGHT: u32 = 3;
+
+/// Labels that cut the board into halves, with the plate or across it.
+fn halves(gaussians: &Gaussians, labels: &[u32], through_plate: bool) -> Vec<u32> {
+    let half = |(position, &label): (&[f32; 3], &u32)| match label {
+        PLATE if !through_plate => PLATE,
+        _ if position[0] > 0.0 => RIGHT,
+        _ => BOARD,
+    };
+    gaussians.positions.iter().zip(labels).map(half).collect()
+}
+
+/// Ten views: three separate the plate and both halves of the board, three only the halves, and four nothing.
+fn four_views_that_merge_all(gaussians: &Gaussians, cameras: &[Camera], labels: &[u32]) -> Vec<ViewSegments> {
+    let (all, only_halves) = (halves(gaussians, labels, false), halves(gaussians, labels, true));
+    let of_view = |(n, camera): (usize, &Camera)| match n % 10 {
+        0 | 3 | 6 => flat(camera, seen(gaussians, camera, &all)),
+        // Number 2 has no pixels.
+        1 | 4 | 7 => flat(camera, seen(gaussians, camera, &only_halves)),
+        _ => flat(camera, seen(gaussians, camera, labels).into_iter().map(|label| label.min(1)).collect()),
+    };
+    cameras.iter().enumerate().map(of_view).collect()
+}
+
+/// Three of ten views are not enough to separate the plate, but three of the six that can tell are.
+#[test]
+fn segments_that_most_other_views_split_do_not_hold_parts_together() {
+    let (gaussians, labels) = board_with_plate(0.1);
+    let cameras = cameras(10);
+    let segmented = four_views_that_merge_all(&gaussians, &cameras, &labels);
+    let result = found(&gaussians, &cameras, &segmented);
+    let (plate, board) = (purity(&result, &labels, PLATE), purity(&result, &labels, BOARD));
+    assert_eq!(parts(&result), 2, "{:?}", result.parts);
+    assert!(plate.0 != board.0 && plate.1 > 0.95 && board.1 > 0.95, "{plate:?} {board:?}");
+}
+
+/// The views that separate the plate and the halves also show the whole as a segment around them.
+#[test]
+fn a_view_that_shows_more_details_does_not_split_a_segment_that_it_also_has() {
+    let (gaussians, labels) = board_with_plate(0.1);
+    let cameras = cameras(10);
+    let mut segmented = four_views_that_merge_all(&gaussians, &cameras, &labels);
+    for view in segmented.iter_mut().filter(|view| view.segments.len() > 1) {
+        let whole = Segment { parent: 0, ..view.segments[0].clone() };
+        view.map.labels.iter_mut().filter(|id| **id > 0).for_each(|id| *id += 1);
+        view.segments.iter_mut().for_each(|segment| (segment.id, segment.parent) = (segment.id + 1, 1));
+        view.segments.insert(0, whole);
+    }
+    assert_eq!(parts(&found(&gaussians, &cameras, &segmented)), 1);
+}
+
+/// A part of which three of ten views take the plate for a thing of its own.
+fn plate_in_three_of_ten_views(gaussians: &Gaussians, cameras: &[Camera], labels: &[u32]) -> Vec<ViewSegments> {
+    let of_view = |(n, camera): (usize, &Camera)| {
+        let map = seen(gaussians, camera, labels);
+        flat(camera, if n % 3 == 0 && n < 9 { map } else { map.into_iter().map(|label| label.min(1)).collect() })
+    };
+    cameras.iter().enumerate().map(of_view).collect()
+}
+
+#[test]
+fn what_three_of_ten_views_separate_is_a_piece_that_can_be_asked_about() {
+    let (gaussians, labels) = board_with_plate(0.1);
+    let cameras = cameras(10);
+    let segmented = plate_in_three_of_ten_views(&gaussians, &cameras, &labels);
+    let result = found(&gaussians, &cameras, &segmented);
+    assert_eq!((parts(&result), result.parts.len()), (1, 3), "a part with two pieces: {:?}", result.parts);
+    let of_plate: Vec<u16> =
+        result.id_of_gaussian.iter().zip(&labels).filter(|(_, of)| **of == PLATE).map(|(&id, _)| id).collect();
+    let of_piece = of_plate.iter().filter(|&&id| id == 3).count();
+    assert!(of_piece as f64 > 0.95 * of_plate.len() as f64, "{of_piece} of {}", of_plate.len());
+}
+
 #[test]
 fn a_segment_within_another_counts_as_a_segment() {
     let (gaussians, labels) = board_with_plate(0.1);
@@ -269,6 +343,39 @@ fn a_view_backs_the_parts_that_it_separates() {
     let apart =
         (order[0] as i32 - order[1] as i32).rem_euclid(8).min((order[1] as i32 - order[0] as i32).rem_euclid(8));
     assert!(apart >= 2, "the second view shows another side: {order:?}");
+}
+
+/// The view's segment of the plate is too small, and the plate's fringe around it goes to the board, whether or not that
+/// is cut into pieces.
+#[test]
+fn pixels_that_show_a_part_do_not_depend_on_its_pieces() {
+    let (gaussians, labels) = board_with_plate(0.1);
+    let camera = &cameras(1)[0];
+    let map: Vec<u16> = seen(&gaussians, camera, &labels);
+    let at = |x: usize, y: usize| map.get(y * 192 + x).copied();
+    let inside = |n: usize| {
+        let (x, y) = (n % 192, n / 192);
+        [(x - 2, y), (x + 2, y), (x, y - 2), (x, y + 2)].iter().all(|&(x, y)| at(x, y) == Some(2))
+    };
+    let smaller = map.iter().enumerate().map(|(n, &id)| if id == 2 && !inside(n) { 1 } else { id }).collect();
+    let segments = flat(camera, smaller);
+    let view = SegmentedView { camera, segments: &segments };
+    let part = |id, piece_of| Part { id, piece_of, gaussians: 1, light: 1.0, separation: 1.0 };
+    let with = |ids: Vec<u32>, parts: Vec<Part>| Parts {
+        id_of_gaussian: ids.into_iter().map(|id| id as u16).collect(),
+        confidence: vec![1.0; labels.len()],
+        parts,
+    };
+    let whole = with(labels.clone(), vec![part(1, None), part(2, None)]);
+    // The halves of the board are pieces 3 and 4 of part 1.
+    let cut = halves(&gaussians, &labels, false).iter().map(|&id| [0, 4, 2, 3][id as usize]).collect();
+    let cut = with(cut, vec![part(1, None), part(2, None), part(3, Some(1)), part(4, Some(1))]);
+    let of_whole = part_masks(&gaussians, &whole, &view).map.labels;
+    let of_cut = part_masks(&gaussians, &cut, &view).map.labels;
+    assert!(of_whole != map, "the fringe moves");
+    let parts_of_cut: Vec<u16> = of_cut.iter().map(|&id| if id == 0 { 0 } else { cut.part_of(id) }).collect();
+    assert!(parts_of_cut == of_whole);
+    assert!(of_cut.contains(&3) && of_cut.contains(&4) && !of_cut.contains(&1), "pieces stay apart");
 }
 
 #[test]

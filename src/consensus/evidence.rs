@@ -6,10 +6,11 @@ use super::linkage::Border;
 use super::membership::{Membership, Share};
 use super::neighbors::Pairs;
 use super::normals::Normals;
+use super::undersegmentation::Regions;
 use crate::segment::ViewSegments;
 
 /// A view counts for a pair only if both Gaussians have more light than this in it, in pixels.
-const LEAST_LIGHT: f32 = 0.3;
+pub(super) const LEAST_LIGHT: f32 = 0.3;
 
 /// The evidence from all views about each pair.
 pub(super) struct Evidence {
@@ -21,6 +22,8 @@ struct Sums {
     /// Sum over the views that see both: the difference in membership times the view's weight.
     split: f32,
     weight: f32,
+    /// The weight without that of under-segmented views' agreement.
+    trusted: f32,
 }
 
 impl Evidence {
@@ -29,14 +32,17 @@ impl Evidence {
     }
 
     /// Adds one view. Its weight is the square root of the light of the fainter Gaussian of the pair.
-    pub fn add(&mut self, pairs: &Pairs, membership: &Membership, segments: &ViewSegments) {
+    pub fn add(&mut self, pairs: &Pairs, membership: &Membership, segments: &ViewSegments, regions: &Regions) {
         self.sums.par_iter_mut().zip(&pairs.pairs).for_each(|(sums, &(a, b))| {
+            let is_undersegmented = regions.is_undersegmented_at(a, b);
             let (a, b) = (membership.of(a as usize), membership.of(b as usize));
             let (of_a, of_b) = (light(a), light(b));
             let light = of_a.min(of_b);
             if light > LEAST_LIGHT {
-                sums.split += light.sqrt() * difference(a, of_a, b, of_b, segments);
+                let split = light.sqrt() * difference(a, of_a, b, of_b, segments);
+                sums.split += split;
                 sums.weight += light.sqrt();
+                sums.trusted += if is_undersegmented { split } else { light.sqrt() };
             }
         });
     }
@@ -48,6 +54,7 @@ impl Evidence {
             let border = Border {
                 split: f64::from(sums.split),
                 weight: f64::from(sums.weight),
+                trusted: f64::from(sums.trusted),
                 angle_deg,
                 angles: u32::from(is_far),
                 near: u32::from(!is_far),

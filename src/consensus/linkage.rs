@@ -16,6 +16,8 @@ pub(super) struct Border {
     /// Sum of the shares of membership that views split, and of the views' weights.
     pub split: f64,
     pub weight: f64,
+    /// The weight without that of the agreement of under-segmented views.
+    pub trusted: f64,
     /// Sum of the angles between normals over pairs that are far enough apart, and their number.
     pub angle_deg: f64,
     pub angles: u32,
@@ -32,6 +34,11 @@ impl Border {
         self.split / self.weight
     }
 
+    /// As [`Self::split`], without the agreement of under-segmented views.
+    pub fn trusted_split(&self) -> f64 {
+        if self.split > 0.0 { self.split / self.trusted } else { 0.0 }
+    }
+
     /// The share of its pairs that lie on one smooth surface, 0 to 1.
     pub fn smooth_share(&self) -> f64 {
         f64::from(self.smooth) / (f64::from(self.planes) + PRIOR_PAIRS)
@@ -42,6 +49,7 @@ impl AddAssign for Border {
     fn add_assign(&mut self, other: Self) {
         self.split += other.split;
         self.weight += other.weight;
+        self.trusted += other.trusted;
         self.angle_deg += other.angle_deg;
         self.angles += other.angles;
         self.planes += other.planes;

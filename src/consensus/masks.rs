@@ -28,18 +28,49 @@ pub struct PartMasks {
 }
 
 /// Draws the parts by the Gaussians' contributions and moves their borders to those of the view's segments.
+///
+/// Which pixels show a part does not depend on its pieces.
 pub fn part_masks(gaussians: &Gaussians, parts: &Parts, view: &SegmentedView) -> PartMasks {
-    let mut map = drawn(gaussians, parts, view.camera);
-    let count = parts.parts.len();
-    let shared = shared_pixels(&map, view);
-    let mut of_id = vec![0u64; count + 1];
+    let drawn = drawn(gaussians, parts, view.camera);
+    let agreement = agreement(parts, view, &shared_pixels(&drawn, view));
+    let part_of = |&id: &u16| if id == 0 { 0 } else { parts.part_of(id) };
+    let whole = LabelMap { labels: drawn.labels.iter().map(part_of).collect(), ..drawn };
+    let (whole, mut map) = (cleaned(&whole, view), cleaned(&drawn, view));
+    let largest = largest_pieces(parts, &drawn);
+    for ((id, drawn), whole) in map.labels.iter_mut().zip(&drawn.labels).zip(&whole.labels) {
+        if part_of(id) != *whole {
+            *id = if part_of(drawn) == *whole { *drawn } else { largest.get(whole).copied().unwrap_or(*whole) };
+        }
+    }
+    PartMasks { map, agreement }
+}
+
+/// The map with its borders moved to those of the view's segments, without specks.
+fn cleaned(map: &LabelMap, view: &SegmentedView) -> LabelMap {
+    let shared = shared_pixels(map, view);
+    let last = map.labels.iter().copied().max().unwrap_or(0);
+    let mut of_id = vec![0u64; usize::from(last) + 1];
     shared.iter().for_each(|(&(_, id), &pixels)| of_id[usize::from(id)] += pixels);
-    let agreement = agreement(parts, view, &shared);
     let snapped = snapped(&shared, &of_id);
-    for (id, segment) in map.labels.iter_mut().zip(&view.segments.map.labels).filter(|(id, _)| **id > 0) {
+    let mut moved = map.clone();
+    for (id, segment) in moved.labels.iter_mut().zip(&view.segments.map.labels).filter(|(id, _)| **id > 0) {
         *id = snapped.get(&(*segment, *id)).copied().unwrap_or(*id);
     }
-    PartMasks { map: without_specks(&map), agreement }
+    without_specks(&moved)
+}
+
+/// By part, the piece of which the view shows most; the part itself if it has no pieces.
+fn largest_pieces(parts: &Parts, map: &LabelMap) -> BTreeMap<u16, u16> {
+    let mut of_id: BTreeMap<u16, u64> = BTreeMap::new();
+    map.labels.iter().filter(|id| **id > 0).for_each(|&id| *of_id.entry(id).or_default() += 1);
+    let mut largest: BTreeMap<u16, (u64, u16)> = BTreeMap::new();
+    for (id, pixels) in of_id {
+        let most = largest.entry(parts.part_of(id)).or_insert((pixels, id));
+        if pixels > most.0 {
+            *most = (pixels, id);
+        }
+    }
+    largest.into_iter().map(|(part, (_, id))| (part, id)).collect()
 }
 
 impl PartMasks {

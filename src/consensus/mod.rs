@@ -5,7 +5,7 @@
 //! 1. [`membership`]: how much of every Gaussian's light each segment of a view shows;
 //! 2. [`neighbors`]: pairs of Gaussians, nearest neighbours and others a few Gaussians apart;
 //! 3. [`evidence`]: for every pair, in how many of the views that see both some segment holds one and not the other,
-//!    and the angle between the surface's normals ([`normals`]);
+//!    which views cannot tell ([`undersegmentation`]), and the angle between the surface's normals ([`normals`]);
 //! 4. [`linkage`]: joins Gaussians into pieces that views do not split, by average linkage over all pairs that cross
 //!    their border, then pieces into parts across borders without an edge in the surface ([`normals`]) or on one smooth
 //!    surface ([`planes`]): a printed pattern is not a part. The pieces are kept, in case the part turns out to consist
@@ -24,6 +24,7 @@ mod neighbors;
 mod normals;
 mod options;
 mod planes;
+mod undersegmentation;
 
 use std::collections::{BTreeMap, BTreeSet};
 
@@ -42,6 +43,7 @@ use membership::Membership;
 use neighbors::Pairs;
 use normals::Normals;
 use planes::Planes;
+use undersegmentation::Regions;
 
 pub use best_views::{PartView, best_views, sharpness};
 pub use options::{Asked, Options, SCENE_KEYS};
@@ -53,10 +55,9 @@ const CORE_SPLIT: f64 = 0.02;
 const PIECE_SPLIT: f64 = 0.2;
 /// Pieces are joined into parts while the [`strength`] of their border is at most this.
 const PART_STRENGTH: f64 = 0.3;
-/// The pieces of a part that are asked about one by one, if it consists of several materials, are those that views split
-/// more often than this, each with at least this share of the object's light.
-const ASKED_PIECE_SPLIT: f64 = 0.4;
-const ASKED_PIECE_SHARE: f64 = 0.01;
+/// The pieces of a part that are asked about one by one, if it consists of several materials, each have at least this
+/// share of the object's light: smaller ones change little, and on a printed can they are where label and metal meet.
+const ASKED_PIECE_SHARE: f64 = 0.02;
 /// Angles in degrees between normals across a border: up to the first, the surface goes on smoothly; from the second,
 /// it has an edge. Pairs on a smooth printed surface differ by 8 to 22 degrees, those across borders of parts by 42 and
 /// more (the four fixtures and six measured objects).
@@ -140,9 +141,12 @@ pub fn find(gaussians: &Gaussians, views: &[SegmentedView], progress: Progress) 
     let bar = progress.bar("parts", 2 * views.len() as u64);
     let mut light = vec![0.0f32; gaussians.len()];
     let mut toward_views = vec![Vector3::zeros(); gaussians.len()];
+    let mut regions = Vec::with_capacity(views.len());
     for view in views {
         let eye = view.camera.center_in_world();
-        for (i, seen) in Membership::new(gaussians, view).light().enumerate().filter(|(_, seen)| *seen > 0.0) {
+        let membership = Membership::new(gaussians, view);
+        regions.push(Regions::new(&membership, view.segments));
+        for (i, seen) in membership.light().enumerate().filter(|(_, seen)| *seen > 0.0) {
             light[i] += seen;
             let toward = (eye - gaussians.center(i)).try_normalize(0.0).unwrap_or_default();
             toward_views[i] += toward.map(|value| value as f32) * seen;
@@ -153,10 +157,11 @@ pub fn find(gaussians: &Gaussians, views: &[SegmentedView], progress: Progress) 
     let nearest = Nearest::new(seen.iter().map(|&i| gaussians.positions[i as usize]));
     let normals = Normals::new(gaussians, &seen, &nearest, &light, &toward_views);
     let pairs = Pairs::new(gaussians, &seen, &nearest);
+    undersegmentation::mark(&mut regions, &views.iter().map(|view| view.segments).collect::<Vec<_>>());
     let mut evidence = Evidence::new(&pairs);
-    for view in views {
+    for (view, regions) in views.iter().zip(&regions) {
         // A second time, rather than to keep those of all views.
-        evidence.add(&pairs, &Membership::new(gaussians, view), view.segments);
+        evidence.add(&pairs, &Membership::new(gaussians, view), view.segments, regions);
         bar.inc(1);
     }
     bar.finish_and_clear();
@@ -202,7 +207,7 @@ fn pieces(piece_of: &[u32], part_of: &[u32], (borders, light, least_share): (Bor
         .collect();
     let between = linkage::between(&within, within.len(), inside.iter().copied());
     let joined = |split: &dyn Fn(&Border) -> f64| {
-        let joined = link(within.len(), &between, ASKED_PIECE_SPLIT, split);
+        let joined = link(within.len(), &between, PIECE_SPLIT, split);
         let joined = within.iter().map(|&piece| joined[piece as usize]).collect();
         linkage::absorb(joined, &inside, light, least_share)
     };
@@ -221,14 +226,14 @@ fn pieces(piece_of: &[u32], part_of: &[u32], (borders, light, least_share): (Bor
 }
 
 /// How much a border separates two parts, 0 to 1: the share of views that split it, times how much of an edge it is. A
-/// border of print has none.
+/// border of print has none, and segments that most other views split are no evidence against it.
 fn strength(border: &Border) -> f64 {
     if border.smooth_share() >= PRINT_SHARE {
         return 0.0;
     }
     let angle = (border.angle_deg + PRIOR_PAIRS * SURE_EDGE_DEG) / (f64::from(border.angles) + PRIOR_PAIRS);
     let [smooth, edge] = SMOOTH_TO_EDGE_DEG;
-    border.split() * ((angle - smooth) / (edge - smooth)).clamp(0.0, 1.0)
+    border.trusted_split() * ((angle - smooth) / (edge - smooth)).clamp(0.0, 1.0)
 }
 
 /// Renumbers the groups of the seen Gaussians from 0, in the order of the first of each; others, and those in no group,
