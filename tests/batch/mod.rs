@@ -217,5 +217,5 @@ fn masses_of_a_data_set_are_scored_by_its_weights() {
     assert!(off(&file, 0.5 * (low + high)) < 1e-12 && off(&file, mid) > 1e-6, "{file}");
     let none = evaluate(&["--data-set".as_ref(), home.as_ref(), "--split".as_ref(), "train".as_ref()]);
     assert_eq!(none.status.code(), Some(2));
-    assert!(stderr(&none).contains("no scene of the split \"train\""), "{}", stderr(&none));
+    assert!(stderr(&none).contains("1 scene of the split \"train\", none of which has been run"), "{}", stderr(&none));
 }
