@@ -3,14 +3,11 @@
 use rayon::prelude::*;
 
 use super::linkage::Border;
-use super::membership::{Membership, Share};
+use super::membership::{Membership, SEEN_LIGHT, Share};
 use super::neighbors::Pairs;
 use super::normals::Normals;
 use super::undersegmentation::Regions;
 use crate::segment::ViewSegments;
-
-/// A view counts for a pair only if both Gaussians have more light than this in it, in pixels.
-pub(super) const LEAST_LIGHT: f32 = 0.3;
 
 /// The evidence from all views about each pair.
 pub(super) struct Evidence {
@@ -38,7 +35,7 @@ impl Evidence {
             let (a, b) = (membership.of(a as usize), membership.of(b as usize));
             let (of_a, of_b) = (light(a), light(b));
             let light = of_a.min(of_b);
-            if light > LEAST_LIGHT {
+            if light > SEEN_LIGHT {
                 let split = light.sqrt() * difference(a, of_a, b, of_b, segments);
                 sums.split += split;
                 sums.weight += light.sqrt();

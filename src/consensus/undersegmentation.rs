@@ -6,8 +6,7 @@
 
 use rayon::prelude::*;
 
-use super::evidence::LEAST_LIGHT;
-use super::membership::Membership;
+use super::membership::{Membership, SEEN_LIGHT};
 use crate::segment::ViewSegments;
 
 /// A view judges a region if it sees at least this share of the region's light (MaskClustering's visibility threshold).
@@ -45,7 +44,7 @@ impl Regions {
     }
 
     fn sees(&self, i: usize) -> bool {
-        self.light[i] > LEAST_LIGHT
+        self.light[i] > SEEN_LIGHT
     }
 
     /// By region, its light in this view that `seen` is true for.
