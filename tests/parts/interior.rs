@@ -77,7 +77,7 @@ fn numbers_that_cannot_be_are_refused() {
         (CELL, &1e200_f64.to_le_bytes(), "a side of"),
         (DIMS, &0_u64.to_le_bytes(), "cannot have 0 x 1 x 2"),
         (DIMS, &u64::MAX.to_le_bytes(), "a grid of about 1000 cells"),
-        (DIMS, &3_u64.to_le_bytes(), "of 4 cells, not 6"),
+        (DIMS, &3_u64.to_le_bytes(), "have 4 cells, not 6"),
         (RUNS, &3_u32.to_le_bytes(), "part 3, but there are only 3 parts"),
         (RUNS + 4, &1.5_f32.to_le_bytes(), "1.5 of a cell"),
         (RUNS + 8, &u32::MAX.to_le_bytes(), "more than 4 cells"),
