@@ -79,7 +79,7 @@ fn numbers_that_cannot_be_are_refused() {
         (DIMS, &u64::MAX.to_le_bytes(), "a grid of about 1000 cells"),
         (DIMS, &3_u64.to_le_bytes(), "have 4 cells, not 6"),
         (RUNS, &3_u32.to_le_bytes(), "part 3, but there are only 3 parts"),
-        (RUNS + 4, &1.5_f32.to_le_bytes(), "1.5 of a cell"),
+        (RUNS + 4, &1.5_f32.to_le_bytes(), "in a cell is 1.5"),
         (RUNS + 8, &u32::MAX.to_le_bytes(), "more than 4 cells"),
     ];
     for (at, other, word) in cases {
