@@ -52,7 +52,7 @@ pub fn longest_side(gaussians: &Gaussians) -> f64 {
 /// stretch the full box.
 const STRAY_SHARE: f64 = 0.005;
 
-/// The box between the 0.5 and the 99.5 percentile of the centres of the [`opaque`] Gaussians.
+/// The box between the 0.5 and the 99.5 percentile of the centres of the `opaque` Gaussians.
 pub fn robust_bounds(gaussians: &Gaussians) -> Bounds {
     let chosen = opaque(gaussians);
     let mut bounds = Bounds { min: Point3::origin(), max: Point3::origin() };

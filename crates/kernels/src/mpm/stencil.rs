@@ -49,7 +49,7 @@ impl<L: Lanes> Stencil<L> {
     }
 }
 
-/// First node of the stencil of one coordinate; the same rounding as [`Stencil::at`].
+/// First node of the stencil of one coordinate; the same rounding as `Stencil::at`.
 pub fn base_cell(position_m: f32, cells_per_m: f32) -> i32 {
     (position_m * cells_per_m - 0.5).floor() as i32
 }

@@ -1,9 +1,9 @@
 //! A splat rasteriser for the CPU: 3D Gaussian Splatting's image formation (Kerbl et al. 2023), tile by tile.
 //!
-//! In order: [`mod@project`] turns Gaussians into 2D splats, [`tiles`] sorts them front to back and bins them,
-//! [`blend`] passes the weight of every splat on every pixel to a [`Sink`]: [`color`] sums colour, alpha and depth,
-//! [`labels`] finds the label that owns a pixel, [`contributions`](fn@contributions) the contribution of each Gaussian
-//! to the pixels of each label, [`depth_test`] the surface and the Gaussians on it. [`sh`] and [`sh_rotation`] evaluate
+//! In order: `project` turns Gaussians into 2D splats, `tiles` sorts them front to back and bins them,
+//! `blend` passes the weight of every splat on every pixel to a [`Sink`]: `color` sums colour, alpha and depth,
+//! `labels` finds the label that owns a pixel, [`contributions`](fn@contributions) the contribution of each Gaussian
+//! to the pixels of each label, [`depth_test`] the surface and the Gaussians on it. `sh` and [`sh_rotation`] evaluate
 //! and rotate spherical harmonics. The same input gives the same bytes on any number of threads: every sum belongs to
 //! one tile, and a tile is always blended in the same order.
 
