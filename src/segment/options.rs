@@ -81,8 +81,8 @@ pub struct Options {
 pub enum PointPrompts {
     /// At every point, as in the public generator.
     Grid,
-    /// On the foreground only: every fourth row and column first, then the points between them that no mask of a nearby prompt
-    /// covers.
+    /// On the foreground only: every fourth row and column first, then the points between them, except those that the masks
+    /// of two nearby prompts cover.
     Adaptive,
 }
 
