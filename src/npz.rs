@@ -104,10 +104,7 @@ impl<W: Write> NpzWriter<W> {
     pub fn array(&mut self, name: &str, shape: &[u64], values: impl Iterator<Item = f32>) -> io::Result<()> {
         let options = SimpleFileOptions::default().compression_method(CompressionMethod::Deflated).large_file(true);
         self.0.start_file(format!("{name}.npy"), options)?;
-        write_npy(&mut self.0, shape, values)?;
-        // Ends the array with one more empty block. Readers skip it; without it the archive's bytes would differ
-        // between versions of gprop.
-        self.0.flush()
+        write_npy(&mut self.0, shape, values)
     }
 
     /// # Errors

@@ -6,7 +6,7 @@
 //!
 //! | comment | what the test does |
 //! | --- | --- |
-//! | `# needs a server`, `# takes minutes` | runs it with `--dry-run`, which sends and computes nothing |
+//! | `# needs a server`, `# takes minutes`, `# opens the browser` | runs it with `--dry-run`, which sends and computes nothing |
 //! | `# needs setup` | runs it; exit code 4 (files missing) is accepted like 0 |
 //! | `# needs answers`, `# needs the runs above` | checks its words and flags against the help, as below |
 //!
@@ -472,7 +472,7 @@ fn every_command_in_a_block_runs_and_prints_json_where_asked_to() {
             let good: &[i32] = match comment.as_str() {
                 "needs answers" | "needs the runs above" => continue,
                 "needs setup" => &[0, 4],
-                "needs a server" | "takes minutes" => {
+                "needs a server" | "takes minutes" | "opens the browser" => {
                     words.push("--dry-run".to_owned());
                     &[0]
                 }

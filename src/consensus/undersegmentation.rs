@@ -22,7 +22,7 @@ pub(super) struct Regions {
     /// By Gaussian; 0 for none.
     segment: Vec<u16>,
     /// By Gaussian, in pixels.
-    light: Vec<f32>,
+    pub light: Vec<f32>,
     /// By segment.
     is_undersegmented: Vec<bool>,
 }

@@ -26,6 +26,7 @@ use nalgebra::Point3;
 use serde::{Deserialize, Serialize};
 
 use crate::camera::Camera;
+use crate::numbers::significant;
 use crate::output::{agreeing, counted};
 use crate::progress::Progress;
 use crate::query::Form;
@@ -393,7 +394,8 @@ fn notes(
     for (id, volume) in volumes().filter(|(_, volume)| *volume < min_part_share * whole) {
         let (name, percent) = (caption(id), 100.0 * volume / whole);
         notes.push(format!(
-            "part {name:?} is {percent:.3} % of the object's volume: a small detail, or a speck left by a wrong answer"
+            "part {name:?} is {} % of the object's volume: a small detail, or a speck left by a wrong answer",
+            significant(percent)
         ));
     }
     if composed.is_mirrored {

@@ -7,6 +7,7 @@ use std::path::{Path, PathBuf};
 use anyhow::Result;
 use serde::{Deserialize, Serialize};
 
+use crate::consensus::Asked;
 use crate::from_splat::photo_with_foreground;
 use crate::output::{agreeing, counted};
 use crate::query::{
@@ -58,7 +59,7 @@ impl Pipeline {
         answers.require_any()?;
         let sheets = answers.segments.iter().map(|answer| Artifact::Sheet(&answer.view, answer.segment));
         let mut outputs: Vec<Artifact> = sheets.chain([Artifact::Answers]).collect();
-        let mut warnings = failures(&answers);
+        let mut warnings = failures(&answers, self.options.consensus.ask);
         let file = size.map(|answer| self.size_file(answer)).transpose()?;
         if let Some((file, warning)) = &file {
             self.work.write_json(Artifact::Size, file)?;
@@ -188,9 +189,13 @@ fn recordings_in(folder: &Path) -> Vec<PathBuf> {
 }
 
 /// The questions without an answer.
-fn failures(answers: &Answers) -> Vec<String> {
+fn failures(answers: &Answers, asked: Asked) -> Vec<String> {
+    let noun = match asked {
+        Asked::Parts => "part",
+        Asked::Segments => "segment",
+    };
     let failure = |segment: &SegmentAnswer| match &segment.outcome {
-        Outcome::Failed(failure) => Some(format!("view {} segment {}: {failure}", segment.view, segment.segment)),
+        Outcome::Failed(failure) => Some(format!("view {}, {noun} {}: {failure}", segment.view, segment.segment)),
         Outcome::Answered(_) => None,
     };
     answers.segments.iter().filter_map(failure).collect()

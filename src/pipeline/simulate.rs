@@ -41,8 +41,11 @@ impl Pipeline {
             meters_per_unit: self.metric_scale()?.map(|scale| scale.meters_per_unit),
         };
         let save = |frame: &Frame, snapshot: &Snapshot| {
-            self.work.write_with(Artifact::Frame(frame.index), |out| ply::write(out, &frame.gaussians, &[]))?;
-            self.work.write_with(Artifact::States(frame.index), |out| snapshot.write_states(out))?;
+            let splat =
+                || self.work.write_with(Artifact::Frame(frame.index), |out| ply::write(out, &frame.gaussians, &[]));
+            let states = || self.work.write_with(Artifact::States(frame.index), |out| snapshot.write_states(out));
+            let (splat, states) = rayon::join(splat, states);
+            splat.and(states)?;
             self.save_checkpoint(key, frame.index, snapshot)
         };
         let mut save = |frame: &Frame, snapshot: &Snapshot| save(frame, snapshot).context(NOT_KEPT);

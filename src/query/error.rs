@@ -158,8 +158,8 @@ fn listed(missing: &[MissingSegment]) -> String {
         }
     }
     let line = |(view, reason, segments): (&str, String, Vec<String>)| {
-        let segments_word = if segments.len() == 1 { "segment" } else { "segments" };
-        format!("\n  view {view} {segments_word} {} ({reason})", segments.join(", "))
+        let word = if segments.len() == 1 { "question" } else { "questions" };
+        format!("\n  view {view}, {word} {} ({reason})", segments.join(", "))
     };
     lines.into_iter().map(line).collect()
 }

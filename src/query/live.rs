@@ -137,10 +137,9 @@ impl<'a> Live<'a> {
             match self.recordings.lock_question(&key) {
                 Ok(Some(lock)) => return Ok(lock),
                 Ok(None) if !is_told => {
-                    let SegmentQuery { view, segment, .. } = segment;
-                    self.progress.line(&format!(
-                        "view {view} segment {segment}: waiting for another gprop that is asking about it"
-                    ));
+                    let view = &segment.view;
+                    self.progress
+                        .line(&format!("view {view}: waiting for another gprop that is asking the same question"));
                     is_told = true;
                 }
                 Ok(None) => {}

@@ -97,8 +97,8 @@ fn masks_that_differ_more_are_missing_each_by_name() {
     let text = error.to_string();
     let QueryError::Missing { segments: 4, missing } = error else { panic!("{text}") };
     assert_eq!(missing.len(), 4);
-    assert!(text.contains("view 000 segment 1 (the nearest recorded mask has an IoU of 0.75"), "{text}");
-    assert!(text.contains("view 001 segments 1, 2 (nothing is recorded for this photo)"), "{text}");
+    assert!(text.contains("view 000, question 1 (the nearest recorded mask has an IoU of 0.75"), "{text}");
+    assert!(text.contains("view 001, questions 1, 2 (nothing is recorded for this photo)"), "{text}");
     assert!(text.contains("--lmm-url") && text.contains("--export"), "{text}");
 }
 

@@ -154,9 +154,9 @@ fn softened_tile(simulation: &SimulationReport) -> Option<Value> {
     let softened = softened(simulation);
     let most = softened.values().copied().reduce(f64::max)?;
     let each: Vec<String> =
-        softened.iter().map(|(material, times)| format!("{material} {} times", significant(*times))).collect();
+        softened.iter().map(|(material, times)| format!("{material} {}-fold", significant(*times))).collect();
     let note = format!("only in the simulation, where it bends more than the real object: {}", each.join("; "));
-    Some(tile("softened", format!("{} times", significant(most)), note))
+    Some(tile("softened", format!("{}-fold", significant(most)), note))
 }
 
 /// By material, how many times softer it was simulated than it is: the most, if its parts differ.
@@ -333,9 +333,9 @@ mod tests {
             { "material": "steel", "factor": 0.0001 },
         ]);
         let tile = softened_tile(&run(rows)).unwrap();
-        assert_eq!(tile.get_attr("value").unwrap().to_string(), "10,000 times");
+        assert_eq!(tile.get_attr("value").unwrap().to_string(), "10,000-fold");
         let note = tile.get_attr("note").unwrap().to_string();
-        assert!(note.contains("hickory 800 times; steel 10,000 times"), "{note}");
+        assert!(note.contains("hickory 800-fold; steel 10,000-fold"), "{note}");
         assert!(softened_tile(&run(serde_json::json!([]))).is_none());
     }
 }
