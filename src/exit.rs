@@ -38,7 +38,7 @@ pub enum Exit {
     Scene = 3,
     /// ONNX Runtime or a model is missing or broken.
     Model = 4,
-    /// An answer is missing: no recording, no endpoint, a refusal, the budget is spent.
+    /// An answer is missing: it is not recorded and no server is named, the model refused, or the budget is spent.
     Answer = 5,
     /// Part of a batch failed.
     Batch = 6,

@@ -3,7 +3,8 @@
 //! object.
 //!
 //! # As a library
-//! A [`Pipeline`] works on a scene folder as `gprop run` does. Each of its results does what is still missing for it:
+//! A [`Pipeline`] works on a scene folder as `gprop run` does. Asking for a result runs the stages that it needs and that
+//! have not run yet:
 //!
 //! ```
 //! # use gprop::{progress::Progress, setup};

@@ -1,5 +1,5 @@
-//! Numerical functions for several modules: medians, directions spread evenly over a sphere, rigid motions, and the light
-//! of colours.
+//! Numerical functions for several modules: medians, directions spread evenly over a sphere, rigid motions, and the
+//! linear light of sRGB colours.
 
 use std::f64::consts::PI;
 

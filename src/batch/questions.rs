@@ -46,10 +46,10 @@ pub struct Questions<'a> {
 }
 
 impl<'a> Questions<'a> {
-    /// The questions of `batch`, for the endpoint that `options` name.
+    /// The questions of `batch`, for the server that `options` name.
     ///
     /// # Errors
-    /// If no endpoint is named, or another process works on the shard.
+    /// If no server is named, or another process works on the shard.
     pub fn new(
         batch: &'a Batch,
         options: &pipeline::Options,

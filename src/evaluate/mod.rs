@@ -1,4 +1,4 @@
-//! Evaluates gprop's results with the measures that the field reports.
+//! Evaluates gprop's results with the measures that papers report.
 
 mod error;
 pub mod filling;

@@ -1,5 +1,5 @@
-//! How well the parts found in 3D match true ones, in views that were not used to find them; and how well the segments of
-//! single views do, in these views.
+//! How well the parts found in 3D match true ones, in views that were not used to find them; and how well the segments
+//! of each segmented view match them in that view.
 
 use std::collections::{BTreeMap, BTreeSet};
 

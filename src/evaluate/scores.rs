@@ -1,5 +1,5 @@
-//! How close predicted numbers are to true ones: the measures of NeRF2Physics (Zhai et al. 2024), which the field uses
-//! to compare masses and hardnesses.
+//! How close predicted numbers are to true ones: the measures of NeRF2Physics (Zhai et al. 2024), which papers use to
+//! compare masses and hardnesses.
 
 use serde::Serialize;
 

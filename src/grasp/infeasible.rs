@@ -55,8 +55,8 @@ impl Infeasible {
         Self {
             reason: Reason::Turns,
             explanation: format!(
-                "the weight can turn the object between the fingers: at {} mm from the centre of mass, they resist {} N m \
-                 too little",
+                "the weight can turn the object between the fingers: at {} mm from the centre of mass, their \
+                 resistance falls {} N m short",
                 significant(best.lever_m * 1e3),
                 significant(-best.torque_margin_n_m)
             ),

@@ -91,7 +91,8 @@ pub struct Options {
     /// Weight of the whole object in kg, as a kitchen scale shows it; narrows the masses of all parts
     #[arg(long, value_name = "KG", value_parser = from_to(MASS_MIN_KG, MASS_MAX_KG))]
     pub known_mass: Option<f64>,
-    /// How far that reading may be off, in kg, with a probability of 90 % [default: a hundredth of it]
+    /// Error of that weight in kg: the true weight lies within it with a probability of 90 % [default: a hundredth of the
+    /// weight]
     #[arg(long, value_name = "KG", requires = "known_mass", value_parser = from_to(MASS_MIN_KG, MASS_MAX_KG))]
     pub known_mass_error: Option<f64>,
 }

@@ -87,7 +87,7 @@ impl QuerySession<'_> {
     /// Asks the first open question at once.
     ///
     /// # Errors
-    /// If the endpoint cannot answer it.
+    /// If the server cannot answer it.
     pub fn ask_first(&self, client: &Client, queries: &Queries, ledger: &Ledger) -> Result<()> {
         match queries.ask_first(&self.recordings, client, ledger)? {
             Some(Outcome::Failed(Failure::Endpoint { message })) => {

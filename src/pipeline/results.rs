@@ -1,7 +1,7 @@
 //! The results of the stages, for callers that use gprop as a library.
 //!
-//! Each result does the stages that it needs, unless this pipeline or an earlier run did them with the same options,
-//! and reads their results from the work folder.
+//! Asking for a result runs the stages that it needs, unless this pipeline or an earlier run did them with the same
+//! options, and reads their results from the work folder.
 
 use anyhow::Result;
 

@@ -173,7 +173,7 @@ pub enum Failure {
     Invalid { message: String },
     /// The answer names a material that the library does not have.
     UnknownMaterial { material: String },
-    /// The endpoint could not be reached or kept failing.
+    /// The server could not be reached or kept failing.
     Endpoint { message: String },
 }
 
@@ -183,7 +183,7 @@ impl std::fmt::Display for Failure {
             Self::Refused { message } => write!(f, "the model refused to answer: {message}"),
             Self::Invalid { message } => write!(f, "no usable answer: {message}"),
             Self::UnknownMaterial { material } => write!(f, "the library has no material {material:?}"),
-            Self::Endpoint { message } => write!(f, "the endpoint failed: {message}"),
+            Self::Endpoint { message } => write!(f, "the server failed: {message}"),
         }
     }
 }

@@ -190,7 +190,7 @@ impl Queries<'_> {
     ///
     /// # Errors
     /// [`QueryError::Missing`] if an answer is not recorded and there is no asker. An error if the budget does not
-    /// suffice, if the endpoint cannot answer at all, or if a recording or answer cannot be saved.
+    /// suffice, if the server cannot answer at all, or if a recording or answer cannot be saved.
     pub fn run(
         &self,
         recordings: &Recordings,

@@ -1,8 +1,8 @@
 //! The `.ksplat` format of GaussianSplats3D (mkkellogg), version 0.1, little endian:
 //!
 //! ```text
-//! 4096 bytes  header: version (bytes 0, 1), sections that there may be (u32 at 4), Gaussians (u32 at 16),
-//!             compression level (u16 at 20), least and most harmonic of level 2 (f32 at 36, 40; 0: -1.5, 1.5)
+//! 4096 bytes  header: version (bytes 0, 1), maximum number of sections (u32 at 4), Gaussians (u32 at 16),
+//!             compression level (u16 at 20), least and greatest SH value of level 2 (f32 at 36, 40; 0: -1.5, 1.5)
 //! 1024 bytes  header of each section: Gaussians (u32 at 0), Gaussians that fit (4), Gaussians per bucket (8), buckets
 //!             (12), side of a bucket (f32 at 16), bytes of a bucket's centre (u16 at 20), range of a coordinate (u32 at
 //!             24; 0: 32767), full buckets (32), others (36), SH degree (u16 at 40)
@@ -38,7 +38,7 @@ pub enum Problem {
     Version { major: u8, minor: u8 },
     #[error("has compression level {level}, but .ksplat has only 0 to 2; the file is damaged, copy or export it again")]
     Level { level: u16 },
-    #[error("has spherical harmonics of degree {degree}; gprop reads 0 to 3: export it with fewer")]
+    #[error("has spherical harmonics of degree {degree}; gprop reads 0 to 3: export it with a lower degree")]
     ShDegree { degree: u16 },
     #[error("holds no Gaussians; export the splat again")]
     Empty,

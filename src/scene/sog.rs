@@ -1,5 +1,5 @@
 //! PlayCanvas' SOG, version 2: pictures with one pixel for each Gaussian, and `meta.json`, which says how to read them;
-//! as a bundle (`.sog`, a ZIP archive) or as files in one folder, of which `meta.json` is named.
+//! as a bundle (`.sog`, a ZIP archive) or as files in one folder, for which the user names `meta.json`.
 //!
 //! - `means`: sign(x) ln(1 + |x|) of the centres as 16 bits between `mins` and `maxs`, the low bytes in one picture and
 //!   the high ones in another.

@@ -1,6 +1,6 @@
-//! Chooses the grid points that are worth a prompt: those on the foreground. Every fourth row and column comes first,
-//! then, in passes that halve the distance between points by turns along the diagonals and along the axes, the points
-//! between them, unless the masks of two prompts nearby already cover them.
+//! Chooses the grid points that are worth a prompt: those on the foreground. Every fourth row and column comes first.
+//! The points between them follow, unless the masks of two prompts nearby already cover them, in passes that halve the
+//! distance between points along the diagonals and along the axes by turns.
 
 use super::Level;
 use super::candidate::Candidate;

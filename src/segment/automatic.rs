@@ -5,9 +5,9 @@
 //! 2. drop masks by predicted IoU (before anything is enlarged), stability, and nearness to the crop's edge;
 //! 3. suppress duplicates by their boxes.
 //!
-//! Then, over all crops: suppress duplicates between crops, remove small holes and islands, and suppress masks that
-//! this made duplicates. The order and every comparison are those of the public `SamAutomaticMaskGenerator`, in the
-//! variant that keeps the three levels apart (LangSplat's, which the paper uses).
+//! Then, over all crops: suppress duplicates between crops, remove small holes and islands, and suppress the masks that
+//! have thereby become duplicates. The order and every comparison are those of the public `SamAutomaticMaskGenerator`,
+//! in the variant that keeps the three levels apart (LangSplat's, which the paper uses).
 
 use image::RgbImage;
 use rayon::prelude::*;

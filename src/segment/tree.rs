@@ -1,6 +1,6 @@
 //! The masks of all three levels of one view as a tree: which segment lies in which.
 //!
-//! SAM's masks overlap in any way. [`tree`] makes them nested: masks are painted from large to small, so that every
+//! SAM's masks may overlap in any way. [`tree`] makes them nested: masks are painted from large to small, so that every
 //! pixel belongs to the smallest segment that covers it, and to all segments in which that one lies.
 
 use super::LabelMap;

@@ -173,9 +173,9 @@ impl Failure {
             false => ("became NaN or infinite", "the time step is too long for its material; lower --cfl"),
             true => (
                 "left the domain",
-                "either the scenario takes it out of the domain, which extends eight longest sides around the object \
-                 (lower its speed or force, or --duration), or a time step that is too long for its material made it \
-                 fly off (lower --cfl)",
+                "either the scenario takes it out of the domain, which extends eight times the longest side around the \
+                 object (lower its speed or force, or --duration), or a time step that is too long for its material \
+                 made it fly off (lower --cfl)",
             ),
         };
         let origin = to_world.origin_m;

@@ -28,8 +28,8 @@ pub const KNOWN: [Known; 8] = [
         what: "falls onto the ground (see --ground), tilted",
         caption: "Dropped onto the ground",
         parameters: &[
-            ("height", 0.5, "in longest sides; as --drop-height"),
-            ("tilt", 25.0, "in degrees; as --tilt-deg"),
+            ("height", 0.5, "in multiples of the longest side, like --drop-height"),
+            ("tilt", 25.0, "in degrees, like --tilt-deg"),
         ],
     },
     Known {
@@ -73,7 +73,7 @@ pub const KNOWN: [Known; 8] = [
         what: "hangs by its top, then is let go",
         caption: "Hung by its top, then let go",
         parameters: &[
-            ("height", 0.5, "above the ground, in longest sides"),
+            ("height", 0.5, "above the ground, in multiples of the longest side"),
             ("after", 0.3, "fraction of the simulated time"),
         ],
     },

@@ -4,7 +4,7 @@
 //! [`simd`] has the vector registers with which the others compute; [`mask_decoder`] is SAM's, [`mpm`] the simulation's
 //! solver with its [`boundary`] conditions, [`render`] draws [`gaussians`] as a [`camera`] sees them; [`bounds`] is the
 //! size of a cloud. A function that is generic over its caller's types is compiled with the caller, so every loop that
-//! takes time is called by a function here that is not.
+//! takes time is called by a function of this crate that is not generic.
 
 pub mod boundary;
 pub mod bounds;

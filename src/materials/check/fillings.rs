@@ -1,4 +1,4 @@
-//! Checks the fillings: names, densities, and the sources of these.
+//! Checks the fillings: names, densities, and the sources of the densities.
 
 use std::collections::HashSet;
 

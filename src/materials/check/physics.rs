@@ -215,9 +215,9 @@ fn bending(library: &MaterialLibrary, findings: &mut Findings) {
     for pair in order.windows(2) {
         let (stiffer, softer) = (curvature(pair[0]), curvature(pair[1]));
         findings.require(stiffer < softer, "library", "bending", || {
-            format!("{:?} bend to {stiffer:.2e}, {:?} to {softer:.2e}: the order is wrong", pair[0], pair[1])
+            format!("{:?} bend by {stiffer:.2e}, {:?} by {softer:.2e}: the order is wrong", pair[0], pair[1])
         });
     }
     let rubber = curvature(order[4]);
-    findings.require(rubber > 0.5, "library", "bending", || format!("rubber bends to {rubber:.2} only"));
+    findings.require(rubber > 0.5, "library", "bending", || format!("rubber bends by {rubber:.2} only"));
 }

@@ -1,9 +1,9 @@
 //! Cavities of shells that no view looks all the way into: the inside of a lampshade, seen through its upper opening.
 //!
-//! Carving ends where the views end, so such a cavity comes out too narrow: between the outer wall and the last lines of
-//! sight remains space that looks like material with a second wall around it. But a line that leads from a cavity of a
-//! shell to its outside crosses one wall. So a face toward a cavity has no wall of its own if behind it, through the
-//! same part, lies an outer face that a view saw; the wall is there.
+//! Carving ends where the views end, so such a cavity comes out too narrow: between the outer wall and the last lines
+//! of sight, space remains that looks like material with a second wall around it. But a line that leads from a cavity
+//! of a shell to its outside crosses one wall. So a face toward a cavity has no wall of its own if an outer face that a
+//! view saw lies behind it, through the same part: the wall is there.
 
 use nalgebra::Vector3;
 use rayon::prelude::*;

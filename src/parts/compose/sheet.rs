@@ -1,4 +1,4 @@
-//! Sheets: walls seen from both sides, thinner than a splat is soft and mostly thinner than a cell.
+//! Sheets: walls seen from both sides, thinner than the soft surface of a splat and mostly thinner than a cell.
 //!
 //! Carving leaves a sheet a few cells thick, so its cells do not tell its thickness, which the answer gives, but they do
 //! tell its area. Each cell holds the share of the wall in the carved thickness around it, so the sum over all cells is

@@ -1,4 +1,4 @@
-//! Wires: solids thinner than a splat is soft, long in one direction, as thick as the photos show them.
+//! Wires: solids thinner than the soft surface of a splat, long in one direction, as thick as the photos show them.
 //!
 //! A wire of a few pixels is a few cells thick after carving, give or take as many. But its width in a photo, between
 //! the two edges of the object, is known to a fraction of a pixel, see

@@ -1,4 +1,4 @@
-//! Exports questions and imports answers: for people, batch jobs and models that no endpoint serves.
+//! Exports questions and imports answers: for people, batch services, and models that no server offers.
 //!
 //! An export is a folder with one sheet per question, the prompts, the schemas, and a form to fill in ([`form`]). Files
 //! are named by hash, so that whoever answers knows only the picture and the prompt. `origins.jsonl` says what each

@@ -1,9 +1,9 @@
 //! The exact place of a marker's edges and corners.
 //!
-//! Along each edge of the square, the light is read across the edge, from the black border to the white paper around it.
-//! The edge is where the light changes in the mean: for any symmetric blur that is its true place. A straight line
-//! through these places is fitted in the picture of an ideal pinhole camera, since a lens bends lines; neighbouring lines
-//! meet in a corner. Repeated from the corners found, with profiles centred on the edge.
+//! Along each edge of the square, the light is read across the edge, from the black border to the white paper around
+//! it. The edge is where the light changes in the mean: for any symmetric blur that is its true place. A straight line
+//! through these places is fitted in the picture of an ideal pinhole camera, since a lens bends lines; neighbouring
+//! lines meet in a corner. All of this is then repeated from the corners found, with profiles centred on the edge.
 
 use nalgebra::{Point2, Vector2};
 

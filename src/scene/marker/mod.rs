@@ -6,8 +6,9 @@
 //! 3. [`decode`] reads which marker of [`families`] each is;
 //! 4. [`triangulate`] places the corners in the scene, from all views that agree.
 //!
-//! [`board`] draws a marker for printing. The crates that detect markers were not used: kornia-apriltag 0.2 and aprilgrid bring
-//! a second linear algebra (faer), the former some 65 crates in all; aruco-rs 0.1 knows no AprilTag.
+//! [`board`] draws a marker for printing. The crates that detect markers were not used: kornia-apriltag 0.2 and
+//! aprilgrid bring a second linear-algebra library (faer), and the former brings some 65 crates in all; aruco-rs 0.1
+//! knows no AprilTag.
 
 pub mod board;
 mod decode;

@@ -24,7 +24,7 @@ pub enum Problem {
     Version { version: u32 },
     #[error("holds no Gaussians; export the splat again")]
     Empty,
-    #[error("has spherical harmonics of degree {degree}; gprop reads 0 to 3: export it with fewer")]
+    #[error("has spherical harmonics of degree {degree}; gprop reads 0 to 3: export it with a lower degree")]
     ShDegree { degree: u8 },
     #[error(
         "has {bits} fractional bits, but a coordinate has at most 24; the file is damaged, copy or export it again"

@@ -2,9 +2,9 @@
 //!
 //! The object's centre follows a cubic through both frames whose slopes are the harmonic means of the neighbouring
 //! intervals' (Fritsch and Butland, 1984), and zero where the motion turns: smooth in flight, and never beyond the two
-//! frames. About it the object turns steadily, by the rotation that fits its Gaussians best, so that what is rigid keeps
-//! its shape between the frames as well. What the Gaussians move besides, and everything else, is interpolated linearly,
-//! rotations along the shorter way.
+//! frames. About it the object turns steadily, by the rotation that fits its Gaussians best, so that what is rigid
+//! keeps its shape between the frames as well. The rest of the Gaussians' motion, and everything else, is interpolated
+//! linearly, rotations along the shorter way.
 //!
 //! The frames hold covariances as scales along axes, and which axis comes first, and which way it points, may differ from
 //! frame to frame. A Gaussian whose axes differ has the shape that it has in the nearer frame.

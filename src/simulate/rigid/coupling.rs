@@ -3,13 +3,13 @@
 //! The particles of a body that may share a node with something else before the next sort are the solver's guests: they
 //! hold nodes for the body, but scatter nothing, because a rigid motion needs no grid.
 //!
-//! At the nodes that a single body reaches, deforming material sticks to it: these nodes move as the body does. Body and
-//! nodes are joined by conservation of momentum and angular momentum: if the body would move with the velocity field U
-//! without them, a node of mass m that would move at v gives it the impulse m (v - U), and m adds to the inertia that
-//! answers it. (If such nodes had a mean velocity of body and material instead, material under a lasting pressure p would
-//! creep into a body of density rho at p dt / (rho dx).) At a node that several bodies reach, they meet without sticking
-//! for good: the node has the mean velocity of all that is there by mass, and gives each body the impulse by which its own
-//! mass there changed. What a body gains at its nodes, the others lose.
+//! At the nodes that a single body reaches, deforming material sticks to it: these nodes move as the body does. Body
+//! and nodes are joined by conservation of momentum and angular momentum: if the body would move with the velocity
+//! field U without them, a node of mass m that would move at v gives it the impulse m (v - U), and m adds to the
+//! inertia that answers it. (If such nodes had a mean velocity of body and material instead, material under a lasting
+//! pressure p would creep into a body of density rho at p dt / (rho dx).) At a node that several bodies reach, they
+//! meet without sticking for good: the node has the mean velocity of all that is there by mass, and gives each body the
+//! change in momentum of the body's own mass there, as an impulse. What a body gains at its nodes, the others lose.
 //!
 //! As seen from the grid, each particle of a body is spread out by dx^2/4 along every axis, which its inertia includes
 //! ([`spread_m2`]).

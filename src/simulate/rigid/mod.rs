@@ -6,8 +6,8 @@
 //! 3. [`contact`]: impulses at the lowest points of the body's [`face`]s keep it off the ground, with Coulomb friction;
 //! 4. [`body`]: it moves on with its new momentum and angular momentum.
 //!
-//! A rigid body takes no part in the bound on the time step but by its speed: an object that is rigid as a whole needs a
-//! handful of steps per frame.
+//! A rigid body limits the time step only by its speed: an object that is rigid as a whole needs a handful of steps per
+//! frame.
 
 pub mod body;
 pub mod choice;

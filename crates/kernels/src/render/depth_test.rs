@@ -1,8 +1,8 @@
 //! The depth test: determines which Gaussians a view sees.
 //!
 //! A Gaussian is seen if the ray to its centre has not lost half its light before the Gaussian's own surface. Of the
-//! two depths of a picture, this uses the median: at a border, the expected depth is a mean of what lies in front and
-//! behind, where there is nothing.
+//! two depths of a picture, this uses the median: at a border, the expected depth is a mean of the depths in front and
+//! behind, and lies between the two, where there is nothing.
 
 use super::{FOREGROUND_ALPHA, LANES, Projected, Sink, Splat, TILE, TileRect, pixels};
 use crate::bounds::robust_bounds;

@@ -1,4 +1,4 @@
-//! The label that owns most of every pixel.
+//! For every pixel, the label that owns most of it.
 
 use super::blend::{LANES, Sink, TileRect};
 use super::project::Splat;
