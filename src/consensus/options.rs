@@ -1,4 +1,4 @@
-//! The user's options for what the model is asked about.
+//! The user's options for the subjects of the questions to the model.
 
 use std::num::NonZeroUsize;
 

@@ -80,7 +80,7 @@ pub struct Model<'a> {
     pub parts: Option<&'a Parts>,
     /// The cameras of its photos, for the colours of its surface.
     pub cameras: &'a [Camera],
-    /// Where to grasp it, best first.
+    /// The places to grasp at, best first.
     pub grasps: &'a [Candidate],
     /// Name of the file that holds the splat.
     pub source: &'a str,
@@ -91,7 +91,7 @@ const ESTIMATED_SCALE: &str =
     "estimated scale: a model judged how long the object is; lengths and masses are no more accurate than that";
 
 impl Model<'_> {
-    /// What a reader must know about the scale.
+    /// A remark on how far the scale can be trusted.
     fn note_on_scale(&self) -> Option<&'static str> {
         self.scale.filter(|scale| scale.source == ScaleSource::Estimated).map(|_| ESTIMATED_SCALE)
     }

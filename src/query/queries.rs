@@ -62,7 +62,7 @@ impl<'a> Queries<'a> {
     /// Checks a response to what was asked.
     ///
     /// # Errors
-    /// What is wrong with the response.
+    /// The problem with the response.
     ///
     /// # Returns
     /// `None` if it is none of these questions.

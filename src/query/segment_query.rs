@@ -1,4 +1,4 @@
-//! What one question is asked about: a segment or part of a view, or the whole object in it, with its picture.
+//! The subject of one question: a segment or part of a view, or the whole object in it, with its picture.
 
 use super::question::Question;
 use super::recorded::{Asked, Mask};

@@ -51,7 +51,7 @@ pub enum SizeOutcome {
 pub struct Size {
     /// What the model takes the object for.
     pub object: String,
-    /// What the length follows from, in the model's words.
+    /// The clues from which the length follows, in the model's words.
     pub clues: String,
     /// Holds the true length in nine of ten cases, as the model believes.
     pub longest_side_m: Range,

@@ -37,7 +37,7 @@ const MOST_VIEWS: NonZeroUsize = NonZeroUsize::new(100_000).expect("it is not ze
 /// Number of views used by default.
 pub const DEFAULT_VIEWS: NonZeroUsize = NonZeroUsize::new(10).expect("ten is not zero");
 
-/// Where the parts of a scene lie, which views to use, where the object is, and how long a scene unit is.
+/// Where the files of a scene are, which views to use, where the object is, and how long a scene unit is.
 #[derive(Debug, Clone, PartialEq, clap::Args, Serialize, Deserialize)]
 #[serde(default)]
 #[command(next_help_heading = "Scene")]

@@ -385,7 +385,7 @@ fn warnings(input: &Input, longest_m: f64, assumed_full: &[u32], strays: usize) 
     if !assumed_full.is_empty() {
         let names: Vec<&str> = assumed_full.iter().map(|&l| input.materials[l as usize].name.as_str()).collect();
         warnings.push(format!(
-            "nothing is known about the inside of {}: it is simulated as a skin one cell thick",
+            "nothing is known about the inside of {}: only a skin one cell thick is simulated there",
             names.join(", ")
         ));
     }

@@ -14,7 +14,7 @@ const STEPS_PER_PIXEL: f64 = 2.0;
 /// A pixel is background if the object covers less of it than this.
 const COVERED_MIN: f64 = 0.02;
 /// A strip is not measured from a view that looks along it at a smaller angle than this, given as a sine (27 degrees):
-/// what is beside it in the picture is then far before or behind it.
+/// what is beside it in the picture is then far in front of it or behind it.
 const ACROSS_MIN: f64 = 0.45;
 
 /// The views whose photos tell the object from the background.
