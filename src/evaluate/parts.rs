@@ -80,9 +80,9 @@ struct Pixels {
 }
 
 impl Pixels {
-    fn add(&mut self, gaussians: &Gaussians, part_of_gaussian: &[u16], view: &TrueView) {
-        let labels: Vec<u32> = part_of_gaussian.iter().map(|&part| u32::from(part)).collect();
-        self.count_all(render_labels(gaussians, &view.camera, &labels, &RenderOptions::default()), &view.parts);
+    fn add(&mut self, gaussians: &Gaussians, label_of_gaussian: &[u32], view: &TrueView) {
+        let found = render_labels(gaussians, &view.camera, label_of_gaussian, &RenderOptions::default());
+        self.count_all(found, &view.parts);
     }
 
     fn count_all(&mut self, found: impl IntoIterator<Item = Option<u32>>, parts: &GrayImage) {
@@ -148,8 +148,9 @@ impl Pixels {
 /// which true part a found part counts as; if none of them has a true map, the compared views themselves do.
 pub fn compare(scene: &str, gaussians: &Gaussians, part_of_gaussian: &[u16], views: &[TrueView]) -> PartsEvaluation {
     let (mut known, mut compared) = (Pixels::default(), Pixels::default());
+    let labels = widened(part_of_gaussian);
     for view in views {
-        if view.segmented { &mut known } else { &mut compared }.add(gaussians, part_of_gaussian, view);
+        if view.segmented { &mut known } else { &mut compared }.add(gaussians, &labels, view);
     }
     let counts_as = if known.both.is_empty() { compared.most_shown() } else { known.most_shown() };
     let of_value = |&value: &u8| {
@@ -211,13 +212,25 @@ pub fn compare_segments(views: &[(&LabelMap, &GrayImage)]) -> Option<SegmentsEva
     })
 }
 
+/// By label of the Gaussians, the true part that it mostly shows in the views.
+pub fn most_shown(gaussians: &Gaussians, label_of_gaussian: &[u32], views: &[TrueView]) -> BTreeMap<u32, u8> {
+    let mut pixels = Pixels::default();
+    views.iter().for_each(|view| pixels.add(gaussians, label_of_gaussian, view));
+    pixels.most_shown()
+}
+
 /// By true part, the IoU of the Gaussians labelled as this part: `label_of_gaussian` is the true part plus 1, or 0 for
 /// none.
 pub(super) fn label_ious(gaussians: &Gaussians, label_of_gaussian: &[u16], views: &[TrueView]) -> BTreeMap<u8, f64> {
     let mut pixels = Pixels::default();
-    views.iter().for_each(|view| pixels.add(gaussians, label_of_gaussian, view));
+    let labels = widened(label_of_gaussian);
+    views.iter().for_each(|view| pixels.add(gaussians, &labels, view));
     let iou = |value| (value, pixels.iou(value, |found| found == u32::from(value) + 1));
     pixels.values().into_iter().map(iou).collect()
+}
+
+fn widened(labels: &[u16]) -> Vec<u32> {
+    labels.iter().map(|&label| u32::from(label)).collect()
 }
 
 fn mean(sum: f64, count: usize) -> Option<f64> {

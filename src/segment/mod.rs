@@ -1,4 +1,5 @@
-//! Segments of every chosen view: one level of SAM's automatic masks, painted into a label map.
+//! Segments of every chosen view: SAM's automatic masks of all three levels as a tree, or those of one level, painted into a
+//! label map.
 //!
 //! The modules, in the order in which the data pass through them:
 //! 1. [`segmenter`]: crops the photo to the foreground and a margin around it;
@@ -7,7 +8,7 @@
 //! 4. [`sam`] (the only user of `ort`): one embedding per picture, three nested masks per prompt;
 //! 5. [`upsample`]: from logits to a mask at picture size and its stability;
 //! 6. [`automatic`], [`nms`], [`regions`]: the good masks, without duplicates, small holes and islands;
-//! 7. [`cull`], [`paint`]: the choice of masks that are segments, and the label map;
+//! 7. [`tree`]: masks of all levels, nested; or [`cull`], [`paint`]: the choice of masks of one level; and the label map;
 //! 8. [`views`]: all of this for many views in parallel;
 //! 9. [`formats`]: label maps in the formats of other programs, written and read.
 

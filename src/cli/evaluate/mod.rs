@@ -6,6 +6,7 @@ mod parts;
 mod robustness;
 mod segmentation;
 
+use std::collections::BTreeMap;
 use std::fs;
 use std::path::{Path, PathBuf};
 
@@ -18,6 +19,7 @@ use crate::evaluate::hardness::{self, HardnessEvaluation, Measured, Reading};
 use crate::evaluate::masks::{Reference, compare};
 use crate::evaluate::mass as masses;
 use crate::evaluate::mass::MassEvaluation;
+use crate::evaluate::parts::{TrueView, most_shown};
 use crate::evaluate::prompts;
 use crate::evaluate::scores::Scores;
 use crate::evaluate::simulation::{self, SimulationError};
@@ -26,7 +28,7 @@ use crate::from_splat::photo_with_foreground;
 use crate::npz::Npz;
 use crate::output::{counted, one_line};
 use crate::pipeline::stored::Stored;
-use crate::pipeline::{Stage, open_segmenter};
+use crate::pipeline::{Pipeline, Stage, open_segmenter};
 use crate::read_scope::ReadScope;
 use crate::scene::{self, SceneError, dataset};
 use crate::segment;
@@ -35,6 +37,9 @@ use crate::workdir::{Artifact, WorkDirError};
 
 use super::arguments::TrueParts;
 use super::{Evaluate, Global, options_of, print};
+
+/// The folder of a scene's true part maps, one for each view.
+const TRUE_MAPS: &str = "ground_truth/part_maps";
 
 /// `gprop evaluate`.
 pub fn evaluate(global: &Global, what: &Evaluate) -> anyhow::Result<()> {
@@ -71,10 +76,25 @@ fn evaluate_masses(global: &Global, scenes: &[PathBuf], out: Option<&Path>) -> a
         let parts = Stored::open(scene, out, &[Stage::Parts])?.path(Artifact::Parts);
         let truth = scene.join("ground_truth/parts.json");
         check_truth(&truth, &options_of(scene, &[])?.scene.read_scope(scene))?;
-        Ok(masses::from_scene(&id, &parts, &truth)?)
+        Ok(masses::from_scene(&id, &parts, &truth, &shown_parts(global, scene, out)?)?)
     };
     let found = masses::evaluate(scenes.iter().map(weigh).collect::<anyhow::Result<_>>()?)?;
     print(global, &found, || mass::text(&found))
+}
+
+/// By found part, the true part that it mostly shows; empty if the scene has no true part maps.
+fn shown_parts(global: &Global, scene: &Path, out: Option<&Path>) -> anyhow::Result<BTreeMap<u32, u8>> {
+    if !scene.join(TRUE_MAPS).exists() {
+        return Ok(BTreeMap::new());
+    }
+    let pipeline = Pipeline::stored(scene, out, Stage::Vote, global.progress())?;
+    let (gaussians, field) = Stored::open(scene, out, &[Stage::Vote])?.field()?;
+    let views = pipeline.scene().views.iter().filter(|view| true_map(scene, view).exists());
+    let views = views.map(|view| {
+        let parts = true_parts(scene, view, &pipeline.options().scene)?;
+        Ok(TrueView { name: view.name.clone(), camera: view.camera.clone(), parts, segmented: false })
+    });
+    Ok(most_shown(&gaussians, &field.part_label, &views.collect::<anyhow::Result<Vec<_>>>()?))
 }
 
 /// The scenes of a data set that states their weights.
@@ -258,7 +278,7 @@ fn true_parts(folder: &Path, view: &scene::View, options: &scene::Options) -> an
 }
 
 fn true_map(folder: &Path, view: &scene::View) -> PathBuf {
-    folder.join("ground_truth/part_maps").join(format!("{}.png", view.name))
+    folder.join(TRUE_MAPS).join(format!("{}.png", view.name))
 }
 
 /// A picture in a file whose first bytes tell the format.

@@ -1,9 +1,12 @@
 //! The causes of the error of an object's mass, if its ground truth is detailed enough.
 //!
-//! Every found part counts towards the true part in whose box its centre of mass lies (the smallest such box, otherwise
-//! the nearest). Then the true mass of each true part becomes the found one step by step: first its extent is replaced,
+//! Every found part counts towards the true part that it mostly shows in the true part maps; without maps, towards the one
+//! in whose box its centre of mass lies (the smallest such box, otherwise the nearest). A filling counts towards the hidden
+//! true part in whose box its centre of mass lies, otherwise towards that of its shell. Then the true mass of each true part becomes the found one step by step: first its extent is replaced,
 //! then its wall, then its density, and the rest is due to the assumed contents. The steps, in kilograms, add up to the
 //! error.
+
+use std::collections::BTreeMap;
 
 use serde::Serialize;
 
@@ -12,6 +15,8 @@ use crate::parts::{Part, Parts};
 /// A part whose true mass is known.
 #[derive(Debug, Clone)]
 pub struct TruePart {
+    /// Its value in the true part maps.
+    pub id: Option<u8>,
     pub name: String,
     pub volume_m3: f64,
     pub mass_kg: f64,
@@ -20,6 +25,8 @@ pub struct TruePart {
     pub thickness_m: Option<f64>,
     /// Lowest and highest corner, world frame.
     pub bounding_box_m: Option<[[f64; 3]; 2]>,
+    /// No view shows it.
+    pub is_hidden: bool,
 }
 
 /// The error of a mass by its causes, kg. The sum is the found mass less the true one.
@@ -57,8 +64,9 @@ pub struct ComparedPart {
     pub true_kg: f64,
 }
 
-/// The causes of the error, and the true parts; `None` if the truth has no boxes.
-pub fn compare(truth: &[TruePart], measured: &Parts) -> Option<(Causes, Vec<ComparedPart>)> {
+/// The causes of the error, and the true parts; `None` if the truth has no boxes. `shown` is, by found part, the `id` of
+/// the true part that it mostly shows.
+pub fn compare(truth: &[TruePart], shown: &BTreeMap<u32, u8>, measured: &Parts) -> Option<(Causes, Vec<ComparedPart>)> {
     let boxes: Vec<[[f64; 3]; 2]> = truth.iter().map(|part| part.bounding_box_m).collect::<Option<_>>()?;
     let mut found: Vec<Found> = truth.iter().map(|_| Found::default()).collect();
     let mut owner_of_shell = Vec::new();
@@ -66,7 +74,7 @@ pub fn compare(truth: &[TruePart], measured: &Parts) -> Option<(Causes, Vec<Comp
         let (Some(volume), Some(mass), Some(center)) = (part.volume_m3, part.mass_kg, part.center_of_mass_m) else {
             continue;
         };
-        let owner = nearest(&boxes, center)?;
+        let owner = shown.get(&part.id).and_then(|id| with_id(truth, *id)).or_else(|| nearest(&boxes, center))?;
         owner_of_shell.push((part.id, owner));
         let of = &mut found[owner];
         of.volume_m3 += volume.mid;
@@ -74,6 +82,11 @@ pub fn compare(truth: &[TruePart], measured: &Parts) -> Option<(Causes, Vec<Comp
         of.thickness_m4 += volume.mid * thickness(part);
     }
     for filling in &measured.fillings {
+        if let Some(hidden) = hidden_at(truth, filling.center_of_mass_m) {
+            found[hidden].volume_m3 += filling.volume_m3.mid;
+            found[hidden].mass_kg += filling.mass_kg.mid;
+            continue;
+        }
         let (_, owner) = owner_of_shell.iter().find(|(id, _)| *id == filling.inside_of)?;
         found[*owner].filling_kg += filling.mass_kg.mid;
         found[*owner].hollow_m3 += filling.volume_m3.mid / filling.share_of_hollow.mid;
@@ -124,13 +137,24 @@ fn of_part(truth: &TruePart, found: &Found) -> Causes {
     }
 }
 
+fn with_id(truth: &[TruePart], id: u8) -> Option<usize> {
+    truth.iter().position(|part| part.id == Some(id))
+}
+
+/// The hidden part in whose box the point lies.
+fn hidden_at(truth: &[TruePart], point: [f64; 3]) -> Option<usize> {
+    truth.iter().position(|part| part.is_hidden && part.bounding_box_m.is_some_and(|of| outside(&of, point) == 0.0))
+}
+
+/// Distance from a box, 0 within it.
+fn outside([low, high]: &[[f64; 3]; 2], point: [f64; 3]) -> f64 {
+    (0..3).map(|a| (low[a] - point[a]).max(point[a] - high[a]).max(0.0).powi(2)).sum::<f64>().sqrt()
+}
+
 /// The smallest box that holds the point, otherwise the nearest.
 fn nearest(boxes: &[[[f64; 3]; 2]], point: [f64; 3]) -> Option<usize> {
-    let outside = |[low, high]: &[[f64; 3]; 2]| {
-        (0..3).map(|a| (low[a] - point[a]).max(point[a] - high[a]).max(0.0).powi(2)).sum::<f64>().sqrt()
-    };
     let volume = |[low, high]: &[[f64; 3]; 2]| (0..3).map(|a| high[a] - low[a]).product::<f64>();
-    let key = |n: usize| (outside(&boxes[n]), volume(&boxes[n]));
+    let key = |n: usize| (outside(&boxes[n], point), volume(&boxes[n]));
     (0..boxes.len()).min_by(|&a, &b| key(a).0.total_cmp(&key(b).0).then(key(a).1.total_cmp(&key(b).1)))
 }
 
@@ -140,7 +164,16 @@ mod tests {
 
     fn truth(form: &str, thickness_m: Option<f64>) -> TruePart {
         let (name, form) = ("it".to_owned(), form.to_owned());
-        TruePart { name, volume_m3: 1e-3, mass_kg: 1.0, form, thickness_m, bounding_box_m: None }
+        TruePart {
+            id: None,
+            name,
+            volume_m3: 1e-3,
+            mass_kg: 1.0,
+            form,
+            thickness_m,
+            bounding_box_m: None,
+            is_hidden: false,
+        }
     }
 
     #[test]
@@ -164,6 +197,17 @@ mod tests {
         assert!((causes.filling_kg + 0.9).abs() < 1e-12 && causes.volume_kg == 0.0, "{causes:?}");
         let causes = of_part(&truth("solid", None), &Found::default());
         assert_eq!(causes.missing_kg, -1.0);
+    }
+
+    #[test]
+    fn what_no_view_shows_is_found_by_its_box() {
+        let (near, far) = ([[0.0; 3], [1.0; 3]], [[5.0; 3], [6.0; 3]]);
+        let part =
+            |id, of, is_hidden| TruePart { id: Some(id), bounding_box_m: Some(of), is_hidden, ..truth("solid", None) };
+        let truth = [part(3, near, false), part(7, near, true), part(8, far, true)];
+        assert_eq!(hidden_at(&truth, [0.5; 3]), Some(1));
+        assert_eq!(hidden_at(&truth, [2.0; 3]), None);
+        assert_eq!((with_id(&truth, 8), with_id(&truth, 4)), (Some(2), None));
     }
 
     #[test]

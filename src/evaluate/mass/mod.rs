@@ -105,6 +105,7 @@ struct SceneTruth {
 /// A part of `ground_truth/parts.json`; unknown values are null.
 #[derive(Deserialize)]
 struct StatedPart {
+    id: Option<u8>,
     name: String,
     volume_m3: Option<f64>,
     mass_kg: Option<f64>,
@@ -112,17 +113,20 @@ struct StatedPart {
     form: String,
     thickness_m: Option<f64>,
     bounding_box_m: Option<[[f64; 3]; 2]>,
+    visible: Option<bool>,
 }
 
 impl StatedPart {
     fn known(&self) -> Option<TruePart> {
         Some(TruePart {
+            id: self.id,
             name: self.name.clone(),
             volume_m3: self.volume_m3?,
             mass_kg: self.mass_kg?,
             form: self.form.clone(),
             thickness_m: self.thickness_m,
             bounding_box_m: self.bounding_box_m,
+            is_hidden: self.visible == Some(false),
         })
     }
 }
@@ -147,8 +151,9 @@ pub fn from_json(predictions: &Path, truth: &Path) -> Result<Vec<Weighed>, Evalu
     Ok(objects)
 }
 
-/// The object of a scene folder: `parts` is the `parts.json` that the parts stage wrote.
-pub fn from_scene(id: &str, parts: &Path, truth: &Path) -> Result<Weighed, EvaluateError> {
+/// The object of a scene folder: `parts` is the `parts.json` that the parts stage wrote; `shown` is, by found part, the
+/// `id` of the true part that it mostly shows, as far as that is known.
+pub fn from_scene(id: &str, parts: &Path, truth: &Path, shown: &BTreeMap<u32, u8>) -> Result<Weighed, EvaluateError> {
     let measured = measured(parts)?;
     let truth: SceneTruth =
         read_json(truth, "true parts", "; for a scene without them, give --predictions and --truth")?;
@@ -164,7 +169,7 @@ pub fn from_scene(id: &str, parts: &Path, truth: &Path) -> Result<Weighed, Evalu
     };
     let parts = measured.parts.iter().map(part).collect();
     let known: Option<Vec<TruePart>> = truth.parts.iter().map(StatedPart::known).collect();
-    let (causes, true_parts) = known.and_then(|known| causes::compare(&known, &measured)).unzip();
+    let (causes, true_parts) = known.and_then(|known| causes::compare(&known, shown, &measured)).unzip();
     let balance = balance(&truth, &measured);
     let true_parts = true_parts.unwrap_or_default();
     let weighed = weighed(id.to_owned(), measured.object.mass_kg, truth.total_mass_kg, parts);
