@@ -20,7 +20,8 @@ pub(super) fn write(model: &Model, shape: &Shape, files: &mut Files) -> Result<(
     let mut nodes = Vec::new();
     for (part, mesh, colors) in meshes.iter().filter(|(_, mesh, _)| mesh.volume() > 0.0) {
         let positions: Vec<[f32; 3]> = floats(&mesh.vertices);
-        let normals: Vec<[f32; 3]> = mesh.normals().iter().map(|n| [n.x as f32, n.y as f32, n.z as f32]).collect();
+        let normals: Vec<[f32; 3]> =
+            mesh.shading_normals().iter().map(|n| [n.x as f32, n.y as f32, n.z as f32]).collect();
         let attributes = json!({
             "POSITION": visual.floats(&positions, true),
             "NORMAL": visual.floats(&normals, false),

@@ -25,7 +25,7 @@ fn skin(skin: &Skin, materials: &str) -> String {
     for [u, v] in skin.uv.iter().flatten() {
         let _ = writeln!(text, "vt {u:.6} {v:.6}");
     }
-    for normal in skin.mesh.normals() {
+    for normal in skin.mesh.shading_normals() {
         let _ = writeln!(text, "vn {:.4} {:.4} {:.4}", normal.x, normal.y, normal.z);
     }
     for (t, triangle) in skin.mesh.triangles.iter().enumerate() {

@@ -1,7 +1,6 @@
 //! A picture for a mesh, without seams: each triangle has half of a square tile of its own, with the pixels around it
 //! that a viewer blends with. Tiles grow with their triangles in powers of two, so that rows of equal tiles fill the
-//! picture. Neighbours on the object are neighbours on the picture as far as possible, because viewers blend pixels of
-//! neighbouring tiles from afar.
+//! picture. Neighbours on the picture have similar colours, because viewers blend pixels of neighbouring tiles from afar.
 
 use nalgebra::Point3;
 
@@ -41,8 +40,8 @@ impl Tile {
     }
 }
 
-/// A tile for each triangle, and the size of the picture.
-pub fn layout(mesh: &Mesh) -> (Vec<Tile>, [u32; 2]) {
+/// A tile for each triangle, and the size of the picture. `colors` are the triangles', roughly.
+pub fn layout(mesh: &Mesh, colors: &[[u8; 3]]) -> (Vec<Tile>, [u32; 2]) {
     let longest: Vec<f64> = mesh.triangles.iter().map(|t| longest_side(mesh.corners(*t))).collect();
     let (mut fine, mut coarse) = (0.0, longest.iter().copied().fold(0.0, f64::max));
     // The finest pixels with which all tiles fit, to a thousandth.
@@ -50,7 +49,7 @@ pub fn layout(mesh: &Mesh) -> (Vec<Tile>, [u32; 2]) {
         let middle = 0.5 * (fine + coarse);
         if height(&longest, middle) > SIDE { fine = middle } else { coarse = middle }
     }
-    let tiles = place(&longest, &along_a_curve(mesh), coarse);
+    let tiles = place(&longest, &by_color(colors), coarse);
     let rows = height(&longest, coarse);
     (tiles, [SIDE, rows.max(1)])
 }
@@ -74,20 +73,14 @@ fn height(longest: &[f64], pixel: f64) -> u32 {
     STEPS.iter().zip(&count).map(rows).sum()
 }
 
-/// The triangles in the order of a curve through space (Morton 1966).
-fn along_a_curve(mesh: &Mesh) -> Vec<usize> {
-    let middle =
-        |t: usize| mesh.corners(mesh.triangles[t]).iter().map(|p| p.coords).sum::<nalgebra::Vector3<f64>>() / 3.0;
-    let middles: Vec<_> = (0..mesh.triangles.len()).map(middle).collect();
-    let Some(first) = middles.first() else { return Vec::new() };
-    let (low, high) = middles.iter().fold((*first, *first), |(low, high), p| (low.inf(p), high.sup(p)));
-    let size = (high - low).max().max(f64::MIN_POSITIVE);
+/// The triangles in the order of a curve through the cube of all colours (Morton 1966).
+fn by_color(colors: &[[u8; 3]]) -> Vec<usize> {
     let code = |t: &usize| {
-        let cell = ((middles[*t] - low) / size * 1023.0).map(|c| c as u64);
-        (0..10)
-            .fold(0u64, |code, bit| (0..3).fold(code, |code, axis| code | (cell[axis] >> bit & 1) << (3 * bit + axis)))
+        (0..8).fold(0u32, |code, bit| {
+            (0..3).fold(code, |code, channel| code | (u32::from(colors[*t][channel]) >> bit & 1) << (3 * bit + channel))
+        })
     };
-    let mut order: Vec<usize> = (0..middles.len()).collect();
+    let mut order: Vec<usize> = (0..colors.len()).collect();
     order.sort_by_cached_key(|t| (code(t), *t));
     order
 }

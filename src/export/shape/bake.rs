@@ -184,6 +184,19 @@ impl<'a> Painter<'a> {
         pixels
     }
 
+    /// A colour for the middle of each triangle of a mesh in scene units.
+    pub fn triangle_colors(&self, mesh: &Mesh) -> Vec<[u8; 3]> {
+        let normals = mesh.normals();
+        let color = |triangle: &[u32; 3]| {
+            let corners = mesh.corners(*triangle);
+            let middle = Point3::from(corners.iter().map(|corner| corner.coords).sum::<Vector3<f64>>() / 3.0);
+            let normal: Vector3<f64> = triangle.iter().map(|v| normals[*v as usize]).sum();
+            let normal = normal.try_normalize(1e-9).unwrap_or(normals[triangle[0] as usize]);
+            self.near(&corners, normal).color(middle, normal)
+        };
+        mesh.triangles.par_iter().map(color).collect()
+    }
+
     /// A colour for each vertex of a mesh in scene units.
     pub fn vertex_colors(&self, mesh: &Mesh) -> Vec<[u8; 3]> {
         let normals = mesh.normals();

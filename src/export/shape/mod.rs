@@ -66,11 +66,34 @@ impl Mesh {
         normals.into_iter().map(|n: Vector3<f64>| n.try_normalize(0.0).unwrap_or_else(Vector3::z)).collect()
     }
 
+    /// Unit normals for shading: those of the vertices, averaged with their neighbours' except across edges. Carving leaves
+    /// bumps of a fraction of a cell, which are hardly visible as shape, but as shading.
+    pub fn shading_normals(&self) -> Vec<Vector3<f64>> {
+        let mut normals = self.normals();
+        let mut beside: Vec<Vec<u32>> = vec![Vec::with_capacity(6); self.vertices.len()];
+        for &[a, b, c] in &self.triangles {
+            [(a, b), (b, c), (c, a)].into_iter().for_each(|(from, to)| beside[from as usize].push(to));
+        }
+        for _ in 0..SHADING_ROUNDS {
+            let averaged = normals.iter().zip(&beside).map(|(own, beside)| {
+                let alike = beside.iter().map(|n| normals[*n as usize]).filter(|other| own.dot(other) > SHADING_EDGE);
+                (own + alike.sum::<Vector3<f64>>()).try_normalize(0.0).unwrap_or(*own)
+            });
+            normals = averaged.collect();
+        }
+        normals
+    }
+
     fn scaled(mut self, factor: f64) -> Self {
         self.vertices.iter_mut().for_each(|v| *v *= factor);
         self
     }
 }
+
+/// Rounds of averaging normals for shading.
+const SHADING_ROUNDS: usize = 6;
+/// Cosine of the angle between two normals from which there is an edge between them: 45 degrees.
+const SHADING_EDGE: f64 = std::f64::consts::FRAC_1_SQRT_2;
 
 /// The outer surface of the whole object with a picture on it.
 #[derive(Debug, Clone)]
@@ -104,7 +127,7 @@ impl Shape {
 pub fn skin(model: &Model, Shape { solid, meters_per_unit, .. }: &Shape) -> Skin {
     let painter = Painter::new(model.gaussians, model.cameras, &solid.grid);
     let mesh = simplify::simplified(surface::of(&solid.grid, &solid.mask(None)), TRIANGLES, 0.5 * solid.grid.cell);
-    let (layout, size) = atlas::layout(&mesh);
+    let (layout, size) = atlas::layout(&mesh, &painter.triangle_colors(&mesh));
     let picture = painter.picture(&mesh, &layout, size);
     let uv = layout.iter().map(|tile| tile.uv(size)).collect();
     let part = mesh.triangles.iter().map(|t| solid.part_at(&mesh.corners(*t))).collect();

@@ -10,7 +10,7 @@ use crate::export::{Piece, Rigid};
 /// The visual mesh, with a subset and a material for each part.
 pub fn write_skin(text: &mut String, rigid: &Rigid) {
     let (name, skin) = (&rigid.name, &rigid.skin);
-    let normals = list(skin.mesh.normals().into_iter().map(|n| tuple([n.x, n.y, n.z], 6)));
+    let normals = list(skin.mesh.shading_normals().into_iter().map(|n| tuple([n.x, n.y, n.z], 6)));
     // Enough for the pixels of any picture.
     let uv = list(skin.uv.iter().flatten().map(|uv| tuple(*uv, 5)));
     let _ = write!(
