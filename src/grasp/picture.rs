@@ -10,6 +10,7 @@ use super::fingers::{FINGER_LENGTH_M, FINGER_THICKNESS_M, OrientedBox, PALM_M, h
 use super::{GraspReport, Limit};
 use crate::camera::{Camera, Distortion, Intrinsics};
 use crate::lettering::Style;
+use crate::numbers::significant;
 use crate::part_name::part_name;
 use crate::pictures::panels::{Entry, Key, Panel, compose};
 use crate::pictures::{palette, strokes};
@@ -164,7 +165,11 @@ fn color(rank: usize) -> image::Rgb<u8> {
 }
 
 fn newtons(force: f64) -> String {
-    if force < 100.0 { format!("{force:.1} N") } else { format!("{force:.0} N") }
+    match force {
+        ..100.0 => format!("{force:.1} N"),
+        ..1000.0 => format!("{force:.0} N"),
+        _ => format!("{} N", significant(10.0 * (force / 10.0).round())),
+    }
 }
 
 /// A point near `at`, inside a picture of this size, for a number that covers none of those already there.
