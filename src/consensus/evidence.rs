@@ -31,7 +31,6 @@ impl Evidence {
     /// Adds one view. Its weight is the square root of the light of the fainter Gaussian of the pair.
     pub fn add(&mut self, pairs: &Pairs, membership: &Membership, segments: &ViewSegments, regions: &Regions) {
         self.sums.par_iter_mut().zip(&pairs.pairs).for_each(|(sums, &(a, b))| {
-            let is_undersegmented = regions.is_undersegmented_at(a, b);
             let (a, b) = (membership.of(a as usize), membership.of(b as usize));
             let (of_a, of_b) = (light(a), light(b));
             let light = of_a.min(of_b);
@@ -39,7 +38,7 @@ impl Evidence {
                 let split = light.sqrt() * difference(a, of_a, b, of_b, segments);
                 sums.split += split;
                 sums.weight += light.sqrt();
-                sums.trusted += if is_undersegmented { split } else { light.sqrt() };
+                sums.trusted += if regions.is_undersegmented_at(a, b) { split } else { light.sqrt() };
             }
         });
     }

@@ -145,13 +145,13 @@ pub fn find(gaussians: &Gaussians, views: &[SegmentedView], progress: Progress) 
     let mut regions = Vec::with_capacity(views.len());
     for view in views {
         let eye = view.camera.center_in_world();
-        let of_view = Regions::new(&Membership::new(gaussians, view), view.segments);
-        for (i, &seen) in of_view.light.iter().enumerate().filter(|(_, seen)| **seen > 0.0) {
+        let membership = Membership::new(gaussians, view);
+        for (i, seen) in membership.light().enumerate().filter(|(_, seen)| *seen > 0.0) {
             light[i] += seen;
             let toward = (eye - gaussians.center(i)).try_normalize(0.0).unwrap_or_default();
             toward_views[i] += toward.map(|value| value as f32) * seen;
         }
-        regions.push(of_view);
+        regions.push(Regions::new(&membership, view.segments));
         bar.inc(1);
     }
     let seen: Vec<u32> = (0..gaussians.len() as u32).filter(|&i| light[i as usize] > LEAST_LIGHT).collect();

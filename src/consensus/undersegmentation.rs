@@ -6,7 +6,7 @@
 
 use rayon::prelude::*;
 
-use super::membership::{Membership, SEEN_LIGHT};
+use super::membership::{Membership, SEEN_LIGHT, Share};
 use crate::segment::ViewSegments;
 
 /// A view judges a region if it sees at least this share of the region's light (MaskClustering's visibility threshold).
@@ -19,51 +19,63 @@ const SPLIT_SHARE: f64 = 0.5;
 
 /// The regions of one view: what each Gaussian belongs to, by the smallest segment that has most of its light.
 pub(super) struct Regions {
-    /// By Gaussian; 0 for none.
-    segment: Vec<u16>,
-    /// By Gaussian, in pixels.
-    pub light: Vec<f32>,
+    /// The Gaussians that the view sees, in order.
+    seen: Vec<Seen>,
     /// By segment.
     is_undersegmented: Vec<bool>,
 }
 
+/// A Gaussian that a view sees.
+struct Seen {
+    gaussian: u32,
+    /// 0 for none.
+    segment: u16,
+    /// In pixels.
+    light: f32,
+}
+
 impl Regions {
     pub fn new(membership: &Membership, segments: &ViewSegments) -> Self {
-        let light: Vec<f32> = membership.light().collect();
-        let main =
-            |i| membership.of(i).iter().max_by(|a, b| a.light.total_cmp(&b.light)).map_or(0, |most| most.segment);
-        let segment = (0..light.len()).map(main).collect();
-        Self { segment, light, is_undersegmented: vec![false; segments.segments.len() + 1] }
+        let seen = (0..)
+            .zip(membership.light())
+            .filter(|(_, light)| *light > SEEN_LIGHT)
+            .map(|(gaussian, light)| Seen { gaussian, segment: main_segment(membership.of(gaussian as usize)), light });
+        Self { seen: seen.collect(), is_undersegmented: vec![false; segments.segments.len() + 1] }
     }
 
-    /// True if both Gaussians lie in one region that most other views split: the view cannot tell whether they belong
-    /// together.
-    pub fn is_undersegmented_at(&self, a: u32, b: u32) -> bool {
-        let [a, b] = [a, b].map(|i| self.segment[i as usize]);
+    /// True if two Gaussians with these shares of light lie in one region that most other views split: the view cannot
+    /// tell whether they belong together.
+    pub fn is_undersegmented_at(&self, a: &[Share], b: &[Share]) -> bool {
+        let [a, b] = [a, b].map(main_segment);
         a == b && self.is_undersegmented[usize::from(a)]
     }
 
-    fn sees(&self, i: usize) -> bool {
-        self.light[i] > SEEN_LIGHT
+    /// By region, its light in this view.
+    fn light(&self) -> Vec<f32> {
+        let mut light = vec![0.0; self.is_undersegmented.len()];
+        self.seen.iter().for_each(|seen| light[usize::from(seen.segment)] += seen.light);
+        light
     }
 
-    /// By region, its light in this view that `seen` is true for.
-    fn light_of(&self, seen: impl Fn(usize) -> bool) -> Vec<f32> {
-        let mut light = vec![0.0; self.is_undersegmented.len()];
-        for i in (0..self.light.len()).filter(|&i| self.sees(i) && seen(i)) {
-            light[usize::from(self.segment[i])] += self.light[i];
-        }
-        light
+    /// The Gaussians that both views see, as each sees them.
+    fn also_seen_by<'a>(&'a self, other: &'a Self) -> impl Iterator<Item = (&'a Seen, &'a Seen)> {
+        let mut theirs = other.seen.iter().peekable();
+        self.seen.iter().filter_map(move |own| {
+            while theirs.next_if(|their| their.gaussian < own.gaussian).is_some() {}
+            Some((own, theirs.next_if(|their| their.gaussian == own.gaussian)?))
+        })
     }
 
     /// By region, whether `other` splits it; `None` if `other` does not see enough of it.
     fn split_by(&self, other: &Self, segments: &ViewSegments, all: &[f32]) -> Vec<Option<bool>> {
-        let seen = self.light_of(|i| other.sees(i));
         let count = other.is_undersegmented.len();
-        // The light of each region in each of the other view's segments.
+        // The light of each region that the other view sees too, in all and in each of the other view's segments.
+        let mut seen = vec![0.0; self.is_undersegmented.len()];
         let mut shared = vec![0.0f32; self.is_undersegmented.len() * count];
-        for i in (0..self.light.len()).filter(|&i| self.sees(i) && other.sees(i)) {
-            shared[usize::from(self.segment[i]) * count + usize::from(other.segment[i])] += self.light[i];
+        for (own, their) in self.also_seen_by(other) {
+            let region = usize::from(own.segment);
+            seen[region] += own.light;
+            shared[region * count + usize::from(their.segment)] += own.light;
         }
         let judged = |(of, (&seen, &all)): (&mut [f32], (&f32, &f32))| {
             // A segment's parent has a lower number, so that each is complete when its turn comes.
@@ -80,11 +92,16 @@ impl Regions {
     }
 }
 
+/// The smallest segment that has most of a Gaussian's light; 0 for none.
+fn main_segment(shares: &[Share]) -> u16 {
+    shares.iter().max_by(|a, b| a.light.total_cmp(&b.light)).map_or(0, |most| most.segment)
+}
+
 /// Marks the regions that most other views split. `segments` are those of the same views.
 pub(super) fn mark(views: &mut [Regions], segments: &[&ViewSegments]) {
     let of_view = |n: usize| {
         let regions = &views[n];
-        let all = regions.light_of(|_| true);
+        let all = regions.light();
         let mut votes = vec![[0u32; 2]; regions.is_undersegmented.len()];
         for other in (0..views.len()).filter(|&other| other != n) {
             let judged = regions.split_by(&views[other], segments[other], &all);
