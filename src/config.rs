@@ -43,6 +43,13 @@ pub enum ConfigError {
     OutsideScene { path: PathBuf, line: usize, key: String, flag: String, leads_to: PathBuf },
     #[error("{path:?} line {line}: `{key}` takes a string, a number, true, false or a list of these")]
     BadValue { path: PathBuf, line: usize, key: String },
+    #[error(
+        "{path:?}: the last run had {flag}, which gprop does not take from a scene's work folder, because that may come from \
+         anyone; give --{name} again, name the work folder with {option}, or start afresh with `gprop run`"
+    )]
+    NotFromLastRun { path: PathBuf, flag: String, name: String, option: &'static str },
+    #[error("{path:?}: the options of the last run cannot be used again: {problem}; start afresh with `gprop run`")]
+    LastRun { path: PathBuf, problem: String },
 }
 
 /// The values that a scene may give to a key.
@@ -101,6 +108,55 @@ pub struct Flag {
     pub is_path: bool,
     /// The values that a scene may give it; `None` if only the user may set it.
     pub scene: Option<SceneValue>,
+    /// The stage's options that it belongs to.
+    pub field: &'static str,
+}
+
+/// Why a scene may not give a value to a flag.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub enum Refusal {
+    /// Only the user may.
+    NotForScenes,
+    /// It leads out of the scene's folder, to this path.
+    LeadsTo(PathBuf),
+}
+
+impl Flag {
+    /// True if `value` is the path of a file or folder.
+    pub fn is_path(&self, value: &str) -> bool {
+        match self.scene {
+            Some(SceneValue::NameOrPath(is_name)) => !is_name(value),
+            Some(SceneValue::Path) => true,
+            _ => self.is_path,
+        }
+    }
+
+    /// `--name=value`; a path is joined to `folder`, the scene's folder if the owner is a scene.
+    ///
+    /// # Errors
+    /// If a scene may not set it, or not to this value.
+    pub fn set_to(&self, value: &str, folder: &Path, owner: Owner) -> Result<OsString, Refusal> {
+        let is_allowed = match self.scene {
+            None => false,
+            Some(SceneValue::AnyOf(is_allowed)) => is_allowed(value),
+            Some(_) => true,
+        };
+        if owner == Owner::Scene && !is_allowed {
+            return Err(Refusal::NotForScenes);
+        }
+        let mut text = OsString::from(format!("--{}=", self.name));
+        if !self.is_path(value) {
+            text.push(value);
+            return Ok(text);
+        }
+        if owner == Owner::Scene
+            && let Some(leads_to) = leads_out_of_scene(folder, value)
+        {
+            return Err(Refusal::LeadsTo(leads_to));
+        }
+        text.push(folder.join(value));
+        Ok(text)
+    }
 }
 
 /// The owner of a configuration file.
@@ -207,33 +263,18 @@ impl Reader<'_> {
 
     /// `--name=value`; a path is joined to the folder of the file.
     fn flag(&self, flag: &Flag, value: &str, key: &str, line: usize) -> Result<OsString, ConfigError> {
-        if let Some(SceneValue::AnyOf(is_allowed)) = flag.scene
-            && self.owner == Owner::Scene
-            && !is_allowed(value)
-        {
-            let key = format!("{key} = {value}");
-            return Err(ConfigError::NotForScenes { path: self.path.into(), line, key, flag: flag.name.clone() });
-        }
-        let is_path = match flag.scene {
-            Some(SceneValue::NameOrPath(is_name)) => !is_name(value),
-            Some(SceneValue::Path) => true,
-            _ => flag.is_path,
-        };
-        let mut text = OsString::from(format!("--{}=", flag.name));
-        if !is_path {
-            text.push(value);
-            return Ok(text);
-        }
         let folder = self.path.parent().unwrap_or(Path::new(""));
-        let path = folder.join(value);
-        if self.owner == Owner::Scene
-            && let Some(leads_to) = leads_out_of_scene(folder, value)
-        {
-            let (path, key, flag) = (self.path.to_owned(), key.to_owned(), flag.name.clone());
-            return Err(ConfigError::OutsideScene { path, line, key, flag, leads_to });
-        }
-        text.push(path);
-        Ok(text)
+        flag.set_to(value, folder, self.owner).map_err(|refusal| {
+            let (path, flag) = (self.path.to_owned(), flag.name.clone());
+            match refusal {
+                Refusal::NotForScenes => {
+                    ConfigError::NotForScenes { path, line, key: format!("{key} = {value}"), flag }
+                }
+                Refusal::LeadsTo(leads_to) => {
+                    ConfigError::OutsideScene { path, line, key: key.to_owned(), flag, leads_to }
+                }
+            }
+        })
     }
 
     fn unknown_key(&self, key: &str, name: &str, line: usize) -> ConfigError {

@@ -9,13 +9,16 @@ use clap::{Args, Parser, Subcommand};
 
 use crate::evaluate::vocabulary::Vocabulary;
 use crate::pictures::figure::Shown;
-use crate::pipeline::{self, Stage};
+use crate::pipeline::{self, FieldFlags, Stage};
 use crate::scene::SizedMarker;
 use crate::values::{self, from_to};
 use crate::{batch, export, inspect, materials, setup};
 
 /// More than the cores of any machine that gprop was run on. A thread takes a 2 MB stack and milliseconds to start.
 const MOST_THREADS: usize = 1024;
+
+/// In the help of the commands that [go on from the last run](super::last_run).
+const GOES_ON: &str = "Stage options that you do not give are those typed for the last run in the work folder.";
 
 /// Materials and physical properties for every Gaussian of a 3D Gaussian Splatting scene.
 #[derive(Debug, Parser)]
@@ -42,12 +45,23 @@ pub struct Global {
     /// Number of threads; the result does not depend on it [default: all cores]
     #[arg(long, global = true, value_name = "N", display_order = 903, value_parser = from_to(1, MOST_THREADS))]
     pub threads: Option<usize>,
-    /// The stages' flags as they were typed.
     #[arg(skip)]
+    pub flags: StageFlags,
+}
+
+/// The stages' flags of a command line, by where they come from.
+#[derive(Debug, Clone, Default)]
+pub struct StageFlags {
+    /// Those that were typed.
     pub typed: Vec<OsString>,
-    /// The stages' flags as they were typed or read from a configuration file.
-    #[arg(skip)]
+    /// Those of the last run that are used because they were not typed again.
+    pub of_last_run: Vec<OsString>,
+    /// All: those of the configuration files, of the last run, and typed.
     pub effective: Vec<OsString>,
+    /// Those of the last run and typed, as they are written to `run.json`.
+    pub recorded: FieldFlags,
+    /// The stage whose options are not written there, because they are for this command only.
+    pub once: Option<Stage>,
 }
 
 #[derive(Debug, Subcommand)]
@@ -137,6 +151,7 @@ pub struct WorkArgs {
 }
 
 #[derive(Debug, Args)]
+#[command(after_help = GOES_ON)]
 pub struct ShowArgs {
     /// Folder with a splat, cameras and photos; stages that the picture needs and that have not run yet are run first.
     pub scene: PathBuf,
@@ -193,6 +208,7 @@ impl clap::ValueEnum for What {
 }
 
 #[derive(Debug, Args)]
+#[command(after_help = GOES_ON)]
 pub struct GraspArgs {
     #[command(subcommand)]
     pub what: Option<Grasp>,
@@ -222,6 +238,7 @@ pub enum Grasp {
 }
 
 #[derive(Debug, Args)]
+#[command(after_help = GOES_ON)]
 pub struct ExportArgs {
     /// Folder with a splat, cameras and photos; stages that have not run yet are run first.
     pub scene: PathBuf,
@@ -305,7 +322,7 @@ pub struct BatchArgs {
 }
 
 #[derive(Debug, Args)]
-#[command(group = clap::ArgGroup::new("solver_input").multiple(true))]
+#[command(after_help = GOES_ON, group = clap::ArgGroup::new("solver_input").multiple(true))]
 pub struct SimulateArgs {
     /// Folder with a splat, cameras and photos.
     #[arg(required_unless_present = "list")]

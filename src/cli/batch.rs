@@ -25,7 +25,7 @@ struct DryScene<'a> {
 
 /// Runs the command.
 pub fn run(global: &Global, args: &BatchArgs) -> anyhow::Result<()> {
-    let (flags, max_usd) = (global.typed.clone(), args.options.query.max_usd);
+    let (flags, max_usd) = (global.flags.typed.clone(), args.options.query.max_usd);
     let task = Task { to: args.to, from: args.from, flags, max_usd, threads: global.threads };
     let batch = Batch::new(&args.folder, args.out.as_deref(), args.batch.clone(), task)?;
     batch.warnings().iter().for_each(|warning| tracing::warn!("{warning}"));
@@ -38,7 +38,7 @@ pub fn run(global: &Global, args: &BatchArgs) -> anyhow::Result<()> {
         return Ok(summary.require_all()?);
     }
     if let Some(step) = args.queries {
-        let options_of = |scene: &Path| options_of(scene, &global.typed);
+        let options_of = |scene: &Path| options_of(scene, &global.flags.typed);
         return questions(global, step, &batch, &Questions::new(&batch, &args.options, &options_of)?);
     }
     let (total, mut ended) = (batch.scenes().count(), 0);

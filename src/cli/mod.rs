@@ -6,6 +6,7 @@ mod batch;
 mod evaluate;
 mod found;
 mod help;
+mod last_run;
 mod manual;
 mod picture;
 mod query;
@@ -34,7 +35,7 @@ use crate::progress::Progress;
 use crate::{config, exit, inspect, output};
 use arguments::{
     BatchArgs, Cli, Command, Compat, Evaluate, ExportArgs, Global, Grasp, GraspArgs, Materials, QueryArgs, ReportArgs,
-    Scale, SceneArgs, ShowArgs, SimulateArgs, ViewArgs, What, WorkArgs,
+    Scale, SceneArgs, ShowArgs, SimulateArgs, StageFlags, ViewArgs, What, WorkArgs,
 };
 
 /// The program: runs the command line, prints an error once, and returns the exit code. A panic ends the process as a
@@ -62,6 +63,7 @@ fn run(arguments: Vec<OsString>) -> anyhow::Result<()> {
         let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build_global();
         pool.map_err(|error| UsageError(format!("--threads {threads}: {error}")))?;
     }
+    last_run::tell(global);
     match &cli.command {
         Command::Run(args) => {
             if args.end_with_stdin {
@@ -105,7 +107,7 @@ pub fn command() -> clap::Command {
     help::with_help(Cli::command())
 }
 
-/// Parses the arguments, with the flags of the configuration files inserted before them.
+/// Parses the arguments, with the flags of the configuration files and of the last run inserted before them.
 fn parse(arguments: &[OsString]) -> anyhow::Result<Cli> {
     parse_with(arguments, config::user_file().as_deref())
 }
@@ -113,43 +115,55 @@ fn parse(arguments: &[OsString]) -> anyhow::Result<Cli> {
 /// Like [`parse`], with the user's configuration in `user_file`. A first pass, which ignores errors, finds the command
 /// and the scene.
 fn parse_with(arguments: &[OsString], user_file: Option<&Path>) -> anyhow::Result<Cli> {
-    let first_look = command().ignore_errors(true).try_get_matches_from(arguments);
+    let first_look = |arguments: &[OsString]| command().ignore_errors(true).try_get_matches_from(arguments);
     let mut all = arguments.to_vec();
-    let mut typed = Vec::new();
-    if let Ok(matches) = &first_look {
+    let mut stages = StageFlags::default();
+    if let Ok(matches) = &first_look(arguments) {
         let (place, command, matches) = innermost(arguments, matches);
         let known = known_flags();
+        stages.typed = stage_flags(matches);
+        let scene = matches.try_get_one::<PathBuf>("scene").ok().flatten();
         let of_user = user_file.map_or_else(|| Ok(Vec::new()), |path| config::flags_of_user(path, &known))?;
-        let mut flags: Vec<OsString> = preset(matches, &of_user).flags().iter().map(OsString::from).collect();
-        flags.extend(of_user);
-        if let Ok(Some(scene)) = matches.try_get_one::<PathBuf>("scene") {
-            flags.extend(config::flags_of_scene(scene, &known)?);
-        }
+        let of_scene = scene.map_or_else(|| Ok(Vec::new()), |scene| config::flags_of_scene(scene, &known))?;
+        let of_last_run =
+            scene.map_or_else(|| Ok(Vec::new()), |scene| last_run::flags(&command, matches, scene, &known))?;
+        let preset = preset(matches, [&of_last_run, &of_user]);
+        let mut flags: Vec<OsString> = preset.flags().iter().map(OsString::from).collect();
+        flags.extend([of_user, of_scene].concat());
         // The files apply to all commands; each command takes the options that it has.
         let takes = |flag: &OsString| match config::name_of(flag) {
             // Inserted after the command's name, it would override one typed before that name.
             THREADS => !matches.contains_id(THREADS),
             name => command.get_arguments().any(|argument| argument.get_long() == Some(name)),
         };
-        all.splice(place..place, flags.into_iter().filter(takes));
-        typed = stage_flags(matches);
+        flags.retain(takes);
+        // clap lets a typed flag override those of the last run that contradict it.
+        let go_on = [&arguments[..place], &of_last_run[..], &arguments[place..]].concat();
+        let own = first_look(&go_on).map_or_else(|_| Vec::new(), |own| stage_flags(innermost(&go_on, &own).2));
+        all.splice(place..place, [flags, of_last_run].concat());
+        stages.of_last_run = own.iter().filter(|flag| !stages.typed.contains(flag)).cloned().collect();
+        stages.once = last_run::once(command.get_name());
+        stages.recorded = scene.map(|scene| last_run::recorded(&own, scene, &known)).unwrap_or_default();
     }
     let matches = command().try_get_matches_from(all).unwrap_or_else(|error| refuse(error));
     let mut cli = Cli::from_arg_matches(&matches).unwrap_or_else(|error| refuse(error));
-    let effective = matches.subcommand().map_or_else(Vec::new, |(_, matches)| stage_flags(matches));
-    (cli.global.typed, cli.global.effective) = (typed, effective);
+    stages.effective = matches.subcommand().map_or_else(Vec::new, |(_, matches)| stage_flags(matches));
+    cli.global.flags = stages;
     Ok(cli)
 }
 
-/// The preset that the command line names, or else the user's file.
-fn preset(matches: &clap::ArgMatches, of_user: &[OsString]) -> Preset {
+/// The preset that the command line names, or else the first of these lists of flags that names one.
+fn preset(matches: &clap::ArgMatches, lists: [&[OsString]; 2]) -> Preset {
     if let Ok(Some(named)) = matches.try_get_one::<Preset>("preset")
         && matches.value_source("preset") == Some(ValueSource::CommandLine)
     {
         return *named;
     }
-    let of_file = of_user.iter().rev().find_map(|flag| flag.to_str()?.strip_prefix("--preset="));
-    of_file.and_then(|name| Preset::from_str(name, false).ok()).unwrap_or_default()
+    let named = |list: &[OsString]| {
+        let name = list.iter().rev().find_map(|flag| flag.to_str()?.strip_prefix("--preset="))?;
+        Preset::from_str(name, false).ok()
+    };
+    lists.into_iter().find_map(named).unwrap_or_default()
 }
 
 /// The innermost subcommand, its matches, and the index in `arguments` after its name.
@@ -264,7 +278,7 @@ mod tests {
     fn stage_options_are_handed_on_as_they_were_typed() {
         let flags = |typed: &str| {
             let typed: Vec<OsString> = typed.split(' ').map(OsString::from).collect();
-            parse_with(&typed, None).unwrap().global.typed
+            parse_with(&typed, None).unwrap().global.flags.typed
         };
         assert_eq!(
             flags("gprop batch DATA --jobs 3 --to vote --out X -q"),
@@ -345,6 +359,28 @@ mod tests {
         assert_eq!(user, USER_ONLY, "may a scene from a stranger set it?");
         let listed: usize = stages().iter().map(|(_, keys)| keys.len()).sum();
         assert_eq!((scene.len(), pipeline::scene_keys().len()), (listed, listed), "every stage's list counts once");
+    }
+
+    /// The options that a run leaves in its work folder for later commands. Those that no scene may set are the preset,
+    /// which stands for options that a scene may set, and the user's own folders, which are taken only from a work folder
+    /// that the user names.
+    #[test]
+    fn a_run_records_a_scenes_options_and_little_else() {
+        let known = known_flags();
+        let recorded: Vec<_> = known.iter().filter(|flag| last_run::is_recorded(flag)).collect();
+        let others = recorded.iter().filter(|flag| flag.scene.is_none());
+        assert_eq!(others.map(|flag| flag.name.as_str()).collect::<Vec<_>>(), ["preset", "prompts", "recordings"]);
+        assert!(known.iter().all(|flag| flag.scene.is_none() || last_run::is_recorded(flag)));
+        let may_be_of_scene = |flag: &&str| {
+            let name = config::name_of(OsStr::new(flag));
+            known.iter().any(|known| known.name == name && known.scene.is_some())
+        };
+        assert!(Preset::value_variants().iter().all(|preset| preset.flags().iter().all(may_be_of_scene)));
+        let stored = serde_json::to_value(pipeline::Options::default()).unwrap();
+        assert!(
+            recorded.iter().all(|flag| stored.get(flag.field).is_some()),
+            "each is stored with its stage's options"
+        );
     }
 
     #[test]

@@ -5,9 +5,9 @@ use std::path::Path;
 use serde::Serialize;
 use serde_json::Value;
 
-use crate::error::{Error, UsageError};
+use crate::error::UsageError;
 use crate::film;
-use crate::pipeline::{Options, Pipeline, Plan, Stage};
+use crate::pipeline::{CommandLine, Options, Pipeline, Plan, Stage};
 use crate::query::Preview;
 use crate::report;
 use crate::workdir::{self, Artifact};
@@ -67,7 +67,7 @@ fn carry_out(global: &Global, folder: &Path, work: &WorkArgs, to: Stage, simulat
 /// Draws a picture or film, after running the stages that it needs.
 pub fn show(global: &Global, args: &ShowArgs) -> anyhow::Result<()> {
     let film = film::Format::of(&args.to);
-    if film.is_none() && global.typed.iter().any(|flag| flag == "--turntable") {
+    if film.is_none() && global.flags.typed.iter().any(|flag| flag == "--turntable") {
         return Err(UsageError(format!("a turntable is a film: name a .gif or .mp4 instead of {:?}", args.to)).into());
     }
     if film.is_some() && !matches!(args.what, What::Field(_)) {
@@ -109,10 +109,7 @@ pub fn open(
     work: &WorkArgs,
     (to, simulates): (Stage, bool),
 ) -> anyhow::Result<Pipeline> {
-    let pipeline = open_with(global, folder, work.out.as_deref(), &work.options, (plan(work, to)?, simulates))?;
-    // The server's address is left out: the answers are recorded, and the address is private.
-    let typed = global.effective.iter().map(|flag| flag.to_string_lossy().into_owned());
-    Ok(pipeline.typed(typed.filter(|flag| !flag.starts_with("--lmm-url=")).collect()))
+    open_with(global, folder, work.out.as_deref(), &work.options, (plan(work, to)?, simulates))
 }
 
 fn open_with(
@@ -121,14 +118,18 @@ fn open_with(
     out: Option<&Path>,
     options: &Options,
     (plan, simulates): (Plan, bool),
-) -> Result<Pipeline, Error> {
+) -> anyhow::Result<Pipeline> {
     let builder = Pipeline::builder(folder).options(options.clone()).plan(plan).progress(global.progress());
     let builder = if simulates { builder } else { builder.without_simulation() };
-    match out {
+    let builder = match out {
         Some(out) => builder.out(out),
         None => builder,
-    }
-    .open()
+    };
+    // The server's address is left out: the answers are recorded, and the address is private.
+    let effective = global.flags.effective.iter().map(|flag| flag.to_string_lossy().into_owned());
+    let effective = effective.filter(|flag| !flag.starts_with("--lmm-url=")).collect();
+    let command_line = CommandLine { effective, typed: global.flags.recorded.clone(), once: global.flags.once };
+    Ok(builder.open()?.of_command_line(command_line))
 }
 
 fn plan(work: &WorkArgs, to: Stage) -> Result<Plan, UsageError> {

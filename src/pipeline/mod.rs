@@ -38,6 +38,7 @@ use std::time::Instant;
 use anyhow::{Context, Result};
 use image::RgbImage;
 use image::codecs::png::PngEncoder;
+use serde_json::Value;
 use tracing::{info, warn};
 
 use crate::error::{Error, UsageError};
@@ -59,7 +60,7 @@ pub use builder::Builder;
 pub use options::{Options, THREADS, known_flags, scene_keys};
 pub use plan::{Plan, Stage};
 pub use preset::Preset;
-pub use record::Hasher;
+pub use record::{FieldFlags, Hasher, flags_of_last_run};
 use record::{Left, Output, RunRecord, StageRecord};
 
 /// A scene being processed by the stages, with its work folder, whose lock it holds.
@@ -79,7 +80,7 @@ pub struct Pipeline {
     plan: Plan,
     /// Whether runs and reports include the simulation.
     simulates: bool,
-    typed: Vec<String>,
+    command_line: CommandLine,
     progress: Progress,
     record: RunRecord,
     /// The stages that this process has done or found already done.
@@ -95,6 +96,17 @@ pub struct Pipeline {
     interior: OnceLock<Interior>,
     /// The index of the chosen view that shows most of the object.
     showing: OnceLock<Option<usize>>,
+}
+
+/// The flags that stand for the options of a pipeline that a command line opened; none if a library did.
+#[derive(Debug, Clone, Default)]
+pub(crate) struct CommandLine {
+    /// With those of the configuration files: for the report, which shows how it was made.
+    pub effective: Vec<String>,
+    /// Those that were typed, for `run.json`.
+    pub typed: FieldFlags,
+    /// A stage whose options are for this time only: `run.json` keeps the flags that the last run left for it.
+    pub once: Option<Stage>,
 }
 
 /// The result of doing a stage.
@@ -150,7 +162,7 @@ impl Pipeline {
             options,
             plan,
             simulates: true,
-            typed: Vec::new(),
+            command_line: CommandLine::default(),
             progress,
             record,
             done: Vec::new(),
@@ -166,9 +178,9 @@ impl Pipeline {
         })
     }
 
-    /// Adds the flags that stand for its options, so that the report can show how it was made.
-    pub(crate) fn typed(self, typed: Vec<String>) -> Self {
-        Self { typed, ..self }
+    /// Adds the flags that stand for its options.
+    pub(crate) fn of_command_line(self, command_line: CommandLine) -> Self {
+        Self { command_line, ..self }
     }
 
     /// True if nothing has been done in the work folder yet; does not create one.
@@ -277,7 +289,7 @@ impl Pipeline {
         if let Some(good) = self.left(stage, &key) {
             info!(?stage, "still good");
             let record = StageRecord { reused: true, ..good.clone() };
-            self.record.keep_options(stage, &options);
+            self.keep_options(stage, &options);
             return Ok(self.record.put(record, &self.work)?);
         }
         self.work.require_writable().with_context(|| format!("the {} stage is to be done", stage.name()))?;
@@ -301,8 +313,16 @@ impl Pipeline {
         self.progress.stage_done(&stage.name(), record.seconds);
         record.warnings.iter().for_each(|warning| warn!("{warning}"));
         record.notes.iter().for_each(|note| info!("{note}"));
-        self.record.keep_options(stage, &options);
+        self.keep_options(stage, &options);
         Ok(self.record.put(record, &self.work)?)
+    }
+
+    /// Stores the options of a stage that is done, and the flags that were typed for them.
+    fn keep_options(&mut self, stage: Stage, all: &Value) {
+        self.record.keep_options(stage, all);
+        if self.command_line.once != Some(stage) {
+            self.record.keep_flags(stage, &self.command_line.typed);
+        }
     }
 
     /// True if the user wants a stage done again in any case.

@@ -1,6 +1,7 @@
 //! The options of all stages, and how a file in a scene's folder sets them.
 
 use std::any::TypeId;
+use std::ffi::OsString;
 use std::path::{Path, PathBuf};
 
 use anyhow::Result;
@@ -57,11 +58,18 @@ impl Options {
                 let what = text.lines().next().unwrap_or_default().trim_start_matches("error: ");
                 UsageError(format!("{file:?}: {what}"))
             };
-            let command = Self::augment_args(stages().no_binary_name(true).args_override_self(true));
-            let matches = command.try_get_matches_from(flags).map_err(wrong)?;
-            Ok(Self::from_arg_matches(&matches).map_err(wrong)?)
+            Ok(Self::of_flags(&flags).map_err(wrong)?)
         };
         read().map_err(Error)
+    }
+
+    /// The defaults, changed by flags.
+    ///
+    /// # Errors
+    /// clap's error for a flag or value that there is not, or for flags that exclude each other.
+    pub(crate) fn of_flags(flags: &[OsString]) -> Result<Self, clap::Error> {
+        let command = Self::augment_args(stages().no_binary_name(true).args_override_self(true));
+        Self::from_arg_matches(&command.try_get_matches_from(flags)?)
     }
 }
 
@@ -92,6 +100,25 @@ pub fn scene_keys() -> Vec<SceneKey> {
     stages.concat()
 }
 
+/// The options of each stage, by the name of their field in [`Options`].
+fn fields() -> [(&'static str, clap::Command); 10] {
+    fn field<T: Args>(name: &'static str) -> (&'static str, clap::Command) {
+        (name, T::augment_args(clap::Command::new(name)))
+    }
+    [
+        field::<crate::scene::Options>("scene"),
+        field::<crate::segment::Options>("segment"),
+        field::<crate::consensus::Options>("consensus"),
+        field::<crate::setup::Options>("setup"),
+        field::<crate::query::Options>("query"),
+        field::<crate::materials::Options>("materials"),
+        field::<crate::vote::Options>("vote"),
+        field::<crate::parts::Options>("parts"),
+        field::<crate::simulate::Options>("simulate"),
+        field::<crate::grasp::Options>("grasp"),
+    ]
+}
+
 /// The one flag, besides those of the stages, that a configuration file may set.
 pub const THREADS: &str = "threads";
 
@@ -99,7 +126,12 @@ pub const THREADS: &str = "threads";
 /// threads. A scene's file may set those with [`config::Flag::scene`].
 pub fn known_flags() -> Vec<config::Flag> {
     let stages = Options::augment_args(stages());
-    let scene_keys = scene_keys();
+    let (scene_keys, fields) = (scene_keys(), fields());
+    // The preset has options of several stages; it is stored with those of the first one, which every run does.
+    let field_of = |name: &str| {
+        let has = |options: &clap::Command| options.get_arguments().any(|option| option.get_long() == Some(name));
+        fields.iter().find(|(_, options)| has(options)).map_or("scene", |(field, _)| field)
+    };
     let flag = |argument: &clap::Arg| {
         let name = argument.get_long()?.to_owned();
         Some(config::Flag {
@@ -107,6 +139,7 @@ pub fn known_flags() -> Vec<config::Flag> {
             repeats: matches!(argument.get_action(), ArgAction::Append) && argument.get_value_delimiter().is_none(),
             is_path: argument.get_value_parser().type_id() == TypeId::of::<PathBuf>(),
             scene: scene_keys.iter().find(|key| key.name == name).map(|key| key.value),
+            field: field_of(&name),
             name,
         })
     };

@@ -1,5 +1,6 @@
 //! `run.json`: which stages were done with which inputs, so that a rerun knows what it can reuse.
 
+use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
 use rayon::prelude::*;
@@ -7,9 +8,12 @@ use serde::{Deserialize, Serialize};
 use serde_json::Value;
 use sha2::{Digest, Sha256};
 
-use crate::workdir::{Artifact, Checksum, FORMAT_VERSION, Standing, WorkDir, WorkDirError, hexadecimal};
+use crate::workdir::{self, Artifact, Checksum, FORMAT_VERSION, Standing, WorkDir, WorkDirError, hexadecimal};
 
-use super::Stage;
+use super::{Plan, Stage};
+
+/// Flags of a command line, by the field of [`Options`](super::Options) to which they belong.
+pub type FieldFlags = BTreeMap<String, Vec<String>>;
 
 /// The content of `run.json`.
 #[derive(Debug, Clone, Default, Serialize, Deserialize)]
@@ -18,6 +22,10 @@ pub struct RunRecord {
     pub version: String,
     /// The options of each stage, as they were when the stage was last done.
     pub options: serde_json::Map<String, Value>,
+    /// The flags that were typed for these options, as far as a later command may take them from here. A path inside
+    /// the scene's folder is relative to it, any other is absolute.
+    #[serde(default)]
+    pub flags: FieldFlags,
     /// The finished stages, in the order of the data flow.
     pub stages: Vec<StageRecord>,
 }
@@ -96,6 +104,16 @@ impl RunRecord {
         }
     }
 
+    /// Stores the flags that were typed for the options of a stage; `all` has the flags of all stages.
+    pub fn keep_flags(&mut self, stage: Stage, all: &FieldFlags) {
+        for room in stage.rooms() {
+            match all.get(*room) {
+                Some(typed) => self.flags.insert((*room).to_owned(), typed.clone()),
+                None => self.flags.remove(*room),
+            };
+        }
+    }
+
     /// Inserts a stage's record at its place and saves. In a read-only folder, only the note that this run reused the
     /// stage is lost.
     pub fn put(&mut self, record: StageRecord, work: &WorkDir) -> Result<(), WorkDirError> {
@@ -112,6 +130,25 @@ impl RunRecord {
         self.stages.retain(|old| old.name != stage);
         if self.stages.len() == before { Ok(()) } else { work.write_json(Artifact::Run, self) }
     }
+}
+
+/// The part of `run.json` from which a later command goes on. Any version of gprop may have written it.
+#[derive(Default, Deserialize)]
+struct Typed {
+    #[serde(default)]
+    flags: FieldFlags,
+}
+
+/// The flags that were typed for the stages of `plan` when they were last done in the work folder `root`, as they are in
+/// `run.json`, which may come from anyone. None if there is no `run.json` that can be read: opening the work folder
+/// reports that.
+pub fn flags_of_last_run(root: &Path, plan: Plan) -> Vec<String> {
+    let path = root.join(Artifact::Run.path());
+    if workdir::refuse_link(&path, "--out").is_err() {
+        return Vec::new();
+    }
+    let Typed { mut flags } = workdir::read_json(&path).unwrap_or_default();
+    plan.stages().flat_map(Stage::rooms).flat_map(|room| flags.remove(*room).unwrap_or_default()).collect()
 }
 
 impl StageRecord {

@@ -104,8 +104,8 @@ impl Pipeline {
     /// The command line that reproduces this result from the folder above the scene's.
     fn command(&self) -> String {
         let left_out = (!self.simulates).then_some("--no-simulate");
-        let typed = self.typed.iter().map(String::as_str);
-        let words = ["gprop", "run", &self.scene.name].into_iter().chain(left_out).chain(typed);
+        let flags = self.command_line.effective.iter().map(String::as_str);
+        let words = ["gprop", "run", &self.scene.name].into_iter().chain(left_out).chain(flags);
         words.map(quoted).collect::<Vec<_>>().join(" ")
     }
 

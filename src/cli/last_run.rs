@@ -1,0 +1,175 @@
+//! The options of the last run in a work folder, with which `gprop show`, `grasp`, `simulate` and `export` go on.
+//!
+//! Each stage leaves in `run.json` the flags that were typed for it. The four commands insert those of the stages that
+//! they may run before the typed ones, so that they find the results of the run instead of doing them again with the
+//! defaults.
+//!
+//! A work folder may come with a scene from anyone. So only flags that a scene's `gprop.toml` may set are recorded and
+//! taken back, after the same checks; and `--preset`, which stands for such flags. If the user names the work folder,
+//! it is the user's own: then paths outside the scene are taken as well, and [the flags](OF_OWN_FOLDER) for the user's
+//! other folders. Nothing that loads code, names a server, pays or allows more to be read is ever recorded. A flag that
+//! gprop would not have recorded is ignored. One that it recorded and may not take back is an error: without it, the
+//! results of the run would be replaced.
+
+use std::borrow::Cow;
+use std::ffi::{OsStr, OsString};
+use std::path::{Path, PathBuf};
+
+use clap::ArgMatches;
+
+use crate::config::{self, ConfigError, Flag, Owner};
+use crate::output::one_line;
+use crate::pipeline::{self, FieldFlags, Options, Plan, Stage, work_folder};
+use crate::workdir::{self, Artifact};
+
+use super::Global;
+
+/// Flags that no scene may set, but that are taken back from any work folder: they stand for flags that a scene may set.
+const FOR_SCENE_FLAGS: &[&str] = &["preset"];
+
+/// Flags that no scene may set, but that are taken back from a work folder that the user names.
+const OF_OWN_FOLDER: &[&str] = &["prompts", "recordings"];
+
+/// Linux takes no longer argument (MAX_ARG_STRLEN), so no longer one was typed.
+const LONGEST_FLAG: usize = 128 * 1024;
+
+/// Characters that are shown at the beginning and at the end of a long recorded text.
+const MOST_SHOWN: usize = 250;
+
+/// The last stage that a command may run and the option that names its work folder, if it goes on from the last run.
+fn going_on(command: &str) -> Option<(Stage, &'static str)> {
+    match command {
+        "show" => Some((Stage::Vote, "out")),
+        "export" => Some((Stage::Parts, "work")),
+        "simulate" => Some((Stage::Simulate, "out")),
+        "grasp" => Some((Stage::Grasp, "out")),
+        _ => None,
+    }
+}
+
+/// The stage whose options are only for the command itself, if it goes on from the last run: a grasp or simulation that
+/// is tried out. No later command needs its result.
+pub fn once(command: &str) -> Option<Stage> {
+    going_on(command).map(|(to, _)| to).filter(|to| matches!(to, Stage::Simulate | Stage::Grasp))
+}
+
+/// The flags of the last run on `scene` with which `command` goes on, without those that give way to typed ones.
+///
+/// # Errors
+/// [`ConfigError`] if one was recorded but may not be taken back, or is not valid any more.
+pub fn flags(
+    command: &clap::Command,
+    matches: &ArgMatches,
+    scene: &Path,
+    known: &[Flag],
+) -> Result<Vec<OsString>, ConfigError> {
+    let Some((to, option)) = going_on(command.get_name()) else { return Ok(Vec::new()) };
+    let named = matches.try_get_one::<PathBuf>(option).ok().flatten();
+    let root = work_folder(scene, named.map(PathBuf::as_path));
+    if named.is_none() && workdir::refuse_link(&root, "--out").is_err() {
+        return Ok(Vec::new());
+    }
+    let owner = if named.is_some() { Owner::User } else { Owner::Scene };
+    let path = root.join(Artifact::Run.path());
+    let typed = super::stage_flags(matches);
+    let mut flags = Vec::new();
+    for text in pipeline::flags_of_last_run(&root, Plan { to, from: None }) {
+        let Some((flag, value)) = parsed(&text, known) else { continue };
+        if typed.iter().any(|typed| excludes(command, config::name_of(typed), &flag.name)) {
+            continue;
+        }
+        flags.push(taken_back(flag, value, scene, owner).ok_or_else(|| ConfigError::NotFromLastRun {
+            path: path.clone(),
+            flag: shown(&text).into_owned(),
+            name: flag.name.clone(),
+            option: if option == "work" { "--work" } else { "--out" },
+        })?);
+    }
+    match Options::of_flags(&flags) {
+        Ok(_) => Ok(flags),
+        Err(error) => {
+            let text = error.to_string();
+            let problem = text.lines().next().unwrap_or_default().trim_start_matches("error: ");
+            Err(ConfigError::LastRun { path, problem: shown(problem).into_owned() })
+        }
+    }
+}
+
+/// The flag with its value if it is one that gprop records; the value is empty if the flag takes none.
+fn parsed<'a, 'b>(text: &'b str, known: &'a [Flag]) -> Option<(&'a Flag, &'b str)> {
+    let words = text.strip_prefix("--").filter(|_| text.len() <= LONGEST_FLAG)?;
+    let (name, value) = words.split_once('=').map_or((words, None), |(name, value)| (name, Some(value)));
+    let flag = known.iter().find(|flag| flag.name == name && is_recorded(flag))?;
+    (flag.takes_value == value.is_some()).then_some((flag, value.unwrap_or_default()))
+}
+
+/// True if `run.json` may have it.
+pub fn is_recorded(flag: &Flag) -> bool {
+    let name = flag.name.as_str();
+    flag.scene.is_some() || FOR_SCENE_FLAGS.contains(&name) || OF_OWN_FOLDER.contains(&name)
+}
+
+/// A recorded flag as it would be typed; `None` if its value is not taken from the owner's work folder.
+fn taken_back(flag: &Flag, value: &str, scene: &Path, owner: Owner) -> Option<OsString> {
+    if !flag.takes_value {
+        return Some(format!("--{}", flag.name).into());
+    }
+    let owner = if FOR_SCENE_FLAGS.contains(&flag.name.as_str()) { Owner::User } else { owner };
+    flag.set_to(value, scene, owner).ok()
+}
+
+/// True if the typed flag replaces the recorded one, or the two exclude each other.
+fn excludes(command: &clap::Command, typed: &str, recorded: &str) -> bool {
+    let find = |name: &str| command.get_arguments().find(|argument| argument.get_long() == Some(name));
+    let conflicts = |one: &clap::Arg, other: &clap::Arg| {
+        command.get_arg_conflicts_with(one).iter().any(|conflict| conflict.get_id() == other.get_id())
+    };
+    let (Some(one), Some(other)) = (find(typed), find(recorded)) else { return false };
+    typed == recorded || conflicts(one, other) || conflicts(other, one)
+}
+
+/// The flags that a run on `scene` leaves in `run.json`, if `flags` are those that it was given.
+pub fn recorded(flags: &[OsString], scene: &Path, known: &[Flag]) -> FieldFlags {
+    let mut recorded = FieldFlags::new();
+    for flag in flags {
+        // A path that is not Unicode has no place in JSON.
+        let Some((of, value)) = flag.to_str().and_then(|text| parsed(text, known)) else { continue };
+        let text = match of.takes_value && of.is_path(value) {
+            true => portable(Path::new(value), scene).to_str().map(|path| format!("--{}={path}", of.name)),
+            false => flag.to_str().map(str::to_owned),
+        };
+        recorded.entry(of.field.to_owned()).or_default().extend(text);
+    }
+    recorded
+}
+
+/// A path that means the same whatever the current folder is: relative to the scene's folder if it is inside, else
+/// absolute.
+fn portable(path: &Path, scene: &Path) -> PathBuf {
+    let absolute = |path: &Path| std::path::absolute(path).unwrap_or_else(|_| path.to_owned());
+    let real = |path: &Path| path.canonicalize().unwrap_or_else(|_| absolute(path));
+    match real(path).strip_prefix(real(scene)) {
+        Ok(inside) if inside == OsStr::new("") => PathBuf::from("."),
+        Ok(inside) => inside.to_owned(),
+        Err(_) => absolute(path),
+    }
+}
+
+/// Tells the user which options of the last run are used.
+pub fn tell(global: &Global) {
+    let flags: Vec<_> = global.flags.of_last_run.iter().map(|flag| flag.to_string_lossy()).collect();
+    if !flags.is_empty() {
+        global.progress().line(&format!("options of the last run: {}", shown(&flags.join(" "))));
+    }
+}
+
+/// The text on one line, without its middle if it is long.
+fn shown(text: &str) -> Cow<'_, str> {
+    let (head, tail) = (text.char_indices().nth(MOST_SHOWN), text.char_indices().nth_back(MOST_SHOWN - 1));
+    match (head, tail) {
+        (Some((head, _)), Some((tail, _))) if head < tail => {
+            format!("{}…{}", one_line(&text[..head]), one_line(&text[tail..])).into()
+        }
+        _ => one_line(text),
+    }
+}
