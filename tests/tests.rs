@@ -37,6 +37,8 @@ mod export;
 mod batch;
 // The two configuration files: what each may set, and which takes precedence.
 mod configuration;
+// The options of the last run, with which later commands go on.
+mod last_run;
 // Full disks, files that disappear, clocks that are set back, hostile scenes.
 mod faults;
 // The corpus of the fuzz targets: their starting files and their findings.

@@ -64,7 +64,9 @@ fn shown(scene: &Path, work: &Path, what: &str, view: &str) -> DynamicImage {
     let output =
         gprop().args(["show", text(scene), text(&to), "--what", what, "--view", view, "--out", text(work)]).output();
     let output = output.unwrap();
-    assert!(output.status.success(), "{what}: {}", String::from_utf8_lossy(&output.stderr));
+    let said = String::from_utf8_lossy(&output.stderr);
+    assert!(output.status.success(), "{what}: {said}");
+    assert!(!said.contains("  segment "), "the segments of the run are used: {said}");
     image::open(&to).unwrap()
 }
 
