@@ -14,7 +14,9 @@ const CONTENTS: &[u8] = b"places with poses";
 
 impl Pipeline {
     pub(super) fn grasp_key(&self) -> String {
-        self.key_after_inputs(Stage::Grasp).with(CONTENTS).with_json(&self.options.grasp).with_json(&self.gripper).hex()
+        // The profile counts, not the path of its file.
+        let options = grasp::Options { gripper: String::new(), ..self.options.grasp.clone() };
+        self.key_after_inputs(Stage::Grasp).with(CONTENTS).with_json(&options).with_json(&self.gripper).hex()
     }
 
     /// If the user asks for a grasp, a grasp that cannot be computed is an error; if it is only needed for a report, it

@@ -11,7 +11,8 @@ use crate::consensus::Asked;
 use crate::from_splat::photo_with_foreground;
 use crate::output::{agreeing, counted};
 use crate::query::{
-    AnswerSource, Answers, Match, Options, Outcome, Preview, Queries, SegmentAnswer, SizeAnswer, SizeOutcome, SizeQuery,
+    AnswerSource, Answers, LabelSet, Match, Options, Outcome, Preview, Queries, SegmentAnswer, SizeAnswer, SizeOutcome,
+    SizeQuery,
 };
 use crate::scene::ScaleChoice;
 use crate::units::{MetricScale, Range};
@@ -33,9 +34,12 @@ struct SizeFile {
 impl Pipeline {
     pub(super) fn query_key(&self) -> Result<String> {
         let options = &self.options.query;
+        // The content of these files and folders counts, not how their paths are written.
+        let labels = options.labels.clone().filter(|labels| !matches!(labels, LabelSet::File(_)));
+        let without_paths = Options { prompts: None, recordings: None, labels, ..options.clone() };
         let mut hasher = self
             .key_after_inputs(Stage::Query)
-            .with_json(options)
+            .with_json(&without_paths)
             .with_json(&self.options.consensus.ask_views)
             .with_json(&query_session::candidates(options, &self.library)?.materials())
             .with_json(&self.library.fillings())

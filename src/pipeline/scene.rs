@@ -39,9 +39,9 @@ struct ViewEntry<'a> {
 }
 
 impl Pipeline {
-    /// The hash covers every byte that is read; modification times do not matter.
+    /// The hash covers every byte that is read; modification times and how the paths are written do not matter.
     pub(super) fn scene_key(&self) -> Result<String> {
-        let mut hasher = Hasher::new("scene").with_json(&self.options.scene);
+        let mut hasher = Hasher::new("scene").with_json(&without_paths(&self.options.scene));
         let photos = self.views.iter().flat_map(|view| iter::once(&view.image).chain(&view.mask));
         let searched =
             self.scene.views.iter().filter(|_| self.options.scene.scale.is_in_photos()).map(|view| &view.image);
@@ -88,11 +88,16 @@ pub(super) fn stored_scale(work: &WorkDir) -> Result<Option<MetricScale>, WorkDi
 
 /// Hash of everything that pictures rendered from the splat depend on, short enough for a folder's name.
 pub(super) fn rendering_key(scene: &Scene, options: &Options) -> Result<String> {
-    let mut hasher = Hasher::new("rendered").with_json(options);
+    let mut hasher = Hasher::new("rendered").with_json(&without_paths(options));
     for path in &scene.files {
         hasher = hasher.with(&file_digest(path)?);
     }
     Ok(hasher.hex().chars().take(16).collect())
+}
+
+/// The options without paths, whose files are hashed by their content.
+fn without_paths(options: &Options) -> Options {
+    Options { splat: None, cameras: None, images: None, masks: None, ..options.clone() }
 }
 
 /// SHA-256 of the content of one of the user's files.

@@ -1,7 +1,7 @@
 //! The simulation on disk: one frame and checkpoint at a time, so that a killed run continues at its last frame.
 
 use std::io::{BufWriter, IntoInnerError, Write};
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use anyhow::{Context, Result};
 use rayon::prelude::*;
@@ -14,11 +14,12 @@ use crate::simulate::animation::{Film, Shooting};
 use crate::simulate::checkpoint::{Checkpoint, Snapshot};
 use crate::simulate::filling::FillPoint;
 use crate::simulate::material::Material;
-use crate::simulate::{Fillings, Frame, Input, SimulationReport, plot, simulate};
+use crate::simulate::{Fillings, Frame, Input, Options, SimulationReport, plot, script, simulate};
 use crate::vote::{Contents, MaterialField};
 use crate::workdir::{Artifact, Checksum, Checksumming, Standing};
 
 use super::record::Output;
+use super::scene::file_digest;
 use super::{Done, Pipeline, Stage};
 
 /// Context for an error of the work folder.
@@ -26,7 +27,16 @@ pub(super) const NOT_KEPT: &str = "a frame could not be kept";
 
 impl Pipeline {
     pub(super) fn simulate_key(&self) -> String {
-        self.key_after_inputs(Stage::Simulate).with_json(&self.options.simulate).hex()
+        let options = &self.options.simulate;
+        let hasher = self.key_after_inputs(Stage::Simulate);
+        if script::is_name(&options.scenario) {
+            return hasher.with_json(options).hex();
+        }
+        // The file's content counts, and its name, which the report shows, but not how its path is written.
+        let file = Path::new(&options.scenario);
+        let scenario = file.file_name().unwrap_or_default().to_string_lossy().into_owned();
+        let content = file_digest(file).unwrap_or_default();
+        hasher.with_json(&Options { scenario, ..options.clone() }).with(&content).hex()
     }
 
     pub(super) fn do_simulate(&self, key: &str) -> Result<Done> {

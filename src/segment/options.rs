@@ -168,9 +168,10 @@ impl Options {
         self.level.unwrap_or_default()
     }
 
-    /// The options without those that change nothing about the segments.
+    /// The options without those that change nothing about the segments, and without the path of the folder from which
+    /// they are taken: its content decides.
     pub fn deciding(&self) -> Self {
-        Self { also: Vec::new(), cache_embeddings: false, ..self.clone() }
+        Self { also: Vec::new(), cache_embeddings: false, segments: None, ..self.clone() }
     }
 }
 
