@@ -123,7 +123,7 @@ fn grid_owner(grid: &Grid, inside: &[bool], nearest: &[u32], i: usize) -> Option
 
 /// Per cell of `mask`, its distance to the nearest of `points`, and the index of that point. `seeds[k]` is the cell
 /// that `points[k]` belongs to. Forward and backward sweeps pass the nearest point on from cell to cell until nothing
-/// changes.
+/// changes. A sweep leaves out cells of which no neighbour has changed since the last sweep in its direction.
 pub fn distance_to(grid: &Grid, mask: &[bool], seeds: &[u32], points: &[Point3<f64>]) -> (Vec<f32>, Vec<u32>) {
     let mut nearest = vec![NONE; mask.len()];
     let mut distance2 = vec![f64::INFINITY; mask.len()];
@@ -136,7 +136,12 @@ pub fn distance_to(grid: &Grid, mask: &[bool], seeds: &[u32], points: &[Point3<f
     }
     let cells: Vec<u32> = (0..mask.len() as u32).filter(|&i| mask[i as usize]).collect();
     let back = half_neighbourhood(grid);
-    let mut relax = |i: usize, step: isize| {
+    // Per cell: whether the next forward and the next backward sweep have to look at it.
+    let mut is_due = vec![[true; 2]; mask.len()];
+    let mut relax = |i: usize, [direction, other]: [usize; 2], step: isize| {
+        if !std::mem::take(&mut is_due[i][direction]) {
+            return false;
+        }
         let mut changed = false;
         let center = grid.center(grid.coords(i));
         for offset in &back {
@@ -150,15 +155,24 @@ pub fn distance_to(grid: &Grid, mask: &[bool], seeds: &[u32], points: &[Point3<f
                 (distance2[i], nearest[i], changed) = (d2, candidate, true);
             }
         }
+        if changed {
+            for offset in &back {
+                for (step, direction) in [(-step, direction), (step, other)] {
+                    if let Some(due) = i.checked_add_signed(step * offset).and_then(|beside| is_due.get_mut(beside)) {
+                        due[direction] = true;
+                    }
+                }
+            }
+        }
         changed
     };
     loop {
         let mut changed = false;
         for &i in &cells {
-            changed |= relax(i as usize, -1);
+            changed |= relax(i as usize, [0, 1], -1);
         }
         for &i in cells.iter().rev() {
-            changed |= relax(i as usize, 1);
+            changed |= relax(i as usize, [1, 0], 1);
         }
         if !changed {
             break;
