@@ -221,7 +221,7 @@ pub fn evaluation(bytes: &[u8]) {
     let mut gripper = GripperProfile::load("paper").expect("it is built in");
     let _ = CalibrationReport::of_file(&table, &mut gripper).map(|report| (report.text(), report.plot()));
     let _ = mass::from_json(&table, &table).map(mass::evaluate);
-    let _ = mass::from_scene("one", &table, &table);
+    let _ = mass::from_scene("one", &table, &table, &Default::default());
     let _ = masks::Reference::from_json(&String::from_utf8_lossy(bytes));
     for maps in ["named", "numbered"] {
         let _ = LabelMaps::open(&folder.path().join(maps)).map(|maps| maps.of("0", (1, 1)));
