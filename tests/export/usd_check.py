@@ -10,6 +10,12 @@ stage = Usd.Stage.Open(sys.argv[1])
 registry = UsdValidation.ValidationRegistry()
 context = UsdValidation.ValidationContext(registry.GetOrLoadAllValidators())
 errors = [f"{error.GetName()}: {error.GetMessage()}" for error in context.Validate(stage)]
+for prim in stage.Traverse():
+    # SimReady compares them to the last bit. USD computes none for the Gaussians.
+    boundable = UsdGeom.Boundable(prim)
+    computed = UsdGeom.Boundable.ComputeExtentFromPlugins(boundable, Usd.TimeCode.Default()) if boundable else None
+    if computed is not None and computed != boundable.GetExtentAttr().Get():
+        errors.append(f"{prim.GetPath()}: the extent is {computed}")
 
 root = stage.GetDefaultPrim()
 mass = UsdPhysics.MassAPI(root)

@@ -43,8 +43,12 @@ pub fn write(text: &mut String, rigid: &Rigid) {
                  object and whose y leads from finger to finger; width between the fingers in m",
                 grasp.part
             )),
+            // In 32 bits, as USD computes it.
             extent = extent(
-                grasp.contacts_m.iter().flat_map(|c| [-RADIUS, RADIUS].map(|d| c.map(|x| f64::from(x as f32) + d)))
+                grasp
+                    .contacts_m
+                    .iter()
+                    .flat_map(|c| [-RADIUS, RADIUS].map(|d| c.map(|x| f64::from(x as f32 + d as f32))))
             ),
             points = list(grasp.contacts_m.iter().map(|c| triple(*c))),
             diameter = 2.0 * RADIUS,
