@@ -89,11 +89,8 @@ fn shown_parts(global: &Global, scene: &Path, out: Option<&Path>) -> anyhow::Res
     }
     let pipeline = Pipeline::stored(scene, out, Stage::Vote, global.progress())?;
     let (gaussians, field) = Stored::open(scene, out, &[Stage::Vote])?.field()?;
-    let views = pipeline.scene().views.iter().filter(|view| true_map(scene, view).exists());
-    let views = views.map(|view| {
-        let parts = true_parts(scene, view, &pipeline.options().scene)?;
-        Ok(TrueView { name: view.name.clone(), camera: view.camera.clone(), parts, segmented: false })
-    });
+    let mapped = pipeline.scene().views.iter().filter(|view| true_map(scene, view).exists());
+    let views = mapped.map(|view| true_view(scene, view, &pipeline.options().scene, false));
     Ok(most_shown(&gaussians, &field.part_label, &views.collect::<anyhow::Result<Vec<_>>>()?))
 }
 
@@ -275,6 +272,12 @@ fn true_parts(folder: &Path, view: &scene::View, options: &scene::Options) -> an
         return Err(EvaluateError::MapSize { path, map, view: view.name.clone(), picture }.into());
     }
     Ok(parts)
+}
+
+/// A view with its true part map; `segmented` says whether the view helped to find the parts.
+fn true_view(folder: &Path, view: &scene::View, options: &scene::Options, segmented: bool) -> anyhow::Result<TrueView> {
+    let parts = true_parts(folder, view, options)?;
+    Ok(TrueView { name: view.name.clone(), camera: view.camera.clone(), parts, segmented })
 }
 
 fn true_map(folder: &Path, view: &scene::View) -> PathBuf {

@@ -14,7 +14,7 @@ use crate::segment::{self, Segmenter};
 
 use super::super::arguments::TrueParts;
 use super::super::{Global, print};
-use super::{true_map, true_parts};
+use super::{true_map, true_view};
 
 pub fn evaluate(global: &Global, asked: &TrueParts) -> anyhow::Result<()> {
     let TrueParts { scenes, scene: options, segment, setup } = asked;
@@ -42,10 +42,7 @@ impl TrueScene {
         let chosen = scene.chosen_views(options)?;
         let is_chosen = |view: &View| chosen.iter().any(|other| other.name == view.name);
         let labelled = scene.views.iter().filter(|view| true_map(folder, view).exists());
-        let truth = labelled.map(|view| {
-            let (name, camera, segmented) = (view.name.clone(), view.camera.clone(), is_chosen(view));
-            Ok(TrueView { name, camera, parts: true_parts(folder, view, options)?, segmented })
-        });
+        let truth = labelled.map(|view| true_view(folder, view, options, is_chosen(view)));
         let truth: Vec<TrueView> = truth.collect::<anyhow::Result<_>>()?;
         if truth.iter().all(|view| view.segmented) {
             return Err(UsageError(format!(

@@ -12,7 +12,7 @@ use crate::pipeline::{Pipeline, Stage};
 use crate::scene::View;
 
 use super::super::{Global, print};
-use super::{one_scene_only, true_map, true_parts};
+use super::{one_scene_only, true_map, true_parts, true_view};
 
 pub fn evaluate(global: &Global, scenes: &[PathBuf], few: NonZeroUsize, out: Option<&Path>) -> anyhow::Result<()> {
     one_scene_only(scenes.len(), out)?;
@@ -29,10 +29,7 @@ fn of_scene(folder: &Path, pipeline: &Pipeline, few: NonZeroUsize) -> anyhow::Re
     let (scene, options) = (pipeline.scene(), pipeline.options());
     let parts = |view: &View| true_parts(folder, view, &options.scene);
     let others = scene.views.iter().filter(|view| !pipeline.votes(&view.name) && true_map(folder, view).exists());
-    let compared = others.map(|view| {
-        let (name, camera) = (view.name.clone(), view.camera.clone());
-        Ok(TrueView { name, camera, parts: parts(view)?, segmented: false })
-    });
+    let compared = others.map(|view| true_view(folder, view, &options.scene, false));
     let compared: Vec<TrueView> = compared.collect::<anyhow::Result<_>>()?;
     if compared.is_empty() {
         return Err(UsageError(format!(

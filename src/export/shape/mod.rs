@@ -69,19 +69,27 @@ impl Mesh {
     /// Unit normals for shading: those of the vertices, averaged with their neighbours' except across edges. Carving leaves
     /// bumps of a fraction of a cell, which are hardly visible as shape, but as shading.
     pub fn shading_normals(&self) -> Vec<Vector3<f64>> {
-        let mut normals = self.normals();
-        let mut beside: Vec<Vec<u32>> = vec![Vec::with_capacity(6); self.vertices.len()];
-        for &[a, b, c] in &self.triangles {
-            [(a, b), (b, c), (c, a)].into_iter().for_each(|(from, to)| beside[from as usize].push(to));
-        }
+        let (mut normals, neighbours) = (self.normals(), self.neighbours());
         for _ in 0..SHADING_ROUNDS {
-            let averaged = normals.iter().zip(&beside).map(|(own, beside)| {
+            let averaged = normals.iter().zip(&neighbours).map(|(own, beside)| {
                 let alike = beside.iter().map(|n| normals[*n as usize]).filter(|other| own.dot(other) > SHADING_EDGE);
                 (own + alike.sum::<Vector3<f64>>()).try_normalize(0.0).unwrap_or(*own)
             });
             normals = averaged.collect();
         }
         normals
+    }
+
+    /// By vertex of a closed mesh, the other ends of its edges.
+    fn neighbours(&self) -> Vec<Vec<u32>> {
+        let mut neighbours: Vec<Vec<u32>> = vec![Vec::with_capacity(6); self.vertices.len()];
+        for &[a, b, c] in &self.triangles {
+            // Each edge runs once in either direction, so every neighbour is counted once.
+            for (from, to) in [(a, b), (b, c), (c, a)] {
+                neighbours[from as usize].push(to);
+            }
+        }
+        neighbours
     }
 
     fn scaled(mut self, factor: f64) -> Self {

@@ -121,13 +121,7 @@ fn fill(mesh: &mut Mesh, ring: &[u32]) {
 }
 
 fn smooth(mesh: &mut Mesh) {
-    let mut neighbours: Vec<Vec<u32>> = vec![Vec::with_capacity(6); mesh.vertices.len()];
-    for &[a, b, c] in &mesh.triangles {
-        // Each edge runs once in either direction, so every neighbour is counted once.
-        for (from, to) in [(a, b), (b, c), (c, a)] {
-            neighbours[from as usize].push(to);
-        }
-    }
+    let neighbours = mesh.neighbours();
     for _ in 0..ROUNDS {
         for share in SMOOTHING {
             let moved = mesh.vertices.par_iter().zip(&neighbours).map(|(at, beside)| {
