@@ -24,7 +24,7 @@ const M_PER_MM: f64 = 1e-3;
 const WALL_THICKNESS_M: Range = Range::new(1e-6, 1.0);
 /// Lighter things than aerogel and denser ones than tungsten do not occur; a mixed part is in between.
 const BULK_DENSITY_KG_M3: Range = Range::new(1.0, 20_000.0);
-/// Less of a filling than this is not worth a part of its own.
+/// A filling with a smaller share of the hollow than this is not worth counting.
 const FILL_SHARE: Range = Range::new(0.01, 1.0);
 const SHORE: Range = Range::new(0.0, 100.0);
 /// Lowest similarity (0 to 1) at which a name is taken for a library name.
@@ -112,7 +112,7 @@ pub fn read(value: Value, library: &MaterialLibrary, unknown: Unknown) -> Result
     let mut flags = Vec::new();
     let material = material(&written, library, unknown, &mut flags)?;
     let family = library.family(&material.family).ok_or_else(|| {
-        Problem::invalid(format!("the library has no family {:?}, that of {:?}.", material.family, material.name))
+        Problem::invalid(format!("the library has no family {:?}, to which {:?} belongs.", material.family, material.name))
     })?;
     if written.family != material.family {
         flags.push(format!("{} is of the family {}, not {}", material.name, material.family, written.family));
@@ -187,7 +187,7 @@ fn inside(written: &Written, library: &MaterialLibrary, flags: &mut Vec<String>)
     Ok(Inside::Filled { filling: filling.name.clone(), share: cut("fill share", said, FILL_SHARE, flags) })
 }
 
-/// The density of a part: of a mixed one, that of the whole, which no material of the library bounds.
+/// The density of a part. The density of a mixed part is that of the whole, which no material of the library bounds.
 fn density(written: &Written, material: &Material, family: &Family, flags: &mut Vec<String>) -> Range {
     let bulk = matches!(written.form, WrittenForm::Mixed).then_some(written.bulk_density_kg_m3).flatten();
     let name = if bulk.is_some() { "bulk density" } else { "density" };
@@ -276,7 +276,7 @@ fn hardness(
     };
     let Some(said) = said else { return Some(row) };
     if scale != row.scale {
-        flags.push(format!("hardness was given on Shore {scale:?}, the library's is on {:?} and is used", row.scale));
+        flags.push(format!("hardness was given on Shore {scale:?}; the library's, on Shore {:?}, is used", row.scale));
         return Some(row);
     }
     let said = in_order("hardness", said, flags);

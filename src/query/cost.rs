@@ -180,7 +180,7 @@ impl std::fmt::Display for Cost {
     }
 }
 
-/// Refuses a price with which no budget can be kept, such as NaN.
+/// Refuses a price that cannot be compared with a budget, such as NaN.
 fn usd_per_mtok<'de, D: serde::Deserializer<'de>>(deserializer: D) -> Result<f64, D::Error> {
     let usd = f64::deserialize(deserializer)?;
     if usd.is_finite() && usd >= 0.0 {

@@ -37,7 +37,7 @@ pub enum QueryError {
     #[error("{} would cost about {usd:.2} USD, more than --max-usd {max_usd}; nothing was sent", output::counted(*.requests, "request"))]
     OverBudget { requests: usize, usd: f64, max_usd: f64 },
     #[error(
-        "--max-usd {max_usd} is reached: {spent_usd:.4} USD spent, {} not asked; what was answered is recorded. Raise \
+        "--max-usd {max_usd} is reached: {spent_usd:.4} USD spent, {} not asked; the answers so far are recorded. Raise \
          --max-usd to go on",
         output::counted(*.left, "question")
     )]
@@ -52,7 +52,7 @@ pub enum QueryError {
         /// The folder of the recordings that could not be written there; `None` if their text was printed.
         spare: Option<PathBuf>,
     },
-    #[error("{message}; {} {} not answered; what was answered is recorded ({spent})", output::counted(*.left, "question"), output::agreeing(*.left, "is", "are"))]
+    #[error("{message}; {} {} not answered; the answers so far are recorded ({spent})", output::counted(*.left, "question"), output::agreeing(*.left, "is", "are"))]
     Endpoint { message: String, left: usize, spent: Spent },
     #[error("none of the {} was answered: {}", output::counted(*.segments, "question"), counted(.failures))]
     AllFailed {
@@ -62,7 +62,7 @@ pub enum QueryError {
     },
     #[error(
         "a submission to the Batch API cannot be stopped, and with the longest answers its {requests} requests may \
-         cost {usd:.4} USD more than --max-usd {max_usd} leaves after {spent}; nothing was submitted"
+         cost {usd:.4} USD, more than is left of --max-usd {max_usd} (spent so far: {spent}); nothing was submitted"
     )]
     SubmissionOverBudget { requests: usize, usd: f64, max_usd: f64, spent: Spent },
     #[error("the Batch API: {0}")]
@@ -132,7 +132,7 @@ fn counted(failures: &[(Failure, usize)]) -> String {
         .map(|(failure, segments)| format!("{failure} ({segments} of them)"))
         .collect();
     if failures.len() > SHOWN_FAILURES {
-        words.push(format!("and {} other reasons; see answers.jsonl", failures.len() - SHOWN_FAILURES));
+        words.push(format!("and {} more; see answers.jsonl", failures.len() - SHOWN_FAILURES));
     }
     words.join("; ")
 }
@@ -140,10 +140,10 @@ fn counted(failures: &[(Failure, usize)]) -> String {
 fn where_kept(folder: &Path, spare: Option<&Path>) -> String {
     match spare {
         Some(spare) => format!(
-            "What was answered and could not be written there is kept in {spare:?}; a run with the same work folder uses \
-             it. Make room and move it to {folder:?}"
+            "The answers that could not be written there are kept in {spare:?}; a run with the same work folder uses \
+             them. Make room and move them to {folder:?}"
         ),
-        None => format!("What was answered is printed above; make room and save it in {folder:?}"),
+        None => format!("The answers are printed above; make room and save them in {folder:?}"),
     }
 }
 

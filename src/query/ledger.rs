@@ -1,9 +1,9 @@
-//! Keeps what requests cost so far, plus what those in progress may cost, within a budget.
+//! Keeps the cost of the requests so far, plus the highest cost of those in progress, within a budget.
 //!
 //! The sender of requests opens an [`Entry`] for each of them, retries included, which reserves the most that the
 //! request may cost. The entry is closed with the outcome of the request. Anything that the server may have billed
-//! counts, an answer that was lost on the way as much as one that arrived; only a request that was certainly not billed
-//! is given back.
+//! counts, an answer that was lost on the way as much as one that arrived; the reservation is released only if the
+//! request was certainly not billed.
 
 use std::sync::{Mutex, MutexGuard, PoisonError};
 

@@ -139,7 +139,7 @@ impl<'a> Live<'a> {
                 Ok(None) if !is_told => {
                     let view = &segment.view;
                     self.progress
-                        .line(&format!("view {view}: waiting for another gprop that is asking the same question"));
+                        .line(&format!("view {view}: waiting for another gprop process that is asking the same question"));
                     is_told = true;
                 }
                 Ok(None) => {}

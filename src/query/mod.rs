@@ -1,10 +1,10 @@
 //! Asks what each part or segment is made of: a sheet and a prompt for a large multimodal model, whose answers are
 //! checked and recorded.
 //!
-//! [`rounds`] says what to ask next. [`Queries::prepare`] draws the [`sheet`]s and writes the [`question`]s. [`Queries::run`] is the stage: it
-//! takes answers from the [recordings](recorded) if there are any, asks an [`asker`] (the [`client`] of a server) for
-//! the rest, and checks every response against the [`schema`] and the material library ([`answer`]). [`exchange`]
-//! exports the questions and imports the answers of people and other programs.
+//! [`rounds`] decides what to ask next. [`Queries::prepare`] draws the [`sheet`]s and writes the [`question`]s.
+//! [`Queries::run`] is the stage: it takes answers from the [recordings](recorded) if there are any, asks an [`asker`]
+//! (the [`client`] of a server) for the rest, and checks every response against the [`schema`] and the material library
+//! ([`answer`]). [`exchange`] exports the questions and imports the answers of people and other programs.
 
 pub mod answer;
 pub mod asker;

@@ -31,7 +31,7 @@ const MOST_PARALLEL: usize = 256;
 const MOST_RETRIES: u32 = 100;
 
 /// The keys that a scene may set: those that define what is asked about it, on which its recordings depend. Whether
-/// anything is sent, to whom, with which prompts, at which cost, and where answers are written, is up to the user.
+/// anything is sent, to whom, with which prompts, at what cost, and where answers are written, is up to the user.
 pub const SCENE_KEYS: &[SceneKey] = &[
     SceneKey::any("guidance"),
     SceneKey::any("context"),

@@ -74,7 +74,7 @@ impl<'a> Queries<'a> {
         Some(self.questions.read(question, response, self.library, unknown).map(drop))
     }
 
-    /// The most that asking about the size may cost, as in [`Self::cost`]; nothing if it is not to be asked.
+    /// The estimated cost of asking about the size, as in [`Self::cost`]; zero if it is not to be asked.
     pub fn cost_of_size(&self, price: Option<&Price>) -> Cost {
         let cost = |size: &SizeQuery| {
             Cost::of_request(&[&size.question.prompt], size.shown.sheet_size, self.options.lmm_max_tokens, price)
@@ -82,7 +82,7 @@ impl<'a> Queries<'a> {
         self.size.map_or_else(Cost::default, cost)
     }
 
-    /// The most that asking about `segments` may cost: every question of the longest chain, each answered at the first
+    /// The estimated cost of asking about `segments`: every question of the longest chain, each answered at the first
     /// try.
     pub fn cost<'p>(&self, segments: impl Iterator<Item = &'p SegmentQuery>, price: Option<&Price>) -> Cost {
         let chain = self.questions.longest_chain();

@@ -1,7 +1,7 @@
 //! The questions about every segment: one prompt and schema, or a chain of two.
 //!
-//! Neither depends on the segment (only its picture does), so servers that cache the beginning of a request process the
-//! long list of materials once.
+//! Prompts and schemas do not depend on the segment (only the picture does), so servers that cache the beginning of a
+//! request process the long list of materials once.
 
 use std::collections::BTreeMap;
 
@@ -48,7 +48,7 @@ impl Question {
 #[derive(Debug)]
 pub struct Questions {
     first: Question,
-    /// If the first question is for the family, that for the materials of each; otherwise empty.
+    /// If the first question asks for the family, the question about the materials of each family; otherwise empty.
     by_family: BTreeMap<String, Question>,
 }
 

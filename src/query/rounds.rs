@@ -24,8 +24,8 @@ pub struct Subject {
     pub pieces: Vec<Subject>,
 }
 
-/// A piece is asked about in one view, unless that answer fails: a part has up to a dozen pieces, and the answers about
-/// the part have said that they differ.
+/// A piece is asked about in one view, unless that answer fails: a part has up to a dozen pieces, and it is already known
+/// from the answers about the part that they differ.
 const VIEWS_OF_PIECE: usize = 1;
 
 /// The outcomes so far.
@@ -52,8 +52,8 @@ pub fn subjects(parts: impl IntoIterator<Item = PartOrPiece>) -> Vec<Subject> {
     whole.into_iter().map(of_part).collect()
 }
 
-/// For the id of each piece whose part does not consist of several materials, the id of that part, which the outcomes
-/// settle instead. Other ids stand for themselves.
+/// Maps the id of each piece to the id of its part if the part, according to the outcomes, does not consist of several
+/// materials: the answers about the part then hold for the piece. Other ids stand for themselves.
 pub fn settled(subjects: &[Subject], outcomes: &Outcomes) -> BTreeMap<u16, u16> {
     let whole = subjects.iter().filter(|subject| !subject.is_split(outcomes));
     whole.flat_map(|part| part.pieces.iter().map(|piece| (piece.id, part.id))).collect()

@@ -60,8 +60,8 @@ impl Schema {
         &self.sha256
     }
 
-    /// The JSON object in a model's response, if it follows the schema. The names of family and
-    /// filling may differ in case, spelling or punctuation.
+    /// The JSON object in a model's response, if it follows the schema. The names of family and filling
+    /// may differ in case, spelling or punctuation.
     pub fn check(&self, response: &str) -> Result<Value, ResponseProblem> {
         let mut value = match extract::json_object(response) {
             Ok(value) => value,

@@ -1,5 +1,5 @@
-//! The question about the object as a whole: what it is, and how long such an object is. It is asked for
-//! `--scale estimate` only.
+//! The question about the object as a whole: what it is, and how long such an object is. It is asked only with
+//! `--scale estimate`.
 
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
@@ -18,7 +18,7 @@ use crate::scene::Photo;
 use crate::units::Range;
 
 const M_PER_CM: f64 = 1e-2;
-/// The least ratio of the two ends: nobody knows the length of an object from a picture more exactly than to 2 %.
+/// The least ratio of the two ends: a picture does not tell the length of an object more precisely than to 2 %.
 const NARROWEST: f64 = 1.02;
 
 /// The question, with the picture of one view.

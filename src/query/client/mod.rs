@@ -72,7 +72,7 @@ struct Exchanged<T> {
 const CONNECT_TIMEOUT: Duration = Duration::from_secs(20);
 /// Largest body of a response. An answer of [`Options::lmm_max_tokens`] has a few kilobytes.
 const MAX_REPLY_BYTES: usize = 64_000_000;
-/// How often the remaining wait is shown, and how often it is checked whether waiting is still of use.
+/// How often the remaining wait is shown, and how often a wait checks whether it is still useful.
 const TICK: Duration = Duration::from_secs(1);
 
 impl Client {

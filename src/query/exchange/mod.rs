@@ -105,8 +105,8 @@ pub enum ExchangeError {
 }
 
 /// Writes questions into a new or empty folder; returns their number. Two segments with the same picture share one
-/// question. `part_of` returns the same for the same part: the form puts the questions about one part together, and offers
-/// the answer to one of them for the next.
+/// question. `part_of` returns the same value for the same part: the form puts the questions about one part together, and
+/// offers the answer to one of them for the next.
 pub fn export(
     folder: &Path,
     open: &[(&SegmentQuery, &Question)],

@@ -223,7 +223,7 @@ impl Recordings {
         Ok(())
     }
 
-    /// A thread that panicked while it held the lock left the map consistent: insertion is the only change.
+    /// A thread that panicked while it held the lock left the map consistent: every change is one insertion or removal.
     fn lock(&self) -> MutexGuard<'_, BTreeMap<Sha256Hex, Recording>> {
         self.by_key.lock().unwrap_or_else(PoisonError::into_inner)
     }

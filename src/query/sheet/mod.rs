@@ -47,7 +47,7 @@ const WIDE: f64 = 4.0 / 3.0;
 const PAPER: Rgb<u8> = Rgb([255, 255, 255]);
 
 impl Sheet {
-    /// The photo beside the object alone, cropped and enlarged, at most `longest_side` pixels.
+    /// The photo beside the object alone, cropped and enlarged, on a sheet of at most `longest_side` pixels per side.
     pub fn of_object(photo: &Photo, longest_side: u32) -> Self {
         let (width, height) = photo.rgb.dimensions();
         let whole = Area { x0: 0, y0: 0, x1: width, y1: height };
@@ -89,7 +89,8 @@ struct Begun {
 }
 
 impl<'a> Drawer<'a> {
-    /// A drawer for a view whose label map and photo have the same size. Sheets will be at most `longest_side` pixels.
+    /// A drawer for a view whose label map and photo have the same size. Sheets have at most `longest_side`
+    /// pixels per side.
     pub fn new(photo: &'a Photo, map: &'a LabelMap, context: Context, longest_side: u32) -> Self {
         let begun = match context {
             Context::GlobalLocal => begin(photo, map, longest_side),
