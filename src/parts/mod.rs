@@ -319,7 +319,7 @@ fn no_volume(field: &MaterialField, shapes: &[Shape]) -> PartsError {
     PartsError::NoVolume { parts: used.len(), why: why.collect::<Vec<_>>().join("; ") }
 }
 
-/// A kitchen scale shows grams and is off by about a hundredth.
+/// A kitchen scale shows grams and is off by about 1 %.
 const READING_ERROR: f64 = 0.01;
 
 /// Up to this share of an object's Gaussians may have no volume without changing a mass that matters.

@@ -197,8 +197,8 @@ pub struct KnownMass {
 const STEEL_KG_M3: f64 = 7850.0;
 
 impl KnownMass {
-    /// Why nothing can weigh that much, and the nearest mass that is possible. The object's surface encloses
-    /// `enclosed_m3`.
+    /// Why the reading is impossible, and the nearest mass that is possible; `None` if the reading is possible. The
+    /// object's surface encloses `enclosed_m3`.
     pub(super) fn problem(&self, enclosed_m3: f64) -> Option<String> {
         if self.is_possible {
             return None;

@@ -10,8 +10,8 @@ const CONVERGED: f64 = 1e-4;
 /// more.
 const TRIALS: usize = 30;
 
-/// Metres in a scene unit so that the object weighs `kg`, everything else being in the middle. `construction` says how
-/// a label is built at a scale.
+/// The metres in a scene unit with which the object weighs `kg`, everything else being at its middle value.
+/// `construction` says how a label is built at a scale.
 pub fn meters_per_unit(
     kg: f64,
     cells: &Labelled,

@@ -13,9 +13,9 @@ use crate::numeric::sphere_directions;
 use crate::parts::assign::Labelled;
 use crate::parts::grid::surface::NONE;
 
-/// Directions in which a face looks around, half of them outward. A cavity is no matter of a few degrees.
+/// Directions in which a face looks around, half of them outward. So few suffice, because cavities are wide.
 const DIRECTIONS: usize = 32;
-/// A face looks into a cavity if it sees its own part over at least this share of what is before it, each direction
+/// A face looks into a cavity if it sees its own part in at least this share of the directions in front of it, each
 /// weighted by the cosine to its normal. Within a tube as long as wide it is 0.6 or more; in the bend of a banana, half
 /// a ring as thick as its hole is wide, 0.3.
 const ENCLOSED: f64 = 0.4;
@@ -38,7 +38,7 @@ pub fn faces(cells: &Labelled, is_shell: impl Fn(u32) -> bool + Sync) -> Vec<boo
     (0..surface.cells.len()).into_par_iter().map(|s| enclosed[s] && outer_wall_behind(s)).collect()
 }
 
-/// The share of what is before a face that is its own part.
+/// The share of the directions in front of a face in which it sees its own part, weighted by the cosine to its normal.
 fn enclosed(cells: &Labelled, s: usize, label: u32, directions: &[Vector3<f64>]) -> f64 {
     let (normal, cell) = (cells.surface.normals[s], cells.grid.cell);
     let start = cells.surface.points[s] + normal * (START_CELLS * cell);

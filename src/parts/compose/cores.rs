@@ -45,7 +45,7 @@ pub fn run_through(cells: &mut Labelled, is_solid: &[bool]) -> Vec<(u32, u32, us
 }
 
 /// Per label, the solid that fills the void of this shell, if any. `is_void` tells which cells of shells are not wall,
-/// `is_material` which cells of solids are not in doubt.
+/// `is_material` which cells of solids are not in strong doubt.
 pub fn cores(
     cells: &Labelled,
     is_solid: &[bool],

@@ -34,7 +34,7 @@ use wall::{AROUND_CORE, AROUND_VOID, WallDepths};
 use wire::Wire;
 
 /// A ray through a shell goes through one wall, not two, if it is no longer than the wall plus this many uncertainties:
-/// three on either side, the depth that carving tolerates. A wire is thicker than it is by no more.
+/// three on either side, the depth that carving tolerates. Carving thickens a wire by no more than that either.
 pub const SHEET_SLACK: f64 = 6.0;
 
 /// How a label's volume is filled.
@@ -57,7 +57,7 @@ pub struct Composed {
     pub hollows: Vec<Option<Hollow>>,
     /// Per label, the solid within this shell, if any.
     pub cores: Vec<Option<u32>>,
-    /// Whether its unseen side is taken to be like the opposite one.
+    /// Whether the object's unseen side is taken to be like the opposite one.
     pub is_mirrored: bool,
     /// Solids that go through other solids, each with the solid that it goes through.
     pub passages: Vec<(u32, u32)>,

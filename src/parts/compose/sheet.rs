@@ -5,7 +5,7 @@
 //! area times wall, however thick the carved sheet is.
 //!
 //! The carved thickness is that of the cells around, see [`spread`](super::spread), not the length of a line through
-//! the cell: in a layer one or two cells thick, such lengths are the noise of the grid, and all that is rough would
+//! the cell: in a layer one or two cells thick, such lengths are mostly noise from the grid, and any roughness would
 //! count as area.
 
 use rayon::prelude::*;

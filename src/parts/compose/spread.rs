@@ -34,7 +34,7 @@ impl Spread {
                 let Some(left) = (reach * reach).checked_sub((dy * dy + dz * dz) as usize) else { continue };
                 let row = span(0, left.isqrt());
                 let first = grid.index([row.start, y, z]);
-                // In integers, which a loop over a row adds up many at a time.
+                // Summed in integers, so that the compiler can vectorize the loop over a row.
                 let (mut n, mut sum_x, mut sum_xx) = (0, 0, 0);
                 for (dx, label) in (offset(0, row.start)..).zip(&cells.label[first..first + row.len()]) {
                     let own = i64::from(*label == cells.label[i]);

@@ -4,9 +4,10 @@ use crate::parts::mass::unknowns::{Effect, OVERCONFIDENCE};
 use crate::units::{Estimate, Reading};
 
 /// Error of the volume of a solid or a hollow that no other rule covers, as the half-width of a 90 % interval of its
-/// logarithm: surfaces dented by reflections, seams slightly off. `docs/parts.md` says how both were fitted.
+/// logarithm: surfaces dented by reflections, seams slightly off. `docs/parts.md` says how this number and the
+/// next were fitted.
 pub const SOLID_SPREAD: f64 = 0.10;
-/// The same of the area of a wall, to which the roughness of a splat adds.
+/// The same for the area of a wall, to which the roughness of a splat adds.
 pub const WALL_SPREAD: f64 = 0.15;
 
 /// A bound is at most this factor away from the middle.
@@ -26,7 +27,7 @@ pub const READINGS: [(Reading, Reading); 5] = [
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Volume {
     pub mid: f64,
-    /// How exactly the views and the splat show the surface.
+    /// How accurately the views and the splat show the surface.
     pub method: Effect,
     /// The thickness of the wall, with [`OVERCONFIDENCE`].
     pub wall: Effect,
@@ -47,7 +48,7 @@ impl Volume {
         Self { mid, method, wall: effect(thin, thick).wider(OVERCONFIDENCE), unseen: effect(least, most) }
     }
 
-    /// The same if no thickness of a wall can make it more than `most`, the volume inside the part's surface.
+    /// The same volume, if no thickness of a wall can make it larger than `most`, the volume inside the part's surface.
     pub fn within(self, most: f64) -> Self {
         let limit = if self.mid > 0.0 { (most / self.mid).ln().max(0.0) } else { 0.0 };
         Self { wall: self.wall.at_most(limit), ..self }

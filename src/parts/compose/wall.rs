@@ -1,12 +1,12 @@
-//! Shells: a wall of known thickness along the surface, nothing or another part behind it.
+//! Shells: a wall of known thickness along the surface, with nothing, a filling or another part behind it.
 //!
 //! A wall may be far thinner than a cell, so cells hold shares: the fraction of a cell that lies within the wall's
 //! thickness of the surface, with the cell treated as a layer of its own width at its depth. Summed over cells, this
 //! gives area times thickness for thin walls, and the true volume of the wall, including curvature, for thick ones.
 //!
-//! A wall seen from both sides, such as a lampshade's, is a sheet: it is as thick as the rays through it or thinner,
-//! since a splat is soft. It is counted once, not once from each side: see [`sheet`]. Faces toward a
-//! cavity that the views see in part have no wall of their own: see [`cavity`].
+//! A wall seen from both sides, such as a lampshade's, is a sheet: it is as thick as the rays through it are long, or
+//! thinner, since a splat is soft. It is counted once, not once from each side: see [`sheet`]. Faces toward a cavity that
+//! the views see in part have no wall of their own: see [`cavity`].
 //!
 //! Along surfaces that no view saw, and along seams with other parts, a shell may be closed or open (a cup is open
 //! under its lid, but closed on its coaster). The low volume assumes that it is open there, the high one closed, and
@@ -64,7 +64,7 @@ impl WallDepths {
             }
         }
         let (seen, nearest) = seen.depths(cells, &mask);
-        // Cells deeper than that belong to a hollow.
+        // Cells that lie deeper than the ray is long belong to a hollow.
         let ray = |i: usize| match nearest[i] {
             NONE => None,
             seed => Some(f64::from(sheets[seed as usize])).filter(|ray| f64::from(seen[i]) <= *ray && *ray > 0.0),

@@ -1,7 +1,7 @@
 //! Wires: solids thinner than the soft surface of a splat, long in one direction, as thick as the photos show them.
 //!
-//! A wire of a few pixels is a few cells thick after carving, give or take as many. But its width in a photo, between
-//! the two edges of the object, is known to a fraction of a pixel, see
+//! After carving, a wire that is a few pixels wide is a few cells thick, with an error of as many cells. But its width in
+//! a photo, between the two edges of the object, is known to a fraction of a pixel, see
 //! [`silhouettes`](crate::parts::inside::silhouettes). If the views agree on the width, from whatever side they look, it
 //! is the diameter of a round wire. Each cell then holds the share of the true cross-section in the carved one, so the
 //! sum over the cells is length times cross-section.
@@ -16,8 +16,8 @@ use crate::parts::inside::silhouettes::Silhouettes;
 
 /// The direction of a wire is measured within the greatest thickness of a wire plus this many cells.
 const AROUND_CELLS: f64 = 2.0;
-/// A wire spreads across, where it spreads more, at most this share of what it spreads along, as variances: a stretch of
-/// a cylinder as long as twice its width has 0.19.
+/// Across a wire, in the direction of the larger spread, the variance of its cells is at most this share of the variance
+/// along it. A stretch of a cylinder that is twice as long as it is wide has 0.19.
 const ELONGATED: f64 = 0.25;
 /// Number of views that must show a wire between two backgrounds.
 const VIEWS_MIN: usize = 3;
@@ -49,7 +49,7 @@ pub fn wires(
         return vec![Wire::default(); cells.label.len()];
     }
     let reach = (soft / cells.grid.cell + AROUND_CELLS).ceil() as usize;
-    // Without a ray inward, only the depth tells.
+    // Without a ray inward, only the depth decides.
     let is_thin = |i: usize| {
         cells.label[i] != NONE
             && f64::from(cells.surface.depth[i]) <= soft

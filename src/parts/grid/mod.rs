@@ -12,8 +12,8 @@ pub use interior::{FILLING, Interior, OUTSIDE, VOID};
 const MARGIN: usize = 3;
 /// A box's shortest side is treated as at least this share of its longest.
 const LEAST_SIDE: f64 = 1e-3;
-/// Extent in scene units of a box around a single point: less than the distance between any two f32 positions, and so
-/// much that the product of three such extents is not zero.
+/// Extent in scene units of a box around a single point: less than the distance between any two f32 positions, but
+/// enough that the product of three such extents is not zero.
 const LEAST_EXTENT: f64 = 1e-50;
 
 /// Cubic cells aligned with the world's axes; x varies fastest, then y, then z.

@@ -14,8 +14,8 @@ pub struct Moments {
 }
 
 impl Moments {
-    /// The moments of what each of `owners` owners has in the cells; `None` if it has nothing. `shares` are its cells:
-    /// index, owner, share of the cell.
+    /// For each of `owners` owners, the moments of its shares of the cells; `None` for an owner without any. `shares`
+    /// lists the shares: index of the cell, owner, share of the cell.
     pub fn of(grid: &Grid, shares: impl Iterator<Item = (usize, usize, f64)>, owners: usize) -> Vec<Option<Self>> {
         // Computed about the grid's middle rather than the world's origin, which may be far away.
         let origin = grid.middle();

@@ -43,7 +43,7 @@ pub struct Scale {
 }
 
 impl Scale {
-    /// A scale that only the mass tells.
+    /// A scale that will be known only from the mass.
     pub fn to_be_found(meters_per_unit: f64) -> Self {
         let factor = ANY_SCALE.exp();
         Self { meters_per_unit, range: Some(Range::new(meters_per_unit / factor, meters_per_unit * factor)) }
