@@ -112,7 +112,10 @@ pub fn read(value: Value, library: &MaterialLibrary, unknown: Unknown) -> Result
     let mut flags = Vec::new();
     let material = material(&written, library, unknown, &mut flags)?;
     let family = library.family(&material.family).ok_or_else(|| {
-        Problem::invalid(format!("the library has no family {:?}, to which {:?} belongs.", material.family, material.name))
+        Problem::invalid(format!(
+            "the library has no family {:?}, to which {:?} belongs.",
+            material.family, material.name
+        ))
     })?;
     if written.family != material.family {
         flags.push(format!("{} is of the family {}, not {}", material.name, material.family, written.family));

@@ -138,8 +138,9 @@ impl<'a> Live<'a> {
                 Ok(Some(lock)) => return Ok(lock),
                 Ok(None) if !is_told => {
                     let view = &segment.view;
-                    self.progress
-                        .line(&format!("view {view}: waiting for another gprop process that is asking the same question"));
+                    self.progress.line(&format!(
+                        "view {view}: waiting for another gprop process that is asking the same question"
+                    ));
                     is_told = true;
                 }
                 Ok(None) => {}
