@@ -59,7 +59,7 @@ pub struct Rule {
     pub id: String,
     /// The property, named as in [`Sources::by_property`](super::Sources); hardness as `shore_a` or `shore_d`.
     pub property: String,
-    /// Meant as `relation` says; `None` if another check tests the relation.
+    /// To be read as `relation` says; `None` if another check tests the relation.
     pub bounds: Option<Range>,
     pub relation: ClassRelation,
     /// Ids of the bibliography.
@@ -83,9 +83,9 @@ pub enum ClassRelation {
     Interval,
     /// Shore D at which the cone's pressure is three times the strength; the bounds are points added to either end.
     ShoreDOfStrength,
-    /// Shore D at which the cone's pressure is that of the Janka test for the density; points added likewise.
+    /// Shore D at which the cone's pressure is that of the Janka test for the density; the bounds are added likewise.
     ShoreDOfWood,
-    /// Shore A of an elastic solid of the row's E; points added likewise.
+    /// Shore A of an elastic solid of the row's E; the bounds are added likewise.
     ShoreAOfModulus,
     /// The check `foam_scaling` tests it.
     FoamScaling,

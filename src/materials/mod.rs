@@ -99,7 +99,7 @@ pub enum Law {
     Snow { theta_c: f64, theta_s: f64, hardening: f64 },
     /// Von Mises yield that softens with plastic flow, for clay, dough, wax.
     Plasticine { yield_stress_pa: f64, softening: f64 },
-    /// Pressure alone, by a bulk modulus of Lame's first constant; no shear.
+    /// Pressure only, with Lame's first constant as the bulk modulus; no shear.
     Fluid,
 }
 

@@ -31,7 +31,7 @@ fn bulk_modulus(material: &Material, findings: &mut Findings) {
     let nu = material.poisson_ratio.high;
     let bulk = geometric_mid(material.youngs_modulus_pa) / (3.0 * (1.0 - 2.0 * nu));
     findings.require(bulk <= STIFFEST_BULK, &material.name, "bulk_modulus", || {
-        format!("E and nu make a bulk modulus of {bulk:.2e} Pa")
+        format!("E and nu give a bulk modulus of {bulk:.2e} Pa")
     });
     if material.family == "rubber" {
         let [softest, stiffest] = RUBBER_BULK;
@@ -39,7 +39,7 @@ fn bulk_modulus(material: &Material, findings: &mut Findings) {
             (bulk >= softest || nu >= POISSON_CAP) && bulk <= stiffest,
             &material.name,
             "bulk_modulus",
-            || format!("E and the upper nu make a bulk modulus of {bulk:.2e} Pa; solid rubbers have 0.5 to 6 GPa"),
+            || format!("E and the upper nu give a bulk modulus of {bulk:.2e} Pa; solid rubbers have 0.5 to 6 GPa"),
         );
     }
 }
@@ -105,7 +105,7 @@ fn shore_hardness(material: &Material, findings: &mut Findings) {
     };
     let decades = (youngs / expected).log10();
     findings.require((band[0]..=band[1]).contains(&decades), &material.name, "shore_to_stiffness", || {
-        format!("E is 10^{decades:.2} of what {model} gives; expected 10^{} to 10^{}", band[0], band[1])
+        format!("E is 10^{decades:.2} times what {model} gives; expected 10^{} to 10^{}", band[0], band[1])
     });
 }
 
@@ -129,10 +129,10 @@ fn wood(material: &Material, findings: &mut Findings) {
     });
 }
 
-/// Speed of a wave in a thin bar, sqrt(E/density), in m/s.
+/// The plausible speeds of a wave in a thin bar, sqrt(E/density), in m/s.
 ///
-/// Foams exceed the 300 m/s of soft ones: ASTM D6817 requires 2.5 MPa of polystyrene of 14.4 kg/m3, which gives 417
-/// m/s.
+/// Stiff foams exceed the 300 m/s to which soft ones are held: ASTM D6817 requires 2.5 MPa of polystyrene of 14.4 kg/m3,
+/// which gives 417 m/s.
 fn bar_speed_band(material: &Material) -> [f64; 2] {
     let soft = geometric_mid(material.youngs_modulus_pa) < 1e6;
     match material.family.as_str() {
@@ -194,7 +194,7 @@ fn law(material: &Material, findings: &mut Findings) {
             within(yield_stress_pa)
                 && yield_stress_pa / geometric_mid(material.youngs_modulus_pa) >= PLASTICINE_YIELD_STRAIN
                 && softening > 0.0,
-            "a yield stress within the strength (times sqrt(3) of a cohesion) and at least 0.5% of E",
+            "a yield stress within the strength (times sqrt(3) for a cohesion) and at least 0.5% of E",
         ),
     };
     findings.require(holds, &material.name, "law", || format!("the law needs {wanted}: {:?}", material.law));
@@ -219,5 +219,5 @@ fn bending(library: &MaterialLibrary, findings: &mut Findings) {
         });
     }
     let rubber = curvature(order[4]);
-    findings.require(rubber > 0.5, "library", "bending", || format!("rubber bends by {rubber:.2} only"));
+    findings.require(rubber > 0.5, "library", "bending", || format!("rubber bends by only {rubber:.2}"));
 }

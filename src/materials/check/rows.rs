@@ -70,7 +70,7 @@ fn width_limits(family: &str) -> (f64, f64) {
     }
 }
 
-/// Tolerance of ratios, because numbers are written with four digits.
+/// Tolerance of a ratio, for the rounding of the division: a range may be exactly as wide as the limit.
 const ROUNDING: f64 = 1.0 + 1e-9;
 
 fn widths(material: &Material, findings: &mut Findings) {
@@ -173,13 +173,13 @@ fn friction(material: &Material, findings: &mut Findings) {
     };
     if let Some(limit) = slippery {
         findings.require(steel.high <= limit, &material.name, "friction", || {
-            format!("its friction on steel is at most {limit}")
+            format!("its friction on steel must be at most {limit}")
         });
     }
     if let Law::DruckerPrager { friction_angle_rad, .. } = material.law {
         let limit = friction_angle_rad.tan() + 0.3;
         findings.require(rubber.mid() <= limit, &material.name, "friction", || {
-            format!("loose grains slip over themselves: friction {:.2} above tan(phi) + 0.3", rubber.mid())
+            format!("loose grains slip over each other: friction {:.2} is above tan(phi) + 0.3", rubber.mid())
         });
     }
 }

@@ -126,7 +126,8 @@ fn shore_a(youngs_modulus_pa: f64) -> f64 {
     largest(99.9, |reading| gent_modulus_pa(reading) <= youngs_modulus_pa)
 }
 
-/// The largest number from 0 to `most` for which `holds`, which is true up to it and false above; 0 if there is none.
+/// The largest number from 0 to `most` for which `holds` is true; 0 if there is none. Above that number, `holds` must be
+/// false, and below it true.
 fn largest(most: f64, holds: impl Fn(f64) -> bool) -> f64 {
     let (mut low, mut high) = (0.0, most);
     for _ in 0..60 {

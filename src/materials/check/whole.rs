@@ -65,7 +65,8 @@ fn copied_rows(library: &MaterialLibrary, findings: &mut Findings) {
 
 type Column = fn(&Material) -> Range;
 
-/// A column that has fewer distinct ranges than this in more rows than the second number was filled with a default.
+/// A column with fewer distinct ranges than this, in a family with more rows than the next number, was filled with a
+/// default.
 const FEWEST_DISTINCT: usize = 10;
 const MANY_ROWS: usize = 50;
 

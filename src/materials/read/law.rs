@@ -15,7 +15,7 @@ pub fn law(row: &Row) -> Result<Law, LibraryError> {
     let mut given: Vec<(&str, f64)> = Vec::new();
     for pair in row.text("law_parameters").split(';').map(str::trim).filter(|pair| !pair.is_empty()) {
         let parsed = pair.split_once('=').and_then(|(name, value)| Some((name.trim(), value.trim().parse().ok()?)));
-        given.push(parsed.ok_or_else(|| row.bad("law_parameters", "must be name=number pairs between ;"))?);
+        given.push(parsed.ok_or_else(|| row.bad("law_parameters", "must be name=number pairs separated by ;"))?);
     }
     let name = [("law", Cell::Word(row.text("law")))];
     let parameters = given.iter().map(|(name, value)| (*name, Cell::Number(*value)));

@@ -110,7 +110,7 @@ const MATERIAL_COLUMNS: [&str; 9] = [
     "law",
     "law_parameters",
 ];
-/// Columns that a user's table may leave out: the labels, and the sources, which are then `user`.
+/// Columns that a user's table may leave out, like those of the labels: the sources, which are then `user`.
 const OPTIONAL_COLUMNS: [&str; 8] = [
     "density_source",
     "youngs_modulus_source",
