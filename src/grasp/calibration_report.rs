@@ -92,7 +92,7 @@ impl CalibrationReport {
             fit.rms_residual_n,
             fit.max_residual_n,
             if fit.left_out > 0 {
-                format!("; {} measurements below {} left out", fit.left_out, fit.enabled[0])
+                format!("; {} of the measurements left out (commands below {})", fit.left_out, fit.enabled[0])
             } else {
                 String::new()
             },

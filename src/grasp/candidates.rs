@@ -38,7 +38,7 @@ pub struct Candidate {
     /// Rotation from the gripper's axes to the world's, as w x y z: its z points at the object, its y leads from the
     /// first contact to the second, as Franka's hand has them.
     pub quaternion_wxyz: [f64; 4],
-    /// Unit vector from the contacts to the palm: the hand comes along its opposite.
+    /// Unit vector from the contacts to the palm: the hand approaches in the opposite direction.
     pub approach: [f64; 3],
     pub width_m: f64,
     /// Thickness of the part at the contacts: a shell's wall, or a solid's own along the line of the contacts.

@@ -101,7 +101,7 @@ impl GripperProfile {
         Ok(profile)
     }
 
-    /// Replaces the profile's commands or calibration by measured pairs. The range of force is then that of the fitted
+    /// Replaces the profile's commands or calibration with measured pairs. The range of force is then that of the fitted
     /// curve over the enabled commands.
     ///
     /// # Errors

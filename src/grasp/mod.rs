@@ -3,8 +3,8 @@
 //! - [`options`]: the user's options;
 //! - [`gripper`]: the gripper: its range of force, its finger, its command; [`calibration`]: the command from
 //!   measurements;
-//! - [`formulas`]: the paper's formulas, on numbers alone; [`intervals`]: applied to intervals; [`curvature`]: how far a
-//!   part may bend;
+//! - [`formulas`]: the paper's formulas, on numbers alone; [`intervals`]: the same, applied to intervals; [`curvature`]:
+//!   how far a part may bend;
 //! - [`infeasible`]: why a grasp is not safe;
 //! - [`grasped_part`]: which part the fingers press on if no place is chosen;
 //! - where to press: the [`surface`], opposite [`places`] on it, space for the [`fingers`], the best [`candidates`];

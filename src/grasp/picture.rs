@@ -26,13 +26,13 @@ const MARK: f64 = 0.25;
 /// Longest side of a panel, px, and of the pictures that measure how much of the hand a camera sees.
 const SIDE_PX: u32 = 640;
 const LOOK_PX: u32 = 96;
-/// Width of the region that the close-up shows around the hand, at least: in hand lengths.
+/// Least width of the region that the close-up shows around the hand, in hand lengths.
 const SHOWN: f64 = 2.4;
 /// Share of the close-up between the tails of the arrows, beyond which their labels stand.
 const BETWEEN_LABELS: f64 = 0.7;
 /// Share of a panel that the whole object fills.
 const FILLED: f64 = 0.9;
-/// A panel of the whole object is at least this share as wide as high, and as high as wide.
+/// The shorter side of a panel of the whole object is at least this share of the longer one.
 const NARROWEST: f64 = 0.6;
 /// Length of a force's arrow, m.
 const ARROW_M: f64 = 0.03;
@@ -206,7 +206,7 @@ fn sees_most<'a>(
 
 /// The camera, rotated and zoomed to the whole object and the Gaussians from index `hand` on: same position.
 fn whole(camera: &Camera, drawn: &Gaussians, hand: usize) -> Camera {
-    /// Beyond the robust bounds, as a share of their size, a Gaussian is a stray.
+    /// A Gaussian farther outside the robust bounds than this share of their size is a stray.
     const BEYOND: f64 = 0.15;
     let bounds = robust_bounds(drawn);
     let margin = bounds.size() * BEYOND;

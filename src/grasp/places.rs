@@ -1,8 +1,8 @@
 //! Antipodal places: two opposite contacts on one part, each within the friction cone of the line between them.
 //!
 //! Seeds spread over the surface look straight inward for surface that faces the other way. The nearest such surface is
-//! the other side of the wall on which they lie, the farthest is the other side of the whole object (for a mug: of its
-//! wall, or of all of it); each makes a pair. Normals are first averaged over the finger's contact, because a finger
+//! the other side of the wall on which they lie, the farthest is the other side of the whole object (for a mug, the other
+//! side of its wall, and that of the whole mug); each makes a pair. Normals are first averaged over the finger's contact, because a finger
 //! does not feel single Gaussians.
 
 use nalgebra::{Point3, Vector3};
