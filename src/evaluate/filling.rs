@@ -31,9 +31,16 @@ impl std::fmt::Display for FillComparison {
     fn fmt(&self, f: &mut std::fmt::Formatter) -> std::fmt::Result {
         writeln!(f, "particles added: {}, by the peer {}", self.added, self.reference_added)?;
         let (counts, dense, inside) = (self.counts_differ, self.dense_differ, self.inside_differ);
-        writeln!(f, "of {} cells, {counts}, {dense}, {inside} differ (before, dense, inside)", self.cells)?;
+        writeln!(
+            f,
+            "of {} cells, {counts} differ before the filling, {dense} after the dense cells, {inside} after the inside",
+            self.cells
+        )?;
         let (before, used) = (self.density_rel_max, self.density_used_rel_max);
-        writeln!(f, "density, largest difference relative to its maximum: {before:.1e}, as searched {used:.1e}")?;
+        writeln!(
+            f,
+            "density, largest difference relative to its maximum: {before:.1e}, as searched (after any smoothing) {used:.1e}"
+        )?;
         write!(f, "volume, largest relative difference: {:.1e}", self.volume_rel_max)
     }
 }
@@ -53,7 +60,7 @@ struct Meta {
     smooth: bool,
 }
 
-/// The grid of the reference's volumes: cells each way, and its side.
+/// The grid of the reference's volumes: the number of cells along each axis, and the grid's side.
 const VOLUME_GRID: (usize, f32) = (48, 2.0);
 
 /// Fills the reference's shell and compares the result cell by cell.

@@ -55,8 +55,8 @@ pub struct SegmentsEvaluation {
     pub mean_iou: Option<f64>,
     /// Mean number of true parts that a segment shows.
     pub true_parts_per_segment: Option<f64>,
-    /// By the value in the true part maps. Of each, all views' pixels count together; the best segment and the number of
-    /// pieces are means over the views that show it.
+    /// By the value in the true part maps. For each part, the pixels of all views are counted together; the best segment
+    /// and the number of pieces are means over the views that show it.
     pub true_parts: BTreeMap<u8, TruePart>,
 }
 

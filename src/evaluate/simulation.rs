@@ -260,7 +260,7 @@ fn raise(worst: &mut f64, value: f64) {
     }
 }
 
-/// Difference to `series[frame]`, relative to the largest value of the series.
+/// Difference from `series[frame]`, relative to the largest value of the series.
 fn relative(value: f64, series: &[f64], frame: usize) -> f64 {
     let most = series.iter().fold(0.0_f64, |m, v| m.max(v.abs()));
     let apart = (value - series[frame]).abs();

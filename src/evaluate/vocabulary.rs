@@ -21,7 +21,7 @@ pub enum Vocabulary {
     Mvimgnet,
 }
 
-/// A name that is not in any label set, material or family, with a hint where to look.
+/// A name that is not in any label set, material or family, with a hint about where to look.
 #[derive(Debug, Clone, PartialEq)]
 pub struct UnknownName {
     pub name: String,
@@ -66,7 +66,8 @@ impl Vocabulary {
             .collect()
     }
 
-    /// The label for every label of a field. Answers were checked against the library, so it contains each material.
+    /// The label of this set for every label of a field. Answers were checked against the library, so it contains each
+    /// material.
     pub fn of_field<'a>(self, field: &MaterialField, library: &'a MaterialLibrary) -> Vec<&'a str> {
         let checked = "answers were checked against the library";
         field.labels.iter().map(|label| self.label(&label.material, library).expect(checked)).collect()

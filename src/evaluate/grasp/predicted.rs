@@ -1,5 +1,5 @@
-//! How the grasps that gprop proposed would end, and the three fixed forces of the paper at the same places: the form
-//! of the paper's table of 16 objects.
+//! How the grasps that gprop proposed would end, and how the paper's three fixed forces would end at the same places, in
+//! the form of the paper's table of 16 objects.
 //!
 //! The judge is not independent: it puts true properties into the formulas from which gprop computed its forces. So it
 //! shows errors of mass, material and thickness, not those of the formulas.
@@ -27,7 +27,7 @@ const FIXED: [(&str, f64); 3] = [("MinGF", 0.0), ("MidGF", 45.0 / 85.0), ("MaxGF
 pub(super) const NOTE: &str =
     "predicted by gprop's own formulas from true properties, not seen on a robot or in a simulator";
 
-/// An object that gprop proposed to grasp, with the predicted outcomes. Forces are those of one finger.
+/// An object for which gprop proposed a grasp, with the predicted outcomes. Forces are those of one finger.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct GraspedObject {
     pub object: String,

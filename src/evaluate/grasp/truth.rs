@@ -33,7 +33,7 @@ pub struct Truth {
     /// The middle of the library's range for the nearest material: the ground truth has no strengths.
     pub strength_pa: f64,
     pub youngs_modulus_pa: f64,
-    /// A shell's wall; of a solid, the distance between the contacts as gprop measured it.
+    /// A shell's wall; for a solid, the distance between the contacts as gprop measured it.
     pub thickness_m: f64,
 }
 

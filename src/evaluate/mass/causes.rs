@@ -1,10 +1,10 @@
 //! The causes of the error of an object's mass, if its ground truth is detailed enough.
 //!
-//! Every found part counts towards the true part that it mostly shows in the true part maps; without maps, towards the one
-//! in whose box its centre of mass lies (the smallest such box, otherwise the nearest). A filling counts towards the hidden
-//! true part in whose box its centre of mass lies, otherwise towards that of its shell. Then the true mass of each true part becomes the found one step by step: first its extent is replaced,
-//! then its wall, then its density, and the rest is due to the assumed contents. The steps, in kilograms, add up to the
-//! error.
+//! Every found part counts towards the true part that it mostly shows in the true part maps; without maps, towards the
+//! one in whose box its centre of mass lies (the smallest such box, otherwise the nearest). A filling counts towards the
+//! hidden true part in whose box its centre of mass lies, otherwise towards the true part of its shell. Then the true
+//! mass of each true part is turned into the found one step by step: first its extent is replaced, then its wall, then
+//! its density, and the rest is due to the assumed contents. The steps, in kilograms, add up to the error.
 
 use std::collections::BTreeMap;
 

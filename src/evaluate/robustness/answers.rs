@@ -1,4 +1,5 @@
-//! Both ways from segmented views to a label for every Gaussian, with answers from true part maps.
+//! Both ways from segmented views to a label for every Gaussian, by asking about parts or about segments, with answers
+//! from true part maps.
 
 use std::collections::BTreeMap;
 
@@ -17,7 +18,7 @@ use crate::scene::gaussians::Gaussians;
 use crate::segment::{LabelMap, ViewSegments};
 use crate::vote::{self, AnsweredPart, MaterialField, ViewInput, VoteError};
 
-/// A mask of which a true part covers less than this shows several materials.
+/// A mask shows several materials if no true part covers this share of it.
 const ONE_MATERIAL_SHARE: f64 = 0.9;
 
 /// Views that vote under one condition.
@@ -149,7 +150,7 @@ impl Oracle {
         Self { materials: materials.collect(), parts, wrong }
     }
 
-    /// The answer about the pixels whose id `shows` is true for.
+    /// The answer about the pixels for whose id `shows` is true.
     fn answer(&self, truth: &GrayImage, map: &LabelMap, shows: impl Fn(u16) -> bool, random: &mut Rng) -> Answer {
         let mut pixels = vec![0u64; self.parts.len()];
         for (&id, part) in map.labels.iter().zip(truth.as_raw()) {

@@ -8,7 +8,7 @@ use crate::segment::{LabelMap, Segment, ViewSegments};
 
 /// Merges each segment with one of its neighbours in the picture with this probability.
 ///
-/// A merged segment lies in the smallest segment that holds all that it was made of.
+/// The parent of a merged segment is the smallest other segment that holds everything it was made of.
 pub fn merged(view: &ViewSegments, probability: f64, random: &mut Rng) -> ViewSegments {
     let count = view.segments.len();
     let mut group: Vec<usize> = (0..=count).collect();

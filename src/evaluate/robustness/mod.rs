@@ -1,6 +1,6 @@
-//! How much of the labels' accuracy is left if views are cut badly, answers are wrong or views are few.
+//! How much of the labels' accuracy is left if views are segmented badly, answers are wrong or views are few.
 //!
-//! Answers are perfect but for those that are made wrong on purpose: each names the true part that most of the mask
+//! Answers are perfect except for those that are made wrong on purpose: each names the true part that most of the mask
 //! shows. The subjects of the questions, and the way in which views vote, are as in a run, so that a run with `--preset
 //! paper` measures the paper's way.
 
@@ -24,7 +24,7 @@ use crate::vote::{self, VoteError};
 use answers::Voters;
 pub use merge::merged;
 
-/// A condition with chance in it is tried this often, each time with another seed.
+/// A condition that involves chance is tried this often, each time with another seed.
 const REPEATS: u64 = 5;
 const MERGED: f64 = 0.5;
 const WRONG: f64 = 0.1;
