@@ -1,6 +1,6 @@
 //! The underside of an object that lies on a table, from its top.
 //!
-//! What no view shows stays full when the object is carved, down to where its Gaussians end: a hammer on its side comes
+//! Space that no view shows stays full when the object is carved, down to where its Gaussians end: a hammer on its side comes
 //! out as thick as if it were cast onto the table. But many things are alike above and below. The plane of symmetry is
 //! taken halfway between the two ends of the object along the direction of its unseen side; the lower end is where it
 //! was supported. If nearly all of the surface that is seen on the lower half has its mirror image on or in the upper one,

@@ -64,7 +64,7 @@ impl Spread {
     }
 
     /// The thickness of a sheet: its cells over its area, which is that of the ellipse with the same variances. For half
-    /// a disc that is 6 % too large, for a rectangle 5 %.
+    /// a disc, that area is 6 % too large, for a rectangle 5 %.
     pub fn thickness(&self) -> f64 {
         self.count / (4.0 * PI * (self.variance(1) * self.variance(2)).sqrt())
     }

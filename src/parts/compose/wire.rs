@@ -27,7 +27,7 @@ const ROUND: f64 = 1.3;
 /// light is blended over a bright background, an edge moves.
 const EDGE_PIXELS: f64 = 0.25;
 
-/// What the photos tell about a cell of a wire.
+/// The measurements of a wire in the photos, at one of its cells.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
 pub struct Wire {
     /// The true cross-section over the carved one; 0 if the cell belongs to no wire that was measured.

@@ -8,7 +8,7 @@ use rayon::prelude::*;
 use super::Grid;
 use crate::scene::gaussians::Gaussians;
 
-/// A Gaussian is evaluated out to this many standard deviations; beyond, less than 1.1 % of its opacity is left.
+/// A Gaussian is evaluated out to this many standard deviations; beyond, 1.1 % of its opacity or less is left.
 const REACH: f64 = 3.0;
 /// Layers processed together: with fewer, the search for Gaussians is repeated more often; with more, threads are left
 /// idle.

@@ -9,15 +9,15 @@ use crate::numeric::sphere_directions;
 use crate::parts::grid::Grid;
 use crate::scene::gaussians::Gaussians;
 
-/// Directions in which the extent is measured, spread evenly (Fibonacci sphere), in addition to the two directions of each axis. With 250
-/// of them the bound of a ball is 1 % too large.
+/// Directions in which the extent is measured, spread evenly (Fibonacci sphere), in addition to the two directions of
+/// each axis. With 250 of them the bound of a ball is 1 % too large.
 const DIRECTIONS: usize = 250;
 /// A Gaussian with a lower opacity than this is ignored.
 const OPACITY_MIN: f64 = 0.1;
 /// Share of the Gaussians that may lie beyond the bound in any direction: there are always a few strays.
 const STRAYS: f64 = 0.001;
 /// A direction is bounded if every camera sees a face pointing that way from behind, or grazes it at an angle whose
-/// sine is below this (11 degrees). Silhouettes bound the other directions better.
+/// sine is below this (12 degrees). Silhouettes bound the other directions better.
 const GRAZING: f64 = 0.2;
 
 /// Half spaces that contain the Gaussians, except for a few strays.
