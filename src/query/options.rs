@@ -27,7 +27,7 @@ const HOTTEST: f64 = 2.0;
 const MOST_TOKENS: u32 = 1_000_000;
 /// Each parallel request takes a thread and a connection.
 const MOST_PARALLEL: usize = 256;
-/// With the pauses between them, this many retries take hours.
+/// With the pauses between them, this many retries take more than an hour.
 const MOST_RETRIES: u32 = 100;
 
 /// The keys that a scene may set: those that define what is asked about it, on which its recordings depend. Whether

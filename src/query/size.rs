@@ -49,7 +49,7 @@ pub enum SizeOutcome {
 /// The answer to the question.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Size {
-    /// What the model takes the object for.
+    /// The object, as the model names it.
     pub object: String,
     /// The clues from which the length follows, in the model's words.
     pub clues: String,

@@ -98,7 +98,7 @@ fn class_defaults(library: &MaterialLibrary, findings: &mut Findings) {
     }
 }
 
-/// Median density in kg/m3 of the materials that carry a label exactly.
+/// Bounds of the median density, in kg/m3, of the materials that carry a label exactly.
 const LABEL_DENSITIES: [(&str, [f64; 2]); 9] = [
     ("wood", [400.0, 800.0]),
     ("metal", [2700.0, 8900.0]),
