@@ -143,7 +143,9 @@ fn where_kept(folder: &Path, spare: Option<&Path>) -> String {
             "The answers that could not be written there are kept in {spare:?}; a run with the same work folder uses \
              them. Make room and move them to {folder:?}"
         ),
-        None => format!("The answers are printed above; make room and save them in {folder:?}"),
+        None => {
+            format!("The answers that could not be written are printed above; make room and save them in {folder:?}")
+        }
     }
 }
 
