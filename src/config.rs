@@ -1,5 +1,5 @@
 //! The two configuration files: `gprop.toml` in a scene's folder, and the user's own `config.toml`. A key is the long
-//! name of a flag. The command line takes precedence over the scene's file, and that over the user's.
+//! name of a flag. The command line takes precedence over the scene's file, which takes precedence over the user's.
 //!
 //! Both files are turned into flags that are inserted before those on the command line, so every option has one
 //! definition, one default and one check, wherever it is set.
@@ -108,14 +108,14 @@ pub struct Flag {
     pub is_path: bool,
     /// The values that a scene may give it; `None` if only the user may set it.
     pub scene: Option<SceneValue>,
-    /// The stage's options that it belongs to.
+    /// The field of the pipeline's options to which it belongs, such as `segment`.
     pub field: &'static str,
 }
 
 /// Why a scene may not give a value to a flag.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub enum Refusal {
-    /// Only the user may.
+    /// Only the user may set this flag, or set it to this value.
     NotForScenes,
     /// It leads out of the scene's folder, to this path.
     LeadsTo(PathBuf),
@@ -290,8 +290,8 @@ impl Reader<'_> {
     }
 }
 
-/// The target of a path in a scene's file if it is absolute, goes up with `..`, or meets a link that leaves the folder
-/// `scene`.
+/// The target of a path in a scene's file if the path is absolute, goes up with `..`, or meets a link that leaves the
+/// folder `scene`.
 fn leads_out_of_scene(scene: &Path, value: &str) -> Option<PathBuf> {
     // Windows' separators and drives have no meaning here, but the scene may be opened on Windows later.
     let plain = value.replace('\\', "/");

@@ -40,7 +40,7 @@ pub fn message(error: &anyhow::Error) -> String {
     joined(error.chain().map(ToString::to_string))
 }
 
-/// Joins causes into one text; each that is not yet part of it follows the one that it caused.
+/// Joins the texts of an error and its causes, outermost first; a cause that is already part of the text is left out.
 pub fn joined(causes: impl Iterator<Item = String>) -> String {
     causes.fold(String::new(), |told, cause| match told.as_str() {
         "" => cause,

@@ -1,4 +1,4 @@
-//! Opens files from other sources: a scene's, a work folder's.
+//! Opens files that may come from anyone, such as those of a scene or of a work folder.
 //!
 //! Opening a named pipe blocks until something is written to it, and a device may never end. So a path is opened only
 //! if it is a regular file (or a link to one), and everything else is refused at once.

@@ -26,7 +26,7 @@
 //! # Ok::<(), Box<dyn std::error::Error>>(())
 //! ```
 //!
-//! The stages can also be called one by one, on values in memory: each module below has a function for its own
+//! The stages can also be called one by one, on values in memory: each module below has a function for its own stage
 //! ([`vote::vote`], [`parts::parts`], [`simulate::simulate`], [`grasp::grasp`]).
 //!
 //! # How it is built

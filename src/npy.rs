@@ -8,7 +8,7 @@ use thiserror::Error;
 
 const MAGIC: &[u8] = b"\x93NUMPY";
 
-/// Most bytes of a header; that of an array of numbers has about a hundred.
+/// The longest header that is read, in bytes; that of an array of numbers has about a hundred.
 const MOST_HEADER_BYTES: usize = 64 << 10;
 
 /// The header and what comes before it are padded to a multiple of this.
@@ -31,11 +31,11 @@ pub enum NpyError {
     #[error("it holds Python objects, not numbers; save numbers, with array.astype(...)")]
     Objects,
     #[error(
-        "it is cut off: an array {shape:?} of {kind} takes {expected} bytes, but {found} follow its header; copy or \
+        "it is cut off: an array of shape {shape:?} and type {kind} takes {expected} bytes, but {found} follow its header; copy or \
          save it again"
     )]
     CutOff { shape: Vec<u64>, kind: String, expected: String, found: usize },
-    #[error("its elements are of {0}")]
+    #[error("its elements are of type {0}")]
     Type(String),
     #[error("its text is not valid Unicode")]
     Text,
@@ -64,7 +64,7 @@ struct Kind {
     size: u64,
 }
 
-/// A number that arrays are read and written as.
+/// A type of number as which arrays are read and written.
 pub trait Number: Copy {
     /// Its letter and its size, as in a header.
     const KIND: &'static str;
@@ -113,8 +113,8 @@ impl<'a> NpyArray<'a> {
         if kind.letter == 'O' {
             return Err(NpyError::Objects);
         }
-        // A header may claim more elements than follow it. An element of size zero takes no bytes here, but a value for
-        // each element would.
+        // A header may claim more elements than follow it. An element of size zero takes no bytes in the file, but counts
+        // as one here, so that no header can claim any number of them.
         let expected = shape.iter().try_fold(kind.size.max(1), |bytes, side| bytes.checked_mul(*side));
         match expected {
             Some(expected) if expected <= content.len() as u64 => {
@@ -197,7 +197,7 @@ pub fn write_npy<T: Number>(out: &mut dyn Write, shape: &[u64], values: impl Int
         count += 1;
     }
     if count != shape.iter().product::<u64>() {
-        return Err(io::Error::other(format!("an array {shape:?} of {count} values")));
+        return Err(io::Error::other(format!("{count} values were given for an array of shape {shape:?}")));
     }
     out.flush()
 }

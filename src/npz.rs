@@ -1,4 +1,4 @@
-//! NumPy's archives of arrays (NPZ): a ZIP of arrays.
+//! NumPy's archives of arrays (NPZ): a ZIP archive with one NPY file for each array.
 
 use std::io::{self, Cursor, Read, Write};
 
@@ -8,8 +8,8 @@ use zip::{CompressionMethod, ZipArchive, ZipWriter};
 
 use crate::npy::{NpyArray, NpyError, Number, write_npy};
 
-/// Most bytes of one array: a reference trajectory has some hundred megabytes. An array that unpacks to more was made
-/// to exhaust the memory.
+/// The largest array that is read, in bytes: a reference trajectory has some hundred megabytes. An array that unpacks to
+/// more was made to exhaust the memory.
 const MOST_BYTES: u64 = 1 << 30;
 
 /// Why an array cannot be read.
@@ -100,7 +100,7 @@ impl<W: Write> NpzWriter<W> {
     /// An array of f32, row-major.
     ///
     /// # Errors
-    /// If writing fails. There must be as many `values` as the `shape` has.
+    /// If writing fails, or there are not as many `values` as the `shape` has elements.
     pub fn array(&mut self, name: &str, shape: &[u64], values: impl Iterator<Item = f32>) -> io::Result<()> {
         let options = SimpleFileOptions::default().compression_method(CompressionMethod::Deflated).large_file(true);
         self.0.start_file(format!("{name}.npy"), options)?;

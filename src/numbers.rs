@@ -55,7 +55,7 @@ fn joined(low: String, high: &str) -> String {
 /// interval has two digits if they are at most 35, else one. A number much smaller than the interval keeps one digit,
 /// and none has more than four.
 fn rounded<const N: usize>(values: [f64; N]) -> [String; N] {
-    /// Half an interval up to this has two digits, as a multiple of its power of ten.
+    /// Half the interval, as a multiple of its leading power of ten, has two digits if it is at most this.
     const TWO_DIGITS_UP_TO: f64 = 3.54;
     const MOST_DIGITS: i32 = 4;
     let half = 0.5 * (values[N - 1] - values[0]);

@@ -31,8 +31,8 @@ pub fn sphere_directions(count: usize) -> impl Iterator<Item = Vector3<f64>> {
     })
 }
 
-/// The rigid motion of the first points of the pairs that brings them nearest to the second ones: with the least sum of
-/// squared distances (Kabsch 1976).
+/// The rigid motion that brings the first point of each pair nearest to the second: the one with the least sum of squared
+/// distances (Kabsch 1976).
 pub fn rigid_motion(pairs: impl Iterator<Item = (Point3<f64>, Point3<f64>)> + Clone) -> Isometry3<f64> {
     let (count, from, to) = pairs.clone().fold((0, Vector3::zeros(), Vector3::zeros()), |(count, from, to), (a, b)| {
         (count + 1, from + a.coords, to + b.coords)
@@ -49,7 +49,7 @@ pub fn rigid_motion(pairs: impl Iterator<Item = (Point3<f64>, Point3<f64>)> + Cl
     Isometry3::from_parts(Translation3::from(to - turn * from), turn)
 }
 
-/// The light of a channel of sRGB, 0 to 1 (IEC 61966-2-1).
+/// The linear light of an sRGB channel, 0 to 1 (IEC 61966-2-1).
 pub fn srgb_light(channel: u8) -> f64 {
     let c = f64::from(channel) / 255.0;
     if c <= 0.04045 { c / 12.92 } else { ((c + 0.055) / 1.055).powf(2.4) }

@@ -26,12 +26,13 @@ pub fn counted(count: usize, noun: &str) -> String {
     format!("{} {noun}{}", thousands(count as u64), if count == 1 { "" } else { "s" })
 }
 
-/// The words that go with a count: "is", "are".
+/// The word that agrees with a count: `one` ("is") for 1, else `more` ("are").
 pub fn agreeing(count: usize, one: &'static str, more: &'static str) -> &'static str {
     if count == 1 { one } else { more }
 }
 
-/// `text` with such characters as JSON escapes (`\u001b`), so that JSON keeps its meaning. Newlines and tabs are kept.
+/// `text` with the characters that act on a terminal written as JSON escapes (`\u001b`), so that JSON keeps its meaning.
+/// Newlines and tabs are kept.
 pub fn harmless(text: &str) -> Cow<'_, str> {
     escaped(text, |c| matches!(c, '\n' | '\t'))
 }

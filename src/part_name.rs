@@ -7,16 +7,16 @@
 //! 2. Of that, the words up to the first preposition, conjunction, article or participle ("under the seat", "that takes",
 //!    "seen from above"); such words at the beginning are skipped.
 //! 3. The last three of these words, because English puts the noun last: "hammer handle shaft".
-//! 4. A single word, or a word for a piece, followed by "of" comes after what it is a piece of: "end of the wooden hammer
-//!    handle" is the "hammer handle end".
+//! 4. If these words are a single one, or end in a word for a piece, and "of" follows, their last word is put after the
+//!    name of the whole: "end of the wooden hammer handle" becomes "hammer handle end".
 //! 5. If nothing is left, the name is that of the material, up to its first comma.
 
-/// Most words of a name.
+/// The largest number of words in a name.
 const WORDS: usize = 3;
-/// Most characters of one of its words: longer than any word of a material or tool.
+/// The largest number of characters in one of its words: longer than any word of a material or tool.
 const CHARACTERS: usize = 24;
 
-/// Words that end the name of a thing: what it does, has or lies at comes next.
+/// Words that end the name of a thing: after them comes what it does, what it has or where it lies.
 const ENDS: [&str; 74] = [
     "a",
     "an",

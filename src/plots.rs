@@ -1,6 +1,6 @@
-//! Plots as SVG: panels below each other, each with its axes, a grid, and curves or dots with their names.
+//! Plots as SVG: panels one below the other, each with its axes, a grid, and curves or dots with their names.
 //!
-//! Texts and axes are black on white; a page with other colours can restyle them by these.
+//! Texts and axes are black on white; a page with other colours can select them by these two colours and restyle them.
 
 use std::ops::Range;
 
@@ -18,7 +18,7 @@ const PANEL: (u32, u32) = (1600, 600);
 const NUMBERS_BELOW: u32 = 90;
 const NUMBERS_LEFT: u32 = 160;
 const NAMES_RIGHT: u32 = 240;
-/// Half of the number below the right end of an axis.
+/// Half the width of the number below the right end of an axis.
 const HALF_A_NUMBER: u32 = 24;
 const MARGIN: u32 = 24;
 const FONT: &str = "sans-serif";
@@ -132,7 +132,7 @@ fn rounded(range: Range<f64>) -> Range<f64> {
     let power = 10f64.powf(wanted.log10().floor());
     let step = [1.0, 2.0, 5.0, 10.0].map(|step| step * power).into_iter().find(|step| *step >= wanted);
     match step {
-        // A billionth for rounding: an end that is round stays.
+        // A billionth of a step is left for rounding errors, so that an end that is round already stays.
         Some(step) if step.is_finite() && step > 0.0 => {
             ((range.start / step + 1e-9).floor() * step)..((range.end / step - 1e-9).ceil() * step)
         }

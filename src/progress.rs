@@ -50,7 +50,7 @@ impl Progress {
         self.bar_with(what, length, "{pos} of {len} {msg}")
     }
 
-    /// A bar for work whose steps are not of one kind, as long as [`WHOLE`]; its message says how much is done.
+    /// A bar of length [`WHOLE`], for work whose steps are not of one kind; its message says how much is done.
     pub fn share_bar(self, what: &'static str) -> ProgressBar {
         self.bar_with(what, WHOLE, "{msg}")
     }
@@ -123,7 +123,7 @@ const FIRST_ESTIMATE: Duration = Duration::from_secs(2);
 const FIRST_SHARE: f64 = 0.15;
 
 impl TimeLeft {
-    /// Takes note that `steps` of `all` are done `elapsed` after the beginning, which is `now`.
+    /// Takes note that `steps` of `all` are done at the time `now`, `elapsed` after the beginning.
     fn note(&mut self, steps: u64, all: u64, elapsed: Duration, now: Instant) {
         let enough = elapsed >= FIRST_ESTIMATE && steps as f64 >= FIRST_SHARE * all as f64;
         if steps != self.steps && steps > 0 && enough {
@@ -132,7 +132,7 @@ impl TimeLeft {
         }
     }
 
-    /// The text behind the steps, `now`.
+    /// The text to show after the steps at the time `now`.
     fn text(&self, now: Instant) -> String {
         let left = self.end.map(|end| end.saturating_duration_since(now).as_secs_f64());
         match left {

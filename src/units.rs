@@ -6,7 +6,7 @@ use serde::{Deserialize, Serialize};
 /// Gravitational acceleration in m/s^2, the value the paper's force equations use.
 pub const GRAVITY_M_S2: f64 = 9.8;
 
-/// The range of a property by a library or an answer: between `low` and `high` (SI). Written as `[low, high]`.
+/// The range of a property according to a library or an answer: between `low` and `high` (SI). Written as `[low, high]`.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(test, derive(schemars::JsonSchema))]
 #[serde(from = "[f64; 2]", into = "[f64; 2]")]

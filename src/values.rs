@@ -1,6 +1,6 @@
 //! Parsers of options' values: numbers within a sensible domain, files and folders that exist. Invalid values are
 //! refused before anything is done, with the option's name, whether they were typed or set in `gprop.toml`. Default
-//! values are defined only beside their options: [`defaults`].
+//! values are defined only beside their options; [`defaults`] reads them from there.
 
 use std::fmt::Display;
 use std::path::{Path, PathBuf};
@@ -8,7 +8,7 @@ use std::str::FromStr;
 
 use clap::builder::{PathBufValueParser, TypedValueParser};
 
-/// The options of a command line without any of them.
+/// The options of an empty command line: each has its default value.
 pub fn defaults<T: clap::Args>() -> T {
     typed(&[]).expect("no option is required, and every default is a value of its option")
 }
@@ -34,7 +34,7 @@ pub fn above<T: Number>(low: T, high: T) -> impl Parser<T> {
 
 /// A number from `low` up to but not including `high`.
 pub fn below<T: Number>(low: T, high: T) -> impl Parser<T> {
-    within(move |value: &T| *value >= low && *value < high, format!("from {low} to below {high}"))
+    within(move |value: &T| *value >= low && *value < high, format!("from {low} up to but not including {high}"))
 }
 
 /// A numeric type of an option's value.
