@@ -83,7 +83,7 @@ fn of_split(scenes: Vec<Entry>, split: &str, warnings: &mut Vec<String>) -> Resu
         let absent: Vec<&&str> = names.difference(&known).collect();
         if let Some(first) = absent.first() {
             warnings.push(format!(
-                "left out because they have no folder: {} of {split} (first: `{first}`)",
+                "left out for lack of a folder: {} of {split} (first: `{first}`)",
                 counted(absent.len(), "scene")
             ));
         }

@@ -13,7 +13,7 @@ use serde::{Deserialize, Deserializer, Serialize, Serializer};
 
 use super::as_typed::as_typed;
 
-/// A change of camera convention. For its result to be a valid camera, it must mirror the camera's axes exactly if it
+/// A change of camera convention. For its result to be a valid camera, it must mirror the camera's axes if and only if it
 /// mirrors the world's.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Conversion {
@@ -37,7 +37,7 @@ pub enum Reading {
     Inverted,
 }
 
-/// New axes from old ones: axis `i` of the new world is `sign[i]` times axis `from[i]` of the old.
+/// New axes from old ones: axis `i` of the new world is axis `from[i]` of the old one, negated if `negative[i]`.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct SignedPermutation {
     from: [usize; 3],
@@ -82,7 +82,7 @@ impl Conversion {
         *self == Self::default()
     }
 
-    /// True if the result is a valid camera: its axes are mirrored exactly if the world's are.
+    /// True if the result is a valid camera: its axes are mirrored if and only if the world's are.
     pub fn is_proper(&self) -> bool {
         let flips = self.camera_flip.iter().filter(|flip| **flip).count();
         self.world.mirrors() == (flips % 2 == 1)

@@ -13,7 +13,7 @@ use crate::numeric::upper_median;
 /// capture.
 const CANDIDATES_PER_VIEW: usize = 3;
 
-/// A photo with less than this share of the median sharpness is blurred: on the fixture, a Gaussian blur with a
+/// A photo with less than this share of the median sharpness is blurred: on a fixture, a Gaussian blur with a
 /// standard deviation of one pixel leaves a fifth of the sharpness, while sharp views differ by a twentieth.
 const LEAST_SHARPNESS: f64 = 0.5;
 

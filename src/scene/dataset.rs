@@ -139,7 +139,7 @@ fn abo(folder: &Path, warnings: &mut Vec<String>) -> Result<Listed, SceneError> 
     let absent: Vec<&String> = listed.filter(|name| !entries.iter().any(|entry| entry.name == **name)).collect();
     if let Some(first) = absent.first() {
         warnings.push(format!(
-            "left out because they have no folder: {} of {SPLITS} (first: `{first}`)",
+            "left out for lack of a folder: {} of {SPLITS} (first: `{first}`)",
             counted(absent.len(), "scene")
         ));
     }

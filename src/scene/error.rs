@@ -43,7 +43,7 @@ pub enum SceneError {
     )]
     NoCameras { folder: PathBuf },
     #[error(
-        "`{}` is not a camera file that gprop knows: it reads transforms.json, cameras.json of 3DGS, and folders with a COLMAP \
+        "`{}` is not a camera file that gprop knows; gprop reads transforms.json, cameras.json of 3DGS, and folders with a COLMAP \
          model (cameras.bin and images.bin, or .txt)",
         path.display()
     )]
@@ -68,7 +68,7 @@ pub enum SceneError {
     )]
     NoScenes { folder: PathBuf, layout: String },
     #[error(
-        "--masks `{}` has no mask for any of the {views} views (the first is `{first}`); a mask is named as its photo: \
+        "--masks `{}` has no mask for any of the {views} views (the first is `{first}`); a mask is named like its photo: \
          {first}.png",
         folder.display()
     )]
@@ -110,7 +110,7 @@ pub enum SceneError {
 /// A file that a scene refers to but that is not in its folder.
 #[derive(Debug, Error)]
 #[error(
-    "{what} `{}`{} lies outside the scene folder, at `{}`, and gprop reads nothing outside that you did not name. If you trust it, \
+    "{what} `{}`{} lies outside the scene folder, at `{}`, and gprop reads nothing outside it that you did not name. If you trust it, \
      add {}--allow-read `{}`; or copy it into the scene folder",
     path.display(),
     named_in.as_deref().map(|file| format!(", which `{}` names,", file.display())).unwrap_or_default(),

@@ -54,7 +54,7 @@ pub enum Problem {
 struct Section<'a> {
     count: usize,
     sh_degree: usize,
-    /// Side of a step, scene units.
+    /// Length of a step of a coordinate, scene units.
     step: f32,
     range: f32,
     /// Per Gaussian: the centre of its bucket; empty at level 0.
@@ -63,7 +63,8 @@ struct Section<'a> {
     row: usize,
 }
 
-/// Bytes of a number: centres, scales, quaternions; harmonics.
+/// The compression level: the bytes of a number (in centres, scales and quaternions) and of a harmonic, and the range of
+/// harmonics that are stored as bytes.
 #[derive(Clone, Copy)]
 struct Level {
     number: usize,
@@ -122,7 +123,7 @@ fn sections(bytes: &[u8], level: Level) -> Result<Vec<Section<'_>>, Problem> {
         let row = 10 * level.number + 4 + 3 * (bands * bands - 1) * level.harmonic;
         let sizes = 4 * partial;
         let storage = sizes + u64::from(half(header, 20)) * buckets;
-        // In u128, no claim overflows.
+        // In u128, nothing that a header claims overflows.
         let needed = u128::from(storage) + u128::from(fitting) * row as u128;
         let too_long = || Problem::Section { section: n, needed: needed as u64, left: rest.len() };
         if needed > rest.len() as u128 || count > fitting || 12 * buckets > storage - sizes && level.number == 2 {

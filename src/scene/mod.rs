@@ -6,7 +6,7 @@
 //! 2. [`cameras`] finds and reads the camera file and matches each camera with its photo; `align` converts the cameras.
 //! 3. `object` separates the object's Gaussians from its surroundings; [`outliers`] finds those that cannot belong to
 //!    any object.
-//! 4. `scale` determines the length of a scene unit; a printed [`marker`](Marker) is only sought by [`Scene::scale_in_photos`].
+//! 4. `scale` determines the length of a scene unit; a printed [`marker`](Marker) is sought only by [`Scene::scale_in_photos`].
 //!
 //! [`Scene::chosen_views`] picks the views to work on; [`View::photo`] decodes one; [`dataset`] lists the scenes of a
 //! data set.

@@ -87,15 +87,18 @@ impl Header {
 
 /// Memory limit for decoding a view's photo: two photos are processed at once, each in a few copies, and every label
 /// map is kept.
-const VIEW_LIMIT: Limit = Limit { bytes: 256 << 20, remedy: ", and its camera if that does not follow by itself" };
+const VIEW_LIMIT: Limit = Limit {
+    bytes: 256 << 20,
+    remedy: ", and its intrinsics with it if the camera file does not give the photo's size",
+};
 /// Memory limit for decoding a photo on its own: 20,000 x 20,000 pixels of four bytes.
 const ALONE_LIMIT: Limit = Limit { bytes: 1_600_000_000, remedy: ", or save it with 8 bits per channel as PNG" };
-/// A photo on its own with more pixels per side than three times this is shrunk by an integer factor. SAM sees 1024 of
-/// them.
+/// A photo on its own whose longer side has at least three times this many pixels is shrunk by an integer factor. SAM
+/// sees 1024 pixels of that side.
 const KEPT_SIDE: u32 = 2048;
 
-/// The number of bytes that a decoded picture may take, and what else than shrinking it the user can do if it takes
-/// more.
+/// The number of bytes that a decoded picture may take, and what the user can do if it takes more, besides scaling it
+/// down.
 #[derive(Clone, Copy)]
 struct Limit {
     bytes: u64,
@@ -143,8 +146,8 @@ impl View {
 }
 
 impl Photo {
-    /// Decodes a photo without a camera, turned upright, with its foreground from `mask` or its own alpha. If it has
-    /// more than 6144 pixels per side, it is shrunk by an integer factor. Also returns its width and height before
+    /// Decodes a photo without a camera, turned upright, with its foreground from `mask` or its own alpha. If its
+    /// longer side has 6144 pixels or more, it is shrunk by an integer factor. Also returns its width and height before
     /// that.
     ///
     /// # Errors

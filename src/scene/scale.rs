@@ -33,7 +33,7 @@ pub enum ScaleChoice {
     KnownLength { from: [f64; 3], to: [f64; 3], meters: f64 },
     /// A side of the object's bounding box (0, 1, 2: along x, y, z) in metres.
     BoundingBox { axis: usize, meters: f64 },
-    /// Two views, and the distance of their cameras in metres.
+    /// Two views, and the distance between their cameras in metres.
     Cameras { a: String, b: String, meters: f64 },
     /// A printed marker in the photos, and the side of its black square in metres.
     Marker { marker: Marker, meters: f64 },
@@ -126,7 +126,7 @@ impl ScaleChoice {
             }
             Self::KnownLength { from, to, meters } => {
                 let units = (Point3::from(*from) - Point3::from(*to)).norm();
-                measured(meters, units, ScaleSource::KnownLength, "distance of two points".to_owned())
+                measured(meters, units, ScaleSource::KnownLength, "distance between two points".to_owned())
             }
             Self::BoundingBox { axis, meters } => {
                 let provenance = format!("{} side of the object's box", AXES[*axis]);
@@ -139,7 +139,7 @@ impl ScaleChoice {
                         .ok_or_else(|| refused(format!("no view is named `{name}`")))
                 };
                 let units = (center(a)? - center(b)?).norm();
-                measured(meters, units, ScaleSource::Cameras, format!("distance of the cameras of {a} and {b}"))
+                measured(meters, units, ScaleSource::Cameras, format!("distance between the cameras of {a} and {b}"))
             }
         }
     }
@@ -288,7 +288,7 @@ impl From<SizedMarker> for ScaleChoice {
     }
 }
 
-/// Three finite numbers with commas between.
+/// Three finite numbers separated by commas.
 pub(super) fn point(text: &str) -> Option<[f64; 3]> {
     let numbers: Vec<f64> = text.split(',').map(|number| number.trim().parse().ok()).collect::<Option<_>>()?;
     let point: [f64; 3] = numbers.try_into().ok()?;

@@ -2,7 +2,7 @@
 //!
 //! Blur removes the finest detail and leaves the coarse. The measure is the energy of the Laplacian at full size
 //! divided by that at half size. It is taken well inside the foreground, because the outline is as sharp as the alpha,
-//! whatever the photo. It hardly depends on what the photo shows, such as the same wood from near or from far, a handle
+//! whatever the photo. It hardly depends on what the photo shows, be it the same wood from near or from far, or a handle
 //! or a head. Only values from photos of the same capture are compared.
 
 use image::{GrayImage, Luma, imageops};

@@ -7,8 +7,8 @@
 //!   the number of the largest, which is positive.
 //! - `scales`: log scales, `sh0`: the constant harmonics, both as indices into a `codebook`; alpha of `sh0`: the
 //!   opacity.
-//! - `shN`: the number of a palette's entry (16 bits), and the palette: 64 entries in a row, each as many pixels as
-//!   there are coefficients, whose bytes are indices into a codebook.
+//! - `shN`: the number of an entry of the palette (16 bits), and the palette: 64 entries per row, each with as many pixels
+//!   as there are coefficients, whose bytes are indices into a codebook.
 
 use std::io::{Cursor, Read};
 use std::path::Path;

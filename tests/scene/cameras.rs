@@ -118,7 +118,7 @@ fn a_bad_colmap_model_is_refused() {
     assert!(binary(&cameras_binary(&[(1, 1, &[10.0, f64::NAN, 4.0, 3.0])])).contains("is not a number"));
     assert!(binary(&cameras_binary(&[(1, 0, &[-10.0, 4.0, 3.0])])).contains("focal length"));
     assert!(binary(&cameras_binary(&[(1, 7, &[10.0, 10.0, 4.0, 3.0, 9.0])])).contains("lens parameters"));
-    assert!(text("1 PINHOLE 8 6 1 2 3").contains("3 parameters where its model PINHOLE has 4"));
+    assert!(text("1 PINHOLE 8 6 1 2 3").contains("3 parameters, but its model PINHOLE takes 4"));
     assert!(text("1 PINHOLE 8 six 1 2 3 4").contains("line 1: HEIGHT is `six`"));
     assert!(text("\n1 PINHOLE").contains("line 2: WIDTH is missing"));
     assert!(text("1 LENSLESS 8 6 1").contains("LENSLESS"));

@@ -13,8 +13,8 @@ pub enum FrameProblem {
     #[error("transform_matrix is not 4 x 4 (or 3 x 4)")]
     MatrixShape,
     #[error(
-        "the upper left 3 x 3 of transform_matrix is not a rotation (orthonormal, right-handed); export the cameras again \
-         without scaling or mirroring the axes"
+        "its pose is not a rotation (orthonormal, right-handed; in transforms.json, the upper left 3 x 3 of transform_matrix) \
+         and a finite translation; export the cameras again without scaling or mirroring the axes"
     )]
     NotARotation,
     #[error("no focal length: fl_x or camera_angle_x is needed, in the frame or at the top")]

@@ -12,7 +12,7 @@ use crate::output::{agreeing, counted};
 use crate::scene::photo::{self, Upright};
 use crate::scene::{SceneError, View, view_names};
 
-/// The views of a camera file, and the notes and warnings about them for the user.
+/// The views of a camera file, and the warnings about them for the user.
 #[derive(Debug)]
 pub(in crate::scene) struct Views {
     pub views: Vec<View>,
@@ -65,7 +65,7 @@ pub(in crate::scene) fn find_photos(
             Ok((View { name, camera, image, upright: fit.upright, mask }, fit))
         })
         .collect();
-    // Of several errors, the first frame's is returned, whatever thread is fastest.
+    // Of several errors, that of the first frame is returned, whichever thread is fastest.
     let sized: Vec<(View, Fit)> = sized.into_iter().collect::<Result<_, _>>()?;
     let mut warnings = warnings(camera_file, frames.len(), &missing, &sized);
     if let Some(masks) = places.masks {
@@ -128,8 +128,8 @@ fn photo_of(file: &str, places: &Places) -> Lookup {
         }
         within = Some(file);
     }
-    // An absolute path from the machine that calibrated points outside of every folder here; so does `../`, unless the
-    // user says where the photos are.
+    // An absolute path that is right on the machine where the cameras were calibrated leads out of every folder here. So
+    // does `../`, unless the user says where the photos are.
     let base = file.rsplit(['/', '\\']).next().unwrap_or(file);
     let may_lie_here = Path::new(file).is_absolute() || places.photos_are_named;
     match within {

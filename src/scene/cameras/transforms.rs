@@ -1,7 +1,7 @@
 //! `transforms.json` of nerfstudio and instant-ngp, `transforms_train.json` of Blender exporters: camera-to-world
 //! matrices in OpenGL axes, intrinsics at the top or per frame.
 //!
-//! Layout after the nerfstudio documentation, "Data conventions": `fl_x fl_y cx cy w h` in pixels; `k1 k2 k3 k4 p1 p2`
+//! The layout is that of the nerfstudio documentation, "Data conventions": `fl_x fl_y cx cy w h` in pixels; `k1 k2 k3 k4 p1 p2`
 //! of its lens model, whose k4 is the coefficient of r^8; or k1 to k4 of OpenCV's fisheye; `camera_angle_x` (horizontal
 //! field of view, radians) if there is no `fl_x`; `mask_path` per frame. `applied_transform` (3x4) and `applied_scale`
 //! are the transform that was applied to the cameras before they were written.

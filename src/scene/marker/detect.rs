@@ -11,7 +11,7 @@ use super::families::Family;
 use super::plane::Plane;
 use super::quads::{Quad, quads};
 
-/// The smallest copy has more pixels than this along its shorter side; the marker's own sides are shorter.
+/// The smallest copy has at least this many pixels along its shorter side; the marker's own sides are shorter.
 const LEAST_COPY: usize = 64;
 
 /// A marker in a picture.
@@ -60,7 +60,7 @@ fn look(plane: &Plane, lens: &Lens, quad: Quad, family: &Family, codes: &[u64]) 
     Some(Detection { id: found.id, corners, sharpness })
 }
 
-/// Whether two detections are of one place: the centre of one lies within the other's side.
+/// Whether two detections are of one marker at one place: their centres are less than half a side apart.
 fn is_same(a: &Detection, b: &Detection) -> bool {
     let middle = |quad: &Quad| center(&quad[0], &quad[2]);
     let side = (a.corners[0] - a.corners[1]).norm();

@@ -1,7 +1,7 @@
 //! The exact place of a marker's edges and corners.
 //!
 //! Along each edge of the square, the light is read across the edge, from the black border to the white paper around
-//! it. The edge is where the light changes in the mean: for any symmetric blur that is its true place. A straight line
+//! it. The edge is at the mean place of the change in light; for any symmetric blur, that is its true place. A straight line
 //! through these places is fitted in the picture of an ideal pinhole camera, since a lens bends lines; neighbouring
 //! lines meet in a corner. All of this is then repeated from the corners found, with profiles centred on the edge.
 
@@ -13,23 +13,23 @@ use crate::camera::Intrinsics;
 use crate::numeric::upper_median;
 
 /// How far a profile extends to either side of the edge, in cells, in each pass: the border is one cell wide, and so is the
-/// least white margin around it. What is beyond them must not show through a blur in the end. The quadrilateral is off by
-/// up to half a cell at first; each pass reduces that by about a factor of ten.
+/// least white margin around it. In the last passes, nothing beyond them must show through a blur. The quadrilateral is
+/// off by up to half a cell at first; each pass reduces that by about a factor of ten.
 const REACH_CELLS: [f64; 4] = [0.7, 0.7, 0.5, 0.5];
-/// The same in pixels if cells are tiny: nearer, there is no profile.
+/// The least reach in pixels, for tiny cells: over a shorter distance, there is no profile to speak of.
 const LEAST_REACH: f64 = 1.2;
-/// Distance of the profile's samples in pixels.
+/// Distance between the samples of a profile in pixels.
 const STEP: f64 = 0.5;
 /// The ends of an edge are left out, in cells: a blur makes corners round.
 const ENDS_CELLS: f64 = 0.75;
-/// Most profiles per edge.
+/// The largest number of profiles per edge.
 const MOST_PROFILES: f64 = 200.0;
-/// Fewest profiles that a line is fitted to.
+/// The smallest number of profiles to which a line is fitted.
 const FEWEST_PROFILES: usize = 6;
 /// A profile whose contrast is less than this share of the edge's median is disturbed by something else.
 const LEAST_CONTRAST: f64 = 0.4;
 /// Places farther from the line than this many times the median distance are left out (a normal distribution has one in
-/// 800 there).
+/// 1,300 there).
 const OUTLIER: f64 = 5.0;
 /// A blurred or dirty edge scatters; if its places scatter by more than this, in cells, it is not straight.
 const MOST_SCATTER_CELLS: f64 = 0.25;
@@ -62,8 +62,8 @@ impl Lens {
 /// The corners of a square, and how sharp its edges are.
 pub(super) struct Refined {
     pub quad: Quad,
-    /// The share of the change from black to white that takes place within a quarter of a cell of the edge: of the softest
-    /// edge.
+    /// The share of the change from black to white that takes place within a quarter of a cell of the edge, for the
+    /// softest edge.
     pub sharpness: f64,
 }
 

@@ -1,6 +1,6 @@
 //! The families of square markers that gprop knows, and the code of each marker.
 //!
-//! `codes/` has a file per code book, with one hexadecimal number per marker, in the order of their ids: the cells inside
+//! `codes/` has one file per code book, with one hexadecimal number per marker, in the order of their ids: the cells inside
 //! the black border row by row from the upper left one, the first in the highest bit, 1 for white. The numbers were read
 //! from OpenCV 5.0 (`cv2.aruco.getPredefinedDictionary`), which has those of AprilTag 3 (University of Michigan, BSD
 //! licence) and of ArUco (Garrido-Jurado et al., *Pattern Recognition* 51, 2016; Apache licence).
@@ -15,7 +15,7 @@ pub(super) struct Family {
     name: &'static str,
     /// Cells per side inside the border, which is one cell wide.
     pub inner: usize,
-    /// Number of markers: the first of the code book.
+    /// Number of markers: that many from the beginning of the code book.
     pub count: usize,
     /// Cells that may be misread: fewer than half of those in which any two markers of the family differ, whichever way
     /// up.
@@ -141,7 +141,7 @@ impl FromStr for Marker {
         let Some(family) = Family::find(kind, name) else {
             let known: Vec<&str> =
                 FAMILIES.iter().filter(|family| family.kind == kind).map(|family| family.name).collect();
-            return Err(format!("{kind} has no {name:?} here; known are {}", known.join(", ")));
+            return Err(format!("gprop knows no {kind} family {name:?}; it knows {}", known.join(", ")));
         };
         if id >= family.count {
             return Err(format!("{kind}:{} has the ids 0 to {}, not {id}", family.name, family.count - 1));
@@ -201,8 +201,8 @@ mod tests {
         assert_eq!("aruco:DICT_4X4_50,49".parse::<Marker>().unwrap().to_string(), "aruco:4x4_50,49");
         for (text, problem) in [
             ("apriltag:36h11,587", "ids 0 to 586"),
-            ("apriltag:41h12,0", "known are 36h11, 25h9, 16h5"),
-            ("aruco:36h11,0", "known are 4x4_50"),
+            ("apriltag:41h12,0", "it knows 36h11, 25h9, 16h5"),
+            ("aruco:36h11,0", "it knows 4x4_50"),
             ("aruco:original,1023", "looks the same when it is turned"),
             ("qr:1,0", "is not a marker"),
             ("apriltag:36h11", "is not a marker"),

@@ -59,7 +59,7 @@ fn listed(views: &[String]) -> String {
 }
 
 fn others(found: &[(String, usize)]) -> String {
-    let listed: Vec<String> = found.iter().map(|(marker, views)| format!("{marker} in {views}")).collect();
+    let listed: Vec<String> = found.iter().map(|(marker, views)| format!("{marker} in {views} of them")).collect();
     if listed.is_empty() {
         String::new()
     } else {
@@ -78,7 +78,7 @@ pub struct FoundMarker {
 /// The least share of an edge's change that is within a quarter of a cell of it. For a blur with a standard deviation of a
 /// quarter of a cell, it is erf(1 / sqrt(2)) = 0.68; beyond, the cells inside show through at the edge and shift it.
 const LEAST_SHARPNESS: f64 = 0.68;
-/// With at least as many sharp views, the others are left out.
+/// With at least this many sharp views, the others are left out.
 const FEWEST_SHARP: usize = 3;
 /// Share of the side beyond which an error is cut off, so that the interval's other end stays finite.
 const MOST_ERROR: f64 = 0.9;

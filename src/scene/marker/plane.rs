@@ -1,4 +1,4 @@
-//! A grey picture, and the light at any place of it.
+//! A grey picture, and the light at any place in it.
 
 use std::sync::LazyLock;
 

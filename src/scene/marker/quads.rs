@@ -8,7 +8,7 @@ use nalgebra::Point2;
 
 use super::plane::Plane;
 
-/// A pixel's neighbourhood is a square that extends this far from it. It must reach out of the border of a small marker;
+/// A pixel's neighbourhood is a square that extends this far from it. It must reach beyond the border of a small marker;
 /// larger ones are found in the halved pictures.
 const REACH: usize = 15;
 /// How much darker than the mean of its neighbourhood a dark pixel is, of 255; that of OpenCV's detector.
@@ -62,7 +62,7 @@ fn dark(plane: &Plane) -> Vec<bool> {
     dark
 }
 
-/// Dark pixels of a row that touch: from `start` up to and without `end`.
+/// Dark pixels of a row that touch: from `start` up to but not including `end`.
 struct Run {
     row: usize,
     start: usize,

@@ -1,7 +1,7 @@
 //! A marker's corners in the world, from all views that show it.
 //!
-//! Any two views give a place for the corners; that on which most views agree is refined over these (Gauss-Newton on the
-//! distances in pixels), and views that are then off are left out.
+//! Any two views give a place for the corners. The place on which most views agree is refined over those views
+//! (Gauss-Newton on the distances in pixels), and views that are then off are left out.
 
 use nalgebra::{Matrix2x3, Matrix3, Matrix4, Point3, RowVector4, Vector2, Vector3};
 
@@ -26,11 +26,12 @@ pub(super) struct Corners {
     pub side_error: f64,
 }
 
-/// At first, a view agrees with a place that is this far from its own corners, in pixels plus a share of the marker's
-/// side: cameras from structure from motion are off by about a pixel, and a pair of views by more in a third.
+/// At first, a view agrees with a place that is at most this far from its own corners, in pixels plus a share of the
+/// marker's side: cameras from structure from motion are off by about a pixel, and a place from two views is off by more
+/// in a third.
 const AGREES_PX: f64 = 2.0;
 const AGREES_SHARE: f64 = 0.03;
-/// In the end, a view is left out if it is farther off than this many times the median of the others, and at least a pixel.
+/// In the end, a view is left out if it is farther off than this many times the median of the others, and than a pixel.
 const OUTLIER: f64 = 3.0;
 const LEAST_OUTLIER_PX: f64 = 1.0;
 /// Pairs are formed of at most this many sightings, spread evenly.
@@ -69,7 +70,7 @@ pub(super) fn corners(sightings: &[Sighting]) -> Option<Corners> {
     Some(Corners { agreeing, disagreeing, side, side_error })
 }
 
-/// The sightings that agree with the place that a pair of them gives, for the pair with most of them.
+/// The sightings that agree with the place that a pair of them gives, for the pair with which most agree.
 fn most_agreeing(sightings: &[Sighting]) -> Option<Vec<usize>> {
     let step = sightings.len().div_ceil(PAIRED).max(1);
     let paired: Vec<usize> = (0..sightings.len()).step_by(step).collect();
@@ -131,7 +132,7 @@ fn residual(sighting: &Sighting, corner: usize, point: &Point3<f64>) -> Option<V
     (p.z > 0.0).then(|| Vector2::new(seen.x - i.cx - i.fx * p.x / p.z, seen.y - i.cy - i.fy * p.y / p.z))
 }
 
-/// The change of the pixel at which the camera sees a point, with the point.
+/// How the pixel at which the camera sees a point changes with the point.
 fn jacobian(sighting: &Sighting, point: &Point3<f64>) -> Matrix2x3<f64> {
     let i = &sighting.camera.intrinsics;
     let p = sighting.camera.point_in_camera(*point);
@@ -179,7 +180,7 @@ fn linear(sightings: &[Sighting], of: &[usize], corner: usize) -> Option<Point3<
 /// The mean length of the square's sides, and the half-width of its 90 % interval. It has three causes, added in quadrature:
 ///
 /// - the corners' distances from where the views see them. They are taken to be independent of each other, or to be shared
-///   by the corners of a view (whose camera is off), whichever is wider;
+///   by the corners of a view (whose camera is off), whichever gives the wider interval;
 /// - the difference of height and width, of which one may be right: a printer may stretch a page along one side, and a
 ///   sheet may be bent;
 /// - what moves all edges of the square outwards or inwards in every photo, by [`EDGE_PX`].

@@ -76,7 +76,7 @@ fn check(columns: &[Column<'_>], count: usize) -> io::Result<()> {
         }
         for name in &column.names {
             if !is_ply_name(name) || !seen.insert(name) {
-                return invalid(format!("PLY property `{name}`: not a name or already taken"));
+                return invalid(format!("PLY property `{name}`: not a valid name, or already taken"));
             }
         }
     }

@@ -172,7 +172,7 @@ fn streams(header: &Header, bytes: &[u8]) -> Result<Attributes, Problem> {
 }
 
 fn zstd(header: &Header, attribute: &'static str, length: u64, stream: &[u8]) -> Result<Vec<u8>, Problem> {
-    /// The smallest window size that the format recommends decoders to support (RFC 8878, 3.1.1.1.2).
+    /// The smallest window size that the format recommends that decoders support (RFC 8878, 3.1.1.1.2).
     const LEAST_WINDOW: u64 = 8 << 20;
     let window = length.next_power_of_two().clamp(1 << 10, LEAST_WINDOW.max(length.next_power_of_two()));
     let broken = |reason: String| Problem::Compression { attribute, reason };

@@ -11,11 +11,13 @@ pub enum Problem {
     Line { line: usize, reason: String },
     #[error("camera {id} has the model {model}, which gprop does not know or which does not project onto a plane")]
     Model { id: u32, model: String },
-    #[error("camera {id}: {found} parameters where its model {model} has {expected}; export the model again")]
+    #[error("camera {id} has {found} parameters, but its model {model} takes {expected}; export the model again")]
     Parameters { id: u32, model: String, expected: usize, found: usize },
     #[error("camera {id}: {reason}; calibrate again")]
     Camera { id: u32, reason: &'static str },
-    #[error("image {id} has a pose that is not a number or a rotation of length zero; export the model again")]
+    #[error(
+        "image {id} has a pose with a value that is not finite or a quaternion of length zero; export the model again"
+    )]
     Pose { id: u32 },
     #[error(
         "image {id} (`{name}`) belongs to camera {camera}, which the model does not have; copy both files of one model"
