@@ -72,7 +72,7 @@ pub struct Segment {
     pub parent: u16,
 }
 
-/// True for the id of no segment.
+/// True for 0, the id that stands for no segment.
 fn is_none(id: &u16) -> bool {
     *id == 0
 }

@@ -1,9 +1,9 @@
 //! Makes a label map from SAM's masks of one level: chooses those that are segments of the object and paints them from
 //! large to small.
 //!
-//! The paper's code culls first, then leaves out the largest mask and paints the others over the foreground, which is
-//! one more segment wherever nothing covers it. gprop leaves out what is not a segment *before* culling: a mask of the
-//! whole object would otherwise take every segment below half its size with it (see [`super::cull`]).
+//! The paper's code culls first, then leaves out the largest mask and paints the others over the foreground, whose
+//! uncovered pixels are one more segment. gprop leaves out whatever is not a segment *before* culling: a mask of the whole
+//! object would otherwise cause every segment below half its size to be culled (see [`super::cull`]).
 
 use super::candidate::Candidate;
 use super::cull::cull;

@@ -30,7 +30,7 @@ pub struct Upsampler {
 pub struct ScoredMask {
     pub mask: Mask,
     /// Area above the threshold plus the offset, over area above the threshold minus the offset; NaN if the latter is
-    /// zero. As the public `calculate_stability_score`.
+    /// zero. As in the public `calculate_stability_score`.
     pub stability: f32,
 }
 

@@ -54,7 +54,7 @@ struct Tally {
 /// prompts themselves.
 const BY_PROMPTS: u64 = WHOLE / 2;
 
-/// The part of one view.
+/// One view's part of the bar.
 struct ViewTally<'a> {
     tally: &'a Tally,
     planned: AtomicU64,

@@ -5,7 +5,7 @@
 pub enum Mismatch {
     #[error("it is not an ONNX model, or it is cut off")]
     NotOnnx,
-    #[error("its graph cannot be cut")]
+    #[error("its graph cannot be reduced to other outputs")]
     Uncut,
     /// An error from ONNX Runtime while it loads or runs the network.
     #[error("{0}")]
@@ -31,20 +31,20 @@ pub enum Mismatch {
     )]
     OneMask { name: &'static str, found: Vec<i64>, batch: i64, side: i64 },
 
-    #[error("no parameter {0:?}")]
+    #[error("it has no parameter {0:?}")]
     NoParameter(String),
     #[error("{name:?} is not a float constant of shape {shape:?}")]
     NoConstant { name: String, shape: Vec<usize> },
-    #[error("{0:?} is added to nothing")]
+    #[error("{0:?} is not added to anything")]
     NotAdded(String),
-    #[error("{0:?} is added to no product")]
+    #[error("{0:?} is not added to a product")]
     NoProduct(String),
     #[error("{0:?} is not a sum")]
     NoSum(String),
-    #[error("no layer norm after {0:?}")]
+    #[error("there is no layer norm after {0:?}")]
     NoNorm(String),
 
-    #[error("the tokens of its prompts have {0} numbers each")]
+    #[error("its tokens hold {0} numbers in all, which does not fit SAM's prompts")]
     Tokens(usize),
     #[error("{0:?} is smaller than a picture's embedding")]
     SmallValue(String),

@@ -4,8 +4,9 @@
 //! 2. `four_masks`: finds the logits of all masks and their predicted IoU. An export that returns only the best of its
 //!    four masks still computes all of them as internal values.
 //! 3. `onnx_runtime`: ONNX Runtime runs the whole export for every prompt.
-//! 4. `native`: ONNX Runtime runs the prompt encoder, and gprop the mask decoder
-//!    ([`gprop_kernels::mask_decoder`]) with the parameters that `weights` finds in the export, several times faster. It is used if the export has SAM's parameters under their names and the results of both agree on a trial.
+//! 4. `native`: ONNX Runtime runs the prompt encoder, and gprop the mask decoder ([`gprop_kernels::mask_decoder`]) with the
+//!    parameters that `weights` finds in the export, several times faster. It is used if the export has SAM's parameters
+//!    under their names and the results of both agree on a trial.
 
 mod feed;
 mod four_masks;
@@ -31,7 +32,8 @@ use onnx_runtime::OnnxRuntime;
 const DECODER: &str = "a SAM prompt decoder (the standard export)";
 /// Number of pixels in one mask's logits.
 const LOGITS: usize = LOGITS_SIDE * LOGITS_SIDE;
-/// Largest difference between the two on the trial: predicted IoU, and logits in units of their spread.
+/// Largest difference between the two decoders on the trial: of the predicted IoU, and of the logits in units of their
+/// spread.
 const AGREEMENT: f32 = 1e-3;
 
 /// Selects which of the three masks to compute, given the predicted IoU of all.
