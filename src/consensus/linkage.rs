@@ -259,7 +259,7 @@ mod tests {
         let light = [1000.0, 1.0, 500.0, 800.0];
         assert_eq!(absorb(vec![0, 1, 2, 3], &borders, &light, 0.01), [0, 2, 2, 3]);
         assert_eq!(absorb(vec![0, 1, 2, 3], &borders, &light, 0.0), [0, 1, 2, 3]);
-        assert_eq!(absorb(vec![0, 1], &[], &light[..2], 0.01), [0, NONE], "nobody to join");
+        assert_eq!(absorb(vec![0, 1], &[], &light[..2], 0.01), [0, NONE], "no neighbour to join");
         assert_eq!(absorb(vec![NONE, 1, 2, 3], &borders, &light, 0.01), [NONE, 2, 2, 3]);
         assert_eq!(absorb(vec![0], &[], &[0.0], 0.01), [0], "nothing else is there");
     }

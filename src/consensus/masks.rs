@@ -10,10 +10,10 @@ use crate::segment::LabelMap;
 
 /// If at least this share of a segment's pixels shows one part, the part takes over the segment's border.
 const SNAP_SHARE: f64 = 0.6;
-/// Another part in that segment stays there only if a larger share of that part lies in the segment; otherwise it is a
+/// Another part in that segment stays there only if more than this share of it lies in the segment; otherwise it is a
 /// fringe that the Gaussians' softness left.
 const FRINGE_SHARE: f64 = 0.25;
-/// Pixels of a part that touch each other, but are fewer than this share of those in the view, are a speck.
+/// Pixels of a part that touch each other, but are fewer than this share of all its pixels in the view, are a speck.
 const SPECK_SHARE: f64 = 0.02;
 /// A segment with at least this IoU shows the part.
 const SHOWS_IOU: f64 = 0.5;

@@ -4,7 +4,7 @@ use super::SegmentedView;
 use crate::render::{Projected, RenderOptions, contributions};
 use crate::scene::gaussians::Gaussians;
 
-/// A view sees a Gaussian, and counts for a pair of which it sees both, if they have more light than this in it, in pixels.
+/// A view sees a Gaussian that has more light than this in it, in pixels. It counts for a pair if it sees both.
 pub(super) const SEEN_LIGHT: f32 = 0.3;
 
 /// The light of one Gaussian in one segment.

@@ -161,7 +161,7 @@ pub fn find(gaussians: &Gaussians, views: &[SegmentedView], progress: Progress) 
     undersegmentation::mark(&mut regions, &views.iter().map(|view| view.segments).collect::<Vec<_>>());
     let mut evidence = Evidence::new(&pairs);
     for (view, regions) in views.iter().zip(&regions) {
-        // A second time, rather than to keep those of all views.
+        // Computed a second time, to save the memory that those of all views would take.
         evidence.add(&pairs, &Membership::new(gaussians, view), view.segments, regions);
         bar.inc(1);
     }
@@ -200,7 +200,7 @@ fn pieces(piece_of: &[u32], part_of: &[u32], (borders, light, least_share): (Bor
         .copied()
         .filter(|&(a, b, _)| part_of[a as usize] == part_of[b as usize] && part_of[a as usize] != NONE)
         .collect();
-    // A crumb may have joined another part than the rest of its piece did.
+    // A crumb may have joined a different part from the rest of its piece.
     let mut first: BTreeMap<(u32, u32), u32> = BTreeMap::new();
     let within: Vec<u32> = (0..)
         .zip(piece_of.iter().zip(part_of))
@@ -227,7 +227,8 @@ fn pieces(piece_of: &[u32], part_of: &[u32], (borders, light, least_share): (Bor
 }
 
 /// How much a border separates two parts, 0 to 1: the share of views that split it, times how much of an edge it is. A
-/// border of print has none, and segments that most other views split are no evidence against it.
+/// border of print is no edge at all. Segments that span the border but are split by most other views do not count
+/// against it.
 fn strength(border: &Border) -> f64 {
     if border.smooth_share() >= PRINT_SHARE {
         return 0.0;

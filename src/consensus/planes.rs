@@ -19,7 +19,7 @@ const LEAST: usize = 6;
 /// line that joins the means of their points: where the surface has a step, that line is steeper.
 const SMOOTH_DEG: f64 = 20.0;
 
-/// The planes at the Gaussians of pairs that lie in different pieces: few of all, so they are kept in a list.
+/// The planes at the Gaussians of pairs that lie in different pieces. These are few, so the planes are kept in a list.
 pub(super) struct Planes {
     /// Sorted by Gaussian.
     by_gaussian: Vec<(u32, Plane)>,
