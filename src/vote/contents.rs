@@ -7,7 +7,7 @@ use crate::materials::fillings::Filling;
 use crate::query::{Answer, Form, Inside};
 use crate::units::{Estimate, Range};
 
-/// The contents of a shell: those that more than half of the answers that see a shell state, otherwise unknown. Of
+/// The contents of a shell: empty or filled if more than half of the answers that see a shell say so, else unknown. Of
 /// several fillings, the one that most answers name gives its name and law; all of them span the ranges.
 pub(super) fn contents(form: Form, answers: &[&Answer], library: &MaterialLibrary) -> Option<Contents> {
     if !matches!(form, Form::Shell { .. }) {

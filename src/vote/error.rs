@@ -8,8 +8,8 @@ pub enum VoteError {
     #[error("the scene has no Gaussians: give a splat that contains some")]
     NoGaussians,
     #[error(
-        "the label map of view `{view}` has {map:?} pixels, its camera {camera:?}: segment the view again, or scale the \
-         map to the photo's size"
+        "the label map of view `{view}` has the size {map:?}, but its camera's picture has {camera:?} pixels: segment the view \
+         again, or scale the map to the photo's size"
     )]
     MapSize { view: String, map: (u32, u32), camera: (u32, u32) },
     #[error(

@@ -9,7 +9,7 @@ pub(super) fn middle_and_hull(ranges: impl Iterator<Item = Range>) -> Estimate {
     let hull = ranges.iter().copied().reduce(Range::hull).expect("a label is won by an answer");
     Estimate::new(
         hull.low,
-        median(ranges.iter().map(|range| range.mid()).collect()).expect("somebody answered"),
+        median(ranges.iter().map(|range| range.mid()).collect()).expect("a label is won by an answer"),
         hull.high,
     )
 }

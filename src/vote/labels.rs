@@ -57,7 +57,7 @@ fn hardness(answers: &[&Answer]) -> Option<ShoreHardness> {
 }
 
 /// The form that most answers name; of equally frequent ones, solid before mixed before shell. The wall is the median
-/// one of the shells'.
+/// of the shells' walls.
 fn form(answers: &[&Answer]) -> Form {
     let wall = |answer: &&Answer| match answer.form {
         Form::Shell { wall_thickness_m } => Some(wall_thickness_m),

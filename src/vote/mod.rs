@@ -264,7 +264,7 @@ fn strange_gaussians(gaussians: &Gaussians) -> Vec<String> {
     doubts
 }
 
-/// The views whose cameras cannot be where they are said to be.
+/// A warning for each view whose camera is inside the object, where it cannot be.
 fn cameras_inside(gaussians: &Gaussians, views: &[ViewInput]) -> Vec<String> {
     let bounds = robust_bounds(gaussians);
     let is_inside = |view: &&ViewInput| {
