@@ -28,8 +28,8 @@ pub(super) fn compare(scene: &Scene, views: &[View], progress: Progress) -> Resu
     fits
 }
 
-/// 10 log10(1 / mean squared error) of the colours, from 0 to 1, with the picture over white like the photo; at most
-/// 99, which stands for equal pictures.
+/// 10 log10(1 / mean squared error) of the colours (each channel 0 to 1), with the picture over white like the photo; at
+/// most 99, which stands for equal pictures.
 fn psnr_db(photo: &RgbImage, picture: &Render) -> f64 {
     const EQUAL: f64 = 99.0;
     let mut sum = 0.0;

@@ -209,7 +209,7 @@ fn meaning(conversion: &Conversion) -> String {
         flipped => {
             let axes: Vec<&str> =
                 ["x", "y", "z"].into_iter().zip(flipped).filter(|(_, f)| *f).map(|(a, _)| a).collect();
-            parts.push(format!("the cameras' {} axis is flipped", axes.join(" and ")));
+            parts.push(format!("the cameras are flipped along {}", axes.join(" and ")));
         }
     }
     if conversion.world != SignedPermutation::IDENTITY {
@@ -217,7 +217,7 @@ fn meaning(conversion: &Conversion) -> String {
         parts.push(format!("the cameras' world is {done} relative to the splat's"));
     }
     if conversion.scale != 1.0 {
-        parts.push(format!("the cameras are {} times too close", conversion.scale));
+        parts.push(format!("the camera centres have to be scaled by {}", conversion.scale));
     }
     parts.join("; ")
 }

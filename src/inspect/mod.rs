@@ -79,7 +79,7 @@ pub struct Cameras {
     pub first_size: [u32; 2],
     /// fx and fy of the first one in pixels.
     pub first_focal: [f64; 2],
-    /// Whether any lens is more than a pinhole.
+    /// Whether any lens has distortion.
     pub distorted: bool,
     /// Least and greatest distance from the middle of the object, scene units.
     pub distance: [f64; 2],
