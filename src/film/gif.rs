@@ -15,9 +15,9 @@ use rayon::prelude::*;
 const UNCHANGED: u8 = 255;
 /// Colours of the palette.
 const COLORS: usize = 255;
-/// Pixels of the samples from which the palette is learned.
+/// Number of pixels of the samples from which the palette is learned.
 const LEARNED_FROM: usize = 150_000;
-/// NeuQuant looks at every pixel of the samples divided by this number.
+/// NeuQuant looks at one in this many pixels of the samples.
 const LEARNED_SHARE: i32 = 3;
 /// Bits of each channel by which the nearest colour is looked up.
 const BITS: u32 = 6;
@@ -66,7 +66,7 @@ impl Gif {
         Self { last_cs: (100 / self.fps).max(SHORTEST_CS) as u16, ..self }
     }
 
-    /// Adds a picture. Pictures that would be shown for less than browsers can are left out.
+    /// Adds a picture. Pictures that would be shown for less time than browsers can show one are left out.
     ///
     /// # Errors
     /// If the encoder fails.

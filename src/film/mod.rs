@@ -2,7 +2,7 @@
 //!
 //! MP4 is small and exact, but needs ffmpeg. Without it a film is a GIF: gprop can write it alone, every browser and
 //! every page shows it, and with one palette for the whole film and a dither that stands still it looks nearly as good.
-//! (Of WebP, the pure Rust encoders write only lossless pictures, several times as large.) [`orbit`] has cameras that
+//! (For WebP, the pure Rust encoders write only lossless pictures, several times as large.) [`orbit`] has cameras that
 //! see all of a moving object, [`gif`] and [`mp4`] the two formats.
 
 pub mod gif;
