@@ -100,7 +100,7 @@ pub fn orbit(bounds: &Bounds, reach: f64, count: usize) -> Vec<Camera> {
     sphere_directions(count).map(camera).collect()
 }
 
-/// A camera at `eye` that looks at `target`; its up direction is the world axis along which it looks least.
+/// A camera at `eye` that looks at `target`; its up direction is the world's z, or y if it looks nearly along z.
 fn looking(eye: &Point3<f64>, target: &Point3<f64>) -> Isometry3<f64> {
     let forward = target - eye;
     let up = if forward.z.abs() > 0.95 * forward.norm() { Vector3::y() } else { Vector3::z() };
