@@ -70,7 +70,7 @@ fn opaque(gaussians: &Gaussians) -> Vec<usize> {
     if chosen.is_empty() { kept().collect() } else { chosen }
 }
 
-/// The least and the greatest of these values but for strays; zeros if there are none.
+/// The least and the greatest of these values, apart from strays; zeros if there are no values.
 fn between_strays(mut values: Vec<f64>) -> (f64, f64) {
     if values.is_empty() {
         return (0.0, 0.0);

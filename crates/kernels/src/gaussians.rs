@@ -24,7 +24,7 @@ pub struct Gaussians {
     /// The other SH coefficients, `3 * sh_rest_per_channel()` per Gaussian: all of red, then green, then blue.
     pub sh_rest: Vec<f32>,
     /// Whether the cloud was trained with an antialiased rasteriser (Mip-Splatting, Yu et al. 2024), and is to be drawn
-    /// with one, which compensates the opacity that the low-pass filter adds.
+    /// with one, which compensates for the opacity that the low-pass filter adds.
     pub antialiased: bool,
     /// Properties of the file that gprop does not know, in file order, kept for writing back.
     pub extra: Vec<ExtraProperty>,

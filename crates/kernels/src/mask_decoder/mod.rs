@@ -1,4 +1,4 @@
-//! SAM's mask decoder, written for many prompts to one picture on a CPU.
+//! SAM's mask decoder, written for many prompts about one picture on a CPU.
 //!
 //! It computes what the exported graph computes, in an order that saves most of the work: projections move from the
 //! 4096 pixels to the few tokens (`attention`, `first_layer`), every pixel is read once per layer while it is in the

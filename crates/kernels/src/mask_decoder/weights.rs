@@ -39,7 +39,7 @@ pub struct Layer {
     pub norm4: Norm,
 }
 
-/// The mask decoder.
+/// All parameters of the mask decoder.
 pub struct Weights {
     pub layers: [Layer; 2],
     pub final_attention: Attention,

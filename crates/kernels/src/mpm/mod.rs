@@ -6,8 +6,8 @@
 //! 3. `grid_update`: velocities, gravity, boundary conditions;
 //! 4. `g2p`: velocities back to the particles, their new positions, their deformation.
 //!
-//! Guests ([`Solver::host`]) are particles of rigid bodies: they hold nodes, but have no mass here, and are moved by the
-//! caller. Between [`Solver::scatter`] and [`Solver::gather`], the two halves of a substep, the caller may change
+//! Guests ([`Solver::host`]) are particles of rigid bodies: the grid has nodes around them, but they have no mass here, and
+//! the caller moves them. Between [`Solver::scatter`] and [`Solver::gather`], the two halves of a substep, the caller may change
 //! velocities of nodes.
 //!
 //! Hu et al., *A Moving Least Squares Material Point Method*, 2018; Jiang et al., *The Affine Particle-In-Cell Method*,
@@ -187,8 +187,8 @@ impl Solver {
         });
     }
 
-    /// Makes the particles to which `led` gives a motion, by their number and current position, so heavy that the grid
-    /// follows them in the substep that comes. To be followed by [`Solver::lead`].
+    /// Makes some particles so heavy that the grid follows them in the next substep: those to which `led` gives a motion,
+    /// by their number and current position. To be followed by [`Solver::lead`].
     pub fn take(&mut self, led: impl Fn(u32, [f32; 3]) -> Option<Motion> + Sync) {
         self.sorted.packs.par_iter_mut().for_each(|pack| {
             for lane in 0..pack.live as usize {

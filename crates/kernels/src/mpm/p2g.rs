@@ -108,7 +108,7 @@ fn planes<'a>(columns: &Columns, nodes: &'a mut [f32], slabs: usize) -> Vec<Mute
     let before = |planes: usize| columns.before_planes_of(planes);
     let pieces = cut(nodes, (0..=slabs).map(|s| (before(s + 1) - before(s)) * NODE));
     let piece = |(s, nodes): (usize, Mutex<&'a mut [f32]>)| {
-        Mutex::new(Planes { nodes: nodes.into_inner().expect("nobody locked it"), before: before(s) })
+        Mutex::new(Planes { nodes: nodes.into_inner().expect("it was never locked"), before: before(s) })
     };
     pieces.into_iter().enumerate().map(piece).collect()
 }

@@ -62,7 +62,7 @@ pub struct Pack {
     pub lambda: Row,
     pub state: Row,
     pub deformation: [Row; 9],
-    /// The particle's number in the order in which they were given.
+    /// Each particle's number in the order in which the particles were given.
     pub id: [u32; LANES],
     pub live: u32,
     pub law: u32,
@@ -99,7 +99,7 @@ impl Pack {
         }
     }
 
-    /// Moves a lane to `position_m` with a `motion`; returns how far, along the axis along which it is farthest.
+    /// Moves a lane to `position_m` with a `motion`; returns the largest of its moves along x, y and z.
     pub fn place(&mut self, lane: usize, position_m: [f32; 3], motion: &Motion) -> f32 {
         let mut farthest = 0.0_f32;
         for (row, x) in self.position.iter_mut().zip(position_m) {

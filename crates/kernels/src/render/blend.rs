@@ -47,7 +47,7 @@ pub trait Sink: Send {
     fn add(&mut self, splat: &Splat, first: usize, weights: &[f32; LANES], transmittance: &[f32; LANES]);
 }
 
-/// Blends every tile of these rows of tiles into its own sink; the sinks are returned row by row, whatever thread
+/// Blends every tile of these rows of tiles into its own sink; the sinks are returned row by row, whichever thread
 /// computed them.
 pub(super) fn blend<S: Sink>(
     tiles: &Tiles,

@@ -70,7 +70,7 @@ struct LightSink {
     /// Label of every pixel of the tile; background outside the picture.
     labels: [u16; TILE * TILE],
     contributions: Vec<Contribution>,
-    /// Where the contributions of the Gaussian being blended start: rarely more than two labels.
+    /// Index of the first contribution of the Gaussian being blended, which rarely has more than two labels in a tile.
     current: usize,
 }
 
@@ -100,8 +100,8 @@ impl Sink for LightSink {
         if self.contributions.last().is_none_or(|last| last.gaussian != gaussian) {
             self.current = self.contributions.len();
         }
-        // The light before the splat is the sum of what it takes and what it leaves; a finished pixel counts as
-        // neither.
+        // The light before the splat is the sum of what it takes and what it leaves; of a finished pixel it takes
+        // nothing.
         let sent: [f32; LANES] =
             std::array::from_fn(|lane| weights[lane] / (weights[lane] + transmittance[lane]).max(TRANSMITTANCE_MIN));
         let labels: [u16; LANES] = std::array::from_fn(|lane| self.labels[first + lane]);

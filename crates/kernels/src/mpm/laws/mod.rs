@@ -69,7 +69,7 @@ struct Point<'a, L> {
     state: &'a mut Row,
 }
 
-/// Kirchhoff stress of a pack, Pa; also returns the pack's elastic deformation and state to what its law allows.
+/// Kirchhoff stress of a pack, Pa; also brings the pack's elastic deformation and state back to what its law allows.
 #[inline(always)]
 pub fn stress<L: Lanes>(pack: &mut Pack, laws: &[Law], dt_s: f32) -> Sym3<L> {
     let point = Point {
