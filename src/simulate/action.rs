@@ -1,4 +1,4 @@
-//! Actions of a scenario on the object while it runs. Forces change the velocities of chosen particles before a
+//! The actions of a scenario on the object during a run. Forces change the velocities of chosen particles before a
 //! substep; held or guided particles follow their given motion instead of the grid's. On a rigid body, forces add up to
 //! an impulse and an angular impulse.
 
@@ -113,8 +113,8 @@ pub fn next_change_s(actions: &[Acting], t_s: f64) -> f64 {
     times.filter(|time| *time > t_s).fold(f64::INFINITY, f64::min)
 }
 
-/// Takes a substep of `dt_s` at time `t_s` with the actions that are active then. Of several motions the last one
-/// counts; a rigid body with a particle that is moved follows as a whole.
+/// Takes a substep of `dt_s` at time `t_s` with the actions that are active then. If several of them give a particle its
+/// motion, the last one counts; a rigid body moves as a whole if any of its particles is moved.
 ///
 /// # Errors
 /// If a particle is lost.

@@ -2,7 +2,7 @@
 //! bytes as one that was never interrupted.
 //!
 //! Layout, little endian: magic, version (u32), identity of the run (32 bytes), length of the record (u64), the record
-//! as JSON, how many numbers the rigid bodies' state has (u64) and these (f64), number of particles (u64), then each
+//! as JSON, number of values in the rigid bodies' state (u64), these values (f64), number of particles (u64), then each
 //! particle as 39 words.
 
 use std::io::{self, Write};

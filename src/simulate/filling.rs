@@ -27,7 +27,7 @@ pub struct Body {
     pub position_m: [f64; 3],
     pub label: u32,
     pub volume_m3: f64,
-    /// Whether the part's inside reaches it, or is unknown: other bodies are strays of the cloud.
+    /// True if the part's inside reaches it or is unknown; other bodies are strays of the cloud.
     pub backed: bool,
 }
 
@@ -35,7 +35,7 @@ pub struct Body {
 #[derive(Debug, Clone, PartialEq)]
 pub struct Filled {
     pub bodies: Vec<Body>,
-    /// Labels of Gaussians whose inside is unknown: each cube that holds one of them counts as full.
+    /// Labels of parts whose inside is unknown: each cube that holds one of their Gaussians counts as full.
     pub assumed_full: Vec<u32>,
 }
 

@@ -51,7 +51,7 @@ pub struct Material {
     /// The stress at which it is damaged.
     pub strength_pa: f64,
     pub law: Law,
-    /// The label of the shell with which it moves if that is rigid, although it could deform.
+    /// The label of the shell that it moves with if the shell is rigid, although it could deform by itself.
     pub moves_with: Option<u32>,
 }
 
@@ -63,7 +63,7 @@ impl Material {
             Law::VonMises { yield_stress_pa }
             | Law::Foam { yield_stress_pa, .. }
             | Law::Plasticine { yield_stress_pa, .. } => yield_stress_pa,
-            // It is unknown when it is damaged, and nothing but its shell touches it.
+            // The stress that damages it is unknown, and only its shell touches it.
             Law::Elastic | Law::DruckerPrager { .. } | Law::Snow { .. } | Law::Fluid => youngs_modulus_pa,
         };
         Self {
@@ -129,7 +129,7 @@ pub struct Prepared {
 }
 
 impl Prepared {
-    /// Speed of pressure waves, the fastest: sqrt((lambda + 2 mu) / rho), m/s; of snow at its hardest.
+    /// Speed of pressure waves, the fastest waves: sqrt((lambda + 2 mu) / rho), m/s; for snow, at its hardest.
     pub fn wave_speed_m_s(&self) -> f64 {
         let hardest = if matches!(self.law, laws::Law::Snow(_)) { f64::from(snow::HARDEST) } else { 1.0 };
         (hardest * (self.lambda_pa + 2.0 * self.mu_pa) / self.density_kg_m3).sqrt()
@@ -147,7 +147,7 @@ pub struct Materials {
 
 impl Materials {
     /// Softens the `materials` that `deform` to `max_stiffness_pa`. Strength is scaled like stiffness, so the yield
-    /// strain stays.
+    /// strain stays the same.
     pub fn prepare(
         materials: &[Material],
         deform: impl Fn(usize) -> bool,
@@ -177,7 +177,7 @@ impl Materials {
     }
 }
 
-/// The solver's law for a material's, and the initial value of its state. Every strength and viscosity is scaled by
+/// The solver's law for a material's law, and the initial value of its state. Every strength and viscosity is scaled by
 /// `factor` like the stiffness, so that the material yields at the same strains and flows at the same rates.
 fn solver_law(law: Law, factor: f64) -> (laws::Law, f64) {
     let radius = |yield_stress_pa: f64| von_mises::yield_radius(yield_stress_pa * factor);

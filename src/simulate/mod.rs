@@ -1,5 +1,5 @@
 //! The Material Point Method on the Gaussians: every Gaussian is a particle with its own density, stiffness and law,
-//! the inside is filled with particles, and the object is dropped onto the ground.
+//! the inside is filled with particles, and a scenario acts on the object: by default, it is dropped onto the ground.
 //!
 //! The phases, in order:
 //! 1. [`filling`]: a volume for every Gaussian, particles for the inside;
@@ -63,7 +63,7 @@ pub struct Input<'a> {
     pub meters_per_unit: Option<f64>,
 }
 
-/// Drops the object and passes each frame to `on_frame` when it is complete, with the state that a later call needs to
+/// Runs the scenario and passes each frame to `on_frame` when it is complete, with the state that a later call needs to
 /// resume right after it. Frames before the checkpoint are not passed again; the report holds all of them.
 ///
 /// # Errors
@@ -184,7 +184,8 @@ impl Failure {
     }
 }
 
-/// Lets the object fall freely from the start of `span` for as long as it does, in one step; returns the time then.
+/// Lets the object fall freely, in one step, from the start of `span` until `until_s` or the end of `span`; returns the
+/// time that it reaches.
 fn fall(object: &mut Object, until_s: f64, [from_s, to_s]: [f64; 2], record: &mut Record) -> f64 {
     let end_s = until_s.min(to_s);
     if end_s <= from_s {

@@ -237,7 +237,7 @@ impl Object {
         }
     }
 
-    /// The first particle of a body that left the domain or is not finite.
+    /// The first particle of a body, if the body has left the domain or its position is not finite.
     fn lost(&self, body: &Body) -> Option<Lost> {
         let (center, radius) = (body.state().center_m, body.radius_m());
         let [low, high] = self.domain_m.map(|corner| Vector3::from(corner.map(f64::from)));
@@ -271,7 +271,7 @@ impl Object {
         self.bodies.iter().flat_map(of).collect()
     }
 
-    /// Gives its bodies a state from [`Self::numbers`]; false if it is that of other bodies.
+    /// Gives its bodies a state from [`Self::numbers`]; false if the numbers do not fit these bodies.
     #[must_use]
     pub fn restore(&mut self, mut numbers: &[f64]) -> bool {
         for body in &mut self.bodies {

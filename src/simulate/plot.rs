@@ -3,8 +3,8 @@
 use super::{FrameSummary, SimulationReport};
 use crate::plots::{self, Mark, Panel, Series};
 
-/// The upper plot shows kinetic, potential and elastic energy and their sum, in J, where the potential energy is 0 with
-/// the centre of mass on the ground; the lower plot shows the centre of mass, in m from its start.
+/// The upper plot shows kinetic, potential and elastic energy and their sum, in J; the potential energy is measured from
+/// the ground. The lower plot shows the centre of mass, in m from its start.
 pub fn svg(report: &SimulationReport) -> String {
     let weight_n = report.mass_kg * report.gravity_m_s2;
     let kinetic = |frame: &FrameSummary| frame.kinetic_energy_j;

@@ -40,8 +40,8 @@ pub struct Drop {
 }
 
 impl Drop {
-    /// The drop from `height` (in multiples of the longest side), tilted, of an object whose body lies within `object`
-    /// (metres, world frame), with bodies at `positions_m`.
+    /// The drop from `height` (in multiples of the longest side), tilted, of an object that lies within `object` (metres,
+    /// world frame) and consists of bodies at `positions_m`.
     pub fn new(object: &Bounds, positions_m: &[[f64; 3]], spacing_m: f64, [height, tilt_deg]: [f64; 2]) -> Self {
         let size = object.size();
         let longest = size.max();

@@ -244,7 +244,7 @@ pub struct Standing<'a> {
     pub particles: &'a [Particle],
     /// Per particle: index into `names`.
     pub labels: &'a [u32],
-    /// Names of the parts: several words for each.
+    /// The names by which a step may refer to each part: its caption and its material.
     pub names: &'a [Vec<&'a str>],
     pub longest_m: f64,
     pub gravity_m_s2: f64,

@@ -37,9 +37,9 @@ const PARTICLE_SUBSTEPS_PER_S: f64 = 3e6;
 /// The cost of rigid bodies, in particles.
 const RIGID_PARTICLES: usize = 300;
 
-/// How long the simulation may be expected to take with everything that deforms at its true stiffness. Beyond that,
-/// parts that deform hardly visibly are rigid, and if that is not enough, stiff parts are softened, unless the user says
-/// how much.
+/// The longest that a simulation with all true stiffnesses may be expected to take. If it would take longer, parts whose
+/// deformation is hardly visible become rigid; if that is not enough, stiff parts are softened. Neither happens if the
+/// user gives a limit for the stiffness.
 const LONGEST_MINUTES: f64 = 1.0;
 
 /// A Gaussian that is further than this outside the object's bounds, in multiples of the longest side, is not part of
@@ -71,7 +71,7 @@ pub struct Setup {
     pub report: SimulationReport,
 }
 
-/// The inputs that decide how stiff the parts are simulated, and how long that takes.
+/// The inputs that decide how stiff the simulated parts are, and how long the simulation takes.
 struct Plan<'a> {
     input: &'a Input<'a>,
     options: &'a Options,
@@ -103,7 +103,7 @@ impl Plan<'_> {
         if planned.minutes <= LONGEST_MINUTES { Ok(planned) } else { self.with(SOFT_PA, choice::HARDLY_VISIBLE) }
     }
 
-    /// The parts that deform softened to `most_pa`, and those that strain by less than `visible` rigid.
+    /// The parts that deform, softened to `most_pa`; parts that strain by less than `visible` are rigid.
     fn with(&self, most_pa: f64, visible: f64) -> Result<Planned, SimulateError> {
         let Self { input, options, bodies, load, spacing_m, duration_s } = *self;
         let choice = choice::choose(&options.rigid, &load, input.materials, (bodies, spacing_m), visible)?;
@@ -238,7 +238,7 @@ pub fn set_up(input: &Input, options: &Options) -> Result<Setup, SimulateError> 
 
 /// The time for which an object at rest at a height falls freely, s: until it is near the ground or an action begins.
 fn falls_until_s(height_m: f64, spacing_m: f64, options: &Options, actions: &[Action]) -> f64 {
-    /// A particle meets the plane of the ground, which lies below it, through nodes up to 1.5 cells away.
+    /// A particle meets the plane that stops it, which lies below the ground, through nodes up to 1.5 cells away.
     const CLEAR_CELLS: f64 = 2.0;
     let clear_m = height_m - CLEAR_CELLS * spacing_m;
     if clear_m <= 0.0 || options.gravity <= 0.0 || options.fixed_step.is_some() {

@@ -1,6 +1,6 @@
 //! The particles of a frame for other programs: a NumPy archive with the arrays that PhysGaussian writes to its HDF5
 //! files, `x` (n, 3), `v` (n, 3), `f_tensor` (n, 3, 3; the elastic deformation gradient) and `C` (n, 3, 3; the affine
-//! velocity), and `mass` and `volume` (n). Frame and units are the solver's: metres in the simulation's box.
+//! velocity), and `mass` and `volume` (n). Coordinates and units are the solver's: metres in the simulation's box.
 
 use std::io::{self, Write};
 

@@ -2,7 +2,7 @@
 //!
 //! An explicit step must not outrun the fastest wave: dt <= C dx / (c_p + |v|), with c_p = sqrt((lambda + 2 mu) / rho)
 //! of the stiffest material (Courant, Friedrichs, Lewy 1928). The rest of a frame is divided into equal steps that
-//! satisfy the bound, again after every step because the speed changes.
+//! satisfy the bound; this is done again after every step because the speed changes.
 
 /// The bound on the step.
 #[derive(Debug, Clone, Copy, PartialEq)]

@@ -1,8 +1,8 @@
 //! The object between two frames of the simulation.
 //!
-//! The object's centre follows a cubic through both frames whose slopes are the harmonic means of the neighbouring
-//! intervals' (Fritsch and Butland, 1984), and zero where the motion turns: smooth in flight, and never beyond the two
-//! frames. About it the object turns steadily, by the rotation that fits its Gaussians best, so that what is rigid
+//! The object's centre follows a cubic through both frames. Its slope at a frame is the harmonic mean of the slopes of
+//! the intervals before and after (Fritsch and Butland, 1984), or zero if the motion reverses there, so that the cubic is
+//! smooth in flight and never goes beyond the two frames. About its centre the object turns steadily, by the rotation that fits its Gaussians best, so that what is rigid
 //! keeps its shape between the frames as well. The rest of the Gaussians' motion, and everything else, is interpolated
 //! linearly, rotations along the shorter way.
 //!
@@ -19,7 +19,8 @@ use crate::scene::gaussians::Gaussians;
 /// axis turns them by 90 degrees or more.
 const ALIKE: f64 = 0.9;
 
-/// The frames of a simulation as a motion. Times are frames with a fraction, and must not decrease.
+/// The frames of a simulation as a motion. Times are counted in frames, with a fraction, and must not decrease from one
+/// call to the next.
 pub struct Motion<'a, E> {
     frames: usize,
     load: &'a mut dyn FnMut(usize) -> Result<Gaussians, E>,
@@ -60,7 +61,7 @@ impl<'a, E> Motion<'a, E> {
             Some([from, to]) => {
                 self.first += 1;
                 self.before = Some(center(&from));
-                [to, self.next.take().expect("there is a frame after those in front of the last")]
+                [to, self.next.take().expect("only the last pair has no next frame")]
             }
         });
         self.next = if self.first + 2 <= last { Some((self.load)(self.first + 2)?) } else { None };
@@ -116,7 +117,7 @@ fn center(gaussians: &Gaussians) -> Point3<f64> {
     (sum / gaussians.len().max(1) as f64).into()
 }
 
-/// The slope between two intervals.
+/// The slope at the frame between two intervals.
 fn tangent(before: f64, after: f64) -> f64 {
     if before * after > 0.0 { 2.0 * before * after / (before + after) } else { 0.0 }
 }

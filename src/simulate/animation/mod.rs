@@ -27,9 +27,9 @@ use ground::Ground;
 
 /// How many times slower than real the film runs: a fall of half a second is too short to follow.
 const SLOWED: f64 = 2.0;
-/// A simulated time from which the film runs in real time.
+/// Films of at least this simulated time run in real time.
 const LONG_S: f64 = 4.0;
-/// The longest film: one of a longer time runs faster.
+/// The longest film: if the simulated time is longer, the film runs faster.
 const LONGEST_S: f64 = 20.0;
 
 /// How many times slower than real a film of `simulated_s` runs.
@@ -224,7 +224,7 @@ impl<'a> Shooting<'a> {
         (frames - 1) as f64 * index as f64 / (self.count - 1).max(1) as f64
     }
 
-    /// A picture. The ground is drawn once for a camera that stays.
+    /// A picture. For a camera that does not move, the ground is drawn once.
     fn picture(&self, index: usize, gaussians: &Gaussians, ground: &mut Option<Ground>) -> RgbImage {
         let camera = &self.cameras[index % self.cameras.len()];
         if self.cameras.len() > 1 {
@@ -248,7 +248,7 @@ fn fitted(photo: &Camera, size: Size) -> Camera {
     Camera { intrinsics, ..*photo }
 }
 
-/// The picture as it is on a page.
+/// The picture in the size for pages.
 fn small(picture: &RgbImage) -> RgbImage {
     let longest = picture.width().max(picture.height());
     if longest <= SMALL_PX {

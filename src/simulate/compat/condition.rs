@@ -80,7 +80,7 @@ impl Turn {
         Self { point, normal, across: [first, first.cross(&normal)], rate, along }
     }
 
-    /// Goes through the angle about the axis, for which an arc cosine is inaccurate at small angles: as in the peer.
+    /// Computed from the angle about the axis, as in the peer, although the arc cosine is inaccurate at small angles.
     fn velocity(&self, position: &Vec3) -> Vec3 {
         let offset = position - self.point;
         let [first, second] = self.across;

@@ -2,7 +2,7 @@
 //! diagonalization of hermitian 3x3 matrices*, 2008.
 //!
 //! If an eigenvector nearly vanishes, Kopp's algorithm falls back on QL iterations. Taichi's version stops too early
-//! and starts from the unfinished eigenvectors, so such a Gaussian is drawn with a wrong orientation. This is
+//! and starts from the unfinished eigenvectors, so such a Gaussian enters the density with a wrong orientation. This is
 //! reproduced here.
 
 use nalgebra::{Matrix3, Vector3};

@@ -3,8 +3,8 @@
 //!
 //! The peer scales the simulated object until its longest side is `scale` (1 unless a configuration says otherwise) and
 //! uses E, density and gravity as they are, whatever the object's size. gprop hands it SI numbers, so the object moves
-//! like one whose longest side is 1 m. Young's modulus is reduced where the peer's explicit steps would take too long
-//! ([`Soften`]), and everything that is a stress with it.
+//! like one whose longest side is 1 m. Young's modulus is reduced if the peer's explicit steps would take too long
+//! ([`Soften`]), and with it everything that is a stress.
 //!
 //! The peer has one law per run; a law for each particle is gprop's extension. Two of gprop's laws have no counterpart: a
 //! fluid becomes `jelly`, and sand loses its cohesion. The peer's `snow` bears no stress at all.
@@ -66,7 +66,7 @@ pub struct Estimated<'a> {
 }
 
 impl<'a> Estimated<'a> {
-    /// The materials of `labels`, softened until the stiffest has `most_pa`.
+    /// The materials of `labels`, softened so that none is stiffer than `most_pa`.
     pub fn new(of_gaussian: &'a [u32], labels: &[FieldLabel], soften: Soften, most_pa: f64) -> Self {
         let mut is_used = vec![false; labels.len()];
         of_gaussian.iter().for_each(|&label| is_used[label as usize] = true);

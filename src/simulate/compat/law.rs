@@ -19,7 +19,7 @@ const LEAST_SAND_STRETCH: f32 = 1e-14;
 /// The peer adds this to a strain's norm before dividing by it.
 const NORM_OFFSET: f32 = 1e-6;
 
-#[expect(clippy::approx_constant, reason = "the peer's pi has so many digits")]
+#[expect(clippy::approx_constant, reason = "the peer's pi has this many digits")]
 const PI: f64 = 3.141_592_65;
 
 /// A law with the constants that all particles share.

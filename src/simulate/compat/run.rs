@@ -101,7 +101,7 @@ fn left_the_box(
         position_m: p.position.into(),
         velocity_m_s: p.velocity.into(),
         cause: if finite {
-            "nothing holds it there; add a `bounding_box` or lower `scale`"
+            "nothing keeps it inside; add a `bounding_box` or lower `scale`"
         } else {
             "the time step is too long for its material; lower `substep_dt`"
         },

@@ -199,7 +199,7 @@ impl Body {
         self.state.angular_momentum = turn * (self.inertia * (turn.inverse() * spin));
     }
 
-    /// Gives it the velocity of `motion` at its centre of mass, and the rotation.
+    /// Gives its centre of mass the velocity of `motion`, and the body the angular velocity.
     pub fn lead(&mut self, motion: &Motion) {
         let g = motion.gradient.map(f64::from);
         self.set_motion(Vector3::from(motion.velocity_m_s.map(f64::from)), Vector3::new(g.m32, g.m13, g.m21));

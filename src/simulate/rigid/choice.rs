@@ -106,8 +106,8 @@ pub enum Reason {
     InShell,
 }
 
-/// Chooses among the parts that have `bodies` (metres, with labels), on a grid of `spacing_m`, as `--rigid` says: of
-/// its own accord, those that strain by less than `visible`.
+/// Chooses the rigid ones of the parts that have `bodies` (metres, with labels), on a grid of `spacing_m`, as `--rigid`
+/// says (`asked`). `auto` chooses those that strain by at most `visible`, and the layers on them.
 ///
 /// # Errors
 /// [`SimulateError::Rigid`] if `asked` names a part that does not exist.
@@ -146,7 +146,7 @@ pub fn choose(
     Ok(Choice { body_of, reasons })
 }
 
-/// Per label, whether `--rigid` names it by its caption or material, or by words of them.
+/// Per label: whether `--rigid` names it by its caption or material, or by words from these.
 fn named(parts: &[String], materials: &[Material]) -> Result<Vec<bool>, SimulateError> {
     let mut rigid = vec![false; materials.len()];
     for part in parts {
@@ -210,9 +210,9 @@ impl Cubes {
         counts.iter().map(|[near, all]| near / f64::max(*all, 1.0)).collect()
     }
 
-    /// Per label the number of its body: `rigid` parts that touch have the same one.
+    /// Per label: the number of its body; `rigid` parts that touch have the same one.
     fn joined(&self, rigid: &[bool]) -> Vec<Option<u32>> {
-        // Each label points to one of its body, the smallest to itself.
+        // Each label points to a smaller one of the same body; the smallest points to itself.
         let mut root: Vec<usize> = (0..rigid.len()).collect();
         fn find(root: &[usize], mut at: usize) -> usize {
             while root[at] != at {

@@ -107,7 +107,8 @@ impl Ground {
         self.note_pressures(body, &touches, fallen_m_s, dt_s);
     }
 
-    /// Lifts a body out of the ground, which it can only enter by the square of the angle that it turns in a step.
+    /// Lifts a body out of the ground. Its depth there is small: it grows with the square of the angle that the body turns
+    /// in a step.
     pub fn lift(&self, body: &mut Body) {
         let pose = body.pose();
         let points = body.faces.iter().flat_map(|face| &face.points_m);
@@ -152,8 +153,8 @@ impl Ground {
         let across = |normal: f64| {
             // The change of the normal impulse moves the point sideways as well.
             let slip = Vector2::new(velocity.y, velocity.z) + Vector2::new(k.m21, k.m31) * (normal - old.x);
-            // The same factor in every direction, so that friction ends up opposite to the slip that remains: that of the
-            // most compliant one, for which the iteration is stable.
+            // The same factor in every direction, so that friction ends up opposite to the slip that remains; it is that
+            // of the most compliant direction, with which the iteration is stable.
             let (mean, half) = ((k.m22 + k.m33) / 2.0, (k.m22 - k.m33) / 2.0);
             Vector2::new(old.y, old.z) - slip / (mean + half.hypot(k.m23))
         };
@@ -176,8 +177,8 @@ impl Ground {
         Vector3::new(normal, tangent.x, tangent.y)
     }
 
-    /// Raises each face's peak pressure to that of this step; gravity alone would have brought the body towards the
-    /// ground with `fallen_m_s`.
+    /// Raises each face's peak pressure to that of this step, if it is higher. In the step, gravity alone adds
+    /// `fallen_m_s` to the speed towards the ground.
     fn note_pressures(&self, body: &mut Body, touches: &[Touch], fallen_m_s: f64, dt_s: f64) {
         for at in 0..body.faces.len() {
             let own = || touches.iter().filter(|touch| touch.face == at && touch.impulse.x > 0.0);

@@ -47,7 +47,7 @@ const BLOCK: i32 = 2;
 /// sort.
 const REACH_BLOCKS: i32 = (2 + 2 * DRIFT) / BLOCK;
 
-/// The cells and blocks in which the particles of one thing lie, or of several things.
+/// The owner of the particles in a block of cells.
 #[derive(Clone, Copy, PartialEq)]
 enum Owner {
     Deforming,
@@ -151,7 +151,7 @@ struct Carried {
     with: With,
 }
 
-/// How it moves.
+/// How a node that bodies reach moves.
 enum With {
     /// With a body, at this place from its centre of mass.
     Body(u32, Vector3<f64>),
@@ -168,8 +168,8 @@ pub struct Joints {
     pub impulses: Vec<Impulse>,
 }
 
-/// Joins the `bodies` with the nodes that their guests reach, halfway through a substep of `dt_s`, which they began as
-/// `moving` says. Gravity does not act on those that are `led`.
+/// Joins the `bodies` with the nodes that their guests reach, halfway through a substep of `dt_s` that the bodies began
+/// with the motions `moving`. Gravity does not act on bodies that are `led`.
 pub fn join(
     solver: &Solver,
     (guests, bodies, moving): (&[Guest], &[Body], &[Moving]),
@@ -233,7 +233,7 @@ impl Joints {
         Self { carried: vec![], responses, impulses: vec![[Vector3::zeros(); 2]; bodies.len()] }
     }
 
-    /// Moves the nodes as the bodies move now.
+    /// Moves the nodes with the bodies, after the bodies have got their new velocities.
     pub fn carry(&self, solver: &mut Solver, bodies: &[Body]) {
         let motions: Vec<_> = bodies.iter().map(|body| (body.state().velocity_m_s, body.spin())).collect();
         for Carried { node, cell, with } in &self.carried {
