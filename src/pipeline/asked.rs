@@ -24,7 +24,7 @@ impl Pipeline {
         let size_in = if asks_size { self.fullest_view() } else { None };
         let Some(found) = self.found_parts()? else {
             let of_views = self.segmentation()?.views.iter().enumerate();
-            // Segments that lie in it may cover all of a segment.
+            // A segment may be covered completely by the segments that lie in it.
             let is_left = |of: &ViewSegments, id: u16| of.map.labels.contains(&id);
             let segments = of_views.flat_map(|(view, of)| {
                 of.segments.iter().filter(move |found| is_left(of, found.id)).map(move |found| (view, found.id))
@@ -37,7 +37,7 @@ impl Pipeline {
         Ok(Subjects { views, subjects, ask_views, about: About::Parts, size_in })
     }
 
-    /// By name, the index of each chosen view.
+    /// The index of each chosen view, by its name.
     fn view_indices(&self) -> BTreeMap<&str, usize> {
         self.views.iter().map(|view| view.name.as_str()).zip(0..).collect()
     }

@@ -78,8 +78,8 @@ impl QuerySession<'_> {
         Ok(Sent { sent, waiting })
     }
 
-    /// The cost of asking about the first `count` open segments: about the first `at_once` of them live, and about the
-    /// others through the Batch API.
+    /// The cost of asking the first `count` open questions: the first `at_once` of them live, and the others through the
+    /// Batch API.
     pub fn submission_cost(&self, client: &Client, queries: &Queries, count: usize, at_once: usize) -> (Cost, Cost) {
         queries.submission_cost(&self.recordings, client.answerer(), self.price(), count, at_once)
     }

@@ -43,8 +43,8 @@ impl Builder {
         Self { options: Some(options), ..self }
     }
 
-    /// The last stage that [`Pipeline::run`] does, and the stage from which on results of an earlier run are not
-    /// reused. By default, all stages are done and any results can be reused.
+    /// The last stage that [`Pipeline::run`] does, and the first stage that does not reuse the results of an earlier run.
+    /// By default, all stages are done and any results can be reused.
     pub fn plan(self, plan: Plan) -> Self {
         Self { plan, ..self }
     }

@@ -41,7 +41,7 @@ pub fn run(
 }
 
 impl Pipeline {
-    /// As [`run()`], but every Gaussian has the material that the field gives it; without `config`, the configuration
+    /// Like [`run()`], but every Gaussian has the material that the field gives it; without `config`, the configuration
     /// is the one that the export writes. The scene must be voted on.
     pub(crate) fn run_compat(&self, config: Option<&Path>) -> Result<(CompatReport, PathBuf)> {
         let (field, options) = (self.stored_field()?, &self.options.simulate);

@@ -1,5 +1,5 @@
-//! The parts on disk: a label map per view, `consensus.json`, and the part of every Gaussian. Nothing if the
-//! model is asked about segments.
+//! The parts on disk: a label map per view, `consensus.json`, and the part of every Gaussian. None of these are written
+//! if the model is asked about segments.
 
 use anyhow::Result;
 use rayon::prelude::*;
@@ -115,7 +115,7 @@ impl Pipeline {
 }
 
 impl FoundParts {
-    /// The part that an id stands for: that of a piece, or itself; 0 for 0.
+    /// The part that an id stands for: the part of a piece, or the part itself; 0 for 0.
     pub fn part_of(&self, id: u16) -> u16 {
         usize::from(id).checked_sub(1).map_or(0, |index| self.parts[index].part.piece_of.unwrap_or(id))
     }

@@ -65,7 +65,7 @@ use record::{Left, Output, RunRecord, StageRecord};
 
 /// A scene being processed by the stages, with its work folder, whose lock it holds.
 ///
-/// Its results ([`segments`](Self::segments), [`answers`](Self::answers), [`field`](Self::field),
+/// The methods for its results ([`segments`](Self::segments), [`answers`](Self::answers), [`field`](Self::field),
 /// [`parts`](Self::parts), [`simulation`](Self::simulation), [`grasp`](Self::grasp)) do the stages that are missing and
 /// read the results that exist. Every command of the program uses this type, so the library and the program can use
 /// each other's work folders.
@@ -98,7 +98,7 @@ pub struct Pipeline {
     showing: OnceLock<Option<usize>>,
 }
 
-/// The flags that stand for the options of a pipeline that a command line opened; none if a library did.
+/// The flags that stand for the options of a pipeline; none if it was opened through the library.
 #[derive(Debug, Clone, Default)]
 pub(crate) struct CommandLine {
     /// With those of the configuration files: for the report, which shows how it was made.
@@ -292,7 +292,7 @@ impl Pipeline {
             self.keep_options(stage, &options);
             return Ok(self.record.put(record, &self.work)?);
         }
-        self.work.require_writable().with_context(|| format!("the {} stage is to be done", stage.name()))?;
+        self.work.require_writable().with_context(|| format!("the {} stage has to be done", stage.name()))?;
         self.record.forget(stage, &self.work)?;
         let start = Instant::now();
         let done = self.work_on(stage, &key)?;

@@ -66,7 +66,7 @@ impl Options {
     /// The defaults, changed by flags.
     ///
     /// # Errors
-    /// clap's error for a flag or value that there is not, or for flags that exclude each other.
+    /// clap's error for an unknown flag, an invalid value, or flags that exclude each other.
     pub(crate) fn of_flags(flags: &[OsString]) -> Result<Self, clap::Error> {
         let command = Self::augment_args(stages().no_binary_name(true).args_override_self(true));
         Self::from_arg_matches(&command.try_get_matches_from(flags)?)
@@ -78,7 +78,7 @@ impl Preset {
     pub fn options(self) -> Options {
         let command = Options::augment_args(stages().no_binary_name(true));
         let matches = command.try_get_matches_from(self.flags()).expect("a test parses the flags of every preset");
-        let options = Options::from_arg_matches(&matches).expect("the same");
+        let options = Options::from_arg_matches(&matches).expect("the same test reads them");
         Options { preset: self, ..options }
     }
 }

@@ -99,7 +99,7 @@ pub struct Plan {
 }
 
 impl Plan {
-    /// The stages that must be done or already be done, in order.
+    /// The stages that must be done, unless they already are, in order.
     pub fn stages(self) -> impl Iterator<Item = Stage> {
         let asked = move |stage| stage == self.to || self.to.needs(stage) || self.redoes(stage);
         Stage::ALL.into_iter().filter(move |stage| *stage <= self.to && asked(*stage))

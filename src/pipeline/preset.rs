@@ -10,8 +10,8 @@ pub enum Preset {
     #[default]
     Parts,
     /// The paper's way: SAM's middle level from a 32 x 32 grid with one layer of crops, a question about every segment of
-    /// every view, one vote per view at the Gaussian's centre if it passes the depth test, a choice of material by every Gaussian for
-    /// itself, and the same largest curvature for every material
+    /// every view, one vote per view at the centre of each Gaussian that passes the depth test, the most frequent material for each
+    /// Gaussian, and the same largest curvature for every material
     Paper,
 }
 

@@ -104,7 +104,7 @@ impl Pipeline {
         Ok(())
     }
 
-    /// The answers of all segments.
+    /// The stored answers.
     pub(super) fn stored_answers(&self) -> Result<&Answers> {
         get_or_load(&self.answers, || read_answers(&self.work))
     }
@@ -134,7 +134,7 @@ impl Pipeline {
     }
 
     /// True if answers of an earlier run are not to be reused: either the model is to be asked regardless of
-    /// recordings, or it can be asked again about segments that it failed to answer.
+    /// recordings, or it can be asked again the questions that it failed to answer.
     pub(super) fn asks_anew(&self) -> bool {
         let options = &self.options.query;
         let no_size = || {
@@ -161,8 +161,8 @@ fn read_answers(work: &WorkDir) -> Result<Answers> {
     Ok(Answers::from_jsonl(&text).map_err(|problem| damaged(&problem))?)
 }
 
-/// The answers as any later run finds them: answers that were asked live are recorded for exactly this query. So a run
-/// that was killed while asking ends in the same bytes as one that was not, and a rerun of either has nothing to redo.
+/// The answers as any later run finds them: an answer that the model just gave counts as recorded for exactly this query.
+/// So a run that was killed while asking ends in the same bytes as one that was not, and a rerun of either has nothing to redo.
 fn settled(mut answers: Answers) -> Answers {
     for segment in &mut answers.segments {
         if let Outcome::Answered(answer) = &mut segment.outcome
@@ -174,7 +174,7 @@ fn settled(mut answers: Answers) -> Answers {
     answers
 }
 
-/// Writes the picture of every segment.
+/// Writes the sheet of every question.
 pub(super) fn write_sheets(work: &WorkDir, queries: &Queries) -> Result<(), WorkDirError> {
     let object = queries.size.map(|size| &size.shown);
     queries

@@ -72,8 +72,8 @@ pub struct Subjects<'a> {
 pub struct QueryView<'a> {
     pub name: &'a str,
     pub photo: Photo,
-    /// Label maps of the photo's size. Each question is about an id of the first that has it: segments in one, or parts
-    /// and then their pieces.
+    /// Label maps of the photo's size: one of segments, or one of parts and one of their pieces. Each question is about an
+    /// id, in the first map that contains it.
     pub maps: Vec<Cow<'a, LabelMap>>,
 }
 
@@ -121,8 +121,8 @@ impl<'a> QuerySession<'a> {
         })
     }
 
-    /// The questions that are due, given the recorded answers, with all sheets drawn: more may follow from the answers to
-    /// those that are not recorded.
+    /// The questions that are due, given the recorded answers, with all sheets drawn. Answers that are not recorded yet may
+    /// lead to more questions.
     pub fn queries(&self) -> Result<Queries<'_>> {
         let answerer = self.client.as_ref().map(Asker::answerer);
         let mut answers = BTreeMap::new();
@@ -155,7 +155,7 @@ impl<'a> QuerySession<'a> {
         let ids_of = |view: usize, map: usize| -> Vec<u16> {
             let ids = asks.iter().filter(|ask| ask.view == view).map(|ask| ask.id);
             let maps = &self.views[view].maps;
-            // An id that is in no map is refused with those of the last one.
+            // An id that is in no map is counted among those of the last map, which are then refused.
             let map_of = |id: u16| maps.iter().position(|map| map.labels.contains(&id)).unwrap_or(maps.len() - 1);
             ids.filter(|id| map_of(*id) == map).collect()
         };
@@ -190,7 +190,7 @@ impl<'a> QuerySession<'a> {
 
     /// Asks everything that has to be asked, round by round; `begin` gets the questions of each round before they are
     /// asked. Each answer is recorded as it arrives. Reports the cost before and after. If the size of the object is to be
-    /// asked, its answer comes first, so that a run without it ends before it costs more.
+    /// asked, that question comes first, so that a run that gets no answer to it ends before it costs more.
     pub fn answer_all(&self, begin: &dyn Fn(&Queries) -> Result<()>) -> Result<(Answers, Option<SizeAnswer>)> {
         let asker = self.client.as_ref().map(|client| client as &dyn Asker);
         let ledger = Ledger::new(self.price.clone(), self.options.max_usd);
@@ -222,11 +222,11 @@ impl<'a> QuerySession<'a> {
         Ok((answers, size))
     }
 
-    /// Writes the segments that have no recorded answer, with everything needed to answer them, into a new folder;
-    /// returns the number of questions.
+    /// Writes the questions that have no recorded answer, with everything needed to answer them, into a new folder;
+    /// returns their number.
     pub fn export(&self, folder: &Path) -> Result<usize> {
         let queries = self.queries()?;
-        // Segments of different views have nothing in common, even if their numbers are the same; parts have.
+        // The number of a segment identifies it only within its view; the number of a part is the same in all views.
         let part_of = |query: &SegmentQuery| {
             let is_its = |ask: &Ask| self.views[ask.view].name == query.view && ask.id == query.segment;
             let subject = self.subjects.iter().position(|subject| subject.all().iter().any(is_its));

@@ -62,7 +62,7 @@ impl Pipeline {
         png(&segmented::levels(&view.camera, &photo, &levels))
     }
 
-    /// The index of the chosen view that shows most of the object, its parts apart.
+    /// The index of the chosen view that shows most of the object, regardless of its parts.
     pub(super) fn fullest_view(&self) -> Option<usize> {
         let cameras = self.views.iter().map(|view| &view.camera);
         sight::shows_most(cameras, &self.scene.gaussians, &vec![0; self.scene.gaussians.len()])
@@ -90,6 +90,6 @@ fn found<'a>(name: Option<&str>, fallback: Option<&'a View>, views: &'a [View]) 
     };
     view.ok_or_else(|| {
         let known: Vec<&str> = views.iter().map(|view| view.name.as_str()).collect();
-        UsageError(format!("there is no view {:?} to show; there are {}", name.unwrap_or_default(), known.join(", ")))
+        UsageError(format!("there is no view {:?} to show: give one of {}", name.unwrap_or_default(), known.join(", ")))
     })
 }

@@ -181,8 +181,8 @@ impl Pipeline {
             if shares <= 0.0 {
                 continue;
             }
-            // Cells at the wall hold the wall alone; a higher density of the others makes up for the filling that these
-            // lack.
+            // Cells at the wall hold only wall material; a higher density in the other cells makes up for the filling that
+            // is missing there.
             let shown_m3 = shares * cell_volume * scale.meters_per_unit.powi(3);
             let label = materials.len() as u32;
             let material =

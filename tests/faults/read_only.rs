@@ -47,7 +47,7 @@ fn read_everything(balls: &Balls, work: &Path, gprop: &dyn Fn() -> Command, free
     ));
     // A command that has to write fails with an error that says so.
     let other = output_of(gprop().arg("run").arg(&scene).args(["--to", "parts", "--views=2", "--out"]).arg(work));
-    assert_refused(&other, 2, &["the scene stage is to be done", "cannot write", "--out"]);
+    assert_refused(&other, 2, &["the scene stage has to be done", "cannot write", "--out"]);
 }
 
 #[test]
