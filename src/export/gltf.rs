@@ -18,7 +18,7 @@ const UNSIGNED_SHORT: u32 = 5123;
 const VERTICES: u32 = 34962;
 const INDICES: u32 = 34963;
 
-/// A glTF file while it is made.
+/// A glTF file under construction.
 #[derive(Default)]
 pub struct Gltf {
     bytes: Vec<u8>,
@@ -55,7 +55,7 @@ impl Gltf {
         self.add(&bytes, VERTICES, accessor)
     }
 
-    /// Adds the vertices' numbers of triangles.
+    /// Adds triangles, given by the numbers of their vertices.
     pub fn triangles(&mut self, triangles: &[[u32; 3]]) -> usize {
         let bytes: Vec<u8> = triangles.iter().flatten().flat_map(|v| v.to_le_bytes()).collect();
         let accessor = json!({ "componentType": UNSIGNED_INT, "count": 3 * triangles.len(), "type": "SCALAR" });

@@ -115,7 +115,7 @@ pub enum ExportError {
     Write { path: PathBuf, source: io::Error },
 }
 
-/// Writes the model into `folder` in each of the formats and returns the files, of each format the main one first.
+/// Writes the model into `folder` in each of the formats and returns the files, the main one of each format first.
 /// Values that several formats need are computed once. Each file is written completely or not at all.
 ///
 /// # Errors
@@ -152,7 +152,7 @@ pub fn export(model: &Model, formats: &[Format], folder: &Path) -> Result<Vec<Pa
     Ok(files.written)
 }
 
-/// The Gaussians and their field without those set aside; `None` if none is.
+/// The Gaussians and their field, without the Gaussians that were set aside; `None` if none were.
 fn without_set_aside(model: &Model) -> Option<(Gaussians, MaterialField)> {
     if model.gaussians.set_aside.is_empty() {
         return None;

@@ -1,8 +1,8 @@
 //! PhysGaussian (Xie et al., 2024): a model folder as its loader expects it, with the additional columns that its forks
 //! read for each Gaussian, and a configuration with the keys of its `utils/decode_param.py`.
 //!
-//! [`Estimated`] maps the field to the peer's numbers. The peer has one law per run: that of the label with the most
-//! Gaussians. The others get boxes, which may only differ in E, nu and density. E in the configuration is reduced to a
+//! [`Estimated`] maps the field to PhysGaussian's numbers. PhysGaussian has one law per run: that of the label with the
+//! most Gaussians. The others get boxes, which may only differ in E, nu and density. E in the configuration is reduced to a
 //! value at which the explicit steps are stable; the PLY keeps the true one.
 
 use serde_json::{Value, json};

@@ -1,8 +1,8 @@
 //! URDF: one link on a floating joint to the world. A root link without a joint would be welded to the world and lose
 //! its mass. Meshes are OBJ files in `meshes/`: the skin with its picture, and the convex pieces.
 //!
-//! URDF itself has no friction. It is written in the three ways that readers take: per collider for Drake, per link for
-//! PyBullet and Gazebo, which get the least of the parts'. Nor does it have soft contacts.
+//! URDF itself has no friction. It is written in the three ways that readers understand: per collider for Drake, and per
+//! link for PyBullet and for Gazebo, which get the lowest friction of all parts. URDF has no soft contacts either.
 
 use std::fmt::Write;
 

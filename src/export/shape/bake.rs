@@ -207,7 +207,7 @@ impl<'a> Painter<'a> {
             .collect()
     }
 
-    /// The Gaussians of which some may be met on a line along a normal near `facing` through a place between `corners`.
+    /// The Gaussians that may be met on a line through a place between `corners`, along a normal near `facing`.
     fn near(&self, corners: &[Point3<f64>], facing: Vector3<f64>) -> Near<'_> {
         let (low, high) = corners.iter().fold((corners[0], corners[0]), |(low, high), p| (low.inf(p), high.sup(p)));
         let middle = nalgebra::center(&low, &high);

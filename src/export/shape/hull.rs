@@ -30,7 +30,7 @@ impl Hull {
     }
 
     /// A hull of at most [`VERTICES`] of its vertices: those that lie farthest outside the hull of the ones already
-    /// taken, until none does by more than `error`.
+    /// taken, until none lies outside by more than `error`.
     pub fn simple(&self, error: f64) -> Option<Self> {
         let mut taken: Vec<Point3<f64>> = Vec::new();
         for x in -1..=1 {
@@ -78,8 +78,8 @@ impl Hull {
         self.triangles.iter().filter_map(plane).collect()
     }
 
-    /// Those of the planes that no vertex lies beyond. Of points on a grid, many lie in one plane or on one line; among the
-    /// triangles between these are some whose normal is a rounding error.
+    /// Those of the planes that no vertex lies beyond. Of points on a grid, many lie in one plane or on one line; the normals
+    /// of some of the triangles between these are mere rounding errors.
     pub fn bounds(&self) -> Vec<(Vector3<f64>, f64)> {
         let [low, high] = self.extent();
         let error = FLAT * (high - low).norm();

@@ -67,7 +67,7 @@ impl Mesh {
     }
 
     /// Unit normals for shading: those of the vertices, averaged with their neighbours' except across edges. Carving leaves
-    /// bumps of a fraction of a cell, which are hardly visible as shape, but as shading.
+    /// bumps of a fraction of a cell, which hardly show in the shape but do show in the shading.
     pub fn shading_normals(&self) -> Vec<Vector3<f64>> {
         let (mut normals, neighbours) = (self.normals(), self.neighbours());
         for _ in 0..SHADING_ROUNDS {
@@ -100,7 +100,7 @@ impl Mesh {
 
 /// Rounds of averaging normals for shading.
 const SHADING_ROUNDS: usize = 6;
-/// Cosine of the angle between two normals from which there is an edge between them: 45 degrees.
+/// Cosine of the smallest angle between two normals that counts as an edge: 45 degrees.
 const SHADING_EDGE: f64 = std::f64::consts::FRAC_1_SQRT_2;
 
 /// The outer surface of the whole object with a picture on it.

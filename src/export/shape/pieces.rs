@@ -112,7 +112,7 @@ struct Decomposition<'a> {
     crumb: usize,
     /// Per cell: its body, or [`NOBODY`].
     owner: Vec<u32>,
-    /// Number of bodies that there have been.
+    /// Number of bodies that have been created.
     named: u32,
     bodies: Vec<Body>,
 }
@@ -283,7 +283,7 @@ impl<'a> Decomposition<'a> {
         };
         let costs: Vec<f64> = cuts.par_iter().map(cost).collect();
         let best = (0..cuts.len()).min_by(|a, b| costs[*a].total_cmp(&costs[*b]))?;
-        // To halve a ring saves nothing, since the hulls of its halves fill the ring's too; to quarter it does.
+        // Halving a ring saves nothing, because the hulls of the halves fill the hole too; quartering it does.
         let pairs: Vec<[usize; 2]> = (0..through_notch.len()).flat_map(|b| (0..b).map(move |a| [a, b])).collect();
         let cost_of_both = |pair: &[usize; 2]| {
             let cuts = pair.map(|n| through_notch[n]);
@@ -372,7 +372,7 @@ fn directions(points: &[Point3<f64>]) -> Vec<Vector3<f64>> {
 }
 
 /// The hull of many points: those within the hull of a sample, or outside it by less than `error`, are left out before
-/// the others' is computed.
+/// the hull of the others is computed.
 fn hull_of_many(points: &[Point3<f64>], error: f64) -> Option<Hull> {
     if points.len() <= SAMPLES {
         return Hull::of(points);

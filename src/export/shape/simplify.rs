@@ -9,9 +9,9 @@ use nalgebra::{Matrix3, Point3, Vector3};
 
 use super::Mesh;
 
-/// A triangle may turn by less than this cosine's angle (78 degrees) when a vertex moves.
+/// Cosine of the angle by which a triangle may turn when a vertex moves: 78 degrees.
 const LEAST_TURN: f64 = 0.2;
-/// Weight of the vertex's own position beside the planes of its triangles: decides if these do not.
+/// Weight of the vertex's own position beside the planes of its triangles: it decides if the planes do not.
 const STAY: f64 = 1e-3;
 
 /// Sum of squared distances to planes, weighted by area: x^T A x - 2 b^T x + c.
@@ -31,7 +31,7 @@ struct Collapse {
     age: u32,
 }
 
-/// The mesh with at most `triangles` triangles, if as many can be removed without moving the surface by more than
+/// The mesh with at most `triangles` triangles, if enough can be removed without moving the surface by more than
 /// `error` (root mean square around a vertex).
 pub fn simplified(mesh: Mesh, triangles: usize, error: f64) -> Mesh {
     let mut work = Work::new(mesh);

@@ -15,7 +15,7 @@ pub struct Solid {
 }
 
 impl Solid {
-    /// Gives fillings to their shells, and each cell of a void to the part from which fewest steps lead to it.
+    /// Gives fillings to their shells, and each cell of a void to the part from which the fewest steps lead to it.
     pub fn of(interior: &Interior) -> Self {
         let grid = interior.grid;
         let owner = |part: &u32| if (FILLING..VOID).contains(part) { part - FILLING } else { *part };

@@ -1,9 +1,9 @@
 //! A closed surface around cells.
 //!
 //! The centres of the cells are the corners of the cubes of marching cubes (Lorensen and Cline 1987). Instead of a
-//! table, the polygons of a cube are traced along its faces. On a face whose inside corners lie diagonally, they are
-//! separated, whichever of the two cubes looks at it, so the surface is closed, every edge has two triangles, and a hole
-//! of one cell stays open.
+//! table, the polygons of a cube are traced along its faces. If the two inside corners of a face lie diagonally, both
+//! cubes that share the face separate them, so the surface is closed, every edge has two triangles, and a hole of one
+//! cell stays open.
 
 use nalgebra::{Point3, Vector3};
 use rayon::prelude::*;

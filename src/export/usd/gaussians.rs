@@ -1,6 +1,6 @@
 //! The Gaussians as `UsdVol.ParticleField3DGaussianSplat` (OpenUSD 26.03 and later): positions and standard deviations
 //! in metres, unit quaternions, opacities from 0 to 1, and spherical harmonics, one colour for each coefficient of each
-//! Gaussian. Each has the number of its part as the primvar `part`, whose properties are those of its material.
+//! Gaussian. Each has the number of its part as the primvar `part`; the part's properties are in the material `partN`.
 
 use std::fmt::Write;
 
@@ -67,6 +67,6 @@ pub fn write(text: &mut String, model: &Model, rigid: &Rigid) {
 fn harmonics(gaussians: &Gaussians, i: usize) -> Vec<String> {
     let (constant, rest, count) = (gaussians.sh_dc[i], gaussians.sh_rest_of(i), gaussians.sh_rest_per_channel());
     let others = (0..count).map(|k| [0, 1, 2].map(|channel| rest[channel * count + k]));
-    // A tenth of the smallest step of a picture's colours.
+    // About a hundredth of the smallest step of a picture's colours.
     std::iter::once(constant).chain(others).map(|color| tuple(color.map(f64::from), 4)).collect()
 }
