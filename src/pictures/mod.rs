@@ -2,8 +2,9 @@
 //!
 //! [`palette`] and [`field_colors`] give parts, materials and Gaussians their colours, [`sight`] chooses the view and
 //! crops it to the object, [`strokes`] draws on pictures, [`panels`] puts them side by side; [`figure`] shows the
-//! field, [`property`] a number of it, [`segmented`] SAM's segments and the answers before the vote, [`material_map`] the answers for one photo, [`thumbnail`] a scene at a glance, [`turntable`] the object from
-//! all sides.
+//! field, [`property`] one property of it, [`segmented`] SAM's segments and the answers before the vote,
+//! [`material_map`] the answers for one photo, [`thumbnail`] a scene at a glance, [`turntable`] the object from all
+//! sides.
 
 pub mod field_colors;
 pub mod figure;

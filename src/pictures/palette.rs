@@ -29,7 +29,7 @@ const OTHER_PLACE: [u8; 3] = [95, 100, 108];
 /// Grey, for anything that is not a part.
 pub const NOTHING: [f32; 3] = [0.6; 3];
 
-/// Viridis (Smith and van der Walt, 2015), for numbers: from dark to light also without colour.
+/// Viridis (Smith and van der Walt, 2015), for numbers: it goes from dark to light even without colour.
 const VIRIDIS: [[u8; 3]; 9] = [
     [68, 1, 84],
     [71, 44, 122],

@@ -26,7 +26,7 @@ enum Scale {
 }
 
 impl Property {
-    /// With the unit of the values in the legend, if it is the same for all.
+    /// The title, with the unit of the values in the legend if all have the same.
     pub fn title(self) -> &'static str {
         match self {
             Self::Hardness => "Hardness",
@@ -79,7 +79,7 @@ impl Property {
                 let high = powers().fold(f64::NEG_INFINITY, f64::max).ceil().max(low + 1.0);
                 Scale::Logarithmic([low, high].map(|power| 10f64.powf(power)))
             }
-            // Friction is about one; a half more keeps the scale's end round.
+            // Rounded up to a half, so that the scale ends at a round number.
             Self::Friction => Scale::Linear((2.0 * values().fold(0.5, f64::max)).ceil() / 2.0),
         }
     }
@@ -127,7 +127,7 @@ impl Property {
     }
 }
 
-/// Two digits and a unit.
+/// A pressure in GPa, MPa or kPa, with a decimal only below ten.
 fn pressure(pascals: f64) -> String {
     // A power of ten may have been rounded down.
     let (value, unit) = match pascals * (1.0 + f64::EPSILON) {

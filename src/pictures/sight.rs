@@ -48,7 +48,7 @@ fn shown(camera: &Camera, gaussians: &Gaussians, parts: &[u32]) -> f64 {
 
 /// A camera's picture cropped to the object.
 pub struct Sight {
-    /// The part of the photo.
+    /// The area of the photo that the picture shows.
     area: Area,
     /// The camera of the picture.
     pub camera: Camera,

@@ -40,7 +40,7 @@ pub fn arrow(picture: &mut RgbImage, from: Point2<f64>, tip: Point2<f64>, width:
     }
 }
 
-/// A disc with a number in it and a white edge. `ink` is that of the number.
+/// A disc with a number in it and a white edge. The number is dark on a light disc and white on a dark one.
 pub fn numbered(picture: &mut RgbImage, center: Point2<f64>, radius: f64, color: Rgb<u8>, number: u32) {
     disc(picture, center, radius + 1.5, WHITE);
     disc(picture, center, radius, color);
