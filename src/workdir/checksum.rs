@@ -1,4 +1,4 @@
-//! Checksums of artifacts: SHA-256, because it is computed while a file is written and costs less time than the disk.
+//! Checksums of artifacts: SHA-256, because it is computed while a file is written and takes less time than the writing.
 
 use std::io::{self, Write};
 use std::path::Path;

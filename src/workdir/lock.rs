@@ -24,8 +24,8 @@ const MAX_SIGNATURE_BYTES: u64 = 4096;
 /// The last second that an HTTP date can express, in the year 9999.
 const LAST_SECOND: u64 = 253_402_300_799;
 
-/// Takes the lock for this process alone; `None` if another process holds it. A process that has ended, however it did,
-/// holds none.
+/// Takes the lock for this process alone; `None` if another process holds it. A process that has ended holds no lock,
+/// however it ended.
 ///
 /// # Errors
 /// If the file cannot be created or written.

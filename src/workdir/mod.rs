@@ -77,7 +77,7 @@ pub enum Artifact<'a> {
     Recolored,
     /// A view's photo, parts and materials side by side, with a legend.
     Figure,
-    /// The first view's photo and materials, small, for a list of scenes.
+    /// The photo and materials of the view in the figure, small, for a list of scenes.
     Thumbnail,
     /// The labels of `field.ply`: 3D parts with their properties.
     Labels,
@@ -99,7 +99,7 @@ pub enum Artifact<'a> {
     Animation,
     /// The film, if ffmpeg is installed.
     FilmMp4,
-    /// The film without ffmpeg.
+    /// The film, if ffmpeg is not installed or fails.
     FilmGif,
     /// Energies and centre of mass over time.
     Plot,
@@ -190,8 +190,8 @@ pub enum Standing {
 #[derive(Debug)]
 pub struct WorkDir {
     root: PathBuf,
-    /// Held but never read: the lock ends with the process, however that ends. `None` if nothing can be locked because
-    /// nothing can be written.
+    /// Held but never read: the lock ends with the process, however that ends. `None` if the folder is only read and cannot
+    /// be locked.
     _lock: Option<File>,
     /// Why nothing may be written; `None` if it may.
     read_only: Option<String>,
