@@ -1,4 +1,4 @@
-//! What each part of a scene's object weighs: `cargo run --release --example masses SCENE`.
+//! Prints the mass of each part of a scene's object: `cargo run --release --example masses SCENE`.
 //!
 //! Does what `gprop parts SCENE` does, and reuses what that or an earlier run left in SCENE/gprop.
 
