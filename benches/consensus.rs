@@ -1,5 +1,5 @@
 //! Finding the parts of the hammer's 28,736 Gaussians in ten views, whose true part maps stand in for SAM's segments; then with
-//! each Gaussian split into 35 pieces, 1,005,760 in all. For both it prints the most memory that it held at a time.
+//! each Gaussian split into 35 pieces, 1,005,760 in all. For both it prints the peak memory.
 
 mod pieces;
 
@@ -23,7 +23,7 @@ struct Counting;
 static IN_USE: AtomicUsize = AtomicUsize::new(0);
 static MOST: AtomicUsize = AtomicUsize::new(0);
 
-// SAFETY: every call goes to the system's allocator as it is.
+// SAFETY: every call is passed on to the system's allocator unchanged.
 unsafe impl GlobalAlloc for Counting {
     unsafe fn alloc(&self, layout: Layout) -> *mut u8 {
         let now = IN_USE.fetch_add(layout.size(), Relaxed) + layout.size();

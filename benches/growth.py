@@ -86,8 +86,8 @@ class Handler(http.server.BaseHTTPRequestHandler):
 
 
 def apart(work, *given):
-    """Does something in a process of its own: the memory it takes would count to every gprop started later, since a process
-    begins with its parent's peak."""
+    """Does something in a process of its own: otherwise the memory it takes would count towards every gprop started later,
+    since a process begins with its parent's peak."""
     process = multiprocessing.Process(target=work, args=given)
     process.start()
     process.join()
@@ -129,7 +129,7 @@ def resize(cloud, count):
 
 
 def run(folder, to, flags):
-    """CPU seconds and peak memory in MB of one gprop."""
+    """CPU seconds and peak memory in MB of one run of gprop."""
     command = [GPROP, "run", folder, "--to", to, "--threads", "1", "-q", *flags]
     with tempfile.TemporaryFile() as words:
         process = subprocess.Popen(command, stdout=words, stderr=words)
@@ -141,7 +141,7 @@ def run(folder, to, flags):
 
 
 def measure(sweep, value, folder, stages, flags):
-    """A row a stage."""
+    """One row per stage."""
     server, rows = Server(), []
     flags = [*flags, *server.flags()]
     first = run(folder, "scene", flags)

@@ -1,5 +1,5 @@
-//! Loads a splat and prints how long that takes beside reading its bytes, and how much memory: `benches/scene_plyfile.py`
-//! runs it beside its peer.
+//! Loads a splat and prints how long that takes, compared with reading its bytes, and how much memory it takes.
+//! `benches/scene_plyfile.py` runs it for the comparison with plyfile.
 //!
 //! Prints `load_s`, `read_s` (seconds, best of five) and `peak_over_size` (peak resident memory of the first load over the
 //! file's size; Linux); then the same of ply-rs, which reads bodies into a map of properties for each Gaussian, as

@@ -3,7 +3,7 @@
 //!
 //! A view of p prompts takes about 1 s to load, encode + p x decode, and 1 to 2 % more to score masks, on which the reference
 //! generator spends two fifths of its time. A decode of MobileSAM (the same decoder as SAM's) takes 11 ms on one core of
-//! an EPYC with AVX-512, 1.7 billion multiplications and additions in matrix products, by `perf`:
+//! an EPYC with AVX-512 and makes 1.7 billion multiplications and additions in matrix products. Its time, by `perf`:
 //!
 //! | | |
 //! | --- | --- |

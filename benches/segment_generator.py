@@ -39,7 +39,7 @@ ROOT = pathlib.Path(__file__).parent.parent
 GPROP = ROOT / os.environ.get("CARGO_TARGET_DIR", "target") / "release/gprop"
 # Values of the decoder's graph: logits [1,4,256,256] and predicted IoU [1,4] of all masks.
 FOUR_MASKS = ["/Reshape_9_output_0", "/iou_prediction_head/layers.2/Gemm_output_0"]
-# gprop's defaults, which are the paper's code's.
+# gprop's defaults, which are those of the paper's code.
 SETTINGS = {
     "pred_iou_thresh": 0.7,
     "stability_score_thresh": 0.85,

@@ -79,7 +79,7 @@ fn million_with_its_memory() -> (Solver, f32) {
         solver.step(dt_s).expect("the cube stays in its domain");
     }
     if let (Some(before), Some(most)) = (before, status_bytes("VmHWM:")) {
-        println!("{name}: {:.0} bytes a particle at the most", (most - before) / particles as f64);
+        println!("{name}: {:.0} bytes per particle at most", (most - before) / particles as f64);
     }
     (solver, dt_s)
 }

@@ -55,7 +55,7 @@ def cube():
 
 
 def rate(count, step):
-    """Particle substeps per CPU second of `step()`, which makes one; the first ones compile."""
+    """Particle substeps per CPU second; `step()` takes one substep. The first call is not counted because it compiles."""
     step()
     start = time.process_time()
     for _ in range(STEPS):
@@ -144,7 +144,7 @@ def physgaussian_rate(folder, law):
 
     import warp as wp
 
-    # The solver takes tensors where it is driven by PhysGaussian; here it is given arrays.
+    # PhysGaussian passes torch's tensors to its solver; here the solver gets arrays, and torch is only a stub.
     sys.modules.setdefault("torch", types.ModuleType("torch"))
     sys.path[:0] = [str(folder / "mpm_solver_warp"), str(folder)]
     wp.init()
@@ -169,7 +169,7 @@ def physgaussian_rate(folder, law):
 
 
 def bench_binary():
-    """The compiled bench, so that building it is no part of a round."""
+    """The compiled bench, so that building it is not part of a round."""
     build = ["cargo", "bench", "--bench", "simulate", "--no-run", "--message-format", "json"]
     done = subprocess.run(build, cwd=ROOT, stdout=subprocess.PIPE, text=True, check=True)
     messages = [json.loads(line) for line in done.stdout.splitlines()]
@@ -177,7 +177,7 @@ def bench_binary():
 
 
 def gprop_rate(binary, law, threads):
-    """From criterion's throughput line: particle substeps a second, wall clock."""
+    """From criterion's throughput line: particle substeps per second of wall time."""
     name = f"simulate/{law}/{COUNT}/{CELLS}^3/{threads} threads"
     bench = [binary, "--bench", "--exact", name, "--warm-up-time", "0.5", "--measurement-time", "2"]
     done = subprocess.run(bench, cwd=ROOT, capture_output=True, text=True)
@@ -228,7 +228,7 @@ def main():
         for name, measure in engines.items():
             rates[name].append(measure())
     middle = {name: statistics.median(values) for name, values in rates.items()}
-    print(f"{'engine':<20} {'law':<12} {'million particle substeps a CPU second':>40} {'gprop is faster by':>20}")
+    print(f"{'engine':<20} {'law':<12} {'million particle substeps per CPU second':>40} {'gprop is faster by':>20}")
     for (engine, law), value in middle.items():
         ratio = "" if engine.startswith("gprop") else f"{middle['gprop', law] / value:.1f}"
         print(f"{engine:<20} {law:<12} {value / 1e6:>40.2f} {ratio:>20}")

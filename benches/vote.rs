@@ -92,7 +92,7 @@ fn memory(what: &str) -> Option<f64> {
     Some(line.split_whitespace().nth(1)?.parse::<f64>().ok()? * 1024.0)
 }
 
-/// Seconds to read and write a block far larger than any cache, in bytes per second.
+/// Bandwidth of reading and writing a block far larger than any cache, in bytes per second.
 fn copy_bandwidth() -> f64 {
     let block = vec![1u8; 256 << 20];
     let start = Instant::now();
@@ -106,11 +106,11 @@ fn account(gaussians: &Gaussians, cameras: &[Camera], views: &[ViewInput], answe
     let counted = cameras.iter().flat_map(|camera| visit(gaussians, camera, &RenderOptions::default(), new));
     let blends: u64 = counted.map(|(_, count)| count.0).sum();
     let floor = start.elapsed().as_secs_f64();
-    println!("blending alone: {floor:.2} s for {blends} blends, {:.0} million a second", blends as f64 / floor / 1e6);
+    println!("blending alone: {floor:.2} s for {blends} blends, {:.0} million per second", blends as f64 / floor / 1e6);
     // Position, scale, rotation, opacity of every Gaussian, once per view.
     let read = (COUNT * 44 * cameras.len()) as f64;
     let bandwidth = copy_bandwidth();
-    println!("reading the cloud once a view: {:.2} s at {:.1} GB/s", read / bandwidth, bandwidth / 1e9);
+    println!("reading the cloud once per view: {:.2} s at {:.1} GB/s", read / bandwidth, bandwidth / 1e9);
     for rule in [Rule::Frequency, Rule::Contribution] {
         // Resets the peak.
         let _ = std::fs::write("/proc/self/clear_refs", "5");
@@ -123,7 +123,7 @@ fn account(gaussians: &Gaussians, cameras: &[Camera], views: &[ViewInput], answe
         let most = memory("VmHWM").zip(before).map_or(f64::NAN, |(most, before)| (most - before) / COUNT as f64);
         let seen = field.views.iter().filter(|&&views| views > 0).count();
         println!(
-            "{rule:?}: {seconds:.2} s, {:.1} times blending alone, {most:.0} bytes a Gaussian beyond the cloud; {seen} seen",
+            "{rule:?}: {seconds:.2} s, {:.1} times blending alone, {most:.0} bytes per Gaussian beyond the cloud; {seen} seen",
             seconds / floor
         );
     }

@@ -113,7 +113,7 @@ def main():
     seconds = time.perf_counter() - start
     winner = votes.argmax(axis=1)
     seen = np.count_nonzero(votes[np.arange(COUNT), winner] > 0)
-    print(f"{views} views: {seconds:.1f} s, {seconds / views:.2f} s a view; {seen} seen")
+    print(f"{views} views: {seconds:.1f} s, {seconds / views:.2f} s per view; {seen} seen")
 
 
 if __name__ == "__main__":
