@@ -23,7 +23,7 @@ use serde_json::{Value, json};
 
 use super::whole_line::{EYES, camera_at, gaussians, seen_by};
 
-/// More instructions than this say nothing new.
+/// More instructions than this reveal nothing new.
 const MOST_INSTRUCTIONS: usize = 16;
 
 /// Files by their path in the scene folder, in order.
@@ -56,8 +56,8 @@ pub fn scene_folder(bytes: &[u8]) {
     run_changed(&files, Plan { to: Stage::Parts, from: None });
 }
 
-/// The work folder of a finished run, of which the simulation and all after it is made again. Its checksums fit, as an
-/// attacker's would.
+/// The work folder of a finished run, in which the simulation and everything after it are done again. Its checksums match its
+/// files, as an attacker's would.
 pub fn finished_folder(bytes: &[u8]) {
     let mut files = FINISHED.clone();
     change(&mut files, bytes, |path| path.starts_with("gprop"));
@@ -172,7 +172,7 @@ fn frame(file: &str, camera: &Camera) -> Value {
     json!({ "file_path": file, "transform_matrix": rows })
 }
 
-/// A server that says of everything that it is of the library's first wood.
+/// A server that answers every question with the library's first wood.
 fn answer_all(server: &TcpListener) {
     let wood = MaterialLibrary::builtin().of_family("wood").next().expect("the library has wood");
     let range = |range: Range, unit: f64| json!([range.low / unit, range.high / unit]);

@@ -1,4 +1,4 @@
-//! What each target does with its bytes. gprop's own tests replay the corpus through the same functions.
+//! The functions of the fuzz targets. gprop's own tests replay the corpus through the same functions.
 //!
 //! Whatever the bytes are, a reader ends with a value or an error: no panic, no endless loop, no memory beyond a small
 //! multiple of the input. Readers that take a path are given a file in a temporary folder.
@@ -36,7 +36,7 @@ use gprop::{parts, pipeline};
 pub use folders::{finished_folder, scene_folder};
 pub use whole_line::whole_line;
 
-/// What is done with the bytes.
+/// The function of a target, which takes the input bytes.
 pub type Read = fn(&[u8]);
 
 /// Every target by its name.
@@ -131,7 +131,7 @@ pub fn sam_decoder(bytes: &[u8]) {
     let _ = sam::check_decoder(bytes);
 }
 
-/// What a model or a person answered: an endpoint's response, the answer in it, `answers.jsonl`, the Batch API's files.
+/// Answers of a model or a person: an endpoint's response, the answer in it, `answers.jsonl`, the Batch API's files.
 pub fn answers(bytes: &[u8]) {
     let text = String::from_utf8_lossy(bytes);
     for status in [200, 400] {
@@ -169,7 +169,7 @@ pub fn recordings(bytes: &[u8]) {
     let _ = exchange::import(folder.path(), Some("model"), &QUERIES, &recordings);
 }
 
-/// What a person writes: `gprop.toml`, `config.toml`, scenarios, grippers, PhysGaussian's configurations, price tables, labels.
+/// Files that a person writes: `gprop.toml`, `config.toml`, scenarios, grippers, PhysGaussian's configurations, price tables, labels.
 pub fn settings(bytes: &[u8]) {
     let text = String::from_utf8_lossy(bytes);
     let flag = |name: &str, takes_value, scene| Flag { name: name.to_owned(), takes_value, scene, ..Flag::default() };
@@ -186,7 +186,7 @@ pub fn settings(bytes: &[u8]) {
     let _ = GripperProfile::from_toml(&text, "fuzz");
     let _ = compat::config::Config::from_json(&text);
     let _ = PriceTable::from_csv(&text);
-    // What is not a label is compared with every name there is, too slow here for more than a few words.
+    // A word that is not a label is compared with all names, which is too slow here for more than a few words.
     if bytes.len() <= 64 {
         let folder = folder_with(&[("labels.txt", bytes)]);
         let _ = LabelSet::File(folder.path().join("labels.txt")).restrict(MaterialLibrary::builtin());
@@ -202,7 +202,7 @@ pub fn materials(bytes: &[u8]) {
     let _ = MaterialLibrary::load(folder_with(&[(&name, table)]).path());
 }
 
-/// What `gprop evaluate` and `gprop grasp calibrate` take, and a data set's own files.
+/// The input files of `gprop evaluate` and `gprop grasp calibrate`, and a data set's own files.
 pub fn evaluation(bytes: &[u8]) {
     const BLACK: &[u8] = include_bytes!("black.png");
     let folder = folder_with(&[
@@ -234,7 +234,7 @@ pub fn checkpoint(bytes: &[u8]) {
     let _ = Checkpoint::from_bytes(bytes);
 }
 
-/// What gprop reads again of a work folder: its JSON, `interior.bin`, and `labels.json` with `field.ply` behind a zero byte.
+/// The files of a work folder that gprop reads back: its JSON, `interior.bin`, and `labels.json` with `field.ply` behind a zero byte.
 pub fn work_folder(bytes: &[u8]) {
     if let Ok(interior) = parts::Interior::from_bytes(bytes, 1000, 4) {
         let mut again = Vec::new();

@@ -1,5 +1,5 @@
-//! The whole line from a splat to masses: a ball of a few hundred Gaussians with two parts, seen by three small cameras, whose label
-//! maps and answers are given. The bytes say what is wrong with its Gaussians.
+//! The whole pipeline from a splat to masses: a ball of a few hundred Gaussians with two parts, seen by three small cameras, whose
+//! label maps and answers are given. The input bytes alter the Gaussians.
 
 use std::sync::LazyLock;
 
@@ -21,7 +21,7 @@ const RADIUS: f64 = 0.1;
 pub(super) const EYES: [[f64; 3]; 3] = [[0.4, 0.1, 0.05], [-0.2, 0.35, 0.0], [-0.15, -0.3, 0.2]];
 /// Side of the pictures, px.
 const SIDE: u32 = 48;
-/// More instructions than this say nothing new.
+/// More instructions than this reveal nothing new.
 const MOST_INSTRUCTIONS: usize = 64;
 
 struct Ball {
@@ -36,7 +36,7 @@ static BALL: LazyLock<Ball> = LazyLock::new(|| {
     Ball { gaussians: gaussians(), maps: cameras.iter().map(seen_by).collect(), answers: answers(), cameras }
 });
 
-/// Carries out the bytes' instructions, of eight bytes each, and weighs what comes out: no mass is zero, infinite or not a number.
+/// Carries out the instructions in the bytes, eight bytes each, and weighs the result: no mass is zero, infinite or NaN.
 pub fn whole_line(bytes: &[u8]) {
     let ball = &*BALL;
     let mut changed = ball.gaussians.clone();
@@ -71,7 +71,8 @@ fn assert_number(estimate: Estimate) {
     assert!(0.0 <= low && low <= mid && 0.0 < mid && mid <= high && high.is_finite(), "{estimate:?}");
 }
 
-/// What (high bit: to every so manieth Gaussian), axis, which Gaussian (2 bytes), value (4 bytes).
+/// Carries out one instruction: what to change, axis, which Gaussian (2 bytes), value (4 bytes). If the high bit of the first byte
+/// is set, it changes every nth Gaussian instead of one, where n follows from the two bytes.
 fn change(gaussians: &mut Gaussians, [what, axis, a, b, value @ ..]: [u8; 8]) {
     let (which, value) = (usize::from(u16::from_le_bytes([a, b])), f32::from_le_bytes(value));
     let (first, step) = if what & 0x80 == 0 { (which % GAUSSIANS, GAUSSIANS) } else { (0, 1 + which % 64) };
