@@ -6,7 +6,7 @@
     scripts/draw_in_simulator.py newton model/NAME/usd/NAME.usda picture.png
     scripts/draw_in_simulator.py pybullet model/NAME.urdf picture.png     # without its floating joint, see docs/robot.md
 
-MuJoCo and PyBullet let the model fall by 2 cm onto a floor and rest for 2 s first; Newton draws it as it stands.
+MuJoCo and PyBullet first let the model fall by 2 cm onto a floor, and draw it after 2 s; Newton draws it as it stands.
 """
 
 import argparse

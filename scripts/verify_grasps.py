@@ -3,7 +3,7 @@
 
     pip install mujoco pillow
     scripts/verify_grasps.py fixtures/hammer [fixtures/mug ...] [--work DIR] [--gripper FILE.toml] [--json FILE]
-    scripts/verify_grasps.py --check-pads                               # the pads on a block and on round bars
+    scripts/verify_grasps.py --check-pads                               # the pads on blocks and round bars
     scripts/verify_grasps.py --tried FILE.json [FILE.json ...]          # only the tables, from earlier runs
 
 For each scene, the model that `gprop export --format mjcf` writes lies on a plane. A gripper with two parallel pads that have
@@ -14,7 +14,7 @@ by 5 mm at 2 Hz for 1 s, and holds for 2 s. At the first place, it also tries th
 A pad is a disc of rubber, modelled as points that are spread evenly over it, each on a spring (a Winkler foundation), because
 MuJoCo's own contacts of a box press with its corners and resist turning more than twice as hard as an evenly pressed disc. The
 pads touch the model's visual mesh around the contacts, cut into prisms under its triangles; with `--touch colliders`, they touch
-the convex pieces, which may reach farther off the object than a pad is wide.
+the convex pieces, which may reach beyond the object by more than a pad's width.
 
 "Held" is what has slid in the hand by less than 5 mm at the end, "slid" by less than 2 cm, and "lost" is the rest. "Turned" is
 by how much the object has turned in the hand since it was gripped. "By shape" is the share of the weight that the pads carry
@@ -183,7 +183,7 @@ def lowest(model):
 
 
 def height(time):
-    """Where the hand is to be above its start."""
+    """The height of the hand above its start."""
     share = min(max((time - CLOSED_S) / (LIFTED_S - CLOSED_S), 0.0), 1.0)
     lifted = LIFT_M * share**3 * (10 - 15 * share + 6 * share * share)
     if LIFTED_S < time < SHAKEN_S:
@@ -284,7 +284,7 @@ def true_part(folder, work, grasp):
 
 
 def judged_truth(folder, work, grasp, exported):
-    """What the judge knows: mass, friction at the place; None for a mass that it does not know."""
+    """The mass and the friction at the place with which a grasp is judged; the mass is None if it is unknown."""
     own = {"mass_kg": None, "friction": own_friction(exported, grasp), "part": None, "friction_is_true": False}
     if not os.path.exists(os.path.join(folder, "ground_truth", "parts.json")):
         return own
@@ -355,7 +355,7 @@ def grip_friction(friction, up, sideways):
 
 
 def torque_margin(gripper, friction, force, weight, lever):
-    """The torque margin of docs/grasp.md at any force, with the judge's friction and weight."""
+    """The torque margin of docs/grasp.md at any force, with the friction and weight with which a grasp is judged."""
     radius, taken = math.sqrt(gripper["finger_area_m2"] / math.pi), weight / 2 / friction / max(force, 1e-9)
     return 4 / 3 * friction * force * radius * math.sqrt(max(1 - taken * taken, 0.0)) - weight * lever
 
@@ -447,7 +447,7 @@ def policies(results):
 
 
 def checks(results):
-    """What must hold if F_min and the torque margin are right, and where it does not."""
+    """Statements that must hold if F_min and the torque margin are right, and the places at which they do not."""
     places = [(f"{result['scene']} {number + 1}", place) for result in results for number, place in enumerate(result["places"])]
     liftable = [(where, place) for where, place in places if place["infeasible_because"] not in UNLIFTABLE]
     others = [(where, place) for where, place in places if place["infeasible_because"] in UNLIFTABLE]
@@ -500,7 +500,7 @@ SHAPES = {
 
 
 def check_pads(gripper):
-    """The pads against the formulas of F_min and of the torque margin, on shapes for which these are meant."""
+    """Compares the pads with the formulas of F_min and of the torque margin, on shapes for which these are meant."""
     mass, friction = 0.5, 0.6
     weight = mass * GRAVITY
     print("| shape | N | lever, mm | of F_min | of the torque | outcome | slid, mm | turned, deg |", "| --- " * 8 + "|", sep="\n")
@@ -528,14 +528,14 @@ def check_pads(gripper):
 def main():
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("scenes", nargs="*", metavar="SCENE[=WORK]", help="scene, and its work folder if it is not SCENE/gprop")
-    parser.add_argument("--work", metavar="DIR", help="work folder of the scene, if it is only one [default: SCENE/gprop]")
+    parser.add_argument("--work", metavar="DIR", help="work folder of the scene, if there is only one [default: SCENE/gprop]")
     default = os.path.join(os.path.dirname(os.path.dirname(os.path.abspath(__file__))), "grippers", "paper.toml")
     parser.add_argument("--gripper", metavar="FILE.toml", default=default, help="the profile with which gprop planned")
     parser.add_argument("--touch", choices=["skin", "colliders"], default="skin", help="what the pads touch [default: skin]")
     parser.add_argument("--gprop", metavar="PROGRAM", default="gprop")
-    parser.add_argument("--check-pads", action="store_true", help="compare the pads with the formulas, on a block and two bars")
+    parser.add_argument("--check-pads", action="store_true", help="compare the pads with the formulas, on blocks and round bars")
     parser.add_argument("--json", metavar="FILE", help="write the outcomes here")
-    parser.add_argument("--tried", metavar="FILE", nargs="+", default=[], help="outcomes of earlier runs, to be in the tables too")
+    parser.add_argument("--tried", metavar="FILE", nargs="+", default=[], help="outcomes of earlier runs to include in the tables")
     options = parser.parse_args()
     if options.work and len(options.scenes) > 1:
         parser.error("--work is for one scene; write SCENE=WORK")
