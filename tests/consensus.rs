@@ -129,7 +129,7 @@ fn print_is_not_a_part() {
     assert_eq!(parts(&found(&gaussians, &cameras, &segmented)), 1, "every view cuts it out, but the surface is one");
 }
 
-/// Trainers shape the Gaussians on a print after the print, so that their shortest axes say little of the surface.
+/// Trainers shape the Gaussians on a print after the print, so that their shortest axes say little about the surface.
 #[test]
 fn print_is_not_a_part_where_the_axes_of_gaussians_are_noisy_but_a_plate_is() {
     for (height, count) in [(0.0, 1), (0.1, 2)] {
@@ -208,7 +208,7 @@ fn a_view_that_shows_more_details_does_not_split_a_segment_that_it_also_has() {
     assert_eq!(parts(&found(&gaussians, &cameras, &segmented)), 1);
 }
 
-/// A part of which three of ten views take the plate for a thing of its own.
+/// Three of ten views see the plate as a segment of its own; the others do not separate it from the board.
 fn plate_in_three_of_ten_views(gaussians: &Gaussians, cameras: &[Camera], labels: &[u32]) -> Vec<ViewSegments> {
     let of_view = |(n, camera): (usize, &Camera)| {
         let map = seen(gaussians, camera, labels);
@@ -323,7 +323,7 @@ fn a_view_backs_the_parts_that_it_separates() {
     let plate = purity(&parts, &labels, PLATE).0;
     let backing: Vec<_> = masks.iter().map(|masks| masks.backs(plate)).collect();
     assert_eq!(backing, [Some(true), Some(false)].repeat(4), "every other view takes it for the board");
-    // Drawn from the Gaussians, it is there in the views that do not separate it too.
+    // Its masks are drawn from the Gaussians, so the views that do not separate it have one too.
     for (camera, masks) in cameras.iter().zip(&masks) {
         let truth = seen(&gaussians, camera, &labels);
         let both = |a: bool, b: bool| {
@@ -345,8 +345,8 @@ fn a_view_backs_the_parts_that_it_separates() {
     assert!(apart >= 2, "the second view shows another side: {order:?}");
 }
 
-/// The view's segment of the plate is too small, and the plate's fringe around it goes to the board, whether or not that
-/// is cut into pieces.
+/// The view's segment of the plate is too small, and the plate's fringe around it goes to the board, whether or not the
+/// board is cut into pieces.
 #[test]
 fn pixels_that_show_a_part_do_not_depend_on_its_pieces() {
     let (gaussians, labels) = board_with_plate(0.1);

@@ -11,10 +11,10 @@ use crate::batch::ball::Balls;
 use crate::query::client::{Server, error};
 use crate::run::gprop;
 
-/// How the line begins that says which options of the last run are used.
+/// The beginning of the line that says which options of the last run are used.
 const SAID: &str = "options of the last run: ";
 
-/// A ball of which `gprop.toml` says neither the scale nor where the segments are.
+/// A ball whose `gprop.toml` gives neither the scale nor the folder of the segments.
 struct Ball {
     balls: Balls,
 }
@@ -82,7 +82,7 @@ fn stderr(output: &Output) -> String {
     String::from_utf8_lossy(&output.stderr).into_owned()
 }
 
-/// The stages that the last command that came to them did, and did not reuse.
+/// The stages that were done, not reused, by the last command that reached them.
 fn done(record: &Value) -> Vec<&str> {
     let stages = record["stages"].as_array().unwrap().iter();
     stages.filter(|stage| stage["reused"] == json!(false)).map(|stage| stage["name"].as_str().unwrap()).collect()
@@ -173,7 +173,7 @@ fn a_typed_option_wins_and_a_new_run_starts_afresh() {
     assert_eq!(used(ball.gprop("show").arg(&picture)).unwrap(), "--views=3 --scale=0.4 --segments=ball-0/labels");
     assert_eq!(ball.views().len(), 3);
 
-    // What fails is not an option of a stage that was done.
+    // The options of a stage that fails are not kept.
     assert_refused(ball.gprop("grasp").args(["--part", "propeller"]), &["propeller"]);
     used(&mut ball.gprop("grasp"));
 
@@ -254,7 +254,7 @@ fn what_no_gprop_records_is_not_used() {
     }
     assert!(server.requests().is_empty());
 
-    // What is not even a list of flags: the run is done again with the defaults, which lack the segments.
+    // If it is not even a list of flags, the run is done again with the defaults, which lack the segments.
     for flags in [json!(5), json!({ "scene": 5 }), json!({ "scene": [5] }), json!([["--views=1"]])] {
         ball.give_flags(flags);
         let output = ball.gprop("grasp").arg("--dry-run").output().unwrap();
@@ -354,7 +354,7 @@ fn a_work_folder_that_the_user_names_may_say_more() {
     );
     let record: Value = serde_json::from_slice(&fs::read(work.join("run.json")).unwrap()).unwrap();
     assert_eq!(record["flags"]["query"], json!([format!("--recordings={}", answers.display())]));
-    // Even there, nothing is taken that loads code, names a server or pays.
+    // Even there, no flag is taken that loads code, names a server or costs money.
     let mut hostile = record.clone();
     hostile["flags"]["query"] = json!(["--lmm-url=http://127.0.0.1:9/v1", "--max-usd=9"]);
     hostile["flags"]["setup"] = json!(["--ort-lib=/lib.so", "--sam-encoder=/x"]);

@@ -117,7 +117,7 @@ fn the_simulation_may_be_left_out() {
     let (report, page) = run(&[]);
     assert_eq!(report["simulation"]["frames"].as_array().unwrap().len(), 3);
     assert!(page.contains("<h2>Simulation</h2>") && out.path().join("simulation/simulation.json").exists());
-    // What was simulated stays, but is not in the report.
+    // The simulation's files stay, but the report leaves them out.
     let (report, _) = run(&["--no-simulate"]);
     assert!(report["simulation"].is_null() && out.path().join("simulation/simulation.json").exists());
     let mut command = gprop();

@@ -18,7 +18,8 @@ use super::skipped;
 const PATIENCE: Duration = Duration::from_secs(600);
 /// Pixels, few enough for WebGL in software.
 const WINDOW: (u32, u32) = (800, 700);
-/// Device pixels per pixel of the page: a quarter of the pixels, which is what drawing in software takes its time for.
+/// Device pixels per pixel of the page, along each side. A quarter of the pixels are drawn, and drawing in software takes
+/// time for each.
 const DEVICE_SCALE: f64 = 0.5;
 /// WebGL without a graphics card; a page as wide as its screen; nothing that turns by itself.
 const FLAGS: [&str; 6] = [
