@@ -139,9 +139,9 @@ struct Typed {
     flags: FieldFlags,
 }
 
-/// The flags that were typed for the stages of `plan` when they were last done in the work folder `root`. They are as they
-/// stand in `run.json`, unchecked, and that file may come from anyone. None if there is no `run.json` that can be read:
-/// opening the work folder reports that.
+/// The flags that were typed for the stages of `plan` when they were last done in the work folder `root`. They are read
+/// from `run.json` unchecked, and that file may come from anyone. None if there is no `run.json` that can be read: opening
+/// the work folder reports that.
 pub fn flags_of_last_run(root: &Path, plan: Plan) -> Vec<String> {
     let path = root.join(Artifact::Run.path());
     if workdir::refuse_link(&path, "--out").is_err() {

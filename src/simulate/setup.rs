@@ -37,9 +37,9 @@ const PARTICLE_SUBSTEPS_PER_S: f64 = 3e6;
 /// The cost of rigid bodies, in particles.
 const RIGID_PARTICLES: usize = 300;
 
-/// The longest that a simulation with all true stiffnesses may be expected to take. If it would take longer, parts whose
-/// deformation is hardly visible become rigid; if that is not enough, stiff parts are softened. Neither happens if the
-/// user gives a limit for the stiffness.
+/// The limit on the expected time of a simulation in which everything that deforms has its true stiffness. If it would
+/// take longer, parts whose deformation is hardly visible become rigid; if that is not enough, stiff parts are softened.
+/// Neither happens if the user gives a limit for the stiffness.
 const LONGEST_MINUTES: f64 = 1.0;
 
 /// A Gaussian that is further than this outside the object's bounds, in multiples of the longest side, is not part of

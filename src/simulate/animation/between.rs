@@ -2,9 +2,9 @@
 //!
 //! The object's centre follows a cubic through both frames. Its slope at a frame is the harmonic mean of the slopes of
 //! the intervals before and after (Fritsch and Butland, 1984), or zero if the motion reverses there, so that the cubic is
-//! smooth in flight and never goes beyond the two frames. About its centre the object turns steadily, by the rotation that fits its Gaussians best, so that what is rigid
-//! keeps its shape between the frames as well. The rest of the Gaussians' motion, and everything else, is interpolated
-//! linearly, rotations along the shorter way.
+//! smooth in flight and never goes beyond the two frames. About its centre the object turns steadily, by the rotation
+//! that fits its Gaussians best, so that what is rigid keeps its shape between the frames as well. The rest of the
+//! Gaussians' motion, and everything else, is interpolated linearly, rotations along the shorter way.
 //!
 //! The frames hold covariances as scales along axes, and which axis comes first, and which way it points, may differ from
 //! frame to frame. A Gaussian whose axes differ has the shape that it has in the nearer frame.

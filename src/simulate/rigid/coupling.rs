@@ -233,7 +233,7 @@ impl Joints {
         Self { carried: vec![], responses, impulses: vec![[Vector3::zeros(); 2]; bodies.len()] }
     }
 
-    /// Moves the nodes with the bodies, after the bodies have got their new velocities.
+    /// Moves the nodes with the bodies, at the bodies' new velocities.
     pub fn carry(&self, solver: &mut Solver, bodies: &[Body]) {
         let motions: Vec<_> = bodies.iter().map(|body| (body.state().velocity_m_s, body.spin())).collect();
         for Carried { node, cell, with } in &self.carried {
