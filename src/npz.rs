@@ -8,7 +8,7 @@ use zip::{CompressionMethod, ZipArchive, ZipWriter};
 
 use crate::npy::{NpyArray, NpyError, Number, write_npy};
 
-/// The largest array that is read, in bytes: a reference trajectory has some hundred megabytes. An array that unpacks to
+/// The largest array that is read, in bytes: a reference trajectory has several hundred megabytes. An array that unpacks to
 /// more was made to exhaust the memory.
 const MOST_BYTES: u64 = 1 << 30;
 

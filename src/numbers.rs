@@ -15,7 +15,10 @@ pub fn significant(value: f64) -> String {
     }
     let exponent = value.abs().log10().floor() as i32;
     match exponent {
-        3..=6 => format!("{}{}", if value < 0.0 { "-" } else { "" }, thousands(value.round().abs() as u64)),
+        3..=6 => {
+            let unit = 10f64.powi(exponent - 2);
+            format!("{}{}", if value < 0.0 { "-" } else { "" }, thousands(((value.abs() / unit).round() * unit) as u64))
+        }
         -4..=2 => {
             let text = format!("{value:.*}", (2 - exponent).max(0) as usize);
             if text.contains('.') { text.trim_end_matches('0').trim_end_matches('.').to_owned() } else { text }
@@ -98,11 +101,12 @@ mod tests {
 
     #[test]
     fn three_digits_are_enough() {
-        let cases = [(0.0, "0"), (0.6014, "0.601"), (12.0, "12"), (2.0 / 3.0, "0.667"), (28736.0, "28,736")];
+        let cases =
+            [(0.0, "0"), (0.6014, "0.601"), (12.0, "12"), (2.0 / 3.0, "0.667"), (9996.0, "10,000"), (6152.6, "6,150")];
         for (value, text) in cases {
             assert_eq!(significant(value), text);
         }
-        assert_eq!(significant(-1234.0), "-1,234");
+        assert_eq!(significant(-1234.0), "-1,230");
         assert_eq!(significant(2.05e11), "2.05e11");
     }
 

@@ -3,6 +3,7 @@
 use serde::{Deserialize, Serialize};
 
 use super::GraspError;
+use crate::part_name::part_name;
 use crate::parts::{Part, Parts};
 
 /// How the part was chosen.
@@ -19,8 +20,8 @@ pub enum PartChoice {
 }
 
 /// The part called `name`, or without a name the one whose outer surface is nearest to the object's centre of mass (the
-/// lowest id among equals). A name is an id, a caption, or a substring of a caption or material that only one part has;
-/// case does not matter.
+/// lowest id among equals). A name is, in this order, an id, a caption, a short name, or a substring of short names, or
+/// else of captions and materials; only one part may match. Case does not matter.
 ///
 /// # Errors
 /// If no part, or more than one, matches the name, or no part has a surface.
@@ -40,12 +41,17 @@ fn named<'a>(parts: &'a Parts, name: &str) -> Result<&'a Part, GraspError> {
     if let Some(part) = parts.parts.iter().find(|p| wanted == p.id.to_string()) {
         return Ok(part);
     }
-    let exact = |p: &&Part| p.caption.to_lowercase() == wanted;
-    let within = |p: &&Part| [&p.caption, &p.material].iter().any(|text| text.to_lowercase().contains(&wanted));
-    let mut found: Vec<&Part> = parts.parts.iter().filter(exact).collect();
-    if found.is_empty() && !wanted.is_empty() {
-        found = parts.parts.iter().filter(within).collect();
-    }
+    let caption = |p: &Part| p.caption.to_lowercase();
+    let short = |p: &Part| part_name(&p.caption, &p.material).to_lowercase();
+    let matches: [&dyn Fn(&Part) -> bool; 4] =
+        [&|p| caption(p) == wanted, &|p| short(p) == wanted, &|p| short(p).contains(&wanted), &|p| {
+            caption(p).contains(&wanted) || p.material.to_lowercase().contains(&wanted)
+        }];
+    let by = |matches: &&dyn Fn(&Part) -> bool| parts.parts.iter().filter(|p| matches(p)).collect::<Vec<_>>();
+    let found = match wanted.as_str() {
+        "" => Vec::new(),
+        _ => matches.iter().map(by).find(|found| !found.is_empty()).unwrap_or_default(),
+    };
     match found[..] {
         [part] => Ok(part),
         [] => Err(GraspError::NoSuchPart { name: name.to_owned(), parts: list(&parts.parts) }),

@@ -168,7 +168,7 @@ fn newtons(force: f64) -> String {
     match force {
         ..100.0 => format!("{force:.1} N"),
         ..1000.0 => format!("{force:.0} N"),
-        _ => format!("{} N", significant(10.0 * (force / 10.0).round())),
+        _ => format!("{} N", significant(force)),
     }
 }
 

@@ -144,7 +144,7 @@ mod tests {
     }
 
     #[test]
-    fn nobody_takes_a_part_for_a_material_or_for_another_part() {
+    fn parts_and_materials_are_told_apart_by_colour() {
         let parts: Vec<_> = (0..40).map(part).collect();
         let materials: Vec<_> = (0..40).map(material).collect();
         for eye in &EYES {

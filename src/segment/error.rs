@@ -29,7 +29,7 @@ pub enum SegmentError {
     #[error("{path:?} is not {what}: {source}")]
     NotSam { path: PathBuf, what: &'static str, source: Mismatch },
     #[error(
-        "--decoder native: gprop cannot compute the decoder in {path:?} itself: {source}; without --decoder, or with \
+        "--decoder native: gprop cannot run the decoder in {path:?} with its own code: {source}; without --decoder, or with \
          --decoder onnxruntime, ONNX Runtime runs it, which is slower"
     )]
     NoNativeDecoder { path: PathBuf, source: Mismatch },

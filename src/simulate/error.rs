@@ -9,8 +9,8 @@ pub enum SimulateError {
     NoParticles,
     #[error("{what}: {got} for {gaussians} Gaussians")]
     Mismatch { what: &'static str, got: usize, gaussians: usize },
-    #[error("Gaussian {gaussian} has the label {label}, but there are only {labels} labels")]
-    Label { gaussian: usize, label: u32, labels: usize },
+    #[error("{what} {index} has the label {label}, but there are only {labels} labels")]
+    Label { what: &'static str, index: usize, label: u32, labels: usize },
     #[error("{what} {index} has the position {position:?}, which is not finite: remove it from the scene")]
     Position { what: &'static str, index: usize, position: [f64; 3] },
     #[error("interior point {index} has a volume of {volume}; a volume must be positive and finite")]
@@ -28,8 +28,8 @@ pub enum SimulateError {
          material is incompressible: correct the answer for this part (0.49 for rubber)"
     )]
     Poisson { material: String, poisson_ratio: f64 },
-    #[error("the strength of `{material}` is {strength}; it must be positive: correct the answer for this part")]
-    Strength { material: String, strength: f64 },
+    #[error("the {what} of `{material}` is {value}; it must be positive: correct the answer for this part")]
+    Strength { material: String, what: &'static str, value: f64 },
     #[error("all Gaussians lie at one point: the object has no size")]
     NoExtent,
     #[error(

@@ -228,12 +228,12 @@ pub fn check(material: &Material) -> Result<(), SimulateError> {
     let strength = match material.law {
         Law::VonMises { yield_stress_pa }
         | Law::Foam { yield_stress_pa, .. }
-        | Law::Plasticine { yield_stress_pa, .. } => Some(yield_stress_pa),
-        Law::DruckerPrager { friction_angle_rad, .. } => Some(friction_angle_rad),
+        | Law::Plasticine { yield_stress_pa, .. } => Some(("strength", yield_stress_pa)),
+        Law::DruckerPrager { friction_angle_rad, .. } => Some(("friction angle", friction_angle_rad)),
         Law::Elastic | Law::Snow { .. } | Law::Fluid => None,
     };
-    match strength.filter(|strength| !positive(*strength)) {
-        Some(strength) => Err(SimulateError::Strength { material: name(), strength }),
+    match strength.filter(|&(_, value)| !positive(value)) {
+        Some((what, value)) => Err(SimulateError::Strength { material: name(), what, value }),
         None => Ok(()),
     }
 }

@@ -287,11 +287,11 @@ fn check(input: &Input) -> Result<(), SimulateError> {
         return Err(SimulateError::Mismatch { what: "number of labels", got: input.labels.len(), gaussians });
     }
     let labels = input.materials.len();
-    if let Some(gaussian) = input.labels.iter().position(|&l| l as usize >= labels) {
-        return Err(SimulateError::Label { gaussian, label: input.labels[gaussian], labels });
+    if let Some(index) = input.labels.iter().position(|&l| l as usize >= labels) {
+        return Err(SimulateError::Label { what: "Gaussian", index, label: input.labels[index], labels });
     }
-    if let Some(point) = input.interior.iter().position(|p| p.label as usize >= labels) {
-        return Err(SimulateError::Label { gaussian: point, label: input.interior[point].label, labels });
+    if let Some(index) = input.interior.iter().position(|p| p.label as usize >= labels) {
+        return Err(SimulateError::Label { what: "interior point", index, label: input.interior[index].label, labels });
     }
     let no_place = |p: &[f32; 3]| p.iter().any(|x| !x.is_finite());
     input.materials.iter().try_for_each(material::check)?;

@@ -207,7 +207,7 @@ fn refusals_are_told_apart_from_failures() {
 }
 
 #[test]
-fn what_no_repetition_mends_is_hopeless_at_once() {
+fn what_no_repetition_mends_is_fatal_at_once() {
     let quota = Response::new(429)
         .json(json!({ "error": { "message": "You exceeded your quota", "code": "insufficient_quota" } }));
     let table = [
@@ -225,7 +225,7 @@ fn what_no_repetition_mends_is_hopeless_at_once() {
 }
 
 #[test]
-fn nobody_there_is_hopeless() {
+fn a_server_that_is_not_there_is_fatal() {
     let options = Options {
         lmm_url: Some("http://127.0.0.1:9/v1".into()),
         lmm_model: Some("m".into()),

@@ -74,7 +74,7 @@ fn who_waited_for_a_question_that_failed_asks_it() {
 }
 
 #[test]
-fn a_lock_whose_owner_died_holds_nobody_up_and_goes() {
+fn a_lock_whose_owner_died_keeps_no_run_out_and_goes() {
     let (folder, prompts, options) = (tempfile::tempdir().unwrap(), Prompts::builtin(), small());
     let wood = Scripted::new(|_| text(good_answer(a("wood"))));
     let queries = prepare(&[two_segments("000", 80, 80)], &prompts, &options);
@@ -120,7 +120,7 @@ fn replay_writes_nothing() {
 }
 
 #[test]
-fn recordings_that_nobody_may_write_are_found_before_anything_is_asked() {
+fn recordings_that_cannot_be_written_are_found_before_anything_is_asked() {
     let (folder, prompts, options) = (tempfile::tempdir().unwrap(), Prompts::builtin(), small());
     let place = folder.path().join("recorded");
     let store = recordings(&place);

@@ -327,7 +327,7 @@ fn failed_answers_cast_no_votes_and_are_counted() {
 }
 
 #[test]
-fn a_segment_that_nobody_could_name_takes_its_neighbours_material_unseen() {
+fn a_segment_without_an_answer_takes_its_neighbours_material_unseen() {
     let gaussians = cloud(&wall(0.0));
     let halves = labels_by(&gaussians, |[x, ..]| if x < 0.0 { 1 } else { 2 });
     for rule in BOTH_RULES {

@@ -110,20 +110,20 @@ struct Decomposition<'a> {
     blurred: &'a [f32],
     tolerance: f64,
     crumb: usize,
-    /// Per cell: its body, or [`NOBODY`].
+    /// Per cell: its body, or [`NO_BODY`].
     owner: Vec<u32>,
     /// Number of bodies that have been created.
     named: u32,
     bodies: Vec<Body>,
 }
 
-const NOBODY: u32 = u32::MAX;
+const NO_BODY: u32 = u32::MAX;
 
 impl<'a> Decomposition<'a> {
     fn new(solid: &Solid, part: u32, clearance: &'a Clearance, blurred: &'a [f32], tolerance: f64) -> Self {
         let cells: Vec<u32> = (0..solid.part.len() as u32).filter(|i| solid.part[*i as usize] == part).collect();
         let crumb = (CRUMB * cells.len() as f64) as usize;
-        let owner = vec![NOBODY; solid.part.len()];
+        let owner = vec![NO_BODY; solid.part.len()];
         let grid = solid.grid;
         let mut new = Self { grid, clearance, blurred, tolerance, crumb, owner, named: 0, bodies: Vec::new() };
         new.add(&cells);

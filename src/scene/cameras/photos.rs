@@ -80,7 +80,7 @@ struct Fit {
     upright: Upright,
     /// The declared size, if it differs from the photo's.
     resized_from: Option<(u32, u32)>,
-    /// Whether the photo's EXIF orientation says that it lies on its side.
+    /// Whether the photo's EXIF orientation says that it is not stored upright.
     turned: bool,
 }
 
@@ -220,7 +220,7 @@ fn warnings(camera_file: &Path, frames: usize, missing: &[&str], sized: &[(View,
         warnings.push(format!(
             "{} {} according to the EXIF orientation (first: `{}`); {done}",
             counted(turned.len(), "photo"),
-            agreeing(turned.len(), "lies on its side", "lie on their side"),
+            agreeing(turned.len(), "is not stored upright", "are not stored upright"),
             view.name
         ));
     }

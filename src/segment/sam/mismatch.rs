@@ -48,7 +48,7 @@ pub enum Mismatch {
     Tokens(usize),
     #[error("{0:?} is smaller than a picture's embedding")]
     SmallValue(String),
-    /// Logits in units of their spread, and predicted IoU.
+    /// Logits in units of the largest one, and predicted IoU.
     #[error("on a trial, its logits are off by {logits:e} and its predicted IoU by {predicted_iou:e}")]
     Trial { logits: f32, predicted_iou: f32 },
     #[error("the picture was prepared by another decoder")]
