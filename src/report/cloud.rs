@@ -19,7 +19,7 @@ pub(super) const LOG_SCALE_SPAN: f32 = 10.0;
 /// Fainter Gaussians change no 8-bit pixel.
 const FAINTEST: f64 = 1.0 / 255.0;
 
-/// Share of the diagonal by which a Gaussian may lie outside the bounds without strays and still be one of the object's.
+/// Distance outside the bounds without strays from which a Gaussian counts as a stray, as a share of their diagonal.
 const STRAY_MARGIN: f64 = 0.1;
 
 /// A ball around the object.
@@ -39,9 +39,9 @@ pub struct Cloud {
     pub of: usize,
     /// Lowest and highest centre, world frame, scene units.
     pub corners: [[f32; 3]; 2],
-    /// Logarithms of a standard deviation (scene units) that 0 and 255 stand for.
+    /// Logarithms of the standard deviations (scene units) that the bytes 0 and 255 stand for.
     pub log_scales: [f32; 2],
-    /// Holds the object, without strays; the camera shows all of it however it turns.
+    /// Contains the object without strays, so a camera that shows the sphere shows the object from every side.
     pub sphere: Sphere,
     /// Centre of the camera of the first view, world frame, scene units.
     pub eye: Point3<f64>,
@@ -128,8 +128,8 @@ pub(super) fn byte(share: f32) -> u8 {
 
 pub(super) fn gzip(bytes: &[u8]) -> Vec<u8> {
     let mut encoder = GzEncoder::new(Vec::new(), Compression::best());
-    encoder.write_all(bytes).expect("memory takes everything");
-    encoder.finish().expect("memory takes everything")
+    encoder.write_all(bytes).expect("writing to memory cannot fail");
+    encoder.finish().expect("writing to memory cannot fail")
 }
 
 #[cfg(test)]

@@ -6,7 +6,7 @@ use serde::Serialize;
 
 use crate::query::{Answers, Outcome};
 
-/// A part that answers give several materials.
+/// A part to which the answers give several materials.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize)]
 #[cfg_attr(test, derive(schemars::JsonSchema))]
 pub struct Disagreement {

@@ -17,7 +17,7 @@ pub fn force_scale(grasp: &GraspReport) -> Value {
         slip,
         safe => (damage - slip).max(0.0),
         star,
-        // The text beside the mark stands where there is more room.
+        // The text stands on the side of the mark that has more room.
         is_right => star > 50.0,
     }
 }

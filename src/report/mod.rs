@@ -140,7 +140,7 @@ pub struct AnswerCounts {
     pub exact: usize,
     /// Answers recorded for the same view with an overlapping mask.
     pub by_mask: usize,
-    /// Segments without an answer; they do not vote.
+    /// Questions without an answer, which are left out of the vote.
     pub failed: usize,
 }
 
@@ -161,7 +161,7 @@ impl AnswerCounts {
         counts
     }
 
-    /// Number of segments with an answer.
+    /// Number of questions with an answer.
     pub fn answered(&self) -> usize {
         self.exact + self.by_mask
     }
@@ -212,7 +212,7 @@ mod schema {
         let settings = SchemaSettings::draft2020_12().for_serialize().with_transform(RecursiveTransform(published));
         let schema = settings.into_generator().into_root_schema_for::<Report>();
         let text = serde_json::to_string_pretty(&schema).unwrap() + "\n";
-        assert!(!text.contains("](") && !text.contains("::"), "a description speaks of Rust's paths");
+        assert!(!text.contains("](") && !text.contains("::"), "a description contains a Rust path");
         let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("docs/report.schema.json");
         if env::var_os(UPDATE).is_some() {
             fs::write(&path, &text).unwrap();

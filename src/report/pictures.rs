@@ -14,9 +14,10 @@ use crate::scene::{SceneError, View};
 use crate::segment::LabelMap;
 use crate::vote::MaterialField;
 
-/// Longest side of a report's picture in pixels: three fit next to each other on a screen.
+/// Longest side of a report's picture in pixels: the page shows four side by side, and each is sharp even on a screen
+/// with two pixels per CSS pixel.
 const LONGEST_SIDE: u32 = 640;
-/// Longest side of a sheet on the page: its three panels are still recognizable.
+/// Longest side of a sheet on the page: its three panels are still recognisable.
 const SHEET_LONGEST_SIDE: u32 = 480;
 
 /// Why a view's pictures could not be drawn.

@@ -81,7 +81,7 @@ pub fn mass_line(parts: &Parts) -> String {
     format!("mass   {} kg ({}){estimated}\n", mass.mid, mass.interval)
 }
 
-/// Stands after what is no better than a model's estimate of the object's length.
+/// The mark after a number that is no better than a model's estimate of the object's length.
 pub const ESTIMATED: &str = ", estimated scale";
 
 /// The force at the best place, or why no grip there is safe.

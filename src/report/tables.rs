@@ -55,12 +55,12 @@ impl<'a, T> Columns<'a, T> {
         T: 'r,
     {
         let mut writer = WriterBuilder::new().from_writer(Vec::new());
-        let in_memory = "memory takes everything";
+        let in_memory = "writing to memory cannot fail";
         writer.write_record(self.0.iter().map(|column| &column.heading)).expect(in_memory);
         for row in rows {
             writer.write_record(self.0.iter().map(|column| (column.cell)(row))).expect(in_memory);
         }
-        String::from_utf8(writer.into_inner().expect(in_memory)).expect("only texts were written")
+        String::from_utf8(writer.into_inner().expect(in_memory)).expect("only text was written")
     }
 }
 

@@ -57,7 +57,7 @@ fn cause(source: Source) -> &'static str {
     }
 }
 
-/// The remedy that would narrow the mass most, and to which interval.
+/// The remedy that would narrow the mass's interval most, and the interval that would remain.
 fn remedy(parts: &Parts) -> Option<String> {
     let mass = parts.object.mass_kg;
     let widest = parts.object.width.iter().max_by(|a, b| a.factor().total_cmp(&b.factor()))?;
@@ -73,7 +73,7 @@ fn remedy(parts: &Parts) -> Option<String> {
     let what = match widest.source {
         Source::Method => "Sharper or more photos",
         Source::Wall => "Measuring the wall thickness and giving it in the answers",
-        Source::UnseenDepth => "Photos of the sides that none shows, such as one from below,",
+        Source::UnseenDepth => "Photos of the sides that no photo shows yet, such as one from below,",
         Source::Density => "Weighing the object (--known-mass), or more certain answers about the material,",
         Source::Filling => "Weighing the object (--known-mass), or a look inside,",
         Source::Scale => "Measuring a length (--scale)",

@@ -15,11 +15,12 @@ use crate::simulate::SimulationReport;
 pub use rigid::Path;
 use tracks::Tracks;
 
-/// Most frames on a page: between them the viewer interpolates.
+/// Most frames on a page; the viewer interpolates between them.
 const FRAMES: usize = 60;
 /// Most bytes of the compressed tracks: 8 MB in base64.
 const LIMIT: usize = 6_000_000;
-/// Distance from a part's rigid motion that is not seen, as a share of the radius of the object: a third of a pixel.
+/// Deviation from a part's rigid motion that is too small to see, as a share of the radius of the object: a third of a
+/// pixel.
 const UNSEEN: f64 = 1e-3;
 
 /// How the Gaussians of a cloud move.
@@ -31,7 +32,7 @@ pub struct Motion {
     pub of_frames: usize,
     /// World z of the ground, scene units.
     pub ground_z: f64,
-    /// Holds the object throughout.
+    /// Contains the object in every frame.
     pub sphere: Sphere,
     /// The path of each part, by label.
     pub paths: Vec<Path>,
@@ -83,7 +84,7 @@ impl Motion {
                 (tracks, gzip)
             })
             .find(|(tracks, gzip)| gzip.len() <= LIMIT || tracks.shown.is_empty())
-            .expect("halving ends at nothing");
+            .expect("enough halvings leave no track");
         let [low, high] = report.bounds().map(Point3::from);
         Ok(Self {
             times_s: frames.iter().map(|&frame| report.frames[frame].t_s).collect(),

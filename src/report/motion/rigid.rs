@@ -1,7 +1,7 @@
 //! Rigid motions: the Gaussians of a part that keep their distances share its path.
 //!
-//! The path is fitted to the Gaussians themselves, frame by frame: first to all of a part's, then to the
-//! half of them that fit best, so that a few that stay behind do not spoil it.
+//! The path is fitted to the Gaussians themselves, frame by frame: first to all Gaussians of a part, then to the half
+//! of them that fit best, so that a few that stay behind do not spoil the fit.
 
 use nalgebra::{Isometry3, Point3};
 use serde::Serialize;
@@ -9,7 +9,7 @@ use serde::Serialize;
 use super::Still;
 use crate::numeric;
 
-/// For each frame: a unit quaternion x y z w, then where the pivot goes (world frame, scene units).
+/// For each frame: a unit quaternion x y z w, then the position of the pivot (world frame, scene units).
 #[derive(Debug, Clone, PartialEq, Serialize)]
 #[serde(transparent)]
 pub struct Path(pub Vec<[f32; 7]>);

@@ -1,7 +1,7 @@
 //! The tracks of Gaussians that move on their own, as bytes.
 //!
-//! A covariance has 24 sets of axes. Of these, a track takes the ones nearest to the frame before, so that axes turn
-//! little from frame to frame, can be interpolated, and compress well.
+//! A covariance has 24 sets of axes. Of these, a track takes the set nearest to that of the frame before, so that axes
+//! turn little from frame to frame, can be interpolated, and compress well.
 
 use nalgebra::{Matrix3, Rotation3, UnitQuaternion, Vector3};
 use rayon::prelude::*;
@@ -32,7 +32,7 @@ pub struct Tracks {
     pub of: usize,
     /// Lowest and highest centre, world frame, scene units.
     pub corners: [[f32; 3]; 2],
-    /// Logarithms of a standard deviation (scene units) that 0 and 255 stand for.
+    /// Logarithms of the standard deviations (scene units) that the bytes 0 and 255 stand for.
     pub log_scales: [f32; 2],
     /// Added to every log scale: fewer Gaussians on the same surface must be larger.
     growth: f32,
@@ -114,7 +114,7 @@ impl Tracks {
 }
 
 impl Axes {
-    /// The same covariance with the axes nearest to `last`'s, and the sign of the quaternion too.
+    /// The same covariance, with the axes, and the sign of the quaternion, that are nearest to `last`'s.
     fn nearest_to(self, last: &Self) -> Self {
         const ORDERS: [[usize; 3]; 6] = [[0, 1, 2], [1, 2, 0], [2, 0, 1], [0, 2, 1], [2, 1, 0], [1, 0, 2]];
         let (own, wanted) = (self.rotation.to_rotation_matrix(), last.rotation.to_rotation_matrix());

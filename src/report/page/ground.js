@@ -3,9 +3,10 @@
 
 function groundOf({ ground_z: height, sphere }, count) {
   const { DataTexture, DoubleSide, GridHelper, Group, LinearFilter, Mesh, MeshBasicMaterial, PlaneGeometry } = Splats;
-  // Sides of the ground in radii of the motion, its squares, and pixels of the shadow.
+  // Side of the ground in radii of the motion's sphere; squares of the grid and pixels of the shadow along a side.
   const SIDE = 3.2, SQUARES = 16, PIXELS = 128;
-  // How dark all Gaussians would make one pixel, the darkest shadow, and the height in radii from which none falls.
+  // Darkening of a pixel if all Gaussians lay above it; opacity of the darkest shadow; height, in radii, from which a Gaussian casts
+  // no shadow.
   const SHADE = 900, DARKEST = 0.38, HIGHEST = 1.5;
   const side = SIDE * sphere.radius, group = new Group();
   group.position.set(sphere.center[0], sphere.center[1], height);

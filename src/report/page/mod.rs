@@ -159,7 +159,7 @@ fn softened_tile(simulation: &SimulationReport) -> Option<Value> {
     Some(tile("softened", format!("{}-fold", significant(most)), note))
 }
 
-/// By material, how many times softer it was simulated than it is: the most, if its parts differ.
+/// For each material, the factor by which it was softened in the simulation; the largest one if its parts differ.
 fn softened(simulation: &SimulationReport) -> BTreeMap<&str, f64> {
     let mut times: BTreeMap<&str, f64> = BTreeMap::new();
     for row in &simulation.softened {

@@ -136,7 +136,7 @@
     const n = cloud.count, bytes = new Uint8Array(buffer), words = new DataView(buffer);
     const u16 = (column, i) => words.getUint16(column + 2 * i, true), u8 = (column, k, i) => bytes[n * (column + k) + i];
     const share = (i, axis) => u16(2 * n * axis, i) / 65535, mixed = ([low, high], share) => low + share * (high - low);
-    // Numbers by Gaussian: while the object moves, all are read for every picture.
+    // Numbers of each Gaussian, decoded once: while the object moves, all are read for every picture.
     const all = (width, value) => Float32Array.from({ length: width * n }, (_, at) => value(Math.floor(at / width), at % width));
     const centers = all(3, (i, a) => mixed([cloud.corners[0][a], cloud.corners[1][a]], share(i, a)));
     const scales = all(3, (i, a) => Math.exp(mixed(cloud.log_scales, u8(6, a, i) / 255)));
@@ -229,7 +229,7 @@
       renderer.setSize(width, height, false);
       camera.aspect = width / height;
       camera.updateProjectionMatrix();
-      // Whatever the user sees of the object stays in view.
+      // The part of the object that the user sees stays in view.
       const before = fitted, from = away();
       fitted = fit();
       camera.position.copy(controls.target).addScaledVector(from, fitted / before);

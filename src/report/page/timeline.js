@@ -32,7 +32,7 @@ function timelineOf(duration, moved) {
   bar.hidden = false;
   return {
     toggle,
-    /* Advances by `elapsed` seconds of the clock on the wall. */
+    /* Advances the motion after `elapsed` seconds of real time. */
     tick(elapsed) {
       if (!playing) return;
       set(Math.min(seconds + elapsed * Number(speed.value), duration));

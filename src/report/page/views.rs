@@ -54,10 +54,10 @@ fn one(view: &ViewPictures, pictures: &Pictures, answers: &Answers) -> Value {
         pictures => vec![
             picture(&view.photo, "photo of view"),
             picture(&view.splat, "splat drawn in view"),
-            picture(&view.segments, "segments of view"),
+            picture(&view.segments, "parts in view"),
             picture(&view.materials, "Gaussians drawn in view"),
         ],
-        caption => format!("{}: {}", counted(named.len(), "segment"), named.join("; ")),
+        caption => format!("{}: {}", counted(named.len(), "question"), named.join("; ")),
         rows => of_view.iter().map(|segment| row(segment, pictures)).collect::<Vec<_>>(),
     }
 }

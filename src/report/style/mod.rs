@@ -1,4 +1,5 @@
-//! The common style of gprop's pages: colours in light and dark, fonts, tables, the button that switches the theme.
+//! The common style of gprop's pages: colours of the light and the dark theme, fonts, tables, the button that switches
+//! the theme.
 
 use minijinja::{AutoEscape, Environment, Value, escape_formatter};
 
