@@ -26,7 +26,7 @@ pub enum BatchError {
     Locked { shard: String, folder: PathBuf, holder: Holder },
     #[error("cannot use {path:?}: {source}; make room or choose another folder with --out")]
     Io { path: PathBuf, source: std::io::Error },
-    #[error("{path:?} line {line} is not what gprop wrote: {source}; delete the file and run again")]
+    #[error("{path:?} line {line} is not a line that gprop wrote: {source}; delete the file and run again")]
     Line { path: PathBuf, line: usize, source: serde_json::Error },
     #[error("there is nothing to merge in {folder:?}; run the shards first, with the same --out")]
     NothingToMerge { folder: PathBuf },

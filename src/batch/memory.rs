@@ -7,7 +7,7 @@ use crate::pipeline::Stage;
 use super::BatchError;
 use super::select::Selected;
 
-/// Bytes per GB, as disks and clusters count it.
+/// Bytes per GB, as disks and clusters count them.
 pub const GIGABYTE: f64 = 1e9;
 
 /// The share of the free memory that a batch uses by default: the rest is for cached files and other programs.

@@ -4,7 +4,7 @@
 //!    [`shard`]s by size.
 //! 2. [`ledger`] holds the outcome of each scene so far, so that done scenes are skipped.
 //! 3. [`scheduler`] runs the others, each in a [`child`] process: a panic or a lack of [`memory`] in one does not stop
-//!    the others, and a child that was killed continues where it was when it is started again.
+//!    the others, and a child that was killed continues where it stopped when it is started again.
 //! 4. [`summary`] lists all outcomes in a table and [`index`] on a page; those of several shards are
 //!    [merged](Batch::merge).
 //!
@@ -112,7 +112,7 @@ impl Batch {
         if let Some(first) = skipped.first() {
             let count = skipped.len();
             warnings.push(format!(
-                "the names of {count} scene folders are not UTF-8 (first: `{first}`); they are skipped until you rename them"
+                "scene folders skipped because their names are not UTF-8: {count} (first: `{first}`); rename to run them"
             ));
         }
         let cores = || std::thread::available_parallelism().map_or(1, usize::from);
@@ -253,8 +253,8 @@ impl Batch {
         }
     }
 
-    /// Hash of the task and of those properties of the scene that can be checked without opening it: an outcome with
-    /// another key does not count.
+    /// Hash of the task and of those properties of the scene that can be checked without opening it. An outcome with
+    /// another key does not count as this scene's.
     fn key(&self, scene: &Selected) -> String {
         let mut hasher = Hasher::new("batch").with_json(&self.to).with(&scene.bytes.to_le_bytes());
         for flag in &self.flags {

@@ -14,7 +14,7 @@ const MOST_GB: f64 = 1e6;
 /// Two years: a larger value is a mistake.
 const MOST_MINUTES: f64 = 1e6;
 
-/// Which scenes, how many at a time, and what to do with those that failed before.
+/// Which scenes to run, how many at a time, and what to do with those that failed before.
 #[derive(Debug, Clone, Default, clap::Args)]
 #[command(next_help_heading = "Batch")]
 pub struct Options {

@@ -2,7 +2,7 @@
 //!
 //! A scene is started if the [estimates](super::memory) of all running scenes leave room for its own. Estimates can be
 //! wrong, so the memory that the processes use is sampled: if it exceeds the budget, the scene started last is killed
-//! and waits until there is room for the memory that it was seen to need. A scene that exceeds the budget all by itself
+//! and waits until there is room for the memory that it was seen to need. A scene that exceeds the budget by itself
 //! fails, and so does one that takes longer than `--max-minutes`.
 
 use std::collections::VecDeque;
@@ -17,7 +17,7 @@ use super::{BatchError, Outcome};
 pub const THREADS_A_SCENE: usize = 4;
 
 const POLL: Duration = Duration::from_millis(20);
-/// A scene that was killed while growing is assumed to need this many times the memory that it used.
+/// A scene that was killed while its memory was growing is assumed to need this many times the memory that it used.
 const GROWTH: f64 = 1.5;
 
 /// How scenes are run.

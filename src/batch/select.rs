@@ -46,7 +46,7 @@ pub fn select(
     let listed = scenes.len();
     if let Some(split) = &options.split {
         scenes = of_split(scenes, split, warnings)?;
-        // A split cannot name them.
+        // A split cannot name a scene whose name is not UTF-8.
         skipped.clear();
     }
     if let Some(filter) = &options.filter {

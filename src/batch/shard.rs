@@ -80,12 +80,12 @@ impl fmt::Display for Shard {
 }
 
 /// Distributes items of the given sizes to `count` shards, the largest first and each to the shard with the smallest
-/// total so far, so that the shards' totals are about equal. Returns the shard of each item. Among equal sizes, their
-/// order decides.
+/// total so far, so that the shards' totals are about equal. Returns the shard of each item. Items of equal size are
+/// taken in their order.
 pub(super) fn deal(sizes: &[u64], count: usize) -> Vec<usize> {
     let mut order: Vec<usize> = (0..sizes.len()).collect();
     order.sort_by_key(|&index| (std::cmp::Reverse(sizes[index]), index));
-    // If there are more shards than items, the last ones stay empty.
+    // If there are more shards than items, the last shards stay empty.
     let count = count.min(sizes.len());
     let mut loads = vec![(0_u64, 0_usize); count];
     let mut shards = vec![0; sizes.len()];

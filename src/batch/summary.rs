@@ -30,7 +30,7 @@ pub struct Summary {
     pub missing: Vec<String>,
     /// Sum over the last processes of all scenes.
     pub seconds: f64,
-    /// That of the scene that used most.
+    /// Peak memory of the scene that used most.
     pub peak_memory_bytes: u64,
     /// Sorted by scene.
     pub outcomes: Vec<Outcome>,
@@ -109,7 +109,7 @@ impl Summary {
         let missing = missing.len();
         let skipped = if self.skipped > 0 { format!(", {} skipped", self.skipped) } else { String::new() };
         text + &format!(
-            "{}: {done} done, {failed} failed, {missing} unknown{skipped}; {seconds:.0} seconds in total",
+            "{}: {done} done, {failed} failed, {missing} without a result{skipped}; {seconds:.0} seconds in total",
             counted(*scenes, "scene")
         )
     }

@@ -81,7 +81,7 @@ fn a_folder_whose_name_is_not_utf_8_is_listed_as_skipped() {
     assert!(stderr(&output).contains("are not UTF-8") && stderr(&output).contains(SHOWN), "{}", stderr(&output));
     let table = String::from_utf8(output.stdout).unwrap();
     assert!(table.contains(&format!("{SHOWN}  skipped")), "{table}");
-    assert!(table.contains("2 scenes: 1 done, 0 failed, 0 unknown, 1 skipped"), "{table}");
+    assert!(table.contains("2 scenes: 1 done, 0 failed, 0 without a result, 1 skipped"), "{table}");
     let home = balls.folder().join("gprop/batch");
     let summary: Value = serde_json::from_slice(&fs::read(home.join("summary.json")).unwrap()).unwrap();
     assert_eq!((&summary["skipped"], &summary["outcomes"][1]["state"]), (&1.into(), &"skipped".into()));

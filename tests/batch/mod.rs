@@ -103,7 +103,7 @@ fn one_bad_scene_stops_no_other() {
     let text = batch(&balls, &[]).output().unwrap();
     assert_eq!(text.status.code(), Some(6), "a failed scene stays one");
     let table = String::from_utf8_lossy(&text.stdout).into_owned();
-    assert!(table.contains("4 scenes: 3 done, 1 failed, 0 unknown"), "{table}");
+    assert!(table.contains("4 scenes: 3 done, 1 failed, 0 without a result"), "{table}");
     assert!(
         stderr(&text).contains("1 of 4 scenes is not done") && stderr(&text).contains("ball-1:"),
         "{}",

@@ -24,7 +24,7 @@ use super::{BatchError, Outcome, State, Summary, memory};
 
 /// Name of the page.
 pub const FILE: &str = "index.html";
-/// Largest size in bytes of a small picture that gprop wrote: as many bytes as its pixels have.
+/// Largest size in bytes of a small picture that gprop wrote: that of its pixels before compression.
 const MOST_PICTURE_BYTES: u64 = 3 * 2 * thumbnail::SIDE as u64 * thumbnail::SIDE as u64;
 /// Number of materials that a row names.
 const MATERIALS: usize = 3;
@@ -61,7 +61,7 @@ fn tiles(summary: &Summary) -> Vec<Value> {
         tiles.push(tile("skipped", summary.skipped.to_string()));
     }
     if !summary.missing.is_empty() {
-        tiles.push(tile("not run", summary.missing.len().to_string()));
+        tiles.push(tile("no result", summary.missing.len().to_string()));
     }
     tiles.push(tile("total time", duration(summary.seconds)));
     tiles.push(tile("peak memory", format!("{:.2} GB", summary.peak_memory_bytes as f64 / memory::GIGABYTE)));
@@ -139,7 +139,8 @@ fn picture(path: &Path) -> Option<Value> {
     Some(Value::from_safe_string(format!("data:image/jpeg;base64,{}", BASE64.encode(jpeg))))
 }
 
-/// The relative URL from a page in `folder` to `file`; `None` if there is none because the file is on another drive.
+/// The relative URL from a page in `folder` to `file`; `None` if there is no such URL because the file is on another
+/// drive.
 fn link(folder: &Path, file: &Path) -> Option<Value> {
     let (folder, file) = (std::path::absolute(folder).ok()?, std::path::absolute(file).ok()?);
     let way = pathdiff::diff_paths(file, folder)?;
