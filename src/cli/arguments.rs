@@ -14,11 +14,11 @@ use crate::scene::SizedMarker;
 use crate::values::{self, from_to};
 use crate::{batch, export, inspect, materials, setup};
 
-/// More than the cores of any machine that gprop was run on. A thread takes a 2 MB stack and milliseconds to start.
+/// More than the cores of any machine on which gprop was run. A thread takes a 2 MB stack and milliseconds to start.
 const MOST_THREADS: usize = 1024;
 
 /// In the help of the commands that [go on from the last run](super::last_run).
-const GOES_ON: &str = "Stage options that you do not give are those typed for the last run in the work folder.";
+const GOES_ON: &str = "Stage options that you do not give are taken from the last run in the work folder.";
 
 /// Materials and physical properties for every Gaussian of a 3D Gaussian Splatting scene.
 #[derive(Debug, Parser)]
@@ -73,7 +73,7 @@ pub enum Command {
     /// Open the report of an earlier run, or the page of an earlier batch, in the browser.
     View(ViewArgs),
     /// Cut the chosen views of a scene, or a single picture, into segments with SAM.
-    #[command(after_help = "SCENE may also be a single picture: its alpha, if it has any, marks the object.")]
+    #[command(after_help = "SCENE may also be a single picture: its alpha channel, if it has one, marks the object.")]
     Segment(SceneArgs),
     /// Get the material of each part from recorded answers or a model; or export questions and import answers.
     Query(QueryArgs),
@@ -257,8 +257,8 @@ pub struct ExportArgs {
 
 #[derive(Debug, Args)]
 #[command(after_help = "Options can also be set in files, one `name = value` per line, with the names of the \
-                        flags: in SCENE/gprop.toml those that concern only the scene, in ~/.config/gprop/config.toml all \
-                        of them. The command line overrides the scene's file, which overrides yours.")]
+                        flags: SCENE/gprop.toml may set those that concern only the scene, ~/.config/gprop/config.toml \
+                        all of them. The command line overrides the scene's file, which overrides yours.")]
 pub struct RunArgs {
     /// Last stage to run; the stages that it needs are run first.
     #[arg(long, value_name = "STAGE", default_value = "report")]
@@ -336,8 +336,8 @@ pub struct SimulateArgs {
     /// Configuration of that program (PhysGaussian's JSON); without --field, SCENE may be a PLY.
     #[arg(long, value_name = "FILE", requires = "compat", group = "solver_input", value_parser = values::file())]
     pub config: Option<PathBuf>,
-    /// Give each particle the law, E, nu and density that the scene's field.ply has for its Gaussian, instead of the
-    /// configuration's; without --config, the object falls under the configuration that `gprop export --format
+    /// Give each particle the law, E, nu and density that the scene's field.ply has for its Gaussian, instead of those
+    /// of the configuration; without --config, the object falls under the configuration that `gprop export --format
     /// physgaussian` writes.
     #[arg(long, requires = "compat", group = "solver_input")]
     pub field: bool,
@@ -354,8 +354,8 @@ pub enum Compat {
 
 #[derive(Debug, Args)]
 #[command(
-    after_help = "SCENE may also be a single picture: its alpha or --mask marks the object, and a map of the materials \
-                        is drawn."
+    after_help = "SCENE may also be a single picture: its alpha channel or --mask marks the object, and gprop draws a \
+                        map of the materials."
 )]
 pub struct QueryArgs {
     /// Write the questions that are due (sheets, prompt, schema, a form to fill in) into this folder, so that they can be
@@ -411,7 +411,7 @@ pub struct TrueParts {
 
 /// Fewer than the ten views that vote by default, and enough to see an object from all sides.
 const FEW_VIEWS: NonZeroUsize = NonZeroUsize::new(6).expect("six is not zero");
-/// More than this are not few.
+/// Upper limit of `--few-views`: a thousand views are not few.
 const MOST_FEW_VIEWS: NonZeroUsize = NonZeroUsize::new(1000).expect("a thousand is not zero");
 
 #[derive(Debug, Subcommand)]
@@ -465,8 +465,8 @@ pub enum Evaluate {
         #[arg(long, value_name = "DIR")]
         out: Option<PathBuf>,
     },
-    /// Compare --point-prompts adaptive with --point-prompts grid in the number of prompts, time and part IoU, on scenes
-    /// with true part maps.
+    /// Compare --point-prompts adaptive with --point-prompts grid on scenes with true part maps: number of prompts,
+    /// time and part IoU.
     Prompts {
         #[command(flatten)]
         asked: TrueParts,
@@ -477,8 +477,8 @@ pub enum Evaluate {
         #[command(flatten)]
         asked: TrueParts,
     },
-    /// Compute the IoU of labels if half of the segments are merged with a neighbour, a tenth of the answers are wrong,
-    /// or fewer views vote, on scenes with true part maps; the answers come from the true part maps.
+    /// Compute the IoU of labels on scenes with true part maps if half of the segments are merged with a neighbour, a
+    /// tenth of the answers are wrong, or fewer views vote; the answers come from the true part maps.
     Robustness {
         /// Scene folders with SCENE/ground_truth/part_maps/VIEW.png on which `gprop run` has done at least the vote;
         /// questions and votes follow the options of that run.

@@ -66,7 +66,7 @@ fn announce(options: &pipeline::Options, scenes: usize) -> anyhow::Result<()> {
     };
     let scenes = format!("{}{}", agreeing(scenes, "", "up to "), counted(scenes, "scene"));
     progress::notice(&format!(
-        "asking {destination} about the pictures of {scenes} that have no recorded answer ({budget})"
+        "asking {destination} about those pictures of {scenes} that have no recorded answer ({budget})"
     ));
     Ok(())
 }

@@ -1,4 +1,4 @@
-//! The result of a stage in a few lines, for people at a terminal: what was found, then where it is.
+//! The result of a stage in a few lines, for people at a terminal: what was found, then the path of the file.
 
 use std::collections::BTreeMap;
 use std::fmt::Write;

@@ -4,12 +4,12 @@
 //! they may run before the typed ones, so that they find the results of the run instead of doing them again with the
 //! defaults.
 //!
-//! A work folder may come with a scene from anyone. So only flags that a scene's `gprop.toml` may set are recorded and
-//! taken back, after the same checks; and `--preset`, which stands for such flags. If the user names the work folder,
-//! it is the user's own: then paths outside the scene are taken as well, and [the flags](OF_OWN_FOLDER) for the user's
-//! other folders. Nothing that loads code, names a server, pays or allows more to be read is ever recorded. A flag that
-//! gprop would not have recorded is ignored. One that it recorded and may not take back is an error: without it, the
-//! results of the run would be replaced.
+//! A work folder may come with a scene from anyone. So the only flags that are recorded and taken back are those that a
+//! scene's `gprop.toml` may set, after the same checks, and `--preset`, which stands for such flags. If the user names
+//! the work folder, it is the user's own: then paths outside the scene are taken as well, and [the
+//! flags](OF_OWN_FOLDER) for the user's other folders. Nothing that loads code, names a server, pays or allows more to
+//! be read is ever recorded. A flag that gprop would not have recorded is ignored. A flag that gprop recorded but may
+//! not take back is an error: without it, the results of the run would be replaced.
 
 use std::borrow::Cow;
 use std::ffi::{OsStr, OsString};
@@ -30,7 +30,7 @@ const FOR_SCENE_FLAGS: &[&str] = &["preset"];
 /// Flags that no scene may set, but that are taken back from a work folder that the user names.
 const OF_OWN_FOLDER: &[&str] = &["prompts", "recordings"];
 
-/// Linux takes no longer argument (MAX_ARG_STRLEN), so no longer one was typed.
+/// Linux accepts no argument longer than this (MAX_ARG_STRLEN), so a longer flag was not typed.
 const LONGEST_FLAG: usize = 128 * 1024;
 
 /// Characters that are shown at the beginning and at the end of a long recorded text.
@@ -47,16 +47,16 @@ fn going_on(command: &str) -> Option<(Stage, &'static str)> {
     }
 }
 
-/// The stage whose options are only for the command itself, if it goes on from the last run: a grasp or simulation that
-/// is tried out. No later command needs its result.
+/// The stage whose options are only for the command itself, if the command goes on from the last run: the user may be
+/// trying out a grasp or a simulation, and no later command needs the result.
 pub fn once(command: &str) -> Option<Stage> {
     going_on(command).map(|(to, _)| to).filter(|to| matches!(to, Stage::Simulate | Stage::Grasp))
 }
 
-/// The flags of the last run on `scene` with which `command` goes on, without those that give way to typed ones.
+/// The flags of the last run on `scene` that `command` reuses: those that no typed flag replaces.
 ///
 /// # Errors
-/// [`ConfigError`] if one was recorded but may not be taken back, or is not valid any more.
+/// [`ConfigError`] if a flag was recorded but may not be taken back, or is not valid.
 pub fn flags(
     command: &clap::Command,
     matches: &ArgMatches,
@@ -103,13 +103,13 @@ fn parsed<'a, 'b>(text: &'b str, known: &'a [Flag]) -> Option<(&'a Flag, &'b str
     (flag.takes_value == value.is_some()).then_some((flag, value.unwrap_or_default()))
 }
 
-/// True if `run.json` may have it.
+/// True if the flag may be recorded in `run.json`.
 pub fn is_recorded(flag: &Flag) -> bool {
     let name = flag.name.as_str();
     flag.scene.is_some() || FOR_SCENE_FLAGS.contains(&name) || OF_OWN_FOLDER.contains(&name)
 }
 
-/// A recorded flag as it would be typed; `None` if its value is not taken from the owner's work folder.
+/// A recorded flag as it would be typed; `None` if its value may not come from a work folder of this owner.
 fn taken_back(flag: &Flag, value: &str, scene: &Path, owner: Owner) -> Option<OsString> {
     if !flag.takes_value {
         return Some(format!("--{}", flag.name).into());
@@ -143,8 +143,8 @@ pub fn recorded(flags: &[OsString], scene: &Path, known: &[Flag]) -> FieldFlags 
     recorded
 }
 
-/// A path that means the same whatever the current folder is: relative to the scene's folder if it is inside, else
-/// absolute.
+/// A path that means the same whatever the current folder is: relative to the scene's folder if it is inside that
+/// folder, else absolute.
 fn portable(path: &Path, scene: &Path) -> PathBuf {
     let absolute = |path: &Path| std::path::absolute(path).unwrap_or_else(|_| path.to_owned());
     let real = |path: &Path| path.canonicalize().unwrap_or_else(|_| absolute(path));

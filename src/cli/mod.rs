@@ -38,8 +38,8 @@ use arguments::{
     Scale, SceneArgs, ShowArgs, SimulateArgs, StageFlags, ViewArgs, What, WorkArgs,
 };
 
-/// The program: runs the command line, prints an error once, and returns the exit code. A panic ends the process as a
-/// bug; clap handles invalid usage, help and version, and ends the process itself.
+/// The program: runs the command line, prints an error once, and returns the exit code. A panic is reported as a bug
+/// and ends the process; clap handles invalid usage, help and version, and ends the process itself.
 pub fn main() -> ExitCode {
     exit::report_panics_as_bugs();
     match run(std::env::args_os().collect()) {

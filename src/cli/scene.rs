@@ -158,8 +158,8 @@ fn dry_run(
         match queries {
             Some(plan) => text += &format!("questions: {plan}\n"),
             None if to >= Stage::Query && !reusable.contains(&Stage::Consensus) => {
-                text += "questions: counted once the parts are found, which sends nothing: \
-                         gprop run SCENE --to consensus\n";
+                text += "questions: unknown until the parts are found; `gprop run SCENE --to consensus` finds them and \
+                         sends nothing\n";
             }
             None => {}
         }

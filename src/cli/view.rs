@@ -10,7 +10,7 @@ use crate::workdir::{self, Artifact};
 
 use super::{Global, ReportArgs, ViewArgs, print, scene, shown};
 
-/// The program that opens a file with the user's choice of program for its kind.
+/// The program that opens a file with the user's default application for its type.
 const OPENER: &str = if cfg!(target_os = "macos") { "open" } else { "xdg-open" };
 
 /// `gprop report`: every stage, then the report in the browser if the user wants it there.
@@ -39,8 +39,8 @@ fn page_of(folder: &Path) -> Result<PathBuf, UsageError> {
     let found = places.into_iter().find(|page| page.is_file());
     found.ok_or_else(|| {
         UsageError(format!(
-            "{folder:?} has no report yet; `gprop report {folder:?} --open` makes one; without one, `gprop inspect \
-             {folder:?} --html FILE` shows photos and splat side by side"
+            "{folder:?} has no report yet; make one with `gprop report {folder:?} --open`, or compare photos and splat \
+             without a report with `gprop inspect {folder:?} --html FILE`"
         ))
     })
 }

@@ -82,7 +82,7 @@ fn evaluate_masses(global: &Global, scenes: &[PathBuf], out: Option<&Path>) -> a
     print(global, &found, || mass::text(&found))
 }
 
-/// By found part, the true part that it mostly shows; empty if the scene has no true part maps.
+/// For each part that was found, the true part that it mostly shows; empty if the scene has no true part maps.
 fn shown_parts(global: &Global, scene: &Path, out: Option<&Path>) -> anyhow::Result<BTreeMap<u32, u8>> {
     if !scene.join(TRUE_MAPS).exists() {
         return Ok(BTreeMap::new());
@@ -274,7 +274,7 @@ fn true_parts(folder: &Path, view: &scene::View, options: &scene::Options) -> an
     Ok(parts)
 }
 
-/// A view with its true part map; `segmented` says whether the view helped to find the parts.
+/// A view with its true part map; `segmented` says whether the parts were found with the help of this view.
 fn true_view(folder: &Path, view: &scene::View, options: &scene::Options, segmented: bool) -> anyhow::Result<TrueView> {
     let parts = true_parts(folder, view, options)?;
     Ok(TrueView { name: view.name.clone(), camera: view.camera.clone(), parts, segmented })
