@@ -2,7 +2,7 @@
 //! `benches/scene_plyfile.py` runs it for the comparison with plyfile.
 //!
 //! Prints `load_s`, `read_s` (seconds, best of five) and `peak_over_size` (peak resident memory of the first load over the
-//! file's size; Linux); then the same of ply-rs, which reads bodies into a map of properties for each Gaussian, as
+//! file's size; Linux); then the same of ply-rs-bw, which reads bodies into a map of properties for each Gaussian, as
 //! `ply_rs_s` and `ply_rs_peak_over_size`.
 
 use std::fs::File;
@@ -11,8 +11,8 @@ use std::path::Path;
 use std::time::Instant;
 
 use gprop::scene::ply;
-use ply_rs::parser::Parser;
-use ply_rs::ply::DefaultElement;
+use ply_rs_bw::parser::Parser;
+use ply_rs_bw::ply::DefaultElement;
 
 const RUNS: usize = 5;
 

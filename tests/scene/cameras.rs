@@ -123,7 +123,7 @@ fn a_bad_colmap_model_is_refused() {
     assert!(text("\n1 PINHOLE").contains("line 2: WIDTH is missing"));
     assert!(text("1 LENSLESS 8 6 1").contains("LENSLESS"));
     let image = |text: &str| colmap::parse_images_text(text).unwrap_err().to_string();
-    assert!(image("1 0 0 0 0 1 2 3 1 a.png").contains("rotation of length zero"));
+    assert!(image("1 0 0 0 0 1 2 3 1 a.png").contains("quaternion of length zero"));
     assert!(image("1 1 0 0 0 1 2 3 1").contains("NAME is missing"));
     let good = images_binary(&[(1, [1.0, 0.0, 0.0, 0.0], [0.0; 3], 1, "a.png")]);
     let cut = colmap::parse_images_binary(&good[..good.len() - 1]).unwrap_err().to_string();

@@ -1,9 +1,9 @@
-//! Ascii bodies, row by row through ply-rs into our own row type (its generic element is a map per row).
+//! Ascii bodies, row by row through ply-rs-bw into our own row type (its generic element is a map per row).
 
 use std::io::BufRead;
 
-use ply_rs::parser::Parser;
-use ply_rs::ply::ElementDef;
+use ply_rs_bw::parser::Parser;
+use ply_rs_bw::ply::ElementDef;
 
 use super::header::Header;
 use super::layout::{self, Array, Layout};
@@ -75,7 +75,7 @@ fn store(row: &Row, layout: &Layout, index: usize, arrays: &mut [Array<'_>]) {
     }
 }
 
-/// Parses one row. ply-rs does not accept `nan`, `inf`, `.5`, `5.` or `1E-3`; a line that it refuses is parsed once
+/// Parses one row. ply-rs-bw does not accept `nan`, `inf`, `.5` or `5.`; a line that it refuses is parsed once
 /// more with 0 in place of such words, and their values are filled in afterwards.
 fn parse_row(text: &str, vertex: &ElementDef) -> Result<Row, RowProblem> {
     let parser = Parser::<Row>::new();

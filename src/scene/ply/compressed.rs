@@ -9,7 +9,7 @@
 //! element sh      f_rest_i as one byte each, from -4 to 4, channel-major (absent at SH degree 0)
 //! ```
 
-use ply_rs::ply::{ElementDef, Encoding};
+use ply_rs_bw::ply::{ElementDef, Encoding};
 use rayon::prelude::*;
 
 use super::header::Header;

@@ -1,11 +1,11 @@
-//! The header. ply-rs parses it; this file rejects beforehand what ply-rs would panic on (numbers beyond 64 bits), what
-//! it would silently merge (duplicates), and headers without an end.
+//! The header. ply-rs-bw parses it; this file rejects beforehand what ply-rs-bw would silently merge (duplicates), and
+//! headers without an end.
 
 use std::collections::HashSet;
 use std::io::{BufRead, Cursor, Read};
 
-use ply_rs::parser::Parser;
-use ply_rs::ply::{ElementDef, Encoding};
+use ply_rs_bw::parser::{Parser, Reader};
+use ply_rs_bw::ply::{ElementDef, Encoding};
 
 use super::Problem;
 use super::row::Row;
@@ -29,9 +29,13 @@ pub(super) struct Header {
 
 pub(super) fn read(bytes: &impl Bytes) -> Result<Header, Problem> {
     let (text, body_at) = checked_text(bytes)?;
-    let header = Parser::<Row>::new()
-        .read_header(&mut Cursor::new(&text))
-        .map_err(|error| Problem::Header(one_line(&error.to_string()).trim_end_matches('.').to_owned()))?;
+    let header = Parser::<Row>::new().read_header(&mut Reader::new(Cursor::new(&text))).map_err(|error| match error
+        .line()
+        .and_then(|line| Some((line, text.lines().nth(line - 1)?)))
+    {
+        Some((line, text)) => Problem::HeaderLine { line, text: one_line(text) },
+        None => Problem::Header(one_line(&error.to_string()).trim_end_matches('.').to_owned()),
+    })?;
     Ok(Header {
         encoding: header.encoding,
         elements: header.elements.into_iter().map(|(_, element)| element).collect(),
@@ -41,7 +45,7 @@ pub(super) fn read(bytes: &impl Bytes) -> Result<Header, Problem> {
     })
 }
 
-/// The header's text up to and including `end_header`, checked to be safe for ply-rs, and the offset of what follows.
+/// The header's text up to and including `end_header`, without duplicates, and the offset of what follows.
 fn checked_text(bytes: &impl Bytes) -> Result<(String, u64), Problem> {
     let mut reader = bytes.reader_from(0).take(HEADER_LIMIT);
     let mut checker = LineChecker::default();
@@ -77,7 +81,6 @@ struct LineChecker {
 impl LineChecker {
     fn check(&mut self, line: usize, text: &str) -> Result<(), Problem> {
         let mut words = text.split_ascii_whitespace();
-        let is_remark = text.starts_with("comment") || text.starts_with("obj_info");
         let duplicate = |kind, name: &str| Err(Problem::Duplicate { kind, name: name.to_owned(), line });
         match words.next() {
             Some("element") => {
@@ -95,16 +98,11 @@ impl LineChecker {
             }
             _ => {}
         }
-        if !is_remark && overflows_u64(text) || Parser::<Row>::new().read_header_line(text).is_err() {
+        if Parser::<Row>::new().read_header_line(text).is_err() {
             return Err(Problem::HeaderLine { line, text: one_line(text) });
         }
         Ok(())
     }
-}
-
-/// True if a run of digits may not fit in 64 bits, on which ply-rs panics. 19 digits always fit.
-fn overflows_u64(text: &str) -> bool {
-    text.split(|c: char| !c.is_ascii_digit()).any(|digits| digits.len() > 19)
 }
 
 /// At most 100 characters on one line, for a message.

@@ -2,7 +2,7 @@
 
 use std::collections::BTreeMap;
 
-use ply_rs::ply::{ElementDef, Encoding, PropertyType, ScalarType};
+use ply_rs_bw::ply::{ElementDef, Encoding, PropertyType, ScalarType};
 
 use super::Problem;
 use super::header::Header;
@@ -54,7 +54,7 @@ pub(super) struct Layout {
     pub flat: bool,
     /// Names of the properties that gprop does not know, in file order.
     pub extra: Vec<String>,
-    /// The element as ply-rs declares it.
+    /// The element as ply-rs-bw declares it.
     pub vertex: ElementDef,
     /// Whether other elements follow, which gprop does not read.
     pub followed: bool,
@@ -75,7 +75,7 @@ pub(super) struct Column {
     pub length: usize,
 }
 
-/// The same as ply-rs' scalar type, but `Copy` and comparable.
+/// The same as ply-rs-bw's scalar type, but `Copy` and comparable.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Scalar {
     I8,
@@ -235,7 +235,7 @@ fn sh_rest_index(name: &str) -> Option<usize> {
 
 /// Name and type of each property; [`Problem::List`] if one is a list.
 pub(super) fn scalar_properties(element: &ElementDef) -> Result<Vec<(&str, Scalar)>, Problem> {
-    let scalar_of = |(name, property): (_, &ply_rs::ply::PropertyDef)| match &property.data_type {
+    let scalar_of = |(name, property): (_, &ply_rs_bw::ply::PropertyDef)| match &property.data_type {
         PropertyType::Scalar(scalar) => Ok((name, Scalar::of(scalar))),
         PropertyType::List(..) => Err(Problem::List { name: property.name.clone() }),
     };

@@ -2,7 +2,7 @@
 //! 0 to 3, with or without normals, with properties that gprop does not know.
 //!
 //! Reading goes in this order:
-//! 1. `header`: ply-rs reads the header, after a check for what it would silently accept or panic on.
+//! 1. `header`: ply-rs-bw reads the header, after a check for duplicates, which it would silently merge.
 //! 2. `layout`: determines where each property goes, and checks that this is a splat.
 //! 3. `binary` or `ascii`: reads the body directly into the structure of arrays, after the count in the header has been
 //!    checked against the bytes in the file. Memory is bounded by the file's actual size, whatever the header claims.
@@ -22,7 +22,7 @@ mod write;
 
 use std::path::{Path, PathBuf};
 
-use ply_rs::ply::Encoding;
+use ply_rs_bw::ply::Encoding;
 use thiserror::Error;
 
 use super::gaussians::Gaussians;

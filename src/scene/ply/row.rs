@@ -1,6 +1,6 @@
-//! The element type for ply-rs' parser: one row of an ascii body. Parsing the header needs the type too.
+//! The element type for ply-rs-bw's parser: one row of an ascii body. Parsing the header needs the type too.
 
-use ply_rs::ply::{Property, PropertyAccess};
+use ply_rs_bw::ply::{Property, PropertyAccess, PropertyAccessResult};
 
 /// The values of one row in the order of the declaration.
 pub(super) struct Row {
@@ -12,7 +12,7 @@ impl PropertyAccess for Row {
         Self { values: Vec::new() }
     }
 
-    fn set_property(&mut self, _name: String, property: Property) {
+    fn set_property(&mut self, _name: &str, property: Property) -> PropertyAccessResult {
         self.values.push(match property {
             Property::Char(v) => v.into(),
             Property::UChar(v) => v.into(),
@@ -24,5 +24,6 @@ impl PropertyAccess for Row {
             Property::Double(v) => v as f32,
             _ => unreachable!("list properties were refused with the header"),
         });
+        PropertyAccessResult::Set
     }
 }
