@@ -30,18 +30,18 @@ struct Effort {
 impl Page {
     fn type_keys(&self, text: &str) -> usize {
         for key in text.chars() {
-            self.tab.press_key(&key.to_string()).unwrap();
+            self.press_key(&key.to_string());
         }
         text.chars().count()
     }
 
     fn enter(&self) -> usize {
-        self.tab.press_key("Enter").unwrap();
+        self.press_key("Enter");
         1
     }
 
     /// What has the focus: `combo`, `radio`, `number`, `text`, or the id of a button.
-    fn focus(&self) -> String {
+    fn focused(&self) -> String {
         let focus = self.evaluate(
             "(() => { const node = document.activeElement;
               return node.closest('.combo') ? 'combo' : node.type === 'radio' ? 'radio'
@@ -55,7 +55,7 @@ impl Page {
         let mut effort = Effort::default();
         loop {
             effort.fields += 1;
-            effort.keys += match self.focus().as_str() {
+            effort.keys += match self.focused().as_str() {
                 "combo" => self.type_keys(words) + self.enter(),
                 "radio" => self.type_keys("1"),
                 "number" => self.type_keys("0.9") + self.enter(),
@@ -92,7 +92,7 @@ fn a_mug_is_answered_with_the_keyboard_in_two_minutes() {
     let other = page.answer("rubber sil", "round lid");
     page.answer("", "");
     assert_eq!(page.text("#state"), "4 of 4 answered");
-    assert_eq!(page.focus(), "text", "only the name is missing: {:?}", page.evaluate("document.activeElement.id"));
+    assert_eq!(page.focused(), "text", "only the name is missing: {:?}", page.evaluate("document.activeElement.id"));
     page.type_keys("Ada");
 
     // The mug has three parts, each shown in three views.
@@ -171,7 +171,7 @@ fn the_form_asks_what_belongs_to_a_shell_and_keeps_what_was_typed() {
     assert_eq!(page.text("#state"), "1 of 2 answered");
     let saved: Value = serde_json::from_str(page.evaluate("lines()[0]").as_str().unwrap()).unwrap();
     assert_eq!((&saved["answer"]["filling"], &saved["answer"]["bulk_reason"]), (&json!(filling), &Value::Null));
-    page.tab.reload(false, None).unwrap();
-    page.tab.wait_for_element("#fields input").unwrap();
+    page.reload();
+    page.wait_for("#fields input");
     assert_eq!(page.text("#state"), "1 of 2 answered", "what was typed is kept in the browser");
 }

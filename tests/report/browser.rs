@@ -1,11 +1,9 @@
 //! The page in headless Chromium, from disk.
 
-use headless_chrome::browser::tab::point::Point;
-
 use gprop::scene::ply;
 use serde_json::Value;
 
-use crate::support::browser::Page;
+use crate::support::browser::{Page, Point};
 
 use super::{HOSTILE, json_file, small_run};
 
@@ -23,14 +21,14 @@ impl Page {
 
     /// Moves the pointer over the canvas, from its middle outwards, until the page reports a part there.
     fn find_object(&self) -> Point {
-        let canvas = self.tab.find_element("#object").unwrap().get_box_model().unwrap().content_viewport();
+        let (corner, [width, height]) = self.content_box("#object");
         let mut probes: Vec<[u32; 2]> =
             (1..PROBES).flat_map(|row| (1..PROBES).map(move |column| [row, column])).collect();
         probes.sort_by_key(|probe| probe.map(|k| (2 * k).abs_diff(PROBES).pow(2)).iter().sum::<u32>());
         for [row, column] in probes {
             let share = |k: u32| f64::from(k) / f64::from(PROBES);
-            let point = Point { x: canvas.x + canvas.width * share(column), y: canvas.y + canvas.height * share(row) };
-            self.tab.move_mouse_to_point(point).unwrap();
+            let point = Point { x: corner.x + width * share(column), y: corner.y + height * share(row) };
+            self.move_mouse_to(point);
             self.settle();
             if self.evaluate("document.getElementById('object').style.cursor") == "pointer" {
                 return point;
@@ -58,7 +56,7 @@ fn a_click_on_the_object_reads_the_parts_number() {
 
     // The object: a click on it selects a part, in the list too, and shows its density.
     let point = page.find_object();
-    page.tab.click_point(point).unwrap();
+    page.click_at(point);
     page.settle();
     let pressed = page.evaluate("document.querySelector('.list [aria-pressed=true]')?.dataset.parts ?? 'none'");
     let part: usize = pressed.as_str().unwrap().parse().unwrap_or_else(|_| panic!("no part is singled out"));
@@ -79,14 +77,14 @@ fn a_click_on_the_object_reads_the_parts_number() {
     assert!(page.changes(picture, &before), "the object is drawn anew");
 
     // Keys: Escape clears the selection, an arrow rotates the object.
-    page.tab.find_element("#object").unwrap().focus().unwrap();
+    page.focus("#object");
     let before = page.evaluate(picture);
-    page.tab.press_key("Escape").unwrap();
+    page.press_key("Escape");
     assert!(page.changes(picture, &before), "all parts are shown alike");
     assert_eq!(page.evaluate("document.querySelectorAll('.list [aria-pressed=true]').length"), 0);
     page.settle();
     let before = page.evaluate(picture);
-    page.tab.press_key("ArrowLeft").unwrap();
+    page.press_key("ArrowLeft");
     assert!(page.changes(picture, &before), "the object is turned");
 
     // Every colouring has a legend, and the theme can be switched.
@@ -112,7 +110,7 @@ fn a_click_on_the_object_reads_the_parts_number() {
     }
     let ground = "getComputedStyle(document.body).backgroundColor";
     let before = page.evaluate(ground);
-    page.tab.find_element("#theme").unwrap().click().unwrap();
+    page.click("#theme");
     assert_ne!(page.evaluate(ground), before, "light and dark differ");
 
     // A caption is shown as text, where it unfolds and beside the numbers of the part that is singled out.
@@ -120,7 +118,7 @@ fn a_click_on_the_object_reads_the_parts_number() {
     page.evaluate("document.querySelector('.list button').click()");
     assert!(page.text("#details").contains(HOSTILE), "{}", page.text("#details"));
     assert_eq!(page.evaluate("document.querySelectorAll('img[src=x]').length"), 0);
-    assert_ne!(page.tab.get_title().unwrap(), "taken");
+    assert_ne!(page.evaluate("document.title"), "taken");
     assert_eq!(page.complaints(), Vec::<String>::new());
 
     // An error on the console would have been noticed.
@@ -197,11 +195,11 @@ fn the_page_plays_the_simulation() {
     let start = page.evaluate(picture);
     slide(*seconds.last().unwrap());
     assert!(page.changes(picture, &start), "the object is elsewhere");
-    page.tab.find_element("#rest").unwrap().click().unwrap();
+    page.click("#rest");
     assert_eq!(page.evaluate("document.getElementById('rest').disabled"), true);
 
     // Playing ends at the last frame, at which the button plays again.
-    page.tab.find_element("#play").unwrap().click().unwrap();
+    page.click("#play");
     let clock = "document.getElementById('clock').textContent";
     let end = format!("{0:.2} s of {0:.2} s", seconds.last().unwrap());
     let mut now = page.evaluate(clock);
@@ -209,7 +207,7 @@ fn the_page_plays_the_simulation() {
         assert!(page.changes(clock, &now), "the clock stands still before {end}");
         now = page.evaluate(clock);
     }
-    page.tab.wait_for_element("#play[aria-pressed=false]").unwrap();
+    page.wait_for("#play[aria-pressed=false]");
     assert_eq!(page.complaints(), Vec::<String>::new());
 }
 

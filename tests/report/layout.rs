@@ -99,11 +99,11 @@ fn the_object_fits_into_its_frame_however_it_turns() {
     for screen @ [width, _] in [[900, 500], SCREENS[2]] {
         page.show_at(screen, "light");
         page.evaluate("document.getElementById('home').click()");
-        page.tab.find_element("#object").unwrap().focus().unwrap();
+        page.focus("#object");
         let mut widest: f64 = 0.0;
         for (key, presses) in TURNS {
             for _ in 0..presses {
-                page.tab.press_key(key).unwrap();
+                page.press_key(key);
             }
             widest = widest.max(page.span_of_object(&format!("{width} px, {presses} times {key}")));
         }
