@@ -80,23 +80,43 @@ impl Pixels {
             .sum()
     }
 
+    fn is_right(&self, pixel: u32) -> bool {
+        Self::shown(&self.sums[pixel as usize]) == self.truth[pixel as usize]
+    }
+
     fn climb(&mut self, labels: &mut [u32]) {
+        let mut right: Vec<bool> = (0..self.sums.len() as u32).map(|pixel| self.is_right(pixel)).collect();
+        // The number of changes so far, by pixel at its last change, and by Gaussian when it was last looked at.
+        let (mut changes, mut changed) = (1, vec![1u32; right.len()]);
+        let mut looked = vec![0u32; labels.len()];
         loop {
-            let mut changed = false;
+            let before = changes;
             for (gaussian, label) in labels.iter_mut().enumerate() {
+                let since = std::mem::replace(&mut looked[gaussian], changes);
+                // A change can only make pixels right that are wrong, and what made none right still makes none.
+                let touched = &self.touched[gaussian];
+                let any = |is: &dyn Fn(usize) -> bool| touched.iter().any(|&(pixel, _)| is(pixel as usize));
+                if !any(&|pixel| !right[pixel]) || !any(&|pixel| changed[pixel] > since) {
+                    continue;
+                }
                 let from = *label;
                 let others = (0..PARTS as u32).filter(|&to| to != from);
                 let best = others
                     .map(|to| (self.gain(gaussian, from, to), to))
                     .max_by_key(|&(gain, to)| (gain, PARTS as u32 - to));
                 let Some((1.., to)) = best else { continue };
-                for &(pixel, weight) in &self.touched[gaussian] {
-                    self.sums[pixel as usize][from as usize] -= weight;
-                    self.sums[pixel as usize][to as usize] += weight;
+                changes += 1;
+                for n in 0..self.touched[gaussian].len() {
+                    let (pixel, weight) = self.touched[gaussian][n];
+                    let sums = &mut self.sums[pixel as usize];
+                    sums[from as usize] -= weight;
+                    sums[to as usize] += weight;
+                    right[pixel as usize] = self.is_right(pixel);
+                    changed[pixel as usize] = changes;
                 }
-                (*label, changed) = (to, true);
+                *label = to;
             }
-            if !changed {
+            if changes == before {
                 return;
             }
         }

@@ -5,13 +5,14 @@ use gprop::evaluate::segmentation::IouTally;
 use gprop::materials::MaterialLibrary;
 use gprop::progress::Progress;
 use gprop::query::{Answers, Outcome, SegmentAnswer};
-use gprop::render::{RenderOptions, render_labels};
+use gprop::render::{RenderOptions, render_labelings};
 use gprop::scene::View;
 use gprop::segment::LabelMap;
 use gprop::vote::{MaterialField, Options, Rule, ViewInput, vote};
 
 use super::build::answer;
 use super::scenes::{self, Measured};
+use crate::support::Shared;
 
 /// The true answers to the true maps.
 pub fn true_answers(measured: &Measured, maps: &[(View, LabelMap)]) -> Answers {
@@ -35,16 +36,39 @@ fn true_parts(measured: &Measured, field: &MaterialField) -> Vec<u32> {
     field.part_label.iter().map(|&label| name_of(label).unwrap() as u32).collect()
 }
 
-/// IoU over the held-out views by part.
-fn measure(measured: &Measured, field: &MaterialField) -> IouTally<u32> {
-    let labels = true_parts(measured, field);
-    let mut tally = IouTally::default();
+/// IoU of each field over the held-out views by part.
+fn measure(measured: &Measured, fields: &[&MaterialField]) -> Vec<IouTally<u32>> {
+    let labels: Vec<Vec<u32>> = fields.iter().map(|field| true_parts(measured, field)).collect();
+    let labels: Vec<&[u32]> = labels.iter().map(Vec::as_slice).collect();
+    let mut tallies: Vec<_> = fields.iter().map(|_| IouTally::default()).collect();
     for view in &measured.held_out {
-        let predicted = render_labels(&measured.scene.gaussians, &view.camera, &labels, &RenderOptions::default());
-        let truth = view.parts.pixels().map(|p| (p.0[0] != 255).then_some(u32::from(p.0[0])));
-        tally.add(truth.zip(predicted));
+        let options = RenderOptions::default();
+        let predicted = render_labelings(&measured.scene.gaussians, &view.camera, &labels, &options);
+        for (tally, predicted) in tallies.iter_mut().zip(predicted) {
+            let truth = view.parts.pixels().map(|p| (p.0[0] != 255).then_some(u32::from(p.0[0])));
+            tally.add(truth.zip(predicted));
+        }
     }
-    tally
+    tallies
+}
+
+/// The vote of all views by the default rule, which several tests compare others with.
+struct Together {
+    maps: Vec<(View, LabelMap)>,
+    field: MaterialField,
+    tally: IouTally<u32>,
+}
+
+impl Together {
+    fn of(measured: &Measured) -> &'static Self {
+        static TOGETHER: Shared<Together> = Shared::new();
+        TOGETHER.of(&measured.folder, || {
+            let maps = measured.true_maps();
+            let field = voted(measured, &maps, Rule::default());
+            let tally = measure(measured, &[&field]).remove(0);
+            Self { maps, field, tally }
+        })
+    }
 }
 
 /// The field that results from true maps under `rule`.
@@ -69,12 +93,15 @@ fn floor(scene: &str, part: &str) -> f64 {
 
 #[test]
 fn true_parts_come_back_in_views_that_did_not_vote() {
+    assert_eq!(Rule::default(), Rule::Contribution, "the default is one of the two");
     let mut total = [0.0; 2];
     let scenes = scenes::all();
     for measured in scenes {
-        for (n, rule) in [Rule::Frequency, Rule::Contribution].into_iter().enumerate() {
-            let (field, names) = (voted(measured, &measured.true_maps(), rule), measured.part_names());
-            let tally = measure(measured, &field);
+        let (together, names) = (Together::of(measured), measured.part_names());
+        let by_frequency = voted(measured, &together.maps, Rule::Frequency);
+        let by_frequency = (Rule::Frequency, &by_frequency, &measure(measured, &[&by_frequency])[0]);
+        let by_contribution = (Rule::Contribution, &together.field, &together.tally);
+        for (n, (rule, field, tally)) in [by_frequency, by_contribution].into_iter().enumerate() {
             let ious: Vec<_> = tally.per_label().into_iter().map(|(part, iou)| (&names[part as usize], iou)).collect();
             let mean = tally.mean().unwrap();
             println!("{} by {rule:?}: mIoU {mean:.4} {ious:.4?}", measured.scene.name);
@@ -95,11 +122,12 @@ fn true_parts_come_back_in_views_that_did_not_vote() {
 #[test]
 fn the_vote_is_better_than_single_views_on_every_scene() {
     for measured in scenes::all() {
-        let maps = measured.true_maps();
-        let mean =
-            |maps: &[(View, LabelMap)]| measure(measured, &voted(measured, maps, Rule::default())).mean().unwrap();
-        let together = mean(&maps);
-        let alone: Vec<f64> = maps.iter().step_by(4).map(|map| mean(std::slice::from_ref(map))).collect();
+        let Together { maps, tally, .. } = Together::of(measured);
+        let together = tally.mean().unwrap();
+        let alone = maps.iter().step_by(4).map(|map| voted(measured, std::slice::from_ref(map), Rule::default()));
+        let alone: Vec<MaterialField> = alone.collect();
+        let alone = measure(measured, &alone.iter().collect::<Vec<_>>());
+        let alone: Vec<f64> = alone.iter().map(|tally| tally.mean().unwrap()).collect();
         println!("{}: {together:.4}, views alone {alone:.4?}", measured.scene.name);
         // A thousandth: a view that sees the whole hammer is as good as all of them.
         assert!(alone.iter().all(|one| *one < together + 1e-3), "{}: {alone:?}", measured.scene.name);
@@ -122,9 +150,9 @@ fn held_out_maps(measured: &Measured) -> Vec<(View, LabelMap)> {
 fn the_best_labels_are_little_better_than_the_vote() {
     for measured in scenes::all() {
         let names = measured.part_names();
-        let found = measure(measured, &voted(measured, &measured.true_maps(), Rule::default())).per_label();
+        let found = Together::of(measured).tally.per_label();
         let knowing = voted(measured, &held_out_maps(measured), Rule::default());
-        let own = measure(measured, &knowing).per_label();
+        let own = measure(measured, &[&knowing]).remove(0).per_label();
         let best = super::bound::best(measured, true_parts(measured, &knowing));
         println!("{}: best mIoU {:.4}", measured.scene.name, best.mean().unwrap());
         for (part, best) in best.per_label() {
