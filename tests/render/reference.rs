@@ -34,11 +34,17 @@ pub fn render(gaussians: &Gaussians, camera: &Camera) -> Picture {
 
         // Further out alpha < exp(-0.5 * 16) < 1/255.
         let radius = 4.0 * covariance.symmetric_eigenvalues().max().sqrt();
+        // At this squared distance alpha < 1/255; the exponential need not be computed.
+        let faint = 2.0 * (255.0 * opacity).ln() + 1e-9;
         let rows = range(pixel.y, radius, height);
         for y in rows {
             for x in range(pixel.x, radius, width) {
                 let offset = Vector2::new(x as f64 + 0.5, y as f64 + 0.5) - pixel; // (2)
-                let alpha = (opacity * (-0.5 * offset.dot(&(precision * offset))).exp()).min(0.99);
+                let distance2 = offset.dot(&(precision * offset));
+                if distance2 > faint {
+                    continue;
+                }
+                let alpha = (opacity * (-0.5 * distance2).exp()).min(0.99);
                 if alpha < 1.0 / 255.0 {
                     continue;
                 }
@@ -90,14 +96,14 @@ fn color(gaussians: &Gaussians, i: usize, camera: &Camera) -> [f64; 3] {
     let direction = (gaussians.center(i) - camera.center_in_world()).normalize();
     let degree = usize::from(gaussians.sh_degree);
     let per_channel = (degree + 1) * (degree + 1) - 1;
+    // Y_l^m is number l^2 + l + m.
+    let harmonics: Vec<f64> =
+        (0..=degree as i32).flat_map(|l| (-l..=l).map(move |m| harmonic(l, m, direction))).collect();
     std::array::from_fn(|channel| {
-        let mut value = 0.5 + f64::from(gaussians.sh_dc[i][channel]) * harmonic(0, 0, direction);
-        for l in 1..=degree {
-            for m in -(l as i32)..=l as i32 {
-                let at = (l * l + l) as i32 + m - 1;
-                let coefficient = gaussians.sh_rest[i * 3 * per_channel + channel * per_channel + at as usize];
-                value += f64::from(coefficient) * harmonic(l as i32, m, direction);
-            }
+        let mut value = 0.5 + f64::from(gaussians.sh_dc[i][channel]) * harmonics[0];
+        for at in 0..per_channel {
+            let coefficient = gaussians.sh_rest[i * 3 * per_channel + channel * per_channel + at];
+            value += f64::from(coefficient) * harmonics[at + 1];
         }
         value.max(0.0)
     })
