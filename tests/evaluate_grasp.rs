@@ -4,7 +4,6 @@ use std::process::{Command, Output};
 
 use gprop::evaluate::grasp::predicted::GraspedObject;
 use gprop::evaluate::grasp::{Evaluation, truth};
-use gprop::grasp::Options;
 use gprop::grasp::gripper::GripperProfile;
 use gprop::materials::MaterialLibrary;
 use serde_json::Value;
@@ -58,13 +57,13 @@ fn grasped_ball() -> (Balls, tempfile::TempDir) {
 fn a_proposal_is_judged_by_the_true_part_at_its_contacts() {
     let measured = Measured::of(&hammer());
     let gripper = GripperProfile::load("paper").unwrap();
-    let report = measured.grasp(&gripper, &Options { auto: true, ..Options::default() });
+    let report = measured.with_paper();
     let place = &report.candidates[0];
     let truth = truth::of(place, measured.scene, &hammer().join("ground_truth"), MaterialLibrary::builtin()).unwrap();
     // The parts of this scene were named like the true ones.
     assert_eq!((&truth.part, truth.thickness_m), (&place.part, place.thickness_m.mid));
     let by_hand = 0.5 * 0.6014543244497264 * 9.8 / truth.friction;
-    let object = GraspedObject::new("hammer", &report, truth, &gripper);
+    let object = GraspedObject::new("hammer", report, truth, &gripper);
     assert_eq!((object.f_star_n, object.normalized_command), (report.f_star_n, report.normalized_command));
     assert!((object.true_f_min_n - by_hand).abs() < 1e-12, "{} is not {by_hand}", object.true_f_min_n);
     // Commands 15, 60 and 100 of a gripper that is linear from 0 N at 15 to 40 N at 100.

@@ -33,18 +33,23 @@ pub fn gprop() -> Command {
 /// A copy of the hammer that a test may change, with its recordings but without its ground truth.
 pub fn hammer() -> TempDir {
     let copy = TempDir::new().unwrap();
+    copy_hammer(copy.path());
+    copy
+}
+
+/// The same in an empty folder.
+pub fn copy_hammer(to: &Path) {
     let source = fixture("hammer");
     for name in ["point_cloud.ply", "transforms.json", "gprop.toml"] {
-        fs::copy(source.join(name), copy.path().join(name)).unwrap();
+        fs::copy(source.join(name), to.join(name)).unwrap();
     }
     for folder in ["images", "recorded"] {
-        fs::create_dir(copy.path().join(folder)).unwrap();
+        fs::create_dir(to.join(folder)).unwrap();
         for entry in fs::read_dir(source.join(folder)).unwrap() {
             let entry = entry.unwrap();
-            fs::copy(entry.path(), copy.path().join(folder).join(entry.file_name())).unwrap();
+            fs::copy(entry.path(), to.join(folder).join(entry.file_name())).unwrap();
         }
     }
-    copy
 }
 
 /// Writes the segments of the views of [`QUICK`] into a work folder of the hammer, where a run finds them and

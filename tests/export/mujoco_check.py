@@ -1,7 +1,7 @@
-"""Loads an exported model in MuJoCo and prints what it finds as JSON.
+"""Loads exported models in MuJoCo and prints what it finds as JSON, for several models as a list.
 
-mujoco_check.py load MODEL                     mass, centre of mass, inertia of the object
-mujoco_check.py rest MODEL                     how it moves after a fall of 2 cm on a plane
+mujoco_check.py load MODEL...                  mass, centre of mass, inertia of the object
+mujoco_check.py rest MODEL...                  how it moves after a fall of 2 cm on a plane
 mujoco_check.py lift MODEL GRASP.json          how far two pads raise it; GRASP: contacts_m, approach, finger_side_m, force_n
 """
 
@@ -193,10 +193,10 @@ def normal_forces(model, data):
 
 
 if __name__ == "__main__":
-    what, path = sys.argv[1:3]
+    what, *paths = sys.argv[1:]
     if what == "lift":
-        with open(sys.argv[3]) as file:
-            result = lift(path, json.load(file))
+        with open(paths[1]) as file:
+            result = lift(paths[0], json.load(file))
     else:
-        result = {"load": load, "rest": rest}[what](path)
+        result = [{"load": load, "rest": rest}[what](path) for path in paths]
     print(json.dumps(result))

@@ -1,6 +1,7 @@
 //! Grasps on the scenes with ground truth, with flawless segmentation and answers.
 
 use std::path::Path;
+use std::sync::OnceLock;
 
 use gprop::camera::Camera;
 use gprop::grasp::gripper::GripperProfile;
@@ -20,6 +21,7 @@ pub struct Measured {
     pub field: &'static MaterialField,
     pub result: PartsResult,
     pub cameras: Vec<Camera>,
+    with_paper: OnceLock<GraspReport>,
 }
 
 impl Measured {
@@ -34,16 +36,21 @@ impl Measured {
         let options = parts::Options { volume_cells: 500_000, ..Default::default() };
         let scale = scene.scale.as_ref();
         let result = parts::parts(&scene.gaussians, field, &cameras, &[], scale, &options, Progress::Hidden).unwrap();
-        Self { scene, field, result, cameras }
+        Self { scene, field, result, cameras, with_paper: OnceLock::new() }
     }
 
     pub fn parts(&self) -> &Parts {
         self.result.metric().unwrap()
     }
 
-    pub fn grasp(&self, gripper: &GripperProfile, options: &Options) -> GraspReport {
-        let surface = Surface::of(&self.scene.gaussians, &self.field.part_label, &self.cameras, 1.0);
-        grasp(self.parts(), &self.field.labels, Some(&surface), 1.0, gripper, options).unwrap()
+    /// The places at which the paper's gripper can grasp the scene, found once for all tests.
+    pub fn with_paper(&self) -> &GraspReport {
+        self.with_paper.get_or_init(|| {
+            let surface = Surface::of(&self.scene.gaussians, &self.field.part_label, &self.cameras, 1.0);
+            let (gripper, options) =
+                (GripperProfile::load("paper").unwrap(), Options { auto: true, ..Options::default() });
+            grasp(self.parts(), &self.field.labels, Some(&surface), 1.0, &gripper, &options).unwrap()
+        })
     }
 }
 
@@ -57,8 +64,7 @@ pub fn folders() -> Vec<std::path::PathBuf> {
 fn every_scene_has_places_to_grasp_at() {
     for folder in folders() {
         let measured = Measured::of(&folder);
-        let gripper = GripperProfile::load("paper").unwrap();
-        let report = measured.grasp(&gripper, &Options { auto: true, ..Options::default() });
+        let report = measured.with_paper();
         println!("{}", measured.scene.name);
         for p in &report.candidates {
             println!(
@@ -78,8 +84,8 @@ fn every_scene_has_places_to_grasp_at() {
         for place in &report.candidates {
             assert!(place.width_m <= 0.09 && place.misalignment_rad < 1.0f64.atan(), "{place:?}");
         }
-        let drawn =
-            picture::picture(&measured.scene.gaussians, &measured.cameras, &report, gripper.finger_side_m(), 1.0);
+        let side_m = GripperProfile::load("paper").unwrap().finger_side_m();
+        let drawn = picture::picture(&measured.scene.gaussians, &measured.cameras, report, side_m, 1.0);
         let drawn = drawn.unwrap();
         if let Some(folder) = std::env::var_os("GPROP_KEEP_PICTURES") {
             drawn.save(Path::new(&folder).join(format!("{}.png", measured.scene.name))).unwrap();

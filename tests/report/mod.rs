@@ -17,9 +17,9 @@ use tempfile::TempDir;
 use crate::batch::ball::Balls;
 use crate::inspect::thinned;
 use crate::query::{a, completion, good_answer, good_answer_about_part};
-use crate::run::{QUICK, give_segments, gprop, hammer};
-use crate::support::models;
+use crate::run::{QUICK, copy_hammer, give_segments, gprop};
 use crate::support::server::{MockServer, Response};
+use crate::support::{models, shared_folder};
 
 /// A hostile caption that an attacker might get from a model. It has no comma or semicolon, at which a name would end.
 const HOSTILE: &str = "</script><img src=x onerror=document.title='taken'> {{ 7*7 }}";
@@ -28,11 +28,12 @@ const PAGE_BUDGET: usize = 3_000_000;
 
 /// The hammer after a quick run, every one of its recorded answers with a hostile caption.
 fn hostile_run() -> Option<&'static Path> {
-    static RUN: OnceLock<Option<TempDir>> = OnceLock::new();
+    static RUN: OnceLock<Option<PathBuf>> = OnceLock::new();
     let run = RUN.get_or_init(|| {
         models("the report of a run")?;
-        let scene = hammer();
-        for entry in fs::read_dir(scene.path().join("recorded")).unwrap() {
+        let scene = shared_folder("hostile_report");
+        copy_hammer(&scene);
+        for entry in fs::read_dir(scene.join("recorded")).unwrap() {
             let path = entry.unwrap().path();
             let mut recording: Value = serde_json::from_slice(&fs::read(&path).unwrap()).unwrap();
             let mut answer: Value = serde_json::from_str(recording["response"].as_str().unwrap()).unwrap();
@@ -41,23 +42,24 @@ fn hostile_run() -> Option<&'static Path> {
             recording["response"] = json!(answer.to_string());
             fs::write(&path, recording.to_string()).unwrap();
         }
-        give_segments(&scene.path().join("gprop"));
-        let output = gprop().arg("run").arg(scene.path()).args(QUICK).args(["--answers", "replay"]).output().unwrap();
+        give_segments(&scene.join("gprop"));
+        let output = gprop().arg("run").arg(&scene).args(QUICK).args(["--answers", "replay"]).output().unwrap();
         assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
         Some(scene)
     });
-    run.as_ref().map(TempDir::path)
+    run.as_deref()
 }
 
 /// The same for a browser without a graphics card, which draws a quarter of the Gaussians: the segments are the true
 /// parts of two views, and a server answers.
 fn small_run() -> &'static Path {
-    static RUN: OnceLock<TempDir> = OnceLock::new();
-    let run = RUN.get_or_init(|| {
-        let scene = hammer();
-        let cloud = fs::File::create(scene.path().join("point_cloud.ply")).unwrap();
+    static RUN: OnceLock<PathBuf> = OnceLock::new();
+    RUN.get_or_init(|| {
+        let scene = shared_folder("small_report");
+        copy_hammer(&scene);
+        let cloud = fs::File::create(scene.join("point_cloud.ply")).unwrap();
         ply::write(std::io::BufWriter::new(cloud), thinned(), &[]).unwrap();
-        let labels = scene.path().join("labels");
+        let labels = scene.join("labels");
         true_segments("hammer", &["003", "022"], &labels);
         let answers = ["wood", "metal", "rubber"].map(|family| {
             let mut answer = good_answer(a(family));
@@ -70,13 +72,12 @@ fn small_run() -> &'static Path {
         // A film as large as a user's, which must fit into the page.
         let quick = QUICK.chunks(2).filter(|option| option[0] != "--size").flatten();
         let mut run = gprop();
-        run.env_remove("OPENAI_API_KEY").arg("run").arg(scene.path()).args(quick).arg("--segments").arg(&labels);
+        run.env_remove("OPENAI_API_KEY").arg("run").arg(&scene).args(quick).arg("--segments").arg(&labels);
         run.args(["--ask", "segments", "--lmm-parallel", "1", "--lmm-model", "test-model", "--lmm-url"]);
         let output = run.arg(format!("{}/v1", server.uri())).output().unwrap();
         assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
         scene
-    });
-    run.path()
+    })
 }
 
 /// Writes the true parts of a fixture's views as segments.
@@ -128,27 +129,20 @@ fn the_page_needs_nothing_but_itself_and_keeps_to_its_budget() {
 
 #[test]
 fn the_report_of_every_fixture_follows_the_published_schema() {
-    if models("the_report_of_every_fixture_follows_the_published_schema").is_none() {
-        return;
-    }
-    // Runs on one view ask other questions than those recorded, but for the hammer.
+    // The hammer's is checked in `the_schema_refuses_what_is_not_a_report`; of the others, no answers are recorded to the
+    // questions that a run on one view asks.
     let answer = Response::new(200).json(completion(&good_answer_about_part(a("wood")).to_string()));
     let server = MockServer::new(move |_| answer.clone());
-    for fixture in ["hammer", "mug", "table_lamp", "chair"] {
+    for fixture in ["mug", "table_lamp", "chair"] {
         let (out, recordings) = (TempDir::new().unwrap(), TempDir::new().unwrap());
         let scene = Path::new(env!("CARGO_MANIFEST_DIR")).join("fixtures").join(fixture);
         let mut command = gprop();
         command.arg("run").arg(&scene).arg("--out").arg(out.path()).args(&QUICK[2..]);
-        if fixture == "hammer" {
-            give_segments(out.path());
-            command.args(["--view-list", "003", "--answers", "replay"]);
-        } else {
-            let labels = recordings.path().join("labels");
-            true_segments(fixture, &["003"], &labels);
-            command.args(["--view-list", "003", "--segments"]).arg(&labels);
-            command.args(["--lmm-model", "test-model", "--lmm-url"]).arg(format!("{}/v1", server.uri()));
-            command.arg("--recordings").arg(recordings.path().join("recorded"));
-        }
+        let labels = recordings.path().join("labels");
+        true_segments(fixture, &["003"], &labels);
+        command.args(["--view-list", "003", "--segments"]).arg(&labels);
+        command.args(["--lmm-model", "test-model", "--lmm-url"]).arg(format!("{}/v1", server.uri()));
+        command.arg("--recordings").arg(recordings.path().join("recorded"));
         let output = command.arg("--json").output().unwrap();
         assert!(output.status.success(), "{fixture}: {}", String::from_utf8_lossy(&output.stderr));
         let report = json_file(out.path().join("report.json"));

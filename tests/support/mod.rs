@@ -52,6 +52,17 @@ impl<T> Shared<T> {
     }
 }
 
+/// An empty folder for what several tests read, below Cargo's folder for tests: a temporary one would stay behind, since
+/// what is shared is never dropped. The next run of the tests empties it.
+pub fn shared_folder(name: &str) -> PathBuf {
+    let folder = Path::new(env!("CARGO_TARGET_TMPDIR")).join(name);
+    if folder.exists() {
+        std::fs::remove_dir_all(&folder).unwrap();
+    }
+    std::fs::create_dir_all(&folder).unwrap();
+    folder
+}
+
 /// True if Python has a package; prints a message if not.
 pub fn python_has(test: &str, package: &str, import: &str) -> bool {
     let found = Command::new("python3").args(["-c", &format!("import {import}")]).output();
