@@ -306,7 +306,8 @@ fn field(
     let invisible = segments.segments.iter().zip(&identity.seen).filter(|(_, seen)| **seen == 0);
     for (segment, _) in invisible {
         let (view, caption) = (views[segment.view].name, &segment.answer.caption);
-        notes.push(format!("segment {} of view `{view}` ({caption}) covers no Gaussian", segment.segment));
+        let number = segment.segment;
+        notes.push(format!("number {number} in the label map of view `{view}` ({caption}) covers no Gaussian"));
     }
     MaterialField {
         labels,
