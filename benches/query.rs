@@ -5,7 +5,7 @@ use std::hint::black_box;
 use criterion::{Criterion, criterion_group, criterion_main};
 use gprop::materials::MaterialLibrary;
 use gprop::progress::Progress;
-use gprop::query::ledger::Ledger;
+use gprop::query::budget::Budget;
 use gprop::query::question::About;
 use gprop::query::recorded::{Answerer, Recording, Recordings};
 use gprop::query::{Options, Prompts, Queries, ViewInput};
@@ -81,7 +81,7 @@ fn bench(criterion: &mut Criterion) {
     criterion.bench_function("query/replay of 8 segments", |bencher| {
         bencher.iter(|| {
             queries
-                .run(&recordings, None, &Ledger::new(None, None), &mut |_, _| Ok(()), Progress::Hidden)
+                .run(&recordings, None, &Budget::new(None, None), &mut |_, _| Ok(()), Progress::Hidden)
                 .expect("all is recorded")
         });
     });

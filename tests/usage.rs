@@ -11,7 +11,7 @@ use std::process::Output;
 
 use clap::error::ErrorKind;
 use clap::{Arg, Command};
-use gprop::values;
+use gprop::option_values;
 use tempfile::TempDir;
 
 use crate::batch::ball::Balls;
@@ -54,7 +54,7 @@ fn no_name_is_used_twice_in_a_command() {
 #[test]
 fn the_command_lines_defaults_are_the_codes() {
     fn agree<T: clap::Args + Default + Debug>() {
-        assert_eq!(format!("{:?}", values::defaults::<T>()), format!("{:?}", T::default()));
+        assert_eq!(format!("{:?}", option_values::defaults::<T>()), format!("{:?}", T::default()));
     }
     agree::<gprop::pipeline::Options>();
     agree::<gprop::batch::Options>();

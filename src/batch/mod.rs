@@ -5,18 +5,18 @@
 //! 2. [`ledger`] holds the outcome of each scene so far, so that done scenes are skipped.
 //! 3. [`scheduler`] runs the others, each in a [`child`] process: a panic or a lack of [`memory`] in one does not stop
 //!    the others, and a child that was killed continues where it stopped when it is started again.
-//! 4. [`summary`] lists all outcomes in a table and [`index`] on a page; those of several shards are
+//! 4. [`summary`] lists all outcomes in a table and [`mod@page`] on a page; those of several shards are
 //!    [merged](Batch::merge).
 //!
 //! [`questions`] sends the questions of all scenes through the Batch API.
 
 mod child;
 mod error;
-mod index;
 mod ledger;
 mod memory;
 mod options;
 mod outcome;
+mod page;
 mod questions;
 mod scheduler;
 mod select;
@@ -96,7 +96,7 @@ pub enum Standing {
 
 /// The page of a batch that was run on the scenes in `folder`, without `--out`.
 pub fn page(folder: &Path) -> PathBuf {
-    folder.join(workdir::DEFAULT_NAME).join(FOLDER).join(index::FILE)
+    folder.join(workdir::DEFAULT_NAME).join(FOLDER).join(page::FILE)
 }
 
 impl Batch {
@@ -220,7 +220,7 @@ impl Batch {
         let folder = std::path::absolute(&self.folder).unwrap_or_else(|_| self.folder.clone());
         let title = folder.file_name().unwrap_or(folder.as_os_str()).to_string_lossy();
         summary.write(&self.home())?;
-        index::write(summary, &title, &self.home())
+        page::write(summary, &title, &self.home())
     }
 
     fn scheduler(&self, to: Stage) -> anyhow::Result<Scheduler> {

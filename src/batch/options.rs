@@ -2,8 +2,8 @@
 
 use std::num::NonZeroUsize;
 
+use crate::option_values::above;
 use crate::scene::dataset::Layout;
-use crate::values::above;
 
 use super::{BatchError, Shard};
 

@@ -38,7 +38,7 @@ pub struct Questions<'a> {
     batch: &'a Batch,
     client: Client,
     /// The budget of the submission.
-    ledger: query::ledger::Ledger,
+    budget: query::budget::Budget,
     /// Returns a scene's options, including those of its `gprop.toml`.
     options_of: &'a dyn Fn(&Path) -> Result<pipeline::Options>,
     /// Prevents other processes from sending or collecting the questions of this shard.
@@ -57,9 +57,9 @@ impl<'a> Questions<'a> {
     ) -> Result<Self> {
         let (key, network) = (ApiKey::from_environment()?, options.setup.network());
         let client = Client::new(&options.query, key, network, Progress::Hidden)?.ok_or(ClientError::NoUrl)?;
-        let ledger = query::ledger::Ledger::new(query_session::price(&options.query)?, options.query.max_usd);
+        let budget = query::budget::Budget::new(query_session::price(&options.query)?, options.query.max_usd);
         let lock = Ledger::open(&batch.home(), batch.shard())?;
-        Ok(Self { batch, client, ledger, options_of, _lock: lock })
+        Ok(Self { batch, client, budget, options_of, _lock: lock })
     }
 
     /// Segments all scenes and sends the questions that are neither recorded nor in progress. The first question is
@@ -73,10 +73,10 @@ impl<'a> Questions<'a> {
         let under_way = submitted.clone();
         let (pictures, now, later) = self.open(&scenes, &under_way);
         if pictures > 0 {
-            check_submission(&now.plus(later), &self.ledger, self.client.answerer())?;
+            check_submission(&now.plus(later), &self.budget, self.client.answerer())?;
             self.client.announce_submission(pictures, &now.plus(later));
             self.ask_first(&scenes, &under_way)?;
-            check_submission(&later, &self.ledger, self.client.answerer())?;
+            check_submission(&later, &self.budget, self.client.answerer())?;
         }
         let gather = |scene: &&Selected| {
             let gathered = self.with_session(scene, |session, queries| {
@@ -173,7 +173,7 @@ impl<'a> Questions<'a> {
         for scene in scenes {
             let asked = self.with_session(scene, |session, queries| {
                 let open = !session.requests(&self.client, queries, under_way, &scene.name).is_empty();
-                Ok(open.then(|| session.ask_first(&self.client, queries, &self.ledger)))
+                Ok(open.then(|| session.ask_first(&self.client, queries, &self.budget)))
             });
             // A scene that cannot be opened is reported when its questions are gathered.
             if let Ok(Some(answer)) = asked {

@@ -8,10 +8,10 @@ use clap::builder::PossibleValue;
 use clap::{Args, Parser, Subcommand};
 
 use crate::evaluate::vocabulary::Vocabulary;
+use crate::option_values::{self, from_to};
 use crate::pictures::figure::Shown;
 use crate::pipeline::{self, FieldFlags, Stage};
 use crate::scene::SizedMarker;
-use crate::values::{self, from_to};
 use crate::{batch, export, inspect, materials, setup};
 
 /// More than the cores of any machine on which gprop was run. A thread takes a 2 MB stack and milliseconds to start.
@@ -334,7 +334,7 @@ pub struct SimulateArgs {
     #[arg(long, value_name = "PROGRAM", requires = "solver_input")]
     pub compat: Option<Compat>,
     /// Configuration of that program (PhysGaussian's JSON); without --field, SCENE may be a PLY.
-    #[arg(long, value_name = "FILE", requires = "compat", group = "solver_input", value_parser = values::file())]
+    #[arg(long, value_name = "FILE", requires = "compat", group = "solver_input", value_parser = option_values::file())]
     pub config: Option<PathBuf>,
     /// Give each particle the law, E, nu and density that the scene's field.ply has for its Gaussian, instead of those
     /// of the configuration; without --config, the object falls under the configuration that `gprop export --format
@@ -363,7 +363,7 @@ pub struct QueryArgs {
     #[arg(long, value_name = "DIR", group = "action")]
     pub export: Option<PathBuf>,
     /// Read answers from this folder, check them and record them.
-    #[arg(long, value_name = "DIR", group = "action", value_parser = values::folder())]
+    #[arg(long, value_name = "DIR", group = "action", value_parser = option_values::folder())]
     pub import: Option<PathBuf>,
     /// Send the questions that are due through OpenAI's Batch API (half the price, within a day), or collect the
     /// answers.
@@ -373,7 +373,7 @@ pub struct QueryArgs {
     #[arg(long, group = "action")]
     pub prune: bool,
     /// Mask of a single picture: white on the object, or an alpha channel.
-    #[arg(long, value_name = "FILE", value_parser = values::file())]
+    #[arg(long, value_name = "FILE", value_parser = option_values::file())]
     pub mask: Option<PathBuf>,
     #[command(flatten)]
     pub scene: SceneArgs,
@@ -427,7 +427,7 @@ pub enum Evaluate {
         #[arg(long, value_name = "DIR")]
         out: Option<PathBuf>,
         /// Recorded outcomes (CSV with the header object,policy,picked_up,undamaged; true or false).
-        #[arg(long, value_name = "FILE.csv", value_parser = values::file(), conflicts_with_all = ["scenes", "out"])]
+        #[arg(long, value_name = "FILE.csv", value_parser = option_values::file(), conflicts_with_all = ["scenes", "out"])]
         outcomes: Option<PathBuf>,
         /// The gripper of the runs.
         #[arg(long, value_name = "NAME|FILE", default_value = "paper")]
@@ -501,17 +501,17 @@ pub enum Evaluate {
         #[arg(long, value_name = "DIR")]
         out: Option<PathBuf>,
         /// Folder of a data set that states weights (ABO-500), on which `gprop batch` was run
-        #[arg(long, value_name = "DIR", conflicts_with = "scenes", value_parser = values::folder())]
+        #[arg(long, value_name = "DIR", conflicts_with = "scenes", value_parser = option_values::folder())]
         data_set: Option<PathBuf>,
         /// Only the scenes of this split of the data set
         #[arg(long, value_name = "NAME", requires = "data_set")]
         split: Option<String>,
         /// Predictions in NeRF2Physics' format: [low, high] in kilograms, keyed by id.
         #[arg(long, value_name = "FILE", requires = "truth", conflicts_with_all = ["scenes", "out", "data_set"])]
-        #[arg(value_parser = values::file())]
+        #[arg(value_parser = option_values::file())]
         predictions: Option<PathBuf>,
         /// True masses in kilograms, keyed by the id up to its first underscore.
-        #[arg(long, value_name = "FILE", requires = "predictions", value_parser = values::file())]
+        #[arg(long, value_name = "FILE", requires = "predictions", value_parser = option_values::file())]
         truth: Option<PathBuf>,
     },
     /// Compare Shore hardness at points of the photos with readings of a durometer. Shore A counts as 0 to 100, Shore D

@@ -7,13 +7,13 @@ use serde_json::Value;
 
 use crate::error::Error;
 use crate::grasp::GraspReport;
-use crate::numbers::significant;
 use crate::output::one_line;
 use crate::output::{counted, thousands};
 use crate::part_name::part_name;
 use crate::parts::PartsError;
 use crate::pipeline::{Pipeline, Stage};
 use crate::query::{Answers, Outcome};
+use crate::readable::significant;
 use crate::report::{grasp_line, mass_line, part_lines};
 use crate::segment::Segmentation;
 use crate::simulate::SimulationReport;

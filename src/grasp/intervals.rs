@@ -2,7 +2,7 @@
 
 use serde::{Deserialize, Serialize};
 
-use super::formulas::{Bearing, ForceMax, ForceStar, f_max, f_min, f_star};
+use super::forces::{ForceMax, ForceStar, GraspedPart, f_max, f_min, f_star};
 use super::{GraspError, GripperProfile, Options, Policy};
 use crate::parts::Parts;
 use crate::units::{Estimate, GRAVITY_M_S2, Reading};
@@ -119,7 +119,7 @@ impl Inputs {
     fn bounds(&self, reading: Reading) -> (f64, ForceMax) {
         let at = |e: Estimate| reading.of(e);
         let friction = reading.opposite().of(self.friction);
-        let upper = f_max(&Bearing {
+        let upper = f_max(&GraspedPart {
             area_m2: self.contact_area_m2,
             strength_pa: at(self.strength_pa),
             youngs_modulus_pa: at(self.youngs_modulus_pa),

@@ -3,7 +3,7 @@
 //! - [`options`]: the user's options;
 //! - [`gripper`]: the gripper: its range of force, its finger, its command; [`calibration`]: the command from
 //!   measurements;
-//! - [`formulas`]: the paper's formulas, on numbers alone; [`intervals`]: the same, applied to intervals; [`curvature`]:
+//! - [`forces`]: the paper's formulas, on numbers alone; [`intervals`]: the same, applied to intervals; [`curvature`]:
 //!   how far a part may bend;
 //! - [`infeasible`]: why a grasp is not safe;
 //! - [`grasped_part`]: which part the fingers press on if no place is chosen;
@@ -17,7 +17,7 @@ mod cells;
 pub mod curvature;
 pub mod error;
 mod fingers;
-pub mod formulas;
+pub mod forces;
 pub mod grasped_part;
 pub mod gripper;
 pub mod infeasible;
@@ -118,7 +118,7 @@ pub struct GraspReport {
     pub notes: Vec<String>,
 }
 
-/// The forces to lift the object with `gripper` by the paper's [`formulas`], at the best of the places where the
+/// The forces to lift the object with `gripper` by the paper's formulas ([`forces`]), at the best of the places where the
 /// fingers fit; without a `surface` on which to look for them, on the part that was named or is nearest to the centre
 /// of mass.
 ///

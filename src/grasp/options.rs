@@ -7,7 +7,7 @@ use super::GraspError;
 use super::curvature;
 use super::gripper::GripperProfile;
 use crate::config::SceneKey;
-use crate::values;
+use crate::option_values;
 
 /// A radius of a micrometre.
 const SHARPEST_CURVATURE_1_M: f64 = 1e6;
@@ -74,7 +74,7 @@ pub struct Options {
 
 impl Default for Options {
     fn default() -> Self {
-        values::defaults()
+        option_values::defaults()
     }
 }
 

@@ -10,10 +10,10 @@ use super::fingers::{FINGER_LENGTH_M, FINGER_THICKNESS_M, OrientedBox, PALM_M, h
 use super::{GraspReport, Limit};
 use crate::camera::{Camera, Distortion, Intrinsics};
 use crate::lettering::Style;
-use crate::numbers::significant;
 use crate::part_name::part_name;
 use crate::pictures::panels::{Entry, Key, Panel, compose};
 use crate::pictures::{palette, strokes};
+use crate::readable::significant;
 use crate::render::{RenderOptions, render, render_labels};
 use crate::scene::gaussians::{Gaussians, SH_C0};
 use crate::scene::robust_bounds;

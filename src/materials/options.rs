@@ -7,7 +7,7 @@ use serde::{Deserialize, Serialize};
 
 use super::{LibraryError, MaterialLibrary};
 use crate::config::SceneKey;
-use crate::values;
+use crate::option_values;
 
 /// The keys that a scene may set: a library with the scene's own materials.
 pub const SCENE_KEYS: &[SceneKey] = &[SceneKey::path("materials")];
@@ -19,7 +19,7 @@ pub const SCENE_KEYS: &[SceneKey] = &[SceneKey::path("materials")];
 pub struct Options {
     /// CSV or folder of CSVs (columns: see materials/README.md) whose materials are added to the built-in library, or replace
     /// those of the same name
-    #[arg(long, value_name = "FILE|DIR", value_parser = values::file_or_folder())]
+    #[arg(long, value_name = "FILE|DIR", value_parser = option_values::file_or_folder())]
     pub materials: Option<PathBuf>,
 }
 

@@ -26,10 +26,10 @@ use nalgebra::Point3;
 use serde::{Deserialize, Serialize};
 
 use crate::camera::Camera;
-use crate::numbers::significant;
 use crate::output::{agreeing, counted};
 use crate::progress::Progress;
 use crate::query::Form;
+use crate::readable::significant;
 use crate::scene::gaussians::Gaussians;
 use crate::units::{Estimate, MetricScale, Range, ScaleSource};
 use crate::vote::{Contents, FieldLabel, MaterialField};

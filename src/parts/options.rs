@@ -5,7 +5,7 @@ use serde::{Deserialize, Serialize};
 
 use super::PartsError;
 use crate::config::SceneKey;
-use crate::values::{self, from_to};
+use crate::option_values::{self, from_to};
 
 /// About 130 cells along each side of a box-shaped object: under a millimetre on a hammer.
 const VOLUME_CELLS: usize = 2_000_000;
@@ -99,7 +99,7 @@ pub struct Options {
 
 impl Default for Options {
     fn default() -> Self {
-        values::defaults()
+        option_values::defaults()
     }
 }
 

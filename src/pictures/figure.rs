@@ -5,9 +5,9 @@ use clap::ValueEnum;
 use image::RgbImage;
 use nalgebra::Point2;
 
+use super::framing::{Framing, middles};
 use super::panels::{Panel, compose};
 use super::property::Property;
-use super::sight::{Sight, middles};
 use super::{field_colors, legends, palette, strokes};
 use crate::camera::Camera;
 use crate::scene::Photo;
@@ -52,36 +52,36 @@ pub struct Subject<'a> {
 
 /// Draws the field as `camera` sees it, cropped to the object in its `photo`.
 pub fn draw(shown: Shown, camera: &Camera, photo: &Photo, subject: Subject) -> RgbImage {
-    let sight = Sight::new(camera, photo, PANEL_PX, PANEL_NARROWEST);
+    let framing = Framing::new(camera, photo, PANEL_PX, PANEL_NARROWEST);
     let with_bar = |mut picture: RgbImage| {
         if let Some(meters_per_unit) = subject.meters_per_unit {
-            strokes::scale_bar(&mut picture, sight.pixels_per_meter(subject.gaussians, meters_per_unit));
+            strokes::scale_bar(&mut picture, framing.pixels_per_meter(subject.gaussians, meters_per_unit));
         }
         picture
     };
-    let shot = || Panel::new("Photo", with_bar(sight.photo(photo)));
+    let shot = || Panel::new("Photo", with_bar(framing.photo(photo)));
     let alone = |panel: Panel| Panel { picture: with_bar(panel.picture), ..panel };
     match shown {
-        Shown::Figure => compose(&[shot(), parts(&sight, subject), materials(&sight, subject)]),
-        Shown::Materials => compose(&[alone(materials(&sight, subject))]),
-        Shown::Parts => compose(&[alone(parts(&sight, subject))]),
-        Shown::Confidence => compose(&[alone(confidence(&sight, subject))]),
-        Shown::Hardness => compose(&[alone(property(Property::Hardness, &sight, subject))]),
-        Shown::YoungsModulus => compose(&[alone(property(Property::YoungsModulus, &sight, subject))]),
-        Shown::Density => compose(&[alone(property(Property::Density, &sight, subject))]),
-        Shown::Friction => compose(&[alone(property(Property::Friction, &sight, subject))]),
+        Shown::Figure => compose(&[shot(), parts(&framing, subject), materials(&framing, subject)]),
+        Shown::Materials => compose(&[alone(materials(&framing, subject))]),
+        Shown::Parts => compose(&[alone(parts(&framing, subject))]),
+        Shown::Confidence => compose(&[alone(confidence(&framing, subject))]),
+        Shown::Hardness => compose(&[alone(property(Property::Hardness, &framing, subject))]),
+        Shown::YoungsModulus => compose(&[alone(property(Property::YoungsModulus, &framing, subject))]),
+        Shown::Density => compose(&[alone(property(Property::Density, &framing, subject))]),
+        Shown::Friction => compose(&[alone(property(Property::Friction, &framing, subject))]),
     }
 }
 
-fn materials(sight: &Sight, Subject { gaussians, field, .. }: Subject) -> Panel {
-    let picture = sight.colored(gaussians, &field_colors::material_colors(field));
+fn materials(framing: &Framing, Subject { gaussians, field, .. }: Subject) -> Panel {
+    let picture = framing.colored(gaussians, &field_colors::material_colors(field));
     Panel::new("Materials", picture).with_legend(legends::materials(field))
 }
 
 /// The parts, each with its number where the picture shows it.
-fn parts(sight: &Sight, Subject { gaussians, field, .. }: Subject) -> Panel {
-    let mut picture = sight.colored(gaussians, &field_colors::part_colors(field));
-    let labels = sight.labels(gaussians, &field.part_label);
+fn parts(framing: &Framing, Subject { gaussians, field, .. }: Subject) -> Panel {
+    let mut picture = framing.colored(gaussians, &field_colors::part_colors(field));
+    let labels = framing.labels(gaussians, &field.part_label);
     let radius = (f64::from(picture.width().min(picture.height())) / 36.0).clamp(9.0, 15.0);
     for (label, place) in field.labels.iter().zip(middles(&labels, picture.width() as usize, field.labels.len())) {
         let Some((x, y)) = place else { continue };
@@ -91,12 +91,12 @@ fn parts(sight: &Sight, Subject { gaussians, field, .. }: Subject) -> Panel {
     Panel::new("Parts", picture).with_legend(legends::parts(field))
 }
 
-fn confidence(sight: &Sight, Subject { gaussians, field, .. }: Subject) -> Panel {
-    let picture = sight.colored(gaussians, &field_colors::confidence_colors(field));
+fn confidence(framing: &Framing, Subject { gaussians, field, .. }: Subject) -> Panel {
+    let picture = framing.colored(gaussians, &field_colors::confidence_colors(field));
     Panel::new("Confidence", picture).with_legend(legends::confidence())
 }
 
-fn property(property: Property, sight: &Sight, Subject { gaussians, field, .. }: Subject) -> Panel {
-    let picture = sight.colored(gaussians, &property.colors(field));
+fn property(property: Property, framing: &Framing, Subject { gaussians, field, .. }: Subject) -> Panel {
+    let picture = framing.colored(gaussians, &property.colors(field));
     Panel::new(property.title(), picture).with_legend(property.legend(field))
 }

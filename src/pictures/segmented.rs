@@ -6,8 +6,8 @@ use std::collections::BTreeMap;
 use image::{Rgb, RgbImage};
 
 use super::figure::{PANEL_NARROWEST, PANEL_PX, Subject};
+use super::framing::Framing;
 use super::panels::{Entry, Key, Panel, compose};
-use super::sight::Sight;
 use super::{field_colors, palette, tinted};
 use crate::camera::Camera;
 use crate::scene::Photo;
@@ -21,7 +21,7 @@ const UNNAMED: [f32; 3] = [0.35; 3];
 
 /// The photo, then its segments at each level.
 pub fn levels(camera: &Camera, photo: &Photo, levels: &[(Level, LabelMap)]) -> RgbImage {
-    let sight = Sight::new(camera, photo, PANEL_PX, PANEL_NARROWEST);
+    let framing = Framing::new(camera, photo, PANEL_PX, PANEL_NARROWEST);
     let panel = |(level, map): &(Level, LabelMap)| {
         let count = map.labels.iter().max().copied().unwrap_or(0);
         let title = match level {
@@ -29,9 +29,9 @@ pub fn levels(camera: &Camera, photo: &Photo, levels: &[(Level, LabelMap)]) -> R
             Level::Middle => format!("Middle: {count}"),
             Level::Large => format!("Large: {count}"),
         };
-        Panel::new(&title, bordered(&sight, photo, map, |id| palette::part(u32::from(id) - 1)))
+        Panel::new(&title, bordered(&framing, photo, map, |id| palette::part(u32::from(id) - 1)))
     };
-    let photo = Panel::new("Photo", sight.photo(photo));
+    let photo = Panel::new("Photo", framing.photo(photo));
     compose(&std::iter::once(photo).chain(levels.iter().map(panel)).collect::<Vec<_>>())
 }
 
@@ -43,7 +43,7 @@ pub fn before_and_after(
     (map, answered): (&LabelMap, &BTreeMap<u16, String>),
     Subject { gaussians, field, .. }: Subject,
 ) -> RgbImage {
-    let sight = Sight::new(camera, photo, PANEL_PX, PANEL_NARROWEST);
+    let framing = Framing::new(camera, photo, PANEL_PX, PANEL_NARROWEST);
     let voted = material_names(&field.labels);
     let mut names: Vec<&str> = voted.clone();
     for name in answered.values() {
@@ -59,16 +59,16 @@ pub fn before_and_after(
         before.push(Entry { text: "no answer".to_owned(), key: Key::Square(palette::bytes(UNNAMED)) });
     }
     let of_segment = |id: u16| answered.get(&id).map_or(UNNAMED, |name| color(name));
-    let after = sight.colored(gaussians, &field_colors::material_colors(field));
+    let after = framing.colored(gaussians, &field_colors::material_colors(field));
     compose(&[
-        Panel::new("Photo", sight.photo(photo)),
-        Panel::new("Before: answers for this view", bordered(&sight, photo, map, of_segment)).with_legend(before),
+        Panel::new("Photo", framing.photo(photo)),
+        Panel::new("Before: answers for this view", bordered(&framing, photo, map, of_segment)).with_legend(before),
         Panel::new("After: vote of all views", after).with_legend(voted.into_iter().map(entry).collect()),
     ])
 }
 
 /// The photo with every segment in its colour and a line between segments.
-fn bordered(sight: &Sight, photo: &Photo, map: &LabelMap, color: impl Fn(u16) -> [f32; 3]) -> RgbImage {
+fn bordered(framing: &Framing, photo: &Photo, map: &LabelMap, color: impl Fn(u16) -> [f32; 3]) -> RgbImage {
     let mut rgb = tinted(photo, map, color);
     let (width, height) = (map.width as usize, map.height as usize);
     for y in 0..height {
@@ -82,5 +82,5 @@ fn bordered(sight: &Sight, photo: &Photo, map: &LabelMap, color: impl Fn(u16) ->
             }
         }
     }
-    sight.photo(&Photo { rgb, ..photo.clone() })
+    framing.photo(&Photo { rgb, ..photo.clone() })
 }

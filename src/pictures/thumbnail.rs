@@ -7,7 +7,7 @@ use crate::scene::Photo;
 use crate::scene::gaussians::Gaussians;
 use crate::vote::MaterialField;
 
-use super::sight::Sight;
+use super::framing::Framing;
 use super::{field_colors, jpeg};
 
 /// Height and half the width of the picture, in pixels.
@@ -19,11 +19,11 @@ const PAPER: Rgb<u8> = Rgb([255; 3]);
 /// # Errors
 /// If the picture cannot be encoded.
 pub fn draw(camera: &Camera, photo: &Photo, gaussians: &Gaussians, field: &MaterialField) -> ImageResult<Vec<u8>> {
-    let sight = Sight::new(camera, photo, SIDE, 0.0);
-    let (width, height) = sight.size();
+    let framing = Framing::new(camera, photo, SIDE, 0.0);
+    let (width, height) = framing.size();
     let (left, top) = ((SIDE - width) / 2, (SIDE - height) / 2);
     let mut sheet = RgbImage::from_pixel(2 * SIDE, SIDE, PAPER);
-    sheet.copy_from(&sight.photo(photo), left, top)?;
-    sheet.copy_from(&sight.colored(gaussians, &field_colors::material_colors(field)), SIDE + left, top)?;
+    sheet.copy_from(&framing.photo(photo), left, top)?;
+    sheet.copy_from(&framing.colored(gaussians, &field_colors::material_colors(field)), SIDE + left, top)?;
     jpeg(&sheet, 2 * SIDE)
 }

@@ -9,9 +9,9 @@ use serde::Serialize;
 use crate::query::answer::Unknown;
 use crate::query::asker::{Ask, AskError, Asker};
 use crate::query::batch_api::{self, Answered, Progress, Request, Submitted, Waiting};
+use crate::query::budget::Budget;
 use crate::query::client::{Client, ClientError, RequestCounts};
 use crate::query::cost::Cost;
-use crate::query::ledger::Ledger;
 use crate::query::recorded::{Answerer, Recording, key};
 use crate::query::{Failure, Outcome, Queries, QueryError};
 use crate::workdir::Artifact;
@@ -63,14 +63,14 @@ impl QuerySession<'_> {
             return Ok(Sent { sent: 0, waiting });
         }
         let (now, later) = self.submission_cost(client, &queries, first.len(), 1);
-        let ledger = Ledger::new(self.price().cloned(), self.options.max_usd);
-        check_submission(&now.plus(later), &ledger, client.answerer())?;
+        let budget = Budget::new(self.price().cloned(), self.options.max_usd);
+        check_submission(&now.plus(later), &budget, client.answerer())?;
         client.announce_submission(first.len(), &now.plus(later));
-        self.ask_first(client, &queries, &ledger)?;
+        self.ask_first(client, &queries, &budget)?;
         let requests = self.requests(client, &queries, &submitted, "");
         let sent = requests.len();
         let (_, later) = self.submission_cost(client, &queries, sent, 0);
-        check_submission(&later, &ledger, client.answerer())?;
+        check_submission(&later, &budget, client.answerer())?;
         batch_api::submit(client, requests, |job| -> Result<()> {
             submitted.jobs.push(job);
             Ok(self.work.write_json(Artifact::BatchApiJobs, &submitted)?)
@@ -88,8 +88,8 @@ impl QuerySession<'_> {
     ///
     /// # Errors
     /// If the server cannot answer it.
-    pub fn ask_first(&self, client: &Client, queries: &Queries, ledger: &Ledger) -> Result<()> {
-        match queries.ask_first(&self.recordings, client, ledger)? {
+    pub fn ask_first(&self, client: &Client, queries: &Queries, budget: &Budget) -> Result<()> {
+        match queries.ask_first(&self.recordings, client, budget)? {
             Some(Outcome::Failed(Failure::Endpoint { message })) => {
                 Err(QueryError::BatchApi(AskError::Failed(message)).into())
             }
@@ -172,11 +172,11 @@ impl QuerySession<'_> {
 
 /// Checks that a submission, which cannot be stopped, stays within the budget even if all answers have the maximum
 /// length.
-pub fn check_submission(cost: &Cost, ledger: &Ledger, answerer: &Answerer) -> Result<(), QueryError> {
-    let Some(max_usd) = ledger.max_usd().filter(|_| ledger.might_pass(cost.most_usd)) else { return Ok(()) };
+pub fn check_submission(cost: &Cost, budget: &Budget, answerer: &Answerer) -> Result<(), QueryError> {
+    let Some(max_usd) = budget.max_usd().filter(|_| budget.might_pass(cost.most_usd)) else { return Ok(()) };
     Err(match cost.most_usd {
         None => QueryError::NoPrice { model: answerer.model.clone() },
-        Some(usd) => QueryError::SubmissionOverBudget { requests: cost.requests, usd, max_usd, spent: ledger.spent() },
+        Some(usd) => QueryError::SubmissionOverBudget { requests: cost.requests, usd, max_usd, spent: budget.spent() },
     })
 }
 

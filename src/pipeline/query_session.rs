@@ -13,10 +13,10 @@ use crate::error::UsageError;
 use crate::materials::MaterialLibrary;
 use crate::progress::{self, Progress};
 use crate::query::asker::Asker;
+use crate::query::budget::Budget;
 use crate::query::client::{ApiKey, Client};
 use crate::query::cost::{Price, PriceTable};
 use crate::query::exchange::{self, Imported};
-use crate::query::ledger::Ledger;
 use crate::query::question::About;
 use crate::query::recorded::Recordings;
 use crate::query::rounds::{Ask, Outcomes, Subject};
@@ -193,10 +193,10 @@ impl<'a> QuerySession<'a> {
     /// asked, that question comes first, so that a run that gets no answer to it ends before it costs more.
     pub fn answer_all(&self, begin: &dyn Fn(&Queries) -> Result<()>) -> Result<(Answers, Option<SizeAnswer>)> {
         let asker = self.client.as_ref().map(|client| client as &dyn Asker);
-        let ledger = Ledger::new(self.price.clone(), self.options.max_usd);
+        let budget = Budget::new(self.price.clone(), self.options.max_usd);
         let object = self.about_size()?;
         begin(&object)?;
-        let size = object.size(&self.recordings, asker, &ledger, self.progress)?;
+        let size = object.size(&self.recordings, asker, &budget, self.progress)?;
         let mut answers = BTreeMap::new();
         loop {
             let due = self.due(&answers);
@@ -205,7 +205,7 @@ impl<'a> QuerySession<'a> {
             }
             let round = self.prepare(&due)?;
             begin(&round)?;
-            let run = round.run(&self.recordings, asker, &ledger, &mut |_, _| Ok(()), self.progress)?;
+            let run = round.run(&self.recordings, asker, &budget, &mut |_, _| Ok(()), self.progress)?;
             answers.extend(due.into_iter().zip(run.answers.segments.into_iter().map(|answer| answer.outcome)));
         }
         let segments = answers.into_iter().map(|(Ask { view, id }, outcome)| SegmentAnswer {
@@ -214,7 +214,7 @@ impl<'a> QuerySession<'a> {
             outcome,
         });
         let answers = Answers { segments: segments.collect() };
-        let spent = ledger.spent();
+        let spent = budget.spent();
         if spent.requests > 0 {
             let (failed, all) = (answers.failed().count(), answers.segments.len());
             progress::notice(&format!("asked: {spent}; {failed} of {all} questions failed"));

@@ -11,7 +11,7 @@ use crate::film;
 use crate::from_splat::photo_with_foreground;
 use crate::pictures::figure::Shown;
 use crate::pictures::turntable::Turntable;
-use crate::pictures::{segmented, sight};
+use crate::pictures::{framing, segmented};
 use crate::query::Outcome;
 use crate::scene::View;
 
@@ -65,7 +65,7 @@ impl Pipeline {
     /// The index of the chosen view that shows most of the object, regardless of its parts.
     pub(super) fn fullest_view(&self) -> Option<usize> {
         let cameras = self.views.iter().map(|view| &view.camera);
-        sight::shows_most(cameras, &self.scene.gaussians, &vec![0; self.scene.gaussians.len()])
+        framing::shows_most(cameras, &self.scene.gaussians, &vec![0; self.scene.gaussians.len()])
     }
 
     /// The object on a turntable, as a film. The scene must be voted on.

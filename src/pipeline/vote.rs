@@ -8,7 +8,7 @@ use anyhow::Result;
 use image::RgbImage;
 
 use crate::pictures::figure::{self, Shown, Subject};
-use crate::pictures::{field_colors, sight, thumbnail};
+use crate::pictures::{field_colors, framing, thumbnail};
 use crate::query::Answers;
 use crate::scene::gaussians::Gaussians;
 use crate::scene::{View, ply};
@@ -58,7 +58,7 @@ impl Pipeline {
     /// The chosen view that shows most of the object.
     pub(super) fn showing_view(&self, field: &MaterialField) -> Option<&View> {
         let cameras = self.views.iter().map(|view| &view.camera);
-        let index = self.showing.get_or_init(|| sight::shows_most(cameras, &self.scene.gaussians, &field.part_label));
+        let index = self.showing.get_or_init(|| framing::shows_most(cameras, &self.scene.gaussians, &field.part_label));
         index.map(|index| &self.views[index])
     }
 

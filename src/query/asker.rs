@@ -1,7 +1,7 @@
 //! The interface of whatever answers questions: the client of a server, or a stand-in in a test.
 
+use super::budget::{Account, NotSent};
 use super::cost::Cost;
-use super::ledger::{Account, NotSent};
 use super::question::Question;
 use super::recorded::{Answerer, Usage};
 use crate::setup::Offline;
@@ -52,7 +52,7 @@ pub enum AskError {
     /// No request can succeed: wrong key, unknown model, unreachable server.
     #[error("{0}")]
     Fatal(String),
-    /// The ledger does not permit another request.
+    /// The budget does not permit another request.
     #[error(transparent)]
     NotSent(#[from] NotSent),
     /// No connection may be opened.

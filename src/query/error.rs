@@ -3,7 +3,7 @@
 use std::path::{Path, PathBuf};
 
 use super::asker::AskError;
-use super::ledger::Spent;
+use super::budget::Spent;
 use super::prompt::PromptError;
 use super::recorded::{Miss, RecordingError};
 use super::{Answers, Failure, Outcome};

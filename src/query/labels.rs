@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 use serde::{Deserialize, Serialize};
 
 use crate::materials::{Material, MaterialLibrary, fold};
-use crate::values::missing;
+use crate::option_values::missing;
 
 /// Which materials a model may choose among.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]

@@ -5,9 +5,9 @@ use std::path::PathBuf;
 
 use super::answer::{Problem, Unknown};
 use super::asker::{Ask, AskError, Asker, Correction, Reply, ReplyContent};
+use super::budget::{Budget, NotSent};
 use super::cost::Cost;
 use super::error::QueryError;
-use super::ledger::{Ledger, NotSent};
 use super::options::AnswerSource;
 use super::queries::Queries;
 use super::question::{Question, Reading};
@@ -22,7 +22,7 @@ pub struct Live<'a> {
     pub queries: &'a Queries<'a>,
     pub recordings: &'a Recordings,
     pub asker: &'a dyn Asker,
-    pub ledger: &'a Ledger,
+    pub budget: &'a Budget,
     pub progress: Progress,
 }
 
@@ -59,7 +59,7 @@ struct ModelReply {
 }
 
 impl<'a> Live<'a> {
-    /// Asks about a segment, starting with `question`; `None` if the ledger was closed because of another segment in
+    /// Asks about a segment, starting with `question`; `None` if the budget was closed because of another segment in
     /// the meantime.
     pub fn answer(
         &self,
@@ -102,7 +102,7 @@ impl<'a> Live<'a> {
 
     /// The error of a run that stopped with `left` questions unanswered.
     pub fn error(&self, stop: Stop, left: usize) -> QueryError {
-        let spent = self.ledger.spent();
+        let spent = self.budget.spent();
         match stop {
             Stop::Error(error) => error,
             Stop::Endpoint(message) => QueryError::Endpoint { message, left, spent },
@@ -133,7 +133,7 @@ impl<'a> Live<'a> {
     fn lock(&self, segment: &SegmentQuery, asked: &Asked) -> Result<QuestionLock, Halt> {
         let key = key(self.asker.answerer(), asked);
         let mut is_told = false;
-        while !self.ledger.is_closed() {
+        while !self.budget.is_closed() {
             match self.recordings.lock_question(&key) {
                 Ok(Some(lock)) => return Ok(lock),
                 Ok(None) if !is_told => {
@@ -163,7 +163,7 @@ impl<'a> Live<'a> {
     /// is asked.
     fn record(&self, recording: &Recording) -> Result<(), Halt> {
         let Err(error) = self.recordings.insert(recording) else { return Ok(()) };
-        self.ledger.close();
+        self.budget.close();
         let spare = self.recordings.set_aside(recording).map(PathBuf::from);
         if spare.is_none() {
             let json = serde_json::to_string(recording).expect("a recording is plain data");
@@ -175,7 +175,7 @@ impl<'a> Live<'a> {
 
     /// Stops all asking because of `error`.
     fn stop(&self, error: RecordingError) -> Halt {
-        self.ledger.close();
+        self.budget.close();
         Halt::All(Stop::Error(error.into()))
     }
 
@@ -208,9 +208,9 @@ impl<'a> Live<'a> {
         let (response, prompt) = correction.map_or(("", ""), |correction| (correction.response, correction.prompt));
         let texts = [question.prompt.as_str(), response, prompt];
         let tokens = self.queries.options.lmm_max_tokens;
-        let cost = Cost::of_request(&texts, segment.sheet_size, tokens, self.ledger.price());
+        let cost = Cost::of_request(&texts, segment.sheet_size, tokens, self.budget.price());
         let ask = Ask { question, picture: &segment.jpeg, correction };
-        let reply = self.asker.ask(ask, &self.ledger.account(cost));
+        let reply = self.asker.ask(ask, &self.budget.account(cost));
         let Reply { content, usage, served_model } = reply.map_err(|error| match error {
             AskError::Failed(message) => Halt::Segment(Failure::Endpoint { message }),
             AskError::Fatal(message) => Halt::All(Stop::Endpoint(message)),
@@ -230,6 +230,6 @@ impl<'a> Live<'a> {
 enum Halt {
     Segment(Failure),
     All(Stop),
-    /// The ledger permits no further request.
+    /// The budget permits no further request.
     Closed,
 }

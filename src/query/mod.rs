@@ -9,6 +9,7 @@
 pub mod answer;
 pub mod asker;
 pub mod batch_api;
+pub mod budget;
 pub mod client;
 pub mod cost;
 mod error;
@@ -16,7 +17,6 @@ pub mod exchange;
 mod extract;
 mod jsonl;
 mod labels;
-pub mod ledger;
 mod live;
 mod options;
 mod prompt;

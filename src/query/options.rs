@@ -8,7 +8,7 @@ use serde::{Deserialize, Serialize};
 use super::labels::LabelSet;
 pub use super::sheet::Context;
 use crate::config::SceneKey;
-use crate::values::{self, from_to};
+use crate::option_values::{self, from_to};
 
 /// Longest side of a sheet in pixels: three 512-pixel panels in a row, the tile size that vision models bill by.
 const SHEET_SIZE: u32 = 1536;
@@ -91,11 +91,11 @@ pub struct Options {
     pub sheet_size: u32,
 
     /// Folder with prompt templates and schemas that replace built-in ones of the same name
-    #[arg(long, value_name = "DIR", value_parser = values::folder())]
+    #[arg(long, value_name = "DIR", value_parser = option_values::folder())]
     pub prompts: Option<PathBuf>,
 
     /// Folder to write new recordings to and to read recordings from [default: the scene's recorded/]
-    #[arg(long, value_name = "DIR", value_parser = values::new_folder())]
+    #[arg(long, value_name = "DIR", value_parser = option_values::new_folder())]
     pub recordings: Option<PathBuf>,
 
     /// Base URL of an OpenAI-compatible server, such as http://localhost:11434/v1; its key is read from OPENAI_API_KEY
@@ -142,14 +142,14 @@ pub struct Options {
     pub max_usd: Option<f64>,
 
     /// Price table that replaces the built-in one (CSV with the columns of prompts/prices.csv)
-    #[arg(long, value_name = "FILE", value_parser = values::file())]
+    #[arg(long, value_name = "FILE", value_parser = option_values::file())]
     #[serde(skip)]
     pub prices: Option<PathBuf>,
 }
 
 impl Default for Options {
     fn default() -> Self {
-        values::defaults()
+        option_values::defaults()
     }
 }
 

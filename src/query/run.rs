@@ -8,9 +8,9 @@ use rayon::prelude::*;
 use serde::Serialize;
 
 use super::asker::Asker;
+use super::budget::{Budget, Spent};
 use super::cost::{Cost, Price};
 use super::error::{MissingSegment, QueryError};
-use super::ledger::{Ledger, Spent};
 use super::live::{Live, Stop};
 use super::options::AnswerSource;
 use super::queries::Queries;
@@ -126,7 +126,7 @@ impl Queries<'_> {
         &self,
         recordings: &Recordings,
         asker: Option<&dyn Asker>,
-        ledger: &Ledger,
+        budget: &Budget,
         progress: Progress,
     ) -> Result<Option<SizeAnswer>, QueryError> {
         let Some(query) = self.size else { return Ok(None) };
@@ -137,11 +137,11 @@ impl Queries<'_> {
             (Err(miss), None) => return Err(QueryError::MissingSize { view, miss }),
             (Err(_), Some(asker)) => {
                 check_ready(asker, 1)?;
-                let cost = self.cost_of_size(ledger.price());
-                check_budget(&cost, asker.answerer(), ledger)?;
+                let cost = self.cost_of_size(budget.price());
+                check_budget(&cost, asker.answerer(), budget)?;
                 recordings.check_writable()?;
                 asker.announce(1, &cost);
-                let live = Live { queries: self, recordings, asker, ledger, progress };
+                let live = Live { queries: self, recordings, asker, budget, progress };
                 let asked = live.size(query).map_err(|stop| live.error(stop, 1))?;
                 asked.map_or_else(SizeOutcome::Failed, SizeOutcome::Answered)
             }
@@ -154,7 +154,7 @@ impl Queries<'_> {
         &self,
         recordings: &Recordings,
         asker: &dyn Asker,
-        ledger: &Ledger,
+        budget: &Budget,
     ) -> Result<Option<Outcome>, QueryError> {
         let sorted = self.sort(recordings, Some(asker.answerer()));
         let first = &sorted.open[..sorted.open.len().min(1)];
@@ -166,7 +166,7 @@ impl Queries<'_> {
         if !first.is_empty() {
             check_ready(asker, sorted.open.len())?;
             recordings.check_writable()?;
-            let live = Live { queries: self, recordings, asker, ledger, progress: Progress::Hidden };
+            let live = Live { queries: self, recordings, asker, budget, progress: Progress::Hidden };
             ask_all(&live, first, &mut keep)?;
         }
         Ok(asked)
@@ -186,7 +186,7 @@ impl Queries<'_> {
     ///
     /// `on_answer` is called with each answer as soon as it arrives; the result has them in the order of the segments.
     /// A segment that could not be answered is a typed failure among the answers and is not recorded. Requests are entered
-    /// in `ledger`, which holds the budget and may have entries of earlier runs.
+    /// in `budget`, which holds the budget and may have entries of earlier runs.
     ///
     /// # Errors
     /// [`QueryError::Missing`] if an answer is not recorded and there is no asker. An error if the budget does not
@@ -195,7 +195,7 @@ impl Queries<'_> {
         &self,
         recordings: &Recordings,
         asker: Option<&dyn Asker>,
-        ledger: &Ledger,
+        budget: &Budget,
         on_answer: &mut OnAnswer,
         progress: Progress,
     ) -> Result<Run, QueryError> {
@@ -217,8 +217,8 @@ impl Queries<'_> {
             None => return Err(self.missing(&sorted.open)),
             Some(asker) => {
                 check_ready(asker, sorted.open.len())?;
-                let cost = self.cost_of(&sorted.open, ledger.price());
-                check_budget(&cost, asker.answerer(), ledger)?;
+                let cost = self.cost_of(&sorted.open, budget.price());
+                check_budget(&cost, asker.answerer(), budget)?;
                 recordings.check_writable()?;
                 asker.announce(sorted.open.len(), &cost);
             }
@@ -227,11 +227,11 @@ impl Queries<'_> {
             keep(index, outcome)?;
         }
         if let Some(asker) = asker {
-            let live = Live { queries: self, recordings, asker, ledger, progress };
+            let live = Live { queries: self, recordings, asker, budget, progress };
             ask_all(&live, &sorted.open, &mut keep)?;
         }
         bar.finish_and_clear();
-        Ok(Run { answers: Answers { segments: outcomes.into_iter().flatten().collect() }, spent: ledger.spent() })
+        Ok(Run { answers: Answers { segments: outcomes.into_iter().flatten().collect() }, spent: budget.spent() })
     }
 
     fn sort(&self, recordings: &Recordings, answerer: Option<&Answerer>) -> Sorted<'_> {
@@ -290,11 +290,11 @@ impl Queries<'_> {
 }
 
 /// Checks that asking for `cost` stays within the budget.
-fn check_budget(cost: &Cost, answerer: &Answerer, ledger: &Ledger) -> Result<(), QueryError> {
-    let Some(max_usd) = ledger.max_usd() else { return Ok(()) };
+fn check_budget(cost: &Cost, answerer: &Answerer, budget: &Budget) -> Result<(), QueryError> {
+    let Some(max_usd) = budget.max_usd() else { return Ok(()) };
     match cost.usd {
         None => Err(QueryError::NoPrice { model: answerer.model.clone() }),
-        Some(usd) if usd + ledger.spent().usd.unwrap_or(0.0) > max_usd => {
+        Some(usd) if usd + budget.spent().usd.unwrap_or(0.0) > max_usd => {
             Err(QueryError::OverBudget { requests: cost.requests, usd, max_usd })
         }
         Some(_) => Ok(()),
@@ -322,7 +322,7 @@ fn ask_all(
             let sender = sender.clone();
             let next = &next;
             scope.spawn(move || {
-                while !live.ledger.is_closed()
+                while !live.budget.is_closed()
                     && let Some(open) = open.get(next.fetch_add(1, Ordering::Relaxed))
                 {
                     let outcome = live.answer(&live.queries.segments[open.index], open.question, open.so_far);
@@ -343,7 +343,7 @@ fn ask_all(
                 Err(stop) => Err(stop),
             };
             if let Err(reason) = kept {
-                live.ledger.close();
+                live.budget.close();
                 // The first reason is reported, but a paid answer that could not be saved takes precedence.
                 if stop.as_ref().is_none_or(|told: &Stop| reason.is_unkept() && !told.is_unkept()) {
                     stop = Some(reason);

@@ -4,7 +4,7 @@ use minijinja::{Value, context};
 
 use crate::grasp::GraspReport;
 
-use crate::numbers::significant;
+use crate::readable::significant;
 
 /// Positions of slip, grip and damage, in percent of a scale that ends a little above the largest relevant force.
 pub fn force_scale(grasp: &GraspReport) -> Value {

@@ -5,10 +5,10 @@ use std::path::Path;
 
 use super::Report;
 use crate::grasp::GraspReport;
-use crate::numbers::{figures, significant};
 use crate::output::{counted, one_line};
 use crate::part_name::part_name;
 use crate::parts::Parts;
+use crate::readable::{figures, significant};
 use crate::vote::FieldLabel;
 
 /// A few lines: the parts, the object, the grasp, the path of the report.

@@ -1,8 +1,8 @@
 //! Sentences about the object's mass: what it consists of besides the parts, where the width of its interval comes
 //! from, and what would narrow it.
 
-use crate::numbers::{interval, significant};
 use crate::parts::{Parts, Source, Width};
+use crate::readable::{interval, significant};
 use crate::units::Estimate;
 
 /// A cause that widens an interval by less than this factor is not worth a sentence.

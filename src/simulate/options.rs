@@ -8,7 +8,7 @@ use super::material::Soften;
 use super::rigid::choice;
 use super::script;
 use crate::config::SceneKey;
-use crate::values::{self, above, from_to};
+use crate::option_values::{self, above, from_to};
 
 /// The keys that a scene may set: what happens to its object and how it is filmed. How long the user is willing to wait
 /// and how large a film they want are not among them.
@@ -171,6 +171,6 @@ impl Options {
 
 impl Default for Options {
     fn default() -> Self {
-        values::defaults()
+        option_values::defaults()
     }
 }

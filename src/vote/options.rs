@@ -5,7 +5,7 @@ use std::num::NonZeroUsize;
 use serde::{Deserialize, Serialize};
 
 use crate::config::SceneKey;
-use crate::values::{self, from_to};
+use crate::option_values::{self, from_to};
 
 /// Number of seen neighbours that decide for an unseen Gaussian: enough that one stray does not decide, few enough to
 /// stay local.
@@ -37,7 +37,7 @@ pub struct Options {
 
 impl Default for Options {
     fn default() -> Self {
-        values::defaults()
+        option_values::defaults()
     }
 }
 

@@ -3,7 +3,7 @@
 // Tiny scenes of a ball of two materials.
 pub mod ball;
 // The page of all scenes, in a browser and as text.
-mod index;
+mod page;
 // A batch that is killed repeatedly.
 mod kills;
 // Scenes that hang, and scenes that cannot be named.

@@ -1,6 +1,6 @@
 //! Forces against hand-computed cases, and over their whole domain.
 
-use gprop::grasp::formulas::{Bearing, ForceMax, f_max, f_min, f_star};
+use gprop::grasp::forces::{ForceMax, GraspedPart, f_max, f_min, f_star};
 use gprop::grasp::gripper::GripperProfile;
 use gprop::grasp::{GraspError, GraspReport, Limit, Options, Policy, Reason, grasp, grasped_part::PartChoice};
 use gprop::materials::Law;
@@ -112,7 +112,7 @@ fn f_min_by_hand() {
 
 #[test]
 fn f_max_by_hand() {
-    let rubber = Bearing {
+    let rubber = GraspedPart {
         area_m2: 1.1e-4,
         strength_pa: 10e6,
         youngs_modulus_pa: 5e6,
@@ -123,7 +123,7 @@ fn f_max_by_hand() {
     close(f_max(&rubber).newtons, 4.125);
     assert_eq!(f_max(&rubber).limit, Limit::Bending);
     // 1.1e-4 * 50e6 = 5500 N, against 1/2 * 1.1e-4 * 12e9 * 0.02 * 0.5 = 6600 N
-    let wood = Bearing { strength_pa: 50e6, youngs_modulus_pa: 12e9, thickness_m: 0.02, ..rubber };
+    let wood = GraspedPart { strength_pa: 50e6, youngs_modulus_pa: 12e9, thickness_m: 0.02, ..rubber };
     close(f_max(&wood).newtons, 5500.0);
     assert_eq!(f_max(&wood).limit, Limit::Yield);
 }

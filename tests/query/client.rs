@@ -5,9 +5,9 @@ use std::time::Duration;
 
 use crate::support::server::{MockServer, Request, Response, json_of};
 use gprop::query::asker::{Ask, AskError, Asker, Correction, Reply, ReplyContent};
+use gprop::query::budget::Budget;
 use gprop::query::client::{ApiKey, Client, ClientError};
 use gprop::query::cost::Cost;
-use gprop::query::ledger::Ledger;
 use gprop::query::recorded::Usage;
 use gprop::query::{Failure, Options, Outcome, Prompts, QueryError};
 use serde_json::{Value, json};
@@ -52,8 +52,8 @@ impl Server {
 pub fn ask(client: &Client, correction: Option<Correction>) -> Result<Reply, AskError> {
     let (prompts, options) = (Prompts::builtin(), small());
     let queries = prepare(&[two_segments("000", 80, 80)], &prompts, &options);
-    let ledger = Ledger::new(None, None);
-    let account = ledger.account(Cost::default());
+    let budget = Budget::new(None, None);
+    let account = budget.account(Cost::default());
     client.ask(Ask { question: queries.questions.first(), picture: &queries.segments[0].jpeg, correction }, &account)
 }
 
@@ -293,7 +293,7 @@ fn the_key_appears_nowhere_but_in_its_header() {
     let result = queries.run(
         &recordings(folder.path()),
         Some(&client),
-        &Ledger::new(None, None),
+        &Budget::new(None, None),
         &mut |_, answer| {
             lines.push_str(&answer.to_jsonl());
             Ok(())

@@ -1,5 +1,5 @@
+use gprop::query::budget::{Budget, NotSent, Spent};
 use gprop::query::cost::{Cost, ImageTokens, PriceTable};
-use gprop::query::ledger::{Ledger, NotSent, Spent};
 use gprop::query::recorded::Usage;
 
 #[test]
@@ -43,15 +43,15 @@ fn the_ledger_never_commits_more_than_the_budget() {
     assert_eq!(cost.input_tokens, 455);
     let most = 455.0 * 2.5e-6 + 1000.0 * 10e-6;
     assert!((cost.most_usd.unwrap() - most).abs() < 1e-12);
-    let ledger = Ledger::new(price, Some(2.5 * most));
-    let account = ledger.account(cost);
+    let budget = Budget::new(price, Some(2.5 * most));
+    let account = budget.account(cost);
     let (first, second) = (account.open().unwrap(), account.open().unwrap());
     assert_eq!(account.open().unwrap_err(), NotSent::Budget, "a third might pass the budget");
     first.answered(Some(Usage { input_tokens: 455, output_tokens: 100 }));
     let third = account.open().expect("the first took less than set aside");
     third.not_billed();
     second.answered(None);
-    let spent = ledger.spent();
+    let spent = budget.spent();
     assert_eq!((spent.requests, spent.unanswered), (2, 0));
     assert_eq!(spent.usage, Usage { input_tokens: 910, output_tokens: 1100 });
     assert!((spent.usd.unwrap() - (910.0 * 2.5e-6 + 1100.0 * 10e-6)).abs() < 1e-12);
@@ -61,28 +61,28 @@ fn the_ledger_never_commits_more_than_the_budget() {
 fn what_may_have_been_billed_counts_at_its_most() {
     let price = PriceTable::builtin().price("gpt-4o").cloned();
     let cost = Cost::of_request(&["a question"], (512, 512), 1000, price.as_ref());
-    let ledger = Ledger::new(price, Some(1.5 * cost.most_usd.unwrap()));
-    drop(ledger.account(cost).open().unwrap());
-    let Spent { requests, unanswered, usd, .. } = ledger.spent();
+    let budget = Budget::new(price, Some(1.5 * cost.most_usd.unwrap()));
+    drop(budget.account(cost).open().unwrap());
+    let Spent { requests, unanswered, usd, .. } = budget.spent();
     assert_eq!((requests, unanswered), (1, 1));
     assert!((usd.unwrap() - cost.most_usd.unwrap()).abs() < 1e-12);
-    assert_eq!(ledger.account(cost).open().unwrap_err(), NotSent::Budget);
-    ledger.close();
-    assert_eq!(ledger.account(cost).open().unwrap_err(), NotSent::Closed);
+    assert_eq!(budget.account(cost).open().unwrap_err(), NotSent::Budget);
+    budget.close();
+    assert_eq!(budget.account(cost).open().unwrap_err(), NotSent::Closed);
 }
 
 #[test]
 fn a_budget_that_is_no_number_lets_nothing_through() {
     let price = PriceTable::builtin().price("gpt-4o").cloned();
     let cost = Cost::of_request(&["a question"], (512, 512), 1000, price.as_ref());
-    for budget in [f64::NAN, f64::NEG_INFINITY, -1.0] {
-        let ledger = Ledger::new(price.clone(), Some(budget));
-        assert_eq!(ledger.account(cost).open().unwrap_err(), NotSent::Budget, "{budget}");
+    for limit in [f64::NAN, f64::NEG_INFINITY, -1.0] {
+        let budget = Budget::new(price.clone(), Some(limit));
+        assert_eq!(budget.account(cost).open().unwrap_err(), NotSent::Budget, "{limit}");
     }
     // An unknown cost fits no budget.
     let unknown = Cost::of_request(&["a question"], (512, 512), 1000, None);
-    assert_eq!(Ledger::new(None, Some(9.0)).account(unknown).open().unwrap_err(), NotSent::Budget);
-    assert!(Ledger::new(None, None).account(unknown).open().is_ok());
+    assert_eq!(Budget::new(None, Some(9.0)).account(unknown).open().unwrap_err(), NotSent::Budget);
+    assert!(Budget::new(None, None).account(unknown).open().is_ok());
 }
 
 #[test]

@@ -8,8 +8,8 @@ use std::time::{Duration, SystemTime};
 
 use gprop::progress::Progress;
 use gprop::query::asker::{AskError, Reply, ReplyContent};
+use gprop::query::budget::Budget;
 use gprop::query::cost::{Price, PriceTable};
-use gprop::query::ledger::Ledger;
 use gprop::query::{Options, Outcome, Prompts, QueryError, Run};
 use serde_json::{Value, json};
 
@@ -83,7 +83,7 @@ fn run_within(options: &Options, requests: f64) -> Result<Run, QueryError> {
     let queries = prepare(&[one_segment()], &prompts, &options);
     let client = connect(&options, None).unwrap().unwrap();
     let store = recordings(folder.path());
-    queries.run(&store, Some(&client), &Ledger::new(price, options.max_usd), &mut |_, _| Ok(()), Progress::Hidden)
+    queries.run(&store, Some(&client), &Budget::new(price, options.max_usd), &mut |_, _| Ok(()), Progress::Hidden)
 }
 
 #[test]

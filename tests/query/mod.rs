@@ -37,8 +37,8 @@ use std::sync::Mutex;
 use gprop::materials::MaterialLibrary;
 use gprop::progress::Progress;
 use gprop::query::asker::{Ask, AskError, Asker, Reply, ReplyContent};
+use gprop::query::budget::{Account, Budget};
 use gprop::query::client::{ApiKey, Client, ClientError};
-use gprop::query::ledger::{Account, Ledger};
 use gprop::query::question::About;
 use gprop::query::recorded::{Answerer, Recordings, Usage};
 use gprop::query::{Options, Prompts, Queries, QueryError, Run, ViewInput};
@@ -129,7 +129,7 @@ fn connect(options: &Options, key: Option<ApiKey>) -> Result<Option<Client>, Cli
 }
 
 fn run(queries: &Queries, recordings: &Recordings, asker: Option<&dyn Asker>) -> Result<Run, QueryError> {
-    queries.run(recordings, asker, &Ledger::new(None, queries.options.max_usd), &mut |_, _| Ok(()), Progress::Hidden)
+    queries.run(recordings, asker, &Budget::new(None, queries.options.max_usd), &mut |_, _| Ok(()), Progress::Hidden)
 }
 
 /// An answer about a part that names `material` with the library's values, as a model would write it.

@@ -2,7 +2,7 @@ use std::fs;
 
 use gprop::progress::Progress;
 use gprop::query::asker::{AskError, ReplyContent};
-use gprop::query::ledger::Ledger;
+use gprop::query::budget::Budget;
 use gprop::query::recorded::{RecordingError, Recordings};
 use gprop::query::{AnswerSource, Failure, Guidance, Match, Options, Outcome, Prompts, QueryError};
 
@@ -36,7 +36,7 @@ fn what_was_asked_once_is_replayed_from_disk() {
         .run(
             &recordings(folder.path()),
             Some(&asker),
-            &Ledger::new(None, None),
+            &Budget::new(None, None),
             &mut |_, _| {
                 told += 1;
                 Ok(())
@@ -269,7 +269,7 @@ fn the_budget_stops_before_and_during_the_run() {
         let run = queries.run(
             &store,
             Some(&asker),
-            &Ledger::new(price.clone(), Some(max_usd)),
+            &Budget::new(price.clone(), Some(max_usd)),
             &mut |_, _| Ok(()),
             Progress::Hidden,
         );

@@ -12,7 +12,7 @@ use super::Outcome;
 use super::truth::Truth;
 use crate::grasp::GraspReport;
 use crate::grasp::curvature;
-use crate::grasp::formulas::{Bearing, f_max, f_min};
+use crate::grasp::forces::{GraspedPart, f_max, f_min};
 use crate::grasp::gripper::GripperProfile;
 use crate::output::one_line;
 use crate::units::GRAVITY_M_S2;
@@ -63,7 +63,7 @@ impl GraspedObject {
         let [from, full] = gripper.enabled();
         let fixed = FIXED.map(|(name, share)| (name, gripper.force_for(from + share * (full - from))));
         let true_f_min_n = f_min(truth.mass_kg, truth.friction, 0.0, GRAVITY_M_S2);
-        let true_f_max_n = f_max(&Bearing {
+        let true_f_max_n = f_max(&GraspedPart {
             area_m2: gripper.finger_area_m2,
             strength_pa: truth.strength_pa,
             youngs_modulus_pa: truth.youngs_modulus_pa,

@@ -2,7 +2,7 @@
 //!
 //! Servers differ in what they accept, so a request starts in its strictest form (`dialect.rs`) and is simplified if a
 //! server refuses it; a form that a server accepted once is used from then on. Requests that fail for a transient
-//! reason are retried (`retry.rs`), each try with its own entry in the ledger. The API key is read from the environment
+//! reason are retried (`retry.rs`), each try with its own entry in the budget. The API key is read from the environment
 //! only, is sent in a header that is marked sensitive, and is cut out of every text that comes back.
 //!
 //! A server may send anything at any pace: one request with its response takes [`Options::lmm_timeout_s`] at most, a
@@ -26,8 +26,8 @@ use serde_json::{Value, json};
 use tokio::runtime::Runtime;
 
 use super::asker::{Ask, AskError, Asker, Reply};
+use super::budget::Account;
 use super::cost::Cost;
-use super::ledger::Account;
 use super::options::Options;
 use super::recorded::Answerer;
 use crate::output::counted;

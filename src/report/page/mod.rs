@@ -31,8 +31,8 @@ use super::style;
 use super::tables;
 use super::weighing::sentences;
 use super::{Cloud, Motion, Pictures, Report};
-use crate::numbers::{figures, interval, significant};
 use crate::output::thousands;
+use crate::readable::{figures, interval, significant};
 
 /// The page's own scripts, in the order in which they build on each other.
 const SCRIPTS: [&str; 5] = [

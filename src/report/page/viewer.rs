@@ -2,9 +2,9 @@
 
 use serde::Serialize;
 
-use crate::numbers::figures;
 use crate::part_name::part_name;
 use crate::pictures::palette;
+use crate::readable::figures;
 use crate::report::motion::Path;
 use crate::report::{Cloud, Motion, Report, Sphere};
 use crate::units::{Estimate, ShoreScale};

@@ -2,11 +2,11 @@
 
 use minijinja::{Value, context};
 
-use crate::numbers::significant;
 use crate::output::counted;
 use crate::part_name::part_name;
 use crate::pictures::palette;
 use crate::query::{Answers, Match, Outcome, SegmentAnswer};
+use crate::readable::significant;
 use crate::report::{AnswerCounts, Disagreement, Pictures, ViewPictures};
 
 use super::{css, data_uri};

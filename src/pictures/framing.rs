@@ -47,14 +47,14 @@ fn shown(camera: &Camera, gaussians: &Gaussians, parts: &[u32]) -> f64 {
 }
 
 /// A camera's picture cropped to the object.
-pub struct Sight {
+pub struct Framing {
     /// The area of the photo that the picture shows.
     area: Area,
     /// The camera of the picture.
     pub camera: Camera,
 }
 
-impl Sight {
+impl Framing {
     /// The object in `photo`, which `camera` took, with a margin; the longest side of the picture is `longest_side`
     /// pixels, and a narrow object gets surroundings until the picture is `narrowest` times as wide as high, as far as
     /// the photo reaches.

@@ -13,9 +13,9 @@ use super::cost::{Cost, Price, dollars};
 use super::recorded::Usage;
 use crate::output::counted;
 
-/// The account book of a run.
+/// The most that a run may spend, and what it has spent.
 #[derive(Debug)]
-pub struct Ledger {
+pub struct Budget {
     price: Option<Price>,
     max_usd: Option<f64>,
     books: Mutex<Books>,
@@ -60,10 +60,10 @@ pub enum NotSent {
     Closed,
 }
 
-/// The requests of one question in the ledger.
+/// The requests of one question in the budget.
 #[derive(Debug, Clone, Copy)]
 pub struct Account<'a> {
-    ledger: &'a Ledger,
+    budget: &'a Budget,
     /// Cost of one request.
     cost: Cost,
 }
@@ -72,13 +72,13 @@ pub struct Account<'a> {
 #[derive(Debug)]
 #[must_use]
 pub struct Entry<'a> {
-    ledger: &'a Ledger,
+    budget: &'a Budget,
     cost: Cost,
     is_open: bool,
 }
 
-impl Ledger {
-    /// An empty ledger.
+impl Budget {
+    /// A budget of which nothing has been spent.
     pub fn new(price: Option<Price>, max_usd: Option<f64>) -> Self {
         let spent = Spent { usd: price.as_ref().map(|_| 0.0), ..Spent::default() };
         Self { price, max_usd, books: Mutex::new(Books { spent, ..Books::default() }) }
@@ -96,7 +96,7 @@ impl Ledger {
 
     /// The account of a question whose requests cost `cost` each.
     pub fn account(&self, cost: Cost) -> Account<'_> {
-        Account { ledger: self, cost }
+        Account { budget: self, cost }
     }
 
     /// Permits no further request.
@@ -137,23 +137,23 @@ impl<'a> Account<'a> {
     /// Reserves a request's highest cost.
     ///
     /// # Errors
-    /// If it might exceed the budget, or the ledger is closed.
+    /// If it might exceed the budget, or the budget is closed.
     pub fn open(&self) -> Result<Entry<'a>, NotSent> {
-        let Self { ledger, cost } = *self;
-        let mut books = ledger.books();
+        let Self { budget, cost } = *self;
+        let mut books = budget.books();
         if books.is_closed {
             return Err(NotSent::Closed);
         }
-        if books.might_pass(ledger.max_usd, cost.most_usd) {
+        if books.might_pass(budget.max_usd, cost.most_usd) {
             return Err(NotSent::Budget);
         }
         books.reserved_usd += cost.most_usd.unwrap_or(0.0);
-        Ok(Entry { ledger, cost, is_open: true })
+        Ok(Entry { budget, cost, is_open: true })
     }
 
     /// True if no further request may be sent.
     pub fn is_closed(&self) -> bool {
-        self.ledger.is_closed()
+        self.budget.is_closed()
     }
 }
 
@@ -172,19 +172,19 @@ impl Entry<'_> {
     /// Closes the entry of a request that was certainly not billed.
     pub fn not_billed(mut self) {
         self.is_open = false;
-        self.ledger.books().reserved_usd -= self.cost.most_usd.unwrap_or(0.0);
+        self.budget.books().reserved_usd -= self.cost.most_usd.unwrap_or(0.0);
     }
 
     fn bill(&mut self, usage: Option<Usage>, unanswered: usize) {
         self.is_open = false;
         let Cost { input_tokens, most_output_tokens: output_tokens, most_usd, .. } = self.cost;
         let usage = usage.unwrap_or(Usage { input_tokens, output_tokens });
-        let mut books = self.ledger.books();
+        let mut books = self.budget.books();
         books.reserved_usd -= most_usd.unwrap_or(0.0);
         books.spent.requests += 1;
         books.spent.unanswered += unanswered;
         books.spent.usage = books.spent.usage.plus(usage);
-        if let (Some(usd), Some(price)) = (books.spent.usd.as_mut(), &self.ledger.price) {
+        if let (Some(usd), Some(price)) = (books.spent.usd.as_mut(), &self.budget.price) {
             *usd += price.usd(usage);
         }
     }

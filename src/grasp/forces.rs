@@ -23,9 +23,9 @@ pub fn f_min(mass_kg: f64, friction: f64, lift_angle_rad: f64, gravity_m_s2: f64
     (0.5 * mass_kg * gravity_m_s2 * per_weight).max(0.0)
 }
 
-/// The properties of the part that bears the force of one finger.
+/// Those properties of the grasped part that limit the force of one finger.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Bearing {
+pub struct GraspedPart {
     pub area_m2: f64,
     pub strength_pa: f64,
     pub youngs_modulus_pa: f64,
@@ -42,9 +42,9 @@ pub struct ForceMax {
 }
 
 /// The largest force of one finger that neither crushes nor bends the part. Yield is named if both limits are equal.
-pub fn f_max(bearing: &Bearing) -> ForceMax {
-    let crush = bearing.area_m2 * bearing.strength_pa;
-    let bend = 0.5 * bearing.area_m2 * bearing.youngs_modulus_pa * bearing.thickness_m * bearing.max_curvature_1_m;
+pub fn f_max(part: &GraspedPart) -> ForceMax {
+    let crush = part.area_m2 * part.strength_pa;
+    let bend = 0.5 * part.area_m2 * part.youngs_modulus_pa * part.thickness_m * part.max_curvature_1_m;
     if bend < crush {
         ForceMax { newtons: bend, limit: Limit::Bending }
     } else {

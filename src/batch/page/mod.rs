@@ -13,8 +13,8 @@ use percent_encoding::{AsciiSet, NON_ALPHANUMERIC, utf8_percent_encode};
 use rayon::prelude::*;
 
 use crate::files;
-use crate::numbers::figures;
 use crate::pictures::thumbnail;
+use crate::readable::figures;
 use crate::report::ESTIMATED;
 use crate::report::style;
 use crate::units::Estimate;
@@ -47,10 +47,10 @@ fn page(summary: &Summary, title: &str, home: &Path) -> String {
         title,
         tiles => tiles(summary),
         rows => rows.into_values().collect::<Vec<_>>(),
-        style => Value::from_safe_string(include_str!("index.css").to_owned()),
-        script => Value::from_safe_string(include_str!("index.js").to_owned()),
+        style => Value::from_safe_string(include_str!("page.css").to_owned()),
+        script => Value::from_safe_string(include_str!("page.js").to_owned()),
     };
-    style::engine().render_str(include_str!("index.html.j2"), data).expect("the template is a constant")
+    style::engine().render_str(include_str!("page.html.j2"), data).expect("the template is a constant")
 }
 
 fn tiles(summary: &Summary) -> Vec<Value> {
