@@ -4,6 +4,7 @@ pub mod browser;
 pub mod server;
 
 use std::collections::BTreeMap;
+use std::fs::File;
 use std::io::Write;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output};
@@ -53,9 +54,18 @@ impl<T> Shared<T> {
 }
 
 /// An empty folder for what several tests read, below Cargo's folder for tests: a temporary one would stay behind, since
-/// what is shared is never dropped. The next run of the tests empties it.
+/// what is shared is never dropped. A later run of the tests empties it; a run beside this one has folders of its own.
 pub fn shared_folder(name: &str) -> PathBuf {
-    let folder = Path::new(env!("CARGO_TARGET_TMPDIR")).join(name);
+    static OF_THIS_RUN: OnceLock<(PathBuf, File)> = OnceLock::new();
+    let (all, _locked) = OF_THIS_RUN.get_or_init(|| {
+        let numbered = (0..).map(|n| Path::new(env!("CARGO_TARGET_TMPDIR")).join(format!("run_{n}")));
+        let mut locked = numbered.map(|all| {
+            let lock = File::create(all.with_extension("lock")).unwrap();
+            lock.try_lock().is_ok().then_some((all, lock))
+        });
+        locked.find_map(|found| found).unwrap()
+    });
+    let folder = all.join(name);
     if folder.exists() {
         std::fs::remove_dir_all(&folder).unwrap();
     }
