@@ -41,17 +41,17 @@ fn named<'a>(parts: &'a Parts, name: &str) -> Result<&'a Part, GraspError> {
     if let Some(part) = parts.parts.iter().find(|p| wanted == p.id.to_string()) {
         return Ok(part);
     }
-    let caption = |p: &Part| p.caption.to_lowercase();
-    let short = |p: &Part| part_name(&p.caption, &p.material).to_lowercase();
-    let matches: [&dyn Fn(&Part) -> bool; 4] =
-        [&|p| caption(p) == wanted, &|p| short(p) == wanted, &|p| short(p).contains(&wanted), &|p| {
-            caption(p).contains(&wanted) || p.material.to_lowercase().contains(&wanted)
-        }];
-    let by = |matches: &&dyn Fn(&Part) -> bool| parts.parts.iter().filter(|p| matches(p)).collect::<Vec<_>>();
-    let found = match wanted.as_str() {
-        "" => Vec::new(),
-        _ => matches.iter().map(by).find(|found| !found.is_empty()).unwrap_or_default(),
+    // The first way in which the name fits the part.
+    let way = |p: &Part| {
+        let [caption, material] = [&p.caption, &p.material].map(|text| text.to_lowercase());
+        let short = part_name(&p.caption, &p.material).to_lowercase();
+        let within = |text: &str| !wanted.is_empty() && text.contains(&wanted);
+        [caption == wanted, short == wanted, within(&short), within(&caption) || within(&material)]
+            .into_iter()
+            .position(|fits| fits)
     };
+    let best = parts.parts.iter().filter_map(way).min();
+    let found: Vec<&Part> = parts.parts.iter().filter(|p| best.is_some() && way(p) == best).collect();
     match found[..] {
         [part] => Ok(part),
         [] => Err(GraspError::NoSuchPart { name: name.to_owned(), parts: list(&parts.parts) }),

@@ -233,6 +233,18 @@ fn parts_by_name() {
 }
 
 #[test]
+fn a_part_is_called_by_its_name_before_another_that_mentions_it() {
+    let (mut parts, labels) = hammer();
+    parts.parts[0].caption = "wooden handle below the head; pale".into();
+    parts.parts[1].caption = "steel head of a hammer with a wooden handle".into();
+    let found = |name| grasp(&parts, &labels, None, 1.0, &paper(), &of_part(name)).map(|report| report.part_id);
+    for (name, id) in [("head", 1), ("Steel Head", 1), ("handle", 0), ("wooden handle", 0), ("pale", 0), ("of a", 1)] {
+        assert_eq!(found(name).unwrap(), id, "{name}");
+    }
+    assert!(matches!(found("material"), Err(GraspError::AmbiguousPart { .. })));
+}
+
+#[test]
 fn options_outside_their_domain_are_refused() {
     for lift_angle_deg in [-1.0, 90.5, f64::NAN] {
         let options = Options { lift_angle_deg, ..Options::default() };
