@@ -35,8 +35,12 @@ struct Met {
     reach2: f64,
     /// 1 less what rounding may take from the squared distance of a place from the centre.
     certain: f64,
+    /// What rounding may add to the squared standard deviations of a place at distance 1 from the centre.
+    uncertain: f64,
     precision: Matrix3<f64>,
     opacity: f64,
+    /// Squared standard deviations from the centre at which it has ended or is too faint.
+    ended: f64,
     /// Beyond this distance from its centre it has ended.
     radius: f64,
 }
@@ -53,7 +57,6 @@ impl Met {
         let precision =
             covariance.try_inverse().filter(|p| p.iter().all(|v| v.is_finite())).unwrap_or_else(Matrix3::zeros);
         let opacity = gaussians.opacity(i);
-        // Squared standard deviations at which it has ended or is too faint.
         let ended = (REACH * REACH).min(2.0 * (opacity / Self::LEAST).ln()) + 1e-6;
         // A line's squared distance in standard deviations is at least its squared distance times the least eigenvalue.
         let eigenvalues = precision.symmetric_eigenvalues();
@@ -61,7 +64,25 @@ impl Met {
         let (reach2, certain) =
             if fewest > 0.0 { (ended / fewest, 1.0 - ROUNDING * most / fewest) } else { (f64::INFINITY, 0.0) };
         let radius = REACH * gaussians.scale(i).max();
-        Self { center: gaussians.center(i), reach2, certain, precision, opacity, radius }
+        let (center, uncertain) = (gaussians.center(i), ROUNDING * most);
+        Self { center, reach2, certain, uncertain, precision, opacity, ended, radius }
+    }
+
+    /// Whether a line along the unit vector `axis` through a place within `width` of the axis through `middle` may meet the
+    /// Gaussian: always true if any does.
+    fn may_meet(&self, middle: Point3<f64>, axis: Vector3<f64>, width: f64) -> bool {
+        let offset = middle - self.center;
+        let across = self.precision * axis;
+        let along = across.dot(&axis);
+        if along <= self.uncertain {
+            return true;
+        }
+        // The axis comes this close, in standard deviations; a place within `width` of it is at most as much closer as the
+        // precision across the axis allows, whose largest eigenvalue is at most its trace.
+        let closest2 = offset.dot(&(self.precision * offset)) - across.dot(&offset).powi(2) / along;
+        let closest = (closest2 - self.uncertain * offset.norm_squared()).max(0.0).sqrt();
+        let trace = self.precision.trace() - across.norm_squared() / along;
+        closest <= self.ended.sqrt() + width * (trace.max(0.0) + self.uncertain).sqrt()
     }
 
     /// How far outward on the line along the unit vector `normal` through `at` the Gaussian is densest, and its opacity
@@ -161,8 +182,7 @@ impl<'a> Painter<'a> {
 
     fn tile(&self, mesh: &Mesh, normals: &[Vector3<f64>], triangle: [u32; 3], tile: &Tile) -> Vec<([u32; 2], [u8; 3])> {
         let (corners, normals) = (mesh.corners(triangle), triangle.map(|v| normals[v as usize]));
-        let mut near =
-            self.near(&corners, normals.iter().sum::<Vector3<f64>>().try_normalize(1e-9).unwrap_or(normals[0]));
+        let mut near = self.near(&corners, &normals);
         let steps = f64::from(tile.steps);
         let mut pixels = Vec::new();
         // One row more than the triangle has, for viewers to blend with, and the next row too if no other triangle has
@@ -190,9 +210,8 @@ impl<'a> Painter<'a> {
         let color = |triangle: &[u32; 3]| {
             let corners = mesh.corners(*triangle);
             let middle = Point3::from(corners.iter().map(|corner| corner.coords).sum::<Vector3<f64>>() / 3.0);
-            let normal: Vector3<f64> = triangle.iter().map(|v| normals[*v as usize]).sum();
-            let normal = normal.try_normalize(1e-9).unwrap_or(normals[triangle[0] as usize]);
-            self.near(&corners, normal).color(middle, normal)
+            let normal = mean_direction(&triangle.map(|v| normals[v as usize]));
+            self.near(&corners, &[normal]).color(middle, normal)
         };
         mesh.triangles.par_iter().map(color).collect()
     }
@@ -203,15 +222,20 @@ impl<'a> Painter<'a> {
         mesh.vertices
             .par_iter()
             .zip(&normals)
-            .map(|(at, normal)| self.near(&[*at], *normal).color(*at, *normal))
+            .map(|(at, normal)| self.near(&[*at], &[*normal]).color(*at, *normal))
             .collect()
     }
 
-    /// The Gaussians that may be met on a line through a place between `corners`, along a normal near `facing`.
-    fn near(&self, corners: &[Point3<f64>], facing: Vector3<f64>) -> Near<'_> {
+    /// The Gaussians that may be met on a line through a place between `corners`, along a normal between `normals`.
+    fn near(&self, corners: &[Point3<f64>], normals: &[Vector3<f64>]) -> Near<'_> {
+        let facing = mean_direction(normals);
         let (low, high) = corners.iter().fold((corners[0], corners[0]), |(low, high), p| (low.inf(p), high.sup(p)));
         let middle = nalgebra::center(&low, &high);
         let extent = 0.5 * (high - low).norm() + self.depth;
+        // No place on such a line is farther from the line through the middle along the mean normal.
+        let sideways = |v: Vector3<f64>| (v - facing * v.dot(&facing)).norm();
+        let spread = normals.iter().map(|n| if n.dot(&facing) > 0.0 { sideways(*n) } else { 1.0 }).fold(0.0, f64::max);
+        let width = corners.iter().map(|p| sideways(p - middle)).fold(0.0, f64::max) + self.depth * spread;
         let half = Vector3::repeat(0.5 * self.grid.cell);
         let mut members = Vec::new();
         if let Some([xs, ys, zs]) = self.grid.cells_between(low - half, high + half) {
@@ -223,11 +247,11 @@ impl<'a> Painter<'a> {
         }
         members.sort_unstable();
         members.dedup();
-        let members: Vec<(u32, Met)> = members
-            .into_iter()
-            .map(|i| (i, self.met[i as usize]))
-            .filter(|(_, gaussian)| (gaussian.center - middle).norm() <= extent + gaussian.radius)
-            .collect();
+        let meets = |gaussian: &Met| {
+            (gaussian.center - middle).norm() <= extent + gaussian.radius && gaussian.may_meet(middle, facing, width)
+        };
+        members.retain(|i| meets(&self.met[*i as usize]));
+        let members: Vec<(u32, Met)> = members.into_iter().map(|i| (i, self.met[i as usize])).collect();
         Near { painter: self, views: self.views(facing), colors: vec![None; members.len()], members, met: Vec::new() }
     }
 
@@ -256,6 +280,11 @@ impl<'a> Painter<'a> {
         }
         sum
     }
+}
+
+/// The mean of unit vectors as a unit vector; the first if they cancel out.
+fn mean_direction(of: &[Vector3<f64>]) -> Vector3<f64> {
+    of.iter().sum::<Vector3<f64>>().try_normalize(1e-9).unwrap_or(of[0])
 }
 
 /// The Gaussians near a triangle or a vertex, each with the colour that it shows once that is known.
