@@ -8,6 +8,7 @@ use super::bibliography::{RULE, Reference, Rule, split_citation};
 use super::check::{Finding, Severity, check};
 use super::stats::{Provenance, Shares, stats};
 use super::{Labels, Law, Material, MaterialLibrary, StrengthKind};
+use crate::output::{agreeing, counted};
 use crate::units::{Range, ShoreHardness};
 
 /// A material found by name, as `show --json` prints it: SI, ranges as `[low, high]`.
@@ -146,14 +147,18 @@ pub fn check_text(library: &MaterialLibrary, with_stats: bool) -> (String, bool)
     let errors = findings.iter().filter(|finding| finding.fails()).count();
     let warnings = findings.iter().filter(|one| one.severity == Severity::Warning && one.excuse.is_none()).count();
     let excused = findings.iter().filter(|finding| finding.excuse.is_some()).count();
+    let families = library.families().len();
     if with_stats {
         text.push_str(&stats_text(&stats(library)));
     }
     let _ = writeln!(
         text,
-        "{} materials of {} families: {errors} errors, {warnings} warnings, {excused} deviations with a reason",
-        library.materials().len(),
-        library.families().len()
+        "{} of {families} {}: {}, {}, {} with a reason",
+        counted(library.materials().len(), "material"),
+        agreeing(families, "family", "families"),
+        counted(errors, "error"),
+        counted(warnings, "warning"),
+        counted(excused, "deviation"),
     );
     (text, errors == 0)
 }

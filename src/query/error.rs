@@ -27,7 +27,7 @@ pub enum QueryError {
     )]
     Missing { segments: usize, missing: Vec<MissingSegment> },
     #[error(
-        "no recorded answer for the length of the object ({miss}), which --scale estimate asks for in view {view}\nAsk a model: \
+        "no usable recorded answer for the length of the object ({miss}), which --scale estimate asks for in view {view}\nAsk a model: \
          --lmm-url URL --lmm-model NAME with the key in OPENAI_API_KEY; or answer by hand or elsewhere: gprop query SCENE \
          --scale estimate --export DIR, then --import DIR; or give another --scale"
     )]
@@ -54,7 +54,7 @@ pub enum QueryError {
     },
     #[error("{message}; {} {} not answered; the answers so far are recorded ({spent})", output::counted(*.left, "question"), output::agreeing(*.left, "is", "are"))]
     Endpoint { message: String, left: usize, spent: Spent },
-    #[error("none of the {} was answered: {}", output::counted(*.segments, "question"), counted(.failures))]
+    #[error("{}: {}", unanswered(*.segments), counted(.failures))]
     AllFailed {
         segments: usize,
         /// Each failure with the number of segments that it applies to, the most frequent first.
@@ -146,6 +146,13 @@ fn where_kept(folder: &Path, spare: Option<&Path>) -> String {
         None => {
             format!("The answers that could not be written are printed above; make room and save them in {folder:?}")
         }
+    }
+}
+
+fn unanswered(questions: usize) -> String {
+    match questions {
+        1 => "the only question was not answered".into(),
+        more => format!("none of the {} was answered", output::counted(more, "question")),
     }
 }
 

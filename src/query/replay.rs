@@ -59,7 +59,7 @@ pub fn replay<'a>(queries: &'a Queries, segment: &SegmentQuery, recordings: &Rec
 /// The recorded answer about the size of the object, or why there is none.
 pub fn replay_size(query: &SizeQuery, recordings: &Recordings, who: Who) -> Result<Size, Miss> {
     let (recording, _) = recordings.find(&query.shown.asked(&query.question), who)?;
-    query.read(&recording.response).map_err(|_| Miss::Prompt)
+    query.read(&recording.response).map_err(|_| Miss::Unusable)
 }
 
 /// A failure that names the recording as its cause.

@@ -251,7 +251,7 @@ impl Queries<'_> {
                     sorted.open.push(Open { index, question, so_far, miss });
                 }
                 Replayed::Unusable { question, so_far, .. } if answerer.is_some() => {
-                    sorted.open.push(Open { index, question, so_far, miss: Miss::Prompt });
+                    sorted.open.push(Open { index, question, so_far, miss: Miss::Unusable });
                 }
                 Replayed::Unusable { problem, .. } => sorted.answered.push((index, replay::unusable(problem))),
             }

@@ -26,14 +26,14 @@ def object_body(model):
 
 
 def as_mjcf(path):
-    """The model as an MJCF tree without file references, as MuJoCo saves it."""
+    """The model, and as an MJCF tree as MuJoCo saves it, with the folder of its files."""
     model = compiled(path)
     folder = os.path.dirname(os.path.abspath(path))
     with tempfile.NamedTemporaryFile(dir=folder, suffix=".saved.xml", delete=False) as file:
         saved = file.name
     try:
         mujoco.mj_saveLastXML(saved, model)
-        return ET.parse(saved).getroot(), folder
+        return model, ET.parse(saved).getroot(), folder
     finally:
         os.remove(saved)
 
@@ -80,9 +80,9 @@ def load(path):
 
 
 def with_plane(path):
-    tree, folder = as_mjcf(path)
+    model, tree, folder = as_mjcf(path)
     world = tree.find("worldbody")
-    z = lowest(compiled(path))
+    z = lowest(model)
     ET.SubElement(world, "geom", name="floor", type="plane", size="5 5 1", pos=f"0 0 {z}", friction="0.4 0.005 0.0001")
     option = tree.find("option")
     option = ET.SubElement(tree, "option") if option is None else option

@@ -86,12 +86,31 @@ fn the_scale_follows_from_the_answer_and_all_results_say_so() {
     for name in ["parts.json", "grasp.json", "size.json"] {
         assert_eq!(fs::read_to_string(again.join(name)).unwrap(), file(&balls, name), "{name}");
     }
+    spoil_the_recorded_answer(&balls);
+    let spoilt = balls.scene(0).join("spoilt");
+    let replayed = run(&balls, "estimate", &["--answers", "replay", "--out", spoilt.to_str().unwrap()]);
+    assert_eq!(replayed.status.code(), Some(5), "{}", said(&replayed));
+    let why = "the recorded answer does not have the form that was asked for";
+    assert!(said(&replayed).contains(why), "{}", said(&replayed));
 
     // A stated scale takes its place, and nothing is marked any more.
     let stated = run(&balls, "metric", &[]);
     assert!(stated.status.success(), "{}", said(&stated));
     assert!(!file(&balls, "parts.json").contains("estimated"));
     assert!(!file(&balls, "grasp.json").contains("estimated") && !file(&balls, "report.html").contains(MARK));
+}
+
+fn spoil_the_recorded_answer(balls: &Balls) {
+    let mut spoilt = 0;
+    for (path, bytes) in contents(&balls.scene(0)) {
+        let Ok(mut recording) = serde_json::from_slice::<Value>(&bytes) else { continue };
+        if recording["response"].as_str().is_some_and(|response| response.contains("longest_side_cm")) {
+            recording["response"] = "about a foot".into();
+            fs::write(balls.scene(0).join(path), recording.to_string()).unwrap();
+            spoilt += 1;
+        }
+    }
+    assert!(spoilt > 0);
 }
 
 /// Formats in metres or kilograms; the archive of arrays has a number in place of words.

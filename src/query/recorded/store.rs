@@ -67,6 +67,8 @@ pub enum Miss {
     Prompt,
     /// The view is recorded, but no mask overlaps enough; the best overlap.
     Mask { iou: f64 },
+    /// The answer is recorded, but does not have the form that was asked for.
+    Unusable,
 }
 
 impl std::fmt::Display for Miss {
@@ -76,6 +78,7 @@ impl std::fmt::Display for Miss {
             Self::View => f.write_str("nothing is recorded for this photo"),
             Self::Prompt => f.write_str("recorded only for another prompt, library or model"),
             Self::Mask { iou } => write!(f, "the nearest recorded mask has an IoU of {iou:.2}, below {MASK_IOU}"),
+            Self::Unusable => f.write_str("the recorded answer does not have the form that was asked for"),
         }
     }
 }
