@@ -232,6 +232,15 @@ fn numbers_beyond_their_domain_end_with_code_2_before_anything_is_done() {
     assert!(stderr(&batch).contains("N up to 1000000"), "{}", stderr(&batch));
 }
 
+#[test]
+fn two_formats_with_the_same_files_are_refused_before_anything_is_written() {
+    let balls = Balls::new(1);
+    let output = gprop().arg("run").arg(balls.scene(0)).args(["--also", "coco,npy,langsplat"]).output().unwrap();
+    assert_eq!(output.status.code(), Some(2));
+    assert!(stderr(&output).contains("VIEW_s.npy"), "{}", stderr(&output));
+    assert!(!balls.scene(0).join("gprop/segments").exists());
+}
+
 fn stderr(output: &Output) -> String {
     String::from_utf8_lossy(&output.stderr).into_owned()
 }

@@ -44,7 +44,7 @@ pub enum Policy {
 #[derive(Debug, Clone, PartialEq, Args, Serialize)]
 #[command(next_help_heading = "Grasp")]
 pub struct Options {
-    /// Grasp this part, named by its number, its caption, or a piece of the caption
+    /// Grasp this part: its number, or its name, caption or material, or a piece of one of them
     #[arg(long, value_name = "NAME", overrides_with_all = ["point", "auto"])]
     pub part: Option<String>,
     /// Grasp near this point (world frame, scene units)

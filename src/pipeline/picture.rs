@@ -22,7 +22,9 @@ use super::query::write_sheets;
 use super::query_session::{QuerySession, QueryView, Subjects, check_recordings};
 use super::record::Hasher;
 use super::scene::file_digest;
-use super::segment::{SegmentsFile, ViewEntry, models_key, open_segmenter, stored_segments, write_other_formats};
+use super::segment::{
+    SegmentsFile, ViewEntry, check_formats, models_key, open_segmenter, stored_segments, write_other_formats,
+};
 use super::{Options, png};
 
 /// A picture being segmented and queried.
@@ -64,6 +66,7 @@ impl Picture {
             )
             .into());
         }
+        check_formats(&options.segment.also)?;
         let (photo, size) = Photo::open(path, mask)?;
         let work = WorkDir::open(&work_folder(path, out))?;
         let key = segments_key(path, mask, &options)?;

@@ -7,6 +7,7 @@ use std::sync::Mutex;
 use anyhow::{Context, Result};
 use serde::{Deserialize, Serialize};
 
+use crate::error::UsageError;
 use crate::from_splat::photo_with_foreground;
 use crate::progress::Progress;
 use crate::scene::{ObjectSource, View};
@@ -88,6 +89,7 @@ pub(super) fn stored_segments(work: &WorkDir) -> SegmentsFile {
 
 impl Pipeline {
     pub(super) fn segment_key(&self) -> Result<String> {
+        check_formats(&self.options.segment.also)?;
         let hasher = self.key_after_inputs(Stage::Segment).with_json(&self.options.segment.deciding());
         let mut hasher = hasher.with_json(&self.options.segment.also).with(self.masks_key().as_bytes());
         if let Some(folder) = &self.options.segment.segments {
@@ -224,6 +226,15 @@ pub fn open_segmenter(setup: &setup::Options, options: &segment::Options, progre
         return Ok(segmenter);
     }
     Ok(segmenter.caching_embeddings(&setup::embeddings_folder()?, &models)?)
+}
+
+/// # Errors
+/// If two of the formats would write the same files.
+pub(super) fn check_formats(formats: &[Format]) -> Result<(), UsageError> {
+    if formats.contains(&Format::Npy) && formats.contains(&Format::Langsplat) {
+        return Err(UsageError("--also: npy and langsplat write the same files (VIEW_s.npy); give one of them".into()));
+    }
+    Ok(())
 }
 
 /// Writes the label maps in the other formats that were requested.

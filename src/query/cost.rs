@@ -51,7 +51,10 @@ pub enum ImageTokens {
 
 /// An amount in dollars, or a note that the price is unknown.
 pub(super) fn dollars(usd: Option<f64>) -> String {
-    usd.map_or_else(|| "an unknown price (give a table with --prices)".to_owned(), |usd| format!("{usd:.4} USD"))
+    usd.map_or_else(
+        || "an unknown price (--lmm-model names the model, --prices the table with its price)".to_owned(),
+        |usd| format!("{usd:.4} USD"),
+    )
 }
 
 /// A price table that cannot be read.
