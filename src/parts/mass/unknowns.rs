@@ -65,25 +65,33 @@ impl Effect {
         Self { low: self.low.min(limit), high: self.high.min(limit) }
     }
 
+    /// Both effects together, the other with this weight.
+    fn and(self, other: Self, weight: f64) -> Self {
+        Self { low: self.low + weight * other.low, high: self.high + weight * other.high }
+    }
+
     fn at(self, z: f64) -> f64 {
         if z > 0.0 { self.high * z } else { -self.low * z }
     }
 
     /// The slope that raises the quantity, or the one that lowers it.
     pub fn slope(self, raises: bool) -> f64 {
-        if (self.high >= self.low) == raises { self.high } else { -self.low }
+        if self.rises(raises) { self.high } else { -self.low }
     }
 
-    /// The slope at `z`: if the unknown is at its middle, the slope that raises the quantity, or the one that lowers
-    /// it.
-    fn slope_at(self, z: f64, raises: bool) -> f64 {
-        match z {
-            z if z > 0.0 => self.high,
-            z if z < 0.0 => -self.low,
-            _ => self.slope(raises),
-        }
+    /// The slope at `z`, on the side to which the unknown goes if `z` is next to its middle, where the two differ.
+    fn slope_at(self, z: f64, rises: bool) -> f64 {
+        if z > AT_MIDDLE || (z >= -AT_MIDDLE && rises) { self.high } else { -self.low }
+    }
+
+    /// Whether the unknown rises for the quantity to rise or to fall.
+    fn rises(self, raises: bool) -> bool {
+        (self.high >= self.low) == raises
     }
 }
+
+/// An unknown this near to its middle can go to either side.
+const AT_MIDDLE: f64 = 1e-3;
 
 /// The unknowns, each by its source and by what it belongs to.
 #[derive(Debug, Default)]
@@ -124,40 +132,48 @@ impl Quantity {
     }
 }
 
-/// The belief about the unknowns: their middle, and how much less uncertain they are along one direction.
+/// The belief about the unknowns: their middle, and what was weighed.
 #[derive(Debug, Clone)]
 pub struct Belief {
     middle: Vec<f64>,
-    /// The covariance, in units of that of the prior, is the identity minus `gain` times this vector's outer product.
-    direction: Vec<f64>,
-    gain: f64,
+    reading: Option<Reading>,
+}
+
+/// A measurement of the sum of all masses.
+#[derive(Debug, Clone)]
+struct Reading {
+    /// By unknown, how the logarithm of the sum changes around the middle.
+    effects: Vec<Effect>,
+    /// Relative, at 90 %.
+    error: f64,
 }
 
 /// Steps of Gauss-Newton; a few suffice for any mass that the bounds allow.
 const STEPS: usize = 100;
+/// Rounds of finding the sides to which the unknowns go, which depend on the slopes there.
+const SIDES: usize = 4;
 /// Share of each step that is taken, since slopes differ on the two sides of an unknown's middle.
 const DAMPING: f64 = 0.5;
 
 impl Belief {
     /// The belief before anything was weighed.
     pub fn prior(unknowns: &Unknowns) -> Self {
-        Self { middle: vec![0.0; unknowns.count()], direction: vec![0.0; unknowns.count()], gain: 0.0 }
+        Self { middle: vec![0.0; unknowns.count()], reading: None }
     }
 
     /// The belief after the sum of `masses` was found to be `reading`, within the relative `error` at 90 %.
     pub fn after(unknowns: &Unknowns, masses: &[Quantity], reading: f64, error: f64) -> Self {
-        let mut belief = Self::prior(unknowns);
+        let mut z = vec![0.0; unknowns.count()];
         for _ in 0..STEPS {
-            let z = &belief.middle;
-            let lacking = (reading / total(masses, z)).ln();
-            let slopes = slopes(masses, z, lacking > 0.0);
-            let toward: f64 = slopes.iter().zip(z).map(|(slope, z)| slope * z).sum();
-            let norm: f64 = slopes.iter().map(|slope| slope * slope).sum::<f64>() + error * error;
-            let scale = if norm > 0.0 { (lacking + toward) / norm } else { 0.0 };
-            belief.middle = z.iter().zip(&slopes).map(|(z, slope)| z + DAMPING * (slope * scale - z)).collect();
-            (belief.direction, belief.gain) = (slopes, if norm > 0.0 { 1.0 / norm } else { 0.0 });
+            let lacking = (reading / total(masses, &z)).ln();
+            let effects = effects(masses, &z);
+            let slope = |(effect, z): (&Effect, &f64)| effect.slope_at(*z, effect.rises(lacking > 0.0));
+            let slopes: Vec<f64> = effects.iter().zip(&z).map(slope).collect();
+            let norm = dot(&slopes, &slopes) + error * error;
+            let scale = if norm > 0.0 { (lacking + dot(&slopes, &z)) / norm } else { 0.0 };
+            z = z.iter().zip(&slopes).map(|(z, slope)| z + DAMPING * (slope * scale - z)).collect();
         }
-        belief
+        Self { reading: Some(Reading { effects: effects(masses, &z), error }), middle: z }
     }
 
     /// The quantity as it is believed to be.
@@ -167,13 +183,26 @@ impl Belief {
 
     /// The sum of quantities as it is believed to be.
     pub fn of_sum(&self, quantities: &[Quantity]) -> Estimate {
-        let sum = summed(quantities, &self.middle);
+        let sum = self.sum(quantities);
         self.around(sum.mid, &sum.effects)
+    }
+
+    /// The sum as one quantity: its effects are the changes of its logarithm if a single unknown moves by one. What was
+    /// weighed leaves the unknowns that matter little room, and then its derivatives count.
+    fn sum(&self, quantities: &[Quantity]) -> Quantity {
+        match self.reading {
+            None => summed(quantities, &self.middle),
+            Some(_) => Quantity {
+                mid: total(quantities, &self.middle),
+                effects: effects(quantities, &self.middle).into_iter().enumerate().collect(),
+            },
+        }
     }
 
     /// The interval of a sum if only the unknowns of one source were uncertain, for each source that has a share in it.
     pub fn by_source(&self, unknowns: &Unknowns, quantities: &[Quantity]) -> Vec<(Source, Estimate)> {
-        let sum = summed(quantities, &self.middle);
+        let mut sum = self.sum(quantities);
+        sum.effects.retain(|(_, effect)| *effect != Effect::NONE);
         let mut sources: Vec<Source> = sum.effects.iter().map(|(unknown, _)| unknowns.source(*unknown)).collect();
         sources.sort_unstable();
         sources.dedup();
@@ -190,14 +219,32 @@ impl Belief {
     }
 
     fn width(&self, effects: &[(usize, Effect)], raises: bool) -> f64 {
-        let (mut squares, mut along) = (0.0, 0.0);
+        let Some(reading) = &self.reading else {
+            return effects.iter().map(|(_, effect)| effect.slope(raises).powi(2)).sum::<f64>().sqrt();
+        };
+        let mut own = vec![Effect::NONE; self.middle.len()];
         for (unknown, effect) in effects {
-            let slope = effect.slope_at(self.middle[*unknown], raises);
-            squares += slope * slope;
-            along += slope * self.direction[*unknown];
+            own[*unknown] = own[*unknown].and(*effect, 1.0);
         }
-        (squares - self.gain * along * along).max(0.0).sqrt()
+        let mut rises: Vec<bool> = own.iter().map(|effect| effect.rises(raises)).collect();
+        let mut variance = 0.0;
+        for _ in 0..SIDES {
+            let slopes = |effects: &[Effect]| -> Vec<f64> {
+                effects.iter().zip(&self.middle).zip(&rises).map(|((e, z), rises)| e.slope_at(*z, *rises)).collect()
+            };
+            let (own, sum) = (slopes(&own), slopes(&reading.effects));
+            let norm = dot(&sum, &sum) + reading.error * reading.error;
+            let shared = if norm > 0.0 { dot(&own, &sum) / norm } else { 0.0 };
+            variance = dot(&own, &own) - shared * dot(&own, &sum);
+            // Where the unknowns are when the quantity is at this end of its interval.
+            rises = own.iter().zip(&sum).map(|(own, sum)| (own - shared * sum >= 0.0) == raises).collect();
+        }
+        variance.max(0.0).sqrt()
     }
+}
+
+fn dot(a: &[f64], b: &[f64]) -> f64 {
+    a.iter().zip(b).map(|(a, b)| a * b).sum()
 }
 
 /// The least and the greatest sum that any combination of the unknowns' ends gives.
@@ -234,17 +281,17 @@ fn summed(quantities: &[Quantity], z: &[f64]) -> Quantity {
     Quantity { mid, effects: if mid > 0.0 { used.into_iter().map(effect).collect() } else { Vec::new() } }
 }
 
-/// The slope of the logarithm of the sum along each unknown: at its middle, on the side toward which the sum must go.
-fn slopes(masses: &[Quantity], z: &[f64], raises: bool) -> Vec<f64> {
-    let mid = total(masses, z);
-    let mut slopes = vec![0.0; z.len()];
-    for mass in masses {
-        let share = mass.mid * mass.log_factor(z).exp() / mid;
-        for (unknown, effect) in &mass.effects {
-            slopes[*unknown] += share * effect.slope_at(z[*unknown], raises);
+/// By unknown, how the logarithm of the sum changes around `z`: the mean over its terms, weighted by their size.
+fn effects(quantities: &[Quantity], z: &[f64]) -> Vec<Effect> {
+    let mid = total(quantities, z);
+    let mut sum = vec![Effect::NONE; z.len()];
+    for quantity in quantities {
+        let share = quantity.mid * quantity.log_factor(z).exp() / mid;
+        for (unknown, effect) in &quantity.effects {
+            sum[*unknown] = sum[*unknown].and(*effect, share);
         }
     }
-    slopes
+    sum
 }
 
 #[cfg(test)]
@@ -312,6 +359,28 @@ mod tests {
         // Against an error of 1 %, the prior weighs (0.01 / 0.25)^2: some 0.2 % of the difference.
         assert!((sure + unsure - 2.4).abs() < 0.003, "{sure} + {unsure}");
         assert!(sure - 1.0 < 0.02 && unsure > 1.38, "{sure}, {unsure}");
+    }
+
+    /// The scale is all but unknown; a solid grows with its cube, a wall with its square, and both have a one-sided
+    /// unknown that the reading hardly moves.
+    #[test]
+    fn the_sum_is_as_certain_as_the_reading_whatever_else_is_not() {
+        let of = |power: f64, own| Quantity {
+            mid: 1.0,
+            effects: vec![(0, symmetric(7.0 * power)), (own, Effect { low: -0.1, high: 0.8 })],
+        };
+        let masses = [of(3.0, 1), of(2.0, 2)];
+        for reading in [2.0, 1.5, 3.0] {
+            let belief = Belief::after(&unknowns(3), &masses, reading, 0.01);
+            let sum = belief.of_sum(&masses);
+            assert!((sum.mid / reading - 1.0).abs() < 1e-3, "{sum:?} for {reading}");
+            for end in [sum.high / sum.mid, sum.mid / sum.low] {
+                assert!((end.ln() / 0.01 - 1.0).abs() < 0.02, "{sum:?} for {reading}");
+            }
+            // A part can be heavier only if the other is lighter.
+            let part = belief.of(&masses[0]);
+            assert!(part.high < 1.7 * part.mid && part.low > part.mid / 1.7, "{part:?} for {reading}");
+        }
     }
 
     #[test]
