@@ -5,9 +5,12 @@
 //! 2. [`verdict`]: whether the photos fit their own cameras better than those of other views.
 //! 3. [`diagnose`]: if they do not, which of the usual conversions would make them fit.
 //! 4. [`text`] and [`page`]: the result on one screen, or as a page with the pictures side by side.
+//!
+//! [`misfit`] looks at a few views only; every run does that before anything else.
 
 mod compare;
 mod diagnose;
+mod misfit;
 mod page;
 mod text;
 mod verdict;
@@ -25,6 +28,7 @@ use crate::scene::{self, Bounds, ForegroundSource, ObjectSource, Options, Scene,
 use crate::units::MetricScale;
 use crate::workdir::write_atomic;
 pub use diagnose::Suggestion;
+pub use misfit::misfit;
 pub use page::to_html;
 pub use text::to_text;
 

@@ -7,6 +7,7 @@ use anyhow::Result;
 use serde::{Deserialize, Serialize};
 
 use crate::camera::Camera;
+use crate::inspect;
 use crate::scene::{Options, Scene, SceneError};
 use crate::units::MetricScale;
 use crate::workdir::{Artifact, WorkDir, WorkDirError, sha256_of_file};
@@ -63,6 +64,10 @@ impl Pipeline {
             warnings.extend(of_scale);
             scale
         });
+        // Views that are rendered from the splat fit it.
+        if self.options.scene.render_views.is_none() {
+            warnings.extend(inspect::misfit(&self.scene, &self.views)?);
+        }
         let file = ViewsFile {
             gaussians: self.scene.gaussians.len(),
             scale: in_photos.as_ref().or(self.scene.scale.as_ref()),
