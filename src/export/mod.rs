@@ -251,6 +251,7 @@ fn spaced(numbers: impl IntoIterator<Item = f64>) -> String {
 /// The folder that is written into.
 struct Files<'a> {
     folder: &'a Path,
+    /// Each file once, although several formats may share it.
     written: Vec<PathBuf>,
 }
 
@@ -262,7 +263,9 @@ impl Files<'_> {
     ) -> Result<(), ExportError> {
         let path = self.folder.join(name);
         write_atomic(&path, fill).map_err(|source| ExportError::Write { path: path.clone(), source })?;
-        self.written.push(path);
+        if !self.written.contains(&path) {
+            self.written.push(path);
+        }
         Ok(())
     }
 }
