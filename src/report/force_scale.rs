@@ -2,28 +2,60 @@
 
 use minijinja::{Value, context};
 
-use crate::grasp::GraspReport;
-
+use crate::grasp::{GraspReport, Reason};
 use crate::readable::significant;
 
-/// Positions of slip, grip and damage, in percent of a scale that ends a little above the largest relevant force.
+/// The scale ends at this many times the larger of F_min and F*, so that there is room beside the mark; or a tenth beyond
+/// F_max if that is less.
+const ROOM: f64 = 1.5;
+const BEYOND_DAMAGE: f64 = 1.1;
+
+/// Positions of slip, grip and damage, in percent of a scale that ends a little above the largest relevant force, and the
+/// words for the forces between F_min and F_max.
 pub fn force_scale(grasp: &GraspReport) -> Value {
-    let interesting = grasp.f_star_n.max(grasp.f_min_n);
-    let end = round_up(1.25 * interesting.max(grasp.f_max_n.min(4.0 * interesting)));
+    let relevant = grasp.f_star_n.max(grasp.f_min_n);
+    let end = round_up((ROOM * relevant).min(BEYOND_DAMAGE * relevant.max(grasp.f_max_n)));
     let percent = |force: f64| 100.0 * (force / end).clamp(0.0, 1.0);
     let (slip, damage, star) = (percent(grasp.f_min_n), percent(grasp.f_max_n), percent(grasp.f_star_n));
+    let turns = grasp.infeasible.as_ref().is_some_and(|why| why.reason == Reason::Turns);
     context! {
         end => significant(end),
         slip,
-        safe => (damage - slip).max(0.0),
+        between => (damage - slip).max(0.0),
+        effect => effect(grasp.infeasible.as_ref().map(|why| why.reason)),
+        class => if turns { "turns" } else { "holds" },
         star,
         // The text stands on the side of the mark that has more room.
         is_right => star > 50.0,
     }
 }
 
-/// The next larger 1, 2 or 5 times a power of ten.
+/// What forces between F_min and F_max do.
+fn effect(unsafe_because: Option<Reason>) -> &'static str {
+    match unsafe_because {
+        None | Some(Reason::Damage) => "holds",
+        Some(Reason::TooWeak) => "would hold, but the gripper is too weak",
+        Some(Reason::TooStrong) => "would hold, but the gripper cannot press so gently",
+        Some(Reason::Turns) => "does not slip, but may turn between the fingers",
+    }
+}
+
+/// The next larger round number.
 fn round_up(value: f64) -> f64 {
     let power = 10f64.powf(value.max(1e-9).log10().floor());
-    [1.0, 2.0, 5.0, 10.0].map(|step| step * power).into_iter().find(|step| *step >= value).unwrap_or(value)
+    [1.0, 1.2, 1.5, 2.0, 2.5, 3.0, 4.0, 5.0, 6.0, 8.0, 10.0]
+        .map(|step| step * power)
+        .into_iter()
+        .find(|step| *step >= value)
+        .unwrap_or(value)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_scale_ends_at_a_round_number() {
+        assert_eq!([79.8, 33.0, 101.0].map(round_up), [80.0, 40.0, 120.0]);
+    }
 }

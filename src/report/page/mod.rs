@@ -228,13 +228,15 @@ fn grasp(grasp: &GraspReport, pictures: &Pictures) -> Value {
     let star = significant(grasp.f_star_n);
     let sentence = match &grasp.infeasible {
         None => format!(
-            "press with {star} N ({}, command {} of 100). This holds the object without damaging the part.",
+            "press with {star} N per finger (gripper `{}`, command {} of 100). This holds the object without damaging the \
+             part.",
             grasp.gripper,
             significant(grasp.normalized_command),
         ),
-        Some(why) => format!("no safe grip with the gripper `{}`: {why}.", grasp.gripper),
+        Some(why) => format!("{why}."),
     };
     context! {
+        is_safe => grasp.infeasible.is_none(),
         part => part_name(&grasp.part, ""),
         sentence,
         scale => force_scale(grasp),
