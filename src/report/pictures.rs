@@ -62,6 +62,15 @@ pub struct SheetPicture {
     pub jpeg: Vec<u8>,
 }
 
+impl Pictures {
+    /// The part that the Gaussians under a `segment` of a `view` belong to, as its `part_label` in `field.ply`; `None` if
+    /// no Gaussian is there.
+    pub fn part_of(&self, view: &str, segment: u16) -> Option<u32> {
+        let view = self.views.iter().find(|drawn| drawn.name == view)?;
+        view.part_of_segment.get(&segment).copied()
+    }
+}
+
 impl SheetPicture {
     /// Shrinks the `sheet` that was sent.
     ///

@@ -4,7 +4,7 @@ use std::fmt::Display;
 
 use csv::WriterBuilder;
 
-use super::Report;
+use super::{Pictures, Report};
 use crate::grasp::candidates::Candidate;
 use crate::part_name::part_name;
 use crate::query::{Answers, Form, Outcome};
@@ -126,8 +126,8 @@ pub(super) fn simulation(report: &Report) -> String {
         .csv(frames)
 }
 
-/// Every answer.
-pub(super) fn answers(answers: &Answers) -> String {
+/// Every answer. `segment` is the number in `answers.jsonl` and in the names of the sheets, `part` that of the other tables.
+pub(super) fn answers(answers: &Answers, pictures: &Pictures) -> String {
     let said = |outcome: &Outcome, part: fn(&crate::query::Answer) -> String| match outcome {
         Outcome::Answered(answer) => part(answer),
         Outcome::Failed(_) => String::new(),
@@ -135,6 +135,7 @@ pub(super) fn answers(answers: &Answers) -> String {
     Columns::new()
         .text("view", |row: &crate::query::SegmentAnswer| row.view.clone())
         .number("segment", |row| Some(row.segment))
+        .number("part", |row| pictures.part_of(&row.view, row.segment))
         .text("caption", move |row| said(&row.outcome, |answer| answer.caption.clone()))
         .text("material", move |row| said(&row.outcome, |answer| answer.material.clone()))
         .text("confidence", move |row| said(&row.outcome, |answer| answer.confidence.to_string()))

@@ -1,6 +1,7 @@
 //! Sentences about the object's mass: what it consists of besides the parts, where the width of its interval comes
 //! from, and what would narrow it.
 
+use crate::part_name::part_name;
 use crate::parts::{Parts, Source, Width};
 use crate::readable::{interval, significant};
 use crate::units::Estimate;
@@ -11,9 +12,11 @@ const WORTH_SAYING: f64 = 1.05;
 /// The sentences, the most important first.
 pub fn sentences(parts: &Parts) -> Vec<String> {
     let filling = |filling: &crate::parts::Filling| {
+        let around = parts.parts.iter().find(|part| part.id == filling.inside_of);
+        let name = around.map_or_else(|| "object".to_owned(), |part| part_name(&part.caption, &part.material));
         format!(
-            "No photo shows {}; the answers say that the part is filled, which adds {} g ({}).",
-            filling.caption,
+            "According to the answers, the {name} is filled with {}, which no photo shows; it adds {} g ({}).",
+            filling.filling,
             significant(filling.mass_kg.mid * 1e3),
             interval(filling.mass_kg, 1e3)
         )
@@ -40,7 +43,7 @@ fn causes(parts: &Parts) -> Option<String> {
         .iter()
         .map(|width| {
             let alone = Estimate::new(width.mass_kg.low, parts.object.mass_kg.mid, width.mass_kg.high);
-            format!("{} ({} kg if nothing else were uncertain)", cause(width.source), interval(alone, 1.0))
+            format!("{} (alone: {} kg)", cause(width.source), interval(alone, 1.0))
         })
         .collect();
     (!said.is_empty()).then(|| format!("The mass is uncertain because of {}.", said.join("; ")))

@@ -59,8 +59,8 @@ pub fn page(report: &Report, answers: &Answers, pictures: &Pictures, cloud: &Clo
         grasp => report.grasp.as_ref().map(|report| grasp(report, pictures)),
         simulation => report.simulation.as_ref().map(|run| simulation(run, pictures)),
         views => views::views(pictures, answers),
-        csv => csv(report, answers),
-        disagreements => views::disagreements(&report.disagreements, pictures, answers),
+        csv => csv(report, answers, pictures),
+        disagreements => views::disagreements(report, pictures, answers),
         answers => views::sentence(&report.answers),
         style => Value::from_safe_string(include_str!("page.css").to_owned()),
         script => Value::from_safe_string(SCRIPTS.concat()),
@@ -99,14 +99,14 @@ fn motion_note(motion: &Motion) -> String {
 }
 
 /// The tables to download, as data URIs.
-fn csv(report: &Report, answers: &Answers) -> Value {
+fn csv(report: &Report, answers: &Answers, pictures: &Pictures) -> Value {
     let uri = |csv: String| data_uri("text/csv", csv.as_bytes());
     context! {
         parts => uri(tables::parts(report)),
         properties => uri(tables::properties(report)),
         grasp => report.grasp.as_ref().map(|grasp| uri(tables::places(&grasp.candidates))),
         simulation => uri(tables::simulation(report)),
-        answers => uri(tables::answers(answers)),
+        answers => uri(tables::answers(answers, pictures)),
     }
 }
 
@@ -145,7 +145,11 @@ fn tiles(report: &Report) -> Vec<Value> {
     }
     tiles.extend(report.simulation.as_ref().and_then(softened_tile));
     let seen = 100.0 * report.scene.seen_gaussians as f64 / report.scene.gaussians.max(1) as f64;
-    tiles.push(tile("Gaussians seen", format!("{seen:.0} %"), "the rest took their neighbours' part".to_owned()));
+    tiles.push(tile(
+        "Gaussians seen",
+        format!("{seen:.0} %"),
+        "the rest are assigned to their neighbours' parts".to_owned(),
+    ));
     tiles
 }
 
@@ -155,7 +159,8 @@ fn softened_tile(simulation: &SimulationReport) -> Option<Value> {
     let most = softened.values().copied().reduce(f64::max)?;
     let each: Vec<String> =
         softened.iter().map(|(material, times)| format!("{material} {}-fold", significant(*times))).collect();
-    let note = format!("only in the simulation, where it bends more than the real object: {}", each.join("; "));
+    let note =
+        format!("only in the simulation, so the simulated object bends more than the real one: {}", each.join("; "));
     Some(tile("softened", format!("{}-fold", significant(most)), note))
 }
 
@@ -277,7 +282,7 @@ fn simulation(simulation: &SimulationReport, pictures: &Pictures) -> Value {
     let is_whole =
         simulation.filled.len() == simulation.rigid.len() && simulation.rigid.iter().all(|part| part.body == 0);
     let moves = match (is_whole, simulation.rigid.len()) {
-        (true, _) => " It moves as one rigid body.".to_owned(),
+        (true, _) => " The object moves as one rigid body.".to_owned(),
         (false, 0) => String::new(),
         (false, 1) => " One part moves as a rigid body.".to_owned(),
         (false, parts) => format!(" {parts} parts move as rigid bodies."),

@@ -1,5 +1,8 @@
 //! The views with their pictures, the sheets and the answers.
 
+use std::cmp::Reverse;
+use std::collections::BTreeMap;
+
 use minijinja::{Value, context};
 
 use crate::output::counted;
@@ -7,7 +10,8 @@ use crate::part_name::part_name;
 use crate::pictures::palette;
 use crate::query::{Answers, Match, Outcome, SegmentAnswer};
 use crate::readable::significant;
-use crate::report::{AnswerCounts, Disagreement, Pictures, ViewPictures};
+use crate::report::{AnswerCounts, Disagreement, Pictures, Report, ViewPictures};
+use crate::vote::FieldLabel;
 
 use super::{css, data_uri};
 
@@ -19,8 +23,7 @@ pub(super) fn views(pictures: &Pictures, answers: &Answers) -> Vec<Value> {
 /// A sentence about the sources of the answers.
 pub(super) fn sentence(counts: &AnswerCounts) -> String {
     format!(
-        "Answers: {}, of which {} were given to exactly these questions and {} come from recordings with overlapping masks. \
-         Failed questions: {}.",
+        "Answers: {} ({} to exactly these questions, {} recorded for overlapping masks). Failed questions: {}.",
         counts.answered(),
         counts.exact,
         counts.by_mask,
@@ -29,23 +32,39 @@ pub(super) fn sentence(counts: &AnswerCounts) -> String {
 }
 
 /// The parts about which the answers disagree, each with all its sheets.
-pub(super) fn disagreements(all: &[Disagreement], pictures: &Pictures, answers: &Answers) -> Vec<Value> {
+pub(super) fn disagreements(report: &Report, pictures: &Pictures, answers: &Answers) -> Vec<Value> {
     let one = |of: &Disagreement| {
         let named =
             of.materials.iter().map(|named| format!("{} in {}", named.material, counted(named.views.len(), "view")));
         let about = answers.segments.iter().filter(|segment| segment.segment == of.part);
         context! {
-            part => of.part,
-            materials => named.collect::<Vec<_>>().join(", "),
+            part => label_of(of.part, report, pictures).map_or_else(|| "a part without Gaussians".to_owned(), title),
+            materials => named.collect::<Vec<_>>().join("; "),
             rows => about.map(|segment| context! { view => segment.view, ..row(segment, pictures) }).collect::<Vec<_>>(),
         }
     };
-    all.iter().map(one).collect()
+    report.disagreements.iter().map(one).collect()
+}
+
+/// The label that most views show where they have the part with this `number` on the sheets.
+fn label_of<'a>(number: u16, report: &'a Report, pictures: &Pictures) -> Option<&'a FieldLabel> {
+    let shown = pictures.views.iter().filter_map(|view| view.part_of_segment.get(&number));
+    let mut views_of: BTreeMap<u32, usize> = BTreeMap::new();
+    shown.for_each(|&id| *views_of.entry(id).or_default() += 1);
+    let (id, _) = views_of.into_iter().max_by_key(|&(id, views)| (views, Reverse(id)))?;
+    report.labels.iter().find(|label| label.id == id)
+}
+
+/// A label's number and name, as in the table of parts.
+fn title(label: &FieldLabel) -> String {
+    format!("{} {}", label.id, part_name(&label.caption, &label.material))
 }
 
 fn one(view: &ViewPictures, pictures: &Pictures, answers: &Answers) -> Value {
     let of_view: Vec<&SegmentAnswer> = answers.segments.iter().filter(|segment| segment.view == view.name).collect();
     let named: Vec<&str> = of_view.iter().map(|segment| material(segment)).collect();
+    let questions = counted(named.len(), "question");
+    let caption = if named.is_empty() { questions } else { format!("{questions}: {}", named.join("; ")) };
     let name = &view.name;
     let picture =
         |jpeg: &[u8], what: &str| context! { src => data_uri("image/jpeg", jpeg), alt => format!("{what} {name}") };
@@ -57,7 +76,7 @@ fn one(view: &ViewPictures, pictures: &Pictures, answers: &Answers) -> Value {
             picture(&view.segments, "parts in view"),
             picture(&view.materials, "Gaussians drawn in view"),
         ],
-        caption => format!("{}: {}", counted(named.len(), "question"), named.join("; ")),
+        caption,
         rows => of_view.iter().map(|segment| row(segment, pictures)).collect::<Vec<_>>(),
     }
 }
@@ -70,12 +89,11 @@ fn material(segment: &SegmentAnswer) -> &str {
 }
 
 fn row(segment: &SegmentAnswer, pictures: &Pictures) -> Value {
-    let view = pictures.views.iter().find(|view| view.name == segment.view);
-    let part = view.and_then(|view| view.part_of_segment.get(&segment.segment));
+    let part = pictures.part_of(&segment.view, segment.segment);
     let sheet = pictures.sheets.iter().find(|sheet| sheet.view == segment.view && sheet.segment == segment.segment);
     let common = context! {
-        segment => segment.segment,
-        color => css(part.map_or(palette::NOTHING, |part| palette::part(*part))),
+        part => part.map_or_else(String::new, |part| part.to_string()),
+        color => css(part.map_or(palette::NOTHING, palette::part)),
         sheet => sheet.map(|sheet| data_uri("image/jpeg", &sheet.jpeg)),
         material => material(segment),
     };
