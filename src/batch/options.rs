@@ -30,15 +30,15 @@ pub struct Options {
     #[arg(long, value_name = "TEXT|GLOB")]
     pub filter: Option<String>,
 
-    /// Index of the first of these scenes to run, sorted by name and counted from 0
+    /// Index, counted from 0, of the first scene to run among those that --split and --filter leave, sorted by name
     #[arg(long, value_name = "N", default_value_t)]
     pub start: usize,
 
-    /// Index after the last of these scenes to run, counted like --start [default: all]
+    /// Index after that of the last scene to run, counted like --start [default: all]
     #[arg(long, value_name = "N")]
     pub end: Option<usize>,
 
-    /// Run only shard I of N of these scenes, with I from 0; the shards are of about equal size [default: from
+    /// Run only shard I of N, with I from 0; the shards are of about equal size [default: from
     /// SLURM_ARRAY_TASK_ID and SLURM_ARRAY_TASK_COUNT, or JOB_COMPLETION_INDEX and JOB_COMPLETIONS, if they are set]
     #[arg(long, value_name = "I/N")]
     pub shard: Option<Shard>,

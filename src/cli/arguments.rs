@@ -221,7 +221,7 @@ pub struct GraspArgs {
 
 #[derive(Debug, Subcommand)]
 pub enum Grasp {
-    /// Fit a rising polynomial of fifth order to forces measured at a gripper's commands.
+    /// Fit a rising polynomial of fifth order to a gripper's measured forces, by command.
     Calibrate {
         /// Measurements (CSV with the header command,force_n; any number of rows per command).
         points: PathBuf,
@@ -337,7 +337,7 @@ pub struct SimulateArgs {
     #[arg(long, value_name = "FILE", requires = "compat", group = "solver_input", value_parser = option_values::file())]
     pub config: Option<PathBuf>,
     /// Give each particle the law, E, nu and density that the scene's field.ply has for its Gaussian, instead of those
-    /// of the configuration; without --config, the object falls under the configuration that `gprop export --format
+    /// of the configuration; without --config, the object falls, with the configuration that `gprop export --format
     /// physgaussian` writes.
     #[arg(long, requires = "compat", group = "solver_input")]
     pub field: bool,
@@ -442,8 +442,8 @@ pub enum Evaluate {
         #[command(flatten)]
         setup: setup::Options,
     },
-    /// Compare a run with a recorded trajectory of PhysGaussian's solver, or gprop's filling of the inside with
-    /// PhysGaussian's.
+    /// Repeat a recorded simulation of PhysGaussian and compare the trajectories; or compare gprop's filling of the
+    /// inside with PhysGaussian's.
     Simulation {
         /// The recorded trajectory with its settings (NPZ).
         reference: PathBuf,
@@ -477,8 +477,8 @@ pub enum Evaluate {
         #[command(flatten)]
         asked: TrueParts,
     },
-    /// Compute the IoU of labels on scenes with true part maps if half of the segments are merged with a neighbour, a
-    /// tenth of the answers are wrong, or fewer views vote; the answers come from the true part maps.
+    /// Measure how the IoU of labels falls when half of the segments are merged with a neighbour, a tenth of the answers
+    /// are wrong, or fewer views vote; scenes need true part maps, which also give the answers.
     Robustness {
         /// Scene folders with SCENE/ground_truth/part_maps/VIEW.png on which `gprop run` has done at least the vote;
         /// questions and votes follow the options of that run.
@@ -491,7 +491,8 @@ pub enum Evaluate {
         #[arg(long, value_name = "DIR")]
         out: Option<PathBuf>,
     },
-    /// Compare masses with true ones: ADE, ALDE, APE, MnRE as NeRF2Physics computes them, and PRA.
+    /// Compare masses with true ones: NeRF2Physics' errors ADE, ALDE, APE and MnRE, and pairwise relationship accuracy
+    /// (PRA).
     Mass {
         /// Scene folders with results of `gprop run` and with `ground_truth/parts.json`.
         #[arg(required_unless_present_any = ["predictions", "data_set"])]

@@ -55,6 +55,11 @@ pub struct Command {
 }
 
 impl GripperProfile {
+    /// The names of the built-in profiles, separated by commas.
+    pub fn builtin_names() -> String {
+        BUILTIN.map(|(name, _)| name).join(", ")
+    }
+
     /// True if there is a built-in profile of this name.
     pub fn is_builtin(name: &str) -> bool {
         BUILTIN.iter().any(|(known, _)| *known == name)
@@ -71,10 +76,9 @@ impl GripperProfile {
         let path = Path::new(name_or_path);
         match std::fs::read_to_string(path) {
             Ok(text) => Self::from_toml(&text, name_or_path),
-            Err(error) if error.kind() == std::io::ErrorKind::NotFound => Err(GraspError::NoSuchGripper {
-                name: name_or_path.to_owned(),
-                builtin: BUILTIN.map(|(name, _)| name).join(", "),
-            }),
+            Err(error) if error.kind() == std::io::ErrorKind::NotFound => {
+                Err(GraspError::NoSuchGripper { name: name_or_path.to_owned(), builtin: Self::builtin_names() })
+            }
             Err(source) => Err(GraspError::ReadProfile { path: path.to_owned(), source }),
         }
     }

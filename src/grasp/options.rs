@@ -54,8 +54,7 @@ pub struct Options {
     /// --auto it is an error if no place fits
     #[arg(long, overrides_with_all = ["part", "point"])]
     pub auto: bool,
-    /// Built-in gripper or TOML profile (see grippers/README.md)
-    #[arg(long, value_name = "NAME|FILE", default_value_t = GRIPPER.to_owned())]
+    #[arg(long, value_name = "NAME|FILE", default_value_t = GRIPPER.to_owned(), help = gripper_help())]
     pub gripper: String,
     /// Angle between the direction of the lift and straight up, in degrees from 0 to 90
     #[arg(long, value_name = "DEG", default_value_t = 0.0)]
@@ -70,6 +69,11 @@ pub struct Options {
     /// Which values of the intervals determine the force
     #[arg(long, value_enum, default_value_t)]
     pub policy: Policy,
+}
+
+/// The help text of `--gripper`.
+fn gripper_help() -> String {
+    format!("Built-in gripper ({}) or TOML profile (see grippers/README.md)", GripperProfile::builtin_names())
 }
 
 impl Default for Options {

@@ -82,7 +82,7 @@ pub struct Options {
     /// Ignore connected bodies with less than this fraction of the splat's total opacity: they are floaters
     #[arg(long, value_name = "SHARE", default_value_t = MIN_BODY_SHARE)]
     pub min_body_share: f64,
-    /// Name parts with less than this fraction of the object's volume in a note
+    /// List parts smaller than this fraction of the object's volume in the notes
     #[arg(long, value_name = "SHARE", default_value_t = MIN_PART_SHARE)]
     pub min_part_share: f64,
     /// How to write the connected bodies of one part (such as the four legs of a chair)
@@ -91,8 +91,8 @@ pub struct Options {
     /// Weight of the whole object in kg, as a kitchen scale shows it; narrows the masses of all parts
     #[arg(long, value_name = "KG", value_parser = from_to(MASS_MIN_KG, MASS_MAX_KG))]
     pub known_mass: Option<f64>,
-    /// Error of that weight in kg: the true weight lies within it with a probability of 90 % [default: a hundredth of the
-    /// weight]
+    /// Error of that weight in kg: with a probability of 90 %, the true weight differs by no more [default: a hundredth of
+    /// the weight]
     #[arg(long, value_name = "KG", requires = "known_mass", value_parser = from_to(MASS_MIN_KG, MASS_MAX_KG))]
     pub known_mass_error: Option<f64>,
 }

@@ -9,9 +9,9 @@ pub enum Preset {
     /// Find the parts first, then ask about them
     #[default]
     Parts,
-    /// The paper's way: SAM's middle level from a 32 x 32 grid with one layer of crops, a question about every segment of
-    /// every view, one vote per view at the centre of each Gaussian that passes the depth test, the most frequent material for each
-    /// Gaussian, and the same largest curvature for every material
+    /// As in the paper, GaussianProperty: SAM's middle level from a 32 x 32 grid with one layer of crops, a question
+    /// about every segment of every view, one vote per view at the centre of each Gaussian that passes the depth test,
+    /// the most frequent material for each Gaussian, and the same largest curvature for every material
     Paper,
 }
 

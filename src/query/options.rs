@@ -76,7 +76,7 @@ pub struct Options {
     #[arg(long, value_enum, default_value_t)]
     pub guidance: Guidance,
 
-    /// Content of the picture: the object and the part in it (as in the paper), or the part alone (its ablation)
+    /// Content of the picture: the object and the part in it (as in the paper), or the part alone (the paper's ablation)
     #[arg(long, value_enum, default_value_t)]
     pub context: Context,
 

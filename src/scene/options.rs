@@ -70,8 +70,8 @@ pub struct Options {
     #[arg(long, value_name = "DIR", value_parser = option_values::folder())]
     pub masks: Option<PathBuf>,
 
-    /// A folder outside the scene to which its links and its `cfg_args` may lead; may be given several times. Nothing else
-    /// outside the scene is read, except what the flags above name
+    /// Folder outside the scene to which the scene's links and 3DGS's `cfg_args` may lead; may be given several times.
+    /// Nothing else outside the scene is read, except what the flags above name
     #[arg(long, value_name = "DIR", value_parser = option_values::folder())]
     #[serde(skip)]
     pub allow_read: Vec<PathBuf>,

@@ -53,10 +53,11 @@ const STIFFEST_PA: f64 = 1e13;
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, serde::Deserialize, clap::ValueEnum)]
 #[serde(rename_all = "snake_case")]
 pub enum Fillings {
-    /// They move with their shell if it is rigid, and follow their own law if it deforms; takes no extra time.
+    /// Fillings move with their shell if it is rigid, and follow their own material law if it deforms; takes no extra
+    /// time.
     #[default]
     Weigh,
-    /// Each follows its own law: liquids slosh, grains shift, foams give.
+    /// Each follows its own material law: liquids slosh, grains shift, foams give.
     Simulate,
     /// Shells are empty.
     Ignore,
@@ -124,13 +125,13 @@ pub struct Options {
     #[arg(long, value_name = "auto|never|PART", default_values_t = [choice::AUTO.to_owned()])]
     pub rigid: Vec<String>,
 
-    /// How to treat what fills the shells, which no photo shows
+    /// How to treat the fillings of shells, which no photo shows
     #[arg(long, value_enum, default_value_t)]
     pub fillings: Fillings,
 
-    /// Largest Young's modulus to simulate, in Pa: if a part that deforms is stiffer, materials are softened (see --soften),
-    /// and their strength in proportion, so that they yield at the same strain; the running time grows with its square root
-    /// [default: none if the simulation then takes less than a minute, else 2e7]
+    /// Largest Young's modulus to simulate, in Pa. If a part that deforms is stiffer, materials are softened (see --soften)
+    /// and their strength is reduced in proportion, so that they yield at the same strain; the running time grows with this
+    /// limit's square root [default: none if the simulation then takes less than a minute, else 2e7]
     #[arg(long, value_name = "PA", value_parser = above(0.0, STIFFEST_PA))]
     pub max_stiffness: Option<f64>,
 

@@ -46,7 +46,7 @@ pub const KNOWN: [Known; 8] = [
     },
     Known {
         name: "twist",
-        what: "is held at one end of its longest side and turned about that side at the other",
+        what: "is held at one end of its longest side and twisted about that axis at the other",
         caption: "Twisted",
         parameters: &[("rate", 2.0, "rad/s")],
     },
@@ -60,7 +60,10 @@ pub const KNOWN: [Known; 8] = [
         name: "wind",
         what: "stands in wind along x",
         caption: "In the wind",
-        parameters: &[("speed", 5.0, "m/s"), ("response", 1.0, "s")],
+        parameters: &[
+            ("speed", 5.0, "m/s"),
+            ("response", 1.0, "s, time constant with which parts take up the wind's speed"),
+        ],
     },
     Known {
         name: "shake",
@@ -193,7 +196,9 @@ pub fn named(name: &str, given: &[String]) -> Result<Script, SimulateError> {
     let mut values: BTreeMap<&str, f64> = known.parameters.iter().map(|(key, value, _)| (*key, *value)).collect();
     for text in given {
         let (key, value) = text.split_once('=').unwrap_or((text, ""));
-        let slot = values.get_mut(key).ok_or_else(|| bad(format!("`{name}` has no parameter `{key}`: see --list")))?;
+        let slot = values
+            .get_mut(key)
+            .ok_or_else(|| bad(format!("`{name}` has no parameter `{key}`: see `gprop simulate --list`")))?;
         *slot = value
             .parse()
             .ok()

@@ -47,7 +47,7 @@ impl Default for Options {
 pub enum Rule {
     /// As in the paper: one vote per view, for the part or segment at the Gaussian's centre, if the Gaussian passes the depth test
     Frequency,
-    /// A vote for the part or segment of every pixel, weighted by the Gaussian's contribution to the pixel's light
+    /// A vote for the part or segment of every pixel, weighted by the Gaussian's contribution to the pixel's colour
     #[default]
     Contribution,
 }

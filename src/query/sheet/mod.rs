@@ -24,7 +24,7 @@ pub enum Context {
     /// Whole object, part in it, part alone, as in the paper.
     #[default]
     GlobalLocal,
-    /// The part alone, for the ablation.
+    /// The part alone, as in the paper's ablation.
     Local,
 }
 
