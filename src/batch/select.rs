@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 
 use glob::Pattern;
 
-use crate::output::counted;
+use crate::output::{agreeing, counted};
 use crate::scene::SplatFormat;
 use crate::scene::dataset::Entry;
 use crate::workdir;
@@ -83,8 +83,9 @@ fn of_split(scenes: Vec<Entry>, split: &str, warnings: &mut Vec<String>) -> Resu
         let absent: Vec<&&str> = names.difference(&known).collect();
         if let Some(first) = absent.first() {
             warnings.push(format!(
-                "left out for lack of a folder: {} of {split} (first: `{first}`)",
-                counted(absent.len(), "scene")
+                "{} of {split} left out because {} no folder (first: `{first}`)",
+                counted(absent.len(), "scene"),
+                agreeing(absent.len(), "it has", "they have")
             ));
         }
         return Ok(scenes.iter().filter(|scene| names.contains(scene.name.as_str())).cloned().collect());

@@ -128,7 +128,11 @@ fn questions(global: &Global, step: QuestionStep, batch: &Batch, questions: &Que
         QuestionStep::Submit => {
             let (sent, failures) = questions.submit()?;
             print(global, &sent, || {
-                format!("{} sent, {} from earlier submissions waiting", counted(sent.sent, "question"), sent.waiting)
+                format!(
+                    "{} sent, {} of earlier submissions still waiting",
+                    counted(sent.sent, "question"),
+                    sent.waiting
+                )
             })?;
             failures
         }

@@ -90,7 +90,7 @@ fn segments(found: &Segmentation) -> String {
 fn parts_of_views(file: &Value) -> String {
     let all = file["parts"].as_array().map_or(&[][..], Vec::as_slice);
     let pieces = all.iter().filter(|part| !part["piece_of"].is_null()).count();
-    let with_pieces = if pieces > 0 { format!(", some of which have {pieces} pieces") } else { String::new() };
+    let with_pieces = if pieces > 0 { format!(", some divided into pieces ({pieces} in all)") } else { String::new() };
     format!("{}{with_pieces}\n", counted(all.len() - pieces, "part"))
 }
 
@@ -122,7 +122,7 @@ fn materials(field: &MaterialField) -> String {
         let gaussians = field.part_label.iter().filter(|&&id| id == label.id).count();
         let name = part_name(&label.caption, &label.material);
         let (material, name) = (one_line(&label.material), one_line(&name));
-        let _ = writeln!(text, "  {:>2}  {material}, {} Gaussians: {name}", label.id, thousands(gaussians as u64));
+        let _ = writeln!(text, "  {:>2}  {material}  {} Gaussians: {name}", label.id, thousands(gaussians as u64));
     }
     text
 }
@@ -140,9 +140,10 @@ fn grasp(report: &GraspReport) -> String {
     }
     for place in report.candidates.iter().skip_while(|_| report.candidates.len() < 2) {
         let may_turn = if place.torque_margin_n_m < 0.0 { "; the object may turn between the fingers" } else { "" };
+        let unsafe_mark = if place.feasible { "" } else { "; not safe" };
         let _ = writeln!(
             text,
-            "  {} N at the {}, {} mm wide, {} mm from the centre of mass{may_turn}",
+            "  {} N at the {}, {} mm wide, {} mm from the centre of mass{may_turn}{unsafe_mark}",
             significant(place.f_star_n),
             one_line(&part_name(&place.part, "")),
             significant(place.width_m * 1e3),

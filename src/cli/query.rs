@@ -102,7 +102,11 @@ fn run(global: &Global, session: &QuerySession, action: &QueryAction) -> anyhow:
         QueryAction::Submit => {
             let sent = session.submit()?;
             print(global, &sent, || {
-                format!("{} sent, {} from earlier submissions waiting", counted(sent.sent, "question"), sent.waiting)
+                format!(
+                    "{} sent, {} of earlier submissions still waiting",
+                    counted(sent.sent, "question"),
+                    sent.waiting
+                )
             })
         }
         QueryAction::Collect => {

@@ -31,7 +31,7 @@ pub enum EvaluateError {
         map.0, map.1, picture.0, picture.1
     )]
     MapSize { path: PathBuf, map: (u32, u32), view: String, picture: (u32, u32) },
-    #[error("{path:?} has no map of a view of {scene:?}; a map is named like its view, such as {example:?}.png")]
+    #[error("{path:?} has no map of a view of {scene:?}; a map is named like its view, such as `{example}.png`")]
     NoView { path: PathBuf, scene: String, example: String },
     #[error("{path:?} proposes no place to grasp at; run `gprop grasp` on the scene, with a metric scale, to see why")]
     NoPlace { path: PathBuf },

@@ -29,17 +29,18 @@ pub struct FillComparison {
 
 impl std::fmt::Display for FillComparison {
     fn fmt(&self, f: &mut std::fmt::Formatter) -> std::fmt::Result {
-        writeln!(f, "particles added: {}, by the peer {}", self.added, self.reference_added)?;
+        writeln!(f, "particles added: {}, by PhysGaussian {}", self.added, self.reference_added)?;
         let (counts, dense, inside) = (self.counts_differ, self.dense_differ, self.inside_differ);
         writeln!(
             f,
-            "of {} cells, {counts} differ before the filling, {dense} after the dense cells, {inside} after the inside",
+            "cells with a different number of particles, of {}: {counts} before the filling, {dense} after filling dense \
+             cells, {inside} after filling the inside",
             self.cells
         )?;
         let (before, used) = (self.density_rel_max, self.density_used_rel_max);
         writeln!(
             f,
-            "density, largest difference relative to its maximum: {before:.1e}, as searched (after any smoothing) {used:.1e}"
+            "density, largest difference relative to the largest density: {before:.1e}, after any smoothing {used:.1e}"
         )?;
         write!(f, "volume, largest relative difference: {:.1e}", self.volume_rel_max)
     }

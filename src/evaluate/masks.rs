@@ -53,7 +53,7 @@ struct ColumnRuns {
 /// Why a comparison could not be made.
 #[derive(Debug, thiserror::Error)]
 pub enum MasksError {
-    #[error("the reference is not a file of reference masks")]
+    #[error("the reference does not hold settings and masks as JSON")]
     Json(#[from] serde_json::Error),
     #[error(
         "the reference was made from a picture of {expected:?} pixels, but this one has {found:?}: give the same \

@@ -227,9 +227,9 @@ impl SegmentationEvaluation {
             text += &rows(&objects.join(" + "), &beside.overall, Some(&local.overall), None);
         }
         let views: Vec<String> = self.best_view.iter().map(|(object, view)| format!("{view} of {object}")).collect();
-        text += &format!("\nno vote: the single view that scores best ({})", views.join(", "));
+        text += &format!("\nno vote: only the view that scores best ({})", views.join(", "));
         let means: Vec<String> = self.mean_view.iter().map(|(object, mean)| format!("{object} {mean:.4}")).collect();
-        text + &format!("\nmean over the single views: {}", means.join(", "))
+        text + &format!("\nno vote, mean IoU over the views: {}", means.join(", "))
     }
 }
 

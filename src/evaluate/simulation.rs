@@ -26,7 +26,7 @@ pub enum SimulationError {
     Meta(#[from] serde_json::Error),
     #[error("the reference's array `{array}` has {found} numbers, not {expected}")]
     Length { array: &'static str, found: usize, expected: usize },
-    #[error("the reference's setting cannot be run")]
+    #[error("the reference's settings cannot be run")]
     Setting(#[from] SimulateError),
     #[error("particle {} is lost at t = {} s: it left the grid or became NaN or infinite", .0.particle, .0.time)]
     Lost(Lost),

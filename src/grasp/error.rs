@@ -13,7 +13,7 @@ pub enum GraspError {
     LiftAngle { degrees: f64 },
     #[error("--max-curvature is {value}: give a curvature above 0, up to 1e6, in 1/m")]
     Curvature { value: f64 },
-    #[error("--force-margin is {value}: give a share of the gripper's range, 0 to 0.5")]
+    #[error("--force-margin is {value}: give a fraction of the span of the usable forces, 0 to 0.5")]
     Margin { value: f64 },
     #[error("no part is called {name:?}; the parts are: {parts}")]
     NoSuchPart { name: String, parts: String },

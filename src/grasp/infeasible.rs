@@ -25,13 +25,13 @@ impl Infeasible {
         let (explanation, advice) = match reason {
             Reason::TooWeak => (
                 format!(
-                    "each finger must press with at least {f_min} N, but the gripper {name} presses with at most {most} N"
+                    "each finger must press with at least {f_min} N, but the gripper `{name}` presses with at most {most} N"
                 ),
                 "use a stronger gripper, or lift with two hands",
             ),
             Reason::TooStrong => (
                 format!(
-                    "the gripper {name} presses with at least {least} N, but the part withstands at most {f_max} N"
+                    "the gripper `{name}` presses with at least {least} N, but the part withstands at most {f_max} N"
                 ),
                 "use a gentler gripper or wider fingers, or grasp another part with --part",
             ),
@@ -55,8 +55,8 @@ impl Infeasible {
         Self {
             reason: Reason::Turns,
             explanation: format!(
-                "the weight can turn the object between the fingers: at {} mm from the centre of mass, their \
-                 resistance falls {} N m short",
+                "the weight can turn the object between the fingers: {} mm from the centre of mass, its torque \
+                 exceeds their resistance by {} N m",
                 significant(best.lever_m * 1e3),
                 significant(-best.torque_margin_n_m)
             ),

@@ -44,8 +44,8 @@ pub fn to_html(inspection: &Inspection, scene: &Scene, views: &[View]) -> Result
     }
     let mut engine = Environment::new();
     engine.set_auto_escape_callback(|_| AutoEscape::Html);
-    let verdict: Vec<String> =
-        text::verdict(inspection).into_iter().map(|(name, value)| format!("{name} {value}")).collect();
+    let line = |(name, value): (&str, String)| if name.is_empty() { value } else { format!("{name}: {value}") };
+    let verdict: Vec<String> = text::verdict(inspection).into_iter().map(line).collect();
     let data = context! {
         name => one_line(&inspection.name),
         text => text::to_text(inspection),

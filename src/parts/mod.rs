@@ -404,7 +404,7 @@ fn notes(
     let is_hollow = |l: usize| shapes[l].volume.is_some() && composed.cores[l].is_none();
     let unknown = field.labels.iter().filter(|label| label.inside == Some(Contents::Unknown));
     for label in unknown.filter(|label| is_hollow(label.id as usize)) {
-        notes.push(format!("it is unknown what is inside {:?}, so it is weighed as empty", label.caption));
+        notes.push(format!("the inside of {:?} is unknown, so the part is weighed as empty", label.caption));
     }
     for (shell, core) in composed.cores.iter().enumerate() {
         if let Some(core) = core {

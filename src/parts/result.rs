@@ -82,7 +82,7 @@ impl fmt::Display for NoVolume {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         f.write_str(match self {
             Self::OwnsNoPlace => "has no surface of its own",
-            Self::NoMaterial => "has no material in the cells assigned to it",
+            Self::NoMaterial => "fills no cell of the grid",
         })
     }
 }

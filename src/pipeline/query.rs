@@ -10,6 +10,7 @@ use serde::{Deserialize, Serialize};
 use crate::consensus::Asked;
 use crate::from_splat::photo_with_foreground;
 use crate::output::{agreeing, counted};
+use crate::part_name::part_name;
 use crate::query::{
     AnswerSource, Answers, LabelSet, Match, Options, Outcome, Preview, Queries, SegmentAnswer, SizeAnswer, SizeOutcome,
     SizeQuery,
@@ -198,8 +199,20 @@ fn failures(answers: &Answers, asked: Asked) -> Vec<String> {
         Asked::Parts => "part",
         Asked::Segments => "segment",
     };
+    // Other views' answers name a part; a segment's number means something else in every view.
+    let name = |number: u16| {
+        let mut about = answers.segments.iter().filter(|segment| asked == Asked::Parts && segment.segment == number);
+        let name = about.find_map(|segment| match &segment.outcome {
+            Outcome::Answered(answer) => Some(part_name(&answer.caption, &answer.material)),
+            Outcome::Failed(_) => None,
+        });
+        name.map_or_else(String::new, |name| format!(" ({name})"))
+    };
     let failure = |segment: &SegmentAnswer| match &segment.outcome {
-        Outcome::Failed(failure) => Some(format!("view {}, {noun} {}: {failure}", segment.view, segment.segment)),
+        Outcome::Failed(failure) => {
+            let (view, number) = (&segment.view, segment.segment);
+            Some(format!("view {view}, {noun} {number}{}: {failure}", name(number)))
+        }
         Outcome::Answered(_) => None,
     };
     answers.segments.iter().filter_map(failure).collect()
@@ -219,7 +232,7 @@ fn notes(answers: &Answers) -> Vec<String> {
             }
         }
     }
-    notes.extend(flags.into_iter().map(|(flag, segments)| format!("{flag} ({segments} of the answers)")));
+    notes.extend(flags.into_iter().map(|(flag, segments)| format!("{flag} (in {})", counted(segments, "answer"))));
     if let Some(least) = overlaps.iter().copied().min_by(f64::total_cmp) {
         let (count, all) = (overlaps.len(), answers.segments.len());
         notes.push(format!(

@@ -142,7 +142,7 @@ fn material<'a>(
     match (unknown, nearest) {
         (Unknown::TakeNearest, Some((material, likeness))) => {
             flags.push(format!(
-                "{name:?} is not in the library; {} is the nearest name (similarity {likeness:.2})",
+                "{name:?} is not in the library; the nearest name, {}, is used (similarity {likeness:.2})",
                 material.name
             ));
             Ok(material)
@@ -168,8 +168,9 @@ fn form(written: &Written, flags: &mut Vec<String>) -> Result<Form, Problem> {
             Err(Problem::invalid("form is \"shell\" but wall_thickness_mm is null; give the wall's thickness.".into()))
         }
         (WrittenForm::Shell, Some(said)) => {
-            let said = in_order("wall thickness", scaled(said, M_PER_MM), flags);
-            Ok(Form::Shell { wall_thickness_m: cut("wall thickness", said, WALL_THICKNESS_M, flags) })
+            let name = "wall thickness in m";
+            let said = in_order(name, scaled(said, M_PER_MM), flags);
+            Ok(Form::Shell { wall_thickness_m: cut(name, said, WALL_THICKNESS_M, flags) })
         }
     }
 }
@@ -193,7 +194,7 @@ fn inside(written: &Written, library: &MaterialLibrary, flags: &mut Vec<String>)
 /// The density of a part. The density of a mixed part is that of the whole, which no material of the library bounds.
 fn density(written: &Written, material: &Material, family: &Family, flags: &mut Vec<String>) -> Range {
     let bulk = matches!(written.form, WrittenForm::Mixed).then_some(written.bulk_density_kg_m3).flatten();
-    let name = if bulk.is_some() { "bulk density" } else { "density" };
+    let name = if bulk.is_some() { "bulk density in kg/m3" } else { "density in kg/m3" };
     let said = in_order(name, bulk.unwrap_or(written.density_kg_m3), flags);
     match bulk {
         Some(_) => cut(name, said, BULK_DENSITY_KG_M3, flags),
@@ -223,7 +224,7 @@ fn settle(
         narrowed(name, said, row, &mut flags)
     };
     let youngs_modulus_pa = property(
-        "Young's modulus",
+        "Young's modulus in Pa",
         scaled(written.youngs_modulus_mpa, PA_PER_MPA),
         family.youngs_modulus_pa,
         material.youngs_modulus_pa,
@@ -231,7 +232,7 @@ fn settle(
     let poisson_ratio =
         property("Poisson's ratio", written.poisson_ratio, family.poisson_ratio, material.poisson_ratio);
     let yield_strength_pa = property(
-        "yield strength",
+        "strength in Pa",
         scaled(written.yield_strength_mpa, PA_PER_MPA),
         family.strength_pa,
         material.strength_pa,
@@ -312,7 +313,11 @@ fn narrowed(name: &str, said: Range, row: Range, flags: &mut Vec<String>) -> Ran
     if overlap.low <= overlap.high {
         return overlap;
     }
-    flags.push(format!("{name}: {} does not overlap the library's {}, which is used", in_si(said), in_si(row)));
+    flags.push(format!(
+        "{name}: the answer's {} does not overlap the library's {}; the library's is used",
+        in_si(said),
+        in_si(row)
+    ));
     row
 }
 

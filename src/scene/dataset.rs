@@ -17,7 +17,7 @@ use serde::{Deserialize, Serialize};
 
 use super::{SceneError, cameras, splat_file};
 use crate::files;
-use crate::output::counted;
+use crate::output::{agreeing, counted};
 use crate::units::{MetricScale, ScaleSource};
 
 const SPLITS: &str = "splits.json";
@@ -139,8 +139,9 @@ fn abo(folder: &Path, warnings: &mut Vec<String>) -> Result<Listed, SceneError> 
     let absent: Vec<&String> = listed.filter(|name| !entries.iter().any(|entry| entry.name == **name)).collect();
     if let Some(first) = absent.first() {
         warnings.push(format!(
-            "left out for lack of a folder: {} of {SPLITS} (first: `{first}`)",
-            counted(absent.len(), "scene")
+            "{} of {SPLITS} left out because {} no folder (first: `{first}`)",
+            counted(absent.len(), "scene"),
+            agreeing(absent.len(), "it has", "they have")
         ));
     }
     Ok(Listed { scenes: entries, skipped: skipped.iter().map(|name| printable(name)).collect() })

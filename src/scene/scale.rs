@@ -80,8 +80,7 @@ impl ScaleChoice {
         let size = format!("{} x {} x {}", length(sides.x), length(sides.y), length(sides.z));
         if !(LEAST_SIDE_M..=MOST_SIDE_M).contains(&longest) {
             let problem = format!(
-                "the object would be {size} ({}); it must be {} to {} along its longest side, since no photo resolves \
-                 less and nothing longer moves as one piece; give another --scale",
+                "the object would be {size} ({}); its longest side must be {} to {}; give another --scale",
                 scale.provenance,
                 length(LEAST_SIDE_M),
                 length(MOST_SIDE_M)
@@ -180,7 +179,7 @@ impl Scene {
             meters_per_unit: (range.low * range.high).sqrt(),
             source: ScaleSource::Estimated,
             provenance: format!(
-                "estimated: a model takes the object for {taken_for:?}, {} to {} long, for {units:.6} scene units",
+                "estimated: a model takes the object, {units:.6} scene units long, for {taken_for:?}, {} to {} long",
                 length(longest_side_m.low),
                 length(longest_side_m.high)
             ),

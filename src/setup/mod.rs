@@ -108,7 +108,7 @@ pub fn doctor_in(options: &Options, environment: &Environment) -> Doctor {
     doctor::examine(options, environment)
 }
 
-const RUNTIME_REMEDY: &str = "install python3 with pip or npm and check the network and its proxy settings, or give the \
+const RUNTIME_REMEDY: &str = "install npm, or python3 with pip, and check the network and its proxy settings; or give the \
                               shared library of ONNX Runtime 1.20 or newer with --ort-lib";
 const SAM_REMEDY: &str = "install npm and check the network and its proxy settings, or give the two ONNX files of a SAM \
                           export with --sam-encoder and --sam-decoder";

@@ -13,7 +13,7 @@ pub enum VoteError {
     )]
     MapSize { view: String, map: (u32, u32), camera: (u32, u32) },
     #[error(
-        "the answer about number {segment} in the label map of view `{view}` names `{material}`, which the material \
+        "the answer about part or segment {segment} of view `{view}` names `{material}`, which the material \
          library does not have: add it to the library or correct the answer"
     )]
     UnknownMaterial { view: String, segment: u16, material: String },

@@ -307,7 +307,7 @@ fn field(
     for (segment, _) in invisible {
         let (view, caption) = (views[segment.view].name, &segment.answer.caption);
         let number = segment.segment;
-        notes.push(format!("number {number} in the label map of view `{view}` ({caption}) covers no Gaussian"));
+        notes.push(format!("part or segment {number} of view `{view}` ({caption}) covers no Gaussian"));
     }
     MaterialField {
         labels,

@@ -84,7 +84,11 @@ fn a_half_full_ball_holds_half_and_an_empty_one_nothing() {
     assert!(factor(&half) > factor(&full), "how full it is, is uncertain");
     let unknown = ball(Contents::Unknown, &Options::default());
     assert_eq!(unknown.object.mass_kg, empty.object.mass_kg);
-    assert!(unknown.notes.iter().any(|note| note.contains("it is unknown what is inside")), "{:?}", unknown.notes);
+    assert!(
+        unknown.notes.iter().any(|note| note.contains("the inside of") && note.contains("is unknown")),
+        "{:?}",
+        unknown.notes
+    );
 }
 
 #[test]

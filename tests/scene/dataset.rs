@@ -23,7 +23,7 @@ fn abo_500_is_listed_with_split_and_mass() {
     );
     assert_eq!(
         found.warnings,
-        ["left out for lack of a folder: 1 scene of splits.json (first: `B0000EXAM3_ATVPDKIKX0DER`)"]
+        ["1 scene of splits.json left out because it has no folder (first: `B0000EXAM3_ATVPDKIKX0DER`)"]
     );
     let scene = scene::load(&found.scenes[0].folder, &Options::default()).unwrap();
     let scale = scene.scale.unwrap();

@@ -124,7 +124,7 @@ fn a_segment_on_no_gaussian_is_named() {
     for rule in BOTH_RULES {
         let field = ballot.count(&gaussians, &Options { vote: rule, ..Default::default() }).unwrap();
         assert_eq!(field.labels.len(), 1);
-        assert_eq!(field.notes, ["number 2 in the label map of view `view0` (ghost) covers no Gaussian"]);
+        assert_eq!(field.notes, ["part or segment 2 of view `view0` (ghost) covers no Gaussian"]);
     }
 }
 

@@ -46,7 +46,7 @@ fn grasped(folder: &Path, out: Option<&Path>, gripper: &GripperProfile) -> anyho
     if report.gripper != gripper.name {
         let (theirs, ours) = (&report.gripper, &gripper.name);
         return Err(UsageError(format!(
-            "{path:?} is for the gripper {theirs:?}, not {ours:?}; give it with --gripper"
+            "{path:?} is for the gripper {theirs:?}, not {ours:?}; give --gripper the gripper of that run"
         ))
         .into());
     }

@@ -127,7 +127,8 @@ pub fn text(scenes: &[Robustness]) -> String {
             Asked::Segments => "segments",
         };
         text += &format!(
-            "{}: asked about {asked}; {voting_views} views vote, or {few_views}; compared in {compared_views} others\n",
+            "{}: questions about {asked}; {voting_views} views vote ({few_views} in the rows with fewer views), \
+             {compared_views} others measure the IoU\n",
             one_line(scene)
         );
     }

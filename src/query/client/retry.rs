@@ -88,11 +88,11 @@ impl Backoff {
         let seconds = |wait: Duration| wait.as_secs_f64().ceil();
         let before = match self.waited {
             Duration::ZERO => String::new(),
-            waited => format!(" after {} s already", seconds(waited)),
+            waited => format!(" more after {} s already", seconds(waited)),
         };
         let (asked, limit) = (seconds(asked), seconds(self.longest_wait));
         let message = format!(
-            "{message}; the server asks to wait {asked} s{before}, longer than --lmm-wait-s {limit} allows: raise it or try \
+            "{message}; the server asks to wait {asked} s{before}; --lmm-wait-s {limit} does not allow that: raise it or try \
              again later"
         );
         Attempt::Passing { message, retry_after }

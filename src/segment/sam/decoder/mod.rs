@@ -99,7 +99,7 @@ impl Decoder {
                 Err(SegmentError::NoNativeDecoder { path: path.to_owned(), source })
             }
             Err(reason) => {
-                tracing::info!("the SAM decoder runs as exported, which is slower: {reason}");
+                tracing::info!("ONNX Runtime runs the SAM decoder, which is slower: {reason}");
                 exported(threads)
             }
         }
