@@ -19,8 +19,7 @@ pub const REPORTED: usize = 5;
 /// Places are ranked by the sum of three terms, smallest first: distance of the line of the contacts from the centre of
 /// mass (near a `--point`, of a contact from that point) over the object's radius; F_min over F_max; and misalignment
 /// over the friction cone, with this weight. Those at which the object may turn between the fingers come after the
-/// others, ranked also by the torque that the fingers cannot hold over the torque that they can; those without a feasible
-/// force come last.
+/// others, and those without a feasible force last.
 const MISALIGNMENT_WEIGHT: f64 = 0.25;
 /// Two places are the same if their middles are within a finger's side and their axes within 30 degrees.
 const SAME_AXIS: f64 = 0.866;
@@ -119,15 +118,8 @@ pub fn candidates(
     let mut ranked = Vec::with_capacity(fitting.len());
     for p in &fitting {
         if let Some(forces) = forces_at(object, p, gripper, options)? {
-            let margin_n_m = torque_margin_n_m(&forces, p.lever_m(center), gripper.contact_radius_m());
-            let class = (forces.star.infeasible_because.is_some(), margin_n_m < 0.0);
-            let lacking = match (class, place) {
-                ((false, true), Where::Anywhere | Where::Part(_)) => {
-                    -margin_n_m / torque_capacity_n_m(&forces, gripper.contact_radius_m()).max(f64::MIN_POSITIVE)
-                }
-                _ => 0.0,
-            };
-            ranked.push((class, cost(p, &forces) + lacking, p, forces));
+            let turns = torque_margin_n_m(&forces, p.lever_m(center), gripper.contact_radius_m()) < 0.0;
+            ranked.push(((forces.star.infeasible_because.is_some(), turns), cost(p, &forces), p, forces));
         }
     }
     ranked.sort_by(|a, b| a.0.cmp(&b.0).then(a.1.total_cmp(&b.1)));
