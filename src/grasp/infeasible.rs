@@ -50,7 +50,7 @@ impl Infeasible {
             advice.push("use a stronger gripper".to_owned());
         }
         if options.part.is_some() || options.point.is_some() {
-            advice.push("grasp nearer to the centre of mass (--auto)".to_owned());
+            advice.push("grasp nearer to the centre of mass".to_owned());
         }
         Self {
             reason: Reason::Turns,
