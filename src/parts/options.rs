@@ -5,7 +5,7 @@ use serde::{Deserialize, Serialize};
 
 use super::PartsError;
 use crate::config::SceneKey;
-use crate::option_values::{self, from_to};
+use crate::option_values::{self, in_si};
 
 /// About 130 cells along each side of a box-shaped object: under a millimetre on a hammer.
 const VOLUME_CELLS: usize = 2_000_000;
@@ -88,12 +88,13 @@ pub struct Options {
     /// How to write the connected bodies of one part (such as the four legs of a chair)
     #[arg(long, value_enum, value_name = "AS", default_value_t)]
     pub bodies: BodiesAs,
-    /// Weight of the whole object in kg, as a kitchen scale shows it; narrows the masses of all parts
-    #[arg(long, value_name = "KG", value_parser = from_to(MASS_MIN_KG, MASS_MAX_KG))]
+    /// Weight of the whole object, as a kitchen scale shows it: `660g`, `0.66kg`, or a number in kg; narrows the masses of
+    /// all parts
+    #[arg(long, value_name = "MASS", value_parser = mass_kg)]
     pub known_mass: Option<f64>,
-    /// Error of that weight in kg: with a probability of 90 %, the true weight differs by no more [default: a hundredth of
-    /// the weight]
-    #[arg(long, value_name = "KG", requires = "known_mass", value_parser = from_to(MASS_MIN_KG, MASS_MAX_KG))]
+    /// Error of that weight, such as `5g`: with a probability of 90 %, the true weight differs by no more [default: a
+    /// hundredth of the weight]
+    #[arg(long, value_name = "MASS", requires = "known_mass", value_parser = mass_kg)]
     pub known_mass_error: Option<f64>,
 }
 
@@ -116,6 +117,17 @@ const WALL_MAX_M: f64 = 100.0;
 const MASS_MIN_KG: f64 = 1e-6;
 /// A thousand tonnes: more than any scale weighs at once.
 const MASS_MAX_KG: f64 = 1e6;
+
+/// The units in which a mass can be given, and how many of them make a kilogram.
+const MASS_UNITS: [(&str, f64); 2] = [("kg", 1.0), ("g", 1e3)];
+
+/// A mass in kilograms, or with its unit: `0.66`, `660g`.
+fn mass_kg(text: &str) -> Result<f64, String> {
+    let mass = in_si(text, &MASS_UNITS).filter(|kg| (MASS_MIN_KG..=MASS_MAX_KG).contains(kg));
+    mass.ok_or_else(|| {
+        format!("give a mass from {MASS_MIN_KG} to {MASS_MAX_KG} kg: a number of kg, or with kg or g after it")
+    })
+}
 
 impl Options {
     /// Checks that every number is within its domain.

@@ -12,6 +12,7 @@ use serde::{Deserialize, Deserializer, Serialize, Serializer};
 use super::as_typed::as_typed;
 use super::marker::{self, FoundMarker, Marker};
 use super::{Scene, SceneError, View};
+use crate::option_values::in_si;
 use crate::units::{MetricScale, Range, ScaleSource};
 use gprop_kernels::bounds::{Bounds, longest_side};
 
@@ -212,11 +213,7 @@ const UNITS: [(&str, f64); 3] = [("mm", 1e3), ("cm", 1e2), ("m", 1.0)];
 
 /// A length in metres, or with its unit: `0.3`, `30cm`.
 pub(super) fn length_m(text: &str) -> Option<f64> {
-    let text = text.trim();
-    let with_unit = UNITS.iter().find_map(|(unit, per_meter)| Some((text.strip_suffix(unit)?, *per_meter)));
-    let (number, per_meter) = with_unit.unwrap_or((text, 1.0));
-    let meters = number.trim().parse::<f64>().ok()? / per_meter;
-    (SHORTEST_M..=LONGEST_M).contains(&meters).then_some(meters)
+    in_si(text, &UNITS).filter(|meters| (SHORTEST_M..=LONGEST_M).contains(meters))
 }
 
 impl FromStr for ScaleChoice {
