@@ -41,6 +41,22 @@ pub fn figures(estimate: Estimate, factor: f64) -> Figures {
     Figures { mid, interval: joined(low, &high) }
 }
 
+/// A mass, in grams if it is below a kilogram and else in kilograms.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize)]
+pub struct Mass {
+    /// With the unit.
+    pub mid: String,
+    /// `low to high`, in the unit of `mid`.
+    pub interval: String,
+}
+
+/// A mass of `mass_kg`, with the digits that its interval allows.
+pub fn mass(mass_kg: Estimate) -> Mass {
+    let (factor, unit) = if mass_kg.mid < 1.0 { (1e3, "g") } else { (1.0, "kg") };
+    let Figures { mid, interval } = figures(mass_kg, factor);
+    Mass { mid: format!("{mid} {unit}"), interval }
+}
+
 /// `low to high` times a factor, with the digits that the interval allows; one number if both look the same.
 pub fn interval(estimate: Estimate, factor: f64) -> String {
     let [low, high] = rounded([estimate.low, estimate.high].map(|value| value * factor));
@@ -108,6 +124,20 @@ mod tests {
         }
         assert_eq!(significant(-1234.0), "-1,230");
         assert_eq!(significant(2.05e11), "2.05e11");
+    }
+
+    #[test]
+    fn a_kilogram_and_more_is_not_shown_in_grams() {
+        let cases = [
+            ([0.8, 0.9, 1.2], "900 g", "800 to 1,200"),
+            ([0.9, 1.0, 1.1], "1 kg", "0.9 to 1.1"),
+            ([480.0, 532.0, 590.0], "530 kg", "480 to 590"),
+            ([2e5, 5.07e5, 9e5], "500,000 kg", "200,000 to 900,000"),
+        ];
+        for ([low, mid, high], expected, interval) in cases {
+            let shown = mass(Estimate::new(low, mid, high));
+            assert_eq!((&*shown.mid, &*shown.interval), (expected, interval));
+        }
     }
 
     #[test]

@@ -8,7 +8,8 @@ use crate::grasp::GraspReport;
 use crate::output::{counted, one_line};
 use crate::part_name::part_name;
 use crate::parts::Parts;
-use crate::readable::{figures, significant};
+use crate::readable::{Mass, figures, mass, significant};
+use crate::units::{Estimate, MetricScale, ScaleSource};
 use crate::vote::FieldLabel;
 
 /// A few lines: the parts, the object, the grasp, the path of the report.
@@ -45,29 +46,27 @@ pub fn part_lines(labels: &[FieldLabel], parts: Option<&Parts>) -> String {
     let name_width = names.map(|name| one_line(name).chars().count()).max().unwrap_or(0);
     for label in labels {
         let part = parts.and_then(|parts| parts.parts.iter().find(|part| part.id == label.id));
-        let mass = part.map_or_else(String::new, |part| match part.mass_kg {
-            Some(mass) => {
-                let grams = figures(mass, 1e3);
-                format!("{:>7} g ({})  ", grams.mid, grams.interval)
+        let shown = part.map_or_else(String::new, |part| match part.mass_kg {
+            Some(kg) => {
+                let Mass { mid, interval } = mass(kg);
+                format!("{mid:>9} ({interval})  ")
             }
             None => "no mass  ".to_owned(),
         });
         let _ = writeln!(
             text,
-            "  {:>2}  {:name_width$}  {mass}{}",
+            "  {:>2}  {:name_width$}  {shown}{}",
             label.id,
             one_line(&label.material),
             one_line(&part_name(&label.caption, &label.material))
         );
     }
     for filling in parts.into_iter().flat_map(|parts| &parts.fillings) {
-        let grams = figures(filling.mass_kg, 1e3);
+        let Mass { mid, interval } = mass(filling.mass_kg);
         let _ = writeln!(
             text,
-            "      {:name_width$}  {:>7} g ({})  unseen, in part {}",
+            "      {:name_width$}  {mid:>9} ({interval})  unseen, in part {}",
             one_line(&filling.filling),
-            grams.mid,
-            grams.interval,
             filling.inside_of
         );
     }
@@ -82,6 +81,15 @@ pub fn mass_line(parts: &Parts) -> String {
 }
 
 /// The mark after a number that is no better than a model's estimate of the object's length.
+/// How long the object is if only its known mass gives the scale, so that a mass in the wrong unit is noticed; else
+/// nothing. `longest_side` is in scene units.
+pub fn size_line(scale: Option<&MetricScale>, longest_side: f64) -> String {
+    let of_mass = scale.filter(|scale| scale.source == ScaleSource::KnownMass);
+    let Some((scale, range)) = of_mass.and_then(|scale| Some((scale, scale.range?))) else { return String::new() };
+    let side = figures(Estimate::new(range.low, scale.meters_per_unit, range.high), longest_side);
+    format!("size   the known mass implies that the longest side is {} m ({})\n", side.mid, side.interval)
+}
+
 pub const ESTIMATED: &str = ", estimated scale";
 
 /// The force at the best place, or why no grip there is safe.

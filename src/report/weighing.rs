@@ -3,7 +3,7 @@
 
 use crate::part_name::part_name;
 use crate::parts::{Parts, Source, Width};
-use crate::readable::{interval, significant};
+use crate::readable::{Mass, interval, mass, significant};
 use crate::units::Estimate;
 
 /// A cause that widens an interval by less than this factor is not worth a sentence.
@@ -14,18 +14,17 @@ pub fn sentences(parts: &Parts) -> Vec<String> {
     let filling = |filling: &crate::parts::Filling| {
         let around = parts.parts.iter().find(|part| part.id == filling.inside_of);
         let name = around.map_or_else(|| "object".to_owned(), |part| part_name(&part.caption, &part.material));
+        let Mass { mid, interval } = mass(filling.mass_kg);
         format!(
-            "According to the answers, the {name} is filled with {}, which no photo shows; it adds {} g ({}).",
-            filling.filling,
-            significant(filling.mass_kg.mid * 1e3),
-            interval(filling.mass_kg, 1e3)
+            "According to the answers, the {name} is filled with {}, which no photo shows; it adds {mid} ({interval}).",
+            filling.filling
         )
     };
     let weighed = parts.known_mass.as_ref().filter(|known| known.is_possible).map(|known| {
         format!(
-            "The object weighs {} kg, give or take {} g; without that reading, gprop would expect {} kg.",
+            "The object weighs {} kg, give or take {}; without that reading, gprop would expect {} kg.",
             significant(known.reading_kg),
-            significant(known.error_kg * 1e3),
+            mass(Estimate::exactly(known.error_kg)).mid,
             interval(known.expected_kg, 1.0)
         )
     });

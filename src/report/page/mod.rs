@@ -32,7 +32,7 @@ use super::tables;
 use super::weighing::sentences;
 use super::{Cloud, Motion, Pictures, Report};
 use crate::output::thousands;
-use crate::readable::{figures, interval, significant};
+use crate::readable::{self, figures, interval, significant};
 
 /// The page's own scripts, in the order in which they build on each other.
 const SCRIPTS: [&str; 5] = [
@@ -179,25 +179,24 @@ fn tile(name: &str, value: String, note: String) -> Value {
 }
 
 fn part_row(label: &FieldLabel, report: &Report) -> Value {
-    let cell = |estimate: Option<Estimate>, factor: f64| match estimate {
-        Some(estimate) => Value::from_serialize(figures(estimate, factor)),
-        None => context! { mid => "unknown", interval => "" },
-    };
+    let times = |factor: f64| move |estimate: Estimate| Value::from_serialize(figures(estimate, factor));
     let part = report.parts.as_ref().and_then(|parts| parts.parts.iter().find(|part| part.id == label.id));
-    let measured = |value: fn(&Part) -> Option<Estimate>, factor: f64| match part {
-        Some(part) if value(part).is_none() => {
-            let why = part.no_volume.map(|why| why.to_string()).unwrap_or_default();
-            context! { mid => "none", interval => why }
-        }
-        _ => cell(part.and_then(value), factor),
-    };
+    let measured =
+        |value: fn(&Part) -> Option<Estimate>, shown: &dyn Fn(Estimate) -> Value| match (part, part.and_then(value)) {
+            (_, Some(estimate)) => shown(estimate),
+            (Some(part), None) => {
+                let why = part.no_volume.map(|why| why.to_string()).unwrap_or_default();
+                context! { mid => "none", interval => why }
+            }
+            (None, None) => context! { mid => "unknown", interval => "" },
+        };
     context! {
         id => label.id,
         color => css(palette::part(label.id)),
         caption => &label.caption,
         name => part_name(&label.caption, &label.material),
         mass => part.map_or_else(String::new, |part| match part.mass_kg {
-            Some(mass) => format!("{} g", figures(mass, 1e3).mid),
+            Some(kg) => readable::mass(kg).mid,
             None => "no mass".to_owned(),
         }),
         material => &label.material,
@@ -205,10 +204,10 @@ fn part_row(label: &FieldLabel, report: &Report) -> Value {
         gaussians => report.gaussians_per_label[label.id as usize],
         form => tables::form(label.form),
         numbers => vec![
-            measured(|part| part.volume_m3, 1e6),
-            measured(|part| part.thickness_m, 1e3),
-            cell(Some(label.density_kg_m3), 1.0),
-            measured(|part| part.mass_kg, 1e3),
+            measured(|part| part.volume_m3, &times(1e6)),
+            measured(|part| part.thickness_m, &times(1e3)),
+            times(1.0)(label.density_kg_m3),
+            measured(|part| part.mass_kg, &|kg| Value::from_serialize(readable::mass(kg))),
         ],
         properties => vec![
             interval(label.youngs_modulus_pa, 1e-9),
