@@ -8,6 +8,7 @@ use std::sync::OnceLock;
 use serde_json::Value;
 use tempfile::TempDir;
 
+use crate::batch::ball::Balls;
 use crate::batch::contents;
 use crate::support::models;
 
@@ -400,6 +401,27 @@ fn commands_say_what_they_found_and_which_stage_of_how_many_is_done() {
     said("query", &[" answers", "hickory"], "answers.jsonl");
     said("vote", &[" Gaussians: "], "field.ply");
     said("parts", &[" g (", "mass   ", " kg ("], "parts.json");
+}
+
+#[test]
+fn a_known_mass_says_how_long_the_object_is() {
+    let balls = Balls::new(1);
+    let text = |mass: &[&str]| {
+        let mut command = gprop();
+        command.arg("parts").arg(balls.scene(0)).args(balls.answers()).args(mass);
+        let output = command.output().unwrap();
+        assert!(output.status.success(), "{}", stderr(&output));
+        String::from_utf8(output.stdout).unwrap()
+    };
+    assert!(!text(&[]).contains("longest side"), "the scale is known without the mass");
+    let grams = text(&["--scale", "auto", "--known-mass", "660g"]);
+    let size = "size   the known mass implies that the longest side is 0.";
+    assert!(grams.contains(size) && grams.contains(" g ("), "{grams}");
+    assert_eq!(grams, text(&["--scale", "auto", "--known-mass", "0.66kg"]));
+    // Ten times as long, and each of the two parts weighs more than a kilogram.
+    let kilograms = text(&["--scale", "auto", "--known-mass", "660"]);
+    let size = "size   the known mass implies that the longest side is 1.";
+    assert!(kilograms.contains(size) && !kilograms.contains(" g ("), "{kilograms}");
 }
 
 #[cfg(unix)]

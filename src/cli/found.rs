@@ -3,6 +3,7 @@
 use std::collections::BTreeMap;
 use std::fmt::Write;
 
+use gprop_kernels::bounds::longest_side;
 use serde_json::Value;
 
 use crate::error::Error;
@@ -14,7 +15,7 @@ use crate::parts::PartsError;
 use crate::pipeline::{Pipeline, Stage};
 use crate::query::{Answers, Outcome};
 use crate::readable::significant;
-use crate::report::{grasp_line, mass_line, part_lines};
+use crate::report::{grasp_line, mass_line, part_lines, size_line};
 use crate::segment::Segmentation;
 use crate::simulate::SimulationReport;
 use crate::vote::MaterialField;
@@ -36,7 +37,9 @@ pub fn text(pipeline: &mut Pipeline, stage: Stage) -> anyhow::Result<String> {
         Stage::Parts => {
             let parts = if_metric(pipeline.parts())?;
             let labels = &pipeline.field()?.labels;
-            part_lines(labels, parts.as_ref()) + &parts.as_ref().map_or_else(no_scale, mass_line)
+            let lines = part_lines(labels, parts.as_ref()) + &parts.as_ref().map_or_else(no_scale, mass_line);
+            let longest_side = longest_side(&pipeline.scene().gaussians);
+            lines + &size_line(pipeline.metric_scale()?.as_ref(), longest_side)
         }
         Stage::Simulate => simulation(&pipeline.simulation()?),
         Stage::Grasp => if_metric(pipeline.grasp())?.as_ref().map_or_else(no_scale, grasp),

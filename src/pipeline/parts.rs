@@ -86,7 +86,7 @@ impl Pipeline {
     }
 
     /// The metric scale: the scene's, or the one that follows from the mass of the object.
-    pub(super) fn metric_scale(&self) -> Result<Option<MetricScale>> {
+    pub(crate) fn metric_scale(&self) -> Result<Option<MetricScale>> {
         Ok(match &self.scene.scale {
             Some(scale) => Some(scale.clone()),
             None => self.stored_parts()?.and_then(|parts| parts.scale()),

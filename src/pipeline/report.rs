@@ -3,6 +3,7 @@
 use std::path::PathBuf;
 
 use anyhow::Result;
+use gprop_kernels::bounds::longest_side;
 use nalgebra::Point3;
 use rayon::prelude::*;
 
@@ -66,6 +67,7 @@ impl Pipeline {
                 gaussians: scene.gaussians.len(),
                 sh_degree: scene.gaussians.sh_degree,
                 scale: self.metric_scale()?,
+                longest_side: longest_side(&scene.gaussians),
                 views: self.views.iter().map(|view| view.name.clone()).collect(),
                 seen_gaussians: field.views.iter().filter(|&&views| views > 0).count(),
             },

@@ -25,6 +25,7 @@ pub fn summary(report: &Report, report_page: &Path) -> String {
     text += &part_lines(&report.labels, report.parts.as_ref());
     if let Some(parts) = &report.parts {
         text += &mass_line(parts);
+        text += &size_line(scene.scale.as_ref(), scene.longest_side);
     }
     if let Some(grasp) = &report.grasp {
         text += &grasp_line(grasp);
@@ -80,7 +81,6 @@ pub fn mass_line(parts: &Parts) -> String {
     format!("mass   {} kg ({}){estimated}\n", mass.mid, mass.interval)
 }
 
-/// The mark after a number that is no better than a model's estimate of the object's length.
 /// How long the object is if only its known mass gives the scale, so that a mass in the wrong unit is noticed; else
 /// nothing. `longest_side` is in scene units.
 pub fn size_line(scale: Option<&MetricScale>, longest_side: f64) -> String {
@@ -90,6 +90,7 @@ pub fn size_line(scale: Option<&MetricScale>, longest_side: f64) -> String {
     format!("size   the known mass implies that the longest side is {} m ({})\n", side.mid, side.interval)
 }
 
+/// The mark after a number that is no better than a model's estimate of the object's length.
 pub const ESTIMATED: &str = ", estimated scale";
 
 /// The force at the best place, or why no grip there is safe.
