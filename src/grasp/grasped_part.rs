@@ -36,22 +36,50 @@ pub fn choose<'a>(parts: &'a Parts, name: Option<&str>) -> Result<(&'a Part, Par
     }
 }
 
-fn named<'a>(parts: &'a Parts, name: &str) -> Result<&'a Part, GraspError> {
-    let wanted = name.trim().to_lowercase();
-    if let Some(part) = parts.parts.iter().find(|p| wanted == p.id.to_string()) {
-        return Ok(part);
-    }
-    // The first way in which the name fits the part.
-    let way = |p: &Part| {
-        let [caption, material] = [&p.caption, &p.material].map(|text| text.to_lowercase());
-        let short = part_name(&p.caption, &p.material).to_lowercase();
+/// How a name fits a part, the closest fit first.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
+enum Fit {
+    Id,
+    Caption,
+    Name,
+    WithinName,
+    /// Only its caption or its material mentions the name.
+    Mentioned,
+}
+
+impl Fit {
+    fn of(part: &Part, name: &str) -> Option<Self> {
+        let wanted = name.trim().to_lowercase();
+        let [caption, material] = [&part.caption, &part.material].map(|text| text.to_lowercase());
+        let short = part_name(&part.caption, &part.material).to_lowercase();
         let within = |text: &str| !wanted.is_empty() && text.contains(&wanted);
-        [caption == wanted, short == wanted, within(&short), within(&caption) || within(&material)]
-            .into_iter()
-            .position(|fits| fits)
-    };
-    let best = parts.parts.iter().filter_map(way).min();
-    let found: Vec<&Part> = parts.parts.iter().filter(|p| best.is_some() && way(p) == best).collect();
+        let fits = [
+            (wanted == part.id.to_string(), Self::Id),
+            (caption == wanted, Self::Caption),
+            (short == wanted, Self::Name),
+            (within(&short), Self::WithinName),
+            (within(&caption) || within(&material), Self::Mentioned),
+        ];
+        fits.into_iter().find_map(|(fits, fit)| fits.then_some(fit))
+    }
+}
+
+/// A warning that `part`, found by `name`, may not be the part that was meant: it has another name, and only its caption
+/// or material mentions this one.
+pub fn doubt(part: &Part, name: &str) -> Option<String> {
+    let short = part_name(&part.caption, &part.material);
+    (Fit::of(part, name) == Some(Fit::Mentioned)).then(|| {
+        format!(
+            "no part is called {name:?}; taking part {}, {short:?}, because its caption or material mentions it ({}, {})",
+            part.id, part.caption, part.material
+        )
+    })
+}
+
+fn named<'a>(parts: &'a Parts, name: &str) -> Result<&'a Part, GraspError> {
+    let fit = |part: &Part| Fit::of(part, name);
+    let best = parts.parts.iter().filter_map(fit).min();
+    let found: Vec<&Part> = parts.parts.iter().filter(|p| best.is_some() && fit(p) == best).collect();
     match found[..] {
         [part] => Ok(part),
         [] => Err(GraspError::NoSuchPart { name: name.to_owned(), parts: list(&parts.parts) }),

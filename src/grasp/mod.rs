@@ -152,7 +152,8 @@ pub fn grasp(
     {
         return Err(GraspError::PointTooFar { point, distance_mm: distance_m * 1e3, finger_mm: FINGER_LENGTH_M * 1e3 });
     }
-    let mut warnings = Vec::new();
+    let doubt = options.part.as_deref().and_then(|name| grasped_part::doubt(part, name));
+    let mut warnings: Vec<String> = doubt.into_iter().collect();
     let found = surface.map(|surface| {
         let object = Object { parts, labels, surface };
         candidates::candidates(&object, place, gripper, options)

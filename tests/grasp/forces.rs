@@ -242,6 +242,11 @@ fn a_part_is_called_by_its_name_before_another_that_mentions_it() {
         assert_eq!(found(name).unwrap(), id, "{name}");
     }
     assert!(matches!(found("material"), Err(GraspError::AmbiguousPart { .. })));
+    // Only a caption mentions it: this may be another part than the one that was meant.
+    let told = |name| grasp(&parts, &labels, None, 1.0, &paper(), &of_part(name)).unwrap().warnings;
+    assert!(told("handle").iter().chain(&told("1")).all(|warning| !warning.contains("no part is called")));
+    let doubt = told("pale");
+    assert!(doubt.iter().any(|warning| warning.starts_with("no part is called \"pale\"; taking part 0")), "{doubt:?}");
 }
 
 #[test]
