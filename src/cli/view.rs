@@ -19,7 +19,7 @@ pub fn report(global: &Global, args: &ReportArgs) -> anyhow::Result<()> {
     let run = if args.no_simulate { scene::run_without_simulation } else { scene::run };
     run(global, folder, work, Stage::Report)?;
     if args.open && !work.dry_run {
-        open(&work_folder(folder, work.out.as_deref()).join(Artifact::ReportHtml.path()))?;
+        open(&work_folder(folder, work.out.as_deref()).join(Artifact::ReportHtml.path()));
     }
     Ok(())
 }
@@ -28,7 +28,7 @@ pub fn report(global: &Global, args: &ReportArgs) -> anyhow::Result<()> {
 pub fn view(global: &Global, args: &ViewArgs) -> anyhow::Result<()> {
     let page = page_of(&args.folder)?;
     workdir::refuse_link(&page, "--out")?;
-    open(&page)?;
+    open(&page);
     print(global, &page, || shown(&page))
 }
 
@@ -45,15 +45,31 @@ fn page_of(folder: &Path) -> Result<PathBuf, UsageError> {
     })
 }
 
-/// Opens a page in the browser.
-fn open(page: &Path) -> Result<(), UsageError> {
-    let cannot = |why: String| UsageError(format!("cannot open a browser ({OPENER} {why}); the page is {page:?}"));
-    let absolute = std::path::absolute(page).map_err(|error| cannot(error.to_string()))?;
+/// Opens a page in the browser. Without a browser the page is complete all the same: a warning says where it is.
+fn open(page: &Path) {
+    if let Err(why) = browser(page) {
+        tracing::warn!("cannot open a browser ({OPENER} {why}); the page is {page:?}");
+    }
+}
+
+/// Why no browser was opened.
+#[derive(Debug, thiserror::Error)]
+enum NoBrowser {
+    #[error("is not installed")]
+    NotInstalled,
+    #[error("cannot be started: {0}")]
+    Start(std::io::Error),
+    #[error("failed")]
+    Failed,
+}
+
+fn browser(page: &Path) -> Result<(), NoBrowser> {
+    let absolute = std::path::absolute(page).map_err(NoBrowser::Start)?;
     let mut opener = Command::new(OPENER);
     opener.arg(absolute).stdin(Stdio::null()).stdout(Stdio::null()).stderr(Stdio::null());
     let status = opener.status().map_err(|error| match error.kind() {
-        std::io::ErrorKind::NotFound => cannot("is not installed".to_owned()),
-        _ => cannot(format!("failed: {error}")),
+        std::io::ErrorKind::NotFound => NoBrowser::NotInstalled,
+        _ => NoBrowser::Start(error),
     })?;
-    if status.success() { Ok(()) } else { Err(cannot("failed".to_owned())) }
+    if status.success() { Ok(()) } else { Err(NoBrowser::Failed) }
 }
