@@ -371,6 +371,7 @@ fn paths_that_are_not_there_end_with_a_code_and_their_name() {
         (&["batch", nowhere], &[nowhere]),
         (&["run", scene, "--out", file], &[file, "--out"]),
         (&["run", nowhere], &[nowhere]),
+        (&["run", data], &["holds 1 scene folder", "gprop batch", "ball-0"]),
         (&["export", nowhere, "--format", "npz", "--out", data], &[nowhere]),
         (&["export", scene, "--format", "npz", "--out", file], &[file, "--out"]),
         (&["inspect", scene, "--html", data], &["--html", data]),

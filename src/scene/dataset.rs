@@ -89,6 +89,13 @@ pub fn list(folder: &Path, layout: Option<Layout>) -> Result<DataSet, SceneError
     Ok(DataSet { layout, scenes, skipped, warnings })
 }
 
+/// The error that `folder` is not a scene but holds scenes; `None` if it has cameras of its own or holds no scene.
+pub(super) fn instead_of_scene(folder: &Path) -> Option<SceneError> {
+    let scenes = list(folder, None).ok().filter(|_| cameras::choose(folder, None).is_err())?.scenes;
+    let first = scenes.first()?.folder.clone();
+    Some(SceneError::ManyScenes { folder: folder.to_owned(), count: scenes.len(), first })
+}
+
 /// The metric scale of the data set that the scene `folder` belongs to: the cameras of ABO-500 are in metres.
 pub(super) fn convention_of(folder: &Path, splat_units_per_camera_unit: f64) -> Option<MetricScale> {
     let folder = folder.canonicalize().ok()?;

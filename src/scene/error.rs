@@ -8,6 +8,7 @@ use super::cameras::{FrameProblem, colmap};
 use super::outliers::AllSetAside;
 use super::ply::PlyError;
 use super::{ksplat, sog, splat, spz};
+use crate::output::counted;
 
 /// The trainers whose splats gprop reads, and how each exports them.
 const TRAINERS: &str = "3DGS writes point_cloud/iteration_N/point_cloud.ply as it trains (point gprop at its output folder), \
@@ -29,6 +30,11 @@ pub enum SceneError {
         others_found(others),
     )]
     NoSplat { folder: PathBuf, others: Vec<String> },
+    #[error(
+        "`{0}` is not a scene but holds {1}; run them all with `gprop batch {0}`, or give one of them, such as `{2}`",
+        folder.display(), counted(*.count, "scene folder"), first.display()
+    )]
+    ManyScenes { folder: PathBuf, count: usize, first: PathBuf },
     #[error("`{}`: {problem}", path.display())]
     Splat { path: PathBuf, problem: SplatProblem },
     #[error(transparent)]

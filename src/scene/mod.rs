@@ -186,7 +186,8 @@ impl Found {
         let splat_file::Found { path, others } = match &options.splat {
             Some(path) => splat_file::Found { path: path.clone(), others: Vec::new() },
             None => {
-                let found = splat_file::find(folder)?;
+                let found =
+                    splat_file::find(folder).map_err(|error| dataset::instead_of_scene(folder).unwrap_or(error))?;
                 let flag = Some(("--splat", found.path.as_path()));
                 let splat = Reference { what: "splat", path: &found.path, named_in: None, flag };
                 splat.check(&options.read_scope(folder))?;
