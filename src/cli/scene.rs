@@ -76,6 +76,11 @@ pub fn show(global: &Global, args: &ShowArgs) -> anyhow::Result<()> {
     }
     let needed = if args.what == What::Levels { Stage::Scene } else { Stage::Vote };
     if args.work.dry_run {
+    let is_png = args.to.extension().is_some_and(|ending| ending.eq_ignore_ascii_case("png"));
+    if film.is_none() && !is_png {
+        let problem = format!("cannot write {:?}: name a file that ends in .png, .gif or .mp4", args.to);
+        return Err(UsageError(problem).into());
+    }
         return run(global, &args.scene, &args.work, needed);
     }
     let mut pipeline = open(global, &args.scene, &args.work, (needed, true))?;
