@@ -89,8 +89,13 @@ fn run(global: &Global, session: &QuerySession, action: &QueryAction) -> anyhow:
     match action {
         QueryAction::Export(folder) => {
             let queries = session.export(folder)?;
-            print(global, &serde_json::json!({ "queries": queries }), || {
-                format!("{} in {}; its README.txt says how to answer", counted(queries, "question"), shown(folder))
+            print(global, &serde_json::json!({ "queries": queries }), || match queries {
+                0 => "all questions are answered, so nothing was exported; to change an answer, edit it in an earlier \
+                      export and import that again, with the same name after \"model\""
+                    .to_owned(),
+                _ => {
+                    format!("{} in {}; its README.txt says how to answer", counted(queries, "question"), shown(folder))
+                }
             })
         }
         QueryAction::Import(folder) => import(global, session, folder),
