@@ -10,6 +10,7 @@ use crate::pipeline::Stage;
 use crate::pipeline::picture::Picture;
 use crate::pipeline::query_session::{Pruned, QuerySession};
 use crate::query::QueryError;
+use crate::query::exchange::{BadLine, Imported};
 use crate::workdir::Artifact;
 
 use super::arguments::BatchApiStep;
@@ -44,7 +45,7 @@ pub fn query(global: &Global, args: &QueryArgs) -> anyhow::Result<()> {
         Some(action) if !args.scene.work.dry_run => {
             let mut pipeline = scene::open(global, &args.scene.scene, &args.scene.work, (Stage::Consensus, true))?;
             pipeline.run()?;
-            run(global, &pipeline.query_session()?, &action)
+            run(global, &pipeline.query_session()?, &action, &format!("gprop run {}", shown(&args.scene.scene)))
         }
         _ => scene::run(global, &args.scene.scene, &args.scene.work, Stage::Query),
     }
@@ -64,7 +65,7 @@ fn of_picture(global: &Global, args: &QueryArgs) -> anyhow::Result<()> {
         return print(global, &DryPicture { queries: Some(preview) }, || text);
     }
     match action(args) {
-        Some(action) => run(global, &session, &action),
+        Some(action) => run(global, &session, &action, &format!("gprop query {}", shown(path))),
         None => {
             let answers = picture.run()?;
             if global.quiet && !global.json {
@@ -85,7 +86,8 @@ fn action(args: &QueryArgs) -> Option<QueryAction<'_>> {
     }
 }
 
-fn run(global: &Global, session: &QuerySession, action: &QueryAction) -> anyhow::Result<()> {
+/// `next` is the command that uses imported answers.
+fn run(global: &Global, session: &QuerySession, action: &QueryAction, next: &str) -> anyhow::Result<()> {
     match action {
         QueryAction::Export(folder) => {
             let queries = session.export(folder)?;
@@ -98,7 +100,7 @@ fn run(global: &Global, session: &QuerySession, action: &QueryAction) -> anyhow:
                 }
             })
         }
-        QueryAction::Import(folder) => import(global, session, folder),
+        QueryAction::Import(folder) => import(global, session, folder, next),
         QueryAction::Prune => {
             let pruned = session.prune()?;
             let Pruned { kept, removed } = pruned;
@@ -122,19 +124,28 @@ fn run(global: &Global, session: &QuerySession, action: &QueryAction) -> anyhow:
     }
 }
 
-fn import(global: &Global, session: &QuerySession, folder: &Path) -> anyhow::Result<()> {
+fn import(global: &Global, session: &QuerySession, folder: &Path, next: &str) -> anyhow::Result<()> {
     let imported = session.import(folder)?;
+    let Imported { recorded, unanswered, bad } = &imported;
     print(global, &imported, || {
-        format!(
-            "{} recorded, {} not answered",
-            counted(imported.recorded, "answer"),
-            counted(imported.unanswered, "question")
-        )
+        let next = if *recorded > 0 { format!("; continue with `{next}`") } else { String::new() };
+        format!("{} recorded, {} not answered{next}", counted(*recorded, "answer"), counted(*unanswered, "question"))
     })?;
-    if imported.bad.is_empty() {
+    if bad.is_empty() {
         return Ok(());
     }
-    let lines: Vec<String> = imported.bad.iter().map(|bad| one_line(&bad.to_string()).into_owned()).collect();
-    let count = lines.len();
-    Err(QueryError::Import { folder: folder.to_owned(), count, lines: lines.join("\n") }.into())
+    // A problem that several answers have is told once.
+    let mut problems: Vec<(&BadLine, usize)> = Vec::new();
+    for line in bad {
+        match problems.iter_mut().find(|(first, _)| first.problem == line.problem) {
+            Some((_, others)) => *others += 1,
+            None => problems.push((line, 0)),
+        }
+    }
+    let line = |(first, others): &(&BadLine, usize)| {
+        let others = if *others > 0 { format!(" (and {})", counted(*others, "other line")) } else { String::new() };
+        format!("{}{others}", one_line(&first.to_string()))
+    };
+    let lines = problems.iter().map(line).collect::<Vec<_>>().join("\n");
+    Err(QueryError::Import { folder: folder.to_owned(), count: bad.len(), recorded: *recorded, lines }.into())
 }

@@ -80,8 +80,11 @@ pub enum QueryError {
         output::counted(*.total, "question"), output::agreeing(*.failed, "was", "were")
     )]
     BatchApiPartial { failed: usize, total: usize, reasons: String },
-    #[error("in {folder:?}, {} cannot be used; the others are recorded:\n{lines}", output::counted(*.count, "answer"))]
-    Import { folder: PathBuf, count: usize, lines: String },
+    #[error(
+        "in {folder:?}, {} cannot be used{}:\n{lines}",
+        output::counted(*.count, "answer"), if *.recorded > 0 { "; the others are recorded" } else { "" }
+    )]
+    Import { folder: PathBuf, count: usize, recorded: usize, lines: String },
     #[error("cannot save an answer: {0}")]
     Save(std::io::Error),
 }

@@ -1,5 +1,6 @@
 use std::fs;
 use std::path::Path;
+use std::process::Output;
 
 use gprop::materials::MaterialLibrary;
 use gprop::query::exchange::{self, ExchangeError};
@@ -8,6 +9,8 @@ use gprop::query::{AnswerSource, Match, Options, Outcome, Prompts, Queries, Segm
 use serde_json::{Value, json};
 
 use super::{a, good_answer, prepare, recordings, run, small, two_segments, with};
+use crate::batch::ball::Balls;
+use crate::run::gprop;
 
 fn names(text: &str) -> Vec<String> {
     text.lines()
@@ -125,13 +128,57 @@ fn bad_lines_are_numbered_and_good_ones_kept() {
     let manifest = fs::read_to_string(out.join("manifest.json")).unwrap();
     fs::write(out.join("manifest.json"), manifest.replace("\"model\":null", "\"model\":\"a person\"")).unwrap();
     let imported = exchange::import(&out, None, &queries, &store).unwrap();
-    assert_eq!((imported.recorded, imported.unanswered), (2, 1));
+    assert_eq!((imported.recorded, imported.unanswered), (2, 4), "a rejected answer is none");
     let bad: Vec<usize> = imported.bad.iter().map(|bad| bad.line).collect();
     assert_eq!(bad, [2, 3, 4, 6, 7]);
     assert!(imported.bad[1].problem.contains("density_kg_m3"));
     assert!(imported.bad[4].problem.contains("line 1"));
     assert!(imported.bad[0].to_string().starts_with("answers.jsonl line 2:"));
     assert_eq!(recordings(&recorded).len(), 2);
+}
+
+#[test]
+fn a_common_problem_is_told_once_and_the_next_step_is_named() {
+    let (balls, home) = (Balls::new(1), tempfile::tempdir().unwrap());
+    let (scene, out) = (balls.scene(0), home.path().join("out"));
+    let query = |more: &[&str], folder: &Path| {
+        let mut command = gprop();
+        let output = command.env_remove("OPENAI_API_KEY").arg("query").arg(&scene).args(more).arg(folder);
+        let Output { status, stdout, stderr } = output.output().unwrap();
+        let text = |bytes| String::from_utf8(bytes).unwrap();
+        (status.code(), text(stdout), text(stderr))
+    };
+    assert_eq!(query(&["--export"], &out).0, Some(0));
+    let names = names(&fs::read_to_string(out.join("answers.jsonl")).unwrap());
+    let count = names.len();
+    assert!(count > 2);
+    let answer_all = |material: &str| {
+        let line = |name: &String| json!({ "query": name, "answer": good_answer(material) }).to_string();
+        fs::write(out.join("answers.jsonl"), names.iter().map(line).collect::<Vec<_>>().join("\n")).unwrap();
+    };
+    answer_all(a("wood"));
+    let (code, said, problem) = query(&["--import"], &out);
+    assert_eq!((code, said.trim()), (Some(5), &*format!("0 answers recorded, {count} questions not answered")));
+    assert_eq!(problem.matches("who answered").count(), 1, "{problem}");
+    assert!(problem.contains("line 1: it does not say who answered"), "{problem}");
+    assert!(problem.contains(&format!("(and {} other lines)", count - 1)), "{problem}");
+    assert!(!problem.contains("the others are recorded"), "{problem}");
+
+    let manifest = fs::read_to_string(out.join("manifest.json")).unwrap();
+    fs::write(out.join("manifest.json"), manifest.replace("\"model\":null", "\"model\":\"a person\"")).unwrap();
+    let (code, said, problem) = query(&["--import"], &out);
+    assert_eq!(code, Some(0), "{problem}");
+    assert!(said.contains(&format!("{count} answers recorded, 0 questions not answered")), "{said}");
+    assert!(said.contains(&format!("`gprop run {}`", scene.display())), "{said}");
+
+    let again = home.path().join("again");
+    let (code, said, problem) = query(&["--export"], &again);
+    assert!(code == Some(0) && said.contains("all questions are answered") && !again.exists(), "{said}{problem}");
+    // As that message says, an answer by the same name replaces the one before.
+    answer_all(a("metal"));
+    assert_eq!(query(&["--import"], &out).0, Some(0));
+    let (_, said, problem) = query(&["--out"], &home.path().join("work"));
+    assert!(said.contains(a("metal")) && !said.contains(a("wood")), "{said}{problem}");
 }
 
 #[test]

@@ -68,6 +68,7 @@ struct Manifest {
 #[derive(Debug, Default, PartialEq, Serialize)]
 pub struct Imported {
     pub recorded: usize,
+    /// Questions of the folder for which nothing was recorded.
     pub unanswered: usize,
     /// The lines that were not recorded, with the reasons.
     pub bad: Vec<BadLine>,
@@ -245,7 +246,7 @@ pub fn import(
             check(answer, model, &origins, queries).map(Some)
         });
         match checked {
-            Ok(None) => imported.unanswered += 1,
+            Ok(None) => {}
             Ok(Some(recording)) => {
                 recordings.insert(&recording)?;
                 imported.recorded += 1;
@@ -253,6 +254,7 @@ pub fn import(
             Err(problem) => imported.bad.push(BadLine { line, problem: problem.to_string() }),
         }
     }
+    imported.unanswered = origins.len() - imported.recorded;
     Ok(imported)
 }
 
