@@ -424,6 +424,17 @@ fn a_known_mass_says_how_long_the_object_is() {
     assert!(kilograms.contains(size) && !kilograms.contains(" g ("), "{kilograms}");
 }
 
+#[test]
+fn a_simulation_says_how_long_it_may_take() {
+    let balls = Balls::new(1);
+    let mut command = gprop();
+    command.arg("simulate").arg(balls.scene(0)).args(balls.answers()).args(["--frames", "2", "--duration", "0.02"]);
+    let output = command.args(["--grid", "16", "--size", "64x64"]).output().unwrap();
+    let lines = stderr(&output);
+    let line = lines.lines().find(|line| line.starts_with("simulate  ")).unwrap_or_else(|| panic!("{lines}"));
+    assert!(line.ends_with("none of which deforms, for 0.02 s: at most a minute"), "{line}");
+}
+
 #[cfg(unix)]
 #[test]
 fn the_report_is_opened_by_the_users_program_and_only_if_it_is_there() {

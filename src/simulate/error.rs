@@ -2,6 +2,8 @@
 
 use thiserror::Error;
 
+use crate::output::counted;
+
 /// Why a simulation could not start or continue.
 #[derive(Debug, Error)]
 pub enum SimulateError {
@@ -55,8 +57,9 @@ pub enum SimulateError {
     #[error("--scenario cannot be run: {0}")]
     Scenario(String),
     #[error(
-        "the simulation would take about {minutes:.0} minutes, more than --max-simulation-minutes {max_minutes}: lower --grid, \
-         --duration or --max-stiffness, or raise --max-simulation-minutes"
+        "the simulation would take about {}, more than --max-simulation-minutes {max_minutes}: lower --grid, --duration or \
+         --max-stiffness, or raise --max-simulation-minutes",
+        counted(minutes.ceil() as usize, "minute")
     )]
     TooLong { minutes: f64, max_minutes: f64 },
 }

@@ -28,6 +28,7 @@ mod setup;
 pub mod states;
 pub mod time_step;
 
+use crate::output::{agreeing, counted, thousands};
 use crate::progress::Progress;
 use crate::scene::gaussians::Gaussians;
 use action::Acting;
@@ -92,9 +93,14 @@ pub fn simulate<E: From<SimulateError>>(
         mut report,
     } = setup::set_up(input, options)?;
     let deforming = bodies.body_of.iter().filter(|body| body.is_none()).count();
+    let deform = match deforming {
+        0 => "none of which deforms".to_owned(),
+        _ => format!("{} of which {}", thousands(deforming as u64), agreeing(deforming, "deforms", "deform")),
+    };
+    let at_most = if minutes < 1.0 { "a minute".to_owned() } else { counted(minutes.ceil() as usize, "minute") };
     progress.line(&format!(
-        "simulate  {} particles, {deforming} of which deform, for {duration_s:.2} s: at most {minutes:.1} minutes",
-        start.len()
+        "simulate  {}, {deform}, for {duration_s:.2} s: at most {at_most}",
+        counted(start.len(), "particle")
     ));
     let course =
         format!("{setting:?} {ground:?} {:?} {bound:?} {actions:?} {} {duration_s}", report.rigid, options.frames);
