@@ -27,7 +27,7 @@ const MAX_STDERR_BYTES: u64 = 1 << 20;
 pub struct Task {
     pub to: Stage,
     pub from: Option<Stage>,
-    /// The stages' options.
+    /// The options of the run.
     pub flags: Vec<OsString>,
     /// Threads per process.
     pub threads: usize,

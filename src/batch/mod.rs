@@ -58,7 +58,7 @@ pub struct Batch {
     to: Stage,
     /// This stage and those after it are done again in every scene.
     from: Option<Stage>,
-    /// The stages' options as they were typed.
+    /// The options of every scene's run as they were typed.
     flags: Vec<OsString>,
     /// The budget of all scenes together.
     max_usd: Option<f64>,
@@ -77,7 +77,7 @@ pub struct Batch {
 pub struct Task {
     pub to: Stage,
     pub from: Option<Stage>,
-    /// The stages' options as they were typed. A scene's process reads the configuration files itself.
+    /// The options of every scene's run as they were typed. A scene's process reads the configuration files itself.
     pub flags: Vec<OsString>,
     /// The budget of all scenes together, from the command line or a configuration file.
     pub max_usd: Option<f64>,
@@ -155,6 +155,11 @@ impl Batch {
     /// The folder of the files about the batch as a whole.
     pub fn home(&self) -> PathBuf {
         self.out.clone().unwrap_or_else(|| self.folder.join(workdir::DEFAULT_NAME)).join(FOLDER)
+    }
+
+    /// The page of all scenes, which is written once all shards have ended.
+    pub fn page(&self) -> PathBuf {
+        self.home().join(page::FILE)
     }
 
     /// The scenes of this shard with their status so far.

@@ -298,6 +298,9 @@ pub struct BatchArgs {
     /// Last stage to run; the stages that it needs are run first.
     #[arg(long, value_name = "STAGE", default_value = "report")]
     pub to: Stage,
+    /// Leave out the simulation and its film.
+    #[arg(long)]
+    pub no_simulate: bool,
     /// Run this stage and those after it again in every scene, even if an earlier run did them.
     #[arg(long, value_name = "STAGE")]
     pub from: Option<Stage>,

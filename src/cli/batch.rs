@@ -4,14 +4,14 @@ use std::path::Path;
 
 use serde::Serialize;
 
-use crate::batch::{Batch, BatchError, Outcome, QuestionStep, Questions, Shard, Standing, State, Task};
+use crate::batch::{Batch, BatchError, Outcome, QuestionStep, Questions, Shard, Standing, State, Summary, Task};
 use crate::output::one_line;
 use crate::pipeline;
 use crate::progress::{self, Progress};
 use crate::query::AnswerSource;
 use crate::query::client;
 
-use super::{BatchArgs, Global, options_of, print, print_text};
+use super::{BatchArgs, Global, options_of, print, print_text, scene, shown};
 use crate::output::{agreeing, counted};
 
 /// A scene in the output of a dry run.
@@ -25,7 +25,11 @@ struct DryScene<'a> {
 
 /// Runs the command.
 pub fn run(global: &Global, args: &BatchArgs) -> anyhow::Result<()> {
-    let (flags, max_usd) = (global.flags.typed.clone(), args.options.query.max_usd);
+    let (mut flags, max_usd) = (global.flags.typed.clone(), args.options.query.max_usd);
+    if args.no_simulate {
+        scene::check_without_simulation(args.to)?;
+        flags.push("--no-simulate".into());
+    }
     let task = Task { to: args.to, from: args.from, flags, max_usd, threads: global.threads };
     let batch = Batch::new(&args.folder, args.out.as_deref(), args.batch.clone(), task)?;
     batch.warnings().iter().for_each(|warning| tracing::warn!("{warning}"));
@@ -34,7 +38,7 @@ pub fn run(global: &Global, args: &BatchArgs) -> anyhow::Result<()> {
     }
     if args.merge {
         let summary = batch.merge()?;
-        print(global, &summary, || summary.table())?;
+        print(global, &summary, || with_page(&summary, &batch))?;
         return Ok(summary.require_all()?);
     }
     if let Some(step) = args.queries {
@@ -49,9 +53,15 @@ pub fn run(global: &Global, args: &BatchArgs) -> anyhow::Result<()> {
         tell(global, progress, outcome, ended, total);
     })?;
     if !global.json && !global.quiet {
-        print_text(&summary.table())?;
+        // Of several shards, the page is written by --merge.
+        print_text(&if batch.shard().of == 1 { with_page(&summary, &batch) } else { summary.table() })?;
     }
     Ok(summary.require_all()?)
+}
+
+/// The table of all scenes, then the path of their page.
+fn with_page(summary: &Summary, batch: &Batch) -> String {
+    format!("{}\n{}", summary.table(), shown(&batch.page()))
 }
 
 /// Tells the user which server may be asked about the scenes' pictures. The number of pictures is known only when a

@@ -28,10 +28,16 @@ pub fn run(global: &Global, folder: &Path, work: &WorkArgs, to: Stage) -> anyhow
 
 /// As [`run`], but leaves out the simulation.
 pub fn run_without_simulation(global: &Global, folder: &Path, work: &WorkArgs, to: Stage) -> anyhow::Result<()> {
-    if to == Stage::Simulate {
-        return Err(UsageError("--no-simulate leaves out the stage that --to asks for".to_owned()).into());
-    }
+    check_without_simulation(to)?;
     carry_out(global, folder, work, to, false)
+}
+
+/// Checks that the last stage `to` is not the simulation, which is to be left out.
+pub fn check_without_simulation(to: Stage) -> Result<(), UsageError> {
+    match to {
+        Stage::Simulate => Err(UsageError("--no-simulate leaves out the stage that --to asks for".to_owned())),
+        _ => Ok(()),
+    }
 }
 
 fn carry_out(global: &Global, folder: &Path, work: &WorkArgs, to: Stage, simulates: bool) -> anyhow::Result<()> {
@@ -70,17 +76,17 @@ pub fn show(global: &Global, args: &ShowArgs) -> anyhow::Result<()> {
     if film.is_none() && global.flags.typed.iter().any(|flag| flag == "--turntable") {
         return Err(UsageError(format!("a turntable is a film: name a .gif or .mp4 instead of {:?}", args.to)).into());
     }
+    let is_png = args.to.extension().is_some_and(|ending| ending.eq_ignore_ascii_case("png"));
+    if film.is_none() && !is_png {
+        let problem = format!("cannot write {:?}: name a file that ends in .png, .gif or .mp4", args.to);
+        return Err(UsageError(problem).into());
+    }
     if film.is_some() && !matches!(args.what, What::Field(_)) {
         let problem = format!("--what vote and levels are pictures of one view: name a .png instead of {:?}", args.to);
         return Err(UsageError(problem).into());
     }
     let needed = if args.what == What::Levels { Stage::Scene } else { Stage::Vote };
     if args.work.dry_run {
-    let is_png = args.to.extension().is_some_and(|ending| ending.eq_ignore_ascii_case("png"));
-    if film.is_none() && !is_png {
-        let problem = format!("cannot write {:?}: name a file that ends in .png, .gif or .mp4", args.to);
-        return Err(UsageError(problem).into());
-    }
         return run(global, &args.scene, &args.work, needed);
     }
     let mut pipeline = open(global, &args.scene, &args.work, (needed, true))?;

@@ -112,6 +112,19 @@ fn one_bad_scene_stops_no_other() {
 }
 
 #[test]
+fn the_simulation_can_be_left_out_and_the_page_is_named() {
+    let balls = Balls::new(1);
+    let output = batch(&balls, &["--to", "report", "--no-simulate"]).output().unwrap();
+    assert!(output.status.success(), "{}", stderr(&output));
+    let page = balls.folder().join("gprop/batch/index.html");
+    assert_eq!(String::from_utf8_lossy(&output.stdout).lines().last(), page.to_str());
+    let work = balls.scene(0).join("gprop");
+    assert!(page.is_file() && work.join("report.html").is_file() && !work.join("simulation").exists());
+    let nothing_left = batch(&balls, &["--to", "simulate", "--no-simulate"]).output().unwrap();
+    assert_eq!(nothing_left.status.code(), Some(2), "{}", stderr(&nothing_left));
+}
+
+#[test]
 fn done_scenes_are_skipped_and_failed_ones_retried_when_asked() {
     let balls = Balls::new(2);
     let labels = balls.labels(1).join("000.png");
