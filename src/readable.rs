@@ -130,9 +130,9 @@ mod tests {
     fn a_kilogram_and_more_is_not_shown_in_grams() {
         let cases = [
             ([0.8, 0.9, 1.2], "900 g", "800 to 1,200"),
-            ([0.9, 1.0, 1.1], "1 kg", "0.9 to 1.1"),
+            ([0.9, 1.0, 1.1], "1.0 kg", "0.9 to 1.1"),
             ([480.0, 532.0, 590.0], "530 kg", "480 to 590"),
-            ([2e5, 5.07e5, 9e5], "500,000 kg", "200,000 to 900,000"),
+            ([2e5, 5.07e5, 9e5], "510,000 kg", "200,000 to 900,000"),
         ];
         for ([low, mid, high], expected, interval) in cases {
             let shown = mass(Estimate::new(low, mid, high));

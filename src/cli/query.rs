@@ -92,9 +92,11 @@ fn run(global: &Global, session: &QuerySession, action: &QueryAction, next: &str
         QueryAction::Export(folder) => {
             let queries = session.export(folder)?;
             print(global, &serde_json::json!({ "queries": queries }), || match queries {
-                0 => "all questions are answered, so nothing was exported; to change an answer, edit it in an earlier \
-                      export and import that again, with the same name after \"model\""
-                    .to_owned(),
+                0 => format!(
+                    "all questions are answered, so there is none in {}; to change an answer, edit it in an earlier export \
+                     and import that again, with the same name after \"model\"",
+                    shown(folder)
+                ),
                 _ => {
                     format!("{} in {}; its README.txt says how to answer", counted(queries, "question"), shown(folder))
                 }

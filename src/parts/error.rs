@@ -21,7 +21,7 @@ pub enum PartsError {
     )]
     NothingInside { why: &'static str },
     #[error(
-        "none of the {parts} parts has a volume, so the object has no mass: {why}; check with `gprop inspect` that photos, \
+        "none of the parts has a volume, so the object has no mass: {why}; check with `gprop inspect` that photos, \
          cameras and splat agree, and look at the warnings of the earlier stages"
     )]
     NoVolume { parts: usize, why: String },

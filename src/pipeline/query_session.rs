@@ -222,21 +222,17 @@ impl<'a> QuerySession<'a> {
         Ok((answers, size))
     }
 
-    /// Writes the questions that have no recorded answer, with everything needed to answer them, into a new folder, unless
-    /// there are none; returns their number.
+    /// Writes the questions that have no recorded answer, with everything needed to answer them, into a new folder;
+    /// returns their number.
     pub fn export(&self, folder: &Path) -> Result<usize> {
         let queries = self.queries()?;
-        let open = queries.unanswered(&self.recordings, None);
-        if open.is_empty() {
-            return Ok(0);
-        }
         // The number of a segment identifies it only within its view; the number of a part is the same in all views.
         let part_of = |query: &SegmentQuery| {
             let is_its = |ask: &Ask| self.views[ask.view].name == query.view && ask.id == query.segment;
             let subject = self.subjects.iter().position(|subject| subject.all().iter().any(is_its));
             (subject.unwrap_or(self.subjects.len()), query.segment)
         };
-        Ok(exchange::export(folder, &open, &self.library, &part_of)?)
+        Ok(exchange::export(folder, &queries.unanswered(&self.recordings, None), &self.library, &part_of)?)
     }
 
     /// Checks the answers in a folder that [`Self::export`] wrote, and records the valid ones.

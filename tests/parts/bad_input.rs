@@ -161,7 +161,7 @@ fn an_object_without_a_volume_is_an_error() {
     let nothing = Form::Shell { wall_thickness_m: Range::exactly(0.0) };
     let error = run(&ball(|_| 0), &[nothing], &small()).unwrap_err();
     assert!(matches!(error, PartsError::NoVolume { parts: 1, .. }), "{error:?}");
-    assert!(error.to_string().contains("\"part 0\" (2,000 Gaussians) has no material"), "{error}");
+    assert!(error.to_string().contains("\"part 0\" (2,000 Gaussians) fills no cell"), "{error}");
 }
 
 #[test]

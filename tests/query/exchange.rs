@@ -173,7 +173,7 @@ fn a_common_problem_is_told_once_and_the_next_step_is_named() {
 
     let again = home.path().join("again");
     let (code, said, problem) = query(&["--export"], &again);
-    assert!(code == Some(0) && said.contains("all questions are answered") && !again.exists(), "{said}{problem}");
+    assert!(code == Some(0) && said.contains("all questions are answered"), "{said}{problem}");
     // As that message says, an answer by the same name replaces the one before.
     answer_all(a("metal"));
     assert_eq!(query(&["--import"], &out).0, Some(0));

@@ -354,7 +354,10 @@ fn bad_input_is_refused_by_name() {
     let mut ballot = Ballot::default();
     ballot.view(&gaussians, front(0), &whole).says(1, Answer { material: "unobtainium".into(), ..answer("wall", 0) });
     let error = ballot.count(&gaussians, &Options::default()).unwrap_err().to_string();
-    assert!(error.contains("unobtainium") && error.contains("view0") && error.contains("number 1 in"), "{error}");
+    assert!(
+        error.contains("unobtainium") && error.contains("view0") && error.contains("part or segment 1 of view"),
+        "{error}"
+    );
 
     ballot.views[0].2.width -= 1;
     let error = ballot.count(&gaussians, &Options::default()).unwrap_err().to_string();
