@@ -25,13 +25,13 @@ impl Infeasible {
         let (explanation, advice) = match reason {
             Reason::TooWeak => (
                 format!(
-                    "each finger must press with at least {f_min} N, but the gripper `{name}` presses with at most {most} N"
+                    "each finger must press with at least {f_min} N, but the gripper {name:?} presses with at most {most} N"
                 ),
                 "use a stronger gripper, or lift with two hands",
             ),
             Reason::TooStrong => (
                 format!(
-                    "the gripper `{name}` presses with at least {least} N, but the part withstands at most {f_max} N"
+                    "the gripper {name:?} presses with at least {least} N, but the part withstands at most {f_max} N"
                 ),
                 "use a gentler gripper or wider fingers, or grasp another part with --part",
             ),

@@ -191,7 +191,7 @@ pub fn grasp(
     let mut notes = Vec::new();
     if !gripper.is_calibrated() {
         notes.push(format!(
-            "gripper `{}` has no calibration points: its command is taken to be linear in the force; `gprop grasp \
+            "gripper {:?} has no calibration points: its command is taken to be linear in the force; `gprop grasp \
              calibrate` makes a profile from measurements",
             gripper.name
         ));

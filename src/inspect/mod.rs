@@ -6,7 +6,7 @@
 //! 3. [`diagnose`]: if they do not, which of the usual conversions would make them fit.
 //! 4. [`text`] and [`page`]: the result on one screen, or as a page with the pictures side by side.
 //!
-//! [`misfit`] looks at a few views only; every run does that before anything else.
+//! [`misfit()`] looks at a few views only; every run does that before anything else.
 
 mod compare;
 mod diagnose;

@@ -87,6 +87,18 @@ fn a_click_on_the_object_reads_the_parts_number() {
     page.press_key("ArrowLeft");
     assert!(page.changes(picture, &before), "the object is turned");
 
+    // The list beside the object has the object's colours.
+    let swatches = |of: &str| {
+        page.evaluate(&format!(
+            "[...document.querySelectorAll('{of} i')].map((swatch) => swatch.style.background).join()"
+        ))
+    };
+    page.color_by("part");
+    let by_part = swatches(".list");
+    assert_eq!(by_part, swatches("#legend"));
+    page.color_by("material");
+    assert_ne!(by_part, swatches(".list"));
+
     // Every colouring has a legend, and the theme can be switched.
     let modes =
         page.evaluate("[...document.getElementById('color-by').options].map((option) => option.text).join('|')");

@@ -56,8 +56,18 @@
   choice.value = 1;
   const mode = () => modes[choice.value];
 
+  // The list beside the object has the colours of the object.
+  function colorList() {
+    const { name, color } = mode();
+    for (const button of document.querySelectorAll("button[data-parts]")) {
+      const [p] = idsOf(button);
+      button.querySelector(".swatch").style.background = css(color && name !== "confidence" ? color(p) : partColors[p]);
+    }
+  }
+
   function showLegend() {
     const { entries, range, note, missing } = mode();
+    colorList();
     legend.replaceChildren();
     const add = (text, kind, style) => {
       const item = legend.appendChild(document.createElement("span"));
