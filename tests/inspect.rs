@@ -3,10 +3,10 @@
 use std::path::Path;
 use std::sync::OnceLock;
 
-use gprop::inspect::{Inspection, inspect, to_text};
+use gprop::inspect::{Inspection, inspect, misfit, to_text};
 use gprop::progress::Progress;
 use gprop::scene::gaussians::Gaussians;
-use gprop::scene::{ForegroundSource, ObjectSource, Options, ply};
+use gprop::scene::{self, ForegroundSource, ObjectSource, Options, ply};
 use nalgebra::{Matrix3, Matrix4};
 use serde_json::{Value, json};
 use tempfile::TempDir;
@@ -163,6 +163,29 @@ fn another_scene_s_cameras_are_not_explained_away() {
     assert_eq!(found.aligned, Some(false));
     assert!(found.suggestion.is_none());
     assert!(to_text(&found).contains("none of the usual conversions"));
+}
+
+fn warning(folder: &Path, options: &Options) -> Option<String> {
+    let scene = scene::load(folder, options).unwrap();
+    misfit(&scene, &scene.views).unwrap()
+}
+
+#[test]
+fn a_splat_of_another_object_is_noticed_in_every_run() {
+    let mug = fixture().with_file_name("mug").join("point_cloud.compressed.ply");
+    let (own, other) = (Options::default(), Options { splat: Some(mug), ..Options::default() });
+    assert_eq!(warning(fixture(), &own), None);
+    let outline = warning(fixture(), &other).unwrap();
+    assert!(outline.contains("outline") && outline.contains("gprop inspect"), "{outline}");
+
+    // Without alpha, the colours are compared.
+    let opaque = with_poses(|pose| pose);
+    for view in scene::load(opaque.path(), &own).unwrap().views {
+        view.photo().unwrap().rgb.save(&view.image).unwrap();
+    }
+    assert_eq!(warning(opaque.path(), &own), None);
+    let colors = warning(opaque.path(), &other).unwrap();
+    assert!(colors.contains("correlation"), "{colors}");
 }
 
 #[test]
