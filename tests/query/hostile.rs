@@ -52,10 +52,11 @@ impl RawServer {
     }
 }
 
-/// Sends a whole response; it is not an error if the client has disconnected.
+/// Sends a whole response, and says that the connection closes: otherwise, a client that has not yet noticed may send its
+/// next request on it. It is not an error if the client has disconnected.
 fn send(stream: &mut TcpStream, status: &str, headers: &str, body: &str) {
     let length = body.len();
-    let _ = write!(stream, "HTTP/1.1 {status}\r\ncontent-length: {length}\r\n{headers}\r\n{body}");
+    let _ = write!(stream, "HTTP/1.1 {status}\r\nconnection: close\r\ncontent-length: {length}\r\n{headers}\r\n{body}");
 }
 
 /// Sends the same bytes repeatedly until the client disconnects; returns the number of bytes sent.
