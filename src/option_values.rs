@@ -57,10 +57,10 @@ fn within<T: Number>(is_within: impl Fn(&T) -> bool + Clone + Send + Sync + 'sta
 
 /// A number in an SI unit, or with one of `units` after it: `0.3`, `30cm`. The units are named with the longest name
 /// first, and with how many of them make the SI unit.
-pub fn in_si(text: &str, units: &[(&str, f64)]) -> Option<f64> {
+pub fn with_unit(text: &str, units: &[(&str, f64)]) -> Option<f64> {
     let text = text.trim();
-    let with_unit = units.iter().find_map(|(unit, per_si)| Some((text.strip_suffix(unit)?, *per_si)));
-    let (number, per_si) = with_unit.unwrap_or((text, 1.0));
+    let found = units.iter().find_map(|(unit, per_si)| Some((text.strip_suffix(unit)?, *per_si)));
+    let (number, per_si) = found.unwrap_or((text, 1.0));
     Some(number.trim().parse::<f64>().ok()? / per_si)
 }
 

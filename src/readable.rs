@@ -41,20 +41,12 @@ pub fn figures(estimate: Estimate, factor: f64) -> Figures {
     Figures { mid, interval: joined(low, &high) }
 }
 
-/// A mass, in grams if it is below a kilogram and else in kilograms.
-#[derive(Debug, Clone, PartialEq, Eq, Serialize)]
-pub struct Mass {
-    /// With the unit.
-    pub mid: String,
-    /// `low to high`, in the unit of `mid`.
-    pub interval: String,
-}
-
-/// A mass of `mass_kg`, with the digits that its interval allows.
-pub fn mass(mass_kg: Estimate) -> Mass {
+/// A mass of `mass_kg`, with the digits that its interval allows: in grams if it is below a kilogram, else in kilograms.
+/// The unit stands after `mid`.
+pub fn mass(mass_kg: Estimate) -> Figures {
     let (factor, unit) = if mass_kg.mid < 1.0 { (1e3, "g") } else { (1.0, "kg") };
     let Figures { mid, interval } = figures(mass_kg, factor);
-    Mass { mid: format!("{mid} {unit}"), interval }
+    Figures { mid: format!("{mid} {unit}"), interval }
 }
 
 /// `low to high` times a factor, with the digits that the interval allows; one number if both look the same.

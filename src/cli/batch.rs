@@ -137,13 +137,7 @@ fn questions(global: &Global, step: QuestionStep, batch: &Batch, questions: &Que
     let failures = match step {
         QuestionStep::Submit => {
             let (sent, failures) = questions.submit()?;
-            print(global, &sent, || {
-                format!(
-                    "{} sent, {} of earlier submissions still waiting",
-                    counted(sent.sent, "question"),
-                    sent.waiting
-                )
-            })?;
+            print(global, &sent, || sent.to_string())?;
             failures
         }
         QuestionStep::Collect => {

@@ -110,13 +110,7 @@ fn run(global: &Global, session: &QuerySession, action: &QueryAction, next: &str
         }
         QueryAction::Submit => {
             let sent = session.submit()?;
-            print(global, &sent, || {
-                format!(
-                    "{} sent, {} of earlier submissions still waiting",
-                    counted(sent.sent, "question"),
-                    sent.waiting
-                )
-            })
+            print(global, &sent, || sent.to_string())
         }
         QueryAction::Collect => {
             let collected = session.collect()?;

@@ -18,7 +18,7 @@ pub(super) fn compare(scene: &Scene, views: &[View], progress: Progress) -> Resu
         let fit = ViewFit {
             name: view.name.clone(),
             psnr_db: psnr_db(&photo.rgb, &picture),
-            mask_iou: knows_foreground.then(|| mask_iou(&photo.foreground, &picture)),
+            mask_iou: knows_foreground.then(|| mask_iou(&photo.foreground, &picture).unwrap_or(1.0)),
         };
         bar.inc(1);
         Ok(fit)
@@ -44,13 +44,14 @@ fn psnr_db(photo: &RgbImage, picture: &Render) -> f64 {
     (-10.0 * mean.log10()).min(EQUAL)
 }
 
-/// Intersection over union; 1 if both are empty.
-fn mask_iou(foreground: &GrayImage, picture: &Render) -> f64 {
+/// Intersection over union of the object in a photo, at least half covered there, and in the splat; `None` if neither
+/// shows it.
+pub(super) fn mask_iou(coverage: &GrayImage, picture: &Render) -> Option<f64> {
     let (mut both, mut either) = (0usize, 0usize);
-    for (foreground, alpha) in foreground.as_raw().iter().zip(&picture.alpha) {
-        let (photo, splat) = (*foreground > 0, *alpha >= FOREGROUND_ALPHA);
+    for (coverage, alpha) in coverage.as_raw().iter().zip(&picture.alpha) {
+        let (photo, splat) = (*coverage >= 128, *alpha >= FOREGROUND_ALPHA);
         both += usize::from(photo && splat);
         either += usize::from(photo || splat);
     }
-    if either == 0 { 1.0 } else { both as f64 / either as f64 }
+    (either > 0).then(|| both as f64 / either as f64)
 }

@@ -3,16 +3,16 @@
 use image::imageops::{FilterType, resize};
 use rayon::prelude::*;
 
+use super::compare::mask_iou;
 use super::verdict;
-use crate::camera::Camera;
 use crate::numeric::upper_median;
-use crate::render::{FOREGROUND_ALPHA, RenderOptions, render};
+use crate::render::{RenderOptions, render};
 use crate::scene::{Scene, SceneError, View};
 
 /// Number of views looked at.
 const VIEWS: usize = 4;
 /// Longest side of the small masks in pixels.
-const SIDE: f64 = 192.0;
+const SIDE: u32 = 192;
 /// Minimum overlap of the object's outline in the photos and in the splat: below it, most of what either shows is not
 /// in the other. On the fixtures and the six objects that thresholds were fitted on, the median over all views is 0.95 or more.
 const LEAST_IOU: f64 = 0.5;
@@ -46,18 +46,7 @@ pub fn misfit(scene: &Scene, views: &[View]) -> Result<Option<String>, SceneErro
 /// The IoU of the object's outline in a photo and in the splat; `None` if the photo has neither mask nor alpha.
 fn overlap(scene: &Scene, view: &View) -> Result<Option<f64>, SceneError> {
     let Some(coverage) = view.coverage()? else { return Ok(None) };
-    let intrinsics = view.camera.intrinsics;
-    let factor = (SIDE / f64::from(intrinsics.width.max(intrinsics.height))).min(1.0);
-    let side = |length: u32| ((f64::from(length) * factor).round() as u32).max(1);
-    let (width, height) = (side(intrinsics.width), side(intrinsics.height));
-    let small = resize(&coverage, width, height, FilterType::Triangle);
-    let camera = Camera { intrinsics: intrinsics.resized(width, height), ..view.camera.clone() };
-    let seen = render(&scene.gaussians, &camera, &RenderOptions::default());
-    let (mut both, mut either) = (0usize, 0usize);
-    for (photo, splat) in small.as_raw().iter().zip(&seen.alpha) {
-        let (photo, splat) = (*photo >= 128, *splat >= FOREGROUND_ALPHA);
-        both += usize::from(photo && splat);
-        either += usize::from(photo || splat);
-    }
-    Ok((either > 0).then(|| both as f64 / either as f64))
+    let camera = verdict::resized(&view.camera, SIDE.min(coverage.width().max(coverage.height())));
+    let small = resize(&coverage, camera.intrinsics.width, camera.intrinsics.height, FilterType::Triangle);
+    Ok(mask_iou(&small, &render(&scene.gaussians, &camera, &RenderOptions::default())))
 }

@@ -74,16 +74,21 @@ pub(super) fn small_views(views: &[View]) -> Result<Vec<Small>, SceneError> {
     let step = views.len().div_ceil(MOST_VIEWS);
     let small = |view: &View| {
         let photo = view.photo()?;
-        let intrinsics = view.camera.intrinsics;
-        let factor = f64::from(SIDE) / f64::from(intrinsics.width.max(intrinsics.height));
-        let side = |length: u32| ((f64::from(length) * factor).round() as u32).max(1);
-        let (width, height) = (side(intrinsics.width), side(intrinsics.height));
+        let camera = resized(&view.camera, SIDE);
+        let (width, height) = (camera.intrinsics.width, camera.intrinsics.height);
         let small: Rgb32FImage = resize(&photo.rgb, width, height, FilterType::Triangle).convert();
-        let camera = Camera { intrinsics: intrinsics.resized(width, height), ..view.camera.clone() };
         Ok(Small { camera, picture: small.into_raw() })
     };
     let chosen: Vec<&View> = views.iter().step_by(step.max(1)).collect();
     chosen.into_par_iter().map(small).collect()
+}
+
+/// The camera of a picture of the same view whose longer side has `longer` pixels.
+pub(super) fn resized(camera: &Camera, longer: u32) -> Camera {
+    let intrinsics = camera.intrinsics;
+    let factor = f64::from(longer) / f64::from(intrinsics.width.max(intrinsics.height));
+    let side = |length: u32| ((f64::from(length) * factor).round() as u32).max(1);
+    Camera { intrinsics: intrinsics.resized(side(intrinsics.width), side(intrinsics.height)), ..camera.clone() }
 }
 
 /// The splat over white from a reduced camera, three values per pixel. It is rendered at twice the size and averaged:

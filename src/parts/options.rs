@@ -5,7 +5,7 @@ use serde::{Deserialize, Serialize};
 
 use super::PartsError;
 use crate::config::SceneKey;
-use crate::option_values::{self, in_si};
+use crate::option_values::{self, with_unit};
 
 /// About 130 cells along each side of a box-shaped object: under a millimetre on a hammer.
 const VOLUME_CELLS: usize = 2_000_000;
@@ -123,7 +123,7 @@ const MASS_UNITS: [(&str, f64); 2] = [("kg", 1.0), ("g", 1e3)];
 
 /// A mass in kilograms, or with its unit: `0.66`, `660g`.
 fn mass_kg(text: &str) -> Result<f64, String> {
-    let mass = in_si(text, &MASS_UNITS).filter(|kg| (MASS_MIN_KG..=MASS_MAX_KG).contains(kg));
+    let mass = with_unit(text, &MASS_UNITS).filter(|kg| (MASS_MIN_KG..=MASS_MAX_KG).contains(kg));
     mass.ok_or_else(|| {
         format!("give a mass from {MASS_MIN_KG} to {MASS_MAX_KG} kg: a number of kg, or with kg or g after it")
     })

@@ -2,10 +2,12 @@
 //! `batch_api.json`.
 
 use std::collections::BTreeMap;
+use std::fmt;
 
 use anyhow::Result;
 use serde::Serialize;
 
+use crate::output::counted;
 use crate::query::answer::Unknown;
 use crate::query::asker::{Ask, AskError, Asker};
 use crate::query::batch_api::{self, Answered, Progress, Request, Submitted, Waiting};
@@ -34,6 +36,12 @@ pub struct Sent {
     pub sent: usize,
     /// Questions of earlier submissions that are not collected yet.
     pub waiting: usize,
+}
+
+impl fmt::Display for Sent {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "{} sent, {} of earlier submissions still waiting", counted(self.sent, "question"), self.waiting)
+    }
 }
 
 /// The result of `--batch-api collect`.

@@ -146,6 +146,7 @@ impl Pipeline {
         plan: Plan,
         progress: Progress,
     ) -> Result<Self> {
+        segment::check_formats(&options.segment.also)?;
         if let Some(count) = options.scene.render_views {
             let folder = work.root().join("rendered");
             workdir::refuse_link(&folder, "--out")?;

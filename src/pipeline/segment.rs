@@ -89,7 +89,6 @@ pub(super) fn stored_segments(work: &WorkDir) -> SegmentsFile {
 
 impl Pipeline {
     pub(super) fn segment_key(&self) -> Result<String> {
-        check_formats(&self.options.segment.also)?;
         let hasher = self.key_after_inputs(Stage::Segment).with_json(&self.options.segment.deciding());
         let mut hasher = hasher.with_json(&self.options.segment.also).with(self.masks_key().as_bytes());
         if let Some(folder) = &self.options.segment.segments {
@@ -228,8 +227,7 @@ pub fn open_segmenter(setup: &setup::Options, options: &segment::Options, progre
     Ok(segmenter.caching_embeddings(&setup::embeddings_folder()?, &models)?)
 }
 
-/// # Errors
-/// If two of the formats would write the same files.
+/// Checks that no two of the formats write the same files.
 pub(super) fn check_formats(formats: &[Format]) -> Result<(), UsageError> {
     if formats.contains(&Format::Npy) && formats.contains(&Format::Langsplat) {
         return Err(UsageError("--also: npy and langsplat write the same files (VIEW_s.npy); give one of them".into()));

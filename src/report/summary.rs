@@ -8,7 +8,7 @@ use crate::grasp::GraspReport;
 use crate::output::{counted, one_line};
 use crate::part_name::part_name;
 use crate::parts::Parts;
-use crate::readable::{Mass, figures, mass, significant};
+use crate::readable::{Figures, figures, mass, significant};
 use crate::units::{Estimate, MetricScale, ScaleSource};
 use crate::vote::FieldLabel;
 
@@ -49,7 +49,7 @@ pub fn part_lines(labels: &[FieldLabel], parts: Option<&Parts>) -> String {
         let part = parts.and_then(|parts| parts.parts.iter().find(|part| part.id == label.id));
         let shown = part.map_or_else(String::new, |part| match part.mass_kg {
             Some(kg) => {
-                let Mass { mid, interval } = mass(kg);
+                let Figures { mid, interval } = mass(kg);
                 format!("{mid:>9} ({interval})  ")
             }
             None => "no mass  ".to_owned(),
@@ -63,7 +63,7 @@ pub fn part_lines(labels: &[FieldLabel], parts: Option<&Parts>) -> String {
         );
     }
     for filling in parts.into_iter().flat_map(|parts| &parts.fillings) {
-        let Mass { mid, interval } = mass(filling.mass_kg);
+        let Figures { mid, interval } = mass(filling.mass_kg);
         let _ = writeln!(
             text,
             "      {:name_width$}  {mid:>9} ({interval})  unseen, in part {}",

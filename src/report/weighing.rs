@@ -3,7 +3,7 @@
 
 use crate::part_name::part_name;
 use crate::parts::{Parts, Source, Width};
-use crate::readable::{Mass, interval, mass, significant};
+use crate::readable::{Figures, interval, mass, significant};
 use crate::units::Estimate;
 
 /// A cause that widens an interval by less than this factor is not worth a sentence.
@@ -14,7 +14,7 @@ pub fn sentences(parts: &Parts) -> Vec<String> {
     let filling = |filling: &crate::parts::Filling| {
         let around = parts.parts.iter().find(|part| part.id == filling.inside_of);
         let name = around.map_or_else(|| "object".to_owned(), |part| part_name(&part.caption, &part.material));
-        let Mass { mid, interval } = mass(filling.mass_kg);
+        let Figures { mid, interval } = mass(filling.mass_kg);
         format!(
             "According to the answers, the {name} is filled with {}, which no photo shows; it adds {mid} ({interval}).",
             filling.filling

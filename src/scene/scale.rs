@@ -12,7 +12,7 @@ use serde::{Deserialize, Deserializer, Serialize, Serializer};
 use super::as_typed::as_typed;
 use super::marker::{self, FoundMarker, Marker};
 use super::{Scene, SceneError, View};
-use crate::option_values::in_si;
+use crate::option_values::with_unit;
 use crate::units::{MetricScale, Range, ScaleSource};
 use gprop_kernels::bounds::{Bounds, longest_side};
 
@@ -213,7 +213,7 @@ const UNITS: [(&str, f64); 3] = [("mm", 1e3), ("cm", 1e2), ("m", 1.0)];
 
 /// A length in metres, or with its unit: `0.3`, `30cm`.
 pub(super) fn length_m(text: &str) -> Option<f64> {
-    in_si(text, &UNITS).filter(|meters| (SHORTEST_M..=LONGEST_M).contains(meters))
+    with_unit(text, &UNITS).filter(|meters| (SHORTEST_M..=LONGEST_M).contains(meters))
 }
 
 impl FromStr for ScaleChoice {

@@ -281,10 +281,14 @@ fn summed(quantities: &[Quantity], z: &[f64]) -> Quantity {
     Quantity { mid, effects: if mid > 0.0 { used.into_iter().map(effect).collect() } else { Vec::new() } }
 }
 
-/// By unknown, how the logarithm of the sum changes around `z`: the mean over its terms, weighted by their size.
+/// By unknown, how the logarithm of the sum changes around `z`: the mean over its terms, weighted by their size. None
+/// changes a sum of 0.
 fn effects(quantities: &[Quantity], z: &[f64]) -> Vec<Effect> {
     let mid = total(quantities, z);
     let mut sum = vec![Effect::NONE; z.len()];
+    if mid <= 0.0 {
+        return sum;
+    }
     for quantity in quantities {
         let share = quantity.mid * quantity.log_factor(z).exp() / mid;
         for (unknown, effect) in &quantity.effects {
