@@ -1,8 +1,8 @@
 //! Drawing a view, and letting views vote: `cargo bench --bench vote`; the same in NumPy: `vote_numpy.py`.
 //!
 //! A million Gaussians on a sphere, ten views of 800 x 800 pixels from all around, two segments in every label map. Before the
-//! timings, one vote by each rule prints its seconds, its memory beyond the cloud and its blends per second, compared with
-//! a pass that only reads and blends.
+//! timings, one vote by each rule prints its seconds, also as a multiple of those of a pass that only reads and blends, and
+//! its memory beyond the cloud.
 
 use std::time::Instant;
 

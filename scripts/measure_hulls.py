@@ -4,7 +4,7 @@
     pip install numpy scipy trimesh rtree manifold3d pillow coacd
     scripts/measure_hulls.py fixtures/hammer [fixtures/mug ...] [--coacd] [--depths DIR]
 
-Work folders must be finished (`gprop run SCENE`). The truth is what the ground truth of a scene has:
+Work folders must be finished (`gprop run SCENE`). Pieces are compared with as much ground truth as a scene has:
 
 - silhouettes: `ground_truth/part_maps` of all views. "Hole" is background within a silhouette; the table says how much of it the
   pieces leave open, and how wide a ball fits through the widest hole, in truth and between the pieces.

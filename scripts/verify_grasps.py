@@ -6,9 +6,9 @@
     scripts/verify_grasps.py --check-pads                               # the pads on blocks and round bars
     scripts/verify_grasps.py --tried FILE.json [FILE.json ...]          # only the tables, from earlier runs
 
-For each scene, the model that `gprop export --format mjcf` writes lies on a plane. A gripper with two parallel pads that have
-the profile's area closes at each of the five best places, no farther open than its stroke, with F* and with 0.8 and 1.2 times
-F_min and with F_max (as far as the gripper can; forces are those of one finger). It rises by 20 cm in 1.5 s straight up, shakes
+For each scene, the model that `gprop export --format mjcf` writes lies on a plane. The gripper has two parallel pads with the
+profile's area, and opens no wider than its stroke. At each of the five best places, it closes with F*, with 0.8 and 1.2 times
+F_min, and with F_max (as far as the gripper can; forces are those of one finger). It rises by 20 cm in 1.5 s straight up, shakes
 by 5 mm at 2 Hz for 1 s, and holds for 2 s. At the first place, it also tries the paper's fixed forces.
 
 A pad is a disc of rubber, modelled as points that are spread evenly over it, each on a spring (a Winkler foundation), because
@@ -16,7 +16,7 @@ MuJoCo's own contacts of a box press with its corners and resist turning more th
 pads touch the model's visual mesh around the contacts, cut into prisms under its triangles; with `--touch colliders`, they touch
 the convex pieces, which may reach beyond the object by more than a pad's width.
 
-"Held" is what has slid in the hand by less than 5 mm at the end, "slid" by less than 2 cm, and "lost" is the rest. "Turned" is
+An object is "held" if at the end it has slid in the hand by less than 5 mm, "slid" if by less than 2 cm, else "lost". "Turned" is
 by how much the object has turned in the hand since it was gripped. "By shape" is the share of the weight that the pads carry
 with their normal forces, because something of the object rests on them; F_min is for flat, upright surfaces, where it is 0.
 

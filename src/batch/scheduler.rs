@@ -2,8 +2,8 @@
 //!
 //! A scene is started if the [estimates](super::memory) of all running scenes leave room for its own. Estimates can be
 //! wrong, so the memory that the processes use is sampled: if it exceeds the budget, the scene started last is killed
-//! and waits until there is room for the memory that it was seen to need. A scene that exceeds the budget by itself
-//! fails, and so does one that takes longer than `--max-minutes`.
+//! and waits until there is room for [more](GROWTH) than it used. A scene that exceeds the budget by itself fails, and
+//! so does one that takes longer than `--max-minutes`.
 
 use std::collections::VecDeque;
 use std::time::Duration;

@@ -145,7 +145,7 @@ mod tests {
         let loads: Vec<u64> = (0..4).map(load).collect();
         assert_eq!(loads.iter().sum::<u64>(), sizes.iter().sum::<u64>());
         let (least, most) = (loads.iter().min().unwrap(), loads.iter().max().unwrap());
-        // Longest-first distribution: two loads differ by no more than the last, smallest item.
+        // Longest-first distribution: two loads differ by no more than the last item of the larger one, a small one.
         assert!(most - least <= *sizes.iter().max().unwrap() / 10, "{loads:?}");
         assert_eq!(deal(&sizes, 4), shards);
         assert_eq!(deal(&[3, 5], 1_000_000_000_000), [1, 0], "no memory for shards that stay empty");

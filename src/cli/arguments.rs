@@ -100,7 +100,7 @@ pub enum Command {
     /// Show, list or check the materials of the library.
     #[command(subcommand)]
     Materials(Materials),
-    /// Draw a printed marker that gives a scene its scale.
+    /// Draw a marker that, printed and photographed, gives a scene its scale.
     #[command(subcommand)]
     Scale(Scale),
     /// Fetch ONNX Runtime and SAM into the cache, or show where they are.
@@ -221,7 +221,7 @@ pub struct GraspArgs {
 
 #[derive(Debug, Subcommand)]
 pub enum Grasp {
-    /// Fit a rising polynomial of fifth order to a gripper's measured forces, by command.
+    /// Fit a rising polynomial of fifth order to a gripper's measured commands and forces.
     Calibrate {
         /// Measurements (CSV with the header command,force_n; any number of rows per command).
         points: PathBuf,
@@ -448,7 +448,7 @@ pub enum Evaluate {
     /// Repeat a recorded simulation of PhysGaussian and compare the trajectories; or compare gprop's filling of the
     /// inside with PhysGaussian's.
     Simulation {
-        /// The recorded trajectory with its settings (NPZ).
+        /// The recorded trajectory or filling, with its settings (NPZ).
         reference: PathBuf,
     },
     /// Render the materials into labelled views and compute the IoU per label: the paper's table with its two

@@ -48,7 +48,7 @@ pub fn scale(global: &Global, what: &Scale) -> anyhow::Result<()> {
     let drawn = serde_json::json!({ "path": out, "scale": marker.to_string() });
     print(global, &drawn, || {
         format!(
-            "{}: print it at 100 %, measure the black square, and give --scale {marker} with the size you measured\n",
+            "{}: print it at 100 %, measure the black square, and give --scale {marker}, with your measurement after the `=`\n",
             output::one_line(&out.to_string_lossy())
         )
     })

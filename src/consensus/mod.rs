@@ -372,7 +372,7 @@ impl Numbers {
     }
 
     fn add(&mut self, piece_of: Option<u16>, light: f64) -> u16 {
-        // Each holds more than one of CRUMB_SHARE's shares of the light.
+        // Each has at least CRUMB_SHARE of the light.
         let id = u16::try_from(self.parts.len() + 1).expect("parts are few");
         self.parts.push(Part { id, piece_of, gaussians: 0, light, separation: 1.0 });
         id

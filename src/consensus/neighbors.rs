@@ -15,7 +15,7 @@ const FAR: [usize; 5] = [16, 24, 32, 40, 48];
 pub(super) struct Pairs {
     /// Sorted; the lower index first.
     pub pairs: Vec<(u32, u32)>,
-    /// True for pairs that are not nearest neighbours of one another.
+    /// True for pairs of which neither is among the [`NEAR`] nearest neighbours of the other.
     pub is_far: Vec<bool>,
 }
 

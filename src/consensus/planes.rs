@@ -10,7 +10,7 @@ use super::linkage::{Border, NONE};
 use crate::scene::gaussians::Gaussians;
 use crate::scene::nearest::Nearest;
 
-/// A plane goes through up to this many Gaussians of the same piece among the nearest.
+/// A plane goes through up to [`MOST`] Gaussians of the same piece, found among this many nearest ones.
 const OF_NEAREST: usize = 48;
 const MOST: usize = 24;
 /// With fewer, there is no plane.

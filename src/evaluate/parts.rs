@@ -14,7 +14,7 @@ use crate::segment::LabelMap;
 
 /// Value in a true part map for pixels without a part.
 pub const NO_PART: u8 = 255;
-/// A found part shows a true one if at least this share of the found part's pixels lies on the true one.
+/// A found part shows a true one if at least this share of the found part's pixels on true parts lies on that one.
 const SHOWN_SHARE: f64 = 0.1;
 
 /// A view with the true part of each of its pixels.

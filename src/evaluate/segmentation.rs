@@ -223,8 +223,7 @@ impl SegmentationEvaluation {
         }
         text += &rows("all", &self.voted.overall, None, Some(&self.no_vote.overall));
         if let (Some(local), Some(beside)) = (&self.local_only, &self.voted_beside_local_only) {
-            let objects: Vec<&str> = local.per_object.keys().map(String::as_str).collect();
-            text += &rows(&objects.join(" + "), &beside.overall, Some(&local.overall), None);
+            text += &rows("with local only", &beside.overall, Some(&local.overall), None);
         }
         let views: Vec<String> = self.best_view.iter().map(|(object, view)| format!("{view} of {object}")).collect();
         text += &format!("\nno vote: only the view that scores best ({})", views.join(", "));

@@ -31,8 +31,8 @@ pub enum CalibrationError {
     )]
     Value { index: usize, command: f64, force_n: f64 },
     #[error(
-        "there are only {found} different commands of {from} or more, too few for a polynomial of order {ORDER}: measure at \
-         {} or more commands", ORDER + 1
+        "there are only {found} different commands from {from} up, where the gripper begins to press, too few for a polynomial of \
+         order {ORDER}: measure at {} or more", ORDER + 1
     )]
     TooFew { found: usize, from: f64 },
     #[error(

@@ -80,8 +80,8 @@ pub struct Object<'a> {
 /// The [`REPORTED`] best places, the best first.
 ///
 /// # Errors
-/// If every antipodal place is wider than the gripper's stroke, none has free space for the fingers, or a part bears no
-/// force.
+/// If every antipodal place is wider than the gripper's stroke, none has free space for the fingers, or a part's
+/// friction, strength, stiffness, thickness or mass is not positive.
 pub fn candidates(
     object: &Object,
     place: Where,

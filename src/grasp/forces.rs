@@ -9,8 +9,8 @@
 //! dF    = max(0, [F_max]_G - [F_min]_G)
 //! ```
 //!
-//! `[f]_G` clamps a force to the gripper's range G. mu, sigma_y, E, d and kappa_max are those of the part that bears
-//! the force, rho_i and V_i those of every part.
+//! `[f]_G` clamps a force to the gripper's range G. mu, sigma_y, E, d and kappa_max are those of the grasped part, rho_i
+//! and V_i those of every part.
 //!
 //! Source: Xu et al., *GaussianProperty*, arXiv 2412.11258, section 3.5 and supplement A.
 

@@ -105,8 +105,8 @@ impl GripperProfile {
         Ok(profile)
     }
 
-    /// Replaces the profile's commands or calibration with measured pairs. The range of force is then that of the fitted
-    /// curve over the enabled commands.
+    /// Replaces the profile's calibration with measured pairs. The range of force is then that of the fitted curve over
+    /// the profile's commands or, without those, over the measured ones.
     ///
     /// # Errors
     /// If the pairs give no increasing curve.

@@ -49,7 +49,7 @@ pub struct Forces {
 }
 
 impl Inputs {
-    /// The inputs if the part of `label` bears the force with this thickness.
+    /// The inputs if the part of `label` is grasped where it has this thickness.
     ///
     /// # Errors
     /// If a lift angle, curvature or margin is outside its domain.

@@ -59,7 +59,7 @@ pub struct Options {
     /// Angle between the direction of the lift and straight up, in degrees from 0 to 90
     #[arg(long, value_name = "DEG", default_value_t = 0.0)]
     pub lift_angle_deg: f64,
-    /// Largest curvature kappa_max that the grasped part tolerates, in 1/m [default: by the material's family, 0.5 for most;
+    /// Largest curvature kappa_max that the grasped part tolerates, in 1/m [default: by the material's family, 0.5 for metal;
     /// the paper takes 0.5 for all]
     #[arg(long, value_name = "1/M")]
     pub max_curvature: Option<f64>,

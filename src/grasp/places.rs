@@ -77,8 +77,8 @@ pub fn places(surface: &Surface, place: Where, friction: &[f64], contact_radius_
     pairs.collect()
 }
 
-/// The points with normal and position averaged over those of the same part within a contact's radius that face the
-/// same way.
+/// The points with the mean normal of those of the same part within a contact's radius that face the same way, moved
+/// along it to their median.
 fn smoothed(points: &[SurfacePoint], radius_m: f64) -> Vec<SurfacePoint> {
     /// Facing the same way: within 60 degrees.
     const ALIKE: f64 = 0.5;
@@ -117,7 +117,7 @@ fn opposite(seed: &SurfacePoint, points: &[SurfacePoint], friction: f64, radius_
         }
         let contacts = [seed.position, other.position];
         let place = Place { contacts, part: seed.part, thickness_m: width, misalignment_rad };
-        // Among those in one sheet, the best aligned: each counts as deeper by its distance from the line.
+        // Among those in one sheet, the best aligned: each counts as less near, or less far, by its distance from the line.
         let off = width * misalignment_rad.sin();
         if nearest.is_none_or(|(least, _)| depth + off < least) {
             nearest = Some((depth + off, place));

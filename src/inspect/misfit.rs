@@ -27,7 +27,7 @@ pub fn misfit(scene: &Scene, views: &[View]) -> Result<Option<String>, SceneErro
     let overlaps: Vec<Option<f64>> = few.par_iter().map(|view| overlap(scene, view)).collect::<Result<_, _>>()?;
     let problem = match upper_median(overlaps.into_iter().flatten().collect()) {
         Some(iou) if iou < LEAST_IOU => {
-            format!("the object's outline in the photos and in the splat overlap by only {:.0} % (IoU)", 100.0 * iou)
+            format!("the object's outlines in the photos and in the splat overlap by only {:.0} % (IoU)", 100.0 * iou)
         }
         Some(_) => return Ok(None),
         None => match verdict::of(scene, &few, &[])? {
@@ -39,7 +39,7 @@ pub fn misfit(scene: &Scene, views: &[View]) -> Result<Option<String>, SceneErro
     };
     Ok(Some(format!(
         "{problem}: either they show different objects, or cameras and splat do not have the same frame, and all results are \
-         meaningless; see `gprop inspect`, which names the usual conversions"
+         meaningless; see `gprop inspect`, which tries the usual conversions"
     )))
 }
 

@@ -21,7 +21,7 @@ const LEAST_CORRELATION: f64 = 0.85;
 /// Minimum difference by which a photo must fit its own camera better than that of a view on the other side.
 const LEAST_ADVANTAGE: f64 = 0.05;
 
-/// Minimum overlap of the masks, which a rotated or shifted frame does not reach, but a slightly larger one may.
+/// Minimum overlap (IoU) of the masks. A rotated or shifted frame does not reach it; a slightly wrong scale may.
 const LEAST_MASK_IOU: f64 = 0.7;
 
 /// Maximum number of views judged.

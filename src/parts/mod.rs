@@ -186,7 +186,7 @@ fn weighables<'a>(
     .collect()
 }
 
-/// Weighs the object: the reading of a scale is shared out among everything that is uncertain.
+/// Weighs the object: the reading of a kitchen scale is shared out among everything that is uncertain.
 fn known_mass(weights: &mut Weights, reading_kg: f64, options: &Options) -> KnownMass {
     let error_kg = options.known_mass_error.unwrap_or(READING_ERROR * reading_kg);
     let (expected_kg, [low, high]) = weights.weigh(reading_kg, error_kg);

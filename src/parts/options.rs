@@ -38,14 +38,15 @@ pub const SCENE_KEYS: &[SceneKey] = &[
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize, clap::ValueEnum)]
 #[serde(rename_all = "snake_case")]
 pub enum VolumeMethod {
-    /// Carve with all views; each part is solid or a wall around a hollow, as its answer says and the geometry allows.
+    /// Carve with up to --carve-views views; each part is solid or a wall around a hollow, as its answer says and the
+    /// geometry allows.
     #[default]
     Hybrid,
     /// Take the skin that the Gaussians form and everything inside it, all solid; needs no cameras.
     Fill,
-    /// Carve with all views; every part is solid.
+    /// Carve with up to --carve-views views; every part is solid.
     Carve,
-    /// Carve with all views; every part is a wall with the answer's thickness, or `--wall-m`.
+    /// Carve with up to --carve-views views; every part is a wall with the answer's thickness, or `--wall-m`.
     Shell,
 }
 

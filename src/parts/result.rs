@@ -39,7 +39,8 @@ pub struct Parts {
 }
 
 impl Parts {
-    /// The metric scale, if it follows from the known mass.
+    /// The metric scale that follows from the known mass. Only for a scene without a scale of its own: an interval of
+    /// another source is taken for one from the mass.
     pub fn scale(&self) -> Option<MetricScale> {
         let Estimate { low, mid, high } = self.meters_per_unit?;
         let provenance = format!("from the known mass of the object: {low:.4} to {high:.4} m");

@@ -17,7 +17,7 @@ pub fn line(picture: &mut RgbImage, ends: [Point2<f64>; 2], width: f64, color: R
     });
 }
 
-/// A horizontal bar, `half` as high below as above its line, with sharp ends.
+/// A horizontal bar with sharp ends that reaches `half` above and `half` below its line.
 pub fn bar(picture: &mut RgbImage, ends: [Point2<f64>; 2], half: f64, color: Rgb<u8>) {
     let middle = nalgebra::center(&ends[0], &ends[1]);
     let wide = 0.5 * (ends[1].x - ends[0].x);
@@ -103,7 +103,7 @@ fn haloed(picture: &mut RgbImage, style: Style, text: &str, at: (i32, i32)) {
     style.write(picture, text, at);
 }
 
-/// The longest of 1, 2, 5, 10, ... that is at most `meters`, and how it is written.
+/// The longest of 1, 2 and 5 times the powers of ten that is at most `meters`, and how it is written.
 fn round_length(meters: f64) -> Option<(f64, String)> {
     if !(meters.is_finite() && meters > 1e-6) {
         return None;

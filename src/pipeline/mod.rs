@@ -1,7 +1,7 @@
 //! Runs the stages in order, decides which artifacts can be reused, and resumes runs.
 //!
 //! A stage is done again if its key changes (the hash of its options and of the results of the stages before it) or if
-//! the content of a file that it wrote has changed. Its results are written first and its record only after them, so
+//! a file that it wrote has changed or is missing. Its results are written first and its record only after them, so
 //! the next run can continue after a run that was killed. Stages with costly items (views, answers, frames) save each
 //! item with a checksum and resume where they were killed.
 
@@ -101,7 +101,7 @@ pub struct Pipeline {
 /// The flags that stand for the options of a pipeline; none if it was opened through the library.
 #[derive(Debug, Clone, Default)]
 pub(crate) struct CommandLine {
-    /// With those of the configuration files: for the report, which shows how it was made.
+    /// All of them, with those of the configuration files: the report shows them as the command that made it.
     pub effective: Vec<String>,
     /// Those that were typed, for `run.json`.
     pub typed: FieldFlags,

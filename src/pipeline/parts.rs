@@ -40,7 +40,8 @@ impl Pipeline {
         parts::carving_views(self.scene.views.len(), &self.options.parts).map(|view| &self.scene.views[view])
     }
 
-    /// For each view used for carving, the share of each pixel of its photo that the object covers, if known.
+    /// For each view of the scene, the share of each pixel of its photo that the object covers; `None` if it is unknown
+    /// or the view is not used for carving.
     fn coverage(&self) -> Result<Vec<Option<GrayImage>>> {
         let views = &self.scene.views;
         let chosen: Vec<usize> = parts::carving_views(views.len(), &self.options.parts).collect();

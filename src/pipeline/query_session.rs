@@ -121,8 +121,8 @@ impl<'a> QuerySession<'a> {
         })
     }
 
-    /// The questions that are due, given the recorded answers, with all sheets drawn. Answers that are not recorded yet may
-    /// lead to more questions.
+    /// The questions whose answers are recorded and those that are then due, with all sheets drawn. Answers that are not
+    /// recorded yet may lead to more questions.
     pub fn queries(&self) -> Result<Queries<'_>> {
         let answerer = self.client.as_ref().map(Asker::answerer);
         let mut answers = BTreeMap::new();

@@ -71,7 +71,7 @@ pub enum Left<'a> {
 }
 
 impl RunRecord {
-    /// The record of an earlier run; empty if there is none or it is from an older gprop.
+    /// The record of an earlier run; empty if there is none or another version of gprop wrote it.
     pub fn load(work: &WorkDir) -> Self {
         work.read_json::<Self>(Artifact::Run)
             .ok()

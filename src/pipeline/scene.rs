@@ -33,7 +33,7 @@ struct StoredScale {
 #[derive(Serialize)]
 struct ViewEntry<'a> {
     name: &'a str,
-    /// As the camera file names it.
+    /// Relative to the scene's folder if it lies in it.
     image: &'a Path,
     #[serde(flatten)]
     camera: &'a Camera,

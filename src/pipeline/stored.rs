@@ -81,8 +81,8 @@ impl Stored {
         stored_field(self.work.root())
     }
 
-    /// The metric scale that the run found in the photos, by a model's estimate or by the object's mass; the scene and grasp
-    /// stages must be among the stages. `None` if the run did not look for it.
+    /// The metric scale that the run found in the photos, by a model's estimate or by the object's mass; the grasp stage,
+    /// which needs it, must be among the stages. `None` if the run did not look for it.
     ///
     /// # Errors
     /// If the files are not what gprop wrote.

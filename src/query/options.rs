@@ -155,5 +155,5 @@ impl Default for Options {
 
 fn usd(text: &str) -> Result<f64, String> {
     let given = text.parse().ok().filter(|usd: &f64| usd.is_finite() && *usd >= 0.0);
-    given.ok_or_else(|| "is not an amount of US dollars; give 0 or more, such as 2 or 0.50".to_owned())
+    given.ok_or_else(|| "not an amount of US dollars; give 0 or more, such as 2 or 0.50".to_owned())
 }

@@ -26,13 +26,13 @@ use crate::progress::Progress;
 /// The estimate before anything is sent.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Preview {
-    /// Questions that are due, given the recorded answers.
+    /// Questions whose answers are recorded and those that are then due.
     pub segments: usize,
     /// Questions whose answer is recorded.
     pub recorded: usize,
     /// The most questions that there may be in all, if answers disagree and parts consist of several materials.
     pub at_most: usize,
-    /// Cost of asking about the others.
+    /// Cost of asking those that are due.
     pub cost: Cost,
 }
 

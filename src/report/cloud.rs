@@ -43,7 +43,7 @@ pub struct Cloud {
     pub log_scales: [f32; 2],
     /// Contains the object without strays, so a camera that shows the sphere shows the object from every side.
     pub sphere: Sphere,
-    /// Centre of the camera of the first view, world frame, scene units.
+    /// From where the page looks at the cloud first, world frame, scene units.
     pub eye: Point3<f64>,
     /// Gzip of columns, little endian: centre (3 u16), log scale (3 u8), quaternion x y z w (4 i8), opacity (u8), sRGB
     /// colour (3 u8), label (u16), confidence (u8).

@@ -22,7 +22,7 @@ pub fn sentences(parts: &Parts) -> Vec<String> {
     };
     let weighed = parts.known_mass.as_ref().filter(|known| known.is_possible).map(|known| {
         format!(
-            "The object weighs {} kg, give or take {}; without that reading, gprop would expect {} kg.",
+            "The known mass is {} kg, give or take {}; without it, gprop would expect {} kg.",
             significant(known.reading_kg),
             mass(Estimate::exactly(known.error_kg)).mid,
             interval(known.expected_kg, 1.0)
@@ -80,9 +80,5 @@ fn remedy(parts: &Parts) -> Option<String> {
         Source::Filling => "Weighing the object (--known-mass), or a look inside,",
         Source::Scale => "Measuring a length (--scale)",
     };
-    Some(format!(
-        "{what} would narrow the mass from {} kg to about {} kg.",
-        interval(mass, 1.0),
-        interval(narrowed, 1.0)
-    ))
+    Some(format!("{what} would narrow the mass ({} kg) to about {} kg.", interval(mass, 1.0), interval(narrowed, 1.0)))
 }

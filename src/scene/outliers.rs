@@ -37,7 +37,7 @@ const LEAST_GAUSSIANS: usize = 32;
 const TRIMMED: f64 = 0.1;
 /// Number of neighbours that define what is usual around a Gaussian.
 const NEIGHBOURS: usize = 16;
-/// A Gaussian less than this many times as large as the cloud's median one does no harm wherever it is.
+/// A Gaussian in the object that is less than this many times as large as the cloud's median one does no harm.
 const LARGE: f64 = 2.0;
 /// A Gaussian is examined, however small it is, if its centre lies farther outside of the box from which the object's
 /// size is measured than this share of that size.
@@ -73,7 +73,7 @@ pub struct SetAside {
     pub reach: f64,
     /// Its excess: the reach divided by the body size of its neighbours.
     pub excess: f64,
-    /// The object's size: the diagonal of the box around its centres, scene units.
+    /// The object's size: the diagonal of the box around most of its centres, scene units.
     pub size: f64,
 }
 

@@ -85,8 +85,8 @@ impl Header {
     }
 }
 
-/// Memory limit for decoding a view's photo: two photos are processed at once, each in a few copies, and every label
-/// map is kept.
+/// Memory limit for decoding a view's photo: every thread may process a photo at once, each in a few copies, and every
+/// label map is kept.
 const VIEW_LIMIT: Limit = Limit {
     bytes: 256 << 20,
     remedy: ", and its intrinsics with it if the camera file does not give the photo's size",

@@ -15,7 +15,7 @@ const KEPT_ANYWAY: usize = 3;
 /// Every mask is compared with all others, including those that are removed themselves. It is removed if
 /// - one with a better score overlaps it with an IoU above `cull_iou`,
 /// - its score is not above `cull_score` (if none is, the best three are kept), or
-/// - it lies inside another that is at least twice as large, and 1 - (overlap / its area) x (overlap / the other's
+/// - it lies inside another, of which it covers less than half, and 1 - (overlap / its area) x (overlap / the other's
 ///   area) is above 1 - `cull_inner`.
 pub fn cull(masks: &[&Mask], scores: &[f64], options: &SelectionOptions) -> Vec<usize> {
     let mut order: Vec<usize> = (0..masks.len()).collect();

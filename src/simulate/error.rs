@@ -52,10 +52,13 @@ pub enum SimulateError {
     Checkpoint(String),
     #[error("cannot read the PhysGaussian configuration: {0}")]
     Configuration(String),
-    #[error("--rigid: there is no part `{part}`: give one of {names}, or auto, or never")]
+    #[error("--rigid: there is no part `{part}`: give one of `{names}`, or auto, or never")]
     Rigid { part: String, names: String },
     #[error("--scenario cannot be run: {0}")]
     Scenario(String),
+    /// Of a scenario or of `--anchor`.
+    #[error("there is no part `{part}`: give one of `{names}`, or all, top, bottom, low_end or high_end")]
+    Part { part: String, names: String },
     #[error(
         "the simulation would take about {}, more than --max-simulation-minutes {max_minutes}: lower --grid, --duration or \
          --max-stiffness, or raise --max-simulation-minutes",

@@ -260,7 +260,7 @@ impl Standing<'_> {
     /// The steps with their particles.
     ///
     /// # Errors
-    /// [`SimulateError::Scenario`] for a part that does not exist.
+    /// [`SimulateError::Part`] for a part that does not exist.
     pub fn actions(&self, steps: &[Step]) -> Result<Vec<Action>, SimulateError> {
         steps.iter().map(|step| self.action(step)).collect()
     }
@@ -330,10 +330,7 @@ impl Standing<'_> {
                     let mut names: Vec<&str> = self.names.iter().flatten().copied().collect();
                     names.sort_unstable();
                     names.dedup();
-                    return Err(SimulateError::Scenario(format!(
-                        "there is no part `{part}`: give one of {}, or all, top, bottom, low_end or high_end",
-                        names.join(", ")
-                    )));
+                    return Err(SimulateError::Part { part: part.to_owned(), names: names.join("`, `") });
                 }
                 self.labels.iter().map(|&l| found[l as usize]).collect()
             }

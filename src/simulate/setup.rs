@@ -39,7 +39,7 @@ const RIGID_PARTICLES: usize = 300;
 
 /// The limit on the expected time of a simulation in which everything that deforms has its true stiffness. If it would
 /// take longer, parts whose deformation is hardly visible become rigid; if that is not enough, stiff parts are softened.
-/// Neither happens if the user gives a limit for the stiffness.
+/// If the user gives a limit for the stiffness, stiffer parts are softened to that limit, and nothing else is changed.
 const LONGEST_MINUTES: f64 = 1.0;
 
 /// A Gaussian that is further than this outside the object's bounds, in multiples of the longest side, is not part of

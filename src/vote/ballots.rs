@@ -19,7 +19,7 @@ use crate::segment::LabelMap;
 /// Votes of one view for one segment to one Gaussian.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Ballot {
-    /// Index of the view's segment.
+    /// Index into [`AnsweredSegments::segments`].
     pub segment: u32,
     /// 1, or the light in pixels.
     pub weight: f32,

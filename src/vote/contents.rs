@@ -8,7 +8,8 @@ use crate::query::{Answer, Form, Inside};
 use crate::units::{Estimate, Range};
 
 /// The contents of a shell: empty or filled if more than half of the answers that see a shell say so, else unknown. Of
-/// several fillings, the one that most answers name gives its name and law; all of them span the ranges.
+/// several fillings, the one that most answers name gives its name, stiffness and law; all of them span the ranges of
+/// share and density.
 pub(super) fn contents(form: Form, answers: &[&Answer], library: &MaterialLibrary) -> Option<Contents> {
     if !matches!(form, Form::Shell { .. }) {
         return None;

@@ -53,7 +53,7 @@ pub enum Artifact<'a> {
     LabelArray(&'a str),
     /// All label maps as a COCO data set.
     Coco,
-    /// Per segment: view, id, area, box, predicted IoU, stability, level.
+    /// Per segment: view, id, area, box, predicted IoU, stability, level, parent.
     Segments,
     /// The parts in 3D, with the views that show each.
     FoundParts,

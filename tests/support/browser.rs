@@ -154,7 +154,7 @@ impl Browser {
 
 impl Drop for Browser {
     fn drop(&mut self) {
-        /// Enough to end in, even on a busy machine; a Chromium that has crashed does not.
+        /// Enough to end in, even on a busy machine; a Chromium that hangs is killed after that.
         const ENDED: Duration = Duration::from_secs(20);
         let _ =
             self.requests.take().map(|mut requests| requests.write_all(b"{\"id\":0,\"method\":\"Browser.close\"}\0"));

@@ -40,7 +40,7 @@ fn causes_text(objects: &[Weighed]) -> String {
     }
     let mut text = format!(
         "\n{:<24} {:>8} {:>8} {:>8} {:>8} {:>8} {:>8}  {:>7} {:>7}\n",
-        "error in g from", "volume", "wall", "density", "filling", "missing", "in all", "center", "inertia"
+        "error in g from", "volume", "wall", "density", "filling", "missing", "in all", "centre", "inertia"
     );
     for (object, causes) in with_causes() {
         let Causes { volume_kg, wall_kg, density_kg, filling_kg, missing_kg } = causes;

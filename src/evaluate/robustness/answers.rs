@@ -145,7 +145,7 @@ impl Oracle {
         parts.retain(|&part| part != NO_PART);
         let library = MaterialLibrary::builtin();
         let of_family = |family: &'static crate::materials::Family| library.of_family(&family.name).next();
-        // One family after the other, then the second material of each, and so on.
+        // The first material of each family; if there are more parts than families, then all of the library's in order.
         let materials = library.families().iter().filter_map(of_family).chain(library.materials()).take(parts.len());
         Self { materials: materials.collect(), parts, wrong }
     }

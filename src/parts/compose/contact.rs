@@ -21,7 +21,7 @@ pub struct Contact {
 /// cells on an oblique plane keep at least 1/sqrt(3).
 const PLANARITY: f64 = 0.45;
 
-/// All planar contacts from cells of `from` to cells of any other label, in the order of each patch's first cell.
+/// All planar contacts from cells of `from` to cells of any other label: by that label, then by each patch's first cell.
 pub fn contacts(cells: &Labelled, from: u32) -> Vec<Contact> {
     let is_rim = |i: usize, to: u32| cells.label[i] == from && cells.grid.neighbours(i).any(|n| cells.label[n] == to);
     let mut others: Vec<u32> = Vec::new();

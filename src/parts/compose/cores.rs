@@ -6,9 +6,9 @@
 //! - **through**: a solid that meets another on two facing patches in line, as a shaft does on both sides of a head,
 //!   goes through it with their mean cross-section;
 //! - **sleeve**: the void of a shell is filled by the solid that enters it, if the solid is a peg and the shell its
-//!   sleeve: the peg is longer than their contact is wide, the sleeve twice as long, and contact, peg and void have
-//!   cross-sections of one size. So a grip is filled by its handle, but a cushion not by the seat it lies on, nor a
-//!   lamp's base by its thin stem.
+//!   sleeve: the peg is at least as long as their contact is wide, the sleeve at least twice that, and contact, peg and
+//!   void have cross-sections of one size. So a grip is filled by its handle, but a cushion not by the seat it lies on,
+//!   nor a lamp's base by its thin stem.
 
 use nalgebra::{Point3, Vector3};
 
@@ -22,7 +22,7 @@ const IN_LINE: f64 = 0.9;
 const SAME_SIZE: f64 = 2.0;
 /// A peg keeps at least this share of its contact's cross-section over a length equal to the width of the contact.
 const PEG_SHARE: f64 = 0.6;
-/// A sleeve is at least this many times as long as its mouth is wide. A bulb on its socket is rounder.
+/// A sleeve is at least this many times as long as its mouth is wide. A bulb on its socket is shorter.
 const SLEEVE_LENGTH: f64 = 2.0;
 /// A patch of less than this many cells' faces is too rough to have a direction.
 const PATCH_FACES_MIN: f64 = 12.0;

@@ -128,7 +128,7 @@ struct Contents<'a> {
     wires: &'a [Wire],
 }
 
-/// The material of one part, and the space behind its wall, in the readings [`READINGS`]: scene units cubed.
+/// The volume of a part's material, or of the space behind its wall, in each of the [`READINGS`]: scene units cubed.
 type Readings = [f64; READINGS.len()];
 
 impl Contents<'_> {

@@ -99,7 +99,7 @@ fn areas(grid: &Grid, blurred: &[f32], inside: &[bool], nearest: &[u32], surface
     areas
 }
 
-/// The surface cell to which an outside cell near the surface belongs: that of the first inside cell found around it.
+/// The surface cell to which an outside cell near the surface belongs: that of the nearest inside cell.
 fn grid_owner(grid: &Grid, inside: &[bool], nearest: &[u32], i: usize) -> Option<u32> {
     let [x, y, z] = grid.coords(i);
     let mut best: Option<(usize, u32)> = None;

@@ -60,7 +60,7 @@ impl Bodies {
         self.label.iter().map(place).collect()
     }
 
-    /// The number of Gaussians on each body: those of its label in or next to its cells. Gaussians near none count
+    /// The number of Gaussians on each body: those of its label within [`NEAR`] of its cells. Gaussians near none count
     /// towards the first body of their label.
     pub fn gaussians(&self, gaussians: &Gaussians, part_label: &[u32], grid: &Grid) -> Vec<usize> {
         let first = |label: u32| self.label.iter().position(|&l| l == label).map(|body| body as u32);

@@ -1,9 +1,9 @@
 //! Converts volumes in scene units to kilograms: of parts, of the fillings of shells, and of the object.
 //!
 //! A mass is a volume times a density, and as uncertain as both; [`unknowns`] says how the causes add up, and what is
-//! learned from a reading of a scale. The surface is one unknown for the whole object, since an error in how a splat
-//! shows it recurs in all parts; each part has unknowns of its own for its wall and its unseen depth, each material one
-//! for its density.
+//! learned from a reading of a kitchen scale. The surface is one unknown for the whole object, since an error in how a
+//! splat shows it recurs in all parts; each part has unknowns of its own for its wall and its unseen depth, each
+//! material one for its density.
 //!
 //! [`bodies`] finds the connected pieces of a part, [`moments`] their volume, centre of mass and inertia, [`weights`] the
 //! masses.

@@ -49,7 +49,7 @@ pub struct Effect {
 impl Effect {
     pub const NONE: Self = Self { low: 0.0, high: 0.0 };
 
-    /// The effect on a quantity whose logarithm is the unknown itself.
+    /// The effect on a quantity with this estimate if the unknown is all that it depends on.
     pub fn of(estimate: Estimate) -> Self {
         let ln = |end: f64| if end > 0.0 && estimate.mid > 0.0 { (end / estimate.mid).ln() } else { 0.0 };
         Self { low: ln(estimate.low), high: ln(estimate.high) }
@@ -187,8 +187,8 @@ impl Belief {
         self.around(sum.mid, &sum.effects)
     }
 
-    /// The sum as one quantity: its effects are the changes of its logarithm if a single unknown moves by one. What was
-    /// weighed leaves the unknowns that matter little room, and then its derivatives count.
+    /// The sum as one quantity: its effects are the changes of its logarithm if a single unknown moves by one. After a
+    /// weighing, the unknowns that matter can move only a little, so its effects are the derivatives at their middles.
     fn sum(&self, quantities: &[Quantity]) -> Quantity {
         match self.reading {
             None => summed(quantities, &self.middle),

@@ -82,8 +82,9 @@ impl Weights {
         Self { belief: Belief::prior(&unknowns), unknowns, all, scale, uncertain_scale }
     }
 
-    /// Takes into account that a scale read `reading_kg`, within `error_kg`. Returns the mass that was expected before,
-    /// and the bounds that no combination of the unknowns' ends goes beyond; a reading outside of them changes nothing.
+    /// Takes into account that a kitchen scale read `reading_kg`, within `error_kg`. Returns the mass that was expected
+    /// before, and the bounds that no combination of the unknowns' ends goes beyond; a reading outside of them changes
+    /// nothing.
     pub fn weigh(&mut self, reading_kg: f64, error_kg: f64) -> (Estimate, [f64; 2]) {
         let masses = self.masses();
         let before = self.belief.of_sum(&masses);

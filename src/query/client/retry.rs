@@ -23,8 +23,8 @@ const FIRST_WAIT: Duration = Duration::from_secs(1);
 const LONGEST_WAIT: Duration = Duration::from_secs(60);
 /// Largest share taken off a wait at random; below one half, so that each wait is longer than the one before.
 const JITTER: f64 = 0.4;
-/// Most tries to connect to a server that does not accept connections: it is probably not there.
-const CONNECTION_TRIES: u32 = 3;
+/// Most retries to connect to a server that does not accept connections: it is probably not there.
+const CONNECTION_RETRIES: u32 = 3;
 
 /// Counts the retries of one request.
 #[derive(Debug)]
@@ -59,7 +59,7 @@ impl Backoff {
     pub fn wait_after(&mut self, failure: Attempt) -> Result<Wait, Attempt> {
         let (retry_after, most) = match &failure {
             Attempt::Passing { retry_after, .. } => (*retry_after, self.retries),
-            Attempt::Unreachable { .. } => (None, self.retries.min(CONNECTION_TRIES)),
+            Attempt::Unreachable { .. } => (None, self.retries.min(CONNECTION_RETRIES)),
             Attempt::Unaccepted { .. } | Attempt::Final(_) => return Err(failure),
         };
         if self.done >= most {

@@ -140,7 +140,7 @@ function materialControl(query, value) {
       item.addEventListener("pointerdown", (event) => { event.preventDefault(); take(number); });
       return item;
     }));
-    if (all.length > found.length) list.append(make("li", { className: "more" }, `${all.length - found.length} more: type on`));
+    if (all.length > found.length) list.append(make("li", { className: "more" }, `${all.length - found.length} more: keep typing`));
     open(true);
     mark(0);
   };
@@ -204,7 +204,7 @@ function show() {
   const rows = (names) => names.map((name) => field(query, name));
   at("fields").replaceChildren(...rows(first), ...rows(own));
   if (filled.length) {
-    const from = answerTo(query).material ? "from the library" : "filled in with the material";
+    const from = answerTo(query).material ? "from the library" : "filled in when you choose a material";
     at("fields").append(make("details", {}, make("summary", {}, `${filled.length} more fields, ${from}`), ...rows(filled)));
   }
   offer(query);

@@ -1,8 +1,8 @@
 //! Exports questions and imports answers: for people, batch services, and models that no server offers.
 //!
-//! An export is a folder with one sheet per question, the prompts, the schemas, and a form to fill in ([`form`]). Files
-//! are named by hash, so that whoever answers knows only the picture and the prompt. `origins.jsonl` says what each
-//! answer belongs to: an import needs the folder and the library, but not the scene.
+//! An export is a folder with one sheet per question, the prompts, the schemas, and a form to fill in ([`form`]). Questions
+//! and sheets are named by hash, so that whoever answers knows only the picture and the prompt. `origins.jsonl` says what
+//! each answer belongs to: an import needs the folder and the library, but not the scene.
 
 mod filled;
 mod form;
@@ -191,7 +191,7 @@ struct Text<'a> {
     question: &'a Question,
 }
 
-/// Writes each prompt and schema once; the files are named by the prompt's hash.
+/// Writes each prompt and schema once; returns their files by the prompt's hash.
 fn write_texts<'a>(
     folder: &Path,
     open: &[(&SegmentQuery, &'a Question)],

@@ -36,7 +36,7 @@ pub struct Tracks {
     pub log_scales: [f32; 2],
     /// Added to every log scale: fewer Gaussians on the same surface must be larger.
     growth: f32,
-    /// For each frame, log scale and rotation of each Gaussian with a track.
+    /// For each Gaussian with a track, log scale and rotation in each frame.
     axes: Vec<Vec<Axes>>,
 }
 

@@ -232,8 +232,7 @@ fn grasp(grasp: &GraspReport, pictures: &Pictures) -> Value {
     let star = significant(grasp.f_star_n);
     let sentence = match &grasp.infeasible {
         None => format!(
-            "press with {star} N per finger (gripper {:?}, command {} of 100). This holds the object without damaging the \
-             part.",
+            "press with {star} N per finger (gripper {:?}, command {}). This holds the object without damaging the part.",
             grasp.gripper,
             significant(grasp.normalized_command),
         ),

@@ -11,7 +11,7 @@ use super::families::Family;
 use super::plane::Plane;
 use super::quads::{Quad, quads};
 
-/// The smallest copy has at least this many pixels along its shorter side; the marker's own sides are shorter.
+/// The smallest copy has at least this many pixels along its shorter side.
 const LEAST_COPY: usize = 64;
 
 /// A marker in a picture.

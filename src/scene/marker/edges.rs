@@ -104,7 +104,7 @@ fn is_convex(quad: &Quad) -> bool {
     (0..4).all(|i| (quad[(i + 1) % 4] - quad[i]).perp(&(quad[(i + 2) % 4] - quad[(i + 1) % 4])) > 0.0)
 }
 
-/// An edge between two corners, with the other two and the number of cells between them and it.
+/// An edge between two corners, the corners of the opposite edge, and the number of cells between the two edges.
 struct Across {
     corners: [Point2<f64>; 2],
     opposite: [Point2<f64>; 2],

@@ -36,7 +36,7 @@ use triangulate::{Sighting, corners};
 pub enum MarkerProblem {
     #[error(
         "none of the {views} photos shows this marker{}; it must be flat, evenly lit and unfolded, with a white margin \
-         of at least one of its cells, and at least 30 pixels wide in the photos. `gprop scale board` prints one", others(.found)
+         of at least one of its cells, and at least 30 pixels wide in the photos. `gprop scale board` draws one", others(.found)
     )]
     Unseen { views: usize, found: Vec<(String, usize)> },
     #[error("only view {view} shows this marker; at least two photos, taken from different places, must show it")]
@@ -80,7 +80,7 @@ pub struct FoundMarker {
 const LEAST_SHARPNESS: f64 = 0.68;
 /// With at least this many sharp views, the others are left out.
 const FEWEST_SHARP: usize = 3;
-/// Share of the side beyond which an error is cut off, so that the interval's other end stays finite.
+/// Share of the side beyond which an error is cut off, so that the interval's upper end stays finite.
 const MOST_ERROR: f64 = 0.9;
 
 /// Finds `marker`, whose side is `side_m` metres long, in the photos of `views`: all of them, at full resolution.
@@ -145,8 +145,8 @@ pub fn find(marker: Marker, side_m: f64, views: &[View]) -> Result<FoundMarker, 
     let warning = (!found.disagreeing.is_empty()).then(|| {
         let off: Vec<String> = found.disagreeing.iter().map(|(at, off)| format!("{} ({off:.1} px)", named(&sightings[*at]))).collect();
         format!(
-            "the marker {marker} is not where the other {agreeing} views see it in {}; these views do not count for the scale. \
-             It may be partly hidden there, or their cameras are wrong",
+            "in these views, the marker {marker} is not where the other {agreeing} views see it: {}; they do not count for the \
+             scale. It may be partly hidden there, or their cameras are wrong",
             off.join(", ")
         )
     });

@@ -1,7 +1,7 @@
 //! Separates the object's Gaussians from those of the room around it.
 //!
-//! The user may give a box around the object. Otherwise, if the photos have alpha or masks, the splat shows the object
-//! alone; if not, the object is the densest cluster that the cameras look at (`cluster`).
+//! The user may give a box around the object. Otherwise, if the photos have alpha or masks, the splat is taken to show
+//! the object alone; if not, the object is the densest cluster that the cameras look at (`cluster`).
 
 mod cluster;
 

@@ -37,7 +37,7 @@ pub struct Filled {
     pub density: Vec<f32>,
     /// The density that was searched: smoothed, if the configuration asks for it.
     pub density_used: Vec<f32>,
-    /// Number of particles added to dense cells, and in all.
+    /// Number of particles added to dense cells: the first of `added`.
     pub added_dense: usize,
     pub added: Vec<Vector3<f32>>,
 }

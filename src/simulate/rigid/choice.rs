@@ -155,7 +155,7 @@ fn named(parts: &[String], materials: &[Material]) -> Result<Vec<bool>, Simulate
             (0..materials.len()).filter(|&l| is(&materials[l].caption) || is(&materials[l].name)).collect();
         if found.is_empty() {
             let names: BTreeSet<&str> = materials.iter().flat_map(|m| [m.caption.as_str(), m.name.as_str()]).collect();
-            let names = names.into_iter().collect::<Vec<_>>().join(", ");
+            let names = names.into_iter().collect::<Vec<_>>().join("`, `");
             return Err(SimulateError::Rigid { part: part.clone(), names });
         }
         found.into_iter().for_each(|label| rigid[label] = true);

@@ -32,8 +32,8 @@ use onnx_runtime::OnnxRuntime;
 const DECODER: &str = "a SAM prompt decoder (the standard export)";
 /// Number of pixels in one mask's logits.
 const LOGITS: usize = LOGITS_SIDE * LOGITS_SIDE;
-/// Largest difference between the two decoders on the trial: of the predicted IoU, and of the logits in units of their
-/// spread.
+/// Largest difference between the two decoders on the trial: of the predicted IoU, and of the logits in units of the
+/// largest one.
 const AGREEMENT: f32 = 1e-3;
 
 /// Selects which of the three masks to compute, given the predicted IoU of all.
