@@ -231,8 +231,8 @@ pub enum Grasp {
         /// Plot measurements, curve and residuals into this file.
         #[arg(long, value_name = "FILE.svg")]
         plot: Option<PathBuf>,
-        /// Write a profile of the gripper that includes the measurements into this file, for --gripper.
-        #[arg(long, value_name = "FILE.toml")]
+        /// Write the profile of --gripper, with these measurements, into this file.
+        #[arg(long, value_name = "FILE.toml", requires = "gripper")]
         profile: Option<PathBuf>,
     },
 }

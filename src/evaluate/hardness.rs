@@ -10,6 +10,7 @@ use serde::{Deserialize, Serialize};
 use super::EvaluateError;
 use super::scores::{Pair, Scores};
 use crate::camera::Camera;
+use crate::files;
 use crate::render::{RenderOptions, render_labels};
 use crate::scene::gaussians::Gaussians;
 use crate::units::{ShoreHardness, ShoreScale};
@@ -63,7 +64,8 @@ pub fn read_points(path: &Path) -> Result<Vec<(u64, Reading)>, EvaluateError> {
         let line = error.position().map_or(1, csv::Position::line);
         EvaluateError::Row { path: path.to_owned(), line, message: format!("{error}; columns: {COLUMNS}") }
     };
-    let mut reader = csv::ReaderBuilder::new().trim(csv::Trim::All).from_path(path).map_err(error)?;
+    let file = files::open(path).map_err(|source| EvaluateError::Read { path: path.to_owned(), source, remedy: "" })?;
+    let mut reader = csv::ReaderBuilder::new().trim(csv::Trim::All).from_reader(file);
     let headers = reader.headers().map_err(error)?.clone();
     let mut readings = Vec::new();
     for row in reader.records() {

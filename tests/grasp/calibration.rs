@@ -101,7 +101,10 @@ fn calibrate(folder: &std::path::Path, arguments: &[&str]) -> std::process::Outp
 fn the_command_writes_a_plot_and_a_profile_that_grasps_use() {
     let folder = tempfile::tempdir().unwrap();
     std::fs::write(folder.path().join("points.csv"), csv(&measured(s_curve, 0.3))).unwrap();
-    let output = calibrate(folder.path(), &["points.csv", "--plot", "fit.svg", "--profile", "mine.toml", "--json"]);
+    let output = calibrate(
+        folder.path(),
+        &["points.csv", "--gripper", "paper", "--plot", "fit.svg", "--profile", "mine.toml", "--json"],
+    );
     assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
     let report: serde_json::Value = serde_json::from_slice(&output.stdout).unwrap();
     assert_eq!(report["commands"].as_array().unwrap().len(), 18);
@@ -120,7 +123,7 @@ fn the_command_refuses_bad_measurements() {
     let folder = tempfile::tempdir().unwrap();
     let write = |text: &str| std::fs::write(folder.path().join("points.csv"), text).unwrap();
     let refused = |needle: &str| {
-        let output = calibrate(folder.path(), &["points.csv", "--profile", "mine.toml"]);
+        let output = calibrate(folder.path(), &["points.csv", "--gripper", "paper", "--profile", "mine.toml"]);
         let message = String::from_utf8_lossy(&output.stderr).into_owned();
         assert_eq!(output.status.code(), Some(2), "{message}");
         assert!(message.contains(needle) && message.contains("points.csv"), "{message}");

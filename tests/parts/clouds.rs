@@ -67,6 +67,24 @@ impl Cloud {
         }
     }
 
+    /// A box about the origin, by half its sides.
+    pub fn cuboid(half: Vector3<f64>, spacing: f64) -> Self {
+        let mut cloud = Self::default();
+        let steps = |axis: usize| (2.0 * half[axis] / spacing).ceil() as usize;
+        for normal in 0..3 {
+            let [a, b] = [(normal + 1) % 3, (normal + 2) % 3];
+            for (k, sign) in (0..=steps(a) * (steps(b) + 1) + steps(b)).flat_map(|k| [(k, 1.0), (k, -1.0)]) {
+                let at = |axis: usize, step: usize| half[axis] * (2.0 * step as f64 / steps(axis) as f64 - 1.0);
+                let mut point = Point3::origin();
+                point[normal] = sign * half[normal];
+                point[a] = at(a, k / (steps(b) + 1));
+                point[b] = at(b, k % (steps(b) + 1));
+                cloud.add(point, Vector3::ith(normal, sign), 0);
+            }
+        }
+        cloud
+    }
+
     /// Flat Gaussians of this deviation along the surface, a fiftieth of it across: they represent a solid whose
     /// surface lies sqrt(5) deviations in front of their centres, an offset that must be negligible here.
     pub fn gaussians(&self, deviation: f64) -> Gaussians {

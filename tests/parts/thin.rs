@@ -35,14 +35,10 @@ fn error(volume: Estimate, truth: f64) -> f64 {
     error
 }
 
-/// The share of each pixel that the true wire and ball cover: the distance to both is known, so a ray walks by it.
-fn photo(camera: &Camera) -> GrayImage {
+/// The share of each pixel that the true object covers: the distance to it is known, so a ray walks by it.
+fn photo(camera: &Camera, distance: impl Fn(Point3<f64>) -> f64) -> GrayImage {
     const SAMPLES: u32 = 3;
     let (of, eye) = (camera.intrinsics, camera.center_in_world());
-    let distance = |p: Point3<f64>| {
-        let wire = (p.coords.xy().norm() - RING).hypot(p.z) - WIRE;
-        wire.min(p.coords.norm() - BALL)
-    };
     let hits = |x: f64, y: f64| {
         let sight = Vector3::new((x - of.cx) / of.fx, (y - of.cy) / of.fy, 1.0).normalize();
         let sight = camera.camera_from_world.rotation.inverse() * sight;
@@ -69,7 +65,11 @@ fn a_wire_is_as_thick_as_the_photos_show_it() {
     let mut cloud = Cloud::torus(RING, 1.4 * WIRE, 0.012);
     cloud.points.extend(Cloud::sphere(Point3::origin(), BALL, 6000, |_| 1).points);
     let eyes = cameras(4.0, 40, |_| true);
-    let photos: Vec<Option<GrayImage>> = eyes.iter().map(|eye| Some(photo(eye))).collect();
+    let distance = |p: Point3<f64>| {
+        let wire = (p.coords.xy().norm() - RING).hypot(p.z) - WIRE;
+        wire.min(p.coords.norm() - BALL)
+    };
+    let photos: Vec<Option<GrayImage>> = eyes.iter().map(|eye| Some(photo(eye, distance))).collect();
     let truth = 2.0 * PI * PI * RING * WIRE * WIRE;
     let volume = |coverage: &[Option<GrayImage>]| {
         let parts = measured(&cloud, 0.0072, &[Form::Solid; 2], &eyes, coverage);
@@ -84,6 +84,28 @@ fn a_wire_is_as_thick_as_the_photos_show_it() {
         "an edge is known better than the splat's surface"
     );
     assert_eq!(ball, same_ball, "what is thick is measured as without photos");
+}
+
+#[test]
+fn a_blade_is_as_thick_as_the_photos_show_its_edge() {
+    // In the splat, each side of the blade is two pixels longer: it is twice as thick.
+    let half = Vector3::new(0.8, 0.05, 0.01);
+    let cloud = Cloud::cuboid(half.add_scalar(0.01), 0.01);
+    let distance = |p: Point3<f64>| {
+        let beyond = p.coords.abs() - half;
+        beyond.sup(&Vector3::zeros()).norm() + beyond.max().min(0.0)
+    };
+    let eyes = cameras(4.0, 60, |_| true);
+    let photos: Vec<Option<GrayImage>> = eyes.iter().map(|eye| Some(photo(eye, distance))).collect();
+    let truth = 8.0 * half.product();
+    let volume = |coverage: &[Option<GrayImage>]| {
+        measured(&cloud, 0.006, &[Form::Solid], &eyes, coverage).parts[0].volume_m3.unwrap()
+    };
+    let (blurred, blade) = (volume(&[]), volume(&photos));
+    assert!(error(blurred, truth) > 0.9, "without photos, the blade is as thick as its splat");
+    assert!(error(blade, truth).abs() < 0.2);
+    assert!(blade.low <= truth && truth <= blade.high, "{blade:?}");
+    assert!(blade.high / blade.low < 0.75 * blurred.high / blurred.low, "{blade:?}, {blurred:?}");
 }
 
 /// The side of a cylinder of radius 0.6 and height 1.2, a sheet far thinner than the splat is soft.

@@ -97,6 +97,6 @@ fn wrong_names_are_refused_with_what_there_is() {
     let (particles, names) = (column(), vec![vec!["foot"], vec!["seat"]]);
     let script = Script::from_toml("[[step]]\non = \"lid\"\ndo = \"hold\"").unwrap();
     let error = standing(&particles, &names).actions(&script.steps).unwrap_err().to_string();
-    assert!(error.contains("`lid`") && error.contains("foot, seat"), "{error}");
+    assert!(error.contains("`lid`") && error.contains("`foot`, `seat`"), "{error}");
     assert_eq!(Options::default().scenario, "drop");
 }

@@ -252,7 +252,7 @@ fn the_user_chooses_what_is_rigid() {
     assert_eq!(names(rigid(&["head", "oak"]).unwrap()), ["handle", "head"]);
     assert!(rigid(&["never"]).unwrap().rigid.is_empty());
     let why = rigid(&["lid"]).unwrap_err().to_string();
-    assert!(why.contains("`lid`") && why.contains("handle, head"), "{why}");
+    assert!(why.contains("`lid`") && why.contains("`handle`, `head`"), "{why}");
     // One end is pulled away from the other.
     let pulled = Options { scenario: "stretch".to_owned(), duration: Some(0.01), frames: 2, ..true_stiffness() };
     assert!(run(&bar.input(), &pulled).1.rigid.is_empty());

@@ -145,9 +145,12 @@ impl Oracle {
         parts.retain(|&part| part != NO_PART);
         let library = MaterialLibrary::builtin();
         let of_family = |family: &'static crate::materials::Family| library.of_family(&family.name).next();
-        // The first material of each family; if there are more parts than families, then all of the library's in order.
-        let materials = library.families().iter().filter_map(of_family).chain(library.materials()).take(parts.len());
-        Self { materials: materials.collect(), parts, wrong }
+        // The first material of each family; if there are more parts than families, then all others in order.
+        let firsts: Vec<&'static Material> = library.families().iter().filter_map(of_family).collect();
+        let others =
+            library.materials().iter().filter(|material| !firsts.iter().any(|first| first.name == material.name));
+        let materials = firsts.iter().copied().chain(others).take(parts.len()).collect();
+        Self { materials, parts, wrong }
     }
 
     /// The answer about the pixels for whose id `shows` is true.

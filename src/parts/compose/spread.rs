@@ -55,7 +55,12 @@ impl Spread {
 
     /// The direction in which they spread most.
     pub fn axis(&self) -> Vector3<f64> {
-        self.principal.eigenvectors.column(self.order[2]).into_owned()
+        self.direction(2)
+    }
+
+    /// The direction in which they spread least (0) to most (2), unit.
+    pub fn direction(&self, rank: usize) -> Vector3<f64> {
+        self.principal.eigenvectors.column(self.order[rank]).into_owned()
     }
 
     /// The variance along the direction in which they spread least (0) to most (2).

@@ -22,6 +22,15 @@ pub struct Silhouettes<'a> {
     pub views: Vec<Silhouette<'a>>,
 }
 
+/// The width of a strip in one photo.
+#[derive(Debug, Clone, Copy)]
+pub struct Width {
+    /// Scene units.
+    pub length: f64,
+    /// The direction in which it was measured: unit, across the strip's axis and the line of sight.
+    pub across: Vector3<f64>,
+}
+
 /// The object's outline in one photo.
 pub struct Silhouette<'a> {
     /// The surface in the same view.
@@ -35,13 +44,13 @@ pub struct Silhouette<'a> {
 impl Silhouettes<'_> {
     /// The widths of the strip around a point, across its axis, in the views that show the strip with background on
     /// both sides within `reach`. All lengths in scene units.
-    pub fn widths(&self, point: Point3<f64>, axis: Vector3<f64>, reach: f64) -> Vec<f64> {
+    pub fn widths(&self, point: Point3<f64>, axis: Vector3<f64>, reach: f64) -> Vec<Width> {
         self.views.iter().filter_map(|view| view.width(point, axis, reach)).collect()
     }
 }
 
 impl Silhouette<'_> {
-    fn width(&self, point: Point3<f64>, axis: Vector3<f64>, reach: f64) -> Option<f64> {
+    fn width(&self, point: Point3<f64>, axis: Vector3<f64>, reach: f64) -> Option<Width> {
         let sight = point - self.camera.center_in_world();
         let across = axis.cross(&sight);
         if across.norm() < ACROSS_MIN * axis.norm() * sight.norm() {
@@ -50,13 +59,13 @@ impl Silhouette<'_> {
         // Something nearer may hide it.
         self.depth.surface_behind(point).filter(|behind| -behind <= reach)?;
         let step = sight.norm() / (STEPS_PER_PIXEL * self.camera.intrinsics.fx.max(self.camera.intrinsics.fy));
-        let across = across.normalize() * step;
+        let across = across.normalize();
         let steps = (reach / step).ceil() as i32;
         let mut covered = self.covered(point).filter(|covered| *covered >= 0.5)?;
         for side in [1, -1] {
             let mut ends = false;
             for n in 1..=steps {
-                let here = self.covered(point + across * f64::from(side * n))?;
+                let here = self.covered(point + across * (f64::from(side * n) * step))?;
                 covered += here;
                 ends = here < COVERED_MIN;
                 if ends {
@@ -67,7 +76,7 @@ impl Silhouette<'_> {
                 return None;
             }
         }
-        Some(covered * step)
+        Some(Width { length: covered * step, across })
     }
 
     /// The share of the light at a point's place in the photo that comes from the object, interpolated between pixels;
