@@ -48,8 +48,8 @@ pub fn read_to_string(path: &Path) -> io::Result<String> {
     Ok(text)
 }
 
-/// True if there is a file at `path`, or something in its place that [`open`] will refuse: if a file that is looked for
-/// turns out to be a named pipe, this must be reported, not ignored.
+/// True if there is something at `path` other than a folder, even if [`open`] will refuse it: if a file that is looked
+/// for turns out to be a named pipe, this must be reported, not ignored.
 pub fn is_there(path: &Path) -> bool {
     fs::metadata(path).is_ok_and(|found| !found.is_dir())
 }

@@ -35,6 +35,8 @@ pub enum NpyError {
          save it again"
     )]
     CutOff { shape: Vec<u64>, kind: String, expected: String, found: usize },
+    #[error("it is in Fortran order; save it with numpy.ascontiguousarray")]
+    Fortran,
     #[error("its elements are of type {0}")]
     Type(String),
     #[error("its text is not valid Unicode")]

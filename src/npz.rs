@@ -42,7 +42,7 @@ impl Npz {
         self.0.index_for_name(&format!("{name}.npy")).is_some()
     }
 
-    /// An array of f32, row-major as NumPy stores it.
+    /// The numbers of an array of f32, as they are stored; whether that is by rows or by columns is not checked.
     pub fn f32s(&mut self, name: &str) -> Result<Vec<f32>, NpzError> {
         self.numbers(name, "float32")
     }
@@ -69,7 +69,10 @@ impl Npz {
     fn numbers<T: Number>(&mut self, name: &str, kind: &'static str) -> Result<Vec<T>, NpzError> {
         let bytes = self.unpack(name)?;
         let array = NpyArray::open(&bytes);
-        let numbers = array.and_then(|array| array.numbers().ok_or_else(|| NpyError::Type(array.kind())));
+        let numbers = array.and_then(|array| match array.fortran_order && array.shape.len() > 1 {
+            true => Err(NpyError::Fortran),
+            false => array.numbers().ok_or_else(|| NpyError::Type(array.kind())),
+        });
         numbers.map_err(|source| NpzError::Array { name: name.to_owned(), kind, source })
     }
 

@@ -79,7 +79,7 @@ pub fn file_or_folder() -> impl TypedValueParser<Value = PathBuf> {
     existing("file or folder", |_| true)
 }
 
-/// A folder that exists or can be created.
+/// A folder, or a path at which nothing exists yet.
 pub fn new_folder() -> impl TypedValueParser<Value = PathBuf> {
     PathBufValueParser::new().try_map(|path| match path.exists() && !path.is_dir() {
         true => Err("this is a file; give a folder".to_owned()),

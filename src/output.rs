@@ -2,8 +2,8 @@
 //! characters that move the cursor, colour the text after them, change the window's title or reverse the reading
 //! direction; they are shown as escapes.
 //!
-//! Everything that gprop prints goes through this module: stdout and pages through [`harmless`], stderr through
-//! [`tell`] and [`Log`].
+//! Everything that gprop prints, except help and bars, goes through this module: stdout and pages through [`harmless`],
+//! stderr through [`tell`] and [`Log`].
 
 use std::borrow::Cow;
 use std::io::{self, Write};

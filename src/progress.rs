@@ -44,8 +44,8 @@ impl Progress {
         }
     }
 
-    /// A bar of `length` steps with the title `what`; its message, if it gets one, is the name of the steps. It draws
-    /// nothing if progress is hidden or there are no steps.
+    /// A bar of `length` steps with the title `what`; its message, if it gets one, is the name of the steps. It is
+    /// drawn only if progress is [`Shown`](Self::Shown) and there are steps.
     pub fn bar(self, what: &'static str, length: u64) -> ProgressBar {
         self.bar_with(what, length, "{pos} of {len} {msg}")
     }

@@ -19,7 +19,7 @@ use super::select::Selected;
 /// The hidden flag that makes gprop end with its batch.
 const FLAG: &str = "--end-with-stdin";
 
-/// Most bytes of a process's stderr that an outcome keeps.
+/// Most bytes, from the start of a process's stderr, that are searched for its error.
 const MAX_STDERR_BYTES: u64 = 1 << 20;
 
 /// The task of every scene's process.

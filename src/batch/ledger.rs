@@ -90,7 +90,7 @@ pub fn all(folder: &Path) -> Result<Vec<(Shard, Outcome)>, BatchError> {
     Ok(found)
 }
 
-/// The number of shards into which the files in `folder` divide the data set.
+/// The number of shards into which the outcomes `known` from `folder` divide the data set.
 pub fn one_division(folder: &Path, known: &[(Shard, Outcome)]) -> Result<usize, BatchError> {
     let mut divisions: Vec<usize> = known.iter().map(|(shard, _)| shard.of).collect();
     divisions.sort_unstable();

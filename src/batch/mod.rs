@@ -103,7 +103,7 @@ impl Batch {
     /// Lists the scenes of `folder` that `options` choose.
     ///
     /// # Errors
-    /// If there is no such data set, no scene is selected, or the shard is invalid.
+    /// If there is no such data set, no scene is selected, or the split, the filter or the shard is invalid.
     pub fn new(folder: &Path, out: Option<&Path>, options: Options, task: Task) -> anyhow::Result<Self> {
         let shard = options.shard()?;
         let listed = dataset::list(folder, options.layout)?;
@@ -209,7 +209,7 @@ impl Batch {
     /// The summary of all shards' files.
     ///
     /// # Errors
-    /// If the files belong to different divisions into shards, or cannot be read.
+    /// If there are no files, or they belong to different divisions into shards, or cannot be read or written.
     pub fn merge(&self) -> anyhow::Result<Summary> {
         let known = ledger::all(&self.home())?;
         let of = ledger::one_division(&self.home(), &known)?;

@@ -173,7 +173,7 @@ impl<'a> Questions<'a> {
         for scene in scenes {
             let asked = self.with_session(scene, |session, queries| {
                 let open = !session.requests(&self.client, queries, under_way, &scene.name).is_empty();
-                Ok(open.then(|| session.ask_first(&self.client, queries, &self.budget)))
+                Ok(open.then(|| session.ask_first(&self.client, queries, under_way, &self.budget)))
             });
             // A scene that cannot be opened is reported when its questions are gathered.
             if let Ok(Some(answer)) = asked {
@@ -192,7 +192,7 @@ impl<'a> Questions<'a> {
             let at_once = usize::from(keys.is_empty());
             let of_scene = self.with_session(scene, |session, queries| {
                 let requests = session.requests(&self.client, queries, under_way, &scene.name);
-                let costs = session.submission_cost(&self.client, queries, requests.len(), at_once);
+                let costs = session.submission_cost(&self.client, queries, under_way, at_once);
                 keys.extend(requests.into_iter().map(|request| request.waiting.key));
                 Ok(costs)
             });

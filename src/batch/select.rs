@@ -6,6 +6,7 @@ use std::path::{Path, PathBuf};
 
 use glob::Pattern;
 
+use crate::files;
 use crate::output::{agreeing, counted};
 use crate::scene::SplatFormat;
 use crate::scene::dataset::Entry;
@@ -25,7 +26,7 @@ pub struct Selected {
     pub folder: PathBuf,
     /// Its work folder.
     pub work: PathBuf,
-    /// Total size of all its files.
+    /// Total size of its files, apart from hidden ones and those that a run writes.
     pub bytes: u64,
     /// Size of its largest splat, converted to plain PLY floats.
     pub splat_bytes: u64,
@@ -33,8 +34,8 @@ pub struct Selected {
     pub shard: usize,
 }
 
-/// The scenes that `options` choose, distributed to `shards`; removes from `skipped` the names that `options` do not
-/// choose.
+/// The scenes that `options` choose, distributed to `shards`; removes from `skipped` the names that `--split` or
+/// `--filter` leaves out.
 pub fn select(
     mut scenes: Vec<Entry>,
     skipped: &mut Vec<String>,
@@ -76,7 +77,7 @@ fn of_split(scenes: Vec<Entry>, split: &str, warnings: &mut Vec<String>) -> Resu
     let refuse = |problem: String| BatchError::Split { given: split.to_owned(), problem };
     let path = Path::new(split);
     if path.is_file() {
-        let text = fs::read_to_string(path).map_err(|error| refuse(format!("cannot be read: {error}")))?;
+        let text = files::read_to_string(path).map_err(|error| refuse(format!("cannot be read: {error}")))?;
         let names: BTreeSet<&str> =
             text.lines().map(str::trim).filter(|line| !line.is_empty() && !line.starts_with('#')).collect();
         let known: BTreeSet<&str> = scenes.iter().map(|scene| scene.name.as_str()).collect();

@@ -78,7 +78,7 @@ impl Summary {
         self.outcomes.iter().filter_map(|outcome| Some((outcome.scene.as_str(), mass(outcome)?))).collect()
     }
 
-    /// One line per scene, and one for all.
+    /// A header, one line per scene that has an outcome, and one for all.
     pub fn table(&self) -> String {
         let widest =
             self.outcomes.iter().map(|outcome| one_line(&outcome.scene).chars().count()).max().unwrap_or(0).max(5);
@@ -114,7 +114,7 @@ impl Summary {
         )
     }
 
-    /// Checks that every scene is done.
+    /// Checks that every scene is done or skipped.
     ///
     /// # Errors
     /// [`BatchError::Incomplete`] with the scenes that are not.

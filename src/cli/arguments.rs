@@ -56,7 +56,7 @@ pub struct StageFlags {
     pub typed: Vec<OsString>,
     /// Those of the last run that are used because they were not typed again.
     pub of_last_run: Vec<OsString>,
-    /// All: those of the configuration files, of the last run, and typed.
+    /// All: those of the preset, of the configuration files, of the last run, and typed.
     pub effective: Vec<OsString>,
     /// Those of the last run and typed, as they are written to `run.json`.
     pub recorded: FieldFlags,

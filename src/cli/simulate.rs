@@ -24,6 +24,11 @@ pub fn run(global: &Global, args: &SimulateArgs) -> anyhow::Result<()> {
             pipeline.run()?;
             pipeline.run_compat(config.as_deref())?
         }
+        (Some(Compat::PhysGaussian), Some(_)) if args.work.dry_run => {
+            let problem =
+                "--dry-run: without --field, --compat physgaussian has no stages to list; leave --dry-run out";
+            return Err(UsageError(problem.to_owned()).into());
+        }
         (Some(Compat::PhysGaussian), Some(config)) => {
             let beside = if folder.is_file() { folder.with_extension("") } else { folder.clone() };
             let out = args.work.out.clone().unwrap_or_else(|| beside.join(DEFAULT_NAME));

@@ -1,7 +1,8 @@
 //! Compares hardness at points with a durometer's readings: the protocol of GaussianProperty's supplement (C.1).
 //!
 //! A point is a pixel of a view with a reading on Shore A or D. Both scales are put on one axis, A from 0 to 100 and D
-//! from 100 to 200. Only the scores use this axis, because the scales are not comparable as numbers.
+//! from 100 to 200. Only the scores, and the colours of `gprop show --what hardness`, use this axis, because the scales
+//! are not comparable as numbers.
 
 use std::path::{Path, PathBuf};
 
@@ -26,7 +27,7 @@ pub struct Reading {
     pub x: f64,
     pub y: f64,
     pub shore: ShoreScale,
-    /// 0 to 100 on its scale.
+    /// Above 0, up to 100, on its scale.
     pub hardness: f64,
 }
 

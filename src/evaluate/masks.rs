@@ -87,7 +87,7 @@ impl Reference {
         Ok(serde_json::from_str(json)?)
     }
 
-    /// The settings with which it was made. Missing settings have the public generator's defaults.
+    /// The settings with which it was made. Those that no reference holds have the public generator's defaults.
     pub fn generator_options(&self) -> GeneratorOptions {
         GeneratorOptions {
             points_per_side: self.points_per_side,

@@ -46,7 +46,7 @@ impl Vocabulary {
         itself.or_else(of_material).or_else(of_family).map(|label| label.name.as_str())
     }
 
-    /// The label of every named value of hand-labelled maps.
+    /// The label of every named value of hand-labelled maps, except values named `background`.
     pub fn of_values<'a>(
         self,
         maps: &LabelMaps,

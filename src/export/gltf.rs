@@ -63,7 +63,7 @@ impl Gltf {
     }
 
     fn add(&mut self, bytes: &[u8], target: u32, mut accessor: Value) -> usize {
-        // Every element begins at a multiple of its size.
+        // Every array begins at a multiple of 4 bytes, the size of its largest numbers.
         self.bytes.resize(self.bytes.len().next_multiple_of(4), 0);
         self.views
             .push(json!({ "buffer": 0, "byteOffset": self.bytes.len(), "byteLength": bytes.len(), "target": target }));

@@ -119,7 +119,7 @@ pub enum ExportError {
 /// Values that several formats need are computed once. Each file is written completely or not at all.
 ///
 /// # Errors
-/// If the scale is unknown and a format needs kilograms, before anything is written, or if a file cannot be written.
+/// If a format needs the scale, a mass or a closed surface and there is none, or if a file cannot be written.
 pub fn export(model: &Model, formats: &[Format], folder: &Path) -> Result<Vec<PathBuf>, ExportError> {
     let own = without_set_aside(model);
     let model = &match &own {
@@ -127,7 +127,7 @@ pub fn export(model: &Model, formats: &[Format], folder: &Path) -> Result<Vec<Pa
         None => *model,
     };
     let shared = Shared { model, shape: OnceCell::new(), skin: OnceCell::new() };
-    // Anything that cannot be exported is refused before a file is written.
+    // What cannot be exported is refused before a file is written, except parts without a surface (`glb`).
     for format in formats {
         match format {
             Format::Mjcf | Format::Urdf | Format::Usda | Format::Usdz => drop(shared.rigid()?),

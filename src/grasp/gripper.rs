@@ -6,6 +6,7 @@ use serde::{Deserialize, Serialize};
 
 use super::GraspError;
 use super::calibration::{CalibrationPoint, Fit};
+use crate::files;
 use crate::output::toml_problem;
 
 /// The built-in profiles, by name.
@@ -74,7 +75,7 @@ impl GripperProfile {
             return Self::from_toml(text, name);
         }
         let path = Path::new(name_or_path);
-        match std::fs::read_to_string(path) {
+        match files::read_to_string(path) {
             Ok(text) => Self::from_toml(&text, name_or_path),
             Err(error) if error.kind() == std::io::ErrorKind::NotFound => {
                 Err(GraspError::NoSuchGripper { name: name_or_path.to_owned(), builtin: Self::builtin_names() })

@@ -38,7 +38,7 @@ pub struct Evidence {
     pub entry: String,
     /// The name of the material in the source.
     pub title: String,
-    /// The values in `values` for density, E, nu and strength, in the order of [`Evidence::PROPERTIES`].
+    /// The ranges of density, E, nu and strength, in the order of [`Evidence::PROPERTIES`].
     pub values: [Option<Range>; 4],
 }
 
@@ -127,7 +127,7 @@ pub enum Relation {
 /// A row of `deviations.csv`: a finding that needs no correction, with the reason.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Deviation {
-    /// The material's name, or `family:NAME` for a finding about a whole family.
+    /// As in [`Finding::subject`](super::check::Finding::subject).
     pub subject: String,
     /// The check that would fail, by its [name](super::check::Finding::check).
     pub check: String,

@@ -10,6 +10,7 @@ use super::fillings::Filling;
 use super::names::{TokenIndex, fold, inverted};
 use super::read::{LibraryError, Placed, Table, Tables, read_tables};
 use super::{Family, Material};
+use crate::files;
 
 macro_rules! builtin_tables {
     ($($file:literal),* $(,)?) => {
@@ -98,14 +99,14 @@ impl MaterialLibrary {
     /// The built-in library plus a user's: a CSV of materials, or a folder of such CSVs, which may also hold its own
     /// `families.csv`, `fillings.csv` and other tables of the built-in folder.
     ///
-    /// A row whose name is in the library replaces that row; a new name adds a row. Files are read in the order of
-    /// their names.
+    /// A material, family or filling whose name is in the library replaces that row; every other row is added. Files
+    /// are read in the order of their names.
     pub fn load(path: &Path) -> Result<Self, LibraryError> {
         let files = csv_files(path)?;
         let mut texts = Vec::with_capacity(files.len());
         for file in &files {
-            let text =
-                fs::read_to_string(file).map_err(|source| LibraryError::Unreadable { path: file.clone(), source })?;
+            let text = files::read_to_string(file)
+                .map_err(|source| LibraryError::Unreadable { path: file.clone(), source })?;
             texts.push((file.to_string_lossy().into_owned(), text));
         }
         let tables: Vec<Table> = texts.iter().map(|(name, text)| Table { name, text }).collect();
@@ -196,7 +197,7 @@ impl MaterialLibrary {
         TokenIndex::new(names.into_iter())
     }
 
-    /// Adds `tables` to the library, replacing rows of the same name.
+    /// Adds `tables` to the library, replacing materials, families and fillings of the same name.
     fn add(&mut self, tables: Tables) -> Result<(), LibraryError> {
         reject_duplicates(&tables.materials)?;
         for family in tables.families {

@@ -20,7 +20,7 @@ pub struct Shares {
     /// A family, `well measured` for [`WELL_MEASURED`] together, or `all`.
     pub of: String,
     pub materials: usize,
-    /// Each property with the share from 0 to 1 of its values that are cited; the rest is engineering judgement.
+    /// Each property with the share from 0 to 1 of its values that are cited; the rest is judgement or a user's.
     pub cited: Vec<(&'static str, f64)>,
     /// Each property with the share that is cited by a rule for a class of materials, a part of `cited`.
     pub by_rule: Vec<(&'static str, f64)>,
@@ -43,7 +43,7 @@ pub fn stats(library: &MaterialLibrary) -> Vec<Shares> {
     shares
 }
 
-/// True if a property's citations name a reference or a rule rather than engineering judgement.
+/// True if a property's citations all name references or rules: none is judgement or the user's own.
 pub fn is_cited(citations: &[String]) -> bool {
     !citations.is_empty() && citations.iter().all(|citation| !UNCITED.contains(&citation.as_str()))
 }

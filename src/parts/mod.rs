@@ -122,12 +122,11 @@ pub fn parts(
     let chords = thickness::chords(&cells);
     let thickness = thickness::thickness(&chords, labels.len());
     let silhouettes = inside.silhouettes(cameras, coverage, options);
-    let soft = SHEET_SLACK * inside.uncertainty;
-    let sharpness = wire::Sharpness { surface: inside.uncertainty, soft, pixel: inside.pixel };
+    let soft = wire::Softness { surface: inside.uncertainty, most: SHEET_SLACK * inside.uncertainty };
     // At any scale.
     let is_solid = |label| construction(label, Some(1.0), options) == Construction::Solid;
     let is_solid: Vec<bool> = labels.iter().map(is_solid).collect();
-    let wires = wire::wires(&cells, &is_solid, &chords, &silhouettes, sharpness);
+    let wires = wire::wires(&cells, &is_solid, &chords, &silhouettes, soft);
     let of_mass = |kg| {
         let build = |label: &FieldLabel, meters| construction(label, Some(meters), options);
         scale::meters_per_unit(kg, &cells, &chords, &wires, inside.uncertainty, labels, build)

@@ -117,8 +117,8 @@ fn widened(area: Area, narrowest: f64, width: u32) -> Area {
     Area { x0, x1: x0 + wanted, ..area }
 }
 
-/// For each label, a pixel well inside the largest place that shows it: as far from its edge as possible. `None` for a
-/// label without a pixel. `labels` are those of the pixels of a picture of `width` pixels, row by row.
+/// For each label, a pixel as far inside a place that shows it as possible. `None` for a label without a pixel, apart
+/// from those on the picture's edge. `labels` are those of the pixels of a picture of `width` pixels, row by row.
 pub fn middles(labels: &[Option<u32>], width: usize, count: usize) -> Vec<Option<(u32, u32)>> {
     let height = labels.len() / width.max(1);
     let mut depth = vec![0u32; labels.len()];

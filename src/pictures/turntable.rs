@@ -1,4 +1,4 @@
-//! The object on a turntable: photo colours, parts, materials and stiffness side by side.
+//! The object on a turntable: photo colours, parts, materials and stiffness in one picture.
 
 use image::{DynamicImage, GenericImage, Rgb, RgbImage};
 
@@ -128,7 +128,7 @@ fn panels_of(shown: Shown, subject: Subject) -> Vec<Panel> {
 
 impl Layout {
     fn new(size: Size, columns: u32, rows: u32, panels: &[Panel]) -> Self {
-        // A cell of 320 pixels has type of 15.
+        // A cell of 320 pixels has type of 13.
         let text_px = (size.width / columns.max(2) / 24).min(size.height / 36).max(9);
         let lines = panels.iter().map(|panel| panel.legend.len() as u32).max().unwrap_or(0);
         let entries = panels.iter().flat_map(|panel| &panel.legend);

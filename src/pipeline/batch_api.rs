@@ -1,7 +1,7 @@
 //! The queries of a session through the Batch API: submitted first, collected later. Jobs in progress are noted in
 //! `batch_api.json`.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::fmt;
 
 use anyhow::Result;
@@ -14,8 +14,9 @@ use crate::query::batch_api::{self, Answered, Progress, Request, Submitted, Wait
 use crate::query::budget::Budget;
 use crate::query::client::{Client, ClientError, RequestCounts};
 use crate::query::cost::Cost;
+use crate::query::question::Question;
 use crate::query::recorded::{Answerer, Recording, key};
-use crate::query::{Failure, Outcome, Queries, QueryError};
+use crate::query::{Failure, Outcome, Queries, QueryError, SegmentQuery};
 use crate::workdir::Artifact;
 
 use super::query_session::QuerySession;
@@ -56,6 +57,15 @@ pub struct Collected {
     pub running_total: usize,
 }
 
+/// Whether a question is not in `submitted`, and is met for the first time.
+fn not_in(submitted: &Submitted, answerer: &Answerer) -> impl FnMut(&SegmentQuery, &Question) -> bool {
+    let mut met = BTreeSet::new();
+    move |segment, question| {
+        let key = key(answerer, &segment.asked(question));
+        !submitted.awaits(&key) && met.insert(key)
+    }
+}
+
 impl QuerySession<'_> {
     /// Sends the questions that are neither recorded nor in progress. The first question is asked at once: a wrong key
     /// or model then shows immediately and not a day later, and the other requests take the form that the server
@@ -70,14 +80,14 @@ impl QuerySession<'_> {
         if first.is_empty() {
             return Ok(Sent { sent: 0, waiting });
         }
-        let (now, later) = self.submission_cost(client, &queries, first.len(), 1);
+        let (now, later) = self.submission_cost(client, &queries, &submitted, 1);
         let budget = Budget::new(self.price().cloned(), self.options.max_usd);
         check_submission(&now.plus(later), &budget, client.answerer())?;
         client.announce_submission(first.len(), &now.plus(later));
-        self.ask_first(client, &queries, &budget)?;
+        self.ask_first(client, &queries, &submitted, &budget)?;
         let requests = self.requests(client, &queries, &submitted, "");
         let sent = requests.len();
-        let (_, later) = self.submission_cost(client, &queries, sent, 0);
+        let (_, later) = self.submission_cost(client, &queries, &submitted, 0);
         check_submission(&later, &budget, client.answerer())?;
         batch_api::submit(client, requests, |job| -> Result<()> {
             submitted.jobs.push(job);
@@ -86,18 +96,25 @@ impl QuerySession<'_> {
         Ok(Sent { sent, waiting })
     }
 
-    /// The cost of asking the first `count` open questions: the first `at_once` of them live, and the others through the
-    /// Batch API.
-    pub fn submission_cost(&self, client: &Client, queries: &Queries, count: usize, at_once: usize) -> (Cost, Cost) {
-        queries.submission_cost(&self.recordings, client.answerer(), self.price(), count, at_once)
+    /// The cost of asking the open questions that are not already in `submitted`: the first `at_once` of them live, and
+    /// the others through the Batch API.
+    pub fn submission_cost(
+        &self,
+        client: &Client,
+        queries: &Queries,
+        submitted: &Submitted,
+        at_once: usize,
+    ) -> (Cost, Cost) {
+        let due = not_in(submitted, client.answerer());
+        queries.submission_cost(&self.recordings, client.answerer(), self.price(), at_once, due)
     }
 
-    /// Asks the first open question at once.
+    /// Asks the first open question that is not already in `submitted` at once.
     ///
     /// # Errors
     /// If the server cannot answer it.
-    pub fn ask_first(&self, client: &Client, queries: &Queries, budget: &Budget) -> Result<()> {
-        match queries.ask_first(&self.recordings, client, budget)? {
+    pub fn ask_first(&self, client: &Client, queries: &Queries, submitted: &Submitted, budget: &Budget) -> Result<()> {
+        match queries.ask_first(&self.recordings, client, budget, not_in(submitted, client.answerer()))? {
             Some(Outcome::Failed(Failure::Endpoint { message })) => {
                 Err(QueryError::BatchApi(AskError::Failed(message)).into())
             }
@@ -108,15 +125,14 @@ impl QuerySession<'_> {
     /// The open questions that are not already in `submitted`, with the owner `owner`.
     pub fn requests(&self, client: &Client, queries: &Queries, submitted: &Submitted, owner: &str) -> Vec<Request> {
         let open = queries.unanswered(&self.recordings, Some(client.answerer()));
+        let mut due = not_in(submitted, client.answerer());
         let mut requests: BTreeMap<_, Request> = BTreeMap::new();
-        for (segment, question) in open {
+        for (segment, question) in open.into_iter().filter(|(segment, question)| due(segment, question)) {
             let asked = segment.asked(question);
             let key = key(client.answerer(), &asked);
-            if !submitted.awaits(&key) {
-                let body = client.body(Ask { question, picture: &segment.jpeg, correction: None });
-                let waiting = Waiting { key: key.clone(), owner: owner.to_owned(), asked };
-                requests.entry(key).or_insert(Request { waiting, body });
-            }
+            let body = client.body(Ask { question, picture: &segment.jpeg, correction: None });
+            let waiting = Waiting { key: key.clone(), owner: owner.to_owned(), asked };
+            requests.insert(key, Request { waiting, body });
         }
         requests.into_values().collect()
     }

@@ -1,12 +1,12 @@
 //! Runs the public PhysGaussian solver on a scene: a configuration as it is, without gprop's parts, answers or materials;
 //! or with the materials of the scene's field.
 
-use std::fs;
 use std::path::{Path, PathBuf};
 
 use anyhow::{Context, Result};
 
 use crate::error::UsageError;
+use crate::files;
 use crate::progress::Progress;
 use crate::scene::gaussians::Gaussians;
 use crate::scene::ply;
@@ -56,7 +56,7 @@ impl Pipeline {
 }
 
 fn configuration(path: &Path) -> Result<Config> {
-    let text = fs::read_to_string(path).map_err(|error| UsageError(format!("{path:?}: {error}")))?;
+    let text = files::read_to_string(path).map_err(|error| UsageError(format!("{path:?}: {error}")))?;
     Config::from_json(&text).with_context(|| format!("{path:?}"))
 }
 

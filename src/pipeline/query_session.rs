@@ -3,13 +3,13 @@
 
 use std::borrow::Cow;
 use std::collections::BTreeMap;
-use std::fs;
 use std::path::{Path, PathBuf};
 
 use anyhow::{Context, Result};
 use serde::Serialize;
 
 use crate::error::UsageError;
+use crate::files;
 use crate::materials::MaterialLibrary;
 use crate::progress::{self, Progress};
 use crate::query::asker::Asker;
@@ -293,7 +293,7 @@ pub fn price(options: &Options) -> Result<Option<Price>> {
     let table = match &options.prices {
         None => PriceTable::builtin(),
         Some(path) => {
-            let text = fs::read_to_string(path)
+            let text = files::read_to_string(path)
                 .map_err(|error| UsageError(format!("cannot read --prices {path:?}: {error}")))?;
             PriceTable::from_csv(&text).with_context(|| format!("{path:?}"))?
         }

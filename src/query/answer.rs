@@ -1,7 +1,8 @@
 //! Turns a model's JSON into an [`Answer`]: converts units to SI, finds the material's row in the library and keeps
 //! numbers within what is possible.
 //!
-//! The library takes precedence; the model narrows its ranges. For every property:
+//! The library takes precedence; the model narrows its ranges. For every property (but the density of a mixed part is
+//! only clamped, and hardness has no bounds but 0 and 100):
 //!
 //! 1. The model's range is clamped to what the bounds of the material's family and the library's row span; a clamped
 //!    range is flagged.

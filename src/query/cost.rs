@@ -71,7 +71,7 @@ pub struct Cost {
     pub output_tokens: u64,
     /// If the answers are as long as allowed.
     pub most_output_tokens: u64,
-    /// `None` if the price table does not have the model.
+    /// `None` if the price table does not have the model, or if there are no requests.
     pub usd: Option<f64>,
     pub most_usd: Option<f64>,
 }

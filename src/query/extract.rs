@@ -56,7 +56,7 @@ fn nests_too_deeply(text: &str) -> bool {
     false
 }
 
-/// A cut-off object, closed after its last complete value.
+/// A cut-off object, with its open string and brackets closed where the text ends; `None` if that is not JSON.
 fn closed(text: &str) -> Option<Value> {
     let mut brackets = Brackets::default();
     text.chars().for_each(|character| brackets.read(character));

@@ -1,4 +1,4 @@
-//! `answers.jsonl`: one line per segment, written and read back.
+//! `answers.jsonl`: one line per question, written and read back.
 
 use super::{Answers, Outcome, SegmentAnswer};
 

@@ -1,10 +1,10 @@
 //! Narrows the choice of materials to those that an evaluation tells apart.
 
-use std::fs;
 use std::path::{Path, PathBuf};
 
 use serde::{Deserialize, Serialize};
 
+use crate::files;
 use crate::materials::{Material, MaterialLibrary, fold};
 use crate::option_values::missing;
 
@@ -59,7 +59,7 @@ impl LabelSet {
             Self::Abo => Ok(library.restricted_to(|material| material.labels.abo.exact)),
             Self::Mvimgnet => Ok(library.restricted_to(|material| material.labels.mvimgnet.exact)),
             Self::File(path) => {
-                let text = fs::read_to_string(path)
+                let text = files::read_to_string(path)
                     .map_err(|source| LabelsError::Unreadable { path: path.clone(), source })?;
                 let meanings = (1..)
                     .zip(text.lines().map(str::trim))
@@ -86,7 +86,7 @@ impl LabelSet {
 enum Meaning<'a> {
     Family(&'a str),
     Material(&'a str),
-    /// Case-folded.
+    /// As [`fold`] returns it.
     Label(String),
 }
 

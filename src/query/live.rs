@@ -159,8 +159,8 @@ impl<'a> Live<'a> {
         Ok(recording.and_then(|recording| read(&recording.response, Unknown::TakeNearest).ok()))
     }
 
-    /// Saves an answer that was paid for. If it cannot be written to its folder, it is saved elsewhere and nothing more
-    /// is asked.
+    /// Saves an answer that was paid for. If it cannot be written to its folder, it is saved in the spare one or
+    /// printed, and nothing more is asked.
     fn record(&self, recording: &Recording) -> Result<(), Halt> {
         let Err(error) = self.recordings.insert(recording) else { return Ok(()) };
         self.budget.close();

@@ -169,7 +169,7 @@ pub enum Match {
 pub enum Failure {
     /// The model refused to answer.
     Refused { message: String },
-    /// The response is not a valid answer, even after one correction.
+    /// The response is empty, or is not a valid answer even after one correction.
     Invalid { message: String },
     /// The answer names a material that the library does not have.
     UnknownMaterial { material: String },

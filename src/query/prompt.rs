@@ -11,6 +11,7 @@ use serde_json::Value;
 
 use super::sha256::Sha256Hex;
 use super::sheet::Context;
+use crate::files;
 
 /// All texts that are sent to the model.
 #[derive(Debug, Clone, PartialEq)]
@@ -69,7 +70,7 @@ impl Prompts {
             let path = folder.join(name);
             path.exists().then(|| {
                 found.set(true);
-                std::fs::read_to_string(&path).map_err(|source| PromptError::Unreadable { path: path.clone(), source })
+                files::read_to_string(&path).map_err(|source| PromptError::Unreadable { path: path.clone(), source })
             })
         })?;
         if found.get() { Ok(prompts) } else { Err(PromptError::NoFile(folder.into())) }

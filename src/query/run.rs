@@ -121,7 +121,7 @@ impl Queries<'_> {
     /// The answer about the size of the object: recorded, or asked now and recorded. `None` if it is not asked for.
     ///
     /// # Errors
-    /// As for [`Self::run`].
+    /// As for [`Self::run`], but [`QueryError::MissingSize`] if it is not recorded and there is no asker.
     pub fn size(
         &self,
         recordings: &Recordings,
@@ -149,15 +149,18 @@ impl Queries<'_> {
         Ok(Some(SizeAnswer { view, outcome }))
     }
 
-    /// Asks about the first segment that is not recorded; `None` if all are. Nothing is announced.
+    /// Asks about the first segment that is not recorded and whose question is `due`; `None` if there is none. Nothing is
+    /// announced.
     pub fn ask_first(
         &self,
         recordings: &Recordings,
         asker: &dyn Asker,
         budget: &Budget,
+        mut due: impl FnMut(&SegmentQuery, &Question) -> bool,
     ) -> Result<Option<Outcome>, QueryError> {
         let sorted = self.sort(recordings, Some(asker.answerer()));
-        let first = &sorted.open[..sorted.open.len().min(1)];
+        let is_due = |open: &Open| due(&self.segments[open.index], open.question);
+        let first = sorted.open.iter().position(is_due).map_or(&[][..], |at| &sorted.open[at..=at]);
         let mut asked = None;
         let mut keep = |_, outcome| {
             asked = Some(outcome);
@@ -263,18 +266,19 @@ impl Queries<'_> {
         self.cost(open.iter().map(|open| &self.segments[open.index]), price)
     }
 
-    /// The cost of asking about the first `count` open segments: about the first `at_once` of them live, and about the
-    /// others through the Batch API.
+    /// The cost of asking about the open segments whose questions are `due`: about the first `at_once` of them live, and
+    /// about the others through the Batch API.
     pub fn submission_cost(
         &self,
         recordings: &Recordings,
         answerer: &Answerer,
         price: Option<&Price>,
-        count: usize,
         at_once: usize,
+        mut due: impl FnMut(&SegmentQuery, &Question) -> bool,
     ) -> (Cost, Cost) {
         let open = self.unanswered(recordings, Some(answerer));
-        let segments: Vec<&SegmentQuery> = open.into_iter().map(|(segment, _)| segment).take(count).collect();
+        let is_due = |(segment, question): &(&SegmentQuery, &Question)| due(segment, question);
+        let segments: Vec<&SegmentQuery> = open.into_iter().filter(is_due).map(|(segment, _)| segment).collect();
         let (now, later) = segments.split_at(at_once.min(segments.len()));
         let cost = |segments: &[&SegmentQuery]| self.cost(segments.iter().copied(), price);
         (cost(now), cost(later).by_batch_api())

@@ -1,4 +1,4 @@
-//! ONNX Runtime and SAM, which gprop needs besides itself: found or fetched, and always checked.
+//! ONNX Runtime and SAM, which gprop needs besides itself: found or fetched, and checked.
 //!
 //! [`obtain`] looks in the order of [`LOOKUP_ORDER`]; files that the user did not name and that it does not find are
 //! fetched by the registries' own clients, checked against the SHA-256 in [`catalog`], and renamed into place.
@@ -133,7 +133,7 @@ fn check_platform() -> Result<(), SetupError> {
     Err(SetupError::Platform { platform: error::platform() })
 }
 
-/// Fetches the first available one of several packages with the same content.
+/// Fetches the first available one of several packages, each of which is enough.
 fn fetch_first(
     ways: &[Package],
     remedy: &'static str,

@@ -20,6 +20,7 @@ use super::rigid::choice::{self, Choice, Load};
 use super::scenario::Drop;
 use super::script::{self, Script, Standing, Step, What};
 use super::time_step::StepBound;
+use crate::files;
 use crate::output::{agreeing, counted};
 use crate::scene::{Bounds, robust_bounds};
 use crate::units::GRAVITY_M_S2;
@@ -257,7 +258,7 @@ pub fn script_of(options: &Options) -> Result<Option<Script>, SimulateError> {
         "drop" if options.set.is_empty() => Ok(None),
         name if script::is_name(name) => script::named(name, &options.set).map(Some),
         path => {
-            let read = std::fs::read_to_string(path);
+            let read = files::read_to_string(Path::new(path));
             let text = read.map_err(|error| SimulateError::Scenario(format!("`{path}`: {error}")))?;
             Script::from_toml(&text).map(Some)
         }

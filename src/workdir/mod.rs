@@ -59,7 +59,7 @@ pub enum Artifact<'a> {
     FoundParts,
     /// 16-bit label map of the parts in a view.
     PartMap(&'a str),
-    /// The part of every Gaussian.
+    /// The part of every Gaussian, and the confidence in it.
     PartOfGaussian,
     /// The picture sent for a segment or part of a view; 0 is the whole object.
     Sheet(&'a str, u16),

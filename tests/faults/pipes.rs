@@ -20,8 +20,9 @@ fn pipe(path: &Path) {
 fn run(balls: &Balls, out: &Path, more: &[&str]) -> Output {
     let mut command = Command::new("timeout");
     command.args(["--kill-after=1", HUNG, env!("CARGO_BIN_EXE_gprop"), "run"]).arg(balls.scene(0));
-    command.env_remove("OPENAI_API_KEY").args(["--to", "parts", "-q", "--out"]).arg(out);
-    command.args(balls.answers()).args(more).output().unwrap()
+    command.env_remove("OPENAI_API_KEY").args(["-q", "--out"]).arg(out);
+    let to_parts: &[&str] = if more.contains(&"--to") { &[] } else { &["--to", "parts"] };
+    command.args(to_parts).args(balls.answers()).args(more).output().unwrap()
 }
 
 #[test]
@@ -58,6 +59,20 @@ fn in_place_of_files_that_the_user_names() {
     }
     pipe(&balls.labels(0).join("001.png"));
     assert_refused(&run(&balls, &out.path().join("work"), &[]), 3, &["001.png", "it is a named pipe"]);
+}
+
+#[test]
+fn in_place_of_files_that_a_scenes_options_name() {
+    for (option, file) in
+        [("materials", "own/materials.csv"), ("labels", "own"), ("gripper", "own.toml"), ("scenario", "own.toml")]
+    {
+        let (balls, out) = (Balls::new(1), tempfile::tempdir().unwrap());
+        pipe(&balls.scene(0).join(file));
+        let named = file.split('/').next().unwrap();
+        fs::write(balls.scene(0).join("gprop.toml"), format!("{option} = \"{named}\"\n")).unwrap();
+        let to_the_end = ["--to", "report", "--scale", "1"];
+        assert_refused(&run(&balls, out.path(), &to_the_end), 2, &[file, "it is a named pipe"]);
+    }
 }
 
 #[test]

@@ -30,7 +30,7 @@ const MOST_PICTURE_BYTES: u64 = 3 * 2 * thumbnail::SIDE as u64 * thumbnail::SIDE
 const MATERIALS: usize = 3;
 /// Most characters of an error on the page; `summary.json` has the whole text.
 const MOST_OF_AN_ERROR: usize = 1000;
-/// Characters that are not escaped in a link.
+/// Characters that are escaped in a link.
 const SAFE: &AsciiSet = &NON_ALPHANUMERIC.remove(b'-').remove(b'.').remove(b'_').remove(b'~');
 
 /// Writes the page of a batch into `home`, beside its other files; `title` describes the batch.

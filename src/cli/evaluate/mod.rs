@@ -7,7 +7,6 @@ mod robustness;
 mod segmentation;
 
 use std::collections::BTreeMap;
-use std::fs;
 use std::path::{Path, PathBuf};
 
 use anyhow::Context;
@@ -207,7 +206,7 @@ fn scores_text(scores: &Scores, unit: &str) -> String {
 }
 
 fn evaluate_simulation(global: &Global, reference: &Path) -> anyhow::Result<()> {
-    let bytes = fs::read(reference).map_err(|error| UsageError(format!("{reference:?}: {error}")))?;
+    let bytes = files::read(reference).map_err(|error| UsageError(format!("{reference:?}: {error}")))?;
     let mut npz = Npz::new(bytes).map_err(SimulationError::Npz).with_context(|| format!("{reference:?}"))?;
     if npz.has("count0") {
         let comparison = filling::compare(&mut npz).with_context(|| format!("{reference:?}"))?;
@@ -291,7 +290,7 @@ fn read_picture(path: &Path) -> image::ImageResult<image::DynamicImage> {
 
 fn evaluate_masks(global: &Global, image: &Path, reference: &Path, setup: &setup::Options) -> anyhow::Result<()> {
     let picture = read_picture(image).map_err(|error| UsageError(format!("{image:?}: {error}")))?.into_rgb8();
-    let json = fs::read_to_string(reference).map_err(|error| UsageError(format!("{reference:?}: {error}")))?;
+    let json = files::read_to_string(reference).map_err(|error| UsageError(format!("{reference:?}: {error}")))?;
     let reference = Reference::from_json(&json).with_context(|| format!("{reference:?}"))?;
     let segmenter = open_segmenter(setup, &segment::Options::default(), global.progress())?;
     let lists = compare(segmenter.sam(), &picture, &reference, &())?;

@@ -64,8 +64,8 @@ pub struct ComparedPart {
     pub true_kg: f64,
 }
 
-/// The causes of the error, and the true parts; `None` if a true part has no box. `shown` is, by found part, the `id` of
-/// the true part that it mostly shows.
+/// The causes of the error, and the true parts; `None` if a true part has no box, even if maps show the parts. `shown`
+/// is, by found part, the `id` of the true part that it mostly shows.
 pub fn compare(truth: &[TruePart], shown: &BTreeMap<u32, u8>, measured: &Parts) -> Option<(Causes, Vec<ComparedPart>)> {
     let boxes: Vec<[[f64; 3]; 2]> = truth.iter().map(|part| part.bounding_box_m).collect::<Option<_>>()?;
     let mut found: Vec<Found> = truth.iter().map(|_| Found::default()).collect();

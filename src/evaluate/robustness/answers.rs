@@ -129,7 +129,7 @@ impl Voters<'_> {
     }
 }
 
-/// Answers from true part maps. Each true part has a material of its own, of another family than the others.
+/// Answers from true part maps. Each true part has a material of its own; the families differ too while they last.
 struct Oracle {
     /// The true parts in the voting views.
     parts: Vec<u8>,

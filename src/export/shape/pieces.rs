@@ -4,8 +4,8 @@
 //! A hull reaches beyond the object by the distance from the object to the farthest place within the hull (its
 //! [`Lie`]). Of each part, the body whose hull reaches farthest is cut by the plane that leaves the least volume in the
 //! hulls of both sides, until no hull reaches farther than a tolerance. Then neighbours are joined if their common hull
-//! does not reach farther either. A hole stays open if a ball wider than the tolerance fits through it. Finally, the
-//! surface of every body is moved inward until its hull has the body's volume.
+//! does not reach farther either. A hole stays open if a ball with twice the tolerance as its radius fits through it.
+//! Finally, the surface of every body is moved inward until its hull has the body's volume.
 
 use nalgebra::{Matrix3, Point3, Vector3};
 use rayon::prelude::*;

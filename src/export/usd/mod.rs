@@ -1,5 +1,5 @@
-//! USD, laid out as SimReady's profile `Robotics-Prop` requires: `NAME/usd/NAME.usda` with its picture in `textures/`
-//! and a thumbnail, or all of it as the package `NAME/usdz/NAME.usdz`.
+//! USD, laid out as SimReady's profile `Robotics-Prop` requires: `NAME/usd/NAME.usda` with its picture in `textures/`,
+//! or both in the package `NAME/usdz/NAME.usdz`; either with a thumbnail beside it.
 //!
 //! One rigid body with mass properties; under it
 //! - `skin`, the visual mesh, with a subset and a material for each part,
@@ -33,7 +33,7 @@ pub(super) fn write_usda(model: &Model, rigid: &Rigid, files: &mut Files) -> Res
     write_thumbnail(model, rigid, &format!("{name}/usd/.thumbs/256x256/{name}.usda.png"), files)
 }
 
-/// The same in one file.
+/// The layer and its picture in one file, with a thumbnail beside it.
 pub(super) fn write_usdz(model: &Model, rigid: &Rigid, files: &mut Files) -> Result<(), ExportError> {
     let (name, stage) = (&rigid.name, stage(model, rigid));
     files.write(format!("{name}/usdz/{name}.usdz"), |out| {

@@ -27,7 +27,7 @@ pub use physics::{gent_modulus_pa, qi_modulus_pa};
 /// The result of a check.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize)]
 pub struct Finding {
-    /// The material's name, `family:NAME`, or `library`.
+    /// The name of a material, the id of a rule, `family:NAME`, `filling:NAME`, or `library`.
     pub subject: String,
     /// The check's name, as `deviations.csv` spells it.
     pub check: &'static str,

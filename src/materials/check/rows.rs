@@ -195,7 +195,8 @@ fn hardness(material: &Material, findings: &mut Findings) {
     }
 }
 
-/// How far a cited value may lie outside the row's range, as a factor: rounding of units and of the range itself.
+/// How far a cited value may lie outside the row's range, as a factor: rounding of units and of the range itself. In
+/// the order of [`Evidence::PROPERTIES`].
 pub(super) const CITED_TOLERANCE: [f64; 4] = [1.03, 1.10, 1.08, 1.12];
 
 /// The citations that exist.

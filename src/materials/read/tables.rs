@@ -29,7 +29,7 @@ pub struct Placed {
     pub material: Material,
     pub file: String,
     pub line: u64,
-    /// The index of its column `family`.
+    /// The number of its column `family`, counted from 1.
     pub family_column: usize,
 }
 

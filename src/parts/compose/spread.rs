@@ -14,6 +14,8 @@ const OWN: f64 = 1.0 / 12.0;
 /// The cells of one part around a cell. Lengths in cells.
 pub struct Spread {
     count: f64,
+    /// From the cell around which they are to their mean.
+    pub offset: Vector3<f64>,
     principal: SymmetricEigen<f64, U3>,
     /// The axes in the order of rising variance.
     order: [usize; 3],
@@ -50,7 +52,7 @@ impl Spread {
         let principal = (squares / count - mean * mean.transpose()).symmetric_eigen();
         let mut order = [0, 1, 2];
         order.sort_by(|&a, &b| principal.eigenvalues[a].total_cmp(&principal.eigenvalues[b]));
-        Self { count, principal, order }
+        Self { count, offset: mean, principal, order }
     }
 
     /// The direction in which they spread most.

@@ -3,18 +3,19 @@
 //!
 //! After carving, a wire that is a few pixels wide is a few cells thick, with an error of as many cells; so is a saw blade
 //! across its faces. But its width in a photo, between the two edges of the object, is known to a fraction of a pixel, see
-//! [`silhouettes`](crate::parts::inside::silhouettes). If the views agree on the width, from whatever side they look, it
-//! is the diameter of a round wire. Otherwise the thing may be a strip with a rectangular cross-section: a view that looks
-//! at its edge shows its thickness, one that looks at its face its breadth, and the others a sum of both. Each cell then
-//! holds the share of the true cross-section in the carved one, so the sum over the cells is length times cross-section.
+//! [`silhouettes`](crate::parts::inside::silhouettes). If the views look at it from several sides, their widths tell a
+//! round wire, as wide from everywhere, from a strip with a rectangular cross-section: a view that looks at its edge shows
+//! its thickness, one that looks at its face its breadth, and the others a sum of both. Each cell then holds the share of
+//! the true cross-section in the carved one, so the sum over the cells is length times cross-section.
 
 use std::f64::consts::{FRAC_PI_4, SQRT_2};
 
-use nalgebra::{Matrix2, Vector2, Vector3};
+use nalgebra::{Matrix2, Matrix3, Vector2, Vector3};
 use rayon::prelude::*;
 
 use super::spread::Spread;
 use super::thickness::Chord;
+use crate::numeric::upper_median;
 use crate::parts::assign::Labelled;
 use crate::parts::inside::silhouettes::{Silhouettes, Width};
 
@@ -33,6 +34,11 @@ const DIRECTED: f64 = 0.6;
 const BLOCK_CELLS: usize = 4;
 /// Number of views that must show a wire between two backgrounds.
 const VIEWS_MIN: usize = 3;
+/// The same for a rectangle: twice the number of things that are fitted.
+const RECTANGLE_VIEWS_MIN: usize = 6;
+/// The views look from several sides if the directions in which they measure are spread at least as widely as those of
+/// views 20 degrees above and below a flat strip. Of 1, the sum of both variances.
+const SEVERAL_SIDES: f64 = 0.1;
 /// A wire is round if the quartiles of its widths, over the views, differ by no more than this factor.
 const ROUND: f64 = 1.3;
 /// Error of an edge in a photo's mask, as the half-width of a 90 % interval, in pixels: masks have soft edges, and where
@@ -40,8 +46,12 @@ const ROUND: f64 = 1.3;
 const EDGE_PIXELS: f64 = 0.25;
 /// Half-width of a 90 % interval, in standard deviations.
 const NINETY: f64 = 1.645;
-/// The face of a strip is looked for within this angle of the carved one, degrees: it is carved from a soft splat.
-const TILT_MOST: i32 = 15;
+/// A width is left out if it is off by more than this many times the median.
+const OFF: f64 = 3.0;
+/// Carving makes a side longer by no more than this many times the uncertainty of the surface: two at either end.
+const GROWN: f64 = 4.0;
+/// Half a right angle in steps of one degree: every way to turn a rectangle.
+const TILT_MOST: i32 = 45;
 
 /// The measurements of a wire or a strip in the photos, at one of its cells.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
@@ -61,15 +71,13 @@ impl Wire {
     }
 }
 
-/// The accuracy of carving and of the photos, scene units.
+/// The accuracy of carving, scene units.
 #[derive(Debug, Clone, Copy)]
-pub struct Sharpness {
+pub struct Softness {
     /// The possible error of the carved surface's position.
     pub surface: f64,
     /// A wire or strip is thinner than this, and carving makes it thicker by no more than this.
-    pub soft: f64,
-    /// The width of a pixel.
-    pub pixel: f64,
+    pub most: f64,
 }
 
 /// The wires and strips among the solids, per cell. `is_solid` is per label, `chords` are per surface cell.
@@ -78,17 +86,17 @@ pub fn wires(
     is_solid: &[bool],
     chords: &[Option<Chord>],
     silhouettes: &Silhouettes,
-    sharpness: Sharpness,
+    soft: Softness,
 ) -> Vec<Wire> {
     let mut wires = vec![Wire::default(); cells.label.len()];
     if silhouettes.views.len() < VIEWS_MIN {
         return wires;
     }
     // From the edge of a strip, a ray inward is as long as the strip is broad. Without a ray, only the depth decides.
-    let longest = (1 + BROADER) as f64 * sharpness.soft;
+    let longest = (1 + BROADER) as f64 * soft.most;
     let is_thin = |&i: &usize| {
         is_solid.get(cells.label[i] as usize) == Some(&true)
-            && f64::from(cells.surface.depth[i]) <= sharpness.soft
+            && f64::from(cells.surface.depth[i]) <= soft.most
             && chords[cells.surface.nearest[i] as usize].is_none_or(|chord| chord.length <= longest)
     };
     let mut thin: Vec<([usize; 3], u32, usize)> = (0..cells.label.len())
@@ -102,7 +110,7 @@ pub fn wires(
         .par_iter()
         .map(|block| {
             let block: Vec<usize> = block.iter().map(|(_, _, i)| *i).collect();
-            at_cell(cells, central(cells, &block), silhouettes, sharpness)
+            at_cell(cells, central(cells, &block), silhouettes, soft)
         })
         .collect();
     for (block, wire) in blocks.iter().zip(measured) {
@@ -119,92 +127,184 @@ fn central(cells: &Labelled, of: &[usize]) -> usize {
     of.iter().copied().min_by(|&a, &b| distance(a).total_cmp(&distance(b))).expect("a block has a cell")
 }
 
-fn at_cell(cells: &Labelled, i: usize, silhouettes: &Silhouettes, of: Sharpness) -> Option<Wire> {
+fn at_cell(cells: &Labelled, i: usize, silhouettes: &Silhouettes, soft: Softness) -> Option<Wire> {
     let cell = cells.grid.cell;
-    let reach = (of.soft / cell + AROUND_CELLS).ceil() as usize;
+    let reach = (soft.most / cell + AROUND_CELLS).ceil() as usize;
     let center = cells.grid.center(cells.grid.coords(i));
     let spread = Spread::around(cells, i, reach);
     if spread.variance(1) <= ELONGATED * spread.variance(2) {
-        let widths = silhouettes.widths(center, spread.axis(), of.soft);
-        if let Some(wire) = wire(&spread, widths, cell, of.pixel) {
+        let widths = silhouettes.widths(center, spread.axis(), soft.most);
+        if let Some(wire) = measured(&spread, widths, cell, soft) {
             return Some(wire);
         }
     }
-    if spread.thickness() * cell > of.soft {
+    if spread.thickness() * cell > soft.most {
         return None;
     }
     let spread = Spread::around(cells, i, BROADER * reach);
     if spread.variance(1) > DIRECTED * spread.variance(2) || spread.variance(0) > ELONGATED * spread.variance(1) {
         return None;
     }
-    let breadth = (12.0 * spread.variance(1)).sqrt() * cell;
-    let widths = silhouettes.widths(center, spread.axis(), breadth + of.soft);
-    strip(&spread, &widths, cell, of)
+    // In the middle of the strip: at its rim, a cell may lie beyond the true edge.
+    let widths =
+        silhouettes.widths(center + spread.offset * cell, spread.axis(), carved_side(&spread, 1, cell) + soft.most);
+    Rectangle::of(&spread, widths, cell, soft).and_then(|rectangle| rectangle.wire(&spread, cell))
 }
 
-/// A round wire.
-fn wire(spread: &Spread, widths: Vec<Width>, cell: f64, pixel: f64) -> Option<Wire> {
-    if widths.len() < VIEWS_MIN {
-        return None;
-    }
-    let mut widths: Vec<f64> = widths.iter().map(|width| width.length).collect();
-    widths.sort_by(f64::total_cmp);
-    let at = |share: f64| widths[(share * (widths.len() - 1) as f64).round() as usize];
-    let [low, diameter, high] = [0.25, 0.5, 0.75].map(at);
-    if high > ROUND * low {
-        return None;
-    }
-    let of_widths = (high / low).ln().abs();
-    let of_edges = SQRT_2 * EDGE_PIXELS * pixel / diameter;
-    Wire::of(FRAC_PI_4 * diameter * diameter, spread.section() * cell * cell, 2.0 * of_widths.hypot(of_edges))
+/// Whether the directions of widths, all of them across an axis, differ enough to tell the shape of the cross-section.
+fn are_from_several_sides(widths: &[Width]) -> bool {
+    let products: Matrix3<f64> = widths.iter().map(|width| width.across * width.across.transpose()).sum();
+    let mut variances: Vec<f64> = products.symmetric_eigenvalues().iter().copied().collect();
+    variances.sort_by(f64::total_cmp);
+    variances[1] >= SEVERAL_SIDES * widths.len() as f64
 }
 
-/// A strip, if the photos tell its thickness better than carving does, which may err at both its surfaces.
-fn strip(spread: &Spread, widths: &[Width], cell: f64, of: Sharpness) -> Option<Wire> {
-    let fits = (-TILT_MOST..=TILT_MOST).filter_map(|degrees| {
-        let (sin, cos) = f64::from(degrees).to_radians().sin_cos();
-        let [face, side] = [spread.direction(0), spread.direction(1)];
-        Rectangle::fit(widths, face * cos + side * sin, side * cos - face * sin)
-    });
-    let Rectangle { thickness, breadth, errors, .. } = fits.min_by(|a, b| a.residual.total_cmp(&b.residual))?;
-    let edges = SQRT_2 * EDGE_PIXELS * of.pixel;
-    let errors = errors.map(|of_widths| of_widths.hypot(edges));
-    if errors.x >= 2.0 * of.surface {
+/// A round wire or a thin strip, whichever fits the widths better.
+fn measured(spread: &Spread, widths: Vec<Width>, cell: f64, soft: Softness) -> Option<Wire> {
+    if !are_from_several_sides(&widths) {
         return None;
     }
-    let error = (errors.x / thickness).hypot(errors.y / breadth);
-    Wire::of(thickness * breadth, spread.section() * cell * cell, error)
+    let circle = Circle::of(&widths);
+    let rectangle = Rectangle::of(spread, widths, cell, soft);
+    match (circle, rectangle) {
+        (Some(circle), Some(rectangle)) if rectangle.variance < circle.variance => rectangle.wire(spread, cell),
+        (Some(circle), _) => Wire::of(circle.section, spread.section() * cell * cell, circle.error),
+        (None, rectangle) => rectangle?.wire(spread, cell),
+    }
 }
 
-/// A rectangular cross-section that fits the widths of a strip. Scene units.
+/// The length of a side of a carved cross-section, taken as a rectangle: the shorter (0) or the longer (1).
+fn carved_side(spread: &Spread, rank: usize, cell: f64) -> f64 {
+    (12.0 * spread.variance(rank)).sqrt() * cell
+}
+
+/// The error of a width due to its two edges, as the half-width of a 90 % interval.
+fn error_of_edges(widths: &[Width]) -> f64 {
+    let pixel = widths.iter().map(|width| width.pixel).sum::<f64>() / widths.len() as f64;
+    SQRT_2 * EDGE_PIXELS * pixel
+}
+
+/// A round cross-section. Scene units.
+struct Circle {
+    section: f64,
+    /// Relative error of the section, as the half-width of a 90 % interval.
+    error: f64,
+    /// Of the widths around the diameter.
+    variance: f64,
+}
+
+impl Circle {
+    fn of(widths: &[Width]) -> Option<Self> {
+        if widths.len() < VIEWS_MIN {
+            return None;
+        }
+        let mut lengths: Vec<f64> = widths.iter().map(|width| width.length).collect();
+        lengths.sort_by(f64::total_cmp);
+        let at = |share: f64| lengths[(share * (lengths.len() - 1) as f64).round() as usize];
+        let [low, diameter, high] = [0.25, 0.5, 0.75].map(at);
+        if high > ROUND * low {
+            return None;
+        }
+        let of_widths = (high / low).ln().abs();
+        let of_edges = error_of_edges(widths) / diameter;
+        let squares: f64 = lengths.iter().map(|length| (length - diameter).powi(2)).sum();
+        Some(Self {
+            section: FRAC_PI_4 * diameter * diameter,
+            error: 2.0 * of_widths.hypot(of_edges),
+            variance: squares / (lengths.len() - 1) as f64,
+        })
+    }
+}
+
+/// A rectangular cross-section. Scene units.
 struct Rectangle {
+    /// The sides across the carved face and along it.
+    sides: [f64; 2],
+    /// Half-widths of 90 % intervals of the sides.
+    errors: [f64; 2],
+    /// Of the widths around those of the rectangle.
+    variance: f64,
+}
+
+impl Rectangle {
+    /// The rectangle that fits the widths best, without those that are far off, since something else may stand beside
+    /// the strip in a few views.
+    fn of(spread: &Spread, mut widths: Vec<Width>, cell: f64, soft: Softness) -> Option<Self> {
+        let edges = error_of_edges(&widths);
+        let first = Fit::of(&widths, spread)?;
+        let off = |width: &Width| (width.length - first.width(width)).abs();
+        let limit = (OFF * upper_median(widths.iter().map(off).collect())?).max(edges);
+        widths.retain(|width| off(width) <= limit);
+        let fit = Fit::of(&widths, spread)?;
+        let variance = fit.residual / (widths.len() - 3) as f64;
+        // The edges are as uncertain as that even if the widths agree by chance.
+        let deviation = variance.sqrt().max(edges / NINETY);
+        let of_widths = fit.covariance(&widths)?.diagonal().map(|of_one| NINETY * of_one.sqrt() * deviation);
+        let errors = [of_widths.x.hypot(edges), of_widths.y.hypot(edges)];
+        let sides = [fit.thickness, fit.breadth];
+        let is_carved = |rank: usize| {
+            let grown = carved_side(spread, rank, cell) - sides[rank];
+            -errors[rank] <= grown && grown <= GROWN * soft.surface
+        };
+        // The photos must tell the thickness better than carving does, which may err at both surfaces, and show what was
+        // carved: not a part beside it, nor one of several strips side by side.
+        let is_better = errors[0] < 2.0 * soft.surface && errors[0] < sides[0];
+        (is_better && is_carved(0) && is_carved(1)).then_some(Self { sides, errors, variance })
+    }
+
+    fn wire(&self, spread: &Spread, cell: f64) -> Option<Wire> {
+        let error = (self.errors[0] / self.sides[0]).hypot(self.errors[1] / self.sides[1]);
+        Wire::of(self.sides[0] * self.sides[1], spread.section() * cell * cell, error)
+    }
+}
+
+/// A least-squares fit: seen along a direction, a rectangle is as wide as the sum of its sides, each foreshortened.
+struct Fit {
+    /// Normals of the sides that `breadth` and `thickness` measure along.
+    face: Vector3<f64>,
+    side: Vector3<f64>,
     thickness: f64,
     breadth: f64,
-    /// Of thickness and breadth, by the scatter of the widths: half-widths of 90 % intervals.
-    errors: Vector2<f64>,
     /// The sum of squares that is left.
     residual: f64,
 }
 
-impl Rectangle {
-    /// Least squares: seen along a direction, a rectangle is as wide as the sum of its sides, each foreshortened. `face`
-    /// is the normal of the broader sides, `side` that of the narrower ones.
-    fn fit(widths: &[Width], face: Vector3<f64>, side: Vector3<f64>) -> Option<Self> {
-        if widths.len() <= VIEWS_MIN {
+impl Fit {
+    /// The best fit over all tilts against the carved cross-section.
+    fn of(widths: &[Width], spread: &Spread) -> Option<Self> {
+        if widths.len() < RECTANGLE_VIEWS_MIN {
             return None;
         }
+        let fits = (-TILT_MOST..=TILT_MOST).filter_map(|degrees| {
+            let (sin, cos) = f64::from(degrees).to_radians().sin_cos();
+            let [face, side] = [spread.direction(0), spread.direction(1)];
+            Self::at(widths, face * cos + side * sin, side * cos - face * sin)
+        });
+        fits.min_by(|a, b| a.residual.total_cmp(&b.residual))
+    }
+
+    fn at(widths: &[Width], face: Vector3<f64>, side: Vector3<f64>) -> Option<Self> {
         let row = |width: &Width| Vector2::new(width.across.dot(&face).abs(), width.across.dot(&side).abs());
         let normal: Matrix2<f64> = widths.iter().map(|width| row(width) * row(width).transpose()).sum();
         let right: Vector2<f64> = widths.iter().map(|width| row(width) * width.length).sum();
-        let inverse = normal.try_inverse()?;
-        let sides = inverse * right;
-        if sides.min() <= 0.0 {
-            return None;
-        }
-        let residual: f64 = widths.iter().map(|width| (width.length - row(width).dot(&sides)).powi(2)).sum();
-        // Three things are fitted: the two sides and, by the caller, the tilt.
-        let variance = residual / (widths.len() - 3) as f64;
-        let errors = inverse.diagonal().map(|of_one| NINETY * (of_one * variance).sqrt());
-        Some(Self { thickness: sides.x, breadth: sides.y, errors, residual })
+        let sides = normal.try_inverse()? * right;
+        let residual = widths.iter().map(|width| (width.length - row(width).dot(&sides)).powi(2)).sum();
+        (sides.min() > 0.0).then_some(Self { face, side, thickness: sides.x, breadth: sides.y, residual })
+    }
+
+    /// The width of the rectangle in the direction of a width.
+    fn width(&self, of: &Width) -> f64 {
+        self.thickness * of.across.dot(&self.face).abs() + self.breadth * of.across.dot(&self.side).abs()
+    }
+
+    /// The covariance of thickness, breadth and tilt, for widths of variance 1; `None` if these do not determine them.
+    fn covariance(&self, widths: &[Width]) -> Option<Matrix3<f64>> {
+        let row = |width: &Width| {
+            let [face, side] = [&self.face, &self.side].map(|normal| width.across.dot(normal));
+            let turned = self.thickness * face.signum() * side - self.breadth * side.signum() * face;
+            Vector3::new(face.abs(), side.abs(), turned)
+        };
+        let normal: Matrix3<f64> = widths.iter().map(|width| row(width) * row(width).transpose()).sum();
+        normal.try_inverse()
     }
 }

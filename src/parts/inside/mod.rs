@@ -49,8 +49,6 @@ pub(super) struct Inside {
     pub cells: Vec<bool>,
     /// Possible error of the surface's position, scene units.
     pub uncertainty: f64,
-    /// Width of a pixel at the object, scene units; 0 if the volume does not come from views.
-    pub pixel: f64,
     /// Depth and alpha seen by the [`carving_views`]; empty if the volume does not come from views.
     views: Vec<DepthView>,
 }
@@ -92,10 +90,10 @@ pub(super) fn inside(
     options: &Options,
     progress: Progress,
 ) -> Result<Inside, PartsError> {
-    let (cells, pixel, uncertainty, views, why) = match options.volume {
+    let (cells, uncertainty, views, why) = match options.volume {
         VolumeMethod::Fill => {
             let cells = fill::fill(gaussians, kept, grid, options.fill_density);
-            (cells, 0.0, grid.cell, Vec::new(), "no cell is dense enough to be the object's skin")
+            (cells, grid.cell, Vec::new(), "no cell is dense enough to be the object's skin")
         }
         VolumeMethod::Hybrid | VolumeMethod::Carve | VolumeMethod::Shell => {
             let views = depth_views(gaussians, cameras, options, progress)?;
@@ -106,14 +104,14 @@ pub(super) fn inside(
             carve::carve(grid, &views, tolerance, &mut cells);
             let mut cells = without_border(grid, cells);
             let disagreement = refine::refine(grid, &views, REFINE_REACH * tolerance, &mut cells);
-            (cells, pixel, pixel.hypot(disagreement), views, "the views see through every place where the splat is")
+            (cells, pixel.hypot(disagreement), views, "the views see through every place where the splat is")
         }
     };
     let cells = without_border(grid, cells);
     if !cells.contains(&true) {
         return Err(PartsError::NothingInside { why });
     }
-    Ok(Inside { cells, uncertainty, pixel, views })
+    Ok(Inside { cells, uncertainty, views })
 }
 
 /// Marks the grid's outermost cells as outside, so that filters and neighbour searches need no edge cases.

@@ -29,6 +29,8 @@ pub struct Width {
     pub length: f64,
     /// The direction in which it was measured: unit, across the strip's axis and the line of sight.
     pub across: Vector3<f64>,
+    /// The width of a pixel of the photo there, scene units.
+    pub pixel: f64,
 }
 
 /// The object's outline in one photo.
@@ -58,7 +60,8 @@ impl Silhouette<'_> {
         }
         // Something nearer may hide it.
         self.depth.surface_behind(point).filter(|behind| -behind <= reach)?;
-        let step = sight.norm() / (STEPS_PER_PIXEL * self.camera.intrinsics.fx.max(self.camera.intrinsics.fy));
+        let pixel = sight.norm() / self.camera.intrinsics.fx.max(self.camera.intrinsics.fy);
+        let step = pixel / STEPS_PER_PIXEL;
         let across = across.normalize();
         let steps = (reach / step).ceil() as i32;
         let mut covered = self.covered(point).filter(|covered| *covered >= 0.5)?;
@@ -76,7 +79,7 @@ impl Silhouette<'_> {
                 return None;
             }
         }
-        Some(Width { length: covered * step, across })
+        Some(Width { length: covered * step, across, pixel })
     }
 
     /// The share of the light at a point's place in the photo that comes from the object, interpolated between pixels;

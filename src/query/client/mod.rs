@@ -7,7 +7,7 @@
 //!
 //! A server may send anything at any pace: one request with its response takes [`Options::lmm_timeout_s`] at most, a
 //! body is read up to [`MAX_REPLY_BYTES`] and no further, and the head of a response up to what hyper buffers (400 KB).
-//! Nothing is decompressed.
+//! Files of the Batch API have limits of their own. Nothing is decompressed.
 
 mod address;
 mod batch_api;
@@ -53,7 +53,7 @@ pub struct Client {
     max_usd: Option<f64>,
     parallel: usize,
     retries: u32,
-    /// How long a question may wait in total because the server asks for it.
+    /// How long a request may wait in total because the server asks for it.
     longest_wait: Duration,
     /// The form of requests that the server is known to accept.
     dialect: Mutex<Dialect>,
@@ -183,8 +183,8 @@ impl Client {
         self.repeat(self.retries, attempt, || account.is_closed()).await
     }
 
-    /// Sends a request that costs nothing and applies `read` to its response of at most `most_bytes`; retries while it
-    /// fails for a transient reason.
+    /// Sends a request without an entry in the budget and applies `read` to its response of at most `most_bytes`;
+    /// retries while it fails for a transient reason.
     async fn exchange<T>(
         &self,
         retries: u32,

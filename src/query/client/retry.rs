@@ -11,7 +11,7 @@ use crate::query::asker::AskError;
 pub enum Attempt {
     /// May well succeed later: too many requests, an overloaded server, a dropped connection.
     Passing { message: String, retry_after: Option<Duration> },
-    /// The connection is refused; transient if the server is still starting.
+    /// No connection can be opened; transient if the server is still starting.
     Unreachable { message: String },
     /// The server does not accept this form of request.
     Unaccepted { message: String },
@@ -21,7 +21,8 @@ pub enum Attempt {
 
 const FIRST_WAIT: Duration = Duration::from_secs(1);
 const LONGEST_WAIT: Duration = Duration::from_secs(60);
-/// Largest share taken off a wait at random; below one half, so that each wait is longer than the one before.
+/// Largest share taken off a wait at random; below one half, so that each wait up to [`LONGEST_WAIT`] is longer than
+/// the one before.
 const JITTER: f64 = 0.4;
 /// Most retries to connect to a server that does not accept connections: it is probably not there.
 const CONNECTION_RETRIES: u32 = 3;
@@ -51,8 +52,8 @@ impl Backoff {
         Self { retries, done: 0, longest_wait, waited: Duration::ZERO }
     }
 
-    /// How long to wait before the next try. A wait that the server asks for is used as is; otherwise the wait doubles
-    /// each time, with a random share taken off so that parallel requests do not come back together.
+    /// How long to wait before the next try: as long as the server asks, plus up to a quarter of a second; otherwise
+    /// twice as long each time, less a random share. Chance keeps parallel requests from coming back together.
     ///
     /// # Errors
     /// The failure itself if there is to be no further try.

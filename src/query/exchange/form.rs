@@ -1,5 +1,5 @@
-//! The page on which a person can answer: one file that opens from disk, without a network or a server. Its fields are
-//! those of the schema; choosing a material fills in what the library knows.
+//! The page on which a person can answer: it opens from disk, beside its sheets, without a network or a server. Its
+//! fields are those of the schema; choosing a material fills in what the library knows.
 
 use minijinja::{Environment, context};
 use serde::Serialize;

@@ -1,8 +1,9 @@
 //! Exports questions and imports answers: for people, batch services, and models that no server offers.
 //!
-//! An export is a folder with one sheet per question, the prompts, the schemas, and a form to fill in ([`form`]). Questions
-//! and sheets are named by hash, so that whoever answers knows only the picture and the prompt. `origins.jsonl` says what
-//! each answer belongs to: an import needs the folder and the library, but not the scene.
+//! An export is a folder with one sheet per question, the prompts, the schemas, and a form to fill in ([`form`]).
+//! Questions and sheets are named by hash, so that whoever answers knows only the picture and the prompt.
+//! `origins.jsonl` says what each answer belongs to. An import checks the answers with the library, prompts and options
+//! of the scene.
 
 mod filled;
 mod form;
@@ -14,6 +15,7 @@ use std::path::{Path, PathBuf};
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
 
+use crate::files;
 use crate::materials::MaterialLibrary;
 use crate::query::answer::{Problem, Unknown};
 use crate::query::queries::Queries;
@@ -319,7 +321,7 @@ fn push_line(text: &mut String, value: &impl Serialize) {
 }
 
 fn read(path: &Path) -> Result<String, ExchangeError> {
-    fs::read_to_string(path).map_err(|source| ExchangeError::Unreadable { path: path.into(), source })
+    files::read_to_string(path).map_err(|source| ExchangeError::Unreadable { path: path.into(), source })
 }
 
 fn write(path: &Path, bytes: &[u8]) -> Result<(), ExchangeError> {

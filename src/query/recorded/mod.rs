@@ -1,6 +1,6 @@
 //! Recorded answers: one JSON file each, found by what was asked or, failing that, by view and mask.
 //!
-//! A recording's key is the SHA-256 of model, parameters, prompt, schema and the decoded pixels of the sheet.
+//! A recording's key is the SHA-256 of model, parameters, prompt, schema and the sheet's pixels before JPEG.
 //! Floating-point differences between processors may move a mask by a few pixels, and with it the sheet. So a recording
 //! also keeps the hash of its view's photo and the segment's mask, and if no key matches, the recording of the same
 //! view, prompt, schema and model with the best mask overlap is used ([`MASK_IOU`]). A recording never contains an API

@@ -40,7 +40,8 @@ const JPEG_QUALITY: u8 = 90;
 const LABEL_PX: u32 = 13;
 /// Space between panels and around them, in pixels.
 const GAP: u32 = 8;
-/// The object is enlarged to at most this many times the photo's resolution: more would cost tokens and show no more.
+/// The first of several panels has at most this many times the photo's resolution: more would cost tokens and show no
+/// more.
 const ENLARGED_AT_MOST: u32 = 2;
 /// An object wider than this times its height gets its panels one below the other.
 const WIDE: f64 = 4.0 / 3.0;

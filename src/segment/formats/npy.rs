@@ -3,7 +3,7 @@
 use std::io::{self, Write};
 
 use super::super::{LabelMap, LabelMapError, Level};
-use crate::npy::{NpyArray, write_npy};
+use crate::npy::{NpyArray, NpyError, write_npy};
 
 impl LabelMap {
     /// Writes the map as `[height, width]`, or as `planes` identical copies of it.
@@ -31,7 +31,7 @@ impl LabelMap {
             return Err(LabelMapError::NpyShape(shape));
         };
         if array.fortran_order {
-            return Err(LabelMapError::Npy("it is in Fortran order; save it with numpy.ascontiguousarray".to_owned()));
+            return Err(LabelMapError::Npy(NpyError::Fortran.to_string()));
         }
         let of_int32 = || Some(array.numbers::<i32>()?.into_iter().map(i64::from).collect());
         let ids: Vec<i64> = array.numbers().or_else(of_int32).ok_or_else(|| LabelMapError::NpyType(array.kind()))?;

@@ -15,6 +15,7 @@ use std::path::Path;
 
 use super::error::SegmentError;
 use super::options::DecoderRuntime;
+use crate::files;
 use crate::setup::ModelFiles;
 use cache::Cache;
 pub use decoder::Wanted;
@@ -60,7 +61,7 @@ impl Sam {
     pub fn open(files: &ModelFiles, decoder: Option<DecoderRuntime>, threads: usize) -> Result<Self, SegmentError> {
         let runtime = runtime::load(&files.onnxruntime)?;
         let read =
-            |path: &Path| std::fs::read(path).map_err(|source| SegmentError::Read { path: path.to_owned(), source });
+            |path: &Path| files::read(path).map_err(|source| SegmentError::Read { path: path.to_owned(), source });
         let threads = threads.max(1);
         let (encoder, decoder) = rayon::join(
             || Encoder::open(&runtime, &files.encoder, threads),

@@ -191,7 +191,7 @@ struct Bend {
 impl Bend {
     /// factor = atan(r) / r.
     fn arctangent(r2: f64) -> Self {
-        /// For r^2 below this, the series up to r^4 is exact to 1e-17, while the quotients lose digits.
+        /// For r^2 below this, the series are exact to 1e-15, while the quotients lose digits.
         const SMALL: f64 = 1e-5;
         if r2 < SMALL {
             return Self {

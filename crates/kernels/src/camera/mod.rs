@@ -1,4 +1,4 @@
-//! Cameras: intrinsics, distortion, pose, projection; the only place where axes are flipped.
+//! Cameras: intrinsics, distortion, pose, projection, and the conversion from OpenGL's axes.
 //!
 //! The camera frame is OpenCV's: x right, y down, z forward. The centre of pixel (0,0) is (0.5, 0.5).
 

@@ -159,8 +159,8 @@ impl<'a> TokenValues<'a> {
         Self { rows, bias: &attention.out.bias, norm }
     }
 
-    /// Adds the rows to the pixels of `block`, `[BLOCK, CHANNELS]`, weighted by `weights`, `[BLOCK, PAIRS]` with the
-    /// given strides.
+    /// Adds the bias and the rows, weighted by `weights` (`[BLOCK, PAIRS]` with the given strides), to the pixels of
+    /// `block`, `[BLOCK, CHANNELS]`, and normalises each pixel.
     #[inline(always)]
     pub fn add_to<V: Vector>(&self, weights: Left<'_>, block: &mut [f32]) {
         for row in block.chunks_exact_mut(CHANNELS) {

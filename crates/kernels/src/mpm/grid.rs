@@ -1,9 +1,8 @@
-//! The background grid: only the nodes that particles can reach, as vertical columns.
+//! The background grid: only the nodes that particles can reach, in columns along the object's shortest direction.
 //!
-//! Over the rectangle of (slab, row) columns that particles touch, each column stores the contiguous span of nodes
-//! between the lowest and the highest that any of its particles can reach before the next sort. So the grid costs
-//! memory and time in proportion to the object, and the three nodes a particle touches in a column are neighbours in
-//! memory.
+//! Over the rectangle of columns that particles touch, each column stores the contiguous span of nodes between the
+//! lowest and the highest that any particle can reach before the next sort. So the grid costs memory and time in
+//! proportion to the object, and the three nodes a particle touches in a column are neighbours in memory.
 //!
 //! Node (i, j, k) in grid axes lies at `spacing * (i, j, k)` from the simulation's origin. The grid's axes are a
 //! permutation of x, y, z: columns are cut into slabs along `axes[0]`, the object's longest direction.
@@ -94,8 +93,8 @@ impl Columns {
         (i - self.first[0] - DRIFT) as usize / SLAB
     }
 
-    /// Number of nodes stored before the planes of [`SLAB`]s: those of `slab` come first among the nodes that its
-    /// particles touch, those of `slab + 1` last. There is one more entry than slabs.
+    /// Number of nodes stored before the [`SLAB`] planes that begin with this slab. A slab's particles touch these
+    /// planes and those of `slab + 1`, so there is one more group of planes than slabs.
     pub fn before_planes_of(&self, slab: usize) -> usize {
         self.plane[slab * SLAB]
     }

@@ -67,7 +67,7 @@ struct Order<'a> {
     packs: Vec<Mutex<&'a mut [Pack]>>,
     /// One more entry than slabs.
     planes: Vec<Mutex<Planes<'a>>>,
-    /// Per odd slab: the number of neighbours that are not done yet.
+    /// Per slab, used for odd ones: the number of neighbours that are not done yet.
     waits_for: Vec<AtomicUsize>,
     context: Context<'a>,
 }

@@ -11,7 +11,7 @@ pub struct Reached {
     pub node: usize,
     /// x y z, in cells.
     pub cell: [i32; 3],
-    /// The guest's share there.
+    /// The guest's B-spline weight there.
     pub weight: f32,
 }
 

@@ -12,8 +12,8 @@ use crate::gaussians::Gaussians;
 /// still count as the surface: Gaussians of one surface interleave, each reaching about one deviation into the next.
 pub const EXTENT_TOLERANCE: f32 = 1.0;
 
-/// Error of the depth map itself, as a share of the object's diagonal: twice the median error measured on the scenes
-/// with ground truth (0.13 to 0.30%), so that the error of most pixels is below it.
+/// Error of the depth map itself, as a share of the object's diagonal: about twice the median error measured on the
+/// scenes with ground truth (0.13 to 0.30%), so that the error of most pixels is below it.
 pub const SCENE_TOLERANCE: f64 = 0.005;
 
 /// The depth test for one cloud.
