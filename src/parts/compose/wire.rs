@@ -260,7 +260,7 @@ impl Rectangle {
 
 /// A least-squares fit: seen along a direction, a rectangle is as wide as the sum of its sides, each foreshortened.
 struct Fit {
-    /// Normals of the sides that `breadth` and `thickness` measure along.
+    /// The direction in which `thickness` is measured, and that of `breadth`.
     face: Vector3<f64>,
     side: Vector3<f64>,
     thickness: f64,
