@@ -244,6 +244,16 @@ fn a_batch_that_the_server_rejects_says_why() {
 }
 
 #[test]
+fn no_question_is_asked_while_it_waits_in_an_earlier_submission() {
+    let (server, mut place) = (BatchApiServer::new(&good()), Place::new());
+    let options = server.options();
+    assert_eq!(place.query_session(&options).submit().unwrap().sent, 3, "four questions, one of them asked at once");
+    place.views.push(two_segments("002", 100, 80));
+    let later = place.query_session(&options).submit().unwrap();
+    assert_eq!((later.sent, later.waiting), (1, 3), "two new questions, one of them asked at once");
+}
+
+#[test]
 fn a_batch_keeps_to_the_budget_at_half_the_price() {
     let (server, place) = (BatchApiServer::new(&good()), Place::new());
     let with = |max_usd: f64| Options { max_usd: Some(max_usd), ..server.options() };
