@@ -1,9 +1,12 @@
-//! Numerical functions for several modules: medians, directions spread evenly over a sphere, rigid motions, and the
-//! linear light of sRGB colours.
+//! Numerical functions and constants for several modules: medians, intervals, directions spread evenly over a sphere, rigid
+//! motions, and the linear light of sRGB colours.
 
 use std::f64::consts::PI;
 
 use nalgebra::{Isometry3, Matrix3, Point3, Rotation3, SVD, Translation3, UnitQuaternion, Vector3};
+
+/// Half-width of a 90 % interval of a normal distribution, in standard deviations.
+pub const NORMAL_90: f64 = 1.645;
 
 /// The median; for an even number of values the mean of the two in the middle. `None` if there are none.
 pub fn median(mut values: Vec<f64>) -> Option<f64> {

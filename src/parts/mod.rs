@@ -33,7 +33,7 @@ use crate::readable::significant;
 use crate::scene::gaussians::Gaussians;
 use crate::units::{Estimate, MetricScale, Range, ScaleSource};
 use crate::vote::{Contents, FieldLabel, MaterialField};
-use compose::{Composed, Construction, SHEET_SLACK, thickness, wire};
+use compose::{Composed, Construction, thickness, wire};
 pub use error::PartsError;
 pub(crate) use grid::surface::blur;
 use grid::surface::{NONE, Surface};
@@ -122,11 +122,10 @@ pub fn parts(
     let chords = thickness::chords(&cells);
     let thickness = thickness::thickness(&chords, labels.len());
     let silhouettes = inside.silhouettes(cameras, coverage, options);
-    let soft = wire::Softness { surface: inside.uncertainty, most: SHEET_SLACK * inside.uncertainty };
     // At any scale.
     let is_solid = |label| construction(label, Some(1.0), options) == Construction::Solid;
     let is_solid: Vec<bool> = labels.iter().map(is_solid).collect();
-    let wires = wire::wires(&cells, &is_solid, &chords, &silhouettes, soft);
+    let wires = wire::wires(&cells, &is_solid, &chords, &silhouettes, inside.uncertainty);
     let of_mass = |kg| {
         let build = |label: &FieldLabel, meters| construction(label, Some(meters), options);
         scale::meters_per_unit(kg, &cells, &chords, &wires, inside.uncertainty, labels, build)

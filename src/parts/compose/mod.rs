@@ -35,7 +35,7 @@ use wire::Wire;
 
 /// A ray through a shell goes through one wall, not two, if it is no longer than the wall plus this many uncertainties:
 /// three on either side, the depth that carving tolerates. Carving thickens a wire by no more than that either.
-pub const SHEET_SLACK: f64 = 6.0;
+const SHEET_SLACK: f64 = 6.0;
 
 /// How a label's volume is filled.
 #[derive(Debug, Clone, Copy, PartialEq)]

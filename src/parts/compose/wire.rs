@@ -13,9 +13,10 @@ use std::f64::consts::{FRAC_PI_4, SQRT_2};
 use nalgebra::{Matrix2, Matrix3, Vector2, Vector3};
 use rayon::prelude::*;
 
+use super::SHEET_SLACK;
 use super::spread::Spread;
 use super::thickness::Chord;
-use crate::numeric::upper_median;
+use crate::numeric::{NORMAL_90, upper_median};
 use crate::parts::assign::Labelled;
 use crate::parts::inside::silhouettes::{Silhouettes, Width};
 
@@ -44,8 +45,6 @@ const ROUND: f64 = 1.3;
 /// Error of an edge in a photo's mask, as the half-width of a 90 % interval, in pixels: masks have soft edges, and where
 /// light is blended over a bright background, an edge moves.
 const EDGE_PIXELS: f64 = 0.25;
-/// Half-width of a 90 % interval, in standard deviations.
-const NINETY: f64 = 1.645;
 /// A width is left out if it is off by more than this many times the median.
 const OFF: f64 = 3.0;
 /// Carving makes a side longer by no more than this many times the uncertainty of the surface: two at either end.
@@ -71,32 +70,25 @@ impl Wire {
     }
 }
 
-/// The accuracy of carving, scene units.
-#[derive(Debug, Clone, Copy)]
-pub struct Softness {
-    /// The possible error of the carved surface's position.
-    pub surface: f64,
-    /// A wire or strip is thinner than this, and carving makes it thicker by no more than this.
-    pub most: f64,
-}
-
-/// The wires and strips among the solids, per cell. `is_solid` is per label, `chords` are per surface cell.
+/// The wires and strips among the solids, per cell. `is_solid` is per label, `chords` are per surface cell; `uncertainty`
+/// is the possible error of the carved surface's position, scene units.
 pub fn wires(
     cells: &Labelled,
     is_solid: &[bool],
     chords: &[Option<Chord>],
     silhouettes: &Silhouettes,
-    soft: Softness,
+    uncertainty: f64,
 ) -> Vec<Wire> {
     let mut wires = vec![Wire::default(); cells.label.len()];
     if silhouettes.views.len() < VIEWS_MIN {
         return wires;
     }
     // From the edge of a strip, a ray inward is as long as the strip is broad. Without a ray, only the depth decides.
-    let longest = (1 + BROADER) as f64 * soft.most;
+    let soft = SHEET_SLACK * uncertainty;
+    let longest = (1 + BROADER) as f64 * soft;
     let is_thin = |&i: &usize| {
         is_solid.get(cells.label[i] as usize) == Some(&true)
-            && f64::from(cells.surface.depth[i]) <= soft.most
+            && f64::from(cells.surface.depth[i]) <= soft
             && chords[cells.surface.nearest[i] as usize].is_none_or(|chord| chord.length <= longest)
     };
     let mut thin: Vec<([usize; 3], u32, usize)> = (0..cells.label.len())
@@ -110,7 +102,7 @@ pub fn wires(
         .par_iter()
         .map(|block| {
             let block: Vec<usize> = block.iter().map(|(_, _, i)| *i).collect();
-            at_cell(cells, central(cells, &block), silhouettes, soft)
+            at_cell(cells, central(cells, &block), silhouettes, uncertainty)
         })
         .collect();
     for (block, wire) in blocks.iter().zip(measured) {
@@ -127,18 +119,18 @@ fn central(cells: &Labelled, of: &[usize]) -> usize {
     of.iter().copied().min_by(|&a, &b| distance(a).total_cmp(&distance(b))).expect("a block has a cell")
 }
 
-fn at_cell(cells: &Labelled, i: usize, silhouettes: &Silhouettes, soft: Softness) -> Option<Wire> {
-    let cell = cells.grid.cell;
-    let reach = (soft.most / cell + AROUND_CELLS).ceil() as usize;
+fn at_cell(cells: &Labelled, i: usize, silhouettes: &Silhouettes, uncertainty: f64) -> Option<Wire> {
+    let (cell, soft) = (cells.grid.cell, SHEET_SLACK * uncertainty);
+    let reach = (soft / cell + AROUND_CELLS).ceil() as usize;
     let center = cells.grid.center(cells.grid.coords(i));
     let spread = Spread::around(cells, i, reach);
     if spread.variance(1) <= ELONGATED * spread.variance(2) {
-        let widths = silhouettes.widths(center, spread.axis(), soft.most);
-        if let Some(wire) = measured(&spread, widths, cell, soft) {
+        let widths = silhouettes.widths(center, spread.axis(), soft);
+        if let Some(wire) = measured(&spread, widths, cell, uncertainty) {
             return Some(wire);
         }
     }
-    if spread.thickness() * cell > soft.most {
+    if spread.thickness() * cell > soft {
         return None;
     }
     let spread = Spread::around(cells, i, BROADER * reach);
@@ -146,9 +138,8 @@ fn at_cell(cells: &Labelled, i: usize, silhouettes: &Silhouettes, soft: Softness
         return None;
     }
     // In the middle of the strip: at its rim, a cell may lie beyond the true edge.
-    let widths =
-        silhouettes.widths(center + spread.offset * cell, spread.axis(), carved_side(&spread, 1, cell) + soft.most);
-    Rectangle::of(&spread, widths, cell, soft).and_then(|rectangle| rectangle.wire(&spread, cell))
+    let widths = silhouettes.widths(center + spread.offset * cell, spread.axis(), carved_side(&spread, 1, cell) + soft);
+    Rectangle::of(&spread, widths, cell, uncertainty).and_then(|rectangle| rectangle.wire(&spread, cell))
 }
 
 /// Whether the directions of widths, all of them across an axis, differ enough to tell the shape of the cross-section.
@@ -160,12 +151,12 @@ fn are_from_several_sides(widths: &[Width]) -> bool {
 }
 
 /// A round wire or a thin strip, whichever fits the widths better.
-fn measured(spread: &Spread, widths: Vec<Width>, cell: f64, soft: Softness) -> Option<Wire> {
+fn measured(spread: &Spread, widths: Vec<Width>, cell: f64, uncertainty: f64) -> Option<Wire> {
     if !are_from_several_sides(&widths) {
         return None;
     }
     let circle = Circle::of(&widths);
-    let rectangle = Rectangle::of(spread, widths, cell, soft);
+    let rectangle = Rectangle::of(spread, widths, cell, uncertainty);
     match (circle, rectangle) {
         (Some(circle), Some(rectangle)) if rectangle.variance < circle.variance => rectangle.wire(spread, cell),
         (Some(circle), _) => Wire::of(circle.section, spread.section() * cell * cell, circle.error),
@@ -229,7 +220,7 @@ struct Rectangle {
 impl Rectangle {
     /// The rectangle that fits the widths best, without those that are far off, since something else may stand beside
     /// the strip in a few views.
-    fn of(spread: &Spread, mut widths: Vec<Width>, cell: f64, soft: Softness) -> Option<Self> {
+    fn of(spread: &Spread, mut widths: Vec<Width>, cell: f64, uncertainty: f64) -> Option<Self> {
         let edges = error_of_edges(&widths);
         let first = Fit::of(&widths, spread)?;
         let off = |width: &Width| (width.length - first.width(width)).abs();
@@ -238,17 +229,17 @@ impl Rectangle {
         let fit = Fit::of(&widths, spread)?;
         let variance = fit.residual / (widths.len() - 3) as f64;
         // The edges are as uncertain as that even if the widths agree by chance.
-        let deviation = variance.sqrt().max(edges / NINETY);
-        let of_widths = fit.covariance(&widths)?.diagonal().map(|of_one| NINETY * of_one.sqrt() * deviation);
+        let deviation = variance.sqrt().max(edges / NORMAL_90);
+        let of_widths = fit.covariance(&widths)?.diagonal().map(|of_one| NORMAL_90 * of_one.sqrt() * deviation);
         let errors = [of_widths.x.hypot(edges), of_widths.y.hypot(edges)];
         let sides = [fit.thickness, fit.breadth];
         let is_carved = |rank: usize| {
             let grown = carved_side(spread, rank, cell) - sides[rank];
-            -errors[rank] <= grown && grown <= GROWN * soft.surface
+            -errors[rank] <= grown && grown <= GROWN * uncertainty
         };
         // The photos must tell the thickness better than carving does, which may err at both surfaces, and show what was
         // carved: not a part beside it, nor one of several strips side by side.
-        let is_better = errors[0] < 2.0 * soft.surface && errors[0] < sides[0];
+        let is_better = errors[0] < 2.0 * uncertainty && errors[0] < sides[0];
         (is_better && is_carved(0) && is_carved(1)).then_some(Self { sides, errors, variance })
     }
 

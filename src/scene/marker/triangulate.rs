@@ -7,7 +7,7 @@ use nalgebra::{Matrix2x3, Matrix3, Matrix4, Point3, RowVector4, Vector2, Vector3
 
 use super::detect::{Detection, side};
 use crate::camera::Camera;
-use crate::numeric::upper_median;
+use crate::numeric::{NORMAL_90, upper_median};
 
 /// A marker in one view.
 pub(super) struct Sighting<'a> {
@@ -44,8 +44,6 @@ const ROUNDS: usize = 5;
 /// from where the views see the corners do not show it: a camera's tone curve and sharpening shift an edge by a share of
 /// its blur (in photos rendered with known blur, by up to 0.1 pixels).
 const EDGE_PX: f64 = 0.1;
-/// Standard deviations to the ends of a 90 % interval of a normal distribution.
-const NORMAL_90: f64 = 1.645;
 
 /// The corners on which most sightings agree; `None` if no two from different views do.
 pub(super) fn corners(sightings: &[Sighting]) -> Option<Corners> {
