@@ -13,7 +13,9 @@ pub fn significant(value: f64) -> String {
     if !value.is_finite() {
         return "unbounded".to_owned();
     }
-    let exponent = value.abs().log10().floor() as i32;
+    // The place of the first digit after rounding: 999.6 is 1,000.
+    let place = leading_place(value);
+    let exponent = if (value.abs() / 10f64.powi(place - 2)).round() < 1000.0 { place } else { place + 1 };
     match exponent {
         3..=6 => {
             let unit = 10f64.powi(exponent - 2);
@@ -111,7 +113,9 @@ mod tests {
     fn three_digits_are_enough() {
         let cases =
             [(0.0, "0"), (0.6014, "0.601"), (12.0, "12"), (2.0 / 3.0, "0.667"), (9996.0, "10,000"), (6152.6, "6,150")];
-        for (value, text) in cases {
+        for (value, text) in
+            cases.into_iter().chain([(999.6, "1,000"), (9_996_000.0, "1.00e7"), (0.000099996, "0.0001")])
+        {
             assert_eq!(significant(value), text);
         }
         assert_eq!(significant(-1234.0), "-1,230");

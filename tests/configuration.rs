@@ -278,6 +278,10 @@ fn the_users_file_speaks_to_commands_without_a_scene() {
     fs::write(home.folder().join("mine.csv"), format!("{header}\n{row}\n")).unwrap();
     let output = home.gprop().args(["materials", "list", "--family", "wood"]).output().unwrap();
     assert!(output.status.success() && said(&output).contains("bog oak"), "{}", said(&output));
+    let output = home.gprop().args(["materials", "list", "--family", "wood", "--json"]).output().unwrap();
+    let listed: Value = serde_json::from_slice(&output.stdout).unwrap();
+    let mine = listed.as_array().unwrap().iter().find(|one| one["name"] == "bog oak").expect("my material");
+    assert_eq!((&mine["family"], mine["density_kg_m3"].as_array().unwrap().len()), (&"wood".into(), 2));
 }
 
 #[test]

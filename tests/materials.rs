@@ -201,9 +201,9 @@ fn a_card_has_the_keys_of_the_contract() {
             + &cli::show_text(library, "pine, scots").expect("the material");
         assert!(text.contains(part), "{part:?} is not in {text}");
     }
-    let wood = cli::list_text(library, Some("Wood")).expect("the family");
+    let wood = cli::list_text(&cli::list(library, Some("Wood")).expect("the family"));
     assert!(wood.contains("oak, white") && !wood.contains("brass"), "{wood}");
-    assert!(cli::list_text(library, Some("plasma")).is_none());
+    assert!(cli::list(library, Some("plasma")).is_none());
 }
 
 const HEADER: &str = "family,name,aliases,density_kg_m3_low,density_kg_m3_high,youngs_modulus_pa_low,\

@@ -481,6 +481,13 @@ fn the_report_is_opened_by_the_users_program_and_only_if_it_is_there() {
         stderr(&broken)
     );
     assert_eq!(broken.status.code(), Some(0), "the page is complete without a browser");
+
+    // The folder that a batch was given by --out.
+    fs::remove_file(&page).unwrap();
+    fs::create_dir(scene.path().join("batch")).unwrap();
+    fs::write(scene.path().join("batch/index.html"), "").unwrap();
+    let of_batch = open(&["view"]);
+    assert!(String::from_utf8_lossy(&of_batch.stdout).contains("batch/index.html"), "{}", stderr(&of_batch));
 }
 
 #[test]

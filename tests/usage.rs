@@ -374,6 +374,7 @@ fn paths_that_are_not_there_end_with_a_code_and_their_name() {
         (&["run", data], &["holds 1 scene folder", "gprop batch", "ball-0"]),
         (&["show", scene, "field.jpg"], &["field.jpg", ".png, .gif or .mp4"]),
         (&["show", scene, "field"], &["ends in .png"]),
+        (&["show", scene, "field.gif", "--view", "001"], &["--view is for a picture of one view", "field.gif"]),
         (&["export", nowhere, "--format", "npz", "--out", data], &[nowhere]),
         (&["export", scene, "--format", "npz", "--out", file], &[file, "--out"]),
         (&["inspect", scene, "--html", data], &["--html", data]),

@@ -5,7 +5,7 @@
 
 use std::ffi::OsString;
 use std::fs::File;
-use std::io::{self, Read, Seek};
+use std::io::{self, Read, Seek, SeekFrom};
 use std::process::{Child, Command, ExitStatus, Stdio};
 use std::time::{Duration, Instant};
 
@@ -19,7 +19,7 @@ use super::select::Selected;
 /// The hidden flag that makes gprop end with its batch.
 const FLAG: &str = "--end-with-stdin";
 
-/// Most bytes, from the start of a process's stderr, that are searched for its error.
+/// Most bytes, from the end of a process's stderr, that are searched for its error.
 const MAX_STDERR_BYTES: u64 = 1 << 20;
 
 /// The task of every scene's process.
@@ -77,7 +77,7 @@ impl Running {
     /// The result of the process if it has ended.
     pub fn ended(&mut self, peak_memory_bytes: u64) -> Result<Option<Ended>, BatchError> {
         // `wait` would close its stdin; `try_wait` does not.
-        match self.process.try_wait().map_err(BatchError::Start)? {
+        match self.process.try_wait().map_err(BatchError::Process)? {
             Some(status) => Ok(Some(self.left(status, peak_memory_bytes))),
             None => Ok(None),
         }
@@ -88,14 +88,17 @@ impl Running {
     pub fn kill(&mut self, peak_memory_bytes: u64) -> Result<Ended, BatchError> {
         #[cfg(unix)]
         kill_group(rustix::process::Pid::from_child(&self.process));
-        let killed = self.process.kill().and_then(|()| self.process.wait()).map_err(BatchError::Start)?;
+        let killed = self.process.kill().and_then(|()| self.process.wait()).map_err(BatchError::Process)?;
         Ok(self.left(killed, peak_memory_bytes))
     }
 
     fn left(&mut self, status: ExitStatus, peak_memory_bytes: u64) -> Ended {
         let mut words = Vec::new();
         // If this cannot be read back, only the message is incomplete.
-        let _ = self.stderr.rewind().and_then(|()| (&mut self.stderr).take(MAX_STDERR_BYTES).read_to_end(&mut words));
+        let _ = self.stderr.seek(SeekFrom::End(0)).and_then(|bytes| {
+            self.stderr.seek(SeekFrom::Start(bytes.saturating_sub(MAX_STDERR_BYTES)))?;
+            (&mut self.stderr).take(MAX_STDERR_BYTES).read_to_end(&mut words)
+        });
         let stderr = String::from_utf8_lossy(&words).into_owned();
         Ended { status, stderr, seconds: self.since.elapsed().as_secs_f64(), peak_memory_bytes }
     }

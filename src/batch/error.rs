@@ -36,6 +36,8 @@ pub enum BatchError {
     MixedShards { folder: PathBuf, divisions: String },
     #[error("cannot start the process for a scene: {0}")]
     Start(std::io::Error),
+    #[error("cannot wait for the process of a scene or end it: {0}")]
+    Process(std::io::Error),
     #[error(
         "is not among the scenes chosen by these options; collect with the same --split, --filter, --start, --end and \
          --shard"

@@ -96,7 +96,12 @@ pub enum Standing {
 
 /// The page of a batch that was run on the scenes in `folder`, without `--out`.
 pub fn page(folder: &Path) -> PathBuf {
-    folder.join(workdir::DEFAULT_NAME).join(FOLDER).join(page::FILE)
+    page_in(&folder.join(workdir::DEFAULT_NAME))
+}
+
+/// The page of a batch whose output folder is `out`.
+pub fn page_in(out: &Path) -> PathBuf {
+    out.join(FOLDER).join(page::FILE)
 }
 
 impl Batch {

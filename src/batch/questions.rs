@@ -109,11 +109,11 @@ impl<'a> Questions<'a> {
         let (mut collected, mut failures) = (Collected::default(), Failures::new());
         for job in submitted.jobs.clone() {
             let ended = match api::collect(&self.client, &job).map_err(QueryError::BatchApi)? {
-                api::Progress::Running { counts, .. } => {
+                api::JobProgress::Running { counts, .. } => {
                     collected.add_running(counts, job.waiting.len());
                     continue;
                 }
-                api::Progress::Ended(ended) => ended,
+                api::JobProgress::Ended(ended) => ended,
             };
             let mut by_scene: BTreeMap<String, Vec<(Waiting, Answered)>> = BTreeMap::new();
             for (waiting, answered) in ended.answered {

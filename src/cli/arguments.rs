@@ -161,7 +161,7 @@ pub struct ShowArgs {
     /// The subject of the picture.
     #[arg(long, value_enum, default_value_t)]
     pub what: What,
-    /// Name of the view; it need not have voted, except for `--what vote` [default: the voting view that shows most of the
+    /// Name of the view of a .png; it need not have voted, except for `--what vote` [default: the voting view that shows most of the
     /// object]
     #[arg(long, value_name = "NAME")]
     pub view: Option<String>,
@@ -287,7 +287,7 @@ pub struct ReportArgs {
 
 #[derive(Debug, Args)]
 pub struct ViewArgs {
-    /// Scene folder, work folder, or folder on which `gprop batch` was run.
+    /// Scene folder, work folder, folder on which `gprop batch` was run, or the folder given to it with --out.
     pub folder: PathBuf,
 }
 
@@ -552,7 +552,7 @@ pub enum Materials {
         #[command(flatten)]
         library: materials::Options,
     },
-    /// List the names of all materials, or of those in one family.
+    /// List all materials, or those of one family, with density and Young's modulus.
     List {
         /// Only this family.
         #[arg(long, value_name = "NAME")]

@@ -5,8 +5,9 @@ use std::path::Path;
 use serde::Serialize;
 
 use crate::batch::{Batch, BatchError, Outcome, QuestionStep, Questions, Shard, Standing, State, Summary, Task};
+use crate::error::UsageError;
 use crate::output::one_line;
-use crate::pipeline;
+use crate::pipeline::{self, Stage};
 use crate::progress::{self, Progress};
 use crate::query::AnswerSource;
 use crate::query::client;
@@ -30,6 +31,7 @@ pub fn run(global: &Global, args: &BatchArgs) -> anyhow::Result<()> {
         scene::check_without_simulation(args.to)?;
         flags.push("--no-simulate".into());
     }
+    check_from(args)?;
     let task = Task { to: args.to, from: args.from, flags, max_usd, threads: global.threads };
     let batch = Batch::new(&args.folder, args.out.as_deref(), args.batch.clone(), task)?;
     batch.warnings().iter().for_each(|warning| tracing::warn!("{warning}"));
@@ -131,6 +133,21 @@ fn dry_run(global: &Global, batch: &Batch) -> anyhow::Result<()> {
         scenes.iter().map(line).chain(skipped).collect::<String>()
             + &format!("{} in shard {index}/{of}", counted(scenes.len(), "scene"))
     })
+}
+
+/// Refuses a `--from` that would be ignored or that every scene would refuse.
+fn check_from(args: &BatchArgs) -> Result<(), UsageError> {
+    let problem = match (args.queries, args.from) {
+        (None, from) => return scene::check_from(from, args.to),
+        (Some(QuestionStep::Submit), Some(from)) if from > Stage::Segment => {
+            format!("--queries submit can redo only scene and segment; leave out --from {}", from.name())
+        }
+        (Some(QuestionStep::Collect), Some(from)) => {
+            format!("--queries collect does no stage; leave out --from {}", from.name())
+        }
+        (Some(_), _) => return Ok(()),
+    };
+    Err(UsageError(problem))
 }
 
 fn questions(global: &Global, step: QuestionStep, batch: &Batch, questions: &Questions) -> anyhow::Result<()> {

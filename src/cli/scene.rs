@@ -85,6 +85,10 @@ pub fn show(global: &Global, args: &ShowArgs) -> anyhow::Result<()> {
         let problem = format!("--what vote and levels are pictures of one view: name a .png instead of {:?}", args.to);
         return Err(UsageError(problem).into());
     }
+    if film.is_some() && args.view.is_some() {
+        let problem = format!("--view is for a picture of one view: name a .png instead of {:?}", args.to);
+        return Err(UsageError(problem).into());
+    }
     let needed = if args.what == What::Levels { Stage::Scene } else { Stage::Vote };
     if args.work.dry_run {
         return run(global, &args.scene, &args.work, needed);
@@ -144,11 +148,17 @@ fn open_with(
 }
 
 fn plan(work: &WorkArgs, to: Stage) -> Result<Plan, UsageError> {
-    match work.from {
+    check_from(work.from, to)?;
+    Ok(Plan { to, from: work.from })
+}
+
+/// Refuses a first stage that comes after the last.
+pub fn check_from(from: Option<Stage>, to: Stage) -> Result<(), UsageError> {
+    match from {
         Some(from) if from > to => {
             Err(UsageError(format!("--from {} comes after the last stage, {}", from.name(), to.name())))
         }
-        from => Ok(Plan { to, from }),
+        _ => Ok(()),
     }
 }
 

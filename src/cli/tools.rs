@@ -71,9 +71,8 @@ pub fn materials(global: &Global, what: &Materials) -> anyhow::Result<()> {
         Materials::List { family, library: options } => {
             let all = options.library()?;
             let family = family.as_deref();
-            let text = library::list_text(&all, family).ok_or_else(|| unknown_family(&all, family))?;
-            let names: Vec<&str> = text.lines().collect();
-            print(global, &names, || text.clone())
+            let listed = library::list(&all, family).ok_or_else(|| unknown_family(&all, family))?;
+            print(global, &listed, || library::list_text(&listed))
         }
         Materials::Check { stats: with_stats, library: options } => {
             let all = options.library()?;

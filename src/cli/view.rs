@@ -32,10 +32,11 @@ pub fn view(global: &Global, args: &ViewArgs) -> anyhow::Result<()> {
     print(global, &page, || shown(&page))
 }
 
-/// The page in a scene, a work folder or a folder of scenes.
+/// The page in a scene, a work folder, a folder of scenes or the folder that a batch was given by `--out`.
 fn page_of(folder: &Path) -> Result<PathBuf, UsageError> {
     let report = Artifact::ReportHtml.path();
-    let places = [work_folder(folder, None).join(&report), folder.join(&report), batch::page(folder)];
+    let places =
+        [work_folder(folder, None).join(&report), folder.join(&report), batch::page(folder), batch::page_in(folder)];
     let found = places.into_iter().find(|page| page.is_file());
     found.ok_or_else(|| {
         UsageError(format!(

@@ -71,7 +71,7 @@ pub enum MasksError {
 pub struct Comparison {
     pub count: usize,
     pub reference_count: usize,
-    /// Over the pairs; without pairs, 1 if both lists are empty, else 0.
+    /// Over the pairs, as is the minimum; without pairs, both are 1 if both lists are empty, else 0.
     pub matched_mean_iou: f64,
     pub matched_min_iou: f64,
     /// Masks without a partner, on both sides.
@@ -191,15 +191,16 @@ fn compare_list(ours: &[Candidate], theirs: &[(Mask, &ReferenceMask)]) -> Compar
         let differences = pairs.iter().map(|&(_, i, j)| f64::from(difference(&ours[i], theirs[j].1).abs()));
         differences.fold(0.0, f64::max)
     };
+    let without_pairs = f64::from(u8::from(ours.is_empty() && theirs.is_empty()));
     Comparison {
         count: ours.len(),
         reference_count: theirs.len(),
         matched_mean_iou: if pairs.is_empty() {
-            f64::from(u8::from(ours.is_empty() && theirs.is_empty()))
+            without_pairs
         } else {
             pairs.iter().map(|pair| pair.0).sum::<f64>() / pairs.len() as f64
         },
-        matched_min_iou: pairs.iter().map(|pair| pair.0).fold(1.0, f64::min),
+        matched_min_iou: pairs.iter().map(|pair| pair.0).reduce(f64::min).unwrap_or(without_pairs),
         unmatched: ours.len() + theirs.len() - 2 * pairs.len(),
         predicted_iou_max_difference: largest(&|our, their| our.predicted_iou - their.predicted_iou),
         stability_max_difference: largest(&|our, their| our.stability - their.stability_score),
@@ -251,7 +252,9 @@ mod tests {
     #[test]
     fn nothing_found_is_no_agreement_unless_nothing_was_there() {
         let reference = reference_mask(0.8);
-        assert_eq!(compare_list(&[], &[(columns(0, 9), &reference)]).matched_mean_iou, 0.0);
-        assert_eq!(compare_list(&[], &[]).matched_mean_iou, 1.0);
+        let nothing = compare_list(&[], &[(columns(0, 9), &reference)]);
+        assert_eq!((nothing.matched_mean_iou, nothing.matched_min_iou), (0.0, 0.0));
+        let both = compare_list(&[], &[]);
+        assert_eq!((both.matched_mean_iou, both.matched_min_iou), (1.0, 1.0));
     }
 }

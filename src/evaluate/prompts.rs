@@ -35,8 +35,8 @@ pub struct Outcome {
     pub per_part: BTreeMap<u8, f64>,
 }
 
-/// A view and the true part of each of its pixels.
-pub struct TrueView {
+/// A photo and the true part of each of its pixels.
+pub struct TruePhoto {
     pub name: String,
     pub photo: Photo,
     /// 255 for pixels without a part.
@@ -47,7 +47,7 @@ pub struct TrueView {
 pub fn compare(
     segmenter: &Segmenter,
     scene: &str,
-    views: &[TrueView],
+    views: &[TruePhoto],
     options: &Options,
 ) -> Result<Comparison, SegmentError> {
     let run = |point_prompts| segment(segmenter, views, &Options { point_prompts, ..options.clone() });
@@ -59,7 +59,7 @@ pub fn compare(
     })
 }
 
-fn segment(segmenter: &Segmenter, views: &[TrueView], options: &Options) -> Result<Outcome, SegmentError> {
+fn segment(segmenter: &Segmenter, views: &[TruePhoto], options: &Options) -> Result<Outcome, SegmentError> {
     let (asked, started, mut tally) = (Asked::default(), Instant::now(), IouTally::default());
     for view in views {
         let segments = segmenter.segment_view(&view.name, &view.photo, options, &asked)?;

@@ -7,6 +7,7 @@ use serde::Serialize;
 use super::GraspError;
 use super::calibration::{CalibrationPoint, Fit};
 use super::gripper::GripperProfile;
+use crate::files;
 use crate::plots::{self, Mark, Panel, Series};
 
 /// A fit together with its measurements.
@@ -102,8 +103,8 @@ impl CalibrationReport {
 
 fn read(path: &Path) -> Result<Vec<CalibrationPoint>, GraspError> {
     let error = |error: csv::Error| GraspError::ReadPoints { path: path.to_owned(), message: error.to_string() };
-    let mut reader =
-        csv::ReaderBuilder::new().trim(csv::Trim::All).comment(Some(b'#')).from_path(path).map_err(error)?;
+    let file = files::open(path).map_err(|source| error(source.into()))?;
+    let mut reader = csv::ReaderBuilder::new().trim(csv::Trim::All).comment(Some(b'#')).from_reader(file);
     reader.deserialize().collect::<Result<_, _>>().map_err(error)
 }
 

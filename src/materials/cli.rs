@@ -35,6 +35,15 @@ pub struct Card {
     pub sources: serde_json::Map<String, serde_json::Value>,
 }
 
+/// A material in a list, as `list --json` prints it: SI, ranges as `[low, high]`.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct Listed {
+    pub name: String,
+    pub family: String,
+    pub density_kg_m3: Range,
+    pub youngs_modulus_pa: Range,
+}
+
 /// The card of the material that `name` names or is nearest to; `None` if no name shares a word with it.
 pub fn show(library: &MaterialLibrary, name: &str) -> Option<Card> {
     let (material, match_score) = library.nearest(name)?;
@@ -120,21 +129,31 @@ pub fn show_text(library: &MaterialLibrary, name: &str) -> Option<String> {
     Some(format!("{}\n{text}{}", material.name, sources_text(library, material)))
 }
 
-/// The materials as a table, of one family or of all; `None` if there is no such family.
-pub fn list_text(library: &MaterialLibrary, family: Option<&str>) -> Option<String> {
+/// The materials of one family or of all; `None` if there is no such family.
+pub fn list(library: &MaterialLibrary, family: Option<&str>) -> Option<Vec<Listed>> {
     let family = match family {
         Some(name) => Some(library.family(name)?),
         None => None,
     };
     let chosen = |material: &&Material| family.is_none_or(|family| family.name == material.family);
+    let listed = |material: &Material| Listed {
+        name: material.name.clone(),
+        family: material.family.clone(),
+        density_kg_m3: material.density_kg_m3,
+        youngs_modulus_pa: material.youngs_modulus_pa,
+    };
+    Some(library.materials().iter().filter(chosen).map(listed).collect())
+}
+
+/// The materials of a list as a table.
+pub fn list_text(listed: &[Listed]) -> String {
     let mut text = String::new();
     let _ = writeln!(text, "{:<38} {:<20} {:>14} {:>16}", "name", "family", "density kg/m3", "Young's modulus");
-    for material in library.materials().iter().filter(chosen) {
-        let density = span(material.density_kg_m3, "");
-        let youngs = stress(material.youngs_modulus_pa);
-        let _ = writeln!(text, "{:<38} {:<20} {density:>14} {youngs:>16}", material.name, material.family);
+    for Listed { name, family, density_kg_m3, youngs_modulus_pa } in listed {
+        let (density, youngs) = (span(*density_kg_m3, ""), stress(*youngs_modulus_pa));
+        let _ = writeln!(text, "{name:<38} {family:<20} {density:>14} {youngs:>16}");
     }
-    Some(text)
+    text
 }
 
 /// The output of `check`, and true if the library can be released.

@@ -18,7 +18,7 @@ pub fn material_colors(field: &MaterialField) -> Vec<[f32; 3]> {
     field.part_label.iter().map(|&label| of_label[label as usize]).collect()
 }
 
-/// One colour per Gaussian for the confidence in its label, from dark blue (never seen) through green to yellow (all
+/// One colour per Gaussian for the confidence in its label, from dark purple (never seen) through green to yellow (all
 /// votes agree).
 pub fn confidence_colors(field: &MaterialField) -> Vec<[f32; 3]> {
     field.confidence.iter().map(|confidence| palette::scale(*confidence)).collect()

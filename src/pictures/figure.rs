@@ -29,15 +29,15 @@ pub enum Shown {
     Materials,
     /// Each Gaussian in its part's colour, with a legend
     Parts,
-    /// Each Gaussian's confidence: from dark blue, not seen, to yellow, all votes agree
+    /// Each Gaussian's confidence: from dark purple, not seen, to yellow, all votes agree
     Confidence,
-    /// Shore hardness: from dark blue, Shore A 0, to yellow, Shore D 100; grey without a hardness
+    /// Shore hardness: from dark purple, Shore A 0, to yellow, Shore D 100; grey without a hardness
     Hardness,
-    /// Young's modulus, on a logarithmic scale from dark blue, soft, to yellow, stiff
+    /// Young's modulus, on a logarithmic scale from dark purple, soft, to yellow, stiff
     YoungsModulus,
-    /// Density, on a logarithmic scale from dark blue, light, to yellow, heavy
+    /// Density, on a logarithmic scale from dark purple, light, to yellow, heavy
     Density,
-    /// Friction on rubber, from dark blue, none, to yellow, high
+    /// Friction on rubber, from dark purple, none, to yellow, high
     Friction,
 }
 

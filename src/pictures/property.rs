@@ -36,7 +36,7 @@ impl Property {
         }
     }
 
-    /// One colour per Gaussian, from dark blue, low, through green to yellow, high; grey if its part has no such value.
+    /// One colour per Gaussian, from dark purple, low, through green to yellow, high; grey if its part has no such value.
     pub fn colors(self, field: &MaterialField) -> Vec<[f32; 3]> {
         let scale = self.scale(field);
         let of_label: Vec<[f32; 3]> = field.labels.iter().map(|label| self.color(label, scale)).collect();

@@ -7,7 +7,7 @@ use std::collections::BTreeMap;
 use anyhow::Result;
 
 use crate::query::question::About;
-use crate::query::rounds::{self, Ask, Outcomes, PartOrPiece, Subject};
+use crate::query::rounds::{self, Outcomes, PartOrPiece, Subject, Target};
 use crate::query::{Answers, Outcome, SegmentAnswer};
 use crate::scene::ScaleChoice;
 use crate::segment::{LabelMap, ViewSegments};
@@ -57,7 +57,7 @@ impl Pipeline {
             return Ok(self.segmentation()?.views.iter().map(|view| Cow::Borrowed(&view.map)).collect());
         };
         let index = self.view_indices();
-        let ask = |answer: &SegmentAnswer| Some(Ask { view: *index.get(answer.view.as_str())?, id: answer.segment });
+        let ask = |answer: &SegmentAnswer| Some(Target { view: *index.get(answer.view.as_str())?, id: answer.segment });
         let outcomes: Outcomes =
             answers.segments.iter().filter_map(|answer| Some((ask(answer)?, &answer.outcome))).collect();
         let settled = rounds::settled(&found.subjects(&index), &outcomes);

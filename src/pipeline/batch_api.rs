@@ -10,7 +10,7 @@ use serde::Serialize;
 use crate::output::counted;
 use crate::query::answer::Unknown;
 use crate::query::asker::{Ask, AskError, Asker};
-use crate::query::batch_api::{self, Answered, Progress, Request, Submitted, Waiting};
+use crate::query::batch_api::{self, Answered, JobProgress, Request, Submitted, Waiting};
 use crate::query::budget::Budget;
 use crate::query::client::{Client, ClientError, RequestCounts};
 use crate::query::cost::Cost;
@@ -147,8 +147,8 @@ impl QuerySession<'_> {
         let mut collected = Collected::default();
         for job in submitted.jobs.clone() {
             match batch_api::collect(client, &job).map_err(QueryError::BatchApi)? {
-                Progress::Running { counts, .. } => collected.add_running(counts, job.waiting.len()),
-                Progress::Ended(ended) => {
+                JobProgress::Running { counts, .. } => collected.add_running(counts, job.waiting.len()),
+                JobProgress::Ended(ended) => {
                     for (waiting, answered) in ended.answered {
                         match self.record(&queries, client, waiting, answered)? {
                             Ok(()) => collected.recorded += 1,

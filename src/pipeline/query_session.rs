@@ -19,7 +19,7 @@ use crate::query::cost::{Price, PriceTable};
 use crate::query::exchange::{self, Imported};
 use crate::query::question::About;
 use crate::query::recorded::Recordings;
-use crate::query::rounds::{Ask, Outcomes, Subject};
+use crate::query::rounds::{Outcomes, Subject, Target};
 use crate::query::{
     Answers, Options, Outcome, Preview, Prompts, Queries, SegmentAnswer, SegmentQuery, SizeAnswer, SizeQuery, ViewInput,
 };
@@ -142,16 +142,16 @@ impl<'a> QuerySession<'a> {
     }
 
     /// The questions to ask next, by view and id.
-    fn due(&self, answers: &BTreeMap<Ask, Outcome>) -> Vec<Ask> {
+    fn due(&self, answers: &BTreeMap<Target, Outcome>) -> Vec<Target> {
         let outcomes: Outcomes = answers.iter().map(|(&ask, outcome)| (ask, outcome)).collect();
-        let mut due: Vec<Ask> =
+        let mut due: Vec<Target> =
             self.subjects.iter().flat_map(|subject| subject.due(self.ask_views, &outcomes)).collect();
         due.sort_unstable();
         due
     }
 
     /// The questions `asks`, which are sorted, with their sheets.
-    fn prepare(&self, asks: &[Ask]) -> Result<Queries<'_>> {
+    fn prepare(&self, asks: &[Target]) -> Result<Queries<'_>> {
         let ids_of = |view: usize, map: usize| -> Vec<u16> {
             let ids = asks.iter().filter(|ask| ask.view == view).map(|ask| ask.id);
             let maps = &self.views[view].maps;
@@ -176,9 +176,9 @@ impl<'a> QuerySession<'a> {
         Ok(Queries { size: self.size.as_ref(), ..self.prepare(&[])? })
     }
 
-    fn place(&self, view: &str, id: u16) -> Ask {
+    fn place(&self, view: &str, id: u16) -> Target {
         let view = self.views.iter().position(|other| other.name == view);
-        Ask { view: view.expect("questions are about the session's views"), id }
+        Target { view: view.expect("questions are about the session's views"), id }
     }
 
     /// Estimates what would be sent, and its cost.
@@ -208,7 +208,7 @@ impl<'a> QuerySession<'a> {
             let run = round.run(&self.recordings, asker, &budget, &mut |_, _| Ok(()), self.progress)?;
             answers.extend(due.into_iter().zip(run.answers.segments.into_iter().map(|answer| answer.outcome)));
         }
-        let segments = answers.into_iter().map(|(Ask { view, id }, outcome)| SegmentAnswer {
+        let segments = answers.into_iter().map(|(Target { view, id }, outcome)| SegmentAnswer {
             view: self.views[view].name.to_owned(),
             segment: id,
             outcome,
@@ -228,7 +228,7 @@ impl<'a> QuerySession<'a> {
         let queries = self.queries()?;
         // The number of a segment identifies it only within its view; the number of a part is the same in all views.
         let part_of = |query: &SegmentQuery| {
-            let is_its = |ask: &Ask| self.views[ask.view].name == query.view && ask.id == query.segment;
+            let is_its = |ask: &Target| self.views[ask.view].name == query.view && ask.id == query.segment;
             let subject = self.subjects.iter().position(|subject| subject.all().iter().any(is_its));
             (subject.unwrap_or(self.subjects.len()), query.segment)
         };

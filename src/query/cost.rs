@@ -178,6 +178,9 @@ impl Cost {
 impl std::fmt::Display for Cost {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         let Self { requests, input_tokens, output_tokens, .. } = self;
+        if *requests == 0 {
+            return f.write_str("nothing");
+        }
         let requests = counted(*requests, "request");
         write!(f, "{requests}, about {input_tokens} tokens in and {output_tokens} out, {}", dollars(self.usd))
     }

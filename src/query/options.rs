@@ -125,13 +125,13 @@ pub struct Options {
     #[serde(skip)]
     pub lmm_timeout_s: u64,
 
-    /// Total seconds that a question may wait if the server asks it to (Retry-After); the question fails if the server asks
+    /// Total seconds that a request may wait if the server asks it to (Retry-After); the request fails if the server asks
     /// for more
     #[arg(long, value_name = "SECONDS", default_value_t = WAIT_S, value_parser = from_to(0, MOST_S))]
     #[serde(skip)]
     pub lmm_wait_s: u64,
 
-    /// Number of retries after a dropped connection, a time-out, or status 408, 409, 429 or 5xx
+    /// Number of retries after a dropped connection, a time-out, or status 408, 409, 425, 429 or 5xx
     #[arg(long, value_name = "N", default_value_t = RETRIES, value_parser = from_to(0, MOST_RETRIES))]
     #[serde(skip)]
     pub lmm_retries: u32,

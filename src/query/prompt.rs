@@ -52,6 +52,9 @@ const PART_SCHEMA: &str = "answer.schema.json";
 const SEGMENT_SCHEMA: &str = "segment.schema.json";
 const FAMILY: &str = "family.txt";
 const CORRECTION: &str = "correction.txt";
+const SIZE: &str = "size.txt";
+const PICTURE_GLOBAL_LOCAL: &str = "picture_global_local.txt";
+const PICTURE_LOCAL: &str = "picture_local.txt";
 const SIZE_SCHEMA: &str = "size.schema.json";
 
 impl Prompts {
@@ -88,21 +91,21 @@ impl Prompts {
             segment: text(SEGMENT, include_str!("../../prompts/segment.txt"))?,
             family: text(FAMILY, include_str!("../../prompts/family.txt"))?,
             correction: text(CORRECTION, include_str!("../../prompts/correction.txt"))?,
-            picture_global_local: text(
-                "picture_global_local.txt",
-                include_str!("../../prompts/picture_global_local.txt"),
-            )?,
-            picture_local: text("picture_local.txt", include_str!("../../prompts/picture_local.txt"))?,
+            picture_global_local: text(PICTURE_GLOBAL_LOCAL, include_str!("../../prompts/picture_global_local.txt"))?,
+            picture_local: text(PICTURE_LOCAL, include_str!("../../prompts/picture_local.txt"))?,
             part_schema: json(PART_SCHEMA, include_str!("../../prompts/answer.schema.json"))?,
             segment_schema: json(SEGMENT_SCHEMA, include_str!("../../prompts/segment.schema.json"))?,
             family_schema: json("family.schema.json", include_str!("../../prompts/family.schema.json"))?,
-            size: text("size.txt", include_str!("../../prompts/size.txt"))?,
+            size: text(SIZE, include_str!("../../prompts/size.txt"))?,
             size_schema: json(SIZE_SCHEMA, include_str!("../../prompts/size.schema.json"))?,
         };
         prompts.part(Context::GlobalLocal, "", "")?;
         prompts.segment(Context::GlobalLocal, "")?;
         prompts.family(Context::GlobalLocal, "")?;
         prompts.correction("")?;
+        check_plain(SIZE, &prompts.size)?;
+        check_plain(PICTURE_GLOBAL_LOCAL, &prompts.picture_global_local)?;
+        check_plain(PICTURE_LOCAL, &prompts.picture_local)?;
         Ok(prompts)
     }
 
@@ -176,6 +179,14 @@ impl Prompts {
             Context::GlobalLocal => self.picture_global_local.trim(),
             Context::Local => self.picture_local.trim(),
         }
+    }
+}
+
+/// Checks that a text, which is sent as it is, has no placeholder, comment or statement of a template.
+fn check_plain(file: &str, text: &str) -> Result<(), PromptError> {
+    match render(file, text, context! {})? {
+        rendered if rendered.trim() == text.trim() => Ok(()),
+        _ => Err(PromptError::Template { file: file.into(), problem: "it is sent as it is, not as a template".into() }),
     }
 }
 

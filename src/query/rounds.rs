@@ -5,9 +5,9 @@ use std::collections::BTreeMap;
 
 use super::{Answer, Outcome};
 
-/// A question about one segment of one view, or about one part or piece as one view shows it.
+/// What a question asks about: one segment of one view, or one part or piece as one view shows it.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
-pub struct Ask {
+pub struct Target {
     /// Index of the view.
     pub view: usize,
     /// Its id in the view's label map.
@@ -29,7 +29,7 @@ pub struct Subject {
 const VIEWS_OF_PIECE: usize = 1;
 
 /// The outcomes so far.
-pub type Outcomes<'a> = BTreeMap<Ask, &'a Outcome>;
+pub type Outcomes<'a> = BTreeMap<Target, &'a Outcome>;
 
 /// A part of the object, or a piece of one.
 #[derive(Debug, Clone, PartialEq)]
@@ -67,7 +67,7 @@ impl Subject {
 
     /// The questions to ask next, given the outcomes so far: none if the answers suffice, or if all views are used up.
     /// The first questions go to the first `views` views.
-    pub fn due(&self, views: usize, outcomes: &Outcomes) -> Vec<Ask> {
+    pub fn due(&self, views: usize, outcomes: &Outcomes) -> Vec<Target> {
         let mut own = self.due_about_itself(views, outcomes);
         if own.is_empty() && self.is_split(outcomes) {
             own = self.pieces.iter().flat_map(|piece| piece.due(VIEWS_OF_PIECE, outcomes)).collect();
@@ -75,10 +75,10 @@ impl Subject {
         own
     }
 
-    fn due_about_itself(&self, views: usize, outcomes: &Outcomes) -> Vec<Ask> {
+    fn due_about_itself(&self, views: usize, outcomes: &Outcomes) -> Vec<Target> {
         for count in views.min(self.views.len())..=self.views.len() {
             let asks = || self.asks().take(count);
-            let open: Vec<Ask> = asks().filter(|ask| !outcomes.contains_key(ask)).collect();
+            let open: Vec<Target> = asks().filter(|ask| !outcomes.contains_key(ask)).collect();
             if !open.is_empty() {
                 return open;
             }
@@ -97,16 +97,16 @@ impl Subject {
     }
 
     /// All questions that it may lead to.
-    pub fn all(&self) -> Vec<Ask> {
+    pub fn all(&self) -> Vec<Target> {
         self.asks().chain(self.pieces.iter().flat_map(Self::all)).collect()
     }
 
-    fn asks(&self) -> impl Iterator<Item = Ask> {
-        self.views.iter().map(|&view| Ask { view, id: self.id })
+    fn asks(&self) -> impl Iterator<Item = Target> {
+        self.views.iter().map(|&view| Target { view, id: self.id })
     }
 }
 
-fn answers<'a>(asks: impl Iterator<Item = Ask>, outcomes: &Outcomes<'a>) -> Vec<&'a Answer> {
+fn answers<'a>(asks: impl Iterator<Item = Target>, outcomes: &Outcomes<'a>) -> Vec<&'a Answer> {
     let answered = |ask| match outcomes.get(&ask) {
         Some(Outcome::Answered(answer)) => Some(answer),
         _ => None,
@@ -145,7 +145,7 @@ mod tests {
     /// The views in which to ask about `subject` next, once its questions, in the order in which they are asked, have
     /// these outcomes.
     fn due(subject: &Subject, given: &[Outcome]) -> Vec<usize> {
-        let outcomes: Outcomes = subject.views.iter().map(|&view| Ask { view, id: subject.id }).zip(given).collect();
+        let outcomes: Outcomes = subject.views.iter().map(|&view| Target { view, id: subject.id }).zip(given).collect();
         subject.due(3, &outcomes).iter().map(|ask| ask.view).collect()
     }
 
@@ -177,11 +177,11 @@ mod tests {
         assert_eq!(*whole, Subject { pieces: vec![part(5, &[1]), part(6, &[0, 1])], ..part(2, &[0, 1]) });
         assert_eq!(subjects[1..], [part(3, &[2])]);
         let outcome = [answer("wood", "oak", true), answer("metal", "steel", false), answer("wood", "oak", true)];
-        let mut outcomes: Outcomes = [(Ask { view: 0, id: 2 }, &outcome[0])].into();
-        assert_eq!(whole.due(1, &outcomes), [Ask { view: 1, id: 5 }, Ask { view: 0, id: 6 }]);
+        let mut outcomes: Outcomes = [(Target { view: 0, id: 2 }, &outcome[0])].into();
+        assert_eq!(whole.due(1, &outcomes), [Target { view: 1, id: 5 }, Target { view: 0, id: 6 }]);
         assert!(whole.is_split(&outcomes));
         assert!(settled(&subjects, &outcomes).is_empty(), "pieces stand for themselves");
-        outcomes.insert(Ask { view: 1, id: 2 }, &outcome[1]);
+        outcomes.insert(Target { view: 1, id: 2 }, &outcome[1]);
         assert!(!whole.is_split(&outcomes), "one of two says so");
         assert_eq!(settled(&subjects, &outcomes), [(5, 2), (6, 2)].into());
         assert!(!part(2, &[0]).is_split(&outcomes), "there is nothing else to ask about");

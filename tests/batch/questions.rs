@@ -26,6 +26,13 @@ fn all_scenes_queries_go_out_and_come_in_together() {
         command.args(["--queries", step]).args(more);
         command
     };
+    let later = step("submit", &["--from", "vote"]).output().unwrap();
+    assert_eq!(later.status.code(), Some(2));
+    assert!(stderr(&later).contains("leave out --from vote"), "{}", stderr(&later));
+    let collect = step("collect", &["--from", "scene"]).output().unwrap();
+    assert!(stderr(&collect).contains("leave out --from scene"), "{}", stderr(&collect));
+    let after = batch(&balls, &["--from", "simulate"]).output().unwrap();
+    assert!(stderr(&after).contains("--from simulate comes after the last stage"), "{}", stderr(&after));
     std::fs::write(balls.scene(1).join("transforms.json"), "{").unwrap();
     // Two scenes with three views of two segments each; the first question is asked at once.
     let sent = json_of(&mut step("submit", &[]), 6);

@@ -86,26 +86,63 @@ fn a_wire_is_as_thick_as_the_photos_show_it() {
     assert_eq!(ball, same_ball, "what is thick is measured as without photos");
 }
 
+/// The volume of bars with these centres and half sides: by carving alone, measured in the photos of `eyes` too, and the
+/// true one. In the splat, each side of a bar is longer by `soft` at either end.
+fn bars(bars: &[(Vector3<f64>, Vector3<f64>)], soft: f64, eyes: &[Camera]) -> (Estimate, Estimate, f64) {
+    let mut cloud = Cloud::default();
+    for (center, half) in bars {
+        for (point, normal, part) in Cloud::cuboid(half.add_scalar(soft), 0.01).points {
+            cloud.add(point + center, normal, part);
+        }
+    }
+    let distance = |p: Point3<f64>| {
+        let to_bar = |(center, half): &(Vector3<f64>, Vector3<f64>)| {
+            let beyond = (p.coords - center).abs() - half;
+            beyond.sup(&Vector3::zeros()).norm() + beyond.max().min(0.0)
+        };
+        bars.iter().map(to_bar).fold(f64::INFINITY, f64::min)
+    };
+    let photos: Vec<Option<GrayImage>> = eyes.iter().map(|eye| Some(photo(eye, distance))).collect();
+    let volume = |coverage: &[Option<GrayImage>]| {
+        measured(&cloud, 0.006, &[Form::Solid], eyes, coverage).parts[0].volume_m3.unwrap()
+    };
+    (volume(&[]), volume(&photos), bars.iter().map(|(_, half)| 8.0 * half.product()).sum())
+}
+
 #[test]
 fn a_blade_is_as_thick_as_the_photos_show_its_edge() {
-    // In the splat, each side of the blade is two pixels longer: it is twice as thick.
+    // In the splat, it is twice as thick.
     let half = Vector3::new(0.8, 0.05, 0.01);
-    let cloud = Cloud::cuboid(half.add_scalar(0.01), 0.01);
-    let distance = |p: Point3<f64>| {
-        let beyond = p.coords.abs() - half;
-        beyond.sup(&Vector3::zeros()).norm() + beyond.max().min(0.0)
-    };
-    let eyes = cameras(4.0, 60, |_| true);
-    let photos: Vec<Option<GrayImage>> = eyes.iter().map(|eye| Some(photo(eye, distance))).collect();
-    let truth = 8.0 * half.product();
-    let volume = |coverage: &[Option<GrayImage>]| {
-        measured(&cloud, 0.006, &[Form::Solid], &eyes, coverage).parts[0].volume_m3.unwrap()
-    };
-    let (blurred, blade) = (volume(&[]), volume(&photos));
-    assert!(error(blurred, truth) > 0.9, "without photos, the blade is as thick as its splat");
+    let (carved, blade, truth) = bars(&[(Vector3::zeros(), half)], 0.01, &cameras(4.0, 60, |_| true));
+    assert!(error(carved, truth) > 0.9, "without photos, the blade is as thick as its splat");
     assert!(error(blade, truth).abs() < 0.2);
     assert!(blade.low <= truth && truth <= blade.high, "{blade:?}");
-    assert!(blade.high / blade.low < 0.75 * blurred.high / blurred.low, "{blade:?}, {blurred:?}");
+    assert!(blade.high / blade.low < 0.75 * carved.high / carved.low, "{blade:?}, {carved:?}");
+}
+
+/// The photos must not make the volume worse.
+fn assert_no_worse((carved, photographed, truth): (Estimate, Estimate, f64)) {
+    let [with, without] = [photographed, carved].map(|volume| error(volume, truth).abs());
+    assert!(with <= without, "{photographed:?}, {carved:?}, {truth}");
+}
+
+#[test]
+fn a_strip_that_lies_flat_is_no_worse_for_views_of_its_upper_face_alone() {
+    let above = cameras(4.0, 60, |n| n.z > 0.3);
+    assert_no_worse(bars(&[(Vector3::zeros(), Vector3::new(0.8, 0.05, 0.01))], 0.01, &above));
+}
+
+#[test]
+fn two_slats_side_by_side_are_not_one() {
+    let half = Vector3::new(0.8, 0.04, 0.012);
+    let all = cameras(4.0, 60, |_| true);
+    assert_no_worse(bars(&[(Vector3::new(0.0, -0.06, 0.0), half), (Vector3::new(0.0, 0.06, 0.0), half)], 0.01, &all));
+}
+
+#[test]
+fn a_flat_bar_is_not_round() {
+    let all = cameras(4.0, 60, |_| true);
+    assert_no_worse(bars(&[(Vector3::zeros(), Vector3::new(0.8, 0.03, 0.015))], 0.01, &all));
 }
 
 /// The side of a cylinder of radius 0.6 and height 1.2, a sheet far thinner than the splat is soft.

@@ -118,6 +118,7 @@ fn bad_lines_are_numbered_and_good_ones_kept() {
         json!({ "query": names[0], "answer": good() }).to_string(),
         json!({ "query": names[3], "answer": null }).to_string(),
         json!({ "query": names[4], "answer": good() }).to_string(),
+        json!({ "query": names[1], "answer": good() }).to_string(),
     ];
     fs::write(out.join("answers.jsonl"), lines.join("\n")).unwrap();
 
@@ -128,13 +129,13 @@ fn bad_lines_are_numbered_and_good_ones_kept() {
     let manifest = fs::read_to_string(out.join("manifest.json")).unwrap();
     fs::write(out.join("manifest.json"), manifest.replace("\"model\":null", "\"model\":\"a person\"")).unwrap();
     let imported = exchange::import(&out, None, &queries, &store).unwrap();
-    assert_eq!((imported.recorded, imported.unanswered), (2, 4), "a rejected answer is none");
+    assert_eq!((imported.recorded, imported.unanswered), (3, 3), "a rejected answer is none, and may be given again");
     let bad: Vec<usize> = imported.bad.iter().map(|bad| bad.line).collect();
     assert_eq!(bad, [2, 3, 4, 6, 7]);
     assert!(imported.bad[1].problem.contains("density_kg_m3"));
     assert!(imported.bad[4].problem.contains("line 1"));
     assert!(imported.bad[0].to_string().starts_with("answers.jsonl line 2:"));
-    assert_eq!(recordings(&recorded).len(), 2);
+    assert_eq!(recordings(&recorded).len(), 3);
 }
 
 #[test]

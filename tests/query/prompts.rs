@@ -65,6 +65,13 @@ fn a_misspelt_placeholder_and_a_broken_schema_are_errors() {
     std::fs::write(folder.path().join("part.txt"), "{{ canditates }}").unwrap();
     assert!(matches!(Prompts::from_folder(folder.path()), Err(PromptError::Template { .. })));
     std::fs::write(folder.path().join("part.txt"), "fine").unwrap();
+    for without in ["size.txt", "picture_local.txt", "picture_global_local.txt"] {
+        for text in ["{{ candidates }}", "How long {# the longest side #} is it?"] {
+            std::fs::write(folder.path().join(without), text).unwrap();
+            assert!(matches!(Prompts::from_folder(folder.path()), Err(PromptError::Template { .. })), "{without}");
+        }
+        std::fs::remove_file(folder.path().join(without)).unwrap();
+    }
     std::fs::write(folder.path().join("answer.schema.json"), "{").unwrap();
     assert!(matches!(Prompts::from_folder(folder.path()), Err(PromptError::Schema { .. })));
     assert!(matches!(Prompts::from_folder(&folder.path().join("none")), Err(PromptError::NoFolder(_))));

@@ -31,7 +31,7 @@ const MATERIALS: usize = 3;
 /// Most characters of an error on the page; `summary.json` has the whole text.
 const MOST_OF_AN_ERROR: usize = 1000;
 /// Characters that are escaped in a link.
-const SAFE: &AsciiSet = &NON_ALPHANUMERIC.remove(b'-').remove(b'.').remove(b'_').remove(b'~');
+const ESCAPED: &AsciiSet = &NON_ALPHANUMERIC.remove(b'-').remove(b'.').remove(b'_').remove(b'~');
 
 /// Writes the page of a batch into `home`, beside its other files; `title` describes the batch.
 pub fn write(summary: &Summary, title: &str, home: &Path) -> Result<(), BatchError> {
@@ -146,7 +146,7 @@ fn link(folder: &Path, file: &Path) -> Option<Value> {
     let way = pathdiff::diff_paths(file, folder)?;
     let step = |step: Component| match step {
         Component::ParentDir => "..".to_owned(),
-        step => utf8_percent_encode(&step.as_os_str().to_string_lossy(), SAFE).to_string(),
+        step => utf8_percent_encode(&step.as_os_str().to_string_lossy(), ESCAPED).to_string(),
     };
     Some(Value::from_safe_string(way.components().map(step).collect::<Vec<_>>().join("/")))
 }

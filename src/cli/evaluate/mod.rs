@@ -222,9 +222,9 @@ fn evaluate_prompts(global: &Global, asked: &TrueParts) -> anyhow::Result<()> {
     let mut rows = Vec::new();
     for folder in scenes {
         let scene = scene::load(folder, options)?;
-        let true_view = |view: scene::View| -> anyhow::Result<prompts::TrueView> {
+        let true_view = |view: scene::View| -> anyhow::Result<prompts::TruePhoto> {
             let parts = true_parts(folder, &view, options)?;
-            Ok(prompts::TrueView { photo: photo_with_foreground(&scene, &view)?, name: view.name, parts })
+            Ok(prompts::TruePhoto { photo: photo_with_foreground(&scene, &view)?, name: view.name, parts })
         };
         let views: Vec<_> = scene.chosen_views(options)?.into_iter().map(true_view).collect::<anyhow::Result<_>>()?;
         rows.push(prompts::compare(&segmenter, &scene.name, &views, segment)?);

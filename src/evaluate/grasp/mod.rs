@@ -10,6 +10,7 @@ use std::path::{Path, PathBuf};
 
 use serde::{Deserialize, Serialize};
 
+use crate::files;
 use crate::output::one_line;
 
 use predicted::GraspedObject;
@@ -65,8 +66,8 @@ pub struct Evaluation {
 /// If the file cannot be read, is not such a table, or is empty.
 pub fn outcomes(path: &Path) -> Result<Vec<Outcome>, OutcomesError> {
     let error = |e: csv::Error| OutcomesError::Table { path: path.to_owned(), message: e.to_string() };
-    let mut reader =
-        csv::ReaderBuilder::new().trim(csv::Trim::All).comment(Some(b'#')).from_path(path).map_err(error)?;
+    let file = files::open(path).map_err(|source| error(source.into()))?;
+    let mut reader = csv::ReaderBuilder::new().trim(csv::Trim::All).comment(Some(b'#')).from_reader(file);
     let rows: Vec<Outcome> = reader.deserialize().collect::<Result<_, _>>().map_err(error)?;
     if rows.is_empty() { Err(OutcomesError::Empty { path: path.to_owned() }) } else { Ok(rows) }
 }

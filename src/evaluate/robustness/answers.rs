@@ -12,7 +12,7 @@ use crate::consensus::{self, Asked, Parts, SegmentedView, best_views};
 use crate::evaluate::parts::NO_PART;
 use crate::materials::{Material, MaterialLibrary};
 use crate::progress::Progress;
-use crate::query::rounds::{self, Ask, Outcomes, PartOrPiece, Subject};
+use crate::query::rounds::{self, Outcomes, PartOrPiece, Subject, Target};
 use crate::query::{Answer, Answers, Outcome, SegmentAnswer};
 use crate::scene::gaussians::Gaussians;
 use crate::segment::{LabelMap, ViewSegments};
@@ -62,10 +62,10 @@ impl Voters<'_> {
         let masks: Vec<PartMasks> = views.iter().map(|view| part_masks(self.gaussians, &parts, view)).collect();
         let shows = |id: u16, asked: u16| id > 0 && (id == asked || parts.part_of(id) == asked);
         let subjects = self.subjects(&parts, &masks);
-        let mut answers: BTreeMap<Ask, Outcome> = BTreeMap::new();
+        let mut answers: BTreeMap<Target, Outcome> = BTreeMap::new();
         loop {
             let outcomes = answers.iter().map(|(&ask, outcome)| (ask, outcome)).collect();
-            let due: Vec<Ask> = subjects.iter().flat_map(|subject| subject.due(ask_views, &outcomes)).collect();
+            let due: Vec<Target> = subjects.iter().flat_map(|subject| subject.due(ask_views, &outcomes)).collect();
             if due.is_empty() {
                 break;
             }

@@ -12,7 +12,7 @@ pub struct Clearance {
 
 /// The space that a hull covers beyond the object.
 #[derive(Debug, Clone, Copy)]
-pub struct Lie {
+pub struct Overreach {
     /// The largest distance from the object, scene units, and the cell that has it.
     pub depth: f64,
     pub cell: usize,
@@ -46,11 +46,11 @@ impl Clearance {
     }
 
     /// The space that `hull` covers beyond the object.
-    pub fn lie(&self, hull: &Hull) -> Lie {
+    pub fn overreach(&self, hull: &Hull) -> Overreach {
         let planes = hull.bounds();
         let [low, high] = hull.extent();
-        let mut lie = Lie { depth: 0.0, cell: 0 };
-        let Some([xs, ys, zs]) = self.grid.cells_between(low, high) else { return lie };
+        let mut overreach = Overreach { depth: 0.0, cell: 0 };
+        let Some([xs, ys, zs]) = self.grid.cells_between(low, high) else { return overreach };
         for z in zs[0]..=zs[1] {
             for y in ys[0]..=ys[1] {
                 let row = self.grid.center([0, y, z]);
@@ -71,13 +71,13 @@ impl Clearance {
                 while x <= last {
                     let cell = self.grid.index([x as usize, y, z]);
                     let depth = f64::from(self.distance[cell]);
-                    if depth > lie.depth {
-                        lie = Lie { depth, cell };
+                    if depth > overreach.depth {
+                        overreach = Overreach { depth, cell };
                     }
                     x += 1.0;
                 }
             }
         }
-        lie
+        overreach
     }
 }

@@ -2,7 +2,7 @@
 //! mug is solid.
 //!
 //! A hull reaches beyond the object by the distance from the object to the farthest place within the hull (its
-//! [`Lie`]). Of each part, the body whose hull reaches farthest is cut by the plane that leaves the least volume in the
+//! [`Overreach`]). Of each part, the body whose hull reaches farthest is cut by the plane that leaves the least volume in the
 //! hulls of both sides, until no hull reaches farther than a tolerance. Then neighbours are joined if their common hull
 //! does not reach farther either. A hole stays open if a ball with twice the tolerance as its radius fits through it.
 //! Finally, the surface of every body is moved inward until its hull has the body's volume.
@@ -11,7 +11,7 @@ use nalgebra::{Matrix3, Point3, Vector3};
 use rayon::prelude::*;
 
 use super::Solid;
-use super::clearance::{Clearance, Lie};
+use super::clearance::{Clearance, Overreach};
 use super::hull::Hull;
 use crate::parts::{Grid, OUTSIDE, blur};
 
@@ -19,7 +19,7 @@ use crate::parts::{Grid, OUTSIDE, blur};
 /// a hull only rounds off the cells' steps.
 const TOLERANCE: f64 = 0.009;
 const LEAST_CELLS: f64 = 2.0;
-/// Maximum number of pieces per part: with more, simulators become slow.
+/// A part with this many pieces is not cut further: with more, simulators become slow.
 const PIECES: usize = 32;
 /// Positions at which a plane of each direction is tried.
 const CUTS: usize = 8;
@@ -92,7 +92,7 @@ struct Body {
     cells: Vec<u32>,
     border: Vec<Face>,
     hull: Hull,
-    lie: Lie,
+    overreach: Overreach,
 }
 
 /// A face between a body's cell and another cell.
@@ -132,13 +132,14 @@ impl<'a> Decomposition<'a> {
 
     fn hulls(mut self) -> Vec<Hull> {
         while self.bodies.len() < PIECES {
-            let deepest = (0..self.bodies.len())
-                .max_by(|a, b| self.bodies[*a].lie.depth.total_cmp(&self.bodies[*b].lie.depth).then(b.cmp(a)));
-            let Some(deepest) = deepest.filter(|n| self.bodies[*n].lie.depth > self.tolerance) else { break };
+            let deepest = (0..self.bodies.len()).max_by(|a, b| {
+                self.bodies[*a].overreach.depth.total_cmp(&self.bodies[*b].overreach.depth).then(b.cmp(a))
+            });
+            let Some(deepest) = deepest.filter(|n| self.bodies[*n].overreach.depth > self.tolerance) else { break };
             let body = self.bodies.swap_remove(deepest);
             let Some((normal, position)) = self.best_cut(&body) else {
                 // It cannot be cut: it stays as it is, and counts as if its hull did not reach beyond the object.
-                self.bodies.push(Body { lie: Lie { depth: 0.0, cell: 0 }, ..body });
+                self.bodies.push(Body { overreach: Overreach { depth: 0.0, cell: 0 }, ..body });
                 continue;
             };
             let (left, right): (Vec<u32>, Vec<u32>) =
@@ -211,8 +212,8 @@ impl<'a> Decomposition<'a> {
     fn body(&self, cells: Vec<u32>, border: Vec<Face>) -> Option<Body> {
         let points: Vec<Point3<f64>> = border.iter().map(|face| face.center).collect();
         let hull = hull_of_many(&points, FLAT * self.grid.cell)?;
-        let lie = self.clearance.lie(&hull);
-        Some(Body { cells, border, hull, lie })
+        let overreach = self.clearance.overreach(&hull);
+        Some(Body { cells, border, hull, overreach })
     }
 
     /// The faces between a body and everything else.
@@ -249,14 +250,14 @@ impl<'a> Decomposition<'a> {
         };
         let border: Vec<Point3<f64>> = body.border.iter().map(|face| face.center).collect();
         let samples = [some(&body.hull.vertices), some(&border)].concat();
-        let notch = self.grid.center(self.grid.coords(body.lie.cell));
+        let notch = self.grid.center(self.grid.coords(body.overreach.cell));
         let (mut cuts, mut through_notch) = (Vec::new(), Vec::new());
         for normal in directions(&samples) {
             let along = |p: &Point3<f64>| normal.dot(&p.coords);
             let (low, high) =
                 samples.iter().map(along).fold((f64::INFINITY, f64::NEG_INFINITY), |(l, h), v| (l.min(v), h.max(v)));
             let regular = (1..=CUTS).map(|n| low + (high - low) * n as f64 / (CUTS + 1) as f64);
-            let at_notch = [-1.0, 0.0, 1.0].map(|side| along(&notch) + side * body.lie.depth);
+            let at_notch = [-1.0, 0.0, 1.0].map(|side| along(&notch) + side * body.overreach.depth);
             let within = |position: &f64| *position > low + self.grid.cell && *position < high - self.grid.cell;
             through_notch.extend(Some(along(&notch)).filter(within).map(|position| (normal, position)));
             cuts.extend(regular.chain(at_notch).filter(within).map(|position| (normal, position)));
@@ -315,10 +316,10 @@ impl<'a> Decomposition<'a> {
             let Some((a, b)) = best.map(|joint| joint.pair) else { break };
             let (Some(one), Some(other)) = (bodies[a].take(), bodies[b].take()) else { break };
             let place = fitting.iter().position(|joint| joint.pair == (a, b)).expect("it is the best");
-            let Joint { hull, lie, .. } = fitting.swap_remove(place);
+            let Joint { hull, overreach, .. } = fitting.swap_remove(place);
             fitting.retain(|joint| ![joint.pair.0, joint.pair.1].iter().any(|n| [a, b].contains(n)));
             let (cells, border) = ([one.cells, other.cells].concat(), [one.border, other.border].concat());
-            bodies[a] = Some(Body { cells, border, hull, lie });
+            bodies[a] = Some(Body { cells, border, hull, overreach });
             let beside = (0..bodies.len()).filter(|n| *n != a && bodies[*n].is_some()).map(|n| (a.min(n), a.max(n)));
             fitting.extend(self.joints(&bodies, beside.collect()));
         }
@@ -334,8 +335,8 @@ impl<'a> Decomposition<'a> {
             }
             let points = [one.hull.vertices.as_slice(), &other.hull.vertices].concat();
             let hull = Hull::of(&points)?;
-            let lie = self.clearance.lie(&hull);
-            (lie.depth <= self.tolerance).then(|| Joint { pair, volume: hull.volume(), hull, lie })
+            let overreach = self.clearance.overreach(&hull);
+            (overreach.depth <= self.tolerance).then(|| Joint { pair, volume: hull.volume(), hull, overreach })
         };
         pairs.into_par_iter().filter_map(joint).collect()
     }
@@ -352,7 +353,7 @@ struct Joint {
     pair: (usize, usize),
     volume: f64,
     hull: Hull,
-    lie: Lie,
+    overreach: Overreach,
 }
 
 /// The world's axes, and the body's own as far as they differ.

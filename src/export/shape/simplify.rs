@@ -9,8 +9,8 @@ use nalgebra::{Matrix3, Point3, Vector3};
 
 use super::Mesh;
 
-/// Cosine of the angle by which a triangle may turn when a vertex moves: 78 degrees.
-const LEAST_TURN: f64 = 0.2;
+/// Cosine of the largest angle by which a triangle may turn when a vertex moves: 78 degrees.
+const LEAST_TURN_COSINE: f64 = 0.2;
 /// Weight of the vertex's own position beside the planes of its triangles: it decides if the planes do not.
 const STAY: f64 = 1e-3;
 
@@ -138,7 +138,7 @@ impl Work {
                 let normal = |[a, b, c]: [Point3<f64>; 3]| (b - a).cross(&(c - a));
                 let (old, new) = (normal(before), normal(after));
                 let least = 1e-3 * longest_side(after).powi(2);
-                new.norm() > least && old.dot(&new) > LEAST_TURN * old.norm() * new.norm()
+                new.norm() > least && old.dot(&new) > LEAST_TURN_COSINE * old.norm() * new.norm()
             })
         })
     }

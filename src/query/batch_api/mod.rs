@@ -74,7 +74,7 @@ pub struct Ended {
 
 /// The progress of a job.
 #[derive(Debug)]
-pub enum Progress {
+pub enum JobProgress {
     Running { state: JobState, counts: RequestCounts },
     Ended(Ended),
 }
@@ -123,10 +123,10 @@ pub fn submit<E: From<AskError>>(
 }
 
 /// Asks for the state of a job and, if it has ended, fetches its results.
-pub fn collect(client: &Client, job: &BatchApiJob) -> Result<Progress, AskError> {
+pub fn collect(client: &Client, job: &BatchApiJob) -> Result<JobProgress, AskError> {
     let status = client.batch_api_job(&job.id)?;
     if !status.state.is_final() {
-        return Ok(Progress::Running { state: status.state, counts: status.request_counts.unwrap_or_default() });
+        return Ok(JobProgress::Running { state: status.state, counts: status.request_counts.unwrap_or_default() });
     }
     let mut lines = BTreeMap::new();
     for file in [&status.error_file_id, &status.output_file_id].into_iter().flatten() {
@@ -144,5 +144,5 @@ pub fn collect(client: &Client, job: &BatchApiJob) -> Result<Progress, AskError>
             Err(reason) => ended.failed.push((waiting.clone(), reason)),
         }
     }
-    Ok(Progress::Ended(ended))
+    Ok(JobProgress::Ended(ended))
 }

@@ -241,11 +241,14 @@ pub fn import(
             if answer.answer.is_null() {
                 return Ok(None);
             }
-            if let Some(earlier) = seen.insert(answer.query.clone(), line) {
+            if let Some(&earlier) = seen.get(&answer.query) {
                 return Err(LineProblem::Again { query: answer.query, earlier });
             }
+            let query = answer.query.clone();
             let model = model.or(answer.model.as_deref()).or(manifest.model.as_deref()).map(str::to_owned);
-            check(answer, model, &origins, queries).map(Some)
+            let recording = check(answer, model, &origins, queries)?;
+            seen.insert(query, line);
+            Ok(Some(recording))
         });
         match checked {
             Ok(None) => {}

@@ -58,14 +58,14 @@ impl Sam {
     /// # Errors
     /// If ONNX Runtime or a model cannot be loaded, a model does not have SAM's tensors, or gprop cannot compute the
     /// mask decoder although [`DecoderRuntime::Native`] is asked for.
-    pub fn open(files: &ModelFiles, decoder: Option<DecoderRuntime>, threads: usize) -> Result<Self, SegmentError> {
-        let runtime = runtime::load(&files.onnxruntime)?;
+    pub fn open(models: &ModelFiles, decoder: Option<DecoderRuntime>, threads: usize) -> Result<Self, SegmentError> {
+        let runtime = runtime::load(&models.onnxruntime)?;
         let read =
             |path: &Path| files::read(path).map_err(|source| SegmentError::Read { path: path.to_owned(), source });
         let threads = threads.max(1);
         let (encoder, decoder) = rayon::join(
-            || Encoder::open(&runtime, &files.encoder, threads),
-            || Decoder::open(&runtime, &files.decoder, &read(&files.decoder)?, decoder, threads),
+            || Encoder::open(&runtime, &models.encoder, threads),
+            || Decoder::open(&runtime, &models.decoder, &read(&models.decoder)?, decoder, threads),
         );
         Ok(Self { encoder: encoder?, decoder: decoder?, cache: None })
     }
@@ -80,9 +80,9 @@ impl Sam {
     ///
     /// # Errors
     /// If the encoder's file cannot be read.
-    pub fn caching_embeddings(self, folder: &Path, files: &ModelFiles) -> Result<Self, SegmentError> {
-        let cache = Cache::open(folder, &files.encoder);
-        let cache = cache.map_err(|source| SegmentError::Read { path: files.encoder.clone(), source })?;
+    pub fn caching_embeddings(self, folder: &Path, models: &ModelFiles) -> Result<Self, SegmentError> {
+        let cache = Cache::open(folder, &models.encoder);
+        let cache = cache.map_err(|source| SegmentError::Read { path: models.encoder.clone(), source })?;
         Ok(Self { cache: Some(cache), ..self })
     }
 
