@@ -188,7 +188,7 @@ impl Shared<'_> {
             return Err(ExportError::NoShape);
         }
         Ok(Rigid {
-            name: identifier(self.model.name),
+            name: body_name(self.model.name),
             parts,
             labels: &self.model.field.labels,
             pieces: &shape.pieces,
@@ -243,6 +243,16 @@ fn identifier(name: &str) -> String {
     if letters.starts_with(|c: char| c.is_ascii_alphabetic()) { letters } else { format!("object_{letters}") }
 }
 
+/// Names that a rigid body cannot have: MuJoCo and URDF call the fixed frame `world`, and `scene.xml` is the file that puts
+/// the body on a floor.
+const TAKEN: [&str; 2] = ["world", "scene"];
+
+/// The [`identifier`] of a rigid body.
+fn body_name(name: &str) -> String {
+    let name = identifier(name);
+    if TAKEN.iter().any(|taken| name.eq_ignore_ascii_case(taken)) { format!("object_{name}") } else { name }
+}
+
 /// Numbers separated by spaces, with all significant digits.
 fn spaced(numbers: impl IntoIterator<Item = f64>) -> String {
     numbers.into_iter().map(|n| n.to_string()).collect::<Vec<_>>().join(" ")
@@ -267,5 +277,18 @@ impl Files<'_> {
             self.written.push(path);
         }
         Ok(())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::body_name;
+
+    #[test]
+    fn a_body_has_a_name_of_its_own() {
+        assert_eq!(
+            ["scene", "World", "mug", "7 mugs"].map(body_name),
+            ["object_scene", "object_World", "mug", "object_7_mugs"]
+        );
     }
 }

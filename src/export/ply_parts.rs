@@ -6,6 +6,9 @@ use crate::scene::gaussians::ExtraProperty;
 use crate::scene::ply;
 use crate::vote::field_ply;
 
+/// Most bytes of a caption in a file's name: a model may write a paragraph, and file systems allow 255 bytes.
+const LONGEST: usize = 120;
+
 pub(super) fn write(model: &Model, files: &mut Files) -> Result<(), ExportError> {
     let columns = field_ply::columns(model.field);
     for label in &model.field.labels {
@@ -20,7 +23,9 @@ pub(super) fn write(model: &Model, files: &mut Files) -> Result<(), ExportError>
             values: column.values.iter().zip(&kept).filter(|(_, kept)| **kept).map(|(value, _)| *value).collect(),
         };
         let columns: Vec<ExtraProperty> = columns.iter().map(own).collect();
-        let name = format!("part{}_{}.ply", label.id, identifier(&label.caption));
+        let mut caption = identifier(&label.caption);
+        caption.truncate(LONGEST);
+        let name = format!("part{}_{caption}.ply", label.id);
         files.write(name, |out| ply::write(out, &gaussians, &columns))?;
     }
     Ok(())

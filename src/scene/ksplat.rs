@@ -183,9 +183,9 @@ impl Section<'_> {
             4 => [0, 1, 2].map(|n| float(row, 4 * n)),
             _ => [0, 1, 2].map(|n| (f32::from(half(row, 2 * n)) - self.range) * self.step + self.centers[i][n]),
         }));
-        gaussians
-            .log_scales
-            .par_extend(rows().map(|row| [3, 4, 5].map(|n| number(row, n).ln().max(SMALLEST_LOG_SCALE))));
+        // NaN for a negative or NaN deviation: such a Gaussian cannot be drawn.
+        let log_scale = |deviation: f32| deviation.ln().clamp(SMALLEST_LOG_SCALE, f32::INFINITY);
+        gaussians.log_scales.par_extend(rows().map(|row| [3, 4, 5].map(|n| log_scale(number(row, n)))));
         gaussians.rotations.par_extend(rows().map(|row| [6, 7, 8, 9].map(|n| number(row, n))));
         gaussians
             .sh_dc

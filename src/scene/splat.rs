@@ -49,7 +49,7 @@ pub fn parse(bytes: &[u8]) -> Result<Loaded, Problem> {
     }
     let mut gaussians = Gaussians {
         positions: rows.par_iter().map(|row| floats(row, 0)).collect(),
-        log_scales: rows.par_iter().map(|row| floats(row, 12).map(|s| s.ln().max(SMALLEST_LOG_SCALE))).collect(),
+        log_scales: rows.par_iter().map(|row| floats(row, 12).map(log_scale)).collect(),
         rotations: rows.par_iter().map(quaternion).collect(),
         opacity_logits: rows.par_iter().map(|row| opacity_logit_of_byte(row[27])).collect(),
         sh_dc: rows.par_iter().map(color).collect(),
@@ -57,6 +57,11 @@ pub fn parse(bytes: &[u8]) -> Result<Loaded, Problem> {
     };
     let dropped = drop_unusable(&mut gaussians).map_err(|_| Problem::NothingFinite { count: rows.len() })?;
     Ok(Loaded { gaussians, warnings: dropped.into_iter().collect(), ..Loaded::default() })
+}
+
+/// NaN for a negative or NaN deviation: such a Gaussian cannot be drawn.
+fn log_scale(deviation: f32) -> f32 {
+    deviation.ln().clamp(SMALLEST_LOG_SCALE, f32::INFINITY)
 }
 
 fn floats(row: &[u8; ROW], at: usize) -> [f32; 3] {

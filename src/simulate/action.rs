@@ -113,6 +113,19 @@ pub fn next_change_s(actions: &[Acting], t_s: f64) -> f64 {
     times.filter(|time| *time > t_s).fold(f64::INFINITY, f64::min)
 }
 
+/// The time at which `left_s` remain until `to_s`, s. An action that begins or ends so soon after it that a step up to there
+/// would be lost in rounding begins or ends now: otherwise such steps would be repeated forever.
+pub fn time_s(actions: &[Acting], to_s: f64, left_s: f64) -> f64 {
+    let mut t_s = to_s - left_s;
+    loop {
+        let change_s = next_change_s(actions, t_s);
+        if left_s - (change_s - t_s) != left_s {
+            return t_s;
+        }
+        t_s = change_s;
+    }
+}
+
 /// Takes a substep of `dt_s` at time `t_s` with the actions that are active then. If several of them give a particle its
 /// motion, the last one counts; a rigid body moves as a whole if any of its particles is moved.
 ///

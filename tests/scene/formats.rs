@@ -46,6 +46,12 @@ fn a_bad_splat_is_refused() {
     let row = splat_row([0.0; 3], [1.0; 3], [255; 4], [255, 128, 128, 128]);
     assert!(splat::parse(&[]).unwrap_err().to_string().contains("no Gaussians"));
     assert!(splat::parse(&row[..31]).unwrap_err().to_string().contains("31 bytes"));
+    for scale in [f32::NAN, -1.0] {
+        let undrawable = splat_row([0.0; 3], [1.0, scale, 1.0], [255; 4], [255, 128, 128, 128]);
+        assert!(splat::parse(&undrawable).unwrap_err().to_string().contains("none of the 1 Gaussians"), "{scale}");
+    }
+    let flat = splat_row([0.0; 3], [1.0, 0.0, 1.0], [255; 4], [255, 128, 128, 128]);
+    assert_eq!(splat::parse(&flat).unwrap().gaussians.log_scales, [[0.0, -20.0, 0.0]]);
     let nan = splat_row([f32::NAN; 3], [1.0; 3], [255; 4], [255, 128, 128, 128]);
     assert!(splat::parse(&nan).unwrap_err().to_string().contains("none of the 1 Gaussians"));
     let loaded = splat::parse(&[row.clone(), nan, row].concat()).unwrap();
