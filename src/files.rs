@@ -48,6 +48,12 @@ pub fn read_to_string(path: &Path) -> io::Result<String> {
     Ok(text)
 }
 
+/// A table of comma-separated values in a regular file: spaces around values and lines that begin with `#` do not count.
+/// Errors as for [`open`].
+pub fn table(path: &Path) -> csv::Result<csv::Reader<File>> {
+    Ok(csv::ReaderBuilder::new().trim(csv::Trim::All).comment(Some(b'#')).from_reader(open(path)?))
+}
+
 /// True if there is something at `path` other than a folder, even if [`open`] will refuse it: if a file that is looked
 /// for turns out to be a named pipe, this must be reported, not ignored.
 pub fn is_there(path: &Path) -> bool {

@@ -161,8 +161,8 @@ pub struct ShowArgs {
     /// The subject of the picture.
     #[arg(long, value_enum, default_value_t)]
     pub what: What,
-    /// Name of the view of a .png; it need not have voted, except for `--what vote` [default: the voting view that shows most of the
-    /// object]
+    /// Name of the view of a .png; it need not have voted, except for `--what vote` [default: the voting view that shows
+    /// most of the object]
     #[arg(long, value_name = "NAME")]
     pub view: Option<String>,
     #[command(flatten)]

@@ -103,8 +103,7 @@ impl CalibrationReport {
 
 fn read(path: &Path) -> Result<Vec<CalibrationPoint>, GraspError> {
     let error = |error: csv::Error| GraspError::ReadPoints { path: path.to_owned(), message: error.to_string() };
-    let file = files::open(path).map_err(|source| error(source.into()))?;
-    let mut reader = csv::ReaderBuilder::new().trim(csv::Trim::All).comment(Some(b'#')).from_reader(file);
+    let mut reader = files::table(path).map_err(error)?;
     reader.deserialize().collect::<Result<_, _>>().map_err(error)
 }
 

@@ -57,9 +57,10 @@ impl Pipeline {
             return Ok(self.segmentation()?.views.iter().map(|view| Cow::Borrowed(&view.map)).collect());
         };
         let index = self.view_indices();
-        let ask = |answer: &SegmentAnswer| Some(Target { view: *index.get(answer.view.as_str())?, id: answer.segment });
+        let target =
+            |answer: &SegmentAnswer| Some(Target { view: *index.get(answer.view.as_str())?, id: answer.segment });
         let outcomes: Outcomes =
-            answers.segments.iter().filter_map(|answer| Some((ask(answer)?, &answer.outcome))).collect();
+            answers.segments.iter().filter_map(|answer| Some((target(answer)?, &answer.outcome))).collect();
         let settled = rounds::settled(&found.subjects(&index), &outcomes);
         let settled = |id: u16| settled.get(&id).copied().unwrap_or(id);
         Ok(found.maps.iter().map(|map| Cow::Owned(renamed(map, settled))).collect())

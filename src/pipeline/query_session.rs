@@ -132,7 +132,7 @@ impl<'a> QuerySession<'a> {
             let round = self.prepare(&due)?;
             let recorded = round.recorded(&self.recordings, answerer);
             let is_open = due.is_empty() || recorded.iter().any(Option::is_none);
-            answers.extend(due.into_iter().zip(recorded).filter_map(|(ask, outcome)| Some((ask, outcome?))));
+            answers.extend(due.into_iter().zip(recorded).filter_map(|(target, outcome)| Some((target, outcome?))));
             queries.segments.extend(round.segments);
             if is_open {
                 queries.segments.sort_by_key(|query| self.place(&query.view, query.segment));
@@ -143,17 +143,17 @@ impl<'a> QuerySession<'a> {
 
     /// The questions to ask next, by view and id.
     fn due(&self, answers: &BTreeMap<Target, Outcome>) -> Vec<Target> {
-        let outcomes: Outcomes = answers.iter().map(|(&ask, outcome)| (ask, outcome)).collect();
+        let outcomes: Outcomes = answers.iter().map(|(&target, outcome)| (target, outcome)).collect();
         let mut due: Vec<Target> =
             self.subjects.iter().flat_map(|subject| subject.due(self.ask_views, &outcomes)).collect();
         due.sort_unstable();
         due
     }
 
-    /// The questions `asks`, which are sorted, with their sheets.
-    fn prepare(&self, asks: &[Target]) -> Result<Queries<'_>> {
+    /// The questions about `targets`, which are sorted, with their sheets.
+    fn prepare(&self, targets: &[Target]) -> Result<Queries<'_>> {
         let ids_of = |view: usize, map: usize| -> Vec<u16> {
-            let ids = asks.iter().filter(|ask| ask.view == view).map(|ask| ask.id);
+            let ids = targets.iter().filter(|target| target.view == view).map(|target| target.id);
             let maps = &self.views[view].maps;
             // An id that is in no map is counted among those of the last map, which are then refused.
             let map_of = |id: u16| maps.iter().position(|map| map.labels.contains(&id)).unwrap_or(maps.len() - 1);
@@ -228,7 +228,7 @@ impl<'a> QuerySession<'a> {
         let queries = self.queries()?;
         // The number of a segment identifies it only within its view; the number of a part is the same in all views.
         let part_of = |query: &SegmentQuery| {
-            let is_its = |ask: &Target| self.views[ask.view].name == query.view && ask.id == query.segment;
+            let is_its = |target: &Target| self.views[target.view].name == query.view && target.id == query.segment;
             let subject = self.subjects.iter().position(|subject| subject.all().iter().any(is_its));
             (subject.unwrap_or(self.subjects.len()), query.segment)
         };

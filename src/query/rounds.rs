@@ -77,12 +77,12 @@ impl Subject {
 
     fn due_about_itself(&self, views: usize, outcomes: &Outcomes) -> Vec<Target> {
         for count in views.min(self.views.len())..=self.views.len() {
-            let asks = || self.asks().take(count);
-            let open: Vec<Target> = asks().filter(|ask| !outcomes.contains_key(ask)).collect();
+            let targets = || self.targets().take(count);
+            let open: Vec<Target> = targets().filter(|target| !outcomes.contains_key(target)).collect();
             if !open.is_empty() {
                 return open;
             }
-            if agree(&answers(asks(), outcomes)) {
+            if agree(&answers(targets(), outcomes)) {
                 break;
             }
         }
@@ -91,27 +91,27 @@ impl Subject {
 
     /// True if most of its answers say that it consists of several materials, and it has pieces to ask about instead.
     pub fn is_split(&self, outcomes: &Outcomes) -> bool {
-        let answers = answers(self.asks(), outcomes);
+        let answers = answers(self.targets(), outcomes);
         let several = answers.iter().filter(|answer| answer.several_materials).count();
         !self.pieces.is_empty() && 2 * several > answers.len()
     }
 
     /// All questions that it may lead to.
     pub fn all(&self) -> Vec<Target> {
-        self.asks().chain(self.pieces.iter().flat_map(Self::all)).collect()
+        self.targets().chain(self.pieces.iter().flat_map(Self::all)).collect()
     }
 
-    fn asks(&self) -> impl Iterator<Item = Target> {
+    fn targets(&self) -> impl Iterator<Item = Target> {
         self.views.iter().map(|&view| Target { view, id: self.id })
     }
 }
 
-fn answers<'a>(asks: impl Iterator<Item = Target>, outcomes: &Outcomes<'a>) -> Vec<&'a Answer> {
-    let answered = |ask| match outcomes.get(&ask) {
+fn answers<'a>(targets: impl Iterator<Item = Target>, outcomes: &Outcomes<'a>) -> Vec<&'a Answer> {
+    let answered = |target| match outcomes.get(&target) {
         Some(Outcome::Answered(answer)) => Some(answer),
         _ => None,
     };
-    asks.filter_map(answered).collect()
+    targets.filter_map(answered).collect()
 }
 
 /// True if more than half name one material, or all name materials of one family.
@@ -146,7 +146,7 @@ mod tests {
     /// these outcomes.
     fn due(subject: &Subject, given: &[Outcome]) -> Vec<usize> {
         let outcomes: Outcomes = subject.views.iter().map(|&view| Target { view, id: subject.id }).zip(given).collect();
-        subject.due(3, &outcomes).iter().map(|ask| ask.view).collect()
+        subject.due(3, &outcomes).iter().map(|target| target.view).collect()
     }
 
     #[test]

@@ -18,7 +18,7 @@ use thiserror::Error;
 
 use super::gaussians::Gaussians;
 use super::loaded::{Loaded, drop_unusable};
-use super::quantized::{half_float, opacity_logit_of_byte, sh_dc_of_color};
+use super::quantized::{half_float, log_scale_of_deviation, opacity_logit_of_byte, sh_dc_of_color};
 
 const HEADER: usize = 4096;
 const SECTION_HEADER: usize = 1024;
@@ -26,8 +26,6 @@ const SECTION_HEADER: usize = 1024;
 const RANGE: u32 = 32767;
 /// Harmonics of a level-2 file that gives no range lie within this.
 const HARMONICS: [f32; 2] = [-1.5, 1.5];
-/// Stands for the logarithm of a standard deviation of zero.
-const SMALLEST_LOG_SCALE: f32 = -20.0;
 
 /// An error in a `.ksplat`.
 #[derive(Debug, Error)]
@@ -183,9 +181,7 @@ impl Section<'_> {
             4 => [0, 1, 2].map(|n| float(row, 4 * n)),
             _ => [0, 1, 2].map(|n| (f32::from(half(row, 2 * n)) - self.range) * self.step + self.centers[i][n]),
         }));
-        // NaN for a negative or NaN deviation: such a Gaussian cannot be drawn.
-        let log_scale = |deviation: f32| deviation.ln().clamp(SMALLEST_LOG_SCALE, f32::INFINITY);
-        gaussians.log_scales.par_extend(rows().map(|row| [3, 4, 5].map(|n| log_scale(number(row, n)))));
+        gaussians.log_scales.par_extend(rows().map(|row| [3, 4, 5].map(|n| log_scale_of_deviation(number(row, n)))));
         gaussians.rotations.par_extend(rows().map(|row| [6, 7, 8, 9].map(|n| number(row, n))));
         gaussians
             .sh_dc

@@ -1,5 +1,5 @@
-//! Conversions shared by the compact formats, which store colours and opacities as bytes instead of SH coefficients and
-//! logits.
+//! Conversions shared by the compact formats, which store colours, opacities and standard deviations instead of SH
+//! coefficients, logits and logarithms.
 
 use super::gaussians::SH_C0;
 
@@ -12,6 +12,15 @@ pub(super) fn sh_dc_of_color(color: f32) -> f32 {
 pub(super) fn opacity_logit_of_byte(byte: u8) -> f32 {
     let opacity = f32::from(byte).clamp(0.5, 254.5) / 255.0;
     (opacity / (1.0 - opacity)).ln()
+}
+
+/// Stands for the logarithm of a standard deviation of zero, which some exporters write: e^-20 is negligible in any
+/// scene.
+const SMALLEST_LOG_SCALE: f32 = -20.0;
+
+/// The logarithm of a standard deviation; NaN if it is negative or NaN, since such a Gaussian cannot be drawn.
+pub(super) fn log_scale_of_deviation(deviation: f32) -> f32 {
+    deviation.ln().clamp(SMALLEST_LOG_SCALE, f32::INFINITY)
 }
 
 /// A unit quaternion w x y z from the index of its largest component, which is positive, and the three others in order.

@@ -12,14 +12,10 @@ use thiserror::Error;
 
 use super::gaussians::Gaussians;
 use super::loaded::{Loaded, drop_unusable};
-use super::quantized::{opacity_logit_of_byte, sh_dc_of_color};
+use super::quantized::{log_scale_of_deviation, opacity_logit_of_byte, sh_dc_of_color};
 
 /// Bytes per Gaussian.
 const ROW: usize = 32;
-
-/// Stands for the logarithm of a standard deviation of zero, which some exporters write: e^-20 is negligible in any
-/// scene.
-const SMALLEST_LOG_SCALE: f32 = -20.0;
 
 /// An error in a `.splat`.
 #[derive(Debug, Error)]
@@ -49,7 +45,7 @@ pub fn parse(bytes: &[u8]) -> Result<Loaded, Problem> {
     }
     let mut gaussians = Gaussians {
         positions: rows.par_iter().map(|row| floats(row, 0)).collect(),
-        log_scales: rows.par_iter().map(|row| floats(row, 12).map(log_scale)).collect(),
+        log_scales: rows.par_iter().map(|row| floats(row, 12).map(log_scale_of_deviation)).collect(),
         rotations: rows.par_iter().map(quaternion).collect(),
         opacity_logits: rows.par_iter().map(|row| opacity_logit_of_byte(row[27])).collect(),
         sh_dc: rows.par_iter().map(color).collect(),
@@ -57,11 +53,6 @@ pub fn parse(bytes: &[u8]) -> Result<Loaded, Problem> {
     };
     let dropped = drop_unusable(&mut gaussians).map_err(|_| Problem::NothingFinite { count: rows.len() })?;
     Ok(Loaded { gaussians, warnings: dropped.into_iter().collect(), ..Loaded::default() })
-}
-
-/// NaN for a negative or NaN deviation: such a Gaussian cannot be drawn.
-fn log_scale(deviation: f32) -> f32 {
-    deviation.ln().clamp(SMALLEST_LOG_SCALE, f32::INFINITY)
 }
 
 fn floats(row: &[u8; ROW], at: usize) -> [f32; 3] {

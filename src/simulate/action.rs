@@ -113,14 +113,15 @@ pub fn next_change_s(actions: &[Acting], t_s: f64) -> f64 {
     times.filter(|time| *time > t_s).fold(f64::INFINITY, f64::min)
 }
 
-/// The time at which `left_s` remain until `to_s`, s. An action that begins or ends so soon after it that a step up to there
-/// would be lost in rounding begins or ends now: otherwise such steps would be repeated forever.
-pub fn time_s(actions: &[Acting], to_s: f64, left_s: f64) -> f64 {
+/// The time at which `left_s` remain until `to_s`, and the next time at which an action begins or ends, s. An action that
+/// begins or ends so soon that a step up to there would be lost in rounding begins or ends now: otherwise such steps would
+/// be repeated forever.
+pub fn now_and_next_change_s(actions: &[Acting], to_s: f64, left_s: f64) -> (f64, f64) {
     let mut t_s = to_s - left_s;
     loop {
         let change_s = next_change_s(actions, t_s);
         if left_s - (change_s - t_s) != left_s {
-            return t_s;
+            return (t_s, change_s);
         }
         t_s = change_s;
     }
@@ -172,5 +173,28 @@ impl Influence for Due<'_> {
     fn leads_body(&self, number: usize, center_m: [f32; 3]) -> Option<Motion> {
         let last = self.leads.iter().rev().find(|a| a.on_bodies[number].mass_kg > 0.0);
         last.and_then(|a| a.action.effect.led(center_m))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// As a frame is advanced, with the end of an action at a fiftieth of it.
+    #[test]
+    fn time_goes_on_past_every_change() {
+        for n in 1..1000 {
+            let to_s = 0.0037 * f64::from(n);
+            let action = Action { from_s: 0.0, to_s: 0.02 * to_s, mask: vec![], effect: Effect::Move([0.0; 3]) };
+            let actions = [Acting { action, on_bodies: vec![] }];
+            let (mut left_s, mut steps) = (to_s, 0);
+            while left_s > 0.0 {
+                let (t_s, change_s) = now_and_next_change_s(&actions, to_s, left_s);
+                let dt_s = (to_s / 100.0).min(change_s - t_s);
+                left_s = if dt_s < left_s { left_s - dt_s } else { 0.0 };
+                steps += 1;
+                assert!(steps <= 200, "time stands still at {t_s} of {to_s} s");
+            }
+        }
     }
 }

@@ -214,8 +214,8 @@ fn advance(
     object.renew();
     let mut left_s = to_s - from_s;
     while left_s > 0.0 {
-        let t_s = action::time_s(actions, to_s, left_s);
-        let dt_s = bound.next_s(left_s, object.fastest_m_s()).min(action::next_change_s(actions, t_s) - t_s);
+        let (t_s, change_s) = action::now_and_next_change_s(actions, to_s, left_s);
+        let dt_s = bound.next_s(left_s, object.fastest_m_s()).min(change_s - t_s);
         let after_s = if dt_s < left_s { left_s - dt_s } else { 0.0 };
         action::step(actions, object, t_s, dt_s).map_err(|lost| Failure { lost, t_s: to_s - after_s })?;
         left_s = after_s;

@@ -64,26 +64,26 @@ impl Voters<'_> {
         let subjects = self.subjects(&parts, &masks);
         let mut answers: BTreeMap<Target, Outcome> = BTreeMap::new();
         loop {
-            let outcomes = answers.iter().map(|(&ask, outcome)| (ask, outcome)).collect();
+            let outcomes = answers.iter().map(|(&target, outcome)| (target, outcome)).collect();
             let due: Vec<Target> = subjects.iter().flat_map(|subject| subject.due(ask_views, &outcomes)).collect();
             if due.is_empty() {
                 break;
             }
-            for ask in due {
-                let map = &masks[ask.view].map;
-                let answer = oracle.answer(&self.views[ask.view].parts, map, |id| shows(id, ask.id), random);
-                answers.insert(ask, Outcome::Answered(answer));
+            for target in due {
+                let map = &masks[target.view].map;
+                let answer = oracle.answer(&self.views[target.view].parts, map, |id| shows(id, target.id), random);
+                answers.insert(target, Outcome::Answered(answer));
             }
         }
-        let outcomes: Outcomes = answers.iter().map(|(&ask, outcome)| (ask, outcome)).collect();
+        let outcomes: Outcomes = answers.iter().map(|(&target, outcome)| (target, outcome)).collect();
         let settled = rounds::settled(&subjects, &outcomes);
         let settled = |id: &u16| settled.get(id).copied().unwrap_or(*id);
         let settled = |map: &LabelMap| LabelMap { labels: map.labels.iter().map(settled).collect(), ..*map };
         let maps: Vec<LabelMap> = masks.iter().map(|masks| settled(&masks.map)).collect();
-        let answered = AnsweredPart::collect(answers.iter().filter_map(|(ask, outcome)| match outcome {
+        let answered = AnsweredPart::collect(answers.iter().filter_map(|(target, outcome)| match outcome {
             Outcome::Answered(answer) => {
-                let pixels = masks[ask.view].map.labels.iter().filter(|&&id| shows(id, ask.id)).count();
-                Some((ask.id, answer, pixels as f64))
+                let pixels = masks[target.view].map.labels.iter().filter(|&&id| shows(id, target.id)).count();
+                Some((target.id, answer, pixels as f64))
             }
             Outcome::Failed(_) => None,
         }));
