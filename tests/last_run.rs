@@ -198,6 +198,18 @@ fn a_grasp_is_tried_out_with_the_gripper_of_the_run() {
 }
 
 #[test]
+fn a_grasp_without_a_scale_is_refused_after_a_report_too() {
+    let ball = Ball::new();
+    let options = ["--segments", "ball-0/labels", "--view-list", "000,002", "--no-simulate"];
+    for server in ball.with_and_without_server() {
+        used(ball.gprop("run").args(options).args(server));
+    }
+    assert_eq!(fs::read_to_string(ball.scene().join("gprop/grasp.json")).unwrap().trim(), "null");
+    let output = ball.gprop("grasp").output().unwrap();
+    assert!(output.status.code() == Some(3) && stderr(&output).contains("give --scale"), "{output:?}");
+}
+
+#[test]
 fn a_preset_is_an_option_of_the_last_run() {
     let ball = Ball::after_a_run();
     let vote = ["--preset", "paper", "--segments", "ball-0/labels", "--view-list", "000,002"];

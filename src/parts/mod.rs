@@ -138,14 +138,14 @@ pub fn parts(
     let mut shapes = shapes(field, &composed, &cells, &constructions, &thickness);
     let interior = &composed.interior;
     let bodies = Bodies::of(interior, constructions.len());
-    let mut pieces = pieces(interior, &bodies, &shapes, gaussians, &field.part_label);
+    let mut pieces = pieces(&composed, &bodies, &shapes, gaussians, &field.part_label);
     let scaled = match (scale, meters_per_unit) {
         (Some(scale), _) => weights::Scale { meters_per_unit: scale.meters_per_unit, range: scale.range },
         (None, of_mass) => weights::Scale::to_be_found(of_mass.unwrap_or(1.0)),
     };
-    let mut weights = Weights::new(&weighables(&shapes, field, &composed, &pieces), scaled);
+    let mut weights = Weights::new(&weighables(&shapes, field, &constructions, &composed, &pieces), scaled);
     let known_mass = meters_per_unit.and(options.known_mass).map(|kg| known_mass(&mut weights, kg, options));
-    let whole = weights.whole(&weighables(&shapes, field, &composed, &pieces));
+    let whole = weights.whole(&weighables(&shapes, field, &constructions, &composed, &pieces));
     let whole = whole.ok_or_else(|| no_volume(field, &shapes))?;
     set_distances(&mut shapes, &mut pieces, &bodies, &cells, whole.center);
     let floaters = (0..kept.len()).filter(|&i| !kept[i] && !gaussians.is_set_aside(i)).count();
@@ -155,7 +155,7 @@ pub fn parts(
     warnings.extend(known_mass.as_ref().and_then(|known| known.problem(enclosed_m3)));
     let notes = notes(field, floaters, &shapes, &composed, options.min_part_share);
     let parts = meters_per_unit.map(|_| {
-        let weighables = weighables(&shapes, field, &composed, &pieces);
+        let weighables = weighables(&shapes, field, &constructions, &composed, &pieces);
         let of = |weight: &Weight| &weighables[weight.of];
         let (fillings, solids): (Vec<&Weight>, Vec<&Weight>) = weights.all.iter().partition(|weight| weight.is_filling);
         Parts {
@@ -175,6 +175,7 @@ pub fn parts(
 fn weighables<'a>(
     shapes: &'a [Shape],
     field: &'a MaterialField,
+    constructions: &[Construction],
     composed: &'a Composed,
     pieces: &'a [Vec<Piece>],
 ) -> Vec<Weighable<'a>> {
@@ -184,6 +185,7 @@ fn weighables<'a>(
         label: &field.labels[l],
         volume: &composed.volumes[l],
         pieces: &pieces[l],
+        is_wall: constructions[l] != Construction::Solid,
         hollow: composed.hollows[l].as_ref(),
     })
     .collect()
@@ -199,7 +201,7 @@ fn known_mass(weights: &mut Weights, reading_kg: f64, options: &Options) -> Know
 
 /// Per label, its bodies, which together have its volume.
 fn pieces(
-    interior: &Interior,
+    Composed { interior, crowded_out, .. }: &Composed,
     bodies: &Bodies,
     shapes: &[Shape],
     gaussians: &Gaussians,
@@ -219,6 +221,12 @@ fn pieces(
             let whole = shapes[label].volume.map_or(0.0, |volume| volume.mid);
             let volume = whole * moments.volume / filled[label];
             let moments = moments.with_volume(volume);
+            pieces[label].push(Piece { moments, gaussians, surface_to_center_of_mass: None });
+        }
+    }
+    for (label, moments) in crowded_out.iter().enumerate() {
+        if let (Some(moments), Some(volume)) = (moments, shapes[label].volume) {
+            let (moments, gaussians) = (moments.with_volume(volume.mid), shapes[label].gaussians);
             pieces[label].push(Piece { moments, gaussians, surface_to_center_of_mass: None });
         }
     }

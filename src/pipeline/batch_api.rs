@@ -55,6 +55,8 @@ pub struct Collected {
     pub running: usize,
     pub running_done: usize,
     pub running_total: usize,
+    /// Questions that were sent to another model or with other parameters; they still wait.
+    pub of_others: usize,
 }
 
 /// Whether a question is not in `submitted`, and is met for the first time.
@@ -146,6 +148,10 @@ impl QuerySession<'_> {
         }
         let mut collected = Collected::default();
         for job in submitted.jobs.clone() {
+            if !job.is_for(client.answerer()) {
+                collected.of_others += job.waiting.len();
+                continue;
+            }
             match batch_api::collect(client, &job).map_err(QueryError::BatchApi)? {
                 JobProgress::Running { counts, .. } => collected.add_running(counts, job.waiting.len()),
                 JobProgress::Ended(ended) => {
@@ -220,13 +226,16 @@ impl Collected {
     /// Checks that everything that was submitted is recorded.
     ///
     /// # Errors
-    /// [`QueryError::BatchApiRunning`] or [`QueryError::BatchApiPartial`] if it is not.
+    /// [`QueryError::BatchApiPartial`], [`QueryError::BatchApiOthers`] or [`QueryError::BatchApiRunning`] if it is not.
     pub fn require_all(&self) -> Result<(), QueryError> {
         let failed: usize = self.failed.values().sum();
         if failed > 0 {
             let reasons: Vec<String> = self.failed.iter().map(|(why, count)| format!("{why} ({count})")).collect();
             let total = self.recorded + failed;
             return Err(QueryError::BatchApiPartial { failed, total, reasons: reasons.join("; ") });
+        }
+        if self.of_others > 0 {
+            return Err(QueryError::BatchApiOthers { questions: self.of_others });
         }
         if self.running > 0 {
             let Self { running, running_done: done, running_total: total, .. } = *self;

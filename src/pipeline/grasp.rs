@@ -19,10 +19,20 @@ impl Pipeline {
         self.key_after_inputs(Stage::Grasp).with(CONTENTS).with_json(&options).with_json(&self.gripper).hex()
     }
 
+    fn asks_for_a_place(&self) -> bool {
+        self.plan.to == Stage::Grasp || self.options.grasp.names_a_place()
+    }
+
+    /// True if the user asks for a grasp, and an earlier run that did not need one found no place.
+    pub(super) fn lacks_a_place(&self) -> bool {
+        let is_missing = |report: Option<GraspReport>| report.is_none_or(|report| report.candidates.is_empty());
+        self.asks_for_a_place() && self.stored_grasp().is_ok_and(is_missing)
+    }
+
     /// If the user asks for a grasp, a grasp that cannot be computed is an error; if it is only needed for a report, it
     /// is a warning.
     pub(super) fn do_grasp(&self) -> Result<Done> {
-        let asked = self.plan.to == Stage::Grasp || self.options.grasp.names_a_place();
+        let asked = self.asks_for_a_place();
         let (Some(parts), Some(scale)) = (self.stored_parts()?, self.metric_scale()?) else {
             if asked {
                 return Err(PartsError::ScaleUnknown.into());

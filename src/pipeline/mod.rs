@@ -326,9 +326,11 @@ impl Pipeline {
         }
     }
 
-    /// True if the user wants a stage done again in any case.
+    /// True if a stage is to be done again in any case.
     fn must_redo(&self, stage: Stage) -> bool {
-        self.plan.redoes(stage) || (stage == Stage::Query && self.asks_anew())
+        self.plan.redoes(stage)
+            || (stage == Stage::Query && self.asks_anew())
+            || (stage == Stage::Grasp && self.lacks_a_place())
     }
 
     /// A hasher that has already taken in the digests of the stages that `stage` reads from.

@@ -38,11 +38,13 @@ impl Pipeline {
         // The content of these files and folders counts, not how their paths are written.
         let labels = options.labels.clone().filter(|labels| !matches!(labels, LabelSet::File(_)));
         let without_paths = Options { prompts: None, recordings: None, labels, ..options.clone() };
+        let candidates = query_session::candidates(options, &self.library)?;
         let mut hasher = self
             .key_after_inputs(Stage::Query)
             .with_json(&without_paths)
             .with_json(&self.options.consensus.ask_views)
-            .with_json(&query_session::candidates(options, &self.library)?.materials())
+            .with_json(&candidates.families())
+            .with_json(&candidates.materials())
             .with_json(&self.library.fillings())
             .with_json(&query_session::prompts(options)?.sha256());
         for folder in query_session::recording_folders(options, &self.folder) {

@@ -40,9 +40,14 @@ struct ViewEntry<'a> {
 }
 
 impl Pipeline {
-    /// The hash covers every byte that is read; modification times and how the paths are written do not matter.
+    /// The hash covers every byte of the files and of the chosen photos, and which photos there are; modification times
+    /// and how the paths are written do not matter.
     pub(super) fn scene_key(&self) -> Result<String> {
-        let mut hasher = Hasher::new("scene").with_json(&without_paths(&self.options.scene));
+        let names: Vec<&str> = self.scene.views.iter().map(|view| view.name.as_str()).collect();
+        let mut hasher = Hasher::new("scene")
+            .with_json(&without_paths(&self.options.scene))
+            .with_json(&names)
+            .with_json(&self.scene.object_source);
         let photos = self.views.iter().flat_map(|view| iter::once(&view.image).chain(&view.mask));
         let searched =
             self.scene.views.iter().filter(|_| self.options.scene.scale.is_in_photos()).map(|view| &view.image);

@@ -75,6 +75,13 @@ pub enum QueryError {
     )]
     BatchApiRunning { running: usize, done: usize, total: usize },
     #[error(
+        "{} {} sent to another model, or with another --lmm-temperature or --lmm-max-tokens, and still {}; \
+         collect with the options with which they were submitted",
+        output::counted(*.questions, "question"), output::agreeing(*.questions, "was", "were"),
+        output::agreeing(*.questions, "waits", "wait")
+    )]
+    BatchApiOthers { questions: usize },
+    #[error(
         "{failed} of {} {} not answered ({reasons}); the other answers are recorded. --batch-api submit asks again about \
          what failed",
         output::counted(*.total, "question"), output::agreeing(*.failed, "was", "were")

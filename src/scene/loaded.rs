@@ -1,5 +1,7 @@
 //! The result of reading a splat, whatever the format.
 
+use std::path::PathBuf;
+
 use super::gaussians::Gaussians;
 use crate::output::{agreeing, counted};
 
@@ -11,6 +13,8 @@ pub struct Loaded {
     pub notes: Vec<String>,
     /// Counts of what was dropped, rounded or left out.
     pub warnings: Vec<String>,
+    /// The files beside the named one that hold a part of it.
+    pub files: Vec<PathBuf>,
 }
 
 /// The error that no Gaussian of a file can be drawn.

@@ -204,6 +204,7 @@ impl Found {
         let prefixed = |text: String| format!("`{}`: {text}", path.display());
         self.notes.extend(std::mem::take(&mut splat.notes).into_iter().map(prefixed));
         self.warnings.extend(std::mem::take(&mut splat.warnings).into_iter().map(prefixed));
+        self.files.append(&mut splat.files);
         Ok(splat)
     }
 

@@ -103,6 +103,20 @@ struct Harmonics {
     files: [String; 2],
 }
 
+impl Meta {
+    /// Harmonics beyond the constant one, if there are any.
+    fn harmonics(&self) -> Option<&Harmonics> {
+        self.harmonics.as_ref().filter(|harmonics| harmonics.bands > 0)
+    }
+
+    /// The names of the pictures that are read.
+    fn pictures(&self) -> impl Iterator<Item = &String> {
+        let own = [&self.scales.files, &self.quats.files, &self.sh0.files].into_iter().flatten();
+        let harmonics = self.harmonics().into_iter().flat_map(|harmonics| &harmonics.files);
+        own.chain(&self.means.files).chain(harmonics)
+    }
+}
+
 /// Where the files are.
 enum Source<'a> {
     Bundle(ZipArchive<Cursor<&'a [u8]>>, usize),
@@ -177,13 +191,17 @@ fn read(mut source: Source) -> Result<Loaded, Problem> {
         antialiased: meta.antialias,
         ..Gaussians::default()
     };
-    if let Some(harmonics) = meta.harmonics.filter(|harmonics| harmonics.bands > 0) {
+    if let Some(harmonics) = meta.harmonics() {
         gaussians.sh_degree = harmonics.bands;
-        gaussians.sh_rest = rest(&mut source, &harmonics, count)?;
+        gaussians.sh_rest = rest(&mut source, harmonics, count)?;
     }
     let dropped = drop_unusable(&mut gaussians).map_err(|_| Problem::NothingFinite { count })?;
     let notes = vec!["SOG version 2".to_owned()];
-    Ok(Loaded { gaussians, notes, warnings: dropped.into_iter().collect() })
+    let files = match source {
+        Source::Folder(folder) => meta.pictures().map(|name| folder.join(name)).collect(),
+        Source::Bundle(..) => Vec::new(),
+    };
+    Ok(Loaded { gaussians, notes, warnings: dropped.into_iter().collect(), files })
 }
 
 /// The spherical harmonics beyond the constant one, channel-major.

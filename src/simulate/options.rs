@@ -37,7 +37,9 @@ pub const SCENE_KEYS: &[SceneKey] = &[
 ];
 
 /// An object that falls from more than a thousand times its height falls for longer than is worth simulating.
-const HIGHEST_DROP: f64 = 1000.0;
+pub(super) const HIGHEST_DROP: f64 = 1000.0;
+/// In degrees.
+pub(super) const FULL_TURN: f64 = 360.0;
 /// An hour.
 const LONGEST_S: f64 = 3600.0;
 /// Two years.
@@ -72,7 +74,7 @@ pub struct Options {
     pub drop_height: f64,
 
     /// Tilt of the object before the drop, in degrees
-    #[arg(long, value_name = "DEGREES", default_value_t = 25.0, allow_negative_numbers = true, value_parser = from_to(-360.0, 360.0))]
+    #[arg(long, value_name = "DEGREES", default_value_t = 25.0, allow_negative_numbers = true, value_parser = from_to(-FULL_TURN, FULL_TURN))]
     pub tilt_deg: f64,
 
     /// Scenario: a name (see `gprop simulate --list`) or a TOML file

@@ -9,6 +9,7 @@ use serde::Deserialize;
 use super::action::{Action, Effect};
 use super::error::SimulateError;
 use super::mpm::particles::Particle;
+use super::options::{FULL_TURN, HIGHEST_DROP};
 use crate::output::toml_problem;
 
 /// A scenario: its name, a description, and its parameters with their defaults.
@@ -152,6 +153,19 @@ pub enum What {
     },
 }
 
+impl Step {
+    fn is_finite(&self) -> bool {
+        let of_what: &[f64] = match &self.what {
+            What::Hold => &[],
+            What::Force { weights: numbers } | What::Move { velocity_m_s: numbers } => numbers,
+            What::Draw { speed: number } | What::Turn { rate_rad_s: number, .. } => std::slice::from_ref(number),
+            What::Wind { velocity_m_s: [x, y, z], response_s: last }
+            | What::Shake { acceleration_m_s2: [x, y, z], frequency_hz: last } => &[*x, *y, *z, *last],
+        };
+        of_what.iter().chain([&self.from, &self.to]).all(|number| number.is_finite())
+    }
+}
+
 impl What {
     /// Whether it gives its particles their motion, instead of a force.
     pub fn guides(&self) -> bool {
@@ -177,16 +191,39 @@ impl Script {
     /// Reads a scenario file.
     ///
     /// # Errors
-    /// [`SimulateError::Scenario`] for invalid TOML or unknown keys.
+    /// [`SimulateError::Scenario`] for invalid TOML, unknown keys, or numbers that are out of range or not finite.
     pub fn from_toml(text: &str) -> Result<Self, SimulateError> {
-        toml::from_str(text).map_err(|error| SimulateError::Scenario(toml_problem(&error, text)))
+        let script: Self =
+            toml::from_str(text).map_err(|error| SimulateError::Scenario(toml_problem(&error, text)))?;
+        script.check()?;
+        Ok(script)
+    }
+
+    /// Checks that the height and the tilt are within the limits of the options, and that all numbers of steps are finite.
+    fn check(&self) -> Result<(), SimulateError> {
+        if !(0.0..=HIGHEST_DROP).contains(&self.drop_height) {
+            let height = self.drop_height;
+            return Err(SimulateError::Scenario(format!(
+                "the drop's height is {height}; give 0 to {HIGHEST_DROP} times the longest side"
+            )));
+        }
+        if !(-FULL_TURN..=FULL_TURN).contains(&self.tilt_deg) {
+            let tilt = self.tilt_deg;
+            return Err(SimulateError::Scenario(format!("the tilt is {tilt}; give -{FULL_TURN} to {FULL_TURN} degrees")));
+        }
+        match (1..).zip(&self.steps).find(|(_, step)| !step.is_finite()) {
+            Some((number, _)) => {
+                Err(SimulateError::Scenario(format!("step {number}: a number is infinite or not a number (nan)")))
+            }
+            None => Ok(()),
+        }
     }
 }
 
 /// The scenario `name` with parameters given as `key=value`.
 ///
 /// # Errors
-/// [`SimulateError::Scenario`] for an unknown scenario or parameter, or a value that is not a number.
+/// [`SimulateError::Scenario`] for an unknown scenario or parameter, or a value that is not a number or out of range.
 pub fn named(name: &str, given: &[String]) -> Result<Script, SimulateError> {
     let bad = |text: String| SimulateError::Scenario(text);
     let known = KNOWN.iter().find(|k| k.name == name).ok_or_else(|| {
@@ -241,6 +278,7 @@ pub fn named(name: &str, given: &[String]) -> Result<Script, SimulateError> {
         }
         _ => vec![],
     };
+    script.check()?;
     Ok(script)
 }
 

@@ -81,8 +81,13 @@ fn walls_of_a_ball_converge() {
 fn the_interval_of_the_scale_widens_every_mass() {
     let cloud = ball(|_| 0);
     let (gaussians, eyes) = (cloud.gaussians(0.02), cameras(4.0, 20, |_| true));
-    let options = with(VolumeMethod::Hybrid, 8_000);
-    for (form, power) in [(Form::Solid, 3), (wall(0.04), 2)] {
+    for (method, form, power) in [
+        (VolumeMethod::Hybrid, Form::Solid, 3),
+        (VolumeMethod::Hybrid, wall(0.04), 2),
+        (VolumeMethod::Carve, wall(0.04), 3),
+        (VolumeMethod::Shell, Form::Solid, 2),
+    ] {
+        let options = with(method, 8_000);
         let field = cloud.field(&[form]);
         let weighed = |scale: &MetricScale| {
             let result = parts(&gaussians, &field, &eyes, &[], Some(scale), &options, Progress::Hidden).unwrap();

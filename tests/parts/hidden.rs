@@ -64,6 +64,24 @@ fn a_rod_goes_on_in_its_sleeve() {
     assert!(error(&parts, 1, sleeve).abs() < 0.15);
 }
 
+/// The sleeve's wall fills a fifteenth of each of its cells, so the rod takes all of them; the sleeve weighs all the same.
+#[test]
+fn a_sleeve_thinner_than_a_cell_has_a_center_and_an_inertia() {
+    let parts = measured(&rod_in_sleeve(), &[Form::Solid, wall(0.001)], |_| true);
+    let sleeve = &parts.parts[1];
+    let center = sleeve.center_of_mass_m.expect("it has a mass, so it has a center");
+    // The middle of the wall, which includes the bottom.
+    assert!(center[0].hypot(center[1]) < 0.02 && (-0.7..-0.5).contains(&center[2]), "{center:?}");
+    assert_eq!(sleeve.bodies.len(), 1);
+    let about_axis = sleeve.inertia_kg_m2.unwrap()[2][2] / sleeve.mass_kg.unwrap().mid;
+    // Side and bottom: m r^2 and m r^2 / 2.
+    let (side, bottom) = (2.0 * 0.28 * 1.08, 0.28f64.powi(2));
+    let expected = 0.28f64.powi(2) * (side + bottom / 2.0) / (side + bottom);
+    println!("I / m {about_axis:.4}, true {expected:.4}");
+    // A cell is 0.015 wide: its outer half lies beyond the surface.
+    assert!((about_axis / expected - 1.0).abs() < 0.12);
+}
+
 #[test]
 fn a_rod_goes_through_a_drum() {
     // A drum of radius 0.6 from z = -0.3 to 0.3 on a rod of radius 0.2 that sticks out at both ends.

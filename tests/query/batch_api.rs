@@ -191,6 +191,26 @@ fn a_batch_goes_out_and_its_answers_are_replayed() {
     assert_eq!(place.query_session(&options).submit().unwrap().sent, 0, "nothing is open any more");
 }
 
+/// Otherwise its answers would be recorded as the other model's.
+#[test]
+fn a_batch_is_collected_only_for_the_model_that_was_asked() {
+    let (server, place) = (BatchApiServer::new(&good()), Place::new());
+    let options = server.options();
+    place.query_session(&options).submit().unwrap();
+    let output: Vec<Value> = server.sent().iter().map(|id| answered(id, &good())).collect();
+    server.set(completed(), &output, &[]);
+    let before = place.recorded();
+    for other in [
+        Options { lmm_model: Some("gpt-4o-mini".to_owned()), ..options.clone() },
+        Options { lmm_temperature: 0.7, ..options.clone() },
+    ] {
+        let error = place.query_session(&other).collect().unwrap().require_all().unwrap_err();
+        assert!(matches!(error, QueryError::BatchApiOthers { questions: 3 }), "{error}");
+        assert_eq!(place.recorded(), before);
+    }
+    assert_eq!(place.query_session(&options).collect().unwrap().recorded, 3, "they still wait");
+}
+
 #[test]
 fn an_expired_batch_leaves_what_it_answered_and_the_rest_is_sent_again() {
     let (server, place) = (BatchApiServer::new(&good()), Place::new());

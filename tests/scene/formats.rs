@@ -1,5 +1,6 @@
 //! Compact splats: built in code, damaged, and compared with the same Gaussians as PLY if the files are available.
 
+use std::collections::BTreeSet;
 use std::io::Write;
 use std::path::{Path, PathBuf};
 
@@ -490,8 +491,11 @@ fn a_sog_bundle_and_its_folder_are_the_same_splat() {
     let folder = tempfile::tempdir().unwrap();
     let mut archive = zip::ZipArchive::new(std::fs::File::open(&path).unwrap()).unwrap();
     archive.extract(folder.path()).unwrap();
-    let loose = sog::read_folder(&folder.path().join("meta.json")).unwrap().gaussians;
-    assert_eq!(bundle, loose);
+    let loose = sog::read_folder(&folder.path().join("meta.json")).unwrap();
+    assert_eq!(bundle, loose.gaussians);
+    let read: BTreeSet<_> = loose.files.into_iter().chain([folder.path().join("meta.json")]).collect();
+    let there: BTreeSet<_> = std::fs::read_dir(folder.path()).unwrap().map(|entry| entry.unwrap().path()).collect();
+    assert_eq!(read, there, "the scene's hash covers every file");
     assert_eq!(bundle.len(), 113_648);
     let Some(splat) = shared("formats/splat/plant.splat") else { return };
     let original = splat::parse(&std::fs::read(splat).unwrap()).unwrap().gaussians;

@@ -92,6 +92,14 @@ fn wrong_names_are_refused_with_what_there_is() {
     assert!(why(named("push", &["fierce=2".to_owned()])).contains("`fierce`"));
     assert!(why(named("push", &["force=much".to_owned()])).contains("is not a number"));
     assert!(why(Script::from_toml("height = 1")).contains("height"));
+    for height in ["-0.5", "1001"] {
+        assert!(why(named("drop", &[format!("height={height}")])).contains(&format!("height is {height}")));
+    }
+    assert!(why(named("drop", &["tilt=361".to_owned()])).contains("tilt is 361"));
+    assert!(why(Script::from_toml("drop_height = nan")).contains("height is NaN"));
+    for wrong in ["to = inf\ndo = \"hold\"", "do = { draw = { speed = nan } }", "do = { force = { weights = [0, 0, inf] } }"] {
+        assert!(why(Script::from_toml(&format!("[[step]]\non = \"all\"\n{wrong}"))).contains("step 1"), "{wrong}");
+    }
     let low = named("drop", &["height=0.1".to_owned()]).unwrap();
     assert_eq!((low.drop_height, low.tilt_deg), (0.1, 25.0));
     let (particles, names) = (column(), vec![vec!["foot"], vec!["seat"]]);

@@ -53,6 +53,8 @@ pub struct Composed {
     pub interior: Interior,
     /// Per label.
     pub volumes: Vec<Volume>,
+    /// Per label, the moments of a wall so thin that the core in it takes all of its cells in `interior`.
+    pub crowded_out: Vec<Option<Moments>>,
     /// Per label, the hollow behind the wall of a shell that holds a filling.
     pub hollows: Vec<Option<Hollow>>,
     /// Per label, the solid within this shell, if any.
@@ -107,10 +109,12 @@ pub fn compose(
         true => Volume::of(own[l], slacks[l], SOLID_SPREAD),
         false => Volume::of(own[l], 0.0, WALL_SPREAD).within(enclosed[l]),
     };
+    let interior = contents.interior();
     let composed = Composed {
         volumes: (0..constructions.len()).map(volume).collect(),
+        crowded_out: contents.crowded_out(&interior),
         hollows: contents.hollows(&hollow, &slacks, &enclosed),
-        interior: contents.interior(),
+        interior,
         cores: cores.clone(),
         is_mirrored,
         passages: passages.into_iter().map(|(peg, through, _)| (peg, through)).collect(),
@@ -236,5 +240,17 @@ impl Contents<'_> {
         };
         let (part, fraction) = (0..self.cells.label.len()).into_par_iter().map(cell).unzip();
         Interior { grid: self.cells.grid, part, fraction }
+    }
+
+    /// Per label, the moments of a wall around a core that has no cell of `interior`.
+    fn crowded_out(&self, interior: &Interior) -> Vec<Option<Moments>> {
+        let mut is_out: Vec<bool> = self.cores.iter().map(Option::is_some).collect();
+        interior.filled().for_each(|(_, label, _)| is_out[label as usize] = false);
+        if !is_out.contains(&true) {
+            return vec![None; is_out.len()];
+        }
+        let cells = self.cells.label.iter().enumerate().filter(|(_, l)| **l != NONE && is_out[**l as usize]);
+        let shares = cells.map(|(i, l)| (i, *l as usize, self.shares(i, Reading::Mid, Reading::Mid).0));
+        Moments::of(&self.cells.grid, shares, is_out.len())
     }
 }

@@ -30,12 +30,14 @@ pub(super) struct Piece {
     pub surface_to_center_of_mass: Option<f64>,
 }
 
-/// A part's bodies with their density, and the hollow behind its wall.
+/// A part's volume and bodies with their density, and the hollow behind its wall.
 pub(super) struct Weighable<'a> {
     pub shape: &'a Shape,
     pub label: &'a FieldLabel,
     pub volume: &'a Volume,
     pub pieces: &'a [Piece],
+    /// Whether its volume is that of a wall, whatever the answer's form: `--volume` may say otherwise.
+    pub is_wall: bool,
     pub hollow: Option<&'a Hollow>,
 }
 

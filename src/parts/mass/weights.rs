@@ -18,7 +18,7 @@ pub struct Weight {
     pub density: Quantity,
     /// kg.
     pub mass: Quantity,
-    /// m; only for shells.
+    /// m; only for walls.
     pub wall: Option<Quantity>,
 }
 
@@ -146,11 +146,10 @@ fn part(of: usize, weighable: &Weighable, scale: f64, unknowns: &mut Unknowns) -
         mid: label.density_kg_m3.mid,
         effects: vec![(unknowns.number(Source::Density, name), Effect::of(label.density_kg_m3).wider(guessed))],
     };
-    let wall =
-        weighable.shape.thickness.filter(|_| matches!(label.form, Form::Shell { .. })).map(|thickness| Quantity {
-            mid: thickness.mid * scale,
-            effects: vec![(unknowns.number(Source::Wall, &owner), Effect::of(thickness).wider(OVERCONFIDENCE))],
-        });
+    let wall = weighable.shape.thickness.filter(|_| weighable.is_wall).map(|thickness| Quantity {
+        mid: thickness.mid * scale,
+        effects: vec![(unknowns.number(Source::Wall, &owner), Effect::of(thickness).wider(OVERCONFIDENCE))],
+    });
     Weight { of, is_filling: false, mass: product(&volume, &density), volume, density, wall }
 }
 

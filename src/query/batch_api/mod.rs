@@ -19,7 +19,7 @@ use serde_json::{Value, json};
 
 use super::asker::AskError;
 use super::client::{Client, JobState, RequestCounts};
-use super::recorded::Asked;
+use super::recorded::{Answerer, Asked, key};
 use super::sha256::Sha256Hex;
 
 pub use response::{AnswerLine, Answered, NotAnswered, lines};
@@ -77,6 +77,13 @@ pub struct Ended {
 pub enum JobProgress {
     Running { state: JobState, counts: RequestCounts },
     Ended(Ended),
+}
+
+impl BatchApiJob {
+    /// True if its questions were sent to this model with these parameters.
+    pub fn is_for(&self, answerer: &Answerer) -> bool {
+        self.waiting.iter().all(|waiting| waiting.key == key(answerer, &waiting.asked))
+    }
 }
 
 impl Submitted {

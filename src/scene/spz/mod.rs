@@ -98,5 +98,5 @@ pub fn parse(bytes: &[u8]) -> Result<Loaded, Problem> {
     };
     let dropped = drop_unusable(&mut gaussians).map_err(|_| Problem::NothingFinite { count: header.count })?;
     let notes = vec![format!("SPZ version {}", header.version)];
-    Ok(Loaded { gaussians, notes, warnings: dropped.into_iter().collect() })
+    Ok(Loaded { gaussians, notes, warnings: dropped.into_iter().collect(), ..Loaded::default() })
 }
