@@ -130,15 +130,22 @@ fn at_cell(cells: &Labelled, i: usize, silhouettes: &Silhouettes, uncertainty: f
             return Some(wire);
         }
     }
-    if spread.thickness() * cell > soft {
-        return None;
-    }
+    let thickness = spread.thickness() * cell;
     let spread = Spread::around(cells, i, BROADER * reach);
-    if spread.variance(1) > DIRECTED * spread.variance(2) || spread.variance(0) > ELONGATED * spread.variance(1) {
+    // In the middle of the strip: at its rim, a cell may lie beyond the true edge.
+    let middle = center + spread.offset * cell;
+    let widths = || silhouettes.widths(middle, spread.axis(), carved_side(&spread, 1, cell) + soft);
+    if spread.variance(1) <= ELONGATED * spread.variance(2)
+        && let Some(wire) = measured(&spread, widths(), cell, uncertainty)
+    {
+        return Some(wire);
+    }
+    let is_strip =
+        spread.variance(1) <= DIRECTED * spread.variance(2) && spread.variance(0) <= ELONGATED * spread.variance(1);
+    if thickness > soft || !is_strip {
         return None;
     }
-    // In the middle of the strip: at its rim, a cell may lie beyond the true edge.
-    let widths = silhouettes.widths(center + spread.offset * cell, spread.axis(), carved_side(&spread, 1, cell) + soft);
+    let widths = widths();
     Rectangle::of(&spread, widths, cell, uncertainty).and_then(|rectangle| rectangle.wire(&spread, cell))
 }
 
