@@ -107,6 +107,12 @@ pub enum SceneError {
         path.display(), found.0, found.1, expected.0, expected.1
     )]
     ImageChanged { path: PathBuf, expected: (u32, u32), found: (u32, u32) },
+    #[error(
+        "mask `{}` is {} x {} pixels, another shape than its photo, which is {} x {} after any rotation by its EXIF \
+         orientation; make the mask from the photo again, in that orientation and without cropping",
+        path.display(), found.0, found.1, photo.0, photo.1
+    )]
+    MaskShape { path: PathBuf, photo: (u32, u32), found: (u32, u32) },
     #[error("{0}")]
     Outside(Box<Outside>),
     #[error("no view is named `{name}`; the views are: {}", known.join(", "))]

@@ -73,11 +73,6 @@ impl Header {
         if !self.is_turned() {
             return Upright::AsStored;
         }
-        let same_shape = |(width, height): (u32, u32), (w, h): (u32, u32)| {
-            let (a, b) = (u64::from(width) * u64::from(h), u64::from(height) * u64::from(w));
-            // One percent, since the sides of a resized picture are rounded.
-            a.abs_diff(b) * 100 <= a.max(b)
-        };
         let stored = declared.is_some_and(|size| {
             same_shape(size, self.size(Upright::AsStored)) && !same_shape(size, self.size(Upright::Turned))
         });
@@ -118,7 +113,7 @@ impl View {
         if found != expected {
             return Err(SceneError::ImageChanged { path: self.image.clone(), expected, found });
         }
-        let mask = self.mask.as_deref().map(|path| decode(path, self.upright, VIEW_LIMIT)).transpose()?;
+        let mask = self.mask.as_deref().map(|path| mask(path, self.upright, VIEW_LIMIT, expected)).transpose()?;
         Ok(Photo::of(picture, mask))
     }
 
@@ -129,8 +124,8 @@ impl View {
     /// As for [`Self::photo`].
     pub fn coverage(&self) -> Result<Option<GrayImage>, SceneError> {
         let expected = (self.camera.intrinsics.width, self.camera.intrinsics.height);
-        if let Some(mask) = &self.mask {
-            return Ok(Some(mask_at(decode(mask, self.upright, VIEW_LIMIT)?, expected)));
+        if let Some(path) = &self.mask {
+            return Ok(Some(mask(path, self.upright, VIEW_LIMIT, expected)?));
         }
         if !header(&self.image)?.has_alpha {
             return Ok(None);
@@ -146,26 +141,27 @@ impl View {
 }
 
 impl Photo {
-    /// Decodes a photo without a camera, turned upright, with its foreground from `mask` or its own alpha. If its
+    /// Decodes a photo without a camera, turned upright, with its foreground from a mask or its own alpha. If its
     /// longer side has 6144 pixels or more, it is shrunk by an integer factor. Also returns its width and height before
     /// that.
     ///
     /// # Errors
     /// [`SceneError`] names the file that is missing, undecodable, or too large to decode.
-    pub fn open(path: &Path, mask: Option<&Path>) -> Result<(Self, (u32, u32)), SceneError> {
+    pub fn open(path: &Path, path_of_mask: Option<&Path>) -> Result<(Self, (u32, u32)), SceneError> {
         let picture = decode(path, Upright::Turned, ALONE_LIMIT)?;
         let size = (picture.width(), picture.height());
         let factor = size.0.max(size.1) / KEPT_SIDE;
         let picture = if factor > 2 { shrunk(&picture, factor) } else { picture };
-        let mask = mask.map(|path| decode(path, Upright::Turned, ALONE_LIMIT)).transpose()?;
+        let shown = (picture.width(), picture.height());
+        let mask = path_of_mask.map(|path| mask(path, Upright::Turned, ALONE_LIMIT, shown)).transpose()?;
         Ok((Self::of(picture, mask), size))
     }
 
-    fn of(picture: DynamicImage, mask: Option<DynamicImage>) -> Self {
+    fn of(picture: DynamicImage, mask: Option<GrayImage>) -> Self {
         let (rgb, alpha) = over_white(picture);
         let (width, height) = rgb.dimensions();
         let (foreground, foreground_source) = match (mask, alpha) {
-            (Some(mask), _) => (thresholded(mask_at(mask, (width, height))), ForegroundSource::Mask),
+            (Some(mask), _) => (thresholded(mask), ForegroundSource::Mask),
             (None, Some(alpha)) => (alpha, ForegroundSource::Alpha),
             (None, None) => (GrayImage::from_pixel(width, height, Luma([255])), ForegroundSource::Whole),
         };
@@ -175,13 +171,27 @@ impl Photo {
 
 /// The mask's alpha if it has one that is not opaque everywhere, else its brightness; resized to the photo if
 /// necessary.
-fn mask_at(picture: DynamicImage, (width, height): (u32, u32)) -> GrayImage {
+///
+/// # Errors
+/// As for a photo, and if the mask is not a picture of this shape, for instance because it lies on its side.
+fn mask(path: &Path, upright: Upright, limit: Limit, photo: (u32, u32)) -> Result<GrayImage, SceneError> {
+    let picture = decode(path, upright, limit)?;
+    let found = (picture.width(), picture.height());
+    if !same_shape(found, photo) {
+        return Err(SceneError::MaskShape { path: path.to_owned(), photo, found });
+    }
     let alpha = picture.color().has_alpha().then(|| alpha_of(&picture.to_rgba8())).filter(|alpha| !is_white(alpha));
     let mask = alpha.unwrap_or_else(|| picture.into_luma8());
-    match mask.dimensions() == (width, height) {
+    Ok(match found == photo {
         true => mask,
-        false => image::imageops::resize(&mask, width, height, image::imageops::FilterType::Triangle),
-    }
+        false => image::imageops::resize(&mask, photo.0, photo.1, image::imageops::FilterType::Triangle),
+    })
+}
+
+/// Whether two pictures have the same aspect ratio, within one percent or the rounding of one of them to whole pixels.
+fn same_shape((width, height): (u32, u32), (w, h): (u32, u32)) -> bool {
+    let (a, b) = (u64::from(width) * u64::from(h), u64::from(height) * u64::from(w));
+    a.abs_diff(b) * 100 <= a.max(b) || a.abs_diff(b) <= u64::from(w.max(h).max(width).max(height))
 }
 
 /// The picture with each square of `factor` x `factor` pixels replaced by their mean; leftover pixels at the right and

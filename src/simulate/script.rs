@@ -193,8 +193,7 @@ impl Script {
     /// # Errors
     /// [`SimulateError::Scenario`] for invalid TOML, unknown keys, or numbers that are out of range or not finite.
     pub fn from_toml(text: &str) -> Result<Self, SimulateError> {
-        let script: Self =
-            toml::from_str(text).map_err(|error| SimulateError::Scenario(toml_problem(&error, text)))?;
+        let script: Self = toml::from_str(text).map_err(|error| SimulateError::Scenario(toml_problem(&error, text)))?;
         script.check()?;
         Ok(script)
     }
@@ -209,7 +208,9 @@ impl Script {
         }
         if !(-FULL_TURN..=FULL_TURN).contains(&self.tilt_deg) {
             let tilt = self.tilt_deg;
-            return Err(SimulateError::Scenario(format!("the tilt is {tilt}; give -{FULL_TURN} to {FULL_TURN} degrees")));
+            return Err(SimulateError::Scenario(format!(
+                "the tilt is {tilt}; give -{FULL_TURN} to {FULL_TURN} degrees"
+            )));
         }
         match (1..).zip(&self.steps).find(|(_, step)| !step.is_finite()) {
             Some((number, _)) => {

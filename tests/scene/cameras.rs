@@ -391,6 +391,10 @@ fn masks_tell_the_foreground() {
     let options = Options { masks: Some(elsewhere.path().to_owned()), ..Options::default() };
     let photo = made_up.load_as_is(&options).unwrap().views[3].photo().unwrap();
     assert_eq!((photo.foreground_source, photo.foreground.dimensions()), (Mask, (8, 6)));
+    // On its side.
+    image::imageops::rotate90(&mask).save(elsewhere.path().join("003.png")).unwrap();
+    let error = made_up.load_as_is(&options).unwrap_err().to_string();
+    assert!(error.contains("003.png") && error.contains("6 x 8 pixels") && error.contains("8 x 6"), "{error}");
 }
 
 /// A JPEG of 8 x 6 pixels as stored, bright on the left, whose EXIF orientation says `orientation`.

@@ -97,7 +97,9 @@ fn wrong_names_are_refused_with_what_there_is() {
     }
     assert!(why(named("drop", &["tilt=361".to_owned()])).contains("tilt is 361"));
     assert!(why(Script::from_toml("drop_height = nan")).contains("height is NaN"));
-    for wrong in ["to = inf\ndo = \"hold\"", "do = { draw = { speed = nan } }", "do = { force = { weights = [0, 0, inf] } }"] {
+    for wrong in
+        ["to = inf\ndo = \"hold\"", "do = { draw = { speed = nan } }", "do = { force = { weights = [0, 0, inf] } }"]
+    {
         assert!(why(Script::from_toml(&format!("[[step]]\non = \"all\"\n{wrong}"))).contains("step 1"), "{wrong}");
     }
     let low = named("drop", &["height=0.1".to_owned()]).unwrap();
