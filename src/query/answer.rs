@@ -1,12 +1,13 @@
 //! Turns a model's JSON into an [`Answer`]: converts units to SI, finds the material's row in the library and keeps
 //! numbers within what is possible.
 //!
-//! The library takes precedence; the model narrows its ranges. For every property (but the density of a mixed part is
-//! only clamped, and hardness has no bounds but 0 and 100):
+//! Both the library and the model give a range for every property. (But the density of a mixed part is only clamped, and
+//! hardness has no bounds but 0 and 100.)
 //!
 //! 1. The model's range is clamped to what the bounds of the material's family and the library's row span; a clamped
 //!    range is flagged.
-//! 2. If that overlaps the range of the library's row, the answer is the overlap.
+//! 2. If that overlaps the range of the library's row, the answer is the narrower of the two. It is not their overlap,
+//!    which is the smaller the more they disagree, so that disagreement would pass for certainty.
 //! 3. Otherwise the answer is the row's range, flagged.
 //!
 //! The model's own text stays in the recording.
@@ -201,7 +202,7 @@ fn density(written: &Written, material: &Material, family: &Family, flags: &mut 
         Some(_) => cut(name, said, BULK_DENSITY_KG_M3, flags),
         None => {
             let said = cut(name, said, family.density_kg_m3.hull(material.density_kg_m3), flags);
-            narrowed(name, said, material.density_kg_m3, flags)
+            narrower(name, said, material.density_kg_m3, flags)
         }
     }
 }
@@ -222,7 +223,7 @@ fn settle(
         let said = in_order(name, said, &mut flags);
         // A row may lie outside of its family's bounds, as cork does, which is softer than other wood.
         let said = cut(name, said, family.hull(row), &mut flags);
-        narrowed(name, said, row, &mut flags)
+        narrower(name, said, row, &mut flags)
     };
     let youngs_modulus_pa = property(
         "Young's modulus in Pa",
@@ -286,7 +287,7 @@ fn hardness(
     }
     let said = in_order("hardness", said, flags);
     let said = cut("hardness", said, SHORE, flags);
-    Some(ShoreHardness { scale, range: narrowed("hardness", said, row.range, flags) })
+    Some(ShoreHardness { scale, range: narrower("hardness", said, row.range, flags) })
 }
 
 fn scaled(range: Range, factor: f64) -> Range {
@@ -309,17 +310,18 @@ fn cut(name: &str, said: Range, bounds: Range, flags: &mut Vec<String>) -> Range
     cut
 }
 
-fn narrowed(name: &str, said: Range, row: Range, flags: &mut Vec<String>) -> Range {
-    let overlap = Range::new(said.low.max(row.low), said.high.min(row.high));
-    if overlap.low <= overlap.high {
-        return overlap;
+fn narrower(name: &str, said: Range, row: Range, flags: &mut Vec<String>) -> Range {
+    if said.low > row.high || row.low > said.high {
+        flags.push(format!(
+            "{name}: the answer's {} does not overlap the library's {}; the library's is used",
+            in_si(said),
+            in_si(row)
+        ));
+        return row;
     }
-    flags.push(format!(
-        "{name}: the answer's {} does not overlap the library's {}; the library's is used",
-        in_si(said),
-        in_si(row)
-    ));
-    row
+    // Of the ratio of both ends, which may be infinite.
+    let width = |range: Range| (range.high - range.low) / (range.high + range.low).max(f64::MIN_POSITIVE);
+    if width(said) <= width(row) { said } else { row }
 }
 
 fn in_si(range: Range) -> String {

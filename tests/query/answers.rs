@@ -152,7 +152,7 @@ fn the_family_is_the_materials() {
 }
 
 #[test]
-fn numbers_narrow_the_librarys_range_and_cannot_leave_it() {
+fn the_narrower_of_two_ranges_that_overlap_counts() {
     let row = MaterialLibrary::builtin().get(a("metal")).unwrap();
     let Range { low, high } = row.density_kg_m3;
     let mid = 0.5 * (low + high);
@@ -162,7 +162,11 @@ fn numbers_narrow_the_librarys_range_and_cannot_leave_it() {
         (answer.density_kg_m3, answer.flags)
     };
     assert_eq!(density([low, mid]), (Range::new(low, mid), vec![]));
-    assert_eq!(density([mid, high + 1.0]).0, Range::new(mid, high));
+    assert_eq!(density([low - 1.0, high + 1.0]).0, row.density_kg_m3);
+    // Neither contains the other: not their overlap, which no one gave.
+    let step = 0.1 * (high - low);
+    assert_eq!(density([high - step, high + step]).0, Range::new(high - step, high + step));
+    assert_eq!(density([low - 100.0 * step, high - step]).0, row.density_kg_m3);
 
     let (range, flags) = density([mid, low]);
     assert_eq!(range, Range::new(low, mid));
@@ -191,8 +195,11 @@ fn hardness_keeps_to_the_librarys_scale() {
         let answer = with(good_answer_about_part(&row.name), "shore_scale", json!(scale));
         read(&with(answer, "shore_hardness", range)).unwrap()
     };
-    let top = hardness.range.high;
-    assert_eq!(said(same, json!([top, 100])).hardness.unwrap().range, Range::exactly(top));
+    let Range { low, high } = hardness.range;
+    assert_eq!(
+        said(same, json!([low, 0.5 * (low + high)])).hardness.unwrap().range,
+        Range::new(low, 0.5 * (low + high))
+    );
     let crossed = said(other, json!([50, 60]));
     assert_eq!(crossed.hardness, Some(hardness));
     assert!(crossed.flags[0].contains("Shore"), "{:?}", crossed.flags);
