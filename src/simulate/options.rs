@@ -6,7 +6,7 @@ use super::animation::Viewpoint;
 use super::boundary::Contact;
 use super::material::Soften;
 use super::rigid::choice;
-use super::script;
+use super::script::{self, FULL_TURN, HIGHEST_DROP};
 use crate::config::SceneKey;
 use crate::option_values::{self, above, from_to};
 
@@ -36,10 +36,6 @@ pub const SCENE_KEYS: &[SceneKey] = &[
     SceneKey::any("turntable"),
 ];
 
-/// An object that falls from more than a thousand times its height falls for longer than is worth simulating.
-pub(super) const HIGHEST_DROP: f64 = 1000.0;
-/// In degrees.
-pub(super) const FULL_TURN: f64 = 360.0;
 /// An hour.
 const LONGEST_S: f64 = 3600.0;
 /// Two years.

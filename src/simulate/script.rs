@@ -9,8 +9,12 @@ use serde::Deserialize;
 use super::action::{Action, Effect};
 use super::error::SimulateError;
 use super::mpm::particles::Particle;
-use super::options::{FULL_TURN, HIGHEST_DROP};
 use crate::output::toml_problem;
+
+/// An object that falls from more than a thousand times its height falls for longer than is worth simulating.
+pub(super) const HIGHEST_DROP: f64 = 1000.0;
+/// In degrees.
+pub(super) const FULL_TURN: f64 = 360.0;
 
 /// A scenario: its name, a description, and its parameters with their defaults.
 pub struct Known {
