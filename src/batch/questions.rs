@@ -108,11 +108,11 @@ impl<'a> Questions<'a> {
         }
         let (mut collected, mut failures) = (Collected::default(), Failures::new());
         for job in submitted.jobs.clone() {
-            if !job.is_for(self.client.answerer()) {
-                collected.of_others += job.waiting.len();
-                continue;
-            }
             let ended = match api::collect(&self.client, &job).map_err(QueryError::BatchApi)? {
+                api::JobProgress::OfOther => {
+                    collected.of_others += job.waiting.len();
+                    continue;
+                }
                 api::JobProgress::Running { counts, .. } => {
                     collected.add_running(counts, job.waiting.len());
                     continue;

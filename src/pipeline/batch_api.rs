@@ -148,11 +148,8 @@ impl QuerySession<'_> {
         }
         let mut collected = Collected::default();
         for job in submitted.jobs.clone() {
-            if !job.is_for(client.answerer()) {
-                collected.of_others += job.waiting.len();
-                continue;
-            }
             match batch_api::collect(client, &job).map_err(QueryError::BatchApi)? {
+                JobProgress::OfOther => collected.of_others += job.waiting.len(),
                 JobProgress::Running { counts, .. } => collected.add_running(counts, job.waiting.len()),
                 JobProgress::Ended(ended) => {
                     for (waiting, answered) in ended.answered {

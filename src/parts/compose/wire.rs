@@ -25,7 +25,8 @@ const AROUND_CELLS: f64 = 2.0;
 /// Across a wire, in the direction of the larger spread, the variance of its cells is at most this share of the variance
 /// along it. A stretch of a cylinder that is twice as long as it is wide has 0.19.
 const ELONGATED: f64 = 0.25;
-/// The direction of a strip, which is broader than a wire, is measured within this many times the distance.
+/// The direction of a strip, or of a wire nearly as thick as that distance, is measured within this many times the
+/// distance.
 const BROADER: usize = 2;
 /// A stretch of a strip has a direction if the variance of its cells across is at most this share of the variance along
 /// it: it is then at least 1.3 times as long as it is broad. A strip is also at least twice as broad as it is thick, see
@@ -132,20 +133,21 @@ fn at_cell(cells: &Labelled, i: usize, silhouettes: &Silhouettes, uncertainty: f
     }
     let thickness = spread.thickness() * cell;
     let spread = Spread::around(cells, i, BROADER * reach);
-    // In the middle of the strip: at its rim, a cell may lie beyond the true edge.
-    let middle = center + spread.offset * cell;
-    let widths = || silhouettes.widths(middle, spread.axis(), carved_side(&spread, 1, cell) + soft);
-    if spread.variance(1) <= ELONGATED * spread.variance(2)
-        && let Some(wire) = measured(&spread, widths(), cell, uncertainty)
-    {
-        return Some(wire);
-    }
-    let is_strip =
-        spread.variance(1) <= DIRECTED * spread.variance(2) && spread.variance(0) <= ELONGATED * spread.variance(1);
-    if thickness > soft || !is_strip {
+    let is_wire = spread.variance(1) <= ELONGATED * spread.variance(2);
+    let is_strip = thickness <= soft
+        && spread.variance(1) <= DIRECTED * spread.variance(2)
+        && spread.variance(0) <= ELONGATED * spread.variance(1);
+    if !is_wire && !is_strip {
         return None;
     }
-    let widths = widths();
+    // In the middle of the strip: at its rim, a cell may lie beyond the true edge.
+    let widths = silhouettes.widths(center + spread.offset * cell, spread.axis(), carved_side(&spread, 1, cell) + soft);
+    if is_wire && let Some(wire) = measured(&spread, widths.clone(), cell, uncertainty) {
+        return Some(wire);
+    }
+    if !is_strip {
+        return None;
+    }
     Rectangle::of(&spread, widths, cell, uncertainty).and_then(|rectangle| rectangle.wire(&spread, cell))
 }
 

@@ -17,7 +17,7 @@ use std::collections::BTreeMap;
 use serde::{Deserialize, Serialize};
 use serde_json::{Value, json};
 
-use super::asker::AskError;
+use super::asker::{AskError, Asker};
 use super::client::{Client, JobState, RequestCounts};
 use super::recorded::{Answerer, Asked, key};
 use super::sha256::Sha256Hex;
@@ -75,13 +75,18 @@ pub struct Ended {
 /// The progress of a job.
 #[derive(Debug)]
 pub enum JobProgress {
-    Running { state: JobState, counts: RequestCounts },
+    /// Its questions were sent to another model or with other parameters, so its answers are not this client's to record.
+    OfOther,
+    Running {
+        state: JobState,
+        counts: RequestCounts,
+    },
     Ended(Ended),
 }
 
 impl BatchApiJob {
     /// True if its questions were sent to this model with these parameters.
-    pub fn is_for(&self, answerer: &Answerer) -> bool {
+    fn is_for(&self, answerer: &Answerer) -> bool {
         self.waiting.iter().all(|waiting| waiting.key == key(answerer, &waiting.asked))
     }
 }
@@ -131,6 +136,9 @@ pub fn submit<E: From<AskError>>(
 
 /// Asks for the state of a job and, if it has ended, fetches its results.
 pub fn collect(client: &Client, job: &BatchApiJob) -> Result<JobProgress, AskError> {
+    if !job.is_for(client.answerer()) {
+        return Ok(JobProgress::OfOther);
+    }
     let status = client.batch_api_job(&job.id)?;
     if !status.state.is_final() {
         return Ok(JobProgress::Running { state: status.state, counts: status.request_counts.unwrap_or_default() });
