@@ -29,7 +29,9 @@ pub enum ConfigError {
     Read { path: PathBuf, source: std::io::Error },
     #[error("{path:?} line {line}: {message}")]
     Syntax { path: PathBuf, line: usize, message: String },
-    #[error("{path:?} line {line}: unknown key `{key}`; keys are the long flags of `gprop run --help-all`{hint}")]
+    #[error(
+        "{path:?} line {line}: unknown key `{key}`; keys are `threads` and the long flags of `gprop run --help-all` from \"Presets\" on{hint}"
+    )]
     UnknownKey { path: PathBuf, line: usize, key: String, hint: String },
     #[error(
         "{path:?} line {line}: a scene may not set `{key}`, because a scene folder is data and may come from anyone; \

@@ -22,6 +22,7 @@ use std::fs;
 use std::path::{Path, PathBuf};
 use std::process::Output;
 
+use gprop::simulate::script::Script;
 use gprop::workdir::DEFAULT_NAME;
 use serde_json::json;
 use tempfile::TempDir;
@@ -323,6 +324,28 @@ fn every_command_in_running_text_is_one_that_the_help_knows() {
     assert_eq!(wrong, Vec::<String>::new());
     assert!(refused_by_the_help("gprop run SCENE --no-such-flag").is_some());
     assert!(refused_by_the_help("gprop no SCENE").is_some());
+}
+
+/// The blocks of a page that are marked with a language.
+fn blocks(page: &str, language: &str) -> Vec<String> {
+    let inside = page.split("```").skip(1).step_by(2);
+    inside.filter_map(|block| block.strip_prefix(language)?.strip_prefix('\n')).map(str::to_owned).collect()
+}
+
+#[test]
+fn every_example_of_toml_can_be_read() {
+    let mut scripts = 0;
+    for path in pages() {
+        for block in blocks(&fs::read_to_string(&path).unwrap(), "toml") {
+            let parsed: Result<toml::Table, _> = toml::from_str(&block);
+            let table = parsed.unwrap_or_else(|error| panic!("{}: {error}", path.display()));
+            if table.contains_key("step") {
+                Script::from_toml(&block).unwrap_or_else(|error| panic!("{}: {error}", path.display()));
+                scripts += 1;
+            }
+        }
+    }
+    assert!(scripts > 0);
 }
 
 /// Phrases of `text` that are not idiomatic English: a guard against the two habits that make readers stumble most,

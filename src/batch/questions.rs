@@ -26,7 +26,7 @@ use super::{Batch, BatchError, Ledger, Outcome, State};
 pub enum QuestionStep {
     /// Segment all scenes and send the questions that are due.
     Submit,
-    /// Fetch the answers and record them.
+    /// Fetch the answers and record them; needs the options given to `submit`.
     Collect,
 }
 
@@ -125,35 +125,30 @@ impl<'a> Questions<'a> {
             }
             let mut left = Vec::new();
             for (scene, answered) in by_scene {
-                let kept: Vec<Waiting> = answered.iter().map(|(waiting, _)| waiting.clone()).collect();
-                if let Err(error) = self.record(&scene, answered, &mut collected) {
+                let all: Vec<Waiting> = answered.iter().map(|(waiting, _)| waiting.clone()).collect();
+                left.extend(self.record(&scene, answered, &mut collected).unwrap_or_else(|error| {
                     failures.push((scene, error::message(&error)));
-                    left.extend(kept);
-                }
+                    all
+                }));
             }
             ended.failed.into_iter().for_each(|(_, reason)| collected.add_failed(&reason));
-            submitted.jobs.retain(|other| other.id != job.id);
-            if !left.is_empty() {
-                submitted.jobs.push(api::BatchApiJob { id: job.id, waiting: left });
-            }
+            submitted.keep_waiting(&job.id, left);
             self.save(&submitted)?;
         }
         Ok((collected, failures))
     }
 
-    fn record(&self, scene: &str, answered: Vec<(Waiting, Answered)>, collected: &mut Collected) -> Result<()> {
+    /// Returns what must go on waiting.
+    fn record(
+        &self,
+        scene: &str,
+        answered: Vec<(Waiting, Answered)>,
+        collected: &mut Collected,
+    ) -> Result<Vec<Waiting>> {
         let Some(scene) = self.batch.scenes().find(|known| known.name == scene) else {
             anyhow::bail!(BatchError::NotOfThisBatch);
         };
-        self.with_session(scene, |session, queries| {
-            for (waiting, answered) in answered {
-                match session.record(queries, &self.client, waiting, answered)? {
-                    Ok(()) => collected.recorded += 1,
-                    Err(reason) => collected.add_failed(&reason),
-                }
-            }
-            Ok(())
-        })
+        self.with_session(scene, |session, queries| session.record(queries, &self.client, answered, collected))
     }
 
     /// The scenes that could be segmented, and the failures.

@@ -231,7 +231,7 @@ pub enum Grasp {
         /// Plot measurements, curve and residuals into this file.
         #[arg(long, value_name = "FILE.svg")]
         plot: Option<PathBuf>,
-        /// Write the profile of --gripper, with these measurements, into this file.
+        /// Write the profile of --gripper, which must be given, with these measurements, into this file.
         #[arg(long, value_name = "FILE.toml", requires = "gripper")]
         profile: Option<PathBuf>,
     },
@@ -256,9 +256,11 @@ pub struct ExportArgs {
 }
 
 #[derive(Debug, Args)]
-#[command(after_help = "Options can also be set in files, one `name = value` per line, with the names of the \
+#[command(
+    after_help = "Options from \"Presets\" on can also be set in files, one `name = value` per line, with the names of the \
                         flags: SCENE/gprop.toml may set those that concern only the scene, ~/.config/gprop/config.toml \
-                        all of them. The command line overrides the scene's file, which overrides yours.")]
+                        all of them and `threads`. The command line overrides the scene's file, which overrides yours."
+)]
 pub struct RunArgs {
     /// Last stage to run; the stages that it needs are run first.
     #[arg(long, value_name = "STAGE", default_value = "report")]
@@ -387,7 +389,7 @@ pub struct QueryArgs {
 pub enum BatchApiStep {
     /// Send the questions that are due.
     Submit,
-    /// Fetch the answers and record them.
+    /// Fetch the answers and record them; needs the options given to `submit`.
     Collect,
 }
 

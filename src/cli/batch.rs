@@ -77,9 +77,13 @@ fn announce(options: &pipeline::Options, scenes: usize) -> anyhow::Result<()> {
         None => "no limit set by --max-usd".to_owned(),
     };
     let scenes = format!("{}{}", agreeing(scenes, "", "up to "), counted(scenes, "scene"));
-    progress::notice(&format!(
-        "asking {destination} about those pictures of {scenes} that have no recorded answer ({budget})"
-    ));
+    let which = match query.answers {
+        AnswerSource::Live => format!("the pictures of {scenes}, even if their answers are recorded"),
+        AnswerSource::Record | AnswerSource::Replay => {
+            format!("those pictures of {scenes} that have no recorded answer")
+        }
+    };
+    progress::notice(&format!("asking {destination} about {which} ({budget})"));
     Ok(())
 }
 

@@ -77,7 +77,7 @@ fn if_metric<T>(found: Result<T, Error>) -> Result<Option<T>, Error> {
 }
 
 fn no_scale() -> String {
-    "no masses or forces: the metric scale is unknown (see --scale)\n".to_owned()
+    "no masses or forces: the metric scale is unknown (see --scale and --known-mass)\n".to_owned()
 }
 
 fn segments(found: &Segmentation) -> String {

@@ -124,7 +124,7 @@ fn import(global: &Global, session: &QuerySession, folder: &Path, next: &str) ->
     let imported = session.import(folder)?;
     let Imported { recorded, unanswered, bad } = &imported;
     print(global, &imported, || {
-        let next = if *recorded > 0 { format!("; continue with `{next}`") } else { String::new() };
+        let next = if *recorded > 0 { format!("; continue with `{next}` and the same options") } else { String::new() };
         format!("{} recorded, {} not answered{next}", counted(*recorded, "answer"), counted(*unanswered, "question"))
     })?;
     if bad.is_empty() {

@@ -40,8 +40,9 @@ fn page_of(folder: &Path) -> Result<PathBuf, UsageError> {
     let found = places.into_iter().find(|page| page.is_file());
     found.ok_or_else(|| {
         UsageError(format!(
-            "{folder:?} has no report yet; make one with `gprop report {folder:?} --open`, or compare photos and splat \
-             without a report with `gprop inspect {folder:?} --html FILE`"
+            "{folder:?} has no report yet; make one with `gprop report {folder:?} --open` (for a data set with \
+             `gprop batch`; after several shards, add --merge), or compare photos and splat without a report with \
+             `gprop inspect {folder:?} --html FILE`"
         ))
     })
 }

@@ -51,7 +51,7 @@ pub struct Options {
     #[arg(long, value_name = "X,Y,Z", value_parser = point, allow_hyphen_values = true, overrides_with_all = ["part", "auto"])]
     pub point: Option<[f64; 3]>,
     /// Grasp at the best place: antipodal, within the stroke, near the centre of mass. This is also the default, but with
-    /// --auto it is an error if no place fits
+    /// --auto, `gprop run` and `gprop report` too end with an error if no place fits
     #[arg(long, overrides_with_all = ["part", "point"])]
     pub auto: bool,
     #[arg(long, value_name = "NAME|FILE", default_value_t = GRIPPER.to_owned(), help = gripper_help())]

@@ -55,7 +55,7 @@ fn gaussians(inspection: &Inspection) -> String {
 fn scale(inspection: &Inspection) -> String {
     match &inspection.scale {
         Some(scale) => format!("1 scene unit = {} m: {}", scale.meters_per_unit, scale.provenance),
-        None => "unknown; set it with --scale to get kilograms and newtons".to_owned(),
+        None => "unknown; set it with --scale, or run with --known-mass, to get kilograms and newtons".to_owned(),
     }
 }
 
@@ -106,8 +106,8 @@ pub(super) fn verdict(inspection: &Inspection) -> Vec<(&'static str, String)> {
     match (inspection.aligned, &inspection.suggestion) {
         (None, _) => vec![(
             "",
-            "Without photos gprop can inspect and export the splat; `gprop run` needs --render-views N, which renders its own \
-             views from it."
+            "Without photos gprop can only inspect the splat; `gprop run` and `gprop export` need --render-views N, which renders \
+             its own views from it."
                 .to_owned(),
         )],
         (Some(true), _) => vec![("aligned", "photos, cameras and Gaussians agree".to_owned())],

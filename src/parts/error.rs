@@ -27,7 +27,7 @@ pub enum PartsError {
     NoVolume { parts: usize, why: String },
     #[error(
         "the metric scale is unknown, so masses and forces cannot be computed: give --scale metric if the scene is in \
-         metres, or --scale F if a scene unit is F metres long"
+         metres, --scale F if a scene unit is F metres long, or --known-mass if you can weigh the object"
     )]
     ScaleUnknown,
     /// An error in a stored [`Interior`](super::Interior).

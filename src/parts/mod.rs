@@ -367,8 +367,10 @@ fn warnings(field: &MaterialField, floaters: usize, shapes: &[Shape], scale_unkn
     }
     let shells = field.labels.iter().any(|l| matches!(l.form, Form::Shell { .. }));
     if scale_unknown && shells {
-        warnings
-            .push("wall thicknesses are known only in metres, so without --scale, shells count as solid".to_owned());
+        warnings.push(
+            "wall thicknesses are known only in metres, so shells count as solid; give --scale or --known-mass"
+                .to_owned(),
+        );
     }
     warnings
 }

@@ -90,7 +90,7 @@ pub struct Options {
     #[arg(long, value_enum, value_name = "AS", default_value_t)]
     pub bodies: BodiesAs,
     /// Weight of the whole object, as a kitchen scale shows it: `660g`, `0.66kg`, or a number in kg; narrows the masses of
-    /// all parts
+    /// all parts, and gives the scale if nothing else does
     #[arg(long, value_name = "MASS", value_parser = mass_kg)]
     pub known_mass: Option<f64>,
     /// Error of that weight, such as `5g`: with a probability of 90 %, the true weight differs by no more [default: a

@@ -21,15 +21,6 @@ use crate::workdir::Artifact;
 
 use super::query_session::QuerySession;
 
-/// Why a collected answer is not recorded.
-#[derive(Debug, thiserror::Error)]
-pub enum NotUsable {
-    #[error("it was asked with prompts, a library or options that differ from the current ones")]
-    OtherQuestion,
-    #[error("{0}")]
-    Answer(Failure),
-}
-
 /// The result of `--batch-api submit`.
 #[derive(Debug, Serialize)]
 pub struct Sent {
@@ -55,7 +46,7 @@ pub struct Collected {
     pub running: usize,
     pub running_done: usize,
     pub running_total: usize,
-    /// Questions that were sent to another model or with other parameters; they still wait.
+    /// Questions that were sent to another model, or with other prompts, materials or options; they still wait.
     pub of_others: usize,
 }
 
@@ -152,14 +143,9 @@ impl QuerySession<'_> {
                 JobProgress::OfOther => collected.of_others += job.waiting.len(),
                 JobProgress::Running { counts, .. } => collected.add_running(counts, job.waiting.len()),
                 JobProgress::Ended(ended) => {
-                    for (waiting, answered) in ended.answered {
-                        match self.record(&queries, client, waiting, answered)? {
-                            Ok(()) => collected.recorded += 1,
-                            Err(reason) => collected.add_failed(&reason),
-                        }
-                    }
+                    let left = self.record(&queries, client, ended.answered, &mut collected)?;
                     ended.failed.into_iter().for_each(|(_, reason)| collected.add_failed(&reason));
-                    submitted.jobs.retain(|other| other.id != job.id);
+                    submitted.keep_waiting(&job.id, left);
                     self.work.write_json(Artifact::BatchApiJobs, &submitted)?;
                 }
             }
@@ -167,22 +153,31 @@ impl QuerySession<'_> {
         Ok(collected)
     }
 
-    /// Records an answer, or returns why it is not usable.
+    /// Records the usable answers and counts all. Returns what must go on waiting, because it is none of `queries`: it was
+    /// asked with other prompts, materials or options, with which it can still be collected.
     pub fn record(
         &self,
         queries: &Queries,
         client: &Client,
-        waiting: Waiting,
-        answered: Answered,
-    ) -> Result<Result<(), NotUsable>> {
-        match queries.check(&waiting.asked, &answered.text, Unknown::TakeNearest) {
-            None => return Ok(Err(NotUsable::OtherQuestion)),
-            Some(Err(problem)) => return Ok(Err(NotUsable::Answer(problem.failure))),
-            Some(Ok(())) => {}
+        answered: Vec<(Waiting, Answered)>,
+        collected: &mut Collected,
+    ) -> Result<Vec<Waiting>> {
+        let mut left = Vec::new();
+        for (waiting, Answered { text, served_model, usage }) in answered {
+            match queries.check(&waiting.asked, &text, Unknown::TakeNearest) {
+                None => {
+                    collected.of_others += 1;
+                    left.push(waiting);
+                }
+                Some(Err(problem)) => collected.add_failed(&problem.failure),
+                Some(Ok(())) => {
+                    let recording = Recording::new(client.answerer(), waiting.asked, text, served_model, usage);
+                    self.recordings.insert(&recording)?;
+                    collected.recorded += 1;
+                }
+            }
         }
-        let Answered { text, served_model, usage } = answered;
-        self.recordings.insert(&Recording::new(client.answerer(), waiting.asked, text, served_model, usage))?;
-        Ok(Ok(()))
+        Ok(left)
     }
 
     fn submitted(&self) -> Result<Submitted> {

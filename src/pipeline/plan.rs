@@ -1,9 +1,10 @@
 //! The stages, the stages that each reads from, and the selection of stages for a run.
 
+use clap::ValueEnum;
 use serde::{Deserialize, Serialize};
 
 /// The stages, in the order of the data flow.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize, clap::ValueEnum)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize, ValueEnum)]
 #[serde(rename_all = "snake_case")]
 pub enum Stage {
     /// Read the splat, the cameras and the photos, and choose the views.
@@ -28,17 +29,9 @@ pub enum Stage {
 
 impl Stage {
     /// All stages in order.
-    pub const ALL: [Self; 9] = [
-        Self::Scene,
-        Self::Segment,
-        Self::Consensus,
-        Self::Query,
-        Self::Vote,
-        Self::Parts,
-        Self::Simulate,
-        Self::Grasp,
-        Self::Report,
-    ];
+    pub fn all() -> &'static [Self] {
+        Self::value_variants()
+    }
 
     /// The stages whose results it reads.
     pub(super) fn inputs(self) -> &'static [Self] {
@@ -102,7 +95,7 @@ impl Plan {
     /// The stages that must be done, unless they already are, in order.
     pub fn stages(self) -> impl Iterator<Item = Stage> {
         let asked = move |stage| stage == self.to || self.to.needs(stage) || self.redoes(stage);
-        Stage::ALL.into_iter().filter(move |stage| *stage <= self.to && asked(*stage))
+        Stage::all().iter().copied().filter(move |stage| *stage <= self.to && asked(*stage))
     }
 
     pub(super) fn redoes(self, stage: Stage) -> bool {
@@ -120,16 +113,16 @@ mod tests {
 
     #[test]
     fn a_stage_takes_along_what_it_needs() {
-        assert_eq!(stages(Stage::Report, None), Stage::ALL);
+        assert_eq!(stages(Stage::Report, None), Stage::all());
         assert_eq!(stages(Stage::Segment, None), [Stage::Scene, Stage::Segment]);
-        assert_eq!(stages(Stage::Grasp, None), [&Stage::ALL[..6], &[Stage::Grasp]].concat(), "no simulation");
-        assert_eq!(stages(Stage::Grasp, Some(Stage::Simulate)), Stage::ALL[..8], "asked for");
+        assert_eq!(stages(Stage::Grasp, None), [&Stage::all()[..6], &[Stage::Grasp]].concat(), "no simulation");
+        assert_eq!(stages(Stage::Grasp, Some(Stage::Simulate)), Stage::all()[..8], "asked for");
     }
 
     #[test]
     fn inputs_come_before() {
-        for stage in Stage::ALL {
-            assert!(stage.inputs().iter().all(|input| *input < stage), "{stage:?}");
+        for stage in Stage::all() {
+            assert!(stage.inputs().iter().all(|input| input < stage), "{stage:?}");
         }
     }
 }

@@ -22,14 +22,14 @@ pub enum QueryError {
     Recording(#[from] RecordingError),
     #[error(
         "no recorded answer for {} of {}:{}\nAsk a model: --lmm-url URL --lmm-model NAME with the key \
-         in OPENAI_API_KEY; or answer by hand or elsewhere: gprop query SCENE --export DIR, then --import DIR",
+         in OPENAI_API_KEY; or answer by hand or elsewhere: gprop query SCENE --export DIR, then --import DIR with the same options",
         .missing.len(), output::counted(*.segments, "question"), listed(.missing)
     )]
     Missing { segments: usize, missing: Vec<MissingSegment> },
     #[error(
         "no usable recorded answer for the length of the object ({miss}), which --scale estimate asks for in view {view}\nAsk a model: \
          --lmm-url URL --lmm-model NAME with the key in OPENAI_API_KEY; or answer by hand or elsewhere: gprop query SCENE \
-         --scale estimate --export DIR, then --import DIR; or give another --scale"
+         --scale estimate --export DIR, then gprop query SCENE --scale estimate --import DIR; or give another --scale"
     )]
     MissingSize { view: String, miss: Miss },
     #[error("--max-usd cannot be kept: no price is known for {model}; give a price table with --prices FILE")]
@@ -67,23 +67,26 @@ pub enum QueryError {
     SubmissionOverBudget { requests: usize, usd: f64, max_usd: f64, spent: Spent },
     #[error("the Batch API: {0}")]
     BatchApi(AskError),
-    #[error("no Batch API job is waiting to be collected; gprop query SCENE --batch-api submit sends one")]
+    #[error(
+        "no Batch API job is waiting to be collected; `gprop query SCENE --batch-api submit`, or `gprop batch FOLDER --queries submit`, \
+         sends one"
+    )]
     NothingSubmitted,
     #[error(
-        "Batch API jobs still running: {running}, with {done} of {} done; run --batch-api collect again later",
+        "Batch API jobs still running: {running}, with {done} of {} done; run the same command again later",
         output::counted(*.total, "request")
     )]
     BatchApiRunning { running: usize, done: usize, total: usize },
     #[error(
-        "{} {} sent to another model, or with another --lmm-temperature or --lmm-max-tokens, and still {}; \
-         collect with the options with which they were submitted",
+        "{} {} sent to another model, or with other prompts, materials or options, and still {}; collect with the options \
+         with which they were submitted",
         output::counted(*.questions, "question"), output::agreeing(*.questions, "was", "were"),
         output::agreeing(*.questions, "waits", "wait")
     )]
     BatchApiOthers { questions: usize },
     #[error(
-        "{failed} of {} {} not answered ({reasons}); the other answers are recorded. --batch-api submit asks again about \
-         what failed",
+        "{failed} of {} {} not answered ({reasons}); the other answers are recorded. `submit` asks again about what \
+         failed",
         output::counted(*.total, "question"), output::agreeing(*.failed, "was", "were")
     )]
     BatchApiPartial { failed: usize, total: usize, reasons: String },

@@ -40,7 +40,11 @@ pub struct Preview {
 impl std::fmt::Display for Preview {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         let Self { segments, recorded, at_most, cost } = self;
-        let more = if at_most > segments { format!(" (at most {at_most} if answers disagree)") } else { String::new() };
+        let more = if at_most > segments {
+            format!(" (at most {at_most} if answers disagree or name several materials)")
+        } else {
+            String::new()
+        };
         write!(f, "{segments}{more}, {recorded} recorded; to ask: {cost}")
     }
 }

@@ -191,7 +191,7 @@ mod schema {
     /// The names of the stages that a report includes.
     pub fn stage_before_the_report(_: &mut SchemaGenerator) -> Schema {
         let names: Vec<String> =
-            Stage::ALL.into_iter().filter(|stage| *stage < Stage::Report).map(Stage::name).collect();
+            Stage::all().iter().copied().filter(|stage| *stage < Stage::Report).map(Stage::name).collect();
         json_schema!({ "enum": names })
     }
 

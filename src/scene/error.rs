@@ -44,7 +44,7 @@ pub enum SceneError {
     #[error(
         "no cameras in `{}`: neither transforms.json (nerfstudio), transforms_train.json (Blender), sparse/0 or sparse (COLMAP) \
          nor cameras.json (3DGS); --cameras PATH names them elsewhere. Without photos a splat can still be looked at with \
-         `gprop inspect`, converted with `gprop export`, or run with --render-views N, which renders its own views",
+         `gprop inspect`; `gprop run` and `gprop export` need --render-views N, which renders its own views",
         folder.display()
     )]
     NoCameras { folder: PathBuf },
@@ -89,7 +89,7 @@ pub enum SceneError {
     EmptyBox { given: String, low: [f64; 3], high: [f64; 3] },
     #[error("`{}`: {reason}; correct it there or export the cameras again", path.display())]
     Json { path: PathBuf, reason: serde_json::Error },
-    #[error("`{}` has no frames; without photos there is nothing to segment", path.display())]
+    #[error("`{}` has no frames, so there are no photos to segment; name other cameras with --cameras, or use --render-views N", path.display())]
     NoFrames { path: PathBuf },
     #[error("`{}`, frame {frame} (`{file}`): {problem}", path.display())]
     Frame { path: PathBuf, frame: usize, file: String, problem: FrameProblem },

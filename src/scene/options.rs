@@ -94,7 +94,7 @@ pub struct Options {
     /// points of the scene and their distance in metres), `bbox:AXIS=M` (a side of the object's box), `cameras:A,B=M`
     /// (the distance between two views' cameras), `apriltag:FAMILY,ID=M` or `aruco:DICT,ID=M` (the side of a printed
     /// marker that photos show, see `gprop scale board`), `estimate` (the model is asked how long such an object is), or
-    /// `auto` (as the data set states it, else unknown). Lengths may end in mm or cm
+    /// `auto` (as the data set states it, else from --known-mass, else unknown). Lengths may end in mm, cm or m
     #[arg(long, value_name = "auto|metric|F|...", default_value_t)]
     pub scale: ScaleChoice,
 }

@@ -218,7 +218,7 @@ impl Script {
         }
         match (1..).zip(&self.steps).find(|(_, step)| !step.is_finite()) {
             Some((number, _)) => {
-                Err(SimulateError::Scenario(format!("step {number}: a number is infinite or not a number (nan)")))
+                Err(SimulateError::Scenario(format!("step {number}: a value is infinite or NaN; give finite numbers")))
             }
             None => Ok(()),
         }

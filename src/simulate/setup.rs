@@ -379,8 +379,8 @@ fn warnings(input: &Input, longest_m: f64, assumed_full: &[u32], strays: usize) 
     let mut warnings = Vec::new();
     if input.meters_per_unit.is_none() {
         warnings.push(format!(
-            "the scale is unknown: the simulation takes the longest side to be {longest_m} m; give --scale to simulate it \
-             at its true size"
+            "the scale is unknown: the simulation takes the longest side to be {longest_m} m; give --scale or \
+             --known-mass to simulate it at its true size"
         ));
     }
     if !assumed_full.is_empty() {

@@ -18,7 +18,7 @@ pub enum VoteError {
     )]
     UnknownMaterial { view: String, segment: u16, material: String },
     #[error(
-        "no Gaussian received a vote: there are {} in {}, {answered} of them with an answer; look at the label maps and at \
+        "no Gaussian received a vote: of {} (or parts, one by one in each view) in {}, {answered} have an answer; look at the label maps and at \
          the failures in the answers, and check with `gprop inspect` whether photos, cameras and splat agree",
         counted(*.segments, "segment"), counted(*.views, "view")
     )]

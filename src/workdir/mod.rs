@@ -160,7 +160,7 @@ impl Artifact<'_> {
 pub enum WorkDirError {
     #[error("cannot write {path:?}: {source}; make room or choose another folder with --out")]
     Write { path: PathBuf, source: io::Error },
-    #[error("cannot read {path:?}: {source}; run the stage that makes it again with --from")]
+    #[error("cannot read {path:?}: {source}; use --from to run the stage that writes it once more")]
     Read { path: PathBuf, source: io::Error },
     #[error("{path:?} is not what gprop wrote: {problem}; delete it and run again")]
     Damaged { path: PathBuf, problem: String },

@@ -9,7 +9,7 @@ use gprop::pipeline::query_session::{QuerySession, QueryView, Subjects};
 use gprop::progress::Progress;
 use gprop::query::question::About;
 use gprop::query::rounds::Subject;
-use gprop::query::{AnswerSource, Options, QueryError};
+use gprop::query::{AnswerSource, Context, Options, QueryError};
 use gprop::workdir::WorkDir;
 use serde_json::{Value, json};
 
@@ -209,6 +209,27 @@ fn a_batch_is_collected_only_for_the_model_that_was_asked() {
         assert_eq!(place.recorded(), before);
     }
     assert_eq!(place.query_session(&options).collect().unwrap().recorded, 3, "they still wait");
+}
+
+/// Otherwise answers that were paid for would be lost.
+#[test]
+fn answers_to_questions_of_other_options_wait_until_these_are_given_again() {
+    let (server, place) = (BatchApiServer::new(&good()), Place::new());
+    let options = server.options();
+    place.query_session(&options).submit().unwrap();
+    let output: Vec<Value> = server.sent().iter().map(|id| answered(id, &good())).collect();
+    server.set(completed(), &output, &[]);
+    let before = place.recorded();
+    let other = Options { context: Context::Local, ..options.clone() };
+    for _ in 0..2 {
+        let error = place.query_session(&other).collect().unwrap().require_all().unwrap_err();
+        assert!(matches!(error, QueryError::BatchApiOthers { questions: 3 }), "{error}");
+        assert_eq!(place.recorded(), before);
+    }
+    assert_eq!(place.query_session(&options).collect().unwrap().recorded, 3);
+    assert!(
+        matches!(place.query_session(&options).collect(), Err(error) if error.to_string().contains("waiting to be collected"))
+    );
 }
 
 #[test]

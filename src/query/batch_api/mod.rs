@@ -96,6 +96,17 @@ impl Submitted {
     pub fn awaits(&self, key: &Sha256Hex) -> bool {
         self.jobs.iter().any(|job| job.waiting.iter().any(|waiting| waiting.key == *key))
     }
+
+    /// Notes what is left of a job whose answers were fetched: these questions still wait, and without any, the job is
+    /// done.
+    pub fn keep_waiting(&mut self, id: &str, left: Vec<Waiting>) {
+        self.jobs.retain_mut(|job| {
+            if job.id == id {
+                job.waiting.clone_from(&left);
+            }
+            !job.waiting.is_empty()
+        });
+    }
 }
 
 impl Request {

@@ -95,13 +95,13 @@ impl std::fmt::Display for BadLine {
 pub enum ExchangeError {
     #[error("{0:?} is not empty: export into a new folder, so that no answers are overwritten")]
     NotEmpty(PathBuf),
-    #[error("cannot write {path:?}: {source}")]
+    #[error("cannot write {path:?}: {source}; make room, or export into another folder")]
     Unwritable { path: PathBuf, source: std::io::Error },
     #[error("cannot read {path:?}: {source}; --import takes a folder that --export wrote")]
     Unreadable { path: PathBuf, source: std::io::Error },
     #[error("{path:?} line {line}: {problem}; export the questions again")]
     Broken { path: PathBuf, line: usize, problem: String },
-    #[error("{path:?}: {problem}")]
+    #[error("{path:?}: {problem}; export the questions again")]
     Manifest { path: PathBuf, problem: String },
     #[error(transparent)]
     Recording(#[from] RecordingError),
@@ -274,7 +274,9 @@ enum LineProblem {
     NoQuery(String),
     #[error("it does not say who answered: write the name after \"model\" in {MANIFEST}")]
     NoModel,
-    #[error("it was asked with prompts, a library or options that differ from this run's; export the questions again")]
+    #[error(
+        "it was asked with prompts, a library or options that differ from this run's; import with the options of the export, or export again"
+    )]
     OtherQuestion,
     /// An explanation that lets the answer be corrected.
     #[error("{0}")]

@@ -354,5 +354,5 @@
   showLegend();
   const able = typeof DecompressionStream === "function" && document.createElement("canvas").getContext("webgl2");
   if (cloud.count && able) showObject().catch((error) => { say(`The object cannot be shown in 3D here: ${error.message}`); console.error(error); });
-  else say(cloud.count ? "This browser does not support WebGL 2; the pictures below show the object." : "No Gaussian is visible.");
+  else say(cloud.count ? "This browser cannot show the object in 3D (it lacks WebGL 2 or DecompressionStream); the pictures below show it." : "No Gaussian is visible.");
 })();

@@ -213,9 +213,11 @@ fn warnings(camera_file: &Path, frames: usize, missing: &[&str], sized: &[(View,
         let done = match turned.iter().filter(|(view, _)| view.upright == Upright::Turned).count() {
             0 => "not turned, because the cameras were calibrated on photos as they are stored".to_owned(),
             all if all == turned.len() => "turned upright".to_owned(),
-            some => format!(
-                "{some} were turned upright; the cameras of the others were calibrated on them as they are stored"
-            ),
+            some => {
+                format!(
+                    "turned upright: {some}; the cameras of the others were calibrated on photos as they are stored"
+                )
+            }
         };
         warnings.push(format!(
             "{} {} according to the EXIF orientation (first: `{}`); {done}",
