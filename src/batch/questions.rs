@@ -113,7 +113,7 @@ impl<'a> Questions<'a> {
                     collected.of_others += job.waiting.len();
                     continue;
                 }
-                api::JobProgress::Running { counts, .. } => {
+                api::JobProgress::Running(counts) => {
                     collected.add_running(counts, job.waiting.len());
                     continue;
                 }

@@ -210,7 +210,7 @@ fn stats_text(shares: &[Shares]) -> String {
     if let Some(all) = shares.last() {
         line("of these by a rule", all.materials, &all.by_rule);
     }
-    text.push_str("The rest is engineering judgement.\n");
+    text.push_str("The rest is engineering judgement or, in tables of your own, numbers without a source.\n");
     text
 }
 
@@ -270,18 +270,18 @@ fn sources_text(library: &MaterialLibrary, material: &Material) -> String {
         }
         let mut ids: Vec<&str> = Vec::new();
         for citation in citations {
-            match rule_of(library, citation) {
-                Some(rule) => {
-                    ids.push(citation);
-                    named.extend(rule.references.iter().map(String::as_str));
-                    if !rules.contains(&rule) {
-                        rules.push(rule);
-                    }
+            let rule = rule_of(library, citation);
+            let id = if rule.is_some() { citation } else { split_citation(citation).0 };
+            if !ids.contains(&id) {
+                ids.push(id);
+            }
+            if let Some(rule) = rule {
+                named.extend(rule.references.iter().map(String::as_str));
+                if !rules.contains(&rule) {
+                    rules.push(rule);
                 }
-                None => ids.push(split_citation(citation).0),
             }
         }
-        ids.dedup();
         let _ = writeln!(text, "  {property:<18} {}", ids.join(", "));
         named.extend(ids);
     }

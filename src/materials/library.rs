@@ -201,8 +201,8 @@ impl MaterialLibrary {
     fn add(&mut self, tables: Tables) -> Result<(), LibraryError> {
         reject_duplicates(&tables.materials)?;
         for family in tables.families {
-            match self.families.iter_mut().find(|known| known.name == family.name) {
-                Some(known) => *known = family,
+            match self.families.iter_mut().find(|known| fold(&known.name) == fold(&family.name)) {
+                Some(known) => *known = Family { name: std::mem::take(&mut known.name), ..family },
                 None => self.families.push(family),
             }
         }
@@ -221,8 +221,8 @@ impl MaterialLibrary {
         let row_of_name: HashMap<String, usize> =
             self.materials.iter().enumerate().map(|(row, material)| (fold(&material.name), row)).collect();
         let mut added = Vec::with_capacity(tables.materials.len());
-        for placed in tables.materials {
-            self.require_family(&placed)?;
+        for mut placed in tables.materials {
+            placed.material.family = self.family_of(&placed)?;
             match row_of_name.get(&fold(&placed.material.name)) {
                 Some(&row) => {
                     self.materials[row] = placed.material;
@@ -238,10 +238,11 @@ impl MaterialLibrary {
         Ok(())
     }
 
-    fn require_family(&self, placed: &Placed) -> Result<(), LibraryError> {
+    /// The name of a material's family, as the library spells it.
+    fn family_of(&self, placed: &Placed) -> Result<String, LibraryError> {
         let family = &placed.material.family;
-        if self.families.iter().any(|known| known.name == *family) {
-            return Ok(());
+        if let Some(known) = self.family(family) {
+            return Ok(known.name.clone());
         }
         let known: Vec<&str> = self.families.iter().map(|known| known.name.as_str()).collect();
         Err(LibraryError::BadCell {

@@ -141,7 +141,7 @@ impl QuerySession<'_> {
         for job in submitted.jobs.clone() {
             match batch_api::collect(client, &job).map_err(QueryError::BatchApi)? {
                 JobProgress::OfOther => collected.of_others += job.waiting.len(),
-                JobProgress::Running { counts, .. } => collected.add_running(counts, job.waiting.len()),
+                JobProgress::Running(counts) => collected.add_running(counts, job.waiting.len()),
                 JobProgress::Ended(ended) => {
                     let left = self.record(&queries, client, ended.answered, &mut collected)?;
                     ended.failed.into_iter().for_each(|(_, reason)| collected.add_failed(&reason));

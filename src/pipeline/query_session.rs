@@ -99,8 +99,8 @@ impl<'a> QuerySession<'a> {
         workdir::refuse_link(&folders[0], "--recordings")?;
         let spare = work.root().join(SPARE_RECORDINGS);
         workdir::refuse_link(&spare, "--out")?;
-        let write_to = folders.last().expect("the home's folder is always among them");
-        let read_from: Vec<&Path> = folders.iter().map(PathBuf::as_path).collect();
+        let (write_to, read_from) = folders.split_last().expect("the home's folder is always among them");
+        let read_from: Vec<&Path> = read_from.iter().map(PathBuf::as_path).collect();
         let prompts = prompts(options)?;
         let size = size_in.map(|index| SizeQuery::new(views[index].name, &views[index].photo, &prompts, options));
         Ok(Self {
@@ -245,7 +245,9 @@ impl<'a> QuerySession<'a> {
     /// answered. A folder given with `--recordings` may be used by other scenes too and is not changed.
     pub fn prune(&self) -> Result<Pruned> {
         let own = Recordings::open(&[], &self.own_recordings)?;
-        let used = self.queries()?.used(&own);
+        let mut all: Vec<Target> = self.subjects.iter().flat_map(Subject::all).collect();
+        all.sort_unstable();
+        let used = Queries { size: self.size.as_ref(), ..self.prepare(&all)? }.used(&own);
         let (kept, useless): (Vec<_>, Vec<_>) = own.keys().into_iter().partition(|key| used.contains(key));
         for key in &useless {
             own.remove(key)?;

@@ -26,7 +26,7 @@ const M_PER_MM: f64 = 1e-3;
 const WALL_THICKNESS_M: Range = Range::new(1e-6, 1.0);
 /// Lighter things than aerogel and denser ones than tungsten do not occur; a mixed part is in between.
 const BULK_DENSITY_KG_M3: Range = Range::new(1.0, 20_000.0);
-/// A filling with a smaller share of the hollow than this is not worth counting.
+/// The share of the hollow that a filling takes up; a smaller share is raised to 1 %.
 const FILL_SHARE: Range = Range::new(0.01, 1.0);
 const SHORE: Range = Range::new(0.0, 100.0);
 /// Lowest similarity (0 to 1) at which a name is taken for a library name.
@@ -200,10 +200,7 @@ fn density(written: &Written, material: &Material, family: &Family, flags: &mut 
     let said = in_order(name, bulk.unwrap_or(written.density_kg_m3), flags);
     match bulk {
         Some(_) => cut(name, said, BULK_DENSITY_KG_M3, flags),
-        None => {
-            let said = cut(name, said, family.density_kg_m3.hull(material.density_kg_m3), flags);
-            narrower(name, said, material.density_kg_m3, flags)
-        }
+        None => narrower(name, said, family.density_kg_m3, material.density_kg_m3, flags),
     }
 }
 
@@ -221,9 +218,7 @@ fn settle(
     }
     let mut property = |name: &str, said: Range, family: Range, row: Range| {
         let said = in_order(name, said, &mut flags);
-        // A row may lie outside of its family's bounds, as cork does, which is softer than other wood.
-        let said = cut(name, said, family.hull(row), &mut flags);
-        narrower(name, said, row, &mut flags)
+        narrower(name, said, family, row, &mut flags)
     };
     let youngs_modulus_pa = property(
         "Young's modulus in Pa",
@@ -286,8 +281,7 @@ fn hardness(
         return Some(row);
     }
     let said = in_order("hardness", said, flags);
-    let said = cut("hardness", said, SHORE, flags);
-    Some(ShoreHardness { scale, range: narrower("hardness", said, row.range, flags) })
+    Some(ShoreHardness { scale, range: narrower("hardness", said, SHORE, row.range, flags) })
 }
 
 fn scaled(range: Range, factor: f64) -> Range {
@@ -310,7 +304,9 @@ fn cut(name: &str, said: Range, bounds: Range, flags: &mut Vec<String>) -> Range
     cut
 }
 
-fn narrower(name: &str, said: Range, row: Range, flags: &mut Vec<String>) -> Range {
+/// The narrower of the answer's range, cut to what is possible, and the library's `row`; the library's if they do not
+/// overlap.
+fn narrower(name: &str, said: Range, bounds: Range, row: Range, flags: &mut Vec<String>) -> Range {
     if said.low > row.high || row.low > said.high {
         flags.push(format!(
             "{name}: the answer's {} does not overlap the library's {}; the library's is used",
@@ -319,7 +315,9 @@ fn narrower(name: &str, said: Range, row: Range, flags: &mut Vec<String>) -> Ran
         ));
         return row;
     }
-    // Of the ratio of both ends, which may be infinite.
+    // A row may lie outside of its family's bounds, as cork does, which is softer than other wood.
+    let said = cut(name, said, bounds.hull(row), flags);
+    // Grows with high / low, but stays finite if low is 0.
     let width = |range: Range| (range.high - range.low) / (range.high + range.low).max(f64::MIN_POSITIVE);
     if width(said) <= width(row) { said } else { row }
 }

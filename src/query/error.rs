@@ -99,12 +99,6 @@ pub enum QueryError {
     Save(std::io::Error),
 }
 
-impl From<AskError> for QueryError {
-    fn from(error: AskError) -> Self {
-        Self::BatchApi(error)
-    }
-}
-
 /// A segment without a recorded answer.
 #[derive(Debug, Clone, PartialEq)]
 pub struct MissingSegment {

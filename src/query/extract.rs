@@ -60,6 +60,11 @@ fn nests_too_deeply(text: &str) -> bool {
 fn closed(text: &str) -> Option<Value> {
     let mut brackets = Brackets::default();
     text.chars().for_each(|character| brackets.read(character));
+    // A number at the end may lack digits.
+    let ends_in_number = text.ends_with(|c: char| c.is_ascii_digit() || matches!(c, '.' | '-' | '+' | 'e' | 'E'));
+    if ends_in_number && !brackets.in_string {
+        return None;
+    }
     let end: String = brackets.open.iter().rev().collect();
     let closed_string = if brackets.in_string { "\"" } else { "" };
     serde_json::from_str(&format!("{}{closed_string}{end}", text.trim_end_matches([',', ' ', '\n']))).ok()

@@ -192,11 +192,18 @@ impl<'a> Live<'a> {
             Err(problem) => problem,
         };
         let prompt = self.queries.prompts.correction(&problem.reason).map_err(|e| Halt::All(Stop::Error(e.into())))?;
+        // It was paid for, and may be better than nothing.
+        let of_first = read(&first.text, Unknown::TakeNearest);
         let correction = Correction { response: &first.text, prompt: &prompt };
-        let second = self.ask(segment, question, Some(correction))?;
+        let second = match self.ask(segment, question, Some(correction)) {
+            Err(_) if of_first.is_ok() => return Ok(CheckedReply { reading: of_first, reply: first }),
+            second => second?,
+        };
         let usage = first.usage.zip(second.usage).map(|(a, b)| a.plus(b)).or(first.usage).or(second.usage);
-        let reading = read(&second.text, Unknown::TakeNearest);
-        Ok(CheckedReply { reading, reply: ModelReply { usage, ..second } })
+        let of_second = read(&second.text, Unknown::TakeNearest);
+        let (reading, reply) =
+            if of_second.is_err() && of_first.is_ok() { (of_first, first) } else { (of_second, second) };
+        Ok(CheckedReply { reading, reply: ModelReply { usage, ..reply } })
     }
 
     fn ask(

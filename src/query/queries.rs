@@ -7,7 +7,7 @@ use super::cost::{Cost, Price};
 use super::error::QueryError;
 use super::options::{Context, Options};
 use super::prompt::Prompts;
-use super::question::{About, Questions};
+use super::question::{About, Question, Questions};
 use super::recorded::{Asked, Mask};
 use super::segment_query::SegmentQuery;
 use super::sha256::Sha256Hex;
@@ -82,17 +82,16 @@ impl<'a> Queries<'a> {
         self.size.map_or_else(Cost::default, cost)
     }
 
-    /// The estimated cost of asking about `segments`: every question of the longest chain, each answered at the first
-    /// try.
-    pub fn cost<'p>(&self, segments: impl Iterator<Item = &'p SegmentQuery>, price: Option<&Price>) -> Cost {
-        let chain = self.questions.longest_chain();
-        segments.flat_map(|segment| chain.iter().map(move |question| (segment, *question))).fold(
-            Cost::default(),
-            |cost, (segment, question)| {
-                let tokens = self.options.lmm_max_tokens;
-                cost.plus(Cost::of_request(&[&question.prompt], segment.sheet_size, tokens, price))
-            },
-        )
+    /// The estimated cost of asking these questions, each answered at the first try.
+    pub fn cost<'p>(
+        &self,
+        questions: impl Iterator<Item = (&'p SegmentQuery, &'p Question)>,
+        price: Option<&Price>,
+    ) -> Cost {
+        questions.fold(Cost::default(), |cost, (segment, question)| {
+            let tokens = self.options.lmm_max_tokens;
+            cost.plus(Cost::of_request(&[&question.prompt], segment.sheet_size, tokens, price))
+        })
     }
 }
 

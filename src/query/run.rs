@@ -266,8 +266,15 @@ impl Queries<'_> {
         sorted
     }
 
+    /// The cost of the open questions and of those that may follow them.
     fn cost_of(&self, open: &[Open], price: Option<&Price>) -> Cost {
-        self.cost(open.iter().map(|open| &self.segments[open.index]), price)
+        let chain = self.questions.longest_chain();
+        let with_next = open.iter().flat_map(|open| {
+            let is_first = std::ptr::eq(open.question, chain[0]);
+            let next = if is_first { &chain[1..] } else { &[] };
+            std::iter::once(open.question).chain(next.iter().copied()).map(|next| (&self.segments[open.index], next))
+        });
+        self.cost(with_next, price)
     }
 
     /// The cost of asking about the open segments whose questions are `due`: about the first `at_once` of them live, and
@@ -282,9 +289,9 @@ impl Queries<'_> {
     ) -> (Cost, Cost) {
         let open = self.unanswered(recordings, Some(answerer));
         let is_due = |(segment, question): &(&SegmentQuery, &Question)| due(segment, question);
-        let segments: Vec<&SegmentQuery> = open.into_iter().filter(is_due).map(|(segment, _)| segment).collect();
-        let (now, later) = segments.split_at(at_once.min(segments.len()));
-        let cost = |segments: &[&SegmentQuery]| self.cost(segments.iter().copied(), price);
+        let due: Vec<(&SegmentQuery, &Question)> = open.into_iter().filter(is_due).collect();
+        let (now, later) = due.split_at(at_once.min(due.len()));
+        let cost = |due: &[(&SegmentQuery, &Question)]| self.cost(due.iter().copied(), price);
         (cost(now), cost(later).by_batch_api())
     }
 

@@ -73,9 +73,7 @@ impl fmt::Display for Layout {
 /// # Errors
 /// [`SceneError`] if there is no such folder, no scene in it, or a broken JSON file beside the scenes.
 pub fn list(folder: &Path, layout: Option<Layout>) -> Result<DataSet, SceneError> {
-    if !folder.is_dir() {
-        return Err(SceneError::NoFolder { path: folder.to_owned() });
-    }
+    super::check_is_folder(folder)?;
     let layout = layout.unwrap_or_else(|| recognised(folder));
     let mut warnings = Vec::new();
     let Listed { scenes, skipped } = match layout {

@@ -87,7 +87,7 @@ pub struct Scene {
 /// One photo and its camera.
 #[derive(Debug, Clone, PartialEq)]
 pub struct View {
-    /// The photo's file name without extension; unique within the scene and safe as a file name.
+    /// From the photo's file name without extension; unique within the scene and safe as a file name.
     pub name: String,
     /// Its intrinsics fit the photo on disk, turned upright if `upright` says so.
     pub camera: Camera,
@@ -126,16 +126,17 @@ impl Scene {
 /// # Errors
 /// [`SceneError`], which says what is missing or broken, where, and what to do.
 pub fn load(folder: &Path, options: &Options) -> Result<Scene, SceneError> {
-    if !folder.is_dir() {
-        return Err(match folder.exists() {
-            true => SceneError::NotAFolder { path: folder.to_owned() },
-            false => SceneError::NoFolder { path: folder.to_owned() },
-        });
-    }
+    check_is_folder(folder)?;
     let mut found = Found::default();
     let splat_path = found.splat(folder, options)?;
     let views = match options.render_views {
-        Some(_) => Vec::new(),
+        Some(_) => {
+            // The file relates the splat to cameras that are not read.
+            if found.dataparser(folder, None).is_some() {
+                found.splat_units_per_camera_unit = None;
+            }
+            Vec::new()
+        }
         None => found.views(folder, options)?,
     };
     let splat = found.read_splat(&splat_path)?;
@@ -149,7 +150,7 @@ pub fn load(folder: &Path, options: &Options) -> Result<Scene, SceneError> {
     let measured = scale::Measured {
         object: robust_bounds(&object),
         views: &views,
-        data_set: dataset::convention_of(folder, found.splat_units_per_camera_unit),
+        data_set: found.splat_units_per_camera_unit.and_then(|units| dataset::convention_of(folder, units)),
     };
     let (scale, warning) = options.scale.metric_scale(&measured)?;
     found.warnings.extend(warning);
@@ -166,18 +167,28 @@ pub fn load(folder: &Path, options: &Options) -> Result<Scene, SceneError> {
     })
 }
 
+/// Refuses what is not a folder.
+fn check_is_folder(path: &Path) -> Result<(), SceneError> {
+    match (path.is_dir(), path.exists()) {
+        (true, _) => Ok(()),
+        (false, true) => Err(SceneError::NotAFolder { path: path.to_owned() }),
+        (false, false) => Err(SceneError::NoFolder { path: path.to_owned() }),
+    }
+}
+
 /// The results collected while loading.
 struct Found {
     files: Vec<PathBuf>,
     notes: Vec<String>,
     warnings: Vec<String>,
-    /// nerfstudio trains in its own units.
-    splat_units_per_camera_unit: f64,
+    /// Splat units per unit of the cameras in their file: nerfstudio trains in units of its own, and `--align` may
+    /// scale. `None` if unknown.
+    splat_units_per_camera_unit: Option<f64>,
 }
 
 impl Default for Found {
     fn default() -> Self {
-        Self { files: Vec::new(), notes: Vec::new(), warnings: Vec::new(), splat_units_per_camera_unit: 1.0 }
+        Self { files: Vec::new(), notes: Vec::new(), warnings: Vec::new(), splat_units_per_camera_unit: Some(1.0) }
     }
 }
 
@@ -223,6 +234,8 @@ impl Found {
         let mut views = found.views;
         if !options.align.is_none() {
             self.notes.push(format!("cameras converted by --align {}", options.align));
+            self.splat_units_per_camera_unit =
+                self.splat_units_per_camera_unit.map(|units| units * options.align.scale);
             for view in &mut views {
                 view.camera.camera_from_world = options.align.apply(&view.camera.camera_from_world);
             }
@@ -238,19 +251,23 @@ impl Found {
         choice: &cameras::CameraSource,
         capture: &mut cameras::Capture,
     ) -> Result<(), SceneError> {
-        let beside = self.files[0].parent().into_iter().chain(choice.path.parent()).chain([folder]);
-        let path = beside.map(|folder| folder.join(dataparser::FILE)).find(|path| files::is_there(path));
-        let Some(path) = path else { return Ok(()) };
+        let Some(path) = self.dataparser(folder, Some(&choice.path)) else { return Ok(()) };
         // The user allows the files beside those that a flag names.
         let named = [options.splat.as_deref(), options.cameras.as_ref().map(|_| choice.path.as_path())];
         let scope = options.read_scope(folder).and(named.into_iter().flatten().filter_map(Path::parent));
         Reference { what: "camera file", path: &path, named_in: None, flag: None }.check(&scope)?;
         let splat_from_input = dataparser::read(&path)?;
-        self.splat_units_per_camera_unit = splat_from_input.scaling() / capture.applied.scale;
+        self.splat_units_per_camera_unit = Some(splat_from_input.scaling() / capture.applied.scale);
         dataparser::follow(capture, &splat_from_input);
         self.notes.push(format!("cameras brought into the splat's frame by `{}`", path.display()));
         self.files.push(path);
         Ok(())
+    }
+
+    /// The `dataparser_transforms.json` beside the splat, the camera file or in the scene's folder.
+    fn dataparser(&self, folder: &Path, cameras: Option<&Path>) -> Option<PathBuf> {
+        let beside = self.files[0].parent().into_iter().chain(cameras.and_then(Path::parent)).chain([folder]);
+        beside.map(|folder| folder.join(dataparser::FILE)).find(|path| files::is_there(path))
     }
 
     fn note_choice(&mut self, what: &str, folder: &Path, path: &Path, others: &[PathBuf], flag: &str) {

@@ -59,15 +59,15 @@ pub struct Options {
 
     /// Cameras: a transforms.json, a cameras.json of 3DGS, or a folder with a COLMAP model [default: found in the scene
     /// folder]
-    #[arg(long, value_name = "PATH", value_parser = option_values::file_or_folder())]
+    #[arg(long, value_name = "PATH", value_parser = option_values::file_or_folder(), overrides_with = "render_views")]
     pub cameras: Option<PathBuf>,
 
     /// Folder with the photos [default: found in the scene folder]
-    #[arg(long, value_name = "DIR", value_parser = option_values::folder())]
+    #[arg(long, value_name = "DIR", value_parser = option_values::folder(), overrides_with = "render_views")]
     pub images: Option<PathBuf>,
 
     /// Folder with a mask for each photo, white on the object and named like the photo [default: masks/, if it exists]
-    #[arg(long, value_name = "DIR", value_parser = option_values::folder())]
+    #[arg(long, value_name = "DIR", value_parser = option_values::folder(), overrides_with = "render_views")]
     pub masks: Option<PathBuf>,
 
     /// Folder outside the scene to which the scene's links and 3DGS's `cfg_args` may lead; may be given several times.
@@ -86,7 +86,7 @@ pub struct Options {
     pub object_box: Option<ObjectBox>,
 
     /// Render this many views from the splat itself instead of using photos
-    #[arg(long, value_name = "N", conflicts_with_all = ["cameras", "images", "masks"])]
+    #[arg(long, value_name = "N", overrides_with_all = ["cameras", "images", "masks"])]
     #[arg(value_parser = from_to(NonZeroUsize::MIN, MOST_VIEWS))]
     pub render_views: Option<NonZeroUsize>,
 

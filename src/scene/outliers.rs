@@ -99,8 +99,8 @@ pub struct AllSetAside(Box<SetAside>);
 pub fn set_aside(gaussians: &mut Gaussians) -> Result<Option<SetAside>, AllSetAside> {
     gaussians.set_aside.clear();
     let count = gaussians.len();
-    let size = Core::of(gaussians).map_or(0.0, |core| core.size());
-    let found = find(gaussians);
+    let Some(core) = Core::of(gaussians) else { return Ok(None) };
+    let found = find(gaussians, &core);
     let Some(first) = found.first() else { return Ok(None) };
     let center = gaussians.center(first.index);
     let set_aside = SetAside {
@@ -110,7 +110,7 @@ pub fn set_aside(gaussians: &mut Gaussians) -> Result<Option<SetAside>, AllSetAs
         center,
         reach: first.reach,
         excess: first.excess,
-        size,
+        size: core.size(),
     };
     if found.len() == count {
         return Err(AllSetAside(Box::new(set_aside)));
@@ -129,8 +129,7 @@ struct Reaching {
 }
 
 /// The outliers, by ascending index.
-fn find(gaussians: &Gaussians) -> Vec<Reaching> {
-    let Some(core) = Core::of(gaussians) else { return Vec::new() };
+fn find(gaussians: &Gaussians, core: &Core) -> Vec<Reaching> {
     let size = core.size();
     let usual = upper_median((0..gaussians.len()).map(|i| gaussians.scale(i).max()).collect()).unwrap_or_default();
     let is_suspect = |&i: &usize| {

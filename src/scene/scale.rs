@@ -1,4 +1,5 @@
-//! Metric scale: the length of a scene unit in metres, from what the user knows or the data set states.
+//! Metric scale: the length of a scene unit in metres, from what the user knows, what the data set states, or
+//! what a model estimates.
 //!
 //! Masses grow with its cube, so a typing error gives an absurd weight: the resulting size of the object is checked
 //! against what can be photographed and what can be moved.

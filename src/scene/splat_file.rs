@@ -6,6 +6,7 @@ use std::path::{Path, PathBuf};
 use super::SceneError;
 use super::splat_formats::SplatFormat;
 use crate::files;
+use crate::workdir::Artifact;
 
 /// The splat that was chosen, and the other candidates.
 pub(super) struct Found {
@@ -46,12 +47,16 @@ fn numbered(folder: &Path, prefix: &str, suffix: &str) -> Option<PathBuf> {
     numbered.max().map(|(_, name)| folder.join(name))
 }
 
-/// Splats sorted by file name, and the names of files that look like splats but are not.
+/// Splats sorted by file name, without gprop's own results, and the names of files that look like splats but are not.
 fn loose_splats(folder: &Path) -> (Vec<PathBuf>, Vec<String>) {
     let mut splats = Vec::new();
     let mut others = Vec::new();
+    let results = [Artifact::Field, Artifact::Recolored].map(|artifact| folder.join(artifact.path()));
     for name in names_in(folder) {
         let path = folder.join(&name);
+        if results.contains(&path) {
+            continue;
+        }
         match SplatFormat::of(&path) {
             Some(format) if format.is_splat(&path) => splats.push(path),
             Some(_) => others.push(name),

@@ -19,6 +19,7 @@ use std::sync::{Mutex, MutexGuard, PoisonError};
 
 use serde::Serialize;
 use serde::de::DeserializeOwned;
+use tempfile::NamedTempFile;
 use thiserror::Error;
 use tracing::warn;
 
@@ -155,6 +156,10 @@ impl Artifact<'_> {
     }
 }
 
+/// The folders inside a work folder that hold artifacts.
+const FOLDERS: [&str; 7] =
+    ["segments", "consensus", "sheets", "simulation", "simulation/frames", "simulation/states", "rendered"];
+
 /// Errors of the work folder.
 #[derive(Debug, Error)]
 pub enum WorkDirError {
@@ -212,7 +217,7 @@ impl WorkDir {
         refuse_link(&lock, OUT)?;
         match lock::exclusive(&lock) {
             Ok(Some(lock)) => {
-                sweep_below(root).map_err(write_error)?;
+                sweep_all(root).map_err(write_error)?;
                 Ok(Self::new(root, Some(lock), None))
             }
             Ok(None) => Err(WorkDirError::Locked { path: root.to_owned(), holder: lock::Holder::of(&lock) }),
@@ -408,13 +413,14 @@ pub fn sweep(folder: &Path, prefix: &str) -> io::Result<()> {
     Ok(())
 }
 
-/// Removes temporary files in `folder` and all folders below it that are not links.
-fn sweep_below(folder: &Path) -> io::Result<()> {
-    sweep(folder, TEMPORARY)?;
-    for entry in fs::read_dir(folder)? {
-        let entry = entry?;
-        if entry.file_type()?.is_dir() {
-            sweep_below(&entry.path())?;
+/// Removes temporary files in a work folder and in the folders of its artifacts, but not through links.
+fn sweep_all(root: &Path) -> io::Result<()> {
+    sweep(root, TEMPORARY)?;
+    for folder in FOLDERS {
+        let path = root.join(folder);
+        let is_own = |path: &Path| path.symlink_metadata().is_ok_and(|found| found.is_dir());
+        if path.ancestors().take_while(|above| *above != root).all(is_own) {
+            sweep(&path, TEMPORARY)?;
         }
     }
     Ok(())
@@ -446,22 +452,18 @@ pub fn write_atomic_as(
 fn replace(path: &Path, prefix: &str, fill: &mut dyn FnMut(&mut dyn Write) -> io::Result<()>) -> io::Result<()> {
     let folder = path.parent().unwrap_or(Path::new("."));
     fs::create_dir_all(folder)?;
-    let mut out = io::BufWriter::new(tempfile::Builder::new().prefix(prefix).tempfile_in(folder)?);
+    let mut out = io::BufWriter::new(temporary(folder, prefix)?);
     fill(&mut out)?;
     let file = out.into_inner().map_err(io::IntoInnerError::into_error)?;
-    make_readable(file.as_file())?;
     file.persist(path).map_err(|error| error.error)?;
     Ok(())
 }
 
-/// A temporary file is readable only by its owner, but a result should be readable by others.
-#[cfg(unix)]
-fn make_readable(file: &File) -> io::Result<()> {
-    use std::os::unix::fs::PermissionsExt;
-    file.set_permissions(fs::Permissions::from_mode(0o644))
-}
-
-#[cfg(not(unix))]
-fn make_readable(_file: &File) -> io::Result<()> {
-    Ok(())
+/// A temporary file in `folder` that may become a result: whoever the umask allows may read it, not only its owner.
+pub fn temporary(folder: &Path, prefix: &str) -> io::Result<NamedTempFile> {
+    let mut builder = tempfile::Builder::new();
+    builder.prefix(prefix);
+    #[cfg(unix)]
+    builder.permissions(std::os::unix::fs::PermissionsExt::from_mode(0o666));
+    builder.tempfile_in(folder)
 }

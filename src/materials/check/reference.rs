@@ -12,7 +12,7 @@ use crate::units::Range;
 /// The share of a family's reference values that its ranges must overlap.
 const AGREEMENT: f64 = 0.95;
 
-/// By how many decades of high/low a range may be wider than the reference's.
+/// A range may be at most three times as wide (as high / low) as the reference's: log10(3).
 const EXCESS_DECADES: f64 = 0.477_121_254_719_662_4;
 
 pub fn check(library: &MaterialLibrary, findings: &mut Findings) {

@@ -7,6 +7,7 @@ use super::Findings;
 use crate::materials::stats::{LEAST_CITED, WELL_MEASURED, stats};
 use crate::materials::{Labels, Material, MaterialLibrary, fold};
 use crate::numeric::median;
+use crate::output::counted;
 use crate::units::Range;
 
 pub fn check(library: &MaterialLibrary, findings: &mut Findings) {
@@ -31,7 +32,7 @@ fn counts(library: &MaterialLibrary, findings: &mut Findings) {
     for family in library.families() {
         let members = library.of_family(&family.name).count();
         findings.require(members >= FEWEST_OF_A_FAMILY, &format!("family:{}", family.name), "count", || {
-            format!("{members} members; at least {FEWEST_OF_A_FAMILY} are needed")
+            format!("{}; at least {FEWEST_OF_A_FAMILY} are needed", counted(members, "member"))
         });
     }
 }

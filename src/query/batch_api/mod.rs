@@ -18,9 +18,11 @@ use serde::{Deserialize, Serialize};
 use serde_json::{Value, json};
 
 use super::asker::{AskError, Asker};
-use super::client::{Client, JobState, RequestCounts};
+use super::client::{Client, RequestCounts};
+use super::error::QueryError;
 use super::recorded::{Answerer, Asked, key};
 use super::sha256::Sha256Hex;
+use crate::progress;
 
 pub use response::{AnswerLine, Answered, NotAnswered, lines};
 
@@ -65,7 +67,6 @@ pub struct Submitted {
 /// The results of a job that ended.
 #[derive(Debug)]
 pub struct Ended {
-    pub state: JobState,
     /// The questions that were answered.
     pub answered: Vec<(Waiting, Answered)>,
     /// The questions that were not, each with the reason.
@@ -77,10 +78,7 @@ pub struct Ended {
 pub enum JobProgress {
     /// Its questions were sent to another model or with other parameters, so its answers are not this client's to record.
     OfOther,
-    Running {
-        state: JobState,
-        counts: RequestCounts,
-    },
+    Running(RequestCounts),
     Ended(Ended),
 }
 
@@ -121,28 +119,34 @@ impl Request {
 
 /// Sends the requests as they arrive, in jobs as large as the API allows; calls `accepted` for each job at once. Holds
 /// no more than one job's requests in memory.
-pub fn submit<E: From<AskError>>(
+pub fn submit<E: From<QueryError>>(
     client: &Client,
     requests: impl IntoIterator<Item = Request>,
     mut accepted: impl FnMut(BatchApiJob) -> Result<(), E>,
 ) -> Result<(), E> {
+    let mut start = |lines: &str, waiting: Vec<Waiting>| {
+        let id = client.start_batch_api_job(lines).map_err(QueryError::BatchApi)?.id;
+        let job = BatchApiJob { id, waiting };
+        accepted(job.clone()).inspect_err(|_| {
+            let json = serde_json::to_string(&job).expect("a job is plain data");
+            progress::notice(&format!(
+                "this job was accepted, but could not be noted; to collect its answers, add it to \"jobs\" in the file named \
+                 below:\n{json}"
+            ));
+        })
+    };
     let mut lines = String::new();
     let mut waiting = Vec::new();
     for request in requests {
         let line = request.line();
         if waiting.len() == MAX_REQUESTS || (!waiting.is_empty() && lines.len() + line.len() > MAX_BYTES) {
-            let id = client.start_batch_api_job(&lines)?.id;
-            accepted(BatchApiJob { id, waiting: std::mem::take(&mut waiting) })?;
+            start(&lines, std::mem::take(&mut waiting))?;
             lines.clear();
         }
         lines.push_str(&line);
         waiting.push(request.waiting);
     }
-    if !waiting.is_empty() {
-        let id = client.start_batch_api_job(&lines)?.id;
-        accepted(BatchApiJob { id, waiting })?;
-    }
-    Ok(())
+    if waiting.is_empty() { Ok(()) } else { start(&lines, waiting) }
 }
 
 /// Asks for the state of a job and, if it has ended, fetches its results.
@@ -152,13 +156,13 @@ pub fn collect(client: &Client, job: &BatchApiJob) -> Result<JobProgress, AskErr
     }
     let status = client.batch_api_job(&job.id)?;
     if !status.state.is_final() {
-        return Ok(JobProgress::Running { state: status.state, counts: status.request_counts.unwrap_or_default() });
+        return Ok(JobProgress::Running(status.request_counts.unwrap_or_default()));
     }
     let mut lines = BTreeMap::new();
     for file in [&status.error_file_id, &status.output_file_id].into_iter().flatten() {
         lines.extend(response::lines(&client.file(file)?)?);
     }
-    let mut ended = Ended { state: status.state, answered: Vec::new(), failed: Vec::new() };
+    let mut ended = Ended { answered: Vec::new(), failed: Vec::new() };
     for waiting in &job.waiting {
         let found = lines.remove(waiting.key.as_str());
         let why_none = || match status.problems() {

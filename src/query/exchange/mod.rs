@@ -134,7 +134,7 @@ pub fn export(
         }
         let sheet = format!("sheets/{query}.jpg");
         write(&folder.join(&sheet), &segment.jpeg)?;
-        let Text { prompt, schema, index, .. } = &texts[question.prompt_sha256.as_str()];
+        let Text { prompt, schema, index, .. } = &texts[&hashes(question)];
         on_page.push((query.to_owned(), sheet.clone(), *index, part_of(segment)));
         push_line(&mut queries, &QueryLine { query, sheet, prompt, schema });
         push_line(&mut answers, &AnswerLine { query: query.into(), answer: Value::Null, model: None });
@@ -162,7 +162,7 @@ pub fn export(
 /// The form for questions with their sheets, texts and parts.
 fn page(
     queries: &[(String, String, usize, (usize, u16))],
-    texts: &BTreeMap<&str, Text>,
+    texts: &BTreeMap<Hashes, Text>,
     library: &MaterialLibrary,
 ) -> String {
     let queries = queries.iter().map(|(query, sheet, text, part)| FormQuery {
@@ -185,6 +185,13 @@ fn page(
     form::page(&queries, &texts, &materials, &fillings)
 }
 
+/// The hashes of a question's prompt and schema, which tell questions apart.
+type Hashes<'a> = [&'a str; 2];
+
+fn hashes(question: &Question) -> Hashes<'_> {
+    [question.prompt_sha256.as_str(), question.schema.sha256().as_str()]
+}
+
 /// A question's files in the folder, and its index among the questions.
 struct Text<'a> {
     prompt: String,
@@ -193,14 +200,14 @@ struct Text<'a> {
     question: &'a Question,
 }
 
-/// Writes each prompt and schema once; returns their files by the prompt's hash.
+/// Writes the prompt and the schema of each question once; returns their files.
 fn write_texts<'a>(
     folder: &Path,
     open: &[(&SegmentQuery, &'a Question)],
-) -> Result<BTreeMap<&'a str, Text<'a>>, ExchangeError> {
-    let mut texts: BTreeMap<&str, Text> = BTreeMap::new();
+) -> Result<BTreeMap<Hashes<'a>, Text<'a>>, ExchangeError> {
+    let mut texts: BTreeMap<Hashes, Text> = BTreeMap::new();
     for (_, question) in open {
-        if texts.contains_key(question.prompt_sha256.as_str()) {
+        if texts.contains_key(&hashes(question)) {
             continue;
         }
         let index = texts.len();
@@ -208,7 +215,7 @@ fn write_texts<'a>(
         let (prompt, schema) = (format!("prompt{suffix}.txt"), format!("answer{suffix}.schema.json"));
         write(&folder.join(&prompt), question.prompt.as_bytes())?;
         write(&folder.join(&schema), format!("{:#}\n", question.schema.value()).as_bytes())?;
-        texts.insert(question.prompt_sha256.as_str(), Text { prompt, schema, index, question });
+        texts.insert(hashes(question), Text { prompt, schema, index, question });
     }
     Ok(texts)
 }

@@ -9,6 +9,7 @@ use super::lock::QuestionLock;
 use super::{Answerer, Asked, FORMAT, MASK_IOU, Recording, key};
 use crate::query::Match;
 use crate::query::sha256::Sha256Hex;
+use crate::workdir::{self, TEMPORARY};
 
 /// All recordings that were read, and where new ones are written.
 #[derive(Debug)]
@@ -281,16 +282,9 @@ fn read(path: &Path) -> Result<Recording, RecordingError> {
 /// More bytes than most recordings have: a mask's run lengths and an answer.
 const TRIAL_BYTES: usize = 1 << 16;
 
-/// Recordings are shared with the scene; a temporary file would be readable by its owner only. The umask still applies.
-#[cfg(unix)]
-const READABLE: u32 = 0o666;
-
 fn write(folder: &Path, path: &Path, recording: &Recording) -> std::io::Result<()> {
     std::fs::create_dir_all(folder)?;
-    let mut builder = tempfile::Builder::new();
-    #[cfg(unix)]
-    builder.permissions(std::os::unix::fs::PermissionsExt::from_mode(READABLE));
-    let mut file = builder.tempfile_in(folder)?;
+    let mut file = workdir::temporary(folder, TEMPORARY)?;
     serde_json::to_writer_pretty(&mut file, recording)?;
     file.write_all(b"\n")?;
     file.as_file().sync_all()?;

@@ -1,5 +1,6 @@
 //! From the frames of a camera file to views: the photo on disk, its actual size, its mask.
 
+use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
 
 use rayon::prelude::*;
@@ -34,9 +35,13 @@ pub(in crate::scene) fn find_photos(
     };
     let mut present = Vec::new();
     let mut missing = Vec::new();
+    let mut named: BTreeMap<(PathBuf, String), BTreeSet<&str>> = BTreeMap::new();
     for (index, frame) in frames.iter().enumerate() {
         match photo_of(&frame.file, places) {
-            Lookup::Found { folder, file } => present.push((index, folder, file)),
+            Lookup::Found { folder, file, is_shortened } => {
+                named.entry((folder.clone(), file.clone())).or_default().insert(&frame.file);
+                present.push((index, folder, file, is_shortened));
+            }
             Lookup::Missing => missing.push(frame.file.as_str()),
             Lookup::Outside => {
                 let beside = camera_file.parent().unwrap_or(Path::new(""));
@@ -45,21 +50,29 @@ pub(in crate::scene) fn find_photos(
             }
         }
     }
+    // Of several photos that end alike, one that is here may be any of them.
+    present.retain(|(index, folder, file, is_shortened)| {
+        let is_known = !is_shortened || named[&(folder.clone(), file.clone())].len() == 1;
+        if !is_known {
+            missing.push(frames[*index].file.as_str());
+        }
+        is_known
+    });
     if present.is_empty() {
         let (count, first) = (frames.len(), missing.first().copied().unwrap_or_default().to_owned());
         return Err(SceneError::NoPhotos { path: camera_file.to_owned(), count, first, tried: places.photos.clone() });
     }
-    let files: Vec<String> = present.iter().map(|(_, _, file)| file.clone()).collect();
+    let files: Vec<String> = present.iter().map(|(_, _, file, _)| file.clone()).collect();
     let sized: Vec<Result<(View, Fit), SceneError>> = present
         .par_iter()
         .zip(view_names::of(&files))
-        .map(|((index, folder, file), name)| {
+        .map(|((index, folder, file, _), name)| {
             let frame = &frames[*index];
             let image = folder.join(file);
             places.check_photo(camera_file, folder, &image)?;
             let (intrinsics, fit) = fitted(&image, &frame.declared, |problem| in_frame(*index, problem))?;
             let camera = Camera { intrinsics, camera_from_world: frame.camera_from_world };
-            let mask = mask_of(frame, folder, file, places.masks);
+            let mask = mask_of(frame, folder, file, places);
             let named_in = frame.mask.as_ref().map(|_| camera_file);
             mask.iter().try_for_each(|mask| places.check_mask(mask, named_in))?;
             Ok((View { name, camera, image, upright: fit.upright, mask }, fit))
@@ -70,6 +83,11 @@ pub(in crate::scene) fn find_photos(
     let mut warnings = warnings(camera_file, frames.len(), &missing, &sized);
     if let Some(masks) = places.masks {
         warnings.extend(views_without_mask(masks, &sized)?);
+    } else {
+        warnings.extend(masks_that_are_missing(
+            camera_file,
+            present.iter().map(|(index, folder, ..)| (&frames[*index], folder.as_path())),
+        ));
     }
     Ok(Views { views: sized.into_iter().map(|(view, _)| view).collect(), warnings })
 }
@@ -102,10 +120,11 @@ fn fitted(
 
 /// The result of looking up a photo's name.
 enum Lookup {
-    /// The folder, and the path within it.
+    /// The folder, and the path within it; whether only the end of the frame's path led there.
     Found {
         folder: PathBuf,
         file: String,
+        is_shortened: bool,
     },
     Missing,
     /// The name points outside of every folder.
@@ -117,45 +136,74 @@ fn photo_of(file: &str, places: &Places) -> Lookup {
     /// Camera files of Blender and 3DGS omit the extension.
     const EXTENSIONS: [&str; 12] =
         ["png", "jpg", "jpeg", "JPG", "PNG", "JPEG", "webp", "tif", "tiff", "bmp", "TIF", "BMP"];
-    let mut within = None;
-    for folder in &places.photos {
-        let Some(file) = view_names::path_within(folder, file) else { continue };
-        let endings = EXTENSIONS.iter().map(|end| format!("{file}.{end}"));
-        if let Some(found) =
-            std::iter::once(file.clone()).chain(endings).find(|file| files::is_there(&folder.join(file)))
-        {
-            return Lookup::Found { folder: folder.clone(), file: found };
-        }
-        within = Some(file);
+    let find = |file: &str| {
+        places.photos.iter().find_map(|folder| {
+            let file = view_names::path_within(folder, file)?;
+            let endings = EXTENSIONS.iter().map(|end| format!("{file}.{end}"));
+            let found = std::iter::once(file.clone()).chain(endings).find(|file| files::is_there(&folder.join(file)));
+            found.map(|file| (folder.clone(), file))
+        })
+    };
+    if let Some((folder, file)) = find(file) {
+        return Lookup::Found { folder, file, is_shortened: false };
+    }
+    if places.photos.iter().any(|folder| view_names::path_within(folder, file).is_some()) {
+        return Lookup::Missing;
     }
     // An absolute path that is right on the machine where the cameras were calibrated leads out of every folder here. So
     // does `../`, unless the user says where the photos are.
-    let base = file.rsplit(['/', '\\']).next().unwrap_or(file);
-    let may_lie_here = Path::new(file).is_absolute() || places.photos_are_named;
-    match within {
-        Some(_) => Lookup::Missing,
-        None if may_lie_here && base != file => photo_of(base, places),
-        None => Lookup::Outside,
+    if !Path::new(file).is_absolute() && !places.photos_are_named {
+        return Lookup::Outside;
     }
+    let mut ends = std::iter::successors(Some(file), |file| file.split_once(['/', '\\']).map(|(_, end)| end));
+    let found = ends.find_map(|end| find(end).filter(|_| !end.is_empty()));
+    found.map_or(Lookup::Missing, |(folder, file)| Lookup::Found { folder, file, is_shortened: true })
 }
 
-/// The mask of a photo: the one that the frame names, wherever that is; else the one with the photo's name in `masks`;
-/// else in a folder `masks` beside the photos' folder or in it.
-fn mask_of(frame: &Frame, folder: &Path, file: &str, masks: Option<&Path>) -> Option<PathBuf> {
-    if masks.is_none() {
-        let named = frame.mask.as_deref().map(|mask| match view_names::path_within(folder, mask) {
-            Some(within) => folder.join(within),
-            None => folder.join(mask.replace('\\', "/")),
-        });
-        if let Some(mask) = named.filter(|path| files::is_there(path)) {
-            return Some(mask);
-        }
+/// The mask that a frame names, wherever that is, if it exists. `folder` is that of the photo.
+fn named_mask(frame: &Frame, folder: &Path) -> Option<PathBuf> {
+    let mask = frame.mask.as_deref()?;
+    let path = match view_names::path_within(folder, mask) {
+        Some(within) => folder.join(within),
+        None => folder.join(mask.replace('\\', "/")),
+    };
+    files::is_there(&path).then_some(path)
+}
+
+/// A warning about masks that frames name but that do not exist.
+fn masks_that_are_missing<'a>(
+    camera_file: &Path,
+    frames: impl Iterator<Item = (&'a Frame, &'a Path)>,
+) -> Option<String> {
+    let named = frames.filter_map(|(frame, folder)| Some((frame.mask.as_deref()?, named_mask(frame, folder))));
+    let missing: Vec<&str> = named.filter(|(_, found)| found.is_none()).map(|(mask, _)| mask).collect();
+    let first = missing.first()?;
+    Some(format!(
+        "{} that `{}` names {} missing (first: `{first}`); the foreground there is taken from `masks/`, else from alpha, \
+         else from the Gaussians",
+        counted(missing.len(), "mask"),
+        camera_file.display(),
+        agreeing(missing.len(), "is", "are"),
+    ))
+}
+
+/// The mask of a photo: the one that the frame names; else the one with the photo's name in `--masks`; else in a folder
+/// `masks` in the photos' folder, or beside it if that is in the scene.
+fn mask_of(frame: &Frame, folder: &Path, file: &str, places: &Places) -> Option<PathBuf> {
+    let masks = places.masks;
+    if masks.is_none()
+        && let Some(mask) = named_mask(frame, folder)
+    {
+        return Some(mask);
     }
     let below = file.split_once('/').map_or(file, |(_, rest)| rest);
     let stem = |file: &str| file.rsplit_once('.').map_or(file, |(stem, _)| stem).to_owned();
     let folders = match masks {
         Some(masks) => vec![masks.to_owned()],
-        None => vec![folder.join("masks"), folder.parent().map(|parent| parent.join("masks")).unwrap_or_default()],
+        None => {
+            let beside = folder.parent().filter(|parent| places.scope.leads_out(parent).is_none());
+            [Some(folder), beside].into_iter().flatten().map(|folder| folder.join("masks")).collect()
+        }
     };
     // COLMAP appends .png to the photo's whole name.
     let names = [file, below].into_iter().flat_map(|file| {

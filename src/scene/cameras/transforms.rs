@@ -133,13 +133,18 @@ pub(super) fn rigid(rows: &[Vec<f64>]) -> Option<Isometry3<f64>> {
 impl Lens {
     /// This lens, with missing values taken from `other`.
     fn or(self, other: &Self) -> Self {
+        // Focal lengths and angles say the same; one that is given replaces all of `other`.
+        let has_focal = self.fl_x.is_some() || self.camera_angle_x.is_some();
+        let focal = if has_focal { &self } else { other };
+        let [fl_x, fl_y, camera_angle_x, camera_angle_y] =
+            [focal.fl_x, focal.fl_y, focal.camera_angle_x, focal.camera_angle_y];
         Self {
             camera_model: self.camera_model.or_else(|| other.camera_model.clone()),
             is_fisheye: self.is_fisheye.or(other.is_fisheye),
-            camera_angle_x: self.camera_angle_x.or(other.camera_angle_x),
-            camera_angle_y: self.camera_angle_y.or(other.camera_angle_y),
-            fl_x: self.fl_x.or(other.fl_x),
-            fl_y: self.fl_y.or(other.fl_y),
+            fl_x,
+            fl_y,
+            camera_angle_x,
+            camera_angle_y,
             cx: self.cx.or(other.cx),
             cy: self.cy.or(other.cy),
             w: self.w.or(other.w),

@@ -99,12 +99,13 @@ pub fn find(marker: Marker, side_m: f64, views: &[View]) -> Result<FoundMarker, 
         problem: problem.to_string(),
     };
     let mut sightings = Vec::new();
-    let mut others: BTreeMap<usize, usize> = BTreeMap::new();
+    let mut others: BTreeMap<usize, BTreeSet<usize>> = BTreeMap::new();
     for (view, detections) in seen.into_iter().enumerate() {
         for detection in detections {
-            match detection.id == marker.id {
-                true => sightings.push(Sighting { view, camera: &views[view].camera, detection }),
-                false => *others.entry(detection.id).or_default() += 1,
+            if detection.id == marker.id {
+                sightings.push(Sighting { view, camera: &views[view].camera, detection });
+            } else {
+                others.entry(detection.id).or_default().insert(view);
             }
         }
     }
@@ -113,7 +114,7 @@ pub fn find(marker: Marker, side_m: f64, views: &[View]) -> Result<FoundMarker, 
     showing.dedup();
     match showing.as_slice() {
         [] => {
-            let found = others.into_iter().map(|(id, count)| (marker.sibling(id).to_string(), count)).collect();
+            let found = others.into_iter().map(|(id, views)| (marker.sibling(id).to_string(), views.len())).collect();
             return Err(refused(MarkerProblem::Unseen { views: views.len(), found }));
         }
         [view] => return Err(refused(MarkerProblem::Once { view: view.clone() })),

@@ -54,7 +54,7 @@ pub(super) fn corners(sightings: &[Sighting]) -> Option<Corners> {
         let usual = upper_median(agreeing.iter().map(off).collect())?;
         let most = (OUTLIER * usual).max(LEAST_OUTLIER_PX);
         let kept = best_of_each_view(sightings, |at| Some(off(&at)).filter(|off| *off <= most));
-        if views(sightings, &kept) < 2 || kept == agreeing {
+        if kept.len() < 2 || kept == agreeing {
             break;
         }
         agreeing = kept;
@@ -107,12 +107,6 @@ fn best_of_each_view(sightings: &[Sighting], off: impl Fn(usize) -> Option<f64>)
         }
     }
     best.into_iter().map(|(at, _)| at).collect()
-}
-
-fn views(sightings: &[Sighting], of: &[usize]) -> usize {
-    let mut views: Vec<usize> = of.iter().map(|at| sightings[*at].view).collect();
-    views.dedup();
-    views.len()
 }
 
 /// Root mean square of the distances of a sighting's corners from where its camera sees `points`, in pixels.

@@ -120,14 +120,17 @@ impl<R: BufRead> Lines<R> {
         Self { reader, text: String::new(), number }
     }
 
-    /// Moves on to the next line; false at the end.
+    /// Moves on to the next line; false at the end. Bytes that are not UTF-8 are replaced, so that the word that holds
+    /// them is refused with its place.
     fn next(&mut self) -> std::io::Result<bool> {
         loop {
             self.text.clear();
             self.number += 1;
-            if self.reader.read_line(&mut self.text)? == 0 {
+            let mut bytes = Vec::new();
+            if self.reader.read_until(b'\n', &mut bytes)? == 0 {
                 return Ok(false);
             }
+            self.text.push_str(&String::from_utf8_lossy(&bytes));
             if !self.text.trim_ascii().is_empty() {
                 return Ok(true);
             }

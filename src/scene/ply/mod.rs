@@ -147,7 +147,7 @@ fn read_bytes(bytes: &impl Bytes) -> Result<Loaded, Problem> {
         Encoding::BinaryLittleEndian => binary::read(bytes, &header, &layout, binary::ByteOrder::Little)?,
         Encoding::BinaryBigEndian => binary::read(bytes, &header, &layout, binary::ByteOrder::Big)?,
     };
-    let notes = kinds::recognise(&mut body.gaussians, layout.flat, &header.comments);
+    let notes = kinds::recognise(&mut body, layout.flat, &header.comments);
     finished(body, Loaded { notes, warnings: layout.warnings, ..Loaded::default() })
 }
 

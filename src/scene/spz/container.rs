@@ -19,8 +19,9 @@ const FLAG_ANTIALIASED: u8 = 1;
 /// Flag: records of other programs follow the attributes; in version 4 they come before the list of streams.
 const FLAG_EXTENDED: u8 = 2;
 
-/// Trained splats compress to a third at best, and to a tenth if their harmonics are constant. A header that promises
-/// more than this many bytes per byte of the file is rejected, unless they are few.
+/// Trained splats compress to a third of their size at best; to a tenth if their harmonics are constant. A header that
+/// promises more than this many bytes per byte of the file is rejected, unless it promises no more than
+/// [`ALWAYS_ALLOWED`].
 const MOST_BYTES_PER_BYTE: u64 = 64;
 /// A header may always promise this many bytes: synthetic files of equal Gaussians compress without limit.
 const ALWAYS_ALLOWED: u64 = 1 << 16;
@@ -172,9 +173,9 @@ fn streams(header: &Header, bytes: &[u8]) -> Result<Attributes, Problem> {
 }
 
 fn zstd(header: &Header, attribute: &'static str, length: u64, stream: &[u8]) -> Result<Vec<u8>, Problem> {
-    /// The smallest window size that the format recommends that decoders support (RFC 8878, 3.1.1.1.2).
+    /// Every decoder should support windows up to this size (RFC 8878, 3.1.1.1.2).
     const LEAST_WINDOW: u64 = 8 << 20;
-    let window = length.next_power_of_two().clamp(1 << 10, LEAST_WINDOW.max(length.next_power_of_two()));
+    let window = length.next_power_of_two().max(LEAST_WINDOW);
     let broken = |reason: String| Problem::Compression { attribute, reason };
     let mut decoder =
         StreamingDecoder::new_with_max_window_size(stream, window).map_err(|reason| broken(reason.to_string()))?;
