@@ -27,6 +27,7 @@ fn cube(count: usize, cells: usize, law: Law, state: f32) -> (Solver, usize, f32
         .map(|n| Particle {
             position_m: [at(n / side / side), at(n / side % side), at(n % side)],
             velocity_m_s: [0.0, 0.0, -1.0],
+            compensation_m: [0.0; 3],
             affine: [0.0; 9],
             elastic: IDENTITY,
             deformation: IDENTITY,

@@ -198,6 +198,28 @@ fn a_grasp_is_tried_out_with_the_gripper_of_the_run() {
 }
 
 #[test]
+fn an_export_goes_on_with_the_grasp_of_the_run() {
+    let ball = Ball::after_a_run();
+    let options = ["--segments", "ball-0/labels", "--scale", "0.4", "--view-list", "000,002", "--to", "grasp"];
+    used(ball.gprop("run").args(options).args(["--gripper", "robotiq-2f-85", "--policy", "safe"]));
+    let (flags, out) = (ball.record()["flags"].clone(), TempDir::new().unwrap());
+    let grasp = || fs::read(ball.work().join("grasp.json")).unwrap();
+    let of_run = grasp();
+    let export = |more: &[&str]| {
+        used(ball.gprop("export").args(["--format", "usda", "--out"]).arg(out.path()).args(more)).unwrap()
+    };
+    let kept = "--view-list=000,002 --scale=0.4 --segments=ball-0/labels --gripper=robotiq-2f-85";
+    assert_eq!(export(&[]), format!("{kept} --policy=safe"));
+    assert_eq!(done(&ball.record()), [""; 0]);
+    assert!(grasp() == of_run);
+    assert_eq!(export(&["--policy", "mid"]), kept);
+    assert_eq!(done(&ball.record()), ["grasp"]);
+    assert_eq!(ball.record()["flags"], flags, "the policy was for that export only");
+    assert_eq!(export(&[]), format!("{kept} --policy=safe"));
+    assert!(grasp() == of_run);
+}
+
+#[test]
 fn a_grasp_without_a_scale_is_refused_after_a_report_too() {
     let ball = Ball::new();
     let options = ["--segments", "ball-0/labels", "--view-list", "000,002", "--no-simulate"];

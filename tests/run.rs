@@ -491,6 +491,93 @@ fn the_report_is_opened_by_the_users_program_and_only_if_it_is_there() {
 }
 
 #[test]
+fn an_option_that_would_be_ignored_is_refused() {
+    let scene = hammer();
+    let config = scene.path().join("fall.json");
+    fs::write(&config, "{}").unwrap();
+    let (images, picture) = (scene.path().join("images"), scene.path().join("images/003.png"));
+    let [folder, images, picture, config] =
+        [scene.path(), &images, &picture, &config].map(|path| path.to_str().unwrap());
+    let cases: [(&[&str], &str); 5] = [
+        (&["segment", picture, "--from", "segment"], "--from is for the stages of a scene"),
+        (&["query", picture, "--from", "query"], "--from is for the stages of a scene"),
+        (
+            &["simulate", folder, "--compat", "physgaussian", "--config", config, "--from", "report"],
+            "--from: without --field",
+        ),
+        (&["evaluate", "parts", folder, "--segments", images], "--segments: this command measures"),
+        (&["evaluate", "prompts", folder, "--segments", images], "--segments: this command measures"),
+    ];
+    for (arguments, words) in cases {
+        let output = gprop().args(arguments).output().unwrap();
+        assert_eq!(output.status.code(), Some(2), "{arguments:?}: {}", stderr(&output));
+        assert!(stderr(&output).contains(words), "{arguments:?}: {}", stderr(&output));
+    }
+    assert!(!scene.path().join("gprop").exists() && !scene.path().join("images/003.gprop").exists());
+}
+
+#[test]
+fn an_inspection_compares_as_many_views_as_are_typed() {
+    let output = gprop().arg("inspect").arg(fixture("hammer")).args(["--views", "3", "--json"]).output().unwrap();
+    let found: Value = serde_json::from_slice(&output.stdout).unwrap();
+    assert_eq!(found["views"].as_array().map(Vec::len), Some(3), "{}", stderr(&output));
+}
+
+#[test]
+fn a_quiet_command_prints_nothing_about_a_picture() {
+    if models("a_quiet_command_prints_nothing_about_a_picture").is_none() {
+        return;
+    }
+    let out = TempDir::new().unwrap();
+    let mut segment = gprop();
+    segment.arg("segment").arg(fixture("hammer/images/003.png")).args(["-q", "--points-per-side", "4", "--out"]);
+    let output = segment.arg(out.path()).output().unwrap();
+    assert!(output.status.success() && output.stdout.is_empty(), "{output:?}");
+    assert!(out.path().join("segments/003.png").exists());
+}
+
+#[cfg(unix)]
+#[test]
+fn a_link_in_the_place_of_a_default_work_folder_is_refused() {
+    let (scene, outside) = (hammer(), TempDir::new().unwrap());
+    let (config, picture) = (scene.path().join("fall.json"), scene.path().join("images/003.png"));
+    fs::write(&config, r#"{"frame_dt": 0.04, "substep_dt": 2e-5}"#).unwrap();
+    let [folder, config, picture] = [scene.path(), &config, &picture].map(|path| path.to_str().unwrap());
+    let refused = |arguments: &[&str], link: &Path| {
+        std::os::unix::fs::symlink(outside.path(), link).unwrap();
+        let output = gprop().args(arguments).output().unwrap();
+        assert_eq!(output.status.code(), Some(2), "{arguments:?}: {}", stderr(&output));
+        assert!(stderr(&output).contains("is a link"), "{arguments:?}: {}", stderr(&output));
+        assert_eq!(fs::read_dir(outside.path()).unwrap().count(), 0, "{arguments:?}");
+        fs::remove_file(link).unwrap();
+    };
+    let (work, beside) = (scene.path().join("gprop"), scene.path().join("images/003.gprop"));
+    let simulate = ["simulate", folder, "--compat", "physgaussian", "--config", config];
+    refused(&simulate, &work);
+    fs::create_dir(&work).unwrap();
+    refused(&simulate, &work.join("physgaussian"));
+    refused(&["segment", picture], &beside);
+    refused(&["segment", picture, "--dry-run"], &beside);
+    refused(&["query", picture], &beside);
+}
+
+#[test]
+fn a_report_has_the_name_of_a_scene_that_was_renamed() {
+    let balls = Balls::new(1);
+    let name = |scene: &Path| {
+        let mut run = gprop();
+        run.env_remove("OPENAI_API_KEY").arg("run").arg(scene).args(["--no-simulate", "-q"]).args(balls.answers());
+        let output = run.output().unwrap();
+        assert!(output.status.success(), "{}", stderr(&output));
+        json(scene.join("gprop/report.json"))["scene"]["name"].clone()
+    };
+    assert_eq!(name(&balls.scene(0)), "ball-0");
+    let renamed = balls.folder().join("renamed");
+    fs::rename(balls.scene(0), &renamed).unwrap();
+    assert_eq!(name(&renamed), "renamed");
+}
+
+#[test]
 fn help_is_found_in_three_ways() {
     let said = |arguments: &[&str]| String::from_utf8(gprop().args(arguments).output().unwrap().stdout).unwrap();
     let short = said(&["grasp", "--help"]);

@@ -10,7 +10,6 @@ use std::process::{Child, Command, ExitStatus, Stdio};
 use std::time::{Duration, Instant};
 
 use crate::pipeline::Stage;
-use crate::workdir;
 
 use super::BatchError;
 use super::outcome::Ended;
@@ -48,8 +47,8 @@ impl Running {
             let stderr = tempfile::tempfile()?;
             let mut command = Command::new(std::env::current_exe()?);
             command.arg("run").arg(&scene.folder).args(["--quiet", FLAG]);
-            if scene.work != scene.folder.join(workdir::DEFAULT_NAME) {
-                command.arg("--out").arg(&scene.work);
+            if let Some(work) = scene.named_work() {
+                command.arg("--out").arg(work);
             }
             command.args(["--to", &task.to.name(), "--threads", &task.threads.to_string()]);
             if let Some(from) = task.from {

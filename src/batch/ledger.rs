@@ -42,13 +42,21 @@ impl Ledger {
         self.outcomes.values()
     }
 
-    /// Removes all outcomes but these, and saves if that changes anything.
-    pub fn keep(&mut self, outcomes: impl Iterator<Item = Outcome>) -> Result<(), BatchError> {
-        let kept: BTreeMap<String, Outcome> = outcomes.map(|outcome| (outcome.scene.clone(), outcome)).collect();
-        if kept == self.outcomes && self.path.exists() {
+    /// Replaces the outcomes of `scenes` by the given ones, and saves if that changes anything.
+    pub fn replace<'a>(
+        &mut self,
+        scenes: impl Iterator<Item = &'a Selected>,
+        outcomes: impl Iterator<Item = Outcome>,
+    ) -> Result<(), BatchError> {
+        let mut replaced = self.outcomes.clone();
+        for scene in scenes {
+            replaced.remove(&scene.name);
+        }
+        replaced.extend(outcomes.map(|outcome| (outcome.scene.clone(), outcome)));
+        if replaced == self.outcomes && self.path.exists() {
             return Ok(());
         }
-        self.outcomes = kept;
+        self.outcomes = replaced;
         self.save()
     }
 
@@ -90,13 +98,13 @@ pub fn all(folder: &Path) -> Result<Vec<(Shard, Outcome)>, BatchError> {
     Ok(found)
 }
 
-/// The number of shards into which the outcomes `known` from `folder` divide the data set.
-pub fn one_division(folder: &Path, known: &[(Shard, Outcome)]) -> Result<usize, BatchError> {
+/// Checks that there are outcomes `known` from `folder` and that all are of one division into shards.
+pub fn require_one_division(folder: &Path, known: &[(Shard, Outcome)]) -> Result<(), BatchError> {
     let mut divisions: Vec<usize> = known.iter().map(|(shard, _)| shard.of).collect();
     divisions.sort_unstable();
     divisions.dedup();
     match divisions[..] {
-        [of] => Ok(of),
+        [_] => Ok(()),
         [] => Err(BatchError::NothingToMerge { folder: folder.to_owned() }),
         _ => {
             let names: Vec<String> = divisions.iter().map(|of| format!("{of} (shard-*-of-{of}.jsonl)")).collect();
@@ -120,6 +128,13 @@ pub fn of<'a>(scene: &Selected, key: &str, known: &'a [(Shard, Outcome)]) -> Opt
         }
     }
     done.or(failed)
+}
+
+/// The outcome of `scene` to merge: that for the current task if there is one. Shards that were run with other options
+/// can be merged too.
+pub fn of_any_task<'a>(scene: &Selected, key: &str, known: &'a [(Shard, Outcome)]) -> Option<&'a Outcome> {
+    let any = || known.iter().rev().map(|(_, outcome)| outcome).find(|outcome| outcome.scene == scene.name);
+    of(scene, key, known).or_else(any)
 }
 
 fn read(path: &Path) -> Result<Vec<Outcome>, BatchError> {

@@ -24,9 +24,10 @@ mod shard;
 mod summary;
 
 use std::ffi::OsString;
+use std::fs;
 use std::path::{Path, PathBuf};
 
-use crate::pipeline::{Hasher, Stage};
+use crate::pipeline::{Hasher, Stage, known_flags};
 use crate::scene::dataset;
 use crate::{config, files, workdir};
 
@@ -46,6 +47,10 @@ use scheduler::Scheduler;
 /// The folder for files about all scenes, inside the batch's output folder.
 const FOLDER: &str = "batch";
 
+/// The options that may name a small file or folder of the user's on which the results depend. Its content is part of a
+/// scene's key; files that other options name count by their path only.
+const CONTENT_COUNTS: [&str; 5] = ["gripper", "labels", "materials", "prompts", "scenario"];
+
 /// A batch with its options.
 #[derive(Debug)]
 pub struct Batch {
@@ -60,6 +65,8 @@ pub struct Batch {
     from: Option<Stage>,
     /// The options of every scene's run as they were typed.
     flags: Vec<OsString>,
+    /// The flags that the user's configuration may set.
+    known: Vec<config::Flag>,
     /// The budget of all scenes together.
     max_usd: Option<f64>,
     /// Threads for all scenes together.
@@ -108,9 +115,15 @@ impl Batch {
     /// Lists the scenes of `folder` that `options` choose.
     ///
     /// # Errors
-    /// If there is no such data set, no scene is selected, or the split, the filter or the shard is invalid.
+    /// If there is no such data set, no scene is selected, the split, the filter or the shard is invalid, or the folder
+    /// for the files about the batch as a whole is a link that the user did not name.
     pub fn new(folder: &Path, out: Option<&Path>, options: Options, task: Task) -> anyhow::Result<Self> {
         let shard = options.shard()?;
+        if out.is_none() {
+            let root = folder.join(workdir::DEFAULT_NAME);
+            workdir::refuse_link(&root, "--out")?;
+            workdir::refuse_link(&root.join(FOLDER), "--out")?;
+        }
         let listed = dataset::list(folder, options.layout)?;
         let (mut warnings, mut skipped) = (listed.warnings, listed.skipped);
         let all = select::select(listed.scenes, &mut skipped, &options, shard.of, out, &mut warnings)?;
@@ -128,6 +141,7 @@ impl Batch {
             to: task.to,
             from: task.from,
             flags: task.flags,
+            known: known_flags(),
             max_usd: task.max_usd,
             threads: task.threads.unwrap_or_else(cores),
             shard,
@@ -198,7 +212,7 @@ impl Batch {
                 _ => open.push(scene),
             }
         }
-        ledger.keep(kept.into_iter().flatten().cloned())?;
+        ledger.replace(self.scenes(), kept.into_iter().flatten().cloned())?;
         self.scheduler(self.to)?.run(&open, &|scene| self.key(scene), &mut |outcome| {
             ledger.put(outcome.clone())?;
             tell(&outcome);
@@ -217,10 +231,9 @@ impl Batch {
     /// If there are no files, or they belong to different divisions into shards, or cannot be read or written.
     pub fn merge(&self) -> anyhow::Result<Summary> {
         let known = ledger::all(&self.home())?;
-        let of = ledger::one_division(&self.home(), &known)?;
-        let outcomes = known.into_iter().filter(|(shard, _)| shard.of == of).map(|(_, outcome)| outcome);
-        let outcomes: Vec<Outcome> = outcomes.collect();
-        let summary = Summary::new(self.all.iter(), outcomes.iter(), self.skipped());
+        ledger::require_one_division(&self.home(), &known)?;
+        let outcome = |scene| ledger::of_any_task(scene, &self.key(scene), &known);
+        let summary = Summary::new(self.all.iter(), self.all.iter().filter_map(outcome), self.skipped());
         self.save(&summary)?;
         Ok(summary)
     }
@@ -272,6 +285,25 @@ impl Batch {
         }
         let configurations = [Some(scene.folder.join(config::FILE_NAME)), config::user_file()];
         let content = |path: Option<PathBuf>| path.and_then(|path| files::read(&path).ok()).unwrap_or_default();
-        configurations.into_iter().fold(hasher, |hasher, path| hasher.with(&content(path))).hex()
+        let hasher = configurations.into_iter().fold(hasher, |hasher, path| hasher.with(&content(path)));
+        self.named_paths().iter().fold(hasher, |hasher, path| with_content(hasher, path)).hex()
     }
+
+    /// The values of the options whose [content counts](CONTENT_COUNTS), as they were typed or are in the user's
+    /// configuration. The name of something built in, such as a gripper, is among them too.
+    fn named_paths(&self) -> Vec<PathBuf> {
+        let of_user = config::user_file().and_then(|path| config::flags_of_user(&path, &self.known).ok());
+        let flags = of_user.iter().flatten().chain(&self.flags);
+        let flags = flags.filter(|flag| CONTENT_COUNTS.contains(&config::name_of(flag)));
+        flags.filter_map(|flag| Some(PathBuf::from(flag.to_str()?.split_once('=')?.1))).collect()
+    }
+}
+
+/// Adds the content of a file, or the names and contents of the files in a folder.
+fn with_content(hasher: Hasher, path: &Path) -> Hasher {
+    let content = |path: &Path| files::read(path).unwrap_or_default();
+    let Ok(entries) = fs::read_dir(path) else { return hasher.with(&content(path)) };
+    let mut inside: Vec<PathBuf> = entries.flatten().map(|entry| entry.path()).collect();
+    inside.sort();
+    inside.iter().fold(hasher, |hasher, path| hasher.with(path.as_os_str().as_encoded_bytes()).with(&content(path)))
 }

@@ -7,6 +7,7 @@ use serde::{Deserialize, Serialize};
 use serde_json::Value;
 
 use crate::parts::{Part, Parts};
+use crate::pipeline::{RunRecord, Stage, StageRecord};
 use crate::units::Estimate;
 use crate::vote::FieldLabel;
 use crate::workdir::{self, Artifact};
@@ -38,7 +39,7 @@ pub struct Outcome {
     /// Largest resident memory seen by sampling; 0 if the system does not report it or the scene ended before the first
     /// sample.
     pub peak_memory_bytes: u64,
-    /// Warnings of all stages.
+    /// Warnings of all stages that were done after those that they read from.
     pub warnings: usize,
     #[serde(flatten)]
     pub results: Results,
@@ -83,8 +84,8 @@ impl Outcome {
     /// The outcome of a scene whose process ended by itself.
     pub fn of(scene: &str, work: &Path, key: String, ended: &Ended) -> Self {
         let done = ended.status.success();
-        let run = workdir::read_json::<Value>(&work.join(Artifact::Run.path())).unwrap_or_default();
-        let stages = run["stages"].as_array().map_or(&[][..], Vec::as_slice);
+        let run: RunRecord = workdir::read_json(&work.join(Artifact::Run.path())).unwrap_or_default();
+        let stages = run.current();
         Self {
             scene: scene.to_owned(),
             state: if done { State::Done } else { State::Failed },
@@ -93,8 +94,8 @@ impl Outcome {
             error: (!done).then(|| error_in(&ended.stderr, ended.status)),
             seconds: ended.seconds,
             peak_memory_bytes: ended.peak_memory_bytes,
-            warnings: stages.iter().filter_map(|stage| Some(stage["warnings"].as_array()?.len())).sum(),
-            results: if done { Results::read(work, stages) } else { Results::default() },
+            warnings: stages.iter().map(|stage| stage.warnings.len()).sum(),
+            results: if done { Results::read(work, &stages) } else { Results::default() },
             key,
         }
     }
@@ -122,10 +123,9 @@ impl Outcome {
 }
 
 impl Results {
-    /// Reads the results that the `stages` of `run.json` left in the work folder; results that cannot be read are
-    /// unknown.
-    fn read(work: &Path, stages: &[Value]) -> Self {
-        let did = |name: &str| stages.iter().any(|stage| stage["name"] == name);
+    /// Reads the results that the `stages` left in the work folder; results that cannot be read are unknown.
+    fn read(work: &Path, stages: &[&StageRecord]) -> Self {
+        let did = |stage: Stage| stages.iter().any(|record| record.name == stage);
         let views: Value = workdir::read_json(&work.join(Artifact::Views.path())).unwrap_or_default();
         let mut results = Self {
             gaussians: views["gaussians"].as_u64().map(|count| count as usize),
@@ -133,13 +133,13 @@ impl Results {
             ..Self::default()
         };
         let labels = || workdir::read_json::<Vec<FieldLabel>>(&work.join(Artifact::Labels.path())).ok();
-        if let Some(labels) = did("vote").then(labels).flatten() {
+        if let Some(labels) = did(Stage::Vote).then(labels).flatten() {
             results.parts = Some(labels.len());
             results.materials = distinct(labels.into_iter().map(|label| label.material));
         }
         // Without a metric scale the file has another format.
         let parts = || workdir::read_json::<Parts>(&work.join(Artifact::Parts.path())).ok();
-        if let Some(mut parts) = did("parts").then(parts).flatten() {
+        if let Some(mut parts) = did(Stage::Parts).then(parts).flatten() {
             results.parts = Some(parts.parts.len());
             results.mass_kg = Some(parts.object.mass_kg);
             results.volume_m3 = Some(parts.object.volume_m3);

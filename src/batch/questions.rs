@@ -207,7 +207,12 @@ impl<'a> Questions<'a> {
     fn with_session<T>(&self, scene: &Selected, work: impl FnOnce(&QuerySession, &Queries) -> Result<T>) -> Result<T> {
         let plan = Plan { to: Stage::Consensus, from: None };
         let options = (self.options_of)(&scene.folder)?;
-        let mut pipeline = Pipeline::builder(&scene.folder).out(&scene.work).options(options).plan(plan).open()?;
+        let builder = Pipeline::builder(&scene.folder).options(options).plan(plan);
+        let builder = match scene.named_work() {
+            Some(work) => builder.out(work),
+            None => builder,
+        };
+        let mut pipeline = builder.open()?;
         pipeline.run()?;
         let session = pipeline.query_session()?;
         work(&session, &session.queries()?)

@@ -40,6 +40,8 @@ struct Worker<'a> {
     scene: &'a Selected,
     need: u64,
     running: Running,
+    /// Key of the scene when its process was started.
+    key: String,
     held: u64,
     peak: u64,
 }
@@ -60,8 +62,11 @@ impl Scheduler {
         let mut gauge = Gauge::new();
         while !waiting.is_empty() || !workers.is_empty() {
             while let Some(next) = self.next(&waiting, &workers).and_then(|index| waiting.remove(index)) {
-                let running = Running::start(next.scene, &self.task)?;
-                workers.push(Worker { scene: next.scene, need: next.need, running, held: 0, peak: 0 });
+                let Waiting { scene, need } = next;
+                // Before the process reads the files on which the key depends: they may change while it runs.
+                let key = key(scene);
+                let running = Running::start(scene, &self.task)?;
+                workers.push(Worker { scene, need, running, key, held: 0, peak: 0 });
             }
             std::thread::sleep(POLL);
             let ids: Vec<u32> = workers.iter().map(|worker| worker.running.id()).collect();
@@ -71,7 +76,7 @@ impl Scheduler {
             }
             let mut index = 0;
             while index < workers.len() {
-                match self.outcome(&mut workers[index], key)? {
+                match self.outcome(&mut workers[index])? {
                     Some(outcome) => {
                         workers.remove(index);
                         keep(outcome)?;
@@ -79,22 +84,22 @@ impl Scheduler {
                     None => index += 1,
                 }
             }
-            self.relieve(&mut workers, &mut waiting, key, keep)?;
+            self.relieve(&mut workers, &mut waiting, keep)?;
         }
         Ok(())
     }
 
     /// The outcome of a scene that has ended, or that is killed here because it took too long.
-    fn outcome(&self, worker: &mut Worker, key: &dyn Fn(&Selected) -> String) -> Result<Option<Outcome>, BatchError> {
-        let Worker { scene, running, peak, .. } = worker;
+    fn outcome(&self, worker: &mut Worker) -> Result<Option<Outcome>, BatchError> {
+        let Worker { scene, running, key, peak, .. } = worker;
         if let Some(ended) = running.ended(*peak)? {
-            return Ok(Some(Outcome::of(&scene.name, &scene.work, key(scene), &ended)));
+            return Ok(Some(Outcome::of(&scene.name, &scene.work, key.clone(), &ended)));
         }
         let Some(limit) = self.max_minutes.filter(|limit| running.age().as_secs_f64() > 60.0 * limit) else {
             return Ok(None);
         };
         let why = format!("took longer than --max-minutes {limit}");
-        Ok(Some(Outcome::stopped(&scene.name, &scene.work, key(scene), &running.kill(*peak)?, why)))
+        Ok(Some(Outcome::stopped(&scene.name, &scene.work, key.clone(), &running.kill(*peak)?, why)))
     }
 
     /// The first scene that fits beside the running ones; if none is running, the first of all, whatever it needs.
@@ -112,7 +117,6 @@ impl Scheduler {
         &self,
         workers: &mut Vec<Worker<'a>>,
         waiting: &mut VecDeque<Waiting<'a>>,
-        key: &dyn Fn(&Selected) -> String,
         keep: &mut dyn FnMut(Outcome) -> Result<(), BatchError>,
     ) -> Result<(), BatchError> {
         let held: u64 = workers.iter().map(|worker| worker.held).sum();
@@ -133,6 +137,6 @@ impl Scheduler {
             gigabytes(last.peak),
             gigabytes(self.budget.bytes)
         );
-        keep(Outcome::stopped(&last.scene.name, &last.scene.work, key(last.scene), &ended, why))
+        keep(Outcome::stopped(&last.scene.name, &last.scene.work, last.key, &ended, why))
     }
 }

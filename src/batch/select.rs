@@ -34,6 +34,13 @@ pub struct Selected {
     pub shard: usize,
 }
 
+impl Selected {
+    /// The work folder if it has to be named because it is not the scene's default one.
+    pub(super) fn named_work(&self) -> Option<&Path> {
+        Some(self.work.as_path()).filter(|work| *work != self.folder.join(workdir::DEFAULT_NAME))
+    }
+}
+
 /// The scenes that `options` choose, distributed to `shards`; removes from `skipped` the names that `--split` or
 /// `--filter` leaves out.
 pub fn select(

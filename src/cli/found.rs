@@ -148,7 +148,7 @@ fn grasp(report: &GraspReport) -> String {
             text,
             "  {} N at the {}, {} mm wide, {} mm from the centre of mass{may_turn}{unsafe_mark}",
             significant(place.f_star_n),
-            one_line(&part_name(&place.part, "")),
+            one_line(&part_name(&place.part, &place.material)),
             significant(place.width_m * 1e3),
             significant(place.lever_m * 1e3),
         );

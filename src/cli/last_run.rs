@@ -40,7 +40,7 @@ const MOST_SHOWN: usize = 250;
 fn going_on(command: &str) -> Option<(Stage, &'static str)> {
     match command {
         "show" => Some((Stage::Vote, "out")),
-        "export" => Some((Stage::Parts, "work")),
+        "export" => Some((Stage::Grasp, "work")),
         "simulate" => Some((Stage::Simulate, "out")),
         "grasp" => Some((Stage::Grasp, "out")),
         _ => None,
@@ -48,7 +48,7 @@ fn going_on(command: &str) -> Option<(Stage, &'static str)> {
 }
 
 /// The stage whose options are only for the command itself, if the command goes on from the last run: the user may be
-/// trying out a grasp or a simulation, and no later command needs the result.
+/// trying out a simulation or a grasp, or exporting a grasp. A later command does the stage again with its own options.
 pub fn once(command: &str) -> Option<Stage> {
     going_on(command).map(|(to, _)| to).filter(|to| matches!(to, Stage::Simulate | Stage::Grasp))
 }

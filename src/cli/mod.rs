@@ -86,7 +86,8 @@ fn run(arguments: Vec<OsString>) -> anyhow::Result<()> {
         Command::Grasp(_) => unreachable!("clap asks for a scene if there is no subcommand"),
         Command::Export(args) => scene::export(global, args),
         Command::Inspect(args) => {
-            let (inspection, text) = inspect::command(args, global.progress())?;
+            let only_chosen = global.flags.typed.iter().any(|flag| config::name_of(flag) == "views");
+            let (inspection, text) = inspect::command(args, only_chosen, global.progress())?;
             print(global, &inspection, || text)
         }
         Command::Batch(args) => batch::run(global, args),

@@ -1,14 +1,16 @@
 //! `gprop segment PICTURE`: the segments of one picture without a scene.
 
+use crate::error::UsageError;
 use crate::output::counted;
 use crate::pipeline::picture::Picture;
 use crate::workdir::Artifact;
 
-use super::{Global, SceneArgs, print, shown};
+use super::{Global, SceneArgs, WorkArgs, print, shown};
 
 /// Segments the picture that `args` name and writes the same files as for a view of a scene, into `--out` or a folder
 /// beside it.
 pub fn segment(global: &Global, args: &SceneArgs) -> anyhow::Result<()> {
+    check_from(&args.work)?;
     let (path, out, options) = (&args.scene, args.work.out.as_deref(), args.work.options.clone());
     if args.work.dry_run {
         let done = Picture::is_segmented(path, None, out, &options)?;
@@ -17,6 +19,9 @@ pub fn segment(global: &Global, args: &SceneArgs) -> anyhow::Result<()> {
     }
     let picture = Picture::open(path, None, out, options, global.progress())?;
     let segments = picture.segments()?;
+    if global.quiet && !global.json {
+        return Ok(());
+    }
     let result = serde_json::json!({
         "picture": path,
         "width": segments.map.width,
@@ -27,4 +32,12 @@ pub fn segment(global: &Global, args: &SceneArgs) -> anyhow::Result<()> {
         let map = picture.work().path(Artifact::LabelMap(&segments.view));
         format!("{} in {}", counted(segments.segments.len(), "segment"), shown(&map))
     })
+}
+
+/// Refuses `--from`, because only a scene has stages.
+pub fn check_from(work: &WorkArgs) -> Result<(), UsageError> {
+    match work.from {
+        Some(_) => Err(UsageError("--from is for the stages of a scene; leave it out for a single picture".to_owned())),
+        None => Ok(()),
+    }
 }

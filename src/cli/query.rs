@@ -14,8 +14,8 @@ use crate::query::exchange::{BadLine, Imported};
 use crate::workdir::Artifact;
 
 use super::arguments::BatchApiStep;
-use super::scene;
 use super::{Global, QueryArgs, print, shown};
+use super::{picture, scene};
 use crate::output::counted;
 
 /// The actions on questions other than answering them.
@@ -52,6 +52,7 @@ pub fn query(global: &Global, args: &QueryArgs) -> anyhow::Result<()> {
 }
 
 fn of_picture(global: &Global, args: &QueryArgs) -> anyhow::Result<()> {
+    picture::check_from(&args.scene.work)?;
     let (path, out) = (&args.scene.scene, args.scene.work.out.as_deref());
     let (mask, options) = (args.mask.as_deref(), args.scene.work.options.clone());
     if args.scene.work.dry_run && !Picture::is_segmented(path, mask, out, &options)? {

@@ -1,9 +1,11 @@
 //! `gprop simulate`: runs the stage, or another program's solver.
 
+use std::path::{Path, PathBuf};
+
 use crate::error::UsageError;
 use crate::pipeline::{Stage, compat};
 use crate::simulate::script::{KNOWN, Known};
-use crate::workdir::{Artifact, DEFAULT_NAME};
+use crate::workdir::{self, Artifact, WorkDirError};
 
 use super::{Compat, Global, SimulateArgs, print, scene, shown};
 
@@ -29,14 +31,28 @@ pub fn run(global: &Global, args: &SimulateArgs) -> anyhow::Result<()> {
                 "--dry-run: without --field, --compat physgaussian has no stages to list; leave --dry-run out";
             return Err(UsageError(problem.to_owned()).into());
         }
+        (Some(Compat::PhysGaussian), Some(_)) if args.work.from.is_some() => {
+            let problem = "--from: without --field, --compat physgaussian has no stages to redo; leave --from out";
+            return Err(UsageError(problem.to_owned()).into());
+        }
         (Some(Compat::PhysGaussian), Some(config)) => {
-            let beside = if folder.is_file() { folder.with_extension("") } else { folder.clone() };
-            let out = args.work.out.clone().unwrap_or_else(|| beside.join(DEFAULT_NAME));
+            let out = work_folder(folder, args.work.out.as_deref())?;
             compat::run(folder, &args.work.options.scene, config, &out, global.progress())?
         }
         _ => return scene::run(global, folder, &args.work, Stage::Simulate),
     };
     print(global, &report, || shown(&out.join(Artifact::Simulation.path())))
+}
+
+/// The work folder of a scene's folder or of a PLY. By default, that of a PLY is in a folder named like the file.
+fn work_folder(scene: &Path, out: Option<&Path>) -> Result<PathBuf, WorkDirError> {
+    if let Some(out) = out {
+        return Ok(out.to_owned());
+    }
+    let beside = if scene.is_file() { scene.with_extension("") } else { scene.to_owned() };
+    let folder = beside.join(workdir::DEFAULT_NAME);
+    workdir::refuse_link(&folder, "--out")?;
+    Ok(folder)
 }
 
 /// The scenarios with their parameters.

@@ -27,7 +27,8 @@ pub fn report(global: &Global, args: &ReportArgs) -> anyhow::Result<()> {
 /// `gprop view`: the page that an earlier run or batch left.
 pub fn view(global: &Global, args: &ViewArgs) -> anyhow::Result<()> {
     let page = page_of(&args.folder)?;
-    workdir::refuse_link(&page, "--out")?;
+    let mut below_folder = page.ancestors().take_while(|path| *path != args.folder);
+    below_folder.try_for_each(|path| workdir::refuse_link(path, "--out"))?;
     open(&page);
     print(global, &page, || shown(&page))
 }

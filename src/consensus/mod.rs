@@ -4,9 +4,9 @@
 //! its surroundings and what has a shape of its own:
 //! 1. [`membership`]: how much of every Gaussian's light each segment of a view shows;
 //! 2. [`neighbors`]: pairs of Gaussians, nearest neighbours and others a few Gaussians apart;
-//! 3. [`evidence`]: for every pair, how many of the views that see both have a segment that holds one and not the
-//!    other, which of these views cannot tell ([`undersegmentation`]), and the angle between the surface's normals
-//!    ([`normals`]);
+//! 3. [`evidence`]: for every pair, how much the views that see both split it (the largest difference between the
+//!    shares of their light in a segment; views with more light weigh more), which of these views cannot tell
+//!    ([`undersegmentation`]), and the angle between the surface's normals ([`normals`]);
 //! 4. [`linkage`]: joins Gaussians into pieces that views do not split, by average linkage over all pairs that cross
 //!    their border, then pieces into parts across borders without an edge in the surface ([`normals`]) or on one smooth
 //!    surface ([`planes`]): a printed pattern is not a part. The pieces are kept, in case the part turns out to consist

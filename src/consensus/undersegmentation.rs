@@ -9,10 +9,11 @@ use rayon::prelude::*;
 use super::membership::{Membership, SEEN_LIGHT, Share};
 use crate::segment::ViewSegments;
 
-/// A view judges a region if it sees at least this share of the region's light (MaskClustering's visibility threshold).
+/// A view judges a region if its segments show at least this share of the region's light (MaskClustering's visibility
+/// threshold).
 const SEEN_SHARE: f32 = 0.3;
-/// A view holds a region if one of its segments has at least this share of what it sees of the region (MaskClustering's
-/// containment threshold).
+/// A view holds a region if one of its segments has at least this share of what all of them show of the region
+/// (MaskClustering's containment threshold).
 const HELD_SHARE: f32 = 0.8;
 /// A region is under-segmented if more than this share of the views that judge it split it: the majority.
 const SPLIT_SHARE: f64 = 0.5;
@@ -85,6 +86,8 @@ impl Regions {
                     of[parent] += of[segment];
                 }
             }
+            // Pixels without a segment neither hold nor split.
+            let seen = (seen - std::mem::take(&mut of[0])).max(0.0);
             let most = of.iter().copied().fold(0.0, f32::max);
             (seen > 0.0 && seen >= SEEN_SHARE * all).then_some(most < HELD_SHARE * seen)
         };
@@ -118,4 +121,42 @@ pub(super) fn mark(views: &mut [Regions], segments: &[&ViewSegments]) {
     };
     let marks: Vec<Vec<bool>> = (0..views.len()).into_par_iter().map(of_view).collect();
     views.iter_mut().zip(marks).for_each(|(regions, marks)| regions.is_undersegmented = marks);
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::segment::{LabelMap, Level, Segment};
+
+    /// A view with two segments that sees Gaussians of equal light, each in one of these segments or in none.
+    fn regions(segments: &[u16]) -> Regions {
+        let seen = (0..).zip(segments).map(|(gaussian, &segment)| Seen { gaussian, segment, light: 1.0 });
+        Regions { seen: seen.collect(), is_undersegmented: vec![false; 3] }
+    }
+
+    /// Two segments, neither of which lies in the other.
+    fn two_segments() -> ViewSegments {
+        let segment = |id| Segment {
+            id,
+            area: 1,
+            bbox: [0, 0, 1, 1],
+            predicted_iou: 0.9,
+            stability_score: 0.9,
+            level: Level::Small,
+            parent: 0,
+        };
+        let map = LabelMap { width: 2, height: 1, labels: vec![1, 2] };
+        ViewSegments { view: "view".into(), map, segments: vec![segment(1), segment(2)] }
+    }
+
+    #[test]
+    fn pixels_without_a_segment_neither_hold_nor_split() {
+        let (region, segments) = (regions(&[1; 10]), two_segments());
+        let all = region.light();
+        let judged = |other: [u16; 10]| region.split_by(&regions(&other), &segments, &all)[1];
+        assert_eq!(judged([1, 1, 1, 1, 0, 0, 0, 0, 0, 0]), Some(false), "one segment holds all that has a segment");
+        assert_eq!(judged([1, 1, 2, 2, 0, 0, 0, 0, 0, 0]), Some(true), "either segment holds half of it");
+        assert_eq!(judged([1, 1, 0, 0, 0, 0, 0, 0, 0, 0]), None, "only a fifth has a segment");
+        assert_eq!(judged([0; 10]), None);
+    }
 }

@@ -65,8 +65,12 @@ pub fn read_points(path: &Path) -> Result<Vec<(u64, Reading)>, EvaluateError> {
         let line = error.position().map_or(1, csv::Position::line);
         EvaluateError::Row { path: path.to_owned(), line, message: format!("{error}; columns: {COLUMNS}") }
     };
-    let file = files::open(path).map_err(|source| EvaluateError::Read { path: path.to_owned(), source, remedy: "" })?;
-    let mut reader = csv::ReaderBuilder::new().trim(csv::Trim::All).from_reader(file);
+    let unreadable = |error: csv::Error| EvaluateError::Read {
+        path: path.to_owned(),
+        source: std::io::Error::from(error),
+        remedy: "",
+    };
+    let mut reader = files::table(path).map_err(unreadable)?;
     let headers = reader.headers().map_err(error)?.clone();
     let mut readings = Vec::new();
     for row in reader.records() {

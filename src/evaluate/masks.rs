@@ -215,7 +215,7 @@ mod tests {
     fn candidate(mask: Mask, predicted_iou: f32) -> Candidate {
         let bounds = mask.bounds().unwrap();
         let crop = Rect::of_size(mask.width(), mask.height());
-        Candidate { mask, bounds, predicted_iou, stability: 0.9, level: Level::Small, point: [0.0; 2], crop }
+        Candidate { mask, bounds, predicted_iou, stability: 0.9, level: Level::Small, crop }
     }
 
     fn columns(start: u32, end: u32) -> Mask {

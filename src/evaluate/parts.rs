@@ -276,3 +276,21 @@ fn table(true_parts: &BTreeMap<u8, TruePart>) -> String {
     }
     text
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn segments_count_as_the_part_they_cover_most_of() {
+        // Segments 1 and 2 lie on part 0; segment 3 lies on two pixels of part 7 and one of part 0; one pixel of part 7
+        // has no segment.
+        let map = LabelMap { width: 4, height: 2, labels: vec![1, 1, 2, 3, 3, 3, 0, 0] };
+        let truth = GrayImage::from_raw(4, 2, vec![0, 0, 0, 0, 7, 7, 7, NO_PART]).unwrap();
+        let found = compare_segments(&[(&map, &truth)]).unwrap();
+        let ious: Vec<(u8, f64)> = found.true_parts.iter().map(|(&value, part)| (value, part.iou)).collect();
+        assert_eq!(ious, [(0, 3.0 / 4.0), (7, 2.0 / 4.0)]);
+        // Segment 3 shows both parts.
+        assert_eq!((found.segments, found.true_parts_per_segment), (3.0, Some(4.0 / 3.0)));
+    }
+}

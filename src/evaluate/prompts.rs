@@ -11,10 +11,9 @@ use std::time::Instant;
 use image::GrayImage;
 use serde::Serialize;
 
-use super::parts::NO_PART;
-use super::segmentation::IouTally;
+use super::parts::compare_segments;
 use crate::scene::Photo;
-use crate::segment::{LabelMap, Observer, Options, PointPrompts, SegmentError, Segmenter};
+use crate::segment::{Observer, Options, PointPrompts, SegmentError, Segmenter, ViewSegments};
 
 /// Comparison of the two ways on one scene.
 #[derive(Debug, Clone, PartialEq, Serialize)]
@@ -60,26 +59,15 @@ pub fn compare(
 }
 
 fn segment(segmenter: &Segmenter, views: &[TruePhoto], options: &Options) -> Result<Outcome, SegmentError> {
-    let (asked, started, mut tally) = (Asked::default(), Instant::now(), IouTally::default());
-    for view in views {
-        let segments = segmenter.segment_view(&view.name, &view.photo, options, &asked)?;
-        add_view(&mut tally, &segments.map, &view.parts);
-    }
+    let (asked, started) = (Asked::default(), Instant::now());
+    let found = views.iter().map(|view| segmenter.segment_view(&view.name, &view.photo, options, &asked));
+    let found: Vec<ViewSegments> = found.collect::<Result<_, _>>()?;
     let (prompts, seconds) = (asked.0.load(Ordering::Relaxed), started.elapsed().as_secs_f64());
-    Ok(Outcome { prompts, seconds, mean_iou: tally.mean(), per_part: tally.per_label() })
-}
-
-fn add_view(tally: &mut IouTally<u8>, map: &LabelMap, truth: &GrayImage) {
-    let pixels = || map.labels.iter().copied().zip(truth.as_raw().iter().copied());
-    let mut shared: BTreeMap<u16, BTreeMap<u8, u32>> = BTreeMap::new();
-    for (label, part) in pixels().filter(|&(label, part)| label > 0 && part != NO_PART) {
-        *shared.entry(label).or_default().entry(part).or_default() += 1;
-    }
-    // Among parts of which a segment covers equally many pixels, the one with the lower number.
-    let most = |parts: &BTreeMap<u8, u32>| parts.iter().rev().max_by_key(|(_, count)| **count).map(|(part, _)| *part);
-    let part_of: BTreeMap<u16, Option<u8>> = shared.iter().map(|(label, parts)| (*label, most(parts))).collect();
-    let taken_for = |label: u16| part_of.get(&label).copied().flatten();
-    tally.add(pixels().map(|(label, part)| ((part != NO_PART).then_some(part), taken_for(label))));
+    let maps: Vec<_> = found.iter().zip(views).map(|(found, view)| (&found.map, &view.parts)).collect();
+    let compared = compare_segments(&maps);
+    let mean_iou = compared.as_ref().and_then(|compared| compared.mean_iou);
+    let per_part = compared.map(|compared| compared.true_parts).unwrap_or_default();
+    Ok(Outcome { prompts, seconds, mean_iou, per_part: per_part.iter().map(|(&part, of)| (part, of.iou)).collect() })
 }
 
 /// Counts prompts.
@@ -91,21 +79,5 @@ impl Observer for Asked {
 
     fn prompted(&self) {
         self.0.fetch_add(1, Ordering::Relaxed);
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn segments_count_as_the_part_they_cover_most_of() {
-        // Segments 1 and 2 lie on part 0; segment 3 lies on two pixels of part 7 and one of part 0; one pixel of part 7
-        // has no segment.
-        let map = LabelMap { width: 4, height: 2, labels: vec![1, 1, 2, 3, 3, 3, 0, 0] };
-        let truth = GrayImage::from_raw(4, 2, vec![0, 0, 0, 0, 7, 7, 7, NO_PART]).unwrap();
-        let mut tally = IouTally::default();
-        add_view(&mut tally, &map, &truth);
-        assert_eq!(tally.per_label(), BTreeMap::from([(0, 3.0 / 4.0), (7, 2.0 / 4.0)]));
     }
 }

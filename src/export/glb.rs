@@ -5,27 +5,23 @@ use nalgebra::Point3;
 use serde_json::{Value, json};
 
 use super::gltf::Gltf;
-use super::shape::{Shape, part_meshes};
+use super::shape::{PartMesh, Shape};
 use super::{ExportError, Files, Model, identifier};
 use crate::pictures::palette;
 
-pub(super) fn write(model: &Model, shape: &Shape, files: &mut Files) -> Result<(), ExportError> {
+pub(super) fn write(model: &Model, shape: &Shape, meshes: &[PartMesh], files: &mut Files) -> Result<(), ExportError> {
     let name = identifier(model.name);
-    let meshes = part_meshes(model, shape);
-    if meshes.iter().all(|(_, mesh, _)| mesh.volume() <= 0.0) {
-        return Err(ExportError::NoShape);
-    }
     let mut visual = Gltf::default();
     visual.materials.push(json!({ "pbrMetallicRoughness": { "metallicFactor": 0.0, "roughnessFactor": 0.7 } }));
     let mut nodes = Vec::new();
-    for (part, mesh, colors) in meshes.iter().filter(|(_, mesh, _)| mesh.volume() > 0.0) {
+    for PartMesh { part, mesh, colors } in meshes {
         let positions: Vec<[f32; 3]> = floats(&mesh.vertices);
         let normals: Vec<[f32; 3]> =
             mesh.shading_normals().iter().map(|n| [n.x as f32, n.y as f32, n.z as f32]).collect();
         let attributes = json!({
             "POSITION": visual.floats(&positions, true),
             "NORMAL": visual.floats(&normals, false),
-            "COLOR_0": visual.colors(colors),
+            "COLOR_0": visual.colors(colors, |_| 1.0),
         });
         let primitive =
             json!({ "attributes": attributes, "indices": visual.triangles(&mesh.triangles), "material": 0 });
@@ -73,15 +69,15 @@ fn label(model: &Model, part: u32) -> String {
 
 fn extras(model: &Model, part: u32) -> Value {
     let label = &model.field.labels[part as usize];
-    let weighed = model.parts.and_then(|parts| parts.parts.iter().find(|weighed| weighed.id == part));
+    let weighed = model.parts.and_then(|parts| parts.of_label(part));
     json!({
         "part": part,
         "caption": label.caption,
         "material": label.material,
         "family": label.family,
         "density_kg_m3": label.density_kg_m3.mid,
-        "mass_kg": weighed.and_then(|part| part.mass_kg).map(|mass| mass.mid),
-        "volume_m3": weighed.and_then(|part| part.volume_m3).map(|volume| volume.mid),
+        "mass_kg": weighed.as_ref().and_then(|part| part.mass_kg).map(|mass| mass.mid),
+        "volume_m3": weighed.as_ref().and_then(|part| part.volume_m3).map(|volume| volume.mid),
         "friction_rubber": label.friction_rubber.mid,
         "youngs_modulus_pa": label.youngs_modulus_pa.mid,
     })

@@ -45,11 +45,14 @@ impl Gltf {
         self.add(&bytes, VERTICES, accessor)
     }
 
-    /// Adds colours of vertices: sRGB, which glTF stores as linear light.
-    pub fn colors(&mut self, colors: &[[u8; 3]]) -> usize {
-        let linear = |channel: u8| (srgb_light(channel) * 65535.0).round() as u16;
-        let opaque = |color: &[u8; 3]| [linear(color[0]), linear(color[1]), linear(color[2]), u16::MAX];
-        let bytes: Vec<u8> = colors.iter().flat_map(opaque).flat_map(u16::to_le_bytes).collect();
+    /// Adds colours of vertices: sRGB, which glTF stores as linear light, with the opacity of each vertex, 0 to 1.
+    pub fn colors(&mut self, colors: &[[u8; 3]], opacity: impl Fn(usize) -> f64) -> usize {
+        let short = |value: f64| (value * 65535.0).round() as u16;
+        let linear = |channel: u8| short(srgb_light(channel));
+        let with_alpha = |(vertex, color): (usize, &[u8; 3])| {
+            [linear(color[0]), linear(color[1]), linear(color[2]), short(opacity(vertex))]
+        };
+        let bytes: Vec<u8> = colors.iter().enumerate().flat_map(with_alpha).flat_map(u16::to_le_bytes).collect();
         let accessor =
             json!({ "componentType": UNSIGNED_SHORT, "normalized": true, "count": colors.len(), "type": "VEC4" });
         self.add(&bytes, VERTICES, accessor)

@@ -21,7 +21,7 @@ pub(super) fn write(model: &Model, files: &mut Files) -> Result<(), ExportError>
     attributes.insert("POSITION".to_owned(), json!(gltf.floats(&positions, true)));
     let byte = |dc: f32| ((0.5 + SH_C0 * dc).clamp(0.0, 1.0) * 255.0).round() as u8;
     let colors: Vec<[u8; 3]> = gaussians.sh_dc.iter().map(|dc| dc.map(byte)).collect();
-    attributes.insert("COLOR_0".to_owned(), json!(gltf.colors(&colors)));
+    attributes.insert("COLOR_0".to_owned(), json!(gltf.colors(&colors, |i| gaussians.opacity(i))));
     let rotations: Vec<[f32; 4]> =
         all().map(|i| gaussians.rotation(i)).map(|q| [q.i, q.j, q.k, q.w].map(|v| v as f32)).collect();
     let scales: Vec<[f32; 3]> = all().map(|i| gaussians.scale(i).map(|s| (s * meters) as f32).into()).collect();
@@ -49,7 +49,6 @@ pub(super) fn write(model: &Model, files: &mut Files) -> Result<(), ExportError>
             "kernel": "ellipse",
             "colorSpace": "srgb_rec709_display",
             "projection": "perspective",
-            "sortingMethod": "zDepth",
         } },
     }] }));
     let labels: Vec<_> = model

@@ -18,11 +18,7 @@ const OTHER_FRICTION: &str = "0.005 0.0001";
 pub(super) fn write(rigid: &Rigid, files: &mut Files) -> Result<(), ExportError> {
     files.write(format!("{}.xml", rigid.name), |out| out.write_all(body(rigid).as_bytes()))?;
     files.write("scene.xml", |out| out.write_all(scene(rigid).as_bytes()))?;
-    for piece in rigid.pieces {
-        let mesh = obj::mesh(&piece.vertices, &piece.triangles);
-        files.write(format!("meshes/{}.obj", piece.name()), |out| out.write_all(mesh.as_bytes()))?;
-    }
-    obj::write_skin(rigid, files)
+    obj::write_meshes(rigid, files)
 }
 
 fn body(rigid: &Rigid) -> String {
@@ -112,7 +108,7 @@ fn scene(rigid: &Rigid) -> String {
 /// A part of volume V and thickness d has an area of about V / d, and if pressed over all of it, the stiffness k = E V
 /// / d^2. The object's mass m on it oscillates with omega = sqrt(k / m), and MuJoCo's time constant is 1 / omega.
 fn time_constant_s(rigid: &Rigid, label: &FieldLabel) -> Option<f64> {
-    let part = rigid.parts.parts.iter().find(|part| part.id == label.id)?;
+    let part = rigid.parts.of_label(label.id)?;
     let (volume, thickness) = (part.volume_m3?.mid, part.thickness_m?.mid);
     let stiffness = label.youngs_modulus_pa.mid * volume / (thickness * thickness);
     let time = (rigid.parts.object.mass_kg.mid / stiffness).sqrt();

@@ -35,7 +35,7 @@ use crate::scene::gaussians::Gaussians;
 use crate::units::{MetricScale, ScaleSource};
 use crate::vote::{FieldLabel, MaterialField};
 use crate::workdir::write_atomic;
-use shape::{Piece, Shape, Skin};
+use shape::{PartMesh, Piece, Shape, Skin};
 
 /// A format to write.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, clap::ValueEnum)]
@@ -126,12 +126,12 @@ pub fn export(model: &Model, formats: &[Format], folder: &Path) -> Result<Vec<Pa
         Some((gaussians, field)) => Model { gaussians, field, ..*model },
         None => *model,
     };
-    let shared = Shared { model, shape: OnceCell::new(), skin: OnceCell::new() };
-    // What cannot be exported is refused before a file is written, except parts without a surface (`glb`).
+    let shared = Shared { model, shape: OnceCell::new(), skin: OnceCell::new(), part_meshes: OnceCell::new() };
+    // What cannot be exported is refused before a file is written.
     for format in formats {
         match format {
             Format::Mjcf | Format::Urdf | Format::Usda | Format::Usdz => drop(shared.rigid()?),
-            Format::Glb => drop(shared.shape()?),
+            Format::Glb => drop(shared.part_meshes()?),
             Format::GltfSplat | Format::PlyParts | Format::Npz | Format::Physgaussian => {}
         }
     }
@@ -142,7 +142,7 @@ pub fn export(model: &Model, formats: &[Format], folder: &Path) -> Result<Vec<Pa
             Format::Urdf => urdf::write(&shared.rigid()?, &mut files)?,
             Format::Usda => usd::write_usda(model, &shared.rigid()?, &mut files)?,
             Format::Usdz => usd::write_usdz(model, &shared.rigid()?, &mut files)?,
-            Format::Glb => glb::write(model, shared.shape()?, &mut files)?,
+            Format::Glb => glb::write(model, shared.shape()?, shared.part_meshes()?, &mut files)?,
             Format::GltfSplat => gltf_splat::write(model, &mut files)?,
             Format::PlyParts => ply_parts::write(model, &mut files)?,
             Format::Npz => npz::write(model, &mut files)?,
@@ -169,12 +169,19 @@ struct Shared<'a> {
     model: &'a Model<'a>,
     shape: OnceCell<Shape>,
     skin: OnceCell<Skin>,
+    part_meshes: OnceCell<Vec<PartMesh>>,
 }
 
 impl Shared<'_> {
     fn shape(&self) -> Result<&Shape, ExportError> {
         let scale = self.model.scale.ok_or(PartsError::ScaleUnknown)?;
         Ok(self.shape.get_or_init(|| Shape::of(self.model.interior, scale.meters_per_unit)))
+    }
+
+    fn part_meshes(&self) -> Result<&[PartMesh], ExportError> {
+        let shape = self.shape()?;
+        let meshes = self.part_meshes.get_or_init(|| shape::part_meshes(self.model, shape));
+        if meshes.is_empty() { Err(ExportError::NoShape) } else { Ok(meshes) }
     }
 
     fn rigid(&self) -> Result<Rigid<'_>, ExportError> {

@@ -9,7 +9,7 @@ use super::shape::Skin;
 use super::{ExportError, Files, Rigid};
 
 /// A mesh of triangles.
-pub fn mesh(vertices: &[Point3<f64>], triangles: &[[u32; 3]]) -> String {
+fn mesh(vertices: &[Point3<f64>], triangles: &[[u32; 3]]) -> String {
     let mut text = String::new();
     write_vertices(&mut text, vertices);
     for [a, b, c] in triangles {
@@ -55,8 +55,12 @@ fn write_vertices(text: &mut String, vertices: &[Point3<f64>]) {
     }
 }
 
-/// Writes the skin into `meshes/`.
-pub fn write_skin(rigid: &Rigid, files: &mut Files) -> Result<(), ExportError> {
+/// Writes the convex pieces and the skin into `meshes/`.
+pub fn write_meshes(rigid: &Rigid, files: &mut Files) -> Result<(), ExportError> {
+    for piece in rigid.pieces {
+        let mesh = mesh(&piece.vertices, &piece.triangles);
+        files.write(format!("meshes/{}.obj", piece.name()), |out| out.write_all(mesh.as_bytes()))?;
+    }
     files.write("meshes/skin.obj", |out| out.write_all(skin(rigid.skin, "skin.mtl").as_bytes()))?;
     files.write("meshes/skin.mtl", |out| out.write_all(skin_material("skin.png").as_bytes()))?;
     files.write("meshes/skin.png", |out| out.write_all(&png(&rigid.skin.picture)?))

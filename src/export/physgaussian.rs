@@ -30,35 +30,36 @@ pub(super) fn write(model: &Model, files: &mut Files) -> Result<(), ExportError>
     files.write(CLOUD, |out| ply::write(out, &bare, &columns))
 }
 
-/// The configuration for the label with the most Gaussians, with a separate box for every other label.
+/// The configuration for the label with the most Gaussians, with a separate box for every other label. PhysGaussian drops
+/// the Gaussians that are not above its threshold of opacity, so boxes leave them out.
 fn config(model: &Model) -> Value {
     let (of_gaussian, labels) = (&model.field.part_label, &model.field.labels);
     let estimated = Estimated::new(of_gaussian, labels, Soften::default(), SOFT_PA);
     let main = estimated.main();
-    let is_shown = |label: usize| of_gaussian.iter().any(|&of| of as usize == label);
-    let boxes = (0..labels.len()).filter(|&label| label != main && is_shown(label)).map(|label| {
-        let (point, size) = box_in_unit_space(model, label as u32);
+    let mut keys = estimated.configuration(main);
+    let threshold = keys["opacity_threshold"].as_f64().expect("the configuration has a threshold");
+    let gaussians = model.gaussians;
+    let kept: Vec<usize> = (0..gaussians.len()).filter(|&i| gaussians.opacity(i) > threshold).collect();
+    let is_kept = |label: usize| kept.iter().any(|&i| of_gaussian[i] as usize == label);
+    let boxes = (0..labels.len()).filter(|&label| label != main && is_kept(label)).map(|label| {
+        let (point, size) = box_in_unit_space(model, &kept, label as u32);
         let material = &estimated.materials[label];
         let (e, nu, density) = (material.youngs_modulus, material.poisson_ratio, material.density);
         json!({ "point": point, "size": size, "E": e, "nu": nu, "density": density })
     });
     let boxes: Vec<Value> = boxes.collect();
-    let mut keys = estimated.configuration(main);
     keys.insert("additional_material_params".to_owned(), boxes.into());
     Value::Object(keys)
 }
 
 /// Centre and half sides of the box around a label's Gaussians in PhysGaussian's space: the cloud scaled so that its
-/// longest side is 1, the middle of its box at (1, 1, 1).
-fn box_in_unit_space(model: &Model, label: u32) -> ([f64; 3], [f64; 3]) {
+/// longest side is 1, the middle of its box at (1, 1, 1). Only the Gaussians `kept` count.
+fn box_in_unit_space(model: &Model, kept: &[usize], label: u32) -> ([f64; 3], [f64; 3]) {
     let bounds = |wanted: &dyn Fn(u32) -> bool| {
         let mut span = [[f64::INFINITY; 3], [f64::NEG_INFINITY; 3]];
-        let positions = model.gaussians.positions.iter().zip(&model.field.part_label);
-        for (position, _) in positions.filter(|(_, label)| wanted(**label)) {
-            for axis in 0..3 {
-                let at = f64::from(position[axis]);
-                (span[0][axis], span[1][axis]) = (span[0][axis].min(at), span[1][axis].max(at));
-            }
+        for &i in kept.iter().filter(|&&i| wanted(model.field.part_label[i])) {
+            let at = model.gaussians.positions[i].map(f64::from);
+            span = [std::array::from_fn(|a| span[0][a].min(at[a])), std::array::from_fn(|a| span[1][a].max(at[a]))];
         }
         span
     };

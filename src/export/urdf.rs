@@ -10,11 +10,7 @@ use super::{ExportError, Files, Rigid, obj, spaced};
 
 pub(super) fn write(rigid: &Rigid, files: &mut Files) -> Result<(), ExportError> {
     files.write(format!("{}.urdf", rigid.name), |out| out.write_all(text(rigid).as_bytes()))?;
-    for piece in rigid.pieces {
-        let mesh = obj::mesh(&piece.vertices, &piece.triangles);
-        files.write(format!("meshes/{}.obj", piece.name()), |out| out.write_all(mesh.as_bytes()))?;
-    }
-    obj::write_skin(rigid, files)
+    obj::write_meshes(rigid, files)
 }
 
 fn text(rigid: &Rigid) -> String {
@@ -33,14 +29,13 @@ fn text(rigid: &Rigid) -> String {
     }
     let frictions = rigid.pieces.iter().map(|piece| rigid.label(piece).friction_rubber.mid);
     let least = frictions.fold(f64::INFINITY, f64::min);
-    let friction = if least.is_finite() { least } else { 0.0 };
     format!(
         r#"{note}<robot name="{name}" xmlns:drake="http://drake.mit.edu">
   <mujoco><compiler strippath="false" discardvisual="false"/></mujoco>
   <link name="world"/>
   <joint name="{name}_free" type="floating"><parent link="world"/><child link="{name}"/></joint>
   <link name="{name}">
-    <contact><lateral_friction value="{friction}"/></contact>
+    <contact><lateral_friction value="{least}"/></contact>
     <inertial>
       <origin xyz="{center}" rpy="0 0 0"/>
       <mass value="{mass}"/>
@@ -48,7 +43,7 @@ fn text(rigid: &Rigid) -> String {
     </inertial>
     <visual name="skin"><geometry><mesh filename="meshes/skin.obj"/></geometry></visual>
 {colliders}  </link>
-  <gazebo reference="{name}"><mu1>{friction}</mu1><mu2>{friction}</mu2></gazebo>
+  <gazebo reference="{name}"><mu1>{least}</mu1><mu2>{least}</mu2></gazebo>
 </robot>
 "#,
         i[0][0],

@@ -9,8 +9,7 @@ use super::intervals::{Forces, Inputs};
 use super::places::{Place, Where, places};
 use super::surface::Surface;
 use super::{GraspError, GripperProfile, Limit, Options, Reason};
-use crate::parts::{Part, Parts};
-use crate::query::Form;
+use crate::parts::Parts;
 use crate::units::{Estimate, GRAVITY_M_S2};
 use crate::vote::FieldLabel;
 
@@ -31,6 +30,9 @@ pub struct Candidate {
     /// Caption of the part that both fingers press on.
     pub part: String,
     pub part_id: u32,
+    /// Its material, which names the part if the caption does not.
+    #[serde(default)]
+    pub material: String,
     /// Where the fingers press, world frame, m.
     pub contacts_m: [[f64; 3]; 2],
     /// Midway between the contacts, world frame, m: the gripper's tool centre point.
@@ -89,7 +91,7 @@ pub fn candidates(
     options: &Options,
 ) -> Result<Vec<Candidate>, GraspError> {
     let what = || match place {
-        Where::Part(id) => part_of(object.parts, id).map_or_else(String::new, |p| format!("part {:?}", p.caption)),
+        Where::Part(id) => object.parts.of_label(id).map_or_else(String::new, |p| format!("part {:?}", p.caption)),
         Where::Anywhere | Where::Near(_) => "the object".to_owned(),
     };
     let friction: Vec<f64> = object.labels.iter().map(|label| label.friction_rubber.mid).collect();
@@ -144,10 +146,6 @@ pub fn candidates(
     Ok(chosen.into_iter().map(|(_, candidate)| candidate).collect())
 }
 
-fn part_of(parts: &Parts, id: u32) -> Option<&Part> {
-    parts.parts.iter().find(|part| part.id == id)
-}
-
 /// The forces at a place; `None` if its part has no mass and so is not part of the object.
 fn forces_at(
     object: &Object,
@@ -155,16 +153,16 @@ fn forces_at(
     gripper: &GripperProfile,
     options: &Options,
 ) -> Result<Option<Forces>, GraspError> {
-    let Some(part) = part_of(object.parts, place.part) else { return Ok(None) };
+    let Some(part) = object.parts.of_label(place.part) else { return Ok(None) };
     if part.volume_m3.is_none() {
         return Ok(None);
     }
     let label = &object.labels[place.part as usize];
-    let thickness = match (label.form, part.thickness_m) {
-        (Form::Shell { .. }, Some(wall)) => wall,
+    let thickness = match part.thickness_m {
+        Some(wall) if part.is_wall => wall,
         // With the same relative uncertainty of its size as the part's own.
-        (Form::Solid | Form::Mixed, Some(of_part)) => of_part.scaled(place.thickness_m / of_part.mid),
-        (_, None) => Estimate::exactly(place.thickness_m),
+        Some(of_part) => of_part.scaled(place.thickness_m / of_part.mid),
+        None => Estimate::exactly(place.thickness_m),
     };
     let inputs = Inputs::of(object.parts, label, thickness, gripper, options)?;
     inputs.forces(&part.caption, gripper, options).map(Some)
@@ -186,9 +184,12 @@ fn candidate(
     let lever_m = place.lever_m(center);
     let torque_margin_n_m = torque_margin_n_m(forces, lever_m, gripper.contact_radius_m());
     let infeasible_because = forces.star.infeasible_because.or((torque_margin_n_m < 0.0).then_some(Reason::Turns));
+    let part = object.parts.of_label(place.part);
+    let (part, material) = part.map(|part| (part.caption, part.material)).unwrap_or_default();
     Candidate {
-        part: part_of(object.parts, place.part).map_or_else(String::new, |part| part.caption.clone()),
+        part,
         part_id: place.part,
+        material,
         contacts_m: place.contacts.map(Into::into),
         position_m: nalgebra::center(&place.contacts[0], &place.contacts[1]).into(),
         quaternion_wxyz: orientation(place.contacts, approach),

@@ -57,8 +57,8 @@ pub fn hand(contacts: [Point3<f64>; 2], approach: Vector3<f64>, side_m: f64, gap
 pub fn free_approach(place: &Place, side_m: f64, obstacles: &[Point3<f64>], cells: &Cells) -> Option<Vector3<f64>> {
     let axis = place.axis();
     // The most upward approach that is square to the axis, and the one square to both.
-    let least = if axis.z.abs() < 0.99 { Vector3::z() } else { Vector3::x() };
-    let up = (least - axis * least.dot(&axis)).normalize();
+    let wanted = if axis.z.abs() < 0.99 { Vector3::z() } else { Vector3::x() };
+    let up = (wanted - axis * wanted.dot(&axis)).normalize();
     let aside = axis.cross(&up);
     let direction = |k: usize| {
         let (sin, cos) = (std::f64::consts::TAU * k as f64 / APPROACHES as f64).sin_cos();

@@ -21,15 +21,15 @@ pub enum PartChoice {
 
 /// The part called `name`, or without a name the one whose outer surface is nearest to the object's centre of mass (the
 /// lowest id among equals). A name is, in this order, an id, a caption, a short name, or a substring of short names, or
-/// else of captions and materials; only one part may match. Case does not matter.
+/// else of captions and materials; only one part may match. Case does not matter. The caption of a body is one of its part.
 ///
 /// # Errors
 /// If no part, or more than one, matches the name, or no part has a surface.
-pub fn choose<'a>(parts: &'a Parts, name: Option<&str>) -> Result<(&'a Part, PartChoice), GraspError> {
+pub fn choose(parts: &Parts, name: Option<&str>) -> Result<(Part, PartChoice), GraspError> {
     match name {
         Some(name) => Ok((named(parts, name)?, PartChoice::Named)),
         None => {
-            let reachable = parts.parts.iter().filter_map(|p| Some((p.surface_to_center_of_mass_m?, p)));
+            let reachable = parts.by_label().filter_map(|p| Some((p.surface_to_center_of_mass_m?, p)));
             let (_, nearest) = reachable.min_by(|a, b| a.0.total_cmp(&b.0)).ok_or(GraspError::NoSurface)?;
             Ok((nearest, PartChoice::NearestCenterOfMass))
         }
@@ -76,13 +76,18 @@ pub fn doubt(part: &Part, name: &str) -> Option<String> {
     })
 }
 
-fn named<'a>(parts: &'a Parts, name: &str) -> Result<&'a Part, GraspError> {
-    let fit = |part: &Part| Fit::of(part, name);
-    let best = parts.parts.iter().filter_map(fit).min();
-    let found: Vec<&Part> = parts.parts.iter().filter(|p| best.is_some() && fit(p) == best).collect();
+fn named(parts: &Parts, name: &str) -> Result<Part, GraspError> {
+    let all: Vec<Part> = parts.by_label().collect();
+    let fit = |part: &Part| {
+        let mut bodies = parts.parts.iter().filter(|body| body.id == part.id);
+        let is_body = bodies.any(|body| Fit::of(body, name) == Some(Fit::Caption));
+        if is_body { Some(Fit::Caption) } else { Fit::of(part, name) }
+    };
+    let best = all.iter().filter_map(fit).min();
+    let found: Vec<&Part> = all.iter().filter(|part| best.is_some() && fit(part) == best).collect();
     match found[..] {
-        [part] => Ok(part),
-        [] => Err(GraspError::NoSuchPart { name: name.to_owned(), parts: list(&parts.parts) }),
+        [part] => Ok(part.clone()),
+        [] => Err(GraspError::NoSuchPart { name: name.to_owned(), parts: list(&all) }),
         _ => Err(GraspError::AmbiguousPart { name: name.to_owned(), parts: list(found.iter().copied()) }),
     }
 }

@@ -55,6 +55,12 @@ pub struct Command {
     pub full: f64,
 }
 
+impl Command {
+    fn is_valid(self) -> bool {
+        self.enabled_from.is_finite() && self.full.is_finite() && self.enabled_from < self.full
+    }
+}
+
 impl GripperProfile {
     /// The names of the built-in profiles, separated by commas.
     pub fn builtin_names() -> String {
@@ -132,8 +138,8 @@ impl GripperProfile {
             Some(("finger_area_m2", "must be above 0, in m2"))
         } else if self.stroke_m.is_some_and(|s| !(s > 0.0 && s.is_finite())) {
             Some(("stroke_m", "must be above 0, in m"))
-        } else if self.command.is_some_and(|c| !(c.enabled_from < c.full && c.full.is_finite())) {
-            Some(("command", "must have enabled_from below full"))
+        } else if self.command.is_some_and(|command| !command.is_valid()) {
+            Some(("command", "must have enabled_from below full, both finite"))
         } else {
             None
         }

@@ -49,7 +49,7 @@ use surface::Surface;
 #[cfg_attr(test, derive(schemars::JsonSchema))]
 #[serde(rename_all = "snake_case")]
 pub enum Limit {
-    /// Holding the object against slip takes more force than the part withstands: F_min >= F_max.
+    /// Holding the object against slip takes at least as much force as damages the part: F_min >= F_max.
     Slip,
     /// Stress under the finger reaches the part's strength.
     Yield,
@@ -81,6 +81,9 @@ pub struct GraspReport {
     /// Caption of the part that the fingers press on.
     pub part: String,
     pub part_id: u32,
+    /// Its material, which names the part if the caption does not.
+    #[serde(default)]
+    pub material: String,
     /// Why it is this part.
     pub part_chosen: PartChoice,
     pub gripper: String,
@@ -152,7 +155,7 @@ pub fn grasp(
     {
         return Err(GraspError::PointTooFar { point, distance_mm: distance_m * 1e3, finger_mm: FINGER_LENGTH_M * 1e3 });
     }
-    let doubt = options.part.as_deref().and_then(|name| grasped_part::doubt(part, name));
+    let doubt = options.part.as_deref().and_then(|name| grasped_part::doubt(&part, name));
     let mut warnings: Vec<String> = doubt.into_iter().collect();
     let found = surface.map(|surface| {
         let object = Object { parts, labels, surface };
@@ -170,14 +173,14 @@ pub fn grasp(
     };
     let (part, part_chosen, thickness_m) = match candidates.first() {
         Some(best) => {
-            let part = parts.parts.iter().find(|p| p.id == best.part_id).unwrap_or(part);
+            let part = parts.of_label(best.part_id).unwrap_or(part);
             let chosen = if options.part.is_some() { PartChoice::Named } else { PartChoice::BestPlace };
             (part, chosen, best.thickness_m)
         }
         None => {
-            let name = || part.caption.clone();
-            let no_thickness = || GraspError::NoThickness { part: name(), why: part.no_volume };
-            (part, chosen, part.thickness_m.ok_or_else(no_thickness)?)
+            let no_thickness = || GraspError::NoThickness { part: part.caption.clone(), why: part.no_volume };
+            let thickness_m = part.thickness_m.ok_or_else(no_thickness)?;
+            (part, chosen, thickness_m)
         }
     };
     let inputs = Inputs::of(parts, label(part.id)?, thickness_m, gripper, options)?;
@@ -197,8 +200,9 @@ pub fn grasp(
         ));
     }
     Ok(GraspReport {
-        part: part.caption.clone(),
+        part: part.caption,
         part_id: part.id,
+        material: part.material,
         part_chosen,
         gripper: gripper.name.clone(),
         policy: options.policy,

@@ -96,7 +96,7 @@ impl Scene<'_> {
         let entry = |(rank, candidate): (usize, &Candidate)| Entry {
             text: format!(
                 "{}: {}, {:.0} mm wide{}",
-                part_name(&candidate.part, ""),
+                part_name(&candidate.part, &candidate.material),
                 newtons(candidate.f_star_n),
                 1e3 * candidate.width_m,
                 if candidate.feasible { "" } else { ", not safe" },
@@ -131,12 +131,16 @@ impl Scene<'_> {
             Limit::Slip | Limit::Gripper => "the part is damaged",
         };
         let mut lines = vec![
-            format!("F* {}: press with this, command {:.0}", newtons(report.f_star_n), report.normalized_command),
+            format!(
+                "F* {}: press with this, command {}",
+                newtons(report.f_star_n),
+                significant(report.normalized_command)
+            ),
             format!("F_min {}: with less, the object slips", newtons(report.f_min_n)),
             format!("F_max {}: with more, {damage}", newtons(report.f_max_n)),
         ];
         if let Some(why) = &report.infeasible {
-            lines[0] = format!("F* {}: the best force that this gripper can give", newtons(report.f_star_n));
+            lines[0] = format!("F* {}: for comparison only", newtons(report.f_star_n));
             lines.extend(Style::regular(LABEL_PX).wrapped(&format!("Not safe: {why}"), picture.width()));
         }
         let legend = lines.into_iter().map(|text| Entry { text, key: Key::None }).collect();

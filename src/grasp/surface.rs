@@ -58,9 +58,7 @@ impl Surface {
             obstacles: opaque.iter().map(|&i| gaussians.center(i) * meters_per_unit).collect(),
         }
     }
-}
 
-impl Surface {
     /// Distance of a point from the object, m; 0 within it. `None` if no surface is seen.
     pub fn distance_m(&self, point: Point3<f64>) -> Option<f64> {
         let distance = |p: &SurfacePoint| (point - p.position).norm();

@@ -121,12 +121,13 @@ pub enum InspectError {
     Page(#[from] UsageError),
 }
 
-/// Runs `gprop inspect`: returns the inspection, also as text, and writes the page if asked for.
+/// Runs `gprop inspect`: returns the inspection, also as text, and writes the page if asked for. If `only_chosen` is true,
+/// only the views that the options choose are compared.
 ///
 /// # Errors
 /// [`SceneError`] as in [`inspect`], or an error if the page cannot be written.
-pub fn command(args: &Args, progress: Progress) -> Result<(Inspection, String), InspectError> {
-    let (inspection, (scene, views)) = inspect_and_draw(&args.scene, &args.options, progress)?;
+pub fn command(args: &Args, only_chosen: bool, progress: Progress) -> Result<(Inspection, String), InspectError> {
+    let (inspection, (scene, views)) = inspect_and_draw(&args.scene, &args.options, only_chosen, progress)?;
     let mut text = to_text(&inspection);
     if let Some(path) = &args.html {
         let page = to_html(&inspection, &scene, &views)?;
@@ -137,21 +138,20 @@ pub fn command(args: &Args, progress: Progress) -> Result<(Inspection, String), 
     Ok((inspection, text))
 }
 
-/// Inspects the scene in `folder`, with or without photos.
+/// Inspects the scene in `folder`, with or without photos: the views of `--view-list`, or else views from all directions.
 ///
 /// # Errors
 /// [`SceneError`] if there is no splat, or if a file of the scene is broken.
 pub fn inspect(folder: &Path, options: &Options, progress: Progress) -> Result<Inspection, SceneError> {
-    inspect_and_draw(folder, options, progress).map(|(inspection, _)| inspection)
+    inspect_and_draw(folder, options, false, progress).map(|(inspection, _)| inspection)
 }
 
-/// As [`inspect`]; also returns what the page needs: the scene and the views that were compared.
-///
-/// # Errors
-/// As [`inspect`].
-pub fn inspect_and_draw(
+/// As [`inspect`], but if `only_chosen` is true, only the views that the options choose are compared. Also returns what
+/// the page needs: the scene and the views that were compared.
+fn inspect_and_draw(
     folder: &Path,
     options: &Options,
+    only_chosen: bool,
     progress: Progress,
 ) -> Result<(Inspection, (Scene, Vec<View>)), SceneError> {
     let mut scene = load(folder, options)?;
@@ -159,9 +159,9 @@ pub fn inspect_and_draw(
         scene.scale = Some(scale);
         scene.warnings.extend(warnings);
     }
-    let views = match options.view_list.is_empty() {
-        true => scene.spread_views(MOST_VIEWS)?,
-        false => scene.chosen_views(options)?,
+    let views = match only_chosen || !options.view_list.is_empty() {
+        true => scene.chosen_views(options)?,
+        false => scene.spread_views(MOST_VIEWS)?,
     };
     let fits = compare::compare(&scene, &views, progress)?;
     let verdict = verdict::of(&scene, &views, &fits)?;

@@ -149,11 +149,12 @@ pub fn parts(
     let whole = whole.ok_or_else(|| no_volume(field, &shapes))?;
     set_distances(&mut shapes, &mut pieces, &bodies, &cells, whole.center);
     let floaters = (0..kept.len()).filter(|&i| !kept[i] && !gaussians.is_set_aside(i)).count();
-    let mut warnings = warnings(field, floaters, &shapes, meters_per_unit.is_none());
+    let lacks_walls = meters_per_unit.is_none() && matches!(options.volume, VolumeMethod::Hybrid | VolumeMethod::Shell);
+    let mut warnings = warnings(field, floaters, &shapes, lacks_walls);
     let enclosed = cells.label.iter().filter(|label| **label != NONE).count() as f64 * cells.grid.cell_volume();
     let enclosed_m3 = enclosed * meters_per_unit.unwrap_or(1.0).powi(3);
     warnings.extend(known_mass.as_ref().and_then(|known| known.problem(enclosed_m3)));
-    let notes = notes(field, floaters, &shapes, &composed, options.min_part_share);
+    let notes = notes(field, floaters, &shapes, &constructions, &composed, options.min_part_share);
     let parts = meters_per_unit.map(|_| {
         let weighables = weighables(&shapes, field, &constructions, &composed, &pieces);
         let of = |weight: &Weight| &weighables[weight.of];
@@ -186,16 +187,21 @@ fn weighables<'a>(
         volume: &composed.volumes[l],
         pieces: &pieces[l],
         is_wall: constructions[l] != Construction::Solid,
+        sleeve: only((0..shapes.len()).filter(|shell| composed.cores[*shell] == Some(l as u32))),
         hollow: composed.hollows[l].as_ref(),
     })
     .collect()
 }
 
+/// The item, if it is the only one.
+fn only<T>(mut items: impl Iterator<Item = T>) -> Option<T> {
+    items.next().filter(|_| items.next().is_none())
+}
+
 /// Weighs the object: the reading of a kitchen scale is shared out among everything that is uncertain.
 fn known_mass(weights: &mut Weights, reading_kg: f64, options: &Options) -> KnownMass {
     let error_kg = options.known_mass_error.unwrap_or(READING_ERROR * reading_kg);
-    let (expected_kg, [low, high]) = weights.weigh(reading_kg, error_kg);
-    let is_possible = (low - error_kg..=high + error_kg).contains(&reading_kg);
+    let (expected_kg, [low, high], is_possible) = weights.weigh(reading_kg, error_kg);
     KnownMass { reading_kg, error_kg, expected_kg, possible_kg: Range::new(low, high), is_possible }
 }
 
@@ -346,8 +352,9 @@ fn are_usual(floaters: usize, field: &MaterialField) -> bool {
     floaters as f64 <= USUAL_FLOATERS * field.part_label.len() as f64
 }
 
-/// Messages about what may make the masses wrong, and what to do.
-fn warnings(field: &MaterialField, floaters: usize, shapes: &[Shape], scale_unknown: bool) -> Vec<String> {
+/// Messages about what may make the masses wrong, and what to do. `lacks_walls`: shells have no walls because the scale
+/// is unknown.
+fn warnings(field: &MaterialField, floaters: usize, shapes: &[Shape], lacks_walls: bool) -> Vec<String> {
     let mut warnings = Vec::new();
     if !are_usual(floaters, field) {
         let all = field.part_label.len();
@@ -366,7 +373,7 @@ fn warnings(field: &MaterialField, floaters: usize, shapes: &[Shape], scale_unkn
         ));
     }
     let shells = field.labels.iter().any(|l| matches!(l.form, Form::Shell { .. }));
-    if scale_unknown && shells {
+    if lacks_walls && shells {
         warnings.push(
             "wall thicknesses are known only in metres, so shells count as solid; give --scale or --known-mass"
                 .to_owned(),
@@ -385,6 +392,7 @@ fn notes(
     field: &MaterialField,
     floaters: usize,
     shapes: &[Shape],
+    constructions: &[Construction],
     composed: &Composed,
     min_part_share: f64,
 ) -> Vec<String> {
@@ -414,7 +422,8 @@ fn notes(
     if composed.is_mirrored {
         notes.push("the side that no view shows is assumed to be like the opposite one".to_owned());
     }
-    let is_hollow = |l: usize| shapes[l].volume.is_some() && composed.cores[l].is_none();
+    let is_hollow =
+        |l: usize| constructions[l] != Construction::Solid && shapes[l].volume.is_some() && composed.cores[l].is_none();
     let unknown = field.labels.iter().filter(|label| label.inside == Some(Contents::Unknown));
     for label in unknown.filter(|label| is_hollow(label.id as usize)) {
         notes.push(format!("the inside of {:?} is unknown, so the part is weighed as empty", label.caption));

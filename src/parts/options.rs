@@ -105,7 +105,7 @@ impl Default for Options {
     }
 }
 
-/// The grid's index type cannot hold more.
+/// With its margin, such a grid has up to 1.8e9 cells, within the range of a `u32`.
 const CELLS_MAX: usize = 1 << 30;
 /// Far more than any capture has.
 const CARVE_VIEWS_MAX: usize = 100_000;

@@ -2,9 +2,11 @@
 
 use std::fmt;
 
+use nalgebra::{Matrix3, Vector3};
 use serde::{Deserialize, Serialize};
 
 use super::mass::unknowns::Source;
+use crate::readable::significant;
 use crate::units::{Estimate, MetricScale, Range, ScaleSource};
 
 /// The object and its parts, in metres and kilograms. Written as `parts.json`.
@@ -39,11 +41,26 @@ pub struct Parts {
 }
 
 impl Parts {
-    /// The metric scale that follows from the known mass. Only for a scene without a scale of its own: an interval of
-    /// another source is taken for one from the mass.
+    /// The parts by id. The bodies of a part that are written as parts (`--bodies parts`) are combined.
+    pub fn by_label(&self) -> impl Iterator<Item = Part> {
+        self.bodies_by_label().map(combined)
+    }
+
+    /// The part with this id, of all its bodies.
+    pub fn of_label(&self, id: u32) -> Option<Part> {
+        self.bodies_by_label().find(|bodies| bodies[0].id == id).map(combined)
+    }
+
+    fn bodies_by_label(&self) -> impl Iterator<Item = &[Part]> {
+        self.parts.chunk_by(|one, next| one.id == next.id)
+    }
+
+    /// The metric scale that follows from the known mass. Only for an object that was weighed: an interval of another
+    /// source is taken for one from the mass.
     pub fn scale(&self) -> Option<MetricScale> {
         let Estimate { low, mid, high } = self.meters_per_unit?;
-        let provenance = format!("from the known mass of the object: {low:.4} to {high:.4} m");
+        let [low_text, high_text] = [low, high].map(significant);
+        let provenance = format!("from the known mass of the object: {low_text} to {high_text} m");
         Some(MetricScale {
             meters_per_unit: mid,
             source: ScaleSource::KnownMass,
@@ -109,6 +126,9 @@ pub struct Part {
     /// Thickness below the surface that is grasped: from surface to surface for a solid, the wall for a shell; `None` if no
     /// surface of it was seen.
     pub thickness_m: Option<Estimate>,
+    /// Whether its volume is that of a wall as thick as `thickness_m`.
+    #[serde(default)]
+    pub is_wall: bool,
     pub density_kg_m3: Estimate,
     pub mass_kg: Option<Estimate>,
     /// Where the width of the mass comes from.
@@ -122,6 +142,58 @@ pub struct Part {
     pub bodies: Vec<PartBody>,
     /// Distance from the nearest place on its outer surface to the object's centre of mass; `None` if it has no outer surface.
     pub surface_to_center_of_mass_m: Option<f64>,
+}
+
+/// The part that consists of these bodies, each written as a part; at least one.
+fn combined(bodies: &[Part]) -> Part {
+    let first = &bodies[0];
+    if bodies.len() == 1 {
+        return first.clone();
+    }
+    let number = format!(" (1 of {})", bodies.len());
+    let sum = |value: fn(&Part) -> Option<Estimate>| bodies.iter().filter_map(value).reduce(Estimate::plus);
+    let width = first.width.iter().map(|&Width { source, .. }| {
+        let of_source = bodies.iter().flat_map(|body| &body.width).filter(|width| width.source == source);
+        let ends = of_source.map(|width| width.mass_kg);
+        let (low, high) = ends.fold((0.0, 0.0), |(low, high), mass| (low + mass.low, high + mass.high));
+        Width { source, mass_kg: Range::new(low, high) }
+    });
+    let (center_of_mass_m, inertia_kg_m2) = moments(bodies).unzip();
+    let distances = bodies.iter().filter_map(|body| body.surface_to_center_of_mass_m);
+    Part {
+        caption: first.caption.strip_suffix(&number).unwrap_or(&first.caption).to_owned(),
+        gaussians: bodies.iter().map(|body| body.gaussians).sum(),
+        volume_m3: sum(|body| body.volume_m3),
+        mass_kg: sum(|body| body.mass_kg),
+        width: width.collect(),
+        center_of_mass_m,
+        inertia_kg_m2,
+        bodies: bodies.iter().flat_map(|body| &body.bodies).copied().collect(),
+        surface_to_center_of_mass_m: distances.reduce(f64::min),
+        ..first.clone()
+    }
+}
+
+/// The centre of mass of several bodies, and their inertia about it by the parallel axis theorem; `None` if one of them
+/// has no mass.
+fn moments(bodies: &[Part]) -> Option<([f64; 3], [[f64; 3]; 3])> {
+    let mut mass = 0.0;
+    let mut first = Vector3::<f64>::zeros();
+    for body in bodies {
+        let own = body.mass_kg?.mid;
+        mass += own;
+        first += Vector3::from(body.center_of_mass_m?) * own;
+    }
+    let center = first / mass;
+    let mut inertia = Matrix3::<f64>::zeros();
+    for body in bodies {
+        let own = body.inertia_kg_m2?;
+        let offset = Vector3::from(body.center_of_mass_m?) - center;
+        let of_offset = Matrix3::identity() * offset.norm_squared() - offset * offset.transpose();
+        inertia += Matrix3::from_fn(|row, column| own[row][column]) + of_offset * body.mass_kg?.mid;
+    }
+    let row = |row: usize| [inertia[(row, 0)], inertia[(row, 1)], inertia[(row, 2)]];
+    Some((center.into(), [row(0), row(1), row(2)]))
 }
 
 /// A connected body of a part.
@@ -209,10 +281,14 @@ impl KnownMass {
         let density = reading / enclosed_m3;
         let steel = if density > STEEL_KG_M3 { ", denser than solid steel" } else { "" };
         Some(format!(
-            "--known-mass {reading} kg is impossible: the answers allow {low:.3} to {high:.3} kg. The nearest is \
-             {nearest:.3} kg, with every wall, density, filling and unseen depth at its {side} end. {reading} kg would \
-             mean a density of {density:.0} kg/m3 for the whole volume within the surface{steel}. Check the reading, \
-             the metric scale and the answers; the masses are as without --known-mass"
+            "--known-mass {reading} kg is impossible: the answers allow {} to {} kg. The nearest is {} kg, with the surface, \
+             every wall, density, filling and unseen depth, and the scale at its {side} end. {reading} kg would mean a \
+             density of {} kg/m3 for the whole volume within the surface{steel}. Check the reading, the metric scale and \
+             the answers; the masses are as without --known-mass",
+            significant(low),
+            significant(high),
+            significant(nearest),
+            significant(density)
         ))
     }
 }

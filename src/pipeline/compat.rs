@@ -16,10 +16,10 @@ use crate::simulate::compat::particle::Particle;
 use crate::simulate::compat::{self, CompatReport};
 use crate::simulate::material::SOFT_PA;
 use crate::simulate::states;
-use crate::workdir::{Artifact, WorkDir};
+use crate::workdir::{self, Artifact, WorkDir};
 
 use super::Pipeline;
-use super::simulate::NOT_KEPT;
+use super::simulate::{NOT_KEPT, remove_frames_from};
 
 /// Folder in the work folder for such a run.
 const FOLDER: &str = "physgaussian";
@@ -68,7 +68,10 @@ fn carry_out(
     progress: Progress,
 ) -> Result<(CompatReport, PathBuf)> {
     let out = out.join(FOLDER);
+    workdir::refuse_link(&out, "--out")?;
     let work = WorkDir::open(&out)?;
+    // Until this run ends, the report of an earlier one would not fit the frames.
+    work.remove(Artifact::Simulation)?;
     let save = |frame: usize, particles: &[Particle], gaussians: &Gaussians| -> Result<()> {
         work.write_with(Artifact::Frame(frame), |out| ply::write(out, gaussians, &[]))?;
         let state = |i: usize| (&particles[i]).into();
@@ -78,6 +81,7 @@ fn carry_out(
         save(frame, particles, gaussians).context(NOT_KEPT)
     };
     let report = compat::run(gaussians, config, estimated, &mut save, progress)?;
+    remove_frames_from(&work, report.frames.len())?;
     work.write_json(Artifact::Simulation, &report)?;
     Ok((report, out))
 }

@@ -10,7 +10,7 @@ use crate::workdir::Artifact;
 use super::{Done, Pipeline, Stage, png};
 
 /// Describes the data of a place to grasp at. Changing this text makes the stage run again.
-const CONTENTS: &[u8] = b"places with poses";
+const CONTENTS: &[u8] = b"places with poses and materials";
 
 impl Pipeline {
     pub(super) fn grasp_key(&self) -> String {

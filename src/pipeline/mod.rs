@@ -61,7 +61,8 @@ pub use options::{Options, THREADS, known_flags, scene_keys};
 pub use plan::{Plan, Stage};
 pub use preset::Preset;
 pub use record::{FieldFlags, Hasher, flags_of_last_run};
-use record::{Left, Output, RunRecord, StageRecord};
+use record::{Left, Output};
+pub(crate) use record::{RunRecord, StageRecord};
 
 /// A scene being processed by the stages, with its work folder, whose lock it holds.
 ///

@@ -8,7 +8,7 @@ use serde::Serialize;
 
 use crate::parts::{self, Interior, Parts, Shape};
 use crate::scene::View;
-use crate::units::MetricScale;
+use crate::units::{Estimate, MetricScale, Range};
 use crate::workdir::Artifact;
 
 use super::scene::file_digest;
@@ -86,12 +86,21 @@ impl Pipeline {
         })
     }
 
-    /// The metric scale: the scene's, or the one that follows from the mass of the object.
+    /// The metric scale: the scene's, or the one that follows from the mass of the object, which also corrects a scale of
+    /// the scene that is not exact.
     pub(crate) fn metric_scale(&self) -> Result<Option<MetricScale>> {
-        Ok(match &self.scene.scale {
-            Some(scale) => Some(scale.clone()),
-            None => self.stored_parts()?.and_then(|parts| parts.scale()),
-        })
+        let Some(known) = &self.scene.scale else { return Ok(self.stored_parts()?.and_then(|parts| parts.scale())) };
+        let weighed = self.options.parts.known_mass.filter(|_| known.range.is_some());
+        let corrected = match weighed {
+            Some(_) => self.stored_parts()?.and_then(|parts| parts.meters_per_unit),
+            None => None,
+        };
+        Ok(Some(match corrected {
+            Some(Estimate { low, mid, high }) => {
+                MetricScale { meters_per_unit: mid, range: Some(Range::new(low, high)), ..known.clone() }
+            }
+            None => known.clone(),
+        }))
     }
 
     /// The parts in metres and kilograms; `None` if the scale is unknown.

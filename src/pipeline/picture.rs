@@ -16,7 +16,7 @@ use crate::query::question::About;
 use crate::query::rounds::Subject;
 use crate::scene::Photo;
 use crate::segment::{self, LabelMap, Segment, SegmentError, ViewSegments, segment_views};
-use crate::workdir::{Artifact, WorkDir};
+use crate::workdir::{self, Artifact, WorkDir, WorkDirError};
 
 use super::query::write_sheets;
 use super::query_session::{QuerySession, QueryView, Subjects, check_recordings};
@@ -46,8 +46,16 @@ fn view_name(path: &Path) -> String {
 }
 
 /// The picture's work folder: by default beside it, with a name derived from it.
-fn work_folder(path: &Path, out: Option<&Path>) -> PathBuf {
-    out.map_or_else(|| path.with_extension(crate::workdir::DEFAULT_NAME), Path::to_owned)
+///
+/// # Errors
+/// If it is a link that the user did not name.
+fn work_folder(path: &Path, out: Option<&Path>) -> Result<PathBuf, WorkDirError> {
+    if let Some(out) = out {
+        return Ok(out.to_owned());
+    }
+    let folder = path.with_extension(workdir::DEFAULT_NAME);
+    workdir::refuse_link(&folder, "--out")?;
+    Ok(folder)
 }
 
 impl Picture {
@@ -68,7 +76,7 @@ impl Picture {
         }
         check_formats(&options.segment.also)?;
         let (photo, size) = Photo::open(path, mask)?;
-        let work = WorkDir::open(&work_folder(path, out))?;
+        let work = WorkDir::open(&work_folder(path, out)?)?;
         let key = segments_key(path, mask, &options)?;
         let view = view_name(path);
         let segments = match segmented_before(&work, &view, &key) {
@@ -85,7 +93,7 @@ impl Picture {
     /// anything.
     pub fn is_segmented(path: &Path, mask: Option<&Path>, out: Option<&Path>, options: &Options) -> Result<bool> {
         Photo::open(path, mask)?;
-        let (folder, key) = (work_folder(path, out), segments_key(path, mask, options)?);
+        let (folder, key) = (work_folder(path, out)?, segments_key(path, mask, options)?);
         Ok(folder.exists() && segmented_before(&WorkDir::open(&folder)?, &view_name(path), &key).is_some())
     }
 

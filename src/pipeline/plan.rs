@@ -61,8 +61,9 @@ impl Stage {
         self.inputs().iter().any(|input| *input == other || input.needs(other))
     }
 
-    /// The fields of [`Options`](super::Options) that it reads.
-    pub(super) fn rooms(self) -> &'static [&'static str] {
+    /// The fields of [`Options`](super::Options) that are stored in `run.json` when this stage is done. The stage may read
+    /// others too, which earlier stages store.
+    pub(super) fn stored_fields(self) -> &'static [&'static str] {
         match self {
             Self::Scene => &["scene"],
             Self::Segment => &["segment", "setup"],

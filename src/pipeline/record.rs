@@ -84,6 +84,20 @@ impl RunRecord {
         self.stages.iter().find(|record| record.name == stage)
     }
 
+    /// The records of the stages that were done after all stages that they read from, in the order of the data flow.
+    pub fn current(&self) -> Vec<&StageRecord> {
+        let mut current: Vec<&StageRecord> = Vec::new();
+        for record in Stage::all().iter().filter_map(|stage| self.of(*stage)) {
+            let is_current = |(input, digest): &(Stage, String)| {
+                current.iter().any(|earlier| earlier.name == *input && earlier.digest == *digest)
+            };
+            if record.inputs.iter().all(is_current) {
+                current.push(record);
+            }
+        }
+        current
+    }
+
     /// The results left by a stage whose current key is `key`.
     pub fn left(&self, stage: Stage, key: &str, work: &WorkDir) -> Left<'_> {
         let Some(record) = self.of(stage).filter(|record| record.key == key) else { return Left::Nothing };
@@ -99,17 +113,17 @@ impl RunRecord {
 
     /// Stores the options of a stage that has just been done; `all` has the options of all stages.
     pub fn keep_options(&mut self, stage: Stage, all: &Value) {
-        for room in stage.rooms() {
-            self.options.insert((*room).to_owned(), all[*room].clone());
+        for field in stage.stored_fields() {
+            self.options.insert((*field).to_owned(), all[*field].clone());
         }
     }
 
     /// Stores the flags that were typed for the options of a stage; `all` has the flags of all stages.
     pub fn keep_flags(&mut self, stage: Stage, all: &FieldFlags) {
-        for room in stage.rooms() {
-            match all.get(*room) {
-                Some(typed) => self.flags.insert((*room).to_owned(), typed.clone()),
-                None => self.flags.remove(*room),
+        for field in stage.stored_fields() {
+            match all.get(*field) {
+                Some(typed) => self.flags.insert((*field).to_owned(), typed.clone()),
+                None => self.flags.remove(*field),
             };
         }
     }
@@ -148,7 +162,8 @@ pub fn flags_of_last_run(root: &Path, plan: Plan) -> Vec<String> {
         return Vec::new();
     }
     let Typed { mut flags } = workdir::read_json(&path).unwrap_or_default();
-    plan.stages().flat_map(Stage::rooms).flat_map(|room| flags.remove(*room).unwrap_or_default()).collect()
+    let fields = plan.stages().flat_map(Stage::stored_fields);
+    fields.flat_map(|field| flags.remove(*field).unwrap_or_default()).collect()
 }
 
 impl StageRecord {

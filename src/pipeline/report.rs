@@ -24,7 +24,7 @@ use super::{Done, Pipeline, Stage};
 
 impl Pipeline {
     pub(super) fn report_key(&self) -> String {
-        self.key_after_inputs(Stage::Report).hex()
+        self.key_after_inputs(Stage::Report).with(self.scene.name.as_bytes()).hex()
     }
 
     pub(super) fn do_report(&self) -> Result<Done> {

@@ -16,7 +16,7 @@ use crate::simulate::filling::FillPoint;
 use crate::simulate::material::Material;
 use crate::simulate::{Fillings, Frame, Input, Options, SimulationReport, plot, script, simulate};
 use crate::vote::{Contents, MaterialField};
-use crate::workdir::{Artifact, Checksum, Checksumming, Standing};
+use crate::workdir::{Artifact, Checksum, Checksumming, Standing, WorkDir};
 
 use super::record::Output;
 use super::scene::file_digest;
@@ -74,7 +74,7 @@ impl Pipeline {
         }
         self.work.write(Artifact::Plot, plot::svg(&report).as_bytes())?;
         self.work.write_json(Artifact::Simulation, &report)?;
-        self.remove_frames_from(report.frames.len())?;
+        remove_frames_from(&self.work, report.frames.len())?;
         self.work.remove(Artifact::Checkpoint)?;
         let frames = (0..report.frames.len()).map(Artifact::Frame);
         let states = (0..report.frames.len()).map(Artifact::States);
@@ -144,17 +144,6 @@ impl Pipeline {
         standing.iter().all(|standing| *standing == Standing::Whole).then_some(checkpoint)
     }
 
-    /// Removes frames of an earlier, longer run, which would be taken for this one's.
-    fn remove_frames_from(&self, first: usize) -> Result<()> {
-        let mut index = first;
-        while self.work.size(Artifact::Frame(index)).is_some() {
-            self.work.remove(Artifact::Frame(index))?;
-            self.work.remove(Artifact::States(index))?;
-            index += 1;
-        }
-        Ok(())
-    }
-
     /// The materials of the labels, then those of the fillings; and the object's inside, cell by cell.
     fn matter(&self, field: &MaterialField) -> Result<(Vec<Material>, Vec<FillPoint>)> {
         let interior = self.interior()?;
@@ -192,6 +181,17 @@ impl Pipeline {
         }
         Ok((materials, points))
     }
+}
+
+/// Removes frames of an earlier, longer run, which would be taken for this one's.
+pub(super) fn remove_frames_from(work: &WorkDir, first: usize) -> Result<()> {
+    let mut index = first;
+    while work.size(Artifact::Frame(index)).is_some() {
+        work.remove(Artifact::Frame(index))?;
+        work.remove(Artifact::States(index))?;
+        index += 1;
+    }
+    Ok(())
 }
 
 /// The files of the first frames.

@@ -88,7 +88,7 @@ impl Stored {
     /// If the files are not what gprop wrote.
     pub fn found_scale(&self) -> Result<Option<MetricScale>> {
         let in_photos = super::scene::stored_scale(&self.work)?;
-        if self.room::<crate::scene::Options>("scene")?.scale == ScaleChoice::Estimate {
+        if self.field_of_options::<crate::scene::Options>("scene")?.scale == ScaleChoice::Estimate {
             return Ok(super::query::estimated_scale(&self.work)?);
         }
         let of_mass = || self.work.read_json::<Parts>(Artifact::Parts).ok().and_then(|parts| parts.scale());
@@ -102,11 +102,11 @@ impl Stored {
     /// folder (`trusted`).
     pub fn options(&self, folder: &Path, trusted: bool) -> Result<Options, WorkDirError> {
         let options = Options {
-            scene: self.room("scene")?,
-            consensus: self.room("consensus")?,
-            query: self.room("query")?,
-            materials: self.room("materials")?,
-            vote: self.room("vote")?,
+            scene: self.field_of_options("scene")?,
+            consensus: self.field_of_options("consensus")?,
+            query: self.field_of_options("query")?,
+            materials: self.field_of_options("materials")?,
+            vote: self.field_of_options("vote")?,
             ..Options::default()
         };
         if !trusted && let Some(path) = paths(&options).into_iter().find(|path| !is_within(path, folder)) {
@@ -118,7 +118,8 @@ impl Stored {
         Ok(options)
     }
 
-    fn room<T: DeserializeOwned + Default>(&self, name: &str) -> Result<T, WorkDirError> {
+    /// A field of the run's options; the default if `run.json` does not have it.
+    fn field_of_options<T: DeserializeOwned + Default>(&self, name: &str) -> Result<T, WorkDirError> {
         let Some(value) = self.record.options.get(name) else { return Ok(T::default()) };
         T::deserialize(value).map_err(|error| self.work.damaged(Artifact::Run, format!("options of {name}: {error}")))
     }

@@ -46,7 +46,7 @@ pub fn part_lines(labels: &[FieldLabel], parts: Option<&Parts>) -> String {
     let names = labels.iter().map(|label| &label.material).chain(fillings.map(|filling| &filling.filling));
     let name_width = names.map(|name| one_line(name).chars().count()).max().unwrap_or(0);
     for label in labels {
-        let part = parts.and_then(|parts| parts.parts.iter().find(|part| part.id == label.id));
+        let part = parts.and_then(|parts| parts.of_label(label.id));
         let shown = part.map_or_else(String::new, |part| match part.mass_kg {
             Some(kg) => {
                 let Figures { mid, interval } = mass(kg);
@@ -95,7 +95,7 @@ pub const ESTIMATED: &str = ", estimated scale";
 
 /// The force at the best place, or why no grip there is safe.
 pub fn grasp_line(grasp: &GraspReport) -> String {
-    let name = part_name(&grasp.part, "");
+    let name = part_name(&grasp.part, &grasp.material);
     let part = one_line(&name);
     let estimated = if grasp.estimated_scale { ESTIMATED } else { "" };
     match &grasp.infeasible {

@@ -66,7 +66,7 @@ impl<'a, T> Columns<'a, T> {
 
 /// The parts with their size and mass.
 pub(super) fn parts(report: &Report) -> String {
-    let part = |label: &FieldLabel| report.parts.as_ref().and_then(|all| all.parts.iter().find(|p| p.id == label.id));
+    let part = |label: &FieldLabel| report.parts.as_ref().and_then(|all| all.of_label(label.id));
     named()
         .text("family", |label| label.family.clone())
         .text("form", |label| form(label.form).to_owned())
@@ -101,7 +101,7 @@ pub(super) fn places(places: &[Candidate]) -> String {
     };
     let columns = Columns::new()
         .number("part", |place: &Candidate| Some(place.part_id))
-        .text("name", |place| part_name(&place.part, ""))
+        .text("name", |place| part_name(&place.part, &place.material))
         .number("width_m", |place| Some(place.width_m))
         .estimate("thickness_m", |place| Some(place.thickness_m))
         .number("lever_m", |place| Some(place.lever_m))

@@ -12,7 +12,7 @@ const WORTH_SAYING: f64 = 1.05;
 /// The sentences, the most important first.
 pub fn sentences(parts: &Parts) -> Vec<String> {
     let filling = |filling: &crate::parts::Filling| {
-        let around = parts.parts.iter().find(|part| part.id == filling.inside_of);
+        let around = parts.of_label(filling.inside_of);
         let name = around.map_or_else(|| "object".to_owned(), |part| part_name(&part.caption, &part.material));
         let Figures { mid, interval } = mass(filling.mass_kg);
         format!(

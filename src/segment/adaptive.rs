@@ -11,7 +11,7 @@ const FIRST_SPACING: usize = 4;
 /// How far away, in rows and columns, prompts count as near: every point of a later pass has points of the first pass on
 /// both sides of it.
 const NEAR: usize = FIRST_SPACING - 1;
-/// A mask covers a point by mistake more often than the masks of two prompts do.
+/// One mask may cover a point by mistake; masks of two prompts seldom do.
 const PROMPTS_THAT_EXPLAIN: usize = 2;
 
 /// The data that decide which points to prompt.
@@ -92,7 +92,6 @@ mod tests {
             predicted_iou: 0.9,
             stability: 0.9,
             level: Level::Middle,
-            point: [0.0; 2],
             crop: Rect::of_size(100, 10),
         }
     }

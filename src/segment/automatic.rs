@@ -129,8 +129,8 @@ impl Request<'_> {
         let scaled_points: Vec<[f32; 2]> = points.iter().map(scaled).collect();
         let mut found = Vec::with_capacity(points.len());
         let wanted = |predicted_iou: &[f32; 3]| self.wanted(predicted_iou);
-        sam.decode(&frame.embedding, &scaled_points, &wanted, |index, decoded| {
-            found.push(self.filter(frame, points[index], &decoded));
+        sam.decode(&frame.embedding, &scaled_points, &wanted, |_, decoded| {
+            found.push(self.filter(frame, &decoded));
             self.observer.prompted();
         })?;
         Ok(found)
@@ -143,7 +143,7 @@ impl Request<'_> {
         })
     }
 
-    fn filter(&self, frame: &Frame, point: [f64; 2], decoded: &Decoded<'_>) -> Vec<Candidate> {
+    fn filter(&self, frame: &Frame, decoded: &Decoded<'_>) -> Vec<Candidate> {
         let options = self.options;
         let mut found = Vec::new();
         for (index, level) in LEVELS.into_iter().enumerate() {
@@ -165,7 +165,6 @@ impl Request<'_> {
                 predicted_iou,
                 stability: scored.stability,
                 level,
-                point: [point[0] + f64::from(x0), point[1] + f64::from(y0)],
                 crop: frame.rect,
             });
         }

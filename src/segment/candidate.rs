@@ -16,9 +16,7 @@ pub struct Candidate {
     pub predicted_iou: f32,
     pub stability: f32,
     pub level: Level,
-    /// The prompt, pixels of the picture.
-    pub point: [f64; 2],
-    /// The crop it was found in.
+    /// The crop it was found in, in pixels of the segmented region (not of the photo).
     pub crop: Rect,
 }
 

@@ -141,7 +141,6 @@ mod tests {
             predicted_iou,
             stability: 1.0,
             level: Level::Middle,
-            point: [0.0, 0.0],
             crop: Rect::of_size(mask.width(), mask.height()),
             mask,
         }

@@ -138,7 +138,6 @@ mod tests {
             predicted_iou: 0.9,
             stability: 0.95,
             level,
-            point: [0.0, 0.0],
             crop: Rect::of_size(100, 10),
             mask,
         }

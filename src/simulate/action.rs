@@ -70,7 +70,7 @@ impl Effect {
                 uniform(vector(acceleration) * (std::f64::consts::TAU * frequency_hz * t_s).sin())
             }
             Self::Wind { velocity, response_s } => {
-                let share = 1.0 - (-dt_s / f64::from(response_s)).exp();
+                let share = -(-dt_s / f64::from(response_s)).exp_m1();
                 let (against, spin) = (vector(velocity) - body.state().velocity_m_s, body.spin());
                 [(against * mass_kg - spin.cross(&first)) * share, (first.cross(&against) - inertia * spin) * share]
             }
@@ -87,7 +87,7 @@ impl Effect {
                 plus(acceleration, dt * (std::f64::consts::TAU * frequency_hz * t_s).sin() as f32)
             }
             Self::Wind { velocity, response_s } => {
-                let share = 1.0 - (-dt / response_s).exp();
+                let share = -(-dt / response_s).exp_m1();
                 [0, 1, 2].map(|a| v[a] + share * (velocity[a] - v[a]))
             }
             Self::Move(_) | Self::Turn { .. } => v,
@@ -179,6 +179,18 @@ impl Influence for Due<'_> {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    /// Wind of speed v and time constant T accelerates what rests by v / T at first, however short the step.
+    #[test]
+    fn wind_acts_in_short_steps_too() {
+        let wind = Effect::Wind { velocity: [5.0, 0.0, 0.0], response_s: 2.0 };
+        for dt in [1e-3_f32, 1e-6, 1e-9] {
+            let gained = f64::from(wind.changed([0.0; 3], 0.0, dt)[0]);
+            let expected = 5.0 / 2.0 * f64::from(dt);
+            // The next term of the exponential is dt / 2T = 2.5e-4 of the first one.
+            assert!((gained / expected - 1.0).abs() < 3e-4, "{gained} m/s in {dt} s, expected {expected} m/s");
+        }
+    }
 
     /// As a frame is advanced, with the end of an action at a fiftieth of it.
     #[test]

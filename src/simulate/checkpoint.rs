@@ -3,7 +3,7 @@
 //!
 //! Layout, little endian: magic, version (u32), identity of the run (32 bytes), length of the record (u64), the record
 //! as JSON, number of values in the rigid bodies' state (u64), these values (f64), number of particles (u64), then each
-//! particle as 39 words.
+//! particle as 42 words.
 
 use std::io::{self, Write};
 
@@ -16,9 +16,9 @@ use super::object::Particles;
 use super::states;
 
 const MAGIC: &[u8; 8] = b"gpropmpm";
-const VERSION: u32 = 3;
+const VERSION: u32 = 4;
 /// 32-bit words per particle.
-const WORDS: usize = 39;
+const WORDS: usize = 42;
 
 /// A frame in numbers.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
@@ -37,8 +37,9 @@ pub struct FrameSummary {
 /// The results of a run so far.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Record {
+    /// Steps taken after the free fall.
     pub substeps: u64,
-    /// Longest step taken; 0 before the first.
+    /// Longest step taken after the free fall; 0 before the first.
     pub longest_dt_s: f64,
     /// The completed frames; the next one is number `frames.len()`.
     pub frames: Vec<FrameSummary>,
@@ -151,8 +152,9 @@ pub fn identity(particles: &[Particle], setting: &str) -> [u8; 32] {
 fn words(p: &Particle) -> [u32; WORDS] {
     let mut words = [0; WORDS];
     let scalars = [p.mass_kg, p.volume_m3, p.mu, p.lambda, p.state];
-    let floats = p.position_m.iter().chain(&p.velocity_m_s).chain(&p.affine).chain(&p.elastic).chain(&p.deformation);
-    for (word, value) in words.iter_mut().zip(floats.chain(&scalars)) {
+    let motion = p.position_m.iter().chain(&p.compensation_m).chain(&p.velocity_m_s).chain(&p.affine);
+    let floats = motion.chain(&p.elastic).chain(&p.deformation).chain(&scalars);
+    for (word, value) in words.iter_mut().zip(floats) {
         *word = value.to_bits();
     }
     words[WORDS - 1] = p.law;
@@ -163,13 +165,14 @@ fn particle(words: &[u32; WORDS]) -> Particle {
     fn floats<const N: usize>(words: &[u32; WORDS], at: usize) -> [f32; N] {
         std::array::from_fn(|i| f32::from_bits(words[at + i]))
     }
-    let [mass_kg, volume_m3, mu, lambda, state] = floats(words, 33);
+    let [mass_kg, volume_m3, mu, lambda, state] = floats(words, 36);
     Particle {
         position_m: floats(words, 0),
-        velocity_m_s: floats(words, 3),
-        affine: floats(words, 6),
-        elastic: floats(words, 15),
-        deformation: floats(words, 24),
+        compensation_m: floats(words, 3),
+        velocity_m_s: floats(words, 6),
+        affine: floats(words, 9),
+        elastic: floats(words, 18),
+        deformation: floats(words, 27),
         mass_kg,
         volume_m3,
         mu,

@@ -123,7 +123,7 @@ pub fn simulate<E: From<SimulateError>>(
     for index in record.frames.len()..options.frames as usize {
         if index > 0 {
             let span = [time_of(index - 1), time_of(index)];
-            let started_s = fall(&mut object, falls_until_s, span, &mut record);
+            let started_s = fall(&mut object, falls_until_s, span);
             advance(&mut object, &bound, &actions, [started_s, span[1]], &mut record).map_err(|failure| {
                 let label = labels[failure.lost.particle] as usize;
                 failure.into_error(index, input.materials[label].name.clone(), to_world)
@@ -192,13 +192,12 @@ impl Failure {
 
 /// Lets the object fall freely, in one step, from the start of `span` until `until_s` or the end of `span`; returns the
 /// time that it reaches.
-fn fall(object: &mut Object, until_s: f64, [from_s, to_s]: [f64; 2], record: &mut Record) -> f64 {
+fn fall(object: &mut Object, until_s: f64, [from_s, to_s]: [f64; 2]) -> f64 {
     let end_s = until_s.min(to_s);
     if end_s <= from_s {
         return from_s;
     }
     object.fall(end_s - from_s);
-    record.substeps += 1;
     end_s
 }
 

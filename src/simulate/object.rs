@@ -19,7 +19,7 @@ pub struct Bodies {
     pub body_of: Vec<Option<u32>>,
     /// Per particle: its part.
     pub part_of: Vec<u32>,
-    /// Per particle: whether it may touch the ground; strays of the cloud may not.
+    /// Per particle: whether it may touch the ground, as part of a rigid body; strays of the cloud may not.
     pub is_solid: Vec<bool>,
     /// Per part: E / (1 - nu^2), Pa.
     pub plane_modulus_pa: Vec<f64>,
@@ -138,7 +138,8 @@ impl Object {
         self.wandered_m = 0.0;
     }
 
-    /// The fastest speed of any particle, or a bound on it, m/s.
+    /// The largest component of any deforming particle's velocity, or a bound on the speed of the rigid bodies' particles,
+    /// whichever is larger, m/s.
     pub fn fastest_m_s(&self) -> f64 {
         let bodies = self.bodies.iter().map(Body::fastest_m_s);
         bodies.fold(if self.is_coupled() { self.solver.fastest_m_s().into() } else { 0.0 }, f64::max)

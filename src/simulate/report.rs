@@ -16,8 +16,9 @@ pub struct SimulationReport {
     pub particles: usize,
     /// Number of particles that fill the inside.
     pub fill_particles: usize,
+    /// Number of steps taken after the free fall.
     pub substeps: u64,
-    /// The longest substep.
+    /// The longest step taken after the free fall.
     pub dt_s: f64,
     /// The bound on the substep.
     pub time_step: StepReport,

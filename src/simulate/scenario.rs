@@ -18,7 +18,8 @@ const SECOND_AXIS: f64 = 0.4;
 pub const CONTACT_DEPTH_CELLS: f64 = 0.9;
 
 /// Space around the object, in multiples of its longest side: how far it may roll before the run stops. It costs
-/// nothing but precision of positions: the grid surrounds only the object.
+/// no memory, because the grid surrounds only the object. Positions far from the origin are rounded to a coarser step, but
+/// moves add up correctly: see [`Particle::compensation_m`](super::mpm::particles::Particle::compensation_m).
 const ROOM: f64 = 8.0;
 
 /// The object's first pose and the ground below it, in metres.
@@ -40,9 +41,9 @@ pub struct Drop {
 }
 
 impl Drop {
-    /// The drop from `height` (in multiples of the longest side), tilted, of an object that lies within `object` (metres,
-    /// world frame) and consists of bodies at `positions_m`.
-    pub fn new(object: &Bounds, positions_m: &[[f64; 3]], spacing_m: f64, [height, tilt_deg]: [f64; 2]) -> Self {
+    /// The drop from `height` (in multiples of the longest side), tilted, of an object that lies within `object` and may
+    /// touch the ground with the points `solid_m` (both in metres, world frame).
+    pub fn new(object: &Bounds, solid_m: &[[f64; 3]], spacing_m: f64, [height, tilt_deg]: [f64; 2]) -> Self {
         let size = object.size();
         let longest = size.max();
         let center_m = object.center().coords;
@@ -53,8 +54,7 @@ impl Drop {
         let rotation = Rotation3::from_axis_angle(&Vector3::y_axis(), about_y)
             * Rotation3::from_axis_angle(&Vector3::x_axis(), about_x);
         let tilted_z = |p: &[f64; 3]| (rotation * (Vector3::from(*p) - center_m)).z + center_m.z;
-        let inside = |p: &&[f64; 3]| (0..3).all(|a| object.min[a] <= p[a] && p[a] <= object.max[a]);
-        let lowest = positions_m.iter().filter(inside).map(tilted_z).fold(f64::INFINITY, f64::min);
+        let lowest = solid_m.iter().map(tilted_z).fold(f64::INFINITY, f64::min);
         let ground_z_m = object.min.z;
         let lift_m = ground_z_m + height * longest - lowest;
         let domain_m = longest * (2.0 * ROOM + 1.0 + height);

@@ -290,6 +290,8 @@ pub fn named(name: &str, given: &[String]) -> Result<Script, SimulateError> {
 /// The object that a script acts on, in its initial pose.
 pub struct Standing<'a> {
     pub particles: &'a [Particle],
+    /// Per particle: whether it is part of the object; strays of the cloud are not.
+    pub is_solid: &'a [bool],
     /// Per particle: index into `names`.
     pub labels: &'a [u32],
     /// The names by which a step may refer to each part: its caption and its material.
@@ -352,8 +354,9 @@ impl Standing<'_> {
         const END: f32 = 0.1;
         let within = |axis: usize, from: f32, to: f32| {
             let [low, high] = self.extent(axis);
+            // Strays beyond an end belong to it.
             let share = |p: &Particle| (p.position_m[axis] - low) / (high - low).max(f32::MIN_POSITIVE);
-            self.particles.iter().map(|p| (from..=to).contains(&share(p))).collect()
+            self.particles.iter().map(|p| (from..=to).contains(&share(p).clamp(0.0, 1.0))).collect()
         };
         Ok(match on {
             "all" => vec![true; self.particles.len()],
@@ -362,26 +365,18 @@ impl Standing<'_> {
             "low_end" => within(self.longest_axis(), 0.0, END),
             "high_end" => within(self.longest_axis(), 1.0 - END, 1.0),
             part => {
-                let named = |is: fn(&str, &str) -> bool| -> Vec<bool> {
-                    self.names.iter().map(|names| names.iter().any(|name| is(name, part))).collect()
-                };
-                let mut found = named(str::eq_ignore_ascii_case);
-                if !found.contains(&true) {
-                    found = named(mentions);
-                }
-                if !found.contains(&true) {
-                    let mut names: Vec<&str> = self.names.iter().flatten().copied().collect();
-                    names.sort_unstable();
-                    names.dedup();
-                    return Err(SimulateError::Part { part: part.to_owned(), names: names.join("`, `") });
-                }
+                let unknown = |names: String| SimulateError::Part { part: part.to_owned(), names };
+                let found = parts_named(self.names, part).map_err(unknown)?;
                 self.labels.iter().map(|&l| found[l as usize]).collect()
             }
         })
     }
 
+    /// The lowest and the highest coordinate of the solid particles; of all particles if none is solid.
     fn extent(&self, axis: usize) -> [f32; 2] {
-        let places = || self.particles.iter().map(|p| p.position_m[axis]);
+        let none_is_solid = !self.is_solid.contains(&true);
+        let counted = || self.particles.iter().zip(self.is_solid).filter(move |(_, solid)| **solid || none_is_solid);
+        let places = || counted().map(|(p, _)| p.position_m[axis]);
         [places().fold(f32::INFINITY, f32::min), places().fold(f32::NEG_INFINITY, f32::max)]
     }
 
@@ -391,9 +386,31 @@ impl Standing<'_> {
     }
 }
 
+/// For each part, whether `part` refers to it: by one of its `names`, or, if no part has this name, by words from one of
+/// its names.
+///
+/// # Errors
+/// If `part` refers to no part: all names, as a text for the error.
+pub(super) fn parts_named(names: &[Vec<&str>], part: &str) -> Result<Vec<bool>, String> {
+    let named = |is: fn(&str, &str) -> bool| -> Vec<bool> {
+        names.iter().map(|names| names.iter().any(|name| is(name, part))).collect()
+    };
+    let mut found = named(str::eq_ignore_ascii_case);
+    if !found.contains(&true) {
+        found = named(mentions);
+    }
+    if found.contains(&true) {
+        return Ok(found);
+    }
+    let mut all: Vec<&str> = names.iter().flatten().copied().collect();
+    all.sort_unstable();
+    all.dedup();
+    Err(all.join("`, `"))
+}
+
 /// True if the words of `part` occur in `name`, in their order and in singular or plural: "handle" in "body and handles
 /// of a pot", "legs" in "front leg".
-pub(super) fn mentions(name: &str, part: &str) -> bool {
+fn mentions(name: &str, part: &str) -> bool {
     let words = |text: &str| -> Vec<String> {
         let words = text.split(|c: char| !c.is_alphanumeric()).filter(|word| !word.is_empty());
         words.map(|word| singular(&word.to_lowercase()).to_owned()).collect()

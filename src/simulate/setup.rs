@@ -88,7 +88,7 @@ struct Planned {
     materials: Materials,
     bound: StepBound,
     /// The label that deforms with the fastest waves.
-    stiffest: Option<usize>,
+    fastest: Option<usize>,
     minutes: f64,
 }
 
@@ -111,16 +111,16 @@ impl Plan<'_> {
         let used = in_use(bodies);
         let deforms = |label: usize| choice.body_of[label].is_none() && used.contains(&label);
         let materials = Materials::prepare(input.materials, deforms, (options.soften, most_pa));
-        let stiffest = stiffest(bodies, &choice, &materials.prepared);
-        let wave_speed_m_s = match stiffest {
+        let fastest = with_fastest_waves(bodies, &choice, &materials.prepared);
+        let wave_speed_m_s = match fastest {
             Some(label) => materials.prepared[label].wave_speed_m_s(),
             None => (2.0 * options.gravity.abs() * load.longest_m).sqrt(),
         };
         let bound = StepBound { cfl: options.cfl, spacing_m, wave_speed_m_s, fixed_s: options.fixed_step };
         let substeps = duration_s / options.fixed_step.unwrap_or_else(|| bound.longest_s(load.impact_m_s));
-        let particles = if stiffest.is_some() { bodies.len() } else { RIGID_PARTICLES };
+        let particles = if fastest.is_some() { bodies.len() } else { RIGID_PARTICLES };
         let minutes = substeps * particles as f64 / PARTICLE_SUBSTEPS_PER_S / 60.0;
-        Ok(Planned { choice, materials, bound, stiffest, minutes })
+        Ok(Planned { choice, materials, bound, fastest, minutes })
     }
 }
 
@@ -155,12 +155,16 @@ pub fn set_up(input: &Input, options: &Options) -> Result<Setup, SimulateError> 
     let load = Load::new(pose[0] * longest_m, options.gravity, longest_m, &steps);
     let duration_s = options.duration.unwrap_or_else(|| FALLS * (longest_m / GRAVITY_M_S2).sqrt());
     let plan = Plan { input, options, bodies: &filled.bodies, load, spacing_m, duration_s };
-    let Planned { choice, materials, bound, stiffest, minutes } = plan.made()?;
+    let Planned { choice, materials, bound, fastest, minutes } = plan.made()?;
     if minutes > options.max_simulation_minutes {
         return Err(SimulateError::TooLong { minutes, max_minutes: options.max_simulation_minutes });
     }
 
-    let solid_m: Vec<[f64; 3]> = filled.bodies.iter().filter(|b| b.backed).map(|b| b.position_m).collect();
+    // Where it may touch the ground: inside its bounds, because strays beyond them would carry the whole object.
+    let within = |p: [f64; 3]| (0..3).all(|a| object.min[a] <= p[a] && p[a] <= object.max[a]);
+    let is_solid: Vec<bool> = filled.bodies.iter().map(|body| body.backed && within(body.position_m)).collect();
+    let solid = filled.bodies.iter().zip(&is_solid).filter(|(_, is_solid)| **is_solid);
+    let solid_m: Vec<[f64; 3]> = solid.map(|(body, _)| body.position_m).collect();
     let drop = Drop::new(&object, &solid_m, spacing_m, pose);
     let mut laws = vec![];
     let prepared = &materials.prepared;
@@ -178,6 +182,7 @@ pub fn set_up(input: &Input, options: &Options) -> Result<Setup, SimulateError> 
     let names: Vec<Vec<&str>> = input.materials.iter().map(|m| vec![m.caption.as_str(), m.name.as_str()]).collect();
     let standing = Standing {
         particles: &start,
+        is_solid: &is_solid,
         labels: &labels,
         names: &names,
         longest_m,
@@ -188,7 +193,7 @@ pub fn set_up(input: &Input, options: &Options) -> Result<Setup, SimulateError> 
     let bodies = Bodies {
         body_of: labels.iter().map(|&label| choice.body_of[label as usize]).collect(),
         part_of: labels.clone(),
-        is_solid: filled.bodies.iter().map(|body| body.backed).collect(),
+        is_solid,
         plane_modulus_pa: input.materials.iter().map(Material::plane_modulus_pa).collect(),
     };
     let mut warnings = warnings(input, longest_m, &filled.assumed_full, strays);
@@ -204,7 +209,7 @@ pub fn set_up(input: &Input, options: &Options) -> Result<Setup, SimulateError> 
         dt_s: 0.0,
         time_step: StepReport {
             cfl: options.cfl,
-            stiffest_material: stiffest.map(|label| input.materials[label].name.clone()),
+            stiffest_material: fastest.map(|label| input.materials[label].name.clone()),
             wave_speed_m_s: bound.wave_speed_m_s,
         },
         mass_kg: start.iter().map(|p| f64::from(p.mass_kg)).sum(),
@@ -266,7 +271,7 @@ pub fn script_of(options: &Options) -> Result<Option<Script>, SimulateError> {
 }
 
 /// The label that deforms with the fastest waves.
-fn stiffest(bodies: &[Body], choice: &Choice, prepared: &[Prepared]) -> Option<usize> {
+fn with_fastest_waves(bodies: &[Body], choice: &Choice, prepared: &[Prepared]) -> Option<usize> {
     let speed = |label: usize| prepared[label].wave_speed_m_s();
     in_use(bodies)
         .into_iter()
@@ -316,6 +321,7 @@ fn particle(body: &Body, material: &Prepared, drop: &Drop, laws: &mut Vec<Law>) 
     let turn: [f32; 9] = std::array::from_fn(|i| turn[i] as f32);
     Particle {
         position_m: drop.placed(body.position_m).map(|x| x as f32).into(),
+        compensation_m: [0.0; 3],
         velocity_m_s: [0.0; 3],
         affine: [0.0; 9],
         elastic: turn,

@@ -1,8 +1,8 @@
 //! The length of a substep.
 //!
 //! An explicit step must not outrun the fastest wave: dt <= C dx / (c_p + |v|), with c_p = sqrt((lambda + 2 mu) / rho)
-//! of the stiffest material (Courant, Friedrichs, Lewy 1928). The rest of a frame is divided into equal steps that
-//! satisfy the bound; this is done again after every step because the speed changes.
+//! of the material with the fastest waves (Courant, Friedrichs, Lewy 1928). The rest of a frame is divided into equal
+//! steps that satisfy the bound; this is done again after every step because the speed changes.
 
 /// The bound on the step.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -10,7 +10,7 @@ pub struct StepBound {
     /// C: share of the time in which a wave crosses a cell.
     pub cfl: f64,
     pub spacing_m: f64,
-    /// c_p of the stiffest material.
+    /// c_p of the material with the fastest waves.
     pub wave_speed_m_s: f64,
     /// A step to take regardless of the bound.
     pub fixed_s: Option<f64>,

@@ -37,7 +37,11 @@ impl<'a> AnsweredSegments<'a> {
     /// [`VoteError::UnknownMaterial`] if an answer names a material that `library` does not have.
     pub fn new(views: &[ViewInput], answers: &'a Answers, library: &MaterialLibrary) -> Result<Self, VoteError> {
         let mut found = Self::of_answers(views, "segment", |view, id| answer_of(answers, views[view].name, id));
-        found.name_materials(&[], |segment| views[segment.view].name, library)?;
+        for segment in &found.segments {
+            let about = || format!("segment {} of view `{}`", segment.segment, views[segment.view].name);
+            check_material(segment.answer, about, library)?;
+        }
+        found.name_materials(&[]);
         Ok(found)
     }
 
@@ -47,11 +51,16 @@ impl<'a> AnsweredSegments<'a> {
         parts: &'a [AnsweredPart],
         library: &MaterialLibrary,
     ) -> Result<Self, VoteError> {
+        for part in parts {
+            for (answer, _) in &part.answers {
+                check_material(answer, || format!("part {}", part.id), library)?;
+            }
+        }
         let main = |id: u16| parts.iter().find(|part| part.id == id)?.answers.first().map(|(answer, _)| *answer);
         let mut found = Self::of_answers(views, "part", |_, id| main(id));
         let all: Vec<&str> =
             parts.iter().flat_map(|part| part.answers.iter()).map(|(a, _)| a.material.as_str()).collect();
-        found.name_materials(&all, |segment| views[segment.view].name, library)?;
+        found.name_materials(&all);
         Ok(found)
     }
 
@@ -89,18 +98,7 @@ impl<'a> AnsweredSegments<'a> {
     }
 
     /// Numbers the materials of the segments' answers and those in `more`.
-    fn name_materials<'v>(
-        &mut self,
-        more: &[&'a str],
-        view: impl Fn(&AnsweredSegment) -> &'v str,
-        library: &MaterialLibrary,
-    ) -> Result<(), VoteError> {
-        for segment in &self.segments {
-            if library.get(&segment.answer.material).is_none() {
-                let (view, material) = (view(segment).to_owned(), segment.answer.material.clone());
-                return Err(VoteError::UnknownMaterial { view, segment: segment.segment, material });
-            }
-        }
+    fn name_materials(&mut self, more: &[&'a str]) {
         self.materials = self.segments.iter().map(|segment| segment.answer.material.as_str()).collect();
         self.materials.extend(more);
         self.materials.sort_unstable();
@@ -109,7 +107,6 @@ impl<'a> AnsweredSegments<'a> {
             let place = self.materials.binary_search(&segment.answer.material.as_str());
             segment.material = place.expect("every answer's material is listed") as u32;
         }
-        Ok(())
     }
 
     /// The number of a material that some answer names.
@@ -121,6 +118,17 @@ impl<'a> AnsweredSegments<'a> {
     /// answer.
     pub fn find(&self, view: usize, id: u16) -> Option<u32> {
         self.index[view].get(usize::from(id)).copied().flatten()
+    }
+}
+
+/// Checks the material of an answer; `about` says what the answer is about.
+///
+/// # Errors
+/// [`VoteError::UnknownMaterial`] if the answer names a material that `library` does not have.
+fn check_material(answer: &Answer, about: impl Fn() -> String, library: &MaterialLibrary) -> Result<(), VoteError> {
+    match library.get(&answer.material) {
+        Some(_) => Ok(()),
+        None => Err(VoteError::UnknownMaterial { about: about(), material: answer.material.clone() }),
     }
 }
 

@@ -13,10 +13,14 @@ pub enum VoteError {
     )]
     MapSize { view: String, map: (u32, u32), camera: (u32, u32) },
     #[error(
-        "the answer about part or segment {segment} of view `{view}` names `{material}`, which the material \
-         library does not have: add it to the library or correct the answer"
+        "an answer about {about} names `{material}`, which the material library does not have: add it to the library \
+         or correct the answer"
     )]
-    UnknownMaterial { view: String, segment: u16, material: String },
+    UnknownMaterial {
+        /// The part, or the segment and its view.
+        about: String,
+        material: String,
+    },
     #[error(
         "no Gaussian received a vote: of {} (or parts, one by one in each view) in {}, {answered} have an answer; look at the label maps and at \
          the failures in the answers, and check with `gprop inspect` whether photos, cameras and splat agree",

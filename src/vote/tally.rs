@@ -79,6 +79,7 @@ fn elect_one(ballots: &[Ballot], segments: &AnsweredSegments, candidates: &[Part
         }
     }
     let (part, _) = winner(&parts)?;
-    let cast = ballots.iter().map(|ballot| ballot.weight).sum();
+    // Rounded as the sums of `materials` are, so that they never exceed it.
+    let cast = ballots.iter().map(|ballot| f64::from(ballot.weight)).sum::<f64>() as f32;
     Some(Elected { choice: PartMaterial { part, material }, votes: votes as f32, cast, views })
 }

@@ -17,10 +17,11 @@ mod selection;
 use std::fs;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output};
+use std::sync::{Arc, Once, OnceLock};
 
 use serde_json::{Value, json};
 
-use crate::query::a;
+use crate::query::{a, good_answer};
 use crate::run::gprop;
 use ball::Balls;
 
@@ -143,6 +144,84 @@ fn done_scenes_are_skipped_and_failed_ones_retried_when_asked() {
     fs::remove_dir_all(balls.scene(1).join("gprop")).unwrap();
     assert_eq!(names(&outcomes(&mut batch(&balls, &["--views=3"]), 0)), ["ball-1"]);
     assert_eq!(outcomes(&mut batch(&balls, &["--views=3", "--from", "vote"]), 0).len(), 2);
+}
+
+#[test]
+fn results_of_stages_that_are_out_of_date_do_not_count() {
+    let balls = Balls::new(1);
+    assert!(outcomes(&mut batch(&balls, &[]), 0)[0]["mass_kg"].is_object());
+    let again = outcomes(&mut batch(&balls, &["--to", "vote", "--vote", "frequency", "--scale", "2"]), 0);
+    assert!(again[0].get("mass_kg").is_none() && again[0]["materials"].is_array(), "{again:?}");
+}
+
+#[test]
+fn a_configuration_that_is_edited_during_a_run_makes_the_scene_due_again() {
+    let configuration: Arc<OnceLock<PathBuf>> = Arc::default();
+    let (edited, once) = (Arc::clone(&configuration), Once::new());
+    let balls = Balls::asked(1, move |_| {
+        once.call_once(|| {
+            let path = edited.get().unwrap();
+            // Of the same length: the size of a scene's files counts too.
+            fs::write(path, fs::read_to_string(path).unwrap().replace("20000", "30000")).unwrap();
+        });
+        good_answer(a("wood"))
+    });
+    configuration.set(balls.scene(0).join("gprop.toml")).unwrap();
+    let run = || outcomes(&mut batch(&balls, &[]), 0).len();
+    assert_eq!(run(), 1);
+    assert_eq!(run(), 1, "the first run was with the configuration of before");
+    assert_eq!(run(), 0);
+}
+
+#[test]
+fn a_file_that_an_option_names_counts_with_its_content() {
+    let (balls, home) = (Balls::new(1), tempfile::tempdir().unwrap());
+    fs::create_dir(home.path().join("gprop")).unwrap();
+    let profile = home.path().join("gprop/tweezers.toml");
+    let write = |stroke_m: &str| {
+        let profile_text = format!(
+            "name = \"tweezers\"\nforce_n = [1.0, 9.0]\nfinger_area_m2 = 1e-4\npad = \"rubber\"\n\
+             stroke_m = {stroke_m}\n[command]\nenabled_from = 0.0\nfull = 9.0\n"
+        );
+        fs::write(&profile, profile_text).unwrap();
+    };
+    let run = |more: &[&str]| {
+        let mut command = batch(&balls, more);
+        command.env("XDG_CONFIG_HOME", home.path());
+        outcomes(&mut command, 0).len()
+    };
+    let typed = ["--gripper", profile.to_str().unwrap()];
+    write("0.02");
+    assert_eq!((run(&typed), run(&typed)), (1, 0));
+    write("0.03");
+    assert_eq!((run(&typed), run(&typed)), (1, 0));
+    fs::write(home.path().join("gprop/config.toml"), "gripper = \"tweezers.toml\"\n").unwrap();
+    assert_eq!((run(&[]), run(&[])), (1, 0));
+    write("0.02");
+    assert_eq!((run(&[]), run(&[])), (1, 0));
+}
+
+#[cfg(unix)]
+#[test]
+fn a_data_set_brings_no_link_for_the_batchs_folder() {
+    for link in ["gprop", "gprop/batch"] {
+        let (balls, outside) = (Balls::new(1), tempfile::tempdir().unwrap());
+        let path = balls.folder().join(link);
+        fs::create_dir_all(path.parent().unwrap()).unwrap();
+        std::os::unix::fs::symlink(outside.path(), &path).unwrap();
+        for more in [&["--dry-run"][..], &["--merge"], &[]] {
+            let output = batch(&balls, more).output().unwrap();
+            assert_eq!(output.status.code(), Some(2), "{more:?}: {}", stderr(&output));
+            assert!(stderr(&output).contains("is a link"), "{more:?}: {}", stderr(&output));
+        }
+        assert_eq!(fs::read_dir(outside.path()).unwrap().count(), 0, "{link}");
+        fs::create_dir(outside.path().join("batch")).unwrap();
+        fs::write(outside.path().join("index.html"), "").unwrap();
+        fs::write(outside.path().join("batch/index.html"), "").unwrap();
+        let view = gprop().arg("view").arg(balls.folder()).output().unwrap();
+        assert_eq!(view.status.code(), Some(2), "{link}: {}", stderr(&view));
+        assert!(stderr(&view).contains("is a link"), "{link}: {}", stderr(&view));
+    }
 }
 
 #[test]

@@ -101,3 +101,27 @@ fn a_budget_holds_for_all_scenes_together() {
         "{spent:?}"
     );
 }
+
+#[cfg(unix)]
+#[test]
+fn answers_are_not_recorded_through_a_link() {
+    let (balls, outside) = (Balls::new(1), tempfile::tempdir().unwrap());
+    let good = good_answer(a("wood"));
+    let server = BatchApiServer::new(&good);
+    let (url, model) = (server.options().lmm_url.unwrap(), server.options().lmm_model.unwrap());
+    let step = |step: &str| {
+        batch(&balls, &["--lmm-url", &url, "--lmm-model", &model, "--lmm-retries", "0", "--queries", step])
+    };
+    assert_eq!(json_of(&mut step("submit"), 0)["sent"], 5);
+    let output: Vec<Value> = server.sent().iter().map(|id| answered(id, &good)).collect();
+    server.set(completed(), &output, &[]);
+    let (work, elsewhere) = (balls.scene(0).join("gprop"), outside.path().join("gprop"));
+    std::fs::rename(&work, &elsewhere).unwrap();
+    std::os::unix::fs::symlink(&elsewhere, &work).unwrap();
+    let refused = step("collect").output().unwrap();
+    assert_eq!(refused.status.code(), Some(6), "{}", stderr(&refused));
+    assert!(stderr(&refused).contains("is a link"), "{}", stderr(&refused));
+    std::fs::remove_file(&work).unwrap();
+    std::fs::rename(&elsewhere, &work).unwrap();
+    assert_eq!(json_of(&mut step("collect"), 0)["recorded"], 5, "the answers were still to be collected");
+}

@@ -63,6 +63,37 @@ fn scenes_are_filtered_and_cut() {
 }
 
 #[test]
+fn a_narrower_choice_forgets_no_other_scene() {
+    let balls = Balls::new(2);
+    assert_eq!(outcomes(&mut batch(&balls, &[]), 0).len(), 2);
+    assert!(outcomes(&mut batch(&balls, &["--filter", "ball-1"]), 0).is_empty());
+    let home = balls.folder().join("gprop/batch");
+    assert_eq!(names(&lines(&home.join("shard-0-of-1.jsonl"))), ["ball-0", "ball-1"]);
+    let summary: Value = serde_json::from_slice(&fs::read(home.join("summary.json")).unwrap()).unwrap();
+    assert_eq!(summary["scenes"], 1, "a summary is of the chosen scenes");
+    assert!(outcomes(&mut batch(&balls, &[]), 0).is_empty(), "both are still done");
+}
+
+#[test]
+fn of_a_scene_in_two_shards_the_outcome_for_the_options_is_merged() {
+    let balls = Balls::new(2);
+    outcomes(&mut batch(&balls, &["--shard", "0/2"]), 0);
+    let second = outcomes(&mut batch(&balls, &["--shard", "1/2"]), 0);
+    let name = names(&second)[0];
+    // Alone, it is in the first shard.
+    let alone = ["--filter", name, "--shard", "0/2", "--views", "2"];
+    assert_eq!(names(&outcomes(&mut batch(&balls, &alone), 0)), [name]);
+    let views = |more: &[&str]| {
+        let output = batch(&balls, more).args(["--merge", "--json"]).output().unwrap();
+        assert!(output.status.success(), "{}", stderr(&output));
+        let merged: Value = serde_json::from_slice(&output.stdout).unwrap();
+        let outcome = merged["outcomes"].as_array().unwrap().iter().find(|outcome| outcome["scene"] == name);
+        outcome.unwrap()["views"].as_u64()
+    };
+    assert_eq!((views(&[]), views(&["--views", "2"])), (Some(3), Some(2)));
+}
+
+#[test]
 fn shards_share_the_scenes_and_are_merged() {
     let balls = Balls::new(5);
     let slurm = |task: &str| {

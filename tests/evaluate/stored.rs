@@ -144,3 +144,33 @@ fn what_a_work_folder_in_a_scene_says_is_not_read_elsewhere() {
     let work = balls.scene(0).join("gprop");
     measured(&segmentation(&balls, &["--out", text(&work)]));
 }
+
+#[test]
+fn two_scenes_of_one_name_are_refused() {
+    let (one, other) = (Balls::new(1), Balls::new(1));
+    for balls in [&one, &other] {
+        balls.write_truth(0);
+        run(balls, "vote", &[]);
+    }
+    refused(&segmentation(&one, &[text(&other.scene(0))]), &["two scenes have the name \"ball-0\""]);
+}
+
+#[test]
+fn part_maps_that_show_no_part_are_refused() {
+    let balls = Balls::new(1);
+    balls.write_truth(0);
+    run(&balls, "vote", &["--view-list", "000,002"]);
+    let robustness = || evaluate(&["robustness", "--few-views", "1", text(&balls.scene(0))]);
+    let clear = |view: &str| {
+        let path = balls.scene(0).join(format!("ground_truth/part_maps/{view}.png"));
+        let (width, height) = image::image_dimensions(&path).unwrap();
+        image::GrayImage::from_pixel(width, height, image::Luma([255])).save(path).unwrap();
+    };
+    clear("000");
+    let found = measured(&robustness());
+    assert_eq!(found[0]["rows"][3]["mean_iou"], 0.0, "the only view of the row with fewer views shows no part");
+    clear("002");
+    refused(&robustness(), &["ball-0", "show no part in the views that vote"]);
+    clear("001");
+    refused(&robustness(), &["ball-0", "show no part in the views that do not vote"]);
+}

@@ -9,6 +9,7 @@ use gprop::grasp::Reason;
 use gprop::grasp::candidates::Candidate;
 use gprop::grasp::gripper::GripperProfile;
 use gprop::parts::{FILLING, Object, PartsError};
+use gprop::scene::gaussians::Gaussians;
 use gprop::vote::field_ply;
 use serde_json::{Value, json};
 use tempfile::TempDir;
@@ -320,7 +321,7 @@ fn the_splats_parts_are_all_of_it() {
     let (_folder, files) = exported(measured, Format::PlyParts);
     let read: Vec<_> = files.iter().map(|file| gprop::scene::ply::read(file).unwrap().gaussians).collect();
     assert_eq!(read.len(), measured.field.labels.len());
-    assert_eq!(read.iter().map(gprop::scene::gaussians::Gaussians::len).sum::<usize>(), measured.scene.gaussians.len());
+    assert_eq!(read.iter().map(Gaussians::len).sum::<usize>(), measured.scene.gaussians.len());
     for (label, gaussians) in measured.field.labels.iter().zip(&read) {
         let column = gaussians.extra.iter().find(|extra| extra.name == "part_label").unwrap();
         assert!(column.values.iter().all(|part| *part == label.id as f32), "{}", label.caption);
@@ -344,14 +345,20 @@ fn the_gltf_splat_has_every_gaussian_and_harmonic() {
     for accessor in attributes.values() {
         assert_eq!(json["accessors"][accessor.as_u64().unwrap() as usize]["count"], gaussians.len());
     }
+    let end_of = |attribute: &str| {
+        let accessor = &json["accessors"][attributes[attribute].as_u64().unwrap() as usize];
+        let view = &json["bufferViews"][accessor["bufferView"].as_u64().unwrap() as usize];
+        20 + length + 8 + (view["byteOffset"].as_u64().unwrap() + view["byteLength"].as_u64().unwrap()) as usize
+    };
     // The last harmonic of the last Gaussian, as it is in the PLY.
     let degree = gaussians.sh_degree;
-    let last = &attributes[&format!("KHR_gaussian_splatting:SH_DEGREE_{degree}_COEF_{}", 2 * degree)];
-    let view = &json["bufferViews"]
-        [json["accessors"][last.as_u64().unwrap() as usize]["bufferView"].as_u64().unwrap() as usize];
-    let end = 20 + length + 8 + (view["byteOffset"].as_u64().unwrap() + view["byteLength"].as_u64().unwrap()) as usize;
+    let end = end_of(&format!("KHR_gaussian_splatting:SH_DEGREE_{degree}_COEF_{}", 2 * degree));
     let value = f32::from_le_bytes(bytes[end - 4..end].try_into().unwrap());
     assert_eq!(value, *gaussians.sh_rest.last().unwrap());
+    // The alpha of the last Gaussian's colour is its opacity.
+    let end = end_of("COLOR_0");
+    let alpha = u16::from_le_bytes(bytes[end - 2..end].try_into().unwrap());
+    assert_eq!(f64::from(alpha), (gaussians.opacity(gaussians.len() - 1) * 65535.0).round());
 }
 
 #[test]
@@ -434,6 +441,30 @@ fn physgaussian_gets_its_folder() {
     let cloud = gprop::scene::ply::read(&folder.path().join("point_cloud/iteration_30000/point_cloud.ply")).unwrap();
     let names: Vec<&str> = cloud.gaussians.extra.iter().map(|e| e.name.as_str()).collect();
     assert_eq!(names, ["part_label", "density", "E", "nu", "material_id", "conf"]);
+}
+
+#[test]
+fn boxes_leave_out_the_gaussians_that_physgaussian_drops() {
+    /// An opacity of 0.00005; PhysGaussian keeps those above 0.02.
+    const FAINT: f32 = -10.0;
+    let measured = Measured::of(&folders()[0]);
+    let boxes = |gaussians: &Gaussians| -> Vec<Value> {
+        let folder = TempDir::new().unwrap();
+        let files = export(&Model { gaussians, ..model(measured) }, &[Format::Physgaussian], folder.path()).unwrap();
+        let config: Value = serde_json::from_slice(&std::fs::read(&files[0]).unwrap()).unwrap();
+        listed(config["additional_material_params"].clone())
+    };
+    let (all, part_label) = (&measured.scene.gaussians, &measured.field.part_label);
+    let mut faint = all.clone();
+    faint.opacity_logits[0] = FAINT;
+    let mut astray = faint.clone();
+    astray.positions[0] = [1e3; 3];
+    assert_eq!(boxes(&astray), boxes(&faint), "wherever it lies");
+    let count = |label: u32| part_label.iter().filter(|&&of| of == label).count();
+    let least = (0..measured.field.labels.len() as u32).min_by_key(|&label| count(label)).unwrap();
+    let of_least = |(i, _): &(usize, &mut f32)| part_label[*i] == least;
+    faint.opacity_logits.iter_mut().enumerate().filter(of_least).for_each(|(_, logit)| *logit = FAINT);
+    assert_eq!(boxes(&faint).len(), boxes(all).len() - 1, "no box for a part without a Gaussian");
 }
 
 #[test]

@@ -6,6 +6,7 @@ use gprop::grasp::{GraspError, GraspReport, Limit, Options, Policy, Reason, gras
 use gprop::materials::Law;
 use gprop::parts::{NoVolume, Object, Part, Parts};
 use gprop::query::Form;
+use gprop::report::{grasp_line, part_lines};
 use gprop::units::{Estimate, GRAVITY_M_S2};
 use gprop::vote::FieldLabel;
 use proptest::prelude::*;
@@ -27,6 +28,7 @@ fn part(id: u32, caption: &str, mass_kg: Estimate, thickness_m: Estimate, to_cen
         volume_m3: Some(Estimate::exactly(1e-4)),
         no_volume: None,
         thickness_m: Some(thickness_m),
+        is_wall: false,
         density_kg_m3: Estimate::exactly(1000.0),
         mass_kg: Some(mass_kg),
         width: Vec::new(),
@@ -249,6 +251,58 @@ fn a_part_is_called_by_its_name_before_another_that_mentions_it() {
     assert!(doubt.iter().any(|warning| warning.starts_with("no part is called \"pale\"; taking part 0")), "{doubt:?}");
 }
 
+/// With `--bodies parts`.
+#[test]
+fn bodies_that_are_written_as_parts_are_one_part() {
+    let (mut parts, labels) = hammer();
+    let whole = parts.parts.pop().unwrap();
+    let body = |number: usize, gaussians: usize, share: f64, x: f64| Part {
+        caption: format!("{} ({number} of 2)", whole.caption),
+        gaussians,
+        volume_m3: whole.volume_m3.map(|volume| volume.scaled(share)),
+        mass_kg: whole.mass_kg.map(|mass| mass.scaled(share)),
+        center_of_mass_m: Some([x, 0.0, 0.0]),
+        inertia_kg_m2: Some([[0.001, 0.0, 0.0], [0.0, 0.002, 0.0], [0.0, 0.0, 0.003]]),
+        ..whole.clone()
+    };
+    parts.parts.extend([body(1, 40, 0.25, 0.3), body(2, 60, 0.75, -0.1)]);
+
+    let head = parts.of_label(1).unwrap();
+    assert_eq!((head.caption.as_str(), head.gaussians), ("steel head", 100));
+    close(head.volume_m3.unwrap().mid, 1e-4);
+    let mass = head.mass_kg.unwrap();
+    for (sum, whole) in [(mass.low, 0.40), (mass.mid, 0.44), (mass.high, 0.48)] {
+        close(sum, whole);
+    }
+    // 0.11 kg at 0.3 m and 0.33 kg at -0.1 m balance at 0, up to a few roundings of 0.1 m.
+    assert!(head.center_of_mass_m.unwrap().into_iter().all(|x| x.abs() < 1e-15), "{:?}", head.center_of_mass_m);
+    // 0.11 * 0.3^2 + 0.33 * 0.1^2 = 0.0132 kg m2 about y and z, besides the bodies' own.
+    let inertia = head.inertia_kg_m2.unwrap();
+    for (axis, by_hand) in [0.002, 0.0172, 0.0192].into_iter().enumerate() {
+        close(inertia[axis][axis], by_hand);
+    }
+    let ids: Vec<u32> = parts.by_label().map(|part| part.id).collect();
+    assert_eq!((ids, parts.of_label(2)), (vec![0, 1], None));
+
+    for name in ["1", "steel head", "head", "steel head (2 of 2)"] {
+        let report = grasp(&parts, &labels, None, 1.0, &paper(), &of_part(name)).unwrap();
+        assert_eq!((report.part_id, report.part.as_str()), (1, "steel head"), "{name}");
+    }
+    let missing = grasp(&parts, &labels, None, 1.0, &paper(), &of_part("2")).unwrap_err();
+    assert!(matches!(missing, GraspError::NoSuchPart { .. }), "a body's number is no name: {missing}");
+    assert!(part_lines(&labels, Some(&parts)).contains("440 g (400 to 480)"), "{}", part_lines(&labels, Some(&parts)));
+}
+
+#[test]
+fn a_part_whose_caption_names_nothing_is_called_by_its_material() {
+    let (mut parts, labels) = hammer();
+    parts.parts[0].caption = String::new();
+    parts.parts[0].material = "hickory, dry".into();
+    let report = grasp(&parts, &labels, None, 1.0, &paper(), &of_part("0")).unwrap();
+    assert_eq!(report.material, "hickory, dry");
+    assert!(grasp_line(&report).contains(" at the hickory: "), "{}", grasp_line(&report));
+}
+
 #[test]
 fn options_outside_their_domain_are_refused() {
     for lift_angle_deg in [-1.0, 90.5, f64::NAN] {
@@ -335,6 +389,9 @@ fn profiles_that_are_wrong_are_refused() {
     refused("2e-4", "0.0", "finger_area_m2");
     refused("\"rubber\"", "\"velcro\"", "velcro");
     refused("full = 1.0", "full = 0.0", "command");
+    refused("enabled_from = 0.0", "enabled_from = -inf", "both finite");
+    refused("full = 1.0", "full = inf", "both finite");
+    refused("full = 1.0", "full = nan", "both finite");
     refused("full = 1.0", "full = 1.0\n[[calibration]]\ncommand = 0.5\nforce_n = 9.0", "too few");
     refused("[command]\nenabled_from = 0.0\nfull = 1.0", "", "no calibration");
     refused("name = \"g\"", "name = ", "line 1");

@@ -6,7 +6,7 @@ use gprop::grasp::{GraspError, GraspReport, Options, Reason, grasp};
 use gprop::parts::{self, PartsResult};
 use gprop::progress::Progress;
 use gprop::query::Form;
-use gprop::units::{MetricScale, ScaleSource};
+use gprop::units::{Estimate, MetricScale, Range, ScaleSource};
 use gprop::vote::FieldLabel;
 use nalgebra::{Point3, Vector3};
 
@@ -78,6 +78,28 @@ fn a_rod_is_grasped_across() {
     // The top-level forces are those of the best place.
     assert_eq!(report.candidates[0].f_star_n, report.f_star_n);
     assert_eq!(report.candidates[0].f_max_n, report.f_max_n);
+}
+
+/// `--volume` may make a solid of a part that the answer calls a shell, and the other way round.
+#[test]
+fn the_thickness_is_that_of_a_wall_if_the_volume_is() {
+    let scene = scene(&lollipop(), &[Form::Solid, Form::Solid]);
+    let thickness = Estimate::new(0.002, 0.003, 0.004);
+    let places = |is_wall: bool, form: Form| {
+        let (mut parts, mut labels) = (scene.parts.metric().unwrap().clone(), scene.labels.clone());
+        (parts.parts[0].is_wall, parts.parts[0].thickness_m) = (is_wall, Some(thickness));
+        labels[0].form = form;
+        let options = Options { part: Some("part 0".to_owned()), ..Options::default() };
+        let gripper = GripperProfile::load("paper").unwrap();
+        grasp(&parts, &labels, Some(&scene.surface), 1.0, &gripper, &options).unwrap().candidates
+    };
+    let walls = places(true, Form::Solid);
+    assert!(!walls.is_empty() && walls.iter().all(|place| place.thickness_m == thickness), "{walls:?}");
+    for place in places(false, Form::Shell { wall_thickness_m: Range::new(0.002, 0.004) }) {
+        // As in `a_rod_is_grasped_across`; as uncertain as the part's own.
+        let Estimate { low, mid, .. } = place.thickness_m;
+        assert!((mid - 0.03).abs() < 0.003 && (low / mid - 2.0 / 3.0).abs() < 1e-12, "{:?}", place.thickness_m);
+    }
 }
 
 #[test]

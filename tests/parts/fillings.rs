@@ -160,3 +160,59 @@ fn a_scale_follows_from_the_mass() {
         assert_eq!(found.scale().unwrap().meters_per_unit, scale.mid);
     }
 }
+
+/// Otherwise the inertia and all lengths would keep the scale from before the weighing.
+#[test]
+fn a_weighing_corrects_an_uncertain_scale_everywhere() {
+    let cloud = Cloud::sphere(Point3::new(0.1, -0.05, 0.02), 1.0, 8000, |_| 0);
+    let (gaussians, field) = (cloud.gaussians(0.02), cloud.field(&[Form::Solid]));
+    let exact = MetricScale { meters_per_unit: 1.1 * SCALE.meters_per_unit, ..SCALE };
+    let exact = measured(&gaussians, &field, Some(&exact), &Options::default());
+    let range = Range::new(0.7 * SCALE.meters_per_unit, 1.5 * SCALE.meters_per_unit);
+    let uncertain = MetricScale { range: Some(range), ..SCALE };
+    let options = Options { known_mass: Some(exact.object.mass_kg.mid), ..Options::default() };
+    let weighed = measured(&gaussians, &field, Some(&uncertain), &options);
+    // Part of the difference is put down to the density and the surface, which are also uncertain.
+    let scale = weighed.meters_per_unit.unwrap().mid / SCALE.meters_per_unit;
+    assert!(scale > 1.05 && scale < 1.1, "{scale}");
+    let by = scale / 1.1;
+    close(weighed.parts[0].thickness_m.unwrap().mid, by * exact.parts[0].thickness_m.unwrap().mid, 1e-9);
+    close(weighed.object.center_of_mass_m[0], by * exact.object.center_of_mass_m[0], 1e-9);
+    let mass = weighed.object.mass_kg.mid / exact.object.mass_kg.mid;
+    for inertia in [
+        (weighed.object.inertia_kg_m2, exact.object.inertia_kg_m2),
+        (weighed.parts[0].inertia_kg_m2.unwrap(), exact.parts[0].inertia_kg_m2.unwrap()),
+    ] {
+        close(inertia.0[0][0], mass * by * by * inertia.1[0][0], 1e-9);
+    }
+}
+
+#[test]
+fn a_heavy_reading_overfills_no_hollow() {
+    let contents = filling(1000.0, Estimate::new(0.3, 0.5, 0.8));
+    let expected = ball(contents.clone(), &Options::default());
+    let full = ball(filling(1000.0, Estimate::exactly(1.0)), &Options::default()).fillings[0].volume_m3.mid;
+    let refused = ball(contents.clone(), &Options { known_mass: Some(1e6), ..Options::default() });
+    let reading = 0.5 * (expected.object.mass_kg.mid + refused.known_mass.unwrap().possible_kg.high);
+    let weighed = ball(contents, &Options { known_mass: Some(reading), ..Options::default() });
+    assert!(weighed.known_mass.unwrap().is_possible);
+    close(weighed.object.mass_kg.mid, reading, 0.01);
+    let filling = &weighed.fillings[0];
+    assert!(filling.share_of_hollow.mid <= 1.0 + 1e-9 && filling.share_of_hollow.high <= 1.0 + 1e-9, "{filling:?}");
+    // The hollow itself is uncertain, by the surface and the wall.
+    assert!(filling.volume_m3.mid < 1.3 * full, "{filling:?}");
+}
+
+#[test]
+fn after_a_weighing_no_single_source_is_wider_than_all() {
+    let contents = filling(1000.0, Estimate::new(0.5, 0.9, 1.0));
+    let reading = ball(contents.clone(), &Options::default()).object.mass_kg.mid;
+    let weighed = ball(contents, &Options { known_mass: Some(reading), ..Options::default() });
+    let whole = weighed.object.mass_kg;
+    for width in &weighed.object.width {
+        assert!(
+            width.mass_kg.high / width.mass_kg.low <= whole.high / whole.low * (1.0 + 1e-9),
+            "{width:?}, {whole:?}"
+        );
+    }
+}

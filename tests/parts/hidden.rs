@@ -97,6 +97,37 @@ fn a_rod_goes_through_a_drum() {
     assert!(error(&parts, 1, drum).abs() < 0.15);
 }
 
+/// Its heads touch the bar at both ends, in line, but do not surround it.
+#[test]
+fn heads_do_not_go_through_the_bar_between_them() {
+    let mut cloud = Cloud::default();
+    cloud.add_cylinder(0.2, [-0.6, 0.6], [false, false], SPACING, 0);
+    for (low, high) in [(-1.0, -0.6), (0.6, 1.0)] {
+        cloud.add_cylinder(0.35, [low, high], [true, true], SPACING, 1);
+    }
+    cloud.points.retain(|(p, n, part)| *part == 0 || n.z.abs() < 0.5 || p.z.abs() > 0.9 || p.coords.xy().norm() > 0.2);
+    let parts = measured(&cloud, &[Form::Solid; 2], |_| true);
+    assert!(!parts.notes.iter().any(|w| w.contains("through")), "{:?}", parts.notes);
+    let (bar, heads) = (PI * 0.04 * 1.2, 2.0 * PI * 0.35f64.powi(2) * 0.4);
+    assert!(error(&parts, 0, bar).abs() < 0.15);
+    assert!(error(&parts, 1, heads).abs() < 0.15);
+}
+
+/// Two legs of one solid, each with a grip of the same part, like those of pliers.
+#[test]
+fn two_rods_go_on_in_two_sleeves_of_one_part() {
+    let mut cloud = Cloud::default();
+    for at in [Vector3::new(-0.5, 0.0, 0.0), Vector3::new(0.5, 0.0, 0.0)] {
+        for (point, normal, part) in rod_in_sleeve().points {
+            cloud.add(point + at, normal, part);
+        }
+    }
+    let parts = measured(&cloud, &[Form::Solid, wall(0.08)], |_| true);
+    let notes: Vec<_> = parts.notes.iter().filter(|w| w.contains("continue inside")).collect();
+    assert_eq!(notes.len(), 1, "{:?}", parts.notes);
+    assert!(error(&parts, 0, 2.0 * PI * 0.04 * 2.0).abs() < 0.15);
+}
+
 #[test]
 fn a_thin_stem_does_not_fill_the_hollow_base_under_it() {
     // A closed base of radius 0.6 with walls of 0.05, and a solid stem of radius 0.12 on it.

@@ -123,6 +123,16 @@ fn a_truncated_answer_names_what_it_lacks() {
     assert!(problem.reason.contains("friction_rubber"), "{}", problem.reason);
 }
 
+/// "0.9" cut to "0" would pass for a confidence.
+#[test]
+fn a_number_that_is_cut_off_is_not_taken_for_a_whole_one() {
+    let json = good().to_string();
+    for end in json.char_indices().map(|(at, _)| at).filter(|at| json[..*at].ends_with(|c: char| c.is_ascii_digit())) {
+        let cut = read_as(&json[..end], Unknown::Refuse);
+        assert!(cut.is_err(), "{:?}", &json[..end]);
+    }
+}
+
 #[test]
 fn names_are_found_whatever_their_case() {
     let answer = read(&with(good(), "material", json!(a("wood").to_uppercase()))).unwrap();
@@ -179,6 +189,21 @@ fn the_narrower_of_two_ranges_that_overlap_counts() {
     let (range, flags) = density([-5.0, 1e9]);
     assert_eq!(range, row.density_kg_m3);
     assert!(flags[0].contains("was clamped"), "{flags:?}");
+}
+
+/// Cut to what is possible, it would be a single number, and narrower than any range of the library.
+#[test]
+fn an_impossible_answer_is_not_a_certain_one() {
+    let row = MaterialLibrary::builtin().get("ptfe").unwrap();
+    let said =
+        with(with(good_answer_about_part("ptfe"), "family", json!(row.family)), "friction_rubber", json!([0.05, 0.2]));
+    let answer = read(&said).unwrap();
+    assert_eq!(answer.friction_rubber, row.friction_rubber);
+    assert!(
+        answer.flags.iter().any(|flag| flag.contains("friction") && flag.contains("does not overlap")),
+        "{:?}",
+        answer.flags
+    );
 }
 
 #[test]

@@ -313,6 +313,29 @@ fn the_key_appears_nowhere_but_in_its_header() {
     }
 }
 
+/// Otherwise the word would be cut out of answers, which could then not be used.
+#[test]
+fn a_placeholder_for_a_key_stays_in_answers() {
+    let server = Server::new(|_, _, _| ok(&good_answer(a("wood")).to_string()));
+    let key = ApiKey::new("none").unwrap();
+    let options = Options { lmm_parallel: 1, ..server.options() };
+    let client = connect(&options, Some(key)).unwrap().unwrap();
+    let (prompts, folder) = (Prompts::builtin(), tempfile::tempdir().unwrap());
+    let queries = prepare(&[two_segments("000", 80, 80)], &prompts, &options);
+    let result = queries.run(
+        &recordings(folder.path()),
+        Some(&client),
+        &Budget::new(None, None),
+        &mut |_, _| Ok(()),
+        gprop::progress::Progress::Hidden,
+    );
+    assert_eq!(result.unwrap().answers.failed().count(), 0);
+    let recorded = std::fs::read_dir(folder.path()).unwrap().map(|entry| entry.unwrap().path());
+    for path in recorded.filter(|path| path.extension().is_some_and(|end| end == "json")) {
+        assert!(std::fs::read_to_string(&path).unwrap().contains("none"));
+    }
+}
+
 #[test]
 fn five_hundred_queries_with_faults_end_with_five_hundred_answers_each_paid_once() {
     let folder = tempfile::tempdir().unwrap();

@@ -1,12 +1,12 @@
 use std::fs;
 
 use gprop::progress::Progress;
-use gprop::query::asker::{AskError, ReplyContent};
+use gprop::query::asker::{AskError, Asker, ReplyContent};
 use gprop::query::budget::Budget;
 use gprop::query::recorded::{RecordingError, Recordings};
 use gprop::query::{AnswerSource, Failure, Guidance, Match, Options, Outcome, Prompts, QueryError};
 
-use super::{Scripted, a, good_answer, prepare, recordings, run, small, text, two_segments};
+use super::{Scripted, a, good_answer, prepare, recordings, run, small, text, two_segments, with};
 
 fn replay() -> Options {
     Options { answers: AnswerSource::Replay, ..small() }
@@ -180,6 +180,26 @@ fn an_unusable_answer_is_asked_once_more_with_the_reason() {
 }
 
 #[test]
+fn a_usable_answer_survives_a_correction_that_fails() {
+    let prompts = Prompts::builtin();
+    let options = small();
+    let first = || text(with(good_answer(a("wood")), "material", format!("{} tree", a("wood")).into()));
+    let failures: [fn() -> Result<ReplyContent, AskError>; 3] = [
+        || text("{}"),
+        || Ok(ReplyContent::Refusal("no".to_owned())),
+        || Err(AskError::Failed("no answer in time".to_owned())),
+    ];
+    for second in failures {
+        let folder = tempfile::tempdir().unwrap();
+        let asker = Scripted::new(move |ask| if ask.correction.is_none() { first() } else { second() });
+        let queries = prepare(&[two_segments("000", 80, 80)], &prompts, &options);
+        let run = run(&queries, &recordings(folder.path()), Some(&asker)).unwrap();
+        assert_eq!((asker.count(), run.answers.failed().count()), (4, 0));
+        assert_eq!(recordings(folder.path()).len(), 2);
+    }
+}
+
+#[test]
 fn failures_are_typed_counted_and_never_recorded() {
     let folder = tempfile::tempdir().unwrap();
     let prompts = Prompts::builtin();
@@ -252,6 +272,19 @@ fn family_first_records_both_questions_and_replays_through_moved_masks() {
     moved.photo = original[0].photo.clone();
     let replayed = run(&prepare(&[moved], &prompts, &replay), &recordings(folder.path()), None).unwrap();
     assert!(matches!(matched(&replayed)[..], [Match::Mask { .. }, Match::Mask { .. }]));
+}
+
+/// The family is asked about first; nothing else is sent until it is known.
+#[test]
+fn a_submission_of_first_questions_costs_no_more_than_these() {
+    let (folder, prompts) = (tempfile::tempdir().unwrap(), Prompts::builtin());
+    let options = Options { guidance: Guidance::FamilyFirst, ..small() };
+    let queries = prepare(&[two_segments("000", 80, 80)], &prompts, &options);
+    let asker = Scripted::new(|_| text("{}"));
+    let (now, later) = queries.submission_cost(&recordings(folder.path()), asker.answerer(), None, 1, |_, _| true);
+    assert_eq!((now.requests, later.requests), (1, 1));
+    let whole = queries.preview(&recordings(folder.path()), Some(asker.answerer()), None);
+    assert_eq!(whole.cost.requests, 4, "in the end, each segment has two questions");
 }
 
 #[test]

@@ -371,6 +371,35 @@ fn masks_that_are_missing_are_named() {
 }
 
 #[test]
+fn masks_that_the_camera_file_names_in_vain_are_counted() {
+    let mut made_up = super::folder::MadeUp::new();
+    for (n, frame) in made_up.transforms["frames"].as_array_mut().unwrap().iter_mut().enumerate() {
+        frame["mask_path"] = json!(format!("mask/{n:03}.png"));
+    }
+    let scene = made_up.load().unwrap();
+    let warned = scene.warnings.iter().any(|warning| warning.contains("4 masks") && warning.contains("mask/000.png"));
+    assert!(warned, "{:?}", scene.warnings);
+}
+
+#[test]
+fn masks_of_a_neighbouring_folder_are_not_the_scenes() {
+    let made_up = super::folder::MadeUp::new();
+    let around = tempfile::tempdir().unwrap();
+    let (scene, masks) = (around.path().join("scene"), around.path().join("masks"));
+    std::fs::create_dir(&masks).unwrap();
+    image::GrayImage::new(8, 6).save(masks.join("000.png")).unwrap();
+    std::fs::write(made_up.path("transforms.json"), made_up.transforms.to_string()).unwrap();
+    std::fs::create_dir_all(scene.join("images")).unwrap();
+    for file in
+        ["point_cloud.ply", "transforms.json", "images/000.png", "images/001.png", "images/002.png", "images/003.png"]
+    {
+        std::fs::copy(made_up.path(file), scene.join(file)).unwrap();
+    }
+    let loaded = gprop::scene::load(&scene, &Options::default()).unwrap();
+    assert!(loaded.views.iter().all(|view| view.mask.is_none()));
+}
+
+#[test]
 fn masks_tell_the_foreground() {
     let made_up = MadeUp::new();
     let mask = GrayImage::from_fn(8, 6, |x, _| image::Luma([if x < 4 { 255 } else { 0 }]));
@@ -446,6 +475,38 @@ fn photos_that_are_all_missing_are_said_to_be() {
     let options = Options { images: Some(elsewhere.path().to_owned()), ..Options::default() };
     let scene = flat.load_with(&options).unwrap();
     assert_eq!((scene.views.len(), scene.views[0].name.as_str()), (1, "002"));
+}
+
+/// Paths of another machine: their ends tell photos apart, as far as they do.
+#[test]
+fn absolute_paths_lead_to_photos_by_their_ends() {
+    let mut made_up = super::folder::MadeUp::new();
+    for n in 0..4 {
+        let folder = made_up.path(&format!("images/cam{n}"));
+        std::fs::create_dir(&folder).unwrap();
+        std::fs::rename(made_up.path(&format!("images/{n:03}.png")), folder.join("000.png")).unwrap();
+        made_up.transforms["frames"][n]["file_path"] = json!(format!("/elsewhere/data/images/cam{n}/000.png"));
+    }
+    let scene = made_up.load().unwrap();
+    let images: std::collections::BTreeSet<_> = scene.views.iter().map(|view| view.image.clone()).collect();
+    assert_eq!((scene.views.len(), images.len()), (4, 4));
+    // One photo for several cameras can be that of any of them.
+    std::fs::copy(made_up.path("images/cam0/000.png"), made_up.path("images/000.png")).unwrap();
+    for n in 1..4 {
+        std::fs::remove_dir_all(made_up.path(&format!("images/cam{n}"))).unwrap();
+    }
+    let scene = made_up.load().unwrap();
+    assert_eq!(scene.views.len(), 1);
+    assert!(scene.warnings.iter().any(|warning| warning.contains("3 of the 4 photos")), "{:?}", scene.warnings);
+}
+
+#[test]
+fn a_frames_own_angle_replaces_the_files_focal_length() {
+    let mut made_up = super::folder::MadeUp::new();
+    made_up.transforms["frames"][0]["camera_angle_x"] = json!(0.8);
+    let scene = made_up.load().unwrap();
+    let focal = |view: usize| scene.views[view].camera.intrinsics.fx;
+    assert!((focal(0) - 4.0 / 0.4f64.tan()).abs() < 1e-9 && focal(1) == 10.0, "{} {}", focal(0), focal(1));
 }
 
 #[test]

@@ -467,6 +467,19 @@ fn a_smoothing_filter_is_worked_in() {
 }
 
 #[test]
+fn a_smoothing_filter_that_is_no_number_costs_the_gaussian() {
+    for encoding in [Encoding::Little, Encoding::Ascii] {
+        let mut properties = splat(3, 0);
+        properties.push(property("filter_3D", "float", &[0.0, f32::NAN, 0.5]));
+        let loaded = ply::parse(&encode(&properties, encoding)).unwrap();
+        assert_eq!(loaded.gaussians.len(), 2);
+        assert!(loaded.warnings.iter().any(|warning| warning.contains('1')), "{:?}", loaded.warnings);
+        *properties.last_mut().unwrap() = property("filter_3D", "float", &[f32::NAN; 3]);
+        assert!(ply::parse(&encode(&properties, encoding)).is_err());
+    }
+}
+
+#[test]
 fn a_comment_tells_an_antialiased_splat() {
     let file = encode(&splat(1, 0), Encoding::Ascii);
     let with = |comment: &str| with_header(&file, |header| header.replace("made by a test", comment));

@@ -185,7 +185,10 @@ fn other_forms_are_read_by_the_programs_that_they_are_for() {
     );
     if python_has(test, "pycocotools", "pycocotools.mask") {
         let coco = written(&path, "coco.json");
-        assert_eq!(python(&script, &[&files[0], &coco]), json!({ "annotations": segments, "same": true }));
+        assert_eq!(
+            python(&script, &[&files[0], &coco]),
+            json!({ "annotations": segments, "same": true, "areas": true })
+        );
     }
 }
 

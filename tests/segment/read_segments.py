@@ -22,9 +22,20 @@ else:
     from pycocotools import mask
 
     annotations = json.load(open(sys.argv[2]))["annotations"]
-    decoded = [(entry["segment"], mask.decode(entry["segmentation"])) for entry in annotations]
+    parents = {entry["segment"]: entry["parent"] for entry in annotations}
+    decoded = [(entry, mask.decode(entry["segmentation"])) for entry in annotations]
+
+    def lies_in(segment, outer):
+        while segment is not None and segment != outer:
+            segment = parents[segment]
+        return segment == outer
+
+    def pixels_of(outer):
+        return np.isin(labels, [segment for segment in parents if lies_in(segment, outer)])
+
     found = {
         "annotations": len(annotations),
-        "same": all(((labels == segment) == (pixels == 1)).all() for segment, pixels in decoded),
+        "same": all((pixels_of(entry["segment"]) == (pixels == 1)).all() for entry, pixels in decoded),
+        "areas": all(entry["area"] == int(pixels.sum()) for entry, pixels in decoded),
     }
 print(json.dumps(found))

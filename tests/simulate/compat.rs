@@ -248,6 +248,22 @@ fn runs_a_configuration_on_a_scene() {
     assert!(frames[0].log_scales[3600..].iter().all(|s| s.iter().all(|s| (s + 3.0).abs() < 1e-4)));
 }
 
+/// A particle that the last step of a frame loses stops the run before the frame is kept.
+#[test]
+fn a_frame_with_a_lost_particle_is_not_kept() {
+    // One step per frame, in which everything falls by g dt^2 = 400, far out of the box.
+    let json = r#"{"n_grid": 32, "g": [0, 0, -1e6], "frame_num": 1, "frame_dt": 0.02, "substep_dt": 0.02}"#;
+    let mut kept = 0;
+    let mut keep = |_: usize, _: &[Particle], _: &Gaussians| {
+        kept += 1;
+        Ok::<_, SimulateError>(())
+    };
+    match run(&ball(100), &Config::from_json(json).unwrap(), None, &mut keep, Progress::Hidden) {
+        Err(SimulateError::Lost { frame, .. }) => assert_eq!((frame, kept), (1, 1)),
+        other => panic!("{other:?}"),
+    }
+}
+
 fn label(law: Law, youngs_modulus_pa: f64, density_kg_m3: f64) -> FieldLabel {
     FieldLabel {
         id: 0,

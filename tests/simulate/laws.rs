@@ -29,6 +29,7 @@ fn pack(elastic: [f32; 9], state: f64) -> Pack {
     let (mu, lambda) = lame(E, NU);
     let particle = Particle {
         position_m: [1.0; 3],
+        compensation_m: [0.0; 3],
         velocity_m_s: [0.0; 3],
         affine: [0.0; 9],
         elastic,

@@ -1,4 +1,4 @@
-// Free motion: the quantities that the transfers must conserve.
+// Motion: the quantities that the transfers must conserve, and positions after thousands of tiny steps.
 mod motion;
 // Stress, yield and waves against closed forms.
 mod laws;
@@ -80,6 +80,7 @@ impl Block {
                     let velocity = (self.velocity_m_s)(Vector3::from(position_m.map(f64::from)));
                     particles.push(Particle {
                         position_m,
+                        compensation_m: [0.0; 3],
                         velocity_m_s: velocity.map(|v| v as f32).into(),
                         affine: [0.0; 9],
                         elastic: IDENTITY,

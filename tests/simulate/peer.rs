@@ -76,6 +76,7 @@ fn deviation(name: &str) -> Option<(f64, f64)> {
     let particles: Vec<Particle> = (0..vol.len())
         .map(|i| Particle {
             position_m: x0[3 * i..3 * i + 3].try_into().unwrap(),
+            compensation_m: [0.0; 3],
             velocity_m_s: v0[3 * i..3 * i + 3].try_into().unwrap(),
             affine: [0.0; 9],
             elastic: IDENTITY,

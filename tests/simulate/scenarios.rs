@@ -8,6 +8,7 @@ fn column() -> Vec<Particle> {
     (0..10)
         .map(|i| Particle {
             position_m: [1.0, 1.0, 0.05 + 0.1 * i as f32],
+            compensation_m: [0.0; 3],
             velocity_m_s: [0.0; 3],
             affine: [0.0; 9],
             elastic: IDENTITY,
@@ -25,7 +26,15 @@ fn column() -> Vec<Particle> {
 const LABELS: [u32; 10] = [0, 0, 0, 0, 0, 1, 1, 1, 1, 1];
 
 fn standing<'a>(particles: &'a [Particle], names: &'a [Vec<&'a str>]) -> Standing<'a> {
-    Standing { particles, labels: &LABELS, names, longest_m: 1.0, gravity_m_s2: 9.8, duration_s: 2.0 }
+    Standing {
+        particles,
+        is_solid: &[true; 10],
+        labels: &LABELS,
+        names,
+        longest_m: 1.0,
+        gravity_m_s2: 9.8,
+        duration_s: 2.0,
+    }
 }
 
 #[test]
@@ -83,6 +92,25 @@ fn parts_are_found_by_words_of_their_caption() {
     assert_eq!(held(["foot", "rim above the foot"], "foot").unwrap(), LABELS.map(|l| l == 0));
     assert_eq!(held(["tapered front leg", "seat of glass"], "legs").unwrap(), LABELS.map(|l| l == 0));
     assert!(held(mug, "hand").is_err() && held(mug, ";").is_err());
+}
+
+/// The topmost particle is a stray, far above the others: the upper third is that of the others, and the stray belongs to
+/// it. The axis of a turn goes through the middle of the others as well.
+#[test]
+fn strays_do_not_define_the_regions() {
+    let (mut particles, names) = (column(), vec![vec!["foot"], vec!["seat"]]);
+    particles[9].position_m = [9.0, 1.0, 30.0];
+    let is_solid: [bool; 10] = std::array::from_fn(|i| i != 9);
+    let standing = |is_solid| Standing { is_solid, ..standing(&particles, &names) };
+    let step = |what: &str| Script::from_toml(&format!("[[step]]\non = \"top\"\ndo = {what}")).unwrap().steps;
+    let held = |is_solid| standing(is_solid).actions(&step("\"hold\"")).unwrap()[0].mask.clone();
+    // Solid heights are 0.05 to 0.85 m: the upper third begins at 0.58 m.
+    assert_eq!(held(&is_solid), [false, false, false, false, false, false, true, true, true, true]);
+    let all: [bool; 10] = std::array::from_fn(|i| i == 9);
+    assert_eq!((held(&[true; 10]), held(&[false; 10])), (all.to_vec(), all.to_vec()));
+    let turn = standing(&is_solid).actions(&step("{ turn = { rate_rad_s = 1.0 } }")).unwrap()[0].effect;
+    let Effect::Turn { center, .. } = turn else { panic!("{turn:?}") };
+    assert!((center[0] - 1.0).abs() < 1e-6 && (center[2] - 0.45).abs() < 1e-6, "{center:?}");
 }
 
 #[test]

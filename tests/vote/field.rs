@@ -11,7 +11,8 @@ use gprop::scene::gaussians::Gaussians;
 use gprop::segment::LabelMap;
 use gprop::units::{Estimate, Range, ShoreHardness, ShoreScale};
 use gprop::vote::{
-    Agreement, Contents, FieldLabel, MaterialField, Options, Rule, ViewInput, VoteError, field_ply, vote,
+    Agreement, AnsweredPart, Contents, FieldLabel, MaterialField, Options, Rule, ViewInput, VoteError, field_ply, vote,
+    vote_on_parts,
 };
 
 use super::build::{Blob, answer, camera_at, cloud};
@@ -59,9 +60,12 @@ impl Ballot {
         self
     }
 
+    fn inputs(&self) -> Vec<ViewInput<'_>> {
+        self.views.iter().map(|(name, camera, map)| ViewInput { name, camera, map }).collect()
+    }
+
     fn count(&self, gaussians: &Gaussians, options: &Options) -> Result<MaterialField, VoteError> {
-        let views: Vec<_> = self.views.iter().map(|(name, camera, map)| ViewInput { name, camera, map }).collect();
-        vote(gaussians, &views, &self.answers, MaterialLibrary::builtin(), options, Progress::Hidden)
+        vote(gaussians, &self.inputs(), &self.answers, MaterialLibrary::builtin(), options, Progress::Hidden)
     }
 }
 
@@ -110,6 +114,17 @@ fn a_single_view_decides_alone() {
     ballot.view(&gaussians, front(2), &vec![1; gaussians.len()]).says(1, answer("wall", 0));
     let field = ballot.count(&gaussians, &Options::default()).unwrap();
     assert!(field.part_label.iter().all(|&label| label == 0) && field.views.iter().all(|&views| views == 1));
+}
+
+#[test]
+fn unanimous_views_give_a_confidence_of_exactly_one() {
+    let gaussians = cloud(&wall(0.0));
+    let mut ballot = Ballot::default();
+    for n in 0..5 {
+        ballot.view(&gaussians, front(n), &vec![1; gaussians.len()]).says(1, answer("wall", 0));
+    }
+    let field = ballot.count(&gaussians, &Options::default()).unwrap();
+    assert!(field.confidence.iter().all(|&confidence| confidence == 1.0), "{:?}", field.confidence);
 }
 
 #[test]
@@ -190,6 +205,7 @@ fn one_part_under_three_numbers_is_one_label() {
         let mut expected = [material_of(0), material_of(1)];
         expected.sort_unstable();
         assert_eq!(materials, expected, "{rule:?}");
+        assert!(field.confidence.iter().all(|confidence| (0.0..=1.0).contains(confidence)), "{rule:?}");
         // A pixel is 0.06 wide; nearer to the border than that, either half may own it.
         for (i, [x, ..]) in gaussians.positions.iter().enumerate().filter(|(_, p)| p[0].abs() > 0.06) {
             let expected = material_of(usize::from(*x >= 0.0));
@@ -354,10 +370,7 @@ fn bad_input_is_refused_by_name() {
     let mut ballot = Ballot::default();
     ballot.view(&gaussians, front(0), &whole).says(1, Answer { material: "unobtainium".into(), ..answer("wall", 0) });
     let error = ballot.count(&gaussians, &Options::default()).unwrap_err().to_string();
-    assert!(
-        error.contains("unobtainium") && error.contains("view0") && error.contains("part or segment 1 of view"),
-        "{error}"
-    );
+    assert!(error.contains("`unobtainium`") && error.contains("segment 1 of view `view0`"), "{error}");
 
     ballot.views[0].2.width -= 1;
     let error = ballot.count(&gaussians, &Options::default()).unwrap_err().to_string();
@@ -365,6 +378,24 @@ fn bad_input_is_refused_by_name() {
 
     let error = Ballot::default().count(&Gaussians::default(), &Options::default()).unwrap_err();
     assert!(matches!(error, VoteError::NoGaussians));
+}
+
+#[test]
+fn an_unknown_material_in_any_answer_about_a_part_is_refused_by_name() {
+    let gaussians = cloud(&wall(0.0));
+    let mut ballot = Ballot::default();
+    ballot.view(&gaussians, front(2), &vec![1; gaussians.len()]);
+    let known = answer("wall", 0);
+    let unknown = Answer { material: "unobtainium".into(), ..known.clone() };
+    let (views, library, options) = (ballot.inputs(), MaterialLibrary::builtin(), Options::default());
+    // The unknown material is in the part's lesser answers, which win together; then also in its main answer.
+    for pixels in [[10.0, 7.0, 7.0], [1.0, 7.0, 7.0]] {
+        let answers = [(1, &known, pixels[0]), (1, &unknown, pixels[1]), (1, &unknown, pixels[2])];
+        let parts = AnsweredPart::collect(answers);
+        let error = vote_on_parts(&gaussians, &views, &parts, library, &options, Progress::Hidden).unwrap_err();
+        assert!(matches!(error, VoteError::UnknownMaterial { .. }), "{error}");
+        assert!(error.to_string().contains("part 1 names `unobtainium`"), "{error}");
+    }
 }
 
 #[test]

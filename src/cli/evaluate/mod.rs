@@ -27,7 +27,7 @@ use crate::from_splat::photo_with_foreground;
 use crate::npz::Npz;
 use crate::output::{counted, one_line};
 use crate::pipeline::stored::Stored;
-use crate::pipeline::{Pipeline, Stage, open_segmenter};
+use crate::pipeline::{self, Pipeline, Stage, open_segmenter};
 use crate::read_scope::ReadScope;
 use crate::scene::{self, SceneError, dataset};
 use crate::segment;
@@ -194,7 +194,8 @@ fn hardness_text(found: &HardnessEvaluation) -> String {
         let read = format!("{:.0} {:?}", reading.hardness, reading.shore);
         text += &format!("{scene:<24} {view:<12} {:>9.1} {:>9.1}  {said:>12} {read:>8}\n", reading.x, reading.y);
     }
-    text + &scores_text(&found.scores, "on the joint axis") + &format!("\nno hardness at {} points", found.missing)
+    text + &scores_text(&found.scores, "on the joint axis")
+        + &format!("\nno hardness at {}", counted(found.missing, "point"))
 }
 
 fn scores_text(scores: &Scores, unit: &str) -> String {
@@ -217,10 +218,13 @@ fn evaluate_simulation(global: &Global, reference: &Path) -> anyhow::Result<()> 
 }
 
 fn evaluate_prompts(global: &Global, asked: &TrueParts) -> anyhow::Result<()> {
-    let TrueParts { scenes, scene: options, segment, setup } = asked;
-    let segmenter = open_segmenter(setup, segment, global.progress())?;
+    refuse_segments(asked)?;
     let mut rows = Vec::new();
-    for folder in scenes {
+    for folder in &asked.scenes {
+        let pipeline::Options { scene: options, segment, setup, .. } = &options_of(folder, &global.flags.typed)?;
+        // Embeddings that the first of the two ways left in the cache would make the other look faster.
+        let segment = &segment::Options { cache_embeddings: false, ..segment.clone() };
+        let segmenter = open_segmenter(setup, segment, global.progress())?;
         let scene = scene::load(folder, options)?;
         let true_view = |view: scene::View| -> anyhow::Result<prompts::TruePhoto> {
             let parts = true_parts(folder, &view, options)?;
@@ -258,6 +262,16 @@ fn evaluate_prompts(global: &Global, asked: &TrueParts) -> anyhow::Result<()> {
         }
         text
     })
+}
+
+/// Refuses segments from a folder where SAM's segments are measured.
+fn refuse_segments(asked: &TrueParts) -> Result<(), UsageError> {
+    match asked.segment.segments {
+        Some(_) => {
+            Err(UsageError("--segments: this command measures the segments that SAM finds; leave it out".to_owned()))
+        }
+        None => Ok(()),
+    }
 }
 
 /// The true part map of a view.

@@ -1,6 +1,6 @@
 //! `gprop evaluate parts`: finds the parts of scenes and compares them with true ones.
 
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 use rayon::prelude::*;
 
@@ -8,21 +8,20 @@ use crate::consensus::{self, SegmentedView};
 use crate::error::UsageError;
 use crate::evaluate::parts::{PartsEvaluation, TrueView, compare, compare_segments};
 use crate::from_splat::photo_with_foreground;
-use crate::pipeline::open_segmenter;
+use crate::pipeline::{self, open_segmenter};
 use crate::scene::{self, Scene, View};
-use crate::segment::{self, Segmenter};
 
 use super::super::arguments::TrueParts;
-use super::super::{Global, print};
-use super::{true_map, true_view};
+use super::super::{Global, options_of, print};
+use super::{refuse_segments, true_map, true_view};
 
 pub fn evaluate(global: &Global, asked: &TrueParts) -> anyhow::Result<()> {
-    let TrueParts { scenes, scene: options, segment, setup } = asked;
-    let scenes = scenes.iter().map(|folder| TrueScene::load(folder, options)).collect::<anyhow::Result<Vec<_>>>()?;
-    let segmenter = open_segmenter(setup, segment, global.progress())?;
+    refuse_segments(asked)?;
+    let load = |folder: &PathBuf| TrueScene::load(folder, options_of(folder, &global.flags.typed)?);
+    let scenes = asked.scenes.iter().map(load).collect::<anyhow::Result<Vec<_>>>()?;
     let mut found = Vec::with_capacity(scenes.len());
     for scene in &scenes {
-        found.push(scene.evaluate(global, &segmenter, segment)?);
+        found.push(scene.evaluate(global)?);
         global.progress().line(&format!("{} done", scene.scene.name));
     }
     print(global, &found, || found.iter().map(PartsEvaluation::text).collect::<Vec<_>>().join("\n"))
@@ -31,18 +30,19 @@ pub fn evaluate(global: &Global, asked: &TrueParts) -> anyhow::Result<()> {
 /// A scene with true part maps.
 struct TrueScene {
     scene: Scene,
+    options: pipeline::Options,
     /// The views to segment.
     chosen: Vec<View>,
     truth: Vec<TrueView>,
 }
 
 impl TrueScene {
-    fn load(folder: &Path, options: &scene::Options) -> anyhow::Result<Self> {
-        let scene = scene::load(folder, options)?;
-        let chosen = scene.chosen_views(options)?;
+    fn load(folder: &Path, options: pipeline::Options) -> anyhow::Result<Self> {
+        let scene = scene::load(folder, &options.scene)?;
+        let chosen = scene.chosen_views(&options.scene)?;
         let is_chosen = |view: &View| chosen.iter().any(|other| other.name == view.name);
         let labelled = scene.views.iter().filter(|view| true_map(folder, view).exists());
-        let truth = labelled.map(|view| true_view(folder, view, options, is_chosen(view)));
+        let truth = labelled.map(|view| true_view(folder, view, &options.scene, is_chosen(view)));
         let truth: Vec<TrueView> = truth.collect::<anyhow::Result<_>>()?;
         if truth.iter().all(|view| view.segmented) {
             return Err(UsageError(format!(
@@ -52,15 +52,12 @@ impl TrueScene {
             ))
             .into());
         }
-        Ok(Self { scene, chosen, truth })
+        Ok(Self { scene, options, chosen, truth })
     }
 
-    fn evaluate(
-        &self,
-        global: &Global,
-        segmenter: &Segmenter,
-        segment: &segment::Options,
-    ) -> anyhow::Result<PartsEvaluation> {
+    fn evaluate(&self, global: &Global) -> anyhow::Result<PartsEvaluation> {
+        let segment = &self.options.segment;
+        let segmenter = open_segmenter(&self.options.setup, segment, global.progress())?;
         let segments_of = |view: &View| -> anyhow::Result<_> {
             Ok(segmenter.segment_view(&view.name, &photo_with_foreground(&self.scene, view)?, segment, &())?)
         };

@@ -3,9 +3,11 @@
 use std::num::NonZeroUsize;
 use std::path::{Path, PathBuf};
 
+use image::GrayImage;
+
 use crate::consensus::sharpness;
 use crate::error::UsageError;
-use crate::evaluate::parts::TrueView;
+use crate::evaluate::parts::{NO_PART, TrueView};
 use crate::evaluate::robustness::{Robustness, VotingView, measure, text};
 use crate::from_splat::photo_with_foreground;
 use crate::pipeline::{Pipeline, Stage};
@@ -38,6 +40,12 @@ fn of_scene(folder: &Path, pipeline: &Pipeline, few: NonZeroUsize) -> anyhow::Re
         ))
         .into());
     }
+    let no_part = |which: &str| {
+        UsageError(format!("{folder:?}: its maps in ground_truth/part_maps show no part in the views that {which}"))
+    };
+    if compared.iter().all(|view| shows_no_part(&view.parts)) {
+        return Err(no_part("do not vote").into());
+    }
     let voting = pipeline.segmented_views()?.map(|(view, segments)| {
         Ok(VotingView {
             name: &view.name,
@@ -48,5 +56,12 @@ fn of_scene(folder: &Path, pipeline: &Pipeline, few: NonZeroUsize) -> anyhow::Re
         })
     });
     let voting: Vec<VotingView> = voting.collect::<anyhow::Result<_>>()?;
+    if voting.iter().all(|view| shows_no_part(&view.parts)) {
+        return Err(no_part("vote").into());
+    }
     Ok(measure(scene, &voting, few, &compared, (&options.consensus, &options.vote))?)
+}
+
+fn shows_no_part(parts: &GrayImage) -> bool {
+    parts.as_raw().iter().all(|&part| part == NO_PART)
 }

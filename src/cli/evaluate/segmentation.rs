@@ -1,7 +1,9 @@
 //! `gprop evaluate segmentation`: reads scenes and folders of label maps and makes the paper's table.
 
+use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 
+use crate::error::UsageError;
 use crate::evaluate::EvaluateError;
 use crate::evaluate::label_maps::LabelMaps;
 use crate::evaluate::segmentation::{LabelledView, NamedField, ObjectTallies, SegmentationEvaluation, tallies};
@@ -22,6 +24,7 @@ pub fn evaluate(
     one_scene_only(scenes.len(), out)?;
     let pipelines = scenes.iter().map(|scene| Pipeline::stored(scene, out, Stage::Vote, global.progress()));
     let pipelines: Vec<Pipeline> = pipelines.collect::<anyhow::Result<_>>()?;
+    require_distinct_names(&pipelines)?;
     let objects = pipelines.iter().zip(scenes).map(|(pipeline, scene)| {
         let maps = folder_of(truth, scene, &pipeline.scene().name, scenes.len());
         if maps == scene.join(truth) && truth.is_relative() {
@@ -31,6 +34,17 @@ pub fn evaluate(
     });
     let found = SegmentationEvaluation::of(labels, objects.collect::<anyhow::Result<_>>()?);
     print(global, &found, || found.text())
+}
+
+/// Refuses two scenes of one name, because the table has a row for each name.
+fn require_distinct_names(pipelines: &[Pipeline]) -> Result<(), UsageError> {
+    let mut names = BTreeSet::new();
+    match pipelines.iter().map(|pipeline| &pipeline.scene().name).find(|name| !names.insert(*name)) {
+        Some(name) => {
+            Err(UsageError(format!("two scenes have the name {name:?}; give one of the folders another name")))
+        }
+        None => Ok(()),
+    }
 }
 
 /// The folder of a scene's label maps.

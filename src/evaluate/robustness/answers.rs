@@ -31,13 +31,16 @@ pub struct Voters<'a> {
 }
 
 impl Voters<'_> {
-    /// The true part, plus 1, that every Gaussian is labelled as.
+    /// The true part, plus 1, that every Gaussian is labelled as; 0 if no view shows a true part.
     pub fn labels(
         &self,
         (asked, vote): (&consensus::Options, &vote::Options),
         random: &mut Rng,
     ) -> Result<Vec<u16>, VoteError> {
         let oracle = Oracle::new(self.views, self.wrong);
+        if oracle.parts.is_empty() {
+            return Ok(vec![0; self.gaussians.len()]);
+        }
         let segments: Vec<ViewSegments> =
             self.views.iter().map(|view| merged(view.segments, self.merged, random)).collect();
         let field = match asked.ask {

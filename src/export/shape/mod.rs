@@ -116,6 +116,16 @@ pub struct Skin {
     pub picture: image::RgbImage,
 }
 
+/// The surface of one part.
+pub struct PartMesh {
+    /// Label of the part.
+    pub part: u32,
+    /// In metres.
+    pub mesh: Mesh,
+    /// Per vertex: sRGB.
+    pub colors: Vec<[u8; 3]>,
+}
+
 /// The object's cells and their convex pieces.
 pub struct Shape {
     solid: Solid,
@@ -142,8 +152,8 @@ pub fn skin(model: &Model, Shape { solid, meters_per_unit, .. }: &Shape) -> Skin
     Skin { mesh: mesh.scaled(*meters_per_unit), part, uv, picture }
 }
 
-/// The surface of each part with a colour for every vertex: part, mesh in metres, sRGB.
-pub fn part_meshes(model: &Model, Shape { solid, meters_per_unit, .. }: &Shape) -> Vec<(u32, Mesh, Vec<[u8; 3]>)> {
+/// The surfaces of the parts that have a closed one, with the splat's colours.
+pub fn part_meshes(model: &Model, Shape { solid, meters_per_unit, .. }: &Shape) -> Vec<PartMesh> {
     let painter = Painter::new(model.gaussians, model.cameras, &solid.grid);
     let parts = solid.parts();
     let cells = |part: u32| solid.part.iter().filter(|owner| **owner == part).count();
@@ -155,9 +165,9 @@ pub fn part_meshes(model: &Model, Shape { solid, meters_per_unit, .. }: &Shape) 
         let mesh = surface::of(&solid.grid, &solid.mask(Some(part)));
         let mesh = simplify::simplified(mesh, triangles, 0.5 * solid.grid.cell);
         let colors = painter.vertex_colors(&mesh);
-        (part, mesh.scaled(*meters_per_unit), colors)
+        PartMesh { part, mesh: mesh.scaled(*meters_per_unit), colors }
     });
-    meshed.collect()
+    meshed.filter(|meshed| meshed.mesh.volume() > 0.0).collect()
 }
 
 /// A vector of the crate that computes hulls.

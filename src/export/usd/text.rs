@@ -1,8 +1,11 @@
 //! Values in USD's text format.
 
-/// A string literal for any text: USD uses the same escapes as JSON.
+use crate::output::one_line;
+
+/// A string literal of one line. Control characters are shown as escapes (the six characters `\u001b`), because USD does
+/// not read JSON's escapes for them; quotation marks and backslashes are escaped as in JSON.
 pub fn quoted(text: &str) -> String {
-    serde_json::to_string(text).expect("a string is JSON")
+    serde_json::to_string(&one_line(text)).expect("a string is JSON")
 }
 
 /// USD stores these values in 32 bits; the text has the same precision.
@@ -35,4 +38,17 @@ pub fn extent(points: impl Iterator<Item = [f64; 3]>) -> String {
         }
     }
     format!("[{}, {}]", triple(low), triple(high))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::quoted;
+
+    #[test]
+    fn a_literal_has_only_escapes_that_usd_reads() {
+        assert_eq!(quoted("a \"lid\", 木"), r#""a \"lid\", 木""#);
+        assert_eq!(quoted(r"C:\oak"), r#""C:\\oak""#);
+        // The escapes are text, so their backslashes are escaped.
+        assert_eq!(quoted("red\u{1b}[31m\nlid"), r#""red\\u001b[31m\\nlid""#);
+    }
 }

@@ -17,6 +17,18 @@ pub struct Contact {
     pub normal: Vector3<f64>,
 }
 
+impl Contact {
+    /// The cells of the other part's body at the contact, connected across faces, edges and corners.
+    pub fn body_beyond(&self, cells: &Labelled) -> Vec<usize> {
+        let is_other = |i: usize| cells.label[i] == self.to;
+        let distance = |i: usize| (cells.grid.center(cells.grid.coords(i)) - self.center).norm_squared();
+        let touching = (0..cells.label.len())
+            .filter(|&i| is_other(i) && cells.grid.neighbours(i).any(|n| cells.label[n] == self.from));
+        let Some(seed) = touching.min_by(|&a, &b| distance(a).total_cmp(&distance(b))) else { return Vec::new() };
+        patch(cells, seed, &mut vec![false; cells.label.len()], is_other)
+    }
+}
+
 /// A patch whose faces, projected along the mean normal, keep less than this of their area is not a plane. Faces of
 /// cells on an oblique plane keep at least 1/sqrt(3).
 const PLANARITY: f64 = 0.45;

@@ -4,11 +4,14 @@
 //! There are two rules, both based on the visible seams:
 //!
 //! - **through**: a solid that meets another on two facing patches in line, as a shaft does on both sides of a head,
-//!   goes through it with their mean cross-section;
+//!   goes through it with their mean cross-section, if the other surrounds it there: a bar between two dumbbell heads is
+//!   as thick as the patches and ends at them;
 //! - **sleeve**: the void of a shell is filled by the solid that enters it, if the solid is a peg and the shell its
 //!   sleeve: the peg is at least as long as their contact is wide, the sleeve at least twice that, and contact, peg and
 //!   void have cross-sections of one size. So a grip is filled by its handle, but a cushion not by the seat it lies on,
 //!   nor a lamp's base by its thin stem.
+
+use std::collections::BTreeSet;
 
 use nalgebra::{Point3, Vector3};
 
@@ -22,22 +25,28 @@ const IN_LINE: f64 = 0.9;
 const SAME_SIZE: f64 = 2.0;
 /// A peg keeps at least this share of its contact's cross-section over a length equal to the width of the contact.
 const PEG_SHARE: f64 = 0.6;
+/// A part surrounds a passage if, in a cylinder of twice the passage's cross-section, it fills at least this share of what
+/// is not the passage. A collar does so whose wall is an eighth of the passage's radius.
+const SURROUNDS: f64 = 0.25;
 /// A sleeve is at least this many times as long as its mouth is wide. A bulb on its socket is shorter.
 const SLEEVE_LENGTH: f64 = 2.0;
 /// A patch of less than this many cells' faces is too rough to have a direction.
 const PATCH_FACES_MIN: f64 = 12.0;
 
-/// Assigns to solids that go through other solids the cells along their way. Returns for each such solid its label,
-/// that of the part it goes through, and the number of cells it took.
-pub fn run_through(cells: &mut Labelled, is_solid: &[bool]) -> Vec<(u32, u32, usize)> {
-    let mut passages = Vec::new();
+/// Assigns to solids that go through other solids the cells along their way. Returns for each such solid its label and
+/// that of the part it goes through.
+pub fn run_through(cells: &mut Labelled, is_solid: &[bool]) -> BTreeSet<(u32, u32)> {
+    let mut passages = BTreeSet::new();
     for peg in (0..is_solid.len() as u32).filter(|&l| is_solid[l as usize]) {
         let patches: Vec<Contact> = sizeable(cells, peg).filter(|c| is_solid[c.to as usize]).collect();
         for (k, a) in patches.iter().enumerate() {
             for b in patches[k + 1..].iter().filter(|b| b.to == a.to && in_line(a, b)) {
-                let taken = cells_between(cells, a, b);
-                taken.iter().for_each(|&i| cells.label[i] = peg);
-                passages.push((peg, a.to, taken.len()));
+                let taken = cells_between(cells, a, b, 1.0);
+                let around = cells_between(cells, a, b, 2.0).len() - taken.len();
+                if around as f64 >= SURROUNDS * taken.len() as f64 {
+                    taken.iter().for_each(|&i| cells.label[i] = peg);
+                    passages.insert((peg, a.to));
+                }
             }
         }
     }
@@ -81,9 +90,10 @@ fn in_line(a: &Contact, b: &Contact) -> bool {
     a.normal.dot(&way) >= IN_LINE && -b.normal.dot(&way) >= IN_LINE && same_size(a.area, b.area)
 }
 
-/// The cells of the outer part that lie in the cylinder between two patches.
-fn cells_between(cells: &Labelled, a: &Contact, b: &Contact) -> Vec<usize> {
-    let (way, radius2) = (b.center - a.center, 0.5 * (a.area + b.area) / std::f64::consts::PI);
+/// The cells of the outer part that lie in the cylinder between two patches whose cross-section is that of the patches
+/// times `section`.
+fn cells_between(cells: &Labelled, a: &Contact, b: &Contact, section: f64) -> Vec<usize> {
+    let (way, radius2) = (b.center - a.center, section * 0.5 * (a.area + b.area) / std::f64::consts::PI);
     let axis = way.normalize();
     let inside = |&i: &usize| {
         let from_a = cells.grid.center(cells.grid.coords(i)) - a.center;
@@ -114,7 +124,9 @@ fn is_peg_in_sleeve(
         .map(|(_, p)| p)
         .filter(|p| near(p) && (-width..=0.0).contains(&along(p)))
         .collect();
-    let void: Vec<_> = members(contact.to).filter(|(i, _)| is_void(*i)).map(|(_, p)| p).collect();
+    let body = contact.body_beyond(cells);
+    let void: Vec<_> =
+        body.into_iter().filter(|i| is_void(*i)).map(|i| cells.grid.center(cells.grid.coords(i))).collect();
     let length = void.iter().map(along).fold(0.0, f64::max);
     if void.is_empty() || length < SLEEVE_LENGTH * width {
         return false;

@@ -117,7 +117,7 @@ pub fn compose(
         interior,
         cores: cores.clone(),
         is_mirrored,
-        passages: passages.into_iter().map(|(peg, through, _)| (peg, through)).collect(),
+        passages: passages.into_iter().collect(),
     };
     (composed, cells)
 }

@@ -4,7 +4,8 @@
 //! full. In such places a part is taken to have the thickness T that it has where both its sides were seen and it is
 //! thin (T is the lower quartile: the median would include rays from rim to rim of a table top). So the cells of a
 //! solid that lie deeper than T below every seen surface (or seam with another part) and are connected with an unseen
-//! surface are removed. The actual depth is unknown: the low volume ends at T/2, the high one at 3T/2.
+//! surface are left out of the middle volume. The actual depth is unknown: the low volume ends at T/2, the high one at
+//! 3T/2, beyond which nothing remains.
 
 use crate::parts::assign::Labelled;
 use crate::parts::grid::surface::{NONE, distance_to};

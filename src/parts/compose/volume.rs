@@ -31,6 +31,8 @@ pub struct Volume {
     pub method: Effect,
     /// The thickness of the wall, with [`OVERCONFIDENCE`].
     pub wall: Effect,
+    /// The logarithm of the greatest factor by which `wall` may make the volume larger.
+    pub wall_most: f64,
     /// How deep a part goes where no view sees it, and whether a shell is closed there.
     pub unseen: Effect,
 }
@@ -45,13 +47,14 @@ impl Volume {
             |low: f64, high: f64| if mid > 0.0 { Effect { low: ln(low), high: ln(high) } } else { Effect::NONE };
         let surface = effect(mid - slack, mid + slack);
         let method = Effect { low: -surface.low.hypot(spread), high: surface.high.hypot(spread) };
-        Self { mid, method, wall: effect(thin, thick).wider(OVERCONFIDENCE), unseen: effect(least, most) }
+        let wall = effect(thin, thick).wider(OVERCONFIDENCE);
+        Self { mid, method, wall, wall_most: f64::INFINITY, unseen: effect(least, most) }
     }
 
     /// The same volume, if no thickness of a wall can make it larger than `most`, the volume inside the part's surface.
     pub fn within(self, most: f64) -> Self {
-        let limit = if self.mid > 0.0 { (most / self.mid).ln().max(0.0) } else { 0.0 };
-        Self { wall: self.wall.at_most(limit), ..self }
+        let wall_most = if self.mid > 0.0 { (most / self.mid).ln().max(0.0) } else { 0.0 };
+        Self { wall: self.wall.at_most(wall_most), wall_most, ..self }
     }
 
     /// Its bounds at 90 %: the three causes are independent.

@@ -87,13 +87,13 @@ fn areas(grid: &Grid, blurred: &[f32], inside: &[bool], nearest: &[u32], surface
     let share = grid.cell * grid.cell;
     let mut areas = vec![0.0; surfaces];
     for i in margin..inside.len() - margin {
-        let blurred_here = blurred[i];
-        if blurred_here <= 0.0 || blurred_here >= 1.0 {
+        let slope = gradient(grid, blurred, i).norm();
+        if slope == 0.0 {
             continue;
         }
         let owner = if inside[i] { Some(nearest[i]) } else { grid_owner(grid, inside, nearest, i) };
         if let Some(owner) = owner.filter(|o| *o != NONE) {
-            areas[owner as usize] += gradient(grid, blurred, i).norm() * share;
+            areas[owner as usize] += slope * share;
         }
     }
     areas
@@ -101,17 +101,19 @@ fn areas(grid: &Grid, blurred: &[f32], inside: &[bool], nearest: &[u32], surface
 
 /// The surface cell to which an outside cell near the surface belongs: that of the nearest inside cell.
 fn grid_owner(grid: &Grid, inside: &[bool], nearest: &[u32], i: usize) -> Option<u32> {
+    /// The blur reaches two cells, a central difference one more.
+    const REACH: usize = 3;
     let [x, y, z] = grid.coords(i);
     let mut best: Option<(usize, u32)> = None;
-    for dz in 0..5 {
-        for dy in 0..5 {
-            for dx in 0..5 {
-                let beside = [x + dx, y + dy, z + dz].map(|c| c.wrapping_sub(2));
+    for dz in 0..=2 * REACH {
+        for dy in 0..=2 * REACH {
+            for dx in 0..=2 * REACH {
+                let beside = [x + dx, y + dy, z + dz].map(|c| c.wrapping_sub(REACH));
                 if (0..3).any(|axis| beside[axis] >= grid.dims[axis]) {
                     continue;
                 }
                 let n = grid.index(beside);
-                let far = [dx, dy, dz].map(|d| d.abs_diff(2).pow(2)).iter().sum::<usize>();
+                let far = [dx, dy, dz].map(|d| d.abs_diff(REACH).pow(2)).iter().sum::<usize>();
                 if inside[n] && best.is_none_or(|(least, _)| far < least) {
                     best = Some((far, nearest[n]));
                 }

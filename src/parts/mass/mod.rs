@@ -38,6 +38,8 @@ pub(super) struct Weighable<'a> {
     pub pieces: &'a [Piece],
     /// Whether its volume is that of a wall, whatever the answer's form: `--volume` may say otherwise.
     pub is_wall: bool,
+    /// The index of the label of the one shell that it fills, whose wall then takes from its volume.
+    pub sleeve: Option<usize>,
     pub hollow: Option<&'a Hollow>,
 }
 
@@ -59,7 +61,7 @@ impl Weighable<'_> {
         let part = |(k, piece): (usize, &Piece)| Part {
             caption: format!("{} ({} of {count})", self.label.caption, k + 1),
             gaussians: piece.gaussians,
-            surface_to_center_of_mass_m: piece.surface_to_center_of_mass.map(|d| d * weights.scale),
+            surface_to_center_of_mass_m: piece.surface_to_center_of_mass.map(|d| d * weights.length()),
             ..self.part(std::slice::from_ref(piece), piece.moments.volume / whole.mid, weights, weight)
         };
         self.pieces.iter().enumerate().map(part).collect()
@@ -67,7 +69,7 @@ impl Weighable<'_> {
 
     /// The part that consists of these bodies, which have this share of the whole part's volume.
     fn part(&self, pieces: &[Piece], share: f64, weights: &Weights, weight: &Weight) -> Part {
-        let scale = weights.scale;
+        let (scale, length) = (weights.scale, weights.length());
         let is_there = self.shape.volume.is_some();
         let (volume, density) = (weights.of(&weight.volume), weights.of(&weight.density));
         // The weighing may have changed the volume; the shape is the same.
@@ -77,7 +79,7 @@ impl Weighable<'_> {
         let body = |piece: &Piece| PartBody {
             volume_m3: piece.moments.volume * scale.powi(3) * grown,
             mass_kg: piece.moments.volume * scale.powi(3) * grown * density.mid,
-            center_of_mass_m: (piece.moments.center * scale).into(),
+            center_of_mass_m: (piece.moments.center * length).into(),
         };
         let width = |(source, mass): (_, crate::units::Estimate)| Width::new(source, mass.scaled(share));
         Part {
@@ -90,15 +92,16 @@ impl Weighable<'_> {
             no_volume: self.shape.no_volume,
             thickness_m: match &weight.wall {
                 Some(wall) => self.shape.thickness.and(Some(weights.of(wall))),
-                None => self.shape.thickness.map(|thickness| thickness.scaled(scale)),
+                None => self.shape.thickness.map(|thickness| thickness.scaled(length)),
             },
+            is_wall: self.is_wall,
             density_kg_m3: density,
             mass_kg: is_there.then(|| weights.of(&weight.mass).scaled(share)),
             width: if is_there { weights.by_source(&weight.mass).into_iter().map(width).collect() } else { Vec::new() },
-            center_of_mass_m: moments.map(|m| (m.center * scale).into()),
-            inertia_kg_m2: moments.map(|m| rows(m.inertia() * (grown * density.mid * scale.powi(5)))),
+            center_of_mass_m: moments.map(|m| (m.center * length).into()),
+            inertia_kg_m2: moments.map(|m| rows(m.inertia() * (grown * density.mid * scale.powi(3) * length.powi(2)))),
             bodies: pieces.iter().map(body).collect(),
-            surface_to_center_of_mass_m: self.shape.surface_to_center_of_mass.map(|d| d * scale),
+            surface_to_center_of_mass_m: self.shape.surface_to_center_of_mass.map(|d| d * length),
         }
     }
 
@@ -106,19 +109,20 @@ impl Weighable<'_> {
     pub fn filling_part(&self, weights: &Weights, weight: &Weight) -> Option<Filling> {
         let (hollow, filled) = self.filling()?;
         let (volume, density) = (weights.of(&weight.volume), weights.of(&weight.density));
-        let moments = hollow.moments.with_volume(volume.mid / weights.scale.powi(3));
-        let inertia = moments.inertia() * (density.mid * weights.scale.powi(5));
+        let length = weights.length();
+        let moments = hollow.moments.with_volume(volume.mid / length.powi(3));
+        let inertia = moments.inertia() * (density.mid * length.powi(5));
         Some(Filling {
             inside_of: self.label.id,
             caption: format!("{} in {}", filled.filling, self.label.caption),
             filling: filled.filling.clone(),
             unseen: true,
-            share_of_hollow: filled.share,
+            share_of_hollow: weight.share.as_ref().map_or(filled.share, |share| weights.of(share)),
             volume_m3: volume,
             density_kg_m3: density,
             mass_kg: weights.of(&weight.mass),
             width: weights.by_source(&weight.mass).into_iter().map(|(source, mass)| Width::new(source, mass)).collect(),
-            center_of_mass_m: (moments.center * weights.scale).into(),
+            center_of_mass_m: (moments.center * length).into(),
             inertia_kg_m2: rows(inertia),
         })
     }
@@ -132,8 +136,8 @@ pub(super) fn object(weights: &Weights, whole: &Moments) -> Object {
         volume_m3: weights.belief.of_sum(&volumes),
         mass_kg: weights.belief.of_sum(&masses),
         width: weights.sum_by_source(&masses).into_iter().map(|(source, mass)| Width::new(source, mass)).collect(),
-        center_of_mass_m: (whole.center * weights.scale).into(),
-        inertia_kg_m2: rows(whole.inertia() * weights.scale.powi(2)),
+        center_of_mass_m: (whole.center * weights.length()).into(),
+        inertia_kg_m2: rows(whole.inertia() * weights.length().powi(2)),
     }
 }
 

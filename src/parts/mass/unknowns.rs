@@ -97,6 +97,8 @@ const AT_MIDDLE: f64 = 1e-3;
 #[derive(Debug, Default)]
 pub struct Unknowns {
     names: Vec<(Source, String)>,
+    /// How far each may go, down and up.
+    bounds: Vec<[f64; 2]>,
 }
 
 impl Unknowns {
@@ -105,8 +107,20 @@ impl Unknowns {
         let known = self.names.iter().position(|(s, name)| *s == source && name == owner);
         known.unwrap_or_else(|| {
             self.names.push((source, owner.to_owned()));
+            self.bounds.push([f64::NEG_INFINITY, f64::INFINITY]);
             self.names.len() - 1
         })
+    }
+
+    /// Keeps an unknown within the range in which its effect raises the logarithm by no more than `most`.
+    pub fn limit(&mut self, number: usize, Effect { low, high }: Effect, most: f64) {
+        let [down, up] = &mut self.bounds[number];
+        if high > 0.0 {
+            *up = up.min(most / high);
+        }
+        if low > 0.0 {
+            *down = down.max(-most / low);
+        }
     }
 
     pub fn source(&self, number: usize) -> Source {
@@ -146,6 +160,8 @@ struct Reading {
     effects: Vec<Effect>,
     /// Relative, at 90 %.
     error: f64,
+    /// By unknown, whether it can still go down, and up.
+    can_go: Vec<[bool; 2]>,
 }
 
 /// Steps of Gauss-Newton; a few suffice for any mass that the bounds allow.
@@ -164,16 +180,26 @@ impl Belief {
     /// The belief after the sum of `masses` was found to be `reading`, within the relative `error` at 90 %.
     pub fn after(unknowns: &Unknowns, masses: &[Quantity], reading: f64, error: f64) -> Self {
         let mut z = vec![0.0; unknowns.count()];
+        let mut at_bound = vec![false; z.len()];
         for _ in 0..STEPS {
             let lacking = (reading / total(masses, &z)).ln();
             let effects = effects(masses, &z);
-            let slope = |(effect, z): (&Effect, &f64)| effect.slope_at(*z, effect.rises(lacking > 0.0));
-            let slopes: Vec<f64> = effects.iter().zip(&z).map(slope).collect();
-            let norm = dot(&slopes, &slopes) + error * error;
-            let scale = if norm > 0.0 { (lacking + dot(&slopes, &z)) / norm } else { 0.0 };
-            z = z.iter().zip(&slopes).map(|(z, slope)| z + DAMPING * (slope * scale - z)).collect();
+            let slope = |n: usize| effects[n].slope_at(z[n], effects[n].rises(lacking > 0.0));
+            let slopes: Vec<f64> = (0..z.len()).map(slope).collect();
+            // What has reached its bound cannot yield any more.
+            let free: Vec<f64> = slopes.iter().zip(&at_bound).map(|(s, bound)| if *bound { 0.0 } else { *s }).collect();
+            let norm = dot(&free, &free) + error * error;
+            let scale = if norm > 0.0 { (lacking + dot(&free, &z)) / norm } else { 0.0 };
+            for (n, [low, high]) in unknowns.bounds.iter().enumerate() {
+                let wanted = slopes[n] * scale;
+                at_bound[n] = !(*low..=*high).contains(&wanted) && (z[n] <= *low || z[n] >= *high);
+                z[n] = (z[n] + DAMPING * (wanted - z[n])).clamp(*low, *high);
+            }
         }
-        Self { reading: Some(Reading { effects: effects(masses, &z), error }), middle: z }
+        let mut around = effects(masses, &z);
+        at_bound.iter().zip(&mut around).filter(|(bound, _)| **bound).for_each(|(_, effect)| *effect = Effect::NONE);
+        let can_go = unknowns.bounds.iter().zip(&z).map(|([low, high], z)| [z > low, z < high]).collect();
+        Self { reading: Some(Reading { effects: around, error, can_go }), middle: z }
     }
 
     /// The quantity as it is believed to be.
@@ -208,7 +234,14 @@ impl Belief {
         sources.dedup();
         let of = |source: Source| {
             let own = sum.effects.iter().filter(|(unknown, _)| unknowns.source(*unknown) == source);
-            (source, self.around(sum.mid, &own.copied().collect::<Vec<_>>()))
+            let mut alone = self.clone();
+            for (unknown, effect) in alone.reading.iter_mut().flat_map(|reading| reading.effects.iter_mut().enumerate())
+            {
+                if unknowns.source(unknown) != source {
+                    *effect = Effect::NONE;
+                }
+            }
+            (source, alone.around(sum.mid, &own.copied().collect::<Vec<_>>()))
         };
         sources.into_iter().map(of).filter(|(_, estimate)| estimate.low < estimate.high).collect()
     }
@@ -232,7 +265,10 @@ impl Belief {
             let slopes = |effects: &[Effect]| -> Vec<f64> {
                 effects.iter().zip(&self.middle).zip(&rises).map(|((e, z), rises)| e.slope_at(*z, *rises)).collect()
             };
-            let (own, sum) = (slopes(&own), slopes(&reading.effects));
+            let (mut own, sum) = (slopes(&own), slopes(&reading.effects));
+            for ((own, rises), can_go) in own.iter_mut().zip(&rises).zip(&reading.can_go) {
+                *own = if can_go[usize::from(*rises)] { *own } else { 0.0 };
+            }
             let norm = dot(&sum, &sum) + reading.error * reading.error;
             let shared = if norm > 0.0 { dot(&own, &sum) / norm } else { 0.0 };
             variance = dot(&own, &own) - shared * dot(&own, &sum);

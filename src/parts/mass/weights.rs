@@ -20,6 +20,8 @@ pub struct Weight {
     pub mass: Quantity,
     /// m; only for walls.
     pub wall: Option<Quantity>,
+    /// The share of the hollow; only for fillings.
+    pub share: Option<Quantity>,
 }
 
 /// All masses, before or after the object was weighed.
@@ -83,21 +85,27 @@ impl Weights {
     }
 
     /// Takes into account that a kitchen scale read `reading_kg`, within `error_kg`. Returns the mass that was expected
-    /// before, and the bounds that no combination of the unknowns' ends goes beyond; a reading outside of them changes
-    /// nothing.
-    pub fn weigh(&mut self, reading_kg: f64, error_kg: f64) -> (Estimate, [f64; 2]) {
+    /// before, the bounds that no combination of the unknowns' ends goes beyond, and whether the reading is possible; one
+    /// outside of the bounds changes nothing.
+    pub fn weigh(&mut self, reading_kg: f64, error_kg: f64) -> (Estimate, [f64; 2], bool) {
         let masses = self.masses();
         let before = self.belief.of_sum(&masses);
         let [least, most] = extremes(&self.unknowns, &masses);
-        if (least - error_kg..=most + error_kg).contains(&reading_kg) {
+        let is_possible = (least - error_kg..=most + error_kg).contains(&reading_kg);
+        if is_possible {
             self.belief = Belief::after(&self.unknowns, &masses, reading_kg, error_kg / reading_kg);
         }
-        (before, [least, most])
+        (before, [least, most], is_possible)
     }
 
     /// Metres in a scene unit, unless they are exact.
     pub fn uncertain_scale(&self) -> Option<Estimate> {
         self.uncertain_scale.as_ref().map(|scale| self.of(scale))
+    }
+
+    /// Metres in a scene unit, as now believed: a weighing may have changed it.
+    pub fn length(&self) -> f64 {
+        self.uncertain_scale().map_or(self.scale, |scale| scale.mid)
     }
 
     /// The moments of everything together, weighted by mass in kg; `None` if nothing has mass. World frame, scene units.
@@ -138,7 +146,8 @@ impl Weights {
 fn part(of: usize, weighable: &Weighable, scale: f64, unknowns: &mut Unknowns) -> Weight {
     let label = weighable.label;
     let owner = label.id.to_string();
-    let volume = volume(weighable.volume, scale, &owner, unknowns);
+    let wall_of = weighable.sleeve.map_or_else(|| owner.clone(), |sleeve| sleeve.to_string());
+    let volume = volume(weighable.volume, scale, [&owner, &wall_of], unknowns);
     // A mixed part has a density of its own; all parts of one material have the same.
     let name = if label.form == Form::Mixed { &owner } else { &label.material };
     let guessed = if label.form == Form::Mixed { OVERCONFIDENCE } else { 1.0 };
@@ -150,7 +159,7 @@ fn part(of: usize, weighable: &Weighable, scale: f64, unknowns: &mut Unknowns) -
         mid: thickness.mid * scale,
         effects: vec![(unknowns.number(Source::Wall, &owner), Effect::of(thickness).wider(OVERCONFIDENCE))],
     });
-    Weight { of, is_filling: false, mass: product(&volume, &density), volume, density, wall }
+    Weight { of, is_filling: false, mass: product(&volume, &density), volume, density, wall, share: None }
 }
 
 fn filling(of: usize, weighable: &Weighable, scale: f64, unknowns: &mut Unknowns) -> Option<Weight> {
@@ -158,19 +167,32 @@ fn filling(of: usize, weighable: &Weighable, scale: f64, unknowns: &mut Unknowns
     let owner = weighable.label.id.to_string();
     let full = (1.0 / filled.share.mid).ln();
     let likely = Effect::of(filled.share).wider(OVERCONFIDENCE).at_most(full);
-    let share = Quantity { mid: filled.share.mid, effects: vec![(unknowns.number(Source::Filling, &owner), likely)] };
-    let volume = product(&volume(&hollow.volume, scale, &owner, unknowns), &share);
+    let number = unknowns.number(Source::Filling, &owner);
+    unknowns.limit(number, likely, full);
+    let share = Quantity { mid: filled.share.mid, effects: vec![(number, likely)] };
+    let volume = product(&volume(&hollow.volume, scale, [&owner, &owner], unknowns), &share);
     let density = Quantity {
         mid: filled.density_kg_m3.mid,
         effects: vec![(unknowns.number(Source::Filling, &filled.filling), Effect::of(filled.density_kg_m3))],
     };
-    Some(Weight { of, is_filling: true, mass: product(&volume, &density), volume, density, wall: None })
+    Some(Weight {
+        of,
+        is_filling: true,
+        mass: product(&volume, &density),
+        volume,
+        density,
+        wall: None,
+        share: Some(share),
+    })
 }
 
-fn volume(volume: &Volume, scale: f64, owner: &str, unknowns: &mut Unknowns) -> Quantity {
+/// The volume of the part `owner`, which depends on the wall of `wall_of`.
+fn volume(volume: &Volume, scale: f64, [owner, wall_of]: [&str; 2], unknowns: &mut Unknowns) -> Quantity {
+    let wall = unknowns.number(Source::Wall, wall_of);
+    unknowns.limit(wall, volume.wall, volume.wall_most);
     let effects = [
         (unknowns.number(Source::Method, SURFACE), volume.method),
-        (unknowns.number(Source::Wall, owner), volume.wall),
+        (wall, volume.wall),
         (unknowns.number(Source::UnseenDepth, owner), volume.unseen),
     ];
     Quantity {

@@ -31,7 +31,7 @@ use super::style;
 use super::tables;
 use super::weighing::sentences;
 use super::{Cloud, Motion, Pictures, Report};
-use crate::output::thousands;
+use crate::output::{counted, thousands};
 use crate::readable::{self, figures, interval, significant};
 
 /// The page's own scripts, in the order in which they build on each other.
@@ -47,6 +47,7 @@ const SCRIPTS: [&str; 5] = [
 pub fn page(report: &Report, answers: &Answers, pictures: &Pictures, cloud: &Cloud, motion: Option<&Motion>) -> String {
     let data = context! {
         report,
+        counts => counts(report),
         scale => scale(report),
         tiles => tiles(report),
         viewer => viewer::viewer(report, cloud, motion),
@@ -112,6 +113,16 @@ fn csv(report: &Report, answers: &Answers, pictures: &Pictures) -> Value {
 
 fn data_uri(mime: &str, bytes: &[u8]) -> Value {
     Value::from_safe_string(format!("data:{mime};base64,{}", BASE64.encode(bytes)))
+}
+
+/// How much was read and found.
+fn counts(report: &Report) -> String {
+    let counts = [
+        counted(report.scene.gaussians, "Gaussian"),
+        counted(report.scene.views.len(), "view"),
+        counted(report.labels.len(), "part"),
+    ];
+    counts.join(" · ")
 }
 
 fn scale(report: &Report) -> String {
@@ -180,7 +191,8 @@ fn tile(name: &str, value: String, note: String) -> Value {
 
 fn part_row(label: &FieldLabel, report: &Report) -> Value {
     let times = |factor: f64| move |estimate: Estimate| Value::from_serialize(figures(estimate, factor));
-    let part = report.parts.as_ref().and_then(|parts| parts.parts.iter().find(|part| part.id == label.id));
+    let part = report.parts.as_ref().and_then(|parts| parts.of_label(label.id));
+    let part = part.as_ref();
     let measured =
         |value: fn(&Part) -> Option<Estimate>, shown: &dyn Fn(Estimate) -> Value| match (part, part.and_then(value)) {
             (_, Some(estimate)) => shown(estimate),
@@ -240,7 +252,7 @@ fn grasp(grasp: &GraspReport, pictures: &Pictures) -> Value {
     };
     context! {
         is_safe => grasp.infeasible.is_none(),
-        part => part_name(&grasp.part, ""),
+        part => part_name(&grasp.part, &grasp.material),
         sentence,
         scale => force_scale(grasp),
         star,
@@ -256,7 +268,7 @@ fn place_row((rank, place): (usize, &Candidate)) -> Value {
     context! {
         color => css(palette::place(rank)),
         rank => rank + 1,
-        part => part_name(&place.part, ""),
+        part => part_name(&place.part, &place.material),
         caption => &place.part,
         part_id => place.part_id,
         numbers => vec![

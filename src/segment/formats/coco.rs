@@ -2,15 +2,16 @@
 
 use serde_json::{Value, json};
 
-use super::super::{LabelMap, Segment, ViewSegments};
+use super::super::{Segment, ViewSegments};
 
-/// The segments of the views, as in the label maps: `images`, `annotations` and the one category `segment`.
+/// The segments of the views: `images`, `annotations` and the one category `segment`. The mask, area and box of a
+/// segment include the segments in it; `segment` and `parent` are ids of the view's label map.
 pub fn coco(views: &[ViewSegments]) -> Value {
     let (mut images, mut annotations) = (Vec::new(), Vec::new());
     for (index, view) in views.iter().enumerate() {
         let map = &view.map;
         images.push(json!({ "id": index + 1, "file_name": view.view, "width": map.width, "height": map.height }));
-        for (segment, runs) in view.segments.iter().zip(column_runs(map, &view.segments)) {
+        for (segment, runs) in view.segments.iter().zip(column_runs(view)) {
             annotations.push(json!({
                 "id": annotations.len() + 1,
                 "image_id": index + 1,
@@ -20,6 +21,7 @@ pub fn coco(views: &[ViewSegments]) -> Value {
                 "bbox": segment.bbox,
                 "segmentation": { "size": [map.height, map.width], "counts": compressed(&runs) },
                 "segment": segment.id,
+                "parent": (segment.parent > 0).then_some(segment.parent),
                 "predicted_iou": segment.predicted_iou,
                 "stability_score": segment.stability_score,
             }));
@@ -29,21 +31,24 @@ pub fn coco(views: &[ViewSegments]) -> Value {
 }
 
 /// For each segment, the lengths of the alternating runs outside and inside it, column by column, beginning with
-/// outside.
-fn column_runs(map: &LabelMap, segments: &[Segment]) -> Vec<Vec<u32>> {
-    // Per label: the position in column order where its last run ended, and its runs so far.
+/// outside. The segments in it are inside.
+fn column_runs(view: &ViewSegments) -> Vec<Vec<u32>> {
+    let (map, segments) = (&view.map, &view.segments);
+    // By id: the position in column order where the segment's last run ended, and its runs so far.
     let largest = segments.iter().map(|segment| segment.id).max().unwrap_or(0);
     let mut runs: Vec<(u32, Vec<u32>)> = vec![(0, Vec::new()); usize::from(largest) + 1];
     let mut position = 0;
     for x in 0..map.width {
         for y in 0..map.height {
-            let label = usize::from(map.at(x, y));
-            if let Some((end, runs)) = runs.get_mut(label).filter(|_| label > 0) {
+            let mut id = map.at(x, y);
+            while id > 0 {
+                let (end, runs) = &mut runs[usize::from(id)];
                 match runs.last_mut() {
                     Some(run) if *end == position => *run += 1,
                     _ => runs.extend([position - *end, 1]),
                 }
                 *end = position + 1;
+                id = view.parent(id);
             }
             position += 1;
         }
@@ -77,7 +82,7 @@ fn compressed(runs: &[u32]) -> String {
 
 #[cfg(test)]
 mod tests {
-    use super::super::super::Level;
+    use super::super::super::{LabelMap, Level};
     use super::*;
 
     /// Expected texts from pycocotools 2.0: `mask.frPyObjects({"size": [h, w], "counts": runs}, h, w)["counts"]`.
@@ -94,19 +99,39 @@ mod tests {
         (&[7, 1, 40, 1, 38, 2, 100_000, 5, 3], "71X10N1jcQ33S[nL"),
     ];
 
+    fn segment(id: u16, parent: u16, area: u32, bbox: [u32; 4]) -> Segment {
+        Segment { id, area, bbox, predicted_iou: 0.9, stability_score: 0.9, level: Level::Small, parent }
+    }
+
     #[test]
     fn runs_go_column_by_column() {
         let map = LabelMap { width: 3, height: 2, labels: vec![0, 1, 2, 1, 1, 2] };
-        let segment = |id| Segment {
-            id,
-            area: 0,
-            bbox: [0; 4],
-            predicted_iou: 0.9,
-            stability_score: 0.9,
-            level: Level::Small,
-            parent: 0,
-        };
+        let segments = vec![segment(1, 0, 3, [0, 0, 2, 2]), segment(2, 0, 2, [2, 0, 1, 2])];
         // Columns: (0, 1), (1, 1), (2, 2).
-        assert_eq!(column_runs(&map, &[segment(1), segment(2)]), [vec![1, 3, 2], vec![4, 2]]);
+        let view = ViewSegments { view: "view".into(), map, segments };
+        assert_eq!(column_runs(&view), [vec![1, 3, 2], vec![4, 2]]);
+    }
+
+    #[test]
+    fn a_mask_includes_the_segments_in_it_as_its_area_does() {
+        // Segment 3 lies in 2, which lies in 1; segment 4 lies in none.
+        let map = LabelMap { width: 4, height: 2, labels: vec![1, 2, 3, 4, 1, 1, 2, 0] };
+        let segments = vec![
+            segment(1, 0, 6, [0, 0, 3, 2]),
+            segment(2, 1, 3, [1, 0, 2, 2]),
+            segment(3, 2, 1, [2, 0, 1, 1]),
+            segment(4, 0, 1, [3, 0, 1, 1]),
+        ];
+        let view = ViewSegments { view: "view".into(), map, segments };
+        let runs = column_runs(&view);
+        assert_eq!(runs[0], [0, 6, 2]);
+        for (segment, runs) in view.segments.iter().zip(&runs) {
+            let inside: u32 = runs.iter().skip(1).step_by(2).sum();
+            assert_eq!(inside, segment.area, "segment {}", segment.id);
+        }
+        let written = coco(&[view]);
+        let annotations = written["annotations"].as_array().unwrap();
+        let parents: Vec<&Value> = annotations.iter().map(|annotation| &annotation["parent"]).collect();
+        assert_eq!(parents, [&Value::Null, &json!(1), &json!(2), &Value::Null]);
     }
 }

@@ -79,7 +79,7 @@ fn between([from, to]: [&Gaussians; 2], around: [Option<Point3<f64>>; 2], share:
     let middle = Point3::from(Vector3::from_fn(|a, _| {
         cubic([centers[0][a], centers[1][a]], [tangent(before[a], slope[a]), tangent(slope[a], after[a])], share.into())
     }));
-    let turn = numeric::rigid_motion((0..from.len()).map(|i| (from.center(i), to.center(i)))).rotation;
+    let turn = numeric::rigid_motion(moving(from).map(|i| (from.center(i), to.center(i)))).rotation;
     let (turned, back) = (turn.powf(share.into()), turn.inverse());
     let position = |i: usize| {
         let (a, b) = (from.center(i) - centers[0], back * (to.center(i) - centers[1]));
@@ -111,10 +111,15 @@ fn between([from, to]: [&Gaussians; 2], around: [Option<Point3<f64>>; 2], share:
     }
 }
 
-/// The mean position of the Gaussians.
+/// The Gaussians that move with the object: those that are not set aside.
+fn moving(gaussians: &Gaussians) -> impl Iterator<Item = usize> + Clone {
+    (0..gaussians.len()).filter(move |&i| !gaussians.is_set_aside(i))
+}
+
+/// The mean position of the Gaussians that move with the object.
 fn center(gaussians: &Gaussians) -> Point3<f64> {
-    let sum: Vector3<f64> = (0..gaussians.len()).map(|i| gaussians.center(i).coords).sum();
-    (sum / gaussians.len().max(1) as f64).into()
+    let sum: Vector3<f64> = moving(gaussians).map(|i| gaussians.center(i).coords).sum();
+    (sum / moving(gaussians).count().max(1) as f64).into()
 }
 
 /// The slope at the frame between two intervals.
@@ -202,6 +207,36 @@ mod tests {
             assert!((distance(&half) - distance(&from)).abs() < 1e-6, "{i} {j}: {}", distance(&half));
         }
         assert!((center(&half).z - (center(&from).z - 1.5)).abs() < 1e-6);
+    }
+
+    /// A Gaussian that was set aside, far away and at rest, has no part in how the others move.
+    #[test]
+    fn what_is_set_aside_does_not_bend_the_motion() {
+        let frame = |positions: Vec<[f32; 3]>, set_aside: Vec<bool>| Gaussians {
+            log_scales: vec![[0.0; 3]; positions.len()],
+            rotations: vec![[1.0, 0.0, 0.0, 0.0]; positions.len()],
+            opacity_logits: vec![1.0; positions.len()],
+            sh_dc: vec![[0.0; 3]; positions.len()],
+            positions,
+            set_aside,
+            ..Gaussians::default()
+        };
+        // A right angle that turns by a quarter about z.
+        let places = [
+            vec![[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 2.0, 0.0]],
+            vec![[0.0, 0.0, 0.0], [0.0, 1.0, 0.0], [-2.0, 0.0, 0.0]],
+        ];
+        let [alone, accompanied] = [false, true].map(|with_stray| {
+            let [from, to] = places.clone().map(|mut positions| {
+                if with_stray {
+                    positions.push([90.0, -40.0, 70.0]);
+                }
+                let set_aside = (0..positions.len()).map(|i| i == 3).collect();
+                frame(positions, set_aside)
+            });
+            between([&from, &to], [None; 2], 0.5).positions
+        });
+        assert_eq!(alone[..], accompanied[..3]);
     }
 
     #[test]

@@ -50,7 +50,7 @@ impl Ground {
                 return (BACKGROUND, [f64::NAN; 2]);
             }
             // Size of the pixel on the ground along the line of sight, for soft edges between the squares.
-            let footprint = distance * ray.norm() / i.fx / (-ray.z / ray.norm());
+            let footprint = distance * ray.norm() / i.fx / (ray.z.abs() / ray.norm());
             let at = eye + ray * distance;
             (color(at, footprint, scale, center), [at.x, at.y])
         };

@@ -49,8 +49,19 @@ pub fn pace(simulated_s: f64) -> &'static str {
 
 /// Longest side of the animation for pages, px.
 const SMALL_PX: u32 = 640;
-/// Pictures per second of the animation for pages.
+/// The animation for pages has at least this many pictures per second, or all pictures of a film that has fewer.
 const SMALL_FPS: u32 = 12;
+
+/// Pictures per second of the animation for pages of a film with `fps`.
+fn small_fps(fps: u32) -> u32 {
+    fps.div_ceil((fps / SMALL_FPS).max(1))
+}
+
+/// The picture of a film with `fps` that is nearest in time to the picture `index` of its animation for pages.
+fn nearest_in_film(index: usize, fps: u32) -> usize {
+    let (fps, small_fps) = (fps as usize, small_fps(fps) as usize);
+    (index * fps + small_fps / 2) / small_fps
+}
 
 /// The viewpoint of the animation.
 #[derive(Debug, Clone, PartialEq, clap::Args, Serialize)]
@@ -155,8 +166,7 @@ impl<'a> Shooting<'a> {
     ) -> Result<Films, E> {
         let samples = self.samples(load)?;
         let small_samples: Vec<RgbImage> = samples.iter().map(small).collect();
-        let every = (self.film.fps / SMALL_FPS).max(1);
-        let mut animation = Gif::new(self.film.fps.div_ceil(every), &small_samples).map_err(FilmError::from)?;
+        let mut animation = Gif::new(small_fps(self.film.fps), &small_samples).map_err(FilmError::from)?;
         let size = samples[0].dimensions();
         let (mut mp4, mut failure) = match Mp4::start(size, self.film.fps) {
             Ok(started) => (started, None),
@@ -166,10 +176,11 @@ impl<'a> Shooting<'a> {
             Some(_) => None,
             None => Some(Gif::new(self.film.fps, &samples).map_err(FilmError::from)?),
         };
-        let mut index = 0;
+        let (mut index, mut small_index) = (0, 0);
         let mut take = |picture: RgbImage| -> Result<(), E> {
-            if index % every == 0 {
+            if index == nearest_in_film(small_index, self.film.fps) {
                 animation.add(&small(&picture)).map_err(FilmError::from)?;
+                small_index += 1;
             }
             index += 1;
             if let Some(gif) = &mut gif {
@@ -269,4 +280,24 @@ fn over(render: &render::Render, ground: &[[f32; 3]]) -> RgbImage {
         }
     });
     picture
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Every picture is shown within half a picture of the film of the time at which the film shows it.
+    #[test]
+    fn the_animation_for_pages_plays_as_fast_as_the_film() {
+        for fps in 1..=60 {
+            let rate = small_fps(fps);
+            assert!(rate <= fps && rate >= fps.min(SMALL_FPS), "{rate} of {fps} pictures per second");
+            for index in 0..300 {
+                let in_film_s = nearest_in_film(index, fps) as f64 / f64::from(fps);
+                let late_s = (in_film_s - index as f64 / f64::from(rate)).abs();
+                // Apart from rounding.
+                assert!(late_s <= 0.5 / f64::from(fps) + 1e-9, "picture {index} at {fps}: off by {late_s} s");
+            }
+        }
+    }
 }

@@ -152,8 +152,11 @@ impl Solver {
         Ok(())
     }
 
-    /// Looks for a particle whose nodes are not all on the grid.
-    fn check(&self) -> Result<(), Lost> {
+    /// Checks that all nodes of every particle are on the grid, and that its deformation is finite.
+    ///
+    /// # Errors
+    /// [`Lost`] for the first particle of which this is not true.
+    pub fn check(&self) -> Result<(), Lost> {
         let (low, high) = (0.5 * self.dx, (self.cells as f32 - 1.5) * self.dx);
         let inside =
             |p: &Particle| p.position.iter().all(|x| low <= *x && *x < high) && p.trial.iter().all(|x| x.is_finite());

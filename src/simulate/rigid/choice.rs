@@ -17,7 +17,7 @@ use serde::{Deserialize, Serialize};
 use super::super::error::SimulateError;
 use super::super::filling::Body;
 use super::super::material::Material;
-use super::super::script::{Step, What, mentions};
+use super::super::script::{Step, What, parts_named};
 use crate::materials::Law;
 
 /// Strain below which a change of shape cannot be seen: in a film of 720 lines that the object fills, less than a pixel.
@@ -146,19 +146,15 @@ pub fn choose(
     Ok(Choice { body_of, reasons })
 }
 
-/// Per label: whether `--rigid` names it by its caption or material, or by words from these.
+/// Per label: whether one of the `parts` of `--rigid` refers to it.
 fn named(parts: &[String], materials: &[Material]) -> Result<Vec<bool>, SimulateError> {
+    let names: Vec<Vec<&str>> = materials.iter().map(|m| vec![m.caption.as_str(), m.name.as_str()]).collect();
     let mut rigid = vec![false; materials.len()];
     for part in parts {
-        let is = |name: &str| name.eq_ignore_ascii_case(part) || mentions(name, part);
-        let found: Vec<usize> =
-            (0..materials.len()).filter(|&l| is(&materials[l].caption) || is(&materials[l].name)).collect();
-        if found.is_empty() {
-            let names: BTreeSet<&str> = materials.iter().flat_map(|m| [m.caption.as_str(), m.name.as_str()]).collect();
-            let names = names.into_iter().collect::<Vec<_>>().join("`, `");
-            return Err(SimulateError::Rigid { part: part.clone(), names });
+        let found = parts_named(&names, part).map_err(|names| SimulateError::Rigid { part: part.clone(), names })?;
+        for (rigid, found) in rigid.iter_mut().zip(found) {
+            *rigid |= found;
         }
-        found.into_iter().for_each(|label| rigid[label] = true);
     }
     Ok(rigid)
 }

@@ -133,7 +133,7 @@ impl Distortion {
 
     /// The point in the direction of (`x`, `y`) that the lens maps to the distance of (`x`, `y`) from the centre, or to
     /// as much of that distance as the lens shows, by bisection.
-    fn at_distance_of(&self, x: f64, y: f64) -> (f64, f64) {
+    pub(crate) fn at_distance_of(&self, x: f64, y: f64) -> (f64, f64) {
         /// Gives the radius to within a relative error of 2^-40, up to 2^10 times the distance: no picture reaches
         /// 89.9 degrees.
         const HALVINGS: i32 = 40;

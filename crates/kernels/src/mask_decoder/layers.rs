@@ -45,7 +45,7 @@ impl Norm {
     }
 }
 
-/// Exponential of numbers of either sign and any magnitude.
+/// Exponential; arguments are clamped to +-[`MOST_EXPONENT`](simd::MOST_EXPONENT), between which it is a normal number.
 #[inline(always)]
 pub fn exp<V: Vector>(x: V) -> V {
     simd::exp(x, simd::MOST_EXPONENT)

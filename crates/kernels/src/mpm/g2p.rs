@@ -1,7 +1,8 @@
 //! Grid to particles: velocity, APIC's affine velocity, the new position, and the deformation gradient.
 //!
 //! v = sum w v_i; C = (4/dx^2) sum w v_i (x_i - x_p)^T; x += dt v; F <- (I + dt C) F. C serves as the velocity
-//! gradient, as in MLS-MPM.
+//! gradient, as in MLS-MPM. The sum x += dt v is compensated, as in
+//! [`compensated_sum`](super::particles::compensated_sum).
 
 use rayon::prelude::*;
 
@@ -111,7 +112,10 @@ fn gather_pack<L: Lanes>(pack: &mut Pack, context: Context) -> (L, bool) {
     let mut inside = true;
     for a in 0..3 {
         velocity[a].store(&mut pack.velocity[a]);
-        let moved = dt.mul_add(velocity[a], L::load(&pack.position[a]));
+        let position = L::load(&pack.position[a]);
+        let by = dt.mul_add(velocity[a], L::load(&pack.compensation[a]));
+        let moved = position + by;
+        (by - (moved - position)).store(&mut pack.compensation[a]);
         moved.store(&mut pack.position[a]);
         // Not (low < x) also holds if x is NaN.
         let within = L::select(L::splat(domain_m[0][a]).less(moved), L::splat(1.0), L::splat(0.0));

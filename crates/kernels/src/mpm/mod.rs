@@ -33,7 +33,7 @@ use crate::boundary::Boundary;
 pub use grid::DRIFT;
 use in_order::InOrder;
 use laws::Law;
-use particles::{Motion, Pack, Particle};
+use particles::{Motion, Pack, Particle, Row, compensated_sum};
 use rayon::prelude::*;
 use sort::Sorted;
 pub use stencil::base_cell;
@@ -71,6 +71,8 @@ pub struct Solver {
     /// Distance, in cells, that some particle may have moved since the last sort.
     drift: f32,
     fastest_m_s: f32,
+    /// Per pack: the positions and compensations before a substep with given motions; see [`Solver::take`].
+    before: Vec<[[Row; 3]; 2]>,
 }
 
 impl Solver {
@@ -78,7 +80,7 @@ impl Solver {
     pub fn new(setting: Setting, particles: Vec<Particle>) -> Self {
         let own = particles.len();
         let sorted = Sorted { packs: sort::packed(0, particles), ..Sorted::default() };
-        let mut solver = Self { setting, own, sorted, nodes: vec![], drift: 0.0, fastest_m_s: 0.0 };
+        let mut solver = Self { setting, own, sorted, nodes: vec![], drift: 0.0, fastest_m_s: 0.0, before: vec![] };
         solver.renew();
         solver
     }
@@ -165,10 +167,10 @@ impl Solver {
     pub fn fall(&mut self, dt_s: f32) {
         let gravity = self.setting.gravity_m_s2;
         self.sorted.packs.par_iter_mut().for_each(|pack| {
-            let rows = pack.position.iter_mut().zip(&mut pack.velocity).zip(gravity);
-            for ((positions, velocities), g) in rows {
-                for (x, v) in positions.iter_mut().zip(velocities) {
-                    *x += (*v + g * dt_s / 2.0) * dt_s;
+            let rows = pack.position.iter_mut().zip(&mut pack.compensation).zip(&mut pack.velocity).zip(gravity);
+            for (((positions, compensations), velocities), g) in rows {
+                for ((x, c), v) in positions.iter_mut().zip(compensations).zip(velocities) {
+                    [*x, *c] = compensated_sum([*x, *c], (*v + g * dt_s / 2.0) * dt_s);
                     *v += g * dt_s;
                 }
             }
@@ -190,6 +192,12 @@ impl Solver {
     /// Makes some particles so heavy that the grid follows them in the next substep: those to which `led` gives a motion,
     /// by their number and current position. To be followed by [`Solver::lead`].
     pub fn take(&mut self, led: impl Fn(u32, [f32; 3]) -> Option<Motion> + Sync) {
+        // Sorted now instead of in `scatter`: until `lead`, every particle keeps its place in `before`.
+        if self.is_due_for_sorting() {
+            self.sort();
+        }
+        let before = self.sorted.packs.par_iter().map(|pack| [pack.position, pack.compensation]);
+        before.collect_into_vec(&mut self.before);
         self.sorted.packs.par_iter_mut().for_each(|pack| {
             for lane in 0..pack.live as usize {
                 if let Some(motion) = led(pack.id[lane], pack.position.map(|row| row[lane])) {
@@ -201,18 +209,18 @@ impl Solver {
 
     /// After the substep that follows [`Solver::take`]: the particles move and turn as `led` says, and strain no further.
     pub fn lead(&mut self, dt_s: f32, led: impl Fn(u32, [f32; 3]) -> Option<Motion> + Sync) {
-        let lead = |pack: &mut Pack| {
+        let lead = |(pack, before): (&mut Pack, &[[Row; 3]; 2])| {
             let mut fastest = 0.0_f32;
             for lane in 0..pack.live as usize {
-                let before = [0, 1, 2].map(|a| pack.position[a][lane] - pack.velocity[a][lane] * dt_s);
-                if let Some(motion) = led(pack.id[lane], before) {
+                let before = before.map(|rows| rows.map(|row| row[lane]));
+                if let Some(motion) = led(pack.id[lane], before[0]) {
                     pack.lead(lane, before, &motion, dt_s);
                     fastest = motion.velocity_m_s.iter().fold(fastest, |m, v| m.max(v.abs()));
                 }
             }
             fastest
         };
-        let fastest = self.sorted.packs.par_iter_mut().map(lead).reduce(|| 0.0, f32::max);
+        let fastest = self.sorted.packs.par_iter_mut().zip(&self.before).map(lead).reduce(|| 0.0, f32::max);
         self.fastest_m_s = self.fastest_m_s.max(fastest);
         self.drift += fastest * dt_s / self.setting.spacing_m;
     }

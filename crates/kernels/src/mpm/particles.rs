@@ -12,6 +12,8 @@ pub type Row = [f32; LANES];
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Particle {
     pub position_m: [f32; 3],
+    /// The part of the particle's moves that rounding has kept out of `position_m`; the next move includes it.
+    pub compensation_m: [f32; 3],
     pub velocity_m_s: [f32; 3],
     /// APIC's affine velocity matrix C, 1/s, row by row.
     pub affine: [f32; 9],
@@ -53,6 +55,8 @@ pub const IDENTITY: [f32; 9] = [1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0];
 #[repr(C, align(32))]
 pub struct Pack {
     pub position: [Row; 3],
+    /// See [`Particle::compensation_m`].
+    pub compensation: [Row; 3],
     pub velocity: [Row; 3],
     pub affine: [Row; 9],
     pub elastic: [Row; 9],
@@ -78,8 +82,9 @@ impl Pack {
         }
     }
 
-    /// Gives a lane the `motion` that starts at the position `before`, instead of the result of a substep of `dt_s`.
-    pub fn lead(&mut self, lane: usize, before: [f32; 3], motion: &Motion, dt_s: f32) {
+    /// Gives a lane the `motion` that starts at the position and with the compensation in `before`, instead of the result
+    /// of a substep of `dt_s`.
+    pub fn lead(&mut self, lane: usize, before: [[f32; 3]; 2], motion: &Motion, dt_s: f32) {
         let step = |gradient: Matrix3<f32>| Matrix3::identity() + gradient * dt_s;
         let made = step(lane_matrix(&self.affine, lane));
         // A step whose matrix is singular cannot be undone.
@@ -91,11 +96,10 @@ impl Pack {
         }
         self.mass[lane] /= LED_WEIGHT;
         put_matrix(&mut self.affine, lane, &motion.gradient);
-        for ((position, velocity), (x, v)) in
-            self.position.iter_mut().zip(&mut self.velocity).zip(before.into_iter().zip(motion.velocity_m_s))
-        {
-            velocity[lane] = v;
-            position[lane] = x + v * dt_s;
+        for (a, v) in motion.velocity_m_s.into_iter().enumerate() {
+            self.velocity[a][lane] = v;
+            let moved = compensated_sum([before[0][a], before[1][a]], v * dt_s);
+            [self.position[a][lane], self.compensation[a][lane]] = moved;
         }
     }
 
@@ -105,6 +109,9 @@ impl Pack {
         for (row, x) in self.position.iter_mut().zip(position_m) {
             farthest = farthest.max((x - row[lane]).abs());
             row[lane] = x;
+        }
+        for row in &mut self.compensation {
+            row[lane] = 0.0;
         }
         for (row, v) in self.velocity.iter_mut().zip(motion.velocity_m_s) {
             row[lane] = v;
@@ -119,6 +126,7 @@ impl Pack {
         let identity = IDENTITY.map(|v| [v; LANES]);
         Self {
             position: [zero; 3],
+            compensation: [zero; 3],
             velocity: [zero; 3],
             affine: [zero; 9],
             elastic: identity,
@@ -150,6 +158,7 @@ impl Pack {
     pub fn pad(&mut self) {
         let nothing = Particle {
             position_m: self.position.map(|row| row[0]),
+            compensation_m: [0.0; 3],
             velocity_m_s: [0.0; 3],
             affine: [0.0; 9],
             elastic: IDENTITY,
@@ -173,6 +182,7 @@ impl Pack {
             }
         }
         set(&mut self.position, lane, &p.position_m);
+        set(&mut self.compensation, lane, &p.compensation_m);
         set(&mut self.velocity, lane, &p.velocity_m_s);
         set(&mut self.affine, lane, &p.affine);
         set(&mut self.elastic, lane, &p.elastic);
@@ -192,6 +202,7 @@ impl Pack {
         }
         Particle {
             position_m: get(&self.position, lane),
+            compensation_m: get(&self.compensation, lane),
             velocity_m_s: get(&self.velocity, lane),
             affine: get(&self.affine, lane),
             elastic: get(&self.elastic, lane),
@@ -209,6 +220,14 @@ impl Pack {
     pub fn particles(&self) -> impl Iterator<Item = (u32, Particle)> + '_ {
         (0..self.live as usize).map(|lane| (self.id[lane], self.particle(lane)))
     }
+}
+
+/// A position with its compensation, after a move by `by` along the same axis: compensated summation (Kahan, *Further
+/// Remarks on Reducing Truncation Errors*, 1965). Without it, moves far below the rounding of the position are lost.
+pub fn compensated_sum([position, compensation]: [f32; 2], by: f32) -> [f32; 2] {
+    let by = by + compensation;
+    let moved = position + by;
+    [moved, by - (moved - position)]
 }
 
 fn lane_matrix(rows: &[Row; 9], lane: usize) -> Matrix3<f32> {

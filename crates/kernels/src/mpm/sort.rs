@@ -108,6 +108,7 @@ fn rearrange(packs: &mut Vec<Pack>, places: &[u32], groups: &[Group]) {
     packs.reserve_exact(most - packs.len());
     packs.resize_with(most, Pack::empty);
     move_rows(packs, places, groups, |p| &p.position, |p| &mut p.position);
+    move_rows(packs, places, groups, |p| &p.compensation, |p| &mut p.compensation);
     move_rows(packs, places, groups, |p| &p.velocity, |p| &mut p.velocity);
     move_rows(packs, places, groups, |p| &p.affine, |p| &mut p.affine);
     move_rows(packs, places, groups, |p| &p.elastic, |p| &mut p.elastic);

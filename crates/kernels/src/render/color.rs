@@ -1,11 +1,17 @@
 //! Colour, alpha and depth of every pixel.
 
+use super::FOREGROUND_ALPHA;
 use super::blend::{LANES, Sink, TileRect};
 use super::project::Splat;
 use super::tiles::TILE;
 
-/// Transmittance at which the median depth is read: half of the light comes from nearer surfaces.
-const MEDIAN_TRANSMITTANCE: f32 = 0.5;
+/// True if a splat with this weight, behind which `after` of the light is left, is the surface at which half of the
+/// light is reached: the median depth is its depth.
+#[inline(always)]
+pub(super) fn is_median(weight: f32, after: f32) -> bool {
+    const MEDIAN: f32 = 1.0 - FOREGROUND_ALPHA;
+    after < MEDIAN && after + weight >= MEDIAN
+}
 
 type Plane = [f32; TILE * TILE];
 
@@ -43,7 +49,7 @@ impl Sink for ColorSink<'_> {
             let (weight, after) = (weights[lane], transmittance[lane]);
             self.alpha[first + lane] += weight;
             self.weighted_depth[first + lane] += weight * depth;
-            if after < MEDIAN_TRANSMITTANCE && after + weight >= MEDIAN_TRANSMITTANCE {
+            if is_median(weight, after) {
                 self.median_depth[first + lane] = depth;
             }
         }

@@ -7,8 +7,9 @@ use super::project::Splat;
 use super::tiles::TILE;
 use super::{Projected, pixels};
 
-/// A view sees a Gaussian if at least this share of its light arrives; the rest is blocked by what is in front. A
-/// closed surface of trained Gaussians lets a few hundredths through; an unobstructed Gaussian sends all of its light.
+/// A view sees a Gaussian if what is in front lets at least this share of its light through, over the pixels that at
+/// least [`TRANSMITTANCE_MIN`] of the light still reaches; at the others, blending has ended. A closed surface of
+/// trained Gaussians lets a few hundredths through; all the light of an unobstructed Gaussian arrives.
 const VISIBLE_SHARE: f32 = 0.1;
 
 /// The contributions of the Gaussians that the view sees to the pixels of each label, sorted by Gaussian, then by
@@ -20,7 +21,7 @@ pub fn contributions<L: Copy + Ord + Send>(
     labels: &[u16],
     kept: impl Fn(u16) -> Option<L> + Sync,
 ) -> Vec<(u32, L, f32)> {
-    // Light that arrives and light that is emitted, by Gaussian.
+    // By Gaussian: light that arrives, and light that is emitted, both over the pixels that were not finished.
     let mut light = vec![[0.0f32; 2]; gaussians];
     // Capacity for four tiles or labels per Gaussian: a growing list would leave the memory fragmented.
     let mut found: Vec<(u32, L, f32)> = Vec::with_capacity(4 * gaussians);
@@ -61,7 +62,7 @@ struct Contribution {
     label: u16,
     /// Sum of alpha times transmittance.
     arrived: f32,
-    /// Sum of alpha.
+    /// Sum of alpha over the pixels that were not finished.
     sent: f32,
 }
 
@@ -100,8 +101,8 @@ impl Sink for LightSink {
         if self.contributions.last().is_none_or(|last| last.gaussian != gaussian) {
             self.current = self.contributions.len();
         }
-        // The light before the splat is the sum of what it takes and what it leaves; of a finished pixel it takes
-        // nothing.
+        // The light before the splat is the sum of what it takes and what it leaves. Of a finished pixel it takes
+        // nothing, so that pixel does not count as light sent.
         let sent: [f32; LANES] =
             std::array::from_fn(|lane| weights[lane] / (weights[lane] + transmittance[lane]).max(TRANSMITTANCE_MIN));
         let labels: [u16; LANES] = std::array::from_fn(|lane| self.labels[first + lane]);
