@@ -65,11 +65,11 @@ pub enum Fillings {
 #[derive(Debug, Clone, PartialEq, clap::Args, Serialize)]
 #[command(next_help_heading = "Simulation")]
 pub struct Options {
-    /// For --scenario drop without --set: height of the drop onto the ground, in multiples of the object's longest side
+    /// Height of the drop, in longest sides of the object (scenario drop without --set)
     #[arg(long, value_name = "RATIO", default_value_t = 0.5, value_parser = from_to(0.0, HIGHEST_DROP))]
     pub drop_height: f64,
 
-    /// For --scenario drop without --set: tilt of the object before the drop, in degrees
+    /// Tilt before the drop, in degrees (scenario drop without --set)
     #[arg(long, value_name = "DEGREES", default_value_t = 25.0, allow_negative_numbers = true, value_parser = from_to(-FULL_TURN, FULL_TURN))]
     pub tilt_deg: f64,
 
@@ -119,7 +119,7 @@ pub struct Options {
     pub ground_friction: f64,
 
     /// Parts that move as rigid bodies: `auto` (those whose deformation would be invisible, or hardly visible if
-    /// that saves much time; see docs/simulate.md), `never`, or the names of parts; may be given several times
+    /// that saves much time), `never`, or the names of parts; may be given several times
     #[arg(long, value_name = "auto|never|PART", default_values_t = [choice::AUTO.to_owned()])]
     pub rigid: Vec<String>,
 

@@ -365,8 +365,8 @@ impl Standing<'_> {
             "low_end" => within(self.longest_axis(), 0.0, END),
             "high_end" => within(self.longest_axis(), 1.0 - END, 1.0),
             part => {
-                let unknown = |names: String| SimulateError::Part { part: part.to_owned(), names };
-                let found = parts_named(self.names, part).map_err(unknown)?;
+                let unknown = || SimulateError::Part { part: part.to_owned(), names: all_names(self.names) };
+                let found = parts_named(self.names, part).ok_or_else(unknown)?;
                 self.labels.iter().map(|&l| found[l as usize]).collect()
             }
         })
@@ -387,11 +387,8 @@ impl Standing<'_> {
 }
 
 /// For each part, whether `part` refers to it: by one of its `names`, or, if no part has this name, by words from one of
-/// its names.
-///
-/// # Errors
-/// If `part` refers to no part: all names, as a text for the error.
-pub(super) fn parts_named(names: &[Vec<&str>], part: &str) -> Result<Vec<bool>, String> {
+/// its names. `None` if `part` refers to no part.
+pub(super) fn parts_named(names: &[Vec<&str>], part: &str) -> Option<Vec<bool>> {
     let named = |is: fn(&str, &str) -> bool| -> Vec<bool> {
         names.iter().map(|names| names.iter().any(|name| is(name, part))).collect()
     };
@@ -399,13 +396,15 @@ pub(super) fn parts_named(names: &[Vec<&str>], part: &str) -> Result<Vec<bool>, 
     if !found.contains(&true) {
         found = named(mentions);
     }
-    if found.contains(&true) {
-        return Ok(found);
-    }
+    found.contains(&true).then_some(found)
+}
+
+/// All names of parts, as a text for an error.
+pub(super) fn all_names(names: &[Vec<&str>]) -> String {
     let mut all: Vec<&str> = names.iter().flatten().copied().collect();
     all.sort_unstable();
     all.dedup();
-    Err(all.join("`, `"))
+    all.join("`, `")
 }
 
 /// True if the words of `part` occur in `name`, in their order and in singular or plural: "handle" in "body and handles

@@ -19,6 +19,7 @@ use super::compose::Hollow;
 use super::compose::volume::Volume;
 use super::result::{Filling, Width};
 use super::{BodiesAs, Object, Part, PartBody, Shape};
+use crate::units::Estimate;
 use crate::vote::{Contents, FieldLabel, Filled};
 use moments::Moments;
 use weights::{Weight, Weights};
@@ -81,7 +82,7 @@ impl Weighable<'_> {
             mass_kg: piece.moments.volume * scale.powi(3) * grown * density.mid,
             center_of_mass_m: (piece.moments.center * length).into(),
         };
-        let width = |(source, mass): (_, crate::units::Estimate)| Width::new(source, mass.scaled(share));
+        let width = |(source, mass): (_, Estimate)| Width::new(source, mass.scaled(share));
         Part {
             id: self.label.id,
             caption: self.label.caption.clone(),
@@ -117,7 +118,7 @@ impl Weighable<'_> {
             caption: format!("{} in {}", filled.filling, self.label.caption),
             filling: filled.filling.clone(),
             unseen: true,
-            share_of_hollow: weight.share.as_ref().map_or(filled.share, |share| weights.of(share)),
+            share_of_hollow: weight.share.as_ref().map_or(filled.share, |share| at_most_all(weights.of(share))),
             volume_m3: volume,
             density_kg_m3: density,
             mass_kg: weights.of(&weight.mass),
@@ -139,6 +140,10 @@ pub(super) fn object(weights: &Weights, whole: &Moments) -> Object {
         center_of_mass_m: (whole.center * weights.length()).into(),
         inertia_kg_m2: rows(whole.inertia() * weights.length().powi(2)),
     }
+}
+
+fn at_most_all(Estimate { low, mid, high }: Estimate) -> Estimate {
+    Estimate::new(low.min(1.0), mid.min(1.0), high.min(1.0))
 }
 
 fn rows(m: Matrix3<f64>) -> [[f64; 3]; 3] {

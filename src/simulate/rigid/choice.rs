@@ -17,7 +17,7 @@ use serde::{Deserialize, Serialize};
 use super::super::error::SimulateError;
 use super::super::filling::Body;
 use super::super::material::Material;
-use super::super::script::{Step, What, parts_named};
+use super::super::script::{Step, What, all_names, parts_named};
 use crate::materials::Law;
 
 /// Strain below which a change of shape cannot be seen: in a film of 720 lines that the object fills, less than a pixel.
@@ -151,7 +151,8 @@ fn named(parts: &[String], materials: &[Material]) -> Result<Vec<bool>, Simulate
     let names: Vec<Vec<&str>> = materials.iter().map(|m| vec![m.caption.as_str(), m.name.as_str()]).collect();
     let mut rigid = vec![false; materials.len()];
     for part in parts {
-        let found = parts_named(&names, part).map_err(|names| SimulateError::Rigid { part: part.clone(), names })?;
+        let unknown = || SimulateError::Rigid { part: part.clone(), names: all_names(&names) };
+        let found = parts_named(&names, part).ok_or_else(unknown)?;
         for (rigid, found) in rigid.iter_mut().zip(found) {
             *rigid |= found;
         }
