@@ -118,8 +118,8 @@ pub struct Options {
     #[arg(long, value_name = "MU", default_value_t = 0.4, value_parser = from_to(0.0, MOST_FRICTION))]
     pub ground_friction: f64,
 
-    /// Parts that move as rigid bodies: `auto` (those whose deformation would be invisible, or hardly visible if
-    /// that saves much time), `never`, or the names of parts; may be given several times
+    /// Parts that move as rigid bodies: `auto` (those whose deformation would be hardly visible), `never`, or the names of
+    /// parts; may be given several times
     #[arg(long, value_name = "auto|never|PART", default_values_t = [choice::AUTO.to_owned()])]
     pub rigid: Vec<String>,
 
