@@ -25,6 +25,19 @@ struct UnscaledFile<'a> {
     shapes: &'a [Shape],
 }
 
+/// The scale of the scene, if it has one, as the `parts` of the object that was weighed correct it; else the one that
+/// follows from the weighing.
+pub(super) fn scale_after_weighing(known: Option<MetricScale>, parts: Option<&Parts>) -> Option<MetricScale> {
+    let Some(known) = known else { return parts?.scale() };
+    let found = parts.and_then(|parts| parts.meters_per_unit).filter(|_| known.range.is_some());
+    Some(match found {
+        Some(Estimate { low, mid, high }) => {
+            MetricScale { meters_per_unit: mid, range: Some(Range::new(low, high)), ..known }
+        }
+        None => known,
+    })
+}
+
 impl Pipeline {
     pub(super) fn parts_key(&self) -> Result<String> {
         let mut hasher = self.key_after_inputs(Stage::Parts).with_json(&self.options.parts);
@@ -89,18 +102,11 @@ impl Pipeline {
     /// The metric scale: the scene's, or the one that follows from the mass of the object, which also corrects a scale of
     /// the scene that is not exact.
     pub(crate) fn metric_scale(&self) -> Result<Option<MetricScale>> {
-        let Some(known) = &self.scene.scale else { return Ok(self.stored_parts()?.and_then(|parts| parts.scale())) };
-        let weighed = self.options.parts.known_mass.filter(|_| known.range.is_some());
-        let corrected = match weighed {
-            Some(_) => self.stored_parts()?.and_then(|parts| parts.meters_per_unit),
+        let parts = match self.options.parts.known_mass {
+            Some(_) => self.stored_parts()?,
             None => None,
         };
-        Ok(Some(match corrected {
-            Some(Estimate { low, mid, high }) => {
-                MetricScale { meters_per_unit: mid, range: Some(Range::new(low, high)), ..known.clone() }
-            }
-            None => known.clone(),
-        }))
+        Ok(scale_after_weighing(self.scene.scale.clone(), parts.as_ref()))
     }
 
     /// The parts in metres and kilograms; `None` if the scale is unknown.

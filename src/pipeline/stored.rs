@@ -20,6 +20,7 @@ use crate::units::MetricScale;
 use crate::vote::MaterialField;
 use crate::workdir::{Artifact, Standing, WorkDir, WorkDirError};
 
+use super::parts::scale_after_weighing;
 use super::record::{RunRecord, version};
 use super::vote::stored_field;
 use super::{Options, Pipeline, Plan, Stage, work_folder};
@@ -87,12 +88,12 @@ impl Stored {
     /// # Errors
     /// If the files are not what gprop wrote.
     pub fn found_scale(&self) -> Result<Option<MetricScale>> {
-        let in_photos = super::scene::stored_scale(&self.work)?;
-        if self.field_of_options::<crate::scene::Options>("scene")?.scale == ScaleChoice::Estimate {
-            return Ok(super::query::estimated_scale(&self.work)?);
-        }
-        let of_mass = || self.work.read_json::<Parts>(Artifact::Parts).ok().and_then(|parts| parts.scale());
-        Ok(in_photos.or_else(of_mass))
+        let known = match self.field_of_options::<crate::scene::Options>("scene")?.scale {
+            ScaleChoice::Estimate => super::query::estimated_scale(&self.work)?,
+            _ => super::scene::stored_scale(&self.work)?,
+        };
+        let parts = self.work.read_json::<Parts>(Artifact::Parts).ok();
+        Ok(scale_after_weighing(known, parts.filter(|parts| parts.known_mass.is_some()).as_ref()))
     }
 
     /// The options of the run, as far as they determine what was read.

@@ -61,8 +61,8 @@ fn closed(text: &str) -> Option<Value> {
     let mut brackets = Brackets::default();
     text.chars().for_each(|character| brackets.read(character));
     // A number at the end may lack digits.
-    let ends_in_number = text.ends_with(|c: char| c.is_ascii_digit() || matches!(c, '.' | '-' | '+' | 'e' | 'E'));
-    if ends_in_number && !brackets.in_string {
+    let last = text.rsplit(|c: char| c.is_whitespace() || ":,[{".contains(c)).next().unwrap_or_default();
+    if !brackets.in_string && last.starts_with(|c: char| c.is_ascii_digit() || c == '-') {
         return None;
     }
     let end: String = brackets.open.iter().rev().collect();

@@ -47,22 +47,21 @@ fn numbered(folder: &Path, prefix: &str, suffix: &str) -> Option<PathBuf> {
     numbered.max().map(|(_, name)| folder.join(name))
 }
 
-/// Splats sorted by file name, without gprop's own results, and the names of files that look like splats but are not.
+/// Splats sorted by file name, those named like gprop's own results last, and the names of files that look like splats
+/// but are not.
 fn loose_splats(folder: &Path) -> (Vec<PathBuf>, Vec<String>) {
     let mut splats = Vec::new();
     let mut others = Vec::new();
     let results = [Artifact::Field, Artifact::Recolored].map(|artifact| folder.join(artifact.path()));
     for name in names_in(folder) {
         let path = folder.join(&name);
-        if results.contains(&path) {
-            continue;
-        }
         match SplatFormat::of(&path) {
             Some(format) if format.is_splat(&path) => splats.push(path),
             Some(_) => others.push(name),
             None => {}
         }
     }
+    splats.sort_by_key(|path| results.contains(path));
     (splats, others)
 }
 

@@ -156,9 +156,18 @@ impl Artifact<'_> {
     }
 }
 
-/// The folders inside a work folder that hold artifacts.
-const FOLDERS: [&str; 7] =
-    ["segments", "consensus", "sheets", "simulation", "simulation/frames", "simulation/states", "rendered"];
+/// The folders inside a work folder that hold artifacts, views that were rendered, and recordings that could not be
+/// written to their own folder.
+const FOLDERS: [&str; 8] = [
+    "segments",
+    "consensus",
+    "sheets",
+    "simulation",
+    "simulation/frames",
+    "simulation/states",
+    "rendered",
+    "unrecorded",
+];
 
 /// Errors of the work folder.
 #[derive(Debug, Error)]

@@ -196,10 +196,8 @@ impl Belief {
                 z[n] = (z[n] + DAMPING * (wanted - z[n])).clamp(*low, *high);
             }
         }
-        let mut around = effects(masses, &z);
-        at_bound.iter().zip(&mut around).filter(|(bound, _)| **bound).for_each(|(_, effect)| *effect = Effect::NONE);
         let can_go = unknowns.bounds.iter().zip(&z).map(|([low, high], z)| [z > low, z < high]).collect();
-        Self { reading: Some(Reading { effects: around, error, can_go }), middle: z }
+        Self { reading: Some(Reading { effects: effects(masses, &z), error, can_go }), middle: z }
     }
 
     /// The quantity as it is believed to be.
@@ -265,13 +263,16 @@ impl Belief {
             let slopes = |effects: &[Effect]| -> Vec<f64> {
                 effects.iter().zip(&self.middle).zip(&rises).map(|((e, z), rises)| e.slope_at(*z, *rises)).collect()
             };
-            let (mut own, sum) = (slopes(&own), slopes(&reading.effects));
-            for ((own, rises), can_go) in own.iter_mut().zip(&rises).zip(&reading.can_go) {
-                *own = if can_go[usize::from(*rises)] { *own } else { 0.0 };
-            }
-            let norm = dot(&sum, &sum) + reading.error * reading.error;
-            let shared = if norm > 0.0 { dot(&own, &sum) / norm } else { 0.0 };
-            variance = dot(&own, &own) - shared * dot(&own, &sum);
+            let (own, sum) = (slopes(&own), slopes(&reading.effects));
+            // What is at its bound can only go back.
+            let can_go = |n: usize| reading.can_go[n][usize::from(rises[n])];
+            let free = |slopes: &[f64]| -> Vec<f64> {
+                slopes.iter().enumerate().map(|(n, slope)| if can_go(n) { *slope } else { 0.0 }).collect()
+            };
+            let (free_own, free_sum) = (free(&own), free(&sum));
+            let norm = dot(&free_sum, &free_sum) + reading.error * reading.error;
+            let shared = if norm > 0.0 { dot(&free_own, &free_sum) / norm } else { 0.0 };
+            variance = dot(&free_own, &free_own) - shared * dot(&free_own, &free_sum);
             // Where the unknowns are when the quantity is at this end of its interval.
             rises = own.iter().zip(&sum).map(|(own, sum)| (own - shared * sum >= 0.0) == raises).collect();
         }
@@ -399,6 +400,25 @@ mod tests {
         // Against an error of 1 %, the prior weighs (0.01 / 0.25)^2: some 0.2 % of the difference.
         assert!((sure + unsure - 2.4).abs() < 0.003, "{sure} + {unsure}");
         assert!(sure - 1.0 < 0.02 && unsure > 1.38, "{sure}, {unsure}");
+    }
+
+    /// A filling that has reached its hollow, and a wall that has to carry the rest of the reading.
+    #[test]
+    fn an_unknown_at_its_bound_stays_within_the_reading() {
+        let mut unknowns = unknowns(3);
+        let share = Effect { low: (0.7f64 / 0.8).ln(), high: (0.9f64 / 0.8).ln() }.wider(2.4);
+        let full = (1.0f64 / 0.8).ln();
+        unknowns.limit(2, share, full);
+        let wall = mass(1.0, &[(1, 0.1)]);
+        let filling = Quantity { mid: 0.8, effects: vec![(2, share.at_most(full))] };
+        let masses = [wall, filling];
+        for reading in [1.8, 2.0, 2.08, 2.1] {
+            let belief = Belief::after(&unknowns, &masses, reading, 0.01);
+            let sum = belief.of_sum(&masses);
+            assert!((sum.mid / reading - 1.0).abs() < 0.01, "{sum:?} for {reading}");
+            assert!(sum.low > 0.985 * sum.mid && sum.high < 1.015 * sum.mid, "{sum:?} for {reading}");
+            assert!(belief.of(&masses[1]).mid <= 1.0 + 1e-9);
+        }
     }
 
     /// The scale is all but unknown; a solid grows with its cube, a wall with its square, and both have a one-sided

@@ -133,18 +133,16 @@ pub(super) fn rigid(rows: &[Vec<f64>]) -> Option<Isometry3<f64>> {
 impl Lens {
     /// This lens, with missing values taken from `other`.
     fn or(self, other: &Self) -> Self {
-        // Focal lengths and angles say the same; one that is given replaces all of `other`.
+        // A focal length and an angle say the same, so a horizontal one replaces all that `other` says.
         let has_focal = self.fl_x.is_some() || self.camera_angle_x.is_some();
-        let focal = if has_focal { &self } else { other };
-        let [fl_x, fl_y, camera_angle_x, camera_angle_y] =
-            [focal.fl_x, focal.fl_y, focal.camera_angle_x, focal.camera_angle_y];
+        let focal = |own: Option<f64>, other: Option<f64>| if has_focal { own } else { own.or(other) };
         Self {
             camera_model: self.camera_model.or_else(|| other.camera_model.clone()),
             is_fisheye: self.is_fisheye.or(other.is_fisheye),
-            fl_x,
-            fl_y,
-            camera_angle_x,
-            camera_angle_y,
+            fl_x: focal(self.fl_x, other.fl_x),
+            fl_y: focal(self.fl_y, other.fl_y),
+            camera_angle_x: focal(self.camera_angle_x, other.camera_angle_x),
+            camera_angle_y: focal(self.camera_angle_y, other.camera_angle_y),
             cx: self.cx.or(other.cx),
             cy: self.cy.or(other.cy),
             w: self.w.or(other.w),
