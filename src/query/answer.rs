@@ -4,11 +4,11 @@
 //! Both the library and the model give a range for every property. (But the density of a mixed part is only clamped, and
 //! hardness has no bounds but 0 and 100.)
 //!
-//! 1. The model's range is clamped to what the bounds of the material's family and the library's row span; a clamped
-//!    range is flagged.
-//! 2. If that overlaps the range of the library's row, the answer is the narrower of the two. It is not their overlap,
-//!    which is the smaller the more they disagree, so that disagreement would pass for certainty.
-//! 3. Otherwise the answer is the row's range, flagged.
+//! 1. If the model's range does not overlap that of the library's row, the answer is the row's range, flagged.
+//! 2. Otherwise the model's range is clamped to what the bounds of the material's family and the row span; a clamped range
+//!    is flagged.
+//! 3. The answer is the narrower of the two. It is not their overlap, which is the smaller the more they disagree, so that
+//!    disagreement would pass for certainty.
 //!
 //! The model's own text stays in the recording.
 
