@@ -46,13 +46,8 @@ pub fn run(global: &Global, args: &SimulateArgs) -> anyhow::Result<()> {
 
 /// The work folder of a scene's folder or of a PLY. By default, that of a PLY is in a folder named like the file.
 fn work_folder(scene: &Path, out: Option<&Path>) -> Result<PathBuf, WorkDirError> {
-    if let Some(out) = out {
-        return Ok(out.to_owned());
-    }
     let beside = if scene.is_file() { scene.with_extension("") } else { scene.to_owned() };
-    let folder = beside.join(workdir::DEFAULT_NAME);
-    workdir::refuse_link(&folder, "--out")?;
-    Ok(folder)
+    workdir::named_or(out, beside.join(workdir::DEFAULT_NAME))
 }
 
 /// The scenarios with their parameters.

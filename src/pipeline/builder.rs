@@ -80,10 +80,7 @@ impl Builder {
         options.grasp.checked_lift_angle_rad()?;
         options.parts.check()?;
         crate::simulate::script_of(&options.simulate)?;
-        let root = work_folder(folder, out);
-        if out.is_none() {
-            workdir::refuse_link(&root, "--out")?;
-        }
+        let root = workdir::named_or(out, work_folder(folder, None))?;
         Pipeline::within(folder, WorkDir::open(&root)?, scene, (library, gripper), options, plan, progress)
     }
 }

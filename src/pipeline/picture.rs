@@ -50,12 +50,7 @@ fn view_name(path: &Path) -> String {
 /// # Errors
 /// If it is a link that the user did not name.
 fn work_folder(path: &Path, out: Option<&Path>) -> Result<PathBuf, WorkDirError> {
-    if let Some(out) = out {
-        return Ok(out.to_owned());
-    }
-    let folder = path.with_extension(workdir::DEFAULT_NAME);
-    workdir::refuse_link(&folder, "--out")?;
-    Ok(folder)
+    workdir::named_or(out, path.with_extension(workdir::DEFAULT_NAME))
 }
 
 impl Picture {

@@ -406,6 +406,15 @@ pub fn refuse_link(path: &Path, flag: &'static str) -> Result<(), WorkDirError> 
     }
 }
 
+/// The work folder that the user named, or else `default`, which must not be a link.
+pub fn named_or(named: Option<&Path>, default: PathBuf) -> Result<PathBuf, WorkDirError> {
+    if let Some(named) = named {
+        return Ok(named.to_owned());
+    }
+    refuse_link(&default, OUT)?;
+    Ok(default)
+}
+
 /// A thread that panicked while it held the mutex either ended the process or left the map consistent.
 fn locked<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
     mutex.lock().unwrap_or_else(PoisonError::into_inner)

@@ -191,22 +191,34 @@ fn a_batch_goes_out_and_its_answers_are_replayed() {
     assert_eq!(place.query_session(&options).submit().unwrap().sent, 0, "nothing is open any more");
 }
 
-/// Otherwise its answers would be recorded as the other model's.
-#[test]
-fn a_batch_is_collected_only_for_the_model_that_was_asked() {
+/// A submission whose three answers have come, and its options.
+fn answered_submission() -> (BatchApiServer, Place, Options) {
     let (server, place) = (BatchApiServer::new(&good()), Place::new());
     let options = server.options();
     place.query_session(&options).submit().unwrap();
     let output: Vec<Value> = server.sent().iter().map(|id| answered(id, &good())).collect();
     server.set(completed(), &output, &[]);
+    (server, place, options)
+}
+
+/// Checks that three answers are not recorded with these options, and wait.
+#[track_caller]
+fn assert_nothing_is_collected(place: &Place, other: &Options) {
     let before = place.recorded();
+    let error = place.query_session(other).collect().unwrap().require_all().unwrap_err();
+    assert!(matches!(error, QueryError::BatchApiOthers { questions: 3 }), "{error}");
+    assert_eq!(place.recorded(), before);
+}
+
+/// Otherwise its answers would be recorded as the other model's.
+#[test]
+fn a_batch_is_collected_only_for_the_model_that_was_asked() {
+    let (_server, place, options) = answered_submission();
     for other in [
         Options { lmm_model: Some("gpt-4o-mini".to_owned()), ..options.clone() },
         Options { lmm_temperature: 0.7, ..options.clone() },
     ] {
-        let error = place.query_session(&other).collect().unwrap().require_all().unwrap_err();
-        assert!(matches!(error, QueryError::BatchApiOthers { questions: 3 }), "{error}");
-        assert_eq!(place.recorded(), before);
+        assert_nothing_is_collected(&place, &other);
     }
     assert_eq!(place.query_session(&options).collect().unwrap().recorded, 3, "they still wait");
 }
@@ -214,17 +226,10 @@ fn a_batch_is_collected_only_for_the_model_that_was_asked() {
 /// Otherwise answers that were paid for would be lost.
 #[test]
 fn answers_to_questions_of_other_options_wait_until_these_are_given_again() {
-    let (server, place) = (BatchApiServer::new(&good()), Place::new());
-    let options = server.options();
-    place.query_session(&options).submit().unwrap();
-    let output: Vec<Value> = server.sent().iter().map(|id| answered(id, &good())).collect();
-    server.set(completed(), &output, &[]);
-    let before = place.recorded();
+    let (_server, place, options) = answered_submission();
     let other = Options { context: Context::Local, ..options.clone() };
     for _ in 0..2 {
-        let error = place.query_session(&other).collect().unwrap().require_all().unwrap_err();
-        assert!(matches!(error, QueryError::BatchApiOthers { questions: 3 }), "{error}");
-        assert_eq!(place.recorded(), before);
+        assert_nothing_is_collected(&place, &other);
     }
     assert_eq!(place.query_session(&options).collect().unwrap().recorded, 3);
     assert!(

@@ -41,8 +41,7 @@ fn column_runs(view: &ViewSegments) -> Vec<Vec<u32>> {
     for x in 0..map.width {
         for y in 0..map.height {
             let mut id = map.at(x, y);
-            while id > 0 {
-                let (end, runs) = &mut runs[usize::from(id)];
+            while let Some((end, runs)) = runs.get_mut(usize::from(id)).filter(|_| id > 0) {
                 match runs.last_mut() {
                     Some(run) if *end == position => *run += 1,
                     _ => runs.extend([position - *end, 1]),
