@@ -40,7 +40,7 @@ fn view() -> (Photo, ViewSegments) {
     };
     let map = LabelMap { width: SIDE, height: SIDE, labels };
     (
-        Photo { rgb, foreground, foreground_source: ForegroundSource::Alpha },
+        Photo { rgb, foreground, foreground_source: ForegroundSource::Alpha, over_white: true },
         ViewSegments { view: "view".into(), map, segments: (1..=SEGMENTS).map(segment).collect() },
     )
 }
@@ -80,9 +80,7 @@ fn bench(criterion: &mut Criterion) {
     }
     criterion.bench_function("query/replay of 8 segments", |bencher| {
         bencher.iter(|| {
-            queries
-                .run(&recordings, None, &Budget::new(None, None), &mut |_, _| Ok(()), Progress::Hidden)
-                .expect("all is recorded")
+            queries.run(&recordings, None, &Budget::new(None, None), Progress::Hidden).expect("all is recorded")
         });
     });
 }

@@ -67,10 +67,10 @@ def numbers(values):
     return " ".join(repr(float(value)) for value in values)
 
 
-def prisms(folder, grasp, radius):
+def prisms(folder, name, grasp, radius):
     """Vertices of a prism under each triangle of the visual mesh that lies within `radius` of the line of the contacts."""
     vertices, triangles = [], []
-    with open(os.path.join(folder, "meshes", "skin.obj")) as file:
+    with open(os.path.join(folder, "meshes", f"{name}_skin.obj")) as file:
         for line in file:
             if line.startswith("v "):
                 vertices.append([float(v) for v in line.split()[1:4]])
@@ -112,7 +112,7 @@ def scene(folder, name, grasp, gripper, truth, touch="skin"):
     radius = math.sqrt(gripper["finger_area_m2"] / math.pi)
     if touch == "skin":
         asset = tree.find("asset")
-        for k, vertices in enumerate(prisms(folder, grasp, radius + MARGIN_M)):
+        for k, vertices in enumerate(prisms(folder, name, grasp, radius + MARGIN_M)):
             ET.SubElement(asset, "mesh", name=f"prism{k}", vertex=numbers(vertices.ravel()), inertia="shell")
             ET.SubElement(body, "geom", type="mesh", mesh=f"prism{k}", mass="0", contype="2", conaffinity="0", condim="3",
                           friction=friction, group="4")
@@ -199,7 +199,8 @@ def attempt(model, name, middle, force):
     data = mujoco.MjData(model)
     mujoco.mj_forward(model, data)
     body, hand = model.body(name).id, model.body("hand").id
-    pads = {geom for geom in range(model.ngeom) if model.geom(geom).name.startswith(("left", "right"))}
+    names = {f"{pad}{k}" for pad in ("left", "right") for k in range(PAD_POINTS)}
+    pads = {geom for geom in range(model.ngeom) if model.geom(geom).name in names}
     center, center_at = model.actuator("center").id, model.joint("center").qposadr[0]
     stiff = float(model.actuator_gainprm[center, 0])
     model.actuator_gainprm[center, 0] = model.actuator_biasprm[center, 1] = 0.0
@@ -362,8 +363,8 @@ def torque_margin(gripper, friction, force, weight, lever):
 
 def own_friction(model, grasp):
     """The friction that gprop gives a part."""
-    geoms = ET.parse(model).getroot().iter("geom")
-    names = f"part{grasp['part_id']}_"
+    body = ET.parse(model).getroot()
+    geoms, names = body.iter("geom"), f"{body.get('model')}_part{grasp['part_id']}_"
     return float(next(g for g in geoms if (g.get("name") or "").startswith(names)).get("friction").split()[0])
 
 

@@ -309,7 +309,8 @@ fn scalar(value: &DeValue) -> Option<String> {
     match value {
         DeValue::Boolean(on) => Some(on.to_string()),
         DeValue::String(text) => Some(text.to_string()),
-        DeValue::Integer(number) => Some(number.as_str().to_owned()),
+        DeValue::Integer(number) if number.radix() == 10 => Some(number.as_str().to_owned()),
+        DeValue::Integer(number) => Some(u64::from_str_radix(number.as_str(), number.radix()).ok()?.to_string()),
         DeValue::Float(number) => Some(number.as_str().to_owned()),
         DeValue::Array(items) => {
             let items: Option<Vec<_>> = items.iter().map(|item| scalar(item.get_ref())).collect();
@@ -324,6 +325,17 @@ pub fn name_of(flag: &OsStr) -> &str {
     let bytes = flag.as_encoded_bytes();
     let name = bytes.split(|byte| *byte == b'=').next().unwrap_or_default();
     std::str::from_utf8(name).unwrap_or_default().trim_start_matches('-')
+}
+
+/// A path that means the same whatever the current folder is: relative to `folder` if it is inside it, else absolute.
+pub fn portable(path: &Path, folder: &Path) -> PathBuf {
+    let absolute = |path: &Path| std::path::absolute(path).unwrap_or_else(|_| path.to_owned());
+    let real = |path: &Path| path.canonicalize().unwrap_or_else(|_| absolute(path));
+    match real(path).strip_prefix(real(folder)) {
+        Ok(inside) if inside == OsStr::new("") => PathBuf::from("."),
+        Ok(inside) => inside.to_owned(),
+        Err(_) => absolute(path),
+    }
 }
 
 fn line_of(text: &str, byte: usize) -> usize {
@@ -354,8 +366,12 @@ mod tests {
 
     #[test]
     fn keys_become_flags() {
-        let cases: [(&str, &[&str]); 9] = [
+        let cases: [(&str, &[&str]); 13] = [
             ("views = 5", &["--views=5"]),
+            ("views = 1_0", &["--views=10"]),
+            ("views = 0x1F", &["--views=31"]),
+            ("views = 0o17", &["--views=15"]),
+            ("views = [0b101, 2]", &["--views=5,2"]),
             ("view_list = [\"003\", \"022\"]", &["--view-list=003,022"]),
             ("anchor = [\"lid\", \"base, left\"]", &["--anchor=lid", "--anchor=base, left"]),
             ("[segment]\ncrop = false", &["--crop=false"]),

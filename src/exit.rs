@@ -8,6 +8,7 @@ use crate::evaluate::grasp::OutcomesError;
 use crate::evaluate::masks::MasksError;
 use crate::evaluate::simulation::SimulationError;
 use crate::export::ExportError;
+use crate::film::FilmError;
 use crate::grasp::GraspError;
 use crate::materials::LibraryError;
 use crate::output;
@@ -32,7 +33,7 @@ use crate::workdir::WorkDirError;
 pub enum Exit {
     /// Everything asked for was done.
     Done = 0,
-    /// Wrong usage or configuration: flags, `gprop.toml`, an unwritable folder.
+    /// Wrong usage or configuration: flags, `gprop.toml`, an unwritable folder, no ffmpeg for an MP4.
     Usage = 2,
     /// The scene's data is bad or missing.
     Scene = 3,
@@ -92,6 +93,9 @@ fn code(cause: &(dyn std::error::Error + 'static)) -> Option<Exit> {
     if let Some(BatchError::Incomplete { .. }) = cause.downcast_ref() {
         return Some(Exit::Batch);
     }
+    if let Some(QueryError::Prompt(_)) = cause.downcast_ref() {
+        return Some(Exit::Usage);
+    }
     let exits: [(Exit, &[bool]); 4] = [
         (
             Exit::Usage,
@@ -113,6 +117,7 @@ fn code(cause: &(dyn std::error::Error + 'static)) -> Option<Exit> {
                 cause.is::<SimulateError>(),
                 cause.is::<GraspError>(),
                 cause.is::<ExportError>(),
+                cause.is::<FilmError>(),
             ],
         ),
         (
@@ -143,6 +148,18 @@ pub fn report_panics_as_bugs() {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn a_prompt_file_that_cannot_be_used_is_wrong_usage_wherever_it_shows() {
+        let error = || PromptError::Schema { file: "answer.schema.json".to_owned(), problem: "it is []".to_owned() };
+        assert_eq!(of(&error().into()), Exit::Usage);
+        assert_eq!(of(&QueryError::from(error()).into()), Exit::Usage);
+    }
+
+    #[test]
+    fn a_missing_ffmpeg_is_no_bug() {
+        assert_eq!(of(&anyhow::Error::from(FilmError::NoFfmpeg).context("film.mp4")), Exit::Usage);
+    }
 
     #[test]
     fn only_lists_have_lines_of_their_own() {

@@ -42,7 +42,10 @@ impl Npz {
         self.0.index_for_name(&format!("{name}.npy")).is_some()
     }
 
-    /// The numbers of an array of f32, as they are stored; whether that is by rows or by columns is not checked.
+    /// The numbers of an array of f32, row by row.
+    ///
+    /// # Errors
+    /// If it is missing or too large, has another type, or is stored column by column.
     pub fn f32s(&mut self, name: &str) -> Result<Vec<f32>, NpzError> {
         self.numbers(name, "float32")
     }

@@ -8,7 +8,7 @@ use gprop::render::{RenderOptions, render_labels};
 use gprop::scene::gaussians::Gaussians;
 use gprop::segment::{LabelMap, Level, Segment, ViewSegments};
 
-use crate::vote::build::{Blob, camera_at, cloud};
+use crate::vote::build::{Blob, Noise, camera_at, cloud};
 
 const BOARD: u32 = 1;
 const PLATE: u32 = 2;
@@ -252,6 +252,21 @@ fn without_views_or_segments_the_object_is_one_part() {
     let one = found(&gaussians, &cameras, &segmented);
     assert_eq!((parts(&one), one.parts[0].separation), (1, 1.0));
     assert!(found(&Gaussians::default(), &[], &[]).part_of_gaussian().is_empty());
+}
+
+/// All views together show enough of each Gaussian, but none shows enough to compare it with another.
+#[test]
+fn dust_is_one_part() {
+    let mut noise = Noise(1);
+    let mut speck = || Blob::round(std::array::from_fn(|_| noise.within(-0.5, 0.5)), 0.001, 0.1);
+    let gaussians = cloud(&(0..100).map(|_| speck()).collect::<Vec<_>>());
+    let cameras = cameras(12);
+    let segmented: Vec<_> = cameras.iter().map(|camera| flat(camera, vec![1; 192 * 144])).collect();
+    let dust = found(&gaussians, &cameras, &segmented);
+    assert!(dust.confidence.iter().all(|confidence| *confidence == 0.0), "no view compares any two");
+    let [whole] = &dust.parts[..] else { panic!("{} parts and pieces", dust.parts.len()) };
+    assert_eq!((whole.gaussians, whole.separation), (100, 1.0));
+    assert!(whole.light > 100.0, "they are seen: {whole:?}");
 }
 
 #[test]

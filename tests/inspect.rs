@@ -1,12 +1,16 @@
 //! The fixture as it is, and with its cameras broken in the usual ways.
 
+use std::num::NonZeroUsize;
 use std::path::Path;
 use std::sync::OnceLock;
 
+use gprop::from_splat::{foreground, render_views};
 use gprop::inspect::{Inspection, inspect, misfit, to_text};
+use gprop::numeric::sphere_directions;
 use gprop::progress::Progress;
 use gprop::scene::gaussians::Gaussians;
-use gprop::scene::{self, ForegroundSource, ObjectSource, Options, ply};
+use gprop::scene::{self, ForegroundSource, ObjectSource, Options, View, ply};
+use image::Rgb;
 use nalgebra::{Matrix3, Matrix4};
 use serde_json::{Value, json};
 use tempfile::TempDir;
@@ -111,10 +115,63 @@ fn assert_diagnosed(name: &str, folder: &TempDir) -> String {
     suggestion.align.clone()
 }
 
+/// OpenCV poses where OpenGL's are expected.
+fn with_flipped_cameras() -> TempDir {
+    let flip = Matrix4::from_diagonal(&nalgebra::Vector4::new(1.0, -1.0, -1.0, 1.0));
+    with_poses(|pose| pose * flip)
+}
+
 #[test]
 fn flipped_camera_axes_are_diagnosed() {
-    let flip = Matrix4::from_diagonal(&nalgebra::Vector4::new(1.0, -1.0, -1.0, 1.0));
-    assert_eq!(assert_diagnosed("OpenCV poses", &with_poses(|pose| pose * flip)), "camera-yz");
+    assert_eq!(assert_diagnosed("OpenCV poses", &with_flipped_cameras()), "camera-yz");
+}
+
+#[test]
+fn masks_count_like_alpha() {
+    let folder = with_flipped_cameras();
+    let masks = folder.path().join("masks");
+    std::fs::create_dir(&masks).unwrap();
+    for view in scene::load(folder.path(), &Options::default()).unwrap().views {
+        let mut photo = view.photo().unwrap();
+        for (x, y, pixel) in photo.rgb.enumerate_pixels_mut() {
+            if photo.foreground.get_pixel(x, y)[0] == 0 {
+                // Stripes that the splat does not show.
+                *pixel = Rgb(if x / 32 % 2 == 0 { [0; 3] } else { [90, 160, 30] });
+            }
+        }
+        photo.rgb.save(&view.image).unwrap();
+        photo.foreground.save(masks.join(format!("{}.png", view.name))).unwrap();
+    }
+    assert_eq!(assert_diagnosed("masks", &folder), "camera-yz");
+}
+
+#[test]
+fn masks_are_those_of_the_object_alone() {
+    let folder = with_poses(|pose| pose);
+    let middle = scene::load(folder.path(), &Options::default()).unwrap().object_bounds().center();
+    let object_box = format!("{},-9,-9:9,9,9", middle.x).parse().unwrap();
+    let options = Options { object_box: Some(object_box), ..Options::default() };
+    let half = scene::load(folder.path(), &options).unwrap();
+    let masks = folder.path().join("masks");
+    std::fs::create_dir(&masks).unwrap();
+    for view in &half.views {
+        foreground(&half, &view.camera).save(masks.join(format!("{}.png", view.name))).unwrap();
+    }
+    let found = inspected(folder.path(), &options);
+    assert_eq!((found.object_source, found.foreground), (ObjectSource::Box, Some(ForegroundSource::Mask)));
+    assert!(found.views.iter().all(|view| view.mask_iou == Some(1.0)), "{:?}", found.views);
+    assert_eq!(found.aligned, Some(true));
+}
+
+#[test]
+fn a_suggestion_replaces_the_conversion_that_was_given() {
+    let folder = with_poses(|pose| pose);
+    let options = Options { align: "camera-yz".parse().unwrap(), ..Options::default() };
+    let found = inspected(folder.path(), &options);
+    assert_eq!(found.aligned, Some(false));
+    assert_eq!(found.suggestion.as_ref().map(|found| found.align.as_str()), Some("none"));
+    let text = to_text(&found);
+    assert!(text.contains("--align none   (the cameras need no conversion; correlation"), "{text}");
 }
 
 #[test]
@@ -180,12 +237,43 @@ fn a_splat_of_another_object_is_noticed_in_every_run() {
 
     // Without alpha, the colours are compared.
     let opaque = with_poses(|pose| pose);
-    for view in scene::load(opaque.path(), &own).unwrap().views {
-        view.photo().unwrap().rgb.save(&view.image).unwrap();
-    }
+    make_opaque(&scene::load(opaque.path(), &own).unwrap().views);
     assert_eq!(warning(opaque.path(), &own), None);
     let colors = warning(opaque.path(), &other).unwrap();
     assert!(colors.contains("correlation"), "{colors}");
+}
+
+/// Removes the photos' alpha.
+fn make_opaque(views: &[View]) {
+    for view in views {
+        view.photo().unwrap().rgb.save(&view.image).unwrap();
+    }
+}
+
+#[test]
+fn a_ball_fits_its_photos_although_it_looks_the_same_from_the_other_side() {
+    const COUNT: usize = 1000;
+    const RADIUS: f64 = 0.1;
+    let on_sphere = sphere_directions(COUNT).map(|direction| (RADIUS * direction).map(|side| side as f32).into());
+    // Neighbours are 0.011 apart.
+    let ball = Gaussians {
+        positions: on_sphere.collect(),
+        log_scales: vec![[0.008_f32.ln(); 3]; COUNT],
+        rotations: vec![[1.0, 0.0, 0.0, 0.0]; COUNT],
+        opacity_logits: vec![4.0; COUNT],
+        sh_dc: vec![[-1.0; 3]; COUNT],
+        ..Gaussians::default()
+    };
+    let folder = tempfile::tempdir().unwrap();
+    let file = std::fs::File::create(folder.path().join("point_cloud.ply")).unwrap();
+    ply::write(std::io::BufWriter::new(file), &ball, &[]).unwrap();
+    const VIEWS: NonZeroUsize = NonZeroUsize::new(4).unwrap();
+    let options = Options { render_views: Some(VIEWS), ..Options::default() };
+    let mut scene = scene::load(folder.path(), &options).unwrap();
+    render_views(&mut scene, VIEWS.get(), &folder.path().join("images"), true).unwrap();
+    // Without alpha, the colours are compared.
+    make_opaque(&scene.views);
+    assert_eq!(misfit(&scene, &scene.views).unwrap(), None);
 }
 
 #[test]

@@ -26,7 +26,7 @@ fn results_do_what_they_need() {
     let mut options = options(&balls);
     // Small enough for the gripper.
     options.scene.scale = "0.3".parse().unwrap();
-    let mut pipeline = Pipeline::builder(balls.scene(0)).options(options).open().unwrap();
+    let mut pipeline = Pipeline::builder(balls.scene(0)).options(options).without_simulation().open().unwrap();
     let work = balls.scene(0).join("gprop");
     assert_eq!(pipeline.segments().unwrap().views.len(), 3);
     assert!(!work.join("answers.jsonl").exists(), "only what was asked for");
@@ -39,7 +39,7 @@ fn results_do_what_they_need() {
     assert!(!work.join("grasp.json").exists() && !work.join("simulation").exists());
     let grasp = pipeline.grasp().unwrap();
     assert!(grasp.f_min_n > 0.0 && !work.join("simulation").exists());
-    assert_eq!(pipeline.simulation().unwrap().frames.len(), 4);
+    assert_eq!(pipeline.simulation().unwrap().frames.len(), 4, "only runs and reports leave it out");
 }
 
 #[test]
@@ -103,6 +103,7 @@ fn the_simulation_may_be_left_out() {
     let run = |flags: &[&str]| {
         let mut command = gprop();
         command.arg("run").arg(balls.scene(0)).args(["-q", "--frames", "3", "--duration", "0.02", "--grid", "16"]);
+        command.current_dir(balls.scene(0)).args(["--images", "."]);
         command.arg("--out").arg(out.path()).args(balls.answers()).args(flags);
         let done = command.output().unwrap();
         assert!(done.status.success(), "{}", String::from_utf8_lossy(&done.stderr));
@@ -112,7 +113,11 @@ fn the_simulation_may_be_left_out() {
     };
     let (report, page) = run(&["--no-simulate"]);
     assert!(report["simulation"].is_null() && !page.contains("<h2>Simulation</h2>"));
-    assert!(report["reproduction"]["command"].as_str().unwrap().contains(" --no-simulate"), "{report}");
+    let command = report["reproduction"]["command"].as_str().unwrap();
+    assert!(command.starts_with("gprop run ball-0 --no-simulate "), "{command}");
+    for path in [" --images=ball-0 ", " --segments=ball-0/labels "] {
+        assert!(command.contains(path), "no{path}in: {command}");
+    }
     assert!(!out.path().join("simulation").exists());
     let (report, page) = run(&[]);
     assert_eq!(report["simulation"]["frames"].as_array().unwrap().len(), 3);

@@ -589,3 +589,20 @@ fn help_is_found_in_three_ways() {
     assert_eq!(said(&["help"]), said(&["--help"]));
     assert_eq!(gprop().args(["help", "nonsense"]).output().unwrap().status.code(), Some(2));
 }
+
+#[test]
+fn the_parts_of_an_earlier_run_do_not_stay_beside_segments() {
+    let balls = Balls::new(1);
+    let consensus = |flags: &[&str]| {
+        let mut command = gprop();
+        let output = command.arg("run").arg(balls.scene(0)).args(["--to", "consensus"]).args(flags).output().unwrap();
+        assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+        String::from_utf8(output.stdout).unwrap()
+    };
+    let files = || fs::read_dir(balls.scene(0).join("gprop/consensus")).unwrap().count();
+    let text = consensus(&["--ask", "parts"]);
+    assert!(!text.starts_with("no parts") && files() == 5, "{text}");
+    let text = consensus(&["--ask", "segments"]);
+    assert!(text.starts_with("no parts") && files() == 0, "{text}");
+    assert_eq!(consensus(&["--ask", "segments", "--json"]).trim(), "null");
+}

@@ -226,6 +226,27 @@ fn doctor_names_what_is_there_without_fetching() {
     assert!(json["sam"]["encoder"].is_string() && json["sam"]["decoder"].is_string(), "{json}");
 }
 
+/// The doctor opens the models that the user named.
+#[test]
+fn doctor_reports_a_file_that_is_not_sam() {
+    let Some(files) = support::models("doctor_reports_a_file_that_is_not_sam") else { return };
+    let folder = tempfile::tempdir().unwrap();
+    let junk = folder.path().join("junk.onnx");
+    fs::write(&junk, "not a model").unwrap();
+    let tiny = Path::new(env!("CARGO_MANIFEST_DIR")).join("fixtures/sam");
+    let of = |encoder: PathBuf| Options {
+        ort_lib: Some(files.onnxruntime.clone()),
+        sam_encoder: Some(encoder),
+        sam_decoder: Some(tiny.join("multi_mask.onnx")),
+        ..Options::default()
+    };
+    let good = gprop::segment::sam::doctor(&of(tiny.join("encoder.onnx")));
+    assert!(good.ok, "{:?}", good.problems);
+    let bad = gprop::segment::sam::doctor(&of(junk));
+    assert!(!bad.ok && bad.problems.len() == 1, "{:?}", bad.problems);
+    assert_says(&bad.problems[0], &["junk.onnx", "SAM image encoder"]);
+}
+
 #[test]
 fn the_wheels_dependency_is_found_beside_the_program_and_only_as_published() {
     let name = "the_wheels_dependency_is_found_beside_the_program_and_only_as_published";

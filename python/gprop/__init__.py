@@ -93,16 +93,22 @@ class Result:
 def load(work: str | Path) -> Result:
     """Reads the work folder of a run: ``scene/gprop``, or what ``--out`` named.
 
-    Raises FileNotFoundError if the run did not get as far as the vote, and ValueError if a file is damaged.
+    Results of a stage that no longer hold, because an earlier stage was done again, are left out. Raises FileNotFoundError if
+    the run did not get as far as the vote, and ValueError if a file is damaged.
     """
     folder = Path(work)
     if not (folder / "field.ply").is_file():
         inside = folder / "gprop"
         hint = f"; did you mean {str(inside)!r}?" if (inside / "field.ply").is_file() else ""
         raise FileNotFoundError(f"{str(folder)!r} has no field.ply, so it is not the work folder of a finished run{hint}")
+    if not (folder / "run.json").is_file():
+        raise FileNotFoundError(f"{str(folder)!r} has no run.json, which says which results belong together; copy it too")
+    current = _current_stages(folder / "run.json")
+    if "vote" not in current:
+        raise FileNotFoundError(f"{str(folder)!r} is not finished: the vote stage is not done; run gprop again")
     labels = _json(folder / "labels.json")
-    measured = _json_if_there(folder / "parts.json")
-    grasp = _json_if_there(folder / "grasp.json")
+    measured = _json(folder / "parts.json") if "parts" in current else None
+    grasp = _json(folder / "grasp.json") if "grasp" in current else None
     # Without a metric scale there is no object.
     whole = (measured or {}).get("object") or {}
     field = _read_ply(folder / "field.ply")
@@ -124,12 +130,23 @@ def _json(path: Path):
         raise ValueError(f"{str(path)!r} is damaged: {error}") from None
 
 
-def _json_if_there(path: Path):
-    return _json(path) if path.is_file() else None
+def _current_stages(path: Path) -> dict:
+    """The digests of the stages that were done after all those that they read from."""
+    current = {}
+    try:
+        # In the order of the data flow.
+        for stage in _json(path)["stages"]:
+            if all(current.get(name) == digest for name, digest in stage["inputs"]):
+                current[stage["name"]] = stage["digest"]
+    except (KeyError, TypeError) as error:
+        raise ValueError(f"{str(path)!r} is damaged: {error!r}; run gprop again") from None
+    return current
 
 
 def _parts(labels: list, measured: dict | None, field: np.ndarray) -> np.ndarray:
-    by_id = {part["id"]: part for part in (measured or {"parts": []})["parts"]}
+    bodies = {}
+    for part in (measured or {"parts": []})["parts"]:
+        bodies.setdefault(part["id"], []).append(part)
     columns = [
         ("id", _array([label["id"] for label in labels], np.int64)),
         ("caption", np.array([label["caption"] for label in labels], dtype=np.str_)),
@@ -138,9 +155,35 @@ def _parts(labels: list, measured: dict | None, field: np.ndarray) -> np.ndarray
         ("gaussians", np.bincount(field["part_label"].astype(np.int64), minlength=len(labels))),
     ]
     columns += [(name, _column(labels, name, shape)) for name, shape in _PROPERTIES.items()]
-    parts = [by_id.get(label["id"], {}) for label in labels]
+    parts = [_combined(bodies.get(label["id"], [{}])) for label in labels]
     columns += [(name, _column(parts, name, shape)) for name, shape in _MEASURES.items()]
     return _table(columns)
+
+
+def _combined(bodies: list) -> dict:
+    """The part that consists of these bodies, each written as a part (`--bodies parts`)."""
+    if len(bodies) == 1:
+        return bodies[0]
+    whole = dict(bodies[0])
+    for name in ("volume_m3", "mass_kg"):
+        known = [body[name] for body in bodies if body[name] is not None]
+        whole[name] = {key: sum(value[key] for value in known) for key in ("low", "mid", "high")} if known else None
+    whole["center_of_mass_m"], whole["inertia_kg_m2"] = _moments(bodies)
+    return whole
+
+
+def _moments(bodies: list) -> tuple:
+    """The centre of mass of several bodies, and their inertia about it; None twice if one of them has no mass."""
+    if any(body[name] is None for body in bodies for name in ("mass_kg", "center_of_mass_m", "inertia_kg_m2")):
+        return None, None
+    masses = np.array([body["mass_kg"]["mid"] for body in bodies])
+    centers = np.array([body["center_of_mass_m"] for body in bodies])
+    center = masses @ centers / masses.sum()
+    inertia = np.sum([body["inertia_kg_m2"] for body in bodies], axis=0)
+    # By the parallel axis theorem.
+    for mass, offset in zip(masses, centers - center):
+        inertia = inertia + mass * (offset @ offset * np.eye(3) - np.outer(offset, offset))
+    return center, inertia
 
 
 def _grasps(grasp: dict | None) -> np.ndarray:

@@ -43,6 +43,12 @@ class Made(unittest.TestCase):
         lid = {"id": 1, "volume_m3": None, "thickness_m": None, "mass_kg": None}
         lid |= {"center_of_mass_m": None, "inertia_kg_m2": None}
         self.write("parts.json", {"object": {"mass_kg": estimate(0.25)}, "parts": [cup, lid]})
+        self.stages = [{"name": "vote", "digest": "v", "inputs": []}]
+        self.stages += [{"name": "parts", "digest": "p", "inputs": [["vote", "v"]]}]
+        self.write_run()
+
+    def write_run(self):
+        self.write("run.json", {"stages": self.stages})
 
     def write(self, name, value):
         (self.folder / name).write_text(json.dumps(value))
@@ -55,6 +61,36 @@ class Made(unittest.TestCase):
         self.assertEqual(cup.parts["inertia_kg_m2"].shape, (2, 3, 3))
         self.assertEqual(cup.parts["gaussians"].tolist(), [1, 2])
         self.assertEqual(cup.parts["caption"].tolist(), ["a cup", "its lid"])
+
+    def test_bodies_that_are_written_as_parts_are_one_part(self):
+        inertia = np.diag([0.001, 0.002, 0.003]).tolist()
+        body = {"id": 1, "thickness_m": estimate(0.03), "volume_m3": estimate(1e-5), "inertia_kg_m2": inertia}
+        light = body | {"mass_kg": estimate(0.11), "center_of_mass_m": [0.3, 0, 0]}
+        heavy = body | {"mass_kg": estimate(0.33), "center_of_mass_m": [-0.1, 0, 0]}
+        self.write("parts.json", {"object": None, "parts": [light, heavy]})
+        lid = gprop.load(self.folder).part("lid")
+        np.testing.assert_allclose(lid["mass_kg"], [0.22, 0.44, 0.88])
+        np.testing.assert_allclose(lid["volume_m3"], [1e-5, 2e-5, 4e-5])
+        np.testing.assert_allclose(lid["thickness_m"], [0.015, 0.03, 0.06])
+        np.testing.assert_allclose(lid["center_of_mass_m"], 0, atol=1e-15)
+        # 0.11 * 0.3^2 + 0.33 * 0.1^2 = 0.0132 kg m2 about y and z, besides the bodies' own.
+        np.testing.assert_allclose(lid["inertia_kg_m2"], np.diag([0.002, 0.0172, 0.0192]), atol=1e-15)
+
+    def test_results_that_no_longer_hold_are_left_out(self):
+        self.write("grasp.json", {"f_star_n": 5, "candidates": []})
+        self.assertIsNone(gprop.load(self.folder).grasp, "the grasp stage was not done")
+        self.stages += [{"name": "grasp", "digest": "g", "inputs": [["vote", "v"], ["parts", "p"]]}]
+        self.write_run()
+        self.assertEqual(gprop.load(self.folder).grasp["f_star_n"], 5)
+        self.stages[0]["digest"] = "another vote"
+        self.write_run()
+        cup = gprop.load(self.folder)
+        self.assertIsNone(cup.grasp)
+        self.assertTrue(np.isnan(cup.mass_kg).all() and np.isnan(cup.masses_kg).all())
+        self.stages.clear()
+        self.write_run()
+        with self.assertRaisesRegex(FileNotFoundError, "vote"):
+            gprop.load(self.folder)
 
     def test_field(self):
         cup = gprop.load(str(self.folder))
@@ -80,6 +116,8 @@ class Made(unittest.TestCase):
         place |= {"position_m": [0, 0, 0.5], "quaternion_wxyz": [1, 0, 0, 0]}
         place |= {"f_min_n": 2, "f_max_n": 9, "f_star_n": 5, "torque_margin_n_m": -0.5}
         self.write("grasp.json", {"f_star_n": 5, "candidates": [place, place]})
+        self.stages += [{"name": "grasp", "digest": "g", "inputs": [["parts", "p"]]}]
+        self.write_run()
         cup = gprop.load(self.folder)
         self.assertEqual(cup.grasps["f_star_n"].tolist(), [5, 5])
         self.assertEqual(cup.grasps["feasible"].tolist(), [True, True])
@@ -96,6 +134,9 @@ class Made(unittest.TestCase):
             gprop.load(self.folder.parent)
         with self.assertRaisesRegex(FileNotFoundError, "field.ply"):
             gprop.load(self.folder / "nowhere")
+        (self.folder / "run.json").unlink()
+        with self.assertRaisesRegex(FileNotFoundError, "run.json"):
+            gprop.load(self.folder)
 
     def test_damaged_files_are_refused(self):
         whole = (self.folder / "field.ply").read_bytes()
@@ -107,6 +148,10 @@ class Made(unittest.TestCase):
         (self.folder / "labels.json").write_text("[")
         with self.assertRaisesRegex(ValueError, "labels.json"):
             gprop.load(self.folder)
+        for damaged in ({}, [], {"stages": [{"name": "vote"}]}):
+            self.write("run.json", damaged)
+            with self.assertRaisesRegex(ValueError, "run.json"):
+                gprop.load(self.folder)
 
 
 @unittest.skipUnless(PLACE, "GPROP_PLACE names no folder with hammer/gprop")

@@ -30,7 +30,8 @@ impl Ledger {
         let lock = folder.join(format!(".{}.lock", shard.file_name()));
         let locked =
             || BatchError::Locked { shard: shard.to_string(), folder: folder.to_owned(), holder: Holder::of(&lock) };
-        let lock = lock::exclusive(&lock).map_err(io_error)?.ok_or_else(locked)?;
+        let not_lockable = |source| BatchError::Io { path: lock.clone(), source };
+        let lock = lock::exclusive(&lock).map_err(not_lockable)?.ok_or_else(locked)?;
         workdir::sweep(folder, &temporary_prefix(&path)).map_err(io_error)?;
         let outcomes = if path.exists() { read(&path)? } else { Vec::new() };
         let outcomes = outcomes.into_iter().map(|outcome| (outcome.scene.clone(), outcome)).collect();

@@ -27,6 +27,7 @@ use std::ffi::OsString;
 use std::fs;
 use std::path::{Path, PathBuf};
 
+use crate::output::{agreeing, counted};
 use crate::pipeline::{Hasher, Stage, known_flags};
 use crate::scene::dataset;
 use crate::{config, files, workdir};
@@ -130,7 +131,9 @@ impl Batch {
         if let Some(first) = skipped.first() {
             let count = skipped.len();
             warnings.push(format!(
-                "scene folders skipped because their names are not UTF-8: {count} (first: `{first}`); rename to run them"
+                "{} skipped because of a name that is not UTF-8 (first: `{first}`); rename {} to run {1}",
+                counted(count, "scene folder"),
+                agreeing(count, "it", "them")
             ));
         }
         let cores = || std::thread::available_parallelism().map_or(1, usize::from);

@@ -15,7 +15,7 @@ use crate::query::asker::Asker;
 use crate::query::batch_api::{self as api, Answered, Submitted, Waiting};
 use crate::query::client::{ApiKey, Client, ClientError};
 use crate::query::cost::Cost;
-use crate::query::{self, Queries, QueryError};
+use crate::query::{self, AnswerSource, Queries, QueryError};
 use crate::workdir;
 
 use super::select::Selected;
@@ -37,6 +37,7 @@ pub type Failures = Vec<(String, String)>;
 pub struct Questions<'a> {
     batch: &'a Batch,
     client: Client,
+    answers: AnswerSource,
     /// The budget of the submission.
     budget: query::budget::Budget,
     /// Returns a scene's options, including those of its `gprop.toml`.
@@ -59,13 +60,14 @@ impl<'a> Questions<'a> {
         let client = Client::new(&options.query, key, network, Progress::Hidden)?.ok_or(ClientError::NoUrl)?;
         let budget = query::budget::Budget::new(query_session::price(&options.query)?, options.query.max_usd);
         let lock = Ledger::open(&batch.home(), batch.shard())?;
-        Ok(Self { batch, client, budget, options_of, _lock: lock })
+        Ok(Self { batch, client, answers: options.query.answers, budget, options_of, _lock: lock })
     }
 
     /// Segments all scenes and sends the questions that are neither recorded nor in progress. The first question is
     /// asked at once: a wrong key or model then shows immediately and not a day later. The cost of all questions is
     /// added up beforehand.
     pub fn submit(&self) -> Result<(Sent, Failures)> {
+        api::check_may_send(self.answers)?;
         self.client.ready().map_err(QueryError::BatchApi)?;
         let mut submitted = self.submitted()?;
         let waiting = submitted.jobs.iter().map(|job| job.waiting.len()).sum();
@@ -106,19 +108,10 @@ impl<'a> Questions<'a> {
         if submitted.jobs.is_empty() {
             return Err(QueryError::NothingSubmitted.into());
         }
-        let (mut collected, mut failures) = (Collected::default(), Failures::new());
+        let mut collected = Collected { jobs_file: self.path(), ..Collected::default() };
+        let mut failures = Failures::new();
         for job in submitted.jobs.clone() {
-            let ended = match api::collect(&self.client, &job).map_err(QueryError::BatchApi)? {
-                api::JobProgress::OfOther => {
-                    collected.of_others += job.waiting.len();
-                    continue;
-                }
-                api::JobProgress::Running(counts) => {
-                    collected.add_running(counts, job.waiting.len());
-                    continue;
-                }
-                api::JobProgress::Ended(ended) => ended,
-            };
+            let Some(ended) = collected.fetch(&self.client, &job)? else { continue };
             let mut by_scene: BTreeMap<String, Vec<(Waiting, Answered)>> = BTreeMap::new();
             for (waiting, answered) in ended.answered {
                 by_scene.entry(waiting.owner.clone()).or_default().push((waiting, answered));

@@ -18,7 +18,8 @@ use crate::{batch, export, inspect, materials, setup};
 const MOST_THREADS: usize = 1024;
 
 /// In the help of the commands that [go on from the last run](super::last_run).
-const GOES_ON: &str = "Stage options that you do not give are taken from the last run in the work folder.";
+const GOES_ON: &str =
+    "Options that gprop.toml may set are taken from the last run in the work folder if you omit them.";
 
 /// Materials and physical properties for every Gaussian of a 3D Gaussian Splatting scene.
 #[derive(Debug, Parser)]
@@ -92,7 +93,7 @@ pub enum Command {
     Export(ExportArgs),
     /// Show what a scene folder contains, and check whether photos, cameras and Gaussians agree.
     Inspect(inspect::Args),
-    /// Run all scenes of a data set, each in its own process; scenes that are done are skipped.
+    /// Run all scenes of a data set, each in its own process; scenes that are done are not run again.
     Batch(Box<BatchArgs>),
     /// Compare results with ground truth or a reference.
     #[command(subcommand)]
@@ -155,8 +156,8 @@ pub struct WorkArgs {
 pub struct ShowArgs {
     /// Folder with a splat, cameras and photos; stages that the picture needs and that have not run yet are run first.
     pub scene: PathBuf,
-    /// File to write: a .png from one view, or a .gif or .mp4 (with ffmpeg) of the object on a turntable, with photo
-    /// colours, parts, materials and Young's modulus side by side.
+    /// File to write: a .png from one view, or a .gif or .mp4 (with ffmpeg) of the object on a turntable, by
+    /// default with photo colours, parts, materials and Young's modulus, else with what --what names.
     pub to: PathBuf,
     /// The subject of the picture.
     #[arg(long, value_enum, default_value_t)]
@@ -259,7 +260,7 @@ pub struct ExportArgs {
 #[command(
     after_help = "Options from \"Presets\" on can also be set in files, one `name = value` per line, with the names of the \
                         flags: SCENE/gprop.toml may set those that concern only the scene, ~/.config/gprop/config.toml \
-                        all of them and `threads`. The command line overrides the scene's file, which overrides yours."
+                        (in $XDG_CONFIG_HOME if that is set) all of them and `threads`. The command line overrides the scene's file, which overrides yours."
 )]
 pub struct RunArgs {
     /// Last stage to run; the stages that it needs are run first.
@@ -341,8 +342,8 @@ pub struct SimulateArgs {
     /// Configuration of that program (PhysGaussian's JSON); without --field, SCENE may be a PLY.
     #[arg(long, value_name = "FILE", requires = "compat", group = "solver_input", value_parser = option_values::file())]
     pub config: Option<PathBuf>,
-    /// Give each particle the law, E, nu and density that the scene's field.ply has for its Gaussian, instead of those
-    /// of the configuration; without --config, the object falls, with the configuration that `gprop export --format
+    /// Give each particle the law, E (at most --max-stiffness, by default 2e7 Pa), nu and density that the scene's
+    /// field.ply has for its Gaussian, instead of those of the configuration; without --config, the object falls, with the configuration that `gprop export --format
     /// physgaussian` writes.
     #[arg(long, requires = "compat", group = "solver_input")]
     pub field: bool,
@@ -414,6 +415,14 @@ pub struct TrueParts {
     pub setup: Box<setup::Options>,
 }
 
+/// What may be read besides the scenes whose results are evaluated.
+#[derive(Debug, Args)]
+pub struct Allowed {
+    /// Folder outside the scene to which the scene's links and 3DGS's `cfg_args` may lead; may be given several times.
+    #[arg(long, value_name = "DIR", value_parser = option_values::folder())]
+    pub allow_read: Vec<PathBuf>,
+}
+
 /// Fewer than the ten views that vote by default, and enough to see an object from all sides.
 const FEW_VIEWS: NonZeroUsize = NonZeroUsize::new(6).expect("six is not zero");
 /// Upper limit of `--few-views`: a thousand views are not few.
@@ -437,6 +446,8 @@ pub enum Evaluate {
         /// The gripper of the runs.
         #[arg(long, value_name = "NAME|FILE", default_value = "paper")]
         gripper: String,
+        #[command(flatten)]
+        allowed: Allowed,
     },
     /// Compare the masks of one picture with those of a reference generator, level by level.
     Masks {
@@ -469,6 +480,8 @@ pub enum Evaluate {
         /// Work folder of the scene, for a single scene only [default: SCENE/gprop]
         #[arg(long, value_name = "DIR")]
         out: Option<PathBuf>,
+        #[command(flatten)]
+        allowed: Allowed,
     },
     /// Compare --point-prompts adaptive with --point-prompts grid on scenes with true part maps: number of prompts,
     /// time and part IoU.
@@ -495,6 +508,8 @@ pub enum Evaluate {
         /// Work folder of the scene, for a single scene only [default: SCENE/gprop]
         #[arg(long, value_name = "DIR")]
         out: Option<PathBuf>,
+        #[command(flatten)]
+        allowed: Allowed,
     },
     /// Compare masses with true ones: NeRF2Physics' errors ADE, ALDE, APE and MnRE, and pairwise relationship accuracy
     /// (PRA).
@@ -519,6 +534,8 @@ pub enum Evaluate {
         /// True masses in kilograms, keyed by the id up to its first underscore.
         #[arg(long, value_name = "FILE", requires = "predictions", value_parser = option_values::file())]
         truth: Option<PathBuf>,
+        #[command(flatten)]
+        allowed: Allowed,
     },
     /// Compare Shore hardness at points of the photos with readings of a durometer. Shore A counts as 0 to 100, Shore D
     /// as 100 to 200.
@@ -529,6 +546,8 @@ pub enum Evaluate {
         /// Work folder of the scene, for readings of a single scene only [default: SCENE/gprop]
         #[arg(long, value_name = "DIR")]
         out: Option<PathBuf>,
+        #[command(flatten)]
+        allowed: Allowed,
     },
 }
 

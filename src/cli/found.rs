@@ -6,6 +6,7 @@ use std::fmt::Write;
 use gprop_kernels::bounds::longest_side;
 use serde_json::Value;
 
+use crate::consensus::Asked;
 use crate::error::Error;
 use crate::grasp::GraspReport;
 use crate::output::one_line;
@@ -28,7 +29,7 @@ pub fn text(pipeline: &mut Pipeline, stage: Stage) -> anyhow::Result<String> {
     let mut text = match stage {
         Stage::Scene | Stage::Report => String::new(),
         Stage::Segment => segments(pipeline.segments()?),
-        Stage::Consensus if pipeline.work().size(Artifact::FoundParts).is_none() => {
+        Stage::Consensus if pipeline.options().consensus.ask == Asked::Segments => {
             return Ok("no parts: the model is asked about segments".to_owned());
         }
         Stage::Consensus => parts_of_views(&pipeline.work().read_json(Artifact::FoundParts)?),

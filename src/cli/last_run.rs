@@ -12,7 +12,7 @@
 //! not take back is an error: without it, the results of the run would be replaced.
 
 use std::borrow::Cow;
-use std::ffi::{OsStr, OsString};
+use std::ffi::OsString;
 use std::path::{Path, PathBuf};
 
 use clap::ArgMatches;
@@ -75,7 +75,7 @@ pub fn flags(
     let mut flags = Vec::new();
     for text in pipeline::flags_of_last_run(&root, Plan { to, from: None }) {
         let Some((flag, value)) = parsed(&text, known) else { continue };
-        if typed.iter().any(|typed| excludes(command, config::name_of(typed), &flag.name)) {
+        if typed.iter().any(|typed| config::name_of(typed) == flag.name) {
             continue;
         }
         flags.push(taken_back(flag, value, scene, owner).ok_or_else(|| ConfigError::NotFromLastRun {
@@ -118,16 +118,6 @@ fn taken_back(flag: &Flag, value: &str, scene: &Path, owner: Owner) -> Option<Os
     flag.set_to(value, scene, owner).ok()
 }
 
-/// True if the typed flag replaces the recorded one, or the two exclude each other.
-fn excludes(command: &clap::Command, typed: &str, recorded: &str) -> bool {
-    let find = |name: &str| command.get_arguments().find(|argument| argument.get_long() == Some(name));
-    let conflicts = |one: &clap::Arg, other: &clap::Arg| {
-        command.get_arg_conflicts_with(one).iter().any(|conflict| conflict.get_id() == other.get_id())
-    };
-    let (Some(one), Some(other)) = (find(typed), find(recorded)) else { return false };
-    typed == recorded || conflicts(one, other) || conflicts(other, one)
-}
-
 /// The flags that a run on `scene` leaves in `run.json`, if `flags` are those that it was given.
 pub fn recorded(flags: &[OsString], scene: &Path, known: &[Flag]) -> FieldFlags {
     let mut recorded = FieldFlags::new();
@@ -135,24 +125,12 @@ pub fn recorded(flags: &[OsString], scene: &Path, known: &[Flag]) -> FieldFlags 
         // A path that is not Unicode has no place in JSON.
         let Some((of, value)) = flag.to_str().and_then(|text| parsed(text, known)) else { continue };
         let text = match of.takes_value && of.is_path(value) {
-            true => portable(Path::new(value), scene).to_str().map(|path| format!("--{}={path}", of.name)),
+            true => config::portable(Path::new(value), scene).to_str().map(|path| format!("--{}={path}", of.name)),
             false => flag.to_str().map(str::to_owned),
         };
         recorded.entry(of.field.to_owned()).or_default().extend(text);
     }
     recorded
-}
-
-/// A path that means the same whatever the current folder is: relative to the scene's folder if it is inside that
-/// folder, else absolute.
-fn portable(path: &Path, scene: &Path) -> PathBuf {
-    let absolute = |path: &Path| std::path::absolute(path).unwrap_or_else(|_| path.to_owned());
-    let real = |path: &Path| path.canonicalize().unwrap_or_else(|_| absolute(path));
-    match real(path).strip_prefix(real(scene)) {
-        Ok(inside) if inside == OsStr::new("") => PathBuf::from("."),
-        Ok(inside) => inside.to_owned(),
-        Err(_) => absolute(path),
-    }
 }
 
 /// Tells the user which options of the last run are used.

@@ -124,10 +124,11 @@ fn parse_with(arguments: &[OsString], user_file: Option<&Path>) -> anyhow::Resul
         let known = known_flags();
         stages.typed = stage_flags(matches);
         let scene = matches.try_get_one::<PathBuf>("scene").ok().flatten();
-        let of_user = user_file.map_or_else(|| Ok(Vec::new()), |path| config::flags_of_user(path, &known))?;
-        let of_scene = scene.map_or_else(|| Ok(Vec::new()), |scene| config::flags_of_scene(scene, &known))?;
-        let of_last_run =
+        let mut of_user = user_file.map_or_else(|| Ok(Vec::new()), |path| config::flags_of_user(path, &known))?;
+        let mut of_scene = scene.map_or_else(|| Ok(Vec::new()), |scene| config::flags_of_scene(scene, &known))?;
+        let mut of_last_run =
             scene.map_or_else(|| Ok(Vec::new()), |scene| last_run::flags(&command, matches, scene, &known))?;
+        drop_replaced_parameters([&mut of_user, &mut of_scene, &mut of_last_run], &stages.typed);
         let preset = preset(matches, [&of_last_run, &of_user]);
         let mut flags: Vec<OsString> = preset.flags().iter().map(OsString::from).collect();
         flags.extend([of_user, of_scene].concat());
@@ -151,6 +152,28 @@ fn parse_with(arguments: &[OsString], user_file: Option<&Path>) -> anyhow::Resul
     stages.effective = matches.subcommand().map_or_else(Vec::new, |(_, matches)| stage_flags(matches));
     cli.global.flags = stages;
     Ok(cli)
+}
+
+/// Removes parameters of a scenario (`--set`) that something later in the order of precedence replaces: another scenario,
+/// or the option that stands for the same parameter of `drop`.
+fn drop_replaced_parameters(mut lists: [&mut Vec<OsString>; 3], typed: &[OsString]) {
+    const SAME: [(&str, &str); 2] = [("drop-height", "--set=height="), ("tilt-deg", "--set=tilt=")];
+    let is_text = |flag: &OsString, start: &str| flag.to_str().is_some_and(|flag| flag.starts_with(start));
+    let named = |list: &[OsString]| list.iter().rfind(|flag| config::name_of(flag) == "scenario").cloned();
+    let mut scenario = OsString::from("--scenario=drop");
+    for later in 0..=lists.len() {
+        let list = lists.get(later).map_or(typed, |list| &list[..]).to_vec();
+        let replaces = named(&list).is_some_and(|named| named != scenario);
+        scenario = named(&list).unwrap_or(scenario);
+        for earlier in lists.iter_mut().take(later) {
+            earlier.retain(|flag| {
+                let same = |(name, set): &(&str, &str)| {
+                    is_text(flag, set) && list.iter().any(|later| config::name_of(later) == *name)
+                };
+                !(replaces && is_text(flag, "--set=") || SAME.iter().any(same))
+            });
+        }
+    }
 }
 
 /// The preset that the command line names, or else the first of these lists of flags that names one.
@@ -294,6 +317,49 @@ mod tests {
         );
         assert_eq!(flags("gprop batch DATA --grid 16 --grid 24"), ["--grid=24"]);
         assert_eq!(flags("gprop batch DATA --also npy,coco"), ["--also=npy,coco"]);
+    }
+
+    #[test]
+    fn a_typed_viewpoint_overrides_the_scenes() {
+        let scene = tempfile::tempdir().unwrap();
+        let viewpoint = |of_scene: &str, typed: &[&str]| {
+            std::fs::write(scene.path().join(config::FILE_NAME), of_scene).unwrap();
+            let words = ["gprop", "simulate"].iter().chain(typed).map(OsString::from);
+            let arguments: Vec<OsString> = words.chain([scene.path().into()]).collect();
+            match parse_with(&arguments, None).unwrap().command {
+                Command::Simulate(args) => args.work.options.simulate.viewpoint,
+                other => panic!("{other:?}"),
+            }
+        };
+        let filmed = viewpoint("film-from = \"003\"", &["--turntable"]);
+        assert!(filmed.turntable && filmed.film_from.is_none(), "{filmed:?}");
+        let filmed = viewpoint("film-from = \"003\"", &["--azimuth-deg", "30"]);
+        assert!(filmed.azimuth_deg == Some(30.0) && filmed.film_from.is_none(), "{filmed:?}");
+        let filmed = viewpoint("turntable = true\nazimuth-deg = 30", &["--film-from", "003"]);
+        assert!(!filmed.turntable && filmed.azimuth_deg.is_none(), "{filmed:?}");
+        assert_eq!(filmed.film_from.as_deref(), Some("003"));
+    }
+
+    #[test]
+    fn another_scenario_does_not_take_over_parameters() {
+        let scene = tempfile::tempdir().unwrap();
+        let set = |of_scene: &str, typed: &[&str]| {
+            std::fs::write(scene.path().join(config::FILE_NAME), of_scene).unwrap();
+            let words = ["gprop", "simulate"].iter().chain(typed).map(OsString::from);
+            let arguments: Vec<OsString> = words.chain([scene.path().into()]).collect();
+            match parse_with(&arguments, None).unwrap().command {
+                Command::Simulate(args) => args.work.options.simulate.set,
+                other => panic!("{other:?}"),
+            }
+        };
+        let poke = "scenario = \"poke\"\nset = [\"force=9\"]";
+        assert_eq!(set(poke, &[]), ["force=9"]);
+        assert_eq!(set(poke, &["--scenario", "poke"]), ["force=9"]);
+        assert_eq!(set(poke, &["--scenario", "wind"]), [] as [&str; 0]);
+        assert_eq!(set(poke, &["--scenario", "wind", "--set", "speed=1"]), ["speed=1"]);
+        let drop = "set = [\"height=2\", \"tilt=5\"]";
+        assert_eq!(set(drop, &["--scenario", "drop"]), ["height=2", "tilt=5"]);
+        assert_eq!(set(drop, &["--drop-height", "0.1"]), ["tilt=5"]);
     }
 
     /// The stages' options, each with its list of keys.

@@ -5,6 +5,7 @@ use std::path::Path;
 use serde::Serialize;
 use serde_json::Value;
 
+use crate::consensus::Asked;
 use crate::error::UsageError;
 use crate::film;
 use crate::pipeline::{CommandLine, Options, Pipeline, Plan, Stage};
@@ -188,9 +189,11 @@ fn dry_run(
     })
 }
 
-/// An artifact as one JSON value; for the field, the labels that its numbers stand for.
+/// An artifact as one JSON value; for the field, the labels that its numbers stand for; null for the parts if the model
+/// is asked about segments.
 fn json_of(pipeline: &mut Pipeline, artifact: Artifact) -> anyhow::Result<Value> {
     Ok(match artifact {
+        Artifact::FoundParts if pipeline.options().consensus.ask == Asked::Segments => Value::Null,
         Artifact::Answers => serde_json::to_value(&pipeline.answers()?.segments)?,
         Artifact::Field => pipeline.work().read_json(Artifact::Labels)?,
         other => pipeline.work().read_json(other)?,

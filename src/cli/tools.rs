@@ -16,13 +16,12 @@ use super::{Global, Grasp, Materials, Scale, print};
 /// `gprop setup`.
 pub fn set_up(global: &Global, options: &setup::Options) -> anyhow::Result<()> {
     setup::obtain(options, global.progress())?;
-    let found = setup::doctor(options);
-    print(global, &found, || found.to_string())
+    doctor(global, options)
 }
 
 /// `gprop doctor`.
 pub fn doctor(global: &Global, options: &setup::Options) -> anyhow::Result<()> {
-    let found = setup::doctor(options);
+    let found = crate::segment::sam::doctor(options);
     print(global, &found, || found.to_string())?;
     if found.ok { Ok(()) } else { Err(SetupError::Unfit { problems: found.problems.len() }.into()) }
 }

@@ -28,7 +28,7 @@ pub fn report(global: &Global, args: &ReportArgs) -> anyhow::Result<()> {
 pub fn view(global: &Global, args: &ViewArgs) -> anyhow::Result<()> {
     let page = page_of(&args.folder)?;
     let mut below_folder = page.ancestors().take_while(|path| *path != args.folder);
-    below_folder.try_for_each(|path| workdir::refuse_link(path, "--out"))?;
+    below_folder.try_for_each(|path| workdir::refuse_link(path, "`gprop view`"))?;
     open(&page);
     print(global, &page, || shown(&page))
 }

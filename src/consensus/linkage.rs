@@ -175,8 +175,8 @@ pub(super) fn between(
 }
 
 /// Lets every group with less than `share` of all light join the neighbour from which views split it least, the
-/// smallest first. One without neighbours is dissolved: its nodes get [`NONE`], unless no group is large enough. `part`
-/// names the group of every node by one of its nodes, or is [`NONE`].
+/// smallest first. One without neighbours is dissolved: its nodes get [`NONE`]. If no group is large enough, all become
+/// one. `part` names the group of every node by one of its nodes, or is [`NONE`].
 pub(super) fn absorb(part: Vec<u32>, borders: &[(u32, u32, Border)], light: &[f64], share: f64) -> Vec<u32> {
     let least = share * light.iter().sum::<f64>();
     let mut of_part = vec![0.0; part.len()];
@@ -208,10 +208,12 @@ pub(super) fn absorb(part: Vec<u32>, borders: &[(u32, u32, Border)], light: &[f6
         }
     }
     let joined = roots(joined);
-    let group = |&part: &u32| joined.get(part as usize).copied().unwrap_or(NONE);
-    let is_large = |group: u32| group != NONE && of_part[group as usize] >= least;
-    let any_large = part.iter().any(|part| is_large(group(part)));
-    part.iter().map(|part| if is_large(group(part)) || !any_large { group(part) } else { NONE }).collect()
+    let group = |&part: &u32| joined.get(part as usize).copied();
+    let is_large = |group: u32| of_part[group as usize] >= least;
+    let any_large = part.iter().filter_map(group).any(is_large);
+    let first = part.iter().find_map(group);
+    let kept = |group: u32| if any_large { is_large(group).then_some(group) } else { first };
+    part.iter().map(|part| group(part).and_then(kept).unwrap_or(NONE)).collect()
 }
 
 #[cfg(test)]
@@ -262,5 +264,13 @@ mod tests {
         assert_eq!(absorb(vec![0, 1], &[], &light[..2], 0.01), [0, NONE], "no neighbour to join");
         assert_eq!(absorb(vec![NONE, 1, 2, 3], &borders, &light, 0.01), [NONE, 2, 2, 3]);
         assert_eq!(absorb(vec![0], &[], &[0.0], 0.01), [0], "nothing else is there");
+    }
+
+    #[test]
+    fn crumbs_alone_become_one_group() {
+        let borders = [(1, 2, border(0.4, 1))];
+        let found = absorb(vec![NONE, 1, 2, 3, 4], &borders, &[1.0; 5], 0.5);
+        assert_eq!(found[0], NONE, "it was in no group before");
+        assert!((1..5).contains(&found[1]) && found[2..].iter().all(|group| *group == found[1]), "{found:?}");
     }
 }

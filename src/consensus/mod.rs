@@ -14,7 +14,7 @@
 //! 5. [`masks`]: the parts in each view, and [`mod@best_views`]: the views that show each part best.
 //!
 //! Crumbs join the neighbour from which views separate them least. Gaussians that are then in no part, because no view
-//! sees them or they touch nothing, join the nearest part.
+//! sees them or they touch nothing, join the nearest part. If there are only crumbs, they are one part.
 
 mod best_views;
 mod evidence;
@@ -137,7 +137,7 @@ impl Parts {
 
 /// Finds the parts. The result does not depend on the number of threads.
 ///
-/// If no view sees anything, the whole object is one part.
+/// The whole object is one part if no view sees anything, or if none sees enough of any two Gaussians to compare them.
 pub fn find(gaussians: &Gaussians, views: &[SegmentedView], progress: Progress) -> Parts {
     let bar = progress.bar("parts", 2 * views.len() as u64);
     let mut light = vec![0.0f32; gaussians.len()];
@@ -372,7 +372,7 @@ impl Numbers {
     }
 
     fn add(&mut self, piece_of: Option<u16>, light: f64) -> u16 {
-        // Each has at least CRUMB_SHARE of the light.
+        // Each has at least CRUMB_SHARE of the light, unless it is the only part.
         let id = u16::try_from(self.parts.len() + 1).expect("parts are few");
         self.parts.push(Part { id, piece_of, gaussians: 0, light, separation: 1.0 });
         id

@@ -4,6 +4,8 @@
 //! a view does not split a region if any of its segments holds it, however finely the view divides that segment. So
 //! details that one view shows and another does not are no sign of under-segmentation.
 
+use std::collections::BTreeMap;
+
 use rayon::prelude::*;
 
 use super::membership::{Membership, SEEN_LIGHT, Share};
@@ -69,29 +71,30 @@ impl Regions {
 
     /// By region, whether `other` splits it; `None` if `other` does not see enough of it.
     fn split_by(&self, other: &Self, segments: &ViewSegments, all: &[f32]) -> Vec<Option<bool>> {
-        let count = other.is_undersegmented.len();
-        // The light of each region that the other view sees too, in all and in each of the other view's segments.
-        let mut seen = vec![0.0; self.is_undersegmented.len()];
-        let mut shared = vec![0.0f32; self.is_undersegmented.len() * count];
+        // The light of each region that the other view sees too, in all and in each of the other view's segments. Few
+        // regions and segments share light; imported maps may have tens of thousands of both.
+        let mut seen = vec![0.0f32; self.is_undersegmented.len()];
+        let mut shared: Vec<BTreeMap<u16, f32>> = vec![BTreeMap::new(); self.is_undersegmented.len()];
         for (own, their) in self.also_seen_by(other) {
             let region = usize::from(own.segment);
             seen[region] += own.light;
-            shared[region * count + usize::from(their.segment)] += own.light;
+            *shared[region].entry(their.segment).or_default() += own.light;
         }
-        let judged = |(of, (&seen, &all)): (&mut [f32], (&f32, &f32))| {
+        let judged = |(mut of, (seen, &all)): (BTreeMap<u16, f32>, (f32, &f32))| {
+            // Pixels without a segment neither hold nor split.
+            let seen = (seen - of.remove(&0).unwrap_or(0.0)).max(0.0);
+            let mut most = 0.0f32;
             // A segment's parent has a lower number, so that each is complete when its turn comes.
-            for segment in (1..count).rev() {
-                let parent = usize::from(segments.parent(segment as u16));
+            while let Some((segment, light)) = of.pop_last() {
+                most = most.max(light);
+                let parent = segments.parent(segment);
                 if parent > 0 {
-                    of[parent] += of[segment];
+                    *of.entry(parent).or_default() += light;
                 }
             }
-            // Pixels without a segment neither hold nor split.
-            let seen = (seen - std::mem::take(&mut of[0])).max(0.0);
-            let most = of.iter().copied().fold(0.0, f32::max);
             (seen > 0.0 && seen >= SEEN_SHARE * all).then_some(most < HELD_SHARE * seen)
         };
-        shared.chunks_mut(count).zip(seen.iter().zip(all)).map(judged).collect()
+        shared.into_iter().zip(seen.into_iter().zip(all)).map(judged).collect()
     }
 }
 
@@ -128,14 +131,14 @@ mod tests {
     use super::*;
     use crate::segment::{LabelMap, Level, Segment};
 
-    /// A view with two segments that sees Gaussians of equal light, each in one of these segments or in none.
-    fn regions(segments: &[u16]) -> Regions {
+    /// A view with `count` segments that sees Gaussians of equal light, each in one of these segments or in none.
+    fn regions(count: u16, segments: &[u16]) -> Regions {
         let seen = (0..).zip(segments).map(|(gaussian, &segment)| Seen { gaussian, segment, light: 1.0 });
-        Regions { seen: seen.collect(), is_undersegmented: vec![false; 3] }
+        Regions { seen: seen.collect(), is_undersegmented: vec![false; usize::from(count) + 1] }
     }
 
-    /// Two segments, neither of which lies in the other.
-    fn two_segments() -> ViewSegments {
+    /// Segments of which none lies in another.
+    fn side_by_side(count: u16) -> ViewSegments {
         let segment = |id| Segment {
             id,
             area: 1,
@@ -145,18 +148,31 @@ mod tests {
             level: Level::Small,
             parent: 0,
         };
-        let map = LabelMap { width: 2, height: 1, labels: vec![1, 2] };
-        ViewSegments { view: "view".into(), map, segments: vec![segment(1), segment(2)] }
+        let map = LabelMap { width: u32::from(count), height: 1, labels: (1..=count).collect() };
+        ViewSegments { view: "view".into(), map, segments: (1..=count).map(segment).collect() }
     }
 
     #[test]
     fn pixels_without_a_segment_neither_hold_nor_split() {
-        let (region, segments) = (regions(&[1; 10]), two_segments());
+        let (region, segments) = (regions(2, &[1; 10]), side_by_side(2));
         let all = region.light();
-        let judged = |other: [u16; 10]| region.split_by(&regions(&other), &segments, &all)[1];
+        let judged = |other: [u16; 10]| region.split_by(&regions(2, &other), &segments, &all)[1];
         assert_eq!(judged([1, 1, 1, 1, 0, 0, 0, 0, 0, 0]), Some(false), "one segment holds all that has a segment");
         assert_eq!(judged([1, 1, 2, 2, 0, 0, 0, 0, 0, 0]), Some(true), "either segment holds half of it");
         assert_eq!(judged([1, 1, 0, 0, 0, 0, 0, 0, 0, 0]), None, "only a fifth has a segment");
         assert_eq!(judged([0; 10]), None);
+    }
+
+    /// As many as a label map can hold. For each of the 90 pairs of views, a table of all segments of one by all of the
+    /// other would take 17 GB.
+    #[test]
+    fn views_with_65_535_segments_are_compared_in_little_memory() {
+        let segments = side_by_side(u16::MAX);
+        let mut views = vec![regions(u16::MAX, &[u16::MAX; 10])];
+        views.extend((1..10).map(|_| regions(u16::MAX, &[1, 1, 1, 1, 1, 2, 2, 2, 2, 2])));
+        mark(&mut views, &[&segments; 10]);
+        let marked = |view: usize| (0..=u16::MAX).zip(&views[view].is_undersegmented).filter(|(_, marked)| **marked);
+        assert!(marked(0).map(|(region, _)| region).eq([u16::MAX]), "all others split it");
+        assert!((1..10).all(|view| marked(view).next().is_none()));
     }
 }

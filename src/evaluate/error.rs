@@ -13,6 +13,10 @@ pub enum EvaluateError {
     Json { path: PathBuf, expected: &'static str, source: serde_json::Error },
     #[error("{path:?} line {line}: {message}")]
     Row { path: PathBuf, line: u64, message: String },
+    #[error("{path:?} has no rows; its columns are {columns}")]
+    NoRows { path: PathBuf, columns: &'static str },
+    #[error("{path:?}: the prediction for {id:?} is [{low}, {high}]; write the low end first")]
+    Reversed { path: PathBuf, id: String, low: f64, high: f64 },
     #[error(
         "there is a prediction for {id:?}, but the truth has no {key:?}; an id is looked up by the text before its \
          first underscore"
@@ -37,6 +41,6 @@ pub enum EvaluateError {
     NoPlace { path: PathBuf },
     #[error("no view of {scene:?} with a map in {path:?} shows where the fingers press")]
     Unseen { scene: String, path: PathBuf },
-    #[error("{path:?} names {name:?}, which is not a label, a material or a family{hint}")]
+    #[error("{path:?} names {name:?}, which is neither a label nor a material or family that has one{hint}")]
     Label { path: PathBuf, name: String, hint: String },
 }

@@ -59,7 +59,7 @@ pub struct HardnessEvaluation {
     pub points: Vec<Measured>,
 }
 
-/// The readings of a CSV file with the columns `scene,view,x,y,shore,hardness`, each with its line.
+/// The readings of a CSV file with the columns `scene,view,x,y,shore,hardness`, each with its line; at least one.
 pub fn read_points(path: &Path) -> Result<Vec<(u64, Reading)>, EvaluateError> {
     let error = |error: csv::Error| {
         let line = error.position().map_or(1, csv::Position::line);
@@ -82,6 +82,9 @@ pub fn read_points(path: &Path) -> Result<Vec<(u64, Reading)>, EvaluateError> {
             return Err(EvaluateError::Row { path: path.to_owned(), line, message });
         }
         readings.push((line, reading));
+    }
+    if readings.is_empty() {
+        return Err(EvaluateError::NoRows { path: path.to_owned(), columns: COLUMNS });
     }
     Ok(readings)
 }

@@ -56,8 +56,8 @@ pub enum MasksError {
     #[error("the reference does not hold settings and masks as JSON")]
     Json(#[from] serde_json::Error),
     #[error(
-        "the reference was made from a picture of {expected:?} pixels, but this one has {found:?}: give the same \
-         picture"
+        "the reference was made from a picture of {} x {} pixels, but this one is {} x {}: give the same picture",
+        expected.0, expected.1, found.0, found.1
     )]
     Size { expected: (u32, u32), found: (u32, u32) },
     #[error("mask {index} of list {list:?} has run lengths that do not add up to its size")]

@@ -7,7 +7,7 @@ use clap::ValueEnum;
 use serde::Serialize;
 
 use super::label_maps::LabelMaps;
-use crate::materials::{Label, Labels, MaterialLibrary, fold};
+use crate::materials::{Labels, MaterialLibrary, fold};
 use crate::vote::MaterialField;
 
 /// A label set.
@@ -21,7 +21,7 @@ pub enum Vocabulary {
     Mvimgnet,
 }
 
-/// A name that is not in any label set, material or family, with a hint about where to look.
+/// A name that is neither a label of the set nor a material or family that has one, with a hint about where to look.
 #[derive(Debug, Clone, PartialEq)]
 pub struct UnknownName {
     pub name: String,
@@ -30,20 +30,26 @@ pub struct UnknownName {
 }
 
 impl Vocabulary {
-    fn of(self, labels: &Labels) -> &Label {
-        match self {
+    /// The label of this set; `None` if there is none, as for many a user's material.
+    fn of(self, labels: &Labels) -> Option<&str> {
+        let label = match self {
             Self::Abo => &labels.abo,
             Self::Mvimgnet => &labels.mvimgnet,
-        }
+        };
+        Some(label.name.as_str()).filter(|name| !name.is_empty())
     }
 
-    /// The label for a name: a label of this set, a material of the library or one of its families.
+    /// The label for a name: a label of this set, a material of the library or one of its families. A material without a
+    /// label has that of its family.
     pub fn label<'a>(self, name: &str, library: &'a MaterialLibrary) -> Option<&'a str> {
-        let own = library.materials().iter().map(|material| self.of(&material.labels));
-        let itself = own.into_iter().find(|label| fold(&label.name) == fold(name));
-        let of_material = || library.get(name).map(|material| self.of(&material.labels));
-        let of_family = || library.family(name).map(|family| self.of(&family.labels));
-        itself.or_else(of_material).or_else(of_family).map(|label| label.name.as_str())
+        let wanted = fold(name);
+        let mut own = library.materials().iter().filter_map(|material| self.of(&material.labels));
+        let of_family = |family: &str| library.family(family).and_then(|family| self.of(&family.labels));
+        let of_material = || {
+            let material = library.get(name)?;
+            self.of(&material.labels).or_else(|| of_family(&material.family))
+        };
+        own.find(|label| fold(label) == wanted).or_else(of_material).or_else(|| of_family(name))
     }
 
     /// The label of every named value of hand-labelled maps, except values named `background`.
@@ -58,18 +64,20 @@ impl Vocabulary {
                 Some(label) => Ok((*value, label)),
                 None => Err(UnknownName {
                     name: name.clone(),
-                    hint: library.nearest(name).map_or(String::new(), |(material, _)| {
-                        format!("; the nearest material is {:?}", material.name)
-                    }),
+                    hint: match library.nearest(name) {
+                        Some((material, _)) if self.label(&material.name, library).is_some() => {
+                            format!("; the nearest material is {:?}", material.name)
+                        }
+                        _ => String::new(),
+                    },
                 }),
             })
             .collect()
     }
 
-    /// The label of this set for every label of a field. Answers were checked against the library, so it contains each
-    /// material.
+    /// The label of this set for every label of a field; an empty one, which never counts as correct, if neither the material nor its
+    /// family has one.
     pub fn of_field<'a>(self, field: &MaterialField, library: &'a MaterialLibrary) -> Vec<&'a str> {
-        let checked = "answers were checked against the library";
-        field.labels.iter().map(|label| self.label(&label.material, library).expect(checked)).collect()
+        field.labels.iter().map(|label| self.label(&label.material, library).unwrap_or_default()).collect()
     }
 }

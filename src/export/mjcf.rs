@@ -1,5 +1,6 @@
 //! MuJoCo's XML: one free body with the object's mass, centre of mass and full inertia, a geom for every convex piece,
-//! and the skin, which collides with nothing; and a scene with this body on a floor.
+//! and the skin, which collides with nothing; and a scene with this body on a floor. All names begin with that of the
+//! body, so that a scene may include several.
 //!
 //! Friction is the part's on rubber, the only one in the library: MuJoCo uses the larger friction of two geoms in
 //! contact. As in MuJoCo's own models, visual geoms are in group 2 and colliders in group 3, which viewers hide.
@@ -26,7 +27,7 @@ fn body(rigid: &Rigid) -> String {
     let mut assets = String::new();
     let mut geoms = String::new();
     for piece in rigid.pieces {
-        let (name, label) = (piece.name(), rigid.label(piece));
+        let (name, label) = (rigid.piece_name(piece), rigid.label(piece));
         let _ = writeln!(assets, r#"    <mesh name="{name}" file="meshes/{name}.obj"/>"#);
         let color = spaced(palette::part(piece.part).map(f64::from));
         let (friction, time) = (label.friction_rubber.mid, time_constant_s(rigid, label));
@@ -50,9 +51,9 @@ fn body(rigid: &Rigid) -> String {
     </default>
   </default>
   <asset>
-    <texture name="{name}_skin" type="2d" file="meshes/skin.png"/>
+    <texture name="{name}_skin" type="2d" file="meshes/{name}_skin.png"/>
     <material name="{name}_skin" texture="{name}_skin" specular="0.2" shininess="0.2"/>
-    <mesh name="{name}_skin" file="meshes/skin.obj"/>
+    <mesh name="{name}_skin" file="meshes/{name}_skin.obj"/>
 {assets}  </asset>
   <worldbody>
     <body name="{name}">

@@ -84,6 +84,8 @@ pub struct Model<'a> {
     pub grasps: &'a [Candidate],
     /// Name of the file that holds the splat.
     pub source: &'a str,
+    /// The files that the scene was read from, which no export replaces.
+    pub inputs: &'a [PathBuf],
 }
 
 /// Stands in every export whose scale a model estimated.
@@ -111,15 +113,19 @@ pub enum ExportError {
          the warnings of the parts stage"
     )]
     NoShape,
+    #[error("{path:?} is a file of the scene, which the export would replace; choose another folder with --out")]
+    Input { path: PathBuf },
     #[error("cannot write {path:?}: {source}; make room or choose another folder with --out")]
     Write { path: PathBuf, source: io::Error },
 }
 
 /// Writes the model into `folder` in each of the formats and returns the files, the main one of each format first.
-/// Values that several formats need are computed once. Each file is written completely or not at all.
+/// Values that several formats need are computed once. Each file is written completely or not at all. The files of another
+/// object in `folder` stay as they are, except for MJCF's `scene.xml`.
 ///
 /// # Errors
-/// If a format needs the scale, a mass or a closed surface and there is none, or if a file cannot be written.
+/// If a format needs the scale, a mass or a closed surface and there is none; if a file would replace the splat or a
+/// camera file of the scene, or cannot be written.
 pub fn export(model: &Model, formats: &[Format], folder: &Path) -> Result<Vec<PathBuf>, ExportError> {
     let own = without_set_aside(model);
     let model = &match &own {
@@ -127,7 +133,7 @@ pub fn export(model: &Model, formats: &[Format], folder: &Path) -> Result<Vec<Pa
         None => *model,
     };
     let shared = Shared { model, shape: OnceCell::new(), skin: OnceCell::new(), part_meshes: OnceCell::new() };
-    // What cannot be exported is refused before a file is written.
+    // What the object lacks for a format is found out before a file is written.
     for format in formats {
         match format {
             Format::Mjcf | Format::Urdf | Format::Usda | Format::Usdz => drop(shared.rigid()?),
@@ -135,7 +141,8 @@ pub fn export(model: &Model, formats: &[Format], folder: &Path) -> Result<Vec<Pa
             Format::GltfSplat | Format::PlyParts | Format::Npz | Format::Physgaussian => {}
         }
     }
-    let mut files = Files { folder, written: Vec::new() };
+    let inputs = model.inputs.iter().filter_map(|path| path.canonicalize().ok()).collect();
+    let mut files = Files { folder, inputs, written: Vec::new() };
     for format in formats {
         match format {
             Format::Mjcf => mjcf::write(&shared.rigid()?, &mut files)?,
@@ -242,6 +249,11 @@ impl Rigid<'_> {
     fn label(&self, piece: &Piece) -> &FieldLabel {
         &self.labels[piece.part as usize]
     }
+
+    /// The name of a piece that no other object has: several may be in one folder or one simulation.
+    fn piece_name(&self, piece: &Piece) -> String {
+        format!("{}_{}", self.name, piece.name())
+    }
 }
 
 /// A name that every format accepts.
@@ -268,6 +280,8 @@ fn spaced(numbers: impl IntoIterator<Item = f64>) -> String {
 /// The folder that is written into.
 struct Files<'a> {
     folder: &'a Path,
+    /// Canonical paths that must not be replaced.
+    inputs: Vec<PathBuf>,
     /// Each file once, although several formats may share it.
     written: Vec<PathBuf>,
 }
@@ -279,6 +293,9 @@ impl Files<'_> {
         fill: impl FnOnce(&mut dyn io::Write) -> io::Result<()>,
     ) -> Result<(), ExportError> {
         let path = self.folder.join(name);
+        if path.canonicalize().is_ok_and(|path| self.inputs.contains(&path)) {
+            return Err(ExportError::Input { path });
+        }
         write_atomic(&path, fill).map_err(|source| ExportError::Write { path: path.clone(), source })?;
         if !self.written.contains(&path) {
             self.written.push(path);

@@ -1,5 +1,5 @@
 //! NumPy's archive of arrays. Arrays are per Gaussian (`gaussian_*`), per label (`label_*`), per part (`part_*`) and
-//! for the object (`object_*`); names and captions are in `labels.json` beside it. An estimate is three values: low,
+//! for the object (`object_*`); names and captions are in `NAME_labels.json` beside it. An estimate is three values: low,
 //! mid, high. They are NaN if a part has no volume.
 
 use std::io::{self, Cursor, Write};
@@ -14,8 +14,9 @@ use crate::vote::{FieldLabel, field_ply};
 
 pub(super) fn write(model: &Model, files: &mut Files) -> Result<(), ExportError> {
     let archive = |out: &mut dyn Write| out.write_all(&archive(model)?);
-    files.write(format!("{}.npz", identifier(model.name)), archive)?;
-    files.write("labels.json", |out| Ok(serde_json::to_writer_pretty(out, &model.field.labels)?))
+    let name = identifier(model.name);
+    files.write(format!("{name}.npz"), archive)?;
+    files.write(format!("{name}_labels.json"), |out| Ok(serde_json::to_writer_pretty(out, &model.field.labels)?))
 }
 
 fn archive(model: &Model) -> io::Result<Vec<u8>> {

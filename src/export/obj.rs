@@ -55,13 +55,14 @@ fn write_vertices(text: &mut String, vertices: &[Point3<f64>]) {
     }
 }
 
-/// Writes the convex pieces and the skin into `meshes/`.
+/// Writes the convex pieces and the skin into `meshes/`, all under names that begin with the object's.
 pub fn write_meshes(rigid: &Rigid, files: &mut Files) -> Result<(), ExportError> {
     for piece in rigid.pieces {
         let mesh = mesh(&piece.vertices, &piece.triangles);
-        files.write(format!("meshes/{}.obj", piece.name()), |out| out.write_all(mesh.as_bytes()))?;
+        files.write(format!("meshes/{}.obj", rigid.piece_name(piece)), |out| out.write_all(mesh.as_bytes()))?;
     }
-    files.write("meshes/skin.obj", |out| out.write_all(skin(rigid.skin, "skin.mtl").as_bytes()))?;
-    files.write("meshes/skin.mtl", |out| out.write_all(skin_material("skin.png").as_bytes()))?;
-    files.write("meshes/skin.png", |out| out.write_all(&png(&rigid.skin.picture)?))
+    let [text, materials, picture] = ["obj", "mtl", "png"].map(|ending| format!("{}_skin.{ending}", rigid.name));
+    files.write(format!("meshes/{text}"), |out| out.write_all(skin(rigid.skin, &materials).as_bytes()))?;
+    files.write(format!("meshes/{materials}"), |out| out.write_all(skin_material(&picture).as_bytes()))?;
+    files.write(format!("meshes/{picture}"), |out| out.write_all(&png(&rigid.skin.picture)?))
 }

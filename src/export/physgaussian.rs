@@ -1,5 +1,5 @@
-//! PhysGaussian (Xie et al., 2024): a model folder as its loader expects it, with the additional columns that its forks
-//! read for each Gaussian, and a configuration with the keys of its `utils/decode_param.py`.
+//! PhysGaussian (Xie et al., 2024): the model folder `NAME/physgaussian/` as its loader expects it, with the additional
+//! columns that its forks read for each Gaussian, and a configuration with the keys of its `utils/decode_param.py`.
 //!
 //! [`Estimated`] maps the field to PhysGaussian's numbers. PhysGaussian has one law per run: that of the label with the
 //! most Gaussians. The others get boxes, which may only differ in E, nu and density. E in the configuration is reduced to a
@@ -7,27 +7,28 @@
 
 use serde_json::{Value, json};
 
-use super::{ExportError, Files, Model};
+use super::{ExportError, Files, Model, identifier};
 use crate::scene::ply;
 use crate::simulate::compat::estimated::Estimated;
 use crate::simulate::material::{SOFT_PA, Soften};
 use crate::vote::field_ply;
 
-/// The path where 3DGS puts a trained cloud and PhysGaussian looks for it.
+/// The path in a model folder where 3DGS puts a trained cloud and PhysGaussian looks for it.
 const CLOUD: &str = "point_cloud/iteration_30000/point_cloud.ply";
 /// The columns, in the order used by the forks.
 const COLUMNS: [&str; 6] = ["part_label", "density", "E", "nu", "material_id", "conf"];
 
 pub(super) fn write(model: &Model, files: &mut Files) -> Result<(), ExportError> {
     let config = config(model);
-    files.write("config.json", |out| {
+    let folder = format!("{}/physgaussian", identifier(model.name));
+    files.write(format!("{folder}/config.json"), |out| {
         serde_json::to_writer_pretty(&mut *out, &config)?;
         out.write_all(b"\n")
     })?;
     let all = field_ply::columns(model.field);
     let columns: Vec<_> = COLUMNS.iter().filter_map(|name| all.iter().find(|c| c.name == *name).cloned()).collect();
     let bare = crate::scene::gaussians::Gaussians { extra: Vec::new(), ..model.gaussians.clone() };
-    files.write(CLOUD, |out| ply::write(out, &bare, &columns))
+    files.write(format!("{folder}/{CLOUD}"), |out| ply::write(out, &bare, &columns))
 }
 
 /// The configuration for the label with the most Gaussians, with a separate box for every other label. PhysGaussian drops

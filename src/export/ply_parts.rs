@@ -1,5 +1,5 @@
 //! A 3DGS PLY for each part, in scene units, with the columns of `field.ply`, so that any editor of splats can show,
-//! move or delete one part.
+//! move or delete one part: `NAME/parts/partN_CAPTION.ply`. Parts that an earlier export left there under other captions stay.
 
 use super::{ExportError, Files, Model, identifier};
 use crate::scene::gaussians::ExtraProperty;
@@ -11,6 +11,7 @@ const LONGEST: usize = 120;
 
 pub(super) fn write(model: &Model, files: &mut Files) -> Result<(), ExportError> {
     let columns = field_ply::columns(model.field);
+    let folder = format!("{}/parts", identifier(model.name));
     for label in &model.field.labels {
         let kept: Vec<bool> = model.field.part_label.iter().map(|part| *part == label.id).collect();
         if !kept.contains(&true) {
@@ -25,7 +26,7 @@ pub(super) fn write(model: &Model, files: &mut Files) -> Result<(), ExportError>
         let columns: Vec<ExtraProperty> = columns.iter().map(own).collect();
         let mut caption = identifier(&label.caption);
         caption.truncate(LONGEST);
-        let name = format!("part{}_{caption}.ply", label.id);
+        let name = format!("{folder}/part{}_{caption}.ply", label.id);
         files.write(name, |out| ply::write(out, &gaussians, &columns))?;
     }
     Ok(())

@@ -17,7 +17,7 @@ fn text(rigid: &Rigid) -> String {
     let (mass, center, i) = rigid.inertial();
     let mut colliders = String::new();
     for piece in rigid.pieces {
-        let (name, friction) = (piece.name(), rigid.label(piece).friction_rubber.mid);
+        let (name, friction) = (rigid.piece_name(piece), rigid.label(piece).friction_rubber.mid);
         let _ = write!(
             colliders,
             r#"    <collision name="{name}">
@@ -41,7 +41,7 @@ fn text(rigid: &Rigid) -> String {
       <mass value="{mass}"/>
       <inertia ixx="{}" iyy="{}" izz="{}" ixy="{}" ixz="{}" iyz="{}"/>
     </inertial>
-    <visual name="skin"><geometry><mesh filename="meshes/skin.obj"/></geometry></visual>
+    <visual name="skin"><geometry><mesh filename="meshes/{name}_skin.obj"/></geometry></visual>
 {colliders}  </link>
   <gazebo reference="{name}"><mu1>{least}</mu1><mu2>{least}</mu2></gazebo>
 </robot>

@@ -22,6 +22,8 @@ pub const REPORTED: usize = 5;
 const MISALIGNMENT_WEIGHT: f64 = 0.25;
 /// Two places are the same if their middles are within a finger's side and their axes within 30 degrees.
 const SAME_AXIS: f64 = 0.866;
+/// Obstacles are sorted into cells of at least this side, m: for a hand of some 50 mm, smaller cells only take longer.
+const LEAST_CELL_M: f64 = 0.005;
 
 /// A place to grasp at. Forces are those of one finger.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -94,7 +96,8 @@ pub fn candidates(
         Where::Part(id) => object.parts.of_label(id).map_or_else(String::new, |p| format!("part {:?}", p.caption)),
         Where::Anywhere | Where::Near(_) => "the object".to_owned(),
     };
-    let friction: Vec<f64> = object.labels.iter().map(|label| label.friction_rubber.mid).collect();
+    let friction = |label: &FieldLabel| options.policy.friction(label.friction_rubber);
+    let friction: Vec<f64> = object.labels.iter().map(friction).collect();
     let all = places(object.surface, place, &friction, gripper.contact_radius_m());
     let stroke_m = gripper.stroke_m.unwrap_or(f64::INFINITY);
     let fitting: Vec<Place> = all.iter().copied().filter(|p| p.width_m() <= stroke_m).collect();
@@ -127,7 +130,7 @@ pub fn candidates(
     ranked.sort_by(|a, b| a.0.cmp(&b.0).then(a.1.total_cmp(&b.1)));
 
     let side = gripper.finger_side_m();
-    let cells = Cells::new(&object.surface.obstacles, side);
+    let cells = Cells::new(&object.surface.obstacles, side.max(LEAST_CELL_M));
     let mut chosen: Vec<(&Place, Candidate)> = Vec::new();
     for (_, _, p, forces) in &ranked {
         if chosen.len() == REPORTED {

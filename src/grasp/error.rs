@@ -71,6 +71,20 @@ pub enum GraspError {
     NoPlace { what: String },
 }
 
+impl GraspError {
+    /// True if the object cannot be grasped; false if a value or a name that the user gave is wrong, or a file is damaged.
+    pub fn is_of_the_object(&self) -> bool {
+        matches!(
+            self,
+            Self::NoSurface
+                | Self::Property { .. }
+                | Self::NoThickness { .. }
+                | Self::StrokeTooSmall { .. }
+                | Self::NoPlace { .. }
+        )
+    }
+}
+
 /// A point as the user types it.
 fn coordinates([x, y, z]: &[f64; 3]) -> String {
     format!("{x},{y},{z}")

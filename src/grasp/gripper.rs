@@ -1,5 +1,6 @@
 //! Gripper profiles: the range of force, the finger, and the command for a force. Format: grippers/README.md.
 
+use std::ops::RangeInclusive;
 use std::path::Path;
 
 use serde::{Deserialize, Serialize};
@@ -16,6 +17,9 @@ const BUILTIN: [(&str, &str); 3] = [
     ("franka-hand", include_str!("../../grippers/franka-hand.toml")),
 ];
 
+/// The contact areas that a profile may have: from a square millimetre to a square of 32 cm.
+const FINGER_AREAS_M2: RangeInclusive<f64> = 1e-6..=0.1;
+
 /// A parallel gripper with two fingers.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
@@ -23,7 +27,7 @@ pub struct GripperProfile {
     pub name: String,
     /// Smallest and largest force of one finger, N.
     pub force_n: [f64; 2],
-    /// Contact area A under one finger, m^2.
+    /// Contact area A under one finger, m^2; 1e-6 to 0.1.
     pub finger_area_m2: f64,
     pub pad: Pad,
     /// Widest opening between the fingers, m.
@@ -134,8 +138,8 @@ impl GripperProfile {
         let [low, high] = self.force_n;
         if !(0.0 <= low && low < high && high.is_finite()) {
             Some(("force_n", "must be [least, most] with 0 <= least < most, in N"))
-        } else if !(self.finger_area_m2 > 0.0 && self.finger_area_m2.is_finite()) {
-            Some(("finger_area_m2", "must be above 0, in m2"))
+        } else if !FINGER_AREAS_M2.contains(&self.finger_area_m2) {
+            Some(("finger_area_m2", "must be from 1e-6 to 0.1, in m2"))
         } else if self.stroke_m.is_some_and(|s| !(s > 0.0 && s.is_finite())) {
             Some(("stroke_m", "must be above 0, in m"))
         } else if self.command.is_some_and(|command| !command.is_valid()) {

@@ -89,9 +89,10 @@ impl Inputs {
                 star(high.0, high.1).newtons,
             ),
         };
-        let ((f_min_n, _), (_, upper), friction, mass_kg) = match options.policy {
-            Policy::Mid => (mid, mid, self.friction.mid, self.mass_kg.mid),
-            Policy::Safe => (high, low, self.friction.low, self.mass_kg.high),
+        let friction = options.policy.friction(self.friction);
+        let ((f_min_n, _), (_, upper), mass_kg) = match options.policy {
+            Policy::Mid => (mid, mid, self.mass_kg.mid),
+            Policy::Safe => (high, low, self.mass_kg.high),
         };
         Ok(Forces { inputs: self, intervals, f_min_n, upper, star: star(f_min_n, upper), friction, mass_kg })
     }

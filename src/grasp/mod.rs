@@ -29,7 +29,7 @@ pub mod surface;
 
 use serde::{Deserialize, Serialize};
 
-use crate::parts::Parts;
+use crate::parts::{Part, Parts};
 use crate::vote::FieldLabel;
 pub use calibration_report::CalibrationReport;
 use candidates::{Candidate, Object};
@@ -129,10 +129,10 @@ pub struct GraspReport {
 /// for the user's point, which is in scene units.
 ///
 /// # Errors
-/// If a lift angle, curvature or margin is outside its domain; if a part does not exist or its name is ambiguous; if a
-/// part's friction, strength, stiffness or thickness, or a mass, is not positive. If the user says where to grasp: if a
-/// point is farther from the object than a finger's length, or no place there has space for the fingers within the
-/// stroke; otherwise this is only a warning.
+/// If a lift angle, curvature or margin is outside its domain; if a part does not exist, its name is ambiguous, or it has
+/// no volume; if a part's friction, strength, stiffness or thickness, or a mass, is not positive. If the user says where to
+/// grasp: if a point is farther from the object than a finger's length, or no place there has space for the fingers within
+/// the stroke; otherwise this is only a warning.
 pub fn grasp(
     parts: &Parts,
     labels: &[FieldLabel],
@@ -144,6 +144,10 @@ pub fn grasp(
     let (part, chosen) = grasped_part::choose(parts, options.part.as_deref())?;
     let label = |id: u32| labels.iter().find(|l| l.id == id).ok_or(GraspError::NoLabel { part: id });
     label(part.id)?;
+    let no_thickness = |part: &Part| GraspError::NoThickness { part: part.caption.clone(), why: part.no_volume };
+    if options.part.is_some() && part.volume_m3.is_none() {
+        return Err(no_thickness(&part));
+    }
     let place = match (&options.part, options.point) {
         (Some(_), _) => Where::Part(part.id),
         (None, Some(point)) => Where::Near(Point3::from(point) * meters_per_unit),
@@ -178,8 +182,7 @@ pub fn grasp(
             (part, chosen, best.thickness_m)
         }
         None => {
-            let no_thickness = || GraspError::NoThickness { part: part.caption.clone(), why: part.no_volume };
-            let thickness_m = part.thickness_m.ok_or_else(no_thickness)?;
+            let thickness_m = part.thickness_m.ok_or_else(|| no_thickness(&part))?;
             (part, chosen, thickness_m)
         }
     };

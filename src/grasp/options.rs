@@ -8,6 +8,7 @@ use super::curvature;
 use super::gripper::GripperProfile;
 use crate::config::SceneKey;
 use crate::option_values;
+use crate::units::Estimate;
 
 /// A radius of a micrometre.
 const SHARPEST_CURVATURE_1_M: f64 = 1e6;
@@ -40,11 +41,21 @@ pub enum Policy {
     Safe,
 }
 
+impl Policy {
+    /// The coefficient of friction on which a grasp may rely.
+    pub fn friction(self, friction: Estimate) -> f64 {
+        match self {
+            Self::Mid => friction.mid,
+            Self::Safe => friction.low,
+        }
+    }
+}
+
 /// Options of the grasp stage.
 #[derive(Debug, Clone, PartialEq, Args, Serialize)]
 #[command(next_help_heading = "Grasp")]
 pub struct Options {
-    /// Grasp this part: its number, or its name, caption or material, or a piece of one of them
+    /// Grasp this part: its number, or its name, caption or material, or any text within one of them
     #[arg(long, value_name = "NAME", overrides_with_all = ["point", "auto"])]
     pub part: Option<String>,
     /// Grasp near this point (world frame, scene units)

@@ -20,6 +20,8 @@ use crate::scene::robust_bounds;
 
 /// Gaussians along a finger's side.
 const PER_SIDE: f64 = 8.0;
+/// They are no closer together than this, m: fingers are 40 mm long, however narrow.
+const LEAST_SPACING_M: f64 = 5e-4;
 /// Half side of the mark of a place other than the best, as a fraction of the finger's.
 const MARK: f64 = 0.25;
 
@@ -54,7 +56,7 @@ pub fn picture(
 ) -> Option<RgbImage> {
     let best = report.candidates.first()?;
     let mut drawn = gaussians.clone();
-    let spacing = finger_side_m / PER_SIDE;
+    let spacing = spacing_m(finger_side_m);
     for (rank, candidate) in report.candidates.iter().enumerate() {
         let contacts = candidate.contacts_m.map(Point3::from);
         let approach = Vector3::from(candidate.approach);
@@ -270,6 +272,11 @@ fn close_by(camera: &Camera, best: &Candidate, meters_per_unit: f64, side: u32) 
     Camera { intrinsics, camera_from_world: towards(camera, target) }
 }
 
+/// Distance between the Gaussians that draw a hand, m.
+fn spacing_m(finger_side_m: f64) -> f64 {
+    (finger_side_m / PER_SIDE).max(LEAST_SPACING_M)
+}
+
 fn mark(center: Point3<f64>, half: f64) -> OrientedBox {
     OrientedBox { center, axes: [Vector3::x(), Vector3::y(), Vector3::z()], half: [half; 3] }
 }
@@ -304,4 +311,19 @@ fn faces(shape: &OrientedBox, spacing: f64, color: [f32; 3], sh_degree: u8, mete
     }
     gaussians.sh_rest = vec![0.0; gaussians.len() * 3 * gaussians.sh_rest_per_channel()];
     gaussians
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_hand_with_tiny_fingers_is_drawn_with_few_gaussians() {
+        // Of a square millimetre, the least area of a profile, around an object of 200 mm.
+        let (side, contacts) = (1e-3, [Point3::origin(), Point3::new(0.2, 0.0, 0.0)]);
+        let hand = hand(contacts, Vector3::z(), side, 0.0);
+        let count: usize = hand.iter().map(|part| faces(part, spacing_m(side), [0.0; 3], 0, 1.0).len()).sum();
+        // The faces of the fingers and the palm have 110 cm2: 4 Gaussians for each mm2.
+        assert!(count < 60_000, "{count}");
+    }
 }

@@ -99,12 +99,13 @@ fn depth_at(drawn: &Render, x: i64, y: i64) -> Option<f64> {
 }
 
 /// Normal of the depth map at a pixel, world frame, towards the camera, with its cosine to the line of sight as its
-/// length: a view that grazes the surface measures it badly. Lens distortion over a few pixels is ignored.
+/// length: a view that grazes the surface measures it badly.
 fn depth_normal(drawn: &Render, camera: &Camera, x: i64, y: i64) -> Option<Vector3<f64>> {
     let i = &camera.intrinsics;
     let point = |x: i64, y: i64| {
         let depth = depth_at(drawn, x, y)?;
-        Some(Vector3::new((x as f64 + 0.5 - i.cx) / i.fx, (y as f64 + 0.5 - i.cy) / i.fy, 1.0) * depth)
+        let (x, y) = i.distortion.invert((x as f64 + 0.5 - i.cx) / i.fx, (y as f64 + 0.5 - i.cy) / i.fy)?;
+        Some(Vector3::new(x, y, 1.0) * depth)
     };
     let across = point(x + REACH_PX, y)? - point(x - REACH_PX, y)?;
     let down = point(x, y + REACH_PX)? - point(x, y - REACH_PX)?;
@@ -129,4 +130,32 @@ fn refined(gaussians: &Gaussians, i: usize, from_depth: Vector3<f64>) -> Vector3
     }
     let flatness = 1.0 - scale.min() / middle;
     (from_depth + axis * (along.signum() * flatness)).normalize()
+}
+
+#[cfg(test)]
+mod tests {
+    use nalgebra::Isometry3;
+
+    use super::*;
+    use crate::camera::{Distortion, Intrinsics};
+
+    /// A wall that leans back, 35 degrees off the axis of a lens that shows angles instead of their tangents.
+    #[test]
+    fn a_lens_does_not_tilt_the_normal_of_a_wall() {
+        let distortion = Distortion::fisheye([0.0; 4]);
+        let intrinsics = Intrinsics { width: 64, height: 64, fx: 40.0, fy: 40.0, cx: 32.0, cy: 32.0, distortion };
+        let camera = Camera { intrinsics, camera_from_world: Isometry3::identity() };
+        let normal = Vector3::new(-0.5, 0.0, -1.0).normalize();
+        let depth = |pixel: u32| {
+            let [x, y] = [pixel % 64, pixel / 64].map(|at| (f64::from(at) + 0.5 - 32.0) / 40.0);
+            let (x, y) = distortion.invert(x, y).unwrap();
+            (-1.0 / normal.dot(&Vector3::new(x, y, 1.0))) as f32
+        };
+        let median_depth = (0..64 * 64).map(depth).collect();
+        let (rgb, alpha, expected_depth) = (Vec::new(), Vec::new(), Vec::new());
+        let drawn = Render { width: 64, height: 64, rgb, alpha, expected_depth, median_depth };
+        let found = depth_normal(&drawn, &camera, 56, 32).unwrap();
+        // Depths have 32 bits.
+        assert!(found.angle(&normal).to_degrees() < 0.01, "{found}");
+    }
 }

@@ -40,12 +40,22 @@ const MOST_GAUSSIANS: usize = 40_000;
 /// Share of the object that each view must have in its picture for a candidate to be rendered.
 const LEAST_IN_PICTURE: f64 = 0.3;
 
-/// The best conversion, if it fits well and better than no conversion.
-pub(super) fn suggest(scene: &Scene, views: &[View], verdict: &Verdict) -> Result<Option<Suggestion>, SceneError> {
+/// The best conversion, if it fits well and better than `applied`, which the cameras of `views` have gone through and
+/// which it is to replace.
+pub(super) fn suggest(
+    scene: &Scene,
+    views: &[View],
+    applied: &Conversion,
+    verdict: &Verdict,
+) -> Result<Option<Suggestion>, SceneError> {
+    let mut small = small_views(scene, views)?;
+    for view in &mut small {
+        view.camera.camera_from_world = applied.undo(&view.camera.camera_from_world);
+    }
     let search = Search {
         cloud: reduced(&scene.whole_cloud()),
         samples: samples(&scene.gaussians),
-        views: small_views(views)?,
+        views: small,
         options: RenderOptions::default(),
     };
     let mut best = search.best(&at_own_scale());
@@ -70,6 +80,7 @@ struct Search<'a> {
     cloud: Gaussians,
     /// Centres of some of the object's Gaussians.
     samples: Vec<Point3<f64>>,
+    /// With their cameras before any conversion.
     views: Vec<Small>,
     options: RenderOptions<'a>,
 }
@@ -194,6 +205,9 @@ fn samples(gaussians: &Gaussians) -> Vec<Point3<f64>> {
 /// Describes a conversion in words.
 fn meaning(conversion: &Conversion) -> String {
     let mut parts = Vec::new();
+    if conversion.is_none() {
+        parts.push("the cameras need no conversion".to_owned());
+    }
     match conversion.reading {
         Reading::AsIs => {}
         Reading::Transposed | Reading::TransposedOpenGl => parts.push("the rotations are transposed".to_owned()),

@@ -3,7 +3,7 @@
 use image::imageops::{FilterType, resize};
 use rayon::prelude::*;
 
-use super::compare::mask_iou;
+use super::compare::{covered, mask_iou};
 use super::verdict;
 use crate::numeric::upper_median;
 use crate::render::{RenderOptions, render};
@@ -32,14 +32,14 @@ pub fn misfit(scene: &Scene, views: &[View]) -> Result<Option<String>, SceneErro
         Some(_) => return Ok(None),
         None => match verdict::of(scene, &few, &[])? {
             Some(verdict) if !verdict.aligned => {
-                format!("photos and splat look alike with a correlation of only {:.2}", verdict.correlation)
+                format!("photos and splat differ: their correlation is only {:.2}", verdict.correlation)
             }
             _ => return Ok(None),
         },
     };
     Ok(Some(format!(
-        "{problem}: either they show different objects, or cameras and splat do not have the same frame, and all results are \
-         meaningless; see `gprop inspect`, which tries the usual conversions"
+        "{problem}: either they show different objects, or cameras and splat do not have the same frame. In \
+         both cases all results are meaningless; see `gprop inspect`, which tries the usual conversions"
     )))
 }
 
@@ -48,5 +48,5 @@ fn overlap(scene: &Scene, view: &View) -> Result<Option<f64>, SceneError> {
     let Some(coverage) = view.coverage()? else { return Ok(None) };
     let camera = verdict::resized(&view.camera, SIDE.min(coverage.width().max(coverage.height())));
     let small = resize(&coverage, camera.intrinsics.width, camera.intrinsics.height, FilterType::Triangle);
-    Ok(mask_iou(&small, &render(&scene.gaussians, &camera, &RenderOptions::default())))
+    Ok(mask_iou(&small, covered(&render(&scene.gaussians, &camera, &RenderOptions::default()))))
 }

@@ -57,7 +57,7 @@ pub struct Inspection {
     pub views: Vec<ViewFit>,
     /// Whether photos and Gaussians line up; `None` without photos.
     pub aligned: Option<bool>,
-    /// The conversion that would align them if they do not line up.
+    /// The conversion that would align them, instead of that in the options, if they do not line up.
     pub suggestion: Option<Suggestion>,
 }
 
@@ -93,10 +93,11 @@ pub struct Cameras {
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct ViewFit {
     pub name: String,
-    /// Peak signal-to-noise ratio of the whole picture in dB, both over white.
+    /// Peak signal-to-noise ratio of the whole picture in dB, both over white. If the splat shows the object alone, a
+    /// photo with a mask is white outside it.
     pub psnr_db: f64,
-    /// Intersection over union of the photo's foreground and the splat's alpha; `None` if the photo has no foreground
-    /// of its own.
+    /// Intersection over union of the photo's foreground and the area that the object's Gaussians cover; `None` if the
+    /// photo has no foreground of its own.
     pub mask_iou: Option<f64>,
 }
 
@@ -166,7 +167,7 @@ fn inspect_and_draw(
     let fits = compare::compare(&scene, &views, progress)?;
     let verdict = verdict::of(&scene, &views, &fits)?;
     let suggestion = match &verdict {
-        Some(verdict) if !verdict.aligned => diagnose::suggest(&scene, &views, verdict)?,
+        Some(verdict) if !verdict.aligned => diagnose::suggest(&scene, &views, &options.align, verdict)?,
         _ => None,
     };
     let foreground = views.first().map(|view| photo_with_foreground(&scene, view)).transpose()?;

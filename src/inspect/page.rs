@@ -9,6 +9,7 @@ use image::imageops::{FilterType, resize};
 use image::{DynamicImage, GrayImage, Rgb, RgbImage};
 use minijinja::{AutoEscape, Environment, Value, context};
 
+use super::compare::as_the_splat_shows;
 use super::{Inspection, text};
 use crate::from_splat::photo_with_foreground;
 use crate::output::one_line;
@@ -33,11 +34,13 @@ pub fn to_html(inspection: &Inspection, scene: &Scene, views: &[View]) -> Result
         let photo = photo_with_foreground(scene, view)?;
         let splat = render(&cloud, &view.camera, &RenderOptions::default()).to_image([1.0; 3]);
         let splat = DynamicImage::ImageRgba8(splat).into_rgb8();
+        let shown = picture(&outlined(&photo.rgb, &photo.foreground));
+        let photo = as_the_splat_shows(scene, photo);
         rows.push(context! {
             name => fit.name,
             psnr => format!("{:.2}", fit.psnr_db),
             iou => fit.mask_iou.map(|iou| format!("{iou:.3}")),
-            photo => picture(&outlined(&photo.rgb, &photo.foreground)),
+            photo => shown,
             splat => picture(&splat),
             difference => picture(&difference(&photo.rgb, &splat)),
         });

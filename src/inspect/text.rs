@@ -106,8 +106,8 @@ pub(super) fn verdict(inspection: &Inspection) -> Vec<(&'static str, String)> {
     match (inspection.aligned, &inspection.suggestion) {
         (None, _) => vec![(
             "",
-            "Without photos gprop can only inspect the splat; `gprop run` and `gprop export` need --render-views N, which renders \
-             its own views from it."
+            "Without photos gprop can only inspect the splat; all commands that run stages, such as `gprop run`, need \
+             --render-views N, which renders its own views from it."
                 .to_owned(),
         )],
         (Some(true), _) => vec![("aligned", "photos, cameras and Gaussians agree".to_owned())],
@@ -122,7 +122,10 @@ pub(super) fn verdict(inspection: &Inspection) -> Vec<(&'static str, String)> {
             ),
         ],
         (Some(false), None) => vec![
-            ("NOT ALIGNED", "photos and Gaussians do not line up, and none of the usual conversions fixes it".to_owned()),
+            (
+                "NOT ALIGNED",
+                "photos and Gaussians do not line up, and none of the usual conversions fixes it".to_owned(),
+            ),
             (
                 "try",
                 "the cameras that the splat was trained with (--cameras); for a nerfstudio export, its \

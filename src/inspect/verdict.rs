@@ -5,6 +5,7 @@ use image::{Rgb32FImage, buffer::ConvertBuffer};
 use rayon::prelude::*;
 
 use super::ViewFit;
+use super::compare::as_the_splat_shows;
 use crate::camera::Camera;
 use crate::numeric::upper_median;
 use crate::render::{RenderOptions, render};
@@ -18,8 +19,12 @@ const SIDE: u32 = 96;
 /// 0.95 and more on their photos; the frames broken on purpose in `tests/inspect.rs` stay below 0.75.
 const LEAST_CORRELATION: f64 = 0.85;
 
-/// Minimum difference by which a photo must fit its own camera better than that of a view on the other side.
+/// Minimum difference by which a photo must fit its own camera better than that of a view on the other side, but no more
+/// than half of what a perfect photo has: one minus the correlation of the splat's pictures from the two sides, next to
+/// nothing for a ball or a bottle.
 const LEAST_ADVANTAGE: f64 = 0.05;
+/// A smaller difference is noise.
+const ADVANTAGE_NOISE: f64 = 0.005;
 
 /// Minimum overlap (IoU) of the masks. A rotated or shifted frame does not reach it; a slightly wrong scale may.
 const LEAST_MASK_IOU: f64 = 0.7;
@@ -46,34 +51,39 @@ pub(super) fn of(scene: &Scene, views: &[View], fits: &[ViewFit]) -> Result<Opti
     if views.is_empty() {
         return Ok(None);
     }
-    let small = small_views(views)?;
+    let small = small_views(scene, views)?;
     let cloud = scene.whole_cloud();
     let options = RenderOptions::default();
     let rendered: Vec<Vec<f32>> = small.iter().map(|view| picture(&cloud, &view.camera, &options)).collect();
     let correlations = small.iter().zip(&rendered).map(|(view, rendered)| correlation(&view.picture, rendered));
     let correlation_with_own = upper_median(correlations.collect()).unwrap_or_default();
-    let opposite = |index: usize| (index + small.len() / 2) % small.len();
+    let center = scene.object_bounds().center();
+    let from_object = |index: usize| {
+        let offset = small[index].camera.center_in_world() - center;
+        offset.try_normalize(f64::EPSILON).unwrap_or_default()
+    };
     let advantage = |index: usize| {
-        let own = correlation(&small[index].picture, &rendered[index]);
-        // Photos of a different size cannot be compared with this one.
-        let other = Some(&rendered[opposite(index)]).filter(|other| other.len() == small[index].picture.len());
-        other.map_or(f64::INFINITY, |other| own - correlation(&small[index].picture, other))
+        let photo = &small[index].picture;
+        let cosine = |other: &usize| from_object(index).dot(&from_object(*other));
+        // Pictures of a different size cannot be compared with this one.
+        let others = (0..small.len()).filter(|other| *other != index && rendered[*other].len() == photo.len());
+        let opposite = &rendered[others.min_by(|a, b| cosine(a).total_cmp(&cosine(b)))?];
+        let needed = LEAST_ADVANTAGE.min(0.5 * (1.0 - correlation(&rendered[index], opposite)));
+        Some(correlation(photo, &rendered[index]) - correlation(photo, opposite) - needed)
     };
-    let advantage = match small.len() {
-        1 => f64::INFINITY,
-        count => upper_median((0..count).map(advantage).collect()).unwrap_or_default(),
-    };
+    let fits_own_best = upper_median((0..small.len()).filter_map(advantage).collect())
+        .is_none_or(|more_than_needed| more_than_needed >= -ADVANTAGE_NOISE);
     let overlaps: Vec<f64> = fits.iter().filter_map(|fit| fit.mask_iou).collect();
     let masks_agree = upper_median(overlaps).is_none_or(|overlap| overlap >= LEAST_MASK_IOU);
-    let aligned = correlation_with_own >= LEAST_CORRELATION && advantage >= LEAST_ADVANTAGE && masks_agree;
+    let aligned = correlation_with_own >= LEAST_CORRELATION && fits_own_best && masks_agree;
     Ok(Some(Verdict { aligned, correlation: correlation_with_own }))
 }
 
 /// Up to [`MOST_VIEWS`] of the views, evenly spread, with reduced photos.
-pub(super) fn small_views(views: &[View]) -> Result<Vec<Small>, SceneError> {
+pub(super) fn small_views(scene: &Scene, views: &[View]) -> Result<Vec<Small>, SceneError> {
     let step = views.len().div_ceil(MOST_VIEWS);
     let small = |view: &View| {
-        let photo = view.photo()?;
+        let photo = as_the_splat_shows(scene, view.photo()?);
         let camera = resized(&view.camera, SIDE);
         let (width, height) = (camera.intrinsics.width, camera.intrinsics.height);
         let small: Rgb32FImage = resize(&photo.rgb, width, height, FilterType::Triangle).convert();

@@ -78,17 +78,23 @@ impl Style {
 
     /// `line`, or as much of it as fits into `width` pixels, with an ellipsis.
     pub fn fitted(self, line: &str, width: u32) -> String {
-        if self.width(line) <= width {
-            return line.to_owned();
-        }
-        let mut kept: Vec<char> = line.chars().collect();
-        while kept.pop().is_some() {
-            let shorter = format!("{}…", kept.iter().collect::<String>().trim_end());
-            if self.width(&shorter) <= width {
-                return shorter;
+        let font = self.font().as_scaled(self.scale());
+        let advance = |character| font.h_advance(font.glyph_id(character));
+        let fits = |length: f32| length.ceil() as u32 <= width;
+        let ellipsis = advance('…');
+        let mut length = 0.0_f32;
+        // End of the longest prefix that fits together with an ellipsis and does not end in a space.
+        let mut end = fits(ellipsis).then_some(0);
+        for (start, character) in line.char_indices() {
+            length += advance(character);
+            if !fits(length) {
+                return end.map_or_else(String::new, |end| format!("{}…", &line[..end]));
+            }
+            if !character.is_whitespace() && fits(length + ellipsis) {
+                end = Some(start + character.len_utf8());
             }
         }
-        String::new()
+        line.to_owned()
     }
 
     /// `text` broken at spaces into lines of at most `width` pixels; a longer word has a line of its own.
@@ -181,6 +187,13 @@ mod tests {
         let cut = style.fitted(text, room);
         assert!(cut.ends_with('…') && style.width(&cut) <= room && style.width(&cut) > room / 2, "{cut}");
         assert_eq!(style.fitted("short", room), "short");
+        // This takes hours if the line is measured once for each of its characters.
+        assert_eq!(style.fitted(&text.repeat(50_000), room), cut);
+        for room in 0..style.width("a b ") {
+            let fits = |end: usize| style.width(&format!("{}…", "a b "[..end].trim_end())) <= room;
+            let longest = (0..4).rev().find(|&end| fits(end)).map(|end| format!("{}…", "a b "[..end].trim_end()));
+            assert_eq!(style.fitted("a b ", room), longest.unwrap_or_default(), "{room}");
+        }
         let lines = style.wrapped(text, room);
         assert!(lines.len() > 1 && lines.iter().all(|line| style.width(line) <= room), "{lines:?}");
         assert_eq!(lines.join(" "), text);

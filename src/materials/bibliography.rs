@@ -132,6 +132,9 @@ pub struct Deviation {
     /// The check that would fail, by its [name](super::check::Finding::check).
     pub check: String,
     pub reason: String,
+    /// True if a user's tables were added after it: it still applies, but may match no finding, because they may replace
+    /// what it is about.
+    pub is_inherited: bool,
 }
 
 /// Splits a citation into the reference's id and the entry in it.

@@ -1,6 +1,6 @@
 //! [`MaterialLibrary`]: the rows in their order, and look-up by name.
 
-use std::collections::HashMap;
+use std::collections::{HashMap, HashSet};
 use std::fs;
 use std::path::{Path, PathBuf};
 use std::sync::{LazyLock, OnceLock};
@@ -160,7 +160,18 @@ impl MaterialLibrary {
         if let Some(material) = self.get(name) {
             return Some((material, 1.0));
         }
-        let (row, score) = self.tokens.get_or_init(|| self.token_index()).nearest(name)?;
+        self.nearest_where(name, |_| true)
+    }
+
+    /// The material of `family` whose name or alias shares most words with `name`, and the similarity from 0 to 1; `None`
+    /// if none shares any.
+    pub fn nearest_of_family(&self, name: &str, family: &str) -> Option<(&Material, f64)> {
+        self.nearest_where(name, |material| material.family == family)
+    }
+
+    fn nearest_where(&self, name: &str, may_be: impl Fn(&Material) -> bool) -> Option<(&Material, f64)> {
+        let tokens = self.tokens.get_or_init(|| self.token_index());
+        let (row, score) = tokens.nearest(name, |row| may_be(&self.materials[row]))?;
         Some((&self.materials[row], score))
     }
 
@@ -199,16 +210,24 @@ impl MaterialLibrary {
 
     /// Adds `tables` to the library, replacing materials, families and fillings of the same name.
     fn add(&mut self, tables: Tables) -> Result<(), LibraryError> {
-        reject_duplicates(&tables.materials)?;
-        for family in tables.families {
-            match self.families.iter_mut().find(|known| fold(&known.name) == fold(&family.name)) {
-                Some(known) => *known = Family { name: std::mem::take(&mut known.name), ..family },
+        reject_duplicates(&tables.families, |family| vec![&family.name])?;
+        reject_duplicates(&tables.fillings, |filling| vec![&filling.name])?;
+        reject_duplicates(&tables.materials, |one| [&one.name].into_iter().chain(&one.aliases).collect())?;
+        self.pass_on(&tables);
+        let known = rows_by_name(self.families.iter().map(|family| &family.name));
+        for Placed { row: family, .. } in tables.families {
+            match known.get(&fold(&family.name)) {
+                Some(&row) => {
+                    let name = std::mem::take(&mut self.families[row].name);
+                    self.families[row] = Family { name, ..family };
+                }
                 None => self.families.push(family),
             }
         }
-        for filling in tables.fillings {
-            match self.fillings.iter_mut().find(|known| fold(&known.name) == fold(&filling.name)) {
-                Some(known) => *known = filling,
+        let known = rows_by_name(self.fillings.iter().map(|filling| &filling.name));
+        for Placed { row: filling, .. } in tables.fillings {
+            match known.get(&fold(&filling.name)) {
+                Some(&row) => self.fillings[row] = filling,
                 None => self.fillings.push(filling),
             }
         }
@@ -218,19 +237,20 @@ impl MaterialLibrary {
         self.reference.extend(tables.reference);
         self.constituents.extend(tables.constituents);
         self.deviations.extend(tables.deviations);
-        let row_of_name: HashMap<String, usize> =
-            self.materials.iter().enumerate().map(|(row, material)| (fold(&material.name), row)).collect();
+        let families = rows_by_name(self.families.iter().map(|family| &family.name));
+        let known = rows_by_name(self.materials.iter().map(|material| &material.name));
         let mut added = Vec::with_capacity(tables.materials.len());
-        for mut placed in tables.materials {
-            placed.material.family = self.family_of(&placed)?;
-            match row_of_name.get(&fold(&placed.material.name)) {
+        for placed in tables.materials {
+            let family = self.family_of(&placed, &families)?;
+            let material = Material { family, ..placed.row };
+            match known.get(&fold(&material.name)) {
                 Some(&row) => {
-                    self.materials[row] = placed.material;
+                    self.materials[row] = material;
                     added.push(row);
                 }
                 None => {
                     added.push(self.materials.len());
-                    self.materials.push(placed.material);
+                    self.materials.push(material);
                 }
             }
         }
@@ -238,11 +258,31 @@ impl MaterialLibrary {
         Ok(())
     }
 
-    /// The name of a material's family, as the library spells it.
-    fn family_of(&self, placed: &Placed) -> Result<String, LibraryError> {
-        let family = &placed.material.family;
-        if let Some(known) = self.family(family) {
-            return Ok(known.name.clone());
+    /// Marks the library's deviations as inherited, and lets them and the constituents of materials that `tables` replace
+    /// apply to the new rows, whose names may be spelt differently. Constituents that `tables` list anew are dropped.
+    fn pass_on(&mut self, tables: &Tables) {
+        let names: HashMap<String, &String> =
+            tables.materials.iter().map(|placed| (fold(&placed.row.name), &placed.row.name)).collect();
+        for deviation in &mut self.deviations {
+            deviation.is_inherited = true;
+            if let Some(name) = names.get(&fold(&deviation.subject)) {
+                deviation.subject.clone_from(name);
+            }
+        }
+        let listed: HashSet<String> = tables.constituents.iter().map(|one| fold(&one.material)).collect();
+        self.constituents.retain(|one| !listed.contains(&fold(&one.material)));
+        for constituent in &mut self.constituents {
+            if let Some(name) = names.get(&fold(&constituent.material)) {
+                constituent.material.clone_from(name);
+            }
+        }
+    }
+
+    /// The name of a material's family, as the library spells it; `families` are the rows by folded name.
+    fn family_of(&self, placed: &Placed<Material>, families: &HashMap<String, usize>) -> Result<String, LibraryError> {
+        let family = &placed.row.family;
+        if let Some(&row) = families.get(&fold(family)) {
+            return Ok(self.families[row].name.clone());
         }
         let known: Vec<&str> = self.families.iter().map(|known| known.name.as_str()).collect();
         Err(LibraryError::BadCell {
@@ -300,17 +340,23 @@ fn csv_files(path: &Path) -> Result<Vec<PathBuf>, LibraryError> {
     if files.is_empty() { Err(LibraryError::Empty { path: path.to_owned() }) } else { Ok(files) }
 }
 
-/// A name or alias may stand for only one row in a set of tables.
-fn reject_duplicates(rows: &[Placed]) -> Result<(), LibraryError> {
+/// The rows by their folded names.
+fn rows_by_name<'a>(names: impl Iterator<Item = &'a String>) -> HashMap<String, usize> {
+    names.enumerate().map(|(row, name)| (fold(name), row)).collect()
+}
+
+/// A name or alias may stand for only one row in a set of tables. The first of the names of a row is its own.
+fn reject_duplicates<T>(rows: &[Placed<T>], names: impl Fn(&T) -> Vec<&String>) -> Result<(), LibraryError> {
     let mut owners: HashMap<String, &str> = HashMap::new();
-    for row in rows {
-        let owner = row.material.name.as_str();
-        for (at, name) in [&row.material.name].into_iter().chain(&row.material.aliases).enumerate() {
+    for placed in rows {
+        let names = names(&placed.row);
+        let owner = names[0].as_str();
+        for (at, name) in names.into_iter().enumerate() {
             match owners.insert(fold(name), owner) {
                 Some(other) if at == 0 || other != owner => {
                     return Err(LibraryError::Duplicate {
-                        file: row.file.clone(),
-                        line: row.line,
+                        file: placed.file.clone(),
+                        line: placed.line,
                         name: name.clone(),
                         other: other.to_owned(),
                     });

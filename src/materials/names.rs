@@ -30,11 +30,12 @@ const SPELLINGS: [(&str, &str); 24] = [
     ("woollen", "wool"),
 ];
 
-/// Two tokens with at least this similarity (1 minus edit distance over the longer length) count as misspellings of
-/// each other.
+/// A token that is in no name counts as a misspelling of one with at least this similarity (1 minus edit distance over
+/// the longer length). Of two tokens that are in names, neither is a misspelling: metal is not a misspelling of petal.
 const MISSPELLING: f64 = 0.74;
 
-/// No name has more tokens. If the text given as a name is longer, only this many tokens are compared with every name.
+/// No built-in name has more tokens. If the text given as a name is longer, only this many tokens are compared with every
+/// name.
 const MOST_TOKENS: usize = 32;
 
 /// Lower case, punctuation as single spaces, one spelling: names that are equal after this are the same name.
@@ -80,15 +81,19 @@ impl TokenIndex {
         Self { names, weights, unknown_weight: (1.0 + total).ln() }
     }
 
-    /// The row whose name is most similar to `name`, and the similarity from 0 to 1 (1: the same words in any order).
+    /// Of the rows for which `may_be` is true, the one whose name is most similar to `name`, and the similarity from 0 to 1
+    /// (1: the same words in any order).
     ///
     /// The score is Dice's coefficient of the two token bags, each token weighted by ln(1 + N / frequency) so that
-    /// "oak" decides and "wood" hardly counts. Equal scores go to the name with fewer tokens, then to the first row.
-    pub fn nearest(&self, name: &str) -> Option<(usize, f64)> {
+    /// "oak" decides and "wood" hardly counts. A misspelt token has the weight of the token that it stands for, and counts
+    /// as shared in proportion to their similarity. Equal scores go to the name with fewer tokens, then to the first row.
+    pub fn nearest(&self, name: &str, may_be: impl Fn(usize) -> bool) -> Option<(usize, f64)> {
         let folded = fold(name);
-        let wanted: Vec<&str> = folded.split(' ').filter(|token| !token.is_empty()).take(MOST_TOKENS).collect();
+        let tokens = folded.split(' ').filter(|token| !token.is_empty()).take(MOST_TOKENS);
+        let wanted: Vec<Wanted> =
+            tokens.map(|token| Wanted { token, is_known: self.weights.contains_key(token) }).collect();
         let mut best: Option<(usize, f64, usize)> = None;
-        for (tokens, row) in &self.names {
+        for (tokens, row) in self.names.iter().filter(|(_, row)| may_be(*row)) {
             let score = self.dice(&wanted, tokens);
             let better = best.is_none_or(|(_, top, length)| score > top || (score == top && tokens.len() < length));
             if score > 0.0 && better {
@@ -98,20 +103,25 @@ impl TokenIndex {
         best.map(|(row, score, _)| (row, score))
     }
 
-    fn dice(&self, wanted: &[&str], tokens: &[String]) -> f64 {
+    fn dice(&self, wanted: &[Wanted], tokens: &[String]) -> f64 {
         let mut free: Vec<&str> = tokens.iter().map(String::as_str).collect();
         let mut shared = 0.0;
-        for token in wanted {
+        let mut all: f64 = tokens.iter().map(|token| self.weight(token)).sum();
+        for wanted in wanted {
             let likest = free
                 .iter()
                 .enumerate()
-                .map(|(at, other)| (at, likeness(token, other)))
+                .map(|(at, other)| (at, wanted.likeness(other)))
                 .max_by(|a, b| a.1.total_cmp(&b.1).then(b.0.cmp(&a.0)));
             if let Some((at, likeness)) = likest.filter(|(_, likeness)| *likeness >= MISSPELLING) {
-                shared += 2.0 * likeness * self.weight(free.swap_remove(at));
+                let weight = self.weight(free.swap_remove(at));
+                shared += 2.0 * likeness * weight;
+                all += weight;
+            } else {
+                all += self.weight(wanted.token);
             }
         }
-        let all: f64 = wanted.iter().map(|t| self.weight(t)).chain(tokens.iter().map(|t| self.weight(t))).sum();
+        // The minimum is for rounding: the sums are not in the same order.
         if all > 0.0 { (shared / all).min(1.0) } else { 0.0 }
     }
 
@@ -120,18 +130,27 @@ impl TokenIndex {
     }
 }
 
-/// 1 for equal tokens, reduced by the Levenshtein distance over the longer length. Tokens with digits are grades: equal
-/// or different, never misspelt.
-fn likeness(a: &str, b: &str) -> f64 {
-    if a == b {
-        return 1.0;
+/// A token of the text that is looked up.
+struct Wanted<'a> {
+    token: &'a str,
+    /// True if it is a token of a name.
+    is_known: bool,
+}
+
+impl Wanted<'_> {
+    /// 1 for equal tokens. A token that is in no name may be misspelt: 1 minus the Levenshtein distance over the longer
+    /// length. Tokens with digits are grades: equal or different, never misspelt.
+    fn likeness(&self, other: &str) -> f64 {
+        if self.token == other {
+            return 1.0;
+        }
+        let is_grade = |token: &str| token.chars().any(|c| c.is_ascii_digit());
+        let (short, long) = (self.token.len().min(other.len()), self.token.len().max(other.len()));
+        if self.is_known || is_grade(self.token) || is_grade(other) || (short as f64) < MISSPELLING * long as f64 {
+            return 0.0;
+        }
+        1.0 - edit_distance(self.token, other) as f64 / long as f64
     }
-    let is_grade = |token: &str| token.chars().any(|c| c.is_ascii_digit());
-    let (short, long) = (a.len().min(b.len()), a.len().max(b.len()));
-    if is_grade(a) || is_grade(b) || (short as f64) < MISSPELLING * long as f64 {
-        return 0.0;
-    }
-    1.0 - edit_distance(a, b) as f64 / long as f64
 }
 
 fn edit_distance(a: &str, b: &str) -> usize {
@@ -147,4 +166,33 @@ fn edit_distance(a: &str, b: &str) -> usize {
         }
     }
     row[b.len()]
+}
+
+#[cfg(test)]
+mod tests {
+    use super::TokenIndex;
+
+    fn index() -> TokenIndex {
+        let names = ["gun metal", "petal", "wool", "pine wood", "aluminium", "alloy of aluminium", "steel 304"];
+        TokenIndex::new(names.into_iter().zip(0..))
+    }
+
+    #[test]
+    fn a_word_of_one_name_is_no_misspelling_of_another() {
+        for (name, row) in [("metal", 0), ("wood", 3), ("wooden", 3)] {
+            assert_eq!(index().nearest(name, |_| true).map(|(row, _)| row), Some(row), "{name}");
+        }
+        assert_eq!(index().nearest("metal", |row| row == 1), None, "of another kind");
+    }
+
+    /// One letter of nine is missing; 304 and 305 are different grades.
+    #[test]
+    fn a_misspelt_word_counts_in_proportion_to_its_likeness() {
+        let (row, score) = index().nearest("alumnium", |_| true).expect("a name");
+        assert_eq!(row, 4);
+        assert!((score - 8.0 / 9.0).abs() < 1e-12, "{score}");
+        assert_eq!(index().nearest("305", |_| true), None);
+        let (row, score) = index().nearest("metal gun", |_| true).expect("a name");
+        assert!(row == 0 && score > 1.0 - 1e-12 && score <= 1.0, "{row} {score}");
+    }
 }

@@ -33,6 +33,7 @@ use crate::readable::significant;
 use crate::scene::gaussians::Gaussians;
 use crate::units::{Estimate, MetricScale, Range, ScaleSource};
 use crate::vote::{Contents, FieldLabel, MaterialField};
+pub(crate) use clean::without_floaters;
 use compose::{Composed, Construction, thickness, wire};
 pub use error::PartsError;
 pub(crate) use grid::surface::blur;
@@ -112,7 +113,7 @@ pub fn parts(
     options.check()?;
     check(gaussians, field)?;
     let labels = &field.labels;
-    let kept = clean::without_floaters(gaussians, options.min_body_share);
+    let kept = without_floaters(gaussians, options.min_body_share);
     let grid = grid_around(gaussians, &kept, options.volume_cells);
 
     let inside = inside(gaussians, &kept, &grid, cameras, options, progress)?;

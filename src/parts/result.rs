@@ -281,8 +281,8 @@ impl KnownMass {
         let density = reading / enclosed_m3;
         let steel = if density > STEEL_KG_M3 { ", denser than solid steel" } else { "" };
         Some(format!(
-            "--known-mass {reading} kg is impossible: the answers allow {} to {} kg. The nearest is {} kg, with the surface, \
-             every wall, density, filling and unseen depth, and the scale at its {side} end. {reading} kg would mean a \
+            "--known-mass {reading} kg is impossible: the answers allow {} to {} kg. The nearest is {} kg, if the surface, \
+             every wall, density, filling and unseen depth, and the scale are all at their {side} ends. {reading} kg would mean a \
              density of {} kg/m3 for the whole volume within the surface{steel}. Check the reading, the metric scale and \
              the answers; the masses are as without --known-mass",
             significant(low),

@@ -29,7 +29,7 @@ pub enum Shown {
     Materials,
     /// Each Gaussian in its part's colour, with a legend
     Parts,
-    /// Each Gaussian's confidence: from dark purple, not seen, to yellow, all votes agree
+    /// Each Gaussian's confidence: from dark purple, no votes, to yellow, all votes agree
     Confidence,
     /// Shore hardness: from dark purple, Shore A 0, to yellow, Shore D 100; grey without a hardness
     Hardness,

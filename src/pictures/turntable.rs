@@ -159,7 +159,10 @@ impl Layout {
 
     fn legend_width(&self) -> u32 {
         let width = self.cell().0;
-        if self.beside { self.widest.min((LEGEND_SHARE * f64::from(width)) as u32) } else { width - 2 * self.margin() }
+        match self.beside {
+            true => self.widest.min((LEGEND_SHARE * f64::from(width)) as u32),
+            false => width.saturating_sub(2 * self.margin()),
+        }
     }
 
     fn picture(&self) -> Size {
@@ -197,5 +200,16 @@ impl Layout {
             }
         }
         sheet
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_narrowest_film_has_no_room_for_legends() {
+        let layout = Layout::new(Size { width: 64, height: 2160 }, 4, 1, &[]);
+        assert_eq!((layout.cell().0, layout.legend_width()), (16, 0));
     }
 }

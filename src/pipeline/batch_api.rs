@@ -3,16 +3,18 @@
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::fmt;
+use std::path::PathBuf;
 
 use anyhow::Result;
 use serde::Serialize;
 
 use crate::output::counted;
+use crate::progress;
 use crate::query::answer::Unknown;
 use crate::query::asker::{Ask, AskError, Asker};
-use crate::query::batch_api::{self, Answered, JobProgress, Request, Submitted, Waiting};
+use crate::query::batch_api::{self, Answered, BatchApiJob, Ended, JobProgress, Request, Submitted, Waiting};
 use crate::query::budget::Budget;
-use crate::query::client::{Client, ClientError, RequestCounts};
+use crate::query::client::{Client, ClientError};
 use crate::query::cost::Cost;
 use crate::query::question::Question;
 use crate::query::recorded::{Answerer, Recording, key};
@@ -48,6 +50,11 @@ pub struct Collected {
     pub running_total: usize,
     /// Questions that were sent to another model, or with other prompts, materials or options; they still wait.
     pub of_others: usize,
+    /// The ids of the jobs whose status or results could not be fetched, with the reasons; their questions still wait.
+    pub unfetched: BTreeMap<String, String>,
+    /// The file in which the jobs are noted.
+    #[serde(skip)]
+    pub jobs_file: PathBuf,
 }
 
 /// Whether a question is not in `submitted`, and is met for the first time.
@@ -64,6 +71,7 @@ impl QuerySession<'_> {
     /// or model then shows immediately and not a day later, and the other requests take the form that the server
     /// accepts.
     pub fn submit(&self) -> Result<Sent> {
+        batch_api::check_may_send(self.options.answers)?;
         let client = self.batch_api_client()?;
         client.ready().map_err(QueryError::BatchApi)?;
         let queries = self.queries()?;
@@ -137,18 +145,14 @@ impl QuerySession<'_> {
         if submitted.jobs.is_empty() {
             return Err(QueryError::NothingSubmitted.into());
         }
-        let mut collected = Collected::default();
+        let jobs_file = self.work.path(Artifact::BatchApiJobs);
+        let mut collected = Collected { jobs_file, ..Collected::default() };
         for job in submitted.jobs.clone() {
-            match batch_api::collect(client, &job).map_err(QueryError::BatchApi)? {
-                JobProgress::OfOther => collected.of_others += job.waiting.len(),
-                JobProgress::Running(counts) => collected.add_running(counts, job.waiting.len()),
-                JobProgress::Ended(ended) => {
-                    let left = self.record(&queries, client, ended.answered, &mut collected)?;
-                    ended.failed.into_iter().for_each(|(_, reason)| collected.add_failed(&reason));
-                    submitted.keep_waiting(&job.id, left);
-                    self.work.write_json(Artifact::BatchApiJobs, &submitted)?;
-                }
-            }
+            let Some(ended) = collected.fetch(client, &job)? else { continue };
+            let left = self.record(&queries, client, ended.answered, &mut collected)?;
+            ended.failed.into_iter().for_each(|(_, reason)| collected.add_failed(&reason));
+            submitted.keep_waiting(&job.id, left);
+            self.work.write_json(Artifact::BatchApiJobs, &submitted)?;
         }
         Ok(collected)
     }
@@ -203,11 +207,28 @@ pub fn check_submission(cost: &Cost, budget: &Budget, answerer: &Answerer) -> Re
 }
 
 impl Collected {
-    /// Counts a job of `total` questions that is still in progress.
-    pub fn add_running(&mut self, counts: RequestCounts, total: usize) {
-        self.running += 1;
-        self.running_done += counts.completed + counts.failed;
-        self.running_total += total;
+    /// The results of a job that has ended. Any other job is counted, and so is one that cannot be fetched: it must not keep
+    /// the answers of the others back. It is not given up, because a server that is asked with another project's key or
+    /// at another address does not know it either.
+    ///
+    /// # Errors
+    /// If the server cannot be asked at all: a wrong key, no connection, or `--offline`.
+    pub fn fetch(&mut self, client: &Client, job: &BatchApiJob) -> Result<Option<Ended>, QueryError> {
+        match batch_api::collect(client, job) {
+            Ok(JobProgress::Ended(ended)) => return Ok(Some(ended)),
+            Ok(JobProgress::OfOther) => self.of_others += job.waiting.len(),
+            Ok(JobProgress::Running(counts)) => {
+                self.running += 1;
+                self.running_done += counts.completed + counts.failed;
+                self.running_total += job.waiting.len();
+            }
+            Err(AskError::Failed(reason)) => {
+                progress::notice(&format!("job {} cannot be fetched: {reason}; its questions still wait", job.id));
+                self.unfetched.insert(job.id.clone(), reason);
+            }
+            Err(error) => return Err(QueryError::BatchApi(error)),
+        }
+        Ok(None)
     }
 
     /// Counts a question without a usable answer.
@@ -218,13 +239,18 @@ impl Collected {
     /// Checks that everything that was submitted is recorded.
     ///
     /// # Errors
-    /// [`QueryError::BatchApiPartial`], [`QueryError::BatchApiOthers`] or [`QueryError::BatchApiRunning`] if it is not.
+    /// [`QueryError::BatchApiPartial`], [`QueryError::BatchApiUnfetched`], [`QueryError::BatchApiOthers`] or
+    /// [`QueryError::BatchApiRunning`] if it is not.
     pub fn require_all(&self) -> Result<(), QueryError> {
         let failed: usize = self.failed.values().sum();
         if failed > 0 {
             let reasons: Vec<String> = self.failed.iter().map(|(why, count)| format!("{why} ({count})")).collect();
             let total = self.recorded + failed;
             return Err(QueryError::BatchApiPartial { failed, total, reasons: reasons.join("; ") });
+        }
+        if !self.unfetched.is_empty() {
+            let (jobs, file) = (self.unfetched.clone(), self.jobs_file.clone());
+            return Err(QueryError::BatchApiUnfetched { jobs, file });
         }
         if self.of_others > 0 {
             return Err(QueryError::BatchApiOthers { questions: self.of_others });

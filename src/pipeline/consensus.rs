@@ -1,5 +1,5 @@
-//! The parts on disk: a label map per view, `consensus.json`, and the part of every Gaussian. None of these are written
-//! if the model is asked about segments.
+//! The parts on disk: a label map per view, `consensus.json`, and the part of every Gaussian. None of these are there if
+//! the model is asked about segments.
 
 use anyhow::Result;
 use rayon::prelude::*;
@@ -54,6 +54,7 @@ impl Pipeline {
 
     pub(super) fn do_consensus(&self) -> Result<Done> {
         if self.options.consensus.ask == Asked::Segments {
+            self.remove_parts()?;
             return Ok(Done::writing([]));
         }
         let gaussians = &self.scene.gaussians;
@@ -89,6 +90,15 @@ impl Pipeline {
         let maps = self.views.iter().map(|view| Artifact::PartMap(&view.name));
         let written = maps.chain([Artifact::FoundParts, Artifact::PartOfGaussian]);
         Ok(Done::writing(written).warning(warnings(&file.parts)))
+    }
+
+    /// Removes the parts that an earlier run left, which would be taken for this run's.
+    fn remove_parts(&self) -> Result<()> {
+        let maps = self.scene.views.iter().map(|view| Artifact::PartMap(&view.name));
+        for artifact in maps.chain([Artifact::FoundParts, Artifact::PartOfGaussian]) {
+            self.work.remove(artifact)?;
+        }
+        Ok(())
     }
 
     /// The parts; `None` if the model is asked about segments.

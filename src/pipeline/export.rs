@@ -31,6 +31,7 @@ impl Pipeline {
             cameras: &cameras,
             grasps: &grasps,
             source: &source,
+            inputs: &self.scene.files,
         };
         Ok(export::export(&model, formats, folder)?)
     }
@@ -42,7 +43,11 @@ impl Pipeline {
         }
         let done = self.step(Stage::Grasp).and_then(|()| self.stored_grasp());
         match done {
-            Ok(report) => Ok(report.map_or_else(Vec::new, |report| report.candidates)),
+            Ok(Some(report)) => Ok(report.candidates),
+            Ok(None) => {
+                warn!("the export names no place to grasp at; `gprop grasp` says why");
+                Ok(Vec::new())
+            }
             Err(error) if error.is::<GraspError>() || !self.work.is_writable() => {
                 warn!("the export names no place to grasp at: {error:#}");
                 Ok(Vec::new())

@@ -1,10 +1,12 @@
-//! Grasps on disk; `null` if the metric scale is unknown, because forces in newtons need masses in kilograms.
+//! Grasps on disk; `null` if none was found for a report: for example because the metric scale is unknown, and forces in
+//! newtons need masses in kilograms.
 
 use anyhow::Result;
 
 use crate::grasp::surface::Surface;
 use crate::grasp::{self, GraspReport};
-use crate::parts::PartsError;
+use crate::parts::{PartsError, without_floaters};
+use crate::scene::gaussians::Gaussians;
 use crate::workdir::Artifact;
 
 use super::{Done, Pipeline, Stage, png};
@@ -30,24 +32,26 @@ impl Pipeline {
     }
 
     /// If the user asks for a grasp, a grasp that cannot be computed is an error; if it is only needed for a report, it
-    /// is a warning.
+    /// is a warning, unless an option or a file is wrong.
     pub(super) fn do_grasp(&self) -> Result<Done> {
         let asked = self.asks_for_a_place();
         let (Some(parts), Some(scale)) = (self.stored_parts()?, self.metric_scale()?) else {
-            if asked {
-                return Err(PartsError::ScaleUnknown.into());
-            }
-            self.work.write_json(Artifact::Grasp, &None::<GraspReport>)?;
-            self.work.remove(Artifact::GraspPicture)?;
-            return Ok(Done::writing([Artifact::Grasp]).warning(vec![PartsError::ScaleUnknown.to_string()]));
+            let error = PartsError::ScaleUnknown;
+            return if asked { Err(error.into()) } else { self.no_grasp(error.to_string()) };
         };
         let mut options = self.options.grasp.clone();
         options.auto |= asked && !options.names_a_place();
         let field = self.stored_field()?;
         let cameras = self.scene.cameras();
         let (gaussians, meters_per_unit) = (&self.scene.gaussians, scale.meters_per_unit);
-        let surface = Surface::of(gaussians, &field.part_label, &cameras, meters_per_unit);
-        let report = grasp::grasp(&parts, &field.labels, Some(&surface), meters_per_unit, &self.gripper, &options)?;
+        let kept = without_floaters(gaussians, self.options.parts.min_body_share);
+        let object = Gaussians { set_aside: kept.iter().map(|kept| !kept).collect(), ..gaussians.clone() };
+        let surface = Surface::of(&object, &field.part_label, &cameras, meters_per_unit);
+        let found = grasp::grasp(&parts, &field.labels, Some(&surface), meters_per_unit, &self.gripper, &options);
+        let report = match found {
+            Err(error) if !asked && error.is_of_the_object() => return self.no_grasp(error.to_string()),
+            found => found?,
+        };
         let side = self.gripper.finger_side_m();
         let picture = grasp::picture::picture(gaussians, &cameras, &report, side, meters_per_unit);
         let mut outputs = vec![Artifact::Grasp];
@@ -60,6 +64,13 @@ impl Pipeline {
         }
         self.work.write_json(Artifact::Grasp, &report)?;
         Ok(Done::writing(outputs).warning(report.warnings).noting(report.notes))
+    }
+
+    /// Writes that there is no grasp, with the reason as a warning.
+    fn no_grasp(&self, why: String) -> Result<Done> {
+        self.work.write_json(Artifact::Grasp, &None::<GraspReport>)?;
+        self.work.remove(Artifact::GraspPicture)?;
+        Ok(Done::writing([Artifact::Grasp]).warning(vec![why]))
     }
 
     /// The stored forces.

@@ -287,7 +287,7 @@ impl Pipeline {
     /// Does a stage unless its results from an earlier run can be reused.
     fn step(&mut self, stage: Stage) -> Result<()> {
         let key = self.key(stage)?;
-        let options = serde_json::to_value(&self.options)?;
+        let options = serde_json::to_value(stored::with_portable_paths(&self.options, &self.folder))?;
         if let Some(good) = self.left(stage, &key) {
             info!(?stage, "still good");
             let record = StageRecord { reused: true, ..good.clone() };

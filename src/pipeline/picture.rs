@@ -15,7 +15,7 @@ use crate::query::Answers;
 use crate::query::question::About;
 use crate::query::rounds::Subject;
 use crate::scene::Photo;
-use crate::segment::{self, LabelMap, Segment, SegmentError, ViewSegments, segment_views};
+use crate::segment::{self, LabelMap, SegmentError, ViewSegments, segment_views};
 use crate::workdir::{self, Artifact, WorkDir, WorkDirError};
 
 use super::query::write_sheets;
@@ -23,7 +23,8 @@ use super::query_session::{QuerySession, QueryView, Subjects, check_recordings};
 use super::record::Hasher;
 use super::scene::file_digest;
 use super::segment::{
-    SegmentsFile, ViewEntry, check_formats, models_key, open_segmenter, stored_segments, write_other_formats,
+    SegmentsFile, ViewEntry, check_formats, models_key, open_segmenter, remove_other_formats, stored_segments,
+    write_other_formats,
 };
 use super::{Options, png};
 
@@ -32,6 +33,8 @@ pub struct Picture {
     work: WorkDir,
     options: Options,
     library: Cow<'static, MaterialLibrary>,
+    /// Its file's name.
+    name: String,
     photo: Photo,
     /// Width and height of the stored picture after it is turned upright.
     size: (u32, u32),
@@ -40,9 +43,13 @@ pub struct Picture {
     progress: Progress,
 }
 
-/// The view name of the picture.
-fn view_name(path: &Path) -> String {
-    path.file_stem().unwrap_or_default().to_string_lossy().into_owned()
+fn file_name(path: &Path) -> String {
+    path.file_name().unwrap_or_default().to_string_lossy().into_owned()
+}
+
+/// The view name of the picture in the file `name`.
+fn view_name(name: &str) -> String {
+    Path::new(name).file_stem().unwrap_or_default().to_string_lossy().into_owned()
 }
 
 /// The picture's work folder: by default beside it, with a name derived from it.
@@ -72,16 +79,15 @@ impl Picture {
         check_formats(&options.segment.also)?;
         let (photo, size) = Photo::open(path, mask)?;
         let work = WorkDir::open(&work_folder(path, out)?)?;
-        let key = segments_key(path, mask, &options)?;
-        let view = view_name(path);
-        let segments = match segmented_before(&work, &view, &key) {
+        let (name, key) = (file_name(path), segments_key(path, mask, &options)?);
+        let segments = match segmented_before(&work, &name, &key)? {
             Some(segments) => at_size(segments, photo.rgb.dimensions()),
-            None => segment(&work, &view, key, (&photo, size), &options, progress)?,
+            None => segment(&work, &name, key, (&photo, size), &options, progress)?,
         };
         if let Some(warning) = segments.warning() {
             tracing::warn!("{warning}");
         }
-        Ok(Self { work, library: options.materials.library()?, options, photo, size, segments, progress })
+        Ok(Self { work, library: options.materials.library()?, options, name, photo, size, segments, progress })
     }
 
     /// True if an earlier run found the picture's segments and they are still valid; does not create or change
@@ -89,13 +95,13 @@ impl Picture {
     pub fn is_segmented(path: &Path, mask: Option<&Path>, out: Option<&Path>, options: &Options) -> Result<bool> {
         Photo::open(path, mask)?;
         let (folder, key) = (work_folder(path, out)?, segments_key(path, mask, options)?);
-        Ok(folder.exists() && segmented_before(&WorkDir::open(&folder)?, &view_name(path), &key).is_some())
+        Ok(folder.exists() && segmented_before(&WorkDir::open_to_read(&folder)?, &file_name(path), &key)?.is_some())
     }
 
     /// Writes the segments in the other formats that were requested, and returns them in pixels of the picture.
     pub fn segments(&self) -> Result<ViewSegments> {
         let segments = [at_size(self.segments.clone(), self.size)];
-        write_other_formats(&self.work, &self.options.segment.also, &segments)?;
+        write_other_formats(&self.work, &self.options.segment.also, &segments, std::slice::from_ref(&self.name))?;
         let [segments] = segments;
         Ok(segments)
     }
@@ -113,8 +119,8 @@ impl Picture {
         let view = QueryView { name: &self.segments.view, photo: self.photo.clone(), maps };
         let subjects = self.segments.segments.iter().map(|segment| Subject::segment(0, segment.id)).collect();
         let home = self.work.root();
-        check_recordings(home, &self.work, self.options.scene.read_scope(home))?;
         let (query, network) = (&self.options.query, self.options.setup.network());
+        check_recordings(query, home, &self.work, self.options.scene.read_scope(home))?;
         let subjects = Subjects { views: vec![view], subjects, ask_views: 1, about: About::Segments, size_in: None };
         QuerySession::new(query, subjects, &self.library, home, &self.work, network, self.progress)
     }
@@ -145,18 +151,31 @@ fn segments_key(path: &Path, mask: Option<&Path>, options: &Options) -> Result<S
     Ok(hasher.hex())
 }
 
-fn segmented_before(work: &WorkDir, view: &str, key: &str) -> Option<ViewSegments> {
-    let (entry, png) = stored_segments(work).take(work, view, key)?;
-    let map = LabelMap::from_png(&png).ok()?;
+/// The segments of the picture in the file `name` that an earlier run found; `None` if there are none or they are no
+/// longer valid.
+///
+/// # Errors
+/// If the work folder holds the results of a picture with another name, which would be overwritten.
+fn segmented_before(work: &WorkDir, name: &str, key: &str) -> Result<Option<ViewSegments>, UsageError> {
+    let mut stored = stored_segments(work);
+    if let Some(other) = stored.picture.as_deref().filter(|other| *other != name) {
+        return Err(UsageError(format!(
+            "the work folder {:?} holds the results of {other:?}, not of {name:?}: rename the picture back, or name another folder with --out",
+            work.root()
+        )));
+    }
+    let view = view_name(name);
+    let Some((entry, png)) = stored.take(work, &view, key) else { return Ok(None) };
+    let Ok(map) = LabelMap::from_png(&png) else { return Ok(None) };
     info!("the segments found earlier are still valid");
-    Some(ViewSegments { view: view.to_owned(), map, segments: entry.segments })
+    Ok(Some(ViewSegments { view, map, segments: entry.segments }))
 }
 
-/// Finds the segments and writes them in pixels of the picture, whose size is `size`; returns them in pixels of
-/// `photo`.
+/// Finds the segments of the picture in the file `name` and writes them in pixels of the picture, whose size is `size`;
+/// returns them in pixels of `photo`.
 fn segment(
     work: &WorkDir,
-    view: &str,
+    name: &str,
     key: String,
     (photo, size): (&Photo, (u32, u32)),
     options: &Options,
@@ -165,36 +184,82 @@ fn segment(
     let segmenter = open_segmenter(&options.setup, &options.segment, progress)?;
     let flat = segment::Options { level: Some(options.segment.flat_level()), ..options.segment.clone() };
     let load = |_: &str| Ok::<_, SegmentError>(photo.clone());
-    let found = segment_views(&segmenter, &[view], &load, &flat, progress, &|_| Ok(()))?;
+    let view = view_name(name);
+    let found = segment_views(&segmenter, &[view.as_str()], &load, &flat, progress, &|_| Ok(()))?;
     let found = found.views.into_iter().next().context("one picture has one view")?;
     let written = at_size(found.clone(), size);
+    remove_other_formats(work, &[&view])?;
     let png = written.map.to_png()?;
-    work.write(Artifact::LabelMap(view), &png)?;
-    let entry = ViewEntry::new(view, key, written.segments, &png);
-    work.write_json(Artifact::Segments, &SegmentsFile { views: [(view.to_owned(), entry)].into() })?;
+    work.write(Artifact::LabelMap(&view), &png)?;
+    let entry = ViewEntry::new(&view, key, written.segments, &png);
+    let file = SegmentsFile { picture: Some(name.to_owned()), views: [(view, entry)].into() };
+    work.write_json(Artifact::Segments, &file)?;
     Ok(found)
 }
 
 /// The segments, scaled to another size of the picture.
 fn at_size(found: ViewSegments, (width, height): (u32, u32)) -> ViewSegments {
-    let small = (found.map.width, found.map.height);
-    if small == (width, height) {
-        return found;
-    }
-    let map = found.map.resized(width, height);
-    let segments = found.segments.into_iter().map(|segment| segment_at_size(segment, &map, small)).collect();
-    ViewSegments { map, segments, ..found }
+    if (found.map.width, found.map.height) == (width, height) { found } else { found.resized(width, height) }
 }
 
-fn segment_at_size(segment: Segment, map: &LabelMap, before: (u32, u32)) -> Segment {
-    let scale = |value: u32, to: u32, from: u32| (u64::from(value) * u64::from(to)).div_ceil(u64::from(from)) as u32;
-    let area = map.labels.iter().filter(|&&label| label == segment.id).count() as u32;
-    let [x, y, width, height] = segment.bbox;
-    let bbox = [
-        scale(x, map.width, before.0),
-        scale(y, map.height, before.1),
-        scale(width, map.width, before.0),
-        scale(height, map.height, before.1),
-    ];
-    Segment { area, bbox, ..segment }
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::segment::{Level, Segment};
+
+    /// Writes the results of the picture `name`, whose segments have this key, into a work folder.
+    fn write_results(folder: &Path, name: &str, key: String) {
+        let work = WorkDir::open(folder).unwrap();
+        let view = view_name(name);
+        let map = LabelMap { width: 1, height: 1, labels: vec![1] };
+        let segments = vec![Segment {
+            id: 1,
+            area: 1,
+            bbox: [0, 0, 1, 1],
+            predicted_iou: 0.9,
+            stability_score: 0.9,
+            level: Level::Middle,
+            parent: 0,
+        }];
+        let png = map.to_png().unwrap();
+        work.write(Artifact::LabelMap(&view), &png).unwrap();
+        let entry = ViewEntry::new(&view, key, segments, &png);
+        let file = SegmentsFile { picture: Some(name.to_owned()), views: [(view, entry)].into() };
+        work.write_json(Artifact::Segments, &file).unwrap();
+    }
+
+    #[test]
+    fn a_work_folder_is_of_one_picture() {
+        let folder = tempfile::tempdir().unwrap();
+        let root = folder.path().join("mug.gprop");
+        write_results(&root, "mug.jpg", "key".to_owned());
+        let work = WorkDir::open(&root).unwrap();
+        assert!(segmented_before(&work, "mug.jpg", "key").unwrap().is_some());
+        assert!(segmented_before(&work, "mug.jpg", "changed").unwrap().is_none());
+        let refused = segmented_before(&work, "mug.png", "key").unwrap_err().to_string();
+        assert!(["mug.jpg", "mug.png", "--out"].iter().all(|part| refused.contains(part)), "{refused}");
+    }
+
+    #[test]
+    fn asking_whether_a_picture_is_segmented_writes_nothing() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("dot.png");
+        image::RgbImage::new(1, 1).save(&path).unwrap();
+        let options = Options::default();
+        let is_segmented = || Picture::is_segmented(&path, None, None, &options).unwrap();
+        assert!(!is_segmented());
+        let root = folder.path().join("dot.gprop");
+        assert!(!root.exists());
+        write_results(&root, "dot.png", segments_key(&path, None, &options).unwrap());
+        let files = || {
+            let mut names: Vec<_> = std::fs::read_dir(&root).unwrap().map(|entry| entry.unwrap().file_name()).collect();
+            names.sort();
+            names
+        };
+        std::fs::remove_file(root.join(".lock")).unwrap();
+        std::fs::write(root.join(".tmp-of-another"), "").unwrap();
+        let before = files();
+        assert!(is_segmented());
+        assert_eq!(files(), before);
+    }
 }

@@ -59,7 +59,8 @@ impl Pipeline {
 
     pub(super) fn do_query(&self) -> Result<Done> {
         let session = self.query_session()?;
-        let (answers, size) = session.answer_all(&|round| Ok(write_sheets(&self.work, round)?))?;
+        let (answers, file) =
+            session.answer_with_size(&|round| Ok(write_sheets(&self.work, round)?), |answer| self.size_file(answer))?;
         let answers = settled(answers);
         let jsonl = answers.to_jsonl();
         self.work.write(Artifact::Answers, jsonl.as_bytes())?;
@@ -67,7 +68,6 @@ impl Pipeline {
         let sheets = answers.segments.iter().map(|answer| Artifact::Sheet(&answer.view, answer.segment));
         let mut outputs: Vec<Artifact> = sheets.chain([Artifact::Answers]).collect();
         let mut warnings = failures(&answers, self.options.consensus.ask);
-        let file = size.map(|answer| self.size_file(answer)).transpose()?;
         if let Some((file, warning)) = &file {
             self.work.write_json(Artifact::Size, file)?;
             warnings.push(warning.clone());
@@ -130,7 +130,8 @@ impl Pipeline {
             Ok(QueryView { name: &view.name, photo, maps: self.asked_maps(number)? })
         });
         let views = views.collect::<Result<_>>()?;
-        query_session::check_recordings(&self.folder, &self.work, self.options.scene.read_scope(&self.folder))?;
+        let scope = self.options.scene.read_scope(&self.folder);
+        query_session::check_recordings(options, &self.folder, &self.work, scope)?;
         let network = self.options.setup.network();
         let subjects = self.subjects(views)?;
         QuerySession::new(options, subjects, &self.library, &self.folder, &self.work, network, self.progress)

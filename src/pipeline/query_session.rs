@@ -18,7 +18,7 @@ use crate::query::client::{ApiKey, Client};
 use crate::query::cost::{Price, PriceTable};
 use crate::query::exchange::{self, Imported};
 use crate::query::question::About;
-use crate::query::recorded::Recordings;
+use crate::query::recorded::{Answerer, Recordings};
 use crate::query::rounds::{Outcomes, Subject, Target};
 use crate::query::{
     Answers, Options, Outcome, Preview, Prompts, Queries, SegmentAnswer, SegmentQuery, SizeAnswer, SizeQuery, ViewInput,
@@ -96,10 +96,12 @@ impl<'a> QuerySession<'a> {
         progress: Progress,
     ) -> Result<Self> {
         let folders = recording_folders(options, home);
-        workdir::refuse_link(&folders[0], "--recordings")?;
+        let (write_to, read_from) = folders.split_last().expect("the home's folder is always among them");
+        if options.recordings.is_none() {
+            workdir::refuse_link(write_to, "--recordings")?;
+        }
         let spare = work.root().join(SPARE_RECORDINGS);
         workdir::refuse_link(&spare, "--out")?;
-        let (write_to, read_from) = folders.split_last().expect("the home's folder is always among them");
         let read_from: Vec<&Path> = read_from.iter().map(PathBuf::as_path).collect();
         let prompts = prompts(options)?;
         let size = size_in.map(|index| SizeQuery::new(views[index].name, &views[index].photo, &prompts, options));
@@ -124,7 +126,11 @@ impl<'a> QuerySession<'a> {
     /// The questions whose answers are recorded and those that are then due, with all sheets drawn. Answers that are not
     /// recorded yet may lead to more questions.
     pub fn queries(&self) -> Result<Queries<'_>> {
-        let answerer = self.client.as_ref().map(Asker::answerer);
+        self.queries_for(self.client.as_ref().map(Asker::answerer))
+    }
+
+    /// As [`Self::queries`], if `answerer` is the one that would be asked.
+    fn queries_for(&self, answerer: Option<&Answerer>) -> Result<Queries<'_>> {
         let mut answers = BTreeMap::new();
         let mut queries = self.about_size()?;
         loop {
@@ -189,14 +195,28 @@ impl<'a> QuerySession<'a> {
     }
 
     /// Asks everything that has to be asked, round by round; `begin` gets the questions of each round before they are
-    /// asked. Each answer is recorded as it arrives. Reports the cost before and after. If the size of the object is to be
-    /// asked, that question comes first, so that a run that gets no answer to it ends before it costs more.
+    /// asked. Each answer is recorded as it arrives. Reports the cost before and after.
     pub fn answer_all(&self, begin: &dyn Fn(&Queries) -> Result<()>) -> Result<(Answers, Option<SizeAnswer>)> {
+        self.answer_with_size(begin, Ok)
+    }
+
+    /// As [`Self::answer_all`]. If the size of the object is to be asked, that question comes first, and `of_size` converts
+    /// its answer; if it fails, the run ends before it costs more.
+    pub fn answer_with_size<T>(
+        &self,
+        begin: &dyn Fn(&Queries) -> Result<()>,
+        of_size: impl FnOnce(SizeAnswer) -> Result<T>,
+    ) -> Result<(Answers, Option<T>)> {
         let asker = self.client.as_ref().map(|client| client as &dyn Asker);
         let budget = Budget::new(self.price.clone(), self.options.max_usd);
         let object = self.about_size()?;
         begin(&object)?;
         let size = object.size(&self.recordings, asker, &budget, self.progress)?;
+        let size = size.map(of_size).transpose().inspect_err(|_| {
+            if budget.spent().requests > 0 {
+                progress::notice(&format!("asked: {}", budget.spent()));
+            }
+        })?;
         let mut answers = BTreeMap::new();
         loop {
             let due = self.due(&answers);
@@ -205,7 +225,7 @@ impl<'a> QuerySession<'a> {
             }
             let round = self.prepare(&due)?;
             begin(&round)?;
-            let run = round.run(&self.recordings, asker, &budget, &mut |_, _| Ok(()), self.progress)?;
+            let run = round.run(&self.recordings, asker, &budget, self.progress)?;
             answers.extend(due.into_iter().zip(run.answers.segments.into_iter().map(|answer| answer.outcome)));
         }
         let segments = answers.into_iter().map(|(Target { view, id }, outcome)| SegmentAnswer {
@@ -225,7 +245,8 @@ impl<'a> QuerySession<'a> {
     /// Writes the questions that have no recorded answer, with everything needed to answer them, into a new folder;
     /// returns their number.
     pub fn export(&self, folder: &Path) -> Result<usize> {
-        let queries = self.queries()?;
+        // Whoever will answer, it is not the server.
+        let queries = self.queries_for(None)?;
         // The number of a segment identifies it only within its view; the number of a part is the same in all views.
         let part_of = |query: &SegmentQuery| {
             let is_its = |target: &Target| self.views[target.view].name == query.view && target.id == query.segment;
@@ -244,6 +265,12 @@ impl<'a> QuerySession<'a> {
     /// Removes recordings from the views' own folder that none of their segments uses with these options, whoever
     /// answered. A folder given with `--recordings` may be used by other scenes too and is not changed.
     pub fn prune(&self) -> Result<Pruned> {
+        let folder = &self.own_recordings;
+        if folder.is_symlink() {
+            let problem = "is a link, and --prune deletes nothing through links; delete the recordings in its target \
+                           yourself, or replace the link by the folder";
+            return Err(UsageError(format!("{folder:?} {problem}")).into());
+        }
         let own = Recordings::open(&[], &self.own_recordings)?;
         let mut all: Vec<Target> = self.subjects.iter().flat_map(Subject::all).collect();
         all.sort_unstable();
@@ -261,9 +288,9 @@ impl<'a> QuerySession<'a> {
 }
 
 /// Refuses recordings beside the scene or picture in `home`, or in the work folder, that lead outside `scope`. A folder
-/// given with `--recordings` is not checked.
-pub fn check_recordings(home: &Path, work: &WorkDir, scope: ReadScope) -> Result<(), SceneError> {
-    let scope = scope.and([work.root()]);
+/// given with `--recordings` is not checked, and other recordings may be links into it.
+pub fn check_recordings(options: &Options, home: &Path, work: &WorkDir, scope: ReadScope) -> Result<(), SceneError> {
+    let scope = scope.and([work.root()]).and(options.recordings.as_deref());
     for folder in [home.join(RECORDINGS), work.root().join(SPARE_RECORDINGS)] {
         if let Some((path, _)) = scope.leads_out_below(&folder) {
             Reference { what: "recording", path: &path, named_in: None, flag: None }.check(&scope)?;

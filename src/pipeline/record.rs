@@ -20,7 +20,8 @@ pub type FieldFlags = BTreeMap<String, Vec<String>>;
 pub struct RunRecord {
     /// gprop's version.
     pub version: String,
-    /// The options of each stage, as they were when the stage was last done.
+    /// The options of each stage, as they were when the stage was last done. Paths that determine what was
+    /// read are stored like those of the flags.
     pub options: serde_json::Map<String, Value>,
     /// The flags that were typed for these options, as far as a later command may take them from here. A path inside
     /// the scene's folder is relative to it, any other is absolute.

@@ -1,12 +1,14 @@
 //! The report: the results of all stages before it, as one JSON file and one page.
 
-use std::path::PathBuf;
+use std::borrow::Cow;
+use std::path::{Path, PathBuf};
 
 use anyhow::Result;
 use gprop_kernels::bounds::longest_side;
 use nalgebra::Point3;
 use rayon::prelude::*;
 
+use crate::config::{self, Flag};
 use crate::consensus::Asked;
 use crate::report::{
     self, AnswerCounts, Cloud, Disagreement, InputFile, Motion, Pictures, Remark, Report, Reproduction, SceneSummary,
@@ -20,7 +22,7 @@ use crate::workdir::{Artifact, hexadecimal};
 
 use super::record::StageRecord;
 use super::scene::file_digest;
-use super::{Done, Pipeline, Stage};
+use super::{Done, Pipeline, Stage, known_flags};
 
 impl Pipeline {
     pub(super) fn report_key(&self) -> String {
@@ -105,10 +107,12 @@ impl Pipeline {
 
     /// The command line that reproduces this result from the folder above the scene's.
     fn command(&self) -> String {
+        let scene = self.folder.canonicalize().unwrap_or_else(|_| self.folder.clone());
+        let (above, known) = (scene.parent().unwrap_or(&scene), known_flags());
         let left_out = (!self.simulates).then_some("--no-simulate");
-        let flags = self.command_line.effective.iter().map(String::as_str);
-        let words = ["gprop", "run", &self.scene.name].into_iter().chain(left_out).chain(flags);
-        words.map(quoted).collect::<Vec<_>>().join(" ")
+        let flags = self.command_line.effective.iter().map(|flag| as_typed_in(above, flag, &known));
+        let words = ["gprop", "run", &self.scene.name].into_iter().chain(left_out).map(Cow::Borrowed).chain(flags);
+        words.map(|word| quoted(&word)).collect::<Vec<_>>().join(" ")
     }
 
     fn inputs(&self) -> Result<Vec<InputFile>> {
@@ -123,6 +127,18 @@ impl Pipeline {
 
 fn remarks(stage: &StageRecord, messages: &[String]) -> Vec<Remark> {
     messages.iter().map(|message| Remark { stage: stage.name.name(), message: message.clone() }).collect()
+}
+
+/// A flag as it would be typed in `folder`: its path, if its value is one, is relative to `folder` if it is inside it, else
+/// absolute.
+fn as_typed_in<'a>(folder: &Path, flag: &'a str, known: &[Flag]) -> Cow<'a, str> {
+    let Some((name, value)) = flag.strip_prefix("--").and_then(|words| words.split_once('=')) else {
+        return flag.into();
+    };
+    match known.iter().any(|known| known.name == name && known.is_path(value)) {
+        true => format!("--{name}={}", config::portable(Path::new(value), folder).display()).into(),
+        false => flag.into(),
+    }
 }
 
 /// A word, quoted for the shell if necessary.

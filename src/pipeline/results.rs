@@ -53,13 +53,16 @@ impl Pipeline {
         metric(self.stored_parts())
     }
 
-    /// The simulation frame by frame, in SI units; the frames themselves are in the work folder.
+    /// The simulation frame by frame, in SI units; the frames themselves are in the work folder. Simulates even if runs
+    /// and reports leave the simulation out ([`Builder::without_simulation`](super::Builder::without_simulation)).
     ///
     /// # Errors
     /// As for [`parts`](Self::parts), but an unknown metric scale is assumed; also if the simulation fails.
     pub fn simulation(&mut self) -> Result<SimulationReport, Error> {
-        self.up_to(Stage::Simulate)?;
-        self.stored_simulation().map_err(Error)
+        let in_runs = std::mem::replace(&mut self.simulates, true);
+        let done = self.up_to(Stage::Simulate);
+        self.simulates = in_runs;
+        done.and_then(|()| self.stored_simulation().map_err(Error))
     }
 
     /// The forces with which a gripper may hold the object, in newtons, and the places to grasp at, in metres in the

@@ -8,7 +8,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::camera::Camera;
 use crate::inspect;
-use crate::scene::{Options, Scene, SceneError};
+use crate::scene::{Options, ScaleChoice, Scene, SceneError};
 use crate::units::MetricScale;
 use crate::workdir::{Artifact, WorkDir, WorkDirError, sha256_of_file};
 
@@ -40,19 +40,33 @@ struct ViewEntry<'a> {
 }
 
 impl Pipeline {
-    /// The hash covers every byte of the files and of the chosen photos, and which photos there are; modification times
-    /// and how the paths are written do not matter.
+    /// The hash covers every byte of the files and of the chosen photos, which photos there are, and the scale that a data
+    /// set states; modification times and how the paths are written do not matter.
     pub(super) fn scene_key(&self) -> Result<String> {
         let names: Vec<&str> = self.scene.views.iter().map(|view| view.name.as_str()).collect();
         let mut hasher = Hasher::new("scene")
             .with_json(&without_paths(&self.options.scene))
             .with_json(&names)
             .with_json(&self.scene.object_source);
+        if let (ScaleChoice::Auto, Some(stated)) = (&self.options.scene.scale, &self.scene.scale) {
+            hasher = hasher.with_json(stated);
+        }
         let photos = self.views.iter().flat_map(|view| iter::once(&view.image).chain(&view.mask));
         let searched =
             self.scene.views.iter().filter(|_| self.options.scene.scale.is_in_photos()).map(|view| &view.image);
         let photos = photos.chain(searched);
         for path in self.scene.files.iter().chain(photos) {
+            hasher = hasher.with(&file_digest(path)?);
+        }
+        Ok(hasher.hex())
+    }
+
+    /// A hash of all that the Gaussians and the cameras depend on, which the choice of views and the scale do not change.
+    pub(super) fn gaussians_key(&self) -> Result<String> {
+        let Options { views, view_list, scale, .. } = Options::default();
+        let options = Options { views, view_list, scale, ..without_paths(&self.options.scene) };
+        let mut hasher = Hasher::new("gaussians").with_json(&options).with_json(&self.scene.object_source);
+        for path in &self.scene.files {
             hasher = hasher.with(&file_digest(path)?);
         }
         Ok(hasher.hex())

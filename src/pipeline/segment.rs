@@ -5,13 +5,15 @@ use std::path::Path;
 use std::sync::Mutex;
 
 use anyhow::{Context, Result};
+use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
 use crate::error::UsageError;
 use crate::from_splat::photo_with_foreground;
 use crate::progress::Progress;
-use crate::scene::{ObjectSource, View};
+use crate::scene::{Upright, View};
 use crate::segment::formats::{Format, coco, file_of_view, import_view};
+use crate::segment::sam::model_digest;
 use crate::segment::{LabelMap, Segment, Segmentation, Segmenter, ViewSegments, segment_views};
 use crate::workdir::{Artifact, Checksum, WorkDir, WorkDirError};
 use crate::{segment, setup};
@@ -23,6 +25,9 @@ use super::{Done, Pipeline, Stage, get_or_load};
 /// The content of `segments/segments.json`, by view.
 #[derive(Debug, Default, Serialize, Deserialize)]
 pub(super) struct SegmentsFile {
+    /// File name of the picture, if it is a single one.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub picture: Option<String>,
     pub views: BTreeMap<String, ViewEntry>,
 }
 
@@ -87,37 +92,50 @@ pub(super) fn stored_segments(work: &WorkDir) -> SegmentsFile {
     }
 }
 
+/// Hashes of everything that the segments of each view depend on, by the view's name.
+type ViewKeys<'a> = BTreeMap<&'a str, String>;
+
 impl Pipeline {
     pub(super) fn segment_key(&self) -> Result<String> {
+        Ok(self.hash_of_segments()?.with_json(&self.options.segment.also).hex())
+    }
+
+    /// A hasher that has taken in everything that the segments depend on.
+    fn hash_of_segments(&self) -> Result<Hasher> {
         let hasher = self.key_after_inputs(Stage::Segment).with_json(&self.options.segment.deciding());
-        let mut hasher = hasher.with_json(&self.options.segment.also).with(self.masks_key().as_bytes());
+        let mut hasher = hasher.with(self.masks_key().as_bytes());
         if let Some(folder) = &self.options.segment.segments {
             for view in &self.views {
                 hasher = hasher.with(&imported_digest(folder, &view.name)?);
             }
         }
-        Ok(hasher.hex())
+        Ok(hasher)
     }
 
     pub(super) fn do_segment(&self) -> Result<Done> {
-        let mut file = self.finished_views()?;
+        let keys = self.view_keys()?;
+        let mut file = self.finished_views(&keys);
         let open: Vec<&str> =
             self.views.iter().map(|view| view.name.as_str()).filter(|name| !file.views.contains_key(*name)).collect();
-        match &self.options.segment.segments {
-            Some(folder) => self.import_open(folder, &open, &mut file)?,
-            None if open.is_empty() => {}
-            None => self.segment_open(&open, &mut file)?,
+        if !open.is_empty() && !self.imports_from_work_folder() {
+            remove_other_formats(&self.work, &open)?;
         }
-        let also = write_other_formats(&self.work, &self.options.segment.also, &self.segmentation()?.views)?;
+        match &self.options.segment.segments {
+            Some(folder) => self.import_open(folder, &open, &keys, &mut file)?,
+            None if open.is_empty() => {}
+            None => self.segment_open(&open, &keys, &mut file)?,
+        }
+        let views = &self.segmentation()?.views;
+        let also = write_other_formats(&self.work, &self.options.segment.also, views, &self.photo_names())?;
         let label_maps = self.views.iter().map(|view| Artifact::LabelMap(&view.name));
-        let warnings = self.segmentation()?.views.iter().filter_map(ViewSegments::warning);
-        Ok(Done::writing(label_maps.chain([Artifact::Segments]).chain(also)).warning(warnings.collect()))
+        let warnings = views.iter().filter_map(|view| self.warning_about(view)).collect();
+        let done = Done::writing(label_maps.chain([Artifact::Segments]).chain(also)).warning(warnings);
+        // Later stages read none of the other formats.
+        Ok(Done { digest: Some(self.hash_of_segments()?.hex()), ..done })
     }
 
-    fn segment_open(&self, open: &[&str], file: &mut SegmentsFile) -> Result<()> {
+    fn segment_open(&self, open: &[&str], keys: &ViewKeys, file: &mut SegmentsFile) -> Result<()> {
         let segmenter = open_segmenter(&self.options.setup, &self.options.segment, self.progress)?;
-        let keys: BTreeMap<&str, String> =
-            open.iter().map(|name| Ok((*name, self.view_key(self.view(name))?))).collect::<Result<_>>()?;
         let load = |name: &str| Ok(photo_with_foreground(&self.scene, self.view(name))?);
         let file = Mutex::new(file);
         let save = |done: &ViewSegments| {
@@ -129,14 +147,43 @@ impl Pipeline {
     }
 
     /// Takes the masks of the open views from a folder.
-    fn import_open(&self, folder: &Path, open: &[&str], file: &mut SegmentsFile) -> Result<()> {
+    fn import_open(&self, folder: &Path, open: &[&str], keys: &ViewKeys, file: &mut SegmentsFile) -> Result<()> {
         for name in open {
-            let view = self.view(name);
-            let size = (view.camera.intrinsics.width, view.camera.intrinsics.height);
+            let intrinsics = &self.view(name).camera.intrinsics;
+            let size = (intrinsics.width, intrinsics.height);
             let imported = import_view(folder, name, size, self.options.segment.flat_level())?;
-            self.save_view(&imported, self.view_key(view)?, file)?;
+            self.save_view(&imported, keys[name].clone(), file)?;
         }
         Ok(())
+    }
+
+    /// True if `--segments` names the folder into which label maps are written: its other formats are then the user's.
+    fn imports_from_work_folder(&self) -> bool {
+        let written = self.work.path(Artifact::Segments);
+        let real = |path: &Path| path.canonicalize().ok();
+        self.options.segment.segments.as_deref().is_some_and(|folder| real(folder) == written.parent().and_then(real))
+    }
+
+    /// The photos' paths, relative to the scene's folder if they lie in it, otherwise only their file names.
+    fn photo_names(&self) -> Vec<String> {
+        let relative = |view: &View| {
+            let path = view.image.strip_prefix(&self.folder).ok();
+            let name = path.map(Path::as_os_str).or(view.image.file_name()).unwrap_or_default();
+            name.to_string_lossy().into_owned()
+        };
+        self.views.iter().map(relative).collect()
+    }
+
+    /// A warning about a view's segments for the user, if there is one.
+    fn warning_about(&self, view: &ViewSegments) -> Option<String> {
+        let Some(folder) = &self.options.segment.segments else { return view.warning() };
+        view.segments.is_empty().then(|| {
+            format!(
+                "the label map of view {} in --segments {folder:?} has only background, so the view has no segments; \
+                 check the file, or choose other views with --view-list",
+                view.view
+            )
+        })
     }
 
     fn save_view(&self, done: &ViewSegments, key: String, file: &mut SegmentsFile) -> Result<()> {
@@ -164,40 +211,50 @@ impl Pipeline {
     }
 
     /// The chosen views that an earlier run finished and that are still valid.
-    fn finished_views(&self) -> Result<SegmentsFile> {
+    fn finished_views(&self, keys: &ViewKeys) -> SegmentsFile {
         let mut good = SegmentsFile::default();
         if self.must_redo(Stage::Segment) {
-            return Ok(good);
+            return good;
         }
         let mut file = stored_segments(&self.work);
         for view in &self.views {
-            if let Some((entry, _)) = file.take(&self.work, &view.name, &self.view_key(view)?) {
+            if let Some((entry, _)) = file.take(&self.work, &view.name, &keys[view.name.as_str()]) {
                 good.views.insert(view.name.clone(), entry);
             }
         }
-        Ok(good)
+        good
     }
 
     fn view(&self, name: &str) -> &View {
         self.views.iter().find(|view| view.name == name).expect("only chosen views are segmented")
     }
 
-    /// The hash of everything that a view's segments depend on: its photo, the options and the models, but not the
-    /// other views.
-    fn view_key(&self, view: &View) -> Result<String> {
-        let mut hasher =
-            Hasher::new("view").with(&file_digest(&view.image)?).with_json(&self.options.segment.deciding());
+    /// The keys of the chosen views.
+    fn view_keys(&self) -> Result<ViewKeys<'_>> {
+        let (gaussians, masks) = (self.gaussians_key()?, self.masks_key());
+        // In parallel, because some photos are decoded.
+        let keys: Vec<Result<String>> =
+            self.views.par_iter().map(|view| self.view_key(view, &gaussians, &masks)).collect();
+        self.views.iter().zip(keys).map(|(view, key)| Ok((view.name.as_str(), key?))).collect()
+    }
+
+    /// The hash of everything that a view's segments depend on: its photo, the options and the models (`masks`), but not
+    /// the other views. If the foreground is rendered from the Gaussians, these count too (`gaussians`).
+    fn view_key(&self, view: &View, gaussians: &str, masks: &str) -> Result<String> {
+        let intrinsics = &view.camera.intrinsics;
+        let mut hasher = Hasher::new("view")
+            .with(&file_digest(&view.image)?)
+            .with_json(&(intrinsics.width, intrinsics.height, view.upright == Upright::Turned))
+            .with_json(&self.options.segment.deciding());
         if let Some(folder) = &self.options.segment.segments {
             return Ok(hasher.with(&imported_digest(folder, &view.name)?).hex());
         }
-        if let Some(mask) = &view.mask {
-            hasher = hasher.with(&file_digest(mask)?);
+        match &view.mask {
+            Some(mask) => hasher = hasher.with(&file_digest(mask)?),
+            None if view.coverage()?.is_none() => hasher = hasher.with(gaussians.as_bytes()).with_json(&view.camera),
+            None => {}
         }
-        if self.scene.object_source != ObjectSource::Whole {
-            // The foreground is rendered from the Gaussians.
-            hasher = hasher.with(self.scene_key()?.as_bytes());
-        }
-        Ok(hasher.with(models_key(&self.options.setup).as_bytes()).hex())
+        Ok(hasher.with(masks.as_bytes()).hex())
     }
 
     /// Identifies the models that make the masks, if any do.
@@ -212,7 +269,7 @@ pub(super) fn models_key(setup: &setup::Options) -> String {
     let mut hasher = Hasher::new("models").with(setup::catalog::SAM.requirement.as_bytes());
     for path in own.into_iter().flatten() {
         // A file that cannot be read is reported by the set-up, with its remedy.
-        hasher = hasher.with(&file_digest(path).unwrap_or_default());
+        hasher = hasher.with(&model_digest(path).unwrap_or_default());
     }
     hasher.hex()
 }
@@ -235,11 +292,19 @@ pub(super) fn check_formats(formats: &[Format]) -> Result<(), UsageError> {
     Ok(())
 }
 
-/// Writes the label maps in the other formats that were requested.
+/// Removes the segments of views that are about to be segmented anew in the other formats; one file holds those of all
+/// views.
+pub(super) fn remove_other_formats(work: &WorkDir, views: &[&str]) -> Result<(), WorkDirError> {
+    let arrays = views.iter().map(|view| Artifact::LabelArray(view));
+    arrays.chain([Artifact::Coco]).try_for_each(|artifact| work.remove(artifact))
+}
+
+/// Writes the label maps in the other formats that were requested. `photos` are the file names of the views' photos.
 pub(super) fn write_other_formats<'a>(
     work: &WorkDir,
     formats: &[Format],
     views: &'a [ViewSegments],
+    photos: &[String],
 ) -> Result<Vec<Artifact<'a>>> {
     let mut written = Vec::new();
     for format in formats {
@@ -250,7 +315,7 @@ pub(super) fn write_other_formats<'a>(
                 written.push(artifact);
             }
         } else {
-            work.write_json(Artifact::Coco, &coco(views))?;
+            work.write_json(Artifact::Coco, &coco(views, photos))?;
             written.push(Artifact::Coco);
         }
     }
@@ -260,4 +325,30 @@ pub(super) fn write_other_formats<'a>(
 /// SHA-256 of the file that a view's masks come from.
 fn imported_digest(folder: &Path, view: &str) -> Result<[u8; 32]> {
     Ok(file_digest(&file_of_view(folder, view)?)?)
+}
+
+#[cfg(test)]
+mod tests {
+    use image::{Rgba, RgbaImage};
+
+    use super::*;
+
+    #[test]
+    fn the_splat_counts_where_it_gives_the_foreground() {
+        let hammer = Path::new(env!("CARGO_MANIFEST_DIR")).join("fixtures/hammer");
+        let folder = tempfile::tempdir().unwrap();
+        let pipeline = Pipeline::builder(hammer).out(folder.path().join("out")).open().unwrap();
+        let with_alpha = &pipeline.views[0];
+        let opaque = View { image: folder.path().join("opaque.png"), ..with_alpha.clone() };
+        let intrinsics = &with_alpha.camera.intrinsics;
+        let white = RgbaImage::from_pixel(intrinsics.width, intrinsics.height, Rgba([255; 4]));
+        white.save(&opaque.image).unwrap();
+        let masked = View { mask: Some(opaque.image.clone()), ..opaque.clone() };
+        let key = |view: &View, scene: &str| pipeline.view_key(view, scene, "models").unwrap();
+        for (view, from_splat) in [(with_alpha, false), (&masked, false), (&opaque, true)] {
+            assert_eq!(key(view, "a splat") != key(view, "another"), from_splat, "{:?}", view.image);
+        }
+        let turned = View { upright: Upright::Turned, ..masked.clone() };
+        assert_ne!(key(&turned, ""), key(&masked, ""));
+    }
 }

@@ -13,7 +13,7 @@ use crate::pictures::figure::Shown;
 use crate::pictures::turntable::Turntable;
 use crate::pictures::{framing, segmented};
 use crate::query::Outcome;
-use crate::scene::View;
+use crate::scene::{self, View};
 
 impl Pipeline {
     /// The field as seen by a view of the scene, even one that did not vote, as PNG; by default the chosen view that
@@ -48,7 +48,8 @@ impl Pipeline {
         let answered: BTreeMap<u16, String> =
             (1..=most).filter_map(|id| Some((id, material(id).or_else(|| material(part_of(id)))?))).collect();
         let subject = self.subject(field);
-        png(&segmented::before_and_after(&view.camera, &view.photo()?, (map, &answered), subject))
+        let photo = photo_with_foreground(&self.scene, view)?;
+        png(&segmented::before_and_after(&view.camera, &photo, (map, &answered), subject))
     }
 
     /// The segments of one view at each of SAM's levels, found anew, as PNG; by default of the chosen view that shows most
@@ -84,12 +85,11 @@ impl Pipeline {
 
 /// The view called `name` among `views`; `fallback` if no name is given.
 fn found<'a>(name: Option<&str>, fallback: Option<&'a View>, views: &'a [View]) -> Result<&'a View, UsageError> {
-    let view = match name {
-        None => fallback,
-        Some(name) => views.iter().find(|view| view.name == name),
-    };
-    view.ok_or_else(|| {
-        let known: Vec<&str> = views.iter().map(|view| view.name.as_str()).collect();
-        UsageError(format!("there is no view {:?} to show: give one of {}", name.unwrap_or_default(), known.join(", ")))
-    })
+    match name {
+        None => fallback.ok_or_else(|| UsageError("there is no view to show".to_owned())),
+        Some(name) => match scene::index_of(views, name) {
+            Ok(index) => Ok(&views[index]),
+            Err(unknown) => Err(UsageError(format!("--view: {unknown}"))),
+        },
+    }
 }

@@ -9,12 +9,12 @@ use rayon::prelude::*;
 use crate::camera::Camera;
 use crate::error::UsageError;
 use crate::scene::gaussians::Gaussians;
-use crate::scene::ply;
+use crate::scene::{self, ply};
 use crate::simulate::animation::{Film, Shooting};
 use crate::simulate::checkpoint::{Checkpoint, Snapshot};
 use crate::simulate::filling::FillPoint;
 use crate::simulate::material::Material;
-use crate::simulate::{Fillings, Frame, Input, Options, SimulationReport, plot, script, simulate};
+use crate::simulate::{self, Fillings, Frame, Input, Options, SimulationReport, plot, script};
 use crate::vote::{Contents, MaterialField};
 use crate::workdir::{Artifact, Checksum, Checksumming, Standing, WorkDir};
 
@@ -60,13 +60,14 @@ impl Pipeline {
         };
         let mut save = |frame: &Frame, snapshot: &Snapshot| save(frame, snapshot).context(NOT_KEPT);
         let options = &self.options.simulate;
-        let report = simulate(&input, options, self.checkpoint(key), &mut save, self.progress)?;
+        let report = simulate::simulate(&input, options, self.checkpoint(key), &mut save, self.progress)?;
 
         let mut load = |index| -> Result<Gaussians> {
             let frame = ply::read(&self.work.path(Artifact::Frame(index)))?.gaussians;
             Ok(Gaussians { set_aside: self.scene.gaussians.set_aside.clone(), ..frame })
         };
-        let films = Shooting::new(&report, &options.viewpoint, photo).films(&mut load, self.progress)?;
+        let simulated = simulate::simulated(&self.scene.gaussians);
+        let films = Shooting::new(&report, &options.viewpoint, photo, &simulated).films(&mut load, self.progress)?;
         self.work.write(Artifact::Animation, &films.animation)?;
         let film = self.write_film(films.film)?;
         if let Some(error) = films.failure {
@@ -86,10 +87,9 @@ impl Pipeline {
     /// The camera of the photo that the user wants to film from.
     fn filming_camera(&self) -> Result<Option<&Camera>> {
         let Some(name) = &self.options.simulate.viewpoint.film_from else { return Ok(None) };
-        let view = self.scene.views.iter().find(|view| view.name == *name);
-        let view =
-            view.ok_or_else(|| UsageError(format!("--film-from {name}: the scene has no photo of this name")))?;
-        Ok(Some(&view.camera))
+        let index = scene::index_of(&self.scene.views, name);
+        let index = index.map_err(|unknown| UsageError(format!("--film-from: {unknown}")))?;
+        Ok(Some(&self.scene.views[index].camera))
     }
 
     /// Writes the film and removes that of an earlier run in the other format.

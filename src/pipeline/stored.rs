@@ -2,19 +2,20 @@
 //!
 //! A work folder may come with a scene from elsewhere, so its `run.json` is trusted only as far as it can do no harm:
 //! no server is asked, no library is opened, and files outside the scene are read only if the user named the work
-//! folder.
+//! folder, or allowed the folder to which a link of the scene leads.
 
 use std::path::{Path, PathBuf};
 
 use anyhow::Result;
 use serde::de::DeserializeOwned;
 
+use crate::config;
 use crate::grasp::gripper::GripperProfile;
 use crate::parts::Parts;
 use crate::progress::Progress;
 use crate::query::LabelSet;
 use crate::scene::gaussians::Gaussians;
-use crate::scene::{ScaleChoice, View};
+use crate::scene::{ScaleChoice, SceneError, View, outliers};
 use crate::segment::ViewSegments;
 use crate::units::MetricScale;
 use crate::vote::MaterialField;
@@ -74,12 +75,15 @@ impl Stored {
         self.work.path(artifact)
     }
 
-    /// The Gaussians and their material field; the vote must be among the stages.
+    /// The Gaussians, with the outliers set aside as in the run, and their material field; the vote must be among the
+    /// stages.
     ///
     /// # Errors
     /// If they are not what gprop wrote.
     pub fn field(&self) -> Result<(Gaussians, MaterialField)> {
-        stored_field(self.work.root())
+        let (mut gaussians, field) = stored_field(self.work.root())?;
+        outliers::set_aside(&mut gaussians).map_err(SceneError::from)?;
+        Ok((gaussians, field))
     }
 
     /// The metric scale that the run found in the photos, by a model's estimate or by the object's mass; the grasp stage,
@@ -96,25 +100,30 @@ impl Stored {
         Ok(scale_after_weighing(known, parts.filter(|parts| parts.known_mass.is_some()).as_ref()))
     }
 
-    /// The options of the run, as far as they determine what was read.
+    /// The options of the run, as far as they determine what was read. The folders outside the scene `folder` that may be
+    /// read are not among them: the user allows them again (`allow_read`).
     ///
     /// # Errors
-    /// If `run.json` is invalid, or names files outside the scene `folder` although the user did not name the work
-    /// folder (`trusted`).
-    pub fn options(&self, folder: &Path, trusted: bool) -> Result<Options, WorkDirError> {
-        let options = Options {
-            scene: self.field_of_options("scene")?,
+    /// If `run.json` is invalid, or names files outside the scene although the user did not name the work folder
+    /// (`trusted`).
+    pub fn options(&self, folder: &Path, trusted: bool, allow_read: &[PathBuf]) -> Result<Options, WorkDirError> {
+        let scene: crate::scene::Options = self.field_of_options("scene")?;
+        let mut options = Options {
+            scene: crate::scene::Options { allow_read: allow_read.to_owned(), ..scene },
             consensus: self.field_of_options("consensus")?,
             query: self.field_of_options("query")?,
             materials: self.field_of_options("materials")?,
             vote: self.field_of_options("vote")?,
             ..Options::default()
         };
-        if !trusted && let Some(path) = paths(&options).into_iter().find(|path| !is_within(path, folder)) {
-            let problem =
-                format!("it was made with {path:?}, which is not in the scene; give the work folder with --out");
-            let (path, command) = (self.work.root().to_owned(), self.command.clone());
-            return Err(WorkDirError::Unfinished { path, problem, command });
+        for path in paths(&mut options) {
+            *path = folder.join(&*path);
+            if !trusted && !is_within(path, folder) {
+                let problem =
+                    format!("it was made with {path:?}, which is not in the scene; give the work folder with --out");
+                let (path, command) = (self.work.root().to_owned(), self.command.clone());
+                return Err(WorkDirError::Unfinished { path, problem, command });
+            }
         }
         Ok(options)
     }
@@ -149,15 +158,28 @@ fn require_done(stage: Stage, record: &RunRecord) -> Result<(), NotDone> {
     Ok(())
 }
 
-/// The files and folders of the user that the options name.
-fn paths(options: &Options) -> Vec<&PathBuf> {
-    let scene = &options.scene;
-    let labels = match &options.query.labels {
+/// The options of a run on the scene in `folder` as `run.json` stores them: with [portable](config::portable) paths.
+pub(super) fn with_portable_paths(options: &Options, folder: &Path) -> Options {
+    let mut options = options.clone();
+    for path in paths(&mut options) {
+        let portable = config::portable(path, folder);
+        // A path that is not Unicode has no place in JSON.
+        if portable.to_str().is_some() {
+            *path = portable;
+        }
+    }
+    options
+}
+
+/// The files and folders of the user that the options name, as far as they determine what was read.
+fn paths(options: &mut Options) -> Vec<&mut PathBuf> {
+    let Options { scene, segment, query, materials, .. } = options;
+    let labels = match &mut query.labels {
         Some(LabelSet::File(path)) => Some(path),
         _ => None,
     };
-    let of_scene = [&scene.splat, &scene.cameras, &scene.images, &scene.masks];
-    let others = [&options.query.prompts, &options.query.recordings, &options.materials.materials];
+    let of_scene = [&mut scene.splat, &mut scene.cameras, &mut scene.images, &mut scene.masks];
+    let others = [&mut segment.segments, &mut query.prompts, &mut query.recordings, &mut materials.materials];
     of_scene.into_iter().chain(others).flatten().chain(labels).collect()
 }
 
@@ -167,15 +189,22 @@ fn is_within(path: &Path, folder: &Path) -> bool {
 
 impl Pipeline {
     /// Opens the results of a run on the scene in `folder` (in `out` if given), to read those of `last`, at most the
-    /// vote, and of the stages that it needs, with the options of the run. Changes nothing on disk.
+    /// vote, and of the stages that it needs, with the options of the run. Files of the scene that lie outside its folder
+    /// are read only from the folders in `allow_read`. Changes nothing on disk.
     ///
     /// # Errors
     /// As for [`Stored::open`]; also if the scene's files have changed since, or the scene cannot be loaded.
-    pub(crate) fn stored(folder: &Path, out: Option<&Path>, last: Stage, progress: Progress) -> Result<Self> {
+    pub(crate) fn stored(
+        folder: &Path,
+        out: Option<&Path>,
+        allow_read: &[PathBuf],
+        last: Stage,
+        progress: Progress,
+    ) -> Result<Self> {
         let plan = Plan { to: last, from: None };
         let stored = Stored::open(folder, out, &plan.stages().collect::<Vec<_>>())?;
-        let options = stored.options(folder, out.is_some())?;
-        let scene = crate::scene::load(folder, &options.scene)?;
+        let options = stored.options(folder, out.is_some(), allow_read)?;
+        let scene = crate::scene::load(folder, &options.scene).map_err(SceneError::without_flag)?;
         let library = options.materials.library()?;
         let gripper = GripperProfile::load(&options.grasp.gripper)?;
         let Stored { work, command, .. } = stored;

@@ -7,6 +7,7 @@ use std::path::Path;
 use anyhow::Result;
 use image::RgbImage;
 
+use crate::from_splat::photo_with_foreground;
 use crate::pictures::figure::{self, Shown, Subject};
 use crate::pictures::{field_colors, framing, thumbnail};
 use crate::query::Answers;
@@ -39,7 +40,7 @@ impl Pipeline {
         let mut written = vec![Artifact::Field, Artifact::Labels, Artifact::Materials, Artifact::Recolored];
         if let Some(view) = self.showing_view(&field) {
             self.work.write(Artifact::Figure, &png(&self.draw(Shown::Figure, view, &field)?)?)?;
-            let small = thumbnail::draw(&view.camera, &view.photo()?, gaussians, &field)?;
+            let small = thumbnail::draw(&view.camera, &photo_with_foreground(&self.scene, view)?, gaussians, &field)?;
             self.work.write(Artifact::Thumbnail, &small)?;
             written.extend([Artifact::Figure, Artifact::Thumbnail]);
         }
@@ -47,7 +48,8 @@ impl Pipeline {
     }
 
     pub(super) fn draw(&self, shown: Shown, view: &View, field: &MaterialField) -> Result<RgbImage> {
-        Ok(figure::draw(shown, &view.camera, &view.photo()?, self.subject(field)))
+        let photo = photo_with_foreground(&self.scene, view)?;
+        Ok(figure::draw(shown, &view.camera, &photo, self.subject(field)))
     }
 
     pub(super) fn subject<'a>(&'a self, field: &'a MaterialField) -> Subject<'a> {
@@ -94,4 +96,34 @@ pub fn stored_field(root: &Path) -> Result<(Gaussians, MaterialField)> {
     let field = field_ply::read(&gaussians.extra, labels)
         .ok_or_else(|| WorkDirError::Damaged { path, problem: "it lacks the field's columns or labels".to_owned() })?;
     Ok((gaussians, field))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_picture_of_a_photo_without_alpha_is_cropped_to_the_object() {
+        let hammer = Path::new(env!("CARGO_MANIFEST_DIR")).join("fixtures/hammer");
+        let folder = tempfile::tempdir().unwrap();
+        let pipeline = Pipeline::builder(hammer).out(folder.path().join("out")).open().unwrap();
+        let count = pipeline.scene.gaussians.len();
+        let field = MaterialField {
+            labels: Vec::new(),
+            part_label: vec![0; count],
+            confidence: vec![1.0; count],
+            votes: vec![1.0; count],
+            views: vec![1; count],
+            warnings: Vec::new(),
+            notes: Vec::new(),
+        };
+        let with_alpha = pipeline.scene.views.iter().find(|view| view.name == "003").unwrap();
+        let opaque = View { image: folder.path().join("003.png"), ..with_alpha.clone() };
+        image::open(&with_alpha.image).unwrap().into_rgb8().save(&opaque.image).unwrap();
+        let heights =
+            [with_alpha, &opaque].map(|view| pipeline.draw(Shown::Confidence, view, &field).unwrap().height());
+        // The hammer lies across this photo, which is square: uncropped, the picture is hundreds of pixels higher. The
+        // outlines given by alpha and by the Gaussians differ by a few pixels.
+        assert!(heights[0].abs_diff(heights[1]) < 30, "{heights:?}");
+    }
 }

@@ -1,8 +1,8 @@
 //! Turns a model's JSON into an [`Answer`]: converts units to SI, finds the material's row in the library and keeps
 //! numbers within what is possible.
 //!
-//! Both the library and the model give a range for every property. (But the density of a mixed part is only clamped, and
-//! hardness has no bounds but 0 and 100.)
+//! Both the library and the model give a range for every property. (But hardness has no bounds but 0 and 100; and what no
+//! material bounds, such as the density of a mixed part, is only clamped, and refused if nothing of it is possible.)
 //!
 //! 1. If the model's range does not overlap that of the library's row, the answer is the row's range, flagged.
 //! 2. Otherwise the model's range is clamped to what the bounds of the material's family and the row span; a clamped range
@@ -23,14 +23,47 @@ use crate::units::{Range, ShoreHardness, ShoreScale};
 pub(super) const PA_PER_MPA: f64 = 1e6;
 const M_PER_MM: f64 = 1e-3;
 /// Walls thinner than foil or thicker than a metre do not occur in objects that a gripper holds.
-const WALL_THICKNESS_M: Range = Range::new(1e-6, 1.0);
+const WALL_THICKNESS: Quantity = Quantity {
+    field: "wall_thickness_mm",
+    name: "wall thickness in m",
+    what: "a thickness in mm",
+    unit: M_PER_MM,
+    bounds: Range::new(1e-6, 1.0),
+};
 /// Lighter things than aerogel and denser ones than tungsten do not occur; a mixed part is in between.
-const BULK_DENSITY_KG_M3: Range = Range::new(1.0, 20_000.0);
-/// The share of the hollow that a filling takes up; a smaller share is raised to 1 %.
-const FILL_SHARE: Range = Range::new(0.01, 1.0);
+const BULK_DENSITY: Quantity = Quantity {
+    field: "bulk_density_kg_m3",
+    name: "bulk density in kg/m3",
+    what: "a density in kg/m3",
+    unit: 1.0,
+    bounds: Range::new(1.0, 20_000.0),
+};
+/// The share of the hollow that a filling takes up. A range that begins below 1 % is cut there; one that ends there is
+/// refused.
+const FILL_SHARE: Quantity = Quantity {
+    field: "fill_share",
+    name: "fill share",
+    what: "a share of the hollow",
+    unit: 1.0,
+    bounds: Range::new(0.01, 1.0),
+};
 const SHORE: Range = Range::new(0.0, 100.0);
 /// Lowest similarity (0 to 1) at which a name is taken for a library name.
 const LIKENESS: f64 = 0.5;
+
+/// A number that no material of the library bounds.
+struct Quantity {
+    /// Its field in an answer.
+    field: &'static str,
+    /// With its unit in flags, which are in SI.
+    name: &'static str,
+    /// With the unit of the field.
+    what: &'static str,
+    /// The unit of the field in SI.
+    unit: f64,
+    /// What is possible, in SI.
+    bounds: Range,
+}
 
 /// Why a response cannot be used.
 #[derive(Debug, Clone, PartialEq)]
@@ -52,7 +85,7 @@ impl Problem {
 pub enum Unknown {
     /// Report it, so that the answer can be corrected.
     Refuse,
-    /// Take the library's nearest name and flag it.
+    /// Take the nearest name of the answer's family and flag it.
     TakeNearest,
 }
 
@@ -127,7 +160,7 @@ pub fn read(value: Value, library: &MaterialLibrary, unknown: Unknown) -> Result
         Form::Shell { .. } => Some(inside(&written, library, &mut flags)?),
         Form::Solid | Form::Mixed => None,
     };
-    Ok(settle(written, material, family, (form, inside), flags))
+    settle(written, material, family, (form, inside), flags)
 }
 
 fn material<'a>(
@@ -140,7 +173,8 @@ fn material<'a>(
     if let Some(material) = library.get(name) {
         return Ok(material);
     }
-    let nearest = library.nearest(name).filter(|(_, likeness)| *likeness >= LIKENESS);
+    // A similar name in another family means something else: petal is not metal.
+    let nearest = library.nearest_of_family(name, &written.family).filter(|(_, likeness)| *likeness >= LIKENESS);
     match (unknown, nearest) {
         (Unknown::TakeNearest, Some((material, likeness))) => {
             flags.push(format!(
@@ -170,9 +204,7 @@ fn form(written: &Written, flags: &mut Vec<String>) -> Result<Form, Problem> {
             Err(Problem::invalid("form is \"shell\" but wall_thickness_mm is null; give the wall's thickness.".into()))
         }
         (WrittenForm::Shell, Some(said)) => {
-            let name = "wall thickness in m";
-            let said = in_order(name, scaled(said, M_PER_MM), flags);
-            Ok(Form::Shell { wall_thickness_m: cut(name, said, WALL_THICKNESS_M, flags) })
+            Ok(Form::Shell { wall_thickness_m: possible(&WALL_THICKNESS, said, flags)? })
         }
     }
 }
@@ -189,19 +221,19 @@ fn inside(written: &Written, library: &MaterialLibrary, flags: &mut Vec<String>)
     let filling = library.filling(name).ok_or_else(|| {
         Problem::invalid(format!("the filling {name:?} is not in the list. Copy a name from the list exactly."))
     })?;
-    let said = in_order("fill share", written.fill_share.ok_or_else(|| lacking("fill_share"))?, flags);
-    Ok(Inside::Filled { filling: filling.name.clone(), share: cut("fill share", said, FILL_SHARE, flags) })
+    let said = written.fill_share.ok_or_else(|| lacking("fill_share"))?;
+    Ok(Inside::Filled { filling: filling.name.clone(), share: possible(&FILL_SHARE, said, flags)? })
 }
 
 /// The density of a part. The density of a mixed part is that of the whole, which no material of the library bounds.
-fn density(written: &Written, material: &Material, family: &Family, flags: &mut Vec<String>) -> Range {
+fn density(written: &Written, material: &Material, family: &Family, flags: &mut Vec<String>) -> Result<Range, Problem> {
     let bulk = matches!(written.form, WrittenForm::Mixed).then_some(written.bulk_density_kg_m3).flatten();
-    let name = if bulk.is_some() { "bulk density in kg/m3" } else { "density in kg/m3" };
-    let said = in_order(name, bulk.unwrap_or(written.density_kg_m3), flags);
-    match bulk {
-        Some(_) => cut(name, said, BULK_DENSITY_KG_M3, flags),
-        None => narrower(name, said, family.density_kg_m3, material.density_kg_m3, flags),
+    if let Some(said) = bulk {
+        return possible(&BULK_DENSITY, said, flags);
     }
+    let name = "density in kg/m3";
+    let said = in_order(name, written.density_kg_m3, flags);
+    Ok(narrower(name, said, family.density_kg_m3, material.density_kg_m3, flags))
 }
 
 fn settle(
@@ -210,8 +242,8 @@ fn settle(
     family: &Family,
     (form, inside): (Form, Option<Inside>),
     mut flags: Vec<String>,
-) -> Answer {
-    let density_kg_m3 = density(&written, material, family, &mut flags);
+) -> Result<Answer, Problem> {
+    let density_kg_m3 = density(&written, material, family, &mut flags)?;
     let bulk_reason = written.bulk_reason.filter(|_| form == Form::Mixed);
     if form == Form::Mixed && bulk_reason.as_deref().is_none_or(|reason| reason.trim().is_empty()) {
         flags.push("the bulk density comes without a reason".to_owned());
@@ -241,7 +273,7 @@ fn settle(
     if confidence != written.confidence {
         flags.push(format!("confidence {} is not within 0 to 1", written.confidence));
     }
-    Answer {
+    Ok(Answer {
         caption: written.caption.trim().into(),
         family: material.family.clone(),
         material: material.name.clone(),
@@ -258,7 +290,7 @@ fn settle(
         confidence,
         matched: Match::Live,
         flags,
-    }
+    })
 }
 
 /// The two scales cannot be converted into each other: a value on another scale than the library's is replaced by the
@@ -296,10 +328,29 @@ fn in_order(name: &str, said: Range, flags: &mut Vec<String>) -> Range {
     Range::new(said.high, said.low)
 }
 
+/// What is possible of a range in the unit of its field, in SI.
+///
+/// # Errors
+/// If that is nothing, or no more than one end of what is possible: a range would become an exact number that nobody gave.
+fn possible(quantity: &Quantity, written: Range, flags: &mut Vec<String>) -> Result<Range, Problem> {
+    let Quantity { field, name, what, unit, bounds } = *quantity;
+    let said = in_order(name, scaled(written, unit), flags);
+    let cut = cut(name, said, bounds, flags);
+    if cut.low == cut.high && cut != said {
+        return Err(Problem::invalid(format!(
+            "{field}: {} leaves nothing that is possible; give {what}, from {} to {}.",
+            shown(written),
+            bounds.low / unit,
+            bounds.high / unit
+        )));
+    }
+    Ok(cut)
+}
+
 fn cut(name: &str, said: Range, bounds: Range, flags: &mut Vec<String>) -> Range {
     let cut = said.clipped(bounds);
     if cut != said {
-        flags.push(format!("{name}: {} exceeds the possible range {}; it was clamped", in_si(said), in_si(bounds)));
+        flags.push(format!("{name}: {} exceeds the possible range {}; it was clamped", shown(said), shown(bounds)));
     }
     cut
 }
@@ -310,8 +361,8 @@ fn narrower(name: &str, said: Range, bounds: Range, row: Range, flags: &mut Vec<
     if said.low > row.high || row.low > said.high {
         flags.push(format!(
             "{name}: the answer's {} does not overlap the library's {}; the library's is used",
-            in_si(said),
-            in_si(row)
+            shown(said),
+            shown(row)
         ));
         return row;
     }
@@ -322,7 +373,7 @@ fn narrower(name: &str, said: Range, bounds: Range, row: Range, flags: &mut Vec<
     if width(said) <= width(row) { said } else { row }
 }
 
-fn in_si(range: Range) -> String {
+fn shown(range: Range) -> String {
     let number = |value: f64| if value < 1e4 { format!("{value}") } else { format!("{value:e}") };
     format!("[{}, {}]", number(range.low), number(range.high))
 }

@@ -1,5 +1,6 @@
 //! Errors of the queries as a whole. The failure of a single segment is a [`super::Failure`].
 
+use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
 use super::asker::AskError;
@@ -14,7 +15,7 @@ use crate::output;
 pub enum QueryError {
     #[error("view {view}: the label map has no pixel of segment {segment}; segment the scene again")]
     EmptySegment { view: String, segment: u16 },
-    #[error("view {view}: the label map is {map:?} pixels, the photo {photo:?}; segment the scene again")]
+    #[error("view {view}: the label map is {} x {} pixels, the photo {} x {}; segment the scene again", map.0, map.1, photo.0, photo.1)]
     SizeMismatch { view: String, map: (u32, u32), photo: (u32, u32) },
     #[error(transparent)]
     Prompt(#[from] PromptError),
@@ -34,8 +35,11 @@ pub enum QueryError {
     MissingSize { view: String, miss: Miss },
     #[error("--max-usd cannot be kept: no price is known for {model}; give a price table with --prices FILE")]
     NoPrice { model: String },
-    #[error("{} would cost about {usd:.2} USD, more than --max-usd {max_usd}; nothing was sent", output::counted(*.requests, "request"))]
-    OverBudget { requests: usize, usd: f64, max_usd: f64 },
+    #[error(
+        "{} would cost about {usd:.4} USD, more than {}",
+        output::counted(*.requests, "request"), limit(*.max_usd, .spent)
+    )]
+    OverBudget { requests: usize, usd: f64, max_usd: f64, spent: Spent },
     #[error(
         "--max-usd {max_usd} is reached: {spent_usd:.4} USD spent, {} not asked; the answers so far are recorded. Raise \
          --max-usd to go on",
@@ -91,12 +95,22 @@ pub enum QueryError {
     )]
     BatchApiPartial { failed: usize, total: usize, reasons: String },
     #[error(
+        "{}. Their questions still wait: collect again later, with the key and the --lmm-url with which they were \
+         submitted. Only if the server no longer has such a job, remove it from \"jobs\" in {file:?}, and `submit` asks its \
+         questions again",
+        unfetched(.jobs)
+    )]
+    BatchApiUnfetched {
+        /// The reason by the id of the job.
+        jobs: BTreeMap<String, String>,
+        /// The file in which the jobs are noted.
+        file: PathBuf,
+    },
+    #[error(
         "in {folder:?}, {} cannot be used{}:\n{lines}",
         output::counted(*.count, "answer"), if *.recorded > 0 { "; the others are recorded" } else { "" }
     )]
     Import { folder: PathBuf, count: usize, recorded: usize, lines: String },
-    #[error("cannot save an answer: {0}")]
-    Save(std::io::Error),
 }
 
 /// A segment without a recorded answer.
@@ -136,7 +150,7 @@ fn counted(failures: &[(Failure, usize)]) -> String {
     let mut words: Vec<String> = failures
         .iter()
         .take(SHOWN_FAILURES)
-        .map(|(failure, segments)| format!("{failure} ({segments} of them)"))
+        .map(|(failure, segments)| format!("{failure} ({})", output::counted(*segments, "question")))
         .collect();
     if failures.len() > SHOWN_FAILURES {
         words.push(format!("and {} more; see answers.jsonl", failures.len() - SHOWN_FAILURES));
@@ -154,6 +168,21 @@ fn where_kept(folder: &Path, spare: Option<&Path>) -> String {
             format!("The answers that could not be written are printed above; make room and save them in {folder:?}")
         }
     }
+}
+
+fn unfetched(jobs: &BTreeMap<String, String>) -> String {
+    let jobs: Vec<String> = jobs.iter().map(|(id, reason)| format!("job {id}: {reason}")).collect();
+    format!("Batch API jobs that cannot be fetched: {}", jobs.join("; "))
+}
+
+/// The limit that requests would exceed, and what happened before.
+fn limit(max_usd: f64, spent: &Spent) -> String {
+    if spent.requests == 0 {
+        return format!("--max-usd {max_usd}; nothing was sent");
+    }
+    format!(
+        "is left of --max-usd {max_usd} (spent so far: {spent}); the answers so far are recorded. Raise --max-usd to go on"
+    )
 }
 
 fn unanswered(questions: usize) -> String {

@@ -38,7 +38,7 @@ pub use labels::{LabelSet, LabelsError};
 pub use options::{AnswerSource, Context, Guidance, Options, SCENE_KEYS};
 pub use prompt::{PromptError, Prompts};
 pub use queries::{Queries, ViewInput};
-pub use run::{OnAnswer, Preview, Run};
+pub use run::{Preview, Run};
 pub use segment_query::SegmentQuery;
 pub use sha256::Sha256Hex;
 pub use size::{Size, SizeAnswer, SizeOutcome, SizeQuery};

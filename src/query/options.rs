@@ -136,7 +136,8 @@ pub struct Options {
     #[serde(skip)]
     pub lmm_retries: u32,
 
-    /// Stop before the bill could exceed this many US dollars; failed requests count if they may have been billed
+    /// Stop before the bill could exceed this many US dollars (in a batch, an equal share for each scene); failed requests
+    /// count if they may have been billed
     #[arg(long, value_name = "USD", allow_negative_numbers = true, value_parser = usd)]
     #[serde(skip)]
     pub max_usd: Option<f64>,

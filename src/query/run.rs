@@ -70,9 +70,6 @@ struct Sorted<'a> {
     open: Vec<Open<'a>>,
 }
 
-/// Called with each answer as soon as it arrives.
-pub type OnAnswer<'a> = dyn FnMut(&SegmentQuery, &SegmentAnswer) -> std::io::Result<()> + 'a;
-
 impl Queries<'_> {
     /// How much is recorded, and what asking about the rest would cost. `answerer` is the one that would be asked.
     pub fn preview(&self, recordings: &Recordings, answerer: Option<&Answerer>, price: Option<&Price>) -> Preview {
@@ -166,10 +163,7 @@ impl Queries<'_> {
         let is_due = |open: &Open| due(&self.segments[open.index], open.question);
         let first = sorted.open.iter().position(is_due).map_or(&[][..], |at| &sorted.open[at..=at]);
         let mut asked = None;
-        let mut keep = |_, outcome| {
-            asked = Some(outcome);
-            Ok(())
-        };
+        let mut keep = |_: usize, outcome: Outcome| asked = Some(outcome);
         if !first.is_empty() {
             check_ready(asker, sorted.open.len())?;
             recordings.check_writable()?;
@@ -191,19 +185,18 @@ impl Queries<'_> {
 
     /// Answers every segment: from `recordings`, and from `asker` if they have no answer.
     ///
-    /// `on_answer` is called with each answer as soon as it arrives; the result has them in the order of the segments.
-    /// A segment that could not be answered is a typed failure among the answers and is not recorded. Requests are entered
-    /// in `budget`, which holds the budget and may have entries of earlier runs.
+    /// The result has the answers in the order of the segments. A segment that could not be answered is a typed failure
+    /// among the answers and is not recorded. Requests are entered in `budget`, which holds the budget and may have entries
+    /// of earlier runs.
     ///
     /// # Errors
     /// [`QueryError::Missing`] if an answer is not recorded and there is no asker. An error if the budget does not
-    /// suffice, if the server cannot answer at all, or if a recording or answer cannot be saved.
+    /// suffice, if the server cannot answer at all, or if a recording cannot be saved.
     pub fn run(
         &self,
         recordings: &Recordings,
         asker: Option<&dyn Asker>,
         budget: &Budget,
-        on_answer: &mut OnAnswer,
         progress: Progress,
     ) -> Result<Run, QueryError> {
         let asker = asker.filter(|_| self.options.answers != AnswerSource::Replay);
@@ -212,11 +205,8 @@ impl Queries<'_> {
         let mut outcomes: Vec<Option<SegmentAnswer>> = vec![None; self.segments.len()];
         let mut keep = |index: usize, outcome: Outcome| {
             let segment = &self.segments[index];
-            let answer = SegmentAnswer { view: segment.view.clone(), segment: segment.segment, outcome };
             bar.inc(1);
-            on_answer(segment, &answer).map_err(QueryError::Save)?;
-            outcomes[index] = Some(answer);
-            Ok(())
+            outcomes[index] = Some(SegmentAnswer { view: segment.view.clone(), segment: segment.segment, outcome });
         };
 
         match asker {
@@ -231,7 +221,7 @@ impl Queries<'_> {
             }
         }
         for (index, outcome) in sorted.answered {
-            keep(index, outcome)?;
+            keep(index, outcome);
         }
         if let Some(asker) = asker {
             let live = Live { queries: self, recordings, asker, budget, progress };
@@ -309,10 +299,13 @@ fn check_budget(cost: &Cost, answerer: &Answerer, budget: &Budget) -> Result<(),
     let Some(max_usd) = budget.max_usd() else { return Ok(()) };
     match cost.usd {
         None => Err(QueryError::NoPrice { model: answerer.model.clone() }),
-        Some(usd) if usd + budget.spent().usd.unwrap_or(0.0) > max_usd => {
-            Err(QueryError::OverBudget { requests: cost.requests, usd, max_usd })
+        Some(usd) => {
+            let spent = budget.spent();
+            if usd + spent.usd.unwrap_or(0.0) > max_usd {
+                return Err(QueryError::OverBudget { requests: cost.requests, usd, max_usd, spent });
+            }
+            Ok(())
         }
-        Some(_) => Ok(()),
     }
 }
 
@@ -321,13 +314,9 @@ fn check_ready(asker: &dyn Asker, segments: usize) -> Result<(), QueryError> {
     asker.ready().map_err(|error| QueryError::NotReady { error, segments })
 }
 
-/// Asks about all open segments with as many threads as the asker allows; answers are saved on this thread as they
-/// arrive.
-fn ask_all(
-    live: &Live,
-    open: &[Open],
-    keep: &mut dyn FnMut(usize, Outcome) -> Result<(), QueryError>,
-) -> Result<(), QueryError> {
+/// Asks about all open segments with as many threads as the asker allows; `keep` gets each outcome on this thread as it
+/// arrives.
+fn ask_all(live: &Live, open: &[Open], keep: &mut dyn FnMut(usize, Outcome)) -> Result<(), QueryError> {
     let next = AtomicUsize::new(0);
     let (sender, receiver) = mpsc::channel();
     let mut answered = 0;
@@ -349,19 +338,18 @@ fn ask_all(
         }
         drop(sender);
         for (index, outcome) in receiver {
-            let kept = match outcome {
+            match outcome {
                 Ok(Some(outcome)) => {
                     answered += 1;
-                    keep(index, outcome).map_err(Stop::Error)
+                    keep(index, outcome);
                 }
-                Ok(None) => Ok(()),
-                Err(stop) => Err(stop),
-            };
-            if let Err(reason) = kept {
-                live.budget.close();
-                // The first reason is reported, but a paid answer that could not be saved takes precedence.
-                if stop.as_ref().is_none_or(|told: &Stop| reason.is_unkept() && !told.is_unkept()) {
-                    stop = Some(reason);
+                Ok(None) => {}
+                Err(reason) => {
+                    live.budget.close();
+                    // The first reason is reported, but a paid answer that could not be saved takes precedence.
+                    if stop.as_ref().is_none_or(|told: &Stop| reason.is_unkept() && !told.is_unkept()) {
+                        stop = Some(reason);
+                    }
                 }
             }
         }

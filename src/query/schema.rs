@@ -37,9 +37,13 @@ impl Schema {
     /// The schema `value` with its `family` narrowed to `families` and its `filling`, if it has one, to `fillings` or
     /// null.
     pub fn new(file: &str, mut value: Value, families: &[&str], fillings: &[&str]) -> Result<Self, PromptError> {
+        if !value.is_object() {
+            return Err(PromptError::Schema { file: file.into(), problem: "it is not a JSON object".into() });
+        }
         let or_null = fillings.iter().map(|name| json!(name)).chain([Value::Null]).collect();
         for (property, choices) in NAMED.into_iter().zip([json!(families), Value::Array(or_null)]) {
-            if let Some(property) = value["properties"].get_mut(property).and_then(Value::as_object_mut) {
+            let property = value.get_mut("properties").and_then(|properties| properties.get_mut(property));
+            if let Some(property) = property.and_then(Value::as_object_mut) {
                 property.insert("enum".into(), choices);
             }
         }

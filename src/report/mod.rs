@@ -58,7 +58,7 @@ pub struct Report {
     pub gaussians_per_label: Vec<usize>,
     /// `None` if it was left out.
     pub simulation: Option<SimulationReport>,
-    /// `None` if the metric scale is unknown.
+    /// `None` if the metric scale is unknown or the object cannot be grasped; the warnings say why.
     pub grasp: Option<GraspReport>,
     /// Messages about results that may be wrong and should be checked, each with its stage.
     pub warnings: Vec<Remark>,

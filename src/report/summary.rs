@@ -99,6 +99,7 @@ pub fn grasp_line(grasp: &GraspReport) -> String {
     let part = one_line(&name);
     let estimated = if grasp.estimated_scale { ESTIMATED } else { "" };
     match &grasp.infeasible {
+        None if grasp.candidates.is_empty() => format!("grasp  no place was found where the fingers fit{estimated}\n"),
         None => format!(
             "grasp  {} N at the {part}: slips below {} N, damaged above {} N{estimated}\n",
             significant(grasp.f_star_n),

@@ -90,23 +90,46 @@ impl Conversion {
 
     /// The camera after the conversion.
     pub fn apply(&self, camera_from_world: &Isometry3<f64>) -> Isometry3<f64> {
+        let (rotation, center) = self.reading.apply(camera_from_world);
+        let world = self.world.matrix();
+        camera(self.flip() * rotation * world.transpose(), world * center * self.scale)
+    }
+
+    /// The camera before the conversion, from the one after it.
+    pub fn undo(&self, camera_from_world: &Isometry3<f64>) -> Isometry3<f64> {
+        let (rotation, center) = Reading::AsIs.apply(camera_from_world);
+        let world = self.world.matrix();
+        let read = camera(self.flip() * rotation * world, world.transpose() * center / self.scale);
+        // Every reading is its own inverse.
+        let (rotation, center) = self.reading.apply(&read);
+        camera(rotation, center)
+    }
+
+    fn flip(&self) -> Matrix3<f64> {
+        Matrix3::from_diagonal(&Vector3::from(self.camera_flip.map(|flip| if flip { -1.0 } else { 1.0 })))
+    }
+}
+
+impl Reading {
+    /// The rotation from the world to the camera, and the camera's centre in the world.
+    fn apply(self, camera_from_world: &Isometry3<f64>) -> (Matrix3<f64>, Point3<f64>) {
         let center = camera_from_world.inverse_transform_point(&Point3::origin());
         let rotation = camera_from_world.rotation.to_rotation_matrix().into_inner();
         let opengl = Matrix3::from_diagonal(&Vector3::new(1.0, -1.0, -1.0));
-        let (rotation, center) = match self.reading {
-            Reading::AsIs => (rotation, center),
-            Reading::Transposed => (rotation.transpose(), center),
-            Reading::TransposedOpenGl => (opengl * rotation.transpose() * opengl, center),
-            Reading::Inverted => (rotation.transpose(), camera_from_world.translation.vector.into()),
-        };
-        let flip = Vector3::from(self.camera_flip.map(|flip| if flip { -1.0 } else { 1.0 }));
-        let world = self.world.matrix();
-        let rotation = Matrix3::from_diagonal(&flip) * rotation * world.transpose();
-        let center = world * center * self.scale;
-        let rotation = UnitQuaternion::from_rotation_matrix(&Rotation3::from_matrix_unchecked(rotation));
-        let rotation = UnitQuaternion::new_normalize(rotation.into_inner());
-        Isometry3::from_parts((rotation * -center.coords).into(), rotation)
+        match self {
+            Self::AsIs => (rotation, center),
+            Self::Transposed => (rotation.transpose(), center),
+            Self::TransposedOpenGl => (opengl * rotation.transpose() * opengl, center),
+            Self::Inverted => (rotation.transpose(), camera_from_world.translation.vector.into()),
+        }
     }
+}
+
+/// The pose of a camera with this rotation from the world and this centre.
+fn camera(rotation: Matrix3<f64>, center: Point3<f64>) -> Isometry3<f64> {
+    let rotation = UnitQuaternion::from_rotation_matrix(&Rotation3::from_matrix_unchecked(rotation));
+    let rotation = UnitQuaternion::new_normalize(rotation.into_inner());
+    Isometry3::from_parts((rotation * -center.coords).into(), rotation)
 }
 
 impl fmt::Display for Conversion {

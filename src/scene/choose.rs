@@ -6,7 +6,7 @@ use nalgebra::{Point3, Vector3};
 use rayon::prelude::*;
 
 use super::sharpness::sharpness;
-use super::{Options, Scene, SceneError, View};
+use super::{Options, Scene, SceneError, View, view_names};
 use crate::numeric::upper_median;
 
 /// Photos examined per chosen view: enough to leave out the blurred ones, few enough not to decode all of a long
@@ -30,7 +30,11 @@ impl Scene {
     pub fn chosen_views(&self, options: &Options) -> Result<Vec<View>, SceneError> {
         let mut indices = match options.view_list.is_empty() {
             true => self.spread_indices(options.views.get())?,
-            false => options.view_list.iter().map(|name| self.index_of(name)).collect::<Result<_, _>>()?,
+            false => options
+                .view_list
+                .iter()
+                .map(|name| view_names::index_of(&self.views, name))
+                .collect::<Result<_, _>>()?,
         };
         indices.sort_unstable();
         indices.dedup();
@@ -83,12 +87,6 @@ impl Scene {
         };
         let share = |view: &View| centers.iter().filter(|center| shows(view, center)).count() as f64;
         self.views.iter().map(|view| share(view) / centers.len().max(1) as f64).collect()
-    }
-
-    fn index_of(&self, name: &str) -> Result<usize, SceneError> {
-        let known = || self.views.iter().map(|view| view.name.clone()).collect();
-        let found = self.views.iter().position(|view| view.name == name);
-        found.ok_or_else(|| SceneError::UnknownView { name: name.to_owned(), known: known() })
     }
 }
 

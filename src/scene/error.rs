@@ -31,7 +31,7 @@ pub enum SceneError {
     )]
     NoSplat { folder: PathBuf, others: Vec<String> },
     #[error(
-        "`{0}` is not a scene but holds {1}; run them all with `gprop batch {0}`, or give one of them, such as `{2}`",
+        "`{0}` is not a scene but holds {1}; give a scene folder, such as `{2}`, or run all of `{0}` with `gprop batch {0}`",
         folder.display(), counted(*.count, "scene folder"), first.display()
     )]
     ManyScenes { folder: PathBuf, count: usize, first: PathBuf },
@@ -44,7 +44,8 @@ pub enum SceneError {
     #[error(
         "no cameras in `{}`: neither transforms.json (nerfstudio), transforms_train.json (Blender), sparse/0 or sparse (COLMAP) \
          nor cameras.json (3DGS); --cameras PATH names them elsewhere. Without photos a splat can still be looked at with \
-         `gprop inspect`; `gprop run` and `gprop export` need --render-views N, which renders its own views",
+         `gprop inspect`; all commands that run stages, such as `gprop run`, need --render-views N, which renders its own \
+         views",
         folder.display()
     )]
     NoCameras { folder: PathBuf },
@@ -115,7 +116,7 @@ pub enum SceneError {
     MaskShape { path: PathBuf, photo: (u32, u32), found: (u32, u32) },
     #[error("{0}")]
     Outside(Box<Outside>),
-    #[error("no view is named `{name}`; the views are: {}", known.join(", "))]
+    #[error("no view is named `{name}`; {}", views_known(known))]
     UnknownView { name: String, known: Vec<String> },
 }
 
@@ -143,6 +144,16 @@ pub struct Outside {
     pub flag: Option<(&'static str, PathBuf)>,
 }
 
+impl SceneError {
+    /// The same error for a command without the options that name files of the scene.
+    pub fn without_flag(mut self) -> Self {
+        if let Self::Outside(outside) = &mut self {
+            outside.flag = None;
+        }
+        self
+    }
+}
+
 /// An error in a splat that is not a PLY.
 #[derive(Debug, Error)]
 pub enum SplatProblem {
@@ -162,6 +173,13 @@ fn others_found(others: &[String]) -> String {
     match others {
         [] => String::new(),
         _ => format!(" (there is {}, which gprop does not read)", others.join(", ")),
+    }
+}
+
+fn views_known(known: &[String]) -> String {
+    match known {
+        [] => "the scene has no photo with a camera".to_owned(),
+        _ => format!("the views are: {}", known.join(", ")),
     }
 }
 

@@ -60,6 +60,7 @@ pub use photo::{ForegroundSource, Photo, Upright};
 pub use reference::Reference;
 pub use scale::{ScaleChoice, SizedMarker};
 pub use splat_formats::{SPLAT_FORMATS, SplatFormat};
+pub(crate) use view_names::index_of;
 
 /// The contents of a scene folder.
 #[derive(Debug, Clone)]
@@ -150,7 +151,9 @@ pub fn load(folder: &Path, options: &Options) -> Result<Scene, SceneError> {
     let measured = scale::Measured {
         object: robust_bounds(&object),
         views: &views,
-        data_set: found.splat_units_per_camera_unit.and_then(|units| dataset::convention_of(folder, units)),
+        data_set: found
+            .splat_units_per_camera_unit
+            .and_then(|units| dataset::convention_of(folder, units * options.align.scale)),
     };
     let (scale, warning) = options.scale.metric_scale(&measured)?;
     found.warnings.extend(warning);
@@ -181,8 +184,8 @@ struct Found {
     files: Vec<PathBuf>,
     notes: Vec<String>,
     warnings: Vec<String>,
-    /// Splat units per unit of the cameras in their file: nerfstudio trains in units of its own, and `--align` may
-    /// scale. `None` if unknown.
+    /// Splat units per unit of the cameras in their file, without the scale of `--align`: nerfstudio trains in units of
+    /// its own. `None` if unknown.
     splat_units_per_camera_unit: Option<f64>,
 }
 
@@ -234,8 +237,6 @@ impl Found {
         let mut views = found.views;
         if !options.align.is_none() {
             self.notes.push(format!("cameras converted by --align {}", options.align));
-            self.splat_units_per_camera_unit =
-                self.splat_units_per_camera_unit.map(|units| units * options.align.scale);
             for view in &mut views {
                 view.camera.camera_from_world = options.align.apply(&view.camera.camera_from_world);
             }

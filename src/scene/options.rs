@@ -66,7 +66,8 @@ pub struct Options {
     #[arg(long, value_name = "DIR", value_parser = option_values::folder(), overrides_with = "render_views")]
     pub images: Option<PathBuf>,
 
-    /// Folder with a mask for each photo, white on the object and named like the photo [default: masks/, if it exists]
+    /// Folder with a mask for each photo, white on the object and named like the photo [default: those that
+    /// the camera file names, else masks/]
     #[arg(long, value_name = "DIR", value_parser = option_values::folder(), overrides_with = "render_views")]
     pub masks: Option<PathBuf>,
 

@@ -20,6 +20,8 @@ pub struct Photo {
     /// 255 on the object, 0 elsewhere; 255 everywhere if nothing distinguishes the two.
     pub foreground: GrayImage,
     pub foreground_source: ForegroundSource,
+    /// Whether some of the white behind it shows.
+    pub over_white: bool,
 }
 
 /// The source of the foreground.
@@ -67,16 +69,14 @@ impl Header {
         if upright == Upright::Turned && on_its_side { (height, width) } else { (width, height) }
     }
 
-    /// Applies the orientation, unless the declared size shows that the cameras belong to the pixels as stored: it has
-    /// their aspect ratio and not that of the upright photo.
+    /// Applies the orientation, unless the declared size shows that the cameras may belong to the pixels as stored: it
+    /// has their aspect ratio, and the turned photo's is no nearer to it. COLMAP's cameras belong to the pixels as stored.
     pub fn upright_for(&self, declared: Option<(u32, u32)>) -> Upright {
-        if !self.is_turned() {
-            return Upright::AsStored;
-        }
-        let stored = declared.is_some_and(|size| {
-            same_shape(size, self.size(Upright::AsStored)) && !same_shape(size, self.size(Upright::Turned))
-        });
-        if stored { Upright::AsStored } else { Upright::Turned }
+        let (stored, turned) = (self.size(Upright::AsStored), self.size(Upright::Turned));
+        let ratio = |(width, height): (u32, u32)| (f64::from(width) / f64::from(height)).ln();
+        let off = |size, other| (ratio(size) - ratio(other)).abs();
+        let fits_stored = |size| same_shape(size, stored) && off(size, stored) <= off(size, turned);
+        if !self.is_turned() || declared.is_some_and(fits_stored) { Upright::AsStored } else { Upright::Turned }
     }
 }
 
@@ -160,12 +160,13 @@ impl Photo {
     fn of(picture: DynamicImage, mask: Option<GrayImage>) -> Self {
         let (rgb, alpha) = over_white(picture);
         let (width, height) = rgb.dimensions();
+        let over_white = alpha.is_some();
         let (foreground, foreground_source) = match (mask, alpha) {
             (Some(mask), _) => (thresholded(mask), ForegroundSource::Mask),
             (None, Some(alpha)) => (alpha, ForegroundSource::Alpha),
             (None, None) => (GrayImage::from_pixel(width, height, Luma([255])), ForegroundSource::Whole),
         };
-        Self { rgb, foreground, foreground_source }
+        Self { rgb, foreground, foreground_source, over_white }
     }
 }
 

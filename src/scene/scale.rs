@@ -12,7 +12,7 @@ use serde::{Deserialize, Deserializer, Serialize, Serializer};
 
 use super::as_typed::as_typed;
 use super::marker::{self, FoundMarker, Marker};
-use super::{Scene, SceneError, View};
+use super::{Scene, SceneError, View, view_names};
 use crate::option_values::with_unit;
 use crate::units::{MetricScale, Range, ScaleSource};
 use gprop_kernels::bounds::{Bounds, longest_side};
@@ -134,10 +134,11 @@ impl ScaleChoice {
                 measured(meters, scene.object.size()[*axis], ScaleSource::BoundingBox, provenance)
             }
             Self::Cameras { a, b, meters } => {
-                let center = |name: &String| {
-                    let view = scene.views.iter().find(|view| view.name == *name);
-                    view.map(|view| view.camera.center_in_world())
-                        .ok_or_else(|| refused(format!("no view is named `{name}`")))
+                let center = |name: &str| {
+                    let index = view_names::index_of(scene.views, name);
+                    index
+                        .map(|index| scene.views[index].camera.center_in_world())
+                        .map_err(|unknown| refused(unknown.to_string()))
                 };
                 let units = (center(a)? - center(b)?).norm();
                 measured(meters, units, ScaleSource::Cameras, format!("distance between the cameras of {a} and {b}"))

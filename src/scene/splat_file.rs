@@ -20,15 +20,19 @@ pub(super) struct Found {
 ///    `export_N.ply` with the largest N (Brush),
 /// 3. the first file by name that has a [`SplatFormat`] and begins like a splat.
 pub(super) fn find(folder: &Path) -> Result<Found, SceneError> {
-    let named = [folder.join("point_cloud.ply"), folder.join("splat.ply"), folder.join("exports/splat/splat.ply")];
-    let [point_cloud, splat, export] = named.map(|path| files::is_there(&path).then_some(path));
-    let trained = numbered(&folder.join("point_cloud"), "iteration_", "").map(|path| path.join("point_cloud.ply"));
-    let gsplat = numbered(&folder.join("ply"), "point_cloud_", ".ply");
-    let brush = numbered(folder, "export_", ".ply");
+    let trained = numbered(&folder.join("point_cloud"), "iteration_", "");
+    let known = [
+        vec![folder.join("point_cloud.ply")],
+        trained.into_iter().map(|path| path.join("point_cloud.ply")).collect(),
+        vec![folder.join("splat.ply")],
+        vec![folder.join("exports/splat/splat.ply")],
+        numbered(&folder.join("ply"), "point_cloud_", ".ply"),
+        numbered(folder, "export_", ".ply"),
+    ];
+    let known = known.into_iter().filter_map(|paths| paths.into_iter().find(|path| files::is_there(path)));
     let (splats, clouds) = loose_splats(folder);
-    let known = [point_cloud, trained.filter(|path| files::is_there(path)), splat, export, gsplat, brush];
     let mut candidates: Vec<PathBuf> = Vec::new();
-    for path in known.into_iter().flatten().chain(splats) {
+    for path in known.chain(splats) {
         if !candidates.contains(&path) {
             candidates.push(path);
         }
@@ -40,11 +44,13 @@ pub(super) fn find(folder: &Path) -> Result<Found, SceneError> {
     Ok(Found { path: candidates.remove(0), others })
 }
 
-/// The entry `{prefix}{N}{suffix}` with the largest N.
-fn numbered(folder: &Path, prefix: &str, suffix: &str) -> Option<PathBuf> {
+/// The entries `{prefix}{N}{suffix}`, from the largest N to the smallest.
+fn numbered(folder: &Path, prefix: &str, suffix: &str) -> Vec<PathBuf> {
     let number = |name: &str| name.strip_prefix(prefix)?.strip_suffix(suffix)?.parse::<u64>().ok();
-    let numbered = names_in(folder).into_iter().filter_map(|name| number(&name).map(|n| (n, name)));
-    numbered.max().map(|(_, name)| folder.join(name))
+    let mut numbered: Vec<(u64, String)> =
+        names_in(folder).into_iter().filter_map(|name| number(&name).map(|n| (n, name))).collect();
+    numbered.sort();
+    numbered.into_iter().rev().map(|(_, name)| folder.join(name)).collect()
 }
 
 /// Splats sorted by file name, those named like gprop's own results last, and the names of files that look like splats

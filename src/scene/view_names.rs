@@ -3,6 +3,8 @@
 use std::collections::HashSet;
 use std::path::{Component, Path, PathBuf};
 
+use super::{SceneError, View};
+
 /// A name for each of `files`: the file name without extension, preceded by the folders above it if two files would get
 /// the same name, and followed by a number if even these are the same.
 pub(super) fn of(files: &[String]) -> Vec<String> {
@@ -16,13 +18,31 @@ pub(super) fn of(files: &[String]) -> Vec<String> {
     names.into_iter().map(|name| numbered(name, &mut taken)).collect()
 }
 
+/// The index of the view with this name, or else of the only one whose photo's file has this name, without extension.
+pub fn index_of(views: &[View], name: &str) -> Result<usize, SceneError> {
+    let named = views.iter().position(|view| view.name == name);
+    let is_its_file = |view: &View| view.image.file_stem().is_some_and(|stem| stem == name);
+    let mut of_file = (0..views.len()).filter(|&index| is_its_file(&views[index]));
+    let only = of_file.next().filter(|_| of_file.next().is_none());
+    named.or(only).ok_or_else(|| {
+        let known = views.iter().map(|view| view.name.clone()).collect();
+        SceneError::UnknownView { name: name.to_owned(), known }
+    })
+}
+
+/// Whether a path is absolute on any system: `/data`, `C:\data`, `\\server\data`.
+pub(super) fn is_absolute(file: &str) -> bool {
+    let has_drive = matches!(file.as_bytes(), [drive, b':', b'/' | b'\\', ..] if drive.is_ascii_alphabetic());
+    has_drive || file.starts_with(['/', '\\'])
+}
+
 /// The path of `file` relative to `folder`; `file` is relative to it or absolute, with the separators of any system.
 /// `None` if it leads out of the folder.
 pub(super) fn path_within(folder: &Path, file: &str) -> Option<String> {
     let file = file.replace('\\', "/");
-    let file = Path::new(&file);
     let absolute_folder = folder.canonicalize().unwrap_or_default();
-    let relative = if file.is_absolute() { file.strip_prefix(absolute_folder).ok()? } else { file };
+    let path = Path::new(&file);
+    let relative = if is_absolute(&file) { path.strip_prefix(absolute_folder).ok()? } else { path };
     let mut parts = Vec::new();
     for component in relative.components() {
         match component {

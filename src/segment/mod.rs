@@ -114,6 +114,15 @@ impl ViewSegments {
         usize::from(id).checked_sub(1).map_or(0, |index| self.segments[index].parent)
     }
 
+    /// The flat segments of one level for the picture at another size.
+    pub fn resized(&self, width: u32, height: u32) -> Self {
+        let map = self.map.resized(width, height);
+        let scores: Vec<(f32, f32)> =
+            self.segments.iter().map(|segment| (segment.predicted_iou, segment.stability_score)).collect();
+        let level = self.segments.first().map_or_else(Level::default, |segment| segment.level);
+        Self { view: self.view.clone(), segments: paint::segment_list(&map, &scores, level), map }
+    }
+
     /// A warning about the view for the user, if there is one.
     pub fn warning(&self) -> Option<String> {
         match self.segments.as_slice() {
@@ -130,4 +139,26 @@ impl ViewSegments {
 #[derive(Debug, Clone, PartialEq)]
 pub struct Segmentation {
     pub views: Vec<ViewSegments>,
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Boxes and areas are those of the map, not scaled ones, which would grow by rounding.
+    #[test]
+    fn segments_at_another_size_fit_their_map_and_return_unchanged() {
+        let labels = (0..100).map(|index| u16::from((3..6).contains(&(index % 10)) && (2..9).contains(&(index / 10))));
+        let map = LabelMap { width: 10, height: 10, labels: labels.collect() };
+        let segments = paint::segment_list(&map, &[(0.9, 0.8)], Level::Small);
+        let small = ViewSegments { view: "view".into(), map, segments };
+        let large = small.resized(35, 31);
+        let on = |x: u32, y: u32| large.map.at(x, y) == 1;
+        let columns: Vec<u32> = (0..35).filter(|&x| (0..31).any(|y| on(x, y))).collect();
+        let rows: Vec<u32> = (0..31).filter(|&y| (0..35).any(|x| on(x, y))).collect();
+        let [segment] = large.segments.as_slice() else { panic!("{:?}", large.segments) };
+        assert_eq!(segment.bbox, [columns[0], rows[0], columns.len() as u32, rows.len() as u32]);
+        assert_eq!(segment.area as usize, columns.len() * rows.len());
+        assert_eq!(large.resized(10, 10), small);
+    }
 }

@@ -86,12 +86,15 @@ fn label_map(layers: &[Layer], foreground: &Mask) -> LabelMap {
     map
 }
 
-/// The segments of the map, none of which lies in another. `scores` are the predicted IoU and stability of the segments from 1 on.
+/// The segments of the map, none of which lies in another. `scores` are the predicted IoU and stability of the segments from
+/// 1 on; larger labels do not count.
 pub(super) fn segment_list(map: &LabelMap, scores: &[(f32, f32)], level: Level) -> Vec<Segment> {
     let mut kept = vec![Kept::default(); scores.len() + 1];
     for (index, &label) in map.labels.iter().enumerate() {
         let (x, y) = (index as u32 % map.width, index as u32 / map.width);
-        kept[usize::from(label)].add(x, y);
+        if let Some(kept) = kept.get_mut(usize::from(label)) {
+            kept.add(x, y);
+        }
     }
     let segment = |(index, (&(predicted_iou, stability_score), kept)): (usize, (&(f32, f32), &Kept))| Segment {
         id: index as u16 + 1,

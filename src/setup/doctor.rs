@@ -5,10 +5,10 @@ use std::path::PathBuf;
 
 use serde::Serialize;
 
-use super::Options;
 use super::environment::Environment;
 use super::error::SetupError;
 use super::locate::{self, LOOKUP_ORDER, Source};
+use super::{ModelFiles, Options};
 
 /// The state of everything that gprop needs besides itself. Printed by `gprop doctor`, also as JSON.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize)]
@@ -38,6 +38,25 @@ pub struct RuntimeState {
 pub struct SamState {
     pub encoder: Option<PathBuf>,
     pub decoder: Option<PathBuf>,
+}
+
+impl Doctor {
+    /// The files that [`crate::segment`] needs, if all of them are there.
+    pub fn files(&self) -> Option<ModelFiles> {
+        let (runtime, sam) = (&self.onnxruntime, &self.sam);
+        Some(ModelFiles {
+            onnxruntime: runtime.path.clone()?,
+            encoder: sam.encoder.clone()?,
+            decoder: sam.decoder.clone()?,
+        })
+    }
+
+    /// Adds a problem that was found with these files.
+    pub fn with_problem(mut self, problem: String) -> Self {
+        self.ok = false;
+        self.problems.push(problem);
+        self
+    }
 }
 
 pub(super) fn examine(options: &Options, environment: &Environment) -> Doctor {

@@ -11,7 +11,7 @@ pub enum SetupError {
     )]
     NoCache,
     #[error(
-        "{given_by} names {path:?}, which {problem}: correct it, or leave it out to use the copy that gprop fetches"
+        "{given_by} names {path:?}, which {problem}: correct the path, or omit or unset {given_by} to use the copy that gprop fetches"
     )]
     UserFile { given_by: &'static str, path: PathBuf, problem: String },
     #[error(
@@ -25,7 +25,7 @@ pub enum SetupError {
     )]
     NotOnnxRuntime { given_by: &'static str, path: PathBuf },
     #[error(
-        "{path:?} (from {given_by}) is ONNX Runtime {version}, too old: gprop needs 1.20 or newer; leave {given_by} out to \
+        "{path:?} (from {given_by}) is ONNX Runtime {version}, too old: gprop needs 1.20 or newer; omit or unset {given_by} to \
          use the copy that gprop fetches"
     )]
     TooOld { given_by: &'static str, path: PathBuf, version: String },

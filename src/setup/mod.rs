@@ -87,7 +87,28 @@ pub fn obtain_in(options: &Options, environment: &Environment, progress: Progres
     )?;
     let encoder = found_or(|| locate::encoder(options, environment), may_fetch, fetch_sam)?;
     let decoder = found_or(|| locate::decoder(options, environment), may_fetch, fetch_sam)?;
-    Ok(ModelFiles { onnxruntime: runtime.path, encoder, decoder })
+    let files = ModelFiles { onnxruntime: runtime.path, encoder, decoder };
+    if let Some(warning) = mixed_pair(options, &files) {
+        tracing::warn!("{warning}");
+    }
+    Ok(files)
+}
+
+/// A warning if the user named only one of SAM's two files: any decoder accepts any encoder's output, but its masks mean
+/// nothing unless the two fit together, as MobileSAM's decoder and ViT-H's encoder do.
+fn mixed_pair(options: &Options, files: &ModelFiles) -> Option<String> {
+    let missing = match (&options.sam_encoder, &options.sam_decoder) {
+        (Some(_), None) => Source::SamDecoder,
+        (None, Some(_)) => Source::SamEncoder,
+        _ => return None,
+    };
+    Some(format!(
+        "using the SAM encoder {:?} with the decoder {:?}; unless these two fit together, their masks mean nothing: name \
+         the other file with {}",
+        files.encoder,
+        files.decoder,
+        missing.name()
+    ))
 }
 
 /// The folder in which embeddings are kept if the user asks for it.
@@ -152,4 +173,26 @@ fn fetch_first(
         }
     }
     Err(SetupError::Fetch { title: ways[0].title, attempts: attempts.join("; "), remedy })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_single_file_of_sam_is_warned_about_with_the_one_that_it_is_used_with() {
+        let files =
+            ModelFiles { onnxruntime: "ort.so".into(), encoder: "vit_b.onnx".into(), decoder: "mobile.onnx".into() };
+        let given = |encoder: bool, decoder: bool| Options {
+            sam_encoder: encoder.then(|| files.encoder.clone()),
+            sam_decoder: decoder.then(|| files.decoder.clone()),
+            ..Options::default()
+        };
+        for (encoder, decoder, flag) in [(true, false, "--sam-decoder"), (false, true, "--sam-encoder")] {
+            let warning = mixed_pair(&given(encoder, decoder), &files).unwrap();
+            assert!(["vit_b.onnx", "mobile.onnx", flag].iter().all(|part| warning.contains(part)), "{warning}");
+        }
+        assert_eq!(mixed_pair(&given(true, true), &files), None);
+        assert_eq!(mixed_pair(&given(false, false), &files), None);
+    }
 }

@@ -56,6 +56,8 @@ pub enum SimulateError {
     Rigid { part: String, names: String },
     #[error("--scenario cannot be run: {0}")]
     Scenario(String),
+    #[error("--set changes the parameters of a named scenario, and `{path}` is a file: edit the file instead")]
+    SetOfFile { path: String },
     /// Of a scenario or of `--anchor`.
     #[error("there is no part `{part}`: give one of `{names}`, or all, top, bottom, low_end or high_end")]
     Part { part: String, names: String },

@@ -48,7 +48,7 @@ pub use options::{Fillings, Ground, Options, SCENE_KEYS};
 pub use report::{RigidReport, SimulationReport, StepReport};
 use rigid::body::Body;
 use setup::Setup;
-pub use setup::{ASSUMED_LONGEST_SIDE_M, script_of};
+pub use setup::{ASSUMED_LONGEST_SIDE_M, script_of, simulated};
 use time_step::StepBound;
 
 /// The input of a simulation.
@@ -176,12 +176,15 @@ impl Failure {
         let Lost { particle, position_m, velocity_m_s } = self.lost;
         let finite = position_m.iter().chain(&velocity_m_s).all(|v| v.is_finite());
         let (what, cause) = match finite {
-            false => ("became NaN or infinite", "the time step is too long for its material; lower --cfl"),
+            false => (
+                "became NaN or infinite",
+                "the time step is too long for its material; lower --cfl, or --fixed-step if it is given",
+            ),
             true => (
                 "left the domain",
                 "either the scenario takes it out of the domain, which extends eight times the longest side around the \
                  object (lower its speed or force, or --duration), or a time step that is too long for its material \
-                 made it fly off (lower --cfl)",
+                 made it fly off (lower --cfl, or --fixed-step if it is given)",
             ),
         };
         let origin = to_world.origin_m;

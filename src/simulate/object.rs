@@ -7,7 +7,7 @@ use super::mpm::in_order::InOrder;
 use super::mpm::laws::Law;
 use super::mpm::particles::{Motion, Particle};
 use super::mpm::{DRIFT, Lost, Setting, Solver};
-use super::rigid::body::{Body, Moments, State};
+use super::rigid::body::{Body, Moments, State, Velocities};
 use super::rigid::contact::Ground;
 use super::rigid::coupling::{self, Guest, Joints, Moving};
 use super::rigid::face::Face;
@@ -65,8 +65,8 @@ pub trait Influence: Sync {
     fn has_leads(&self) -> bool;
     /// The motion given to a deforming particle at a position.
     fn leads(&self, id: u32, position_m: [f32; 3]) -> Option<Motion>;
-    /// The motion given to a body.
-    fn leads_body(&self, number: usize, center_m: [f32; 3]) -> Option<Motion>;
+    /// The velocities given to a body with this centre of mass.
+    fn leads_body(&self, number: usize, center_m: Vector3<f64>) -> Option<Velocities>;
 }
 
 impl Object {
@@ -165,6 +165,7 @@ impl Object {
     /// # Errors
     /// If a particle is lost.
     pub fn step(&mut self, dt_s: f64, influence: &impl Influence) -> Result<(), Lost> {
+        let starts: Vec<Velocities> = self.bodies.iter().map(Body::velocities).collect();
         if influence.has_forces() {
             let ids = &self.on_grid;
             self.solver.change_velocities(|own, v| match ids.get(own as usize) {
@@ -176,24 +177,28 @@ impl Object {
                 body.push(push, turn);
             }
         }
-        let center = |body: &Body| -> [f32; 3] { body.state().center_m.map(|x| x as f32).into() };
-        let lead = |(number, body): (usize, &Body)| influence.leads_body(number, center(body));
-        let motions: Vec<Option<Motion>> = self.bodies.iter().enumerate().map(lead).collect();
-        for (body, motion) in self.bodies.iter_mut().zip(&motions) {
-            motion.iter().for_each(|motion| body.lead(motion));
+        let lead = |(number, body): (usize, &Body)| influence.leads_body(number, body.state().center_m);
+        let given: Vec<Option<Velocities>> = self.bodies.iter().enumerate().map(lead).collect();
+        for (body, given) in self.bodies.iter_mut().zip(&given) {
+            if let Some([velocity_m_s, spin]) = *given {
+                body.set_motion(velocity_m_s, spin);
+            }
         }
         if self.is_coupled() {
-            self.step_on_grid(dt_s, &motions, influence)?;
+            self.step_on_grid(dt_s, (&starts, &given), influence)?;
         } else {
             let joints = Joints::none(&self.bodies);
-            accelerate(&mut self.bodies, (&self.grounds, self.gravity_m_s2, dt_s), &motions, &joints);
+            accelerate(&mut self.bodies, (&self.grounds, self.gravity_m_s2, dt_s), (&starts, &given), &joints);
         }
         let mut fastest_m_s = 0.0_f64;
-        for (body, motion) in self.bodies.iter_mut().zip(&motions) {
+        for (body, given) in self.bodies.iter_mut().zip(&given) {
             fastest_m_s = fastest_m_s.max(body.fastest_m_s());
-            body.advance(dt_s);
-            if motion.is_none() {
-                self.grounds.iter().for_each(|ground| ground.lift(body));
+            match *given {
+                Some(velocities) => body.lead(velocities, dt_s),
+                None => {
+                    body.advance(dt_s);
+                    self.grounds.iter().for_each(|ground| ground.lift(body));
+                }
             }
         }
         self.wandered_m += fastest_m_s * dt_s;
@@ -201,7 +206,12 @@ impl Object {
     }
 
     /// Takes a substep on the grid; the bodies get their new velocities, but keep their places.
-    fn step_on_grid(&mut self, dt_s: f64, motions: &[Option<Motion>], influence: &impl Influence) -> Result<(), Lost> {
+    fn step_on_grid(
+        &mut self,
+        dt_s: f64,
+        (starts, given): (&[Velocities], &[Option<Velocities>]),
+        influence: &impl Influence,
+    ) -> Result<(), Lost> {
         let moving: Vec<Moving> = self.bodies.iter().map(Moving::from).collect();
         let (bodies, guests) = (&self.bodies, &self.guests);
         self.solver.place_guests(|guest| guests[guest].moved(bodies, &moving));
@@ -218,10 +228,10 @@ impl Object {
         }
         self.solver.scatter(dt);
         let meeting = (&self.guests[..], &self.bodies[..], &moving[..]);
-        let is_led = |body: usize| motions[body].is_some();
+        let is_led = |body: usize| given[body].is_some();
         let steps = (self.spacing_m.into(), dt_s);
         let joints = coupling::join(&self.solver, meeting, is_led, self.gravity_m_s2, steps);
-        accelerate(&mut self.bodies, (&self.grounds, self.gravity_m_s2, dt_s), motions, &joints);
+        accelerate(&mut self.bodies, (&self.grounds, self.gravity_m_s2, dt_s), (starts, given), &joints);
         joints.carry(&mut self.solver, &self.bodies);
         let gathered = self.solver.gather(dt);
         if influence.has_leads() {
@@ -289,19 +299,21 @@ impl Object {
     }
 }
 
-/// Changes the velocities of the bodies whose motion is not given: by gravity, the impulses at their `joints`, and the
-/// grounds.
+/// Changes the velocities of the bodies for which none are `given`: by gravity, the impulses at their `joints`, and the
+/// grounds. `starts` are the velocities at the start of the step.
 fn accelerate(
     bodies: &mut [Body],
     (grounds, gravity_m_s2, dt_s): (&[Ground], Vector3<f64>, f64),
-    motions: &[Option<Motion>],
+    (starts, given): (&[Velocities], &[Option<Velocities>]),
     joints: &Joints,
 ) {
     let answers = joints.impulses.iter().zip(&joints.responses);
-    for ((body, motion), ([push, turn], response)) in bodies.iter_mut().zip(motions).zip(answers) {
-        if motion.is_none() {
+    for (((body, start), given), ([push, turn], response)) in bodies.iter_mut().zip(starts).zip(given).zip(answers) {
+        if given.is_none() {
+            let loads_m_s = body.state().velocity_m_s - start[0];
             body.push(gravity_m_s2 * (dt_s * body.mass_kg()) + push, *turn);
-            grounds.iter().for_each(|ground| ground.act(body, response, &gravity_m_s2, dt_s));
+            let loads = [loads_m_s, body.spin() - start[1]];
+            grounds.iter().for_each(|ground| ground.act(body, response, (&gravity_m_s2, &loads), dt_s));
         }
     }
 }

@@ -3,6 +3,8 @@
 use std::collections::BTreeSet;
 use std::path::Path;
 
+use nalgebra::Point3;
+
 use super::Input;
 use super::action::Action;
 use super::boundary::Boundary;
@@ -22,6 +24,7 @@ use super::script::{self, Script, Standing, Step, What};
 use super::time_step::StepBound;
 use crate::files;
 use crate::output::{agreeing, counted};
+use crate::scene::gaussians::Gaussians;
 use crate::scene::{Bounds, robust_bounds};
 use crate::units::GRAVITY_M_S2;
 
@@ -40,7 +43,8 @@ const RIGID_PARTICLES: usize = 300;
 
 /// The limit on the expected time of a simulation in which everything that deforms has its true stiffness. If it would
 /// take longer, parts whose deformation is hardly visible become rigid; if that is not enough, stiff parts are softened.
-/// If the user gives a limit for the stiffness, stiffer parts are softened to that limit, and nothing else is changed.
+/// If the user gives a limit for the stiffness, stiffer parts are softened to that limit, and nothing else is changed. If
+/// the user fixes the step, nothing is softened, because softer parts would need as many steps.
 const LONGEST_MINUTES: f64 = 1.0;
 
 /// A Gaussian that is further than this outside the object's bounds, in multiples of the longest side, is not part of
@@ -93,7 +97,7 @@ struct Planned {
 }
 
 impl Plan<'_> {
-    /// The parts with their true stiffness, if that does not take too long.
+    /// The parts with their true stiffness, unless the user limits it or it takes too long and softening would help.
     fn made(&self) -> Result<Planned, SimulateError> {
         let most_pa = self.options.max_stiffness;
         let planned = self.with(most_pa.unwrap_or(f64::INFINITY), choice::INVISIBLE)?;
@@ -101,7 +105,10 @@ impl Plan<'_> {
             return Ok(planned);
         }
         let planned = self.with(f64::INFINITY, choice::HARDLY_VISIBLE)?;
-        if planned.minutes <= LONGEST_MINUTES { Ok(planned) } else { self.with(SOFT_PA, choice::HARDLY_VISIBLE) }
+        if planned.minutes <= LONGEST_MINUTES || self.options.fixed_step.is_some() {
+            return Ok(planned);
+        }
+        self.with(SOFT_PA, choice::HARDLY_VISIBLE)
     }
 
     /// The parts that deform, softened to `most_pa`; parts that strain by less than `visible` are rigid.
@@ -124,6 +131,14 @@ impl Plan<'_> {
     }
 }
 
+/// Per Gaussian: whether it is simulated. Those that are set aside or lie far from the object stay in place.
+pub fn simulated(gaussians: &Gaussians) -> Vec<bool> {
+    let object = robust_bounds(gaussians);
+    let farthest = STRAY * object.size().max();
+    let near = |p: Point3<f64>| (0..3).all(|a| (object.min[a] - p[a]).max(p[a] - object.max[a]) <= farthest);
+    (0..gaussians.len()).map(|i| !gaussians.is_set_aside(i) && near(gaussians.center(i))).collect()
+}
+
 /// Checks the input and sets up the run.
 pub fn set_up(input: &Input, options: &Options) -> Result<Setup, SimulateError> {
     check(input)?;
@@ -138,9 +153,8 @@ pub fn set_up(input: &Input, options: &Options) -> Result<Setup, SimulateError> 
     let spacing_m = longest_m / f64::from(options.grid);
 
     let position_m = |i: u32| -> [f64; 3] { (input.gaussians.center(i as usize) * meters_per_unit).into() };
-    let near = |p: [f64; 3]| (0..3).all(|a| (object.min[a] - p[a]).max(p[a] - object.max[a]) <= STRAY * longest_m);
-    let is_own = |i: u32| !input.gaussians.is_set_aside(i as usize) && near(position_m(i));
-    let carried: Vec<u32> = (0..input.gaussians.len() as u32).filter(|&i| is_own(i)).collect();
+    let simulated = simulated(input.gaussians);
+    let carried: Vec<u32> = (0..).zip(simulated).filter_map(|(i, simulated)| simulated.then_some(i)).collect();
     let positions_m: Vec<[f64; 3]> = carried.iter().map(|&i| position_m(i)).collect();
     let labels: Vec<u32> = carried.iter().map(|&i| input.labels[i as usize]).collect();
     let filled = filling::fill(&positions_m, &labels, input.interior, meters_per_unit, spacing_m)?;
@@ -257,11 +271,13 @@ fn falls_until_s(height_m: f64, spacing_m: f64, options: &Options, actions: &[Ac
 /// The scenario's script; `None` for the drop without parameters, whose pose has its own options.
 ///
 /// # Errors
-/// [`SimulateError::Scenario`] if there is no such scenario, or its file cannot be read as one.
+/// [`SimulateError::Scenario`] if there is no such scenario, or its file cannot be read as one;
+/// [`SimulateError::SetOfFile`] if a file is given with parameters.
 pub fn script_of(options: &Options) -> Result<Option<Script>, SimulateError> {
     match options.scenario.as_str() {
         "drop" if options.set.is_empty() => Ok(None),
         name if script::is_name(name) => script::named(name, &options.set).map(Some),
+        path if !options.set.is_empty() => Err(SimulateError::SetOfFile { path: path.to_owned() }),
         path => {
             let read = files::read_to_string(Path::new(path));
             let text = read.map_err(|error| SimulateError::Scenario(format!("`{path}`: {error}")))?;
@@ -408,4 +424,45 @@ fn warnings(input: &Input, longest_m: f64, assumed_full: &[u32], strays: usize) 
         ));
     }
     warnings
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A cube of steel that deforms, for a time that takes far more than a minute either way: softening would not shorten a
+    /// run whose step is fixed.
+    #[test]
+    fn a_fixed_step_softens_nothing() {
+        let steel = Material {
+            name: "steel".to_owned(),
+            caption: "cube".to_owned(),
+            density_kg_m3: 7850.0,
+            youngs_modulus_pa: 2e11,
+            poisson_ratio: 0.3,
+            strength_pa: 2.5e8,
+            law: crate::materials::Law::Elastic,
+            moves_with: None,
+        };
+        let corners = (0..8).map(|n| [(n & 1) as f32, (n >> 1 & 1) as f32, (n >> 2) as f32]);
+        let gaussians =
+            Gaussians { positions: corners.collect(), opacity_logits: vec![3.0; 8], ..Gaussians::default() };
+        let input = Input {
+            gaussians: &gaussians,
+            labels: &[0; 8],
+            materials: &[steel],
+            interior: &[],
+            meters_per_unit: Some(1.0),
+        };
+        let softened = |fixed_step: Option<f64>, duration: f64, max_stiffness: Option<f64>| -> Vec<f64> {
+            let rigid = vec![choice::NEVER.to_owned()];
+            let duration = Some(duration);
+            let options = Options { fixed_step, duration, max_stiffness, rigid, ..Options::default() };
+            let setup = set_up(&input, &options).unwrap();
+            setup.report.softened.iter().map(|softened| softened.factor).collect()
+        };
+        assert_eq!(softened(None, 3000.0, None), [SOFT_PA / 2e11]);
+        assert!(softened(Some(1e-9), 1.0, None).is_empty());
+        assert_eq!(softened(Some(1e-9), 1.0, Some(1e9)), [1e9 / 2e11]);
+    }
 }

@@ -8,8 +8,9 @@ pub enum VoteError {
     #[error("the scene has no Gaussians: give a splat that contains some")]
     NoGaussians,
     #[error(
-        "the label map of view `{view}` has the size {map:?}, but its camera's picture has {camera:?} pixels: segment the view \
-         again, or scale the map to the photo's size"
+        "the label map of view `{view}` is {} x {} pixels, but its camera's picture is {} x {}: segment the view \
+         again, or scale the map to the photo's size",
+        map.0, map.1, camera.0, camera.1
     )]
     MapSize { view: String, map: (u32, u32), camera: (u32, u32) },
     #[error(
@@ -22,8 +23,8 @@ pub enum VoteError {
         material: String,
     },
     #[error(
-        "no Gaussian received a vote: of {} (or parts, one by one in each view) in {}, {answered} have an answer; look at the label maps and at \
-         the failures in the answers, and check with `gprop inspect` whether photos, cameras and splat agree",
+        "no Gaussian received a vote: {answered} of {} or parts in {} have an answer (a part counts once in each view); look \
+         at the label maps and at the failures in the answers, and check with `gprop inspect` whether photos, cameras and splat agree",
         counted(*.segments, "segment"), counted(*.views, "view")
     )]
     NoVotes { views: usize, segments: usize, answered: usize },

@@ -6,7 +6,7 @@
 
 use std::fmt;
 use std::fs::{File, TryLockError};
-use std::io::{self, Read, Write};
+use std::io::{self, ErrorKind, Read, Write};
 use std::path::Path;
 use std::time::{Duration, Instant, SystemTime, UNIX_EPOCH};
 
@@ -28,8 +28,12 @@ const LAST_SECOND: u64 = 253_402_300_799;
 /// however it ended.
 ///
 /// # Errors
-/// If the file cannot be created or written.
+/// If the file cannot be created or written, or is a link: the lock's content would replace that of the link's target.
 pub fn exclusive(path: &Path) -> io::Result<Option<File>> {
+    if path.is_symlink() {
+        let problem = "it is a link, and gprop writes only through links that you name; remove it";
+        return Err(io::Error::new(ErrorKind::InvalidInput, problem));
+    }
     if files::is_special(path) {
         files::require_regular(path)?;
     }
@@ -114,5 +118,29 @@ impl fmt::Display for Holder {
                 write!(f, "(process {process} on {host:?}, since {since}) is working in")
             }
         }
+    }
+}
+
+#[cfg(all(test, unix))]
+mod tests {
+    use std::fs;
+
+    use super::*;
+
+    #[test]
+    fn a_link_is_not_locked() {
+        let folder = tempfile::tempdir().unwrap();
+        let (target, link) = (folder.path().join("precious"), folder.path().join(".lock"));
+        for exists in [false, true] {
+            if exists {
+                fs::write(&target, "as it was").unwrap();
+            }
+            std::os::unix::fs::symlink(&target, &link).unwrap();
+            let error = exclusive(&link).unwrap_err();
+            assert!(error.to_string().contains("is a link"), "{error}");
+            assert_eq!(fs::read_to_string(&target).ok(), exists.then(|| "as it was".to_owned()));
+            fs::remove_file(&link).unwrap();
+        }
+        assert!(exclusive(&link).unwrap().is_some());
     }
 }

@@ -27,7 +27,7 @@ use crate::files;
 pub use checksum::{Checksum, Checksumming, hexadecimal, sha256_of_file};
 
 /// Raised when the meaning of any artifact changes: artifacts of an older gprop are then made again.
-pub const FORMAT_VERSION: u32 = 5;
+pub const FORMAT_VERSION: u32 = 6;
 
 /// Name of the work folder inside a scene.
 pub const DEFAULT_NAME: &str = "gprop";
@@ -172,13 +172,17 @@ const FOLDERS: [&str; 8] = [
 /// Errors of the work folder.
 #[derive(Debug, Error)]
 pub enum WorkDirError {
-    #[error("cannot write {path:?}: {source}; make room or choose another folder with --out")]
+    #[error(
+        "cannot write {path:?}: {source}; make room or choose another work folder (--out; for `gprop export`, --work)"
+    )]
     Write { path: PathBuf, source: io::Error },
-    #[error("cannot read {path:?}: {source}; use --from to run the stage that writes it once more")]
+    #[error("cannot read {path:?}: {source}; with --from, run the stage that writes this file again")]
     Read { path: PathBuf, source: io::Error },
     #[error("{path:?} is not what gprop wrote: {problem}; delete it and run again")]
     Damaged { path: PathBuf, problem: String },
-    #[error("another gprop {holder} {path:?}; wait for it to end or choose another folder with --out")]
+    #[error(
+        "another gprop {holder} {path:?}; wait for it to end or choose another work folder (--out; for `gprop export`, --work)"
+    )]
     Locked { path: PathBuf, holder: lock::Holder },
     #[error("{path:?}: {problem}; run `{command}` to complete it")]
     Unfinished { path: PathBuf, problem: String, command: String },

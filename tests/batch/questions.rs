@@ -31,6 +31,9 @@ fn all_scenes_queries_go_out_and_come_in_together() {
     assert!(stderr(&later).contains("leave out --from vote"), "{}", stderr(&later));
     let collect = step("collect", &["--from", "scene"]).output().unwrap();
     assert!(stderr(&collect).contains("leave out --from scene"), "{}", stderr(&collect));
+    let replay = step("submit", &["--answers", "replay"]).output().unwrap();
+    assert_eq!(replay.status.code(), Some(2));
+    assert!(stderr(&replay).contains("--answers replay sends nothing") && server.uploads() == 0, "{}", stderr(&replay));
     let after = batch(&balls, &["--from", "simulate"]).output().unwrap();
     assert!(stderr(&after).contains("--from simulate comes after the last stage"), "{}", stderr(&after));
     std::fs::write(balls.scene(1).join("transforms.json"), "{").unwrap();
@@ -42,6 +45,10 @@ fn all_scenes_queries_go_out_and_come_in_together() {
     assert_eq!((&again["sent"], &again["waiting"]), (&json!(0), &json!(11)), "nothing is paid for twice");
 
     server.set(json!({ "id": "batch-1", "status": "in_progress" }), &[], &[]);
+    server.lose(Some("/v1/batches/batch-1"));
+    let lost = json_of(&mut step("collect", &[]), 5);
+    assert!(lost["unfetched"]["batch-1"].as_str().is_some_and(|why| why.contains("404")), "{lost}");
+    server.lose(None);
     json_of(&mut step("collect", &[]), 5);
     let output: Vec<Value> = server.sent().iter().map(|id| answered(id, &good)).collect();
     server.set(completed(), &output, &[]);

@@ -61,8 +61,20 @@ fn masses_score_as_the_published_evaluation_does() {
 }
 
 #[test]
+fn an_interval_from_zero_has_no_width() {
+    let folder = TempDir::new().unwrap();
+    let width = |predictions: &str| {
+        let output = masses(&folder, predictions, r#"{"A": 1, "B": 1}"#);
+        serde_json::from_slice::<Value>(&output.stdout).unwrap()["median_width"].clone()
+    };
+    assert_eq!(width(r#"{"A": [0, 2], "B": [1, 3]}"#), 3.0);
+    assert_eq!(width(r#"{"A": [0, 2]}"#), Value::Null);
+}
+
+#[test]
 fn masses_that_cannot_be_scored_are_refused() {
     let folder = TempDir::new().unwrap();
+    refused(&masses(&folder, r#"{"A": [3, 1]}"#, r#"{"A": 1}"#), &["predictions.json", "\"A\" is [3, 1]", "low end"]);
     refused(&masses(&folder, r#"{"A_1": [1, 2]}"#, r#"{"A_1": 1}"#), &["A_1", "underscore"]);
     refused(&masses(&folder, r#"{"A": [0, 0]}"#, r#"{"A": 1}"#), &["prediction", "\"A\" is 0"]);
     refused(&masses(&folder, r#"{"A": [1, 1]}"#, r#"{"A": 0}"#), &["truth", "\"A\" is 0"]);
@@ -149,6 +161,8 @@ fn hardness_is_read_off_the_field_on_one_axis() {
 fn readings_that_make_no_sense_are_refused_with_their_line() {
     let (folder, work) = hammer_with_field();
     let points = work.path().join("points.csv");
+    fs::write(&points, "scene,view,x,y,shore,hardness\n").unwrap();
+    refused(&evaluate(&["hardness", text(&points)]), &["points.csv", "has no rows", "scene,view,x,y,shore,hardness"]);
     let with = |row: &str| {
         fs::write(&points, format!("scene,view,x,y,shore,hardness\n{}{row}\n", folder.display())).unwrap();
         evaluate(&["hardness", text(&points), "--out", text(work.path())])

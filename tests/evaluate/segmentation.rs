@@ -152,10 +152,14 @@ fn folder(files: &[(&str, &str)], maps: &[(&str, u8)]) -> TempDir {
 fn label_maps_with_a_json_of_names_or_as_eiseg_writes_them() {
     let library = MaterialLibrary::builtin();
     let maps = [("000.png", 1), ("000_pseudo.png", 9), ("000_cutout.png", 9)];
-    let json = folder(&[("labels.json", r#"{"1": "oak, white", "2": "rubber", "7": "fabric"}"#)], &maps);
+    let json = r#"{"1": "oak, white", "2": "rubber", "7": "fabric"}"#;
     let eiseg = "0 background 0 0 0 \n1 oak, white 10 20 30 \n2 rubber 1 2 3 \n7 fabric 4 5 6\n";
-    let eiseg = folder(&[("autosave_label.txt", eiseg)], &maps);
-    for folder in [json, eiseg] {
+    let files = [("labels.json", json), ("autosave_label.txt", eiseg)];
+    // Some editors write a byte order mark.
+    let marked = files.map(|(name, text)| (name, format!("\u{feff}{text}")));
+    let marked = marked.iter().map(|(name, text)| (*name, text.as_str()));
+    for file in files.into_iter().chain(marked) {
+        let folder = folder(&[file], &maps);
         let maps = LabelMaps::open(folder.path()).unwrap();
         let values = Vocabulary::Abo.of_values(&maps, library).unwrap();
         assert_eq!(values.into_iter().collect::<Vec<_>>(), [(1, "wood"), (2, "plastic"), (7, "fabric")]);

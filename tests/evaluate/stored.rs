@@ -5,6 +5,9 @@ use std::path::Path;
 use std::process::Output;
 use std::time::SystemTime;
 
+use gprop::pipeline::Stage;
+use gprop::pipeline::stored::Stored;
+use gprop::scene::ply;
 use serde_json::Value;
 
 use super::{evaluate, refused, text};
@@ -143,6 +146,39 @@ fn what_a_work_folder_in_a_scene_says_is_not_read_elsewhere() {
     refused(&segmentation(&balls, &[]), &["elsewhere.ply", "is not in the scene", "--out"]);
     let work = balls.scene(0).join("gprop");
     measured(&segmentation(&balls, &["--out", text(&work)]));
+}
+
+#[test]
+fn the_paths_of_a_run_lead_to_the_same_files_from_any_folder() {
+    let balls = Balls::new(1);
+    balls.write_truth(0);
+    let (scene, elsewhere) = (balls.scene(0), balls.folder().with_file_name("elsewhere.ply"));
+    fs::rename(scene.join("point_cloud.ply"), &elsewhere).unwrap();
+    let mut vote = gprop();
+    vote.env_remove("OPENAI_API_KEY").current_dir(&scene).args(["vote", ".", "-q", "--images", "."]);
+    let output = vote.args(["--splat", "../../elsewhere.ply"]).args(balls.answers()).output().unwrap();
+    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+    measured(&segmentation(&balls, &["--out", text(&scene.join("gprop"))]));
+    let record: Value = serde_json::from_slice(&fs::read(scene.join("gprop/run.json")).unwrap()).unwrap();
+    let of_scene = &record["options"]["scene"];
+    assert_eq!(of_scene["images"], ".", "relative to the scene");
+    assert!(Path::new(of_scene["splat"].as_str().unwrap()).is_absolute());
+}
+
+#[test]
+fn the_outliers_of_a_run_stay_set_aside() {
+    let balls = Balls::new(1);
+    let path = balls.scene(0).join("point_cloud.ply");
+    let mut gaussians = ply::read(&path).unwrap().gaussians;
+    // One of 200 Gaussians is as wide as ten balls.
+    gaussians.log_scales[0] = [0.0; 3];
+    let mut bytes = Vec::new();
+    ply::write(&mut bytes, &gaussians, &[]).unwrap();
+    fs::write(&path, bytes).unwrap();
+    run(&balls, "vote", &[]);
+    let (gaussians, field) = Stored::open(&balls.scene(0), None, &[Stage::Vote]).unwrap().field().unwrap();
+    assert!(gaussians.is_set_aside(0) && !gaussians.is_set_aside(1));
+    assert_eq!(field.part_label.len(), 200);
 }
 
 #[test]

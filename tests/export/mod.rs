@@ -28,6 +28,7 @@ fn model(measured: &Measured) -> Model<'_> {
         cameras: &measured.cameras,
         grasps: &[],
         source: "point_cloud.ply",
+        inputs: &[],
     }
 }
 
@@ -329,6 +330,17 @@ fn the_splats_parts_are_all_of_it() {
 }
 
 #[test]
+fn no_export_replaces_a_file_of_the_scene() {
+    let measured = Measured::of(&folders()[0]);
+    let (folder, files) = exported(measured, Format::PlyParts);
+    std::fs::write(&files[1], "a splat").unwrap();
+    let model = Model { inputs: &files[1..2], ..model(measured) };
+    let error = export(&model, &[Format::PlyParts], folder.path()).unwrap_err();
+    assert!(matches!(error, ExportError::Input { .. }) && error.to_string().contains("--out"), "{error}");
+    assert_eq!(std::fs::read_to_string(&files[1]).unwrap(), "a splat");
+}
+
+#[test]
 fn the_gltf_splat_has_every_gaussian_and_harmonic() {
     let measured = Measured::of(&folders()[0]);
     let (_folder, files) = exported(measured, Format::GltfSplat);
@@ -423,7 +435,8 @@ fn numpy_reads_the_npz() {
 fn physgaussian_gets_its_folder() {
     let measured = Measured::of(&folders()[0]);
     let (folder, files) = exported(measured, Format::Physgaussian);
-    assert_eq!(files[0], folder.path().join("config.json"));
+    let model = folder.path().join("hammer/physgaussian");
+    assert_eq!(files[0], model.join("config.json"));
     let config: Value = serde_json::from_slice(&std::fs::read(&files[0]).unwrap()).unwrap();
     // The requirements of decode_param.py: a known material, nu within 0 to 0.5, boxes with point, size, E, nu.
     assert!(["jelly", "metal", "sand", "foam", "snow", "plasticine"].contains(&config["material"].as_str().unwrap()));
@@ -438,7 +451,7 @@ fn physgaussian_gets_its_folder() {
     }
     let steps = config["frame_dt"].as_f64().unwrap() / config["substep_dt"].as_f64().unwrap();
     assert!((steps - steps.round()).abs() < 1e-9, "whole steps a frame: {steps}");
-    let cloud = gprop::scene::ply::read(&folder.path().join("point_cloud/iteration_30000/point_cloud.ply")).unwrap();
+    let cloud = gprop::scene::ply::read(&model.join("point_cloud/iteration_30000/point_cloud.ply")).unwrap();
     let names: Vec<&str> = cloud.gaussians.extra.iter().map(|e| e.name.as_str()).collect();
     assert_eq!(names, ["part_label", "density", "E", "nu", "material_id", "conf"]);
 }
@@ -477,6 +490,15 @@ fn exports_are_the_same_bytes_again() {
     let others = export(&rigid.model(), &others, first.path()).unwrap();
     let all = export(&rigid.model(), Format::value_variants(), second.path()).unwrap();
     assert_eq!(all.len(), rigid.files.len() + others.len());
+    // Another object can be exported into the same folder, and included in the same scene of MuJoCo.
+    let name = rigid.name();
+    for file in all.iter().filter(|file| !file.ends_with("scene.xml")) {
+        let mut components = file.strip_prefix(second.path()).unwrap().iter();
+        assert!(components.any(|component| component.to_string_lossy().starts_with(name)), "{file:?}");
+    }
+    let body = std::fs::read_to_string(rigid.file(".xml")).unwrap();
+    let names: Vec<&str> = body.split(" name=\"").skip(1).collect();
+    assert!(names.len() > 10 && names.iter().all(|given| given.starts_with(name)), "{names:?}");
     for (folder, files) in [(rigid.folder.as_path(), &rigid.files), (first.path(), &others)] {
         for one in files {
             let two = second.path().join(one.strip_prefix(folder).unwrap());

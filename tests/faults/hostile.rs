@@ -69,6 +69,17 @@ fn a_scene_brings_no_link_for_a_work_folder() {
 }
 
 #[test]
+fn a_data_set_brings_no_link_for_the_lock_of_a_batch() {
+    let (balls, bystander) = (Balls::new(1), Bystander::new());
+    let home = balls.folder().join("gprop/batch");
+    fs::create_dir_all(&home).unwrap();
+    symlink(bystander.path().join("precious"), home.join(".shard-0-of-1.jsonl.lock")).unwrap();
+    let batch = gprop().arg("batch").arg(balls.folder()).args(["--to", "scene"]).output().unwrap();
+    assert_refused(&batch, 2, &[".shard-0-of-1.jsonl.lock", "is a link", "remove it"]);
+    bystander.assert_untouched();
+}
+
+#[test]
 fn a_scene_brings_no_link_for_its_recordings() {
     let (balls, bystander, out) = (Balls::new(1), Bystander::new(), tempfile::tempdir().unwrap());
     symlink(bystander.path(), balls.scene(0).join("recorded")).unwrap();
@@ -81,9 +92,7 @@ fn photos_are_named_within_the_scene_and_views_are_no_paths() {
     let (balls, bystander, out) = (Balls::new(1), Bystander::new(), tempfile::tempdir().unwrap());
     let path = balls.scene(0).join("transforms.json");
     let original: Value = serde_json::from_slice(&fs::read(&path).unwrap()).unwrap();
-    for name in
-        ["../../../precious.png", "images/../../../precious.png", "..\\..\\precious.png", "\\\\host\\share\\000.bmp"]
-    {
+    for name in ["../../../precious.png", "images/../../../precious.png", "..\\..\\precious.png"] {
         let mut transforms = original.clone();
         transforms["frames"][0]["file_path"] = json!(name);
         fs::write(&path, transforms.to_string()).unwrap();
@@ -114,8 +123,10 @@ fn photos_are_named_within_the_scene_and_views_are_no_paths() {
 
 #[test]
 fn names_that_no_file_can_have_lead_nowhere() {
-    // A zero byte, which ends a path in C; a Windows drive; another machine's folder.
-    for name in ["images/000.png\0", "C:\\shots\\000.bmp", "/shots/of/another/machine/000.bmp"] {
+    // A zero byte, which ends a path in C; a Windows drive and a Windows share; another machine's folder.
+    let names =
+        ["images/000.png\0", "C:\\shots\\000.bmp", "\\\\host\\share\\000.bmp", "/shots/of/another/machine/000.bmp"];
+    for name in names {
         let (balls, bystander, out) = (Balls::new(1), Bystander::new(), tempfile::tempdir().unwrap());
         let path = balls.scene(0).join("transforms.json");
         let mut transforms: Value = serde_json::from_slice(&fs::read(&path).unwrap()).unwrap();

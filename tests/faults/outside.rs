@@ -44,6 +44,29 @@ fn a_linked_photo_is_read_if_the_user_says_so() {
 }
 
 #[test]
+fn an_evaluation_reads_a_linked_photo_if_the_user_says_so() {
+    let (balls, outside, out) = (Balls::new(1), tempfile::tempdir().unwrap(), tempfile::tempdir().unwrap());
+    let scene = balls.scene(0);
+    balls.write_truth(0);
+    let photo = outside.path().canonicalize().unwrap().join("000.png");
+    fs::rename(scene.join("images/000.png"), &photo).unwrap();
+    symlink(&photo, scene.join("images/000.png")).unwrap();
+    let (allowed, answers) = (outside.path().display().to_string(), balls.answers());
+    let allow = ["--allow-read", &allowed];
+    let flags = [&allow[..], &["--to", "vote"], &answers.each_ref().map(String::as_str)].concat();
+    let output = run_with(&balls, out.path(), &flags);
+    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+    let evaluate = |more: &[&str]| {
+        let mut command = gprop();
+        command.args(["evaluate", "segmentation", "--truth", "ground_truth/maps", "--out"]).arg(out.path());
+        command.arg(&scene).args(more).output().unwrap()
+    };
+    assert_refused(&evaluate(&[]), 3, &["photo `", "outside the scene folder", "--allow-read `"]);
+    let output = evaluate(&allow);
+    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+}
+
+#[test]
 fn a_linked_recording_is_read_if_the_user_says_so() {
     let (balls, outside, out) = (Balls::new(1), tempfile::tempdir().unwrap(), tempfile::tempdir().unwrap());
     assert!(run(&balls, out.path()).status.success());
@@ -63,6 +86,20 @@ fn a_linked_recording_is_read_if_the_user_says_so() {
     fs::remove_file(&recording).unwrap();
     let output = run_with(&balls, out.path(), &[&replay[..], &["--recordings", &allow]].concat());
     assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+
+    // So is the target of a linked folder, but nothing is deleted through the link.
+    fs::rename(&target, &recording).unwrap();
+    let (all, out) = (outside.path().join("all"), tempfile::tempdir().unwrap());
+    fs::rename(&recorded, &all).unwrap();
+    symlink(&all, &recorded).unwrap();
+    let name = all.display().to_string();
+    assert_refused(&run_with(&balls, out.path(), &[&replay[..], &["--allow-read", &name]].concat()), 2, &["is a link"]);
+    let output = run_with(&balls, out.path(), &[&replay[..], &["--recordings", &name]].concat());
+    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+    let mut prune = gprop();
+    prune.args(["query", "--prune", "--context", "local", "--recordings", &name, "--out"]).arg(out.path());
+    assert_refused(&prune.arg(balls.scene(0)).output().unwrap(), 2, &["is a link", "--prune"]);
+    assert!(all.join(recording.file_name().unwrap()).is_file());
 }
 
 #[test]
@@ -76,6 +113,8 @@ fn linked_ground_truth_is_not_read() {
     mass.args(["evaluate", "mass"]).arg(balls.scene(0)).arg("--out").arg(out.path());
     let words = ["ground truth `", &*target.to_string_lossy(), "outside the scene folder"];
     assert_refused(&mass.output().unwrap(), 3, &words);
+    mass.arg("--allow-read").arg(outside.path());
+    assert_refused(&mass.output().unwrap(), 2, &["ground_truth/parts.json", "true parts"]);
     let mut segmentation = gprop();
     segmentation.args(["evaluate", "segmentation", "--truth", "ground_truth"]).arg(balls.scene(0));
     let output = segmentation.arg("--out").arg(out.path()).output().unwrap();

@@ -2,6 +2,7 @@
 
 use gprop::grasp::forces::{ForceMax, GraspedPart, f_max, f_min, f_star};
 use gprop::grasp::gripper::GripperProfile;
+use gprop::grasp::surface::{Surface, SurfacePoint};
 use gprop::grasp::{GraspError, GraspReport, Limit, Options, Policy, Reason, grasp, grasped_part::PartChoice};
 use gprop::materials::Law;
 use gprop::parts::{NoVolume, Object, Part, Parts};
@@ -9,6 +10,7 @@ use gprop::query::Form;
 use gprop::report::{grasp_line, part_lines};
 use gprop::units::{Estimate, GRAVITY_M_S2};
 use gprop::vote::FieldLabel;
+use nalgebra::{Point3, Vector3};
 use proptest::prelude::*;
 
 /// The error of a few roundings in double precision.
@@ -100,6 +102,24 @@ fn run(options: &Options) -> Result<GraspReport, GraspError> {
 
 fn of_part(name: &str) -> Options {
     Options { part: Some(name.to_owned()), ..Options::default() }
+}
+
+/// The faces of a wedge as surface of a part: 20 mm apart in the middle, and each 10 degrees off the vertical. So the line
+/// of any two contacts is off one of the normals by 10 degrees or more.
+fn wedge(part: u32) -> Surface {
+    let (sin, cos) = 10f64.to_radians().sin_cos();
+    let point = |(y, z): (i32, i32), side: f64| SurfacePoint {
+        position: Point3::new(
+            side * (0.01 + 1e-3 * f64::from(z) * sin / cos),
+            1e-3 * f64::from(y),
+            1e-3 * f64::from(z),
+        ),
+        normal: Vector3::new(side * cos, 0.0, -sin),
+        part,
+    };
+    let places = (-20..=20).flat_map(|y| (-20..=20).map(move |z| (y, z)));
+    let points = places.flat_map(|place| [point(place, -1.0), point(place, 1.0)]).collect();
+    Surface { points, obstacles: Vec::new() }
 }
 
 #[test]
@@ -194,6 +214,29 @@ fn safe_takes_the_worst_of_both_bounds() {
     let safe = run(&Options { policy: Policy::Safe, ..of_part("handle") }).unwrap();
     close(safe.f_min_n, 3.038 / 0.6);
     close(safe.f_max_n, 4400.0);
+}
+
+#[test]
+fn the_safe_policy_relies_on_the_least_friction_at_the_contacts_too() {
+    let (parts, mut labels) = hammer();
+    // 6, 35 and 39 degrees.
+    labels[0].friction_rubber = Estimate::new(0.1, 0.7, 0.8);
+    let placed =
+        |policy| grasp(&parts, &labels, Some(&wedge(0)), 1.0, &paper(), &Options { policy, ..of_part("handle") });
+    let places = placed(Policy::Mid).unwrap().candidates;
+    let off: Vec<f64> = places.iter().map(|place| place.misalignment_rad.to_degrees()).collect();
+    assert!(!off.is_empty() && off.iter().all(|degrees| *degrees > 9.99), "{off:?}");
+    assert!(matches!(placed(Policy::Safe), Err(GraspError::NoPlace { .. })));
+}
+
+#[test]
+fn a_named_part_without_a_volume_is_refused_with_the_reason() {
+    let (mut parts, labels) = hammer();
+    (parts.parts[1].volume_m3, parts.parts[1].mass_kg) = (None, None);
+    parts.parts[1].no_volume = Some(NoVolume::NoMaterial);
+    let error = grasp(&parts, &labels, Some(&wedge(1)), 1.0, &paper(), &of_part("head")).unwrap_err();
+    assert!(matches!(error, GraspError::NoThickness { .. }), "{error}");
+    assert!(error.to_string().contains("fills no cell") && error.is_of_the_object(), "{error}");
 }
 
 #[test]
@@ -307,7 +350,8 @@ fn a_part_whose_caption_names_nothing_is_called_by_its_material() {
 fn options_outside_their_domain_are_refused() {
     for lift_angle_deg in [-1.0, 90.5, f64::NAN] {
         let options = Options { lift_angle_deg, ..Options::default() };
-        assert!(matches!(run(&options), Err(GraspError::LiftAngle { .. })), "{lift_angle_deg}");
+        let error = run(&options).unwrap_err();
+        assert!(matches!(error, GraspError::LiftAngle { .. }) && !error.is_of_the_object(), "{lift_angle_deg}");
     }
     let curvature = Options { max_curvature: Some(0.0), ..Options::default() };
     assert!(matches!(run(&curvature), Err(GraspError::Curvature { .. })));
@@ -386,7 +430,9 @@ fn profiles_that_are_wrong_are_refused() {
     };
     refused("name = \"g\"", "name = \"g\"\nfinger_aera_m2 = 1.0", "finger_aera_m2");
     refused("[5.0, 70.0]", "[70.0, 5.0]", "force_n");
-    refused("2e-4", "0.0", "finger_area_m2");
+    for area in ["0.0", "9e-7", "0.2", "inf", "nan"] {
+        refused("2e-4", area, "finger_area_m2 must be from 1e-6 to 0.1");
+    }
     refused("\"rubber\"", "\"velcro\"", "velcro");
     refused("full = 1.0", "full = 0.0", "command");
     refused("enabled_from = 0.0", "enabled_from = -inf", "both finite");

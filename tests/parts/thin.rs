@@ -9,7 +9,7 @@ use gprop::progress::Progress;
 use gprop::query::Form;
 use gprop::units::{Estimate, MetricScale, Range, ScaleSource};
 use image::{GrayImage, Luma};
-use nalgebra::{Point3, Vector3};
+use nalgebra::{Point3, Vector2, Vector3};
 
 use super::clouds::{Cloud, cameras};
 
@@ -84,6 +84,31 @@ fn a_wire_is_as_thick_as_the_photos_show_it() {
         "an edge is known better than the splat's surface"
     );
     assert_eq!(ball, same_ball, "what is thick is measured as without photos");
+}
+
+#[test]
+fn a_wire_goes_through_a_drum_as_thick_as_the_photos_show_it() {
+    // In the splat the wire is too thick by 40 %; the drum is two fifths as long as the wire.
+    let mut cloud = Cloud::default();
+    cloud.add_cylinder(1.4 * WIRE, [-0.8, -0.3], [true, false], 0.012, 0);
+    cloud.add_cylinder(1.4 * WIRE, [0.3, 0.8], [false, true], 0.012, 0);
+    cloud.add_cylinder(0.4, [-0.3, 0.3], [true, true], 0.02, 1);
+    cloud.points.retain(|(p, n, part)| *part == 0 || n.z.abs() < 0.5 || p.coords.xy().norm() > 1.4 * WIRE);
+    let distance = |p: Point3<f64>| {
+        let to_cylinder = |radius: f64, half: f64| {
+            let beyond = Vector2::new(p.coords.xy().norm() - radius, p.z.abs() - half);
+            beyond.sup(&Vector2::zeros()).norm() + beyond.max().min(0.0)
+        };
+        to_cylinder(WIRE, 0.8).min(to_cylinder(0.4, 0.3))
+    };
+    let eyes = cameras(4.0, 40, |_| true);
+    let photos: Vec<Option<GrayImage>> = eyes.iter().map(|eye| Some(photo(eye, distance))).collect();
+    let parts = measured(&cloud, 0.0072, &[Form::Solid; 2], &eyes, &photos);
+    assert!(parts.notes.iter().any(|note| note.contains("through")), "{:?}", parts.notes);
+    // 0.6 of its length of 1.6 is in the drum. With its carved section there, it is 2.4 times the truth. Where a thin wire meets
+    // the drum, the seam is wider than the wire.
+    let error = error(parts.parts[0].volume_m3.unwrap(), PI * WIRE * WIRE * 1.6);
+    assert!((-0.2..0.5).contains(&error), "{error}");
 }
 
 /// The volume of bars with these centres and half sides: by carving alone, measured in the photos of `eyes` too, and the

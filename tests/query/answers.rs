@@ -149,6 +149,12 @@ fn an_unknown_material_is_refused_first_and_then_taken_for_the_nearest() {
     assert_eq!(answer.material, a("wood"));
     assert!(answer.flags[0].contains("nearest"), "{:?}", answer.flags);
 
+    // A similar name in another family: a petal.
+    let of_metal = |name: &str| with(good_answer_about_part(a("metal")), "material", json!(name)).to_string();
+    assert_eq!(read_as(&of_metal("metal"), Unknown::TakeNearest).unwrap().family, "metal");
+    let problem = read_as(&of_metal("petals"), Unknown::TakeNearest).unwrap_err();
+    assert_eq!(problem.failure, Failure::UnknownMaterial { material: "petals".into() });
+
     let nonsense = with(good(), "material", json!("zzxqj")).to_string();
     let problem = read_as(&nonsense, Unknown::TakeNearest).unwrap_err();
     assert_eq!(problem.failure, Failure::UnknownMaterial { material: "zzxqj".into() });
@@ -235,6 +241,9 @@ fn walls_are_in_metres_and_confidence_within_one() {
     let shell = with(good(), "form", json!("shell"));
     let answer = read(&with(shell.clone(), "wall_thickness_mm", json!([2, 4]))).unwrap();
     assert_eq!(answer.form, Form::Shell { wall_thickness_m: Range::new(0.002, 0.004) });
+    let none = read(&with(shell.clone(), "wall_thickness_mm", json!([0, 0]))).unwrap_err();
+    assert_eq!(none.reason, "wall_thickness_mm: [0, 0] is not possible; give a thickness in mm, from 0.001 to 1000.");
+    assert!(matches!(none.failure, Failure::Invalid { .. }));
     let answer = read(&with(shell, "wall_thickness_mm", json!([0, 4]))).unwrap();
     assert!(matches!(answer.form, Form::Shell { wall_thickness_m } if wall_thickness_m.low > 0.0));
     assert!(!answer.flags.is_empty());
@@ -280,6 +289,10 @@ fn what_is_inside_a_shell_is_read_and_checked() {
     let soup = inside(shell(json!("filled"), json!("Soup; thick or condensed"), json!([0.98, 0.9]))).unwrap();
     let filling = "soup, thick or condensed".to_owned();
     assert_eq!(soup, Some(Inside::Filled { filling, share: Range::new(0.9, 0.98) }));
+    let percent = read(&shell(json!("filled"), json!("water"), json!([90, 95]))).unwrap_err().reason;
+    assert_eq!(percent, "fill_share: [90, 95] is not possible; give a share of the hollow, from 0.01 to 1.");
+    assert!(read(&shell(json!("filled"), json!("water"), json!([1, 95]))).is_err(), "it would be exactly full");
+    assert!(read(&shell(json!("filled"), json!("water"), json!([1, 1]))).is_ok(), "as exact as it was given");
     let too_full = read(&shell(json!("filled"), json!("water"), json!([0.5, 20]))).unwrap();
     assert_eq!(too_full.inside, Some(Inside::Filled { filling: "water".to_owned(), share: Range::new(0.5, 1.0) }));
     assert_eq!(too_full.flags.len(), 1, "{:?}", too_full.flags);
@@ -302,6 +315,8 @@ fn a_mixed_part_has_the_density_of_the_whole() {
     assert_eq!(answer.density_kg_m3, Range::new(2400.0, 2600.0), "denser than any wood");
     assert_eq!(answer.bulk_reason.as_deref(), Some("a motor in a wooden case"));
     assert!(read(&mixed).unwrap().flags.iter().any(|flag| flag.contains("without a reason")));
+    let in_g_cm3 = read(&with(mixed.clone(), "bulk_density_kg_m3", json!([0.3, 0.8]))).unwrap_err().reason;
+    assert!(in_g_cm3.contains("bulk_density_kg_m3: [0.3, 0.8]") && in_g_cm3.contains("in kg/m3"), "{in_g_cm3}");
     let heavy = read(&with(mixed, "bulk_density_kg_m3", json!([1000, 1e6]))).unwrap();
     assert_eq!(heavy.density_kg_m3, Range::new(1000.0, 20_000.0));
     let problem = read(&with(good(), "form", json!("mixed"))).unwrap_err();

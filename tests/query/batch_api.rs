@@ -4,6 +4,7 @@ use std::borrow::Cow;
 use std::path::{Path, PathBuf};
 use std::sync::{Arc, Mutex};
 
+use gprop::error::UsageError;
 use gprop::materials::MaterialLibrary;
 use gprop::pipeline::query_session::{QuerySession, QueryView, Subjects};
 use gprop::progress::Progress;
@@ -25,6 +26,8 @@ struct Held {
     status: Value,
     output: String,
     errors: String,
+    /// The path of a job or file that the server no longer has.
+    lost: Option<&'static str>,
 }
 
 pub struct BatchApiServer {
@@ -41,6 +44,7 @@ impl BatchApiServer {
         let mock = MockServer::new(move |request| {
             let held = &mut *state.lock().unwrap();
             match (request.method.as_str(), request.path()) {
+                (_, path) if held.lost.is_some_and(|lost| path == lost) => Response::new(404),
                 (_, "/v1/chat/completions") => json_body(&chat),
                 ("POST", "/v1/files") => {
                     held.uploads.push(lines_of_upload(&request.body));
@@ -69,6 +73,11 @@ impl BatchApiServer {
         let mut held = self.held.lock().unwrap();
         let text = |lines: &[Value]| lines.iter().map(|line| format!("{line}\n")).collect::<String>();
         (held.status, held.output, held.errors) = (status, text(output), text(errors));
+    }
+
+    /// Answers requests for this path with 404 from now on, and no others.
+    pub fn lose(&self, path: Option<&'static str>) {
+        self.held.lock().unwrap().lost = path;
     }
 
     /// The `custom_id`s of the last upload.
@@ -121,23 +130,36 @@ pub struct Place {
 impl Place {
     /// Two views of two segments each.
     pub fn new() -> Self {
-        let home = tempfile::tempdir().unwrap();
-        let work = WorkDir::open(&home.path().join("gprop")).unwrap();
-        Self { views: vec![two_segments("000", 80, 80), two_segments("001", 90, 80)], home, work }
+        Self::of(vec![two_segments("000", 80, 80), two_segments("001", 90, 80)])
     }
 
+    pub(super) fn of(views: Vec<View>) -> Self {
+        let home = tempfile::tempdir().unwrap();
+        let work = WorkDir::open(&home.path().join("gprop")).unwrap();
+        Self { views, home, work }
+    }
+
+    /// A session about every segment.
     pub fn query_session<'a>(&'a self, options: &'a Options) -> QuerySession<'a> {
+        let segments =
+            (0..).zip(&self.views).flat_map(|(n, view)| view.segments.segments.iter().map(move |of| (n, of.id)));
+        self.session_about(options, segments.map(|(view, id)| Subject::segment(view, id)).collect(), 1)
+    }
+
+    pub fn session_about<'a>(
+        &'a self,
+        options: &'a Options,
+        subjects: Vec<Subject>,
+        ask_views: usize,
+    ) -> QuerySession<'a> {
         let view = |view: &'a View| QueryView {
             name: view.name,
             photo: view.photo.clone(),
             maps: vec![Cow::Borrowed(&view.segments.map)],
         };
         let views = self.views.iter().map(view).collect();
-        let segments =
-            (0..).zip(&self.views).flat_map(|(n, view)| view.segments.segments.iter().map(move |of| (n, of.id)));
-        let subjects = segments.map(|(view, id)| Subject::segment(view, id)).collect();
         let (home, hidden) = (self.home.path(), Progress::Hidden);
-        let subjects = Subjects { views, subjects, ask_views: 1, about: About::Segments, size_in: None };
+        let subjects = Subjects { views, subjects, ask_views, about: About::Segments, size_in: None };
         QuerySession::new(options, subjects, MaterialLibrary::builtin(), home, &self.work, Ok(()), hidden).unwrap()
     }
 
@@ -276,6 +298,52 @@ fn answers_that_are_none_are_not_recorded_and_those_that_never_came_are_told() {
         assert!(reasons.contains(word), "no {word:?} in {reasons}");
     }
     assert_eq!(place.recorded().len(), 1);
+}
+
+/// Nor is it given up: another project's key, or another address, would lead to the same response.
+#[test]
+fn a_job_that_cannot_be_fetched_keeps_no_other_back() {
+    let (server, mut place) = (BatchApiServer::new(&good()), Place::new());
+    let options = server.options();
+    place.query_session(&options).submit().unwrap();
+    let first = server.sent();
+    place.views.push(two_segments("002", 100, 80));
+    place.query_session(&options).submit().unwrap();
+    let output: Vec<Value> = server.sent().iter().map(|id| answered(id, &good())).collect();
+    server.set(completed(), &output, &[]);
+
+    server.lose(Some("/v1/batches/batch-1"));
+    let collected = place.query_session(&options).collect().unwrap();
+    assert_eq!((collected.recorded, collected.failed.len()), (1, 0), "the second job's");
+    let error = collected.require_all().unwrap_err();
+    assert!(matches!(&error, QueryError::BatchApiUnfetched { jobs, .. } if jobs.len() == 1), "{error}");
+    for word in ["job batch-1: status 404", "batch_api.json", "still wait"] {
+        assert!(error.to_string().contains(word), "no {word:?} in {error}");
+    }
+    assert_eq!(place.query_session(&options).submit().unwrap().waiting, 3);
+
+    let output: Vec<Value> = first.iter().map(|id| answered(id, &good())).collect();
+    server.set(completed(), &output, &[]);
+    server.lose(Some("/v1/files/output/content"));
+    let collected = place.query_session(&options).collect().unwrap();
+    assert_eq!((collected.recorded, collected.unfetched.len()), (0, 1));
+    server.lose(None);
+    server.set(completed(), &[json!({ "not": "a line of the API" })], &[]);
+    let collected = place.query_session(&options).collect().unwrap();
+    assert!(collected.unfetched["batch-1"].contains("line 1"), "{:?}", collected.unfetched);
+    server.set(completed(), &output, &[]);
+    let collected = place.query_session(&options).collect().unwrap();
+    assert_eq!(collected.recorded, 3);
+    collected.require_all().unwrap();
+}
+
+#[test]
+fn a_replay_submits_nothing() {
+    let (server, place) = (BatchApiServer::new(&good()), Place::new());
+    let options = Options { answers: AnswerSource::Replay, ..server.options() };
+    let error = place.query_session(&options).submit().unwrap_err();
+    assert!(error.is::<UsageError>() && error.to_string().contains("--answers replay"), "{error:#}");
+    assert_eq!((server.uploads(), place.home.path().join("recorded").exists()), (0, false), "nothing was sent");
 }
 
 #[test]

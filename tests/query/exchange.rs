@@ -5,9 +5,11 @@ use std::process::Output;
 use gprop::materials::MaterialLibrary;
 use gprop::query::exchange::{self, ExchangeError};
 use gprop::query::recorded::Recordings;
+use gprop::query::rounds::Subject;
 use gprop::query::{AnswerSource, Match, Options, Outcome, Prompts, Queries, SegmentQuery};
 use serde_json::{Value, json};
 
+use super::batch_api::Place;
 use super::{a, good_answer, prepare, recordings, run, small, two_segments, with};
 use crate::batch::ball::Balls;
 use crate::run::gprop;
@@ -58,7 +60,9 @@ fn what_goes_out_comes_back_and_is_replayed() {
         json!({ "query": names[0], "answer": good_answer(a("wood")) }),
         json!({ "query": names[1], "answer": fenced, "model": "someone else" }),
     ];
-    fs::write(out.join("answers.jsonl"), lines.map(|line| line.to_string()).join("\n")).unwrap();
+    // As some editors save it.
+    let lines = format!("\u{feff}{}", lines.map(|line| line.to_string()).join("\n"));
+    fs::write(out.join("answers.jsonl"), lines).unwrap();
     let imported = exchange::import(&out, Some("by hand"), &queries, &store).unwrap();
     assert_eq!((imported.recorded, imported.unanswered, imported.bad.len()), (2, 0, 0), "{imported:?}");
 
@@ -75,6 +79,30 @@ fn what_goes_out_comes_back_and_is_replayed() {
         .collect();
     assert_eq!(materials, [(a("wood"), Match::Exact), (a("metal"), Match::Exact)]);
     assert!(queries.unanswered(&recordings(&recorded), None).is_empty(), "an export now holds nothing");
+}
+
+/// Answers that were imported under the name of the server's model are not the server's, but an export goes on from them.
+#[test]
+fn what_is_exported_next_does_not_depend_on_a_server() {
+    let home = tempfile::tempdir().unwrap();
+    let (first, second) = (home.path().join("first"), home.path().join("second"));
+    let views = [("000", 80), ("001", 90), ("002", 100)].map(|(name, tint)| two_segments(name, tint, 80));
+    let place = Place::of(views.into());
+    let part = Subject { id: 1, views: vec![0, 1, 2], pieces: Vec::new() };
+    let by_hand = Options { lmm_model: Some("gpt-4o".to_owned()), ..small() };
+    let session = place.session_about(&by_hand, vec![part.clone()], 2);
+    assert_eq!(session.export(&first).unwrap(), 2);
+    let lines: Vec<String> = names(&fs::read_to_string(first.join("answers.jsonl")).unwrap())
+        .into_iter()
+        .zip([a("wood"), a("metal")])
+        .map(|(query, material)| json!({ "query": query, "answer": good_answer(material) }).to_string())
+        .collect();
+    fs::write(first.join("answers.jsonl"), lines.join("\n")).unwrap();
+    assert_eq!(session.import(&first).unwrap().recorded, 2);
+
+    let with_server = Options { lmm_url: Some("http://127.0.0.1:9/v1".to_owned()), ..by_hand.clone() };
+    let session = place.session_about(&with_server, vec![part], 2);
+    assert_eq!(session.export(&second).unwrap(), 1, "the answers disagree, so a third view is due");
 }
 
 #[test]

@@ -27,7 +27,7 @@ fn an_evaluations_labels_leave_what_means_one_of_them_and_only_that() {
 
 #[test]
 fn the_prompt_and_the_reading_know_the_chosen_materials_only() {
-    let library = of_file("# two families and a material\nwood\n\nfoam\nstainless steel 304\n").unwrap();
+    let library = of_file("\u{feff}# two families and a material\nwood\n\nfoam\nstainless steel 304\n").unwrap();
     let questions =
         Questions::new(&Prompts::builtin(), &library, (Guidance::OneQuestion, Context::GlobalLocal), About::Parts)
             .unwrap();

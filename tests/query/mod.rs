@@ -81,7 +81,11 @@ fn view(name: &'static str, (width, height): (u32, u32), tint: u8, label: impl F
         })
         .collect();
     let segments = ViewSegments { view: name.into(), map: LabelMap { width, height, labels }, segments };
-    View { name, photo: Photo { rgb, foreground, foreground_source: ForegroundSource::Alpha }, segments }
+    View {
+        name,
+        photo: Photo { rgb, foreground, foreground_source: ForegroundSource::Alpha, over_white: true },
+        segments,
+    }
 }
 
 /// One segment on a background.
@@ -129,7 +133,7 @@ fn connect(options: &Options, key: Option<ApiKey>) -> Result<Option<Client>, Cli
 }
 
 fn run(queries: &Queries, recordings: &Recordings, asker: Option<&dyn Asker>) -> Result<Run, QueryError> {
-    queries.run(recordings, asker, &Budget::new(None, queries.options.max_usd), &mut |_, _| Ok(()), Progress::Hidden)
+    queries.run(recordings, asker, &Budget::new(None, queries.options.max_usd), Progress::Hidden)
 }
 
 /// An answer about a part that names `material` with the library's values, as a model would write it.

@@ -74,6 +74,14 @@ fn a_misspelt_placeholder_and_a_broken_schema_are_errors() {
     }
     std::fs::write(folder.path().join("answer.schema.json"), "{").unwrap();
     assert!(matches!(Prompts::from_folder(folder.path()), Err(PromptError::Schema { .. })));
+    for (schema, is_good) in [("[]", false), ("true", false), ("null", false), ("\"answer\"", false), ("{}", true)] {
+        std::fs::write(folder.path().join("answer.schema.json"), schema).unwrap();
+        let (prompts, how) = (Prompts::from_folder(folder.path()).unwrap(), (Guidance::OneQuestion, Context::Local));
+        match Questions::new(&prompts, MaterialLibrary::builtin(), how, About::Parts) {
+            Ok(questions) => assert!(is_good && *questions.first().schema.value() == serde_json::json!({}), "{schema}"),
+            Err(error) => assert!(!is_good && matches!(error, PromptError::Schema { .. }), "{schema}"),
+        }
+    }
     assert!(matches!(Prompts::from_folder(&folder.path().join("none")), Err(PromptError::NoFolder(_))));
     let other = tempfile::tempdir().unwrap();
     std::fs::write(other.path().join("parts.txt"), "misspelt").unwrap();

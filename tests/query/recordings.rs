@@ -3,7 +3,8 @@ use std::fs;
 use gprop::progress::Progress;
 use gprop::query::asker::{AskError, Asker, ReplyContent};
 use gprop::query::budget::Budget;
-use gprop::query::recorded::{RecordingError, Recordings};
+use gprop::query::cost::Cost;
+use gprop::query::recorded::{RecordingError, Recordings, Usage};
 use gprop::query::{AnswerSource, Failure, Guidance, Match, Options, Outcome, Prompts, QueryError};
 
 use super::{Scripted, a, good_answer, prepare, recordings, run, small, text, two_segments, with};
@@ -31,20 +32,8 @@ fn what_was_asked_once_is_replayed_from_disk() {
     let (options, replay) = (small(), replay());
     let asker = Scripted::new(|_| text(good_answer(a("wood"))));
     let queries = prepare(&views, &prompts, &options);
-    let mut told = 0;
-    let live = queries
-        .run(
-            &recordings(folder.path()),
-            Some(&asker),
-            &Budget::new(None, None),
-            &mut |_, _| {
-                told += 1;
-                Ok(())
-            },
-            Progress::Hidden,
-        )
-        .unwrap();
-    assert_eq!((asker.count(), told), (4, 4));
+    let live = run(&queries, &recordings(folder.path()), Some(&asker)).unwrap();
+    assert_eq!(asker.count(), 4);
     assert_eq!(matched(&live), [Match::Live; 4]);
     assert_eq!(live.spent.usage.input_tokens, 4000);
 
@@ -294,27 +283,33 @@ fn the_budget_stops_before_and_during_the_run() {
     let price = gprop::query::cost::PriceTable::builtin().price("gpt-4o").cloned();
     let asker = Scripted::new(|_| text(good_answer(a("wood"))));
     let views = [two_segments("000", 80, 80), two_segments("001", 90, 80)];
-    let with_budget = |max_usd: f64| {
+    let with_budget = |max_usd: f64, spends_first: bool| {
         let options = Options { max_usd: Some(max_usd), lmm_parallel: 1, ..small() };
         let queries = prepare(&views, &prompts, &options);
         let preview = queries.preview(&recordings(folder.path()), None, price.as_ref());
         let store = recordings(folder.path());
-        let run = queries.run(
-            &store,
-            Some(&asker),
-            &Budget::new(price.clone(), Some(max_usd)),
-            &mut |_, _| Ok(()),
-            Progress::Hidden,
-        );
+        let budget = Budget::new(price.clone(), Some(max_usd));
+        if spends_first {
+            let free = Cost { most_usd: Some(0.0), ..Cost::default() };
+            budget.account(free).open().unwrap().answered(Some(Usage { input_tokens: 1000, output_tokens: 100 }));
+        }
+        let run = queries.run(&store, Some(&asker), &budget, Progress::Hidden);
         (preview, run)
     };
-    let (preview, result) = with_budget(1e-6);
+    let (preview, result) = with_budget(1e-6, false);
     assert!(matches!(result, Err(QueryError::OverBudget { requests: 4, .. })), "{result:?}");
+    assert!(result.unwrap_err().to_string().ends_with("--max-usd 0.000001; nothing was sent"));
+    // Enough for these four, had an earlier round not spent a part of it.
+    let (_, result) = with_budget(preview.cost.usd.unwrap() + 1e-3, true);
+    assert!(matches!(result, Err(QueryError::OverBudget { requests: 4, .. })), "{result:?}");
+    let error = result.unwrap_err().to_string();
+    assert!(!error.contains("nothing was sent"), "{error}");
+    assert!(error.contains("spent so far: 1 request") && error.contains("answers so far are recorded"), "{error}");
     assert_eq!(asker.count(), 0);
     assert_eq!((preview.segments, preview.recorded, preview.cost.requests), (4, 0, 4));
 
     // Enough for answers of the usual length, too little if all of them had the maximum length.
-    let (_, result) = with_budget(preview.cost.usd.unwrap() * 1.01);
+    let (_, result) = with_budget(preview.cost.usd.unwrap() * 1.01, false);
     let asked = asker.count();
     match result {
         Err(QueryError::BudgetSpent { left, spent_usd, max_usd }) => {
@@ -374,6 +369,10 @@ fn what_no_segment_uses_is_told_from_what_serves() {
     assert_eq!((store.len(), used.len()), (4, 2));
     let whole = prepare(&views, &prompts, &options);
     assert_eq!(whole.used(&store).len(), 4);
+    // A copy goes too, whatever its name.
+    let unused = store.keys().into_iter().find(|key| !used.contains(key)).unwrap();
+    fs::copy(folder.path().join(format!("{unused}.json")), folder.path().join("copy.json")).unwrap();
+    let store = recordings(folder.path());
     for key in store.keys().iter().filter(|key| !used.contains(key)) {
         store.remove(key).unwrap();
     }
@@ -391,7 +390,7 @@ fn what_refusals_and_empty_answers_took_is_paid_too() {
     assert_eq!((run.spent.requests, run.spent.usage.input_tokens), (2, 2000));
     let error = run.answers.require_any().unwrap_err();
     assert!(
-        error.to_string().contains("none of the 2 questions") && error.to_string().contains("(2 of them)"),
+        error.to_string().contains("none of the 2 questions") && error.to_string().contains("(2 questions)"),
         "{error}"
     );
 }

@@ -1,5 +1,6 @@
 use gprop::query::Context;
 use gprop::query::sheet::{Drawer, Sheet};
+use gprop::scene::ForegroundSource;
 use image::{Rgb, RgbImage};
 
 use super::{View, two_segments, view};
@@ -35,6 +36,37 @@ fn a_wide_object_has_its_panels_one_below_the_other() {
     // One panel of the wide object is four times as wide as high; a row of three would be twelve times.
     assert!(wide.width() < 3 * wide.height());
     assert!(high.height() > high.width() / 2);
+}
+
+#[test]
+fn no_label_runs_into_the_next_panel() {
+    let high = view("v", (100, 400), 80, |_, _| 1);
+    for longest_side in [256, 300, 1536] {
+        let picture = sheet(&high, 1, Context::GlobalLocal, longest_side).picture;
+        // Three panels in a row, with a gap of 8 pixels before and after each.
+        let step = (picture.width() - 8) / 3;
+        let in_gap = |x: u32| x % step < 8;
+        assert!(
+            picture.enumerate_pixels().all(|(x, _, pixel)| !in_gap(x) || *pixel == Rgb([255; 3])),
+            "{longest_side}"
+        );
+    }
+}
+
+/// Only alpha was composited over white.
+#[test]
+fn surroundings_keep_their_colour_unless_they_are_white_behind_alpha() {
+    let mut view = view("v", (100, 100), 80, |x, y| u16::from((20..80).contains(&x) && (20..80).contains(&y)));
+    let corner = |view: &View| {
+        let picture = sheet(view, 1, Context::GlobalLocal, 768).picture;
+        // The top left corner of the first panel, below its label.
+        *picture.get_pixel(9, 26)
+    };
+    assert_eq!(corner(&view), Rgb([222; 3]));
+    view.photo.foreground_source = ForegroundSource::Mask;
+    assert_eq!(corner(&view), Rgb([222; 3]), "a mask beside a photo with alpha");
+    view.photo.over_white = false;
+    assert_eq!(corner(&view), Rgb([255; 3]), "a white wall");
 }
 
 #[test]

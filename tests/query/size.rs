@@ -3,6 +3,8 @@
 use std::fs;
 use std::path::Path;
 use std::process::Output;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicUsize, Ordering};
 
 use serde_json::{Value, json};
 
@@ -150,6 +152,20 @@ fn an_answer_that_is_no_length_leaves_the_scale_unknown() {
     assert!(output.status.success(), "{}", said(&output));
     assert!(said(&output).contains("did not say how long the object is"), "{}", said(&output));
     assert!(json_of_file(&balls, "size.json")["scale"].is_null());
+}
+
+#[test]
+fn a_length_that_gives_no_scale_ends_the_run_before_anything_else_is_asked() {
+    let asked = Arc::new(AtomicUsize::new(0));
+    let count = Arc::clone(&asked);
+    let balls = Balls::asked(1, move |_| {
+        count.fetch_add(1, Ordering::SeqCst);
+        size(&json!([1e9, 1e10]))
+    });
+    let output = ask(&balls);
+    assert_eq!(output.status.code(), Some(3), "{}", said(&output));
+    assert!(said(&output).contains("give another --scale"), "{}", said(&output));
+    assert_eq!(asked.load(Ordering::SeqCst), 1);
 }
 
 #[test]

@@ -426,9 +426,9 @@ fn masks_tell_the_foreground() {
     assert!(error.contains("003.png") && error.contains("6 x 8 pixels") && error.contains("8 x 6"), "{error}");
 }
 
-/// A JPEG of 8 x 6 pixels as stored, bright on the left, whose EXIF orientation says `orientation`.
-fn jpeg_on_its_side(orientation: u8) -> Vec<u8> {
-    let picture = RgbImage::from_fn(8, 6, |x, _| if x < 4 { Rgb([250; 3]) } else { Rgb([5; 3]) });
+/// A JPEG of this width and height as stored, bright on the left, whose EXIF orientation says `orientation`.
+fn jpeg_oriented(orientation: u8, (width, height): (u32, u32)) -> Vec<u8> {
+    let picture = RgbImage::from_fn(width, height, |x, _| if x < width / 2 { Rgb([250; 3]) } else { Rgb([5; 3]) });
     let mut jpeg = Vec::new();
     let mut encoder = image::codecs::jpeg::JpegEncoder::new_with_quality(&mut jpeg, 100);
     // TIFF header, one entry: tag 0x0112 (orientation), type SHORT, count 1.
@@ -446,7 +446,7 @@ fn exif_orientation_is_honoured() {
     }
     made_up.transforms["frames"].as_array_mut().unwrap().truncate(1);
     // 6: the camera was turned by a quarter turn; the picture has to be turned clockwise.
-    std::fs::write(made_up.path("images/side.jpg"), jpeg_on_its_side(6)).unwrap();
+    std::fs::write(made_up.path("images/side.jpg"), jpeg_oriented(6, (8, 6))).unwrap();
     // Calibrated on the upright picture.
     (made_up.transforms["w"], made_up.transforms["h"]) = (json!(6), json!(8));
     let scene = made_up.load().unwrap();
@@ -459,6 +459,22 @@ fn exif_orientation_is_honoured() {
     let scene = made_up.load().unwrap();
     assert_eq!(scene.views[0].photo().unwrap().rgb.dimensions(), (8, 6));
     assert!(scene.warnings[0].contains("as they are stored"), "{:?}", scene.warnings);
+    // 3: upside down. Both ways have the size on which the cameras were calibrated, or half of it.
+    std::fs::write(made_up.path("images/side.jpg"), jpeg_oriented(3, (8, 6))).unwrap();
+    for (width, height) in [(8, 6), (4, 3)] {
+        (made_up.transforms["w"], made_up.transforms["h"]) = (json!(width), json!(height));
+        let scene = made_up.load().unwrap();
+        let photo = scene.views[0].photo().unwrap();
+        assert!(photo.rgb.get_pixel(1, 3)[0] > 200 && photo.rgb.get_pixel(6, 3)[0] < 50, "{width} x {height}");
+        assert!(scene.warnings.iter().any(|warning| warning.contains("as they are stored")), "{:?}", scene.warnings);
+    }
+    // Nearly square: both ways have the shape, but one has it exactly, or at twice the size.
+    std::fs::write(made_up.path("images/side.jpg"), jpeg_oriented(6, (201, 200))).unwrap();
+    for (size, upright) in [((201, 200), (201, 200)), ((200, 201), (200, 201)), ((400, 402), (200, 201))] {
+        (made_up.transforms["w"], made_up.transforms["h"]) = (json!(size.0), json!(size.1));
+        let photo = made_up.load().unwrap().views[0].photo().unwrap();
+        assert_eq!(photo.rgb.dimensions(), upright);
+    }
 }
 
 #[test]
@@ -473,8 +489,12 @@ fn photos_that_are_all_missing_are_said_to_be() {
         frame["file_path"] = json!(frame["file_path"].as_str().unwrap().trim_start_matches("images/"));
     }
     let options = Options { images: Some(elsewhere.path().to_owned()), ..Options::default() };
-    let scene = flat.load_with(&options).unwrap();
-    assert_eq!((scene.views.len(), scene.views[0].name.as_str()), (1, "002"));
+    // nerfstudio names a photo with its folder, which --images may be or hold.
+    for names in [&flat, &MadeUp::new()] {
+        let scene = names.load_with(&options).unwrap();
+        assert_eq!((scene.views.len(), scene.views[0].name.as_str()), (1, "002"));
+        assert_eq!(scene.views[0].image, elsewhere.path().join("002.png"));
+    }
 }
 
 /// Paths of another machine: their ends tell photos apart, as far as they do.
@@ -485,11 +505,20 @@ fn absolute_paths_lead_to_photos_by_their_ends() {
         let folder = made_up.path(&format!("images/cam{n}"));
         std::fs::create_dir(&folder).unwrap();
         std::fs::rename(made_up.path(&format!("images/{n:03}.png")), folder.join("000.png")).unwrap();
-        made_up.transforms["frames"][n]["file_path"] = json!(format!("/elsewhere/data/images/cam{n}/000.png"));
     }
-    let scene = made_up.load().unwrap();
-    let images: std::collections::BTreeSet<_> = scene.views.iter().map(|view| view.image.clone()).collect();
-    assert_eq!((scene.views.len(), images.len()), (4, 4));
+    for path in [
+        r"C:\data\images\camN\000.png",
+        "d:/data/images/camN/000.png",
+        r"\\server\data\images\camN\000.png",
+        "/elsewhere/data/images/camN/000.png",
+    ] {
+        for n in 0..4 {
+            made_up.transforms["frames"][n]["file_path"] = json!(path.replace('N', &n.to_string()));
+        }
+        let scene = made_up.load().unwrap();
+        let images: std::collections::BTreeSet<_> = scene.views.iter().map(|view| view.image.clone()).collect();
+        assert_eq!((scene.views.len(), images.len()), (4, 4), "{path}");
+    }
     // One photo for several cameras can be that of any of them.
     std::fs::copy(made_up.path("images/cam0/000.png"), made_up.path("images/000.png")).unwrap();
     for n in 1..4 {
@@ -547,6 +576,16 @@ fn align_undoes_another_convention() {
     assert!(scaled.norm() < 1e-12);
     let rotation = apply("transposed").rotation.to_rotation_matrix();
     assert!((rotation.matrix() - Rotation3::from(pose.rotation).matrix().transpose()).norm() < 1e-12);
+    for text in [
+        "none",
+        "transposed+world=y,z,x",
+        "transposed-opengl+scale=3",
+        "inverted+camera-yz+world=x,-z,y+scale=0.1",
+        "camera-y+world=x,-y,z",
+    ] {
+        let conversion: Conversion = text.parse().unwrap();
+        assert!(near(conversion.undo(&conversion.apply(&pose)), pose), "{text}");
+    }
 }
 
 #[test]
@@ -596,7 +635,9 @@ fn scales_are_measured() {
     // Cameras 0 and 2 are at x = 2 and x = -2.
     assert_eq!(meters("cameras:000,002=0.8"), 0.2);
     assert!(scale("cameras:000,002=0.8").unwrap().scale.unwrap().provenance.contains("cameras of 000 and 002"));
-    assert_message(scale("cameras:000,7=1"), &["no view is named `7`"]);
+    assert_message(scale("cameras:000,7=1"), &["--scale", "no view is named `7`; the views are: 000, 001, 002, 003"]);
+    let rendered = options(&["--render-views", "2", "--scale", "cameras:000,002=0.8"]).unwrap();
+    assert_message(made_up.load_as_is(&rendered), &["no view is named `000`; the scene has no photo with a camera"]);
     assert_message(scale("cameras:000,000=1"), &["measured in the scene is zero"]);
     // One Gaussian has no extent.
     assert_message(scale("bbox:z=1"), &["--scale bbox:z=1", "zero"]);

@@ -1,7 +1,10 @@
 //! Data sets: the small made-up folders of each layout in `fixtures/datasets`.
 
+use std::num::NonZeroUsize;
 use std::path::{Path, PathBuf};
 
+use gprop::Pipeline;
+use gprop::pipeline::{Plan, Stage};
 use gprop::scene::dataset::{self, Layout};
 use gprop::scene::{self, Options};
 use gprop::units::ScaleSource;
@@ -28,6 +31,32 @@ fn abo_500_is_listed_with_split_and_mass() {
     let scene = scene::load(&found.scenes[0].folder, &Options::default()).unwrap();
     let scale = scene.scale.unwrap();
     assert_eq!((scene.views.len(), scale.meters_per_unit, scale.source), (1, 1.0, ScaleSource::DataSet));
+    // A splat of twice the size, with its photos or without.
+    let align = "scale=2".parse().unwrap();
+    for render_views in [None, Some(NonZeroUsize::MIN)] {
+        let options = Options { align, render_views, ..Options::default() };
+        let scale = scene::load(&found.scenes[0].folder, &options).unwrap().scale.unwrap();
+        assert_eq!(scale.meters_per_unit, 0.5, "{render_views:?}");
+    }
+}
+
+#[test]
+fn a_scale_that_a_data_set_states_after_a_run_counts() {
+    let (data_set, name) = (tempfile::tempdir().unwrap(), "scenes/B0000EXAM1_ATVPDKIKX0DER");
+    let (original, scene) = (fixture("abo").join(name), data_set.path().join(name));
+    std::fs::create_dir_all(scene.join("images")).unwrap();
+    for file in ["point_cloud.ply", "transforms.json", "images/img_000.png"] {
+        std::fs::copy(original.join(file), scene.join(file)).unwrap();
+    }
+    let scale = || {
+        let plan = Plan { to: Stage::Scene, from: None };
+        Pipeline::builder(&scene).plan(plan).open().unwrap().run().unwrap();
+        let views = std::fs::read(scene.join("gprop/views.json")).unwrap();
+        serde_json::from_slice::<serde_json::Value>(&views).unwrap()["scale"]["meters_per_unit"].as_f64()
+    };
+    assert_eq!(scale(), None);
+    std::fs::copy(fixture("abo/splits.json"), data_set.path().join("splits.json")).unwrap();
+    assert_eq!(scale(), Some(1.0));
 }
 
 #[test]

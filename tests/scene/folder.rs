@@ -135,7 +135,7 @@ fn chosen_views_are_spread_and_always_the_same() {
 
 #[test]
 fn views_by_number_and_by_name() {
-    let made_up = MadeUp::new();
+    let mut made_up = MadeUp::new();
     let scene = made_up.load().unwrap();
     assert_eq!(names(&scene, &options(&["--views", "9"]).unwrap()), ["000", "001", "002", "003"]);
     assert_eq!(names(&scene, &options(&["--views", "1"]).unwrap()).len(), 1);
@@ -146,6 +146,16 @@ fn views_by_number_and_by_name() {
     let unknown = scene.chosen_views(&options(&["--view-list", "7"]).unwrap()).unwrap_err().to_string();
     assert_eq!(unknown, "no view is named `7`; the views are: 000, 001, 002, 003");
     assert!(options(&["--views", "0"]).is_err());
+    // By a file name that is not safe everywhere.
+    std::fs::rename(made_up.path("images/000.png"), made_up.path("images/my photo (1).png")).unwrap();
+    made_up.transforms["frames"][0]["file_path"] = json!("images/my photo (1).png");
+    let scene = made_up.load().unwrap();
+    for name in ["my photo (1)", "my_photo__1_"] {
+        assert_eq!(names(&scene, &options(&["--view-list", name]).unwrap()), ["my_photo__1_"]);
+        // Cameras 0 and 2 are at x = 2 and x = -2.
+        let measured = made_up.load_as_is(&options(&["--scale", &format!("cameras:{name},002=0.4")]).unwrap());
+        assert_eq!(measured.unwrap().scale.unwrap().meters_per_unit, 0.1, "{name}");
+    }
 }
 
 #[test]
@@ -175,6 +185,8 @@ fn the_largest_iteration_is_found() {
         std::fs::create_dir_all(&folder).unwrap();
         std::fs::write(folder.join("point_cloud.ply"), iteration).unwrap();
     }
+    // A training that was stopped before it wrote the splat.
+    std::fs::create_dir(made_up.path("point_cloud/iteration_40000")).unwrap();
     let splat = made_up.path("point_cloud.ply");
     std::fs::rename(&splat, made_up.path("point_cloud/iteration_30000/point_cloud.ply")).unwrap();
     assert_eq!(made_up.load().unwrap().gaussians.len(), 1);

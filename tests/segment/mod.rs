@@ -91,7 +91,7 @@ fn two_shapes() -> Photo {
     });
     let foreground =
         GrayImage::from_fn(200, 120, |x, y| Luma([if is_disc(x, y) || is_square(x, y) { 255 } else { 0 }]));
-    Photo { rgb, foreground, foreground_source: ForegroundSource::Alpha }
+    Photo { rgb, foreground, foreground_source: ForegroundSource::Alpha, over_white: true }
 }
 
 /// A sparser grid than the default, for speed.
@@ -161,6 +161,7 @@ fn tiny_and_extremely_long_pictures_are_segmented() {
             rgb: RgbImage::from_pixel(width, height, Rgb([90, 120, 30])),
             foreground: GrayImage::from_pixel(width, height, Luma([255])),
             foreground_source: ForegroundSource::Alpha,
+            over_white: false,
         };
         let mut options = quick_options();
         options.generator.points_per_side = 2;

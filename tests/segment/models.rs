@@ -174,6 +174,7 @@ fn every_form_of_the_export_finds_the_same_segments() {
         rgb: RgbImage::from_fn(120, 90, |x, y| if y < 40 { Rgb([255 - x as u8, 250, 240]) } else { Rgb([20, 10, 30]) }),
         foreground: GrayImage::from_pixel(120, 90, Luma([255])),
         foreground_source: ForegroundSource::Whole,
+        over_white: false,
     };
     let mut options = Options::default();
     options.generator.points_per_side = 5;

@@ -57,7 +57,7 @@ fn pictures_of_every_kind_are_segmented() {
         ("grey.tif.png", colours.to_luma16().into()),
         ("deep.png", colours.to_rgba16().into()),
         ("photo.jpg", colours.to_rgb8().into()),
-        ("grey.jpg", GrayImage::from_fn(50, 30, |x, y| Luma([(x * 4 + y) as u8])).into()),
+        ("dull.jpg", GrayImage::from_fn(50, 30, |x, y| Luma([(x * 4 + y) as u8])).into()),
     ];
     let mut files: Vec<PathBuf> = Vec::new();
     for (name, picture) in pictures {
@@ -190,6 +190,54 @@ fn other_forms_are_read_by_the_programs_that_they_are_for() {
             json!({ "annotations": segments, "same": true, "areas": true })
         );
     }
+}
+
+/// The other formats are of the label maps beside them and name the photos; later stages do not depend on them.
+#[test]
+fn other_formats_follow_the_label_maps() {
+    let (scene, masks) = (crate::run::hammer(), tempfile::tempdir().unwrap());
+    let paint = |object: u16| {
+        let png: ImageBuffer<Luma<u16>, Vec<u16>> =
+            ImageBuffer::from_fn(512, 512, |x, _| Luma([if x < 200 { 0 } else { object }]));
+        png.save(masks.path().join("003.png")).unwrap();
+    };
+    let run = |arguments: &[&str]| {
+        let mut command = gprop();
+        command.arg("segment").arg(scene.path()).args(["--view-list", "003", "--segments"]).arg(masks.path());
+        let output = command.args(arguments).output().unwrap();
+        assert_eq!(output.status.code(), Some(0), "{}", said(&output));
+        said(&output)
+    };
+    let folder = scene.path().join("gprop/segments");
+    let digest = || {
+        let record: Value = serde_json::from_slice(&fs::read(scene.path().join("gprop/run.json")).unwrap()).unwrap();
+        let stage = record["stages"].as_array().unwrap().iter().find(|stage| stage["name"] == "segment").unwrap();
+        stage["digest"].as_str().unwrap().to_owned()
+    };
+    paint(1);
+    run(&[]);
+    let alone = digest();
+    run(&["--also", "npy,coco"]);
+    assert_eq!(digest(), alone, "later stages stay valid");
+    let coco: Value = serde_json::from_slice(&fs::read(folder.join("coco.json")).unwrap()).unwrap();
+    assert_eq!(coco["images"][0]["file_name"], "images/003.png");
+    assert!(folder.join("003_s.npy").exists());
+
+    paint(0);
+    let warned = run(&[]);
+    assert!(warned.contains("the label map of view 003") && warned.contains("only background"), "{warned}");
+    assert!(!folder.join("coco.json").exists() && !folder.join("003_s.npy").exists());
+    assert_ne!(digest(), alone);
+
+    // Arrays in the folder that the user names are the user's, even if it is gprop's own.
+    let map = LabelMap { width: 512, height: 512, labels: vec![1; 512 * 512] };
+    map.write_npy(None, &mut fs::File::create(folder.join("003_s.npy")).unwrap()).unwrap();
+    fs::remove_file(folder.join("003.png")).unwrap();
+    let mut command = gprop();
+    command.arg("segment").arg(scene.path()).args(["--view-list", "003", "--segments"]).arg(&folder);
+    let output = command.output().unwrap();
+    assert_eq!(output.status.code(), Some(0), "{}", said(&output));
+    assert!(folder.join("003.png").exists() && folder.join("003_s.npy").exists());
 }
 
 /// A label map, as the 16-bit PNG or as the array of other programs, is read back unchanged.

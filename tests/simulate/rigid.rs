@@ -331,8 +331,72 @@ fn actions_move_bodies() {
     let (velocity, spin) = after(&all, Effect::Wind { velocity: [2.0, 0.0, 0.0], response_s: 0.1 });
     let expected = 2.0 * (1.0 - (-0.5_f64).exp());
     assert!((velocity.x - expected).abs() < 1e-5 && spin.norm() < 1e-5, "{velocity}, expected {expected}");
+    // 50.5 periods in steps slightly longer than a period: from rest to a (1 - cos(2 pi f t)) / (2 pi f).
+    let (velocity, spin) = after(&all, Effect::Shake { acceleration: [100.0, 0.0, 0.0], frequency_hz: 1010.0 });
+    let expected = 2.0 * 100.0 / (std::f64::consts::TAU * 1010.0);
+    assert!((velocity.x - expected).abs() < 1e-6 && spin.norm() < 1e-6, "{velocity}, expected {expected}");
     // A wind on its top alone turns it.
     assert!(after(&top, Effect::Wind { velocity: [2.0, 0.0, 0.0], response_s: 0.1 }).1.y > 0.5);
     let turned = after(&top, Effect::Turn { axis: 2, center: [0.9, 0.9, 0.0], rate: 3.0 }).1;
     assert!((turned - Vector3::z() * 3.0).norm() < 1e-5, "{turned}");
+}
+
+/// Turned by ten radians, in steps of a hundredth of a radian: every particle is on its circle, and nothing is strained,
+/// whether it deforms or is rigid. The axis is none of the principal axes of inertia, about which a free body would turn.
+#[test]
+fn turned_objects_stay_on_their_circle() {
+    const RATE: f32 = 10.0;
+    const CENTER: [f32; 3] = [0.7, 0.9, 0.0];
+    let is_in_angle = |p: &Particle| p.position_m[2] < 0.9 || p.position_m[0] < 0.9;
+    let angle: Vec<Particle> = Block::default().particles().into_iter().filter(is_in_angle).collect();
+    let center = Vector3::from(CENTER.map(f64::from));
+    let turn = nalgebra::Rotation3::from_axis_angle(&Vector3::z_axis(), 10.0);
+    let effect = Effect::Turn { axis: 2, center: CENTER, rate: RATE };
+    for rigid in [0, angle.len()] {
+        let mut object = object(&angle, rigid, 0.05, 0.0, vec![], None);
+        let action = Action { from_s: 0.0, to_s: f64::INFINITY, mask: vec![true; angle.len()], effect };
+        let actions = action::on(&object, vec![action]);
+        for step in 0..1000 {
+            action::step(&actions, &mut object, f64::from(step) * 1e-3, 1e-3).unwrap();
+        }
+        for (before, after) in angle.iter().zip(particles_of(&object)) {
+            let [from, to] = [before, &after].map(|p| Vector3::from(p.position_m.map(f64::from)) - center);
+            // Along the tangents, the distance from the axis would grow by a twentieth.
+            assert!((to - turn * from).norm() < 1e-5, "{rigid} rigid: {from} went to {to}");
+            let f = Matrix3::from_row_slice(&after.elastic.map(f64::from));
+            assert!((f - turn.matrix()).norm() < 1e-4, "{rigid} rigid: turned and strained by {f}");
+        }
+    }
+}
+
+/// A lasting load on a body at rest is a weight, however short the step: F = M (g + a). If the body has just landed at v,
+/// F = v sqrt(k M) + M (g + a), with k = 2 sqrt(A / pi) E / (1 - nu^2).
+#[test]
+fn load_on_a_resting_body_is_not_an_impact() {
+    const LOAD: f64 = 1000.0;
+    // The centres of the lowest particles are 1 um below the ground.
+    let flat = Block { low_m: [0.8, 0.8, GROUND_M as f32 - 0.0125 - 1e-6], ..Block::default() };
+    let ground = plane([0.0, 0.0, 1.0], Contact::Separate { friction: 0.4 });
+    let area_m2 = (0.4_f64 - 0.025).powi(2);
+    for (speed, dt, steps) in [(0.0_f32, 1e-3, 20), (0.0, 1e-5, 20), (0.5, 1e-3, 20), (0.5, 1e-5, 20)] {
+        let mut particles = flat.particles();
+        particles.iter_mut().for_each(|p| p.velocity_m_s[2] = -speed);
+        let mut object = object(&particles, particles.len(), 0.05, GRAVITY, vec![], Some(&ground));
+        let effect = Effect::Accelerate([0.0, 0.0, -LOAD as f32]);
+        let action = Action { from_s: 0.0, to_s: f64::INFINITY, mask: vec![true; particles.len()], effect };
+        let actions = action::on(&object, vec![action]);
+        for step in 0..steps {
+            action::step(&actions, &mut object, f64::from(step) * dt, dt).unwrap();
+        }
+        let body = &object.bodies()[0];
+        let stiffness = 2.0 * (area_m2 / std::f64::consts::PI).sqrt() * STEEL_PA;
+        let impact_n = f64::from(speed) * (stiffness * body.mass_kg()).sqrt();
+        let expected = (impact_n + body.mass_kg() * (GRAVITY + LOAD)) / area_m2;
+        let found = body.faces()[0].peak_pressure_pa;
+        // Sizes in f32, and the iteration's last change of the speed.
+        assert!(
+            (found / expected - 1.0).abs() < 1e-3,
+            "{found} Pa in steps of {dt} s at {speed} m/s, not {expected} Pa"
+        );
+    }
 }

@@ -1,7 +1,7 @@
 use gprop::simulate::action::Effect;
 use gprop::simulate::mpm::particles::{IDENTITY, Particle};
 use gprop::simulate::script::{KNOWN, Script, Standing, named};
-use gprop::simulate::{Options, SimulateError};
+use gprop::simulate::{Options, SimulateError, script_of};
 
 /// A column of ten particles; the lower five are a foot, the others a seat.
 fn column() -> Vec<Particle> {
@@ -130,6 +130,9 @@ fn wrong_names_are_refused_with_what_there_is() {
     {
         assert!(why(Script::from_toml(&format!("[[step]]\non = \"all\"\n{wrong}"))).contains("step 1"), "{wrong}");
     }
+    let (scenario, set) = ("examples/push.toml".to_owned(), vec!["force=2".to_owned()]);
+    let of_file = script_of(&Options { scenario, set, ..Options::default() }).unwrap_err().to_string();
+    assert!(of_file.contains("--set") && of_file.contains("`examples/push.toml` is a file"), "{of_file}");
     let low = named("drop", &["height=0.1".to_owned()]).unwrap();
     assert_eq!((low.drop_height, low.tilt_deg), (0.1, 25.0));
     let (particles, names) = (column(), vec![vec!["foot"], vec!["seat"]]);

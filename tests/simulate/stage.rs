@@ -11,7 +11,7 @@ use gprop::simulate::checkpoint::{Checkpoint, Snapshot};
 use gprop::simulate::filling::{FillPoint, fill};
 use gprop::simulate::material::{Material, Soften};
 use gprop::simulate::rigid::choice::{HARDLY_VISIBLE, INVISIBLE, Load, Reason, choose};
-use gprop::simulate::{Frame, Ground, Input, Options, SimulateError, SimulationReport, simulate};
+use gprop::simulate::{Frame, Ground, Input, Options, SimulateError, SimulationReport, simulate, simulated};
 use nalgebra::{Matrix3, UnitQuaternion, Vector3};
 
 use crate::support::skipped;
@@ -491,6 +491,8 @@ fn strays_stay_in_place() {
     assert_eq!((last.positions[5], last.log_scales[5]), (cloud.positions[5], cloud.log_scales[5]));
     assert!(last.positions[4] != cloud.positions[4] && last.positions[6] != cloud.positions[6]);
     assert!(report.warnings.iter().any(|w| w.starts_with("1 Gaussian lies far")), "{:?}", report.warnings);
+    let expected: Vec<bool> = (0..cloud.len()).map(|i| i != 5).collect();
+    assert_eq!(simulated(&cloud), expected);
 }
 
 /// The duration is estimated first: ten hours are refused.
@@ -547,6 +549,7 @@ fn explosion_stops_the_run_and_keeps_the_frames() {
 fn film_shows_the_object_in_every_picture() {
     let bar = Bar::new();
     let (frames, report) = run(&bar.input(), &options());
+    let all = vec![true; bar.gaussians.len()];
     let mut load = |index: usize| Ok::<_, Box<dyn Error>>(frames[index].gaussians.clone());
     let viewpoint = |change: &dyn Fn(&mut Viewpoint)| {
         let mut viewpoint = Options::default().viewpoint;
@@ -556,7 +559,7 @@ fn film_shows_the_object_in_every_picture() {
     };
     let mut shoot = |change: &dyn Fn(&mut Viewpoint)| {
         let mut pictures = Vec::new();
-        let shooting = Shooting::new(&report, &viewpoint(change), None);
+        let shooting = Shooting::new(&report, &viewpoint(change), None, &all);
         let mut keep = |picture| {
             pictures.push(picture);
             Ok(())
@@ -585,7 +588,7 @@ fn film_shows_the_object_in_every_picture() {
         let at_edge = |&(x, y): &(u32, u32)| x == 0 || y == 0 || x + 1 == picture.width() || y + 1 == picture.height();
         assert!(!red.iter().any(at_edge), "frame {index}: the bar is cut off");
     }
-    let films = Shooting::new(&report, &viewpoint(&|_| ()), None).films(&mut load, Progress::Hidden).unwrap();
+    let films = Shooting::new(&report, &viewpoint(&|_| ()), None, &all).films(&mut load, Progress::Hidden).unwrap();
     match films.film {
         Film::Mp4(film) => assert_eq!(&film[4..8], b"ftyp"),
         Film::Gif(_) => skipped("film_shows_the_object_in_every_picture", "no ffmpeg: no MP4"),

@@ -10,37 +10,44 @@ use crate::grasp::GraspReport;
 use crate::grasp::gripper::GripperProfile;
 use crate::pipeline::Stage;
 use crate::pipeline::stored::Stored;
-use crate::scene;
+use crate::scene::{self, SceneError};
 use crate::workdir::{self, Artifact};
 
-use super::super::{Global, options_of, print};
+use super::super::{Global, print};
 use super::{check_truth, one_scene_only};
 
+/// Rates of recorded outcomes.
+pub fn evaluate_recorded(global: &Global, outcomes: &Path) -> anyhow::Result<()> {
+    let found = Evaluation::of_recorded(&rates::outcomes(outcomes)?);
+    print(global, &found, || found.text())
+}
+
+/// Rates of outcomes predicted for the grasps that runs proposed.
 pub fn evaluate(
     global: &Global,
     scenes: &[PathBuf],
     out: Option<&Path>,
-    outcomes: Option<&Path>,
+    allow_read: &[PathBuf],
     gripper: &str,
 ) -> anyhow::Result<()> {
-    let found = match outcomes {
-        Some(path) => Evaluation::of_recorded(&rates::outcomes(path)?),
-        None => {
-            one_scene_only(scenes.len(), out)?;
-            let gripper = GripperProfile::load(gripper)?;
-            let objects = scenes.iter().map(|scene| grasped(scene, out, &gripper));
-            Evaluation::of_objects(objects.collect::<anyhow::Result<_>>()?)
-        }
-    };
+    one_scene_only(scenes.len(), out)?;
+    let gripper = GripperProfile::load(gripper)?;
+    let objects = scenes.iter().map(|scene| grasped(scene, out, allow_read, &gripper));
+    let found = Evaluation::of_objects(objects.collect::<anyhow::Result<_>>()?);
     print(global, &found, || found.text())
 }
 
 /// The grasp that a run proposed, judged by the scene's ground truth.
-fn grasped(folder: &Path, out: Option<&Path>, gripper: &GripperProfile) -> anyhow::Result<GraspedObject> {
+fn grasped(
+    folder: &Path,
+    out: Option<&Path>,
+    allow_read: &[PathBuf],
+    gripper: &GripperProfile,
+) -> anyhow::Result<GraspedObject> {
     let stored = Stored::open(folder, out, &[Stage::Grasp])?;
     let path = stored.path(Artifact::Grasp);
     let report: Option<GraspReport> = workdir::read_json(&path)?;
-    let options = stored.options(folder, out.is_some())?;
+    let options = stored.options(folder, out.is_some(), allow_read)?;
     let place = report.as_ref().and_then(|report| report.candidates.first());
     let (Some(report), Some(place)) = (&report, place) else { return Err(EvaluateError::NoPlace { path }.into()) };
     if report.gripper != gripper.name {
@@ -51,8 +58,8 @@ fn grasped(folder: &Path, out: Option<&Path>, gripper: &GripperProfile) -> anyho
         .into());
     }
     let truth = folder.join("ground_truth");
-    check_truth(&truth, &options_of(folder, &[])?.scene.read_scope(folder))?;
-    let mut scene = scene::load(folder, &options.scene)?;
+    check_truth(&truth, &options.scene.read_scope(folder))?;
+    let mut scene = scene::load(folder, &options.scene).map_err(SceneError::without_flag)?;
     if scene.scale.is_none() {
         scene.scale = stored.found_scale()?;
     }

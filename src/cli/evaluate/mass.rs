@@ -4,7 +4,7 @@ use super::scores_text;
 use crate::evaluate::mass::{Balance, Causes, MassEvaluation, Weighed, WeighedPart};
 use crate::output::{counted, one_line};
 
-/// The table of masses, the causes of the errors, the scores.
+/// The table of masses, the causes of the errors, the errors of centre and inertia, the scores.
 pub fn text(found: &MassEvaluation) -> String {
     let mut text =
         format!("{:<24} {:>10} {:>10} {:>10} {:>10}  covered\n", "object", "low kg", "mid kg", "high kg", "true kg");
@@ -20,16 +20,23 @@ pub fn text(found: &MassEvaluation) -> String {
         );
         object.parts.iter().for_each(|part| text += &part_line(part));
     }
-    text += &causes_text(&found.objects);
+    text += &details_text(&found.objects);
     text += &scores_text(&found.scores, "kg");
-    let (coverage, width) = (100.0 * found.coverage, found.median_width);
-    text += &format!("\ninterval contains the truth: {coverage:.0} %, median width (high / low) {width:.2}");
+    let coverage = 100.0 * found.coverage;
+    let width = found.median_width.map_or_else(|| "unknown".to_owned(), |width| format!("{width:.2}"));
+    text += &format!("\ninterval contains the truth: {coverage:.0} %, median width (high / low) {width}");
     match found.missing.first() {
         Some(first) => {
             text + &format!("\nwithout a mass: {} (first: {})", counted(found.missing.len(), "scene"), one_line(first))
         }
         None => text,
     }
+}
+
+/// All that the ground truth of a scene tells beyond its mass; nothing if no object comes from such a scene.
+fn details_text(objects: &[Weighed]) -> String {
+    let text = causes_text(objects) + &balance_text(objects) + &without_causes_text(objects);
+    if text.is_empty() { text } else { text + "\n" }
 }
 
 /// The causes of the errors, object by object; nothing if no ground truth is detailed enough.
@@ -39,8 +46,8 @@ fn causes_text(objects: &[Weighed]) -> String {
         return String::new();
     }
     let mut text = format!(
-        "\n{:<24} {:>8} {:>8} {:>8} {:>8} {:>8} {:>8}  {:>7} {:>7}\n",
-        "error in g from", "volume", "wall", "density", "filling", "missing", "in all", "centre", "inertia"
+        "\n{:<24} {:>8} {:>8} {:>8} {:>8} {:>8} {:>8}\n",
+        "error in g from", "volume", "wall", "density", "filling", "missing", "in all"
     );
     for (object, causes) in with_causes() {
         let Causes { volume_kg, wall_kg, density_kg, filling_kg, missing_kg } = causes;
@@ -50,9 +57,6 @@ fn causes_text(objects: &[Weighed]) -> String {
         for kg in [volume_kg, wall_kg, density_kg, filling_kg, missing_kg, all] {
             text += &format!(" {:>8.1}", 1e3 * kg);
         }
-        if let Some(Balance { center_error, inertia_error }) = object.balance {
-            text += &format!("  {:>6.1}% {:>6.1}%", 100.0 * center_error, 100.0 * inertia_error);
-        }
         text.push('\n');
         for part in object.true_parts.iter().filter(|_| object.true_parts.len() > 1) {
             let name = cut(&part.name, 22);
@@ -60,7 +64,36 @@ fn causes_text(objects: &[Weighed]) -> String {
             text += &format!("  {name:<22} {found:>8.1} g found, {truth:.1} g true\n");
         }
     }
-    text + "\n"
+    text
+}
+
+/// The errors of centre of mass and inertia, object by object; nothing if no ground truth gives these.
+fn balance_text(objects: &[Weighed]) -> String {
+    let mut lines = objects.iter().filter_map(|object| {
+        let Balance { center_error, inertia_error } = object.balance?;
+        let name = cut(&object.id, 24);
+        Some(format!("{name:<24} {:>7.1}% {:>7.1}%\n", 100.0 * center_error, 100.0 * inertia_error))
+    });
+    match lines.next() {
+        Some(first) => {
+            format!("\n{:<24} {:>8} {:>8}\n{first}", "error of", "centre", "inertia") + &lines.collect::<String>()
+        }
+        None => String::new(),
+    }
+}
+
+/// The number of scenes without causes, and why they have none; nothing if there is no such scene.
+fn without_causes_text(objects: &[Weighed]) -> String {
+    // Only the objects of scenes have parts.
+    let mut without = objects.iter().filter(|object| !object.parts.is_empty() && object.causes.is_none());
+    let Some(first) = without.next() else { return String::new() };
+    format!(
+        "\nwithout causes: {} (first: {}); causes need the volume and mass of every part in ground_truth/parts.json, and \
+         either the box of every part, or maps in ground_truth/part_maps that show every part that was found, and the `id` of \
+         each part on them\n",
+        counted(1 + without.count(), "scene"),
+        one_line(&first.id)
+    )
 }
 
 fn part_line(part: &WeighedPart) -> String {
@@ -77,4 +110,35 @@ fn part_line(part: &WeighedPart) -> String {
 /// A name on one line, cut to the width of its column.
 fn cut(name: &str, width: usize) -> String {
     one_line(name).chars().take(width).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::units::Estimate;
+
+    fn weighed(id: &str, causes: Option<Causes>, balance: Option<Balance>) -> Weighed {
+        let part = WeighedPart {
+            name: "body".to_owned(),
+            volume_m3: None,
+            mass_kg: None,
+            true_volume_m3: None,
+            true_mass_kg: None,
+        };
+        let predicted = Estimate::new(0.9, 1.0, 1.1);
+        let (true_parts, parts) = (Vec::new(), vec![part]);
+        Weighed { id: id.to_owned(), predicted, truth: 1.0, covered: true, causes, true_parts, balance, parts }
+    }
+
+    #[test]
+    fn centre_and_inertia_are_shown_without_causes_too() {
+        let balance = Some(Balance { center_error: 0.012, inertia_error: 0.34 });
+        let objects = [weighed("mug", Some(Causes::default()), balance), weighed("lamp", None, balance)];
+        let text = details_text(&objects);
+        let off = |name: &str| text.lines().any(|line| line.starts_with(name) && line.ends_with("    1.2%    34.0%"));
+        assert!(off("mug") && off("lamp"), "{text}");
+        assert!(text.contains("without causes: 1 scene (first: lamp)"), "{text}");
+        let of_masses = Weighed { parts: Vec::new(), ..weighed("B07A", None, None) };
+        assert_eq!(details_text(&[of_masses]), "", "only its mass is known");
+    }
 }

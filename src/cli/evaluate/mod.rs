@@ -10,6 +10,7 @@ use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
 use anyhow::Context;
+use image::GrayImage;
 
 use crate::error::UsageError;
 use crate::evaluate::EvaluateError;
@@ -43,17 +44,18 @@ const TRUE_MAPS: &str = "ground_truth/part_maps";
 /// `gprop evaluate`.
 pub fn evaluate(global: &Global, what: &Evaluate) -> anyhow::Result<()> {
     match what {
-        Evaluate::Grasp { scenes, out, outcomes, gripper } => {
-            grasp::evaluate(global, scenes, out.as_deref(), outcomes.as_deref(), gripper)
+        Evaluate::Grasp { outcomes: Some(outcomes), .. } => grasp::evaluate_recorded(global, outcomes),
+        Evaluate::Grasp { scenes, out, gripper, allowed, .. } => {
+            grasp::evaluate(global, scenes, out.as_deref(), &allowed.allow_read, gripper)
         }
         Evaluate::Simulation { reference } => evaluate_simulation(global, reference),
-        Evaluate::Segmentation { scenes, truth, labels, out } => {
-            segmentation::evaluate(global, scenes, truth, *labels, out.as_deref())
+        Evaluate::Segmentation { scenes, truth, labels, out, allowed } => {
+            segmentation::evaluate(global, scenes, (truth, *labels), out.as_deref(), &allowed.allow_read)
         }
         Evaluate::Prompts { asked } => evaluate_prompts(global, asked),
         Evaluate::Parts { asked } => parts::evaluate(global, asked),
-        Evaluate::Robustness { scenes, few_views, out } => {
-            robustness::evaluate(global, scenes, *few_views, out.as_deref())
+        Evaluate::Robustness { scenes, few_views, out, allowed } => {
+            robustness::evaluate(global, scenes, *few_views, out.as_deref(), &allowed.allow_read)
         }
         Evaluate::Masks { image, reference, setup } => evaluate_masks(global, image, reference, setup),
         Evaluate::Mass { predictions: Some(predictions), truth: Some(truth), .. } => {
@@ -63,30 +65,44 @@ pub fn evaluate(global: &Global, what: &Evaluate) -> anyhow::Result<()> {
         Evaluate::Mass { data_set: Some(folder), split, out, .. } => {
             evaluate_data_set(global, folder, split.as_deref(), out.as_deref())
         }
-        Evaluate::Mass { scenes, out, .. } => evaluate_masses(global, scenes, out.as_deref()),
-        Evaluate::Hardness { points, out } => evaluate_hardness(global, points, out.as_deref()),
+        Evaluate::Mass { scenes, out, allowed, .. } => {
+            evaluate_masses(global, scenes, out.as_deref(), &allowed.allow_read)
+        }
+        Evaluate::Hardness { points, out, allowed } => {
+            evaluate_hardness(global, points, out.as_deref(), &allowed.allow_read)
+        }
     }
 }
 
-fn evaluate_masses(global: &Global, scenes: &[PathBuf], out: Option<&Path>) -> anyhow::Result<()> {
+fn evaluate_masses(
+    global: &Global,
+    scenes: &[PathBuf],
+    out: Option<&Path>,
+    allow_read: &[PathBuf],
+) -> anyhow::Result<()> {
     one_scene_only(scenes.len(), out)?;
     let weigh = |scene: &PathBuf| -> anyhow::Result<_> {
         let id = scene.file_name().unwrap_or(scene.as_os_str()).to_string_lossy();
         let parts = Stored::open(scene, out, &[Stage::Parts])?.path(Artifact::Parts);
         let truth = scene.join("ground_truth/parts.json");
-        check_truth(&truth, &options_of(scene, &[])?.scene.read_scope(scene))?;
-        Ok(masses::from_scene(&id, &parts, &truth, &shown_parts(global, scene, out)?)?)
+        check_truth(&truth, &ReadScope::new(scene).and(allow_read.iter().map(PathBuf::as_path)))?;
+        Ok(masses::from_scene(&id, &parts, &truth, &shown_parts(global, scene, out, allow_read)?)?)
     };
     let found = masses::evaluate(scenes.iter().map(weigh).collect::<anyhow::Result<_>>()?)?;
     print(global, &found, || mass::text(&found))
 }
 
 /// For each part that was found, the true part that it mostly shows; empty if the scene has no true part maps.
-fn shown_parts(global: &Global, scene: &Path, out: Option<&Path>) -> anyhow::Result<BTreeMap<u32, u8>> {
+fn shown_parts(
+    global: &Global,
+    scene: &Path,
+    out: Option<&Path>,
+    allow_read: &[PathBuf],
+) -> anyhow::Result<BTreeMap<u32, u8>> {
     if !scene.join(TRUE_MAPS).exists() {
         return Ok(BTreeMap::new());
     }
-    let pipeline = Pipeline::stored(scene, out, Stage::Vote, global.progress())?;
+    let pipeline = Pipeline::stored(scene, out, allow_read, Stage::Vote, global.progress())?;
     let (gaussians, field) = Stored::open(scene, out, &[Stage::Vote])?.field()?;
     let mapped = pipeline.scene().views.iter().filter(|view| true_map(scene, view).exists());
     let views = mapped.map(|view| true_view(scene, view, &pipeline.options().scene, false));
@@ -110,17 +126,20 @@ fn evaluate_data_set(global: &Global, folder: &Path, split: Option<&str>, out: O
     }
     if objects.is_empty() {
         let of_split = split.map(|split| format!(" of the split {split:?}")).unwrap_or_default();
-        let problem = format!(
-            "{folder:?} states the weights of {}{of_split}, none of which has been run; run `gprop batch` first",
-            counted(weights, "scene")
-        );
+        let problem = match weights {
+            0 => format!("{folder:?} states no weight of a scene{of_split}; check --data-set and --split"),
+            _ => format!(
+                "{folder:?} states the weights of {}{of_split}, none of which has been run; run `gprop batch` first",
+                counted(weights, "scene")
+            ),
+        };
         return Err(UsageError(problem).into());
     }
     let found = MassEvaluation { missing, ..masses::evaluate(objects)? };
     print(global, &found, || mass::text(&found))
 }
 
-fn evaluate_hardness(global: &Global, points: &Path, out: Option<&Path>) -> anyhow::Result<()> {
+fn evaluate_hardness(global: &Global, points: &Path, out: Option<&Path>, allow_read: &[PathBuf]) -> anyhow::Result<()> {
     let readings = hardness::read_points(points)?;
     let mut scenes: Vec<&Path> = readings.iter().map(|(_, reading)| reading.scene.as_path()).collect();
     scenes.sort_unstable();
@@ -129,7 +148,7 @@ fn evaluate_hardness(global: &Global, points: &Path, out: Option<&Path>) -> anyh
     let mut measured = Vec::with_capacity(readings.len());
     for scene in scenes {
         let of_scene: Vec<_> = readings.iter().filter(|(_, reading)| reading.scene == scene).collect();
-        measured.extend(measure(points, scene, &of_scene, out)?);
+        measured.extend(measure(points, scene, &of_scene, (out, allow_read))?);
     }
     let found = hardness::evaluate(measured)?;
     print(global, &found, || hardness_text(&found))
@@ -140,13 +159,13 @@ fn measure(
     points: &Path,
     scene: &Path,
     readings: &[&(u64, Reading)],
-    out: Option<&Path>,
+    (out, allow_read): (Option<&Path>, &[PathBuf]),
 ) -> anyhow::Result<Vec<Measured>> {
     let folder = points.parent().unwrap_or(Path::new("")).join(scene);
     let stored = Stored::open(&folder, out, &[Stage::Vote])?;
-    let loaded = scene::load(&folder, &stored.options(&folder, out.is_some())?.scene)?;
-    let (mut gaussians, field) = stored.field()?;
-    scene::outliers::set_aside(&mut gaussians).map_err(scene::SceneError::from)?;
+    let options = stored.options(&folder, out.is_some(), allow_read)?.scene;
+    let loaded = scene::load(&folder, &options).map_err(SceneError::without_flag)?;
+    let (gaussians, field) = stored.field()?;
     let mut measured = Vec::with_capacity(readings.len());
     for view in &loaded.views {
         let here: Vec<&Reading> = readings.iter().map(|(_, reading)| reading).filter(|r| r.view == view.name).collect();
@@ -275,16 +294,27 @@ fn refuse_segments(asked: &TrueParts) -> Result<(), UsageError> {
 }
 
 /// The true part map of a view.
-fn true_parts(folder: &Path, view: &scene::View, options: &scene::Options) -> anyhow::Result<image::GrayImage> {
+fn true_parts(folder: &Path, view: &scene::View, options: &scene::Options) -> anyhow::Result<GrayImage> {
     let path = true_map(folder, view);
     check_truth(&path, &options.read_scope(folder))?;
-    let parts = read_picture(&path).map_err(|error| UsageError(format!("{path:?}: {error}")))?.into_luma8();
+    let parts = part_map(&path)?;
     let picture = (view.camera.intrinsics.width, view.camera.intrinsics.height);
     if parts.dimensions() != picture {
         let map = parts.dimensions();
         return Err(EvaluateError::MapSize { path, map, view: view.name.clone(), picture }.into());
     }
     Ok(parts)
+}
+
+/// The part numbers in a grey PNG of 8 or 16 bits.
+fn part_map(path: &Path) -> Result<GrayImage, UsageError> {
+    let wrong = |problem: String| UsageError(format!("{path:?}: {problem}"));
+    let bytes = files::read(path).map_err(|error| wrong(error.to_string()))?;
+    let map = segment::LabelMap::from_png(&bytes).map_err(|error| wrong(error.to_string()))?;
+    let parts: Result<Vec<u8>, _> = map.labels.into_iter().map(u8::try_from).collect();
+    let parts =
+        parts.map_err(|_| wrong("it has a value above 255; part numbers are 0 to 254, 255 is no part".into()))?;
+    Ok(GrayImage::from_raw(map.width, map.height, parts).expect("a map has a label for each pixel"))
 }
 
 /// A view with its true part map; `segmented` says whether the parts were found with the help of this view.
@@ -327,4 +357,30 @@ fn evaluate_masks(global: &Global, image: &Path, reference: &Path, setup: &setup
         }
         text + "the last two columns are the largest differences over the matched pairs"
     })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_part_map_is_read_as_numbers_or_refused() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("000.png");
+        let labels = |labels: [u16; 3]| segment::LabelMap { width: 3, height: 1, labels: labels.to_vec() };
+        std::fs::write(&path, labels([0, 254, 255]).to_png().unwrap()).unwrap();
+        assert_eq!(part_map(&path).unwrap().as_raw(), &[0, 254, 255], "16 bits");
+        GrayImage::from_raw(3, 1, vec![0, 7, 255]).unwrap().save(&path).unwrap();
+        assert_eq!(part_map(&path).unwrap().as_raw(), &[0, 7, 255], "8 bits");
+        let refused = |words: &str| {
+            let error = part_map(&path).unwrap_err().to_string();
+            assert!(error.contains("000.png") && error.contains(words), "{error}");
+        };
+        std::fs::write(&path, labels([0, 1, 256]).to_png().unwrap()).unwrap();
+        refused("above 255");
+        image::RgbImage::from_pixel(3, 1, image::Rgb([1, 1, 1])).save(&path).unwrap();
+        refused("grey PNG");
+        std::fs::write(&path, "no picture").unwrap();
+        refused("not a readable PNG");
+    }
 }

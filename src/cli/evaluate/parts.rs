@@ -8,6 +8,7 @@ use crate::consensus::{self, SegmentedView};
 use crate::error::UsageError;
 use crate::evaluate::parts::{PartsEvaluation, TrueView, compare, compare_segments};
 use crate::from_splat::photo_with_foreground;
+use crate::output::counted;
 use crate::pipeline::{self, open_segmenter};
 use crate::scene::{self, Scene, View};
 
@@ -46,9 +47,9 @@ impl TrueScene {
         let truth: Vec<TrueView> = truth.collect::<anyhow::Result<_>>()?;
         if truth.iter().all(|view| view.segmented) {
             return Err(UsageError(format!(
-                "{folder:?}: no view with a map in ground_truth/part_maps is left to compare with; {} views are to be \
-                 segmented: choose fewer with --views or --view-list",
-                chosen.len()
+                "{folder:?}: no view with a map in ground_truth/part_maps is left to compare with; {} to be segmented: choose \
+                 fewer with --views or --view-list",
+                counted(chosen.len(), "view")
             ))
             .into());
         }

@@ -16,11 +16,17 @@ use crate::scene::View;
 use super::super::{Global, print};
 use super::{one_scene_only, true_map, true_parts, true_view};
 
-pub fn evaluate(global: &Global, scenes: &[PathBuf], few: NonZeroUsize, out: Option<&Path>) -> anyhow::Result<()> {
+pub fn evaluate(
+    global: &Global,
+    scenes: &[PathBuf],
+    few: NonZeroUsize,
+    out: Option<&Path>,
+    allow_read: &[PathBuf],
+) -> anyhow::Result<()> {
     one_scene_only(scenes.len(), out)?;
     let mut measured: Vec<Robustness> = Vec::with_capacity(scenes.len());
     for folder in scenes {
-        let pipeline = Pipeline::stored(folder, out, Stage::Vote, global.progress())?;
+        let pipeline = Pipeline::stored(folder, out, allow_read, Stage::Vote, global.progress())?;
         measured.push(of_scene(folder, &pipeline, few)?);
         global.progress().line(&format!("{folder:?} done"));
     }

@@ -11,24 +11,24 @@ use crate::evaluate::vocabulary::Vocabulary;
 use crate::materials::MaterialLibrary;
 use crate::pipeline::{Pipeline, Stage};
 
-use super::super::{Global, options_of, print};
+use super::super::{Global, print};
 use super::{check_truth, one_scene_only};
 
 pub fn evaluate(
     global: &Global,
     scenes: &[PathBuf],
-    truth: &Path,
-    labels: Vocabulary,
+    (truth, labels): (&Path, Vocabulary),
     out: Option<&Path>,
+    allow_read: &[PathBuf],
 ) -> anyhow::Result<()> {
     one_scene_only(scenes.len(), out)?;
-    let pipelines = scenes.iter().map(|scene| Pipeline::stored(scene, out, Stage::Vote, global.progress()));
+    let pipelines = scenes.iter().map(|scene| Pipeline::stored(scene, out, allow_read, Stage::Vote, global.progress()));
     let pipelines: Vec<Pipeline> = pipelines.collect::<anyhow::Result<_>>()?;
     require_distinct_names(&pipelines)?;
     let objects = pipelines.iter().zip(scenes).map(|(pipeline, scene)| {
         let maps = folder_of(truth, scene, &pipeline.scene().name, scenes.len());
         if maps == scene.join(truth) && truth.is_relative() {
-            check_truth(&maps, &options_of(scene, &[])?.scene.read_scope(scene))?;
+            check_truth(&maps, &pipeline.options().scene.read_scope(scene))?;
         }
         count(pipeline, &maps, labels)
     });

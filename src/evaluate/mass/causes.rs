@@ -64,17 +64,18 @@ pub struct ComparedPart {
     pub true_kg: f64,
 }
 
-/// The causes of the error, and the true parts; `None` if a true part has no box, even if maps show the parts. `shown`
-/// is, by found part, the `id` of the true part that it mostly shows.
+/// The causes of the error, and the true parts; `None` if a true part has no box, unless the maps show all found parts.
+/// `shown` is, by found part, the `id` of the true part that it mostly shows.
 pub fn compare(truth: &[TruePart], shown: &BTreeMap<u32, u8>, measured: &Parts) -> Option<(Causes, Vec<ComparedPart>)> {
-    let boxes: Vec<[[f64; 3]; 2]> = truth.iter().map(|part| part.bounding_box_m).collect::<Option<_>>()?;
+    let boxes: Option<Vec<[[f64; 3]; 2]>> = truth.iter().map(|part| part.bounding_box_m).collect();
     let mut found: Vec<Found> = truth.iter().map(|_| Found::default()).collect();
     let mut owner_of_shell = Vec::new();
     for part in &measured.parts {
         let (Some(volume), Some(mass), Some(center)) = (part.volume_m3, part.mass_kg, part.center_of_mass_m) else {
             continue;
         };
-        let owner = shown.get(&part.id).and_then(|id| with_id(truth, *id)).or_else(|| nearest(&boxes, center))?;
+        let on_maps = shown.get(&part.id).and_then(|id| with_id(truth, *id));
+        let owner = on_maps.or_else(|| nearest(boxes.as_deref()?, center))?;
         owner_of_shell.push((part.id, owner));
         let of = &mut found[owner];
         of.volume_m3 += volume.mid;
@@ -160,6 +161,8 @@ fn nearest(boxes: &[[[f64; 3]; 2]], point: [f64; 3]) -> Option<usize> {
 
 #[cfg(test)]
 mod tests {
+    use serde_json::json;
+
     use super::*;
 
     fn truth(form: &str, thickness_m: Option<f64>) -> TruePart {
@@ -208,6 +211,24 @@ mod tests {
         assert_eq!(hidden_at(&truth, [0.5; 3]), Some(1));
         assert_eq!(hidden_at(&truth, [2.0; 3]), None);
         assert_eq!((with_id(&truth, 8), with_id(&truth, 4)), (Some(2), None));
+    }
+
+    #[test]
+    fn a_box_is_needed_only_for_what_no_map_shows() {
+        let one = json!({ "low": 1.0, "mid": 1.0, "high": 1.0 });
+        let (center, inertia) = ([0.0; 3], [[0.0; 3]; 3]);
+        let part = json!({
+            "id": 0, "caption": "it", "material": "brass", "family": "metal", "gaussians": 1, "volume_m3": one,
+            "thickness_m": null, "density_kg_m3": one, "mass_kg": one, "center_of_mass_m": center,
+            "inertia_kg_m2": null, "bodies": [], "surface_to_center_of_mass_m": null,
+        });
+        let object = json!({ "volume_m3": one, "mass_kg": one, "center_of_mass_m": center, "inertia_kg_m2": inertia });
+        let measured = json!({ "object": object, "parts": [part], "warnings": [] });
+        let measured: Parts = serde_json::from_value(measured).unwrap();
+        let truth = [TruePart { id: Some(3), ..truth("solid", None) }];
+        let (_, parts) = compare(&truth, &BTreeMap::from([(0, 3)]), &measured).expect("the maps show the part");
+        assert_eq!(parts, [ComparedPart { name: "it".to_owned(), found_kg: 1.0, true_kg: 1.0 }]);
+        assert_eq!(compare(&truth, &BTreeMap::new(), &measured), None);
     }
 
     #[test]

@@ -73,8 +73,8 @@ pub struct MassEvaluation {
     pub scores: Scores,
     /// Share of the objects whose interval contains the truth.
     pub coverage: f64,
-    /// Median over the objects of high / low.
-    pub median_width: f64,
+    /// Median of high / low over the objects whose low end is above 0; `None` if there is no such object.
+    pub median_width: Option<f64>,
     pub objects: Vec<Weighed>,
     /// Scenes of the data set whose weight is known, but which have no mass yet.
     #[serde(skip_serializing_if = "Vec::is_empty")]
@@ -144,6 +144,10 @@ pub fn from_json(predictions: &Path, truth: &Path) -> Result<Vec<Weighed>, Evalu
             Ok(Prediction::Number(value)) => Range::exactly(value),
             Err(source) => return Err(EvaluateError::Json { path, expected, source }),
         };
+        let Range { low, high } = range;
+        if low > high {
+            return Err(EvaluateError::Reversed { path, id, low, high });
+        }
         let key = id.split('_').next().unwrap_or_default();
         let truth = truths.get(key).ok_or_else(|| EvaluateError::NoTruth { id: id.clone(), key: key.to_owned() })?;
         objects.push(weighed(id, Estimate::new(range.low, range.mid(), range.high), *truth, Vec::new()));
@@ -221,8 +225,8 @@ pub fn evaluate(objects: Vec<Weighed>) -> Result<MassEvaluation, EvaluateError> 
     let scores = Scores::of(&pairs).ok_or(EvaluateError::Nothing("the predictions are empty"))?;
     let covered = objects.iter().filter(|object| object.covered).count();
     let coverage = covered as f64 / objects.len() as f64;
-    let widths = objects.iter().map(|object| object.predicted.high / object.predicted.low).collect();
-    let median_width = median(widths).unwrap_or(1.0);
+    let bounded = objects.iter().map(|object| object.predicted).filter(|mass| mass.low > 0.0);
+    let median_width = median(bounded.map(|mass| mass.high / mass.low).collect());
     Ok(MassEvaluation { scores, coverage, median_width, objects, missing: Vec::new() })
 }
 

@@ -7,7 +7,7 @@
 //! (against textbook values from which no row was made).
 //!
 //! A finding that needs no correction is listed in `deviations.csv` with its reason; a deviation that matches no
-//! finding is itself a finding, so that the list stays current.
+//! finding is itself a finding, so that the list stays current, unless a user's tables may have replaced what it is about.
 
 mod fillings;
 mod physics;
@@ -100,7 +100,7 @@ fn excuse(library: &MaterialLibrary, mut findings: Vec<Finding>) -> Vec<Finding>
                 stale = false;
             }
         }
-        if stale || deviation.reason.is_empty() {
+        if (stale && !deviation.is_inherited) || deviation.reason.is_empty() {
             findings.push(Finding {
                 subject: deviation.subject.clone(),
                 check: "stale_deviation",

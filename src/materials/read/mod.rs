@@ -34,9 +34,18 @@ pub enum LibraryError {
     UnknownColumn { file: String, number: usize, column: String },
     #[error("{file} line {line}, column {number} `{column}`: {found:?} {problem}")]
     BadCell { file: String, line: u64, number: usize, column: String, found: String, problem: String },
+    #[error("{file} line {line}: a library may have at most {MOST_ROWS} rows; leave out some")]
+    TooManyRows { file: String, line: u64 },
     #[error("{file} line {line}: the name or alias {name:?} already stands for {other:?}; names must be unique")]
     Duplicate { file: String, line: u64, name: String, other: String },
 }
+
+/// The most rows that a set of tables may have: more than three times as many as the built-in tables.
+const MOST_ROWS: usize = 10_000;
+
+/// The most characters of a name, which prompts list and pictures show: more than five times as many as any built-in
+/// name has.
+const LONGEST_NAME: usize = 200;
 
 /// A file of the library.
 #[derive(Debug, Clone, Copy)]
@@ -54,9 +63,11 @@ struct Row<'a> {
     cells: &'a StringRecord,
 }
 
-/// Reads each row of a table, which must have the `required` columns and may have the `optional` ones.
+/// Reads each row of a table, which must have the `required` columns and may have the `optional` ones. `left` is how many
+/// rows it and the tables after it may have.
 fn rows<T>(
     table: &Table,
+    left: &mut usize,
     required: &[&str],
     optional: &[&str],
     read: impl Fn(&Row) -> Result<T, LibraryError>,
@@ -77,6 +88,7 @@ fn rows<T>(
     let mut rows = Vec::new();
     while reader.read_record(&mut cells).map_err(not_csv)? {
         let line = cells.position().map_or(0, csv::Position::line);
+        *left = left.checked_sub(1).ok_or_else(|| LibraryError::TooManyRows { file: file.to_owned(), line })?;
         rows.push(read(&Row { file, line, columns: &columns, cells: &cells })?);
     }
     Ok(rows)
@@ -98,7 +110,7 @@ impl Row<'_> {
             line: self.line,
             number: self.index(column).map_or(0, |at| at + 1),
             column: column.to_owned(),
-            found: self.text(column).to_owned(),
+            found: self.text(column).chars().take(LONGEST_NAME).collect(),
             problem: problem.into(),
         }
     }
@@ -108,6 +120,23 @@ impl Row<'_> {
             "" => Err(self.bad(column, "must not be empty")),
             text => Ok(text.to_owned()),
         }
+    }
+
+    /// The name of a material, a family or a filling.
+    fn name(&self, column: &str) -> Result<String, LibraryError> {
+        self.checked_name(column, self.filled(column)?)
+    }
+
+    /// Names separated by semicolons.
+    fn names(&self, column: &str) -> Result<Vec<String>, LibraryError> {
+        list(self.text(column)).into_iter().map(|name| self.checked_name(column, name)).collect()
+    }
+
+    fn checked_name(&self, column: &str, name: String) -> Result<String, LibraryError> {
+        if name.chars().count() > LONGEST_NAME {
+            return Err(self.bad(column, format!("is too long; a name may have at most {LONGEST_NAME} characters")));
+        }
+        Ok(name)
     }
 
     fn number(&self, column: &str) -> Result<f64, LibraryError> {

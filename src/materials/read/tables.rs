@@ -3,7 +3,7 @@
 use std::path::Path;
 
 use super::law::law;
-use super::{LibraryError, Row, Table, list, rows};
+use super::{LibraryError, MOST_ROWS, Row, Table, list, rows};
 use crate::materials::bibliography::{Constituent, Deviation, Evidence, Reference, Rule};
 use crate::materials::fillings::Filling;
 use crate::materials::{Family, Material, ShoreReading, Sources};
@@ -12,9 +12,9 @@ use crate::units::{Range, ShoreHardness};
 /// The contents of a set of tables, each in the order of the files.
 #[derive(Debug, Default)]
 pub struct Tables {
-    pub families: Vec<Family>,
-    pub materials: Vec<Placed>,
-    pub fillings: Vec<Filling>,
+    pub families: Vec<Placed<Family>>,
+    pub materials: Vec<Placed<Material>>,
+    pub fillings: Vec<Placed<Filling>>,
     pub references: Vec<Reference>,
     pub evidence: Vec<Evidence>,
     pub rules: Vec<Rule>,
@@ -23,14 +23,21 @@ pub struct Tables {
     pub deviations: Vec<Deviation>,
 }
 
-/// A material and the place of its row, for messages about it.
+/// The contents of a row and its place, for messages about it.
 #[derive(Debug)]
-pub struct Placed {
-    pub material: Material,
+pub struct Placed<T> {
+    pub row: T,
     pub file: String,
     pub line: u64,
-    /// The number of its column `family`, counted from 1.
+    /// The number of its column `family`, counted from 1; 0 if it has none.
     pub family_column: usize,
+}
+
+impl<T> Placed<T> {
+    fn at(place: &Row, row: T) -> Self {
+        let family_column = place.index("family").map_or(0, |at| at + 1);
+        Self { row, file: place.file.to_owned(), line: place.line, family_column }
+    }
 }
 
 const REFERENCE_COLUMNS: [&str; 6] = ["id", "title", "publisher", "year", "locator", "licence"];
@@ -125,21 +132,26 @@ const OPTIONAL_COLUMNS: [&str; 8] = [
 /// Reads all tables; the file's stem determines which table it is.
 pub fn read_tables(files: &[Table]) -> Result<Tables, LibraryError> {
     let mut tables = Tables::default();
+    let mut left = MOST_ROWS;
     let family_columns = [&FAMILY_COLUMNS[..], &RANGE_COLUMNS[..], &LABEL_COLUMNS[..]].concat();
     let material_columns = [&MATERIAL_COLUMNS[..], &RANGE_COLUMNS[..]].concat();
     let optional_columns = [&OPTIONAL_COLUMNS[..], &LABEL_COLUMNS[..]].concat();
     for file in files {
         let stem = Path::new(file.name).file_stem().unwrap_or_default();
         match stem.to_str().unwrap_or_default() {
-            "families" => tables.families.extend(rows(file, &family_columns, &[], family)?),
-            "bibliography" => tables.references.extend(rows(file, &REFERENCE_COLUMNS, &[], reference)?),
-            "evidence" => tables.evidence.extend(rows(file, &EVIDENCE_COLUMNS, &[], evidence)?),
-            "rules" => tables.rules.extend(rows(file, &RULE_COLUMNS, &[], rule)?),
-            "reference" => tables.reference.extend(rows(file, &EVIDENCE_COLUMNS, &[], evidence)?),
-            "constituents" => tables.constituents.extend(rows(file, &CONSTITUENT_COLUMNS, &[], constituent)?),
-            "fillings" => tables.fillings.extend(rows(file, &FILLING_COLUMNS, &["density_source"], filling)?),
-            "deviations" => tables.deviations.extend(rows(file, &DEVIATION_COLUMNS, &[], deviation)?),
-            _ => tables.materials.extend(rows(file, &material_columns, &optional_columns, material)?),
+            "families" => tables.families.extend(rows(file, &mut left, &family_columns, &[], family)?),
+            "bibliography" => tables.references.extend(rows(file, &mut left, &REFERENCE_COLUMNS, &[], reference)?),
+            "evidence" => tables.evidence.extend(rows(file, &mut left, &EVIDENCE_COLUMNS, &[], evidence)?),
+            "rules" => tables.rules.extend(rows(file, &mut left, &RULE_COLUMNS, &[], rule)?),
+            "reference" => tables.reference.extend(rows(file, &mut left, &EVIDENCE_COLUMNS, &[], evidence)?),
+            "constituents" => {
+                tables.constituents.extend(rows(file, &mut left, &CONSTITUENT_COLUMNS, &[], constituent)?);
+            }
+            "fillings" => {
+                tables.fillings.extend(rows(file, &mut left, &FILLING_COLUMNS, &["density_source"], filling)?);
+            }
+            "deviations" => tables.deviations.extend(rows(file, &mut left, &DEVIATION_COLUMNS, &[], deviation)?),
+            _ => tables.materials.extend(rows(file, &mut left, &material_columns, &optional_columns, material)?),
         }
     }
     Ok(tables)
@@ -153,11 +165,11 @@ const LEAST: f64 = 1.0;
 const MOST_AUXETIC: f64 = -0.99;
 const INCOMPRESSIBLE: f64 = 0.4999;
 
-fn material(row: &Row) -> Result<Placed, LibraryError> {
+fn material(row: &Row) -> Result<Placed<Material>, LibraryError> {
     let material = Material {
-        name: row.filled("name")?,
-        family: row.filled("family")?,
-        aliases: list(row.text("aliases")),
+        name: row.name("name")?,
+        family: row.name("family")?,
+        aliases: row.names("aliases")?,
         density_kg_m3: row.range("density_kg_m3", LEAST..=1e5)?,
         youngs_modulus_pa: row.range("youngs_modulus_pa", LEAST..=1e13)?,
         poisson_ratio: row.range("poisson_ratio", MOST_AUXETIC..=INCOMPRESSIBLE)?,
@@ -179,8 +191,7 @@ fn material(row: &Row) -> Result<Placed, LibraryError> {
             law: row.sources("law_source"),
         },
     };
-    let family_column = row.index("family").map_or(0, |at| at + 1);
-    Ok(Placed { material, file: row.file.to_owned(), line: row.line, family_column })
+    Ok(Placed::at(row, material))
 }
 
 fn hardness(row: &Row) -> Result<Option<ShoreHardness>, LibraryError> {
@@ -194,13 +205,13 @@ fn hardness(row: &Row) -> Result<Option<ShoreHardness>, LibraryError> {
     Ok(Some(ShoreHardness { scale: row.scale("hardness_scale")?, range }))
 }
 
-fn family(row: &Row) -> Result<Family, LibraryError> {
+fn family(row: &Row) -> Result<Placed<Family>, LibraryError> {
     let reading = |end: &str| -> Result<ShoreReading, LibraryError> {
         let column = format!("hardness_{end}");
         Ok(ShoreReading { scale: row.scale(&format!("{column}_scale"))?, value: row.number(&column)? })
     };
-    Ok(Family {
-        name: row.filled("family")?,
+    let family = Family {
+        name: row.name("family")?,
         density_kg_m3: row.range("density_kg_m3", LEAST..=1e5)?,
         youngs_modulus_pa: row.range("youngs_modulus_pa", LEAST..=1e13)?,
         poisson_ratio: row.range("poisson_ratio", MOST_AUXETIC..=INCOMPRESSIBLE)?,
@@ -211,7 +222,8 @@ fn family(row: &Row) -> Result<Family, LibraryError> {
         hardness: [reading("low")?, reading("high")?],
         law: law(row)?,
         labels: row.labels()?,
-    })
+    };
+    Ok(Placed::at(row, family))
 }
 
 fn reference(row: &Row) -> Result<Reference, LibraryError> {
@@ -274,9 +286,9 @@ fn constituent(row: &Row) -> Result<Constituent, LibraryError> {
     })
 }
 
-fn filling(row: &Row) -> Result<Filling, LibraryError> {
-    Ok(Filling {
-        name: row.filled("name")?,
+fn filling(row: &Row) -> Result<Placed<Filling>, LibraryError> {
+    let filling = Filling {
+        name: row.name("name")?,
         kind: row.variant("kind", "a kind of filling")?,
         density_kg_m3: row.range("density_kg_m3", LEAST..=1e5)?,
         density_sources: row.sources("density_source"),
@@ -284,9 +296,15 @@ fn filling(row: &Row) -> Result<Filling, LibraryError> {
         youngs_modulus_pa: row.range("youngs_modulus_pa", LEAST..=1e13)?,
         poisson_ratio: row.range("poisson_ratio", MOST_AUXETIC..=INCOMPRESSIBLE)?,
         law: law(row)?,
-    })
+    };
+    Ok(Placed::at(row, filling))
 }
 
 fn deviation(row: &Row) -> Result<Deviation, LibraryError> {
-    Ok(Deviation { subject: row.filled("subject")?, check: row.filled("check")?, reason: row.filled("reason")? })
+    Ok(Deviation {
+        subject: row.filled("subject")?,
+        check: row.filled("check")?,
+        reason: row.filled("reason")?,
+        is_inherited: false,
+    })
 }

@@ -4,7 +4,7 @@
 //! There are two rules, both based on the visible seams:
 //!
 //! - **through**: a solid that meets another on two facing patches in line, as a shaft does on both sides of a head,
-//!   goes through it with their mean cross-section, if the other surrounds it there: a bar between two dumbbell heads is
+//!   goes through it with their mean cross-section (a wire with its true one), if the other surrounds it there: a bar between two dumbbell heads is
 //!   as thick as the patches and ends at them;
 //! - **sleeve**: the void of a shell is filled by the solid that enters it, if the solid is a peg and the shell its
 //!   sleeve: the peg is at least as long as their contact is wide, the sleeve at least twice that, and contact, peg and
@@ -16,6 +16,8 @@ use std::collections::BTreeSet;
 use nalgebra::{Point3, Vector3};
 
 use super::contact::{Contact, contacts};
+use super::wire::Wire;
+use crate::numeric::upper_median;
 use crate::parts::assign::Labelled;
 use crate::parts::grid::surface::NONE;
 
@@ -30,19 +32,24 @@ const PEG_SHARE: f64 = 0.6;
 const SURROUNDS: f64 = 0.25;
 /// A sleeve is at least this many times as long as its mouth is wide. A bulb on its socket is shorter.
 const SLEEVE_LENGTH: f64 = 2.0;
+/// A wire's cross-section where it enters another part is that within this many widths of the patch: right beside the
+/// other part, no photo shows its edges against the background.
+const NEAR_WIDTHS: f64 = 4.0;
 /// A patch of less than this many cells' faces is too rough to have a direction.
 const PATCH_FACES_MIN: f64 = 12.0;
 
-/// Assigns to solids that go through other solids the cells along their way. Returns for each such solid its label and
-/// that of the part it goes through.
-pub fn run_through(cells: &mut Labelled, is_solid: &[bool]) -> BTreeSet<(u32, u32)> {
+/// Assigns to solids that go through other solids the cells along their way; a wire, measured in `wires` per cell, goes on
+/// with its true cross-section. Returns for each such solid its label and that of the part it goes through.
+pub fn run_through(cells: &mut Labelled, is_solid: &[bool], wires: &[Wire]) -> BTreeSet<(u32, u32)> {
     let mut passages = BTreeSet::new();
     for peg in (0..is_solid.len() as u32).filter(|&l| is_solid[l as usize]) {
         let patches: Vec<Contact> = sizeable(cells, peg).filter(|c| is_solid[c.to as usize]).collect();
+        let own: Vec<usize> = (0..cells.label.len()).filter(|&i| cells.label[i] == peg).collect();
         for (k, a) in patches.iter().enumerate() {
             for b in patches[k + 1..].iter().filter(|b| b.to == a.to && in_line(a, b)) {
-                let taken = cells_between(cells, a, b, 1.0);
-                let around = cells_between(cells, a, b, 2.0).len() - taken.len();
+                let section = wire_share(cells, &own, wires, [a, b]);
+                let taken = cells_between(cells, a, b, section);
+                let around = cells_between(cells, a, b, 2.0 * section).len() - taken.len();
                 if around as f64 >= SURROUNDS * taken.len() as f64 {
                     taken.iter().for_each(|&i| cells.label[i] = peg);
                     passages.insert((peg, a.to));
@@ -102,6 +109,20 @@ fn cells_between(cells: &Labelled, a: &Contact, b: &Contact, section: f64) -> Ve
         cells.label[i] == a.to && (-slack..=way.norm() + slack).contains(&along) && off_axis2 <= radius2
     };
     (0..cells.label.len()).filter(inside).collect()
+}
+
+/// The true cross-section of a solid over the carved one, near two patches of it: the median over its `own` cells there;
+/// 1 unless it is a wire.
+fn wire_share(cells: &Labelled, own: &[usize], wires: &[Wire], patches: [&Contact; 2]) -> f64 {
+    let is_near = |&&i: &&usize| {
+        let center = cells.grid.center(cells.grid.coords(i));
+        patches.iter().any(|patch| (center - patch.center).norm_squared() <= NEAR_WIDTHS.powi(2) * patch.area)
+    };
+    let shares = own
+        .iter()
+        .filter(is_near)
+        .map(|&i| if wires[i].share > 0.0 { f64::from(wires[i].share).min(1.0) } else { 1.0 });
+    upper_median(shares.collect()).unwrap_or(1.0)
 }
 
 fn is_peg_in_sleeve(

@@ -83,7 +83,7 @@ pub fn compose(
     uncertainty: f64,
 ) -> (Composed, Labelled) {
     let is_solid: Vec<bool> = constructions.iter().map(|c| *c == Construction::Solid).collect();
-    let passages = cores::run_through(&mut cells, &is_solid);
+    let passages = cores::run_through(&mut cells, &is_solid, wires);
     let mut doubt = unseen::doubts(&cells, &unseen::thin(&thickness(chords, constructions.len()), &is_solid));
     let is_mirrored = mirror::doubt_unlike_the_seen_side(&cells, &is_solid, &mut doubt);
     let wall_of = |label: u32| match constructions[label as usize] {
@@ -109,11 +109,16 @@ pub fn compose(
         true => Volume::of(own[l], slacks[l], SOLID_SPREAD),
         false => Volume::of(own[l], 0.0, WALL_SPREAD).within(enclosed[l]),
     };
+    let mut volumes: Vec<Volume> = (0..constructions.len()).map(volume).collect();
+    for core in (0..volumes.len()).filter(|&l| is_solid[l]) {
+        let sleeves = (0..volumes.len()).filter(|&l| cores[l] == Some(core as u32)).map(|l| &volumes[l]);
+        volumes[core] = volumes[core].behind(sleeves);
+    }
     let interior = contents.interior();
     let composed = Composed {
-        volumes: (0..constructions.len()).map(volume).collect(),
         crowded_out: contents.crowded_out(&interior),
-        hollows: contents.hollows(&hollow, &slacks, &enclosed),
+        hollows: contents.hollows(&hollow, &volumes, &slacks, &enclosed),
+        volumes,
         interior,
         cores: cores.clone(),
         is_mirrored,
@@ -203,8 +208,14 @@ impl Contents<'_> {
     }
 
     /// Per label, the hollow that holds a filling. The surface in front of it may lie further in or out by its
-    /// uncertainty, as that of a solid.
-    fn hollows(&self, readings: &[Readings], slacks: &[f64], enclosed: &[f64]) -> Vec<Option<Hollow>> {
+    /// uncertainty, as that of a solid. `walls` are per label.
+    fn hollows(
+        &self,
+        readings: &[Readings],
+        walls: &[Volume],
+        slacks: &[f64],
+        enclosed: &[f64],
+    ) -> Vec<Option<Hollow>> {
         let is_filled = |l: usize| {
             self.cores[l].is_none() && matches!(self.constructions[l], Construction::Wall { filled: Some(_), .. })
         };
@@ -215,7 +226,8 @@ impl Contents<'_> {
         let shares = cells.map(|(i, l)| (i, *l as usize, self.shares(i, Reading::Mid, Reading::Mid).1));
         let moments = Moments::of(&self.cells.grid, shares, readings.len());
         let hollow = |(l, moments): (usize, Option<Moments>)| {
-            let volume = Volume::of(readings[l], slacks[l], SOLID_SPREAD).within(enclosed[l]);
+            let volume = Volume::of(readings[l], slacks[l], SOLID_SPREAD).behind(std::iter::once(&walls[l]));
+            let volume = volume.within(enclosed[l]);
             Some(Hollow { volume, moments: moments? })
         };
         moments.into_iter().enumerate().map(hollow).collect()

@@ -51,18 +51,50 @@ impl Volume {
         Self { mid, method, wall, wall_most: f64::INFINITY, unseen: effect(least, most) }
     }
 
-    /// The same volume, if no thickness of a wall can make it larger than `most`, the volume inside the part's surface.
+    /// The same volume of a wall or of a hollow, if no thickness of the wall can make it larger than `most`, the volume inside
+    /// the part's surface.
     pub fn within(self, most: f64) -> Self {
         let wall_most = if self.mid > 0.0 { (most / self.mid).ln().max(0.0) } else { 0.0 };
         Self { wall: self.wall.at_most(wall_most), wall_most, ..self }
     }
 
+    /// The same volume as that of what is behind walls: it loses what they gain, and gains what they lose.
+    pub fn behind<'a>(self, walls: impl Iterator<Item = &'a Self> + Clone) -> Self {
+        let rest = |end: fn(&Effect) -> f64| {
+            let gained: f64 = walls.clone().map(|wall| wall.mid * (end(&wall.wall).exp() - 1.0)).sum();
+            (1.0 - gained / self.mid).clamp(1.0 / FARTHEST, FARTHEST).ln()
+        };
+        match self.mid > 0.0 && walls.clone().next().is_some() {
+            true => Self { wall: Effect { low: rest(|wall| wall.low), high: rest(|wall| wall.high) }, ..self },
+            false => self,
+        }
+    }
+
     /// Its bounds at 90 %: the three causes are independent.
     pub fn interval(&self) -> Estimate {
         let width = |raises: bool| {
-            let slopes = [self.method, self.wall, self.unseen].map(|effect| effect.slope(raises));
-            slopes.iter().map(|slope| slope * slope).sum::<f64>().sqrt().exp()
+            let reaches = [self.method, self.wall, self.unseen].map(|effect| effect.reach(raises));
+            reaches.iter().map(|reach| reach * reach).sum::<f64>().sqrt().exp()
         };
         Estimate::new(self.mid / width(false), self.mid, self.mid * width(true))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_wall_and_what_is_behind_it_fill_what_they_enclose_at_both_ends() {
+        // 3 and 7 enclose 10; the wall is between 2 and 4.
+        let wall = Volume::of([3.0, 2.0, 4.0, 3.0, 3.0], 0.0, 0.1).within(10.0);
+        let behind = Volume::of([7.0, 8.0, 6.0, 7.0, 7.0], 0.0, 0.1).behind(std::iter::once(&wall));
+        for end in [|effect: Effect| effect.low, |effect: Effect| effect.high] {
+            let [shell, hollow] = [&wall, &behind].map(|volume| volume.mid * end(volume.wall).exp());
+            assert!((shell + hollow - 10.0).abs() < 1e-9, "{shell} + {hollow}");
+        }
+        assert!(wall.wall.low < (2.0f64 / 3.0).ln() && behind.wall.low > 0.0 && behind.wall.high < 0.0);
+        let alone = Volume::of([7.0, 8.0, 6.0, 7.0, 7.0], 0.0, 0.1);
+        assert_eq!(alone.behind(std::iter::empty()), alone);
     }
 }

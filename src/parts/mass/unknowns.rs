@@ -7,8 +7,9 @@
 //! in quadrature.
 //!
 //! A reading of a kitchen scale is a measurement of the sum of masses. [`Belief::after`] finds the most likely unknowns
-//! given the reading (Gauss-Newton on the posterior) and their covariance there (Laplace's approximation): everything
-//! that has a share in the mass is then known better, and the most uncertain things move most.
+//! given the reading (Gauss-Newton on the posterior, each step halved until the posterior grows) and their covariance there
+//! (Laplace's approximation): everything that has a share in the mass is then known better, and the most uncertain things
+//! move most.
 
 use serde::{Deserialize, Serialize};
 
@@ -74,9 +75,20 @@ impl Effect {
         if z > 0.0 { self.high * z } else { -self.low * z }
     }
 
-    /// The slope that raises the quantity, or the one that lowers it.
-    pub fn slope(self, raises: bool) -> f64 {
-        if self.rises(raises) { self.high } else { -self.low }
+    /// How far the logarithm goes up, or down, at the end of the unknown that moves it there; 0 if neither end does.
+    pub fn reach(self, raises: bool) -> f64 {
+        let sign = if raises { 1.0 } else { -1.0 };
+        (sign * self.high).max(sign * self.low).max(0.0)
+    }
+
+    /// Whether the unknown goes up or down from `z` for the quantity to rise (or to fall): next to the middle, where the two
+    /// slopes differ, to the side on which it does so faster; `None` if it does the opposite on both.
+    fn side(self, z: f64, raises: bool) -> Option<bool> {
+        let sign = if raises { 1.0 } else { -1.0 };
+        match z.abs() > AT_MIDDLE {
+            true => Some((self.slope_at(z, false) >= 0.0) == raises),
+            false => ((sign * self.high).max(sign * self.low) >= 0.0).then(|| self.rises(raises)),
+        }
     }
 
     /// The slope at `z`, on the side to which the unknown goes if `z` is next to its middle, where the two differ.
@@ -166,10 +178,10 @@ struct Reading {
 
 /// Steps of Gauss-Newton; a few suffice for any mass that the bounds allow.
 const STEPS: usize = 100;
+/// How often a step is halved before the search ends.
+const HALVINGS: i32 = 14;
 /// Rounds of finding the sides to which the unknowns go, which depend on the slopes there.
 const SIDES: usize = 4;
-/// Share of each step that is taken, since slopes differ on the two sides of an unknown's middle.
-const DAMPING: f64 = 0.5;
 
 impl Belief {
     /// The belief before anything was weighed.
@@ -179,23 +191,14 @@ impl Belief {
 
     /// The belief after the sum of `masses` was found to be `reading`, within the relative `error` at 90 %.
     pub fn after(unknowns: &Unknowns, masses: &[Quantity], reading: f64, error: f64) -> Self {
-        let mut z = vec![0.0; unknowns.count()];
-        let mut at_bound = vec![false; z.len()];
-        for _ in 0..STEPS {
-            let lacking = (reading / total(masses, &z)).ln();
-            let effects = effects(masses, &z);
-            let slope = |n: usize| effects[n].slope_at(z[n], effects[n].rises(lacking > 0.0));
-            let slopes: Vec<f64> = (0..z.len()).map(slope).collect();
-            // What has reached its bound cannot yield any more.
-            let free: Vec<f64> = slopes.iter().zip(&at_bound).map(|(s, bound)| if *bound { 0.0 } else { *s }).collect();
-            let norm = dot(&free, &free) + error * error;
-            let scale = if norm > 0.0 { (lacking + dot(&free, &z)) / norm } else { 0.0 };
-            for (n, [low, high]) in unknowns.bounds.iter().enumerate() {
-                let wanted = slopes[n] * scale;
-                at_bound[n] = !(*low..=*high).contains(&wanted) && (z[n] <= *low || z[n] >= *high);
-                z[n] = (z[n] + DAMPING * (wanted - z[n])).clamp(*low, *high);
-            }
-        }
+        let posterior = Posterior { unknowns, masses, reading, error };
+        let count = unknowns.count();
+        let ends =
+            (0..count).flat_map(|n| [-1.0, 1.0].map(|end| (0..count).map(move |m| if m == n { end } else { 0.0 })));
+        // An unknown may lower the sum on both sides of its middle and raise it farther out.
+        let starts = std::iter::once(vec![0.0; count]).chain(ends.map(Iterator::collect));
+        let likely = starts.map(|start| posterior.most_likely_near(start));
+        let z = likely.min_by(|a, b| posterior.misfit(a).total_cmp(&posterior.misfit(b))).unwrap_or_default();
         let can_go = unknowns.bounds.iter().zip(&z).map(|([low, high], z)| [z > low, z < high]).collect();
         Self { reading: Some(Reading { effects: effects(masses, &z), error, can_go }), middle: z }
     }
@@ -251,32 +254,102 @@ impl Belief {
 
     fn width(&self, effects: &[(usize, Effect)], raises: bool) -> f64 {
         let Some(reading) = &self.reading else {
-            return effects.iter().map(|(_, effect)| effect.slope(raises).powi(2)).sum::<f64>().sqrt();
+            return effects.iter().map(|(_, effect)| effect.reach(raises).powi(2)).sum::<f64>().sqrt();
         };
         let mut own = vec![Effect::NONE; self.middle.len()];
         for (unknown, effect) in effects {
             own[*unknown] = own[*unknown].and(*effect, 1.0);
         }
-        let mut rises: Vec<bool> = own.iter().map(|effect| effect.rises(raises)).collect();
+        let middle = &self.middle;
+        let mut sides: Vec<_> = own.iter().zip(middle).map(|(effect, z)| effect.side(*z, raises)).collect();
         let mut variance = 0.0;
         for _ in 0..SIDES {
-            let slopes = |effects: &[Effect]| -> Vec<f64> {
-                effects.iter().zip(&self.middle).zip(&rises).map(|((e, z), rises)| e.slope_at(*z, *rises)).collect()
-            };
-            let (own, sum) = (slopes(&own), slopes(&reading.effects));
             // What is at its bound can only go back.
-            let can_go = |n: usize| reading.can_go[n][usize::from(rises[n])];
-            let free = |slopes: &[f64]| -> Vec<f64> {
-                slopes.iter().enumerate().map(|(n, slope)| if can_go(n) { *slope } else { 0.0 }).collect()
+            let free = |effects: &[Effect]| -> Vec<f64> {
+                let slope = |n: usize| match sides[n] {
+                    Some(rises) if reading.can_go[n][usize::from(rises)] => effects[n].slope_at(middle[n], rises),
+                    _ => 0.0,
+                };
+                (0..effects.len()).map(slope).collect()
             };
-            let (free_own, free_sum) = (free(&own), free(&sum));
+            let (free_own, free_sum) = (free(&own), free(&reading.effects));
             let norm = dot(&free_sum, &free_sum) + reading.error * reading.error;
             let shared = if norm > 0.0 { dot(&free_own, &free_sum) / norm } else { 0.0 };
             variance = dot(&free_own, &free_own) - shared * dot(&free_own, &free_sum);
             // Where the unknowns are when the quantity is at this end of its interval.
-            rises = own.iter().zip(&sum).map(|(own, sum)| (own - shared * sum >= 0.0) == raises).collect();
+            let rest = |n: usize| own[n].and(reading.effects[n], -shared);
+            sides = (0..own.len()).map(|n| rest(n).side(middle[n], raises)).collect();
         }
         variance.max(0.0).sqrt()
+    }
+}
+
+/// The probability of unknowns given a reading of the sum of `masses`, within the relative `error` at 90 %.
+struct Posterior<'a> {
+    unknowns: &'a Unknowns,
+    masses: &'a [Quantity],
+    reading: f64,
+    error: f64,
+}
+
+impl Posterior<'_> {
+    /// The logarithm of the factor that the sum lacks.
+    fn lacking(&self, z: &[f64]) -> f64 {
+        (self.reading / total(self.masses, z)).ln()
+    }
+
+    /// The negative logarithm of the probability, up to a factor and a constant.
+    fn misfit(&self, z: &[f64]) -> f64 {
+        self.error * self.error * dot(z, z) + self.lacking(z).powi(2)
+    }
+
+    /// The most likely unknowns that are found from `z` uphill.
+    fn most_likely_near(&self, mut z: Vec<f64>) -> Vec<f64> {
+        let bounds = &self.unknowns.bounds;
+        z.iter_mut().zip(bounds).for_each(|(z, [low, high])| *z = z.clamp(*low, *high));
+        for _ in 0..STEPS {
+            let lacking = self.lacking(&z);
+            let slope = |(effect, z): (&Effect, &f64)| {
+                effect.side(*z, lacking > 0.0).map_or(0.0, |rises| effect.slope_at(*z, rises))
+            };
+            let slopes: Vec<f64> = effects(self.masses, &z).iter().zip(&z).map(slope).collect();
+            let goal = goal(bounds, &z, &slopes, lacking, self.error);
+            let part_of_the_way = |n: i32| -> Vec<f64> {
+                let share = 0.5f64.powi(n);
+                // Beyond the middle, the slope is another one.
+                let stepped = |(z, goal): (&f64, &f64)| match z + share * (goal - z) {
+                    beyond if z.abs() > AT_MIDDLE && beyond * z < 0.0 => 0.0,
+                    stepped => stepped,
+                };
+                z.iter().zip(&goal).map(stepped).collect()
+            };
+            match (0..HALVINGS).map(part_of_the_way).find(|next| self.misfit(next) < self.misfit(&z)) {
+                Some(next) => z = next,
+                None => break,
+            }
+        }
+        z
+    }
+}
+
+/// The most likely unknowns given what is `lacking` in the logarithm of the sum at `z`, if the sum changed with these
+/// slopes everywhere.
+fn goal(bounds: &[[f64; 2]], z: &[f64], slopes: &[f64], lacking: f64, error: f64) -> Vec<f64> {
+    let mut free = slopes.to_vec();
+    loop {
+        let norm = dot(&free, &free) + error * error;
+        let scale = if norm > 0.0 { (lacking + dot(&free, z)) / norm } else { 0.0 };
+        let wanted = |n: usize| slopes[n] * scale;
+        // What is at its bound and would go on cannot yield any more: the others have to.
+        let is_stuck = |n: usize| {
+            let [low, high] = bounds[n];
+            free[n] != 0.0 && ((z[n] <= low && wanted(n) < low) || (z[n] >= high && wanted(n) > high))
+        };
+        let stuck: Vec<usize> = (0..z.len()).filter(|&n| is_stuck(n)).collect();
+        if stuck.is_empty() {
+            return (0..z.len()).map(|n| wanted(n).clamp(bounds[n][0], bounds[n][1])).collect();
+        }
+        stuck.into_iter().for_each(|n| free[n] = 0.0);
     }
 }
 
@@ -286,15 +359,28 @@ fn dot(a: &[f64], b: &[f64]) -> f64 {
 
 /// The least and the greatest sum that any combination of the unknowns' ends gives.
 pub fn extremes(unknowns: &Unknowns, masses: &[Quantity]) -> [f64; 2] {
-    let sum = summed(masses, &vec![0.0; unknowns.count()]);
-    let corner = |raises: bool| -> Vec<f64> {
+    let extreme = |raises: bool| {
+        let is_beyond = |new: f64, old: f64| if raises { new > old } else { new < old };
         let mut z = vec![0.0; unknowns.count()];
-        for (unknown, effect) in &sum.effects {
-            z[*unknown] = if (effect.high >= effect.low) == raises { 1.0 } else { -1.0 };
+        let mut extreme = total(masses, &z);
+        // How an unknown changes the sum depends on where the others are.
+        loop {
+            let before = extreme;
+            for n in 0..z.len() {
+                for end in [-1.0, 0.0, 1.0] {
+                    let old = std::mem::replace(&mut z[n], end);
+                    match total(masses, &z) {
+                        new if is_beyond(new, extreme) => extreme = new,
+                        _ => z[n] = old,
+                    }
+                }
+            }
+            if extreme == before {
+                return extreme;
+            }
         }
-        z
     };
-    [total(masses, &corner(false)), total(masses, &corner(true))]
+    [extreme(false), extreme(true)]
 }
 
 fn total(quantities: &[Quantity], z: &[f64]) -> f64 {
@@ -441,6 +527,46 @@ mod tests {
             let part = belief.of(&masses[0]);
             assert!(part.high < 1.7 * part.mid && part.low > part.mid / 1.7, "{part:?} for {reading}");
         }
+    }
+
+    /// At its middle, a wall makes a filled shell lighter if it gets thinner and if it gets thicker; if it gets much thinner,
+    /// the filling outweighs it.
+    #[test]
+    fn a_reading_is_explained_although_both_slopes_of_an_unknown_lower_the_sum() {
+        let wall = Quantity { mid: 1.0, effects: vec![(0, Effect { low: -2.07, high: 0.27 }), (1, symmetric(0.1))] };
+        let filling = Quantity { mid: 1.0, effects: vec![(0, Effect { low: 1.0, high: -0.42 }), (2, symmetric(0.2))] };
+        let masses = [wall, filling];
+        let [least, most] = extremes(&unknowns(3), &masses);
+        for step in 0..=20 {
+            let reading = least + (most - least) * f64::from(step) / 20.0;
+            let sum = Belief::after(&unknowns(3), &masses, reading, 0.01).of_sum(&masses);
+            assert!((sum.mid / reading).ln().abs() < 0.01, "{sum:?} for {reading}");
+        }
+        // The wall alone explains this one, about one half-width from its middle.
+        let belief = Belief::after(&unknowns(3), &masses, 2.94, 0.01);
+        assert!(dot(&belief.middle, &belief.middle) < 1.1, "{:?}", belief.middle);
+    }
+
+    #[test]
+    fn the_extremes_are_those_of_all_unknowns_together() {
+        // A thin wall makes the filling larger, but if that is light, it makes the sum smaller.
+        let wall = Quantity { mid: 1.0, effects: vec![(0, symmetric(0.2))] };
+        let filling = Quantity { mid: 1.0, effects: vec![(0, Effect { low: 0.2, high: -0.25 }), (1, symmetric(1.0))] };
+        let [least, most] = extremes(&unknowns(2), &[wall, filling]);
+        let at = |wall: f64, filling: f64| wall.exp() + filling.exp();
+        assert!((least - at(-0.2, 0.2 - 1.0)).abs() < 1e-12, "{least}");
+        assert!((most - at(-0.2, 0.2 + 1.0)).abs() < 1e-12, "{most}");
+    }
+
+    #[test]
+    fn an_unknown_whose_ends_both_lower_the_sum_does_not_raise_it() {
+        let masses = [Quantity { mid: 1.0, effects: vec![(0, Effect { low: -0.2, high: -0.1 })] }];
+        let [least, most] = extremes(&unknowns(1), &masses);
+        assert!((least.ln() + 0.2).abs() < 1e-12 && (most - 1.0).abs() < 1e-12, "{least} to {most}");
+        let sum = Belief::prior(&unknowns(1)).of_sum(&masses);
+        assert!((sum.low.ln() + 0.2).abs() < 1e-12 && (sum.high - 1.0).abs() < 1e-12, "{sum:?}");
+        let weighed = Belief::after(&unknowns(1), &masses, 1.0, 0.5).of_sum(&masses);
+        assert!((weighed.high - 1.0).abs() < 1e-12 && weighed.low > sum.low, "{weighed:?}");
     }
 
     #[test]

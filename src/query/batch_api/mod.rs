@@ -20,8 +20,10 @@ use serde_json::{Value, json};
 use super::asker::{AskError, Asker};
 use super::client::{Client, RequestCounts};
 use super::error::QueryError;
+use super::options::AnswerSource;
 use super::recorded::{Answerer, Asked, key};
 use super::sha256::Sha256Hex;
+use crate::error::UsageError;
 use crate::progress;
 
 pub use response::{AnswerLine, Answered, NotAnswered, lines};
@@ -114,6 +116,19 @@ impl Request {
             "custom_id": self.waiting.key, "method": "POST", "url": "/v1/chat/completions", "body": self.body,
         });
         format!("{line}\n")
+    }
+}
+
+/// Checks that questions may be submitted if answers come from `answers`.
+///
+/// # Errors
+/// If they come from recordings only.
+pub fn check_may_send(answers: AnswerSource) -> Result<(), UsageError> {
+    match answers {
+        AnswerSource::Replay => {
+            Err(UsageError("--answers replay sends nothing; leave it out to submit questions to the Batch API".into()))
+        }
+        AnswerSource::Record | AnswerSource::Live => Ok(()),
     }
 }
 

@@ -127,7 +127,7 @@ impl Client {
         let url = self.address.below(&["files", id, "content"]);
         let text = |status: StatusCode, body: &str, retry_after| match status.is_success() {
             true => Ok(body.to_owned()),
-            false => Err(response::failure(status, body, retry_after)),
+            false => Err(failure(status, body, retry_after)),
         };
         let request = || self.http.get(url.clone()).timeout(TRANSFER_TIMEOUT);
         let content = self.exchange(self.retries, MAX_FILE_BYTES, request, text);
@@ -137,11 +137,22 @@ impl Client {
 
 fn json_body<T: DeserializeOwned>(status: StatusCode, body: &str, retry_after: Option<Duration>) -> Result<T, Attempt> {
     if !status.is_success() {
-        return Err(response::failure(status, body, retry_after));
+        return Err(failure(status, body, retry_after));
     }
     serde_json::from_str(body).map_err(|error| {
-        Attempt::Final(AskError::Fatal(format!("the server does not answer like OpenAI's Batch API: {error}")))
+        Attempt::Final(AskError::Failed(format!("the server does not answer like OpenAI's Batch API: {error}")))
     })
+}
+
+/// The failure that an unsuccessful status stands for. A job or file that the server does not have says nothing about
+/// others.
+fn failure(status: StatusCode, body: &str, retry_after: Option<Duration>) -> Attempt {
+    match response::failure(status, body, retry_after) {
+        Attempt::Final(AskError::Fatal(message)) if status == StatusCode::NOT_FOUND => {
+            Attempt::Final(AskError::Failed(message))
+        }
+        failure => failure,
+    }
 }
 
 /// The error that a failed attempt means for the caller.

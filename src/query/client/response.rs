@@ -82,7 +82,7 @@ pub fn transport(error: reqwest::Error) -> Attempt {
     let unreachable = error.is_connect();
     let timed_out = error.is_timeout();
     let mut message = error.without_url().to_string();
-    if timed_out {
+    if timed_out && !unreachable {
         message = format!("no response in time ({message}); raise --lmm-timeout-s to wait longer");
     }
     if unreachable {

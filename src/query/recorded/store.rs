@@ -1,6 +1,7 @@
 //! The folder of recordings: read once, looked up in memory; each new one is written at once and atomically.
 
 use std::collections::BTreeMap;
+use std::collections::btree_map::Entry;
 use std::io::Write;
 use std::path::{Path, PathBuf};
 use std::sync::{Mutex, MutexGuard, PoisonError};
@@ -17,7 +18,16 @@ pub struct Recordings {
     write_to: PathBuf,
     /// The folder for recordings that `write_to` cannot take.
     spare: Option<PathBuf>,
-    by_key: Mutex<BTreeMap<Sha256Hex, Recording>>,
+    by_key: Mutex<ByKey>,
+}
+
+type ByKey = BTreeMap<Sha256Hex, Stored>;
+
+/// A recording with the files that hold it: a copy may have any name that ends in `.json`.
+#[derive(Debug)]
+struct Stored {
+    recording: Recording,
+    paths: Vec<PathBuf>,
 }
 
 /// A recording that cannot be read or written.
@@ -87,11 +97,10 @@ impl std::fmt::Display for Miss {
 impl Recordings {
     /// Reads every `*.json` of those folders that exist; new recordings go to `write_to`, which is read too.
     pub fn open(read_from: &[&Path], write_to: &Path) -> Result<Self, RecordingError> {
-        let mut by_key = BTreeMap::new();
+        let mut by_key = ByKey::new();
         for folder in read_from.iter().copied().chain([write_to]) {
             for path in json_files(folder)? {
-                let recording = read(&path)?;
-                by_key.insert(recording.key.clone(), recording);
+                store(&mut by_key, read(&path)?, path);
             }
         }
         Ok(Self { write_to: write_to.into(), spare: None, by_key: Mutex::new(by_key) })
@@ -101,7 +110,7 @@ impl Recordings {
     pub fn with_spare(self, folder: &Path) -> Result<Self, RecordingError> {
         for path in json_files(folder)? {
             let recording = read(&path)?;
-            self.lock().entry(recording.key.clone()).or_insert(recording);
+            self.lock().entry(recording.key.clone()).or_insert(Stored { recording, paths: vec![path] });
         }
         Ok(Self { spare: Some(folder.into()), ..self })
     }
@@ -135,7 +144,7 @@ impl Recordings {
             return Ok(None);
         }
         let recording = read(&path)?;
-        self.lock().insert(recording.key.clone(), recording.clone());
+        store(&mut self.lock(), recording.clone(), path);
         Ok(Some(recording))
     }
 
@@ -162,12 +171,12 @@ impl Recordings {
     pub fn find(&self, asked: &Asked, who: Who) -> Result<(Recording, Match), Miss> {
         let by_key = self.lock();
         if let Who::Exactly(answerer) = who
-            && let Some(recording) = by_key.get(&key(answerer, asked))
+            && let Some(stored) = by_key.get(&key(answerer, asked))
         {
-            return Ok((recording.clone(), Match::Exact));
+            return Ok((stored.recording.clone(), Match::Exact));
         }
         let content = asked.content_sha256();
-        let mut candidates = by_key.values().filter(|recording| who.includes(recording));
+        let mut candidates = recordings(&by_key).filter(|recording| who.includes(recording));
         if let Some(recording) = candidates.clone().find(|recording| recording.asked.content_sha256() == content) {
             return Ok((recording.clone(), Match::Exact));
         }
@@ -192,7 +201,7 @@ impl Recordings {
             let same_view = known.photo_sha256 == asked.photo_sha256;
             known.content_sha256() == content || (same_prompt && same_view && known.mask.iou(&asked.mask) >= MASK_IOU)
         };
-        self.lock().values().filter(serves).map(|recording| recording.key.clone()).collect()
+        recordings(&self.lock()).filter(serves).map(|recording| recording.key.clone()).collect()
     }
 
     /// The keys of all recordings.
@@ -200,18 +209,19 @@ impl Recordings {
         self.lock().keys().cloned().collect()
     }
 
-    /// Removes a recording from the folder that new ones go to; a missing one is not an error.
+    /// Removes a recording with the files that hold it, except those in the spare folder; one that is no longer there is not
+    /// an error.
     pub fn remove(&self, key: &Sha256Hex) -> Result<(), RecordingError> {
-        let path = self.path(key);
-        match std::fs::remove_file(&path) {
-            Err(source) if source.kind() != std::io::ErrorKind::NotFound => {
-                Err(RecordingError::Unwritable { path, source })
-            }
-            _ => {
-                self.lock().remove(key);
-                Ok(())
+        let mut by_key = self.lock();
+        for path in by_key.get(key).into_iter().flat_map(|stored| &stored.paths) {
+            if let Err(source) = std::fs::remove_file(path)
+                && source.kind() != std::io::ErrorKind::NotFound
+            {
+                return Err(RecordingError::Unwritable { path: path.clone(), source });
             }
         }
+        by_key.remove(key);
+        Ok(())
     }
 
     fn path(&self, key: &Sha256Hex) -> PathBuf {
@@ -223,14 +233,34 @@ impl Recordings {
         let path = self.path(&recording.key);
         write(&self.write_to, &path, recording)
             .map_err(|source| RecordingError::Unwritable { path: path.clone(), source })?;
-        self.lock().insert(recording.key.clone(), recording.clone());
+        store(&mut self.lock(), recording.clone(), path);
         Ok(())
     }
 
-    /// A thread that panicked while it held the lock left the map consistent: every change is one insertion or removal.
-    fn lock(&self) -> MutexGuard<'_, BTreeMap<Sha256Hex, Recording>> {
+    /// A thread that panicked while it held the lock left the map consistent: every change is to one entry.
+    fn lock(&self) -> MutexGuard<'_, ByKey> {
         self.by_key.lock().unwrap_or_else(PoisonError::into_inner)
     }
+}
+
+/// Adds a recording that the file at `path` holds. It replaces one with the same key.
+fn store(by_key: &mut ByKey, recording: Recording, path: PathBuf) {
+    match by_key.entry(recording.key.clone()) {
+        Entry::Vacant(entry) => {
+            entry.insert(Stored { recording, paths: vec![path] });
+        }
+        Entry::Occupied(mut entry) => {
+            let stored = entry.get_mut();
+            stored.recording = recording;
+            if !stored.paths.contains(&path) {
+                stored.paths.push(path);
+            }
+        }
+    }
+}
+
+fn recordings(by_key: &ByKey) -> impl Iterator<Item = &Recording> + Clone {
+    by_key.values().map(|stored| &stored.recording)
 }
 
 fn best_overlap<'a>(asked: &Asked, recordings: impl Iterator<Item = &'a Recording>) -> Option<(&'a Recording, f64)> {
@@ -244,8 +274,8 @@ fn best_overlap<'a>(asked: &Asked, recordings: impl Iterator<Item = &'a Recordin
     best
 }
 
-fn miss(asked: &Asked, by_key: &BTreeMap<Sha256Hex, Recording>, best_of_prompt: Option<f64>) -> Miss {
-    match (best_of_prompt, best_overlap(asked, by_key.values())) {
+fn miss(asked: &Asked, by_key: &ByKey, best_of_prompt: Option<f64>) -> Miss {
+    match (best_of_prompt, best_overlap(asked, recordings(by_key))) {
         (_, None) => Miss::View,
         (best, Some((_, any))) if any >= MASK_IOU && best.is_none_or(|best| best < any) => Miss::Prompt,
         (Some(iou), _) | (None, Some((_, iou))) => Miss::Mask { iou },

@@ -36,8 +36,11 @@ pub struct Sheet {
 
 /// Compression of the sheet that is sent and saved; at this quality text and outlines stay clean.
 const JPEG_QUALITY: u8 = 90;
-/// Size of the labels' type on a sheet of up to 1399 pixels, in pixels; twice as large on the next 700, and so on.
+/// Size of the labels' type on a sheet of up to 1399 pixels, in pixels; twice as large on the next 700, and so on. It is
+/// smaller if the panels are too narrow for the longest label.
 const LABEL_PX: u32 = 13;
+/// The label that takes the most room.
+const LONGEST_LABEL: &str = "2 the part, in red";
 /// Space between panels and around them, in pixels.
 const GAP: u32 = 8;
 /// The first of several panels has at most this many times the photo's resolution: more would cost tokens and show no
@@ -108,7 +111,7 @@ impl<'a> Drawer<'a> {
         let picture = match &self.begun {
             Some(Begun { sheet, object_box, object }) => {
                 let mut sheet = sheet.clone();
-                sheet.place("2 the part, in red", &panel::segment_in_red(object.clone(), &mask, *object_box));
+                sheet.place(LONGEST_LABEL, &panel::segment_in_red(object.clone(), &mask, *object_box));
                 sheet.place("3 the part alone", &alone(sheet.panel));
                 sheet.picture
             }
@@ -155,12 +158,15 @@ impl Canvas {
     /// most `most_height` high.
     fn new(longest_side: u32, panels: u32, aspect: f64, most_height: u32) -> Self {
         let in_a_row = aspect <= WIDE;
-        let label = Style::semibold(LABEL_PX * (longest_side / 700).max(1));
         let (columns, rows) = if in_a_row { (panels, 1) } else { (1, panels) };
         let widest = (longest_side - GAP * (columns + 1)) / columns;
+        let mut label = Style::semibold(LABEL_PX * (longest_side / 700).max(1));
+        while label.width(LONGEST_LABEL) > widest {
+            label.px -= 1;
+        }
         let highest = (longest_side - (GAP + label.height()) * rows - GAP) / rows;
         let height = highest.min((f64::from(widest) / aspect) as u32).clamp(1, most_height.max(1));
-        let width = ((f64::from(height) * aspect) as u32).max(label.width("2 the part, in red")).min(widest);
+        let width = ((f64::from(height) * aspect) as u32).max(label.width(LONGEST_LABEL)).min(widest);
         let picture =
             RgbImage::from_pixel(columns * (width + GAP) + GAP, rows * (height + label.height() + GAP) + GAP, PAPER);
         Self { picture, panel: (width, height), label, in_a_row, placed: 0 }

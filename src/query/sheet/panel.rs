@@ -76,10 +76,13 @@ pub fn bounding_box(mask: &GrayImage) -> Option<Area> {
     found
 }
 
-/// The object on its plain background. The photo is composited over white; where its alpha let white through, the
-/// background shows instead.
+/// The object on its plain background. Where a photo was composited over white, the background shows instead, outside of
+/// the object; the surroundings in any other photo stay as they are.
 pub fn object(photo: &Photo, object_box: Area, size: (u32, u32)) -> RgbImage {
     let crop = crop(object_box, |x, y| {
+        if !photo.over_white {
+            return *photo.rgb.get_pixel(x, y);
+        }
         let through = u16::from(255 - photo.foreground.get_pixel(x, y)[0]);
         photo.rgb.get_pixel(x, y).map2(&GROUND, |seen, ground| {
             let less = (u16::from(255 - ground) * through + 127) / 255;

@@ -56,6 +56,7 @@ pub fn page(report: &Report, answers: &Answers, pictures: &Pictures, cloud: &Clo
         cloud_note => cloud_note(cloud),
         motion_note => motion.map(motion_note),
         parts => report.labels.iter().map(|label| part_row(label, report)).collect::<Vec<_>>(),
+        is_metric => report.parts.is_some(),
         weighing => report.parts.as_ref().map(sentences),
         grasp => report.grasp.as_ref().map(|report| grasp(report, pictures)),
         simulation => report.simulation.as_ref().map(|run| simulation(run, pictures)),
@@ -150,6 +151,9 @@ fn tiles(report: &Report) -> Vec<Value> {
         let bounds =
             || format!("slips below {} N, damaged above {} N", significant(grasp.f_min_n), significant(grasp.f_max_n));
         tiles.push(match &grasp.infeasible {
+            None if grasp.candidates.is_empty() => {
+                tile(&named("grip"), "no place".to_owned(), "no place was found where the fingers fit".to_owned())
+            }
             None => tile(&named("grip with"), format!("{} N", significant(grasp.f_star_n)), bounds()),
             Some(why) => tile(&named("grip"), "not safe".to_owned(), why.explanation.clone()),
         });
@@ -243,6 +247,10 @@ fn css(color: [f32; 3]) -> String {
 fn grasp(grasp: &GraspReport, pictures: &Pictures) -> Value {
     let star = significant(grasp.f_star_n);
     let sentence = match &grasp.infeasible {
+        None if grasp.candidates.is_empty() => {
+            "no place was found where the fingers fit; the warnings say why. The forces below are those for this part."
+                .to_owned()
+        }
         None => format!(
             "press with {star} N per finger (gripper {:?}, command {}). This holds the object without damaging the part.",
             grasp.gripper,
@@ -251,7 +259,7 @@ fn grasp(grasp: &GraspReport, pictures: &Pictures) -> Value {
         Some(why) => format!("{why}."),
     };
     context! {
-        is_safe => grasp.infeasible.is_none(),
+        is_safe => grasp.infeasible.is_none() && !grasp.candidates.is_empty(),
         part => part_name(&grasp.part, &grasp.material),
         sentence,
         scale => force_scale(grasp),

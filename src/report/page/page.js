@@ -45,7 +45,7 @@
         missing: values.some((value) => !value),
       };
     }),
-    { name: "confidence", color: (_, c) => ramp(c), words: (_, c) => `confidence ${c.toFixed(2)}`, range: ["0: no view sees it", "1: all votes agree", ""] },
+    { name: "confidence", color: (_, c) => ramp(c), words: (_, c) => `confidence ${c.toFixed(2)}`, range: ["0: no votes", "1: all votes agree", ""] },
   ];
   function unique(entries) {
     const found = new Map();

@@ -147,13 +147,15 @@ fn photo_of(file: &str, places: &Places) -> Lookup {
     if let Some((folder, file)) = find(file) {
         return Lookup::Found { folder, file, is_shortened: false };
     }
-    if places.photos.iter().any(|folder| view_names::path_within(folder, file).is_some()) {
-        return Lookup::Missing;
-    }
-    // An absolute path that is right on the machine where the cameras were calibrated leads out of every folder here. So
-    // does `../`, unless the user says where the photos are.
-    if !Path::new(file).is_absolute() && !places.photos_are_named {
-        return Lookup::Outside;
+    // If the user names the photos' folder, the folders in a frame's path need not exist there.
+    if !places.photos_are_named {
+        if places.photos.iter().any(|folder| view_names::path_within(folder, file).is_some()) {
+            return Lookup::Missing;
+        }
+        // An absolute path that is right on the machine where the cameras were calibrated leads out of every folder here.
+        if !view_names::is_absolute(file) {
+            return Lookup::Outside;
+        }
     }
     let mut ends = std::iter::successors(Some(file), |file| file.split_once(['/', '\\']).map(|(_, end)| end));
     let found = ends.find_map(|end| find(end).filter(|_| !end.is_empty()));

@@ -35,7 +35,7 @@ use triangulate::{Sighting, corners};
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 pub enum MarkerProblem {
     #[error(
-        "none of the {views} photos shows this marker{}; it must be flat, evenly lit and unfolded, with a white margin \
+        "none of the {views} photos shows this marker{}; it must lie flat, without folds, and be evenly lit, with a white margin \
          of at least one of its cells, and at least 30 pixels wide in the photos. `gprop scale board` draws one", others(.found)
     )]
     Unseen { views: usize, found: Vec<(String, usize)> },

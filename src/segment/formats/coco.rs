@@ -5,12 +5,13 @@ use serde_json::{Value, json};
 use super::super::{Segment, ViewSegments};
 
 /// The segments of the views: `images`, `annotations` and the one category `segment`. The mask, area and box of a
-/// segment include the segments in it; `segment` and `parent` are ids of the view's label map.
-pub fn coco(views: &[ViewSegments]) -> Value {
+/// segment include the segments in it; `segment` and `parent` are ids of the view's label map. `photos` are the file
+/// names of the views' photos.
+pub fn coco(views: &[ViewSegments], photos: &[String]) -> Value {
     let (mut images, mut annotations) = (Vec::new(), Vec::new());
-    for (index, view) in views.iter().enumerate() {
+    for (index, (view, photo)) in views.iter().zip(photos).enumerate() {
         let map = &view.map;
-        images.push(json!({ "id": index + 1, "file_name": view.view, "width": map.width, "height": map.height }));
+        images.push(json!({ "id": index + 1, "file_name": photo, "width": map.width, "height": map.height }));
         for (segment, runs) in view.segments.iter().zip(column_runs(view)) {
             annotations.push(json!({
                 "id": annotations.len() + 1,
@@ -128,7 +129,8 @@ mod tests {
             let inside: u32 = runs.iter().skip(1).step_by(2).sum();
             assert_eq!(inside, segment.area, "segment {}", segment.id);
         }
-        let written = coco(&[view]);
+        let written = coco(&[view], &["images/view.jpg".to_owned()]);
+        assert_eq!(written["images"][0]["file_name"], "images/view.jpg");
         let annotations = written["annotations"].as_array().unwrap();
         let parents: Vec<&Value> = annotations.iter().map(|annotation| &annotation["parent"]).collect();
         assert_eq!(parents, [&Value::Null, &json!(1), &json!(2), &Value::Null]);

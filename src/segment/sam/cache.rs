@@ -6,20 +6,20 @@ use std::path::{Path, PathBuf};
 
 use sha2::{Digest, Sha256};
 
-use super::{EMBEDDING, Embedding};
-use crate::workdir::{hexadecimal, sha256_of_file, write_atomic};
+use super::{EMBEDDING, Embedding, external};
+use crate::workdir::{hexadecimal, write_atomic};
 
 /// A folder of embeddings from one encoder.
 pub struct Cache {
     folder: PathBuf,
-    /// SHA-256 of the encoder's file.
+    /// SHA-256 of the encoder with its weights.
     encoder: [u8; 32],
 }
 
 impl Cache {
     /// Opens the cache in `folder` for the embeddings of the encoder at `encoder`.
     pub fn open(folder: &Path, encoder: &Path) -> io::Result<Self> {
-        Ok(Self { folder: folder.to_owned(), encoder: sha256_of_file(encoder)? })
+        Ok(Self { folder: folder.to_owned(), encoder: external::digest(encoder)? })
     }
 
     /// The path of a preprocessed picture's embedding, whether or not it exists.

@@ -1,11 +1,12 @@
 //! SAM's two networks: a picture is encoded as an embedding once, then each prompt is decoded to three nested masks.
 //!
-//! [`encoder`] and [`decoder`] implement the two networks; `graph` reads and reduces ONNX files; `runtime` and `pool`
-//! run them; `cache` stores embeddings.
+//! [`encoder`] and [`decoder`] implement the two networks; `graph` reads and reduces ONNX files, `external` finds the
+//! files with their weights; `runtime` and `pool` run them; `cache` stores embeddings.
 
 mod cache;
 mod decoder;
 mod encoder;
+mod external;
 mod graph;
 pub mod mismatch;
 mod pool;
@@ -16,11 +17,12 @@ use std::path::Path;
 use super::error::SegmentError;
 use super::options::DecoderRuntime;
 use crate::files;
-use crate::setup::ModelFiles;
+use crate::setup::{self, Doctor, ModelFiles};
 use cache::Cache;
 pub use decoder::Wanted;
 use decoder::{Decoder, Prepared};
 use encoder::Encoder;
+pub use external::digest as model_digest;
 pub use gprop_kernels::mask_decoder::LOGITS_SIDE;
 use mismatch::Mismatch;
 
@@ -120,6 +122,17 @@ impl Sam {
         take: impl FnMut(usize, Decoded<'_>),
     ) -> Result<(), SegmentError> {
         self.decoder.run(&embedding.0, points, wanted, take).map_err(decoder_failed)
+    }
+}
+
+/// [`setup::doctor`], which also opens SAM if the user named one of its files: such a file may be anything,
+/// whereas those in the cache are verified by their hashes.
+pub fn doctor(options: &setup::Options) -> Doctor {
+    let found = setup::doctor(options);
+    let has_own = options.sam_encoder.is_some() || options.sam_decoder.is_some();
+    match found.files().filter(|_| has_own).and_then(|files| Sam::open(&files, None, 1).err()) {
+        Some(error) => found.with_problem(error.to_string()),
+        None => found,
     }
 }
 

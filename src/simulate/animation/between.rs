@@ -4,7 +4,8 @@
 //! the intervals before and after (Fritsch and Butland, 1984), or zero if the motion reverses there, so that the cubic is
 //! smooth in flight and never goes beyond the two frames. About its centre the object turns steadily, by the rotation
 //! that fits its Gaussians best, so that what is rigid keeps its shape between the frames as well. The rest of the
-//! Gaussians' motion, and everything else, is interpolated linearly, rotations along the shorter way.
+//! Gaussians' motion, and everything else, is interpolated linearly, rotations along the shorter way. Gaussians that are
+//! not simulated have no part in this: they stay in place.
 //!
 //! The frames hold covariances as scales along axes, and which axis comes first, and which way it points, may differ from
 //! frame to frame. A Gaussian whose axes differ has the shape that it has in the nearer frame.
@@ -23,6 +24,8 @@ const ALIKE: f64 = 0.9;
 /// call to the next.
 pub struct Motion<'a, E> {
     frames: usize,
+    /// Per Gaussian: whether it is simulated.
+    simulated: &'a [bool],
     load: &'a mut dyn FnMut(usize) -> Result<Gaussians, E>,
     /// Index of the first of the two frames.
     first: usize,
@@ -36,8 +39,8 @@ pub struct Motion<'a, E> {
 
 impl<'a, E> Motion<'a, E> {
     /// A motion of `frames` frames, at least 2, that `load` returns by their index.
-    pub fn new(frames: usize, load: &'a mut dyn FnMut(usize) -> Result<Gaussians, E>) -> Self {
-        Self { frames, load, first: 0, pair: None, before: None, next: None }
+    pub fn new(frames: usize, simulated: &'a [bool], load: &'a mut dyn FnMut(usize) -> Result<Gaussians, E>) -> Self {
+        Self { frames, simulated, load, first: 0, pair: None, before: None, next: None }
     }
 
     /// The Gaussians at `time`.
@@ -51,7 +54,8 @@ impl<'a, E> Motion<'a, E> {
         }
         let [from, to] = self.pair.as_ref().expect("loaded above");
         let share = (time - first as f64).clamp(0.0, 1.0) as f32;
-        Ok(between([from, to], [self.before, self.next.as_ref().map(center)], share))
+        let after = self.next.as_ref().map(|next| center(next, self.simulated));
+        Ok(between([from, to], self.simulated, [self.before, after], share))
     }
 
     fn advance(&mut self) -> Result<(), E> {
@@ -60,7 +64,7 @@ impl<'a, E> Motion<'a, E> {
             None => [(self.load)(0)?, (self.load)(1.min(last))?],
             Some([from, to]) => {
                 self.first += 1;
-                self.before = Some(center(&from));
+                self.before = Some(center(&from, self.simulated));
                 [to, self.next.take().expect("only the last pair has no next frame")]
             }
         });
@@ -70,22 +74,28 @@ impl<'a, E> Motion<'a, E> {
 }
 
 /// The Gaussians at the `share` of the way between two frames. `around` are the centres before and after them.
-fn between([from, to]: [&Gaussians; 2], around: [Option<Point3<f64>>; 2], share: f32) -> Gaussians {
+fn between([from, to]: [&Gaussians; 2], simulated: &[bool], around: [Option<Point3<f64>>; 2], share: f32) -> Gaussians {
     let mix = |a: f32, b: f32| a + share * (b - a);
-    let centers = [center(from), center(to)];
+    let centers = [center(from, simulated), center(to, simulated)];
     let slope = centers[1] - centers[0];
     let (before, after) =
         (around[0].map_or(slope, |before| centers[0] - before), around[1].map_or(slope, |after| after - centers[1]));
     let middle = Point3::from(Vector3::from_fn(|a, _| {
         cubic([centers[0][a], centers[1][a]], [tangent(before[a], slope[a]), tangent(slope[a], after[a])], share.into())
     }));
-    let turn = numeric::rigid_motion(moving(from).map(|i| (from.center(i), to.center(i)))).rotation;
+    let turn = numeric::rigid_motion(moving(simulated).map(|i| (from.center(i), to.center(i)))).rotation;
     let (turned, back) = (turn.powf(share.into()), turn.inverse());
     let position = |i: usize| {
+        if !simulated[i] {
+            return from.positions[i];
+        }
         let (a, b) = (from.center(i) - centers[0], back * (to.center(i) - centers[1]));
         (middle + turned * a.lerp(&b, share.into())).map(|x| x as f32).into()
     };
     let shape = |i: usize| {
+        if !simulated[i] {
+            return (from.rotations[i], from.log_scales[i]);
+        }
         let (a, b) = (from.rotation(i), back * to.rotation(i));
         let scales = [from.log_scales[i], to.log_scales[i]];
         let (own, scales) = match a.coords.dot(&b.coords).abs() > ALIKE {
@@ -111,15 +121,15 @@ fn between([from, to]: [&Gaussians; 2], around: [Option<Point3<f64>>; 2], share:
     }
 }
 
-/// The Gaussians that move with the object: those that are not set aside.
-fn moving(gaussians: &Gaussians) -> impl Iterator<Item = usize> + Clone {
-    (0..gaussians.len()).filter(move |&i| !gaussians.is_set_aside(i))
+/// The Gaussians that move with the object.
+fn moving(simulated: &[bool]) -> impl Iterator<Item = usize> + Clone {
+    (0..simulated.len()).filter(move |&i| simulated[i])
 }
 
 /// The mean position of the Gaussians that move with the object.
-fn center(gaussians: &Gaussians) -> Point3<f64> {
-    let sum: Vector3<f64> = moving(gaussians).map(|i| gaussians.center(i).coords).sum();
-    (sum / moving(gaussians).count().max(1) as f64).into()
+fn center(gaussians: &Gaussians, simulated: &[bool]) -> Point3<f64> {
+    let sum: Vector3<f64> = moving(simulated).map(|i| gaussians.center(i).coords).sum();
+    (sum / moving(simulated).count().max(1) as f64).into()
 }
 
 /// The slope at the frame between two intervals.
@@ -155,7 +165,7 @@ mod tests {
         // z = 16 - n^2 until the ground at n = 4, then rest.
         let height = |n: usize| 16.0 - (n.min(4) as f32).powi(2);
         let mut load = |n: usize| Ok::<_, ()>(one(height(n), 0.1 * n as f32));
-        let mut motion = Motion::new(8, &mut load);
+        let mut motion = Motion::new(8, &[true], &mut load);
         let mut last = f32::INFINITY;
         for step in 0..=70 {
             let time = f64::from(step) / 10.0;
@@ -194,31 +204,32 @@ mod tests {
         from.log_scales[0] = [0.0, -5.0, -5.0];
         (to.log_scales[0], to.rotations[0]) = ([-5.0, 0.0, -5.0], [1.0, 0.0, 0.0, 0.0]);
         for share in [0.3, 0.5, 0.7] {
-            let now = between([&from, &to], [None; 2], share);
+            let now = between([&from, &to], &[true; 8], [None; 2], share);
             let needle = now.rotation(0)
                 * Vector3::ith(now.log_scales[0].map(f64::from).into_iter().position(|s| s == 0.0).unwrap(), 1.0);
             let angle = needle.y.atan2(needle.x).rem_euclid(std::f64::consts::PI);
             assert!((angle - f64::from(share) * std::f64::consts::FRAC_PI_2).abs() < 1e-6, "{angle} at {share}");
         }
-        let half = between([&from, &to], [None; 2], 0.5);
+        let half = between([&from, &to], &[true; 8], [None; 2], 0.5);
         for (i, j) in (0..8).flat_map(|i| (0..i).map(move |j| (i, j))) {
             let distance = |g: &Gaussians| (g.center(i) - g.center(j)).norm();
             // f32 at lengths of 3.
             assert!((distance(&half) - distance(&from)).abs() < 1e-6, "{i} {j}: {}", distance(&half));
         }
-        assert!((center(&half).z - (center(&from).z - 1.5)).abs() < 1e-6);
+        let height = |g: &Gaussians| center(g, &[true; 8]).z;
+        assert!((height(&half) - (height(&from) - 1.5)).abs() < 1e-6);
     }
 
-    /// A Gaussian that was set aside, far away and at rest, has no part in how the others move.
+    /// A Gaussian that is not simulated, far away, stays in place and has no part in how the others move.
     #[test]
-    fn what_is_set_aside_does_not_bend_the_motion() {
-        let frame = |positions: Vec<[f32; 3]>, set_aside: Vec<bool>| Gaussians {
+    fn what_is_not_simulated_does_not_bend_the_motion() {
+        const STRAY: [f32; 3] = [90.0, -40.0, 70.0];
+        let frame = |positions: Vec<[f32; 3]>| Gaussians {
             log_scales: vec![[0.0; 3]; positions.len()],
             rotations: vec![[1.0, 0.0, 0.0, 0.0]; positions.len()],
             opacity_logits: vec![1.0; positions.len()],
             sh_dc: vec![[0.0; 3]; positions.len()],
             positions,
-            set_aside,
             ..Gaussians::default()
         };
         // A right angle that turns by a quarter about z.
@@ -228,22 +239,22 @@ mod tests {
         ];
         let [alone, accompanied] = [false, true].map(|with_stray| {
             let [from, to] = places.clone().map(|mut positions| {
-                if with_stray {
-                    positions.push([90.0, -40.0, 70.0]);
-                }
-                let set_aside = (0..positions.len()).map(|i| i == 3).collect();
-                frame(positions, set_aside)
+                positions.extend(with_stray.then_some(STRAY));
+                frame(positions)
             });
-            between([&from, &to], [None; 2], 0.5).positions
+            let simulated = [true, true, true, false];
+            let between = between([&from, &to], &simulated[..from.len()], [None; 2], 0.5);
+            (between.positions, between.rotations)
         });
-        assert_eq!(alone[..], accompanied[..3]);
+        assert_eq!((&alone.0[..], &alone.1[..]), (&accompanied.0[..3], &accompanied.1[..3]));
+        assert_eq!((accompanied.0[3], accompanied.1[3]), (STRAY, [1.0, 0.0, 0.0, 0.0]));
     }
 
     #[test]
     fn a_rotation_takes_the_shorter_way() {
         let [from, mut to] = [one(0.0, 0.0), one(0.0, 0.2)];
         to.rotations[0] = to.rotations[0].map(|c| -c);
-        let half = between([&from, &to], [None; 2], 0.5);
+        let half = between([&from, &to], &[true], [None; 2], 0.5);
         assert!((half.rotations[0][0] - 0.05f32.cos()).abs() < 1e-5, "{:?}", half.rotations);
     }
 }

@@ -66,22 +66,24 @@ fn nearest_in_film(index: usize, fps: u32) -> usize {
 /// The viewpoint of the animation.
 #[derive(Debug, Clone, PartialEq, clap::Args, Serialize)]
 pub struct Viewpoint {
-    /// Film with the camera of this photo, given by its name [default: a camera that sees the whole motion]
-    #[arg(long, value_name = "VIEW", conflicts_with_all = ["azimuth_deg", "turntable"])]
+    /// Film with the camera of this photo, given by its name; if --azimuth-deg or --turntable is given too, the last one
+    /// counts [default: a camera that sees the whole motion]
+    #[arg(long, value_name = "VIEW", overrides_with_all = ["azimuth_deg", "turntable"])]
     pub film_from: Option<String>,
 
     /// Film from this direction, in degrees from +x towards +y [default: the side that shows most of the object's
     /// length]
     #[arg(long, value_name = "DEGREES", allow_negative_numbers = true, value_parser = from_to(-360.0, 360.0))]
+    #[arg(overrides_with = "film_from")]
     pub azimuth_deg: Option<f64>,
 
-    /// Angle by which the camera looks down, in degrees
+    /// Angle by which the camera looks down, in degrees, but for --film-from
     #[arg(long, value_name = "DEGREES", default_value_t = 22.0, allow_negative_numbers = true)]
     #[arg(value_parser = from_to(-90.0, 90.0))]
     pub elevation_deg: f64,
 
     /// Film the object with a camera that circles it once
-    #[arg(long)]
+    #[arg(long, overrides_with = "film_from")]
     pub turntable: bool,
 
     #[command(flatten)]
@@ -96,6 +98,8 @@ pub struct Shooting<'a> {
     cameras: Vec<Camera>,
     /// Number of pictures.
     count: usize,
+    /// See [`simulated`](super::simulated).
+    simulated: &'a [bool],
 }
 
 /// The film of a simulation.
@@ -115,8 +119,14 @@ pub enum Film {
 }
 
 impl<'a> Shooting<'a> {
-    /// The film of `report`. `photo` is the camera that [`Viewpoint::film_from`] names.
-    pub fn new(report: &'a SimulationReport, viewpoint: &Viewpoint, photo: Option<&Camera>) -> Self {
+    /// The film of `report`. `photo` is the camera that [`Viewpoint::film_from`] names; `simulated` says which Gaussians
+    /// are [`simulated`](super::simulated).
+    pub fn new(
+        report: &'a SimulationReport,
+        viewpoint: &Viewpoint,
+        photo: Option<&Camera>,
+        simulated: &'a [bool],
+    ) -> Self {
         let simulated_s = report.frames.last().map_or(0.0, |frame| frame.t_s);
         let film_s = simulated_s * slowed(simulated_s);
         let count = (film_s * f64::from(viewpoint.film.fps)).round() as usize + 1;
@@ -125,7 +135,7 @@ impl<'a> Shooting<'a> {
             None => cameras_around(report, viewpoint, count, size),
             Some(photo) => vec![fitted(photo, size)],
         };
-        Self { report, film: viewpoint.film, cameras, count }
+        Self { report, film: viewpoint.film, cameras, count, simulated }
     }
 
     /// Number of pictures.
@@ -144,7 +154,7 @@ impl<'a> Shooting<'a> {
         progress: Progress,
     ) -> Result<(), E> {
         let bar = progress.bar("film", self.count as u64);
-        let mut motion = Motion::new(self.report.frames.len(), load);
+        let mut motion = Motion::new(self.report.frames.len(), self.simulated, load);
         let mut ground = None;
         for index in 0..self.count {
             let gaussians = motion.at(self.frame_at(index))?;

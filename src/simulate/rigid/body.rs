@@ -7,7 +7,7 @@ use nalgebra::{Isometry3, Matrix3, Matrix6, Point3, Quaternion, Translation3, Un
 
 use super::face::Face;
 use crate::simulate::mpm::base_cell;
-use crate::simulate::mpm::particles::{Motion, Particle};
+use crate::simulate::mpm::particles::Particle;
 
 /// A particle of a body.
 #[derive(Debug, Clone)]
@@ -19,6 +19,9 @@ pub struct Member {
     /// Its state at the start, in which the body's frame has the axes of the simulation's.
     pub start: Particle,
 }
+
+/// Velocity of the centre of mass, m/s, and angular velocity, rad/s.
+pub type Velocities = [Vector3<f64>; 2];
 
 /// The motion of a body.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -177,6 +180,10 @@ impl Body {
         rotation * (self.inverse_inertia * (rotation.inverse() * self.state.angular_momentum))
     }
 
+    pub fn velocities(&self) -> Velocities {
+        [self.state.velocity_m_s, self.spin()]
+    }
+
     /// A bound on the speed of its particles, m/s.
     pub fn fastest_m_s(&self) -> f64 {
         self.state.velocity_m_s.norm() + self.spin().norm() * self.radius_m
@@ -199,10 +206,11 @@ impl Body {
         self.state.angular_momentum = turn * (self.inertia * (turn.inverse() * spin));
     }
 
-    /// Gives its centre of mass the velocity of `motion`, and the body the angular velocity.
-    pub fn lead(&mut self, motion: &Motion) {
-        let g = motion.gradient.map(f64::from);
-        self.set_motion(Vector3::from(motion.velocity_m_s.map(f64::from)), Vector3::new(g.m32, g.m13, g.m21));
+    /// Moves and turns for `dt_s` at given velocities, whatever its momentum and angular momentum.
+    pub fn lead(&mut self, [velocity_m_s, spin]: Velocities, dt_s: f64) {
+        self.state.center_m += velocity_m_s * dt_s;
+        self.state.rotation = UnitQuaternion::from_scaled_axis(spin * dt_s) * self.state.rotation;
+        self.set_motion(velocity_m_s, spin);
     }
 
     /// Moves and turns for `dt_s` with its momentum and angular momentum.

@@ -9,13 +9,13 @@
 //! The pressure of an impact cannot be read from such impulses, which have no duration. It is that of a flat punch of
 //! the contact's area A on an elastic half space (Johnson, *Contact Mechanics*, 1985, section 3.4): stiffness k = 2 a E
 //! / (1 - nu^2) with a = sqrt(A / pi), so that a mass m that arrives at v presses with at most v sqrt(k m). The mass is
-//! the one that the impulse stopped, m = J / v; the ground is taken to be rigid. Of v, the share g dt that gravity adds
-//! within a step is not an impact, since a body at rest has it too: it counts as weight instead,
-//! F = (v - g dt) sqrt(k m) + m g.
+//! the one that the impulse stopped, m = J / v; the ground is taken to be rigid. Of v, the share that gravity and the
+//! scenario's forces add within the step is not an impact, since a body at rest has it too: it counts as a steady force
+//! instead, F = v0 sqrt(k m) + m (v - v0) / dt. What other bodies and the grid add counts as an impact.
 
 use nalgebra::{Matrix3, Matrix3x6, Matrix6, Point3, Vector2, Vector3};
 
-use super::body::Body;
+use super::body::{Body, Velocities};
 use super::coupling::about_center;
 use crate::simulate::boundary::{Boundary, Contact};
 
@@ -43,6 +43,8 @@ struct Touch {
     impulse: Vector3<f64>,
     /// Speed towards the ground before the impulses.
     approach_m_s: f64,
+    /// The share of it that the scenario's forces have added in this step.
+    loaded_m_s: f64,
 }
 
 /// The ground as rigid bodies meet it.
@@ -75,9 +77,16 @@ impl Ground {
     }
 
     /// Changes the velocity of `body`, which answers impulses with `response`, so that it ends a step of `dt_s` on or
-    /// above the ground, and notes how hard its faces were pressed; `gravity_m_s2` has already acted on it.
-    pub fn act(&self, body: &mut Body, response: &Matrix6<f64>, gravity_m_s2: &Vector3<f64>, dt_s: f64) {
-        let mut touches = self.touches(body, response, dt_s);
+    /// above the ground, and notes how hard its faces were pressed. Gravity has already acted on it in this step, and so
+    /// have the scenario's forces, which have changed its velocities by `loads`.
+    pub fn act(
+        &self,
+        body: &mut Body,
+        response: &Matrix6<f64>,
+        (gravity_m_s2, loads): (&Vector3<f64>, &Velocities),
+        dt_s: f64,
+    ) {
+        let mut touches = self.touches(body, response, loads, dt_s);
         if touches.is_empty() {
             return;
         }
@@ -117,7 +126,7 @@ impl Ground {
     }
 
     /// The points that come near the ground within a step.
-    fn touches(&self, body: &Body, response: &Matrix6<f64>, dt_s: f64) -> Vec<Touch> {
+    fn touches(&self, body: &Body, response: &Matrix6<f64>, loads: &Velocities, dt_s: f64) -> Vec<Touch> {
         let (state, spin) = (body.state(), body.spin());
         if self.gap_m(state.center_m) > body.radius_m() + 2.0 * body.fastest_m_s() * dt_s {
             return vec![];
@@ -135,10 +144,19 @@ impl Ground {
                 let mut at_point = Matrix3x6::identity();
                 at_point.fixed_view_mut::<3, 3>(0, 3).copy_from(&-arm.cross_matrix());
                 let compliance = at_point * response * at_point.transpose();
-                let approach_m_s = -(state.velocity_m_s + spin.cross(&arm)).dot(&self.normal);
+                let towards = |[velocity, spin]: Velocities| -(velocity + spin.cross(&arm)).dot(&self.normal);
                 let compliance = frame.transpose() * compliance * frame;
                 let landed = gap_m <= TOUCHING * body.radius_m();
-                touches.push(Touch { face, arm, gap_m, landed, compliance, impulse: Vector3::zeros(), approach_m_s });
+                touches.push(Touch {
+                    face,
+                    arm,
+                    gap_m,
+                    landed,
+                    compliance,
+                    impulse: Vector3::zeros(),
+                    approach_m_s: towards([state.velocity_m_s, spin]),
+                    loaded_m_s: towards(*loads),
+                });
             }
         }
         // Deepest first: these stop the body, the others balance it.
@@ -177,16 +195,15 @@ impl Ground {
         Vector3::new(normal, tangent.x, tangent.y)
     }
 
-    /// Raises each face's peak pressure to that of this step, if it is higher. In the step, gravity alone adds
+    /// Raises each face's peak pressure to that of this step, if it is higher. In the step, gravity alone has added
     /// `fallen_m_s` to the speed towards the ground.
     fn note_pressures(&self, body: &mut Body, touches: &[Touch], fallen_m_s: f64, dt_s: f64) {
         for at in 0..body.faces.len() {
             let own = || touches.iter().filter(|touch| touch.face == at && touch.impulse.x > 0.0);
             let impulse: f64 = own().map(|touch| touch.impulse.x).sum();
-            let approach = own().map(|touch| touch.approach_m_s).fold(0.0, f64::max);
-            if impulse <= 0.0 || approach <= 0.0 {
-                continue;
-            }
+            let fastest = own().max_by(|a, b| a.approach_m_s.total_cmp(&b.approach_m_s));
+            let Some(fastest) = fastest.filter(|touch| touch.approach_m_s > 0.0) else { continue };
+            let (approach, added) = (fastest.approach_m_s, fallen_m_s + fastest.loaded_m_s);
             let patch: Vec<[f64; 2]> = touches
                 .iter()
                 .filter(|touch| touch.face == at && (touch.landed || touch.gap_m <= approach * dt_s))
@@ -196,8 +213,8 @@ impl Ground {
             let area_m2 = area_of_hull(patch).max(face.least_area_m2);
             let stiffness = 2.0 * (area_m2 / std::f64::consts::PI).sqrt() * face.plane_modulus_pa;
             let mass = impulse / approach;
-            let impact_n = (approach - fallen_m_s).max(0.0) * (stiffness * mass).sqrt();
-            let pressure_pa = (impact_n + mass * fallen_m_s / dt_s) / area_m2;
+            let impact_n = (approach - added).max(0.0) * (stiffness * mass).sqrt();
+            let pressure_pa = (impact_n + mass * added.max(0.0) / dt_s) / area_m2;
             face.peak_pressure_pa = face.peak_pressure_pa.max(pressure_pa);
         }
     }

@@ -83,15 +83,15 @@ impl Pack {
     }
 
     /// Gives a lane the `motion` that starts at the position and with the compensation in `before`, instead of the result
-    /// of a substep of `dt_s`.
+    /// of a substep of `dt_s`. In f64: with the same motion in every step, rounding errors would add up.
     pub fn lead(&mut self, lane: usize, before: [[f32; 3]; 2], motion: &Motion, dt_s: f32) {
-        let step = |gradient: Matrix3<f32>| Matrix3::identity() + gradient * dt_s;
+        let step = |gradient: Matrix3<f64>| Matrix3::identity() + gradient * f64::from(dt_s);
         let made = step(lane_matrix(&self.affine, lane));
         // A step whose matrix is singular cannot be undone.
         if let Some(back) = made.try_inverse() {
-            let change = step(motion.gradient) * back;
+            let change = step(motion.gradient.map(f64::from)) * back;
             for rows in [&mut self.elastic, &mut self.deformation] {
-                put_matrix(rows, lane, &(change * lane_matrix(rows, lane)));
+                put_matrix(rows, lane, &(change * lane_matrix(rows, lane)).map(|x| x as f32));
             }
         }
         self.mass[lane] /= LED_WEIGHT;
@@ -230,8 +230,8 @@ pub fn compensated_sum([position, compensation]: [f32; 2], by: f32) -> [f32; 2] 
     [moved, by - (moved - position)]
 }
 
-fn lane_matrix(rows: &[Row; 9], lane: usize) -> Matrix3<f32> {
-    Matrix3::from_row_slice(&rows.map(|row| row[lane]))
+fn lane_matrix(rows: &[Row; 9], lane: usize) -> Matrix3<f64> {
+    Matrix3::from_row_slice(&rows.map(|row| f64::from(row[lane])))
 }
 
 fn put_matrix(rows: &mut [Row; 9], lane: usize, m: &Matrix3<f32>) {

@@ -9,7 +9,9 @@ pub enum Problem {
     Truncated { what: &'static str, index: u64, count: u64 },
     #[error("line {line}: {reason}; export the model again")]
     Line { line: usize, reason: String },
-    #[error("camera {id} has the model {model}, which gprop does not know or which does not project onto a plane")]
+    #[error(
+        "camera {id}: gprop does not know the model {model}, or it does not project onto a plane; undistort the photos to PINHOLE first"
+    )]
     Model { id: u32, model: String },
     #[error("camera {id} has {found} parameters, but its model {model} takes {expected}; export the model again")]
     Parameters { id: u32, model: String, expected: usize, found: usize },
