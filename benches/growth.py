@@ -54,12 +54,14 @@ SIMULATION = ["--rigid", "never", "--max-stiffness", "2e7", "--drop-height", "0.
 
 
 class Server(http.server.ThreadingHTTPServer):
-    """Answers every question with one recorded answer of the fixture, and counts them."""
+    """Answers every question with the part of one recorded answer of the fixture that is about a segment, and counts them."""
 
     def __init__(self):
         super().__init__(("127.0.0.1", 0), Handler)
         recording = json.loads(min((SCENE / "recorded").glob("*.json")).read_text())
-        self.answer, self.questions = recording["response"], 0
+        asked = json.loads((ROOT / "prompts/segment.schema.json").read_text())["properties"]
+        answer = {name: value for name, value in json.loads(recording["response"]).items() if name in asked}
+        self.answer, self.questions = json.dumps(answer), 0
         threading.Thread(target=self.serve_forever, daemon=True).start()
 
     def flags(self):
