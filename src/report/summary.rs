@@ -99,7 +99,11 @@ pub fn grasp_line(grasp: &GraspReport) -> String {
     let part = one_line(&name);
     let estimated = if grasp.estimated_scale { ESTIMATED } else { "" };
     match &grasp.infeasible {
-        None if grasp.candidates.is_empty() => format!("grasp  no place was found where the fingers fit{estimated}\n"),
+        None if grasp.candidates.is_empty() => format!(
+            "grasp  no place was found where the fingers fit; the {part} slips below {} N and is damaged above {} N{estimated}\n",
+            significant(grasp.f_min_n),
+            significant(grasp.f_max_n),
+        ),
         None => format!(
             "grasp  {} N at the {part}: slips below {} N, damaged above {} N{estimated}\n",
             significant(grasp.f_star_n),

@@ -81,24 +81,31 @@ impl Effect {
         (sign * self.high).max(sign * self.low).max(0.0)
     }
 
-    /// Whether the unknown goes up or down from `z` for the quantity to rise (or to fall): next to the middle, where the two
-    /// slopes differ, to the side on which it does so faster; `None` if it does the opposite on both.
-    fn side(self, z: f64, raises: bool) -> Option<bool> {
+    /// The effect of going from `z` to one above and one below it, or as far as the bounds allow.
+    fn around(self, z: f64, [low, high]: [f64; 2]) -> Self {
+        let change = |to: f64| self.at(to) - self.at(z);
+        Self { low: change((z - 1.0).max(low)), high: change((z + 1.0).min(high)) }
+    }
+
+    /// Whether the unknown goes up or down from its middle for the quantity to rise (or to fall): to the side on which it
+    /// does so faster; `None` if it does the opposite on both.
+    fn side(self, raises: bool) -> Option<bool> {
         let sign = if raises { 1.0 } else { -1.0 };
+        ((sign * self.high).max(sign * self.low) >= 0.0).then_some((self.high >= self.low) == raises)
+    }
+
+    /// The slope above the middle, or below it.
+    fn slope(self, above: bool) -> f64 {
+        if above { self.high } else { -self.low }
+    }
+
+    /// The slope at `z`; next to the middle, that of the side on which the quantity rises (or falls), or 0 if it does so on
+    /// neither.
+    fn slope_towards(self, z: f64, raises: bool) -> f64 {
         match z.abs() > AT_MIDDLE {
-            true => Some((self.slope_at(z, false) >= 0.0) == raises),
-            false => ((sign * self.high).max(sign * self.low) >= 0.0).then(|| self.rises(raises)),
+            true => self.slope(z > 0.0),
+            false => self.side(raises).map_or(0.0, |above| self.slope(above)),
         }
-    }
-
-    /// The slope at `z`, on the side to which the unknown goes if `z` is next to its middle, where the two differ.
-    fn slope_at(self, z: f64, rises: bool) -> f64 {
-        if z > AT_MIDDLE || (z >= -AT_MIDDLE && rises) { self.high } else { -self.low }
-    }
-
-    /// Whether the unknown rises for the quantity to rise or to fall.
-    fn rises(self, raises: bool) -> bool {
-        (self.high >= self.low) == raises
     }
 }
 
@@ -172,14 +179,16 @@ struct Reading {
     effects: Vec<Effect>,
     /// Relative, at 90 %.
     error: f64,
-    /// By unknown, whether it can still go down, and up.
-    can_go: Vec<[bool; 2]>,
+    /// By unknown, how far it may go, down and up.
+    bounds: Vec<[f64; 2]>,
 }
 
 /// Steps of Gauss-Newton; a few suffice for any mass that the bounds allow.
 const STEPS: usize = 100;
 /// How often a step is halved before the search ends.
 const HALVINGS: i32 = 14;
+/// The search ends when a step improves the fit by no more than this share.
+const LEAST_GAIN: f64 = 1e-6;
 /// Rounds of finding the sides to which the unknowns go, which depend on the slopes there.
 const SIDES: usize = 4;
 
@@ -198,9 +207,9 @@ impl Belief {
         // An unknown may lower the sum on both sides of its middle and raise it farther out.
         let starts = std::iter::once(vec![0.0; count]).chain(ends.map(Iterator::collect));
         let likely = starts.map(|start| posterior.most_likely_near(start));
-        let z = likely.min_by(|a, b| posterior.misfit(a).total_cmp(&posterior.misfit(b))).unwrap_or_default();
-        let can_go = unknowns.bounds.iter().zip(&z).map(|([low, high], z)| [z > low, z < high]).collect();
-        Self { reading: Some(Reading { effects: effects(masses, &z), error, can_go }), middle: z }
+        let (middle, _) = likely.min_by(|a, b| a.1.total_cmp(&b.1)).unwrap_or_default();
+        let reading = Reading { effects: effects(masses, &middle), error, bounds: unknowns.bounds.clone() };
+        Self { reading: Some(reading), middle }
     }
 
     /// The quantity as it is believed to be.
@@ -260,25 +269,24 @@ impl Belief {
         for (unknown, effect) in effects {
             own[*unknown] = own[*unknown].and(*effect, 1.0);
         }
-        let middle = &self.middle;
-        let mut sides: Vec<_> = own.iter().zip(middle).map(|(effect, z)| effect.side(*z, raises)).collect();
+        // An unknown may go past its own middle, where its slope changes, but not past its bounds.
+        let around = |effects: &[Effect]| -> Vec<Effect> {
+            let place = self.middle.iter().zip(&reading.bounds);
+            effects.iter().zip(place).map(|(effect, (z, bounds))| effect.around(*z, *bounds)).collect()
+        };
+        let (own, sum) = (around(&own), around(&reading.effects));
+        let mut sides: Vec<Option<bool>> = own.iter().map(|effect| effect.side(raises)).collect();
         let mut variance = 0.0;
         for _ in 0..SIDES {
-            // What is at its bound can only go back.
-            let free = |effects: &[Effect]| -> Vec<f64> {
-                let slope = |n: usize| match sides[n] {
-                    Some(rises) if reading.can_go[n][usize::from(rises)] => effects[n].slope_at(middle[n], rises),
-                    _ => 0.0,
-                };
-                (0..effects.len()).map(slope).collect()
+            let slopes = |effects: &[Effect]| -> Vec<f64> {
+                effects.iter().zip(&sides).map(|(effect, side)| side.map_or(0.0, |above| effect.slope(above))).collect()
             };
-            let (free_own, free_sum) = (free(&own), free(&reading.effects));
-            let norm = dot(&free_sum, &free_sum) + reading.error * reading.error;
-            let shared = if norm > 0.0 { dot(&free_own, &free_sum) / norm } else { 0.0 };
-            variance = dot(&free_own, &free_own) - shared * dot(&free_own, &free_sum);
+            let (own_slopes, sum_slopes) = (slopes(&own), slopes(&sum));
+            let norm = dot(&sum_slopes, &sum_slopes) + reading.error * reading.error;
+            let shared = if norm > 0.0 { dot(&own_slopes, &sum_slopes) / norm } else { 0.0 };
+            variance = dot(&own_slopes, &own_slopes) - shared * dot(&own_slopes, &sum_slopes);
             // Where the unknowns are when the quantity is at this end of its interval.
-            let rest = |n: usize| own[n].and(reading.effects[n], -shared);
-            sides = (0..own.len()).map(|n| rest(n).side(middle[n], raises)).collect();
+            sides = own.iter().zip(&sum).map(|(own, sum)| own.and(*sum, -shared).side(raises)).collect();
         }
         variance.max(0.0).sqrt()
     }
@@ -303,53 +311,80 @@ impl Posterior<'_> {
         self.error * self.error * dot(z, z) + self.lacking(z).powi(2)
     }
 
-    /// The most likely unknowns that are found from `z` uphill.
-    fn most_likely_near(&self, mut z: Vec<f64>) -> Vec<f64> {
+    /// The most likely unknowns that are found from `z` uphill, and their misfit.
+    fn most_likely_near(&self, mut z: Vec<f64>) -> (Vec<f64>, f64) {
         let bounds = &self.unknowns.bounds;
         z.iter_mut().zip(bounds).for_each(|(z, [low, high])| *z = z.clamp(*low, *high));
+        let mut misfit = self.misfit(&z);
         for _ in 0..STEPS {
             let lacking = self.lacking(&z);
-            let slope = |(effect, z): (&Effect, &f64)| {
-                effect.side(*z, lacking > 0.0).map_or(0.0, |rises| effect.slope_at(*z, rises))
-            };
-            let slopes: Vec<f64> = effects(self.masses, &z).iter().zip(&z).map(slope).collect();
+            let effects = effects(self.masses, &z);
+            let slopes: Vec<f64> =
+                effects.iter().zip(&z).map(|(effect, z)| effect.slope_towards(*z, lacking > 0.0)).collect();
             let goal = goal(bounds, &z, &slopes, lacking, self.error);
-            let part_of_the_way = |n: i32| -> Vec<f64> {
-                let share = 0.5f64.powi(n);
-                // Beyond the middle, the slope is another one.
-                let stepped = |(z, goal): (&f64, &f64)| match z + share * (goal - z) {
-                    beyond if z.abs() > AT_MIDDLE && beyond * z < 0.0 => 0.0,
-                    stepped => stepped,
-                };
-                z.iter().zip(&goal).map(stepped).collect()
-            };
-            match (0..HALVINGS).map(part_of_the_way).find(|next| self.misfit(next) < self.misfit(&z)) {
-                Some(next) => z = next,
-                None => break,
+            let (next, of_next) = self.best_on_the_way(&z, &goal);
+            let gain = misfit - of_next;
+            if gain > 0.0 {
+                (z, misfit) = (next, of_next);
+            }
+            if gain.is_nan() || gain <= LEAST_GAIN * (misfit + gain) {
+                break;
             }
         }
-        z
+        (z, misfit)
+    }
+
+    /// The best of the places that halve the way from `z` to `goal` again and again, up to the first that is worse than the
+    /// one before, and its misfit.
+    fn best_on_the_way(&self, z: &[f64], goal: &[f64]) -> (Vec<f64>, f64) {
+        let at = |halvings: i32| {
+            let share = 0.5f64.powi(halvings);
+            // Beyond the middle, the slope is another one.
+            let stepped = |(z, goal): (&f64, &f64)| match z + share * (goal - z) {
+                beyond if z.abs() > AT_MIDDLE && beyond * z < 0.0 => 0.0,
+                stepped => stepped,
+            };
+            let place: Vec<f64> = z.iter().zip(goal).map(stepped).collect();
+            let misfit = self.misfit(&place);
+            (place, misfit)
+        };
+        let start = self.misfit(z);
+        let mut best = at(0);
+        for halvings in 1..HALVINGS {
+            let next = at(halvings);
+            if next.1 < best.1 {
+                best = next;
+            } else if best.1 < start {
+                break;
+            }
+        }
+        best
     }
 }
 
-/// The most likely unknowns given what is `lacking` in the logarithm of the sum at `z`, if the sum changed with these
-/// slopes everywhere.
+/// The most likely unknowns within their bounds, given what is `lacking` in the logarithm of the sum at `z`, if the sum
+/// changed with these slopes everywhere.
 fn goal(bounds: &[[f64; 2]], z: &[f64], slopes: &[f64], lacking: f64, error: f64) -> Vec<f64> {
+    let mut goal = vec![0.0; z.len()];
     let mut free = slopes.to_vec();
+    let mut is_fixed = vec![false; z.len()];
+    let mut target = lacking + dot(slopes, z);
+    // What would go beyond its bound stays there, and the others have to go farther.
     loop {
         let norm = dot(&free, &free) + error * error;
-        let scale = if norm > 0.0 { (lacking + dot(&free, z)) / norm } else { 0.0 };
-        let wanted = |n: usize| slopes[n] * scale;
-        // What is at its bound and would go on cannot yield any more: the others have to.
-        let is_stuck = |n: usize| {
-            let [low, high] = bounds[n];
-            free[n] != 0.0 && ((z[n] <= low && wanted(n) < low) || (z[n] >= high && wanted(n) > high))
-        };
-        let stuck: Vec<usize> = (0..z.len()).filter(|&n| is_stuck(n)).collect();
-        if stuck.is_empty() {
-            return (0..z.len()).map(|n| wanted(n).clamp(bounds[n][0], bounds[n][1])).collect();
+        let scale = if norm > 0.0 { target / norm } else { 0.0 };
+        let is_beyond = |&n: &usize| !is_fixed[n] && !(bounds[n][0]..=bounds[n][1]).contains(&(slopes[n] * scale));
+        let beyond: Vec<usize> = (0..z.len()).filter(is_beyond).collect();
+        if beyond.is_empty() {
+            (0..z.len()).filter(|&n| !is_fixed[n]).for_each(|n| goal[n] = slopes[n] * scale);
+            return goal;
         }
-        stuck.into_iter().for_each(|n| free[n] = 0.0);
+        for n in beyond {
+            goal[n] = (slopes[n] * scale).clamp(bounds[n][0], bounds[n][1]);
+            target -= slopes[n] * goal[n];
+            free[n] = 0.0;
+            is_fixed[n] = true;
+        }
     }
 }
 
@@ -545,6 +580,50 @@ mod tests {
         // The wall alone explains this one, about one half-width from its middle.
         let belief = Belief::after(&unknowns(3), &masses, 2.94, 0.01);
         assert!(dot(&belief.middle, &belief.middle) < 1.1, "{:?}", belief.middle);
+    }
+
+    /// A wall whose bound is nearer than where the reading would have it.
+    #[test]
+    fn a_reading_is_reached_although_an_unknown_meets_its_bound_on_the_way() {
+        let of = |mid, effects: &[(usize, f64, f64)]| Quantity {
+            mid,
+            effects: effects.iter().map(|&(unknown, low, high)| (unknown, Effect { low, high })).collect(),
+        };
+        let wall =
+            [(0, -0.15, 0.15), (1, -2.178_718_75, 1.107_568_49), (2, -0.5, 0.05), (3, -0.030_459_21, 0.029_558_8)];
+        let filling = [
+            (0, -0.106_585_97, 0.106_138_97),
+            (1, 0.038_816_95, -0.094_825_51),
+            (2, -0.25, 0.025),
+            (4, -0.973_113_16, 0.690_434_97),
+            (5, -0.020_202_71, 0.019_802_63),
+        ];
+        let masses = [of(0.008_456_15, &wall), of(0.003_653_95, &filling)];
+        let mut unknowns = unknowns(6);
+        unknowns.bounds[1] = [-1.124_884_16, 2.846_750_4];
+        unknowns.bounds[4][1] = 1.156_525_11;
+        let (reading, error) = (0.001_822_481_845_663_571, 0.007_374);
+        let sum = Belief::after(&unknowns, &masses, reading, error).of_sum(&masses);
+        assert!((sum.mid / reading).ln().abs() < error, "{sum:?} for {reading}");
+    }
+
+    /// One side of its middle, an unknown hardly matters; its interval still reaches over to the other side.
+    #[test]
+    fn an_interval_after_weighing_does_not_jump_where_a_slope_changes() {
+        let kinked = |middle: f64| Belief {
+            middle: vec![middle, 0.0],
+            reading: Some(Reading {
+                effects: vec![Effect { low: -0.02, high: 0.01 }, symmetric(0.5)],
+                error: 0.01,
+                bounds: unknowns(2).bounds,
+            }),
+        };
+        let part = Quantity { mid: 1.0, effects: vec![(0, Effect { low: -2.58, high: 1.0 })] };
+        let [below, above] = [-0.0011, 0.0011].map(|middle| kinked(middle).of(&part));
+        assert!(
+            (below.low / above.low).ln().abs() < 0.01 && (below.high / above.high).ln().abs() < 0.01,
+            "{below:?}, {above:?}"
+        );
     }
 
     #[test]
