@@ -19,7 +19,7 @@ const MOST_THREADS: usize = 1024;
 
 /// In the help of the commands that [go on from the last run](super::last_run).
 const GOES_ON: &str =
-    "Options that gprop.toml may set are taken from the last run in the work folder if you omit them.";
+    "Options typed for the last run in the work folder that gprop.toml may set, and --preset, still hold.";
 
 /// Materials and physical properties for every Gaussian of a 3D Gaussian Splatting scene.
 #[derive(Debug, Parser)]
@@ -156,8 +156,9 @@ pub struct WorkArgs {
 pub struct ShowArgs {
     /// Folder with a splat, cameras and photos; stages that the picture needs and that have not run yet are run first.
     pub scene: PathBuf,
-    /// File to write: a .png from one view, or a .gif or .mp4 (with ffmpeg) of the object on a turntable, by
-    /// default with photo colours, parts, materials and Young's modulus, else with what --what names.
+    /// File to write: a .png from one view, or a .gif or .mp4 (with ffmpeg) of the object on a turntable:
+    /// photo colours, parts, materials and Young's modulus side by side, unless --what names another subject (not `vote`
+    /// or `levels`).
     pub to: PathBuf,
     /// The subject of the picture.
     #[arg(long, value_enum, default_value_t)]
@@ -260,7 +261,7 @@ pub struct ExportArgs {
 #[command(
     after_help = "Options from \"Presets\" on can also be set in files, one `name = value` per line, with the names of the \
                         flags: SCENE/gprop.toml may set those that concern only the scene, ~/.config/gprop/config.toml \
-                        (in $XDG_CONFIG_HOME if that is set) all of them and `threads`. The command line overrides the scene's file, which overrides yours."
+                        ($XDG_CONFIG_HOME/gprop/config.toml if that variable is set) all of them and `threads`. The command line overrides the scene's file, which overrides yours."
 )]
 pub struct RunArgs {
     /// Last stage to run; the stages that it needs are run first.

@@ -75,7 +75,8 @@ pub fn flags(
     let mut flags = Vec::new();
     for text in pipeline::flags_of_last_run(&root, Plan { to, from: None }) {
         let Some((flag, value)) = parsed(&text, known) else { continue };
-        if typed.iter().any(|typed| config::name_of(typed) == flag.name) {
+        // The scenario stays, although a typed one overrides it: the recorded parameters belong to it.
+        if flag.name != "scenario" && typed.iter().any(|typed| config::name_of(typed) == flag.name) {
             continue;
         }
         flags.push(taken_back(flag, value, scene, owner).ok_or_else(|| ConfigError::NotFromLastRun {

@@ -170,7 +170,7 @@ fn drop_replaced_parameters(mut lists: [&mut Vec<OsString>; 3], typed: &[OsStrin
                 let same = |(name, set): &(&str, &str)| {
                     is_text(flag, set) && list.iter().any(|later| config::name_of(later) == *name)
                 };
-                !(replaces && is_text(flag, "--set=") || SAME.iter().any(same))
+                !(replaces && is_text(flag, "--set=") || scenario == "--scenario=drop" && SAME.iter().any(same))
             });
         }
     }
@@ -360,6 +360,14 @@ mod tests {
         let drop = "set = [\"height=2\", \"tilt=5\"]";
         assert_eq!(set(drop, &["--scenario", "drop"]), ["height=2", "tilt=5"]);
         assert_eq!(set(drop, &["--drop-height", "0.1"]), ["tilt=5"]);
+        let release = "scenario = \"release\"\nset = [\"height=2\"]";
+        assert_eq!(set(release, &["--drop-height", "0.1"]), ["height=2"], "another parameter of the same name");
+        let recorded = r#"{"flags": {"simulate": ["--scenario=wind", "--set=speed=1"]}}"#;
+        std::fs::create_dir(scene.path().join("gprop")).unwrap();
+        std::fs::write(scene.path().join("gprop/run.json"), recorded).unwrap();
+        assert_eq!(set("", &[]), ["speed=1"]);
+        assert_eq!(set("", &["--scenario", "wind"]), ["speed=1"]);
+        assert_eq!(set("", &["--scenario", "drop"]), [] as [&str; 0]);
     }
 
     /// The stages' options, each with its list of keys.

@@ -66,7 +66,8 @@ pub(super) fn of(scene: &Scene, views: &[View], fits: &[ViewFit]) -> Result<Opti
         let photo = &small[index].picture;
         let cosine = |other: &usize| from_object(index).dot(&from_object(*other));
         // Pictures of a different size cannot be compared with this one.
-        let others = (0..small.len()).filter(|other| *other != index && rendered[*other].len() == photo.len());
+        let size = |index: usize| (small[index].camera.intrinsics.width, small[index].camera.intrinsics.height);
+        let others = (0..small.len()).filter(|other| *other != index && size(*other) == size(index));
         let opposite = &rendered[others.min_by(|a, b| cosine(a).total_cmp(&cosine(b)))?];
         let needed = LEAST_ADVANTAGE.min(0.5 * (1.0 - correlation(&rendered[index], opposite)));
         Some(correlation(photo, &rendered[index]) - correlation(photo, opposite) - needed)

@@ -119,10 +119,7 @@ impl Stored {
         for path in paths(&mut options) {
             *path = folder.join(&*path);
             if !trusted && !is_within(path, folder) {
-                let problem =
-                    format!("it was made with {path:?}, which is not in the scene; give the work folder with --out");
-                let (path, command) = (self.work.root().to_owned(), self.command.clone());
-                return Err(WorkDirError::Unfinished { path, problem, command });
+                return Err(WorkDirError::Foreign { path: self.work.root().to_owned(), input: path.clone() });
             }
         }
         Ok(options)

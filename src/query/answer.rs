@@ -338,7 +338,7 @@ fn possible(quantity: &Quantity, written: Range, flags: &mut Vec<String>) -> Res
     let cut = cut(name, said, bounds, flags);
     if cut.low == cut.high && cut != said {
         return Err(Problem::invalid(format!(
-            "{field}: {} leaves nothing that is possible; give {what}, from {} to {}.",
+            "{field}: {} is not possible; give {what}, from {} to {}.",
             shown(written),
             bounds.low / unit,
             bounds.high / unit

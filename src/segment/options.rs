@@ -153,7 +153,7 @@ pub struct SelectionOptions {
     /// paper's iou_thr)
     #[arg(long, value_name = "IOU", default_value_t = 0.8, value_parser = from_to(0.0, 1.0))]
     pub cull_iou: f64,
-    /// Minimum score of a flat segment, IoU times stability (score_thr); if none has it, the best 3 stay
+    /// Minimum score of a flat segment, IoU times stability (score_thr); the best 3 stay if none has it
     #[arg(long, value_name = "SCORE", default_value_t = 0.7, value_parser = from_to(0.0, 1.0))]
     pub cull_score: f64,
     /// For flat segments, remove a mask that lies at least 85 % inside another and covers less than half of it, if

@@ -310,9 +310,9 @@ fn accelerate(
     let answers = joints.impulses.iter().zip(&joints.responses);
     for (((body, start), given), ([push, turn], response)) in bodies.iter_mut().zip(starts).zip(given).zip(answers) {
         if given.is_none() {
-            let loads_m_s = body.state().velocity_m_s - start[0];
+            let now = body.velocities();
+            let loads = [now[0] - start[0], now[1] - start[1]];
             body.push(gravity_m_s2 * (dt_s * body.mass_kg()) + push, *turn);
-            let loads = [loads_m_s, body.spin() - start[1]];
             grounds.iter().for_each(|ground| ground.act(body, response, (&gravity_m_s2, &loads), dt_s));
         }
     }

@@ -65,11 +65,11 @@ pub enum Fillings {
 #[derive(Debug, Clone, PartialEq, clap::Args, Serialize)]
 #[command(next_help_heading = "Simulation")]
 pub struct Options {
-    /// Height of the drop, as a multiple of the longest side (only --scenario drop without --set)
+    /// Height of the drop, as a multiple of the longest side (only for the scenario `drop`)
     #[arg(long, value_name = "RATIO", default_value_t = 0.5, value_parser = from_to(0.0, HIGHEST_DROP))]
     pub drop_height: f64,
 
-    /// Tilt before the drop, in degrees (only --scenario drop without --set)
+    /// Tilt before the drop, in degrees (only for the scenario `drop`)
     #[arg(long, value_name = "DEGREES", default_value_t = 25.0, allow_negative_numbers = true, value_parser = from_to(-FULL_TURN, FULL_TURN))]
     pub tilt_deg: f64,
 
@@ -118,8 +118,8 @@ pub struct Options {
     #[arg(long, value_name = "MU", default_value_t = 0.4, value_parser = from_to(0.0, MOST_FRICTION))]
     pub ground_friction: f64,
 
-    /// Parts that move as rigid bodies: `auto` (whose deformation would not show; none in twist and stretch), `never`, or
-    /// their names; repeatable
+    /// Parts that move as rigid bodies: `auto` (those whose deformation would not show; none in twist and stretch), `never`,
+    /// or their names; repeatable
     #[arg(long, value_name = "auto|never|PART", default_values_t = [choice::AUTO.to_owned()])]
     pub rigid: Vec<String>,
 
@@ -129,8 +129,8 @@ pub struct Options {
 
     /// Largest Young's modulus to simulate, in Pa. If a part that deforms is stiffer, materials are softened (see --soften)
     /// and their strength is reduced in proportion, so that they yield at the same strain; the running time grows with this
-    /// limit's square root [default: none with --fixed-step, or if the simulation then takes less than a minute; else, and with --compat,
-    /// 2e7]
+    /// limit's square root [default: 2e7 with --compat; otherwise none with --fixed-step or if the simulation is expected to take a minute
+    /// at most, else 2e7]
     #[arg(long, value_name = "PA", value_parser = above(0.0, STIFFEST_PA))]
     pub max_stiffness: Option<f64>,
 

@@ -276,6 +276,11 @@ fn falls_until_s(height_m: f64, spacing_m: f64, options: &Options, actions: &[Ac
 pub fn script_of(options: &Options) -> Result<Option<Script>, SimulateError> {
     match options.scenario.as_str() {
         "drop" if options.set.is_empty() => Ok(None),
+        "drop" => {
+            // A parameter that is not set has the value of the option that stands for the same.
+            let of_options = [format!("height={}", options.drop_height), format!("tilt={}", options.tilt_deg)];
+            script::named("drop", &[&of_options[..], &options.set].concat()).map(Some)
+        }
         name if script::is_name(name) => script::named(name, &options.set).map(Some),
         path if !options.set.is_empty() => Err(SimulateError::SetOfFile { path: path.to_owned() }),
         path => {
@@ -429,6 +434,13 @@ fn warnings(input: &Input, longest_m: f64, assumed_full: &[u32], strays: usize) 
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn a_parameter_that_is_not_set_is_that_of_the_option() {
+        let options = Options { drop_height: 0.1, tilt_deg: 7.0, set: vec!["tilt=5".to_owned()], ..Options::default() };
+        let script = script_of(&options).unwrap().unwrap();
+        assert_eq!((script.drop_height, script.tilt_deg), (0.1, 5.0));
+    }
 
     /// A cube of steel that deforms, for a time that takes far more than a minute either way: softening would not shorten a
     /// run whose step is fixed.

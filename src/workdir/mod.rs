@@ -176,7 +176,7 @@ pub enum WorkDirError {
         "cannot write {path:?}: {source}; make room or choose another work folder (--out; for `gprop export`, --work)"
     )]
     Write { path: PathBuf, source: io::Error },
-    #[error("cannot read {path:?}: {source}; with --from, run the stage that writes this file again")]
+    #[error("cannot read {path:?}: {source}; run the stage that writes this file once more, with --from STAGE")]
     Read { path: PathBuf, source: io::Error },
     #[error("{path:?} is not what gprop wrote: {problem}; delete it and run again")]
     Damaged { path: PathBuf, problem: String },
@@ -184,6 +184,8 @@ pub enum WorkDirError {
         "another gprop {holder} {path:?}; wait for it to end or choose another work folder (--out; for `gprop export`, --work)"
     )]
     Locked { path: PathBuf, holder: lock::Holder },
+    #[error("{path:?} was made with {input:?}, which is not in the scene; give the work folder with --out")]
+    Foreign { path: PathBuf, input: PathBuf },
     #[error("{path:?}: {problem}; run `{command}` to complete it")]
     Unfinished { path: PathBuf, problem: String, command: String },
     #[error(

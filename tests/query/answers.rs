@@ -242,10 +242,7 @@ fn walls_are_in_metres_and_confidence_within_one() {
     let answer = read(&with(shell.clone(), "wall_thickness_mm", json!([2, 4]))).unwrap();
     assert_eq!(answer.form, Form::Shell { wall_thickness_m: Range::new(0.002, 0.004) });
     let none = read(&with(shell.clone(), "wall_thickness_mm", json!([0, 0]))).unwrap_err();
-    assert_eq!(
-        none.reason,
-        "wall_thickness_mm: [0, 0] leaves nothing that is possible; give a thickness in mm, from 0.001 to 1000."
-    );
+    assert_eq!(none.reason, "wall_thickness_mm: [0, 0] is not possible; give a thickness in mm, from 0.001 to 1000.");
     assert!(matches!(none.failure, Failure::Invalid { .. }));
     let answer = read(&with(shell, "wall_thickness_mm", json!([0, 4]))).unwrap();
     assert!(matches!(answer.form, Form::Shell { wall_thickness_m } if wall_thickness_m.low > 0.0));
@@ -293,10 +290,7 @@ fn what_is_inside_a_shell_is_read_and_checked() {
     let filling = "soup, thick or condensed".to_owned();
     assert_eq!(soup, Some(Inside::Filled { filling, share: Range::new(0.9, 0.98) }));
     let percent = read(&shell(json!("filled"), json!("water"), json!([90, 95]))).unwrap_err().reason;
-    assert_eq!(
-        percent,
-        "fill_share: [90, 95] leaves nothing that is possible; give a share of the hollow, from 0.01 to 1."
-    );
+    assert_eq!(percent, "fill_share: [90, 95] is not possible; give a share of the hollow, from 0.01 to 1.");
     assert!(read(&shell(json!("filled"), json!("water"), json!([1, 95]))).is_err(), "it would be exactly full");
     assert!(read(&shell(json!("filled"), json!("water"), json!([1, 1]))).is_ok(), "as exact as it was given");
     let too_full = read(&shell(json!("filled"), json!("water"), json!([0.5, 20]))).unwrap();

@@ -47,8 +47,8 @@ impl TrueScene {
         let truth: Vec<TrueView> = truth.collect::<anyhow::Result<_>>()?;
         if truth.iter().all(|view| view.segmented) {
             return Err(UsageError(format!(
-                "{folder:?}: no view with a map in ground_truth/part_maps is left to compare with; {} to be segmented: choose \
-                 fewer with --views or --view-list",
+                "{folder:?}: no view with a map in ground_truth/part_maps is left to compare with, because {} would be \
+                 segmented; choose fewer with --views or --view-list",
                 counted(chosen.len(), "view")
             ))
             .into());

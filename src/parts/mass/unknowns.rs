@@ -7,7 +7,7 @@
 //! in quadrature.
 //!
 //! A reading of a kitchen scale is a measurement of the sum of masses. [`Belief::after`] finds the most likely unknowns
-//! given the reading (Gauss-Newton on the posterior, each step halved until the posterior grows) and their covariance there
+//! given the reading (Gauss-Newton on the posterior, each step halved until that no longer helps) and their covariance there
 //! (Laplace's approximation): everything that has a share in the mass is then known better, and the most uncertain things
 //! move most.
 
@@ -185,8 +185,8 @@ struct Reading {
 
 /// Steps of Gauss-Newton; a few suffice for any mass that the bounds allow.
 const STEPS: usize = 100;
-/// How often a step is halved before the search ends.
-const HALVINGS: i32 = 14;
+/// The number of places that are tried on the way of a step.
+const PLACES: i32 = 14;
 /// The search ends when a step improves the fit by no more than this share.
 const LEAST_GAIN: f64 = 1e-6;
 /// Rounds of finding the sides to which the unknowns go, which depend on the slopes there.
@@ -334,8 +334,8 @@ impl Posterior<'_> {
         (z, misfit)
     }
 
-    /// The best of the places that halve the way from `z` to `goal` again and again, up to the first that is worse than the
-    /// one before, and its misfit.
+    /// The best of the places that halve the way from `z` to `goal` again and again, and its misfit. Once one is better than
+    /// `z`, the first that is no improvement ends the search.
     fn best_on_the_way(&self, z: &[f64], goal: &[f64]) -> (Vec<f64>, f64) {
         let at = |halvings: i32| {
             let share = 0.5f64.powi(halvings);
@@ -350,7 +350,7 @@ impl Posterior<'_> {
         };
         let start = self.misfit(z);
         let mut best = at(0);
-        for halvings in 1..HALVINGS {
+        for halvings in 1..PLACES {
             let next = at(halvings);
             if next.1 < best.1 {
                 best = next;

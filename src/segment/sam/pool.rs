@@ -37,7 +37,12 @@ impl<T> Pool<T> {
     /// Runs `work` on an idle item or, if there is none and the pool may still grow, on one that `make` makes. If there is
     /// none of either, waits for an item. `work` must not call this method again.
     pub fn with_or_make<R>(&self, make: impl FnOnce() -> Option<T>, work: impl FnOnce(&mut T) -> R) -> R {
-        let item = if self.may_make() { make() } else { None };
+        let mut state = self.locked();
+        let idle = state.idle.pop();
+        let may_make = idle.is_none() && state.to_make > 0;
+        state.to_make -= usize::from(may_make);
+        drop(state);
+        let item = idle.or_else(|| if may_make { make() } else { None });
         self.work_on(item.unwrap_or_else(|| self.take_idle()), work)
     }
 
@@ -45,14 +50,6 @@ impl<T> Pool<T> {
         let result = work(&mut item);
         self.give_back(|state| state.idle.push(item));
         result
-    }
-
-    /// Whether the caller may make an item, because none is idle and the pool may still grow; it then counts as made.
-    fn may_make(&self) -> bool {
-        let mut state = self.locked();
-        let may = state.idle.is_empty() && state.to_make > 0;
-        state.to_make -= usize::from(may);
-        may
     }
 
     /// An idle item, waiting for one if necessary.

@@ -77,7 +77,7 @@ pub struct Viewpoint {
     #[arg(overrides_with = "film_from")]
     pub azimuth_deg: Option<f64>,
 
-    /// Angle by which the camera looks down, in degrees, but for --film-from
+    /// Angle by which the camera looks down, in degrees; not used with --film-from
     #[arg(long, value_name = "DEGREES", default_value_t = 22.0, allow_negative_numbers = true)]
     #[arg(value_parser = from_to(-90.0, 90.0))]
     pub elevation_deg: f64,
