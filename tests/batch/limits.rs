@@ -78,7 +78,7 @@ fn a_folder_whose_name_is_not_utf_8_is_listed_as_skipped() {
     assert_eq!(dry["skipped"][0], SHOWN);
     let output = batch(&balls, &[]).output().unwrap();
     assert!(output.status.success(), "{}", stderr(&output));
-    assert!(stderr(&output).contains("are not UTF-8") && stderr(&output).contains(SHOWN), "{}", stderr(&output));
+    assert!(stderr(&output).contains("is not UTF-8") && stderr(&output).contains(SHOWN), "{}", stderr(&output));
     let table = String::from_utf8(output.stdout).unwrap();
     assert!(table.contains(&format!("{SHOWN}  skipped")), "{table}");
     assert!(table.contains("2 scenes: 1 done, 0 failed, 0 without a result, 1 skipped"), "{table}");
