@@ -344,8 +344,8 @@ pub struct SimulateArgs {
     #[arg(long, value_name = "FILE", requires = "compat", group = "solver_input", value_parser = option_values::file())]
     pub config: Option<PathBuf>,
     /// Give each particle the law, E (at most --max-stiffness, by default 2e7 Pa), nu and density that the scene's
-    /// field.ply has for its Gaussian, instead of those of the configuration; without --config, the object falls, with the configuration that `gprop export --format
-    /// physgaussian` writes.
+    /// field.ply has for its Gaussian, instead of those of the configuration; without --config, the object falls, with
+    /// the configuration that `gprop export --format physgaussian` writes.
     #[arg(long, requires = "compat", group = "solver_input")]
     pub field: bool,
     #[command(flatten)]

@@ -319,18 +319,21 @@ mod tests {
         assert_eq!(flags("gprop batch DATA --also npy,coco"), ["--also=npy,coco"]);
     }
 
+    /// The options of `gprop simulate SCENE` with these typed flags, if the scene's `gprop.toml` has the text `of_scene`.
+    fn simulate_options(scene: &Path, of_scene: &str, typed: &[&str]) -> crate::simulate::Options {
+        std::fs::write(scene.join(config::FILE_NAME), of_scene).unwrap();
+        let words = ["gprop", "simulate"].iter().chain(typed).map(OsString::from);
+        let arguments: Vec<OsString> = words.chain([scene.into()]).collect();
+        match parse_with(&arguments, None).unwrap().command {
+            Command::Simulate(args) => args.work.options.simulate,
+            other => panic!("{other:?}"),
+        }
+    }
+
     #[test]
     fn a_typed_viewpoint_overrides_the_scenes() {
         let scene = tempfile::tempdir().unwrap();
-        let viewpoint = |of_scene: &str, typed: &[&str]| {
-            std::fs::write(scene.path().join(config::FILE_NAME), of_scene).unwrap();
-            let words = ["gprop", "simulate"].iter().chain(typed).map(OsString::from);
-            let arguments: Vec<OsString> = words.chain([scene.path().into()]).collect();
-            match parse_with(&arguments, None).unwrap().command {
-                Command::Simulate(args) => args.work.options.simulate.viewpoint,
-                other => panic!("{other:?}"),
-            }
-        };
+        let viewpoint = |of_scene: &str, typed: &[&str]| simulate_options(scene.path(), of_scene, typed).viewpoint;
         let filmed = viewpoint("film-from = \"003\"", &["--turntable"]);
         assert!(filmed.turntable && filmed.film_from.is_none(), "{filmed:?}");
         let filmed = viewpoint("film-from = \"003\"", &["--azimuth-deg", "30"]);
@@ -343,15 +346,7 @@ mod tests {
     #[test]
     fn another_scenario_does_not_take_over_parameters() {
         let scene = tempfile::tempdir().unwrap();
-        let set = |of_scene: &str, typed: &[&str]| {
-            std::fs::write(scene.path().join(config::FILE_NAME), of_scene).unwrap();
-            let words = ["gprop", "simulate"].iter().chain(typed).map(OsString::from);
-            let arguments: Vec<OsString> = words.chain([scene.path().into()]).collect();
-            match parse_with(&arguments, None).unwrap().command {
-                Command::Simulate(args) => args.work.options.simulate.set,
-                other => panic!("{other:?}"),
-            }
-        };
+        let set = |of_scene: &str, typed: &[&str]| simulate_options(scene.path(), of_scene, typed).set;
         let poke = "scenario = \"poke\"\nset = [\"force=9\"]";
         assert_eq!(set(poke, &[]), ["force=9"]);
         assert_eq!(set(poke, &["--scenario", "poke"]), ["force=9"]);

@@ -1,5 +1,6 @@
 //! A 3DGS PLY for each part, in scene units, with the columns of `field.ply`, so that any editor of splats can show,
-//! move or delete one part: `NAME/parts/partN_CAPTION.ply`. Parts that an earlier export left there under other captions stay.
+//! move or delete one part: `NAME/parts/partN_CAPTION.ply`. Parts that an earlier export left there under other
+//! captions stay.
 
 use super::{ExportError, Files, Model, identifier};
 use crate::scene::gaussians::ExtraProperty;

@@ -129,8 +129,8 @@ pub struct Options {
 
     /// Largest Young's modulus to simulate, in Pa. If a part that deforms is stiffer, materials are softened (see --soften)
     /// and their strength is reduced in proportion, so that they yield at the same strain; the running time grows with this
-    /// limit's square root [default: 2e7 with --compat; otherwise none with --fixed-step or if the simulation is expected to take a minute
-    /// at most, else 2e7]
+    /// limit's square root [default: 2e7 with --compat; otherwise none with --fixed-step or if the simulation is expected to
+    /// take a minute at most, else 2e7]
     #[arg(long, value_name = "PA", value_parser = above(0.0, STIFFEST_PA))]
     pub max_stiffness: Option<f64>,
 

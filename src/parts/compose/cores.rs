@@ -4,8 +4,8 @@
 //! There are two rules, both based on the visible seams:
 //!
 //! - **through**: a solid that meets another on two facing patches in line, as a shaft does on both sides of a head,
-//!   goes through it with their mean cross-section (a wire with its true one), if the other surrounds it there: a bar between two dumbbell heads is
-//!   as thick as the patches and ends at them;
+//!   goes through it with their mean cross-section (a wire with its true one), if the other surrounds it there: a bar
+//!   between two dumbbell heads is as thick as the patches and ends at them;
 //! - **sleeve**: the void of a shell is filled by the solid that enters it, if the solid is a peg and the shell its
 //!   sleeve: the peg is at least as long as their contact is wide, the sleeve at least twice that, and contact, peg and
 //!   void have cross-sections of one size. So a grip is filled by its handle, but a cushion not by the seat it lies on,

@@ -322,7 +322,7 @@ impl Posterior<'_> {
             let slopes: Vec<f64> =
                 effects.iter().zip(&z).map(|(effect, z)| effect.slope_towards(*z, lacking > 0.0)).collect();
             let goal = goal(bounds, &z, &slopes, lacking, self.error);
-            let (next, of_next) = self.best_on_the_way(&z, &goal);
+            let (next, of_next) = self.best_on_the_way(&z, misfit, &goal);
             let gain = misfit - of_next;
             if gain > 0.0 {
                 (z, misfit) = (next, of_next);
@@ -334,9 +334,9 @@ impl Posterior<'_> {
         (z, misfit)
     }
 
-    /// The best of the places that halve the way from `z` to `goal` again and again, and its misfit. Once one is better than
-    /// `z`, the first that is no improvement ends the search.
-    fn best_on_the_way(&self, z: &[f64], goal: &[f64]) -> (Vec<f64>, f64) {
+    /// The best of the places that halve the way from `z`, whose misfit is `start`, to `goal` again and again, and its misfit.
+    /// Once one is better than `z`, the first that is no improvement ends the search.
+    fn best_on_the_way(&self, z: &[f64], start: f64, goal: &[f64]) -> (Vec<f64>, f64) {
         let at = |halvings: i32| {
             let share = 0.5f64.powi(halvings);
             // Beyond the middle, the slope is another one.
@@ -348,7 +348,6 @@ impl Posterior<'_> {
             let misfit = self.misfit(&place);
             (place, misfit)
         };
-        let start = self.misfit(z);
         let mut best = at(0);
         for halvings in 1..PLACES {
             let next = at(halvings);
