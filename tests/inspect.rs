@@ -164,6 +164,19 @@ fn masks_are_those_of_the_object_alone() {
 }
 
 #[test]
+fn a_box_around_some_of_what_alpha_shows_is_no_misalignment() {
+    let folder = with_poses(|pose| pose);
+    let middle = scene::load(folder.path(), &Options::default()).unwrap().object_bounds().center();
+    let object_box = format!("{},-9,-9:9,9,9", middle.x).parse().unwrap();
+    let options = Options { object_box: Some(object_box), ..Options::default() };
+    let found = inspected(folder.path(), &options);
+    assert_eq!((found.object_source, found.foreground), (ObjectSource::Box, Some(ForegroundSource::Alpha)));
+    assert!(found.views.iter().any(|view| view.mask_iou < Some(0.7)), "{:?}", found.views);
+    assert_eq!(found.aligned, Some(true));
+    assert_eq!(warning(folder.path(), &options), None);
+}
+
+#[test]
 fn a_suggestion_replaces_the_conversion_that_was_given() {
     let folder = with_poses(|pose| pose);
     let options = Options { align: "camera-yz".parse().unwrap(), ..Options::default() };

@@ -9,7 +9,7 @@ use image::{Rgba, RgbaImage};
 use nalgebra::{Isometry3, Point3, Vector3};
 
 use crate::camera::{Camera, Distortion, Intrinsics};
-use crate::numeric::sphere_directions;
+use crate::numeric::{sphere_directions, upper_median};
 use crate::output::{agreeing, counted};
 use crate::render::{Render, RenderOptions, render};
 use crate::scene::gaussians::Gaussians;
@@ -78,9 +78,8 @@ fn render_into(image: &Path, gaussians: &Gaussians, camera: &Camera) -> io::Resu
 
 /// The extent of the object's Gaussians beyond their centres: twice their typical standard deviation.
 fn reach(scene: &Scene) -> f64 {
-    let mut deviations: Vec<f64> = (0..scene.gaussians.len()).map(|i| scene.gaussians.scale(i).max()).collect();
-    deviations.sort_by(f64::total_cmp);
-    2.0 * deviations.get(deviations.len() / 2).copied().unwrap_or_default()
+    let deviations = (0..scene.gaussians.len()).map(|i| scene.gaussians.scale(i).max()).collect();
+    2.0 * upper_median(deviations).unwrap_or_default()
 }
 
 /// Cameras that look at the box, widened by `reach`, from all around, near enough for its bounding sphere to fill the

@@ -15,19 +15,22 @@ pub(super) fn compare(scene: &Scene, views: &[View], progress: Progress) -> Resu
     let fit = |view: &View| {
         let photo = as_the_splat_shows(scene, view.photo()?);
         let picture = render(&cloud, &view.camera, &RenderOptions::default());
-        let iou = || match scene.object_source {
-            ObjectSource::Whole => mask_iou(&photo.foreground, covered(&picture)),
+        let of_all = || mask_iou(&photo.foreground, covered(&picture)).unwrap_or(1.0);
+        let of_object = || match scene.object_source {
+            ObjectSource::Whole => of_all(),
             // Surroundings may hide some of the object.
             ObjectSource::Box | ObjectSource::Cluster => {
                 let object = foreground(scene, &view.camera);
-                mask_iou(&photo.foreground, object.as_raw().iter().map(|value| *value > 0))
+                mask_iou(&photo.foreground, object.as_raw().iter().map(|value| *value > 0)).unwrap_or(1.0)
             }
         };
         let knows_foreground = photo.foreground_source != ForegroundSource::Whole;
+        let iou = knows_foreground.then(of_object);
         let fit = ViewFit {
             name: view.name.clone(),
             psnr_db: psnr_db(&photo.rgb, &picture),
-            mask_iou: knows_foreground.then(|| iou().unwrap_or(1.0)),
+            mask_iou: iou,
+            overlap: iou.map(|iou| iou.max(of_all())),
         };
         bar.inc(1);
         Ok(fit)

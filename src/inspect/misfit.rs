@@ -1,5 +1,8 @@
 //! A quick look at a few views, for every run: whether the splat can be that of the photos at all.
 
+use std::borrow::Cow;
+use std::sync::OnceLock;
+
 use image::imageops::{FilterType, resize};
 use rayon::prelude::*;
 
@@ -7,6 +10,7 @@ use super::compare::{covered, mask_iou};
 use super::verdict;
 use crate::numeric::upper_median;
 use crate::render::{RenderOptions, render};
+use crate::scene::gaussians::Gaussians;
 use crate::scene::{Scene, SceneError, View};
 
 /// Number of views looked at.
@@ -24,7 +28,9 @@ const LEAST_IOU: f64 = 0.5;
 /// If a photo or a mask cannot be read.
 pub fn misfit(scene: &Scene, views: &[View]) -> Result<Option<String>, SceneError> {
     let few: Vec<View> = views.iter().step_by(views.len().div_ceil(VIEWS).max(1)).cloned().collect();
-    let overlaps: Vec<Option<f64>> = few.par_iter().map(|view| overlap(scene, view)).collect::<Result<_, _>>()?;
+    let whole = OnceLock::new();
+    let overlaps: Vec<Option<f64>> =
+        few.par_iter().map(|view| overlap(scene, view, &whole)).collect::<Result<_, _>>()?;
     let problem = match upper_median(overlaps.into_iter().flatten().collect()) {
         Some(iou) if iou < LEAST_IOU => {
             format!("the object's outlines in the photos and in the splat overlap by only {:.0} % (IoU)", 100.0 * iou)
@@ -43,10 +49,14 @@ pub fn misfit(scene: &Scene, views: &[View]) -> Result<Option<String>, SceneErro
     )))
 }
 
-/// The IoU of the object's outline in a photo and in the splat; `None` if the photo has neither mask nor alpha.
-fn overlap(scene: &Scene, view: &View) -> Result<Option<f64>, SceneError> {
+/// The IoU of the object's outline in a photo and in the splat; `None` if the photo has neither mask nor alpha. If the
+/// object is not the whole splat, its mask or alpha may still show all of the splat, so the larger IoU of the two counts.
+/// `whole` is all of the splat, once it is needed.
+fn overlap<'a>(scene: &'a Scene, view: &View, whole: &OnceLock<Cow<'a, Gaussians>>) -> Result<Option<f64>, SceneError> {
     let Some(coverage) = view.coverage()? else { return Ok(None) };
     let camera = verdict::resized(&view.camera, SIDE.min(coverage.width().max(coverage.height())));
     let small = resize(&coverage, camera.intrinsics.width, camera.intrinsics.height, FilterType::Triangle);
-    Ok(mask_iou(&small, covered(&render(&scene.gaussians, &camera, &RenderOptions::default()))))
+    let iou = |cloud: &Gaussians| mask_iou(&small, covered(&render(cloud, &camera, &RenderOptions::default())));
+    let of_all = (!scene.surroundings.is_empty()).then(|| iou(whole.get_or_init(|| scene.whole_cloud()))).flatten();
+    Ok(iou(&scene.gaussians).into_iter().chain(of_all).reduce(f64::max))
 }

@@ -74,7 +74,7 @@ pub(super) fn of(scene: &Scene, views: &[View], fits: &[ViewFit]) -> Result<Opti
     };
     let fits_own_best = upper_median((0..small.len()).filter_map(advantage).collect())
         .is_none_or(|more_than_needed| more_than_needed >= -ADVANTAGE_NOISE);
-    let overlaps: Vec<f64> = fits.iter().filter_map(|fit| fit.mask_iou).collect();
+    let overlaps: Vec<f64> = fits.iter().filter_map(|fit| fit.overlap).collect();
     let masks_agree = upper_median(overlaps).is_none_or(|overlap| overlap >= LEAST_MASK_IOU);
     let aligned = correlation_with_own >= LEAST_CORRELATION && fits_own_best && masks_agree;
     Ok(Some(Verdict { aligned, correlation: correlation_with_own }))

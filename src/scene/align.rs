@@ -164,34 +164,53 @@ impl FromStr for Conversion {
 
     fn from_str(text: &str) -> Result<Self, Self::Err> {
         let mut conversion = Self::default();
+        let mut given: Vec<&str> = Vec::new();
         for part in text.split('+').map(str::trim).filter(|part| *part != "none") {
             let unknown = || {
                 format!(
                     "`{part}` is not one of transposed, transposed-opengl, inverted, camera-AXES, world=A,B,C, scale=F"
                 )
             };
-            match part.split_once(['=', '-']) {
-                _ if part == "transposed" => conversion.reading = Reading::Transposed,
-                _ if part == "transposed-opengl" => conversion.reading = Reading::TransposedOpenGl,
-                _ if part == "inverted" => conversion.reading = Reading::Inverted,
+            let changed = match part.split_once(['=', '-']) {
                 Some(("camera", axes)) => {
                     conversion.camera_flip = AXES.map(|axis| axes.contains(axis));
                     if axes.is_empty() || !axes.chars().all(|axis| AXES.contains(&axis)) {
                         return Err(unknown());
                     }
+                    "the camera's axes"
                 }
-                Some(("world", axes)) => conversion.world = permutation(axes).ok_or_else(unknown)?,
+                Some(("world", axes)) => {
+                    conversion.world = permutation(axes).ok_or_else(unknown)?;
+                    "the world's axes"
+                }
                 Some(("scale", factor)) => {
                     let factor = factor.parse().ok().filter(|factor| f64::is_normal(*factor) && *factor > 0.0);
                     conversion.scale = factor.ok_or_else(unknown)?;
+                    "the scale"
                 }
-                _ => return Err(unknown()),
+                _ => {
+                    conversion.reading = reading(part).ok_or_else(unknown)?;
+                    "how the poses are read"
+                }
+            };
+            if given.contains(&changed) {
+                return Err(format!("`{part}` is the second part that changes {changed}; give only one"));
             }
+            given.push(changed);
         }
         match conversion.is_proper() {
             true => Ok(conversion),
             false => Err("it mirrors the pictures: flip one more or one fewer of the camera's axes".to_owned()),
         }
+    }
+}
+
+fn reading(name: &str) -> Option<Reading> {
+    match name {
+        "transposed" => Some(Reading::Transposed),
+        "transposed-opengl" => Some(Reading::TransposedOpenGl),
+        "inverted" => Some(Reading::Inverted),
+        _ => None,
     }
 }
 

@@ -114,6 +114,11 @@ pub enum SceneError {
         path.display(), found.0, found.1, photo.0, photo.1
     )]
     MaskShape { path: PathBuf, photo: (u32, u32), found: (u32, u32) },
+    #[error(
+        "mask `{}` has no value above 1, so it is black everywhere; write white (255, or 65535 with 16 bits) on the object, not 1",
+        path.display()
+    )]
+    MaskOfOnes { path: PathBuf },
     #[error("{0}")]
     Outside(Box<Outside>),
     #[error("no view is named `{name}`; {}", views_known(known))]

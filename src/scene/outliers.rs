@@ -24,12 +24,10 @@ use nalgebra::{Matrix3, Point3};
 use rayon::prelude::*;
 use thiserror::Error;
 
-use super::gaussians::Gaussians;
+use super::gaussians::{BODY_DEVIATIONS, Gaussians};
 use super::nearest::Nearest;
 use crate::numeric::upper_median;
 
-/// Semi-axes of a Gaussian's body, in standard deviations: those of the solid ellipsoid with its covariance.
-const BODY_DEVIATIONS: f64 = 2.236_067_977_499_79;
 /// With fewer Gaussians it is not possible to say what is usual among them.
 const LEAST_GAUSSIANS: usize = 32;
 /// Share of the centres left out at either end of each axis when the object's size is measured: that many may lie

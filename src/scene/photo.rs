@@ -174,15 +174,21 @@ impl Photo {
 /// necessary.
 ///
 /// # Errors
-/// As for a photo, and if the mask is not a picture of this shape, for instance because it lies on its side.
+/// As for a photo, and if the mask is not a picture of this shape, for instance because it lies on its side, or if its
+/// values are 0 and 1, as programs write truth values: all of them would count as black.
 fn mask(path: &Path, upright: Upright, limit: Limit, photo: (u32, u32)) -> Result<GrayImage, SceneError> {
     let picture = decode(path, upright, limit)?;
     let found = (picture.width(), picture.height());
     if !same_shape(found, photo) {
         return Err(SceneError::MaskShape { path: path.to_owned(), photo, found });
     }
+    // With 8 bits, 1 of 65535 is 0.
+    let is_of_deep_ones = picture.as_luma16().is_some_and(|deep| deep.as_raw().iter().max() == Some(&1));
     let alpha = picture.color().has_alpha().then(|| alpha_of(&picture.to_rgba8())).filter(|alpha| !is_white(alpha));
     let mask = alpha.unwrap_or_else(|| picture.into_luma8());
+    if is_of_deep_ones || mask.as_raw().iter().max() == Some(&1) {
+        return Err(SceneError::MaskOfOnes { path: path.to_owned() });
+    }
     Ok(match found == photo {
         true => mask,
         false => image::imageops::resize(&mask, photo.0, photo.1, image::imageops::FilterType::Triangle),
@@ -196,7 +202,7 @@ fn same_shape((width, height): (u32, u32), (w, h): (u32, u32)) -> bool {
 }
 
 /// The picture with each square of `factor` x `factor` pixels replaced by their mean; leftover pixels at the right and
-/// lower edges are included in the last square.
+/// lower edges are included in the last square. A pixel counts for the colour by its alpha: what is transparent has none.
 fn shrunk(picture: &DynamicImage, factor: u32) -> DynamicImage {
     let side = |length: u32| (length / factor).max(1);
     let (width, height) = (side(picture.width()), side(picture.height()));
@@ -206,12 +212,19 @@ fn shrunk(picture: &DynamicImage, factor: u32) -> DynamicImage {
         for x in 0..picture.width() {
             let Rgba([r, g, b, alpha]) = picture.get_pixel(x, y);
             let sum = &mut sums[row + (x / factor).min(width - 1) as usize];
-            for (sum, value) in sum.iter_mut().zip([r, g, b, alpha, 1]) {
-                *sum += u64::from(value);
+            let weight = u64::from(alpha);
+            for (sum, value) in sum.iter_mut().zip([r, g, b].map(|channel| weight * u64::from(channel))) {
+                *sum += value;
             }
+            sum[3] += weight;
+            sum[4] += 1;
         }
     }
-    let mean = |[r, g, b, alpha, count]: [u64; 5]| [r, g, b, alpha].map(|sum| ((sum + count / 2) / count) as u8);
+    let rounded = |sum: u64, count: u64| ((sum + count / 2) / count.max(1)) as u8;
+    let mean = |[r, g, b, alpha, count]: [u64; 5]| {
+        let [r, g, b] = [r, g, b].map(|sum| rounded(sum, alpha));
+        [r, g, b, rounded(alpha, count)]
+    };
     let pixels: Vec<u8> = sums.into_iter().flat_map(mean).collect();
     DynamicImage::ImageRgba8(RgbaImage::from_raw(width, height, pixels).expect("four bytes per pixel"))
 }

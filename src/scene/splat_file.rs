@@ -54,14 +54,14 @@ fn numbered(folder: &Path, prefix: &str, suffix: &str) -> Vec<PathBuf> {
 }
 
 /// Splats sorted by file name, those named like gprop's own results last, and the names of files that look like splats
-/// but are not.
+/// but are not. Hidden files are left out: macOS stores the attributes of `a.splat` as `._a.splat` on other file systems.
 fn loose_splats(folder: &Path) -> (Vec<PathBuf>, Vec<String>) {
     let mut splats = Vec::new();
     let mut others = Vec::new();
     let results = [Artifact::Field, Artifact::Recolored].map(|artifact| folder.join(artifact.path()));
-    for name in names_in(folder) {
+    for name in names_in(folder).into_iter().filter(|name| !name.starts_with('.')) {
         let path = folder.join(&name);
-        match SplatFormat::of(&path) {
+        match SplatFormat::of(&path).filter(|_| files::is_there(&path)) {
             Some(format) if format.is_splat(&path) => splats.push(path),
             Some(_) => others.push(name),
             None => {}

@@ -530,6 +530,57 @@ fn absolute_paths_lead_to_photos_by_their_ends() {
 }
 
 #[test]
+fn a_name_may_climb_from_the_folder_of_the_cameras() {
+    let mut made_up = MadeUp::new();
+    for n in 0..4 {
+        made_up.transforms["frames"][n]["file_path"] = json!(format!("../images/{n:03}.png"));
+    }
+    std::fs::create_dir(made_up.path("nerf")).unwrap();
+    let cameras = made_up.path("nerf/transforms.json");
+    std::fs::write(&cameras, made_up.transforms.to_string()).unwrap();
+    let options = Options { cameras: Some(cameras.clone()), ..Options::default() };
+    let scene = made_up.load_as_is(&options).unwrap();
+    assert_eq!((scene.views.len(), scene.views[3].name.as_str()), (4, "003"));
+    assert_eq!(scene.views[3].image, made_up.path("images/003.png"));
+    // So may a mask's name.
+    made_up.transforms["frames"][0]["mask_path"] = json!("../mattes/000.png");
+    std::fs::create_dir(made_up.path("mattes")).unwrap();
+    GrayImage::from_pixel(8, 6, image::Luma([255])).save(made_up.path("mattes/000.png")).unwrap();
+    std::fs::write(&cameras, made_up.transforms.to_string()).unwrap();
+    let scene = made_up.load_as_is(&options).unwrap();
+    assert!(!scene.warnings.iter().any(|warning| warning.contains("missing")), "{:?}", scene.warnings);
+    assert!(scene.views[0].mask.as_ref().is_some_and(|mask| mask.ends_with("mattes/000.png")), "{:?}", scene.views[0]);
+    // One that is missing is counted.
+    std::fs::remove_file(made_up.path("images/003.png")).unwrap();
+    let scene = made_up.load_as_is(&options).unwrap();
+    assert_eq!(scene.views.len(), 3);
+    assert!(scene.warnings[0].contains("../images/003.png"), "{:?}", scene.warnings);
+}
+
+#[test]
+fn a_byte_order_mark_is_no_part_of_a_camera_file() {
+    let marked = |path: &std::path::Path| {
+        let text = std::fs::read(path).unwrap();
+        std::fs::write(path, ["\u{feff}".as_bytes(), text.as_slice()].concat()).unwrap();
+    };
+    let made_up = MadeUp::new();
+    let original = made_up.load().unwrap();
+    let transforms = made_up.path("transforms.json");
+    marked(&transforms);
+    assert_same_cameras(&original, &made_up.load_as_is(&Options::default()).unwrap());
+    let named = Options { cameras: Some(transforms.clone()), ..Options::default() };
+    assert_same_cameras(&original, &made_up.load_as_is(&named).unwrap());
+    std::fs::remove_file(&transforms).unwrap();
+    std::fs::create_dir(made_up.path("sparse")).unwrap();
+    let (cameras, images) = (made_up.path("sparse/cameras.txt"), made_up.path("sparse/images.txt"));
+    std::fs::write(&cameras, "# Cameras\n1 SIMPLE_PINHOLE 8 6 10 4 3\n").unwrap();
+    std::fs::write(&images, "# Images\n1 1 0 0 0 0 0 0 1 000.png\n\n").unwrap();
+    marked(&cameras);
+    marked(&images);
+    assert_eq!(made_up.load_as_is(&Options::default()).unwrap().views.len(), 1);
+}
+
+#[test]
 fn a_frames_own_angle_replaces_the_files_focal_length() {
     let mut made_up = super::folder::MadeUp::new();
     made_up.transforms["frames"][0]["camera_angle_x"] = json!(0.8);
@@ -553,6 +604,12 @@ fn conversions_are_written_as_they_are_read() {
     }
     for text in ["", "camera-y", "camera-", "camera-w", "world=x,x,z", "world=x,y", "scale=0", "scale=-1", "flipped"] {
         assert!(text.parse::<Conversion>().is_err(), "{text}");
+    }
+    // None of the parts is dropped without a word.
+    for text in ["transposed+inverted", "camera-xy+camera-yz", "world=x,y,z+world=y,z,x", "scale=2+scale=3"] {
+        let told = text.parse::<Conversion>().unwrap_err();
+        let last = text.split('+').next_back().unwrap();
+        assert!(told.contains(last) && told.contains("give only one"), "{text}: {told}");
     }
     assert_eq!(SignedPermutation::all().len(), 48);
     assert_eq!(SignedPermutation::all()[0], SignedPermutation::IDENTITY);

@@ -248,6 +248,20 @@ fn the_splats_of_each_trainer_are_found() {
 }
 
 #[test]
+fn hidden_files_and_folders_are_no_splats() {
+    let made_up = MadeUp::new();
+    let row = super::formats::splat_row([0.0; 3], [0.1; 3], [255; 4], [255, 128, 128, 128]);
+    std::fs::write(made_up.path("toy.splat"), row).unwrap();
+    std::fs::remove_file(made_up.path("point_cloud.ply")).unwrap();
+    // What macOS leaves beside a file on a USB stick, a multiple of 32 bytes long; and a folder of results.
+    std::fs::write(made_up.path("._toy.splat"), [0_u8; 4096]).unwrap();
+    std::fs::create_dir(made_up.path("results.splat")).unwrap();
+    let scene = made_up.load().unwrap();
+    assert_eq!((scene.gaussians.len(), &scene.files[0]), (1, &made_up.path("toy.splat")));
+    assert_eq!(scene.notes[0], "splat: `toy.splat`");
+}
+
+#[test]
 fn a_frame_without_photo_is_counted() {
     let mut made_up = MadeUp::new();
     for file in ["images/nine.png", "/somebody/else/images/nine.png"] {

@@ -166,7 +166,7 @@ fn a_name_that_climbs_out_is_looked_for_where_the_user_says() {
     for frame in 0..4 {
         scene.transforms["frames"][frame]["file_path"] = json!(format!("../elsewhere/{frame:03}.png"));
     }
-    let leads_to = scene.path("").parent().unwrap().join("elsewhere/000.png");
+    let leads_to = scene.path("").canonicalize().unwrap().parent().unwrap().join("elsewhere/000.png");
     scene.assert_refused(&[
         "frame 0",
         "leads out of the scene folder, to",
@@ -175,6 +175,25 @@ fn a_name_that_climbs_out_is_looked_for_where_the_user_says() {
     ]);
     let named = Options { images: Some(outside.path().join("images")), ..Options::default() };
     assert_eq!(scene.load_with(&named).unwrap().views.len(), 4);
+}
+
+#[test]
+fn a_name_that_climbs_is_judged_by_where_links_lead() {
+    let mut scene = MadeUp::new();
+    for frame in 0..4 {
+        scene.transforms["frames"][frame]["file_path"] = json!(format!("../images/{frame:03}.png"));
+    }
+    fs::create_dir(scene.path("nerf")).unwrap();
+    fs::write(scene.path("nerf/transforms.json"), scene.transforms.to_string()).unwrap();
+    let named = Options { cameras: Some(scene.path("nerf/transforms.json")), ..Options::default() };
+    assert_eq!(scene.load_as_is(&named).unwrap().views.len(), 4);
+    let (_outside, photo) = moved_out(&scene, "images/002.png");
+    let refused = scene.load_as_is(&named);
+    assert_message(refused, &["photo `", "outside the scene folder", &*photo.to_string_lossy()]);
+    // The name climbs from where the cameras are, not from the link to them.
+    let (outside, _) = moved_out(&scene, "nerf");
+    let leads_to = outside.path().canonicalize().unwrap().join("images/000.png");
+    assert_message(scene.load_as_is(&named), &["leads out of the scene folder", &*leads_to.to_string_lossy()]);
 }
 
 fn copy(from: &Path, to: &Path) {

@@ -1,5 +1,5 @@
 use gprop::camera::{Camera, Distortion, Intrinsics};
-use gprop::scene::{SceneError, Upright, View};
+use gprop::scene::{Photo, SceneError, Upright, View};
 use image::{DynamicImage, GrayImage, ImageBuffer, Luma, Rgb, RgbImage, Rgba, RgbaImage};
 use nalgebra::Isometry3;
 
@@ -66,4 +66,41 @@ fn a_bad_photo_is_named() {
     std::fs::remove_file(&view.image).unwrap();
     let message = view.photo().unwrap_err().to_string();
     assert!(message.contains("photo.png") && message.contains("is missing"), "{message}");
+}
+
+#[test]
+fn a_large_photo_is_shrunk_without_the_colour_of_what_is_transparent() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("large.png");
+    // Of each square of 3 x 3 pixels, the first column is transparent, and black as most programs leave it.
+    let picture = RgbaImage::from_fn(6144, 3, |x, _| Rgba(if x % 3 == 0 { [0; 4] } else { [200, 0, 0, 255] }));
+    picture.save(&path).unwrap();
+    let (photo, size) = Photo::open(&path, None).unwrap();
+    assert_eq!((photo.rgb.dimensions(), size), ((2048, 1), (6144, 3)));
+    // The mean alpha is 170 of 255: (200 * 170 + 255 * 85) / 255 = 218.3, and 85 in the other channels.
+    assert!(photo.rgb.pixels().all(|pixel| pixel == &Rgb([218, 85, 85])), "{:?}", photo.rgb.get_pixel(0, 0));
+    assert!(photo.foreground.as_raw().iter().all(|value| *value == 255));
+}
+
+#[test]
+fn a_mask_of_zeros_and_ones_is_refused() {
+    let folder = tempfile::tempdir().unwrap();
+    let mut view = view(&folder, &RgbImage::from_pixel(4, 2, Rgb([40, 40, 40])).into());
+    let path = folder.path().join("mask.png");
+    let mut foreground = |object: u8| {
+        GrayImage::from_fn(4, 2, |x, _| Luma([if x < 2 { object } else { 0 }])).save(&path).unwrap();
+        view.mask = Some(path.clone());
+        view.photo().map(|photo| photo.foreground.as_raw().iter().filter(|value| **value == 255).count())
+    };
+    assert_eq!(foreground(255).unwrap(), 4);
+    // The object may be out of the picture.
+    assert_eq!(foreground(0).unwrap(), 0);
+    let refused = |outcome: Result<usize, SceneError>| {
+        let message = outcome.unwrap_err().to_string();
+        assert!(message.contains("mask.png") && message.contains("255"), "{message}");
+    };
+    refused(foreground(1));
+    let deep = ImageBuffer::from_fn(4, 2, |x, _| Luma([u16::from(x < 2)]));
+    DynamicImage::ImageLuma16(deep).save(&path).unwrap();
+    refused(view.photo().map(|_| 0));
 }

@@ -12,7 +12,7 @@ use nalgebra::{Isometry3, Similarity3};
 use serde::Deserialize;
 
 use super::transforms::rigid;
-use super::{Applied, Capture, bytes_of};
+use super::{Applied, Capture, text_of};
 use crate::scene::SceneError;
 
 pub(crate) const FILE: &str = "dataparser_transforms.json";
@@ -25,7 +25,7 @@ struct Transforms {
 
 /// Reads the file at `path`; the result maps the world of the input cameras to the splat's.
 pub(in crate::scene) fn read(path: &Path) -> Result<Similarity3<f64>, SceneError> {
-    let parsed = parse(&bytes_of(path)?).map_err(|reason| SceneError::Json { path: path.to_owned(), reason })?;
+    let parsed = parse(&text_of(path)?).map_err(|reason| SceneError::Json { path: path.to_owned(), reason })?;
     parsed.ok_or_else(|| SceneError::NotASimilarity { path: path.to_owned(), key: "transform and scale" })
 }
 

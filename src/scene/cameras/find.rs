@@ -2,11 +2,11 @@
 
 use std::path::{Path, PathBuf};
 
-use super::colmap;
 use super::gaussian_splatting::TrainingArguments;
+use super::{colmap, text_of};
 use crate::files;
 use crate::read_scope::ReadScope;
-use crate::scene::{Options, Reference, SceneError};
+use crate::scene::{Options, Reference, SceneError, view_names};
 
 /// A camera file and its kind.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -96,8 +96,7 @@ fn given_choice(path: &Path) -> Result<CameraSource, SceneError> {
         let model = model.ok_or_else(|| SceneError::UnknownCameras { path: path.to_owned() })?;
         return Ok(CameraSource { kind: Kind::Colmap, path: model });
     }
-    let text = files::read(path).map_err(|reason| SceneError::Io { path: path.to_owned(), reason })?;
-    let kind = match text.iter().find(|byte| !byte.is_ascii_whitespace()) {
+    let kind = match text_of(path)?.iter().find(|byte| !byte.is_ascii_whitespace()) {
         Some(b'[') => Kind::GaussianSplatting,
         Some(b'{') => Kind::Transforms,
         _ => return Err(SceneError::UnknownCameras { path: path.to_owned() }),
@@ -129,6 +128,8 @@ pub(in crate::scene) struct Places<'a> {
     pub masks: Option<&'a Path>,
     /// The files that may be read without being named by a flag.
     pub scope: ReadScope,
+    /// The folder of the camera file, without links.
+    beside: PathBuf,
     /// The `cfg_args` that names the training data, and the folder of the training data.
     training: Option<(PathBuf, PathBuf)>,
 }
@@ -143,8 +144,14 @@ impl<'a> Places<'a> {
             masks: options.masks.as_deref(),
             // Masks may be in the folder of photos that the user named.
             scope: options.read_scope(folder).and(options.images.as_deref()),
+            beside: choice.path.parent().and_then(|folder| folder.canonicalize().ok()).unwrap_or_default(),
             training: training.map(|data| (folder.join(CFG_ARGS), data)),
         }
+    }
+
+    /// The absolute path to which `file` leads from the folder of the camera file, whether or not anything is there.
+    pub fn from_camera_file(&self, file: &str) -> PathBuf {
+        view_names::without_climbing(&self.beside.join(file.replace('\\', "/")))
     }
 
     /// Refuses a photo, found in one of the folders for a frame of `camera_file`, if it is outside of what may be read.

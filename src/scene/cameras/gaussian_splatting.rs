@@ -11,7 +11,7 @@ use serde::Deserialize;
 
 use super::frame::{Declared, Focal, Frame, FrameProblem, positive};
 use super::transforms::Problem;
-use super::{Applied, Capture, bytes_of};
+use super::{Applied, Capture, text_of};
 use crate::camera::{Distortion, rotation_of};
 use crate::scene::SceneError;
 
@@ -28,7 +28,7 @@ struct Entry {
 
 /// Reads the `cameras.json` at `path`.
 pub(super) fn read(path: &Path) -> Result<Capture, SceneError> {
-    parse(&bytes_of(path)?).map_err(|problem| problem.in_file(path))
+    parse(&text_of(path)?).map_err(|problem| problem.in_file(path))
 }
 
 /// Reads a `cameras.json` from memory.

@@ -58,3 +58,12 @@ pub(super) fn read(choice: &CameraSource) -> Result<(Capture, Vec<PathBuf>), Sce
 fn bytes_of(path: &Path) -> Result<Vec<u8>, SceneError> {
     files::read(path).map_err(|reason| SceneError::Io { path: path.to_owned(), reason })
 }
+
+/// The bytes of a text file, without the byte order mark with which some editors begin it.
+fn text_of(path: &Path) -> Result<Vec<u8>, SceneError> {
+    let mut bytes = bytes_of(path)?;
+    if bytes.starts_with(files::BYTE_ORDER_MARK.as_bytes()) {
+        bytes.drain(..files::BYTE_ORDER_MARK.len());
+    }
+    Ok(bytes)
+}

@@ -43,11 +43,7 @@ pub(in crate::scene) fn find_photos(
                 present.push((index, folder, file, is_shortened));
             }
             Lookup::Missing => missing.push(frame.file.as_str()),
-            Lookup::Outside => {
-                let beside = camera_file.parent().unwrap_or(Path::new(""));
-                let leads_to = view_names::without_climbing(&beside.join(frame.file.replace('\\', "/")));
-                return Err(in_frame(index, FrameProblem::OutsideScene { leads_to }));
-            }
+            Lookup::Outside { leads_to } => return Err(in_frame(index, FrameProblem::OutsideScene { leads_to })),
         }
     }
     // Of several photos that end alike, one that is here may be any of them.
@@ -87,6 +83,7 @@ pub(in crate::scene) fn find_photos(
         warnings.extend(masks_that_are_missing(
             camera_file,
             present.iter().map(|(index, folder, ..)| (&frames[*index], folder.as_path())),
+            places,
         ));
     }
     Ok(Views { views: sized.into_iter().map(|(view, _)| view).collect(), warnings })
@@ -128,7 +125,9 @@ enum Lookup {
     },
     Missing,
     /// The name points outside of every folder.
-    Outside,
+    Outside {
+        leads_to: PathBuf,
+    },
 }
 
 /// Looks for the photo called `file`.
@@ -149,12 +148,20 @@ fn photo_of(file: &str, places: &Places) -> Lookup {
     }
     // If the user names the photos' folder, the folders in a frame's path need not exist there.
     if !places.photos_are_named {
-        if places.photos.iter().any(|folder| view_names::path_within(folder, file).is_some()) {
+        let is_within = |file: &str| places.photos.iter().any(|folder| view_names::path_within(folder, file).is_some());
+        if is_within(file) {
             return Lookup::Missing;
         }
         // An absolute path that is right on the machine where the cameras were calibrated leads out of every folder here.
         if !view_names::is_absolute(file) {
-            return Lookup::Outside;
+            // From the folder of the camera file, a name may climb and still lead to one of the folders.
+            let leads_to = places.from_camera_file(file);
+            let climbed = leads_to.to_string_lossy().into_owned();
+            return match find(&climbed) {
+                Some((folder, file)) => Lookup::Found { folder, file, is_shortened: false },
+                None if is_within(&climbed) => Lookup::Missing,
+                None => Lookup::Outside { leads_to },
+            };
         }
     }
     let mut ends = std::iter::successors(Some(file), |file| file.split_once(['/', '\\']).map(|(_, end)| end));
@@ -163,21 +170,23 @@ fn photo_of(file: &str, places: &Places) -> Lookup {
 }
 
 /// The mask that a frame names, wherever that is, if it exists. `folder` is that of the photo.
-fn named_mask(frame: &Frame, folder: &Path) -> Option<PathBuf> {
+fn named_mask(frame: &Frame, folder: &Path, places: &Places) -> Option<PathBuf> {
     let mask = frame.mask.as_deref()?;
-    let path = match view_names::path_within(folder, mask) {
-        Some(within) => folder.join(within),
-        None => folder.join(mask.replace('\\', "/")),
+    let candidates = match view_names::path_within(folder, mask) {
+        Some(within) => vec![folder.join(within)],
+        // A path that climbs does so from the folder of the camera file or from that of the photo.
+        None => vec![places.from_camera_file(mask), folder.join(mask.replace('\\', "/"))],
     };
-    files::is_there(&path).then_some(path)
+    candidates.into_iter().find(|path| files::is_there(path))
 }
 
 /// A warning about masks that frames name but that do not exist.
 fn masks_that_are_missing<'a>(
     camera_file: &Path,
     frames: impl Iterator<Item = (&'a Frame, &'a Path)>,
+    places: &Places,
 ) -> Option<String> {
-    let named = frames.filter_map(|(frame, folder)| Some((frame.mask.as_deref()?, named_mask(frame, folder))));
+    let named = frames.filter_map(|(frame, folder)| Some((frame.mask.as_deref()?, named_mask(frame, folder, places))));
     let missing: Vec<&str> = named.filter(|(_, found)| found.is_none()).map(|(mask, _)| mask).collect();
     let first = missing.first()?;
     Some(format!(
@@ -194,7 +203,7 @@ fn masks_that_are_missing<'a>(
 fn mask_of(frame: &Frame, folder: &Path, file: &str, places: &Places) -> Option<PathBuf> {
     let masks = places.masks;
     if masks.is_none()
-        && let Some(mask) = named_mask(frame, folder)
+        && let Some(mask) = named_mask(frame, folder, places)
     {
         return Some(mask);
     }

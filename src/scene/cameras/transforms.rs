@@ -12,7 +12,7 @@ use nalgebra::{Isometry3, Matrix3, Matrix4, Translation3};
 use serde::Deserialize;
 
 use super::frame::{Declared, Focal, Frame, FrameProblem, finite, positive};
-use super::{Applied, Capture, bytes_of};
+use super::{Applied, Capture, text_of};
 use crate::camera::{Distortion, Polynomial, camera_from_world_of_opengl, rotation_of};
 use crate::scene::SceneError;
 
@@ -57,7 +57,7 @@ struct Lens {
 
 /// Reads the camera file at `path`.
 pub(super) fn read(path: &Path) -> Result<Capture, SceneError> {
-    parse(&bytes_of(path)?).map_err(|problem| problem.in_file(path))
+    parse(&text_of(path)?).map_err(|problem| problem.in_file(path))
 }
 
 /// An error in a JSON file of cameras.

@@ -43,7 +43,7 @@ pub(super) fn around_focus(gaussians: &Gaussians, cameras: &[Isometry3<f64>]) ->
     let world_from_camera: Vec<_> = cameras.iter().map(Isometry3::inverse).collect();
     let centers: Vec<Point3<f64>> = world_from_camera.iter().map(|pose| pose.translation.vector.into()).collect();
     let axes: Vec<Vector3<f64>> = world_from_camera.iter().map(|pose| pose.rotation * Vector3::z()).collect();
-    let focus = nearest_to_axes(&centers, &axes)?;
+    let focus = nearest_to_axes(&centers, &axes).filter(|focus| is_before_most(focus, &centers, &axes))?;
     let unit =
         upper_median(centers.iter().map(|center| (center - focus).norm()).collect()).filter(|unit| *unit > 0.0)?;
     let in_ball = |i: &usize| {
@@ -80,6 +80,13 @@ fn nearest_to_axes(centers: &[Point3<f64>], axes: &[Vector3<f64>]) -> Option<Poi
     }
     let least = sum.symmetric_eigenvalues().min();
     (least > 1e-3 * centers.len() as f64).then(|| sum.try_inverse().map(|inverse| (inverse * weighted).into()))?
+}
+
+/// Whether more than half of the cameras look towards a point. The axes of cameras that look outwards, from the middle of a
+/// room, meet behind them.
+fn is_before_most(point: &Point3<f64>, centers: &[Point3<f64>], axes: &[Vector3<f64>]) -> bool {
+    let before = centers.iter().zip(axes).filter(|(center, axis)| axis.dot(&(point - *center)) > 0.0).count();
+    2 * before > centers.len()
 }
 
 /// The points x with normal . x = offset; the cameras are on the side where normal . x is larger.
@@ -169,4 +176,43 @@ fn largest_cluster(points: &[Point3<f64>], among: &[usize], origin: &Point3<f64>
         }
     }
     largest
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::numeric::sphere_directions;
+
+    /// A ring of 12 cameras at a distance of 1 from the middle, which look inwards or outwards.
+    fn ring(inwards: bool) -> Vec<Isometry3<f64>> {
+        let camera = |n: usize| {
+            let (sin, cos) = (std::f64::consts::TAU * n as f64 / 12.0).sin_cos();
+            let eye = Point3::new(cos, sin, 0.2);
+            let ahead = if inwards { -eye.coords } else { eye.coords };
+            Isometry3::face_towards(&eye, &(eye + ahead), &Vector3::z()).inverse()
+        };
+        (0..12).map(camera).collect()
+    }
+
+    #[test]
+    fn cameras_that_look_outwards_have_no_object_in_their_middle() {
+        // A ball in the middle, too large for a plane to hold much of it, and a wall far around it.
+        const BALL: usize = 4000;
+        let around = |radius: f64, count: usize| {
+            sphere_directions(count).map(move |to| -> [f32; 3] { (radius * to).map(|side| side as f32).into() })
+        };
+        let positions: Vec<[f32; 3]> = around(0.3, BALL).chain(around(4.0, 1000)).collect();
+        let count = positions.len();
+        let cloud = Gaussians {
+            positions,
+            log_scales: vec![[0.005_f32.ln(); 3]; count],
+            rotations: vec![[1.0, 0.0, 0.0, 0.0]; count],
+            opacity_logits: vec![4.0; count],
+            sh_dc: vec![[0.0; 3]; count],
+            ..Gaussians::default()
+        };
+        let kept = around_focus(&cloud, &ring(true)).unwrap();
+        assert!(kept.iter().enumerate().all(|(i, kept)| *kept == (i < BALL)));
+        assert_eq!(around_focus(&cloud, &ring(false)), None);
+    }
 }

@@ -15,7 +15,7 @@ use std::path::{Path, PathBuf};
 use nalgebra::{Isometry3, Quaternion, Translation3, UnitQuaternion};
 
 use super::frame::{Declared, Frame};
-use super::{Applied, Capture, bytes_of};
+use super::{Applied, Capture, bytes_of, text_of};
 use crate::files;
 use crate::scene::SceneError;
 pub use problem::Problem;
@@ -100,7 +100,8 @@ pub(super) fn read(folder: &Path) -> Result<(Capture, Vec<PathBuf>), SceneError>
     };
     let [cameras_at, images_at] = model_files(folder);
     let binary = cameras_at.extension().is_some_and(|end| end == "bin");
-    let (cameras, images) = (bytes_of(&cameras_at)?, bytes_of(&images_at)?);
+    let content_of = if binary { bytes_of } else { text_of };
+    let (cameras, images) = (content_of(&cameras_at)?, content_of(&images_at)?);
     let cameras = match binary {
         true => parse_cameras_binary(&cameras),
         false => parse_cameras_text(&String::from_utf8_lossy(&cameras)),
