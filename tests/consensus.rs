@@ -410,6 +410,28 @@ fn a_view_that_is_far_away_or_blurred_is_asked_about_later() {
     assert!(ordered[board][0].view != 0, "{ordered:?}");
 }
 
+/// A Gaussian that was set aside belongs to some part but says nothing about where the part is: seen from a centre that
+/// it had moved, all views would lie in one direction.
+#[test]
+fn a_gaussian_that_is_set_aside_does_not_move_the_part_to_ask_about() {
+    let (mut blobs, mut labels) = blobs_of_board_with_plate(0.1);
+    blobs.push(Blob::round([1e6, 0.0, 0.0], 0.012, 0.95));
+    labels.push(BOARD);
+    let mut gaussians = cloud(&blobs);
+    gaussians.set_aside = vec![false; blobs.len()];
+    gaussians.set_aside[blobs.len() - 1] = true;
+    // Two views from one side and one from the other, which shows the board smaller.
+    let [near, mut far] = <[Camera; 2]>::try_from(cameras(2)).unwrap();
+    let beside = Camera { intrinsics: near.intrinsics, ..camera_at([1.2, 0.05, 1.3], [0.0; 3]) };
+    (far.intrinsics.fx, far.intrinsics.fy) = (130.0, 130.0);
+    let cameras = [near, beside, far];
+    let segmented: Vec<_> = cameras.iter().map(|camera| flat(camera, seen(&gaussians, camera, &labels))).collect();
+    let (parts, _, best) = shown(&gaussians, &cameras, &segmented);
+    let board = usize::from(purity(&parts, &labels, BOARD).0) - 1;
+    let order: Vec<usize> = best[board].iter().map(|shown| shown.view).collect();
+    assert_eq!((order.len(), order[1]), (3, 2), "the other side comes second: {order:?}");
+}
+
 #[test]
 fn a_view_without_segments_and_views_that_share_nothing_do_no_harm() {
     let (gaussians, labels) = board_with_plate(0.1);

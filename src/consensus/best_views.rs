@@ -100,10 +100,10 @@ fn shown(parts: &Parts, map: &LabelMap, sharpness: &[f32]) -> Vec<Shown> {
     found
 }
 
-/// The mean position of the Gaussians of each part and piece.
+/// The mean position of the Gaussians of each part and piece, without those set aside, which may lie anywhere.
 fn centers(gaussians: &Gaussians, parts: &Parts) -> Vec<Point3<f64>> {
     let mut sums = vec![(Vector3::zeros(), 0.0f64); parts.parts.len()];
-    for (i, &id) in parts.id_of_gaussian.iter().enumerate() {
+    for (i, &id) in parts.id_of_gaussian.iter().enumerate().filter(|(i, _)| !gaussians.is_set_aside(*i)) {
         let whole = parts.part_of(id);
         for id in [Some(id), (whole != id).then_some(whole)].into_iter().flatten() {
             let (sum, count) = &mut sums[usize::from(id) - 1];
@@ -124,18 +124,56 @@ fn order(center: Point3<f64>, cameras: &[&Camera], shown: &[Vec<Shown>], index: 
         let sharp = if sharpest > 0.0 { mean_sharpness(shown) / sharpest } else { 1.0 };
         f64::from(shown.inside) * (BLURRED_WORTH + (1.0 - BLURRED_WORTH) * sharp)
     };
-    let toward = |view: usize| (cameras[view].center_in_world() - center).try_normalize(0.0).unwrap_or_default();
+    let toward: Vec<Vector3<f64>> = cameras
+        .iter()
+        .map(|camera| (camera.center_in_world() - center).try_normalize(0.0).unwrap_or_default())
+        .collect();
+    // By view: the angle to the nearest of those taken, up to OTHER_SIDE_DEG.
+    let mut nearest = vec![OTHER_SIDE_DEG; shown.len()];
     let mut taken: Vec<usize> = Vec::new();
     while !left.is_empty() {
-        let newness = |view: usize| {
-            let angle = |&other: &usize| toward(view).dot(&toward(other)).clamp(-1.0, 1.0).acos().to_degrees();
-            let nearest = taken.iter().map(angle).fold(OTHER_SIDE_DEG, f64::min);
-            SAME_SIDE_WORTH + (1.0 - SAME_SIDE_WORTH) * nearest / OTHER_SIDE_DEG
-        };
+        let newness = |view: usize| SAME_SIDE_WORTH + (1.0 - SAME_SIDE_WORTH) * nearest[view] / OTHER_SIDE_DEG;
         let value = |view: usize| worth(view) * newness(view);
         // Among equals, the first view.
         let best = (0..left.len()).rev().max_by(|&a, &b| value(left[a]).total_cmp(&value(left[b])));
-        taken.push(left.remove(best.expect("some are left")));
+        let view = left.remove(best.expect("some are left"));
+        for &other in &left {
+            let angle = toward[other].dot(&toward[view]).clamp(-1.0, 1.0).acos().to_degrees();
+            nearest[other] = nearest[other].min(angle);
+        }
+        taken.push(view);
     }
     taken.into_iter().map(|view| PartView { view, pixels: shown[view][index].pixels }).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use nalgebra::Isometry3;
+
+    use super::*;
+    use crate::camera::{Distortion, Intrinsics};
+
+    /// This takes an hour if each view that is left is compared anew with all that were taken.
+    #[test]
+    fn thousands_of_views_are_ordered() {
+        const VIEWS: usize = 6000;
+        let distortion = Distortion::None;
+        let intrinsics = Intrinsics { width: 8, height: 8, fx: 8.0, fy: 8.0, cx: 4.0, cy: 4.0, distortion };
+        let camera = |n: usize| {
+            let (sin, cos) = (n as f64 / VIEWS as f64 * std::f64::consts::TAU).sin_cos();
+            Camera { intrinsics, camera_from_world: Isometry3::translation(cos, sin, 0.0) }
+        };
+        let cameras: Vec<Camera> = (0..VIEWS).map(camera).collect();
+        // All show as much of the part, but the second a little more.
+        let shown: Vec<Vec<Shown>> =
+            (0..VIEWS).map(|n| vec![Shown { pixels: 40, inside: 30 + u32::from(n == 1), sharpness: 0.0 }]).collect();
+        let order = order(Point3::origin(), &cameras.iter().collect::<Vec<_>>(), &shown, 0);
+        let views: Vec<usize> = order.iter().map(|shown| shown.view).collect();
+        // 60 degrees are a sixth of the views: the first views are that far apart, each the first that is.
+        assert_eq!(views[0], 1);
+        assert!(views[1].abs_diff(1 + VIEWS / 6) <= 1, "{}", views[1]);
+        let mut all = views;
+        all.sort_unstable();
+        assert!(all.into_iter().eq(0..VIEWS), "every view once");
+    }
 }

@@ -1,5 +1,7 @@
 //! A property of the materials as colours of the Gaussians, with a legend that gives its values.
 
+use std::collections::BTreeSet;
+
 use super::palette;
 use super::panels::{Entry, Key};
 use crate::units::ShoreScale;
@@ -43,7 +45,7 @@ impl Property {
         field.part_label.iter().map(|&label| of_label[label as usize]).collect()
     }
 
-    /// The scale of colours, and below it each value with a material that has it, the highest first.
+    /// The scale of colours, and below it each value with a material that has it, once, the highest first.
     pub fn legend(self, field: &MaterialField) -> Vec<Entry> {
         let scale = self.scale(field);
         let mut labels: Vec<&FieldLabel> = field.labels.iter().collect();
@@ -54,7 +56,8 @@ impl Property {
             key: Key::Square(palette::bytes(self.color(label, scale))),
         };
         let mut entries: Vec<Entry> = labels.into_iter().map(entry).collect();
-        entries.dedup_by(|a, b| a.text == b.text);
+        let mut known = BTreeSet::new();
+        entries.retain(|entry| known.insert(entry.text.clone()));
         entries.insert(0, Entry { text: self.ends(scale), key: Key::Scale });
         entries
     }
@@ -137,4 +140,48 @@ fn pressure(pascals: f64) -> String {
     };
     let is_round = (value - value.round()).abs() < 1e-6;
     if value < 10.0 && !is_round { format!("{value:.1} {unit}") } else { format!("{value:.0} {unit}") }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::materials::Law;
+    use crate::query::Form;
+    use crate::units::{Estimate, Range, ShoreHardness};
+
+    fn label(material: &str, shore_d: f64) -> FieldLabel {
+        let range = Range::exactly(shore_d);
+        FieldLabel {
+            id: 0,
+            caption: String::new(),
+            material: material.to_owned(),
+            family: String::new(),
+            density_kg_m3: Estimate::exactly(700.0),
+            youngs_modulus_pa: Estimate::exactly(1e10),
+            poisson_ratio: Estimate::exactly(0.3),
+            yield_strength_pa: Estimate::exactly(4e7),
+            hardness: Some(ShoreHardness { scale: ShoreScale::D, range }),
+            friction_rubber: Estimate::exactly(0.5),
+            form: Form::Solid,
+            inside: None,
+            bulk_reason: None,
+            law: Law::Elastic,
+        }
+    }
+
+    /// The beech lies between the two parts of oak, whose values are written alike.
+    #[test]
+    fn a_legend_has_each_line_once() {
+        let field = MaterialField {
+            labels: vec![label("oak", 70.2), label("beech", 70.1), label("oak", 70.0)],
+            part_label: Vec::new(),
+            confidence: Vec::new(),
+            votes: Vec::new(),
+            views: Vec::new(),
+            warnings: Vec::new(),
+            notes: Vec::new(),
+        };
+        let lines: Vec<String> = Property::Hardness.legend(&field).into_iter().map(|entry| entry.text).collect();
+        assert_eq!(lines[1..], ["Shore D 70 oak", "Shore D 70 beech"]);
+    }
 }

@@ -136,10 +136,12 @@ impl Request<'_> {
         Ok(found)
     }
 
-    /// The masks of a prompt that are to be examined.
+    /// The masks of a prompt that are to be examined. As in the public generator, a minimum of 0 is none: SAM may predict
+    /// a little less than 0.
     fn wanted(&self, predicted_iou: &[f32; 3]) -> [bool; 3] {
+        let least = self.options.min_predicted_iou;
         std::array::from_fn(|index| {
-            self.levels.contains(&LEVELS[index]) && predicted_iou[index] > self.options.min_predicted_iou
+            self.levels.contains(&LEVELS[index]) && (least == 0.0 || predicted_iou[index] > least)
         })
     }
 
@@ -238,6 +240,20 @@ fn is_cut_off(bounds: &Rect, crop: &Rect, picture: &Rect) -> bool {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn a_minimum_of_zero_keeps_masks_of_any_predicted_iou() {
+        let wanted = |min_predicted_iou: f32| {
+            let options = GeneratorOptions { min_predicted_iou, ..GeneratorOptions::default() };
+            let (picture, levels) = (RgbImage::new(1, 1), [Level::Small, Level::Middle]);
+            let request =
+                Request { picture: &picture, adaptive: None, levels: &levels, options: &options, observer: &() };
+            request.wanted(&[-0.01, 0.7, 0.9])
+        };
+        assert_eq!(wanted(0.7), [false, false, false], "it must be above the minimum");
+        assert_eq!(wanted(0.1), [false, true, false]);
+        assert_eq!(wanted(0.0), [true, true, false]);
+    }
 
     #[test]
     fn a_box_at_an_inner_edge_of_its_crop_is_cut_off() {

@@ -26,7 +26,7 @@ pub enum LabelMapError {
     Npy(String),
     #[error("an array of segment ids is [height, width], [1, height, width] or [4, height, width]; this one is {0:?}")]
     NpyShape(Vec<u64>),
-    #[error("an array of segment ids has type int32 or int64; this one has {0}")]
+    #[error("an array of segment ids has type int32 or int64, or whole numbers of type float32; this one has {0}")]
     NpyType(String),
     #[error("it has {0} segments, more than 65,535")]
     TooManySegments(usize),

@@ -38,15 +38,15 @@ pub fn tree(candidates: &[Vec<Candidate>], foreground: &Mask, options: &Options)
         parents.push(layers[..n].iter().rposition(holds).map_or(0, |outer| outer + 1));
     }
     let (width, height) = (foreground.width(), foreground.height());
-    let mut owner = vec![0usize; width as usize * height as usize];
-    for (n, layer) in layers.iter().enumerate() {
+    let mut owner = vec![0u32; width as usize * height as usize];
+    for (n, layer) in (1..).zip(&layers) {
         for y in 0..height {
             let row = &mut owner[y as usize * width as usize..][..width as usize];
-            layer.mask.row(y).iter().for_each(|&(start, end)| row[start as usize..end as usize].fill(n + 1));
+            layer.mask.row(y).iter().for_each(|&(start, end)| row[start as usize..end as usize].fill(n));
         }
     }
     let mut areas = vec![0u64; layers.len() + 1];
-    owner.iter().for_each(|&n| areas[n] += 1);
+    owner.iter().for_each(|&n| areas[n as usize] += 1);
     for n in (1..=layers.len()).rev() {
         areas[parents[n - 1]] += areas[n];
     }
@@ -58,7 +58,7 @@ fn numbered(
     layers: &[Layer],
     parents: &[usize],
     areas: &[u64],
-    owner: &[usize],
+    owner: &[u32],
     (width, height): (u32, u32),
 ) -> (LabelMap, Vec<Segment>) {
     let mut id = vec![0u16; layers.len() + 1];
@@ -80,7 +80,7 @@ fn numbered(
             parent,
         });
     }
-    let labels: Vec<u16> = owner.iter().map(|&n| id[n]).collect();
+    let labels: Vec<u16> = owner.iter().map(|&n| id[n as usize]).collect();
     let mut corners = vec![[u32::MAX, u32::MAX, 0, 0]; segments.len() + 1];
     for (index, &label) in labels.iter().enumerate().filter(|(_, label)| **label > 0) {
         let (x, y) = (index as u32 % width, index as u32 / width);

@@ -29,7 +29,7 @@ pub(super) fn fill(gaussians: &Gaussians, elected: &[Option<Elected>], neighbors
     (0..elected.len()).into_par_iter().map(|i| elected[i].map(|e| e.choice).or_else(|| of_neighbors(i))).collect()
 }
 
-/// Sorts by squared Mahalanobis distance, then by index.
+/// Sorts by squared Mahalanobis distance; among equals, the order stays.
 fn in_own_metric(gaussians: &Gaussians, i: usize, others: impl Iterator<Item = usize>) -> Vec<usize> {
     let covariance = gaussians.covariance(i);
     let mut ranked: Vec<(f64, usize)> = others
@@ -38,11 +38,12 @@ fn in_own_metric(gaussians: &Gaussians, i: usize, others: impl Iterator<Item = u
             (squared_deviations(covariance + gaussians.covariance(j), offset), j)
         })
         .collect();
-    ranked.sort_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
+    ranked.sort_by(|a, b| a.0.total_cmp(&b.0));
     ranked.into_iter().map(|(_, j)| j).collect()
 }
 
-/// Infinite if the covariance has no inverse: such a neighbour comes last.
+/// Infinite if the covariance has no inverse, as for two flat Gaussians in one plane. Such neighbours come last, those
+/// that are nearest by Euclidean distance first.
 fn squared_deviations(covariance: Matrix3<f64>, offset: Vector3<f64>) -> f64 {
     covariance.cholesky().map_or(f64::INFINITY, |factor| offset.dot(&factor.solve(&offset)))
 }

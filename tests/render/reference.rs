@@ -21,10 +21,11 @@ pub fn render(gaussians: &Gaussians, camera: &Camera) -> Picture {
     let mut order: Vec<usize> = (0..gaussians.len()).filter(|i| depth(i) > 0.01).collect();
     order.sort_by(|i, j| depth(i).total_cmp(&depth(j)));
 
+    let borders = borders(camera); // (2, 2)
     for i in order {
         let center = camera.point_in_camera(gaussians.center(i)); // (3)
         let pixel = camera.pixel(center).expect("in front of the camera").coords; // (2)
-        let jacobian = jacobian(camera, center); // (2, 3)
+        let jacobian = jacobian(camera, borders, center); // (2, 3)
         let rotation = camera.camera_from_world.rotation.to_rotation_matrix(); // (3, 3)
         let in_camera: Matrix3<f64> = rotation * gaussians.covariance(i) * rotation.transpose(); // (3, 3)
         let covariance = jacobian * in_camera * jacobian.transpose() + Matrix2::identity() * 0.3; // (2, 2)
@@ -67,20 +68,15 @@ fn range(center: f64, radius: f64, length: usize) -> std::ops::Range<usize> {
 }
 
 /// d pixel / d point in camera (2, 3) by central differences, evaluated with the line of sight clamped to 1.3 times
-/// the half picture (3DGS).
-fn jacobian(camera: &Camera, center: Point3<f64>) -> Matrix2x3<f64> {
-    let i = &camera.intrinsics;
-    let (width, height) = (f64::from(i.width), f64::from(i.height));
-    // Pixel positions of an undistorted lens, clamped: the picture's border is at 1, positions outside at most at 1.3.
-    let cut = |tangent: f64, focal: f64, principal: f64, length: f64| {
-        let from_middle = (tangent * focal + principal - 0.5 * length).clamp(-0.65 * length, 0.65 * length);
-        (from_middle + 0.5 * length - principal) / focal
+/// the half field of view (3DGS).
+fn jacobian(camera: &Camera, borders: [[f64; 2]; 2], center: Point3<f64>) -> Matrix2x3<f64> {
+    // From the middle of the picture, its border is at 1, lines of sight outside at most at 1.3.
+    let cut = |axis: usize| {
+        let [low, high] = borders[axis];
+        let (middle, half) = (0.5 * (low + high), 0.5 * (high - low));
+        ((center[axis] / center.z - middle).clamp(-1.3 * half, 1.3 * half) + middle) * center.z
     };
-    let at = Vector3::new(
-        cut(center.x / center.z, i.fx, i.cx, width) * center.z,
-        cut(center.y / center.z, i.fy, i.cy, height) * center.z,
-        center.z,
-    );
+    let at = Vector3::new(cut(0), cut(1), center.z);
     let step = 1e-5 * center.z;
     let columns: [Vector2<f64>; 3] = std::array::from_fn(|axis| {
         let mut offset = Vector3::zeros();
@@ -89,6 +85,34 @@ fn jacobian(camera: &Camera, center: Point3<f64>) -> Matrix2x3<f64> {
         (pixel(at + offset) - pixel(at - offset)) / (2.0 * step)
     });
     Matrix2x3::from_columns(&columns)
+}
+
+/// x/z at the left and right borders of the picture, y/z at the upper and lower ones: level with the principal point.
+fn borders(camera: &Camera) -> [[f64; 2]; 2] {
+    let i = &camera.intrinsics;
+    let ends = |axis: usize, length: u32| {
+        [0.0, f64::from(length)].map(|border| {
+            let mut pixel = [i.cx, i.cy];
+            pixel[axis] = border;
+            line_of_sight(camera, pixel)[axis]
+        })
+    };
+    [ends(0, i.width), ends(1, i.height)]
+}
+
+/// x/z and y/z of the line of sight that the camera shows at a pixel: by bisection along either axis in turn, since
+/// tangential distortion moves both.
+fn line_of_sight(camera: &Camera, pixel: [f64; 2]) -> [f64; 2] {
+    let mut tangents = [0.0; 2];
+    for axis in [0, 1].repeat(10) {
+        let (mut low, mut high) = (-4.0, 4.0);
+        for _ in 0..60 {
+            tangents[axis] = 0.5 * (low + high);
+            let found = camera.pixel(Point3::new(tangents[0], tangents[1], 1.0)).expect("in front")[axis];
+            *(if found < pixel[axis] { &mut low } else { &mut high }) = tangents[axis];
+        }
+    }
+    tangents
 }
 
 /// RGB (3) from the spherical harmonics, seen from the camera's centre.

@@ -363,6 +363,24 @@ fn a_segment_without_an_answer_takes_its_neighbours_material_unseen() {
     }
 }
 
+/// The sum of two covariances has no inverse if both Gaussians lie in one plane and have no thickness: the square of
+/// exp(-400) is 0.
+#[test]
+fn among_gaussians_without_thickness_the_nearest_decide_for_an_unseen_one() {
+    let mut blobs = wall(0.0);
+    // Two rows above the border between the materials; of its 32 nearest, the first are all below the border.
+    let unseen = 9 * 32 + 16;
+    blobs[unseen].opacity = 1e-4;
+    let mut gaussians = cloud(&blobs);
+    gaussians.log_scales.iter_mut().for_each(|axes| axes[1] = -400.0);
+    let halves = labels_by(&gaussians, |[.., z]| if z < 0.0 { 1 } else { 2 });
+    let mut ballot = Ballot::default();
+    ballot.view(&gaussians, front(2), &halves).says(1, answer("lower", 0)).says(2, answer("upper", 1));
+    let field = ballot.count(&gaussians, &Options::default()).unwrap();
+    assert_eq!(field.views[unseen], 0);
+    assert_eq!(field.labels[field.part_label[unseen] as usize].material, material_of(1));
+}
+
 #[test]
 fn bad_input_is_refused_by_name() {
     let gaussians = cloud(&wall(0.0));

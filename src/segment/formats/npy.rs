@@ -1,4 +1,4 @@
-//! `_s.npy`: segment ids as int32, -1 where there is no segment.
+//! `_s.npy`: segment ids as int32 (as float32 in the files that LangSplat itself writes), -1 where there is no segment.
 
 use std::io::{self, Write};
 
@@ -14,8 +14,8 @@ impl LabelMap {
         write_npy(out, &shape, planes.flat_map(|_| self.labels.iter().map(|&label| i32::from(label) - 1)))
     }
 
-    /// Reads the map from an array of int32 or int64: `[height, width]`, or planes of that; LangSplat's four planes are
-    /// default, small, middle and large. Ids are renumbered from 1.
+    /// Reads the map from an array of int32, int64, or whole numbers as float32: `[height, width]`, or planes of that;
+    /// LangSplat's four planes are default, small, middle and large. Ids are renumbered from 1.
     pub fn from_npy(bytes: &[u8], level: Level) -> Result<Self, LabelMapError> {
         let array = NpyArray::open(bytes).map_err(|error| LabelMapError::Npy(error.to_string()))?;
         let shape = array.shape.clone();
@@ -34,7 +34,10 @@ impl LabelMap {
             return Err(LabelMapError::Npy(NpyError::Fortran.to_string()));
         }
         let of_int32 = || Some(array.numbers::<i32>()?.into_iter().map(i64::from).collect());
-        let ids: Vec<i64> = array.numbers().or_else(of_int32).ok_or_else(|| LabelMapError::NpyType(array.kind()))?;
+        // LangSplat collects its maps in a tensor of PyTorch's default type.
+        let of_float32 = || -> Option<Vec<i64>> { array.numbers::<f32>()?.into_iter().map(whole).collect() };
+        let ids: Option<Vec<i64>> = array.numbers().or_else(of_int32).or_else(of_float32);
+        let ids = ids.ok_or_else(|| LabelMapError::NpyType(array.kind()))?;
         let plane = match (planes, level) {
             (1, _) => 0,
             (_, Level::Small) => 1,
@@ -44,6 +47,13 @@ impl LabelMap {
         let area = width as usize * height as usize;
         Self::of_ids(width, height, &ids[plane * area..(plane + 1) * area])
     }
+}
+
+/// The id that a float stands for; `None` if it is not a whole number, or is so large that it could be rounded.
+fn whole(id: f32) -> Option<i64> {
+    /// Up to this, every whole number is a float32.
+    const MOST: f32 = 16_777_216.0;
+    (id.fract() == 0.0 && id.abs() <= MOST).then_some(id as i64)
 }
 
 #[cfg(test)]
@@ -88,6 +98,16 @@ mod tests {
         assert_eq!(LabelMap::from_npy(&bytes, Level::Large).unwrap().labels, [1, 1]);
     }
 
+    /// LangSplat's `preprocess.py` stacks its maps into `torch.zeros(...)`, which is float32, and saves that.
+    #[test]
+    fn the_floats_that_langsplat_writes_are_ids() {
+        let mut bytes = Vec::new();
+        write_npy(&mut bytes, &[4, 1, 2], [-1.0_f32, 0.0, 1.0, -1.0, 3.0, 2.0, 4.0, 4.0]).unwrap();
+        assert_eq!(LabelMap::from_npy(&bytes, Level::Small).unwrap().labels, [1, 0]);
+        assert_eq!(LabelMap::from_npy(&bytes, Level::Middle).unwrap().labels, [2, 1]);
+        assert_eq!(LabelMap::from_npy(&bytes, Level::Large).unwrap().labels, [1, 1]);
+    }
+
     /// Version 1 of the format with this header and content.
     fn npy(header: &str, content: &[u8]) -> Vec<u8> {
         let length = (header.len() as u16).to_le_bytes();
@@ -121,8 +141,14 @@ mod tests {
         for bytes in [&b"no array"[..], &whole[..whole.len() - 3]] {
             assert!(matches!(LabelMap::from_npy(bytes, Level::Small), Err(LabelMapError::Npy(_))));
         }
-        let mut floats = Vec::new();
-        write_npy(&mut floats, &[1, 1], [1.0_f32]).unwrap();
-        assert!(matches!(LabelMap::from_npy(&floats, Level::Small), Err(LabelMapError::NpyType(_))));
+        let refused = |bytes: &[u8]| matches!(LabelMap::from_npy(bytes, Level::Small), Err(LabelMapError::NpyType(_)));
+        for id in [0.5, f32::NAN, f32::INFINITY, 1e9] {
+            let mut floats = Vec::new();
+            write_npy(&mut floats, &[1, 2], [1.0, id]).unwrap();
+            assert!(refused(&floats), "{id}");
+        }
+        let mut doubles = Vec::new();
+        write_npy(&mut doubles, &[1, 1], [1.0_f64]).unwrap();
+        assert!(refused(&doubles));
     }
 }

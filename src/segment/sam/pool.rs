@@ -1,5 +1,6 @@
 //! A few sessions shared by as many threads: `ort` lets only one thread at a time run a session.
 
+use std::panic::{AssertUnwindSafe, catch_unwind, resume_unwind};
 use std::sync::{Condvar, Mutex, MutexGuard, PoisonError};
 
 /// A pool of items, each of which only one thread at a time may use.
@@ -46,10 +47,12 @@ impl<T> Pool<T> {
         self.work_on(item.unwrap_or_else(|| self.take_idle()), work)
     }
 
+    /// Runs `work` on `item` and returns the item to the pool. It is returned even if `work` panics: other threads may wait for it.
     fn work_on<R>(&self, mut item: T, work: impl FnOnce(&mut T) -> R) -> R {
-        let result = work(&mut item);
-        self.give_back(|state| state.idle.push(item));
-        result
+        let result = catch_unwind(AssertUnwindSafe(|| work(&mut item)));
+        self.locked().idle.push(item);
+        self.returned.notify_one();
+        result.unwrap_or_else(|panic| resume_unwind(panic))
     }
 
     /// An idle item, waiting for one if necessary.
@@ -61,11 +64,6 @@ impl<T> Pool<T> {
             }
             state = self.returned.wait(state).unwrap_or_else(PoisonError::into_inner);
         }
-    }
-
-    fn give_back(&self, change: impl FnOnce(&mut State<T>)) {
-        change(&mut self.locked());
-        self.returned.notify_one();
     }
 
     fn locked(&self) -> MutexGuard<'_, State<T>> {
@@ -93,6 +91,14 @@ mod tests {
             std::thread::scope(|scope| [scope.spawn(use_both), scope.spawn(use_both)].map(|used| used.join().unwrap()));
         }
         assert_eq!(made.load(Ordering::Relaxed), 1, "two at once");
+    }
+
+    #[test]
+    fn an_item_returns_to_its_pool_even_if_the_work_on_it_panics() {
+        let pool = Pool::new(vec![7]);
+        let work = || pool.with(|item| assert_eq!(*item, 0, "this panic is part of the test"));
+        assert!(std::thread::scope(|scope| scope.spawn(work).join()).is_err());
+        assert_eq!(pool.locked().idle, [7]);
     }
 
     #[test]

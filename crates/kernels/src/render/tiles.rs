@@ -22,8 +22,9 @@ pub(super) struct Tiles {
 
 /// The tiles touched by one run of sorted splats, as a compressed sparse table.
 struct Run {
-    /// Tile `t` holds `entries[starts[t]..starts[t + 1]]`.
-    starts: Vec<u32>,
+    /// Tile `t` holds `entries[starts[t]..starts[t + 1]]`. 32 bits would not do: if every splat of a run covers a picture of
+    /// 8192 x 8192 pixels, there are 2^32 entries.
+    starts: Vec<usize>,
     /// Positions in the sorted splats, ascending within a tile.
     entries: Vec<u32>,
 }
@@ -44,7 +45,7 @@ impl Tiles {
     pub fn of(&self, t: usize) -> impl Iterator<Item = &Splat> {
         self.runs
             .iter()
-            .flat_map(move |run| &run.entries[run.starts[t] as usize..run.starts[t + 1] as usize])
+            .flat_map(move |run| &run.entries[run.starts[t]..run.starts[t + 1]])
             .map(|&entry| &self.splats[entry as usize])
     }
 }
@@ -62,7 +63,7 @@ fn sorted_by_depth(splats: Vec<Splat>) -> Vec<Splat> {
 
 impl Run {
     fn new(columns: usize, rows: usize, first: u32, splats: &[Splat]) -> Self {
-        let mut starts = vec![0u32; columns * rows + 1];
+        let mut starts = vec![0usize; columns * rows + 1];
         for splat in splats {
             for_touched_tiles(splat, columns, rows, |t| starts[t + 1] += 1);
         }
@@ -70,10 +71,10 @@ impl Run {
             starts[t + 1] += starts[t];
         }
         let mut next = starts.clone();
-        let mut entries = vec![0u32; starts[columns * rows] as usize];
+        let mut entries = vec![0u32; starts[columns * rows]];
         for (position, splat) in (first..).zip(splats) {
             for_touched_tiles(splat, columns, rows, |t| {
-                entries[next[t] as usize] = position;
+                entries[next[t]] = position;
                 next[t] += 1;
             });
         }

@@ -31,7 +31,9 @@ impl FourMasks {
         let standard = standard_inputs(&blank, &points, prompt);
         let inputs = feed(&session, &standard)?;
         let values = session.run(inputs)?;
-        let shape_of = |name: &&str| values[*name].try_extract_tensor::<f32>().map(|(shape, _)| shape.to_vec()).ok();
+        // An output that no node makes is not among the values.
+        let shape_of =
+            |name: &&str| values.get(*name)?.try_extract_tensor::<f32>().map(|(shape, _)| shape.to_vec()).ok();
         let nearest = |names: &[&str], shape: &[i64]| {
             names.iter().find(|name| shape_of(name).is_some_and(|found| found == shape)).map(|name| (*name).to_owned())
         };
