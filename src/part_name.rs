@@ -3,7 +3,8 @@
 //! A caption says what a part is, what it does and how it looks: "bare hammer handle shaft that takes the blow in bending;
 //! pale tan, coarse lengthwise grain". Its name is at most three words, by this rule:
 //!
-//! 1. Only the caption before its first comma, semicolon or colon counts, without what stands in brackets.
+//! 1. Only the caption before its first comma, semicolon or colon or the end of its first sentence counts, without what
+//!    stands in brackets.
 //! 2. Of that, the words up to the first preposition, conjunction, article or participle ("under the seat", "that takes",
 //!    "seen from above"); such words at the beginning are skipped.
 //! 3. The last three of these words, because English puts the noun last: "hammer handle shaft".
@@ -101,18 +102,34 @@ const PIECES: [&str; 20] = [
 
 /// The short name of a part with this caption and material.
 pub fn part_name(caption: &str, material: &str) -> String {
-    let clause = without_brackets(caption);
-    let mut words = clause.split([',', ';', ':']).next().unwrap_or_default().split_whitespace();
+    let caption = without_brackets(caption);
+    let mut words = first_clause(&caption).split_whitespace();
     let (phrase, end) = noun_phrase(&mut words);
+    let has_whole = end.is_some_and(|end| end.eq_ignore_ascii_case("of"));
     let name = match phrase.as_slice() {
         [] => return material.split(',').next().unwrap_or_default().trim().to_owned(),
-        [.., piece] if end == Some("of") && (phrase.len() == 1 || is_one_of(&PIECES, piece)) => {
+        [.., piece] if has_whole && (phrase.len() == 1 || is_one_of(&PIECES, piece)) => {
             let (whole, _) = noun_phrase(&mut words);
             [last(&whole, WORDS - 1), &[*piece]].concat()
         }
         all => last(all, WORDS).to_vec(),
     };
     name.into_iter().map(shortened).collect::<Vec<_>>().join(" ")
+}
+
+/// The text before its first comma, semicolon or colon, or before the full stop at the end of its first sentence: one that
+/// ends the text, or that white space and a capital letter follow, unlike that of "approx. 5 mm".
+fn first_clause(text: &str) -> &str {
+    let ends_sentence = |after: &str| {
+        let next = after.trim_start();
+        next.is_empty() || (next.len() < after.len() && next.starts_with(char::is_uppercase))
+    };
+    let ends = |(at, c): &(usize, char)| match c {
+        ',' | ';' | ':' => true,
+        '.' => ends_sentence(&text[at + 1..]),
+        _ => false,
+    };
+    text.char_indices().find(ends).map_or(text, |(at, _)| &text[..at])
 }
 
 /// The words before the first one that ends a name, and that one.
@@ -179,6 +196,12 @@ mod tests {
             ("A lid", "lid"),
             ("under the seat", "seat"),
             ("Griff", "Griff"),
+            ("End Of The Hammer Handle", "Hammer Handle End"),
+            ("The lid. It is red, with a knob", "lid"),
+            ("lid (round).", "lid"),
+            ("end of the handle. Made of oak", "handle end"),
+            ("approx. 5 mm rod", "5 mm rod"),
+            ("6.5 mm. rod", "6.5 mm. rod"),
         ];
         for (caption, name) in cases {
             assert_eq!(part_name(caption, "steel"), name, "{caption}");

@@ -343,7 +343,86 @@ fn bad_tables_are_refused_with_line_and_column() {
     let twice = load(&[GOOD, &GOOD.replace("our oak", "other").replace("shop oak", "Our-Oak")]).expect_err("a double");
     assert!(twice.to_string().contains("line 3") && twice.to_string().contains("our oak"), "{twice}");
     let ragged = load_text(&format!("{HEADER}\n{GOOD}\nwood,short\n")).expect_err("a short row");
-    assert!(ragged.to_string().contains("line: 3"), "{ragged}");
+    assert!(ragged.to_string().contains("mine.csv line 3: "), "{ragged}");
+    let again = load_text(&format!("{HEADER},name\n{GOOD},ash\n")).expect_err("a column twice");
+    assert!(again.to_string().contains("column 22 `name`: there is already"), "{again}");
+}
+
+#[test]
+fn lines_are_counted_as_in_an_editor() {
+    let first = GOOD.replace("our oak,shop oak", "first,");
+    let bad = GOOD.replacen("690", "heavy", 1);
+    let cases = [
+        (format!("{HEADER}\r\n{first}\r\n{bad}\r\n"), "line 3, column 4"),
+        (format!("{HEADER}\n{first}\n\n# heavy\n{bad}\n"), "line 5, column 4"),
+        (format!("# mine\r\n{HEADER}\r\n{bad}\r\n"), "line 3, column 4"),
+        (format!("# mine\n\n{HEADER},colour\n"), "line 3, column 22"),
+        (format!("# mine\n{}\n", HEADER.replace("family,", "")), "line 2: the column `family`"),
+        (
+            format!("{HEADER}\r\n{first}\r\nwood,short\r\n"),
+            "line 3: the header has 21 columns, but this row has 2 cells",
+        ),
+        (format!("{HEADER}\r\n{GOOD}\r\n\r\n{GOOD}\r\n"), "line 4: the name"),
+    ];
+    for (text, expected) in cases {
+        let message = load_text(&text).expect_err(expected).to_string();
+        assert!(message.contains(expected), "{expected:?} is not in {message}");
+    }
+}
+
+#[test]
+fn half_a_range_is_refused() {
+    let evidence = "source,entry,title,density_kg_m3_low,density_kg_m3_high,youngs_modulus_pa_low,youngs_modulus_pa_high,\
+                    poisson_ratio_low,poisson_ratio_high,strength_pa_low,strength_pa_high\nmine,oak,Oak,,720,,,,,,\n";
+    let error = load_as("evidence.csv", evidence).expect_err("no low end").to_string();
+    assert!(error.contains("line 2, column 4 `density_kg_m3_low`"), "{error}");
+    let rules = "rule,property,low,high,relation,references,statement\nmine,density,,720,interval,,Oak\n";
+    let error = load_as("rules.csv", rules).expect_err("no low end").to_string();
+    assert!(error.contains("line 2, column 3 `low`"), "{error}");
+}
+
+/// A user's table and what its materials are made of.
+fn load_with_constituents(row: &str, constituents: &str) -> MaterialLibrary {
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    fs::write(folder.path().join("mine.csv"), format!("{HEADER}\n{row}\n")).expect("a written file");
+    let header = "material,relation,constituent,density_kg_m3,youngs_modulus_pa,strength_pa,volume_fraction_low,\
+                  volume_fraction_high,source";
+    fs::write(folder.path().join("constituents.csv"), format!("{header}\n{constituents}\n")).expect("a written file");
+    MaterialLibrary::load(folder.path()).expect("a good folder")
+}
+
+#[test]
+fn a_constituent_may_spell_its_material_differently() {
+    let row = "foam,our foam,,23,27,3e6,8e6,0.05,0.2,1e5,2e5,plateau,0.5,0.9,0.3,0.5,A,40,60,elastic,";
+    let wall = "Our-Foam,cell_wall,polystyrene,1050,3.2e9,4.5e7,0,1,cambridge-databook";
+    let findings = check(&load_with_constituents(row, wall));
+    assert!(findings.iter().all(|one| one.check != "constituent"), "{findings:#?}");
+}
+
+/// Half to two thirds of it are hollow glass spheres, so the share at the low end gives the greatest density.
+#[test]
+fn a_reinforcement_may_be_lighter_than_its_matrix() {
+    let findings = |density: &str| {
+        let row = format!(
+            "thermoset_composite,syntactic,,{density},4.5e9,8e9,0.3,0.35,3e7,5e7,flexural,0.5,0.9,0.3,0.5,D,70,80,\
+             elastic,"
+        );
+        let spheres = "syntactic,reinforcement,glass spheres,350,1e10,,0.5,0.65,cambridge-databook";
+        let epoxy = "syntactic,matrix,epoxy,1150,3e9,,0.35,0.5,cambridge-databook";
+        let findings = check(&load_with_constituents(&row, &format!("{spheres}\n{epoxy}")));
+        findings.iter().filter(|one| one.subject == "syntactic" && one.check == "composite_bounds").count()
+    };
+    assert_eq!(findings("620,760"), 0);
+    assert_eq!(findings("900,1000"), 1, "denser than the mixture");
+}
+
+#[test]
+fn a_name_passes_to_another_material_when_its_own_is_left_out() {
+    let library = load(&[&GOOD.replace("shop oak", "oak")]).expect("a good table");
+    assert_eq!(library.get("oak").map(|one| one.name.as_str()), Some("our oak"));
+    let labelled = library.restricted_to(|one| one.labels.abo.exact);
+    assert_eq!(labelled.get("oak").map(|one| one.name.as_str()), Some("oak, white"));
+    assert!(labelled.get("our oak").is_none());
 }
 
 /// A row with one error, and the check that must find it.

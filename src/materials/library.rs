@@ -61,6 +61,8 @@ pub struct MaterialLibrary {
     pub(super) reference: Vec<Evidence>,
     pub(super) constituents: Vec<Constituent>,
     pub(super) deviations: Vec<Deviation>,
+    /// Whether it has a user's tables besides the built-in ones.
+    pub(super) is_extended: bool,
     /// Folded names, aliases and inverted names.
     by_name: HashMap<String, usize>,
     tokens: OnceLock<TokenIndex>,
@@ -89,6 +91,7 @@ impl MaterialLibrary {
             reference: Vec::new(),
             constituents: Vec::new(),
             deviations: Vec::new(),
+            is_extended: false,
             by_name: HashMap::new(),
             tokens: OnceLock::new(),
         };
@@ -99,8 +102,8 @@ impl MaterialLibrary {
     /// The built-in library plus a user's: a CSV of materials, or a folder of such CSVs, which may also hold its own
     /// `families.csv`, `fillings.csv` and other tables of the built-in folder.
     ///
-    /// A material, family or filling whose name is in the library replaces that row; every other row is added. Files
-    /// are read in the order of their names.
+    /// A material, family or filling whose name is in the library replaces that row; every other row is added. A reference,
+    /// an entry of one or a rule whose name is in the library is refused. Files are read in the order of their names.
     pub fn load(path: &Path) -> Result<Self, LibraryError> {
         let files = csv_files(path)?;
         let mut texts = Vec::with_capacity(files.len());
@@ -111,7 +114,7 @@ impl MaterialLibrary {
         }
         let tables: Vec<Table> = texts.iter().map(|(name, text)| Table { name, text }).collect();
         let tables = read_tables(&tables)?;
-        let mut library = Self::builtin().clone();
+        let mut library = Self { is_extended: true, ..Self::builtin().clone() };
         library.add(tables)?;
         Ok(library)
     }
@@ -198,7 +201,8 @@ impl MaterialLibrary {
         library.families.retain(|family| materials.iter().any(|material| material.family == family.name));
         let kept = self.by_name.iter().filter_map(|(name, row)| Some((name.clone(), new_row[*row]?)));
         library.by_name = kept.collect();
-        library.tokens = OnceLock::new();
+        // A name that stood for a material that is gone may be that of another one.
+        library.index_names(&[]);
         library
     }
 
@@ -231,9 +235,9 @@ impl MaterialLibrary {
                 None => self.fillings.push(filling),
             }
         }
-        self.references.extend(tables.references);
-        self.evidence.extend(tables.evidence);
-        self.rules.extend(tables.rules);
+        extend(&mut self.references, tables.references, |reference| reference.id.clone())?;
+        extend(&mut self.evidence, tables.evidence, |entry| format!("{}:{}", entry.source, entry.entry))?;
+        extend(&mut self.rules, tables.rules, |rule| rule.id.clone())?;
         self.reference.extend(tables.reference);
         self.constituents.extend(tables.constituents);
         self.deviations.extend(tables.deviations);
@@ -254,26 +258,28 @@ impl MaterialLibrary {
                 }
             }
         }
+        self.spell_as_materials();
+        self.by_name.clear();
         self.index_names(&added);
         Ok(())
     }
 
-    /// Marks the library's deviations as inherited, and lets them and the constituents of materials that `tables` replace
-    /// apply to the new rows, whose names may be spelt differently. Constituents that `tables` list anew are dropped.
+    /// Marks the library's deviations as inherited, and drops the constituents that `tables` list anew.
     fn pass_on(&mut self, tables: &Tables) {
-        let names: HashMap<String, &String> =
-            tables.materials.iter().map(|placed| (fold(&placed.row.name), &placed.row.name)).collect();
-        for deviation in &mut self.deviations {
-            deviation.is_inherited = true;
-            if let Some(name) = names.get(&fold(&deviation.subject)) {
-                deviation.subject.clone_from(name);
-            }
-        }
+        self.deviations.iter_mut().for_each(|deviation| deviation.is_inherited = true);
         let listed: HashSet<String> = tables.constituents.iter().map(|one| fold(&one.material)).collect();
         self.constituents.retain(|one| !listed.contains(&fold(&one.material)));
-        for constituent in &mut self.constituents {
-            if let Some(name) = names.get(&fold(&constituent.material)) {
-                constituent.material.clone_from(name);
+    }
+
+    /// Lets deviations and constituents name materials as these spell themselves: those of a material that was replaced
+    /// apply to the new row, and a user's tables may spell a name in several ways.
+    fn spell_as_materials(&mut self) {
+        let names: HashMap<String, &String> =
+            self.materials.iter().map(|material| (fold(&material.name), &material.name)).collect();
+        let subjects = self.deviations.iter_mut().map(|deviation| &mut deviation.subject);
+        for name in subjects.chain(self.constituents.iter_mut().map(|constituent| &mut constituent.material)) {
+            if let Some(spelt) = names.get(&fold(name)) {
+                name.clone_from(spelt);
             }
         }
     }
@@ -285,21 +291,14 @@ impl MaterialLibrary {
             return Ok(self.families[row].name.clone());
         }
         let known: Vec<&str> = self.families.iter().map(|known| known.name.as_str()).collect();
-        Err(LibraryError::BadCell {
-            file: placed.file.clone(),
-            line: placed.line,
-            number: placed.family_column,
-            column: "family".to_owned(),
-            found: family.clone(),
-            problem: format!("is not a family; write one of {}", known.join(", ")),
-        })
+        Err(placed.bad_key(family, format!("is not a family; write one of {}", known.join(", "))))
     }
 
-    /// Rebuilds the index: the names of the `added` rows come before all others, then names before aliases before
-    /// inverted names.
+    /// Adds names to the index, none of which takes the place of another: those of the `added` rows before all others, then
+    /// names before aliases before inverted names.
     fn index_names(&mut self, added: &[usize]) {
-        let mut by_name = HashMap::with_capacity(4 * self.materials.len());
         let materials = &self.materials;
+        let by_name = &mut self.by_name;
         let mut insert = |name: &str, row: usize| {
             by_name.entry(fold(name)).or_insert(row);
         };
@@ -318,7 +317,6 @@ impl MaterialLibrary {
                 insert(&name, row);
             });
         }
-        self.by_name = by_name;
         self.tokens = OnceLock::new();
     }
 }
@@ -343,6 +341,21 @@ fn csv_files(path: &Path) -> Result<Vec<PathBuf>, LibraryError> {
 /// The rows by their folded names.
 fn rows_by_name<'a>(names: impl Iterator<Item = &'a String>) -> HashMap<String, usize> {
     names.enumerate().map(|(row, name)| (fold(name), row)).collect()
+}
+
+/// Adds rows of a table whose rows are never replaced. No two may have the same name in citations.
+fn extend<T>(rows: &mut Vec<T>, added: Vec<Placed<T>>, cited_as: impl Fn(&T) -> String) -> Result<(), LibraryError> {
+    let mut known: HashSet<String> = rows.iter().map(&cited_as).collect();
+    for placed in added {
+        let name = cited_as(&placed.row);
+        if known.contains(&name) {
+            let problem = "is already cited under this name, in the library or an earlier row; write another name";
+            return Err(placed.bad_key(&name, problem.to_owned()));
+        }
+        known.insert(name);
+        rows.push(placed.row);
+    }
+    Ok(())
 }
 
 /// A name or alias may stand for only one row in a set of tables. The first of the names of a row is its own.

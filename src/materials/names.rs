@@ -90,8 +90,7 @@ impl TokenIndex {
     pub fn nearest(&self, name: &str, may_be: impl Fn(usize) -> bool) -> Option<(usize, f64)> {
         let folded = fold(name);
         let tokens = folded.split(' ').filter(|token| !token.is_empty()).take(MOST_TOKENS);
-        let wanted: Vec<Wanted> =
-            tokens.map(|token| Wanted { token, is_known: self.weights.contains_key(token) }).collect();
+        let wanted: Vec<Wanted> = tokens.map(|token| Wanted::new(token, self.weights.contains_key(token))).collect();
         let mut best: Option<(usize, f64, usize)> = None;
         for (tokens, row) in self.names.iter().filter(|(_, row)| may_be(*row)) {
             let score = self.dice(&wanted, tokens);
@@ -133,24 +132,38 @@ impl TokenIndex {
 /// A token of the text that is looked up.
 struct Wanted<'a> {
     token: &'a str,
-    /// True if it is a token of a name.
-    is_known: bool,
+    /// Number of characters.
+    length: usize,
+    /// False for tokens of names and for grades.
+    may_be_misspelt: bool,
 }
 
-impl Wanted<'_> {
+impl<'a> Wanted<'a> {
+    /// `is_known`: it is a token of a name.
+    fn new(token: &'a str, is_known: bool) -> Self {
+        Self { token, length: token.chars().count(), may_be_misspelt: !is_known && !is_grade(token) }
+    }
+
     /// 1 for equal tokens. A token that is in no name may be misspelt: 1 minus the Levenshtein distance over the longer
     /// length. Tokens with digits are grades: equal or different, never misspelt.
     fn likeness(&self, other: &str) -> f64 {
         if self.token == other {
             return 1.0;
         }
-        let is_grade = |token: &str| token.chars().any(|c| c.is_ascii_digit());
-        let (short, long) = (self.token.len().min(other.len()), self.token.len().max(other.len()));
-        if self.is_known || is_grade(self.token) || is_grade(other) || (short as f64) < MISSPELLING * long as f64 {
+        if !self.may_be_misspelt || is_grade(other) {
+            return 0.0;
+        }
+        let other_length = other.chars().count();
+        let (short, long) = (self.length.min(other_length), self.length.max(other_length));
+        if (short as f64) < MISSPELLING * long as f64 {
             return 0.0;
         }
         1.0 - edit_distance(self.token, other) as f64 / long as f64
     }
+}
+
+fn is_grade(token: &str) -> bool {
+    token.chars().any(|c| c.is_ascii_digit())
 }
 
 fn edit_distance(a: &str, b: &str) -> usize {
@@ -194,5 +207,13 @@ mod tests {
         assert_eq!(index().nearest("305", |_| true), None);
         let (row, score) = index().nearest("metal gun", |_| true).expect("a name");
         assert!(row == 0 && score > 1.0 - 1e-12 && score <= 1.0, "{row} {score}");
+    }
+
+    /// Two letters of six differ, which is too many; in bytes, it would be two of eight.
+    #[test]
+    fn lengths_are_in_characters() {
+        let index = TokenIndex::new([("mohair", 0)].into_iter());
+        assert_eq!(index.nearest("möhäir", |_| true), None);
+        assert!(index.nearest("möhair", |_| true).is_some(), "one of six");
     }
 }

@@ -150,7 +150,7 @@ pub fn parts(
     let whole = whole.ok_or_else(|| no_volume(field, &shapes))?;
     set_distances(&mut shapes, &mut pieces, &bodies, &cells, whole.center);
     let floaters = (0..kept.len()).filter(|&i| !kept[i] && !gaussians.is_set_aside(i)).count();
-    let lacks_walls = meters_per_unit.is_none() && matches!(options.volume, VolumeMethod::Hybrid | VolumeMethod::Shell);
+    let lacks_walls = meters_per_unit.is_none() && is_solid.contains(&false);
     let mut warnings = warnings(field, floaters, &shapes, lacks_walls);
     let enclosed = cells.label.iter().filter(|label| **label != NONE).count() as f64 * cells.grid.cell_volume();
     let enclosed_m3 = enclosed * meters_per_unit.unwrap_or(1.0).powi(3);
@@ -321,7 +321,9 @@ fn set_distances(
     for s in (0..cells.surface.cells.len()).filter(|&s| cells.seen[s]) {
         let (cell, distance) = (cells.surface.cells[s] as usize, (cells.surface.points[s] - center).norm());
         lower(&mut shapes[cells.label[cell] as usize].surface_to_center_of_mass, distance);
-        if let Some((label, place)) = places.get(bodies.of_cell[cell] as usize) {
+        // A cell of a sleeve may be filled by the solid inside it, whose surface this is not.
+        let body = places.get(bodies.of_cell[cell] as usize);
+        if let Some((label, place)) = body.filter(|(label, _)| *label == cells.label[cell] as usize) {
             lower(&mut pieces[*label][*place].surface_to_center_of_mass, distance);
         }
     }
@@ -353,8 +355,8 @@ fn are_usual(floaters: usize, field: &MaterialField) -> bool {
     floaters as f64 <= USUAL_FLOATERS * field.part_label.len() as f64
 }
 
-/// Messages about what may make the masses wrong, and what to do. `lacks_walls`: shells have no walls because the scale
-/// is unknown.
+/// Messages about what may make the masses wrong, and what to do. `lacks_walls`: some parts would be walls, but have none
+/// because the scale is unknown.
 fn warnings(field: &MaterialField, floaters: usize, shapes: &[Shape], lacks_walls: bool) -> Vec<String> {
     let mut warnings = Vec::new();
     if !are_usual(floaters, field) {
@@ -373,8 +375,7 @@ fn warnings(field: &MaterialField, floaters: usize, shapes: &[Shape], lacks_wall
             counted(count, "Gaussian")
         ));
     }
-    let shells = field.labels.iter().any(|l| matches!(l.form, Form::Shell { .. }));
-    if lacks_walls && shells {
+    if lacks_walls {
         warnings.push(
             "wall thicknesses are known only in metres, so shells count as solid; give --scale or --known-mass"
                 .to_owned(),

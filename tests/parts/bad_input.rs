@@ -37,6 +37,18 @@ fn without_a_scale_there_are_shapes_but_no_kilograms() {
     assert!(error.to_string().contains("--scale"), "{error}");
 }
 
+/// `--volume shell` makes walls of solids too; the other methods do not.
+#[test]
+fn walls_that_lack_a_scale_are_missed_whatever_the_answers_form() {
+    let cloud = ball(|_| 0);
+    let (gaussians, field) = (cloud.gaussians(0.05), cloud.field(&[Form::Solid]));
+    for (volume, lacks) in [(VolumeMethod::Shell, true), (VolumeMethod::Hybrid, false), (VolumeMethod::Carve, false)] {
+        let (eyes, options) = (cameras(4.0, 20, |_| true), Options { volume, ..small() });
+        let result = parts(&gaussians, &field, &eyes, &[], None, &options, Progress::Hidden).unwrap();
+        assert_eq!(result.warnings.iter().any(|w| w.contains("only in metres")), lacks, "{:?}", result.warnings);
+    }
+}
+
 #[test]
 fn volumes_go_with_the_cube_of_the_scale() {
     let cloud = ball(|_| 0);

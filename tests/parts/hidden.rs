@@ -2,7 +2,7 @@
 
 use std::f64::consts::PI;
 
-use gprop::parts::{Options, Parts, parts};
+use gprop::parts::{BodiesAs, Options, Parts, parts};
 use gprop::progress::Progress;
 use gprop::query::Form;
 use gprop::units::{MetricScale, Range, ScaleSource};
@@ -16,7 +16,11 @@ const SCALE: MetricScale =
 const SPACING: f64 = 0.03;
 
 fn measured(cloud: &Cloud, forms: &[Form], from: impl Fn(&Vector3<f64>) -> bool) -> Parts {
-    let options = Options { volume_cells: 200_000, ..Options::default() };
+    measured_as(BodiesAs::OnePart, cloud, forms, from)
+}
+
+fn measured_as(bodies: BodiesAs, cloud: &Cloud, forms: &[Form], from: impl Fn(&Vector3<f64>) -> bool) -> Parts {
+    let options = Options { volume_cells: 200_000, bodies, ..Options::default() };
     let (gaussians, field) = (cloud.gaussians(0.6 * SPACING), cloud.field(forms));
     let result =
         parts(&gaussians, &field, &cameras(4.0, 60, from), &[], Some(&SCALE), &options, Progress::Hidden).unwrap();
@@ -114,15 +118,33 @@ fn heads_do_not_go_through_the_bar_between_them() {
 }
 
 /// Two legs of one solid, each with a grip of the same part, like those of pliers.
-#[test]
-fn two_rods_go_on_in_two_sleeves_of_one_part() {
+fn two_rods_in_two_sleeves() -> Cloud {
     let mut cloud = Cloud::default();
     for at in [Vector3::new(-0.5, 0.0, 0.0), Vector3::new(0.5, 0.0, 0.0)] {
         for (point, normal, part) in rod_in_sleeve().points {
             cloud.add(point + at, normal, part);
         }
     }
-    let parts = measured(&cloud, &[Form::Solid, wall(0.08)], |_| true);
+    cloud
+}
+
+/// The sleeves are so thin that the rods take all of their cells, but their surface, which is nearer to the centre of mass,
+/// is not that of the rods.
+#[test]
+fn a_rod_is_as_near_to_the_center_as_its_own_surface_is() {
+    let distance = |bodies| {
+        let parts = measured_as(bodies, &two_rods_in_two_sleeves(), &[Form::Solid, wall(0.001)], |_| true);
+        parts.of_label(0).unwrap().surface_to_center_of_mass_m.unwrap()
+    };
+    let (whole, in_bodies) = (distance(BodiesAs::OnePart), distance(BodiesAs::Parts));
+    // As thick as the sleeves below, the rods have their centre of mass at z = -0.21: 0.22 from the sleeves, and 0.36 from
+    // the rods' own surface, which begins above. A cell is 0.02 wide.
+    assert!((whole - 0.36).abs() < 0.05 && (whole - in_bodies).abs() < 0.02, "{whole}, {in_bodies}");
+}
+
+#[test]
+fn two_rods_go_on_in_two_sleeves_of_one_part() {
+    let parts = measured(&two_rods_in_two_sleeves(), &[Form::Solid, wall(0.08)], |_| true);
     let notes: Vec<_> = parts.notes.iter().filter(|w| w.contains("continue inside")).collect();
     assert_eq!(notes.len(), 1, "{:?}", parts.notes);
     assert!(error(&parts, 0, 2.0 * PI * 0.04 * 2.0).abs() < 0.15);
@@ -156,6 +178,25 @@ fn the_interval_of_a_table_holds_what_lies_under_it_unseen() {
     // so.
     assert!(error(&parts, 0, table).abs() < 1.0);
     assert!(holds(&parts, 0, table), "{:?}", parts.parts[0].volume_m3);
+}
+
+/// The view from below, which is not among those that carve, removes nothing there; so the Gaussians still have to.
+#[test]
+fn a_view_that_does_not_carve_bounds_nothing() {
+    let cloud = Cloud::sphere(Point3::origin(), 1.0, 4000, |_| 0);
+    let (gaussians, field) = (cloud.gaussians(0.05), cloud.field(&[Form::Solid]));
+    let above = cameras(4.0, 120, |n| n.z > 0.7);
+    let below = cameras(4.0, 120, |n| n.z < -0.9);
+    let options = Options { volume_cells: 50_000, carve_views: above.len(), ..Options::default() };
+    let result_of = |eyes: &[_]| {
+        let result = parts(&gaussians, &field, eyes, &[], Some(&SCALE), &options, Progress::Hidden).unwrap();
+        (result.metric().unwrap().clone(), result.interior)
+    };
+    // Spread evenly over one more view, those that carve are all but the last.
+    let with_another = [&above[..], &below[..1]].concat();
+    let (alone, beside) = (result_of(&above), result_of(&with_another));
+    assert_eq!(alone.0.object, beside.0.object);
+    assert!(alone == beside, "the bound below is gone");
 }
 
 #[test]

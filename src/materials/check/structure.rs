@@ -95,7 +95,9 @@ fn composite(library: &MaterialLibrary, material: &Material, fibre: &Constituent
         format!("E {:.2e} to {:.2e} Pa is not within Reuss {reuss:.2e} and Voigt {voigt:.2e}", youngs.low, youngs.high)
     });
     let mixed = |share: f64| share * fibre.density_kg_m3 + (1.0 - share) * matrix.density_kg_m3;
-    let (light, heavy) = (mixed(share.low) / BOUND_SLACK, mixed(share.high) * BOUND_SLACK);
+    // The reinforcement may be lighter than the matrix, as hollow glass spheres are.
+    let ends = [mixed(share.low), mixed(share.high)];
+    let (light, heavy) = (ends[0].min(ends[1]) / BOUND_SLACK, ends[0].max(ends[1]) * BOUND_SLACK);
     let density = material.density_kg_m3;
     findings.require(density.low >= light && density.high <= heavy, &material.name, "composite_bounds", || {
         format!("density {} to {} is not within the mixture's {light:.0} to {heavy:.0}", density.low, density.high)

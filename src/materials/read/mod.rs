@@ -14,6 +14,7 @@ use thiserror::Error;
 
 use super::bibliography::USER;
 use super::{Label, Labels};
+use crate::output::counted;
 use crate::units::{Range, ShoreScale};
 
 pub use tables::{Placed, Tables, read_tables};
@@ -28,10 +29,20 @@ pub enum LibraryError {
     Empty { path: PathBuf },
     #[error("{file}: not a CSV table: {source}")]
     NotCsv { file: String, source: csv::Error },
-    #[error("{file} line 1: the column `{column}` is missing; materials/README.md lists the columns")]
-    MissingColumn { file: String, column: String },
-    #[error("{file} line 1, column {number} `{column}`: no such column; materials/README.md lists the columns")]
-    UnknownColumn { file: String, number: usize, column: String },
+    #[error(
+        "{file} line {line}: the header has {columns} columns, but this row has {}; write a cell for every column, and \
+         quote one that holds a comma",
+        counted(*.cells as usize, "cell")
+    )]
+    Ragged { file: String, line: u64, cells: u64, columns: u64 },
+    #[error("{file} line {line}: the column `{column}` is missing; materials/README.md lists the columns")]
+    MissingColumn { file: String, line: u64, column: String },
+    #[error("{file} line {line}, column {number} `{column}`: no such column; materials/README.md lists the columns")]
+    UnknownColumn { file: String, line: u64, number: usize, column: String },
+    #[error(
+        "{file} line {line}, column {number} `{column}`: there is already a column of this name; remove one of them"
+    )]
+    RepeatedColumn { file: String, line: u64, number: usize, column: String },
     #[error("{file} line {line}, column {number} `{column}`: {found:?} {problem}")]
     BadCell { file: String, line: u64, number: usize, column: String, found: String, problem: String },
     #[error("{file} line {line}: a library may have at most {MOST_ROWS} rows; leave out some")]
@@ -73,25 +84,47 @@ fn rows<T>(
     read: impl Fn(&Row) -> Result<T, LibraryError>,
 ) -> Result<Vec<T>, LibraryError> {
     let file = table.name;
-    let not_csv = |source| LibraryError::NotCsv { file: file.to_owned(), source };
+    let not_csv = |source: csv::Error| match source.kind() {
+        csv::ErrorKind::UnequalLengths { pos: Some(position), expected_len, len } => LibraryError::Ragged {
+            file: file.to_owned(),
+            line: line_at(table.text, position),
+            cells: *len,
+            columns: *expected_len,
+        },
+        _ => LibraryError::NotCsv { file: file.to_owned(), source },
+    };
     let mut reader =
         csv::ReaderBuilder::new().trim(csv::Trim::All).comment(Some(b'#')).from_reader(table.text.as_bytes());
     let columns = reader.headers().map_err(not_csv)?.clone();
+    let line = line_at(table.text, &csv::Position::new());
     if let Some(column) = required.iter().find(|name| !columns.iter().any(|column| column == **name)) {
-        return Err(LibraryError::MissingColumn { file: file.to_owned(), column: (*column).to_owned() });
+        return Err(LibraryError::MissingColumn { file: file.to_owned(), line, column: (*column).to_owned() });
     }
-    if let Some(at) = columns.iter().position(|column| !required.contains(&column) && !optional.contains(&column)) {
-        let column = columns[at].to_owned();
-        return Err(LibraryError::UnknownColumn { file: file.to_owned(), number: at + 1, column });
+    for (at, column) in columns.iter().enumerate() {
+        let (file, number, column) = (file.to_owned(), at + 1, column.to_owned());
+        if !required.contains(&column.as_str()) && !optional.contains(&column.as_str()) {
+            return Err(LibraryError::UnknownColumn { file, line, number, column });
+        }
+        if columns.iter().take(at).any(|earlier| earlier == column) {
+            return Err(LibraryError::RepeatedColumn { file, line, number, column });
+        }
     }
     let mut cells = StringRecord::new();
     let mut rows = Vec::new();
     while reader.read_record(&mut cells).map_err(not_csv)? {
-        let line = cells.position().map_or(0, csv::Position::line);
+        let line = cells.position().map_or(0, |position| line_at(table.text, position));
         *left = left.checked_sub(1).ok_or_else(|| LibraryError::TooManyRows { file: file.to_owned(), line })?;
         rows.push(read(&Row { file, line, columns: &columns, cells: &cells })?);
     }
     Ok(rows)
+}
+
+/// The line on which a record starts. Its position is where the reader began to look for it: before the line feed that
+/// ends the previous line on Windows, empty lines and comments.
+fn line_at(text: &str, position: &csv::Position) -> u64 {
+    let rest = usize::try_from(position.byte()).ok().and_then(|byte| text.get(byte..)).unwrap_or_default();
+    let is_skipped = |line: &&str| line.starts_with('#') || line.trim_end_matches(['\r', '\n']).is_empty();
+    position.line() + rest.split_inclusive('\n').take_while(is_skipped).count() as u64
 }
 
 impl Row<'_> {
@@ -145,15 +178,18 @@ impl Row<'_> {
         if number.is_finite() { Ok(number) } else { Err(self.bad(column, "is not finite")) }
     }
 
+    fn number_within(&self, column: &str, bounds: &RangeInclusive<f64>) -> Result<f64, LibraryError> {
+        let number = self.number(column)?;
+        match bounds.contains(&number) {
+            true => Ok(number),
+            false => Err(self.bad(column, format!("must be {}", within(bounds)))),
+        }
+    }
+
     /// The range in the columns `name_low` and `name_high`, which must lie within `bounds`.
     fn range(&self, name: &str, bounds: RangeInclusive<f64>) -> Result<Range, LibraryError> {
         let [low, high] = [format!("{name}_low"), format!("{name}_high")];
-        let range = Range::new(self.number(&low)?, self.number(&high)?);
-        for (column, value) in [(&low, range.low), (&high, range.high)] {
-            if !bounds.contains(&value) {
-                return Err(self.bad(column, format!("must be {}", within(&bounds))));
-            }
-        }
+        let range = Range::new(self.number_within(&low, &bounds)?, self.number_within(&high, &bounds)?);
         if range.low > range.high {
             return Err(self.bad(&high, format!("is less than the low end, {}", range.low)));
         }

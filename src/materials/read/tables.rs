@@ -1,9 +1,10 @@
 //! The tables of a library: the columns of each, and how its rows are read.
 
+use std::ops::RangeInclusive;
 use std::path::Path;
 
 use super::law::law;
-use super::{LibraryError, MOST_ROWS, Row, Table, list, rows};
+use super::{LONGEST_NAME, LibraryError, MOST_ROWS, Row, Table, list, rows};
 use crate::materials::bibliography::{Constituent, Deviation, Evidence, Reference, Rule};
 use crate::materials::fillings::Filling;
 use crate::materials::{Family, Material, ShoreReading, Sources};
@@ -15,9 +16,9 @@ pub struct Tables {
     pub families: Vec<Placed<Family>>,
     pub materials: Vec<Placed<Material>>,
     pub fillings: Vec<Placed<Filling>>,
-    pub references: Vec<Reference>,
-    pub evidence: Vec<Evidence>,
-    pub rules: Vec<Rule>,
+    pub references: Vec<Placed<Reference>>,
+    pub evidence: Vec<Placed<Evidence>>,
+    pub rules: Vec<Placed<Rule>>,
     pub reference: Vec<Evidence>,
     pub constituents: Vec<Constituent>,
     pub deviations: Vec<Deviation>,
@@ -29,14 +30,28 @@ pub struct Placed<T> {
     pub row: T,
     pub file: String,
     pub line: u64,
-    /// The number of its column `family`, counted from 1; 0 if it has none.
-    pub family_column: usize,
+    /// The column by which it refers to a row of another table, or by which it is referred to.
+    key: &'static str,
+    /// The number of that column, counted from 1.
+    number: usize,
 }
 
 impl<T> Placed<T> {
-    fn at(place: &Row, row: T) -> Self {
-        let family_column = place.index("family").map_or(0, |at| at + 1);
-        Self { row, file: place.file.to_owned(), line: place.line, family_column }
+    fn at(place: &Row, key: &'static str, row: T) -> Self {
+        let number = place.index(key).map_or(0, |at| at + 1);
+        Self { row, file: place.file.to_owned(), line: place.line, key, number }
+    }
+
+    /// A problem with what was found in its key.
+    pub fn bad_key(&self, found: &str, problem: String) -> LibraryError {
+        LibraryError::BadCell {
+            file: self.file.clone(),
+            line: self.line,
+            number: self.number,
+            column: self.key.to_owned(),
+            found: found.chars().take(LONGEST_NAME).collect(),
+            problem,
+        }
     }
 }
 
@@ -143,7 +158,10 @@ pub fn read_tables(files: &[Table]) -> Result<Tables, LibraryError> {
             "bibliography" => tables.references.extend(rows(file, &mut left, &REFERENCE_COLUMNS, &[], reference)?),
             "evidence" => tables.evidence.extend(rows(file, &mut left, &EVIDENCE_COLUMNS, &[], evidence)?),
             "rules" => tables.rules.extend(rows(file, &mut left, &RULE_COLUMNS, &[], rule)?),
-            "reference" => tables.reference.extend(rows(file, &mut left, &EVIDENCE_COLUMNS, &[], evidence)?),
+            "reference" => {
+                let read = rows(file, &mut left, &EVIDENCE_COLUMNS, &[], evidence)?;
+                tables.reference.extend(read.into_iter().map(|placed| placed.row));
+            }
             "constituents" => {
                 tables.constituents.extend(rows(file, &mut left, &CONSTITUENT_COLUMNS, &[], constituent)?);
             }
@@ -164,6 +182,9 @@ const LEAST: f64 = 1.0;
 /// becomes infinite, and negative beyond.
 const MOST_AUXETIC: f64 = -0.99;
 const INCOMPRESSIBLE: f64 = 0.4999;
+
+/// The readings of a Shore durometer, on either scale.
+const SHORE: RangeInclusive<f64> = 0.0..=100.0;
 
 fn material(row: &Row) -> Result<Placed<Material>, LibraryError> {
     let material = Material {
@@ -191,7 +212,7 @@ fn material(row: &Row) -> Result<Placed<Material>, LibraryError> {
             law: row.sources("law_source"),
         },
     };
-    Ok(Placed::at(row, material))
+    Ok(Placed::at(row, "family", material))
 }
 
 fn hardness(row: &Row) -> Result<Option<ShoreHardness>, LibraryError> {
@@ -201,14 +222,14 @@ fn hardness(row: &Row) -> Result<Option<ShoreHardness>, LibraryError> {
             None => Ok(None),
         };
     }
-    let range = row.range("hardness", 0.0..=100.0)?;
+    let range = row.range("hardness", SHORE)?;
     Ok(Some(ShoreHardness { scale: row.scale("hardness_scale")?, range }))
 }
 
 fn family(row: &Row) -> Result<Placed<Family>, LibraryError> {
     let reading = |end: &str| -> Result<ShoreReading, LibraryError> {
         let column = format!("hardness_{end}");
-        Ok(ShoreReading { scale: row.scale(&format!("{column}_scale"))?, value: row.number(&column)? })
+        Ok(ShoreReading { scale: row.scale(&format!("{column}_scale"))?, value: row.number_within(&column, &SHORE)? })
     };
     let family = Family {
         name: row.name("family")?,
@@ -223,50 +244,53 @@ fn family(row: &Row) -> Result<Placed<Family>, LibraryError> {
         law: law(row)?,
         labels: row.labels()?,
     };
-    Ok(Placed::at(row, family))
+    Ok(Placed::at(row, "family", family))
 }
 
-fn reference(row: &Row) -> Result<Reference, LibraryError> {
+fn reference(row: &Row) -> Result<Placed<Reference>, LibraryError> {
     let text = |column: &str| row.text(column).to_owned();
-    Ok(Reference {
+    let reference = Reference {
         id: row.filled("id")?,
         title: text("title"),
         publisher: text("publisher"),
         year: text("year"),
         locator: text("locator"),
         licence: text("licence"),
-    })
+    };
+    Ok(Placed::at(row, "id", reference))
 }
 
-fn evidence(row: &Row) -> Result<Evidence, LibraryError> {
-    let value = |name: &str| match row.text(&format!("{name}_low")) {
-        "" => Ok(None),
-        _ => row.range(name, MOST_AUXETIC..=1e13).map(Some),
+fn evidence(row: &Row) -> Result<Placed<Evidence>, LibraryError> {
+    let value = |name: &str| {
+        let is_missing = ["low", "high"].iter().all(|end| row.text(&format!("{name}_{end}")).is_empty());
+        if is_missing { Ok(None) } else { row.range(name, MOST_AUXETIC..=1e13).map(Some) }
     };
-    Ok(Evidence {
+    let evidence = Evidence {
         source: row.filled("source")?,
         entry: row.filled("entry")?,
         title: row.filled("title")?,
         values: [value("density_kg_m3")?, value("youngs_modulus_pa")?, value("poisson_ratio")?, value("strength_pa")?],
-    })
+    };
+    Ok(Placed::at(row, "entry", evidence))
 }
 
-fn rule(row: &Row) -> Result<Rule, LibraryError> {
-    let bounds = match row.text("low") {
-        "" => None,
+fn rule(row: &Row) -> Result<Placed<Rule>, LibraryError> {
+    let bounds = match [row.text("low"), row.text("high")] {
+        ["", ""] => None,
         _ => Some(Range::new(row.number("low")?, row.number("high")?)),
     };
     if bounds.is_some_and(|bounds| !bounds.is_valid()) {
         return Err(row.bad("high", "is less than `low`"));
     }
-    Ok(Rule {
+    let rule = Rule {
         id: row.filled("rule")?,
         property: row.filled("property")?,
         bounds,
         relation: row.variant("relation", "a relation")?,
         references: list(row.text("references")),
         statement: row.filled("statement")?,
-    })
+    };
+    Ok(Placed::at(row, "rule", rule))
 }
 
 fn constituent(row: &Row) -> Result<Constituent, LibraryError> {
@@ -297,7 +321,7 @@ fn filling(row: &Row) -> Result<Placed<Filling>, LibraryError> {
         poisson_ratio: row.range("poisson_ratio", MOST_AUXETIC..=INCOMPRESSIBLE)?,
         law: law(row)?,
     };
-    Ok(Placed::at(row, filling))
+    Ok(Placed::at(row, "name", filling))
 }
 
 fn deviation(row: &Row) -> Result<Deviation, LibraryError> {

@@ -50,7 +50,8 @@ pub fn run_through(cells: &mut Labelled, is_solid: &[bool], wires: &[Wire]) -> B
                 let section = wire_share(cells, &own, wires, [a, b]);
                 let taken = cells_between(cells, a, b, section);
                 let around = cells_between(cells, a, b, 2.0 * section).len() - taken.len();
-                if around as f64 >= SURROUNDS * taken.len() as f64 {
+                // A wire much thinner than the cells may take none of them.
+                if !taken.is_empty() && around as f64 >= SURROUNDS * taken.len() as f64 {
                     taken.iter().for_each(|&i| cells.label[i] = peg);
                     passages.insert((peg, a.to));
                 }
@@ -153,4 +154,41 @@ fn is_peg_in_sleeve(
         return false;
     }
     volume(&peg) / width >= PEG_SHARE * contact.area && same_size(contact.area, volume(&void) / length)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::parts::grid::Grid;
+    use crate::parts::grid::surface::Surface;
+
+    /// A rod of 4 x 4 cells on both sides of a drum of 12 x 12 cells that is 8 cells long.
+    fn rod_and_drum() -> Labelled {
+        let grid = Grid { origin: Point3::origin(), cell: 1.0, dims: [16, 16, 24] };
+        let label = |i: usize| {
+            let [x, y, z] = grid.coords(i);
+            let is_within = |low: usize, high: usize| (low..high).contains(&x) && (low..high).contains(&y);
+            match (8..16).contains(&z) {
+                false if is_within(6, 10) => 0,
+                true if is_within(2, 14) => 1,
+                _ => NONE,
+            }
+        };
+        let label = (0..grid.len()).map(label).collect();
+        let surface =
+            Surface { cells: vec![], points: vec![], normals: vec![], areas: vec![], depth: vec![], nearest: vec![] };
+        Labelled { grid, surface, label, seen: vec![] }
+    }
+
+    /// The centres of the cells nearest to the axis are 0.7 cells away from it; the wire's radius is 0.5 cells.
+    #[test]
+    fn a_wire_that_takes_no_cell_does_not_go_through() {
+        for (share, goes_through) in [(1.0, true), (0.05, false)] {
+            let mut cells = rod_and_drum();
+            let before = cells.label.clone();
+            let wires = vec![Wire { share, error: 0.1 }; before.len()];
+            let passages = run_through(&mut cells, &[true; 2], &wires);
+            assert_eq!((passages.contains(&(0, 1)), cells.label != before), (goes_through, goes_through), "{share}");
+        }
+    }
 }

@@ -1,10 +1,10 @@
-//! A bound on the object, derived from its Gaussians, on the sides that no camera looks at: photos from above do not
-//! show the underside, and without a bound the space under it, which no view looks through, would count as inside.
+//! A bound on the object, derived from its Gaussians, on the sides that no carving view looks at: photos from above do
+//! not show the underside, and without a bound the space under it, which no view looks through, would count as inside.
 
 use nalgebra::{Matrix3, Point3, Vector3};
 use rayon::prelude::*;
 
-use crate::camera::Camera;
+use super::depth_view::DepthView;
 use crate::numeric::sphere_directions;
 use crate::parts::grid::Grid;
 use crate::scene::gaussians::Gaussians;
@@ -16,7 +16,7 @@ const DIRECTIONS: usize = 250;
 const OPACITY_MIN: f64 = 0.1;
 /// Share of the Gaussians that may lie beyond the bound in any direction: there are always a few strays.
 const STRAYS: f64 = 0.001;
-/// A direction is bounded if every camera sees a face pointing that way from behind, or grazes it at an angle whose
+/// A direction is bounded if every carving view sees a face pointing that way from behind, or grazes it at an angle whose
 /// sine is below this (12 degrees). Silhouettes bound the other directions better.
 const GRAZING: f64 = 0.2;
 
@@ -27,9 +27,9 @@ pub struct UnseenBound {
 
 impl UnseenBound {
     /// Computes the bound of the Gaussians for which `kept` is true: their centres and one standard deviation beyond.
-    /// `middle` is the middle of the object.
-    pub fn of(gaussians: &Gaussians, kept: &[bool], cameras: &[Camera], middle: Point3<f64>) -> Self {
-        let eyes = cameras.iter().filter_map(|c| (c.center_in_world() - middle).try_normalize(0.0));
+    /// `views` are those that carve: no silhouette of any other view bounds the object. `middle` is the middle of the object.
+    pub fn of(gaussians: &Gaussians, kept: &[bool], views: &[DepthView], middle: Point3<f64>) -> Self {
+        let eyes = views.iter().filter_map(|view| (view.camera.center_in_world() - middle).try_normalize(0.0));
         let eyes: Vec<Vector3<f64>> = eyes.collect();
         let unseen = |n: &Vector3<f64>| eyes.iter().all(|eye| eye.dot(n) < GRAZING);
         let solid = |&i: &usize| kept[i] && gaussians.opacity(i) >= OPACITY_MIN;

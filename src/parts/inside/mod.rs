@@ -99,7 +99,7 @@ pub(super) fn inside(
             let views = depth_views(gaussians, cameras, options, progress)?;
             let pixel = pixel_size(grid, &views);
             let mut cells = vec![true; grid.len()];
-            UnseenBound::of(gaussians, kept, cameras, grid.middle()).clip(grid, &mut cells);
+            UnseenBound::of(gaussians, kept, &views, grid.middle()).clip(grid, &mut cells);
             let tolerance = CARVE_TOLERANCE_PIXELS * pixel;
             carve::carve(grid, &views, tolerance, &mut cells);
             let mut cells = without_border(grid, cells);
